@@ -1,0 +1,4 @@
+"""The contract between firmware and hardware: `rrins.dbc`, and the codec built from it.
+
+The only code that both sides share. Nothing outside this package knows a bit position.
+"""

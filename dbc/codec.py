@@ -1,0 +1,256 @@
+"""Signals in and out of frames, by tables that are read from the DBC when the program starts.
+
+A message's payload is one 64-bit word (see `dbc.frame`). A signal is a row of the table
+`Codec.signals`: shift, length, sign, byte order, scale, offset. The compiled functions here take
+such a row, so no bit position stands in any code; steps keep the *index* of the signals they
+need, found by name once at start.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Mapping
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import cantools.database
+import numpy as np
+from cantools.database import Message, Signal
+from cantools.database.can import Database
+from cantools.errors import Error as CantoolsError
+from numba import njit
+from numpy.typing import NDArray
+
+from dbc.e2e import MESSAGE
+
+SIGNAL = np.dtype(
+    (
+        np.record,
+        [
+            ("scale", "<f8"),
+            ("offset", "<f8"),
+            ("raw_minimum", "<i8"),
+            ("raw_maximum", "<i8"),
+            ("shift", "u1"),  # of the least significant bit, in the word as its byte order reads it
+            ("length", "u1"),
+            ("signed", "u1"),
+            ("big_endian", "u1"),
+        ],
+    )
+)
+"""dtype of a row of the signal table."""
+
+
+class ContractError(Exception):
+    """The DBC cannot serve as the contract: unreadable, or it lacks or misplaces something."""
+
+
+@njit(cache=True, inline="always")
+def _swapped(word: Any) -> Any:
+    swapped = np.uint64(0)
+    for k in range(8):
+        byte = (word >> np.uint64(8 * k)) & np.uint64(0xFF)
+        swapped |= byte << np.uint64(56 - 8 * k)
+    return swapped
+
+
+@njit(cache=True)
+def unpack(word: Any, signal: Any) -> Any:
+    """Return the raw integer (int64) of `signal`, a row of dtype `SIGNAL`, in a payload word."""
+    bits = _swapped(np.uint64(word)) if signal.big_endian else np.uint64(word)
+    spare = np.uint64(64 - signal.length)
+    left = (bits >> np.uint64(signal.shift)) << spare
+    if signal.signed:
+        return np.int64(left) >> np.int64(spare)
+    return np.int64(left >> spare)
+
+
+@njit(cache=True)
+def pack(word: Any, signal: Any, raw: Any) -> Any:
+    """Return the payload word (uint64) with `raw` put into the place of `signal`.
+
+    Bits of `raw` above the signal's length are dropped.
+    """
+    mask = (~np.uint64(0)) >> np.uint64(64 - signal.length)
+    shift = np.uint64(signal.shift)
+    bits = _swapped(np.uint64(word)) if signal.big_endian else np.uint64(word)
+    bits = (bits & ~(mask << shift)) | ((np.uint64(raw) & mask) << shift)
+    return _swapped(bits) if signal.big_endian else bits
+
+
+@njit(cache=True)
+def to_physical(raw: Any, signal: Any) -> Any:
+    """Return the value of a raw integer in the signal's unit."""
+    return raw * signal.scale + signal.offset
+
+
+@njit(cache=True)
+def to_raw(physical: Any, signal: Any) -> Any:
+    """Return the raw integer nearest to a value, limited to the signal's range."""
+    scaled = np.rint((physical - signal.offset) / signal.scale)
+    if not scaled > signal.raw_minimum:  # a NaN goes to the minimum, too
+        return np.int64(signal.raw_minimum)
+    if scaled >= signal.raw_maximum:
+        return np.int64(signal.raw_maximum)
+    return np.int64(scaled)
+
+
+@njit(cache=True)
+def decode(word: Any, signal: Any) -> Any:
+    """Return the value of `signal` in a payload word, in the signal's unit."""
+    return to_physical(unpack(word, signal), signal)
+
+
+@njit(cache=True)
+def encode(word: Any, signal: Any, physical: Any) -> Any:
+    """Return the payload word with a value, in the signal's unit, put into its place."""
+    return pack(word, signal, to_raw(physical, signal))
+
+
+def _shift(signal: Signal) -> int:
+    """Return how far the signal's least significant bit lies above that of the word."""
+    if signal.byte_order == "little_endian":
+        return int(signal.start)
+    # Motorola: `start` is the most significant bit, counted 7..0, 15..8, … over the bytes.
+    byte, bit = divmod(int(signal.start), 8)
+    return 8 * (7 - byte) + bit - (signal.length - 1)
+
+
+def _raw_limits(signal: Signal) -> tuple[int, int]:
+    """Return the smallest and largest raw integer: of the field, narrowed by the stated range."""
+    if signal.is_signed:
+        low, high = -(1 << (signal.length - 1)), (1 << (signal.length - 1)) - 1
+    else:
+        low, high = 0, (1 << min(signal.length, 63)) - 1
+    if signal.minimum is not None and signal.maximum is not None:
+        stated = sorted(
+            round((limit - signal.offset) / signal.scale)
+            for limit in (signal.minimum, signal.maximum)
+        )
+        low, high = max(low, stated[0]), min(high, stated[1])
+    return low, high
+
+
+class Codec:
+    """The contract, ready for use.
+
+    Parameters
+    ----------
+    database : cantools.database.can.Database
+        The DBC as cantools reads it.
+
+    Attributes
+    ----------
+    database : cantools.database.can.Database
+        For everything that is not in a hot path: names, comments, value tables.
+    signals : ndarray of dtype `SIGNAL`
+        All signals of all messages.
+    messages : ndarray of dtype `dbc.e2e.MESSAGE`
+        Identifier, protection and cycle time of each message, by `message_index`.
+
+    Raises
+    ------
+    ContractError
+        For a message over eight bytes, a floating point or multiplexed signal, or an E2E
+        attribute that is missing or unknown.
+    """
+
+    def __init__(self, database: Database) -> None:
+        self.database = database
+        self._message_rows: dict[str, int] = {}
+        self._signal_rows: dict[tuple[str, str], int] = {}
+        signals: list[tuple[Any, ...]] = []
+        messages: list[tuple[Any, ...]] = []
+        for message in database.messages:
+            self._check(message)
+            self._message_rows[message.name] = len(messages)
+            for signal in message.signals:
+                self._signal_rows[message.name, signal.name] = len(signals)
+                signals.append(self._signal_row(signal))
+            messages.append(self._message_row(message))
+        self.signals: NDArray[Any] = np.array(signals, dtype=SIGNAL)
+        self.messages: NDArray[Any] = np.array(messages, dtype=MESSAGE)
+
+    @staticmethod
+    def _check(message: Message) -> None:
+        if message.length > 8:
+            raise ContractError(f"{message.name}: {message.length} bytes, a classic frame has 8")
+        for signal in message.signals:
+            if signal.is_float or signal.is_multiplexer or signal.multiplexer_ids:
+                raise ContractError(
+                    f"{message.name}.{signal.name}: float and multiplexed signals are not used here"
+                )
+
+    @staticmethod
+    def _signal_row(signal: Signal) -> tuple[Any, ...]:
+        return (
+            signal.scale,
+            signal.offset,
+            *_raw_limits(signal),
+            _shift(signal),
+            signal.length,
+            signal.is_signed,
+            signal.byte_order == "big_endian",
+        )
+
+    def _message_row(self, message: Message) -> tuple[Any, ...]:
+        attributes = message.dbc.attributes if message.dbc else {}
+        profile = attributes.get("E2EProfile")
+        data_id = attributes.get("E2EDataID")
+        if profile is None or data_id is None or int(profile.value) != 1:
+            raise ContractError(f"{message.name}: needs E2EProfile P01A and an E2EDataID")
+        return (message.frame_id, int(data_id.value), message.cycle_time or 0, message.length)
+
+    def message_index(self, message: str) -> int:
+        """Return the row of a message in `messages`."""
+        try:
+            return self._message_rows[message]
+        except KeyError:
+            raise ContractError(f"the DBC has no message {message}") from None
+
+    def signal_index(self, message: str, signal: str) -> int:
+        """Return the row of a signal in `signals`."""
+        try:
+            return self._signal_rows[message, signal]
+        except KeyError:
+            raise ContractError(f"the DBC has no signal {message}.{signal}") from None
+
+    def frame_id(self, message: str) -> int:
+        """Return a message's identifier."""
+        return int(self.messages[self.message_index(message)]["can_id"])
+
+    def value(self, message: str, signal: str, name: str) -> int:
+        """Return the raw value that a signal's value table gives to a name."""
+        choices = self.choices(message, signal)
+        for raw, choice in choices.items():
+            if choice == name:
+                return raw
+        raise ContractError(f"{message}.{signal} has no value named {name}")
+
+    def choices(self, message: str, signal: str) -> Mapping[int, str]:
+        """Return a signal's value table, raw value to name."""
+        self.signal_index(message, signal)
+        choices = self.database.get_message_by_name(message).get_signal_by_name(signal).choices
+        return {int(raw): str(name) for raw, name in (choices or {}).items()}
+
+
+@functools.cache
+def load(path: Path | None = None) -> Codec:
+    """Return the codec of a DBC file; of the project's own when `path` is None.
+
+    Raises
+    ------
+    ContractError
+        When the file cannot be read or does not fit (see `Codec`).
+    """
+    try:
+        if path is None:
+            text = resources.files("dbc").joinpath("rrins.dbc").read_text(encoding="utf-8")
+        else:
+            text = path.read_text(encoding="utf-8")
+        database = cantools.database.load_string(text, database_format="dbc")
+    except (OSError, UnicodeDecodeError, CantoolsError) as error:
+        raise ContractError(f"cannot read the DBC {path or 'rrins.dbc'}: {error}") from error
+    assert isinstance(database, Database)
+    return Codec(database)

@@ -1,0 +1,64 @@
+"""The loop's own clock, disciplined by SYNC; integer nanoseconds throughout.
+
+A second-order loop (proportional and integral) on the arrival of SYNC: it learns the period in
+its own clock's nanoseconds, so the loop runs on at the right rate when SYNC fails to come.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from numba import njit
+
+_PHASE_SHIFT = 4  # proportional gain 1/16
+_RATE_SHIFT = 10  # integral gain 1/1024
+_LOST_AFTER = 10  # epochs without SYNC
+
+
+@njit(cache=True)
+def power_on(clock: Any, period_ns: int) -> None:
+    """Start with the nominal period, unsynchronised."""
+    clock.synchronised = False
+    clock.sync_lost = False
+    clock.period_q16 = period_ns << 16
+
+
+@njit(cache=True)
+def take_sync(clock: Any, epochs_late: int) -> None:
+    """Discipline the clock by a SYNC that arrived at `clock.sync_arrival_ns`.
+
+    `epochs_late` is how many epochs before the present one the SYNC belongs to; negative when the
+    loop has fallen behind it. An arrival further than half a period from where it was expected is
+    not averaged but taken as it is, and counted in `clock.jumps`.
+    """
+    clock.sync_missed = 0
+    clock.sync_lost = False
+    period_ns = clock.period_q16 >> 16
+    error_ns = clock.sync_arrival_ns - (clock.next_sync_ns - epochs_late * period_ns)
+    if not clock.synchronised:
+        clock.next_sync_ns = clock.sync_arrival_ns
+        clock.fraction_q16 = 0
+        clock.synchronised = True
+    elif abs(error_ns) > period_ns // 2:
+        clock.next_sync_ns += error_ns
+        clock.jumps += 1
+    else:
+        clock.next_sync_ns += error_ns >> _PHASE_SHIFT
+        clock.period_q16 += (error_ns << 16) >> _RATE_SHIFT
+
+
+@njit(cache=True)
+def advance(clock: Any) -> None:
+    """Go on to the next epoch: predict when its SYNC will arrive."""
+    clock.fraction_q16 += clock.period_q16
+    clock.next_sync_ns += clock.fraction_q16 >> 16
+    clock.fraction_q16 &= 0xFFFF
+    if not clock.sync_seen:
+        clock.sync_missed += 1
+        clock.sync_lost = clock.sync_missed >= _LOST_AFTER
+
+
+@njit(cache=True)
+def error_ppm(clock: Any, period_ns: int) -> float:
+    """Return by how much the own clock runs fast, as estimated."""
+    return (clock.period_q16 / (period_ns * 65536.0) - 1.0) * 1e6

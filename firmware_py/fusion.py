@@ -1,0 +1,87 @@
+"""Weighted least squares fusion of redundant sensors. Paper, equation (54)."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from numba import njit
+
+_DETERMINANT_FLOOR = 1e-6  # of the normalised normal matrix: below, the axes span no space
+
+
+@njit(cache=True)
+def _normal_matrix(fusion: Any, used: int, N: Any) -> int:
+    """Write ``Hᵀ W H`` of the used sensors to `N`, shape (3, 3); return how many there are."""
+    count = 0
+    for i in range(3):
+        for j in range(3):
+            N[i, j] = 0.0
+    for k in range(fusion.count):
+        if used >> k & 1:
+            count += 1
+            for i in range(3):
+                for j in range(3):
+                    N[i, j] += fusion.weight[k] * fusion.H[k, i] * fusion.H[k, j]
+    return count
+
+
+@njit(cache=True)
+def prepare(fusion: Any, used: int, work: Any) -> None:
+    """Make ``gain = (Hᵀ W H)⁻¹ Hᵀ W`` for the sensors in `used`, a bit each.
+
+    `work` is scratch of shape (at least 3, 3). `fusion.solvable` tells whether the sensors' axes
+    span the space; `gain` of an unused sensor is zero.
+    """
+    fusion.used = used
+    fusion.solvable = False
+    N = work
+    if _normal_matrix(fusion, used, N) < 3:
+        return
+    c00 = N[1, 1] * N[2, 2] - N[1, 2] * N[2, 1]
+    c01 = N[1, 2] * N[2, 0] - N[1, 0] * N[2, 2]
+    c02 = N[1, 0] * N[2, 1] - N[1, 1] * N[2, 0]
+    determinant = N[0, 0] * c00 + N[0, 1] * c01 + N[0, 2] * c02
+    trace = (N[0, 0] + N[1, 1] + N[2, 2]) / 3.0
+    if determinant < _DETERMINANT_FLOOR * trace * trace * trace:
+        return
+    c11 = N[0, 0] * N[2, 2] - N[0, 2] * N[2, 0]
+    c12 = N[0, 1] * N[2, 0] - N[0, 0] * N[2, 1]
+    c22 = N[0, 0] * N[1, 1] - N[0, 1] * N[1, 0]
+    for k in range(fusion.count):
+        scale = fusion.weight[k] / determinant if used >> k & 1 else 0.0
+        x, y, z = fusion.H[k, 0], fusion.H[k, 1], fusion.H[k, 2]
+        fusion.gain[0, k] = scale * (c00 * x + c01 * y + c02 * z)
+        fusion.gain[1, k] = scale * (c01 * x + c11 * y + c12 * z)
+        fusion.gain[2, k] = scale * (c02 * x + c12 * y + c22 * z)
+    fusion.solvable = True
+
+
+@njit(cache=True)
+def fuse(fusion: Any, valid: int, measured: Any, out: Any, work: Any) -> bool:
+    """Write the fused vector in the sensor frame to `out`, shape (3,).
+
+    Parameters
+    ----------
+    fusion : record of dtype `firmware_py.memory.FUSION`
+        Its gain is made anew when `valid` differs from the sensors it is for.
+    valid : int
+        Sensors that may be used, a bit each.
+    measured : array, shape (m,)
+        Along the input axes.
+    work : array, shape (at least 3, 3)
+
+    Returns
+    -------
+    bool
+        Whether the valid sensors suffice; otherwise `out` is left alone.
+    """
+    if valid != fusion.used:
+        prepare(fusion, valid, work)
+    if not fusion.solvable:
+        return False
+    for i in range(3):
+        total = 0.0
+        for k in range(fusion.count):
+            total += fusion.gain[i, k] * measured[k]
+        out[i] = total
+    return True

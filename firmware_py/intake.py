@@ -1,0 +1,183 @@
+"""Frames in: checks them end to end and assembles one epoch.
+
+A frame updates a value only when its CRC holds, its counter is that of the present epoch, and it
+is the first of its message in this epoch; every other one updates a fault counter and nothing
+else. Frames of a later epoch are left for the next step.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from dbc.codec import decode, to_physical, unpack
+from dbc.contract import SENSOR_GROUPS
+from dbc.e2e import COUNTER_MODULUS, counter_of, crc_holds
+from firmware_py import clock
+from firmware_py.memory import INNER, OUTER
+
+_NOTHING, _SYNC, _MODE_COMMAND, _AXIS, _SENSOR = 0, 1, 2, 4, 16
+
+_EPOCH_BITS = 24  # of the SYNC frame's epoch, checked by `dispatch_table`
+_EPOCH_MODULUS = 1 << _EPOCH_BITS
+
+_GYRO_UNUSABLE = 0b0101  # saturated or absent, in the sensor frame's status
+_ACCELEROMETER_UNUSABLE = 0b1010
+
+ADOPT_BEYOND = 200
+"""Epochs by which SYNC may run ahead or behind before the loop takes over its count."""
+
+
+def dispatch_table(contract: NDArray[Any]) -> NDArray[np.int16]:
+    """Return what each of the 2048 identifiers means to the intake."""
+    record = contract[0]
+    table = np.full(2048, _NOTHING, dtype=np.int16)
+    table[record["sync"]["message"]["can_id"]] = _SYNC
+    table[record["mode_command"]["message"]["can_id"]] = _MODE_COMMAND
+    table[record["axis_inner_status"]["message"]["can_id"]] = _AXIS + INNER
+    table[record["axis_outer_status"]["message"]["can_id"]] = _AXIS + OUTER
+    for group in range(SENSOR_GROUPS):
+        table[record["sensor"][group]["message"]["can_id"]] = _SENSOR + group
+    assert record["sync"]["epoch"]["length"] == _EPOCH_BITS
+    return table
+
+
+@njit(cache=True)
+def begin(state: Any) -> None:
+    """Open the next epoch with nothing received."""
+    state.epoch += 1
+    state.clock.sync_seen = False
+    assembly = state.assembly
+    assembly.received = 0
+    assembly.gyro_valid = 0
+    assembly.accelerometer_valid = 0
+    assembly.axis_received[INNER] = False
+    assembly.axis_received[OUTER] = False
+
+
+@njit(cache=True)
+def take(state: Any, contract: Any, inbox: Any, start: int, count: int) -> int:
+    """Take frames ``inbox[start:count]`` into the present epoch.
+
+    Returns the index of the first frame that belongs to a later epoch, or `count`.
+    """
+    for k in range(start, count):
+        frame = inbox[k]
+        if frame.can_id >= 2048:
+            continue
+        kind = state.dispatch[frame.can_id]
+        if kind == _NOTHING:
+            continue
+        if kind == _SYNC:
+            if not _take_sync(state, contract, frame):
+                return k
+        elif kind == _MODE_COMMAND:
+            _take_mode_command(state, contract, frame)
+        elif kind < _SENSOR:
+            _take_axis(state, contract, frame, kind - _AXIS)
+        else:
+            _take_sensor(state, contract, frame, kind - _SENSOR)
+    return count
+
+
+@njit(cache=True)
+def _take_sync(state: Any, contract: Any, frame: Any) -> bool:
+    """Take a SYNC; return False when it opens a later epoch and is to be left for the next step."""
+    if not crc_holds(frame, contract.sync.message):
+        state.faults.crc_errors += 1
+        return True
+    sync_epoch = unpack(frame["data"], contract.sync.epoch)
+    ahead = (sync_epoch - state.epoch) % _EPOCH_MODULUS
+    if ahead >= _EPOCH_MODULUS // 2:
+        ahead -= _EPOCH_MODULUS
+    if not state.clock.synchronised:
+        state.epoch = sync_epoch
+        ahead = 0
+    elif abs(ahead) > ADOPT_BEYOND:
+        state.epoch += ahead
+        state.clock.jumps += 1
+        state.clock.synchronised = False
+        ahead = 0
+    if ahead > 0:
+        return False
+    if ahead < 0 or state.clock.sync_seen:
+        state.faults.counter_errors += 1
+    if ahead == 0:
+        state.clock.sync_seen = True
+    clock.take_sync(state.clock, -ahead)
+    return True
+
+
+@njit(cache=True)
+def _take_mode_command(state: Any, contract: Any, frame: Any) -> None:
+    if not crc_holds(frame, contract.mode_command.message):
+        state.faults.crc_errors += 1
+        return
+    counter = counter_of(frame["data"]) + 1  # 0 in the memory: none received yet
+    if counter == state.mode_command_counter:
+        state.faults.counter_errors += 1
+        return
+    state.mode_command_counter = counter
+    state.modes.requested = unpack(frame["data"], contract.mode_command.mode_request)
+
+
+@njit(cache=True)
+def _belongs_here(state: Any, frame: Any, message: Any, had_one: bool) -> bool:
+    """Return whether a frame of the epoch is sound, of this epoch, and the first of its kind."""
+    if not crc_holds(frame, message):
+        state.faults.crc_errors += 1
+        return False
+    if had_one or counter_of(frame["data"]) != state.epoch % COUNTER_MODULUS:
+        state.faults.counter_errors += 1
+        return False
+    return True
+
+
+@njit(cache=True)
+def _take_axis(state: Any, contract: Any, frame: Any, axis: int) -> None:
+    assembly = state.assembly
+    status = contract.axis_inner_status if axis == INNER else contract.axis_outer_status
+    if _belongs_here(state, frame, status.message, assembly.axis_received[axis]):
+        assembly.axis_received[axis] = True
+        assembly.encoder_angle_deg[axis] = decode(frame["data"], status.encoder_angle_deg)
+        assembly.encoder_rate_dps[axis] = decode(frame["data"], status.encoder_rate_dps)
+        assembly.axis_state[axis] = unpack(frame["data"], status.state)
+
+
+@njit(cache=True)
+def _take_sensor(state: Any, contract: Any, frame: Any, group: int) -> None:
+    assembly = state.assembly
+    sensor = contract.sensor[group]
+    bit = 1 << group
+    if not _belongs_here(state, frame, sensor.message, assembly.received & bit != 0):
+        return
+    word = frame["data"]
+    status = unpack(word, sensor.status)
+    assembly.received |= bit
+    dtheta = unpack(word, sensor.gyro_dtheta)
+    dv = unpack(word, sensor.accelerometer_dv)
+    assembly.gyro_dtheta[group] = to_physical(dtheta, sensor.gyro_dtheta)
+    assembly.accelerometer_dv[group] = to_physical(dv, sensor.accelerometer_dv)
+    if status & _GYRO_UNUSABLE == 0:
+        assembly.gyro_valid |= bit
+    if status & _ACCELEROMETER_UNUSABLE == 0:
+        assembly.accelerometer_valid |= bit
+
+
+@njit(cache=True)
+def close(state: Any) -> None:
+    """Close the epoch: count what did not come."""
+    assembly = state.assembly
+    groups = max(state.gyros.count, state.accelerometers.count)
+    for group in range(groups):
+        if assembly.received >> group & 1 == 0:
+            state.faults.missing_frames += 1
+    for axis in (INNER, OUTER):
+        if assembly.axis_received[axis]:
+            assembly.axis_silent_epochs[axis] = 0
+        else:
+            assembly.axis_silent_epochs[axis] += 1
+            state.faults.missing_frames += 1

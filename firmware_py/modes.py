@@ -1,0 +1,178 @@
+"""The modes of the navigation computer and the transitions between them.
+
+=====================  ==========================================================================
+mode                   left for
+=====================  ==========================================================================
+POWER_ON               SELF_TEST, in the first epoch
+SELF_TEST              STANDBY, when SYNC, all sensors and both axes were sound for half a second;
+                       FAULT (SELF_TEST_FAILED) after ten seconds
+STANDBY                ALIGNMENT, on the request to align or to navigate
+ALIGNMENT              NAVIGATION_*, when done and asked for; FAULT (ALIGNMENT_FAILED)
+NAVIGATION_STRAPDOWN   NAVIGATION_ROTATING, on request
+NAVIGATION_ROTATING    NAVIGATION_STRAPDOWN, on request or when an axis does not follow
+any NAVIGATION_*       FAULT (SENSORS_LOST) when too few sensors were usable for longer than is
+                       bridged; FAULT (NAVIGATION_DIVERGED) when the solution leaves all reason
+FAULT                  SELF_TEST, on the request for STANDBY
+any                    STANDBY and SHUTDOWN, on request
+=====================  ==========================================================================
+
+A request is acted on once, when it changes.
+"""
+
+from __future__ import annotations
+
+import math
+from enum import IntEnum
+from typing import Any
+
+from numba import njit
+
+from firmware_py import alignment, sequencer, strapdown
+from firmware_py.memory import INNER, OUTER
+
+
+class Mode(IntEnum):
+    """Modes; the DBC's value table of `mode`."""
+
+    POWER_ON = 0
+    SELF_TEST = 1
+    STANDBY = 2
+    ALIGNMENT = 3
+    NAVIGATION_STRAPDOWN = 4
+    NAVIGATION_ROTATING = 5
+    FAULT = 6
+    SHUTDOWN = 7
+
+
+class ModeRequest(IntEnum):
+    """What the operator may ask for; the DBC's value table of `mode_request`."""
+
+    NONE = 0
+    STANDBY = 1
+    ALIGN = 2
+    NAVIGATE_STRAPDOWN = 3
+    NAVIGATE_ROTATING = 4
+    SHUTDOWN = 5
+
+
+class Fault(IntEnum):
+    """Why the mode is FAULT; the DBC's value table of `fault`."""
+
+    NONE = 0
+    SELF_TEST_FAILED = 1
+    SENSORS_LOST = 2
+    ALIGNMENT_FAILED = 3
+    NAVIGATION_DIVERGED = 4
+
+
+SELF_TEST_GOOD_S = 0.5
+SELF_TEST_LIMIT_S = 10.0
+
+_LARGEST_SPEED = 3000.0  # m/s; no vehicle with this system is faster
+_LARGEST_LATITUDE = math.radians(89.99)  # east and north end at the poles
+
+
+@njit(cache=True)
+def enter(state: Any, mode: int) -> None:
+    """Go to a mode and do what its beginning asks for."""
+    modes = state.modes
+    before = modes.mode
+    modes.mode = mode
+    modes.epochs = 0
+    modes.good_epochs = 0
+    if mode != Mode.FAULT:
+        modes.fault = Fault.NONE
+    if mode == Mode.ALIGNMENT:
+        alignment.begin(state.alignment)
+    if mode == Mode.NAVIGATION_ROTATING:
+        sequencer.start(state.sequencer, state.parameters)
+    elif mode in (Mode.SHUTDOWN, Mode.POWER_ON):
+        sequencer.switch_off(state.sequencer)
+    else:
+        sequencer.stop(state.sequencer)
+    if mode in (Mode.NAVIGATION_STRAPDOWN, Mode.NAVIGATION_ROTATING) and before == Mode.ALIGNMENT:
+        parameters = state.parameters
+        strapdown.initialise(
+            state.ins,
+            state.alignment.C_s_n,
+            parameters.latitude,
+            parameters.longitude,
+            parameters.height,
+        )
+
+
+@njit(cache=True)
+def fail(state: Any, fault: int) -> None:
+    """Go to FAULT and say why."""
+    enter(state, Mode.FAULT)
+    state.modes.fault = fault
+
+
+@njit(cache=True)
+def navigating(state: Any) -> bool:
+    """Return whether the mode is one of the two navigation modes."""
+    mode = state.modes.mode
+    return mode in (Mode.NAVIGATION_STRAPDOWN, Mode.NAVIGATION_ROTATING)
+
+
+@njit(cache=True)
+def take_request(state: Any) -> None:
+    """Act on a new request of the operator, as far as the present mode allows."""
+    modes = state.modes
+    request = modes.requested
+    if request == modes.request:
+        return
+    modes.request = request
+    if modes.mode == Mode.SHUTDOWN:
+        return
+    if request == ModeRequest.SHUTDOWN:
+        enter(state, Mode.SHUTDOWN)
+    elif request == ModeRequest.STANDBY:
+        enter(state, Mode.SELF_TEST if modes.mode == Mode.FAULT else Mode.STANDBY)
+    elif request == ModeRequest.ALIGN:
+        modes.pending = 0
+        if modes.mode == Mode.STANDBY:
+            enter(state, Mode.ALIGNMENT)
+    elif request in (ModeRequest.NAVIGATE_STRAPDOWN, ModeRequest.NAVIGATE_ROTATING):
+        rotating = request == ModeRequest.NAVIGATE_ROTATING
+        target = Mode.NAVIGATION_ROTATING if rotating else Mode.NAVIGATION_STRAPDOWN
+        modes.pending = target
+        if modes.mode == Mode.STANDBY:
+            enter(state, Mode.ALIGNMENT)
+        elif navigating(state) and modes.mode != target:
+            enter(state, target)
+
+
+@njit(cache=True)
+def self_test(state: Any) -> None:
+    """Pass when everything has been sound for a while; fail when it does not become so."""
+    assembly = state.assembly
+    seconds = state.parameters.period_ns * 1e-9
+    every_gyro = (1 << state.gyros.count) - 1
+    every_accelerometer = (1 << state.accelerometers.count) - 1
+    axes = (
+        assembly.axis_received[INNER]
+        and assembly.axis_received[OUTER]
+        and assembly.axis_state[INNER] != sequencer.AxisState.FAULT
+        and assembly.axis_state[OUTER] != sequencer.AxisState.FAULT
+    )
+    sound = (
+        axes
+        and state.clock.sync_seen
+        and assembly.gyro_valid & every_gyro == every_gyro
+        and assembly.accelerometer_valid & every_accelerometer == every_accelerometer
+    )
+    modes = state.modes
+    modes.good_epochs = modes.good_epochs + 1 if sound else 0
+    if modes.good_epochs * seconds >= SELF_TEST_GOOD_S:
+        enter(state, Mode.STANDBY)
+    elif modes.epochs * seconds >= SELF_TEST_LIMIT_S:
+        fail(state, Fault.SELF_TEST_FAILED)
+
+
+@njit(cache=True)
+def plausible(ins: Any) -> bool:
+    """Return whether the navigation solution is one that a vehicle can have."""
+    east, north, up = ins.velocity_n[0], ins.velocity_n[1], ins.velocity_n[2]
+    speed = math.sqrt(east * east + north * north + up * up)
+    return speed < _LARGEST_SPEED and abs(ins.latitude) < _LARGEST_LATITUDE

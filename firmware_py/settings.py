@@ -1,0 +1,136 @@
+"""What the firmware is set up with, and the RAM image made from it."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict, Field
+
+from dbc.contract import SENSOR_GROUPS
+from firmware_py import clock, intake, strapdown
+from firmware_py.attitude import matrix_of_euler
+from firmware_py.memory import INNER, OUTER, SCHEME_CAPACITY, blank_ram
+
+_HEIGHT_CHANNELS = {
+    "held": strapdown.HEIGHT_HELD,
+    "damped": strapdown.HEIGHT_DAMPED,
+    "free": strapdown.HEIGHT_FREE,
+}
+
+
+class _Checked(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+class Turn(_Checked):
+    """One position of a rotation scheme: a turn of one axis."""
+
+    axis: Literal["inner", "outer"]
+    angle_deg: float = Field(ge=-720, le=720)
+
+
+class Scheme(_Checked):
+    """A rotation scheme: turns one after the other, each followed by standing."""
+
+    turns: tuple[Turn, ...] = Field(min_length=1, max_length=SCHEME_CAPACITY)
+    turn_rate_dps: float = Field(default=2.0, gt=0, le=60)
+    stand_s: float = Field(default=10.0, ge=0, le=86400)
+
+    def position_s(self, turn: Turn) -> float:
+        """Return how long a position takes: its turn at the full rate, and the standing."""
+        return abs(turn.angle_deg) / self.turn_rate_dps + self.stand_s
+
+    @property
+    def cycle_s(self) -> float:
+        """Time of one cycle, s."""
+        return sum(self.position_s(turn) for turn in self.turns)
+
+
+class Settings(_Checked):
+    """The firmware's set-up; angles in degrees as a person writes them.
+
+    `gyro_axes_deg` and `accelerometer_axes_deg` are the design directions of the input axes:
+    polar angle from z and azimuth from x of the sensor frame (paper, figure 1).
+    """
+
+    rate_hz: int
+    latitude_deg: float
+    longitude_deg: float
+    height_m: float
+    roll_deg: float
+    pitch_deg: float
+    heading_deg: float
+    gyro_axes_deg: tuple[tuple[float, float], ...]
+    accelerometer_axes_deg: tuple[tuple[float, float], ...]
+    gyro_weights: tuple[float, ...]
+    accelerometer_weights: tuple[float, ...]
+    initial_attitude: Literal["given", "self-aligned"]
+    alignment_s: float
+    height_channel: Literal["held", "damped", "free"]
+    bridge_s: float
+    follow_tolerance_deg: float
+    axis_silence_s: float
+    scheme: Scheme
+
+
+def input_axes(axes_deg: tuple[tuple[float, float], ...]) -> NDArray[np.float64]:
+    """Return the configuration matrix H, shape (m, 3). Paper, (5), (9)."""
+    alpha, beta = np.radians(np.asarray(axes_deg, dtype=float)).T
+    return np.column_stack(
+        [np.sin(alpha) * np.cos(beta), np.sin(alpha) * np.sin(beta), np.cos(alpha)]
+    )
+
+
+def _fill_fusion(
+    fusion: Any, axes_deg: tuple[tuple[float, float], ...], weights: tuple[float, ...]
+) -> None:
+    count = len(axes_deg)
+    assert count <= SENSOR_GROUPS
+    fusion["count"] = count
+    fusion["H"][:count] = input_axes(axes_deg)
+    fusion["weight"][:count] = weights
+
+
+def _fill_scheme(parameters: Any, scheme: Scheme, rate_hz: int) -> None:
+    parameters["turn_rate_dps"] = scheme.turn_rate_dps
+    parameters["position_count"] = len(scheme.turns)
+    for k, turn in enumerate(scheme.turns):
+        parameters["position_axis"][k] = INNER if turn.axis == "inner" else OUTER
+        parameters["position_turn_deg"][k] = turn.angle_deg
+        parameters["position_epochs"][k] = max(1, round(scheme.position_s(turn) * rate_hz))
+
+
+def power_on(settings: Settings, contract: NDArray[Any]) -> NDArray[Any]:
+    """Return the RAM image of a firmware that has just been switched on."""
+    ram = blank_ram()
+    state = ram[0]
+    parameters = state["parameters"]
+    rate_hz = settings.rate_hz
+    parameters["period_ns"] = 1_000_000_000 // rate_hz
+    parameters["latitude"] = math.radians(settings.latitude_deg)
+    parameters["longitude"] = math.radians(settings.longitude_deg)
+    parameters["height"] = settings.height_m
+    matrix_of_euler(
+        parameters["C_b_n"],
+        math.radians(settings.roll_deg),
+        math.radians(settings.pitch_deg),
+        math.radians(settings.heading_deg),
+    )
+    parameters["self_aligned"] = settings.initial_attitude == "self-aligned"
+    parameters["alignment_epochs"] = max(1, round(settings.alignment_s * rate_hz))
+    parameters["height_channel"] = _HEIGHT_CHANNELS[settings.height_channel]
+    parameters["bridge_epochs"] = round(settings.bridge_s * rate_hz)
+    parameters["follow_tolerance_deg"] = settings.follow_tolerance_deg
+    parameters["axis_silence_epochs"] = round(settings.axis_silence_s * rate_hz)
+    _fill_scheme(parameters, settings.scheme, rate_hz)
+    _fill_fusion(state["gyros"], settings.gyro_axes_deg, settings.gyro_weights)
+    _fill_fusion(
+        state["accelerometers"], settings.accelerometer_axes_deg, settings.accelerometer_weights
+    )
+    state["dispatch"] = intake.dispatch_table(contract)
+    state["epoch"] = -1
+    clock.power_on(state["clock"], parameters["period_ns"])
+    return ram

@@ -1,0 +1,142 @@
+"""Frames out: axis commands every epoch, the rest at the cycle times of the DBC."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numba import njit
+
+from dbc.codec import encode, pack
+from dbc.e2e import fill
+from firmware_py import clock
+from firmware_py.memory import INNER, OUTER
+from firmware_py.modes import navigating
+
+OUTBOX_CAPACITY = 16
+"""Frames that one step sends at most, with room to spare."""
+
+_NS_PER_MS = 1_000_000
+
+
+@njit(cache=True)
+def _due(state: Any, message: Any) -> bool:
+    """Return whether a cyclic message falls into this epoch."""
+    every = max(1, message.cycle_ms * _NS_PER_MS // state.parameters.period_ns)
+    return state.epoch % every == 0
+
+
+@njit(cache=True)
+def _saturate(value: int, signal: Any) -> int:
+    return min(value, signal.raw_maximum)
+
+
+@njit(cache=True)
+def _status(state: Any, status: Any) -> Any:
+    modes, running = state.modes, state.sequencer
+    word = np.uint64(0)
+    word = pack(word, status.mode, modes.mode)
+    word = pack(word, status.fault, modes.fault)
+    if running.running:
+        word = pack(word, status.scheme_position, running.position + 1)
+    word = pack(word, status.scheme_cycle, running.cycle)
+    word = encode(word, status.load_percent, state.load_percent)
+    word = pack(word, status.axis_inner_not_following, running.not_following[INNER])
+    word = pack(word, status.axis_outer_not_following, running.not_following[OUTER])
+    word = pack(word, status.sync_lost, state.clock.sync_lost)
+    usable = 0
+    both = state.assembly.gyro_valid & state.assembly.accelerometer_valid
+    while both != 0:
+        usable += both & 1
+        both >>= 1
+    word = pack(word, status.usable_sensors, usable)
+    error_ppm = clock.error_ppm(state.clock, state.parameters.period_ns)
+    return encode(word, status.clock_error_ppm, error_ppm)
+
+
+@njit(cache=True)
+def _faults(counters: Any, message: Any) -> Any:
+    word = np.uint64(0)
+    word = pack(word, message.crc_errors, _saturate(counters.crc_errors, message.crc_errors))
+    word = pack(
+        word, message.counter_errors, _saturate(counters.counter_errors, message.counter_errors)
+    )
+    word = pack(
+        word, message.missing_frames, _saturate(counters.missing_frames, message.missing_frames)
+    )
+    word = pack(
+        word, message.bridged_epochs, _saturate(counters.bridged_epochs, message.bridged_epochs)
+    )
+    return pack(word, message.overruns, _saturate(counters.overruns, message.overruns))
+
+
+@njit(cache=True)
+def _navigation(state: Any, contract: Any, outbox: Any, count: int) -> int:
+    """Put the five navigation frames; return the new number of frames."""
+    output = state.navigation
+    counter = state.navigation_transmissions
+    state.navigation_transmissions += 1
+
+    message = contract.nav_latitude
+    word = encode(np.uint64(0), message.latitude_deg, math.degrees(output.latitude))
+    fill(outbox[count], message.message, pack(word, message.epoch, output.epoch), counter)
+
+    east = contract.nav_longitude
+    word = encode(np.uint64(0), east.longitude_deg, math.degrees(output.longitude))
+    fill(outbox[count + 1], east.message, pack(word, east.epoch, output.epoch), counter)
+
+    velocity = contract.nav_velocity
+    word = encode(np.uint64(0), velocity.velocity_east, output.velocity_n[0])
+    word = encode(word, velocity.velocity_north, output.velocity_n[1])
+    fill(outbox[count + 2], velocity.message, word, counter)
+
+    vertical = contract.nav_height
+    word = encode(np.uint64(0), vertical.height, output.height)
+    word = encode(word, vertical.velocity_up, output.velocity_n[2])
+    fill(outbox[count + 3], vertical.message, word, counter)
+
+    attitude = contract.nav_attitude
+    word = encode(np.uint64(0), attitude.roll_deg, math.degrees(output.roll))
+    word = encode(word, attitude.pitch_deg, math.degrees(output.pitch))
+    word = encode(word, attitude.heading_deg, math.degrees(output.heading))
+    fill(outbox[count + 4], attitude.message, word, counter)
+    return count + 5
+
+
+@njit(cache=True)
+def _axis_command(state: Any, message: Any, axis: int, frame: Any) -> None:
+    running = state.sequencer
+    word = pack(np.uint64(0), message.command, running.command[axis])
+    word = encode(word, message.target_angle_deg, running.target_angle_deg[axis])
+    word = encode(word, message.rate_limit_dps, state.parameters.turn_rate_dps)
+    fill(frame, message.message, word, state.epoch)
+
+
+@njit(cache=True)
+def transmit(state: Any, contract: Any, outbox: Any) -> int:
+    """Put this epoch's frames into `outbox`; return how many.
+
+    The command of the outer axis is always the last: it tells the other side of a lockstep run
+    that the epoch is closed.
+    """
+    count = 0
+    if _due(state, contract.heartbeat_firmware.message):
+        heartbeat = contract.heartbeat_firmware
+        uptime = state.steps * state.parameters.period_ns * 1e-9
+        word = encode(np.uint64(0), heartbeat.uptime, uptime)
+        fill(outbox[count], heartbeat.message, word, state.heartbeats)
+        state.heartbeats += 1
+        count += 1
+    if _due(state, contract.firmware_status.message):
+        status = _status(state, contract.firmware_status)
+        fill(outbox[count], contract.firmware_status.message, status, state.transmissions)
+        faults = _faults(state.faults, contract.firmware_faults)
+        fill(outbox[count + 1], contract.firmware_faults.message, faults, state.transmissions)
+        state.transmissions += 1
+        count += 2
+    if navigating(state) and _due(state, contract.nav_latitude.message):
+        count = _navigation(state, contract, outbox, count)
+    _axis_command(state, contract.axis_inner_command, INNER, outbox[count])
+    _axis_command(state, contract.axis_outer_command, OUTER, outbox[count + 1])
+    return count + 2

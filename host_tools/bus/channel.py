@@ -1,0 +1,238 @@
+"""The place of a channel in the file system, and the exclusive right to host it.
+
+A channel ``NAME`` is the socket ``$XDG_RUNTIME_DIR/rrins/NAME.sock``, or, without a runtime
+directory, ``<temporary directory>/rrins-<uid>/NAME.sock``; a channel with a slash in it is the path
+of the socket itself. The directory and the socket belong to their owner alone.
+
+Beside the socket lies ``NAME.sock.lock``. Whoever holds its lock hosts the channel. The kernel
+releases the lock of a process that dies, so a socket file without a locked file is stale and is
+replaced without asking the socket.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import os
+import re
+import socket
+import stat
+import tempfile
+from pathlib import Path
+from typing import Final
+
+from host_tools.errors import BusError
+
+SUFFIX: Final = ".sock"
+_NAME: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}")
+_PATH_LIMIT: Final = 107  # sun_path of struct sockaddr_un, less its terminating zero
+_BACKLOG: Final = 128
+
+
+class NoHostError(BusError):
+    """Nobody hosts the channel."""
+
+
+def directory() -> Path:
+    """Return the directory of the named channels; it need not exist."""
+    runtime = os.environ.get("XDG_RUNTIME_DIR", "")
+    if runtime and Path(runtime).is_dir():
+        return Path(runtime) / "rrins"
+    return Path(tempfile.gettempdir()) / f"rrins-{os.geteuid()}"
+
+
+def socket_path(channel: str) -> Path:
+    """Return the path of a channel's socket.
+
+    Raises
+    ------
+    BusError
+        If the name is not one, or the path is too long for a socket.
+    """
+    if "/" in channel:
+        path = Path(channel).absolute()
+    elif _NAME.fullmatch(channel):
+        path = directory() / (channel + SUFFIX)
+    else:
+        raise BusError(
+            f"{channel!r} is no channel name: use up to 64 letters, digits, '.', '_' and '-', "
+            "starting with a letter or digit, or a path with a '/' in it"
+        )
+    length = len(os.fsencode(path))
+    if length > _PATH_LIMIT:
+        raise BusError(
+            f"the socket path of channel {channel!r} has {length} bytes and a socket takes "
+            f"{_PATH_LIMIT}: use a shorter name, or a shorter XDG_RUNTIME_DIR ({path})"
+        )
+    return path
+
+
+def detect() -> list[str]:
+    """Return the names of the channels that are hosted at this moment."""
+    names = []
+    for path in sorted(directory().glob("*" + SUFFIX)):
+        probe = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        probe.setblocking(False)
+        with probe:
+            try:
+                probe.connect(str(path))
+            except BlockingIOError:  # a host that is busy, with a queue of callers
+                names.append(path.name.removesuffix(SUFFIX))
+            except OSError:
+                continue  # nobody behind the file, or it is not ours
+            else:
+                names.append(path.name.removesuffix(SUFFIX))
+    return names
+
+
+def connect(channel: str, timeout: float) -> socket.socket:
+    """Return a socket connected to the host of a channel.
+
+    Raises
+    ------
+    NoHostError
+        If nobody hosts the channel.
+    BusError
+        If its host does not answer, or does not let us in.
+    """
+    path = socket_path(channel)
+    end = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    try:
+        end.settimeout(timeout)
+        end.connect(str(path))
+    except (FileNotFoundError, ConnectionRefusedError, ConnectionResetError) as error:
+        end.close()
+        raise NoHostError(
+            f"no bus {channel!r}: nobody hosts it at {path}; start its host first, "
+            'or open it with host="auto" or host="here"'
+        ) from error
+    except TimeoutError as error:
+        end.close()
+        raise BusError(
+            f"the host of channel {channel!r} has not answered for {timeout:g} s"
+        ) from error
+    except OSError as error:
+        end.close()
+        raise BusError(
+            f"cannot attach to channel {channel!r} at {path}: {error.strerror}"
+        ) from error
+    except BaseException:
+        end.close()
+        raise
+    return end
+
+
+class Claim:
+    """The exclusive right to host a channel, with the listening socket that goes with it.
+
+    Parameters
+    ----------
+    channel : str
+        Name or path of the channel.
+
+    Attributes
+    ----------
+    path : Path
+        Path of the socket.
+    listener : socket.socket
+        Non-blocking, listening.
+
+    Raises
+    ------
+    BusError
+        If another process hosts the channel, or its place is not safe.
+    """
+
+    def __init__(self, channel: str) -> None:
+        self.path = socket_path(channel)
+        self._lock_path = self.path.with_name(self.path.name + ".lock")
+        if "/" not in channel:
+            _own_directory(self.path.parent)
+        self._lock = self._take_lock(channel)
+        try:
+            self.listener = self._listen(channel)
+        except BaseException:
+            self._give_lock_back()
+            raise
+
+    def _take_lock(self, channel: str) -> int:
+        while True:
+            try:
+                lock = os.open(
+                    self._lock_path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW, 0o600
+                )
+            except OSError as error:
+                raise BusError(
+                    f"cannot host channel {channel!r} at {self.path}: {error.strerror}"
+                ) from error
+            try:
+                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                if self._is_current(lock):
+                    os.truncate(lock, 0)
+                    os.pwrite(lock, str(os.getpid()).encode(), 0)
+                    return lock
+                os.close(lock)  # its holder removed the file between our open and our lock
+            except BlockingIOError as error:
+                holder = os.pread(lock, 16, 0).decode(errors="replace")
+                os.close(lock)
+                raise BusError(
+                    f"channel {channel!r} is already hosted by process {holder or 'unknown'}"
+                ) from error
+            except BaseException:
+                os.close(lock)
+                raise
+
+    def _is_current(self, lock: int) -> bool:
+        try:
+            return os.path.samestat(os.fstat(lock), self._lock_path.stat())
+        except FileNotFoundError:
+            return False
+
+    def _listen(self, channel: str) -> socket.socket:
+        # We hold the lock: a socket file that is there was left by a host that died.
+        try:
+            if self.path.is_symlink() or (self.path.exists() and not self.path.is_socket()):
+                raise BusError(
+                    f"cannot host channel {channel!r}: {self.path} is there and is no socket"
+                )
+            self.path.unlink(missing_ok=True)
+            listener = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+            try:
+                listener.setblocking(False)
+                listener.bind(str(self.path))
+                # Between bind and listen nobody can connect, so there is no moment of open doors.
+                self.path.chmod(0o600)
+                listener.listen(_BACKLOG)
+            except BaseException:
+                listener.close()
+                raise
+        except OSError as error:
+            raise BusError(
+                f"cannot host channel {channel!r} at {self.path}: {error.strerror}"
+            ) from error
+        return listener
+
+    def _give_lock_back(self) -> None:
+        # Removed while it is still locked: whoever opened it in between finds it is not current.
+        self._lock_path.unlink(missing_ok=True)
+        os.close(self._lock)
+
+    def release(self) -> None:
+        """Close the door: remove the socket, then give the right to host back."""
+        self.path.unlink(missing_ok=True)
+        self.listener.close()
+        self._give_lock_back()
+
+
+def _own_directory(path: Path) -> None:
+    """Make `path`, and check that it is a directory of ours that others cannot enter."""
+    try:
+        with contextlib.suppress(FileExistsError):
+            path.mkdir(mode=0o700)
+        status = path.lstat()
+    except OSError as error:
+        raise BusError(f"cannot make the directory of the bus {path}: {error.strerror}") from error
+    if not stat.S_ISDIR(status.st_mode) or status.st_uid != os.geteuid():
+        raise BusError(f"{path} is not a directory of ours: remove it, or set XDG_RUNTIME_DIR")
+    if status.st_mode & 0o077:
+        raise BusError(f"{path} is open to others: run 'chmod 700 {path}'")

@@ -1,0 +1,172 @@
+"""The wire format: one datagram is one batch of frames, or one word between the hub and a peer.
+
+A header of 32 bytes, little-endian, is followed by its frames, or by text for a control datagram:
+
+======  ====  ==========  =====================================================================
+offset  type  field       meaning
+======  ====  ==========  =====================================================================
+0       u32   magic       ``RRB1``: the format and its version
+4       u8    kind        `HELLO`, `WELCOME`, `REFUSED`, `BYE`, `FRAMES` or `FRAMES_FD`
+5       u8    flags       `CLOSES_EPOCH` and `UNSTAMPED`; for a `HELLO` the wishes of the peer
+6       u16   count       frames that follow; for a control datagram the bytes that follow
+8       u32   sender      node number given by the hub; the host is node 0
+12      u32   reserved    zero
+16      u64   epoch       epoch counter of the batch; the host's process id in a `WELCOME`
+24      i64   time_ns     time of the batch in nanoseconds
+======  ====  ==========  =====================================================================
+
+A classic frame is Linux's ``struct can_frame`` (16 bytes), an FD frame ``struct canfd_frame`` (72).
+"""
+
+from __future__ import annotations
+
+import struct
+from typing import Final
+
+from host_tools.errors import BusError
+
+MAGIC: Final = int.from_bytes(b"RRB1", "little")
+HEADER: Final = struct.Struct("<IBBHIIQq")
+HEADER_SIZE: Final = HEADER.size
+FRAME_SIZE: Final = 16
+FD_FRAME_SIZE: Final = 72
+
+HELLO: Final = 1
+WELCOME: Final = 2
+REFUSED: Final = 3
+BYE: Final = 4
+FRAMES: Final = 5
+FRAMES_FD: Final = 6
+
+CLOSES_EPOCH: Final = 1
+"""Flag of a batch: its sender has said all it has to say in this epoch."""
+UNSTAMPED: Final = 2
+"""Flag of a batch: the hub is to put its time on it."""
+
+OBSERVER: Final = 1
+"""Flag of a `HELLO`: the peer may be cut off rather than slow the bus."""
+EXCLUSIVE: Final = 2
+"""Flag of a `HELLO`: no other peer may carry the same name."""
+RECEIVE_OWN: Final = 4
+"""Flag of a `HELLO`: the peer wants its own frames back."""
+
+MAX_DATAGRAM: Final = 65_536
+MAX_FRAMES: Final = (MAX_DATAGRAM - HEADER_SIZE) // FRAME_SIZE
+MAX_FD_FRAMES: Final = (MAX_DATAGRAM - HEADER_SIZE) // FD_FRAME_SIZE
+MAX_TEXT: Final = 512
+"""Bytes of text in a control datagram: a name, or a reason."""
+
+CLASSIC_PAYLOAD: Final = 8
+FD_PAYLOAD: Final = 64
+
+_FRAME_FLAGS: Final = CLOSES_EPOCH | UNSTAMPED
+_HELLO_FLAGS: Final = OBSERVER | EXCLUSIVE | RECEIVE_OWN
+_FIRST_LENGTH: Final = HEADER_SIZE + 4  # `length` follows the u32 identifier of the first frame
+_TIME: Final = struct.Struct("<q")
+FLAGS_OFFSET: Final = 5
+"""Where the flags are in a datagram."""
+KIND_OFFSET: Final = 4
+"""Where the kind is in a datagram."""
+_TIME_OFFSET: Final = 24
+
+_unpack = HEADER.unpack_from
+_pack = HEADER.pack_into
+
+
+class ProtocolError(BusError):
+    """A datagram that is not one of ours; whoever sent it is cut off."""
+
+
+def receive_buffer() -> bytearray:
+    """Return room for one datagram, and for one byte that gives away a longer one."""
+    return bytearray(MAX_DATAGRAM + 1)
+
+
+def parse(buffer: bytearray, size: int) -> tuple[int, int, int, int, int, int]:
+    """Check a received datagram and read its header.
+
+    Parameters
+    ----------
+    buffer : bytearray
+        Holds the datagram in its first `size` bytes.
+    size : int
+        Bytes received.
+
+    Returns
+    -------
+    kind, flags, count, sender, epoch, time_ns : int
+        The fields of the header.
+
+    Raises
+    ------
+    ProtocolError
+        If anything about the datagram is not as the format says.
+    """
+    if size < HEADER_SIZE:
+        raise ProtocolError(f"a datagram of {size} bytes, shorter than its header")
+    magic, kind, flags, count, sender, reserved, epoch, time_ns = _unpack(buffer)
+    if magic != MAGIC or reserved:
+        raise ProtocolError("a datagram of another program, or of another version of this one")
+    if kind == FRAMES:
+        # max() over a strided slice: a third of the time of a numpy reduction at this size.
+        if (
+            size != HEADER_SIZE + count * FRAME_SIZE
+            or flags > _FRAME_FLAGS
+            or (count and max(buffer[_FIRST_LENGTH:size:FRAME_SIZE]) > CLASSIC_PAYLOAD)
+        ):
+            raise ProtocolError(f"a malformed batch: {size} bytes for {count} frames")
+    elif kind == FRAMES_FD:
+        if (
+            size != HEADER_SIZE + count * FD_FRAME_SIZE
+            or size > MAX_DATAGRAM
+            or flags > _FRAME_FLAGS
+            or (count and max(buffer[_FIRST_LENGTH:size:FD_FRAME_SIZE]) > FD_PAYLOAD)
+        ):
+            raise ProtocolError(f"a malformed FD batch: {size} bytes for {count} frames")
+    elif kind in (HELLO, WELCOME, REFUSED, BYE):
+        if size != HEADER_SIZE + count or count > MAX_TEXT or flags > _HELLO_FLAGS:
+            raise ProtocolError(f"a malformed control datagram of {size} bytes")
+    else:
+        raise ProtocolError(f"a datagram of unknown kind {kind}")
+    return kind, flags, count, sender, epoch, time_ns
+
+
+def put_header(
+    buffer: bytearray, kind: int, flags: int, count: int, sender: int, epoch: int, time_ns: int
+) -> None:
+    """Write the header of a datagram in place.
+
+    Raises
+    ------
+    ValueError
+        If a field does not fit its width.
+    """
+    try:
+        _pack(buffer, 0, MAGIC, kind, flags, count, sender, 0, epoch, time_ns)
+    except struct.error as error:
+        raise ValueError(
+            f"epoch {epoch} must fit 64 bits unsigned and time_ns {time_ns} 64 bits signed"
+        ) from error
+
+
+def time_of(view: bytearray | memoryview) -> int:
+    """Return the time of a batch."""
+    time_ns: int = _TIME.unpack_from(view, _TIME_OFFSET)[0]
+    return time_ns
+
+
+def put_time(buffer: bytearray | memoryview, flags: int, time_ns: int) -> None:
+    """Write the hub's time on a batch that came without one."""
+    buffer[FLAGS_OFFSET] = flags & ~UNSTAMPED
+    _TIME.pack_into(buffer, _TIME_OFFSET, time_ns)
+
+
+def control(kind: int, text: str = "", *, flags: int = 0, sender: int = 0, epoch: int = 0) -> bytes:
+    """Return a control datagram; text beyond `MAX_TEXT` bytes is cut."""
+    body = text.encode()[:MAX_TEXT]
+    return HEADER.pack(MAGIC, kind, flags, len(body), sender, 0, epoch, 0) + body
+
+
+def text_of(buffer: bytearray, count: int) -> str:
+    """Return the text of a control datagram."""
+    return bytes(buffer[HEADER_SIZE : HEADER_SIZE + count]).decode(errors="replace")

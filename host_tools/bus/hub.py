@@ -1,0 +1,305 @@
+"""The hosting end of a channel; as a program, a hub that runs until its last peer has left.
+
+The hub has no thread: the bus moves while its owner sends, receives or serves. ::
+
+    python -m host_tools.bus.hub CHANNEL
+
+hosts a channel and prints one line, ``ready`` or why not; then it goes on in the background.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+import threading
+import time
+from collections import deque
+from collections.abc import Iterable, Sequence
+from typing import Final
+
+from host_tools.bus.datagram import receive_buffer
+from host_tools.bus.peer import PeerInfo, check_name
+from host_tools.bus.relay import TIMED_OUT, Relay
+from host_tools.bus.wire import BusTimeoutError
+from host_tools.errors import BusError
+
+QUEUE_LIMIT: Final = 4 * 1024 * 1024
+"""Bytes that may wait for an observer, or for a host that sends and does not receive."""
+
+READY: Final = "ready"
+"""What the program prints when its channel can be attached to."""
+
+_UNSERVED_NS: Final = 10_000_000
+_BRIEF_STEPS: Final = 64
+_PATIENCE_S: Final = 10.0
+
+_now: Final = time.monotonic_ns
+
+
+class Hub:
+    """The host of a channel, and a participant of it: node 0.
+
+    Parameters
+    ----------
+    channel : str
+        Name or path of the channel.
+    name : str
+        What the host calls itself.
+    exclusive : bool
+        Whether no peer may carry the name of the host.
+    receive_own : bool
+        Whether the host receives what it has sent.
+    queue_limit : int
+        Bytes that may wait for an observer before it is cut off.
+
+    Raises
+    ------
+    BusError
+        If another process hosts the channel, or its place is not safe.
+    """
+
+    def __init__(
+        self,
+        channel: str,
+        *,
+        name: str = "host",
+        exclusive: bool = False,
+        receive_own: bool = False,
+        queue_limit: int = QUEUE_LIMIT,
+    ) -> None:
+        self.number = 0
+        self._channel = channel
+        self._receive_own = receive_own
+        self._queue_limit = queue_limit
+        self._relay = Relay(
+            channel, PeerInfo(check_name(name), os.getpid(), "node", 0), exclusive, queue_limit
+        )
+        self._step = self._relay.step
+        self._lock = self._relay.lock
+        self._receive_lock = threading.Lock()
+        self._buffer = bytearray()  # made when it is first needed
+        self._backlog: deque[bytes] = deque()  # what the host has not received yet
+        self._backlog_bytes = 0
+        self._served_ns = _now()
+
+    @property
+    def peers(self) -> tuple[PeerInfo, ...]:
+        """The attached peers in order of attachment; the host is not among them."""
+        return tuple(peer.info for peer in self._relay.receivers)
+
+    def require(self, names: Iterable[str]) -> None:
+        """Let the host's sending and receiving fail once one of these peers has left.
+
+        Replaces what was required before, and forgives what was lost.
+
+        Raises
+        ------
+        BusError
+            If one of them is not attached now.
+        """
+        with self._lock:
+            required: dict[int, str] = {}
+            for name in names:
+                numbers = [info.number for info in self.peers if info.name == name]
+                if not numbers:
+                    raise BusError(f"{name!r} is not attached to channel {self._channel!r}")
+                required.update(dict.fromkeys(numbers, name))
+            self._relay.required = required
+            self._relay.lost = ""
+
+    def wait_for(self, name: str, timeout: float | None) -> PeerInfo:
+        """Serve the channel until a peer of that name is attached.
+
+        What arrives meanwhile is kept for `receive`.
+
+        Raises
+        ------
+        BusTimeoutError
+            If nobody of that name has come in `timeout` seconds.
+        """
+        deadline = _deadline(timeout)
+        self._serve_briefly()  # who has gone is not to be found
+        while True:
+            for info in self.peers:
+                if info.name == name:
+                    return info
+            left = _seconds_left(deadline)
+            with self._receive_lock:
+                self._relay.check()
+                if self._drive(left) == TIMED_OUT and left == 0.0:
+                    raise BusTimeoutError(
+                        f"{name!r} has not attached to channel {self._channel!r} in {timeout:g} s"
+                    )
+
+    def send(self, datagram: memoryview, timeout: float | None) -> None:
+        """Send a datagram to all peers, waiting while a node holds up the bus.
+
+        Raises
+        ------
+        BusTimeoutError
+            If the bus was held up all the time; nothing was sent.
+        BusError
+            If the hub is closed, or a required peer has left.
+        """
+        relay = self._relay
+        if _now() - self._served_ns > _UNSERVED_NS:
+            self._serve_briefly()
+        deadline: int | None = None
+        is_waiting = False
+        while True:
+            with self._lock:
+                if relay.lost or relay.is_closed:
+                    relay.check()
+                if not relay.stuck:
+                    relay.send(datagram)
+                    if self._receive_own:
+                        self._keep(datagram)
+                        relay.wake()
+                    return
+            if not is_waiting:
+                is_waiting = True
+                deadline = _deadline(timeout)
+            left = _seconds_left(deadline)
+            if relay.step_aside(left) == TIMED_OUT and left == 0.0:
+                raise BusTimeoutError(
+                    f"channel {self._channel!r} is held up by "
+                    + ", ".join(str(peer) for peer in relay.stuck)
+                )
+
+    def receive(self, buffer: bytearray, timeout: float | None) -> int:
+        """Receive the next datagram of a peer, relayed to the others already.
+
+        Returns
+        -------
+        int
+            Its size in `buffer`, or 0 when the time is over.
+
+        Raises
+        ------
+        BusError
+            If the hub is closed, or a required peer has left.
+        """
+        with self._receive_lock:
+            relay = self._relay
+            self._served_ns = now = _now()
+            deadline = None if timeout is None else now + int(timeout * 1e9)
+            wait = -1.0 if timeout is None else max(timeout, 0.0)
+            while True:
+                if self._backlog:
+                    return self._take_kept(buffer)
+                if relay.lost or relay.is_closed:
+                    relay.check()
+                size = self._step(buffer, wait)
+                if size > 0:
+                    return size
+                if size == TIMED_OUT and wait == 0.0:
+                    return 0
+                wait = _seconds_left(deadline)
+
+    def serve(self, patience: float) -> None:
+        """Relay, without taking part, until the last peer has left.
+
+        Parameters
+        ----------
+        patience : float
+            Seconds to wait for the first peer.
+        """
+        buffer = self._room()
+        deadline = _deadline(patience)
+        relay = self._relay
+        while not relay.has_had_company and _seconds_left(deadline):
+            self._step(buffer, _seconds_left(deadline))
+        while relay.has_company or self._step(buffer, 0.0) != TIMED_OUT:
+            self._step(buffer, -1.0 if relay.has_company else 0.0)
+
+    def close(self) -> None:
+        """Let the peers take what waits for them, and give the channel up; idempotent."""
+        relay = self._relay
+        with self._lock:
+            if relay.is_closed:
+                return
+            relay.linger()
+            relay.is_closed = True
+            relay.wake()  # a thread that waits comes back, and finds it closed
+        with self._receive_lock, self._lock:
+            relay.close()
+
+    def _drive(self, wait: float) -> int:
+        """Serve one event and keep the datagram that comes with it."""
+        if self._backlog_bytes > self._queue_limit:
+            # The host does not receive. It is a node as well, so the bus waits for it.
+            return self._relay.step_aside(wait)
+        buffer = self._room()
+        size = self._step(buffer, wait)
+        if size > 0:
+            self._keep(memoryview(buffer)[:size])
+        return size
+
+    def _serve_briefly(self) -> None:
+        """Serve a host that only sends, unless another thread receives and so serves already."""
+        self._served_ns = _now()
+        if self._receive_lock.acquire(blocking=False):
+            try:
+                for _ in range(_BRIEF_STEPS):
+                    if self._relay.is_closed or self._drive(0.0) == TIMED_OUT:
+                        break
+            finally:
+                self._receive_lock.release()
+
+    def _room(self) -> bytearray:
+        if not self._buffer:
+            self._buffer = receive_buffer()
+        return self._buffer
+
+    def _keep(self, view: memoryview) -> None:
+        self._backlog.append(bytes(view))
+        self._backlog_bytes += len(view)
+
+    def _take_kept(self, buffer: bytearray) -> int:
+        kept = self._backlog.popleft()
+        self._backlog_bytes -= len(kept)
+        buffer[: len(kept)] = kept
+        return len(kept)
+
+
+def _deadline(timeout: float | None) -> int | None:
+    return None if timeout is None else _now() + int(timeout * 1e9)
+
+
+def _seconds_left(deadline: int | None) -> float:
+    """Return the seconds to a deadline, -1 if there is none."""
+    return -1.0 if deadline is None else max(0.0, (deadline - _now()) / 1e9)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Host a channel in the background until its last peer has left."""
+    parser = argparse.ArgumentParser(
+        prog="python -m host_tools.bus.hub", description=main.__doc__, allow_abbrev=False
+    )
+    parser.add_argument("channel", help="name or path of the channel")
+    channel = parser.parse_args(arguments).channel
+    # The process that was started ends at once, so whoever started it is not left with a child.
+    if os.fork():
+        return 0
+    os.setsid()
+    os.chdir("/")
+    try:
+        hub = Hub(channel)
+    except BusError as error:
+        print(error, flush=True)
+        return 1
+    print(READY, flush=True)
+    nowhere = os.open(os.devnull, os.O_RDWR)
+    for descriptor in (sys.stdin.fileno(), sys.stdout.fileno(), sys.stderr.fileno()):
+        os.dup2(nowhere, descriptor)
+    os.close(nowhere)
+    try:
+        hub.serve(_PATIENCE_S)
+    finally:
+        hub.close()
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,282 @@
+"""One attached end of the bus."""
+
+from __future__ import annotations
+
+import os
+import select
+import socket
+import struct
+import threading
+import time
+from collections import deque
+from typing import Final
+
+from host_tools.bus import datagram
+from host_tools.bus.channel import NoHostError, connect
+from host_tools.bus.peer import check_name, widen
+from host_tools.bus.wire import BusTimeoutError
+from host_tools.errors import BusError
+
+_BACKLOG_LIMIT: Final = 4 * 1024 * 1024
+_TIMEVAL: Final = struct.Struct("@ll")
+_ASIDE_MS: Final = 20
+_NEVER: Final = object()
+
+_now: Final = time.monotonic_ns
+
+
+class HostGoneError(NoHostError):
+    """The host went while we were attaching; another may come."""
+
+
+class Link:
+    """A connection to the host of a channel.
+
+    Parameters
+    ----------
+    channel : str
+        Name or path of the channel.
+    name : str
+        What this end calls itself.
+    is_observer : bool
+        Whether this end may be cut off rather than slow the bus.
+    exclusive : bool
+        Whether nobody else may carry the same name.
+    receive_own : bool
+        Whether this end receives what it has sent.
+    timeout : float
+        Seconds that the host has to answer.
+
+    Attributes
+    ----------
+    number : int
+        Node number of this end.
+    host_pid : int
+        Process of the host.
+
+    Raises
+    ------
+    NoHostError
+        If nobody hosts the channel.
+    BusError
+        If the host does not answer, or refuses.
+    """
+
+    def __init__(
+        self,
+        channel: str,
+        *,
+        name: str,
+        is_observer: bool = False,
+        exclusive: bool = False,
+        receive_own: bool = False,
+        timeout: float = 10.0,
+    ) -> None:
+        self._channel = channel
+        self._pid = os.getpid()
+        self._end_reason = ""
+        self._is_closed = False
+        self._receive_lock = threading.Lock()
+        self._backlog: deque[bytes] = deque()  # received while waiting for room to send
+        self._backlog_bytes = 0
+        self._timeout: object = _NEVER  # what SO_RCVTIMEO is set to
+        flags = (
+            (datagram.OBSERVER if is_observer else 0)
+            | (datagram.EXCLUSIVE if exclusive else 0)
+            | (datagram.RECEIVE_OWN if receive_own else 0)
+        )
+        hello = datagram.control(datagram.HELLO, check_name(name), flags=flags)
+        self._end = connect(channel, timeout)
+        try:
+            widen(self._end)
+            self.number, self.host_pid = self._introduce(hello, timeout)
+            # Blocking for Python, so a receive is one system call; the kernel keeps the time.
+            self._end.settimeout(None)
+        except BaseException:
+            self._end.close()
+            raise
+
+    def _introduce(self, hello: bytes, timeout: float) -> tuple[int, int]:
+        buffer = datagram.receive_buffer()
+        try:
+            self._end.send(hello)
+            size = self._end.recv_into(buffer)
+        except TimeoutError as error:
+            raise BusError(
+                f"the host of channel {self._channel!r} has not answered for {timeout:g} s; "
+                "a host answers while it sends or receives"
+            ) from error
+        except (BrokenPipeError, ConnectionResetError):
+            size = 0
+        if not size:
+            raise HostGoneError(f"no bus {self._channel!r}: its host has just left")
+        kind, _, count, number, pid, _ = datagram.parse(buffer, size)
+        if kind == datagram.REFUSED:
+            raise BusError(datagram.text_of(buffer, count))
+        if kind != datagram.WELCOME:
+            raise datagram.ProtocolError(f"the host answered with a datagram of kind {kind}")
+        return number, pid
+
+    @property
+    def is_lost(self) -> bool:
+        """Whether the bus has come to its end for this link."""
+        return bool(self._end_reason)
+
+    def send(self, view: memoryview, timeout: float | None) -> None:
+        """Send a datagram, waiting while a node holds up the bus.
+
+        Raises
+        ------
+        BusTimeoutError
+            If the bus was held up all the time; nothing was sent.
+        BusError
+            If the host is gone, or has cut this end off.
+        """
+        try:
+            self._end.send(view, socket.MSG_DONTWAIT)
+        except BlockingIOError:
+            self._send_slowly(view, timeout)
+        except OSError as error:
+            raise self._why_lost() from error
+
+    def _send_slowly(self, view: memoryview, timeout: float | None) -> None:
+        """Wait for room, and receive meanwhile: two nodes that both send would never get any."""
+        deadline = None if timeout is None else _now() + int(timeout * 1e9)
+        poll = select.poll()
+        poll.register(self._end, select.POLLOUT)
+        while True:
+            wait = None if deadline is None else max(0, deadline - _now()) / 1e6
+            if self._backlog_bytes < _BACKLOG_LIMIT:
+                is_drained = self._drain()
+                poll.modify(self._end, select.POLLOUT | (select.POLLIN if is_drained else 0))
+                # Another thread receives: leave it to that one, and look again a little later.
+                step = wait if is_drained else _ASIDE_MS if wait is None else min(wait, _ASIDE_MS)
+            else:
+                poll.modify(self._end, select.POLLOUT)
+                step = _ASIDE_MS if wait is None else min(wait, _ASIDE_MS)
+            poll.poll(step)
+            try:
+                self._end.send(view, socket.MSG_DONTWAIT)
+            except BlockingIOError:
+                if wait == 0:
+                    raise BusTimeoutError(
+                        f"channel {self._channel!r} is held up: a node does not receive"
+                    ) from None
+            except OSError as error:
+                raise self._why_lost() from error
+            else:
+                return
+
+    def _drain(self) -> bool:
+        """Take in what has arrived while there is room; return False if another thread does."""
+        if not self._receive_lock.acquire(blocking=False):
+            return False
+        try:
+            while self._backlog_bytes < _BACKLOG_LIMIT and not self._end_reason:
+                data = self._take(socket.MSG_DONTWAIT)
+                if data is None:
+                    break
+                self._backlog.append(data)
+                self._backlog_bytes += len(data)
+        finally:
+            self._receive_lock.release()
+        return True
+
+    def _take(self, flags: int) -> bytes | None:
+        try:
+            data = self._end.recv(datagram.MAX_DATAGRAM + 1, flags)
+        except BlockingIOError:
+            return None
+        except ConnectionResetError:
+            return self._take(flags)  # told once; what arrived before can still be read
+        except OSError:
+            data = b""
+        if not self._is_end(bytearray(data), len(data)):
+            return data
+        return None
+
+    def receive(self, buffer: bytearray, timeout: float | None) -> int:
+        """Receive the next datagram.
+
+        Returns
+        -------
+        int
+            Its size in `buffer`, or 0 when the time is over.
+
+        Raises
+        ------
+        BusError
+            If the host is gone, or has cut this end off, and all that came before is received.
+        """
+        with self._receive_lock:
+            if self._backlog:
+                kept = self._backlog.popleft()
+                self._backlog_bytes -= len(kept)
+                buffer[: len(kept)] = kept
+                return len(kept)
+            if self._end_reason:
+                raise BusError(self._end_reason)
+            flags = 0
+            if timeout is not None and timeout <= 0:
+                flags = socket.MSG_DONTWAIT
+            elif timeout != self._timeout:
+                self._set_timeout(timeout)
+            while True:
+                try:
+                    size = self._end.recv_into(buffer, 0, flags)
+                except BlockingIOError:
+                    return 0
+                except ConnectionResetError:
+                    continue  # told once; what arrived before can still be read
+                except OSError:
+                    size = 0
+                if size < datagram.HEADER_SIZE or buffer[datagram.KIND_OFFSET] == datagram.BYE:
+                    self._is_end(buffer, size)
+                    raise BusError(self._end_reason)
+                return size
+
+    def _set_timeout(self, timeout: float | None) -> None:
+        micros = 0 if timeout is None else max(1, int(timeout * 1e6))  # zero means for ever
+        self._end.setsockopt(
+            socket.SOL_SOCKET, socket.SO_RCVTIMEO, _TIMEVAL.pack(*divmod(micros, 1_000_000))
+        )
+        self._timeout = timeout
+
+    def _is_end(self, buffer: bytearray, size: int) -> bool:
+        """Return whether a datagram is the last one; if it is, keep the reason."""
+        if size >= datagram.HEADER_SIZE and buffer[datagram.KIND_OFFSET] != datagram.BYE:
+            return False
+        reason = f"its host, process {self.host_pid}, has gone without a word"
+        if self._is_closed:
+            reason = "this end is shut down"
+        elif size:
+            _, _, count, *_ = datagram.parse(buffer, size)
+            reason = datagram.text_of(buffer, count)
+        self._end_reason = f"channel {self._channel!r}: {reason}"
+        return True
+
+    def _why_lost(self) -> BusError:
+        """Return the error of a send that failed; the host's last word may tell more."""
+        self._drain()
+        return BusError(
+            self._end_reason
+            or f"channel {self._channel!r}: its host, process {self.host_pid}, "
+            "no longer takes what this end sends"
+        )
+
+    def close(self) -> None:
+        """Leave the bus; what was sent still arrives. A second call does nothing."""
+        if self._is_closed:
+            return
+        self._is_closed = True
+        if os.getpid() == self._pid:  # not in a child, which has only inherited the socket
+            try:
+                self._end.send(
+                    datagram.control(datagram.BYE, sender=self.number), socket.MSG_DONTWAIT
+                )
+                self._end.shutdown(socket.SHUT_RDWR)  # wakes a thread that receives
+            except OSError as error:
+                self._end_reason = self._end_reason or f"the host has gone: {error.strerror}"
+        with self._receive_lock:
+            self._end_reason = f"channel {self._channel!r}: this end is shut down"
+            self._end.close()

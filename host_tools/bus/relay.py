@@ -1,0 +1,409 @@
+"""The heart of a hub: it admits peers and relays each datagram of one to all others.
+
+It has no thread and no loop, only single steps, and never blocks on a single peer:
+
+- A *node* that takes no more stops the bus. The datagram it has not taken is held, nothing more is
+  read from anybody, so the queues of the senders fill and the senders wait.
+- An *observer* that takes no more gets a queue of its own; when that is full it is cut off.
+- A peer that dies, or sends what is not a datagram of ours, is cut off. The others go on.
+
+Two polls make that cheap. ``_always`` watches what may be served at any time: the door, and whoever
+has something waiting. ``_all`` watches the peers' datagrams and, nested in it, ``_always``. A bus
+that is held waits on the former, else on the latter, so new peers cost a running bus no system
+call.
+"""
+
+from __future__ import annotations
+
+import errno
+import logging
+import os
+import select
+import threading
+import time
+from typing import Final
+
+from host_tools.bus import datagram
+from host_tools.bus.door import Caller, Door, refuse
+from host_tools.bus.peer import Peer, PeerInfo
+from host_tools.errors import BusError
+
+TIMED_OUT: Final = -1
+"""What a step returns when nothing has happened in its time."""
+
+_STALL_NS: Final = 1_000_000_000
+_STALL_S: Final = 1.0
+_LINGER_NS: Final = 1_000_000_000
+_GONE: Final = (errno.EPIPE, errno.ECONNRESET)
+
+_log: Final = logging.getLogger("host_tools.bus")
+_now: Final = time.monotonic_ns
+
+
+class Relay:
+    """The peers of a channel, and what goes from each to the others.
+
+    Parameters
+    ----------
+    channel : str
+        Name or path of the channel.
+    host : PeerInfo
+        Who hosts it.
+    exclusive : bool
+        Whether no peer may carry the name of the host.
+    queue_limit : int
+        Bytes that may wait for an observer before it is cut off.
+
+    Attributes
+    ----------
+    lock : threading.RLock
+        Held while the relay changes, never while it waits.
+    receivers : tuple of Peer
+        The attached peers in order of attachment.
+    stuck : set of Peer
+        The nodes that hold up the bus.
+    required : dict
+        Names, by node number, of the peers without which the host cannot go on.
+    lost : str
+        Which of them has left, and how; empty while all are there.
+
+    Raises
+    ------
+    BusError
+        If another process hosts the channel, or its place is not safe.
+    """
+
+    def __init__(self, channel: str, host: PeerInfo, exclusive: bool, queue_limit: int) -> None:
+        self._channel = channel
+        self._host = host
+        self._exclusive = exclusive
+        self._queue_limit = queue_limit
+        self._always = select.epoll()
+        self._all = select.epoll()
+        self._wake = os.eventfd(0, os.EFD_CLOEXEC | os.EFD_NONBLOCK)
+        try:
+            self._door = Door(channel, self._always)
+        except BaseException:
+            self._close_descriptors()
+            raise
+        self._always.register(self._wake, select.EPOLLIN)
+        self._all.register(self._always.fileno(), select.EPOLLIN)
+
+        self.lock = threading.RLock()
+        self.receivers: tuple[Peer, ...] = ()
+        self.stuck: set[Peer] = set()
+        self.required: dict[int, str] = {}
+        self.lost = ""
+        self.is_closed = False
+        self._peers: dict[int, Peer] = {}  # the receivers by descriptor
+        self._leaving: dict[int, Peer] = {}  # cut off, and their last word not yet taken
+        self._last_number = 0
+        self._held = b""  # the datagram that the stuck nodes have not taken
+        self._stuck_ns = 0
+        self._stall_told = False
+        self._bus_time: int | None = None
+        self._timekeeper: Peer | None = None
+
+    @property
+    def has_company(self) -> bool:
+        """Whether anybody is attached or about to attach."""
+        return bool(self._peers) or self._door.has_callers
+
+    @property
+    def has_had_company(self) -> bool:
+        """Whether anybody has ever attached."""
+        return self._last_number > 0
+
+    def check(self) -> None:
+        """Raise if the relay is of no more use to its host.
+
+        Raises
+        ------
+        BusError
+            If it is closed, or a required peer has left.
+        """
+        if self.is_closed:
+            raise BusError(f"channel {self._channel!r} is shut down")
+        if self.lost:
+            raise BusError(self.lost)
+
+    # Steps
+
+    def step(self, buffer: bytearray, wait: float) -> int:
+        """Wait for one event and serve it.
+
+        Parameters
+        ----------
+        buffer : bytearray
+            Takes the datagram that comes with the event.
+        wait : float
+            Seconds to wait; negative to wait for ever.
+
+        Returns
+        -------
+        int
+            Size of the datagram, relayed already; 0 for an event without one; `TIMED_OUT`.
+        """
+        if self.stuck:
+            return self.step_aside(wait)
+        events = self._all.poll(wait, 1)
+        if not events:
+            return TIMED_OUT
+        with self.lock:
+            peer = self._peers.get(events[0][0])
+            if peer is None or self.stuck:
+                self._keep_house()
+                return 0
+            return self._take(peer, buffer)
+
+    def step_aside(self, wait: float) -> int:
+        """Wait for one event that may be served while the bus is held, and serve it.
+
+        Returns
+        -------
+        int
+            0, or `TIMED_OUT`.
+        """
+        is_told = self._stall_told or not self.stuck
+        limit = wait if is_told else _STALL_S if wait < 0 else min(wait, _STALL_S)
+        try:
+            events = self._always.poll(limit, 1)
+        except ValueError:
+            self.check()  # closed by another thread a moment ago
+            raise
+        with self.lock:
+            if events:
+                self._keep_house()
+                return 0
+            if self.stuck and not self._stall_told and _now() - self._stuck_ns >= _STALL_NS:
+                self._stall_told = True
+                names = ", ".join(str(peer) for peer in self.stuck)
+                _log.warning("channel %s is held up: %s does not receive", self._channel, names)
+        return TIMED_OUT
+
+    def _take(self, peer: Peer, buffer: bytearray) -> int:
+        """Read one datagram of a peer and relay it."""
+        try:
+            size = peer.end.recv_into(buffer)
+        except (BlockingIOError, ConnectionResetError):
+            return 0  # after a reset the peer's last datagrams can still be read
+        if not size:
+            self._drop(peer, "has gone without a word")
+            return 0
+        try:
+            kind, flags, _, sender, _, time_ns = datagram.parse(buffer, size)
+            if kind == datagram.BYE:
+                self._drop(peer)
+                return 0
+            if kind < datagram.FRAMES or sender != peer.number:
+                raise datagram.ProtocolError(f"a datagram of kind {kind} from node {sender}")
+        except datagram.ProtocolError as error:
+            self._last_word(peer, f"this peer was cut off, because it sent {error}")
+            self._drop(peer, f"is cut off: it sent {error}")
+            return 0
+        if flags & datagram.UNSTAMPED:
+            datagram.put_time(buffer, flags, self._time())
+        else:
+            self._bus_time = time_ns
+            self._timekeeper = peer
+        if len(self.receivers) > 1 or peer.receive_own:
+            self._spread(memoryview(buffer)[:size], peer)
+        return size
+
+    # Spreading
+
+    def send(self, view: memoryview) -> None:
+        """Spread a datagram of the host; only while nobody is `stuck`."""
+        flags = view[datagram.FLAGS_OFFSET]
+        if flags & datagram.UNSTAMPED:
+            datagram.put_time(view, flags, self._time())
+        else:
+            self._bus_time = datagram.time_of(view)
+            self._timekeeper = None
+        self._spread(view, None)
+
+    def _spread(self, view: memoryview, source: Peer | None) -> None:
+        for peer in self.receivers:
+            if peer is source and not peer.receive_own:
+                continue
+            if peer.queue:
+                self._enqueue(peer, view)
+                continue
+            try:
+                peer.send(view)
+            except OSError as error:
+                if error.errno in _GONE:
+                    continue  # noticed in its turn, after its last datagrams were read
+                if peer.is_observer:
+                    self._enqueue(peer, view)
+                else:
+                    self._hold(peer, view)
+
+    def _hold(self, peer: Peer, view: memoryview) -> None:
+        if not self.stuck:
+            self._held = bytes(view)
+            self._stuck_ns = _now()
+            self._stall_told = False
+        self.stuck.add(peer)
+        self._always.register(peer.fd, select.EPOLLOUT)
+
+    def _enqueue(self, peer: Peer, view: memoryview) -> None:
+        if peer.queued + len(view) <= self._queue_limit:
+            if not peer.queue:
+                self._always.register(peer.fd, select.EPOLLOUT)
+            peer.queue.append(bytes(view))
+            peer.queued += len(view)
+            return
+        self._forget(peer, f"is cut off: {peer.queued} bytes waited for it to receive")
+        peer.queue.clear()
+        peer.queued = 0
+        reason = f"this observer was cut off: {self._queue_limit} bytes waited for it to receive"
+        peer.queue.append(datagram.control(datagram.BYE, reason))
+        self._leaving[peer.fd] = peer
+
+    def _flush(self, peer: Peer) -> None:
+        """Give a peer what waits for it, as far as it takes it."""
+        try:
+            if peer in self.stuck:
+                peer.send(self._held)
+                self.stuck.discard(peer)
+            while peer.queue:
+                peer.send(peer.queue[0])
+                peer.queued -= len(peer.queue.popleft())
+        except BlockingIOError:
+            return
+        except OSError as error:
+            if error.errno not in _GONE:
+                return
+            self.stuck.discard(peer)
+            peer.queue.clear()
+            peer.queued = 0
+        self._always.unregister(peer.fd)
+        if self._leaving.pop(peer.fd, None) is not None:
+            peer.end.close()
+            self._door.reopen()
+
+    def _time(self) -> int:
+        return time.time_ns() if self._bus_time is None else self._bus_time
+
+    # Coming and going
+
+    def _keep_house(self) -> None:
+        """Serve everything that may be served while the bus is held."""
+        if self.is_closed:
+            return
+        for fd, _ in self._always.poll(0):
+            if fd == self._wake:
+                os.eventfd_read(self._wake)
+            elif self._door.owns(fd):
+                caller = self._door.serve(fd)
+                if caller is not None:
+                    self._admit(caller)
+            else:
+                peer = self._peers.get(fd) or self._leaving.get(fd)
+                if peer is not None:
+                    self._flush(peer)
+
+    def _admit(self, caller: Caller) -> None:
+        wants_alone = bool(caller.flags & datagram.EXCLUSIVE)
+        holder = None
+        if caller.name == self._host.name and (wants_alone or self._exclusive):
+            holder = self._host.pid
+        for peer in self.receivers:
+            is_rival = peer.info.name == caller.name and (wants_alone or peer.exclusive)
+            if is_rival and not _has_hung_up(peer):
+                holder = peer.info.pid
+        if holder is not None:
+            refuse(
+                caller.end,
+                f"the name {caller.name!r} on channel {self._channel!r} belongs to "
+                f"process {holder}; end it, or take another name",
+            )
+            return
+        self._last_number += 1
+        peer = Peer(caller.end, self._last_number, caller.name, caller.flags)
+        welcome = datagram.control(
+            datagram.WELCOME, self._host.name, sender=peer.number, epoch=self._host.pid
+        )
+        try:
+            peer.send(welcome)
+        except OSError as error:
+            _log.warning("%s went before it was welcome: %s", peer, error.strerror)
+            peer.end.close()
+            return
+        self._peers[peer.fd] = peer
+        self.receivers += (peer,)
+        self._all.register(peer.fd, select.EPOLLIN)
+
+    def _drop(self, peer: Peer, why: str = "") -> None:
+        """Part with a peer and close its socket; say why unless it went properly."""
+        self._forget(peer, why)
+        if peer in self.stuck or peer.queue:
+            self._always.unregister(peer.fd)
+            self.stuck.discard(peer)
+        peer.end.close()
+        self._door.reopen()
+
+    def _forget(self, peer: Peer, why: str) -> None:
+        del self._peers[peer.fd]
+        self.receivers = tuple(self._peers.values())
+        self._all.unregister(peer.fd)
+        if self._timekeeper is peer:
+            self._timekeeper = None
+            self._bus_time = None
+        if why:
+            _log.warning("channel %s: %s %s", self._channel, peer, why)
+        if peer.number in self.required:
+            self.lost = f"channel {self._channel!r}: {peer} {why or 'has left'}"
+
+    def _last_word(self, peer: Peer, reason: str) -> None:
+        try:
+            peer.send(datagram.control(datagram.BYE, reason))
+        except OSError as error:  # it gets the bare end of the connection instead
+            _log.debug("%s does not take its last word: %s", peer, error.strerror)
+
+    # The end
+
+    def wake(self) -> None:
+        """Let threads that wait come back for a moment."""
+        os.eventfd_write(self._wake, 1)
+
+    def linger(self) -> None:
+        """Give the peers a moment to take what waits for them."""
+        if os.getpid() != self._host.pid:
+            return
+        end = _now() + _LINGER_NS
+        while self.stuck or any(peer.queue for peer in self.receivers):
+            left = end - _now()
+            if left <= 0:
+                _log.warning("channel %s closes before all was received", self._channel)
+                return
+            self.step_aside(left / 1e9)
+
+    def close(self) -> None:
+        """Tell the peers that the channel closes, and give it up."""
+        if os.getpid() == self._host.pid:
+            for peer in self.receivers:
+                self._last_word(peer, f"process {self._host.pid} has closed it")
+            self._door.close()
+        else:  # a child of the host, which has inherited the sockets and none of the rights
+            self._door.abandon()
+        for peer in (*self.receivers, *self._leaving.values()):
+            peer.end.close()
+        self._peers.clear()
+        self._leaving.clear()
+        self.stuck.clear()
+        self.receivers = ()
+        self._close_descriptors()
+
+    def _close_descriptors(self) -> None:
+        self._all.close()
+        self._always.close()
+        os.close(self._wake)
+
+
+def _has_hung_up(peer: Peer) -> bool:
+    """Return whether a peer has ended, even if its last datagrams are still to be read."""
+    poll = select.poll()
+    poll.register(peer.fd, 0)
+    return bool(poll.poll(0))

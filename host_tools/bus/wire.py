@@ -1,0 +1,30 @@
+"""What an end of the bus can do, whether it hosts the channel or is attached to it."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+from host_tools.errors import BusError
+
+
+class BusTimeoutError(BusError):
+    """The bus had no room for a datagram in the time given; nothing of it was sent."""
+
+
+class Wire(Protocol):
+    """One end of the bus: datagrams in, datagrams out.
+
+    One thread may send while another receives; what is sent from several threads needs a lock.
+    """
+
+    number: int
+    """Node number of this end, which its datagrams carry as their sender."""
+
+    def send(self, datagram: memoryview, timeout: float | None) -> None:
+        """Put one datagram on the bus, waiting for room if need be."""
+
+    def receive(self, buffer: bytearray, timeout: float | None) -> int:
+        """Receive one datagram into `buffer` and return its size, 0 when the time is over."""
+
+    def close(self) -> None:
+        """Leave the bus; what was sent still arrives."""
