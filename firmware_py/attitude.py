@@ -120,7 +120,11 @@ def matrix_of_euler(C_b_n: Any, roll: float, pitch: float, heading: float) -> No
     cp, sp = math.cos(pitch), math.sin(pitch)
     ch, sh = math.cos(heading), math.sin(heading)
     C_b_n[0, 0], C_b_n[0, 1], C_b_n[0, 2] = ch * cr + sh * sp * sr, sh * cp, ch * sr - sh * sp * cr
-    C_b_n[1, 0], C_b_n[1, 1], C_b_n[1, 2] = -sh * cr + ch * sp * sr, ch * cp, -sh * sr - ch * sp * cr
+    C_b_n[1, 0], C_b_n[1, 1], C_b_n[1, 2] = (
+        -sh * cr + ch * sp * sr,
+        ch * cp,
+        -sh * sr - ch * sp * cr,
+    )
     C_b_n[2, 0], C_b_n[2, 1], C_b_n[2, 2] = -cp * sr, sp, cp * cr
 
 

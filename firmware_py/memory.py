@@ -145,7 +145,7 @@ MODES = _record(
         ("fault", "<i8"),
         ("request", "<i8"),  # the last one acted on
         ("requested", "<i8"),  # the one received
-        ("pending", "<i8"),  # navigation mode to go to after alignment
+        ("pending", "<i8"),  # mode that was asked for and not reached yet
         ("epochs", "<i8"),  # in this mode
         ("good_epochs", "<i8"),  # self-test
     ]

@@ -16,7 +16,7 @@ FAULT                  SELF_TEST, on the request for STANDBY
 any                    STANDBY and SHUTDOWN, on request
 =====================  ==========================================================================
 
-A request is acted on once, when it changes.
+A request is acted on once, when it changes; what STANDBY cannot be left for yet is remembered.
 """
 
 from __future__ import annotations
@@ -68,6 +68,9 @@ class Fault(IntEnum):
 SELF_TEST_GOOD_S = 0.5
 SELF_TEST_LIMIT_S = 10.0
 
+_AFTER_STANDBY = (Mode.ALIGNMENT, Mode.NAVIGATION_STRAPDOWN, Mode.NAVIGATION_ROTATING)
+_NAVIGATION = (Mode.NAVIGATION_STRAPDOWN, Mode.NAVIGATION_ROTATING)
+
 _LARGEST_SPEED = 3000.0  # m/s; no vehicle with this system is faster
 _LARGEST_LATITUDE = math.radians(89.99)  # east and north end at the poles
 
@@ -90,7 +93,7 @@ def enter(state: Any, mode: int) -> None:
         sequencer.switch_off(state.sequencer)
     else:
         sequencer.stop(state.sequencer)
-    if mode in (Mode.NAVIGATION_STRAPDOWN, Mode.NAVIGATION_ROTATING) and before == Mode.ALIGNMENT:
+    if mode in _NAVIGATION and before == Mode.ALIGNMENT:
         parameters = state.parameters
         strapdown.initialise(
             state.ins,
@@ -103,7 +106,8 @@ def enter(state: Any, mode: int) -> None:
 
 @njit(cache=True)
 def fail(state: Any, fault: int) -> None:
-    """Go to FAULT and say why."""
+    """Go to FAULT and say why; nothing that was asked for is pending any more."""
+    state.modes.pending = 0
     enter(state, Mode.FAULT)
     state.modes.fault = fault
 
@@ -112,7 +116,7 @@ def fail(state: Any, fault: int) -> None:
 def navigating(state: Any) -> bool:
     """Return whether the mode is one of the two navigation modes."""
     mode = state.modes.mode
-    return mode in (Mode.NAVIGATION_STRAPDOWN, Mode.NAVIGATION_ROTATING)
+    return mode in _NAVIGATION
 
 
 @njit(cache=True)
@@ -128,19 +132,24 @@ def take_request(state: Any) -> None:
     if request == ModeRequest.SHUTDOWN:
         enter(state, Mode.SHUTDOWN)
     elif request == ModeRequest.STANDBY:
+        modes.pending = Mode.STANDBY
         enter(state, Mode.SELF_TEST if modes.mode == Mode.FAULT else Mode.STANDBY)
+    elif modes.mode == Mode.FAULT:
+        return
     elif request == ModeRequest.ALIGN:
-        modes.pending = 0
-        if modes.mode == Mode.STANDBY:
-            enter(state, Mode.ALIGNMENT)
+        modes.pending = Mode.ALIGNMENT
     elif request in (ModeRequest.NAVIGATE_STRAPDOWN, ModeRequest.NAVIGATE_ROTATING):
         rotating = request == ModeRequest.NAVIGATE_ROTATING
-        target = Mode.NAVIGATION_ROTATING if rotating else Mode.NAVIGATION_STRAPDOWN
-        modes.pending = target
-        if modes.mode == Mode.STANDBY:
-            enter(state, Mode.ALIGNMENT)
-        elif navigating(state) and modes.mode != target:
-            enter(state, target)
+        modes.pending = Mode.NAVIGATION_ROTATING if rotating else Mode.NAVIGATION_STRAPDOWN
+        if navigating(state) and modes.mode != modes.pending:
+            enter(state, modes.pending)
+
+
+@njit(cache=True)
+def standby(state: Any) -> None:
+    """Leave for alignment when alignment or navigation has been asked for."""
+    if state.modes.pending in _AFTER_STANDBY:
+        enter(state, Mode.ALIGNMENT)
 
 
 @njit(cache=True)

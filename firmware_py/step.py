@@ -25,9 +25,7 @@ from firmware_py.transmit import transmit
 def _fuse(state: Any) -> None:
     """Fuse gyros and accelerometers, or bridge by the increments of the epoch before."""
     assembly, faults, work = state.assembly, state.faults, state.ins.work
-    gyros = fuse(
-        state.gyros, assembly.gyro_valid, assembly.gyro_dtheta, state.dtheta_s, work
-    )
+    gyros = fuse(state.gyros, assembly.gyro_valid, assembly.gyro_dtheta, state.dtheta_s, work)
     accelerometers = fuse(
         state.accelerometers,
         assembly.accelerometer_valid,
@@ -59,7 +57,7 @@ def _align(state: Any, contract: Any) -> None:
             alignment.take_held_back(state.alignment, resolution, work)
     if state.alignment.failed:
         modes.fail(state, Fault.ALIGNMENT_FAILED)
-    elif state.modes.pending != 0:
+    elif state.modes.pending != Mode.ALIGNMENT:
         modes.enter(state, state.modes.pending)
 
 
@@ -96,6 +94,8 @@ def _run_mode(state: Any, contract: Any) -> None:
         modes.enter(state, Mode.SELF_TEST)
     elif mode == Mode.SELF_TEST:
         modes.self_test(state)
+    elif mode == Mode.STANDBY:
+        modes.standby(state)
     elif mode == Mode.ALIGNMENT:
         _align(state, contract)
     elif mode in (Mode.NAVIGATION_STRAPDOWN, Mode.NAVIGATION_ROTATING):

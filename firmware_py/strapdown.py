@@ -153,9 +153,7 @@ def _hold_height(ins: Any, height_channel: int, dt: float) -> None:
         ins.height_error_integral += error * dt
         stiffness = 3.0 / _DAMPING_TIME**2 + 2.0 * earth.GRAVITY_EQUATOR / earth.SEMI_MAJOR_AXIS
         ins.height -= 3.0 / _DAMPING_TIME * error * dt
-        ins.velocity_n[2] -= (
-            stiffness * error + ins.height_error_integral / _DAMPING_TIME**3
-        ) * dt
+        ins.velocity_n[2] -= (stiffness * error + ins.height_error_integral / _DAMPING_TIME**3) * dt
 
 
 @njit(cache=True)

@@ -8,12 +8,16 @@ makes the senders wait, nothing is dropped) and carries whole batches of frames 
 module         noun
 =============  ===================================================================
 `interface`    the python-can interface ``rrins`` and its batch face
+`batch`        several frames at once, and what came with them
 `message`      a frame on the wire as a `can.Message`, and back
 `link`         one attached end of the bus
-`hub`          the hosting end, which relays; also a program of its own
+`hub`          the hosting end; also a program of its own
+`relay`        what goes from each peer to the others
+`door`         callers, until it is known who they are
 `peer`         one attached process, as the hub sees it
 `launch`       a hub process of its own, started when nobody hosts yet
 `channel`      the place of a channel in the file system, and who holds it
+`wire`         what both ends of the bus can do
 `datagram`     the wire format
 =============  ===================================================================
 

@@ -33,6 +33,10 @@ class NoHostError(BusError):
     """Nobody hosts the channel."""
 
 
+class HostedError(BusError):
+    """Another process hosts the channel."""
+
+
 def directory() -> Path:
     """Return the directory of the named channels; it need not exist."""
     runtime = os.environ.get("XDG_RUNTIME_DIR", "")
@@ -139,8 +143,10 @@ class Claim:
 
     Raises
     ------
+    HostedError
+        If another process hosts the channel.
     BusError
-        If another process hosts the channel, or its place is not safe.
+        If its place is not safe.
     """
 
     def __init__(self, channel: str) -> None:
@@ -175,7 +181,7 @@ class Claim:
             except BlockingIOError as error:
                 holder = os.pread(lock, 16, 0).decode(errors="replace")
                 os.close(lock)
-                raise BusError(
+                raise HostedError(
                     f"channel {channel!r} is already hosted by process {holder or 'unknown'}"
                 ) from error
             except BaseException:

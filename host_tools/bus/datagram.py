@@ -102,8 +102,8 @@ def parse(buffer: bytearray, size: int) -> tuple[int, int, int, int, int, int]:
     ProtocolError
         If anything about the datagram is not as the format says.
     """
-    if size < HEADER_SIZE:
-        raise ProtocolError(f"a datagram of {size} bytes, shorter than its header")
+    if not HEADER_SIZE <= size <= MAX_DATAGRAM:
+        raise ProtocolError(f"a datagram of {size} bytes, shorter or longer than any")
     magic, kind, flags, count, sender, reserved, epoch, time_ns = _unpack(buffer)
     if magic != MAGIC or reserved:
         raise ProtocolError("a datagram of another program, or of another version of this one")
@@ -118,7 +118,6 @@ def parse(buffer: bytearray, size: int) -> tuple[int, int, int, int, int, int]:
     elif kind == FRAMES_FD:
         if (
             size != HEADER_SIZE + count * FD_FRAME_SIZE
-            or size > MAX_DATAGRAM
             or flags > _FRAME_FLAGS
             or (count and max(buffer[_FIRST_LENGTH:size:FD_FRAME_SIZE]) > FD_PAYLOAD)
         ):

@@ -9,12 +9,12 @@ from collections.abc import Iterable, Sequence
 from typing import Any, Final, Literal
 
 import can
-import numpy as np
 from can.typechecking import AutoDetectedConfig, CanFilters
 
-from dbc.frame import FRAME, FrameArray
+from dbc.frame import FrameArray, frame_array
 from host_tools.bus import channel as channels
 from host_tools.bus import datagram
+from host_tools.bus.batch import Batch, bytes_of
 from host_tools.bus.hub import Hub
 from host_tools.bus.launch import attach
 from host_tools.bus.message import get_message, put_message
@@ -24,37 +24,8 @@ from host_tools.errors import BusError
 
 _HEADER: Final = datagram.HEADER_SIZE
 _FRAME: Final = datagram.FRAME_SIZE
-_NO_FRAMES: Final = np.zeros(0, dtype=FRAME)
+_NO_FRAMES: Final = frame_array(0)
 _NO_BYTES: Final = memoryview(bytearray())
-
-
-class Batch:
-    """What came with the frames of a `RrinsBus.recv_batch`.
-
-    One object for each bus, written anew by every call: take what you need before the next one.
-
-    Attributes
-    ----------
-    count : int
-        Frames received.
-    epoch : int
-        Epoch of the batch; 0 for a single message.
-    time_ns : int
-        Time of the batch in nanoseconds.
-    closes_epoch : bool
-        Whether its sender has said all it has to say in this epoch.
-    sender : int
-        Node number of the sender; the host is node 0.
-    """
-
-    __slots__ = ("closes_epoch", "count", "epoch", "sender", "time_ns")
-
-    def __init__(self) -> None:
-        self.count = 0
-        self.epoch = 0
-        self.time_ns = 0
-        self.closes_epoch = False
-        self.sender = 0
 
 
 class RrinsBus(can.BusABC):
@@ -62,8 +33,8 @@ class RrinsBus(can.BusABC):
 
     The bus is ordered and lossless. A `node` that does not receive stops it after some thousand
     frames, the way a halted target in a debugger should stop a rehearsal; attach what may be slow,
-    or only looks, as an `observer`, which is cut off instead. A program that only sends is an
-    observer too.
+    or only looks, as an `observer`, which is cut off instead. Whoever mainly sends has to receive
+    as well: the bus cannot know that it does not want to hear.
 
     **Clock.** A batch carries the time its sender gives it, in a rehearsal the simulated time since
     its start. A single message is stamped by the host: with the time of the last batch as long as
@@ -181,9 +152,11 @@ class RrinsBus(can.BusABC):
         self._timestamp = 0.0
         self._batch = Batch()
         self._is_lost = False
-        super().__init__(self.channel, can_filters, **kwargs)
-
-    # The batch face
+        try:
+            super().__init__(self.channel, can_filters, **kwargs)
+        except BaseException:
+            self._wire.close()
+            raise
 
     def send_batch(
         self,
@@ -224,7 +197,7 @@ class RrinsBus(can.BusABC):
         self._begin_send(timeout)
         try:
             if frames is not self._out_frames:
-                self._out_bytes = _bytes_of(frames)
+                self._out_bytes = bytes_of(frames)
                 self._out_frames = frames
             length = count * _FRAME
             size = _HEADER + length
@@ -269,7 +242,7 @@ class RrinsBus(can.BusABC):
         """
         with self._receive_lock:
             if into is not self._in_frames:
-                self._in_bytes = _bytes_of(into)
+                self._in_bytes = bytes_of(into)
                 self._in_capacity = len(into)
                 if not self._in_capacity:
                     raise ValueError("an empty array takes no frames")
@@ -290,8 +263,6 @@ class RrinsBus(can.BusABC):
             batch.count = count
             batch.closes_epoch = self._closes_epoch and self._next == self._count
             return batch
-
-    # The face of python-can
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
         """Send one message.
@@ -367,8 +338,6 @@ class RrinsBus(can.BusABC):
     def _detect_available_configs() -> Sequence[AutoDetectedConfig]:
         return [{"interface": "rrins", "channel": name} for name in channels.detect()]
 
-    # What only a host can
-
     @property
     def peers(self) -> tuple[PeerInfo, ...]:
         """Names, processes and roles of the attached peers; for a host only."""
@@ -404,8 +373,6 @@ class RrinsBus(can.BusABC):
         except BusError as error:
             raise can.CanOperationError(str(error)) from error
         self._is_lost = False
-
-    # Inside
 
     def _hosted(self) -> Hub:
         if self._hub is None:
@@ -451,9 +418,3 @@ class RrinsBus(can.BusABC):
             return can.CanTimeoutError(str(error))
         self._is_lost = True
         return can.CanOperationError(str(error))
-
-
-def _bytes_of(frames: FrameArray) -> memoryview:
-    if frames.dtype != FRAME or frames.ndim != 1 or not frames.flags.c_contiguous:
-        raise ValueError("frames must be a contiguous one-dimensional array of dtype FRAME")
-    return frames.view(np.uint8).data

@@ -11,7 +11,7 @@ from typing import Any, Final
 
 from host_tools.bus.channel import NoHostError
 from host_tools.bus.hub import READY
-from host_tools.bus.link import HostGoneError, Link
+from host_tools.bus.link import Link
 from host_tools.errors import BusError
 
 _ROOT: Final = Path(__file__).resolve().parents[2]
@@ -28,8 +28,8 @@ def start_hub(channel: str) -> str:
     Returns
     -------
     str
-        Empty when the channel can be attached to, else why it is not hosted by the new process:
-        most often because another process was faster.
+        Empty when the channel can be attached to, be it that another process was faster; else why
+        it cannot be hosted.
     """
     path = os.environ.get("PYTHONPATH", "")
     environment = os.environ | {"PYTHONPATH": f"{_ROOT}{os.pathsep}{path}" if path else str(_ROOT)}
@@ -74,16 +74,13 @@ def attach(channel: str, may_start: bool, timeout: float, **wishes: Any) -> Link
     """
     deadline = time.monotonic() + timeout
     while True:
-        # Each pass ends in a link, or in the start of a process, so this cannot spin. A hub that
-        # ends between its start and our call, or a host that is not listening yet, is called again.
+        # Each pass ends in a link or in the start of a process, so this does not spin. A hub that
+        # ends between its start and our call, or does not listen yet, is called once more.
         try:
             return Link(channel, timeout=timeout, **wishes)
-        except HostGoneError:
-            if time.monotonic() >= deadline or not may_start:
-                raise
         except NoHostError:
-            if not may_start:
+            if not may_start or time.monotonic() >= deadline:
                 raise
         refusal = start_hub(channel)
-        if refusal and time.monotonic() >= deadline:
+        if refusal:
             raise BusError(f"cannot start a host for channel {channel!r}: {refusal}")

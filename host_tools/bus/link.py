@@ -25,10 +25,6 @@ _NEVER: Final = object()
 _now: Final = time.monotonic_ns
 
 
-class HostGoneError(NoHostError):
-    """The host went while we were attaching; another may come."""
-
-
 class Link:
     """A connection to the host of a channel.
 
@@ -109,7 +105,7 @@ class Link:
         except (BrokenPipeError, ConnectionResetError):
             size = 0
         if not size:
-            raise HostGoneError(f"no bus {self._channel!r}: its host has just left")
+            raise NoHostError(f"no bus {self._channel!r}: its host has just left")
         kind, _, count, number, pid, _ = datagram.parse(buffer, size)
         if kind == datagram.REFUSED:
             raise BusError(datagram.text_of(buffer, count))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import select
 import socket
 import struct
 from collections import deque
@@ -82,6 +83,12 @@ class Peer:
         self.queue: deque[bytes] = deque()  # of an observer that lags, or of a peer's last word
         self.queued = 0  # bytes in the queue
         self.leaving = False
+
+    def has_hung_up(self) -> bool:
+        """Return whether the peer has ended, even if its last datagrams are still to be read."""
+        poll = select.poll()
+        poll.register(self.fd, 0)
+        return bool(poll.poll(0))
 
     def __str__(self) -> str:
         return f"{self.info.role} {self.info.name!r} (process {self.info.pid})"

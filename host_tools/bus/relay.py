@@ -127,8 +127,6 @@ class Relay:
         if self.lost:
             raise BusError(self.lost)
 
-    # Steps
-
     def step(self, buffer: bytearray, wait: float) -> int:
         """Wait for one event and serve it.
 
@@ -209,8 +207,6 @@ class Relay:
         if len(self.receivers) > 1 or peer.receive_own:
             self._spread(memoryview(buffer)[:size], peer)
         return size
-
-    # Spreading
 
     def send(self, view: memoryview) -> None:
         """Spread a datagram of the host; only while nobody is `stuck`."""
@@ -311,7 +307,7 @@ class Relay:
             holder = self._host.pid
         for peer in self.receivers:
             is_rival = peer.info.name == caller.name and (wants_alone or peer.exclusive)
-            if is_rival and not _has_hung_up(peer):
+            if is_rival and not peer.has_hung_up():
                 holder = peer.info.pid
         if holder is not None:
             refuse(
@@ -400,10 +396,3 @@ class Relay:
         self._all.close()
         self._always.close()
         os.close(self._wake)
-
-
-def _has_hung_up(peer: Peer) -> bool:
-    """Return whether a peer has ended, even if its last datagrams are still to be read."""
-    poll = select.poll()
-    poll.register(peer.fd, 0)
-    return bool(poll.poll(0))

@@ -32,14 +32,10 @@ def normal_gravity(latitude: float, height: float) -> float:
     flattening = (a - b) / a
     m = ROTATION_RATE**2 * a * a * b / GM
     return on_ellipsoid * (
-        1
-        - 2 * (1 + flattening + m - 2 * flattening * s2) * height / a
-        + 3 * (height / a) ** 2
+        1 - 2 * (1 + flattening + m - 2 * flattening * s2) * height / a + 3 * (height / a) ** 2
     )
 
 
 def rotation_n(latitude: float) -> NDArray[np.float64]:
     """Return the Earth's angular rate in east-north-up, shape (3,), rad/s."""
-    return np.array(
-        [0.0, ROTATION_RATE * math.cos(latitude), ROTATION_RATE * math.sin(latitude)]
-    )
+    return np.array([0.0, ROTATION_RATE * math.cos(latitude), ROTATION_RATE * math.sin(latitude)])

@@ -22,9 +22,7 @@ def input_axis(alpha: float, beta: float) -> NDArray[np.float64]:
     return np.array([sine * math.cos(beta), sine * math.sin(beta), math.cos(alpha)])
 
 
-def transverse_axes(
-    alpha: float, beta: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def transverse_axes(alpha: float, beta: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return (u, v), so that (h, u, v) is right-handed and orthonormal. Paper, (11).
 
     u points to growing polar angle, v to growing azimuth.
@@ -76,10 +74,10 @@ def measure(sensors: Any, true_s: Any, unit: float, largest: int) -> None:
             sensors.saturated |= 1 << k
             measured = limit if measured > 0.0 else -limit
         wanted = sensors.remainder[k] + measured / unit
-        count = np.int64(np.rint(wanted))
+        count = int(np.rint(wanted))
         if abs(count) > largest:
             sensors.saturated |= 1 << k
             count = largest if count > 0 else -largest
-            wanted = np.float64(count)
+            wanted = float(count)
         sensors.remainder[k] = wanted - count
         sensors.counts[k] = count

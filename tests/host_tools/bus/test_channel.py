@@ -61,8 +61,10 @@ def test_only_the_owner_may_enter(runtime_directory: Path) -> None:
 
 def test_a_directory_open_to_others_is_refused(runtime_directory: Path) -> None:
     (runtime_directory / "rrins").mkdir(mode=0o755)
-    with pytest.raises(BusError, match="open to others.*chmod 700"):
+    with pytest.raises(BusError, match=r"open to others.*chmod 700"):
         Claim("test")
+    with pytest.raises(can.CanInitializationError, match=r"cannot start a host.*open to others"):
+        RrinsBus("test")
 
 
 def test_a_directory_that_is_a_link_is_refused(runtime_directory: Path) -> None:
@@ -128,7 +130,7 @@ def test_hosted_channels_are_detected(
 def test_a_host_that_does_not_answer_is_an_error() -> None:
     claim = Claim("test")
     try:
-        with pytest.raises(can.CanInitializationError, match="has not answered for 0.05 s"):
+        with pytest.raises(can.CanInitializationError, match=r"has not answered for 0\.05 s"):
             RrinsBus("test", host="never", attach_timeout=0.05)
     finally:
         claim.release()

@@ -51,6 +51,8 @@ def open_pair(
             if transport == "hosted":
                 host = stack.enter_context(RrinsBus(channel, host="here", fd=fd, **arguments))
                 return host, attach_to(host, fd=fd, **arguments)
+            one: can.BusABC
+            other: can.BusABC
             if transport == "embedded":
                 one, other = (RrinsBus(channel, fd=fd, **arguments) for _ in range(2))
             elif transport == "virtual":

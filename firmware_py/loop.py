@@ -1,0 +1,224 @@
+"""The shells of the firmware: they own time and the bus, and run the step.
+
+`run_lockstep` waits for each epoch that the hardware opens and closes it; `run_realtime` keeps
+absolute deadlines of its own clock. Both send the same frames.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Any, Protocol
+
+import numpy as np
+
+from dbc.contract import load_contract
+from dbc.frame import FrameArray, frame_array
+from firmware_py.modes import Mode
+from firmware_py.settings import Settings, power_on
+from firmware_py.step import firmware_step
+from firmware_py.trace import NavigationTrace
+from firmware_py.transmit import OUTBOX_CAPACITY
+
+INBOX_CAPACITY = 4096
+"""Frames that the loop can fall behind by before it loses any."""
+
+_NAVIGATION_MODES = (int(Mode.NAVIGATION_STRAPDOWN), int(Mode.NAVIGATION_ROTATING))
+_PPM = 1_000_000
+
+
+class Port(Protocol):
+    """A place on the bus, as the shells need it."""
+
+    def send(self, frames: FrameArray, count: int, epoch: int, time_ns: int) -> None:
+        """Send an epoch's frames and close the epoch."""
+
+    def receive_epoch(self, into: FrameArray) -> int:
+        """Wait until the other side has closed its epoch; return how many frames came."""
+
+    def receive(self, into: FrameArray, timeout_ns: int) -> int:
+        """Wait for frames, `timeout_ns` at most; return how many came, 0 for none."""
+
+
+class Lateness(Protocol):
+    """Takes how late each epoch began."""
+
+    def take(self, late_ns: int, overrun: bool) -> None:
+        """Take one epoch's lateness."""
+
+
+class Firmware:
+    """The firmware in its memory, with the buffers around it.
+
+    Attributes
+    ----------
+    ram : array of one record of dtype `firmware_py.memory.RAM`
+    inbox, outbox : arrays of dtype `dbc.frame.FRAME`
+    trace : NavigationTrace
+        The navigation output of every epoch navigated.
+    """
+
+    def __init__(self, settings: Settings, trace: NavigationTrace | None = None) -> None:
+        self.contract = load_contract()
+        self.ram = power_on(settings, self.contract)
+        self.inbox = frame_array(INBOX_CAPACITY)
+        self.outbox = frame_array(OUTBOX_CAPACITY)
+        self.trace = trace or NavigationTrace()
+        self.period_ns = int(self.ram[0]["parameters"]["period_ns"])
+        self.frames_received = 0
+        self.frames_sent = 0
+        self.sync_id = int(self.contract[0]["sync"]["message"]["can_id"])
+        # Views into the RAM image: reading one costs less than finding its field each time.
+        self._mode = self.ram["modes"]["mode"]
+        self._epoch = self.ram["epoch"]
+        self._consumed = self.ram["consumed"]
+        self._sync_arrival_ns = self.ram["clock"]["sync_arrival_ns"]
+
+    @property
+    def mode(self) -> Mode:
+        """The mode after the last step."""
+        return Mode(int(self._mode[0]))
+
+    @property
+    def epoch(self) -> int:
+        """The epoch of the last step."""
+        return int(self._epoch[0])
+
+    @property
+    def is_shut_down(self) -> bool:
+        """Whether the operator has shut the computer down."""
+        return bool(self._mode[0] == Mode.SHUTDOWN)
+
+    def step(
+        self, inbox: FrameArray, start: int, count: int, sync_arrival_ns: int
+    ) -> tuple[int, int]:
+        """Run one epoch on ``inbox[start:count]``.
+
+        Returns the frames put into `outbox`, and the index of the first frame of the inbox that
+        belongs to a later epoch.
+        """
+        self._sync_arrival_ns[0] = sync_arrival_ns
+        sent = firmware_step(self.ram, self.contract, inbox, start, count, self.outbox)
+        if self._mode[0] in _NAVIGATION_MODES:
+            self.trace.take(self.ram)
+        consumed = int(self._consumed[0])
+        self.frames_received += consumed - start
+        self.frames_sent += sent
+        return sent, consumed
+
+
+def own_clock_ns(nominal_ns: int, clock_error_ppm: float) -> int:
+    """Return what a clock that runs fast by so many ppm reads when `nominal_ns` have passed."""
+    return nominal_ns + nominal_ns * round(clock_error_ppm * 1000) // (1000 * _PPM)
+
+
+def run_lockstep(
+    firmware: Firmware,
+    port: Port,
+    clock_error_ppm: float = 0.0,
+    every: int = 0,
+    on_epoch: Callable[[int], None] | None = None,
+) -> None:
+    """Run in lockstep until shut down.
+
+    `on_epoch` is called with the epoch whenever that is a multiple of `every`.
+    """
+    arrivals = 0
+    while not firmware.is_shut_down:
+        count = port.receive_epoch(firmware.inbox)
+        arrival_ns = own_clock_ns(arrivals * firmware.period_ns, clock_error_ppm)
+        arrivals += 1
+        sent, consumed = firmware.step(firmware.inbox, 0, count, arrival_ns)
+        while consumed < count:  # frames of a later epoch: catch up
+            port.send(firmware.outbox, sent, firmware.epoch, firmware.epoch * firmware.period_ns)
+            sent, consumed = firmware.step(firmware.inbox, consumed, count, arrival_ns)
+        epoch = firmware.epoch
+        port.send(firmware.outbox, sent, epoch, epoch * firmware.period_ns)
+        if on_epoch is not None and epoch % every == 0:
+            on_epoch(epoch)
+
+
+class _OwnClock:
+    """The firmware's clock: monotonic time since power-on, fast by some ppm."""
+
+    def __init__(self, error_ppm: float) -> None:
+        self._origin_ns = time.monotonic_ns()
+        self._error_ppm = error_ppm
+
+    def now_ns(self) -> int:
+        return own_clock_ns(time.monotonic_ns() - self._origin_ns, self._error_ppm)
+
+
+class _Intake:
+    """Gathers frames between two steps and notes when SYNC came."""
+
+    def __init__(self, firmware: Firmware, port: Port, clock: _OwnClock) -> None:
+        self._firmware = firmware
+        self._port = port
+        self._clock = clock
+        self._inbox = firmware.inbox
+        self._ids = firmware.inbox["can_id"]
+        self.count = 0
+        self.sync_arrival_ns = 0
+
+    def gather_until(self, deadline_ns: int) -> int:
+        """Take frames until the deadline; return the time then, by the own clock."""
+        while True:
+            now_ns = self._clock.now_ns()
+            if now_ns >= deadline_ns:
+                return now_ns
+            came = self._port.receive(self._inbox[self.count :], deadline_ns - now_ns)
+            new = self._ids[self.count : self.count + came]
+            if came and np.any(new == self._firmware.sync_id):
+                self.sync_arrival_ns = self._clock.now_ns()
+            self.count += came
+
+    def drop(self, consumed: int) -> None:
+        """Forget the frames that a step has taken."""
+        left = self.count - consumed
+        if left:
+            self._inbox[:left] = self._inbox[consumed : self.count].copy()
+        self.count = left
+
+
+def run_realtime(
+    firmware: Firmware,
+    port: Port,
+    lateness: Lateness,
+    clock_error_ppm: float = 0.0,
+    every: int = 0,
+    on_epoch: Callable[[int], None] | None = None,
+) -> None:
+    """Run by the firmware's own clock until shut down.
+
+    The deadline of an epoch is half a period after its SYNC is expected; a step that begins more
+    than half a period after its deadline is an overrun, for by then the next SYNC is due.
+    """
+    clock = _OwnClock(clock_error_ppm)
+    intake = _Intake(firmware, port, clock)
+    state = firmware.ram[0]
+    half_ns = firmware.period_ns // 2
+    deadline_ns = clock.now_ns() + firmware.period_ns
+    while not firmware.is_shut_down:
+        now_ns = intake.gather_until(deadline_ns)
+        late_ns = now_ns - deadline_ns
+        overrun = late_ns > half_ns
+        if state["clock"]["synchronised"]:
+            lateness.take(late_ns, overrun)
+            state["faults"]["overruns"] += overrun
+        sent, consumed = firmware.step(firmware.inbox, 0, intake.count, intake.sync_arrival_ns)
+        intake.drop(consumed)
+        port.send(firmware.outbox, sent, firmware.epoch, now_ns)
+        _note_load(state, clock.now_ns() - now_ns, firmware.period_ns)
+        if state["clock"]["synchronised"]:
+            deadline_ns = int(state["clock"]["next_sync_ns"]) + half_ns
+        else:
+            deadline_ns += firmware.period_ns
+        if on_epoch is not None and firmware.epoch % every == 0:
+            on_epoch(firmware.epoch)
+
+
+def _note_load(state: Any, busy_ns: int, period_ns: int) -> None:
+    """Follow the share of the period that the loop computes, averaged over some 16 epochs."""
+    load_percent = 100.0 * busy_ns / period_ns
+    state["load_percent"] += (load_percent - state["load_percent"]) / 16.0

@@ -1,0 +1,80 @@
+"""The direct shell: both sides in one process, no bus, the same steps and the same frames."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from firmware_py.loop import Firmware, own_clock_ns
+from firmware_py.trace import NavigationTrace
+from host_tools.hardware.loop import Hardware
+from host_tools.hardware.memory import TRUTH
+from host_tools.rows import RowBuffer, RowFile, keep_every
+from host_tools.scenario import Scenario, firmware_settings, hardware_settings
+from host_tools.sides import (
+    NAVIGATION_ROWS,
+    TRUTH_ROWS,
+    firmware_progress,
+    firmware_summary,
+    hardware_summary,
+)
+
+Progress = Callable[[dict[str, Any], dict[str, Any]], None]
+"""Called with the firmware's and the hardware's progress, as the sides report it."""
+
+_PROGRESS_S = 20
+
+
+def run_direct(
+    scenario: Scenario, folder: Path | None = None, on_progress: Progress | None = None
+) -> tuple[dict[str, Any], dict[str, Any], float]:
+    """Run a scenario to its end.
+
+    Parameters
+    ----------
+    scenario : Scenario
+    folder : Path, optional
+        Where the logs of both sides go.
+    on_progress : callable, optional
+
+    Returns
+    -------
+    tuple
+        Summary of the firmware, summary of the hardware, seconds that it took.
+    """
+    log_every = keep_every(scenario.epochs, scenario.rate_hz)
+    navigation = RowFile(None if folder is None else folder / NAVIGATION_ROWS)
+    truth_file = RowFile(None if folder is None else folder / TRUTH_ROWS)
+    truth_rows = RowBuffer(TRUTH, truth_file)
+    firmware = Firmware(firmware_settings(scenario), NavigationTrace(log_every, navigation.append))
+    hardware = Hardware(hardware_settings(scenario))
+    truth = hardware.plant["truth"]
+    error_ppm = scenario.firmware.clock_error_ppm
+    progress_every = _PROGRESS_S * scenario.rate_hz
+    start = time.monotonic()
+    count = 0
+    try:
+        for epoch in range(scenario.epochs + 1):
+            sent = hardware.step(firmware.outbox, count)
+            if epoch % log_every == 0:
+                truth_rows.take(truth)
+            arrival_ns = own_clock_ns(epoch * hardware.period_ns, error_ppm)
+            count, _ = firmware.step(hardware.outbox, 0, sent, arrival_ns)
+            if on_progress is not None and epoch % progress_every == 0:
+                on_progress(
+                    firmware_progress(firmware),
+                    {
+                        "epoch": epoch,
+                        "latitude": float(truth["latitude"][0]),
+                        "longitude": float(truth["longitude"][0]),
+                    },
+                )
+        hardware.frames_received += count
+    finally:
+        truth_rows.flush()
+        truth_file.close()
+        summary = firmware_summary(firmware)
+        navigation.close()
+    return summary, hardware_summary(hardware), time.monotonic() - start

@@ -1,0 +1,138 @@
+"""The shells of the hardware: they own time and the bus, and run the step.
+
+`run_lockstep` opens an epoch and waits until the firmware has closed it, as fast as that goes or
+at a multiple of real time; `run_realtime` keeps absolute deadlines.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Protocol
+
+from dbc.contract import load_contract
+from dbc.frame import FrameArray, frame_array
+from host_tools.hardware.settings import Settings, power_on
+from host_tools.hardware.step import OUTBOX_CAPACITY, hardware_step
+
+INBOX_CAPACITY = 4096
+"""Frames that may come within one epoch."""
+
+_START_DELAY_NS = 50_000_000  # to be settled when the first epoch is due
+
+
+class Port(Protocol):
+    """A place on the bus, as the shells need it."""
+
+    def send(self, frames: FrameArray, count: int, epoch: int, time_ns: int) -> None:
+        """Send an epoch's frames and close the epoch."""
+
+    def receive_epoch(self, into: FrameArray) -> int:
+        """Wait until the other side has closed its epoch; return how many frames came."""
+
+    def receive(self, into: FrameArray, timeout_ns: int) -> int:
+        """Wait for frames, `timeout_ns` at most; return how many came, 0 for none."""
+
+
+class Lateness(Protocol):
+    """Takes how late each epoch began."""
+
+    def take(self, late_ns: int, overrun: bool) -> None:
+        """Take one epoch's lateness."""
+
+
+class Hardware:
+    """The hardware in its memory, with the buffers around it.
+
+    Attributes
+    ----------
+    plant : array of one record of dtype `host_tools.hardware.memory.PLANT`
+    inbox, outbox : arrays of dtype `dbc.frame.FRAME`
+    """
+
+    def __init__(self, settings: Settings) -> None:
+        self.contract = load_contract()
+        self.plant = power_on(settings)
+        self.inbox = frame_array(INBOX_CAPACITY)
+        self.outbox = frame_array(OUTBOX_CAPACITY)
+        self.period_ns = int(self.plant[0]["period_ns"])
+        self.frames_received = 0
+        self.frames_sent = 0
+
+    def step(self, inbox: FrameArray, count: int) -> int:
+        """Run one epoch on the first `count` frames; return those put into `outbox`."""
+        sent: int = hardware_step(self.plant, self.contract, inbox, count, self.outbox)
+        self.frames_received += count
+        self.frames_sent += sent
+        return sent
+
+
+def _wait_until(deadline_ns: int) -> None:
+    left_ns = deadline_ns - time.monotonic_ns()
+    if left_ns > 0:
+        time.sleep(left_ns * 1e-9)
+
+
+def run_lockstep(
+    hardware: Hardware,
+    port: Port,
+    epochs: int,
+    speed: float | None = None,
+    every: int = 0,
+    on_epoch: Callable[[int], None] | None = None,
+) -> None:
+    """Run `epochs` epochs in lockstep, `speed` times as fast as real time at most.
+
+    `on_epoch` is called with the epoch whenever that is a multiple of `every`.
+    """
+    start_ns = time.monotonic_ns()
+    count = 0
+    for epoch in range(epochs):
+        if speed is not None:
+            _wait_until(start_ns + round(epoch * hardware.period_ns / speed))
+        sent = hardware.step(hardware.inbox, count)
+        port.send(hardware.outbox, sent, epoch, epoch * hardware.period_ns)
+        if on_epoch is not None and epoch % every == 0:
+            on_epoch(epoch)
+        count = port.receive_epoch(hardware.inbox)
+    hardware.frames_received += count
+
+
+def run_realtime(
+    hardware: Hardware,
+    port: Port,
+    lateness: Lateness,
+    epochs: int,
+    every: int = 0,
+    on_epoch: Callable[[int], None] | None = None,
+) -> None:
+    """Run `epochs` epochs in real time, each at its absolute deadline.
+
+    An epoch that begins more than half a period late is an overrun, for by then the firmware may
+    have run without it.
+    """
+    half_ns = hardware.period_ns // 2
+    start_ns = time.monotonic_ns() + _START_DELAY_NS
+    for epoch in range(epochs):
+        deadline_ns = start_ns + epoch * hardware.period_ns
+        count, now_ns = _gather_until(hardware, port, deadline_ns)
+        late_ns = now_ns - deadline_ns
+        lateness.take(late_ns, late_ns > half_ns)
+        if late_ns > half_ns:
+            hardware.plant[0]["counters"]["overruns"] += 1
+        sent = hardware.step(hardware.inbox, count)
+        port.send(hardware.outbox, sent, epoch, epoch * hardware.period_ns)
+        if on_epoch is not None and epoch % every == 0:
+            on_epoch(epoch)
+    count, _ = _gather_until(hardware, port, start_ns + epochs * hardware.period_ns)
+    hardware.frames_received += count
+
+
+def _gather_until(hardware: Hardware, port: Port, deadline_ns: int) -> tuple[int, int]:
+    """Take frames until the deadline; return how many, and the time then."""
+    count = 0
+    while True:
+        now_ns = time.monotonic_ns()
+        if now_ns >= deadline_ns:
+            return count, now_ns
+        count += port.receive(hardware.inbox[count:], deadline_ns - now_ns)

@@ -1,0 +1,311 @@
+"""A side's place on the bus: any python-can bus, seen by the shells as frames by the epoch.
+
+`BatchPort` moves whole epochs over the project's embedded bus; `MessagePort` serves every other
+python-can interface, frame by frame. In lockstep over the latter an epoch is closed by the frame
+that each side sends last; a side waits for it no longer than `_LOCKSTEP_PATIENCE_NS`.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import can
+import numpy as np
+
+from dbc.contract import load_contract
+from dbc.e2e import fill
+from dbc.frame import EFF_FLAG, ERR_FLAG, RTR_FLAG, FrameArray, frame_array
+from host_tools.bus.interface import RrinsBus
+from host_tools.errors import BusError, SideLostError
+
+Side = Literal["firmware", "hardware"]
+
+EMBEDDED = "rrins"
+"""The python-can interface name of the embedded bus."""
+
+_ATTACH_S = 60.0
+_ANNOUNCE_NS = 200_000_000
+_LOCKSTEP_PATIENCE_NS = 30_000_000_000
+_POLL_S = 0.2
+
+
+class PortClosedError(BusError):
+    """The bus came to its end under a side that was using it."""
+
+
+@dataclass(frozen=True)
+class Address:
+    """Which bus: a python-can interface, its channel, and what else that interface wants."""
+
+    interface: str
+    channel: str
+    bitrate: int | None = None
+
+    def __str__(self) -> str:
+        return f"{self.interface}:{self.channel}"
+
+    @property
+    def is_embedded(self) -> bool:
+        """Whether this is the embedded bus."""
+        return self.interface == EMBEDDED
+
+
+def open_bus(address: Address, **wishes: Any) -> can.BusABC:
+    """Open a python-can bus.
+
+    Raises
+    ------
+    BusError
+        One line: which bus, and what python-can or the system says.
+    """
+    if address.bitrate is not None:
+        wishes["bitrate"] = address.bitrate
+    try:
+        if address.is_embedded:
+            return RrinsBus(channel=address.channel, **wishes)
+        return can.Bus(interface=address.interface, channel=address.channel, **wishes)
+    except (can.CanError, OSError, ImportError, ValueError, TypeError) as error:
+        text = " ".join(str(error).split()) or type(error).__name__
+        raise BusError(f"bus {address}: cannot be opened: {text}") from error
+
+
+class BatchPort:
+    """A side on the embedded bus.
+
+    Parameters
+    ----------
+    address : Address
+    side : {"firmware", "hardware"}
+        The hardware hosts the bus and waits for the firmware to attach.
+    """
+
+    def __init__(self, address: Address, side: Side) -> None:
+        self._address = address
+        self._other = "hardware" if side == "firmware" else "firmware"
+        hosting = {"host": "here"} if side == "hardware" else {"host": "never"}
+        bus = open_bus(address, name=side, exclusive=True, **hosting)
+        assert isinstance(bus, RrinsBus)
+        self._bus = bus
+        self._is_host = side == "hardware"
+
+    def meet(self, on_wait: Callable[[], None] = lambda: None) -> None:
+        """Wait until the other side is there."""
+        if not self._is_host:
+            return
+        on_wait()
+        try:
+            self._bus.wait_for(self._other, _ATTACH_S)
+            self._bus.require([self._other])
+        except can.CanError as error:
+            raise SideLostError(
+                f"bus {self._address}: no firmware has attached within {_ATTACH_S:.0f} s"
+            ) from error
+
+    def send(self, frames: FrameArray, count: int, epoch: int, time_ns: int) -> None:
+        """Send an epoch's frames and close the epoch."""
+        try:
+            self._bus.send_batch(frames, count, epoch=epoch, time_ns=time_ns, closes_epoch=True)
+        except can.CanError as error:
+            raise self._closed(error) from error
+
+    def receive_epoch(self, into: FrameArray) -> int:
+        """Wait until the other side has closed its epoch; return how many frames came."""
+        batch = self._receive(into, None)
+        assert batch is not None
+        count: int = batch.count
+        while not batch.closes_epoch:  # someone else's frames came first
+            batch = self._receive(into[count:], None)
+            assert batch is not None
+            count += batch.count
+        return count
+
+    def receive(self, into: FrameArray, timeout_ns: int) -> int:
+        """Wait for frames, `timeout_ns` at most; return how many came, 0 for none."""
+        batch = self._receive(into, timeout_ns * 1e-9)
+        return 0 if batch is None else batch.count
+
+    def close(self) -> None:
+        """Leave the bus."""
+        self._bus.shutdown()
+
+    def _receive(self, into: FrameArray, timeout: float | None) -> Any:
+        try:
+            return self._bus.recv_batch(into, timeout)
+        except can.CanError as error:
+            raise self._closed(error) from error
+
+    def _closed(self, error: can.CanError) -> PortClosedError:
+        return PortClosedError(f"bus {self._address}: {self._other} is gone: {error}")
+
+
+def frame_of_message(frame: Any, message: can.Message) -> None:
+    """Write a classic python-can message into a record of dtype `dbc.frame.FRAME`."""
+    identifier = message.arbitration_id
+    if message.is_extended_id:
+        identifier |= EFF_FLAG
+    if message.is_remote_frame:
+        identifier |= RTR_FLAG
+    if message.is_error_frame:
+        identifier |= ERR_FLAG
+    frame["can_id"] = identifier
+    frame["length"] = min(message.dlc, 8)
+    frame["data"] = int.from_bytes(message.data[:8], "little")
+
+
+def message_of_frame(frame: Any, timestamp: float = 0.0) -> can.Message:
+    """Return the python-can message of a data frame with a standard identifier."""
+    length = int(frame["length"])
+    return can.Message(
+        timestamp=timestamp,
+        arbitration_id=int(frame["can_id"]),
+        is_extended_id=False,
+        data=int(frame["data"]).to_bytes(8, "little")[:length],
+    )
+
+
+class MessagePort:
+    """A side on any python-can bus, frame by frame.
+
+    Parameters
+    ----------
+    address : Address
+    side : {"firmware", "hardware"}
+    """
+
+    def __init__(self, address: Address, side: Side) -> None:
+        contract = load_contract()[0]
+        closing = {
+            "firmware": int(contract["axis_outer_command"]["message"]["can_id"]),
+            "hardware": int(contract["axis_outer_status"]["message"]["can_id"]),
+        }
+        other: Side = "hardware" if side == "firmware" else "firmware"
+        self._address = address
+        self._side = side
+        self._other = other
+        self._own_last = closing[side]
+        self._others_last = closing[other]
+        self._heartbeat = contract["heartbeat_firmware"]["message"]
+        self._held: can.Message | None = None
+        self._bus = open_bus(address)
+
+    def meet(self, on_wait: Callable[[], None] = lambda: None) -> None:
+        """Wait until the other side is there.
+
+        The firmware announces itself by its heartbeat until the hardware opens the first epoch.
+
+        Raises
+        ------
+        BusError
+            When another firmware, or another hardware, is at work on this bus.
+        """
+        on_wait()
+        if self._side == "firmware":
+            self._announce()
+        else:
+            self._await_heartbeat()
+
+    def _announce(self) -> None:
+        hello = frame_array(1)
+        next_ns = time.monotonic_ns() + _ANNOUNCE_NS
+        while True:
+            message = self._bus.recv(_POLL_S / 4)
+            if message is not None:
+                if message.arbitration_id in (self._own_last, int(self._heartbeat["can_id"])):
+                    raise BusError(f"bus {self._address}: another firmware is on it")
+                self._held = message
+                return
+            if time.monotonic_ns() >= next_ns:
+                fill(hello[0], self._heartbeat, np.uint64(0), 0)
+                self._send(message_of_frame(hello[0]))
+                next_ns += _ANNOUNCE_NS
+
+    def _await_heartbeat(self) -> None:
+        deadline_ns = time.monotonic_ns() + round(_ATTACH_S * 1e9)
+        while time.monotonic_ns() < deadline_ns:
+            message = self._bus.recv(_POLL_S)
+            if message is None:
+                continue
+            if message.arbitration_id == self._own_last:
+                raise BusError(f"bus {self._address}: another hardware is on it")
+            if message.arbitration_id == int(self._heartbeat["can_id"]):
+                return
+        raise SideLostError(
+            f"bus {self._address}: no firmware has been heard within {_ATTACH_S:.0f} s"
+        )
+
+    def send(self, frames: FrameArray, count: int, epoch: int, time_ns: int) -> None:
+        """Send an epoch's frames; the last one closes the epoch."""
+        for k in range(count):
+            self._send(message_of_frame(frames[k]))
+
+    def _send(self, message: can.Message) -> None:
+        try:
+            self._bus.send(message, timeout=1.0)
+        except can.CanError as error:
+            raise PortClosedError(f"bus {self._address}: cannot send: {error}") from error
+
+    def _receive(self, timeout: float) -> can.Message | None:
+        if self._held is not None:
+            message, self._held = self._held, None
+            return message
+        try:
+            return self._bus.recv(timeout)
+        except can.CanError as error:
+            raise PortClosedError(f"bus {self._address}: cannot receive: {error}") from error
+
+    def receive_epoch(self, into: FrameArray) -> int:
+        """Wait until the other side has closed its epoch; return how many frames came.
+
+        Raises
+        ------
+        SideLostError
+            When nothing has come for half a minute.
+        """
+        count = 0
+        deadline_ns = time.monotonic_ns() + _LOCKSTEP_PATIENCE_NS
+        while True:
+            message = self._receive(_POLL_S)
+            if message is None:
+                if time.monotonic_ns() > deadline_ns:
+                    patience_s = _LOCKSTEP_PATIENCE_NS // 1_000_000_000
+                    raise SideLostError(
+                        f"bus {self._address}: {self._other} has been silent for {patience_s} s"
+                    )
+                continue
+            if message.is_fd or count == len(into):
+                continue
+            frame_of_message(into[count], message)
+            count += 1
+            if message.arbitration_id == self._others_last:
+                return count
+
+    def receive(self, into: FrameArray, timeout_ns: int) -> int:
+        """Wait for a frame, `timeout_ns` at most, and take all that are there by then."""
+        count = 0
+        message = self._receive(timeout_ns * 1e-9)
+        while message is not None and count < len(into):
+            if not message.is_fd:
+                frame_of_message(into[count], message)
+                count += 1
+            if count == len(into):
+                break
+            message = self._receive(0.0)
+        return count
+
+    def close(self) -> None:
+        """Leave the bus."""
+        self._bus.shutdown()
+
+
+def open_port(address: Address, side: Side) -> BatchPort | MessagePort:
+    """Open the place of a side on a bus.
+
+    Raises
+    ------
+    BusError
+        When the bus is not there, or the side's place on it is taken.
+    """
+    return BatchPort(address, side) if address.is_embedded else MessagePort(address, side)

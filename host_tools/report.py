@@ -1,0 +1,44 @@
+"""What a side tells the rehearsal that started it: one JSON object a line, over a pipe."""
+
+from __future__ import annotations
+
+import json
+import os
+from typing import Any
+
+
+class Report:
+    """The sending end.
+
+    Parameters
+    ----------
+    fd : int or None
+        File descriptor of a pipe; with None nothing is sent.
+    """
+
+    def __init__(self, fd: int | None) -> None:
+        self._fd = fd
+
+    def send(self, kind: str, **values: Any) -> None:
+        """Send one report.
+
+        Raises
+        ------
+        BrokenPipeError
+            When the rehearsal is gone.
+        """
+        if self._fd is not None:
+            line = json.dumps({"kind": kind, **values}) + "\n"
+            os.write(self._fd, line.encode())
+
+
+class ReportReader:
+    """The receiving end: turns what a pipe brings into reports."""
+
+    def __init__(self) -> None:
+        self._rest = b""
+
+    def feed(self, data: bytes) -> list[dict[str, Any]]:
+        """Take bytes as they come; return the reports that are complete."""
+        *lines, self._rest = (self._rest + data).split(b"\n")
+        return [json.loads(line) for line in lines if line]
