@@ -8,7 +8,6 @@ that each side sends last; a side waits for it no longer than `_LOCKSTEP_PATIENC
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -18,6 +17,7 @@ import numpy as np
 from dbc.contract import load_contract
 from dbc.e2e import fill
 from dbc.frame import EFF_FLAG, ERR_FLAG, RTR_FLAG, FrameArray, frame_array
+from host_tools.bus.channel import NoHostError
 from host_tools.bus.interface import RrinsBus
 from host_tools.errors import BusError, SideLostError
 
@@ -30,6 +30,11 @@ _ATTACH_S = 60.0
 _ANNOUNCE_NS = 200_000_000
 _LOCKSTEP_PATIENCE_NS = 30_000_000_000
 _POLL_S = 0.2
+_RETRY_S = 0.02
+
+
+class BusNotThereError(BusError):
+    """Nobody hosts the channel of the embedded bus."""
 
 
 class PortClosedError(BusError):
@@ -67,9 +72,16 @@ def open_bus(address: Address, **wishes: Any) -> can.BusABC:
         if address.is_embedded:
             return RrinsBus(channel=address.channel, **wishes)
         return can.Bus(interface=address.interface, channel=address.channel, **wishes)
+    except can.CanInitializationError as error:
+        missing = isinstance(error.__cause__, NoHostError)
+        kind = BusNotThereError if missing else BusError
+        raise kind(f"bus {address}: {_one_line(error)}") from error
     except (can.CanError, OSError, ImportError, ValueError, TypeError) as error:
-        text = " ".join(str(error).split()) or type(error).__name__
-        raise BusError(f"bus {address}: cannot be opened: {text}") from error
+        raise BusError(f"bus {address}: cannot be opened: {_one_line(error)}") from error
+
+
+def _one_line(error: Exception) -> str:
+    return " ".join(str(error).split()) or type(error).__name__
 
 
 class BatchPort:
@@ -80,29 +92,46 @@ class BatchPort:
     address : Address
     side : {"firmware", "hardware"}
         The hardware hosts the bus and waits for the firmware to attach.
+    attach_wait_s : float
+        How long the firmware waits for the bus to come up.
     """
 
-    def __init__(self, address: Address, side: Side) -> None:
+    def __init__(self, address: Address, side: Side, attach_wait_s: float = 0.0) -> None:
         self._address = address
         self._other = "hardware" if side == "firmware" else "firmware"
-        hosting = {"host": "here"} if side == "hardware" else {"host": "never"}
-        bus = open_bus(address, name=side, exclusive=True, **hosting)
-        assert isinstance(bus, RrinsBus)
-        self._bus = bus
         self._is_host = side == "hardware"
+        self._bus = self._host() if self._is_host else self._attach(side, attach_wait_s)
 
-    def meet(self, on_wait: Callable[[], None] = lambda: None) -> None:
-        """Wait until the other side is there."""
+    def _host(self) -> RrinsBus:
+        bus = open_bus(self._address, name="hardware", exclusive=True, host="here")
+        assert isinstance(bus, RrinsBus)
+        return bus
+
+    def _attach(self, side: Side, wait_s: float) -> RrinsBus:
+        deadline_ns = time.monotonic_ns() + round(wait_s * 1e9)
+        while True:
+            try:
+                bus = open_bus(self._address, name=side, exclusive=True, host="never")
+            except BusNotThereError:
+                if time.monotonic_ns() >= deadline_ns:
+                    raise
+                time.sleep(_RETRY_S)
+            else:
+                assert isinstance(bus, RrinsBus)
+                return bus
+
+    def meet(self, others: tuple[str, ...] = ()) -> None:
+        """Wait until the other side, and whoever else is named, is there."""
         if not self._is_host:
             return
-        on_wait()
-        try:
-            self._bus.wait_for(self._other, _ATTACH_S)
-            self._bus.require([self._other])
-        except can.CanError as error:
-            raise SideLostError(
-                f"bus {self._address}: no firmware has attached within {_ATTACH_S:.0f} s"
-            ) from error
+        for name in (*others, self._other):
+            try:
+                self._bus.wait_for(name, _ATTACH_S)
+            except can.CanError as error:
+                raise SideLostError(
+                    f"bus {self._address}: no {name} has attached within {_ATTACH_S:.0f} s"
+                ) from error
+        self._bus.require([self._other])
 
     def send(self, frames: FrameArray, count: int, epoch: int, time_ns: int) -> None:
         """Send an epoch's frames and close the epoch."""
@@ -191,8 +220,8 @@ class MessagePort:
         self._held: can.Message | None = None
         self._bus = open_bus(address)
 
-    def meet(self, on_wait: Callable[[], None] = lambda: None) -> None:
-        """Wait until the other side is there.
+    def meet(self, others: tuple[str, ...] = ()) -> None:
+        """Wait until the other side is there; `others` cannot be told apart on such a bus.
 
         The firmware announces itself by its heartbeat until the hardware opens the first epoch.
 
@@ -201,7 +230,6 @@ class MessagePort:
         BusError
             When another firmware, or another hardware, is at work on this bus.
         """
-        on_wait()
         if self._side == "firmware":
             self._announce()
         else:
@@ -300,7 +328,7 @@ class MessagePort:
         self._bus.shutdown()
 
 
-def open_port(address: Address, side: Side) -> BatchPort | MessagePort:
+def open_port(address: Address, side: Side, attach_wait_s: float = 0.0) -> BatchPort | MessagePort:
     """Open the place of a side on a bus.
 
     Raises
@@ -308,4 +336,6 @@ def open_port(address: Address, side: Side) -> BatchPort | MessagePort:
     BusError
         When the bus is not there, or the side's place on it is taken.
     """
-    return BatchPort(address, side) if address.is_embedded else MessagePort(address, side)
+    if address.is_embedded:
+        return BatchPort(address, side, attach_wait_s)
+    return MessagePort(address, side)

@@ -151,6 +151,21 @@ class OperatorRequest(_Table):
     request: Literal["STANDBY", "ALIGN", "NAVIGATE_STRAPDOWN", "NAVIGATE_ROTATING"]
 
 
+class EastNorth(_Table):
+    """A pair of figures."""
+
+    east: float
+    north: float
+
+
+class Paper(_Table):
+    """What the paper reports for the same run, to stand beside ours."""
+
+    source: str = ""
+    max_abs_position_error_m: EastNorth | None = None
+    max_abs_velocity_error_mps: EastNorth | None = None
+
+
 class Scenario(_Table):
     """A rehearsal, whole."""
 
@@ -170,6 +185,7 @@ class Scenario(_Table):
     turntable: Turntable = Turntable()
     firmware: Firmware = Firmware()
     operator: tuple[OperatorRequest, ...] = Field(default=(), max_length=30)
+    paper: Paper | None = None
 
     @model_validator(mode="after")
     def _consistent(self) -> Scenario:

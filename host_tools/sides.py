@@ -53,6 +53,10 @@ class Job:
     core : int or None
         Processor to stay on. Two processes that wait for each other are several times faster on
         one than on two.
+    attach_wait_s : float
+        How long the firmware waits for the bus to come up.
+    await_peers : tuple of str
+        Other peers of the embedded bus without which the hardware does not begin.
     """
 
     scenario: Scenario
@@ -61,6 +65,8 @@ class Job:
     folder: Path | None = None
     report_fd: int | None = None
     core: int | None = None
+    attach_wait_s: float = 0.0
+    await_peers: tuple[str, ...] = ()
 
     @property
     def is_realtime(self) -> bool:
@@ -154,7 +160,7 @@ def run_firmware(job: Job) -> dict[str, Any]:
     trace = NavigationTrace(keep_every(scenario.epochs, scenario.rate_hz), rows.append)
     firmware = Firmware(firmware_settings(scenario), trace)
     lateness = LatenessHistogram()
-    port = open_port(job.address, "firmware")
+    port = open_port(job.address, "firmware", job.attach_wait_s)
     summary: dict[str, Any] = {}
 
     def progress(epoch: int) -> None:
@@ -222,7 +228,7 @@ def run_hardware(job: Job) -> dict[str, Any]:
     epochs = scenario.epochs + 1  # the last one shuts the firmware down
     try:
         report.send("ready", side="hardware")
-        port.meet()
+        port.meet(job.await_peers)
         permitted = _settle(job)
         report.send("started", side="hardware", **permitted)
         if job.is_realtime:

@@ -1,0 +1,257 @@
+"""The command `rrins`."""
+
+from __future__ import annotations
+
+import json
+import logging
+import signal
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from types import FrameType
+from typing import Any, NoReturn
+
+import click
+
+from dbc.codec import ContractError
+from host_tools import scenario as scenarios
+from host_tools.errors import RehearsalError
+
+DEFAULT_SCENARIO = "rimu_rotating"
+
+_INTERRUPTED = 130
+
+
+class _Speed(click.ParamType[float | None]):
+    """1 for real time, another factor or `max` for lockstep."""
+
+    name = "1|N|max"
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> float | None:
+        if value == "max" or value is None:
+            return None
+        try:
+            speed = float(value)
+        except ValueError:
+            self.fail(f"{value!r} is neither a number nor 'max'", param, ctx)
+        if not 0 < speed < 1e9:
+            self.fail(f"{value} is not above 0", param, ctx)
+        return speed
+
+
+class _Group(click.Group):
+    """A group that ends a user's error in one line and its exit status."""
+
+    def invoke(self, ctx: click.Context) -> Any:
+        try:
+            return super().invoke(ctx)
+        except RehearsalError as error:
+            fail(str(error), error.exit_status)
+        except ContractError as error:
+            fail(str(error), RehearsalError.exit_status)
+        except KeyboardInterrupt:
+            fail("stopped by the user", _INTERRUPTED)
+
+
+def fail(message: str, exit_status: int) -> NoReturn:
+    """Say in one line what went wrong and end."""
+    click.echo(f"rrins: {message}", err=True)
+    sys.exit(exit_status)
+
+
+def _options(*options: Callable[..., Any]) -> Callable[..., Any]:
+    """Return one decorator that stands for several."""
+
+    def decorate(command: Callable[..., Any]) -> Callable[..., Any]:
+        for option in reversed(options):
+            command = option(command)
+        return command
+
+    return decorate
+
+
+_scenario_options = _options(
+    click.argument("scenario", default=DEFAULT_SCENARIO, metavar="[SCENARIO]"),
+    click.option("--duration", "duration_s", type=float, help="Seconds to navigate."),
+    click.option("--seed", type=int, help="Seed of all noise."),
+)
+_bus_options = _options(
+    click.option(
+        "--interface", default="rrins", show_default=True, help="python-can interface name."
+    ),
+    click.option("--channel", help="Channel of the interface, such as vcan0."),
+    click.option("--bitrate", type=click.IntRange(1), help="For interfaces that set it."),
+)
+_out_option = click.option(
+    "--out",
+    type=click.Path(file_okay=False, path_type=Path),
+    help="Folder for pictures and summary.  [default: out/SCENARIO]",
+)
+_json_option = click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
+
+
+@click.group(cls=_Group, context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(package_name="rrins", prog_name="rrins")
+def rrins() -> None:
+    """Rehearse a redundant rotational inertial navigation system before its hardware exists.
+
+    A firmware process navigates and turns the table; a hardware process produces the sensor
+    frames; one CAN bus lies between them.
+    """
+    logging.basicConfig(format="rrins: %(message)s", level=logging.WARNING)
+
+
+@rrins.command()
+@_scenario_options
+@click.option("--speed", type=_Speed(), default="max", show_default=True, help="1 is real time.")
+@_bus_options
+@_out_option
+@click.option("--record", type=click.Path(dir_okay=False, path_type=Path), help="Log of the bus.")
+@_json_option
+def rehearse(
+    scenario: str,
+    duration_s: float | None,
+    seed: int | None,
+    speed: float | None,
+    interface: str,
+    channel: str | None,
+    bitrate: int | None,
+    out: Path | None,
+    record: Path | None,
+    as_json: bool,
+) -> None:
+    """Run firmware and hardware as two processes on one bus.
+
+    SCENARIO is the name of a built-in one (see `rrins scenarios`) or a TOML file. The embedded
+    bus is used unless an interface is named. Ctrl-C stops both sides and keeps what was recorded.
+    """
+    from host_tools import runs
+
+    loaded = scenarios.load(scenario, duration_s=duration_s, seed=seed)
+    signal.signal(signal.SIGTERM, _as_interrupt)
+    overrides = tuple(
+        f"--{key}={value!r}"
+        for key, value in (("duration", duration_s), ("seed", seed))
+        if value is not None
+    )
+    runs.rehearse(
+        scenario,
+        loaded,
+        overrides,
+        runs.Bus(interface, channel, bitrate),
+        speed,
+        out,
+        record,
+        as_json,
+    )
+
+
+@rrins.command()
+@_scenario_options
+@_out_option
+@_json_option
+def simulate(
+    scenario: str, duration_s: float | None, seed: int | None, out: Path | None, as_json: bool
+) -> None:
+    """Run both sides in this process, without a bus: the same steps, the same frames."""
+    from host_tools import runs
+
+    loaded = scenarios.load(scenario, duration_s=duration_s, seed=seed)
+    signal.signal(signal.SIGTERM, _as_interrupt)
+    runs.simulate(scenario, loaded, out, as_json)
+
+
+_side_options = _options(
+    _scenario_options,
+    click.option(
+        "--speed", type=_Speed(), default="1", show_default=True, help="As the other side's."
+    ),
+    _bus_options,
+    _json_option,
+    click.option("--log", type=click.Path(file_okay=False, path_type=Path), hidden=True),
+    click.option("--report-fd", type=int, hidden=True),
+    click.option("--core", type=int, hidden=True),
+)
+
+
+@rrins.command()
+@_side_options
+@click.option("--attach-wait", type=float, default=0.0, help="Seconds to wait for the bus.")
+def firmware(attach_wait: float, **options: Any) -> None:
+    """Run the navigation computer alone, on a bus that the hardware is on."""
+    _run_side("firmware", attach_wait_s=attach_wait, **options)
+
+
+@rrins.command()
+@_side_options
+@click.option("--await-peer", multiple=True, hidden=True)
+def hardware(await_peer: tuple[str, ...], **options: Any) -> None:
+    """Run the emulated RIMU and turntable alone; it hosts the embedded bus."""
+    _run_side("hardware", await_peers=await_peer, **options)
+
+
+def _run_side(
+    side: str,
+    scenario: str,
+    duration_s: float | None,
+    seed: int | None,
+    speed: float | None,
+    interface: str,
+    channel: str | None,
+    bitrate: int | None,
+    as_json: bool,
+    log: Path | None,
+    **job: Any,
+) -> None:
+    from host_tools import runs
+
+    report_fd = job["report_fd"]
+    signal.signal(signal.SIGTERM, _as_interrupt)
+    try:
+        loaded = scenarios.load(scenario, duration_s=duration_s, seed=seed)
+        bus = runs.Bus(interface, channel, bitrate)
+        runs.run_side(side, loaded, bus, speed, as_json, folder=log, **job)
+    except RehearsalError as error:
+        if report_fd is None:
+            raise
+        runs.report_error(report_fd, side, error)
+        sys.exit(error.exit_status)
+    except BrokenPipeError:  # the rehearsal is gone
+        sys.exit(RehearsalError.exit_status)
+    except KeyboardInterrupt:
+        if report_fd is None:
+            raise
+        sys.exit(_INTERRUPTED)
+
+
+@rrins.group("scenarios", invoke_without_command=True)
+@click.pass_context
+def list_scenarios(context: click.Context) -> None:
+    """List the built-in scenarios, a line each."""
+    if context.invoked_subcommand is None:
+        for name in scenarios.names():
+            click.echo(f"{name:<28} {scenarios.load(name).title}")
+
+
+@list_scenarios.command("show")
+@click.argument("name")
+def show_scenario(name: str) -> None:
+    """Print a scenario's TOML, to copy and change."""
+    click.echo(scenarios.text_of(name), nl=False)
+
+
+@list_scenarios.command("schema")
+def show_schema() -> None:
+    """Print the JSON schema of a scenario: every key, its limits and default."""
+    click.echo(json.dumps(scenarios.Scenario.model_json_schema(), indent=2))
+
+
+def _as_interrupt(number: int, frame: FrameType | None) -> None:
+    raise KeyboardInterrupt
+
+
+def main() -> None:
+    """Run the command line."""
+    rrins(prog_name="rrins")

@@ -1,0 +1,299 @@
+"""A rehearsal: both sides as processes on one bus, watched from start to end."""
+
+from __future__ import annotations
+
+import os
+import selectors
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from host_tools import recorder
+from host_tools.bus import channel as embedded
+from host_tools.errors import BusError, RehearsalError, SideLostError
+from host_tools.port import EMBEDDED, Address
+from host_tools.report import ReportReader
+from host_tools.scenario import Scenario
+from host_tools.sides import REALTIME
+
+OnReport = Callable[[dict[str, Any]], None]
+"""Called with every report of either side."""
+
+_GRACE_S = 5.0
+_ATTACH_WAIT_S = 300.0  # the first start compiles
+_POLL_S = 0.2
+_CHANNEL = "rrins"
+
+
+class Interrupted(RehearsalError):  # noqa: N818 - not an error of ours: the user's wish
+    """The user stopped the rehearsal."""
+
+    exit_status = 130
+
+
+def free_channel() -> str:
+    """Return the first of rrins0, rrins1, … that nobody hosts."""
+    taken = set(embedded.detect())
+    number = 0
+    while f"{_CHANNEL}{number}" in taken:
+        number += 1
+    return f"{_CHANNEL}{number}"
+
+
+@dataclass
+class Side:
+    """One side's process, and what it has reported.
+
+    Attributes
+    ----------
+    summary : dict
+        Its last words; empty until then.
+    error : dict
+        Why it failed: `message`, `exit_status`.
+    """
+
+    name: str
+    process: subprocess.Popen[bytes]
+    pipe: int
+    reader: ReportReader = field(default_factory=ReportReader)
+    summary: dict[str, Any] = field(default_factory=dict)
+    error: dict[str, Any] = field(default_factory=dict)
+    epoch: int = 0
+    is_open: bool = True
+
+    def read(self) -> list[dict[str, Any]]:
+        """Take what the pipe holds; note summary, error and epoch."""
+        data = os.read(self.pipe, 65536)
+        if not data:
+            self.is_open = False
+            return []
+        reports = self.reader.feed(data)
+        for report in reports:
+            kind = report["kind"]
+            if kind == "summary":
+                self.summary = {k: v for k, v in report.items() if k not in ("kind", "side")}
+            elif kind == "error":
+                self.error = report
+            elif kind == "progress":
+                self.epoch = int(report["epoch"])
+        return reports
+
+    @property
+    def was_killed(self) -> bool:
+        """Whether a signal ended the process."""
+        return self.process.returncode is not None and self.process.returncode < 0
+
+    def end(self) -> None:
+        """Ask the process to end; make it, if it does not."""
+        if self.process.poll() is None:
+            self.process.terminate()
+            self.process.send_signal(signal.SIGCONT)
+            try:
+                self.process.wait(_GRACE_S)
+            except subprocess.TimeoutExpired:
+                self.process.kill()
+                self.process.wait()
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a rehearsal left: last words of both sides, seconds of the run, and why it ended."""
+
+    firmware: dict[str, Any]
+    hardware: dict[str, Any]
+    wall_s: float
+    failure: RehearsalError | None
+
+
+class Rehearsal:
+    """Starts both sides, follows them, and stops both however it ends.
+
+    Parameters
+    ----------
+    name : str
+        Scenario, as given on the command line: the sides load it themselves.
+    scenario : Scenario
+    overrides : sequence of str
+        Command-line options by which the scenario differs from its file.
+    address : Address
+    speed : float or None
+        See `host_tools.sides.Job`.
+    folder : Path
+        Where the sides put their logs.
+    record : Path, optional
+        File to record the bus to.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        scenario: Scenario,
+        overrides: tuple[str, ...],
+        address: Address,
+        speed: float | None,
+        folder: Path,
+        record: Path | None = None,
+    ) -> None:
+        self._name = name
+        self._scenario = scenario
+        self._overrides = overrides
+        self._address = address
+        self._speed = speed
+        self._folder = folder
+        self._record = record
+        self._recorder: recorder.Recorder | None = None
+        self._started_ns: int | None = None
+        self._ended_ns = 0
+        self._sides: list[Side] = []
+
+    def run(self, on_report: OnReport) -> Outcome:
+        """Run to the end; both processes have ended when this returns.
+
+        Raises
+        ------
+        RehearsalError
+            When the rehearsal cannot begin.
+        """
+        if self._record is not None:
+            recorder.check_path(self._record)
+        failure: RehearsalError | None = None
+        try:
+            self._sides = [self._start("hardware"), self._start("firmware")]
+            self._follow(on_report)
+        except KeyboardInterrupt:
+            failure = Interrupted("stopped by the user")
+        finally:
+            self._ended_ns = time.monotonic_ns()
+            for side in self._sides:
+                side.end()
+            self._drain(on_report)
+            self._close_recorder()
+        return self._outcome(failure or self._failure())
+
+    def _start(self, name: str) -> Side:
+        read_end, write_end = os.pipe()
+        command = [
+            *(sys.executable, "-m", "host_tools", name, self._name),
+            *self._overrides,
+            *("--interface", self._address.interface, "--channel", self._address.channel),
+            *("--speed", "max" if self._speed is None else f"{self._speed:.12g}"),
+            *("--log", str(self._folder), "--report-fd", str(write_end)),
+        ]
+        if self._address.bitrate is not None:
+            command += ["--bitrate", str(self._address.bitrate)]
+        if name == "firmware":
+            command += ["--attach-wait", str(_ATTACH_WAIT_S)]
+        elif self._record is not None and self._address.is_embedded:
+            command += ["--await-peer", recorder.NAME]
+        if self._speed != REALTIME and self._address.is_embedded:
+            command += ["--core", str(max(os.sched_getaffinity(0)))]
+        try:
+            process = subprocess.Popen(
+                command, pass_fds=(write_end,), stdin=subprocess.DEVNULL, start_new_session=True
+            )
+        finally:
+            os.close(write_end)
+        return Side(name, process, read_end)
+
+    def _follow(self, on_report: OnReport) -> None:
+        """Hand on reports until both sides have closed their pipes or one has failed."""
+        with selectors.DefaultSelector() as selector:
+            for side in self._sides:
+                selector.register(side.pipe, selectors.EVENT_READ, side)
+            while selector.get_map():
+                for key, _ in selector.select(_POLL_S):
+                    side = key.data
+                    for report in side.read():
+                        self._note(report)
+                        on_report(report)
+                    if not side.is_open:
+                        selector.unregister(side.pipe)
+                        side.process.wait()
+                        if side.process.returncode != 0:
+                            self._let_other_end(side)
+                            return
+
+    def _let_other_end(self, failed: Side) -> None:
+        """Give the side that is left a moment to notice by itself and say so."""
+        for side in self._sides:
+            if side is not failed:
+                try:
+                    side.process.wait(_GRACE_S if self._address.is_embedded else 0.0)
+                except subprocess.TimeoutExpired:
+                    side.process.terminate()
+
+    def _note(self, report: dict[str, Any]) -> None:
+        if report["side"] != "hardware":
+            return
+        if report["kind"] == "ready" and self._record is not None:
+            lossless = self._speed != REALTIME
+            self._recorder = recorder.Recorder(self._record, self._address, lossless)
+        elif report["kind"] == "started":
+            self._started_ns = time.monotonic_ns()
+        elif report["kind"] == "summary":
+            self._ended_ns = time.monotonic_ns()
+
+    def _drain(self, on_report: OnReport) -> None:
+        """Take the last words of processes that have ended."""
+        ended_ns = self._ended_ns
+        for side in self._sides:
+            while side.is_open:
+                for report in side.read():
+                    on_report(report)
+            os.close(side.pipe)
+        self._ended_ns = ended_ns
+
+    def _close_recorder(self) -> None:
+        if self._recorder is not None:
+            self._recorder.close()
+
+    def _failure(self) -> RehearsalError | None:
+        """Return why the rehearsal failed: the side that was killed before the one that noticed."""
+        failed = [side for side in self._sides if side.process.returncode != 0]
+        rate_hz = self._scenario.rate_hz
+        for side in failed:
+            killed = side.was_killed and side.process.returncode != -signal.SIGTERM
+            if killed:
+                name = signal.Signals(-side.process.returncode).name
+                at = f"after {side.epoch / rate_hz:.0f} s of simulated time"
+                return SideLostError(
+                    f"the {side.name} process {side.process.pid} was killed by {name} {at}"
+                )
+        for side in failed:
+            if side.error:
+                kinds = {BusError.exit_status: BusError, SideLostError.exit_status: SideLostError}
+                kind = kinds.get(side.error["exit_status"], RehearsalError)
+                return kind(side.error["message"])
+        for side in failed:
+            status = side.process.returncode
+            return SideLostError(f"the {side.name} process ended with status {status}")
+        if self._recorder is not None and self._recorder.failure is not None:
+            return recorder.RecordError(f"recording {self._record}: {self._recorder.failure}")
+        return None
+
+    def _outcome(self, failure: RehearsalError | None) -> Outcome:
+        summaries = {side.name: side.summary for side in self._sides}
+        wall_s = 0.0 if self._started_ns is None else (self._ended_ns - self._started_ns) * 1e-9
+        return Outcome(
+            summaries.get("firmware", {}), summaries.get("hardware", {}), wall_s, failure
+        )
+
+
+def default_address(interface: str, channel: str | None, bitrate: int | None) -> Address:
+    """Return the bus that the options of a rehearsal mean.
+
+    Raises
+    ------
+    BusError
+        When an interface other than the embedded one is named without a channel.
+    """
+    if channel is None:
+        if interface != EMBEDDED:
+            raise BusError(f"interface {interface}: needs a --channel, such as vcan0 or can0")
+        channel = free_channel()
+    return Address(interface, channel, bitrate)
