@@ -12,6 +12,8 @@ from numba import njit
 
 _PHASE_SHIFT = 4  # proportional gain 1/16
 _RATE_SHIFT = 10  # integral gain 1/1024
+_LIMIT_SHIFT = 4  # one arrival corrects as if it were off by 1/16 period at most
+_JUMP_AFTER = 8  # SYNCs
 _LOST_AFTER = 10  # epochs without SYNC
 
 
@@ -28,8 +30,9 @@ def take_sync(clock: Any, epochs_late: int) -> None:
     """Discipline the clock by a SYNC that arrived at `clock.sync_arrival_ns`.
 
     `epochs_late` is how many epochs before the present one the SYNC belongs to; negative when the
-    loop has fallen behind it. An arrival further than half a period from where it was expected is
-    not averaged but taken as it is, and counted in `clock.jumps`.
+    loop has fallen behind it. A late arrival says more of the bus than of the clock: what it can
+    correct is limited, and one further than half a period from where it was expected corrects
+    nothing, until as many have come in a row that the phase itself must have changed.
     """
     clock.sync_missed = 0
     clock.sync_lost = False
@@ -39,12 +42,19 @@ def take_sync(clock: Any, epochs_late: int) -> None:
         clock.next_sync_ns = clock.sync_arrival_ns
         clock.fraction_q16 = 0
         clock.synchronised = True
+        clock.outliers = 0
     elif abs(error_ns) > period_ns // 2:
-        clock.next_sync_ns += error_ns
-        clock.jumps += 1
+        clock.outliers += 1
+        if clock.outliers == _JUMP_AFTER:
+            clock.next_sync_ns += error_ns
+            clock.jumps += 1
+            clock.outliers = 0
     else:
+        limit_ns = period_ns >> _LIMIT_SHIFT
+        error_ns = min(limit_ns, max(-limit_ns, error_ns))
         clock.next_sync_ns += error_ns >> _PHASE_SHIFT
         clock.period_q16 += (error_ns << 16) >> _RATE_SHIFT
+        clock.outliers = 0
 
 
 @njit(cache=True)

@@ -169,8 +169,10 @@ def _take_sensor(state: Any, contract: Any, frame: Any, group: int) -> None:
 
 @njit(cache=True)
 def close(state: Any) -> None:
-    """Close the epoch: count what did not come."""
+    """Close the epoch: count what did not come, once there is a hardware to expect it from."""
     assembly = state.assembly
+    if not state.clock.synchronised:
+        return
     groups = max(state.gyros.count, state.accelerometers.count)
     for group in range(groups):
         if assembly.received >> group & 1 == 0:

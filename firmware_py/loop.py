@@ -158,20 +158,38 @@ class _Intake:
         self._clock = clock
         self._inbox = firmware.inbox
         self._ids = firmware.inbox["can_id"]
+        self._last_id = int(firmware.contract[0]["axis_outer_status"]["message"]["can_id"])
         self.count = 0
         self.sync_arrival_ns = 0
 
-    def gather_until(self, deadline_ns: int) -> int:
-        """Take frames until the deadline; return the time then, by the own clock."""
-        while True:
+    def gather_until(self, deadline_ns: int, grace_ns: int) -> int:
+        """Take frames until the deadline, and on until the epoch is whole or the grace is over.
+
+        Returns how late after the deadline the wait for it was over.
+        """
+        late_ns = self._gather(deadline_ns)
+        if grace_ns and not self._is_whole():
+            self._gather(deadline_ns + grace_ns, until_whole=True)
+        return late_ns
+
+    def _is_whole(self) -> bool:
+        return bool(np.any(self._ids[: self.count] == self._last_id))
+
+    def _gather(self, deadline_ns: int, until_whole: bool = False) -> int:
+        """Take frames until the deadline and what is there by then; return how late it was."""
+        late_ns = -1
+        while self.count < len(self._inbox):
             now_ns = self._clock.now_ns()
-            if now_ns >= deadline_ns:
-                return now_ns
-            came = self._port.receive(self._inbox[self.count :], deadline_ns - now_ns)
+            if now_ns >= deadline_ns and late_ns < 0:
+                late_ns = now_ns - deadline_ns
+            came = self._port.receive(self._inbox[self.count :], max(0, deadline_ns - now_ns))
             new = self._ids[self.count : self.count + came]
             if came and np.any(new == self._firmware.sync_id):
                 self.sync_arrival_ns = self._clock.now_ns()
             self.count += came
+            if (late_ns >= 0 and not came) or (until_whole and self._is_whole()):
+                break
+        return max(0, late_ns)
 
     def drop(self, consumed: int) -> None:
         """Forget the frames that a step has taken."""
@@ -191,29 +209,31 @@ def run_realtime(
 ) -> None:
     """Run by the firmware's own clock until shut down.
 
-    The deadline of an epoch is half a period after its SYNC is expected; a step that begins more
-    than half a period after its deadline is an overrun, for by then the next SYNC is due.
+    The deadline of an epoch is half a period after its SYNC is expected. Frames that are late are
+    waited for during one more period, unless SYNC is lost. A step whose deadline is missed by more
+    than a period is an overrun: its axis commands may not arrive in time.
     """
     clock = _OwnClock(clock_error_ppm)
     intake = _Intake(firmware, port, clock)
     state = firmware.ram[0]
-    half_ns = firmware.period_ns // 2
-    deadline_ns = clock.now_ns() + firmware.period_ns
+    own = state["clock"]
+    period_ns = firmware.period_ns
+    deadline_ns = clock.now_ns() + period_ns
     while not firmware.is_shut_down:
-        now_ns = intake.gather_until(deadline_ns)
-        late_ns = now_ns - deadline_ns
-        overrun = late_ns > half_ns
-        if state["clock"]["synchronised"]:
-            lateness.take(late_ns, overrun)
-            state["faults"]["overruns"] += overrun
+        is_followed = bool(own["synchronised"]) and not own["sync_lost"]
+        late_ns = intake.gather_until(deadline_ns, period_ns if is_followed else 0)
+        if own["synchronised"]:
+            lateness.take(late_ns, late_ns > period_ns)
+            state["faults"]["overruns"] += late_ns > period_ns
+        begin_ns = clock.now_ns()
         sent, consumed = firmware.step(firmware.inbox, 0, intake.count, intake.sync_arrival_ns)
         intake.drop(consumed)
-        port.send(firmware.outbox, sent, firmware.epoch, now_ns)
-        _note_load(state, clock.now_ns() - now_ns, firmware.period_ns)
-        if state["clock"]["synchronised"]:
-            deadline_ns = int(state["clock"]["next_sync_ns"]) + half_ns
+        port.send(firmware.outbox, sent, firmware.epoch, firmware.epoch * period_ns)
+        _note_load(state, clock.now_ns() - begin_ns, period_ns)
+        if own["synchronised"]:
+            deadline_ns = int(own["next_sync_ns"]) + period_ns // 2
         else:
-            deadline_ns += firmware.period_ns
+            deadline_ns += period_ns
         if on_epoch is not None and firmware.epoch % every == 0:
             on_epoch(firmware.epoch)
 

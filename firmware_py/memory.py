@@ -56,6 +56,7 @@ CLOCK = _record(
         ("next_sync_ns", "<i8"),  # own clock, when the SYNC after this step is expected
         ("period_q16", "<i8"),  # period in own clock, ns * 2**16
         ("fraction_q16", "<i8"),
+        ("outliers", "<i8"),  # SYNCs in a row that came when none was expected
         ("jumps", "<i8"),
     ]
 )

@@ -35,7 +35,7 @@ def _fuse(state: Any) -> None:
     )
     if gyros and accelerometers:
         faults.consecutive_bridged = 0
-    else:
+    elif state.clock.synchronised:
         faults.bridged_epochs += 1
         faults.consecutive_bridged += 1
 

@@ -107,6 +107,12 @@ def rrins() -> None:
 @_scenario_options
 @click.option("--speed", type=_Speed(), default="max", show_default=True, help="1 is real time.")
 @_bus_options
+@click.option(
+    "--limit",
+    "limit_s",
+    type=click.FloatRange(min=0, min_open=True),
+    help="Shorten the run to whole cycles of the scheme where it would take more seconds.",
+)
 @_out_option
 @click.option("--record", type=click.Path(dir_okay=False, path_type=Path), help="Log of the bus.")
 @_json_option
@@ -118,6 +124,7 @@ def rehearse(
     interface: str,
     channel: str | None,
     bitrate: int | None,
+    limit_s: float | None,
     out: Path | None,
     record: Path | None,
     as_json: bool,
@@ -131,21 +138,16 @@ def rehearse(
 
     loaded = scenarios.load(scenario, duration_s=duration_s, seed=seed)
     signal.signal(signal.SIGTERM, _as_interrupt)
-    overrides = tuple(
-        f"--{key}={value!r}"
-        for key, value in (("duration", duration_s), ("seed", seed))
-        if value is not None
-    )
-    runs.rehearse(
+    plan = runs.Plan(
         scenario,
         loaded,
-        overrides,
+        runs.Overrides(duration_s, seed),
         runs.Bus(interface, channel, bitrate),
         speed,
-        out,
-        record,
-        as_json,
     )
+    if limit_s is not None:
+        plan = runs.fit(plan, limit_s)
+    runs.rehearse(plan, out, record, as_json)
 
 
 @rrins.command()
@@ -209,6 +211,8 @@ def _run_side(
 
     report_fd = job["report_fd"]
     signal.signal(signal.SIGTERM, _as_interrupt)
+    if report_fd is not None:  # what goes wrong is reported, not logged beside it
+        logging.getLogger().setLevel(logging.CRITICAL)
     try:
         loaded = scenarios.load(scenario, duration_s=duration_s, seed=seed)
         bus = runs.Bus(interface, channel, bitrate)

@@ -7,6 +7,7 @@ that each side sends last; a side waits for it no longer than `_LOCKSTEP_PATIENC
 
 from __future__ import annotations
 
+import errno
 import time
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -73,15 +74,27 @@ def open_bus(address: Address, **wishes: Any) -> can.BusABC:
             return RrinsBus(channel=address.channel, **wishes)
         return can.Bus(interface=address.interface, channel=address.channel, **wishes)
     except can.CanInitializationError as error:
-        missing = isinstance(error.__cause__, NoHostError)
-        kind = BusNotThereError if missing else BusError
-        raise kind(f"bus {address}: {_one_line(error)}") from error
+        if isinstance(error.__cause__, NoHostError):
+            raise BusNotThereError(
+                f"bus {address}: nobody hosts it; start `rrins hardware --channel "
+                f"{address.channel}` or a rehearsal on it first"
+            ) from error
+        raise BusError(f"bus {address}: {_one_line(error)}") from error
     except (can.CanError, OSError, ImportError, ValueError, TypeError) as error:
         raise BusError(f"bus {address}: cannot be opened: {_one_line(error)}") from error
 
 
+_HINTS = {
+    errno.EAFNOSUPPORT: " (this kernel has no SocketCAN)",
+    errno.ENODEV: " (see `ip link` for what there is)",
+    errno.ENETDOWN: " (bring it up with `ip link set … up`)",
+}
+
+
 def _one_line(error: Exception) -> str:
-    return " ".join(str(error).split()) or type(error).__name__
+    text = " ".join(str(error).split()) or type(error).__name__
+    number = error.errno if isinstance(error, OSError) else getattr(error, "error_code", None)
+    return text + _HINTS.get(number or 0, "")
 
 
 class BatchPort:

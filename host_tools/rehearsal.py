@@ -159,8 +159,6 @@ class Rehearsal:
         RehearsalError
             When the rehearsal cannot begin.
         """
-        if self._record is not None:
-            recorder.check_path(self._record)
         failure: RehearsalError | None = None
         try:
             self._sides = [self._start("hardware"), self._start("firmware")]

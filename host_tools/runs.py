@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import json
+import tempfile
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,11 +17,14 @@ from host_tools.direct import run_direct
 from host_tools.display import RunDisplay
 from host_tools.errors import RehearsalError
 from host_tools.port import Address
+from host_tools.recorder import check_path
 from host_tools.rehearsal import Interrupted, Rehearsal, default_address
 from host_tools.report import Report
 from host_tools.results import Errors
 from host_tools.scenario import Scenario
 from host_tools.summary import collect, lines_of, summarise, table_of, write_results
+
+_PROBE_S = 60.0  # simulated
 
 
 @dataclass(frozen=True)
@@ -65,28 +69,80 @@ def _finish(
         raise failure
 
 
-def rehearse(
-    name: str,
-    scenario: Scenario,
-    overrides: tuple[str, ...],
-    bus: Bus,
-    speed: float | None,
-    out: Path | None,
-    record: Path | None,
-    as_json: bool,
-) -> None:
+@dataclass(frozen=True)
+class Overrides:
+    """By what a run differs from its scenario's file."""
+
+    duration_s: float | None = None
+    seed: int | None = None
+
+    def options(self) -> tuple[str, ...]:
+        """Return the command-line options that say so."""
+        named = (("duration", self.duration_s), ("seed", self.seed))
+        return tuple(f"--{name}={value!r}" for name, value in named if value is not None)
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What is to be rehearsed, and how."""
+
+    name: str
+    scenario: Scenario
+    overrides: Overrides
+    bus: Bus
+    speed: float | None
+
+    def lasting(self, duration_s: float) -> Plan:
+        """Return the same with another duration."""
+        return replace(
+            self,
+            scenario=self.scenario.model_copy(update={"duration_s": duration_s}),
+            overrides=replace(self.overrides, duration_s=duration_s),
+        )
+
+    def rehearsal(self, address: Address, folder: Path, record: Path | None) -> Rehearsal:
+        """Return the rehearsal, ready to run."""
+        options = self.overrides.options()
+        return Rehearsal(self.name, self.scenario, options, address, self.speed, folder, record)
+
+
+def fit(plan: Plan, limit_s: float) -> Plan:
+    """Return the plan, shortened to whole cycles of the scheme if it would take too long.
+
+    How long it would take is measured by a short rehearsal on the same bus.
+    """
+    address = default_address(plan.bus.interface, plan.bus.channel, plan.bus.bitrate)
+    probe = plan.lasting(min(_PROBE_S, plan.scenario.duration_s))
+    with (
+        tempfile.TemporaryDirectory(prefix="rrins-") as folder,
+        RunDisplay(probe.scenario, Console(stderr=True)) as display,
+    ):
+        display.say("measuring the speed (the first start compiles, some 30 s)")
+        outcome = probe.rehearsal(address, Path(folder), None).run(lambda report: None)
+    if outcome.failure is not None:
+        raise outcome.failure
+    expected_s = outcome.wall_s * plan.scenario.epochs / probe.scenario.epochs
+    if expected_s <= limit_s:
+        return plan
+    cycle_s = plan.scenario.scheme.cycle_s
+    cycles = max(1, int(plan.scenario.duration_s * limit_s / expected_s / cycle_s))
+    return plan.lasting(min(plan.scenario.duration_s, cycles * cycle_s))
+
+
+def rehearse(plan: Plan, out: Path | None, record: Path | None, as_json: bool) -> None:
     """Do `rrins rehearse`."""
-    address = default_address(bus.interface, bus.channel, bus.bitrate)
-    folder = _folder(out, name)
-    rehearsal = Rehearsal(name, scenario, overrides, address, speed, folder, record)
-    console = Console(stderr=True)
-    with RunDisplay(scenario, console, quiet=as_json) as display:
+    if record is not None:
+        check_path(record)
+    address = default_address(plan.bus.interface, plan.bus.channel, plan.bus.bitrate)
+    folder = _folder(out, plan.name)
+    scenario = plan.scenario
+    with RunDisplay(scenario, Console(stderr=True), quiet=as_json) as display:
         display.say(f"starting on {address}")
-        outcome = rehearsal.run(display.report)
+        outcome = plan.rehearsal(address, folder, record).run(display.report)
     errors = collect(folder, scenario.rate_hz)
     stopped = None if outcome.failure is None else str(outcome.failure)
     summary = summarise(
-        name,
+        plan.name,
         scenario,
         address.interface,
         outcome.wall_s,
@@ -95,8 +151,8 @@ def rehearse(
         errors,
         stopped,
     )
-    summary["speed"] = "max" if speed is None else speed
-    _finish(summary, errors, folder, scenario.title or name, as_json, outcome.failure)
+    summary["speed"] = "max" if plan.speed is None else plan.speed
+    _finish(summary, errors, folder, scenario.title or plan.name, as_json, outcome.failure)
 
 
 def simulate(name: str, scenario: Scenario, out: Path | None, as_json: bool) -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import select
 import socket
-import struct
 import threading
 import time
 from collections import deque
@@ -14,13 +13,11 @@ from typing import Final
 from host_tools.bus import datagram
 from host_tools.bus.channel import NoHostError, connect
 from host_tools.bus.peer import check_name, widen
-from host_tools.bus.wire import BusTimeoutError
+from host_tools.bus.wire import BusTimeoutError, wait_readable
 from host_tools.errors import BusError
 
 _BACKLOG_LIMIT: Final = 4 * 1024 * 1024
-_TIMEVAL: Final = struct.Struct("@ll")
 _ASIDE_MS: Final = 20
-_NEVER: Final = object()
 
 _now: Final = time.monotonic_ns
 
@@ -75,7 +72,6 @@ class Link:
         self._receive_lock = threading.Lock()
         self._backlog: deque[bytes] = deque()  # received while waiting for room to send
         self._backlog_bytes = 0
-        self._timeout: object = _NEVER  # what SO_RCVTIMEO is set to
         flags = (
             (datagram.OBSERVER if is_observer else 0)
             | (datagram.EXCLUSIVE if exclusive else 0)
@@ -212,16 +208,16 @@ class Link:
                 return len(kept)
             if self._end_reason:
                 raise BusError(self._end_reason)
-            flags = 0
-            if timeout is not None and timeout <= 0:
-                flags = socket.MSG_DONTWAIT
-            elif timeout != self._timeout:
-                self._set_timeout(timeout)
+            flags = 0 if timeout is None else socket.MSG_DONTWAIT
+            deadline = None if timeout is None else _now() + int(timeout * 1e9)
             while True:
                 try:
                     size = self._end.recv_into(buffer, 0, flags)
                 except BlockingIOError:
-                    return 0
+                    left = (deadline or 0) - _now()
+                    if left <= 0 or not wait_readable(self._end.fileno(), left * 1e-9):
+                        return 0
+                    continue
                 except ConnectionResetError:
                     continue  # told once; what arrived before can still be read
                 except OSError:
@@ -230,13 +226,6 @@ class Link:
                     self._is_end(buffer, size)
                     raise BusError(self._end_reason)
                 return size
-
-    def _set_timeout(self, timeout: float | None) -> None:
-        micros = 0 if timeout is None else max(1, int(timeout * 1e6))  # zero means for ever
-        self._end.setsockopt(
-            socket.SOL_SOCKET, socket.SO_RCVTIMEO, _TIMEVAL.pack(*divmod(micros, 1_000_000))
-        )
-        self._timeout = timeout
 
     def _is_end(self, buffer: bytearray, size: int) -> bool:
         """Return whether a datagram is the last one; if it is, keep the reason."""

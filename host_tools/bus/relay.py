@@ -26,6 +26,7 @@ from typing import Final
 from host_tools.bus import datagram
 from host_tools.bus.door import Caller, Door, refuse
 from host_tools.bus.peer import Peer, PeerInfo
+from host_tools.bus.wire import wait_readable
 from host_tools.errors import BusError
 
 TIMED_OUT: Final = -1
@@ -144,7 +145,9 @@ class Relay:
         """
         if self.stuck:
             return self.step_aside(wait)
-        events = self._all.poll(wait, 1)
+        if wait > 0 and not wait_readable(self._all.fileno(), wait):
+            return TIMED_OUT
+        events = self._all.poll(0 if wait > 0 else wait, 1)
         if not events:
             return TIMED_OUT
         with self.lock:

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import select
 from typing import Protocol
 
 from host_tools.errors import BusError
+
+_SELECT_LIMIT = 1024  # FD_SETSIZE
 
 
 class BusTimeoutError(BusError):
@@ -28,3 +31,16 @@ class Wire(Protocol):
 
     def close(self) -> None:
         """Leave the bus; what was sent still arrives."""
+
+
+def wait_readable(fd: int, timeout: float) -> bool:
+    """Wait until a descriptor can be read, `timeout` seconds at most; return whether it can.
+
+    `select` keeps a time to some 50 µs; `poll` and `epoll` round up to a millisecond, a socket's
+    own timeout to a tick of the kernel.
+    """
+    if fd < _SELECT_LIMIT:
+        return bool(select.select([fd], [], [], timeout)[0])
+    poll = select.poll()
+    poll.register(fd, select.POLLIN)
+    return bool(poll.poll(timeout * 1000))

@@ -35,12 +35,23 @@ SENSORS = _record(
 )
 """The sensors of one kind; increments in rad or m/s."""
 
+COMMAND = _record(
+    [
+        ("valid", "?"),
+        ("command", "<i8"),
+        ("target", "<f8"),  # rad
+        ("rate", "<f8"),  # rad/s
+    ]
+)
+"""An axis command that waits for its epoch."""
+
 AXIS = _record(
     [
         ("rate_limit", "<f8"),  # rad/s
         ("acceleration_limit", "<f8"),  # rad/s²
         ("encoder_step_deg", "<f8"),
         ("state", "<i8"),
+        ("waiting", COMMAND, (2,)),  # by the epoch they belong to, even and odd
         ("command", "<i8"),
         ("target", "<f8"),  # rad, as commanded
         ("commanded_rate", "<f8"),  # rad/s
@@ -117,7 +128,6 @@ PLANT = _record(
         ("accelerometers", SENSORS),
         ("truth", TRUTH),
         ("operator", OPERATOR),
-        ("command_seen", "u1", (2,)),
         ("counters", COUNTERS),
         ("heartbeats", "<i8"),
     ]

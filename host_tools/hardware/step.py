@@ -22,40 +22,51 @@ from host_tools.hardware.memory import INNER, OUTER
 OUTBOX_CAPACITY = 32
 """Frames that one step sends at most, with room to spare."""
 
+COMMAND_DELAY = 2
+"""Epochs from the one a command belongs to until it takes effect: both loops may be late by almost
+a period, and a run in real time is still the same as one in lockstep."""
+
 _NS_PER_MS = 1_000_000
 
 
 @njit(cache=True)
-def _take_command(plant: Any, message: Any, axis: int, frame: Any) -> None:
-    """Take an axis command if it is sound and belongs to the epoch before this one."""
+def _take_command(plant: Any, message: Any, axis: Any, frame: Any) -> None:
+    """Keep an axis command if it is sound and its epoch's commands have not taken effect yet."""
     if not crc_holds(frame, message.message):
         plant.counters.crc_errors += 1
         return
-    if plant.command_seen[axis] or counter_of(frame["data"]) != (plant.epoch - 1) % COUNTER_MODULUS:
+    age = (plant.epoch - counter_of(frame["data"])) % COUNTER_MODULUS
+    slot = axis.waiting[(plant.epoch - age) % 2]
+    if not 1 <= age <= COMMAND_DELAY or slot.valid:
         plant.counters.counter_errors += 1
         return
-    plant.command_seen[axis] = 1
-    turntable.command(
-        plant.axis[axis],
-        unpack(frame["data"], message.command),
-        math.radians(decode(frame["data"], message.target_angle_deg)),
-        math.radians(decode(frame["data"], message.rate_limit_dps)),
-    )
+    slot.valid = True
+    slot.command = unpack(frame["data"], message.command)
+    slot.target = math.radians(decode(frame["data"], message.target_angle_deg))
+    slot.rate = math.radians(decode(frame["data"], message.rate_limit_dps))
+
+
+@njit(cache=True)
+def _apply_command(plant: Any, axis: Any) -> None:
+    """Let the command whose time has come take effect; without one, the last one holds."""
+    slot = axis.waiting[plant.epoch % 2]
+    if slot.valid:
+        slot.valid = False
+        turntable.command(axis, slot.command, slot.target, slot.rate)
+    elif plant.epoch >= COMMAND_DELAY:
+        plant.counters.missing_commands += 1
 
 
 @njit(cache=True)
 def _take(plant: Any, contract: Any, inbox: Any, count: int) -> None:
-    plant.command_seen[INNER] = 0
-    plant.command_seen[OUTER] = 0
     for k in range(count):
         frame = inbox[k]
         if frame.can_id == contract.axis_inner_command.message.can_id:
-            _take_command(plant, contract.axis_inner_command, INNER, frame)
+            _take_command(plant, contract.axis_inner_command, plant.axis[INNER], frame)
         elif frame.can_id == contract.axis_outer_command.message.can_id:
-            _take_command(plant, contract.axis_outer_command, OUTER, frame)
+            _take_command(plant, contract.axis_outer_command, plant.axis[OUTER], frame)
     for axis in (INNER, OUTER):
-        if not plant.command_seen[axis]:
-            plant.counters.missing_commands += 1
+        _apply_command(plant, plant.axis[axis])
 
 
 @njit(cache=True)
@@ -156,8 +167,7 @@ def hardware_step(
     plant = plants[0]
     record = contract[0]
     dt = plant.period_ns * 1e-9
-    if plant.epoch > 0:
-        _take(plant, record, inbox, count)
+    _take(plant, record, inbox, count)
     turntable.advance(plant.axis[INNER], dt)
     turntable.advance(plant.axis[OUTER], dt)
     truth.integrate(plant, dt)

@@ -1,0 +1,76 @@
+"""The page `docs/bus-contract.md`, written from the DBC: ``python -m host_tools.contract_page``."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from cantools.database import Message, Signal
+
+from dbc.codec import Codec, load
+
+_HEAD = """# The bus contract
+
+This page is written from [`dbc/rrins.dbc`](../dbc/rrins.dbc) by `make docs`; the DBC is what counts.
+
+All frames are classic CAN frames with 11-bit identifiers; the lower, the more urgent. All payloads
+have eight bytes, byte order is little-endian (Intel). Cycle times are those at 200 Hz; what is sent
+every epoch follows the sampling rate of the scenario.
+
+**Protection.** Every message follows AUTOSAR E2E profile 1, variant 1A: byte 0 is a CRC-8
+(polynomial 0x1D, start value and final XOR 0x00) over the low and the high byte of the message's
+data ID and bytes 1 to 7; the low nibble of byte 1 is a counter from 0 to 14. In frames sent every
+epoch the counter is the epoch modulo 15, so a frame belongs to one epoch only; in the others it
+counts transmissions. A frame whose CRC or counter is wrong updates a fault counter and nothing else.
+"""
+
+
+def _sections(codec: Codec) -> Iterator[str]:
+    yield _HEAD
+    yield "| identifier | message | from | to | cycle | |"
+    yield "|---|---|---|---|---|---|"
+    messages = sorted(codec.database.messages, key=lambda message: message.frame_id)
+    for message in messages:
+        yield (
+            f"| 0x{message.frame_id:03X} | [{message.name}](#{message.name.lower()}) "
+            f"| {', '.join(message.senders)} | {', '.join(sorted(message.receivers))} "
+            f"| {message.cycle_time} ms | {message.comment} |"
+        )
+    for message in messages:
+        if message.name.startswith("SENSOR_") and message.name != "SENSOR_1":
+            continue  # all alike
+        yield from _message(codec, message)
+
+
+def _message(codec: Codec, message: Message) -> Iterator[str]:
+    row = codec.messages[codec.message_index(message.name)]
+    yield f"\n## {message.name}\n"
+    yield f"Identifier 0x{message.frame_id:03X}, E2E data ID 0x{int(row['data_id']):04X}."
+    if message.name == "SENSOR_1":
+        yield "SENSOR_2 to SENSOR_16 have the same signals; a RIMU sends as many as it has groups."
+    yield ""
+    yield "| signal | bits | unit | scale | range | |"
+    yield "|---|---|---|---|---|---|"
+    for signal in message.signals:
+        yield _signal(signal)
+
+
+def _signal(signal: Signal) -> str:
+    last = signal.start + signal.length - 1
+    sign = " signed" if signal.is_signed else ""
+    comment = signal.comment or ""
+    if signal.choices:
+        names = ", ".join(f"{raw} {name}" for raw, name in sorted(signal.choices.items()))
+        comment += f" {names}."
+    return (
+        f"| `{signal.name}` | {signal.start}-{last}{sign} | {signal.unit or ''} "
+        f"| {signal.scale:g} | {signal.minimum:.10g} … {signal.maximum:.10g} | {comment} |"
+    )
+
+
+def page() -> str:
+    """Return the page as Markdown."""
+    return "\n".join(_sections(load())) + "\n"
+
+
+if __name__ == "__main__":
+    print(page(), end="")
