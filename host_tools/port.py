@@ -169,6 +169,11 @@ class BatchPort:
         batch = self._receive(into, timeout_ns * 1e-9)
         return 0 if batch is None else batch.count
 
+    def dismiss(self) -> None:
+        """Let the other side leave without that being a fault."""
+        if self._is_host:
+            self._bus.require([])
+
     def close(self) -> None:
         """Leave the bus."""
         self._bus.shutdown()
@@ -335,6 +340,9 @@ class MessagePort:
                 break
             message = self._receive(0.0)
         return count
+
+    def dismiss(self) -> None:
+        """Let the other side leave; nobody notices on such a bus."""
 
     def close(self) -> None:
         """Leave the bus."""

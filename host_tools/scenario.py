@@ -339,8 +339,10 @@ def load(name: str, **overrides: Any) -> Scenario:
 
 
 def _first_line(error: ValidationError) -> str:
-    """Return the first fault that pydantic found, in the words of a scenario."""
-    first = error.errors()[0]
+    """Return the most telling fault that pydantic found, in the words of a scenario."""
+    # A misspelt key tells more than the missing one; of the readings of a value that may be one
+    # thing or another, the one that got furthest.
+    first = max(error.errors(), key=lambda e: (e["type"] == "extra_forbidden", len(e["loc"])))
     where = ".".join(
         str(part + 1) if isinstance(part, int) else part
         for part in first["loc"]

@@ -7,7 +7,6 @@ from typing import Any
 
 from rich.table import Table
 
-from host_tools.plots import write_plots
 from host_tools.results import Errors, read_errors, write_errors, write_summary
 from host_tools.scenario import Scenario
 from host_tools.sides import NAVIGATION_ROWS, TRUTH_ROWS
@@ -71,6 +70,8 @@ def summarise(
 
 def write_results(folder: Path, summary: dict[str, Any], errors: Errors, title: str) -> list[Path]:
     """Write pictures, errors and summary of a run into a folder; return their paths."""
+    from host_tools.plots import write_plots  # half a second that only pictures are worth
+
     paths = write_plots(folder, errors, title)
     if len(errors):
         write_errors(folder / "errors.csv", errors)

@@ -21,7 +21,10 @@ from firmware_py.modes import Mode
 from firmware_py.settings import Scheme, Settings, Turn, input_axes
 
 CODEC = codec.load()
-TETRAHEDRON_DEG = ((180.0, 0.0), *((math.degrees(math.acos(1 / 3)), b) for b in (0.0, 120.0, 240.0)))
+TETRAHEDRON_DEG = (
+    (180.0, 0.0),
+    *((math.degrees(math.acos(1 / 3)), b) for b in (0.0, 120.0, 240.0)),
+)
 HALF_TURNS = [1, -2, 1, 2, 2, 1, -2, 1, -1, 2, -1, -2, -2, -1, 2, -1]
 """Table 1: 1 the inner axis, 2 the outer, each by half a turn."""
 
@@ -167,9 +170,7 @@ class Bench:
         frames = self.frames(request=request) if frames is None else frames
         inbox = np.array(frames, dtype=FRAME) if frames else frame_array(1)
         self.consumed = 0
-        sent, self.consumed = self.firmware.step(
-            inbox, 0, len(frames), self.epoch * self.period_ns
-        )
+        sent, self.consumed = self.firmware.step(inbox, 0, len(frames), self.epoch * self.period_ns)
         self.epoch += 1
         return [frame.copy() for frame in self.firmware.outbox[:sent]]
 

@@ -1,0 +1,79 @@
+"""The lockstep shell and the firmware around its memory, without a bus."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from dbc.frame import FRAME
+from firmware_py.loop import Firmware, own_clock_ns, run_lockstep
+from firmware_py.modes import Mode, ModeRequest
+
+
+class ScriptedPort:
+    """A port whose other side sends what a bench would, some epochs together, then a shutdown."""
+
+    def __init__(self, bench, batches):
+        self.bench, self.batches, self.sent = bench, list(batches), []
+        self.epoch = 0
+
+    def receive_epoch(self, into):
+        size = self.batches.pop(0)
+        frames = []
+        for _ in range(size):
+            request = ModeRequest.NAVIGATE_STRAPDOWN if self.batches else ModeRequest.SHUTDOWN
+            frames += self.bench.frames(self.epoch, request)
+            self.epoch += 1
+        into[: len(frames)] = np.array(frames, dtype=FRAME)
+        return len(frames)
+
+    def send(self, frames, count, epoch, time_ns):
+        self.sent.append((epoch, time_ns, frames[:count].tobytes()))
+
+
+def run(tools, batches, **arguments):
+    port = ScriptedPort(tools.Bench(), batches)
+    firmware = Firmware(tools.settings())
+    run_lockstep(firmware, port, **arguments)
+    return firmware, port
+
+
+def test_lockstep_answers_every_epoch_until_shut_down(tools):
+    firmware, port = run(tools, [1] * 150)
+    assert [epoch for epoch, _, _ in port.sent] == list(range(150))
+    assert [time for _, time, _ in port.sent] == [k * 5_000_000 for k in range(150)]
+    assert firmware.is_shut_down
+    assert firmware.mode == Mode.SHUTDOWN
+    assert firmware.frames_received == 150 * 8
+    assert firmware.frames_sent == sum(len(data) for *_, data in port.sent) // FRAME.itemsize
+    assert firmware.trace.epochs == 150 - 1 - 100 - 1 - 20 + 1
+
+
+def test_epochs_that_come_together_are_answered_one_by_one(tools):
+    singly, _ = run(tools, [1] * 150)
+    together, port = run(tools, [1] * 120 + [3, 1, 5, 20, 1])
+    assert [epoch for epoch, _, _ in port.sent] == list(range(150))
+    assert together.trace.sha256() == singly.trace.sha256()
+    assert together.frames_received == 150 * 8
+
+
+def test_progress_is_told_at_its_epochs(tools):
+    told = []
+    run(tools, [1] * 100, every=25, on_epoch=told.append)
+    assert told == [0, 25, 50, 75]
+
+
+@pytest.mark.parametrize("ppm", [-1000.0, -0.5, 0.0, 250.0])
+def test_the_own_clock_is_fast_by_its_error(ppm):
+    hour = 3_600_000_000_000
+    assert own_clock_ns(hour, ppm) - hour == round(hour * ppm * 1e-6)
+    assert own_clock_ns(0, ppm) == 0
+
+
+@pytest.mark.parametrize("ppm", [-500.0, 500.0])
+def test_a_clock_error_is_estimated_and_does_not_touch_navigation(tools, ppm):
+    right, _ = run(tools, [1] * 1500)
+    wrong, _ = run(tools, [1] * 1500, clock_error_ppm=ppm)
+    assert right.trace.sha256() == wrong.trace.sha256()
+    own = wrong.ram[0]["clock"]
+    assert (own["period_q16"] / 65536 / 5_000_000 - 1) * 1e6 == pytest.approx(ppm, abs=0.1)
