@@ -10,7 +10,7 @@ from dbc.codec import Codec, load
 
 _HEAD = """# The bus contract
 
-This page is written from [`dbc/rrins.dbc`](../dbc/rrins.dbc) by `make docs`; the DBC is what counts.
+`make docs` writes this page from [`dbc/rrins.dbc`](../dbc/rrins.dbc); the DBC is what counts.
 
 All frames are classic CAN frames with 11-bit identifiers; the lower, the more urgent. All payloads
 have eight bytes, byte order is little-endian (Intel). Cycle times are those at 200 Hz; what is sent
@@ -20,7 +20,7 @@ every epoch follows the sampling rate of the scenario.
 (polynomial 0x1D, start value and final XOR 0x00) over the low and the high byte of the message's
 data ID and bytes 1 to 7; the low nibble of byte 1 is a counter from 0 to 14. In frames sent every
 epoch the counter is the epoch modulo 15, so a frame belongs to one epoch only; in the others it
-counts transmissions. A frame whose CRC or counter is wrong updates a fault counter and nothing else.
+counts transmissions. A frame with a wrong CRC or counter updates a fault counter and nothing else.
 """
 
 

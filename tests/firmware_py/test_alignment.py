@@ -50,11 +50,11 @@ def test_perfect_increments_give_the_attitude(tools, roll, pitch, heading, latit
 def test_an_accelerometer_bias_tilts_by_its_share_of_gravity(tools):
     bias, latitude = 1e-4, 0.7
     dtheta, dv, gravity = at_rest(tools, np.eye(3), latitude)
-    record = found(summed(dtheta, dv + [bias * DT, 0, 0]), gravity)
+    record = found(summed(dtheta, dv + np.array([bias, 0, 0]) * DT), gravity)
     roll, pitch, _ = attitude.euler_of_matrix(record["C_s_n"])
     assert roll == pytest.approx(-bias / gravity, rel=1e-4)
     assert pitch == pytest.approx(0, abs=1e-9)
-    record = found(summed(dtheta, dv + [0, bias * DT, 0]), gravity)
+    record = found(summed(dtheta, dv + np.array([0, bias, 0]) * DT), gravity)
     _, pitch, _ = attitude.euler_of_matrix(record["C_s_n"])
     assert pitch == pytest.approx(bias / gravity, rel=1e-4)
 
@@ -62,7 +62,7 @@ def test_an_accelerometer_bias_tilts_by_its_share_of_gravity(tools):
 def test_an_east_gyro_bias_turns_the_heading(tools):
     bias, latitude = 1e-8, 0.7
     dtheta, dv, gravity = at_rest(tools, np.eye(3), latitude)
-    record = found(summed(dtheta + [bias * DT, 0, 0], dv), gravity)
+    record = found(summed(dtheta + np.array([bias, 0, 0]) * DT, dv), gravity)
     heading = attitude.euler_of_matrix(record["C_s_n"])[2]
     heading = math.remainder(heading, 2 * math.pi)
     assert abs(heading) == pytest.approx(bias / (earth.RATE * math.cos(latitude)), rel=1e-4)

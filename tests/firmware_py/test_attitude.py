@@ -52,7 +52,7 @@ def test_a_product_of_quaternions_turns_by_the_second_first(a, b):
     attitude.quaternion_of_vector(q, b)
     attitude.multiply(r, p, q)
     attitude.matrix_of_quaternion(C, r)
-    assert C == pytest.approx(matrix_of_vector(a) @ matrix_of_vector(b), abs=1e-14)
+    assert pytest.approx(matrix_of_vector(a) @ matrix_of_vector(b), abs=1e-14) == C
 
 
 @given(VECTORS)
@@ -80,8 +80,8 @@ def test_normalising_keeps_the_direction():
 
 def test_heading_turns_forward_to_the_east_and_right_to_the_south():
     C = matrix_of_euler(0.0, 0.0, math.pi / 2)
-    assert C @ Y == pytest.approx([1, 0, 0], abs=1e-15)
-    assert C @ X == pytest.approx([0, -1, 0], abs=1e-15)
+    assert pytest.approx([1, 0, 0], abs=1e-15) == C @ Y
+    assert pytest.approx([0, -1, 0], abs=1e-15) == C @ X
 
 
 def test_pitch_raises_the_nose():

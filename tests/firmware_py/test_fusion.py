@@ -82,7 +82,7 @@ def test_sensors_that_come_back_are_used_again(tools):
 def test_one_error_in_the_tetrahedron_spreads_by_three_quarters(tools):
     # HᵀH = 4/3 I, so the error of sensor i is 3/4 of it along its axis.
     H = tetrahedron(tools)
-    assert H.T @ H == pytest.approx(4 / 3 * np.eye(3), abs=1e-15)
+    assert pytest.approx(4 / 3 * np.eye(3), abs=1e-15) == H.T @ H
     error = fused(fusion_of(H), 0b1111, [0, 0, 1.0, 0])
     assert error == pytest.approx(0.75 * H[2])
 

@@ -152,8 +152,16 @@ def test_a_frame_of_another_length_is_refused(intake, length):
 
 @pytest.mark.parametrize(
     ("status", "gyro", "accelerometer"),
-    [(0, True, True), (1, False, True), (2, True, False), (3, False, False), (4, False, True)]
-    + [(8, True, False), (9, False, False), (6, False, False)],
+    [
+        (0, True, True),
+        (1, False, True),
+        (2, True, False),
+        (3, False, False),
+        (4, False, True),
+        (6, False, False),
+        (8, True, False),
+        (9, False, False),
+    ],
 )
 def test_the_status_says_what_is_usable(intake, tools, status, gyro, accelerometer):
     frames = intake.frames()

@@ -91,8 +91,13 @@ def test_settings_that_make_no_sense_are_refused(tools, changes):
 
 @pytest.mark.parametrize(
     "changes",
-    [{"turns": ()}, {"turn_rate_dps": 0}, {"turn_rate_dps": 61}, {"stand_s": -1}]
-    + [{"turns": 65 * (Turn(axis="inner", angle_deg=1),)}],
+    [
+        {"turns": ()},
+        {"turns": 65 * (Turn(axis="inner", angle_deg=1),)},
+        {"turn_rate_dps": 0},
+        {"turn_rate_dps": 61},
+        {"stand_s": -1},
+    ],
 )
 def test_schemes_that_make_no_sense_are_refused(changes):
     with pytest.raises(ValidationError):

@@ -1,0 +1,132 @@
+"""Hardware on the bench: settings, command frames made by hand, frames decoded by cantools."""
+
+from __future__ import annotations
+
+import math
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from dbc import codec
+from dbc.e2e import protect
+from dbc.frame import FRAME, frame_array
+from host_tools.hardware.loop import Hardware
+from host_tools.hardware.memory import PLANT
+from host_tools.hardware.settings import Drive, SensorErrors, SensorSet, Settings
+
+CODEC = codec.load()
+TETRAHEDRON = ((math.pi, 0.0), *((math.acos(1 / 3), math.radians(b)) for b in (0, 120, 240)))
+
+
+def make_sensors(axes: Any = TETRAHEDRON, measuring_range: float = 1e3, **errors: Any) -> SensorSet:
+    """Return sensors that all have the same errors."""
+    same = tuple(SensorErrors(**errors) for _ in axes)
+    return SensorSet(axes=tuple(axes), errors=same, measuring_range=measuring_range)
+
+
+def make_settings(**changes: Any) -> Settings:
+    drive = Drive(rate_limit_dps=30.0, acceleration_limit_dps2=10.0, encoder_step_deg=360 / 2**24)
+    values: dict[str, Any] = {
+        "rate_hz": 200,
+        "seed": 1,
+        "latitude_deg": 40.0,
+        "longitude_deg": 116.0,
+        "height_m": 40.0,
+        "roll_deg": 0.0,
+        "pitch_deg": 0.0,
+        "heading_deg": 0.0,
+        "gyros": make_sensors(),
+        "accelerometers": make_sensors(),
+        "inner": drive,
+        "outer": drive,
+        "requests": (),
+    }
+    return Settings(**values | changes)
+
+
+def make_frame(name: str, counter: int, **raws: int) -> np.void:
+    """Return a protected frame of a message with raw signal values."""
+    word = 0
+    for signal, raw in raws.items():
+        row = CODEC.signals[CODEC.signal_index(name, signal)]
+        word |= (int(raw) & ((1 << int(row["length"])) - 1)) << int(row["shift"])
+    message = CODEC.messages[CODEC.message_index(name)]
+    frame = frame_array(1)
+    frame["can_id"], frame["length"] = message["can_id"], message["length"]
+    frame["data"] = protect(np.uint64(word), message, counter)
+    return frame[0]
+
+
+def make_command(
+    axis: str, epoch: int, target_deg: float = 0.0, what: int = 2, rate_dps: float = 20.0
+) -> np.void:
+    """Return an axis command; `axis` is INNER or OUTER, `what` 0 off, 1 hold, 2 position."""
+    return make_frame(
+        f"AXIS_{axis}_COMMAND",
+        epoch,
+        command=what,
+        target_angle_deg=round(target_deg * 1e6),
+        rate_limit_dps=round(rate_dps * 1e3),
+    )
+
+
+def decode_frame(frame: np.void) -> tuple[str, dict[str, Any]]:
+    """Return name and values of a frame, by cantools."""
+    message = CODEC.database.get_message_by_frame_id(int(frame["can_id"]))
+    payload = int(frame["data"]).to_bytes(8, "little")[: int(frame["length"])]
+    return message.name, message.decode(payload, decode_choices=False)
+
+
+class Bench:
+    """A hardware that is stepped epoch by epoch."""
+
+    def __init__(self, **changes: Any) -> None:
+        self.hardware = Hardware(make_settings(**changes))
+        self.plant = self.hardware.plant[0]
+        self.counters = self.plant["counters"]
+
+    @property
+    def epoch(self) -> int:
+        """The epoch of the next step."""
+        return int(self.plant["epoch"])
+
+    def raw_step(self, frames: Any = ()) -> list[np.void]:
+        inbox = np.array(list(frames), dtype=FRAME) if len(frames) else frame_array(1)
+        sent = self.hardware.step(inbox, len(frames))
+        return [frame.copy() for frame in self.hardware.outbox[:sent]]
+
+    def step(self, frames: Any = ()) -> dict[str, dict[str, Any]]:
+        """Run one epoch on frames; return what is sent, by message."""
+        return dict(map(decode_frame, self.raw_step(frames)))
+
+    def commanded_step(self, inner: dict[str, Any] | None = None, outer: Any = None) -> Any:
+        """Run one epoch with the commands of the epoch before."""
+        before = self.epoch - 1
+        frames = [
+            make_command(axis, before, **values or {"what": 1})
+            for axis, values in (("INNER", inner), ("OUTER", outer))
+        ]
+        return self.step(frames if before >= 0 else ())
+
+
+@pytest.fixture(scope="session")
+def tools() -> SimpleNamespace:
+    """Everything of this module that tests call."""
+    return SimpleNamespace(
+        Bench=Bench,
+        codec=CODEC,
+        command=make_command,
+        decode=decode_frame,
+        frame=make_frame,
+        sensors=make_sensors,
+        settings=make_settings,
+        tetrahedron=TETRAHEDRON,
+    )
+
+
+@pytest.fixture
+def plant() -> Any:
+    """Return a zeroed plant record."""
+    return np.zeros(1, dtype=PLANT)[0]
