@@ -2,3 +2,7 @@
 
 The only code that both sides share. Nothing outside this package knows a bit position.
 """
+
+from dbc.compilation import keep_compiled_code
+
+keep_compiled_code()

@@ -97,6 +97,27 @@ def to_raw(physical: Any, signal: Any) -> Any:
 
 
 @njit(cache=True)
+def encode_wrapped(word: Any, signal: Any, physical: Any) -> Any:
+    """Return the payload word with a value put into its place modulo the signal's whole range.
+
+    For a value that is counted on and on, such as an angle over whole turns.
+    """
+    return pack(word, signal, np.int64(np.rint((physical - signal.offset) / signal.scale)))
+
+
+@njit(cache=True)
+def unwrapped(value: Any, near: Any, span: Any) -> Any:
+    """Return the value nearest to `near` that differs from `value` by whole spans."""
+    return value + span * np.rint((near - value) / span)
+
+
+@njit(cache=True)
+def span_of(signal: Any) -> Any:
+    """Return the whole range of a signal's field, in its unit."""
+    return signal.scale * 2.0 ** np.float64(signal.length)
+
+
+@njit(cache=True)
 def decode(word: Any, signal: Any) -> Any:
     """Return the value of `signal` in a payload word, in the signal's unit."""
     return to_physical(unpack(word, signal), signal)
@@ -200,7 +221,7 @@ class Codec:
         data_id = attributes.get("E2EDataID")
         if profile is None or data_id is None or int(profile.value) != 1:
             raise ContractError(f"{message.name}: needs E2EProfile P01A and an E2EDataID")
-        return (message.frame_id, int(data_id.value), message.cycle_time or 0, message.length)
+        return (message.frame_id, int(data_id.value), message.length, message.cycle_time or 0)
 
     def message_index(self, message: str) -> int:
         """Return the row of a message in `messages`."""

@@ -21,10 +21,10 @@ COUNTER_MODULUS = 15
 MESSAGE = np.dtype(
     (
         np.record,
-        [("can_id", "<u4"), ("data_id", "<u2"), ("cycle_ms", "<u2"), ("length", "<u2")],
+        [("can_id", "<u4"), ("data_id", "<u2"), ("length", "<u2"), ("cycle_ms", "<i8")],
     )
 )
-"""dtype of a message's row: identifier, E2E data ID, cycle time, payload length in bytes."""
+"""dtype of a message's row: identifier, E2E data ID, payload length in bytes, cycle time."""
 
 _POLYNOMIAL = 0x1D
 _CRC_MASK = 0xFF
@@ -74,8 +74,8 @@ def crc_holds(frame: Any, message: Any) -> Any:
     """Return whether a frame has the length its message must have and a right CRC."""
     if frame.length != message.length:
         return False
-    right = crc8(frame.data, message.length, message.data_id)
-    return np.uint64(right) == frame.data & np.uint64(_CRC_MASK)
+    right = crc8(frame["data"], message.length, message.data_id)
+    return np.uint64(right) == frame["data"] & np.uint64(_CRC_MASK)
 
 
 @njit(cache=True)
@@ -92,4 +92,4 @@ def fill(frame: Any, message: Any, word: Any, counter: Any) -> None:
     frame.flags = 0
     frame.reserved = 0
     frame.raw_dlc = 0
-    frame.data = protect(word, message, counter)
+    frame["data"] = protect(word, message, counter)

@@ -6,23 +6,30 @@ from typing import Any
 
 from numba import njit
 
-_DETERMINANT_FLOOR = 1e-6  # of the normalised normal matrix: below, the axes span no space
+_DETERMINANT_FLOOR = 1e-6  # of Hᵀ H over its mean eigenvalue: below, the axes span no space
 
 
 @njit(cache=True)
-def _normal_matrix(fusion: Any, used: int, N: Any) -> int:
-    """Write ``Hᵀ W H`` of the used sensors to `N`, shape (3, 3); return how many there are."""
-    count = 0
+def _normal_matrix(fusion: Any, used: int, weighted: bool, N: Any) -> None:
+    """Write ``Hᵀ W H`` (or ``Hᵀ H``) of the used sensors to `N`, shape (3, 3)."""
     for i in range(3):
         for j in range(3):
             N[i, j] = 0.0
     for k in range(fusion.count):
         if used >> k & 1:
-            count += 1
+            weight = fusion.weight[k] if weighted else 1.0
             for i in range(3):
                 for j in range(3):
-                    N[i, j] += fusion.weight[k] * fusion.H[k, i] * fusion.H[k, j]
-    return count
+                    N[i, j] += weight * fusion.H[k, i] * fusion.H[k, j]
+
+
+@njit(cache=True)
+def _determinant(N: Any) -> float:
+    return (
+        N[0, 0] * (N[1, 1] * N[2, 2] - N[1, 2] * N[2, 1])
+        + N[0, 1] * (N[1, 2] * N[2, 0] - N[1, 0] * N[2, 2])
+        + N[0, 2] * (N[1, 0] * N[2, 1] - N[1, 1] * N[2, 0])
+    )
 
 
 @njit(cache=True)
@@ -35,15 +42,15 @@ def prepare(fusion: Any, used: int, work: Any) -> None:
     fusion.used = used
     fusion.solvable = False
     N = work
-    if _normal_matrix(fusion, used, N) < 3:
+    _normal_matrix(fusion, used, False, N)
+    mean = (N[0, 0] + N[1, 1] + N[2, 2]) / 3.0
+    if not _determinant(N) > _DETERMINANT_FLOOR * mean * mean * mean:
         return
+    _normal_matrix(fusion, used, True, N)
     c00 = N[1, 1] * N[2, 2] - N[1, 2] * N[2, 1]
     c01 = N[1, 2] * N[2, 0] - N[1, 0] * N[2, 2]
     c02 = N[1, 0] * N[2, 1] - N[1, 1] * N[2, 0]
-    determinant = N[0, 0] * c00 + N[0, 1] * c01 + N[0, 2] * c02
-    trace = (N[0, 0] + N[1, 1] + N[2, 2]) / 3.0
-    if determinant < _DETERMINANT_FLOOR * trace * trace * trace:
-        return
+    determinant = _determinant(N)
     c11 = N[0, 0] * N[2, 2] - N[0, 2] * N[2, 0]
     c12 = N[0, 1] * N[2, 0] - N[0, 0] * N[2, 1]
     c22 = N[0, 0] * N[1, 1] - N[0, 1] * N[1, 0]

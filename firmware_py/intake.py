@@ -89,22 +89,24 @@ def _take_sync(state: Any, contract: Any, frame: Any) -> bool:
     if not crc_holds(frame, contract.sync.message):
         state.faults.crc_errors += 1
         return True
+    # The counter, the whole epoch modulo 15, tells how often the 24 bits have wrapped, modulo 15.
     sync_epoch = unpack(frame["data"], contract.sync.epoch)
+    wraps = (counter_of(frame["data"]) - sync_epoch) % COUNTER_MODULUS
     ahead = (sync_epoch - state.epoch) % _EPOCH_MODULUS
     if ahead >= _EPOCH_MODULUS // 2:
         ahead -= _EPOCH_MODULUS
-    if not state.clock.synchronised:
-        state.epoch = sync_epoch
-        ahead = 0
-    elif abs(ahead) > ADOPT_BEYOND:
-        state.epoch += ahead
+    if abs(ahead) > ADOPT_BEYOND and state.clock.synchronised:
         state.clock.jumps += 1
         state.clock.synchronised = False
+    if not state.clock.synchronised:
+        state.epoch = sync_epoch + _EPOCH_MODULUS * wraps
         ahead = 0
     if ahead > 0:
         return False
     if ahead < 0 or state.clock.sync_seen:
         state.faults.counter_errors += 1
+    if ahead == 0 and state.clock.sync_seen:
+        return True
     if ahead == 0:
         state.clock.sync_seen = True
     clock.take_sync(state.clock, -ahead)
@@ -180,6 +182,8 @@ def close(state: Any) -> None:
     for axis in (INNER, OUTER):
         if assembly.axis_received[axis]:
             assembly.axis_silent_epochs[axis] = 0
-        else:
+        else:  # carried on by its rate
+            seconds = state.parameters.period_ns * 1e-9
+            assembly.encoder_angle_deg[axis] += assembly.encoder_rate_dps[axis] * seconds
             assembly.axis_silent_epochs[axis] += 1
             state.faults.missing_frames += 1

@@ -40,6 +40,7 @@ PARAMETERS = _record(
         ("position_axis", "<i8", (SCHEME_CAPACITY,)),
         ("position_turn_deg", "<f8", (SCHEME_CAPACITY,)),
         ("position_epochs", "<i8", (SCHEME_CAPACITY,)),  # turning and standing
+        ("angle_span_deg", "<f8"),  # after which an encoder's count begins anew
         ("follow_tolerance_deg", "<f8"),
         ("axis_silence_epochs", "<i8"),
     ]
@@ -129,6 +130,7 @@ INS = _record(
 SEQUENCER = _record(
     [
         ("running", "?"),
+        ("homing", "?"),  # turning both axes to zero, before the first position
         ("position", "<i8"),  # from 0
         ("cycle", "<i8"),
         ("epochs", "<i8"),  # in this position

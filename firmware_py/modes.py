@@ -13,7 +13,8 @@ NAVIGATION_ROTATING    NAVIGATION_STRAPDOWN, on request or when an axis does not
 any NAVIGATION_*       FAULT (SENSORS_LOST) when too few sensors were usable for longer than is
                        bridged; FAULT (NAVIGATION_DIVERGED) when the solution leaves all reason
 FAULT                  SELF_TEST, on the request for STANDBY
-any                    STANDBY and SHUTDOWN, on request
+any but the first two  STANDBY, on request
+any                    SHUTDOWN, on request
 =====================  ==========================================================================
 
 A request is acted on once, when it changes; what STANDBY cannot be left for yet is remembered.
@@ -88,7 +89,7 @@ def enter(state: Any, mode: int) -> None:
     if mode == Mode.ALIGNMENT:
         alignment.begin(state.alignment)
     if mode == Mode.NAVIGATION_ROTATING:
-        sequencer.start(state.sequencer, state.parameters)
+        sequencer.start(state.sequencer, state.parameters, state.assembly)
     elif mode in (Mode.SHUTDOWN, Mode.POWER_ON):
         sequencer.switch_off(state.sequencer)
     else:
@@ -133,7 +134,10 @@ def take_request(state: Any) -> None:
         enter(state, Mode.SHUTDOWN)
     elif request == ModeRequest.STANDBY:
         modes.pending = Mode.STANDBY
-        enter(state, Mode.SELF_TEST if modes.mode == Mode.FAULT else Mode.STANDBY)
+        if modes.mode == Mode.FAULT:
+            enter(state, Mode.SELF_TEST)
+        elif modes.mode not in (Mode.POWER_ON, Mode.SELF_TEST):
+            enter(state, Mode.STANDBY)
     elif modes.mode == Mode.FAULT:
         return
     elif request == ModeRequest.ALIGN:

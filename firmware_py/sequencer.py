@@ -1,7 +1,7 @@
 """The rotation scheme: commands the turntable's axes and watches that they follow.
 
 One axis turns at a time; a position is one turn and the standing after it (paper, section 3 and
-table 1). The scheme starts from both axes at zero.
+table 1).
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from typing import Any
 
 from numba import njit
 
+from dbc.codec import unwrapped
 from firmware_py.memory import INNER, OUTER
 
 
@@ -33,19 +34,32 @@ class AxisState(IntEnum):
 
 
 _OFF, _HOLD, _POSITION = int(AxisCommand.OFF), int(AxisCommand.HOLD), int(AxisCommand.POSITION)
+_AT_ZERO_DEG = 0.01
+_SETTLE_S = 10.0
 _AXIS_FAULT = int(AxisState.FAULT)
 
 
 @njit(cache=True)
-def start(sequencer: Any, parameters: Any) -> None:
-    """Begin the scheme at its first position."""
+def start(sequencer: Any, parameters: Any, assembly: Any) -> None:
+    """Begin the scheme at its first position, from both axes at zero.
+
+    Where an axis stands elsewhere, both are turned to zero first.
+    """
     sequencer.running = True
+    sequencer.homing = False
     sequencer.position = 0
     sequencer.cycle = 0
-    for axis in range(2):
-        sequencer.target_angle_deg[axis] = 0.0
+    for axis in (INNER, OUTER):
         sequencer.not_following[axis] = False
-    _enter(sequencer, parameters)
+        sequencer.start_angle_deg[axis] = assembly.encoder_angle_deg[axis]
+        sequencer.target_angle_deg[axis] = 0.0
+        sequencer.command[axis] = _POSITION
+        if abs(assembly.encoder_angle_deg[axis]) > _AT_ZERO_DEG:
+            sequencer.homing = True
+    if sequencer.homing:
+        sequencer.epochs = 0
+    else:
+        _enter(sequencer, parameters)
 
 
 @njit(cache=True)
@@ -80,6 +94,11 @@ def _enter(sequencer: Any, parameters: Any) -> None:
 def advance(sequencer: Any, parameters: Any) -> None:
     """Go on by one epoch, and to the next position when this one's time is over."""
     sequencer.epochs += 1
+    if sequencer.homing:
+        if sequencer.epochs >= _homing_epochs(sequencer, parameters):
+            sequencer.homing = False
+            _enter(sequencer, parameters)
+        return
     if sequencer.epochs < parameters.position_epochs[sequencer.position]:
         return
     sequencer.position += 1
@@ -87,6 +106,13 @@ def advance(sequencer: Any, parameters: Any) -> None:
         sequencer.position = 0
         sequencer.cycle += 1
     _enter(sequencer, parameters)
+
+
+@njit(cache=True)
+def _homing_epochs(sequencer: Any, parameters: Any) -> float:
+    """Return how long turning both axes to zero takes, with the time to settle."""
+    turn = max(abs(sequencer.start_angle_deg[INNER]), abs(sequencer.start_angle_deg[OUTER]))
+    return (turn / parameters.turn_rate_dps + _SETTLE_S) * 1e9 / parameters.period_ns
 
 
 @njit(cache=True)
@@ -109,7 +135,9 @@ def watch(sequencer: Any, parameters: Any, assembly: Any) -> bool:
     found = False
     for axis in (INNER, OUTER):
         silent = assembly.axis_silent_epochs[axis] > parameters.axis_silence_epochs
-        lag = assembly.encoder_angle_deg[axis] - expected_angle_deg(sequencer, parameters, axis)
+        expected = expected_angle_deg(sequencer, parameters, axis)
+        encoder = assembly.encoder_angle_deg[axis]
+        lag = unwrapped(encoder, expected, parameters.angle_span_deg) - expected
         fault = assembly.axis_state[axis] == _AXIS_FAULT
         if silent or fault or abs(lag) > parameters.follow_tolerance_deg:
             found = found or not sequencer.not_following[axis]

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
 
+from dbc.codec import span_of
 from dbc.contract import SENSOR_GROUPS
 from firmware_py import clock, intake, strapdown
 from firmware_py.attitude import matrix_of_euler
@@ -119,6 +120,7 @@ def power_on(settings: Settings, contract: NDArray[Any]) -> NDArray[Any]:
         math.radians(settings.pitch_deg),
         math.radians(settings.heading_deg),
     )
+    parameters["angle_span_deg"] = span_of(contract[0]["axis_inner_status"]["encoder_angle_deg"])
     parameters["self_aligned"] = settings.initial_attitude == "self-aligned"
     parameters["alignment_epochs"] = max(1, round(settings.alignment_s * rate_hz))
     parameters["height_channel"] = _HEIGHT_CHANNELS[settings.height_channel]

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numba import njit
 
-from dbc.codec import encode, pack
+from dbc.codec import encode, encode_wrapped, pack
 from dbc.e2e import fill
 from firmware_py import clock
 from firmware_py.memory import INNER, OUTER
@@ -38,7 +38,7 @@ def _status(state: Any, status: Any) -> Any:
     word = np.uint64(0)
     word = pack(word, status.mode, modes.mode)
     word = pack(word, status.fault, modes.fault)
-    if running.running:
+    if running.running and not running.homing:
         word = pack(word, status.scheme_position, running.position + 1)
     word = pack(word, status.scheme_cycle, running.cycle)
     word = encode(word, status.load_percent, state.load_percent)
@@ -108,7 +108,7 @@ def _navigation(state: Any, contract: Any, outbox: Any, count: int) -> int:
 def _axis_command(state: Any, message: Any, axis: int, frame: Any) -> None:
     running = state.sequencer
     word = pack(np.uint64(0), message.command, running.command[axis])
-    word = encode(word, message.target_angle_deg, running.target_angle_deg[axis])
+    word = encode_wrapped(word, message.target_angle_deg, running.target_angle_deg[axis])
     word = encode(word, message.rate_limit_dps, state.parameters.turn_rate_dps)
     fill(frame, message.message, word, state.epoch)
 

@@ -114,7 +114,7 @@ class Axis(_Table):
 
     rate_limit_dps: float = Field(default=30.0, gt=0, le=60)
     acceleration_limit_dps2: float = Field(default=10.0, gt=0, le=10_000)
-    encoder_bits: int = Field(default=24, ge=8, le=30)
+    encoder_bits: int = Field(default=24, ge=8, le=26)
     """Bits of a whole turn."""
 
 

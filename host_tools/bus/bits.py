@@ -1,7 +1,7 @@
 """A classic CAN frame as bits: how long it is on the wire, to the bit.
 
-ISO 11898-1:2015, 10.4 and 10.5 (Bosch, *CAN Specification 2.0*, 1991, part B, 3.1.1 and 5). From
-SOF to the last bit of the CRC sequence a bit of the other value follows every five equal ones
+ISO 11898-1; Bosch, *CAN Specification 2.0*, 1991, part A, 3.1.1 and 5, part B for extended frames.
+From SOF to the last bit of the CRC sequence a bit of the other value follows every five equal ones
 (stuffing); CRC delimiter, ACK slot, ACK delimiter and the seven bits of EOF are not stuffed.
 Dominant is 0, recessive is 1. A data length code is the number of payload bytes, 0 to 8; the codes
 9 to 15 that also mean eight bytes are not sent. Frames are told by the fields of `dbc.frame.FRAME`:
@@ -78,9 +78,9 @@ _STUFFING = _stuffing_table()
 def arbitration_key(can_id: Any) -> Any:
     """Return the arbitration field as one number (int64): the lower one wins the bus.
 
-    Identifier, RTR or SRR, IDE, extension and RTR in the order of the wire (ISO 11898-1:2015,
-    10.4.2.2): with equal base identifiers a standard data frame wins against a standard remote
-    frame, and that against an extended one.
+    Identifier, RTR or SRR, IDE, extension and RTR in the order of the wire: with equal base
+    identifiers a standard data frame wins against a standard remote frame, and that against an
+    extended one.
     """
     word = np.int64(can_id)
     remote = np.int64(1) if word & RTR_FLAG else np.int64(0)
@@ -116,8 +116,8 @@ def payload_bytes(can_id: Any, length: Any) -> Any:
 def frame_bits(can_id: Any, length: Any, data: Any) -> Any:
     """Return the bits (int64) of a frame from SOF to the end of EOF, stuff bits included.
 
-    `INTERMISSION_BITS` come on top before the next frame. A frame of eight bytes has 108 to 132
-    bits with a standard and 128 to 157 with an extended identifier.
+    `INTERMISSION_BITS` come on top before the next frame. With eight bytes it is 108 to 132 bits
+    for a standard and 128 to 157 for an extended identifier; the upper ends are bounds.
     """
     header = _header(can_id, length)
     if np.int64(can_id) & EFF_FLAG:
@@ -200,7 +200,7 @@ def agreed_bits(can_id: Any, length: Any, data: Any, other_length: Any, other_da
 
 
 def crc15(bits: list[int]) -> int:
-    """Return the CRC of a sequence of bits (Bosch 1991, part B, 3.1.1), polynomial 0x4599."""
+    """Return the CRC of a sequence of bits (Bosch 1991, part A, 3.1.1), polynomial 0x4599."""
     crc = 0
     for bit in bits:
         feedback = bit ^ (crc >> (_CRC_BITS - 1))

@@ -1,22 +1,23 @@
 """Fault confinement: the error counters of a node, and what it may still do.
 
-ISO 11898-1:2015, 12.1.4.2 (Bosch, *CAN Specification 2.0*, 1991, part B, 8). Of its rules:
+ISO 11898-1; the rules by their numbers in Bosch, *CAN Specification 2.0*, 1991, part A, 7:
 
-====  ==============================================================================  =========
-rule  what                                                                            modelled
-====  ==============================================================================  =========
-a     a receiver detects an error: REC + 1                                            yes
-b     a receiver sees a dominant bit first after its error flag: REC + 8              no: (1)
-c     a transmitter sends an error flag: TEC + 8                                      yes
-c.1   not if it is error-passive, misses the ACK and sees no dominant bit             yes
-      while it sends its passive error flag
-c.2   not if a stuff error occurs in arbitration before RTR                           no: (2)
-d, e  a bit error while an active error flag or an overload flag is sent              no: (2)
-f     more than 7 dominant bits after a flag                                          no: (2)
-g     a frame is sent without error: TEC - 1, not below 0                             yes
-h     a frame is received without error: REC - 1, not below 0; from above 127         yes
-      to a value between 119 and 127, here 127
-====  ==============================================================================  =========
+=====  =============================================================================  =========
+rule   what                                                                           modelled
+=====  =============================================================================  =========
+1      a receiver detects an error: REC + 1                                           yes
+2      a receiver sees a dominant bit first after its error flag: REC + 8             no: (1)
+3      a transmitter sends an error flag: TEC + 8                                     yes
+3.1    not if it is error-passive, misses the ACK and sees no dominant bit            yes
+       while it sends its passive error flag
+3.2    not for a stuff error in arbitration whose stuff bit was sent recessive        no: (2)
+4, 5   a bit error while an active error flag or an overload flag is sent             no: (2)
+6      many dominant bits after a flag                                                no: (2)
+7      a frame is sent without error: TEC - 1, not below 0                            yes
+8      a frame is received without error: REC - 1, not below 0; from above 127        yes
+       to a value between 119 and 127, here 127
+9-12   error-passive above 127, error-active again, bus off above 255, recovery       yes
+=====  =============================================================================  =========
 
 (1) in each error of the model all receivers notice it in the same bit, so that none of them has
 sent its flag before the others. (2) the model has no such errors, and no overload frames.
@@ -93,19 +94,19 @@ def state_of(node: Any) -> Any:
 
 @njit(cache=True)
 def transmitted(node: Any) -> None:
-    """Count a frame that the node has sent without error (rule g)."""
+    """Count a frame that the node has sent without error (rule 7)."""
     node.tec = max(0, node.tec - 1)
 
 
 @njit(cache=True)
 def received(node: Any) -> None:
-    """Count a frame that the node has received without error (rule h)."""
+    """Count a frame that the node has received without error (rule 8)."""
     node.rec = min(_PASSIVE_ABOVE, max(0, node.rec - 1))
 
 
 @njit(cache=True)
 def receive_error(node: Any) -> None:
-    """Count an error that the node has detected as a receiver (rule a).
+    """Count an error that the node has detected as a receiver (rule 1).
 
     REC stays within eight bits, as in a controller's register.
     """
@@ -114,7 +115,7 @@ def receive_error(node: Any) -> None:
 
 @njit(cache=True)
 def transmit_error(node: Any) -> Any:
-    """Count an error that the node has detected as a transmitter (rule c).
+    """Count an error that the node has detected as a transmitter (rule 3).
 
     Returns whether (int) that has taken the node off the bus.
     """
@@ -128,7 +129,7 @@ def transmit_error(node: Any) -> Any:
 
 @njit(cache=True)
 def acknowledge_error(node: Any, dominant: Any) -> Any:
-    """Count a missing acknowledgement (rules c and c.1).
+    """Count a missing acknowledgement (rules 3 and 3.1).
 
     `dominant` says whether somebody else's error flag was on the bus while the node sent its own.
     Returns whether (int) that has taken the node off the bus: never if nobody else is there,

@@ -13,7 +13,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from dbc.codec import decode, encode, pack, unpack
+from dbc.codec import decode, encode, encode_wrapped, pack, span_of, unpack, unwrapped
 from dbc.e2e import COUNTER_MODULUS, counter_of, crc_holds, fill
 from dbc.frame import FrameArray
 from host_tools.hardware import sensors, truth, turntable
@@ -42,7 +42,12 @@ def _take_command(plant: Any, message: Any, axis: Any, frame: Any) -> None:
         return
     slot.valid = True
     slot.command = unpack(frame["data"], message.command)
-    slot.target = math.radians(decode(frame["data"], message.target_angle_deg))
+    target_deg = unwrapped(
+        decode(frame["data"], message.target_angle_deg),
+        math.degrees(axis.angle),
+        span_of(message.target_angle_deg),
+    )
+    slot.target = math.radians(target_deg)
     slot.rate = math.radians(decode(frame["data"], message.rate_limit_dps))
 
 
@@ -99,7 +104,7 @@ def _send_group(plant: Any, contract: Any, group: int, frame: Any) -> None:
 @njit(cache=True)
 def _send_axis(axis: Any, message: Any, epoch: int, frame: Any) -> None:
     word = pack(np.uint64(0), message.state, axis.state)
-    word = encode(word, message.encoder_angle_deg, turntable.encoder_angle_deg(axis))
+    word = encode_wrapped(word, message.encoder_angle_deg, turntable.encoder_angle_deg(axis))
     word = encode(word, message.encoder_rate_dps, math.degrees(axis.rate))
     fill(frame, message.message, word, epoch)
 

@@ -111,8 +111,10 @@ def advance(axis: Any, dt: float) -> None:
     """Move the axis over one epoch; its rate is linear in time meanwhile."""
     axis.angle_before = axis.angle
     axis.rate_before = axis.rate
-    if axis.blocked:
+    if axis.blocked:  # stands at once, and starts anew when released
+        axis.rate_before = 0.0
         axis.rate = 0.0
+        axis.state = AxisState.HOLDING
         return
     wanted = axis.command == AxisCommand.POSITION
     if axis.state == AxisState.MOVING and (not wanted or axis.target != axis.profile_end):

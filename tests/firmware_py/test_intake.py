@@ -260,6 +260,15 @@ def test_a_firmware_switched_on_after_the_count_wrapped_hears_the_hardware(tools
     assert intake.assembly["gyro_valid"] == 0b1111
 
 
+def test_a_hardware_that_starts_anew_after_the_count_wrapped_is_heard(tools):
+    intake = Intake(tools, first=WRAP - 4, epochs=300)
+    intake.take(intake.frames(0))
+    for epoch in range(1, 4):
+        intake.bench.step(intake.frames(epoch))
+    assert intake.bench.state["faults"]["counter_errors"] == 0
+    assert intake.assembly["gyro_valid"] == 0b1111
+
+
 def test_a_request_is_taken_once_for_each_counter(intake, tools):
     def asked(counter, request):
         return tools.frame("MODE_COMMAND", counter, mode_request=request)

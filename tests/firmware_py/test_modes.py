@@ -19,6 +19,8 @@ CHANGES = {  # what a request does at once; all others leave the mode
     **{(mode, ModeRequest.SHUTDOWN): Mode.SHUTDOWN for mode in Mode},
     **{(mode, ModeRequest.STANDBY): Mode.STANDBY for mode in Mode},
     (Mode.FAULT, ModeRequest.STANDBY): Mode.SELF_TEST,
+    (Mode.POWER_ON, ModeRequest.STANDBY): Mode.POWER_ON,
+    (Mode.SELF_TEST, ModeRequest.STANDBY): Mode.SELF_TEST,
     (Mode.SHUTDOWN, ModeRequest.STANDBY): Mode.SHUTDOWN,
     (STRAPDOWN, ModeRequest.NAVIGATE_ROTATING): ROTATING,
     (ROTATING, ModeRequest.NAVIGATE_STRAPDOWN): STRAPDOWN,

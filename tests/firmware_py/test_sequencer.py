@@ -41,7 +41,7 @@ class Rotation:
         self.sequencer, self.parameters = self.ram[0]["sequencer"], self.ram[0]["parameters"]
         self.assembly = self.ram[0]["assembly"]
         self.follows = [True, True]
-        sequencer.start(self.sequencer, self.parameters)
+        sequencer.start(self.sequencer, self.parameters, self.assembly)
 
     @property
     def targets(self):
@@ -121,10 +121,18 @@ def test_both_axes_are_commanded_to_a_position_while_it_runs(rotation):
     assert list(rotation.sequencer["command"]) == [AxisCommand.OFF] * 2
 
 
-def test_a_start_begins_at_the_first_position(rotation):
+def test_a_start_turns_back_to_zero_before_the_first_position(rotation):
     for _ in range(5 * EPOCHS):
         rotation.epoch()
-    sequencer.start(rotation.sequencer, rotation.parameters)
+    assert rotation.targets == AFTER_DEG[4]
+    sequencer.start(rotation.sequencer, rotation.parameters, rotation.assembly)
+    epochs = 0
+    while rotation.sequencer["homing"]:
+        assert rotation.targets == (0, 0)
+        assert not rotation.epoch()
+        epochs += 1
+    # 360° at 60°/s, and ten seconds to settle
+    assert epochs == 16 * RATE_HZ
     assert rotation.targets == AFTER_DEG[0]
     assert (rotation.sequencer["position"], rotation.sequencer["cycle"]) == (0, 0)
 
@@ -182,14 +190,3 @@ def test_commands_and_states_are_those_of_the_dbc(tools):
         states = tools.codec.choices(f"AXIS_{name}_STATUS", "state")
         assert {int(c): c.name for c in AxisCommand} == commands
         assert {int(s): s.name for s in AxisState} == states
-
-
-def test_the_eight_positions_stay_within_what_a_command_can_say(tools, contract):
-    # Every cycle ends two whole turns further on the inner axis.
-    rotation = Rotation(tools, contract, positions=8)
-    row = tools.codec.signals[tools.codec.signal_index("AXIS_INNER_COMMAND", "target_angle_deg")]
-    largest = row["raw_maximum"] * row["scale"]
-    for _ in range(4 * 8):
-        assert abs(rotation.targets[INNER]) <= largest, f"cycle {rotation.sequencer['cycle']}"
-        for _ in range(EPOCHS):
-            sequencer.advance(rotation.sequencer, rotation.parameters)

@@ -105,3 +105,30 @@ def test_a_self_aligned_start_carries_the_known_heading_error(tmp_path):
     earth_dph = 15.041
     expected_deg = 0.01 / (earth_dph * 0.7620) * 57.2958  # cos(40.3554°)
     assert abs(error_deg) == pytest.approx(expected_deg, rel=2e-3)
+
+
+def test_a_scheme_that_never_turns_back_goes_on_through_the_wrap_of_the_encoder(tmp_path):
+    # Two turns of the inner axis a cycle; the frames count 32 turns either way.
+    scenario = variant(
+        rate_hz=50,
+        turntable={"inner": {"rate_limit_dps": 60}, "outer": {"rate_limit_dps": 60}},
+        firmware={"scheme": "8-position", "turn_rate_dps": 30, "stand_s": 3.5},
+    )
+    firmware, _, _ = run_direct(scenario, tmp_path)
+    errors = read_errors(tmp_path, 50)
+    assert errors.inner_deg.max() > 32 * 360
+    assert firmware["mode"] == "SHUTDOWN"
+    assert firmware["axes_not_following"] == [False, False]
+    assert firmware["scheme_cycles"] == 1600 / (8 * 9.5) // 1
+    assert abs(errors.heading_deg).max() < 1e-4
+
+
+def test_rotation_can_be_left_and_taken_up_again():
+    operator = [
+        {"at_s": 1, "request": "NAVIGATE_ROTATING"},
+        {"at_s": 10, "request": "NAVIGATE_STRAPDOWN"},
+        {"at_s": 12, "request": "NAVIGATE_ROTATING"},
+    ]
+    firmware, _, _ = run_direct(variant(duration_s=60, operator=operator))
+    assert firmware["axes_not_following"] == [False, False]
+    assert firmware["fault"] == "NONE"

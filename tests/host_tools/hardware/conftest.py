@@ -67,7 +67,7 @@ def make_command(
         f"AXIS_{axis}_COMMAND",
         epoch,
         command=what,
-        target_angle_deg=round(target_deg * 1e6),
+        target_angle_deg=round(target_deg * 2**26 / 360),
         rate_limit_dps=round(rate_dps * 1e3),
     )
 
