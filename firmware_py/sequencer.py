@@ -6,6 +6,7 @@ table 1).
 
 from __future__ import annotations
 
+import math
 from enum import IntEnum
 from typing import Any
 
@@ -117,12 +118,25 @@ def _homing_epochs(sequencer: Any, parameters: Any) -> float:
 
 @njit(cache=True)
 def expected_angle_deg(sequencer: Any, parameters: Any, axis: int) -> float:
-    """Return where an axis without inertia would be by now."""
-    turn = sequencer.target_angle_deg[axis] - sequencer.start_angle_deg[axis]
-    turned = parameters.turn_rate_dps * sequencer.epochs * parameters.period_ns * 1e-9
-    if turned >= abs(turn):
-        return sequencer.target_angle_deg[axis]
-    return sequencer.start_angle_deg[axis] + (turned if turn > 0.0 else -turned)
+    """Return where an axis ought to be by now: ramp up, turn at the full rate, ramp down."""
+    start, target = sequencer.start_angle_deg[axis], sequencer.target_angle_deg[axis]
+    turn = abs(target - start)
+    acceleration = parameters.axis_acceleration_dps2
+    rate = min(parameters.turn_rate_dps, math.sqrt(turn * acceleration))
+    if rate == 0.0:
+        return target
+    ramp_s = rate / acceleration
+    total_s = turn / rate + ramp_s
+    t = sequencer.epochs * parameters.period_ns * 1e-9
+    if t >= total_s:
+        return target
+    if t > total_s - ramp_s:
+        done = turn - 0.5 * acceleration * (total_s - t) ** 2
+    elif t > ramp_s:
+        done = rate * (t - 0.5 * ramp_s)
+    else:
+        done = 0.5 * acceleration * t * t
+    return start + math.copysign(done, target - start)
 
 
 @njit(cache=True)

@@ -72,6 +72,7 @@ class Settings(_Checked):
     alignment_s: float
     height_channel: Literal["held", "damped", "free"]
     bridge_s: float
+    axis_acceleration_dps2: float
     follow_tolerance_deg: float
     axis_silence_s: float
     scheme: Scheme
@@ -125,6 +126,7 @@ def power_on(settings: Settings, contract: NDArray[Any]) -> NDArray[Any]:
     parameters["alignment_epochs"] = max(1, round(settings.alignment_s * rate_hz))
     parameters["height_channel"] = _HEIGHT_CHANNELS[settings.height_channel]
     parameters["bridge_epochs"] = round(settings.bridge_s * rate_hz)
+    parameters["axis_acceleration_dps2"] = settings.axis_acceleration_dps2
     parameters["follow_tolerance_deg"] = settings.follow_tolerance_deg
     parameters["axis_silence_epochs"] = round(settings.axis_silence_s * rate_hz)
     _fill_scheme(parameters, settings.scheme, rate_hz)

@@ -230,6 +230,30 @@ def _run_side(
         sys.exit(_INTERRUPTED)
 
 
+@rrins.command()
+@click.option("--channel", default="rrins0", show_default=True, help="Channel of the embedded bus.")
+@click.option(
+    "--port",
+    type=click.IntRange(0, 65535),
+    default=29536,
+    show_default=True,
+    help="TCP port; 0 takes a free one.",
+)
+@click.option("--host", default="127.0.0.1", show_default=True, help="Loopback address.")
+def socketcand(channel: str, port: int, host: str) -> None:
+    """Offer the embedded bus to socketcand clients, such as SavvyCAN.
+
+    Everybody on this machine may connect while it runs. It ends with the bus, or by Ctrl-C.
+    """
+    from host_tools.bus.socketcand import serve
+
+    def on_ready(taken: int) -> None:
+        click.echo(f"rrins: channel {channel!r} is on {host} port {taken}; Ctrl-C stops", err=True)
+
+    signal.signal(signal.SIGTERM, _as_interrupt)
+    click.echo(f"rrins: {serve(channel, host, port, on_ready=on_ready)}", err=True)
+
+
 @rrins.group("scenarios", invoke_without_command=True)
 @click.pass_context
 def list_scenarios(context: click.Context) -> None:

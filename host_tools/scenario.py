@@ -203,6 +203,18 @@ class Scenario(_Table):
             self.firmware.accelerometer_weights,
             len(self.rimu.accelerometers),
         )
+        settle_s = self.firmware.turn_rate_dps / self.axis_acceleration_dps2
+        if self.mode == "rotating" and self.firmware.stand_s < settle_s:
+            raise ValueError(
+                f"firmware.stand_s: {self.firmware.stand_s:g} s, but an axis comes to rest "
+                f"{settle_s:.3g} s after a turn without ramps would (turn rate / acceleration)"
+            )
+        for name, axis in (("inner", self.turntable.inner), ("outer", self.turntable.outer)):
+            if self.mode == "rotating" and axis.rate_limit_dps < self.firmware.turn_rate_dps:
+                raise ValueError(
+                    f"turntable.{name}.rate_limit_dps: {axis.rate_limit_dps:g}, below the "
+                    f"scheme's {self.firmware.turn_rate_dps:g}"
+                )
         times = [request.at_s for request in self.operator]
         if times != sorted(times):
             raise ValueError("operator: the requests are not in order of time")
@@ -222,6 +234,12 @@ class Scenario(_Table):
         return firmware_py.settings.Scheme(
             turns=turns, turn_rate_dps=self.firmware.turn_rate_dps, stand_s=self.firmware.stand_s
         )
+
+    @property
+    def axis_acceleration_dps2(self) -> float:
+        """What the slower of the two axes does, as the firmware knows it from the data sheet."""
+        table = self.turntable
+        return min(table.inner.acceleration_limit_dps2, table.outer.acceleration_limit_dps2)
 
     @property
     def requests(self) -> tuple[OperatorRequest, ...]:
@@ -393,6 +411,7 @@ def firmware_settings(scenario: Scenario) -> firmware_py.settings.Settings:
         alignment_s=firmware.alignment_s,
         height_channel=firmware.height_channel,
         bridge_s=firmware.bridge_s,
+        axis_acceleration_dps2=scenario.axis_acceleration_dps2,
         follow_tolerance_deg=firmware.follow_tolerance_deg,
         axis_silence_s=firmware.axis_silence_s,
         scheme=scenario.scheme,

@@ -52,6 +52,7 @@ def make_settings(**changes: Any) -> Settings:
         "alignment_s": 0.1,
         "height_channel": "held",
         "bridge_s": 0.02,
+        "axis_acceleration_dps2": 1e9,
         "follow_tolerance_deg": 5.0,
         "axis_silence_s": 0.1,
         "scheme": make_scheme(),

@@ -122,7 +122,7 @@ def test_both_axes_are_commanded_to_a_position_while_it_runs(rotation):
 
 
 def test_a_start_turns_back_to_zero_before_the_first_position(rotation):
-    for _ in range(5 * EPOCHS):
+    for _ in range(5 * EPOCHS - 1):
         rotation.epoch()
     assert rotation.targets == AFTER_DEG[4]
     sequencer.start(rotation.sequencer, rotation.parameters, rotation.assembly)

@@ -26,6 +26,9 @@ bias_dph = [0.1, 0.2, 0.3, 0.4]
 angle_random_walk_deg_per_sqrt_h = 0.001
 [accelerometers]
 white_noise_ug_per_sqrt_hz = 20
+[turntable]
+inner = { acceleration_limit_dps2 = 100 }
+outer = { acceleration_limit_dps2 = 100 }
 [firmware]
 turn_rate_dps = 30
 stand_s = 0.5

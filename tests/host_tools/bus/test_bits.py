@@ -74,7 +74,7 @@ def spelled(can_id, length, data):
 def received(wire):
     """What a receiver takes from a frame, SOF to the end of the payload; None for an error."""
     bits = []
-    place, run, width, end = 0, 0, 19, 10_000
+    place, run, before, width, end = 0, 0, 0, 19, 10_000
     while len(bits) < end + 15 or run == 5:
         if place == len(wire):
             return None
@@ -82,7 +82,7 @@ def received(wire):
         run = run + 1 if place and bit == wire[place - 1] else 1
         if run == 6:
             return None
-        stuff = place > 0 and run == 1 and before == 5
+        stuff = run == 1 and before == 5
         before, place = run, place + 1
         if stuff:
             continue

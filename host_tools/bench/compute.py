@@ -1,0 +1,227 @@
+"""What is measured within one process: the compiled steps, the codec, and python-can's own buses."""
+
+from __future__ import annotations
+
+import statistics
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import can
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from dbc.codec import decode, encode, load
+from dbc.e2e import crc_holds
+from dbc.frame import FrameArray, frame_array
+from firmware_py.loop import Firmware
+from firmware_py.modes import Mode
+from firmware_py.step import firmware_step
+from host_tools.hardware.loop import Hardware
+from host_tools.hardware.step import hardware_step
+from host_tools.port import message_of_frame
+from host_tools.scenario import Scenario, firmware_settings, hardware_settings
+
+_SENSOR = "SENSOR_1"
+_UP = 7  # frames of an epoch of four sensor groups: SYNC, the groups, two axes
+_REPETITIONS = 5
+_MULTICAST = {"channel": "239.74.163.61", "port": 43_161, "hop_limit": 0}  # stays on this machine
+_LOSS_WAIT_S = 0.05
+_SILENCE_S = 0.2
+
+Figures = dict[str, float]
+
+
+def timer_overhead_ns() -> int:
+    """Return what a measurement of nothing reads."""
+    readings = [(time.perf_counter_ns(), time.perf_counter_ns()) for _ in range(2000)]
+    return round(statistics.median(end - start for start, end in readings))
+
+
+@dataclass(frozen=True)
+class Steps:
+    """Both steps call by call.
+
+    Attributes
+    ----------
+    firmware_us, hardware_us : dict
+        `median` and `p99` of a call in microseconds, the timer's own time taken off.
+    frames : array of dtype `dbc.frame.FRAME`
+        The frames of sensor group 1 of the same epochs.
+    """
+
+    firmware_us: Figures
+    hardware_us: Figures
+    frames: FrameArray
+
+
+def steps(scenario: Scenario, samples: int) -> Steps:
+    """Measure both steps in `samples` epochs in which it navigates and the table turns.
+
+    Each is called as its shell calls it, from Python; the two feed each other.
+    """
+    firmware = Firmware(firmware_settings(scenario))
+    hardware = Hardware(hardware_settings(scenario))
+    overhead_ns = timer_overhead_ns()
+    sensor_id = load().frame_id(_SENSOR)
+    rates = hardware.plant["axis"]["rate"]
+    frames = frame_array(samples)
+    took_ns = np.zeros((2, samples), dtype=np.int64)
+    clock = time.perf_counter_ns
+    arrival_ns = firmware.ram["clock"]["sync_arrival_ns"]
+    taken, down = 0, 0
+    for epoch in range(scenario.epochs):
+        arrival_ns[0] = epoch * firmware.period_ns
+        begin = clock()
+        up = hardware_step(
+            hardware.plant, hardware.contract, firmware.outbox, down, hardware.outbox
+        )
+        middle = clock()
+        down = firmware_step(
+            firmware.ram, firmware.contract, hardware.outbox, 0, up, firmware.outbox
+        )
+        end = clock()
+        if firmware.mode == Mode.NAVIGATION_ROTATING and rates.any():
+            sent = hardware.outbox[:up]
+            frames[taken] = sent[sent["can_id"] == sensor_id][0]
+            took_ns[:, taken] = end - middle, middle - begin
+            taken += 1
+            if taken == samples:
+                break
+    assert taken == samples, "the scenario does not turn for so many epochs"
+    ours, theirs = (_spread_us(row - overhead_ns) for row in took_ns)
+    return Steps(ours, theirs, frames)
+
+
+def _spread_us(took_ns: NDArray[np.int64]) -> Figures:
+    median, p99 = np.percentile(took_ns, (50, 99)) / 1000
+    return {"median": float(median), "p99": float(p99)}
+
+
+@njit(cache=True)
+def _decode_frames(frames: Any, signals: Any, values: Any) -> None:
+    for k in range(len(frames)):
+        for s in range(len(signals)):
+            values[k, s] = decode(frames[k].data, signals[s])
+
+
+@njit(cache=True)
+def _encode_frames(values: Any, signals: Any, frames: Any) -> None:
+    for k in range(len(frames)):
+        word = np.uint64(0)
+        for s in range(len(signals)):
+            word = encode(word, signals[s], values[k, s])
+        frames[k].data = word
+
+
+@njit(cache=True)
+def _sound_frames(frames: Any, messages: Any) -> int:
+    sound = 0
+    for k in range(len(frames)):
+        sound += crc_holds(frames[k], messages[0])
+    return sound
+
+
+def _us_per_frame(work: Callable[[], object], frames: int) -> float:
+    """Return the median time of `work` over some repetitions, after one that does not count."""
+    work()
+    took_ns = []
+    for _ in range(_REPETITIONS):
+        start_ns = time.perf_counter_ns()
+        work()
+        took_ns.append(time.perf_counter_ns() - start_ns)
+    return statistics.median(took_ns) / 1000 / frames
+
+
+def codec(frames: FrameArray) -> dict[str, Any]:
+    """Return the compiled codec's µs a frame: all signals in and out, and the check of the CRC."""
+    contract = load()
+    names = [s.name for s in contract.database.get_message_by_name(_SENSOR).signals]
+    signals = contract.signals[[contract.signal_index(_SENSOR, name) for name in names]]
+    index = contract.message_index(_SENSOR)
+    messages = contract.messages[index : index + 1]
+    values = np.zeros((len(frames), len(signals)))
+    copy = frames.copy()
+    figures = {
+        "decode": _us_per_frame(lambda: _decode_frames(frames, signals, values), len(frames)),
+        "encode": _us_per_frame(lambda: _encode_frames(values, signals, copy), len(frames)),
+    }
+    crc = _us_per_frame(lambda: _sound_frames(frames, messages), len(frames))
+    assert np.array_equal(copy, frames), "what was decoded does not encode to the same frames"
+    assert _sound_frames(frames, messages) == len(frames), "a frame has a wrong CRC"
+    return {"codec_us_per_frame": figures, "crc_us_per_frame": crc}
+
+
+def cantools(frames: FrameArray) -> Figures:
+    """Return cantools' µs a frame for the same: `decode` and `encode`, with its usual options."""
+    message = load().database.get_message_by_name(_SENSOR)
+    payloads = [int(word).to_bytes(8, "little") for word in frames["data"]]
+    values = [message.decode(payload) for payload in payloads]
+    return {
+        "decode": _us_per_frame(lambda: [message.decode(p) for p in payloads], len(payloads)),
+        "encode": _us_per_frame(lambda: [message.encode(v) for v in values], len(values)),
+    }
+
+
+def python_can(interface: str, frames: FrameArray) -> tuple[Figures | None, str | None]:
+    """Measure a bus of python-can between two of its objects in this process.
+
+    Returns
+    -------
+    tuple
+        `us_per_frame`, to send and receive one when an epoch's frames are sent and then received;
+        `lost_share` of frames when a thread sends without a pause while another receives. Or None
+        and why the bus cannot be had here.
+    """
+    wishes: dict[str, Any] = _MULTICAST if interface == "udp_multicast" else {"channel": "bench"}
+    try:
+        with (
+            can.Bus(interface=interface, **wishes) as sender,
+            can.Bus(interface=interface, **wishes) as receiver,
+        ):
+            messages = [message_of_frame(frame) for frame in frames]
+            if not _arrives(sender, receiver, messages[0]):
+                return None, "no frame arrives"
+            us_per_frame = _us_per_frame(
+                lambda: _exchange(sender, receiver, messages), len(messages)
+            )
+            return {
+                "us_per_frame": us_per_frame,
+                "lost_share": _lost_share(sender, receiver, messages),
+            }, None
+    except (can.CanError, OSError, ImportError) as error:
+        return None, " ".join(str(error).split())
+
+
+def _arrives(sender: can.BusABC, receiver: can.BusABC, message: can.Message) -> bool:
+    sender.send(message)
+    return receiver.recv(_SILENCE_S) is not None
+
+
+def _exchange(sender: can.BusABC, receiver: can.BusABC, messages: list[can.Message]) -> None:
+    for first in range(0, len(messages), _UP):
+        epoch = messages[first : first + _UP]
+        for message in epoch:
+            sender.send(message)
+        for _ in epoch:
+            if receiver.recv(_LOSS_WAIT_S) is None:
+                break
+
+
+def _lost_share(
+    sender: can.BusABC, receiver: can.BusABC, messages: list[can.Message]
+) -> float:
+    def send() -> None:
+        for message in messages:
+            sender.send(message)
+
+    thread = threading.Thread(target=send)
+    thread.start()
+    received = 0
+    while receiver.recv(_SILENCE_S) is not None:
+        received += 1
+    thread.join()
+    return 1 - received / len(messages)

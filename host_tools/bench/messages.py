@@ -1,0 +1,144 @@
+"""Lockstep frame by frame: both sides through python-can messages on the embedded bus.
+
+As a program one of the two sides. The hardware runs a section of epochs for each line it reads,
+and prints the nanoseconds that the section took, so that sections can lie between other things.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import time
+from types import TracebackType
+from typing import Self
+
+from firmware_py.loop import Firmware
+from firmware_py.loop import run_lockstep as run_firmware_lockstep
+from host_tools import scenario as scenarios
+from host_tools.errors import SideLostError
+from host_tools.hardware.loop import Hardware
+from host_tools.hardware.loop import run_lockstep as run_hardware_lockstep
+from host_tools.port import EMBEDDED, Address, MessagePort
+from host_tools.scenario import Scenario, firmware_settings, hardware_settings
+from host_tools.sides import prepare_firmware, prepare_hardware
+
+_GRACE_S = 5.0
+
+
+class MessageLockstep:
+    """Two processes on one core, with the process that hosts the bus; to be used in a `with`.
+
+    Parameters
+    ----------
+    scenario : str
+        Name of a built-in scenario.
+    channel : str
+        Of the embedded bus; a process of its own hosts it.
+    section_epochs : int
+    sections : int
+        How often `run_section` will be called at most.
+    """
+
+    def __init__(self, scenario: str, channel: str, section_epochs: int, sections: int) -> None:
+        self._section_epochs = section_epochs
+        rate_hz = scenarios.load(scenario).rate_hz
+        duration_s = section_epochs * sections / rate_hz
+        job = [scenario, str(duration_s), channel, str(section_epochs)]
+        job.append(str(max(os.sched_getaffinity(0))))
+        self._hardware = self._start("hardware", job)
+        self._firmware = self._start("firmware", job)
+
+    @staticmethod
+    def _start(side: str, job: list[str]) -> subprocess.Popen[str]:
+        is_hardware = side == "hardware"
+        return subprocess.Popen(
+            [sys.executable, "-m", "host_tools.bench.messages", side, *job],
+            stdin=subprocess.PIPE if is_hardware else subprocess.DEVNULL,
+            stdout=subprocess.PIPE if is_hardware else subprocess.DEVNULL,
+            text=True,
+            start_new_session=True,
+        )
+
+    def run_section(self) -> float:
+        """Run one section; return its epochs a second.
+
+        Raises
+        ------
+        SideLostError
+            When a side has ended before.
+        """
+        stdin, stdout = self._hardware.stdin, self._hardware.stdout
+        assert stdin is not None
+        assert stdout is not None
+        try:
+            stdin.write("\n")
+            stdin.flush()
+            took_ns = int(stdout.readline())
+        except (BrokenPipeError, ValueError) as error:
+            raise SideLostError("a side of the lockstep by messages ended too early") from error
+        return self._section_epochs / (took_ns * 1e-9)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        for process in (self._firmware, self._hardware):
+            process.terminate()
+        for process in (self._firmware, self._hardware):
+            try:
+                process.wait(_GRACE_S)
+            except subprocess.TimeoutExpired:
+                process.kill()
+                process.wait()
+            for pipe in (process.stdin, process.stdout):
+                if pipe is not None:
+                    pipe.close()
+
+
+def _run_firmware(scenario: Scenario, address: Address) -> None:
+    prepare_firmware(scenario)
+    firmware = Firmware(firmware_settings(scenario))
+    port = MessagePort(address, "firmware")
+    port.meet()
+    run_firmware_lockstep(firmware, port)
+
+
+def _run_hardware(scenario: Scenario, address: Address, section_epochs: int) -> None:
+    prepare_hardware(scenario)
+    hardware = Hardware(hardware_settings(scenario))
+    port = MessagePort(address, "hardware")
+    port.meet()
+    start_ns = 0
+
+    def on_epoch(epoch: int) -> None:
+        nonlocal start_ns
+        if epoch:
+            print(time.monotonic_ns() - start_ns, flush=True)
+        sys.stdin.readline()
+        start_ns = time.monotonic_ns()
+
+    run_hardware_lockstep(
+        hardware, port, scenario.epochs, every=section_epochs, on_epoch=on_epoch
+    )
+
+
+def main(arguments: list[str]) -> None:
+    """Be one side: ``firmware|hardware SCENARIO SECONDS CHANNEL SECTION_EPOCHS CORE``."""
+    side, name, duration_s, channel, section_epochs, core = arguments
+    os.sched_setaffinity(0, {int(core)})  # whoever starts the bus' host takes it along
+    scenario = scenarios.load(name, duration_s=float(duration_s))
+    address = Address(EMBEDDED, channel)
+    if side == "firmware":
+        _run_firmware(scenario, address)
+    else:
+        _run_hardware(scenario, address, int(section_epochs))
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
