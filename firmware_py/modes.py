@@ -84,7 +84,7 @@ def enter(state: Any, mode: int) -> None:
     modes.mode = mode
     modes.epochs = 0
     modes.good_epochs = 0
-    if mode != Mode.FAULT:
+    if mode not in (Mode.FAULT, Mode.SHUTDOWN):  # what went wrong can be read to the end
         modes.fault = Fault.NONE
     if mode == Mode.ALIGNMENT:
         alignment.begin(state.alignment)

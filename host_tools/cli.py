@@ -165,6 +165,17 @@ def simulate(
     runs.simulate(scenario, loaded, out, as_json)
 
 
+@rrins.command()
+@_json_option
+@click.option("--quick", is_flag=True, help="Shorter samples and no cold start: some 20 s.")
+def bench(as_json: bool, quick: bool) -> None:
+    """Measure what a rehearsal costs on this machine: speeds, steps, codec, lateness, start."""
+    from host_tools.bench import suite
+
+    signal.signal(signal.SIGTERM, _as_interrupt)
+    suite.bench(quick, as_json)
+
+
 _side_options = _options(
     _scenario_options,
     click.option(

@@ -11,8 +11,9 @@ from firmware_py.loop import Firmware, own_clock_ns
 from firmware_py.trace import NavigationTrace
 from host_tools.hardware.loop import Hardware
 from host_tools.hardware.memory import TRUTH
+from host_tools.outfit import firmware_settings, hardware_settings, scenario_wire
 from host_tools.rows import RowBuffer, RowFile, keep_every
-from host_tools.scenario import Scenario, firmware_settings, hardware_settings
+from host_tools.scenario import Scenario
 from host_tools.sides import (
     NAVIGATION_ROWS,
     TRUTH_ROWS,
@@ -49,7 +50,7 @@ def run_direct(
     truth_file = RowFile(None if folder is None else folder / TRUTH_ROWS)
     truth_rows = RowBuffer(TRUTH, truth_file)
     firmware = Firmware(firmware_settings(scenario), NavigationTrace(log_every, navigation.append))
-    hardware = Hardware(hardware_settings(scenario))
+    hardware = Hardware(hardware_settings(scenario), scenario_wire(scenario))
     truth = hardware.plant["truth"]
     error_ppm = scenario.firmware.clock_error_ppm
     progress_every = _PROGRESS_S * scenario.rate_hz
@@ -57,11 +58,12 @@ def run_direct(
     count = 0
     try:
         for epoch in range(scenario.epochs + 1):
-            sent = hardware.step(firmware.outbox, count)
+            frames, sent = hardware.open_epoch(epoch, firmware.outbox, count)
             if epoch % log_every == 0:
                 truth_rows.take(truth)
             arrival_ns = own_clock_ns(epoch * hardware.period_ns, error_ppm)
-            count, _ = firmware.step(hardware.outbox, 0, sent, arrival_ns)
+            count, _ = firmware.step(frames, 0, sent, arrival_ns)
+            hardware.frames_received += count
             if on_progress is not None and epoch % progress_every == 0:
                 on_progress(
                     firmware_progress(firmware),
@@ -71,7 +73,6 @@ def run_direct(
                         "longitude": float(truth["longitude"][0]),
                     },
                 )
-        hardware.frames_received += count
     finally:
         truth_rows.flush()
         truth_file.close()

@@ -1,13 +1,12 @@
 """A scenario: one TOML file that says what is rehearsed, for both sides.
 
-`Scenario` is the file as a person writes it, checked; `firmware_settings` and `hardware_settings`
-are what each side is set up with. The two sides get angles and numbers, never each other's code.
+`Scenario` is the file as a person writes it, checked; `host_tools.outfit` makes of it what each
+side is set up with.
 """
 
 from __future__ import annotations
 
 import difflib
-import math
 import tomllib
 from importlib import resources
 from pathlib import Path
@@ -16,15 +15,14 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 import firmware_py.settings
-import host_tools.hardware.settings
+from dbc.codec import load as load_codec
 from dbc.contract import SENSOR_GROUPS
-from firmware_py.modes import ModeRequest
 from host_tools.errors import ScenarioError
+from host_tools.faults import ANY_IDENTIFIER, Fault, FaultKind, Node
 from host_tools.geometry import GEOMETRIES, AxesDeg
-from host_tools.hardware.settings import ARCSEC, DPH, PPM, STANDARD_GRAVITY, UG
 from host_tools.schemes import SCHEMES
 
-_PerSensor = float | tuple[float, ...]
+PerSensor = float | tuple[float, ...]
 """One number for all sensors, or one for each."""
 
 _NAVIGATE = {"strapdown": "NAVIGATE_STRAPDOWN", "rotating": "NAVIGATE_ROTATING"}
@@ -87,25 +85,25 @@ class Rimu(_Table):
 class _Sensors(_Table):
     """Errors that both kinds of sensors have."""
 
-    scale_error_ppm: _PerSensor = 0.0
-    asymmetric_scale_error_ppm: _PerSensor = 0.0
-    installation_u_arcsec: _PerSensor = 0.0
-    installation_v_arcsec: _PerSensor = 0.0
+    scale_error_ppm: PerSensor = 0.0
+    asymmetric_scale_error_ppm: PerSensor = 0.0
+    installation_u_arcsec: PerSensor = 0.0
+    installation_v_arcsec: PerSensor = 0.0
 
 
 class Gyros(_Sensors):
     """Errors of the gyros. Paper, (16)."""
 
-    bias_dph: _PerSensor = 0.0
-    angle_random_walk_deg_per_sqrt_h: _PerSensor = 0.0
+    bias_dph: PerSensor = 0.0
+    angle_random_walk_deg_per_sqrt_h: PerSensor = 0.0
     range_dps: float = Field(default=300.0, gt=0)
 
 
 class Accelerometers(_Sensors):
     """Errors of the accelerometers. Paper, (17)."""
 
-    bias_ug: _PerSensor = 0.0
-    white_noise_ug_per_sqrt_hz: _PerSensor = 0.0
+    bias_ug: PerSensor = 0.0
+    white_noise_ug_per_sqrt_hz: PerSensor = 0.0
     range_g: float = Field(default=20.0, gt=0)
 
 
@@ -136,8 +134,8 @@ class Firmware(_Table):
     )
     turn_rate_dps: float = Field(default=2.0, gt=0, le=60)
     stand_s: float = Field(default=10.0, ge=0, le=86_400)
-    gyro_weights: _PerSensor = 1.0
-    accelerometer_weights: _PerSensor = 1.0
+    gyro_weights: PerSensor = 1.0
+    accelerometer_weights: PerSensor = 1.0
     clock_error_ppm: float = Field(default=0.0, ge=-1000, le=1000)
     bridge_s: float = Field(default=0.1, ge=0, le=10)
     follow_tolerance_deg: float = Field(default=5.0, gt=0, le=180)
@@ -149,6 +147,74 @@ class OperatorRequest(_Table):
 
     at_s: float = Field(ge=0)
     request: Literal["STANDBY", "ALIGN", "NAVIGATE_STRAPDOWN", "NAVIGATE_ROTATING"]
+
+
+class Bus(_Table):
+    """The wire between the two sides."""
+
+    bitrate: Literal[125_000, 250_000, 500_000, 1_000_000] | None = None
+    """bit/s, to model the wire's timing; without it the wire is ideal and takes no time."""
+
+
+class FaultOnWire(_Table):
+    """A fault on the wire, from a time after the hardware's power-on."""
+
+    kind: Literal[
+        "drop",
+        "delay",
+        "duplicate",
+        "reorder",
+        "corrupt_wire",
+        "corrupt",
+        "wrong_counter",
+        "babble",
+        "silence",
+        "bus_off",
+        "cut",
+    ]
+    message: str | None = None
+    """Name of the message that is meant; without it all of the node."""
+    node: Literal["any", "firmware", "hardware"] = "any"
+    at_s: float = Field(default=0.0, ge=0)
+    for_s: float | None = Field(default=None, gt=0)
+    """How long; without it, to the end."""
+    probability: float = Field(default=1.0, gt=0, le=1)
+    delay_s: float = Field(default=0.01, gt=0, le=60)
+    frames_per_epoch: int = Field(default=20, ge=1, le=200)
+    bit: int | None = Field(default=None, ge=0, le=63)
+
+    @model_validator(mode="after")
+    def _known(self) -> FaultOnWire:
+        if self.message is not None and self.message not in _message_names():
+            near = difflib.get_close_matches(self.message, _message_names(), 1)
+            hint = f", did you mean {near[0]}?" if near else ""
+            raise ValueError(f"message: the DBC has no {self.message}{hint}")
+        return self
+
+    def fault(self, rate_hz: int) -> Fault:
+        """Return the fault, its times in epochs."""
+        first = round(self.at_s * rate_hz)
+        kind = FaultKind[self.kind.upper()]
+        parameter = {
+            FaultKind.DELAY: max(1, round(self.delay_s * rate_hz)),
+            FaultKind.BABBLE: self.frames_per_epoch,
+            FaultKind.CORRUPT: 0 if self.bit is None else self.bit + 1,
+        }.get(kind, 0)
+        return Fault(
+            kind=kind,
+            node=Node[self.node.upper()],
+            identifier=(
+                ANY_IDENTIFIER if self.message is None else load_codec().frame_id(self.message)
+            ),
+            first_epoch=first,
+            last_epoch=-1 if self.for_s is None else first + round(self.for_s * rate_hz) - 1,
+            probability=self.probability,
+            parameter=parameter,
+        )
+
+
+def _message_names() -> list[str]:
+    return [message.name for message in load_codec().database.messages]
 
 
 class EastNorth(_Table):
@@ -186,6 +252,8 @@ class Scenario(_Table):
     firmware: Firmware = Firmware()
     operator: tuple[OperatorRequest, ...] = Field(default=(), max_length=30)
     paper: Paper | None = None
+    bus: Bus = Bus()
+    faults: tuple[FaultOnWire, ...] = Field(default=(), max_length=100)
 
     @model_validator(mode="after")
     def _consistent(self) -> Scenario:
@@ -292,13 +360,14 @@ def _check_count(where: str, value: Any, count: int) -> None:
         raise ValueError(f"{where}: {len(value)} values for {count} sensors")
 
 
-def _check_weights(key: str, value: _PerSensor, count: int) -> None:
+def _check_weights(key: str, value: PerSensor, count: int) -> None:
     _check_count(f"firmware.{key}", value, count)
-    if any(weight <= 0 for weight in _each(value, count)):
+    if any(weight <= 0 for weight in each(value, count)):
         raise ValueError(f"firmware.{key}: a weight must be above 0")
 
 
-def _each(value: _PerSensor, count: int) -> tuple[float, ...]:
+def each(value: PerSensor, count: int) -> tuple[float, ...]:
+    """Return a value for each of `count` sensors."""
     return value if isinstance(value, tuple) else (value,) * count
 
 
@@ -387,117 +456,6 @@ def _keys(location: tuple[int | str, ...]) -> list[str]:
     for part in location:
         if isinstance(part, str) and part in model.model_fields:
             annotation = model.model_fields[part].annotation
-            model = annotation if isinstance(annotation, type) else OperatorRequest
+            lists = {"operator": OperatorRequest, "faults": FaultOnWire}
+            model = annotation if isinstance(annotation, type) else lists.get(part, model)
     return list(model.model_fields)
-
-
-def firmware_settings(scenario: Scenario) -> firmware_py.settings.Settings:
-    """Return what the firmware is set up with."""
-    firmware, site, body = scenario.firmware, scenario.site, scenario.body
-    gyros, accelerometers = scenario.rimu.gyros, scenario.rimu.accelerometers
-    return firmware_py.settings.Settings(
-        rate_hz=scenario.rate_hz,
-        latitude_deg=site.latitude_deg,
-        longitude_deg=site.longitude_deg,
-        height_m=site.height_m,
-        roll_deg=body.roll_deg,
-        pitch_deg=body.pitch_deg,
-        heading_deg=body.heading_deg,
-        gyro_axes_deg=gyros,
-        accelerometer_axes_deg=accelerometers,
-        gyro_weights=_each(firmware.gyro_weights, len(gyros)),
-        accelerometer_weights=_each(firmware.accelerometer_weights, len(accelerometers)),
-        initial_attitude=firmware.initial_attitude,
-        alignment_s=firmware.alignment_s,
-        height_channel=firmware.height_channel,
-        bridge_s=firmware.bridge_s,
-        axis_acceleration_dps2=scenario.axis_acceleration_dps2,
-        follow_tolerance_deg=firmware.follow_tolerance_deg,
-        axis_silence_s=firmware.axis_silence_s,
-        scheme=scenario.scheme,
-    )
-
-
-def _sensor_set(
-    axes_deg: AxesDeg,
-    table: Gyros | Accelerometers,
-    bias: tuple[float, ...],
-    white_noise: tuple[float, ...],
-    measuring_range: float,
-) -> host_tools.hardware.settings.SensorSet:
-    count = len(axes_deg)
-    columns = zip(
-        bias,
-        _each(table.scale_error_ppm, count),
-        _each(table.asymmetric_scale_error_ppm, count),
-        _each(table.installation_u_arcsec, count),
-        _each(table.installation_v_arcsec, count),
-        white_noise,
-        strict=True,
-    )
-    return host_tools.hardware.settings.SensorSet(
-        axes=tuple((math.radians(alpha), math.radians(beta)) for alpha, beta in axes_deg),
-        errors=tuple(
-            host_tools.hardware.settings.SensorErrors(
-                bias=b,
-                scale_error=scale * PPM,
-                asymmetric_scale_error=asymmetric * PPM,
-                delta_u=u * ARCSEC,
-                delta_v=v * ARCSEC,
-                white_noise=noise,
-            )
-            for b, scale, asymmetric, u, v, noise in columns
-        ),
-        measuring_range=measuring_range,
-    )
-
-
-def hardware_settings(scenario: Scenario) -> host_tools.hardware.settings.Settings:
-    """Return what the hardware is set up with, the operator's requests and the end included."""
-    gyros, accelerometers = scenario.gyros, scenario.accelerometers
-    gyro_axes, accelerometer_axes = scenario.rimu.gyros, scenario.rimu.accelerometers
-    per_sqrt_h = math.radians(1) / 60  # °/√h in rad/√s
-    drives = [
-        host_tools.hardware.settings.Drive(
-            rate_limit_dps=axis.rate_limit_dps,
-            acceleration_limit_dps2=axis.acceleration_limit_dps2,
-            encoder_step_deg=360 / 2**axis.encoder_bits,
-        )
-        for axis in (scenario.turntable.inner, scenario.turntable.outer)
-    ]
-    requests = [
-        (round(r.at_s * scenario.rate_hz), int(ModeRequest[r.request])) for r in scenario.requests
-    ]
-    return host_tools.hardware.settings.Settings(
-        rate_hz=scenario.rate_hz,
-        seed=scenario.seed,
-        latitude_deg=scenario.site.latitude_deg,
-        longitude_deg=scenario.site.longitude_deg,
-        height_m=scenario.site.height_m,
-        roll_deg=scenario.body.roll_deg,
-        pitch_deg=scenario.body.pitch_deg,
-        heading_deg=scenario.body.heading_deg,
-        gyros=_sensor_set(
-            gyro_axes,
-            gyros,
-            tuple(b * DPH for b in _each(gyros.bias_dph, len(gyro_axes))),
-            tuple(
-                n * per_sqrt_h
-                for n in _each(gyros.angle_random_walk_deg_per_sqrt_h, len(gyro_axes))
-            ),
-            math.radians(gyros.range_dps),
-        ),
-        accelerometers=_sensor_set(
-            accelerometer_axes,
-            accelerometers,
-            tuple(b * UG for b in _each(accelerometers.bias_ug, len(accelerometer_axes))),
-            tuple(
-                n * UG
-                for n in _each(accelerometers.white_noise_ug_per_sqrt_hz, len(accelerometer_axes))
-            ),
-            accelerometers.range_g * STANDARD_GRAVITY,
-        ),
-        inner=drives[0],
-        outer=drives[1],
-        requests=(*requests, (scenario.epochs, int(ModeRequest.SHUTDOWN))),
-    )

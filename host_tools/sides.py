@@ -19,11 +19,12 @@ from host_tools.hardware.loop import Hardware
 from host_tools.hardware.loop import run_lockstep as run_hardware_lockstep
 from host_tools.hardware.loop import run_realtime as run_hardware_realtime
 from host_tools.hardware.memory import TRUTH
+from host_tools.outfit import firmware_settings, hardware_settings, scenario_wire
 from host_tools.port import Address, open_port
 from host_tools.realtime import LatenessHistogram, enter_realtime
 from host_tools.report import Report
 from host_tools.rows import RowBuffer, RowFile, keep_every
-from host_tools.scenario import Scenario, firmware_settings, hardware_settings
+from host_tools.scenario import Scenario
 
 NAVIGATION_ROWS = "navigation.rows"
 TRUTH_ROWS = "truth.rows"
@@ -204,7 +205,7 @@ def run_hardware(job: Job) -> dict[str, Any]:
     report = Report(job.report_fd)
     scenario = job.scenario
     _prepare(report, "hardware", scenario)
-    hardware = Hardware(hardware_settings(scenario))
+    hardware = Hardware(hardware_settings(scenario), scenario_wire(scenario, is_live=True))
     file = RowFile(job.log_path(TRUTH_ROWS))
     rows = RowBuffer(TRUTH, file)
     lateness = LatenessHistogram()

@@ -1,4 +1,4 @@
-"""What is measured within one process: the compiled steps, the codec, and python-can's own buses."""
+"""What is measured within one process: the steps, the codec, and python-can's own buses."""
 
 from __future__ import annotations
 
@@ -23,7 +23,8 @@ from firmware_py.step import firmware_step
 from host_tools.hardware.loop import Hardware
 from host_tools.hardware.step import hardware_step
 from host_tools.port import message_of_frame
-from host_tools.scenario import Scenario, firmware_settings, hardware_settings
+from host_tools.outfit import firmware_settings, hardware_settings
+from host_tools.scenario import Scenario
 
 _SENSOR = "SENSOR_1"
 _UP = 7  # frames of an epoch of four sensor groups: SYNC, the groups, two axes
@@ -211,9 +212,7 @@ def _exchange(sender: can.BusABC, receiver: can.BusABC, messages: list[can.Messa
                 break
 
 
-def _lost_share(
-    sender: can.BusABC, receiver: can.BusABC, messages: list[can.Message]
-) -> float:
+def _lost_share(sender: can.BusABC, receiver: can.BusABC, messages: list[can.Message]) -> float:
     def send() -> None:
         for message in messages:
             sender.send(message)

@@ -20,7 +20,8 @@ from host_tools.errors import SideLostError
 from host_tools.hardware.loop import Hardware
 from host_tools.hardware.loop import run_lockstep as run_hardware_lockstep
 from host_tools.port import EMBEDDED, Address, MessagePort
-from host_tools.scenario import Scenario, firmware_settings, hardware_settings
+from host_tools.outfit import firmware_settings, hardware_settings
+from host_tools.scenario import Scenario
 from host_tools.sides import prepare_firmware, prepare_hardware
 
 _GRACE_S = 5.0
@@ -123,9 +124,7 @@ def _run_hardware(scenario: Scenario, address: Address, section_epochs: int) -> 
         sys.stdin.readline()
         start_ns = time.monotonic_ns()
 
-    run_hardware_lockstep(
-        hardware, port, scenario.epochs, every=section_epochs, on_epoch=on_epoch
-    )
+    run_hardware_lockstep(hardware, port, scenario.epochs, every=section_epochs, on_epoch=on_epoch)
 
 
 def main(arguments: list[str]) -> None:

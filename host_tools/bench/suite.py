@@ -67,7 +67,7 @@ class Effort:
     @property
     def steps(self) -> int:
         """Steps of progress."""
-        return 4 + self.rounds + len(RATES_HZ) + self.cold
+        return 3 + self.rounds + len(RATES_HZ) + self.cold
 
 
 NORMAL = Effort(

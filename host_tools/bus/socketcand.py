@@ -14,10 +14,10 @@ command                        what it does
 ``unsubscribe ID``             BCM: ends that
 =============================  ==================================================================
 
-Anything else that is well-formed is answered with ``< error … >``. Whoever sends what is not a
-command at all, or does not receive what it asked for, is cut off; neither slows the bus. Frames
-carry the time of the bus, which in a rehearsal is the simulated one. Remote and CAN FD frames have
-no words in the protocol and are passed over.
+Anything else well-formed is answered with ``< error … >``. Whoever sends what is no command at all,
+or does not receive what it asked for, is cut off; neither slows the bus. Frames carry the time of
+the bus, in a rehearsal the simulated one. Remote and CAN FD frames have no words in the protocol
+and are passed over.
 
 The protocol knows no users: while the server runs, everybody on this machine may attach. It
 therefore runs on request only, and listens on loopback addresses only.
@@ -53,18 +53,20 @@ QUEUE_LIMIT: Final = 4 * 1024 * 1024
 MOST_CLIENTS: Final = 64
 """Clients that may be connected at a time."""
 
-_LONGEST_COMMAND: Final = 512
+# Between commands C programs send spaces, ends of lines and the zeros that end their strings.
+_COMMAND: Final = re.compile(rb"[\s\0]*<([\s -;=?-~]{0,512})>")
+_BEGINNING: Final = re.compile(rb"[\s\0]{0,512}(<[\s -;=?-~]{0,512})?")
 _MOST_SUBSCRIPTIONS: Final = 2048
 _ATTACH_S: Final = 5.0
 # Clients expect the answer to `rawmode` in a packet of its own (python-can among them), so the
 # first frames wait until the client has certainly read it.
 _QUIET_S: Final = 0.1
+_LINGER_S: Final = 1.0
 _COMMANDS_A_TURN: Final = 256
 _DATAGRAMS_A_TURN: Final = 32
 
 _EXTENDED_MASK: Final = 0x1FFF_FFFF
 _STANDARD_MASK: Final = 0x7FF
-_EXTENDED_DIGITS: Final = 8
 _HEX: Final = re.compile(r"-?[0-9A-Fa-f]{1,16}")
 _FRAME: Final = struct.Struct("<IB3x8s")
 
@@ -83,6 +85,12 @@ class _Tap(Link):
         return self._end.fileno()
 
 
+def _leave(loop: asyncio.AbstractEventLoop, link: _Tap) -> None:
+    loop.remove_reader(link)
+    loop.remove_writer(link)
+    link.close()
+
+
 # The words of the protocol
 
 
@@ -98,10 +106,12 @@ def _number(word: str, bits: int) -> int:
     return value & ((1 << bits) - 1)
 
 
-def _identifier(word: str) -> int:
+def _identifier(word: str = "", *others: str) -> int:
     """Return an identifier, with the flag of an extended one."""
+    if others:
+        raise CommandError(f"too many words: {others[0][:20]}")
     value = _number(word, 32)
-    if len(word) == _EXTENDED_DIGITS:
+    if len(word) == 8:  # digits
         value |= EFF_FLAG
     limit = _EXTENDED_MASK if value & EFF_FLAG else _STANDARD_MASK
     if value & ~EFF_FLAG > limit:
@@ -109,25 +119,21 @@ def _identifier(word: str) -> int:
     return value
 
 
-def _frame(words: list[str]) -> tuple[int, int, bytes]:
-    """Return identifier, length and payload of a frame."""
+def _frame(words: list[str], sender: int) -> memoryview:
+    """Return a datagram with one frame, which the host stamps with the time of the bus."""
     if len(words) < 2:
         raise CommandError("a frame has an identifier and a length")
     can_id, length = _identifier(words[0]), _number(words[1], 8)
     if length > datagram.CLASSIC_PAYLOAD or len(words) != 2 + length:
         raise CommandError(f"a frame of length {length} with {len(words) - 2} bytes")
-    return can_id, length, bytes(_number(word, 8) for word in words[2:])
-
-
-def _single_frame(can_id: int, length: int, data: bytes, sender: int) -> memoryview:
-    """Return a datagram that the host stamps with the time of the bus."""
+    data = bytes(_number(word, 8) for word in words[2:])
     out = bytearray(datagram.HEADER_SIZE + datagram.FRAME_SIZE)
     datagram.put_header(out, datagram.FRAMES, datagram.UNSTAMPED, 1, sender, 0, 0)
     _FRAME.pack_into(out, datagram.HEADER_SIZE, can_id, length, data)
     return memoryview(out)
 
 
-def _line(can_id: int, length: int, data: bytes, stamp: str) -> str:
+def _line(stamp: str, can_id: int, length: int, data: bytes) -> str:
     """Return a frame in the words of the protocol; empty if it has none for it."""
     if can_id & ERR_FLAG:
         return f"< error {can_id & _EXTENDED_MASK:03X} {stamp} >"
@@ -139,17 +145,16 @@ def _line(can_id: int, length: int, data: bytes, stamp: str) -> str:
     return f"< frame {can_id & _STANDARD_MASK:03X} {stamp} {payload} >"
 
 
-def _stamp(batch: bytes) -> str:
+def _text(batch: bytes, wanted: set[int] | None = None) -> bytes:
+    """Return the frames of a batch, all or those wanted, in the words of the protocol."""
     seconds, microseconds = divmod(max(0, datagram.time_of(bytearray(batch))) // 1000, 1_000_000)
-    return f"{seconds}.{microseconds:06d}"
-
-
-@functools.lru_cache(maxsize=2 * _DATAGRAMS_A_TURN)  # every client receives the same batches
-def _lines(batch: bytes) -> bytes:
-    """Return all frames of a batch in the words of the protocol."""
-    stamp = _stamp(batch)
+    stamp = f"{seconds}.{microseconds:06d}"
     frames = _FRAME.iter_unpack(memoryview(batch)[datagram.HEADER_SIZE :])
-    return "".join([_line(*frame, stamp) for frame in frames]).encode()
+    lines = [_line(stamp, *frame) for frame in frames if wanted is None or frame[0] in wanted]
+    return "".join(lines).encode()
+
+
+_whole_text = functools.lru_cache(2 * _DATAGRAMS_A_TURN)(_text)  # all clients receive the same
 
 
 class _Client(asyncio.Protocol):
@@ -159,30 +164,27 @@ class _Client(asyncio.Protocol):
         self._server = server
         self._loop = asyncio.get_running_loop()
         self._transport: asyncio.Transport
-        self._name = ""
+        self._address = ""
         self._text = bytearray()  # received and not obeyed yet
-        self._link: _Tap | None = None
+        self.link: _Tap | None = None
         self._buffer = datagram.receive_buffer()
         self._is_over = False
         self._is_opening = False
         self._is_raw = False
-        self._quiet: asyncio.TimerHandle | None = None
-        self._kept: list[bytes] = []  # for the client, when it has read the answer to rawmode
-        self._kept_bytes = 0
+        self._kept: bytearray | None = None  # until the client has read the answer to rawmode
         self._unsent: memoryview | None = None  # what the bus had no room for
-        self._is_due = False  # the rest of what has arrived is looked at in the next turn
+        self._is_due = False  # what else has arrived is looked at in the next turn
         self._wanted: set[int] = set()  # identifiers, in BCM mode
 
     def __str__(self) -> str:
-        return f"socketcand client {self._name}"
+        return f"socketcand client {self._address}"
 
     # The connection
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         assert isinstance(transport, asyncio.Transport)
         self._transport = transport
-        address = transport.get_extra_info("peername") or ("unknown", 0)
-        self._name = f"{address[0]}:{address[1]}"
+        self._address = "{}:{}".format(*transport.get_extra_info("peername"))
         if len(self._server.clients) >= MOST_CLIENTS:
             self.cut_off(f"there are {MOST_CLIENTS} already")
             return
@@ -191,10 +193,8 @@ class _Client(asyncio.Protocol):
 
     def data_received(self, data: bytes) -> None:
         self._text += data
-        if self._quiet is not None:  # it has read the answer
-            self._end_quiet()
-        if not self._is_held:
-            self._obey_all()
+        self._end_quiet()  # it has read the answer
+        self._obey_all()
 
     def connection_lost(self, exc: Exception | None) -> None:
         self.end()
@@ -211,13 +211,9 @@ class _Client(asyncio.Protocol):
             return
         self._is_over = True
         self._server.clients.discard(self)
-        if self._quiet is not None:
-            self._quiet.cancel()
         self._transport.abort()
-        if self._link is not None:
-            self._loop.remove_reader(self._link.fileno())
-            self._loop.remove_writer(self._link.fileno())
-            self._link.close()
+        if self.link is not None:
+            _leave(self._loop, self.link)
 
     def _tell(self, text: str) -> None:
         self._give(f"< {text} >".encode())
@@ -225,39 +221,28 @@ class _Client(asyncio.Protocol):
     def _give(self, data: bytes) -> None:
         if self._is_over:
             return
-        if self._quiet is None:
+        if self._kept is None:
             self._transport.write(data)
             waiting = self._transport.get_write_buffer_size()
         else:
-            self._kept.append(data)
-            self._kept_bytes += len(data)
-            waiting = self._kept_bytes
+            self._kept += data
+            waiting = len(self._kept)
         if waiting > QUEUE_LIMIT:
             self.cut_off(f"{waiting} bytes waited for it to receive")
 
     def _end_quiet(self) -> None:
-        if self._quiet is not None:
-            self._quiet.cancel()
-            self._quiet = None
-        kept = b"".join(self._kept)
-        self._kept.clear()
-        self._kept_bytes = 0
+        kept, self._kept = self._kept, None
         if kept:
-            self._give(kept)
+            self._give(bytes(kept))
 
     # Commands
-
-    @property
-    def _is_held(self) -> bool:
-        """Whether the next command has to wait."""
-        return self._is_opening or self._unsent is not None
 
     def _obey_all(self) -> None:
         """Obey what has arrived, a good deal at a time; what is left waits for the next turn."""
         for _ in range(_COMMANDS_A_TURN):
             if self._is_over:
                 return
-            if self._is_held:
+            if self._is_opening or self._unsent is not None:
                 self._transport.pause_reading()
                 return
             words = self._next_command()
@@ -274,54 +259,44 @@ class _Client(asyncio.Protocol):
 
     def _next_command(self) -> list[str] | None:
         """Return the words of the next command, None if it is not all here."""
-        self._text = self._text.lstrip()
-        if not self._text:
-            return None
-        if not self._text.startswith(b"<"):
-            self.cut_off(f"it sent no command: {bytes(self._text[:20])!r}")
-            return None
-        end = self._text.find(b">", 0, _LONGEST_COMMAND)
-        if end < 0:
-            if len(self._text) >= _LONGEST_COMMAND:
-                self.cut_off(f"it sent a command longer than {_LONGEST_COMMAND} bytes")
-            return None
-        command = bytes(self._text[1:end])
-        del self._text[: end + 1]
-        if b"<" in command or not command.isascii():
-            self.cut_off(f"it sent no command: {command[:20]!r}")
-            return None
-        return command.decode("ascii").split()
+        found = _COMMAND.match(self._text)
+        if found is not None:
+            words = found[1].decode("ascii").split()
+            size = found.end()
+            del found  # it holds the text
+            del self._text[:size]
+            return words
+        if not _BEGINNING.fullmatch(self._text):
+            self.cut_off(f"it sent what is no command: {bytes(self._text[:20])!r}")
+        return None
 
     def _obey(self, words: list[str]) -> None:
         name, arguments = (words[0], words[1:]) if words else ("", [])
         if name == "echo" and not arguments:
             self._tell("echo")
-        elif self._link is None:
+        elif self.link is None:
             if name != "open" or len(arguments) != 1:
                 raise CommandError("unknown command")
             self._open(arguments[0])
         elif name == "send":
-            self._send(*_frame(arguments))
+            self._send(_frame(arguments, self.link.number))
         elif name in ("rawmode", "bcmmode") and not arguments:
             self._change_mode(is_raw=name == "rawmode")
         elif name == "subscribe" and not self._is_raw:
             self._subscribe(arguments)
         elif name == "unsubscribe" and not self._is_raw:
-            self._unsubscribe(arguments)
+            self._wanted.discard(_identifier(*arguments))
         else:
             raise CommandError("unknown command")
 
     def _open(self, name: str) -> None:
-        if name != self._server.name:
-            self._transport.write(b"< error could not open bus >")
-            self._transport.close()
-            self._is_opening = True  # nothing that follows is obeyed
-            return
         self._is_opening = True
-        attaching = self._loop.run_in_executor(
-            None, functools.partial(self._server.attach, f"socketcand-{self._name}")
-        )
-        attaching.add_done_callback(self._opened)
+        if name != self._server.name:
+            self._tell("error could not open bus")
+            self._transport.close()  # and nothing that follows is obeyed
+            return
+        attach = functools.partial(self._server.attach, f"socketcand-{self._address}")
+        self._loop.run_in_executor(None, attach).add_done_callback(self._opened)
 
     def _opened(self, attaching: asyncio.Future[_Tap]) -> None:
         if attaching.cancelled():
@@ -334,8 +309,8 @@ class _Client(asyncio.Protocol):
         if self._is_over:
             link.close()
             return
-        self._link = link
-        self._loop.add_reader(link.fileno(), self._hear_all)
+        self.link = link
+        self._loop.add_reader(link, self._hear_all)
         self._is_opening = False
         self._tell("ok")
         self._obey_all()
@@ -344,58 +319,48 @@ class _Client(asyncio.Protocol):
         self._is_raw = is_raw
         self._wanted.clear()
         self._tell("ok")
-        if is_raw and not self._is_over:
-            self._quiet = self._loop.call_later(_QUIET_S, self._end_quiet)
+        if is_raw:
+            self._kept = bytearray()
+            self._loop.call_later(_QUIET_S, self._end_quiet)
 
     # To the bus
 
-    def _send(self, can_id: int, length: int, data: bytes) -> None:
+    def _send(self, frame: memoryview) -> None:
         """Send a frame; while the bus is held up no more is read from this client."""
-        assert self._link is not None
-        frame = _single_frame(can_id, length, data, self._link.number)
-        if not self._try_to_send(frame) and not self._is_over:
-            self._unsent = frame
-            self._loop.add_writer(self._link.fileno(), self._send_again)
-
-    def _send_again(self) -> None:
-        assert self._link is not None
-        assert self._unsent is not None
-        if self._try_to_send(self._unsent):
-            self._unsent = None
-            self._loop.remove_writer(self._link.fileno())
-            self._obey_all()
-
-    def _try_to_send(self, frame: memoryview) -> bool:
-        """Send a frame; return False if the bus has no room for it, or has ended."""
-        assert self._link is not None
+        assert self.link is not None
         try:
-            self._link.send(frame, 0)
+            self.link.send(frame, 0)
         except BusTimeoutError:
+            self._unsent = frame
+            self._loop.add_writer(self.link, self._send_again, frame)
             self._hear_soon()  # the link has received while it waited
-            return False
         except BusError as error:
             self._lose(error)
-            return False
-        return True
+        else:
+            self._unsent = None
+
+    def _send_again(self, frame: memoryview) -> None:
+        assert self.link is not None
+        self._send(frame)
+        if self._unsent is None and not self._is_over:
+            self._loop.remove_writer(self.link)
+            self._obey_all()
 
     # From the bus
 
     def _hear_soon(self) -> None:
         if not self._is_due:
             self._is_due = True
-            self._loop.call_soon(self._hear_the_rest)
+            self._loop.call_soon(self._hear_all, True)
 
-    def _hear_the_rest(self) -> None:
-        self._is_due = False
-        self._hear_all()
-
-    def _hear_all(self) -> None:
+    def _hear_all(self, was_due: bool = False) -> None:
         """Take what has arrived, a good deal at a time."""
+        self._is_due = self._is_due and not was_due
         for _ in range(_DATAGRAMS_A_TURN):
-            if self._is_over or self._link is None:
+            if self._is_over or self.link is None:
                 return
             try:
-                size = self._link.receive(self._buffer, 0)
+                size = self.link.receive(self._buffer, 0)
             except BusError as error:
                 self._lose(error)
                 return
@@ -404,36 +369,25 @@ class _Client(asyncio.Protocol):
             is_classic = self._buffer[datagram.KIND_OFFSET] == datagram.FRAMES
             if is_classic and (self._is_raw or self._wanted):
                 batch = bytes(memoryview(self._buffer)[:size])
-                text = _lines(batch) if self._is_raw else self._subscribed(batch)
+                text = _whole_text(batch) if self._is_raw else _text(batch, self._wanted)
                 if text:
                     self._give(text)
         self._hear_soon()
 
-    def _subscribed(self, batch: bytes) -> bytes:
-        """Return the frames that the client has asked for in BCM mode."""
-        stamp = _stamp(batch)
-        frames = _FRAME.iter_unpack(memoryview(batch)[datagram.HEADER_SIZE :])
-        return "".join([_line(*f, stamp) for f in frames if f[0] in self._wanted]).encode()
-
     def _subscribe(self, words: list[str]) -> None:
-        if len(words) != 3:
-            raise CommandError("an interval and an identifier are needed")
         if words[:2] != ["0", "0"]:
             raise CommandError("frames are not held back: the interval must be 0 0")
         if len(self._wanted) >= _MOST_SUBSCRIPTIONS:
             raise CommandError(f"more than {_MOST_SUBSCRIPTIONS} subscriptions")
-        self._wanted.add(_identifier(words[2]))
-
-    def _unsubscribe(self, words: list[str]) -> None:
-        if len(words) != 1:
-            raise CommandError("an identifier is missing")
-        self._wanted.discard(_identifier(words[0]))
+        self._wanted.add(_identifier(*words[2:]))
 
     def _lose(self, error: BusError) -> None:
         """Part with a client whose place on the bus is lost, unless all of the bus has ended."""
-        self._server.look()
-        if not self._server.is_over:
+        if self._server.look():
             self.cut_off(str(error))
+        elif self.link is not None:
+            self._loop.remove_reader(self.link)
+            self._transport.close()  # once the client has received all
 
 
 class _Server:
@@ -447,25 +401,21 @@ class _Server:
         self._link = self.attach("socketcand")
         self._loop = asyncio.get_running_loop()
         self._end: asyncio.Future[str] = self._loop.create_future()
-        self._loop.add_reader(self._link.fileno(), self.look)
+        self._loop.add_reader(self._link, self.look)
 
     def attach(self, name: str) -> _Tap:
         """Return a new link to the bus."""
         return _Tap(self._channel, name=name[:64], is_observer=True, timeout=_ATTACH_S)
 
-    @property
-    def is_over(self) -> bool:
-        """Whether the bus has ended."""
-        return self._end.done()
-
-    def look(self) -> None:
-        """Pass over what is on the bus, up to its end."""
+    def look(self) -> bool:
+        """Pass over what is on the bus; return whether it goes on."""
         try:
-            while not self.is_over and self._link.receive(self._buffer, 0):
+            while not self._end.done() and self._link.receive(self._buffer, 0):
                 pass
         except BusError as error:
-            self._loop.remove_reader(self._link.fileno())
+            self._loop.remove_reader(self._link)
             self._end.set_result(str(error))
+        return not self._end.done()
 
     async def run(self, address: str, port: int, on_ready: Callable[[int], None]) -> str:
         """Serve until the bus ends; return why it has ended."""
@@ -473,24 +423,28 @@ class _Server:
             listener = await self._listen(address, port)
             async with listener:
                 on_ready(listener.sockets[0].getsockname()[1])
-                return await self._end
+                reason = await self._end
+                await self._linger()
+                return reason
         finally:
             for client in tuple(self.clients):
                 client.end()
-            self._loop.remove_reader(self._link.fileno())
-            self._link.close()
+            _leave(self._loop, self._link)
+
+    async def _linger(self) -> None:
+        """Give the clients a moment to receive what was on the bus."""
+        end = self._loop.time() + _LINGER_S
+        while any(client.link for client in self.clients) and self._loop.time() < end:
+            await asyncio.sleep(_LINGER_S / 100)
 
     async def _listen(self, address: str, port: int) -> asyncio.Server:
         try:
             return await self._loop.create_server(lambda: _Client(self), address, port)
         except OSError as error:
+            why = f"cannot listen on {address}: {error.strerror}"
             if error.errno == errno.EADDRINUSE:
-                raise BusError(
-                    f"port {port} of {address} is taken: name another with --port"
-                ) from error
-            raise BusError(
-                f"cannot listen on port {port} of {address}: {error.strerror}"
-            ) from error
+                why = f"port {port} of {address} is taken: name another with --port"
+            raise BusError(why) from error
 
 
 def _loopback(host: str) -> str:
@@ -502,10 +456,8 @@ def _loopback(host: str) -> str:
     except (OSError, ValueError) as error:
         raise BusError(f"{host!r} is no address to listen on: {error}") from error
     if not is_loopback:
-        raise BusError(
-            f"{host!r} can be reached from other machines, and the socketcand protocol lets in "
-            "everybody: use a loopback address such as 127.0.0.1"
-        )
+        why = "the socketcand protocol lets in everybody: use a loopback address such as 127.0.0.1"
+        raise BusError(f"{host!r} can be reached from other machines, and {why}")
     return address
 
 
@@ -541,10 +493,8 @@ def serve(
         try:
             server = _Server(channel)
         except NoHostError as error:
-            raise BusError(
-                f"no bus {channel!r}: nobody hosts it; start a rehearsal on it first, such as "
-                f"`rrins rehearse --channel {channel}`"
-            ) from error
+            hint = f"start one first, such as `rrins rehearse --channel {channel}`"
+            raise BusError(f"nobody hosts channel {channel!r}: {hint}") from error
         return await server.run(address, port, on_ready)
 
     return asyncio.run(run())

@@ -186,6 +186,11 @@ class WireModel:
                 return
         raise ValueError(f"{medium.FAILURES} orders to fail are open already")
 
+    def has_order(self, node: int) -> bool:
+        """Return whether an order of `fail_next` for a node is still open."""
+        orders = self.mediums[0]["failure"]
+        return bool(np.any((orders["left"] > 0) & (orders["node"] == node)))
+
     def silence(self, node: int, on: bool) -> None:
         """Let a node only listen, or speak again.
 

@@ -37,6 +37,16 @@ class Port(Protocol):
         """Let the other side leave without that being a fault."""
 
 
+class Wire(Protocol):
+    """What lies between the two sides besides the transport."""
+
+    def up(self, frames: FrameArray, count: int, epoch: int) -> tuple[FrameArray, int]:
+        """Return what the firmware gets, given what the hardware sends in an epoch."""
+
+    def down(self, frames: FrameArray, count: int, epoch: int) -> tuple[FrameArray, int]:
+        """Return what the hardware gets next, given what the firmware sends in an epoch."""
+
+
 class Lateness(Protocol):
     """Takes how late each epoch began."""
 
@@ -53,7 +63,8 @@ class Hardware:
     inbox, outbox : arrays of dtype `dbc.frame.FRAME`
     """
 
-    def __init__(self, settings: Settings) -> None:
+    def __init__(self, settings: Settings, wire: Wire | None = None) -> None:
+        self.wire = wire
         self.contract = load_contract()
         self.plant = power_on(settings)
         self.inbox = frame_array(INBOX_CAPACITY)
@@ -65,9 +76,19 @@ class Hardware:
     def step(self, inbox: FrameArray, count: int) -> int:
         """Run one epoch on the first `count` frames; return those put into `outbox`."""
         sent: int = hardware_step(self.plant, self.contract, inbox, count, self.outbox)
-        self.frames_received += count
-        self.frames_sent += sent
         return sent
+
+    def open_epoch(self, epoch: int, frames: FrameArray, count: int) -> tuple[FrameArray, int]:
+        """Run an epoch on the frames of the one before; return what goes to the firmware."""
+        if self.wire is None:
+            sent = self.step(frames, count)
+            self.frames_sent += sent
+            return self.outbox, sent
+        if epoch > 0:
+            frames, count = self.wire.down(frames, count, epoch - 1)
+        passed, sent = self.wire.up(self.outbox, self.step(frames, count), epoch)
+        self.frames_sent += sent
+        return passed, sent
 
 
 def _wait_until(deadline_ns: int) -> None:
@@ -93,12 +114,12 @@ def run_lockstep(
     for epoch in range(epochs):
         if speed is not None:
             _wait_until(start_ns + round(epoch * hardware.period_ns / speed))
-        sent = hardware.step(hardware.inbox, count)
-        port.send(hardware.outbox, sent, epoch, epoch * hardware.period_ns)
+        frames, sent = hardware.open_epoch(epoch, hardware.inbox, count)
+        port.send(frames, sent, epoch, epoch * hardware.period_ns)
         if on_epoch is not None and epoch % every == 0:
             on_epoch(epoch)
         count = port.receive_epoch(hardware.inbox)
-    hardware.frames_received += count
+        hardware.frames_received += count
 
 
 def run_realtime(
@@ -121,10 +142,11 @@ def run_realtime(
         late_ns = now_ns - deadline_ns
         lateness.take(late_ns, late_ns > hardware.period_ns)
         hardware.plant[0]["counters"]["overruns"] += late_ns > hardware.period_ns
-        sent = hardware.step(hardware.inbox, count)
+        hardware.frames_received += count
+        frames, sent = hardware.open_epoch(epoch, hardware.inbox, count)
         if epoch == epochs - 1:
             port.dismiss()
-        port.send(hardware.outbox, sent, epoch, epoch * hardware.period_ns)
+        port.send(frames, sent, epoch, epoch * hardware.period_ns)
         if on_epoch is not None and epoch % every == 0:
             on_epoch(epoch)
     count, _ = _gather_until(hardware, port, start_ns + epochs * hardware.period_ns)

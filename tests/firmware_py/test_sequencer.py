@@ -109,7 +109,7 @@ def test_an_axis_is_expected_to_turn_and_then_to_stand(rotation):
         rotation.epoch()
         angles.append(rotation.expected(INNER))
     assert angles[49] == pytest.approx(60.0)
-    assert angles[149:174] == [180.0] * 25
+    assert angles[149:174] == pytest.approx([180.0] * 25)
 
 
 def test_both_axes_are_commanded_to_a_position_while_it_runs(rotation):

@@ -181,7 +181,8 @@ BOTH_SIDES = """
 import sys
 from firmware_py.loop import Firmware
 from host_tools.hardware.loop import Hardware
-from host_tools.scenario import Scenario, firmware_settings, hardware_settings
+from host_tools.outfit import firmware_settings, hardware_settings
+from host_tools.scenario import Scenario
 scenario = Scenario.model_validate({
     "mode": "rotating", "duration_s": 1, "rate_hz": 50, "navigate_at_s": 0.1,
     "body": {"roll_deg": 3, "pitch_deg": 2, "heading_deg": 200},

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from host_tools import scenario as scenarios
 from host_tools.errors import ScenarioError
 from host_tools.hardware.settings import DPH, UG
+from host_tools.outfit import hardware_settings
 
 NAMED = (
     "ideal",
@@ -105,7 +106,7 @@ def test_no_file_raises_anything_else(tmp_path_factory, data):
 
 
 def test_units_of_data_sheets_reach_the_hardware_in_si():
-    settings = scenarios.hardware_settings(scenarios.load("rimu_rotating"))
+    settings = hardware_settings(scenarios.load("rimu_rotating"))
     assert [e.bias for e in settings.gyros.errors] == pytest.approx(
         [0.1 * DPH, 0.11 * DPH, 0.12 * DPH, 0.13 * DPH]
     )
@@ -116,7 +117,7 @@ def test_units_of_data_sheets_reach_the_hardware_in_si():
 
 def test_one_number_stands_for_every_sensor(write):
     text = 'duration_s = 1\n[rimu]\ngeometry = "orthogonal"\n[gyros]\nscale_error_ppm = 50'
-    settings = scenarios.hardware_settings(scenarios.load(write(text)))
+    settings = hardware_settings(scenarios.load(write(text)))
     assert [e.scale_error for e in settings.gyros.errors] == pytest.approx([50e-6] * 3)
 
 

@@ -12,7 +12,8 @@ from host_tools.direct import run_direct
 from host_tools.hardware.loop import Hardware
 from host_tools.hardware.loop import run_lockstep as run_hardware
 from host_tools.port import Address, MessagePort
-from host_tools.scenario import Scenario, firmware_settings, hardware_settings
+from host_tools.outfit import firmware_settings, hardware_settings
+from host_tools.scenario import Scenario
 
 SCENARIO = """
 title = "Everything that can differ: noise, clock error, an own scheme"

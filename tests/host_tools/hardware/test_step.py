@@ -298,7 +298,8 @@ import hashlib
 from dbc.frame import frame_array
 from host_tools.hardware.loop import Hardware
 from host_tools.hardware.turntable import command
-from host_tools.scenario import Scenario, hardware_settings
+from host_tools.outfit import hardware_settings
+from host_tools.scenario import Scenario
 scenario = Scenario.model_validate({
     "duration_s": 1, "rate_hz": 200,
     "body": {"roll_deg": 3, "pitch_deg": 2, "heading_deg": 200},

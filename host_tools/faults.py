@@ -1,0 +1,273 @@
+"""Faults on the wire: what they do to frames, seeded and repeatable.
+
+A fault is put in by the scenario or, live, by the message FAULT_COMMAND. It acts on the frames that
+one side sends, in the order in which they are sent, before the wire's timing. Which frame is hit is
+drawn from the scenario's seed and the fault's number only.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Any
+
+import numpy as np
+
+from dbc.contract import load_contract
+from dbc.e2e import COUNTER_MODULUS, counter_of, protect
+from dbc.frame import FrameArray, frame_array
+
+
+class FaultKind(IntEnum):
+    """Kinds of faults; the DBC's value table of `kind` in FAULT_COMMAND.
+
+    DROP a frame is lost. DELAY it comes some epochs later. DUPLICATE it comes twice. REORDER the
+    epoch's frames come in another order. CORRUPT_WIRE a bit is wrong and the controllers' CRC-15
+    catches it: an error frame, and the frame is sent again. CORRUPT a bit is wrong after that: the
+    end-to-end CRC has to catch it. WRONG_COUNTER the CRC is right, the counter is not. BABBLE a
+    node sends the most urgent identifier all the time. SILENCE a node or message says nothing.
+    BUS_OFF a node's controller is off the bus. CUT nobody hears anybody.
+    """
+
+    NONE = 0
+    DROP = 1
+    DELAY = 2
+    DUPLICATE = 3
+    REORDER = 4
+    CORRUPT_WIRE = 5
+    CORRUPT = 6
+    WRONG_COUNTER = 7
+    BABBLE = 8
+    SILENCE = 9
+    BUS_OFF = 10
+    CUT = 11
+
+
+class FaultAction(IntEnum):
+    """What a FAULT_COMMAND asks for; the DBC's value table of `action`."""
+
+    NONE = 0
+    INJECT = 1
+    REMOVE = 2
+    CLEAR = 3
+
+
+class Node(IntEnum):
+    """Whose frames are meant; the DBC's value table of `node`."""
+
+    ANY = 0
+    FIRMWARE = 1
+    HARDWARE = 2
+
+
+ANY_IDENTIFIER = 4095
+"""Stands for all frames of a node."""
+
+BABBLE_IDENTIFIER = 0x001
+"""What a babbling node sends: more urgent than everything in the contract."""
+
+_SILENT = (FaultKind.DROP, FaultKind.SILENCE, FaultKind.BUS_OFF, FaultKind.CUT)
+_MOST_AFFECTED = 2**28 - 1
+
+
+@dataclass(frozen=True)
+class Fault:
+    """A fault and when it acts.
+
+    Attributes
+    ----------
+    kind : FaultKind
+    node : Node
+        Whose frames; of CUT and BABBLE it means nothing.
+    identifier : int
+        Which frames; `ANY_IDENTIFIER` for all of the node.
+    first_epoch, last_epoch : int
+        When it acts, both included; `last_epoch` -1 until it is removed.
+    probability : float
+        Share of the frames, or of the epochs for REORDER, that it hits.
+    parameter : int
+        Epochs of DELAY; frames an epoch of BABBLE; bit of CORRUPT plus one, 0 for a random bit.
+    """
+
+    kind: FaultKind
+    node: Node = Node.ANY
+    identifier: int = ANY_IDENTIFIER
+    first_epoch: int = 0
+    last_epoch: int = -1
+    probability: float = 1.0
+    parameter: int = 0
+
+    def is_active(self, epoch: int) -> bool:
+        """Return whether the fault acts in an epoch."""
+        return self.first_epoch <= epoch and not 0 <= self.last_epoch < epoch
+
+    def is_over(self, epoch: int) -> bool:
+        """Return whether the fault will never act again."""
+        return 0 <= self.last_epoch < epoch
+
+    def means(self, sender: Node, can_id: int) -> bool:
+        """Return whether a frame of a side is meant."""
+        if self.kind == FaultKind.CUT:
+            return True
+        if self.node not in (Node.ANY, sender):
+            return False
+        return self.identifier in (ANY_IDENTIFIER, can_id)
+
+
+class Faults:
+    """The faults of a run.
+
+    Parameters
+    ----------
+    faults : iterable of Fault
+    seed : int
+    has_timing : bool
+        Whether the wire's timing is modelled: then CORRUPT_WIRE, BUS_OFF, CUT and BABBLE are the
+        model's to play, and are left alone here.
+    """
+
+    def __init__(self, faults: tuple[Fault, ...], seed: int, has_timing: bool = False) -> None:
+        self._seed = seed
+        self._has_timing = has_timing
+        self._faults: list[tuple[Fault, np.random.Generator]] = []
+        self._number = 0
+        self._delayed: list[tuple[int, Node, Any]] = []
+        self._messages = {int(row["can_id"]): row for row in _message_rows(load_contract()[0])}
+        self.affected_frames = 0
+        for fault in faults:
+            self.add(fault)
+
+    def add(self, fault: Fault) -> None:
+        """Put in a fault."""
+        random = np.random.default_rng([self._seed, self._number])
+        self._number += 1
+        self._faults.append((fault, random))
+
+    def remove(self, kind: FaultKind, node: Node, identifier: int) -> None:
+        """Take out the faults of a kind on certain frames."""
+        self._faults = [
+            (fault, random)
+            for fault, random in self._faults
+            if (fault.kind, fault.node, fault.identifier) != (kind, node, identifier)
+        ]
+
+    def clear(self) -> None:
+        """Take out all faults; what was delayed still comes."""
+        self._faults.clear()
+
+    def is_idle(self) -> bool:
+        """Return whether nothing is left that could ever act."""
+        return not self._faults and not self._delayed
+
+    def active(self, epoch: int) -> list[Fault]:
+        """Return the faults that act in an epoch, and forget those that are over."""
+        self._faults = [pair for pair in self._faults if not pair[0].is_over(epoch)]
+        return [fault for fault, _ in self._faults if fault.is_active(epoch)]
+
+    def apply(
+        self, sender: Node, frames: FrameArray, count: int, epoch: int, out: FrameArray
+    ) -> int:
+        """Write what becomes of a side's frames in an epoch to `out`; return how many there are."""
+        passing = [frames[k : k + 1].copy() for k in range(count)]
+        for fault, random in self._faults:
+            if fault.is_active(epoch):
+                passing = self._hit(fault, random, sender, passing, epoch)
+        passing = [*self._due(sender, epoch), *passing][: len(out)]
+        for k, frame in enumerate(passing):
+            out[k] = frame[0]
+        return len(passing)
+
+    def acts(self, epoch: int) -> bool:
+        """Return whether anything happens to frames in an epoch."""
+        return bool(self._delayed) or any(fault.is_active(epoch) for fault, _ in self._faults)
+
+    def _due(self, sender: Node, epoch: int) -> list[Any]:
+        """Return the delayed frames of a side whose time has come."""
+        due = [frame for at, of, frame in self._delayed if of == sender and at <= epoch]
+        if due:
+            self._delayed = [d for d in self._delayed if not (d[1] == sender and d[0] <= epoch)]
+        return due
+
+    def _hit(
+        self,
+        fault: Fault,
+        random: np.random.Generator,
+        sender: Node,
+        passing: list[Any],
+        epoch: int,
+    ) -> list[Any]:
+        if fault.kind == FaultKind.REORDER:
+            return self._reorder(fault, random, sender, passing)
+        if fault.kind == FaultKind.BABBLE:
+            return (
+                passing
+                if self._has_timing or sender != Node.HARDWARE
+                else [*babble(max(1, fault.parameter)), *passing]
+            )
+        left: list[Any] = []
+        for frame in passing:
+            hit = fault.means(sender, int(frame[0]["can_id"]))
+            if hit and random.random() < fault.probability:
+                left.extend(self._affect(fault, random, sender, frame, epoch))
+            else:
+                left.append(frame)
+        return left
+
+    def _reorder(
+        self, fault: Fault, random: np.random.Generator, sender: Node, passing: list[Any]
+    ) -> list[Any]:
+        if fault.node not in (Node.ANY, sender) or random.random() >= fault.probability:
+            return passing
+        self._count(len(passing))
+        return [passing[k] for k in random.permutation(len(passing))]
+
+    def _affect(
+        self, fault: Fault, random: np.random.Generator, sender: Node, frame: Any, epoch: int
+    ) -> Iterator[Any]:
+        kind = fault.kind
+        by_model = (FaultKind.CORRUPT_WIRE, FaultKind.BUS_OFF, FaultKind.CUT)
+        if self._has_timing and kind in by_model:
+            yield frame
+            return
+        self._count(1)
+        if kind in _SILENT:
+            return
+        if kind == FaultKind.DELAY:
+            self._delayed.append((epoch + max(1, fault.parameter), sender, frame))
+            return
+        if kind == FaultKind.CORRUPT:
+            bit = fault.parameter - 1 if fault.parameter else int(random.integers(64))
+            frame["data"] ^= np.uint64(1) << np.uint64(bit)
+        elif kind == FaultKind.WRONG_COUNTER:
+            self._miscount(frame)
+        elif kind == FaultKind.DUPLICATE:
+            yield frame.copy()
+        yield frame  # CORRUPT_WIRE, too: the controllers send the frame again
+
+    def _miscount(self, frame: Any) -> None:
+        """Give a frame the counter after its own, with a CRC that fits."""
+        message = self._messages.get(int(frame[0]["can_id"]))
+        if message is not None:
+            counter = (counter_of(frame[0]["data"]) + 1) % COUNTER_MODULUS
+            frame["data"] = protect(frame[0]["data"], message, counter)
+
+    def _count(self, frames: int) -> None:
+        self.affected_frames = min(_MOST_AFFECTED, self.affected_frames + frames)
+
+
+def babble(count: int) -> list[Any]:
+    """Return what a babbling node sends in an epoch, arrays of one frame each."""
+    noise = frame_array(count)
+    noise["can_id"] = BABBLE_IDENTIFIER
+    noise["length"] = 8
+    return [noise[k : k + 1] for k in range(count)]
+
+
+def _message_rows(contract: Any) -> Iterator[Any]:
+    for name in contract.dtype.names:
+        field = contract[name]
+        if field.shape:
+            yield from (member["message"] for member in field)
+        else:
+            yield field["message"]

@@ -1,0 +1,238 @@
+"""What lies between the two sides besides the transport: the wire's timing, and faults on it.
+
+The wire is part of the hardware process, whatever bus carries the frames, and of a direct run: so
+one scenario is the same in every way to run it. In virtual time an epoch looks like this::
+
+    t             hardware's frames go to its controller
+    t + T/2       the firmware's deadline: what has come by now is in its epoch; its own frames go
+    t + T         the hardware's next epoch: what has come by now is in it
+
+What comes after a deadline is handed over in the next epoch, late.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from dbc.codec import pack, unpack
+from dbc.contract import load_contract
+from dbc.e2e import crc_holds, fill
+from dbc.frame import FrameArray, frame_array
+from host_tools.bus.timing import WireModel
+from host_tools.faults import (
+    ANY_IDENTIFIER,
+    Fault,
+    FaultAction,
+    FaultKind,
+    Faults,
+    Node,
+    babble,
+)
+
+_CAPACITY = 4096
+_HARDWARE, _FIRMWARE, _BABBLER = 0, 1, 2
+_NODES = ("hardware", "firmware", "babbler")
+_BUS_OFF_ERRORS = 32  # in a row, of 8 each, take a transmitter off the bus
+_NS_PER_MS = 1_000_000
+
+
+class Wire:
+    """The wire of a run.
+
+    Parameters
+    ----------
+    period_ns : int
+        Length of an epoch.
+    faults : tuple of Fault
+        Of the scenario.
+    seed : int
+    bitrate : int or None
+        In bit/s; None for an ideal wire, which takes no time.
+    """
+
+    def __init__(
+        self, period_ns: int, faults: tuple[Fault, ...], seed: int, bitrate: int | None
+    ) -> None:
+        contract = load_contract()[0]
+        self._period_ns = period_ns
+        self._model = None if bitrate is None else WireModel(bitrate, _NODES)
+        self.faults = Faults(faults, seed, has_timing=self._model is not None)
+        self._command = contract["fault_command"]
+        self._command_id = int(self._command["message"]["can_id"])
+        self._status = contract["fault_status"]
+        self._status_epochs = max(
+            1, int(self._status["message"]["cycle_ms"]) * _NS_PER_MS // period_ns
+        )
+        self._transmissions = 0
+        self._was_active = False
+        self._is_cut = False
+        self._scratch = frame_array(_CAPACITY)
+        self._to_firmware = frame_array(_CAPACITY)
+        self._to_hardware = frame_array(_CAPACITY)
+        self._held_for_firmware = 0
+        self._held_for_hardware = 0
+        self._out = frame_array(_CAPACITY)
+        self._out_times_ns = np.zeros(_CAPACITY, dtype=np.int64)
+        self._out_nodes = np.zeros(_CAPACITY, dtype=np.int64)
+        self._out_receivers = np.zeros(_CAPACITY, dtype=np.int64)
+
+    @property
+    def is_ideal(self) -> bool:
+        """Whether frames pass as they are: no timing, and no fault now or to come."""
+        return self._model is None and self.faults.is_idle()
+
+    def up(self, frames: FrameArray, count: int, epoch: int) -> tuple[FrameArray, int]:
+        """Return what the firmware gets in an epoch, given what the hardware sends in it."""
+        acts = self.faults.acts(epoch)
+        if self._model is None and not acts and not self._was_active:
+            return frames, count
+        active = self.faults.active(epoch)
+        passed = self._apply(Node.HARDWARE, frames, count, epoch, acts)
+        if self._model is None:
+            self._to_firmware[:passed] = self._scratch[:passed]
+            arrived = passed
+        else:
+            arrived = self._transmit_up(self._model, active, passed, epoch)
+        arrived += self._report(active, epoch, self._to_firmware[arrived:])
+        return self._to_firmware, arrived
+
+    def _transmit_up(self, model: WireModel, active: list[Fault], passed: int, epoch: int) -> int:
+        start_ns = epoch * self._period_ns
+        self._play(model, active, start_ns)
+        model.submit(_HARDWARE, self._scratch, passed, start_ns)
+        self._held_for_firmware = self._run(
+            model, start_ns + self._period_ns // 2, self._held_for_firmware
+        )
+        arrived, self._held_for_firmware = self._held_for_firmware, 0
+        return arrived
+
+    def down(self, frames: FrameArray, count: int, epoch: int) -> tuple[FrameArray, int]:
+        """Return what the hardware gets in the epoch after, given what the firmware sends in it."""
+        self._obey(frames, count, epoch)
+        acts = self.faults.acts(epoch)
+        if self._model is None and not acts:
+            return frames, count
+        passed = self._apply(Node.FIRMWARE, frames, count, epoch, acts)
+        if self._model is None:
+            self._to_hardware[:passed] = self._scratch[:passed]
+            return self._to_hardware, passed
+        deadline_ns = epoch * self._period_ns + self._period_ns // 2
+        self._model.submit(_FIRMWARE, self._scratch, passed, deadline_ns)
+        end_ns = (epoch + 1) * self._period_ns
+        self._held_for_firmware = self._run(self._model, end_ns, self._held_for_firmware)
+        arrived, self._held_for_hardware = self._held_for_hardware, 0
+        return self._to_hardware, arrived
+
+    def _apply(self, sender: Node, frames: FrameArray, count: int, epoch: int, acts: bool) -> int:
+        """Put into the scratch array what the faults leave of a side's frames."""
+        if acts:
+            return self.faults.apply(sender, frames, count, epoch, self._scratch)
+        self._scratch[:count] = frames[:count]
+        return count
+
+    def statistics(self) -> dict[str, Any] | None:
+        """Return what the wire's model counted; None for an ideal wire."""
+        return None if self._model is None else self._model.statistics()
+
+    def _run(self, model: WireModel, until_ns: int, for_firmware: int) -> int:
+        """Run the model; sort what was received by receiver. Returns frames for the firmware."""
+        count = model.run(
+            until_ns, self._out, self._out_times_ns, self._out_nodes, self._out_receivers
+        )
+        receivers = self._out_receivers[:count]
+        frames = self._out[:count]
+        for_hardware = self._held_for_hardware
+        self._held_for_hardware = _append(
+            self._to_hardware, for_hardware, frames[receivers >> _HARDWARE & 1 == 1]
+        )
+        return _append(self._to_firmware, for_firmware, frames[receivers >> _FIRMWARE & 1 == 1])
+
+    def _play(self, model: WireModel, active: list[Fault], start_ns: int) -> None:
+        """Let the model play the faults that are its own."""
+        cut = any(fault.kind == FaultKind.CUT for fault in active)
+        if cut != self._is_cut:
+            self._is_cut = cut
+            model.cut(cut)
+        for fault in active:
+            if fault.kind == FaultKind.BABBLE:
+                noise = np.concatenate(babble(max(1, fault.parameter)))
+                model.submit(_BABBLER, noise, len(noise), start_ns)
+            elif fault.kind in (FaultKind.CORRUPT_WIRE, FaultKind.BUS_OFF):
+                self._fail(model, fault)
+
+    @staticmethod
+    def _fail(model: WireModel, fault: Fault) -> None:
+        nodes = {
+            Node.ANY: (_HARDWARE, _FIRMWARE),
+            Node.HARDWARE: (_HARDWARE,),
+            Node.FIRMWARE: (_FIRMWARE,),
+        }[fault.node]
+        times = _BUS_OFF_ERRORS if fault.kind == FaultKind.BUS_OFF else 1
+        for node in nodes:
+            if model.has_order(node):
+                continue
+            if fault.identifier == ANY_IDENTIFIER:
+                model.fail_next(node=node, times=times)
+            else:
+                model.fail_next(fault.identifier, node, times)
+
+    def _obey(self, frames: FrameArray, count: int, epoch: int) -> None:
+        """Act on the FAULT_COMMANDs among the frames that came."""
+        if not np.any(frames["can_id"][:count] == self._command_id):
+            return
+        for k in range(count):
+            frame = frames[k]
+            if frame["can_id"] == self._command_id and crc_holds(frame, self._command["message"]):
+                self._act(frame["data"], epoch)
+
+    def _act(self, word: Any, epoch: int) -> None:
+        values = {
+            name: int(unpack(word, self._command[name]))
+            for name in ("action", "kind", "node", "identifier", "duration_ms", "parameter")
+        }
+        try:
+            action, kind = FaultAction(values["action"]), FaultKind(values["kind"])
+            node = Node(values["node"])
+        except ValueError:  # a value without a name asks for nothing
+            return
+        if action == FaultAction.CLEAR:
+            self.faults.clear()
+        elif action == FaultAction.REMOVE:
+            self.faults.remove(kind, node, values["identifier"])
+        elif action == FaultAction.INJECT and kind != FaultKind.NONE:
+            duration = -(-values["duration_ms"] * _NS_PER_MS // self._period_ns)
+            last = epoch + duration if duration else -1
+            parameter = values["parameter"]
+            if kind == FaultKind.DELAY:
+                parameter = -(-parameter * _NS_PER_MS // self._period_ns)
+            self.faults.add(
+                Fault(kind, node, values["identifier"], epoch + 1, last, parameter=parameter)
+            )
+
+    def _report(self, active: list[Fault], epoch: int, out: FrameArray) -> int:
+        """Put a FAULT_STATUS when one is due; return how many."""
+        is_active = bool(active)
+        due = is_active and epoch % self._status_epochs == 0
+        changed = is_active != self._was_active
+        self._was_active = is_active
+        if not (due or changed):
+            return 0
+        word = np.uint64(0)
+        kinds = 0
+        for fault in active:
+            kinds |= 1 << fault.kind
+        word = pack(word, self._status["active_kinds"], kinds)
+        word = pack(word, self._status["active_faults"], min(255, len(active)))
+        word = pack(word, self._status["affected_frames"], self.faults.affected_frames)
+        fill(out[0], self._status["message"], word, self._transmissions)
+        self._transmissions += 1
+        return 1
+
+
+def _append(array: FrameArray, count: int, frames: FrameArray) -> int:
+    """Append frames to the first `count` of an array, as many as fit; return the new count."""
+    end = min(len(array), count + len(frames))
+    array[count:end] = frames[: end - count]
+    return end
