@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import logging
+import sqlite3
 import threading
 from pathlib import Path
+from typing import Any
 
 import can
 from can.io.logger import MESSAGE_WRITERS
@@ -23,6 +25,24 @@ class RecordError(RehearsalError):
     """A recording that cannot be begun or went wrong."""
 
     exit_status = 6
+
+
+class _SqliteWriter(can.SqliteWriter):
+    """A writer whose thread does not fail unheard."""
+
+    error: sqlite3.Error | None = None
+
+    def _db_writer_thread(self) -> None:
+        try:
+            super()._db_writer_thread()
+        except sqlite3.Error as error:
+            self.error = error
+
+
+def _open_writer(path: Path) -> Any:
+    if path.suffix.lower() == ".db":
+        return _SqliteWriter(path)
+    return can.Logger(str(path))
 
 
 class Recorder:
@@ -55,8 +75,8 @@ class Recorder:
         )
         self._bus = open_bus(address, **wishes)
         try:
-            self._writer = can.Logger(str(path))
-        except (ValueError, OSError, ImportError) as error:
+            self._writer = _open_writer(path)
+        except (ValueError, OSError, ImportError, NotImplementedError) as error:
             self._bus.shutdown()
             raise RecordError(f"recording {path}: {error}") from error
         self.frames = 0
@@ -83,10 +103,16 @@ class Recorder:
     def _write(self, message: can.Message) -> None:
         try:
             self._writer.on_message_received(message)
+            self._check_thread()
             self.frames += 1
         except (OSError, ValueError) as error:
-            self.failure = str(error)
-            _log.error("recording %s stopped after %d frames: %s", self._path, self.frames, error)
+            self.failure = f"stopped after {self.frames} frames: {error}"
+
+    def _check_thread(self) -> None:
+        """Raise what has ended the thread of a writer that has one."""
+        error = getattr(self._writer, "error", None)
+        if error is not None:
+            raise OSError(str(error))
 
     def close(self) -> None:
         """Write what is still to come, and close file and bus."""
@@ -94,6 +120,7 @@ class Recorder:
         self._thread.join()
         try:
             self._writer.stop()
+            self._check_thread()
         except OSError as error:
             self.failure = self.failure or str(error)
         self._bus.shutdown()

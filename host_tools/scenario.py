@@ -425,6 +425,20 @@ def load(name: str, **overrides: Any) -> Scenario:
         raise ScenarioError(f"scenario {name}: {_first_line(error)}") from error
 
 
+def fault_of(values: dict[str, Any]) -> FaultOnWire:
+    """Return a fault from the keys that a scenario's `[[faults]]` has.
+
+    Raises
+    ------
+    ScenarioError
+        One line: which key, what is wrong.
+    """
+    try:
+        return FaultOnWire.model_validate(values)
+    except ValidationError as error:
+        raise ScenarioError(f"fault: {_first_line(error)}") from error
+
+
 def _first_line(error: ValidationError) -> str:
     """Return the most telling fault that pydantic found, in the words of a scenario."""
     # A misspelt key tells more than the missing one; of the readings of a value that may be one

@@ -22,8 +22,8 @@ from firmware_py.modes import Mode
 from firmware_py.step import firmware_step
 from host_tools.hardware.loop import Hardware
 from host_tools.hardware.step import hardware_step
-from host_tools.port import message_of_frame
 from host_tools.outfit import firmware_settings, hardware_settings
+from host_tools.port import message_of_frame
 from host_tools.scenario import Scenario
 
 _SENSOR = "SENSOR_1"

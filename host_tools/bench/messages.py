@@ -19,8 +19,8 @@ from host_tools import scenario as scenarios
 from host_tools.errors import SideLostError
 from host_tools.hardware.loop import Hardware
 from host_tools.hardware.loop import run_lockstep as run_hardware_lockstep
-from host_tools.port import EMBEDDED, Address, MessagePort
 from host_tools.outfit import firmware_settings, hardware_settings
+from host_tools.port import EMBEDDED, Address, MessagePort
 from host_tools.scenario import Scenario
 from host_tools.sides import prepare_firmware, prepare_hardware
 

@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -33,8 +34,8 @@ def _rehearse(
     return Rehearsal(name, scenario, options, address, speed, folder).run(watch)
 
 
-class _Epochs:
-    """Notes when the hardware reports its first and its last epoch."""
+class _Sections:
+    """Notes when the hardware reports an epoch, from the first to the last."""
 
     def __init__(self) -> None:
         self._marks: list[tuple[int, int]] = []
@@ -43,35 +44,44 @@ class _Epochs:
         if report["kind"] == "progress" and report["side"] == "hardware":
             self._marks.append((report["epoch"], time.monotonic_ns()))
 
-    def per_s(self) -> float:
-        (first, start_ns), (last, end_ns) = self._marks[0], self._marks[-1]
-        return (last - first) / ((end_ns - start_ns) * 1e-9)
+    def per_s(self) -> list[float]:
+        return [
+            (last - first) / ((end_ns - start_ns) * 1e-9)
+            for (first, start_ns), (last, end_ns) in pairwise(self._marks)
+        ]
 
 
 @dataclass(frozen=True)
 class Lockstep:
-    """A rehearsal in lockstep: epochs a second from the first epoch to the last, frames lost."""
+    """A rehearsal in lockstep.
 
-    epochs_per_s: float
+    Attributes
+    ----------
+    epochs_per_s : list of float
+        Of each section between two reports of the hardware, from the first epoch to the last.
+    frames_lost : int
+    """
+
+    epochs_per_s: list[float]
     frames_lost: int
 
 
 def lockstep(name: str, duration_s: float, channel: str, folder: Path) -> Lockstep:
-    """Rehearse as fast as it goes; `duration_s` is simulated, 20 s at the least.
+    """Rehearse as fast as it goes; `duration_s` is simulated, and longer than a section (10 s).
 
     Raises
     ------
     RehearsalError
         When the rehearsal fails.
     """
-    epochs = _Epochs()
+    sections = _Sections()
     scenario = scenarios.load(name, duration_s=duration_s)
-    outcome = _rehearse(name, scenario, channel, None, folder, epochs.take)
+    outcome = _rehearse(name, scenario, channel, None, folder, sections.take)
     if outcome.failure is not None:
         raise outcome.failure
     lost = frames_lost(outcome.firmware, outcome.hardware)
     assert lost is not None
-    return Lockstep(epochs.per_s(), lost)
+    return Lockstep(sections.per_s(), lost)
 
 
 @dataclass(frozen=True)

@@ -40,7 +40,9 @@ class Effort:
     Attributes
     ----------
     rounds : int
-        How often the ways to run a scenario are gone through, one after another.
+        Rehearsals in lockstep.
+    repetitions : int
+        How often all that lockstep is compared with runs before each of them, and after it.
     lockstep_s, direct_s : float
         Simulated seconds of one run.
     floor_epochs, message_epochs : int
@@ -54,6 +56,7 @@ class Effort:
     """
 
     rounds: int
+    repetitions: int
     lockstep_s: float
     direct_s: float
     floor_epochs: int
@@ -71,11 +74,12 @@ class Effort:
 
 
 NORMAL = Effort(
-    rounds=5,
-    lockstep_s=200.0,
-    direct_s=500.0,
-    floor_epochs=30_000,
-    message_epochs=1500,
+    rounds=3,
+    repetitions=1,
+    lockstep_s=150.0,
+    direct_s=300.0,
+    floor_epochs=20_000,
+    message_epochs=1000,
     step_samples=40_000,
     frames=4000,
     bus_frames=4200,
@@ -84,14 +88,15 @@ NORMAL = Effort(
 )
 QUICK = Effort(
     rounds=1,
-    lockstep_s=60.0,
-    direct_s=200.0,
-    floor_epochs=10_000,
-    message_epochs=600,
+    repetitions=2,
+    lockstep_s=90.0,
+    direct_s=60.0,
+    floor_epochs=8000,
+    message_epochs=300,
     step_samples=8000,
     frames=800,
     bus_frames=1400,
-    realtime_s=3.0,
+    realtime_s=2.5,
     cold=False,
 )
 
@@ -136,7 +141,7 @@ class BenchDisplay:
 
 @dataclass
 class _Rounds:
-    """What each round came to, in epochs a second; and the frames lost in lockstep."""
+    """Every sample in epochs a second; and the frames lost in lockstep."""
 
     floor: list[float] = field(default_factory=list)
     lockstep: list[float] = field(default_factory=list)
@@ -156,7 +161,7 @@ class _Rounds:
         return result | {
             "lockstep_over_floor": ratio,
             "frames_lost": self.frames_lost,
-            "rounds": rates,
+            "samples": rates,
         }
 
 
@@ -184,18 +189,25 @@ def _run_rounds(effort: Effort, channel: str, folder: Path, display: BenchDispla
     up, down = _datagram_bytes()
     direct = scenarios.load(SCENARIO, duration_s=effort.direct_s)
     rounds = _Rounds()
+    sections = 2 * effort.repetitions * effort.rounds
     with MessageLockstep(
-        SCENARIO, f"{channel}-messages", effort.message_epochs, effort.rounds
+        SCENARIO, f"{channel}-messages", effort.message_epochs, sections
     ) as messages:
+
+        def compare() -> None:
+            for _ in range(effort.repetitions):
+                rounds.python_can.append(messages.run_section())  # the first waits for the start
+                rounds.floor.append(floor.measure(up, down, effort.floor_epochs))
+                _, hardware, seconds = run_direct(direct)
+                rounds.direct.append(hardware["epochs"] / seconds)
+
         for number in range(effort.rounds):
-            display.step(f"floor, lockstep, messages, direct: round {number + 1}")
-            rounds.python_can.append(messages.run_section())  # waits for both to have started
-            rounds.floor.append(floor.measure(up, down, effort.floor_epochs))
+            display.step(f"floor, lockstep, messages, direct: {number + 1} of {effort.rounds}")
+            compare()
             rehearsed = rehearsals.lockstep(SCENARIO, effort.lockstep_s, channel, folder)
-            rounds.lockstep.append(rehearsed.epochs_per_s)
+            rounds.lockstep += rehearsed.epochs_per_s
             rounds.frames_lost += rehearsed.frames_lost
-            _, hardware, seconds = run_direct(direct)
-            rounds.direct.append(hardware["epochs"] / seconds)
+            compare()
     return rounds.result() | {"floor_datagram_bytes": {"up": up, "down": down}}
 
 
@@ -247,7 +259,7 @@ def measure(effort: Effort, display: BenchDisplay) -> Result:
         result |= _run_compute(effort)
         lateness: Result = {}
         for rate_hz in RATES_HZ:
-            display.step(f"real time at {rate_hz} Hz, {effort.realtime_s:.0f} s")
+            display.step(f"real time at {rate_hz} Hz, {effort.realtime_s:g} s")
             run = rehearsals.realtime(SCENARIO, rate_hz, effort.realtime_s, channel, folder)
             lateness[str(rate_hz)] = run.lateness_us
             result["machine"] |= {
@@ -293,7 +305,7 @@ def show(result: Result, console: Console) -> None:
 def _table_of_speeds(result: Result) -> Table:
     table = Table(title="Epochs a second", title_justify="left")
     table.add_column("way", no_wrap=True)
-    for heading in ("median", "slowest", "fastest", "floor / way"):
+    for heading in ("median", "slowest", "fastest", "samples", "floor / way"):
         table.add_column(heading, justify="right")
     for label, key in (
         ("floor: the same bytes, nothing else", "floor_epochs_per_s"),
@@ -301,14 +313,14 @@ def _table_of_speeds(result: Result) -> Table:
         ("lockstep, python-can messages", "python_can_epochs_per_s"),
         ("direct, one process, no bus", "direct_epochs_per_s"),
     ):
-        rounds = result["rounds"][key]
+        samples = result["samples"][key]
         table.add_row(
             label,
-            *(f"{value:,.0f}" for value in (result[key], min(rounds), max(rounds))),
+            *(f"{value:,.0f}" for value in (result[key], min(samples), max(samples))),
+            str(len(samples)),
             f"{result['floor_epochs_per_s'] / result[key]:.2f}",
         )
-    lost = result["frames_lost"]
-    table.caption = f"{lost} frames lost in lockstep; {len(rounds)} rounds"
+    table.caption = f"{result['frames_lost']} frames lost in lockstep"
     return table
 
 
