@@ -7,6 +7,7 @@ absolute deadlines of its own clock. Both send the same frames.
 from __future__ import annotations
 
 import time
+from collections import deque
 from collections.abc import Callable
 from typing import Any, Protocol
 
@@ -160,7 +161,12 @@ class _Intake:
         self._ids = firmware.inbox["can_id"]
         self._last_id = int(firmware.contract[0]["axis_outer_status"]["message"]["can_id"])
         self.count = 0
-        self.sync_arrival_ns = 0
+        self._arrivals_ns: deque[int] = deque([0])
+
+    @property
+    def sync_arrival_ns(self) -> int:
+        """When the first SYNC that is there came, or the last one that has been."""
+        return self._arrivals_ns[0]
 
     def gather_until(self, deadline_ns: int, grace_ns: int) -> int:
         """Take frames until the deadline, and on until the epoch is whole or the grace is over.
@@ -183,16 +189,28 @@ class _Intake:
             if now_ns >= deadline_ns and late_ns < 0:
                 late_ns = now_ns - deadline_ns
             came = self._port.receive(self._inbox[self.count :], max(0, deadline_ns - now_ns))
-            new = self._ids[self.count : self.count + came]
-            if came and np.any(new == self._firmware.sync_id):
-                self.sync_arrival_ns = self._clock.now_ns()
+            if came:
+                self._note_arrivals(came)
             self.count += came
             if (late_ns >= 0 and not came) or (until_whole and self._is_whole()):
                 break
         return max(0, late_ns)
 
+    def _note_arrivals(self, came: int) -> None:
+        """Note the time of every SYNC among the frames that have just come."""
+        syncs = self._syncs(self.count, self.count + came)
+        if syncs:
+            if not self._syncs(0, self.count):
+                self._arrivals_ns.clear()
+            self._arrivals_ns.extend([self._clock.now_ns()] * syncs)
+
+    def _syncs(self, start: int, end: int) -> int:
+        return int(np.count_nonzero(self._ids[start:end] == self._firmware.sync_id))
+
     def drop(self, consumed: int) -> None:
         """Forget the frames that a step has taken."""
+        for _ in range(min(self._syncs(0, consumed), len(self._arrivals_ns) - 1)):
+            self._arrivals_ns.popleft()
         left = self.count - consumed
         if left:
             self._inbox[:left] = self._inbox[consumed : self.count].copy()

@@ -29,7 +29,10 @@ _PROGRESS_S = 20
 
 
 def run_direct(
-    scenario: Scenario, folder: Path | None = None, on_progress: Progress | None = None
+    scenario: Scenario,
+    folder: Path | None = None,
+    on_progress: Progress | None = None,
+    should_stop: Callable[[], bool] = lambda: False,
 ) -> tuple[dict[str, Any], dict[str, Any], float]:
     """Run a scenario to its end.
 
@@ -39,6 +42,8 @@ def run_direct(
     folder : Path, optional
         Where the logs of both sides go.
     on_progress : callable, optional
+    should_stop : callable
+        Asked now and then; the run ends early when it says so.
 
     Returns
     -------
@@ -64,7 +69,11 @@ def run_direct(
             arrival_ns = own_clock_ns(epoch * hardware.period_ns, error_ppm)
             count, _ = firmware.step(frames, 0, sent, arrival_ns)
             hardware.frames_received += count
-            if on_progress is not None and epoch % progress_every == 0:
+            if epoch % progress_every:
+                continue
+            if should_stop():
+                break
+            if on_progress is not None:
                 on_progress(
                     firmware_progress(firmware),
                     {

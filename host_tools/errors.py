@@ -5,7 +5,11 @@
     RehearsalError            anything below; `exit_status` is what the command line ends with
     ├── ScenarioError         a scenario that is missing, broken or impossible
     ├── BusError              a bus that is not there, is taken, or broke
-    └── SideLostError         a firmware or hardware process that ended before its time
+    ├── SideLostError         a firmware or hardware process that ended before its time
+    ├── FirmwareFaultError    a run whose firmware ended in the mode FAULT
+    ├── RecordError           a recording that cannot be begun or went wrong
+    ├── InjectionError        a fault that cannot be commanded live
+    └── Interrupted           the user stopped the run
 """
 
 from __future__ import annotations
@@ -33,3 +37,9 @@ class SideLostError(RehearsalError):
     """The firmware or the hardware process ended, or fell silent, before the rehearsal did."""
 
     exit_status = 5
+
+
+class FirmwareFaultError(RehearsalError):
+    """The run came to its end, but the firmware was in the mode FAULT by then."""
+
+    exit_status = 8

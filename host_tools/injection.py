@@ -96,7 +96,7 @@ def active_faults(address: Address) -> dict[str, Any]:
         message = bus.recv(_STATUS_WAIT_S)
     if message is None:
         return {"kinds": [], "active_faults": 0, "affected_frames": 0}
-    values = status.decode(message.data, decode_choices=False)
+    values = status.decode(bytes(message.data), decode_choices=False)
     assert isinstance(values, dict)
     mask = int(str(values["active_kinds"]))
     return {

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import json
+import signal
 import tempfile
-import time
+import threading
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -15,7 +16,7 @@ from rich.console import Console
 from host_tools import sides
 from host_tools.direct import run_direct
 from host_tools.display import RunDisplay
-from host_tools.errors import RehearsalError
+from host_tools.errors import FirmwareFaultError, RehearsalError
 from host_tools.faults import FaultAction
 from host_tools.injection import active_faults, fault_command, send_command
 from host_tools.port import Address
@@ -60,15 +61,18 @@ def _finish(
     paths = write_results(folder, summary, errors, title)
     if as_json:
         click.echo(json.dumps(summary))
-    elif len(errors):
+    else:
         console = Console()
-        console.print(table_of(summary))
+        if len(errors):
+            console.print(table_of(summary))
         for line in lines_of(summary):
             console.print(line, highlight=False, soft_wrap=True)
         for path in paths:
             console.print(f"  {path}", highlight=False, soft_wrap=True)
     if failure is not None:
         raise failure
+    if summary["firmware"].get("fault", "NONE") != "NONE":
+        raise FirmwareFaultError(f"the firmware ended in FAULT: {summary['firmware']['fault']}")
 
 
 @dataclass(frozen=True)
@@ -160,22 +164,16 @@ def rehearse(plan: Plan, out: Path | None, record: Path | None, as_json: bool) -
 def simulate(name: str, scenario: Scenario, out: Path | None, as_json: bool) -> None:
     """Do `rrins simulate`."""
     folder = _folder(out, name)
-    console = Console(stderr=True)
-    failure: RehearsalError | None = None
-    firmware: dict[str, Any] = {}
-    hardware: dict[str, Any] = {}
-    with RunDisplay(scenario, console, quiet=as_json) as display:
-        start = time.monotonic()
-        try:
-            display.report({"kind": "preparing", "side": "firmware"})
-            sides.prepare_firmware(scenario)
-            sides.prepare_hardware(scenario)
-            display.report({"kind": "started", "side": "hardware"})
-            start = time.monotonic()
-            firmware, hardware, _ = run_direct(scenario, folder, display.progress)
-        except KeyboardInterrupt:
-            failure = Interrupted("stopped by the user")
-        wall_s = time.monotonic() - start
+    stop = threading.Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: stop.set())
+    with RunDisplay(scenario, Console(stderr=True), quiet=as_json) as display:
+        display.report({"kind": "preparing", "side": "firmware"})
+        sides.prepare_firmware(scenario)
+        sides.prepare_hardware(scenario)
+        display.report({"kind": "started", "side": "hardware"})
+        firmware, hardware, wall_s = run_direct(scenario, folder, display.progress, stop.is_set)
+    failure = Interrupted("stopped by the user") if stop.is_set() else None
     errors = collect(folder, scenario.rate_hz)
     stopped = None if failure is None else str(failure)
     summary = summarise(name, scenario, "direct", wall_s, firmware, hardware, errors, stopped)

@@ -25,6 +25,9 @@ from host_tools.schemes import SCHEMES
 PerSensor = float | tuple[float, ...]
 """One number for all sensors, or one for each."""
 
+_Density = Annotated[float, Field(ge=0)]
+_NoisePerSensor = _Density | tuple[_Density, ...]
+
 _NAVIGATE = {"strapdown": "NAVIGATE_STRAPDOWN", "rotating": "NAVIGATE_ROTATING"}
 
 
@@ -95,7 +98,7 @@ class Gyros(_Sensors):
     """Errors of the gyros. Paper, (16)."""
 
     bias_dph: PerSensor = 0.0
-    angle_random_walk_deg_per_sqrt_h: PerSensor = 0.0
+    angle_random_walk_deg_per_sqrt_h: _NoisePerSensor = 0.0
     range_dps: float = Field(default=300.0, gt=0)
 
 
@@ -103,7 +106,7 @@ class Accelerometers(_Sensors):
     """Errors of the accelerometers. Paper, (17)."""
 
     bias_ug: PerSensor = 0.0
-    white_noise_ug_per_sqrt_hz: PerSensor = 0.0
+    white_noise_ug_per_sqrt_hz: _NoisePerSensor = 0.0
     range_g: float = Field(default=20.0, gt=0)
 
 

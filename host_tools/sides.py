@@ -161,6 +161,7 @@ def run_firmware(job: Job) -> dict[str, Any]:
     trace = NavigationTrace(keep_every(scenario.epochs, scenario.rate_hz), rows.append)
     firmware = Firmware(firmware_settings(scenario), trace)
     lateness = LatenessHistogram()
+    permitted = _settle(job)  # locking memory takes long: before anyone waits for us
     port = open_port(job.address, "firmware", job.attach_wait_s)
     summary: dict[str, Any] = {}
 
@@ -168,7 +169,6 @@ def run_firmware(job: Job) -> dict[str, Any]:
         report.send("progress", side="firmware", **firmware_progress(firmware))
 
     try:
-        permitted = _settle(job)
         report.send("ready", side="firmware", **permitted)
         if job.is_realtime:
             run_firmware_realtime(
@@ -229,8 +229,8 @@ def run_hardware(job: Job) -> dict[str, Any]:
     epochs = scenario.epochs + 1  # the last one shuts the firmware down
     try:
         report.send("ready", side="hardware")
-        port.meet(job.await_peers)
         permitted = _settle(job)
+        port.meet(job.await_peers)
         report.send("started", side="hardware", **permitted)
         if job.is_realtime:
             run_hardware_realtime(hardware, port, lateness, epochs, every, on_epoch)

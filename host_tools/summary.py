@@ -151,6 +151,4 @@ def lines_of(summary: dict[str, Any]) -> list[str]:
     for axis, lost in zip(("inner", "outer"), firmware.get("axes_not_following", ()), strict=False):
         if lost:
             lines.append(f"the {axis} axis did not follow its command")
-    if firmware.get("fault", "NONE") != "NONE":
-        lines.append(f"the firmware ended in FAULT: {firmware['fault']}")
     return lines

@@ -326,7 +326,8 @@ class RrinsBus(can.BusABC):
 
     @state.setter
     def state(self, new_state: can.BusState) -> None:
-        raise NotImplementedError("an end of an rrins channel is always active")
+        if new_state is not can.BusState.ACTIVE:
+            raise NotImplementedError("an end of an rrins channel is always active")
 
     def shutdown(self) -> None:
         """Leave the bus, or as its host give it up; what was sent still arrives. Idempotent."""
