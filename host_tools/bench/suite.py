@@ -89,7 +89,7 @@ NORMAL = Effort(
 QUICK = Effort(
     rounds=1,
     repetitions=2,
-    lockstep_s=90.0,
+    lockstep_s=60.0,
     direct_s=60.0,
     floor_epochs=8000,
     message_epochs=300,
@@ -202,7 +202,7 @@ def _run_rounds(effort: Effort, channel: str, folder: Path, display: BenchDispla
                 rounds.direct.append(hardware["epochs"] / seconds)
 
         for number in range(effort.rounds):
-            display.step(f"floor, lockstep, messages, direct: {number + 1} of {effort.rounds}")
+            display.step(f"floor, lockstep, python-can, direct: {number + 1} of {effort.rounds}")
             compare()
             rehearsed = rehearsals.lockstep(SCENARIO, effort.lockstep_s, channel, folder)
             rounds.lockstep += rehearsed.epochs_per_s
@@ -251,7 +251,7 @@ def measure(effort: Effort, display: BenchDisplay) -> Result:
     result: Result = {"quick": effort is QUICK, "wall_s": 0.0, "machine": _machine()}
     with tempfile.TemporaryDirectory(prefix="rrins-bench-") as name:
         folder = Path(name)
-        display.step("preparing (the first start compiles, some 30 s)")
+        display.step("preparing (the first time it compiles, some 30 s)")
         prepare_firmware(scenarios.load(SCENARIO))
         prepare_hardware(scenarios.load(SCENARIO))
         result |= _run_rounds(effort, channel, folder, display)
@@ -308,10 +308,10 @@ def _table_of_speeds(result: Result) -> Table:
     for heading in ("median", "slowest", "fastest", "samples", "floor / way"):
         table.add_column(heading, justify="right")
     for label, key in (
-        ("floor: the same bytes, nothing else", "floor_epochs_per_s"),
-        ("lockstep on the embedded bus", "lockstep_epochs_per_s"),
-        ("lockstep, python-can messages", "python_can_epochs_per_s"),
-        ("direct, one process, no bus", "direct_epochs_per_s"),
+        ("floor: bare bytes", "floor_epochs_per_s"),
+        ("lockstep", "lockstep_epochs_per_s"),
+        ("lockstep, python-can", "python_can_epochs_per_s"),
+        ("direct, no bus", "direct_epochs_per_s"),
     ):
         samples = result["samples"][key]
         table.add_row(
@@ -355,4 +355,6 @@ def _table_of_lateness(result: Result) -> Table:
         figures = [f"{lateness[key]:.0f}" for key in ("p50", "p99", "p999", "max")]
         counts = [str(lateness[key]) for key in ("overruns", "epochs")]
         table.add_row(f"{rate_hz} Hz", *figures, *counts)
+        if not lateness["completed"]:
+            table.caption = "a run was broken off near its end (fewer epochs)"
     return table

@@ -1,0 +1,101 @@
+"""A rehearsal of two processes on the kernel's vcan0, with can-utils as independent peers.
+
+Runs where there is a vcan0 and can-utils; with RRINS_REQUIRE_SOCKETCAN set, their lack is a failure.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import socket
+import subprocess
+import sys
+
+import can
+import pytest
+
+from dbc.codec import load
+from host_tools.direct import run_direct
+from host_tools.scenario import load as load_scenario
+
+DURATION_S = 2
+
+
+def missing() -> str | None:
+    if "vcan0" not in [name for _, name in socket.if_nameindex()]:
+        return "the kernel has no vcan0"
+    if shutil.which("candump") is None or shutil.which("cansend") is None:
+        return "can-utils is not installed"
+    return None
+
+
+@pytest.fixture(autouse=True)
+def _socketcan():
+    reason = missing()
+    if reason is not None and "RRINS_REQUIRE_SOCKETCAN" in os.environ:
+        pytest.fail(reason)
+    if reason is not None:
+        pytest.skip(reason)
+
+
+@pytest.mark.timeout(400)
+def test_a_rehearsal_is_the_same_and_its_peers_see_every_frame(tmp_path):
+    reference, _, _ = run_direct(load_scenario("rimu_rotating", duration_s=DURATION_S))
+    dump = tmp_path / "candump.log"
+    with dump.open("wb") as file:
+        candump = subprocess.Popen(
+            ["stdbuf", "-oL", "candump", "-L", "vcan0"], stdout=file, stderr=subprocess.PIPE
+        )
+    try:
+        rehearsal = subprocess.Popen(
+            [
+                *(sys.executable, "-m", "host_tools", "rehearse", "rimu_rotating"),
+                *("--interface", "socketcan", "--channel", "vcan0", "--speed", "max"),
+                *("--duration", str(DURATION_S), "--out", str(tmp_path / "out"), "--json"),
+            ],
+            stdout=subprocess.PIPE,
+        )
+        with can.Bus("vcan0", interface="socketcan") as bus:
+            bus.set_filters([{"can_id": load().frame_id("SYNC"), "can_mask": 0x7FF}])
+            assert bus.recv(300) is not None
+        # A frame of sensor group 1 whose CRC is wrong.
+        subprocess.run(["cansend", "vcan0", "040#1122334455667788"], check=True)
+        out, _ = rehearsal.communicate(timeout=300)
+        assert rehearsal.returncode == 0
+    finally:
+        candump.terminate()
+        candump.wait()
+    summary = json.loads(out)
+    assert summary["completed"]
+    assert summary["frames_lost"] == 0
+    assert summary["firmware"]["faults"]["crc_errors"] == 1
+    assert summary["navigation_sha256"] == reference["navigation_sha256"]
+
+    with can.LogReader(dump) as log:
+        seen = [message for message in log if not message.is_error_frame]
+    sides = (summary["firmware"]["frames_sent"], summary["hardware"]["frames_sent"])
+    contract = load().database
+    by_sides = [m for m in seen if m.data.hex() != "1122334455667788"]
+    hellos = [m for m in by_sides if m.arbitration_id == load().frame_id("HEARTBEAT_FIRMWARE")]
+    assert sum(sides) <= len(by_sides) <= sum(sides) + len(hellos)
+    last = [m for m in seen if m.arbitration_id == load().frame_id("NAV_LATITUDE")][-1]
+    decoded = contract.decode_message(last.arbitration_id, bytes(last.data))
+    assert decoded["latitude_deg"] == pytest.approx(40.3554, abs=1e-6)
+
+
+@pytest.mark.timeout(300)
+def test_a_bus_that_is_not_there_is_told_in_one_line():
+    done = subprocess.run(
+        [
+            *(sys.executable, "-m", "host_tools", "firmware", "ideal"),
+            *("--interface", "socketcan", "--channel", "vcan9"),
+        ],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 4
+    last = done.stderr.splitlines()[-1]
+    assert last.startswith("rrins: bus socketcan:vcan9:")
+    assert "Traceback" not in done.stderr
