@@ -19,6 +19,7 @@ check: $(VENV)/installed-dev
 
 docs: $(VENV)/installed
 	$(RUN) host_tools.contract_page > docs/bus-contract.md
+	$(RUN) host_tools.fault_table > docs/faults.md
 
 $(VENV)/bin/python:
 	@command -v $(PYTHON) >/dev/null || { echo "make: needs $(PYTHON); name another with PYTHON=…" >&2; exit 1; }

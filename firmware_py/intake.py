@@ -175,6 +175,8 @@ def close(state: Any) -> None:
     assembly = state.assembly
     if not state.clock.synchronised:
         return
+    if not state.clock.sync_seen:
+        state.faults.missing_frames += 1
     groups = max(state.gyros.count, state.accelerometers.count)
     for group in range(groups):
         if assembly.received >> group & 1 == 0:

@@ -30,6 +30,14 @@ from host_tools.summary import collect, lines_of, summarise, table_of, write_res
 _PROBE_S = 60.0  # simulated
 
 
+def _why(firmware: dict[str, Any]) -> str:
+    fault = firmware.get("fault", "NONE")
+    if fault != "NONE":
+        return f": {fault}"
+    faults = [f"{name} {count}" for name, count in firmware.get("faults", {}).items() if count]
+    return f"; counted: {', '.join(faults)}" if faults else ""
+
+
 @dataclass(frozen=True)
 class Bus:
     """The bus as the options name it."""
@@ -71,6 +79,8 @@ def _finish(
             console.print(f"  {path}", highlight=False, soft_wrap=True)
     if failure is not None:
         raise failure
+    if not summary["firmware"].get("epochs_navigated"):
+        raise FirmwareFaultError(f"the firmware never navigated{_why(summary['firmware'])}")
     if summary["firmware"].get("fault", "NONE") != "NONE":
         raise FirmwareFaultError(f"the firmware ended in FAULT: {summary['firmware']['fault']}")
 

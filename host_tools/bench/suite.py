@@ -172,6 +172,7 @@ def _machine() -> Result:
         "python_can": importlib.metadata.version("python-can"),
         "cpus": os.cpu_count(),
         "cpus_permitted": len(os.sched_getaffinity(0)),
+        "load_average": round(os.getloadavg()[0], 2),
     }
 
 
@@ -296,7 +297,7 @@ def show(result: Result, console: Console) -> None:
         f"start to first epoch: cold (compiles) {cold}, warm {start['warm']:.1f} s",
         f"Python {machine['python']}, numba {machine['numba']}, python-can "
         f"{machine['python_can']}, {machine['cpus_permitted']} of {machine['cpus']} processors, "
-        f"SCHED_FIFO {permitted}",
+        f"SCHED_FIFO {permitted}, load {machine['load_average']:.1f} at the beginning",
         f"{'quick; ' if result['quick'] else ''}measured in {result['wall_s']:.0f} s",
     ):
         console.print(line, highlight=False, soft_wrap=True)

@@ -60,7 +60,7 @@ _MOST_SUBSCRIPTIONS: Final = 2048
 _ATTACH_S: Final = 5.0
 # Clients expect the answer to `rawmode` in a packet of its own (python-can among them), so the
 # first frames wait until the client has certainly read it.
-_QUIET_S: Final = 0.1
+_QUIET_S: Final = 0.25
 _LINGER_S: Final = 1.0
 _COMMANDS_A_TURN: Final = 256
 _DATAGRAMS_A_TURN: Final = 32
@@ -219,7 +219,7 @@ class _Client(asyncio.Protocol):
         self._give(f"< {text} >".encode())
 
     def _give(self, data: bytes) -> None:
-        if self._is_over:
+        if self._is_over or self._transport.is_closing():
             return
         if self._kept is None:
             self._transport.write(data)

@@ -11,8 +11,8 @@ from firmware_py.loop import run_lockstep as run_firmware
 from host_tools.direct import run_direct
 from host_tools.hardware.loop import Hardware
 from host_tools.hardware.loop import run_lockstep as run_hardware
-from host_tools.port import Address, MessagePort
 from host_tools.outfit import firmware_settings, hardware_settings
+from host_tools.port import Address, MessagePort
 from host_tools.scenario import Scenario
 
 SCENARIO = """

@@ -1,6 +1,6 @@
 """A rehearsal of two processes on the kernel's vcan0, with can-utils as independent peers.
 
-Runs where there is a vcan0 and can-utils; with RRINS_REQUIRE_SOCKETCAN set, their lack is a failure.
+Runs where vcan0 and can-utils are; with RRINS_REQUIRE_SOCKETCAN set, their lack is a failure.
 """
 
 from __future__ import annotations

@@ -1,0 +1,191 @@
+"""Sides of a rehearsal as processes that a test starts and stops."""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import itertools
+import os
+import select
+import signal
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+from typing import Literal
+
+import can
+
+from host_tools.bus.interface import RrinsBus
+from host_tools.report import ReportReader
+from host_tools.testing.errors import BenchError
+
+_GRACE_S = 5.0
+_ATTACH_S = 30.0
+_POLL_S = 0.2
+_PIPE_BYTES = 1024 * 1024  # room for hours of reports that nobody takes
+_numbers = itertools.count()
+
+
+def fresh_channel() -> str:
+    """Return the name of a channel of the embedded bus that nobody else uses."""
+    return f"rrins-test-{os.getpid()}-{next(_numbers)}"
+
+
+def shared_core() -> int:
+    """Return the processor on which processes that wait for each other stay together.
+
+    The workers of pytest-xdist get one each, as far as there are enough.
+    """
+    cores = sorted(os.sched_getaffinity(0))
+    worker = os.environ.get("PYTEST_XDIST_WORKER", "").removeprefix("gw")
+    return cores[-1 - int(worker) % len(cores)] if worker.isdigit() else cores[-1]
+
+
+class SideProcess:
+    """The process of one side. It ends by itself soon after this process has gone.
+
+    Parameters
+    ----------
+    side : {"firmware", "hardware"}
+    scenario_file : Path
+    channel : str
+        Of the embedded bus.
+    speed : {"1", "max"}
+        Real time or lockstep.
+    *options : str
+        More options of the side's command.
+
+    Attributes
+    ----------
+    process : subprocess.Popen
+    """
+
+    def __init__(
+        self,
+        side: Literal["firmware", "hardware"],
+        scenario_file: Path,
+        channel: str,
+        speed: Literal["1", "max"],
+        *options: str,
+    ) -> None:
+        self.side = side
+        self._said = scenario_file.with_suffix(f".{side}.txt")
+        self._reader = ReportReader()
+        self._error = ""
+        self._is_ready = False
+        self._pipe, write_end = os.pipe()
+        command = [sys.executable, "-m", "host_tools", side, str(scenario_file)]
+        command += ["--channel", channel, "--speed", speed, "--report-fd", str(write_end)]
+        try:
+            os.set_blocking(self._pipe, False)
+            with contextlib.suppress(PermissionError):  # a user who has many: it stays small
+                fcntl.fcntl(self._pipe, fcntl.F_SETPIPE_SZ, _PIPE_BYTES)
+            with self._said.open("wb") as said:
+                self.process = subprocess.Popen(
+                    [*command, *options],
+                    stdin=subprocess.DEVNULL,
+                    stdout=said,
+                    stderr=said,
+                    pass_fds=(write_end,),
+                    start_new_session=True,
+                )
+        finally:
+            os.close(write_end)
+
+    @property
+    def _name(self) -> str:
+        return f"the {self.side} process {self.process.pid}"
+
+    def poll(self) -> int | None:
+        """Take what the process reports; return its exit status, None while it runs."""
+        while self._pipe >= 0:
+            try:
+                data = os.read(self._pipe, 65536)
+            except BlockingIOError:
+                break
+            if not data:
+                os.close(self._pipe)
+                self._pipe = -1
+            for report in self._reader.feed(data):
+                self._is_ready |= report["kind"] == "ready"
+                if report["kind"] == "error":
+                    self._error = str(report["message"])
+        return self.process.poll()
+
+    def wait_until_ready(self, patience_s: float) -> None:
+        """Wait until the process is on its bus.
+
+        Raises
+        ------
+        BenchError
+            When it has ended, or is not ready in time.
+        """
+        deadline = time.monotonic() + patience_s
+        while True:
+            status = self.poll()
+            if self._is_ready:
+                return
+            if status is not None:
+                raise BenchError(self.failure())
+            if time.monotonic() >= deadline:
+                raise BenchError(f"{self._name} was not ready within {patience_s:g} s")
+            select.select([self._pipe] if self._pipe >= 0 else [], [], [], _POLL_S)
+
+    def failure(self) -> str:
+        """Return how the process ended, in words; waits a moment for its end."""
+        try:
+            status = self.process.wait(_GRACE_S)
+        except subprocess.TimeoutExpired:
+            return f"{self._name} has left the bus and not ended"
+        self.poll()
+        if status < 0:
+            return f"{self._name} was killed by {signal.Signals(-status).name} (status {status})"
+        said = self._said.read_text(encoding="utf-8", errors="replace").strip().splitlines()
+        last = self._error or (said[-1] if said else "")
+        return f"{self._name} ended with status {status}" + (f": {last}" if last else "")
+
+    def stop(self) -> None:
+        """Ask the process to end; make it, if it does not. Idempotent."""
+        if self.process.poll() is None:
+            self.process.terminate()
+            self.process.send_signal(signal.SIGCONT)
+            try:
+                self.process.wait(_GRACE_S)
+            except subprocess.TimeoutExpired:
+                self.process.kill()
+                self.process.wait()
+        self.poll()
+        if self._pipe >= 0:
+            os.close(self._pipe)
+            self._pipe = -1
+
+
+def attach_to_own(host: RrinsBus, name: str) -> RrinsBus:
+    """Attach an observer to a channel that this very process hosts.
+
+    Raises
+    ------
+    BenchError
+        When that fails.
+    """
+    found: list[RrinsBus] = []
+    failed: list[can.CanError] = []
+
+    def open_end() -> None:
+        try:
+            found.append(RrinsBus(host.channel, host="never", role="observer", name=name))
+        except can.CanError as error:
+            failed.append(error)
+
+    thread = threading.Thread(target=open_end)
+    thread.start()
+    try:
+        host.wait_for(name, _ATTACH_S)  # the host answers while it waits
+    except can.CanError as error:
+        failed.append(error)
+    thread.join()
+    if failed:
+        raise BenchError(f"no end on channel {host.channel!r}: {failed[0]}") from failed[0]
+    return found[0]

@@ -1,0 +1,286 @@
+"""What moves both sides of a bench, and brings what was on the bus: the ways in virtual time.
+
+All ways have the same face. `World.pump` moves the world by its smallest step, an epoch in virtual
+time, a batch of frames in real time, and hands the frames to the bench's recording.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import time
+from abc import ABC, abstractmethod
+from pathlib import Path
+from typing import Any
+
+import can
+import numpy as np
+from numpy.typing import NDArray
+
+from dbc.frame import FrameArray, frame_array
+from firmware_py.loop import Firmware, own_clock_ns
+from host_tools.bus.interface import RrinsBus
+from host_tools.hardware.loop import INBOX_CAPACITY, Hardware
+from host_tools.hardware.memory import TRUTH
+from host_tools.outfit import firmware_settings, hardware_settings, scenario_wire
+from host_tools.scenario import Scenario
+from host_tools.sides import prepare_hardware
+from host_tools.testing.errors import BenchError
+from host_tools.testing.processes import SideProcess, attach_to_own, fresh_channel, shared_core
+from host_tools.testing.recording import FrameRing, Sender
+from host_tools.wire import Wire
+
+START_S = 120.0
+"""How long a side may take to start: the first start compiles."""
+_POLL_S = 0.5
+_TRUTHS = 256  # epochs whose truth is remembered
+_DRAIN_EVERY = 2000  # epochs
+
+
+class World(ABC):
+    """Both sides, and the bus between them.
+
+    Parameters
+    ----------
+    scenario : Scenario
+    ring : FrameRing
+        Takes what is on the bus.
+
+    Attributes
+    ----------
+    now_ns : int
+        Simulated time since power-on; in virtual time the beginning of the next epoch.
+    wire : Wire or None
+        The wire, where it is in this process.
+    failure : str
+        Why the world ended before its time; empty while all is well.
+    """
+
+    wire: Wire | None = None
+
+    def __init__(self, scenario: Scenario, ring: FrameRing) -> None:
+        self.scenario = scenario
+        self.ring = ring
+        self.now_ns = 0
+        self.failure = ""
+
+    @property
+    def epoch(self) -> int:
+        """The next epoch."""
+        return self.now_ns // self.scenario.period_ns
+
+    @abstractmethod
+    def pump(self, until_ns: int) -> bool:
+        """Move on by the smallest step; return False, and do nothing, once `until_ns` is reached.
+
+        Raises
+        ------
+        BenchError
+            When a process has died or the scenario is over.
+        """
+
+    @abstractmethod
+    def put(self, frames: FrameArray, count: int) -> None:
+        """Put frames of the test on the bus."""
+
+    def catch_up(self) -> None:  # noqa: B027 - nothing to do in virtual time
+        """Take what is there, without waiting."""
+
+    def truth_at(self, time_ns: int) -> Any:
+        """Return the truth (a record of dtype `TRUTH`) of an epoch by its time."""
+        raise BenchError("in real time the truth is in the hardware's process, not here")
+
+    def truth(self) -> Any:
+        """Return the truth of the last epoch, a record of dtype `TRUTH`."""
+        return self.truth_at(self.now_ns - self.scenario.period_ns)
+
+    @abstractmethod
+    def close(self) -> None:
+        """End all that was started. Idempotent."""
+
+    def fail(self, why: str) -> BenchError:
+        """Note why the world has ended; return it as an error to raise."""
+        self.failure = why
+        return BenchError(why)
+
+
+class _Virtual(World):
+    """A world whose hardware is in this process, and whose time is the epoch counter."""
+
+    def __init__(self, scenario: Scenario, ring: FrameRing) -> None:
+        super().__init__(scenario, ring)
+        wire = scenario_wire(scenario, is_live=True)
+        assert wire is not None
+        self.wire = wire
+        self.hardware = Hardware(hardware_settings(scenario), wire)
+        self._truth = self.hardware.plant["truth"]
+        self._truths: NDArray[Any] = np.zeros(_TRUTHS, dtype=TRUTH)
+        self._next = 0
+        self._inbox = self.hardware.inbox  # what the hardware gets in the next epoch
+        self._count = 0
+        self._outbox = frame_array(INBOX_CAPACITY)
+        self._own = frame_array(INBOX_CAPACITY)
+        self._own_count = 0
+
+    def put(self, frames: FrameArray, count: int) -> None:
+        end = self._own_count + count
+        if end > len(self._own) // 2:
+            raise BenchError(f"more than {len(self._own) // 2} frames sent for one epoch")
+        self._own[self._own_count : end] = frames[:count]
+        self._own_count = end
+
+    def pump(self, until_ns: int) -> bool:
+        period_ns = self.scenario.period_ns
+        if until_ns - self.now_ns < period_ns // 2 + 1:
+            return False
+        epoch = self._next
+        if self.failure:
+            raise BenchError(self.failure)
+        if epoch > self.scenario.epochs:
+            raise BenchError(
+                f"the scenario is over after {self.now_ns / 1e9:.3f} s; a longer duration_s "
+                f"(now {self.scenario.duration_s:g}) makes it last"
+            )
+        frames, sent = self.hardware.open_epoch(epoch, self._inbox, self._count)
+        self._truths[epoch % _TRUTHS] = self._truth[0]
+        own, self._own_count = self._own_count, 0
+        if own:  # before the hardware's, as if they had been sent just before the epoch
+            self.ring.append(self._own, own, self.now_ns, Sender.TEST)
+            self._outbox[:own] = self._own[:own]
+            self._inbox[:own] = self._own[:own]
+            sent = min(sent, len(self._outbox) - own)
+            self._outbox[own : own + sent] = frames[:sent]
+            frames = self._outbox
+        self.ring.append(frames[own:], sent, self.now_ns, Sender.HARDWARE)
+        self._count = own
+        self._exchange(frames, own + sent, epoch)
+        self._next = epoch + 1
+        self.now_ns = self._next * period_ns
+        return True
+
+    @abstractmethod
+    def _exchange(self, frames: FrameArray, count: int, epoch: int) -> None:
+        """Give the firmware its frames; append what it sends to `_inbox` and to the ring."""
+
+    def truth_at(self, time_ns: int) -> Any:
+        epoch = time_ns // self.scenario.period_ns
+        truth = self._truths[epoch % _TRUTHS]
+        if not self._next or truth["epoch"] != epoch:
+            raise BenchError(f"the truth at {time_ns / 1e9:g} s is not remembered")
+        return truth
+
+
+class DirectWorld(_Virtual):
+    """Both sides in this process, no bus."""
+
+    def __init__(self, scenario: Scenario, ring: FrameRing) -> None:
+        super().__init__(scenario, ring)
+        self.firmware = Firmware(firmware_settings(scenario))
+        self._error_ppm = scenario.firmware.clock_error_ppm
+
+    def _exchange(self, frames: FrameArray, count: int, epoch: int) -> None:
+        firmware = self.firmware
+        arrival_ns = own_clock_ns(self.now_ns, self._error_ppm)
+        consumed = 0
+        is_first = True
+        while is_first or consumed < count:  # frames of a later epoch: catch up
+            is_first = False
+            sent, consumed = firmware.step(frames, consumed, count, arrival_ns)
+            time_ns = firmware.epoch * firmware.period_ns
+            self.ring.append(firmware.outbox, sent, time_ns, Sender.FIRMWARE)
+            end = min(len(self._inbox), self._count + sent)
+            self._inbox[self._count : end] = firmware.outbox[: end - self._count]
+            self._count = end
+
+    def close(self) -> None:
+        """End the run."""
+        self._next = self.scenario.epochs + 1
+
+
+class LockstepWorld(_Virtual):
+    """The firmware as a process; the hardware in this one hosts the bus and opens the epochs.
+
+    Parameters
+    ----------
+    scenario : Scenario
+    ring : FrameRing
+    scenario_file : Path
+        For the process to load.
+    patience_s : float
+        Longest silence of the firmware; 0 waits for ever.
+    """
+
+    def __init__(
+        self, scenario: Scenario, ring: FrameRing, scenario_file: Path, patience_s: float
+    ) -> None:
+        super().__init__(scenario, ring)
+        self._patience_s = patience_s
+        self.channel = fresh_channel()
+        self._cores = os.sched_getaffinity(0)
+        self._ends = contextlib.ExitStack()
+        try:
+            self.host = RrinsBus(self.channel, host="here", name="hardware", exclusive=True)
+            self._ends.callback(self.host.shutdown)
+            core = shared_core()
+            options = ("--core", str(core))
+            self.side = SideProcess("firmware", scenario_file, self.channel, "max", *options)
+            self._ends.callback(self.side.stop)
+            prepare_hardware(scenario)  # while the firmware prepares itself
+            self._await_firmware()
+            os.sched_setaffinity(0, {core})
+            self._ends.callback(os.sched_setaffinity, 0, self._cores)
+        except BaseException:
+            self.close()
+            raise
+
+    def _await_firmware(self) -> None:
+        """Serve the bus until the firmware is on it."""
+        deadline = time.monotonic() + START_S
+        while True:
+            try:
+                self.host.wait_for("firmware", _POLL_S)
+            except can.CanTimeoutError:
+                if self.side.poll() is not None:
+                    raise BenchError(self.side.failure()) from None
+                if time.monotonic() > deadline:
+                    raise BenchError(f"no firmware has attached within {START_S:g} s") from None
+            else:
+                self.host.require(["firmware"])
+                return
+
+    def attach(self) -> RrinsBus:
+        """Return another end on the bus, for the test itself."""
+        bus = attach_to_own(self.host, "test")
+        self._ends.callback(bus.shutdown)
+        return bus
+
+    def _exchange(self, frames: FrameArray, count: int, epoch: int) -> None:
+        if epoch % _DRAIN_EVERY == 0:
+            self.side.poll()
+        try:
+            if epoch == self.scenario.epochs:
+                self.host.require([])
+            self.host.send_batch(frames, count, epoch=epoch, time_ns=self.now_ns, closes_epoch=True)
+            closed = False
+            while not closed:
+                closed = self._receive()
+        except can.CanError as error:
+            raise self.fail(self.side.failure()) from error
+
+    def _receive(self) -> bool:
+        """Take a batch; return whether it closes the epoch."""
+        room = self._inbox[self._count :] if self._count else self._inbox
+        batch = self.host.recv_batch(room, self._patience_s or None)
+        if batch is None:
+            pid = self.side.process.pid
+            raise self.fail(f"the firmware process {pid} is silent for {self._patience_s:g} s")
+        is_firmware = batch.closes_epoch
+        sender = Sender.FIRMWARE if is_firmware else Sender.OTHER
+        self.ring.append(room, batch.count, batch.time_ns, sender)
+        self._count += batch.count
+        return is_firmware
+
+    def close(self) -> None:
+        """End the process and close the bus."""
+        self._next = self.scenario.epochs + 1
+        self._ends.close()
