@@ -25,6 +25,7 @@ from host_tools.realtime import LatenessHistogram, enter_realtime
 from host_tools.report import Report
 from host_tools.rows import RowBuffer, RowFile, keep_every
 from host_tools.scenario import Scenario
+from host_tools.wire import Wire
 
 NAVIGATION_ROWS = "navigation.rows"
 TRUTH_ROWS = "truth.rows"
@@ -102,7 +103,9 @@ def prepare_firmware(scenario: Scenario) -> None:
 
 def prepare_hardware(scenario: Scenario) -> None:
     """Run one step aside, so that all that is compiled is compiled or loaded."""
-    Hardware(hardware_settings(scenario)).step(frame_array(1), 0)
+    aside = Hardware(hardware_settings(scenario), scenario_wire(scenario, is_live=True))
+    for epoch in range(2):
+        aside.open_epoch(epoch, frame_array(1), 0)
 
 
 def _prepare(report: Report, side: str, scenario: Scenario) -> None:
@@ -253,4 +256,5 @@ def hardware_summary(hardware: Hardware) -> dict[str, Any]:
         "frames_received": hardware.frames_received,
         "frames_sent": hardware.frames_sent,
         "faults": {name: int(plant["counters"][name]) for name in plant["counters"].dtype.names},
+        "wire": hardware.wire.statistics() if isinstance(hardware.wire, Wire) else None,
     }

@@ -129,6 +129,15 @@ def _lateness_line(side: str, lateness: dict[str, Any]) -> str:
     )
 
 
+def _wire_line(wire: dict[str, Any]) -> str:
+    slowest = max(wire["messages"], key=lambda name: wire["messages"][name]["worst_response_us"])
+    return (
+        f"wire at {wire['bitrate'] // 1000} kbit/s: load {wire['load']:.1%}, "
+        f"worst 100 ms {wire['worst_window_load']:.1%}; slowest {slowest}, "
+        f"{wire['messages'][slowest]['worst_response_us']:.0f} µs from request to end"
+    )
+
+
 def lines_of(summary: dict[str, Any]) -> list[str]:
     """Return the lines below the table: how the run went."""
     firmware = summary["firmware"]
@@ -144,6 +153,9 @@ def lines_of(summary: dict[str, Any]) -> list[str]:
         lateness = summary[side].get("lateness_us", {})
         if lateness.get("epochs"):
             lines.append(_lateness_line(side, lateness))
+    wire = summary["hardware"].get("wire")
+    if wire:
+        lines.append(_wire_line(wire))
     faults = {name: count for name, count in firmware.get("faults", {}).items() if count}
     if faults:
         counted = ", ".join(f"{name} {count}" for name, count in faults.items())

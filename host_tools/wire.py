@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from dbc.codec import pack, unpack
+from dbc.codec import load, pack, unpack
 from dbc.contract import load_contract
 from dbc.e2e import crc_holds, fill
 from dbc.frame import FrameArray, frame_array
@@ -133,8 +133,40 @@ class Wire:
         return count
 
     def statistics(self) -> dict[str, Any] | None:
-        """Return what the wire's model counted; None for an ideal wire."""
-        return None if self._model is None else self._model.statistics()
+        """Return what the wire's model counted; None for an ideal wire.
+
+        Returns
+        -------
+        dict
+            `bitrate`, `load` and `worst_window_load` (shares of 1, the window 100 ms), `nodes` (by
+            name: state, error counters, share of the load), `messages` (by name: frames sent, load,
+            `worst_delay_us` from the request to the start of the frame, `worst_response_us` to its
+            end).
+        """
+        if self._model is None:
+            return None
+        found = self._model.statistics()
+        elapsed_ns = max(1, found["elapsed_ns"])
+        names = {m.frame_id: m.name for m in load().database.messages}
+        return {
+            "bitrate": self._model.bitrate,
+            "load": found["load"],
+            "worst_window_load": found["worst_window_load"],
+            "nodes": {
+                name: {key: node[key] for key in ("state", "tec", "rec", "errors", "bus_offs")}
+                | {"load": node["busy_ns"] / elapsed_ns}
+                for name, node in found["nodes"].items()
+            },
+            "messages": {
+                names.get(identifier, f"0x{identifier:03X}"): {
+                    "sent": row["sent"],
+                    "load": row["busy_ns"] / elapsed_ns,
+                    "worst_delay_us": row["worst_delay_ns"] / 1000,
+                    "worst_response_us": row["worst_response_ns"] / 1000,
+                }
+                for identifier, row in sorted(found["identifiers"].items())
+            },
+        }
 
     def _run(self, model: WireModel, until_ns: int, for_firmware: int) -> int:
         """Run the model; sort what was received by receiver. Returns frames for the firmware."""
