@@ -28,6 +28,7 @@ from typing import Any
 
 from numba import njit
 
+from dbc.values import AxisState
 from firmware_py import alignment, sequencer, strapdown
 from firmware_py.memory import INNER, OUTER
 
@@ -166,8 +167,8 @@ def self_test(state: Any) -> None:
     axes = (
         assembly.axis_received[INNER]
         and assembly.axis_received[OUTER]
-        and assembly.axis_state[INNER] != sequencer.AxisState.FAULT
-        and assembly.axis_state[OUTER] != sequencer.AxisState.FAULT
+        and assembly.axis_state[INNER] != AxisState.FAULT
+        and assembly.axis_state[OUTER] != AxisState.FAULT
     )
     sound = (
         axes

@@ -7,32 +7,13 @@ table 1).
 from __future__ import annotations
 
 import math
-from enum import IntEnum
 from typing import Any
 
 from numba import njit
 
 from dbc.codec import unwrapped
+from dbc.values import AxisCommand, AxisState
 from firmware_py.memory import INNER, OUTER
-
-
-class AxisCommand(IntEnum):
-    """What an axis is told; the DBC's value table of `command`."""
-
-    OFF = 0
-    HOLD = 1
-    POSITION = 2
-
-
-class AxisState(IntEnum):
-    """What an axis says of itself; the DBC's value table of `state`."""
-
-    OFF = 0
-    HOLDING = 1
-    MOVING = 2
-    BRAKING = 3
-    FAULT = 4
-
 
 _OFF, _HOLD, _POSITION = int(AxisCommand.OFF), int(AxisCommand.HOLD), int(AxisCommand.POSITION)
 _AT_ZERO_DEG = 0.01

@@ -150,6 +150,9 @@ class Rehearsal:
         self._started_ns: int | None = None
         self._ended_ns = 0
         self._sides: list[Side] = []
+        # Both sides on one processor; not all rehearsals of a machine on the same.
+        cores = sorted(os.sched_getaffinity(0))
+        self._core = cores[os.getpid() % len(cores)]
 
     def run(self, on_report: OnReport) -> Outcome:
         """Run to the end; both processes have ended when this returns.
@@ -189,7 +192,7 @@ class Rehearsal:
         elif self._record is not None and self._address.is_embedded:
             command += ["--await-peer", recorder.NAME]
         if self._speed != REALTIME and self._address.is_embedded:
-            command += ["--core", str(max(os.sched_getaffinity(0)))]
+            command += ["--core", str(self._core)]
         try:
             process = subprocess.Popen(
                 command, pass_fds=(write_end,), stdin=subprocess.DEVNULL, start_new_session=True

@@ -20,7 +20,7 @@ from host_tools.errors import FirmwareFaultError, RehearsalError
 from host_tools.faults import FaultAction
 from host_tools.injection import active_faults, fault_command, send_command
 from host_tools.port import Address
-from host_tools.recorder import check_path
+from host_tools.recorder import RecordError, check_path
 from host_tools.rehearsal import Interrupted, Rehearsal, default_address
 from host_tools.report import Report
 from host_tools.results import Errors
@@ -73,7 +73,7 @@ def _finish(
         console = Console()
         if len(errors):
             console.print(table_of(summary))
-        for line in lines_of(summary):
+        for line in lines_of(summary) if summary["epochs"] else ():
             console.print(line, highlight=False, soft_wrap=True)
         for path in paths:
             console.print(f"  {path}", highlight=False, soft_wrap=True)
@@ -156,7 +156,8 @@ def rehearse(plan: Plan, out: Path | None, record: Path | None, as_json: bool) -
         display.say(f"starting on {address}")
         outcome = plan.rehearsal(address, folder, record).run(display.report)
     errors = collect(folder, scenario.rate_hz)
-    stopped = None if outcome.failure is None else str(outcome.failure)
+    failed_beside = outcome.failure is None or isinstance(outcome.failure, RecordError)
+    stopped = None if failed_beside else str(outcome.failure)
     summary = summarise(
         plan.name,
         scenario,

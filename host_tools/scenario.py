@@ -392,14 +392,14 @@ def text_of(name: str) -> str:
         file = resources.files("host_tools").joinpath("scenarios", f"{name}.toml")
         return file.read_text(encoding="utf-8")
     path = Path(name)
-    if not path.exists():
-        near = difflib.get_close_matches(name, names(), 1)
-        hint = f"did you mean {near[0]}?" if near else "see `rrins scenarios`"
-        raise ScenarioError(f"scenario {name}: neither built in nor a file; {hint}")
     try:
-        return path.read_text(encoding="utf-8")
+        if path.exists():
+            return path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         raise ScenarioError(f"scenario {name}: cannot be read: {error}") from error
+    near = difflib.get_close_matches(name, names(), 1)
+    hint = f"did you mean {near[0]}?" if near else "see `rrins scenarios`"
+    raise ScenarioError(f"scenario {name}: neither built in nor a file; {hint}")
 
 
 def load(name: str, **overrides: Any) -> Scenario:
@@ -419,8 +419,10 @@ def load(name: str, **overrides: Any) -> Scenario:
     """
     try:
         table = tomllib.loads(text_of(name))
-    except tomllib.TOMLDecodeError as error:
+    except ValueError as error:  # also of a number with thousands of digits
         raise ScenarioError(f"scenario {name}: not TOML: {error}") from error
+    except RecursionError as error:
+        raise ScenarioError(f"scenario {name}: nested too deeply") from error
     table.update({key: value for key, value in overrides.items() if value is not None})
     try:
         return Scenario.model_validate(table)

@@ -14,10 +14,9 @@ command                        what it does
 ``unsubscribe ID``             BCM: ends that
 =============================  ==================================================================
 
-Anything else well-formed is answered with ``< error … >``. Whoever sends what is no command at all,
-or does not receive what it asked for, is cut off; neither slows the bus. Frames carry the time of
-the bus, in a rehearsal the simulated one. Remote and CAN FD frames have no words in the protocol
-and are passed over.
+Anything else well-formed is answered with ``< error … >``. Whoever sends what is no command, or
+does not receive what it asked for, is cut off; neither slows the bus. Frames carry its time, which
+is simulated in a rehearsal. Remote and CAN FD frames have no words and are passed over.
 
 The protocol knows no users: while the server runs, everybody on this machine may attach. It
 therefore runs on request only, and listens on loopback addresses only.
@@ -35,7 +34,7 @@ import socket
 import struct
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, cast
 
 from dbc.frame import EFF_FLAG, ERR_FLAG, RTR_FLAG
 from host_tools.bus import datagram
@@ -176,20 +175,16 @@ class _Client(asyncio.Protocol):
         self._is_due = False  # what else has arrived is looked at in the next turn
         self._wanted: set[int] = set()  # identifiers, in BCM mode
 
-    def __str__(self) -> str:
-        return f"socketcand client {self._address}"
-
     # The connection
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        assert isinstance(transport, asyncio.Transport)
-        self._transport = transport
+        self._transport = cast(asyncio.Transport, transport)
         self._address = "{}:{}".format(*transport.get_extra_info("peername"))
         if len(self._server.clients) >= MOST_CLIENTS:
             self.cut_off(f"there are {MOST_CLIENTS} already")
             return
         self._server.clients.add(self)
-        transport.write(b"< hi >")
+        self._transport.write(b"< hi >")
 
     def data_received(self, data: bytes) -> None:
         self._text += data
@@ -202,7 +197,7 @@ class _Client(asyncio.Protocol):
     def cut_off(self, why: str) -> None:
         """Part with the client and say why."""
         if not self._is_over:
-            _log.warning("%s is cut off: %s", self, why)
+            _log.warning("socketcand client %s is cut off: %s", self._address, why)
             self.end()
 
     def end(self) -> None:
@@ -381,13 +376,17 @@ class _Client(asyncio.Protocol):
             raise CommandError(f"more than {_MOST_SUBSCRIPTIONS} subscriptions")
         self._wanted.add(_identifier(*words[2:]))
 
-    def _lose(self, error: BusError) -> None:
+    def _lose(self, error: BusError, is_sure: bool = False) -> None:
         """Part with a client whose place on the bus is lost, unless all of the bus has ended."""
-        if self._server.look():
-            self.cut_off(str(error))
-        elif self.link is not None:
-            self._loop.remove_reader(self.link)
+        if self._is_over or self.link is None:
+            return
+        self._loop.remove_reader(self.link)
+        if not self._server.look():
             self._transport.close()  # once the client has received all
+        elif is_sure:
+            self.cut_off(str(error))
+        else:  # a host that dies loses its peers one by one
+            self._loop.call_later(_QUIET_S, self._lose, error, True)
 
 
 class _Server:

@@ -8,29 +8,11 @@ within each epoch, and the truth can be integrated without error. A new command 
 from __future__ import annotations
 
 import math
-from enum import IntEnum
 from typing import Any
 
 from numba import njit
 
-
-class AxisCommand(IntEnum):
-    """What an axis is told; the DBC's value table of `command`."""
-
-    OFF = 0
-    HOLD = 1
-    POSITION = 2
-
-
-class AxisState(IntEnum):
-    """What an axis reports; the DBC's value table of `state`."""
-
-    OFF = 0
-    HOLDING = 1
-    MOVING = 2
-    BRAKING = 3
-    FAULT = 4
-
+from dbc.values import AxisCommand, AxisState
 
 _ROUNDING = 1e-9  # epochs: a time that is a whole number of epochs but for rounding
 _SLOWEST = 1e-9  # rad/s: a rate limit of zero would never arrive

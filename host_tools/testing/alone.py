@@ -57,9 +57,7 @@ class HardwareAlone:
         BenchError
             When the process had failed before.
         """
-        failed = self._side.poll()
-        words = self._side.failure() if failed else ""
-        self._side.stop()
+        words = self._side.stop()
         self.bus.shutdown()
         if words:
             raise BenchError(words)

@@ -310,15 +310,7 @@ class Bench(Watcher):
         BenchError
             When a process had died and no call of the test has said so.
         """
-        died = self._died()
         self._world.close()
-        if died:
-            self._told = died
-            raise BenchError(died)
-
-    def _died(self) -> str:
-        if not isinstance(self._world, LockstepWorld | RealtimeWorld) or self._told:
-            return ""
-        side = self._world.side
-        is_over = self._world.epoch >= self.scenario.epochs
-        return "" if is_over or side.poll() is None else side.failure()
+        if self._world.died and not self._told:
+            self._told = self._world.died
+            raise BenchError(self._told)

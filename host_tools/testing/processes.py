@@ -25,6 +25,7 @@ _GRACE_S = 5.0
 _ATTACH_S = 30.0
 _POLL_S = 0.2
 _PIPE_BYTES = 1024 * 1024  # room for hours of reports that nobody takes
+_ASKED_TO_END = (0, 130, -signal.SIGTERM)  # shut down, or stopped by a signal
 _numbers = itertools.count()
 
 
@@ -146,8 +147,16 @@ class SideProcess:
         last = self._error or (said[-1] if said else "")
         return f"{self._name} ended with status {status}" + (f": {last}" if last else "")
 
-    def stop(self) -> None:
-        """Ask the process to end; make it, if it does not. Idempotent."""
+    def stop(self) -> str:
+        """Ask the process to end; make it, if it does not. Idempotent.
+
+        Returns
+        -------
+        str
+            How it had ended, in words, where it had done so otherwise than by being asked; empty
+            else.
+        """
+        ends: tuple[int, ...] = _ASKED_TO_END
         if self.process.poll() is None:
             self.process.terminate()
             self.process.send_signal(signal.SIGCONT)
@@ -156,10 +165,13 @@ class SideProcess:
             except subprocess.TimeoutExpired:
                 self.process.kill()
                 self.process.wait()
+                ends = (*ends, -signal.SIGKILL)
         self.poll()
+        words = "" if self.process.returncode in ends else self.failure()
         if self._pipe >= 0:
             os.close(self._pipe)
             self._pipe = -1
+        return words
 
 
 def attach_to_own(host: RrinsBus, name: str) -> RrinsBus:

@@ -58,8 +58,15 @@ class RealtimeWorld(World):
 
     def _start(self, side: Any, scenario_file: Path, *options: str) -> SideProcess:
         process = SideProcess(side, scenario_file, self.channel, "1", *options)
-        self._ends.callback(process.stop)
+        self._ends.callback(self._stop, process)
         return process
+
+    def _stop(self, side: SideProcess) -> None:
+        """Stop a side; the firmware comes first, and the hardware may miss it before it is told."""
+        if side is self.hardware_side:
+            side.stop()
+        else:
+            self.died = side.stop()
 
     def _open(self, name: str) -> RrinsBus:
         try:

@@ -11,6 +11,7 @@ from typing import Any, overload
 
 import can
 import numpy as np
+from cantools.errors import Error as CantoolsError
 from numpy.typing import NDArray
 
 from dbc.codec import load
@@ -189,11 +190,12 @@ class Contract:
             For a signal that the message has not, or a value out of its range.
         """
         self.check_signals(message, list(values))
+        values = {name: self.named(message, name, value) for name, value in values.items()}
         described = self._codec.database.get_message_by_name(message)
         blank: dict[str, Any] = {signal.name: 0 for signal in described.signals}
         try:
             payload = described.encode(blank | dict(values), strict=True)
-        except (ValueError, TypeError, KeyError, OverflowError) as error:
+        except (CantoolsError, ValueError, TypeError, OverflowError) as error:
             raise BenchError(f"{message} cannot be sent: {error}") from error
         word = np.uint64(int.from_bytes(payload, "little"))
         row = self._codec.messages[self._codec.message_index(message)]

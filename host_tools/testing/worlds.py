@@ -54,6 +54,8 @@ class World(ABC):
         The wire, where it is in this process.
     failure : str
         Why the world ended before its time; empty while all is well.
+    died : str
+        Once closed: which process had died before, in words; empty when none.
     """
 
     wire: Wire | None = None
@@ -63,6 +65,7 @@ class World(ABC):
         self.ring = ring
         self.now_ns = 0
         self.failure = ""
+        self.died = ""
 
     @property
     def epoch(self) -> int:
@@ -224,7 +227,7 @@ class LockstepWorld(_Virtual):
             core = shared_core()
             options = ("--core", str(core))
             self.side = SideProcess("firmware", scenario_file, self.channel, "max", *options)
-            self._ends.callback(self.side.stop)
+            self._ends.callback(self._stop)
             prepare_hardware(scenario)  # while the firmware prepares itself
             self._await_firmware()
             os.sched_setaffinity(0, {core})
@@ -279,6 +282,9 @@ class LockstepWorld(_Virtual):
         self.ring.append(room, batch.count, batch.time_ns, sender)
         self._count += batch.count
         return is_firmware
+
+    def _stop(self) -> None:
+        self.died = self.side.stop()
 
     def close(self) -> None:
         """End the process and close the bus."""

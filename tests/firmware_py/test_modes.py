@@ -7,10 +7,10 @@ import math
 import numpy as np
 import pytest
 
+from dbc.values import AxisCommand, AxisState
 from firmware_py import modes
 from firmware_py.memory import INS
 from firmware_py.modes import Fault, Mode, ModeRequest
-from firmware_py.sequencer import AxisCommand, AxisState
 from firmware_py.settings import power_on
 
 STRAPDOWN, ROTATING = Mode.NAVIGATION_STRAPDOWN, Mode.NAVIGATION_ROTATING

@@ -6,9 +6,9 @@ import math
 
 import pytest
 
+from dbc.values import AxisCommand, AxisState
 from firmware_py import sequencer
 from firmware_py.memory import INNER, OUTER
-from firmware_py.sequencer import AxisCommand, AxisState
 from firmware_py.settings import power_on
 
 RATE_HZ, EPOCHS = 50, 175  # three seconds turning at 60 deg/s, half a second standing

@@ -12,9 +12,9 @@ import pytest
 
 from dbc.e2e import COUNTER_MODULUS, crc_holds
 from dbc.frame import EFF_FLAG
+from dbc.values import AxisState
 from host_tools.hardware import earth
 from host_tools.hardware.step import OUTBOX_CAPACITY
-from host_tools.hardware.turntable import AxisState
 
 DELAY = 2  # epochs from a command's own to the one it takes effect in: the DBC's comment
 GYRO, ACCELEROMETER = "gyro_dtheta", "accelerometer_dv"

@@ -10,9 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numba import njit
 
+from dbc.values import AxisCommand, AxisState
 from host_tools.hardware import truth, turntable
 from host_tools.hardware.memory import AXIS, OUTER
-from host_tools.hardware.turntable import AxisCommand, AxisState
 
 DT = 0.005
 OFF, HOLD, POSITION = AxisCommand.OFF, AxisCommand.HOLD, AxisCommand.POSITION

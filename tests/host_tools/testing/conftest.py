@@ -1,0 +1,54 @@
+"""Pytest runs of a user, in a folder of their own."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+
+import pytest
+
+
+class Run:
+    """A pytest run that has ended."""
+
+    def __init__(self, arguments, folder):
+        self.command = subprocess.run(
+            [sys.executable, "-m", "pytest", "-p", "no:cacheprovider", *arguments],
+            capture_output=True,
+            text=True,
+            cwd=folder,
+            timeout=100,
+            env={k: v for k, v in os.environ.items() if not k.startswith("PYTEST_")},
+        )
+        self.status = self.command.returncode
+        self.text = self.command.stdout + self.command.stderr
+
+    def count(self, outcome):
+        found = re.search(rf"(\d+) {outcome}", self.text.splitlines()[-1])
+        return int(found[1]) if found else 0
+
+
+@pytest.fixture
+def run_in(tmp_path):
+    """Run pytest in a folder, its temporary files under the test's own."""
+
+    def run(folder, *arguments):
+        return Run([*arguments, "--basetemp", str(tmp_path / "basetemp")], folder)
+
+    return run
+
+
+@pytest.fixture
+def run_test(run_in, tmp_path):
+    """Run the text of a test file."""
+
+    def run(text, *arguments):
+        folder = tmp_path / "project"
+        folder.mkdir()
+        (folder / "pytest.ini").write_text("[pytest]\n")
+        (folder / "test_own.py").write_text(text)
+        return run_in(folder, *arguments)
+
+    return run
