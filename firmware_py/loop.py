@@ -107,6 +107,18 @@ class Firmware:
         self.frames_sent += sent
         return sent, consumed
 
+    def step_whole(self, inbox: FrameArray, count: int, sync_arrival_ns: int) -> int:
+        """Run one epoch on all of ``inbox[:count]``, as where the other side waits for this one.
+
+        A SYNC that claims a later epoch is then false: it and what follows it is counted and
+        dropped. Returns the frames put into `outbox`.
+        """
+        sent, consumed = self.step(inbox, 0, count, sync_arrival_ns)
+        if consumed < count:
+            self.ram[0]["faults"]["counter_errors"] += count - consumed
+            self.frames_received += count - consumed
+        return sent
+
 
 def own_clock_ns(nominal_ns: int, clock_error_ppm: float) -> int:
     """Return what a clock that runs fast by so many ppm reads when `nominal_ns` have passed."""
@@ -129,10 +141,7 @@ def run_lockstep(
         count = port.receive_epoch(firmware.inbox)
         arrival_ns = own_clock_ns(arrivals * firmware.period_ns, clock_error_ppm)
         arrivals += 1
-        sent, consumed = firmware.step(firmware.inbox, 0, count, arrival_ns)
-        while consumed < count:  # frames of a later epoch: catch up
-            port.send(firmware.outbox, sent, firmware.epoch, firmware.epoch * firmware.period_ns)
-            sent, consumed = firmware.step(firmware.inbox, consumed, count, arrival_ns)
+        sent = firmware.step_whole(firmware.inbox, count, arrival_ns)
         epoch = firmware.epoch
         port.send(firmware.outbox, sent, epoch, epoch * firmware.period_ns)
         if on_epoch is not None and epoch % every == 0:

@@ -67,7 +67,7 @@ def run_direct(
             if epoch % log_every == 0:
                 truth_rows.take(truth)
             arrival_ns = own_clock_ns(epoch * hardware.period_ns, error_ppm)
-            count, _ = firmware.step(frames, 0, sent, arrival_ns)
+            count = firmware.step_whole(frames, sent, arrival_ns)
             hardware.frames_received += count
             if epoch % progress_every:
                 continue

@@ -126,7 +126,7 @@ class _Run:
         for epoch in range(self.scenario.epochs):
             frames, sent = self.hardware.open_epoch(epoch, self.firmware.outbox, count)
             arrival_ns = own_clock_ns(epoch * self.hardware.period_ns, 0.0)
-            count, _ = self.firmware.step(frames, 0, sent, arrival_ns)
+            count = self.firmware.step_whole(frames, sent, arrival_ns)
             output = self.firmware.ram[0]["navigation"]
             self.navigation.append((float(output["latitude"]), float(output["longitude"])))
             yield epoch

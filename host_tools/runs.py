@@ -75,7 +75,7 @@ def _finish(
             console.print(table_of(summary))
         for line in lines_of(summary) if summary["epochs"] else ():
             console.print(line, highlight=False, soft_wrap=True)
-        for path in paths:
+        for path in paths if summary["epochs"] else ():
             console.print(f"  {path}", highlight=False, soft_wrap=True)
     if failure is not None:
         raise failure

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import time
 from pathlib import Path
+from subprocess import TimeoutExpired
 from typing import Any
 
 import can
@@ -18,6 +19,7 @@ from host_tools.testing.recording import FrameRing, Sender, messages_of
 from host_tools.testing.worlds import START_S, World
 
 _POLL_S = 0.5
+_ENDING_S = 2.0
 _OBSERVER = "bench"
 
 
@@ -132,6 +134,9 @@ class RealtimeWorld(World):
         if self.now_ns >= (self.scenario.epochs - 1) * self.scenario.period_ns:
             return f"the scenario is over after {self.now_ns / 1e9:.3f} s"
         sides = (self.side, self.hardware_side)
+        with contextlib.suppress(TimeoutExpired):  # still there: only this observer was cut off
+            for side in reversed(sides):
+                side.process.wait(_ENDING_S)
         for side in sides:
             if (side.poll() or 0) < 0:
                 return side.failure()
