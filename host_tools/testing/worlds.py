@@ -184,16 +184,13 @@ class DirectWorld(_Virtual):
     def _exchange(self, frames: FrameArray, count: int, epoch: int) -> None:
         firmware = self.firmware
         arrival_ns = own_clock_ns(self.now_ns, self._error_ppm)
-        consumed = 0
-        is_first = True
-        while is_first or consumed < count:  # frames of a later epoch: catch up
-            is_first = False
-            sent, consumed = firmware.step(frames, consumed, count, arrival_ns)
-            time_ns = firmware.epoch * firmware.period_ns
-            self.ring.append(firmware.outbox, sent, time_ns, Sender.FIRMWARE)
-            end = min(len(self._inbox), self._count + sent)
-            self._inbox[self._count : end] = firmware.outbox[: end - self._count]
-            self._count = end
+        sent = firmware.step_whole(frames, count, arrival_ns)
+        self.ring.append(
+            firmware.outbox, sent, firmware.epoch * firmware.period_ns, Sender.FIRMWARE
+        )
+        end = min(len(self._inbox), self._count + sent)
+        self._inbox[self._count : end] = firmware.outbox[: end - self._count]
+        self._count = end
 
     def close(self) -> None:
         """End the run."""
