@@ -97,6 +97,24 @@ def _one_line(error: Exception) -> str:
     return text + _HINTS.get(number or 0, "")
 
 
+def open_when_there(address: Address, wait_s: float, **wishes: Any) -> can.BusABC:
+    """Open a bus of the embedded kind once somebody hosts it, `wait_s` seconds from now at most.
+
+    Raises
+    ------
+    BusNotThereError
+        When nobody has hosted it by then.
+    """
+    deadline_ns = time.monotonic_ns() + round(wait_s * 1e9)
+    while True:
+        try:
+            return open_bus(address, **wishes)
+        except BusNotThereError:
+            if time.monotonic_ns() >= deadline_ns:
+                raise
+        time.sleep(_RETRY_S)
+
+
 class BatchPort:
     """A side on the embedded bus.
 
@@ -121,17 +139,9 @@ class BatchPort:
         return bus
 
     def _attach(self, side: Side, wait_s: float) -> RrinsBus:
-        deadline_ns = time.monotonic_ns() + round(wait_s * 1e9)
-        while True:
-            try:
-                bus = open_bus(self._address, name=side, exclusive=True, host="never")
-            except BusNotThereError:
-                if time.monotonic_ns() >= deadline_ns:
-                    raise
-                time.sleep(_RETRY_S)
-            else:
-                assert isinstance(bus, RrinsBus)
-                return bus
+        bus = open_when_there(self._address, wait_s, name=side, exclusive=True, host="never")
+        assert isinstance(bus, RrinsBus)
+        return bus
 
     def meet(self, others: tuple[str, ...] = ()) -> None:
         """Wait until the other side, and whoever else is named, is there."""
@@ -220,9 +230,11 @@ class MessagePort:
     ----------
     address : Address
     side : {"firmware", "hardware"}
+    bus : can.BusABC, optional
+        One that is open already; the port closes it.
     """
 
-    def __init__(self, address: Address, side: Side) -> None:
+    def __init__(self, address: Address, side: Side, bus: can.BusABC | None = None) -> None:
         contract = load_contract()[0]
         closing = {
             "firmware": int(contract["axis_outer_command"]["message"]["can_id"]),
@@ -236,7 +248,7 @@ class MessagePort:
         self._others_last = closing[other]
         self._heartbeat = contract["heartbeat_firmware"]["message"]
         self._held: can.Message | None = None
-        self._bus = open_bus(address)
+        self._bus = open_bus(address) if bus is None else bus
 
     def meet(self, others: tuple[str, ...] = ()) -> None:
         """Wait until the other side is there; `others` cannot be told apart on such a bus.

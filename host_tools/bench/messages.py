@@ -20,22 +20,23 @@ from host_tools.errors import SideLostError
 from host_tools.hardware.loop import Hardware
 from host_tools.hardware.loop import run_lockstep as run_hardware_lockstep
 from host_tools.outfit import firmware_settings, hardware_settings
-from host_tools.port import EMBEDDED, Address, MessagePort
+from host_tools.port import EMBEDDED, Address, MessagePort, open_bus, open_when_there
 from host_tools.scenario import Scenario
 from host_tools.sides import prepare_firmware, prepare_hardware
 
 _GRACE_S = 5.0
+_ATTACH_WAIT_S = 120.0  # the other side may have to compile
 
 
 class MessageLockstep:
-    """Two processes on one core, with the process that hosts the bus; to be used in a `with`.
+    """Two processes on one core, the hardware hosting the bus; to be used in a `with`.
 
     Parameters
     ----------
     scenario : str
         Name of a built-in scenario.
     channel : str
-        Of the embedded bus; a process of its own hosts it.
+        Of the embedded bus.
     section_epochs : int
     sections : int
         How often `run_section` will be called at most.
@@ -105,7 +106,8 @@ class MessageLockstep:
 def _run_firmware(scenario: Scenario, address: Address) -> None:
     prepare_firmware(scenario)
     firmware = Firmware(firmware_settings(scenario))
-    port = MessagePort(address, "firmware")
+    bus = open_when_there(address, _ATTACH_WAIT_S, host="never")
+    port = MessagePort(address, "firmware", bus)
     port.meet()
     run_firmware_lockstep(firmware, port)
 
@@ -113,7 +115,7 @@ def _run_firmware(scenario: Scenario, address: Address) -> None:
 def _run_hardware(scenario: Scenario, address: Address, section_epochs: int) -> None:
     prepare_hardware(scenario)
     hardware = Hardware(hardware_settings(scenario))
-    port = MessagePort(address, "hardware")
+    port = MessagePort(address, "hardware", open_bus(address, host="here"))
     port.meet()
     start_ns = 0
 
@@ -130,7 +132,7 @@ def _run_hardware(scenario: Scenario, address: Address, section_epochs: int) -> 
 def main(arguments: list[str]) -> None:
     """Be one side: ``firmware|hardware SCENARIO SECONDS CHANNEL SECTION_EPOCHS CORE``."""
     side, name, duration_s, channel, section_epochs, core = arguments
-    os.sched_setaffinity(0, {int(core)})  # whoever starts the bus' host takes it along
+    os.sched_setaffinity(0, {int(core)})
     scenario = scenarios.load(name, duration_s=float(duration_s))
     address = Address(EMBEDDED, channel)
     if side == "firmware":
