@@ -10,7 +10,7 @@ rehearsal: $(VENV)/installed
 	$(RUN) host_tools rehearse rimu_rotating --limit 55 --out out/rehearsal
 
 test: $(VENV)/installed-dev
-	$(RUN) pytest $(PYTEST_OPTIONS)
+	$(RUN) pytest -n 2 --dist loadfile $(PYTEST_OPTIONS)
 
 check: $(VENV)/installed-dev
 	$(RUN) ruff format --check .

@@ -25,6 +25,7 @@ INBOX_CAPACITY = 4096
 """Frames that the loop can fall behind by before it loses any."""
 
 _NAVIGATION_MODES = (int(Mode.NAVIGATION_STRAPDOWN), int(Mode.NAVIGATION_ROTATING))
+_SHUTDOWN = int(Mode.SHUTDOWN)
 _PPM = 1_000_000
 
 
@@ -88,7 +89,7 @@ class Firmware:
     @property
     def is_shut_down(self) -> bool:
         """Whether the operator has shut the computer down."""
-        return bool(self._mode[0] == Mode.SHUTDOWN)
+        return bool(self._mode.item() == _SHUTDOWN)
 
     def step(
         self, inbox: FrameArray, start: int, count: int, sync_arrival_ns: int
@@ -100,7 +101,7 @@ class Firmware:
         """
         self._sync_arrival_ns[0] = sync_arrival_ns
         sent = firmware_step(self.ram, self.contract, inbox, start, count, self.outbox)
-        if self._mode[0] in _NAVIGATION_MODES:
+        if self._mode.item() in _NAVIGATION_MODES:
             self.trace.take(self.ram)
         consumed = int(self._consumed[0])
         self.frames_received += consumed - start

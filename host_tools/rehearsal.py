@@ -169,7 +169,7 @@ class Rehearsal:
         except KeyboardInterrupt:
             failure = Interrupted("stopped by the user")
         finally:
-            self._ended_ns = time.monotonic_ns()
+            self._ended_ns = self._ended_ns or time.monotonic_ns()
             for side in self._sides:
                 side.end()
             self._drain(on_report)

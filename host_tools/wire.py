@@ -212,7 +212,7 @@ class Wire:
 
     def _obey(self, frames: FrameArray, count: int, epoch: int) -> None:
         """Act on the FAULT_COMMANDs among the frames that came."""
-        if not np.any(frames["can_id"][:count] == self._command_id):
+        if self._command_id not in frames["can_id"][:count].tolist():
             return
         for k in range(count):
             frame = frames[k]

@@ -96,7 +96,7 @@ QUICK = Effort(
     step_samples=8000,
     frames=800,
     bus_frames=1400,
-    realtime_s=2.5,
+    realtime_s=2.0,
     cold=False,
 )
 

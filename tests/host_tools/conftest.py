@@ -5,13 +5,24 @@ from __future__ import annotations
 import json
 import os
 import signal
+import shutil
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 
 import pytest
 
 COMMAND = (sys.executable, "-m", "host_tools")
+
+
+@pytest.fixture(autouse=True)
+def _own_channels(monkeypatch):
+    """Give each test channels of its own: tests may run side by side. A socket's path is short."""
+    folder = tempfile.mkdtemp(prefix="rrins-")
+    monkeypatch.setenv("XDG_RUNTIME_DIR", folder)
+    yield
+    shutil.rmtree(folder)
 
 
 class Running:
