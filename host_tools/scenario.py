@@ -231,6 +231,7 @@ class Paper(_Table):
     """What the paper reports for the same run, to stand beside ours."""
 
     source: str = ""
+    duration_s: float | None = None
     max_abs_position_error_m: EastNorth | None = None
     max_abs_velocity_error_mps: EastNorth | None = None
 

@@ -149,6 +149,11 @@ def lines_of(summary: dict[str, Any]) -> list[str]:
         f"initial attitude {summary['initial_attitude']}, height {summary['height_channel']}; "
         f"navigation sha256 {(summary['navigation_sha256'] or '-')[:16]}…",
     ]
+    paper_s = (summary["paper"] or {}).get("duration_s")
+    if paper_s not in (None, summary["duration_s"]):
+        lines.append(
+            f"over {summary['duration_s']:g} s; the paper's figures are over {paper_s:g} s"
+        )
     for side in ("firmware", "hardware"):
         lateness = summary[side].get("lateness_us", {})
         if lateness.get("epochs"):
