@@ -1,7 +1,8 @@
-"""Weighted least squares fusion of redundant sensors. Paper, equation (54)."""
+"""Redundant sensors to one vector: calibration, then weighted least squares. Paper, (16), (54)."""
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 from numba import njit
@@ -61,6 +62,20 @@ def prepare(fusion: Any, used: int, work: Any) -> None:
         fusion.gain[1, k] = scale * (c01 * x + c11 * y + c12 * z)
         fusion.gain[2, k] = scale * (c02 * x + c12 * y + c22 * z)
     fusion.solvable = True
+
+
+@njit(cache=True)
+def compensate(fusion: Any, measured: Any) -> None:
+    """Take the calibrated errors out of the measured increments, shape (m,), in place.
+
+    The inverse of (16), (17): ``x = (N - b) / (1 + λ + μ sign(N - b))``, along the true axis h',
+    which `fusion.H` has.
+    """
+    for k in range(fusion.count):
+        x = measured[k] - fusion.bias_increment[k]
+        scale = 1.0 + fusion.scale_error[k]
+        scale += math.copysign(fusion.asymmetric_scale_error[k], x) if x != 0.0 else 0.0
+        measured[k] = x / scale
 
 
 @njit(cache=True)

@@ -19,7 +19,7 @@ from dbc.e2e import COUNTER_MODULUS, counter_of, crc_holds
 from firmware_py import clock
 from firmware_py.memory import INNER, OUTER
 
-_NOTHING, _SYNC, _MODE_COMMAND, _AXIS, _SENSOR = 0, 1, 2, 4, 16
+_NOTHING, _SYNC, _MODE_COMMAND, _ALTIMETER, _AXIS, _SENSOR = 0, 1, 2, 3, 4, 16
 
 _EPOCH_BITS = 24  # of the SYNC frame's epoch, checked by `dispatch_table`
 _EPOCH_MODULUS = 1 << _EPOCH_BITS
@@ -37,6 +37,7 @@ def dispatch_table(contract: NDArray[Any]) -> NDArray[np.int16]:
     table = np.full(2048, _NOTHING, dtype=np.int16)
     table[record["sync"]["message"]["can_id"]] = _SYNC
     table[record["mode_command"]["message"]["can_id"]] = _MODE_COMMAND
+    table[record["altimeter"]["message"]["can_id"]] = _ALTIMETER
     table[record["axis_inner_status"]["message"]["can_id"]] = _AXIS + INNER
     table[record["axis_outer_status"]["message"]["can_id"]] = _AXIS + OUTER
     for group in range(SENSOR_GROUPS):
@@ -54,6 +55,7 @@ def begin(state: Any) -> None:
     assembly.received = 0
     assembly.gyro_valid = 0
     assembly.accelerometer_valid = 0
+    assembly.altimeter_received = False
     assembly.axis_received[INNER] = False
     assembly.axis_received[OUTER] = False
 
@@ -76,6 +78,8 @@ def take(state: Any, contract: Any, inbox: Any, start: int, count: int) -> int:
                 return k
         elif kind == _MODE_COMMAND:
             _take_mode_command(state, contract, frame)
+        elif kind == _ALTIMETER:
+            _take_altimeter(state, contract.altimeter, frame)
         elif kind < _SENSOR:
             _take_axis(state, contract, frame, kind - _AXIS)
         else:
@@ -139,24 +143,46 @@ def _belongs_here(state: Any, frame: Any, message: Any, had_one: bool) -> bool:
 
 
 @njit(cache=True)
+def _take_altimeter(state: Any, altimeter: Any, frame: Any) -> None:
+    if _belongs_here(state, frame, altimeter.message, state.assembly.altimeter_received):
+        keep_altitude(state.assembly, altimeter, frame["data"])
+
+
+@njit(cache=True)
+def keep_altitude(assembly: Any, altimeter: Any, word: Any) -> None:
+    """Keep what the payload of the altimeter's frame says."""
+    assembly.altimeter_received = True
+    assembly.altimeter_height = decode(word, altimeter.height)
+
+
+@njit(cache=True)
 def _take_axis(state: Any, contract: Any, frame: Any, axis: int) -> None:
-    assembly = state.assembly
     status = contract.axis_inner_status if axis == INNER else contract.axis_outer_status
-    if _belongs_here(state, frame, status.message, assembly.axis_received[axis]):
-        assembly.axis_received[axis] = True
-        assembly.encoder_angle_deg[axis] = decode(frame["data"], status.encoder_angle_deg)
-        assembly.encoder_rate_dps[axis] = decode(frame["data"], status.encoder_rate_dps)
-        assembly.axis_state[axis] = unpack(frame["data"], status.state)
+    if _belongs_here(state, frame, status.message, state.assembly.axis_received[axis]):
+        keep_axis(state.assembly, status, axis, frame["data"])
+
+
+@njit(cache=True)
+def keep_axis(assembly: Any, status: Any, axis: int, word: Any) -> None:
+    """Keep what the payload of an axis' frame says."""
+    assembly.axis_received[axis] = True
+    assembly.encoder_angle_deg[axis] = decode(word, status.encoder_angle_deg)
+    assembly.encoder_rate_dps[axis] = decode(word, status.encoder_rate_dps)
+    assembly.axis_state[axis] = unpack(word, status.state)
 
 
 @njit(cache=True)
 def _take_sensor(state: Any, contract: Any, frame: Any, group: int) -> None:
-    assembly = state.assembly
     sensor = contract.sensor[group]
+    had_one = state.assembly.received & (1 << group) != 0
+    if _belongs_here(state, frame, sensor.message, had_one):
+        keep_group(state.assembly, sensor, group, frame["data"])
+
+
+@njit(cache=True)
+def keep_group(assembly: Any, sensor: Any, group: int, word: Any) -> None:
+    """Keep what the payload of a sensor group's frame says."""
     bit = 1 << group
-    if not _belongs_here(state, frame, sensor.message, assembly.received & bit != 0):
-        return
-    word = frame["data"]
     status = unpack(word, sensor.status)
     assembly.received |= bit
     dtheta = unpack(word, sensor.gyro_dtheta)

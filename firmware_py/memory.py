@@ -34,6 +34,7 @@ PARAMETERS = _record(
         ("self_aligned", "?"),
         ("alignment_epochs", "<i8"),
         ("height_channel", "<i8"),
+        ("altimeter", "?"),  # whether one is fitted
         ("bridge_epochs", "<i8"),  # the longest gap that is bridged
         ("turn_rate_dps", "<f8"),
         ("axis_acceleration_dps2", "<f8"),
@@ -76,6 +77,8 @@ ASSEMBLY = _record(
         ("encoder_rate_dps", "<f8", (2,)),
         ("axis_state", "<i8", (2,)),
         ("axis_silent_epochs", "<i8", (2,)),
+        ("altimeter_received", "?"),
+        ("altimeter_height", "<f8"),  # m
     ]
 )
 """What the frames of one epoch brought."""
@@ -83,14 +86,18 @@ ASSEMBLY = _record(
 FUSION = _record(
     [
         ("count", "<i8"),
-        ("H", "<f8", (SENSOR_GROUPS, 3)),
+        ("calibrated", "?"),
+        ("bias_increment", "<f8", (SENSOR_GROUPS,)),  # b dt
+        ("scale_error", "<f8", (SENSOR_GROUPS,)),  # λ
+        ("asymmetric_scale_error", "<f8", (SENSOR_GROUPS,)),  # μ
+        ("H", "<f8", (SENSOR_GROUPS, 3)),  # rows h', as calibrated
         ("weight", "<f8", (SENSOR_GROUPS,)),
         ("used", "<u4"),  # sensors that `gain` is for, a bit each
         ("solvable", "?"),
         ("gain", "<f8", (3, SENSOR_GROUPS)),
     ]
 )
-"""Weighted least squares over the sensors of one kind."""
+"""Calibration of the sensors of one kind, and weighted least squares over them."""
 
 ALIGNMENT = _record(
     [
@@ -115,6 +122,7 @@ INS = _record(
         ("longitude_carry", "<f8"),
         ("height", "<f8"),
         ("reference_height", "<f8"),
+        ("reference_interval", "<f8"),  # s since the reference before; 0: none in this epoch
         ("height_error_integral", "<f8"),
         ("velocity_n", "<f8", (3,)),
         ("velocity_change_n", "<f8", (3,)),
@@ -191,6 +199,7 @@ RAM = _record(
         ("dispatch", "<i2", (2048,)),  # identifier -> what the frame is, see firmware_py.intake
         ("epoch", "<i8"),
         ("steps", "<i8"),
+        ("altimeter_epochs", "<i8"),  # since the altimeter was last heard
         ("consumed", "<i8"),  # frames of the inbox that the last step took
         ("load_percent", "<f8"),  # filled in by the shell
         ("clock", CLOCK),

@@ -5,14 +5,14 @@ from __future__ import annotations
 import math
 from typing import Any, Literal
 
-import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
 
 from dbc.codec import span_of
 from dbc.contract import SENSOR_GROUPS
-from firmware_py import clock, intake, strapdown
+from firmware_py import calibration, clock, intake, strapdown
 from firmware_py.attitude import matrix_of_euler
+from firmware_py.calibration import AccelerometerCalibration, Calibration, GyroCalibration
 from firmware_py.memory import INNER, OUTER, SCHEME_CAPACITY, blank_ram
 
 _HEIGHT_CHANNELS = {
@@ -76,24 +76,22 @@ class Settings(_Checked):
     follow_tolerance_deg: float
     axis_silence_s: float
     scheme: Scheme
-
-
-def input_axes(axes_deg: tuple[tuple[float, float], ...]) -> NDArray[np.float64]:
-    """Return the configuration matrix H, shape (m, 3). Paper, (5), (9)."""
-    alpha, beta = np.radians(np.asarray(axes_deg, dtype=float)).T
-    return np.column_stack(
-        [np.sin(alpha) * np.cos(beta), np.sin(alpha) * np.sin(beta), np.cos(alpha)]
-    )
+    altimeter: bool = False
+    calibration: Calibration = Calibration()
 
 
 def _fill_fusion(
-    fusion: Any, axes_deg: tuple[tuple[float, float], ...], weights: tuple[float, ...]
+    fusion: Any,
+    axes_deg: tuple[tuple[float, float], ...],
+    weights: tuple[float, ...],
+    sensors: GyroCalibration | AccelerometerCalibration,
+    dt: float,
 ) -> None:
     count = len(axes_deg)
     assert count <= SENSOR_GROUPS
     fusion["count"] = count
-    fusion["H"][:count] = input_axes(axes_deg)
     fusion["weight"][:count] = weights
+    calibration.fill(fusion, axes_deg, sensors, dt)
 
 
 def _fill_scheme(parameters: Any, scheme: Scheme, rate_hz: int) -> None:
@@ -106,7 +104,13 @@ def _fill_scheme(parameters: Any, scheme: Scheme, rate_hz: int) -> None:
 
 
 def power_on(settings: Settings, contract: NDArray[Any]) -> NDArray[Any]:
-    """Return the RAM image of a firmware that has just been switched on."""
+    """Return the RAM image of a firmware that has just been switched on.
+
+    Raises
+    ------
+    CalibrationError
+        When the calibration is for another number of sensors.
+    """
     ram = blank_ram()
     state = ram[0]
     parameters = state["parameters"]
@@ -125,14 +129,25 @@ def power_on(settings: Settings, contract: NDArray[Any]) -> NDArray[Any]:
     parameters["self_aligned"] = settings.initial_attitude == "self-aligned"
     parameters["alignment_epochs"] = max(1, round(settings.alignment_s * rate_hz))
     parameters["height_channel"] = _HEIGHT_CHANNELS[settings.height_channel]
+    parameters["altimeter"] = settings.altimeter
     parameters["bridge_epochs"] = round(settings.bridge_s * rate_hz)
     parameters["axis_acceleration_dps2"] = settings.axis_acceleration_dps2
     parameters["follow_tolerance_deg"] = settings.follow_tolerance_deg
     parameters["axis_silence_epochs"] = round(settings.axis_silence_s * rate_hz)
     _fill_scheme(parameters, settings.scheme, rate_hz)
-    _fill_fusion(state["gyros"], settings.gyro_axes_deg, settings.gyro_weights)
     _fill_fusion(
-        state["accelerometers"], settings.accelerometer_axes_deg, settings.accelerometer_weights
+        state["gyros"],
+        settings.gyro_axes_deg,
+        settings.gyro_weights,
+        settings.calibration.gyros,
+        1 / rate_hz,
+    )
+    _fill_fusion(
+        state["accelerometers"],
+        settings.accelerometer_axes_deg,
+        settings.accelerometer_weights,
+        settings.calibration.accelerometers,
+        1 / rate_hz,
     )
     state["dispatch"] = intake.dispatch_table(contract)
     state["epoch"] = -1

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from dbc.frame import FrameArray
 from firmware_py import alignment, clock, earth, intake, modes, sequencer, strapdown
 from firmware_py.attitude import euler_of_matrix, gimbal_matrix, multiply_transposed
-from firmware_py.fusion import fuse
+from firmware_py.fusion import compensate, fuse
 from firmware_py.memory import INNER, OUTER
 from firmware_py.modes import Fault, Mode
 from firmware_py.transmit import transmit
@@ -25,6 +25,10 @@ from firmware_py.transmit import transmit
 def _fuse(state: Any) -> None:
     """Fuse gyros and accelerometers, or bridge by the increments of the epoch before."""
     assembly, faults, work = state.assembly, state.faults, state.ins.work
+    if state.gyros.calibrated:
+        compensate(state.gyros, assembly.gyro_dtheta)
+    if state.accelerometers.calibrated:
+        compensate(state.accelerometers, assembly.accelerometer_dv)
     gyros = fuse(state.gyros, assembly.gyro_valid, assembly.gyro_dtheta, state.dtheta_s, work)
     accelerometers = fuse(
         state.accelerometers,
@@ -62,8 +66,23 @@ def _align(state: Any, contract: Any) -> None:
 
 
 @njit(cache=True)
+def _refer_height(state: Any) -> None:
+    """Tell the vertical channel what it may hold on to in this epoch."""
+    parameters, ins, assembly = state.parameters, state.ins, state.assembly
+    state.altimeter_epochs += 1
+    ins.reference_interval = 0.0
+    if not parameters.altimeter:
+        ins.reference_interval = parameters.period_ns * 1e-9
+    elif assembly.altimeter_received:
+        ins.reference_interval = state.altimeter_epochs * parameters.period_ns * 1e-9
+        ins.reference_height = assembly.altimeter_height
+        state.altimeter_epochs = 0
+
+
+@njit(cache=True)
 def _navigate(state: Any) -> None:
     parameters = state.parameters
+    _refer_height(state)
     strapdown.update(
         state.ins,
         state.dtheta_s,
@@ -105,18 +124,36 @@ def _run_mode(state: Any, contract: Any) -> None:
 
 
 @njit(cache=True)
-def _output(state: Any) -> None:
+def output(state: Any) -> None:
     """Write the navigation output of this epoch, the body's attitude through the table."""
-    output, ins = state.navigation, state.ins
-    output.epoch = state.epoch
-    output.mode = state.modes.mode
-    output.latitude = ins.latitude
-    output.longitude = ins.longitude
-    output.height = ins.height
+    navigation, ins = state.navigation, state.ins
+    navigation.epoch = state.epoch
+    navigation.mode = state.modes.mode
+    navigation.latitude = ins.latitude
+    navigation.longitude = ins.longitude
+    navigation.height = ins.height
     for i in range(3):
-        output.velocity_n[i] = ins.velocity_n[i]
+        navigation.velocity_n[i] = ins.velocity_n[i]
     multiply_transposed(state.C_b_n, ins.C_s_n, state.C_s_b)
-    output.roll, output.pitch, output.heading = euler_of_matrix(state.C_b_n)
+    navigation.roll, navigation.pitch, navigation.heading = euler_of_matrix(state.C_b_n)
+
+
+@njit(cache=True)
+def compute(state: Any, contract: Any) -> None:
+    """Run all of an epoch that lies between the frames: from what was received to what to send.
+
+    All but the navigation output, which `output` writes.
+    """
+    intake.close(state)
+    clock.advance(state.clock)
+    gimbal_matrix(
+        state.C_s_b,
+        np.radians(state.assembly.encoder_angle_deg[INNER]),
+        np.radians(state.assembly.encoder_angle_deg[OUTER]),
+    )
+    modes.take_request(state)
+    _fuse(state)
+    _run_mode(state, contract)
 
 
 @njit(cache=True)
@@ -151,16 +188,7 @@ def firmware_step(
     state.steps += 1
     intake.begin(state)
     state.consumed = intake.take(state, record, inbox, start, count)
-    intake.close(state)
-    clock.advance(state.clock)
-    gimbal_matrix(
-        state.C_s_b,
-        np.radians(state.assembly.encoder_angle_deg[INNER]),
-        np.radians(state.assembly.encoder_angle_deg[OUTER]),
-    )
-    modes.take_request(state)
-    _fuse(state)
-    _run_mode(state, record)
+    compute(state, record)
     if modes.navigating(state):
-        _output(state)
+        output(state)
     return transmit(state, record, outbox)

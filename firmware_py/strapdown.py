@@ -52,6 +52,7 @@ def initialise(ins: Any, C_s_n: Any, latitude: float, longitude: float, height: 
     ins.longitude = longitude
     ins.height = height
     ins.reference_height = height
+    ins.reference_interval = 0.0
     ins.height_error_integral = 0.0
     ins.latitude_carry = 0.0
     ins.longitude_carry = 0.0
@@ -143,12 +144,15 @@ def _add_to_position(ins: Any, dlatitude: float, dlongitude: float) -> None:
 
 
 @njit(cache=True)
-def _hold_height(ins: Any, height_channel: int, dt: float) -> None:
+def _hold_height(ins: Any, height_channel: int) -> None:
     """Bring the vertical channel back to its reference, as far as the setting says."""
     if height_channel == HEIGHT_HELD:
         ins.velocity_n[2] = 0.0
         ins.height = ins.reference_height
     elif height_channel == HEIGHT_DAMPED:
+        dt = ins.reference_interval
+        if dt == 0.0:
+            return
         error = ins.height - ins.reference_height
         ins.height_error_integral += error * dt
         stiffness = 3.0 / _DAMPING_TIME**2 + 2.0 * earth.GRAVITY_EQUATOR / earth.SEMI_MAJOR_AXIS
@@ -170,7 +174,9 @@ def update(ins: Any, dtheta_s: Any, dv_s: Any, dt: float, height_channel: int) -
         Length of the epoch, s.
     height_channel : int
         `HEIGHT_HELD` (height and vertical velocity kept at the start's), `HEIGHT_DAMPED` (third
-        order, towards the start's height) or `HEIGHT_FREE` (diverges, as physics has it).
+        order, towards `ins.reference_height` in every epoch whose `ins.reference_interval`, the
+        seconds since the reference before, is not 0) or `HEIGHT_FREE` (diverges, as physics has
+        it).
     """
     if ins.first:  # no increment before: take the first one, right for a rate that stays
         ins.first = False
@@ -210,7 +216,7 @@ def update(ins: Any, dtheta_s: Any, dv_s: Any, dt: float, height_channel: int) -
     ins.height += half * (2.0 * ins.velocity_n[2] + ins.velocity_change_n[2])
     for i in range(3):
         ins.velocity_n[i] += ins.velocity_change_n[i]
-    _hold_height(ins, height_channel, dt)
+    _hold_height(ins, height_channel)
 
     rotation_vector(phi_s, dtheta_s, ins.dtheta_s_previous)
     _update_attitude(ins, phi_s, zeta_n)

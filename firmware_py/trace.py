@@ -44,15 +44,23 @@ class NavigationTrace:
         if self._count == _CHUNK:
             self.flush()
 
+    def take_rows(self, rows: NDArray[Any]) -> None:
+        """Take the navigation output of several epochs, oldest first."""
+        self.flush()
+        self.epochs += len(rows)
+        self._pass_on(rows)
+
     def flush(self) -> None:
         """Digest what has been taken and hand it on."""
-        rows = self._rows[: self._count]
+        self._pass_on(self._rows[: self._count])
+        self._count = 0
+
+    def _pass_on(self, rows: NDArray[Any]) -> None:
         self._digest.update(rows.tobytes())
         if self._sink is not None:
             kept = rows[rows["epoch"] % self._keep_every == 0]
             if len(kept):
                 self._sink(kept)
-        self._count = 0
 
     def sha256(self) -> str:
         """Return the digest, in hexadecimal, over the records of all epochs so far."""

@@ -105,12 +105,12 @@ def _navigation(state: Any, contract: Any, outbox: Any, count: int) -> int:
 
 
 @njit(cache=True)
-def _axis_command(state: Any, message: Any, axis: int, frame: Any) -> None:
+def axis_command_word(state: Any, message: Any, axis: int) -> Any:
+    """Return the payload of an axis' command."""
     running = state.sequencer
     word = pack(np.uint64(0), message.command, running.command[axis])
     word = encode_wrapped(word, message.target_angle_deg, running.target_angle_deg[axis])
-    word = encode(word, message.rate_limit_dps, state.parameters.turn_rate_dps)
-    fill(frame, message.message, word, state.epoch)
+    return encode(word, message.rate_limit_dps, state.parameters.turn_rate_dps)
 
 
 @njit(cache=True)
@@ -137,6 +137,7 @@ def transmit(state: Any, contract: Any, outbox: Any) -> int:
         count += 2
     if navigating(state) and _due(state, contract.nav_latitude.message):
         count = _navigation(state, contract, outbox, count)
-    _axis_command(state, contract.axis_inner_command, INNER, outbox[count])
-    _axis_command(state, contract.axis_outer_command, OUTER, outbox[count + 1])
+    inner, outer = contract.axis_inner_command, contract.axis_outer_command
+    fill(outbox[count], inner.message, axis_command_word(state, inner, INNER), state.epoch)
+    fill(outbox[count + 1], outer.message, axis_command_word(state, outer, OUTER), state.epoch)
     return count + 2

@@ -171,16 +171,24 @@ def rehearse(
 @rrins.command()
 @_scenario_options
 @_out_option
+@click.option(
+    "--frames", is_flag=True, help="Pass frames, as a bus would, where nothing needs them."
+)
 @_json_option
 def simulate(
-    scenario: str, duration_s: float | None, seed: int | None, out: Path | None, as_json: bool
+    scenario: str,
+    duration_s: float | None,
+    seed: int | None,
+    out: Path | None,
+    frames: bool,
+    as_json: bool,
 ) -> None:
-    """Run both sides in this process, without a bus: the same steps, the same frames."""
+    """Run both sides in this process, without a bus: the same steps, the same navigation."""
     from host_tools import runs
 
     loaded = scenarios.load(scenario, duration_s=duration_s, seed=seed)
     signal.signal(signal.SIGTERM, _as_interrupt)
-    runs.simulate(scenario, loaded, out, as_json)
+    runs.simulate(scenario, loaded, out, as_json, frames)
 
 
 @rrins.command()

@@ -1,4 +1,8 @@
-"""The direct shell: both sides in one process, no bus, the same steps and the same frames."""
+"""The direct shell: both sides in one process, no bus.
+
+`run_direct` passes the same frames as a bus would; `run_without_frames` the same payloads, in one
+compiled loop, several times faster. The navigation is the same to the bit.
+"""
 
 from __future__ import annotations
 
@@ -9,6 +13,7 @@ from typing import Any
 
 from firmware_py.loop import Firmware, own_clock_ns
 from firmware_py.trace import NavigationTrace
+from host_tools.fast import FastRun
 from host_tools.hardware.loop import Hardware
 from host_tools.hardware.memory import TRUTH
 from host_tools.outfit import firmware_settings, hardware_settings, scenario_wire
@@ -22,6 +27,9 @@ from host_tools.sides import (
     hardware_summary,
 )
 
+Outcome = tuple[dict[str, Any], dict[str, Any], float]
+"""Summary of the firmware, summary of the hardware, seconds that it took."""
+
 Progress = Callable[[dict[str, Any], dict[str, Any]], None]
 """Called with the firmware's and the hardware's progress, as the sides report it."""
 
@@ -33,7 +41,7 @@ def run_direct(
     folder: Path | None = None,
     on_progress: Progress | None = None,
     should_stop: Callable[[], bool] = lambda: False,
-) -> tuple[dict[str, Any], dict[str, Any], float]:
+) -> Outcome:
     """Run a scenario to its end.
 
     Parameters
@@ -47,8 +55,7 @@ def run_direct(
 
     Returns
     -------
-    tuple
-        Summary of the firmware, summary of the hardware, seconds that it took.
+    Outcome
     """
     log_every = keep_every(scenario.epochs, scenario.rate_hz)
     navigation = RowFile(None if folder is None else folder / NAVIGATION_ROWS)
@@ -74,17 +81,51 @@ def run_direct(
             if should_stop():
                 break
             if on_progress is not None:
-                on_progress(
-                    firmware_progress(firmware),
-                    {
-                        "epoch": epoch,
-                        "latitude": float(truth["latitude"][0]),
-                        "longitude": float(truth["longitude"][0]),
-                    },
-                )
+                on_progress(firmware_progress(firmware), _hardware_progress(hardware, epoch))
     finally:
         truth_rows.flush()
         truth_file.close()
         summary = firmware_summary(firmware)
         navigation.close()
+    return summary, hardware_summary(hardware), time.monotonic() - start
+
+
+def _hardware_progress(hardware: Hardware, epoch: int) -> dict[str, Any]:
+    truth = hardware.plant["truth"]
+    return {
+        "epoch": epoch,
+        "latitude": float(truth["latitude"][0]),
+        "longitude": float(truth["longitude"][0]),
+    }
+
+
+def run_without_frames(
+    scenario: Scenario,
+    folder: Path | None = None,
+    on_progress: Progress | None = None,
+    should_stop: Callable[[], bool] = lambda: False,
+) -> Outcome:
+    """Run a scenario that has no fault on the wire to its end, as `run_direct` does."""
+    log_every = keep_every(scenario.epochs, scenario.rate_hz)
+    rows = RowFile(None if folder is None else folder / NAVIGATION_ROWS)
+    truth_rows = RowFile(None if folder is None else folder / TRUTH_ROWS)
+    firmware = Firmware(firmware_settings(scenario), NavigationTrace(log_every, rows.append))
+    hardware = Hardware(hardware_settings(scenario))
+    run = FastRun(firmware.ram, hardware.plant, hardware.pieces)
+    left = scenario.epochs + 1
+    start = time.monotonic()
+    try:
+        while left and not should_stop():
+            track = run.run(min(left, _PROGRESS_S * scenario.rate_hz))
+            left -= min(left, _PROGRESS_S * scenario.rate_hz)
+            firmware.trace.take_rows(track.navigation)
+            truth_rows.append(track.truth[track.truth["epoch"] % log_every == 0])
+            if on_progress is not None:
+                on_progress(
+                    firmware_progress(firmware), _hardware_progress(hardware, firmware.epoch)
+                )
+    finally:
+        summary = firmware_summary(firmware)
+        rows.close()
+        truth_rows.close()
     return summary, hardware_summary(hardware), time.monotonic() - start

@@ -9,6 +9,7 @@
     ├── FirmwareFaultError    a run whose firmware ended in the mode FAULT
     ├── RecordError           a recording that cannot be begun or went wrong
     ├── InjectionError        a fault that cannot be commanded live
+    ├── MotionError           a recorded motion that is missing or refused, or one that cannot be
     └── Interrupted           the user stopped the run
 """
 

@@ -12,11 +12,13 @@ from dbc.contract import load_contract
 from dbc.e2e import fill
 from dbc.frame import frame_array
 from host_tools.errors import RehearsalError
+from host_tools.fault_tables import FaultOfAxis, FaultOfSensor, FaultOnWire
 from host_tools.faults import FaultAction, FaultKind, Node
 from host_tools.port import Address, message_of_frame, open_bus
-from host_tools.scenario import FaultOnWire
 
 _STATUS_WAIT_S = 3.0
+
+Fault = FaultOnWire | FaultOfAxis | FaultOfSensor
 
 
 class InjectionError(RehearsalError):
@@ -25,16 +27,14 @@ class InjectionError(RehearsalError):
     exit_status = 7
 
 
-def fault_command(
-    action: FaultAction, fault: FaultOnWire | None = None, counter: int = 0
-) -> can.Message:
+def fault_command(action: FaultAction, fault: Fault | None = None, counter: int = 0) -> can.Message:
     """Return the message that asks for a fault.
 
     Parameters
     ----------
     action : FaultAction
         INJECT and REMOVE need a fault; a removal looks at its kind, node and message only.
-    fault : FaultOnWire, optional
+    fault : optional
         `at_s` means nothing here: a live fault begins at once.
     counter : int
         Of transmissions.
@@ -46,6 +46,8 @@ def fault_command(
     """
     message = load_contract()[0]["fault_command"]
     word = pack(np.uint64(0), message["action"], int(action))
+    if fault is not None and not isinstance(fault, FaultOnWire):
+        raise InjectionError(f"{fault.kind}: can be in a scenario only")
     if fault is not None:
         word = _put_fault(word, message, fault)
     frames = frame_array(1)

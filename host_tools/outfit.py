@@ -2,29 +2,52 @@
 
 from __future__ import annotations
 
+import functools
 import math
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
 
 import firmware_py.settings as firmware
 import host_tools.hardware.settings as hardware
+from firmware_py import calibration
+from firmware_py.calibration import Calibration, CalibrationError
 from firmware_py.modes import ModeRequest
+from host_tools.errors import ScenarioError
+from host_tools.fault_tables import FaultOnWire
 from host_tools.geometry import AxesDeg
-from host_tools.hardware.settings import ARCSEC, DPH, PPM, STANDARD_GRAVITY, UG
-from host_tools.scenario import Accelerometers, Gyros, Scenario, each
+from host_tools.hardware.settings import (
+    ARCSEC,
+    DEG_PER_SQRT_H,
+    DPH,
+    PPM,
+    SQRT_H,
+    STANDARD_GRAVITY,
+    UG,
+)
+from host_tools.motion.build import build
+from host_tools.motion.trajectory import ATTITUDE, PLACE, Trajectory
+from host_tools.scenario import Scenario
+from host_tools.tables import Accelerometers, Axis, Gyros, PerSensor, each
 from host_tools.wire import Wire
 
 
 def firmware_settings(scenario: Scenario) -> firmware.Settings:
-    """Return what the firmware is set up with."""
-    settings, site, body = scenario.firmware, scenario.site, scenario.body
+    """Return what the firmware is set up with.
+
+    Raises
+    ------
+    ScenarioError
+        When the calibration file cannot be used.
+    MotionError
+        When a recorded motion cannot be used.
+    """
+    settings = scenario.firmware
     gyros, accelerometers = scenario.rimu.gyros, scenario.rimu.accelerometers
     return firmware.Settings(
         rate_hz=scenario.rate_hz,
-        latitude_deg=site.latitude_deg,
-        longitude_deg=site.longitude_deg,
-        height_m=site.height_m,
-        roll_deg=body.roll_deg,
-        pitch_deg=body.pitch_deg,
-        heading_deg=body.heading_deg,
+        **asdict(first_pose(scenario)),
         gyro_axes_deg=gyros,
         accelerometer_axes_deg=accelerometers,
         gyro_weights=each(settings.gyro_weights, len(gyros)),
@@ -37,7 +60,18 @@ def firmware_settings(scenario: Scenario) -> firmware.Settings:
         follow_tolerance_deg=settings.follow_tolerance_deg,
         axis_silence_s=settings.axis_silence_s,
         scheme=scenario.scheme,
+        altimeter=scenario.altimeter is not None,
+        calibration=_calibration(settings.calibration),
     )
+
+
+def _calibration(path: str | None) -> Calibration:
+    if path is None:
+        return Calibration()
+    try:
+        return calibration.load(Path(path))
+    except CalibrationError as error:
+        raise ScenarioError(str(error)) from error
 
 
 def scenario_wire(scenario: Scenario, is_live: bool = False) -> Wire | None:
@@ -45,90 +79,193 @@ def scenario_wire(scenario: Scenario, is_live: bool = False) -> Wire | None:
 
     `is_live` says that faults may be put in by FAULT_COMMAND while it runs.
     """
-    faults = tuple(fault.fault(scenario.rate_hz) for fault in scenario.faults)
+    faults = tuple(
+        fault.fault(scenario.rate_hz) for fault in scenario.faults if isinstance(fault, FaultOnWire)
+    )
     wire = Wire(scenario.period_ns, faults, scenario.seed, scenario.bus.bitrate)
     return None if wire.is_ideal and not is_live else wire
+
+
+def _per_sensor(value: PerSensor, count: int, unit: float) -> tuple[float, ...]:
+    """Return a value for each sensor, in SI units."""
+    return tuple(v * unit for v in each(value, count))
 
 
 def _sensor_set(
     axes_deg: AxesDeg,
     table: Gyros | Accelerometers,
-    bias: tuple[float, ...],
-    white_noise: tuple[float, ...],
-    measuring_range: float,
+    own: dict[str, tuple[PerSensor, float]],
+    **common: float,
 ) -> hardware.SensorSet:
+    """Return the sensors of a kind.
+
+    `own` has what the kinds name differently, with the unit of each.
+    """
+    columns = own | {
+        "scale_error": (table.scale_error_ppm, PPM),
+        "asymmetric_scale_error": (table.asymmetric_scale_error_ppm, PPM),
+        "delta_u": (table.installation_u_arcsec, ARCSEC),
+        "delta_v": (table.installation_v_arcsec, ARCSEC),
+        "scale_repeatability": (table.scale_repeatability_ppm, PPM),
+        "temperature_scale": (table.scale_temperature_ppm_per_k, PPM),
+    }
     count = len(axes_deg)
-    columns = zip(
-        bias,
-        each(table.scale_error_ppm, count),
-        each(table.asymmetric_scale_error_ppm, count),
-        each(table.installation_u_arcsec, count),
-        each(table.installation_v_arcsec, count),
-        white_noise,
-        strict=True,
-    )
+    values = {name: _per_sensor(value, count, unit) for name, (value, unit) in columns.items()}
     return hardware.SensorSet(
         axes=tuple((math.radians(alpha), math.radians(beta)) for alpha, beta in axes_deg),
         errors=tuple(
-            hardware.SensorErrors(
-                bias=b,
-                scale_error=scale * PPM,
-                asymmetric_scale_error=asymmetric * PPM,
-                delta_u=u * ARCSEC,
-                delta_v=v * ARCSEC,
-                white_noise=noise,
-            )
-            for b, scale, asymmetric, u, v, noise in columns
+            hardware.SensorErrors(**{name: column[k] for name, column in values.items()})
+            for k in range(count)
         ),
-        measuring_range=measuring_range,
+        bandwidth_hz=table.bandwidth_hz,
+        latency_s=table.latency_ms * 1e-3,
+        **common,
+    )
+
+
+def _gyros(axes_deg: AxesDeg, gyros: Gyros) -> hardware.SensorSet:
+    own: dict[str, tuple[PerSensor, float]] = {
+        "bias": (gyros.bias_dph, DPH),
+        "bias_repeatability": (gyros.bias_repeatability_dph, DPH),
+        "bias_instability": (gyros.bias_instability_dph, DPH),
+        "temperature_bias": (gyros.bias_temperature_dph_per_k, DPH),
+        "white_noise": (gyros.angle_random_walk_deg_per_sqrt_h, DEG_PER_SQRT_H),
+        "rate_random_walk": (gyros.rate_random_walk_dph_per_sqrt_h, DPH / SQRT_H),
+        "force_coefficient": (gyros.g_sensitivity_dph_per_g, DPH / STANDARD_GRAVITY),
+        "dead_zone": (gyros.dead_zone_dph, DPH),
+    }
+    return _sensor_set(
+        axes_deg,
+        gyros,
+        own,
+        measuring_range=math.radians(gyros.range_dps),
+        resolution=gyros.resolution_arcsec * ARCSEC,
+    )
+
+
+def _accelerometers(axes_deg: AxesDeg, accelerometers: Accelerometers) -> hardware.SensorSet:
+    own: dict[str, tuple[PerSensor, float]] = {
+        "bias": (accelerometers.bias_ug, UG),
+        "bias_repeatability": (accelerometers.bias_repeatability_ug, UG),
+        "bias_instability": (accelerometers.bias_instability_ug, UG),
+        "temperature_bias": (accelerometers.bias_temperature_ug_per_k, UG),
+        "white_noise": (accelerometers.white_noise_ug_per_sqrt_hz, UG),
+        "rate_random_walk": (accelerometers.random_walk_ug_per_sqrt_h, UG / SQRT_H),
+        "dead_zone": (accelerometers.dead_zone_ug, UG),
+    }
+    return _sensor_set(
+        axes_deg,
+        accelerometers,
+        own,
+        measuring_range=accelerometers.range_g * STANDARD_GRAVITY,
+        resolution=accelerometers.resolution_um_per_s * 1e-6,
+    )
+
+
+def _drive(axis: Axis) -> hardware.Drive:
+    return hardware.Drive(
+        rate_limit_dps=axis.rate_limit_dps,
+        acceleration_limit_dps2=axis.acceleration_limit_dps2,
+        encoder_step_deg=360 / 2**axis.encoder_bits,
+        jerk_limit_dps3=axis.jerk_limit_dps3,
+        encoder_offset_deg=axis.encoder_offset_deg,
+        ripple_deg=axis.ripple_arcsec / 3600,
+        ripple_per_turn=axis.ripple_per_turn,
+        stiction_deg=axis.stiction_arcsec / 3600,
+        run_out_m=axis.run_out_um * 1e-6,
+    )
+
+
+@functools.lru_cache(maxsize=4)
+def trajectory_of(scenario: Scenario) -> Trajectory | None:
+    """Return the motion of a scenario; None where the vehicle rests.
+
+    Raises
+    ------
+    MotionError
+        When a recording cannot be used.
+    """
+    return build(scenario.motion, scenario.site, scenario.body, scenario.period_ns, Path())
+
+
+def _motion(scenario: Scenario) -> hardware.Motion | None:
+    trajectory = trajectory_of(scenario)
+    if trajectory is None:
+        return None
+    return hardware.Motion(
+        pieces=trajectory.pieces,
+        piece_epochs=trajectory.knot_ns // scenario.period_ns,
+        start_epoch=scenario.navigation_epoch,
+        loop_from=trajectory.loop_from,
+    )
+
+
+@dataclass(frozen=True)
+class Pose:
+    """Where the vehicle stands before it moves, in degrees and m."""
+
+    latitude_deg: float
+    longitude_deg: float
+    height_m: float
+    roll_deg: float
+    pitch_deg: float
+    heading_deg: float
+
+
+def first_pose(scenario: Scenario) -> Pose:
+    """Return where the vehicle stands at the beginning."""
+    trajectory = trajectory_of(scenario)
+    if trajectory is None:
+        return Pose(**scenario.site.model_dump(), **scenario.body.model_dump())
+    first = trajectory.at(np.zeros(1))[0]
+    latitude, longitude, height = first[PLACE]
+    roll, pitch, heading = first[ATTITUDE]
+    return Pose(
+        latitude_deg=math.degrees(latitude),
+        longitude_deg=math.degrees(longitude),
+        height_m=float(height),
+        roll_deg=math.degrees(roll),
+        pitch_deg=math.degrees(pitch),
+        heading_deg=math.degrees(heading),
     )
 
 
 def hardware_settings(scenario: Scenario) -> hardware.Settings:
-    """Return what the hardware is set up with, the operator's requests and the end included."""
-    gyros, accelerometers = scenario.gyros, scenario.accelerometers
-    gyro_axes, accelerometer_axes = scenario.rimu.gyros, scenario.rimu.accelerometers
-    per_sqrt_h = math.radians(1) / 60  # °/√h in rad/√s
-    drives = [
-        hardware.Drive(
-            rate_limit_dps=axis.rate_limit_dps,
-            acceleration_limit_dps2=axis.acceleration_limit_dps2,
-            encoder_step_deg=360 / 2**axis.encoder_bits,
-        )
-        for axis in (scenario.turntable.inner, scenario.turntable.outer)
-    ]
+    """Return what the hardware is set up with, the operator's requests and the end included.
+
+    Raises
+    ------
+    MotionError
+        When a recorded motion cannot be used.
+    """
     requests = [
         (round(r.at_s * scenario.rate_hz), int(ModeRequest[r.request])) for r in scenario.requests
     ]
+    altimeter, table, thermal = scenario.altimeter, scenario.turntable, scenario.thermal
     return hardware.Settings(
         rate_hz=scenario.rate_hz,
         seed=scenario.seed,
-        latitude_deg=scenario.site.latitude_deg,
-        longitude_deg=scenario.site.longitude_deg,
-        height_m=scenario.site.height_m,
-        roll_deg=scenario.body.roll_deg,
-        pitch_deg=scenario.body.pitch_deg,
-        heading_deg=scenario.body.heading_deg,
-        gyros=_sensor_set(
-            gyro_axes,
-            gyros,
-            tuple(b * DPH for b in each(gyros.bias_dph, len(gyro_axes))),
-            tuple(
-                n * per_sqrt_h for n in each(gyros.angle_random_walk_deg_per_sqrt_h, len(gyro_axes))
-            ),
-            math.radians(gyros.range_dps),
-        ),
-        accelerometers=_sensor_set(
-            accelerometer_axes,
-            accelerometers,
-            tuple(b * UG for b in each(accelerometers.bias_ug, len(accelerometer_axes))),
-            tuple(
-                n * UG
-                for n in each(accelerometers.white_noise_ug_per_sqrt_hz, len(accelerometer_axes))
-            ),
-            accelerometers.range_g * STANDARD_GRAVITY,
-        ),
-        inner=drives[0],
-        outer=drives[1],
+        **asdict(first_pose(scenario)),
+        gyros=_gyros(scenario.rimu.gyros, scenario.gyros),
+        accelerometers=_accelerometers(scenario.rimu.accelerometers, scenario.accelerometers),
+        inner=_drive(table.inner),
+        outer=_drive(table.outer),
         requests=(*requests, (scenario.epochs, int(ModeRequest.SHUTDOWN))),
+        table=hardware.Table(
+            tilt=table.non_orthogonality_arcsec * ARCSEC,
+            wobble=table.wobble_arcsec * ARCSEC,
+            wobble_per_turn=table.wobble_per_turn,
+        ),
+        thermal=hardware.Thermal(
+            thermal.ambient_offset_k, thermal.warm_up_k, thermal.time_constant_s
+        ),
+        altimeter=(
+            None if altimeter is None else hardware.Altimeter(altimeter.bias_m, altimeter.noise_m)
+        ),
+        motion=_motion(scenario),
+        faults=tuple(
+            fault.planned(scenario.rate_hz)
+            for fault in scenario.faults
+            if not isinstance(fault, FaultOnWire)
+        ),
     )

@@ -14,11 +14,13 @@ import click
 from rich.console import Console
 
 from host_tools import sides
-from host_tools.direct import run_direct
+from host_tools.direct import run_direct, run_without_frames
 from host_tools.display import RunDisplay
 from host_tools.errors import FirmwareFaultError, RehearsalError
+from host_tools.fast import FastRun
 from host_tools.faults import FaultAction
 from host_tools.injection import active_faults, fault_command, send_command
+from host_tools.outfit import firmware_settings, hardware_settings, scenario_wire
 from host_tools.port import Address
 from host_tools.recorder import RecordError, check_path
 from host_tools.rehearsal import Interrupted, Rehearsal, default_address
@@ -172,22 +174,38 @@ def rehearse(plan: Plan, out: Path | None, record: Path | None, as_json: bool) -
     _finish(summary, errors, folder, scenario.title or plan.name, as_json, outcome.failure)
 
 
-def simulate(name: str, scenario: Scenario, out: Path | None, as_json: bool) -> None:
-    """Do `rrins simulate`."""
+def simulate(
+    name: str, scenario: Scenario, out: Path | None, as_json: bool, frames: bool = False
+) -> None:
+    """Do `rrins simulate`: without frames where neither faults nor the user need them."""
     folder = _folder(out, name)
     stop = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stop.set())
     with RunDisplay(scenario, Console(stderr=True), quiet=as_json) as display:
         display.report({"kind": "preparing", "side": "firmware"})
-        sides.prepare_firmware(scenario)
-        sides.prepare_hardware(scenario)
+        needs_frames = frames or scenario_wire(scenario) is not None
+        if needs_frames:
+            sides.prepare_firmware(scenario)
+            sides.prepare_hardware(scenario)
+        else:
+            FastRun.of(firmware_settings(scenario), hardware_settings(scenario)).run(2)
         display.report({"kind": "started", "side": "hardware"})
-        firmware, hardware, wall_s = run_direct(scenario, folder, display.progress, stop.is_set)
+        run = run_direct if needs_frames else run_without_frames
+        firmware, hardware, wall_s = run(scenario, folder, display.progress, stop.is_set)
     failure = Interrupted("stopped by the user") if stop.is_set() else None
     errors = collect(folder, scenario.rate_hz)
     stopped = None if failure is None else str(failure)
-    summary = summarise(name, scenario, "direct", wall_s, firmware, hardware, errors, stopped)
+    summary = summarise(
+        name,
+        scenario,
+        "direct" if needs_frames else "fast",
+        wall_s,
+        firmware,
+        hardware,
+        errors,
+        stopped,
+    )
     _finish(summary, errors, folder, scenario.title or name, as_json, failure)
 
 

@@ -1,7 +1,7 @@
 """A scenario: one TOML file that says what is rehearsed, for both sides.
 
-`Scenario` is the file as a person writes it, checked; `host_tools.outfit` makes of it what each
-side is set up with.
+`Scenario` is the file as a person writes it, checked; its tables are in `host_tools.tables`.
+`host_tools.outfit` makes of it what each side is set up with.
 """
 
 from __future__ import annotations
@@ -12,231 +12,36 @@ from importlib import resources
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import Field, TypeAdapter, ValidationError, model_validator
 
 import firmware_py.settings
-from dbc.codec import load as load_codec
-from dbc.contract import SENSOR_GROUPS
+from host_tools import presets
 from host_tools.errors import ScenarioError
-from host_tools.faults import ANY_IDENTIFIER, Fault, FaultKind, Node
-from host_tools.geometry import GEOMETRIES, AxesDeg
+from host_tools.fault_tables import AnyFault, FaultOfAxis, FaultOfSensor, FaultOnWire
+from host_tools.motion.settings import Motion
 from host_tools.schemes import SCHEMES
-
-PerSensor = float | tuple[float, ...]
-"""One number for all sensors, or one for each."""
-
-_Density = Annotated[float, Field(ge=0)]
-_NoisePerSensor = _Density | tuple[_Density, ...]
+from host_tools.tables import (
+    Accelerometers,
+    Altimeter,
+    Body,
+    Bus,
+    Firmware,
+    Gyros,
+    OperatorRequest,
+    Paper,
+    PerSensor,
+    Rimu,
+    Site,
+    Table,
+    Thermal,
+    Turntable,
+    each,
+)
 
 _NAVIGATE = {"strapdown": "NAVIGATE_STRAPDOWN", "rotating": "NAVIGATE_ROTATING"}
 
 
-class _Table(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
-
-
-class Site(_Table):
-    """Where the vehicle stands, on WGS-84."""
-
-    latitude_deg: float = Field(default=40.3554, ge=-89.9, le=89.9)
-    longitude_deg: float = Field(default=116.668, ge=-180, le=180)
-    height_m: float = Field(default=40.0, ge=-1000, le=100_000)
-
-
-class Body(_Table):
-    """The vehicle's attitude."""
-
-    roll_deg: float = Field(default=0.0, ge=-180, le=180)
-    pitch_deg: float = Field(default=0.0, ge=-90, le=90)
-    heading_deg: float = Field(default=0.0, ge=-360, le=360)
-
-
-class Rimu(_Table):
-    """Design directions of the input axes: a built-in geometry, or angles for each kind."""
-
-    geometry: Literal["tetrahedron", "orthogonal", "custom"] = "tetrahedron"
-    gyro_axes_deg: tuple[tuple[float, float], ...] | None = None
-    accelerometer_axes_deg: tuple[tuple[float, float], ...] | None = None
-
-    @model_validator(mode="after")
-    def _consistent(self) -> Rimu:
-        given = (self.gyro_axes_deg, self.accelerometer_axes_deg)
-        if self.geometry != "custom":
-            if given != (None, None):
-                raise ValueError('axes are for geometry = "custom" only')
-            return self
-        for name, axes in zip(("gyro_axes_deg", "accelerometer_axes_deg"), given, strict=True):
-            if axes is None:
-                raise ValueError(f'geometry = "custom" needs {name}')
-            if not 3 <= len(axes) <= SENSOR_GROUPS:
-                raise ValueError(f"{name}: {len(axes)} sensors, can be 3 to {SENSOR_GROUPS}")
-            if not _spans_space(axes):
-                raise ValueError(f"{name}: the axes lie in one plane")
-        return self
-
-    @property
-    def gyros(self) -> AxesDeg:
-        """Design directions of the gyros."""
-        return self.gyro_axes_deg or GEOMETRIES[self.geometry]
-
-    @property
-    def accelerometers(self) -> AxesDeg:
-        """Design directions of the accelerometers."""
-        return self.accelerometer_axes_deg or GEOMETRIES[self.geometry]
-
-
-class _Sensors(_Table):
-    """Errors that both kinds of sensors have."""
-
-    scale_error_ppm: PerSensor = 0.0
-    asymmetric_scale_error_ppm: PerSensor = 0.0
-    installation_u_arcsec: PerSensor = 0.0
-    installation_v_arcsec: PerSensor = 0.0
-
-
-class Gyros(_Sensors):
-    """Errors of the gyros. Paper, (16)."""
-
-    bias_dph: PerSensor = 0.0
-    angle_random_walk_deg_per_sqrt_h: _NoisePerSensor = 0.0
-    range_dps: float = Field(default=300.0, gt=0)
-
-
-class Accelerometers(_Sensors):
-    """Errors of the accelerometers. Paper, (17)."""
-
-    bias_ug: PerSensor = 0.0
-    white_noise_ug_per_sqrt_hz: _NoisePerSensor = 0.0
-    range_g: float = Field(default=20.0, gt=0)
-
-
-class Axis(_Table):
-    """Limits and encoder of one axis of the turntable."""
-
-    rate_limit_dps: float = Field(default=30.0, gt=0, le=60)
-    acceleration_limit_dps2: float = Field(default=10.0, gt=0, le=10_000)
-    encoder_bits: int = Field(default=24, ge=8, le=26)
-    """Bits of a whole turn."""
-
-
-class Turntable(_Table):
-    """The two axes."""
-
-    inner: Axis = Axis()
-    outer: Axis = Axis()
-
-
-class Firmware(_Table):
-    """Settings of the navigation computer."""
-
-    initial_attitude: Literal["given", "self-aligned"] = "given"
-    alignment_s: float = Field(default=2.0, gt=0, le=86_400)
-    height_channel: Literal["held", "damped", "free"] = "held"
-    scheme: Literal["16-position", "8-position"] | tuple[firmware_py.settings.Turn, ...] = (
-        "16-position"
-    )
-    turn_rate_dps: float = Field(default=2.0, gt=0, le=60)
-    stand_s: float = Field(default=10.0, ge=0, le=86_400)
-    gyro_weights: PerSensor = 1.0
-    accelerometer_weights: PerSensor = 1.0
-    clock_error_ppm: float = Field(default=0.0, ge=-1000, le=1000)
-    bridge_s: float = Field(default=0.1, ge=0, le=10)
-    follow_tolerance_deg: float = Field(default=5.0, gt=0, le=180)
-    axis_silence_s: float = Field(default=1.0, gt=0, le=60)
-
-
-class OperatorRequest(_Table):
-    """A mode that the operator asks for at a time after the hardware's power-on."""
-
-    at_s: float = Field(ge=0)
-    request: Literal["STANDBY", "ALIGN", "NAVIGATE_STRAPDOWN", "NAVIGATE_ROTATING"]
-
-
-class Bus(_Table):
-    """The wire between the two sides."""
-
-    bitrate: Literal[125_000, 250_000, 500_000, 1_000_000] | None = None
-    """bit/s, to model the wire's timing; without it the wire is ideal and takes no time."""
-
-
-class FaultOnWire(_Table):
-    """A fault on the wire, from a time after the hardware's power-on."""
-
-    kind: Literal[
-        "drop",
-        "delay",
-        "duplicate",
-        "reorder",
-        "corrupt_wire",
-        "corrupt",
-        "wrong_counter",
-        "babble",
-        "silence",
-        "bus_off",
-        "cut",
-    ]
-    message: str | None = None
-    """Name of the message that is meant; without it all of the node."""
-    node: Literal["any", "firmware", "hardware"] = "any"
-    at_s: float = Field(default=0.0, ge=0)
-    for_s: float | None = Field(default=None, gt=0)
-    """How long; without it, to the end."""
-    probability: float = Field(default=1.0, gt=0, le=1)
-    delay_s: float = Field(default=0.01, gt=0, le=60)
-    frames_per_epoch: int = Field(default=20, ge=1, le=200)
-    bit: int | None = Field(default=None, ge=0, le=63)
-
-    @model_validator(mode="after")
-    def _known(self) -> FaultOnWire:
-        if self.message is not None and self.message not in _message_names():
-            near = difflib.get_close_matches(self.message, _message_names(), 1)
-            hint = f", did you mean {near[0]}?" if near else ""
-            raise ValueError(f"message: the DBC has no {self.message}{hint}")
-        return self
-
-    def fault(self, rate_hz: int) -> Fault:
-        """Return the fault, its times in epochs."""
-        first = round(self.at_s * rate_hz)
-        kind = FaultKind[self.kind.upper()]
-        parameter = {
-            FaultKind.DELAY: max(1, round(self.delay_s * rate_hz)),
-            FaultKind.BABBLE: self.frames_per_epoch,
-            FaultKind.CORRUPT: 0 if self.bit is None else self.bit + 1,
-        }.get(kind, 0)
-        return Fault(
-            kind=kind,
-            node=Node[self.node.upper()],
-            identifier=(
-                ANY_IDENTIFIER if self.message is None else load_codec().frame_id(self.message)
-            ),
-            first_epoch=first,
-            last_epoch=-1 if self.for_s is None else first + round(self.for_s * rate_hz) - 1,
-            probability=self.probability,
-            parameter=parameter,
-        )
-
-
-def _message_names() -> list[str]:
-    return [message.name for message in load_codec().database.messages]
-
-
-class EastNorth(_Table):
-    """A pair of figures."""
-
-    east: float
-    north: float
-
-
-class Paper(_Table):
-    """What the paper reports for the same run, to stand beside ours."""
-
-    source: str = ""
-    duration_s: float | None = None
-    max_abs_position_error_m: EastNorth | None = None
-    max_abs_velocity_error_mps: EastNorth | None = None
-
-
-class Scenario(_Table):
+class Scenario(Table):
     """A rehearsal, whole."""
 
     title: str = ""
@@ -250,14 +55,36 @@ class Scenario(_Table):
     site: Site = Site()
     body: Body = Body()
     rimu: Rimu = Rimu()
+    sensors: str | None = None
+    """Preset that the keys of `gyros` and `accelerometers` are changes to."""
     gyros: Gyros = Gyros()
     accelerometers: Accelerometers = Accelerometers()
+    thermal: Thermal = Thermal()
+    altimeter: Altimeter | None = None
     turntable: Turntable = Turntable()
+    motion: Motion = Motion()
     firmware: Firmware = Firmware()
     operator: tuple[OperatorRequest, ...] = Field(default=(), max_length=30)
     paper: Paper | None = None
     bus: Bus = Bus()
-    faults: tuple[FaultOnWire, ...] = Field(default=(), max_length=100)
+    faults: tuple[AnyFault, ...] = Field(default=(), max_length=100)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _with_preset(cls, data: Any) -> Any:
+        """Put the preset's values where the scenario has none of its own."""
+        if not isinstance(data, dict) or data.get("sensors") is None:
+            return data
+        name = data["sensors"]
+        if name not in presets.names():
+            known = ", ".join(presets.names())
+            raise ValueError(f"sensors: there is no preset {name!r}; there are {known}")
+        merged = dict(data)
+        for table, values in presets.tables_of(name).items():
+            own = merged.get(table, {})
+            if isinstance(own, dict):
+                merged[table] = values | own
+        return merged
 
     @model_validator(mode="after")
     def _consistent(self) -> Scenario:
@@ -269,17 +96,26 @@ class Scenario(_Table):
         ):
             for key, value in table.model_dump().items():
                 _check_count(f"{kind}.{key}", value, count)
+        if self.altimeter is not None and self.firmware.height_channel != "damped":
+            raise ValueError('altimeter: is used with firmware.height_channel = "damped" only')
+        moves = self.motion.kind in ("drive", "file")
+        if moves and self.firmware.height_channel == "held":
+            raise ValueError(
+                'firmware.height_channel: "held" is for a vehicle that keeps its height; a '
+                f'motion.kind = "{self.motion.kind}" needs "damped" with an [altimeter], or "free"'
+            )
         _check_weights("gyro_weights", self.firmware.gyro_weights, len(self.rimu.gyros))
         _check_weights(
             "accelerometer_weights",
             self.firmware.accelerometer_weights,
             len(self.rimu.accelerometers),
         )
-        settle_s = self.firmware.turn_rate_dps / self.axis_acceleration_dps2
+        settle_s = self.settle_s
         if self.mode == "rotating" and self.firmware.stand_s < settle_s:
             raise ValueError(
                 f"firmware.stand_s: {self.firmware.stand_s:g} s, but an axis comes to rest "
-                f"{settle_s:.3g} s after a turn without ramps would (turn rate / acceleration)"
+                f"{settle_s:.3g} s after a turn without ramps would (turn rate / acceleration, "
+                "acceleration / jerk)"
             )
         for name, axis in (("inner", self.turntable.inner), ("outer", self.turntable.outer)):
             if self.mode == "rotating" and axis.rate_limit_dps < self.firmware.turn_rate_dps:
@@ -314,6 +150,22 @@ class Scenario(_Table):
         return min(table.inner.acceleration_limit_dps2, table.outer.acceleration_limit_dps2)
 
     @property
+    def settle_s(self) -> float:
+        """How much longer a turn takes than at the full rate from beginning to end."""
+        ramp_s = self.firmware.turn_rate_dps / self.axis_acceleration_dps2
+        axes = (self.turntable.inner, self.turntable.outer)
+        rises_s = [a.acceleration_limit_dps2 / a.jerk_limit_dps3 for a in axes if a.jerk_limit_dps3]
+        return ramp_s + max(rises_s, default=0.0)
+
+    @property
+    def navigation_epoch(self) -> int:
+        """The epoch in which navigation begins when nothing goes wrong."""
+        asked = self.first_navigation_s if self.operator else self.navigate_at_s
+        assert asked is not None
+        ready = max(round(asked * self.rate_hz), self.rate_hz)
+        return ready + max(1, round(self.firmware.alignment_s * self.rate_hz))
+
+    @property
     def requests(self) -> tuple[OperatorRequest, ...]:
         """What the operator asks for, in order of time."""
         if self.operator:
@@ -330,33 +182,12 @@ class Scenario(_Table):
     @property
     def epochs(self) -> int:
         """Epochs from power-on to the end: self-test, alignment, `duration_s` of navigation."""
-        asked = self.first_navigation_s if self.operator else self.navigate_at_s
-        assert asked is not None
-        return (
-            max(round(asked * self.rate_hz), self.rate_hz)
-            + max(1, round(self.firmware.alignment_s * self.rate_hz))
-            + round(self.duration_s * self.rate_hz)
-            + 1
-        )
+        return self.navigation_epoch + round(self.duration_s * self.rate_hz) + 1
 
     @property
     def period_ns(self) -> int:
         """Sampling period."""
         return 1_000_000_000 // self.rate_hz
-
-
-def _spans_space(axes_deg: AxesDeg) -> bool:
-    H = firmware_py.settings.input_axes(axes_deg)
-    normal = H.T @ H
-    return bool(abs(_determinant(normal)) > 1e-3)
-
-
-def _determinant(m: Any) -> float:
-    return float(
-        m[0, 0] * (m[1, 1] * m[2, 2] - m[1, 2] * m[2, 1])
-        - m[0, 1] * (m[1, 0] * m[2, 2] - m[1, 2] * m[2, 0])
-        + m[0, 2] * (m[1, 0] * m[2, 1] - m[1, 1] * m[2, 0])
-    )
 
 
 def _check_count(where: str, value: Any, count: int) -> None:
@@ -368,11 +199,6 @@ def _check_weights(key: str, value: PerSensor, count: int) -> None:
     _check_count(f"firmware.{key}", value, count)
     if any(weight <= 0 for weight in each(value, count)):
         raise ValueError(f"firmware.{key}: a weight must be above 0")
-
-
-def each(value: PerSensor, count: int) -> tuple[float, ...]:
-    """Return a value for each of `count` sensors."""
-    return value if isinstance(value, tuple) else (value,) * count
 
 
 def names() -> list[str]:
@@ -425,13 +251,25 @@ def load(name: str, **overrides: Any) -> Scenario:
     except RecursionError as error:
         raise ScenarioError(f"scenario {name}: nested too deeply") from error
     table.update({key: value for key, value in overrides.items() if value is not None})
+    _find_files(table, Path(name).parent)
     try:
         return Scenario.model_validate(table)
     except ValidationError as error:
         raise ScenarioError(f"scenario {name}: {_first_line(error)}") from error
 
 
-def fault_of(values: dict[str, Any]) -> FaultOnWire:
+def _find_files(table: dict[str, Any], folder: Path) -> None:
+    """Make the files that a scenario names relative to the folder that it stands in."""
+    for section, key in (("firmware", "calibration"), ("motion", "path")):
+        values = table.get(section)
+        if isinstance(values, dict) and isinstance(values.get(key), str):
+            table[section] = values | {key: str(folder / values[key])}
+
+
+_ANY_FAULT: TypeAdapter[FaultOnWire | FaultOfAxis | FaultOfSensor] = TypeAdapter(AnyFault)
+
+
+def fault_of(values: dict[str, Any]) -> FaultOnWire | FaultOfAxis | FaultOfSensor:
     """Return a fault from the keys that a scenario's `[[faults]]` has.
 
     Raises
@@ -440,7 +278,7 @@ def fault_of(values: dict[str, Any]) -> FaultOnWire:
         One line: which key, what is wrong.
     """
     try:
-        return FaultOnWire.model_validate(values)
+        return _ANY_FAULT.validate_python(values)
     except ValidationError as error:
         raise ScenarioError(f"fault: {_first_line(error)}") from error
 
@@ -462,6 +300,14 @@ def _first_line(error: ValidationError) -> str:
     elif first["type"] == "value_error":
         message = str(first["ctx"]["error"])
         text = f"{where}: {message}" if where else message
+    elif first["type"] == "union_tag_invalid":
+        tag = first["ctx"]["tag"]
+        known = [name.strip(" '") for name in first["ctx"]["expected_tags"].split(",")]
+        near = difflib.get_close_matches(tag, known, 1)
+        hint = f", did you mean {near[0]}?" if near else f"; there are {', '.join(known)}"
+        text = f"{where}: kind: there is no fault {tag!r}{hint}".removeprefix(": ")
+    elif first["type"] == "union_tag_not_found":
+        text = f"{where}: kind: is missing".removeprefix(": ")
     elif first["type"] == "missing":
         text = f"{where}: is missing"
     else:

@@ -78,7 +78,12 @@ def steps(scenario: Scenario, samples: int) -> Steps:
         arrival_ns[0] = epoch * firmware.period_ns
         begin = clock()
         up = hardware_step(
-            hardware.plant, hardware.contract, firmware.outbox, down, hardware.outbox
+            hardware.plant,
+            hardware.pieces,
+            hardware.contract,
+            firmware.outbox,
+            down,
+            hardware.outbox,
         )
         middle = clock()
         down = firmware_step(

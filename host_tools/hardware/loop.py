@@ -12,7 +12,7 @@ from typing import Protocol
 
 from dbc.contract import load_contract
 from dbc.frame import FrameArray, frame_array
-from host_tools.hardware.settings import Settings, power_on
+from host_tools.hardware.settings import Settings, pieces_of, power_on
 from host_tools.hardware.step import OUTBOX_CAPACITY, hardware_step
 
 INBOX_CAPACITY = 4096
@@ -60,6 +60,8 @@ class Hardware:
     Attributes
     ----------
     plant : array of one record of dtype `host_tools.hardware.memory.PLANT`
+    pieces : array, shape (n, 15, 8)
+        The vehicle's motion.
     inbox, outbox : arrays of dtype `dbc.frame.FRAME`
     """
 
@@ -67,6 +69,7 @@ class Hardware:
         self.wire = wire
         self.contract = load_contract()
         self.plant = power_on(settings)
+        self.pieces = pieces_of(settings)
         self.inbox = frame_array(INBOX_CAPACITY)
         self.outbox = frame_array(OUTBOX_CAPACITY)
         self.period_ns = int(self.plant[0]["period_ns"])
@@ -75,7 +78,7 @@ class Hardware:
 
     def step(self, inbox: FrameArray, count: int) -> int:
         """Run one epoch on the first `count` frames; return those put into `outbox`."""
-        sent: int = hardware_step(self.plant, self.contract, inbox, count, self.outbox)
+        sent: int = hardware_step(self.plant, self.pieces, self.contract, inbox, count, self.outbox)
         return sent
 
     def open_epoch(self, epoch: int, frames: FrameArray, count: int) -> tuple[FrameArray, int]:

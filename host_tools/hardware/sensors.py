@@ -1,7 +1,9 @@
-"""From true increments to counts: errors of (16), (17), range, quantisation.
+"""From true increments to counts: bandwidth, latency, errors of (16), (17), range, quantisation.
 
-``N = [1 + λ + μ sign(h' x)] h' x + b + η`` per sensor, on increments; then the sensor's range;
-then whole counts of the frame's unit, what is left over carried into the next epoch.
+Per sensor, on increments: the input along the true axis h'; first-order low pass and latency; dead
+zone; ``N = [1 + λ + μ sign(x)] x + b + η``, where b holds all that drifts, and for gyros what the
+specific force along the axis adds; the sensor's range; its own resolution; then whole counts of
+the frame's unit. What is left over of a count is carried into the next epoch.
 """
 
 from __future__ import annotations
@@ -13,6 +15,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from host_tools.hardware.memory import FLICKER_POLES, LATENCY_CAPACITY
 from host_tools.hardware.noise import normal
 
 
@@ -43,7 +46,48 @@ def installed_axis(
 
 
 @njit(cache=True)
-def measure(sensors: Any, true_s: Any, unit: float, largest: int) -> None:
+def _lagged(sensors: Any, k: int, x: float) -> float:
+    """Return what has passed bandwidth and latency of the input `x` so far."""
+    x += sensors.lag_share * (sensors.lag_state[k] - x)
+    sensors.lag_state[k] = x
+    if sensors.latency_epochs == 0 and sensors.latency_fraction == 0.0:
+        return x
+    sensors.history[k, sensors.history_at] = x
+    newer = (sensors.history_at - sensors.latency_epochs) % LATENCY_CAPACITY
+    older = (newer - 1) % LATENCY_CAPACITY
+    share = sensors.latency_fraction
+    return (1.0 - share) * sensors.history[k, newer] + share * sensors.history[k, older]
+
+
+@njit(cache=True)
+def _analog(sensors: Any, k: int, x: float, force: float) -> float:
+    """Return what sensor `k` makes of the input `x`, before its range. Paper, (16), (17)."""
+    if abs(x) < sensors.dead_increment[k]:
+        x = 0.0
+    scale = 1.0 + sensors.scale_error[k]
+    if x > 0.0:
+        scale += sensors.asymmetric_scale_error[k]
+    elif x < 0.0:
+        scale -= sensors.asymmetric_scale_error[k]
+    measured = scale * x + sensors.bias_increment[k] + sensors.fault_bias_increment[k]
+    measured += sensors.force_coefficient[k] * force
+    noise = sensors.noise_increment[k] + sensors.fault_noise_increment[k]
+    if noise > 0.0:
+        measured += noise * normal(sensors, k)
+    return measured
+
+
+@njit(cache=True)
+def _resolved(sensors: Any, k: int, measured: float) -> float:
+    """Return whole steps of the sensor's own resolution; the rest is carried."""
+    wanted = sensors.resolution_remainder[k] + measured / sensors.resolution_increment
+    steps = np.rint(wanted)
+    sensors.resolution_remainder[k] = wanted - steps
+    return steps * sensors.resolution_increment
+
+
+@njit(cache=True)
+def measure(sensors: Any, true_s: Any, dv_s: Any, unit: float, largest: int) -> None:
     """Turn a true increment in the sensor frame into the counts of all sensors of a kind.
 
     Parameters
@@ -52,27 +96,28 @@ def measure(sensors: Any, true_s: Any, unit: float, largest: int) -> None:
         `counts` and `saturated` are the result.
     true_s : array, shape (3,)
         rad or m/s.
+    dv_s : array, shape (3,)
+        m/s, for the sensitivity of gyros to specific force.
     unit : float
         Increment of one count.
     largest : int
         Largest count that the frame carries, either way.
     """
     sensors.saturated = 0
+    lags = sensors.lag_share > 0.0 or sensors.latency_epochs > 0 or sensors.latency_fraction > 0.0
     for k in range(sensors.count):
         axis = sensors.axis[k]
         x = axis[0] * true_s[0] + axis[1] * true_s[1] + axis[2] * true_s[2]
-        scale = 1.0 + sensors.scale_error[k]
-        if x > 0.0:
-            scale += sensors.asymmetric_scale_error[k]
-        elif x < 0.0:
-            scale -= sensors.asymmetric_scale_error[k]
-        measured = scale * x + sensors.bias_increment[k]
-        if sensors.noise_increment[k] > 0.0:
-            measured += sensors.noise_increment[k] * normal(sensors, k)
+        force = axis[0] * dv_s[0] + axis[1] * dv_s[1] + axis[2] * dv_s[2]
+        if lags:
+            x = _lagged(sensors, k, x)
+        measured = _analog(sensors, k, x, force)
         limit = sensors.range_increment
         if abs(measured) > limit:
             sensors.saturated |= 1 << k
             measured = limit if measured > 0.0 else -limit
+        if sensors.resolution_increment > 0.0:
+            measured = _resolved(sensors, k, measured)
         wanted = sensors.remainder[k] + measured / unit
         count = int(np.rint(wanted))
         if abs(count) > largest:
@@ -80,4 +125,33 @@ def measure(sensors: Any, true_s: Any, unit: float, largest: int) -> None:
             count = largest if count > 0 else -largest
             wanted = float(count)
         sensors.remainder[k] = wanted - count
-        sensors.counts[k] = count
+        if sensors.stuck >> k & 1 == 0:
+            sensors.counts[k] = count
+    if lags:
+        sensors.history_at = (sensors.history_at + 1) % LATENCY_CAPACITY
+
+
+@njit(cache=True)
+def drift(sensors: Any, warmer: float) -> None:
+    """Bring what drifts up to date: bias instability, rate random walk, temperature.
+
+    Parameters
+    ----------
+    sensors : record of dtype `host_tools.hardware.memory.SENSORS`
+    warmer : float
+        K, above the temperature of calibration.
+    """
+    for k in range(sensors.count):
+        bias = sensors.constant_bias_increment[k] + warmer * sensors.temperature_bias_increment[k]
+        for p in range(FLICKER_POLES):
+            if sensors.flicker_drive[k, p] > 0.0:
+                sensors.flicker_state[k, p] *= sensors.flicker_decay[p]
+                sensors.flicker_state[k, p] += sensors.flicker_drive[k, p] * normal(sensors, k)
+                bias += sensors.flicker_state[k, p]
+        if sensors.walk_drive[k] > 0.0:
+            sensors.walk_state[k] += sensors.walk_drive[k] * normal(sensors, k)
+            bias += sensors.walk_state[k]
+        sensors.bias_increment[k] = bias
+        sensors.scale_error[k] = (
+            sensors.constant_scale_error[k] + warmer * sensors.temperature_scale[k]
+        )

@@ -9,8 +9,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from host_tools.hardware import earth
-from host_tools.hardware.memory import INNER, OPERATOR_CAPACITY, OUTER, PLANT
+from host_tools.hardware import earth, faults
+from host_tools.hardware.faults import HardwareFault
+from host_tools.hardware.memory import (
+    FLICKER_POLES,
+    INNER,
+    LATENCY_CAPACITY,
+    MOTION_CHANNELS,
+    MOTION_TERMS,
+    OPERATOR_CAPACITY,
+    OUTER,
+    PLANT,
+)
+from host_tools.hardware.motion import take_rest
 from host_tools.hardware.sensors import installed_axis
 
 STANDARD_GRAVITY = 9.80665
@@ -20,11 +31,20 @@ DPH = math.radians(1) / 3600  # rad/s
 UG = 1e-6 * STANDARD_GRAVITY  # m/s²
 ARCSEC = math.radians(1) / 3600  # rad
 PPM = 1e-6
+DEG_PER_SQRT_H = math.radians(1) / 60  # rad/√s
+SQRT_H = 60.0  # √s
+
+DRIFT_S = 1.0
+"""How often what drifts is brought up to date."""
+
+FLICKER_SHORTEST_S = 2.0
+FLICKER_RATIO = 8.0
+"""Shortest time constant of a sensor's bias instability, and the ratio from one to the next."""
 
 
 @dataclass(frozen=True)
 class SensorErrors:
-    """Constant errors and noise of one sensor in SI units. Paper, (16), (17)."""
+    """Errors of one sensor in SI units. Paper, (16), (17), and what data sheets add."""
 
     bias: float = 0.0  # rad/s or m/s²
     scale_error: float = 0.0  # λ
@@ -32,24 +52,102 @@ class SensorErrors:
     delta_u: float = 0.0  # rad
     delta_v: float = 0.0  # rad
     white_noise: float = 0.0  # rad/√s or m/s/√s
+    bias_instability: float = 0.0  # rad/s or m/s², the coefficient B of IEEE 952
+    rate_random_walk: float = 0.0  # rad/s/√s or m/s²/√s
+    bias_repeatability: float = 0.0  # rad/s or m/s², standard deviation over power-ups
+    scale_repeatability: float = 0.0
+    temperature_bias: float = 0.0  # rad/s/K or m/s²/K
+    temperature_scale: float = 0.0  # 1/K
+    force_coefficient: float = 0.0  # rad/s per m/s²; gyros only
+    dead_zone: float = 0.0  # rad/s or m/s²
 
 
 @dataclass(frozen=True)
 class SensorSet:
-    """The sensors of one kind: design directions (α, β) in rad, errors, range in SI."""
+    """The sensors of one kind: design directions (α, β) in rad, errors, what they have in common.
+
+    In SI units; `bandwidth_hz` None for one without a limit, `resolution` (rad or m/s) 0 for one
+    as fine as the frame's.
+    """
 
     axes: tuple[tuple[float, float], ...]
     errors: tuple[SensorErrors, ...]
     measuring_range: float
+    bandwidth_hz: float | None = None
+    latency_s: float = 0.0
+    resolution: float = 0.0
 
 
 @dataclass(frozen=True)
 class Drive:
-    """Limits of one axis of the turntable and the step of its encoder."""
+    """One axis of the turntable: limits, encoder and imperfections."""
 
     rate_limit_dps: float
     acceleration_limit_dps2: float
     encoder_step_deg: float
+    jerk_limit_dps3: float | None = None
+    encoder_offset_deg: float = 0.0
+    ripple_deg: float = 0.0
+    ripple_per_turn: float = 1.0
+    stiction_deg: float = 0.0
+    run_out_m: float = 0.0
+
+
+@dataclass(frozen=True)
+class Table:
+    """How the axes lie to each other, in rad."""
+
+    tilt: float = 0.0
+    wobble: float = 0.0
+    wobble_per_turn: float = 1.0
+
+
+@dataclass(frozen=True)
+class Thermal:
+    """Temperature of the sensors above that of calibration, K, and how they warm up."""
+
+    offset: float = 0.0
+    warm_up: float = 0.0
+    time_constant_s: float = 600.0
+
+
+@dataclass(frozen=True)
+class Altimeter:
+    """The barometric altimeter, m."""
+
+    bias: float = 0.0
+    noise: float = 0.0
+
+
+@dataclass(frozen=True)
+class Motion:
+    """The vehicle's motion, see `host_tools.hardware.motion`.
+
+    Attributes
+    ----------
+    pieces : array, shape (n, 15, 8)
+    piece_epochs : int
+    start_epoch : int
+        In which the first piece begins; before, the vehicle rests as at its beginning.
+    loop_from : int or None
+        Piece to go on with after the last; None to rest.
+    """
+
+    pieces: NDArray[np.float64]
+    piece_epochs: int
+    start_epoch: int
+    loop_from: int | None = None
+
+
+@dataclass(frozen=True)
+class PlannedFault:
+    """A fault of the hardware and the epochs it lasts; `last_epoch` below 0 is to the end."""
+
+    kind: HardwareFault
+    target: int
+    first_epoch: int
+    last_epoch: int = -1
+    value: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -70,25 +168,126 @@ class Settings:
     outer: Drive
     requests: tuple[tuple[int, int], ...]
     """(epoch, `mode_request`) that the operator makes, in order of time."""
+    table: Table = Table()
+    thermal: Thermal = Thermal()
+    altimeter: Altimeter | None = None
+    motion: Motion | None = None
+    faults: tuple[PlannedFault, ...] = ()
+
+
+def _power_up_values(sensors: SensorSet, seed: np.random.SeedSequence) -> NDArray[np.float64]:
+    """Return the sensors' bias and scale factor error of this power-up, shape (m, 2)."""
+    drawn = np.random.default_rng(seed).standard_normal((len(sensors.errors), 2))
+    constant = [(e.bias, e.scale_error) for e in sensors.errors]
+    spread = [(e.bias_repeatability, e.scale_repeatability) for e in sensors.errors]
+    return np.asarray(np.array(constant) + drawn * np.array(spread))
 
 
 def _fill_sensors(record: Any, sensors: SensorSet, dt: float, seed: np.random.SeedSequence) -> None:
-    record["count"] = len(sensors.axes)
+    count = len(sensors.axes)
+    record["count"] = count
     record["range_increment"] = sensors.measuring_range * dt
-    streams = seed.generate_state(len(sensors.axes), dtype=np.uint64)
+    streams = seed.generate_state(count, dtype=np.uint64)
+    powered_up = _power_up_values(sensors, seed.spawn(1)[0])
     for k, ((alpha, beta), errors) in enumerate(zip(sensors.axes, sensors.errors, strict=True)):
+        bias, scale_error = powered_up[k]
         record["axis"][k] = installed_axis(alpha, beta, errors.delta_u, errors.delta_v)
-        record["scale_error"][k] = errors.scale_error
+        record["scale_error"][k] = record["constant_scale_error"][k] = scale_error
         record["asymmetric_scale_error"][k] = errors.asymmetric_scale_error
-        record["bias_increment"][k] = errors.bias * dt
+        record["bias_increment"][k] = record["constant_bias_increment"][k] = bias * dt
         record["noise_increment"][k] = errors.white_noise * math.sqrt(dt)
+        record["force_coefficient"][k] = errors.force_coefficient
+        record["dead_increment"][k] = errors.dead_zone * dt
         record["noise_state"][k] = streams[k]
+    record["resolution_increment"] = sensors.resolution
+    _fill_lag(record, sensors, dt)
+    _fill_drift(record, sensors, dt)
 
 
-def _fill_drive(record: Any, drive: Drive) -> None:
+def _fill_lag(record: Any, sensors: SensorSet, dt: float) -> None:
+    """Fill bandwidth and latency; the low pass has the step response of its time constant."""
+    if sensors.bandwidth_hz is not None:
+        record["lag_share"] = math.exp(-2 * math.pi * sensors.bandwidth_hz * dt)
+    epochs = sensors.latency_s / dt
+    whole = math.floor(epochs + 1e-9)
+    assert whole < LATENCY_CAPACITY - 1
+    record["latency_epochs"] = whole
+    record["latency_fraction"] = max(0.0, epochs - whole)
+
+
+def _fill_drift(record: Any, sensors: SensorSet, dt: float) -> None:
+    """Fill what drifts, for steps of `DRIFT_S`.
+
+    Bias instability of coefficient B has the two-sided density B²/(2π f) of the rate (IEEE Std 952,
+    annex C). Processes with the variance B² ln r / π each, their time constants a ratio r apart,
+    add up to it between the shortest and the longest; they start at zero.
+    """
+    variance = math.log(FLICKER_RATIO) / math.pi
+    constants_s = FLICKER_SHORTEST_S * FLICKER_RATIO ** np.arange(FLICKER_POLES)
+    decay = np.exp(-DRIFT_S / constants_s)
+    record["flicker_decay"] = decay
+    for k, errors in enumerate(sensors.errors):
+        spread = errors.bias_instability * math.sqrt(variance)
+        record["flicker_drive"][k] = spread * np.sqrt(1 - decay**2) * dt
+        record["walk_drive"][k] = errors.rate_random_walk * math.sqrt(DRIFT_S) * dt
+        record["temperature_bias_increment"][k] = errors.temperature_bias * dt
+        record["temperature_scale"][k] = errors.temperature_scale
+    record["drifts"] = any(
+        e.bias_instability or e.rate_random_walk or e.temperature_bias or e.temperature_scale
+        for e in sensors.errors
+    )
+
+
+def _fill_drive(record: Any, drive: Drive, dt: float) -> None:
     record["rate_limit"] = math.radians(drive.rate_limit_dps)
     record["acceleration_limit"] = math.radians(drive.acceleration_limit_dps2)
+    if drive.jerk_limit_dps3 is not None:
+        rise_s = drive.acceleration_limit_dps2 / drive.jerk_limit_dps3
+        record["ramp_smoothing"] = math.ceil(rise_s / dt - 1e-9)
     record["encoder_step_deg"] = drive.encoder_step_deg
+    record["encoder_offset_deg"] = drive.encoder_offset_deg
+    record["ripple"] = math.radians(drive.ripple_deg)
+    record["ripple_per_turn"] = drive.ripple_per_turn
+    record["stiction"] = math.radians(drive.stiction_deg)
+    record["sticks"] = drive.stiction_deg > 0
+    record["run_out"] = drive.run_out_m
+
+
+def _fill_surroundings(plant: Any, settings: Settings, seed: np.random.SeedSequence) -> None:
+    table = plant["table"]
+    table["tilt"], table["wobble"] = settings.table.tilt, settings.table.wobble
+    table["wobble_per_turn"] = settings.table.wobble_per_turn
+    table["is_crooked"] = settings.table.tilt != 0 or settings.table.wobble != 0
+    plant["thermal"]["offset"] = settings.thermal.offset
+    plant["thermal"]["warm_up"] = settings.thermal.warm_up
+    plant["thermal"]["time_constant"] = settings.thermal.time_constant_s
+    if settings.altimeter is not None:
+        altimeter = plant["altimeter"]
+        altimeter["fitted"] = True
+        altimeter["bias"], altimeter["noise"] = settings.altimeter.bias, settings.altimeter.noise
+        altimeter["noise_state"] = seed.generate_state(1, dtype=np.uint64)
+    plant["faults"]["changes_at"] = faults.NEVER
+    for fault in settings.faults:
+        faults.put(
+            plant, fault.kind, fault.target, fault.first_epoch, fault.last_epoch, fault.value
+        )
+
+
+def _fill_motion(plant: Any, motion: Motion | None) -> None:
+    if motion is None:
+        return
+    plant["piece_count"] = len(motion.pieces)
+    plant["piece_epochs"] = motion.piece_epochs
+    plant["motion_start"] = motion.start_epoch
+    plant["loop_from"] = -1 if motion.loop_from is None else motion.loop_from
+    take_rest(plant, motion.pieces[0], 0.0)
+
+
+def pieces_of(settings: Settings) -> NDArray[np.float64]:
+    """Return the vehicle's motion as `hardware_step` reads it: a zero piece where there is none."""
+    if settings.motion is None:
+        return np.zeros((1, MOTION_CHANNELS, MOTION_TERMS))
+    return np.array(settings.motion.pieces)  # writable, as the compiled step is typed
 
 
 def body_to_navigation(roll: float, pitch: float, heading: float) -> NDArray[np.float64]:
@@ -117,16 +316,19 @@ def power_on(settings: Settings) -> NDArray[Any]:
     plant["omega_ib_b"] = C_n_b @ earth.rotation_n(latitude)
     gravity = earth.normal_gravity(latitude, settings.height_m)
     plant["specific_force_b"] = C_n_b @ np.array([0.0, 0.0, gravity])
-    gyro_seed, accelerometer_seed = np.random.SeedSequence(settings.seed).spawn(2)
+    gyro_seed, accelerometer_seed, altimeter_seed = np.random.SeedSequence(settings.seed).spawn(3)
     _fill_sensors(plant["gyros"], settings.gyros, dt, gyro_seed)
     _fill_sensors(plant["accelerometers"], settings.accelerometers, dt, accelerometer_seed)
-    _fill_drive(plant["axis"][INNER], settings.inner)
-    _fill_drive(plant["axis"][OUTER], settings.outer)
+    _fill_drive(plant["axis"][INNER], settings.inner, dt)
+    _fill_drive(plant["axis"][OUTER], settings.outer, dt)
+    _fill_surroundings(plant, settings, altimeter_seed)
+    plant["drift_epochs"] = max(1, round(DRIFT_S * settings.rate_hz))
     truth = plant["truth"]
     truth["latitude"] = latitude
     truth["longitude"] = math.radians(settings.longitude_deg)
     truth["height"] = settings.height_m
     truth["roll"], truth["pitch"], truth["heading"] = attitude
+    _fill_motion(plant, settings.motion)
     operator = plant["operator"]
     assert len(settings.requests) <= OPERATOR_CAPACITY
     operator["count"] = len(settings.requests)

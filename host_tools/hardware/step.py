@@ -1,7 +1,7 @@
 """One epoch of the hardware: axis commands in, the frames of sensors and encoders out.
 
 ``commands -> turntable -> true increments -> sensors -> counts -> frames``. No clock, socket,
-thread, file or allocation; all state is the `PLANT` record.
+thread, file or allocation; all state is the `PLANT` record, and the vehicle's motion is only read.
 """
 
 from __future__ import annotations
@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 from dbc.codec import decode, encode, encode_wrapped, pack, span_of, unpack, unwrapped
 from dbc.e2e import COUNTER_MODULUS, counter_of, crc_holds, fill
 from dbc.frame import FrameArray
-from host_tools.hardware import sensors, truth, turntable
+from host_tools.hardware import faults, motion, sensors, truth, turntable
 from host_tools.hardware.memory import INNER, OUTER
+from host_tools.hardware.noise import normal
 
 OUTBOX_CAPACITY = 32
 """Frames that one step sends at most, with room to spare."""
@@ -40,15 +41,21 @@ def _take_command(plant: Any, message: Any, axis: Any, frame: Any) -> None:
     if not 1 <= age <= COMMAND_DELAY or slot.valid:
         plant.counters.counter_errors += 1
         return
+    keep_command(slot, axis, message, frame["data"])
+
+
+@njit(cache=True)
+def keep_command(slot: Any, axis: Any, message: Any, word: Any) -> None:
+    """Keep the axis command that a payload `word` carries until its epoch has come."""
     slot.valid = True
-    slot.command = unpack(frame["data"], message.command)
+    slot.command = unpack(word, message.command)
     target_deg = unwrapped(
-        decode(frame["data"], message.target_angle_deg),
+        decode(word, message.target_angle_deg),
         math.degrees(axis.angle),
         span_of(message.target_angle_deg),
     )
     slot.target = math.radians(target_deg)
-    slot.rate = math.radians(decode(frame["data"], message.rate_limit_dps))
+    slot.rate = math.radians(decode(word, message.rate_limit_dps))
 
 
 @njit(cache=True)
@@ -70,8 +77,6 @@ def _take(plant: Any, contract: Any, inbox: Any, count: int) -> None:
             _take_command(plant, contract.axis_inner_command, plant.axis[INNER], frame)
         elif frame.can_id == contract.axis_outer_command.message.can_id:
             _take_command(plant, contract.axis_outer_command, plant.axis[OUTER], frame)
-    for axis in (INNER, OUTER):
-        _apply_command(plant, plant.axis[axis])
 
 
 @njit(cache=True)
@@ -83,41 +88,67 @@ def _send_sync(plant: Any, contract: Any, frame: Any) -> None:
 
 
 @njit(cache=True)
-def _send_group(plant: Any, contract: Any, group: int, frame: Any) -> None:
-    sensor = contract.sensor[group]
+def group_word(plant: Any, sensor: Any, group: int) -> Any:
+    """Return the payload of a sensor group's frame."""
     gyros, accelerometers = plant.gyros, plant.accelerometers
+    bit = 1 << group
     status = 0
     word = np.uint64(0)
-    if group < gyros.count:
+    if group < gyros.count and gyros.absent & bit == 0:
         word = pack(word, sensor.gyro_dtheta, gyros.counts[group])
         status |= gyros.saturated >> group & 1
     else:
         status |= 4
-    if group < accelerometers.count:
+    if group < accelerometers.count and accelerometers.absent & bit == 0:
         word = pack(word, sensor.accelerometer_dv, accelerometers.counts[group])
         status |= (accelerometers.saturated >> group & 1) << 1
     else:
         status |= 8
-    fill(frame, sensor.message, pack(word, sensor.status, status), plant.epoch)
+    return pack(word, sensor.status, status)
 
 
 @njit(cache=True)
-def _send_axis(axis: Any, message: Any, epoch: int, frame: Any) -> None:
+def axis_word(axis: Any, message: Any) -> Any:
+    """Return the payload of an axis' frame."""
     word = pack(np.uint64(0), message.state, axis.state)
     word = encode_wrapped(word, message.encoder_angle_deg, turntable.encoder_angle_deg(axis))
-    word = encode(word, message.encoder_rate_dps, math.degrees(axis.rate))
-    fill(frame, message.message, word, epoch)
+    return encode(word, message.encoder_rate_dps, math.degrees(axis.rate))
 
 
 @njit(cache=True)
-def _operate(plant: Any, contract: Any, frame: Any) -> int:
-    """Send the operator's request when it changes and at its cycle time; return frames sent."""
+def is_altitude_due(plant: Any, message: Any) -> bool:
+    """Return whether the altimeter measures in this epoch."""
+    every = max(1, message.cycle_ms * _NS_PER_MS // plant.period_ns)
+    return plant.altimeter.fitted and plant.epoch % every == 0
+
+
+@njit(cache=True)
+def altitude_word(plant: Any, message: Any) -> Any:
+    """Measure the height; return the payload of the altimeter's frame."""
+    altimeter = plant.altimeter
+    height = plant.truth.height + altimeter.bias
+    if altimeter.noise > 0.0:
+        height += altimeter.noise * normal(altimeter, 0)
+    return encode(np.uint64(0), message.height, height)
+
+
+@njit(cache=True)
+def update_operator(plant: Any) -> bool:
+    """Let the operator ask for what its time has come for; return whether that is new."""
     operator = plant.operator
     changed = False
     while operator.next < operator.count and operator.epoch[operator.next] <= plant.epoch:
         operator.present = operator.request[operator.next]
         operator.next += 1
         changed = True
+    return changed
+
+
+@njit(cache=True)
+def _operate(plant: Any, contract: Any, frame: Any) -> int:
+    """Send the operator's request when it changes and at its cycle time; return frames sent."""
+    operator = plant.operator
+    changed = update_operator(plant)
     message = contract.mode_command
     every = max(1, message.message.cycle_ms * _NS_PER_MS // plant.period_ns)
     if not changed and plant.epoch % every != 0:
@@ -135,7 +166,12 @@ def _send(plant: Any, contract: Any, outbox: Any) -> int:
     count = 1
     count += _operate(plant, contract, outbox[count])
     for group in range(max(plant.gyros.count, plant.accelerometers.count)):
-        _send_group(plant, contract, group, outbox[count])
+        sensor = contract.sensor[group]
+        fill(outbox[count], sensor.message, group_word(plant, sensor, group), plant.epoch)
+        count += 1
+    altimeter = contract.altimeter
+    if is_altitude_due(plant, altimeter.message):
+        fill(outbox[count], altimeter.message, altitude_word(plant, altimeter), plant.epoch)
         count += 1
     heartbeat = contract.heartbeat_hardware
     if plant.epoch * plant.period_ns % (heartbeat.message.cycle_ms * _NS_PER_MS) == 0:
@@ -144,14 +180,64 @@ def _send(plant: Any, contract: Any, outbox: Any) -> int:
         fill(outbox[count], heartbeat.message, word, plant.heartbeats)
         plant.heartbeats += 1
         count += 1
-    _send_axis(plant.axis[INNER], contract.axis_inner_status, plant.epoch, outbox[count])
-    _send_axis(plant.axis[OUTER], contract.axis_outer_status, plant.epoch, outbox[count + 1])
+    inner, outer = contract.axis_inner_status, contract.axis_outer_status
+    fill(outbox[count], inner.message, axis_word(plant.axis[INNER], inner), plant.epoch)
+    fill(outbox[count + 1], outer.message, axis_word(plant.axis[OUTER], outer), plant.epoch)
     return count + 2
 
 
 @njit(cache=True)
+def advance(plant: Any, pieces: Any, contract: Any) -> None:
+    """Let an epoch pass: table, vehicle and sensors, without a frame."""
+    dt = plant.period_ns * 1e-9
+    faults.apply(plant)
+    for axis in (INNER, OUTER):
+        _apply_command(plant, plant.axis[axis])
+        turntable.advance(plant.axis[axis], dt)
+    truth.integrate(plant, pieces, dt)
+    if plant.epoch % plant.drift_epochs == 0:
+        _drift(plant, dt)
+    layout = contract.sensor[0]
+    gyro, accelerometer = layout.gyro_dtheta, layout.accelerometer_dv
+    sensors.measure(plant.gyros, plant.dtheta_s, plant.dv_s, gyro.scale, gyro.raw_maximum)
+    sensors.measure(
+        plant.accelerometers,
+        plant.dv_s,
+        plant.dv_s,
+        accelerometer.scale,
+        accelerometer.raw_maximum,
+    )
+
+
+@njit(cache=True)
+def _drift(plant: Any, dt: float) -> None:
+    thermal = plant.thermal
+    warmer = thermal.offset
+    if thermal.warm_up != 0.0:
+        warmer += thermal.warm_up * (1.0 - math.exp(-plant.epoch * dt / thermal.time_constant))
+    if plant.gyros.drifts:
+        sensors.drift(plant.gyros, warmer)
+    if plant.accelerometers.drifts:
+        sensors.drift(plant.accelerometers, warmer)
+
+
+@njit(cache=True)
+def note_truth(plant: Any, pieces: Any) -> None:
+    """Write down where the vehicle and the table are at the end of the epoch."""
+    motion.note(plant, pieces)
+    plant.truth.epoch = plant.epoch
+    plant.truth.axis_angle[INNER] = plant.axis[INNER].angle
+    plant.truth.axis_angle[OUTER] = plant.axis[OUTER].angle
+
+
+@njit(cache=True)
 def hardware_step(
-    plants: NDArray[Any], contract: NDArray[Any], inbox: FrameArray, count: int, outbox: FrameArray
+    plants: NDArray[Any],
+    pieces: NDArray[np.float64],
+    contract: NDArray[Any],
+    inbox: FrameArray,
+    count: int,
+    outbox: FrameArray,
 ) -> int:
     """Run the hardware over one epoch.
 
@@ -159,6 +245,8 @@ def hardware_step(
     ----------
     plants : array of one record of dtype `host_tools.hardware.memory.PLANT`
         Changed in place.
+    pieces : array, shape (n, 15, 8)
+        The vehicle's motion, see `host_tools.hardware.motion`; only read.
     contract : array of one record, from `dbc.contract.load_contract`
     inbox : array of dtype `dbc.frame.FRAME`
         Frames received since the step before; the first `count` are read.
@@ -171,24 +259,9 @@ def hardware_step(
     """
     plant = plants[0]
     record = contract[0]
-    dt = plant.period_ns * 1e-9
     _take(plant, record, inbox, count)
-    turntable.advance(plant.axis[INNER], dt)
-    turntable.advance(plant.axis[OUTER], dt)
-    truth.integrate(plant, dt)
-    layout = record.sensor[0]
-    sensors.measure(
-        plant.gyros, plant.dtheta_s, layout.gyro_dtheta.scale, layout.gyro_dtheta.raw_maximum
-    )
-    sensors.measure(
-        plant.accelerometers,
-        plant.dv_s,
-        layout.accelerometer_dv.scale,
-        layout.accelerometer_dv.raw_maximum,
-    )
+    advance(plant, pieces, record)
+    note_truth(plant, pieces)
     sent = _send(plant, record, outbox)
-    plant.truth.epoch = plant.epoch
-    plant.truth.axis_angle[INNER] = plant.axis[INNER].angle
-    plant.truth.axis_angle[OUTER] = plant.axis[OUTER].angle
     plant.epoch += 1
     return sent

@@ -1,8 +1,12 @@
-"""An axis of the turntable: a drive with limited rate and acceleration, and an encoder.
+"""An axis of the turntable: a drive with limited rate, acceleration and jerk, a load, an encoder.
 
 A turn is a trapezoid of the rate in whole epochs: ramp, cruise, ramp. Its peak rate is chosen so
-that the turn ends on the target exactly, never above the limits; so the rate is linear in time
-within each epoch, and the truth can be integrated without error. A new command brakes first.
+that the turn ends on the target exactly, never above the limits. Where the jerk is limited, the
+trapezoid is averaged over so many epochs as the acceleration needs to rise. The drive's rate is
+linear in time within each epoch. A new command brakes first.
+
+The load follows the drive: stiction holds it until the drive has wound up by a given angle, and
+the ripple of gears and motor is added, a function of the angle.
 """
 
 from __future__ import annotations
@@ -16,6 +20,8 @@ from dbc.values import AxisCommand, AxisState
 
 _ROUNDING = 1e-9  # epochs: a time that is a whole number of epochs but for rounding
 _SLOWEST = 1e-9  # rad/s: a rate limit of zero would never arrive
+_CATCH_UP_S = 0.05  # time constant of the load coming free
+_FREE = 1e-3  # of the stiction: the load has caught up
 
 
 @njit(cache=True)
@@ -29,13 +35,13 @@ def command(axis: Any, what: int, target: float, rate: float) -> None:
 @njit(cache=True)
 def _plan(axis: Any, dt: float) -> None:
     """Plan the turn from standstill to the target."""
-    distance = axis.target - axis.angle
+    distance = axis.target - axis.drive_angle
     length = abs(distance)
     rate = min(axis.rate_limit, axis.commanded_rate)
     ramp_s = min(rate / axis.acceleration_limit, math.sqrt(length / axis.acceleration_limit))
     ramp = max(1, math.ceil(ramp_s / dt - _ROUNDING))
     cruise = max(0, math.ceil(length / (rate * dt) - ramp - _ROUNDING))
-    axis.profile_start = axis.angle
+    axis.profile_start = axis.drive_angle
     axis.profile_end = axis.target
     axis.profile_ramp = ramp
     axis.profile_cruise = cruise
@@ -45,64 +51,128 @@ def _plan(axis: Any, dt: float) -> None:
 
 
 @njit(cache=True)
+def _trapezoid(axis: Any, epoch: int, dt: float) -> tuple[float, float]:
+    """Return angle and rate of the planned trapezoid at the end of its epoch `epoch`."""
+    ramp, cruise = axis.profile_ramp, axis.profile_cruise
+    left = 2 * ramp + cruise - epoch
+    peak = axis.profile_rate
+    if epoch <= 0:
+        return axis.profile_start, 0.0
+    if left <= 0:
+        return axis.profile_end, 0.0
+    if epoch <= ramp:
+        angle = axis.profile_start + peak * dt * epoch * epoch / (2.0 * ramp)
+        return angle, peak * epoch / ramp
+    if left >= ramp:
+        return axis.profile_start + peak * dt * (epoch - 0.5 * ramp), peak
+    return axis.profile_end - peak * dt * left * left / (2.0 * ramp), peak * left / ramp
+
+
+@njit(cache=True)
 def _drive(axis: Any, dt: float) -> None:
     """Go on by one epoch in the planned turn."""
     axis.profile_epoch += 1
+    epoch, smoothing = axis.profile_epoch, max(1, axis.ramp_smoothing)
     ramp, cruise = axis.profile_ramp, axis.profile_cruise
-    left = 2 * ramp + cruise - axis.profile_epoch
-    peak = axis.profile_rate
-    if axis.profile_epoch <= ramp:
-        done = axis.profile_epoch
-        axis.rate = peak * done / ramp
-        axis.angle = axis.profile_start + peak * dt * done * done / (2.0 * ramp)
-    elif left >= ramp:
-        axis.rate = peak
-        axis.angle = axis.profile_start + peak * dt * (axis.profile_epoch - 0.5 * ramp)
-    else:
-        axis.rate = peak * left / ramp
-        axis.angle = axis.profile_end - peak * dt * left * left / (2.0 * ramp)
-    if left == 0:
-        axis.rate = 0.0
-        axis.angle = axis.profile_end
+    if epoch >= 2 * ramp + cruise + smoothing - 1:
+        axis.drive_rate = 0.0
+        axis.drive_angle = axis.profile_end
         axis.state = AxisState.HOLDING
+    elif smoothing == 1:
+        axis.drive_angle, axis.drive_rate = _trapezoid(axis, epoch, dt)
+    elif epoch - smoothing + 1 >= ramp and epoch <= ramp + cruise:
+        axis.drive_rate = axis.profile_rate
+        middle = epoch - 0.5 * (ramp + smoothing - 1)
+        axis.drive_angle = axis.profile_start + axis.profile_rate * dt * middle
+    else:
+        angle, rate = 0.0, 0.0
+        for k in range(epoch - smoothing + 1, epoch + 1):
+            one_angle, one_rate = _trapezoid(axis, k, dt)
+            angle += one_angle - axis.profile_start
+            rate += one_rate
+        axis.drive_angle = axis.profile_start + angle / smoothing
+        axis.drive_rate = rate / smoothing
 
 
 @njit(cache=True)
 def _brake(axis: Any, dt: float) -> None:
     """Go on by one epoch towards standstill."""
-    if abs(axis.rate) <= axis.brake_step:
-        axis.angle += 0.5 * axis.rate * dt
-        axis.rate = 0.0
+    if abs(axis.drive_rate) <= axis.brake_step:
+        axis.drive_angle += 0.5 * axis.drive_rate * dt
+        axis.drive_rate = 0.0
         axis.state = AxisState.OFF if axis.command == AxisCommand.OFF else AxisState.HOLDING
     else:
-        slower = axis.rate - math.copysign(axis.brake_step, axis.rate)
-        axis.angle += 0.5 * (axis.rate + slower) * dt
-        axis.rate = slower
+        slower = axis.drive_rate - math.copysign(axis.brake_step, axis.drive_rate)
+        axis.drive_angle += 0.5 * (axis.drive_rate + slower) * dt
+        axis.drive_rate = slower
 
 
 @njit(cache=True)
 def _begin_brake(axis: Any, dt: float) -> None:
     """Choose the deceleration that stops in whole epochs."""
-    epochs = max(1, math.ceil(abs(axis.rate) / (axis.acceleration_limit * dt) - _ROUNDING))
-    axis.brake_step = abs(axis.rate) / epochs
+    epochs = max(1, math.ceil(abs(axis.drive_rate) / (axis.acceleration_limit * dt) - _ROUNDING))
+    axis.brake_step = abs(axis.drive_rate) / epochs
     axis.state = AxisState.BRAKING
 
 
 @njit(cache=True)
+def _run_away(axis: Any, dt: float) -> None:
+    """Turn at the rate of the runaway, whatever is commanded."""
+    step = axis.acceleration_limit * dt
+    faster = axis.drive_rate + min(step, max(-step, axis.runaway_rate - axis.drive_rate))
+    axis.drive_angle += 0.5 * (axis.drive_rate + faster) * dt
+    axis.drive_rate = faster
+    axis.state = AxisState.MOVING
+    axis.profile_end = math.nan  # no target is this one's: afterwards it brakes and plans anew
+
+
+@njit(cache=True)
+def _follow(axis: Any, dt: float) -> None:
+    """Move the load after the drive."""
+    if axis.stiction > 0.0:
+        before = axis.load_angle
+        gap = axis.drive_angle - before
+        if axis.sticks and abs(gap) > axis.stiction:
+            axis.sticks = False
+        if not axis.sticks:
+            axis.load_angle = axis.drive_angle - gap * math.exp(-dt / _CATCH_UP_S)
+            gap = axis.drive_angle - axis.load_angle
+            axis.sticks = axis.drive_rate == 0.0 and abs(gap) < _FREE * axis.stiction
+        rate = 0.0 if axis.sticks else (axis.load_angle - before) / dt
+    else:
+        axis.load_angle = axis.drive_angle
+        rate = axis.drive_rate
+    axis.angle, axis.rate = axis.load_angle, rate
+    if axis.ripple > 0.0:
+        phase = axis.ripple_per_turn * axis.load_angle
+        axis.angle += axis.ripple * math.sin(phase)
+        axis.rate *= 1.0 + axis.ripple * axis.ripple_per_turn * math.cos(phase)
+
+
+@njit(cache=True)
 def advance(axis: Any, dt: float) -> None:
-    """Move the axis over one epoch; its rate is linear in time meanwhile."""
+    """Move the axis over one epoch.
+
+    Within it the table's angle is the cubic that has the angles and rates of beginning and end.
+    """
     axis.angle_before = axis.angle
     axis.rate_before = axis.rate
     if axis.blocked:  # stands at once, and starts anew when released
         axis.rate_before = 0.0
         axis.rate = 0.0
+        axis.drive_rate = 0.0
+        axis.drive_angle = axis.load_angle
         axis.state = AxisState.HOLDING
         return
     wanted = axis.command == AxisCommand.POSITION
+    if axis.runaway:
+        _run_away(axis, dt)
+        _follow(axis, dt)
+        return
     if axis.state == AxisState.MOVING and (not wanted or axis.target != axis.profile_end):
         _begin_brake(axis, dt)
     elif axis.state in (AxisState.HOLDING, AxisState.OFF):
-        if wanted and axis.target != axis.angle:
+        if wanted and axis.target != axis.drive_angle:
             _plan(axis, dt)
         else:
             off = axis.command == AxisCommand.OFF
@@ -111,9 +181,16 @@ def advance(axis: Any, dt: float) -> None:
         _drive(axis, dt)
     elif axis.state == AxisState.BRAKING:
         _brake(axis, dt)
+    elif axis.rate == 0.0 and axis.load_angle == axis.drive_angle:
+        return
+    _follow(axis, dt)
 
 
 @njit(cache=True)
 def encoder_angle_deg(axis: Any) -> float:
-    """Return what the encoder reads: the angle, rounded to its steps."""
-    return round(math.degrees(axis.angle) / axis.encoder_step_deg) * axis.encoder_step_deg
+    """Return what the encoder reads: the angle with its offset, rounded to its steps."""
+    if axis.encoder_stuck:
+        return axis.encoder_held_deg
+    angle_deg = math.degrees(axis.angle) + axis.encoder_offset_deg + axis.encoder_error_deg
+    axis.encoder_held_deg = round(angle_deg / axis.encoder_step_deg) * axis.encoder_step_deg
+    return axis.encoder_held_deg

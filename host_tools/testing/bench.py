@@ -13,6 +13,8 @@ import can
 
 from dbc.e2e import COUNTER_MODULUS, counter_of
 from dbc.frame import frame_array
+from host_tools.errors import ScenarioError
+from host_tools.fault_tables import FaultOnWire
 from host_tools.faults import FaultAction
 from host_tools.injection import fault_command
 from host_tools.port import frame_of_message
@@ -151,6 +153,8 @@ class Bench(Watcher):
         if wire is None:
             self._command(FaultAction.INJECT, checked)
             return
+        if not isinstance(checked, FaultOnWire):
+            raise ScenarioError(f"{kind}: can be in a scenario only")
         fault = checked.fault(self.scenario.rate_hz)
         first = self._world.epoch
         last = -1 if fault.last_epoch < 0 else first + fault.last_epoch

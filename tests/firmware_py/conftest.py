@@ -15,10 +15,11 @@ from dbc.contract import load_contract
 from dbc.e2e import protect
 from dbc.frame import FRAME, frame_array
 from firmware_py import earth, strapdown
+from firmware_py.calibration import input_axes
 from firmware_py.loop import Firmware
 from firmware_py.memory import INS
 from firmware_py.modes import Mode
-from firmware_py.settings import Scheme, Settings, Turn, input_axes
+from firmware_py.settings import Scheme, Settings, Turn
 
 CODEC = codec.load()
 TETRAHEDRON_DEG = (
@@ -216,6 +217,7 @@ class Ins:
     ) -> SimpleNamespace:
         """Navigate over `epochs`; increments of shape (3,) or (n, 3) repeat. Return the log."""
         dthetas, dvs = (np.atleast_2d(np.array(a, dtype=float)) for a in (dthetas, dvs))
+        self.record.reference_interval = dt
         log = np.zeros((epochs // every, 10))
         _navigate(self.array, dthetas, dvs, dt, channel, epochs, every, log)
         return SimpleNamespace(

@@ -7,9 +7,9 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
+from firmware_py.calibration import input_axes
 from firmware_py.fusion import fuse
 from firmware_py.memory import FUSION
-from firmware_py.settings import input_axes
 
 ANGLES_DEG = st.tuples(st.floats(0, 180), st.floats(0, 360))
 TRUTH = np.array([0.3, -0.2, 0.7])

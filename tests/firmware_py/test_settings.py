@@ -10,8 +10,9 @@ from pydantic import ValidationError
 
 from dbc.contract import SENSOR_GROUPS
 from firmware_py import strapdown
+from firmware_py.calibration import input_axes
 from firmware_py.memory import INNER, OUTER, RAM, blank_ram
-from firmware_py.settings import Scheme, Turn, input_axes, power_on
+from firmware_py.settings import Scheme, Turn, power_on
 
 
 def image(tools, contract, **changes):

@@ -15,9 +15,10 @@ from dbc.frame import frame_array
 from host_tools import fault_table
 from host_tools.direct import run_direct
 from host_tools.errors import ScenarioError
+from host_tools.fault_tables import FaultOnWire
 from host_tools.faults import Fault, FaultAction, FaultKind, Faults, Node
 from host_tools.injection import InjectionError, fault_command
-from host_tools.scenario import FaultOnWire, Scenario, fault_of
+from host_tools.scenario import Scenario, fault_of
 
 DOCS = Path(__file__).parents[2] / "docs"
 ROTATING = "NAVIGATION_ROTATING"

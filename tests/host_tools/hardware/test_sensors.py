@@ -16,6 +16,7 @@ LARGEST = (1 << 23) - 1
 FINE = 1e-12  # a count so small that what is measured can be read from the counts
 DIRECTIONS = st.tuples(st.floats(0, math.pi), st.floats(0, 2 * math.pi))
 X = np.array([0.003, 0.0, 0.0])
+NO_FORCE = np.zeros(3)
 
 
 def one_sensor(**values):
@@ -32,7 +33,7 @@ def one_sensor(**values):
 
 
 def measured(sensors, true_s, largest=1 << 50):
-    measure(sensors, np.asarray(true_s, dtype=float), FINE, largest)
+    measure(sensors, np.asarray(true_s, dtype=float), NO_FORCE, FINE, largest)
     return sensors["counts"][0] * FINE
 
 
@@ -118,7 +119,7 @@ INCREMENTS = st.lists(st.floats(-5e-8, 5e-8), min_size=1, max_size=200)
 def test_counts_are_never_further_than_half_a_count_from_the_truth(increments):
     sensors, unit, total, truth = one_sensor(), 4e-9, 0, 0.0
     for increment in increments:
-        measure(sensors, np.array([increment, 0, 0]), unit, LARGEST)
+        measure(sensors, np.array([increment, 0, 0]), NO_FORCE, unit, LARGEST)
         total += int(sensors["counts"][0])
         truth += increment
         assert abs(total - truth / unit) <= 0.5 + 1e-9
@@ -127,7 +128,7 @@ def test_counts_are_never_further_than_half_a_count_from_the_truth(increments):
 def test_a_rate_of_a_hundredth_of_a_count_is_not_lost():
     sensors, total = one_sensor(), 0
     for _ in range(1000):
-        measure(sensors, np.array([4e-11, 0, 0]), 4e-9, LARGEST)
+        measure(sensors, np.array([4e-11, 0, 0]), NO_FORCE, 4e-9, LARGEST)
         total += int(sensors["counts"][0])
     assert total == 10
 
@@ -145,7 +146,7 @@ def test_a_sensor_saturates_at_its_range_and_says_so(sign):
 def test_a_count_saturates_at_what_a_frame_can_carry(sign):
     sensors = one_sensor()
     for true, count, saturated in ((0.9, 9, 0), (1.0, 10, 0), (2.06, 10, 1), (0.5, 5, 0)):
-        measure(sensors, np.array([sign * true, 0, 0]), 0.1, 10)
+        measure(sensors, np.array([sign * true, 0, 0]), NO_FORCE, 0.1, 10)
         assert sensors["counts"][0] == sign * count
         assert sensors["saturated"] == saturated
 
@@ -154,6 +155,6 @@ def test_each_sensor_saturates_for_itself():
     sensors = one_sensor(range_increment=0.5)
     sensors["count"] = 3
     sensors["axis"][1:3] = [[0, 1, 0], [0, 0, 1]]
-    measure(sensors, np.array([0.1, -0.9, 0.9]), FINE, 1 << 50)
+    measure(sensors, np.array([0.1, -0.9, 0.9]), NO_FORCE, FINE, 1 << 50)
     assert sensors["saturated"] == 0b110
     assert sensors["counts"][:3] * FINE == pytest.approx([0.1, -0.5, 0.5])

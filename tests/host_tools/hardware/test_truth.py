@@ -10,10 +10,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from host_tools.hardware import truth
-from host_tools.hardware.memory import INNER, OUTER, PLANT
+from host_tools.hardware.memory import INNER, MOTION_CHANNELS, MOTION_TERMS, OUTER, PLANT
 
 OMEGA_B = np.array([3e-5, -5e-5, 4e-5])
 FORCE_B = np.array([0.5, -0.3, 9.7])
+NO_MOTION = np.zeros((1, MOTION_CHANNELS, MOTION_TERMS))
 ANGLE, RATE, CHANGE = st.floats(-14, 14), st.floats(-1, 1), st.floats(-0.1, 0.1)
 
 
@@ -37,7 +38,7 @@ def move(plant, dt, inner, outer):
         record["angle_before"], record["rate_before"] = record["angle"], record["rate"]
         record["angle"] += 0.5 * (record["rate"] + rate) * dt
         record["rate"] = rate
-    truth.integrate(plant, dt)
+    truth.integrate(plant, NO_MOTION, dt)
     return plant["dtheta_s"].copy(), plant["dv_s"].copy()
 
 

@@ -12,7 +12,7 @@ from numba import njit
 
 from dbc.values import AxisCommand, AxisState
 from host_tools.hardware import truth, turntable
-from host_tools.hardware.memory import AXIS, OUTER
+from host_tools.hardware.memory import AXIS, MOTION_CHANNELS, MOTION_TERMS, OUTER
 
 DT = 0.005
 OFF, HOLD, POSITION = AxisCommand.OFF, AxisCommand.HOLD, AxisCommand.POSITION
@@ -71,7 +71,8 @@ def drive(axes, dt, log):
 def test_a_turn_ends_on_its_target_within_the_limits(limits, turn, commanded, dt, start):
     axes, log = np.zeros(1, dtype=AXIS), np.zeros((200_000, 2))
     axes[0] = new_axis(*limits)
-    axes[0]["angle"] = start
+    for angle in ("drive_angle", "load_angle", "angle"):
+        axes[0][angle] = start
     target, rate, acceleration = start + turn, min(limits[0], commanded), limits[1]
     turntable.command(axes[0], POSITION, target, commanded)
     epochs = drive(axes, dt, log)
@@ -213,7 +214,7 @@ def test_the_gyros_of_a_blocked_axis_feel_no_more_than_the_encoder(plant):
     axis = plant["axis"][OUTER]
     for _ in range(3):
         turntable.advance(axis, DT)
-        truth.integrate(plant, DT)
+        truth.integrate(plant, np.zeros((1, MOTION_CHANNELS, MOTION_TERMS)), DT)
         moved = axis["angle"] - axis["angle_before"]
         assert plant["dtheta_s"][0] == pytest.approx(moved, abs=1e-12)
 

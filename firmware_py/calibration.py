@@ -1,0 +1,175 @@
+"""What has been calibrated of the sensors: a TOML file given at start, and its place in memory.
+
+::
+
+    [gyros]
+    bias_dph = [0.1, 0.11, 0.12, 0.13]      # or one number for all
+    scale_error_ppm = 0
+    asymmetric_scale_error_ppm = 0
+    installation_u_arcsec = 0
+    installation_v_arcsec = 0
+
+    [accelerometers]
+    bias_ug = [50, 55, 60, 65]
+
+The keys are those of a scenario's tables; what is not named is taken as zero.
+"""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+STANDARD_GRAVITY = 9.80665
+"""m/s²: what the g of µg stands for (ISO 80000-3)."""
+
+_DPH = math.radians(1) / 3600  # rad/s
+_UG = 1e-6 * STANDARD_GRAVITY  # m/s²
+_ARCSEC = math.radians(1) / 3600
+_PPM = 1e-6
+
+PerSensor = float | tuple[float, ...]
+"""One number for all sensors, or one for each."""
+
+
+class CalibrationError(Exception):
+    """A calibration file that cannot be read or is wrong: one line that says which and why."""
+
+
+class _Sensors(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    scale_error_ppm: PerSensor = 0.0
+    asymmetric_scale_error_ppm: PerSensor = 0.0
+    installation_u_arcsec: PerSensor = 0.0
+    installation_v_arcsec: PerSensor = 0.0
+
+    @property
+    def bias(self) -> PerSensor:
+        """Bias in the unit of its key."""
+        raise NotImplementedError
+
+
+class GyroCalibration(_Sensors):
+    """Calibrated errors of the gyros. Paper, (16)."""
+
+    bias_dph: PerSensor = 0.0
+
+    @property
+    def bias(self) -> PerSensor:
+        """Bias in °/h."""
+        return self.bias_dph
+
+
+class AccelerometerCalibration(_Sensors):
+    """Calibrated errors of the accelerometers. Paper, (17)."""
+
+    bias_ug: PerSensor = 0.0
+
+    @property
+    def bias(self) -> PerSensor:
+        """Bias in µg."""
+        return self.bias_ug
+
+
+class Calibration(BaseModel):
+    """What the firmware takes out of the sensors' increments."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    gyros: GyroCalibration = Field(default=GyroCalibration())
+    accelerometers: AccelerometerCalibration = Field(default=AccelerometerCalibration())
+
+
+def load(path: Path) -> Calibration:
+    """Return the calibration that a TOML file holds.
+
+    Raises
+    ------
+    CalibrationError
+    """
+    try:
+        return Calibration.model_validate(tomllib.loads(path.read_text(encoding="utf-8")))
+    except OSError as error:
+        raise CalibrationError(f"calibration {path}: cannot be read: {error.strerror}") from error
+    except ValidationError as error:
+        first = error.errors()[0]
+        where = ".".join(str(part) for part in first["loc"])
+        raise CalibrationError(f"calibration {path}: {where}: {first['msg']}") from error
+    except ValueError as error:
+        raise CalibrationError(f"calibration {path}: not TOML: {error}") from error
+
+
+def each(value: PerSensor, count: int, what: str) -> NDArray[np.float64]:
+    """Return a value for each of `count` sensors.
+
+    Raises
+    ------
+    CalibrationError
+        When there are more or fewer.
+    """
+    values = np.asarray(value, dtype=float)
+    if values.ndim and len(values) != count:
+        raise CalibrationError(f"calibration: {what}: {len(values)} values for {count} sensors")
+    return np.broadcast_to(values, (count,))
+
+
+def input_axes(axes_deg: tuple[tuple[float, float], ...]) -> NDArray[np.float64]:
+    """Return the configuration matrix H, shape (m, 3). Paper, (5), (9)."""
+    alpha, beta = np.radians(np.asarray(axes_deg, dtype=float)).T
+    return np.column_stack(
+        [np.sin(alpha) * np.cos(beta), np.sin(alpha) * np.sin(beta), np.cos(alpha)]
+    )
+
+
+def _transverse(
+    axes_deg: tuple[tuple[float, float], ...],
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return U and V, shape (m, 3) each: the directions of growing α and β. Paper, (11)."""
+    alpha, beta = np.radians(np.asarray(axes_deg, dtype=float)).T
+    U = np.column_stack(
+        [np.cos(alpha) * np.cos(beta), np.cos(alpha) * np.sin(beta), -np.sin(alpha)]
+    )
+    V = np.column_stack([-np.sin(beta), np.cos(beta), np.zeros_like(beta)])
+    return U, V
+
+
+def fill(
+    fusion: Any,
+    axes_deg: tuple[tuple[float, float], ...],
+    sensors: GyroCalibration | AccelerometerCalibration,
+    dt: float,
+) -> None:
+    """Put the calibration of the sensors of a kind into their `FUSION` record.
+
+    Raises
+    ------
+    CalibrationError
+        When it is for another number of sensors.
+    """
+    count = len(axes_deg)
+    kind, unit = (
+        ("gyros", _DPH) if isinstance(sensors, GyroCalibration) else ("accelerometers", _UG)
+    )
+
+    def column(value: PerSensor, key: str) -> NDArray[np.float64]:
+        return each(value, count, f"{kind}.{key}")
+
+    du = column(sensors.installation_u_arcsec, "installation_u_arcsec") * _ARCSEC
+    dv = column(sensors.installation_v_arcsec, "installation_v_arcsec") * _ARCSEC
+    U, V = _transverse(axes_deg)
+    # h' = h - δu v - δv u, paper (13)
+    fusion["H"][:count] = input_axes(axes_deg) - du[:, None] * V - dv[:, None] * U
+    fusion["bias_increment"][:count] = column(sensors.bias, "bias") * unit * dt
+    fusion["scale_error"][:count] = column(sensors.scale_error_ppm, "scale_error_ppm") * _PPM
+    fusion["asymmetric_scale_error"][:count] = (
+        column(sensors.asymmetric_scale_error_ppm, "asymmetric_scale_error_ppm") * _PPM
+    )
+    used = ("bias_increment", "scale_error", "asymmetric_scale_error")
+    fusion["calibrated"] = any(fusion[name].any() for name in used)

@@ -1,0 +1,147 @@
+"""The tables `[[faults]]` of a scenario: faults on the wire and of the hardware."""
+
+from __future__ import annotations
+
+import difflib
+import math
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from dbc.codec import load as load_codec
+from dbc.contract import SENSOR_GROUPS
+from host_tools.faults import ANY_IDENTIFIER, Fault, FaultKind, Node
+from host_tools.hardware.faults import EVERY, HardwareFault
+from host_tools.hardware.memory import INNER, OUTER
+from host_tools.hardware.settings import DEG_PER_SQRT_H, DPH, UG, PlannedFault
+from host_tools.tables import Table
+
+
+class _Timed(Table):
+    """When a fault is present."""
+
+    at_s: float = Field(default=0.0, ge=0)
+    """After the hardware's power-on."""
+    for_s: float | None = Field(default=None, gt=0)
+    """How long; without it, to the end."""
+
+    def epochs(self, rate_hz: int) -> tuple[int, int]:
+        """Return the first and the last epoch; -1 as the last means to the end."""
+        first = round(self.at_s * rate_hz)
+        return first, -1 if self.for_s is None else first + round(self.for_s * rate_hz) - 1
+
+
+class FaultOnWire(_Timed):
+    """A fault on the wire."""
+
+    kind: Literal[
+        "drop",
+        "delay",
+        "duplicate",
+        "reorder",
+        "corrupt_wire",
+        "corrupt",
+        "wrong_counter",
+        "babble",
+        "silence",
+        "bus_off",
+        "cut",
+    ]
+    message: str | None = None
+    """Name of the message that is meant; without it all of the node."""
+    node: Literal["any", "firmware", "hardware"] = "any"
+    probability: float = Field(default=1.0, gt=0, le=1)
+    delay_s: float = Field(default=0.01, gt=0, le=60)
+    frames_per_epoch: int = Field(default=20, ge=1, le=200)
+    bit: int | None = Field(default=None, ge=0, le=63)
+
+    @model_validator(mode="after")
+    def _known(self) -> FaultOnWire:
+        if self.message is not None and self.message not in _message_names():
+            near = difflib.get_close_matches(self.message, _message_names(), 1)
+            hint = f", did you mean {near[0]}?" if near else ""
+            raise ValueError(f"message: the DBC has no {self.message}{hint}")
+        return self
+
+    def fault(self, rate_hz: int) -> Fault:
+        """Return the fault, its times in epochs."""
+        first, last = self.epochs(rate_hz)
+        kind = FaultKind[self.kind.upper()]
+        parameter = {
+            FaultKind.DELAY: max(1, round(self.delay_s * rate_hz)),
+            FaultKind.BABBLE: self.frames_per_epoch,
+            FaultKind.CORRUPT: 0 if self.bit is None else self.bit + 1,
+        }.get(kind, 0)
+        return Fault(
+            kind=kind,
+            node=Node[self.node.upper()],
+            identifier=(
+                ANY_IDENTIFIER if self.message is None else load_codec().frame_id(self.message)
+            ),
+            first_epoch=first,
+            last_epoch=last,
+            probability=self.probability,
+            parameter=parameter,
+        )
+
+
+def _message_names() -> list[str]:
+    return [message.name for message in load_codec().database.messages]
+
+
+class FaultOfAxis(_Timed):
+    """An axis of the turntable that fails."""
+
+    kind: Literal["axis_stall", "axis_runaway", "encoder_stuck", "encoder_offset"]
+    axis: Literal["inner", "outer"]
+    rate_dps: float = Field(default=5.0, ge=-60, le=60)
+    """Of a runaway."""
+    offset_deg: float = Field(default=1.0, ge=-180, le=180)
+    """Of an encoder that has slipped."""
+
+    def planned(self, rate_hz: int) -> PlannedFault:
+        """Return the fault, its times in epochs."""
+        kind = HardwareFault[self.kind.upper()]
+        value = {
+            HardwareFault.AXIS_RUNAWAY: math.radians(self.rate_dps),
+            HardwareFault.ENCODER_OFFSET: self.offset_deg,
+        }.get(kind, 0.0)
+        target = INNER if self.axis == "inner" else OUTER
+        return PlannedFault(kind, target, *self.epochs(rate_hz), value)
+
+
+class FaultOfSensor(_Timed):
+    """A gyro or an accelerometer that fails."""
+
+    kind: Literal[
+        "gyro_stuck",
+        "gyro_bias",
+        "gyro_noise",
+        "gyro_absent",
+        "accelerometer_stuck",
+        "accelerometer_bias",
+        "accelerometer_noise",
+        "accelerometer_absent",
+    ]
+    sensor: int | None = Field(default=None, ge=1, le=SENSOR_GROUPS)
+    """From 1; without it, all of the kind."""
+    bias_dph: float = 10.0
+    bias_ug: float = 1000.0
+    angle_random_walk_deg_per_sqrt_h: float = Field(default=1.0, ge=0)
+    white_noise_ug_per_sqrt_hz: float = Field(default=1000.0, ge=0)
+
+    def planned(self, rate_hz: int) -> PlannedFault:
+        """Return the fault, its times in epochs."""
+        kind = HardwareFault[self.kind.upper()]
+        value = {
+            HardwareFault.GYRO_BIAS: self.bias_dph * DPH,
+            HardwareFault.GYRO_NOISE: self.angle_random_walk_deg_per_sqrt_h * DEG_PER_SQRT_H,
+            HardwareFault.ACCELEROMETER_BIAS: self.bias_ug * UG,
+            HardwareFault.ACCELEROMETER_NOISE: self.white_noise_ug_per_sqrt_hz * UG,
+        }.get(kind, 0.0)
+        target = EVERY if self.sensor is None else self.sensor - 1
+        return PlannedFault(kind, target, *self.epochs(rate_hz), value)
+
+
+AnyFault = Annotated[FaultOnWire | FaultOfAxis | FaultOfSensor, Field(discriminator="kind")]
+"""A fault; its kind says of what."""

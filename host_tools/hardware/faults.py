@@ -1,0 +1,150 @@
+"""Faults of the hardware itself: axes that stall or run away, encoders and sensors that fail.
+
+Each is a kind, a target (axis or sensor group), the epochs it lasts and a value. What is active is
+seen anew only in epochs in which a fault begins or ends.
+"""
+
+from __future__ import annotations
+
+from enum import IntEnum
+from typing import Any
+
+from numba import njit
+
+from dbc.contract import SENSOR_GROUPS
+from host_tools.hardware.memory import INNER, OUTER
+
+NEVER = 1 << 62
+"""An epoch that does not come."""
+
+EVERY = -1
+"""Target that means all sensors."""
+
+
+class HardwareFault(IntEnum):
+    """Kinds of fault; the value that each takes, in SI units.
+
+    AXIS_STALL: an axis stands (no value). AXIS_RUNAWAY: it turns at the value, rad/s.
+    ENCODER_STUCK: its encoder repeats the last angle. ENCODER_OFFSET: it reads the value more, °.
+    GYRO_STUCK, ACCELEROMETER_STUCK: repeats its last increment. GYRO_BIAS, ACCELEROMETER_BIAS: the
+    value on top, rad/s or m/s². GYRO_NOISE, ACCELEROMETER_NOISE: white noise of the value, rad/√s
+    or m/s/√s, on top. GYRO_ABSENT, ACCELEROMETER_ABSENT: says that it is not there.
+    """
+
+    AXIS_STALL = 0
+    AXIS_RUNAWAY = 1
+    ENCODER_STUCK = 2
+    ENCODER_OFFSET = 3
+    GYRO_STUCK = 4
+    GYRO_BIAS = 5
+    GYRO_NOISE = 6
+    GYRO_ABSENT = 7
+    ACCELEROMETER_STUCK = 8
+    ACCELEROMETER_BIAS = 9
+    ACCELEROMETER_NOISE = 10
+    ACCELEROMETER_ABSENT = 11
+
+
+_STUCK, _BIAS, _NOISE, _ABSENT = 0, 1, 2, 3  # of a sensor, above its kind's first
+
+
+@njit(cache=True)
+def _clear(plant: Any) -> None:
+    for axis in (INNER, OUTER):
+        plant.axis[axis].blocked = False
+        plant.axis[axis].runaway = False
+        plant.axis[axis].encoder_stuck = False
+        plant.axis[axis].encoder_error_deg = 0.0
+    for kind in range(2):
+        sensors = plant.gyros if kind == 0 else plant.accelerometers
+        sensors.stuck = 0
+        sensors.absent = 0
+        for k in range(SENSOR_GROUPS):
+            sensors.fault_bias_increment[k] = 0.0
+            sensors.fault_noise_increment[k] = 0.0
+
+
+@njit(cache=True)
+def _set_axis(axis: Any, kind: int, value: float) -> None:
+    if kind == HardwareFault.AXIS_STALL:
+        axis.blocked = True
+    elif kind == HardwareFault.AXIS_RUNAWAY:
+        axis.runaway = True
+        axis.runaway_rate = value
+    elif kind == HardwareFault.ENCODER_STUCK:
+        axis.encoder_stuck = True
+    else:
+        axis.encoder_error_deg += value
+
+
+@njit(cache=True)
+def _set_sensors(sensors: Any, what: int, target: int, value: float, dt: float) -> None:
+    for k in range(sensors.count):
+        if target not in (k, EVERY):
+            continue
+        if what == _STUCK:
+            sensors.stuck |= 1 << k
+        elif what == _BIAS:
+            sensors.fault_bias_increment[k] += value * dt
+        elif what == _NOISE:
+            sensors.fault_noise_increment[k] += value * dt**0.5
+        else:
+            sensors.absent |= 1 << k
+
+
+@njit(cache=True)
+def apply(plant: Any) -> None:
+    """Let the faults of the plant's epoch be present, and no others."""
+    faults = plant.faults
+    if plant.epoch < faults.changes_at:
+        return
+    _clear(plant)
+    faults.changes_at = NEVER
+    dt = plant.period_ns * 1e-9
+    for k in range(faults.count):
+        first, last = faults.first_epoch[k], faults.last_epoch[k]
+        if plant.epoch < first:
+            faults.changes_at = min(faults.changes_at, first)
+            continue
+        if plant.epoch > last:
+            continue
+        faults.changes_at = min(faults.changes_at, last + 1)
+        kind, target, value = faults.kind[k], faults.target[k], faults.value[k]
+        if kind < HardwareFault.GYRO_STUCK:
+            _set_axis(plant.axis[target], kind, value)
+        elif kind < HardwareFault.ACCELEROMETER_STUCK:
+            _set_sensors(plant.gyros, kind - HardwareFault.GYRO_STUCK, target, value, dt)
+        else:
+            what = kind - HardwareFault.ACCELEROMETER_STUCK
+            _set_sensors(plant.accelerometers, what, target, value, dt)
+
+
+def put(plant: Any, kind: int, target: int, first: int, last: int, value: float) -> bool:
+    """Plan a fault from epoch `first` to `last` (below 0: to the end); False if there is no room.
+
+    What has ended makes room.
+    """
+    faults = plant["faults"]
+    kept = [k for k in range(int(faults["count"])) if faults["last_epoch"][k] >= plant["epoch"]]
+    columns = ("kind", "target", "first_epoch", "last_epoch", "value")
+    for name in columns:
+        faults[name][: len(kept)] = faults[name][kept]
+    count = len(kept)
+    faults["count"] = count
+    if count == len(faults["kind"]):
+        return False
+    row = (kind, target, first, NEVER - 1 if last < 0 else last, value)
+    for name, entry in zip(columns, row, strict=True):
+        faults[name][count] = entry
+    faults["count"] = count + 1
+    faults["changes_at"] = 0
+    return True
+
+
+def take_out(plant: Any, kind: int | None = None, target: int | None = None) -> None:
+    """End the faults of a kind and target, or all, at once."""
+    faults = plant["faults"]
+    for k in range(int(faults["count"])):
+        if kind in (None, faults["kind"][k]) and target in (None, faults["target"][k]):
+            faults["last_epoch"][k] = plant["epoch"] - 1
+    faults["changes_at"] = 0

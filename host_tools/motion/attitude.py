@@ -1,0 +1,124 @@
+"""Attitude of a recorded vehicle: as its file tells, or along the track.
+
+Along the track, heading is the direction of motion and pitch that of the climb; roll is zero.
+Slower than 1 m/s there is no direction to be seen: heading and pitch stay while the vehicle stands,
+and go over to those of the next motion as the way of creeping is covered. Where the direction of
+motion turns by more than 120° across such a stop, the vehicle has changed between forward and
+reverse; of the two readings of the file, the one with the shorter way in reverse is taken.
+"""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from host_tools.motion.local import Local
+from host_tools.motion.recording import Recording
+from host_tools.motion.spline import Fit, Grid, Observations, Vector, evaluate
+
+_ANGLE_DENSITY = 1.0  # rad/s³/√Hz, of angles that a file tells
+_HEADING_DENSITY = 0.3  # along a track
+_PITCH_DENSITY = 0.02
+_SLOW = 1.0  # m/s
+_STANDING = 0.1  # m/s
+_FLIP = math.radians(120)
+_PER_PIECE = 2  # points of the track
+_VELOCITY_DEVIATION = 0.03  # m/s, across the track
+_HELD_DEVIATION = 0.02  # rad
+
+
+def fit_angles(grid: Grid, times: Vector, recording: Recording) -> Vector:
+    """Return the coefficients of roll, pitch and heading (rad) as the file tells them."""
+    told = np.isfinite(recording.attitude).all(axis=1)
+    columns = []
+    for axis in range(3):
+        fit = Fit(grid, _ANGLE_DENSITY)
+        fit.add(
+            Observations(
+                times[told] / grid.step_s,
+                recording.attitude[told, axis],
+                recording.attitude_deviation[told, axis],
+            )
+        )
+        columns.append(fit.solve())
+    return np.stack(columns, axis=1)
+
+
+def _spans(flags: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """Return first and last (not included) of each run of true flags."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], flags.astype(np.int8), [0]])))
+    return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
+
+
+def _wrapped(angle: Vector) -> Vector:
+    return (angle + math.pi) % (2 * math.pi) - math.pi
+
+
+def _reversing(moving: list[tuple[int, int]], course: Vector, speed: Vector) -> list[bool]:
+    """Return for each span of motion whether it is driven in reverse."""
+    flags = [False]
+    for (_, end), (begin, _) in pairwise(moving):
+        turned = abs(float(_wrapped(course[begin] - course[end - 1])))
+        flags.append(flags[-1] != (turned > _FLIP))
+    way = [float(speed[first:last].sum()) for first, last in moving]
+    backwards = sum(w for w, flag in zip(way, flags, strict=True) if flag)
+    return [not flag for flag in flags] if backwards > sum(way) / 2 else flags
+
+
+def _held(angle: Vector, speed: Vector, moving: list[tuple[int, int]]) -> None:
+    """Fill in an angle where it is not seen, in place, by the way that is crept."""
+    angle[: moving[0][0]] = angle[moving[0][0]]
+    angle[moving[-1][1] :] = angle[moving[-1][1] - 1]
+    for (_, end), (begin, _) in pairwise(moving):
+        crept = np.cumsum(np.maximum(speed[end:begin] - _STANDING, 0.0))
+        share = crept / crept[-1] if len(crept) and crept[-1] > 0 else np.zeros_like(crept)
+        angle[end:begin] = angle[end - 1] + share * (angle[begin] - angle[end - 1])
+
+
+def track_attitude(grid: Grid, local: Local, path: Vector) -> tuple[Vector, list[str]]:
+    """Return coefficients of roll, pitch and heading (rad) along a path, and notes.
+
+    Parameters
+    ----------
+    grid : Grid
+    local : Local
+    path : array, shape (pieces + 5, 3)
+        Coefficients of east, north, up in m.
+    """
+    at = np.arange(grid.pieces * _PER_PIECE + 1) / _PER_PIECE
+    offsets = np.stack([evaluate(c, at) for c in path.T], axis=1)
+    slopes = np.stack([evaluate(c, at, grid.step_s, 1) for c in path.T], axis=1)
+    velocity = slopes * local.stretch(offsets)
+    speed = np.hypot(velocity[:, 0], velocity[:, 1])
+    coefficients = np.zeros((len(path), 3))
+    moving = _spans(speed > _SLOW)
+    if not moving:
+        return coefficients, ["never faster than 1 m/s: heading, pitch and roll are 0"]
+
+    course = np.arctan2(velocity[:, 0], velocity[:, 1])
+    backwards = _reversing(moving, course, speed)
+    heading, pitch = course.copy(), np.arctan2(velocity[:, 2], speed)
+    for (first, last), flag in zip(moving, backwards, strict=True):
+        if flag:
+            heading[first:last] += math.pi
+            pitch[first:last] *= -1
+    seen = np.concatenate([np.arange(first, last) for first, last in moving])
+    heading[seen] = np.unwrap(heading[seen])
+    _held(heading, speed, moving)
+    _held(pitch, speed, moving)
+    deviation = np.where(
+        speed > _SLOW, _VELOCITY_DEVIATION / np.maximum(speed, _SLOW), _HELD_DEVIATION
+    )
+    for column, angle, density in ((1, pitch, _PITCH_DENSITY), (2, heading, _HEADING_DENSITY)):
+        fit = Fit(grid, density)
+        fit.add(Observations(at, angle, deviation))
+        coefficients[:, column] = fit.solve()
+    notes = ["the file tells no attitude: heading and pitch along the track, roll 0"]
+    for (first, last), flag in zip(moving, backwards, strict=True):
+        if flag:
+            begin, end = at[first] * grid.step_s, at[last - 1] * grid.step_s
+            notes.append(f"taken as reversing from {begin:.0f} s to {end:.0f} s")
+    return coefficients, notes

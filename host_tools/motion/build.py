@@ -1,0 +1,111 @@
+"""Makes the trajectory of a scenario's table `[motion]`."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from host_tools.motion.drive import synthetic_drive
+from host_tools.motion.mending import mend, refusal
+from host_tools.motion.reading import read
+from host_tools.motion.recording import Recording
+from host_tools.motion.settings import DRIVE_S, SWAY_S, Motion
+from host_tools.motion.smoothing import Smoothed, begins_or_ends_in_motion, smooth
+from host_tools.motion.spline import Vector
+from host_tools.motion.sway import synthetic_sway
+from host_tools.motion.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from host_tools.tables import Body, Site
+
+
+def base_of(site: Site, body: Body) -> Vector:
+    """Return place and attitude that a synthetic motion begins with, rad and m, shape (6,)."""
+    return np.array(
+        [
+            math.radians(site.latitude_deg),
+            math.radians(site.longitude_deg),
+            site.height_m,
+            math.radians(body.roll_deg),
+            math.radians(body.pitch_deg),
+            math.radians(body.heading_deg),
+        ]
+    )
+
+
+def load_recording(motion: Motion, base_folder: Path) -> Recording:
+    """Return a recording that is fit to be followed, with all that was wrong with it.
+
+    Raises
+    ------
+    MotionError
+        When the file cannot be read, is no motion, or is to be refused.
+    """
+    assert motion.path is not None
+    path = base_folder / motion.path
+    recording = read(path, motion)
+    refused = motion.irregularities == "refuse"
+    if refused and recording.irregularities:
+        _refuse(recording)
+    mend(recording, motion)
+    recording.irregularities += begins_or_ends_in_motion(recording)
+    recording.irregularities.sort(key=lambda irregular: irregular.line)
+    if refused:
+        _refuse(recording)
+    return recording
+
+
+def _refuse(recording: Recording) -> None:
+    error = refusal(recording.irregularities, recording.path)
+    if error is not None:
+        raise error
+
+
+def follow(recording: Recording, motion: Motion, period_ns: int) -> Smoothed:
+    """Return the smooth path along a recording; its notes tell what was mended."""
+    smoothed = smooth(recording, motion, period_ns)
+    counts = Counter(irregular.kind for irregular in recording.irregularities)
+    notes = []
+    if counts:
+        kinds = ", ".join(f"{kind} {count}" for kind, count in sorted(counts.items()))
+        first = recording.irregularities[0]
+        more = f" (and {sum(counts.values()) - 1} more)" if sum(counts.values()) > 1 else ""
+        notes.append(f"mended in {recording.path.name}: {kinds}; {first}{more}")
+    trajectory = smoothed.trajectory
+    return replace(smoothed, trajectory=replace(trajectory, notes=(*notes, *trajectory.notes)))
+
+
+def build(
+    motion: Motion, site: Site, body: Body, period_ns: int, base_folder: Path
+) -> Trajectory | None:
+    """Return the trajectory of a motion, or None for a vehicle that stands.
+
+    Parameters
+    ----------
+    motion : Motion
+    site, body
+        Where a synthetic motion begins; a file brings its own place and attitude.
+    period_ns : int
+        Sampling period.
+    base_folder : Path
+        What the path of a file is relative to.
+
+    Raises
+    ------
+    MotionError
+        When a file cannot be read, is no motion, or is to be refused.
+    """
+    if motion.kind == "drive":
+        return synthetic_drive(
+            motion.duration_s or DRIVE_S, motion.seed, base_of(site, body), period_ns
+        )
+    if motion.kind == "sway":
+        return synthetic_sway(motion, motion.duration_s or SWAY_S, base_of(site, body), period_ns)
+    if motion.kind == "file":
+        return follow(load_recording(motion, base_folder), motion, period_ns).trajectory
+    return None

@@ -1,0 +1,73 @@
+"""Reads CSV with one header row of names with units into a table."""
+
+from __future__ import annotations
+
+import csv
+import difflib
+from pathlib import Path
+
+from host_tools.motion.errors import MotionError
+from host_tools.motion.recording import located
+from host_tools.motion.table import GROUPS, PLACE, TIME, Table, text_of
+
+EXPORTED_ONLY = (
+    *(f"omega_ib_b_{axis}_dps" for axis in "xyz"),
+    *(f"specific_force_b_{axis}_mps2" for axis in "xyz"),
+)
+"""Columns that an export has and a path does not need: they follow from it."""
+
+_KNOWN = (TIME, *(name for group in GROUPS for name in group))
+
+
+def _header(path: Path, cells: list[str], line: int) -> Table:
+    columns = tuple(cell.strip().lower() for cell in cells)
+    for name in columns:
+        if name and columns.count(name) > 1:
+            raise MotionError(located(path, f"two columns {name}", line))
+    for name in (TIME, *PLACE):
+        if name not in columns:
+            near = difflib.get_close_matches(name, columns, 1, 0.4)
+            hint = f"; is {near[0]} meant?" if near else ""
+            raise MotionError(located(path, f"no column {name}{hint}", line))
+    for group in GROUPS:
+        missing = [name for name in group if name not in columns]
+        if missing and len(missing) < len(group):
+            raise MotionError(
+                located(path, f"no column {missing[0]}, which belongs to the others", line)
+            )
+    unused = tuple(name for name in columns if name not in (*_KNOWN, *EXPORTED_ONLY))
+    return Table("csv", columns, unused=unused)
+
+
+def _delimiter(text: str) -> str:
+    """Return what separates the columns: a comma, else a semicolon or a tab in the header."""
+    for line in text.splitlines():
+        if line.strip() and not line.lstrip().startswith(("#", "%")):
+            return max(",;\t", key=line.count)
+    return ","
+
+
+def read_csv(path: Path) -> Table:
+    """Return the rows of a file. Empty lines and those that begin with # or % are passed over.
+
+    Raises
+    ------
+    MotionError
+        When it cannot be read, or its header lacks a column.
+    """
+    text = text_of(path)
+    rows = csv.reader(text.splitlines(keepends=True), delimiter=_delimiter(text))
+    table: Table | None = None
+    try:
+        for cells in rows:
+            if not any(cell.strip() for cell in cells) or cells[0].lstrip()[:1] in ("#", "%"):
+                continue
+            if table is None:
+                table = _header(path, cells, rows.line_num)
+            else:
+                table.add(rows.line_num, cells)
+    except csv.Error as error:
+        raise MotionError(located(path, f"no CSV: {error}", rows.line_num)) from error
+    if table is None:
+        raise MotionError(located(path, "is empty"))
+    return table

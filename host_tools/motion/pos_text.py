@@ -1,0 +1,123 @@
+"""Reads and names what RTKLIB writes: `.pos` with latitude, longitude, height, and velocity or not.
+
+Reference: *RTKLIB ver. 2.4.2 Manual* (2013), appendix B.1, for columns and their order.
+"""
+
+from __future__ import annotations
+
+import re
+from datetime import UTC, datetime
+from pathlib import Path
+
+from host_tools.motion.errors import MotionError
+from host_tools.motion.recording import located
+from host_tools.motion.table import QUALITY, TIME, Table, text_of
+
+NAMES = {
+    "latitude": "latitude_deg",
+    "longitude": "longitude_deg",
+    "height": "height_m",
+    "Q": QUALITY,
+    "sdn": "sd_north_m",
+    "sde": "sd_east_m",
+    "sdu": "sd_up_m",
+    "vn": "velocity_north_mps",
+    "ve": "velocity_east_mps",
+    "vu": "velocity_up_mps",
+    "sdvn": "sd_velocity_north_mps",
+    "sdve": "sd_velocity_east_mps",
+    "sdvu": "sd_velocity_up_mps",
+}
+"""RTKLIB's name of a column, without unit, to ours."""
+
+_POSITION_NAMES = "latitude longitude height Q ns sdn sde sdu sdne sdeu sdun age ratio"
+_VELOCITY_NAMES = "vn ve vu sdvn sdve sdvu sdvne sdveu sdvun"
+_SEPARATOR = re.compile(r"[,;\s]+")
+_WEEK_S = 604_800
+_DAY_S = 86_400
+
+
+def _columns(path: Path, names: list[str], line: int | None) -> tuple[str, ...]:
+    """Return our names of RTKLIB's columns, the time first."""
+    bare = [name.split("(")[0] for name in names]
+    if any("ecef" in name or "baseline" in name for name in bare):
+        raise MotionError(
+            located(path, "positions as x, y, z; needs latitude, longitude, height", line)
+        )
+    if any("'" in name for name in names):
+        raise MotionError(
+            located(path, "angles in degrees, minutes, seconds; needs decimal degrees", line)
+        )
+    columns = (TIME, *(NAMES.get(name, name) for name in bare))
+    for name in ("latitude_deg", "longitude_deg", "height_m"):
+        if columns.count(name) != 1:
+            raise MotionError(located(path, f"the header has no column {name}", line))
+    return columns
+
+
+def _seconds(day: str, clock: str) -> float | None:
+    """Return a time in s from `2025/07/08 19:34:18.499`, or from GPS week and time of week."""
+    try:
+        if "/" not in day:
+            return int(day) * _WEEK_S + float(clock)
+        year, month, date = day.split("/")
+        hours, minutes, seconds = clock.split(":")
+        since = datetime(int(year), int(month), int(date), tzinfo=UTC).toordinal()
+        h, m, s = int(hours), int(minutes), float(seconds)
+    except (ValueError, OverflowError):
+        return None
+    if not (0 <= h < 24 and 0 <= m < 60 and 0 <= s < 61):
+        return None
+    return since * _DAY_S + h * 3600 + m * 60 + s
+
+
+def _is_header(line: str) -> bool:
+    words = line[1:].split()
+    return len(words) > 3 and any(
+        word.startswith(("latitude", "x-ecef", "e-baseline")) for word in words
+    )
+
+
+def read_pos(path: Path) -> Table:
+    """Return the rows of a file.
+
+    Lines that begin with % are comments; the one that names the columns is the header. Without a
+    header the columns are those that RTKLIB writes by default.
+
+    Raises
+    ------
+    MotionError
+        When it cannot be read, or its columns are not understood.
+    """
+    table: Table | None = None
+    origin: float | None = None
+    for number, line in enumerate(text_of(path).splitlines(), start=1):
+        stripped = line.strip()
+        if stripped.startswith("%"):
+            if _is_header(stripped):
+                columns = _columns(path, stripped[1:].split()[1:], number)
+                if table is not None and columns != table.columns:
+                    raise MotionError(located(path, "another header with other columns", number))
+                table = table or Table("pos", columns)
+            continue
+        if not stripped:
+            continue
+        cells = _SEPARATOR.split(stripped)
+        if table is None:
+            names = _POSITION_NAMES.split()
+            if len(cells) > 2 + len(names):
+                names += _VELOCITY_NAMES.split()
+            table = Table("pos", _columns(path, names, None))
+        if len(cells) < 2:
+            table.add(number, cells)
+            continue
+        seconds = _seconds(*cells[:2])
+        if seconds is None:
+            table.skip(number, f"no time: {cells[0][:20]} {cells[1][:20]}")
+            continue
+        origin = seconds if origin is None else origin
+        # Seconds since the first line: milliseconds survive the rounding of large numbers.
+        table.add(number, [repr(round(seconds - origin, 6)), *cells[2:]])
+    if table is None:
+        raise MotionError(located(path, "has no lines with data"))
+    return table

@@ -1,0 +1,123 @@
+"""A recorded motion as it stands in a file, line by line, and what is wrong with it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from host_tools.motion.errors import MotionError
+from host_tools.motion.spline import Vector
+
+
+@dataclass(frozen=True)
+class Irregularity:
+    """Something in a file that ought not to be there.
+
+    Attributes
+    ----------
+    line : int
+        Line of the file, from 1.
+    kind : str
+        `columns`, `not_a_number`, `out_of_range`, `no_solution`, `repeated_time`,
+        `backward_time`, `gap`, `jump` or `motion` (begins or ends in motion).
+    text : str
+        What it is.
+    mended : str
+        What is done about it.
+    """
+
+    line: int
+    kind: str
+    text: str
+    mended: str = "left out"
+
+    def __str__(self) -> str:
+        return f"line {self.line}: {self.text}: {self.mended}"
+
+
+@dataclass
+class Recording:
+    """The lines of a file that have a time; what a line does not tell is NaN.
+
+    Attributes
+    ----------
+    path : Path
+    kind : str
+        `csv` or `pos`.
+    line : array, shape (m,)
+        Line of the file, from 1.
+    time_s : array, shape (m,)
+        Since the first line.
+    place : array, shape (m, 3)
+        Latitude, longitude (rad, continuous), height (m).
+    velocity_n : array, shape (m, 3)
+        East, north, up, m/s.
+    attitude : array, shape (m, 3)
+        Roll, pitch, heading (rad, continuous).
+    place_deviation, velocity_deviation, attitude_deviation : array, shape (m, 3)
+        Standard deviations in m, m/s (east, north, up) and rad.
+    irregularities : list
+        What has been found so far.
+    lines : int
+        Lines with data in the file.
+    unused : tuple of str
+        Columns that are not made use of.
+    """
+
+    path: Path
+    kind: str
+    line: NDArray[np.int64]
+    time_s: Vector
+    place: Vector
+    velocity_n: Vector
+    attitude: Vector
+    place_deviation: Vector
+    velocity_deviation: Vector
+    attitude_deviation: Vector
+    irregularities: list[Irregularity] = field(default_factory=list)
+    lines: int = 0
+    unused: tuple[str, ...] = ()
+
+    def __len__(self) -> int:
+        return len(self.line)
+
+    @property
+    def has_velocity(self) -> bool:
+        """Whether any line tells the velocity."""
+        return bool(np.isfinite(self.velocity_n).any())
+
+    @property
+    def has_attitude(self) -> bool:
+        """Whether any line tells the attitude."""
+        return bool(np.isfinite(self.attitude).any())
+
+    def keep(self, kept: NDArray[np.bool_]) -> None:
+        """Leave out lines."""
+        for name in (
+            "line",
+            "time_s",
+            "place",
+            "velocity_n",
+            "attitude",
+            "place_deviation",
+            "velocity_deviation",
+            "attitude_deviation",
+        ):
+            setattr(self, name, getattr(self, name)[kept])
+
+    def report(self, at: int, kind: str, text: str, mended: str = "left out") -> None:
+        """Add an irregularity of the line with an index."""
+        self.irregularities.append(Irregularity(int(self.line[at]), kind, text, mended))
+
+    def fail(self, text: str, line: int | None = None) -> MotionError:
+        """Return the error that says where in the file."""
+        return MotionError(located(self.path, text, line))
+
+
+def located(path: Path, text: str, line: int | None = None) -> str:
+    """Return a message with file and line."""
+    where = "" if line is None else f" line {line}:"
+    return f"motion {path}:{where} {text}"

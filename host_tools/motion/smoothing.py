@@ -1,0 +1,232 @@
+"""Makes a smooth path of a recorded one: splines through its positions and velocities.
+
+Each of east, north, up is a quintic spline x that minimises, with the deviations σ of the file and
+the density q of the jerk::
+
+    Σ ((x(t_i) - p_i) / σ_p,i)² + Σ ((x'(t_i) - v_i) / σ_v,i)² + (1/q²) ∫ x'''² dt
+
+Samples more than 3 σ off are weighted down in two more rounds (Huber, *Robust Statistics* (1981),
+section 7.8). At both ends the spline is constant: it begins and ends at rest, however the file
+does; the way from there to the first sample is the one of least jerk.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from host_tools.motion.attitude import fit_angles, track_attitude
+from host_tools.motion.kinematics import Path, trajectory_of
+from host_tools.motion.local import Local
+from host_tools.motion.recording import Irregularity, Recording
+from host_tools.motion.settings import Motion
+from host_tools.motion.spline import Fit, Grid, Observations, Vector, evaluate
+from host_tools.motion.trajectory import Trajectory, knot_ns
+
+STILL_PIECES = 4
+"""Pieces at either end that are exactly at rest."""
+
+MOVING_MPS = 0.5
+"""A file that begins or ends faster than that begins or ends in motion."""
+
+_RUN_UP = 1.0  # m/s², mean
+_LEAST_RUN_UP_S = 2.0
+_EDGE_S = 1.0  # what the speed at an end is taken from
+_HUBER = 3.0
+_ROUNDS = 3
+_GUIDED_S = 20.0  # gaps longer than this get guides
+_GUIDE_DEVIATION = 1.0  # m
+
+
+@dataclass(frozen=True)
+class Residuals:
+    """Smoothed path minus file: east, north, up; NaN where there is nothing to compare.
+
+    Attributes
+    ----------
+    time_s : array, shape (m,)
+        Since the beginning of the trajectory.
+    line : array, shape (m,)
+    position, velocity : array, shape (m, 3)
+        In m and m/s.
+    """
+
+    time_s: Vector
+    line: NDArray[np.int64]
+    position: Vector
+    velocity: Vector
+
+
+@dataclass(frozen=True)
+class Smoothed:
+    """A recorded path made smooth, and how far it lies from its file."""
+
+    trajectory: Trajectory
+    residuals: Residuals
+
+
+def edge_speeds(recording: Recording) -> tuple[float, float]:
+    """Return the speeds, m/s, that the file begins and ends with."""
+    return _edge_speed(recording, first=True), _edge_speed(recording, first=False)
+
+
+def _edge_speed(recording: Recording, first: bool) -> float:
+    times = recording.time_s
+    edge = times <= times[0] + _EDGE_S if first else times >= times[-1] - _EDGE_S
+    if edge.sum() < 3:
+        edge = np.zeros(len(times), dtype=bool)
+        edge[slice(0, 3) if first else slice(-3, None)] = True
+    told = recording.velocity_n[edge]
+    told = told[np.isfinite(told).all(axis=1)]
+    if len(told):
+        return float(np.linalg.norm(told.mean(axis=0)))
+    local = Local(*recording.place[0])
+    offsets = local.offsets(recording.place[edge])
+    slopes = np.polyfit(times[edge] - times[edge][0], offsets, 1)[0]
+    return float(np.linalg.norm(slopes))
+
+
+def begins_or_ends_in_motion(recording: Recording) -> list[Irregularity]:
+    """Return what is to be told of a file that does not stand at its ends."""
+    found = []
+    for at, word, added, speed in zip(
+        (0, -1), ("begins", "ends"), ("run-up", "run-down"), edge_speeds(recording), strict=True
+    ):
+        if speed > MOVING_MPS:
+            length = _run_s(speed)
+            text = f"{word} in motion, at {speed:.3g} m/s"
+            mended = f"{added} of {length:.3g} s added"
+            found.append(Irregularity(int(recording.line[at]), "motion", text, mended))
+    return found
+
+
+def _run_s(speed: float) -> float:
+    return max(_LEAST_RUN_UP_S, speed / _RUN_UP)
+
+
+def _guides(times: Vector, values: Vector, slopes: Vector, step_s: float) -> Observations | None:
+    """Return points on cubics across long gaps, without which the fit there is ill-conditioned."""
+    found = []
+    for k in np.flatnonzero(np.diff(times) > _GUIDED_S):
+        length = times[k + 1] - times[k]
+        u = np.linspace(0, 1, math.ceil(2 * length / _GUIDED_S) + 1)[1:-1]
+        cubic = (
+            values[k] * (1 + 2 * u) * (1 - u) ** 2
+            + values[k + 1] * u**2 * (3 - 2 * u)
+            + length * (slopes[k] * u * (1 - u) ** 2 + slopes[k + 1] * u**2 * (u - 1))
+        )
+        found.append(np.stack([times[k] + u * length, cubic]))
+    if not found:
+        return None
+    at, value = np.concatenate(found, axis=1)
+    return Observations(at / step_s, value, np.full_like(at, _GUIDE_DEVIATION))
+
+
+def _robust_fit(
+    grid: Grid, density: float, observed: list[Observations], guides: Observations | None
+) -> Vector:
+    """Return the coefficients of one channel; what is far off counts less in each round."""
+    weighted = observed
+    for _ in range(_ROUNDS):
+        fit = Fit(grid, density)
+        for one in weighted:
+            fit.add(one)
+        if guides is not None:
+            fit.add(guides)
+        coefficients = fit.solve()
+        weighted = []
+        for one in observed:
+            off = np.abs(evaluate(coefficients, one.times, grid.step_s, one.order) - one.values)
+            wider = np.sqrt(np.maximum(1.0, off / (_HUBER * one.deviations)))
+            weighted.append(Observations(one.times, one.values, one.deviations * wider, one.order))
+    return coefficients
+
+
+def smooth(recording: Recording, motion: Motion, period_ns: int) -> Smoothed:
+    """Return the trajectory along a mended recording, and how far it lies from it.
+
+    Parameters
+    ----------
+    recording : Recording
+        Mended (`host_tools.motion.mending.mend`).
+    motion : Motion
+    period_ns : int
+        Sampling period.
+    """
+    step_ns = knot_ns(period_ns)
+    step_s = step_ns * 1e-9
+    runs = [math.ceil(_run_s(speed) / step_s) for speed in edge_speeds(recording)]
+    lead = STILL_PIECES + runs[0]
+    span = recording.time_s[-1] - recording.time_s[0]
+    pieces = lead + math.ceil(span / step_s) + runs[1] + STILL_PIECES
+    grid = Grid(pieces, step_s, ((0, STILL_PIECES), (pieces - STILL_PIECES, pieces)))
+    times = lead * step_s + recording.time_s - recording.time_s[0]
+
+    local = Local(*recording.place[0])
+    offsets = local.offsets(recording.place)
+    velocity = recording.velocity_n / local.stretch(offsets)
+    told = np.isfinite(velocity).all(axis=1)
+    coefficients = np.zeros((pieces + 5, 6))
+    for axis in range(3):
+        slopes = np.where(told, velocity[:, axis], np.gradient(offsets[:, axis], times))
+        observed = [
+            Observations(times / step_s, offsets[:, axis], recording.place_deviation[:, axis]),
+            Observations(
+                times[told] / step_s,
+                velocity[told, axis],
+                recording.velocity_deviation[told, axis],
+                order=1,
+            ),
+        ]
+        coefficients[:, axis] = _robust_fit(
+            grid,
+            motion.jerk_density_mps3_per_sqrt_hz,
+            observed,
+            _guides(times, offsets[:, axis], slopes, step_s),
+        )
+    residuals = _residuals(recording, local, grid, times, coefficients[:, :3])
+    notes = [_residual_note(residuals)]
+    if recording.has_attitude:
+        coefficients[:, 3:] = fit_angles(grid, times, recording)
+    else:
+        coefficients[:, 3:], more = track_attitude(grid, local, coefficients[:, :3])
+        notes += more
+    coefficients[:, :3] = local.places(coefficients[:, :3])
+    base = np.array([local.latitude, local.longitude, local.height, 0.0, 0.0, 0.0])
+    base += coefficients[0]
+    base[1] = (base[1] + math.pi) % (2 * math.pi) - math.pi
+    base[5] %= 2 * math.pi
+    trajectory = trajectory_of(
+        Path(step_ns, base, coefficients - coefficients[0]), notes=tuple(notes)
+    )
+    return Smoothed(trajectory, residuals)
+
+
+def _residuals(
+    recording: Recording, local: Local, grid: Grid, times: Vector, coefficients: Vector
+) -> Residuals:
+    def at(order: int) -> Vector:
+        return np.stack(
+            [evaluate(c, times / grid.step_s, grid.step_s, order) for c in coefficients.T], axis=1
+        )
+
+    stretch = local.stretch(at(0))
+    position = (at(0) - local.offsets(recording.place)) * stretch
+    return Residuals(times, recording.line, position, at(1) * stretch - recording.velocity_n)
+
+
+def _residual_note(residuals: Residuals) -> str:
+    off = np.linalg.norm(residuals.position, axis=1)
+    worst = int(np.argmax(off))
+    text = (
+        f"smoothed path against the file: position rms {np.sqrt(np.mean(off**2)):.3g} m, "
+        f"largest {off[worst]:.3g} m (line {residuals.line[worst]})"
+    )
+    speed_off = np.linalg.norm(residuals.velocity, axis=1)
+    speed_off = speed_off[np.isfinite(speed_off)]
+    if len(speed_off):
+        text += f"; velocity rms {np.sqrt(np.mean(speed_off**2)):.3g} m/s"
+    return text

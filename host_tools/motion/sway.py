@@ -1,0 +1,175 @@
+"""Sway of a ship that lies in waves: a sea spectrum through simple responses of a hull.
+
+The sea at the ship is a sum of harmonics of the time after which it repeats itself, each of the
+spectrum's amplitude and of a phase drawn from the seed. Each of the six motions is the sea through
+a low-pass of second order with the motion's natural period and damping::
+
+    H(ω) = ω_n² / (ω_n² - ω² + 2 i ζ ω_n ω)
+
+Heave follows the surface, surge and sway the water's circular motion, pitch, roll and a little yaw
+the slope of the wave, with wave number k = ω²/g (deep water).
+
+References
+----------
+Hasselmann et al., *Measurements of wind-wave growth and swell decay during the Joint North Sea Wave
+Project* (1973), and Pierson and Moskowitz, *J. Geophys. Res.* 69 (1964), for the spectra; DNV-RP-
+C205 (2010), section 3.5.5, for their form in wave height and peak period; Lewis (ed.), *Principles
+of Naval Architecture*, vol. III (1989), section 3, for the responses.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from host_tools.hardware.settings import STANDARD_GRAVITY
+from host_tools.motion.errors import MotionError
+from host_tools.motion.kinematics import Path, trajectory_of
+from host_tools.motion.local import Local
+from host_tools.motion.settings import Motion
+from host_tools.motion.spline import AT_KNOTS, DEGREE, Vector, monomials_of
+from host_tools.motion.trajectory import Trajectory, knot_ns
+
+RAMP_S = 120.0
+"""How long the sea takes to come up."""
+
+_STILL_PIECES = 4
+_PEAK_FACTOR = {"jonswap": 3.3, "pierson-moskowitz": 1.0}
+_BAND = (0.4, 4.0)  # of the peak's frequency: what lies outside is hardly anything
+_HIGHEST = 3.0  # rad/s: shorter waves pass unnoticed along a hull
+_ROLL_DAMPING = 0.1
+_PITCH_PERIOD_S, _HEAVE_PERIOD_S, _DAMPING = 6.5, 6.5, 0.6
+_YAW_SHARE = 0.15
+_LARGEST_ANGLE = math.radians(60)
+
+
+def wave_spectrum(omega: Vector, height: float, period: float, peak_factor: float) -> Vector:
+    """Return the one-sided spectral density of the sea's surface, m² s, at ω in rad/s.
+
+    JONSWAP in the form of DNV-RP-C205, (3.5.5.2); with a peak factor of 1 it is that of Pierson
+    and Moskowitz. `height` is the significant wave height (m), `period` that of the peak (s).
+    """
+    peak = 2 * math.pi / period
+    moskowitz = 5 / 16 * height**2 * peak**4 * omega**-5.0 * np.exp(-1.25 * (omega / peak) ** -4.0)
+    width = np.where(omega <= peak, 0.07, 0.09)
+    bump = np.exp(-0.5 * ((omega - peak) / (width * peak)) ** 2)
+    return np.asarray((1 - 0.287 * math.log(peak_factor)) * moskowitz * peak_factor**bump)
+
+
+def _low_pass(omega: Vector, period_s: float, damping: float) -> NDArray[np.complex128]:
+    natural = 2 * math.pi / period_s
+    return np.asarray(natural**2 / (natural**2 - omega**2 + 2j * damping * natural * omega))
+
+
+def responses(omega: Vector, wave_from: float, roll_period_s: float) -> NDArray[np.complex128]:
+    """Return surge (forward), sway (to the right), heave, roll, pitch, yaw per metre of wave.
+
+    Parameters
+    ----------
+    omega : array, shape (m,)
+        rad/s.
+    wave_from : float
+        Where the waves come from, rad clockwise from the bow.
+    roll_period_s : float
+        Natural period of roll.
+
+    Returns
+    -------
+    array, shape (6, m)
+        Complex amplitudes of `exp(i ω t)`; m per m, rad per m.
+    """
+    # The waves travel to where they do not come from: components forward and to the right.
+    ahead, right = -math.cos(wave_from), -math.sin(wave_from)
+    slope = -1j * omega**2 / STANDARD_GRAVITY  # of the surface, in the direction of travel
+    follow = _low_pass(omega, _HEAVE_PERIOD_S, _DAMPING)
+    pitch = _low_pass(omega, _PITCH_PERIOD_S, _DAMPING)
+    roll = _low_pass(omega, roll_period_s, _ROLL_DAMPING)
+    return np.stack(
+        [
+            -1j * ahead * follow,
+            -1j * right * follow,
+            follow,
+            -right * slope * roll,  # a surface that rises to the right lifts the right side
+            ahead * slope * pitch,
+            _YAW_SHARE * ahead * right * slope * pitch,
+        ]
+    )
+
+
+def _harmonics(motion: Motion, period_s: float, count: int) -> NDArray[np.complex128]:
+    """Return the complex amplitudes, (6, count // 2 + 1), of the six motions' harmonics."""
+    number = np.arange(count // 2 + 1, dtype=np.float64)
+    omega: Vector = 2 * math.pi * number / period_s
+    peak = 2 * math.pi / motion.wave_period_s
+    band = (omega > _BAND[0] * peak) & (omega < min(_BAND[1] * peak, _HIGHEST))
+    inside = omega[band]
+    density = wave_spectrum(
+        inside, motion.wave_height_m, motion.wave_period_s, _PEAK_FACTOR[motion.wave_spectrum]
+    )
+    generator = np.random.default_rng(motion.seed)
+    phase = np.exp(2j * math.pi * generator.random(len(number)))[band]
+    amplitude = np.sqrt(2 * density * 2 * math.pi / period_s) * phase
+    found = np.zeros((6, len(number)), dtype=np.complex128)
+    found[:, band] = amplitude * responses(
+        inside, math.radians(motion.wave_from_deg), motion.roll_period_s
+    )
+    return found
+
+
+def _periodic(harmonics: NDArray[np.complex128], count: int) -> Vector:
+    """Return spline coefficients, (count, 6), that pass through the harmonics at all knots."""
+    # A harmonic of coefficients comes out at the knots as itself times the basis's transform.
+    turn = 2 * math.pi * np.arange(harmonics.shape[1]) / count
+    about = np.arange(DEGREE) - DEGREE // 2
+    transform = (AT_KNOTS * np.cos(turn[:, None] * about)).sum(axis=1)
+    return np.fft.irfft(harmonics / transform * (count / 2), count, axis=1).T
+
+
+def _rise(count: int, ramp: int) -> Vector:
+    """Return 0 while still, then a smooth step to 1 over `ramp` coefficients."""
+    u = np.clip((np.arange(count) - _STILL_PIECES - DEGREE) / ramp, 0.0, 1.0)
+    return u**3 * (10 + u * (6 * u - 15))
+
+
+def synthetic_sway(motion: Motion, period_s: float, base: Vector, period_ns: int) -> Trajectory:
+    """Return sway about a place and an attitude: the sea comes up, then it repeats itself.
+
+    Parameters
+    ----------
+    motion : Motion
+        Tells the sea, the ship and the seed.
+    period_s : float
+        Time after which the motion repeats itself exactly.
+    base : array, shape (6,)
+        Latitude, longitude (rad), height (m), roll, pitch, heading (rad) in calm water.
+    period_ns : int
+        Sampling period.
+    """
+    step_ns = knot_ns(period_ns)
+    step_s = step_ns * 1e-9
+    loop = round(period_s / step_s)
+    waves = _periodic(_harmonics(motion, loop * step_s, loop), loop)
+    ramp = math.ceil(RAMP_S / step_s)
+    begin = _STILL_PIECES + DEGREE + ramp
+    count = begin + loop + DEGREE
+    swayed = waves[np.arange(count) % loop] * _rise(count, ramp)[:, None]
+    surge, sway, heave = swayed[:, :3].T
+    sine, cosine = math.sin(base[5]), math.cos(base[5])
+    offsets = np.stack([surge * sine + sway * cosine, surge * cosine - sway * sine, heave], axis=1)
+    coefficients = np.concatenate([Local(*base[:3]).places(offsets), swayed[:, 3:]], axis=1)
+    angles = monomials_of(coefficients)[:, 3:5, 0] + base[3:5]
+    if np.abs(angles).max() > _LARGEST_ANGLE:
+        raise MotionError("motion: in this sea the ship rolls or pitches beyond 60°")
+    return trajectory_of(
+        Path(step_ns, base, coefficients), loop_from=begin, notes=(_note(motion, swayed),)
+    )
+
+
+def _note(motion: Motion, swayed: Vector) -> str:
+    heave, roll, pitch = (swayed[:, k].std() for k in (2, 3, 4))
+    return (
+        f"sea of {motion.wave_height_m:g} m and {motion.wave_period_s:g} s: heave {heave:.2g} m, "
+        f"roll {math.degrees(roll):.2g}°, pitch {math.degrees(pitch):.2g}° rms"
+    )

@@ -1,0 +1,86 @@
+"""A recording's file as columns of text, whatever its format."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from host_tools.motion.errors import MotionError
+from host_tools.motion.recording import Irregularity, located
+
+TIME = "time_s"
+PLACE = ("latitude_deg", "longitude_deg", "height_m")
+VELOCITY = ("velocity_east_mps", "velocity_north_mps", "velocity_up_mps")
+ATTITUDE = ("roll_deg", "pitch_deg", "heading_deg")
+PLACE_SD = ("sd_east_m", "sd_north_m", "sd_up_m")
+VELOCITY_SD = ("sd_velocity_east_mps", "sd_velocity_north_mps", "sd_velocity_up_mps")
+ATTITUDE_SD = ("sd_roll_deg", "sd_pitch_deg", "sd_heading_deg")
+QUALITY = "quality"
+GROUPS = (PLACE, VELOCITY, ATTITUDE, PLACE_SD, VELOCITY_SD, ATTITUDE_SD)
+
+_LARGEST_FILE = 1 << 30  # bytes
+
+
+@dataclass
+class Table:
+    """Lines of text with the same columns.
+
+    Attributes
+    ----------
+    kind : str
+        `csv` or `pos`.
+    columns : tuple of str
+        Names, `time_s` among them.
+    lines : list of int
+        Line of the file for each row, from 1.
+    rows : list of list of str
+        Each as long as `columns`.
+    irregularities : list
+        Of lines that are no rows.
+    unused : tuple of str
+        Columns of the file that are not made use of.
+    """
+
+    kind: str
+    columns: tuple[str, ...]
+    lines: list[int] = field(default_factory=list)
+    rows: list[list[str]] = field(default_factory=list)
+    irregularities: list[Irregularity] = field(default_factory=list)
+    unused: tuple[str, ...] = ()
+    count: int = 0
+    """Lines with data, rows or not."""
+
+    def add(self, line: int, cells: list[str]) -> None:
+        """Add a row, or report that it has another number of columns."""
+        self.count += 1
+        if len(cells) == len(self.columns):
+            self.lines.append(line)
+            self.rows.append(cells)
+        else:
+            text = f"{len(cells)} columns instead of {len(self.columns)}"
+            self.irregularities.append(Irregularity(line, "columns", text))
+
+    def skip(self, line: int, text: str) -> None:
+        """Report a line whose time cannot be read."""
+        self.count += 1
+        self.irregularities.append(Irregularity(line, "not_a_number", text))
+
+
+def text_of(path: Path) -> str:
+    """Return a file's text.
+
+    Raises
+    ------
+    MotionError
+        When it is missing, too large, or no text.
+    """
+    try:
+        if path.is_dir():
+            raise MotionError(located(path, "is a folder"))
+        if path.stat().st_size > _LARGEST_FILE:
+            raise MotionError(located(path, "is larger than 1 GiB"))
+        return path.read_text(encoding="utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise MotionError(located(path, "is no UTF-8 text")) from error
+    except OSError as error:
+        raise MotionError(located(path, f"cannot be read: {error.strerror or error}")) from error

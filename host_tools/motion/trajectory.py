@@ -1,0 +1,79 @@
+"""What the vehicle does, as polynomials of time that agree with each other."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from host_tools.motion.spline import Vector, horner
+
+POWERS = 8
+"""Coefficients of a channel's polynomial on a piece."""
+
+OMEGA_IB_B = slice(0, 3)  # rad/s
+SPECIFIC_FORCE_B = slice(3, 6)  # m/s²
+PLACE = slice(6, 9)  # latitude, longitude (rad), height (m)
+VELOCITY_N = slice(9, 12)  # m/s
+ATTITUDE = slice(12, 15)  # roll, pitch, heading (rad)
+CHANNELS = 15
+
+PIECE_NS = 250_000_000
+"""About how long a piece is."""
+
+
+def knot_ns(period_ns: int) -> int:
+    """Return the length of a piece: a whole number of periods, about 0.25 s."""
+    return period_ns * max(1, round(PIECE_NS / period_ns))
+
+
+@dataclass(frozen=True, eq=False)
+class Trajectory:
+    """A motion from rest, piece by piece.
+
+    Attributes
+    ----------
+    knot_ns : int
+        Length of a piece, a whole number of sampling periods.
+    pieces : array, shape (n, 15, 8), read-only
+        Monomial coefficients, lowest first, in u from 0 to 1 across the piece. Channels:
+        ω_ib^b x, y, z (rad/s); f^b x, y, z (m/s²); latitude, longitude (rad), height (m);
+        velocity over ground east, north, up (m/s); roll, pitch, heading (rad). Longitude and
+        heading are continuous: they may leave [-π, π).
+    loop_from : int or None
+        The piece to go on with after the last one; None: at rest in the end.
+    notes : tuple of str
+        What a user should know of how the motion came about.
+    """
+
+    knot_ns: int
+    pieces: NDArray[np.float64]
+    loop_from: int | None = None
+    notes: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        assert self.pieces.shape[1:] == (CHANNELS, POWERS)
+        self.pieces.setflags(write=False)
+
+    @property
+    def duration_s(self) -> float:
+        """Length of all pieces."""
+        return len(self.pieces) * self.knot_ns / 1e9
+
+    def at(self, time_s: Vector) -> Vector:
+        """Return all channels at times since the beginning, shape (m, 15).
+
+        Before the beginning it is that of the beginning, after the end that of the end, unless the
+        motion loops.
+        """
+        times = np.maximum(np.asarray(time_s, dtype=np.float64) / (self.knot_ns * 1e-9), 0.0)
+        count = len(self.pieces)
+        if self.loop_from is None:
+            times = np.minimum(times, count)
+        else:
+            beyond = times >= count
+            loop = count - self.loop_from
+            times = np.where(beyond, self.loop_from + (times - count) % loop, times)
+        index = np.minimum(times.astype(np.int64), count - 1)
+        return horner(self.pieces[index], (times - index)[:, None])

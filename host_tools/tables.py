@@ -1,0 +1,236 @@
+"""The tables of a scenario: what a person may write into each, with units and limits."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+import firmware_py.calibration
+import firmware_py.settings
+from dbc.contract import SENSOR_GROUPS
+from host_tools.geometry import GEOMETRIES, AxesDeg
+
+PerSensor = float | tuple[float, ...]
+"""One number for all sensors, or one for each."""
+
+_Magnitude = Annotated[float, Field(ge=0)]
+_NotNegative = _Magnitude | tuple[_Magnitude, ...]
+
+
+class Table(BaseModel):
+    """A table of a scenario."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+class Site(Table):
+    """Where the vehicle stands, on WGS-84."""
+
+    latitude_deg: float = Field(default=40.3554, ge=-89.9, le=89.9)
+    longitude_deg: float = Field(default=116.668, ge=-180, le=180)
+    height_m: float = Field(default=40.0, ge=-1000, le=100_000)
+
+
+class Body(Table):
+    """The vehicle's attitude."""
+
+    roll_deg: float = Field(default=0.0, ge=-180, le=180)
+    pitch_deg: float = Field(default=0.0, ge=-90, le=90)
+    heading_deg: float = Field(default=0.0, ge=-360, le=360)
+
+
+class Rimu(Table):
+    """Design directions of the input axes: a built-in geometry, or angles for each kind."""
+
+    geometry: Literal["tetrahedron", "orthogonal", "custom"] = "tetrahedron"
+    gyro_axes_deg: tuple[tuple[float, float], ...] | None = None
+    accelerometer_axes_deg: tuple[tuple[float, float], ...] | None = None
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Rimu:
+        given = (self.gyro_axes_deg, self.accelerometer_axes_deg)
+        if self.geometry != "custom":
+            if given != (None, None):
+                raise ValueError('axes are for geometry = "custom" only')
+            return self
+        for name, axes in zip(("gyro_axes_deg", "accelerometer_axes_deg"), given, strict=True):
+            if axes is None:
+                raise ValueError(f'geometry = "custom" needs {name}')
+            if not 3 <= len(axes) <= SENSOR_GROUPS:
+                raise ValueError(f"{name}: {len(axes)} sensors, can be 3 to {SENSOR_GROUPS}")
+            if not _spans_space(axes):
+                raise ValueError(f"{name}: the axes lie in one plane")
+        return self
+
+    @property
+    def gyros(self) -> AxesDeg:
+        """Design directions of the gyros."""
+        return self.gyro_axes_deg or GEOMETRIES[self.geometry]
+
+    @property
+    def accelerometers(self) -> AxesDeg:
+        """Design directions of the accelerometers."""
+        return self.accelerometer_axes_deg or GEOMETRIES[self.geometry]
+
+
+class _Sensors(Table):
+    """Errors that both kinds of sensors have. Paper, (13), (16), (17)."""
+
+    scale_error_ppm: PerSensor = 0.0
+    asymmetric_scale_error_ppm: PerSensor = 0.0
+    installation_u_arcsec: PerSensor = 0.0
+    installation_v_arcsec: PerSensor = 0.0
+    scale_repeatability_ppm: _NotNegative = 0.0
+    """Standard deviation of what each power-up adds."""
+    scale_temperature_ppm_per_k: PerSensor = 0.0
+    bandwidth_hz: float | None = Field(default=None, gt=0)
+    """-3 dB, first order; without it there is no limit."""
+    latency_ms: float = Field(default=0.0, ge=0, le=25)
+
+
+class Gyros(_Sensors):
+    """Errors of the gyros. Paper, (16)."""
+
+    bias_dph: PerSensor = 0.0
+    bias_repeatability_dph: _NotNegative = 0.0
+    bias_instability_dph: _NotNegative = 0.0
+    """Coefficient B of IEEE 952: the Allan deviation's floor is 0.664 B."""
+    bias_temperature_dph_per_k: PerSensor = 0.0
+    angle_random_walk_deg_per_sqrt_h: _NotNegative = 0.0
+    rate_random_walk_dph_per_sqrt_h: _NotNegative = 0.0
+    g_sensitivity_dph_per_g: PerSensor = 0.0
+    """Bias for each g of specific force along the input axis."""
+    dead_zone_dph: _NotNegative = 0.0
+    resolution_arcsec: float = Field(default=0.0, ge=0)
+    range_dps: float = Field(default=300.0, gt=0)
+
+
+class Accelerometers(_Sensors):
+    """Errors of the accelerometers. Paper, (17)."""
+
+    bias_ug: PerSensor = 0.0
+    bias_repeatability_ug: _NotNegative = 0.0
+    bias_instability_ug: _NotNegative = 0.0
+    bias_temperature_ug_per_k: PerSensor = 0.0
+    white_noise_ug_per_sqrt_hz: _NotNegative = 0.0
+    random_walk_ug_per_sqrt_h: _NotNegative = 0.0
+    dead_zone_ug: _NotNegative = 0.0
+    resolution_um_per_s: float = Field(default=0.0, ge=0)
+    range_g: float = Field(default=20.0, gt=0)
+
+
+class Axis(Table):
+    """Limits, encoder and imperfections of one axis of the turntable."""
+
+    rate_limit_dps: float = Field(default=30.0, gt=0, le=60)
+    acceleration_limit_dps2: float = Field(default=10.0, gt=0, le=10_000)
+    jerk_limit_dps3: float | None = Field(default=None, gt=0)
+    encoder_bits: int = Field(default=24, ge=8, le=26)
+    """Bits of a whole turn."""
+    encoder_offset_deg: float = Field(default=0.0, ge=-5, le=5)
+    ripple_arcsec: float = Field(default=0.0, ge=0, le=3600)
+    """Amplitude of the angle's ripple over the turn."""
+    ripple_per_turn: float = Field(default=36.0, gt=0, le=10_000)
+    stiction_arcsec: float = Field(default=0.0, ge=0, le=3600)
+    """By how much the drive winds up before the table follows."""
+    run_out_um: float = Field(default=0.0, ge=-100_000, le=100_000)
+    """Distance of the sensors' centre from the axis."""
+
+
+class Turntable(Table):
+    """The two axes, and how they lie to each other."""
+
+    inner: Axis = Axis()
+    outer: Axis = Axis()
+    non_orthogonality_arcsec: float = Field(default=0.0, ge=-3600, le=3600)
+    wobble_arcsec: float = Field(default=0.0, ge=0, le=3600)
+    """Of the inner axis, as it turns."""
+    wobble_per_turn: float = Field(default=1.0, gt=0, le=100)
+
+
+class Thermal(Table):
+    """Temperature of the sensors above that of their calibration."""
+
+    ambient_offset_k: float = Field(default=0.0, ge=-100, le=100)
+    warm_up_k: float = Field(default=0.0, ge=-100, le=100)
+    """By how much they end up warmer than when switched on."""
+    time_constant_s: float = Field(default=600.0, gt=0, le=100_000)
+
+
+class Altimeter(Table):
+    """A barometric altimeter, for `height_channel = "damped"`; fitted where the table is there."""
+
+    bias_m: float = Field(default=0.0, ge=-1000, le=1000)
+    noise_m: float = Field(default=0.0, ge=0, le=100)
+
+
+class Firmware(Table):
+    """Settings of the navigation computer."""
+
+    initial_attitude: Literal["given", "self-aligned"] = "given"
+    alignment_s: float = Field(default=2.0, gt=0, le=86_400)
+    height_channel: Literal["held", "damped", "free"] = "held"
+    """`damped` goes by the altimeter, or by the height at the start where there is none."""
+    calibration: str | None = Field(default=None, min_length=1)
+    """TOML file of calibrated errors, relative to the scenario's folder."""
+    scheme: Literal["16-position", "8-position"] | tuple[firmware_py.settings.Turn, ...] = (
+        "16-position"
+    )
+    turn_rate_dps: float = Field(default=2.0, gt=0, le=60)
+    stand_s: float = Field(default=10.0, ge=0, le=86_400)
+    gyro_weights: PerSensor = 1.0
+    accelerometer_weights: PerSensor = 1.0
+    clock_error_ppm: float = Field(default=0.0, ge=-1000, le=1000)
+    bridge_s: float = Field(default=0.1, ge=0, le=10)
+    follow_tolerance_deg: float = Field(default=5.0, gt=0, le=180)
+    axis_silence_s: float = Field(default=1.0, gt=0, le=60)
+
+
+class OperatorRequest(Table):
+    """A mode that the operator asks for at a time after the hardware's power-on."""
+
+    at_s: float = Field(ge=0)
+    request: Literal["STANDBY", "ALIGN", "NAVIGATE_STRAPDOWN", "NAVIGATE_ROTATING"]
+
+
+class Bus(Table):
+    """The wire between the two sides."""
+
+    bitrate: Literal[125_000, 250_000, 500_000, 1_000_000] | None = None
+    """bit/s, to model the wire's timing; without it the wire is ideal and takes no time."""
+
+
+class EastNorth(Table):
+    """A pair of figures."""
+
+    east: float
+    north: float
+
+
+class Paper(Table):
+    """What the paper reports for the same run, to stand beside ours."""
+
+    source: str = ""
+    duration_s: float | None = None
+    max_abs_position_error_m: EastNorth | None = None
+    max_abs_velocity_error_mps: EastNorth | None = None
+
+
+def _spans_space(axes_deg: AxesDeg) -> bool:
+    H = firmware_py.calibration.input_axes(axes_deg)
+    normal = H.T @ H
+    return bool(abs(_determinant(normal)) > 1e-3)
+
+
+def _determinant(m: Any) -> float:
+    return float(
+        m[0, 0] * (m[1, 1] * m[2, 2] - m[1, 2] * m[2, 1])
+        - m[0, 1] * (m[1, 0] * m[2, 2] - m[1, 2] * m[2, 0])
+        + m[0, 2] * (m[1, 0] * m[2, 1] - m[1, 1] * m[2, 0])
+    )
+
+
+def each(value: PerSensor, count: int) -> tuple[float, ...]:
+    """Return a value for each of `count` sensors."""
+    return value if isinstance(value, tuple) else (value,) * count
