@@ -42,7 +42,11 @@ class _Speed(click.ParamType[float | None]):
         return speed
 
 
-_ELSEWHERE: dict[str, str] = {}
+_ELSEWHERE: dict[str, str] = {
+    "motion": "host_tools.motion.command:motion",
+    "reproduce": "host_tools.experiments.command:reproduce",
+    "scheme": "host_tools.rotation.command:scheme",
+}
 """Commands that stand in their own rooms, name to `module:command`; imported when asked for."""
 
 

@@ -12,6 +12,8 @@ from typing import Final
 AxesDeg = tuple[tuple[float, float], ...]
 
 _TETRAHEDRON_DEG = math.degrees(math.acos(1 / 3))  # 70.53°
+_DODECAHEDRON_DEG = math.degrees(math.atan(2))  # 63.43°, between normals of neighbouring faces
+_CONE_DEG = math.degrees(math.acos(1 / math.sqrt(3)))  # 54.74°: as good along z as across it
 
 GEOMETRIES: Final = MappingProxyType(
     {
@@ -23,6 +25,12 @@ GEOMETRIES: Final = MappingProxyType(
             (_TETRAHEDRON_DEG, 240.0),
         ),
         "orthogonal": ((90.0, 0.0), (90.0, 90.0), (0.0, 0.0)),
+        # Six normals of a regular dodecahedron's faces, opposite faces sharing one: one along z,
+        # five around it. J. P. Gilmore and R. A. McKern, A redundant strapdown inertial reference
+        # unit (SIRU), J. Spacecraft 9 (1972).
+        "dodecahedron": ((0.0, 0.0), *((_DODECAHEDRON_DEG, 72.0 * k) for k in range(5))),
+        # Four on a cone about z; the half angle makes HᵀH = (4/3) I.
+        "cone": tuple((_CONE_DEG, 90.0 * k) for k in range(4)),
     }
 )
 """Built-in geometries, name to input axes."""

@@ -27,9 +27,10 @@ from host_tools.hardware.settings import (
     UG,
 )
 from host_tools.motion.build import build
+from host_tools.motion.settings import Motion
 from host_tools.motion.trajectory import ATTITUDE, PLACE, Trajectory
 from host_tools.scenario import Scenario
-from host_tools.tables import Accelerometers, Axis, Gyros, PerSensor, each
+from host_tools.tables import Accelerometers, Axis, Body, Gyros, PerSensor, Site, each
 from host_tools.wire import Wire
 
 
@@ -176,7 +177,11 @@ def _drive(axis: Axis) -> hardware.Drive:
     )
 
 
-@functools.lru_cache(maxsize=4)
+@functools.lru_cache(maxsize=24)
+def _trajectory(motion: Motion, site: Site, body: Body, period_ns: int) -> Trajectory | None:
+    return build(motion, site, body, period_ns, Path())
+
+
 def trajectory_of(scenario: Scenario) -> Trajectory | None:
     """Return the motion of a scenario; None where the vehicle rests.
 
@@ -185,7 +190,7 @@ def trajectory_of(scenario: Scenario) -> Trajectory | None:
     MotionError
         When a recording cannot be used.
     """
-    return build(scenario.motion, scenario.site, scenario.body, scenario.period_ns, Path())
+    return _trajectory(scenario.motion, scenario.site, scenario.body, scenario.period_ns)
 
 
 def _motion(scenario: Scenario) -> hardware.Motion | None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -11,13 +11,15 @@ from matplotlib.figure import Figure
 
 from host_tools.results import Errors, Vector
 
-_EAST: dict[str, Any] = {"color": "#0b5394", "linestyle": "-", "linewidth": 1.2}
-_NORTH: dict[str, Any] = {"color": "#d2691e", "linestyle": (0, (5, 2)), "linewidth": 1.2}
+EAST: Final[dict[str, Any]] = {"color": "#0b5394", "linestyle": "-", "linewidth": 1.2}
+NORTH: Final[dict[str, Any]] = {"color": "#d2691e", "linestyle": (0, (5, 2)), "linewidth": 1.2}
+"""How what belongs to the east or the north, the first or the second of two, is drawn."""
+
 _SCALES = ((2e3, 1e-3, "k"), (0.2, 1.0, ""), (2e-4, 1e3, "m"), (0.0, 1e6, "µ"))
 _POINTS = 4000
 
 
-def _scale(*values: Vector) -> tuple[float, str]:
+def scale_of(*values: Vector) -> tuple[float, str]:
     """Return the factor and the prefix that make the largest value easy to read."""
     largest = max(float(np.max(np.abs(value), initial=0.0)) for value in values)
     for above, factor, prefix in _SCALES:
@@ -30,13 +32,15 @@ def _thin(errors: Errors) -> slice:
     return slice(None, None, max(1, len(errors) // _POINTS))
 
 
-def _figure(width: float, height: float) -> Figure:
+def new_figure(width: float, height: float) -> Figure:
+    """Return an empty picture, its size in inches."""
     figure = Figure(figsize=(width, height), layout="constrained", dpi=110)
     FigureCanvasAgg(figure)
     return figure
 
 
-def _finish(axes: Any, ylabel: str) -> None:
+def finish(axes: Any, ylabel: str) -> None:
+    """Give a panel its label, grid and zero line."""
     axes.set_ylabel(ylabel)
     axes.grid(True, color="0.88", linewidth=0.6)
     axes.margins(x=0)
@@ -50,9 +54,9 @@ def _pair(axes: Any, errors: Errors, kind: str, unit: str, label: str) -> None:
     east = getattr(errors, f"{kind}_east_{unit}")
     north = getattr(errors, f"{kind}_north_{unit}")
     shown = "m/s" if unit == "mps" else unit
-    factor, prefix = _scale(east, north)
+    factor, prefix = scale_of(east, north)
     thin = _thin(errors)
-    for values, style, name in ((east, _EAST, "east"), (north, _NORTH, "north")):
+    for values, style, name in ((east, EAST, "east"), (north, NORTH, "north")):
         largest = float(np.max(np.abs(values))) * factor
         axes.plot(
             errors.time_s[thin],
@@ -60,7 +64,7 @@ def _pair(axes: Any, errors: Errors, kind: str, unit: str, label: str) -> None:
             label=f"{name} (largest {largest:.3g} {prefix}{shown})",
             **style,
         )
-    _finish(axes, f"{label}\n/ {prefix}{shown}")
+    finish(axes, f"{label}\n/ {prefix}{shown}")
     axes.legend(loc="upper left", frameon=False, ncols=2, fontsize="small")
     low, high = axes.get_ylim()
     axes.set_ylim(low, high + 0.18 * (high - low))
@@ -70,7 +74,7 @@ def draw_errors(errors: Errors, title: str) -> Figure:
     """Return position and velocity errors over time, and the table's angles if it turned."""
     turned = bool(np.ptp(errors.inner_deg) > 0 or np.ptp(errors.outer_deg) > 0)
     rows = 3 if turned else 2
-    figure = _figure(9.0, 2.6 * rows)
+    figure = new_figure(9.0, 2.6 * rows)
     axes = figure.subplots(rows, 1, sharex=True)
     figure.suptitle(title, fontsize="medium")
     _pair(axes[0], errors, "position", "m", "position error")
@@ -78,9 +82,9 @@ def draw_errors(errors: Errors, title: str) -> Figure:
     if turned:
         thin = _thin(errors)
         time_s = errors.time_s[thin]
-        axes[2].plot(time_s, errors.inner_deg[thin], label="inner axis", **_EAST)
-        axes[2].plot(time_s, errors.outer_deg[thin], label="outer axis", **_NORTH)
-        _finish(axes[2], "turntable angle\n/ °")
+        axes[2].plot(time_s, errors.inner_deg[thin], label="inner axis", **EAST)
+        axes[2].plot(time_s, errors.outer_deg[thin], label="outer axis", **NORTH)
+        finish(axes[2], "turntable angle\n/ °")
         axes[2].set_yticks(np.arange(-180, 721, 180))
         axes[2].legend(loc="upper right", frameon=False, ncols=2, fontsize="small")
     axes[-1].set_xlabel("time since navigation began / s")
@@ -89,9 +93,9 @@ def draw_errors(errors: Errors, title: str) -> Figure:
 
 def draw_track(errors: Errors, title: str) -> Figure:
     """Return the horizontal position error as a track seen from above."""
-    figure = _figure(6.0, 5.6)
+    figure = new_figure(6.0, 5.6)
     axes = figure.subplots()
-    factor, prefix = _scale(errors.position_east_m, errors.position_north_m)
+    factor, prefix = scale_of(errors.position_east_m, errors.position_north_m)
     thin = _thin(errors)
     east = errors.position_east_m[thin] * factor
     north = errors.position_north_m[thin] * factor

@@ -12,7 +12,7 @@ from importlib import resources
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, TypeAdapter, ValidationError, model_validator
+from pydantic import BaseModel, Field, TypeAdapter, ValidationError, model_validator
 
 import firmware_py.settings
 from host_tools import presets
@@ -133,6 +133,24 @@ class Scenario(Table):
         except ValidationError as error:
             raise ValueError(f"firmware.scheme: {error.errors()[0]['msg']}") from error
         return self
+
+    def varied(self, **changes: Any) -> Scenario:
+        """Return the scenario with some keys changed, checked.
+
+        A change is ``key=value`` for a top-level key, ``table__key=value`` for one of a table.
+
+        Raises
+        ------
+        ScenarioError
+        """
+        values = self.model_dump(exclude_unset=True)
+        for name, value in changes.items():
+            table, _, key = name.partition("__")
+            values[table] = (values.get(table) or {}) | {key: value} if key else value
+        try:
+            return Scenario.model_validate(values)
+        except ValidationError as error:
+            raise ScenarioError(f"scenario {self.title!r}: {first_line(error)}") from error
 
     @property
     def scheme(self) -> firmware_py.settings.Scheme:
@@ -255,7 +273,7 @@ def load(name: str, **overrides: Any) -> Scenario:
     try:
         return Scenario.model_validate(table)
     except ValidationError as error:
-        raise ScenarioError(f"scenario {name}: {_first_line(error)}") from error
+        raise ScenarioError(f"scenario {name}: {first_line(error)}") from error
 
 
 def _find_files(table: dict[str, Any], folder: Path) -> None:
@@ -280,11 +298,11 @@ def fault_of(values: dict[str, Any]) -> FaultOnWire | FaultOfAxis | FaultOfSenso
     try:
         return _ANY_FAULT.validate_python(values)
     except ValidationError as error:
-        raise ScenarioError(f"fault: {_first_line(error)}") from error
+        raise ScenarioError(f"fault: {first_line(error)}") from error
 
 
-def _first_line(error: ValidationError) -> str:
-    """Return the most telling fault that pydantic found, in the words of a scenario."""
+def first_line(error: ValidationError, root: type[BaseModel] | None = None) -> str:
+    """Return the most telling fault that pydantic found in a model, in the words of a scenario."""
     # A misspelt key tells more than the missing one; of the readings of a value that may be one
     # thing or another, the one that got furthest.
     first = max(error.errors(), key=lambda e: (e["type"] == "extra_forbidden", len(e["loc"])))
@@ -294,7 +312,9 @@ def _first_line(error: ValidationError) -> str:
         if isinstance(part, int) or part.isidentifier()
     )
     if first["type"] == "extra_forbidden":
-        near = difflib.get_close_matches(str(first["loc"][-1]), _keys(first["loc"][:-1]), 1)
+        near = difflib.get_close_matches(
+            str(first["loc"][-1]), _keys(first["loc"][:-1], root or Scenario), 1
+        )
         hint = f", did you mean {near[0]}?" if near else ""
         text = f"{where}: no such key{hint}"
     elif first["type"] == "value_error":
@@ -316,12 +336,13 @@ def _first_line(error: ValidationError) -> str:
     return f"{text} (and {others} more)" if others else text
 
 
-def _keys(location: tuple[int | str, ...]) -> list[str]:
-    """Return the keys that a table of the scenario can have."""
-    model: Any = Scenario
+def _keys(location: tuple[int | str, ...], root: type[BaseModel]) -> list[str]:
+    """Return the keys that a table of the model can have."""
+    model: Any = root
     for part in location:
         if isinstance(part, str) and part in model.model_fields:
             annotation = model.model_fields[part].annotation
-            lists = {"operator": OperatorRequest, "faults": FaultOnWire}
-            model = annotation if isinstance(annotation, type) else lists.get(part, model)
+            turn = firmware_py.settings.Turn
+            of = {"operator": OperatorRequest, "faults": FaultOnWire, "turns": turn, "scheme": turn}
+            model = annotation if isinstance(annotation, type) else of.get(part, model)
     return list(model.model_fields)

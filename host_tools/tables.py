@@ -43,7 +43,7 @@ class Body(Table):
 class Rimu(Table):
     """Design directions of the input axes: a built-in geometry, or angles for each kind."""
 
-    geometry: Literal["tetrahedron", "orthogonal", "custom"] = "tetrahedron"
+    geometry: Literal["tetrahedron", "orthogonal", "dodecahedron", "cone", "custom"] = "tetrahedron"
     gyro_axes_deg: tuple[tuple[float, float], ...] | None = None
     accelerometer_axes_deg: tuple[tuple[float, float], ...] | None = None
 
@@ -174,9 +174,10 @@ class Firmware(Table):
     """`damped` goes by the altimeter, or by the height at the start where there is none."""
     calibration: str | None = Field(default=None, min_length=1)
     """TOML file of calibrated errors, relative to the scenario's folder."""
-    scheme: Literal["16-position", "8-position"] | tuple[firmware_py.settings.Turn, ...] = (
-        "16-position"
-    )
+    scheme: (
+        Literal["16-position", "8-position", "4-position", "single-axis-4-position"]
+        | tuple[firmware_py.settings.Turn, ...]
+    ) = "16-position"
     turn_rate_dps: float = Field(default=2.0, gt=0, le=60)
     stand_s: float = Field(default=10.0, ge=0, le=86_400)
     gyro_weights: PerSensor = 1.0
@@ -215,6 +216,7 @@ class Paper(Table):
     duration_s: float | None = None
     max_abs_position_error_m: EastNorth | None = None
     max_abs_velocity_error_mps: EastNorth | None = None
+    end_position_error_m: float | None = None
 
 
 def _spans_space(axes_deg: AxesDeg) -> bool:

@@ -1,0 +1,140 @@
+"""`rrins reproduce`: the paper's experiments, run and reported."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import click
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.table import Table
+
+from host_tools.errors import RehearsalError
+from host_tools.experiments import drive, prototype, static, variation
+from host_tools.experiments.fleet import Fleet
+from host_tools.experiments.report import figure, write
+from host_tools.experiments.results import Section
+
+EXPERIMENTS = ("scheme", "static", "rotating", "experiment", "drive")
+
+
+def _runs(which: tuple[str, ...], seeds: int, motion: Path | None) -> int:
+    runs = {
+        "scheme": 0,
+        "static": static.runs_of(static.STATIC),
+        "rotating": static.runs_of(static.ROTATING),
+        "experiment": prototype.runs_of(seeds),
+        "drive": drive.runs_of(seeds, motion is not None),
+    }
+    return sum(runs[name] for name in which)
+
+
+def _reproduce(
+    which: tuple[str, ...],
+    seeds: int,
+    motion: Path | None,
+    fleet: Fleet,
+    say: Callable[[str], None],
+) -> list[Section]:
+    run: dict[str, Callable[[], Section]] = {
+        "scheme": variation.reproduce,
+        "static": lambda: static.simulate(static.STATIC, fleet),
+        "rotating": lambda: static.simulate(static.ROTATING, fleet),
+        "experiment": lambda: prototype.reproduce(fleet, seeds),
+        "drive": lambda: drive.reproduce(fleet, seeds, motion),
+    }
+    sections = []
+    for name in which:
+        say(name)
+        sections.append(run[name]())
+    return sections
+
+
+def _summary(sections: list[Section]) -> Table:
+    table = Table(title="The paper's figures and ours", title_justify="left")
+    for name in ("experiment", "case", "quantity"):
+        table.add_column(name)
+    for name in ("paper", "ours", "ratio"):
+        table.add_column(name, justify="right", no_wrap=True)
+    for section in sections:
+        for row in section.rows:
+            if row.paper and row.note != "variant":
+                unit = "" if row.unit == "1" else f" {row.unit}"
+                ratio = figure(row.ratio) + (" !" if row.differs else "")
+                table.add_row(
+                    row.experiment,
+                    row.case,
+                    row.quantity,
+                    figure(row.paper) + unit,
+                    figure(row.ours) + unit,
+                    ratio,
+                )
+    return table
+
+
+@click.command()
+@click.argument(
+    "experiment", type=click.Choice((*EXPERIMENTS, "all")), default="all", metavar="[EXPERIMENT]"
+)
+@click.option("--seeds", type=click.IntRange(1, 100_000), default=20, show_default=True)
+@click.option(
+    "--motion",
+    type=click.Path(exists=True, dir_okay=False, path_type=Path),
+    help="Recorded motion for `drive`, beside the synthetic one: .csv or .pos.",
+)
+@click.option(
+    "--out",
+    type=click.Path(file_okay=False, path_type=Path),
+    default=Path("out/reproduce"),
+    show_default=True,
+    help="Folder for the report and its pictures.",
+)
+@click.option(
+    "--json", "as_json", is_flag=True, help="Print one JSON object; rows as in the report."
+)
+def reproduce(experiment: str, seeds: int, motion: Path | None, out: Path, as_json: bool) -> None:
+    """Run the paper's experiments and set the results beside its figures.
+
+    EXPERIMENT is scheme (section 4.2), static (4.3.1), rotating (4.3.2), experiment (4.4), drive
+    (4.5) or all. Writes report.html and the pictures.
+    """
+    which = EXPERIMENTS if experiment == "all" else (experiment,)
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise RehearsalError(f"--out {out}: cannot be made: {error.strerror}") from error
+    console = Console(stderr=True)
+    with Progress(
+        TextColumn("[bold]{task.description}"),
+        BarColumn(bar_width=30),
+        MofNCompleteColumn(),
+        TextColumn("runs"),
+        TimeRemainingColumn(compact=True),
+        console=console,
+        transient=True,
+        disable=not console.is_terminal,
+    ) as progress:
+        total = _runs(which, seeds, motion)
+        task = progress.add_task("preparing", total=total)
+
+        def say(name: str) -> None:
+            progress.update(task, description=name)
+            if not console.is_terminal:
+                console.print(f"{name} …", highlight=False)
+
+        fleet = Fleet(lambda: progress.advance(task))
+        sections = _reproduce(which, seeds, motion, fleet, say)
+        paths = write(out, sections)
+    if as_json:
+        rows = [row.values() for section in sections for row in section.rows]
+        click.echo(json.dumps({"seeds": seeds, "rows": rows, "report": str(paths[0])}))
+        return
+    shown = Console()
+    shown.print(_summary(sections))
+    for section in sections:
+        for line in section.findings:
+            shown.print(f"{section.experiment}: {line}", highlight=False, soft_wrap=True)
+    for path in paths:
+        shown.print(f"  {path}", highlight=False, soft_wrap=True)

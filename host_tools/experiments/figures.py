@@ -1,0 +1,100 @@
+"""Pictures of the experiments, after the paper's figures 9, 10, 12 and 15."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from host_tools.experiments.results import Distribution
+from host_tools.plots import EAST, NORTH, finish, new_figure, scale_of
+from host_tools.results import Errors, Vector
+
+_POINTS = 2000
+
+
+def _thin(errors: Errors) -> slice:
+    return slice(None, None, max(1, len(errors) // _POINTS))
+
+
+def _panel(axes: Any, time_s: Vector, pairs: tuple[Vector, Vector], label: str, unit: str) -> None:
+    factor, prefix = scale_of(*pairs)
+    for values, style, name in zip(pairs, (EAST, NORTH), ("east", "north"), strict=True):
+        largest = float(np.max(np.abs(values))) * factor
+        axes.plot(time_s, values * factor, label=f"{name}, {largest:.3g} at most", **style)
+    finish(axes, f"{label}\n/ {prefix}{unit}")
+    axes.legend(loc="upper left", frameon=False, ncols=2, fontsize="x-small")
+    low, high = axes.get_ylim()
+    axes.set_ylim(low, high + 0.2 * (high - low))
+
+
+def draw_pair(left: tuple[Errors, str], right: tuple[Errors, str]) -> Figure:
+    """Return velocity and position errors of two runs side by side."""
+    figure = new_figure(10.0, 5.0)
+    panels = figure.subplots(2, 2, sharex="col")
+    for column, (errors, title) in enumerate((left, right)):
+        thin = _thin(errors)
+        velocity = (errors.velocity_east_mps[thin], errors.velocity_north_mps[thin])
+        position = (errors.position_east_m[thin], errors.position_north_m[thin])
+        time_s = errors.time_s[thin]
+        _panel(panels[0, column], time_s, velocity, "velocity error", "m/s")
+        _panel(panels[1, column], time_s, position, "position error", "m")
+        panels[0, column].set_title(title, fontsize="medium")
+        panels[1, column].set_xlabel("time / s")
+    return figure
+
+
+def draw_bands(cases: dict[str, tuple[Distribution, Distribution]], unit: str) -> Figure:
+    """Return the spread of a quantity, east and north, for each case: 5-95 %, median, the paper."""
+    figure = new_figure(9.0, 1.0 + 0.5 * len(cases))
+    panels = figure.subplots(1, 2, sharey=True)
+    for panel, side, style in zip(panels, (0, 1), (EAST, NORTH), strict=True):
+        for row, pair in enumerate(cases.values()):
+            one = pair[side]
+            panel.plot(
+                [one.quantile(5), one.quantile(95)], [row, row], color=style["color"], linewidth=5,
+                alpha=0.45, solid_capstyle="butt",
+            )  # fmt: skip
+            panel.plot(one.values, [row] * len(one.values), "|", color="0.25", markersize=7)
+            panel.plot([one.median], [row], "o", color="black", markersize=6)
+            if one.paper is not None:
+                panel.plot(
+                    [one.paper], [row], "D", markerfacecolor="white", markeredgecolor="black",
+                    markersize=7,
+                )  # fmt: skip
+        panel.set_xscale("log")
+        panel.set_xlabel(f"{('east', 'north')[side]} / {unit}")
+        panel.grid(True, axis="x", which="both", color="0.9", linewidth=0.6)
+    panels[0].set_yticks(range(len(cases)), list(cases))
+    panels[0].invert_yaxis()
+    figure.suptitle(
+        "bar: 5-95 % of the seeds, ticks: seeds, dot: median, diamond: the paper",
+        fontsize="small",
+    )
+    return figure
+
+
+def draw_track(true_east_m: Vector, true_north_m: Vector, tracks: dict[str, Errors]) -> Figure:
+    """Return the vehicle's way, and the position errors of some runs over time."""
+    figure = new_figure(10.0, 4.4)
+    way, over_time = figure.subplots(1, 2)
+    way.plot(true_east_m / 1e3, true_north_m / 1e3, color="0.55", linewidth=2.5, label="truth")
+    for (name, errors), style in zip(tracks.items(), (NORTH, EAST), strict=False):
+        thin = _thin(errors)
+        east = true_east_m + errors.position_east_m
+        north = true_north_m + errors.position_north_m
+        way.plot(east[thin] / 1e3, north[thin] / 1e3, label=name, **style)
+        distance = np.hypot(errors.position_east_m, errors.position_north_m)
+        label = f"{name}, {distance[-1]:.3g} m at the end"
+        over_time.plot(errors.time_s[thin], distance[thin], label=label, **style)
+    way.plot(true_east_m[:1] / 1e3, true_north_m[:1] / 1e3, "o", color="black", label="start")
+    way.set_aspect("equal", adjustable="datalim")
+    way.set_xlabel("east / km")
+    way.set_ylabel("north / km")
+    way.grid(True, color="0.88", linewidth=0.6)
+    way.legend(frameon=False, fontsize="small")
+    finish(over_time, "horizontal position error / m")
+    over_time.set_xlabel("time / s")
+    over_time.legend(frameon=False, fontsize="small", loc="upper left")
+    return figure

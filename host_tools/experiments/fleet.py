@@ -1,0 +1,49 @@
+"""Many runs at once, on the fast path: threads, for the compiled loop runs without the lock."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterable
+from concurrent.futures import ThreadPoolExecutor
+
+from host_tools.fast import FastRun
+from host_tools.outfit import firmware_settings, hardware_settings
+from host_tools.results import Errors, compare
+from host_tools.rows import keep_every
+from host_tools.scenario import Scenario
+
+
+def run(scenario: Scenario, sample_s: float | None = None) -> Errors:
+    """Run a scenario; return its errors, sampled as a rehearsal's or every `sample_s`."""
+    if sample_s is None:
+        every = keep_every(scenario.epochs, scenario.rate_hz)
+    else:
+        every = max(1, round(sample_s * scenario.rate_hz))
+    both = FastRun.of(firmware_settings(scenario), hardware_settings(scenario), every)
+    track = both.run(scenario.epochs)
+    return compare(track.navigation, track.truth, scenario.rate_hz)
+
+
+class Fleet:
+    """Runs scenarios side by side, as many as there are processors.
+
+    Parameters
+    ----------
+    on_done : callable
+        Called after each run, in the order of the scenarios.
+    """
+
+    def __init__(self, on_done: Callable[[], None] = lambda: None) -> None:
+        self._on_done = on_done
+
+    def run_all(self, scenarios: Iterable[Scenario], sample_s: float | None = None) -> list[Errors]:
+        """Run the scenarios; return their errors in the same order."""
+        pool = ThreadPoolExecutor(len(os.sched_getaffinity(0)))
+        try:
+            results = []
+            for errors in pool.map(lambda scenario: run(scenario, sample_s), scenarios):
+                results.append(errors)
+                self._on_done()
+            return results
+        finally:
+            pool.shutdown(cancel_futures=True)

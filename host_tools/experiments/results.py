@@ -1,0 +1,122 @@
+"""What an experiment comes to: rows of figures beside the paper's, distributions, pictures."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import ArrayLike
+
+FACTOR = 2.0
+"""Ours and the paper's differ when one is more than this many times the other."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """A figure of the paper and ours.
+
+    Attributes
+    ----------
+    experiment : str
+        As on the command line: static, rotating, experiment, drive, scheme.
+    case, quantity, unit : str
+    paper, ours : float or None
+        None where there is none.
+    note : str
+        Settings, spread, and the reason for a difference as far as it was found.
+    """
+
+    experiment: str
+    case: str
+    quantity: str
+    unit: str
+    paper: float | None
+    ours: float | None
+    note: str = ""
+
+    @property
+    def ratio(self) -> float | None:
+        """Ours over the paper's."""
+        if not self.paper or self.ours is None:
+            return None
+        return self.ours / self.paper
+
+    @property
+    def differs(self) -> bool:
+        """Whether ours and the paper's are further apart than `FACTOR`."""
+        ratio = self.ratio
+        return ratio is not None and not 1 / FACTOR <= ratio <= FACTOR
+
+    def values(self) -> dict[str, Any]:
+        """Return the row as plain values."""
+        return asdict(self)
+
+
+@dataclass(frozen=True)
+class Distribution:
+    """A quantity over the seeds, and where the paper's figure lies in it."""
+
+    values: tuple[float, ...]
+    paper: float | None = None
+
+    @classmethod
+    def of(cls, values: ArrayLike, paper: float | None = None) -> Distribution:
+        """Return the distribution of some values."""
+        return cls(tuple(float(v) for v in np.asarray(values)), paper)
+
+    def quantile(self, percent: float) -> float:
+        """Return a percentile of the values."""
+        return float(np.percentile(self.values, percent))
+
+    @property
+    def median(self) -> float:
+        """The median."""
+        return self.quantile(50)
+
+    @property
+    def percentile(self) -> float | None:
+        """Share of the values below the paper's, in percent."""
+        if self.paper is None:
+            return None
+        return 100.0 * float(np.mean(np.asarray(self.values) < self.paper))
+
+    @property
+    def holds(self) -> bool:
+        """Whether the paper's figure lies between the 5th and the 95th percentile."""
+        return self.paper is not None and self.quantile(5) <= self.paper <= self.quantile(95)
+
+    def words(self, scale: float = 1.0) -> str:
+        """Return the band, the number of seeds and the paper's place in words."""
+        low, high = self.quantile(5) * scale, self.quantile(95) * scale
+        text = f"median of {len(self.values)} seeds, 5-95 %: {low:.3g} to {high:.3g}"
+        if self.percentile is None:
+            return text
+        place = "inside" if self.holds else "outside"
+        return f"{text}; the paper's lies {place}, at percentile {self.percentile:.0f}"
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A picture of the report."""
+
+    name: str
+    """File name without ending."""
+    caption: str
+    figure: Figure
+
+
+@dataclass
+class Section:
+    """An experiment of the report."""
+
+    experiment: str
+    title: str
+    settings: list[str] = field(default_factory=list)
+    """What was run: attitude, duration, rate, seeds."""
+    open_points: list[str] = field(default_factory=list)
+    """What the paper leaves open, and what was taken."""
+    findings: list[str] = field(default_factory=list)
+    rows: list[Row] = field(default_factory=list)
+    pictures: list[Picture] = field(default_factory=list)

@@ -1,0 +1,96 @@
+"""Section 4.2: what each constant error of sensor 3 integrates to over the 16 positions."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from host_tools.experiments.results import Picture, Row, Section
+from host_tools.rotation import pictures
+from host_tools.rotation.analysis import VANISHES, Variation, analyse
+from host_tools.rotation.inputs import rimu_of, scheme_of
+
+EXPERIMENT: Final = "scheme"
+GEOMETRIES: Final = ("tetrahedron", "dodecahedron", "cone")
+SCHEME: Final = "16-position"
+SENSOR: Final = 3
+
+_ALL_VANISH = ("bias", "MEASF")
+_LEAVE_Z = ("MESSF", "MEIE")
+
+
+def _variation(geometry: str) -> Variation:
+    rimu = rimu_of(geometry).rimu
+    return analyse(scheme_of(SCHEME).scheme, rimu.gyros, rimu.accelerometers)
+
+
+def _rows(geometry: str, variation: Variation) -> list[Row]:
+    """Return a row for each error of the sensor and axis of the body."""
+    rows = []
+    for integrals in (variation.gyros, variation.accelerometers):
+        kind, unit = integrals.sensors.kind, integrals.sensors.unit
+        for row in integrals.rows():
+            if row.sensor != SENSOR:
+                continue
+            leaves_z = kind == "accelerometer" and row.error in _LEAVE_Z and row.axis == "z"
+            note = (
+                f"largest excursion {row.excursion:.3g} {unit}; closed form {row.closed_form:.3g}"
+            )
+            if leaves_z:
+                note += "; the paper: a part remains"
+            rows.append(
+                Row(
+                    EXPERIMENT,
+                    f"{geometry}, {kind} {SENSOR}, {row.error}",
+                    f"left after {SCHEME} on {row.axis} of the body",
+                    unit,
+                    None if leaves_z else 0.0,
+                    row.residual,
+                    note,
+                )
+            )
+    return rows
+
+
+def statements(variation: Variation) -> dict[str, bool]:
+    """Return whether the paper's statements hold for every sensor of both kinds."""
+    gyros, accelerometers = variation.gyros, variation.accelerometers
+    rows = list(accelerometers.rows())
+    return {
+        "every gyro error integrates to zero": bool(gyros.vanishes.all()),
+        "accelerometer bias and MEASF integrate to zero": all(
+            row.vanishes for row in rows if row.error in _ALL_VANISH
+        ),
+        "accelerometer MESSF and MEIE leave nothing on x and y": all(
+            row.vanishes for row in rows if row.error in _LEAVE_Z and row.axis != "z"
+        ),
+        "accelerometer MESSF and MEIE leave a part on z": any(
+            not row.vanishes for row in rows if row.error in _LEAVE_Z and row.axis == "z"
+        ),
+    }
+
+
+def reproduce() -> Section:
+    """Analyse section 4.2 for the paper's geometry and two others."""
+    section = Section(EXPERIMENT, "Error variation over the 16 positions (4.2)")
+    section.settings.append(
+        "Gyros 0.1 °/h, λ = μ = 50 ppm, accelerometers 50 µg, λ = μ = 30 ppm, δu = δv = 10″ for "
+        "both; 2 °/s, 10 s standing; integrals over one cycle of 1600 s, piecewise by Gauss and "
+        f"Legendre's rule. A residual below {VANISHES:g} of the error's excursion counts as zero."
+    )
+    for geometry in GEOMETRIES:
+        variation = _variation(geometry)
+        for words, holds in statements(variation).items():
+            verdict = "holds" if holds else "does not hold"
+            section.findings.append(f"{geometry}, all sensors: {words}: {verdict}.")
+        section.rows.extend(_rows(geometry, variation))
+        if geometry != GEOMETRIES[0]:
+            continue
+        for name, integrals in (
+            ("figure_7", variation.gyros),
+            ("figure_8", variation.accelerometers),
+        ):
+            kind = integrals.sensors.kind
+            caption = f"{kind.capitalize()} {SENSOR}: what its errors integrate to, body axes."
+            figure = pictures.draw(variation, integrals, SENSOR, "")
+            section.pictures.append(Picture(name, caption, figure))
+    return section

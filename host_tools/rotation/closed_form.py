@@ -1,0 +1,136 @@
+"""What every error of a sensor integrates to over a leg, by antiderivatives.
+
+The paper gives the integrands: bias (26), (27); gyro MESSF (29), (30), MEASF (32), (33), MEIE (34);
+accelerometer MESSF (37), (38), MEASF (40), (41). It writes the inner turn at an outer angle of 0
+and the outer turn at an inner angle of 0. Any other angle of the standing axis is a constant turn:
+with ``a`` standing for h, for the error of the axis or for the projection,
+
+    inner turn, θ = αI:   Rx(αO) [a_x cos θ - a_y sin θ,  a_x sin θ + a_y cos θ,  a_z]
+    outer turn, θ = αO:   [ã_x,  ã_y cos θ - ã_z sin θ,  ã_y sin θ + ã_z cos θ],   ã = Rz(αI) a
+
+so each integrand is a product of two harmonics in θ, and MEASF one between each two zeros of h x.
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from types import MappingProxyType
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from host_tools.rotation import harmonics
+from host_tools.rotation.errors import BIAS, ERRORS, MEASF, MEIE, MESSF, Sensors
+from host_tools.rotation.kinematics import INNER, Leg, attitude, rotation_x, rotation_z
+
+Array = NDArray[np.float64]
+
+EQUATIONS: Final = MappingProxyType(
+    {
+        ("gyro", "bias"): "(26), (27)",
+        ("gyro", "MESSF"): "(29), (30)",
+        ("gyro", "MEASF"): "(32), (33)",
+        ("gyro", "MEIE"): "(34)",
+        ("accelerometer", "bias"): "(26), (27)",
+        ("accelerometer", "MESSF"): "(37), (38)",
+        ("accelerometer", "MEASF"): "(40), (41)",
+        ("accelerometer", "MEIE"): "(35)",
+    }
+)
+"""The paper's equations of the integrands."""
+
+
+def cycle_integral(legs: tuple[Leg, ...], sensors: Sensors, field_b: Array) -> Array:
+    """Return what each error integrates to over legs, shape (m, 4, 3), rad or m/s.
+
+    Parameters
+    ----------
+    legs : Leg
+    sensors : Sensors
+    field_b : array, shape (3,)
+        What is felt besides the turning, constant in the body frame: specific force in m/s² for
+        accelerometers; for gyros the Earth's rate in rad/s, or zeros as in the paper.
+    """
+    total = np.zeros((len(sensors), len(ERRORS), 3))
+    for leg in legs:
+        total += leg_integral(leg, sensors, field_b)
+    return total
+
+
+def leg_integral(leg: Leg, sensors: Sensors, field_b: Array) -> Array:
+    """Return what each error integrates to over one leg, shape (m, 4, 3), rad or m/s."""
+    result = np.empty((len(sensors), len(ERRORS), 3))
+    for i in range(len(sensors)):
+        result[i] = (
+            _standing(leg, sensors, i, field_b)
+            if leg.axis is None
+            else _turning(leg, sensors, i, field_b)
+        )
+    return result
+
+
+def _rates(sensors: Sensors, i: int, felt: float, felt_by_error: float) -> Array:
+    """Return the four errors along the axis of a sensor that feels h x and (h' - h) x."""
+    rates = np.empty(len(ERRORS))
+    rates[BIAS] = sensors.bias[i]
+    rates[MESSF] = sensors.scale_error[i] * felt
+    rates[MEASF] = sensors.asymmetric_scale_error[i] * abs(felt)
+    rates[MEIE] = felt_by_error
+    return rates
+
+
+def _standing(leg: Leg, sensors: Sensors, i: int, field_b: Array) -> Array:
+    C_s_b = attitude(*leg.start_deg)
+    field_s = field_b @ C_s_b
+    rates = _rates(
+        sensors, i, float(sensors.H[i] @ field_s), float(sensors.axis_error[i] @ field_s)
+    )
+    return np.outer(rates, C_s_b @ sensors.projection[i]) * leg.duration_s
+
+
+def _turning(leg: Leg, sensors: Sensors, i: int, field_b: Array) -> Array:
+    assert leg.axis is not None
+    start, end = leg.start_deg[leg.axis], leg.end_deg[leg.axis]
+    felt = _felt(leg, sensors.H[i], sensors, field_b)
+    projected = _projected(leg, sensors.projection[i])
+
+    def over(f: Array, low: float, high: float) -> Array:
+        """Integrate over time: dt = dθ / rate."""
+        return harmonics.product_integral(f, projected, low, high) / leg.rate
+
+    result = np.empty((len(ERRORS), 3))
+    result[BIAS] = over(np.array([sensors.bias[i], 0.0, 0.0]), start, end)
+    result[MESSF] = sensors.scale_error[i] * over(felt, start, end)
+    result[MEIE] = over(_felt(leg, sensors.axis_error[i], sensors, field_b), start, end)
+    bounds = [start, *harmonics.zeros(felt, start, end)[:: 1 if end > start else -1], end]
+    result[MEASF] = sensors.asymmetric_scale_error[i] * sum(
+        np.sign(harmonics.value(felt, (low + high) / 2)) * over(felt, low, high)
+        for low, high in pairwise(bounds)
+    )
+    return result
+
+
+def _harmonic(leg: Leg, a: Array) -> Array:
+    """Return the components of ``a`` as the turn carries it, but for Rx(αO): (3 terms, 3 axes)."""
+    if leg.axis == INNER:
+        return np.array([[0.0, 0.0, a[2]], [a[0], a[1], 0.0], [-a[1], a[0], 0.0]])
+    x, y, z = rotation_z(leg.start_deg[0]) @ a
+    return np.array([[x, 0.0, 0.0], [0.0, y, z], [0.0, -z, y]])
+
+
+def _projected(leg: Leg, projection: Array) -> Array:
+    """Return ``C_s_b`` times the projection in harmonics of the turning angle, shape (3, 3)."""
+    harmonic = _harmonic(leg, projection)
+    if leg.axis == INNER:
+        harmonic = harmonic @ rotation_x(leg.start_deg[1]).T
+    return harmonic
+
+
+def _felt(leg: Leg, a: Array, sensors: Sensors, field_b: Array) -> Array:
+    """Return what an axis ``a`` feels in harmonics of the turning angle, shape (3,)."""
+    felt: Array = _projected(leg, a) @ field_b
+    if sensors.kind == "gyro":
+        # Its component along the turning axis, which the turn leaves as it is.
+        felt[0] += _harmonic(leg, a)[0, 2 if leg.axis == INNER else 0] * leg.rate
+    return felt

@@ -1,0 +1,145 @@
+"""The constant errors of a set of sensors, and what rate of error they make in the body frame.
+
+First order, paper (25) and (35): of sensor i with input axis h, feeling x (ω^s or f^s),
+
+    bias   b
+    MESSF  λ h x                       symmetric scale factor error
+    MEASF  μ sign(h x) h x             asymmetric scale factor error
+    MEIE   -(δu v + δv u) x            installation error
+
+along its input axis. Into the body frame it goes as ``C_s_b h'`` (24), or with its share in the
+fused solution, ``C_s_b`` times its column of ``(H'WH)^-1 H'W`` (54).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from host_tools.hardware.sensors import input_axis, transverse_axes
+from host_tools.hardware.settings import SensorErrors
+
+Array = NDArray[np.float64]
+Kind = Literal["gyro", "accelerometer"]
+
+ERRORS: Final = ("bias", "MESSF", "MEASF", "MEIE")
+"""Kinds of error, in the order of every array's axis of four."""
+BIAS, MESSF, MEASF, MEIE = range(4)
+
+_DUST = 1e-15
+"""What rounding leaves of a component that is zero by geometry, such as cos 90°."""
+
+
+def _without_dust(matrix: Array) -> Array:
+    return np.where(np.abs(matrix) < _DUST, 0.0, matrix)
+
+
+@dataclass(frozen=True)
+class Sensors:
+    """The m sensors of one kind.
+
+    Attributes
+    ----------
+    kind : "gyro" or "accelerometer"
+    H : array, shape (m, 3)
+        Design directions of the input axes, a row for each.
+    projection : array, shape (m, 3)
+        What an error along a sensor's axis becomes in the sensor frame.
+    bias : array, shape (m,)
+        rad/s or m/s².
+    scale_error, asymmetric_scale_error : array, shape (m,)
+        λ and μ.
+    axis_error : array, shape (m, 3)
+        ``h' - h = -(δu v + δv u)``, rows.
+    """
+
+    kind: Kind
+    H: Array
+    projection: Array
+    bias: Array
+    scale_error: Array
+    asymmetric_scale_error: Array
+    axis_error: Array
+
+    def __len__(self) -> int:
+        return len(self.bias)
+
+    @property
+    def unit(self) -> str:
+        """Unit of an integrated error."""
+        return "rad" if self.kind == "gyro" else "m/s"
+
+
+def sensors_of(
+    kind: Kind,
+    axes_deg: tuple[tuple[float, float], ...],
+    errors: tuple[SensorErrors, ...],
+    fused: bool = False,
+    weights: tuple[float, ...] | None = None,
+) -> Sensors:
+    """Return the sensors of a kind.
+
+    Parameters
+    ----------
+    kind : "gyro" or "accelerometer"
+    axes_deg : pairs of floats
+        Polar angle from z_s and azimuth from x_s of each input axis. Paper, figure 1.
+    errors : SensorErrors of each sensor
+        Noise is left out.
+    fused : bool
+        Whether an error counts with its share in the solution by weighted least squares (54),
+        instead of along its own axis (24).
+    weights : floats, optional
+        Of the least squares; all 1 without.
+    """
+    angles = np.radians(np.asarray(axes_deg, dtype=float))
+    H = _without_dust(np.array([input_axis(alpha, beta) for alpha, beta in angles]))
+    pairs = _without_dust(np.array([transverse_axes(alpha, beta) for alpha, beta in angles]))
+    u, v = pairs[:, 0], pairs[:, 1]
+    delta_u = np.array([e.delta_u for e in errors])
+    delta_v = np.array([e.delta_v for e in errors])
+    return Sensors(
+        kind=kind,
+        H=H,
+        projection=_without_dust(_gain(H, weights).T) if fused else H,
+        bias=np.array([e.bias for e in errors]),
+        scale_error=np.array([e.scale_error for e in errors]),
+        asymmetric_scale_error=np.array([e.asymmetric_scale_error for e in errors]),
+        axis_error=-(delta_u[:, None] * v + delta_v[:, None] * u),
+    )
+
+
+def _gain(H: Array, weights: tuple[float, ...] | None) -> Array:
+    """Return ``(H'WH)^-1 H'W``, shape (3, m). Paper, (54)."""
+    weighted = H.T if weights is None else H.T * np.asarray(weights)
+    gain: Array = np.linalg.solve(weighted @ H, weighted)
+    return gain
+
+
+def error_rates(sensors: Sensors, C_s_b: Array, felt_s: Array) -> Array:
+    """Return the rates of all errors of all sensors in the body frame. Paper, (24), (25), (35).
+
+    Parameters
+    ----------
+    sensors : Sensors
+    C_s_b : array, shape (n, 3, 3)
+    felt_s : array, shape (n, 3)
+        ω^s in rad/s, or f^s in m/s².
+
+    Returns
+    -------
+    array, shape (n, m, 4, 3)
+        rad/s or m/s², kinds in the order of `ERRORS`, then the axes x, y, z of the body.
+    """
+    along = felt_s @ sensors.H.T
+    rate = np.empty((*along.shape, len(ERRORS)))
+    rate[..., BIAS] = sensors.bias
+    rate[..., MESSF] = sensors.scale_error * along
+    rate[..., MEASF] = sensors.asymmetric_scale_error * np.abs(along)
+    rate[..., MEIE] = felt_s @ sensors.axis_error.T
+    projected_b = np.einsum("nij,mj->nmi", C_s_b, sensors.projection)
+    rates: Array = rate[..., None] * projected_b[:, :, None, :]
+    return rates

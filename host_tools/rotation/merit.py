@@ -1,0 +1,163 @@
+"""What the errors of a RIMU cost in horizontal velocity while a scheme runs.
+
+A running integral of an accelerometer's error is a velocity error. One of a gyro's error is a tilt,
+and the tilt's integral times g a velocity error. Both grow from zero at the beginning of the cycle.
+All errors of all sensors count as independent, so their mean squares add up. Left out: the Earth's
+rate and Schuler's oscillation, so this holds for times short against 84 min; and heading and
+height, which do not reach the horizontal velocity of a vehicle that stands.
+
+In a leg the velocity error is ``A + B t + s(t)``: A and B are what the legs before have left, s is
+of the leg alone. With three moments of s its mean square is exact, whatever came before, so a
+leg that occurs in many schemes is integrated once.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from firmware_py.settings import Scheme
+from host_tools.hardware.settings import STANDARD_GRAVITY
+from host_tools.rotation.analysis import (
+    SPECIFIC_FORCE_B,
+    earth_rate_b,
+    grid_of,
+    rates_at,
+    running_integral,
+)
+from host_tools.rotation.errors import Sensors
+from host_tools.rotation.kinematics import Leg, legs_of
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Rimu:
+    """The sensors of both kinds, and where they are.
+
+    `earth_latitude_deg` as in `host_tools.rotation.analysis.analyse`.
+    """
+
+    gyros: Sensors
+    accelerometers: Sensors
+    earth_latitude_deg: float | None = None
+
+    @property
+    def felt_by(self) -> list[tuple[Sensors, Array]]:
+        """Sensors of each kind with what they feel besides the turning."""
+        earth = earth_rate_b(self.earth_latitude_deg)
+        return [(self.gyros, earth), (self.accelerometers, SPECIFIC_FORCE_B)]
+
+
+@dataclass(frozen=True)
+class Moments:
+    """The velocity error s(t) that one leg makes by itself; arrays have shape (channels,).
+
+    A channel is one error of one sensor on one horizontal axis of the body.
+
+    Attributes
+    ----------
+    duration_s : float
+    step : array
+        s at the end, m/s.
+    slope : array
+        By how much the leg changes the slope of the velocity error, m/s².
+    sum_s, sum_ts, sum_ss : array
+        Integrals of s, t s and s² over the leg.
+    """
+
+    duration_s: float
+    step: Array
+    slope: Array
+    sum_s: Array
+    sum_ts: Array
+    sum_ss: Array
+
+
+@dataclass(frozen=True)
+class VelocityError:
+    """Horizontal velocity error of a cycle, all errors of all sensors together.
+
+    Attributes
+    ----------
+    rms_mps : float
+        Root of the mean square over the first cycle.
+    growth_mps_per_h : float
+        What the cycle leaves, per hour.
+    """
+
+    rms_mps: float
+    growth_mps_per_h: float
+
+
+def velocity_error(scheme: Scheme, rimu: Rimu) -> VelocityError:
+    """Return the horizontal velocity error over the first cycle of a scheme."""
+    legs = legs_of(scheme)
+    moments = [leg_moments(leg, rimu) for leg in legs]
+    count = len(moments[0].step) if moments else 0
+    velocity, slope, square = np.zeros(count), np.zeros(count), np.zeros(count)
+    for leg in moments:
+        square += sum_of_squares(velocity, slope, leg)
+        velocity = velocity + slope * leg.duration_s + leg.step
+        slope = slope + leg.slope
+    duration_s = sum(leg.duration_s for leg in legs)
+    return VelocityError(
+        rms_mps=float(np.sqrt(square.sum() / duration_s)) if legs else 0.0,
+        growth_mps_per_h=float(np.linalg.norm(velocity)) / duration_s * 3600 if legs else 0.0,
+    )
+
+
+def sum_of_squares(velocity: Array, slope: Array, leg: Moments) -> Array:
+    """Return the integral of the squared velocity error over a leg, per channel.
+
+    `velocity` and `slope` are those at its beginning, shape (..., channels).
+    """
+    t = leg.duration_s
+    squares: Array = (
+        velocity**2 * t
+        + velocity * slope * t**2
+        + slope**2 * (t**3 / 3)
+        + 2 * velocity * leg.sum_s
+        + 2 * slope * leg.sum_ts
+        + leg.sum_ss
+    )
+    return squares
+
+
+def leg_moments(leg: Leg, rimu: Rimu) -> Moments:
+    """Return what one leg adds to the horizontal velocity error."""
+    grid = grid_of(leg, rimu.felt_by)
+    parts = []
+    for sensors, field_b in rimu.felt_by:
+        rate = _horizontal(rates_at(leg, sensors, field_b, grid))
+        integral = _horizontal(running_integral(leg, sensors, field_b, grid))
+        if sensors.kind == "gyro":
+            rate, integral = STANDARD_GRAVITY * rate, STANDARD_GRAVITY * integral
+            parts.append((_integrate(integral, rate, grid), integral, integral[-1]))
+        else:
+            parts.append((integral, rate, np.zeros(integral.shape[1])))
+    s = np.concatenate([part[0] for part in parts], axis=1)
+    rate = np.concatenate([part[1] for part in parts], axis=1)
+    t = grid[:, None]
+    return Moments(
+        duration_s=leg.duration_s,
+        step=s[-1],
+        slope=np.concatenate([part[2] for part in parts]),
+        sum_s=_integrate(s, rate, grid)[-1],
+        sum_ts=_integrate(t * s, s + t * rate, grid)[-1],
+        sum_ss=_integrate(s**2, 2 * s * rate, grid)[-1],
+    )
+
+
+def _horizontal(values: Array) -> Array:
+    """Return x and y of every error of every sensor side by side, shape (n, channels)."""
+    return values[..., :2].reshape(len(values), -1)
+
+
+def _integrate(values: Array, rate: Array, grid: Array) -> Array:
+    """Return the running integral, by values and rates at the ends of intervals (fourth order)."""
+    width = np.diff(grid)[:, None]
+    pieces = width / 2 * (values[:-1] + values[1:]) + width**2 / 12 * (rate[:-1] - rate[1:])
+    return np.concatenate([np.zeros((1, values.shape[1])), np.cumsum(pieces, axis=0)])

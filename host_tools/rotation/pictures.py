@@ -1,0 +1,101 @@
+"""Figures 7 and 8 of the paper: what the errors of one sensor integrate to over a cycle."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from host_tools.rotation.analysis import Integrals, Variation
+from host_tools.rotation.errors import ERRORS
+
+_LINES: dict[str, dict[str, Any]] = {
+    "x": {"color": "#0b5394", "linestyle": "-", "linewidth": 1.3},
+    "y": {"color": "#d2691e", "linestyle": (0, (5, 2)), "linewidth": 1.3},
+    "z": {"color": "#2e7d32", "linestyle": (0, (1.2, 1.4)), "linewidth": 1.6},
+}
+_TITLES = {
+    "bias": "bias",
+    "MESSF": "symmetric scale factor error (MESSF)",
+    "MEASF": "asymmetric scale factor error (MEASF)",
+    "MEIE": "installation error (MEIE)",
+}
+_LABELS = {"gyro": "angle error", "accelerometer": "velocity error"}
+_SCALES = ((2.0, 1.0, ""), (2e-3, 1e3, "m"), (2e-6, 1e6, "µ"), (0.0, 1e9, "n"))
+
+
+def draw(variation: Variation, integrals: Integrals, sensor: int, title: str) -> Figure:
+    """Return a figure with a panel for each error of one sensor.
+
+    Parameters
+    ----------
+    variation : Variation
+    integrals : Integrals
+        Its gyros or its accelerometers.
+    sensor : int
+        From 1.
+    title : str
+    """
+    figure = Figure(figsize=(9.6, 6.0), layout="constrained", dpi=100)
+    FigureCanvasAgg(figure)
+    figure.suptitle(title, fontsize="medium")
+    panels = figure.subplots(2, 2, sharex=True)
+    for k, (error, axes) in enumerate(zip(ERRORS, panels.flat, strict=True)):
+        _panel(axes, variation, integrals.running[:, sensor - 1, k], integrals)
+        axes.set_title(_TITLES[error], fontsize="small")
+    for axes in panels[1]:
+        axes.set_xlabel("time in the cycle / s")
+    return figure
+
+
+def _panel(axes: Any, variation: Variation, running: Any, integrals: Integrals) -> None:
+    largest = float(np.max(np.abs(running)))
+    factor, prefix = next((f, p) for above, f, p in _SCALES if largest > above or above == 0.0)
+    for end_s in _position_ends(variation):
+        axes.axvline(end_s, color="0.92", linewidth=0.6, zorder=0)
+    for j, (axis, line) in enumerate(_LINES.items()):
+        axes.plot(variation.time_s, running[:, j] * factor, label=f"${axis}_b$", **line)
+    axes.axhline(0.0, color="0.5", linewidth=0.6, zorder=0)
+    axes.margins(x=0)
+    axes.set_ylabel(f"{_LABELS[integrals.sensors.kind]} / {prefix}{integrals.sensors.unit}")
+    for side in ("top", "right"):
+        axes.spines[side].set_visible(False)
+    low, high = axes.get_ylim()
+    axes.set_ylim(low, high + 0.16 * (high - low))
+    axes.legend(loc="upper right", frameon=False, ncols=3, fontsize="small", borderaxespad=0.1)
+
+
+def _position_ends(variation: Variation) -> list[float]:
+    ends: dict[int, float] = {}
+    time_s = 0.0
+    for leg in variation.legs:
+        time_s += leg.duration_s
+        ends[leg.position] = time_s
+    return list(ends.values())[:-1]
+
+
+def write(
+    folder: Path, variation: Variation, sensor: int, scheme: str, geometry: str
+) -> list[Path]:
+    """Write both figures of one sensor into a folder as PNG; return their paths."""
+    paths = []
+    for name, integrals, figure in (
+        ("gyro_errors.png", variation.gyros, 7),
+        ("accelerometer_errors.png", variation.accelerometers, 8),
+    ):
+        if sensor > len(integrals.sensors):
+            continue
+        kind = integrals.sensors.kind
+        title = (
+            f"{kind.capitalize()} {sensor} of the {geometry}, scheme {scheme}, in the body frame"
+        )
+        drawn = draw(variation, integrals, sensor, f"{title} (as the paper's figure {figure})")
+        path = folder / name
+        part = folder / f".{name}"
+        drawn.savefig(part, format="png")
+        part.replace(path)
+        paths.append(path)
+    return paths

@@ -1,0 +1,172 @@
+"""The best schemes of half turns within limits, beside one that is known.
+
+Schemes are put in order by what remains of the errors after a cycle (as few residuals as possible),
+then by the rms of the horizontal velocity error over the cycle (`host_tools.rotation.merit`), then
+by the ranges of both axes, then by their reversals.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from firmware_py.settings import Scheme
+from host_tools.rotation.analysis import analyse
+from host_tools.rotation.enumeration import MIRRORS, Limits, candidates
+from host_tools.rotation.half_turns import HalfTurns
+from host_tools.rotation.merit import Rimu, velocity_error
+from host_tools.rotation.travel import Travel, travel_of
+
+Array = NDArray[np.float64]
+
+_CHUNK = 4096
+_DIGITS = 9
+"""Velocity errors that agree to so many digits count as equal: schemes that mirror each other."""
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A scheme and what it is worth.
+
+    Attributes
+    ----------
+    scheme : Scheme
+    mirror : str or None
+        Of `MIRRORS`: how the second half comes from the first.
+    remaining : int
+        Of the 24 residuals (4 errors of gyros and 4 of accelerometers, 3 axes) those that do not
+        vanish for every sensor.
+    velocity_rms_mps : float
+        See `host_tools.rotation.merit.VelocityError`.
+    travel : Travel
+    """
+
+    scheme: Scheme
+    mirror: str | None
+    remaining: int
+    velocity_rms_mps: float
+    travel: Travel
+
+    @property
+    def order(self) -> tuple[float, ...]:
+        """Key that puts the better of two first."""
+        inner, outer = self.travel.inner, self.travel.outer
+        return (
+            self.remaining,
+            float(_rounded(np.array(self.velocity_rms_mps))),
+            inner.range_deg + outer.range_deg,
+            inner.reversals + outer.reversals,
+        )
+
+
+@dataclass(frozen=True)
+class Found:
+    """Outcome of a search.
+
+    Attributes
+    ----------
+    count : int
+        Schemes that keep principles and limits.
+    best : tuple of Candidate
+        From the best on.
+    reference : Candidate
+        The scheme to compare with.
+    better, equal : int or None
+        How many of the `count` leave fewer residuals than the reference or a smaller velocity
+        error, and how many the same of both. None where the cycle takes another time: the rms of
+        cycles of different length do not compare.
+    """
+
+    count: int
+    best: tuple[Candidate, ...]
+    reference: Candidate
+    better: int | None
+    equal: int | None
+
+
+def search(
+    limits: Limits,
+    rimu: Rimu,
+    reference: Scheme,
+    top: int = 5,
+    on_progress: Callable[[int, int], None] | None = None,
+) -> Found:
+    """Return the best schemes within limits.
+
+    Parameters
+    ----------
+    limits : Limits
+    rimu : Rimu
+        Sensors and their errors.
+    reference : Scheme
+        To stand beside what is found.
+    top : int
+        How many to return.
+    on_progress : callable, optional
+        Told schemes done and schemes in all.
+
+    Raises
+    ------
+    SearchError
+        When no scheme keeps the limits, or too many would have to be tried.
+    """
+    moves, mirrors = candidates(limits)
+    half_turns = HalfTurns(rimu, limits.turn_rate_dps, limits.stand_s)
+    remaining = np.empty(len(moves), dtype=int)
+    rms_mps = np.empty(len(moves))
+    for start in range(0, len(moves), _CHUNK):
+        part = slice(start, start + _CHUNK)
+        remaining[part], rms_mps[part] = half_turns.judge(moves[part])
+        if on_progress:
+            on_progress(min(start + _CHUNK, len(moves)), len(moves))
+    rounded = _rounded(rms_mps)
+    leading = [
+        _candidate(half_turns.scheme(moves[i]), MIRRORS[mirrors[i]], remaining[i], rms_mps[i])
+        for i in _leading(remaining, rounded, top)
+    ]
+    best = sorted(leading, key=lambda candidate: candidate.order)[:top]
+    beside = candidate_of(reference, rimu)
+    less, theirs = beside.order[:2]
+    is_better = (remaining < less) | ((remaining == less) & (rounded < theirs))
+    is_equal = (remaining == less) & (rounded == theirs)
+    is_as_long = abs(best[0].scheme.cycle_s - reference.cycle_s) < 1e-6
+    return Found(
+        count=len(moves),
+        best=tuple(best),
+        reference=beside,
+        better=int(is_better.sum()) if is_as_long else None,
+        equal=int(is_equal.sum()) if is_as_long else None,
+    )
+
+
+def candidate_of(scheme: Scheme, rimu: Rimu) -> Candidate:
+    """Return what any scheme is worth."""
+    variation = analyse(
+        scheme, rimu.gyros, rimu.accelerometers, earth_latitude_deg=rimu.earth_latitude_deg
+    )
+    remaining = sum(
+        int((~integrals.vanishes).any(axis=0).sum())
+        for integrals in (variation.gyros, variation.accelerometers)
+    )
+    return _candidate(scheme, None, remaining, velocity_error(scheme, rimu).rms_mps)
+
+
+def _candidate(scheme: Scheme, mirror: str | None, remaining: int, rms_mps: float) -> Candidate:
+    return Candidate(scheme, mirror, int(remaining), float(rms_mps), travel_of(scheme))
+
+
+def _rounded(rms_mps: Array) -> Array:
+    scale = 10.0 ** (np.floor(np.log10(np.maximum(rms_mps, 1e-300))) - (_DIGITS - 1))
+    rounded: Array = np.round(rms_mps / scale) * scale
+    return rounded
+
+
+def _leading(remaining: NDArray[np.int_], rms_mps: Array, top: int) -> NDArray[np.intp]:
+    """Return the first schemes, and all that tie with the last of them."""
+    order = np.lexsort((rms_mps, remaining))
+    last = order[min(top, len(order)) - 1]
+    ties = (remaining == remaining[last]) & (rms_mps <= rms_mps[last])
+    return np.flatnonzero((remaining < remaining[last]) | ties)

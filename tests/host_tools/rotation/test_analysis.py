@@ -1,0 +1,307 @@
+"""What rotation leaves of each error: the paper's statements for every sensor and geometry."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from firmware_py.settings import Scheme, Turn
+from host_tools.geometry import GEOMETRIES
+from host_tools.hardware.settings import DPH, STANDARD_GRAVITY, SensorErrors
+from host_tools.rotation.analysis import EARTH_RATE, analyse
+from host_tools.rotation.errors import BIAS, ERRORS, MEASF, MEIE, MESSF, sensors_of
+from host_tools.schemes import SCHEMES
+
+from .conftest import of_paper, paper_rimu
+
+X, Y, Z = range(3)
+SIXTEEN = Scheme(turns=SCHEMES["16-position"])
+
+
+def scheme(*turns, **settings_):
+    return Scheme(turns=tuple(Turn(axis=a, angle_deg=d) for a, d in turns), **settings_)
+
+
+def variation_of(name, geometry="tetrahedron", fused=False, **keywords):
+    rimu = paper_rimu(geometry, fused)
+    chosen = Scheme(turns=SCHEMES[name]) if isinstance(name, str) else name
+    return analyse(chosen, rimu.gyros, rimu.accelerometers, **keywords)
+
+
+def ratio(integrals):
+    """Return residuals as shares of each error's largest excursion; an error of zero leaves 0."""
+    largest = integrals.excursion.max(axis=-1, keepdims=True)
+    return np.abs(integrals.residual) / np.where(largest == 0, 1.0, largest)
+
+
+def assert_the_papers_result(variation):
+    """Section 4.2, of all sensors: only z of the accelerometers' MESSF and MEIE is left."""
+    assert ratio(variation.gyros).max() < 1e-12
+    left = ratio(variation.accelerometers)
+    assert left[:, [BIAS, MEASF]].max() < 1e-12
+    assert left[:, [MESSF, MEIE]][..., [X, Y]].max() < 1e-12
+
+
+@pytest.mark.parametrize("fused", [False, True])
+@pytest.mark.parametrize("geometry", GEOMETRIES)
+@pytest.mark.parametrize("name", ["16-position", "8-position"])
+def test_section_4_2_for_every_sensor(name, geometry, fused):
+    variation = variation_of(name, geometry, fused)
+    assert_the_papers_result(variation)
+    left = ratio(variation.accelerometers)
+    assert (left[:, MESSF, Z].max(), left[:, MEIE, Z].max()) > (0.1, 0.0)
+
+
+def test_of_sensor_3_every_error_moves_on_every_axis():
+    """So that what vanishes is more than an error that was never there."""
+    variation = variation_of("16-position")
+    for integrals in (variation.gyros, variation.accelerometers):
+        assert (integrals.excursion[2] > 1e-6).all()
+    left = ratio(variation.accelerometers)
+    assert left[2, [MESSF, MEIE], Z] == pytest.approx([1, 1], abs=1e-12)
+
+
+def test_an_error_that_is_zero_throughout_leaves_nothing():
+    """Gyro 1 of the tetrahedron lies along z and feels inner turns only: no MESSF on x and y."""
+    gyros = variation_of("16-position").gyros
+    assert gyros.excursion[0, MESSF].tolist()[:2] == [0.0, 0.0]
+    assert gyros.residual[0, MESSF].tolist()[:2] == [0.0, 0.0]
+    rows = [r for r in gyros.rows() if (r.sensor, r.error, r.axis) == (1, "MESSF", "x")]
+    assert rows[0].vanishes
+
+
+directions = st.tuples(st.floats(0, 180), st.floats(-180, 180))
+small = st.floats(-1e-3, 1e-3).filter(lambda value: value == 0 or abs(value) > 1e-9)
+random_errors = st.builds(
+    SensorErrors,
+    bias=small,
+    scale_error=small,
+    asymmetric_scale_error=small,
+    delta_u=small,
+    delta_v=small,
+)
+
+
+@settings(max_examples=40)
+@given(
+    axes=st.lists(directions, min_size=1, max_size=3),
+    data=st.data(),
+    turn_rate_dps=st.floats(0.5, 30),
+    stand_s=st.floats(0, 100),
+)
+def test_the_papers_result_holds_for_any_sensor_and_timing(axes, data, turn_rate_dps, stand_s):
+    errors = [data.draw(random_errors) for _ in axes]
+    chosen = Scheme(turns=SCHEMES["16-position"], turn_rate_dps=turn_rate_dps, stand_s=stand_s)
+    kinds = [sensors_of(kind, axes, errors) for kind in ("gyro", "accelerometer")]
+    variation = analyse(chosen, *kinds)
+    # An axis within 1e-9 of a plane of symmetry feels almost nothing, and rounding shows.
+    assert ratio(variation.gyros).max() < 1e-9
+    left = ratio(variation.accelerometers)
+    assert left[:, [BIAS, MEASF]].max() < 1e-9
+    assert left[:, [MESSF, MEIE]][..., [X, Y]].max() < 1e-9
+
+
+turns = st.lists(
+    st.tuples(
+        st.sampled_from(["inner", "outer"]),
+        st.one_of(st.sampled_from([-180.0, -90.0, 90.0, 180.0, 360.0]), st.floats(-720, 720)),
+    ),
+    min_size=1,
+    max_size=5,
+)
+
+
+@settings(max_examples=40)
+@given(
+    turns=turns,
+    axis=directions,
+    errors=random_errors,
+    latitude_deg=st.one_of(st.none(), st.floats(-90, 90)),
+    turn_rate_dps=st.floats(0.5, 30),
+)
+def test_numbers_and_closed_form_agree_for_any_scheme(
+    turns, axis, errors, latitude_deg, turn_rate_dps
+):
+    chosen = scheme(*turns, turn_rate_dps=turn_rate_dps, stand_s=3)
+    kinds = [sensors_of(kind, (axis,), (errors,)) for kind in ("gyro", "accelerometer")]
+    variation = analyse(chosen, *kinds, earth_latitude_deg=latitude_deg)
+    for integrals in (variation.gyros, variation.accelerometers):
+        largest = integrals.excursion.max(axis=-1, keepdims=True)
+        difference = np.abs(integrals.residual - integrals.closed_form)
+        assert (difference <= 1e-10 * largest + 1e-18).all()
+
+
+@pytest.mark.parametrize(
+    ("axis", "rest"), [("inner", Z), ("outer", X)], ids=["inner turn", "outer turn"]
+)
+def test_what_turning_one_axis_does(axis, rest):
+    """Sections 2.2 and 2.3, for a full turn there and one back, of every sensor."""
+    there_and_back = variation_of(scheme((axis, 360), (axis, -360), stand_s=0))
+    one_way = variation_of(scheme((axis, 360), stand_s=0))
+    others = [k for k in range(3) if k != rest]
+    gyros = ratio(there_and_back.gyros)
+    assert gyros[..., others].max() < 1e-12
+    assert gyros[:, [MESSF, MEIE], rest].max() < 1e-12  # reversed
+    assert (gyros[2, [BIAS, MEASF], rest] > 0.9).all()  # never
+    assert ratio(one_way.gyros)[..., others].max() < 1e-12
+    assert (ratio(one_way.gyros)[2, :, rest] > 0.5).all()
+
+
+def test_what_turning_one_axis_does_to_accelerometers():
+    turning = scheme(("inner", 360), ("inner", -360), stand_s=0)
+    inner = ratio(variation_of(turning).accelerometers)
+    assert inner[..., [X, Y]].max() < 1e-12
+    assert (inner[2, :, Z] > 0.9).all()
+    turning = scheme(("outer", 360), ("outer", -360), stand_s=0)
+    outer = ratio(variation_of(turning).accelerometers)
+    assert outer[:, [BIAS, MEASF]][..., [Y, Z]].max() < 1e-12
+    assert outer[:, MESSF][..., [X, Y]].max() < 1e-12
+    assert outer[:, MEIE, X].max() < 1e-12
+    assert (outer[2, [MESSF, MEIE], Z] > 0.5).all()
+    assert (outer[2, [BIAS, MEASF], X] > 0.9).all()
+
+
+def test_an_outer_turn_alone_leaves_the_installation_error_on_y():
+    """Unlike MESSF: h'h - hh is not symmetric, so a turn of the axis about x_b stays, ½ (h × k)_x.
+
+    The paper (2.3.4) says that MEIE varies as MESSF does; that holds for the both axes' schemes.
+    """
+    accelerometers = variation_of(scheme(("outer", 360), ("outer", -360), stand_s=0)).accelerometers
+    h, k = accelerometers.sensors.H, accelerometers.sensors.axis_error
+    expected = STANDARD_GRAVITY * 360 / 2 * (h[:, Y] * k[:, Z] - h[:, Z] * k[:, Y])
+    assert accelerometers.residual[:, MEIE, Y] == pytest.approx(expected, rel=1e-9, abs=1e-15)
+    assert (ratio(accelerometers)[2, MEIE, Y]) > 0.5
+
+
+def test_reversing_after_half_a_turn_leaves_y_to_the_next_four_positions():
+    """Section 3.2, (50)-(52): four positions suffice for x and z of the bias, y needs eight."""
+    left = ratio(variation_of("4-position").gyros)[2, BIAS]
+    assert left[[X, Z]].max() < 1e-12
+    assert left[Y] > 0.1
+
+
+def test_one_axis_averages_x_and_y():
+    left = ratio(variation_of("single-axis-4-position").gyros)
+    assert left[..., [X, Y]].max() < 1e-12
+    assert (left[2, [BIAS, MEASF], Z] > 0.9).all()
+    assert left[:, [MESSF, MEIE], Z].max() < 1e-12
+
+
+def test_a_bias_that_stands_grows_with_time():
+    bias = 0.1 * DPH
+    variation = analyse(
+        scheme(("inner", 0), stand_s=100),
+        sensors_of("gyro", ((0, 0), (90, 0)), (SensorErrors(bias=bias),) * 2),
+        sensors_of("accelerometer", ((0, 0),), (SensorErrors(scale_error=1e-4),)),
+    )
+    assert variation.gyros.residual[:, BIAS] == pytest.approx(
+        np.array([[0, 0, 100 * bias], [100 * bias, 0, 0]])
+    )
+    assert variation.accelerometers.residual[0, MESSF] == pytest.approx(
+        [0, 0, 1e-4 * STANDARD_GRAVITY * 100]
+    )
+
+
+def test_the_largest_excursion_lies_within_a_turn():
+    """A bias along x in an inner turn: b sin(Ωt)/Ω on x, largest at 90° though both ends are 0."""
+    variation = analyse(
+        scheme(("inner", 180), stand_s=0, turn_rate_dps=7),
+        sensors_of("gyro", ((90, 0),), (SensorErrors(bias=1e-6),)),
+        of_paper("accelerometer", ((0, 0),)),
+    )
+    rate = math.radians(7)
+    assert variation.gyros.excursion[0, BIAS] == pytest.approx(
+        [1e-6 / rate, 2e-6 / rate, 0], rel=1e-9, abs=0
+    )
+
+
+def test_a_turning_point_between_samples_is_found():
+    """The same, turned so that the largest value falls between two of the sampled angles."""
+    variation = analyse(
+        scheme(("inner", 180), stand_s=0, turn_rate_dps=7),
+        sensors_of("gyro", ((90, 34.56789),), (SensorErrors(bias=1e-6),)),
+        of_paper("accelerometer", ((0, 0),)),
+    )
+    rate, beta = math.radians(7), math.radians(34.56789)
+    largest_x = max(1 - math.sin(beta), 2 * math.sin(beta))
+    assert variation.gyros.excursion[0, BIAS, X] == pytest.approx(1e-6 / rate * largest_x, rel=1e-8)
+
+
+def gimbal(inner_deg, outer_deg):
+    i, o = math.radians(inner_deg), math.radians(outer_deg)
+    Rx = np.array([[1, 0, 0], [0, math.cos(o), -math.sin(o)], [0, math.sin(o), math.cos(o)]])
+    Rz = np.array([[math.cos(i), -math.sin(i), 0], [math.sin(i), math.cos(i), 0], [0, 0, 1]])
+    return Rx @ Rz
+
+
+@pytest.mark.parametrize("kind", ["gyro", "accelerometer"])
+def test_the_whole_measurement_equation_gives_the_same(kind):
+    """(16), (17) summed step by step, C_s_b differenced for the rate; the table as it is driven."""
+    axes = GEOMETRIES["tetrahedron"]
+    one = SensorErrors(3e-7, 5e-5, -3e-5, 4e-5, -6e-5)
+    turns = (("inner", 90), ("outer", -120), ("inner", -45), ("outer", 200))
+    sensors = [sensors_of(k, axes, (one,) * 4) for k in ("gyro", "accelerometer")]
+    variation = analyse(scheme(*turns, turn_rate_dps=5, stand_s=2), *sensors)
+    dt, inner, outer = 0.01, 0.0, 0.0
+    total = np.zeros((4, 3))
+    h = sensors[0].H
+    true_axis = h + sensors[0].axis_error
+    for axis, angle in turns:
+        steps = round(abs(angle) / 5 / dt)
+        for step in [angle / steps] * steps + [0.0] * round(2 / dt):
+            before = gimbal(inner, outer)
+            inner, outer = (inner + step, outer) if axis == "inner" else (inner, outer + step)
+            after = gimbal(inner, outer)
+            middle = (before + after) / 2
+            if kind == "gyro":
+                turned = before.T @ after
+                felt = np.array([turned[2, 1], turned[0, 2], turned[1, 0]]) / dt
+            else:
+                felt = STANDARD_GRAVITY * middle[2]
+            along = true_axis @ felt
+            scale = 1 + one.scale_error + one.asymmetric_scale_error * np.sign(along)
+            error = scale * along + one.bias - h @ felt
+            total += error[:, None] * (h @ middle.T) * dt
+    integrals = variation.gyros if kind == "gyro" else variation.accelerometers
+    ours = integrals.residual.sum(axis=1)
+    assert ours == pytest.approx(total, abs=2e-3 * np.abs(integrals.excursion).max())
+
+
+def test_the_earths_rate_stays_like_gravity():
+    """Rotation leaves λ ω_ie in the plane that the Earth's rate lies in, and MESSF's x stays 0."""
+    quiet = variation_of("16-position").gyros
+    turning = variation_of("16-position", earth_latitude_deg=40.0).gyros
+    assert ratio(quiet)[:, MESSF].max() < 1e-12
+    left = turning.residual[:, MESSF].sum(axis=0)
+    # Of all four sensors together: HᵀH = (4/3) I, so λ ω_ie (4/3) T on each axis.
+    expected = 50e-6 * EARTH_RATE * SIXTEEN.cycle_s * 4 / 3
+    latitude = math.radians(40)
+    assert left == pytest.approx(
+        [0, expected * math.cos(latitude), expected * math.sin(latitude)], abs=1e-9 * expected
+    )
+
+
+def test_fused_errors_of_the_tetrahedron_are_three_quarters():
+    alone, fused = variation_of("16-position"), variation_of("16-position", fused=True)
+    assert fused.gyros.excursion == pytest.approx(0.75 * alone.gyros.excursion, rel=1e-9)
+
+
+def test_rows_name_every_sensor_error_and_axis():
+    rows = variation_of("16-position", "dodecahedron").rows()
+    names = {(row.sensor_kind, row.sensor, row.error, row.axis) for row in rows}
+    assert len(rows) == len(names) == 2 * 6 * len(ERRORS) * 3
+    assert {row.unit for row in rows if row.sensor_kind == "gyro"} == {"rad"}
+    assert {row.unit for row in rows if row.sensor_kind == "accelerometer"} == {"m/s"}
+
+
+def test_curves_end_in_the_residual_and_follow_the_angles():
+    variation = variation_of("16-position")
+    assert variation.time_s[-1] == pytest.approx(1600)
+    assert (np.diff(variation.time_s) > 0).all()
+    assert variation.inner_deg.max() == 720
+    assert (variation.outer_deg.min(), variation.outer_deg.max()) == (-180, 180)
+    assert (variation.accelerometers.running[-1] == variation.accelerometers.residual).all()
