@@ -13,6 +13,7 @@ FORBIDDEN = {
     "firmware_py": ("host_tools",),
     "host_tools/hardware": ("firmware_py",),
     "host_tools/bus": ("firmware_py", "host_tools.hardware"),
+    "host_tools/motion": ("firmware_py",),
 }
 HARDWARE_MAY = ("dbc", "host_tools.hardware")
 

@@ -52,7 +52,8 @@ def begin_of(plant: Any, epoch: int) -> float:
 def _take_pose(plant: Any, piece: Any, u: float) -> None:
     truth = plant.truth
     truth.latitude = value(piece, POSITION, u)
-    truth.longitude = value(piece, POSITION + 1, u)
+    longitude = value(piece, POSITION + 1, u)
+    truth.longitude = longitude - 2.0 * math.pi * math.floor(longitude / (2.0 * math.pi) + 0.5)
     truth.height = value(piece, POSITION + 2, u)
     for i in range(3):
         truth.velocity_n[i] = value(piece, VELOCITY + i, u)

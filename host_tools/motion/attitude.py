@@ -117,8 +117,9 @@ def track_attitude(grid: Grid, local: Local, path: Vector) -> tuple[Vector, list
         fit.add(Observations(at, angle, deviation))
         coefficients[:, column] = fit.solve()
     notes = ["the file tells no attitude: heading and pitch along the track, roll 0"]
-    for (first, last), flag in zip(moving, backwards, strict=True):
-        if flag:
-            begin, end = at[first] * grid.step_s, at[last - 1] * grid.step_s
-            notes.append(f"taken as reversing from {begin:.0f} s to {end:.0f} s")
+    spans = [span for span, flag in zip(moving, backwards, strict=True) if flag]
+    if spans:
+        begin, end = (at[k] * grid.step_s for k in (spans[0][0], spans[0][1] - 1))
+        more = f", {len(spans)} times in all" if len(spans) > 1 else ""
+        notes.append(f"taken as reversing from {begin:.0f} s to {end:.0f} s{more}")
     return coefficients, notes

@@ -68,7 +68,10 @@ def _refuse(recording: Recording) -> None:
 
 def follow(recording: Recording, motion: Motion, period_ns: int) -> Smoothed:
     """Return the smooth path along a recording; its notes tell what was mended."""
-    smoothed = smooth(recording, motion, period_ns)
+    try:
+        smoothed = smooth(recording, motion, period_ns)
+    except np.linalg.LinAlgError as error:
+        raise recording.fail(f"cannot be smoothed: {error}") from error
     counts = Counter(irregular.kind for irregular in recording.irregularities)
     notes = []
     if counts:

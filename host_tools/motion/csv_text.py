@@ -8,7 +8,7 @@ from pathlib import Path
 
 from host_tools.motion.errors import MotionError
 from host_tools.motion.recording import located
-from host_tools.motion.table import GROUPS, PLACE, TIME, Table, text_of
+from host_tools.motion.table import GROUPS, PLACE, TIME, Table, check_groups, text_of
 
 EXPORTED_ONLY = (
     *(f"omega_ib_b_{axis}_dps" for axis in "xyz"),
@@ -21,20 +21,18 @@ _KNOWN = (TIME, *(name for group in GROUPS for name in group))
 
 def _header(path: Path, cells: list[str], line: int) -> Table:
     columns = tuple(cell.strip().lower() for cell in cells)
+    if not any(name[:1].isalpha() for name in columns):
+        raise MotionError(located(path, f"no header with names such as {TIME}", line))
     for name in columns:
         if name and columns.count(name) > 1:
             raise MotionError(located(path, f"two columns {name}", line))
     for name in (TIME, *PLACE):
         if name not in columns:
-            near = difflib.get_close_matches(name, columns, 1, 0.4)
+            others = [column for column in columns if column not in _KNOWN]
+            near = difflib.get_close_matches(name, others, 1, 0.4)
             hint = f"; is {near[0]} meant?" if near else ""
             raise MotionError(located(path, f"no column {name}{hint}", line))
-    for group in GROUPS:
-        missing = [name for name in group if name not in columns]
-        if missing and len(missing) < len(group):
-            raise MotionError(
-                located(path, f"no column {missing[0]}, which belongs to the others", line)
-            )
+    check_groups(path, columns, line)
     unused = tuple(name for name in columns if name not in (*_KNOWN, *EXPORTED_ONLY))
     return Table("csv", columns, unused=unused)
 

@@ -1,8 +1,8 @@
 """A synthetic drive: a car that starts, turns, takes roundabouts, climbs hills and stops.
 
-Speed and heading are made of smooth steps ``10 u³ - 15 u⁴ + 6 u⁵``; the road climbs as a sum of
-sines over the distance; the body leans outwards in a bend and nods when braking. All of it follows
-from a seed.
+Speed and heading are made of smooth steps ``35 u⁴ - 84 u⁵ + 70 u⁶ - 20 u⁷``; the road climbs as a
+sum of sines over the distance; the body leans outwards in a bend and nods when braking. All of it
+follows from a seed.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from host_tools.motion.local import Local
 from host_tools.motion.spline import Fit, Grid, Observations, Vector
 from host_tools.motion.trajectory import Trajectory, knot_ns
 
-_STEEPEST = 15 / 8  # of the smooth step
+_STEEPEST = 35 / 16  # of the smooth step
 _LONGITUDINAL = 1.9  # m/s², largest when speeding up or braking
 _LATERAL = 2.3  # m/s², largest in a bend
 _LEAN = math.radians(4) / STANDARD_GRAVITY  # rad per m/s², outwards
@@ -135,9 +135,9 @@ def _sum(steps: list[_Step], start: float, times: Vector) -> tuple[Vector, Vecto
     for step in steps:
         first, last = np.searchsorted(times, [step.start_s, step.start_s + step.length_s])
         u = (times[first:last] - step.start_s) / step.length_s
-        value[first:last] += step.change * u**3 * (10 + u * (6 * u - 15))
+        value[first:last] += step.change * u**4 * (35 + u * (u * (70 - 20 * u) - 84))
         value[last:] += step.change
-        rate[first:last] += step.change / step.length_s * 30 * (u * (1 - u)) ** 2
+        rate[first:last] += step.change / step.length_s * 140 * (u * (1 - u)) ** 3
     return value, rate
 
 

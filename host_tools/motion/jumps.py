@@ -147,12 +147,7 @@ def find_jumps(recording: Recording, speed_limit: float) -> None:
     """Leave out positions that do not fit the others, and report them.
 
     Where positions shift and stay, those about the shift are left out, for as long as a vehicle
-    needs to get over.
-
-    Raises
-    ------
-    MotionError
-        When they shift too far for that.
+    needs to get over; where they shift too far for that, all but the longest part.
     """
     motion = _motion_of(recording, speed_limit)
     every = np.arange(len(recording))
@@ -169,17 +164,33 @@ def find_jumps(recording: Recording, speed_limit: float) -> None:
             off = float(motion.misfit(np.array(pair[:1]), np.array(pair[1:]))[0])
             recording.report(k, "jump", f"position is {off:.3g} m off")
         kept[first:last] = False
-    for last, first in sorting.steps:
+    for first, last in _apart(recording, motion, sorting.steps, kept):
+        kept[first:last] = False
+    recording.keep(kept)
+
+
+def _apart(
+    recording: Recording,
+    motion: _Motion,
+    steps: list[tuple[int, int]],
+    kept: NDArray[np.bool_],
+) -> list[tuple[int, int]]:
+    """Bridge shifts of the position; return parts of the file that are too far from the longest."""
+    cuts = []
+    for last, first in steps:
         off = float(motion.misfit(np.array([last]), np.array([first]))[0])
         # A way of rest to rest with the least jerk takes 5.77 d / T² at most.
         bridge = math.sqrt(5.77 * off / _BRIDGED)
+        text = f"position shifts by {off:.3g} m and stays"
         if bridge > _LONGEST_BRIDGE_S:
-            raise recording.fail(
-                f"position shifts by {off:.4g} m and stays; too far to be bridged",
-                int(recording.line[first]),
-            )
+            cuts.append((first, text))
+            continue
         middle = (motion.time_s[last] + motion.time_s[first]) / 2
         kept &= np.abs(motion.time_s - middle) > bridge / 2
-        text = f"position shifts by {off:.3g} m and stays"
         recording.report(first, "jump", text, f"bridged over {bridge:.2g} s")
-    recording.keep(kept)
+    parts = list(pairwise([0, *(first for first, _ in cuts), len(recording)]))
+    longest = max(parts, key=lambda part: part[1] - part[0])
+    for first, text in cuts:
+        side = "before" if first <= longest[0] else "from there on"
+        recording.report(first, "jump", text, f"all {side} left out")
+    return [part for part in parts if part != longest]

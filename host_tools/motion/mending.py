@@ -16,7 +16,7 @@ from host_tools.motion.spline import Vector
 
 LEAST_SAMPLES = 8
 LEAST_SPAN_S = 2.0
-LONGEST_SPAN_S = 86_400.0
+LONGEST_SPAN_S = 43_200.0
 LONGEST_GAP_S = 600.0
 LONGEST_INTERVAL_S = 10.0
 _STRAY = 5  # samples: no more than these beyond a gap are a mistake of the clock
@@ -54,22 +54,18 @@ def _order(recording: Recording) -> None:
     """Leave out lines whose time does not rise."""
     times, lines = recording.time_s, recording.line
     kept = _increasing(times)
-    known = set(times[kept].tolist())
     places = np.flatnonzero(kept)
     for k in np.flatnonzero(~kept).tolist():
-        next_kept = int(np.searchsorted(places, k))
-        earlier = places[next_kept - 1] if next_kept else None
-        if times[k] in known:
+        at = int(np.searchsorted(places, k))
+        around = places[max(at - 1, 0) : at + 1]
+        if (times[around] == times[k]).any():
             recording.report(k, "repeated_time", "time is there twice")
-        elif earlier is not None and times[k] < times[earlier]:
-            back = times[earlier] - times[k]
-            text = f"time is {back:.6g} s before that of line {lines[earlier]}"
-            recording.report(k, "backward_time", text)
+        elif at and times[k] < times[around[0]]:
+            text = f"{times[around[0]] - times[k]:.6g} s before that of line {lines[around[0]]}"
+            recording.report(k, "backward_time", f"time is {text}")
         else:
-            later = places[next_kept]
-            ahead = times[k] - times[later]
-            text = f"time is {ahead:.6g} s after that of line {lines[later]}"
-            recording.report(k, "backward_time", text)
+            text = f"{times[k] - times[around[-1]]:.6g} s after that of line {lines[around[-1]]}"
+            recording.report(k, "backward_time", f"time is {text}")
     recording.keep(kept)
 
 
@@ -101,7 +97,9 @@ def _gaps(recording: Recording, interval_s: float) -> None:
     reported = np.unique([irregular.line for irregular in recording.irregularities])
     for k in np.flatnonzero(np.diff(times) > 1.5 * interval_s).tolist():
         gap = times[k + 1] - times[k]
-        first, last = np.searchsorted(reported, [recording.line[k], recording.line[k + 1]])
+        # A line beside them may have been meant to stand between them.
+        between = (recording.line[k] - 1, recording.line[k + 1] + 2)
+        first, last = np.searchsorted(reported, between)
         if round(gap / interval_s) - 1 > last - first:
             text = f"gap of {gap:.6g} s, usual are {interval_s:.6g} s"
             recording.report(k + 1, "gap", text, "bridged")
@@ -112,8 +110,10 @@ def _check_size(recording: Recording) -> None:
     count = len(recording)
     bad = sorted(recording.irregularities, key=lambda irregular: irregular.line)
     first = f"; line {bad[0].line}: {bad[0].text}" if bad else ""
-    if count < LEAST_SAMPLES or count < _LEAST_SHARE * recording.lines:
-        raise recording.fail(f"{count} of {recording.lines} lines can be used{first}")
+    if count < LEAST_SAMPLES:
+        raise recording.fail(f"{count} samples, needs {LEAST_SAMPLES}{first}")
+    if count < _LEAST_SHARE * recording.lines:
+        raise recording.fail(f"only {count} of {recording.lines} lines can be used{first}")
     span = float(recording.time_s[-1] - recording.time_s[0])
     if span < LEAST_SPAN_S:
         raise recording.fail(f"spans {span:.3g} s, needs {LEAST_SPAN_S:g} s")
@@ -154,10 +154,9 @@ def mend(recording: Recording, motion: Motion) -> None:
             recording.keep(recording.time_s <= recording.time_s[0] + motion.duration_s)
         _stray(recording)
     _check_size(recording)
-    interval_s = interval_of(recording)
+    _gaps(recording, interval_of(recording))
     find_jumps(recording, motion.speed_limit_mps)
     _check_size(recording)
-    _gaps(recording, interval_s)
     recording.irregularities.sort(key=lambda irregular: irregular.line)
 
 

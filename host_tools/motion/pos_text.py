@@ -11,7 +11,7 @@ from pathlib import Path
 
 from host_tools.motion.errors import MotionError
 from host_tools.motion.recording import located
-from host_tools.motion.table import QUALITY, TIME, Table, text_of
+from host_tools.motion.table import QUALITY, TIME, Table, check_groups, text_of
 
 NAMES = {
     "latitude": "latitude_deg",
@@ -52,14 +52,18 @@ def _columns(path: Path, names: list[str], line: int | None) -> tuple[str, ...]:
     for name in ("latitude_deg", "longitude_deg", "height_m"):
         if columns.count(name) != 1:
             raise MotionError(located(path, f"the header has no column {name}", line))
+    check_groups(path, columns, line)
     return columns
 
 
-def _seconds(day: str, clock: str) -> float | None:
-    """Return a time in s from `2025/07/08 19:34:18.499`, or from GPS week and time of week."""
+def _time(day: str, clock: str) -> tuple[int, float] | None:
+    """Return a time from `2025/07/08 19:34:18.499`, or from GPS week and time of week.
+
+    As whole seconds and what is to be added: together they would be too large for microseconds.
+    """
     try:
         if "/" not in day:
-            return int(day) * _WEEK_S + float(clock)
+            return int(day) * _WEEK_S, float(clock)
         year, month, date = day.split("/")
         hours, minutes, seconds = clock.split(":")
         since = datetime(int(year), int(month), int(date), tzinfo=UTC).toordinal()
@@ -68,7 +72,7 @@ def _seconds(day: str, clock: str) -> float | None:
         return None
     if not (0 <= h < 24 and 0 <= m < 60 and 0 <= s < 61):
         return None
-    return since * _DAY_S + h * 3600 + m * 60 + s
+    return since * _DAY_S + h * 3600 + m * 60, s
 
 
 def _is_header(line: str) -> bool:
@@ -90,7 +94,7 @@ def read_pos(path: Path) -> Table:
         When it cannot be read, or its columns are not understood.
     """
     table: Table | None = None
-    origin: float | None = None
+    origin: tuple[int, float] | None = None
     for number, line in enumerate(text_of(path).splitlines(), start=1):
         stripped = line.strip()
         if stripped.startswith("%"):
@@ -111,13 +115,13 @@ def read_pos(path: Path) -> Table:
         if len(cells) < 2:
             table.add(number, cells)
             continue
-        seconds = _seconds(*cells[:2])
-        if seconds is None:
+        time = _time(*cells[:2])
+        if time is None:
             table.skip(number, f"no time: {cells[0][:20]} {cells[1][:20]}")
             continue
-        origin = seconds if origin is None else origin
-        # Seconds since the first line: milliseconds survive the rounding of large numbers.
-        table.add(number, [repr(round(seconds - origin, 6)), *cells[2:]])
+        origin = origin or time
+        since = round(time[0] - origin[0] + (time[1] - origin[1]), 9)
+        table.add(number, [repr(since), *cells[2:]])
     if table is None:
         raise MotionError(located(path, "has no lines with data"))
     return table

@@ -39,6 +39,7 @@ _REQUIRED = (TIME, *PLACE)
 _OPTIONAL = (("velocity", VELOCITY), ("attitude", ATTITUDE))
 _DEVIATIONS = (PLACE_SD, VELOCITY_SD, ATTITUDE_SD)
 _LEAST_DEVIATION = 0.002  # m, m/s: a file that is surer of itself is not believed
+_LARGEST_DEVIATION = 100.0
 
 
 class _Columns:
@@ -145,7 +146,7 @@ def read(path: Path, motion: Motion) -> Recording:
 
     def deviations(names: tuple[str, ...], instead: float, least: float) -> Vector:
         told = group(names)
-        return np.maximum(np.where(np.isnan(told), instead, told), least)
+        return np.clip(np.where(np.isnan(told), instead, told), least, _LARGEST_DEVIATION)
 
     place, attitude = group(PLACE), group(ATTITUDE)
     if len(rows):

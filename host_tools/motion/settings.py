@@ -50,7 +50,7 @@ class Motion(BaseModel):
 
     kind: Literal["stationary", "drive", "sway", "file"] = "stationary"
     """`drive`: a synthetic car; `sway`: a ship in waves; `file`: a recording."""
-    duration_s: float | None = Field(default=None, ge=30, le=86_400)
+    duration_s: float | None = Field(default=None, ge=30, le=43_200)
     """Length of a drive (2500 without it); time after which sway repeats itself (1800); how much
     of a recording is taken (all of it)."""
     seed: int = Field(default=1, ge=0)
@@ -73,7 +73,7 @@ class Motion(BaseModel):
     """What to do about gaps, jumps, wrong timestamps and lines that cannot be read."""
     speed_limit_mps: float = Field(default=100.0, gt=0, le=3000)
     """A speed that the recorded vehicle cannot have."""
-    jerk_density_mps3_per_sqrt_hz: float = Field(default=1.0, gt=0, le=1000)
+    jerk_density_mps3_per_sqrt_hz: float = Field(default=1.0, ge=0.01, le=1000)
     """How lively the recorded vehicle moves: more follows the file closer."""
     position_deviation_m: float = Field(default=0.02, ge=0.001, le=100)
     """Standard deviation of positions whose own the file does not tell."""

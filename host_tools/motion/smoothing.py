@@ -37,8 +37,11 @@ _LEAST_RUN_UP_S = 2.0
 _EDGE_S = 1.0  # what the speed at an end is taken from
 _HUBER = 3.0
 _ROUNDS = 3
-_GUIDED_S = 20.0  # gaps longer than this get guides
+_GUIDED_S = 60.0  # gaps longer than this get guides
 _GUIDE_DEVIATION = 1.0  # m
+_LIVELY = 8.0  # m/s²
+_LEAST_LAG_S, _LARGEST_LAG_S = 0.02, 2.0
+_LAG_SHARE = 0.3  # of the squares that a lag must explain to be believed
 
 
 @dataclass(frozen=True)
@@ -166,29 +169,21 @@ def smooth(recording: Recording, motion: Motion, period_ns: int) -> Smoothed:
     times = lead * step_s + recording.time_s - recording.time_s[0]
 
     local = Local(*recording.place[0])
-    offsets = local.offsets(recording.place)
-    velocity = recording.velocity_n / local.stretch(offsets)
-    told = np.isfinite(velocity).all(axis=1)
     coefficients = np.zeros((pieces + 5, 6))
-    for axis in range(3):
-        slopes = np.where(told, velocity[:, axis], np.gradient(offsets[:, axis], times))
-        observed = [
-            Observations(times / step_s, offsets[:, axis], recording.place_deviation[:, axis]),
-            Observations(
-                times[told] / step_s,
-                velocity[told, axis],
-                recording.velocity_deviation[told, axis],
-                order=1,
-            ),
-        ]
-        coefficients[:, axis] = _robust_fit(
-            grid,
-            motion.jerk_density_mps3_per_sqrt_hz,
-            observed,
-            _guides(times, offsets[:, axis], slopes, step_s),
-        )
-    residuals = _residuals(recording, local, grid, times, coefficients[:, :3])
-    notes = [_residual_note(residuals)]
+    density, lag = motion.jerk_density_mps3_per_sqrt_hz, 0.0
+    coefficients[:, :3] = _fit_place(recording, local, grid, times, density, lag)
+    if recording.has_velocity:
+        lag = _velocity_lag(recording, local, grid, times, coefficients[:, :3])
+        if lag:
+            coefficients[:, :3] = _fit_place(recording, local, grid, times, density, lag)
+    residuals = _residuals(recording, local, grid, times, coefficients[:, :3], lag)
+    notes = [
+        _residual_note(residuals),
+        *_lively_note(recording, local, grid, times, coefficients[:, :3]),
+    ]
+    if lag:
+        word = "late" if lag > 0 else "early"
+        notes.append(f"velocities of the file are {abs(lag):.2f} s {word}; taken for their time")
     if recording.has_attitude:
         coefficients[:, 3:] = fit_angles(grid, times, recording)
     else:
@@ -205,17 +200,88 @@ def smooth(recording: Recording, motion: Motion, period_ns: int) -> Smoothed:
     return Smoothed(trajectory, residuals)
 
 
-def _residuals(
-    recording: Recording, local: Local, grid: Grid, times: Vector, coefficients: Vector
-) -> Residuals:
-    def at(order: int) -> Vector:
-        return np.stack(
-            [evaluate(c, times / grid.step_s, grid.step_s, order) for c in coefficients.T], axis=1
-        )
+def _fit_place(
+    recording: Recording, local: Local, grid: Grid, times: Vector, density: float, lag: float
+) -> Vector:
+    """Return the coefficients of east, north, up in m, velocities being `lag` s late."""
+    offsets = local.offsets(recording.place)
+    velocity = recording.velocity_n / local.stretch(offsets)
+    told = np.isfinite(velocity).all(axis=1)
+    columns = []
+    for axis in range(3):
+        slopes = np.where(told, velocity[:, axis], np.gradient(offsets[:, axis], times))
+        observed = [
+            Observations(times / grid.step_s, offsets[:, axis], recording.place_deviation[:, axis]),
+            Observations(
+                (times[told] - lag) / grid.step_s,
+                velocity[told, axis],
+                recording.velocity_deviation[told, axis],
+                order=1,
+            ),
+        ]
+        guides = _guides(times, offsets[:, axis], slopes, grid.step_s)
+        columns.append(_robust_fit(grid, density, observed, guides))
+    return np.stack(columns, axis=1)
 
-    stretch = local.stretch(at(0))
-    position = (at(0) - local.offsets(recording.place)) * stretch
-    return Residuals(times, recording.line, position, at(1) * stretch - recording.velocity_n)
+
+def _over_ground(
+    local: Local, grid: Grid, times: Vector, coefficients: Vector, order: int
+) -> Vector:
+    """Return a derivative of the way over ground, shape (m, 3)."""
+    at = [
+        np.stack([evaluate(c, times / grid.step_s, grid.step_s, k) for c in coefficients.T], axis=1)
+        for k in (0, order)
+    ]
+    return np.asarray(at[1] * local.stretch(at[0]))
+
+
+def _velocity_lag(
+    recording: Recording, local: Local, grid: Grid, times: Vector, coefficients: Vector
+) -> float:
+    """Return by how many s the file's velocities are late against its positions; 0 if hardly.
+
+    What is missing is the lag times the acceleration: least squares over all samples.
+    """
+    told = np.isfinite(recording.velocity_n).all(axis=1)
+    speeding = _over_ground(local, grid, times[told], coefficients, 2)
+    missing = _over_ground(local, grid, times[told], coefficients, 1) - recording.velocity_n[told]
+    power = float((speeding**2).sum())
+    lag = float((missing * speeding).sum()) / power if power > 0 else 0.0
+    explained = lag * lag * power > _LAG_SHARE * float((missing**2).sum())
+    return lag if explained and _LEAST_LAG_S < abs(lag) < _LARGEST_LAG_S else 0.0
+
+
+def _residuals(
+    recording: Recording,
+    local: Local,
+    grid: Grid,
+    times: Vector,
+    coefficients: Vector,
+    lag: float,
+) -> Residuals:
+    offsets = local.offsets(recording.place)
+    path = np.stack([evaluate(c, times / grid.step_s) for c in coefficients.T], axis=1)
+    velocity = _over_ground(local, grid, times - lag, coefficients, 1)
+    return Residuals(
+        times,
+        recording.line,
+        (path - offsets) * local.stretch(offsets),
+        velocity - recording.velocity_n,
+    )
+
+
+def _lively_note(
+    recording: Recording, local: Local, grid: Grid, times: Vector, coefficients: Vector
+) -> list[str]:
+    """Return a warning where the path accelerates as hardly any vehicle does."""
+    size = np.linalg.norm(_over_ground(local, grid, times, coefficients, 2), axis=1)
+    worst = int(np.argmax(size))
+    if size[worst] < _LIVELY:
+        return []
+    return [
+        f"accelerates with {size[worst]:.3g} m/s² at line {recording.line[worst]}: "
+        "a jump too small to be told from motion?"
+    ]
 
 
 def _residual_note(residuals: Residuals) -> str:

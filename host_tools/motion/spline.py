@@ -21,12 +21,13 @@ from fractions import Fraction
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import solveh_banded
+from scipy.linalg import cho_solve_banded, cholesky_banded
 
 Vector = NDArray[np.float64]
 
 DEGREE = 5
 ORDER = DEGREE + 1
+_CORRECTIONS = 8
 
 
 def _basis_matrix() -> Vector:
@@ -146,31 +147,33 @@ class Fit:
     Minimises, with x the spline and q the density of its third derivative::
 
         Σ ((x^(k)(t_i) - y_i) / σ_i)² + (1/q²) ∫ x'''² dt
+
+    The normal matrix is ill-conditioned where observations lie far apart. Its solution is corrected
+    by the gradient there, which the differences of neighbouring coefficients give without loss.
     """
 
     def __init__(self, grid: Grid, density: float) -> None:
         self._grid = grid
         self._groups = grid.groups
-        unknowns = int(self._groups[-1]) + 1
-        self._band = np.zeros((ORDER, unknowns))
-        self._right = np.zeros(unknowns)
+        self._unknowns = int(self._groups[-1]) + 1
+        self._band = np.zeros((ORDER, self._unknowns))
+        self._observed: list[tuple[Observations, NDArray[np.int64], Vector]] = []
         third = derivative(BASIS.T, 3)
         powers = np.arange(third.shape[1])
         gram = third @ (1 / (powers[:, None] + powers + 1)) @ third.T
-        gram /= grid.step_s**5 * density**2
-        every = np.arange(grid.pieces)
-        self._add_products(every, np.broadcast_to(gram, (grid.pieces, ORDER, ORDER)))
+        self._gram = gram / (grid.step_s**5 * density**2)
+        self._every = np.arange(grid.pieces)
+        self._add_products(self._every, np.broadcast_to(self._gram, (grid.pieces, ORDER, ORDER)))
 
     def _add_products(self, index: NDArray[np.int64], products: Vector) -> None:
         """Add a 6 x 6 block per piece to the normal matrix, unknowns that are one merged."""
-        unknowns = self._band.shape[1]
         for j in range(ORDER):
             row = self._groups[index + j]
             for k in range(j, ORDER):
                 column = self._groups[index + k]
                 # Off the diagonal a pair stands for two entries; merged, for both on it.
                 twice = 1 + ((row == column) & (j != k))
-                flat = (column - row) * unknowns + row
+                flat = (column - row) * self._unknowns + row
                 added = np.bincount(flat, products[:, j, k] * twice, self._band.size)
                 self._band += added.reshape(self._band.shape)
 
@@ -180,14 +183,41 @@ class Fit:
         rows = _rows(u, observed.order) / self._grid.step_s**observed.order
         weights = observed.deviations**-2.0
         self._add_products(index, np.einsum("m,mj,mk->mjk", weights, rows, rows))
-        for j in range(ORDER):
-            self._right += np.bincount(
-                self._groups[index + j], weights * rows[:, j] * observed.values, len(self._right)
-            )
+        self._observed.append((observed, index, rows))
+
+    def _downhill(self, coefficients: Vector) -> Vector:
+        """Return minus half the gradient of what is minimised, for each unknown."""
+        windows = np.lib.stride_tricks.sliding_window_view(coefficients, ORDER)
+        found = np.zeros(self._unknowns)
+
+        def add(index: NDArray[np.int64], shares: Vector) -> None:
+            for j in range(ORDER):
+                found[:] += np.bincount(self._groups[index + j], shares[:, j], self._unknowns)
+
+        middle = windows[:, 2]
+        apart = windows - middle[:, None]
+        add(self._every, -apart @ self._gram)
+        for one, index, rows in self._observed:
+            reached = np.einsum("mj,mj->m", apart[index], rows)
+            off = one.values - reached - (middle[index] if one.order == 0 else 0.0)
+            add(index, (off / one.deviations**2)[:, None] * rows)
+        return found
 
     def solve(self) -> Vector:
-        """Return the coefficients, shape (pieces + 5,)."""
-        solution = solveh_banded(self._band, self._right, lower=True)
+        """Return the coefficients, shape (pieces + 5,).
+
+        Raises
+        ------
+        numpy.linalg.LinAlgError
+            When the observations do not determine them.
+        """
+        factor = cholesky_banded(self._band, lower=True)
+        solution = np.zeros(self._unknowns)
+        for _ in range(_CORRECTIONS):
+            change = cho_solve_banded((factor, True), self._downhill(solution[self._groups]))
+            solution += change
+            if np.abs(change).max() <= 1e-12 * np.abs(solution).max():
+                break
         return np.asarray(solution[self._groups])
 
 

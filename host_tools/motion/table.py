@@ -66,6 +66,16 @@ class Table:
         self.irregularities.append(Irregularity(line, "not_a_number", text))
 
 
+def check_groups(path: Path, columns: tuple[str, ...], line: int | None) -> None:
+    """Raise `MotionError` where of columns that belong together one is missing or there twice."""
+    for group in GROUPS:
+        counts = [columns.count(name) for name in group]
+        if any(counts) and counts != [1, 1, 1]:
+            name = next(n for n, count in zip(group, counts, strict=True) if count != 1)
+            text = f"two columns {name}" if name in columns else f"no column {name}"
+            raise MotionError(located(path, f"{text}, of {', '.join(group)}", line))
+
+
 def text_of(path: Path) -> str:
     """Return a file's text.
 

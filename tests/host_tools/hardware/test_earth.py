@@ -44,3 +44,22 @@ def test_the_earth_turns_about_its_axis(latitude):
     assert np.linalg.norm(rate) == pytest.approx(7.292115e-5, rel=1e-14)
     axis = [0, math.cos(latitude), math.sin(latitude)]  # the pole, as seen from here
     assert rate == pytest.approx(7.292115e-5 * np.array(axis), rel=1e-14, abs=1e-20)
+
+
+@given(LATITUDES)
+def test_truth_and_navigation_have_the_same_radii_by_two_formulas(latitude):
+    assert earth.curvature_radii(latitude) == pytest.approx(firmware_py.earth.radii(latitude))
+
+
+@given(LATITUDES)
+def test_slopes_of_the_radii_are_their_derivatives(latitude):
+    step = 1e-4
+    after, before = earth.curvature_radii(latitude + step), earth.curvature_radii(latitude - step)
+    expected = (np.array(after) - before) / (2 * step)
+    assert earth.curvature_slopes(latitude) == pytest.approx(expected, abs=1e-3)
+
+
+def test_the_earth_takes_arrays():
+    latitudes, heights = np.linspace(-1.5, 1.5, 7), np.linspace(0, 6000, 7)
+    each = [earth.normal_gravity(p, h) for p, h in zip(latitudes, heights, strict=True)]
+    assert earth.normal_gravity(latitudes, heights) == pytest.approx(each, rel=1e-15)

@@ -1,0 +1,99 @@
+"""What is found in a recorded motion, as numbers."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+
+from host_tools.motion.mending import interval_of
+from host_tools.motion.recording import Recording
+from host_tools.motion.smoothing import Smoothed, edge_speeds
+from host_tools.motion.spline import Vector
+from host_tools.motion.trajectory import SPECIFIC_FORCE_B, VELOCITY_N
+
+_STEP_S = 0.05
+
+
+def _size(residual: Vector) -> dict[str, float] | None:
+    """Return rms and largest length of vectors, None if there are none."""
+    told = residual[np.isfinite(residual).all(axis=1)]
+    if not len(told):
+        return None
+    lengths = np.linalg.norm(told, axis=1)
+    return {"rms": float(np.sqrt(np.mean(lengths**2))), "max": float(lengths.max())}
+
+
+def findings(recording: Recording, smoothed: Smoothed) -> dict[str, Any]:
+    """Return what `rrins motion check --json` prints."""
+    trajectory = smoothed.trajectory
+    state = trajectory.at(np.arange(0.0, trajectory.duration_s, _STEP_S))
+    speed = np.linalg.norm(state[:, VELOCITY_N], axis=1)
+    sideways = np.linalg.norm(state[:, SPECIFIC_FORCE_B][:, :2], axis=1)
+    interval_s = interval_of(recording)
+    begin, end = edge_speeds(recording)
+    return {
+        "file": str(recording.path),
+        "format": recording.kind,
+        "lines": recording.lines,
+        "samples": len(recording),
+        "span_s": float(recording.time_s[-1] - recording.time_s[0]),
+        "interval_s": interval_s,
+        "rate_hz": 1 / interval_s,
+        "has_velocity": recording.has_velocity,
+        "has_attitude": recording.has_attitude,
+        "unused_columns": list(recording.unused),
+        "would_be_refused": bool(recording.irregularities),
+        "counts": dict(Counter(i.kind for i in recording.irregularities)),
+        "irregularities": [asdict(i) for i in recording.irregularities],
+        "distance_m": float(speed.sum() * _STEP_S),
+        "speed_max_mps": float(speed.max()),
+        "speed_begin_mps": begin,
+        "speed_end_mps": end,
+        "specific_force_horizontal_max_mps2": float(sideways.max()),
+        "height_min_m": float(state[:, 8].min()),
+        "height_max_m": float(state[:, 8].max()),
+        "motion_s": trajectory.duration_s,
+        "position_residual_m": _size(smoothed.residuals.position),
+        "velocity_residual_mps": _size(smoothed.residuals.velocity),
+        "notes": list(trajectory.notes),
+    }
+
+
+def _residual(size: dict[str, float] | None, unit: str) -> str:
+    return (
+        "-" if size is None else f"rms {size['rms']:.3g} {unit}, largest {size['max']:.3g} {unit}"
+    )
+
+
+def table(found: dict[str, Any], most: int = 20) -> list[str]:
+    """Return the lines that `rrins motion check` prints."""
+    told = [word for word in ("velocity", "attitude") if found[f"has_{word}"]]
+    rows = [
+        ("file", f"{found['file']} ({found['format']}: {', '.join(['position', *told])})"),
+        ("lines", f"{found['lines']}, of use {found['samples']}"),
+        ("span", f"{found['span_s']:.3f} s, {found['rate_hz']:.4g} Hz"),
+        ("way", f"{found['distance_m']:.0f} m"),
+        (
+            "speed",
+            f"up to {found['speed_max_mps']:.3g} m/s, begins at {found['speed_begin_mps']:.2g}, "
+            f"ends at {found['speed_end_mps']:.2g}",
+        ),
+        ("height", f"{found['height_min_m']:.1f} to {found['height_max_m']:.1f} m"),
+        ("smoothed - file", _residual(found["position_residual_m"], "m")),
+        ("", _residual(found["velocity_residual_mps"], "m/s")),
+        ("", f"horizontal force up to {found['specific_force_horizontal_max_mps2']:.3g} m/s²"),
+    ]
+    if found["unused_columns"]:
+        rows.append(("not used", ", ".join(found["unused_columns"])))
+    rows += [("note", note) for note in found["notes"]]
+    lines = [f"{name:<16} {text}" for name, text in rows]
+    irregular = found["irregularities"]
+    word = "would be refused" if irregular else "nothing to mend"
+    lines.append(f'{"irregularities":<16} {len(irregular)}: with "refuse" {word}')
+    lines += [f"  line {i['line']}: {i['text']}: {i['mended']}" for i in irregular[:most]]
+    if len(irregular) > most:
+        lines.append(f"  and {len(irregular) - most} more (--json tells all)")
+    return lines

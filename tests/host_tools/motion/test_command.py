@@ -1,0 +1,99 @@
+"""`rrins motion`: what is found in a file, and true motions that can be read again."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from host_tools.cli import rrins
+
+
+@pytest.fixture
+def run(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+
+    def runner(*arguments, status=0):
+        result = CliRunner().invoke(rrins, ["motion", *map(str, arguments)])
+        assert result.exit_code == status, result.output
+        return result
+
+    return runner
+
+
+def test_check_tells_what_is_in_a_file(run, write, exported, tmp_path):
+    lines = list(exported["pos"])
+    del lines[200:220]
+    found = json.loads(run("check", write(lines), "--json", "--out", "pictures").stdout)
+    assert found["format"] == "pos"
+    assert found["span_s"] == 150
+    assert found["rate_hz"] == 4
+    assert found["would_be_refused"]
+    assert found["counts"] == {"gap": 1}
+    assert found["irregularities"][0]["line"] == 201
+    assert found["speed_max_mps"] > 10
+    assert found["position_residual_m"]["max"] < 0.02
+    assert (tmp_path / "pictures" / "own.png").stat().st_size > 20_000
+
+
+def test_check_prints_a_line_for_each_irregularity(run, write, exported):
+    lines = list(exported["pos"])
+    lines.insert(200, lines[199])
+    text = run("check", write(lines)).stdout
+    assert "line 201: time is there twice: left out" in text
+    assert "would be refused" in text
+
+
+@pytest.mark.parametrize(
+    ("arguments", "status", "words"),
+    [
+        (["check", "missing.pos"], 9, "rrins: motion missing.pos: cannot be read"),
+        (["export", "missing.csv", "out.csv"], 9, "rrins: motion missing.csv: cannot be read"),
+        (["export", "drive", "out.txt"], 9, "rrins: motion out.txt: must end in .csv or .pos"),
+        (["export", "drive", "nowhere/out.csv"], 9, "there is no folder nowhere"),
+        (["export", "sway", "s.csv", "--picture", "/dev/null/p.png"], 9, "cannot be written"),
+        (["export", "drive", "out.csv", "--duration", "5"], 2, "duration_s"),
+        (["export", "ideal", "out.csv"], 9, "stands still"),
+        (["export", "nothing", "out.csv"], 3, "neither built in nor a file"),
+    ],
+)
+def test_an_error_is_one_line(run, tmp_path, arguments, status, words):
+    result = run(*arguments, status=status)
+    assert words in result.stderr
+    assert "Traceback" not in result.output
+    assert not (tmp_path / "out.csv").exists()
+
+
+def test_a_refused_file_leaves_the_old_export(run, write, exported, tmp_path):
+    lines = list(exported["pos"])
+    del lines[200:220]
+    (tmp_path / "out.csv").write_text("before")
+    run("export", write(lines), "out.csv", "--irregularities", "refuse", status=9)
+    assert (tmp_path / "out.csv").read_text() == "before"
+
+
+@pytest.mark.parametrize("ending", ["csv", "pos"])
+def test_an_export_has_the_rate_asked_for_and_reads_as_sound(run, ending):
+    run("export", "drive", f"d.{ending}", "--duration", 60, "--rate", 20)
+    found = json.loads(run("check", f"d.{ending}", "--json").stdout)
+    assert found["samples"] == 1201
+    assert found["rate_hz"] == pytest.approx(20)
+    assert not found["would_be_refused"]
+
+
+def test_an_exported_csv_holds_what_a_rimu_feels(run, tmp_path):
+    run("export", "sway", "s.csv", "--duration", 100, "--picture", "s.png")
+    table = np.genfromtxt(tmp_path / "s.csv", delimiter=",", names=True)
+    assert len(table) == 1001
+    assert table["specific_force_b_z_mps2"].mean() == pytest.approx(9.80, abs=0.02)
+    assert np.hypot(table["omega_ib_b_y_dps"][0], table["omega_ib_b_z_dps"][0]) == pytest.approx(
+        np.degrees(7.292115e-5), rel=1e-5
+    )
+    assert (tmp_path / "s.png").stat().st_size > 20_000
+
+
+def test_a_recorded_file_is_exported_smooth(run, write, exported, tmp_path):
+    run("export", write(exported["pos"]), "out.csv", "--rate", 50)
+    assert len((tmp_path / "out.csv").read_text().splitlines()) > 7500

@@ -1,0 +1,172 @@
+"""Gaps, jumps and wrong timestamps: reported with the line, mended or refused."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from host_tools.motion.build import follow
+from host_tools.motion.errors import MotionError
+from host_tools.motion.settings import Motion
+
+AT = 150  # index of a line while driving
+
+
+def cells_changed(line, **changes):
+    """Change cells of a line of `.pos`: c2 is the latitude, c1 the clock."""
+    cells = line.split()
+    for name, value in changes.items():
+        cells[int(name[1:])] = value
+    return " ".join(cells)
+
+
+def later(line, seconds):
+    hours, minutes, clock = line.split()[1].split(":")
+    total = int(hours) * 3600 + int(minutes) * 60 + float(clock) + seconds
+    text = f"{int(total // 3600):02d}:{int(total % 3600 // 60):02d}:{total % 60:06.3f}"
+    return cells_changed(line, c1=text)
+
+
+def moved(line, degrees):
+    return cells_changed(line, c2=f"{float(line.split()[2]) + degrees:.9f}")
+
+
+@pytest.fixture
+def lines(exported):
+    return list(exported["pos"])
+
+
+def check(write, load, lines, expected):
+    """Compare line, kind and words of all irregularities; then the same file must be refused."""
+    path = write(lines)
+    recording = load(path)
+    found = [(i.line, i.kind) for i in recording.irregularities]
+    assert found == [entry[:2] for entry in expected]
+    for irregular, entry in zip(recording.irregularities, expected, strict=True):
+        assert entry[2] in str(irregular)
+    with pytest.raises(MotionError, match=f"own.pos: line {expected[0][0]}: ") as caught:
+        load(path, irregularities="refuse")
+    assert caught.value.exit_status == 9
+    assert "\n" not in str(caught.value)
+    return recording
+
+
+def test_a_sound_file_passes_either_way(write, load, lines):
+    path = write(lines)
+    assert not load(path).irregularities
+    assert len(load(path, irregularities="refuse")) == 601
+
+
+def test_a_repeated_time(write, load, lines):
+    lines.insert(AT, lines[AT - 1])
+    check(write, load, lines, [(AT + 1, "repeated_time", "time is there twice: left out")])
+
+
+def test_a_time_that_goes_back(write, load, lines):
+    before = float(lines[AT - 1].split()[1].split(":")[2])
+    lines[AT] = later(lines[AT], -20)
+    assert before
+    check(write, load, lines, [(AT + 1, "backward_time", f"19.75 s before that of line {AT}")])
+
+
+def test_a_time_that_runs_ahead(write, load, lines):
+    lines[AT] = later(lines[AT], 30)
+    check(write, load, lines, [(AT + 1, "backward_time", f"29.75 s after that of line {AT + 2}")])
+
+
+def test_a_last_time_far_away(write, load, lines):
+    lines[-1] = later(lines[-1], 5000)
+    check(write, load, lines, [(len(lines), "gap", "off the others: left out")])
+
+
+def test_two_lines_swapped(write, load, lines):
+    lines[AT], lines[AT + 1] = lines[AT + 1], lines[AT]
+    check(write, load, lines, [(AT + 1, "backward_time", "0.25 s after")])
+
+
+def test_a_gap(write, load, lines):
+    del lines[AT : AT + 20]
+    check(write, load, lines, [(AT + 1, "gap", "gap of 5.25 s, usual are 0.25 s: bridged")])
+
+
+def test_a_gap_that_is_a_line_left_out_is_told_once(write, load, lines):
+    lines[AT] = "garbage"
+    check(write, load, lines, [(AT + 1, "columns", "1 columns instead of")])
+
+
+@pytest.mark.parametrize("degrees", [1e-4, 1e-2, 5.0])
+def test_a_position_that_is_off(write, load, lines, degrees):
+    lines[AT] = moved(lines[AT], degrees)
+    recording = check(write, load, lines, [(AT + 1, "jump", "m off: left out")])
+    assert AT + 1 not in recording.line
+
+
+def test_positions_that_are_off_at_either_end(write, load, lines):
+    lines[2], lines[-1] = moved(lines[2], 1e-3), moved(lines[-1], 1e-3)
+    expected = [(3, "jump", "111 m off"), (len(lines), "jump", "111 m off")]
+    check(write, load, lines, expected)
+
+
+def test_positions_that_are_off_for_a_while(write, load, lines):
+    lines[AT : AT + 8] = [moved(line, 1e-3) for line in lines[AT : AT + 8]]
+    check(write, load, lines, [(AT + 1 + k, "jump", "left out") for k in range(8)])
+
+
+def test_a_shift_that_stays_is_bridged_gently(write, load, lines):
+    lines[AT:] = [moved(line, 1e-4) for line in lines[AT:]]
+    recording = check(write, load, lines, [(AT + 1, "jump", "shifts by 11.1 m and stays: bridged")])
+    trajectory = follow(recording, Motion(kind="file", path="x.pos"), 5_000_000).trajectory
+    state = trajectory.at(np.arange(0, trajectory.duration_s, 0.05))
+    assert np.abs(state[:, 3:5]).max() < 6
+
+
+def test_of_a_shift_too_far_the_longer_part_is_kept(write, load, lines):
+    lines[AT:] = [moved(line, 1.0) for line in lines[AT:]]
+    recording = load(write(lines))
+    assert recording.irregularities[0].line == AT + 1
+    assert "all before left out" in str(recording.irregularities[0])
+    assert recording.line[0] == AT + 1
+
+
+def test_without_velocities_jumps_are_seen_against_the_neighbours(write, load, exported):
+    lines = [",".join(line.split(",")[:4]) for line in exported["csv"]]
+    cells = lines[AT].split(",")
+    lines[AT] = ",".join([cells[0], f"{float(cells[1]) + 1e-4:.9f}", *cells[2:]])
+    recording = load(write(lines, "a.csv"))
+    assert [(i.line, i.kind) for i in recording.irregularities] == [(AT + 1, "jump")]
+
+
+def test_a_speed_beyond_the_limit_is_a_jump(write, load, exported):
+    lines = [",".join(line.split(",")[:4]) for line in exported["csv"]]
+    recording = load(write(lines, "a.csv"), speed_limit_mps=8.0)
+    assert {i.kind for i in recording.irregularities} >= {"jump"}
+
+
+def test_a_file_that_begins_and_ends_in_motion(write, load, lines):
+    part = [*lines[:2], *lines[100:170]]
+    expected = [(3, "motion", "begins in motion"), (72, "motion", "ends in motion")]
+    check(write, load, part, expected)
+
+
+@pytest.mark.parametrize(
+    ("keep", "words"),
+    [(slice(2, 6), "4 samples, needs 8"), (slice(2, 2), "no lines with data")],
+)
+def test_too_little_is_no_motion(write, load, lines, keep, words):
+    with pytest.raises(MotionError, match=words):
+        load(write(lines[keep]))
+
+
+def test_a_file_of_garbage_is_no_motion(write, load, lines):
+    with pytest.raises(MotionError, match="only 188 of 588 lines"):
+        load(write([*lines[:190], *(["?"] * 400)]), duration_s=50)
+
+
+def test_a_gap_too_long_to_be_bridged(write, load, lines):
+    lines[AT:] = [later(line, 2000) for line in lines[AT:]]
+    with pytest.raises(MotionError, match=f"line {AT + 1}: gap of 2000.25 s, longer than"):
+        load(write(lines))
+
+
+def test_a_part_of_the_file(write, load, lines):
+    assert load(write(lines), duration_s=60).time_s[-1] == 60
