@@ -127,7 +127,10 @@ def _take_mode_command(state: Any, contract: Any, frame: Any) -> None:
         state.faults.counter_errors += 1
         return
     state.mode_command_counter = counter
-    state.modes.requested = unpack(frame["data"], contract.mode_command.mode_request)
+    request = unpack(frame["data"], contract.mode_command.mode_request)
+    if request != state.modes.heard:  # else it repeats what others may have changed since
+        state.modes.heard = request
+        state.modes.requested = request
 
 
 @njit(cache=True)

@@ -156,7 +156,8 @@ MODES = _record(
         ("mode", "<i8"),
         ("fault", "<i8"),
         ("request", "<i8"),  # the last one acted on
-        ("requested", "<i8"),  # the one received
+        ("requested", "<i8"),  # the one received last, from whomever
+        ("heard", "<i8"),  # the one that MODE_COMMAND repeats
         ("pending", "<i8"),  # mode that was asked for and not reached yet
         ("epochs", "<i8"),  # in this mode
         ("good_epochs", "<i8"),  # self-test

@@ -10,13 +10,14 @@ from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
 from types import FrameType
-from typing import Any, NoReturn
+from typing import Any, Literal, NoReturn
 
 import click
 
 from dbc.codec import ContractError
 from host_tools import scenario as scenarios
 from host_tools.errors import RehearsalError
+from host_tools.serial.options import nmea_options, serial_options, settings_of
 
 DEFAULT_SCENARIO = "rimu_rotating"
 
@@ -137,6 +138,7 @@ def rrins() -> None:
 )
 @_out_option
 @click.option("--record", type=click.Path(dir_okay=False, path_type=Path), help="Log of the bus.")
+@serial_options
 @_json_option
 def rehearse(
     scenario: str,
@@ -150,6 +152,7 @@ def rehearse(
     out: Path | None,
     record: Path | None,
     as_json: bool,
+    **serial: Any,
 ) -> None:
     """Run firmware and hardware as two processes on one bus.
 
@@ -166,6 +169,7 @@ def rehearse(
         runs.Overrides(duration_s, seed),
         runs.Bus(interface, channel, bitrate),
         speed,
+        settings_of(serial),
     )
     if limit_s is not None:
         plan = runs.fit(plan, limit_s)
@@ -175,6 +179,7 @@ def rehearse(
 @rrins.command()
 @_scenario_options
 @_out_option
+@nmea_options
 @click.option(
     "--frames", is_flag=True, help="Pass frames, as a bus would, where nothing needs them."
 )
@@ -186,13 +191,14 @@ def simulate(
     out: Path | None,
     frames: bool,
     as_json: bool,
+    **serial: Any,
 ) -> None:
     """Run both sides in this process, without a bus: the same steps, the same navigation."""
     from host_tools import runs
 
     loaded = scenarios.load(scenario, duration_s=duration_s, seed=seed)
     signal.signal(signal.SIGTERM, _as_interrupt)
-    runs.simulate(scenario, loaded, out, as_json, frames)
+    runs.simulate(scenario, loaded, out, as_json, frames, settings_of(serial))
 
 
 @rrins.command()
@@ -221,10 +227,12 @@ _side_options = _options(
 
 @rrins.command()
 @_side_options
+@serial_options
 @click.option("--attach-wait", type=float, default=0.0, help="Seconds to wait for the bus.")
 def firmware(attach_wait: float, **options: Any) -> None:
     """Run the navigation computer alone, on a bus that the hardware is on."""
-    _run_side("firmware", attach_wait_s=attach_wait, **options)
+    serial = settings_of(options)
+    _run_side("firmware", attach_wait_s=attach_wait, serial=serial, **options)
 
 
 @rrins.command()
@@ -236,7 +244,7 @@ def hardware(await_peer: tuple[str, ...], **options: Any) -> None:
 
 
 def _run_side(
-    side: str,
+    side: Literal["firmware", "hardware"],
     scenario: str,
     duration_s: float | None,
     seed: int | None,

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from firmware_py.loop import Firmware, own_clock_ns
+from firmware_py.serial_lines import NO_LINES, SerialSettings
 from firmware_py.trace import NavigationTrace
 from host_tools.fast import FastRun
 from host_tools.hardware.loop import Hardware
@@ -19,6 +20,7 @@ from host_tools.hardware.memory import TRUTH
 from host_tools.outfit import firmware_settings, hardware_settings, scenario_wire
 from host_tools.rows import RowBuffer, RowFile, keep_every
 from host_tools.scenario import Scenario
+from host_tools.serial.lines import open_lines
 from host_tools.sides import (
     NAVIGATION_ROWS,
     TRUTH_ROWS,
@@ -41,6 +43,8 @@ def run_direct(
     folder: Path | None = None,
     on_progress: Progress | None = None,
     should_stop: Callable[[], bool] = lambda: False,
+    serial: SerialSettings = NO_LINES,
+    on_note: Callable[[str], None] = lambda text: None,
 ) -> Outcome:
     """Run a scenario to its end.
 
@@ -52,6 +56,10 @@ def run_direct(
     on_progress : callable, optional
     should_stop : callable
         Asked now and then; the run ends early when it says so.
+    serial : SerialSettings
+        The firmware's serial lines.
+    on_note : callable
+        Told what the user is to know of them.
 
     Returns
     -------
@@ -65,6 +73,8 @@ def run_direct(
     hardware = Hardware(hardware_settings(scenario), scenario_wire(scenario))
     truth = hardware.plant["truth"]
     error_ppm = scenario.firmware.clock_error_ppm
+    lines = open_lines(serial, firmware, on_note)
+    lines_every = lines.every
     progress_every = _PROGRESS_S * scenario.rate_hz
     start = time.monotonic()
     count = 0
@@ -76,6 +86,8 @@ def run_direct(
             arrival_ns = own_clock_ns(epoch * hardware.period_ns, error_ppm)
             count = firmware.step_whole(frames, sent, arrival_ns)
             hardware.frames_received += count
+            if lines_every and epoch % lines_every == 0:
+                lines.take(epoch)
             if epoch % progress_every:
                 continue
             if should_stop():
@@ -85,7 +97,8 @@ def run_direct(
     finally:
         truth_rows.flush()
         truth_file.close()
-        summary = firmware_summary(firmware)
+        summary = firmware_summary(firmware) | lines.statistics()
+        lines.close()
         navigation.close()
     return summary, hardware_summary(hardware), time.monotonic() - start
 

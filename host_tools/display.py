@@ -66,6 +66,10 @@ class RunDisplay:
         if self._is_sparse:
             self._console.print(text)
 
+    def note(self, text: str) -> None:
+        """Show what the user is to know in any case."""
+        self._console.print(f"rrins: {text}", highlight=False, markup=False, soft_wrap=True)
+
     def report(self, report: dict[str, Any]) -> None:
         """Take a report of one of the sides (see `host_tools.sides`)."""
         kind = report["kind"]
@@ -74,6 +78,8 @@ class RunDisplay:
         elif kind == "started":
             self._progress.start_task(self._task)
             self.say("running")
+        elif kind == "note":
+            self.note(report["text"])
         elif kind == "progress" and report["side"] == "hardware":
             self._truth = {report["epoch"]: report}
         elif kind == "progress":

@@ -248,6 +248,7 @@ class MessagePort:
         self._others_last = closing[other]
         self._heartbeat = contract["heartbeat_firmware"]["message"]
         self._held: can.Message | None = None
+        self._is_broken = False
         self._bus = open_bus(address) if bus is None else bus
 
     def meet(self, others: tuple[str, ...] = ()) -> None:
@@ -269,7 +270,7 @@ class MessagePort:
         hello = frame_array(1)
         next_ns = time.monotonic_ns() + _ANNOUNCE_NS
         while True:
-            message = self._bus.recv(_POLL_S / 4)
+            message = self._receive(_POLL_S / 4)
             if message is not None:
                 if message.arbitration_id in (self._own_last, int(self._heartbeat["can_id"])):
                     raise BusError(f"bus {self._address}: another firmware is on it")
@@ -283,7 +284,7 @@ class MessagePort:
     def _await_heartbeat(self) -> None:
         deadline_ns = time.monotonic_ns() + round(_ATTACH_S * 1e9)
         while time.monotonic_ns() < deadline_ns:
-            message = self._bus.recv(_POLL_S)
+            message = self._receive(_POLL_S)
             if message is None:
                 continue
             if message.arbitration_id == self._own_last:
@@ -303,6 +304,7 @@ class MessagePort:
         try:
             self._bus.send(message, timeout=1.0)
         except can.CanError as error:
+            self._is_broken = True
             raise PortClosedError(f"bus {self._address}: cannot send: {error}") from error
 
     def _receive(self, timeout: float) -> can.Message | None:
@@ -312,6 +314,7 @@ class MessagePort:
         try:
             return self._bus.recv(timeout)
         except can.CanError as error:
+            self._is_broken = True
             raise PortClosedError(f"bus {self._address}: cannot receive: {error}") from error
 
     def receive_epoch(self, into: FrameArray) -> int:
@@ -358,7 +361,11 @@ class MessagePort:
 
     def close(self) -> None:
         """Leave the bus."""
-        self._bus.shutdown()
+        try:
+            self._bus.shutdown()
+        except can.CanError as error:  # an adapter that is gone cannot be told to close
+            if not self._is_broken:
+                raise PortClosedError(f"bus {self._address}: cannot close: {error}") from error
 
 
 def open_port(address: Address, side: Side, attach_wait_s: float = 0.0) -> BatchPort | MessagePort:

@@ -127,6 +127,8 @@ class Rehearsal:
         Where the sides put their logs.
     record : Path, optional
         File to record the bus to.
+    firmware_options : sequence of str
+        Command-line options for the firmware alone.
     """
 
     def __init__(
@@ -138,6 +140,7 @@ class Rehearsal:
         speed: float | None,
         folder: Path,
         record: Path | None = None,
+        firmware_options: tuple[str, ...] = (),
     ) -> None:
         self._name = name
         self._scenario = scenario
@@ -146,6 +149,7 @@ class Rehearsal:
         self._speed = speed
         self._folder = folder
         self._record = record
+        self._firmware_options = firmware_options
         self._recorder: recorder.Recorder | None = None
         self._started_ns: int | None = None
         self._ended_ns = 0
@@ -188,7 +192,7 @@ class Rehearsal:
         if self._address.bitrate is not None:
             command += ["--bitrate", str(self._address.bitrate)]
         if name == "firmware":
-            command += ["--attach-wait", str(_ATTACH_WAIT_S)]
+            command += ["--attach-wait", str(_ATTACH_WAIT_S), *self._firmware_options]
         elif self._record is not None and self._address.is_embedded:
             command += ["--await-peer", recorder.NAME]
         if self._speed != REALTIME and self._address.is_embedded:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import sys
 from typing import Any
 
 
@@ -30,6 +31,13 @@ class Report:
         if self._fd is not None:
             line = json.dumps({"kind": kind, **values}) + "\n"
             os.write(self._fd, line.encode())
+
+    def note(self, side: str, text: str) -> None:
+        """Tell the user something: through the rehearsal, or else on standard error."""
+        if self._fd is None:
+            print(f"rrins: {text}", file=sys.stderr, flush=True)
+        else:
+            self.send("note", side=side, text=text)
 
 
 class ReportReader:

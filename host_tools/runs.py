@@ -13,6 +13,7 @@ from typing import Any
 import click
 from rich.console import Console
 
+from firmware_py.serial_lines import NO_LINES, SerialSettings
 from host_tools import sides
 from host_tools.direct import run_direct, run_without_frames
 from host_tools.display import RunDisplay
@@ -21,12 +22,14 @@ from host_tools.fast import FastRun
 from host_tools.faults import FaultAction
 from host_tools.injection import active_faults, fault_command, send_command
 from host_tools.outfit import firmware_settings, hardware_settings, scenario_wire
-from host_tools.port import Address
+from host_tools.port import Address, Side
 from host_tools.recorder import RecordError, check_path
 from host_tools.rehearsal import Interrupted, Rehearsal, default_address
 from host_tools.report import Report
 from host_tools.results import Errors
 from host_tools.scenario import Scenario, fault_of
+from host_tools.serial import slcan
+from host_tools.serial.options import arguments_of
 from host_tools.summary import collect, lines_of, summarise, table_of, write_results
 
 _PROBE_S = 60.0  # simulated
@@ -109,6 +112,7 @@ class Plan:
     overrides: Overrides
     bus: Bus
     speed: float | None
+    serial: SerialSettings = NO_LINES
 
     def lasting(self, duration_s: float) -> Plan:
         """Return the same with another duration."""
@@ -121,7 +125,10 @@ class Plan:
     def rehearsal(self, address: Address, folder: Path, record: Path | None) -> Rehearsal:
         """Return the rehearsal, ready to run."""
         options = self.overrides.options()
-        return Rehearsal(self.name, self.scenario, options, address, self.speed, folder, record)
+        serial = arguments_of(self.serial)
+        return Rehearsal(
+            self.name, self.scenario, options, address, self.speed, folder, record, serial
+        )
 
 
 def fit(plan: Plan, limit_s: float) -> Plan:
@@ -131,6 +138,7 @@ def fit(plan: Plan, limit_s: float) -> Plan:
     """
     address = default_address(plan.bus.interface, plan.bus.channel, plan.bus.bitrate)
     probe = plan.lasting(min(_PROBE_S, plan.scenario.duration_s))
+    probe = replace(probe, serial=NO_LINES)
     with (
         tempfile.TemporaryDirectory(prefix="rrins-") as folder,
         RunDisplay(probe.scenario, Console(stderr=True)) as display,
@@ -152,6 +160,7 @@ def rehearse(plan: Plan, out: Path | None, record: Path | None, as_json: bool) -
     if record is not None:
         check_path(record)
     address = default_address(plan.bus.interface, plan.bus.channel, plan.bus.bitrate)
+    slcan.refuse_one_for_two(address)
     folder = _folder(out, plan.name)
     scenario = plan.scenario
     with RunDisplay(scenario, Console(stderr=True), quiet=as_json) as display:
@@ -175,24 +184,36 @@ def rehearse(plan: Plan, out: Path | None, record: Path | None, as_json: bool) -
 
 
 def simulate(
-    name: str, scenario: Scenario, out: Path | None, as_json: bool, frames: bool = False
+    name: str,
+    scenario: Scenario,
+    out: Path | None,
+    as_json: bool,
+    frames: bool = False,
+    serial: SerialSettings = NO_LINES,
 ) -> None:
-    """Do `rrins simulate`: without frames where neither faults nor the user need them."""
+    """Do `rrins simulate`: without frames where nothing needs them."""
     folder = _folder(out, name)
     stop = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stop.set())
     with RunDisplay(scenario, Console(stderr=True), quiet=as_json) as display:
         display.report({"kind": "preparing", "side": "firmware"})
-        needs_frames = frames or scenario_wire(scenario) is not None
+        # Faults act on frames, serial lines at epochs.
+        needs_frames = frames or scenario_wire(scenario) is not None or serial.nmea is not None
         if needs_frames:
             sides.prepare_firmware(scenario)
             sides.prepare_hardware(scenario)
         else:
             FastRun.of(firmware_settings(scenario), hardware_settings(scenario)).run(2)
         display.report({"kind": "started", "side": "hardware"})
-        run = run_direct if needs_frames else run_without_frames
-        firmware, hardware, wall_s = run(scenario, folder, display.progress, stop.is_set)
+        if needs_frames:
+            firmware, hardware, wall_s = run_direct(
+                scenario, folder, display.progress, stop.is_set, serial, display.note
+            )
+        else:
+            firmware, hardware, wall_s = run_without_frames(
+                scenario, folder, display.progress, stop.is_set
+            )
     failure = Interrupted("stopped by the user") if stop.is_set() else None
     errors = collect(folder, scenario.rate_hz)
     stopped = None if failure is None else str(failure)
@@ -210,10 +231,13 @@ def simulate(
 
 
 def run_side(
-    side: str, scenario: Scenario, bus: Bus, speed: float | None, as_json: bool, **job: Any
+    side: Side, scenario: Scenario, bus: Bus, speed: float | None, as_json: bool, **job: Any
 ) -> None:
     """Do `rrins firmware` or `rrins hardware`."""
     address = default_side_address(bus)
+    warning = slcan.too_slow(address, scenario, side) if speed == sides.REALTIME else None
+    if warning is not None:
+        Report(job["report_fd"]).note(side, warning)
     run = {"firmware": sides.run_firmware, "hardware": sides.run_hardware}[side]
     if job["report_fd"] is None:
         kind = "real time" if speed == sides.REALTIME else "lockstep"

@@ -14,6 +14,7 @@ from firmware_py.loop import Firmware
 from firmware_py.loop import run_lockstep as run_firmware_lockstep
 from firmware_py.loop import run_realtime as run_firmware_realtime
 from firmware_py.modes import Fault, Mode
+from firmware_py.serial_lines import NO_LINES, SerialSettings
 from firmware_py.trace import NavigationTrace
 from host_tools.hardware.loop import Hardware
 from host_tools.hardware.loop import run_lockstep as run_hardware_lockstep
@@ -25,6 +26,7 @@ from host_tools.realtime import LatenessHistogram, enter_realtime
 from host_tools.report import Report
 from host_tools.rows import RowBuffer, RowFile, keep_every
 from host_tools.scenario import Scenario
+from host_tools.serial.lines import Tasks, open_lines
 from host_tools.wire import Wire
 
 NAVIGATION_ROWS = "navigation.rows"
@@ -59,6 +61,8 @@ class Job:
         How long the firmware waits for the bus to come up.
     await_peers : tuple of str
         Other peers of the embedded bus without which the hardware does not begin.
+    serial : SerialSettings
+        The firmware's serial lines.
     """
 
     scenario: Scenario
@@ -69,6 +73,7 @@ class Job:
     core: int | None = None
     attach_wait_s: float = 0.0
     await_peers: tuple[str, ...] = ()
+    serial: SerialSettings = NO_LINES
 
     @property
     def is_realtime(self) -> bool:
@@ -164,13 +169,19 @@ def run_firmware(job: Job) -> dict[str, Any]:
     trace = NavigationTrace(keep_every(scenario.epochs, scenario.rate_hz), rows.append)
     firmware = Firmware(firmware_settings(scenario), trace)
     lateness = LatenessHistogram()
-    permitted = _settle(job)  # locking memory takes long: before anyone waits for us
-    port = open_port(job.address, "firmware", job.attach_wait_s)
-    summary: dict[str, Any] = {}
 
     def progress(epoch: int) -> None:
         report.send("progress", side="firmware", **firmware_progress(firmware))
 
+    lines = open_lines(job.serial, firmware, lambda text: report.note("firmware", text))
+    tasks = Tasks((job.report_every, progress), (lines.every, lines.take))
+    summary: dict[str, Any] = {}
+    try:
+        permitted = _settle(job)  # locking memory takes long: before anyone waits for us
+        port = open_port(job.address, "firmware", job.attach_wait_s)
+    except BaseException:
+        lines.close()
+        raise
     try:
         report.send("ready", side="firmware", **permitted)
         if job.is_realtime:
@@ -179,16 +190,18 @@ def run_firmware(job: Job) -> dict[str, Any]:
                 port,
                 lateness,
                 scenario.firmware.clock_error_ppm,
-                job.report_every,
-                progress,
+                tasks.every,
+                tasks.run,
             )
         else:
             port.meet()
             run_firmware_lockstep(
-                firmware, port, scenario.firmware.clock_error_ppm, job.report_every, progress
+                firmware, port, scenario.firmware.clock_error_ppm, tasks.every, tasks.run
             )
     finally:
         summary = firmware_summary(firmware) | {"lateness_us": lateness.summary()}
+        summary |= lines.statistics()
+        lines.close()
         rows.close()
         port.close()
         report.send("summary", side="firmware", **summary)

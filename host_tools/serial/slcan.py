@@ -1,0 +1,108 @@
+"""What a serial line asks of a rehearsal whose CAN adapter speaks slcan (LAWICEL).
+
+A data frame goes over the line as ``tIIILDD…`` and a carriage return; the adapter acknowledges
+each frame that it is given by two characters at most.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from dbc.codec import load
+from host_tools.errors import BusError
+from host_tools.port import Address, Side
+from host_tools.scenario import Scenario
+
+INTERFACE = "slcan"
+"""python-can's name of the interface."""
+
+DEFAULT_BAUD = 115200
+"""python-can's, unless the channel ends in ``@BAUD``."""
+
+_BITS_A_BYTE = 10
+_FRAME_BYTES = 6  # besides two for each byte of data: t, identifier, length, carriage return
+_ACKNOWLEDGEMENT_BYTES = 2
+_USB = "/dev/ttyACM"  # USB all the way: the baud rate means nothing
+
+
+@dataclass(frozen=True)
+class LineLoad:
+    """What a side's serial line has to carry.
+
+    Attributes
+    ----------
+    to_adapter, from_adapter : int
+        In bytes a second; frames sent, and frames received with acknowledgements.
+    """
+
+    to_adapter: int
+    from_adapter: int
+
+    @property
+    def baud(self) -> int:
+        """Return the least baud rate that carries it, in both directions at once."""
+        return max(self.to_adapter, self.from_adapter) * _BITS_A_BYTE
+
+
+def line_load(scenario: Scenario, side: Side) -> LineLoad:
+    """Return the mean load of a side's serial line in a rehearsal of a scenario."""
+    own, own_frames = _sent_by(scenario, side)
+    others, _ = _sent_by(scenario, "hardware" if side == "firmware" else "firmware")
+    return LineLoad(round(own), round(others + own_frames * _ACKNOWLEDGEMENT_BYTES))
+
+
+def _sent_by(scenario: Scenario, side: Side) -> tuple[float, float]:
+    """Return the bytes and the frames a second that a side sends."""
+    groups = max(len(scenario.rimu.gyros), len(scenario.rimu.accelerometers))
+    total_bytes = total_frames = 0.0
+    database = load().database
+    sync_ms = database.get_message_by_name("SYNC").cycle_time  # the cycle that means every epoch
+    for message in database.messages:
+        is_hardware = bool({"HARDWARE", "HOST"} & set(message.senders))
+        if is_hardware != (side == "hardware") or not message.senders:
+            continue
+        stem, _, number = message.name.rpartition("_")
+        if stem == "SENSOR" and int(number) > groups:
+            continue
+        cycle_ms = message.cycle_time or 0
+        per_s = scenario.rate_hz if cycle_ms == sync_ms else 1000.0 / cycle_ms if cycle_ms else 0.0
+        total_bytes += per_s * (_FRAME_BYTES + 2 * message.length)
+        total_frames += per_s
+    return total_bytes, total_frames
+
+
+def baud_of(channel: str) -> int | None:
+    """Return the baud rate that a channel means, None where it has none."""
+    device, _, baud = channel.partition("@")
+    if device.startswith(_USB):
+        return None
+    return int(baud) if baud.isdecimal() else DEFAULT_BAUD
+
+
+def too_slow(address: Address, scenario: Scenario, side: Side) -> str | None:
+    """Return what to tell a user whose serial line is too slow for real time."""
+    if address.interface != INTERFACE:
+        return None
+    baud, needed = baud_of(address.channel), line_load(scenario, side).baud
+    if baud is None or baud >= needed:
+        return None
+    device = address.channel.partition("@")[0]
+    return (
+        f"bus {address}: {scenario.rate_hz} Hz needs {needed} baud, the line has {baud}; frames "
+        f"will be late. Name a faster one, {device}@BAUD, or lower rate_hz"
+    )
+
+
+def refuse_one_for_two(address: Address) -> None:
+    """Refuse a rehearsal over one slcan adapter.
+
+    Raises
+    ------
+    BusError
+        Always on slcan: both sides would read the same serial line.
+    """
+    if address.interface == INTERFACE:
+        raise BusError(
+            f"bus {address}: the two sides need an adapter each; start `rrins hardware` on one "
+            "and `rrins firmware` on the other"
+        )
