@@ -1,0 +1,88 @@
+"""A signal's history as a small plot of block characters."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from rich.text import Text
+
+from host_tools.monitor.state import BusState
+from host_tools.monitor.tally import BINS
+from host_tools.monitor.wording import clipped, number_words
+
+SPANS = ("1 min", "10 min", "100 min")
+"""What the histories cover, by their level."""
+
+ROWS = 3
+"""Lines of the curve."""
+
+HEIGHT = ROWS + 1
+"""Lines of a plot, with its title."""
+
+_EIGHTHS = " ▁▂▃▄▅▆▇█"
+_LABEL_WIDTH = 14
+_MOST_COLUMNS = BINS
+
+Bins = Sequence[tuple[float, float] | None]
+
+
+def columns_of(bins: Bins, columns: int) -> list[float | None]:
+    """Return the middle of the values of each of so many equal parts of a history."""
+    middles: list[float | None] = []
+    for column in range(columns):
+        part = bins[column * len(bins) // columns : (column + 1) * len(bins) // columns]
+        found = [pair for pair in part if pair is not None]
+        if found:
+            middles.append((min(low for low, _ in found) + max(high for _, high in found)) / 2)
+        else:
+            middles.append(None)
+    return middles
+
+
+def curve(values: Sequence[float | None], low: float, high: float) -> list[str]:
+    """Return `ROWS` lines in which each value is a column; None leaves it blank.
+
+    The lowest value is an eighth of a line high, so that it differs from none.
+    """
+    steps = 8 * ROWS - 1
+    heights = [
+        0
+        if value is None
+        else 1 + round((value - low) / (high - low) * steps)
+        if high > low
+        else 4 * ROWS
+        for value in values
+    ]
+    return [
+        "".join(_EIGHTHS[min(8, max(0, height - 8 * row))] for height in heights)
+        for row in reversed(range(ROWS))
+    ]
+
+
+def plot(state: BusState, message: str, signal: str, level: int, width: int) -> Text:
+    """Return a plot, `HEIGHT` lines: the newest value is at the right.
+
+    Parameters
+    ----------
+    state : BusState
+    message, signal : str
+    level : int
+        Which history, see `SPANS`.
+    width : int
+        Columns of the screen.
+    """
+    described = state.signal(message, signal)
+    bins = state.history(message, signal, level)
+    columns = max(1, min(_MOST_COLUMNS, width - _LABEL_WIDTH - 1))
+    found = [pair for pair in bins if pair is not None]
+    unit = f" {described.unit}" if described.unit else ""
+    now = described.text or number_words(described.value, described.decimals) + unit
+    title = f"{message}.{signal}  now {now}  last {SPANS[level]}"
+    lines = [Text(clipped(title, width), style="bold", no_wrap=True)]
+    if not found:
+        return Text("\n").join([*lines, *(Text() for _ in range(ROWS))])
+    low, high = min(low for low, _ in found), max(high for _, high in found)
+    labels = [number_words(high, described.decimals), "", number_words(low, described.decimals)]
+    for label, part in zip(labels, curve(columns_of(bins, columns), low, high), strict=True):
+        lines.append(Text(f"{clipped(label, _LABEL_WIDTH):>{_LABEL_WIDTH}}|{part}", no_wrap=True))
+    return Text("\n").join(lines)

@@ -1,0 +1,1 @@
+"""The terminal screen of `rrins monitor`; the only part that imports textual."""

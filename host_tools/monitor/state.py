@@ -1,0 +1,392 @@
+"""What holds on a bus at one moment: a snapshot that nothing changes any more.
+
+Rates, ages and histories are in **bus time**: the time that the bus gives with its frames, in a
+rehearsal simulated time. Rates are taken over the last `WINDOW_NS` of it at least.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+from dbc.codec import Codec
+from host_tools.monitor.tally import BIN_NS, BINS, LEVELS, identifier_of
+
+WINDOW_NS = 2_500_000_000
+"""Bus time over which rates and load are taken, and errors count as recent, at least."""
+
+SILENT_PERIODS = 5.0
+"""A message is silent when it has not come for so many of its periods,"""
+
+SILENT_NS = 250_000_000
+"""and for this bus time at least."""
+
+PROTECTION = ("crc", "alive_counter")
+"""Signals of the end-to-end protection, which every message has."""
+
+
+@dataclass(frozen=True)
+class Times:
+    """When a snapshot was taken, and what the bus is doing."""
+
+    now_ns: int
+    """Bus time."""
+    quiet_s: float
+    """Since the last frame of any kind, by the clock on the wall."""
+    speed: float | None
+    """Bus time that goes by in a second on the wall; None before that is known."""
+    ended: str | None
+    """Why nothing more will come; None while the bus is there."""
+    gaps: int
+    """How often the monitor had fallen behind, was cut off and attached again."""
+
+
+@dataclass(frozen=True)
+class Mark:
+    """A moment before, that a snapshot is compared with."""
+
+    now_ns: int
+    frames: int
+    error_frames: int
+    busy_ns: int
+    entries: Any
+    raw: Any
+
+
+@dataclass(frozen=True)
+class MessageState:
+    """An identifier that was on the bus.
+
+    Attributes
+    ----------
+    name : str or None
+        In the DBC; None for an identifier, or kind of frame, that it has not.
+    identifier : int
+    is_extended, is_remote : bool
+    data : bytes
+        Payload of the last frame.
+    is_sound : bool
+        Whether the last frame had the right length and CRC; the values are those of the last one
+        that had.
+    count : int
+        Frames since the start.
+    rate_hz : float or None
+        Frames a second of bus time, 0 when it is silent; None while there is only one.
+    age_s : float
+        Bus time since the last one.
+    period_s : float or None
+        Bus time between two, as its counter tells.
+    lost, out_of_turn, crc_errors : int
+        Since the start, by alive counter and CRC: frames that did not come; that came twice, late
+        or with the counter of another epoch; that had a wrong length or CRC.
+    recent_lost, recent_out_of_turn, recent_crc_errors : int
+        The same, lately.
+    is_silent : bool
+        It came regularly, and does so no more.
+    """
+
+    name: str | None
+    identifier: int
+    is_extended: bool
+    is_remote: bool
+    data: bytes
+    is_sound: bool
+    count: int
+    rate_hz: float | None
+    age_s: float
+    period_s: float | None
+    lost: int
+    out_of_turn: int
+    crc_errors: int
+    recent_lost: int
+    recent_out_of_turn: int
+    recent_crc_errors: int
+    is_silent: bool
+
+    @property
+    def errors(self) -> int:
+        """All errors since the start."""
+        return self.lost + self.out_of_turn + self.crc_errors
+
+    @property
+    def has_recent_errors(self) -> bool:
+        """Whether there were any lately."""
+        return bool(self.recent_lost + self.recent_out_of_turn + self.recent_crc_errors)
+
+    @property
+    def is_sound_or_unknown(self) -> bool:
+        """Whether nothing is wrong with the last frame, as far as the DBC tells."""
+        return self.is_sound or self.name is None
+
+    @property
+    def hexadecimal(self) -> str:
+        """The identifier as it is written: three digits, eight for an extended one."""
+        return f"0x{self.identifier:08X}" if self.is_extended else f"0x{self.identifier:03X}"
+
+    @property
+    def label(self) -> str:
+        """The name, or what stands for it."""
+        return self.name or ("remote frame" if self.is_remote else "unknown")
+
+
+@dataclass(frozen=True)
+class SignalState:
+    """A signal of a message, in the unit of the DBC.
+
+    Attributes
+    ----------
+    name, unit, comment : str
+    decimals : int
+        Decimal places that its scale resolves.
+    value, low, high : float or None
+        Of the last sound frame; smallest and largest since the start. None before there is one.
+    text : str or None
+        What the value table calls the value.
+    """
+
+    name: str
+    unit: str
+    comment: str
+    decimals: int
+    value: float | None
+    low: float | None
+    high: float | None
+    text: str | None
+
+
+def decimals_of(scale: float) -> int:
+    """Return the decimal places that a scale resolves."""
+    return max(0, math.ceil(-math.log10(abs(scale)) - 1e-9))
+
+
+class BusState:
+    """A snapshot.
+
+    Parameters
+    ----------
+    codec : Codec
+    tally : record
+        Of a copy of a tally, see `host_tools.monitor.tally`.
+    mark : Mark
+    times : Times
+
+    Attributes
+    ----------
+    times : Times
+    messages : tuple of MessageState
+        What was on the bus, by arbitration: the lowest identifier first.
+    """
+
+    def __init__(self, codec: Codec, tally: Any, mark: Mark, times: Times) -> None:
+        self._codec = codec
+        self._tally = tally
+        self._mark = mark
+        self.times = times
+        self._names = [message.name for message in codec.database.messages]
+        found = [self._message(place) for place in range(int(tally["count"]))]
+        seen = [message for message in found if message is not None]
+        seen.sort(key=lambda m: (m.is_extended, m.identifier, m.is_remote))
+        self.messages = tuple(seen)
+        self._by_name = {message.name: message for message in seen if message.name is not None}
+
+    # ---- the bus
+
+    @property
+    def time_s(self) -> float:
+        """Bus time."""
+        return self.times.now_ns / 1e9
+
+    @property
+    def watched_s(self) -> float:
+        """Bus time since the start, or since all was set to zero."""
+        return (self.times.now_ns - int(self._tally["first_ns"])) / 1e9
+
+    @property
+    def frames(self) -> int:
+        """Frames since the start."""
+        return int(self._tally["frames"])
+
+    @property
+    def error_frames(self) -> int:
+        """Error frames among them, where the interface gives them."""
+        return int(self._tally["error_frames"])
+
+    @property
+    def recent_error_frames(self) -> int:
+        """Error frames lately."""
+        return self.error_frames - self._mark.error_frames
+
+    @property
+    def unlisted(self) -> int:
+        """Frames of identifiers for which there was no room."""
+        return int(self._tally["unlisted"])
+
+    @property
+    def rate_hz(self) -> float | None:
+        """Frames a second of bus time."""
+        return self._per_second(self.frames - self._mark.frames)
+
+    @property
+    def load(self) -> float | None:
+        """Share of the bus time lately in which the wire was busy, counted in bits."""
+        busy = self._per_second(int(self._tally["load"]["busy_ns"]) - self._mark.busy_ns)
+        return None if busy is None else busy / 1e9
+
+    @property
+    def peak_load(self) -> float:
+        """The largest load over one second of bus time since the start."""
+        load = self._tally["load"]
+        worst = max(int(load["worst_window_busy_ns"]), int(load["window_busy_ns"]))
+        return max(worst / max(1, int(load["window_ns"])), self.load or 0.0)
+
+    def _per_second(self, amount: int) -> float | None:
+        gone_ns = self.times.now_ns - self._mark.now_ns
+        return amount / gone_ns * 1e9 if gone_ns > 0 else None
+
+    # ---- messages
+
+    def _message(self, place: int) -> MessageState | None:
+        entry = self._tally["entries"][place]
+        count = int(entry["count"])
+        if count == 0:
+            return None
+        before = self._mark.entries[place]
+        identifier, is_extended, is_remote = identifier_of(int(entry["can_id"]))
+        age_ns = self.times.now_ns - int(entry["last_ns"])
+        period_ns = float(entry["period_ns"])
+        is_silent = 0 < SILENT_PERIODS * period_ns < age_ns and age_ns > SILENT_NS
+        length = 0 if is_remote else int(entry["length"])
+        return MessageState(
+            name=self._names[place] if entry["is_known"] else None,
+            identifier=identifier,
+            is_extended=is_extended,
+            is_remote=is_remote,
+            data=int(entry["data"]).to_bytes(8, "little")[:length],
+            is_sound=bool(entry["is_sound"]),
+            count=count,
+            rate_hz=0.0 if is_silent else _rate(entry, before),
+            age_s=age_ns / 1e9,
+            period_s=period_ns / 1e9 if period_ns > 0 else None,
+            lost=int(entry["lost"]),
+            out_of_turn=int(entry["out_of_turn"]),
+            crc_errors=int(entry["crc_errors"]),
+            recent_lost=int(entry["lost"]) - int(before["lost"]),
+            recent_out_of_turn=int(entry["out_of_turn"]) - int(before["out_of_turn"]),
+            recent_crc_errors=int(entry["crc_errors"]) - int(before["crc_errors"]),
+            is_silent=is_silent,
+        )
+
+    def message(self, name: str) -> MessageState | None:
+        """Return a message of the DBC; None when it was not on the bus."""
+        return self._by_name.get(name)
+
+    def description(self, message: MessageState) -> str:
+        """Return who sends a message to whom; the payload's length where the DBC has it not."""
+        if message.name is None:
+            return f"{len(message.data)} bytes, not in the DBC"
+        described = self._codec.database.get_message_by_name(message.name)
+        receivers = sorted(described.receivers)
+        return f"{', '.join(described.senders)} to {', '.join(receivers)}"
+
+    # ---- signals
+
+    def signals(self, message: str) -> list[SignalState]:
+        """Return the signals of a message of the DBC with their values."""
+        described = self._codec.database.get_message_by_name(message)
+        return [self.signal(message, signal.name) for signal in described.signals]
+
+    def signal(self, message: str, name: str) -> SignalState:
+        """Return a signal of a message of the DBC."""
+        row = self._tally["signals"][self._codec.signal_index(message, name)]
+        described = self._codec.database.get_message_by_name(message).get_signal_by_name(name)
+        has_value = row["low"] <= row["high"]
+        raw = int(row["raw"])
+        value, low, high = (
+            (_physical(row, r) for r in (raw, int(row["low"]), int(row["high"])))
+            if has_value
+            else (None, None, None)
+        )
+        choice = self._codec.choices(message, name).get(raw) if has_value else None
+        return SignalState(
+            name=name,
+            unit=described.unit or "",
+            comment=described.comment or "",
+            decimals=decimals_of(float(row["signal"]["scale"])),
+            value=value,
+            low=low,
+            high=high,
+            text=choice,
+        )
+
+    def value(self, message: str, signal: str) -> float | None:
+        """Return the value of a signal; None before it was on the bus."""
+        return self.signal(message, signal).value
+
+    def text(self, message: str, signal: str) -> str | None:
+        """Return what the value table calls a signal's value; the number where it has no name."""
+        state = self.signal(message, signal)
+        if state.text is None and state.value is not None:
+            return f"{state.value:.{state.decimals}f}"
+        return state.text
+
+    def growth(self, message: str, signal: str) -> float:
+        """Return by how much a signal's value has changed lately."""
+        row = self._codec.signal_index(message, signal)
+        signals = self._tally["signals"]
+        if signals["low"][row] > signals["high"][row] or not self._had_value(message):
+            return 0.0
+        scale = float(signals["signal"]["scale"][row])
+        return (int(signals["raw"][row]) - int(self._mark.raw[row])) * scale
+
+    def _had_value(self, message: str) -> bool:
+        return bool(self._mark.entries[self._codec.message_index(message)]["sound_count"])
+
+    def history(self, message: str, signal: str, level: int) -> list[tuple[float, float] | None]:
+        """Return the smallest and largest value in each bin of bus time, the newest last.
+
+        Parameters
+        ----------
+        message, signal : str
+        level : int
+            0 for bins of 0.5 s over 1 min, 1 for 5 s over 10 min, 2 for 50 s over 100 min.
+
+        Returns
+        -------
+        list
+            `BINS` pairs; None where there was no frame.
+        """
+        assert 0 <= level < LEVELS
+        row = self._tally["signals"][self._codec.signal_index(message, signal)]
+        newest_kept = int(self._tally["entries"][self._codec.message_index(message)]["bin"][level])
+        newest = self.times.now_ns // BIN_NS[level]
+        bins: list[tuple[float, float] | None] = []
+        for number in range(newest - BINS + 1, newest + 1):
+            if not newest_kept - BINS < number <= newest_kept:
+                bins.append(None)
+                continue
+            low = int(row["history_low"][level, number % BINS])
+            high = int(row["history_high"][level, number % BINS])
+            bins.append((_physical(row, low), _physical(row, high)) if low <= high else None)
+        return bins
+
+
+def _physical(row: Any, raw: int) -> float:
+    """Return a value in its unit, without the noise that a scale such as 0.001 brings in."""
+    scale = float(row["signal"]["scale"])
+    return float(f"{raw * scale + float(row['signal']['offset']):.13g}")
+
+
+def _rate(entry: Any, before: Any) -> float | None:
+    """Return frames a second: intervals between them over the time from the first to the last."""
+    intervals = int(entry["count"]) - int(before["count"])
+    since_ns = int(before["last_ns"])
+    if not before["count"]:
+        intervals -= 1
+        since_ns = int(entry["first_ns"])
+        if intervals == 0:
+            return None
+    if intervals == 0:
+        return 0.0
+    gone_ns = int(entry["last_ns"]) - since_ns
+    return intervals / gone_ns * 1e9 if gone_ns > 0 else None

@@ -1,0 +1,168 @@
+"""How the navigation computer, the turntable and the navigation are, as they say themselves."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from host_tools.monitor.state import BusState
+
+STATUS = "FIRMWARE_STATUS"
+FAULTS = "FIRMWARE_FAULTS"
+
+COUNTERS = ("crc_errors", "counter_errors", "missing_frames", "bridged_epochs", "overruns")
+"""Signals of FIRMWARE_FAULTS."""
+
+AXES = ("inner", "outer")
+
+
+@dataclass(frozen=True)
+class Firmware:
+    """The navigation computer, from FIRMWARE_STATUS."""
+
+    mode: str
+    fault: str
+    scheme_position: int
+    scheme_cycle: int
+    usable_sensors: int
+    load_percent: float
+    sync_lost: bool
+    clock_error_ppm: float
+    age_s: float
+    is_silent: bool
+
+
+@dataclass(frozen=True)
+class Axis:
+    """An axis of the turntable, from its status; `follows` from FIRMWARE_STATUS."""
+
+    state: str
+    angle_deg: float
+    rate_dps: float
+    follows: bool | None
+    is_silent: bool
+
+
+@dataclass(frozen=True)
+class Navigation:
+    """The navigation output, from the NAV messages; degrees, metres and metres a second."""
+
+    latitude_deg: float
+    longitude_deg: float
+    height: float
+    velocity_east: float
+    velocity_north: float
+    velocity_up: float
+    roll_deg: float
+    pitch_deg: float
+    heading_deg: float
+    is_silent: bool
+
+
+@dataclass(frozen=True)
+class Counter:
+    """A fault counter of the firmware: since its power-on, and by how much it grew lately."""
+
+    count: int
+    recent: int
+
+
+@dataclass(frozen=True)
+class Vitals:
+    """All of it; None for what was not on the bus yet."""
+
+    firmware: Firmware | None
+    axes: dict[str, Axis | None]
+    navigation: Navigation | None
+    counters: dict[str, Counter] | None
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return it as JSON takes it."""
+        return asdict(self)
+
+
+def vitals_of(state: BusState) -> Vitals:
+    """Return how the system is, as a snapshot has it."""
+    return Vitals(
+        _firmware(state),
+        {axis: _axis(state, axis) for axis in AXES},
+        _navigation(state),
+        _counters(state),
+    )
+
+
+def _number(state: BusState, message: str, signal: str) -> float:
+    value = state.value(message, signal)
+    assert value is not None, f"{message} was on the bus"
+    return value
+
+
+def _has_values(state: BusState, message: str) -> bool:
+    return state.message(message) is not None and state.value(message, "crc") is not None
+
+
+def _is_silent(state: BusState, message: str) -> bool:
+    found = state.message(message)
+    return found is not None and found.is_silent
+
+
+def _firmware(state: BusState) -> Firmware | None:
+    message = state.message(STATUS)
+    if message is None or not _has_values(state, STATUS):
+        return None
+    return Firmware(
+        mode=state.text(STATUS, "mode") or "",
+        fault=state.text(STATUS, "fault") or "",
+        scheme_position=int(_number(state, STATUS, "scheme_position")),
+        scheme_cycle=int(_number(state, STATUS, "scheme_cycle")),
+        usable_sensors=int(_number(state, STATUS, "usable_sensors")),
+        load_percent=_number(state, STATUS, "load_percent"),
+        sync_lost=bool(_number(state, STATUS, "sync_lost")),
+        clock_error_ppm=_number(state, STATUS, "clock_error_ppm"),
+        age_s=message.age_s,
+        is_silent=message.is_silent,
+    )
+
+
+def _axis(state: BusState, axis: str) -> Axis | None:
+    name = f"AXIS_{axis.upper()}_STATUS"
+    if not _has_values(state, name):
+        return None
+    lags = state.value(STATUS, f"axis_{axis}_not_following")
+    return Axis(
+        state=state.text(name, "state") or "",
+        angle_deg=_number(state, name, "encoder_angle_deg"),
+        rate_dps=_number(state, name, "encoder_rate_dps"),
+        follows=None if lags is None else not lags,
+        is_silent=_is_silent(state, name),
+    )
+
+
+_NAVIGATION = {
+    "latitude_deg": "NAV_LATITUDE",
+    "longitude_deg": "NAV_LONGITUDE",
+    "height": "NAV_HEIGHT",
+    "velocity_east": "NAV_VELOCITY",
+    "velocity_north": "NAV_VELOCITY",
+    "velocity_up": "NAV_HEIGHT",
+    "roll_deg": "NAV_ATTITUDE",
+    "pitch_deg": "NAV_ATTITUDE",
+    "heading_deg": "NAV_ATTITUDE",
+}
+
+
+def _navigation(state: BusState) -> Navigation | None:
+    messages = set(_NAVIGATION.values())
+    if not all(_has_values(state, message) for message in messages):
+        return None
+    values = {signal: _number(state, message, signal) for signal, message in _NAVIGATION.items()}
+    return Navigation(**values, is_silent=any(_is_silent(state, message) for message in messages))
+
+
+def _counters(state: BusState) -> dict[str, Counter] | None:
+    if not _has_values(state, FAULTS):
+        return None
+    return {
+        name: Counter(int(_number(state, FAULTS, name)), round(state.growth(FAULTS, name)))
+        for name in COUNTERS
+    }

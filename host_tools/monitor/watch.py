@@ -1,0 +1,141 @@
+"""Takes the frames of a bus, and says at any moment what holds on it."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+from dbc.codec import load
+from dbc.frame import FrameArray, frame_array
+from host_tools.monitor.state import WINDOW_NS, BusState, Mark, Times
+from host_tools.monitor.tally import forget, take, tally_of
+
+_MARKS = 16
+_MARK_STEP_NS = WINDOW_NS // 8
+_SPEED_MARKS = 64
+_SPEED_NS = 1_000_000_000  # on the wall, over which the speed is taken at least
+
+
+def bitrate_of_dbc() -> int:
+    """Return the bit rate that the DBC states, bit/s."""
+    specifics = load().database.dbc
+    assert specifics is not None
+    return int(specifics.attributes["Baudrate"].value)
+
+
+class Watch:
+    """What was seen of a bus.
+
+    One thread may take frames while another asks.
+
+    Parameters
+    ----------
+    bitrate : int, optional
+        Of the wire, for its load; that of the DBC by default.
+    is_wall_time : bool
+        Whether bus time goes on with the clock on the wall when nothing is sent, as on a real bus;
+        else it stands still with the rehearsal.
+    clock : callable
+        The clock on the wall, ns.
+    """
+
+    def __init__(
+        self,
+        bitrate: int | None = None,
+        is_wall_time: bool = False,
+        clock: Callable[[], int] = time.monotonic_ns,
+    ) -> None:
+        self._codec = load()
+        self._is_wall_time = is_wall_time
+        self._clock = clock
+        self._lock = threading.Lock()
+        self._tallies = tally_of(self._codec, bitrate or bitrate_of_dbc())
+        self._heard_ns = clock()
+        self._ended: str | None = None
+        self._gaps = 0
+        self._clock_jumps = 0
+        self._origin = self._mark_of(self._tallies[0])
+        self._marks: deque[Mark] = deque(maxlen=_MARKS)
+        self._speed_marks: deque[tuple[int, int]] = deque(maxlen=_SPEED_MARKS)
+        take(self._tallies.copy(), frame_array(1), 0, 0)  # compiled now, not at the first frame
+
+    def take(self, frames: FrameArray, count: int, time_ns: int) -> None:
+        """Take the first `count` frames of an array, sent at `time_ns` of bus time."""
+        with self._lock:
+            take(self._tallies, frames, count, time_ns)
+            self._heard_ns = self._clock()
+
+    def end(self, reason: str) -> None:
+        """Say that nothing more will come, and why."""
+        self._ended = reason
+
+    @property
+    def has_ended(self) -> bool:
+        """Whether nothing more will come."""
+        return self._ended is not None
+
+    def note_gap(self) -> None:
+        """Say that frames were missed, because the monitor had fallen behind."""
+        self._gaps += 1
+
+    def forget(self) -> None:
+        """Set counts, smallest and largest values and histories to nothing."""
+        with self._lock:
+            forget(self._tallies)
+            self._gaps = 0
+            self._marks.clear()
+            self._origin = self._mark_of(self._tallies[0])
+
+    def state(self) -> BusState:
+        """Return what holds now; rates are taken since one of the calls before, or the start."""
+        with self._lock:
+            tally = self._tallies.copy()[0]
+            heard_ns = self._heard_ns
+            wall_ns = self._clock()
+        quiet_ns = max(0, wall_ns - heard_ns)
+        bus_ns = int(tally["now_ns"])
+        is_running_on = self._is_wall_time and tally["is_started"] and self._ended is None
+        now_ns = bus_ns + quiet_ns if is_running_on else bus_ns
+        times = Times(now_ns, quiet_ns / 1e9, self._speed(bus_ns, wall_ns), self._ended, self._gaps)
+        return BusState(self._codec, tally, self._mark_before(tally, now_ns), times)
+
+    def _mark_of(self, tally: Any) -> Mark:
+        return Mark(
+            int(tally["now_ns"]),
+            int(tally["frames"]),
+            int(tally["error_frames"]),
+            int(tally["load"]["busy_ns"]),
+            tally["entries"].copy(),
+            tally["signals"]["raw"].copy(),
+        )
+
+    def _mark_before(self, tally: Any, now_ns: int) -> Mark:
+        """Return the newest mark that lies a window back, or the oldest; mark this moment."""
+        if int(tally["clock_jumps"]) != self._clock_jumps:
+            self._clock_jumps = int(tally["clock_jumps"])
+            self._marks.clear()
+            self._speed_marks.clear()
+            self._origin = self._mark_of(tally)
+        origin = replace(self._origin, now_ns=int(tally["first_ns"]))
+        chosen = self._marks[0] if len(self._marks) == _MARKS else origin
+        for mark in self._marks:
+            if now_ns - mark.now_ns >= WINDOW_NS:
+                chosen = mark
+        if not self._marks or now_ns - self._marks[-1].now_ns >= _MARK_STEP_NS:
+            self._marks.append(replace(self._mark_of(tally), now_ns=now_ns))
+        return chosen
+
+    def _speed(self, bus_ns: int, wall_ns: int) -> float | None:
+        """Return bus time over time on the wall; None on a bus whose time is that of the wall."""
+        if self._is_wall_time or self._ended is not None:
+            return None
+        before = [mark for mark in self._speed_marks if wall_ns - mark[1] >= _SPEED_NS]
+        if bus_ns:
+            self._speed_marks.append((bus_ns, wall_ns))
+        if not before:
+            return None
+        return (bus_ns - before[-1][0]) / (wall_ns - before[-1][1])

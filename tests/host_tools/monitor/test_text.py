@@ -1,0 +1,184 @@
+"""Filter, order, and what stands in 80 columns without colour."""
+
+from __future__ import annotations
+
+import can
+import pytest
+
+from host_tools.monitor import banner as banners
+from host_tools.monitor.listing import rows_of
+from host_tools.monitor.once import as_dict, table_of
+from host_tools.monitor.plot import HEIGHT, ROWS, columns_of, curve, plot
+from host_tools.monitor.table import detail_head, signal_head, signal_lines, table_head, table_lines
+from host_tools.monitor.troubles import troubles_of
+from host_tools.monitor.vitals import vitals_of
+from host_tools.monitor.wording import age_words, clipped, rate_words
+
+
+@pytest.fixture
+def state(played):
+    """A bus with a bit of everything."""
+    for k in range(400):
+        time_s = k * 0.005
+        played.send("SYNC", time_s, k, epoch=k)
+        played.send("AXIS_INNER_STATUS", time_s, k, state="MOVING", encoder_angle_deg=k / 10)
+        if k < 100:
+            played.send("SENSOR_10", time_s, k, gyro_dtheta=1e-3)
+        played.send("SENSOR_9", time_s, k, gyro_dtheta=-1e-3)
+        if k % 20 == 0:
+            played.send("FIRMWARE_STATUS", time_s, k // 20, mode="STANDBY", usable_sensors=2)
+    played.put_message(can.Message(arbitration_id=0x18DAF110, data=b"\x02\x10\x03"), 2.0)
+    return played.watch.state()
+
+
+def names(rows):
+    return [row.message.label for row in rows]
+
+
+def test_a_filter_by_name_or_identifier(state):
+    assert names(rows_of(state, "sensor_")) == ["SENSOR_9", "SENSOR_10"]
+    assert names(rows_of(state, "0x060")) == ["AXIS_INNER_STATUS"]
+    assert names(rows_of(state, "unknown")) == ["unknown"]
+    assert names(rows_of(state, "18daf")) == ["unknown"]
+    assert rows_of(state, "nothing like it") == []
+    assert rows_of(state, "Sensor_9")[0].signals == ("status", "gyro_dtheta", "accelerometer_dv")
+
+
+def test_a_filter_by_signal_shows_that_signal(state):
+    rows = rows_of(state, "gyro")
+    assert [(row.message.label, row.signals) for row in rows] == [
+        ("SENSOR_9", ("gyro_dtheta",)),
+        ("SENSOR_10", ("gyro_dtheta",)),
+    ]
+    rows = rows_of(state, "axis.ANGLE")
+    assert [(row.message.label, row.signals) for row in rows] == [
+        ("AXIS_INNER_STATUS", ("encoder_angle_deg",))
+    ]
+    assert rows_of(state, "crc")[0].signals == ("crc",)
+
+
+def test_orders(state):
+    by_id = ["SYNC", "SENSOR_9", "SENSOR_10", "AXIS_INNER_STATUS", "FIRMWARE_STATUS", "unknown"]
+    assert names(rows_of(state, order="id")) == by_id
+    by_name = [*sorted(by_id[:5], key=lambda n: (n[:6], len(n), n)), "unknown"]
+    assert names(rows_of(state, order="name")) == by_name
+    by_rate = ["SYNC", "SENSOR_9", "AXIS_INNER_STATUS", "FIRMWARE_STATUS", "SENSOR_10", "unknown"]
+    assert names(rows_of(state, order="rate")) == by_rate
+    assert len(rows_of(state, order="errors")) == 6
+
+
+@pytest.mark.parametrize("width", [40, 80, 100, 120, 200])
+def test_no_line_is_longer_than_the_screen(state, width):
+    vitals = vitals_of(state)
+    troubles = [*troubles_of(state, vitals), "x" * 300]
+    head = banners.banner("rrins:rrins0", state, vitals, troubles, width).plain.splitlines()
+    assert len(head) == banners.HEIGHT
+    rows = rows_of(state)
+    lines = [table_head(rows, width, "id"), *table_lines(state, rows, range(6), 2, width)]
+    signals = state.signals("FIRMWARE_STATUS")
+    message = state.message("FIRMWARE_STATUS")
+    lines += [*detail_head(state, message, width), signal_head(width)]
+    lines += signal_lines(signals, range(len(signals)), 1, ["mode"], width)
+    for line in [*head, *(line.plain for line in lines)]:
+        assert len(line) <= width, line
+    picture = plot(state, "AXIS_INNER_STATUS", "encoder_angle_deg", 0, width).plain
+    assert max(len(line) for line in picture.splitlines()) <= width
+
+
+def test_all_is_said_in_words(state):
+    """Nothing is told by colour alone: cursor, silence and errors have their own signs."""
+    rows = rows_of(state)
+    lines = [line.plain for line in table_lines(state, rows, range(6), 0, 80)]
+    assert lines[0].startswith("> 0x010")
+    silent = next(line for line in lines if "SENSOR_10" in line)
+    assert silent.startswith(" !")
+    assert "silent" in silent
+    vitals = vitals_of(state)
+    head = banners.banner("bus", state, vitals, troubles_of(state, vitals), 80).plain
+    assert "mode STANDBY" in head
+    assert "TROUBLES 2: SENSOR_10 is silent for 1.5 s; unknown identifier" in head
+    assert "*" in table_head(rows, 80, "name").plain
+
+
+def test_notices(played):
+    def said(is_frozen=False):
+        return " ".join(banners.notices(played.watch.state(), is_frozen))
+
+    assert said() == "NO FRAMES YET"
+    played.send("SYNC", 0.0)
+    assert said() == ""
+    played.clock.now_ns += 3_000_000_000
+    assert said() == "NO FRAMES for 3.0 s (wall clock)"
+    assert said(is_frozen=True).startswith("FROZEN")
+    played.watch.note_gap()
+    played.watch.end("its host has gone")
+    assert "THE BUS HAS ENDED: its host has gone" in said()
+    assert "MISSED FRAMES" in said()
+
+
+def test_time_of_a_real_bus_is_that_of_the_day():
+    assert banners.time_words(12.5) == "12.500 s"
+    assert banners.time_words(1_700_000_000.25) == "22:13:20 UTC"
+
+
+def test_numbers():
+    ages = [age_words(s) for s in (0, 0.0046, 0.9996, 12.34, 99.96, 5000, 36000)]
+    assert ages == ["0 ms", "5 ms", "1.0 s", "12.3 s", "100 s", "5000 s", "10.0 h"]
+    rates = [rate_words(r) for r in (None, 0, 0.1, 9.99, 10, 99.999, 200, 999.96, 8000)]
+    assert rates == ["-", "0", "0.100", "9.990", "10.00", "100.0", "200.0", "1000", "8000"]
+    assert clipped("abcdef", 4) == "abc…"
+    assert clipped("abc", 0) == ""
+
+
+def test_a_curve_rises_from_the_lowest_to_the_highest_value():
+    steps = [float(k) for k in range(8 * ROWS)]
+    lines = curve([None, *steps], 0.0, steps[-1])
+    assert len(lines) == ROWS
+    heights = [
+        sum(" ▁▂▃▄▅▆▇█".index(line[column]) for line in lines) for column in range(len(lines[0]))
+    ]
+    assert heights == [0, *range(1, 8 * ROWS + 1)]
+    assert curve([5.0], 5.0, 5.0) == [" ", "▄", "█"]
+
+
+def test_columns_of_a_history():
+    bins = [None, (1.0, 3.0), (5.0, 5.0), None]
+    assert columns_of(bins, 4) == [None, 2.0, 5.0, None]
+    assert columns_of(bins, 2) == [2.0, 5.0]
+
+
+def test_a_plot_says_what_it_shows(state):
+    lines = plot(state, "AXIS_INNER_STATUS", "encoder_angle_deg", 0, 80).plain.splitlines()
+    assert len(lines) == HEIGHT
+    assert lines[0] == "AXIS_INNER_STATUS.encoder_angle_deg  now 39.899999 deg  last 1 min"
+    assert lines[1].startswith("     39.899999|")
+    assert lines[3].startswith("      0.000000|")
+    assert lines[1].endswith(" ▅")
+    assert lines[3].endswith("▄██")
+
+
+def test_the_table_for_pipes(state):
+    lines = table_of("rrins:rrins0", state, "sensor_")
+    text = "\n".join(lines)
+    assert "TROUBLES 2\n  SENSOR_10 is silent for 1.5 s\n" in text
+    assert sum(line.lstrip(" !").startswith("0x04") for line in lines) == 2
+    assert not any(line.endswith(" ") for line in lines)
+
+
+def test_json_for_scripts(state):
+    found = as_dict("rrins:rrins0", state, order="rate")
+    assert found["bus"] == "rrins:rrins0"
+    assert found["frames"] == state.frames
+    assert found["firmware"]["mode"] == "STANDBY"
+    axis = next(m for m in found["messages"] if m["name"] == "AXIS_INNER_STATUS")
+    assert axis["rate_hz"] == pytest.approx(200)
+    assert axis["signals"]["state"]["text"] == "MOVING"
+    assert axis["signals"]["encoder_angle_deg"] == {
+        "value": pytest.approx(39.9, abs=1e-5),
+        "text": None,
+        "unit": "deg",
+        "min": 0.0,
+        "max": pytest.approx(39.9, abs=1e-5),
+    }
+    unknown = next(m for m in found["messages"] if m["name"] is None)
+    assert (unknown["id"], unknown["is_extended"], unknown["data"]) == (0x18DAF110, True, "021003")

@@ -1,0 +1,152 @@
+"""Mode, axes, navigation and troubles of rehearsals, as a watch on their bus sees them."""
+
+from __future__ import annotations
+
+import pytest
+
+from host_tools.monitor.troubles import troubles_of
+from host_tools.monitor.vitals import vitals_of
+
+QUICK = {"alignment_s": 1}
+
+
+def navigate(bench, seconds=4.0):
+    bench.expect(
+        "FIRMWARE_STATUS", within=5, where={"mode": lambda mode: mode.startswith("NAVIGATION")}
+    )
+    bench.advance(seconds)
+
+
+def test_a_sound_rehearsal_has_no_troubles(rehearsed):
+    seen = {}
+
+    def drive(bench):
+        navigate(bench)
+        seen["navigation"] = bench.navigation
+        seen["axis"] = bench.last("AXIS_INNER_STATUS")
+
+    state = rehearsed(drive, firmware=QUICK).state
+    vitals = vitals_of(state)
+    assert troubles_of(state, vitals) == []
+    assert vitals.firmware.mode == "NAVIGATION_ROTATING"
+    assert (vitals.firmware.fault, vitals.firmware.usable_sensors) == ("NONE", 4)
+    assert vitals.firmware.scheme_position == 1
+    assert vitals.axes["inner"].state == seen["axis"]["state"] == "MOVING"
+    assert vitals.axes["inner"].angle_deg == pytest.approx(seen["axis"]["encoder_angle_deg"])
+    assert vitals.axes["outer"].follows
+    assert vitals.navigation.latitude_deg == seen["navigation"].lat_deg
+    assert vitals.navigation.velocity_up == seen["navigation"].velocity_up_mps
+    assert vitals.navigation.heading_deg == pytest.approx(seen["navigation"].heading_deg)
+    assert all(counter.count == 0 for counter in vitals.counters.values())
+    assert {message.name for message in state.messages} >= {"SYNC", "SENSOR_4", "NAV_ATTITUDE"}
+    assert all(message.errors == 0 for message in state.messages)
+    assert state.message("SENSOR_4").rate_hz == pytest.approx(200)
+
+
+def test_before_anything_was_on_the_bus(played):
+    state = played.watch.state()
+    vitals = vitals_of(state)
+    assert vitals.firmware is vitals.navigation is vitals.counters is None
+    assert vitals.axes == {"inner": None, "outer": None}
+    assert troubles_of(state, vitals) == []
+
+
+def told(rehearsed, drive, **overrides):
+    bus = rehearsed(drive, **{"firmware": QUICK} | overrides)
+    return troubles_of(bus.state, vitals_of(bus.state))
+
+
+def test_a_sensor_that_falls_silent(rehearsed):
+    def drive(bench):
+        navigate(bench)
+        bench.inject("drop", message="SENSOR_3")
+        bench.advance(2)
+
+    troubles = told(rehearsed, drive)
+    assert "the firmware uses 3 of 4 sensor groups" in troubles
+    assert any(t.startswith("SENSOR_3 is silent for 2.0 s") for t in troubles)
+    assert any(t.startswith("the firmware counts missing_frames: ") for t in troubles)
+    assert "put on the wire by rrins: drop" in troubles
+    assert not any("SENSOR_2" in trouble for trouble in troubles)
+
+
+def test_frames_that_are_lost_repeated_corrupt_or_miscounted(rehearsed):
+    def drive(bench):
+        navigate(bench)
+        bench.inject("drop", message="SENSOR_1", for_s=0.05)
+        bench.inject("duplicate", message="SENSOR_2", for_s=0.05)
+        bench.inject("corrupt", message="SENSOR_3", for_s=0.05)
+        bench.inject("wrong_counter", message="SENSOR_4", for_s=0.05)
+        bench.advance(1)
+
+    bus = rehearsed(drive, firmware=QUICK)
+    errors = {
+        name: (message.lost, message.out_of_turn, message.crc_errors)
+        for name in ("SENSOR_1", "SENSOR_2", "SENSOR_3", "SENSOR_4")
+        if (message := bus.state.message(name))
+    }
+    assert errors["SENSOR_1"] == (10, 0, 0)
+    assert errors["SENSOR_2"] == (0, 10, 0)
+    assert errors["SENSOR_3"] == (10, 0, 10)
+    # The first of the ten skips a number; one more, after the last, seems to come twice.
+    assert errors["SENSOR_4"] == (1, 10, 0)
+    troubles = troubles_of(bus.state, vitals_of(bus.state))
+    assert "SENSOR_1: 10 lost lately" in troubles
+    assert "SENSOR_3: 10 lost, 10 with a wrong CRC lately" in troubles
+
+
+def test_a_firmware_in_fault(rehearsed):
+    def drive(bench):
+        navigate(bench)
+        for group in (1, 2, 3):
+            bench.inject("drop", message=f"SENSOR_{group}")
+        bench.advance(4)
+
+    troubles = told(rehearsed, drive)
+    assert troubles[0] == "mode FAULT: SENSORS_LOST"
+    assert not any(trouble.startswith("NAV_") for trouble in troubles), "it rightly sends none"
+
+
+def test_a_bus_on_which_only_the_hardware_is_left(played):
+    for k in range(600):
+        played.send("SYNC", k * 0.005, k)
+        if k < 100 and k % 20 == 0:
+            played.send("FIRMWARE_STATUS", k * 0.005, k // 20, mode="NAVIGATION_ROTATING")
+            played.send("NAV_HEIGHT", k * 0.005, k // 20, height=7)
+    state = played.watch.state()
+    vitals = vitals_of(state)
+    assert vitals.firmware.is_silent
+    assert vitals.firmware.age_s == pytest.approx(599 * 0.005 - 0.4)
+    assert [trouble for trouble in troubles_of(state, vitals) if "silent" in trouble] == [
+        "FIRMWARE_STATUS is silent for 2.6 s",
+        "NAV_HEIGHT is silent for 2.6 s",
+    ]
+
+
+def test_axes_sync_and_absent_sensors(played):
+    played.send(
+        "FIRMWARE_STATUS", 0.0, mode="STANDBY", axis_outer_not_following=1, sync_lost=1,
+        load_percent=95, usable_sensors=1,
+    )  # fmt: skip
+    played.send("AXIS_INNER_STATUS", 0.0, state="FAULT")
+    played.send("AXIS_OUTER_STATUS", 0.0, state="HOLDING")
+    played.send("SENSOR_1", 0.0, status="GYRO_ABSENT")
+    state = played.watch.state()
+    assert troubles_of(state, vitals_of(state)) == [
+        "the firmware has lost SYNC and runs on its own clock",
+        "the firmware computes for 95 % of its period",
+        "the inner axis reports FAULT",
+        "the outer axis did not follow its command",
+        "SENSOR_1 says GYRO_ABSENT",
+    ]
+
+
+def test_a_babbling_node(rehearsed):
+    def drive(bench):
+        navigate(bench)
+        bench.inject("babble", frames_per_epoch=40)
+        bench.advance(3)
+
+    troubles = told(rehearsed, drive)
+    assert any(t.startswith("the bus is loaded to ") for t in troubles)
+    assert "unknown identifier 0x001, 8000 a second" in troubles
