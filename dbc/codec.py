@@ -232,6 +232,12 @@ class Codec:
             )
         return (message.frame_id, int(data_id.value), message.length, message.cycle_time or 0)
 
+    @property
+    def bits_per_s(self) -> int:
+        """Bit rate that the DBC gives the bus, its attribute Baudrate."""
+        assert self.database.dbc is not None
+        return int(self.database.dbc.attributes["Baudrate"].value)
+
     def is_protected(self, message: str) -> bool:
         """Return whether a message has end-to-end protection; those of diagnostics have none."""
         return bool(self.messages[self.message_index(message)]["data_id"])

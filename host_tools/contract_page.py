@@ -18,9 +18,10 @@ every epoch follows the sampling rate of the scenario.
 
 **Protection.** Every message but those of diagnostics follows AUTOSAR E2E profile 1, variant 1A:
 byte 0 is a CRC-8 (polynomial 0x1D, start value and final XOR 0x00) over the low and the high byte
-of the message's data ID and bytes 1 to 7; the low nibble of byte 1 is a counter from 0 to 14. In frames sent every
-epoch the counter is the epoch modulo 15, so a frame belongs to one epoch only; in the others it
-counts transmissions. A frame with a wrong CRC or counter updates a fault counter and nothing else.
+of the message's data ID and bytes 1 to 7; the low nibble of byte 1 is a counter from 0 to 14. In
+frames sent every epoch the counter is the epoch modulo 15, so a frame belongs to one epoch only; in
+the others it counts transmissions. A frame with a wrong CRC or counter updates a fault counter and
+nothing else.
 
 **Diagnostics.** The messages `DIAG_…` carry ISO-TP (ISO 15765-2), which has its own bytes and
 sequence numbers; see [diagnostics](diagnostics.md). They have no cycle.

@@ -174,6 +174,12 @@ STATUS = (
         ),
     ),
     DataIdentifier(
+        0x010B,
+        "calibration_file",
+        "The calibration file that RequestUpload gives.",
+        (Field("length", "u32", "bytes"), Field("file_crc32", "u32", text="of the whole")),
+    ),
+    DataIdentifier(
         0x010A,
         "operation_cycles",
         "Since the trouble codes were first kept.",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import IntEnum
 
 from firmware_py.diagnostics.access import ANYWHERE, EXTENDED, PROGRAMMING, Access
@@ -75,9 +75,11 @@ class Service:
     name : str
     access : Access
         Of the service as a whole; an identifier or routine may ask for more.
+    text : str
     subfunctions : dict of int to str
         Empty where the service has no sub-function.
-    text : str
+    only_in : dict of int to Access
+        Sub-functions that ask for more than the service.
     """
 
     number: int
@@ -85,6 +87,7 @@ class Service:
     access: Access
     text: str
     subfunctions: dict[int, str]
+    only_in: dict[int, Access] = field(default_factory=dict)
 
     @property
     def positive(self) -> int:
@@ -97,9 +100,11 @@ SERVICES = (
         0x10,
         "DiagnosticSessionControl",
         ANYWHERE,
-        "Goes to a session. Whatever was unlocked is locked again; in the default session whatever "
-        "was held for the tool is given back.",
+        "Goes to a session; to the programming session from the extended one. Whatever was "
+        "unlocked is locked again; in the default session whatever was held for the tool is given "
+        "back.",
         {0x01: "default", 0x02: "programming", 0x03: "extended"},
+        {0x02: EXTENDED},
     ),
     Service(
         0x11,

@@ -152,6 +152,15 @@ ROUTINES = (
         can_stop=True,
     ),
     Routine(
+        0x0207,
+        "standby",
+        "Ends navigation or alignment: to STANDBY, which the operator's next request leaves. Not "
+        "in SELF_TEST and FAULT.",
+        (),
+        (_STATE, Field("mode", "u8", choices=Mode, source="modes.mode")),
+        can_stop=False,
+    ),
+    Routine(
         0x0206,
         "restore_set_up",
         "Empties the parameter memory: the values of the set-up are in force from the next reset "

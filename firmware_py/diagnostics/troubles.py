@@ -70,6 +70,7 @@ class Source(IntEnum):
     AXIS_OUTER = SENSOR_GROUPS + 1
     SYNC = SENSOR_GROUPS + 2
     MODE_COMMAND = SENSOR_GROUPS + 3
+    ALTIMETER = SENSOR_GROUPS + 4
 
 
 class AxisFault(IntEnum):
