@@ -18,12 +18,11 @@ from dbc.codec import load
 from firmware_py.diagnostics.codecs import Values
 from firmware_py.diagnostics.monitor import COUNTER_CEILING, COUNTER_ONE
 from firmware_py.diagnostics.records import SNAPSHOT, TROUBLE_MEMORY
+from firmware_py.diagnostics.trouble_table import FIRST, TROUBLES
 from firmware_py.diagnostics.troubles import (
     AGING_CYCLES,
     ALL_GROUPS,
     CLEARED_STATUS,
-    FIRST,
-    TROUBLES,
     Status,
     Trouble,
 )

@@ -14,7 +14,7 @@ from numba import njit
 from dbc.codec import unwrapped
 from dbc.values import AxisState
 from firmware_py import clock
-from firmware_py.diagnostics import stuck, troubles
+from firmware_py.diagnostics import stuck, trouble_table
 from firmware_py.diagnostics.records import ATTENTION_TROUBLES
 from firmware_py.diagnostics.troubles import AxisFault, Kind, Source, Status, SystemFault
 from firmware_py.memory import INNER, OUTER
@@ -24,7 +24,7 @@ COUNTER_ONE = 1 << 16
 COUNTER_CEILING, COUNTER_FLOOR = 127 * COUNTER_ONE, -128 * COUNTER_ONE
 """Where the fault detection counter says failed and passed (ISO 14229-1, D.1)."""
 
-_FIRST = np.array(troubles.FIRST, dtype=np.int64)
+_FIRST = np.array(trouble_table.FIRST, dtype=np.int64)
 _KINDS = len(Kind)
 _BITS = 20  # of a kind's word, at most
 

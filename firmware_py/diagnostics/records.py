@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from dbc.contract import SENSOR_GROUPS
-from firmware_py.diagnostics.troubles import TROUBLES, Kind
+from firmware_py.diagnostics.trouble_table import TROUBLES
+from firmware_py.diagnostics.troubles import Kind
 
 
 class Order(IntEnum):

@@ -22,7 +22,8 @@ from firmware_py.diagnostics.parameters import PARAMETERS
 from firmware_py.diagnostics.regions import Region, regions_of
 from firmware_py.diagnostics.responses import SERVICES, Service
 from firmware_py.diagnostics.routines import ROUTINES, Routine
-from firmware_py.diagnostics.troubles import SNAPSHOT_IDENTIFIERS, TROUBLES, Trouble
+from firmware_py.diagnostics.trouble_table import TROUBLES
+from firmware_py.diagnostics.troubles import SNAPSHOT_IDENTIFIERS, Trouble
 
 __all__ = [
     "EXTENDED_DATA",
