@@ -9,15 +9,18 @@ from __future__ import annotations
 import time
 from collections import deque
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
 
 from dbc.contract import load_contract
 from dbc.frame import FrameArray, frame_array
+from firmware_py.diagnostics.fault_memory import CAPACITY as FAULT_CAPACITY
 from firmware_py.diagnostics.node import Diagnostics
 from firmware_py.diagnostics.parameter_memory import ParameterMemory
-from firmware_py.diagnostics.store import Stores
+from firmware_py.diagnostics.regions import CALIBRATION_CAPACITY
+from firmware_py.diagnostics.store import Stores, open_stores
 from firmware_py.diagnostics.writer import ThreadWriter
 from firmware_py.modes import Mode
 from firmware_py.settings import Settings, power_on
@@ -141,6 +144,17 @@ class Firmware:
             self.ram[0]["faults"]["counter_errors"] += count - consumed
             self.frames_received += count - consumed
         return sent
+
+
+def open_memories(path: Path) -> Stores:
+    """Open the memories that survive power loss: the parameters' file, and one beside it.
+
+    Raises
+    ------
+    StoreError
+        When one cannot be opened.
+    """
+    return open_stores(path, CALIBRATION_CAPACITY, FAULT_CAPACITY)
 
 
 def own_clock_ns(nominal_ns: int, clock_error_ppm: float) -> int:

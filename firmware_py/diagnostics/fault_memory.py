@@ -114,9 +114,11 @@ class FaultMemory:
     def extended(self, index: int) -> dict[int, Values]:
         """Return a trouble code's extended data, by record."""
         return {
-            0x01: {"occurrences": min(0xFFFF, int(self._memory["occurrences"][index]))},
-            0x02: {"aging": min(0xFF, int(self._memory["aging"][index]))},
-            0x03: {"fault_detection_counter": self.detection_counter(index)},
+            0x01: {
+                "occurrences": min(0xFFFF, int(self._memory["occurrences"][index])),
+                "aging": min(0xFF, int(self._memory["aging"][index])),
+                "fault_detection_counter": self.detection_counter(index),
+            }
         }
 
     def snapshot(self, index: int, number: int) -> NDArray[Any] | None:

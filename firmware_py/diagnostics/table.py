@@ -48,9 +48,13 @@ IDENTIFIERS = (*READINGS, *PARAMETERS)
 """All data identifiers."""
 
 EXTENDED_DATA: Mapping[int, Layout] = {
-    0x01: Layout((Field("occurrences", "u16", text="how often the test has failed"),)),
-    0x02: Layout((Field("aging", "u8", text="operation cycles without the fault"),)),
-    0x03: Layout((Field("fault_detection_counter", "i8", text="-128 passed, 127 failed"),)),
+    0x01: Layout(
+        (
+            Field("occurrences", "u16", text="how often the test has failed"),
+            Field("aging", "u8", text="operation cycles without the fault"),
+            Field("fault_detection_counter", "i8", text="-128 passed, 127 failed"),
+        )
+    ),
 }
 """Extended data records of a trouble code, by record number."""
 

@@ -17,10 +17,11 @@ from isotp.tools import Timer
 
 from firmware_py.diagnostics import access, table
 
-_FED = 8  # frames taken in an epoch
-_WAITING = 64  # frames that may wait for it
+_LEAST_FED = 16  # frames taken in an epoch
+_WAITING_EPOCHS = 8  # for which frames may wait
 _REQUESTS = 4  # requests that may wait
 _NS_PER_S = 1_000_000_000
+_NS_PER_MS = 1_000_000
 
 
 class _Clock:
@@ -115,6 +116,8 @@ class Transport:
         self._period_ns = period_ns
         self._slots = slots_per_epoch(period_ns)
         self._slot_ns = period_ns // self._slots
+        separation_ns = access.ST_MIN_MS * _NS_PER_MS
+        self._most_fed = max(_LEAST_FED, 2 * period_ns // separation_ns)
         self._clock = _Clock()
         self._waiting: deque[tuple[int, bytes]] = deque()
         self._fed: deque[isotp.CanMessage] = deque()
@@ -169,7 +172,7 @@ class Transport:
 
     def put(self, can_id: int, data: bytes) -> None:
         """Take a frame from the bus; it is looked at in `begin`."""
-        if len(self._waiting) >= _WAITING:
+        if len(self._waiting) >= _WAITING_EPOCHS * self._most_fed:
             self.dropped += 1
             return
         self._waiting.append((can_id, data))
@@ -177,7 +180,7 @@ class Transport:
     def begin(self, now_ns: int) -> None:
         """Begin an epoch: take in the frames that wait, as many as an epoch may take."""
         self._clock.now_ns = now_ns
-        for _ in range(min(_FED, len(self._waiting))):
+        for _ in range(min(self._most_fed, len(self._waiting))):
             can_id, data = self._waiting.popleft()
             if can_id == self._functional_id:
                 self._take_functional(data)
