@@ -6,6 +6,7 @@ here, between two steps (ISO 14229-1, annex D).
 
 from __future__ import annotations
 
+import math
 import struct
 import zlib
 from collections.abc import Iterator
@@ -78,8 +79,9 @@ class FaultMemory:
         )
         self._index = {TROUBLES[index].number: index for index in self.supported}
         for index, one in enumerate(TROUBLES):
-            monitor["up"][index] = -(-COUNTER_CEILING // one.debounce.fail_epochs(1 / period_s))
-            monitor["down"][index] = -(-COUNTER_CEILING // one.debounce.pass_epochs(1 / period_s))
+            debounce = one.debounce
+            monitor["up"][index] = math.ceil(COUNTER_CEILING / debounce.fail_epochs(1 / period_s))
+            monitor["down"][index] = math.ceil(COUNTER_CEILING / debounce.pass_epochs(1 / period_s))
         monitor["counter"] = 0
         monitor["unsettled"] = _BITS_PER_KIND
         bits_per_s = load().bits_per_s

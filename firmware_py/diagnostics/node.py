@@ -197,11 +197,13 @@ class Diagnostics:
         """Let the server work on one request at most; return the frames to be sent."""
         now_ns, transport, server = self.now_ns, self._transport, self.server
         transport.begin(now_ns)
+        if transport.is_sending:
+            server.keep_session(now_ns)
         response = server.poll(now_ns)
-        if response is None:
+        if response is None and not transport.is_sending:
             request = transport.receive_functional()
             is_functional = request is not None
-            if request is None and not transport.is_sending:
+            if request is None:
                 request = transport.receive()
             if request is not None:
                 response = server.handle(request, is_functional, now_ns)

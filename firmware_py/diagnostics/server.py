@@ -130,6 +130,10 @@ class Server:
         self._pending = None
         self.reset_wanted = None
 
+    def keep_session(self, now_ns: int) -> None:
+        """Begin the session's time anew, as while a response is on its way."""
+        self._last_ns = now_ns
+
     def handle(self, request: bytes, is_functional: bool, now_ns: int) -> bytes | None:
         """Act on a request; return the response, or None for none or not yet."""
         self.now_ns = self._last_ns = now_ns

@@ -121,9 +121,9 @@ class Debounce:
     events: int = 0
     pass_s: float = 1.0
 
-    def fail_epochs(self, rate_hz: float) -> int:
-        """Return in how many epochs a fault has to be."""
-        return self.events or max(1, round(self.fail_s * rate_hz))
+    def fail_epochs(self, rate_hz: float) -> float:
+        """Return in how many epochs a fault has to be; half an event may be forgotten meanwhile."""
+        return max(1.0, self.events - 0.5 if self.events else round(self.fail_s * rate_hz))
 
     def pass_epochs(self, rate_hz: float) -> int:
         """Return in how many epochs there must be none."""
