@@ -130,7 +130,7 @@ def _troubles() -> Iterator[str]:
     )
     yield "| number | code | name | debounce | |\n|---|---|---|---|---|"
     for trouble in table.TROUBLES:
-        if trouble.group <= 0:
+        if trouble.group <= 0:  # those of the other groups are alike
             yield _trouble(trouble)
     names = ", ".join(f"`{did.name}`" for did in table.SNAPSHOT)
     yield f"\nA freeze frame has the data identifiers {names}."
@@ -148,7 +148,7 @@ def _trouble(trouble: Trouble) -> str:
         trouble.name,
         trouble.text,
     )
-    if trouble.group == 0:
+    if trouble.group == 0 and trouble.needs != "altimeter":
         number = f"{number[:4]}nn{number[6:]}"
         code = f"{code[:3]}nn{code[5:]}"
         name = name.replace("_1_", "_n_")

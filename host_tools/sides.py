@@ -197,6 +197,7 @@ def run_firmware(job: Job) -> dict[str, Any]:
         port = open_port(job.address, "firmware", job.attach_wait_s)
     except BaseException:
         lines.close()
+        firmware.close()
         raise
     try:
         report.send("ready", side="firmware", **permitted)

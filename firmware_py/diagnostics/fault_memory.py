@@ -74,6 +74,7 @@ class FaultMemory:
         counts = {"gyro": int(state["gyros"]["count"])}
         counts["accelerometer"] = int(state["accelerometers"]["count"])
         counts[""] = max(counts.values())
+        counts["altimeter"] = int(state["parameters"]["altimeter"])
         self.supported = tuple(
             index for index, one in enumerate(TROUBLES) if one.group < counts[one.needs]
         )

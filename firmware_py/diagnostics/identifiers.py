@@ -347,6 +347,16 @@ NAVIGATION = (
             Field("failed", "u8", source="alignment.failed"),
         ),
     ),
+    DataIdentifier(
+        0x0405,
+        "altimeter",
+        "The altimeter, where one is fitted.",
+        (
+            Field("fitted", "u8", source="parameters.altimeter"),
+            Field("height_m", "f64", "m", source="assembly.altimeter_height", text="the last"),
+            Field("silent_epochs", "u32", "epochs", source="diagnostics.altimeter_silence"),
+        ),
+    ),
 )
 """Navigation."""
 

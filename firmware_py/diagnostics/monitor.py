@@ -26,7 +26,7 @@ COUNTER_CEILING, COUNTER_FLOOR = 127 * COUNTER_ONE, -128 * COUNTER_ONE
 
 _FIRST = np.array(trouble_table.FIRST, dtype=np.int64)
 _KINDS = len(Kind)
-_BITS = 20  # of a kind's word, at most
+_BITS = 21  # of a kind's word, at most
 
 _SILENT, _STALE = int(Kind.SILENT), int(Kind.STALE)
 _CRC, _COUNTER = int(Kind.CRC), int(Kind.COUNTER)
@@ -36,6 +36,7 @@ _AXIS, _SYSTEM = int(Kind.AXIS), int(Kind.SYSTEM)
 
 _INNER_SHIFT = int(Source.AXIS_INNER)
 _AXES = 3 << _INNER_SHIFT
+_ALTIMETER = 1 << Source.ALTIMETER
 _SYNC = 1 << Source.SYNC
 _COMMAND = 1 << Source.MODE_COMMAND
 
@@ -62,7 +63,7 @@ _IMPLAUSIBLE = 1 << SystemFault.NAVIGATION_IMPLAUSIBLE
 _CLOCK_JUMP = 1 << SystemFault.CLOCK_JUMP
 _OFF_NOMINAL = 1 << SystemFault.CLOCK_OFF_NOMINAL
 
-_COMMAND_PATIENCE_NS = 200_000_000  # two cycles of MODE_COMMAND
+_PATIENCE_NS = 200_000_000  # two cycles of MODE_COMMAND, or of ALTIMETER
 _LOAD_LIMIT_PERCENT = 80.0
 _LOAD_MEAN_S = 0.25
 _OFF_NOMINAL_PPM = 300.0
@@ -103,24 +104,36 @@ def _look_at_frames(state: Any, monitor: Any) -> None:
     wrong = monitor.crc_wrong | monitor.counter_wrong | monitor.stale
     tested[_SILENT] = tested[_STALE] = tested[_CRC] = tested[_COUNTER] = 0
     if state.clock.synchronised:
-        tested[_STALE] = sources
-        tested[_CRC] = tested[_COUNTER] = sources | _SYNC | _COMMAND
+        tested[_STALE] = sources | _ALTIMETER
+        tested[_CRC] = tested[_COUNTER] = sources | _ALTIMETER | _SYNC | _COMMAND
         tested[_SILENT] = _SYNC
         failing[_SILENT] = _SYNC
         if state.clock.sync_seen:
             tested[_SILENT] |= sources
             failing[_SILENT] = sources & ~(came | wrong)
+            _look_at_cyclic_frames(state, monitor, wrong)
     failing[_STALE] = monitor.stale
     failing[_CRC] = monitor.crc_wrong
     failing[_COUNTER] = monitor.counter_wrong
-    if state.mode_command_counter > 0 and state.clock.synchronised and not state.clock.sync_lost:
+
+
+@njit(cache=True)
+def _look_at_cyclic_frames(state: Any, monitor: Any, wrong: int) -> None:
+    """Judge what does not come in every epoch: the operator's request and the altimeter."""
+    failing, tested = monitor.failing, monitor.tested
+    patience = _PATIENCE_NS // state.parameters.period_ns
+    command_heard = monitor.command_seen or wrong & _COMMAND != 0
+    monitor.command_silence = 0 if command_heard else monitor.command_silence + 1
+    altimeter_heard = state.assembly.altimeter_received or wrong & _ALTIMETER != 0
+    monitor.altimeter_silence = 0 if altimeter_heard else monitor.altimeter_silence + 1
+    if state.mode_command_counter > 0:
         tested[_SILENT] |= _COMMAND
-        if not monitor.command_seen:
-            monitor.command_silence += 1
-        else:
-            monitor.command_silence = 0
-        if monitor.command_silence * state.parameters.period_ns > _COMMAND_PATIENCE_NS:
+        if monitor.command_silence > patience:
             failing[_SILENT] |= _COMMAND
+    if state.parameters.altimeter:
+        tested[_SILENT] |= _ALTIMETER
+        if monitor.altimeter_silence > patience:
+            failing[_SILENT] |= _ALTIMETER
 
 
 @njit(cache=True)

@@ -91,6 +91,7 @@ DIAGNOSTICS = _record(
         ("frames_mean", "<f8"),
         ("bus_load_percent", "<f8"),
         ("command_silence", "<i8"),  # epochs
+        ("altimeter_silence", "<i8"),
         ("overruns_before", "<i8"),
         ("jumps_before", "<i8"),
         ("encoder_seen", "<i8"),  # a bit per axis

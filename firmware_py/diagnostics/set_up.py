@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 from dbc.contract import SENSOR_GROUPS
+from firmware_py.calibration import AccelerometerCalibration, GyroCalibration, each
 from firmware_py.diagnostics.codecs import Values
+from firmware_py.diagnostics.data import DataIdentifier
 from firmware_py.diagnostics.image import Parameters
 from firmware_py.diagnostics.parameters import (
     ACCELEROMETER_CALIBRATIONS,
@@ -34,6 +36,11 @@ _NAMED = (
     ("height_channel", "height_channel", "height_channel", HeightChannel),
 )
 _WEIGHTS = ("gyro_weights", "accelerometer_weights")
+_KINDS = ("gyros", "accelerometers")  # fields of the calibration
+
+_Table = tuple[DataIdentifier, ...]
+_Sensors = GyroCalibration | AccelerometerCalibration
+_Axes = tuple[tuple[float, float], ...]
 
 
 @functools.lru_cache(maxsize=8)
@@ -49,13 +56,25 @@ def parameters_of(settings: Settings) -> Parameters:
         weights: tuple[float, ...] = getattr(settings, name)
         padding = (1.0,) * (SENSOR_GROUPS - len(weights))
         found[_NUMBER[name]] = {"weights": weights + padding}
-    for calibrations, axes in (
-        (GYRO_CALIBRATIONS, settings.gyro_axes_deg),
-        (ACCELEROMETER_CALIBRATIONS, settings.accelerometer_axes_deg),
-    ):
-        for parameter in calibrations[: len(axes)]:
-            found[parameter.number] = {field.name: 0.0 for field in parameter.fields}
+    for table, sensors, axes in _calibrations_of(settings):
+        columns = {
+            name: each(getattr(sensors, name), len(axes), name).tolist()
+            for name in (field.name for field in table[0].fields)
+        }
+        for index, parameter in enumerate(table[: len(axes)]):
+            found[parameter.number] = {name: column[index] for name, column in columns.items()}
     return found
+
+
+def _calibrations_of(settings: Settings) -> Iterator[tuple[_Table, _Sensors, _Axes]]:
+    """Yield, for each kind of sensor, its parameters, its calibration and its input axes."""
+    calibration = settings.calibration
+    yield GYRO_CALIBRATIONS, calibration.gyros, settings.gyro_axes_deg
+    yield (
+        ACCELEROMETER_CALIBRATIONS,
+        calibration.accelerometers,
+        settings.accelerometer_axes_deg,
+    )
 
 
 def changed(settings: Settings, parameters: Mapping[int, Values]) -> Settings:
@@ -75,4 +94,14 @@ def changed(settings: Settings, parameters: Mapping[int, Values]) -> Settings:
             weights = parameters[_NUMBER[name]]["weights"]
             assert isinstance(weights, tuple)
             changes[name] = weights[: len(getattr(settings, name))]
+    kinds = {}
+    own = parameters_of(settings)
+    for kind, (table, sensors, axes) in zip(_KINDS, _calibrations_of(settings), strict=True):
+        used = table[: len(axes)]
+        if any(parameter.number in parameters for parameter in used):
+            rows = [parameters.get(p.number, own[p.number]) for p in used]
+            columns = {f.name: tuple(row[f.name] for row in rows) for f in table[0].fields}
+            kinds[kind] = sensors.model_copy(update=columns)
+    if kinds:
+        changes["calibration"] = settings.calibration.model_copy(update=kinds)
     return settings.model_copy(update=changes)

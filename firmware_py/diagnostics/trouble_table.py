@@ -42,6 +42,7 @@ def _number(base: int, part: int, failure: int) -> int:
 _SOURCES: tuple[tuple[Source, str, int, str], ...] = (
     (Source.AXIS_INNER, "axis_inner", 0x1301, "AXIS_INNER_STATUS"),
     (Source.AXIS_OUTER, "axis_outer", 0x1302, "AXIS_OUTER_STATUS"),
+    (Source.ALTIMETER, "altimeter", 0x1401, "ALTIMETER"),
     (Source.SYNC, "sync", 0x1001, "SYNC"),
     (Source.MODE_COMMAND, "mode_command", 0x1002, "MODE_COMMAND"),
 )
@@ -69,6 +70,7 @@ _FRAMES = {
 }
 
 _SILENT_OF = {
+    Source.ALTIMETER: Debounce(fail_s=0.5),
     Source.SYNC: Debounce(fail_s=0.05),
     Source.MODE_COMMAND: Debounce(fail_s=1.0),
 }
@@ -219,7 +221,7 @@ def _frame_troubles() -> Iterator[Trouble]:
                 group,
             )
         for source, stem, part, message in _SOURCES:
-            if kind == Kind.STALE and source > Source.AXIS_OUTER:
+            if kind == Kind.STALE and source > Source.ALTIMETER:
                 continue  # they are never an epoch late: what is repeated has a wrong counter
             silent = kind == Kind.SILENT
             yield Trouble(
@@ -231,6 +233,7 @@ def _frame_troubles() -> Iterator[Trouble]:
                 kind,
                 source,
                 _SILENT_OF.get(source, debounce) if silent else debounce,
+                *((0, "altimeter") if source == Source.ALTIMETER else ()),
             )
 
 

@@ -67,9 +67,9 @@ class Source(IntEnum):
     SENSOR_1 = 0
     AXIS_INNER = SENSOR_GROUPS
     AXIS_OUTER = SENSOR_GROUPS + 1
-    SYNC = SENSOR_GROUPS + 2
-    MODE_COMMAND = SENSOR_GROUPS + 3
-    ALTIMETER = SENSOR_GROUPS + 4
+    ALTIMETER = SENSOR_GROUPS + 2
+    SYNC = SENSOR_GROUPS + 3
+    MODE_COMMAND = SENSOR_GROUPS + 4
 
 
 class AxisFault(IntEnum):
@@ -152,7 +152,8 @@ class Trouble:
         Sensor group that it concerns, from 0; -1 for none. The firmware has the trouble codes of
         the groups that it is set up for.
     needs : str
-        "gyro" or "accelerometer" where the group needs to have one.
+        "gyro" or "accelerometer" where the group needs to have one; "altimeter" where one has to
+        be fitted.
     """
 
     number: int

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from dbc.contract import SENSOR_GROUPS
 from dbc.values import AxisState
 from firmware_py import earth
+from firmware_py.calibration import STANDARD_GRAVITY
 from firmware_py.diagnostics.codecs import Value, Values
 from firmware_py.diagnostics.computer import Computer
 from firmware_py.diagnostics.parameters import ACCELEROMETER_CALIBRATIONS, GYRO_CALIBRATIONS
@@ -24,9 +25,8 @@ from firmware_py.diagnostics.services.programmes import Programme
 from firmware_py.diagnostics.writer import Job
 from firmware_py.modes import Mode
 
-_STANDARD_GRAVITY = 9.80665  # m/s², 3rd CGPM (1901)
 _DPH = math.radians(1.0) / 3600.0
-_UG = 1e-6 * _STANDARD_GRAVITY
+_UG = 1e-6 * STANDARD_GRAVITY
 _MISSING_SHARE = 0.1
 _AT_REST = (AxisState.HOLDING, AxisState.OFF)
 
@@ -161,10 +161,10 @@ class Calibration(Programme):
         dtheta = state["gyros"]["H"] @ (C_n_s @ rate_n) * seconds
         dv = state["accelerometers"]["H"] @ (C_n_s @ force_n) * seconds
         gyros, accelerometers = self._records
-        return (
-            (gyros.mean() - dtheta) / (seconds * _DPH),
-            (accelerometers.mean() - dv) / (seconds * _UG),
-        )
+        # What was measured is compensated already: what is left adds to the bias in force.
+        dtheta_bias = gyros.mean() - dtheta + state["gyros"]["bias_increment"]
+        dv_bias = accelerometers.mean() - dv + state["accelerometers"]["bias_increment"]
+        return dtheta_bias / (seconds * _DPH), dv_bias / (seconds * _UG)
 
     def _parameters(self) -> dict[int, Values]:
         """Return the calibrations with the biases found."""

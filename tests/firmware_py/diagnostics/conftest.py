@@ -221,3 +221,20 @@ def standing_by(_standing_by: tuple[Tool, Any, int]) -> Tool:
     tool.bench.epoch = epoch
     tool.node.parameters.stored = {}
     return tool
+
+
+@pytest.fixture
+def at(tools: Any) -> Callable[..., Any]:
+    """Return what makes a bench in a mode, all tests completed."""
+
+    def make(mode: Mode = Mode.NAVIGATION_STRAPDOWN, **settings: Any) -> Any:
+        bench = tools.Bench(**settings)
+        request = {
+            Mode.NAVIGATION_STRAPDOWN: ModeRequest.NAVIGATE_STRAPDOWN,
+            Mode.NAVIGATION_ROTATING: ModeRequest.NAVIGATE_ROTATING,
+        }.get(mode)
+        bench.run_to(mode, request)
+        bench.state["mode_command_counter"] = 0  # this operator does not repeat himself
+        return bench
+
+    return make

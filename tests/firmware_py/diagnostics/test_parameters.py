@@ -6,6 +6,7 @@ import zlib
 
 import pytest
 
+from firmware_py.calibration import AccelerometerCalibration, Calibration, GyroCalibration
 from firmware_py.diagnostics import image, set_up, table
 from firmware_py.diagnostics.image import ImageError
 from firmware_py.diagnostics.parameters import PARAMETERS
@@ -146,7 +147,7 @@ def test_trouble_codes_outlive_a_power_off_and_a_cycle_is_counted(computer):
     firmware.close()
 
 
-def test_every_setting_goes_through_the_parameters_and_back(tools):
+def test_every_setting_goes_through_the_parameters_and_back(tools, contract):
     settings = tools.settings(
         initial_attitude="self-aligned",
         height_channel="damped",
@@ -154,9 +155,15 @@ def test_every_setting_goes_through_the_parameters_and_back(tools):
         latitude_deg=-12.0,
         heading_deg=33.0,
         alignment_s=12.5,
+        calibration=Calibration(
+            gyros=GyroCalibration(bias_dph=(0.1, 0.2, 0.3, 0.4), scale_error_ppm=5.0),
+            accelerometers=AccelerometerCalibration(bias_ug=50.0, installation_u_arcsec=7.0),
+        ),
     )
     parameters = set_up.parameters_of(settings)
-    assert set_up.changed(tools.settings(), parameters) == settings
+    again = set_up.changed(tools.settings(), parameters)
+    assert set_up.parameters_of(again) == parameters
+    assert power_on(again, contract).tobytes() == power_on(settings, contract).tobytes()
     assert image.decode(image.encode(parameters)) == parameters
 
 
@@ -216,3 +223,24 @@ def with_crc(body):
 def test_a_file_whose_crc_holds_but_that_makes_no_sense(body, why):
     with pytest.raises(ImageError, match=why):
         image.decode(with_crc(body))
+
+
+def test_a_calibration_that_is_written_is_taken_out_of_the_increments(computer):
+    firmware = computer()
+    write(
+        firmware,
+        table.identifier("gyro_2_calibration").number,
+        bias_dph=36.0,
+        scale_error_ppm=100.0,
+        asymmetric_scale_error_ppm=0.0,
+        installation_u_arcsec=0.0,
+        installation_v_arcsec=0.0,
+    )
+    firmware.close()
+    firmware = computer()
+    gyros = firmware.ram[0]["gyros"]
+    assert gyros["calibrated"]
+    per_epoch = 36.0 * 4.84813681109536e-6 * 0.005
+    assert gyros["bias_increment"][:4] == pytest.approx([0.0, per_epoch, 0.0, 0.0])
+    assert gyros["scale_error"][:4] == pytest.approx([0.0, 1e-4, 0.0, 0.0])
+    firmware.close()
