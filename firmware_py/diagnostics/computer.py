@@ -32,6 +32,9 @@ IDENTITY = {
 }
 """What the computer says of itself."""
 
+# Not compiled: to take a record across costs more than to compute it.
+_error_ppm: Callable[[Any, int], float] = getattr(clock.error_ppm, "py_func", clock.error_ppm)
+
 _PARAMETER_NUMBERS = frozenset(parameter.number for parameter in PARAMETERS)
 
 AXIS_MODES = (Mode.STANDBY, Mode.FAULT, Mode.NAVIGATION_STRAPDOWN)
@@ -76,6 +79,7 @@ class Computer:
             for did in table.IDENTIFIERS
             if did.number not in _PARAMETER_NUMBERS
         }
+        table.crc32()  # made here, not when it is asked for
         self.power_on()
 
     def _special(self, session: Callable[[], int]) -> dict[str, Callable[[], Value]]:
@@ -86,7 +90,8 @@ class Computer:
         found: dict[str, Callable[[], Value]] = {
             "session": session,
             "table_crc32": table.crc32,
-            "error_ppm": lambda: float(clock.error_ppm(own, self.period_ns)),
+            "error_ppm": lambda: float(_error_ppm(own, self.period_ns)),
+            "bus_load_percent": self._bus_load_percent,
             "uptime_s": lambda: int(steps[0]) * self.period_ns * 1e-9,
             "state": lambda: int(memory.state),
             "sequence": lambda: memory.sequence & 0xFFFF_FFFF,
@@ -96,6 +101,10 @@ class Computer:
             "file_crc32": lambda: zlib.crc32(self.calibration_file()),
         }
         return found | {name: functools.partial(str, text) for name, text in IDENTITY.items()}
+
+    def _bus_load_percent(self) -> float:
+        monitor = self.state["diagnostics"]
+        return float(100.0 * monitor["frames_mean"] / monitor["frames_capacity"])
 
     def power_on(self) -> None:
         """Take what follows from the settings of a RAM image that has just been made."""

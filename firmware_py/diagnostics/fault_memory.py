@@ -34,6 +34,10 @@ _LAYOUT = zlib.crc32(repr((TROUBLE_MEMORY.descr, [t.number for t in TROUBLES])).
 CAPACITY = _HEAD.size + TROUBLE_MEMORY.itemsize
 """Bytes of `FaultMemory.image`."""
 
+_LOAD_MEAN_S = 0.25
+_PATIENCE_S = 0.2  # two cycles of MODE_COMMAND, or of ALTIMETER
+_STUCK_S = 2.0
+_CLOCK_TOLERANCE = 300e-6
 _FRAME_BITS = 125  # of a classic frame with 8 bytes, stuffing and gap as they are on average
 
 _BITS_PER_KIND = np.array(
@@ -87,6 +91,10 @@ class FaultMemory:
         monitor["unsettled"] = _BITS_PER_KIND
         bits_per_s = load().bits_per_s
         monitor["frames_capacity"] = bits_per_s * period_s / _FRAME_BITS
+        monitor["frames_share"] = min(1.0, period_s / _LOAD_MEAN_S)
+        monitor["patience_epochs"] = round(_PATIENCE_S / period_s)
+        monitor["stuck_epochs"] = 2 * round(_STUCK_S / period_s / 2)
+        monitor["clock_tolerance_q16"] = round(_CLOCK_TOLERANCE * period_s * 1e9 * 65536)
         sensor = self._contract[0]["sensor"][0]
         monitor["gyro_resolution"] = sensor["gyro_dtheta"]["scale"]
         monitor["accelerometer_resolution"] = sensor["accelerometer_dv"]["scale"]
@@ -141,17 +149,17 @@ class FaultMemory:
 
     def clear(self, number: int) -> None:
         """Clear one trouble code, or all (`ALL_GROUPS`)."""
-        for index in self.supported if number == ALL_GROUPS else (self._index[number],):
-            self._forget(index)
-            self._memory["status"][index] = CLEARED_STATUS
-            self._monitor["counter"][index] = 0
-            one = TROUBLES[index]
-            self._monitor["unsettled"][one.kind] |= 1 << one.bit
+        cleared = list(self.supported) if number == ALL_GROUPS else [self._index[number]]
+        self._forget(cleared)
+        self._memory["status"][cleared] = CLEARED_STATUS
+        self._monitor["counter"][cleared] = 0
+        for index in cleared:
+            self._monitor["unsettled"][TROUBLES[index].kind] |= 1 << TROUBLES[index].bit
 
-    def _forget(self, index: int) -> None:
-        self._memory["occurrences"][index] = 0
-        self._memory["aging"][index] = 0
-        self._memory["snapshots"][index] = np.zeros(2, dtype=SNAPSHOT)
+    def _forget(self, indices: list[int]) -> None:
+        self._memory["occurrences"][indices] = 0
+        self._memory["aging"][indices] = 0
+        self._memory["snapshots"][indices] = np.zeros(2, dtype=SNAPSHOT)
 
     def begin_cycle(self) -> None:
         """End an operation cycle and begin the next: what did not fail in it ages."""
@@ -163,7 +171,7 @@ class FaultMemory:
         for index in np.flatnonzero(sound & (status & Status.CONFIRMED != 0)).tolist():
             self._memory["aging"][index] += 1
             if self._memory["aging"][index] >= AGING_CYCLES:
-                self._forget(index)
+                self._forget([index])
                 status[index] &= 0xFF & ~Status.CONFIRMED
         status &= 0xFF & ~(Status.TEST_FAILED | Status.TEST_FAILED_THIS_OPERATION_CYCLE)
         status |= int(Status.TEST_NOT_COMPLETED_THIS_OPERATION_CYCLE)

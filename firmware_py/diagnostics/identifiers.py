@@ -118,7 +118,6 @@ STATUS = (
                 "bus_load_percent",
                 "f32",
                 "%",
-                source="diagnostics.bus_load_percent",
                 text="of the bit rate in the DBC",
             ),
         ),

@@ -13,7 +13,6 @@ from numba import njit
 
 from dbc.codec import unwrapped
 from dbc.values import AxisState
-from firmware_py import clock
 from firmware_py.diagnostics import stuck, trouble_table
 from firmware_py.diagnostics.records import ATTENTION_TROUBLES
 from firmware_py.diagnostics.troubles import AxisFault, Kind, Source, Status, SystemFault
@@ -63,10 +62,7 @@ _IMPLAUSIBLE = 1 << SystemFault.NAVIGATION_IMPLAUSIBLE
 _CLOCK_JUMP = 1 << SystemFault.CLOCK_JUMP
 _OFF_NOMINAL = 1 << SystemFault.CLOCK_OFF_NOMINAL
 
-_PATIENCE_NS = 200_000_000  # two cycles of MODE_COMMAND, or of ALTIMETER
-_LOAD_LIMIT_PERCENT = 80.0
-_LOAD_MEAN_S = 0.25
-_OFF_NOMINAL_PPM = 300.0
+_LOAD_LIMIT = 0.8
 _NOT_CONVERGED_AFTER = 2  # times the alignment's own time
 
 _FAILED = int(Status.TEST_FAILED)
@@ -80,15 +76,6 @@ _SET_BY_FAILURE = int(
 _COMPLETED = 0xFF & ~int(  # all other bits
     Status.TEST_NOT_COMPLETED_SINCE_LAST_CLEAR | Status.TEST_NOT_COMPLETED_THIS_OPERATION_CYCLE
 )
-
-
-@njit(cache=True)
-def _follow_load(state: Any, monitor: Any, frames: int) -> None:
-    """Follow the frames of an epoch, averaged."""
-    share = min(1.0, state.parameters.period_ns * 1e-9 / _LOAD_MEAN_S)
-    monitor.frames_mean += (frames - monitor.frames_mean) * share
-    if monitor.frames_capacity > 0.0:
-        monitor.bus_load_percent = 100.0 * monitor.frames_mean / monitor.frames_capacity
 
 
 @njit(cache=True)
@@ -121,7 +108,7 @@ def _look_at_frames(state: Any, monitor: Any) -> None:
 def _look_at_cyclic_frames(state: Any, monitor: Any, wrong: int) -> None:
     """Judge what does not come in every epoch: the operator's request and the altimeter."""
     failing, tested = monitor.failing, monitor.tested
-    patience = _PATIENCE_NS // state.parameters.period_ns
+    patience = monitor.patience_epochs
     command_heard = monitor.command_seen or wrong & _COMMAND != 0
     monitor.command_silence = 0 if command_heard else monitor.command_silence + 1
     altimeter_heard = state.assembly.altimeter_received or wrong & _ALTIMETER != 0
@@ -149,14 +136,12 @@ def _look_at_sensors(state: Any, monitor: Any) -> None:
     failing[_GYRO + 1] = monitor.gyro_saturated
     failing[_ACCELEROMETER] = monitor.accelerometer_absent
     failing[_ACCELEROMETER + 1] = monitor.accelerometer_saturated
-    period_ns = state.parameters.period_ns
     failing[_GYRO + 2] = stuck.gyros(
         state.gyros,
         state.assembly.gyro_dtheta,
         state.dtheta_s,
         gyros & ~(monitor.gyro_absent | monitor.gyro_saturated),
         monitor,
-        period_ns,
     )
     failing[_ACCELEROMETER + 2] = stuck.accelerometers(
         state.accelerometers,
@@ -164,7 +149,6 @@ def _look_at_sensors(state: Any, monitor: Any) -> None:
         state.dv_s,
         accelerometers & ~(monitor.accelerometer_absent | monitor.accelerometer_saturated),
         monitor,
-        period_ns,
     )
 
 
@@ -210,7 +194,8 @@ def _look_at_clock(state: Any, monitor: Any) -> tuple[int, int]:
         failing |= _OVERRUN
     if state.clock.jumps != monitor.jumps_before:
         failing |= _CLOCK_JUMP
-    if abs(clock.error_ppm(state.clock, state.parameters.period_ns)) > _OFF_NOMINAL_PPM:
+    off_q16 = state.clock.period_q16 - (state.parameters.period_ns << 16)
+    if abs(off_q16) > monitor.clock_tolerance_q16:
         failing |= _OFF_NOMINAL
     monitor.overruns_before = state.faults.overruns
     monitor.jumps_before = state.clock.jumps
@@ -247,7 +232,7 @@ def _look_at_system(state: Any, monitor: Any) -> None:
     mode_failing, mode_tested = _look_at_mode(state)
     failing |= mode_failing | monitor.memory_faults
     tested |= mode_tested | _BUS_LOAD | _ERROR_PASSIVE | _BUS_OFF | _MEMORY
-    if monitor.bus_load_percent > _LOAD_LIMIT_PERCENT:
+    if monitor.frames_mean > _LOAD_LIMIT * monitor.frames_capacity:
         failing |= _BUS_LOAD
     if monitor.bus_state == 1:
         failing |= _ERROR_PASSIVE
@@ -316,7 +301,7 @@ def _debounce(state: Any, monitor: Any, kind: int, touched: int) -> None:
 def watch(state: Any, frames: int) -> None:
     """Look at an epoch when all else is done; `frames` were on the bus in it."""
     monitor = state.diagnostics
-    _follow_load(state, monitor, frames)
+    monitor.frames_mean += (frames - monitor.frames_mean) * monitor.frames_share
     _look_at_frames(state, monitor)
     _look_at_sensors(state, monitor)
     _look_at_axes(state, monitor)

@@ -84,12 +84,15 @@ DIAGNOSTICS = _record(
         # Filled in by the shell.
         ("memory_faults", "<i8"),  # bits of SystemFault
         ("frames_capacity", "<f8"),  # frames of an epoch that fill the bus
+        ("frames_share", "<f8"),  # of an epoch in the mean of frames
+        ("patience_epochs", "<i8"),  # without a frame that is not sent in every epoch
+        ("stuck_epochs", "<i8"),  # an even number
+        ("clock_tolerance_q16", "<i8"),  # ns * 2**16
         ("gyro_resolution", "<f8"),  # rad
         ("accelerometer_resolution", "<f8"),  # m/s
         # What the monitor follows.
         ("bus_state", "<i8"),
         ("frames_mean", "<f8"),
-        ("bus_load_percent", "<f8"),
         ("command_silence", "<i8"),  # epochs
         ("altimeter_silence", "<i8"),
         ("overruns_before", "<i8"),

@@ -12,9 +12,6 @@ from typing import Any
 
 from numba import njit
 
-STUCK_NS = 2_000_000_000
-"""How long an increment has to stand."""
-
 _VARIED_COUNTS = 4.0
 _CHANGED_COUNTS = 8.0
 _REDUNDANT_FROM = 4
@@ -78,9 +75,7 @@ def _look(
 
 
 @njit(cache=True)
-def gyros(
-    fusion: Any, measured: Any, dtheta_s: Any, usable: int, monitor: Any, period_ns: int
-) -> int:
+def gyros(fusion: Any, measured: Any, dtheta_s: Any, usable: int, monitor: Any) -> int:
     """Return the stuck gyros, a bit each, of those that are usable."""
     stuck, monitor.gyro_varied = _look(
         fusion,
@@ -92,15 +87,13 @@ def gyros(
         monitor.gyro_expected,
         monitor.gyro_varied,
         monitor.gyro_resolution,
-        2 * (STUCK_NS // (2 * period_ns)),
+        monitor.stuck_epochs,
     )
     return stuck
 
 
 @njit(cache=True)
-def accelerometers(
-    fusion: Any, measured: Any, dv_s: Any, usable: int, monitor: Any, period_ns: int
-) -> int:
+def accelerometers(fusion: Any, measured: Any, dv_s: Any, usable: int, monitor: Any) -> int:
     """Return the stuck accelerometers, a bit each, of those that are usable."""
     stuck, monitor.accelerometer_varied = _look(
         fusion,
@@ -112,6 +105,6 @@ def accelerometers(
         monitor.accelerometer_expected,
         monitor.accelerometer_varied,
         monitor.accelerometer_resolution,
-        2 * (STUCK_NS // (2 * period_ns)),
+        monitor.stuck_epochs,
     )
     return stuck
