@@ -234,10 +234,11 @@ def _look_at_system(state: Any, monitor: Any) -> None:
     tested |= mode_tested | _BUS_LOAD | _ERROR_PASSIVE | _BUS_OFF | _MEMORY
     if monitor.frames_mean > _LOAD_LIMIT * monitor.frames_capacity:
         failing |= _BUS_LOAD
-    if monitor.bus_state == 1:
+    if monitor.bus_state_worst == 1:
         failing |= _ERROR_PASSIVE
-    elif monitor.bus_state == 2:
+    elif monitor.bus_state_worst == 2:
         failing |= _BUS_OFF
+    monitor.bus_state_worst = monitor.bus_state
     monitor.failing[_SYSTEM] = failing
     monitor.tested[_SYSTEM] = tested
 

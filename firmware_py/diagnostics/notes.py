@@ -73,3 +73,4 @@ def foreign_frame(state: Any, frame: Any) -> None:
         monitor.bus_state = 1
     elif frame.can_id & _CONTROLLER and detail & _ACTIVE:
         monitor.bus_state = 0
+    monitor.bus_state_worst = max(monitor.bus_state_worst, monitor.bus_state)

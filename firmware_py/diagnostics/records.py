@@ -92,6 +92,7 @@ DIAGNOSTICS = _record(
         ("accelerometer_resolution", "<f8"),  # m/s
         # What the monitor follows.
         ("bus_state", "<i8"),
+        ("bus_state_worst", "<i8"),  # in this epoch
         ("frames_mean", "<f8"),
         ("command_silence", "<i8"),  # epochs
         ("altimeter_silence", "<i8"),
