@@ -19,6 +19,7 @@ check: $(VENV)/installed-dev
 
 docs: $(VENV)/installed
 	$(RUN) host_tools.contract_page > docs/bus-contract.md
+	$(RUN) host_tools.diagnostic_page > docs/diagnostic-table.md
 	$(RUN) host_tools.fault_table > docs/faults.md
 
 $(VENV)/bin/python:

@@ -41,6 +41,8 @@ SIGNAL = np.dtype(
 )
 """dtype of a row of the signal table."""
 
+_NO_PROFILE, _P01A = 0, 1  # of the attribute E2EProfile
+
 
 class ContractError(Exception):
     """The DBC cannot serve as the contract: unreadable, or it lacks or misplaces something."""
@@ -174,7 +176,7 @@ class Codec:
     ------
     ContractError
         For a message over eight bytes, a floating point or multiplexed signal, or an E2E
-        attribute that is missing or unknown.
+        attribute that is missing, unknown or at odds with the other.
     """
 
     def __init__(self, database: Database) -> None:
@@ -219,9 +221,26 @@ class Codec:
         attributes = message.dbc.attributes if message.dbc else {}
         profile = attributes.get("E2EProfile")
         data_id = attributes.get("E2EDataID")
-        if profile is None or data_id is None or int(profile.value) != 1:
-            raise ContractError(f"{message.name}: needs E2EProfile P01A and an E2EDataID")
+        if profile is None or data_id is None:
+            raise ContractError(f"{message.name}: needs E2EProfile and E2EDataID")
+        if (int(profile.value), int(data_id.value) != 0) not in (
+            (_NO_PROFILE, False),
+            (_P01A, True),
+        ):
+            raise ContractError(
+                f"{message.name}: needs E2EProfile P01A and an E2EDataID, or None and 0"
+            )
         return (message.frame_id, int(data_id.value), message.length, message.cycle_time or 0)
+
+    @property
+    def bits_per_s(self) -> int:
+        """Bit rate that the DBC gives the bus, its attribute Baudrate."""
+        assert self.database.dbc is not None
+        return int(self.database.dbc.attributes["Baudrate"].value)
+
+    def is_protected(self, message: str) -> bool:
+        """Return whether a message has end-to-end protection; those of diagnostics have none."""
+        return bool(self.messages[self.message_index(message)]["data_id"])
 
     def message_index(self, message: str) -> int:
         """Return the row of a message in `messages`."""

@@ -24,7 +24,8 @@ MESSAGE = np.dtype(
         [("can_id", "<u4"), ("data_id", "<u2"), ("length", "<u2"), ("cycle_ms", "<i8")],
     )
 )
-"""dtype of a message's row: identifier, E2E data ID, payload length in bytes, cycle time."""
+"""dtype of a message's row: identifier, E2E data ID (0: no protection), payload length in bytes,
+cycle time (0: none)."""
 
 _POLYNOMIAL = 0x1D
 _CRC_MASK = 0xFF

@@ -17,9 +17,16 @@ from dbc.codec import decode, to_physical, unpack
 from dbc.contract import SENSOR_GROUPS
 from dbc.e2e import COUNTER_MODULUS, counter_of, crc_holds
 from firmware_py import clock
+from firmware_py.diagnostics import notes
+from firmware_py.diagnostics.records import ATTENTION_FRAMES
+from firmware_py.diagnostics.troubles import Source
 from firmware_py.memory import INNER, OUTER
 
-_NOTHING, _SYNC, _MODE_COMMAND, _ALTIMETER, _AXIS, _SENSOR = 0, 1, 2, 3, 4, 16
+_NOTHING, _SYNC, _MODE_COMMAND, _ALTIMETER, _AXIS, _DIAGNOSTIC, _SENSOR = 0, 1, 2, 3, 4, 8, 16
+
+_FROM_SYNC, _FROM_COMMAND = int(Source.SYNC), int(Source.MODE_COMMAND)
+_FROM_AXES, _FROM_SENSORS = int(Source.AXIS_INNER), int(Source.SENSOR_1)
+_FROM_ALTIMETER = int(Source.ALTIMETER)
 
 _EPOCH_BITS = 24  # of the SYNC frame's epoch, checked by `dispatch_table`
 _EPOCH_MODULUS = 1 << _EPOCH_BITS
@@ -38,6 +45,8 @@ def dispatch_table(contract: NDArray[Any]) -> NDArray[np.int16]:
     table[record["sync"]["message"]["can_id"]] = _SYNC
     table[record["mode_command"]["message"]["can_id"]] = _MODE_COMMAND
     table[record["altimeter"]["message"]["can_id"]] = _ALTIMETER
+    table[record["diag_request"]["message"]["can_id"]] = _DIAGNOSTIC
+    table[record["diag_functional"]["message"]["can_id"]] = _DIAGNOSTIC
     table[record["axis_inner_status"]["message"]["can_id"]] = _AXIS + INNER
     table[record["axis_outer_status"]["message"]["can_id"]] = _AXIS + OUTER
     for group in range(SENSOR_GROUPS):
@@ -69,6 +78,7 @@ def take(state: Any, contract: Any, inbox: Any, start: int, count: int) -> int:
     for k in range(start, count):
         frame = inbox[k]
         if frame.can_id >= 2048:
+            notes.foreign_frame(state, frame)
             continue
         kind = state.dispatch[frame.can_id]
         if kind == _NOTHING:
@@ -80,6 +90,8 @@ def take(state: Any, contract: Any, inbox: Any, start: int, count: int) -> int:
             _take_mode_command(state, contract, frame)
         elif kind == _ALTIMETER:
             _take_altimeter(state, contract.altimeter, frame)
+        elif kind == _DIAGNOSTIC:  # taken up between two steps
+            state.diagnostics.attention |= ATTENTION_FRAMES
         elif kind < _SENSOR:
             _take_axis(state, contract, frame, kind - _AXIS)
         else:
@@ -91,7 +103,7 @@ def take(state: Any, contract: Any, inbox: Any, start: int, count: int) -> int:
 def _take_sync(state: Any, contract: Any, frame: Any) -> bool:
     """Take a SYNC; return False when it opens a later epoch and is to be left for the next step."""
     if not crc_holds(frame, contract.sync.message):
-        state.faults.crc_errors += 1
+        notes.crc_error(state, _FROM_SYNC)
         return True
     # The counter, the whole epoch modulo 15, tells how often the 24 bits have wrapped, modulo 15.
     sync_epoch = unpack(frame["data"], contract.sync.epoch)
@@ -108,7 +120,7 @@ def _take_sync(state: Any, contract: Any, frame: Any) -> bool:
     if ahead > 0:
         return False
     if ahead < 0 or state.clock.sync_seen:
-        state.faults.counter_errors += 1
+        notes.counter_error(state, _FROM_SYNC)
     if ahead == 0 and state.clock.sync_seen:
         return True
     if ahead == 0:
@@ -120,12 +132,13 @@ def _take_sync(state: Any, contract: Any, frame: Any) -> bool:
 @njit(cache=True)
 def _take_mode_command(state: Any, contract: Any, frame: Any) -> None:
     if not crc_holds(frame, contract.mode_command.message):
-        state.faults.crc_errors += 1
+        notes.crc_error(state, _FROM_COMMAND)
         return
     counter = counter_of(frame["data"]) + 1  # 0 in the memory: none received yet
     if counter == state.mode_command_counter:
-        state.faults.counter_errors += 1
+        notes.counter_error(state, _FROM_COMMAND)
         return
+    state.diagnostics.command_seen = True
     state.mode_command_counter = counter
     request = unpack(frame["data"], contract.mode_command.mode_request)
     if request != state.modes.heard:  # else it repeats what others may have changed since
@@ -134,20 +147,24 @@ def _take_mode_command(state: Any, contract: Any, frame: Any) -> None:
 
 
 @njit(cache=True)
-def _belongs_here(state: Any, frame: Any, message: Any, had_one: bool) -> bool:
+def _belongs_here(state: Any, frame: Any, message: Any, had_one: bool, source: int) -> bool:
     """Return whether a frame of the epoch is sound, of this epoch, and the first of its kind."""
     if not crc_holds(frame, message):
-        state.faults.crc_errors += 1
+        notes.crc_error(state, source)
         return False
-    if had_one or counter_of(frame["data"]) != state.epoch % COUNTER_MODULUS:
-        state.faults.counter_errors += 1
+    if counter_of(frame["data"]) != state.epoch % COUNTER_MODULUS:
+        notes.foreign_epoch(state, source, frame["data"])
+        return False
+    if had_one:
+        notes.counter_error(state, source)
         return False
     return True
 
 
 @njit(cache=True)
 def _take_altimeter(state: Any, altimeter: Any, frame: Any) -> None:
-    if _belongs_here(state, frame, altimeter.message, state.assembly.altimeter_received):
+    had_one = state.assembly.altimeter_received
+    if _belongs_here(state, frame, altimeter.message, had_one, _FROM_ALTIMETER):
         keep_altitude(state.assembly, altimeter, frame["data"])
 
 
@@ -161,7 +178,8 @@ def keep_altitude(assembly: Any, altimeter: Any, word: Any) -> None:
 @njit(cache=True)
 def _take_axis(state: Any, contract: Any, frame: Any, axis: int) -> None:
     status = contract.axis_inner_status if axis == INNER else contract.axis_outer_status
-    if _belongs_here(state, frame, status.message, state.assembly.axis_received[axis]):
+    had_one = state.assembly.axis_received[axis]
+    if _belongs_here(state, frame, status.message, had_one, _FROM_AXES + axis):
         keep_axis(state.assembly, status, axis, frame["data"])
 
 
@@ -178,8 +196,11 @@ def keep_axis(assembly: Any, status: Any, axis: int, word: Any) -> None:
 def _take_sensor(state: Any, contract: Any, frame: Any, group: int) -> None:
     sensor = contract.sensor[group]
     had_one = state.assembly.received & (1 << group) != 0
-    if _belongs_here(state, frame, sensor.message, had_one):
+    if _belongs_here(state, frame, sensor.message, had_one, _FROM_SENSORS + group):
         keep_group(state.assembly, sensor, group, frame["data"])
+        status = unpack(frame["data"], sensor.status)
+        if status != 0:
+            notes.sensor_status(state, 1 << group, status)
 
 
 @njit(cache=True)
@@ -202,6 +223,8 @@ def keep_group(assembly: Any, sensor: Any, group: int, word: Any) -> None:
 def close(state: Any) -> None:
     """Close the epoch: count what did not come, once there is a hardware to expect it from."""
     assembly = state.assembly
+    assembly.gyro_valid &= ~state.diagnostics.excluded_gyros
+    assembly.accelerometer_valid &= ~state.diagnostics.excluded_accelerometers
     if not state.clock.synchronised:
         return
     if not state.clock.sync_seen:

@@ -9,12 +9,19 @@ from __future__ import annotations
 import time
 from collections import deque
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
 
 from dbc.contract import load_contract
 from dbc.frame import FrameArray, frame_array
+from firmware_py.diagnostics.fault_memory import CAPACITY as FAULT_CAPACITY
+from firmware_py.diagnostics.node import Diagnostics
+from firmware_py.diagnostics.parameter_memory import ParameterMemory
+from firmware_py.diagnostics.regions import CALIBRATION_CAPACITY
+from firmware_py.diagnostics.store import Stores, open_stores
+from firmware_py.diagnostics.writer import ThreadWriter
 from firmware_py.modes import Mode
 from firmware_py.settings import Settings, power_on
 from firmware_py.step import firmware_step
@@ -58,15 +65,24 @@ class Firmware:
     inbox, outbox : arrays of dtype `dbc.frame.FRAME`
     trace : NavigationTrace
         The navigation output of every epoch navigated.
+    diagnostics : Diagnostics
     """
 
-    def __init__(self, settings: Settings, trace: NavigationTrace | None = None) -> None:
+    def __init__(
+        self,
+        settings: Settings,
+        trace: NavigationTrace | None = None,
+        stores: Stores | None = None,
+    ) -> None:
         self.contract = load_contract()
-        self.ram = power_on(settings, self.contract)
-        self.inbox = frame_array(INBOX_CAPACITY)
-        self.outbox = frame_array(OUTBOX_CAPACITY)
+        stores = stores or Stores()
+        parameters = ParameterMemory(settings, stores.parameters)
+        self.ram = power_on(parameters.settings(), self.contract)
+        self.diagnostics = Diagnostics(self.ram, self.contract, parameters, stores.faults)
         self.trace = trace or NavigationTrace()
         self.period_ns = int(self.ram[0]["parameters"]["period_ns"])
+        self.inbox = frame_array(INBOX_CAPACITY)
+        self.outbox = frame_array(OUTBOX_CAPACITY + Diagnostics.capacity(self.period_ns))
         self.frames_received = 0
         self.frames_sent = 0
         self.sync_id = int(self.contract[0]["sync"]["message"]["can_id"])
@@ -75,6 +91,7 @@ class Firmware:
         self._epoch = self.ram["epoch"]
         self._consumed = self.ram["consumed"]
         self._sync_arrival_ns = self.ram["clock"]["sync_arrival_ns"]
+        self._attention = self.ram["diagnostics"]["attention"]
 
     @property
     def mode(self) -> Mode:
@@ -99,14 +116,22 @@ class Firmware:
         Returns the frames put into `outbox`, and the index of the first frame of the inbox that
         belongs to a later epoch.
         """
+        if self.diagnostics.reset_due:
+            self.diagnostics.restart()
         self._sync_arrival_ns[0] = sync_arrival_ns
         sent = firmware_step(self.ram, self.contract, inbox, start, count, self.outbox)
         if self._mode.item() in _NAVIGATION_MODES:
             self.trace.take(self.ram)
         consumed = int(self._consumed[0])
+        if self._attention.item() or self.diagnostics.is_awake:
+            sent = self.diagnostics.run(inbox, start, consumed, self.outbox, sent)
         self.frames_received += consumed - start
         self.frames_sent += sent
         return sent, consumed
+
+    def close(self) -> None:
+        """Switch off: what lasts is stored."""
+        self.diagnostics.close()
 
     def step_whole(self, inbox: FrameArray, count: int, sync_arrival_ns: int) -> int:
         """Run one epoch on all of ``inbox[:count]``, as where the other side waits for this one.
@@ -119,6 +144,17 @@ class Firmware:
             self.ram[0]["faults"]["counter_errors"] += count - consumed
             self.frames_received += count - consumed
         return sent
+
+
+def open_memories(path: Path) -> Stores:
+    """Open the memories that survive power loss: the parameters' file, and one beside it.
+
+    Raises
+    ------
+    StoreError
+        When one cannot be opened.
+    """
+    return open_stores(path, CALIBRATION_CAPACITY, FAULT_CAPACITY)
 
 
 def own_clock_ns(nominal_ns: int, clock_error_ppm: float) -> int:
@@ -243,6 +279,7 @@ def run_realtime(
     """
     clock = _OwnClock(clock_error_ppm)
     intake = _Intake(firmware, port, clock)
+    firmware.diagnostics.writer = ThreadWriter()  # a disk may take many periods
     state = firmware.ram[0]
     own = state["clock"]
     period_ns = firmware.period_ns

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dbc.contract import SENSOR_GROUPS
+from firmware_py.diagnostics.records import DIAGNOSTICS
 
 SCHEME_CAPACITY = 64
 """The most positions that a rotation scheme can have."""
@@ -221,6 +222,7 @@ RAM = _record(
         ("transmissions", "<i8"),  # of the status messages, for their counters
         ("navigation_transmissions", "<i8"),
         ("heartbeats", "<i8"),
+        ("diagnostics", DIAGNOSTICS),
     ]
 )
 """The firmware's whole memory."""

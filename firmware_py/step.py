@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from dbc.frame import FrameArray
 from firmware_py import alignment, clock, earth, intake, modes, sequencer, strapdown
 from firmware_py.attitude import euler_of_matrix, gimbal_matrix, multiply_transposed
+from firmware_py.diagnostics import monitor, orders
 from firmware_py.fusion import compensate, fuse
 from firmware_py.memory import INNER, OUTER
 from firmware_py.modes import Fault, Mode
@@ -152,6 +153,8 @@ def compute(state: Any, contract: Any) -> None:
         np.radians(state.assembly.encoder_angle_deg[OUTER]),
     )
     modes.take_request(state)
+    if state.diagnostics.order != 0:
+        orders.take(state)
     _fuse(state)
     _run_mode(state, contract)
 
@@ -191,4 +194,6 @@ def firmware_step(
     compute(state, record)
     if modes.navigating(state):
         output(state)
-    return transmit(state, record, outbox)
+    sent = transmit(state, record, outbox)
+    monitor.watch(state, state.consumed - start + sent)
+    return sent

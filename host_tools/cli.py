@@ -230,6 +230,12 @@ _side_options = _options(
 @_side_options
 @serial_options
 @click.option("--attach-wait", type=float, default=0.0, help="Seconds to wait for the bus.")
+@click.option(
+    "--parameters",
+    type=click.Path(dir_okay=False, path_type=Path),
+    help="File of the parameter memory; made when there is none. Its values go before those of "
+    "the scenario.",
+)
 def firmware(attach_wait: float, **options: Any) -> None:
     """Run the navigation computer alone, on a bus that the hardware is on."""
     serial = settings_of(options)

@@ -16,11 +16,15 @@ All frames are classic CAN frames with 11-bit identifiers; the lower, the more u
 have eight bytes, byte order is little-endian (Intel). Cycle times are those at 200 Hz; what is sent
 every epoch follows the sampling rate of the scenario.
 
-**Protection.** Every message follows AUTOSAR E2E profile 1, variant 1A: byte 0 is a CRC-8
-(polynomial 0x1D, start value and final XOR 0x00) over the low and the high byte of the message's
-data ID and bytes 1 to 7; the low nibble of byte 1 is a counter from 0 to 14. In frames sent every
-epoch the counter is the epoch modulo 15, so a frame belongs to one epoch only; in the others it
-counts transmissions. A frame with a wrong CRC or counter updates a fault counter and nothing else.
+**Protection.** Every message but those of diagnostics follows AUTOSAR E2E profile 1, variant 1A:
+byte 0 is a CRC-8 (polynomial 0x1D, start value and final XOR 0x00) over the low and the high byte
+of the message's data ID and bytes 1 to 7; the low nibble of byte 1 is a counter from 0 to 14. In
+frames sent every epoch the counter is the epoch modulo 15, so a frame belongs to one epoch only; in
+the others it counts transmissions. A frame with a wrong CRC or counter updates a fault counter and
+nothing else.
+
+**Diagnostics.** The messages `DIAG_…` carry ISO-TP (ISO 15765-2), which has its own bytes and
+sequence numbers; see [diagnostics](diagnostics.md). They have no cycle.
 """
 
 
@@ -33,7 +37,7 @@ def _sections(codec: Codec) -> Iterator[str]:
         yield (
             f"| 0x{message.frame_id:03X} | [{message.name}](#{message.name.lower()}) "
             f"| {', '.join(message.senders)} | {', '.join(sorted(message.receivers))} "
-            f"| {message.cycle_time} ms | {message.comment} |"
+            f"| {f'{message.cycle_time} ms' if message.cycle_time else ''} | {message.comment} |"
         )
     for message in messages:
         if message.name.startswith("SENSOR_") and message.name != "SENSOR_1":
@@ -44,7 +48,9 @@ def _sections(codec: Codec) -> Iterator[str]:
 def _message(codec: Codec, message: Message) -> Iterator[str]:
     row = codec.messages[codec.message_index(message.name)]
     yield f"\n## {message.name}\n"
-    yield f"Identifier 0x{message.frame_id:03X}, E2E data ID 0x{int(row['data_id']):04X}."
+    data_id = int(row["data_id"])
+    protection = f"E2E data ID 0x{data_id:04X}" if data_id else "no end-to-end protection"
+    yield f"Identifier 0x{message.frame_id:03X}, {protection}."
     if message.name == "SENSOR_1":
         yield "SENSOR_2 to SENSOR_16 have the same signals; a RIMU sends as many as it has groups."
     yield ""

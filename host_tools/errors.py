@@ -10,6 +10,7 @@
     ├── RecordError           a recording that cannot be begun or went wrong
     ├── InjectionError        a fault that cannot be commanded live
     ├── MotionError           a recorded motion that is missing or refused, or one that cannot be
+    ├── ParameterFileError    a parameter memory that cannot be had
     └── Interrupted           the user stopped the run
 """
 
@@ -44,3 +45,9 @@ class FirmwareFaultError(RehearsalError):
     """The run came to its end, but the firmware was in the mode FAULT by then."""
 
     exit_status = 8
+
+
+class ParameterFileError(RehearsalError):
+    """A file for the parameter memory that cannot be opened, is in use, or is something else."""
+
+    exit_status = 10

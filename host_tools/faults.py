@@ -133,7 +133,9 @@ class Faults:
         self._faults: list[tuple[Fault, np.random.Generator]] = []
         self._number = 0
         self._delayed: list[tuple[int, Node, Any]] = []
-        self._messages = {int(row["can_id"]): row for row in _message_rows(load_contract()[0])}
+        self._messages = {  # those that have a counter
+            int(row["can_id"]): row for row in _message_rows(load_contract()[0]) if row["data_id"]
+        }
         self.affected_frames = 0
         for fault in faults:
             self.add(fault)

@@ -298,7 +298,8 @@ class MessagePort:
     def send(self, frames: FrameArray, count: int, epoch: int, time_ns: int) -> None:
         """Send an epoch's frames; the last one closes the epoch."""
         for k in range(count):
-            self._send(message_of_frame(frames[k]))
+            if not frames[k]["can_id"] & ERR_FLAG:  # a controller's own word is not sent
+                self._send(message_of_frame(frames[k]))
 
     def _send(self, message: can.Message) -> None:
         try:

@@ -10,12 +10,14 @@ from pathlib import Path
 from typing import Any
 
 from dbc.frame import frame_array
-from firmware_py.loop import Firmware
+from firmware_py.diagnostics.store import StoreError
+from firmware_py.loop import Firmware, open_memories
 from firmware_py.loop import run_lockstep as run_firmware_lockstep
 from firmware_py.loop import run_realtime as run_firmware_realtime
 from firmware_py.modes import Fault, Mode
 from firmware_py.serial_lines import NO_LINES, SerialSettings
 from firmware_py.trace import NavigationTrace
+from host_tools.errors import ParameterFileError
 from host_tools.hardware.loop import Hardware
 from host_tools.hardware.loop import run_lockstep as run_hardware_lockstep
 from host_tools.hardware.loop import run_realtime as run_hardware_realtime
@@ -63,6 +65,8 @@ class Job:
         Other peers of the embedded bus without which the hardware does not begin.
     serial : SerialSettings
         The firmware's serial lines.
+    parameters : Path or None
+        File of the firmware's parameter memory.
     """
 
     scenario: Scenario
@@ -74,6 +78,7 @@ class Job:
     attach_wait_s: float = 0.0
     await_peers: tuple[str, ...] = ()
     serial: SerialSettings = NO_LINES
+    parameters: Path | None = None
 
     @property
     def is_realtime(self) -> bool:
@@ -154,6 +159,15 @@ def firmware_progress(firmware: Firmware) -> dict[str, Any]:
     }
 
 
+def _open_firmware(job: Job, trace: NavigationTrace) -> Firmware:
+    settings = firmware_settings(job.scenario)
+    try:
+        stores = None if job.parameters is None else open_memories(job.parameters)
+        return Firmware(settings, trace, stores)
+    except StoreError as error:
+        raise ParameterFileError(f"parameter memory {error}") from error
+
+
 def run_firmware(job: Job) -> dict[str, Any]:
     """Run the firmware until it is shut down; return its summary.
 
@@ -161,13 +175,15 @@ def run_firmware(job: Job) -> dict[str, Any]:
     ------
     BusError
         When the bus is not there, is taken, or ends.
+    ParameterFileError
+        When the parameter memory cannot be had.
     """
     report = Report(job.report_fd)
     scenario = job.scenario
     _prepare(report, "firmware", scenario)
     rows = RowFile(job.log_path(NAVIGATION_ROWS))
     trace = NavigationTrace(keep_every(scenario.epochs, scenario.rate_hz), rows.append)
-    firmware = Firmware(firmware_settings(scenario), trace)
+    firmware = _open_firmware(job, trace)
     lateness = LatenessHistogram()
 
     def progress(epoch: int) -> None:
@@ -181,6 +197,7 @@ def run_firmware(job: Job) -> dict[str, Any]:
         port = open_port(job.address, "firmware", job.attach_wait_s)
     except BaseException:
         lines.close()
+        firmware.close()
         raise
     try:
         report.send("ready", side="firmware", **permitted)
@@ -204,6 +221,7 @@ def run_firmware(job: Job) -> dict[str, Any]:
         lines.close()
         rows.close()
         port.close()
+        firmware.close()
         report.send("summary", side="firmware", **summary)
     return summary
 

@@ -21,6 +21,7 @@ from dbc.contract import load_contract
 from dbc.e2e import crc_holds, fill
 from dbc.frame import FrameArray, frame_array
 from host_tools.bus.timing import WireModel
+from host_tools.controller import ControllerWatch
 from host_tools.faults import (
     ANY_IDENTIFIER,
     Fault,
@@ -58,6 +59,7 @@ class Wire:
         contract = load_contract()[0]
         self._period_ns = period_ns
         self._model = None if bitrate is None else WireModel(bitrate, _NODES)
+        self._controller = None if self._model is None else ControllerWatch(self._model, _FIRMWARE)
         self.faults = Faults(faults, seed, has_timing=self._model is not None)
         self._command = contract["fault_command"]
         self._command_id = int(self._command["message"]["can_id"])
@@ -106,7 +108,8 @@ class Wire:
             model, start_ns + self._period_ns // 2, self._held_for_firmware
         )
         arrived, self._held_for_firmware = self._held_for_firmware, 0
-        return arrived
+        assert self._controller is not None
+        return arrived + self._controller.tell(self._to_firmware[arrived:])
 
     def down(self, frames: FrameArray, count: int, epoch: int) -> tuple[FrameArray, int]:
         """Return what the hardware gets in the epoch after, given what the firmware sends in it."""

@@ -170,7 +170,8 @@ class Contract:
             for name, value in decoded.items()
         }
         row = self._codec.messages[self._codec.message_index(message)]
-        return values | {"time_s": time_ns / 1e9, "crc_holds": bool(crc_holds(frame, row))}
+        sound = not self._codec.is_protected(message) or bool(crc_holds(frame, row))
+        return values | {"time_s": time_ns / 1e9, "crc_holds": sound}
 
     def is_sent_every_epoch(self, message: str) -> bool:
         """Return whether a message's counter is the epoch, not the number of transmissions."""
@@ -201,6 +202,8 @@ class Contract:
         row = self._codec.messages[self._codec.message_index(message)]
         frames = frame_array(1)
         fill(frames[0], row, word, int(values.get("alive_counter", counter)) % COUNTER_MODULUS)
+        if not self._codec.is_protected(message):
+            frames[0]["data"] = word
         if "crc" in values:
             protected = int(frames[0]["data"])
             frames[0]["data"] = protected & ~0xFF | int(values["crc"])

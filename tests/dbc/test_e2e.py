@@ -14,7 +14,8 @@ from dbc.frame import frame_array
 
 CODEC = codec.load()
 WORDS = st.integers(0, 2**64 - 1)
-MESSAGES = st.sampled_from([m.name for m in CODEC.database.messages])
+PROTECTED = [m.name for m in CODEC.database.messages if CODEC.is_protected(m.name)]
+MESSAGES = st.sampled_from(PROTECTED)
 
 
 def row_of(message: str) -> np.void:
@@ -67,5 +68,10 @@ def test_counter_lies_where_the_dbc_says(counter):
 
 
 def test_data_ids_are_unique():
-    ids = CODEC.messages["data_id"]
-    assert len(set(ids.tolist())) == len(ids)
+    ids = [int(row_of(name)["data_id"]) for name in PROTECTED]
+    assert len(set(ids)) == len(ids)
+
+
+def test_only_diagnostics_go_without_protection():
+    others = {m.name for m in CODEC.database.messages} - set(PROTECTED)
+    assert others == {"DIAG_REQUEST", "DIAG_FUNCTIONAL", "DIAG_RESPONSE"}

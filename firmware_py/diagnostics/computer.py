@@ -1,0 +1,166 @@
+"""The navigation computer, as the diagnostic services see it."""
+
+from __future__ import annotations
+
+import functools
+import math
+import zlib
+from collections.abc import Callable
+from typing import Any
+
+from numpy.typing import NDArray
+
+from dbc.values import AxisCommand
+from firmware_py import clock, earth
+from firmware_py.diagnostics import image, table
+from firmware_py.diagnostics.codecs import Value, Values
+from firmware_py.diagnostics.data import DataIdentifier
+from firmware_py.diagnostics.fault_memory import FaultMemory
+from firmware_py.diagnostics.parameter_memory import ParameterMemory
+from firmware_py.diagnostics.parameters import PARAMETERS
+from firmware_py.diagnostics.reader import FieldReader
+from firmware_py.diagnostics.records import Order
+from firmware_py.modes import Mode
+
+IDENTITY = {
+    "supplier": "RRINS project",
+    "serial_number": "0000000001",
+    "hardware_number": "emulated",
+    "software_number": "rrins-firmware",
+    "software_version": "0.1.0",
+    "system_name": "RRINS navigation computer",
+}
+"""What the computer says of itself."""
+
+# Not compiled: to take a record across costs more than to compute it.
+_error_ppm: Callable[[Any, int], float] = getattr(clock.error_ppm, "py_func", clock.error_ppm)
+
+_PARAMETER_NUMBERS = frozenset(parameter.number for parameter in PARAMETERS)
+
+AXIS_MODES = (Mode.STANDBY, Mode.FAULT, Mode.NAVIGATION_STRAPDOWN)
+"""Modes in which a tool may turn the axes."""
+
+
+class Computer:
+    """The RAM image and the memories, with what services do to them.
+
+    Parameters
+    ----------
+    ram : array of one record of dtype `firmware_py.memory.RAM`
+    parameters : ParameterMemory
+    faults : FaultMemory
+    session : callable
+        Returns the active session.
+
+    Attributes
+    ----------
+    period_ns : int
+    gravity : float
+        At the place where navigation starts, m/s².
+    """
+
+    def __init__(
+        self,
+        ram: NDArray[Any],
+        parameters: ParameterMemory,
+        faults: FaultMemory,
+        session: Callable[[], int],
+    ) -> None:
+        self.ram = ram
+        self.parameters = parameters
+        self.faults = faults
+        self.period_ns = int(ram[0]["parameters"]["period_ns"])
+        self.gravity = 0.0
+        self._mode = ram["modes"]["mode"]
+        self._order = ram["diagnostics"]["order"]
+        special = self._special(session)
+        self._readers = {
+            did.number: FieldReader(ram, did.fields, special)
+            for did in table.IDENTIFIERS
+            if did.number not in _PARAMETER_NUMBERS
+        }
+        table.crc32()  # made here, not when it is asked for
+        self.power_on()
+
+    def _special(self, session: Callable[[], int]) -> dict[str, Callable[[], Value]]:
+        """Return what gives the values that are not in the RAM image."""
+        own = self.ram[0]["clock"]
+        steps = self.ram["steps"]
+        memory, faults = self.parameters, self.faults
+        found: dict[str, Callable[[], Value]] = {
+            "session": session,
+            "table_crc32": table.crc32,
+            "error_ppm": lambda: float(_error_ppm(own, self.period_ns)),
+            "bus_load_percent": self._bus_load_percent,
+            "uptime_s": lambda: int(steps[0]) * self.period_ns * 1e-9,
+            "state": lambda: int(memory.state),
+            "sequence": lambda: memory.sequence & 0xFFFF_FFFF,
+            "parameters": lambda: len(memory.stored),
+            "operation_cycles": lambda: faults.operation_cycles,
+            "length": lambda: len(self.calibration_file()),
+            "file_crc32": lambda: zlib.crc32(self.calibration_file()),
+        }
+        return found | {name: functools.partial(str, text) for name, text in IDENTITY.items()}
+
+    def _bus_load_percent(self) -> float:
+        monitor = self.state["diagnostics"]
+        return float(100.0 * monitor["frames_mean"] / monitor["frames_capacity"])
+
+    def power_on(self) -> None:
+        """Take what follows from the settings of a RAM image that has just been made."""
+        parameters = self.ram[0]["parameters"]
+        self.gravity = float(
+            earth.gravity(float(parameters["latitude"]), float(parameters["height"]))
+        )
+
+    def calibration_file(self) -> bytes:
+        """Return the calibration file of the parameters as they are after a reset."""
+        return image.encode(self.parameters.effective())
+
+    @property
+    def mode(self) -> Mode:
+        """The mode after the last step."""
+        return Mode(int(self._mode[0]))
+
+    @property
+    def state(self) -> Any:
+        """The RAM image's record."""
+        return self.ram[0]
+
+    def order(self, order: Order) -> None:
+        """Ask the modes for something in the next step."""
+        self._order[0] = order
+
+    def read(self, did: DataIdentifier) -> bytes:
+        """Return an identifier's data record."""
+        return did.encode(self.values(did))
+
+    def values(self, did: DataIdentifier) -> Values:
+        """Return an identifier's values."""
+        if did.number in _PARAMETER_NUMBERS:
+            return self.parameters.value(did.number)
+        return self._readers[did.number].read()
+
+    def has(self, did: DataIdentifier) -> bool:
+        """Return whether this computer has an identifier."""
+        return did.number not in _PARAMETER_NUMBERS or self.parameters.has(did.number)
+
+    def turn_axis(self, axis: int, target_deg: float) -> None:
+        """Let an axis turn to an angle."""
+        self._command(axis, AxisCommand.POSITION, target_deg)
+
+    def hold_axis(self, axis: int) -> None:
+        """Let an axis hold where it is."""
+        angle_deg = float(self.state["assembly"]["encoder_angle_deg"][axis])
+        self._command(axis, AxisCommand.HOLD, angle_deg)
+
+    def _command(self, axis: int, command: AxisCommand, target_deg: float) -> None:
+        sequencer = self.state["sequencer"]
+        sequencer["command"][axis] = command
+        sequencer["target_angle_deg"][axis] = target_deg
+
+    def is_told(self, axis: int, target_deg: float) -> bool:
+        """Return whether an axis is still told to turn to an angle."""
+        sequencer = self.state["sequencer"]
+        turns = sequencer["command"][axis] == AxisCommand.POSITION
+        return bool(turns and math.isclose(sequencer["target_angle_deg"][axis], target_deg))

@@ -1,0 +1,363 @@
+"""The table of data identifiers that are read, and of the outputs that can be controlled."""
+
+from __future__ import annotations
+
+import math
+from enum import IntEnum
+
+from dbc.contract import SENSOR_GROUPS
+from dbc.values import AxisCommand, AxisState
+from firmware_py.diagnostics.access import UNLOCKED, Session
+from firmware_py.diagnostics.codecs import Field
+from firmware_py.diagnostics.data import DataIdentifier
+from firmware_py.modes import Fault, Mode, ModeRequest
+
+_DEG = math.degrees(1.0)
+
+
+class BusState(IntEnum):
+    """State of the CAN controller, as far as the bus tells it."""
+
+    ERROR_ACTIVE = 0
+    ERROR_PASSIVE = 1
+    BUS_OFF = 2
+
+
+class MemoryState(IntEnum):
+    """Where the parameters in force came from."""
+
+    SET_UP = 0
+    MEMORY = 1
+    OTHER_COPY = 2
+    LOST = 3
+
+
+class IOControl(IntEnum):
+    """What InputOutputControlByIdentifier (0x2F) can ask for."""
+
+    RETURN_CONTROL = 0x00
+    RESET_TO_DEFAULT = 0x01
+    FREEZE_CURRENT_STATE = 0x02
+    SHORT_TERM_ADJUSTMENT = 0x03
+
+
+IDENTIFICATION = (
+    DataIdentifier(
+        0xF186,
+        "active_session",
+        "The diagnostic session.",
+        (Field("session", "u8", choices=Session),),
+    ),
+    DataIdentifier(
+        0xF18A, "supplier", "Who supplies the system.", (Field("supplier", "ascii", count=16),)
+    ),
+    DataIdentifier(
+        0xF18C, "serial_number", "Of the computer.", (Field("serial_number", "ascii", count=16),)
+    ),
+    DataIdentifier(
+        0xF191,
+        "hardware_number",
+        "Of the computer.",
+        (Field("hardware_number", "ascii", count=16),),
+    ),
+    DataIdentifier(
+        0xF194, "software_number", "The firmware.", (Field("software_number", "ascii", count=16),)
+    ),
+    DataIdentifier(
+        0xF195,
+        "software_version",
+        "Version of the firmware.",
+        (Field("software_version", "ascii", count=16),),
+    ),
+    DataIdentifier(
+        0xF197, "system_name", "What it is.", (Field("system_name", "ascii", count=32),)
+    ),
+    DataIdentifier(
+        0x0100,
+        "table_version",
+        "CRC-32 of this table: a tool whose table has another one speaks to another firmware.",
+        (Field("table_crc32", "u32"),),
+    ),
+)
+"""What the computer is. Numbers 0xF1xx are those of ISO 14229-1, table C.1."""
+
+STATUS = (
+    DataIdentifier(0x0101, "epoch", "Epoch counter.", (Field("epoch", "i64", source="epoch"),)),
+    DataIdentifier(
+        0x0102,
+        "mode",
+        "What the computer does.",
+        (
+            Field("mode", "u8", choices=Mode, source="modes.mode"),
+            Field("fault", "u8", choices=Fault, source="modes.fault", text="why it is in FAULT"),
+        ),
+    ),
+    DataIdentifier(
+        0x0103,
+        "mode_request",
+        "What the operator asked for last, and which mode is still to come.",
+        (
+            Field("requested", "u8", choices=ModeRequest, source="modes.requested"),
+            Field("pending", "u8", choices=Mode, source="modes.pending"),
+        ),
+    ),
+    DataIdentifier(
+        0x0104,
+        "load",
+        "How busy computer and bus are.",
+        (
+            Field("load_percent", "f32", "%", source="load_percent", text="of the period"),
+            Field("overruns", "u32", source="faults.overruns"),
+            Field(
+                "frames_per_epoch",
+                "f32",
+                source="diagnostics.frames_mean",
+                text="received and sent, averaged over 0.25 s",
+            ),
+            Field(
+                "bus_load_percent",
+                "f32",
+                "%",
+                text="of the bit rate in the DBC",
+            ),
+        ),
+    ),
+    DataIdentifier(
+        0x0105,
+        "clock",
+        "The loop's clock and SYNC.",
+        (
+            Field("synchronised", "u8", source="clock.synchronised"),
+            Field("sync_lost", "u8", source="clock.sync_lost"),
+            Field("sync_missed", "u32", "epochs", source="clock.sync_missed"),
+            Field("jumps", "u32", source="clock.jumps"),
+            Field("error_ppm", "f32", "ppm", text="by how much the computer's own clock runs fast"),
+        ),
+    ),
+    DataIdentifier(
+        0x0106,
+        "uptime",
+        "Since power-on or reset.",
+        (Field("steps", "u64", "epochs", source="steps"), Field("uptime_s", "f64", "s")),
+    ),
+    DataIdentifier(
+        0x0107,
+        "fault_counters",
+        "Faults since power-on.",
+        tuple(
+            Field(name, "u32", source=f"faults.{name}")
+            for name in (
+                "crc_errors",
+                "counter_errors",
+                "missing_frames",
+                "bridged_epochs",
+                "consecutive_bridged",
+                "overruns",
+            )
+        ),
+    ),
+    DataIdentifier(
+        0x0108,
+        "bus_state",
+        "State of the CAN controller.",
+        (Field("bus_state", "u8", choices=BusState, source="diagnostics.bus_state"),),
+    ),
+    DataIdentifier(
+        0x0109,
+        "parameter_memory",
+        "The parameter memory as it was found at power-on or hard reset.",
+        (
+            Field("state", "u8", choices=MemoryState),
+            Field("sequence", "u32", text="how often it was written"),
+            Field("parameters", "u16", text="parameters that it has"),
+        ),
+    ),
+    DataIdentifier(
+        0x010B,
+        "calibration_file",
+        "The calibration file that RequestUpload gives.",
+        (Field("length", "u32", "bytes"), Field("file_crc32", "u32", text="of the whole")),
+    ),
+    DataIdentifier(
+        0x010A,
+        "operation_cycles",
+        "Since the trouble codes were first kept.",
+        (Field("operation_cycles", "u32"),),
+    ),
+)
+"""State of the computer."""
+
+SENSORS = (
+    DataIdentifier(
+        0x0201,
+        "sensors",
+        "Sensors that the computer has, and of which it got a sound frame in the last epoch; a bit "
+        "per sensor group.",
+        (
+            Field("gyros", "u8", source="gyros.count"),
+            Field("accelerometers", "u8", source="accelerometers.count"),
+            Field("received", "u32", source="assembly.received"),
+            Field("gyro_valid", "u32", source="assembly.gyro_valid"),
+            Field("accelerometer_valid", "u32", source="assembly.accelerometer_valid"),
+        ),
+    ),
+    DataIdentifier(
+        0x0202,
+        "gyro_increments",
+        "Increments of the last epoch along the gyros' input axes.",
+        (Field("gyro_dtheta", "f64", "rad", SENSOR_GROUPS, source="assembly.gyro_dtheta"),),
+    ),
+    DataIdentifier(
+        0x0203,
+        "accelerometer_increments",
+        "Increments of the last epoch along the accelerometers' input axes.",
+        (
+            Field(
+                "accelerometer_dv", "f64", "m/s", SENSOR_GROUPS, source="assembly.accelerometer_dv"
+            ),
+        ),
+    ),
+    DataIdentifier(
+        0x0204,
+        "fused_increments",
+        "Increments of the last epoch in the sensor frame s.",
+        (
+            Field("dtheta_s", "f64", "rad", 3, source="dtheta_s"),
+            Field("dv_s", "f64", "m/s", 3, source="dv_s"),
+        ),
+    ),
+    DataIdentifier(
+        0x0211,
+        "excluded_sensors",
+        "Sensors that the fusion leaves out, a bit each. Control: by default none.",
+        (
+            Field("gyros", "u16", source="diagnostics.excluded_gyros"),
+            Field("accelerometers", "u16", source="diagnostics.excluded_accelerometers"),
+        ),
+        control=UNLOCKED,
+    ),
+)
+"""Sensors."""
+
+
+def _axis(number: int, name: str, index: int) -> DataIdentifier:
+    return DataIdentifier(
+        number,
+        f"axis_{name}",
+        f"State of the {name} axis.",
+        (
+            Field("encoder_angle_deg", "f64", "°", source=f"assembly.encoder_angle_deg.{index}"),
+            Field("encoder_rate_dps", "f32", "°/s", source=f"assembly.encoder_rate_dps.{index}"),
+            Field("state", "u8", choices=AxisState, source=f"assembly.axis_state.{index}"),
+            Field("silent_epochs", "u32", "epochs", source=f"assembly.axis_silent_epochs.{index}"),
+            Field("command", "u8", choices=AxisCommand, source=f"sequencer.command.{index}"),
+            Field("target_angle_deg", "f64", "°", source=f"sequencer.target_angle_deg.{index}"),
+            Field("not_following", "u8", source=f"sequencer.not_following.{index}"),
+        ),
+    )
+
+
+def _axis_control(number: int, name: str, index: int) -> DataIdentifier:
+    return DataIdentifier(
+        number,
+        f"axis_{name}_control",
+        f"Where the {name} axis is told to turn to. Control, in STANDBY, FAULT and "
+        "NAVIGATION_STRAPDOWN: by default zero; frozen, it holds where it is.",
+        (
+            Field(
+                "target_angle_deg",
+                "f64",
+                "°",
+                minimum=-3600.0,
+                maximum=3600.0,
+                source=f"sequencer.target_angle_deg.{index}",
+            ),
+        ),
+        control=UNLOCKED,
+    )
+
+
+AXES = (
+    _axis(0x0301, "inner", 0),
+    _axis(0x0302, "outer", 1),
+    DataIdentifier(
+        0x0303,
+        "axis_angles",
+        "Angles of both axes.",
+        (
+            Field("inner_deg", "f64", "°", source="assembly.encoder_angle_deg.0"),
+            Field("outer_deg", "f64", "°", source="assembly.encoder_angle_deg.1"),
+        ),
+    ),
+    DataIdentifier(
+        0x0304,
+        "scheme",
+        "Progress of the rotation scheme.",
+        (
+            Field("running", "u8", source="sequencer.running"),
+            Field("homing", "u8", source="sequencer.homing", text="turning to zero first"),
+            Field("position", "u16", source="sequencer.position", text="from 0"),
+            Field("cycle", "u32", source="sequencer.cycle"),
+            Field("epochs", "u32", "epochs", source="sequencer.epochs", text="in this position"),
+        ),
+    ),
+    _axis_control(0x0311, "inner", 0),
+    _axis_control(0x0312, "outer", 1),
+)
+"""The turntable."""
+
+NAVIGATION = (
+    DataIdentifier(
+        0x0401,
+        "position",
+        "Position, WGS-84.",
+        (
+            Field("latitude_deg", "f64", "°", source="navigation.latitude", factor=_DEG),
+            Field("longitude_deg", "f64", "°", source="navigation.longitude", factor=_DEG),
+            Field("height_m", "f64", "m", source="navigation.height"),
+        ),
+    ),
+    DataIdentifier(
+        0x0402,
+        "velocity",
+        "Velocity over ground.",
+        tuple(
+            Field(f"{name}_mps", "f64", "m/s", source=f"navigation.velocity_n.{k}")
+            for k, name in enumerate(("east", "north", "up"))
+        ),
+    ),
+    DataIdentifier(
+        0x0403,
+        "attitude",
+        "Attitude of the body.",
+        tuple(
+            Field(f"{name}_deg", "f64", "°", source=f"navigation.{name}", factor=_DEG)
+            for name in ("roll", "pitch", "heading")
+        ),
+    ),
+    DataIdentifier(
+        0x0404,
+        "alignment_progress",
+        "Progress of the alignment.",
+        (
+            Field("epochs", "u32", "epochs", source="alignment.epochs"),
+            Field("wanted_epochs", "u32", "epochs", source="parameters.alignment_epochs"),
+            Field("done", "u8", source="alignment.done"),
+            Field("failed", "u8", source="alignment.failed"),
+        ),
+    ),
+    DataIdentifier(
+        0x0405,
+        "altimeter",
+        "The altimeter, where one is fitted.",
+        (
+            Field("fitted", "u8", source="parameters.altimeter"),
+            Field("height_m", "f64", "m", source="assembly.altimeter_height", text="the last"),
+            Field("silent_epochs", "u32", "epochs", source="diagnostics.altimeter_silence"),
+        ),
+    ),
+)
+"""Navigation."""
+
+READINGS = (*IDENTIFICATION, *STATUS, *SENSORS, *AXES, *NAVIGATION)
+"""All that are no parameters."""

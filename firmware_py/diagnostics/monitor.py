@@ -1,0 +1,322 @@
+"""Finds faults, debounces them and takes freeze frames, once in every epoch.
+
+Part of the compiled step. What fails is a bit in a word for each kind of fault; only the trouble
+codes of bits that fail, or have lately failed, are touched.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numba import njit
+
+from dbc.codec import unwrapped
+from dbc.values import AxisState
+from firmware_py.diagnostics import stuck, trouble_table
+from firmware_py.diagnostics.records import ATTENTION_TROUBLES
+from firmware_py.diagnostics.troubles import AxisFault, Kind, Source, Status, SystemFault
+from firmware_py.memory import INNER, OUTER
+from firmware_py.modes import Fault, Mode, navigating
+
+COUNTER_ONE = 1 << 16
+COUNTER_CEILING, COUNTER_FLOOR = 127 * COUNTER_ONE, -128 * COUNTER_ONE
+"""Where the fault detection counter says failed and passed (ISO 14229-1, D.1)."""
+
+_FIRST = np.array(trouble_table.FIRST, dtype=np.int64)
+_KINDS = len(Kind)
+_BITS = 21  # of a kind's word, at most
+
+_SILENT, _STALE = int(Kind.SILENT), int(Kind.STALE)
+_CRC, _COUNTER = int(Kind.CRC), int(Kind.COUNTER)
+_GYRO = int(Kind.GYRO_ABSENT)  # absent, saturated, stuck
+_ACCELEROMETER = int(Kind.ACCELEROMETER_ABSENT)
+_AXIS, _SYSTEM = int(Kind.AXIS), int(Kind.SYSTEM)
+
+_INNER_SHIFT = int(Source.AXIS_INNER)
+_AXES = 3 << _INNER_SHIFT
+_ALTIMETER = 1 << Source.ALTIMETER
+_SYNC = 1 << Source.SYNC
+_COMMAND = 1 << Source.MODE_COMMAND
+
+_NOT_FOLLOWING, _DRIVE = int(AxisFault.NOT_FOLLOWING), int(AxisFault.DRIVE)
+_ENCODER, _LIMIT = int(AxisFault.ENCODER), int(AxisFault.LIMIT)
+_DRIVE_FAULT = int(AxisState.FAULT)
+_JUMP_DEG = 2.0  # of an encoder, more than the coarsest that there is steps by
+_OVERSPEED, _OVERSPEED_DPS = 1.25, 0.5
+
+_OVERRUN = 1 << SystemFault.OVERRUN
+_BUS_LOAD = 1 << SystemFault.BUS_LOAD
+_ERROR_PASSIVE = 1 << SystemFault.ERROR_PASSIVE
+_BUS_OFF = 1 << SystemFault.BUS_OFF
+_MEMORY = (
+    1 << SystemFault.PARAMETER_COPY_DAMAGED
+    | 1 << SystemFault.PARAMETERS_LOST
+    | 1 << SystemFault.PARAMETER_OUT_OF_LIMITS
+)
+_SELF_TEST = 1 << SystemFault.SELF_TEST_FAILED
+_ALIGNMENT = 1 << SystemFault.ALIGNMENT_FAILED
+_NOT_CONVERGED = 1 << SystemFault.ALIGNMENT_NOT_CONVERGED
+_SENSORS_LOST = 1 << SystemFault.SENSORS_LOST
+_IMPLAUSIBLE = 1 << SystemFault.NAVIGATION_IMPLAUSIBLE
+_CLOCK_JUMP = 1 << SystemFault.CLOCK_JUMP
+_OFF_NOMINAL = 1 << SystemFault.CLOCK_OFF_NOMINAL
+
+_LOAD_LIMIT = 0.8
+_NOT_CONVERGED_AFTER = 2  # times the alignment's own time
+
+_FAILED = int(Status.TEST_FAILED)
+_SET_BY_FAILURE = int(
+    Status.TEST_FAILED
+    | Status.TEST_FAILED_THIS_OPERATION_CYCLE
+    | Status.PENDING
+    | Status.CONFIRMED
+    | Status.TEST_FAILED_SINCE_LAST_CLEAR
+)
+_COMPLETED = 0xFF & ~int(  # all other bits
+    Status.TEST_NOT_COMPLETED_SINCE_LAST_CLEAR | Status.TEST_NOT_COMPLETED_THIS_OPERATION_CYCLE
+)
+
+
+@njit(cache=True)
+def _look_at_frames(state: Any, monitor: Any) -> None:
+    """Judge what came from each source; where SYNC is missing, too, nobody is to blame."""
+    assembly = state.assembly
+    failing, tested = monitor.failing, monitor.tested
+    groups = max(state.gyros.count, state.accelerometers.count)
+    sources = (1 << groups) - 1 | _AXES
+    came = np.int64(assembly.received)
+    came |= np.int64(assembly.axis_received[INNER]) << _INNER_SHIFT
+    came |= np.int64(assembly.axis_received[OUTER]) << (_INNER_SHIFT + 1)
+    wrong = monitor.crc_wrong | monitor.counter_wrong | monitor.stale
+    tested[_SILENT] = tested[_STALE] = tested[_CRC] = tested[_COUNTER] = 0
+    if state.clock.synchronised:
+        tested[_STALE] = sources | _ALTIMETER
+        tested[_CRC] = tested[_COUNTER] = sources | _ALTIMETER | _SYNC | _COMMAND
+        tested[_SILENT] = _SYNC
+        failing[_SILENT] = _SYNC
+        if state.clock.sync_seen:
+            tested[_SILENT] |= sources
+            failing[_SILENT] = sources & ~(came | wrong)
+            _look_at_cyclic_frames(state, monitor, wrong)
+    failing[_STALE] = monitor.stale
+    failing[_CRC] = monitor.crc_wrong
+    failing[_COUNTER] = monitor.counter_wrong
+
+
+@njit(cache=True)
+def _look_at_cyclic_frames(state: Any, monitor: Any, wrong: int) -> None:
+    """Judge what does not come in every epoch: the operator's request and the altimeter."""
+    failing, tested = monitor.failing, monitor.tested
+    patience = monitor.patience_epochs
+    command_heard = monitor.command_seen or wrong & _COMMAND != 0
+    monitor.command_silence = 0 if command_heard else monitor.command_silence + 1
+    altimeter_heard = state.assembly.altimeter_received or wrong & _ALTIMETER != 0
+    monitor.altimeter_silence = 0 if altimeter_heard else monitor.altimeter_silence + 1
+    if state.mode_command_counter > 0:
+        tested[_SILENT] |= _COMMAND
+        if monitor.command_silence > patience:
+            failing[_SILENT] |= _COMMAND
+    if state.parameters.altimeter:
+        tested[_SILENT] |= _ALTIMETER
+        if monitor.altimeter_silence > patience:
+            failing[_SILENT] |= _ALTIMETER
+
+
+@njit(cache=True)
+def _look_at_sensors(state: Any, monitor: Any) -> None:
+    failing, tested = monitor.failing, monitor.tested
+    came = np.int64(state.assembly.received)
+    gyros = came & ((1 << state.gyros.count) - 1)
+    accelerometers = came & ((1 << state.accelerometers.count) - 1)
+    for offset in range(3):
+        tested[_GYRO + offset] = gyros
+        tested[_ACCELEROMETER + offset] = accelerometers
+    failing[_GYRO] = monitor.gyro_absent
+    failing[_GYRO + 1] = monitor.gyro_saturated
+    failing[_ACCELEROMETER] = monitor.accelerometer_absent
+    failing[_ACCELEROMETER + 1] = monitor.accelerometer_saturated
+    failing[_GYRO + 2] = stuck.gyros(
+        state.gyros,
+        state.assembly.gyro_dtheta,
+        state.dtheta_s,
+        gyros & ~(monitor.gyro_absent | monitor.gyro_saturated),
+        monitor,
+    )
+    failing[_ACCELEROMETER + 2] = stuck.accelerometers(
+        state.accelerometers,
+        state.assembly.accelerometer_dv,
+        state.dv_s,
+        accelerometers & ~(monitor.accelerometer_absent | monitor.accelerometer_saturated),
+        monitor,
+    )
+
+
+@njit(cache=True)
+def _look_at_axes(state: Any, monitor: Any) -> None:
+    assembly, sequencer = state.assembly, state.sequencer
+    limit_dps = _OVERSPEED * state.parameters.turn_rate_dps + _OVERSPEED_DPS
+    seconds = state.parameters.period_ns * 1e-9
+    failing = tested = 0
+    for axis in range(2):
+        angle_deg, rate_dps = assembly.encoder_angle_deg[axis], assembly.encoder_rate_dps[axis]
+        if sequencer.not_following[axis]:
+            failing |= 1 << (_NOT_FOLLOWING + axis)
+        if sequencer.running or sequencer.not_following[axis]:
+            tested |= 1 << (_NOT_FOLLOWING + axis)
+        if assembly.axis_received[axis]:
+            tested |= 1 << (_DRIVE + axis) | 1 << (_LIMIT + axis)
+            if assembly.axis_state[axis] == _DRIVE_FAULT:
+                failing |= 1 << (_DRIVE + axis)
+            if abs(rate_dps) > limit_dps:
+                failing |= 1 << (_LIMIT + axis)
+            if monitor.encoder_seen >> axis & 1:
+                tested |= 1 << (_ENCODER + axis)
+                turned_deg = 0.5 * (monitor.rate_before_dps[axis] + rate_dps) * seconds
+                expected_deg = monitor.encoder_before_deg[axis] + turned_deg
+                found_deg = unwrapped(angle_deg, expected_deg, state.parameters.angle_span_deg)
+                if abs(found_deg - expected_deg) > _JUMP_DEG:
+                    failing |= 1 << (_ENCODER + axis)
+            monitor.encoder_seen |= 1 << axis
+        monitor.encoder_before_deg[axis] = angle_deg
+        monitor.rate_before_dps[axis] = rate_dps
+    monitor.failing[_AXIS] = failing
+    monitor.tested[_AXIS] = tested
+
+
+@njit(cache=True)
+def _look_at_clock(state: Any, monitor: Any) -> tuple[int, int]:
+    """Return what fails and what was tested of overruns and of the loop's clock."""
+    failing = tested = 0
+    if state.clock.synchronised:
+        tested = _OVERRUN | _CLOCK_JUMP | _OFF_NOMINAL
+    if state.faults.overruns != monitor.overruns_before:
+        failing |= _OVERRUN
+    if state.clock.jumps != monitor.jumps_before:
+        failing |= _CLOCK_JUMP
+    off_q16 = state.clock.period_q16 - (state.parameters.period_ns << 16)
+    if abs(off_q16) > monitor.clock_tolerance_q16:
+        failing |= _OFF_NOMINAL
+    monitor.overruns_before = state.faults.overruns
+    monitor.jumps_before = state.clock.jumps
+    return failing, tested
+
+
+@njit(cache=True)
+def _look_at_mode(state: Any) -> tuple[int, int]:
+    """Return what fails and what was tested of what the modes say."""
+    mode, fault = state.modes.mode, state.modes.fault
+    tested = 0
+    if mode in (Mode.STANDBY, Mode.ALIGNMENT) or navigating(state):
+        tested |= _SELF_TEST
+    if navigating(state):
+        tested |= _ALIGNMENT | _NOT_CONVERGED | _SENSORS_LOST | _IMPLAUSIBLE
+    failing = 0
+    if fault == Fault.SELF_TEST_FAILED:
+        failing = _SELF_TEST
+    elif fault == Fault.ALIGNMENT_FAILED:
+        failing = _ALIGNMENT
+    elif fault == Fault.SENSORS_LOST:
+        failing = _SENSORS_LOST
+    elif fault == Fault.NAVIGATION_DIVERGED:
+        failing = _IMPLAUSIBLE
+    limit = _NOT_CONVERGED_AFTER * state.parameters.alignment_epochs + 1
+    if mode == Mode.ALIGNMENT and not state.alignment.done and state.modes.epochs > limit:
+        failing |= _NOT_CONVERGED
+    return failing, tested | failing
+
+
+@njit(cache=True)
+def _look_at_system(state: Any, monitor: Any) -> None:
+    failing, tested = _look_at_clock(state, monitor)
+    mode_failing, mode_tested = _look_at_mode(state)
+    failing |= mode_failing | monitor.memory_faults
+    tested |= mode_tested | _BUS_LOAD | _ERROR_PASSIVE | _BUS_OFF | _MEMORY
+    if monitor.frames_mean > _LOAD_LIMIT * monitor.frames_capacity:
+        failing |= _BUS_LOAD
+    if monitor.bus_state_worst == 1:
+        failing |= _ERROR_PASSIVE
+    elif monitor.bus_state_worst == 2:
+        failing |= _BUS_OFF
+    monitor.bus_state_worst = monitor.bus_state
+    monitor.failing[_SYSTEM] = failing
+    monitor.tested[_SYSTEM] = tested
+
+
+@njit(cache=True)
+def _freeze(state: Any, snapshot: Any) -> None:
+    """Take a freeze frame."""
+    output = state.navigation
+    snapshot.epoch = state.epoch
+    snapshot.modes.mode = state.modes.mode
+    snapshot.modes.fault = state.modes.fault
+    for axis in range(2):
+        snapshot.assembly.encoder_angle_deg[axis] = state.assembly.encoder_angle_deg[axis]
+    snapshot.navigation.latitude = output.latitude
+    snapshot.navigation.longitude = output.longitude
+    snapshot.navigation.height = output.height
+    for i in range(3):
+        snapshot.navigation.velocity_n[i] = output.velocity_n[i]
+    snapshot.navigation.roll = output.roll
+    snapshot.navigation.pitch = output.pitch
+    snapshot.navigation.heading = output.heading
+
+
+@njit(cache=True)
+def _fail(state: Any, monitor: Any, index: int) -> None:
+    """Note that a test has failed that had not."""
+    memory = monitor.troubles
+    if memory.occurrences[index] == 0:
+        _freeze(state, memory.snapshots[index, 0])
+    _freeze(state, memory.snapshots[index, 1])
+    memory.occurrences[index] += 1
+    memory.aging[index] = 0
+    memory.status[index] = (memory.status[index] | _SET_BY_FAILURE) & _COMPLETED
+    monitor.attention |= ATTENTION_TROUBLES
+
+
+@njit(cache=True)
+def _debounce(state: Any, monitor: Any, kind: int, touched: int) -> None:
+    """Count the fault detection counters of a kind's bits up or down."""
+    failing = monitor.failing[kind]
+    status = monitor.troubles.status
+    for bit in range(_BITS):
+        if touched >> bit & 1 == 0:
+            continue
+        index = _FIRST[kind] + bit
+        counter = monitor.counter[index]
+        if failing >> bit & 1:
+            counter = min(max(counter, 0) + monitor.up[index], COUNTER_CEILING)
+            monitor.unsettled[kind] |= 1 << bit
+            if counter == COUNTER_CEILING and status[index] & _FAILED == 0:
+                _fail(state, monitor, index)
+        else:
+            counter = max(counter - monitor.down[index], COUNTER_FLOOR)
+            if counter == COUNTER_FLOOR:
+                status[index] &= _COMPLETED & ~_FAILED
+                monitor.unsettled[kind] &= ~(1 << bit)
+        monitor.counter[index] = counter
+
+
+@njit(cache=True)
+def watch(state: Any, frames: int) -> None:
+    """Look at an epoch when all else is done; `frames` were on the bus in it."""
+    monitor = state.diagnostics
+    monitor.frames_mean += (frames - monitor.frames_mean) * monitor.frames_share
+    _look_at_frames(state, monitor)
+    _look_at_sensors(state, monitor)
+    _look_at_axes(state, monitor)
+    _look_at_system(state, monitor)
+    if not monitor.held:
+        for kind in range(_KINDS):
+            touched = monitor.tested[kind] & (monitor.failing[kind] | monitor.unsettled[kind])
+            if touched != 0:
+                _debounce(state, monitor, kind, touched)
+    monitor.crc_wrong = 0
+    monitor.counter_wrong = 0
+    monitor.stale = 0
+    monitor.command_seen = False
+    monitor.gyro_absent = 0
+    monitor.gyro_saturated = 0
+    monitor.accelerometer_absent = 0
+    monitor.accelerometer_saturated = 0

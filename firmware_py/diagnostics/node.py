@@ -1,0 +1,295 @@
+"""What the firmware's loop calls between two steps: frames in, frames out, and the memories."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dbc.frame import FrameArray, frame_array
+from firmware_py.diagnostics import access, table
+from firmware_py.diagnostics.computer import Computer
+from firmware_py.diagnostics.fault_memory import FaultMemory
+from firmware_py.diagnostics.parameter_memory import ParameterMemory
+from firmware_py.diagnostics.records import ATTENTION_FRAMES, ATTENTION_TROUBLES
+from firmware_py.diagnostics.server import Reset, Server
+from firmware_py.diagnostics.services.control import Control
+from firmware_py.diagnostics.services.data import Data
+from firmware_py.diagnostics.services.routines import Routines
+from firmware_py.diagnostics.services.session import Communication, DTCSetting, Lock, handlers
+from firmware_py.diagnostics.services.transfer import Transfers
+from firmware_py.diagnostics.services.troubles import Troubles
+from firmware_py.diagnostics.store import TwoCopyStore
+from firmware_py.diagnostics.transport import Transport, slots_per_epoch
+from firmware_py.diagnostics.writer import DirectWriter, Job, Writer
+from firmware_py.settings import power_on
+
+_NORMAL = (
+    "firmware_status",
+    "firmware_faults",
+    "nav_latitude",
+    "nav_longitude",
+    "nav_velocity",
+    "nav_height",
+    "nav_attitude",
+)
+_MANAGEMENT = ("heartbeat_firmware",)
+
+
+class Diagnostics:
+    """Diagnostics of a computer.
+
+    Parameters
+    ----------
+    ram : array of one record of dtype `firmware_py.memory.RAM`
+    contract : array of one record
+    parameters : ParameterMemory
+    fault_store : TwoCopyStore, optional
+        Keeps the trouble codes when the power is off.
+    secret : bytes
+        Of SecurityAccess.
+    random_bytes : callable
+        Gives the seeds.
+
+    Attributes
+    ----------
+    is_awake : bool
+        Whether `run` has to be called even when no diagnostic frame has come.
+    reset_due : bool
+        Whether `restart` has to be called before the next step.
+    server : Server
+    faults : FaultMemory
+    parameters : ParameterMemory
+    writer : Writer
+        Of both memories.
+    """
+
+    def __init__(
+        self,
+        ram: NDArray[Any],
+        contract: NDArray[Any],
+        parameters: ParameterMemory,
+        fault_store: TwoCopyStore | None = None,
+        secret: bytes = access.DEFAULT_SECRET,
+        random_bytes: Callable[[int], bytes] = os.urandom,
+    ) -> None:
+        self.is_awake = False
+        self.reset_due = False
+        self.parameters = parameters
+        self._ram = ram
+        self._contract = contract
+        self._fault_store = fault_store
+        self._writer: Writer = DirectWriter()
+        self._job: Job | None = None
+        self._are_faults_new = False
+        self._attention = ram["diagnostics"]["attention"]
+        self._steps = ram["steps"]
+        self._steps_before = 0  # the last reset
+        self._period_ns = int(ram[0]["parameters"]["period_ns"])
+        self.faults = FaultMemory(ram, contract)
+        self._begin(fault_store)
+        self._communication = Communication()
+        self._routines: Routines
+        self.server = self._make_server(secret, random_bytes)
+        self._transport = Transport(self._period_ns)
+        self._request_ids = (table.request_id(), table.functional_id())
+        self._silenced = _silenced(contract)
+        self._response = _blank_response(slots_per_epoch(self._period_ns))
+
+    @staticmethod
+    def capacity(period_ns: int) -> int:
+        """Return how many frames `run` adds to an epoch's at most."""
+        return slots_per_epoch(period_ns)
+
+    def _begin(self, store: TwoCopyStore | None) -> None:
+        """Recall the trouble codes, and begin an operation cycle."""
+        found = None if store is None else store.read().image
+        if found is not None:
+            self.faults.recall(found)
+            self.faults.begin_cycle()
+        self._ram[0]["diagnostics"]["memory_faults"] = self.parameters.faults
+
+    def _make_server(self, secret: bytes, random_bytes: Callable[[int], bytes]) -> Server:
+        server = Server()
+        computer = Computer(self._ram, self.parameters, self.faults, lambda: int(server.session))
+        lock, setting = Lock(secret, random_bytes), DTCSetting(computer)
+        control, transfers = Control(computer), Transfers(computer)
+        self._routines = Routines(computer)
+        self._computer = computer
+        server.parts = [lock, self._communication, setting, control, transfers, self._routines]
+        server.handlers = (
+            handlers(lock, self._communication, setting)
+            | Troubles(computer, self._note_faults).handlers()
+            | Data(computer).handlers()
+            | control.handlers()
+            | transfers.handlers()
+            | self._routines.handlers()
+        )
+        return server
+
+    @property
+    def writer(self) -> Writer:
+        """What writes both memories."""
+        return self._writer
+
+    @writer.setter
+    def writer(self, writer: Writer) -> None:
+        self._writer = writer
+        self.parameters.writer = writer
+
+    def _note_faults(self) -> None:
+        self._are_faults_new = True
+
+    @property
+    def now_ns(self) -> int:
+        """Time since power-on, by the number of steps."""
+        return (self._steps_before + int(self._steps[0])) * self._period_ns
+
+    def run(self, inbox: FrameArray, start: int, end: int, outbox: FrameArray, sent: int) -> int:
+        """Do an epoch's share of the work.
+
+        Parameters
+        ----------
+        inbox : array of frames
+            The diagnostic ones of ``inbox[start:end]`` are taken.
+        outbox : array of frames
+            The first `sent` are the epoch's; the last of them stays the last.
+
+        Returns
+        -------
+        int
+            Frames in `outbox` now.
+        """
+        attention = int(self._attention[0])
+        self._attention[0] = 0
+        if attention & ATTENTION_FRAMES:
+            self._take(inbox[start:end])
+        if attention & ATTENTION_TROUBLES:
+            self._are_faults_new = True
+        self._save_faults()
+        if attention & ATTENTION_FRAMES or self.is_awake:
+            responses = self._serve()
+            sent = self._without_silenced(outbox, sent)
+            sent = self._put(responses, outbox, sent)
+        self.is_awake = not self._is_idle()
+        return sent
+
+    def _is_idle(self) -> bool:
+        return (
+            self._transport.is_idle
+            and self.server.is_idle
+            and not self._communication.silent
+            and not self._is_saving
+        )
+
+    def _take(self, frames: FrameArray) -> None:
+        ids = frames["can_id"]
+        theirs = np.flatnonzero((ids == self._request_ids[0]) | (ids == self._request_ids[1]))
+        for k in theirs.tolist():
+            frame = frames[k]
+            payload = int(frame["data"]).to_bytes(8, "little")[: min(8, int(frame["length"]))]
+            self._transport.put(int(frame["can_id"]), payload)
+
+    def _serve(self) -> list[bytes]:
+        """Let the server work on one request at most; return the frames to be sent."""
+        now_ns, transport, server = self.now_ns, self._transport, self.server
+        transport.begin(now_ns)
+        if transport.is_sending:
+            server.keep_session(now_ns)
+        response = server.poll(now_ns)
+        if response is None and not transport.is_sending:
+            request = transport.receive_functional()
+            is_functional = request is not None
+            if request is None:
+                request = transport.receive()
+            if request is not None:
+                response = server.handle(request, is_functional, now_ns)
+        if response is not None:
+            transport.send(response)
+        frames = transport.end()
+        self.reset_due = server.reset_wanted is not None and not transport.is_sending
+        return frames
+
+    def _without_silenced(self, outbox: FrameArray, sent: int) -> int:
+        """Take out the cyclic messages that a tool has stopped."""
+        silent = self._communication.silent
+        if not silent:
+            return sent
+        kept = [k for k in range(sent) if not self._silenced[outbox["can_id"][k]] & silent]
+        outbox[: len(kept)] = outbox[:sent][kept]
+        return len(kept)
+
+    def _put(self, frames: list[bytes], outbox: FrameArray, sent: int) -> int:
+        """Put responses before the last frame, which closes the epoch."""
+        count = len(frames)
+        if not count:
+            return sent
+        outbox[sent - 1 + count] = outbox[sent - 1]
+        self._response["data"][:count] = [int.from_bytes(frame, "little") for frame in frames]
+        outbox[sent - 1 : sent - 1 + count] = self._response[:count]
+        return sent + count
+
+    @property
+    def _is_saving(self) -> bool:
+        return self._job is not None or self._are_faults_new
+
+    def _save_faults(self) -> None:
+        """Store the trouble codes when they are new and the last ones are stored."""
+        if self._fault_store is None:
+            self._are_faults_new = False
+            return
+        if self._job is not None and self._job.done:
+            self._job = None
+        if self._are_faults_new and self._job is None:
+            self._are_faults_new = False
+            self._job = self._writer.submit(self._fault_store, self.faults.image())
+
+    def restart(self) -> None:
+        """Power the computer on anew, as ECUReset asked for."""
+        is_hard = self.server.reset_wanted == Reset.HARD
+        if is_hard:
+            self._writer.close()
+            self.parameters.load()
+        kept = self.faults.keep()
+        self._steps_before += int(self._steps[0])
+        self._ram[:] = power_on(self.parameters.settings(), self._contract)
+        self._ram[0]["diagnostics"]["memory_faults"] = self.parameters.faults
+        self.faults.set_up()
+        self.faults.restore(kept)
+        if is_hard:
+            self.faults.begin_cycle()
+            self._are_faults_new = True
+        self._computer.power_on()
+        self._routines.power_on()
+        self._transport.reset()
+        self.server.power_on()
+        self.reset_due = False
+        self.is_awake = True
+
+    def close(self) -> None:
+        """Switch off: return when both memories are stored, and let go of them."""
+        if self._fault_store is not None:
+            self._writer.submit(self._fault_store, self.faults.image())
+        self.parameters.close()
+        self._writer.close()
+        if self._fault_store is not None:
+            self._fault_store.close()
+
+
+def _silenced(contract: NDArray[Any]) -> NDArray[np.uint8]:
+    """Return the communication types of every identifier, a bit each."""
+    types = np.zeros(2048, dtype=np.uint8)
+    for bit, names in ((1, _NORMAL), (2, _MANAGEMENT)):
+        for name in names:
+            types[int(contract[0][name]["message"]["can_id"])] = bit
+    return types
+
+
+def _blank_response(count: int) -> FrameArray:
+    frames = frame_array(count)
+    frames["can_id"] = table.response_id()
+    frames["length"] = 8
+    return frames

@@ -1,0 +1,145 @@
+"""The table of parameters: calibration and settings that the parameter memory keeps.
+
+A parameter is a data identifier that can be written. What is written is in force from the next
+reset on; a parameter that was never written has the value of the computer's set-up.
+"""
+
+from __future__ import annotations
+
+from enum import IntEnum
+
+from dbc.contract import SENSOR_GROUPS
+from firmware_py.diagnostics.access import ANYWHERE, UNLOCKED
+from firmware_py.diagnostics.codecs import Field
+from firmware_py.diagnostics.data import DataIdentifier
+
+
+class InitialAttitude(IntEnum):
+    """Where the initial attitude comes from."""
+
+    GIVEN = 0
+    SELF_ALIGNED = 1
+
+
+class HeightChannel(IntEnum):
+    """What becomes of the height."""
+
+    HELD = 0
+    DAMPED = 1
+    FREE = 2
+
+
+def _parameter(number: int, name: str, text: str, *fields: Field) -> DataIdentifier:
+    return DataIdentifier(number, name, text, fields, ANYWHERE, write=UNLOCKED)
+
+
+def _weights(number: int, sensors: str) -> DataIdentifier:
+    return _parameter(
+        number,
+        f"{sensors}_weights",
+        f"Weights of the {sensors}s in the fusion, by sensor; those beyond the last do nothing.",
+        Field("weights", "f64", "", SENSOR_GROUPS, minimum=1e-9, maximum=1e9),
+    )
+
+
+def _calibration(
+    base: int, index: int, sensor: str, bias: str, unit: str, limit: float
+) -> DataIdentifier:
+    return _parameter(
+        base + index,
+        f"{sensor}_{index}_calibration",
+        f"Errors of {sensor} {index} that the firmware takes out of its increments.",
+        Field(bias, "f64", unit, minimum=-limit, maximum=limit, text="bias"),
+        Field(
+            "scale_error_ppm", "f64", "ppm", minimum=-1e5, maximum=1e5, text="scale factor error"
+        ),
+        Field(
+            "asymmetric_scale_error_ppm",
+            "f64",
+            "ppm",
+            minimum=-1e5,
+            maximum=1e5,
+            text="its part that changes sign with the input",
+        ),
+        Field(
+            "installation_u_arcsec",
+            "f64",
+            "″",
+            minimum=-36_000.0,
+            maximum=36_000.0,
+            text="installation error, paper (13)",
+        ),
+        Field(
+            "installation_v_arcsec",
+            "f64",
+            "″",
+            minimum=-36_000.0,
+            maximum=36_000.0,
+            text="installation error, paper (13)",
+        ),
+    )
+
+
+SETTINGS = (
+    _parameter(
+        0x1001,
+        "start_position",
+        "Where navigation starts.",
+        Field("latitude_deg", "f64", "°", minimum=-89.9, maximum=89.9),
+        Field("longitude_deg", "f64", "°", minimum=-180.0, maximum=180.0),
+        Field("height_m", "f64", "m", minimum=-1000.0, maximum=100_000.0),
+    ),
+    _parameter(
+        0x1002,
+        "initial_attitude",
+        "The body's attitude when navigation starts, where it is given, and in a calibration from "
+        "a standing record.",
+        Field("roll_deg", "f64", "°", minimum=-180.0, maximum=180.0),
+        Field("pitch_deg", "f64", "°", minimum=-90.0, maximum=90.0),
+        Field("heading_deg", "f64", "°", minimum=-360.0, maximum=360.0),
+    ),
+    _parameter(
+        0x1003,
+        "alignment",
+        "How the initial attitude is found, and how long that takes.",
+        Field("method", "u8", choices=InitialAttitude),
+        Field("alignment_s", "f64", "s", minimum=0.001, maximum=86_400.0),
+    ),
+    _parameter(
+        0x1004,
+        "bridge",
+        "The longest gap in the sensors' data that is bridged.",
+        Field("bridge_s", "f64", "s", minimum=0.0, maximum=10.0),
+    ),
+    _parameter(
+        0x1005,
+        "axis_watch",
+        "When an axis counts as one that does not follow.",
+        Field("follow_tolerance_deg", "f64", "°", minimum=0.001, maximum=180.0),
+        Field("axis_silence_s", "f64", "s", minimum=0.001, maximum=60.0),
+    ),
+    _parameter(
+        0x1006,
+        "height_channel",
+        "What becomes of the height.",
+        Field("height_channel", "u8", choices=HeightChannel),
+    ),
+    _weights(0x1007, "gyro"),
+    _weights(0x1008, "accelerometer"),
+)
+"""Settings of the navigation computer."""
+
+GYRO_CALIBRATIONS = tuple(
+    _calibration(0x1100, index, "gyro", "bias_dph", "°/h", 10_000.0)
+    for index in range(1, SENSOR_GROUPS + 1)
+)
+"""Calibration of each gyro."""
+
+ACCELEROMETER_CALIBRATIONS = tuple(
+    _calibration(0x1200, index, "accelerometer", "bias_ug", "µg", 1_000_000.0)
+    for index in range(1, SENSOR_GROUPS + 1)
+)
+"""Calibration of each accelerometer."""
+
+PARAMETERS = (*SETTINGS, *GYRO_CALIBRATIONS, *ACCELEROMETER_CALIBRATIONS)
+"""All parameters."""

@@ -1,0 +1,79 @@
+"""Reads fields of the table out of the RAM image, or out of a freeze frame."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from firmware_py.diagnostics.codecs import Field, Value, Values
+
+_LIMITS = {
+    "u8": (0, 0xFF),
+    "u16": (0, 0xFFFF),
+    "u24": (0, 0xFFFFFF),
+    "u32": (0, 0xFFFF_FFFF),
+    "u64": (0, (1 << 64) - 1),
+    "i8": (-(1 << 7), (1 << 7) - 1),
+    "i16": (-(1 << 15), (1 << 15) - 1),
+    "i32": (-(1 << 31), (1 << 31) - 1),
+    "i64": (-(1 << 63), (1 << 63) - 1),
+}
+
+
+def view_of(array: NDArray[Any], path: str) -> NDArray[Any]:
+    """Return the view of an array of one record at a path, such as ``axis_angle.0``."""
+    for part in path.split("."):
+        array = array[:, int(part)] if part.isdigit() else array[part]
+    return array
+
+
+def fitted(field: Field, value: Any) -> Value:
+    """Return a number of the RAM image as the field has it, limited to what its format holds."""
+    if isinstance(value, list):
+        return tuple(fitted(field, one) for one in value)  # type: ignore[return-value]
+    if field.is_float:
+        value = float(value) * field.factor
+        return float(np.float32(value)) if field.format == "f32" else value
+    low, high = _LIMITS[field.format]
+    return min(high, max(low, int(value)))
+
+
+class FieldReader:
+    """Reads the fields of a layout out of one array of a record, again and again.
+
+    Parameters
+    ----------
+    array : array of one record
+        Views are taken once: reading one costs less than finding its field each time.
+    fields : iterable of Field
+    special : dict
+        What gives the value of a field that has no source in the record.
+    """
+
+    def __init__(
+        self,
+        array: NDArray[Any],
+        fields: Iterable[Field],
+        special: dict[str, Callable[[], Value]] | None = None,
+    ) -> None:
+        self._parts: list[tuple[Field, NDArray[Any] | None, Callable[[], Value] | None]] = [
+            (
+                field,
+                view_of(array, field.source) if field.source else None,
+                None if field.source else (special or {})[field.name],
+            )
+            for field in fields
+        ]
+
+    def read(self) -> Values:
+        """Return the values by field."""
+        values: Values = {}
+        for field, view, call in self._parts:
+            if view is not None:
+                values[field.name] = fitted(field, view[0].tolist())
+            elif call is not None:
+                values[field.name] = call()
+        return values

@@ -1,0 +1,52 @@
+"""The table of memory regions: the RAM image, and the calibration file."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from firmware_py.diagnostics.access import EXTENDED, Access
+
+CALIBRATION_ADDRESS = 0x1000_0000
+"""Address of the calibration file in RequestDownload and RequestUpload."""
+
+CALIBRATION_CAPACITY = 0x4000
+"""The longest calibration file, bytes."""
+
+BLOCK_LENGTH = 1026
+"""maxNumberOfBlockLength: the longest TransferData, with its two leading bytes."""
+
+
+@dataclass(frozen=True)
+class Region:
+    """A part of the memory.
+
+    Attributes
+    ----------
+    name : str
+    address, size : int
+        In bytes.
+    access : Access
+        Of ReadMemoryByAddress.
+    dtype : dtype
+        Of what stands there, little-endian.
+    """
+
+    name: str
+    address: int
+    size: int
+    access: Access
+    dtype: np.dtype[Any]
+
+
+def regions_of(ram: np.dtype[Any]) -> tuple[Region, ...]:
+    """Return the regions of a RAM image: the whole, and each of its fields."""
+    assert ram.fields is not None
+    whole = Region("ram", 0, ram.itemsize, EXTENDED, ram)
+    parts = (
+        Region(name, int(offset), dtype.itemsize, EXTENDED, dtype)
+        for name, (dtype, offset, *_) in ram.fields.items()
+    )
+    return whole, *parts

@@ -1,0 +1,203 @@
+"""Services and negative responses (ISO 14229-1, tables 2 and A.1), with what each means here."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import IntEnum
+
+from firmware_py.diagnostics.access import ANYWHERE, EXTENDED, PROGRAMMING, Access
+
+NEGATIVE = 0x7F
+"""First byte of a negative response."""
+
+POSITIVE_OFFSET = 0x40
+"""What is added to a service's identifier in its positive response."""
+
+SUPPRESS_BIT = 0x80
+"""Of a sub-function: no positive response is wanted."""
+
+
+class Code(IntEnum):
+    """Negative response codes that the firmware gives."""
+
+    SERVICE_NOT_SUPPORTED = 0x11
+    SUB_FUNCTION_NOT_SUPPORTED = 0x12
+    INCORRECT_MESSAGE_LENGTH = 0x13
+    RESPONSE_TOO_LONG = 0x14
+    BUSY_REPEAT_REQUEST = 0x21
+    CONDITIONS_NOT_CORRECT = 0x22
+    REQUEST_SEQUENCE_ERROR = 0x24
+    REQUEST_OUT_OF_RANGE = 0x31
+    SECURITY_ACCESS_DENIED = 0x33
+    INVALID_KEY = 0x35
+    EXCEEDED_NUMBER_OF_ATTEMPTS = 0x36
+    REQUIRED_TIME_DELAY_NOT_EXPIRED = 0x37
+    UPLOAD_DOWNLOAD_NOT_ACCEPTED = 0x70
+    TRANSFER_DATA_SUSPENDED = 0x71
+    GENERAL_PROGRAMMING_FAILURE = 0x72
+    WRONG_BLOCK_SEQUENCE_COUNTER = 0x73
+    RESPONSE_PENDING = 0x78
+    SUB_FUNCTION_NOT_SUPPORTED_IN_ACTIVE_SESSION = 0x7E
+    SERVICE_NOT_SUPPORTED_IN_ACTIVE_SESSION = 0x7F
+
+
+MEANINGS = {
+    Code.SERVICE_NOT_SUPPORTED: "no such service",
+    Code.SUB_FUNCTION_NOT_SUPPORTED: "no such sub-function",
+    Code.INCORRECT_MESSAGE_LENGTH: "the request is too short or too long",
+    Code.RESPONSE_TOO_LONG: "the response would not fit into 4095 bytes",
+    Code.BUSY_REPEAT_REQUEST: "the request before is still being worked on",
+    Code.CONDITIONS_NOT_CORRECT: "not in this mode of the navigation computer",
+    Code.REQUEST_SEQUENCE_ERROR: "another request has to come before",
+    Code.REQUEST_OUT_OF_RANGE: "no such identifier, or a value beyond its limits",
+    Code.SECURITY_ACCESS_DENIED: "not unlocked",
+    Code.INVALID_KEY: "a wrong key",
+    Code.EXCEEDED_NUMBER_OF_ATTEMPTS: "the last of the wrong keys that are allowed",
+    Code.REQUIRED_TIME_DELAY_NOT_EXPIRED: "no seed until the delay after wrong keys is over",
+    Code.UPLOAD_DOWNLOAD_NOT_ACCEPTED: "a transfer cannot be begun now",
+    Code.TRANSFER_DATA_SUSPENDED: "more data than was announced",
+    Code.GENERAL_PROGRAMMING_FAILURE: "wrong CRC, not a calibration file, or it cannot be stored",
+    Code.WRONG_BLOCK_SEQUENCE_COUNTER: "a block is missing",
+    Code.RESPONSE_PENDING: "it takes longer; the response follows",
+    Code.SUB_FUNCTION_NOT_SUPPORTED_IN_ACTIVE_SESSION: "not this sub-function in this session",
+    Code.SERVICE_NOT_SUPPORTED_IN_ACTIVE_SESSION: "not in this session",
+}
+
+
+@dataclass(frozen=True)
+class Service:
+    """A service that the firmware has.
+
+    Attributes
+    ----------
+    number : int
+        The service identifier.
+    name : str
+    access : Access
+        Of the service as a whole; an identifier or routine may ask for more.
+    text : str
+    subfunctions : dict of int to str
+        Empty where the service has no sub-function.
+    only_in : dict of int to Access
+        Sub-functions that ask for more than the service.
+    """
+
+    number: int
+    name: str
+    access: Access
+    text: str
+    subfunctions: dict[int, str]
+    only_in: dict[int, Access] = field(default_factory=dict)
+
+    @property
+    def positive(self) -> int:
+        """First byte of the positive response."""
+        return self.number + POSITIVE_OFFSET
+
+
+SERVICES = (
+    Service(
+        0x10,
+        "DiagnosticSessionControl",
+        ANYWHERE,
+        "Goes to a session; to the programming session from the extended one. Whatever was "
+        "unlocked is locked again; in the default session whatever was held for the tool is given "
+        "back.",
+        {0x01: "default", 0x02: "programming", 0x03: "extended"},
+        {0x02: EXTENDED},
+    ),
+    Service(
+        0x11,
+        "ECUReset",
+        EXTENDED,
+        "Powers the computer on anew once the response is out. A hard reset reads the parameter "
+        "memory again and begins an operation cycle; a soft one does neither.",
+        {0x01: "hardReset", 0x03: "softReset"},
+    ),
+    Service(
+        0x14,
+        "ClearDiagnosticInformation",
+        ANYWHERE,
+        "Clears one trouble code, or all (0xFFFFFF), with their freeze frames.",
+        {},
+    ),
+    Service(
+        0x19,
+        "ReadDTCInformation",
+        ANYWHERE,
+        "Reads trouble codes, their freeze frames and their counters.",
+        {
+            0x01: "reportNumberOfDTCByStatusMask",
+            0x02: "reportDTCByStatusMask",
+            0x03: "reportDTCSnapshotIdentification",
+            0x04: "reportDTCSnapshotRecordByDTCNumber",
+            0x06: "reportDTCExtDataRecordByDTCNumber",
+            0x0A: "reportSupportedDTC",
+            0x14: "reportDTCFaultDetectionCounter",
+        },
+    ),
+    Service(0x22, "ReadDataByIdentifier", ANYWHERE, "Reads up to 16 identifiers at once.", {}),
+    Service(
+        0x23,
+        "ReadMemoryByAddress",
+        EXTENDED,
+        "Reads the RAM image; an address is an offset in it.",
+        {},
+    ),
+    Service(
+        0x27,
+        "SecurityAccess",
+        EXTENDED,
+        "Unlocks what changes the computer. After three wrong keys no seed is given for 10 s.",
+        {0x01: "requestSeed", 0x02: "sendKey"},
+    ),
+    Service(
+        0x28,
+        "CommunicationControl",
+        EXTENDED,
+        "Stops the cyclic messages, or lets them go on: normal messages (type 0x01: status, "
+        "faults, navigation), network management (0x02: heartbeat), or both (0x03). The axis "
+        "commands are always sent.",
+        {0x00: "enableRxAndTx", 0x01: "enableRxAndDisableTx"},
+    ),
+    Service(
+        0x2E,
+        "WriteDataByIdentifier",
+        EXTENDED,
+        "Writes a parameter into the parameter memory; it is in force from the next reset on.",
+        {},
+    ),
+    Service(
+        0x2F,
+        "InputOutputControlByIdentifier",
+        EXTENDED,
+        "Takes an output from the navigation computer, or gives it back.",
+        {},
+    ),
+    Service(
+        0x31,
+        "RoutineControl",
+        EXTENDED,
+        "Starts and stops routines, and reads their results.",
+        {0x01: "startRoutine", 0x02: "stopRoutine", 0x03: "requestRoutineResults"},
+    ),
+    Service(0x34, "RequestDownload", PROGRAMMING, "Begins to push a calibration file.", {}),
+    Service(0x35, "RequestUpload", EXTENDED, "Begins to pull the calibration file.", {}),
+    Service(0x36, "TransferData", EXTENDED, "A block of the file.", {}),
+    Service(
+        0x37,
+        "RequestTransferExit",
+        EXTENDED,
+        "Ends a transfer, with the CRC-32 of all data; a calibration file is checked and stored.",
+        {},
+    ),
+    Service(0x3E, "TesterPresent", ANYWHERE, "Keeps the session.", {0x00: "zeroSubFunction"}),
+    Service(
+        0x85,
+        "ControlDTCSetting",
+        EXTENDED,
+        "Stops the setting of trouble codes, or lets it go on.",
+        {0x01: "on", 0x02: "off"},
+    ),
+)
+"""The services, by number."""

@@ -1,0 +1,218 @@
+"""The UDS server: sessions, the order of checks, and what becomes of a response (ISO 14229-1, 8.7).
+
+It knows no frames and no clock: requests and the time come in, responses go out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import IntEnum
+
+from firmware_py.diagnostics import access
+from firmware_py.diagnostics.access import Access, Session
+from firmware_py.diagnostics.refusal import Answer, Later, RefusalError, require
+from firmware_py.diagnostics.responses import NEGATIVE, SUPPRESS_BIT, Code, Service
+from firmware_py.diagnostics.table import SERVICE_BY_NUMBER
+
+_NS_PER_MS = 1_000_000
+_PENDING_SHARE = 0.8  # of P2 and P2*, after which a response pending is sent
+
+_SILENT_WHEN_FUNCTIONAL = frozenset(
+    {
+        Code.SERVICE_NOT_SUPPORTED,
+        Code.SUB_FUNCTION_NOT_SUPPORTED,
+        Code.REQUEST_OUT_OF_RANGE,
+        Code.SUB_FUNCTION_NOT_SUPPORTED_IN_ACTIVE_SESSION,
+        Code.SERVICE_NOT_SUPPORTED_IN_ACTIVE_SESSION,
+    }
+)
+
+
+class Reset(IntEnum):
+    """Sub-functions of ECUReset (0x11)."""
+
+    HARD = 0x01
+    SOFT = 0x03
+
+
+Handler = Callable[["Server", bytes], Answer]
+"""A service: takes the request after its identifier, without the suppress bit; returns the data of
+the response after its identifier, or raises `RefusalError`."""
+
+
+@dataclass
+class _Pending:
+    """A response that is still being made."""
+
+    service: int
+    later: Later
+    wanted: bool
+    is_functional: bool
+    due_ns: int
+
+
+class Part:
+    """What a group of services remembers; told when the session changes."""
+
+    def leave_session(self, session: Session) -> None:
+        """Give back what was held for a session; `session` is the next one."""
+
+    def work(self) -> None:
+        """Do what is to be done in an epoch, while `is_busy`."""
+
+    @property
+    def is_busy(self) -> bool:
+        """Whether `work` has to be called."""
+        return False
+
+
+class Server:
+    """A UDS server.
+
+    Attributes
+    ----------
+    session : Session
+    is_unlocked : bool
+    reset_wanted : Reset or None
+        Asked for by ECUReset; to be done once the response is out.
+    now_ns : int
+        Time of the present epoch.
+    parts : list of Part
+        What groups of services remember.
+    handlers : dict
+        The services, by number; each is one of the table.
+    """
+
+    def __init__(self) -> None:
+        self.session = Session.DEFAULT
+        self.is_unlocked = False
+        self.reset_wanted: Reset | None = None
+        self.now_ns = 0
+        self.parts: list[Part] = []
+        self.handlers: dict[int, Handler] = {}
+        self._pending: _Pending | None = None
+        self._last_ns = 0  # when the last request came or was answered
+
+    @property
+    def is_idle(self) -> bool:
+        """Whether nothing happens until the next request."""
+        return (
+            self._pending is None
+            and self.session == Session.DEFAULT
+            and self.reset_wanted is None
+            and not any(part.is_busy for part in self.parts)
+        )
+
+    @property
+    def is_busy(self) -> bool:
+        """Whether a response is still being made."""
+        return self._pending is not None
+
+    def allows(self, wanted: Access) -> bool:
+        """Return whether something may be had in the active session, locked or not."""
+        return wanted.allows_in(self.session)
+
+    def require_unlocked(self, wanted: Access) -> None:
+        """Raise `RefusalError` when something needs SecurityAccess that has not been passed."""
+        require(self.is_unlocked or not wanted.secured, Code.SECURITY_ACCESS_DENIED)
+
+    def enter_session(self, session: Session) -> None:
+        """Go to a session; what was unlocked is locked again."""
+        self.is_unlocked = False
+        for part in self.parts:
+            part.leave_session(session)
+        self.session = session
+
+    def power_on(self) -> None:
+        """Begin anew after a reset."""
+        self.enter_session(Session.DEFAULT)
+        self._pending = None
+        self.reset_wanted = None
+
+    def keep_session(self, now_ns: int) -> None:
+        """Begin the session's time anew, as while a response is on its way."""
+        self._last_ns = now_ns
+
+    def handle(self, request: bytes, is_functional: bool, now_ns: int) -> bytes | None:
+        """Act on a request; return the response, or None for none or not yet."""
+        self.now_ns = self._last_ns = now_ns
+        if not request:
+            return None
+        if self._pending is not None:
+            if is_functional:
+                return None
+            return bytes([NEGATIVE, request[0], Code.BUSY_REPEAT_REQUEST])
+        try:
+            return self._serve(request, is_functional)
+        except RefusalError as refusal:
+            return _refused(request[0], refusal.code, is_functional)
+
+    def _serve(self, request: bytes, is_functional: bool) -> bytes | None:
+        number, data = request[0], request[1:]
+        service = SERVICE_BY_NUMBER.get(number)
+        if service is None or self.reset_wanted is not None:
+            raise RefusalError(Code.SERVICE_NOT_SUPPORTED)
+        is_here = self.allows(service.access)
+        require(is_here, Code.SERVICE_NOT_SUPPORTED_IN_ACTIVE_SESSION)
+        self.require_unlocked(service.access)
+        wanted = True
+        if service.subfunctions:
+            data, wanted = self._subfunction(service, data)
+        answer = self.handlers[number](self, data)
+        if isinstance(answer, Later):
+            due_ns = self.now_ns + round(_PENDING_SHARE * access.P2_MS * _NS_PER_MS)
+            self._pending = _Pending(number, answer, wanted, is_functional, due_ns)
+            return self._poll(self._pending)
+        return bytes([service.positive]) + answer if wanted else None
+
+    def _subfunction(self, service: Service, data: bytes) -> tuple[bytes, bool]:
+        """Check the sub-function; return the data without suppress bit, and whether to answer."""
+        require(len(data) >= 1, Code.INCORRECT_MESSAGE_LENGTH)
+        chosen = data[0] & ~SUPPRESS_BIT
+        require(chosen in service.subfunctions, Code.SUB_FUNCTION_NOT_SUPPORTED)
+        own = service.only_in.get(chosen)
+        if own is not None:
+            is_here = self.allows(own)
+            require(is_here, Code.SUB_FUNCTION_NOT_SUPPORTED_IN_ACTIVE_SESSION)
+            self.require_unlocked(own)
+        return bytes([chosen]) + data[1:], not data[0] & SUPPRESS_BIT
+
+    def poll(self, now_ns: int) -> bytes | None:
+        """Go on by an epoch; return a response that has become due, or None."""
+        self.now_ns = now_ns
+        for part in self.parts:
+            if part.is_busy:
+                part.work()
+        response = None if self._pending is None else self._poll(self._pending)
+        if self._pending is not None:
+            self._last_ns = now_ns
+        elif self.session != Session.DEFAULT and self._is_timed_out():
+            self.enter_session(Session.DEFAULT)
+        return response
+
+    def _is_timed_out(self) -> bool:
+        return self.now_ns - self._last_ns >= access.S3_MS * _NS_PER_MS
+
+    def _poll(self, pending: _Pending) -> bytes | None:
+        try:
+            data = pending.later.poll()
+        except RefusalError as refusal:
+            self._pending = None
+            return _refused(pending.service, refusal.code, pending.is_functional)
+        if data is not None:
+            self._pending = None
+            service = SERVICE_BY_NUMBER[pending.service]
+            return bytes([service.positive]) + data if pending.wanted else None
+        if self.now_ns < pending.due_ns:
+            return None
+        pending.due_ns = self.now_ns + round(_PENDING_SHARE * access.P2_STAR_MS * _NS_PER_MS)
+        pending.wanted = True  # what was announced follows
+        return bytes([NEGATIVE, pending.service, Code.RESPONSE_PENDING])
+
+
+def _refused(service: int, code: Code, is_functional: bool) -> bytes | None:
+    """Return a negative response; None where a request to everybody is not for this computer."""
+    if is_functional and code in _SILENT_WHEN_FUNCTIONAL:
+        return None
+    return bytes([NEGATIVE, service, code])

@@ -1,0 +1,1 @@
+"""The services, one file per group of ISO 14229-1."""

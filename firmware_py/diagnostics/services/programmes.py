@@ -1,0 +1,291 @@
+"""What the routines do; `calibration` has a file of its own."""
+
+from __future__ import annotations
+
+from dbc.values import AxisState
+from firmware_py.diagnostics import table
+from firmware_py.diagnostics.codecs import Values
+from firmware_py.diagnostics.computer import AXIS_MODES, Computer
+from firmware_py.diagnostics.reader import FieldReader
+from firmware_py.diagnostics.records import Order
+from firmware_py.diagnostics.refusal import RefusalError
+from firmware_py.diagnostics.responses import Code
+from firmware_py.diagnostics.routines import RoutineState
+from firmware_py.diagnostics.writer import Job
+from firmware_py.modes import Fault, Mode
+
+_ARRIVED_DEG = 1.0  # the coarsest encoder steps by 1.4°
+_GRACE_S = 10.0
+
+
+class Programme:
+    """A routine at work.
+
+    Parameters
+    ----------
+    computer : Computer
+
+    Attributes
+    ----------
+    routine : Routine
+        Of the table.
+    state : RoutineState
+    ends_with_session : bool
+        Whether it is stopped when the tool goes.
+    """
+
+    name = ""
+    ends_with_session = False
+
+    def __init__(self, computer: Computer) -> None:
+        self.computer = computer
+        self.routine = table.routine(self.name)
+        self.state = RoutineState.NEVER_STARTED
+        sourced = [field for field in self.routine.results if field.source]
+        self._reader = FieldReader(computer.ram, sourced)
+
+    @property
+    def is_running(self) -> bool:
+        """Whether it runs."""
+        return self.state == RoutineState.RUNNING
+
+    @property
+    def can_be_stopped(self) -> bool:
+        """Whether there is something to stop."""
+        return self.is_running
+
+    @property
+    def was_started(self) -> bool:
+        """Whether it has results."""
+        return self.state != RoutineState.NEVER_STARTED
+
+    def forget(self) -> None:
+        """Be as after power-on."""
+        self.state = RoutineState.NEVER_STARTED
+
+    def may_start(self) -> bool:
+        """Return whether the computer's mode allows it."""
+        return True
+
+    def start(self, arguments: Values) -> None:
+        """Begin."""
+        self.state = RoutineState.RUNNING
+
+    def stop(self) -> None:
+        """End early."""
+        self.state = RoutineState.STOPPED
+
+    def work(self) -> None:
+        """Look after it in an epoch, while it runs."""
+
+    def is_settled(self) -> bool:
+        """Return whether the response to a request can be given."""
+        return True
+
+    def results(self) -> Values:
+        """Return the results so far."""
+        return {"state": int(self.state)} | self._reader.read()
+
+
+class _Ordered(Programme):
+    """A routine that orders a mode; it is in force in the step after."""
+
+    order = Order.NONE
+    modes_to_start: tuple[Mode, ...] = ()
+    running = Mode.STANDBY
+
+    def __init__(self, computer: Computer) -> None:
+        super().__init__(computer)
+        self._waits = False
+
+    def may_start(self) -> bool:
+        """Return whether the mode allows it."""
+        return self.computer.mode in self.modes_to_start
+
+    def start(self, arguments: Values) -> None:
+        """Begin."""
+        super().start(arguments)
+        self.computer.order(self.order)
+        self._waits = True
+
+    def work(self) -> None:
+        """Look after it in an epoch, while it runs."""
+        if self._waits:  # the step has taken the order by now
+            self._waits = False
+        if self.computer.mode != self.running:
+            self.state = self.ended()
+
+    def is_settled(self) -> bool:
+        """Return whether the response to a request can be given."""
+        return not self._waits
+
+    def ended(self) -> RoutineState:
+        """Return what became of it once the mode is another one."""
+        return RoutineState.DONE
+
+
+class SelfTest(_Ordered):
+    """The self-test."""
+
+    name = "self_test"
+    order = Order.SELF_TEST
+    modes_to_start = (Mode.STANDBY, Mode.FAULT)
+    running = Mode.SELF_TEST
+
+    def ended(self) -> RoutineState:
+        """Return what became of it once the mode is another one."""
+        failed = self.computer.state["modes"]["fault"] == Fault.SELF_TEST_FAILED
+        return RoutineState.FAILED if failed else RoutineState.DONE
+
+
+class Alignment(_Ordered):
+    """The alignment."""
+
+    name = "alignment"
+    order = Order.ALIGN
+    modes_to_start = (Mode.STANDBY,)
+    running = Mode.ALIGNMENT
+
+    def work(self) -> None:
+        """Look after it in an epoch, while it runs."""
+        super().work()
+        if self.is_running and self.computer.state["alignment"]["done"]:
+            self.state = RoutineState.DONE
+
+    def stop(self) -> None:
+        """End early."""
+        super().stop()
+        self.computer.order(Order.STANDBY)
+
+    def ended(self) -> RoutineState:
+        """Return what became of it once the mode is another one."""
+        if self.computer.state["alignment"]["done"]:
+            return RoutineState.DONE
+        failed = self.computer.mode == Mode.FAULT
+        return RoutineState.FAILED if failed else RoutineState.STOPPED
+
+
+class Rotation(_Ordered):
+    """The rotation scheme."""
+
+    name = "rotation"
+    order = Order.START_ROTATION
+    modes_to_start = (Mode.NAVIGATION_STRAPDOWN,)
+    running = Mode.NAVIGATION_ROTATING
+
+    @property
+    def can_be_stopped(self) -> bool:
+        """Whether the scheme runs, whoever has started it."""
+        return self.computer.mode == Mode.NAVIGATION_ROTATING
+
+    def stop(self) -> None:
+        """End early."""
+        super().stop()
+        self.computer.order(Order.STOP_ROTATION)
+
+    def ended(self) -> RoutineState:
+        """Return what became of it once the mode is another one."""
+        not_following = self.computer.state["sequencer"]["not_following"].any()
+        return RoutineState.FAILED if not_following else RoutineState.STOPPED
+
+
+class Standby(_Ordered):
+    """Back to STANDBY."""
+
+    name = "standby"
+    order = Order.STANDBY
+    modes_to_start = (Mode.ALIGNMENT, Mode.NAVIGATION_STRAPDOWN, Mode.NAVIGATION_ROTATING)
+
+    def work(self) -> None:
+        """Look after it in an epoch, while it runs."""
+        self._waits = False
+        at_standby = self.computer.mode == Mode.STANDBY
+        self.state = RoutineState.DONE if at_standby else RoutineState.FAILED
+
+
+class AxisTurn(Programme):
+    """A turn of one axis to an angle."""
+
+    name = "go_to_axis_angle"
+    ends_with_session = True
+
+    def __init__(self, computer: Computer) -> None:
+        super().__init__(computer)
+        self._axis = 0
+        self._target_deg = 0.0
+        self._epochs_left = 0
+
+    def may_start(self) -> bool:
+        """Return whether the mode allows it."""
+        return self.computer.mode in AXIS_MODES
+
+    def start(self, arguments: Values) -> None:
+        """Begin."""
+        axis, target = arguments["axis"], arguments["angle_deg"]
+        assert isinstance(axis, int)
+        assert isinstance(target, float)
+        super().start(arguments)
+        self._axis, self._target_deg = axis, target
+        state = self.computer.state
+        turn_deg = abs(target - float(state["assembly"]["encoder_angle_deg"][axis]))
+        seconds = 2.0 * turn_deg / float(state["parameters"]["turn_rate_dps"]) + _GRACE_S
+        self._epochs_left = round(seconds * 1e9 / self.computer.period_ns)
+        self.computer.turn_axis(axis, target)
+
+    def stop(self) -> None:
+        """End early."""
+        super().stop()
+        if self.computer.is_told(self._axis, self._target_deg):
+            self.computer.hold_axis(self._axis)
+
+    def work(self) -> None:
+        """Look after it in an epoch, while it runs."""
+        self._epochs_left -= 1
+        assembly = self.computer.state["assembly"]
+        angle_deg = float(assembly["encoder_angle_deg"][self._axis])
+        holds = assembly["axis_state"][self._axis] == AxisState.HOLDING
+        if not self.computer.is_told(self._axis, self._target_deg):
+            self.state = RoutineState.STOPPED  # somebody wants something else of it
+        elif holds and abs(angle_deg - self._target_deg) <= _ARRIVED_DEG:
+            self.state = RoutineState.DONE
+        elif self._epochs_left <= 0:
+            self.state = RoutineState.FAILED
+            self.computer.hold_axis(self._axis)
+
+    def results(self) -> Values:
+        """Return the results so far."""
+        assembly = self.computer.state["assembly"]
+        return {
+            "state": int(self.state),
+            "axis": self._axis,
+            "encoder_angle_deg": float(assembly["encoder_angle_deg"][self._axis]),
+            "axis_state": int(assembly["axis_state"][self._axis]),
+        }
+
+
+class RestoreSetUp(Programme):
+    """Empties the parameter memory."""
+
+    name = "restore_set_up"
+
+    def __init__(self, computer: Computer) -> None:
+        super().__init__(computer)
+        self._job: Job | None = None
+
+    def start(self, arguments: Values) -> None:
+        """Begin."""
+        super().start(arguments)
+        self._job = self.computer.parameters.replace({})
+
+    def is_settled(self) -> bool:
+        """Return whether the response to a request can be given."""
+        if self._job is None:
+            return True
+        if not self._job.done:
+            return False
+        went_well = self.computer.parameters.finish(self._job)
+        self._job = None
+        self.state = RoutineState.DONE if went_well else RoutineState.FAILED
+        if not went_well:
+            raise RefusalError(Code.GENERAL_PROGRAMMING_FAILURE)
+        return True

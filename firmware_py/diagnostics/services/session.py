@@ -1,0 +1,155 @@
+"""Diagnostic and communication management: 0x10, 0x11, 0x27, 0x28, 0x3E, 0x85."""
+
+from __future__ import annotations
+
+import hmac
+from collections.abc import Callable
+
+from firmware_py.diagnostics import access
+from firmware_py.diagnostics.access import Session
+from firmware_py.diagnostics.computer import Computer
+from firmware_py.diagnostics.refusal import RefusalError, require
+from firmware_py.diagnostics.responses import Code
+from firmware_py.diagnostics.server import Handler, Part, Reset, Server
+
+_NS_PER_MS = 1_000_000
+_NORMAL, _MANAGEMENT = 0x01, 0x02  # communication types of 0x28, a bit each
+_DISABLE_TRANSMISSION = 0x01
+_SETTING_OFF = 0x02
+
+
+def _exactly(data: bytes, length: int) -> None:
+    require(len(data) == length, Code.INCORRECT_MESSAGE_LENGTH)
+
+
+def session_control(server: Server, data: bytes) -> bytes:
+    """Go to a session (0x10)."""
+    _exactly(data, 1)
+    server.enter_session(Session(data[0]))
+    return data + access.P2_MS.to_bytes(2, "big") + (access.P2_STAR_MS // 10).to_bytes(2, "big")
+
+
+def reset(server: Server, data: bytes) -> bytes:
+    """Power on anew (0x11)."""
+    _exactly(data, 1)
+    server.reset_wanted = Reset(data[0])
+    return data
+
+
+def tester_present(server: Server, data: bytes) -> bytes:
+    """Keep the session (0x3E); that a request came has been noted."""
+    _exactly(data, 1)
+    return data
+
+
+class Lock(Part):
+    """SecurityAccess: a seed, and the key to it.
+
+    Parameters
+    ----------
+    secret : bytes
+    random_bytes : callable
+        Returns as many bytes as it is asked for, that nobody can foresee.
+    """
+
+    def __init__(self, secret: bytes, random_bytes: Callable[[int], bytes]) -> None:
+        self._secret = secret
+        self._random_bytes = random_bytes
+        self._seed = b""
+        self._attempts = 0
+        self._closed_until_ns = -1
+
+    def leave_session(self, session: Session) -> None:
+        """Forget the seed; wrong keys stay counted."""
+        self._seed = b""
+
+    def access(self, server: Server, data: bytes) -> bytes:
+        """Give a seed, or take a key (0x27)."""
+        if data[0] == access.SEED_SUBFUNCTION:
+            _exactly(data, 1)
+            return data + self._give_seed(server)
+        _exactly(data, 1 + access.KEY_SIZE)
+        self._take_key(server, data[1:])
+        return data[:1]
+
+    def _give_seed(self, server: Server) -> bytes:
+        if server.is_unlocked:
+            return bytes(access.SEED_SIZE)
+        require(server.now_ns >= self._closed_until_ns, Code.REQUIRED_TIME_DELAY_NOT_EXPIRED)
+        seed = self._random_bytes(access.SEED_SIZE)
+        self._seed = seed if any(seed) else bytes([1]) * access.SEED_SIZE  # zero says unlocked
+        return self._seed
+
+    def _take_key(self, server: Server, key: bytes) -> None:
+        require(bool(self._seed), Code.REQUEST_SEQUENCE_ERROR)
+        right = access.key_of(self._seed, self._secret)
+        self._seed = b""
+        if hmac.compare_digest(key, right):
+            self._attempts = 0
+            server.is_unlocked = True
+            return
+        self._attempts += 1
+        if self._attempts < access.ATTEMPTS:
+            raise RefusalError(Code.INVALID_KEY)
+        self._attempts = access.ATTEMPTS - 1  # one more after the delay
+        self._closed_until_ns = server.now_ns + access.ATTEMPT_DELAY_MS * _NS_PER_MS
+        raise RefusalError(Code.EXCEEDED_NUMBER_OF_ATTEMPTS)
+
+
+class Communication(Part):
+    """CommunicationControl.
+
+    Attributes
+    ----------
+    silent : int
+        Communication types that are not sent, a bit each: 1 normal messages, 2 network management.
+    """
+
+    def __init__(self) -> None:
+        self.silent = 0
+
+    def leave_session(self, session: Session) -> None:
+        """Let communication go on in the default session."""
+        if session == Session.DEFAULT:
+            self.silent = 0
+
+    def control(self, server: Server, data: bytes) -> bytes:
+        """Stop cyclic messages, or let them go on (0x28)."""
+        _exactly(data, 2)
+        types = data[1]
+        require(0 < types <= _NORMAL | _MANAGEMENT, Code.REQUEST_OUT_OF_RANGE)
+        if data[0] == _DISABLE_TRANSMISSION:
+            self.silent |= types
+        else:
+            self.silent &= ~types
+        return data[:1]
+
+
+class DTCSetting(Part):
+    """ControlDTCSetting."""
+
+    def __init__(self, computer: Computer) -> None:
+        self._held = computer.ram["diagnostics"]["held"]
+
+    def leave_session(self, session: Session) -> None:
+        """Let trouble codes be set in the default session."""
+        if session == Session.DEFAULT:
+            self._held[0] = False
+
+    def control(self, server: Server, data: bytes) -> bytes:
+        """Stop the setting of trouble codes, or let it go on (0x85)."""
+        _exactly(data, 1)
+        self._held[0] = data[0] == _SETTING_OFF
+        return data
+
+
+def handlers(lock: Lock, communication: Communication, setting: DTCSetting) -> dict[int, Handler]:
+    """Return the services of this group."""
+    return {
+        0x10: session_control,
+        0x11: reset,
+        0x27: lock.access,
+        0x28: communication.control,
+        0x3E: tester_present,
+        0x85: setting.control,
+    }

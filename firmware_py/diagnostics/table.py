@@ -1,0 +1,190 @@
+"""The one table of the diagnostics: what there is to read, write, control, start and find.
+
+Server, clients, docs and tests read it. Everything can be looked up by number and by name::
+
+    identifier("position").decode(data)       # {"latitude_deg": …, …}
+    routine("go_to_axis_angle").argument_layout.encode({"axis": 0, "angle_deg": 90.0})
+    trouble(0xD10387).name                    # "sensor_3_silent"
+"""
+
+from __future__ import annotations
+
+import functools
+import zlib
+from collections.abc import Iterable, Mapping
+from typing import Protocol, TypeVar
+
+from dbc.codec import load
+from firmware_py.diagnostics.codecs import Field, Layout
+from firmware_py.diagnostics.data import DataIdentifier
+from firmware_py.diagnostics.identifiers import READINGS
+from firmware_py.diagnostics.parameters import PARAMETERS
+from firmware_py.diagnostics.regions import Region, regions_of
+from firmware_py.diagnostics.responses import SERVICES, Service
+from firmware_py.diagnostics.routines import ROUTINES, Routine
+from firmware_py.diagnostics.trouble_table import TROUBLES
+from firmware_py.diagnostics.troubles import SNAPSHOT_IDENTIFIERS, Trouble
+
+__all__ = [
+    "EXTENDED_DATA",
+    "IDENTIFIERS",
+    "ROUTINES",
+    "SERVICES",
+    "SNAPSHOT",
+    "TROUBLES",
+    "UnknownError",
+    "crc32",
+    "functional_id",
+    "identifier",
+    "regions",
+    "request_id",
+    "response_id",
+    "routine",
+    "service",
+    "trouble",
+]
+
+IDENTIFIERS = (*READINGS, *PARAMETERS)
+"""All data identifiers."""
+
+EXTENDED_DATA: Mapping[int, Layout] = {
+    0x01: Layout(
+        (
+            Field("occurrences", "u16", text="how often the test has failed"),
+            Field("aging", "u8", text="operation cycles without the fault"),
+            Field("fault_detection_counter", "i8", text="-128 passed, 127 failed"),
+        )
+    ),
+}
+"""Extended data records of a trouble code, by record number."""
+
+
+class UnknownError(KeyError):
+    """There is no such thing in the table."""
+
+    def __str__(self) -> str:
+        return str(self.args[0])
+
+
+class _Numbered(Protocol):
+    @property
+    def number(self) -> int: ...
+    @property
+    def name(self) -> str: ...
+
+
+_T = TypeVar("_T", bound=_Numbered)
+
+
+def _by_number(things: Iterable[_T]) -> dict[int, _T]:
+    found: dict[int, _T] = {}
+    for thing in things:
+        assert thing.number not in found, f"{thing.name}: its number is taken"
+        found[thing.number] = thing
+    return found
+
+
+def _by_name(things: Iterable[_T]) -> dict[str, _T]:
+    found: dict[str, _T] = {}
+    for thing in things:
+        assert thing.name not in found, f"{thing.name}: the name is taken"
+        found[thing.name] = thing
+    return found
+
+
+IDENTIFIER_BY_NUMBER = _by_number(IDENTIFIERS)
+IDENTIFIER_BY_NAME = _by_name(IDENTIFIERS)
+ROUTINE_BY_NUMBER = _by_number(ROUTINES)
+ROUTINE_BY_NAME = _by_name(ROUTINES)
+TROUBLE_BY_NUMBER = _by_number(TROUBLES)
+TROUBLE_BY_NAME = _by_name(TROUBLES)
+SERVICE_BY_NUMBER = _by_number(SERVICES)
+
+
+def _find(kind: str, which: int | str, numbers: Mapping[int, _T], names: Mapping[str, _T]) -> _T:
+    found = numbers.get(which) if isinstance(which, int) else names.get(which)
+    if found is None:
+        shown = f"0x{which:04X}" if isinstance(which, int) else which
+        raise UnknownError(f"there is no {kind} {shown}")
+    return found
+
+
+def identifier(which: int | str) -> DataIdentifier:
+    """Return a data identifier by number or name.
+
+    Raises
+    ------
+    UnknownError
+        When there is none.
+    """
+    return _find("data identifier", which, IDENTIFIER_BY_NUMBER, IDENTIFIER_BY_NAME)
+
+
+def routine(which: int | str) -> Routine:
+    """Return a routine by number or name.
+
+    Raises
+    ------
+    UnknownError
+        When there is none.
+    """
+    return _find("routine", which, ROUTINE_BY_NUMBER, ROUTINE_BY_NAME)
+
+
+def trouble(which: int | str) -> Trouble:
+    """Return a trouble code by number or name.
+
+    Raises
+    ------
+    UnknownError
+        When there is none.
+    """
+    return _find("trouble code", which, TROUBLE_BY_NUMBER, TROUBLE_BY_NAME)
+
+
+def service(number: int) -> Service:
+    """Return a service by its identifier.
+
+    Raises
+    ------
+    UnknownError
+        When there is none.
+    """
+    return _find("service", number, SERVICE_BY_NUMBER, {})
+
+
+SNAPSHOT = tuple(IDENTIFIER_BY_NAME[name] for name in SNAPSHOT_IDENTIFIERS)
+"""Data identifiers that a freeze frame has, in order."""
+
+
+@functools.cache
+def regions() -> tuple[Region, ...]:
+    """Return the memory regions that can be read: the RAM image and its parts."""
+    from firmware_py.memory import RAM
+
+    return regions_of(RAM)
+
+
+@functools.cache
+def request_id() -> int:
+    """CAN identifier of requests to this computer."""
+    return load().frame_id("DIAG_REQUEST")
+
+
+@functools.cache
+def functional_id() -> int:
+    """CAN identifier of requests to everybody."""
+    return load().frame_id("DIAG_FUNCTIONAL")
+
+
+@functools.cache
+def response_id() -> int:
+    """CAN identifier of responses."""
+    return load().frame_id("DIAG_RESPONSE")
+
+
+@functools.cache
+def crc32() -> int:
+    """Return the CRC-32 of the table, by which a tool knows that it has the firmware's own."""
+    text = repr((IDENTIFIERS, ROUTINES, TROUBLES, SERVICES, sorted(EXTENDED_DATA.items())))
+    return zlib.crc32(text.encode())

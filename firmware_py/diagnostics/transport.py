@@ -1,0 +1,231 @@
+"""ISO-TP (ISO 15765-2) by the library can-isotp, in the time of the epoch counter.
+
+The library keeps its timers by the wall clock; they are public attributes of its layer. Whatever
+timer it sets there is taken as one of the same length on the epoch's clock: so timeouts and
+separation times are the same at any speed. The layer has no thread; it is run once in each slot of
+an epoch, and sends one consecutive frame in a slot at most.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import Any
+
+import isotp
+from isotp.protocol import PDU
+from isotp.tools import Timer
+
+from firmware_py.diagnostics import access, table
+
+_LEAST_FED = 16  # frames taken in an epoch
+_WAITING_EPOCHS = 8  # for which frames may wait
+_REQUESTS = 4  # requests that may wait
+_NS_PER_S = 1_000_000_000
+_NS_PER_MS = 1_000_000
+
+
+class _Clock:
+    """Time of the transport, ns."""
+
+    def __init__(self) -> None:
+        self.now_ns = 0
+
+
+class _EpochTimer(Timer):
+    """A timer of the library on a clock of ours; never shorter than `floor_ns`."""
+
+    def __init__(self, timeout_s: float, clock: _Clock, floor_ns: int = 0) -> None:
+        self._clock = clock
+        self._floor_ns = floor_ns
+        super().__init__(timeout_s)
+
+    def set_timeout(self, timeout: float) -> None:
+        self.timeout = max(round(timeout * _NS_PER_S), self._floor_ns)
+
+    def start(self, timeout: float | None = None) -> None:
+        if timeout is not None:
+            self.set_timeout(timeout)
+        self.start_time = self._clock.now_ns
+
+    def elapsed_ns(self) -> int:
+        return 0 if self.start_time is None else self._clock.now_ns - self.start_time
+
+    def elapsed(self) -> float:
+        return self.elapsed_ns() / _NS_PER_S
+
+    def is_timed_out(self) -> bool:
+        return self.start_time is not None and self.elapsed_ns() >= self.timeout
+
+
+class _Layer(isotp.TransportLayerLogic):
+    """The library's layer, its timers on a clock of ours."""
+
+    def __init__(self, clock: _Clock, separation_ns: int, **layer: Any) -> None:
+        self._clock = clock
+        self._separation_ns = separation_ns
+        super().__init__(**layer)
+        self.rate_limiter.disable()
+
+    @property
+    def timer_rx_fc(self) -> Timer:
+        return self._timer_rx_fc
+
+    @timer_rx_fc.setter
+    def timer_rx_fc(self, timer: Timer) -> None:
+        self._timer_rx_fc = _EpochTimer(timer.timeout / _NS_PER_S, self._clock)
+
+    @property
+    def timer_rx_cf(self) -> Timer:
+        return self._timer_rx_cf
+
+    @timer_rx_cf.setter
+    def timer_rx_cf(self, timer: Timer) -> None:
+        self._timer_rx_cf = _EpochTimer(timer.timeout / _NS_PER_S, self._clock)
+
+    @property
+    def timer_tx_stmin(self) -> Timer:
+        return self._timer_tx_stmin
+
+    @timer_tx_stmin.setter
+    def timer_tx_stmin(self, timer: Timer) -> None:
+        self._timer_tx_stmin = _EpochTimer(
+            timer.timeout / _NS_PER_S, self._clock, self._separation_ns
+        )
+
+
+def slots_per_epoch(period_ns: int) -> int:
+    """Return how many diagnostic frames an epoch has room for."""
+    return max(1, access.FRAMES_PER_SECOND * period_ns // _NS_PER_S)
+
+
+class Transport:
+    """Requests in, responses out.
+
+    Parameters
+    ----------
+    period_ns : int
+        Length of an epoch.
+
+    Attributes
+    ----------
+    dropped : int
+        Frames that were too many, since power-on.
+    """
+
+    def __init__(self, period_ns: int) -> None:
+        self._period_ns = period_ns
+        self._slots = slots_per_epoch(period_ns)
+        self._slot_ns = period_ns // self._slots
+        separation_ns = access.ST_MIN_MS * _NS_PER_MS
+        self._most_fed = max(_LEAST_FED, 2 * period_ns // separation_ns)
+        self._clock = _Clock()
+        self._waiting: deque[tuple[int, bytes]] = deque()
+        self._fed: deque[isotp.CanMessage] = deque()
+        self._functional: deque[bytes] = deque()
+        self._sent: deque[bytes] = deque()
+        self._functional_id = table.functional_id()
+        self._request_id = table.request_id()
+        self._layer = _Layer(
+            self._clock,
+            self._slot_ns,
+            rxfn=self._next_message,
+            txfn=lambda message: self._sent.append(bytes(message.data)),
+            address=isotp.Address(
+                isotp.AddressingMode.Normal_11bits,
+                txid=table.response_id(),
+                rxid=self._request_id,
+            ),
+            error_handler=lambda error: None,
+            params={
+                "stmin": access.ST_MIN_MS,
+                "blocksize": access.BLOCK_SIZE,
+                "tx_padding": access.PADDING,
+                "rx_flowcontrol_timeout": access.N_BS_MS,
+                "rx_consecutive_frame_timeout": access.N_CR_MS,
+                "max_frame_size": access.MESSAGE_CAPACITY,
+                "wftmax": 10,
+                "logger_name": "rrins.isotp",
+            },
+        )
+        self._layer.logger.disabled = True  # what goes wrong on the wire is the peer's to notice
+        self.dropped = 0
+
+    def _next_message(self) -> isotp.CanMessage | None:
+        return self._fed.popleft() if self._fed else None
+
+    @property
+    def is_idle(self) -> bool:
+        """Whether nothing is under way in either direction."""
+        return not (
+            self._waiting
+            or self._sent
+            or self._functional
+            or self._layer.available()
+            or self._layer.transmitting()
+            or self._layer.is_rx_active()
+        )
+
+    @property
+    def is_sending(self) -> bool:
+        """Whether a response is on its way."""
+        return bool(self._layer.transmitting() or self._sent)
+
+    def put(self, can_id: int, data: bytes) -> None:
+        """Take a frame from the bus; it is looked at in `begin`."""
+        if len(self._waiting) >= _WAITING_EPOCHS * self._most_fed:
+            self.dropped += 1
+            return
+        self._waiting.append((can_id, data))
+
+    def begin(self, now_ns: int) -> None:
+        """Begin an epoch: take in the frames that wait, as many as an epoch may take."""
+        self._clock.now_ns = now_ns
+        for _ in range(min(self._most_fed, len(self._waiting))):
+            can_id, data = self._waiting.popleft()
+            if can_id == self._functional_id:
+                self._take_functional(data)
+            else:
+                self._fed.append(isotp.CanMessage(arbitration_id=can_id, data=data))
+        self._layer.process()
+        while self._layer.rx_queue.qsize() > _REQUESTS:
+            self._layer.recv()
+            self.dropped += 1
+
+    def _take_functional(self, data: bytes) -> None:
+        """Take a functional request: a single frame, as ISO 15765-2 has it."""
+        try:
+            pdu = PDU(isotp.CanMessage(arbitration_id=self._functional_id, data=data))
+        except ValueError:
+            return
+        if pdu.type == PDU.Type.SINGLE_FRAME and len(self._functional) < _REQUESTS:
+            self._functional.append(bytes(pdu.data))
+
+    def receive_functional(self) -> bytes | None:
+        """Return the next request to everybody, or None."""
+        return self._functional.popleft() if self._functional else None
+
+    def receive(self) -> bytes | None:
+        """Return the next request to this computer, or None."""
+        request = self._layer.recv()
+        return None if request is None else bytes(request)
+
+    def send(self, response: bytes) -> None:
+        """Begin to send a response."""
+        self._layer.send(response)
+
+    def end(self) -> list[bytes]:
+        """End the epoch: return the frames to be sent in it, eight bytes each."""
+        begin_ns = self._clock.now_ns
+        self._layer.process(do_rx=False)
+        for slot in range(1, self._slots):
+            if len(self._sent) >= self._slots or not self._layer.transmitting():
+                break
+            self._clock.now_ns = begin_ns + slot * self._slot_ns
+            self._layer.process(do_rx=False)
+        return [self._sent.popleft() for _ in range(min(self._slots, len(self._sent)))]
+
+    def reset(self) -> None:
+        """Forget all that is under way."""
+        self._layer.reset()
+        for waiting in (self._waiting, self._fed, self._functional, self._sent):
+            waiting.clear()

@@ -1,0 +1,404 @@
+"""Every fault sets its trouble code, and no other."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from dbc.frame import ERR_FLAG, frame_array
+from firmware_py.diagnostics import table
+from firmware_py.diagnostics.fault_memory import FaultMemory
+from firmware_py.diagnostics.parameter_memory import ParameterMemory
+from firmware_py.diagnostics.troubles import Status, SystemFault
+from firmware_py.modes import Fault, Mode, ModeRequest
+
+FAILED = Status.TEST_FAILED
+HEALING = 403  # epochs from 127 over 0 to -128, a second each
+
+
+def faults_of(bench) -> FaultMemory:
+    return bench.firmware.diagnostics.faults
+
+
+def failed(bench, mask=FAILED):
+    """Return the names of the trouble codes that have a bit."""
+    return {trouble.name for trouble, _ in faults_of(bench).by_mask(mask)}
+
+
+def run(bench, epochs, change=lambda frames: frames):
+    for _ in range(epochs):
+        bench.step(change(bench.frames()))
+
+
+def without(index):
+    return lambda frames: [*frames[:index], *frames[index + 1 :]]
+
+
+def sensor_frame(tools, bench, group, counter=None, **raws):
+    """Return a frame of a sensor group as it would be sent, changed."""
+    gyro, accelerometer = bench.counts(bench.epoch)
+    values = {"gyro_dtheta": gyro[group - 1], "accelerometer_dv": accelerometer[group - 1]}
+    counter = bench.epoch if counter is None else counter
+    return tools.frame(f"SENSOR_{group}", counter, **(values | raws))
+
+
+def replaced(tools, bench, group, **changes):
+    def change(frames):
+        frames[group] = sensor_frame(tools, bench, group, **changes)
+        return frames
+
+    return change
+
+
+def test_a_sound_computer_has_no_trouble(at):
+    bench = at()
+    run(bench, 2100)
+    assert failed(bench, Status.TEST_FAILED_SINCE_LAST_CLEAR) == set()
+    incomplete = failed(bench, Status.TEST_NOT_COMPLETED_SINCE_LAST_CLEAR)
+    assert incomplete == {  # there was no occasion
+        "mode_command_silent",
+        "axis_inner_not_following",
+        "axis_outer_not_following",
+    }
+
+
+FRAME_FAULTS = {
+    "silent": (lambda tools, bench: without(2), 20),
+    "stale": (
+        lambda tools, bench: (
+            lambda frames: replaced(tools, bench, 2, counter=bench.epoch - 1)(frames)
+        ),
+        10,
+    ),
+    "crc": (
+        lambda tools, bench: (
+            lambda frames: [
+                *frames[:2],
+                harmed(frames[2]),
+                *frames[3:],
+            ]
+        ),
+        5,
+    ),
+    "counter": (lambda tools, bench: lambda frames: [*frames, frames[2]], 5),
+}
+
+
+def harmed(frame):
+    frame = frame.copy()
+    frame["data"] ^= np.uint64(1 << 40)
+    return frame
+
+
+@pytest.mark.parametrize("fault", FRAME_FAULTS)
+def test_faults_of_a_sensors_frames(at, tools, fault):
+    bench = at(bridge_s=10.0)
+    make, epochs = FRAME_FAULTS[fault]
+    run(bench, epochs - 1, make(tools, bench))
+    assert failed(bench) == set()
+    run(bench, 1, make(tools, bench))
+    assert failed(bench) == {f"sensor_2_{fault}"}
+    run(bench, HEALING)
+    assert failed(bench) == set()
+    assert failed(bench, Status.CONFIRMED) == {f"sensor_2_{fault}"}
+
+
+@pytest.mark.parametrize(
+    ("status", "name", "epochs"),
+    [
+        (1, "gyro_3_saturated", 10),
+        (2, "accelerometer_3_saturated", 10),
+        (4, "gyro_3_absent", 20),
+        (8, "accelerometer_3_absent", 20),
+    ],
+)
+def test_what_a_sensor_says_of_itself(at, tools, status, name, epochs):
+    bench = at()
+    run(bench, epochs - 1, lambda frames: replaced(tools, bench, 3, status=status)(frames))
+    assert failed(bench) == set()
+    run(bench, 1, lambda frames: replaced(tools, bench, 3, status=status)(frames))
+    assert failed(bench) == {name}
+
+
+class Noise:
+    """Counts with noise upon them, one sensor's standing still if wanted."""
+
+    def __init__(self, tools, bench, gyro=0, accelerometer=0, sigma=25.0):
+        self.tools, self.bench, self.stuck, self.sigma = tools, bench, (gyro, accelerometer), sigma
+        self.random = np.random.default_rng(4)
+
+    def __call__(self, frames):
+        gyros, accelerometers = self.bench.counts(self.bench.epoch)
+        for k in range(1, 1 + len(gyros)):
+            gyro = gyros[k - 1] + round(self.random.normal(0, self.sigma))
+            accelerometer = accelerometers[k - 1] + round(self.random.normal(0, self.sigma))
+            gyro = 37 if self.stuck[0] == k else gyro
+            accelerometer = accelerometers[k - 1] // 10 if self.stuck[1] == k else accelerometer
+            frames[k] = sensor_frame(
+                self.tools, self.bench, k, gyro_dtheta=gyro, accelerometer_dv=accelerometer
+            )
+        return frames
+
+
+@pytest.mark.parametrize(
+    ("stuck", "name"),
+    [({"gyro": 2}, "gyro_2_stuck"), ({"accelerometer": 4}, "accelerometer_4_stuck")],
+)
+def test_a_sensor_that_always_says_the_same_while_the_others_vary(at, tools, stuck, name):
+    bench = at(Mode.STANDBY)
+    bench._accelerometer = np.rint(bench._accelerometer)
+    noise = Noise(tools, bench, **stuck)
+    run(bench, 390, noise)
+    assert failed(bench) == set()
+    run(bench, 150, noise)
+    assert failed(bench) == {name}
+    noise.stuck = (0, 0)
+    run(bench, HEALING, noise)
+    assert failed(bench) == set()
+
+
+def test_sensors_that_stand_in_peace_are_not_stuck(at, tools):
+    bench = at(Mode.STANDBY)
+    bench._gyro, bench._accelerometer = np.rint(bench._gyro), np.rint(bench._accelerometer)
+    run(bench, 1000)
+    assert failed(bench) == set()
+
+
+def test_with_three_sensors_the_one_that_stands_is_stuck(at, tools):
+    axes = ((90.0, 0.0), (90.0, 90.0), (0.0, 0.0))
+    bench = at(Mode.STANDBY, gyro_axes_deg=axes, accelerometer_axes_deg=axes)
+    run(bench, 600, Noise(tools, bench, gyro=3))
+    assert failed(bench) == {"gyro_3_stuck"}
+
+
+def test_noise_is_not_stuck(at, tools):
+    bench = at(Mode.STANDBY)
+    run(bench, 1000, Noise(tools, bench, sigma=1.0))
+    assert failed(bench) == set()
+
+
+def axis_frames(tools, bench, axis=0, **raws):
+    name = ("AXIS_INNER_STATUS", "AXIS_OUTER_STATUS")[axis]
+
+    def change(frames):
+        frames[axis - 2] = tools.frame(name, bench.epoch, **({"state": 1} | raws))
+        return frames
+
+    return change
+
+
+def turning(tools, bench, angle_deg):
+    """Step with the inner axis turning at 10 °/s."""
+    raw = round(angle_deg / tools.scale_of("AXIS_INNER_STATUS", "encoder_angle_deg"))
+    change = axis_frames(tools, bench, 0, encoder_angle_deg=raw, encoder_rate_dps=5000)
+    bench.step(change(bench.frames()))
+
+
+def test_an_axis_that_does_not_follow(at):
+    bench = at(Mode.NAVIGATION_ROTATING)
+    run(bench, 60)
+    assert failed(bench) == {"axis_inner_not_following"}
+
+
+def test_an_axis_that_is_silent(at):
+    bench = at()
+    run(bench, 20, without(-2))
+    assert failed(bench) == {"axis_inner_silent"}
+
+
+def test_a_drive_that_reports_a_fault(at, tools):
+    bench = at()
+    run(bench, 10, lambda frames: axis_frames(tools, bench, 1, state=4)(frames))
+    assert failed(bench) == {"axis_outer_drive"}
+
+
+def test_an_encoder_that_jumps(at):
+    bench = at()
+    for k in range(6):
+        bench.axes_deg[1] = 5.0 * (k % 2)
+        bench.step()
+    assert failed(bench) == {"axis_outer_encoder"}
+
+
+def test_an_encoder_that_begins_anew_after_64_turns_does_not_jump(at, tools):
+    bench = at()
+    span = 64 * 360.0
+    for k in range(40):
+        turning(tools, bench, span / 2 + 0.05 * (k - 20))
+    assert "axis_inner_encoder" not in failed(bench)
+
+
+def test_an_axis_that_turns_too_fast(at, tools):
+    bench = at()
+    bench.state["parameters"]["turn_rate_dps"] = 2.0
+    for k in range(30):
+        turning(tools, bench, 0.05 * k)
+    assert failed(bench) == {"axis_inner_limit"}
+
+
+def test_sync_that_does_not_come_is_the_only_one_to_blame(at):
+    bench = at(bridge_s=10.0, axis_silence_s=10.0)
+    run(bench, 30, lambda frames: [])
+    assert failed(bench) == {"sync_silent"}
+
+
+def test_a_harmed_sync(at):
+    bench = at()
+    run(bench, 9, lambda frames: [harmed(frames[0]), *frames[1:]])
+    assert failed(bench) == {"sync_crc"}
+
+
+def test_the_operator_who_went(at, tools):
+    bench = at()
+    for k in range(100):
+        command = tools.frame("MODE_COMMAND", k, mode_request=ModeRequest.NAVIGATE_STRAPDOWN)
+        bench.step([*bench.frames(), command] if k % 20 == 0 else None)
+    assert failed(bench) == set()
+    run(bench, 260)
+    assert failed(bench) == {"mode_command_silent"}
+
+
+def test_overruns(at):
+    bench = at()
+    for _ in range(3):
+        bench.state["faults"]["overruns"] += 1
+        run(bench, 5)
+    assert failed(bench) == {"overrun"}
+
+
+def test_a_bus_that_is_full(at):
+    bench = at()
+    strangers = frame_array(30)
+    strangers["can_id"], strangers["length"] = 0x555, 8
+    run(bench, 400, lambda frames: [*frames, *strangers])
+    assert failed(bench) == {"bus_load"}
+    answer = bench.firmware.diagnostics.server.handle(bytes.fromhex("220104"), False, 0)
+    load = table.identifier("load").decode(answer[3:])
+    assert load["frames_per_epoch"] == pytest.approx(39.6, abs=1)
+    assert load["bus_load_percent"] == pytest.approx(99, abs=3)  # 40 of 125 bits in 5 ms
+
+
+@pytest.mark.parametrize(
+    ("can_id", "byte_1", "name"),
+    [(0x004, 0x10, "error_passive"), (0x004, 0x20, "error_passive"), (0x040, 0, "bus_off")],
+)
+def test_a_controller_in_trouble(at, can_id, byte_1, name):
+    bench = at()
+
+    def error(can_id, byte_1):
+        frames = frame_array(1)
+        frames["can_id"], frames["length"], frames["data"] = ERR_FLAG | can_id, 8, byte_1 << 8
+        return list(frames)
+
+    bench.step([*error(can_id, byte_1), *bench.frames()])
+    assert failed(bench) == {name}
+    bench.step([*error(0x100, 0), *bench.frames()])
+    run(bench, HEALING)
+    assert name not in failed(bench)
+
+
+def test_a_self_test_that_fails(tools):
+    bench = tools.Bench()
+    run(bench, 2010, without(3))
+    assert bench.mode == Mode.FAULT
+    assert failed(bench) == {"self_test_failed", "sensor_3_silent"}
+
+
+def test_an_alignment_that_fails(tools):
+    bench = tools.Bench(initial_attitude="self-aligned")
+    bench._accelerometer = bench._accelerometer * 1.1
+    bench.run_to(Mode.FAULT, ModeRequest.NAVIGATE_STRAPDOWN)
+    assert failed(bench) == {"alignment_failed"}
+
+
+def test_an_alignment_that_takes_too_long(tools):
+    bench = tools.Bench(alignment_s=1.0)
+    bench.run_to(Mode.ALIGNMENT, ModeRequest.NAVIGATE_STRAPDOWN)
+    for _ in range(450):
+        bench.state["alignment"]["epochs"] = 1  # it never gets anywhere
+        bench.step()
+    assert failed(bench) - {"mode_command_silent"} == {"alignment_not_converged"}
+
+
+def test_sensors_that_are_lost(at):
+    bench = at()
+    run(bench, 30, lambda frames: [frames[0], *frames[5:]])
+    assert bench.state["modes"]["fault"] == Fault.SENSORS_LOST
+    silent = {f"sensor_{k}_silent" for k in range(1, 5)}
+    assert failed(bench) == {"sensors_lost"} | silent
+
+
+def test_a_navigation_that_no_vehicle_can_have(at):
+    bench = at()
+    bench.state["ins"]["velocity_n"][0] = 4000.0
+    bench.step()
+    assert failed(bench) == {"navigation_implausible"}
+
+
+def test_a_clock_that_runs_off(at):
+    bench = at()
+    period_ns = bench.period_ns
+    own_ns = bench.epoch * period_ns
+    for _ in range(1400):
+        own_ns += round(period_ns * 1.0005)
+        frames = np.array(bench.frames())
+        bench.firmware.step(frames, 0, len(frames), own_ns)
+        bench.epoch += 1
+    assert "clock_off_nominal" in failed(bench)
+
+
+def test_a_sync_that_jumps(at):
+    bench = at()
+    bench.epoch += 1000
+    run(bench, 3)
+    assert "clock_jump" in failed(bench)
+
+
+@pytest.mark.parametrize(
+    ("fault", "name"),
+    [
+        (SystemFault.PARAMETER_COPY_DAMAGED, "parameter_copy_damaged"),
+        (SystemFault.PARAMETERS_LOST, "parameters_lost"),
+        (SystemFault.PARAMETER_OUT_OF_LIMITS, "parameter_out_of_limits"),
+    ],
+)
+def test_a_parameter_memory_in_trouble(at, monkeypatch, fault, name):
+    load = ParameterMemory.load
+
+    def damaged(memory):
+        load(memory)
+        memory.faults = 1 << fault
+
+    monkeypatch.setattr(ParameterMemory, "load", damaged)
+    bench = at(Mode.SELF_TEST)
+    run(bench, 2)
+    assert failed(bench) == {name}
+
+
+@pytest.fixture
+def with_altimeter(at, tools):
+    """Return a bench and what steps it with or without a frame of the altimeter."""
+    bench = at(altimeter=True)
+
+    def step(epochs, every=1, change=lambda frame: frame):
+        for k in range(epochs):
+            frames = bench.frames()
+            if every and k % every == 0:
+                frames.append(change(tools.frame("ALTIMETER", bench.epoch, height=40_000)))
+            bench.step(frames)
+
+    return bench, step
+
+
+def test_an_altimeter_that_is_silent(with_altimeter):
+    bench, step = with_altimeter
+    step(400, every=20)
+    assert failed(bench) == set()
+    step(150, every=0)
+    assert failed(bench) == {"altimeter_silent"}
+
+
+def test_an_altimeter_that_is_harmed(with_altimeter):
+    bench, step = with_altimeter
+    step(200, every=20, change=harmed)
+    assert failed(bench) == {"altimeter_crc"}
