@@ -62,6 +62,7 @@ class Firmware:
 
     def __init__(self, settings: Settings, trace: NavigationTrace | None = None) -> None:
         self.contract = load_contract()
+        self.settings = settings
         self.ram = power_on(settings, self.contract)
         self.inbox = frame_array(INBOX_CAPACITY)
         self.outbox = frame_array(OUTBOX_CAPACITY)
