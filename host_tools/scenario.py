@@ -102,11 +102,7 @@ class Scenario(Table):
                 is_given = key in of_preset and value == _plain(of_preset[key])
                 origin = f', of sensors = "{self.sensors}"' if is_given else ""
                 _check_count(f"{kind}.{key}", value, count, origin)
-        of_hardware = [fault for fault in self.faults if not isinstance(fault, FaultOnWire)]
-        if len(of_hardware) > FAULT_CAPACITY:
-            raise ValueError(
-                f"faults: {len(of_hardware)} of the hardware itself, {FAULT_CAPACITY} at most"
-            )
+        self._check_faults()
         if self.altimeter is not None and self.firmware.height_channel != "damped":
             raise ValueError('altimeter: is used with firmware.height_channel = "damped" only')
         moves = self.motion.kind in ("drive", "file")
@@ -144,6 +140,20 @@ class Scenario(Table):
         except ValidationError as error:
             raise ValueError(f"firmware.scheme: {error.errors()[0]['msg']}") from error
         return self
+
+    def _check_faults(self) -> None:
+        """Raise ValueError for faults that the hardware cannot have."""
+        counts = {"gyro": len(self.rimu.gyros), "accelerometer": len(self.rimu.accelerometers)}
+        for number, fault in enumerate(self.faults, 1):
+            if isinstance(fault, FaultOfSensor) and fault.sensor is not None:
+                count = counts[fault.kind.partition("_")[0]]
+                if fault.sensor > count:
+                    raise ValueError(f"faults.{number}.sensor: sensor {fault.sensor} of {count}")
+        of_hardware = sum(not isinstance(fault, FaultOnWire) for fault in self.faults)
+        if of_hardware > FAULT_CAPACITY:
+            raise ValueError(
+                f"faults: {of_hardware} of the hardware itself, {FAULT_CAPACITY} at most"
+            )
 
     def varied(self, **changes: Any) -> Scenario:
         """Return the scenario with some keys changed, checked.
