@@ -17,10 +17,11 @@ The keys are those of a scenario's tables; what is not named is taken as zero.
 
 from __future__ import annotations
 
+import difflib
 import math
 import tomllib
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,6 +38,9 @@ _PPM = 1e-6
 PerSensor = float | tuple[float, ...]
 """One number for all sensors, or one for each."""
 
+_Small = Annotated[float, Field(ge=-100_000, le=100_000)]  # a tenth; half a turn and more
+_SmallPerSensor = _Small | tuple[_Small, ...]
+
 
 class CalibrationError(Exception):
     """A calibration file that cannot be read or is wrong: one line that says which and why."""
@@ -45,10 +49,10 @@ class CalibrationError(Exception):
 class _Sensors(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
-    scale_error_ppm: PerSensor = 0.0
-    asymmetric_scale_error_ppm: PerSensor = 0.0
-    installation_u_arcsec: PerSensor = 0.0
-    installation_v_arcsec: PerSensor = 0.0
+    scale_error_ppm: _SmallPerSensor = 0.0
+    asymmetric_scale_error_ppm: _SmallPerSensor = 0.0
+    installation_u_arcsec: _SmallPerSensor = 0.0
+    installation_v_arcsec: _SmallPerSensor = 0.0
 
     @property
     def bias(self) -> PerSensor:
@@ -86,38 +90,58 @@ class Calibration(BaseModel):
     gyros: GyroCalibration = Field(default=GyroCalibration())
     accelerometers: AccelerometerCalibration = Field(default=AccelerometerCalibration())
 
+    def for_counts(self, gyros: int, accelerometers: int) -> Calibration:
+        """Return it, when it suits so many gyros and accelerometers.
 
-def load(path: Path) -> Calibration:
-    """Return the calibration that a TOML file holds.
+        Raises
+        ------
+        CalibrationError
+        """
+        tables = (
+            ("gyros", self.gyros, gyros),
+            ("accelerometers", self.accelerometers, accelerometers),
+        )
+        for kind, table, count in tables:
+            for key, value in table.model_dump().items():
+                if isinstance(value, tuple) and len(value) != count:
+                    raise CalibrationError(f"{kind}.{key}: {len(value)} values for {count} sensors")
+        return self
+
+
+def load(path: Path, gyros: int, accelerometers: int) -> Calibration:
+    """Return the calibration of so many gyros and accelerometers that a TOML file holds.
 
     Raises
     ------
     CalibrationError
     """
     try:
-        return Calibration.model_validate(tomllib.loads(path.read_text(encoding="utf-8")))
+        text = path.read_text(encoding="utf-8")
+        loaded = Calibration.model_validate(tomllib.loads(text))
+        return loaded.for_counts(gyros, accelerometers)
     except OSError as error:
         raise CalibrationError(f"calibration {path}: cannot be read: {error.strerror}") from error
     except ValidationError as error:
-        first = error.errors()[0]
-        where = ".".join(str(part) for part in first["loc"])
-        raise CalibrationError(f"calibration {path}: {where}: {first['msg']}") from error
-    except ValueError as error:
+        raise CalibrationError(f"calibration {path}: {_first_fault(error)}") from error
+    except CalibrationError as error:
+        raise CalibrationError(f"calibration {path}: {error}") from error
+    except (ValueError, RecursionError) as error:
         raise CalibrationError(f"calibration {path}: not TOML: {error}") from error
 
 
-def each(value: PerSensor, count: int, what: str) -> NDArray[np.float64]:
-    """Return a value for each of `count` sensors.
-
-    Raises
-    ------
-    CalibrationError
-        When there are more or fewer.
-    """
-    values = np.asarray(value, dtype=float)
-    if values.ndim and len(values) != count:
-        raise CalibrationError(f"calibration: {what}: {len(values)} values for {count} sensors")
-    return np.broadcast_to(values, (count,))
+def _first_fault(error: ValidationError) -> str:
+    first = max(error.errors(), key=lambda e: e["type"] == "extra_forbidden")
+    path = [str(part) for part in first["loc"] if isinstance(part, int) or part.isidentifier()]
+    where = ".".join(path)
+    if first["type"] != "extra_forbidden":
+        return f"{where}: {first['msg'][0].lower()}{first['msg'][1:]}, got {first['input']!r}"
+    tables: dict[str, type[BaseModel]] = {
+        "gyros": GyroCalibration,
+        "accelerometers": AccelerometerCalibration,
+    }
+    known = tables.get(path[0], Calibration) if len(path) > 1 else Calibration
+    near = difflib.get_close_matches(path[-1], known.model_fields, 1)
+    return f"{where}: no such key" + (f", did you mean {near[0]}?" if near else "")
 
 
 def input_axes(axes_deg: tuple[tuple[float, float], ...]) -> NDArray[np.float64]:
@@ -146,30 +170,20 @@ def fill(
     sensors: GyroCalibration | AccelerometerCalibration,
     dt: float,
 ) -> None:
-    """Put the calibration of the sensors of a kind into their `FUSION` record.
-
-    Raises
-    ------
-    CalibrationError
-        When it is for another number of sensors.
-    """
+    """Put the calibration of the sensors of a kind, of as many, into their `FUSION` record."""
     count = len(axes_deg)
-    kind, unit = (
-        ("gyros", _DPH) if isinstance(sensors, GyroCalibration) else ("accelerometers", _UG)
-    )
+    unit = _DPH if isinstance(sensors, GyroCalibration) else _UG
 
-    def column(value: PerSensor, key: str) -> NDArray[np.float64]:
-        return each(value, count, f"{kind}.{key}")
+    def column(value: PerSensor) -> NDArray[np.float64]:
+        return np.broadcast_to(np.asarray(value, dtype=float), (count,))
 
-    du = column(sensors.installation_u_arcsec, "installation_u_arcsec") * _ARCSEC
-    dv = column(sensors.installation_v_arcsec, "installation_v_arcsec") * _ARCSEC
+    du = column(sensors.installation_u_arcsec) * _ARCSEC
+    dv = column(sensors.installation_v_arcsec) * _ARCSEC
     U, V = _transverse(axes_deg)
     # h' = h - δu v - δv u, paper (13)
     fusion["H"][:count] = input_axes(axes_deg) - du[:, None] * V - dv[:, None] * U
-    fusion["bias_increment"][:count] = column(sensors.bias, "bias") * unit * dt
-    fusion["scale_error"][:count] = column(sensors.scale_error_ppm, "scale_error_ppm") * _PPM
-    fusion["asymmetric_scale_error"][:count] = (
-        column(sensors.asymmetric_scale_error_ppm, "asymmetric_scale_error_ppm") * _PPM
-    )
+    fusion["bias_increment"][:count] = column(sensors.bias) * unit * dt
+    fusion["scale_error"][:count] = column(sensors.scale_error_ppm) * _PPM
+    fusion["asymmetric_scale_error"][:count] = column(sensors.asymmetric_scale_error_ppm) * _PPM
     used = ("bias_increment", "scale_error", "asymmetric_scale_error")
     fusion["calibrated"] = any(fusion[name].any() for name in used)

@@ -39,6 +39,7 @@ PARAMETERS = _record(
         ("bridge_epochs", "<i8"),  # the longest gap that is bridged
         ("turn_rate_dps", "<f8"),
         ("axis_acceleration_dps2", "<f8"),
+        ("axis_rise_s", "<f8"),  # that an axis takes to reach that acceleration
         ("position_count", "<i8"),
         ("position_axis", "<i8", (SCHEME_CAPACITY,)),
         ("position_turn_deg", "<f8", (SCHEME_CAPACITY,)),

@@ -99,7 +99,10 @@ def _homing_epochs(sequencer: Any, parameters: Any) -> float:
 
 @njit(cache=True)
 def expected_angle_deg(sequencer: Any, parameters: Any, axis: int) -> float:
-    """Return where an axis ought to be by now: ramp up, turn at the full rate, ramp down."""
+    """Return where an axis ought to be by now: ramp up, turn at the full rate, ramp down.
+
+    An acceleration that takes its time to rise makes the turn later by half of that.
+    """
     start, target = sequencer.start_angle_deg[axis], sequencer.target_angle_deg[axis]
     turn = abs(target - start)
     acceleration = parameters.axis_acceleration_dps2
@@ -108,7 +111,9 @@ def expected_angle_deg(sequencer: Any, parameters: Any, axis: int) -> float:
         return target
     ramp_s = rate / acceleration
     total_s = turn / rate + ramp_s
-    t = sequencer.epochs * parameters.period_ns * 1e-9
+    t = sequencer.epochs * parameters.period_ns * 1e-9 - 0.5 * parameters.axis_rise_s
+    if t <= 0.0:
+        return start
     if t >= total_s:
         return target
     if t > total_s - ramp_s:

@@ -73,11 +73,14 @@ class Settings(_Checked):
     height_channel: Literal["held", "damped", "free"]
     bridge_s: float
     axis_acceleration_dps2: float
+    axis_rise_s: float = 0.0
     follow_tolerance_deg: float
     axis_silence_s: float
     scheme: Scheme
     altimeter: bool = False
     calibration: Calibration = Calibration()
+    calibration_file: str | None = None
+    """Where it is from."""
 
 
 def _fill_fusion(
@@ -104,13 +107,7 @@ def _fill_scheme(parameters: Any, scheme: Scheme, rate_hz: int) -> None:
 
 
 def power_on(settings: Settings, contract: NDArray[Any]) -> NDArray[Any]:
-    """Return the RAM image of a firmware that has just been switched on.
-
-    Raises
-    ------
-    CalibrationError
-        When the calibration is for another number of sensors.
-    """
+    """Return the RAM image of a firmware that has just been switched on."""
     ram = blank_ram()
     state = ram[0]
     parameters = state["parameters"]
@@ -132,6 +129,7 @@ def power_on(settings: Settings, contract: NDArray[Any]) -> NDArray[Any]:
     parameters["altimeter"] = settings.altimeter
     parameters["bridge_epochs"] = round(settings.bridge_s * rate_hz)
     parameters["axis_acceleration_dps2"] = settings.axis_acceleration_dps2
+    parameters["axis_rise_s"] = settings.axis_rise_s
     parameters["follow_tolerance_deg"] = settings.follow_tolerance_deg
     parameters["axis_silence_epochs"] = round(settings.axis_silence_s * rate_hz)
     _fill_scheme(parameters, settings.scheme, rate_hz)

@@ -31,6 +31,7 @@ HEIGHT_DAMPED = 1
 HEIGHT_FREE = 2
 
 _DAMPING_TIME = 100.0  # s, the triple real pole of the damped height channel
+_LONGEST_INTERVAL = 1.0  # s: a reference after a long silence says no more than one a second
 
 
 @njit(cache=True)
@@ -150,7 +151,7 @@ def _hold_height(ins: Any, height_channel: int) -> None:
         ins.velocity_n[2] = 0.0
         ins.height = ins.reference_height
     elif height_channel == HEIGHT_DAMPED:
-        dt = ins.reference_interval
+        dt = min(ins.reference_interval, _LONGEST_INTERVAL)
         if dt == 0.0:
             return
         error = ins.height - ins.reference_height

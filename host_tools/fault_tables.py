@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 import math
-from typing import Annotated, Literal
+from typing import Annotated, Final, Literal, get_args
 
 from pydantic import Field, model_validator
 
@@ -28,7 +28,7 @@ class _Timed(Table):
     def epochs(self, rate_hz: int) -> tuple[int, int]:
         """Return the first and the last epoch; -1 as the last means to the end."""
         first = round(self.at_s * rate_hz)
-        return first, -1 if self.for_s is None else first + round(self.for_s * rate_hz) - 1
+        return first, -1 if self.for_s is None else first + max(1, round(self.for_s * rate_hz)) - 1
 
 
 class FaultOnWire(_Timed):
@@ -145,3 +145,10 @@ class FaultOfSensor(_Timed):
 
 AnyFault = Annotated[FaultOnWire | FaultOfAxis | FaultOfSensor, Field(discriminator="kind")]
 """A fault; its kind says of what."""
+
+KINDS: Final[dict[str, type[Table]]] = {
+    kind: table
+    for table in (FaultOnWire, FaultOfAxis, FaultOfSensor)
+    for kind in get_args(table.model_fields["kind"].annotation)
+}
+"""The table that each kind of fault has."""

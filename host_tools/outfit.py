@@ -58,19 +58,21 @@ def firmware_settings(scenario: Scenario) -> firmware.Settings:
         height_channel=settings.height_channel,
         bridge_s=settings.bridge_s,
         axis_acceleration_dps2=scenario.axis_acceleration_dps2,
+        axis_rise_s=scenario.axis_rise_s,
         follow_tolerance_deg=settings.follow_tolerance_deg,
         axis_silence_s=settings.axis_silence_s,
         scheme=scenario.scheme,
         altimeter=scenario.altimeter is not None,
-        calibration=_calibration(settings.calibration),
+        calibration=_calibration(settings.calibration, len(gyros), len(accelerometers)),
+        calibration_file=settings.calibration,
     )
 
 
-def _calibration(path: str | None) -> Calibration:
+def _calibration(path: str | None, gyros: int, accelerometers: int) -> Calibration:
     if path is None:
         return Calibration()
     try:
-        return calibration.load(Path(path))
+        return calibration.load(Path(path), gyros, accelerometers)
     except CalibrationError as error:
         raise ScenarioError(str(error)) from error
 

@@ -17,7 +17,8 @@ from pydantic import BaseModel, Field, TypeAdapter, ValidationError, model_valid
 import firmware_py.settings
 from host_tools import presets
 from host_tools.errors import ScenarioError
-from host_tools.fault_tables import AnyFault, FaultOfAxis, FaultOfSensor, FaultOnWire
+from host_tools.fault_tables import KINDS, AnyFault, FaultOfAxis, FaultOfSensor, FaultOnWire
+from host_tools.hardware.memory import FAULT_CAPACITY
 from host_tools.motion.settings import Motion
 from host_tools.schemes import SCHEMES
 from host_tools.tables import (
@@ -94,8 +95,14 @@ class Scenario(Table):
             ("gyros", self.gyros, len(self.rimu.gyros)),
             ("accelerometers", self.accelerometers, len(self.rimu.accelerometers)),
         ):
+            of_preset = (
+                {} if self.sensors is None else presets.tables_of(self.sensors).get(kind, {})
+            )
             for key, value in table.model_dump().items():
-                _check_count(f"{kind}.{key}", value, count)
+                is_given = key in of_preset and value == _plain(of_preset[key])
+                origin = f', of sensors = "{self.sensors}"' if is_given else ""
+                _check_count(f"{kind}.{key}", value, count, origin)
+        self._check_faults()
         if self.altimeter is not None and self.firmware.height_channel != "damped":
             raise ValueError('altimeter: is used with firmware.height_channel = "damped" only')
         moves = self.motion.kind in ("drive", "file")
@@ -134,16 +141,36 @@ class Scenario(Table):
             raise ValueError(f"firmware.scheme: {error.errors()[0]['msg']}") from error
         return self
 
+    def _check_faults(self) -> None:
+        """Raise ValueError for faults that the hardware cannot have."""
+        counts = {"gyro": len(self.rimu.gyros), "accelerometer": len(self.rimu.accelerometers)}
+        for number, fault in enumerate(self.faults, 1):
+            if isinstance(fault, FaultOfSensor) and fault.sensor is not None:
+                count = counts[fault.kind.partition("_")[0]]
+                if fault.sensor > count:
+                    raise ValueError(f"faults.{number}.sensor: sensor {fault.sensor} of {count}")
+        of_hardware = sum(not isinstance(fault, FaultOnWire) for fault in self.faults)
+        if of_hardware > FAULT_CAPACITY:
+            raise ValueError(
+                f"faults: {of_hardware} of the hardware itself, {FAULT_CAPACITY} at most"
+            )
+
     def varied(self, **changes: Any) -> Scenario:
         """Return the scenario with some keys changed, checked.
 
         A change is ``key=value`` for a top-level key, ``table__key=value`` for one of a table.
+        Another preset of `sensors` takes the place of the one before; what the scenario has
+        changed of that stays changed.
 
         Raises
         ------
         ScenarioError
         """
         values = self.model_dump(exclude_unset=True)
+        if "sensors" in changes and self.sensors is not None:
+            for kind, before in presets.tables_of(self.sensors).items():
+                own = values[kind].items()
+                values[kind] = {k: v for k, v in own if k not in before or v != _plain(before[k])}
         for name, value in changes.items():
             table, _, key = name.partition("__")
             values[table] = (values.get(table) or {}) | {key: value} if key else value
@@ -168,12 +195,14 @@ class Scenario(Table):
         return min(table.inner.acceleration_limit_dps2, table.outer.acceleration_limit_dps2)
 
     @property
+    def axis_rise_s(self) -> float:
+        """How long the slower of the two axes takes to reach its acceleration."""
+        return max(self.turntable.inner.rise_s, self.turntable.outer.rise_s)
+
+    @property
     def settle_s(self) -> float:
         """How much longer a turn takes than at the full rate from beginning to end."""
-        ramp_s = self.firmware.turn_rate_dps / self.axis_acceleration_dps2
-        axes = (self.turntable.inner, self.turntable.outer)
-        rises_s = [a.acceleration_limit_dps2 / a.jerk_limit_dps3 for a in axes if a.jerk_limit_dps3]
-        return ramp_s + max(rises_s, default=0.0)
+        return self.firmware.turn_rate_dps / self.axis_acceleration_dps2 + self.axis_rise_s
 
     @property
     def navigation_epoch(self) -> int:
@@ -208,9 +237,14 @@ class Scenario(Table):
         return 1_000_000_000 // self.rate_hz
 
 
-def _check_count(where: str, value: Any, count: int) -> None:
+def _plain(value: Any) -> Any:
+    """Return a value of a TOML file as a model holds it."""
+    return tuple(value) if isinstance(value, list) else value
+
+
+def _check_count(where: str, value: Any, count: int, origin: str = "") -> None:
     if isinstance(value, tuple) and len(value) != count:
-        raise ValueError(f"{where}: {len(value)} values for {count} sensors")
+        raise ValueError(f"{where}: {len(value)} values for {count} sensors{origin}")
 
 
 def _check_weights(key: str, value: PerSensor, count: int) -> None:
@@ -306,10 +340,11 @@ def first_line(error: ValidationError, root: type[BaseModel] | None = None) -> s
     # A misspelt key tells more than the missing one; of the readings of a value that may be one
     # thing or another, the one that got furthest.
     first = max(error.errors(), key=lambda e: (e["type"] == "extra_forbidden", len(e["loc"])))
+    last = len(first["loc"]) - 1
     where = ".".join(
         str(part + 1) if isinstance(part, int) else part
-        for part in first["loc"]
-        if isinstance(part, int) or part.isidentifier()
+        for place, part in enumerate(first["loc"])
+        if isinstance(part, int) or (part.isidentifier() and (part not in KINDS or place == last))
     )
     if first["type"] == "extra_forbidden":
         near = difflib.get_close_matches(
@@ -339,10 +374,12 @@ def first_line(error: ValidationError, root: type[BaseModel] | None = None) -> s
 def _keys(location: tuple[int | str, ...], root: type[BaseModel]) -> list[str]:
     """Return the keys that a table of the model can have."""
     model: Any = root
+    turn = firmware_py.settings.Turn
+    of = {"operator": OperatorRequest, "turns": turn, "scheme": turn, "altimeter": Altimeter}
     for part in location:
-        if isinstance(part, str) and part in model.model_fields:
+        if part in KINDS:
+            model = KINDS[str(part)]
+        elif isinstance(part, str) and part in model.model_fields:
             annotation = model.model_fields[part].annotation
-            turn = firmware_py.settings.Turn
-            of = {"operator": OperatorRequest, "faults": FaultOnWire, "turns": turn, "scheme": turn}
             model = annotation if isinstance(annotation, type) else of.get(part, model)
     return list(model.model_fields)

@@ -138,9 +138,19 @@ def firmware_summary(firmware: Firmware) -> dict[str, Any]:
         "axes_not_following": [bool(flag) for flag in state["sequencer"]["not_following"]],
         "frames_received": firmware.frames_received,
         "frames_sent": firmware.frames_sent,
+        "calibration": _calibration_used(firmware),
         "clock_jumps": int(state["clock"]["jumps"]),
         "faults": {name: int(state["faults"][name]) for name in _COUNTERS},
     }
+
+
+def _calibration_used(firmware: Firmware) -> dict[str, Any] | None:
+    """Return the file of the calibration and what it says of the sensors; None without one."""
+    settings = firmware.settings
+    if settings.calibration_file is None:
+        return None
+    values = settings.calibration.model_dump(mode="json", exclude_unset=True)
+    return {"file": settings.calibration_file} | values
 
 
 def firmware_progress(firmware: Firmware) -> dict[str, Any]:

@@ -7,6 +7,7 @@ from typing import Any
 
 from rich.table import Table
 
+from host_tools.outfit import trajectory_of
 from host_tools.results import Errors, read_errors, write_errors, write_summary
 from host_tools.scenario import Scenario
 from host_tools.sides import NAVIGATION_ROWS, TRUTH_ROWS
@@ -19,6 +20,13 @@ def frames_lost(firmware: dict[str, Any], hardware: dict[str, Any]) -> int | Non
     up = int(hardware["frames_sent"]) - int(firmware["frames_received"])
     down = int(firmware["frames_sent"]) - int(hardware["frames_received"])
     return max(0, up) + max(0, down)
+
+
+def _motion_of(scenario: Scenario) -> dict[str, Any]:
+    """Return what the vehicle does, and what a recording had to be mended for."""
+    trajectory = trajectory_of(scenario)
+    notes = [] if trajectory is None else list(trajectory.notes)
+    return {"kind": scenario.motion.kind, "notes": notes}
 
 
 def summarise(
@@ -54,6 +62,7 @@ def summarise(
         "seed": scenario.seed,
         "initial_attitude": scenario.firmware.initial_attitude,
         "height_channel": scenario.firmware.height_channel,
+        "motion": _motion_of(scenario),
         "epochs": epochs,
         "wall_s": round(wall_s, 3),
         "epochs_per_s": round(epochs / wall_s, 1) if wall_s > 0 else 0.0,
@@ -138,6 +147,11 @@ def _wire_line(wire: dict[str, Any]) -> str:
     )
 
 
+def _keys_of(calibration: dict[str, Any]) -> str:
+    tables = (f"{kind} {', '.join(calibration[kind])}" for kind in calibration if kind != "file")
+    return "; ".join(tables) or "holds nothing"
+
+
 def lines_of(summary: dict[str, Any]) -> list[str]:
     """Return the lines below the table: how the run went."""
     firmware = summary["firmware"]
@@ -149,6 +163,10 @@ def lines_of(summary: dict[str, Any]) -> list[str]:
         f"initial attitude {summary['initial_attitude']}, height {summary['height_channel']}; "
         f"navigation sha256 {(summary['navigation_sha256'] or '-')[:16]}…",
     ]
+    lines.extend(f"motion: {note}" for note in summary["motion"]["notes"])
+    calibration = firmware.get("calibration")
+    if calibration is not None:
+        lines.append(f"calibration {calibration['file']}: {_keys_of(calibration)}")
     paper_s = (summary["paper"] or {}).get("duration_s")
     if paper_s not in (None, summary["duration_s"]):
         lines.append(

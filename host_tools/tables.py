@@ -14,6 +14,9 @@ from host_tools.geometry import GEOMETRIES, AxesDeg
 PerSensor = float | tuple[float, ...]
 """One number for all sensors, or one for each."""
 
+LONGEST_RISE_S = 10.0
+"""The longest that an axis' acceleration can take to rise."""
+
 _Magnitude = Annotated[float, Field(ge=0)]
 _NotNegative = _Magnitude | tuple[_Magnitude, ...]
 
@@ -136,6 +139,21 @@ class Axis(Table):
     """By how much the drive winds up before the table follows."""
     run_out_um: float = Field(default=0.0, ge=-100_000, le=100_000)
     """Distance of the sensors' centre from the axis."""
+
+    @property
+    def rise_s(self) -> float:
+        """How long the acceleration takes to rise."""
+        jerk = self.jerk_limit_dps3
+        return 0.0 if jerk is None else self.acceleration_limit_dps2 / jerk
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Axis:
+        if self.rise_s > LONGEST_RISE_S:
+            raise ValueError(
+                f"jerk_limit_dps3: the acceleration takes {self.rise_s:.3g} s to rise, "
+                f"{LONGEST_RISE_S:g} s at most"
+            )
+        return self
 
 
 class Turntable(Table):

@@ -6,6 +6,7 @@ seen anew only in epochs in which a fault begins or ends.
 
 from __future__ import annotations
 
+import math
 from enum import IntEnum
 from typing import Any
 
@@ -87,7 +88,8 @@ def _set_sensors(sensors: Any, what: int, target: int, value: float, dt: float) 
         elif what == _BIAS:
             sensors.fault_bias_increment[k] += value * dt
         elif what == _NOISE:
-            sensors.fault_noise_increment[k] += value * dt**0.5
+            before = sensors.fault_noise_increment[k]
+            sensors.fault_noise_increment[k] = math.sqrt(before * before + value * value * dt)
         else:
             sensors.absent |= 1 << k
 

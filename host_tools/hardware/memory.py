@@ -42,7 +42,9 @@ SENSORS = _record(
         ("resolution_increment", "<f8"),  # of the sensor itself; 0: finer than the frame's
         ("resolution_remainder", "<f8", (SENSOR_GROUPS,)),
         # Bandwidth and latency
-        ("lag_share", "<f8"),  # that the first-order low pass keeps over an epoch; 0: none
+        ("lags", "?"),
+        ("lag_share", "<f8"),  # of its state that the first-order low pass keeps over an epoch
+        ("lag_mean", "<f8"),  # the same on average over the epoch
         ("lag_state", "<f8", (SENSOR_GROUPS,)),
         ("latency_epochs", "<i8"),
         ("latency_fraction", "<f8"),  # of an epoch, on top
@@ -103,6 +105,7 @@ AXIS = _record(
         ("commanded_rate", "<f8"),  # rad/s
         ("drive_angle", "<f8"),  # rad, of the motor's shaft at the end of the epoch
         ("drive_rate", "<f8"),
+        ("drive_acceleration", "<f8"),
         ("sticks", "?"),
         ("load_angle", "<f8"),  # of the table but for the ripple
         ("angle", "<f8"),  # rad, of the table at the end of the epoch
@@ -116,7 +119,11 @@ AXIS = _record(
         ("profile_ramp", "<i8"),
         ("profile_cruise", "<i8"),
         ("profile_epoch", "<i8"),
-        ("brake_step", "<f8"),  # change of rate per epoch when braking
+        # Braking: what is left of the acceleration fades, then the rate goes to zero.
+        ("brake_acceleration", "<f8"),
+        ("brake_rate", "<f8"),
+        ("brake_epochs", "<i8"),
+        ("brake_epoch", "<i8"),
         # Faults
         ("blocked", "?"),
         ("runaway", "?"),

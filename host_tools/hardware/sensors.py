@@ -47,9 +47,14 @@ def installed_axis(
 
 @njit(cache=True)
 def _lagged(sensors: Any, k: int, x: float) -> float:
-    """Return what has passed bandwidth and latency of the input `x` so far."""
-    x += sensors.lag_share * (sensors.lag_state[k] - x)
-    sensors.lag_state[k] = x
+    """Return the increment that has passed bandwidth and latency of the input `x` so far.
+
+    The low pass is exact for a rate that is constant within each epoch: its state is the rate
+    at the epoch's end (as an increment), its output the integral over the epoch.
+    """
+    before = sensors.lag_state[k]
+    sensors.lag_state[k] = x + sensors.lag_share * (before - x)
+    x += sensors.lag_mean * (before - x)
     if sensors.latency_epochs == 0 and sensors.latency_fraction == 0.0:
         return x
     sensors.history[k, sensors.history_at] = x
@@ -71,7 +76,9 @@ def _analog(sensors: Any, k: int, x: float, force: float) -> float:
         scale -= sensors.asymmetric_scale_error[k]
     measured = scale * x + sensors.bias_increment[k] + sensors.fault_bias_increment[k]
     measured += sensors.force_coefficient[k] * force
-    noise = sensors.noise_increment[k] + sensors.fault_noise_increment[k]
+    noise, more = sensors.noise_increment[k], sensors.fault_noise_increment[k]
+    if more > 0.0:
+        noise = math.sqrt(noise * noise + more * more)
     if noise > 0.0:
         measured += noise * normal(sensors, k)
     return measured
@@ -104,7 +111,7 @@ def measure(sensors: Any, true_s: Any, dv_s: Any, unit: float, largest: int) -> 
         Largest count that the frame carries, either way.
     """
     sensors.saturated = 0
-    lags = sensors.lag_share > 0.0 or sensors.latency_epochs > 0 or sensors.latency_fraction > 0.0
+    lags = sensors.lags
     for k in range(sensors.count):
         axis = sensors.axis[k]
         x = axis[0] * true_s[0] + axis[1] * true_s[1] + axis[2] * true_s[2]

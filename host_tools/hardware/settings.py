@@ -205,14 +205,17 @@ def _fill_sensors(record: Any, sensors: SensorSet, dt: float, seed: np.random.Se
 
 
 def _fill_lag(record: Any, sensors: SensorSet, dt: float) -> None:
-    """Fill bandwidth and latency; the low pass has the step response of its time constant."""
+    """Fill bandwidth (first order, time constant 1 / (2π f)) and latency."""
     if sensors.bandwidth_hz is not None:
-        record["lag_share"] = math.exp(-2 * math.pi * sensors.bandwidth_hz * dt)
+        epochs = 2 * math.pi * sensors.bandwidth_hz * dt  # of an epoch, in time constants
+        record["lag_share"] = math.exp(-epochs)
+        record["lag_mean"] = -math.expm1(-epochs) / epochs
     epochs = sensors.latency_s / dt
     whole = math.floor(epochs + 1e-9)
     assert whole < LATENCY_CAPACITY - 1
     record["latency_epochs"] = whole
     record["latency_fraction"] = max(0.0, epochs - whole)
+    record["lags"] = sensors.bandwidth_hz is not None or sensors.latency_s > 0
 
 
 def _fill_drift(record: Any, sensors: SensorSet, dt: float) -> None:

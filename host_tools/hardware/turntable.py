@@ -2,8 +2,9 @@
 
 A turn is a trapezoid of the rate in whole epochs: ramp, cruise, ramp. Its peak rate is chosen so
 that the turn ends on the target exactly, never above the limits. Where the jerk is limited, the
-trapezoid is averaged over so many epochs as the acceleration needs to rise. The drive's rate is
-linear in time within each epoch. A new command brakes first.
+trapezoid is averaged over so many epochs as the acceleration needs to rise, and it cruises for as
+long at least. The drive's rate is linear in time within each epoch. A new command brakes first:
+at a constant deceleration, or where the jerk is limited with a rate that is a cubic of time.
 
 The load follows the drive: stiction holds it until the drive has wound up by a given angle, and
 the ripple of gears and motor is added, a function of the angle.
@@ -41,6 +42,8 @@ def _plan(axis: Any, dt: float) -> None:
     ramp_s = min(rate / axis.acceleration_limit, math.sqrt(length / axis.acceleration_limit))
     ramp = max(1, math.ceil(ramp_s / dt - _ROUNDING))
     cruise = max(0, math.ceil(length / (rate * dt) - ramp - _ROUNDING))
+    if axis.ramp_smoothing > 1:  # else one average would hold both ramps: twice the jerk
+        cruise = max(cruise, axis.ramp_smoothing)
     axis.profile_start = axis.drive_angle
     axis.profile_end = axis.target
     axis.profile_ramp = ramp
@@ -95,24 +98,49 @@ def _drive(axis: Any, dt: float) -> None:
 
 
 @njit(cache=True)
-def _brake(axis: Any, dt: float) -> None:
-    """Go on by one epoch towards standstill."""
-    if abs(axis.drive_rate) <= axis.brake_step:
-        axis.drive_angle += 0.5 * axis.drive_rate * dt
-        axis.drive_rate = 0.0
-        axis.state = AxisState.OFF if axis.command == AxisCommand.OFF else AxisState.HOLDING
-    else:
-        slower = axis.drive_rate - math.copysign(axis.brake_step, axis.drive_rate)
-        axis.drive_angle += 0.5 * (axis.drive_rate + slower) * dt
-        axis.drive_rate = slower
+def _plan_stop(axis: Any, dt: float) -> None:
+    """Plan how the rate falls to zero in whole epochs: straight, or as a cubic without a kink.
+
+    The cubic decelerates by 3/2 of the mean at most, its jerk is 6 rate / T² at most.
+    """
+    rate, limit = abs(axis.drive_rate), axis.acceleration_limit
+    seconds = rate / limit
+    if axis.ramp_smoothing > 1:
+        jerk = limit / (axis.ramp_smoothing * dt)
+        seconds = max(1.5 * seconds, math.sqrt(6.0 * rate / jerk))
+    axis.brake_rate = axis.drive_rate
+    axis.brake_epochs = max(1, math.ceil(seconds / dt - _ROUNDING))
+    axis.brake_epoch = 0
 
 
 @njit(cache=True)
 def _begin_brake(axis: Any, dt: float) -> None:
-    """Choose the deceleration that stops in whole epochs."""
-    epochs = max(1, math.ceil(abs(axis.drive_rate) / (axis.acceleration_limit * dt) - _ROUNDING))
-    axis.brake_step = abs(axis.drive_rate) / epochs
     axis.state = AxisState.BRAKING
+    axis.brake_acceleration = axis.drive_acceleration if axis.ramp_smoothing > 1 else 0.0
+    if axis.brake_acceleration == 0.0:
+        _plan_stop(axis, dt)
+
+
+@njit(cache=True)
+def _brake(axis: Any, dt: float) -> None:
+    """Go on by one epoch towards standstill; a limited jerk lets the acceleration fade first."""
+    before = axis.drive_rate
+    if axis.brake_acceleration != 0.0:
+        step = axis.acceleration_limit / axis.ramp_smoothing
+        left = max(0.0, abs(axis.brake_acceleration) - step)
+        axis.brake_acceleration = math.copysign(left, axis.brake_acceleration)
+        axis.drive_rate += axis.brake_acceleration * dt
+        if axis.brake_acceleration == 0.0:
+            _plan_stop(axis, dt)
+    else:
+        axis.brake_epoch += 1
+        left = 1.0 - axis.brake_epoch / axis.brake_epochs
+        share = left * left * (3.0 - 2.0 * left) if axis.ramp_smoothing > 1 else left
+        axis.drive_rate = axis.brake_rate * share
+        if axis.brake_epoch >= axis.brake_epochs:
+            axis.drive_rate = 0.0
+            axis.state = AxisState.OFF if axis.command == AxisCommand.OFF else AxisState.HOLDING
+    axis.drive_angle += 0.5 * (before + axis.drive_rate) * dt
 
 
 @njit(cache=True)
@@ -160,13 +188,15 @@ def advance(axis: Any, dt: float) -> None:
     if axis.blocked:  # stands at once, and starts anew when released
         axis.rate_before = 0.0
         axis.rate = 0.0
-        axis.drive_rate = 0.0
+        axis.drive_rate = axis.drive_acceleration = 0.0
         axis.drive_angle = axis.load_angle
         axis.state = AxisState.HOLDING
         return
     wanted = axis.command == AxisCommand.POSITION
+    rate_before = axis.drive_rate
     if axis.runaway:
         _run_away(axis, dt)
+        axis.drive_acceleration = (axis.drive_rate - rate_before) / dt
         _follow(axis, dt)
         return
     if axis.state == AxisState.MOVING and (not wanted or axis.target != axis.profile_end):
@@ -183,6 +213,7 @@ def advance(axis: Any, dt: float) -> None:
         _brake(axis, dt)
     elif axis.rate == 0.0 and axis.load_angle == axis.drive_angle:
         return
+    axis.drive_acceleration = (axis.drive_rate - rate_before) / dt
     _follow(axis, dt)
 
 

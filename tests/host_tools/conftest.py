@@ -13,6 +13,9 @@ from pathlib import Path
 
 import pytest
 
+from host_tools.direct import run_without_frames
+from host_tools.results import read_errors
+
 COMMAND = (sys.executable, "-m", "host_tools")
 
 
@@ -112,3 +115,15 @@ def assert_gone():
         assert not [number for number in numbers if is_alive(number)]
 
     return check
+
+
+@pytest.fixture
+def fly(tmp_path_factory):
+    """Run a scenario without frames; return the firmware's summary and the errors."""
+
+    def flyer(scenario):
+        folder = tmp_path_factory.mktemp("flown")
+        firmware, _, _ = run_without_frames(scenario, folder)
+        return firmware, read_errors(folder, scenario.rate_hz)
+
+    return flyer
