@@ -20,7 +20,8 @@ from host_tools.errors import FirmwareFaultError, RehearsalError
 from host_tools.faults import FaultAction
 from host_tools.injection import active_faults, fault_command, send_command
 from host_tools.port import Address
-from host_tools.recorder import RecordError, check_path
+from host_tools.logs.errors import RecordError
+from host_tools.logs.formats import check_path
 from host_tools.rehearsal import Interrupted, Rehearsal, default_address
 from host_tools.report import Report
 from host_tools.results import Errors
