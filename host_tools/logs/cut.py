@@ -131,6 +131,28 @@ def _first_heard(frames: Any, kinds: Any, end: int, last: int, sync: Any) -> int
 
 
 @njit(cache=True)
+def _start_unsynchronised(
+    frames: Any, kinds: Any, begin: int, start: int, last: int, sync: Any
+) -> int:
+    """Return up to where the firmware had the frames in a step before which it had no SYNC.
+
+    With the first one it takes over the epoch, so its commands carry that: when they do not, the
+    SYNC came too late for the step, though it is before the answer in the log.
+    """
+    counter = counter_of(frames[last]["data"])
+    for n in range(begin, start):
+        if kinds[n] != SYNC or not crc_holds(frames[n], sync.message):
+            continue
+        if counter_of(frames[n]["data"]) != counter:
+            return n
+        for k in range(last + 1, len(frames)):  # by its own count, by chance, it was the same
+            if kinds[k] == LAST_COMMAND:
+                return n if counter_of(frames[k]["data"]) == counter else start
+        return start
+    return start
+
+
+@njit(cache=True)
 def _is_last(frames: Any, kinds: Any, k: int) -> bool:
     """Return whether a frame is the last one of its step.
 
@@ -169,6 +191,9 @@ def by_firmware(
         if state.begun == 0:
             begin = _first_heard(frames, kinds, start, k, contract.sync)
             state.begun = 1
+        end = start
+        if state.synchronised == 0:
+            start = _start_unsynchronised(frames, kinds, begin, start, k, contract.sync)
         for n in range(begin, start):
             if kinds[n] == SYNC:
                 _note_sync(state, frames[n], contract.sync)
@@ -182,6 +207,9 @@ def by_firmware(
             state.epoch += 1
             epochs[closed] = state.epoch if state.synchronised else NO_EPOCH
             closed += 1
+        for n in range(start, end):  # for the next step
+            if kinds[n] == SYNC:
+                _note_sync(state, frames[n], contract.sync)
         state.step += lost + 1
         begin = k + 1
     return begin, closed
