@@ -9,6 +9,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from dbc.codec import unpack
+from dbc.contract import load_contract
 from dbc.e2e import COUNTER_MODULUS, counter_of, crc_holds
 from firmware_py.intake import ADOPT_BEYOND
 
@@ -254,3 +255,24 @@ def by_hardware(
         state.seen[frame.can_id] = 1
         step[k] = state.step if state.begun else NO_STEP
     return begin, closed
+
+
+@njit(cache=True)
+def _by_sync(frames: Any, contracts: Any, epoch: int, out: Any) -> int:
+    sync = contracts[0].sync
+    for k in range(len(frames)):
+        frame = frames[k]
+        if frame.can_id == sync.message.can_id and crc_holds(frame, sync.message):
+            found = _sync_epoch(frame, sync, epoch, epoch != NO_EPOCH)
+            if found > epoch or epoch - found > ADOPT_BEYOND:
+                epoch = found
+        out[k] = epoch
+    return epoch
+
+
+def epochs_by_sync(frames: Any, epoch: int, out: NDArray[np.int64]) -> int:
+    """Write the epoch that the last SYNC before each frame, or it, has opened; return the last.
+
+    `epoch` is that of the frame before, `NO_EPOCH` where there was no SYNC.
+    """
+    return int(_by_sync(frames, load_contract(), epoch, out))
