@@ -42,7 +42,12 @@ class _Speed(click.ParamType[float | None]):
         return speed
 
 
-_ELSEWHERE: dict[str, str] = {}
+_ELSEWHERE: dict[str, str] = {
+    "record": "host_tools.logs.command:record",
+    "replay": "host_tools.logs.command:replay",
+    "export": "host_tools.logs.command:export",
+    "plot": "host_tools.logs.command:plot",
+}
 """Commands that stand in their own rooms, name to `module:command`; imported when asked for."""
 
 

@@ -114,6 +114,39 @@ class Comparison:
         """Whether nothing differs so far."""
         return self.first is None
 
+    def text(self) -> str:
+        """Return the first difference as a line."""
+        first = self.first
+        if first is None:
+            return f"no difference in {self.frames} frames"
+        what = first.message if first.signal is None else f"{first.message}.{first.signal}"
+        ours, theirs = (
+            f"{value} in {name}" for value, name in zip(first.values, self.names, strict=True)
+        )
+        return f"the first difference is at epoch {first.epoch}: {what} is {ours}, {theirs}"
+
+    def summary(self) -> dict[str, Any]:
+        """Return what was found in plain values, signals in the order of their first epochs."""
+        rows = sorted(self.tallies.items(), key=lambda item: item[1].first_epoch)
+        return {
+            "frames": self.frames,
+            "is_same": self.is_same,
+            "first_epoch": None if self.first is None else self.first.epoch,
+            "first_message": None if self.first is None else self.first.message,
+            "first_signal": None if self.first is None else self.first.signal,
+            "first_values": None if self.first is None else list(self.first.values),
+            "signals": [
+                {
+                    "signal": f"{message}.{signal}" if signal else f"{message} (whole frames)",
+                    "first_epoch": tally.first_epoch,
+                    "frames": tally.frames,
+                    "largest": tally.largest,
+                    "unit": tally.unit,
+                }
+                for (message, signal), tally in rows
+            ],
+        }
+
     def add(self, ours: Sent, theirs: Sent) -> None:
         """Compare a block; all frames of its keys are to be in it."""
         ours, theirs = self._wanted(ours), self._wanted(theirs)

@@ -35,6 +35,7 @@ NO_STEP = cut.NO_STEP
 _LOOK_AHEAD = 20_000  # frames within which the firmware is heard, if it is in the log at all
 _MOST_OPEN = 1 << 20  # frames that wait for the end of their step
 _ROOM = 1024
+_EVERY_EPOCH = ("SENSOR_", "AXIS_")
 
 
 @dataclass(frozen=True)
@@ -78,9 +79,8 @@ def _identifier_table() -> NDArray[np.int64]:
     for message in codec.database.messages:
         sender = message.senders[0] if message.senders else ""
         table[message.frame_id] = of_sender.get(sender, cut.STRANGER)
-        if message.name.startswith("SENSOR_") or message.name.endswith("_STATUS"):
-            if sender == "HARDWARE" and message.name != "FAULT_STATUS":
-                table[message.frame_id] = cut.EVERY_EPOCH
+        if sender == "HARDWARE" and message.name.startswith(_EVERY_EPOCH):
+            table[message.frame_id] = cut.EVERY_EPOCH
     table[codec.frame_id("SYNC")] = cut.SYNC
     table[codec.frame_id("AXIS_INNER_COMMAND")] = cut.COMMAND
     table[codec.frame_id("AXIS_OUTER_COMMAND")] = cut.LAST_COMMAND
@@ -162,9 +162,7 @@ class Cutter:
         epochs = np.zeros(len(frames) + _ROOM, dtype=np.int64)
         first = int(self._state[0]["step"])
         way = cut.by_firmware if self.has_firmware else cut.by_hardware
-        used, closed = way(
-            frames, kinds, self._contract, self._messages, self._state, step, epochs
-        )
+        used, closed = way(frames, kinds, self._contract, self._messages, self._state, step, epochs)
         return Steps(
             frames[:used],
             piece.time_s[:used],

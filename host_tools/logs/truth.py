@@ -80,34 +80,33 @@ class Truth:
         sent_ends = np.searchsorted(sent_step, numbers, side="right").tolist()
         start = sent_start = 0
         for k, (end, sent_end) in enumerate(zip(ends, sent_ends, strict=True)):
-            self._step(int(steps.epochs[k]), frames[start:end])
+            self.why_not = self._step(int(steps.epochs[k]), frames[start:end])
             if self.why_not is not None:
-                return
+                break
             self._inbox = np.concatenate([self._inbox, sent[sent_start:sent_end]])
             start, sent_start = end, sent_end
         self._waiting, self._waiting_step = frames[start:].copy(), step[start:].copy()
 
-    def _step(self, epoch: int, received: FrameArray) -> None:
+    def _step(self, epoch: int, received: FrameArray) -> str | None:
+        """Run an epoch; return why it is not the recorded one, if so."""
         if epoch < 0:  # the hardware was not there yet
             self._inbox = frame_array(0)
-            return
+            return None
         if epoch != self._epoch:
-            self.why_not = f"epoch {epoch} of the log follows epoch {self._epoch - 1}"
-            return
+            return f"epoch {epoch} of the log follows epoch {self._epoch - 1}"
         if epoch > self._epochs:
-            self.why_not = f"the scenario ends at epoch {self._epochs}"
-            return
+            return f"the scenario ends at epoch {self._epochs}"
         is_ours = np.isin(received["can_id"], self._identifiers)
         frames, count = self._hardware.open_epoch(epoch, self._inbox, len(self._inbox))
         self._computed = np.concatenate([self._computed, frames[:count]])
         self._recorded = np.concatenate([self._recorded, received[is_ours]])
         if not self._agree():
-            self.why_not = f"from epoch {epoch} on, the log is not what the scenario's hardware sends"
-            return
+            return f"from epoch {epoch} on, the scenario's hardware would send other frames"
         self._inbox = received[~is_ours].copy()
         if epoch % self._log_every == 0:
             self._rows.take(self._hardware.plant["truth"])
         self._epoch += 1
+        return None
 
     def _agree(self) -> bool:
         """Compare what there is of both; in real time one may be ahead of the other."""
