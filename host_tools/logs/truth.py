@@ -11,9 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dbc.codec import load
-from dbc.frame import FrameArray, frame_array
+from dbc.frame import FRAME, frame_array
 from host_tools.hardware.loop import Hardware
 from host_tools.hardware.memory import TRUTH
+from host_tools.logs.cut import IDENTIFIERS
 from host_tools.logs.epochs import NO_STEP, Steps
 from host_tools.outfit import hardware_settings, scenario_wire
 from host_tools.rows import RowBuffer, RowFile
@@ -58,71 +59,72 @@ class Truth:
         self._epochs = scenario.epochs
         self._rows = RowBuffer(TRUTH, file)
         self._log_every = log_every
-        self._identifiers = hardware_identifiers()
+        self._is_hardwares = np.zeros(IDENTIFIERS, dtype=np.bool_)
+        self._is_hardwares[hardware_identifiers()] = True
         self._epoch = 0
-        self._inbox = frame_array(0)
+        self._inbox = frame_array(0)  # for the hardware, and the steps in which it came
+        self._inbox_step = np.zeros(0, dtype=np.int64)
+        self._begins: list[int] = []  # where those of each step begin
         self._computed = frame_array(0)  # of the hardware's frames, those not compared yet
+        self._computed_epoch: list[int] = []
         self._recorded = frame_array(0)
-        self._waiting = frame_array(0)  # had by the firmware in a step that is not closed yet
-        self._waiting_step = np.zeros(0, dtype=np.int64)
 
     def follow(self, steps: Steps) -> None:
         """Run the hardware over the steps that are closed."""
         if self.why_not is not None:
             return
-        known = steps.step != NO_STEP
-        received = known & ~steps.is_sent
-        frames = np.concatenate([self._waiting, steps.frames[received]])
-        step = np.concatenate([self._waiting_step, steps.step[received]])
-        sent, sent_step = steps.frames[known & steps.is_sent], steps.step[known & steps.is_sent]
-        numbers = np.arange(steps.first, steps.first + len(steps.epochs))
-        ends = np.searchsorted(step, numbers, side="right").tolist()
-        sent_ends = np.searchsorted(sent_step, numbers, side="right").tolist()
-        start = sent_start = 0
-        for k, (end, sent_end) in enumerate(zip(ends, sent_ends, strict=True)):
-            self.why_not = self._step(int(steps.epochs[k]), frames[start:end])
-            if self.why_not is not None:
-                break
-            self._inbox = np.concatenate([self._inbox, sent[sent_start:sent_end]])
-            start, sent_start = end, sent_end
-        self._waiting, self._waiting_step = frames[start:].copy(), step[start:].copy()
+        identifiers = np.minimum(steps.frames["can_id"], IDENTIFIERS - 1)
+        is_hardwares = self._is_hardwares[identifiers] & (steps.step != NO_STEP)
+        self._take_inbox(steps, ~is_hardwares & (steps.step != NO_STEP))
+        computed = bytearray(self._computed.tobytes())
+        for k, epoch in enumerate(steps.epochs.tolist()):
+            if epoch < 0:  # the hardware was not there yet
+                continue
+            if epoch != self._epoch or epoch > self._epochs:
+                self.why_not = f"epoch {epoch} comes where the scenario's hardware is elsewhere"
+                return
+            frames = self._step(epoch, *self._begins[k : k + 2])
+            computed += frames
+            self._computed_epoch += [epoch] * (len(frames) // FRAME.itemsize)
+        self._computed = np.frombuffer(bytes(computed), dtype=FRAME)
+        self._recorded = np.concatenate([self._recorded, steps.frames[is_hardwares]])
+        self._compare()
+        is_left = self._inbox_step >= steps.first + len(steps.epochs) - 1
+        self._inbox, self._inbox_step = self._inbox[is_left], self._inbox_step[is_left]
 
-    def _step(self, epoch: int, received: FrameArray) -> str | None:
-        """Run an epoch; return why it is not the recorded one, if so."""
-        if epoch < 0:  # the hardware was not there yet
-            self._inbox = frame_array(0)
-            return None
-        if epoch != self._epoch:
-            return f"epoch {epoch} of the log follows epoch {self._epoch - 1}"
-        if epoch > self._epochs:
-            return f"the scenario ends at epoch {self._epochs}"
-        is_ours = np.isin(received["can_id"], self._identifiers)
-        frames, count = self._hardware.open_epoch(epoch, self._inbox, len(self._inbox))
-        self._computed = np.concatenate([self._computed, frames[:count]])
-        self._recorded = np.concatenate([self._recorded, received[is_ours]])
-        if not self._agree():
-            return f"from epoch {epoch} on, the scenario's hardware would send other frames"
-        self._inbox = received[~is_ours].copy()
+    def _take_inbox(self, steps: Steps, mask: NDArray[np.bool_]) -> None:
+        """Take what the hardware has in the epoch after: first others' frames, then the answer."""
+        inbox = np.concatenate([self._inbox, steps.frames[mask]])
+        step = np.concatenate([self._inbox_step, steps.step[mask]])
+        is_sent = np.concatenate([np.zeros(len(self._inbox), np.bool_), steps.is_sent[mask]])
+        order = np.argsort(2 * step + is_sent, kind="stable")
+        self._inbox, self._inbox_step = inbox[order], step[order]
+        numbers = np.arange(steps.first - 1, steps.first + len(steps.epochs))
+        self._begins = np.searchsorted(self._inbox_step, numbers).tolist()
+
+    def _step(self, epoch: int, begin: int, end: int) -> bytes:
+        """Run an epoch on a part of the inbox; return the frames that the hardware sends."""
+        frames, count = self._hardware.open_epoch(epoch, self._inbox[begin:end], end - begin)
         if epoch % self._log_every == 0:
             self._rows.take(self._hardware.plant["truth"])
         self._epoch += 1
-        return None
+        return frames[:count].tobytes()
 
-    def _agree(self) -> bool:
+    def _compare(self) -> None:
         """Compare what there is of both; in real time one may be ahead of the other."""
         both = min(len(self._computed), len(self._recorded))
-        same = _same(self._computed[:both], self._recorded[:both])
+        ours, theirs = self._computed[:both], self._recorded[:both]
+        same = np.ones(both, dtype=np.bool_)
+        for name in ("can_id", "length", "data"):
+            same &= ours[name] == theirs[name]
+        if not same.all():
+            epoch = self._computed_epoch[int(np.argmin(same))]
+            self.why_not = f"from epoch {epoch} on, the scenario's hardware sends other frames"
+        elif max(len(self._computed), len(self._recorded)) - both > _MOST_AHEAD:
+            self.why_not = f"frames of the hardware are missing before epoch {self._epoch}"
         self._computed, self._recorded = self._computed[both:], self._recorded[both:]
-        return same and max(len(self._computed), len(self._recorded)) <= _MOST_AHEAD
+        del self._computed_epoch[:both]
 
     def close(self) -> None:
         """Write what was taken."""
         self._rows.flush()
-
-
-def _same(ours: FrameArray, theirs: NDArray[np.void]) -> bool:
-    return bool(
-        np.array_equal(ours["can_id"], theirs["can_id"])
-        and np.array_equal(ours["data"], theirs["data"])
-        and np.array_equal(ours["length"], theirs["length"])
-    )
