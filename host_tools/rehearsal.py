@@ -27,6 +27,7 @@ OnReport = Callable[[dict[str, Any]], None]
 """Called with every report of either side."""
 
 _GRACE_S = 5.0
+_BUS_ENDS_S = 60.0  # to write what was received before that
 _ATTACH_WAIT_S = 300.0  # the first start compiles
 _POLL_S = 0.2
 _CHANNEL = "rrins"
@@ -265,7 +266,7 @@ class Rehearsal:
     def _close_recorder(self) -> None:
         if self._recorder is None or self._record is None:
             return
-        self._recorder.close()
+        self._recorder.close(_BUS_ENDS_S if self._address.is_embedded else _GRACE_S)
         for side in self._sides:
             if side.name == "firmware" and side.summary:
                 sha256 = side.summary.get("navigation_sha256")

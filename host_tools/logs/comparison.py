@@ -123,7 +123,8 @@ class Comparison:
         ours, theirs = (
             f"{value} in {name}" for value, name in zip(first.values, self.names, strict=True)
         )
-        return f"the first difference is at epoch {first.epoch}: {what} is {ours}, {theirs}"
+        when = f"at epoch {first.epoch}" if first.epoch >= 0 else "before the first SYNC"
+        return f"the first difference is {when}: {what} is {ours}, {theirs}"
 
     def summary(self) -> dict[str, Any]:
         """Return what was found in plain values, signals in the order of their first epochs."""

@@ -68,18 +68,24 @@ def _sync_epoch(frame: Any, sync: Any, near: int, is_near: bool) -> int:
 
 
 @njit(cache=True)
-def _note_sync(state: Any, frame: Any, sync: Any) -> None:
-    """Take a SYNC that the firmware had: the step's epoch follows it as the firmware's does."""
-    if not crc_holds(frame, sync.message):
-        return
-    expected = state.epoch + 1
-    found = _sync_epoch(frame, sync, expected, state.synchronised != 0)
-    if state.synchronised == 0 or abs(found - expected) > ADOPT_BEYOND:
-        state.epoch = found - 1
-        state.newest = found
-        state.synchronised = 1
-    elif found > state.newest:
-        state.newest = found
+def _note_syncs(state: Any, frames: Any, kinds: Any, begin: int, end: int, sync: Any) -> None:
+    """Take the SYNCs that the firmware had in a step: its epoch follows them as the firmware's does.
+
+    It takes over the count of one that is far off, and looks no further than one that is ahead.
+    """
+    is_ahead = False
+    for k in range(begin, end):
+        if kinds[k] != SYNC or not crc_holds(frames[k], sync.message):
+            continue
+        expected = state.epoch + 1
+        found = _sync_epoch(frames[k], sync, expected, state.synchronised != 0)
+        if state.synchronised and abs(found - expected) <= ADOPT_BEYOND:
+            state.newest = max(state.newest, found)
+            is_ahead = is_ahead or found > expected
+        elif not is_ahead:
+            state.epoch = found - 1
+            state.newest = found
+            state.synchronised = 1
 
 
 @njit(cache=True)
@@ -195,9 +201,7 @@ def by_firmware(
         end = start
         if state.synchronised == 0:
             start = _start_unsynchronised(frames, kinds, begin, start, k, contract.sync)
-        for n in range(begin, start):
-            if kinds[n] == SYNC:
-                _note_sync(state, frames[n], contract.sync)
+        _note_syncs(state, frames, kinds, begin, start, contract.sync)
         lost = _lost_steps(state, frames[k], messages[frames[k].can_id])
         for n in range(begin, k + 1):
             if kinds[n] >= FIRMWARE:
@@ -208,9 +212,7 @@ def by_firmware(
             state.epoch += 1
             epochs[closed] = state.epoch if state.synchronised else NO_EPOCH
             closed += 1
-        for n in range(start, end):  # for the next step
-            if kinds[n] == SYNC:
-                _note_sync(state, frames[n], contract.sync)
+        _note_syncs(state, frames, kinds, start, end, contract.sync)  # for the next step
         state.step += lost + 1
         begin = k + 1
     return begin, closed
@@ -252,6 +254,10 @@ def by_hardware(
             state.epoch += ahead
             state.seen[:] = 0
             begin = k
+            # Where SYNC is missing, what else is sent before the sensors is of the new epoch, too.
+            while not is_sync and begin > 0 and not EVERY_EPOCH <= kinds[begin - 1] <= SYNC:
+                begin -= 1
+                step[begin] = state.step
         state.seen[frame.can_id] = 1
         step[k] = state.step if state.begun else NO_STEP
     return begin, closed

@@ -42,7 +42,7 @@ def tell(text: str) -> None:
 
 def _tell_damage(log: Log) -> None:
     if log.damage is not None:
-        tell(f"{log.damage}; the rest was used")
+        tell(f"{log.damage}; what could be read was used")
     if log.passed_over:
         tell(f"{log.path}: {log.passed_over} CAN FD frames are passed over")
 

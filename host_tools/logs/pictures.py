@@ -245,6 +245,7 @@ def save(figure: Figure, path: Path) -> None:
         figure.savefig(part)
         part.replace(path)
     except (OSError, ValueError) as error:
-        raise RecordError(f"--out {path}: {' '.join(str(error).split())}") from error
+        why = error.strerror if isinstance(error, OSError) else " ".join(str(error).split())
+        raise RecordError(f"{path}: cannot be written: {why}") from error
     finally:
         part.unlink(missing_ok=True)

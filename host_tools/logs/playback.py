@@ -6,7 +6,7 @@ import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
-from typing import Any
+from itertools import pairwise
 
 import can
 import numpy as np
@@ -190,10 +190,10 @@ class Playback:
             if self._only is not None:
                 wanted &= np.isin(piece.frames["can_id"], self._only)
             frames, time_s = np.ascontiguousarray(piece.frames[wanted]), piece.time_s[wanted]
-            begins: Any = np.flatnonzero(np.r_[True, time_s[1:] != time_s[:-1]])
-            begins = begins.tolist() if len(frames) else []
-            for begin, end in zip(begins, [*begins[1:], len(frames)], strict=True):
-                yield frames[begin:end], float(time_s[begin])
+            begins = (1 + np.flatnonzero(time_s[1:] != time_s[:-1])).tolist()
+            for begin, end in pairwise([0, *begins, len(frames)]):
+                if end > begin:
+                    yield frames[begin:end], float(time_s[begin])
 
     def _wait_until(self, due: float) -> None:
         while (left_s := due - time.monotonic()) > 0:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import threading
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -24,6 +25,7 @@ NAME = "recorder"
 """What a recorder calls itself on the embedded bus."""
 
 _POLL_S = 0.1
+_PATIENCE_S = 1.0
 _BATCH = 4096
 _OPENING = 5000  # frames that wait for the first SYNC at most
 _SIZE_EVERY = 128  # frames from one look at the size to the next
@@ -204,6 +206,7 @@ class Recorder:
         self._path = path
         self._limit_s = limit_s
         self._stop = threading.Event()
+        self._until = 0.0
         self._address = address
         check_path(path)
         wishes = (
@@ -249,14 +252,14 @@ class Recorder:
         try:
             while True:
                 came = self._source.receive()
-                if came is None and self._stop.is_set():
+                if self._stop.is_set() and (came is None or time.monotonic() > self._until):
                     return
                 for message in came or ():
                     self._take(message)
         except can.CanError as error:
             _log.debug("recording %s: the bus ended: %s", self._path, error)
             if _CUT_OFF in str(error) and self.failure is None:
-                self.failure = f"stopped after {self.frames} frames: {error}"
+                self.failure = f"stopped after {self.frames} frames: {error} (see --lossless)"
         finally:
             for message in self._source.rest():
                 self._take(message)
@@ -298,16 +301,20 @@ class Recorder:
             self.has_ended.set()
 
     def _write_note(self) -> None:
-        time = "simulated" if is_simulated(self.first_s or 0.0) else "unix"
-        known = {"time": time, "frames": self.frames, "parts": tuple(self._parts.parts)}
+        clock = "simulated" if is_simulated(self.first_s or 0.0) else "unix"
+        known = {"time": clock, "frames": self.frames, "parts": tuple(self._parts.parts)}
         self.note = self.note.model_copy(update=known)
         try:
             write_note(self._path, self.note)
         except OSError as error:
             self.failure = self.failure or f"its note: {error}"
 
-    def close(self) -> None:
-        """Write what is still to come, and close file and bus."""
+    def close(self, patience_s: float = _PATIENCE_S) -> None:
+        """Write what is still to come, and close file and bus.
+
+        `patience_s` is how long to go on with a bus on which there is always something to come.
+        """
+        self._until = time.monotonic() + patience_s
         self._stop.set()
         self._thread.join()
         try:

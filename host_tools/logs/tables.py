@@ -196,7 +196,7 @@ def export(
             table.keep()
             exported.rows[name] = table.rows
     except OSError as error:
-        raise RecordError(f"{folder}: cannot be written: {error}") from error
+        raise RecordError(f"{folder}: cannot be written: {error.strerror}") from error
     finally:
         for table in tables.values():
             table.drop()
