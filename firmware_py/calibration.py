@@ -164,6 +164,11 @@ def _transverse(
     return U, V
 
 
+def each(value: PerSensor, count: int) -> NDArray[np.float64]:
+    """Return a value for each of `count` sensors, shape (count,)."""
+    return np.broadcast_to(np.asarray(value, dtype=float), (count,))
+
+
 def fill(
     fusion: Any,
     axes_deg: tuple[tuple[float, float], ...],
@@ -174,16 +179,14 @@ def fill(
     count = len(axes_deg)
     unit = _DPH if isinstance(sensors, GyroCalibration) else _UG
 
-    def column(value: PerSensor) -> NDArray[np.float64]:
-        return np.broadcast_to(np.asarray(value, dtype=float), (count,))
-
-    du = column(sensors.installation_u_arcsec) * _ARCSEC
-    dv = column(sensors.installation_v_arcsec) * _ARCSEC
+    du = each(sensors.installation_u_arcsec, count) * _ARCSEC
+    dv = each(sensors.installation_v_arcsec, count) * _ARCSEC
     U, V = _transverse(axes_deg)
     # h' = h - δu v - δv u, paper (13)
     fusion["H"][:count] = input_axes(axes_deg) - du[:, None] * V - dv[:, None] * U
-    fusion["bias_increment"][:count] = column(sensors.bias) * unit * dt
-    fusion["scale_error"][:count] = column(sensors.scale_error_ppm) * _PPM
-    fusion["asymmetric_scale_error"][:count] = column(sensors.asymmetric_scale_error_ppm) * _PPM
+    fusion["bias_increment"][:count] = each(sensors.bias, count) * unit * dt
+    fusion["scale_error"][:count] = each(sensors.scale_error_ppm, count) * _PPM
+    asymmetric = each(sensors.asymmetric_scale_error_ppm, count)
+    fusion["asymmetric_scale_error"][:count] = asymmetric * _PPM
     used = ("bias_increment", "scale_error", "asymmetric_scale_error")
     fusion["calibrated"] = any(fusion[name].any() for name in used)

@@ -44,8 +44,12 @@ class _Speed(click.ParamType[float | None]):
 
 
 _ELSEWHERE: dict[str, str] = {
+    "export": "host_tools.logs.command:export",
     "monitor": "host_tools.monitor.command:monitor",
     "motion": "host_tools.motion.command:motion",
+    "plot": "host_tools.logs.command:plot",
+    "record": "host_tools.logs.command:record",
+    "replay": "host_tools.logs.command:replay",
     "reproduce": "host_tools.experiments.command:reproduce",
     "scheme": "host_tools.rotation.command:scheme",
 }

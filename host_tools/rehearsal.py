@@ -13,9 +13,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from host_tools import recorder
 from host_tools.bus import channel as embedded
 from host_tools.errors import BusError, RehearsalError, SideLostError
+from host_tools.logs import recorder
+from host_tools.logs.errors import RecordError
+from host_tools.logs.note import Note
 from host_tools.port import EMBEDDED, Address
 from host_tools.report import ReportReader
 from host_tools.scenario import Scenario
@@ -25,6 +27,7 @@ OnReport = Callable[[dict[str, Any]], None]
 """Called with every report of either side."""
 
 _GRACE_S = 5.0
+_BUS_ENDS_S = 60.0  # to write what was received before that
 _ATTACH_WAIT_S = 300.0  # the first start compiles
 _POLL_S = 0.2
 _CHANNEL = "rrins"
@@ -237,7 +240,9 @@ class Rehearsal:
             return
         if report["kind"] == "ready" and self._record is not None:
             lossless = self._speed != REALTIME
-            self._recorder = recorder.Recorder(self._record, self._address, lossless)
+            self._recorder = recorder.Recorder(
+                self._record, self._address, lossless, self._note_of_recording()
+            )
         elif report["kind"] == "started":
             self._started_ns = time.monotonic_ns()
         elif report["kind"] == "summary":
@@ -253,9 +258,23 @@ class Rehearsal:
             os.close(side.pipe)
         self._ended_ns = ended_ns
 
+    def _note_of_recording(self) -> Note:
+        return Note(
+            interface=self._address.interface,
+            channel=self._address.channel,
+            scenario_name=self._name,
+            scenario=self._scenario.model_dump(mode="json"),
+            speed="max" if self._speed is None else self._speed,
+        )
+
     def _close_recorder(self) -> None:
-        if self._recorder is not None:
-            self._recorder.close()
+        if self._recorder is None or self._record is None:
+            return
+        self._recorder.close(_BUS_ENDS_S if self._address.is_embedded else _GRACE_S)
+        for side in self._sides:
+            if side.name == "firmware" and side.summary:
+                sha256 = side.summary.get("navigation_sha256")
+                recorder.add_result(self._record, self._recorder.note, sha256)
 
     def _failure(self) -> RehearsalError | None:
         """Return why the rehearsal failed: the side that was killed before the one that noticed."""
@@ -278,7 +297,7 @@ class Rehearsal:
             status = side.process.returncode
             return SideLostError(f"the {side.name} process ended with status {status}")
         if self._recorder is not None and self._recorder.failure is not None:
-            return recorder.RecordError(f"recording {self._record}: {self._recorder.failure}")
+            return RecordError(f"recording {self._record}: {self._recorder.failure}")
         return None
 
     def _outcome(self, failure: RehearsalError | None) -> Outcome:

@@ -21,9 +21,10 @@ from host_tools.errors import FirmwareFaultError, RehearsalError
 from host_tools.fast import FastRun
 from host_tools.faults import FaultAction
 from host_tools.injection import active_faults, fault_command, send_command
+from host_tools.logs.errors import RecordError
+from host_tools.logs.formats import check_path
 from host_tools.outfit import firmware_settings, hardware_settings, scenario_wire
 from host_tools.port import Address, Side
-from host_tools.recorder import RecordError, check_path
 from host_tools.rehearsal import Interrupted, Rehearsal, default_address
 from host_tools.report import Report
 from host_tools.results import Errors
@@ -52,7 +53,7 @@ class Bus:
     bitrate: int | None
 
 
-def _folder(out: Path | None, name: str) -> Path:
+def folder_of(out: Path | None, name: str) -> Path:
     """Return the folder of a run, made if need be."""
     folder = out if out is not None else Path("out") / Path(name).stem
     try:
@@ -161,7 +162,7 @@ def rehearse(plan: Plan, out: Path | None, record: Path | None, as_json: bool) -
         check_path(record)
     address = default_address(plan.bus.interface, plan.bus.channel, plan.bus.bitrate)
     slcan.refuse_one_for_two(address)
-    folder = _folder(out, plan.name)
+    folder = folder_of(out, plan.name)
     scenario = plan.scenario
     with RunDisplay(scenario, Console(stderr=True), quiet=as_json) as display:
         display.say(f"starting on {address}")
@@ -192,7 +193,7 @@ def simulate(
     serial: SerialSettings = NO_LINES,
 ) -> None:
     """Do `rrins simulate`: without frames where nothing needs them."""
-    folder = _folder(out, name)
+    folder = folder_of(out, name)
     stop = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stop.set())

@@ -58,7 +58,7 @@ def parameters_of(settings: Settings) -> Parameters:
         found[_NUMBER[name]] = {"weights": weights + padding}
     for table, sensors, axes in _calibrations_of(settings):
         columns = {
-            name: each(getattr(sensors, name), len(axes), name).tolist()
+            name: each(getattr(sensors, name), len(axes)).tolist()
             for name in (field.name for field in table[0].fields)
         }
         for index, parameter in enumerate(table[: len(axes)]):

@@ -1,0 +1,273 @@
+"""Where two sequences of frames differ: the first epoch and signal, and how often each signal."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dbc.frame import FrameArray, frame_array
+from host_tools.logs.signals import (
+    SignalOfMessage,
+    crc_of_frames_holds,
+    name_of_identifier,
+    signals_of,
+)
+
+KEPT_BY_THE_CLOCK = frozenset(
+    {
+        ("FIRMWARE_STATUS", "load_percent"),
+        ("FIRMWARE_STATUS", "clock_error_ppm"),
+        ("FIRMWARE_FAULTS", "overruns"),
+    }
+)
+"""What tells how the computer kept time, not what it computed: a run in real time differs in them
+from its own replay. Not compared."""
+
+_KEY_SHIFT, _IDENTIFIER_SHIFT, _MOST_ALIKE = 24, 12, 4095
+
+
+@dataclass(frozen=True)
+class Sent:
+    """Frames of one sequence, with what they are compared by.
+
+    Attributes
+    ----------
+    frames : FrameArray
+    key : array of int
+        Step or epoch, not falling.
+    epoch : array of int
+        For the reader.
+    """
+
+    frames: FrameArray
+    key: NDArray[np.int64]
+    epoch: NDArray[np.int64]
+
+    def only(self, mask: NDArray[np.bool_]) -> Sent:
+        """Return some of the frames."""
+        return Sent(self.frames[mask], self.key[mask], self.epoch[mask])
+
+
+def nothing_sent() -> Sent:
+    """Return no frames."""
+    none = np.zeros(0, dtype=np.int64)
+    return Sent(frame_array(0), none, none)
+
+
+@dataclass(frozen=True)
+class Difference:
+    """One signal of one frame that differs.
+
+    `signal` is None where the whole frame is on one side only; `values` are texts.
+    """
+
+    key: int
+    position: int
+    epoch: int
+    message: str
+    signal: str | None
+    values: tuple[str, str]
+
+
+@dataclass
+class Tally:
+    """How often a signal differs."""
+
+    frames: int = 0
+    first_epoch: int = 0
+    largest: float | None = None
+    unit: str = ""
+
+
+class Comparison:
+    """Compares two sequences of frames, block by block.
+
+    Parameters
+    ----------
+    names : pair of str
+        What the two are called in texts.
+    messages : set of str, optional
+        Those that are compared; all of the contract by default.
+
+    Attributes
+    ----------
+    first : Difference or None
+    tallies : dict
+        By (message, signal), in the order in which they began to differ.
+    frames : int
+        Frames that were compared.
+    """
+
+    def __init__(self, names: tuple[str, str], messages: frozenset[str] | None = None) -> None:
+        self.names = names
+        self.first: Difference | None = None
+        self.tallies: dict[tuple[str, str | None], Tally] = {}
+        self.frames = 0
+        self._messages = messages
+
+    @property
+    def is_same(self) -> bool:
+        """Whether nothing differs so far."""
+        return self.first is None
+
+    def text(self) -> str:
+        """Return the first difference as a line."""
+        first = self.first
+        if first is None:
+            return f"no difference in {self.frames} frames"
+        what = first.message if first.signal is None else f"{first.message}.{first.signal}"
+        ours, theirs = (
+            f"{value} in {name}" for value, name in zip(first.values, self.names, strict=True)
+        )
+        when = f"at epoch {first.epoch}" if first.epoch >= 0 else "before the first SYNC"
+        return f"the first difference is {when}: {what} is {ours}, {theirs}"
+
+    def summary(self) -> dict[str, Any]:
+        """Return what was found in plain values, signals in the order of their first epochs."""
+        rows = sorted(self.tallies.items(), key=lambda item: item[1].first_epoch)
+        return {
+            "frames": self.frames,
+            "is_same": self.is_same,
+            "first_epoch": None if self.first is None else self.first.epoch,
+            "first_message": None if self.first is None else self.first.message,
+            "first_signal": None if self.first is None else self.first.signal,
+            "first_values": None if self.first is None else list(self.first.values),
+            "signals": [
+                {
+                    "signal": f"{message}.{signal}" if signal else f"{message} (whole frames)",
+                    "first_epoch": tally.first_epoch,
+                    "frames": tally.frames,
+                    "largest": tally.largest,
+                    "unit": tally.unit,
+                }
+                for (message, signal), tally in rows
+            ],
+        }
+
+    def add(self, ours: Sent, theirs: Sent) -> None:
+        """Compare a block; all frames of its keys are to be in it."""
+        ours, theirs = self._wanted(ours), self._wanted(theirs)
+        mine, yours = _identities(ours), _identities(theirs)
+        _, left, right = np.intersect1d(mine, yours, assume_unique=True, return_indices=True)
+        self.frames += len(left)
+        found = list(self._alone(ours, np.setdiff1d(mine, yours, True), mine, 0))
+        found += self._alone(theirs, np.setdiff1d(yours, mine, True), yours, 1)
+        differs = (ours.frames["data"][left] != theirs.frames["data"][right]) | (
+            ours.frames["length"][left] != theirs.frames["length"][right]
+        )
+        left, right = left[differs], right[differs]
+        for identifier in np.unique(ours.frames["can_id"][left]).tolist():
+            of_message = ours.frames["can_id"][left] == identifier
+            found += self._signals(
+                str(name_of_identifier(identifier)),
+                ours,
+                theirs,
+                left[of_message],
+                right[of_message],
+            )
+        if self.first is None and found:
+            self.first = min(found, key=lambda one: (one.key, one.position))
+
+    def _wanted(self, sent: Sent) -> Sent:
+        identifiers = sent.frames["can_id"]
+        names = {n: name_of_identifier(n) for n in np.unique(identifiers).tolist()}
+        wanted = [
+            n
+            for n, name in names.items()
+            if name is not None and (self._messages is None or name in self._messages)
+        ]
+        return sent.only(np.isin(identifiers, wanted))
+
+    def _alone(
+        self, sent: Sent, alone: NDArray[np.int64], identities: NDArray[np.int64], side: int
+    ) -> Iterator[Difference]:
+        """Yield the frames that only one side has, the first of each message."""
+        rows = np.flatnonzero(np.isin(identities, alone))
+        for identifier in np.unique(sent.frames["can_id"][rows]).tolist():
+            of_message = rows[sent.frames["can_id"][rows] == identifier]
+            row = int(of_message[0])
+            name = str(name_of_identifier(identifier))
+            values = ("there", "missing") if side == 0 else ("missing", "there")
+            yield self._noted(sent, row, len(of_message), name, None, values)
+
+    def _noted(
+        self,
+        sent: Sent,
+        row: int,
+        frames: int,
+        message: str,
+        signal: str | None,
+        values: tuple[str, str],
+        largest: float | None = None,
+        unit: str = "",
+    ) -> Difference:
+        epoch = int(sent.epoch[row])
+        tally = self.tallies.setdefault((message, signal), Tally(first_epoch=epoch, unit=unit))
+        tally.frames += frames
+        if largest is not None:
+            tally.largest = max(largest, tally.largest or 0.0)
+        return Difference(int(sent.key[row]), row, epoch, message, signal, values)
+
+    def _signals(
+        self,
+        message: str,
+        ours: Sent,
+        theirs: Sent,
+        left: NDArray[Any],
+        right: NDArray[Any],
+    ) -> Iterator[Difference]:
+        """Yield the signals that differ in pairs of frames of one message, the first of each."""
+        mine, yours = ours.frames[left], theirs.frames[right]
+        is_sound = crc_of_frames_holds(mine, message) & crc_of_frames_holds(yours, message)
+        explained = np.zeros(len(left), dtype=np.bool_)
+        signals = signals_of(message)
+        checked = [s for s in signals if s.name != "crc"] + [s for s in signals if s.name == "crc"]
+        for signal in checked:
+            differs = signal.raw(mine["data"]) != signal.raw(yours["data"])
+            if signal.name == "crc":  # it only follows from the others, unless it stands alone
+                differs &= ~explained & ~is_sound
+            elif (message, signal.name) in KEPT_BY_THE_CLOCK:
+                explained |= differs & is_sound
+                differs &= ~is_sound
+            explained |= differs
+            if differs.any():
+                yield self._of_signal(signal, ours, left[differs], mine[differs], yours[differs])
+        odd = ~explained & (~is_sound | (mine["length"] != yours["length"]))
+        if odd.any():
+            row = int(left[odd][0])
+            values = (_payload(mine[odd][0]), _payload(yours[odd][0]))
+            yield self._noted(ours, row, int(odd.sum()), message, "(bits of no signal)", values)
+
+    def _of_signal(
+        self, signal: SignalOfMessage, ours: Sent, rows: NDArray[Any], mine: Any, yours: Any
+    ) -> Difference:
+        values = (signal.text(int(mine["data"][0])), signal.text(int(yours["data"][0])))
+        apart = None
+        if not signal.choices:
+            difference = signal.values(mine["data"]) - signal.values(yours["data"])
+            apart = float(np.max(np.abs(difference)))
+        return self._noted(
+            ours, int(rows[0]), len(rows), signal.message, signal.name, values, apart, signal.unit
+        )
+
+
+def _payload(frame: Any) -> str:
+    return int(frame["data"]).to_bytes(8, "little")[: int(frame["length"])].hex(" ").upper()
+
+
+def _identities(sent: Sent) -> NDArray[np.int64]:
+    """Return a number for each frame: its key, its message, and which of them in a row it is."""
+    identifiers = sent.frames["can_id"].astype(np.int64)
+    base = (sent.key << _KEY_SHIFT) | (identifiers << _IDENTIFIER_SHIFT)
+    order = np.argsort(base, kind="stable")
+    ordered = base[order]
+    begins = np.r_[True, ordered[1:] != ordered[:-1]] if len(ordered) else np.zeros(0, bool)
+    starts = np.maximum.accumulate(np.where(begins, np.arange(len(ordered)), 0))
+    turn = np.minimum(np.arange(len(ordered)) - starts, _MOST_ALIKE)
+    found = np.empty_like(base)
+    found[order] = ordered + turn
+    return found

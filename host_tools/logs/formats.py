@@ -1,0 +1,167 @@
+"""The formats of a log, by the file's ending: who writes each, who reads each.
+
+python-can writes and reads all of them. Two of its writers have a stand-in here: that of `.mf4`
+(see `host_tools.logs.mf4`), and that of `.db`, which drops what waits when it is stopped.
+"""
+
+from __future__ import annotations
+
+import gzip
+import io
+import sqlite3
+from pathlib import Path
+from typing import IO, Any, Protocol
+
+import can
+from can.io.player import MESSAGE_READERS
+
+from host_tools.logs.errors import RecordError
+from host_tools.logs.mf4 import Mf4Writer, is_simulated
+
+WRITTEN = (".asc", ".blf", ".csv", ".db", ".log", ".mf4", ".trc", ".txt")
+"""Endings that a recording can have."""
+
+READ = (".asc", ".blf", ".csv", ".db", ".log", ".mf4", ".trc")
+"""Endings that can be read back."""
+
+_TEXT = (".asc", ".csv", ".log", ".trc", ".txt")  # these with .gz, too
+_BATCH = 1000
+_TABLE = (
+    "CREATE TABLE messages (ts REAL, arbitration_id INTEGER, extended INTEGER, "
+    "remote INTEGER, error INTEGER, dlc INTEGER, data BLOB)"
+)
+_INSERT = "INSERT INTO messages VALUES (?, ?, ?, ?, ?, ?, ?)"
+
+
+class Writer(Protocol):
+    """What writes the frames of a log."""
+
+    def on_message_received(self, message: can.Message, /) -> None:
+        """Write a frame."""
+
+    def file_size(self) -> int:
+        """Return the size so far in bytes; of what is compressed in the end, the size before."""
+
+    def stop(self) -> None:
+        """Write what is left and close the file."""
+
+
+def ending_of(path: Path) -> tuple[str, bool]:
+    """Return a log's ending in lower case, without `.gz`, and whether that was there."""
+    suffixes = [suffix.lower() for suffix in path.suffixes]
+    if suffixes[-1:] == [".gz"]:
+        return "".join(suffixes[-2:-1]), True
+    return "".join(suffixes[-1:]), False
+
+
+def check_path(path: Path) -> None:
+    """Raise `RecordError` unless a recording can be written to `path`."""
+    ending, is_packed = ending_of(path)
+    if ending not in WRITTEN or (is_packed and ending not in _TEXT):
+        known = " ".join(WRITTEN)
+        raise RecordError(
+            f"recording {path}: the ending must be one of {known}, or {'.gz '.join(_TEXT)}.gz"
+        )
+    if not path.parent.is_dir():
+        raise RecordError(f"recording {path}: there is no folder {path.parent}")
+
+
+class _BlfWriter(can.BLFWriter):
+    """A writer that counts simulated time from zero and not from the first frame."""
+
+    def on_message_received(self, msg: can.Message) -> None:
+        if self.start_timestamp is None and is_simulated(msg.timestamp):
+            self.start_timestamp = 0.0
+        super().on_message_received(msg)
+
+
+class _SqliteWriter:
+    """Writes the table that `can.SqliteReader` reads, anew."""
+
+    def __init__(self, path: Path) -> None:
+        if path.is_file():
+            path.unlink()
+        self._path = path
+        self._connection: sqlite3.Connection | None = None
+        self._rows: list[tuple[Any, ...]] = []
+
+    def on_message_received(self, message: can.Message) -> None:
+        self._rows.append(
+            (
+                message.timestamp,
+                message.arbitration_id,
+                message.is_extended_id,
+                message.is_remote_frame,
+                message.is_error_frame,
+                message.dlc,
+                bytes(message.data),
+            )
+        )
+        if len(self._rows) == _BATCH:
+            self._flush()
+
+    def _flush(self) -> None:
+        try:
+            if self._connection is None:
+                self._connection = sqlite3.connect(self._path, check_same_thread=False)
+                self._connection.execute(_TABLE)
+            with self._connection:
+                self._connection.executemany(_INSERT, self._rows)
+        except sqlite3.Error as error:
+            raise OSError(f"SQLite: {error}") from error
+        self._rows.clear()
+
+    def file_size(self) -> int:
+        return self._path.stat().st_size if self._path.exists() else 0
+
+    def stop(self) -> None:
+        try:
+            self._flush()
+        finally:
+            if self._connection is not None:
+                self._connection.close()
+
+
+def open_writer(path: Path) -> Writer:
+    """Open a log to write, in place of one that may be there.
+
+    Raises
+    ------
+    RecordError
+        When it cannot be written.
+    """
+    check_path(path)
+    ending, _ = ending_of(path)
+    try:
+        if ending == ".mf4":
+            return Mf4Writer(path)
+        if ending == ".db":
+            return _SqliteWriter(path)
+        if path.suffix.lower() == ".blf":
+            return _BlfWriter(path)
+        writer: Any = can.Logger(str(path))
+    except RecordError as error:
+        raise RecordError(f"recording {path}: {error}") from error
+    except (ValueError, OSError, ImportError, NotImplementedError) as error:
+        raise RecordError(f"recording {path}: {error}") from error
+    return writer
+
+
+def check_readable(path: Path) -> None:
+    """Raise `RecordError` unless `path` is a file with the ending of a log that can be read."""
+    ending, is_packed = ending_of(path)
+    if not path.is_file():
+        raise RecordError(f"{path}: there is no such file")
+    if ending not in READ or (is_packed and ending in (".db", ".mf4")):
+        raise RecordError(f"{path}: no log that can be read; the ending must be {' '.join(READ)}")
+
+
+def open_reader(path: Path, raw: IO[bytes]) -> Any:
+    """Return python-can's reader of a log, an iterator of messages; `raw` is the open file."""
+    ending, is_packed = ending_of(path)
+    if ending in (".db", ".mf4"):
+        return MESSAGE_READERS[ending](path)
+    stream: Any = gzip.GzipFile(fileobj=raw) if is_packed else raw
+    if ending in _TEXT:
+        stream = io.TextIOWrapper(stream, encoding="utf-8", errors="replace")
+    return MESSAGE_READERS[ending](stream)

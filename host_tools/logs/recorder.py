@@ -1,0 +1,332 @@
+"""Records a bus to a file in any log format, told by the file's ending, or to several in turn."""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import can
+
+from dbc.codec import load
+from dbc.frame import EFF_FLAG, ERR_FLAG, RTR_FLAG, FrameArray, frame_array
+from host_tools.bus.interface import RrinsBus
+from host_tools.logs.errors import RecordError
+from host_tools.logs.formats import Writer, check_path, ending_of, open_writer
+from host_tools.logs.mf4 import is_simulated
+from host_tools.logs.note import Note, Part, path_beside, write_note
+from host_tools.port import Address, open_bus
+
+__all__ = ["NAME", "RecordError", "Recorder", "check_path"]
+
+NAME = "recorder"
+"""What a recorder calls itself on the embedded bus."""
+
+_POLL_S = 0.1
+_PATIENCE_S = 1.0
+_BATCH = 4096
+_OPENING = 5000  # frames that wait for the first SYNC at most
+_SIZE_EVERY = 128  # frames from one look at the size to the next
+_SYNC_PATIENCE = 4096  # frames beyond the size that a part waits for a SYNC to end at
+_CUT_OFF = "cut off"
+_log = logging.getLogger(__name__)
+
+
+def messages_of(
+    frames: FrameArray, time_s: float, channel: str, first: int = 0
+) -> Iterator[can.Message]:
+    """Yield python-can messages of classic frames."""
+    rows = zip(
+        frames["can_id"][first:].tolist(),
+        frames["length"][first:].tolist(),
+        frames["data"][first:].tolist(),
+        strict=True,
+    )
+    for identifier, length, word in rows:
+        is_remote = bool(identifier & RTR_FLAG)
+        yield can.Message(
+            timestamp=time_s,
+            arbitration_id=identifier & 0x1FFF_FFFF,
+            is_extended_id=bool(identifier & EFF_FLAG),
+            is_remote_frame=is_remote,
+            is_error_frame=bool(identifier & ERR_FLAG),
+            dlc=length,
+            data=None if is_remote else word.to_bytes(8, "little")[:length],
+            channel=channel,
+        )
+
+
+class _EmbeddedSource:
+    """The frames of the embedded bus, in the order in which the firmware has to do with them.
+
+    In lockstep the firmware takes what comes between the hardware's frames and its own answer in
+    its next epoch only; here such frames come after the answer.
+    """
+
+    def __init__(self, bus: RrinsBus, channel: str, in_lockstep: bool) -> None:
+        self._bus = bus
+        self._channel = channel
+        self._in_lockstep = in_lockstep
+        self._frames = frame_array(_BATCH)
+        self._is_open = False  # the hardware has opened an epoch that the firmware has not closed
+        self._between: list[can.Message] = []
+
+    def receive(self) -> list[can.Message] | None:
+        """Return the next messages; none of a batch without frames; None when nothing came."""
+        batch = self._bus.recv_batch(self._frames, _POLL_S)
+        if batch is None:
+            return None
+        came = list(messages_of(self._frames[: batch.count], batch.time_ns / 1e9, self._channel))
+        if not self._in_lockstep:
+            return came
+        if batch.sender == 0:
+            self._is_open = self._is_open or batch.closes_epoch
+        elif batch.closes_epoch:
+            self._is_open = False
+            came += self._between
+            self._between = []
+        elif self._is_open:
+            self._between += came
+            return []
+        return came
+
+    def rest(self) -> list[can.Message]:
+        """Return what has come after the last frames of the hardware."""
+        return self._between
+
+
+class _AnySource:
+    """The frames of any python-can bus."""
+
+    def __init__(self, bus: can.BusABC) -> None:
+        self._bus = bus
+
+    def receive(self) -> list[can.Message] | None:
+        """Return the next message; None when nothing came."""
+        message = self._bus.recv(_POLL_S)
+        return None if message is None else [message]
+
+    def rest(self) -> list[can.Message]:
+        """Return nothing: every message has been handed on."""
+        return []
+
+
+class _Parts:
+    """The files of a recording, one after the other."""
+
+    def __init__(self, path: Path, rotate_bytes: int | None) -> None:
+        self._path = path
+        self._limit = rotate_bytes
+        self._sync_id = load().frame_id("SYNC")
+        self._writer: Writer = open_writer(path)
+        self._frames = 0  # of this part
+        self._beyond = 0
+        self.parts = [Part(file=path.name)]
+
+    def write(self, message: can.Message) -> None:
+        """Write a frame, in a new part when this one is full."""
+        if self._limit is not None and self._is_full(message):
+            self._turn_over()
+        if not self._frames:
+            self.parts[-1].first_s = message.timestamp
+        self._writer.on_message_received(message)
+        self._frames += 1
+
+    def _is_full(self, message: can.Message) -> bool:
+        if not self._beyond and self._frames % _SIZE_EVERY:
+            return False
+        if not self._beyond and self._writer.file_size() < (self._limit or 0):
+            return False
+        self._beyond += 1
+        return message.arbitration_id == self._sync_id or self._beyond > _SYNC_PATIENCE
+
+    def _turn_over(self) -> None:
+        self._writer.stop()
+        path = part_path(self._path, len(self.parts))
+        self._writer = open_writer(path)
+        self.parts.append(Part(file=path.name))
+        self._frames = 0
+        self._beyond = 0
+
+    def stop(self) -> None:
+        """Close the last part."""
+        self._writer.stop()
+
+
+def part_path(path: Path, number: int) -> Path:
+    """Return the path of a part: `bus.log`, `bus.001.log`, `bus.002.log` and so on."""
+    if number == 0:
+        return path
+    ending, is_packed = ending_of(path)
+    tail = len(ending) + (3 if is_packed else 0)
+    stem, ending = path.name[:-tail], path.name[-tail:]
+    return path.with_name(f"{stem}.{number:03d}{ending}")
+
+
+class Recorder:
+    """A thread that writes all frames of a bus to a file, with a note beside it.
+
+    Frames that the firmware sends before the hardware has opened the first epoch carry a time of
+    the firmware's own count; they get that of the first SYNC, so that time never goes back.
+
+    Parameters
+    ----------
+    path : Path
+        Its ending chooses the format: .log (candump), .asc, .blf, .mf4, .csv, .trc, .db, .txt.
+    address : Address
+    lossless : bool
+        On the embedded bus: whether the bus waits for the recorder (a `node`), or cuts it off when
+        it falls behind (an `observer`), as a run in real time needs it.
+    note : Note, optional
+        What is known of the run.
+    rotate_bytes : int, optional
+        Size from which on a part ends, at the next SYNC.
+    limit_s : float, optional
+        Time after the first frame up to which frames are written.
+
+    Raises
+    ------
+    RecordError
+        When the file cannot be written or its ending is unknown.
+    BusError
+        When the bus cannot be opened.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        address: Address,
+        lossless: bool,
+        note: Note | None = None,
+        rotate_bytes: int | None = None,
+        limit_s: float | None = None,
+    ) -> None:
+        self._path = path
+        self._limit_s = limit_s
+        self._stop = threading.Event()
+        self._until = 0.0
+        self._address = address
+        check_path(path)
+        wishes = (
+            {"name": NAME, "role": "node" if lossless else "observer", "host": "never"}
+            if address.is_embedded
+            else {}
+        )
+        self._bus = open_bus(address, **wishes)
+        in_lockstep = note is not None and note.is_lockstep
+        self._source: _EmbeddedSource | _AnySource = _AnySource(self._bus)
+        if isinstance(self._bus, RrinsBus):
+            self._source = _EmbeddedSource(self._bus, address.channel, in_lockstep)
+        self.note = note or Note(interface=address.interface, channel=address.channel)
+        try:
+            self._parts = _Parts(path, rotate_bytes)
+            path_beside(path).unlink(missing_ok=True)  # of a recording that was here before
+        except (RecordError, OSError) as error:
+            self._bus.shutdown()
+            if isinstance(error, RecordError):
+                raise
+            raise RecordError(f"recording {path}: {error}") from error
+        self._opening: list[can.Message] | None = [] if address.is_embedded else None
+        self._sync_id = load().frame_id("SYNC")
+        self.frames = 0
+        self.first_s: float | None = None
+        """Time of the first frame."""
+        self.last_s = 0.0
+        """Time of the last frame."""
+        self.failure: str | None = None
+        """Why the recording ended before the bus did; None while all is well."""
+        self.has_ended = threading.Event()
+        """Set when nothing more is written: the bus or the time is over, or the writing failed."""
+        self._thread = threading.Thread(target=self._run, name=NAME, daemon=True)
+        self._thread.start()
+
+    @property
+    def duration_s(self) -> float:
+        """Time from the first frame to the last."""
+        return 0.0 if self.first_s is None else self.last_s - self.first_s
+
+    def _run(self) -> None:
+        """Write what comes; go on receiving when the file fails, so that the bus never waits."""
+        try:
+            while True:
+                came = self._source.receive()
+                if self._stop.is_set() and (came is None or time.monotonic() > self._until):
+                    return
+                for message in came or ():
+                    self._take(message)
+        except can.CanError as error:
+            _log.debug("recording %s: the bus ended: %s", self._path, error)
+            if _CUT_OFF in str(error) and self.failure is None:
+                self.failure = f"stopped after {self.frames} frames: {error} (see --lossless)"
+        finally:
+            for message in self._source.rest():
+                self._take(message)
+            self._open()
+            self.has_ended.set()
+
+    def _take(self, message: can.Message) -> None:
+        if self._opening is None:
+            self._write(message)
+            return
+        self._opening.append(message)
+        if message.arbitration_id == self._sync_id or len(self._opening) == _OPENING:
+            self._open()
+
+    def _open(self) -> None:
+        """Write what has waited for the first SYNC, which is the last of it."""
+        waited, self._opening = self._opening or [], None
+        for message in waited:
+            message.timestamp = min(message.timestamp, waited[-1].timestamp)
+            self._write(message)
+
+    def _write(self, message: can.Message) -> None:
+        if self.has_ended.is_set():
+            return
+        if self.first_s is None:
+            self.first_s = self.last_s = message.timestamp
+            self._write_note()
+        if self._address.is_embedded:  # what the firmware sends late carries the time of its epoch
+            message.timestamp = max(message.timestamp, self.last_s)
+        if self._limit_s is not None and message.timestamp - self.first_s > self._limit_s:
+            self.has_ended.set()
+            return
+        self.last_s = message.timestamp
+        try:
+            self._parts.write(message)
+            self.frames += 1
+        except (OSError, ValueError, RecordError) as error:
+            self.failure = f"stopped after {self.frames} frames: {error}"
+            self.has_ended.set()
+
+    def _write_note(self) -> None:
+        clock = "simulated" if is_simulated(self.first_s or 0.0) else "unix"
+        known = {"time": clock, "frames": self.frames, "parts": tuple(self._parts.parts)}
+        self.note = self.note.model_copy(update=known)
+        try:
+            write_note(self._path, self.note)
+        except OSError as error:
+            self.failure = self.failure or f"its note: {error}"
+
+    def close(self, patience_s: float = _PATIENCE_S) -> None:
+        """Write what is still to come, and close file and bus.
+
+        `patience_s` is how long to go on with a bus on which there is always something to come.
+        """
+        self._until = time.monotonic() + patience_s
+        self._stop.set()
+        self._thread.join()
+        try:
+            self._parts.stop()
+        except (OSError, ValueError) as error:
+            self.failure = self.failure or f"stopped after {self.frames} frames: {error}"
+        if self.frames:
+            self._write_note()
+        self._bus.shutdown()
+
+
+def add_result(path: Path, note: Note, navigation_sha256: str | None) -> None:
+    """Put what the navigation came to into the note of a recording."""
+    if path_beside(path).is_file():
+        write_note(path, note.model_copy(update={"navigation_sha256": navigation_sha256}))

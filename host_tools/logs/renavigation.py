@@ -1,0 +1,134 @@
+"""A recorded day, navigated again: the frames of a log through the firmware, without a bus."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dbc.codec import unpack
+from dbc.contract import load_contract
+from dbc.e2e import crc_holds
+from dbc.frame import FrameArray, frame_array
+from firmware_py.loop import INBOX_CAPACITY, Firmware, own_clock_ns
+from firmware_py.transmit import OUTBOX_CAPACITY
+from host_tools.logs.epochs import NO_STEP, Steps
+from host_tools.logs.errors import RecordError
+from host_tools.logs.reader import Piece
+from host_tools.scenario import Scenario
+
+
+@dataclass(frozen=True)
+class Answers:
+    """What the firmware sent in some steps: its frames, and the step of each."""
+
+    frames: FrameArray
+    step: NDArray[np.int64]
+
+
+class Renavigation:
+    """Runs the firmware over the steps of a log.
+
+    Parameters
+    ----------
+    firmware : Firmware
+        At power-on.
+    clock_error_ppm : float
+        Of the firmware's own clock, which reaches no navigation.
+    in_lockstep : bool
+        Whether it is known that the firmware ran in lockstep: then a SYNC of a later epoch is
+        false, and dropped with what follows; else it is left for the next step.
+
+    Attributes
+    ----------
+    steps : int
+        Steps that were run.
+    """
+
+    def __init__(
+        self, firmware: Firmware, clock_error_ppm: float = 0.0, in_lockstep: bool = False
+    ) -> None:
+        self.firmware = firmware
+        self.steps = 0
+        self._clock_error_ppm = clock_error_ppm
+        self._in_lockstep = in_lockstep
+        self._frames = frame_array(0)  # that the firmware has not had yet, and their steps
+        self._step = np.zeros(0, dtype=np.int64)
+
+    @property
+    def has_ended(self) -> bool:
+        """Whether the operator has shut the computer down."""
+        return self.firmware.is_shut_down
+
+    def answer(self, steps: Steps) -> Answers:
+        """Run the steps that are closed; return what the firmware sent in them."""
+        is_received = ~steps.is_sent & (steps.step != NO_STEP)
+        frames = np.concatenate([self._frames, steps.frames[is_received]])
+        step = np.concatenate([self._step, steps.step[is_received]])
+        numbers = np.arange(steps.first, steps.first + len(steps.epochs))
+        out = frame_array(len(numbers) * OUTBOX_CAPACITY)
+        sent = np.zeros(len(numbers), dtype=np.int64)
+        at = 0
+        start = 0
+        ends = np.searchsorted(step, numbers, side="right").tolist()
+        for k, end in enumerate(ends):
+            if self.has_ended:
+                break
+            count, start = self._run(frames, start, end)
+            out[at : at + count] = self.firmware.outbox[:count]
+            sent[k] = count
+            at += count
+        self._frames, self._step = frames[start:].copy(), step[start:].copy()
+        return Answers(out[:at], np.repeat(numbers, sent))
+
+    def _run(self, frames: FrameArray, start: int, end: int) -> tuple[int, int]:
+        """Run a step on ``frames[start:end]``; return what it sent, and where the next begins."""
+        firmware = self.firmware
+        arrival_ns = own_clock_ns(self.steps * firmware.period_ns, self._clock_error_ppm)
+        self.steps += 1
+        if self._in_lockstep:
+            return firmware.step_whole(frames[start:end], end - start, arrival_ns), end
+        sent, start = firmware.step(frames, start, end, arrival_ns)
+        while end - start > INBOX_CAPACITY:  # steps are missing in the log: catch up
+            _, start = firmware.step(frames, start, end, arrival_ns)
+        return sent, start
+
+
+def check_rate(pieces: Iterator[Piece], scenario: Scenario) -> Iterator[Piece]:
+    """Hand pieces on; see that SYNC comes at the scenario's rate.
+
+    Raises
+    ------
+    RecordError
+        When it does not, or there is no SYNC at all.
+    """
+    sync = load_contract()[0]["sync"]
+    identifier = int(sync["message"]["can_id"])
+    known: list[tuple[int, int]] = []
+    for piece in pieces:
+        if len(known) < 2:
+            for k in np.flatnonzero(piece.frames["can_id"] == identifier)[:1000]:
+                frame = piece.frames[k]
+                if len(known) < 2 and crc_holds(frame, sync["message"]):
+                    found = (
+                        int(unpack(frame["data"], sync["epoch"])),
+                        int(unpack(frame["data"], sync["time_us"])),
+                    )
+                    if not known or found[0] > known[0][0]:
+                        known.append(found)
+            if len(known) == 2:
+                _compare_rates(known, scenario)
+        yield piece
+    if not known:
+        raise RecordError("the log has no SYNC: nothing to navigate by")
+
+
+def _compare_rates(known: list[tuple[int, int]], scenario: Scenario) -> None:
+    (first, first_us), (second, second_us) = known
+    period_us = (second_us - first_us) / (second - first)
+    if second_us > first_us and abs(period_us - scenario.period_ns / 1000) > 1.0:
+        raise RecordError(
+            f"the log is of {1e6 / period_us:.0f} Hz, the scenario of {scenario.rate_hz} Hz"
+        )

@@ -1,0 +1,232 @@
+"""Writes a log as tables, one for each message, in Parquet or CSV; in bounded memory."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.csv
+import pyarrow.parquet
+from numpy.typing import NDArray
+
+from dbc.codec import load
+from dbc.frame import FrameArray
+from host_tools.logs import cut
+from host_tools.logs.errors import RecordError
+from host_tools.logs.reader import Log, Piece
+from host_tools.logs.signals import (
+    SignalOfMessage,
+    crc_of_frames_holds,
+    name_of_identifier,
+    signals_of,
+)
+
+Format = Literal["parquet", "csv"]
+
+_ROWS = 65_536  # of a row group
+_TIME = "time_s"
+_EPOCH = "sync_epoch"
+_CRC = "crc_holds"
+_COMMENTS = {
+    _TIME: "time of the frame, as the log has it",
+    _EPOCH: "epoch that the last SYNC before the frame opened, counted on beyond 24 bits",
+    _CRC: "whether the end-to-end CRC of the frame is right",
+}
+
+
+@dataclass
+class Exported:
+    """What an export came to.
+
+    Attributes
+    ----------
+    rows : dict
+        Rows of each table, by the name of the message.
+    unknown : int
+        Frames that are none of the contract's.
+    wrong_length : int
+        Frames of a length that their message does not have; they are left out.
+    """
+
+    rows: dict[str, int]
+    unknown: int = 0
+    wrong_length: int = 0
+
+
+class EpochCounter:
+    """Tells for each frame of a log which epoch the last SYNC has opened."""
+
+    def __init__(self) -> None:
+        self._epoch = cut.NO_EPOCH
+
+    def epochs(self, frames: FrameArray) -> NDArray[np.int64]:
+        """Return the epoch of each frame, `cut.NO_EPOCH` before the first SYNC."""
+        out = np.zeros(len(frames), dtype=np.int64)
+        self._epoch = int(cut.epochs_by_sync(np.ascontiguousarray(frames), self._epoch, out))
+        return out
+
+
+def _field(name: str, kind: Any, **facts: str) -> Any:
+    return pa.field(name, kind, metadata={key: value for key, value in facts.items() if value})
+
+
+def _columns(message: str) -> Iterator[tuple[Any, SignalOfMessage | None]]:
+    """Yield the fields of a message's table, each with the signal that fills it."""
+    yield _field(_TIME, pa.float64(), unit="s", comment=_COMMENTS[_TIME]), None
+    yield _field(_EPOCH, pa.int64(), comment=_COMMENTS[_EPOCH]), None
+    for signal in signals_of(message):
+        kind = pa.int64() if signal.is_whole else pa.float64()
+        yield _field(signal.column, kind, unit=signal.unit, comment=signal.comment), signal
+        if signal.choices:
+            names = _field(f"{signal.name}_name", pa.string(), comment="name of the value")
+            yield names, signal
+    yield _field(_CRC, pa.bool_(), comment=_COMMENTS[_CRC]), None
+
+
+class _Table:
+    """The table of one message, on its way into a file."""
+
+    def __init__(self, folder: Path, message: str, kind: Format, source: str) -> None:
+        described = load().database.get_message_by_name(message)
+        self._message = message
+        self._columns = list(_columns(message))
+        self._schema = pa.schema(
+            [field for field, _ in self._columns],
+            metadata={
+                "message": message,
+                "identifier": f"0x{described.frame_id:03X}",
+                "comment": str(described.comment or ""),
+                "log": source,
+            },
+        )
+        self.path = folder / f"{message}.{kind}"
+        self._part = folder / f".{message}.{kind}.{os.getpid()}"
+        self._pieces: list[tuple[FrameArray, NDArray[Any], NDArray[Any]]] = []
+        self._waiting = 0
+        self.rows = 0
+        writer = pa.parquet.ParquetWriter if kind == "parquet" else pa.csv.CSVWriter
+        self._writer: Any = writer(str(self._part), self._schema)
+
+    def take(self, frames: FrameArray, time_s: NDArray[Any], epochs: NDArray[Any]) -> None:
+        """Take frames of the message; write when there are many."""
+        self._pieces.append((frames, time_s, epochs))
+        self._waiting += len(frames)
+        if self._waiting >= _ROWS:
+            self._write()
+
+    def _write(self) -> None:
+        if not self._waiting:
+            return
+        frames = np.concatenate([piece[0] for piece in self._pieces])
+        time_s = np.concatenate([piece[1] for piece in self._pieces])
+        epochs = np.concatenate([piece[2] for piece in self._pieces])
+        arrays = []
+        for field, signal in self._columns:
+            if field.name == _TIME:
+                arrays.append(pa.array(time_s))
+            elif field.name == _EPOCH:
+                arrays.append(pa.array(epochs, mask=epochs == cut.NO_EPOCH))
+            elif signal is None:
+                arrays.append(pa.array(crc_of_frames_holds(frames, self._message)))
+            elif field.type == pa.string():
+                arrays.append(_names(signal, frames["data"]))
+            else:
+                arrays.append(pa.array(signal.values(frames["data"])))
+        self._writer.write_table(pa.Table.from_arrays(arrays, schema=self._schema))
+        self.rows += len(frames)
+        self._pieces.clear()
+        self._waiting = 0
+
+    def finish(self) -> None:
+        """Write what is left, and close the file."""
+        self._write()
+        self._writer.close()
+
+    def keep(self) -> None:
+        """Put the file in its place."""
+        self._part.replace(self.path)
+
+    def drop(self) -> None:
+        """Remove what is unfinished."""
+        with contextlib.suppress(OSError):
+            self._writer.close()
+        self._part.unlink(missing_ok=True)
+
+
+def _names(signal: SignalOfMessage, words: NDArray[Any]) -> Any:
+    """Return the names of a signal's values; null where a value has none."""
+    known = sorted(signal.choices)
+    raw = signal.raw(words)
+    at = np.minimum(np.searchsorted(known, raw), len(known) - 1)
+    is_named = np.asarray(known)[at] == raw
+    names = pa.array([signal.choices[value] for value in known])
+    return pa.DictionaryArray.from_arrays(pa.array(at, mask=~is_named), names).cast(pa.string())
+
+
+def export(
+    log: Log,
+    folder: Path,
+    kind: Format = "parquet",
+    on_progress: Callable[[int], None] = lambda position: None,
+) -> Exported:
+    """Write the tables of a log into a folder; they take their place when all are whole.
+
+    Raises
+    ------
+    RecordError
+        When the log cannot be read, or a table not be written.
+    """
+    tables: dict[str, _Table] = {}
+    exported = Exported({})
+    epochs = EpochCounter()
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        for piece in log.pieces():
+            _take(piece, epochs.epochs(piece.frames), tables, exported, folder, kind, log)
+            on_progress(log.position)
+        for table in tables.values():
+            table.finish()
+        for name, table in tables.items():
+            table.keep()
+            exported.rows[name] = table.rows
+    except OSError as error:
+        raise RecordError(f"{folder}: cannot be written: {error.strerror}") from error
+    finally:
+        for table in tables.values():
+            table.drop()
+    return exported
+
+
+def _take(
+    piece: Piece,
+    epochs: NDArray[np.int64],
+    tables: dict[str, _Table],
+    exported: Exported,
+    folder: Path,
+    kind: Format,
+    log: Log,
+) -> None:
+    """Hand the frames of a piece to the tables of their messages."""
+    identifiers = piece.frames["can_id"]
+    order = np.argsort(identifiers, kind="stable")
+    found, begins = np.unique(identifiers[order], return_index=True)
+    for identifier, rows in zip(found.tolist(), np.split(order, begins[1:]), strict=True):
+        name = name_of_identifier(identifier)
+        if name is None:
+            exported.unknown += len(rows)
+            continue
+        length = load().database.get_message_by_name(name).length
+        is_whole = piece.frames["length"][rows] == length
+        exported.wrong_length += int(np.count_nonzero(~is_whole))
+        rows = rows[is_whole]
+        if not len(rows):
+            continue
+        if name not in tables:
+            tables[name] = _Table(folder, name, kind, log.path.name)
+        tables[name].take(piece.frames[rows], piece.time_s[rows], epochs[rows])
