@@ -20,7 +20,7 @@ from host_tools.errors import FirmwareFaultError, RehearsalError
 from host_tools.fast import FastRun
 from host_tools.faults import FaultAction
 from host_tools.injection import active_faults, fault_command, send_command
-from host_tools.outfit import firmware_settings, hardware_settings, scenario_wire
+from host_tools.outfit import check_files, firmware_settings, hardware_settings, scenario_wire
 from host_tools.port import Address
 from host_tools.recorder import RecordError, check_path
 from host_tools.rehearsal import Interrupted, Rehearsal, default_address
@@ -151,6 +151,7 @@ def rehearse(plan: Plan, out: Path | None, record: Path | None, as_json: bool) -
     """Do `rrins rehearse`."""
     if record is not None:
         check_path(record)
+    check_files(plan.scenario)
     address = default_address(plan.bus.interface, plan.bus.channel, plan.bus.bitrate)
     folder = _folder(out, plan.name)
     scenario = plan.scenario
