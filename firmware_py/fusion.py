@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 from numba import njit
@@ -74,7 +73,10 @@ def compensate(fusion: Any, measured: Any) -> None:
     for k in range(fusion.count):
         x = measured[k] - fusion.bias_increment[k]
         scale = 1.0 + fusion.scale_error[k]
-        scale += math.copysign(fusion.asymmetric_scale_error[k], x) if x != 0.0 else 0.0
+        if x > 0.0:
+            scale += fusion.asymmetric_scale_error[k]
+        elif x < 0.0:
+            scale -= fusion.asymmetric_scale_error[k]
         measured[k] = x / scale
 
 

@@ -119,6 +119,7 @@ def run_without_frames(
     should_stop: Callable[[], bool] = lambda: False,
 ) -> Outcome:
     """Run a scenario that has no fault on the wire to its end, as `run_direct` does."""
+    assert scenario_wire(scenario) is None, "a wire needs frames"
     log_every = keep_every(scenario.epochs, scenario.rate_hz)
     rows = RowFile(None if folder is None else folder / NAVIGATION_ROWS)
     truth_rows = RowFile(None if folder is None else folder / TRUTH_ROWS)

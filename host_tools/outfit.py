@@ -77,6 +77,20 @@ def _calibration(path: str | None, gyros: int, accelerometers: int) -> Calibrati
         raise ScenarioError(str(error)) from error
 
 
+def check_files(scenario: Scenario) -> None:
+    """Read the files that a scenario names, before anything is started.
+
+    Raises
+    ------
+    ScenarioError
+        When the calibration file cannot be used.
+    MotionError
+        When a recorded motion cannot be used.
+    """
+    firmware_settings(scenario)
+    trajectory_of(scenario)
+
+
 def scenario_wire(scenario: Scenario, is_live: bool = False) -> Wire | None:
     """Return the wire of a run, or None where it would never do anything.
 

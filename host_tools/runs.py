@@ -23,7 +23,7 @@ from host_tools.faults import FaultAction
 from host_tools.injection import active_faults, fault_command, send_command
 from host_tools.logs.errors import RecordError
 from host_tools.logs.formats import check_path
-from host_tools.outfit import firmware_settings, hardware_settings, scenario_wire
+from host_tools.outfit import check_files, firmware_settings, hardware_settings, scenario_wire
 from host_tools.port import Address, Side
 from host_tools.rehearsal import Interrupted, Rehearsal, default_address
 from host_tools.report import Report
@@ -160,6 +160,7 @@ def rehearse(plan: Plan, out: Path | None, record: Path | None, as_json: bool) -
     """Do `rrins rehearse`."""
     if record is not None:
         check_path(record)
+    check_files(plan.scenario)
     address = default_address(plan.bus.interface, plan.bus.channel, plan.bus.bitrate)
     slcan.refuse_one_for_two(address)
     folder = folder_of(out, plan.name)

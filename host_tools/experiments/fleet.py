@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 
 from host_tools.fast import FastRun
-from host_tools.outfit import firmware_settings, hardware_settings
+from host_tools.outfit import firmware_settings, hardware_settings, scenario_wire
 from host_tools.results import Errors, compare
 from host_tools.rows import keep_every
 from host_tools.scenario import Scenario
@@ -15,6 +15,7 @@ from host_tools.scenario import Scenario
 
 def run(scenario: Scenario, sample_s: float | None = None) -> Errors:
     """Run a scenario; return its errors, sampled as a rehearsal's or every `sample_s`."""
+    assert scenario_wire(scenario) is None, "a wire needs frames"
     if sample_s is None:
         every = keep_every(scenario.epochs, scenario.rate_hz)
     else:
