@@ -12,12 +12,14 @@ from hypothesis import strategies as st
 
 from dbc.codec import load
 from dbc.frame import frame_array
+from dbc.values import FaultAction
 from host_tools import fault_table
 from host_tools.direct import run_direct
 from host_tools.errors import ScenarioError
 from host_tools.fault_tables import FaultOnWire
-from host_tools.faults import Fault, FaultAction, FaultKind, Faults, Node
-from host_tools.injection import InjectionError, fault_command
+from host_tools.faults import Fault, FaultKind, Faults, Node
+from host_tools.injection.errors import InjectionError
+from host_tools.injection.messages import fault_commands
 from host_tools.scenario import Scenario, fault_of
 
 DOCS = Path(__file__).parents[2] / "docs"
@@ -134,7 +136,7 @@ def test_faults_act_only_in_their_time_and_on_their_frames():
 
 def test_a_command_says_what_a_scenario_would():
     fault = fault_of({"kind": "delay", "message": "SENSOR_3", "for_s": 1.5, "delay_s": 0.02})
-    message = fault_command(FaultAction.INJECT, fault)
+    message = fault_commands(FaultAction.INJECT, fault)[-1]
     values = load().database.decode_message(message.arbitration_id, bytes(message.data))
     assert str(values["action"]) == "INJECT"
     assert str(values["kind"]) == "DELAY"
@@ -162,7 +164,7 @@ def test_a_live_fault_on_the_bus_is_obeyed_and_reported(start, tmp_path):
         bus.set_filters([{"can_id": load().frame_id("NAV_LATITUDE"), "can_mask": 0x7FF}])
         assert bus.recv(30) is not None
         fault = fault_of({"kind": "silence", "node": "hardware", "for_s": 5})
-        bus.send(fault_command(FaultAction.INJECT, fault), 5.0)
+        bus.send(fault_commands(FaultAction.INJECT, fault)[-1], 5.0)
         status = load().database.get_message_by_name("FAULT_STATUS")
         bus.set_filters([{"can_id": status.frame_id, "can_mask": 0x7FF}])
         seen = bus.recv(20)
