@@ -146,10 +146,13 @@ def test_a_command_says_what_a_scenario_would():
 
 
 def test_what_a_command_cannot_say_is_refused():
-    with pytest.raises(InjectionError, match="probability"):
-        fault_command(FaultAction.INJECT, FaultOnWire(kind="drop", probability=0.5))
-    with pytest.raises(InjectionError, match="longer"):
-        fault_command(FaultAction.INJECT, FaultOnWire(kind="drop", for_s=100))
+    for fault, words in (
+        (FaultOnWire(kind="drop", probability=1e-5), "probability 1e-05"),
+        (FaultOnWire(kind="drop", for_s=100), "for 100 s: a live fault lasts 65.535 s at most"),
+        (FaultOnWire(kind="delay", delay_s=20), "delay of 20 s: a live one is 16.383 s at most"),
+    ):
+        with pytest.raises(InjectionError, match=words):
+            fault_commands(FaultAction.INJECT, fault)
     with pytest.raises(ScenarioError, match="did you mean SENSOR_3"):
         fault_of({"kind": "drop", "message": "SENSR_3"})
 
