@@ -36,8 +36,10 @@ def to_decimal(value: float, digits_signal: Any, exponent_signal: Any) -> tuple[
         digits = int(mantissa.replace(".", ""))
         while digits and digits % 10 == 0:
             digits, exponent = digits // 10, exponent + 1
-        while exponent > highest:
-            digits, exponent = digits * 10, exponent - 1
+        if exponent > highest:
+            digits, exponent = digits * 10 ** (exponent - highest), highest
+            if abs(digits) > largest:
+                break
         if exponent < lowest:
             digits, exponent = round(value * 10**-lowest), lowest
         if abs(digits) <= largest:

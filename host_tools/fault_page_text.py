@@ -80,8 +80,8 @@ bus that is cut can be mended. A real turntable ignores them.
 | `cut` | nobody hears anybody | |
 
 With the wire's timing modelled (`[bus] bitrate`) `corrupt_wire` costs an error frame and a
-repetition, on the ideal wire nothing. `message` and `node` say whose frames; without them it is all. `probability` is the share of the
-frames that are hit.
+repetition, on the ideal wire nothing. `message` and `node` say whose frames; without them it is
+all. `probability` is the share of the frames that are hit.
 
 ## Of the hardware
 

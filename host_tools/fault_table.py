@@ -185,7 +185,7 @@ def _of_hardware(row: Row) -> str:
     after, counted, troubles, off_by = _cells(row)
     return (
         f"| {row.injected} | {after} | {counted} | {troubles} | {row.mode} | {off_by} "
-        f"| {row.difference_deg:.2g}° |"
+        f"| {round(row.difference_deg, 6):.2g}° |"
     )
 
 
