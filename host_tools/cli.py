@@ -45,6 +45,7 @@ class _Speed(click.ParamType[float | None]):
 
 _ELSEWHERE: dict[str, str] = {
     "export": "host_tools.logs.command:export",
+    "inject": "host_tools.injection.command:inject",
     "monitor": "host_tools.monitor.command:monitor",
     "motion": "host_tools.motion.command:motion",
     "plot": "host_tools.logs.command:plot",
@@ -312,37 +313,6 @@ def socketcand(channel: str, port: int, host: str) -> None:
 
     signal.signal(signal.SIGTERM, _as_interrupt)
     click.echo(f"rrins: {serve(channel, host, port, on_ready=on_ready)}", err=True)
-
-
-@rrins.command()
-@click.argument("kind", metavar="KIND|clear|list")
-@click.option("--message", help="Message that is meant, such as SENSOR_3; all without it.")
-@click.option("--node", default="any", show_default=True, help="any, firmware or hardware.")
-@click.option("--for", "for_s", type=float, help="Seconds (simulated); without it, until removed.")
-@click.option("--delay", "delay_s", type=float, help="Seconds, for delay.")
-@click.option("--frames-per-epoch", type=int, help="For babble.")
-@click.option("--bit", type=int, help="Bit of the payload, for corrupt.")
-@click.option("--remove", is_flag=True, help="Take the fault out again.")
-@_bus_options
-@_json_option
-def inject(
-    kind: str,
-    remove: bool,
-    interface: str,
-    channel: str | None,
-    bitrate: int | None,
-    as_json: bool,
-    **fault: Any,
-) -> None:
-    """Put a fault on the wire of a rehearsal under way, or take it out.
-
-    KIND is drop, delay, duplicate, reorder, corrupt_wire, corrupt, wrong_counter, babble, silence,
-    bus_off or cut. `clear` takes out all, `list` says which are active.
-    """
-    from host_tools import runs
-
-    address = runs.default_side_address(runs.Bus(interface, channel, bitrate))
-    runs.inject(address, kind, remove, as_json, fault)
 
 
 @rrins.group("scenarios", invoke_without_command=True)

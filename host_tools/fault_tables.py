@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import difflib
-import math
-from typing import Annotated, Final, Literal, get_args
+from collections.abc import Mapping
+from typing import Annotated, Any, Final, Literal, get_args
 
 from pydantic import Field, model_validator
 
 from dbc.codec import load as load_codec
 from dbc.contract import SENSOR_GROUPS
 from host_tools.faults import ANY_IDENTIFIER, Fault, FaultKind, Node
+from host_tools.hardware.fault_values import VALUES, FaultValue
 from host_tools.hardware.faults import EVERY, HardwareFault
 from host_tools.hardware.memory import INNER, OUTER
-from host_tools.hardware.settings import DEG_PER_SQRT_H, DPH, UG, PlannedFault
+from host_tools.hardware.settings import PlannedFault
 from host_tools.tables import Table
 
 
@@ -28,7 +29,15 @@ class _Timed(Table):
     def epochs(self, rate_hz: int) -> tuple[int, int]:
         """Return the first and the last epoch; -1 as the last means to the end."""
         first = round(self.at_s * rate_hz)
-        return first, -1 if self.for_s is None else first + max(1, round(self.for_s * rate_hz)) - 1
+        if self.for_s is None:
+            return first, -1
+        return first, first + max(1, round(self.for_s * rate_hz)) - 1
+
+    def _refuse_keys_of_other_kinds(self, kind: str, keys: Mapping[str, tuple[str, ...]]) -> None:
+        """Raise if a key is given that means nothing for the kind; `keys`: the kinds of each."""
+        for key, kinds in keys.items():
+            if key in self.model_fields_set and kind not in kinds:
+                raise ValueError(f"{key}: means nothing for {kind}, but for {', '.join(kinds)}")
 
 
 class FaultOnWire(_Timed):
@@ -46,6 +55,7 @@ class FaultOnWire(_Timed):
         "silence",
         "bus_off",
         "cut",
+        "stale",
     ]
     message: str | None = None
     """Name of the message that is meant; without it all of the node."""
@@ -61,6 +71,12 @@ class FaultOnWire(_Timed):
             near = difflib.get_close_matches(self.message, _message_names(), 1)
             hint = f", did you mean {near[0]}?" if near else ""
             raise ValueError(f"message: the DBC has no {self.message}{hint}")
+        return self
+
+    @model_validator(mode="after")
+    def _fitting(self) -> FaultOnWire:
+        of = {"delay_s": ("delay",), "frames_per_epoch": ("babble",), "bit": ("corrupt",)}
+        self._refuse_keys_of_other_kinds(self.kind, of)
         return self
 
     def fault(self, rate_hz: int) -> Fault:
@@ -89,28 +105,62 @@ def _message_names() -> list[str]:
     return [message.name for message in load_codec().database.messages]
 
 
-class FaultOfAxis(_Timed):
+def _limited(kind: HardwareFault, default: float) -> Any:
+    """Return the field of a kind's value."""
+    return Field(default=default, ge=VALUES[kind].minimum, le=VALUES[kind].maximum)
+
+
+class FaultOfHardware(_Timed):
+    """Something of the hardware that fails."""
+
+    kind: str
+
+    @model_validator(mode="after")
+    def _fitting(self) -> FaultOfHardware:
+        own = {value.key: (kind.name.lower(),) for kind, value in VALUES.items()}
+        self._refuse_keys_of_other_kinds(self.kind, own)
+        return self
+
+    @property
+    def hardware_kind(self) -> HardwareFault:
+        """The kind, as the hardware knows it."""
+        return HardwareFault[self.kind.upper()]
+
+    @property
+    def target(self) -> int:
+        """Index of the axis or the sensor; `EVERY` for all sensors of the kind."""
+        raise NotImplementedError
+
+    @property
+    def value(self) -> float:
+        """The kind's value, in the unit of its key; 0 for a kind that has none."""
+        described: FaultValue | None = VALUES.get(self.hardware_kind)
+        return 0.0 if described is None else float(getattr(self, described.key))
+
+    def planned(self, rate_hz: int) -> PlannedFault:
+        """Return the fault, its times in epochs, its value in SI units."""
+        kind = self.hardware_kind
+        value = self.value * VALUES[kind].unit if kind in VALUES else 0.0
+        return PlannedFault(kind, self.target, *self.epochs(rate_hz), value)
+
+
+class FaultOfAxis(FaultOfHardware):
     """An axis of the turntable that fails."""
 
     kind: Literal["axis_stall", "axis_runaway", "encoder_stuck", "encoder_offset"]
     axis: Literal["inner", "outer"]
-    rate_dps: float = Field(default=5.0, ge=-60, le=60)
+    rate_dps: float = _limited(HardwareFault.AXIS_RUNAWAY, 5.0)
     """Of a runaway."""
-    offset_deg: float = Field(default=1.0, ge=-180, le=180)
+    offset_deg: float = _limited(HardwareFault.ENCODER_OFFSET, 1.0)
     """Of an encoder that has slipped."""
 
-    def planned(self, rate_hz: int) -> PlannedFault:
-        """Return the fault, its times in epochs."""
-        kind = HardwareFault[self.kind.upper()]
-        value = {
-            HardwareFault.AXIS_RUNAWAY: math.radians(self.rate_dps),
-            HardwareFault.ENCODER_OFFSET: self.offset_deg,
-        }.get(kind, 0.0)
-        target = INNER if self.axis == "inner" else OUTER
-        return PlannedFault(kind, target, *self.epochs(rate_hz), value)
+    @property
+    def target(self) -> int:
+        """Index of the axis."""
+        return INNER if self.axis == "inner" else OUTER
 
 
-class FaultOfSensor(_Timed):
+class FaultOfSensor(FaultOfHardware):
     """A gyro or an accelerometer that fails."""
 
     kind: Literal[
@@ -125,22 +175,15 @@ class FaultOfSensor(_Timed):
     ]
     sensor: int | None = Field(default=None, ge=1, le=SENSOR_GROUPS)
     """From 1; without it, all of the kind."""
-    bias_dph: float = 10.0
-    bias_ug: float = 1000.0
-    angle_random_walk_deg_per_sqrt_h: float = Field(default=1.0, ge=0)
-    white_noise_ug_per_sqrt_hz: float = Field(default=1000.0, ge=0)
+    bias_dph: float = _limited(HardwareFault.GYRO_BIAS, 10.0)
+    bias_ug: float = _limited(HardwareFault.ACCELEROMETER_BIAS, 1000.0)
+    angle_random_walk_deg_per_sqrt_h: float = _limited(HardwareFault.GYRO_NOISE, 1.0)
+    white_noise_ug_per_sqrt_hz: float = _limited(HardwareFault.ACCELEROMETER_NOISE, 1000.0)
 
-    def planned(self, rate_hz: int) -> PlannedFault:
-        """Return the fault, its times in epochs."""
-        kind = HardwareFault[self.kind.upper()]
-        value = {
-            HardwareFault.GYRO_BIAS: self.bias_dph * DPH,
-            HardwareFault.GYRO_NOISE: self.angle_random_walk_deg_per_sqrt_h * DEG_PER_SQRT_H,
-            HardwareFault.ACCELEROMETER_BIAS: self.bias_ug * UG,
-            HardwareFault.ACCELEROMETER_NOISE: self.white_noise_ug_per_sqrt_hz * UG,
-        }.get(kind, 0.0)
-        target = EVERY if self.sensor is None else self.sensor - 1
-        return PlannedFault(kind, target, *self.epochs(rate_hz), value)
+    @property
+    def target(self) -> int:
+        """Index of the sensor; `EVERY` for all of the kind."""
+        return EVERY if self.sensor is None else self.sensor - 1
 
 
 AnyFault = Annotated[FaultOnWire | FaultOfAxis | FaultOfSensor, Field(discriminator="kind")]

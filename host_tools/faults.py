@@ -27,7 +27,8 @@ class FaultKind(IntEnum):
     catches it: an error frame, and the frame is sent again. CORRUPT a bit is wrong after that: the
     end-to-end CRC has to catch it. WRONG_COUNTER the CRC is right, the counter is not. BABBLE a
     node sends the most urgent identifier all the time. SILENCE a node or message says nothing.
-    BUS_OFF a node's controller is off the bus. CUT nobody hears anybody.
+    BUS_OFF a node's controller is off the bus. CUT nobody hears anybody. STALE the frame that was
+    sent when the fault began comes again and again.
     """
 
     NONE = 0
@@ -42,15 +43,7 @@ class FaultKind(IntEnum):
     SILENCE = 9
     BUS_OFF = 10
     CUT = 11
-
-
-class FaultAction(IntEnum):
-    """What a FAULT_COMMAND asks for; the DBC's value table of `action`."""
-
-    NONE = 0
-    INJECT = 1
-    REMOVE = 2
-    CLEAR = 3
+    STALE = 12
 
 
 class Node(IntEnum):
@@ -67,8 +60,13 @@ ANY_IDENTIFIER = 4095
 BABBLE_IDENTIFIER = 0x001
 """What a babbling node sends: more urgent than everything in the contract."""
 
+CAPACITY = 127
+"""The most faults that there can be at a time; a scenario has 100 at most."""
+
+MOST_BABBLE = 200
+"""The most frames an epoch that a node babbles."""
+
 _SILENT = (FaultKind.DROP, FaultKind.SILENCE, FaultKind.BUS_OFF, FaultKind.CUT)
-_MOST_AFFECTED = 2**28 - 1
 
 
 @dataclass(frozen=True)
@@ -98,6 +96,11 @@ class Fault:
     probability: float = 1.0
     parameter: int = 0
 
+    @property
+    def identity(self) -> tuple[FaultKind, Node, int, int]:
+        """What makes two faults the same: kind, node, identifier, parameter."""
+        return self.kind, self.node, self.identifier, self.parameter
+
     def is_active(self, epoch: int) -> bool:
         """Return whether the fault acts in an epoch."""
         return self.first_epoch <= epoch and not 0 <= self.last_epoch < epoch
@@ -115,6 +118,11 @@ class Fault:
         return self.identifier in (ANY_IDENTIFIER, can_id)
 
 
+_Held = dict[int, Any]
+_Entry = tuple[Fault, np.random.Generator, _Held]
+"""A fault, its random numbers, the frames that it holds by identifier."""
+
+
 class Faults:
     """The faults of a run.
 
@@ -130,7 +138,7 @@ class Faults:
     def __init__(self, faults: tuple[Fault, ...], seed: int, has_timing: bool = False) -> None:
         self._seed = seed
         self._has_timing = has_timing
-        self._faults: list[tuple[Fault, np.random.Generator]] = []
+        self._faults: list[_Entry] = []
         self._number = 0
         self._delayed: list[tuple[int, Node, Any]] = []
         self._messages = {  # those that have a counter
@@ -144,15 +152,37 @@ class Faults:
         """Put in a fault."""
         random = np.random.default_rng([self._seed, self._number])
         self._number += 1
-        self._faults.append((fault, random))
+        self._faults.append((fault, random, {}))
 
-    def remove(self, kind: FaultKind, node: Node, identifier: int) -> None:
-        """Take out the faults of a kind on certain frames."""
-        self._faults = [
-            (fault, random)
-            for fault, random in self._faults
-            if (fault.kind, fault.node, fault.identifier) != (kind, node, identifier)
+    def renew(self, fault: Fault) -> bool:
+        """Put in a fault that begins at once, in the place of the same one that is active.
+
+        Returns False if there is no room.
+        """
+        epoch = fault.first_epoch
+        kept = [
+            entry
+            for entry in self._faults
+            if not entry[0].is_over(epoch)
+            and not (entry[0].is_active(epoch) and entry[0].identity == fault.identity)
         ]
+        if len(kept) >= CAPACITY:
+            return False
+        self._faults = kept
+        self.add(fault)
+        return True
+
+    def remove(self, kind: FaultKind, node: Node, identifier: int, epoch: int = 0) -> int:
+        """Take out the faults of a kind on certain frames; return how many lasted to the epoch."""
+        meant = (kind, node, identifier)
+        left, ended = [], 0
+        for entry in self._faults:
+            if entry[0].identity[:3] == meant:
+                ended += not entry[0].is_over(epoch)
+            else:
+                left.append(entry)
+        self._faults = left
+        return ended
 
     def clear(self) -> None:
         """Take out all faults; what was delayed still comes."""
@@ -164,17 +194,17 @@ class Faults:
 
     def active(self, epoch: int) -> list[Fault]:
         """Return the faults that act in an epoch, and forget those that are over."""
-        self._faults = [pair for pair in self._faults if not pair[0].is_over(epoch)]
-        return [fault for fault, _ in self._faults if fault.is_active(epoch)]
+        self._faults = [entry for entry in self._faults if not entry[0].is_over(epoch)]
+        return [entry[0] for entry in self._faults if entry[0].is_active(epoch)]
 
     def apply(
         self, sender: Node, frames: FrameArray, count: int, epoch: int, out: FrameArray
     ) -> int:
         """Write what becomes of a side's frames in an epoch to `out`; return how many there are."""
         passing = [frames[k : k + 1].copy() for k in range(count)]
-        for fault, random in self._faults:
-            if fault.is_active(epoch):
-                passing = self._hit(fault, random, sender, passing, epoch)
+        for entry in self._faults:
+            if entry[0].is_active(epoch):
+                passing = self._hit(entry, sender, passing, epoch)
         passing = [*self._due(sender, epoch), *passing][: len(out)]
         for k, frame in enumerate(passing):
             out[k] = frame[0]
@@ -182,7 +212,7 @@ class Faults:
 
     def acts(self, epoch: int) -> bool:
         """Return whether anything happens to frames in an epoch."""
-        return bool(self._delayed) or any(fault.is_active(epoch) for fault, _ in self._faults)
+        return bool(self._delayed) or any(entry[0].is_active(epoch) for entry in self._faults)
 
     def _due(self, sender: Node, epoch: int) -> list[Any]:
         """Return the delayed frames of a side whose time has come."""
@@ -191,14 +221,8 @@ class Faults:
             self._delayed = [d for d in self._delayed if not (d[1] == sender and d[0] <= epoch)]
         return due
 
-    def _hit(
-        self,
-        fault: Fault,
-        random: np.random.Generator,
-        sender: Node,
-        passing: list[Any],
-        epoch: int,
-    ) -> list[Any]:
+    def _hit(self, entry: _Entry, sender: Node, passing: list[Any], epoch: int) -> list[Any]:
+        fault, random, _ = entry
         if fault.kind == FaultKind.REORDER:
             return self._reorder(fault, random, sender, passing)
         if fault.kind == FaultKind.BABBLE:
@@ -211,7 +235,7 @@ class Faults:
         for frame in passing:
             hit = fault.means(sender, int(frame[0]["can_id"]))
             if hit and random.random() < fault.probability:
-                left.extend(self._affect(fault, random, sender, frame, epoch))
+                left.extend(self._affect(entry, sender, frame, epoch))
             else:
                 left.append(frame)
         return left
@@ -224,9 +248,8 @@ class Faults:
         self._count(len(passing))
         return [passing[k] for k in random.permutation(len(passing))]
 
-    def _affect(
-        self, fault: Fault, random: np.random.Generator, sender: Node, frame: Any, epoch: int
-    ) -> Iterator[Any]:
+    def _affect(self, entry: _Entry, sender: Node, frame: Any, epoch: int) -> Iterator[Any]:
+        fault, random, held = entry
         kind = fault.kind
         by_model = (FaultKind.CORRUPT_WIRE, FaultKind.BUS_OFF, FaultKind.CUT)
         if self._has_timing and kind in by_model:
@@ -245,6 +268,8 @@ class Faults:
             self._miscount(frame)
         elif kind == FaultKind.DUPLICATE:
             yield frame.copy()
+        elif kind == FaultKind.STALE:
+            frame = held.setdefault(int(frame[0]["can_id"]), frame).copy()
         yield frame  # CORRUPT_WIRE, too: the controllers send the frame again
 
     def _miscount(self, frame: Any) -> None:
@@ -255,7 +280,7 @@ class Faults:
             frame["data"] = protect(frame[0]["data"], message, counter)
 
     def _count(self, frames: int) -> None:
-        self.affected_frames = min(_MOST_AFFECTED, self.affected_frames + frames)
+        self.affected_frames += frames
 
 
 def babble(count: int) -> list[Any]:

@@ -19,8 +19,6 @@ from host_tools.direct import run_direct, run_without_frames
 from host_tools.display import RunDisplay
 from host_tools.errors import FirmwareFaultError, RehearsalError
 from host_tools.fast import FastRun
-from host_tools.faults import FaultAction
-from host_tools.injection import active_faults, fault_command, send_command
 from host_tools.logs.errors import RecordError
 from host_tools.logs.formats import check_path
 from host_tools.outfit import check_files, firmware_settings, hardware_settings, scenario_wire
@@ -28,7 +26,7 @@ from host_tools.port import Address, Side
 from host_tools.rehearsal import Interrupted, Rehearsal, default_address
 from host_tools.report import Report
 from host_tools.results import Errors
-from host_tools.scenario import Scenario, fault_of
+from host_tools.scenario import Scenario
 from host_tools.serial import slcan
 from host_tools.serial.options import arguments_of
 from host_tools.summary import collect, lines_of, summarise, table_of, write_results
@@ -258,23 +256,6 @@ def default_side_address(bus: Bus) -> Address:
     if channel is None and bus.interface == "rrins":
         channel = "rrins0"
     return default_address(bus.interface, channel, bus.bitrate)
-
-
-def inject(address: Address, kind: str, remove: bool, as_json: bool, fault: dict[str, Any]) -> None:
-    """Do `rrins inject`."""
-    if kind == "list":
-        found = active_faults(address)
-        text = ", ".join(found["kinds"]) or "none"
-        words = f"active: {text}; {found['affected_frames']} frames affected so far"
-        click.echo(json.dumps(found) if as_json else words)
-        return
-    if kind == "clear":
-        send_command(address, fault_command(FaultAction.CLEAR))
-        return
-    given = {"kind": kind} | {key: value for key, value in fault.items() if value is not None}
-    checked = fault_of(given)
-    action = FaultAction.REMOVE if remove else FaultAction.INJECT
-    send_command(address, fault_command(action, checked))
 
 
 def report_error(report_fd: int, side: str, error: RehearsalError) -> None:

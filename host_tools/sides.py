@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from dbc.frame import frame_array
+from dbc.values import FaultAction
 from firmware_py.diagnostics.store import StoreError
 from firmware_py.loop import Firmware, open_memories
 from firmware_py.loop import run_lockstep as run_firmware_lockstep
@@ -18,12 +19,14 @@ from firmware_py.modes import Fault, Mode
 from firmware_py.serial_lines import NO_LINES, SerialSettings
 from firmware_py.trace import NavigationTrace
 from host_tools.errors import ParameterFileError
+from host_tools.fault_tables import FaultOfSensor, FaultOnWire
 from host_tools.hardware.loop import Hardware
 from host_tools.hardware.loop import run_lockstep as run_hardware_lockstep
 from host_tools.hardware.loop import run_realtime as run_hardware_realtime
 from host_tools.hardware.memory import TRUTH
+from host_tools.injection.messages import fault_commands
 from host_tools.outfit import firmware_settings, hardware_settings, scenario_wire
-from host_tools.port import Address, open_port
+from host_tools.port import Address, frame_of_message, open_port
 from host_tools.realtime import LatenessHistogram, enter_realtime
 from host_tools.report import Report
 from host_tools.rows import RowBuffer, RowFile, keep_every
@@ -112,10 +115,18 @@ def prepare_firmware(scenario: Scenario) -> None:
 
 
 def prepare_hardware(scenario: Scenario) -> None:
-    """Run one step aside, so that all that is compiled is compiled or loaded."""
+    """Run some steps aside, so that all that is compiled is compiled or loaded.
+
+    Faults are put in, too: what they need is not to be compiled while time is real.
+    """
     aside = Hardware(hardware_settings(scenario), scenario_wire(scenario, is_live=True))
-    for epoch in range(2):
-        aside.open_epoch(epoch, frame_array(1), 0)
+    commands = frame_array(2)
+    on_wire = fault_commands(FaultAction.INJECT, FaultOnWire(kind="drop"))
+    of_hardware = fault_commands(FaultAction.INJECT, FaultOfSensor(kind="gyro_bias"))
+    for frame, message in zip(commands, (*on_wire, *of_hardware), strict=True):
+        frame_of_message(frame, message)
+    for epoch in range(3):
+        aside.open_epoch(epoch, commands, len(commands) if epoch == 1 else 0)
 
 
 def _prepare(report: Report, side: str, scenario: Scenario) -> None:

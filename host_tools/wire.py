@@ -16,27 +16,17 @@ from typing import Any
 
 import numpy as np
 
-from dbc.codec import load, pack, unpack
-from dbc.contract import load_contract
-from dbc.e2e import crc_holds, fill
+from dbc.codec import load
 from dbc.frame import FrameArray, frame_array
 from host_tools.bus.timing import WireModel
 from host_tools.controller import ControllerWatch
-from host_tools.faults import (
-    ANY_IDENTIFIER,
-    Fault,
-    FaultAction,
-    FaultKind,
-    Faults,
-    Node,
-    babble,
-)
+from host_tools.fault_desk import FaultDesk
+from host_tools.faults import ANY_IDENTIFIER, Fault, FaultKind, Faults, Node, babble
 
 _CAPACITY = 4096
 _HARDWARE, _FIRMWARE, _BABBLER = 0, 1, 2
 _NODES = ("hardware", "firmware", "babbler")
 _BUS_OFF_ERRORS = 32  # in a row, of 8 each, take a transmitter off the bus
-_NS_PER_MS = 1_000_000
 
 
 class Wire:
@@ -51,24 +41,22 @@ class Wire:
     seed : int
     bitrate : int or None
         In bit/s; None for an ideal wire, which takes no time.
+
+    Attributes
+    ----------
+    faults : Faults
+    desk : FaultDesk
+        Puts in faults, as FAULT_COMMANDs ask for.
     """
 
     def __init__(
         self, period_ns: int, faults: tuple[Fault, ...], seed: int, bitrate: int | None
     ) -> None:
-        contract = load_contract()[0]
         self._period_ns = period_ns
         self._model = None if bitrate is None else WireModel(bitrate, _NODES)
         self._controller = None if self._model is None else ControllerWatch(self._model, _FIRMWARE)
         self.faults = Faults(faults, seed, has_timing=self._model is not None)
-        self._command = contract["fault_command"]
-        self._command_id = int(self._command["message"]["can_id"])
-        self._status = contract["fault_status"]
-        self._status_epochs = max(
-            1, int(self._status["message"]["cycle_ms"]) * _NS_PER_MS // period_ns
-        )
-        self._transmissions = 0
-        self._was_active = False
+        self.desk = FaultDesk(self.faults, period_ns)
         self._is_cut = False
         self._scratch = frame_array(_CAPACITY)
         self._to_firmware = frame_array(_CAPACITY)
@@ -88,7 +76,7 @@ class Wire:
     def up(self, frames: FrameArray, count: int, epoch: int) -> tuple[FrameArray, int]:
         """Return what the firmware gets in an epoch, given what the hardware sends in it."""
         acts = self.faults.acts(epoch)
-        if self._model is None and not acts and not self._was_active:
+        if self._model is None and not acts and not self.desk.is_awake:
             return frames, count
         active = self.faults.active(epoch)
         passed = self._apply(Node.HARDWARE, frames, count, epoch, acts)
@@ -97,7 +85,7 @@ class Wire:
             arrived = passed
         else:
             arrived = self._transmit_up(self._model, active, passed, epoch)
-        arrived += self._report(active, epoch, self._to_firmware[arrived:])
+        arrived = self.desk.report(active, epoch, self._to_firmware, arrived)
         return self._to_firmware, arrived
 
     def _transmit_up(self, model: WireModel, active: list[Fault], passed: int, epoch: int) -> int:
@@ -113,7 +101,7 @@ class Wire:
 
     def down(self, frames: FrameArray, count: int, epoch: int) -> tuple[FrameArray, int]:
         """Return what the hardware gets in the epoch after, given what the firmware sends in it."""
-        self._obey(frames, count, epoch)
+        self.desk.take(frames, count, epoch)
         acts = self.faults.acts(epoch)
         if self._model is None and not acts:
             return frames, count
@@ -212,58 +200,6 @@ class Wire:
                 model.fail_next(node=node, times=times)
             else:
                 model.fail_next(fault.identifier, node, times)
-
-    def _obey(self, frames: FrameArray, count: int, epoch: int) -> None:
-        """Act on the FAULT_COMMANDs among the frames that came."""
-        if self._command_id not in frames["can_id"][:count].tolist():
-            return
-        for k in range(count):
-            frame = frames[k]
-            if frame["can_id"] == self._command_id and crc_holds(frame, self._command["message"]):
-                self._act(frame["data"], epoch)
-
-    def _act(self, word: Any, epoch: int) -> None:
-        values = {
-            name: int(unpack(word, self._command[name]))
-            for name in ("action", "kind", "node", "identifier", "duration_ms", "parameter")
-        }
-        try:
-            action, kind = FaultAction(values["action"]), FaultKind(values["kind"])
-            node = Node(values["node"])
-        except ValueError:  # a value without a name asks for nothing
-            return
-        if action == FaultAction.CLEAR:
-            self.faults.clear()
-        elif action == FaultAction.REMOVE:
-            self.faults.remove(kind, node, values["identifier"])
-        elif action == FaultAction.INJECT and kind != FaultKind.NONE:
-            duration = -(-values["duration_ms"] * _NS_PER_MS // self._period_ns)
-            last = epoch + duration if duration else -1
-            parameter = values["parameter"]
-            if kind == FaultKind.DELAY:
-                parameter = -(-parameter * _NS_PER_MS // self._period_ns)
-            self.faults.add(
-                Fault(kind, node, values["identifier"], epoch + 1, last, parameter=parameter)
-            )
-
-    def _report(self, active: list[Fault], epoch: int, out: FrameArray) -> int:
-        """Put a FAULT_STATUS when one is due; return how many."""
-        is_active = bool(active)
-        due = is_active and epoch % self._status_epochs == 0
-        changed = is_active != self._was_active
-        self._was_active = is_active
-        if not (due or changed):
-            return 0
-        word = np.uint64(0)
-        kinds = 0
-        for fault in active:
-            kinds |= 1 << fault.kind
-        word = pack(word, self._status["active_kinds"], kinds)
-        word = pack(word, self._status["active_faults"], min(255, len(active)))
-        word = pack(word, self._status["affected_frames"], self.faults.affected_frames)
-        fill(out[0], self._status["message"], word, self._transmissions)
-        self._transmissions += 1
-        return 1
 
 
 def _append(array: FrameArray, count: int, frames: FrameArray) -> int:

@@ -23,7 +23,7 @@ EVERY = -1
 
 
 class HardwareFault(IntEnum):
-    """Kinds of fault; the value that each takes, in SI units.
+    """Kinds of fault, as `kind` of HARDWARE_FAULT_COMMAND; the value of each, in SI units.
 
     AXIS_STALL: an axis stands (no value). AXIS_RUNAWAY: it turns at the value, rad/s.
     ENCODER_STUCK: its encoder repeats the last angle. ENCODER_OFFSET: it reads the value more, °.
@@ -32,18 +32,18 @@ class HardwareFault(IntEnum):
     or m/s/√s, on top. GYRO_ABSENT, ACCELEROMETER_ABSENT: says that it is not there.
     """
 
-    AXIS_STALL = 0
-    AXIS_RUNAWAY = 1
-    ENCODER_STUCK = 2
-    ENCODER_OFFSET = 3
-    GYRO_STUCK = 4
-    GYRO_BIAS = 5
-    GYRO_NOISE = 6
-    GYRO_ABSENT = 7
-    ACCELEROMETER_STUCK = 8
-    ACCELEROMETER_BIAS = 9
-    ACCELEROMETER_NOISE = 10
-    ACCELEROMETER_ABSENT = 11
+    AXIS_STALL = 1
+    AXIS_RUNAWAY = 2
+    ENCODER_STUCK = 3
+    ENCODER_OFFSET = 4
+    GYRO_STUCK = 5
+    GYRO_BIAS = 6
+    GYRO_NOISE = 7
+    GYRO_ABSENT = 8
+    ACCELEROMETER_STUCK = 9
+    ACCELEROMETER_BIAS = 10
+    ACCELEROMETER_NOISE = 11
+    ACCELEROMETER_ABSENT = 12
 
 
 _STUCK, _BIAS, _NOISE, _ABSENT = 0, 1, 2, 3  # of a sensor, above its kind's first
@@ -143,10 +143,14 @@ def put(plant: Any, kind: int, target: int, first: int, last: int, value: float)
     return True
 
 
-def take_out(plant: Any, kind: int | None = None, target: int | None = None) -> None:
-    """End the faults of a kind and target, or all, at once."""
+def take_out(plant: Any, kind: int | None = None, target: int | None = None) -> int:
+    """End the faults of a kind and target, or all, before the next epoch; return how many."""
     faults = plant["faults"]
+    ended = 0
     for k in range(int(faults["count"])):
-        if kind in (None, faults["kind"][k]) and target in (None, faults["target"][k]):
+        meant = kind in (None, faults["kind"][k]) and target in (None, faults["target"][k])
+        if meant and faults["last_epoch"][k] >= plant["epoch"]:
             faults["last_epoch"][k] = plant["epoch"] - 1
+            ended += 1
     faults["changes_at"] = 0
+    return ended

@@ -12,6 +12,7 @@ from typing import Protocol
 
 from dbc.contract import load_contract
 from dbc.frame import FrameArray, frame_array
+from host_tools.hardware.fault_desk import REPORT_CAPACITY, FaultDesk
 from host_tools.hardware.settings import Settings, pieces_of, power_on
 from host_tools.hardware.step import OUTBOX_CAPACITY, hardware_step
 
@@ -63,6 +64,8 @@ class Hardware:
     pieces : array, shape (n, 15, 8)
         The vehicle's motion.
     inbox, outbox : arrays of dtype `dbc.frame.FRAME`
+    desk : FaultDesk
+        Puts in faults of the hardware, as HARDWARE_FAULT_COMMANDs ask for.
     """
 
     def __init__(self, settings: Settings, wire: Wire | None = None) -> None:
@@ -71,7 +74,8 @@ class Hardware:
         self.plant = power_on(settings)
         self.pieces = pieces_of(settings)
         self.inbox = frame_array(INBOX_CAPACITY)
-        self.outbox = frame_array(OUTBOX_CAPACITY)
+        self.outbox = frame_array(OUTBOX_CAPACITY + REPORT_CAPACITY)
+        self.desk = FaultDesk(self.plant[0])
         self.period_ns = int(self.plant[0]["period_ns"])
         self.frames_received = 0
         self.frames_sent = 0
@@ -82,14 +86,18 @@ class Hardware:
         return sent
 
     def open_epoch(self, epoch: int, frames: FrameArray, count: int) -> tuple[FrameArray, int]:
-        """Run an epoch on the frames of the one before; return what goes to the firmware."""
+        """Run an epoch on the frames of the one before; return what goes to the firmware.
+
+        Commands and reports of faults do not pass the wire: what is put in can be taken out.
+        """
+        self.desk.take(frames, count)
         if self.wire is None:
-            sent = self.step(frames, count)
-            self.frames_sent += sent
-            return self.outbox, sent
-        if epoch > 0:
-            frames, count = self.wire.down(frames, count, epoch - 1)
-        passed, sent = self.wire.up(self.outbox, self.step(frames, count), epoch)
+            passed, sent = self.outbox, self.step(frames, count)
+        else:
+            if epoch > 0:
+                frames, count = self.wire.down(frames, count, epoch - 1)
+            passed, sent = self.wire.up(self.outbox, self.step(frames, count), epoch)
+        sent = self.desk.report(epoch, passed, sent)
         self.frames_sent += sent
         return passed, sent
 

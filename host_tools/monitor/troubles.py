@@ -12,7 +12,17 @@ from host_tools.monitor.wording import age_words, rate_words
 HIGH_LOAD = 0.8
 """Share of the bus time, or of the firmware's period, above which load is a trouble."""
 
-_EVENTS = ("MODE_COMMAND", "FAULT_COMMAND", "FAULT_STATUS")  # nobody waits for these
+_EVENTS = (  # nobody waits for these
+    "MODE_COMMAND",
+    "FAULT_COMMAND",
+    "FAULT_STATUS",
+    "FAULT_ACTIVE",
+    "FAULT_TIMES",
+    "HARDWARE_FAULT_COMMAND",
+    "HARDWARE_FAULT_STATUS",
+    "HARDWARE_FAULT_ACTIVE",
+    "HARDWARE_FAULT_TIMES",
+)
 _NAVIGATION_PREFIX = "NAV_"  # sent in navigation only
 _SENSOR_PREFIX = "SENSOR_"
 _DIAGNOSIS = (0x7DF, *range(0x7E0, 0x7F0))  # ISO 15765-4, identifiers of diagnostic requests
@@ -110,9 +120,18 @@ def _is_strange(message: MessageState) -> bool:
 
 
 def _of_wire(state: BusState) -> Iterator[str]:
-    message = state.message("FAULT_STATUS")
-    if message is None or message.is_silent or not state.value("FAULT_STATUS", "active_faults"):
-        return
-    mask = int(state.value("FAULT_STATUS", "active_kinds") or 0)
-    kinds = [kind.name.lower() for kind in FaultKind if mask >> kind & 1]
-    yield f"put on the wire by rrins: {', '.join(kinds)}"
+    if _active_faults(state, "FAULT_STATUS"):
+        mask = int(state.value("FAULT_STATUS", "active_kinds") or 0)
+        kinds = [kind.name.lower() for kind in FaultKind if mask >> kind & 1]
+        yield f"put on the wire by rrins: {', '.join(kinds)}"
+    count = _active_faults(state, "HARDWARE_FAULT_STATUS")
+    if count:
+        yield f"put into the hardware by rrins: {count} fault{'' if count == 1 else 's'}"
+
+
+def _active_faults(state: BusState, name: str) -> int:
+    """Return how many faults a status says there are; 0 when it is not there."""
+    message = state.message(name)
+    if message is None or message.is_silent:
+        return 0
+    return int(state.value(name, "active_faults") or 0)

@@ -13,10 +13,10 @@ import can
 
 from dbc.e2e import COUNTER_MODULUS, counter_of
 from dbc.frame import frame_array
+from dbc.values import FaultAction, FaultRefusal
 from host_tools.errors import ScenarioError
 from host_tools.fault_tables import FaultOnWire
-from host_tools.faults import FaultAction
-from host_tools.injection import fault_command
+from host_tools.injection.messages import Fault, fault_commands, plain_command
 from host_tools.port import frame_of_message
 from host_tools.results import east_north_m
 from host_tools.scenario import Scenario, fault_of
@@ -67,6 +67,12 @@ class EastNorth(NamedTuple):
     north: float
 
 
+def _checked(kind: str, keys: dict[str, Any]) -> Fault:
+    if "at_s" in keys:
+        raise ScenarioError("fault: at_s: a live fault begins at once")
+    return fault_of({"kind": kind} | {key: v for key, v in keys.items() if v is not None})
+
+
 class Bench(Watcher):
     """A rehearsal that a test drives.
 
@@ -99,78 +105,97 @@ class Bench(Watcher):
 
     # ---- what a test does to it
 
-    def inject(
-        self,
-        kind: str,
-        *,
-        message: str | None = None,
-        node: str = "any",
-        for_s: float | None = None,
-        delay_s: float | None = None,
-        bit: int | None = None,
-        frames_per_epoch: int | None = None,
-        probability: float | None = None,
-    ) -> None:
-        """Put a fault on the wire from the next epoch on; in real time as soon as it arrives.
+    def inject(self, kind: str, **keys: Any) -> None:
+        """Put in a fault from the next epoch on; in real time as soon as the command arrives.
+
+        The same fault again takes the place of the one that is active.
 
         Parameters
         ----------
         kind : str
-            drop, delay, duplicate, reorder, corrupt_wire, corrupt, wrong_counter, babble, silence,
-            bus_off or cut.
-        message : str, optional
-            Which frames; all of the node without it.
-        node : {"any", "firmware", "hardware"}
-            Whose frames.
-        for_s : float, optional
-            How long; without it until `clear_faults`.
-        delay_s : float, optional
-            Of a delay.
-        bit : int, optional
-            Of the payload, for corrupt; a random one without it.
-        frames_per_epoch : int, optional
-            For babble.
-        probability : float, optional
-            Share of the frames that are hit, not in real time.
+            On the wire drop, delay, duplicate, reorder, corrupt_wire, corrupt, wrong_counter,
+            babble, silence, bus_off, cut or stale; of the hardware axis_stall, axis_runaway,
+            encoder_stuck, encoder_offset, gyro_ or accelerometer_ stuck, bias, noise or absent.
+        **keys
+            As in a scenario's `[[faults]]`, but `at_s`. Of all: `for_s`; without it until it is
+            taken out. On the wire: `message`, `node`, `probability`, `delay_s`, `bit`,
+            `frames_per_epoch`. Of the hardware: `axis`, `rate_dps`, `offset_deg`; `sensor`,
+            `bias_dph`, `bias_ug`, `angle_random_walk_deg_per_sqrt_h`,
+            `white_noise_ug_per_sqrt_hz`.
 
         Raises
         ------
         ScenarioError
             For a fault that there is not.
+        BenchError
+            For one that cannot be put in: too many, or of what this hardware has not.
         """
-        given = {
-            "message": message,
-            "for_s": for_s,
-            "delay_s": delay_s,
-            "bit": bit,
-            "frames_per_epoch": frames_per_epoch,
-            "probability": probability,
-        }
-        checked = fault_of(
-            {"kind": kind, "node": node} | {k: v for k, v in given.items() if v is not None}
-        )
-        wire = self._world.wire
-        if wire is None:
-            self._command(FaultAction.INJECT, checked)
+        fault = _checked(kind, keys)
+        wire, desk = self._world.wire, self._world.desk
+        if wire is None or desk is None:
+            self._command(FaultAction.INJECT, fault)
             return
-        if not isinstance(checked, FaultOnWire):
-            raise ScenarioError(f"{kind}: can be in a scenario only")
-        fault = checked.fault(self.scenario.rate_hz)
-        first = self._world.epoch
-        last = -1 if fault.last_epoch < 0 else first + fault.last_epoch
-        wire.faults.add(dataclasses.replace(fault, first_epoch=first, last_epoch=last))
+        rate_hz = self.scenario.rate_hz
+        if isinstance(fault, FaultOnWire):
+            planned = fault.fault(rate_hz)
+            first = self._world.epoch
+            last = -1 if planned.last_epoch < 0 else first + planned.last_epoch
+            refusal = wire.desk.inject(
+                dataclasses.replace(planned, first_epoch=first, last_epoch=last)
+            )
+        else:
+            _, last = fault.epochs(rate_hz)
+            refusal = desk.inject(fault.hardware_kind, fault.target, fault.value, last + 1)
+        if refusal != FaultRefusal.NONE:
+            raise BenchError(f"{kind}: {refusal.name}")
+
+    def remove_fault(self, kind: str, **keys: Any) -> None:
+        """Take a fault out again, from the next epoch on.
+
+        Parameters
+        ----------
+        kind : str
+        **keys
+            What says which one: `message` and `node`, `axis`, or `sensor`, as it was put in.
+
+        Raises
+        ------
+        ScenarioError
+            For a fault that there is not.
+        BenchError
+            When there is none such; not in real time.
+        """
+        fault = _checked(kind, keys)
+        wire, desk = self._world.wire, self._world.desk
+        if wire is None or desk is None:
+            self._command(FaultAction.REMOVE, fault)
+            return
+        if isinstance(fault, FaultOnWire):
+            said = fault.fault(self.scenario.rate_hz)
+            refusal = wire.desk.remove(said.kind, said.node, said.identifier, self._world.epoch)
+        else:
+            refusal = desk.remove(fault.hardware_kind, fault.target)
+        if refusal != FaultRefusal.NONE:
+            raise BenchError(f"{kind}: {refusal.name}")
 
     def clear_faults(self) -> None:
-        """Take all faults off the wire, those of the scenario too."""
-        wire = self._world.wire
-        if wire is None:
-            self._command(FaultAction.CLEAR)
+        """Take out all faults, on the wire and of the hardware, those of the scenario too."""
+        wire, desk = self._world.wire, self._world.desk
+        if wire is None or desk is None:
+            for of_hardware in (False, True):
+                name = "HARDWARE_FAULT_COMMAND" if of_hardware else "FAULT_COMMAND"
+                counter = self._count_up(self._contract.can_id(name))
+                self.send_frame(plain_command(FaultAction.CLEAR, of_hardware, counter))
         else:
             wire.faults.clear()
+            desk.clear()
 
-    def _command(self, action: FaultAction, fault: Any = None) -> None:
-        counter = self._count_up(self._contract.can_id("FAULT_COMMAND"))
-        self.send_frame(fault_command(action, fault, counter))
+    def _command(self, action: FaultAction, fault: Fault) -> None:
+        on_wire = isinstance(fault, FaultOnWire)
+        can_id = self._contract.can_id("FAULT_COMMAND" if on_wire else "HARDWARE_FAULT_COMMAND")
+        for message in fault_commands(action, fault, self._count_up(can_id)):
+            self._counters[can_id] = message.data[1] & 0xF
+            self.send_frame(message)
 
     def send(self, message_name: str, **values: Any) -> None:
         """Send a message of the contract, with the right counter and CRC.

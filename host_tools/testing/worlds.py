@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from dbc.frame import FrameArray, frame_array
 from firmware_py.loop import Firmware, own_clock_ns
 from host_tools.bus.interface import RrinsBus
+from host_tools.hardware.fault_desk import FaultDesk
 from host_tools.hardware.loop import INBOX_CAPACITY, Hardware
 from host_tools.hardware.memory import TRUTH
 from host_tools.outfit import firmware_settings, hardware_settings, scenario_wire
@@ -52,6 +53,8 @@ class World(ABC):
         Simulated time since power-on; in virtual time the beginning of the next epoch.
     wire : Wire or None
         The wire, where it is in this process.
+    desk : FaultDesk or None
+        Puts faults into the hardware, where it is in this process.
     failure : str
         Why the world ended before its time; empty while all is well.
     died : str
@@ -59,6 +62,7 @@ class World(ABC):
     """
 
     wire: Wire | None = None
+    desk: FaultDesk | None = None
 
     def __init__(self, scenario: Scenario, ring: FrameRing) -> None:
         self.scenario = scenario
@@ -116,6 +120,7 @@ class _Virtual(World):
         assert wire is not None
         self.wire = wire
         self.hardware = Hardware(hardware_settings(scenario), wire)
+        self.desk = self.hardware.desk
         self._truth = self.hardware.plant["truth"]
         self._truths: NDArray[Any] = np.zeros(_TRUTHS, dtype=TRUTH)
         self._next = 0

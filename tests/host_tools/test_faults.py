@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import can
 import numpy as np
 import pytest
 from hypothesis import given
@@ -12,12 +11,16 @@ from hypothesis import strategies as st
 
 from dbc.codec import load
 from dbc.frame import frame_array
+from dbc.values import FaultAction, FaultRefusal
 from host_tools import fault_table
 from host_tools.direct import run_direct
 from host_tools.errors import ScenarioError
-from host_tools.fault_tables import FaultOnWire
-from host_tools.faults import Fault, FaultAction, FaultKind, Faults, Node
-from host_tools.injection import InjectionError, fault_command
+from host_tools.fault_cases import OF_HARDWARE, ON_WIRE
+from host_tools.fault_tables import KINDS, FaultOnWire
+from host_tools.faults import Fault, FaultKind, Faults, Node
+from host_tools.hardware.faults import HardwareFault
+from host_tools.injection.errors import InjectionError
+from host_tools.injection.messages import fault_commands
 from host_tools.scenario import Scenario, fault_of
 
 DOCS = Path(__file__).parents[2] / "docs"
@@ -84,8 +87,59 @@ def test_what_does_no_harm_changes_nothing(table, injected):
 
 
 def test_every_kind_of_fault_is_in_the_table():
-    kinds = {fault["kind"] for _, fault, _ in fault_table.CASES}
-    assert kinds == {kind.name.lower() for kind in FaultKind if kind is not FaultKind.NONE}
+    kinds = {case.fault["kind"] for case in (*ON_WIRE, *OF_HARDWARE)}
+    assert kinds == set(KINDS)
+
+
+def test_the_kinds_are_those_of_the_contract():
+    codec = load()
+    on_wire = {raw: name for raw, name in codec.choices("FAULT_COMMAND", "kind").items() if raw}
+    assert on_wire == {kind: kind.name for kind in FaultKind if kind}
+    for message in ("HARDWARE_FAULT_COMMAND", "HARDWARE_FAULT_ACTIVE"):
+        choices = codec.choices(message, "kind")
+        assert choices == {0: "NONE"} | {kind: kind.name for kind in HardwareFault}
+    assert codec.choices("FAULT_ACTIVE", "kind") == {0: "NONE"} | on_wire
+    actions = {action: action.name for action in FaultAction}
+    assert codec.choices("FAULT_COMMAND", "action") == actions
+    assert actions.items() >= codec.choices("HARDWARE_FAULT_COMMAND", "action").items()
+    refusals = {refusal: refusal.name for refusal in FaultRefusal}
+    for message in ("FAULT_STATUS", "HARDWARE_FAULT_STATUS"):
+        assert codec.choices(message, "refusal") == refusals
+    assert {f"{kind.name.lower()}" for kind in HardwareFault} | {
+        kind.name.lower() for kind in FaultKind if kind
+    } == set(KINDS)
+
+
+@pytest.mark.parametrize(
+    ("injected", "trouble", "mode"),
+    [
+        ("SENSOR_1 repeats an old frame for 5 s", "sensor_1_stale", ROTATING),
+        (
+            "inner axis stands still from now on",
+            "axis_inner_not_following",
+            "NAVIGATION_STRAPDOWN (axis not following)",
+        ),
+        (
+            "outer axis runs away at 5 °/s for 5 s",
+            "axis_outer_not_following",
+            "NAVIGATION_STRAPDOWN (axis not following)",
+        ),
+        ("gyro 2 repeats its last increment", "gyro_2_stuck", ROTATING),
+        ("gyro 2 absent for 5 s", "gyro_2_absent", ROTATING),
+        ("all gyros absent for 1 s", "sensors_lost", "FAULT (SENSORS_LOST)"),
+        ("accelerometer 3 absent for 5 s", "accelerometer_3_absent", ROTATING),
+    ],
+)
+def test_a_fault_leaves_its_trouble_code(table, injected, trouble, mode):
+    assert trouble in table[injected].troubles
+    assert table[injected].mode == mode
+
+
+def test_what_a_bad_sensor_says_is_used(table):
+    bias = table["gyro 2 biased by 10 °/h"]
+    assert bias.after_epochs is None
+    assert bias.difference_deg == pytest.approx(10 * 40 / 3600, rel=0.5)  # a share of 10 °/h
+    assert table["inner encoder slips by 1°"].difference_deg == pytest.approx(1, abs=1e-3)
 
 
 @given(st.integers(0, 63), st.sampled_from([f"SENSOR_{k}" for k in (1, 2, 3, 4)]))
@@ -134,7 +188,7 @@ def test_faults_act_only_in_their_time_and_on_their_frames():
 
 def test_a_command_says_what_a_scenario_would():
     fault = fault_of({"kind": "delay", "message": "SENSOR_3", "for_s": 1.5, "delay_s": 0.02})
-    message = fault_command(FaultAction.INJECT, fault)
+    message = fault_commands(FaultAction.INJECT, fault)[-1]
     values = load().database.decode_message(message.arbitration_id, bytes(message.data))
     assert str(values["action"]) == "INJECT"
     assert str(values["kind"]) == "DELAY"
@@ -144,35 +198,39 @@ def test_a_command_says_what_a_scenario_would():
 
 
 def test_what_a_command_cannot_say_is_refused():
-    with pytest.raises(InjectionError, match="probability"):
-        fault_command(FaultAction.INJECT, FaultOnWire(kind="drop", probability=0.5))
-    with pytest.raises(InjectionError, match="longer"):
-        fault_command(FaultAction.INJECT, FaultOnWire(kind="drop", for_s=100))
+    for fault, words in (
+        (FaultOnWire(kind="drop", probability=1e-5), "probability 1e-05"),
+        (FaultOnWire(kind="drop", for_s=100), "for 100 s: a live fault lasts 65.535 s at most"),
+        (FaultOnWire(kind="delay", delay_s=20), "delay of 20 s: a live one is 16.383 s at most"),
+    ):
+        with pytest.raises(InjectionError, match=words):
+            fault_commands(FaultAction.INJECT, fault)
     with pytest.raises(ScenarioError, match="did you mean SENSOR_3"):
         fault_of({"kind": "drop", "message": "SENSR_3"})
 
 
-def test_a_live_fault_on_the_bus_is_obeyed_and_reported(start, tmp_path):
-    channel = "live-fault"
-    command = start(
-        "rehearse", "ideal", "--channel", channel, "--speed", 20, "--duration", 60, "--out", "out"
-    )
-    command.wait_for_line("running")
-    with can.Bus("live-fault", interface="rrins", host="never") as bus:
-        bus.set_filters([{"can_id": load().frame_id("NAV_LATITUDE"), "can_mask": 0x7FF}])
-        assert bus.recv(30) is not None
-        fault = fault_of({"kind": "silence", "node": "hardware", "for_s": 5})
-        bus.send(fault_command(FaultAction.INJECT, fault), 5.0)
-        status = load().database.get_message_by_name("FAULT_STATUS")
-        bus.set_filters([{"can_id": status.frame_id, "can_mask": 0x7FF}])
-        seen = bus.recv(20)
-        assert seen is not None
-        values = status.decode(bytes(seen.data), decode_choices=False)
-        assert values["active_kinds"] == 1 << FaultKind.SILENCE
-        assert values["active_faults"] == 1
-    code, _ = command.finish()
-    assert code == 8
-    assert command.said[-1] == "rrins: the firmware ended in FAULT: SENSORS_LOST"
+def test_a_stale_frame_is_the_one_of_the_beginning():
+    faults = Faults((Fault(FaultKind.STALE, Node.HARDWARE, 0x40, 1, 3),), seed=1)
+    frames, out = frame_array(2), frame_array(8)
+    frames["can_id"] = (0x40, 0x41)
+    seen = []
+    for epoch in range(6):
+        frames["data"] = epoch
+        faults.apply(Node.HARDWARE, frames, 2, epoch, out)
+        seen.append(out["data"][:2].tolist())
+    assert seen == [[0, 0], [1, 1], [1, 2], [1, 3], [4, 4], [5, 5]]
+
+
+def test_a_key_of_another_kind_is_refused():
+    for fault, words in (
+        ({"kind": "gyro_bias", "bias_ug": 3}, "bias_ug: means nothing for gyro_bias"),
+        ({"kind": "gyro_stuck", "bias_dph": 3}, "bias_dph: means nothing for gyro_stuck"),
+        ({"kind": "drop", "bit": 3}, "bit: means nothing for drop, but for corrupt"),
+        ({"kind": "gyro_noise", "angle_random_walk_deg_per_sqrt_h": -1}, "greater than or equal"),
+        ({"kind": "axis_runaway", "axis": "inner", "rate_dps": 61}, "less than or equal to 60"),
+    ):
+        with pytest.raises(ScenarioError, match=words):
+            fault_of(fault)
 
 
 def test_the_wire_takes_time_and_a_slow_one_too_much():

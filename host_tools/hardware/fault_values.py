@@ -1,0 +1,42 @@
+"""The value that a fault of the hardware has: its name, unit and limits."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from host_tools.hardware.faults import HardwareFault
+from host_tools.hardware.settings import DEG_PER_SQRT_H, DPH, UG
+
+
+@dataclass(frozen=True)
+class FaultValue:
+    """The value of a kind of fault.
+
+    Attributes
+    ----------
+    key : str
+        Its name in a scenario, with the unit.
+    unit : float
+        That unit, as `host_tools.hardware.faults` takes the value.
+    minimum, maximum : float
+        In the unit of the key.
+    """
+
+    key: str
+    unit: float
+    minimum: float
+    maximum: float
+
+
+VALUES = {
+    HardwareFault.AXIS_RUNAWAY: FaultValue("rate_dps", math.radians(1), -60, 60),
+    HardwareFault.ENCODER_OFFSET: FaultValue("offset_deg", 1.0, -180, 180),
+    HardwareFault.GYRO_BIAS: FaultValue("bias_dph", DPH, -1e6, 1e6),
+    HardwareFault.GYRO_NOISE: FaultValue(
+        "angle_random_walk_deg_per_sqrt_h", DEG_PER_SQRT_H, 0, 1e4
+    ),
+    HardwareFault.ACCELEROMETER_BIAS: FaultValue("bias_ug", UG, -1e7, 1e7),
+    HardwareFault.ACCELEROMETER_NOISE: FaultValue("white_noise_ug_per_sqrt_hz", UG, 0, 1e6),
+}
+"""The kinds that have a value."""
