@@ -62,6 +62,14 @@ def test_steps_own_no_time_and_no_io():
             assert module.split(".")[0] not in {"time", "socket", "threading", "can"}, path
 
 
+def test_diagnostics_own_no_time_and_their_files_and_threads_stand_apart():
+    for path in (ROOT / "firmware_py" / "diagnostics").rglob("*.py"):
+        found = {module.split(".")[0] for module in imports(path)}
+        assert not found & {"time", "socket", "can"}, path
+        assert path.name == "writer.py" or "threading" not in found, path
+        assert path.name == "store.py" or "fcntl" not in found, path
+
+
 def test_no_file_is_longer_than_500_lines():
     for room in ("dbc", "firmware_py", "host_tools", "tests"):
         for path in (ROOT / room).rglob("*.py"):

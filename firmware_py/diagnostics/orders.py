@@ -8,10 +8,19 @@ from numba import njit
 
 from firmware_py import modes
 from firmware_py.diagnostics.records import Order
-from firmware_py.modes import Mode
+from firmware_py.modes import Mode, ModeRequest
 
 _STANDBY, _SELF_TEST, _ALIGN = int(Order.STANDBY), int(Order.SELF_TEST), int(Order.ALIGN)
 _START, _STOP = int(Order.START_ROTATION), int(Order.STOP_ROTATION)
+
+
+@njit(cache=True)
+def _go(state: Any, mode: int, pending: int, request: int) -> None:
+    """Go to a mode, as if the operator had asked for it: whoever asks next is obeyed."""
+    state.modes.requested = request
+    state.modes.request = request
+    state.modes.pending = pending
+    modes.enter(state, mode)
 
 
 @njit(cache=True)
@@ -21,17 +30,14 @@ def take(state: Any) -> None:
     state.diagnostics.order = 0
     mode = state.modes.mode
     if order == _SELF_TEST and mode in (Mode.STANDBY, Mode.FAULT):
-        state.modes.pending = Mode.STANDBY
-        modes.enter(state, Mode.SELF_TEST)
+        _go(state, Mode.SELF_TEST, Mode.STANDBY, ModeRequest.STANDBY)
     elif order == _ALIGN and mode == Mode.STANDBY:
-        state.modes.pending = Mode.ALIGNMENT
-        modes.enter(state, Mode.ALIGNMENT)
+        _go(state, Mode.ALIGNMENT, Mode.ALIGNMENT, ModeRequest.ALIGN)
     elif order == _STANDBY and (mode == Mode.ALIGNMENT or modes.navigating(state)):
-        state.modes.pending = Mode.STANDBY
-        modes.enter(state, Mode.STANDBY)
+        _go(state, Mode.STANDBY, Mode.STANDBY, ModeRequest.STANDBY)
     elif order == _START and mode == Mode.NAVIGATION_STRAPDOWN:
-        state.modes.pending = Mode.NAVIGATION_ROTATING
-        modes.enter(state, Mode.NAVIGATION_ROTATING)
+        rotating = Mode.NAVIGATION_ROTATING
+        _go(state, rotating, rotating, ModeRequest.NAVIGATE_ROTATING)
     elif order == _STOP and mode == Mode.NAVIGATION_ROTATING:
-        state.modes.pending = Mode.NAVIGATION_STRAPDOWN
-        modes.enter(state, Mode.NAVIGATION_STRAPDOWN)
+        strapdown = Mode.NAVIGATION_STRAPDOWN
+        _go(state, strapdown, strapdown, ModeRequest.NAVIGATE_STRAPDOWN)
