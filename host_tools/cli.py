@@ -44,6 +44,7 @@ class _Speed(click.ParamType[float | None]):
 
 
 _ELSEWHERE: dict[str, str] = {
+    "diag": "host_tools.diag.command:diag",
     "motion": "host_tools.motion.command:motion",
     "reproduce": "host_tools.experiments.command:reproduce",
     "scheme": "host_tools.rotation.command:scheme",
