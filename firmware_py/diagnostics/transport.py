@@ -7,7 +7,6 @@ a slot at most.
 from __future__ import annotations
 
 from collections import deque
-from typing import Any
 
 import isotp
 from isotp.protocol import PDU
