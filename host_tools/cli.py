@@ -44,6 +44,7 @@ class _Speed(click.ParamType[float | None]):
 
 
 _ELSEWHERE: dict[str, str] = {
+    "diag": "host_tools.diag.command:diag",
     "export": "host_tools.logs.command:export",
     "inject": "host_tools.injection.command:inject",
     "monitor": "host_tools.monitor.command:monitor",

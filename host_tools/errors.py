@@ -11,6 +11,11 @@
     ├── InjectionError        a fault that cannot be commanded live
     ├── MotionError           a recorded motion that is missing or refused, or one that cannot be
     ├── ParameterFileError    a parameter memory that cannot be had
+    ├── DiagError             what the diagnostic tool cannot do
+    │   ├── NoAnswerError             nobody answers its requests
+    │   ├── NegativeResponseError     the navigation computer refuses one
+    │   ├── CalibrationFileError      a calibration file that is missing, damaged or wrong
+    │   └── RoutineFailedError        a routine that was waited for failed
     └── Interrupted           the user stopped the run
 """
 
@@ -51,3 +56,44 @@ class ParameterFileError(RehearsalError):
     """A file for the parameter memory that cannot be opened, is in use, or is something else."""
 
     exit_status = 10
+
+
+class DiagError(RehearsalError):
+    """Something that the diagnostic tool cannot do, and for which there is no status of its own."""
+
+    exit_status = 20
+
+
+class NoAnswerError(DiagError):
+    """Nobody answers diagnostic requests, or does so no more."""
+
+    exit_status = 21
+
+
+class NegativeResponseError(DiagError):
+    """The navigation computer refuses a request.
+
+    Parameters
+    ----------
+    message : str
+    code : int
+        The negative response code.
+    """
+
+    exit_status = 22
+
+    def __init__(self, message: str, code: int) -> None:
+        super().__init__(message)
+        self.code = code
+
+
+class CalibrationFileError(DiagError):
+    """A calibration file that is missing, damaged, in the way, or holds what cannot be."""
+
+    exit_status = 23
+
+
+class RoutineFailedError(DiagError):
+    """A routine that was waited for ended otherwise than done."""
+
+    exit_status = 24

@@ -1,96 +1,24 @@
 """ISO-TP (ISO 15765-2) by the library can-isotp, in the time of the epoch counter.
 
-The library keeps its timers by the wall clock; they are public attributes of its layer. Whatever
-timer it sets there is taken as one of the same length on the epoch's clock: so timeouts and
-separation times are the same at any speed. The layer has no thread; it is run once in each slot of
-an epoch, and sends one consecutive frame in a slot at most.
+The layer has no thread; it is run once in each slot of an epoch, and sends one consecutive frame in
+a slot at most.
 """
 
 from __future__ import annotations
 
 from collections import deque
-from typing import Any
 
 import isotp
 from isotp.protocol import PDU
-from isotp.tools import Timer
 
 from firmware_py.diagnostics import access, table
+from firmware_py.diagnostics.timed_layer import LayerClock, TimedLayer
 
 _LEAST_FED = 16  # frames taken in an epoch
 _WAITING_EPOCHS = 8  # for which frames may wait
 _REQUESTS = 4  # requests that may wait
 _NS_PER_S = 1_000_000_000
 _NS_PER_MS = 1_000_000
-
-
-class _Clock:
-    """Time of the transport, ns."""
-
-    def __init__(self) -> None:
-        self.now_ns = 0
-
-
-class _EpochTimer(Timer):
-    """A timer of the library on a clock of ours; never shorter than `floor_ns`."""
-
-    def __init__(self, timeout_s: float, clock: _Clock, floor_ns: int = 0) -> None:
-        self._clock = clock
-        self._floor_ns = floor_ns
-        super().__init__(timeout_s)
-
-    def set_timeout(self, timeout: float) -> None:
-        self.timeout = max(round(timeout * _NS_PER_S), self._floor_ns)
-
-    def start(self, timeout: float | None = None) -> None:
-        if timeout is not None:
-            self.set_timeout(timeout)
-        self.start_time = self._clock.now_ns
-
-    def elapsed_ns(self) -> int:
-        return 0 if self.start_time is None else self._clock.now_ns - self.start_time
-
-    def elapsed(self) -> float:
-        return self.elapsed_ns() / _NS_PER_S
-
-    def is_timed_out(self) -> bool:
-        return self.start_time is not None and self.elapsed_ns() >= self.timeout
-
-
-class _Layer(isotp.TransportLayerLogic):
-    """The library's layer, its timers on a clock of ours."""
-
-    def __init__(self, clock: _Clock, separation_ns: int, **layer: Any) -> None:
-        self._clock = clock
-        self._separation_ns = separation_ns
-        super().__init__(**layer)
-        self.rate_limiter.disable()
-
-    @property
-    def timer_rx_fc(self) -> Timer:
-        return self._timer_rx_fc
-
-    @timer_rx_fc.setter
-    def timer_rx_fc(self, timer: Timer) -> None:
-        self._timer_rx_fc = _EpochTimer(timer.timeout / _NS_PER_S, self._clock)
-
-    @property
-    def timer_rx_cf(self) -> Timer:
-        return self._timer_rx_cf
-
-    @timer_rx_cf.setter
-    def timer_rx_cf(self, timer: Timer) -> None:
-        self._timer_rx_cf = _EpochTimer(timer.timeout / _NS_PER_S, self._clock)
-
-    @property
-    def timer_tx_stmin(self) -> Timer:
-        return self._timer_tx_stmin
-
-    @timer_tx_stmin.setter
-    def timer_tx_stmin(self, timer: Timer) -> None:
-        self._timer_tx_stmin = _EpochTimer(
-            timer.timeout / _NS_PER_S, self._clock, self._separation_ns
-        )
 
 
 def slots_per_epoch(period_ns: int) -> int:
@@ -118,14 +46,14 @@ class Transport:
         self._slot_ns = period_ns // self._slots
         separation_ns = access.ST_MIN_MS * _NS_PER_MS
         self._most_fed = max(_LEAST_FED, 2 * period_ns // separation_ns)
-        self._clock = _Clock()
+        self._clock = LayerClock()
         self._waiting: deque[tuple[int, bytes]] = deque()
         self._fed: deque[isotp.CanMessage] = deque()
         self._functional: deque[bytes] = deque()
         self._sent: deque[bytes] = deque()
         self._functional_id = table.functional_id()
         self._request_id = table.request_id()
-        self._layer = _Layer(
+        self._layer = TimedLayer(
             self._clock,
             self._slot_ns,
             rxfn=self._next_message,

@@ -49,6 +49,8 @@ EXCLUSIVE: Final = 2
 """Flag of a `HELLO`: no other peer may carry the same name."""
 RECEIVE_OWN: Final = 4
 """Flag of a `HELLO`: the peer wants its own frames back."""
+IN_STEP: Final = 8
+"""Flag of a `HELLO`: the bus is to be ahead of the peer by some ten datagrams at most."""
 
 MAX_DATAGRAM: Final = 65_536
 MAX_FRAMES: Final = (MAX_DATAGRAM - HEADER_SIZE) // FRAME_SIZE
@@ -60,7 +62,7 @@ CLASSIC_PAYLOAD: Final = 8
 FD_PAYLOAD: Final = 64
 
 _FRAME_FLAGS: Final = CLOSES_EPOCH | UNSTAMPED
-_HELLO_FLAGS: Final = OBSERVER | EXCLUSIVE | RECEIVE_OWN
+_HELLO_FLAGS: Final = OBSERVER | EXCLUSIVE | RECEIVE_OWN | IN_STEP
 _FIRST_LENGTH: Final = HEADER_SIZE + 4  # `length` follows the u32 identifier of the first frame
 _TIME: Final = struct.Struct("<q")
 FLAGS_OFFSET: Final = 5

@@ -65,6 +65,9 @@ class RrinsBus(can.BusABC):
     fd : bool
         Whether CAN FD messages can be sent and are received; without it they are passed over, as
         SocketCAN does.
+    in_step : bool
+        Whether the bus goes on only as this end, a node that does not host, receives: it is ahead
+        of it by some eighty datagrams at most, in place of some thousand.
     attach_timeout : float
         Seconds that the host has to answer.
     queue_limit : int
@@ -89,6 +92,7 @@ class RrinsBus(can.BusABC):
         exclusive: bool = False,
         receive_own_messages: bool = False,
         fd: bool = False,
+        in_step: bool = False,
         attach_timeout: float = 10.0,
         queue_limit: int = 4 * 1024 * 1024,
         **kwargs: Any,
@@ -99,6 +103,8 @@ class RrinsBus(can.BusABC):
             raise ValueError(f"role is {role!r} and may be 'node' or 'observer'")
         if host == "here" and role == "observer":
             raise ValueError("the host of a channel is a node")
+        if in_step and (host == "here" or role == "observer"):
+            raise ValueError("in_step is for a node that does not host the channel")
         self.channel = str(channel)
         self.channel_info = f"rrins channel {self.channel!r}"
         self._fd = fd
@@ -125,6 +131,7 @@ class RrinsBus(can.BusABC):
                     is_observer=role == "observer",
                     exclusive=exclusive,
                     receive_own=receive_own_messages,
+                    in_step=in_step,
                     timeout=float(attach_timeout),
                 )
                 self._wire = link

@@ -63,6 +63,7 @@ class Link:
         is_observer: bool = False,
         exclusive: bool = False,
         receive_own: bool = False,
+        in_step: bool = False,
         timeout: float = 10.0,
     ) -> None:
         self._channel = channel
@@ -76,6 +77,7 @@ class Link:
             (datagram.OBSERVER if is_observer else 0)
             | (datagram.EXCLUSIVE if exclusive else 0)
             | (datagram.RECEIVE_OWN if receive_own else 0)
+            | (datagram.IN_STEP if in_step else 0)
         )
         hello = datagram.control(datagram.HELLO, check_name(name), flags=flags)
         self._end = connect(channel, timeout)

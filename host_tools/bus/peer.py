@@ -16,6 +16,7 @@ from host_tools.errors import BusError
 _NAME: Final = re.compile(r"[\x21-\x7e]{1,64}")
 _CREDENTIALS: Final = struct.Struct("3i")
 _SEND_BUFFER: Final = 4 * 1024 * 1024
+_SHALLOW_BUFFER: Final = 33 * 1024  # the kernel doubles it: just above the longest datagram
 
 
 @dataclass(frozen=True)
@@ -77,6 +78,8 @@ class Peer:
         self.is_observer = bool(flags & datagram.OBSERVER)
         self.exclusive = bool(flags & datagram.EXCLUSIVE)
         self.receive_own = bool(flags & datagram.RECEIVE_OWN)
+        if flags & datagram.IN_STEP:
+            end.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _SHALLOW_BUFFER)
         self.info = PeerInfo(
             name, credentials(end)[0], "observer" if self.is_observer else "node", number
         )

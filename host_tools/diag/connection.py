@@ -1,0 +1,319 @@
+"""What udsoncan's client speaks through: ISO-TP (ISO 15765-2) by can-isotp, or by the kernel."""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import time
+from collections.abc import Iterator
+from typing import Self
+
+import can
+import isotp
+from udsoncan.connections import BaseConnection
+from udsoncan.exceptions import TimeoutException
+
+from firmware_py.diagnostics import access, table
+from firmware_py.diagnostics.timed_layer import LayerClock, TimedLayer
+from host_tools.diag.medium import Medium
+from host_tools.errors import BusError
+from host_tools.port import Address, open_bus
+
+_NS_PER_S = 1_000_000_000
+_TURN_S = 0.05  # longest wait for frames while nothing has to be sent
+_SENDING_TURN_S = 0.0005  # while consecutive frames go out
+_STANDSTILL_S = 10.0  # of the wall clock, after which a bus that is waited for stands still
+_LISTEN_S = 0.5
+_SILENCES = (errno.ETIMEDOUT, errno.ECOMM, errno.EBADMSG, errno.EILSEQ)
+
+
+class Connection(BaseConnection):
+    """What both ways have in common.
+
+    Attributes
+    ----------
+    keeps_pace : bool
+        Whether time goes on only while this end receives.
+    """
+
+    keeps_pace = False
+
+    def __init__(self, where: str) -> None:
+        super().__init__(where)
+        self.logger.disabled = True  # what goes wrong is raised
+        self.where = where
+        self._is_open = False
+
+    def open(self) -> Self:
+        """Be ready."""
+        self._is_open = True
+        return self
+
+    def is_open(self) -> bool:
+        """Return whether requests can be sent."""
+        return self._is_open
+
+    def pass_time(self, seconds: float) -> None:
+        """Let time go on."""
+        raise NotImplementedError
+
+    def drain(self) -> None:
+        """Take what has come and nobody waits for."""
+
+    def hears_others(self) -> bool:
+        """Return whether anything at all is on the bus."""
+        raise NotImplementedError
+
+
+def _silence(text: str) -> TimeoutException:
+    return TimeoutException(text)  # type: ignore[no-untyped-call]
+
+
+def _address() -> isotp.Address:
+    return isotp.Address(
+        isotp.AddressingMode.Normal_11bits, txid=table.request_id(), rxid=table.response_id()
+    )
+
+
+class LibraryConnection(Connection):
+    """ISO-TP by the library can-isotp, without threads: it moves while it sends or waits.
+
+    Parameters
+    ----------
+    medium : Medium
+    where : str
+        Name of the bus, for errors.
+    """
+
+    def __init__(self, medium: Medium, where: str) -> None:
+        super().__init__(where)
+        self.keeps_pace = medium.keeps_pace
+        self._medium = medium
+        self._clock = LayerClock()
+        self._inbox: list[isotp.CanMessage] = []
+        self._failures: list[Exception] = []
+        self._layer = TimedLayer(
+            self._clock,
+            0,
+            rxfn=lambda: self._inbox.pop(0) if self._inbox else None,
+            txfn=lambda message: medium.send(bytes(message.data)),
+            address=_address(),
+            error_handler=self._failures.append,
+            params={
+                "stmin": 0,
+                "blocksize": 0,
+                "tx_padding": access.PADDING,
+                "rx_flowcontrol_timeout": access.N_BS_MS,
+                "rx_consecutive_frame_timeout": access.N_CR_MS,
+                "max_frame_size": access.MESSAGE_CAPACITY,
+                "wftmax": 10,
+                "logger_name": "rrins.isotp.tool",
+            },
+        )
+        self._layer.logger.disabled = True
+
+    def close(self) -> None:
+        """Leave the bus."""
+        self._is_open = False
+        self._medium.close()
+
+    @contextlib.contextmanager
+    def _on_bus(self) -> Iterator[None]:
+        try:
+            yield
+        except can.CanError as error:
+            raise BusError(f"bus {self.where}: {error}") from error
+
+    def _turn(self, wait_s: float) -> bool:
+        """Wait for frames and let the layer work; return whether time has gone on."""
+        before_ns = self._medium.now_ns
+        frames = self._medium.receive(wait_s)
+        for data in frames:
+            self._inbox.append(isotp.CanMessage(arbitration_id=table.response_id(), data=data))
+        self._clock.now_ns = self._medium.now_ns
+        if frames or self._layer.transmitting() or self._layer.is_rx_active():
+            self._layer.process()
+        return self._clock.now_ns > before_ns
+
+    def _turn_until(self, timeout_s: float) -> bytes | None:
+        """Turn until a message is there or the time is over, by the clock of the medium.
+
+        Where that clock stands still, the wall clock says when it is enough.
+        """
+        end_ns = self._medium.now_ns + round(timeout_s * _NS_PER_S)
+        moved = time.monotonic()
+        while True:
+            left_ns = end_ns - self._medium.now_ns
+            if self._turn(min(_TURN_S, max(0.0, left_ns / _NS_PER_S))):
+                moved = time.monotonic()
+            message = self._layer.recv()
+            if message is not None:
+                return bytes(message)
+            if left_ns <= 0 or time.monotonic() - moved > max(_STANDSTILL_S, timeout_s):
+                return None
+
+    def specific_send(self, payload: bytes, timeout: float | None = None) -> None:
+        """Send a request.
+
+        Raises
+        ------
+        TimeoutException
+            When the other end takes no more of it.
+        """
+        self._failures.clear()
+        moved = time.monotonic()
+        with self._on_bus():
+            self._clock.now_ns = self._medium.now_ns
+            self._layer.send(payload)
+            self._layer.process()
+            while self._layer.transmitting():
+                if self._turn(_SENDING_TURN_S):
+                    moved = time.monotonic()
+                if time.monotonic() - moved > _STANDSTILL_S:
+                    self._layer.stop_sending()
+                    raise _silence(f"bus {self.where} stands still")
+        if self._failures:
+            raise _silence(str(self._failures[0]))
+
+    def specific_wait_frame(self, timeout: float | None = None) -> bytes:
+        """Wait for a response, `timeout` seconds by the clock of the medium.
+
+        Raises
+        ------
+        TimeoutException
+        """
+        with self._on_bus():
+            message = self._turn_until(timeout or 0.0)
+        if message is None:
+            raise _silence("no response")
+        return message
+
+    def empty_rxqueue(self) -> None:
+        """Forget what came late."""
+        self._layer.clear_rx_queue()
+        if not self.keeps_pace:
+            self.drain()
+
+    def drain(self) -> None:
+        """Take what has come and nobody waits for."""
+        if self.keeps_pace:
+            return
+        with self._on_bus():
+            while self._medium.receive(0.0):
+                pass
+
+    def pass_time(self, seconds: float) -> None:
+        """Let time go on, by the clock of the medium."""
+        end_ns = self._medium.now_ns + round(seconds * _NS_PER_S)
+        with self._on_bus():
+            while (left_ns := end_ns - self._medium.now_ns) > 0:
+                self._medium.receive(min(left_ns, _NS_PER_S) / _NS_PER_S)
+
+    def hears_others(self) -> bool:
+        """Return whether anything at all is on the bus."""
+        with self._on_bus():
+            return self._medium.hears_others(_LISTEN_S)
+
+
+class KernelConnection(Connection):
+    """ISO-TP by a socket of the kernel (Linux with can-isotp).
+
+    Parameters
+    ----------
+    channel : str
+        The network interface.
+    where : str
+        Name of the bus, for errors.
+
+    Raises
+    ------
+    BusError
+        When the kernel has none, or no such interface.
+    """
+
+    def __init__(self, channel: str, where: str) -> None:
+        super().__init__(where)
+        self._channel = channel
+        self._socket: isotp.socket | None = None
+        try:
+            self._socket = isotp.socket()
+        except (OSError, NotImplementedError, AttributeError) as error:
+            raise BusError(
+                f"bus {where}: this kernel has no ISO-TP sockets ({error}); `modprobe can-isotp`, "
+                "or use --transport library"
+            ) from error
+        try:
+            self._socket.set_opts(txpad=access.PADDING)
+            self._socket.set_fc_opts(bs=0, stmin=0)
+            self._socket.bind(channel, address=_address())
+        except OSError as error:
+            self._socket.close()
+            raise BusError(
+                f"bus {where}: cannot be opened: {error.strerror or error} (see `ip link` for what "
+                "there is)"
+            ) from error
+
+    def close(self) -> None:
+        """Leave the bus."""
+        self._is_open = False
+        if self._socket is not None:
+            self._socket.close()
+
+    def specific_send(self, payload: bytes, timeout: float | None = None) -> None:
+        """Send a request; the kernel goes on with it.
+
+        Raises
+        ------
+        TimeoutException
+            When the other end took no more of the request before.
+        BusError
+            When the interface is gone or down.
+        """
+        assert self._socket is not None
+        self._socket.settimeout(access.N_BS_MS / 1000 + 1.0)
+        try:
+            self._socket.send(payload)
+        except TimeoutError as error:
+            raise _silence(str(error)) from error
+        except OSError as error:
+            raise self._translated(error) from error
+
+    def _translated(self, error: OSError) -> Exception:
+        """Return what an error of the socket means: silence of the other end, or of the bus."""
+        if error.errno in _SILENCES:
+            return _silence(str(error))
+        return BusError(f"bus {self.where}: {error.strerror or error}")
+
+    def specific_wait_frame(self, timeout: float | None = None) -> bytes:
+        """Wait for a response, `timeout` seconds of the wall clock.
+
+        Raises
+        ------
+        TimeoutException
+        BusError
+        """
+        assert self._socket is not None
+        self._socket.settimeout(max(timeout or 0.0, 1e-6))
+        try:
+            return bytes(self._socket.recv())
+        except TimeoutError as error:
+            raise _silence("no response") from error
+        except OSError as error:
+            raise self._translated(error) from error
+
+    def empty_rxqueue(self) -> None:
+        """Forget what came late."""
+        assert self._socket is not None
+        self._socket.settimeout(1e-6)
+        with contextlib.suppress(OSError):
+            while self._socket.recv():
+                pass
+
+    def pass_time(self, seconds: float) -> None:
+        """Let time go on."""
+        time.sleep(seconds)
+
+    def hears_others(self) -> bool:
+        """Return whether anything at all is on the bus."""
+        with open_bus(Address("socketcan", self._channel)) as bus:
+            return bus.recv(_LISTEN_S) is not None

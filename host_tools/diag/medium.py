@@ -1,0 +1,162 @@
+"""Diagnostic frames to and from a bus, and the time that goes with them."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from typing import Protocol
+
+import can
+import numpy as np
+
+from dbc.frame import frame_array
+from firmware_py.diagnostics import table
+from host_tools.bus.interface import RrinsBus
+
+_NS_PER_S = 1_000_000_000
+_BATCH = 4096
+
+
+class Medium(Protocol):
+    """A place on a bus.
+
+    Attributes
+    ----------
+    keeps_pace : bool
+        Whether the bus waits for this end: time goes on only while it receives.
+    """
+
+    keeps_pace: bool
+
+    @property
+    def now_ns(self) -> int:
+        """The time by which timeouts are kept."""
+
+    def send(self, data: bytes) -> None:
+        """Send a frame of a request."""
+
+    def receive(self, wait_s: float) -> list[bytes]:
+        """Wait for frames of responses, `wait_s` seconds of the wall clock at most."""
+
+    def hears_others(self, wait_s: float) -> bool:
+        """Return whether anything at all is on the bus."""
+
+    def close(self) -> None:
+        """Leave the bus."""
+
+
+def _request(data: bytes) -> can.Message:
+    return can.Message(arbitration_id=table.request_id(), is_extended_id=False, data=data)
+
+
+class EmbeddedMedium:
+    """A place on the embedded bus, which it receives by whole epochs.
+
+    Parameters
+    ----------
+    bus : RrinsBus
+    keeps_pace : bool
+        Whether the bus was opened with `in_step`. Time is then that of the bus, which is simulated;
+        else it is that of the wall clock.
+    """
+
+    def __init__(self, bus: RrinsBus, keeps_pace: bool) -> None:
+        self.keeps_pace = keeps_pace
+        self._bus = bus
+        self._frames = frame_array(_BATCH)
+        self._ids = self._frames["can_id"]
+        self._response_id = table.response_id()
+        self._bus_ns = 0
+
+    @property
+    def now_ns(self) -> int:
+        """Nanoseconds of the bus or of the wall clock."""
+        return self._bus_ns if self.keeps_pace else time.monotonic_ns()
+
+    def send(self, data: bytes) -> None:
+        """Send a frame of a request."""
+        self._bus.send(_request(data))
+
+    def receive(self, wait_s: float) -> list[bytes]:
+        """Return the responses' frames of the next datagram; none when the time is over."""
+        batch = self._bus.recv_batch(self._frames, wait_s)
+        if batch is None:
+            return []
+        self._bus_ns = batch.time_ns
+        ours = self._ids[: batch.count] == self._response_id
+        return list(self._payloads(ours)) if ours.any() else []
+
+    def _payloads(self, ours: np.ndarray[tuple[int, ...], np.dtype[np.bool_]]) -> Iterator[bytes]:
+        for k in np.flatnonzero(ours).tolist():
+            frame = self._frames[k]
+            yield int(frame["data"]).to_bytes(8, "little")[: int(frame["length"])]
+
+    def hears_others(self, wait_s: float) -> bool:
+        """Return whether anything at all is on the bus."""
+        return self._bus.recv_batch(self._frames, wait_s) is not None
+
+    def close(self) -> None:
+        """Leave the bus."""
+        self._bus.shutdown()
+
+
+class MessageMedium:
+    """A place on any other bus of python-can, by the wall clock."""
+
+    keeps_pace = False
+
+    def __init__(self, bus: can.BusABC) -> None:
+        self._bus = bus
+        self._bus.set_filters([{"can_id": table.response_id(), "can_mask": 0x7FF}])
+
+    @property
+    def now_ns(self) -> int:
+        """Nanoseconds of the wall clock."""
+        return time.monotonic_ns()
+
+    def send(self, data: bytes) -> None:
+        """Send a frame of a request."""
+        self._bus.send(_request(data))
+
+    def receive(self, wait_s: float) -> list[bytes]:
+        """Return the responses' frames that come in time."""
+        found = []
+        message = self._bus.recv(wait_s)
+        while message is not None:
+            if message.arbitration_id == table.response_id() and not message.is_error_frame:
+                found.append(bytes(message.data))
+            message = self._bus.recv(0)
+        return found
+
+    def hears_others(self, wait_s: float) -> bool:
+        """Return whether anything at all is on the bus."""
+        self._bus.set_filters(None)
+        return self._bus.recv(wait_s) is not None
+
+    def close(self) -> None:
+        """Leave the bus."""
+        self._bus.shutdown()
+
+
+def pace_of(bus: RrinsBus, watch_s: float) -> float | None:
+    """Return how many seconds of the bus pass in a second; None when nothing comes.
+
+    Parameters
+    ----------
+    bus : RrinsBus
+        Attached as an observer.
+    watch_s : float
+        How long to look.
+    """
+    frames = frame_array(_BATCH)
+    first = bus.recv_batch(frames, watch_s)
+    if first is None:
+        return None
+    begun_ns, bus_ns = time.monotonic_ns(), first.time_ns
+    end_ns = begun_ns + round(watch_s * _NS_PER_S)
+    last_ns, seen_ns = bus_ns, begun_ns
+    while (left_ns := end_ns - time.monotonic_ns()) > 0:
+        batch = bus.recv_batch(frames, left_ns / _NS_PER_S)
+        if batch is not None:
+            last_ns, seen_ns = batch.time_ns, time.monotonic_ns()
+    return (last_ns - bus_ns) / (seen_ns - begun_ns) if seen_ns > begun_ns else None

@@ -1,0 +1,318 @@
+"""What can be asked of the navigation computer, in terms of the table."""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+from udsoncan import DataFormatIdentifier, MemoryLocation
+
+from firmware_py.diagnostics import access, table
+from firmware_py.diagnostics.codecs import Values
+from firmware_py.diagnostics.data import DataIdentifier
+from firmware_py.diagnostics.identifiers import IOControl
+from firmware_py.diagnostics.parameters import ACCELEROMETER_CALIBRATIONS, GYRO_CALIBRATIONS
+from firmware_py.diagnostics.regions import CALIBRATION_ADDRESS, CALIBRATION_CAPACITY
+from firmware_py.diagnostics.responses import Code
+from firmware_py.diagnostics.routines import Routine
+from firmware_py.diagnostics.troubles import ALL_GROUPS, ALL_RECORDS, Trouble
+from firmware_py.modes import Mode
+from host_tools.diag.conversation import LOST_SESSION, Conversation
+from host_tools.errors import DiagError
+
+MOST_AT_ONCE = 16
+"""Data identifiers in one request."""
+
+_LONGEST = 4000  # bytes of data in a response
+_BLOCK_OVERHEAD = 2  # bytes of a TransferData before its data
+_LOST_TRANSFER = (
+    *LOST_SESSION,
+    Code.REQUEST_SEQUENCE_ERROR,
+    Code.UPLOAD_DOWNLOAD_NOT_ACCEPTED,
+    Code.WRONG_BLOCK_SEQUENCE_COUNTER,
+)
+
+Advice = Callable[[int], str]
+"""Returns what to do about a negative response."""
+
+
+@dataclass(frozen=True)
+class Found:
+    """A trouble code as the computer has it.
+
+    Attributes
+    ----------
+    trouble : Trouble or None
+        None where the table does not have the number.
+    number : int
+    status : int
+        Its status byte.
+    """
+
+    trouble: Trouble | None
+    number: int
+    status: int
+
+
+class Tester(Conversation):
+    """Somebody who reads, writes and starts what the table describes.
+
+    Takes what a `Conversation` takes. Everything raises what `Conversation.request` does.
+    """
+
+    def has(self, dids: Iterable[DataIdentifier]) -> list[DataIdentifier]:
+        """Return those that this computer has: not the calibration of a ninth sensor of four."""
+        sensors = self.read([table.identifier("sensors")])["sensors"]
+        gyros, accelerometers = sensors["gyros"], sensors["accelerometers"]
+        assert isinstance(gyros, int)
+        assert isinstance(accelerometers, int)
+        absent = {*GYRO_CALIBRATIONS[gyros:], *ACCELEROMETER_CALIBRATIONS[accelerometers:]}
+        return [did for did in dids if did not in absent]
+
+    def read(self, dids: Sequence[DataIdentifier]) -> dict[str, Values]:
+        """Return the values of identifiers, by name."""
+        found: dict[str, Values] = {}
+        for some in _portions(dids):
+            numbers = [did.number for did in some]
+            what = "read " + ", ".join(did.name for did in some)
+            rights = (did.read for did in some if did.read != access.ANYWHERE)
+            wanted = next(rights, access.ANYWHERE)
+            response = self.request(
+                what,
+                wanted,
+                partial(self.client.read_data_by_identifier, numbers),
+                advice=_in_range("see `rrins diag did list`"),
+            )
+            values = response.service_data.values
+            found.update({did.name: values[did.number] for did in some})
+        return found
+
+    def write(self, did: DataIdentifier, values: Values) -> None:
+        """Write a parameter; in force from the next reset on."""
+        assert did.write is not None
+        self.request(
+            f"write {did.name}",
+            did.write,
+            lambda: self.client.write_data_by_identifier(did.number, values),
+        )
+
+    def control(self, did: DataIdentifier, how: IOControl, values: Values | None = None) -> Values:
+        """Take an output, or give it back; return its values then."""
+        assert did.control is not None
+        response = self.request(
+            f"control {did.name}",
+            did.control,
+            lambda: self.client.io_control(did.number, int(how), values=values),
+            advice=self._mode_advice(did.text),
+        )
+        decoded: Values = response.service_data.decoded_data
+        return decoded
+
+    def _mode_advice(self, text: str) -> Advice:
+        def advice(code: int) -> str:
+            if code != Code.CONDITIONS_NOT_CORRECT:
+                return ""
+            did = table.identifier("mode")
+            mode = did.layout.named(self.read([did])["mode"])["mode"]
+            return f"the mode is {mode}; allowed: {_about_modes(text)}"
+
+        return advice
+
+    # ---- routines
+
+    def start(self, routine: Routine, arguments: Mapping[str, Any]) -> Values:
+        """Start a routine; return its results so far."""
+        data = routine.argument_layout.encode(arguments) if routine.arguments else None
+        return self._routine(
+            routine,
+            "start",
+            lambda: self.client.start_routine(routine.number, data),
+            "it runs already",
+        )
+
+    def stop(self, routine: Routine) -> Values:
+        """Stop a routine; return its results."""
+        return self._routine(
+            routine,
+            "stop",
+            lambda: self.client.stop_routine(routine.number),
+            "it does not run",
+        )
+
+    def result(self, routine: Routine) -> Values:
+        """Return a routine's results so far."""
+        return self._routine(
+            routine,
+            "result",
+            lambda: self.client.get_routine_result(routine.number),
+            "it was not started since power-on",
+        )
+
+    def _routine(
+        self, routine: Routine, what: str, call: Callable[[], Any], sequence: str
+    ) -> Values:
+        by_mode = self._mode_advice(routine.text)
+
+        def advice(code: int) -> str:
+            return sequence if code == Code.REQUEST_SEQUENCE_ERROR else by_mode(code)
+
+        response = self.request(
+            f"routine {what} {routine.name}",
+            routine.access,
+            call,
+            is_repeatable=what == "result",
+            advice=advice,
+        )
+        return routine.result_layout.decode(response.service_data.routine_status_record)
+
+    # ---- trouble codes
+
+    def troubles(self, mask: int) -> list[Found]:
+        """Return the trouble codes of which one of the status bits is set."""
+        response = self.request(
+            "dtc read",
+            table.service(0x19).access,
+            lambda: self.client.get_dtc_by_status_mask(mask),
+        )
+        return [_found(dtc) for dtc in response.service_data.dtcs]
+
+    def all_troubles(self) -> list[Found]:
+        """Return all trouble codes that the computer can find."""
+        response = self.request(
+            "dtc read", table.service(0x19).access, self.client.get_supported_dtc
+        )
+        return [_found(dtc) for dtc in response.service_data.dtcs]
+
+    def snapshots(self, number: int) -> dict[int, dict[str, Values]]:
+        """Return a trouble code's freeze frames: values by identifier, by record."""
+        response = self.request(
+            f"dtc 0x{number:06X}",
+            table.service(0x19).access,
+            lambda: self.client.get_dtc_snapshot_by_dtc_number(number, ALL_RECORDS),
+        )
+        found: dict[int, dict[str, Values]] = {}
+        for dtc in response.service_data.dtcs:
+            for snapshot in dtc.snapshots:
+                name = table.identifier(snapshot.did).name
+                found.setdefault(snapshot.record_number, {})[name] = snapshot.data
+        return found
+
+    def extended_data(self, number: int) -> Values:
+        """Return a trouble code's counters."""
+        response = self.request(
+            f"dtc 0x{number:06X}",
+            table.service(0x19).access,
+            lambda: self.client.get_dtc_extended_data_by_dtc_number(number, ALL_RECORDS),
+        )
+        found: Values = {}
+        for dtc in response.service_data.dtcs:
+            for record in dtc.extended_data:
+                found |= table.EXTENDED_DATA[record.record_number].decode(record.raw_data)
+        return found
+
+    def clear(self, number: int = ALL_GROUPS) -> None:
+        """Clear a trouble code, or all."""
+        self.request("dtc clear", table.service(0x14).access, lambda: self.client.clear_dtc(number))
+
+    # ---- memory, reset
+
+    def read_memory(self, address: int, size: int) -> bytes:
+        """Read the RAM image."""
+        parts = []
+        for start in range(address, address + size, _LONGEST):
+            length = min(_LONGEST, address + size - start)
+            location = MemoryLocation(start, length, 32, 16)
+            response = self.request(
+                f"memory read 0x{start:06X}",
+                table.service(0x23).access,
+                partial(self.client.read_memory_by_address, location),
+                advice=_in_range("see `rrins diag memory list`"),
+            )
+            parts.append(bytes(response.service_data.memory_block))
+        return b"".join(parts)
+
+    def reset(self, kind: int) -> None:
+        """Power the computer on anew."""
+        self.request("reset", table.service(0x11).access, lambda: self.client.ecu_reset(kind))
+        self.forget_session()
+
+    # ---- the calibration file
+
+    def pull(self) -> bytes:
+        """Return the calibration file.
+
+        Raises
+        ------
+        DiagError
+            When its CRC does not hold.
+        """
+        return self.request(
+            "calibration pull", table.service(0x35).access, self._pull, lost=_LOST_TRANSFER
+        )
+
+    def _pull(self) -> bytes:
+        did = table.identifier("calibration_file")
+        told = self.client.read_data_by_identifier(did.number).service_data.values[did.number]
+        location = MemoryLocation(CALIBRATION_ADDRESS, CALIBRATION_CAPACITY, 32, 32)
+        self.client.request_upload(location, DataFormatIdentifier())
+        file = b""
+        counter = 0
+        while len(file) < told["length"]:
+            counter += 1
+            block = self.client.transfer_data(counter & 0xFF)
+            file += block.service_data.parameter_records
+        crc = bytes(self.client.request_transfer_exit().service_data.parameter_records)
+        if int.from_bytes(crc, "big") != zlib.crc32(file):
+            raise DiagError("calibration pull: what came has another CRC; try again")
+        return file
+
+    def push(self, file: bytes) -> None:
+        """Put a calibration file in place of all parameters; in force from the next reset on."""
+        self.request(
+            "calibration push",
+            table.service(0x34).access,
+            lambda: self._push(file),
+            lost=_LOST_TRANSFER,
+        )
+
+    def _push(self, file: bytes) -> None:
+        location = MemoryLocation(CALIBRATION_ADDRESS, len(file), 32, 32)
+        accepted = self.client.request_download(location, DataFormatIdentifier())
+        block = accepted.service_data.max_length - _BLOCK_OVERHEAD
+        for counter, start in enumerate(range(0, len(file), block), 1):
+            self.client.transfer_data(counter & 0xFF, file[start : start + block])
+        self.client.request_transfer_exit(zlib.crc32(file).to_bytes(4, "big"))
+
+
+def _portions(dids: Sequence[DataIdentifier]) -> Iterator[list[DataIdentifier]]:
+    """Yield identifiers as many at a time as a request and its response hold."""
+    some: list[DataIdentifier] = []
+    size = 0
+    for did in dids:
+        length = 2 + did.layout.size
+        if some and (len(some) == MOST_AT_ONCE or size + length > _LONGEST):
+            yield some
+            some, size = [], 0
+        some.append(did)
+        size += length
+    if some:
+        yield some
+
+
+def _found(dtc: Any) -> Found:
+    return Found(table.TROUBLE_BY_NUMBER.get(dtc.id), dtc.id, dtc.status.get_byte_as_int())
+
+
+def _in_range(words: str) -> Advice:
+    return lambda code: words if code == Code.REQUEST_OUT_OF_RANGE else ""
+
+
+def _about_modes(text: str) -> str:
+    """Return the sentence of a description that names modes."""
+    for sentence in text.split(". "):
+        if any(mode.name in sentence for mode in Mode):
+            return sentence.removesuffix(".")
+    return text
