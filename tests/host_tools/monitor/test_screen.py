@@ -65,7 +65,7 @@ def bus(played):
         played.send("AXIS_INNER_STATUS", time_s, k, state="MOVING", encoder_angle_deg=k / 20)
         if k % 20 == 0:
             played.send("FIRMWARE_STATUS", time_s, k // 20, mode="STANDBY", usable_sensors=3)
-    played.put_message(can.Message(arbitration_id=0x7E8, is_extended_id=False, data=b"\x02"), 2.0)
+    played.put_message(can.Message(arbitration_id=0x7E9, is_extended_id=False, data=b"\x02"), 2.0)
     return played
 
 
@@ -167,7 +167,7 @@ def test_the_detail_of_a_message(bus, size):
 def test_an_unknown_message_has_a_detail_too(bus):
     async def use(app, press):
         text = await press("end", "enter")
-        assert "0x7E8 unknown  1 bytes, not in the DBC" in text
+        assert "0x7E9 unknown  1 bytes, not in the DBC" in text
         assert "last frame 02" in text
 
     run(bus, (80, 24), use)

@@ -218,14 +218,14 @@ def test_smallest_and_largest_are_kept(played):
 
 
 def test_unknown_identifiers_and_kinds_of_frames(played):
-    played.put_message(can.Message(arbitration_id=0x7E8, is_extended_id=False, data=b"\x02\x7e"))
+    played.put_message(can.Message(arbitration_id=0x7E9, is_extended_id=False, data=b"\x02\x7e"))
     played.put_message(can.Message(arbitration_id=0x10, is_extended_id=True, data=b"\x01"))
     played.put_message(can.Message(arbitration_id=0x10, is_extended_id=False, is_remote_frame=True))
     played.put_message(can.Message(is_error_frame=True))
     state = played.watch.state()
     assert [(m.hexadecimal, m.label, m.data) for m in state.messages] == [
         ("0x010", "remote frame", b""),
-        ("0x7E8", "unknown", b"\x02\x7e"),
+        ("0x7E9", "unknown", b"\x02\x7e"),
         ("0x00000010", "unknown", b"\x01"),
     ]
     assert state.error_frames == 1
