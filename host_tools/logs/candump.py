@@ -16,6 +16,7 @@ from dbc.frame import EFF_FLAG, ERR_FLAG, RTR_FLAG, FrameArray, frame_array
 
 _BLOCK = 1 << 21  # bytes
 _SHORTEST_LINE = 12  # "(0) a 000#\n" and one
+_PAYLOAD = 8  # bytes of a whole classic frame
 _NEWLINE, _SPACE, _TAB, _RETURN = 10, 32, 9, 13
 _OPEN, _CLOSE, _DOT, _HASH, _REMOTE = 40, 41, 46, 35, 82
 
@@ -197,6 +198,9 @@ class Candump:
             yield frames, times_s
         if rest:
             _, frames, times_s = self._parse(rest + b"\n")
+            if len(frames) and frames["length"][-1] < _PAYLOAD:  # without its end, it may be cut
+                frames, times_s = frames[:-1], times_s[:-1]
+                self.bad_lines += 1
             yield frames, times_s
 
     def _parse(self, text: bytes) -> tuple[int, FrameArray, NDArray[np.float64]]:

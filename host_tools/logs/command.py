@@ -71,7 +71,6 @@ def record(
     """
     from host_tools.logs import jobs
 
-    signal.signal(signal.SIGTERM, _as_interrupt)
     address = jobs.address_of(interface, channel, bitrate)
     jobs.record(path, address, rotate_mb, for_s, lossless, as_json)
 

@@ -69,7 +69,7 @@ def _sync_epoch(frame: Any, sync: Any, near: int, is_near: bool) -> int:
 
 @njit(cache=True)
 def _note_syncs(state: Any, frames: Any, kinds: Any, begin: int, end: int, sync: Any) -> None:
-    """Take the SYNCs that the firmware had in a step: its epoch follows them as there.
+    """Take the SYNCs that the firmware had in a step; the epoch follows them as the firmware's.
 
     It takes over the count of one that is far off, and looks no further than one that is ahead.
     """

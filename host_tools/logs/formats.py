@@ -13,7 +13,9 @@ from pathlib import Path
 from typing import IO, Any, Protocol
 
 import can
+from can.io.logger import MESSAGE_WRITERS
 from can.io.player import MESSAGE_READERS
+from can.util import channel2int
 
 from host_tools.logs.errors import RecordError
 from host_tools.logs.mf4 import Mf4Writer, is_simulated
@@ -26,6 +28,7 @@ READ = (".asc", ".blf", ".csv", ".db", ".log", ".mf4", ".trc")
 
 _TEXT = (".asc", ".csv", ".log", ".trc", ".txt")  # these with .gz, too
 _BATCH = 1000
+_BLF_CHANNELS = 0xFFFF
 _TABLE = (
     "CREATE TABLE messages (ts REAL, arbitration_id INTEGER, extended INTEGER, "
     "remote INTEGER, error INTEGER, dlc INTEGER, data BLOB)"
@@ -67,9 +70,11 @@ def check_path(path: Path) -> None:
 
 
 class _BlfWriter(can.BLFWriter):
-    """A writer that counts simulated time from zero and not from the first frame."""
+    """A writer that counts simulated time from zero, and takes a channel of any name."""
 
     def on_message_received(self, msg: can.Message) -> None:
+        if not 0 <= (channel2int(msg.channel) or 0) < _BLF_CHANNELS:
+            msg.channel = None
         if self.start_timestamp is None and is_simulated(msg.timestamp):
             self.start_timestamp = 0.0
         super().on_message_received(msg)
@@ -131,15 +136,16 @@ def open_writer(path: Path) -> Writer:
         When it cannot be written.
     """
     check_path(path)
-    ending, _ = ending_of(path)
+    ending, is_packed = ending_of(path)
     try:
         if ending == ".mf4":
             return Mf4Writer(path)
         if ending == ".db":
             return _SqliteWriter(path)
-        if path.suffix.lower() == ".blf":
+        if ending == ".blf":
             return _BlfWriter(path)
-        writer: Any = can.Logger(str(path))
+        file: Any = gzip.open(path, "wt", encoding="utf-8") if is_packed else path  # noqa: SIM115
+        writer: Any = MESSAGE_WRITERS[ending](file)
     except RecordError as error:
         raise RecordError(f"recording {path}: {error}") from error
     except (ValueError, OSError, ImportError, NotImplementedError) as error:

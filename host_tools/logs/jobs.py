@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import signal
+import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -64,6 +66,19 @@ def _reading(what: str, size: int, quiet: bool = False) -> Iterator[Any]:
         yield lambda position: progress.update(task, completed=position)
 
 
+@contextmanager
+def _until_stopped() -> Iterator[threading.Event]:
+    """Turn Ctrl-C and SIGTERM into an event, so that neither breaks anything off."""
+    stop = threading.Event()
+    numbers = (signal.SIGINT, signal.SIGTERM)
+    before = [signal.signal(number, lambda *_: stop.set()) for number in numbers]
+    try:
+        yield stop
+    finally:
+        for number, handler in zip(numbers, before, strict=True):
+            signal.signal(number, handler)
+
+
 def record(
     path: Path,
     address: Address,
@@ -74,17 +89,17 @@ def record(
 ) -> None:
     """Do `rrins record`."""
     rotate_bytes = None if rotate_mb is None else round(rotate_mb * 1e6)
-    recorder = Recorder(path, address, lossless, None, rotate_bytes, for_s)
-    tell(f"recording {address} to {path}; Ctrl-C stops")
-    begun = time.monotonic()
-    try:
-        while not recorder.has_ended.wait(_POLL_S):
-            if for_s is not None and not address.is_embedded and time.monotonic() - begun > for_s:
-                break
-    except KeyboardInterrupt:  # the usual end
-        pass
-    finally:
-        recorder.close()
+    with _until_stopped() as stop:
+        recorder = Recorder(path, address, lossless, None, rotate_bytes, for_s)
+        try:
+            tell(f"recording {address} to {path}; Ctrl-C stops")
+            begun = time.monotonic()
+            while not (recorder.has_ended.is_set() or stop.wait(_POLL_S)):
+                passed_s = 0.0 if address.is_embedded else time.monotonic() - begun
+                if for_s is not None and passed_s > for_s:  # on a bus without frames
+                    break
+        finally:
+            recorder.close()
     parts = [part.file for part in recorder.note.parts]
     found = {
         "file": str(path),
@@ -296,9 +311,9 @@ def list_contents(path: Path) -> None:
         count = contents.messages[name]
         rate = f", {(count - 1) / duration_s:.4g} a second" if count > 1 and duration_s > 0 else ""
         click.echo(f"\n{name}: {count} frames{rate}")
-        for signal in signals_of(name):
-            unit = f" [{signal.unit}]" if signal.unit else ""
-            click.echo(f"    {signal.full_name}{unit}")
+        for described in signals_of(name):
+            unit = f" [{described.unit}]" if described.unit else ""
+            click.echo(f"    {described.full_name}{unit}")
     for identifier, count in sorted(contents.strangers.items()):
         click.echo(f"\n0x{identifier:03X}: {count} frames, none of the contract's")
 

@@ -7,6 +7,9 @@ python-can's `MF4Reader` reads it.
 
 from __future__ import annotations
 
+import gc
+import logging
+import sys
 from collections.abc import Iterator
 from datetime import UTC, datetime
 from pathlib import Path
@@ -23,6 +26,7 @@ from host_tools.logs.errors import RecordError
 _BATCH = 4096
 _COMPRESSED = 2  # transposed and deflated
 _RECORD_BYTES = 28
+_SHORTEST = 168  # bytes of the two blocks that every file begins with
 
 
 def _asammdf() -> Any:
@@ -38,6 +42,12 @@ def _asammdf() -> Any:
     except ImportError as error:
         raise RecordError(".mf4 needs asammdf: pip install 'rrins[mf4]'") from error
     return asammdf
+
+
+def _channel_number(channel: Any) -> int:
+    """Return the number at the end of a channel's name, 0 where there is none that fits."""
+    number = channel2int(channel) or 0
+    return number if 0 <= number < 256 else 0
 
 
 def _dtype(group: str, with_data: bool) -> np.dtype[Any]:
@@ -108,7 +118,7 @@ class Mf4Writer:
         group = 1 if message.is_error_frame else 2 if message.is_remote_frame else 0
         data = bytes(message.data)
         row: tuple[Any, ...] = (
-            channel2int(message.channel) or 0,
+            _channel_number(message.channel),
             message.arbitration_id,
             message.is_extended_id,
             message.dlc,
@@ -162,8 +172,17 @@ def read_data_frames(path: Path, capacity: int) -> Iterator[tuple[FrameArray, ND
 
     For a file with one group of data frames and no other frames, as `Mf4Writer` writes it; yields
     nothing for another, which is python-can's to read.
+
+    Raises
+    ------
+    RecordError
+        When asammdf is not installed, or the file is no MF4.
     """
-    with _asammdf().MDF(path) as mdf:
+    with path.open("rb") as file:
+        begin = file.read(_SHORTEST)
+    if len(begin) < _SHORTEST or not begin.startswith((b"MDF ", b"UnFinMF ")):
+        raise RecordError(f"{path}: no MF4")
+    with _opened(path) as mdf:
         group = _only_group(mdf)
         if group is None:
             return
@@ -174,6 +193,26 @@ def read_data_frames(path: Path, capacity: int) -> Iterator[tuple[FrameArray, ND
                 "CAN_DataFrame", group, record_offset=offset, record_count=capacity, raw=False
             )
             yield _frames_of(found.samples), found.timestamps + begun_s
+
+
+def _opened(path: Path) -> Any:
+    """Open an MF4 file to read.
+
+    What asammdf stumbles over it also logs, with tracebacks, and what it has left half made when it
+    fails complains again when it goes; here the exception alone tells.
+    """
+    asammdf = _asammdf()
+    logging.getLogger("asammdf").setLevel(logging.CRITICAL)
+    hook, sys.unraisablehook = sys.unraisablehook, lambda _: None
+    try:
+        try:
+            return asammdf.MDF(path)
+        except Exception as error:  # noqa: BLE001 - of any kind, on a damaged file
+            text = " ".join(str(error).split()) or type(error).__name__
+        gc.collect()
+    finally:
+        sys.unraisablehook = hook
+    raise RecordError(f"{path}: cannot be read as MF4 ({text})")
 
 
 def _only_group(mdf: Any) -> int | None:

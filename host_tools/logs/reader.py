@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gzip
+import logging
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -106,6 +107,8 @@ class Log:
                     for piece in self._pieces_of(path, raw):
                         if not raw.closed:  # a reader closes it at the end
                             self.position = done + raw.tell()
+                        if not len(piece):
+                            continue
                         self.frames += len(piece)
                         yield Piece(piece.frames, piece.time_s + shift_s) if shift_s else piece
             except RecordError:
@@ -135,7 +138,7 @@ class Log:
             if read:
                 return
         reader = open_reader(path, raw)
-        yield from self._by_message(reader)
+        yield from self._by_message(path, reader)
         if isinstance(reader, can.BLFReader):
             if reader.file_size > path.stat().st_size:
                 self._note_damage(path, f"is cut off after {self.frames} frames")
@@ -152,14 +155,17 @@ class Log:
             if candump.bad_lines:
                 self._note_damage(path, f"{candump.bad_lines} lines are no frames and left out")
 
-    def _by_message(self, reader: Any) -> Iterator[Piece]:
+    def _by_message(self, path: Path, reader: Any) -> Iterator[Piece]:
         """Yield what python-can reads; what it has read before an error comes first."""
         gathered = _Gathered()
+        shortened = 0
         failure: Exception | None = None
         messages = iter(reader)
+        complaints = _Complaints()
         while failure is None:
             try:
-                message = next(messages, None)
+                with complaints:
+                    message = next(messages, None)
             except Exception as error:  # noqa: BLE001 - raised again below
                 failure = error
                 break
@@ -168,12 +174,40 @@ class Log:
             if message.is_fd:
                 self.passed_over += 1
                 continue
+            if message.dlc != len(message.data) and not message.is_remote_frame:
+                shortened += 1
+                continue
             gathered.take(message)
             if len(gathered.words) == _PIECE:
                 yield gathered.piece()
         yield gathered.piece()
+        if complaints.count:
+            self._note_damage(path, f"{complaints.count} lines are no frames and left out")
+        if shortened:
+            self._note_damage(path, f"{shortened} frames are cut off and left out")
         if failure is not None:
             raise failure
+
+
+class _Complaints(logging.Handler):
+    """Counts what python-can's readers say of lines that they leave out."""
+
+    def __init__(self) -> None:
+        super().__init__(logging.WARNING)
+        self.count = 0
+        self._logger = logging.getLogger("can")
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Count."""
+        self.count += 1
+
+    def __enter__(self) -> None:
+        self._logger.propagate = False
+        self._logger.addHandler(self)
+
+    def __exit__(self, *_: object) -> None:
+        self._logger.removeHandler(self)
+        self._logger.propagate = True
 
 
 class _Gathered:

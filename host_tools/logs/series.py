@@ -14,16 +14,20 @@ from dbc.frame import FrameArray
 from host_tools.logs.reader import Log
 from host_tools.logs.signals import SignalOfMessage, name_of_identifier
 
-_CAPACITY = 8192
-"""Points of a number; beyond that, two at a time become their smallest and largest value."""
-
 _MOST_CHANGES = 200_000
 
 
 class Envelope:
-    """A number over time: every value, or the smallest and largest of equally many values each."""
+    """A number over time: every value, or the smallest and largest of equally many values each.
 
-    def __init__(self) -> None:
+    Parameters
+    ----------
+    capacity : int
+        Points from twice as many of which on two become one: their smallest and largest value.
+    """
+
+    def __init__(self, capacity: int = 8192) -> None:
+        self._capacity = capacity
         self._time = np.zeros(0)
         self._low = np.zeros(0)
         self._high = np.zeros(0)
@@ -41,7 +45,7 @@ class Envelope:
         self._time = np.concatenate([self._time, time_s[: whole : self._each]])
         self._low = np.concatenate([self._low, groups.min(axis=1)])
         self._high = np.concatenate([self._high, groups.max(axis=1)])
-        while len(self._time) > 2 * _CAPACITY:
+        while len(self._time) > 2 * self._capacity:
             self._halve()
 
     def _halve(self) -> None:

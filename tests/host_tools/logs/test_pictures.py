@@ -1,0 +1,180 @@
+"""Signals by name, over time, and the commands' words."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as arrays
+
+from host_tools.cli import rrins
+from host_tools.logs.errors import RecordError
+from host_tools.logs.pictures import draw_series
+from host_tools.logs.reader import Log
+from host_tools.logs.series import Changes, Envelope, gather
+from host_tools.logs.signals import find_signals, signals_of
+
+
+@pytest.mark.parametrize(
+    ("words", "found"),
+    [
+        (["SENSOR_1.gyro_dtheta"], ["SENSOR_1.gyro_dtheta"]),
+        (["latitude_deg"], ["NAV_LATITUDE.latitude_deg"]),
+        (["SENSOR_[12].gyro_*"], ["SENSOR_1.gyro_dtheta", "SENSOR_2.gyro_dtheta"]),
+        (["NAV_VELOCITY.*"], ["NAV_VELOCITY.velocity_east", "NAV_VELOCITY.velocity_north"]),
+        (["velocity_*", "NAV_VELOCITY.velocity_east"],
+         ["NAV_VELOCITY.velocity_east", "NAV_VELOCITY.velocity_north", "NAV_HEIGHT.velocity_up"]),
+        (["SYNC.*crc"], ["SYNC.crc"]),
+    ],
+)  # fmt: skip
+def test_signals_are_found_by_name(words, found):
+    assert [signal.full_name for signal in find_signals(words)] == found
+
+
+@pytest.mark.parametrize(
+    ("word", "hint"),
+    [
+        ("latitude_dg", "did you mean latitude_deg"),
+        ("SENSOR_1.gyro_dteta", r"did you mean SENSOR_1\.gyro_dtheta"),
+        ("sensor_1.gyro_dtheta", r"did you mean .*SENSOR_1\.gyro_dtheta"),
+        ("gyro_dtheta", r"of 16 messages: SENSOR_1\.gyro_dtheta.*or \*\.gyro_dtheta"),
+        ("SENSORS_*.x", "the DBC has none"),
+    ],
+)
+def test_a_word_that_is_not_clear_is_told(word, hint):
+    with pytest.raises(RecordError, match=hint):
+        find_signals([word])
+
+
+def test_columns_end_with_their_unit():
+    columns = {
+        s.full_name: s.column for m in ("SENSOR_1", "NAV_HEIGHT", "SYNC") for s in signals_of(m)
+    }
+    assert columns["SENSOR_1.gyro_dtheta"] == "gyro_dtheta_rad"
+    assert columns["SENSOR_1.accelerometer_dv"] == "accelerometer_dv_mps"
+    assert columns["NAV_HEIGHT.height"] == "height_m"
+    assert columns["SYNC.time_us"] == "time_us"
+
+
+@given(
+    values=arrays.arrays(np.float64, st.integers(1, 400), elements=st.floats(-1e6, 1e6)),
+    cuts=st.lists(st.integers(0, 400), max_size=5),
+)
+def test_an_envelope_keeps_the_extremes(values, cuts):
+    envelope = Envelope(capacity=16)
+    time_s = np.arange(len(values))
+    at = sorted(min(cut, len(values)) for cut in cuts)
+    for when, part in zip(np.split(time_s, at), np.split(values, at), strict=True):
+        envelope.take(when, part)
+    when, line = envelope.line()
+    assert line.min() == values.min()
+    assert line.max() == values.max()
+    assert len(line) <= 4 * 16 + 2
+    assert np.isin(line, values).all()
+    assert np.all(np.diff(when) >= 0)
+
+
+@given(
+    arrays.arrays(np.int64, st.integers(1, 100), elements=st.integers(0, 3)), st.integers(0, 100)
+)
+def test_changes_keep_every_change(values, cut):
+    changes = Changes()
+    time_s = np.arange(len(values))
+    cut = min(cut, len(values))
+    changes.take(time_s[:cut], values[:cut])
+    changes.take(time_s[cut:], values[cut:])
+    at, what = changes.line()
+    rebuilt = what[np.searchsorted(at[:-1], time_s, side="right") - 1]
+    assert np.array_equal(rebuilt, values)
+    assert at[-1] == time_s[-1]
+
+
+def test_a_picture_has_a_panel_for_each_unit_and_names_on_the_scale(recordings):
+    words = ["SENSOR_[1-4].gyro_dtheta", "*.encoder_angle_deg", "NAV_ATTITUDE.*", "mode"]
+    series, contents = gather(Log(recordings().path), find_signals(words), 1.0, 3.0)
+    figure = draw_series(series, contents, "bus.log")
+    labels = [axes.get_ylabel() for axes in figure.axes]
+    assert labels[0].endswith("rad")
+    assert [axes.get_xlabel() for axes in figure.axes][-1] == "time since the log's first frame / s"
+    names = [text.get_text() for text in figure.axes[-1].get_yticklabels()]
+    assert "NAVIGATION_ROTATING (5)" in names
+    styles = {(line.get_linestyle(), line.get_color()) for line in figure.axes[0].get_lines()}
+    assert len(styles) == 4
+    for line in figure.axes[0].get_lines():
+        assert min(line.get_xdata()) >= 1.0
+        assert max(line.get_xdata()) <= 3.0
+
+
+def call(*arguments):
+    result = CliRunner().invoke(rrins, [str(argument) for argument in arguments])
+    assert result.exception is None or isinstance(result.exception, SystemExit)
+    return result
+
+
+def test_the_commands_from_end_to_end(recordings, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    path = recordings().path
+    assert call("plot", path, "*.encoder_angle_deg").exit_code == 0
+    assert (tmp_path / "bus.png").read_bytes().startswith(b"\x89PNG")
+    listed = call("plot", path, "--list").output
+    assert "SENSOR_4: 702 frames, 200 a second" in listed
+    assert "SENSOR_4.gyro_dtheta [rad]" in listed
+    assert "SENSOR_5" not in listed
+    assert "SYNC.csv" in call("export", path, "tables", "--format", "csv").output
+    again = call("replay", path, "--firmware", "--compare")
+    assert again.exit_code == 0
+    assert "as recorded" in again.output
+    assert "no difference in" in again.output
+    made = {file.name for file in (tmp_path / "out" / "bus").iterdir()}
+    assert made == {
+        "navigation.csv", "navigation.png", "navigation_errors.png", "horizontal_track.png",
+        "errors.csv", "summary.json",
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("arguments", "status", "words"),
+    [
+        (("replay", "nowhere.log"), 6, "there is no such file"),
+        (("replay", "LOG", "--only", "SENSR_1"), 6, "did you mean SENSOR_1"),
+        (("replay", "LOG", "ideal"), 2, "is for --firmware only"),
+        (("replay", "LOG", "--speed", "0"), 2, "--speed"),
+        (("replay", "LOG", "idael", "--firmware"), 3, "did you mean ideal"),
+        (("replay", "ALONE", "--firmware"), 6, "name one: rrins replay"),
+        (("replay", "LOG", "--compare", "nowhere.log"), 6, "there is no such file"),
+        (("export", "LOG.json", "out"), 6, "no log that can be read"),
+        (("plot", "LOG", "latitude"), 6, "did you mean"),
+        (("plot", "LOG", "SENSOR_9.gyro_dtheta"), 6, "has no frame of SENSOR_9.gyro_dtheta"),
+        (("plot", "LOG", "mode", "--from", "99"), 6, "in that time"),
+        (("plot", "LOG"), 2, "--list"),
+        (("plot", "LOG", "mode", "--out", "no/x.png"), 6, "cannot be written"),
+        (("plot", "LOG", "mode", "--out", "x.doc"), 6, "cannot be written"),
+        (("record", "x.log", "--channel", "nowhere"), 4, "nobody hosts it"),
+        (("record", "x.xls"), 6, "must be one of"),
+        (("record", "x.log", "--interface", "socketcan"), 4, "--channel"),
+    ],
+)
+def test_a_wrong_call_is_one_line(copy, tmp_path, monkeypatch, arguments, status, words):
+    monkeypatch.chdir(tmp_path)
+    copy(".log", "LOG").rename("LOG.log")
+    alone = copy(".log", "ALONE")
+    alone.with_name("ALONE.log.json").unlink()
+    names = {"LOG": "LOG.log", "ALONE": "ALONE.log", "LOG.json": "LOG.log.json"}
+    result = call(*(names.get(argument, argument) for argument in arguments))
+    assert result.exit_code == status
+    assert words in result.stderr.splitlines()[-1]
+    assert "Traceback" not in result.output
+
+
+def test_a_difference_ends_with_its_own_status(copy):
+    path = copy()
+    lines = path.read_text().splitlines(keepends=True)
+    hit = next(k for k, line in enumerate(lines) if " 120#" in line)
+    lines[hit] = lines[hit].replace("120#", "120#FF")[:-5] + " R\n"
+    path.write_text("".join(lines))
+    result = call("replay", path, "--firmware", "--compare", "--out", path.parent / "out")
+    assert result.exit_code == 10
+    assert "the first difference is at epoch" in result.stderr
+    assert call("replay", path, "--compare", path).exit_code == 0
