@@ -13,7 +13,9 @@ from __future__ import annotations
 import math
 from typing import Any
 
+import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
 from firmware_py import earth
 from firmware_py.attitude import (
@@ -224,3 +226,19 @@ def update(ins: Any, dtheta_s: Any, dv_s: Any, dt: float, height_channel: int) -
     for i in range(3):
         ins.dtheta_s_previous[i] = dtheta_s[i]
         ins.dv_s_previous[i] = dv_s[i]
+
+
+@njit(cache=True)
+def update_array(
+    array: NDArray[Any],
+    dtheta_s: NDArray[np.float64],
+    dv_s: NDArray[np.float64],
+    dt: float,
+    height_channel: int,
+) -> None:
+    """Navigate over one epoch, as `update` does, for a caller in Python.
+
+    `array` has one record of dtype `firmware_py.memory.INS`; an array is passed much faster than
+    its record.
+    """
+    update(array[0], dtheta_s, dv_s, dt, height_channel)

@@ -20,7 +20,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
 from host_tools import scenario as scenarios
-from host_tools.bench import compute, floor, rehearsals
+from host_tools.bench import compute, fast_path, floor, rehearsals
 from host_tools.bench.messages import MessageLockstep
 from host_tools.bus.datagram import FRAME_SIZE, HEADER_SIZE
 from host_tools.direct import run_direct
@@ -221,6 +221,8 @@ def _run_compute(effort: Effort) -> Result:
     return {
         "firmware_step_us": steps.firmware_us,
         "hardware_step_us": steps.hardware_us,
+        "fast_path_us_per_epoch": fast_path.us_per_epoch(effort.step_samples),
+        "navigation_step_us": fast_path.navigation_step_us(effort.step_samples),
         "timer_overhead_us": compute.timer_overhead_ns() / 1000,
         **compute.codec(steps.frames),
         "cantools_us_per_frame": compute.cantools(steps.frames[: effort.frames]),
@@ -330,6 +332,9 @@ def _table_of_costs(result: Result) -> Table:
     table.add_column("what", no_wrap=True)
     table.add_column("µs", justify="right")
     table.add_column("", justify="right")
+    fast = result["fast_path_us_per_epoch"]
+    table.add_row("fast path, an epoch of both sides", f"{fast:.2f}", "8 noisy sensors")
+    table.add_row("navigation alone, a call", f"{result['navigation_step_us']:.2f}", "")
     for side in ("firmware", "hardware"):
         step = result[f"{side}_step_us"]
         table.add_row(f"{side}'s step, a call", f"{step['median']:.2f}", f"p99 {step['p99']:.2f}")
