@@ -7,7 +7,8 @@
     ├── BusError              a bus that is not there, is taken, or broke
     ├── SideLostError         a firmware or hardware process that ended before its time
     ├── FirmwareFaultError    a run whose firmware ended in the mode FAULT
-    ├── RecordError           a recording that cannot be begun or went wrong
+    ├── RecordError           a recording that cannot be begun or read, or went wrong
+    ├── DifferenceError       two recordings, or a recording and its replay, differ
     ├── InjectionError        a fault that cannot be commanded live
     ├── MotionError           a recorded motion that is missing or refused, or one that cannot be
     ├── ParameterFileError    a parameter memory that cannot be had

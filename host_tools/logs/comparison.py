@@ -248,8 +248,7 @@ class Comparison:
         values = (signal.text(int(mine["data"][0])), signal.text(int(yours["data"][0])))
         apart = None
         if not signal.choices:
-            difference = signal.values(mine["data"]) - signal.values(yours["data"])
-            apart = float(np.max(np.abs(difference)))
+            apart = float(np.max(signal.apart(mine["data"], yours["data"])))
         return self._noted(
             ours, int(rows[0]), len(rows), signal.message, signal.name, values, apart, signal.unit
         )

@@ -143,7 +143,7 @@ def _scale_of(unit: str, lines: Sequence[tuple[NDArray[Any], NDArray[Any]]]) -> 
     if unit in _PREFIXED and largest:
         factor, prefix = next((f, p) for above, f, p in _PREFIXES if largest > above)
         return _Scale(base, factor, f"{prefix}{label}")
-    if base and largest < 1e-2:
+    if 0 < largest < 1e-2:
         power = 3 * math.floor(math.log10(largest) / 3)
         return _Scale(base, 10.0**-power, f"$10^{{{power}}}$ {label}")
     return _Scale(base, 1.0, label)
@@ -208,25 +208,30 @@ def draw_navigation(rows: NDArray[Any], rate_hz: int, title: str) -> Figure:
     figure, axes = _figure([1.0] * 4, title)
     velocity = rows["velocity_n"]
     heading = np.degrees(np.unwrap(rows["heading"]))
-    panels: tuple[tuple[str, tuple[tuple[str, Any], ...]], ...] = (
+    panels: tuple[tuple[str, str, tuple[tuple[str, Any], ...]], ...] = (
         (
-            "way from start\n/ m",
+            "way from start",
+            "m",
             (("east", east), ("north", north), ("up", rows["height"] - rows["height"][0])),
         ),
         (
-            "velocity\n/ (m/s)",
+            "velocity",
+            "m/s",
             tuple((name, velocity[:, k]) for k, name in enumerate(("east", "north", "up"))),
         ),
         (
-            "attitude\n/ °",
+            "attitude",
+            "deg",
             (("roll", np.degrees(rows["roll"])), ("pitch", np.degrees(rows["pitch"]))),
         ),
-        ("heading\n/ °", (("heading, counted on over 360°", heading),)),
+        ("heading", "deg", (("heading, counted on over 360°", heading),)),
     )
-    for own, (label, lines) in zip(axes, panels, strict=True):
+    for own, (what, unit, lines) in zip(axes, panels, strict=True):
+        scale = _scale_of(unit, [(time_s, values) for _, values in lines])
         for style, (name, values) in zip(_STYLES, lines, strict=False):
-            own.plot(time_s, values, label=name, **style)
-        _dress(own, label)
+            own.plot(time_s, (values - scale.base) * scale.factor, label=name, **style)
+        _dress(own, f"{what}\n/ {scale.label}")
+        own.ticklabel_format(axis="y", useOffset=False)
         _legend(own)
     axes[-1].set_xlabel("time since navigation began / s")
     return figure

@@ -214,6 +214,9 @@ class _Gathered:
     """Messages on their way into arrays."""
 
     def __init__(self) -> None:
+        self._clear()
+
+    def _clear(self) -> None:
         self._identifiers: list[int] = []
         self._lengths: list[int] = []
         self._times_s: list[float] = []
@@ -242,5 +245,5 @@ class _Gathered:
         frames["length"] = self._lengths
         frames["data"] = self.words
         piece = Piece(frames, np.array(self._times_s, dtype=np.float64))
-        self.__init__()  # type: ignore[misc]
+        self._clear()
         return piece

@@ -50,6 +50,8 @@ class SignalOfMessage:
     choices : mapping of int to str
         Names of its values; empty for a number.
     scale : float
+    span : float
+        Whole range of its field.
     is_whole : bool
         Whether its values are whole numbers.
     row : int
@@ -62,6 +64,7 @@ class SignalOfMessage:
     comment: str
     choices: Mapping[int, str]
     scale: float
+    span: float
     is_whole: bool
     row: int
 
@@ -90,6 +93,13 @@ class SignalOfMessage:
         out = np.zeros(len(words), dtype=np.float64)
         _decode_column(words, load().signals, self.row, out)
         return out.astype(np.int64) if self.is_whole else out
+
+    def apart(self, ours: NDArray[np.uint64], theirs: NDArray[np.uint64]) -> NDArray[Any]:
+        """Return by how much the values in payload words differ, angles the shorter way round."""
+        difference = np.abs(self.values(ours) - self.values(theirs))
+        if self.unit == "deg" and self.span % 360 == 0:
+            return np.minimum(difference, self.span - difference)
+        return difference
 
     def text(self, word: int) -> str:
         """Return the value in a payload word as a person reads it, to its resolution."""
@@ -152,6 +162,7 @@ def signals_of(message: str) -> tuple[SignalOfMessage, ...]:
             signal.comment or "",
             codec.choices(message, signal.name),
             float(signal.scale),
+            float(signal.scale) * 2.0**signal.length,
             float(signal.scale).is_integer() and float(signal.offset).is_integer(),
             codec.signal_index(message, signal.name),
         )

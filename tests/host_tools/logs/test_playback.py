@@ -63,24 +63,35 @@ def test_all_frames_come_in_order_and_as_they_were(recordings, read, heard):
     assert player.played.frames == len(frames)
 
 
+class TimedBus:
+    """A bus that notes when each message is sent."""
+
+    def __init__(self, clock):
+        self.clock = clock
+        self.sent = []
+
+    def send(self, message, timeout):
+        self.sent.append((self.clock.now - 100.0, message.timestamp))
+
+    def recv(self, timeout):
+        return None
+
+    def shutdown(self):
+        pass
+
+
 @pytest.mark.parametrize("speed", [1.0, 4.0])
-def test_frames_come_when_they_are_due(recordings, clock, heard, monkeypatch, speed):
-    sent = []
-    plain = playback._Player.send
-
-    def send(self, frames, time_s):
-        sent.append((clock.now - 100.0, time_s))
-        plain(self, frames, time_s)
-
-    monkeypatch.setattr(playback._Player, "send", send)
+def test_frames_come_when_they_are_due(recordings, clock, monkeypatch, speed):
+    bus = TimedBus(clock)
+    monkeypatch.setattr(playback, "open_bus", lambda address: bus)
     player = Playback(ADDRESS, speed)
     player.play(Log(recordings().path))
     player.play(Log(recordings().path))  # as often as one likes
     player.close()
-    due = np.array([time_s for _, time_s in sent]) / speed
+    due = np.array([time_s for _, time_s in bus.sent]) / speed
     again = len(due) // 2
     due[again:] += due[again - 1]
-    assert np.allclose([now for now, _ in sent], due, atol=1e-6)
+    assert np.allclose([now for now, _ in bus.sent], due, atol=1e-6)
     assert player.played.latest_s < 1e-6
 
 
@@ -111,11 +122,13 @@ def test_only_one_side_is_sent(recordings, read, heard):
         assert [message.arbitration_id for message in heard()] == expected
 
 
-def test_the_embedded_bus_keeps_the_time_of_the_log(recordings, read):
+def test_the_embedded_bus_keeps_the_time_of_the_log(recordings, read, write_candump, tmp_path):
+    piece = read(recordings().path)
+    path = tmp_path / "begin.log"
+    write_candump(path, piece.frames[:9], np.full(9, 12.5))
     player = Playback(Address("rrins", "replayed"), None)  # nobody hosts it: it is begun
     with can.Bus(interface="rrins", channel="replayed", host="never") as bus:
-        piece = read(recordings().path)
-        player._player.send(piece.frames[:9], 12.5)
+        player.play(Log(path))
         messages = [bus.recv(5.0) for _ in range(9)]
     player.close()
     assert [m.timestamp for m in messages] == [12.5] * 9
