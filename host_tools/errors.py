@@ -56,7 +56,7 @@ class FirmwareFaultError(RehearsalError):
 class ParameterFileError(RehearsalError):
     """A file for the parameter memory that cannot be opened, is in use, or is something else."""
 
-    exit_status = 10
+    exit_status = 11
 
 
 class DiagError(RehearsalError):

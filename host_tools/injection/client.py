@@ -15,7 +15,15 @@ from host_tools.errors import BusError
 from host_tools.fault_tables import FaultOnWire
 from host_tools.injection.errors import InjectionError
 from host_tools.injection.messages import Fault, fault_commands, plain_command
-from host_tools.injection.report import ActiveFault, Answer, FaultReader, FaultReport, Place
+from host_tools.injection.report import (
+    ActiveFault,
+    Answer,
+    FaultReader,
+    FaultReport,
+    Place,
+    keys_of,
+    words_of,
+)
 from host_tools.port import Address, open_bus
 
 PATIENCE_S = 5.0
@@ -25,9 +33,9 @@ _SEND_S = 5.0
 _REFUSALS = {
     FaultRefusal.UNKNOWN: "the hardware on this bus does not know such a fault",
     FaultRefusal.NO_ROOM: "there is no room for another fault; take one out",
-    FaultRefusal.NO_SUCH_TARGET: "the hardware on this bus has no such part",
+    FaultRefusal.NO_SUCH_TARGET: "the hardware on this bus has no such axis or sensor",
     FaultRefusal.OUT_OF_RANGE: "its value is out of range",
-    FaultRefusal.NOT_ACTIVE: "there is none such",
+    FaultRefusal.NOT_ACTIVE: "is not active",
 }
 
 
@@ -78,8 +86,8 @@ class FaultClient:
         """
         counter = self._next_counter(2)
         report = self._ask(fault, fault_commands(FaultAction.INJECT, fault, counter))
-        wanted = _identity(fault.model_dump())
-        found = [active for active in report.faults if _identity(active.keys) == wanted]
+        wanted = keys_of(fault)
+        found = [active for active in report.faults if wanted.items() <= active.keys.items()]
         if not found:
             raise InjectionError(f"{fault.kind}: obeyed, but not among what is active")
         return max(found, key=lambda active: active.first_epoch), report
@@ -132,7 +140,8 @@ class FaultClient:
         try:
             return self._exchange(wire, hardware)
         except _RefusedError as error:
-            raise InjectionError(f"{fault.kind}: {error}; see `rrins inject list`") from error
+            words = words_of(keys_of(fault))
+            raise InjectionError(f"{words}: {error}; see `rrins inject list`") from error
 
     def _exchange(self, wire: list[can.Message], hardware: list[can.Message]) -> FaultReport:
         wanted: dict[Place, int] = {
@@ -181,9 +190,3 @@ class FaultClient:
 
 class _RefusedError(InjectionError):
     """A command was answered, but not obeyed."""
-
-
-def _identity(keys: dict[str, object]) -> tuple[object, ...]:
-    """Return what of a fault's keys says which one it is."""
-    node = keys.get("node") or "any"
-    return keys["kind"], keys.get("message"), node, keys.get("axis"), keys.get("sensor")

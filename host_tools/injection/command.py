@@ -9,7 +9,7 @@ import click
 
 from host_tools.injection.client import FaultClient
 from host_tools.injection.messages import Fault
-from host_tools.injection.report import ActiveFault, FaultReport, words_of
+from host_tools.injection.report import ActiveFault, FaultReport, keys_of, words_of
 from host_tools.port import EMBEDDED
 
 _DEFAULT_CHANNEL = "rrins0"
@@ -91,11 +91,7 @@ def _inject(client: FaultClient, fault: Fault) -> _Outcome:
 
 def _remove(client: FaultClient, fault: Fault) -> _Outcome:
     report = client.remove(fault)
-    keys = {
-        key: value
-        for key, value in fault.model_dump().items()
-        if key in ("kind", "message", "node", "axis", "sensor") and value not in (None, "any")
-    }
+    keys = keys_of(fault)
     told = {"removed": keys, "epoch": report.epoch, "time_s": report.seconds(report.epoch)}
     return f"{words_of(keys)} taken out {_at(report, report.epoch)}", told
 

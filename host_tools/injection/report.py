@@ -17,6 +17,7 @@ from dbc.values import FaultRefusal
 from host_tools.faults import ANY_IDENTIFIER, FaultKind, Node
 from host_tools.hardware.fault_values import VALUES
 from host_tools.hardware.faults import HardwareFault
+from host_tools.injection.messages import Fault
 from host_tools.port import frame_of_message
 
 Place = Literal["wire", "hardware"]
@@ -51,9 +52,19 @@ class ActiveFault:
         return words_of(self.keys)
 
 
+def keys_of(fault: Fault) -> dict[str, Any]:
+    """Return those of a fault's keys that say which one it is: its kind and what fails."""
+    keys = fault.model_dump(include={"kind", "message", "node", "axis", "sensor"})
+    return {key: value for key, value in keys.items() if value not in (None, "any")}
+
+
 def words_of(keys: dict[str, Any]) -> str:
     """Return a fault's keys in words, its kind first."""
-    rest = [f"{key} {value}" for key, value in keys.items() if key != "kind"]
+    rest = [
+        f"{key} {value:.6g}" if isinstance(value, float) else f"{key} {value}"
+        for key, value in keys.items()
+        if key != "kind"
+    ]
     return f"{keys['kind']} ({', '.join(rest)})" if rest else str(keys["kind"])
 
 

@@ -171,7 +171,7 @@ def test_a_file_that_is_no_parameter_memory_is_refused(start, scenario):
     path = scenario()
     before = path.read_bytes()
     command = start("firmware", path, "--parameters", path)
-    assert command.finish()[0] == 10
+    assert command.finish()[0] == 11
     said = command.said[-1]
     assert said.startswith(f"rrins: parameter memory {path}: is no memory of this kind")
     assert path.read_bytes() == before

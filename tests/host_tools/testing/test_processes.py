@@ -85,7 +85,16 @@ def test_real_time_is_the_clock_on_the_wall(rrins_bench):
     assert start_s + 0.3 <= bench.time_s < start_s + 2
     bench.inject("drop", message="SENSOR_4")
     bench.expect("FIRMWARE_STATUS", within=2, where={"usable_sensors": 3})
+    bench.inject("gyro_absent", sensor=2)
+    values = bench.expect("HARDWARE_FAULT_ACTIVE", within=2, where={"kind": "GYRO_ABSENT"})
+    assert values["target"] == 2
+    bench.expect("SENSOR_2", within=0.1, where={"status": "GYRO_ABSENT"})
+    bench.remove_fault("gyro_absent", sensor=2)
+    bench.expect("SENSOR_2", within=2, where={"status": "OK"})
+    bench.inject("encoder_stuck", axis="outer")
+    bench.expect("HARDWARE_FAULT_ACTIVE", within=2, where={"kind": "ENCODER_STUCK"})
     bench.clear_faults()
+    bench.expect("HARDWARE_FAULT_STATUS", within=2, where={"active_faults": 0})
     bench.expect("FIRMWARE_STATUS", within=2, where={"usable_sensors": 4})
     assert bench.messages("SYNC")[0]["epoch"] == 0
     with pytest.raises(BenchError, match="in the hardware's process"):

@@ -1,0 +1,234 @@
+"""Live faults in a rehearsal: each kind, over the bus and direct, as in a scenario."""
+
+from __future__ import annotations
+
+import can
+import e2e
+import numpy as np
+import pytest
+
+from dbc.codec import load
+from dbc.frame import frame_array
+from dbc.values import FaultAction
+from firmware_py.loop import Firmware, own_clock_ns
+from host_tools.errors import BusError, ScenarioError
+from host_tools.fault_tables import KINDS
+from host_tools.hardware.loop import Hardware
+from host_tools.injection.client import FaultClient
+from host_tools.injection.errors import InjectionError
+from host_tools.injection.messages import fault_commands
+from host_tools.outfit import firmware_settings, hardware_settings, scenario_wire
+from host_tools.port import EMBEDDED, Address, frame_of_message
+from host_tools.scenario import Scenario, fault_of
+from host_tools.testing.errors import BenchError
+
+NOISY = {
+    "duration_s": 3,
+    "navigate_at_s": 0,
+    "firmware": {"alignment_s": 0.5},
+    "gyros": {"angle_random_walk_deg_per_sqrt_h": 0.01},
+    "accelerometers": {"white_noise_ug_per_sqrt_hz": 10},
+}
+FIRST = 400  # while the inner axis turns
+EPOCHS = 700
+RATE_HZ = 200
+
+
+FAULTS = (
+    {"kind": "drop", "message": "SENSOR_3", "probability": 0.3},
+    {"kind": "delay", "message": "SENSOR_2", "delay_s": 0.02},
+    {"kind": "duplicate", "node": "hardware"},
+    {"kind": "reorder"},
+    {"kind": "corrupt_wire"},
+    {"kind": "corrupt", "message": "SENSOR_1", "bit": 40},
+    {"kind": "wrong_counter", "message": "SENSOR_4"},
+    {"kind": "babble", "frames_per_epoch": 3},
+    {"kind": "silence", "node": "firmware"},
+    {"kind": "bus_off", "node": "hardware"},
+    {"kind": "cut"},
+    {"kind": "stale", "message": "SENSOR_1"},
+    {"kind": "axis_stall", "axis": "inner"},
+    {"kind": "axis_runaway", "axis": "outer", "rate_dps": -2.5},
+    {"kind": "encoder_stuck", "axis": "inner"},
+    {"kind": "encoder_offset", "axis": "outer", "offset_deg": 0.7},
+    {"kind": "gyro_stuck", "sensor": 2},
+    {"kind": "gyro_bias", "sensor": 2, "bias_dph": 123.45},
+    {"kind": "gyro_noise", "angle_random_walk_deg_per_sqrt_h": 0.3},
+    {"kind": "gyro_absent", "sensor": 1},
+    {"kind": "accelerometer_stuck", "sensor": 3},
+    {"kind": "accelerometer_bias", "bias_ug": 4321.0},
+    {"kind": "accelerometer_noise", "sensor": 4, "white_noise_ug_per_sqrt_hz": 77.7},
+    {"kind": "accelerometer_absent", "sensor": 2},
+)
+HARMLESS = {"reorder", "corrupt_wire", "babble", "duplicate", "silence"}
+
+
+def navigation_of(faults=(), commands=()):
+    """Return the digest of a direct run's navigation; commands come for epoch `FIRST`."""
+    scenario = Scenario.model_validate(NOISY | {"faults": faults})
+    firmware = Firmware(firmware_settings(scenario))
+    hardware = Hardware(hardware_settings(scenario), scenario_wire(scenario, is_live=True))
+    count = 0
+    for epoch in range(EPOCHS):
+        inbox = firmware.outbox[:count]
+        if epoch == FIRST:
+            others = frame_array(len(commands))
+            for frame, message in zip(others, commands, strict=True):
+                frame_of_message(frame, message)
+            inbox = np.concatenate([others, inbox])
+        frames, sent = hardware.open_epoch(epoch, inbox, len(inbox))
+        count = firmware.step_whole(frames, sent, own_clock_ns(epoch * hardware.period_ns, 0.0))
+    return firmware.trace.sha256()
+
+
+@pytest.fixture(scope="module")
+def undisturbed():
+    return navigation_of()
+
+
+@pytest.mark.parametrize("fault", FAULTS, ids=lambda fault: fault["kind"])
+def test_a_live_fault_is_the_same_as_in_the_scenario(undisturbed, fault):
+    lasting = fault | {"for_s": 0.5}
+    planned = navigation_of(faults=[lasting | {"at_s": FIRST / RATE_HZ}])
+    commands = fault_commands(FaultAction.INJECT, fault_of(lasting))
+    assert navigation_of(commands=commands) == planned
+    assert (planned == undisturbed) == (fault["kind"] in HARMLESS)
+
+
+def test_every_kind_is_tried():
+    assert {fault["kind"] for fault in FAULTS} == set(KINDS)
+
+
+def test_each_kind_is_put_in_listed_and_taken_out_over_the_bus(world):
+    with world.client() as client:
+        assert client.report().faults == ()
+        for keys in FAULTS:
+            fault = fault_of(keys)
+            active, report = client.inject(fault)
+            assert active.keys == keys
+            assert active.duration_ms == 0
+            assert report.epoch >= active.first_epoch
+            assert [one.keys for one in report.faults] == [keys]
+            again = client.report()
+            assert again.faults == report.faults
+            assert again.epoch > report.epoch
+            assert client.remove(fault).faults == ()
+    assert world.bench.messages("HARDWARE_FAULT_STATUS")[-1]["active_faults"] == 0
+
+
+def test_several_at_once_and_all_taken_out(world):
+    with world.client() as client:
+        for keys in FAULTS[:1] + FAULTS[12:15]:
+            active, report = client.inject(fault_of(keys | {"for_s": 60}))
+        assert active.duration_ms == 60_000
+        listed = report.as_dict()
+        assert listed["active_faults"] == 4
+        assert [fault["of"] for fault in listed["faults"]] == ["hardware"] * 3 + ["wire"]
+        for fault in listed["faults"]:
+            kept = {k: v for k, v in fault.items() if k not in ("of", "since_epoch")}
+            scenario = fault_of(kept)  # as it stands, a table of a scenario
+            assert round(scenario.at_s * RATE_HZ) == fault["since_epoch"]
+        assert client.clear().faults == ()
+
+
+def test_what_cannot_be_put_in_is_said_and_nothing_changes(world):
+    with world.client() as client:
+        for keys, words in (
+            ({"kind": "gyro_bias", "sensor": 9}, r"gyro_bias \(sensor 9\): .* has no such axis"),
+            ({"kind": "drop", "for_s": 100}, "65.535 s at most"),
+        ):
+            with pytest.raises(InjectionError, match=words):
+                client.inject(fault_of(keys))
+        with pytest.raises(InjectionError, match=r"axis_stall \(axis inner\): .* not active"):
+            client.remove(fault_of({"kind": "axis_stall", "axis": "inner"}))
+        assert client.report().faults == ()
+
+
+def test_a_fault_ends_by_itself(world):
+    with world.client() as client:
+        client.inject(fault_of({"kind": "gyro_absent", "sensor": 1, "for_s": 0.05}))
+    world.bench.advance(0.1)
+    world.bench.expect("SENSOR_1", within=0.01, where={"status": "OK"})
+
+
+def test_a_frame_made_by_another_tool_is_obeyed(world):
+    layout = load().database.get_message_by_name("HARDWARE_FAULT_COMMAND")
+    data = bytearray(
+        layout.encode(
+            {
+                "crc": 0,
+                "alive_counter": 5,
+                "action": "INJECT",
+                "kind": "GYRO_ABSENT",
+                "target": 3,
+                "exponent": 0,
+                "value": 0,
+                "duration_ms": 0,
+            }
+        )
+    )
+    e2e.p01.e2e_p01_protect(data, 0x59F2, increment_counter=False)
+    message = can.Message(arbitration_id=0x7F2, is_extended_id=False, data=bytes(data))
+    with world.going(), can.Bus(world.address.channel, interface="rrins", host="never") as bus:
+        bus.set_filters([{"can_id": 0x7F3, "can_mask": 0x7FF}])
+        bus.send(message)
+        assert bus.recv(10) is not None
+    values = world.bench.last("HARDWARE_FAULT_STATUS")
+    assert (values["answers"], values["active_faults"]) == (5, 1)
+    world.bench.expect("SENSOR_3", within=0.01, where={"status": "GYRO_ABSENT"})
+
+
+def test_nobody_answers_on_a_bus_without_hardware(rrins_channel, rrins_bus):
+    with (
+        FaultClient(Address(EMBEDDED, rrins_channel), patience_s=0.1) as client,
+        pytest.raises(InjectionError, match=r"no emulated hardware has answered within 0\.1 s"),
+    ):
+        client.report()
+
+
+def test_a_rehearsal_of_processes(start):
+    command = start(
+        "rehearse", "ideal", "--channel", "live", "--speed", 20, "--duration", 20, "--out", "out"
+    )
+    command.wait_for_line("running")
+    with can.Bus("live", interface="rrins", host="never", role="observer") as bus:
+        bus.set_filters([{"can_id": load().frame_id("NAV_LATITUDE"), "can_mask": 0x7FF}])
+        assert bus.recv(60) is not None
+    with FaultClient(Address(EMBEDDED, "live"), patience_s=60) as client:
+        fault = fault_of({"kind": "silence", "node": "hardware", "for_s": 1})
+        active, _ = client.inject(fault)
+        assert active.keys == {"kind": "silence", "node": "hardware"}
+    with FaultClient(Address(EMBEDDED, "live"), patience_s=60) as client:
+        code, _ = command.finish()
+        with pytest.raises(BusError, match="bus rrins:live: channel 'live'"):
+            client.report()
+    assert code == 8
+    assert command.said[-1] == "rrins: the firmware ended in FAULT: SENSORS_LOST"
+
+
+def test_a_bench_takes_faults_out_one_by_one(rrins_bench):
+    bench = rrins_bench(NOISY, way="direct")
+    bench.inject("gyro_absent", sensor=2)
+    bench.inject("drop", message="SENSOR_4")
+    bench.inject("encoder_stuck", axis="inner")
+    bench.advance(0.1)
+    assert bench.last("HARDWARE_FAULT_STATUS")["active_faults"] == 2
+    bench.remove_fault("gyro_absent", sensor=2)
+    bench.remove_fault("drop", message="SENSOR_4")
+    bench.expect("SENSOR_2", within=0.005, where={"status": "OK"})
+    bench.expect("SENSOR_4", within=0.005)
+    with pytest.raises(BenchError, match="drop: NOT_ACTIVE"):
+        bench.remove_fault("drop", message="SENSOR_4")
+    bench.clear_faults()
+    bench.advance(0.005)
+    assert bench.last("HARDWARE_FAULT_STATUS")["active_faults"] == 0
+
+
+def test_a_bench_refuses_what_cannot_be(rrins_bench):
+    bench = rrins_bench(NOISY, way="direct")
+    with pytest.raises(BenchError, match="gyro_bias: NO_SUCH_TARGET"):
+        bench.inject("gyro_bias", sensor=5)
+    with pytest.raises(ScenarioError, match="begins at once"):
+        bench.inject("gyro_bias", at_s=3)
+    with pytest.raises(ScenarioError, match="axis: is missing"):
+        bench.inject("axis_stall")
