@@ -158,13 +158,12 @@ def _trouble(trouble: Trouble) -> str:
 
 def _memory() -> Iterator[str]:
     yield "\n## Memory\n"
+    names = ", ".join(f"`{region.name}`" for region in table.regions()[1:])
     yield (
         "ReadMemoryByAddress reads the RAM image, a record without gaps, little-endian "
-        "(`firmware_py.memory.RAM`); an address is an offset in it.\n"
+        "(`firmware_py.memory.RAM`); an address is an offset in it. Its parts, in this order, are "
+        f"{names}; their offsets are those of the firmware's version (`table.regions()`)."
     )
-    yield "| region | address | size | in |\n|---|---|---|---|"
-    for region in table.regions():
-        yield f"| `{region.name}` | 0x{region.address:06X} | {region.size} | {region.access} |"
     yield (
         f"\nThe calibration file, for RequestDownload and RequestUpload only, is at "
         f"0x{CALIBRATION_ADDRESS:08X}; a block has {BLOCK_LENGTH - 2} bytes of it at most."
