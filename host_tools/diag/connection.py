@@ -144,12 +144,14 @@ class LibraryConnection(Connection):
         moved = time.monotonic()
         while True:
             left_ns = end_ns - self._medium.now_ns
-            if self._turn(min(_TURN_S, max(0.0, left_ns / _NS_PER_S))):
+            has_begun = self._layer.is_rx_active()  # its own timeouts end what stops in between
+            if self._turn(_TURN_S if has_begun else min(_TURN_S, max(0.0, left_ns / _NS_PER_S))):
                 moved = time.monotonic()
             message = self._layer.recv()
             if message is not None:
                 return bytes(message)
-            if left_ns <= 0 or time.monotonic() - moved > max(_STANDSTILL_S, timeout_s):
+            is_over = left_ns <= 0 and not self._layer.is_rx_active()
+            if is_over or time.monotonic() - moved > max(_STANDSTILL_S, timeout_s):
                 return None
 
     def specific_send(self, payload: bytes, timeout: float | None = None) -> None:

@@ -96,7 +96,7 @@ def list_identifiers(
 
 
 def _show_one(one: DataIdentifier) -> None:
-    show.line(f"0x{one.number:04X} {one.name}: {one.text}")
+    show.paragraph(f"0x{one.number:04X} {one.name}: {one.text}", indent="")
     for word, right in (("read", one.read), ("write", one.write), ("control", one.control)):
         if right is not None:
             show.line(f"{word}: {right}")

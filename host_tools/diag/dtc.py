@@ -123,10 +123,13 @@ def _show_one(tester: Tester, found: Found) -> None:
     frames = tester.snapshots(found.number)
     show.line(f"{_code(found)} {_named(found)} (0x{found.number:06X})")
     if found.trouble:
-        show.line(f"  {found.trouble.text}")
-        show.line(f"  fails after / passes after: {found.trouble.debounce}")
-    show.line(f"  status 0x{found.status:02X}: {', '.join(_bits(found.status))}")
-    show.line("  " + ", ".join(f"{name} {value}" for name, value in extended.items()))
+        show.paragraph(found.trouble.text)
+        show.paragraph(f"fails after / passes after: {found.trouble.debounce}")
+    bits = (bit.replace("_", " ") for bit in _bits(found.status))
+    show.paragraph(f"status 0x{found.status:02X}: {', '.join(bits)}")
+    show.paragraph(
+        ", ".join(f"{name.replace('_', ' ')} {value}" for name, value in extended.items())
+    )
     if frames:
         _show_frames(frames)
 

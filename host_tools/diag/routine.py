@@ -85,7 +85,8 @@ def start_routine(
 ) -> None:
     """Start a routine.
 
-    go_to_axis_angle lasts as long as the session: use --wait, or the shell.
+    go_to_axis_angle and calibration last as long as the session, which ends 5 s after the command:
+    use --wait, or the shell.
     """
     try:
         arguments = assigned(routine.arguments, texts)

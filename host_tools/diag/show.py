@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import textwrap
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
@@ -23,6 +24,11 @@ def as_json(value: Any) -> None:
 def line(text: str) -> None:
     """Print a line as it is."""
     click.echo(text)
+
+
+def paragraph(text: str, indent: str = "  ") -> None:
+    """Print text in lines of 80 columns at most."""
+    click.echo(textwrap.fill(text, 80, initial_indent=indent, subsequent_indent=indent + "  "))
 
 
 def note(text: str) -> None:

@@ -1,0 +1,157 @@
+"""Identification, sessions, reset, memory; what becomes of lost sessions and answers."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from firmware_py.diagnostics import table
+from firmware_py.diagnostics.access import Session
+from firmware_py.memory import RAM
+from host_tools.errors import NoAnswerError
+
+
+def test_identify(computer):
+    found = computer.type("identify", "--json").json
+    assert found["system_name"]["system_name"] == "RRINS navigation computer"
+    assert found["table_is_this_tools"]
+    assert found["sensors"]["gyros"] == 4
+    shown = computer.type("identify").out
+    assert "NAVIGATION_ROTATING" in shown
+    assert "0 failed now, 0 confirmed" in shown
+
+
+def test_another_table_is_noticed(computer, monkeypatch):
+    monkeypatch.setattr(table, "crc32", lambda: 7)  # of the tool only: the server has its own
+    ended = computer.type("identify")
+    assert ended.status == 0
+    assert "its diagnostic table is not this tool's" in ended.err
+
+
+def test_a_session_is_entered_and_kept(computer):
+    assert computer.type("session").out == "session DEFAULT\n"
+    assert computer.type("session", "programming", "--security").out == (
+        "session PROGRAMMING, unlocked\n"
+    )
+    kept = computer.type("session", "extended", "--for", "12", "--json").json
+    assert (kept["session"], kept["unlocked"]) == ("EXTENDED", False)
+    computer.bench.advance(6.0)
+    assert computer.type("session").out == "session DEFAULT\n"
+
+
+def test_a_reset_brings_the_memory_in_force(computer):
+    computer.type("did", "write", "axis_watch", "axis_silence_s=0.5", "--security")
+    ended = computer.type("reset", "--json")
+    assert ended.json["uptime"]["uptime_s"] < 1.0
+    assert computer.firmware.ram[0]["parameters"]["axis_silence_epochs"] == 100
+    assert computer.type("reset", "soft").status == 0
+
+
+def test_a_wrong_secret(computer, tmp_path):
+    secret = tmp_path / "secret"
+    secret.write_text("guess\n")
+    words = ("did", "write", "bridge", "0.5", "--security", "--secret-file", str(secret))
+    refused = computer.type(*words)
+    assert refused.status == 22
+    assert refused.error.startswith("security access: invalidKey (0x35)")
+    assert "--secret-file" in refused.error
+    missing = computer.type(*words[:-1], str(tmp_path / "nowhere"))
+    assert (missing.status, "cannot be read" in missing.error) == (20, True)
+
+
+def test_a_session_that_timed_out_is_entered_again(computer):
+    bridge = table.identifier("bridge")
+    with computer.tester() as tester:
+        tester.write(bridge, {"bridge_s": 0.2})
+        computer.bench.advance(7.0)
+        assert tester.session == Session.EXTENDED  # as far as it knows
+        tester.write(bridge, {"bridge_s": 0.3})
+        assert tester.read([bridge]) == {"bridge": {"bridge_s": 0.3}}
+
+
+def test_a_session_that_is_lost_between_seed_and_key(computer, monkeypatch):
+    with computer.tester() as tester:
+        ask = tester.client.request_seed
+        lost = []
+
+        def request_seed(*args, **named):
+            response = ask._func_no_error_management(tester.client, *args, **named)
+            if not lost:
+                lost.append(computer.bench.advance(6.0))
+            return response
+
+        request_seed._func_no_error_management = lambda client, *a, **n: request_seed(*a, **n)
+        monkeypatch.setattr(tester.client, "request_seed", request_seed)
+        tester.unlock()
+        assert tester.is_unlocked
+        assert lost
+
+
+def test_a_transfer_that_is_cut_off_begins_anew(computer, monkeypatch):
+    with computer.tester() as tester:
+        transfer, calls = tester.client.transfer_data, []
+
+        def transfer_data(*args, **named):
+            calls.append(args)
+            if len(calls) == 1:
+                computer.bench.advance(6.0)
+            return transfer(*args, **named)
+
+        monkeypatch.setattr(tester.client, "transfer_data", transfer_data)
+        assert tester.pull().startswith(b"RRCA")
+        assert len(calls) == 2
+
+
+def test_answers_that_are_lost_are_asked_for_again(computer):
+    with computer.tester() as tester:
+        dids = [table.identifier("gyro_increments"), table.identifier("position")]
+        tester.read(dids)
+        computer.bench.inject("drop", message="DIAG_RESPONSE", for_s=1.0)
+        assert set(tester.read(dids)) == {"gyro_increments", "position"}
+
+
+def test_nobody_answers(computer):
+    computer.medium.is_dead = True
+    ended = computer.type("did", "read", "mode")
+    assert ended.status == 21
+    assert ended.error == (
+        "bus bench: nobody answers diagnostic requests (0x7E0), though others are heard; does "
+        "`rrins firmware` run?"
+    )
+
+
+def test_somebody_who_answers_no_more(computer):
+    with computer.tester() as tester:
+        did = table.identifier("mode")
+        tester.read([did])
+        computer.medium.is_dead = True
+        with pytest.raises(NoAnswerError, match="does not answer any more"):
+            tester.read([did])
+
+
+def test_memory_by_name_and_by_address(computer, tmp_path):
+    found = computer.type("memory", "read", "sequencer.target_angle_deg.1", "--json").json
+    (told,) = found.values()
+    assert told["fields"]["sequencer.target_angle_deg.1"] == pytest.approx(
+        float(computer.firmware.ram[0]["sequencer"]["target_angle_deg"][1]), abs=1e-9
+    )
+    by_address = computer.type(
+        "memory", "read", hex(told["address"]), "--size", str(told["size"]), "--json"
+    ).json
+    assert next(iter(by_address.values()))["hex"] == told["hex"]
+    dump = computer.type("memory", "read", "modes", "--hex").out
+    assert dump.startswith(f"{RAM.fields['modes'][1]:06x}  05 ")
+    file = tmp_path / "ram.bin"
+    assert computer.type("memory", "read", "ram", "--out", str(file)).status == 0
+    image = np.fromfile(file, dtype=RAM)
+    assert image[0]["parameters"] == computer.firmware.ram[0]["parameters"]
+    assert computer.type("memory", "read", "ram", "--out", str(file)).status == 20
+
+
+def test_memory_that_is_not_there(computer):
+    ended = computer.type("memory", "read", "sequencer.target_angle_deg.2")
+    assert (ended.status, "no index from 0 to 1" in ended.err) == (2, True)
+    assert computer.type("memory", "read", "modes.mood").status == 2
+    assert computer.type("memory", "read", "modes", "--size", "8").status == 2
+    beyond = computer.type("memory", "read", "99999", "--size", "8")
+    assert (beyond.status, "memory list" in beyond.error) == (22, True)

@@ -1,0 +1,169 @@
+"""`rrins diag`, udsoncan and gallia at a navigation computer on the kernel's vcan0.
+
+Runs where vcan0 is; with RRINS_REQUIRE_SOCKETCAN set, its lack is a failure. RRINS_GALLIA names the
+program of the scanner gallia; without it, it is looked for in PATH.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+
+import can
+import isotp
+import pytest
+import udsoncan
+from click.testing import CliRunner
+from udsoncan.client import Client
+from udsoncan.connections import IsoTPSocketConnection
+
+from dbc.codec import load
+from firmware_py.diagnostics import image, table
+from firmware_py.diagnostics.access import key_of
+from firmware_py.memory import RAM
+from host_tools.cli import rrins
+
+START_S = 300
+GALLIA = os.environ.get("RRINS_GALLIA") or shutil.which("gallia")
+TARGET = (
+    f"isotp://vcan0?tx_id={table.request_id():#x}&rx_id={table.response_id():#x}&tx_padding=0xcc"
+)
+
+
+@pytest.fixture(scope="module")
+def rehearsal(tmp_path_factory):
+    """A rehearsal in lockstep, in real time at most, so that no machine is too slow for it."""
+    if "vcan0" not in [name for _, name in socket.if_nameindex()]:
+        if "RRINS_REQUIRE_SOCKETCAN" in os.environ:
+            pytest.fail("the kernel has no vcan0")
+        pytest.skip("the kernel has no vcan0")
+    folder = tmp_path_factory.mktemp("diag")
+    with (folder / "said.txt").open("wb") as said:
+        process = subprocess.Popen(
+            [
+                *(sys.executable, "-m", "host_tools", "rehearse", "rimu_rotating"),
+                *("--interface", "socketcan", "--channel", "vcan0", "--speed", "0.99"),
+                *("--out", str(folder / "out"), "--json"),
+            ],
+            stdout=said,
+            stderr=said,
+        )
+    try:
+        with can.Bus("vcan0", interface="socketcan") as bus:
+            navigates = load().frame_id("NAV_LATITUDE")
+            bus.set_filters([{"can_id": navigates, "can_mask": 0x7FF}])
+            assert bus.recv(START_S) is not None, (folder / "said.txt").read_text()
+        yield process
+        assert process.poll() is None, (folder / "said.txt").read_text()
+    finally:
+        process.send_signal(signal.SIGINT)
+        process.wait(60)
+
+
+def diag(*words, transport):
+    bus = ("--interface", "socketcan", "--channel", "vcan0", "--timeout", "20")
+    ended = CliRunner().invoke(rrins, ["diag", *words, "--json", *bus, "--transport", transport])
+    assert ended.exit_code == 0, ended.stderr
+    return json.loads(ended.stdout)
+
+
+@pytest.mark.timeout(500)
+@pytest.mark.parametrize("transport", ["library", "kernel"])
+def test_the_tool(rehearsal, tmp_path, transport):
+    values = diag("did", "read", "--all", transport=transport)
+    assert values["table_version"]["table_crc32"] == table.crc32()
+    assert values["position"]["latitude_deg"] == pytest.approx(40.3554, abs=1e-3)
+    assert diag("memory", "read", "ram", transport=transport)["ram"]["size"] == RAM.itemsize
+    file = tmp_path / "calibration.rrca"
+    diag("calibration", "pull", str(file), transport=transport)
+    parameters = image.decode(file.read_bytes())
+    parameters[0x1004] = {"bridge_s": 0.25 if transport == "kernel" else 0.2}
+    file.write_bytes(image.encode(parameters))
+    diag("calibration", "push", str(file), "--security", transport=transport)
+    found = diag("did", "read", "bridge", transport=transport)
+    assert found == {"bridge": parameters[0x1004]}
+
+
+class Codec(udsoncan.DidCodec):
+    def __init__(self, did):
+        super().__init__()
+        self._did = did
+
+    def encode(self, *values):
+        return self._did.encode(*values)
+
+    def decode(self, data):
+        return self._did.decode(data)
+
+    def __len__(self):
+        return self._did.layout.size
+
+
+@pytest.mark.timeout(300)
+def test_udsoncan_as_it_is_over_the_kernels_isotp_sockets(rehearsal):
+    address = isotp.Address(txid=table.request_id(), rxid=table.response_id())
+    config = udsoncan.configs.default_client_config | {
+        "data_identifiers": {did.number: Codec(did) for did in table.IDENTIFIERS},
+        "security_algo": lambda level, seed, params: key_of(seed),
+        "use_server_timing": False,
+        "request_timeout": 60,
+        "p2_timeout": 20,
+    }
+    with Client(IsoTPSocketConnection("vcan0", address), config=config) as client:
+        gyros = table.identifier("gyro_increments").number
+        found = client.read_data_by_identifier(gyros).service_data.values[gyros]
+        assert len(found["gyro_dtheta"]) == 16
+        supported = client.get_supported_dtc().service_data.dtcs
+        assert {dtc.id for dtc in supported} <= set(table.TROUBLE_BY_NUMBER)
+        client.change_session(3)
+        client.unlock_security_access(1)
+        weights = table.identifier("gyro_weights")
+        before = client.read_data_by_identifier(weights.number).service_data.values[weights.number]
+        client.write_data_by_identifier(weights.number, before)  # more than one frame
+        with pytest.raises(udsoncan.exceptions.NegativeResponseException) as refused:
+            client.write_data_by_identifier(weights.number, {"weights": (0.0,) * 16})
+        assert refused.value.response.code == 0x31
+
+
+def gallia(*words):
+    """Return what a scan says at its end; fail when it found something that makes no sense."""
+    done = subprocess.run(
+        [GALLIA, "scan", "uds", *words, "--target", TARGET, "--no-dumpcap", "--no-volatile-info"],
+        capture_output=True,
+        text=True,
+        check=False,
+        env=os.environ | {"NO_COLOR": "1"},
+    )
+    said = done.stdout + done.stderr
+    assert "Traceback" not in said, said
+    assert "needs to be investigated" not in said, said
+    return said
+
+
+needs_gallia = pytest.mark.skipif(GALLIA is None, reason="gallia is not installed")
+
+
+@needs_gallia
+@pytest.mark.timeout(600)
+def test_gallia_finds_the_services_of_the_table_only(rehearsal):
+    said = gallia("services", "--sessions", "1", "3", "--timeout", "20")
+    print(said)
+
+
+@needs_gallia
+@pytest.mark.timeout(600)
+def test_gallia_finds_the_sessions_of_the_table_only(rehearsal):
+    said = gallia("sessions", "--timeout", "20")
+    print(said)
+
+
+@needs_gallia
+@pytest.mark.timeout(600)
+def test_gallia_finds_the_identifiers_of_the_table_only(rehearsal):
+    said = gallia("identifiers", "--start", "0xF0", "--end", "0x11f", "--timeout", "20")
+    print(said)
