@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Callable
 from pathlib import Path
 
@@ -14,8 +15,8 @@ from rich.table import Table
 from host_tools.errors import RehearsalError
 from host_tools.experiments import drive, prototype, static, variation
 from host_tools.experiments.fleet import Fleet
-from host_tools.experiments.report import figure, write
-from host_tools.experiments.results import Section
+from host_tools.experiments.report import table_3, write
+from host_tools.experiments.results import Row, Section, figure
 
 EXPERIMENTS = ("scheme", "static", "rotating", "experiment", "drive")
 
@@ -52,26 +53,20 @@ def _reproduce(
     return sections
 
 
-def _summary(sections: list[Section]) -> Table:
-    table = Table(title="The paper's figures and ours", title_justify="left")
-    for name in ("experiment", "case", "quantity"):
-        table.add_column(name)
-    for name in ("paper", "ours", "ratio"):
+def _table_3(sections: list[Section]) -> Table:
+    table = Table(title="Table 3: ours, the paper's, the ratio", title_justify="left")
+    table.add_column("")
+    for name in ("4.3 east", "4.3 north", "4.4 east", "4.4 north", "4.5 end"):
         table.add_column(name, justify="right", no_wrap=True)
-    for section in sections:
-        for row in section.rows:
-            if row.paper and row.note != "variant":
-                unit = "" if row.unit == "1" else f" {row.unit}"
-                ratio = figure(row.ratio) + (" !" if row.differs else "")
-                table.add_row(
-                    row.experiment,
-                    row.case,
-                    row.quantity,
-                    figure(row.paper) + unit,
-                    figure(row.ours) + unit,
-                    ratio,
-                )
+    for name, cells in table_3(sections):
+        shown = ("" if row is None else _beside(row) for row in cells)
+        table.add_row(name, *shown, end_section=True)
     return table
+
+
+def _beside(row: Row) -> str:
+    mark = " !" if row.differs else ""
+    return f"{figure(row.ours)} m\n{figure(row.paper)} m\n× {figure(row.ratio)}{mark}"
 
 
 @click.command()
@@ -105,6 +100,8 @@ def reproduce(experiment: str, seeds: int, motion: Path | None, out: Path, as_js
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise RehearsalError(f"--out {out}: cannot be made: {error.strerror}") from error
+    if not os.access(out, os.W_OK | os.X_OK):
+        raise RehearsalError(f"--out {out}: cannot be written to")
     console = Console(stderr=True)
     with Progress(
         TextColumn("[bold]{task.description}"),
@@ -132,7 +129,8 @@ def reproduce(experiment: str, seeds: int, motion: Path | None, out: Path, as_js
         click.echo(json.dumps({"seeds": seeds, "rows": rows, "report": str(paths[0])}))
         return
     shown = Console()
-    shown.print(_summary(sections))
+    if table_3(sections):
+        shown.print(_table_3(sections))
     for section in sections:
         for line in section.findings:
             shown.print(f"{section.experiment}: {line}", highlight=False, soft_wrap=True)

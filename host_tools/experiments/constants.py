@@ -81,3 +81,6 @@ class ConstantSet:
 
 SETS: Final = tuple(ConstantSet(*pair) for pair in product((0.0, 50.0), (0.0, 10.0, 60.0)))
 """The sets that the report compares."""
+
+REFERENCE: Final = SETS[4]
+"""The set that stands for the prototype where one is to: table 2's bounds, 10″."""

@@ -64,7 +64,7 @@ def draw_bands(cases: dict[str, tuple[Distribution, Distribution]], unit: str) -
                     markersize=7,
                 )  # fmt: skip
         panel.set_xscale("log")
-        panel.set_xlabel(f"{('east', 'north')[side]} / {unit}")
+        panel.set_xlabel(("east", "north")[side] + ("" if unit == "1" else f" / {unit}"))
         panel.grid(True, axis="x", which="both", color="0.9", linewidth=0.6)
     panels[0].set_yticks(range(len(cases)), list(cases))
     panels[0].invert_yaxis()

@@ -6,41 +6,47 @@ import base64
 import io
 from importlib import metadata
 from pathlib import Path
-from typing import IO, Any
+from typing import IO, Any, Final
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
+from PIL import Image
 
-from host_tools.experiments.results import Row, Section
+from host_tools.experiments.constants import REFERENCE
+from host_tools.experiments.results import Row, Section, figure
 from host_tools.results import write_whole
 from host_tools.schemes import SCHEMES
 
 NAME = "report.html"
+_COLOURS = 128
 
-_TABLE_3 = ("position error", "end point")
 _SCHEME = "16-position"
 
+_STATIC = tuple(f"largest position error, {side}" for side in ("east", "north"))
+_TABLE_3: Final = (
+    ("strapdown IMU", "imu_strapdown", None),
+    ("rotating IMU", "imu_rotating", None),
+    ("strapdown RIMU", "rimu_strapdown", "strapdown"),
+    ("rotating RIMU", "rimu_rotating", "rotating"),
+)
+"""Rows of the paper's table 3: its name, our scenario at standstill, the way in 4.4 and 4.5."""
 
-def figure(value: float | None) -> str:
-    """Return a number as the tables show it: three digits."""
-    if value is None:
-        return "–"
-    if value == 0 or 1e-2 <= abs(value) < 1e5:
-        return f"{value:,.3g}" if abs(value) < 1000 else f"{value:,.0f}"
-    return f"{value:.2e}"
 
+def table_3(sections: list[Section]) -> list[tuple[str, tuple[Row | None, ...]]]:
+    """Return table 3 as in the paper: a name, and the five figures of its row where there are any.
 
-def _table_3(sections: list[Section]) -> list[Row]:
-    """Return the rows that the paper's table 3 has."""
-    return [
-        row
-        for section in sections
-        for row in section.rows
-        if row.experiment != "scheme"
-        and row.paper is not None
-        and row.note != "variant"
-        and row.unit == "m"
-        and any(words in row.quantity for words in _TABLE_3)
-    ]
+    Of the experiment (4.4) those of the set `REFERENCE`, of the drive (4.5) those of route 1.
+    """
+    rows = {(row.case, row.quantity): row for section in sections for row in section.rows}
+    table = []
+    for name, scenario, way in _TABLE_3:
+        east, north = (f"largest position error, {way}, {side}" for side in ("east", "north"))
+        keys = (
+            *((scenario, quantity) for quantity in _STATIC),
+            *((REFERENCE.words, quantity) for quantity in (east, north)),
+            ("route 1", f"end point error, {way}"),
+        )
+        table.append((name, tuple(rows.get(key) for key in keys)))
+    return [entry for entry in table if any(entry[1])]
 
 
 def _table_1() -> list[tuple[Any, ...]]:
@@ -54,9 +60,12 @@ def _table_1() -> list[tuple[Any, ...]]:
 
 
 def _png(picture: Any) -> bytes:
-    buffer = io.BytesIO()
-    picture.savefig(buffer, format="png", dpi=110)
-    return buffer.getvalue()
+    """Return a picture as PNG with a palette: a third of the size, and nothing to be seen of it."""
+    drawn, packed = io.BytesIO(), io.BytesIO()
+    picture.savefig(drawn, format="png", dpi=110)
+    image = Image.open(drawn).convert("RGB").quantize(_COLOURS, dither=Image.Dither.NONE)
+    image.save(packed, format="png", optimize=True)
+    return packed.getvalue()
 
 
 def write(folder: Path, sections: list[Section]) -> list[Path]:
@@ -69,9 +78,12 @@ def write(folder: Path, sections: list[Section]) -> list[Path]:
         trim_blocks=True,
     )
     environment.filters["figure"] = figure
+    rows_3 = table_3(sections)
     text = environment.get_template("report.html.j2").render(
         sections=sections,
-        table_3=_table_3(sections),
+        table_3=rows_3,
+        differing=[(name, row) for name, cells in rows_3 for row in cells if row and row.differs],
+        reference=REFERENCE.words,
         table_1=_table_1() if any(s.experiment == "scheme" for s in sections) else [],
         images={name: base64.b64encode(data).decode("ascii") for name, data in pictures.items()},
         version=f"rrins {metadata.version('rrins')}",

@@ -13,6 +13,15 @@ FACTOR = 2.0
 """Ours and the paper's differ when one is more than this many times the other."""
 
 
+def figure(value: float | None) -> str:
+    """Return a number as the tables show it: three digits, thousands apart."""
+    if value is None:
+        return "–"
+    if value == 0 or 1e-3 <= abs(value) < 1e7:
+        return f"{value:.3g}" if abs(value) < 1000 else f"{float(f'{value:.3g}'):,.0f}"
+    return f"{value:.2e}"
+
+
 @dataclass(frozen=True)
 class Row:
     """A figure of the paper and ours.
@@ -87,14 +96,35 @@ class Distribution:
         """Whether the paper's figure lies between the 5th and the 95th percentile."""
         return self.paper is not None and self.quantile(5) <= self.paper <= self.quantile(95)
 
-    def words(self, scale: float = 1.0) -> str:
+    @property
+    def band(self) -> str:
+        """The 5th and the 95th percentile in words."""
+        return f"{figure(self.quantile(5))} to {figure(self.quantile(95))}"
+
+    def words(self) -> str:
         """Return the band, the number of seeds and the paper's place in words."""
-        low, high = self.quantile(5) * scale, self.quantile(95) * scale
-        text = f"median of {len(self.values)} seeds, 5-95 %: {low:.3g} to {high:.3g}"
+        text = f"median of {len(self.values)} seeds, 5-95 %: {self.band}"
         if self.percentile is None:
             return text
         place = "inside" if self.holds else "outside"
         return f"{text}; the paper's lies {place}, at percentile {self.percentile:.0f}"
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Distributions of several quantities for several cases.
+
+    Attributes
+    ----------
+    caption : str
+    columns : tuple of str
+    rows : tuple of (str, tuple of Distribution)
+        A case and its distribution of each quantity.
+    """
+
+    caption: str
+    columns: tuple[str, ...]
+    rows: tuple[tuple[str, tuple[Distribution, ...]], ...]
 
 
 @dataclass(frozen=True)
@@ -119,4 +149,7 @@ class Section:
     """What the paper leaves open, and what was taken."""
     findings: list[str] = field(default_factory=list)
     rows: list[Row] = field(default_factory=list)
+    open_rows: int | None = None
+    """How many of the rows a page shows before one asks for the rest; None for all."""
+    grids: list[Grid] = field(default_factory=list)
     pictures: list[Picture] = field(default_factory=list)
