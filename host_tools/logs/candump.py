@@ -52,7 +52,7 @@ def _take_time(text: Any, at: int, end: int, times: Any, row: int) -> int:
     digits = 0
     after_dot = -1
     while at < end and text[at] != _CLOSE:
-        byte = text[at]
+        byte = int(text[at])
         if byte == _DOT and after_dot < 0:
             after_dot = 0
         elif 48 <= byte <= 57 and digits < 18:
@@ -80,7 +80,7 @@ def _take_payload(text: Any, at: int, end: int, frame: Any) -> bool:
             continue
         if at + 1 >= end or length == 8:
             return False
-        high, low = _hex(text[at]), _hex(text[at + 1])
+        high, low = _hex(int(text[at])), _hex(int(text[at + 1]))
         if high < 0 or low < 0:
             return False
         word |= np.uint64(16 * high + low) << np.uint64(8 * length)
@@ -99,7 +99,7 @@ def _take_remote(text: Any, at: int, end: int, frame: Any) -> bool:
     frame.length = 0
     at += 1
     if at < end and 48 <= text[at] <= 56:
-        frame.length = text[at] - 48
+        frame.length = int(text[at]) - 48
     return True
 
 
@@ -121,7 +121,7 @@ def _take_line(text: Any, at: int, end: int, frames: Any, times: Any, row: int) 
     identifier = 0
     digits = 0
     while at < end and text[at] != _HASH:
-        value = _hex(text[at])
+        value = _hex(int(text[at]))
         if value < 0 or digits == 8:
             return _BAD
         identifier = 16 * identifier + value

@@ -87,7 +87,7 @@ class Motion(BaseModel):
         if self.kind == "file" and self.path is None:
             raise ValueError('kind = "file" needs path')
         for key in sorted(self.model_fields_set - {"kind"} - _KEYS[self.kind]):
-            if getattr(self, key) is not None:
+            if getattr(self, key) != type(self).model_fields[key].default:
                 kinds = " or ".join(f'"{kind}"' for kind, keys in _KEYS.items() if key in keys)
                 raise ValueError(f"{key} is for kind = {kinds}, not {self.kind!r}")
         wavelength = STANDARD_GRAVITY * self.wave_period_s**2 / (2 * math.pi)

@@ -64,6 +64,10 @@ def _sent_by(scenario: Scenario, side: Side) -> tuple[float, float]:
         stem, _, number = message.name.rpartition("_")
         if stem == "SENSOR" and int(number) > groups:
             continue
+        if "FAULT_" in message.name and message.name != "FIRMWARE_FAULTS":
+            continue  # only while there are faults
+        if message.name == "ALTIMETER" and scenario.altimeter is None:
+            continue
         cycle_ms = message.cycle_time or 0
         per_s = scenario.rate_hz if cycle_ms == sync_ms else 1000.0 / cycle_ms if cycle_ms else 0.0
         total_bytes += per_s * (_FRAME_BYTES + 2 * message.length)

@@ -49,7 +49,7 @@ def well_formed(data: bytes | bytearray) -> bool:
         return False
     body = data[32:]
     if kind in (1, 2, 3, 4):
-        return bool(len(body) == count <= 512 and flags <= 7)
+        return bool(len(body) == count <= 512 and flags <= 15)
     if kind not in (5, 6) or flags > 3:
         return False
     size, most = {5: (16, 8), 6: (72, 64)}[kind]
