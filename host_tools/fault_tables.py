@@ -36,8 +36,9 @@ class _Timed(Table):
     def _refuse_keys_of_other_kinds(self, kind: str, keys: Mapping[str, tuple[str, ...]]) -> None:
         """Raise if a key is given that means nothing for the kind; `keys`: the kinds of each."""
         for key, kinds in keys.items():
-            is_given = getattr(self, key) != type(self).model_fields[key].default
-            if is_given and kind not in kinds:
+            if key not in self.model_fields_set or kind in kinds:
+                continue
+            if getattr(self, key) != type(self).model_fields[key].default:
                 raise ValueError(f"{key}: means nothing for {kind}, but for {', '.join(kinds)}")
 
 

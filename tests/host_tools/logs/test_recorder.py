@@ -21,7 +21,7 @@ from host_tools.port import Address
 SYNC = load().frame_id("SYNC")
 STATUS = load().frame_id("AXIS_OUTER_STATUS")
 COMMAND = load().frame_id("AXIS_OUTER_COMMAND")
-STRANGER = 0x7DF
+STRANGER = 0x7DE
 
 
 def batch(*identifiers):
