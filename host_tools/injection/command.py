@@ -47,13 +47,14 @@ def inject(
     as_json: bool,
     **keys: Any,
 ) -> None:
-    r"""Put a fault into a rehearsal under way, or take it out.
+    """Put a fault into a rehearsal under way, or take it out.
 
-    \b
-    On the wire, KIND is drop, delay, duplicate, reorder, corrupt_wire,
-    corrupt, wrong_counter, babble, silence, bus_off, cut or stale.
-    Of the hardware: axis_stall, axis_runaway, encoder_stuck, encoder_offset,
-    gyro_ and accelerometer_ stuck, bias, noise, absent.
+    On the wire, KIND is drop, delay, duplicate, reorder, corrupt_wire, corrupt, wrong_counter,
+    babble, silence, bus_off, cut or stale.
+
+    Of the hardware it is axis_stall, axis_runaway, encoder_stuck, encoder_offset, gyro_stuck,
+    gyro_bias, gyro_noise, gyro_absent, accelerometer_stuck, accelerometer_bias,
+    accelerometer_noise or accelerometer_absent.
 
     `clear` takes out all, `list` says which are active and since when.
     """

@@ -58,8 +58,8 @@ class Live:
         report = []
         self.others = 0
         for frame in frames[:count]:
-            if int(frame["can_id"]) < 0x7F0:
-                self.others += 1
+            if not 0x7F0 <= frame["can_id"] <= 0x7FF:  # also the controller's error frames
+                self.others += int(frame["can_id"] == 0x40)
                 continue
             message = load().database.get_message_by_frame_id(int(frame["can_id"]))
             assert isinstance(message, cantools.database.Message)
