@@ -105,10 +105,12 @@ DIAGNOSTICS = _record(
         ("gyro_unchanged", "<i8", (SENSOR_GROUPS,)),  # epochs
         ("gyro_expected", "<f8", (SENSOR_GROUPS,)),  # by the others, when it had stood for a while
         ("gyro_varied", "<i8"),  # what the others expect has changed since
+        ("gyro_compared", "<i8"),  # the sensors of which the last expectation was made
         ("accelerometer_last", "<f8", (SENSOR_GROUPS,)),
         ("accelerometer_unchanged", "<i8", (SENSOR_GROUPS,)),
         ("accelerometer_expected", "<f8", (SENSOR_GROUPS,)),
         ("accelerometer_varied", "<i8"),
+        ("accelerometer_compared", "<i8"),
         # A word per kind of fault, a bit per trouble code.
         ("failing", "<i8", (len(Kind),)),  # in this epoch
         ("tested", "<i8", (len(Kind),)),  # in this epoch

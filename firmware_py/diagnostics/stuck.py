@@ -2,7 +2,8 @@
 
 What the others would have the sensor measure is the fused vector along its input axis. When that
 has changed by more than counting explains since the sensor's increment stands, the sensor is stuck.
-Three sensors alone fit each other always: there one is stuck that gives the same increment, not
+Fewer sensors have another fused vector: when one falls out or comes back, all begin anew. Three
+sensors alone fit each other always: there one is stuck that gives the same increment, not
 zero, while another changes by several counts from epoch to epoch.
 """
 
@@ -37,15 +38,21 @@ def _look(
     unchanged: Any,
     expected: Any,
     varied: int,
+    compared: int,
     resolution: float,
     epochs: int,
 ) -> tuple[int, int]:
     """Return the stuck sensors and those whose expected increment has varied, a bit each."""
+    if usable != compared:
+        unchanged[:] = 0
+        varied = 0
     largest_change = 0.0
     standing = 0
+    used = 0
     for k in range(fusion.count):
         if usable >> k & 1 == 0:
             continue
+        used += 1
         change = abs(measured[k] - last[k])
         if change != 0.0:
             largest_change = max(largest_change, change)
@@ -64,7 +71,7 @@ def _look(
                 standing |= 1 << k
     if standing == 0:
         return 0, varied
-    if fusion.count >= _REDUNDANT_FROM:
+    if used >= _REDUNDANT_FROM:
         return standing & varied, varied
     if largest_change <= _CHANGED_COUNTS * resolution:
         return 0, varied
@@ -86,9 +93,11 @@ def gyros(fusion: Any, measured: Any, dtheta_s: Any, usable: int, monitor: Any) 
         monitor.gyro_unchanged,
         monitor.gyro_expected,
         monitor.gyro_varied,
+        monitor.gyro_compared,
         monitor.gyro_resolution,
         monitor.stuck_epochs,
     )
+    monitor.gyro_compared = usable
     return stuck
 
 
@@ -104,7 +113,9 @@ def accelerometers(fusion: Any, measured: Any, dv_s: Any, usable: int, monitor: 
         monitor.accelerometer_unchanged,
         monitor.accelerometer_expected,
         monitor.accelerometer_varied,
+        monitor.accelerometer_compared,
         monitor.accelerometer_resolution,
         monitor.stuck_epochs,
     )
+    monitor.accelerometer_compared = usable
     return stuck

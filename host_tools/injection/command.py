@@ -7,6 +7,7 @@ from typing import Any
 
 import click
 
+from host_tools.completion import complete_messages
 from host_tools.injection.client import FaultClient
 from host_tools.injection.messages import Fault
 from host_tools.injection.report import ActiveFault, FaultReport, keys_of, words_of
@@ -18,7 +19,11 @@ _CLEAR, _LIST = "clear", "list"
 
 @click.command()
 @click.argument("kind", metavar="KIND|clear|list")
-@click.option("--message", help="Wire: the message that is meant, such as SENSOR_3; all without.")
+@click.option(
+    "--message",
+    help="Wire: the message that is meant, such as SENSOR_3; all without.",
+    shell_complete=complete_messages,
+)
 @click.option("--node", help="Wire: whose frames: any, firmware or hardware.  [default: any]")
 @click.option("--delay", "delay_s", type=float, help="Seconds, for delay.")
 @click.option("--frames-per-epoch", type=int, help="For babble.")

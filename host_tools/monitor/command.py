@@ -9,6 +9,7 @@ import time
 
 import click
 
+from host_tools.completion import complete_messages
 from host_tools.monitor.listing import ORDERS
 from host_tools.monitor.once import as_dict, table_of
 from host_tools.monitor.receiver import Receiver
@@ -29,7 +30,13 @@ _NO_SCREEN = ("", "dumb", "unknown")
 @click.option(
     "--bitrate", type=click.IntRange(1), help="Of the wire, for its load; some interfaces set it."
 )
-@click.option("--filter", "needle", default="", help="Part of a message's or signal's name.")
+@click.option(
+    "--filter",
+    "needle",
+    default="",
+    help="Part of a message's or signal's name.",
+    shell_complete=complete_messages,
+)
 @click.option(
     "--sort", "order", type=click.Choice(ORDERS), default="id", show_default=True, help="Order."
 )

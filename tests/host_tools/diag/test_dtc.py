@@ -29,6 +29,11 @@ def test_a_silent_sensor_is_named(faulty):
     assert "failed now" in shown
 
 
+def test_it_accuses_no_other(faulty):
+    faulty.bench.advance(120.0)  # the others stand, and turn about either axis
+    assert [one["name"] for one in faulty.type("dtc", "read", "--json").json] == ["sensor_3_silent"]
+
+
 @pytest.mark.parametrize("name", ["sensor_3_silent", "U1103-87", "0xD10387"])
 def test_its_freeze_frame(faulty, name):
     (found,) = faulty.type("dtc", "read", name, "--json").json

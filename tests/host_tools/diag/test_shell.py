@@ -97,6 +97,13 @@ def test_identifiers_routines_and_fields_are_completed():
     assert completions("did", "control", "excluded_sensors", "adj") == ["adjust"]
 
 
+def test_messages_are_completed():
+    complete = ShellComplete(rrins, {}, "rrins", "_RRINS_COMPLETE").get_completions
+    found = [item.value for item in complete(["inject", "drop", "--message"], "sensor_1")]
+    assert found == ["SENSOR_1", *(f"SENSOR_1{k}" for k in range(7))]
+    assert "FIRMWARE_STATUS" in [item.value for item in complete(["monitor", "--filter"], "FIRM")]
+
+
 def test_the_help_of_every_command(computer):
     def walk(group: click.Group, path: tuple[str, ...]):
         for name, command in group.commands.items():
