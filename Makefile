@@ -17,10 +17,11 @@ check: $(VENV)/installed-dev
 	$(RUN) ruff check .
 	$(RUN) mypy
 
-docs: $(VENV)/installed
+docs: $(VENV)/installed-dev
 	$(RUN) host_tools.contract_page > docs/bus-contract.md
 	$(RUN) host_tools.diagnostic_page > docs/diagnostic-table.md
 	$(RUN) host_tools.fault_table > docs/faults.md
+	RRINS_WRITE_DOCS=1 $(RUN) pytest -q tests/docs
 
 $(VENV)/bin/python:
 	@command -v $(PYTHON) >/dev/null || { echo "make: needs $(PYTHON); name another with PYTHON=…" >&2; exit 1; }

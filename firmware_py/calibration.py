@@ -30,8 +30,12 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 STANDARD_GRAVITY = 9.80665
 """m/s²: what the g of µg stands for (ISO 80000-3)."""
 
-_DPH = math.radians(1) / 3600  # rad/s
-_UG = 1e-6 * STANDARD_GRAVITY  # m/s²
+DPH = math.radians(1) / 3600
+"""rad/s of a °/h."""
+
+UG = 1e-6 * STANDARD_GRAVITY
+"""m/s² of a µg."""
+
 _ARCSEC = math.radians(1) / 3600
 _PPM = 1e-6
 
@@ -177,7 +181,7 @@ def fill(
 ) -> None:
     """Put the calibration of the sensors of a kind, of as many, into their `FUSION` record."""
     count = len(axes_deg)
-    unit = _DPH if isinstance(sensors, GyroCalibration) else _UG
+    unit = DPH if isinstance(sensors, GyroCalibration) else UG
 
     du = each(sensors.installation_u_arcsec, count) * _ARCSEC
     dv = each(sensors.installation_v_arcsec, count) * _ARCSEC

@@ -64,13 +64,17 @@ def prepare(fusion: Any, used: int, work: Any) -> None:
 
 
 @njit(cache=True)
-def compensate(fusion: Any, measured: Any) -> None:
-    """Take the calibrated errors out of the measured increments, shape (m,), in place.
+def compensate(fusion: Any, received: int, measured: Any) -> None:
+    """Take the calibrated errors out of the increments received, a bit each, in place.
+
+    `measured` has shape (m,); what has not come stays as it was.
 
     The inverse of (16), (17): ``x = (N - b) / (1 + λ + μ sign(N - b))``, along the true axis h',
     which `fusion.H` has.
     """
     for k in range(fusion.count):
+        if received >> k & 1 == 0:
+            continue
         x = measured[k] - fusion.bias_increment[k]
         scale = 1.0 + fusion.scale_error[k]
         if x > 0.0:

@@ -47,6 +47,8 @@ PARAMETERS = _record(
         ("angle_span_deg", "<f8"),  # after which an encoder's count begins anew
         ("follow_tolerance_deg", "<f8"),
         ("axis_silence_epochs", "<i8"),
+        ("gyro_consistency", "<f8"),  # rad in an epoch
+        ("accelerometer_consistency", "<f8"),  # m/s in an epoch
     ]
 )
 """What the firmware is set up with; a step only reads it."""

@@ -76,6 +76,8 @@ class Settings(_Checked):
     axis_rise_s: float = 0.0
     follow_tolerance_deg: float
     axis_silence_s: float
+    gyro_consistency_dph: float
+    accelerometer_consistency_ug: float
     scheme: Scheme
     altimeter: bool = False
     calibration: Calibration = Calibration()
@@ -132,20 +134,25 @@ def power_on(settings: Settings, contract: NDArray[Any]) -> NDArray[Any]:
     parameters["axis_rise_s"] = settings.axis_rise_s
     parameters["follow_tolerance_deg"] = settings.follow_tolerance_deg
     parameters["axis_silence_epochs"] = round(settings.axis_silence_s * rate_hz)
+    dt = 1 / rate_hz
+    parameters["gyro_consistency"] = settings.gyro_consistency_dph * calibration.DPH * dt
+    parameters["accelerometer_consistency"] = (
+        settings.accelerometer_consistency_ug * calibration.UG * dt
+    )
     _fill_scheme(parameters, settings.scheme, rate_hz)
     _fill_fusion(
         state["gyros"],
         settings.gyro_axes_deg,
         settings.gyro_weights,
         settings.calibration.gyros,
-        1 / rate_hz,
+        dt,
     )
     _fill_fusion(
         state["accelerometers"],
         settings.accelerometer_axes_deg,
         settings.accelerometer_weights,
         settings.calibration.accelerometers,
-        1 / rate_hz,
+        dt,
     )
     state["dispatch"] = intake.dispatch_table(contract)
     state["epoch"] = -1

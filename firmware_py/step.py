@@ -27,9 +27,9 @@ def _fuse(state: Any) -> None:
     """Fuse gyros and accelerometers, or bridge by the increments of the epoch before."""
     assembly, faults, work = state.assembly, state.faults, state.ins.work
     if state.gyros.calibrated:
-        compensate(state.gyros, assembly.gyro_dtheta)
+        compensate(state.gyros, assembly.received, assembly.gyro_dtheta)
     if state.accelerometers.calibrated:
-        compensate(state.accelerometers, assembly.accelerometer_dv)
+        compensate(state.accelerometers, assembly.received, assembly.accelerometer_dv)
     gyros = fuse(state.gyros, assembly.gyro_valid, assembly.gyro_dtheta, state.dtheta_s, work)
     accelerometers = fuse(
         state.accelerometers,

@@ -61,6 +61,8 @@ def firmware_settings(scenario: Scenario) -> firmware.Settings:
         axis_rise_s=scenario.axis_rise_s,
         follow_tolerance_deg=settings.follow_tolerance_deg,
         axis_silence_s=settings.axis_silence_s,
+        gyro_consistency_dph=settings.gyro_consistency_dph,
+        accelerometer_consistency_ug=settings.accelerometer_consistency_ug,
         scheme=scenario.scheme,
         altimeter=scenario.altimeter is not None,
         calibration=_calibration(settings.calibration, len(gyros), len(accelerometers)),

@@ -204,6 +204,8 @@ class Firmware(Table):
     bridge_s: float = Field(default=0.1, ge=0, le=10)
     follow_tolerance_deg: float = Field(default=5.0, gt=0, le=180)
     axis_silence_s: float = Field(default=1.0, gt=0, le=60)
+    gyro_consistency_dph: float = Field(default=50.0, ge=0.001, le=1e6)
+    accelerometer_consistency_ug: float = Field(default=5000.0, ge=0.1, le=1e7)
 
 
 class OperatorRequest(Table):

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from dbc.values import AxisCommand
 from firmware_py import clock, earth
+from firmware_py.calibration import DPH, UG
 from firmware_py.diagnostics import image, table
 from firmware_py.diagnostics.codecs import Value, Values
 from firmware_py.diagnostics.data import DataIdentifier
@@ -96,6 +97,8 @@ class Computer:
             "state": lambda: int(memory.state),
             "sequence": lambda: memory.sequence & 0xFFFF_FFFF,
             "parameters": lambda: len(memory.stored),
+            "residual_dph": lambda: self._residuals("gyro", DPH),
+            "residual_ug": lambda: self._residuals("accelerometer", UG),
             "operation_cycles": lambda: faults.operation_cycles,
             "length": lambda: len(self.calibration_file()),
             "file_crc32": lambda: zlib.crc32(self.calibration_file()),
@@ -105,6 +108,10 @@ class Computer:
     def _bus_load_percent(self) -> float:
         monitor = self.state["diagnostics"]
         return float(100.0 * monitor["frames_mean"] / monitor["frames_capacity"])
+
+    def _residuals(self, kind: str, unit: float) -> tuple[float, ...]:
+        residual = self.state["diagnostics"][f"{kind}_residual"]
+        return tuple((residual / (unit * self.period_ns * 1e-9)).tolist())
 
     def power_on(self) -> None:
         """Take what follows from the settings of a RAM image that has just been made."""

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dbc.codec import load
+from firmware_py.diagnostics import consistency
 from firmware_py.diagnostics.codecs import Values
 from firmware_py.diagnostics.monitor import COUNTER_CEILING, COUNTER_ONE
 from firmware_py.diagnostics.records import SNAPSHOT, TROUBLE_MEMORY
@@ -94,6 +95,7 @@ class FaultMemory:
         monitor["frames_share"] = min(1.0, period_s / _LOAD_MEAN_S)
         monitor["patience_epochs"] = round(_PATIENCE_S / period_s)
         monitor["stuck_epochs"] = 2 * round(_STUCK_S / period_s / 2)
+        monitor["residual_share"] = min(1.0, period_s / consistency.MEAN_S)
         monitor["clock_tolerance_q16"] = round(_CLOCK_TOLERANCE * period_s * 1e9 * 65536)
         sensor = self._contract[0]["sensor"][0]
         monitor["gyro_resolution"] = sensor["gyro_dtheta"]["scale"]

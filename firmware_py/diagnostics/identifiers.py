@@ -227,6 +227,19 @@ SENSORS = (
         ),
     ),
     DataIdentifier(
+        0x0205,
+        "gyro_residuals",
+        "What each gyro measures beyond what all together say, a mean over 10 s. That of a gyro "
+        "that is left out is its whole contradiction to the others.",
+        (Field("residual_dph", "f64", "°/h", SENSOR_GROUPS),),
+    ),
+    DataIdentifier(
+        0x0206,
+        "accelerometer_residuals",
+        "What each accelerometer measures beyond what all together say, a mean over 10 s.",
+        (Field("residual_ug", "f64", "µg", SENSOR_GROUPS),),
+    ),
+    DataIdentifier(
         0x0211,
         "excluded_sensors",
         "Sensors that the fusion leaves out, a bit each. Control: by default none.",

@@ -13,7 +13,7 @@ from numba import njit
 
 from dbc.codec import unwrapped
 from dbc.values import AxisState
-from firmware_py.diagnostics import stuck, trouble_table
+from firmware_py.diagnostics import consistency, stuck, trouble_table
 from firmware_py.diagnostics.records import ATTENTION_TROUBLES
 from firmware_py.diagnostics.troubles import AxisFault, Kind, Source, Status, SystemFault
 from firmware_py.memory import INNER, OUTER
@@ -61,6 +61,8 @@ _SENSORS_LOST = 1 << SystemFault.SENSORS_LOST
 _IMPLAUSIBLE = 1 << SystemFault.NAVIGATION_IMPLAUSIBLE
 _CLOCK_JUMP = 1 << SystemFault.CLOCK_JUMP
 _OFF_NOMINAL = 1 << SystemFault.CLOCK_OFF_NOMINAL
+_GYROS_INCONSISTENT = 1 << SystemFault.GYROS_INCONSISTENT
+_ACCELEROMETERS_INCONSISTENT = 1 << SystemFault.ACCELEROMETERS_INCONSISTENT
 
 _LOAD_LIMIT = 0.8
 _NOT_CONVERGED_AFTER = 2  # times the alignment's own time
@@ -153,6 +155,40 @@ def _look_at_sensors(state: Any, monitor: Any) -> None:
 
 
 @njit(cache=True)
+def _look_at_redundancy(state: Any, monitor: Any) -> tuple[int, int]:
+    """Return what fails and what was tested of sensors that contradict each other."""
+    came, assembly = np.int64(state.assembly.received), state.assembly
+    usable = came & ~(monitor.gyro_absent | monitor.gyro_saturated)
+    gyros = consistency.gyros(
+        state.gyros,
+        assembly.gyro_dtheta,
+        state.dtheta_s,
+        usable,
+        monitor.failing[_GYRO + 2],
+        monitor,
+    )
+    usable = came & ~(monitor.accelerometer_absent | monitor.accelerometer_saturated)
+    accelerometers = consistency.accelerometers(
+        state.accelerometers,
+        assembly.accelerometer_dv,
+        state.dv_s,
+        usable,
+        monitor.failing[_ACCELEROMETER + 2],
+        monitor,
+    )
+    failing = tested = 0
+    if gyros >= 0.0:
+        tested |= _GYROS_INCONSISTENT
+        if gyros > state.parameters.gyro_consistency:
+            failing |= _GYROS_INCONSISTENT
+    if accelerometers >= 0.0:
+        tested |= _ACCELEROMETERS_INCONSISTENT
+        if accelerometers > state.parameters.accelerometer_consistency:
+            failing |= _ACCELEROMETERS_INCONSISTENT
+    return failing, tested
+
+
+@njit(cache=True)
 def _look_at_axes(state: Any, monitor: Any) -> None:
     assembly, sequencer = state.assembly, state.sequencer
     limit_dps = _OVERSPEED * state.parameters.turn_rate_dps + _OVERSPEED_DPS
@@ -230,8 +266,9 @@ def _look_at_mode(state: Any) -> tuple[int, int]:
 def _look_at_system(state: Any, monitor: Any) -> None:
     failing, tested = _look_at_clock(state, monitor)
     mode_failing, mode_tested = _look_at_mode(state)
-    failing |= mode_failing | monitor.memory_faults
-    tested |= mode_tested | _BUS_LOAD | _ERROR_PASSIVE | _BUS_OFF | _MEMORY
+    sensors_failing, sensors_tested = _look_at_redundancy(state, monitor)
+    failing |= mode_failing | sensors_failing | monitor.memory_faults
+    tested |= mode_tested | sensors_tested | _BUS_LOAD | _ERROR_PASSIVE | _BUS_OFF | _MEMORY
     if monitor.frames_mean > _LOAD_LIMIT * monitor.frames_capacity:
         failing |= _BUS_LOAD
     if monitor.bus_state_worst == 1:

@@ -126,6 +126,14 @@ SETTINGS = (
     ),
     _weights(0x1007, "gyro"),
     _weights(0x1008, "accelerometer"),
+    _parameter(
+        0x1009,
+        "consistency",
+        "How far redundant sensors may contradict each other: the root sum of squares of their "
+        "residuals.",
+        Field("gyro_consistency_dph", "f64", "°/h", minimum=0.001, maximum=1e6),
+        Field("accelerometer_consistency_ug", "f64", "µg", minimum=0.1, maximum=1e7),
+    ),
 )
 """Settings of the navigation computer."""
 

@@ -90,6 +90,7 @@ DIAGNOSTICS = _record(
         ("clock_tolerance_q16", "<i8"),  # ns * 2**16
         ("gyro_resolution", "<f8"),  # rad
         ("accelerometer_resolution", "<f8"),  # m/s
+        ("residual_share", "<f8"),  # of an epoch in the mean residuals
         # What the monitor follows.
         ("bus_state", "<i8"),
         ("bus_state_worst", "<i8"),  # in this epoch
@@ -111,6 +112,10 @@ DIAGNOSTICS = _record(
         ("accelerometer_expected", "<f8", (SENSOR_GROUPS,)),
         ("accelerometer_varied", "<i8"),
         ("accelerometer_compared", "<i8"),
+        ("gyro_residual", "<f8", (SENSOR_GROUPS,)),  # rad in an epoch, a mean
+        ("gyro_apart", "<i8"),  # usable, but left out of the fusion
+        ("accelerometer_residual", "<f8", (SENSOR_GROUPS,)),  # m/s in an epoch, a mean
+        ("accelerometer_apart", "<i8"),
         # A word per kind of fault, a bit per trouble code.
         ("failing", "<i8", (len(Kind),)),  # in this epoch
         ("tested", "<i8", (len(Kind),)),  # in this epoch

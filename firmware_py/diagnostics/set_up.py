@@ -29,6 +29,7 @@ _PLAIN = {
     "alignment": ("alignment_s",),
     "bridge": ("bridge_s",),
     "axis_watch": ("follow_tolerance_deg", "axis_silence_s"),
+    "consistency": ("gyro_consistency_dph", "accelerometer_consistency_ug"),
 }
 # Fields with names for numbers: setting, parameter, its field, names.
 _NAMED = (

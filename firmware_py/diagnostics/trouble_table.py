@@ -204,6 +204,20 @@ _SYSTEM = (
         Debounce(fail_s=5.0),
         "the period of SYNC is off by more than 300 ppm",
     ),
+    (
+        SystemFault.GYROS_INCONSISTENT,
+        0x1100,
+        _PLAUSIBILITY,
+        Debounce(fail_s=5.0),
+        "the gyros contradict each other: one of them is wrong",
+    ),
+    (
+        SystemFault.ACCELEROMETERS_INCONSISTENT,
+        0x1200,
+        _PLAUSIBILITY,
+        Debounce(fail_s=5.0),
+        "the accelerometers contradict each other: one of them is wrong",
+    ),
 )
 
 

@@ -98,6 +98,8 @@ class SystemFault(IntEnum):
     NAVIGATION_IMPLAUSIBLE = 11
     CLOCK_JUMP = 12
     CLOCK_OFF_NOMINAL = 13
+    GYROS_INCONSISTENT = 14
+    ACCELEROMETERS_INCONSISTENT = 15
 
 
 @dataclass(frozen=True)

@@ -135,9 +135,11 @@ def _show_one(tester: Tester, found: Found) -> None:
 
 
 def _show_frames(frames: dict[int, dict[str, Values]]) -> None:
-    grid = show.grid(
-        ("freeze frame", "field", *(_RECORDS.get(record, str(record)) for record in frames), "unit")
-    )
+    headings = [_RECORDS.get(record, str(record)) for record in frames]
+    first = frames.get(FIRST_SNAPSHOT)
+    if first and len(frames) > 1 and all(frame == first for frame in frames.values()):
+        frames, headings = {FIRST_SNAPSHOT: first}, ["first and latest"]
+    grid = show.grid(("freeze frame", "field", *headings, "unit"))
     for did in table.SNAPSHOT:
         name = did.name
         for field in did.fields:

@@ -45,7 +45,8 @@ class Medium(Protocol):
         """Leave the bus."""
 
 
-def _request(data: bytes) -> can.Message:
+def request_message(data: bytes) -> can.Message:
+    """Return a frame of a request to the navigation computer."""
     return can.Message(arbitration_id=table.request_id(), is_extended_id=False, data=data)
 
 
@@ -75,7 +76,7 @@ class EmbeddedMedium:
 
     def send(self, data: bytes) -> None:
         """Send a frame of a request."""
-        self._bus.send(_request(data))
+        self._bus.send(request_message(data))
 
     def receive(self, wait_s: float) -> list[bytes]:
         """Return the responses' frames of the next datagram; none when the time is over."""
@@ -116,7 +117,7 @@ class MessageMedium:
 
     def send(self, data: bytes) -> None:
         """Send a frame of a request."""
-        self._bus.send(_request(data))
+        self._bus.send(request_message(data))
 
     def receive(self, wait_s: float) -> list[bytes]:
         """Return the responses' frames that come in time."""

@@ -15,6 +15,8 @@ from rich.table import Table
 from firmware_py.diagnostics.codecs import Field, Value
 from host_tools.diag.values import shown
 
+_NAMES = ("field", "result")  # columns that are not to be broken
+
 
 def as_json(value: Any) -> None:
     """Print a JSON object in one line."""
@@ -40,7 +42,8 @@ def grid(columns: Sequence[str], heading: bool = True) -> Table:
     """Return an empty table with these headings; a line needs no more than 80 columns."""
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False, show_edge=False, show_header=heading)
     for number, column in enumerate(columns):
-        table.add_column(column, overflow="fold", no_wrap=number == 0)
+        is_name = number == 0 or column in _NAMES
+        table.add_column(column, overflow="fold", no_wrap=is_name)
     return table
 
 

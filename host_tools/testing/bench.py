@@ -14,6 +14,8 @@ import can
 from dbc.e2e import COUNTER_MODULUS, counter_of
 from dbc.frame import frame_array
 from dbc.values import FaultAction, FaultRefusal
+from host_tools.diag.target import Target
+from host_tools.diag.tester import Tester
 from host_tools.errors import ScenarioError
 from host_tools.fault_tables import FaultOnWire
 from host_tools.injection.messages import Fault, fault_commands, plain_command
@@ -21,8 +23,10 @@ from host_tools.port import frame_of_message
 from host_tools.results import east_north_m
 from host_tools.scenario import Scenario, fault_of
 from host_tools.testing.errors import BenchError
+from host_tools.testing.medium import BenchMedium, BenchTarget
 from host_tools.testing.realtime import RealtimeWorld
 from host_tools.testing.recording import FrameRing, Values
+from host_tools.testing.virtual_bus import VirtualTimeBus
 from host_tools.testing.watcher import Watcher
 from host_tools.testing.worlds import DirectWorld, LockstepWorld, World
 
@@ -100,6 +104,7 @@ class Bench(Watcher):
         self.way = way
         self._counters: dict[int, int] = {}
         self._bus: can.BusABC | None = None
+        self._attached: list[VirtualTimeBus] = []
         ring = FrameRing()
         super().__init__(WAYS[way](scenario, ring, scenario_file, patience_s), ring)
 
@@ -322,10 +327,37 @@ class Bench(Watcher):
 
     @property
     def bus(self) -> can.BusABC:
-        """A python-can bus of the test's own on the channel; opened when first asked for."""
+        """A python-can bus of the test's own; opened when first asked for."""
         if self._bus is None:
-            self._bus = self._on_bus().attach()
+            self._bus = self.attach()
         return self._bus
+
+    def attach(self) -> can.BusABC:
+        """Return a new python-can bus of the test's own.
+
+        In the direct way the bench's time passes while the bus receives, and its timeouts are
+        simulated seconds.
+        """
+        if isinstance(self._world, DirectWorld):
+            bus = VirtualTimeBus(self, self._ring)
+            self._attached.append(bus)
+            return bus
+        return self._on_bus().attach()
+
+    def tester(self, is_securing: bool = False) -> Tester:
+        """Return a diagnostic tester (UDS) for the firmware, as `rrins diag` uses it.
+
+        In virtual time the bench's time passes while it waits for a response.
+
+        Parameters
+        ----------
+        is_securing : bool
+            Whether it may unlock the computer where a request needs that.
+        """
+        if isinstance(self._world, RealtimeWorld):
+            return Tester(Target(channel=self.channel), is_securing)
+        medium = BenchMedium(self, self._ring)
+        return Tester(BenchTarget(medium=medium), is_securing)
 
     def write_log(self, path: Path) -> int:
         """Write the frames that are remembered as a candump log; return how many."""
@@ -339,6 +371,8 @@ class Bench(Watcher):
         BenchError
             When a process had died and no call of the test has said so.
         """
+        for bus in self._attached:
+            bus.shutdown()
         self._world.close()
         if self._world.died and not self._told:
             self._told = self._world.died

@@ -87,6 +87,20 @@ class FrameRing:
             return bool((self._ids[low:high] == can_id).any())
         return bool((self._ids[self._places(first)] == can_id).any())
 
+    def at(self, number: int) -> tuple[FrameArray, int, Sender]:
+        """Return a frame by its number, as an array of one, with its time in ns and sender.
+
+        Raises
+        ------
+        BenchError
+            When it is not remembered any more.
+        """
+        if not max(self.total - self._capacity, 0) <= number < self.total:
+            raise BenchError(f"frame {number} is not remembered")
+        place = number % self._capacity
+        time_ns, sender = int(self._times_ns[place]), Sender(self._senders[place])
+        return self._frames[place : place + 1], time_ns, sender
+
     def _places(self, first: int) -> NDArray[np.intp]:
         low = max(first, self.total - self._capacity, 0)
         return np.arange(low, self.total) % self._capacity

@@ -56,6 +56,8 @@ def make_settings(**changes: Any) -> Settings:
         "axis_acceleration_dps2": 1e9,
         "follow_tolerance_deg": 5.0,
         "axis_silence_s": 0.1,
+        "gyro_consistency_dph": 50.0,
+        "accelerometer_consistency_ug": 5000.0,
         "scheme": make_scheme(),
     } | changes
     values.setdefault("gyro_weights", (1.0,) * len(values["gyro_axes_deg"]))

@@ -62,7 +62,7 @@ def test_it_is_the_inverse_of_equation_16(bias, scale, asymmetric, delta_u, delt
         x = float(installed @ true_s)
         factor = 1 + 2000e-6 * scale[k] + 1000e-6 * asymmetric[k] * np.sign(x)
         measured[k] = factor * x + 100 * bias[k] * dph * DT
-    compensate(fusion, measured)
+    compensate(fusion, 0b1111, measured)
     fused = np.zeros(3)
     assert fuse(fusion, 0b1111, measured, fused, np.zeros((3, 3)))
     # Where the bias is larger than x, the sign is still that of x: it is taken off first.

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from dbc.contract import SENSOR_GROUPS
 from dbc.values import AxisState
 from firmware_py import earth
-from firmware_py.calibration import STANDARD_GRAVITY
+from firmware_py.calibration import DPH, UG
 from firmware_py.diagnostics.codecs import Value, Values
 from firmware_py.diagnostics.computer import Computer
 from firmware_py.diagnostics.parameters import ACCELEROMETER_CALIBRATIONS, GYRO_CALIBRATIONS
@@ -25,8 +25,6 @@ from firmware_py.diagnostics.services.programmes import Programme
 from firmware_py.diagnostics.writer import Job
 from firmware_py.modes import Mode
 
-_DPH = math.radians(1.0) / 3600.0
-_UG = 1e-6 * STANDARD_GRAVITY
 _MISSING_SHARE = 0.1
 _AT_REST = (AxisState.HOLDING, AxisState.OFF)
 
@@ -164,7 +162,7 @@ class Calibration(Programme):
         # What was measured is compensated already: what is left adds to the bias in force.
         dtheta_bias = gyros.mean() - dtheta + state["gyros"]["bias_increment"]
         dv_bias = accelerometers.mean() - dv + state["accelerometers"]["bias_increment"]
-        return dtheta_bias / (seconds * _DPH), dv_bias / (seconds * _UG)
+        return dtheta_bias / (seconds * DPH), dv_bias / (seconds * UG)
 
     def _parameters(self) -> dict[int, Values]:
         """Return the calibrations with the biases found."""
@@ -190,9 +188,9 @@ class Calibration(Programme):
             "epochs": self._epochs,
             "gyro_bias_dph": _padded(gyro_bias, gyro_count),
             "accelerometer_bias_ug": _padded(accelerometer_bias, accelerometer_count),
-            "gyro_bias_sigma_dph": _padded(gyros.sigma() / (seconds * _DPH), gyro_count),
+            "gyro_bias_sigma_dph": _padded(gyros.sigma() / (seconds * DPH), gyro_count),
             "accelerometer_bias_sigma_ug": _padded(
-                accelerometers.sigma() / (seconds * _UG), accelerometer_count
+                accelerometers.sigma() / (seconds * UG), accelerometer_count
             ),
             "stored": int(self._stored),
         }

@@ -192,6 +192,12 @@ def tool_at(tools: Any) -> Callable[..., Tool]:
 
 
 @pytest.fixture
+def tool_of() -> Callable[[Any], Tool]:
+    """Return what makes a tool at a bench that there is."""
+    return Tool
+
+
+@pytest.fixture
 def tool(tool_at: Callable[..., Tool]) -> Tool:
     """A tool at a computer in STANDBY."""
     return tool_at()

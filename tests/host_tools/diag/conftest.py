@@ -5,49 +5,28 @@ from __future__ import annotations
 import json
 from typing import Any
 
-import can
 import pytest
 from click.testing import CliRunner
 
-from firmware_py.diagnostics import table
 from host_tools.cli import rrins
 from host_tools.diag.connection import LibraryConnection
 from host_tools.diag.target import Target
 from host_tools.diag.tester import Tester
+from host_tools.testing.medium import BenchMedium
 
 
-class BenchMedium:
-    """A place on the bus of a bench, whose time goes on by an epoch each time it receives."""
+class ComputerMedium(BenchMedium):
+    """A place on the bus of a bench; it keeps what was sent, and may be dead."""
 
-    keeps_pace = True
-
-    def __init__(self, bench: Any) -> None:
-        self.bench = bench
+    def __init__(self, bench: Any, ring: Any) -> None:
+        super().__init__(bench, ring)
         self.is_dead = False
         self.requests: list[bytes] = []
-
-    @property
-    def now_ns(self) -> int:
-        return self.bench._world.now_ns
 
     def send(self, data: bytes) -> None:
         self.requests.append(data)
         if not self.is_dead:
-            self.bench.send_frame(
-                can.Message(arbitration_id=table.request_id(), is_extended_id=False, data=data)
-            )
-
-    def receive(self, wait_s: float) -> list[bytes]:
-        ring = self.bench._ring
-        first = ring.total
-        self.bench.advance(self.bench.scenario.period_ns / 1e9)
-        frames, _ = ring.find(table.response_id(), first)
-        return [int(f["data"]).to_bytes(8, "little")[: int(f["length"])] for f in frames]
-
-    def hears_others(self, wait_s: float) -> bool:
-        return True
-
-    def close(self) -> None: ...
+            super().send(data)
 
 
 class Ended:
@@ -76,7 +55,7 @@ class Ended:
 class Computer:
     """A navigation computer at a bench, and somebody who types commands."""
 
-    def __init__(self, bench: Any, medium: BenchMedium) -> None:
+    def __init__(self, bench: Any, medium: ComputerMedium) -> None:
         self.bench = bench
         self.medium = medium
         self.firmware = bench._world.firmware
@@ -100,7 +79,7 @@ def computer(rrins_bench, monkeypatch):
     """A computer that navigates."""
     bench = rrins_bench("rimu_rotating", way="direct", duration_s=3600.0)
     bench.advance(6.0)
-    medium = BenchMedium(bench)
+    medium = ComputerMedium(bench, bench._ring)
     monkeypatch.setattr(Target, "connect", lambda self: LibraryConnection(medium, "bench"))
     monkeypatch.setenv("COLUMNS", "80")
     return Computer(bench, medium)

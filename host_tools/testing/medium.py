@@ -1,0 +1,67 @@
+"""Diagnostic frames to and from a bench in virtual time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from firmware_py.diagnostics import table
+from host_tools.diag.connection import LibraryConnection
+from host_tools.diag.medium import request_message
+from host_tools.diag.target import Target
+from host_tools.testing.recording import FrameRing
+
+if TYPE_CHECKING:
+    from host_tools.testing.bench import Bench
+
+
+class BenchMedium:
+    """A place on the bus of a bench, whose time goes on by an epoch each time it receives.
+
+    Parameters
+    ----------
+    bench : Bench
+        In the direct way or in lockstep.
+    ring : FrameRing
+        What was on its bus.
+    """
+
+    keeps_pace = True
+
+    def __init__(self, bench: Bench, ring: FrameRing) -> None:
+        self._bench = bench
+        self._ring = ring
+
+    @property
+    def now_ns(self) -> int:
+        """Nanoseconds of the bench."""
+        return round(self._bench.time_s * 1e9)
+
+    def send(self, data: bytes) -> None:
+        """Send a frame of a request."""
+        self._bench.send_frame(request_message(data))
+
+    def receive(self, wait_s: float) -> list[bytes]:
+        """Let an epoch pass; return the responses' frames in it."""
+        first = self._ring.total
+        self._bench.advance(self._bench.scenario.period_ns / 1e9)
+        frames, _ = self._ring.find(table.response_id(), first)
+        return [int(f["data"]).to_bytes(8, "little")[: int(f["length"])] for f in frames]
+
+    def hears_others(self, wait_s: float) -> bool:
+        """Return True: a bench is never silent."""
+        return True
+
+    def close(self) -> None:
+        """Leave the bus."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class BenchTarget(Target):
+    """The navigation computer of a bench."""
+
+    medium: BenchMedium
+
+    def connect(self) -> LibraryConnection:
+        """Get onto the bus."""
+        return LibraryConnection(self.medium, "bench")

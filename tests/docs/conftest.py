@@ -1,0 +1,55 @@
+"""Somebody who types a guide's commands at a rehearsal in virtual time."""
+
+from __future__ import annotations
+
+import shlex
+from typing import Any
+
+import pytest
+from click.testing import CliRunner
+
+from host_tools.cli import rrins
+from host_tools.diag.connection import LibraryConnection
+from host_tools.diag.target import Target
+from host_tools.injection import client
+from host_tools.testing.medium import BenchMedium
+
+
+class Desk:
+    """A terminal beside a rehearsal that somebody has started, in an empty folder."""
+
+    def __init__(self, rrins_bench: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+        self._make = rrins_bench
+        self._patch = monkeypatch
+        monkeypatch.setenv("COLUMNS", "80")
+        self.bench: Any = None
+
+    def type(self, command: str) -> str:
+        """Type a command; return what is said."""
+        match shlex.split(command, comments=True):
+            case ["rrins", "rehearse", scenario, *_]:
+                self._rehearse(scenario)
+                return ""
+            case ["sleep", seconds]:
+                self.bench.advance(float(seconds))
+                return ""
+            case ["rrins", ("diag" | "inject") as tool, *rest]:
+                ended = CliRunner().invoke(rrins, [tool, *rest], prog_name="rrins")
+                if ended.exception and not isinstance(ended.exception, SystemExit):
+                    raise ended.exception
+                return ended.output
+        raise AssertionError(f"nobody types {command!r}")
+
+    def _rehearse(self, scenario: str) -> None:
+        """Start a rehearsal; wait until it navigates."""
+        bench = self.bench = self._make(scenario, way="direct", duration_s=3600.0)
+        bench.expect("FIRMWARE_STATUS", within=10, where={"mode": "NAVIGATION_ROTATING"})
+        medium = BenchMedium(bench, bench._ring)
+        self._patch.setattr(Target, "connect", lambda self: LibraryConnection(medium, "bench"))
+        self._patch.setattr(client, "open_bus", lambda address, **wishes: bench.attach())
+
+
+@pytest.fixture
+def desk(rrins_bench, monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    return Desk(rrins_bench, monkeypatch)
