@@ -137,27 +137,3 @@ class MessageMedium:
     def close(self) -> None:
         """Leave the bus."""
         self._bus.shutdown()
-
-
-def pace_of(bus: RrinsBus, watch_s: float) -> float | None:
-    """Return how many seconds of the bus pass in a second; None when nothing comes.
-
-    Parameters
-    ----------
-    bus : RrinsBus
-        Attached as an observer.
-    watch_s : float
-        How long to look.
-    """
-    frames = frame_array(_BATCH)
-    first = bus.recv_batch(frames, watch_s)
-    if first is None:
-        return None
-    begun_ns, bus_ns = time.monotonic_ns(), first.time_ns
-    end_ns = begun_ns + round(watch_s * _NS_PER_S)
-    last_ns, seen_ns = bus_ns, begun_ns
-    while (left_ns := end_ns - time.monotonic_ns()) > 0:
-        batch = bus.recv_batch(frames, left_ns / _NS_PER_S)
-        if batch is not None:
-            last_ns, seen_ns = batch.time_ns, time.monotonic_ns()
-    return (last_ns - bus_ns) / (seen_ns - begun_ns) if seen_ns > begun_ns else None

@@ -8,8 +8,9 @@ from typing import Literal
 import can
 
 from host_tools.bus.interface import RrinsBus
+from host_tools.bus.pace import runs_ahead
 from host_tools.diag.connection import Connection, KernelConnection, LibraryConnection
-from host_tools.diag.medium import EmbeddedMedium, MessageMedium, pace_of
+from host_tools.diag.medium import EmbeddedMedium, MessageMedium
 from host_tools.errors import BusError
 from host_tools.port import EMBEDDED, Address, open_bus
 
@@ -19,8 +20,6 @@ DEFAULT_TIMEOUT_S = 2.0
 Transport = Literal["library", "kernel"]
 
 _NAME = "diag"
-_WATCH_S = 0.06
-_FASTER = 1.2  # than real time
 _FIRST_S = 1.0
 
 
@@ -86,11 +85,11 @@ def _embedded(address: Address) -> EmbeddedMedium:
     """
     bus = _attach(address, role="observer")
     try:
-        pace = pace_of(bus, _WATCH_S)
+        is_ahead = runs_ahead(bus)
     except can.CanError as error:
         bus.shutdown()
         raise BusError(f"bus {address}: {error}") from error
-    if pace is None or pace < _FASTER:
+    if not is_ahead:
         return EmbeddedMedium(bus, keeps_pace=False)
     bus.shutdown()
     medium = EmbeddedMedium(_attach(address, in_step=True), keeps_pace=True)

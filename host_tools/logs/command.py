@@ -51,7 +51,9 @@ def _as_interrupt(number: int, frame: FrameType | None) -> None:
     help="Seconds of the bus's time; without it, until Ctrl-C or the end of the bus.",
 )
 @click.option(
-    "--lossless", is_flag=True, help="Let the embedded bus wait for the recorder (lockstep)."
+    "--lossless/--observer",
+    default=None,
+    help="Whether the embedded bus waits for the recorder.  [default: unless it is in real time]",
 )
 @_json_option
 def record(
@@ -61,7 +63,7 @@ def record(
     bitrate: int | None,
     rotate_mb: float | None,
     for_s: float | None,
-    lossless: bool,
+    lossless: bool | None,
     as_json: bool,
 ) -> None:
     """Record a bus to FILE.

@@ -20,9 +20,10 @@ from host_tools import scenario as scenarios
 from host_tools.errors import FirmwareFaultError
 from host_tools.logs.comparison import Comparison
 from host_tools.logs.errors import DifferenceError, RecordError
+from host_tools.logs.formats import check_path
 from host_tools.logs.playback import Playback, identifiers_of
 from host_tools.logs.reader import Log
-from host_tools.logs.recorder import Recorder
+from host_tools.logs.recorder import Recorder, waits_for_recorder
 from host_tools.logs.signals import find_signals, message_names, signals_of
 from host_tools.port import Address
 from host_tools.scenario import Scenario
@@ -84,12 +85,15 @@ def record(
     address: Address,
     rotate_mb: float | None,
     for_s: float | None,
-    lossless: bool,
+    lossless: bool | None,
     as_json: bool,
 ) -> None:
     """Do `rrins record`."""
     rotate_bytes = None if rotate_mb is None else round(rotate_mb * 1e6)
     with _until_stopped() as stop:
+        if lossless is None:
+            check_path(path)
+            lossless = waits_for_recorder(address)
         recorder = Recorder(path, address, lossless, None, rotate_bytes, for_s)
         try:
             tell(f"recording {address} to {path}; Ctrl-C stops")

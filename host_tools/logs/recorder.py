@@ -13,6 +13,8 @@ import can
 from dbc.codec import load
 from dbc.frame import EFF_FLAG, ERR_FLAG, RTR_FLAG, FrameArray, frame_array
 from host_tools.bus.interface import RrinsBus
+from host_tools.bus.pace import runs_ahead
+from host_tools.errors import BusError
 from host_tools.logs.errors import RecordError
 from host_tools.logs.formats import Writer, check_path, ending_of, open_writer
 from host_tools.logs.mf4 import is_simulated
@@ -155,6 +157,26 @@ class _Parts:
         self._writer.stop()
 
 
+def waits_for_recorder(address: Address) -> bool:
+    """Return whether the bus is to wait for a recorder: the embedded one, unless in real time.
+
+    Raises
+    ------
+    BusError
+        When the bus cannot be opened, or ends.
+    """
+    if not address.is_embedded:
+        return False
+    bus = open_bus(address, name=NAME, role="observer", host="never")
+    assert isinstance(bus, RrinsBus)
+    try:
+        return runs_ahead(bus) is not False
+    except can.CanError as error:
+        raise BusError(f"bus {address}: {error}") from error
+    finally:
+        bus.shutdown()
+
+
 def part_path(path: Path, number: int) -> Path:
     """Return the path of a part: `bus.log`, `bus.001.log`, `bus.002.log` and so on."""
     if number == 0:
@@ -178,7 +200,7 @@ class Recorder:
     address : Address
     lossless : bool
         On the embedded bus: whether the bus waits for the recorder (a `node`), or cuts it off when
-        it falls behind (an `observer`), as a run in real time needs it.
+        it falls behind (an `observer`), as a run in real time needs it. See `waits_for_recorder`.
     note : Note, optional
         What is known of the run.
     rotate_bytes : int, optional
@@ -259,7 +281,7 @@ class Recorder:
         except can.CanError as error:
             _log.debug("recording %s: the bus ended: %s", self._path, error)
             if _CUT_OFF in str(error) and self.failure is None:
-                self.failure = f"stopped after {self.frames} frames: {error} (see --lossless)"
+                self.failure = f"stopped after {self.frames} frames: {error}"
         finally:
             for message in self._source.rest():
                 self._take(message)

@@ -21,7 +21,6 @@ from fractions import Fraction
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import cho_solve_banded, cholesky_banded
 
 Vector = NDArray[np.float64]
 
@@ -211,6 +210,8 @@ class Fit:
         numpy.linalg.LinAlgError
             When the observations do not determine them.
         """
+        from scipy.linalg import cho_solve_banded, cholesky_banded  # takes a while to load
+
         factor = cholesky_banded(self._band, lower=True)
         solution = np.zeros(self._unknowns)
         for _ in range(_CORRECTIONS):

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import shutil
 import signal
 import socket
@@ -24,9 +25,11 @@ from udsoncan.connections import IsoTPSocketConnection
 
 from dbc.codec import load
 from firmware_py.diagnostics import image, table
-from firmware_py.diagnostics.access import key_of
+from firmware_py.diagnostics.access import Session, key_of
 from firmware_py.memory import RAM
 from host_tools.cli import rrins
+from host_tools.diag.target import Target
+from host_tools.diag.tester import Tester
 
 START_S = 300
 GALLIA = os.environ.get("RRINS_GALLIA") or shutil.which("gallia")
@@ -131,39 +134,68 @@ def test_udsoncan_as_it_is_over_the_kernels_isotp_sockets(rehearsal):
 
 
 def gallia(*words):
-    """Return what a scan says at its end; fail when it found something that makes no sense."""
+    """Return the results of a scan; fail when gallia met something that it cannot explain."""
     done = subprocess.run(
-        [GALLIA, "scan", "uds", *words, "--target", TARGET, "--no-dumpcap", "--no-volatile-info"],
+        [
+            *(GALLIA, "scan", "uds", *words, "--target", TARGET, "--timeout", "20"),
+            *("--no-dumpcap", "--no-volatile-info"),
+        ],
         capture_output=True,
         text=True,
         check=False,
         env=os.environ | {"NO_COLOR": "1"},
     )
     said = done.stdout + done.stderr
-    assert "Traceback" not in said, said
-    assert "needs to be investigated" not in said, said
+    assert done.returncode == 0, said
+    for bad in ("Traceback", "needs to be investigated", "Mamma mia", "Timeout"):
+        assert bad not in said, said
     return said
 
 
-needs_gallia = pytest.mark.skipif(GALLIA is None, reason="gallia is not installed")
+def numbers(pattern, said):
+    """Return what stands in the hexadecimal group of a pattern, in each line that has it."""
+    return {int(found, 16) for found in re.findall(pattern, said, re.MULTILINE)}
+
+
+needs_gallia = pytest.mark.skipif(
+    GALLIA is None and "RRINS_REQUIRE_SOCKETCAN" not in os.environ, reason="needs gallia"
+)
 
 
 @needs_gallia
 @pytest.mark.timeout(600)
-def test_gallia_finds_the_services_of_the_table_only(rehearsal):
-    said = gallia("services", "--sessions", "1", "3", "--timeout", "20")
-    print(said)
+@pytest.mark.parametrize("session", [Session.DEFAULT, Session.EXTENDED])
+def test_gallia_finds_the_services_of_the_table_only(rehearsal, session):
+    said = gallia("services", "--sessions", str(int(session)))
+    found = numbers(r"  \[(0x[0-9a-fA-F]+)\]", said)
+    assert found == {one.number for one in table.SERVICES if session in one.access.sessions}
 
 
 @needs_gallia
 @pytest.mark.timeout(600)
 def test_gallia_finds_the_sessions_of_the_table_only(rehearsal):
-    said = gallia("sessions", "--timeout", "20")
-    print(said)
+    said = gallia("sessions", "--depth", "2")
+    assert numbers(r"\* Session (0x[0-9a-fA-F]+)", said) == {int(session) for session in Session}
+
+
+@needs_gallia
+@pytest.mark.timeout(900)
+@pytest.mark.parametrize(("first", "last"), [(0x00F0, 0x0420), (0x0FF0, 0x1220), (0xF180, 0xF1A0)])
+def test_gallia_finds_the_identifiers_of_the_table_only(rehearsal, first, last):
+    said = gallia("identifiers", "--start", hex(first), "--end", hex(last))
+    with Tester(Target("socketcan", "vcan0", timeout_s=20.0)) as tester:
+        there = {did.number for did in tester.has(table.IDENTIFIERS)}
+    found = numbers(r"(0x[0-9a-fA-F]+): .*Response", said)
+    assert found == {number for number in there if first <= number <= last}
 
 
 @needs_gallia
 @pytest.mark.timeout(600)
-def test_gallia_finds_the_identifiers_of_the_table_only(rehearsal):
-    said = gallia("identifiers", "--start", "0xF0", "--end", "0x11f", "--timeout", "20")
-    print(said)
+def test_gallia_finds_the_routines_of_the_table_only(rehearsal):
+    """They are locked, which is said of those that there are only."""
+    said = gallia(
+        *("identifiers", "--service", "0x31", "--sessions", "3"),
+        *("--start", "0x01f0", "--end", "0x0220"),
+    )
+    found = numbers(r"(0x[0-9a-fA-F]+): .*[sS]ecurityAccessDenied", said)
+    assert found == {routine.number for routine in table.ROUTINES}

@@ -6,6 +6,10 @@ import json
 import os
 import signal
 
+import can
+
+from dbc.codec import load
+
 
 def test_a_rehearsal_recorded_to_mf4_is_navigated_again(run, tmp_path):
     record = tmp_path / "bus.mf4"
@@ -40,3 +44,22 @@ def test_a_recorder_beside_a_rehearsal_ends_by_ctrl_c(start, tmp_path):
     rehearsal.process.send_signal(signal.SIGINT)
     assert rehearsal.finish()[0] == 130
     assert not any("Traceback" in line for line in recorder.said)
+
+
+def test_a_rehearsal_at_full_speed_waits_for_the_recorder(start, tmp_path):
+    channel = f"test-{os.getpid()}"
+    rehearsal = start("rehearse", "ideal", "--channel", channel, "--duration", "300")
+    rehearsal.wait_for_line("running")
+    record = tmp_path / "bus.log"
+    recorder = start("record", record, "--channel", channel)
+    assert recorder.finish()[0] == 0, "\n".join(recorder.said)
+    assert rehearsal.finish()[0] == 0
+    sync = load().frame_id("SYNC")
+    with can.CanutilsLogReader(record) as frames:
+        epochs = [
+            load().database.decode_message(sync, frame.data)["epoch"]
+            for frame in frames
+            if frame.arbitration_id == sync
+        ]
+    assert len(epochs) > 1000
+    assert epochs == list(range(epochs[0], epochs[0] + len(epochs)))

@@ -1,0 +1,51 @@
+"""How fast time passes on an embedded bus."""
+
+from __future__ import annotations
+
+import time
+
+from dbc.frame import frame_array
+from host_tools.bus.interface import RrinsBus
+
+_NS_PER_S = 1_000_000_000
+_BATCH = 4096
+_WATCH_S = 0.06
+_FASTER = 1.2  # than real time
+
+
+def runs_ahead(bus: RrinsBus) -> bool | None:
+    """Return whether a bus runs faster than real time; None while nothing comes.
+
+    Such a bus is in lockstep and waits for those who ask it to; one in real time waits for nobody.
+
+    Parameters
+    ----------
+    bus : RrinsBus
+        Attached as an observer.
+    """
+    pace = pace_of(bus, _WATCH_S)
+    return None if pace is None else pace >= _FASTER
+
+
+def pace_of(bus: RrinsBus, watch_s: float) -> float | None:
+    """Return how many seconds of the bus pass in a second; None when nothing comes.
+
+    Parameters
+    ----------
+    bus : RrinsBus
+        Attached as an observer.
+    watch_s : float
+        How long to look.
+    """
+    frames = frame_array(_BATCH)
+    first = bus.recv_batch(frames, watch_s)
+    if first is None:
+        return None
+    begun_ns, bus_ns = time.monotonic_ns(), first.time_ns
+    end_ns = begun_ns + round(watch_s * _NS_PER_S)
+    last_ns, seen_ns = bus_ns, begun_ns
+    while (left_ns := end_ns - time.monotonic_ns()) > 0:
+        batch = bus.recv_batch(frames, left_ns / _NS_PER_S)
+        if batch is not None:
+            last_ns, seen_ns = batch.time_ns, time.monotonic_ns()
+    return (last_ns - bus_ns) / (seen_ns - begun_ns) if seen_ns > begun_ns else None
