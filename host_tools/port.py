@@ -184,6 +184,10 @@ class BatchPort:
         if self._is_host:
             self._bus.require([])
 
+    def has_other(self) -> bool:
+        """Return whether the other side is attached; the host knows."""
+        return self._is_host and any(peer.name == self._other for peer in self._bus.peers)
+
     def close(self) -> None:
         """Leave the bus."""
         self._bus.shutdown()
@@ -359,6 +363,10 @@ class MessagePort:
 
     def dismiss(self) -> None:
         """Let the other side leave; nobody notices on such a bus."""
+
+    def has_other(self) -> bool:
+        """Return False: nobody knows on such a bus."""
+        return False
 
     def close(self) -> None:
         """Leave the bus."""

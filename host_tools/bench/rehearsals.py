@@ -7,12 +7,14 @@ import re
 import subprocess
 import sys
 import time
+from contextlib import nullcontext
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 from host_tools import scenario as scenarios
+from host_tools.bench.reading import Reading
 from host_tools.errors import RehearsalError
 from host_tools.port import EMBEDDED, Address
 from host_tools.rehearsal import OnReport, Outcome, Rehearsal
@@ -93,8 +95,12 @@ class Realtime:
     memory_locked: bool
 
 
-def realtime(name: str, rate_hz: int, seconds: float, channel: str, folder: Path) -> Realtime:
+def realtime(
+    name: str, rate_hz: int, seconds: float, channel: str, folder: Path, is_read: bool = False
+) -> Realtime:
     """Rehearse in real time for `seconds` at `rate_hz`.
+
+    With `is_read` a diagnostic tool reads every identifier meanwhile, again and again.
 
     Raises
     ------
@@ -114,8 +120,12 @@ def realtime(name: str, rate_hz: int, seconds: float, channel: str, folder: Path
     path = folder / f"{name}-{rate_hz}.toml"
     path.write_text(text, encoding="utf-8")
     scenario = scenarios.load(str(path), duration_s=seconds - _SELF_TEST_S - _ALIGNMENT_S)
-    outcome = _rehearse(str(path), scenario, channel, REALTIME, folder, watch)
+    reading = Reading(channel)
+    with reading if is_read else nullcontext():
+        outcome = _rehearse(str(path), scenario, channel, REALTIME, folder, watch)
     lateness = outcome.firmware.get("lateness_us", {"epochs": 0})
+    if is_read:
+        lateness |= {"times_read": reading.times}
     if outcome.failure is not None and lateness["epochs"] < _ENOUGH * scenario.epochs:
         raise outcome.failure
     return Realtime(

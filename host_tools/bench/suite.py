@@ -30,6 +30,9 @@ SCENARIO = "rimu_rotating"
 RATES_HZ = (200, 400, 1000)
 """Rates of the rehearsals in real time."""
 
+READ_RATE_HZ = 400
+"""Rate of the one that a diagnostic tool reads meanwhile."""
+
 Result = dict[str, Any]
 
 
@@ -70,7 +73,7 @@ class Effort:
     @property
     def steps(self) -> int:
         """Steps of progress."""
-        return 3 + self.rounds + len(RATES_HZ) + self.cold
+        return 4 + self.rounds + len(RATES_HZ) + self.cold
 
 
 NORMAL = Effort(
@@ -270,6 +273,11 @@ def measure(effort: Effort, display: BenchDisplay) -> Result:
                 "memory_locked": run.memory_locked,
             }
         result["lateness_us"] = lateness
+        display.step(f"the same at {READ_RATE_HZ} Hz, every identifier read again and again")
+        run = rehearsals.realtime(
+            SCENARIO, READ_RATE_HZ, effort.realtime_s, channel, folder, is_read=True
+        )
+        result["lateness_while_read_us"] = {str(READ_RATE_HZ): run.lateness_us}
         result["start_to_first_epoch_s"] = _run_starts(effort, channel, folder, display)
     result["wall_s"] = round(time.monotonic() - start_s, 1)
     return result
@@ -357,10 +365,15 @@ def _table_of_lateness(result: Result) -> Table:
     table = Table(title="Lateness of the firmware's loop in real time, µs", title_justify="left")
     for heading in ("rate", "p50", "p99", "p99.9", "max", "overruns", "epochs"):
         table.add_column(heading, justify="right")
-    for rate_hz, lateness in result["lateness_us"].items():
+    rows = [(f"{rate_hz} Hz", row) for rate_hz, row in result["lateness_us"].items()]
+    rows += [
+        (f"{rate_hz} Hz, all read {row['times_read']} times", row)
+        for rate_hz, row in result["lateness_while_read_us"].items()
+    ]
+    for what, lateness in rows:
         figures = [f"{lateness[key]:.0f}" for key in ("p50", "p99", "p999", "max")]
         counts = [str(lateness[key]) for key in ("overruns", "epochs")]
-        table.add_row(f"{rate_hz} Hz", *figures, *counts)
+        table.add_row(what, *figures, *counts)
         if not lateness["completed"]:
             table.caption = "a run was broken off near its end (fewer epochs)"
     return table

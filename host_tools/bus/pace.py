@@ -13,8 +13,8 @@ _WATCH_S = 0.06
 _FASTER = 1.2  # than real time
 
 
-def runs_ahead(bus: RrinsBus) -> bool | None:
-    """Return whether a bus runs faster than real time; None while nothing comes.
+def runs_ahead(bus: RrinsBus, patience_s: float = _WATCH_S) -> bool | None:
+    """Return whether a bus runs faster than real time; None when nothing comes.
 
     Such a bus is in lockstep and waits for those who ask it to; one in real time waits for nobody.
 
@@ -22,23 +22,27 @@ def runs_ahead(bus: RrinsBus) -> bool | None:
     ----------
     bus : RrinsBus
         Attached as an observer.
+    patience_s : float
+        How long to wait for the first frame.
     """
-    pace = pace_of(bus, _WATCH_S)
+    pace = pace_of(bus, patience_s, _WATCH_S)
     return None if pace is None else pace >= _FASTER
 
 
-def pace_of(bus: RrinsBus, watch_s: float) -> float | None:
+def pace_of(bus: RrinsBus, patience_s: float, watch_s: float) -> float | None:
     """Return how many seconds of the bus pass in a second; None when nothing comes.
 
     Parameters
     ----------
     bus : RrinsBus
         Attached as an observer.
+    patience_s : float
+        How long to wait for the first frame.
     watch_s : float
-        How long to look.
+        How long to look from then on.
     """
     frames = frame_array(_BATCH)
-    first = bus.recv_batch(frames, watch_s)
+    first = bus.recv_batch(frames, patience_s)
     if first is None:
         return None
     begun_ns, bus_ns = time.monotonic_ns(), first.time_ns

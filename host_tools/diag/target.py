@@ -73,11 +73,11 @@ class Target:
                 )
             return KernelConnection(address.channel, str(address))
         if address.is_embedded:
-            return LibraryConnection(_embedded(address), str(address))
+            return LibraryConnection(_embedded(address, self.timeout_s), str(address))
         return LibraryConnection(MessageMedium(open_bus(address)), str(address))
 
 
-def _embedded(address: Address) -> EmbeddedMedium:
+def _embedded(address: Address, timeout_s: float) -> EmbeddedMedium:
     """Attach to the embedded bus: as an observer, or in step with a rehearsal in lockstep.
 
     A rehearsal that runs faster than real time would have timed out every session before the next
@@ -85,7 +85,7 @@ def _embedded(address: Address) -> EmbeddedMedium:
     """
     bus = _attach(address, role="observer")
     try:
-        is_ahead = runs_ahead(bus)
+        is_ahead = runs_ahead(bus, timeout_s)
     except can.CanError as error:
         bus.shutdown()
         raise BusError(f"bus {address}: {error}") from error

@@ -19,6 +19,7 @@ from host_tools.hardware.step import OUTBOX_CAPACITY, hardware_step
 INBOX_CAPACITY = 4096
 """Frames that may come within one epoch."""
 
+_FAREWELL_NS = 3_000_000_000  # for a firmware that is late with its last epochs
 _START_DELAY_NS = 50_000_000  # to be settled when the first epoch is due
 
 
@@ -36,6 +37,9 @@ class Port(Protocol):
 
     def dismiss(self) -> None:
         """Let the other side leave without that being a fault."""
+
+    def has_other(self) -> bool:
+        """Return whether the other side is known to be there still."""
 
 
 class Wire(Protocol):
@@ -144,7 +148,7 @@ def run_realtime(
     """Run `epochs` epochs in real time, each at its absolute deadline.
 
     An epoch that begins more than a period late is an overrun: the firmware may have run without
-    it.
+    it. After the last one the bus is kept until the firmware has left it.
     """
     start_ns = time.monotonic_ns() + _START_DELAY_NS
     for epoch in range(epochs):
@@ -160,8 +164,12 @@ def run_realtime(
         port.send(frames, sent, epoch, epoch * hardware.period_ns)
         if on_epoch is not None and epoch % every == 0:
             on_epoch(epoch)
-    count, _ = _gather_until(hardware, port, start_ns + epochs * hardware.period_ns)
+    end_ns = start_ns + epochs * hardware.period_ns
+    count, now_ns = _gather_until(hardware, port, end_ns)
     hardware.frames_received += count
+    while port.has_other() and now_ns < end_ns + _FAREWELL_NS:
+        count, now_ns = _gather_until(hardware, port, now_ns + hardware.period_ns)
+        hardware.frames_received += count
 
 
 def _gather_until(hardware: Hardware, port: Port, deadline_ns: int) -> tuple[int, int]:

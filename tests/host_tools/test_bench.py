@@ -16,7 +16,7 @@ KEYS = {
     "fast_path_us_per_epoch", "navigation_step_us",
     "codec_us_per_frame", "crc_us_per_frame", "cantools_us_per_frame",
     "virtual", "virtual_reason", "udp_multicast", "udp_multicast_reason",
-    "lateness_us", "start_to_first_epoch_s",
+    "lateness_us", "lateness_while_read_us", "start_to_first_epoch_s",
 }  # fmt: skip
 
 
@@ -54,7 +54,9 @@ def assert_costs(result):
 
 def assert_lateness(result):
     assert set(result["lateness_us"]) == {"200", "400", "1000"}
-    for lateness in result["lateness_us"].values():
+    read = result["lateness_while_read_us"]["400"]
+    assert read["times_read"] > 1
+    for lateness in (*result["lateness_us"].values(), read):
         assert lateness["epochs"] > 100
         assert 0 < lateness["p50"] <= lateness["p99"] <= lateness["p999"]
         assert lateness["max"] >= 0

@@ -82,7 +82,7 @@ def read_until_the_end(tester: Tool) -> int:
 @pytest.mark.timeout(400)
 def test_in_lockstep_reading_leaves_the_navigation_as_it_is(tmp_path):
     reference, _, _ = run_direct(load("rimu_rotating", duration_s=120.0))
-    rehearsal = Rehearsal(tmp_path, "rimu_rotating", "--duration", "120")
+    rehearsal = Rehearsal(tmp_path, "rimu_rotating", "--duration", "120", "--speed", "30")
     tester = rehearsal.connect()
     assert tester.connection.keeps_pace
     assert read_until_the_end(tester) > 20
