@@ -29,7 +29,7 @@ from firmware_py.diagnostics.access import Session, key_of
 from firmware_py.memory import RAM
 from host_tools.cli import rrins
 from host_tools.diag.target import Target
-from host_tools.diag.tester import Tester
+from host_tools.diag.tester import Tester as Tool
 
 START_S = 300
 GALLIA = os.environ.get("RRINS_GALLIA") or shutil.which("gallia")
@@ -187,7 +187,7 @@ def test_gallia_finds_the_sessions_of_the_table_only(rehearsal):
 @pytest.mark.parametrize(("first", "last"), [(0x00F0, 0x0420), (0x0FF0, 0x1220), (0xF180, 0xF1A0)])
 def test_gallia_finds_the_identifiers_of_the_table_only(rehearsal, first, last):
     said = gallia("identifiers", "--start", hex(first), "--end", hex(last))
-    with Tester(Target("socketcan", "vcan0", timeout_s=20.0)) as tester:
+    with Tool(Target("socketcan", "vcan0", timeout_s=20.0)) as tester:
         there = {did.number for did in tester.has(table.IDENTIFIERS)}
     found = numbers(r"(0x[0-9a-fA-F]+): .*Response", said)
     assert found == {number for number in there if first <= number <= last}
