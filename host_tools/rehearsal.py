@@ -7,12 +7,14 @@ import selectors
 import signal
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from host_tools import interruption
 from host_tools.bus import channel as embedded
 from host_tools.errors import BusError, RehearsalError, SideLostError
 from host_tools.logs import recorder
@@ -169,19 +171,19 @@ class Rehearsal:
         RehearsalError
             When the rehearsal cannot begin.
         """
-        failure: RehearsalError | None = None
-        try:
-            self._sides = [self._start("hardware"), self._start("firmware")]
-            self._follow(on_report)
-        except KeyboardInterrupt:
-            failure = Interrupted("stopped by the user")
-        finally:
-            self._ended_ns = self._ended_ns or time.monotonic_ns()
-            for side in self._sides:
-                side.end()
-            self._drain(on_report)
-            self._close_recorder()
-        return self._outcome(failure or self._failure())
+        with interruption.as_event() as stop:
+            try:
+                for name in ("hardware", "firmware"):
+                    self._sides.append(self._start(name))
+                self._follow(on_report, stop)
+                was_stopped = stop.is_set()
+            finally:
+                self._ended_ns = self._ended_ns or time.monotonic_ns()
+                for side in self._sides:
+                    side.end()
+                self._drain(on_report)
+                self._close_recorder()
+        return self._outcome(Interrupted("stopped by the user") if was_stopped else self._failure())
 
     def _start(self, name: str) -> Side:
         read_end, write_end = os.pipe()
@@ -208,12 +210,12 @@ class Rehearsal:
             os.close(write_end)
         return Side(name, process, read_end)
 
-    def _follow(self, on_report: OnReport) -> None:
-        """Hand on reports until both sides have closed their pipes or one has failed."""
+    def _follow(self, on_report: OnReport, stop: threading.Event) -> None:
+        """Hand on reports until both sides have closed their pipes, one has failed, or `stop`."""
         with selectors.DefaultSelector() as selector:
             for side in self._sides:
                 selector.register(side.pipe, selectors.EVENT_READ, side)
-            while selector.get_map():
+            while selector.get_map() and not stop.is_set():
                 for key, _ in selector.select(_POLL_S):
                     side = key.data
                     for report in side.read():

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import json
-import signal
 import tempfile
-import threading
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -14,7 +12,7 @@ import click
 from rich.console import Console
 
 from firmware_py.serial_lines import NO_LINES, SerialSettings
-from host_tools import sides
+from host_tools import interruption, sides
 from host_tools.direct import run_direct, run_without_frames
 from host_tools.display import RunDisplay
 from host_tools.errors import FirmwareFaultError, RehearsalError
@@ -193,10 +191,10 @@ def simulate(
 ) -> None:
     """Do `rrins simulate`: without frames where nothing needs them."""
     folder = folder_of(out, name)
-    stop = threading.Event()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: stop.set())
-    with RunDisplay(scenario, Console(stderr=True), quiet=as_json) as display:
+    with (
+        interruption.as_event() as stop,
+        RunDisplay(scenario, Console(stderr=True), quiet=as_json) as display,
+    ):
         display.report({"kind": "preparing", "side": "firmware"})
         # Faults act on frames, serial lines at epochs.
         needs_frames = frames or scenario_wire(scenario) is not None or serial.nmea is not None

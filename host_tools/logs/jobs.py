@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import signal
-import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -16,6 +14,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
+from host_tools import interruption
 from host_tools import scenario as scenarios
 from host_tools.errors import FirmwareFaultError
 from host_tools.logs.comparison import Comparison
@@ -67,19 +66,6 @@ def _reading(what: str, size: int, quiet: bool = False) -> Iterator[Any]:
         yield lambda position: progress.update(task, completed=position)
 
 
-@contextmanager
-def _until_stopped() -> Iterator[threading.Event]:
-    """Turn Ctrl-C and SIGTERM into an event, so that neither breaks anything off."""
-    stop = threading.Event()
-    numbers = (signal.SIGINT, signal.SIGTERM)
-    before = [signal.signal(number, lambda *_: stop.set()) for number in numbers]
-    try:
-        yield stop
-    finally:
-        for number, handler in zip(numbers, before, strict=True):
-            signal.signal(number, handler)
-
-
 def record(
     path: Path,
     address: Address,
@@ -90,7 +76,7 @@ def record(
 ) -> None:
     """Do `rrins record`."""
     rotate_bytes = None if rotate_mb is None else round(rotate_mb * 1e6)
-    with _until_stopped() as stop:
+    with interruption.as_event() as stop:
         if lossless is None:
             check_path(path)
             lossless = waits_for_recorder(address)

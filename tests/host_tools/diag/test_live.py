@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import json
+import os
+import statistics
 import subprocess
 import sys
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 from click.testing import CliRunner
 
@@ -22,6 +25,7 @@ from host_tools.scenario import load, text_of
 from host_tools.testing.processes import fresh_channel
 
 START_S = 300
+PAIRS = int(os.environ.get("RRINS_PAIRS", "0"))
 
 
 class Rehearsal:
@@ -116,20 +120,24 @@ def overruns(folder: Path, scenario: Path, with_tool: bool) -> tuple[int, dict]:
     return summary["firmware"]["faults"]["overruns"], summary
 
 
-@pytest.mark.timeout(400)
+@pytest.mark.skipif(not PAIRS, reason="RRINS_PAIRS says how many pairs of 20 s to compare")
+@pytest.mark.timeout(60 + 120 * PAIRS)
 def test_in_real_time_at_400_hz_reading_costs_no_overruns(tmp_path):
-    """Other processes of the machine cost some: so the comparison is tried again."""
+    """What else the machine does costs some, with the tool and without: medians are compared."""
     scenario = tmp_path / "fast.toml"
     text = text_of("rimu_rotating").replace("rate_hz = 200", "rate_hz = 400")
-    scenario.write_text(text.replace("duration_s = 6000", "duration_s = 5", 1))
-    for _ in range(4):
-        without, reference = overruns(tmp_path, scenario, with_tool=False)
-        with_tool, summary = overruns(tmp_path, scenario, with_tool=True)
-        if with_tool <= without:
-            break
-    assert with_tool <= without
-    if with_tool == summary["frames_lost"] == reference["frames_lost"] == without == 0:
-        assert summary["navigation_sha256"] == reference["navigation_sha256"]
+    scenario.write_text(text.replace("duration_s = 6000", "duration_s = 20", 1))
+    found: dict[bool, list[int]] = {False: [], True: []}
+    digests = set()
+    for number in range(PAIRS):
+        for with_tool in (number % 2 == 0, number % 2 == 1):
+            count, summary = overruns(tmp_path, scenario, with_tool)
+            found[with_tool].append(count)
+            if count == summary["hardware"]["faults"]["overruns"] == 0:
+                digests.add(summary["navigation_sha256"])
+    print(f"overruns without {found[False]}, with the tool {found[True]}")
+    assert len(digests) <= 1
+    assert statistics.median(found[True]) <= statistics.median(found[False]) + 1
 
 
 @pytest.mark.timeout(120)
@@ -142,3 +150,28 @@ def test_a_bus_without_a_navigation_computer():
     ended = CliRunner().invoke(rrins, ["diag", "identify", "--channel", fresh_channel()])
     assert ended.exit_code == 4
     assert len(ended.stderr.splitlines()) == 1
+
+
+def test_at_400_hz_an_epoch_with_requests_is_far_from_its_deadline(rrins_bench):
+    """By the processor's time, which nothing else on the machine adds to."""
+    bench = rrins_bench("rimu_rotating", way="direct", rate_hz=400)
+    bench.advance(4.0)
+    firmware = bench._world.firmware
+    step = firmware.step_whole
+    costs_ns = []
+
+    def timed(*frames):
+        begun_ns = time.thread_time_ns()
+        sent = step(*frames)
+        costs_ns.append(time.thread_time_ns() - begun_ns)
+        return sent
+
+    with bench.tester() as tester:
+        dids = tester.has(table.IDENTIFIERS)
+        tester.read(dids)
+        firmware.step_whole = timed
+        for _ in range(20):
+            tester.read(dids)
+    costs_us = np.sort(costs_ns) / 1000
+    assert len(costs_us) > 2000
+    assert costs_us[-1 - len(costs_us) // 1000] < 0.5 * 2500  # 99.9 % of the epochs

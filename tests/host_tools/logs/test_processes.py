@@ -48,12 +48,13 @@ def test_a_recorder_beside_a_rehearsal_ends_by_ctrl_c(start, tmp_path):
 
 def test_a_rehearsal_at_full_speed_waits_for_the_recorder(start, tmp_path):
     channel = f"test-{os.getpid()}"
-    rehearsal = start("rehearse", "ideal", "--channel", channel, "--duration", "300")
+    rehearsal = start("rehearse", "rimu_rotating", "--channel", channel, "--out", "out")
     rehearsal.wait_for_line("running")
     record = tmp_path / "bus.log"
-    recorder = start("record", record, "--channel", channel)
+    recorder = start("record", record, "--channel", channel, "--for", "150")
     assert recorder.finish()[0] == 0, "\n".join(recorder.said)
-    assert rehearsal.finish()[0] == 0
+    rehearsal.process.send_signal(signal.SIGINT)
+    assert rehearsal.finish()[0] == 130
     sync = load().frame_id("SYNC")
     with can.CanutilsLogReader(record) as frames:
         epochs = [
@@ -61,5 +62,5 @@ def test_a_rehearsal_at_full_speed_waits_for_the_recorder(start, tmp_path):
             for frame in frames
             if frame.arbitration_id == sync
         ]
-    assert len(epochs) > 1000
+    assert len(epochs) == 150 * 200 + 1
     assert epochs == list(range(epochs[0], epochs[0] + len(epochs)))
