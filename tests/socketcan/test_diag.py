@@ -10,7 +10,6 @@ import json
 import os
 import re
 import shutil
-import signal
 import socket
 import subprocess
 import sys
@@ -45,27 +44,33 @@ def rehearsal(tmp_path_factory):
         if "RRINS_REQUIRE_SOCKETCAN" in os.environ:
             pytest.fail("the kernel has no vcan0")
         pytest.skip("the kernel has no vcan0")
-    folder = tmp_path_factory.mktemp("diag")
-    with (folder / "said.txt").open("wb") as said:
-        process = subprocess.Popen(
-            [
-                *(sys.executable, "-m", "host_tools", "rehearse", "rimu_rotating"),
-                *("--interface", "socketcan", "--channel", "vcan0", "--speed", "0.99"),
-                *("--out", str(folder / "out"), "--json"),
-            ],
+    said = (tmp_path_factory.mktemp("diag") / "said.txt").open("w+b")
+    bus = ("--interface", "socketcan", "--channel", "vcan0", "--speed", "0.99")
+    sides = [
+        subprocess.Popen(
+            [sys.executable, "-m", "host_tools", side, "rimu_rotating", *bus],
             stdout=said,
             stderr=said,
         )
+        for side in ("hardware", "firmware")
+    ]
+
+    def heard():
+        said.seek(0)
+        return said.read().decode()
+
     try:
-        with can.Bus("vcan0", interface="socketcan") as bus:
+        with can.Bus("vcan0", interface="socketcan") as listener:
             navigates = load().frame_id("NAV_LATITUDE")
-            bus.set_filters([{"can_id": navigates, "can_mask": 0x7FF}])
-            assert bus.recv(START_S) is not None, (folder / "said.txt").read_text()
-        yield process
-        assert process.poll() is None, (folder / "said.txt").read_text()
+            listener.set_filters([{"can_id": navigates, "can_mask": 0x7FF}])
+            assert listener.recv(START_S) is not None, heard()
+        yield sides
+        assert [side.poll() for side in sides] == [None, None], heard()
     finally:
-        process.send_signal(signal.SIGINT)
-        process.wait(60)
+        for side in sides:
+            side.terminate()
+            side.wait(60)
+        said.close()
 
 
 def diag(*words, transport):

@@ -23,7 +23,7 @@ from firmware_py.diagnostics.writer import DirectWriter, ThreadWriter
 
 CAPACITY = 2000
 MOMENTS = 1000
-KILLS = int(os.environ.get("RRINS_KILLS", "12"))
+KILLS = int(os.environ.get("RRINS_KILLS", "50"))
 
 
 class PowerLossError(Exception):
