@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import threading
-import time
-from types import TracebackType
-from typing import Self
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
 
 from firmware_py.diagnostics import table
 from host_tools.diag.target import Target
@@ -15,47 +15,34 @@ from host_tools.errors import BusError, NoAnswerError
 _AGAIN_S = 0.05
 
 
-class Reading:
-    """A thread that reads while it is entered.
+@dataclass
+class Count:
+    """How often all has been read."""
 
-    Parameters
-    ----------
-    channel : str
-        Of the embedded bus.
+    times: int = 0
 
-    Attributes
-    ----------
-    times : int
-        How often it has read all.
-    """
 
-    def __init__(self, channel: str) -> None:
-        self._target = Target(channel=channel)
-        self._stop = threading.Event()
-        self._thread = threading.Thread(target=self._run, daemon=True)
-        self.times = 0
+@contextmanager
+def reading(channel: str) -> Iterator[Count]:
+    """Read in a thread meanwhile, from when the embedded bus is there until it ends."""
+    stop = threading.Event()
+    count = Count()
+    thread = threading.Thread(target=_read, args=(Target(channel=channel), stop, count))
+    thread.start()
+    try:
+        yield count
+    finally:
+        stop.set()
+        thread.join()
 
-    def __enter__(self) -> Self:
-        self._thread.start()
-        return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        self._stop.set()
-        self._thread.join()
-
-    def _run(self) -> None:
-        """Read from when the bus is there until it ends."""
-        while not self._stop.is_set():
-            try:
-                with Tester(self._target) as tester:
-                    dids = tester.has(table.IDENTIFIERS)
-                    while not self._stop.is_set():
-                        tester.read(dids)
-                        self.times += 1
-            except (BusError, NoAnswerError):
-                time.sleep(_AGAIN_S)
+def _read(target: Target, stop: threading.Event, count: Count) -> None:
+    while not stop.is_set():
+        try:
+            with Tester(target) as tester:
+                dids = tester.has(table.IDENTIFIERS)
+                while not stop.is_set():
+                    tester.read(dids)
+                    count.times += 1
+        except (BusError, NoAnswerError):  # not there yet, or over
+            stop.wait(_AGAIN_S)

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from host_tools import scenario as scenarios
-from host_tools.bench.reading import Reading
+from host_tools.bench.reading import reading
 from host_tools.errors import RehearsalError
 from host_tools.port import EMBEDDED, Address
 from host_tools.rehearsal import OnReport, Outcome, Rehearsal
@@ -120,12 +120,11 @@ def realtime(
     path = folder / f"{name}-{rate_hz}.toml"
     path.write_text(text, encoding="utf-8")
     scenario = scenarios.load(str(path), duration_s=seconds - _SELF_TEST_S - _ALIGNMENT_S)
-    reading = Reading(channel)
-    with reading if is_read else nullcontext():
+    with reading(channel) if is_read else nullcontext() as count:
         outcome = _rehearse(str(path), scenario, channel, REALTIME, folder, watch)
     lateness = outcome.firmware.get("lateness_us", {"epochs": 0})
-    if is_read:
-        lateness |= {"times_read": reading.times}
+    if count is not None:
+        lateness |= {"times_read": count.times}
     if outcome.failure is not None and lateness["epochs"] < _ENOUGH * scenario.epochs:
         raise outcome.failure
     return Realtime(

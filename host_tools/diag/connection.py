@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import errno
 import time
+from abc import abstractmethod
 from collections.abc import Iterator
 from typing import Self
 
@@ -53,16 +54,16 @@ class Connection(BaseConnection):
         """Return whether requests can be sent."""
         return self._is_open
 
+    @abstractmethod
     def pass_time(self, seconds: float) -> None:
         """Let time go on."""
-        raise NotImplementedError
 
     def drain(self) -> None:
         """Take what has come and nobody waits for."""
 
+    @abstractmethod
     def hears_others(self) -> bool:
         """Return whether anything at all is on the bus."""
-        raise NotImplementedError
 
 
 def _silence(text: str) -> TimeoutException:

@@ -21,6 +21,7 @@ from host_tools.diag.target import Target
 from host_tools.diag.tester import Tester as Tool
 from host_tools.direct import run_direct
 from host_tools.errors import BusError, NoAnswerError
+from host_tools.port import Address, open_when_there
 from host_tools.scenario import load, text_of
 from host_tools.testing.processes import fresh_channel
 
@@ -45,14 +46,10 @@ class Rehearsal:
     def connect(self, **wishes: object) -> Tool:
         """Return a tester, once the firmware answers."""
         end = time.monotonic() + START_S
+        there = {"host": "never", "role": "observer", "name": "first"}
+        open_when_there(Address("rrins", self.channel), START_S, **there).shutdown()
         while True:
-            try:
-                tester = Tool(Target(channel=self.channel), **wishes)  # type: ignore[arg-type]
-            except BusError:
-                assert time.monotonic() < end
-                assert self.process.poll() is None
-                time.sleep(0.02)  # nobody hosts the bus yet
-                continue
+            tester = Tool(Target(channel=self.channel), **wishes)  # type: ignore[arg-type]
             try:
                 tester.read([table.identifier("epoch")])
             except (BusError, NoAnswerError):

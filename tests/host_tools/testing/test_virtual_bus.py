@@ -51,7 +51,7 @@ def test_it_says_when_the_scenario_is_over(rrins_bench):
         bench.bus.recv()
 
 
-@pytest.mark.parametrize("way", ["direct", "lockstep"])
+@pytest.mark.parametrize("way", ["direct", "lockstep", "realtime"])
 def test_a_tester_finds_what_is_wrong(rrins_bench, way):
     bench = rrins_bench("rimu_rotating", way=way)
     bench.advance(5.0)
