@@ -65,6 +65,11 @@ def _pair(axes: Any, errors: Errors, kind: str, unit: str, label: str) -> None:
             **style,
         )
     finish(axes, f"{label}\n/ {prefix}{shown}")
+    _legend_above(axes)
+
+
+def _legend_above(axes: Any) -> None:
+    """Put a legend where no curve is, above them all."""
     axes.legend(loc="upper left", frameon=False, ncols=2, fontsize="small")
     low, high = axes.get_ylim()
     axes.set_ylim(low, high + 0.18 * (high - low))
@@ -86,7 +91,7 @@ def draw_errors(errors: Errors, title: str) -> Figure:
         axes[2].plot(time_s, errors.outer_deg[thin], label="outer axis", **NORTH)
         finish(axes[2], "turntable angle\n/ °")
         axes[2].set_yticks(np.arange(-180, 721, 180))
-        axes[2].legend(loc="upper right", frameon=False, ncols=2, fontsize="small")
+        _legend_above(axes[2])
     axes[-1].set_xlabel("time since navigation began / s")
     return figure
 
