@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 import tempfile
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -59,6 +60,16 @@ class Running:
             words = Path(f"/proc/{child}/cmdline").read_text().split("\0")
             found |= {side: int(child) for side in ("firmware", "hardware") if side in words}
         return found
+
+    @contextmanager
+    def paused(self):
+        """Hold a rehearsal where it is, so that what starts beside it has all the time it needs."""
+        firmware = self.children()["firmware"]
+        os.kill(firmware, signal.SIGSTOP)
+        try:
+            yield
+        finally:
+            os.kill(firmware, signal.SIGCONT)
 
     def finish(self, timeout=60):
         """Wait for the end; return (exit status, standard output)."""

@@ -68,8 +68,9 @@ def test_a_monitor_and_a_client_of_socketcand_that_hang(
     command = rehearse()
     with attach("monitor") as monitor:
         # It does not receive from now on. What waits for it is more than its queue takes.
-        server = start("socketcand", "--channel", CHANNEL, "--port", 0)
-        server.wait_for_line("Ctrl-C stops")
+        with command.paused():
+            server = start("socketcand", "--channel", CHANNEL, "--port", 0)
+            server.wait_for_line("Ctrl-C stops")
         found = re.search(r"port (\d+)", server.said[-1])
         assert found is not None
         with socket.create_connection(("127.0.0.1", int(found[1])), 10.0) as client:
@@ -115,7 +116,7 @@ def test_a_recorder_whose_disk_is_full(
 def test_a_hundred_attach_and_detach(
     rehearse: Callable[..., Any], reference: dict[str, Any], tmp_path: Path
 ) -> None:
-    command = rehearse()
+    command = rehearse("--speed", "40")
     frames = frame_array(64)
     for visit in range(100):
         with attach(f"visitor-{visit}") as visitor:

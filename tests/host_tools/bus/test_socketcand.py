@@ -362,8 +362,9 @@ def test_a_running_rehearsal_is_seen(start: Callable[..., Any], tmp_path: Any) -
         "rehearse", "ideal", "--duration", 30, "--channel", "test", "--speed", 10, "--out", "out"
     )
     rehearsal.wait_for_line("10 %")
-    server = start("socketcand", "--channel", "test", "--port", 0)
-    server.wait_for_line("Ctrl-C stops")
+    with rehearsal.paused():
+        server = start("socketcand", "--channel", "test", "--port", 0)
+        server.wait_for_line("Ctrl-C stops")
     port = int(re.search(r"port (\d+)", server.said[-1])[1])
     with can.Bus(interface="socketcand", host="127.0.0.1", port=port, channel="test") as bus:
         heard = [receive(bus) for _ in range(2000)]

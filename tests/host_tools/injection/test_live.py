@@ -188,7 +188,7 @@ def test_nobody_answers_on_a_bus_without_hardware(rrins_channel, rrins_bus):
 
 def test_a_rehearsal_of_processes(start):
     command = start(
-        "rehearse", "ideal", "--channel", "live", "--speed", 20, "--duration", 20, "--out", "out"
+        "rehearse", "ideal", "--channel", "live", "--speed", 20, "--duration", 60, "--out", "out"
     )
     command.wait_for_line("running")
     with can.Bus("live", interface="rrins", host="never", role="observer") as bus:

@@ -62,5 +62,5 @@ def test_a_rehearsal_at_full_speed_waits_for_the_recorder(start, tmp_path):
             for frame in frames
             if frame.arbitration_id == sync
         ]
-    assert len(epochs) >= 150 * 200
+    assert len(epochs) >= 150 * 200 - 1  # it may have begun after the SYNC of an epoch
     assert epochs == list(range(epochs[0], epochs[0] + len(epochs)))
