@@ -1,125 +1,113 @@
-"""The command `rrins`."""
+"""The command `rrins`: the table of its commands, and how an error ends."""
 
 from __future__ import annotations
 
-import json
+import gc
 import logging
-import signal
 import sys
-from collections.abc import Callable
+from collections.abc import Sequence
+from dataclasses import dataclass
 from importlib import import_module
-from pathlib import Path
-from types import FrameType
-from typing import Any, Literal, NoReturn
+from typing import Any, Final, NoReturn
 
 import click
+from click.shell_completion import CompletionItem
 
-from dbc.codec import ContractError
-from host_tools import scenario as scenarios
 from host_tools.errors import RehearsalError
-from host_tools.serial.options import nmea_options, serial_options, settings_of
+from host_tools.interruption import INTERRUPTED
 
-DEFAULT_SCENARIO = "rimu_rotating"
-
-_INTERRUPTED = 130
-
-
-class _Speed(click.ParamType[float | None]):
-    """1 for real time, another factor or `max` for lockstep."""
-
-    name = "1|N|max"
-
-    def convert(
-        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
-    ) -> float | None:
-        if value == "max" or value is None:
-            return None
-        try:
-            speed = float(value)
-        except ValueError:
-            self.fail(f"{value!r} is neither a number nor 'max'", param, ctx)
-        if not 0 < speed < 1e9:
-            self.fail(f"{value} is not above 0", param, ctx)
-        return speed
+_GC_THRESHOLD = 50_000
+"""Objects between two collections: a start makes hundreds of thousands that stay."""
 
 
-_ELSEWHERE: dict[str, str] = {
-    "diag": "host_tools.diag.command:diag",
-    "export": "host_tools.logs.command:export",
-    "inject": "host_tools.injection.command:inject",
-    "monitor": "host_tools.monitor.command:monitor",
-    "motion": "host_tools.motion.command:motion",
-    "plot": "host_tools.logs.command:plot",
-    "record": "host_tools.logs.command:record",
-    "replay": "host_tools.logs.command:replay",
-    "reproduce": "host_tools.experiments.command:reproduce",
-    "scheme": "host_tools.rotation.command:scheme",
+@dataclass(frozen=True)
+class _Entry:
+    """A command: the module that has it, imported when it is asked for, and its line of help."""
+
+    module: str
+    line: str
+
+
+_RUN = {
+    "rehearse": _Entry("host_tools.commands", "Run both sides as two processes on one bus."),
+    "simulate": _Entry("host_tools.commands", "Run both sides in one process, without a bus."),
+    "firmware": _Entry("host_tools.commands", "Run the navigation computer alone."),
+    "hardware": _Entry("host_tools.commands", "Run the emulated RIMU and turntable alone."),
+    "inject": _Entry("host_tools.injection.command", "Put a fault into a rehearsal under way."),
+    "scenarios": _Entry("host_tools.commands", "List the built-in scenarios; show one."),
+    "bench": _Entry("host_tools.commands", "Measure what a rehearsal costs on this machine."),
 }
-"""Commands that stand in their own rooms, name to `module:command`; imported when asked for."""
+_LOOK = {
+    "monitor": _Entry("host_tools.monitor.command", "Watch a bus, decoded, on a screen."),
+    "diag": _Entry("host_tools.diag.command", "Look into the navigation computer, by UDS."),
+    "record": _Entry("host_tools.logs.command", "Record a bus to a log file."),
+    "replay": _Entry("host_tools.logs.command", "Replay a log, or navigate it again."),
+    "export": _Entry("host_tools.logs.command", "Write a log as Parquet or CSV tables."),
+    "plot": _Entry("host_tools.logs.command", "Draw signals of a log over time."),
+    "socketcand": _Entry("host_tools.commands", "Offer the embedded bus to socketcand clients."),
+}
+_PLAN = {
+    "scheme": _Entry("host_tools.rotation.command", "Analyse and search rotation schemes."),
+    "motion": _Entry("host_tools.motion.command", "Look at a vehicle's motion; write the truth."),
+    "reproduce": _Entry("host_tools.experiments.command", "Run the paper's experiments."),
+}
+_SECTIONS: Final = {"Run": _RUN, "Look": _LOOK, "Plan": _PLAN}
+_COMMANDS: Final = _RUN | _LOOK | _PLAN
 
 
 class _Group(click.Group):
-    """A group that ends a user's error in one line and its exit status."""
+    """A group that imports a command when it is run, and ends a user's error in one line."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         """Return the names of all commands."""
-        return sorted({*super().list_commands(ctx), *_ELSEWHERE})
+        return list(_COMMANDS)
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        """Return a command, imported from its room if need be."""
-        if cmd_name not in _ELSEWHERE:
-            return super().get_command(ctx, cmd_name)
-        module, name = _ELSEWHERE[cmd_name].split(":")
-        command = getattr(import_module(module), name)
+        """Return a command, imported from its module."""
+        if cmd_name not in _COMMANDS:
+            return None
+        command = getattr(import_module(_COMMANDS[cmd_name].module), cmd_name)
         assert isinstance(command, click.Command)
         return command
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write the commands, a section for each purpose."""
+        width = max(map(len, _COMMANDS))
+        for title, entries in _SECTIONS.items():
+            with formatter.section(title):
+                rows = [(name.ljust(width), entry.line) for name, entry in entries.items()]
+                formatter.write_dl(rows)
+
+    def shell_complete(self, ctx: click.Context, incomplete: str) -> list[CompletionItem]:
+        """Return the commands that begin like this, and what else may stand there."""
+        begun = [
+            CompletionItem(name, help=entry.line)
+            for name, entry in sorted(_COMMANDS.items())
+            if name.startswith(incomplete)
+        ]
+        return begun + click.Command.shell_complete(self, ctx, incomplete)
 
     def invoke(self, ctx: click.Context) -> Any:
         try:
             return super().invoke(ctx)
         except RehearsalError as error:
-            fail(str(error), error.exit_status)
-        except ContractError as error:
-            fail(str(error), RehearsalError.exit_status)
+            _fail(str(error), error.exit_status)
         except KeyboardInterrupt:
-            fail("stopped by the user", _INTERRUPTED)
+            _fail("stopped by the user", INTERRUPTED)
+        except _contract_errors() as error:
+            _fail(str(error), RehearsalError.exit_status)
 
 
-def fail(message: str, exit_status: int) -> NoReturn:
+def _contract_errors() -> tuple[type[Exception], ...]:
+    """Return what a DBC that cannot serve raises: nothing, unless the codec has been imported."""
+    codec = sys.modules.get("dbc.codec")
+    return () if codec is None else (codec.ContractError,)
+
+
+def _fail(message: str, exit_status: int) -> NoReturn:
     """Say in one line what went wrong and end."""
     click.echo(f"rrins: {message}", err=True)
     sys.exit(exit_status)
-
-
-def _options(*options: Callable[..., Any]) -> Callable[..., Any]:
-    """Return one decorator that stands for several."""
-
-    def decorate(command: Callable[..., Any]) -> Callable[..., Any]:
-        for option in reversed(options):
-            command = option(command)
-        return command
-
-    return decorate
-
-
-_scenario_options = _options(
-    click.argument("scenario", default=DEFAULT_SCENARIO, metavar="[SCENARIO]"),
-    click.option("--duration", "duration_s", type=float, help="Seconds to navigate."),
-    click.option("--seed", type=int, help="Seed of all noise."),
-)
-_bus_options = _options(
-    click.option(
-        "--interface", default="rrins", show_default=True, help="python-can interface name."
-    ),
-    click.option("--channel", help="Channel of the interface, such as vcan0."),
-    click.option("--bitrate", type=click.IntRange(1), help="For interfaces that set it."),
-)
-_out_option = click.option(
-    "--out",
-    type=click.Path(file_okay=False, path_type=Path),
-    help="Folder for pictures and summary.  [default: out/SCENARIO]",
-)
-_json_option = click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 
 
 @click.group(cls=_Group, context_settings={"help_option_names": ["-h", "--help"]})
@@ -133,215 +121,21 @@ def rrins() -> None:
     logging.basicConfig(format="rrins: %(message)s", level=logging.WARNING)
 
 
-@rrins.command()
-@_scenario_options
-@click.option("--speed", type=_Speed(), default="max", show_default=True, help="1 is real time.")
-@_bus_options
-@click.option(
-    "--limit",
-    "limit_s",
-    type=click.FloatRange(min=0, min_open=True),
-    help="Shorten the run to whole cycles of the scheme where it would take more seconds.",
-)
-@_out_option
-@click.option("--record", type=click.Path(dir_okay=False, path_type=Path), help="Log of the bus.")
-@serial_options
-@_json_option
-def rehearse(
-    scenario: str,
-    duration_s: float | None,
-    seed: int | None,
-    speed: float | None,
-    interface: str,
-    channel: str | None,
-    bitrate: int | None,
-    limit_s: float | None,
-    out: Path | None,
-    record: Path | None,
-    as_json: bool,
-    **serial: Any,
-) -> None:
-    """Run firmware and hardware as two processes on one bus.
+def _leave_out_asammdf(arguments: Sequence[str]) -> None:
+    """Spare python-can asammdf, and pandas with it, unless a file of it is named.
 
-    SCENARIO is the name of a built-in one (see `rrins scenarios`) or a TOML file. The embedded
-    bus is used unless an interface is named. Ctrl-C stops both sides and keeps what was recorded.
+    Wherever asammdf is installed, python-can imports it with itself, a third of all that a start
+    imports. Formats go by a file's ending.
     """
-    from host_tools import runs
-
-    loaded = scenarios.load(scenario, duration_s=duration_s, seed=seed)
-    signal.signal(signal.SIGTERM, _as_interrupt)
-    plan = runs.Plan(
-        scenario,
-        loaded,
-        runs.Overrides(duration_s, seed),
-        runs.Bus(interface, channel, bitrate),
-        speed,
-        settings_of(serial),
-    )
-    if limit_s is not None:
-        plan = runs.fit(plan, limit_s)
-    runs.rehearse(plan, out, record, as_json)
-
-
-@rrins.command()
-@_scenario_options
-@_out_option
-@nmea_options
-@click.option(
-    "--frames", is_flag=True, help="Pass frames, as a bus would, where nothing needs them."
-)
-@_json_option
-def simulate(
-    scenario: str,
-    duration_s: float | None,
-    seed: int | None,
-    out: Path | None,
-    frames: bool,
-    as_json: bool,
-    **serial: Any,
-) -> None:
-    """Run both sides in this process, without a bus: the same steps, the same navigation."""
-    from host_tools import runs
-
-    loaded = scenarios.load(scenario, duration_s=duration_s, seed=seed)
-    signal.signal(signal.SIGTERM, _as_interrupt)
-    runs.simulate(scenario, loaded, out, as_json, frames, settings_of(serial))
-
-
-@rrins.command()
-@_json_option
-@click.option("--quick", is_flag=True, help="Shorter samples and no cold start: some 20 s.")
-def bench(as_json: bool, quick: bool) -> None:
-    """Measure what a rehearsal costs on this machine: speeds, steps, codec, lateness, start."""
-    from host_tools.bench import suite
-
-    signal.signal(signal.SIGTERM, _as_interrupt)
-    suite.bench(quick, as_json)
-
-
-_side_options = _options(
-    _scenario_options,
-    click.option(
-        "--speed", type=_Speed(), default="1", show_default=True, help="As the other side's."
-    ),
-    _bus_options,
-    _json_option,
-    click.option("--log", type=click.Path(file_okay=False, path_type=Path), hidden=True),
-    click.option("--report-fd", type=int, hidden=True),
-    click.option("--core", type=int, hidden=True),
-)
-
-
-@rrins.command()
-@_side_options
-@serial_options
-@click.option("--attach-wait", type=float, default=0.0, help="Seconds to wait for the bus.")
-@click.option(
-    "--parameters",
-    type=click.Path(dir_okay=False, path_type=Path),
-    help="File of the parameter memory; made when there is none. Its values go before those of "
-    "the scenario.",
-)
-def firmware(attach_wait: float, **options: Any) -> None:
-    """Run the navigation computer alone, on a bus that the hardware is on."""
-    serial = settings_of(options)
-    _run_side("firmware", attach_wait_s=attach_wait, serial=serial, **options)
-
-
-@rrins.command()
-@_side_options
-@click.option("--await-peer", multiple=True, hidden=True)
-def hardware(await_peer: tuple[str, ...], **options: Any) -> None:
-    """Run the emulated RIMU and turntable alone; it hosts the embedded bus."""
-    _run_side("hardware", await_peers=await_peer, **options)
-
-
-def _run_side(
-    side: Literal["firmware", "hardware"],
-    scenario: str,
-    duration_s: float | None,
-    seed: int | None,
-    speed: float | None,
-    interface: str,
-    channel: str | None,
-    bitrate: int | None,
-    as_json: bool,
-    log: Path | None,
-    **job: Any,
-) -> None:
-    from host_tools import runs
-
-    report_fd = job["report_fd"]
-    signal.signal(signal.SIGTERM, _as_interrupt)
-    if report_fd is not None:  # what goes wrong is reported, not logged beside it
-        logging.getLogger().setLevel(logging.CRITICAL)
-    try:
-        loaded = scenarios.load(scenario, duration_s=duration_s, seed=seed)
-        bus = runs.Bus(interface, channel, bitrate)
-        runs.run_side(side, loaded, bus, speed, as_json, folder=log, **job)
-    except RehearsalError as error:
-        if report_fd is None:
-            raise
-        runs.report_error(report_fd, side, error)
-        sys.exit(error.exit_status)
-    except BrokenPipeError:  # the rehearsal is gone
-        sys.exit(RehearsalError.exit_status)
-    except KeyboardInterrupt:
-        if report_fd is None:
-            raise
-        sys.exit(_INTERRUPTED)
-
-
-@rrins.command()
-@click.option("--channel", default="rrins0", show_default=True, help="Channel of the embedded bus.")
-@click.option(
-    "--port",
-    type=click.IntRange(0, 65535),
-    default=29536,
-    show_default=True,
-    help="TCP port; 0 takes a free one.",
-)
-@click.option("--host", default="127.0.0.1", show_default=True, help="Loopback address.")
-def socketcand(channel: str, port: int, host: str) -> None:
-    """Offer the embedded bus to socketcand clients, such as SavvyCAN.
-
-    Everybody on this machine may connect while it runs. It ends with the bus, or by Ctrl-C.
-    """
-    from host_tools.bus.socketcand import serve
-
-    def on_ready(taken: int) -> None:
-        click.echo(f"rrins: channel {channel!r} is on {host} port {taken}; Ctrl-C stops", err=True)
-
-    signal.signal(signal.SIGTERM, _as_interrupt)
-    click.echo(f"rrins: {serve(channel, host, port, on_ready=on_ready)}", err=True)
-
-
-@rrins.group("scenarios", invoke_without_command=True)
-@click.pass_context
-def list_scenarios(context: click.Context) -> None:
-    """List the built-in scenarios, a line each."""
-    if context.invoked_subcommand is None:
-        for name in scenarios.names():
-            click.echo(f"{name:<28} {scenarios.load(name).title}")
-
-
-@list_scenarios.command("show")
-@click.argument("name")
-def show_scenario(name: str) -> None:
-    """Print a scenario's TOML, to copy and change."""
-    click.echo(scenarios.text_of(name), nl=False)
-
-
-@list_scenarios.command("schema")
-def show_schema() -> None:
-    """Print the JSON schema of a scenario: every key, its limits and default."""
-    click.echo(json.dumps(scenarios.Scenario.model_json_schema(), indent=2))
-
-
-def _as_interrupt(number: int, frame: FrameType | None) -> None:
-    raise KeyboardInterrupt
+    if not any(".mf4" in argument.lower() for argument in arguments):
+        sys.modules.setdefault("asammdf", None)  # type: ignore[arg-type]
 
 
 def main() -> None:
     """Run the command line."""
-    rrins(prog_name="rrins")
+    gc.set_threshold(_GC_THRESHOLD)
+    _leave_out_asammdf(sys.argv[1:])
+    try:
+        rrins(prog_name="rrins")
+    finally:
+        gc.freeze()  # the interpreter's last collections would take half a second

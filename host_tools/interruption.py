@@ -1,4 +1,4 @@
-"""Ctrl-C and SIGTERM as an event, for those who have something to finish."""
+"""Ctrl-C and SIGTERM: alike, and as an event for those who have something to finish."""
 
 from __future__ import annotations
 
@@ -6,8 +6,21 @@ import signal
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
+from types import FrameType
+
+INTERRUPTED = 130
+"""Exit status of a command that the user stopped."""
 
 _SIGNALS = (signal.SIGINT, signal.SIGTERM)
+
+
+def _interrupt(number: int, frame: FrameType | None) -> None:
+    raise KeyboardInterrupt
+
+
+def heed_sigterm() -> None:
+    """Let SIGTERM stop this process as Ctrl-C does."""
+    signal.signal(signal.SIGTERM, _interrupt)
 
 
 @contextmanager

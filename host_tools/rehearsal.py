@@ -38,7 +38,7 @@ _CHANNEL = "rrins"
 class Interrupted(RehearsalError):  # noqa: N818 - not an error of ours: the user's wish
     """The user stopped the rehearsal."""
 
-    exit_status = 130
+    exit_status = interruption.INTERRUPTED
 
 
 def free_channel() -> str:

@@ -21,6 +21,8 @@ from host_tools.sides import NAVIGATION_ROWS, TRUTH_ROWS
 
 Vector = NDArray[np.float64]
 
+_radii = getattr(radii, "py_func", radii)  # one call is not worth the compiler's start
+
 
 @dataclass(frozen=True)
 class Errors:
@@ -82,7 +84,7 @@ def east_north_m(
     latitude: Any, longitude: Any, true_latitude: Any, true_longitude: Any, height: Any
 ) -> tuple[Any, Any]:
     """Return the distance east and north (m) of a place from the true one; angles in rad."""
-    meridian, prime_vertical = radii(float(np.mean(true_latitude)))
+    meridian, prime_vertical = _radii(float(np.mean(true_latitude)))
     difference = (longitude - true_longitude + np.pi) % (2 * np.pi) - np.pi
     east = difference * (prime_vertical + height) * np.cos(true_latitude)
     return east, (latitude - true_latitude) * (meridian + height)

@@ -20,6 +20,7 @@ from host_tools.diag.conversation import PRESENCE_S
 from host_tools.diag.options import with_securing_tester
 from host_tools.diag.tester import Tester
 from host_tools.errors import BusError, RehearsalError
+from host_tools.interruption import INTERRUPTED
 
 _LEAVE = ("exit", "quit", "EOF")
 
@@ -117,9 +118,9 @@ class Shell(cmd.Cmd):
         except click.ClickException as error:
             return self._fail(error.format_message(), error.exit_code)
         except click.Abort:
-            return self._fail("stopped", 130)
+            return self._fail("stopped", INTERRUPTED)
         except KeyboardInterrupt:
-            return self._fail("stopped", 130)
+            return self._fail("stopped", INTERRUPTED)
         except BusError as error:
             self._fail(str(error), error.exit_status)
             return True

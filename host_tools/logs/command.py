@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import signal
 from collections.abc import Callable
 from pathlib import Path
-from types import FrameType
 from typing import Any
 
 import click
+
+from host_tools.interruption import heed_sigterm
 
 _ITSELF = ":itself"
 
@@ -27,10 +27,6 @@ def _with_bus(command: Callable[..., Any]) -> Callable[..., Any]:
     for option in reversed(_bus_options):
         command = option(command)
     return command
-
-
-def _as_interrupt(number: int, frame: FrameType | None) -> None:
-    raise KeyboardInterrupt
 
 
 @click.command()
@@ -129,7 +125,7 @@ def replay(
     """
     from host_tools.logs import jobs
 
-    signal.signal(signal.SIGTERM, _as_interrupt)
+    heed_sigterm()
     other = None if compare in (None, _ITSELF) else Path(str(compare))
     if through_firmware or compare == _ITSELF:
         jobs.navigate_again(log, scenario, out, compare is not None, other, as_json)
@@ -158,7 +154,7 @@ def export(log: Path, folder: Path, kind: str, as_json: bool) -> None:
     """Write the log FILE as tables, one for each message, into OUT_DIR."""
     from host_tools.logs import jobs
 
-    signal.signal(signal.SIGTERM, _as_interrupt)
+    heed_sigterm()
     jobs.export(log, folder, kind, as_json)
 
 
@@ -188,7 +184,7 @@ def plot(
     """
     from host_tools.logs import jobs
 
-    signal.signal(signal.SIGTERM, _as_interrupt)
+    heed_sigterm()
     if as_list:
         jobs.list_contents(log)
         return

@@ -18,6 +18,7 @@ from typing import Literal
 import can
 
 from host_tools.bus.interface import RrinsBus
+from host_tools.interruption import INTERRUPTED
 from host_tools.report import ReportReader
 from host_tools.testing.errors import BenchError
 
@@ -25,7 +26,7 @@ _GRACE_S = 5.0
 _ATTACH_S = 30.0
 _POLL_S = 0.2
 _PIPE_BYTES = 1024 * 1024  # room for hours of reports that nobody takes
-_ASKED_TO_END = (0, 130, -signal.SIGTERM)  # shut down, or stopped by a signal
+_ASKED_TO_END = (0, INTERRUPTED, -signal.SIGTERM)  # shut down, or stopped by a signal
 _numbers = itertools.count()
 
 
