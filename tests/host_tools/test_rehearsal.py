@@ -75,9 +75,9 @@ def test_a_killed_rehearsal_leaves_no_orphans(start):
 
 
 def test_a_side_that_is_stopped_and_continued_changes_nothing(start, run, tmp_path):
-    reference = run("simulate", "rimu_rotating", "--duration", 300)["navigation_sha256"]
+    reference = run("simulate", "rimu_rotating", "--duration", 120)["navigation_sha256"]
     for side in ("firmware", "hardware"):
-        command = start("rehearse", "rimu_rotating", "--duration", 300, "--out", "out")
+        command = start("rehearse", "rimu_rotating", "--duration", 120, "--out", "out")
         command.wait_for_line("10 %")
         stopped = command.children()[side]
         os.kill(stopped, signal.SIGSTOP)
