@@ -213,7 +213,7 @@ def test_a_killed_host_is_an_error_in_its_peers(start_player: StartPlayer) -> No
             bus.recv(5.0)
         with pytest.raises(can.CanOperationError, match="has gone"):
             sender.send(can.Message(), 5.0)
-        assert time.monotonic() - start < 1.0
+        assert time.monotonic() - start < 4.0  # at once, not when the waiting is over
         assert bus.state is can.BusState.ERROR
 
 
@@ -228,7 +228,7 @@ def test_a_killed_peer_is_cut_off_and_named(
     start = time.monotonic()
     with pytest.raises(can.CanOperationError, match=rf"'firmware' \(process {node.pid}\).*gone"):
         host.recv_batch(frame_array(1), 5.0)
-    assert time.monotonic() - start < 1.0
+    assert time.monotonic() - start < 4.0  # at once, not when the waiting is over
     assert len(caplog.records) == 1
     host.require(["other"])
     other.tell("receive", first=0, count=1)

@@ -326,7 +326,7 @@ def test_it_ends_with_a_killed_host_in_one_line(start: Callable[..., Any], playe
     assert [client.hear() for client in clients] == ["< hi >"] * 2
     assert clients[0].ask("< open test >") == "< ok >"
     os.kill(player.pid, signal.SIGKILL)
-    assert server.finish(10)[0] == 0
+    assert server.finish()[0] == 0
     assert len(server.said) == 2
     assert f"process {player.pid}, has gone without a word" in server.said[1]
     for client in clients:
