@@ -197,7 +197,7 @@ class Diagnostics:
         """Let the server work on one request at most; return the frames to be sent."""
         now_ns, transport, server = self.now_ns, self._transport, self.server
         transport.begin(now_ns)
-        if transport.is_sending:
+        if transport.is_sending or transport.is_receiving:
             server.keep_session(now_ns)
         response = server.poll(now_ns)
         if response is None and not transport.is_sending:

@@ -1,4 +1,4 @@
-"""The library can-isotp's layer, its timers on a clock of ours.
+"""The library can-isotp's layer, its timers on a clock of ours, for the frames of a classic bus.
 
 The library keeps its timers by the wall clock; they are public attributes of its layer. Whatever
 timer it sets there is taken as one of the same length on the given clock: so timeouts and
@@ -7,10 +7,13 @@ separation times are the same at any speed of a rehearsal.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import isotp
 from isotp.tools import Timer
+
+from firmware_py.diagnostics import network_frame
 
 _NS_PER_S = 1_000_000_000
 
@@ -61,15 +64,39 @@ class TimedLayer(isotp.TransportLayerLogic):
     clock : LayerClock
     separation_ns : int
         The least time from one consecutive frame to the next.
+    receive : callable
+        Returns the next frame, or None.
     **layer
-        What the library's layer takes.
+        What the library's layer takes besides.
     """
 
-    def __init__(self, clock: LayerClock, separation_ns: int, **layer: Any) -> None:
+    def __init__(
+        self,
+        clock: LayerClock,
+        separation_ns: int,
+        receive: Callable[[], isotp.CanMessage | None],
+        **layer: Any,
+    ) -> None:
         self._clock = clock
         self._separation_ns = separation_ns
-        super().__init__(**layer)
+        self._receive = receive
+        super().__init__(rxfn=self._next_accepted, **layer)
         self.rate_limiter.disable()
+
+    def _next_accepted(self) -> isotp.CanMessage | None:
+        """Return the next frame that is not to be ignored as things stand."""
+        while (message := self._receive()) is not None:
+            missing = self.rx_frame_length - len(self.rx_buffer) if self.is_rx_active() else None
+            awaits = self.tx_state == self.TxState.WAIT_FC
+            data = network_frame.accepted(bytes(message.data), missing, awaits)
+            if data is None:
+                continue
+            if network_frame.has_unknown_state(data):
+                self.stop_sending()
+                continue
+            message.data = bytearray(data)
+            return message
+        return None
 
     @property
     def timer_rx_fc(self) -> Timer:

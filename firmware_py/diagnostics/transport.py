@@ -9,9 +9,8 @@ from __future__ import annotations
 from collections import deque
 
 import isotp
-from isotp.protocol import PDU
 
-from firmware_py.diagnostics import access, table
+from firmware_py.diagnostics import access, network_frame, table
 from firmware_py.diagnostics.timed_layer import LayerClock, TimedLayer
 
 _LEAST_FED = 16  # frames taken in an epoch
@@ -56,7 +55,7 @@ class Transport:
         self._layer = TimedLayer(
             self._clock,
             self._slot_ns,
-            rxfn=self._next_message,
+            receive=self._next_message,
             txfn=lambda message: self._sent.append(bytes(message.data)),
             address=isotp.Address(
                 isotp.AddressingMode.Normal_11bits,
@@ -98,6 +97,11 @@ class Transport:
         """Whether a response is on its way."""
         return bool(self._layer.transmitting() or self._sent)
 
+    @property
+    def is_receiving(self) -> bool:
+        """Whether a request has begun to come."""
+        return bool(self._layer.is_rx_active())
+
     def put(self, can_id: int, data: bytes) -> None:
         """Take a frame from the bus; it is looked at in `begin`."""
         if len(self._waiting) >= _WAITING_EPOCHS * self._most_fed:
@@ -121,12 +125,9 @@ class Transport:
 
     def _take_functional(self, data: bytes) -> None:
         """Take a functional request: a single frame, as ISO 15765-2 has it."""
-        try:
-            pdu = PDU(isotp.CanMessage(arbitration_id=self._functional_id, data=data))
-        except ValueError:
-            return
-        if pdu.type == PDU.Type.SINGLE_FRAME and len(self._functional) < _REQUESTS:
-            self._functional.append(bytes(pdu.data))
+        request = network_frame.single(data)
+        if request is not None and len(self._functional) < _REQUESTS:
+            self._functional.append(request)
 
     def receive_functional(self) -> bytes | None:
         """Return the next request to everybody, or None."""

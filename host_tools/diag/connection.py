@@ -96,7 +96,7 @@ class LibraryConnection(Connection):
         self._layer = TimedLayer(
             self._clock,
             0,
-            rxfn=lambda: self._inbox.pop(0) if self._inbox else None,
+            receive=lambda: self._inbox.pop(0) if self._inbox else None,
             txfn=lambda message: medium.send(bytes(message.data)),
             address=_address(),
             error_handler=self._failures.append,

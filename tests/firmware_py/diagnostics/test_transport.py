@@ -115,6 +115,88 @@ def test_a_request_with_a_frame_missing_is_forgotten(tool):
     assert tool.node._transport.is_idle
 
 
+LOCKED = bytes.fromhex("037f2e33cccccccc")
+WRITE = bytes.fromhex("2e1101") + bytes(13)  # 16 bytes: a first frame and two others
+WRITE_FRAMES = [b"\x10\x10" + WRITE[:6], b"\x21" + WRITE[6:13], b"\x22" + WRITE[13:]]
+IGNORED = {
+    "single frame of no length": "00021003",
+    "single frame of more than it has": "0410030000"[:8],
+    "single frame of eight bytes": "0822f1865500",
+    "first frame of two bytes": "10023e0000000000",
+    "first frame of seven bytes": "100722f186220201",
+    "first frame of long form for few bytes": "10000000000922f1",
+    "first frame that is short": "100922f186",
+    "consecutive frame": "2122f18622020100",
+    "flow control": "300000cccccccccc",
+    "flow control of an unknown state": "330000cccccccccc",
+    "kind 4": "4322f186cccccccc",
+    "kind 15": "ff22f186cccccccc",
+    "nothing": "",
+}
+
+
+@pytest.mark.parametrize("frame", IGNORED.values(), ids=IGNORED)
+def test_what_is_no_frame_of_a_classic_bus_is_ignored(tool, frame):
+    """ISO 15765-2:2016, 9.6; the network layer of the tool sends none of these."""
+    assert collect(tool, 3, [bytes.fromhex(frame)]) == []
+    assert tool.node._transport.is_idle
+    assert tool.ask("22f186") == "62f18601"
+    assert tool.step([bytes.fromhex(frame)], can_id=0x7DF) == []
+    assert tool.ask("22f186") == "62f18601"
+
+
+@pytest.mark.parametrize(
+    "frame",
+    [
+        *(frame for frame in IGNORED.values() if not frame.startswith("2")),
+        "2100112233",  # a consecutive frame that is short
+    ],
+)
+def test_it_does_not_disturb_a_request_that_is_coming(tool, frame):
+    tool.ask("1003")
+    assert len(collect(tool, 1, WRITE_FRAMES[:1])) == 1
+    assert collect(tool, 1, [bytes.fromhex(frame)]) == []
+    assert collect(tool, 1, WRITE_FRAMES[1:]) == [LOCKED]
+
+
+@pytest.mark.parametrize("st_min", [0x80, 0xF0, 0xFA, 0xFF])
+def test_a_reserved_separation_time_is_the_longest(tool, st_min):
+    """ISO 15765-2:2016, 9.6.5.4: 127 ms."""
+    tool.step([READ_ALL])
+    heard = [tool.step([bytes([0x30, 0, st_min])] if k == 0 else []) for k in range(18 * 26)]
+    epochs = [k for k, frames in enumerate(heard) for _ in frames]
+    assert len(epochs) == 18
+    assert all(b - a in (25, 26) for a, b in itertools.pairwise(epochs))
+
+
+def test_flow_control_that_is_not_waited_for_changes_nothing(tool):
+    tool.step([READ_ALL])
+    heard = collect(tool, 0, [GO_ON])
+    heard += collect(tool, 30, [bytes.fromhex("300100"), bytes.fromhex("320000")])
+    assert len(heard) == 18
+
+
+def test_flow_control_of_an_unknown_state_ends_the_response(tool):
+    tool.step([READ_ALL])
+    assert collect(tool, 3, [bytes.fromhex("330000")]) == []
+    assert tool.node._transport.is_idle
+
+
+def test_the_session_lasts_while_a_request_is_coming(tool):
+    """ISO 14229-2: its time stops with the first frame, and begins anew with the response."""
+    tool.unlock()
+    request = bytes.fromhex("2e1101") + bytes(80)
+    tool.step([b"\x10\x53" + request[:6]])
+    for k in range(11):
+        tool.run(0.9)
+        frames = tool.step(
+            [bytes([0x20 | k + 1]) + request[6 + 7 * k : 13 + 7 * k].ljust(7, b"\0")]
+        )
+    assert frames == [bytes.fromhex("037f2e13cccccccc")]
+    assert tool.ask("22f186") == "62f18603"
+    assert tool.server.is_unlocked
+
+
 def test_a_request_too_long_is_refused_with_overflow(tool):
     assert tool.step([bytes.fromhex("1000000010002211")]) == [bytes.fromhex("320001cccccccccc")]
 
