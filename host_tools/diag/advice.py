@@ -17,7 +17,6 @@ _WHAT_TO_DO = {
     Code.REQUIRED_TIME_DELAY_NOT_EXPIRED: f"wait {access.ATTEMPT_DELAY_MS // 1000} s",
     Code.BUSY_REPEAT_REQUEST: "try again",
     Code.GENERAL_PROGRAMMING_FAILURE: "nothing was changed",
-    Code.UPLOAD_DOWNLOAD_NOT_ACCEPTED: "try again in 5 s, when the transfer before has timed out",
     Code.SUB_FUNCTION_NOT_SUPPORTED_IN_ACTIVE_SESSION: "the session was lost; try again",
     Code.SERVICE_NOT_SUPPORTED_IN_ACTIVE_SESSION: "the session was lost; try again",
 }

@@ -6,7 +6,7 @@ import contextlib
 import errno
 import time
 from abc import abstractmethod
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import Self
 
 import can
@@ -16,8 +16,8 @@ from udsoncan.exceptions import TimeoutException
 
 from firmware_py.diagnostics import access, table
 from firmware_py.diagnostics.timed_layer import LayerClock, TimedLayer
-from host_tools.diag.medium import Medium
-from host_tools.errors import BusError
+from host_tools.diag.medium import DiagnosticFrame, Medium
+from host_tools.errors import BusError, DiagError
 from host_tools.port import Address, open_bus
 
 _NS_PER_S = 1_000_000_000
@@ -26,6 +26,13 @@ _SENDING_TURN_S = 0.0005  # while consecutive frames go out
 _STANDSTILL_S = 10.0  # of the wall clock, after which a bus that is waited for stands still
 _LISTEN_S = 0.5
 _SILENCES = (errno.ETIMEDOUT, errno.ECOMM, errno.EBADMSG, errno.EILSEQ)
+
+
+_PRESENT = bytes.fromhex("023e80")  # TesterPresent without a response disturbs nobody
+
+
+class DisturbedError(DiagError):
+    """Another tool asked at the same time: whose answer came cannot be told."""
 
 
 class Connection(BaseConnection):
@@ -92,12 +99,15 @@ class LibraryConnection(Connection):
         self._medium = medium
         self._clock = LayerClock()
         self._inbox: list[isotp.CanMessage] = []
+        self._sent: set[bytes] = set()
+        self._sent_before: set[bytes] = set()
+        self._is_disturbed = False
         self._failures: list[Exception] = []
         self._layer = TimedLayer(
             self._clock,
             0,
             receive=lambda: self._inbox.pop(0) if self._inbox else None,
-            txfn=lambda message: medium.send(bytes(message.data)),
+            txfn=lambda message: self._send(bytes(message.data)),
             address=_address(),
             error_handler=self._failures.append,
             params={
@@ -125,12 +135,25 @@ class LibraryConnection(Connection):
         except can.CanError as error:
             raise BusError(f"bus {self.where}: {error}") from error
 
+    def _send(self, data: bytes) -> None:
+        self._sent.add(data)
+        self._medium.send(data)
+
+    def _is_foreign(self, frame: DiagnosticFrame) -> bool:
+        """Return whether another tool asks here; some buses echo what is sent."""
+        is_present = frame.data[: len(_PRESENT)] == _PRESENT
+        is_own = frame.data in self._sent or frame.data in self._sent_before
+        return not (frame.is_response or is_present or is_own)
+
     def _turn(self, wait_s: float) -> bool:
         """Wait for frames and let the layer work; return whether time has gone on."""
         before_ns = self._medium.now_ns
         frames = self._medium.receive(wait_s)
-        for data in frames:
-            self._inbox.append(isotp.CanMessage(arbitration_id=table.response_id(), data=data))
+        for frame in frames:
+            self._is_disturbed |= self._is_foreign(frame)
+            if frame.is_response:
+                message = isotp.CanMessage(arbitration_id=table.response_id(), data=frame.data)
+                self._inbox.append(message)
         self._clock.now_ns = self._medium.now_ns
         if frames or self._layer.transmitting() or self._layer.is_rx_active():
             self._layer.process()
@@ -164,6 +187,7 @@ class LibraryConnection(Connection):
             When the other end takes no more of it.
         """
         self._failures.clear()
+        self._sent, self._sent_before = set(), self._sent
         moved = time.monotonic()
         with self._on_bus():
             self._clock.now_ns = self._medium.now_ns
@@ -184,9 +208,16 @@ class LibraryConnection(Connection):
         Raises
         ------
         TimeoutException
+        DisturbedError
         """
         with self._on_bus():
             message = self._turn_until(timeout or 0.0)
+        if self._is_disturbed:
+            self._is_disturbed = False
+            raise DisturbedError(
+                f"bus {self.where}: another diagnostic tool asks at the same time, and answers do "
+                "not say whom they are for; one at a time"
+            )
         if message is None:
             raise _silence("no response")
         return message
@@ -202,15 +233,23 @@ class LibraryConnection(Connection):
         if self.keeps_pace:
             return
         with self._on_bus():
-            while self._medium.receive(0.0):
-                pass
+            while frames := self._medium.receive(0.0):
+                self._overhear(frames)
+
+    def _overhear(self, frames: Iterable[DiagnosticFrame]) -> None:
+        """Note whether somebody else still waits for a response."""
+        for frame in frames:
+            if frame.is_response:
+                self._is_disturbed = False
+            elif self._is_foreign(frame):
+                self._is_disturbed = True
 
     def pass_time(self, seconds: float) -> None:
         """Let time go on, by the clock of the medium."""
         end_ns = self._medium.now_ns + round(seconds * _NS_PER_S)
         with self._on_bus():
             while (left_ns := end_ns - self._medium.now_ns) > 0:
-                self._medium.receive(min(left_ns, _NS_PER_S) / _NS_PER_S)
+                self._overhear(self._medium.receive(min(left_ns, _NS_PER_S) / _NS_PER_S))
 
     def hears_others(self) -> bool:
         """Return whether anything at all is on the bus."""

@@ -21,6 +21,7 @@ from firmware_py.diagnostics.access import ANYWHERE, Access, Session, key_of
 from firmware_py.diagnostics.data import DataIdentifier
 from firmware_py.diagnostics.responses import Code
 from host_tools.diag.advice import refusal
+from host_tools.diag.connection import DisturbedError
 from host_tools.diag.target import Target
 from host_tools.errors import DiagError, NoAnswerError
 
@@ -283,6 +284,11 @@ class Conversation:
                 last = error
                 if not self._has_answered or not is_repeatable:
                     break
+            except DisturbedError as error:
+                last = error
+                if not is_repeatable:
+                    break
+                self.connection.pass_time(_PAUSE_S)
             except (InvalidResponseException, UnexpectedResponseException) as error:
                 last = error  # an answer to a request before that came late
                 if not is_repeatable:
@@ -295,6 +301,8 @@ class Conversation:
 
     def _why_none(self, what: str, last: Exception) -> DiagError:
         where = self.connection.where
+        if isinstance(last, DisturbedError):
+            return last
         if isinstance(last, NegativeResponseException):
             return refusal(what, Code.BUSY_REPEAT_REQUEST)
         if not isinstance(last, TimeoutException):

@@ -74,6 +74,14 @@ def _as_dict(tester: Tester, found: Found, with_frames: bool) -> dict[str, Any]:
     return told
 
 
+def _had(tester: Tester, trouble: Trouble) -> Found:
+    """Return a trouble code as the computer has it; fail when it cannot have it."""
+    for found in tester.all_troubles():
+        if found.number == trouble.number:
+            return found
+    raise click.UsageError(f"this computer does not have {trouble.name}")
+
+
 @dtc.command("read")
 @click.argument("trouble", type=TROUBLE, required=False, metavar="[TROUBLE]")
 @click.option(
@@ -94,10 +102,7 @@ def read_troubles(
     With a TROUBLE (sensor_3_silent, U1103-87 or 0xD10387), its counters and freeze frames.
     """
     if trouble is not None:
-        every = {one.number: one for one in tester.all_troubles()}
-        if trouble.number not in every:
-            raise click.UsageError(f"this computer does not have {trouble.name}")
-        found = [every[trouble.number]]
+        found = [_had(tester, trouble)]
     else:
         found = tester.all_troubles() if all_of_them else tester.troubles(_NOTED)
     in_detail = freeze_frames or trouble is not None
@@ -158,7 +163,7 @@ def clear_troubles(tester: Tester, trouble: Trouble | None, as_json: bool) -> No
 
     What is still faulty is found again.
     """
-    tester.clear(ALL_GROUPS if trouble is None else trouble.number)
+    tester.clear(ALL_GROUPS if trouble is None else _had(tester, trouble).number)
     cleared = "all" if trouble is None else trouble.name
     if as_json:
         show.as_json({"cleared": cleared})

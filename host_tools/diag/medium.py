@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import Protocol
 
 import can
@@ -15,6 +15,14 @@ from host_tools.bus.interface import RrinsBus
 
 _NS_PER_S = 1_000_000_000
 _BATCH = 4096
+
+
+@dataclass(frozen=True, slots=True)
+class DiagnosticFrame:
+    """A frame of a response, or of a request: one of another tool's, or an echo of our own."""
+
+    data: bytes
+    is_response: bool
 
 
 class Medium(Protocol):
@@ -35,8 +43,8 @@ class Medium(Protocol):
     def send(self, data: bytes) -> None:
         """Send a frame of a request."""
 
-    def receive(self, wait_s: float) -> list[bytes]:
-        """Wait for frames of responses, `wait_s` seconds of the wall clock at most."""
+    def receive(self, wait_s: float) -> list[DiagnosticFrame]:
+        """Wait for diagnostic frames, `wait_s` seconds of the wall clock at most."""
 
     def hears_others(self, wait_s: float) -> bool:
         """Return whether anything at all is on the bus."""
@@ -66,7 +74,7 @@ class EmbeddedMedium:
         self._bus = bus
         self._frames = frame_array(_BATCH)
         self._ids = self._frames["can_id"]
-        self._response_id = table.response_id()
+        self._request_id, self._response_id = table.request_id(), table.response_id()
         self._bus_ns = 0
 
     @property
@@ -78,19 +86,20 @@ class EmbeddedMedium:
         """Send a frame of a request."""
         self._bus.send(request_message(data))
 
-    def receive(self, wait_s: float) -> list[bytes]:
-        """Return the responses' frames of the next datagram; none when the time is over."""
+    def receive(self, wait_s: float) -> list[DiagnosticFrame]:
+        """Return the diagnostic frames of the next datagram; none when the time is over."""
         batch = self._bus.recv_batch(self._frames, wait_s)
         if batch is None:
             return []
         self._bus_ns = batch.time_ns
-        ours = self._ids[: batch.count] == self._response_id
-        return list(self._payloads(ours)) if ours.any() else []
+        ids = self._ids[: batch.count]
+        found = np.flatnonzero((ids == self._response_id) | (ids == self._request_id))
+        return [self._frame(k) for k in found.tolist()]
 
-    def _payloads(self, ours: np.ndarray[tuple[int, ...], np.dtype[np.bool_]]) -> Iterator[bytes]:
-        for k in np.flatnonzero(ours).tolist():
-            frame = self._frames[k]
-            yield int(frame["data"]).to_bytes(8, "little")[: int(frame["length"])]
+    def _frame(self, index: int) -> DiagnosticFrame:
+        frame = self._frames[index]
+        data = int(frame["data"]).to_bytes(8, "little")[: int(frame["length"])]
+        return DiagnosticFrame(data, bool(frame["can_id"] == self._response_id))
 
     def hears_others(self, wait_s: float) -> bool:
         """Return whether anything at all is on the bus."""
@@ -108,7 +117,8 @@ class MessageMedium:
 
     def __init__(self, bus: can.BusABC) -> None:
         self._bus = bus
-        self._bus.set_filters([{"can_id": table.response_id(), "can_mask": 0x7FF}])
+        self._ids = (table.request_id(), table.response_id())
+        self._bus.set_filters([{"can_id": can_id, "can_mask": 0x7FF} for can_id in self._ids])
 
     @property
     def now_ns(self) -> int:
@@ -119,13 +129,14 @@ class MessageMedium:
         """Send a frame of a request."""
         self._bus.send(request_message(data))
 
-    def receive(self, wait_s: float) -> list[bytes]:
-        """Return the responses' frames that come in time."""
+    def receive(self, wait_s: float) -> list[DiagnosticFrame]:
+        """Return the diagnostic frames that come in time."""
         found = []
         message = self._bus.recv(wait_s)
         while message is not None:
-            if message.arbitration_id == table.response_id() and not message.is_error_frame:
-                found.append(bytes(message.data))
+            if message.arbitration_id in self._ids and not message.is_error_frame:
+                is_response = message.arbitration_id == self._ids[1]
+                found.append(DiagnosticFrame(bytes(message.data), is_response))
             message = self._bus.recv(0)
         return found
 

@@ -31,7 +31,7 @@ _BLOCK_OVERHEAD = 2  # bytes of a TransferData before its data
 _LOST_TRANSFER = (
     *LOST_SESSION,
     Code.REQUEST_SEQUENCE_ERROR,
-    Code.UPLOAD_DOWNLOAD_NOT_ACCEPTED,
+    Code.CONDITIONS_NOT_CORRECT,  # another transfer is under way
     Code.WRONG_BLOCK_SEQUENCE_COUNTER,
 )
 
@@ -250,7 +250,11 @@ class Tester(Conversation):
             When its CRC does not hold.
         """
         return self.request(
-            "calibration pull", table.service(0x35).access, self._pull, lost=_LOST_TRANSFER
+            "calibration pull",
+            table.service(0x35).access,
+            self._pull,
+            lost=_LOST_TRANSFER,
+            advice=_about_transfers,
         )
 
     def _pull(self) -> bytes:
@@ -276,6 +280,7 @@ class Tester(Conversation):
             table.service(0x34).access,
             lambda: self._push(file),
             lost=_LOST_TRANSFER,
+            advice=_about_transfers,
         )
 
     def _push(self, file: bytes) -> None:
@@ -308,6 +313,13 @@ def _found(dtc: Any) -> Found:
 
 def _in_range(words: str) -> Advice:
     return lambda code: words if code == Code.REQUEST_OUT_OF_RANGE else ""
+
+
+def _about_transfers(code: int) -> str:
+    is_busy = code == Code.CONDITIONS_NOT_CORRECT
+    return (
+        "another transfer is under way; try again in 5 s, when it has timed out" if is_busy else ""
+    )
 
 
 def _about_modes(text: str) -> str:

@@ -74,6 +74,8 @@ def assigned(
         One line: which text is wrong, and what may be written.
     """
     by_name = {field.name: field for field in fields}
+    if texts and not by_name:
+        raise AssignmentError(f"{texts[0]!r} is too much: nothing is to be given")
     values: Values = dict(current or {})
     given: set[str] = set()
     for text in texts:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from firmware_py.diagnostics import table
 from host_tools.diag.connection import LibraryConnection
-from host_tools.diag.medium import request_message
+from host_tools.diag.medium import DiagnosticFrame, request_message
 from host_tools.diag.target import Target
 from host_tools.testing.recording import FrameRing
 
@@ -41,12 +41,16 @@ class BenchMedium:
         """Send a frame of a request."""
         self._bench.send_frame(request_message(data))
 
-    def receive(self, wait_s: float) -> list[bytes]:
-        """Let an epoch pass; return the responses' frames in it."""
+    def receive(self, wait_s: float) -> list[DiagnosticFrame]:
+        """Let an epoch pass; return the diagnostic frames in it, requests first."""
         first = self._ring.total
         self._bench.advance(self._bench.scenario.period_ns / 1e9)
-        frames, _ = self._ring.find(table.response_id(), first)
-        return [int(f["data"]).to_bytes(8, "little")[: int(f["length"])] for f in frames]
+        heard = []
+        for can_id in (table.request_id(), table.response_id()):
+            for frame in self._ring.find(can_id, first)[0]:
+                data = int(frame["data"]).to_bytes(8, "little")[: int(frame["length"])]
+                heard.append(DiagnosticFrame(data, can_id == table.response_id()))
+        return heard
 
     def hears_others(self, wait_s: float) -> bool:
         """Return True: a bench is never silent."""

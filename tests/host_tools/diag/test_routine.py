@@ -9,8 +9,8 @@ def test_a_routine_in_the_wrong_mode(computer):
     refused = computer.type("routine", "start", "self_test", "--security")
     assert refused.status == 22
     assert refused.error == (
-        "routine start self_test: conditionsNotCorrect (0x22): not in this mode of the navigation "
-        "computer; the mode is NAVIGATION_ROTATING; allowed: In STANDBY and FAULT"
+        "routine start self_test: conditionsNotCorrect (0x22): not as things stand; "
+        "the mode is NAVIGATION_ROTATING; allowed: In STANDBY and FAULT"
     )
     assert computer.type("routine", "start", "self_test").status == 22
 

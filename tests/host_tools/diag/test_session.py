@@ -8,6 +8,7 @@ import pytest
 from firmware_py.diagnostics import table
 from firmware_py.diagnostics.access import Session
 from firmware_py.memory import RAM
+from host_tools.diag.medium import request_message
 from host_tools.errors import NoAnswerError
 
 
@@ -155,3 +156,47 @@ def test_memory_that_is_not_there(computer):
     assert computer.type("memory", "read", "modes", "--size", "8").status == 2
     beyond = computer.type("memory", "read", "99999", "--size", "8")
     assert (beyond.status, "memory list" in beyond.error) == (22, True)
+
+
+class Other:
+    """Another tool on the bus: it asks whenever this one does."""
+
+    def __init__(self, computer, *requests: str) -> None:
+        self._computer = computer
+        self._requests = [bytes.fromhex(request) for request in requests]
+        self._send = computer.medium.send
+
+    def send(self, data: bytes) -> None:
+        if self._requests:
+            self._computer.bench.send_frame(request_message(self._requests.pop(0)))
+        self._send(data)
+
+
+@pytest.fixture
+def other(computer, monkeypatch):
+    def asks(*requests: str) -> None:
+        monkeypatch.setattr(computer.medium, "send", Other(computer, *requests).send)
+
+    return asks
+
+
+STEPS = "0723140000000008"  # eight bytes from the beginning of the RAM image, as nobody here asks
+
+
+def test_the_answer_to_another_tool_is_not_taken_for_ours(computer, other):
+    with computer.tester() as tester:
+        expected = tester.read_memory(16, 8)
+        other(STEPS)
+        assert tester.read_memory(16, 8) == expected  # asked for again
+
+
+def test_two_tools_that_ask_all_the_time_are_told_so(computer, other):
+    other(*[STEPS] * 8)
+    ended = computer.type("memory", "read", "0x10", "--size", "8")
+    assert ended.status == 20
+    assert "another diagnostic tool asks at the same time" in ended.error
+
+
+def test_another_tool_that_only_keeps_its_session_disturbs_nobody(computer, other):
+    other(*["023e80"] * 100)
+    assert computer.type("dtc", "read").out == "no trouble codes\n"
