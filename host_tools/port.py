@@ -19,7 +19,7 @@ from dbc.contract import load_contract
 from dbc.e2e import fill
 from dbc.frame import EFF_FLAG, ERR_FLAG, RTR_FLAG, FrameArray, frame_array
 from host_tools.bus.channel import NoHostError
-from host_tools.bus.interface import RrinsBus
+from host_tools.bus.interface import ANSWER_S, RrinsBus
 from host_tools.errors import BusError, SideLostError
 
 Side = Literal["firmware", "hardware"]
@@ -100,12 +100,15 @@ def _one_line(error: Exception) -> str:
 def open_when_there(address: Address, wait_s: float, **wishes: Any) -> can.BusABC:
     """Open a bus of the embedded kind once somebody hosts it, `wait_s` seconds from now at most.
 
+    So long its host may be busy with something else, too, and not answer.
+
     Raises
     ------
     BusNotThereError
         When nobody has hosted it by then.
     """
     deadline_ns = time.monotonic_ns() + round(wait_s * 1e9)
+    wishes = {"attach_timeout": max(wait_s, ANSWER_S)} | wishes
     while True:
         try:
             return open_bus(address, **wishes)

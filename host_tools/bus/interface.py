@@ -28,6 +28,10 @@ _NO_FRAMES: Final = frame_array(0)
 _NO_BYTES: Final = memoryview(bytearray())
 
 
+ANSWER_S = 10.0
+"""Seconds that a host has to answer who attaches."""
+
+
 class RrinsBus(can.BusABC):
     """One end of an embedded virtual CAN bus between the processes of one machine.
 
@@ -93,7 +97,7 @@ class RrinsBus(can.BusABC):
         receive_own_messages: bool = False,
         fd: bool = False,
         in_step: bool = False,
-        attach_timeout: float = 10.0,
+        attach_timeout: float = ANSWER_S,
         queue_limit: int = 4 * 1024 * 1024,
         **kwargs: Any,
     ) -> None:

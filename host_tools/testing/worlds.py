@@ -227,7 +227,7 @@ class LockstepWorld(_Virtual):
             self.host = RrinsBus(self.channel, host="here", name="hardware", exclusive=True)
             self._ends.callback(self.host.shutdown)
             core = shared_core()
-            options = ("--core", str(core))
+            options = ("--core", str(core), "--attach-wait", str(START_S))
             self.side = SideProcess("firmware", scenario_file, self.channel, "max", *options)
             self._ends.callback(self._stop)
             prepare_hardware(scenario)  # while the firmware prepares itself
