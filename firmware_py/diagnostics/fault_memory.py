@@ -175,8 +175,13 @@ class FaultMemory:
             if self._memory["aging"][index] >= AGING_CYCLES:
                 self._forget([index])
                 status[index] &= 0xFF & ~Status.CONFIRMED
-        status &= 0xFF & ~(Status.TEST_FAILED | Status.TEST_FAILED_THIS_OPERATION_CYCLE)
+        status &= 0xFF & ~Status.TEST_FAILED_THIS_OPERATION_CYCLE
         status |= int(Status.TEST_NOT_COMPLETED_THIS_OPERATION_CYCLE)
+        self.begin_test()
+
+    def begin_test(self) -> None:
+        """Let every test find anew whether it fails, as after any reset."""
+        self._memory["status"] &= 0xFF & ~Status.TEST_FAILED
 
     def image(self) -> bytes:
         """Return what is remembered when the power is off."""

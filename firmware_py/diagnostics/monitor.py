@@ -75,6 +75,7 @@ _SET_BY_FAILURE = int(
     | Status.CONFIRMED
     | Status.TEST_FAILED_SINCE_LAST_CLEAR
 )
+_AGES = int(Status.PENDING | Status.CONFIRMED)
 _COMPLETED = 0xFF & ~int(  # all other bits
     Status.TEST_NOT_COMPLETED_SINCE_LAST_CLEAR | Status.TEST_NOT_COMPLETED_THIS_OPERATION_CYCLE
 )
@@ -313,6 +314,16 @@ def _fail(state: Any, monitor: Any, index: int) -> None:
 
 
 @njit(cache=True)
+def _pass(monitor: Any, index: int) -> None:
+    """Note that a test has passed; what ages by it is to be kept, should the power fail."""
+    status = monitor.troubles.status[index]
+    passed = status & _COMPLETED & ~_FAILED
+    if passed != status and passed & _AGES != 0:
+        monitor.attention |= ATTENTION_TROUBLES
+    monitor.troubles.status[index] = passed
+
+
+@njit(cache=True)
 def _debounce(state: Any, monitor: Any, kind: int, touched: int) -> None:
     """Count the fault detection counters of a kind's bits up or down."""
     failing = monitor.failing[kind]
@@ -330,7 +341,7 @@ def _debounce(state: Any, monitor: Any, kind: int, touched: int) -> None:
         else:
             counter = max(counter - monitor.down[index], COUNTER_FLOOR)
             if counter == COUNTER_FLOOR:
-                status[index] &= _COMPLETED & ~_FAILED
+                _pass(monitor, index)
                 monitor.unsettled[kind] &= ~(1 << bit)
         monitor.counter[index] = counter
 

@@ -106,11 +106,14 @@ class Diagnostics:
 
     def _begin(self, store: TwoCopyStore | None) -> None:
         """Recall the trouble codes, and begin an operation cycle."""
-        found = None if store is None else store.read().image
+        self._ram[0]["diagnostics"]["memory_faults"] = self.parameters.faults
+        if store is None:
+            return
+        found = store.read().image
         if found is not None:
             self.faults.recall(found)
             self.faults.begin_cycle()
-        self._ram[0]["diagnostics"]["memory_faults"] = self.parameters.faults
+        self._are_faults_new = self.is_awake = True  # the power may fail before anything else
 
     def _make_server(self, secret: bytes, random_bytes: Callable[[int], bytes]) -> Server:
         server = Server()
@@ -259,6 +262,7 @@ class Diagnostics:
         self._ram[0]["diagnostics"]["memory_faults"] = self.parameters.faults
         self.faults.set_up()
         self.faults.restore(kept)
+        self.faults.begin_test()
         if is_hard:
             self.faults.begin_cycle()
             self._are_faults_new = True

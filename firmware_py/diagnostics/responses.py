@@ -32,7 +32,6 @@ class Code(IntEnum):
     INVALID_KEY = 0x35
     EXCEEDED_NUMBER_OF_ATTEMPTS = 0x36
     REQUIRED_TIME_DELAY_NOT_EXPIRED = 0x37
-    UPLOAD_DOWNLOAD_NOT_ACCEPTED = 0x70
     TRANSFER_DATA_SUSPENDED = 0x71
     GENERAL_PROGRAMMING_FAILURE = 0x72
     WRONG_BLOCK_SEQUENCE_COUNTER = 0x73
@@ -47,14 +46,13 @@ MEANINGS = {
     Code.INCORRECT_MESSAGE_LENGTH: "the request is too short or too long",
     Code.RESPONSE_TOO_LONG: "the response would not fit into 4095 bytes",
     Code.BUSY_REPEAT_REQUEST: "the request before is still being worked on",
-    Code.CONDITIONS_NOT_CORRECT: "not in this mode of the navigation computer",
+    Code.CONDITIONS_NOT_CORRECT: "not as things stand",
     Code.REQUEST_SEQUENCE_ERROR: "another request has to come before",
     Code.REQUEST_OUT_OF_RANGE: "no such identifier, or a value beyond its limits",
     Code.SECURITY_ACCESS_DENIED: "not unlocked",
     Code.INVALID_KEY: "a wrong key",
     Code.EXCEEDED_NUMBER_OF_ATTEMPTS: "the last of the wrong keys that are allowed",
     Code.REQUIRED_TIME_DELAY_NOT_EXPIRED: "no seed until the delay after wrong keys is over",
-    Code.UPLOAD_DOWNLOAD_NOT_ACCEPTED: "a transfer cannot be begun now",
     Code.TRANSFER_DATA_SUSPENDED: "more data than was announced",
     Code.GENERAL_PROGRAMMING_FAILURE: "wrong CRC, not a calibration file, or it cannot be stored",
     Code.WRONG_BLOCK_SEQUENCE_COUNTER: "a block is missing",

@@ -52,7 +52,7 @@ class FileMedium:
     Parameters
     ----------
     path : Path
-        Need not exist; its folder has to.
+        Made, empty, where there is none; its folder has to exist.
 
     Raises
     ------
@@ -66,24 +66,24 @@ class FileMedium:
         try:
             if not path.parent.is_dir():
                 raise StoreError(f"{path}: there is no folder {path.parent}")
-            if path.exists():
-                self._open()
+            file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
         except OSError as error:
             raise StoreError(f"{path}: cannot be opened: {error.strerror}") from error
+        if not self._lock(file):
+            os.close(file)
+            raise StoreError(f"{path}: another firmware has it")
+        self._file = file
 
-    def _open(self) -> None:
-        file = os.open(self._path, os.O_RDWR | os.O_CLOEXEC)
+    def _lock(self, file: int) -> bool:
+        """Lock an open file; return whether it is ours, and still the one that the path names."""
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError as error:
-            os.close(file)
-            raise StoreError(f"{self._path}: another firmware has it") from error
-        self._file = file
+            return os.path.samestat(os.fstat(file), self._path.stat())
+        except OSError:
+            return False
 
     def read(self, start: int, length: int) -> bytes:
         """Return bytes, fewer where there are no more."""
-        if self._file < 0:
-            return b""
         try:
             return os.pread(self._file, length, start)
         except OSError as error:
@@ -102,22 +102,27 @@ class FileMedium:
     def create(self, data: bytes) -> None:
         """Store the first bytes ever: all of them or none."""
         aside = self._path.with_name(f".{self._path.name}.{os.getpid()}")
+        empty, file = self._file, -1
         try:
-            with aside.open("wb") as file:
-                file.write(data)
-                file.flush()
-                os.fsync(file.fileno())
+            file = os.open(aside, os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o666)
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)  # before anybody can find it
+            self._file = file
+            self.write(0, data)
             aside.rename(self._path)
             folder = os.open(self._path.parent, os.O_RDONLY | os.O_DIRECTORY)
             try:
                 os.fsync(folder)
             finally:
                 os.close(folder)
-            self._open()
-        except OSError as error:
+        except (OSError, StoreError) as error:
+            self._file = empty
+            if file >= 0:
+                os.close(file)
             with contextlib.suppress(OSError):
                 aside.unlink()
-            raise StoreError(f"{self._path}: cannot be made: {error.strerror}") from error
+            why = error.strerror if isinstance(error, OSError) else error
+            raise StoreError(f"{self._path}: cannot be made: {why}") from error
+        os.close(empty)
 
     def close(self) -> None:
         """Let go of the file."""

@@ -80,7 +80,7 @@ class TimedLayer(isotp.TransportLayerLogic):
         self._clock = clock
         self._separation_ns = separation_ns
         self._receive = receive
-        super().__init__(rxfn=self._next_accepted, **layer)
+        super().__init__(rxfn=lambda timeout_s: self._next_accepted(), **layer)
         self.rate_limiter.disable()
 
     def _next_accepted(self) -> isotp.CanMessage | None:
@@ -94,7 +94,7 @@ class TimedLayer(isotp.TransportLayerLogic):
             if network_frame.has_unknown_state(data):
                 self.stop_sending()
                 continue
-            message.data = bytearray(data)
+            message.data = data
             return message
         return None
 

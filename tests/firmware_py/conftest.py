@@ -16,6 +16,7 @@ from dbc.e2e import protect
 from dbc.frame import FRAME, frame_array
 from firmware_py import earth, strapdown
 from firmware_py.calibration import input_axes
+from firmware_py.diagnostics.store import Stores
 from firmware_py.loop import Firmware
 from firmware_py.memory import INS
 from firmware_py.modes import Mode
@@ -123,9 +124,9 @@ def earth_rate_n(latitude: float) -> np.ndarray:
 class Bench:
     """A firmware at a standing vehicle whose sensors are ideal but for counting."""
 
-    def __init__(self, **changes: Any) -> None:
+    def __init__(self, stores: Stores | None = None, **changes: Any) -> None:
         settings = make_settings(**changes)
-        self.firmware = Firmware(settings)
+        self.firmware = Firmware(settings, stores=stores)
         self.ram = self.firmware.ram
         self.state = self.ram[0]
         self.period_ns = self.firmware.period_ns

@@ -17,8 +17,10 @@ from dbc.contract import SENSOR_GROUPS
 from dbc.values import AxisState
 from firmware_py import earth
 from firmware_py.calibration import DPH, UG
-from firmware_py.diagnostics.codecs import Value, Values
+from firmware_py.diagnostics import table
+from firmware_py.diagnostics.codecs import Value, ValueRangeError, Values
 from firmware_py.diagnostics.computer import Computer
+from firmware_py.diagnostics.image import Parameters
 from firmware_py.diagnostics.parameters import ACCELEROMETER_CALIBRATIONS, GYRO_CALIBRATIONS
 from firmware_py.diagnostics.routines import RoutineState
 from firmware_py.diagnostics.services.programmes import Programme
@@ -133,9 +135,19 @@ class Calibration(Programme):
         if not all(record.is_whole(count, self._epochs) for record, count in whole):
             self.state = RoutineState.FAILED
         elif self._store:
-            self._job = self.computer.parameters.change(self._parameters())
+            self._keep(self._parameters())
         else:
             self.state = RoutineState.DONE
+
+    def _keep(self, found: Parameters) -> None:
+        """Begin to store what was found, unless a bias is beyond what a sensor may have."""
+        try:
+            for number, values in found.items():
+                table.IDENTIFIER_BY_NUMBER[number].layout.check(values)
+        except ValueRangeError:
+            self.state = RoutineState.FAILED
+        else:
+            self._job = self.computer.parameters.change(found)
 
     def _await(self, job: Job) -> None:
         if job.done:
@@ -164,10 +176,10 @@ class Calibration(Programme):
         dv_bias = accelerometers.mean() - dv + state["accelerometers"]["bias_increment"]
         return dtheta_bias / (seconds * DPH), dv_bias / (seconds * UG)
 
-    def _parameters(self) -> dict[int, Values]:
+    def _parameters(self) -> Parameters:
         """Return the calibrations with the biases found."""
         memory = self.computer.parameters
-        found: dict[int, Values] = {}
+        found: Parameters = {}
         tables = (GYRO_CALIBRATIONS, ACCELEROMETER_CALIBRATIONS)
         names = ("bias_dph", "bias_ug")
         for did, name, biases, count in zip(

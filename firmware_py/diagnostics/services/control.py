@@ -65,7 +65,10 @@ class Control(Part):
             self._exclude(0, 0)
 
     def _exclude(self, gyros: int, accelerometers: int) -> None:
-        monitor = self._computer.state["diagnostics"]
+        state = self._computer.state
+        for sensors, kind in ((gyros, "gyros"), (accelerometers, "accelerometers")):
+            require(sensors >> int(state[kind]["count"]) == 0, Code.REQUEST_OUT_OF_RANGE)
+        monitor = state["diagnostics"]
         monitor["excluded_gyros"] = gyros
         monitor["excluded_accelerometers"] = accelerometers
 

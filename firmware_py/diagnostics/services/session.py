@@ -14,6 +14,7 @@ from firmware_py.diagnostics.server import Handler, Part, Reset, Server
 
 _NS_PER_MS = 1_000_000
 _NORMAL, _MANAGEMENT = 0x01, 0x02  # communication types of 0x28, a bit each
+_ALL_NETWORKS, _THIS_NETWORK = 0x00, 0xF0  # high nibble: there is one network
 _DISABLE_TRANSMISSION = 0x01
 _SETTING_OFF = 0x02
 
@@ -116,8 +117,9 @@ class Communication(Part):
     def control(self, server: Server, data: bytes) -> bytes:
         """Stop cyclic messages, or let them go on (0x28)."""
         _exactly(data, 2)
-        types = data[1]
-        require(0 < types <= _NORMAL | _MANAGEMENT, Code.REQUEST_OUT_OF_RANGE)
+        types, network = data[1] & 0x0F, data[1] & 0xF0
+        is_here = network in (_ALL_NETWORKS, _THIS_NETWORK)
+        require(is_here and 0 < types <= _NORMAL | _MANAGEMENT, Code.REQUEST_OUT_OF_RANGE)
         if data[0] == _DISABLE_TRANSMISSION:
             self.silent |= types
         else:

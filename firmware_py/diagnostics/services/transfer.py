@@ -74,7 +74,7 @@ class Transfers(Part):
         return self._begin(_Transfer(False, length, bytearray(file[:length])))
 
     def _begin(self, transfer: _Transfer) -> bytes:
-        require(self._transfer is None, Code.UPLOAD_DOWNLOAD_NOT_ACCEPTED)
+        require(self._transfer is None, Code.CONDITIONS_NOT_CORRECT)
         self._transfer = transfer
         return bytes([_LENGTH_FORMAT]) + BLOCK_LENGTH.to_bytes(2, "big")
 

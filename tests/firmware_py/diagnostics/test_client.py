@@ -199,7 +199,7 @@ def test_a_transfer_keeps_its_order(client, tool):
     unlock(client, "programmingSession")
     file = image.encode(tool.node.parameters.effective())
     client.request_download(MemoryLocation(CALIBRATION_ADDRESS, len(file), 32, 32))
-    assert refusal(client.request_upload, FILE) == 0x70
+    assert refusal(client.request_upload, FILE) == 0x22
     assert refusal(client.transfer_data, 2, file[:100]) == 0x73
     client.transfer_data(1, file[:300])
     client.transfer_data(1, file[:300])  # the response was lost: sent again
@@ -321,6 +321,17 @@ def test_calibration_finds_the_biases_of_a_standing_record(tool_at, connect, too
     kept = tool.node.parameters.stored
     assert kept[0x1101]["bias_dph"] == pytest.approx(30.0, abs=1e-3)
     assert kept[0x1204]["bias_ug"] == pytest.approx(250.0, abs=0.01)
+
+
+def test_calibration_stores_no_bias_that_no_sensor_may_have(client, tool):
+    tool.bench._gyro[1] += 20_000 * 4.84813681109536e-6 * 0.005 / 4e-9
+    unlock(client)
+    routine(client, "calibration", duration_s=4, store=1)
+    tool.run(4.1)
+    found = routine(client, "calibration", "result")
+    assert (found["state"], found["stored"]) == (RoutineState.FAILED, 0)
+    assert found["gyro_bias_dph"][1] == pytest.approx(20_000, rel=1e-4)
+    assert tool.node.parameters.stored == {}
 
 
 def test_calibration_fails_when_an_axis_moves(client, tool):

@@ -8,7 +8,8 @@ import pytest
 from firmware_py.diagnostics import table
 from firmware_py.diagnostics.fault_memory import FaultMemory
 from firmware_py.diagnostics.troubles import AGING_CYCLES, CLEARED_STATUS, Status
-from firmware_py.modes import Mode
+from firmware_py.loop import open_memories
+from firmware_py.modes import Mode, ModeRequest
 
 HEALING = 403  # epochs from 127 over 0 to -128, a second each
 
@@ -143,3 +144,51 @@ def test_trouble_codes_outlive_a_reset_of_the_computer(tool_at):
         bench.run_to(Mode.STANDBY)
         assert failed(bench, Status.CONFIRMED) == {"sensor_2_silent"}
     assert faults_of(bench).operation_cycles == 2
+
+
+def test_a_reset_lets_every_test_find_anew_whether_it_fails(tool_at):
+    tool = tool_at(Mode.NAVIGATION_STRAPDOWN)
+    bench = tool.bench
+    for request in ("1101", "1103"):
+        run(bench, 20, without(2))
+        assert failed(bench) == {"sensor_2_silent"}
+        tool.ask("1003")
+        tool.ask(request)
+        bench.firmware.diagnostics.restart()
+        assert failed(bench) == set()
+        bench.run_to(Mode.NAVIGATION_STRAPDOWN, ModeRequest.NAVIGATE_STRAPDOWN)
+
+
+@pytest.fixture
+def cycles(at, tmp_path):
+    """Return what powers a computer on, lets it run, and cuts its power; it says what it keeps."""
+
+    def cycle(seconds, change=lambda frames: frames):
+        stores = open_memories(tmp_path / "parameters.bin")
+        bench = at(stores=stores)
+        run(bench, round(seconds * 200), change)
+        stores.parameters.close()
+        stores.faults.close()
+        faults = faults_of(bench)
+        index = faults.index_of(table.trouble("sensor_2_silent").number)
+        return faults.operation_cycles, status(bench, "sensor_2_silent"), faults.extended(index)[1]
+
+    return cycle
+
+
+def test_an_operation_cycle_ends_when_the_power_fails(cycles):
+    assert cycles(1, without(2))[:2] == (1, 0x2F)
+    for number in range(2, 6):
+        count, now, counters = cycles(3)
+        assert count == number
+        assert now == 0x28 | (Status.PENDING if number == 2 else 0)  # it passed in the second
+        assert counters["aging"] == number - 2
+
+
+def test_a_cycle_too_short_for_a_test_is_counted_and_ages_nothing(cycles):
+    cycles(1, without(2))
+    for number in range(2, 6):
+        count, now, counters = cycles(0.1)
+        assert count == number
+        assert now & Status.PENDING
+        assert counters["aging"] == 0

@@ -211,6 +211,31 @@ def test_two_firmwares_cannot_have_the_same_file(tmp_path):
     FileMedium(path).close()
 
 
+def test_two_firmwares_cannot_have_the_same_new_file(tmp_path):
+    path = tmp_path / "parameters.bin"
+    store = TwoCopyStore(FileMedium(path), CAPACITY)
+    with pytest.raises(StoreError, match="another firmware has it"):
+        FileMedium(path)
+    store.write(image_of(1))
+    with pytest.raises(StoreError, match="another firmware has it"):
+        FileMedium(path)
+    store.write(image_of(2))
+    store.close()
+    assert TwoCopyStore(FileMedium(path), CAPACITY).read().image == image_of(2)
+
+
+def test_a_first_write_that_fails_leaves_the_file_as_it_was(tmp_path):
+    path = tmp_path / "parameters.bin"
+    store = TwoCopyStore(FileMedium(path), CAPACITY)
+    (tmp_path / f".parameters.bin.{os.getpid()}").mkdir()  # where it would be made
+    with pytest.raises(StoreError, match="cannot be made"):
+        store.write(image_of(1))
+    assert store.read().condition is Condition.BLANK
+    (tmp_path / f".parameters.bin.{os.getpid()}").rmdir()
+    store.write(image_of(1))
+    assert store.read().image == image_of(1)
+
+
 def test_a_folder_that_is_not_there(tmp_path):
     with pytest.raises(StoreError, match="there is no folder"):
         open_stores(tmp_path / "none" / "parameters.bin", 10, 10)
