@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -27,6 +27,9 @@ KEPT_BY_THE_CLOCK = frozenset(
 """What tells how the computer kept time, not what it computed: a run in real time differs in them
 from its own replay. Not compared."""
 
+BEFORE_SYNC = -(1 << 38)
+"""Key of the first frame of a message before the first SYNC; that of the n-th is n more."""
+
 _KEY_SHIFT, _IDENTIFIER_SHIFT, _MOST_ALIKE = 24, 12, 4095
 
 
@@ -38,9 +41,9 @@ class Sent:
     ----------
     frames : FrameArray
     key : array of int
-        Step or epoch, not falling.
+        Step or epoch, not falling; before the first SYNC see `BEFORE_SYNC`.
     epoch : array of int
-        For the reader.
+        For the reader; negative before the first SYNC.
     """
 
     frames: FrameArray
@@ -56,6 +59,15 @@ def nothing_sent() -> Sent:
     """Return no frames."""
     none = np.zeros(0, dtype=np.int64)
     return Sent(frame_array(0), none, none)
+
+
+def joined(blocks: Sequence[Sent]) -> Sent:
+    """Return the frames of blocks one after the other."""
+    return Sent(
+        np.concatenate([block.frames for block in blocks]),
+        np.concatenate([block.key for block in blocks]),
+        np.concatenate([block.epoch for block in blocks]),
+    )
 
 
 @dataclass(frozen=True)
@@ -100,6 +112,8 @@ class Comparison:
         By (message, signal), in the order in which they began to differ.
     frames : int
         Frames that were compared.
+    others : int
+        Frames of either side that are of no message of the contract, and were not compared.
     """
 
     def __init__(self, names: tuple[str, str], messages: frozenset[str] | None = None) -> None:
@@ -107,6 +121,7 @@ class Comparison:
         self.first: Difference | None = None
         self.tallies: dict[tuple[str, str | None], Tally] = {}
         self.frames = 0
+        self.others = 0
         self._messages = messages
 
     @property
@@ -118,12 +133,15 @@ class Comparison:
         """Return the first difference as a line."""
         first = self.first
         if first is None:
-            return f"no difference in {self.frames} frames"
+            others = f"; {self.others} of no message of the DBC were not compared"
+            return f"no difference in {self.frames} frames" + (others if self.others else "")
         what = first.message if first.signal is None else f"{first.message}.{first.signal}"
         ours, theirs = (
             f"{value} in {name}" for value, name in zip(first.values, self.names, strict=True)
         )
-        when = f"at epoch {first.epoch}" if first.epoch >= 0 else "before the first SYNC"
+        when = f"at epoch {first.epoch}"
+        if first.epoch < 0:
+            when = f"before the first SYNC, in frame {first.key - BEFORE_SYNC + 1} of its message"
         return f"the first difference is {when}: {what} is {ours}, {theirs}"
 
     def summary(self) -> dict[str, Any]:
@@ -132,14 +150,14 @@ class Comparison:
         return {
             "frames": self.frames,
             "is_same": self.is_same,
-            "first_epoch": None if self.first is None else self.first.epoch,
+            "first_epoch": None if self.first is None else _told(self.first.epoch),
             "first_message": None if self.first is None else self.first.message,
             "first_signal": None if self.first is None else self.first.signal,
             "first_values": None if self.first is None else list(self.first.values),
             "signals": [
                 {
                     "signal": f"{message}.{signal}" if signal else f"{message} (whole frames)",
-                    "first_epoch": tally.first_epoch,
+                    "first_epoch": _told(tally.first_epoch),
                     "frames": tally.frames,
                     "largest": tally.largest,
                     "unit": tally.unit,
@@ -169,8 +187,10 @@ class Comparison:
                 left[of_message],
                 right[of_message],
             )
-        if self.first is None and found:
-            self.first = min(found, key=lambda one: (one.key, one.position))
+        if found:
+            first = min(found, key=lambda one: (one.key, one.position))
+            if self.first is None or first.key < self.first.key:
+                self.first = first
 
     def _wanted(self, sent: Sent) -> Sent:
         identifiers = sent.frames["can_id"]
@@ -180,6 +200,8 @@ class Comparison:
             for n, name in names.items()
             if name is not None and (self._messages is None or name in self._messages)
         ]
+        strangers = [n for n, name in names.items() if name is None]
+        self.others += int(np.isin(identifiers, strangers).sum())
         return sent.only(np.isin(identifiers, wanted))
 
     def _alone(
@@ -208,6 +230,7 @@ class Comparison:
         epoch = int(sent.epoch[row])
         tally = self.tallies.setdefault((message, signal), Tally(first_epoch=epoch, unit=unit))
         tally.frames += frames
+        tally.first_epoch = min(tally.first_epoch, epoch)
         if largest is not None:
             tally.largest = max(largest, tally.largest or 0.0)
         return Difference(int(sent.key[row]), row, epoch, message, signal, values)
@@ -252,6 +275,11 @@ class Comparison:
         return self._noted(
             ours, int(rows[0]), len(rows), signal.message, signal.name, values, apart, signal.unit
         )
+
+
+def _told(epoch: int) -> int | None:
+    """Return an epoch for a summary: None before the first SYNC."""
+    return epoch if epoch >= 0 else None
 
 
 def _payload(frame: Any) -> str:

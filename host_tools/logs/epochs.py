@@ -98,14 +98,20 @@ def _message_table() -> NDArray[Any]:
 class Cutter:
     """Cuts the pieces of one log into steps.
 
+    Parameters
+    ----------
+    has_firmware : bool, optional
+        False cuts where the hardware opens an epoch, even where the firmware is in the log.
+
     Attributes
     ----------
     has_firmware : bool
-        Whether the firmware's frames are in the log; known once `steps` has begun to yield.
+        Whether the log is cut by the firmware's frames; known once `steps` has begun to yield.
     """
 
-    def __init__(self) -> None:
-        self.has_firmware = True
+    def __init__(self, has_firmware: bool | None = None) -> None:
+        self._looks = has_firmware is None
+        self.has_firmware = has_firmware is not False
         self._contract = load_contract()
         self._table = _identifier_table()
         self._messages = _message_table()
@@ -114,7 +120,7 @@ class Cutter:
     def steps(self, pieces: Iterable[Piece]) -> Iterator[Steps]:
         """Yield the log in runs of whole steps; the last one may hold frames of no step."""
         pieces = iter(pieces)
-        begin = self._look(pieces)
+        begin = self._look(pieces) if self._looks else []
         rest: Piece | None = None
         for piece in chain(begin, pieces):
             joined = piece if rest is None else _joined(rest, piece)

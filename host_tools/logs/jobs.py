@@ -213,7 +213,7 @@ def navigate_again(
 
 def compare(ours: Path, theirs: Path, as_json: bool) -> None:
     """Do `rrins replay A --compare B`."""
-    from host_tools.logs.replay import compare_logs
+    from host_tools.logs.alignment import compare_logs
 
     left, right = Log(ours), Log(theirs)
     with _reading("comparing", left.size + right.size, as_json) as on_progress:
@@ -235,7 +235,7 @@ def _judge(comparison: Comparison, as_json: bool) -> None:
     """
     if comparison.first is None:
         if not as_json:
-            click.echo(f"no difference in {comparison.frames} frames")
+            click.echo(comparison.text())
         return
     if not as_json:
         Console().print(_table_of(comparison))
@@ -248,7 +248,8 @@ def _table_of(comparison: Comparison) -> Table:
         table.add_column(column, justify="left" if column == "signal" else "right", no_wrap=True)
     for row in comparison.summary()["signals"]:
         apart = "" if row["largest"] is None else f"{row['largest']:.3g} {row['unit']}"
-        table.add_row(row["signal"], str(row["first_epoch"]), str(row["frames"]), apart)
+        epoch = "before SYNC" if row["first_epoch"] is None else str(row["first_epoch"])
+        table.add_row(row["signal"], epoch, str(row["frames"]), apart)
     return table
 
 

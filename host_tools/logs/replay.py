@@ -1,19 +1,18 @@
-"""Replays a log through the firmware, and compares it with another or with its own replay."""
+"""Replays a log through the firmware, and compares what it sends with what was recorded."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from dbc.codec import load
 from firmware_py.loop import Firmware
 from firmware_py.trace import NavigationTrace
-from host_tools.logs.comparison import Comparison, Sent, nothing_sent
+from host_tools.logs.alignment import Ahead, OnProgress, compare_blocks, firmware_of
+from host_tools.logs.comparison import Comparison, Sent
 from host_tools.logs.epochs import NO_EPOCH, NO_STEP, Cutter, Steps
 from host_tools.logs.errors import RecordError
 from host_tools.logs.reader import Log
@@ -23,11 +22,6 @@ from host_tools.outfit import firmware_settings
 from host_tools.rows import RowFile, keep_every
 from host_tools.scenario import Scenario
 from host_tools.sides import NAVIGATION_ROWS, TRUTH_ROWS, firmware_summary
-
-_THE_END = np.iinfo(np.int64).max
-
-OnProgress = Callable[[int], None]
-"""Called with the bytes read so far."""
 
 
 def firmware_messages() -> frozenset[str]:
@@ -52,6 +46,8 @@ class Replayed:
         Whether the firmware's own frames are in the log.
     comparison : Comparison or None
     why_no_truth : str or None
+    unanswered_s : float
+        How long the hardware is heard in the log after the firmware's last step.
     """
 
     firmware: dict[str, Any]
@@ -62,6 +58,7 @@ class Replayed:
     has_firmware: bool
     comparison: Comparison | None
     why_no_truth: str | None
+    unanswered_s: float
 
 
 class _Run:
@@ -87,10 +84,25 @@ class _Run:
         )
         self.cutter = Cutter()
         self.first_epoch = self.last_epoch = NO_EPOCH
+        self._answered_until_s = self._heard_until_s = 0.0
+
+    @property
+    def unanswered_s(self) -> float:
+        """How long the hardware is heard after the last step."""
+        return max(0.0, self._heard_until_s - self._answered_until_s)
+
+    def _note_times(self, steps: Steps) -> None:
+        is_answered = steps.step != NO_STEP
+        for mask in (is_answered, ~steps.is_sent):
+            if mask.any():
+                self._heard_until_s = float(steps.time_s[mask][-1])
+        if is_answered.any():
+            self._answered_until_s = float(steps.time_s[is_answered][-1])
 
     def answers(self) -> Iterator[tuple[Steps, Answers]]:
         """Yield steps, and what the firmware sends in them."""
         for steps in self.cutter.steps(check_rate(self._log.pieces(), self._scenario)):
+            self._note_times(steps)
             answers = self.again.answer(steps)
             if self.truth is not None:
                 self.truth.follow(steps)
@@ -148,7 +160,8 @@ def replay(
     comparison = Comparison(names, firmware_messages()) if with_comparison else None
     try:
         if comparison is not None and against is not None:
-            _compare(comparison, _by_epoch(against), _answers_by_epoch(run))
+            pair = (firmware_of(against), Ahead(_answers_by_epoch(run)))
+            compare_blocks(comparison, [pair])
         else:
             for steps, answers in run.answers():
                 if comparison is not None:
@@ -166,14 +179,14 @@ def replay(
         run.cutter.has_firmware,
         comparison,
         "not asked for" if run.truth is None else run.truth.why_not,
+        run.unanswered_s,
     )
 
 
 def _answers_by_epoch(run: _Run) -> Iterator[Sent]:
     for steps, answers in run.answers():
         epoch = steps.epochs[answers.step - steps.first]
-        known = epoch != NO_EPOCH
-        yield Sent(answers.frames[known], epoch[known], epoch[known])
+        yield Sent(answers.frames, epoch, epoch)
 
 
 def _recorded(steps: Steps) -> Sent:
@@ -184,93 +197,3 @@ def _recorded(steps: Steps) -> Sent:
 
 def _replayed(steps: Steps, answers: Answers) -> Sent:
     return Sent(answers.frames, answers.step, steps.epochs[answers.step - steps.first])
-
-
-def compare_logs(
-    ours: Log, theirs: Log, on_progress: OnProgress = lambda position: None
-) -> Comparison:
-    """Compare all messages of two logs, epoch by epoch.
-
-    What comes before the first SYNC, and a last epoch that is not whole, is not compared.
-
-    Raises
-    ------
-    RecordError
-        When one of them cannot be read.
-    """
-    comparison = Comparison((str(ours.path), str(theirs.path)))
-    _compare(
-        comparison,
-        _by_epoch(ours),
-        _by_epoch(theirs),
-        lambda: on_progress(ours.position + theirs.position),
-    )
-    return comparison
-
-
-def _compare(
-    comparison: Comparison,
-    ours: Iterable[Sent],
-    theirs: Iterable[Sent],
-    on_progress: Callable[[], None] = lambda: None,
-) -> None:
-    """Compare two sequences of blocks, whose keys are epochs, as far as both are read."""
-    left, right = _Ahead(ours), _Ahead(theirs)
-    while not (left.has_ended and right.has_ended):
-        behind = left if left.last_epoch <= right.last_epoch else right
-        behind.read_on()
-        until = min(left.last_epoch, right.last_epoch)
-        comparison.add(left.take(until), right.take(until))
-        on_progress()
-
-
-def _by_epoch(log: Log) -> Iterator[Sent]:
-    last = NO_EPOCH
-    for steps in Cutter().steps(log.pieces()):
-        epoch = steps.epoch_of_frames()
-        known = epoch != NO_EPOCH
-        found = Sent(steps.frames[known], epoch[known], epoch[known])
-        if not len(found.key):
-            continue
-        order = np.argsort(found.key, kind="stable")
-        if int(found.key[order[0]]) < last - 1:
-            raise RecordError(
-                f"{log.path}: epoch {int(found.key[order[0]])} comes after epoch {last}: "
-                "it holds more than one run"
-            )
-        last = max(last, int(found.key[order[-1]]))
-        yield Sent(found.frames[order], found.key[order], found.epoch[order])
-
-
-class _Ahead:
-    """Frames of a log that are read and not compared yet."""
-
-    def __init__(self, blocks: Iterable[Sent]) -> None:
-        self._blocks = iter(blocks)
-        self._waiting = nothing_sent()
-        self.last_epoch = NO_EPOCH
-
-    @property
-    def has_ended(self) -> bool:
-        """Whether all is read."""
-        return self.last_epoch == _THE_END
-
-    def read_on(self) -> None:
-        """Read the next block."""
-        block = next(self._blocks, None)
-        if block is None:
-            self.last_epoch = _THE_END
-            return
-        self._waiting = Sent(
-            np.concatenate([self._waiting.frames, block.frames]),
-            np.concatenate([self._waiting.key, block.key]),
-            np.concatenate([self._waiting.epoch, block.epoch]),
-        )
-        if len(block.key):
-            self.last_epoch = int(block.key[-1])
-
-    def take(self, until: int) -> Sent:
-        """Take what is before an epoch."""
-        is_before = self._waiting.key < until
-        taken, self._waiting = self._waiting.only(is_before), self._waiting.only(~is_before)
-        return taken

@@ -72,6 +72,7 @@ def _summary_of(
         "damage": log.damage,
         "navigation_sha256": sha256,
         "no_truth": replayed.why_no_truth,
+        "unanswered_s": round(replayed.unanswered_s, 3),
     }
     comparison = replayed.comparison
     summary["comparison"] = None if comparison is None else comparison.summary()
@@ -107,6 +108,9 @@ def _write_navigation(folder: Path, rows: NDArray[Any], rate_hz: int, title: str
     return [picture, table]
 
 
+_UNANSWERED_S = 0.1  # what a recording may hold beyond the last step of a run that ended well
+
+
 def show(summary: dict[str, Any], paths: list[Path]) -> None:
     """Print what a person sees at the end of a replay."""
     console = Console()
@@ -126,6 +130,11 @@ def show(summary: dict[str, Any], paths: list[Path]) -> None:
     if recording["first_epoch"] > 0:
         lines.append(
             f"the log begins at epoch {recording['first_epoch']}: the firmware was powered on there"
+        )
+    if recording["unanswered_s"] > _UNANSWERED_S:
+        lines.append(
+            f"the last {recording['unanswered_s']:.1f} s of the log were not navigated: the "
+            "firmware had fallen silent in it"
         )
     for text in (*lines, *(f"  {path}" for path in paths)):
         console.print(text, highlight=False, soft_wrap=True)

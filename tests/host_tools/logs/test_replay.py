@@ -16,10 +16,11 @@ from firmware_py.loop import Firmware
 from firmware_py.loop import run_lockstep as run_firmware
 from host_tools.hardware.loop import Hardware
 from host_tools.hardware.loop import run_lockstep as run_hardware
+from host_tools.logs.alignment import compare_logs
 from host_tools.logs.errors import RecordError
 from host_tools.logs.formats import READ, open_writer
 from host_tools.logs.reader import Log
-from host_tools.logs.replay import compare_logs, firmware_messages, replay
+from host_tools.logs.replay import firmware_messages, replay
 from host_tools.outfit import firmware_settings, hardware_settings
 from host_tools.port import Address, MessagePort
 from host_tools.results import read_errors
@@ -242,6 +243,19 @@ def test_a_log_that_ends_earlier_is_told(recordings, read, write_candump, tmp_pa
         assert found.first.epoch == 200
         assert found.first.signal is None
         assert found.frames == half
+
+
+def test_what_a_silent_firmware_leaves_unanswered_is_told(
+    recordings, read, write_candump, tmp_path
+):
+    recorded = recordings()
+    assert replay(Log(recorded.path), recorded.scenario).unanswered_s < 0.05
+    piece = read(recorded.path)
+    kept = ~np.isin(piece.frames["can_id"], FIRMWARE) | (piece.time_s < 1.0)
+    path = tmp_path / "silent.log"
+    write_candump(path, piece.frames[kept], piece.time_s[kept])
+    replayed = replay(Log(path), recorded.scenario)
+    assert replayed.unanswered_s == pytest.approx(piece.time_s[-1] - 1.0, abs=0.01)
 
 
 def test_other_settings_show_what_would_have_been(recordings, tmp_path):
