@@ -135,7 +135,8 @@ ROUTINES = (
         "Finds the bias of every sensor from a standing record, with the position and attitude of "
         "the parameters `start_position` and `initial_attitude`. In STANDBY, both axes at rest. "
         "Fails when the mode is left, an axis moves, or a sensor is missing in a tenth of the "
-        "epochs. With `store`, the biases go into the parameter memory when it is done.",
+        "epochs. With `store`, the biases go into the parameter memory when it is done; fails when "
+        "one is beyond its limits.",
         (
             Field("duration_s", "u16", "s", minimum=1, maximum=3600),
             Field("store", "u8", minimum=0, maximum=1, text="1: keep the biases"),
