@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -64,6 +65,11 @@ def run_direct(
     Returns
     -------
     Outcome
+
+    Raises
+    ------
+    RowsError
+        When a log cannot be written.
     """
     log_every = keep_every(scenario.epochs, scenario.rate_hz)
     navigation = RowFile(None if folder is None else folder / NAVIGATION_ROWS)
@@ -78,28 +84,26 @@ def run_direct(
     progress_every = _PROGRESS_S * scenario.rate_hz
     start = time.monotonic()
     count = 0
-    try:
-        for epoch in range(scenario.epochs + 1):
-            frames, sent = hardware.open_epoch(epoch, firmware.outbox, count)
-            if epoch % log_every == 0:
-                truth_rows.take(truth)
-            arrival_ns = own_clock_ns(epoch * hardware.period_ns, error_ppm)
-            count = firmware.step_whole(frames, sent, arrival_ns)
-            hardware.frames_received += count
-            if lines_every and epoch % lines_every == 0:
-                lines.take(epoch)
-            if epoch % progress_every:
-                continue
-            if should_stop():
-                break
-            if on_progress is not None:
-                on_progress(firmware_progress(firmware), _hardware_progress(hardware, epoch))
-    finally:
-        truth_rows.flush()
-        truth_file.close()
-        summary = firmware_summary(firmware) | lines.statistics()
-        lines.close()
-        navigation.close()
+    with closing(truth_file), closing(navigation), closing(lines):
+        try:
+            for epoch in range(scenario.epochs + 1):
+                frames, sent = hardware.open_epoch(epoch, firmware.outbox, count)
+                if epoch % log_every == 0:
+                    truth_rows.take(truth)
+                arrival_ns = own_clock_ns(epoch * hardware.period_ns, error_ppm)
+                count = firmware.step_whole(frames, sent, arrival_ns)
+                hardware.frames_received += count
+                if lines_every and epoch % lines_every == 0:
+                    lines.take(epoch)
+                if epoch % progress_every:
+                    continue
+                if should_stop():
+                    break
+                if on_progress is not None:
+                    on_progress(firmware_progress(firmware), _hardware_progress(hardware, epoch))
+        finally:
+            truth_rows.flush()
+            summary = firmware_summary(firmware) | lines.statistics()
     return summary, hardware_summary(hardware), time.monotonic() - start
 
 
@@ -128,7 +132,7 @@ def run_without_frames(
     run = FastRun(firmware.ram, hardware.plant, hardware.pieces)
     left = scenario.epochs + 1
     start = time.monotonic()
-    try:
+    with closing(truth_rows), closing(rows):
         while left and not should_stop():
             track = run.run(min(left, _PROGRESS_S * scenario.rate_hz))
             left -= min(left, _PROGRESS_S * scenario.rate_hz)
@@ -138,8 +142,5 @@ def run_without_frames(
                 on_progress(
                     firmware_progress(firmware), _hardware_progress(hardware, firmware.epoch)
                 )
-    finally:
         summary = firmware_summary(firmware)
-        rows.close()
-        truth_rows.close()
     return summary, hardware_summary(hardware), time.monotonic() - start

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from pathlib import Path
 from typing import Any, Final
 
@@ -9,7 +10,7 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from host_tools.results import Errors, Vector
+from host_tools.results import Errors, Vector, taking_place
 
 EAST: Final[dict[str, Any]] = {"color": "#0b5394", "linestyle": "-", "linewidth": 1.2}
 NORTH: Final[dict[str, Any]] = {"color": "#d2691e", "linestyle": (0, (5, 2)), "linewidth": 1.2}
@@ -126,7 +127,13 @@ def draw_track(errors: Errors, title: str) -> Figure:
 
 
 def write_plots(folder: Path, errors: Errors, title: str) -> list[Path]:
-    """Write the pictures of a run into a folder; return their paths, none for an empty run."""
+    """Write the pictures of a run into a folder; return their paths, none for an empty run.
+
+    Raises
+    ------
+    RehearsalError
+        When one cannot be written.
+    """
     if len(errors) < 2:
         return []
     paths = []
@@ -135,8 +142,9 @@ def write_plots(folder: Path, errors: Errors, title: str) -> list[Path]:
         ("horizontal_track.png", draw_track(errors, title)),
     ):
         path = folder / name
-        part = folder / f".{name}"
-        figure.savefig(part, format="png")
-        part.replace(path)
+        drawn = io.BytesIO()
+        figure.savefig(drawn, format="png")
+        with taking_place(path) as part:
+            part.write_bytes(drawn.getvalue())
         paths.append(path)
     return paths

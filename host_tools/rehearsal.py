@@ -276,7 +276,10 @@ class Rehearsal:
         for side in self._sides:
             if side.name == "firmware" and side.summary:
                 sha256 = side.summary.get("navigation_sha256")
-                recorder.add_result(self._record, self._recorder.note, sha256)
+                try:
+                    recorder.add_result(self._record, self._recorder.note, sha256)
+                except RecordError as error:
+                    self._recorder.failure = self._recorder.failure or f"its note: {error}"
 
     def _failure(self) -> RehearsalError | None:
         """Return why the rehearsal failed: the side that was killed before the one that noticed."""

@@ -5,7 +5,8 @@ from __future__ import annotations
 import csv
 import json
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any
@@ -15,6 +16,7 @@ from numpy.typing import NDArray
 
 from firmware_py.earth import radii
 from firmware_py.memory import NAVIGATION
+from host_tools.errors import RehearsalError
 from host_tools.hardware.memory import INNER, OUTER, TRUTH
 from host_tools.rows import read_rows
 from host_tools.sides import NAVIGATION_ROWS, TRUTH_ROWS
@@ -137,15 +139,35 @@ def read_errors(folder: Path, rate_hz: int) -> Errors:
     return compare(navigation, truth, rate_hz)
 
 
-def write_whole(path: Path, write: Callable[[IO[str]], None]) -> None:
-    """Write a text file so that it is there whole or not at all."""
+@contextmanager
+def taking_place(path: Path) -> Iterator[Path]:
+    """Give the path of a file that takes the place of `path` when it has been written.
+
+    Raises
+    ------
+    RehearsalError
+        When it cannot be written; what was at `path` before is there still.
+    """
     part = path.with_name(f".{path.name}.{os.getpid()}")
     try:
-        with part.open("w", encoding="utf-8", newline="") as file:
-            write(file)
+        yield part
         part.replace(path)
+    except OSError as error:
+        raise RehearsalError(f"{path}: cannot be written: {error.strerror or error}") from error
     finally:
         part.unlink(missing_ok=True)
+
+
+def write_whole(path: Path, write: Callable[[IO[str]], None]) -> None:
+    """Write a text file so that it is there whole or not at all.
+
+    Raises
+    ------
+    RehearsalError
+        When it cannot be written.
+    """
+    with taking_place(path) as part, part.open("w", encoding="utf-8", newline="") as file:
+        write(file)
 
 
 _COLUMNS = (

@@ -8,6 +8,8 @@ from typing import Any, BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
+from host_tools.errors import RehearsalError
+
 LARGEST_LOG = 100_000
 """Rows that a log is thinned to."""
 
@@ -17,6 +19,13 @@ def keep_every(epochs: int, rate_hz: int) -> int:
     return max(1, rate_hz // 10, -(-epochs // LARGEST_LOG))
 
 
+class RowsError(RehearsalError):
+    """Rows that cannot be written, such as on a full disk."""
+
+    def __init__(self, path: Path | None, error: OSError) -> None:
+        super().__init__(f"{path}: cannot be written: {error.strerror or error}")
+
+
 class RowFile:
     """A file of records of one dtype, appended to.
 
@@ -24,20 +33,43 @@ class RowFile:
     ----------
     path : Path or None
         With None the rows are dropped.
+
+    Raises
+    ------
+    RowsError
+        When the file cannot be made.
     """
 
     def __init__(self, path: Path | None) -> None:
-        self._file: BinaryIO | None = None if path is None else path.open("wb", buffering=0)
+        self._path = path
+        try:
+            self._file: BinaryIO | None = None if path is None else path.open("wb", buffering=0)
+        except OSError as error:
+            raise RowsError(path, error) from error
 
     def append(self, rows: NDArray[Any]) -> None:
-        """Append rows."""
-        if self._file is not None:
-            self._file.write(rows.tobytes())
+        """Append rows; after a failure, which is told once, they are dropped.
+
+        Raises
+        ------
+        RowsError
+            When they cannot be written.
+        """
+        if self._file is None:
+            return
+        left = memoryview(rows.tobytes())
+        try:
+            while left:  # a disk that becomes full takes a part
+                left = left[self._file.write(left) :]
+        except OSError as error:
+            self.close()
+            raise RowsError(self._path, error) from error
 
     def close(self) -> None:
         """Close the file."""
         if self._file is not None:
             self._file.close()
+            self._file = None
 
 
 def read_rows(path: Path, dtype: np.dtype[Any]) -> NDArray[Any]:

@@ -24,6 +24,7 @@ from host_tools.port import Address, Side
 from host_tools.rehearsal import Interrupted, Rehearsal, default_address
 from host_tools.report import Report
 from host_tools.results import Errors
+from host_tools.rows import RowsError
 from host_tools.scenario import Scenario
 from host_tools.serial import slcan
 from host_tools.serial.options import arguments_of
@@ -68,7 +69,11 @@ def _finish(
     failure: RehearsalError | None,
 ) -> None:
     """Write and show what came out, then raise what went wrong."""
-    paths = write_results(folder, summary, errors, title)
+    paths: list[Path] = []
+    try:
+        paths = write_results(folder, summary, errors, title)
+    except RehearsalError as error:
+        failure = failure or error
     if as_json:
         click.echo(json.dumps(summary))
     else:
@@ -204,15 +209,20 @@ def simulate(
         else:
             FastRun.of(firmware_settings(scenario), hardware_settings(scenario)).run(2)
         display.report({"kind": "started", "side": "hardware"})
-        if needs_frames:
-            firmware, hardware, wall_s = run_direct(
-                scenario, folder, display.progress, stop.is_set, serial, display.note
-            )
-        else:
-            firmware, hardware, wall_s = run_without_frames(
-                scenario, folder, display.progress, stop.is_set
-            )
-    failure = Interrupted("stopped by the user") if stop.is_set() else None
+        failure: RehearsalError | None = None
+        try:
+            if needs_frames:
+                firmware, hardware, wall_s = run_direct(
+                    scenario, folder, display.progress, stop.is_set, serial, display.note
+                )
+            else:
+                firmware, hardware, wall_s = run_without_frames(
+                    scenario, folder, display.progress, stop.is_set
+                )
+        except RowsError as error:  # what was written until then is worth a picture
+            failure, firmware, hardware, wall_s = error, {}, {}, 0.0
+    if failure is None and stop.is_set():
+        failure = Interrupted("stopped by the user")
     errors = collect(folder, scenario.rate_hz)
     stopped = None if failure is None else str(failure)
     summary = summarise(

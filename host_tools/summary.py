@@ -78,16 +78,21 @@ def summarise(
 
 
 def write_results(folder: Path, summary: dict[str, Any], errors: Errors, title: str) -> list[Path]:
-    """Write pictures, errors and summary of a run into a folder; return their paths."""
+    """Write pictures, errors and summary of a run into a folder; return their paths.
+
+    Raises
+    ------
+    RehearsalError
+        When one cannot be written; the summary is the first, then the pictures.
+    """
     from host_tools.plots import write_plots  # half a second that only pictures are worth
 
+    write_summary(folder / "summary.json", summary)  # what is smallest is there on a full disk
     paths = write_plots(folder, errors, title)
     if len(errors):
         write_errors(folder / "errors.csv", errors)
         paths.append(folder / "errors.csv")
-    write_summary(folder / "summary.json", summary)
-    paths.append(folder / "summary.json")
-    return paths
+    return [*paths, folder / "summary.json"]
 
 
 def collect(folder: Path, rate_hz: int) -> Errors:

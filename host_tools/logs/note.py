@@ -12,7 +12,7 @@ from typing import IO, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
-from host_tools.errors import ScenarioError
+from host_tools.errors import RehearsalError, ScenarioError
 from host_tools.logs.errors import RecordError
 from host_tools.results import write_whole
 from host_tools.scenario import Scenario
@@ -74,12 +74,21 @@ def path_beside(recording: Path) -> Path:
 
 
 def write_note(recording: Path, note: Note) -> None:
-    """Write the note of a recording, whole or not at all."""
+    """Write the note of a recording, whole or not at all.
+
+    Raises
+    ------
+    RecordError
+        When it cannot be written.
+    """
 
     def write(file: IO[str]) -> None:
         file.write(json.dumps(note.model_dump(mode="json"), indent=1) + "\n")
 
-    write_whole(path_beside(recording), write)
+    try:
+        write_whole(path_beside(recording), write)
+    except RehearsalError as error:
+        raise RecordError(str(error)) from error
 
 
 def read_note(recording: Path) -> Note | None:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import queue
+import threading
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from itertools import pairwise
@@ -18,7 +20,7 @@ from host_tools.bus.datagram import MAX_FRAMES
 from host_tools.bus.interface import RrinsBus
 from host_tools.errors import BusError
 from host_tools.logs.errors import RecordError
-from host_tools.logs.reader import Log
+from host_tools.logs.reader import Log, Piece
 from host_tools.logs.recorder import messages_of
 from host_tools.logs.signals import did_you_mean, message_names
 from host_tools.logs.truth import hardware_identifiers
@@ -27,9 +29,15 @@ from host_tools.port import Address, open_bus
 NAME = "replay"
 """What a replay calls itself on the embedded bus."""
 
+READER = "reader of a replay"
+"""Name of the thread that reads ahead."""
+
 _SEND_S = 5.0
 _NAP_S = 0.05  # between two looks at what others send
 _TO_CLEAR = 256
+_PIECE = 128  # frames read at once
+_AHEAD = 32  # pieces that wait to be sent
+_LARGEST_GROUP = 4096  # frames of one time that are waited for to be sent together
 
 
 @dataclass
@@ -125,6 +133,65 @@ class _Player:
         self._bus.shutdown()
 
 
+class _ReadAhead:
+    """Reads a log in a thread of its own, some pieces ahead of who takes them.
+
+    The pieces are small: reading one holds up the sending no longer than a millisecond.
+    """
+
+    def __init__(self, log: Log) -> None:
+        self._log = log
+        self._free = threading.Semaphore(_AHEAD)
+        self._read: queue.SimpleQueue[Piece | BaseException | None] = queue.SimpleQueue()
+        self._is_over = False
+        self._thread = threading.Thread(target=self._run, name=READER, daemon=True)
+
+    def __enter__(self) -> Iterator[Piece]:
+        self._thread.start()
+        return self._pieces()
+
+    def __exit__(self, *_: object) -> None:
+        self._is_over = True
+        self._free.release()
+        self._thread.join()
+
+    def _run(self) -> None:
+        try:
+            for piece in self._log.pieces(_PIECE):
+                self._free.acquire()
+                if self._is_over:
+                    return
+                self._read.put(piece)
+            self._read.put(None)
+        except BaseException as error:  # noqa: BLE001 - raised again where the pieces are taken
+            self._read.put(error)
+
+    def _pieces(self) -> Iterator[Piece]:
+        while (found := self._read.get()) is not None:
+            if isinstance(found, BaseException):
+                raise found
+            yield found
+            self._free.release()
+
+
+def _groups(pieces: Iterable[Piece]) -> Iterator[tuple[FrameArray, float]]:
+    """Yield the frames of one time together, across the pieces, and that time."""
+    frames, time_s = frame_array(0), np.zeros(0)
+    for piece in pieces:
+        frames = np.concatenate([frames, piece.frames])
+        time_s = np.concatenate([time_s, piece.time_s])
+        begins = (1 + np.flatnonzero(time_s[1:] != time_s[:-1])).tolist()
+        for begin, end in pairwise([0, *begins]):
+            yield frames[begin:end], float(time_s[begin])
+        if begins:
+            frames, time_s = frames[begins[-1] :], time_s[begins[-1] :]
+        elif len(frames) > _LARGEST_GROUP:
+            yield frames, float(time_s[0])
+            frames, time_s = frames[:0], time_s[:0]
+    if len(frames):
+        yield frames, float(time_s[0])
+
+
 class Playback:
     """A replay onto a bus.
 
@@ -169,31 +236,31 @@ class Playback:
         RecordError
             When the log cannot be read.
         """
-        begun = time.monotonic()
-        latest_s: float | None = None
-        offset_s = 0.0
-        for frames, time_s in self._groups(log):
-            if latest_s is None:
-                latest_s = offset_s = time_s
-            latest_s = max(latest_s, time_s)
-            if self._speed is not None:
-                self._wait_until(begun + (latest_s - offset_s) / self._speed)
-            self._player.send(frames, time_s)
-            self._player.clear()
-            self.played.frames += len(frames)
-        self.played.wall_s = time.monotonic() - self._begun
+        latest_s = offset_s = begun = 0.0
+        is_first = True
+        try:
+            with _ReadAhead(log) as pieces:
+                for frames, time_s in _groups(self._wanted(pieces)):
+                    if is_first:  # what it took to read until here is not the log's
+                        is_first = False
+                        latest_s = offset_s = time_s
+                        begun = time.monotonic()
+                    latest_s = max(latest_s, time_s)
+                    if self._speed is not None:
+                        self._wait_until(begun + (latest_s - offset_s) / self._speed)
+                    self._player.send(frames, time_s)
+                    self._player.clear()
+                    self.played.frames += len(frames)
+        finally:
+            self.played.wall_s = time.monotonic() - self._begun
 
-    def _groups(self, log: Log) -> Iterator[tuple[FrameArray, float]]:
-        """Yield the frames that are sent, those of one time together."""
-        for piece in log.pieces():
+    def _wanted(self, pieces: Iterable[Piece]) -> Iterator[Piece]:
+        """Yield what is to be sent of each piece."""
+        for piece in pieces:
             wanted = piece.frames["can_id"] & ERR_FLAG == 0
             if self._only is not None:
                 wanted &= np.isin(piece.frames["can_id"], self._only)
-            frames, time_s = np.ascontiguousarray(piece.frames[wanted]), piece.time_s[wanted]
-            begins = (1 + np.flatnonzero(time_s[1:] != time_s[:-1])).tolist()
-            for begin, end in pairwise([0, *begins, len(frames)]):
-                if end > begin:
-                    yield frames[begin:end], float(time_s[begin])
+            yield Piece(np.ascontiguousarray(piece.frames[wanted]), piece.time_s[wanted])
 
     def _wait_until(self, due: float) -> None:
         while (left_s := due - time.monotonic()) > 0:

@@ -21,6 +21,7 @@ from host_tools.logs.mf4 import read_data_frames
 from host_tools.logs.note import Note, read_note
 
 _PIECE = 65_536
+_LINE = 42  # bytes of a candump log's line
 _BLF_HEADER = 144  # the size that an unfinished BLF file says it has
 
 
@@ -90,10 +91,15 @@ class Log:
             found.append((path, (part.first_s or 0.0) - first_s if is_relative else 0.0))
         return found
 
-    def pieces(self) -> Iterator[Piece]:
+    def pieces(self, size: int = _PIECE) -> Iterator[Piece]:
         """Yield the frames in the order of the log.
 
         What cannot be read ends the reading, or is left out where that is possible; `damage` tells.
+
+        Parameters
+        ----------
+        size : int
+            About how many frames a piece has; of `.mf4`, where small ones are slow, more.
 
         Raises
         ------
@@ -104,15 +110,18 @@ class Log:
         for path, shift_s in self._parts:
             try:
                 with path.open("rb") as raw:
-                    for piece in self._pieces_of(path, raw):
+                    for piece in self._pieces_of(path, raw, size):
                         if not raw.closed:  # a reader closes it at the end
                             self.position = done + raw.tell()
                         if not len(piece):
                             continue
                         self.frames += len(piece)
                         yield Piece(piece.frames, piece.time_s + shift_s) if shift_s else piece
-            except RecordError:
-                raise
+            except RecordError as error:
+                if not self.frames:
+                    raise
+                self.damage = str(error)
+                break
             except Exception as error:  # noqa: BLE001 - other people's readers on any bytes
                 self._note_damage(path, f"cannot be read on after {self.frames} frames", error)
                 break
@@ -125,10 +134,11 @@ class Log:
         why = "" if error is None else f" ({' '.join(str(error).split()) or type(error).__name__})"
         self.damage = f"{path}: {what}{why}"
 
-    def _pieces_of(self, path: Path, raw: IO[bytes]) -> Iterator[Piece]:
+    def _pieces_of(self, path: Path, raw: IO[bytes], size: int) -> Iterator[Piece]:
         ending, is_packed = ending_of(path)
         if ending == ".log":
-            yield from self._candump(path, gzip.GzipFile(fileobj=raw) if is_packed else raw)
+            stream = gzip.GzipFile(fileobj=raw) if is_packed else raw
+            yield from self._candump(path, _Sips(stream, size * _LINE))
             return
         if ending == ".mf4":
             read = 0
@@ -138,7 +148,7 @@ class Log:
             if read:
                 return
         reader = open_reader(path, raw)
-        yield from self._by_message(path, reader)
+        yield from self._by_message(path, reader, size)
         if isinstance(reader, can.BLFReader):
             if reader.file_size > path.stat().st_size:
                 self._note_damage(path, f"is cut off after {self.frames} frames")
@@ -155,7 +165,7 @@ class Log:
             if candump.bad_lines:
                 self._note_damage(path, f"{candump.bad_lines} lines are no frames and left out")
 
-    def _by_message(self, path: Path, reader: Any) -> Iterator[Piece]:
+    def _by_message(self, path: Path, reader: Any, size: int) -> Iterator[Piece]:
         """Yield what python-can reads; what it has read before an error comes first."""
         gathered = _Gathered()
         shortened = 0
@@ -178,7 +188,7 @@ class Log:
                 shortened += 1
                 continue
             gathered.take(message)
-            if len(gathered.words) == _PIECE:
+            if len(gathered.words) == size:
                 yield gathered.piece()
         yield gathered.piece()
         if complaints.count:
@@ -187,6 +197,18 @@ class Log:
             self._note_damage(path, f"{shortened} frames are cut off and left out")
         if failure is not None:
             raise failure
+
+
+class _Sips:
+    """A stream that gives no more than so many bytes at once."""
+
+    def __init__(self, stream: Any, most: int) -> None:
+        self._stream = stream
+        self._most = most
+
+    def read(self, size: int) -> bytes:
+        """Read on."""
+        return bytes(self._stream.read(min(size, self._most)))
 
 
 class _Complaints(logging.Handler):

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import fcntl
 import logging
+import os
 import threading
 import time
 from collections.abc import Iterator
+from os.path import samestat
 from pathlib import Path
+from typing import IO
 
 import can
 
@@ -115,26 +119,93 @@ class _AnySource:
         return []
 
 
+class _Claim:
+    """Keeps other recorders from a file while this one writes it; ends with the process.
+
+    Parameters
+    ----------
+    path : Path
+        Made, empty, when there is no such file; one that is there stays as it is.
+
+    Raises
+    ------
+    RecordError
+        When another recorder writes it.
+    OSError
+        When it cannot be written.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._was_there = path.exists()
+        self._file = self._locked()
+
+    def _locked(self) -> IO[bytes]:
+        file = self._path.open("ab")
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            file.close()
+            raise RecordError(
+                f"recording {self._path}: another recorder is writing it; name another file"
+            ) from error
+        except OSError as error:  # a file system without locks
+            _log.debug("recording %s: cannot be locked: %s", self._path, error)
+        return file
+
+    def renew(self) -> None:
+        """Take the file again if the writer has put another in its place.
+
+        Raises
+        ------
+        RecordError
+            When another recorder was faster.
+        """
+        if not self._path.exists() or not samestat(
+            self._path.stat(), os.fstat(self._file.fileno())
+        ):
+            self._file.close()
+            self._file = self._locked()
+
+    def release(self) -> None:
+        """Let others write the file."""
+        self._file.close()
+
+    def give_up(self) -> None:
+        """Release the file, and leave none where there was none."""
+        if not self._was_there:
+            self._path.unlink(missing_ok=True)
+        self.release()
+
+
 class _Parts:
     """The files of a recording, one after the other."""
 
     def __init__(self, path: Path, rotate_bytes: int | None) -> None:
         self._path = path
+        self._claim = _Claim(path)
         self._limit = rotate_bytes
         self._sync_id = load().frame_id("SYNC")
-        self._writer: Writer = open_writer(path)
+        try:
+            self._writer: Writer = open_writer(path)
+            self._claim.renew()
+        except BaseException:
+            self._claim.give_up()
+            raise
         self._frames = 0  # of this part
         self._beyond = 0
         self.parts = [Part(file=path.name)]
 
-    def write(self, message: can.Message) -> None:
-        """Write a frame, in a new part when this one is full."""
+    def write(self, message: can.Message) -> bool:
+        """Write a frame, in a new part when this one is full; return whether a part begins."""
         if self._limit is not None and self._is_full(message):
             self._turn_over()
-        if not self._frames:
+        is_first = not self._frames
+        if is_first:
             self.parts[-1].first_s = message.timestamp
         self._writer.on_message_received(message)
         self._frames += 1
+        return is_first
 
     def _is_full(self, message: can.Message) -> bool:
         if not self._beyond and self._frames % _SIZE_EVERY:
@@ -148,6 +219,7 @@ class _Parts:
         self._writer.stop()
         path = part_path(self._path, len(self.parts))
         self._writer = open_writer(path)
+        path.touch()  # SQLite's is there with its first frames only, the note names it before
         self.parts.append(Part(file=path.name))
         self._frames = 0
         self._beyond = 0
@@ -155,6 +227,10 @@ class _Parts:
     def stop(self) -> None:
         """Close the last part."""
         self._writer.stop()
+
+    def release(self) -> None:
+        """Let others write the file."""
+        self._claim.release()
 
 
 def waits_for_recorder(address: Address) -> bool:
@@ -211,7 +287,7 @@ class Recorder:
     Raises
     ------
     RecordError
-        When the file cannot be written or its ending is unknown.
+        When the file cannot be written, another recorder writes it, or its ending is unknown.
     BusError
         When the bus cannot be opened.
     """
@@ -308,7 +384,6 @@ class Recorder:
             return
         if self.first_s is None:
             self.first_s = self.last_s = message.timestamp
-            self._write_note()
         if self._address.is_embedded:  # what the firmware sends late carries the time of its epoch
             message.timestamp = max(message.timestamp, self.last_s)
         if self._limit_s is not None and message.timestamp - self.first_s > self._limit_s:
@@ -316,8 +391,10 @@ class Recorder:
             return
         self.last_s = message.timestamp
         try:
-            self._parts.write(message)
+            begins_part = self._parts.write(message)
             self.frames += 1
+            if begins_part:  # a recorder that is killed leaves a note of all its parts
+                self._write_note()
         except Exception as error:  # noqa: BLE001 - other people's writers; the bus must not wait
             self.failure = f"stopped after {self.frames} frames: {error}"
             self.has_ended.set()
@@ -328,7 +405,7 @@ class Recorder:
         self.note = self.note.model_copy(update=known)
         try:
             write_note(self._path, self.note)
-        except OSError as error:
+        except RecordError as error:
             self.failure = self.failure or f"its note: {error}"
 
     def close(self, patience_s: float = _PATIENCE_S) -> None:
@@ -345,10 +422,17 @@ class Recorder:
             self.failure = self.failure or f"stopped after {self.frames} frames: {error}"
         if self.frames:
             self._write_note()
+        self._parts.release()
         self._bus.shutdown()
 
 
 def add_result(path: Path, note: Note, navigation_sha256: str | None) -> None:
-    """Put what the navigation came to into the note of a recording."""
+    """Put what the navigation came to into the note of a recording.
+
+    Raises
+    ------
+    RecordError
+        When it cannot be written.
+    """
     if path_beside(path).is_file():
         write_note(path, note.model_copy(update={"navigation_sha256": navigation_sha256}))

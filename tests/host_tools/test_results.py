@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from firmware_py.memory import NAVIGATION
+from host_tools.errors import RehearsalError
 from host_tools.hardware.memory import TRUTH
 from host_tools.results import compare, east_north_m, write_errors, write_whole
 
@@ -84,7 +85,7 @@ def test_a_failing_write_leaves_the_file_before_it(tmp_path):
         file.write("half")
         raise OSError("disk full")
 
-    with pytest.raises(OSError, match="disk full"):
+    with pytest.raises(RehearsalError, match=r"summary.json: cannot be written: disk full"):
         write_whole(path, fail)
     assert path.read_text() == "before"
     assert list(tmp_path.iterdir()) == [path]

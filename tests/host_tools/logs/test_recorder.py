@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+import errno
+import os
+import shutil
+from pathlib import Path
+
 import can
 import numpy as np
 import pytest
@@ -10,6 +15,7 @@ from dbc.codec import load
 from dbc.frame import frame_array
 from host_tools.bus.interface import RrinsBus
 from host_tools.errors import BusError
+from host_tools.logs import recorder as recording
 from host_tools.logs.errors import RecordError
 from host_tools.logs.note import Note
 from host_tools.logs.reader import Log
@@ -148,6 +154,73 @@ def test_a_recording_ends_with_its_time(hosted, tmp_path, read):
     recorder.close()
     assert recorder.frames == 21
     assert read(path).time_s.tolist() == pytest.approx(np.arange(21) * 0.005)
+
+
+@pytest.mark.parametrize("ending", [".log", ".asc", ".blf", ".mf4", ".db"])
+def test_all_parts_of_a_recorder_that_was_killed_are_read(hosted, tmp_path, read, ending):
+    folder, killed = tmp_path / "recorded", tmp_path / "killed"
+    folder.mkdir()
+    recorder = record(hosted, folder / f"bus{ending}", limit_s=49.99, rotate_bytes=30_000)
+    for epoch in range(10_001):
+        hosted.send_batch(batch(SYNC), 1, epoch=epoch, time_ns=epoch * 5_000_000)
+    assert recorder.has_ended.wait(20)
+    shutil.copytree(folder, killed)  # what is there without its end
+    recorder.close()
+    parts = recorder.note.parts
+    assert len(parts) > 2
+    log = Log(killed / f"bus{ending}")
+    assert [part.file for part in log.note.parts] == [part.file for part in parts]
+    time_s = np.concatenate([piece.time_s for piece in log.pieces()])
+    assert time_s == pytest.approx(np.arange(len(time_s)) * 0.005, abs=2e-6)
+    assert time_s[-1] >= parts[-1].first_s - 0.0051
+    assert len(read(folder / f"bus{ending}")) == 9999
+
+
+@pytest.mark.parametrize("ending", [".log", ".log.gz", ".blf", ".mf4", ".db"])
+def test_a_file_has_one_recorder_at_a_time(tmp_path, read, ending):
+    path = tmp_path / f"bus{ending}"
+    path.write_text("of a recording before")
+    for frames in (3, 5):  # the second time when the first is over
+        recorder = Recorder(path, Address("virtual", "any"), False)
+        with can.Bus(interface="virtual", channel="any") as bus:
+            for k in range(frames):
+                bus.send(can.Message(arbitration_id=k, is_extended_id=False))
+            with pytest.raises(RecordError, match="another recorder is writing it"):
+                Recorder(path, Address("virtual", "other"), False)
+        recorder.close()
+        assert recorder.failure is None
+        assert len(read(path)) == frames
+    assert {file.name for file in tmp_path.iterdir()} == {path.name, f"{path.name}.json"}
+
+
+def test_a_recorder_that_cannot_begin_leaves_no_file(tmp_path, monkeypatch):
+    def refuse(path):
+        raise RecordError("no such format here")
+
+    monkeypatch.setattr(recording, "open_writer", refuse)
+    before = tmp_path / "before.log"
+    before.write_text("(0.0) can0 010#00\n")
+    for path in (before, tmp_path / "new.log"):
+        with pytest.raises(RecordError, match="no such format"):
+            Recorder(path, Address("virtual", "any"), False)
+    assert list(tmp_path.iterdir()) == [before]
+    assert before.read_text() == "(0.0) can0 010#00\n"
+
+
+def test_a_note_that_cannot_be_written_is_told(tmp_path, monkeypatch, read):
+    path = tmp_path / "bus.log"
+    recorder = Recorder(path, Address("virtual", "any"), False)
+    monkeypatch.setattr(Path, "replace", full_disk)
+    with can.Bus(interface="virtual", channel="any") as bus:
+        bus.send(can.Message(arbitration_id=7, is_extended_id=False))
+    recorder.close()
+    assert recorder.failure == f"its note: {path}.json: cannot be written: No space left on device"
+    assert len(read(path)) == 1
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def full_disk(*_):
+    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
 
 def test_where_nothing_can_be_recorded_the_file_before_stays(tmp_path):
