@@ -19,7 +19,7 @@ from host_tools import scenario as scenarios
 from host_tools.errors import FirmwareFaultError
 from host_tools.logs.comparison import Comparison
 from host_tools.logs.errors import DifferenceError, RecordError
-from host_tools.logs.formats import check_path
+from host_tools.logs.formats import check_path, name_without_ending
 from host_tools.logs.playback import Playback, identifiers_of
 from host_tools.logs.reader import Log
 from host_tools.logs.recorder import Recorder, waits_for_recorder
@@ -330,6 +330,6 @@ def plot(
     if named or not shown:
         when = "" if from_s is None and to_s is None else " in that time"
         raise RecordError(f"{path}: has no frame of {', '.join(named or absent[:4])}{when}")
-    picture = out or Path(path.name.split(".")[0] + ".png")
+    picture = out or Path(name_without_ending(path) + ".png")
     save(draw_series(shown, contents, path.name), picture)
     click.echo(str(picture))
