@@ -101,6 +101,11 @@ class Log:
         told = [f"{path}: {'; '.join(damages)}" for path, damages in self._damages.items()]
         return "; ".join(told) or None
 
+    @property
+    def is_mixed(self) -> bool:
+        """Whether the frames read so far are of several channels."""
+        return self._channel is None and len(self.channels) > 1
+
     def _existing_parts(self) -> list[tuple[Path, float]]:
         """Return the parts, and what to add to the times of each."""
         parts = () if self.note is None else self.note.parts
