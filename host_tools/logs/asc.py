@@ -62,17 +62,21 @@ class AscLines:
         self.bad_lines = 0
         self.fd_frames = 0
         self.is_open = False
+        self._is_headed = False
         self._lines = self._sound()
 
     def __iter__(self) -> Iterator[str]:
         return self._lines
+
+    def begin_again(self) -> None:
+        """Hand on a header next, which a reader that begins wants."""
+        self._is_headed = False
 
     def close(self) -> None:
         """Close the file."""
         self._file.close()
 
     def _sound(self) -> Iterator[str]:
-        is_headed = False
         for line in self._file:
             text = line.strip()
             if not text or text.startswith("//"):
@@ -86,10 +90,10 @@ class AscLines:
                 self._time_s += Decimal(time)
                 time = str(self._time_s)
             if self._is_for_reader(rest, is_whole=line.endswith("\n")):
-                if not is_headed:
+                if not self._is_headed:
                     yield f"base {'hex' if self._base == 16 else 'dec'}  timestamps absolute\n"
                     yield "internal events logged\n"
-                    is_headed = True
+                    self._is_headed = True
                 self.frames += 1
                 yield f"{time}{rest}\n"
 
@@ -131,7 +135,7 @@ class AscLines:
             bytes(int(number, self._base) for number in numbers[:length])
         except ValueError:
             return False
-        if len(numbers) < length:
+        if len(numbers) < length or _DIRECTION.search(frame["data"]):  # two lines in one
             return False
         return is_whole or len(numbers) > length or not self._may_be_cut(numbers)
 

@@ -126,6 +126,10 @@ def _take_payload(text: Any, at: int, end: int, frame: Any) -> bool:
         at += 2
     frame["data"] = word
     frame.length = length
+    while at < end:
+        if text[at] == _HASH:  # two lines in one
+            return False
+        at += 1
     return True
 
 

@@ -20,7 +20,7 @@ from can.util import channel2int
 from host_tools.logs.asc import AscLines
 from host_tools.logs.errors import RecordError
 from host_tools.logs.mf4 import Mf4Writer, is_simulated
-from host_tools.logs.trc import TrcLines
+from host_tools.logs.text_lines import CsvLines, TrcLines
 
 WRITTEN = (".asc", ".blf", ".csv", ".db", ".log", ".mf4", ".trc", ".txt")
 """Endings that a recording can have."""
@@ -174,10 +174,13 @@ def name_without_ending(path: Path) -> str:
     return name
 
 
-_LINES: dict[str, type[AscLines | TrcLines]] = {".asc": AscLines, ".trc": TrcLines}
+Lines = AscLines | TrcLines | CsvLines
+"""The lines of a text on their way to python-can's reader."""
+
+_LINES: dict[str, type[Lines]] = {".asc": AscLines, ".csv": CsvLines, ".trc": TrcLines}
 
 
-def open_reader(path: Path, stream: IO[bytes]) -> tuple[Any, AscLines | TrcLines | None]:
+def open_reader(path: Path, stream: IO[bytes]) -> tuple[Any, Lines | None]:
     """Return python-can's reader of a log, an iterator of messages, and the lines that it reads.
 
     `stream` is the content of the file, unpacked. The lines are None where it reads them itself.
@@ -189,7 +192,5 @@ def open_reader(path: Path, stream: IO[bytes]) -> tuple[Any, AscLines | TrcLines
     if ending not in _TEXT:
         return reader(stream), None
     text = io.TextIOWrapper(stream, encoding="utf-8-sig", errors="replace")
-    if ending not in _LINES:
-        return reader(text), None
     lines = _LINES[ending](text)
     return reader(lines), lines

@@ -219,7 +219,7 @@ class Log:
         """Yield what python-can reads; what it has read before an error comes first."""
         reader, lines = open_reader(path, stream)
         gathered = _Gathered(_FIRST_CHANNEL.get(ending_of(path)[0], 0))
-        count = shortened = 0
+        count = damaged = failed_at = 0
         failure: Exception | None = None
         messages = iter(reader)
         complaints = _Complaints()
@@ -228,31 +228,36 @@ class Log:
                 with complaints:
                     message = next(messages, None)
             except Exception as error:  # noqa: BLE001 - raised again below
-                failure = error
-                break
+                failure = failure or error
+                if lines is None or lines.frames == failed_at:
+                    break
+                failed_at = lines.frames
+                lines.begin_again()
+                messages = iter(reader)
+                continue
             if message is None:
                 break
             count += 1
-            if message.is_fd or len(message.data) > _PAYLOAD:
+            if message.is_fd or message.dlc == len(message.data) > _PAYLOAD:
                 self.passed_over += 1
             elif min(message.dlc, _PAYLOAD) != len(message.data) and not message.is_remote_frame:
-                shortened += 1
+                damaged += 1
             else:
                 gathered.take(message)
             if len(gathered.words) == _PIECE:
                 yield gathered.block()
         yield gathered.block()
+        if damaged:
+            self._note_damage(
+                path, f"{damaged} frames have not as many bytes as they say and are left out"
+            )
+        if failure is not None and (lines is None or not count):
+            raise failure
         if lines is None:
             self._note_bad_lines(path, complaints.count)
         else:
             self.passed_over += lines.fd_frames
-            self._note_bad_lines(
-                path, lines.bad_lines + lines.frames - count - (failure is not None)
-            )
-        if shortened:
-            self._note_damage(path, f"{shortened} frames are cut off and left out")
-        if failure is not None:
-            raise failure
+            self._note_bad_lines(path, lines.bad_lines + lines.frames - count)
         if lines is not None and lines.is_open:
             self._note_damage(path, f"was not closed; it ends after {self._read} frames")
         if isinstance(reader, can.BLFReader):

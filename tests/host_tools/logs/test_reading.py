@@ -223,6 +223,23 @@ def test_status_lines_of_peak_are_no_damage(read_log):
     assert log.damage.endswith("1 line is no frame and left out")
 
 
+@pytest.mark.parametrize("ending", [".asc", ".csv", ".log", ".trc"])
+@pytest.mark.parametrize("wrong", [b"Z", b"\xff", b" ", b",", b"\0"])
+def test_a_wrong_byte_in_a_text_costs_its_line_at_most(recordings, read_log, ending, wrong):
+    lines = recordings(ending).path.read_bytes().splitlines(keepends=True)[:105]
+    if ending == ".asc":
+        lines.append(b"End TriggerBlock\n")
+    log, whole, _ = read_log(f"whole{ending}", b"".join(lines))
+    assert log.damage is None
+    for at in range(len(lines[100])):
+        spoilt = lines[100][:at] + wrong + lines[100][at + 1 :]
+        content = b"".join([*lines[:100], spoilt, *lines[101:]])
+        log, frames, _ = read_log(f"spoilt{ending}", content)
+        left_out = len(whole) - len(frames)
+        assert left_out <= 1 or (left_out == 2 and at >= len(lines[100].rstrip()))  # joined
+        assert (log.damage is not None) == (left_out > 0)
+
+
 CHANNELS = {
     "bus.log": "(1.0) can0 043#11\n(1.1) vcan10 043#22\n(1.2) can0 043#33\n",
     "bus.asc": "0.0 1 43 Rx d 1 11\n0.1 2 43 Rx d 1 22\n0.2 1 43 Rx d 1 33\n",
