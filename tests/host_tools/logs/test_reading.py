@@ -172,6 +172,7 @@ def test_an_asc_log_in_decimal_is_read(read_log):
         (" 43  ", " 4#  "),
         ("0.100000 1  43 ", "0#100000 1  43 "),
         ("Rx   d 8", "R"),
+        ("43              Rx   d 8", "AB"),
         ("   0.100000 1  43              Rx ", "43              Rx "),
         ("   0.100000 1  43 ", "\0\0\0\0\0 1  43 "),
         ("1  43    ", "1  SENSOR_3    "),
@@ -206,6 +207,31 @@ def test_a_text_log_that_is_cut_anywhere_says_so_and_invents_nothing(tmp_path, r
         assert not silent
     else:  # it has no end: what ends behind a whole frame is whole
         assert all(line == b"" or len(line.split()) == 16 for line in silent)
+
+
+PEAK = {
+    "1.0": "{n:>6}) {ms} 0300 {length} {data}\n",
+    "1.1": "{n:>6}) {ms}.0 Rx 0300 {length} {data}\n",
+    "1.3": "{n:>6}) {ms}.0 1 Rx 0300 - {length} {data}\n",
+}
+
+
+@pytest.mark.parametrize("version", PEAK)
+def test_every_version_of_peak_is_read(read_log, version):
+    head = "" if version == "1.0" else f";$FILEVERSION={version}\n;$STARTTIME=43008.9\n;\n"
+    line = PEAK[version]
+    content = head + "".join(
+        line.format(n=k, ms=100 * k, length=2, data=f"0{k} AA") for k in range(1, 5)
+    )
+    log, frames, _ = read_log("peak.trc", content)
+    assert frames["data"].tolist() == [0xAA00 + k for k in range(1, 5)]
+    assert log.damage is None
+    log, frames, _ = read_log("spoilt.trc", content.replace("02 AA", "0# AA"))
+    assert frames["data"].tolist() == [0xAA01, 0xAA03, 0xAA04]
+    assert log.damage.endswith("1 line is no frame and left out")
+    log, frames, _ = read_log("cut.trc", content[:-2])
+    assert frames["data"].tolist() == [0xAA01, 0xAA02, 0xAA03]
+    assert log.damage.endswith("1 line is no frame and left out")
 
 
 def test_status_lines_of_peak_are_no_damage(read_log):
