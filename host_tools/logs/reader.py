@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from dbc.frame import EFF_FLAG, ERR_FLAG, RTR_FLAG, FrameArray, frame_array
 from host_tools.logs.candump import Candump
 from host_tools.logs.errors import RecordError
-from host_tools.logs.formats import check_readable, ending_of, open_reader
+from host_tools.logs.formats import Lines, check_readable, ending_of, open_reader
 from host_tools.logs.mf4 import read_data_frames
 from host_tools.logs.note import Note, read_note
 from host_tools.logs.unpacking import Unpacked
@@ -219,25 +219,9 @@ class Log:
         """Yield what python-can reads; what it has read before an error comes first."""
         reader, lines = open_reader(path, stream)
         gathered = _Gathered(_FIRST_CHANNEL.get(ending_of(path)[0], 0))
-        count = damaged = failed_at = 0
-        failure: Exception | None = None
-        messages = iter(reader)
-        complaints = _Complaints()
-        while True:
-            try:
-                with complaints:
-                    message = next(messages, None)
-            except Exception as error:  # noqa: BLE001 - raised again below
-                failure = failure or error
-                if lines is None or lines.frames == failed_at:
-                    break
-                failed_at = lines.frames
-                lines.begin_again()
-                messages = iter(reader)
-                continue
-            if message is None:
-                break
-            count += 1
+        damaged = 0
+        messages = _Messages(reader, lines)
+        for message in messages:
             if message.is_fd or message.dlc == len(message.data) > _PAYLOAD:
                 self.passed_over += 1
             elif min(message.dlc, _PAYLOAD) != len(message.data) and not message.is_remote_frame:
@@ -251,15 +235,13 @@ class Log:
             self._note_damage(
                 path, f"{damaged} frames have not as many bytes as they say and are left out"
             )
-        if failure is not None and (lines is None or not count):
-            raise failure
-        if lines is None:
-            self._note_bad_lines(path, complaints.count)
-        else:
+        self._note_bad_lines(path, messages.bad_lines)
+        if messages.failure is not None:
+            raise messages.failure
+        if lines is not None:
             self.passed_over += lines.fd_frames
-            self._note_bad_lines(path, lines.bad_lines + lines.frames - count)
-        if lines is not None and lines.is_open:
-            self._note_damage(path, f"was not closed; it ends after {self._read} frames")
+            if lines.is_open:
+                self._note_damage(path, f"was not closed; it ends after {self._read} frames")
         if isinstance(reader, can.BLFReader):
             size = path.stat().st_size if unpacked is None else unpacked.size
             self._check_end_of_blf(path, reader, size)
@@ -269,6 +251,54 @@ class Log:
             self._note_damage(path, f"is cut off after {self._read} frames")
         elif reader.file_size == _BLF_HEADER and reader.object_count == 0:
             self._note_damage(path, f"was not closed; it ends after {self._read} frames")
+
+
+class _Messages:
+    """What python-can's reader reads, also behind a line of a text that it cannot read.
+
+    Attributes
+    ----------
+    failure : Exception or None
+        Why it could not be read on.
+    """
+
+    def __init__(self, reader: Any, lines: Lines | None) -> None:
+        self._reader = reader
+        self._lines = lines
+        self._complaints = _Complaints()
+        self._count = 0
+        self.failure: Exception | None = None
+
+    @property
+    def bad_lines(self) -> int:
+        """Lines that should have been messages."""
+        if self._lines is None:
+            return self._complaints.count
+        return self._lines.bad_lines + self._lines.frames - self._count
+
+    def __iter__(self) -> Iterator[can.Message]:
+        messages = iter(self._reader)
+        first: Exception | None = None
+        failed_at = 0
+        while True:
+            try:
+                with self._complaints:
+                    message = next(messages, None)
+            except Exception as error:  # noqa: BLE001 - other people's readers on any bytes
+                first = first or error
+                if self._lines is None or self._lines.frames == failed_at:  # no line's fault
+                    self.failure = error
+                    return
+                failed_at = self._lines.frames
+                self._lines.begin_again()
+                messages = iter(self._reader)
+                continue
+            if message is None:
+                break
+            self._count += 1
+            yield message
+        if not self._count:
+            self.failure = first
 
 
 class _Complaints(logging.Handler):
