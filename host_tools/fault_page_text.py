@@ -98,8 +98,9 @@ all. `probability` is the share of the frames that are hit.
 | `accelerometer_noise` | | `sensor`, `white_noise_ug_per_sqrt_hz` |
 | `gyro_absent`, `accelerometer_absent` | it says that it is not there | `sensor` |
 
-`sensor` counts from 1; without it, all of the kind fail. With `rrins inject` each key is an option:
-`--rate-dps`.
+`sensor` counts from 1; without it, all of the kind fail. With `rrins inject` each key is an option,
+such as `--rate-dps`; `delay_s` is `--delay`, and `for_s` is `--for`. A delay becomes whole epochs,
+one at least; `rrins inject` says so where that makes a difference.
 
 ## What the firmware makes of faults on the wire
 

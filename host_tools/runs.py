@@ -243,8 +243,8 @@ def run_side(
 ) -> None:
     """Do `rrins firmware` or `rrins hardware`."""
     address = default_side_address(bus)
-    warning = slcan.too_slow(address, scenario, side) if speed == sides.REALTIME else None
-    if warning is not None:
+    warning = slcan.too_slow(address, scenario, side)
+    if warning is not None and speed == sides.REALTIME:
         Report(job["report_fd"]).note(side, warning)
     run = {"firmware": sides.run_firmware, "hardware": sides.run_hardware}[side]
     if job["report_fd"] is None:

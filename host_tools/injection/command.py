@@ -15,6 +15,7 @@ from host_tools.port import EMBEDDED
 
 _DEFAULT_CHANNEL = "rrins0"
 _CLEAR, _LIST = "clear", "list"
+_STEPS = {"delay_s": "a whole number of epochs", "probability": "the nearest that a command says"}
 
 
 @click.command()
@@ -92,6 +93,10 @@ _Outcome = tuple[str, dict[str, Any]]
 
 def _inject(client: FaultClient, fault: Fault) -> _Outcome:
     active, report = client.inject(fault)
+    for key in ("delay_s", "probability"):
+        wanted, is_now = getattr(fault, key, None), active.keys.get(key)
+        if is_now is not None and wanted != is_now:
+            click.echo(f"rrins: {key} {wanted:g} became {is_now:g}, {_STEPS[key]}", err=True)
     return f"{active.words} {_times(active, report)}", report.fault_as_dict(active)
 
 

@@ -17,10 +17,18 @@ from dbc.frame import EFF_FLAG, ERR_FLAG, RTR_FLAG, FrameArray, frame_array
 _BLOCK = 1 << 21  # bytes
 _SHORTEST_LINE = 12  # "(0) a 000#\n" and one
 _PAYLOAD = 8  # bytes of a whole classic frame
+_EXACT_DIGITS = 15  # of numbers that a float holds exactly
+_EXACT = 1 << 53
+_CHANNELS = 64  # that are told apart, the last one for all others
+_CHANNEL_BYTES = 64  # of the name of one
+_BOM = b"\xef\xbb\xbf"
 _NEWLINE, _SPACE, _TAB, _RETURN = 10, 32, 9, 13
-_OPEN, _CLOSE, _DOT, _HASH, _REMOTE = 40, 41, 46, 35, 82
+_OPEN, _CLOSE, _DOT, _HASH, _REMOTE, _RAW_LENGTH = 40, 41, 46, 35, 82, 95
 
 _FRAME, _BLANK, _BAD, _FD = 0, 1, 2, 3
+
+Block = tuple[FrameArray, NDArray[np.float64], NDArray[np.uint8]]
+"""Frames, their times, and the numbers of their channels."""
 
 
 @njit(cache=True)
@@ -48,25 +56,51 @@ def _take_time(text: Any, at: int, end: int, times: Any, row: int) -> int:
     if at >= end or text[at] != _OPEN:
         return -1
     at += 1
-    number = 0
-    digits = 0
-    after_dot = -1
+    whole = fraction = 0
+    unit = 1
+    digits = decimals = 0
+    is_behind_dot = False
     while at < end and text[at] != _CLOSE:
         byte = int(text[at])
-        if byte == _DOT and after_dot < 0:
-            after_dot = 0
-        elif 48 <= byte <= 57 and digits < 18:
-            number = 10 * number + (byte - 48)
-            digits += 1
-            if after_dot >= 0:
-                after_dot += 1
-        else:
+        if byte == _DOT and not is_behind_dot:
+            is_behind_dot = True
+        elif not 48 <= byte <= 57:
             return -1
+        elif not is_behind_dot:
+            if digits == _EXACT_DIGITS:
+                return -1
+            whole = 10 * whole + (byte - 48)
+            digits += 1
+        elif decimals < _EXACT_DIGITS:
+            fraction = 10 * fraction + (byte - 48)
+            unit *= 10
+            decimals += 1
         at += 1
-    if at >= end or not digits:
+    if at >= end or not digits + decimals:
         return -1
-    times[row] = number / 10.0 ** max(after_dot, 0)
+    if digits + decimals <= _EXACT_DIGITS + 1 and whole * unit < _EXACT:
+        times[row] = (whole * unit + fraction) / float(unit)
+    else:
+        times[row] = whole + fraction / float(unit)
     return at + 1
+
+
+@njit(cache=True)
+def _number_of_channel(text: Any, at: int, end: int, known: Any) -> int:
+    """Return the place of the name ``text[at:end]`` in `known`, a new one for one that is new."""
+    size = min(end - at, _CHANNEL_BYTES)
+    for number in range(_CHANNELS - 1):
+        if known[number, 0] == 0:
+            known[number, :size] = text[at : at + size]
+            return number
+        is_same = size == _CHANNEL_BYTES or known[number, size] == 0
+        k = 0
+        while is_same and k < size:
+            is_same = known[number, k] == text[at + k]
+            k += 1
+        if is_same:
+            return number
+    return _CHANNELS - 1
 
 
 @njit(cache=True)
@@ -78,6 +112,10 @@ def _take_payload(text: Any, at: int, end: int, frame: Any) -> bool:
         if text[at] == _DOT:
             at += 1
             continue
+        if text[at] == _RAW_LENGTH and length == 8:  # and the code of the length, 9 to F
+            if at + 1 >= end or _hex(int(text[at + 1])) < 9:
+                return False
+            break
         if at + 1 >= end or length == 8:
             return False
         high, low = _hex(int(text[at])), _hex(int(text[at + 1]))
@@ -88,6 +126,10 @@ def _take_payload(text: Any, at: int, end: int, frame: Any) -> bool:
         at += 2
     frame["data"] = word
     frame.length = length
+    while at < end:
+        if text[at] == _HASH:  # two lines in one
+            return False
+        at += 1
     return True
 
 
@@ -104,8 +146,11 @@ def _take_remote(text: Any, at: int, end: int, frame: Any) -> bool:
 
 
 @njit(cache=True)
-def _take_line(text: Any, at: int, end: int, frames: Any, times: Any, row: int) -> int:
-    """Read the line ``text[at:end]`` into a row; return what it was."""
+def _take_line(text: Any, at: int, end: int, frames: Any, times: Any, place: Any, row: int) -> int:
+    """Read the line ``text[at:end]`` into a row; return what it was.
+
+    `place` gets where the name of its channel begins and ends.
+    """
     if end > at and text[end - 1] == _RETURN:
         end -= 1
     at = _skip_blanks(text, at, end)
@@ -115,8 +160,10 @@ def _take_line(text: Any, at: int, end: int, frames: Any, times: Any, row: int) 
     if at < 0:
         return _BAD
     at = _skip_blanks(text, at, end)
-    while at < end and text[at] != _SPACE and text[at] != _TAB:  # the channel
+    place[0] = at
+    while at < end and text[at] != _SPACE and text[at] != _TAB:
         at += 1
+    place[1] = at
     at = _skip_blanks(text, at, end)
     identifier = 0
     digits = 0
@@ -144,21 +191,25 @@ def _take_line(text: Any, at: int, end: int, frames: Any, times: Any, row: int) 
 
 
 @njit(cache=True)
-def _take_lines(text: Any, size: int, frames: Any, times: Any, counts: Any) -> int:
-    """Read all whole lines of ``text[:size]``; return the bytes that were read.
+def _take_lines(text: Any, rows: Any, times: Any, numbers: Any, known: Any, counts: Any) -> int:
+    """Read all whole lines of a text; return the bytes that were read.
 
-    `counts` gets the frames, the bad lines and the FD frames.
+    `numbers` gets the channels, by the places that their names have in `known`; `counts` the
+    frames, the bad lines and the FD frames.
     """
     at = 0
     row = 0
+    size = len(text)
+    place = np.zeros(2, dtype=np.int64)
     while True:
         end = at
         while end < size and text[end] != _NEWLINE:
             end += 1
         if end == size:
             break
-        found = _take_line(text, at, end, frames, times, row)
+        found = _take_line(text, at, end, rows, times, place, row)
         if found == _FRAME:
+            numbers[row] = _number_of_channel(text, place[0], place[1], known)
             row += 1
         elif found == _BAD:
             counts[1] += 1
@@ -182,34 +233,41 @@ class Candump:
 
     def __init__(self, stream: IO[bytes]) -> None:
         self._stream = stream
+        self._known = np.zeros((_CHANNELS, _CHANNEL_BYTES), dtype=np.uint8)
         self.bad_lines = 0
         self.fd_frames = 0
 
-    def __iter__(self) -> Iterator[tuple[FrameArray, NDArray[np.float64]]]:
-        """Yield the frames and their times, in the order of the log."""
-        rest = b""
+    def channel(self, number: int) -> str:
+        """Return the name of a channel."""
+        return bytes(self._known[number]).rstrip(b"\0").decode(errors="replace")
+
+    def __iter__(self) -> Iterator[Block]:
+        """Yield the frames, their times and the numbers of their channels, as the log has them."""
+        rest = self._stream.read(len(_BOM)).removeprefix(_BOM)
         while block := self._stream.read(_BLOCK):
             text = rest + block
-            read, frames, times_s = self._parse(text)
+            read, found = self._parse(text)
             rest = text[read:]
             if len(rest) > _BLOCK:  # no line is as long
                 rest = b""
                 self.bad_lines += 1
-            yield frames, times_s
+            yield found
         if rest:
-            _, frames, times_s = self._parse(rest + b"\n")
-            if len(frames) and frames["length"][-1] < _PAYLOAD:  # without its end, it may be cut
-                frames, times_s = frames[:-1], times_s[:-1]
+            _, found = self._parse(rest + b"\n")
+            lengths = found[0]["length"]
+            if len(lengths) and lengths[-1] < _PAYLOAD:  # without its end, it may be cut
+                found = found[0][:-1], found[1][:-1], found[2][:-1]
                 self.bad_lines += 1
-            yield frames, times_s
+            yield found
 
-    def _parse(self, text: bytes) -> tuple[int, FrameArray, NDArray[np.float64]]:
+    def _parse(self, text: bytes) -> tuple[int, Block]:
         capacity = len(text) // _SHORTEST_LINE + 2
         frames = frame_array(capacity)
         times_s = np.zeros(capacity)
+        channels = np.zeros(capacity, dtype=np.uint8)
         counts = np.zeros(3, dtype=np.int64)
         bytes_ = np.frombuffer(text, dtype=np.uint8)
-        read = int(_take_lines(bytes_, len(bytes_), frames, times_s, counts))
+        read = int(_take_lines(bytes_, frames, times_s, channels, self._known, counts))
         self.bad_lines += int(counts[1])
         self.fd_frames += int(counts[2])
-        return read, frames[: counts[0]], times_s[: counts[0]]
+        return read, (frames[: counts[0]], times_s[: counts[0]], channels[: counts[0]])

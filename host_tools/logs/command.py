@@ -21,6 +21,11 @@ _bus_options = (
 )
 _json_option = click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 _log_argument = click.argument("log", metavar="FILE", type=click.Path(path_type=Path))
+_log_channel_option = click.option(
+    "--log-channel",
+    metavar="NAME",
+    help="Only the frames of this channel of FILE, as the log names it.  [default: all]",
+)
 
 
 def _with_bus(command: Callable[..., Any]) -> Callable[..., Any]:
@@ -104,6 +109,7 @@ def record(
     type=click.Path(file_okay=False, path_type=Path),
     help="Folder for what --firmware comes to.  [default: out/FILE]",
 )
+@_log_channel_option
 @_json_option
 def replay(
     log: Path,
@@ -114,6 +120,7 @@ def replay(
     through_firmware: bool,
     compare: str | None,
     out: Path | None,
+    log_channel: str | None,
     as_json: bool,
     **pace: Any,
 ) -> None:
@@ -128,14 +135,14 @@ def replay(
     heed_sigterm()
     other = None if compare in (None, _ITSELF) else Path(str(compare))
     if through_firmware or compare == _ITSELF:
-        jobs.navigate_again(log, scenario, out, compare is not None, other, as_json)
+        jobs.navigate_again(log, scenario, out, compare is not None, other, as_json, log_channel)
     elif scenario is not None:
         raise click.UsageError(f"the scenario {scenario} is for --firmware only")
     elif other is not None:
-        jobs.compare(log, other, as_json)
+        jobs.compare(log, other, as_json, log_channel)
     else:
         address = jobs.address_of(interface, channel, bitrate)
-        jobs.play(log, address, as_json, **pace)
+        jobs.play(log, address, as_json, log_channel=log_channel, **pace)
 
 
 @click.command()
@@ -149,13 +156,14 @@ def replay(
     show_default=True,
     help="Of the tables.",
 )
+@_log_channel_option
 @_json_option
-def export(log: Path, folder: Path, kind: str, as_json: bool) -> None:
+def export(log: Path, folder: Path, kind: str, log_channel: str | None, as_json: bool) -> None:
     """Write the log FILE as tables, one for each message, into OUT_DIR."""
     from host_tools.logs import jobs
 
     heed_sigterm()
-    jobs.export(log, folder, kind, as_json)
+    jobs.export(log, folder, kind, as_json, log_channel)
 
 
 @click.command()
@@ -168,6 +176,7 @@ def export(log: Path, folder: Path, kind: str, as_json: bool) -> None:
     type=click.Path(dir_okay=False, path_type=Path),
     help="The picture: .png, .svg or .pdf.  [default: FILE's name with .png, here]",
 )
+@_log_channel_option
 @click.option("--list", "as_list", is_flag=True, help="List what the log has instead.")
 def plot(
     log: Path,
@@ -175,6 +184,7 @@ def plot(
     from_s: float | None,
     to_s: float | None,
     out: Path | None,
+    log_channel: str | None,
     as_list: bool,
 ) -> None:
     """Draw signals of the log FILE over time.
@@ -186,8 +196,8 @@ def plot(
 
     heed_sigterm()
     if as_list:
-        jobs.list_contents(log)
+        jobs.list_contents(log, log_channel)
         return
     if not signals:
         raise click.UsageError("name a signal, or ask for --list")
-    jobs.plot(log, signals, from_s, to_s, out)
+    jobs.plot(log, signals, from_s, to_s, out, log_channel)

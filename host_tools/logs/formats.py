@@ -17,8 +17,10 @@ from can.io.logger import MESSAGE_WRITERS
 from can.io.player import MESSAGE_READERS
 from can.util import channel2int
 
+from host_tools.logs.asc import AscLines
 from host_tools.logs.errors import RecordError
 from host_tools.logs.mf4 import Mf4Writer, is_simulated
+from host_tools.logs.text_lines import CsvLines, TrcLines
 
 WRITTEN = (".asc", ".blf", ".csv", ".db", ".log", ".mf4", ".trc", ".txt")
 """Endings that a recording can have."""
@@ -162,12 +164,33 @@ def check_readable(path: Path) -> None:
         raise RecordError(f"{path}: no log that can be read; the ending must be {' '.join(READ)}")
 
 
-def open_reader(path: Path, raw: IO[bytes]) -> Any:
-    """Return python-can's reader of a log, an iterator of messages; `raw` is the open file."""
-    ending, is_packed = ending_of(path)
+def name_without_ending(path: Path) -> str:
+    """Return the name of a log without the ending that is its format, and without `.gz`."""
+    name = path.name
+    for suffix in reversed(path.suffixes[-2:]):
+        if suffix.lower() not in (*WRITTEN, ".gz"):
+            break
+        name = name[: -len(suffix)]
+    return name
+
+
+Lines = AscLines | TrcLines | CsvLines
+"""The lines of a text on their way to python-can's reader."""
+
+_LINES: dict[str, type[Lines]] = {".asc": AscLines, ".csv": CsvLines, ".trc": TrcLines}
+
+
+def open_reader(path: Path, stream: IO[bytes]) -> tuple[Any, Lines | None]:
+    """Return python-can's reader of a log, an iterator of messages, and the lines that it reads.
+
+    `stream` is the content of the file, unpacked. The lines are None where it reads them itself.
+    """
+    ending, _ = ending_of(path)
+    reader: Any = MESSAGE_READERS[ending]
     if ending in (".db", ".mf4"):
-        return MESSAGE_READERS[ending](path)
-    stream: Any = gzip.GzipFile(fileobj=raw) if is_packed else raw
-    if ending in _TEXT:
-        stream = io.TextIOWrapper(stream, encoding="utf-8", errors="replace")
-    return MESSAGE_READERS[ending](stream)
+        return reader(path), None
+    if ending not in _TEXT:
+        return reader(stream), None
+    text = io.TextIOWrapper(stream, encoding="utf-8-sig", errors="replace")
+    lines = _LINES[ending](text)
+    return reader(lines), lines

@@ -19,7 +19,7 @@ from host_tools import scenario as scenarios
 from host_tools.errors import FirmwareFaultError
 from host_tools.logs.comparison import Comparison
 from host_tools.logs.errors import DifferenceError, RecordError
-from host_tools.logs.formats import check_path
+from host_tools.logs.formats import check_path, name_without_ending
 from host_tools.logs.playback import Playback, identifiers_of
 from host_tools.logs.reader import Log
 from host_tools.logs.recorder import Recorder, waits_for_recorder
@@ -42,11 +42,14 @@ def tell(text: str) -> None:
     click.echo(f"rrins: {text}", err=True)
 
 
-def _tell_damage(log: Log) -> None:
+def _tell_reading(log: Log) -> None:
     if log.damage is not None:
         tell(f"{log.damage}; what could be read was used")
     if log.passed_over:
         tell(f"{log.path}: {log.passed_over} CAN FD frames are passed over")
+    if log.is_mixed:
+        counts = ", ".join(f"{name} ({count} frames)" for name, count in log.channels.items())
+        tell(f"{log.path}: its channels are mixed: {counts}; --log-channel chooses one")
 
 
 @contextmanager
@@ -118,18 +121,19 @@ def play(
     times: int,
     loop: bool,
     only: tuple[str, ...],
+    log_channel: str | None,
 ) -> None:
     """Do `rrins replay` onto a bus."""
     identifiers = identifiers_of(only)
     factor = _speed_of(speed)
-    log = Log(path)
+    log = Log(path, log_channel)
     playback = Playback(address, factor, identifiers)
     pace = "as fast as it goes" if factor is None else f"{factor:g} × real time"
     tell(f"replaying {path} onto {address}, {pace}; Ctrl-C stops")
     turns = 0
     try:
         while loop or turns < times:
-            log = Log(path) if turns else log
+            log = Log(path, log_channel) if turns else log
             playback.play(log)
             turns += 1
     finally:
@@ -146,7 +150,7 @@ def play(
             f"the latest {played.latest_s * 1000:.1f} ms late"
         )
         click.echo(json.dumps(found) if as_json else words)
-    _tell_damage(log)
+    _tell_reading(log)
     if not played.frames:
         raise RecordError(f"{path}: none of its frames is what --only names")
 
@@ -185,6 +189,7 @@ def navigate_again(
     with_comparison: bool,
     other: Path | None,
     as_json: bool,
+    log_channel: str | None = None,
 ) -> None:
     """Do `rrins replay --firmware`."""
     from host_tools.logs.replay import replay
@@ -192,14 +197,14 @@ def navigate_again(
     from host_tools.runs import folder_of
     from host_tools.sides import prepare_firmware
 
-    log = Log(path)
+    log = Log(path, log_channel)
     name, scenario = _scenario_of(log, name)
     against = None if other is None else Log(other)
     folder = folder_of(out, path.name)
     prepare_firmware(scenario)
     with _reading("navigating again", log.size, as_json) as on_progress:
         replayed = replay(log, scenario, folder, with_comparison, against, on_progress)
-    _tell_damage(log)
+    _tell_reading(log)
     summary, paths = write_replay(folder, name, scenario, log, replayed)
     if as_json:
         click.echo(json.dumps(summary))
@@ -211,15 +216,15 @@ def navigate_again(
         raise FirmwareFaultError("the firmware never navigated; is it the log's scenario?")
 
 
-def compare(ours: Path, theirs: Path, as_json: bool) -> None:
-    """Do `rrins replay A --compare B`."""
+def compare(ours: Path, theirs: Path, as_json: bool, log_channel: str | None = None) -> None:
+    """Do `rrins replay A --compare B`; the channel is one of A."""
     from host_tools.logs.alignment import compare_logs
 
-    left, right = Log(ours), Log(theirs)
+    left, right = Log(ours, log_channel), Log(theirs)
     with _reading("comparing", left.size + right.size, as_json) as on_progress:
         found = compare_logs(left, right, on_progress)
-    _tell_damage(left)
-    _tell_damage(right)
+    _tell_reading(left)
+    _tell_reading(right)
     if as_json:
         click.echo(json.dumps(found.summary()))
     _judge(found, as_json)
@@ -253,16 +258,21 @@ def _table_of(comparison: Comparison) -> Table:
     return table
 
 
-def export(path: Path, folder: Path, kind: str, as_json: bool) -> None:
+def export(
+    path: Path, folder: Path, kind: str, as_json: bool, log_channel: str | None = None
+) -> None:
     """Do `rrins export`."""
     from host_tools.logs import tables
 
-    log = Log(path)
+    log = Log(path, log_channel)
     begun = time.monotonic()
     with _reading("exporting", log.size, as_json) as on_progress:
         found = tables.export(log, folder, cast(Literal["parquet", "csv"], kind), on_progress)
     wall_s = time.monotonic() - begun
-    _tell_damage(log)
+    _tell_reading(log)
+    if found.left:
+        left = "1 table" if found.left == 1 else f"{found.left} tables"
+        tell(f"{folder}: {left} of another export {'is' if found.left == 1 else 'are'} left there")
     if found.wrong_length:
         tell(f"{path}: {found.wrong_length} frames have a wrong length and are left out")
     if found.unknown:
@@ -288,14 +298,14 @@ def export(path: Path, folder: Path, kind: str, as_json: bool) -> None:
     click.echo(f"{log.frames} frames in {wall_s:.1f} s, {log.frames / wall_s:.0f} a second")
 
 
-def list_contents(path: Path) -> None:
+def list_contents(path: Path, log_channel: str | None = None) -> None:
     """Do `rrins plot --list`."""
     from host_tools.logs.series import gather
 
-    log = Log(path)
+    log = Log(path, log_channel)
     with _reading("reading", log.size) as on_progress:
         _, contents = gather(log, (), on_progress=on_progress)
-    _tell_damage(log)
+    _tell_reading(log)
     duration_s = contents.last_s - contents.first_s
     click.echo(f"{path}: {contents.frames} frames in {duration_s:.3f} s")
     for name in (n for n in message_names() if n in contents.messages):
@@ -315,22 +325,23 @@ def plot(
     from_s: float | None,
     to_s: float | None,
     out: Path | None,
+    log_channel: str | None = None,
 ) -> None:
     """Do `rrins plot`."""
     from host_tools.logs.pictures import draw_series, save
     from host_tools.logs.series import gather
 
     signals = find_signals(words)
-    log = Log(path)
+    log = Log(path, log_channel)
     with _reading("reading", log.size) as on_progress:
         series, contents = gather(log, signals, from_s, to_s, on_progress)
-    _tell_damage(log)
+    _tell_reading(log)
     absent = [one.signal.full_name for one in series if not one.frames]
     shown = [one for one in series if one.frames]
     named = [name for name in absent if name in words or name.split(".")[1] in words]
     if named or not shown:
         when = "" if from_s is None and to_s is None else " in that time"
         raise RecordError(f"{path}: has no frame of {', '.join(named or absent[:4])}{when}")
-    picture = out or Path(path.name.split(".")[0] + ".png")
+    picture = out or Path(name_without_ending(path) + ".png")
     save(draw_series(shown, contents, path.name), picture)
     click.echo(str(picture))

@@ -26,6 +26,7 @@ from host_tools.logs.errors import RecordError
 _BATCH = 4096
 _COMPRESSED = 2  # transposed and deflated
 _RECORD_BYTES = 28
+_PAYLOAD = 8  # bytes of a whole classic frame
 _SHORTEST = 168  # bytes of the two blocks that every file begins with
 
 
@@ -167,8 +168,12 @@ def is_simulated(time_s: float) -> bool:
     return time_s < _EARLIEST_UNIX_S
 
 
-def read_data_frames(path: Path, capacity: int) -> Iterator[tuple[FrameArray, NDArray[np.float64]]]:
-    """Yield the classic data frames of an MF4 file and their times, `capacity` at a time.
+Block = tuple[FrameArray, NDArray[np.float64], NDArray[np.uint8], int]
+"""Classic frames, their times and channels, and how many CAN FD frames are passed over."""
+
+
+def read_data_frames(path: Path, capacity: int) -> Iterator[Block]:
+    """Yield the data frames of an MF4 file, `capacity` at a time.
 
     For a file with one group of data frames and no other frames, as `Mf4Writer` writes it; yields
     nothing for another, which is python-can's to read.
@@ -192,7 +197,12 @@ def read_data_frames(path: Path, capacity: int) -> Iterator[tuple[FrameArray, ND
             found = mdf.get(
                 "CAN_DataFrame", group, record_offset=offset, record_count=capacity, raw=False
             )
-            yield _frames_of(found.samples), found.timestamps + begun_s
+            is_classic = _is_classic(found.samples)
+            samples = found.samples[is_classic]
+            time_s = found.timestamps[is_classic] + begun_s
+            channels = samples["CAN_DataFrame.BusChannel"].astype(np.uint8)
+            passed_over = int(np.count_nonzero(~is_classic))
+            yield _frames_of(samples), time_s, channels, passed_over
 
 
 def _opened(path: Path) -> Any:
@@ -229,7 +239,16 @@ def _only_group(mdf: Any) -> int | None:
     names = first.dtype.names or ()
     data = first.dtype["CAN_DataFrame.DataBytes"] if "CAN_DataFrame.DataBytes" in names else None
     is_plain = data is not None and data.base == np.uint8 and data.shape in ((8,), (64,))
-    return index if is_plain and "CAN_DataFrame.IDE" in names else None
+    has_all = {"CAN_DataFrame.IDE", "CAN_DataFrame.BusChannel"} <= set(names)
+    return index if is_plain and has_all else None
+
+
+def _is_classic(samples: NDArray[Any]) -> NDArray[np.bool_]:
+    """Return which frames are none of CAN FD, by their flag where there is one."""
+    is_short = np.asarray(samples["CAN_DataFrame.DataLength"] <= _PAYLOAD)
+    if "CAN_DataFrame.EDL" not in (samples.dtype.names or ()):
+        return is_short
+    return is_short & (samples["CAN_DataFrame.EDL"] == 0)
 
 
 def _frames_of(samples: NDArray[Any]) -> FrameArray:
@@ -237,7 +256,7 @@ def _frames_of(samples: NDArray[Any]) -> FrameArray:
     extended = samples["CAN_DataFrame.IDE"].astype(bool)
     identifiers = samples["CAN_DataFrame.ID"].astype(np.uint32) & np.uint32(0x1FFF_FFFF)
     frames["can_id"] = identifiers | np.where(extended, np.uint32(EFF_FLAG), np.uint32(0))
-    frames["length"] = np.minimum(samples["CAN_DataFrame.DataLength"], 8)
+    frames["length"] = samples["CAN_DataFrame.DataLength"]
     payload = np.ascontiguousarray(samples["CAN_DataFrame.DataBytes"][:, :8])
     frames["data"] = payload.view("<u8")[:, 0]
     return frames

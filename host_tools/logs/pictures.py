@@ -30,6 +30,7 @@ _STYLES: tuple[dict[str, Any], ...] = (
 )
 _PREFIXED = ("rad", "m/s", "m", "s")
 _PREFIXES = ((2e3, 1e-3, "k"), (0.2, 1.0, ""), (2e-4, 1e3, "m"), (2e-7, 1e6, "µ"), (0.0, 1e9, "n"))
+_MANY_DIGITS = 1e6  # from which on a number is shown by a power of ten
 _NARROW = 1e-3  # range over size, from which on the size is taken off
 _SHOWN = {"deg": "°", "deg/s": "°/s", "us": "µs"}
 _PANEL_INCHES = 2.1
@@ -143,9 +144,9 @@ def _scale_of(unit: str, lines: Sequence[tuple[NDArray[Any], NDArray[Any]]]) -> 
     if unit in _PREFIXED and largest:
         factor, prefix = next((f, p) for above, f, p in _PREFIXES if largest > above)
         return _Scale(base, factor, f"{prefix}{label}")
-    if 0 < largest < 1e-2:
+    if 0 < largest < 1e-2 or largest >= _MANY_DIGITS:
         power = 3 * math.floor(math.log10(largest) / 3)
-        return _Scale(base, 10.0**-power, f"$10^{{{power}}}$ {label}")
+        return _Scale(base, 10.0**-power, f"$10^{{{power}}}$ {label}".rstrip())
     return _Scale(base, 1.0, label)
 
 
@@ -159,13 +160,13 @@ def _draw_numbers(axes: Any, panel: Sequence[Series]) -> None:
             axes.step(time_s, shown, where="post", label=one.signal.full_name, **style)
         else:
             axes.plot(time_s, shown, label=one.signal.full_name, **style)
-    if all(one.is_stepped for one in panel):
+    if scale.factor == 1 and all(one.is_stepped for one in panel):
         axes.yaxis.set_major_locator(MaxNLocator(integer=True, min_n_ticks=1))
         low, high = axes.get_ylim()
         if high - low < 1:  # it never changes
             axes.set_ylim(low - 0.8, high + 0.8)
     _dress(axes, scale.label)
-    axes.ticklabel_format(axis="y", useOffset=False)
+    axes.ticklabel_format(axis="y", style="plain", useOffset=False)
     _legend(axes)
 
 
@@ -231,7 +232,7 @@ def draw_navigation(rows: NDArray[Any], rate_hz: int, title: str) -> Figure:
         for style, (name, values) in zip(_STYLES, lines, strict=False):
             own.plot(time_s, (values - scale.base) * scale.factor, label=name, **style)
         _dress(own, f"{what}\n/ {scale.label}")
-        own.ticklabel_format(axis="y", useOffset=False)
+        own.ticklabel_format(axis="y", style="plain", useOffset=False)
         _legend(own)
     axes[-1].set_xlabel("time since navigation began / s")
     return figure

@@ -7,7 +7,7 @@ import os
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import numpy as np
 import pyarrow as pa
@@ -23,6 +23,7 @@ from host_tools.logs.reader import Log, Piece
 from host_tools.logs.signals import (
     SignalOfMessage,
     crc_of_frames_holds,
+    message_names,
     name_of_identifier,
     signals_of,
 )
@@ -52,11 +53,14 @@ class Exported:
         Frames that are none of the contract's.
     wrong_length : int
         Frames of a length that their message does not have; they are left out.
+    left : int
+        Tables in the folder, of either format, that are of an export before.
     """
 
     rows: dict[str, int]
     unknown: int = 0
     wrong_length: int = 0
+    left: int = 0
 
 
 class EpochCounter:
@@ -195,12 +199,19 @@ def export(
         for name, table in tables.items():
             table.keep()
             exported.rows[name] = table.rows
+        exported.left = _tables_left(folder, {table.path for table in tables.values()})
     except OSError as error:
         raise RecordError(f"{folder}: cannot be written: {error.strerror}") from error
     finally:
         for table in tables.values():
             table.drop()
     return exported
+
+
+def _tables_left(folder: Path, written: set[Path]) -> int:
+    """Return how many tables of messages a folder has besides those that were written."""
+    named = {folder / f"{name}.{kind}" for name in message_names() for kind in get_args(Format)}
+    return sum(path.is_file() for path in named - written)
 
 
 def _take(

@@ -76,15 +76,29 @@ def _sent_by(scenario: Scenario, side: Side) -> tuple[float, float]:
 
 
 def baud_of(channel: str) -> int | None:
-    """Return the baud rate that a channel means, None where it has none."""
-    device, _, baud = channel.partition("@")
+    """Return the baud rate that a channel means, None where it has none.
+
+    Raises
+    ------
+    BusError
+        When what stands behind its ``@`` is no baud rate.
+    """
+    device, at, baud = channel.partition("@")
+    if at and not (baud.isascii() and baud.isdecimal() and int(baud)):
+        raise BusError(f"bus {INTERFACE}:{channel}: {baud!r} is no baud rate; name {device}@BAUD")
     if device.startswith(_USB):
         return None
-    return int(baud) if baud.isdecimal() else DEFAULT_BAUD
+    return int(baud) if at else DEFAULT_BAUD
 
 
 def too_slow(address: Address, scenario: Scenario, side: Side) -> str | None:
-    """Return what to tell a user whose serial line is too slow for real time."""
+    """Return what to tell a user whose serial line is too slow for real time.
+
+    Raises
+    ------
+    BusError
+        When its channel names no baud rate where one should stand.
+    """
     if address.interface != INTERFACE:
         return None
     baud, needed = baud_of(address.channel), line_load(scenario, side).baud

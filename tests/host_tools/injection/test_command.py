@@ -59,6 +59,18 @@ def test_in_listed_and_out_again(inject):
     assert line.startswith("no faults active at epoch ")
 
 
+def test_a_value_that_cannot_be_said_exactly_is_told(inject):
+    status, (told, line) = inject("delay", "--message", "SENSOR_3", "--delay", 0.001)
+    assert status == 0
+    assert told == "rrins: delay_s 0.001 became 0.005, a whole number of epochs"
+    assert line.startswith("delay (message SENSOR_3, delay_s 0.005) since epoch ")
+    status, (told, line) = inject("drop", "--message", "SENSOR_2", "--probability", 0.12345)
+    assert told.startswith("rrins: probability 0.12345 became 0.123")
+    assert len(inject("delay", "--message", "SENSOR_3", "--delay", 0.02)[1]) == 1
+    assert len(inject("drop", "--message", "SENSOR_2", "--probability", 0.3)[1]) == 1
+    inject("clear")
+
+
 @pytest.mark.parametrize(
     ("arguments", "status", "words"),
     [

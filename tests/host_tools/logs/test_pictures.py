@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import gzip
+import json
+from pathlib import Path
+
 import numpy as np
 import pytest
 from click.testing import CliRunner
@@ -9,6 +13,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
+from dbc.codec import load
+from dbc.frame import frame_array
 from host_tools.cli import rrins
 from host_tools.logs.errors import RecordError
 from host_tools.logs.pictures import draw_series
@@ -107,6 +113,24 @@ def test_a_picture_has_a_panel_for_each_unit_and_names_on_the_scale(recordings):
         assert max(line.get_xdata()) <= 3.0
 
 
+@pytest.mark.parametrize("signal", ["SYNC.time_us", "SYNC.epoch"])
+def test_many_digits_stand_at_the_label_and_not_over_the_legend(tmp_path, write_candump, signal):
+    codec = load()
+    frames = frame_array(200)
+    for k, frame in enumerate(frames):
+        raws = {"time_us": 200_000 * k, "epoch": 80_000 * k, "crc": 0, "alive_counter": 0}
+        frame["data"] = int.from_bytes(codec.database.encode_message("SYNC", raws), "little")
+    frames["can_id"], frames["length"] = codec.frame_id("SYNC"), 8
+    write_candump(tmp_path / "long.log", frames, np.arange(200) / 5)
+    figure = draw_series(*gather(Log(tmp_path / "long.log"), find_signals([signal])), "long.log")
+    figure.draw_without_rendering()
+    (axes,) = figure.axes
+    assert axes.yaxis.get_offset_text().get_text() == ""
+    assert axes.get_ylabel().startswith("$10^{6}$")
+    last = float(axes.get_lines()[0].get_ydata()[-1])
+    assert last == pytest.approx({"SYNC.time_us": 39.8, "SYNC.epoch": 15.92}[signal])
+
+
 def call(*arguments):
     result = CliRunner().invoke(rrins, [str(argument) for argument in arguments])
     assert result.exception is None or isinstance(result.exception, SystemExit)
@@ -132,6 +156,53 @@ def test_the_commands_from_end_to_end(recordings, tmp_path, monkeypatch):
         "navigation.csv", "navigation.png", "navigation_errors.png", "horizontal_track.png",
         "errors.csv", "summary.json",
     }  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("name", "picture"),
+    [("run.2026.01.log", "run.2026.01.png"), ("run.1.LOG.gz", "run.1.png"), ("a.log.log", "a.png")],
+)
+def test_a_picture_has_the_name_of_its_log(copy, tmp_path, monkeypatch, name, picture):
+    monkeypatch.chdir(tmp_path)
+    content = copy().read_bytes()
+    Path(name).write_bytes(gzip.compress(content, 1) if name.endswith("gz") else content)
+    assert call("plot", name, "mode").stdout == f"{picture}\n"
+    assert Path(picture).is_file()
+
+
+def test_tables_of_another_export_are_told_of_and_stay(copy, tmp_path):
+    path, folder = copy(), tmp_path / "tables"
+    assert "another export" not in call("export", path, folder).stderr
+    assert "another export" not in call("export", path, folder).stderr
+    (folder / "SENSOR_9.csv").write_text("before")
+    (folder / "own.csv").write_text("of the user")
+    made = call("export", path, folder)
+    assert f"{folder}: 1 table of another export is left there" in made.stderr
+    assert (folder / "SENSOR_9.csv").read_text() == "before"
+
+
+def test_channels_that_are_mixed_are_told_and_one_can_be_chosen(copy, tmp_path):
+    path = copy()
+    lines = path.read_text().splitlines(keepends=True)
+    channel = lines[0].split()[1]
+    doubled = "".join(line + line.replace(channel, "can1") for line in lines)
+    path.write_text(doubled)
+    mixed = call("export", path, tmp_path / "mixed")
+    count = len(lines)
+    assert (
+        f"{path}: its channels are mixed: {channel} ({count} frames), can1 ({count} frames); "
+        "--log-channel chooses one" in mixed.stderr
+    )
+    chosen = call("export", path, tmp_path / "chosen", "--log-channel", "can1", "--json")
+    assert json.loads(chosen.stdout)["frames"] == count
+    assert chosen.stderr == ""
+    assert f"{count} frames in" in call("plot", path, "--list", "--log-channel", channel).stdout
+    again = call("replay", path, "--firmware", "--compare", "--log-channel", channel,
+                 "--out", tmp_path / "out")  # fmt: skip
+    assert "no difference in" in again.output
+    missing = call("plot", path, "mode", "--log-channel", "can7")
+    assert missing.exit_code == 6
+    assert missing.stderr.endswith(f"has no frames of channel can7 ({channel}, can1)\n")
 
 
 @pytest.mark.parametrize(

@@ -10,6 +10,7 @@ import pytest
 
 from host_tools import scenario as scenarios
 from host_tools.direct import run_direct
+from host_tools.errors import BusError
 from host_tools.port import Address
 from host_tools.serial.slcan import baud_of, line_load, too_slow
 from host_tools.testing.slcan import Adapter, SlcanPair
@@ -146,6 +147,20 @@ def test_the_load_is_that_of_the_frames():
 )
 def test_baud_rates_of_channels(channel, baud):
     assert baud_of(channel) == baud
+
+
+@pytest.mark.parametrize("baud", ["abc", "", "0", "9600x", "²"])
+def test_a_baud_rate_that_is_none_is_refused(baud):
+    with pytest.raises(BusError, match=f"bus slcan:X@{baud}: '{baud}' is no baud rate; name X@"):
+        baud_of(f"X@{baud}")
+
+
+@pytest.mark.parametrize("speed", ["1", "max"])
+def test_a_baud_rate_that_is_none_is_one_line(start, scenario, speed):
+    bus = ("--interface", "slcan", "--channel", "X@abc", "--speed", speed)
+    side = start("firmware", scenario, *bus)
+    assert side.finish()[0] == 4
+    assert side.said == ["rrins: bus slcan:X@abc: 'abc' is no baud rate; name X@BAUD"]
 
 
 def test_only_a_slow_slcan_line_is_warned_of():

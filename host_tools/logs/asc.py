@@ -1,0 +1,144 @@
+"""The lines of a Vector ASCII log on their way to python-can's reader.
+
+That reader skips a line that it does not know without a word, gives up at one whose numbers are
+damaged, and takes relative times for absolute ones. So it gets the lines of sound frames only, and
+relative times are added up before.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from decimal import Decimal
+from typing import IO
+
+from can.util import dlc2len
+
+_FLAGS = re.IGNORECASE | re.ASCII
+_BASE = re.compile(r"base\s+(hex|dec)\b(\s+timestamps\s+(absolute|relative))?", _FLAGS)
+_BEGIN = re.compile(r"begin\s+trigger\s?block", _FLAGS)
+_END = re.compile(r"end\s+trigger\s?block", _FLAGS)
+_TIME = re.compile(r"(\d+\.\d+)(\s.+)", _FLAGS)
+_FRAME = re.compile(
+    r"\s+\d+\s+(?P<identifier>[\dA-F]+)x?\s+(Rx|Tx|TxRq)\s+"
+    r"(r(\s.*)?|d\s+(?P<length>[\dA-F])(?P<data>(\s.*)?))$",
+    _FLAGS,
+)
+_ERROR_FRAME = re.compile(r"\s+\d+\s+ErrorFrame\b", _FLAGS)
+_FD_FRAME = re.compile(r"\s+CANFD\s+\d+\s+(Rx|Tx|TxRq)\s", _FLAGS)
+_J1939 = re.compile(r"\s+\d+\s+J1939", _FLAGS)
+_EVENT = re.compile(r"(\s+CAN)?(\s+\d+)?\s+(?![\dA-F]+\b)[A-Z_]{2}", _FLAGS)  # begins with a word
+_HEADER = re.compile(r"[A-Z_]{2}", _FLAGS)
+_DIRECTION = re.compile(r"\s(Rx|Tx|TxRq)\s", re.ASCII)
+_BYTES = 8
+_LARGEST_IDENTIFIER = 0x1FFF_FFFF
+
+
+class AscLines:
+    """The lines that python-can's reader is to see, an iterator.
+
+    Parameters
+    ----------
+    file : text file
+
+    Attributes
+    ----------
+    frames : int
+        Lines handed on that are frames.
+    bad_lines : int
+        Lines left out that are no frames, and neither comments, events nor of a header.
+    fd_frames : int
+        CAN FD frames, which are passed over.
+    is_open : bool
+        Whether a block of frames has begun and not ended, as when the writer was killed.
+    """
+
+    def __init__(self, file: IO[str]) -> None:
+        self._file = file
+        self._base = 16
+        self._is_relative = False
+        self._time_s = Decimal(0)
+        self.frames = 0
+        self.bad_lines = 0
+        self.fd_frames = 0
+        self.is_open = False
+        self._is_headed = False
+        self._lines = self._sound()
+
+    def __iter__(self) -> Iterator[str]:
+        return self._lines
+
+    def begin_again(self) -> None:
+        """Hand on a header next, which a reader that begins wants."""
+        self._is_headed = False
+
+    def close(self) -> None:
+        """Close the file."""
+        self._file.close()
+
+    def _sound(self) -> Iterator[str]:
+        for line in self._file:
+            text = line.strip()
+            if not text or text.startswith("//"):
+                continue
+            timed = _TIME.match(text)
+            if timed is None:
+                self._take_header(text)
+                continue
+            time, rest = timed.groups()
+            if self._is_relative:
+                self._time_s += Decimal(time)
+                time = str(self._time_s)
+            if self._is_for_reader(rest, is_whole=line.endswith("\n")):
+                if not self._is_headed:
+                    yield f"base {'hex' if self._base == 16 else 'dec'}  timestamps absolute\n"
+                    yield "internal events logged\n"
+                    self._is_headed = True
+                self.frames += 1
+                yield f"{time}{rest}\n"
+
+    def _take_header(self, text: str) -> None:
+        """Take a line without a time."""
+        if base := _BASE.match(text):
+            self._base = 10 if base[1].lower() == "dec" else 16
+            self._is_relative = (base[3] or "").lower() == "relative"
+        elif _BEGIN.match(text):
+            self.is_open = True
+        elif _END.match(text):
+            self.is_open = False
+        elif not _HEADER.match(text) or _DIRECTION.search(text):
+            self.bad_lines += 1
+
+    def _is_for_reader(self, rest: str, is_whole: bool) -> bool:
+        """Return whether what stands behind a time is a sound frame; count what it is else."""
+        if frame := _FRAME.match(rest):
+            if self._is_sound(frame, is_whole):
+                return True
+            self.bad_lines += 1
+        elif _ERROR_FRAME.match(rest):
+            return True
+        elif _FD_FRAME.match(rest):
+            self.fd_frames += 1
+        elif not _J1939.match(rest) and (not _EVENT.match(rest) or _DIRECTION.search(rest)):
+            self.bad_lines += 1
+        return False
+
+    def _is_sound(self, frame: re.Match[str], is_whole: bool) -> bool:
+        """Return whether a frame has all its bytes; `is_whole` tells that its line has an end."""
+        try:
+            if int(frame["identifier"], self._base) > _LARGEST_IDENTIFIER:
+                return False
+            if frame["length"] is None:  # a remote frame
+                return is_whole
+            length = min(dlc2len(int(frame["length"], 16)), _BYTES)
+            numbers = frame["data"].split()
+            bytes(int(number, self._base) for number in numbers[:length])
+        except ValueError:
+            return False
+        if len(numbers) < length or _DIRECTION.search(frame["data"]):  # two lines in one
+            return False
+        return is_whole or len(numbers) > length or not self._may_be_cut(numbers)
+
+    def _may_be_cut(self, numbers: list[str]) -> bool:
+        """Return whether the last of the numbers of a line without an end may lack a digit."""
+        return not numbers or self._base != 16 or len(numbers[-1]) < 2
