@@ -35,7 +35,8 @@ READER = "reader of a replay"
 _SEND_S = 5.0
 _NAP_S = 0.05  # between two looks at what others send
 _TO_CLEAR = 256
-_PIECE = 128  # frames read at once
+_PIECE = 128  # frames read at once: to read them holds up the sending no longer than a millisecond
+_LARGE_PIECE = 8192  # where nothing is due
 _AHEAD = 32  # pieces that wait to be sent
 _LARGEST_GROUP = 4096  # frames of one time that are waited for to be sent together
 
@@ -134,13 +135,11 @@ class _Player:
 
 
 class _ReadAhead:
-    """Reads a log in a thread of its own, some pieces ahead of who takes them.
+    """Reads a log in a thread of its own, some pieces of a size ahead of who takes them."""
 
-    The pieces are small: reading one holds up the sending no longer than a millisecond.
-    """
-
-    def __init__(self, log: Log) -> None:
+    def __init__(self, log: Log, size: int) -> None:
         self._log = log
+        self._size = size
         self._free = threading.Semaphore(_AHEAD)
         self._read: queue.SimpleQueue[Piece | BaseException | None] = queue.SimpleQueue()
         self._is_over = False
@@ -157,7 +156,7 @@ class _ReadAhead:
 
     def _run(self) -> None:
         try:
-            for piece in self._log.pieces(_PIECE):
+            for piece in self._log.pieces(self._size):
                 self._free.acquire()
                 if self._is_over:
                     return
@@ -238,8 +237,9 @@ class Playback:
         """
         latest_s = offset_s = begun = 0.0
         is_first = True
+        size = _LARGE_PIECE if self._speed is None else _PIECE
         try:
-            with _ReadAhead(log) as pieces:
+            with _ReadAhead(log, size) as pieces:
                 for frames, time_s in _groups(self._wanted(pieces)):
                     if is_first:  # what it took to read until here is not the log's
                         is_first = False
