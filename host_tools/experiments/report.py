@@ -13,7 +13,7 @@ from PIL import Image
 
 from host_tools.experiments.constants import REFERENCE
 from host_tools.experiments.results import Row, Section, figure
-from host_tools.results import write_whole
+from host_tools.results import taking_place, write_whole
 from host_tools.schemes import SCHEMES
 
 NAME = "report.html"
@@ -96,8 +96,7 @@ def write(folder: Path, sections: list[Section]) -> list[Path]:
     write_whole(paths[0], write_text)
     for name, data in pictures.items():
         path = folder / f"{name}.png"
-        part = path.with_name(f".{path.name}")
-        part.write_bytes(data)
-        part.replace(path)
+        with taking_place(path) as part:
+            part.write_bytes(data)
         paths.append(path)
     return paths

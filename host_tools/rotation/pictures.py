@@ -9,6 +9,7 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from host_tools.results import taking_place
 from host_tools.rotation.analysis import Integrals, Variation
 from host_tools.rotation.errors import ERRORS
 
@@ -94,8 +95,7 @@ def write(
         )
         drawn = draw(variation, integrals, sensor, f"{title} (as the paper's figure {figure})")
         path = folder / name
-        part = folder / f".{name}"
-        drawn.savefig(part, format="png")
-        part.replace(path)
+        with taking_place(path) as part:
+            drawn.savefig(part, format="png")
         paths.append(path)
     return paths
