@@ -1,8 +1,8 @@
 """`rrins diag`, udsoncan and gallia at a navigation computer on the kernel's vcan0.
 
 Runs where vcan0 is; with RRINS_REQUIRE_SOCKETCAN set, its lack is a failure. RRINS_GALLIA names the
-program of the scanner gallia; without it, it is looked for in PATH. With RRINS_SCAN_ALL set, gallia
-tries all 65,536 identifiers and routines, which takes long in an emulated machine.
+program of the scanner gallia; without it, it is looked for in PATH. All 65,536 identifiers are
+tried in virtual time, by `tests/host_tools/diag/test_scanner.py`.
 """
 
 from __future__ import annotations
@@ -33,10 +33,6 @@ from host_tools.diag.tester import Tester as Tool
 
 START_S = 300
 GALLIA = os.environ.get("RRINS_GALLIA") or shutil.which("gallia")
-SCANS_ALL = "RRINS_SCAN_ALL" in os.environ
-IDENTIFIERS = ((0x00F0, 0x0420), (0x0FF0, 0x1110), (0xF180, 0xF1A0))
-ROUTINES = (0x01F0, 0x0220)
-ALL = (0x0000, 0xFFFF)
 TARGET = (
     f"isotp://vcan0?tx_id={table.request_id():#x}&rx_id={table.response_id():#x}&tx_padding=0xcc"
 )
@@ -193,24 +189,11 @@ def test_gallia_finds_the_sessions_of_the_table_only(rehearsal):
 
 
 @needs_gallia
-@pytest.mark.timeout(0 if SCANS_ALL else 900)
-@pytest.mark.parametrize(("first", "last"), [ALL] if SCANS_ALL else IDENTIFIERS)
-def test_gallia_finds_the_identifiers_of_the_table_only(rehearsal, first, last):
+@pytest.mark.timeout(900)
+def test_gallia_finds_the_identifiers_of_the_table_only(rehearsal):
+    first, last = 0x0FF0, 0x1010
     said = gallia("identifiers", "--start", hex(first), "--end", hex(last))
     with Tool(Target("socketcan", "vcan0", timeout_s=20.0)) as tester:
         there = {did.number for did in tester.has(table.IDENTIFIERS)}
     found = numbers(r"(0x[0-9a-fA-F]+): .*Response", said)
     assert found == {number for number in there if first <= number <= last}
-
-
-@needs_gallia
-@pytest.mark.timeout(0 if SCANS_ALL else 600)
-def test_gallia_finds_the_routines_of_the_table_only(rehearsal):
-    """They are locked, which is said of those that there are only."""
-    first, last = ALL if SCANS_ALL else ROUTINES
-    said = gallia(
-        *("identifiers", "--service", "0x31", "--sessions", "3"),
-        *("--start", hex(first), "--end", hex(last)),
-    )
-    found = numbers(r"(0x[0-9a-fA-F]+): .*[sS]ecurityAccessDenied", said)
-    assert found == {routine.number for routine in table.ROUTINES}

@@ -1,0 +1,109 @@
+"""gallia, a scanner by others, at a firmware whose time is virtual: all there can be is tried.
+
+RRINS_GALLIA names its program; without it, it is looked for in PATH. With RRINS_SCAN_ALL set, all
+65,536 routines are tried, too, which takes some minutes. On a real vcan0: `tests/socketcan`.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import socket
+import subprocess
+import threading
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+from udsoncan.exceptions import TimeoutException
+
+from firmware_py.diagnostics import table
+from host_tools.diag.connection import Connection
+from host_tools.diag.tester import Tester as Tool
+
+GALLIA = os.environ.get("RRINS_GALLIA") or shutil.which("gallia")
+ROUTINES = ("0x0000", "0xffff" if "RRINS_SCAN_ALL" in os.environ else "0x03ff")
+BAD = re.compile(r"Traceback|needs to be investigated|Mamma mia|Retries exceeded", re.IGNORECASE)
+
+pytestmark = [pytest.mark.skipif(GALLIA is None, reason="needs gallia"), pytest.mark.timeout(900)]
+
+
+def serve(listener: socket.socket, connection: Connection) -> None:
+    """Pass requests on, a line each in hexadecimal, and the answers back."""
+    while True:
+        try:
+            end, _ = listener.accept()
+        except OSError:
+            return  # the test is over
+        with end, end.makefile("rb") as lines:
+            for line in lines:
+                connection.specific_send(bytes.fromhex(line.decode()))
+                try:
+                    answer = connection.specific_wait_frame(1.0)
+                except TimeoutException:
+                    continue
+                end.sendall(answer.hex().encode() + b"\n")
+
+
+@pytest.fixture
+def tester(rrins_bench) -> Iterator[Tool]:
+    """A tool at a computer that navigates, whose time goes on as it is asked."""
+    bench = rrins_bench("rimu_rotating", way="direct", duration_s=36_000.0)
+    bench.advance(6.0)
+    with bench.tester() as tester:
+        yield tester
+
+
+@pytest.fixture
+def gallia(tester: Tool, tmp_path: Path) -> Iterator[Callable[..., str]]:
+    """Return what runs a scan and returns what it said."""
+    path = tmp_path / "computer"
+    with socket.socket(socket.AF_UNIX) as listener:
+        listener.bind(str(path))
+        listener.listen()
+        thread = threading.Thread(target=serve, args=(listener, tester.connection))
+        thread.start()
+
+        def scan(*words: str) -> str:
+            done = subprocess.run(
+                [
+                    *(str(GALLIA), "scan", "uds", *words, "--target", f"unix-lines://{path}"),
+                    *("--timeout", "20", "--no-dumpcap", "--no-volatile-info"),
+                ],
+                capture_output=True,
+                text=True,
+                check=False,
+                env=os.environ | {"NO_COLOR": "1"},
+            )
+            said = done.stdout + done.stderr
+            assert done.returncode == 0, said[-5000:]
+            assert not BAD.search(said), said[-5000:]
+            assert "Timeouts: 0" in said
+            return said
+
+        yield scan
+        listener.shutdown(socket.SHUT_RDWR)
+        thread.join()
+
+
+def numbers(pattern: str, said: str) -> set[int]:
+    return {int(found, 16) for found in re.findall(pattern, said)}
+
+
+def test_of_all_identifiers_there_are_those_of_the_table_only(gallia, tester):
+    there = {did.number for did in tester.has(table.IDENTIFIERS)}
+    said = gallia("identifiers", "--start", "0x0000", "--end", "0xffff")
+    assert len(re.findall(r"requestOutOfRange", said)) == 0x10000 - len(there)
+    assert numbers(r"(0x[0-9a-fA-F]+): .*Response", said) == there
+    assert "Abnormal replies: 0" in said
+
+
+def test_of_all_routines_there_are_those_of_the_table_only(gallia):
+    """They are locked, which is said of those that there are only."""
+    first, last = ROUTINES
+    said = gallia(
+        *("identifiers", "--service", "0x31", "--sessions", "3", "--start", first, "--end", last)
+    )
+    there = {routine.number for routine in table.ROUTINES}
+    assert numbers(r"(0x[0-9a-fA-F]+): .*[sS]ecurityAccessDenied", said) == there
