@@ -60,6 +60,8 @@ class Side:
         Its last words; empty until then.
     error : dict
         Why it failed: `message`, `exit_status`.
+    is_made_to_end : bool
+        Whether it did not heed that it was asked to end.
     """
 
     name: str
@@ -70,6 +72,7 @@ class Side:
     error: dict[str, Any] = field(default_factory=dict)
     epoch: int = 0
     is_open: bool = True
+    is_made_to_end: bool = False
 
     def read(self) -> list[dict[str, Any]]:
         """Take what the pipe holds; note summary, error and epoch."""
@@ -90,8 +93,10 @@ class Side:
 
     @property
     def was_killed(self) -> bool:
-        """Whether a signal ended the process."""
-        return self.process.returncode is not None and self.process.returncode < 0
+        """Whether a signal ended the process that was none of ours."""
+        status = self.process.returncode
+        is_ours = self.is_made_to_end or status == -signal.SIGTERM
+        return status is not None and status < 0 and not is_ours
 
     def end(self) -> None:
         """Ask the process to end; make it, if it does not."""
@@ -101,6 +106,7 @@ class Side:
             try:
                 self.process.wait(_GRACE_S)
             except subprocess.TimeoutExpired:
+                self.is_made_to_end = True
                 self.process.kill()
                 self.process.wait()
 
@@ -286,8 +292,7 @@ class Rehearsal:
         failed = [side for side in self._sides if side.process.returncode != 0]
         rate_hz = self._scenario.rate_hz
         for side in failed:
-            killed = side.was_killed and side.process.returncode != -signal.SIGTERM
-            if killed:
+            if side.was_killed:
                 name = signal.Signals(-side.process.returncode).name
                 at = f"after {side.epoch / rate_hz:.0f} s of simulated time"
                 return SideLostError(

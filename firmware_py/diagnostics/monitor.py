@@ -79,6 +79,7 @@ _AGES = int(Status.PENDING | Status.CONFIRMED)
 _COMPLETED = 0xFF & ~int(  # all other bits
     Status.TEST_NOT_COMPLETED_SINCE_LAST_CLEAR | Status.TEST_NOT_COMPLETED_THIS_OPERATION_CYCLE
 )
+_PASSED = _COMPLETED & ~_FAILED  # bits that a test leaves as they are when it passes
 
 
 @njit(cache=True)
@@ -317,7 +318,7 @@ def _fail(state: Any, monitor: Any, index: int) -> None:
 def _pass(monitor: Any, index: int) -> None:
     """Note that a test has passed; what ages by it is to be kept, should the power fail."""
     status = monitor.troubles.status[index]
-    passed = status & _COMPLETED & ~_FAILED
+    passed = status & _PASSED
     if passed != status and passed & _AGES != 0:
         monitor.attention |= ATTENTION_TROUBLES
     monitor.troubles.status[index] = passed

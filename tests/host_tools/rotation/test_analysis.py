@@ -108,7 +108,12 @@ def test_the_papers_result_holds_for_any_sensor_and_timing(axes, data, turn_rate
 turns = st.lists(
     st.tuples(
         st.sampled_from(["inner", "outer"]),
-        st.one_of(st.sampled_from([-180.0, -90.0, 90.0, 180.0, 360.0]), st.floats(-720, 720)),
+        # Of a turn of a millionth of a degree nothing but rounding is left.
+        st.one_of(
+            st.sampled_from([-180.0, -90.0, 90.0, 180.0, 360.0]),
+            st.floats(0.01, 720),
+            st.floats(-720, -0.01),
+        ),
     ),
     min_size=1,
     max_size=5,
