@@ -14,6 +14,8 @@ from typing import IO
 
 from can.util import dlc2len
 
+from host_tools.logs.text_lines import TextLines
+
 _FLAGS = re.IGNORECASE | re.ASCII
 _BASE = re.compile(r"base\s+(hex|dec)\b(\s+timestamps\s+(absolute|relative))?", _FLAGS)
 _BEGIN = re.compile(r"begin\s+trigger\s?block", _FLAGS)
@@ -34,47 +36,19 @@ _BYTES = 8
 _LARGEST_IDENTIFIER = 0x1FFF_FFFF
 
 
-class AscLines:
-    """The lines that python-can's reader is to see, an iterator.
-
-    Parameters
-    ----------
-    file : text file
-
-    Attributes
-    ----------
-    frames : int
-        Lines handed on that are frames.
-    bad_lines : int
-        Lines left out that are no frames, and neither comments, events nor of a header.
-    fd_frames : int
-        CAN FD frames, which are passed over.
-    is_open : bool
-        Whether a block of frames has begun and not ended, as when the writer was killed.
-    """
+class AscLines(TextLines):
+    """The lines of a Vector ASCII log: sound frames, in absolute time, behind a header."""
 
     def __init__(self, file: IO[str]) -> None:
-        self._file = file
         self._base = 16
         self._is_relative = False
         self._time_s = Decimal(0)
-        self.frames = 0
-        self.bad_lines = 0
-        self.fd_frames = 0
-        self.is_open = False
         self._is_headed = False
-        self._lines = self._sound()
-
-    def __iter__(self) -> Iterator[str]:
-        return self._lines
+        super().__init__(file)
 
     def begin_again(self) -> None:
         """Hand on a header next, which a reader that begins wants."""
         self._is_headed = False
-
-    def close(self) -> None:
-        """Close the file."""
-        self._file.close()
 
     def _sound(self) -> Iterator[str]:
         for line in self._file:

@@ -20,7 +20,7 @@ from can.util import channel2int
 from host_tools.logs.asc import AscLines
 from host_tools.logs.errors import RecordError
 from host_tools.logs.mf4 import Mf4Writer, is_simulated
-from host_tools.logs.text_lines import CsvLines, TrcLines
+from host_tools.logs.text_lines import CsvLines, TextLines, TrcLines
 
 WRITTEN = (".asc", ".blf", ".csv", ".db", ".log", ".mf4", ".trc", ".txt")
 """Endings that a recording can have."""
@@ -174,13 +174,10 @@ def name_without_ending(path: Path) -> str:
     return name
 
 
-Lines = AscLines | TrcLines | CsvLines
-"""The lines of a text on their way to python-can's reader."""
-
-_LINES: dict[str, type[Lines]] = {".asc": AscLines, ".csv": CsvLines, ".trc": TrcLines}
+_LINES: dict[str, type[TextLines]] = {".asc": AscLines, ".csv": CsvLines, ".trc": TrcLines}
 
 
-def open_reader(path: Path, stream: IO[bytes]) -> tuple[Any, Lines | None]:
+def open_reader(path: Path, stream: IO[bytes]) -> tuple[Any, TextLines | None]:
     """Return python-can's reader of a log, an iterator of messages, and the lines that it reads.
 
     `stream` is the content of the file, unpacked. The lines are None where it reads them itself.

@@ -16,9 +16,10 @@ from numpy.typing import NDArray
 from dbc.frame import EFF_FLAG, ERR_FLAG, RTR_FLAG, FrameArray, frame_array
 from host_tools.logs.candump import Candump
 from host_tools.logs.errors import RecordError
-from host_tools.logs.formats import Lines, check_readable, ending_of, open_reader
+from host_tools.logs.formats import check_readable, ending_of, open_reader
 from host_tools.logs.mf4 import read_data_frames
 from host_tools.logs.note import Note, read_note
+from host_tools.logs.text_lines import TextLines
 from host_tools.logs.unpacking import Unpacked
 
 _PIECE = 65_536
@@ -285,7 +286,7 @@ class _Messages:
         Why it could not be read on.
     """
 
-    def __init__(self, reader: Any, lines: Lines | None) -> None:
+    def __init__(self, reader: Any, lines: TextLines | None) -> None:
         self._reader = reader
         self._lines = lines
         self._complaints = _Complaints()

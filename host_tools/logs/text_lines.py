@@ -1,4 +1,4 @@
-"""The lines of PEAK and CSV logs on their way to python-can's readers.
+"""The lines of text logs, PEAK's and CSV among them, on their way to python-can's readers.
 
 Those leave some lines out silently, and give up at one whose numbers are damaged. Lines that are
 handed on are counted, and a reader that gave up can be begun again with the next line.
@@ -6,6 +6,7 @@ handed on are counted, and a reader that gave up can be begun again with the nex
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from typing import IO
 
@@ -14,8 +15,8 @@ _NO_FRAMES = frozenset(("ST", "ER", "EC", "EV", "ET", "Warng", "Error", "FFFFFFF
 """What one of the first columns says in a line of status, error or event, in all versions."""
 
 
-class TrcLines:
-    """The lines of a PEAK log, an iterator.
+class TextLines(ABC):
+    """The lines of a text log that python-can's reader is to see, an iterator.
 
     Parameters
     ----------
@@ -26,29 +27,47 @@ class TrcLines:
     frames : int
         Lines handed on that should be frames.
     bad_lines : int
-        Lines left out: the last one, where it has no end and is cut within a byte.
+        Lines left out that are neither frames nor anything else that a log may have.
+    fd_frames : int
+        CAN FD frames, which are passed over.
+    is_open : bool
+        Whether a block of frames has begun and not ended, as when the writer was killed.
     """
-
-    fd_frames = 0
-    is_open = False
 
     def __init__(self, file: IO[str]) -> None:
         self._file = file
         self.frames = 0
         self.bad_lines = 0
-        self._lines = self._counted()
+        self.fd_frames = 0
+        self.is_open = False
+        self._lines = self._sound()
 
     def __iter__(self) -> Iterator[str]:
-        return self._lines
+        return self
 
+    def __next__(self) -> str:
+        return next(self._lines)
+
+    @abstractmethod
     def begin_again(self) -> None:
-        """Go on with the next line; a reader that begins takes it for a frame if it looks so."""
+        """Be ready for a reader that begins again, with the next line."""
 
     def close(self) -> None:
         """Close the file."""
         self._file.close()
 
-    def _counted(self) -> Iterator[str]:
+    @abstractmethod
+    def _sound(self) -> Iterator[str]:
+        """Yield the lines that are handed on."""
+
+
+class TrcLines(TextLines):
+    """The lines of a PEAK log; the last one is left out where it is cut within a byte."""
+
+    def begin_again(self) -> None:
+        """Go on with the next line; a reader that begins takes it for a frame if it looks so."""
+
+    def _sound(self) -> Iterator[str]:
         for line in self._file:
             columns = line.split()
             if not columns:
@@ -62,44 +81,18 @@ class TrcLines:
                 self.bad_lines += 1
 
 
-class CsvLines:
-    """The lines of a table, an iterator that begins with a header however often it is begun.
-
-    Parameters
-    ----------
-    file : text file
-
-    Attributes
-    ----------
-    frames : int
-        Lines handed on that should be frames.
-    """
-
-    bad_lines = 0
-    fd_frames = 0
-    is_open = False
+class CsvLines(TextLines):
+    """The lines of a table, which begin with its header however often they are begun."""
 
     def __init__(self, file: IO[str]) -> None:
-        self._file = file
         self._header = next(file, "")
-        self.frames = 0
-        self._lines = self._counted()
-
-    def __iter__(self) -> Iterator[str]:
-        return self
-
-    def __next__(self) -> str:
-        return next(self._lines)
+        super().__init__(file)
 
     def begin_again(self) -> None:
         """Hand on a header next, which a reader that begins skips."""
-        self._lines = self._counted()
+        self._lines = self._sound()
 
-    def close(self) -> None:
-        """Close the file."""
-        self._file.close()
-
-    def _counted(self) -> Iterator[str]:
+    def _sound(self) -> Iterator[str]:
         yield self._header
         for line in self._file:
             if line.strip():
