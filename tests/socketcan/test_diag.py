@@ -1,8 +1,7 @@
 """`rrins diag`, udsoncan and gallia at a navigation computer on the kernel's vcan0.
 
-Runs where vcan0 is; with RRINS_REQUIRE_SOCKETCAN set, its lack is a failure. RRINS_GALLIA names the
-program of the scanner gallia; without it, it is looked for in PATH. All 65,536 identifiers are
-tried in virtual time, by `tests/host_tools/diag/test_scanner.py`.
+Runs where vcan0 is; with RRINS_REQUIRE_SOCKETCAN set, its lack is a failure. All 65,536
+identifiers are tried in virtual time, by `tests/host_tools/diag/test_scanner.py`.
 """
 
 from __future__ import annotations
@@ -10,7 +9,6 @@ from __future__ import annotations
 import json
 import os
 import re
-import shutil
 import socket
 import subprocess
 import sys
@@ -32,7 +30,6 @@ from host_tools.diag.target import Target
 from host_tools.diag.tester import Tester as Tool
 
 START_S = 300
-GALLIA = os.environ.get("RRINS_GALLIA") or shutil.which("gallia")
 TARGET = (
     f"isotp://vcan0?tx_id={table.request_id():#x}&rx_id={table.response_id():#x}&tx_padding=0xcc"
 )
@@ -139,60 +136,29 @@ def test_udsoncan_as_it_is_over_the_kernels_isotp_sockets(rehearsal):
         assert refused.value.response.code == 0x31
 
 
-_BAD = re.compile(
-    r"Traceback|needs to be investigated|Mamma mia|Retries exceeded|: timeout\b", re.IGNORECASE
-)
-
-
-def gallia(*words):
-    """Return the results of a scan; fail when gallia met something that it cannot explain."""
-    done = subprocess.run(
-        [
-            *(GALLIA, "scan", "uds", *words, "--target", TARGET, "--timeout", "20"),
-            *("--no-dumpcap", "--no-volatile-info"),
-        ],
-        capture_output=True,
-        text=True,
-        check=False,
-        env=os.environ | {"NO_COLOR": "1"},
-    )
-    said = done.stdout + done.stderr
-    assert done.returncode == 0, said
-    assert not _BAD.search(said), said
-    return said
-
-
 def numbers(pattern, said):
     """Return what stands in the hexadecimal group of a pattern, in each line that has it."""
     return {int(found, 16) for found in re.findall(pattern, said, re.MULTILINE)}
 
 
-needs_gallia = pytest.mark.skipif(
-    GALLIA is None and "RRINS_REQUIRE_SOCKETCAN" not in os.environ, reason="needs gallia"
-)
-
-
-@needs_gallia
 @pytest.mark.timeout(600)
 @pytest.mark.parametrize("session", [Session.DEFAULT, Session.EXTENDED])
-def test_gallia_finds_the_services_of_the_table_only(rehearsal, session):
-    said = gallia("services", "--sessions", str(int(session)))
+def test_gallia_finds_the_services_of_the_table_only(gallia, rehearsal, session):
+    said = gallia(TARGET, "services", "--sessions", str(int(session)))
     found = numbers(r"  \[(0x[0-9a-fA-F]+)\]", said)
     assert found == {one.number for one in table.SERVICES if session in one.access.sessions}
 
 
-@needs_gallia
 @pytest.mark.timeout(600)
-def test_gallia_finds_the_sessions_of_the_table_only(rehearsal):
-    said = gallia("sessions", "--depth", "2")
+def test_gallia_finds_the_sessions_of_the_table_only(gallia, rehearsal):
+    said = gallia(TARGET, "sessions", "--depth", "2")
     assert numbers(r"\* Session (0x[0-9a-fA-F]+)", said) == {int(session) for session in Session}
 
 
-@needs_gallia
 @pytest.mark.timeout(900)
-def test_gallia_finds_the_identifiers_of_the_table_only(rehearsal):
+def test_gallia_finds_the_identifiers_of_the_table_only(gallia, rehearsal):
     first, last = 0x0FF0, 0x1010
-    said = gallia("identifiers", "--start", hex(first), "--end", hex(last))
+    said = gallia(TARGET, "identifiers", "--start", hex(first), "--end", hex(last))
     with Tool(Target("socketcan", "vcan0", timeout_s=20.0)) as tester:
         there = {did.number for did in tester.has(table.IDENTIFIERS)}
     found = numbers(r"(0x[0-9a-fA-F]+): .*Response", said)
