@@ -4,10 +4,16 @@ PYTHON ?= python3.11
 VENV ?= .venv
 RUN = $(VENV)/bin/python -m
 
-.PHONY: rehearsal test check docs clean
+.PHONY: rehearsal quick test check docs docs-site clean
 
 rehearsal: $(VENV)/installed
-	$(RUN) host_tools rehearse rimu_rotating --limit 55 --out out/rehearsal
+	$(RUN) rrins rehearse rimu_rotating --limit 55 --out out/rehearsal
+
+# The tests between two edits: what computes, and none that is slow.
+QUICK = dbc docs firmware_py rrins host_tools/hardware host_tools/scenario host_tools/wire
+
+quick: $(VENV)/installed-dev
+	$(RUN) pytest -q -n 2 --dist loadfile -m "not slow" $(PYTEST_OPTIONS) $(addprefix tests/,$(QUICK))
 
 test: $(VENV)/installed-dev
 	$(RUN) pytest -n 2 --dist loadfile $(PYTEST_OPTIONS)
@@ -16,12 +22,18 @@ check: $(VENV)/installed-dev
 	$(RUN) ruff format --check .
 	$(RUN) ruff check .
 	$(RUN) mypy
+	$(VENV)/bin/lint-imports --no-logo --no-cache
+	$(VENV)/bin/codespell
 
 docs: $(VENV)/installed-dev
-	$(RUN) host_tools.contract_page > docs/bus-contract.md
-	$(RUN) host_tools.diagnostic_page > docs/diagnostic-table.md
-	$(RUN) host_tools.fault_table > docs/faults.md
+	cd docs && ../$(RUN) generate.contract_page > bus-contract.md
+	cd docs && ../$(RUN) generate.diagnostic_page > diagnostic-table.md
+	cd docs && ../$(RUN) generate.faults_page > faults.md
+	cd docs && ../$(RUN) generate.rooms_table
 	RRINS_WRITE_DOCS=1 $(RUN) pytest -q tests/docs
+
+docs-site: $(VENV)/installed-docs
+	$(RUN) sphinx -W --keep-going -q -b html docs docs/_build/html
 
 $(VENV)/bin/python:
 	@command -v $(PYTHON) >/dev/null || { echo "make: needs $(PYTHON); name another with PYTHON=…" >&2; exit 1; }
@@ -35,5 +47,9 @@ $(VENV)/installed-dev: pyproject.toml | $(VENV)/bin/python
 	$(VENV)/bin/pip install --quiet --disable-pip-version-check --editable '.[dev]'
 	touch $@ $(VENV)/installed
 
+$(VENV)/installed-docs: pyproject.toml | $(VENV)/bin/python
+	$(VENV)/bin/pip install --quiet --disable-pip-version-check --editable '.[docs]'
+	touch $@ $(VENV)/installed
+
 clean:
-	rm -rf $(VENV) out build dist
+	rm -rf $(VENV) out build dist docs/_build

@@ -1,8 +1,8 @@
 """The contract between firmware and hardware: `rrins.dbc`, and the codec built from it.
 
-The only code that both sides share. Nothing outside this package knows a bit position.
+The only code that both sides share. Only this package knows bit positions.
 """
 
-from dbc.compilation import keep_compiled_code
+from rrins.dbc.compilation import keep_compiled_code
 
 keep_compiled_code()

@@ -1,9 +1,9 @@
-"""Signals in and out of frames, by tables that are read from the DBC when the program starts.
+"""Packing and unpacking of signals, by tables read from the DBC at program start.
 
-A message's payload is one 64-bit word (see `dbc.frame`). A signal is a row of the table
+A message's payload is one 64-bit word (see `rrins.dbc.frame`). A signal is a row of the table
 `Codec.signals`: shift, length, sign, byte order, scale, offset. The compiled functions here take
-such a row, so no bit position stands in any code; steps keep the *index* of the signals they
-need, found by name once at start.
+such a row, so no code contains a bit position; steps keep the *index* of the signals they need,
+looked up by name once at start.
 """
 
 from __future__ import annotations
@@ -12,7 +12,6 @@ import functools
 from collections.abc import Mapping
 from importlib import resources
 from pathlib import Path
-from typing import Any
 
 import cantools.database
 import numpy as np
@@ -20,36 +19,34 @@ from cantools.database import Message, Signal
 from cantools.database.can import Database
 from cantools.errors import Error as CantoolsError
 from numba import njit
-from numpy.typing import NDArray
 
-from dbc.e2e import MESSAGE
+from rrins.dbc.compilation import compiled
+from rrins.dbc.e2e import MessageLayout
+from rrins.dbc.record import F8, I8, U1, Record, Whole
 
-SIGNAL = np.dtype(
-    (
-        np.record,
-        [
-            ("scale", "<f8"),
-            ("offset", "<f8"),
-            ("raw_minimum", "<i8"),
-            ("raw_maximum", "<i8"),
-            ("shift", "u1"),  # of the least significant bit, in the word as its byte order reads it
-            ("length", "u1"),
-            ("signed", "u1"),
-            ("big_endian", "u1"),
-        ],
-    )
-)
-"""dtype of a row of the signal table."""
+
+class SignalLayout(Record):
+    """A signal: position, length and scaling of its bits in the payload."""
+
+    scale: F8
+    offset: F8
+    raw_minimum: I8
+    raw_maximum: I8
+    shift: U1  #: of the least significant bit, in the word as its byte order reads it
+    length: U1
+    signed: U1
+    big_endian: U1
+
 
 _NO_PROFILE, _P01A = 0, 1  # of the attribute E2EProfile
 
 
 class ContractError(Exception):
-    """The DBC cannot serve as the contract: unreadable, or it lacks or misplaces something."""
+    """The DBC cannot serve as the contract: it is unreadable, incomplete or inconsistent."""
 
 
 @njit(cache=True, inline="always")
-def _swapped(word: Any) -> Any:
+def _swapped(word: np.uint64) -> np.uint64:
     swapped = np.uint64(0)
     for k in range(8):
         byte = (word >> np.uint64(8 * k)) & np.uint64(0xFF)
@@ -57,82 +54,83 @@ def _swapped(word: Any) -> Any:
     return swapped
 
 
-@njit(cache=True)
-def unpack(word: Any, signal: Any) -> Any:
-    """Return the raw integer (int64) of `signal`, a row of dtype `SIGNAL`, in a payload word."""
+@compiled
+def unpack(word: np.uint64, signal: SignalLayout) -> int:
+    """Return the raw integer (int64) of a signal in a payload word."""
     bits = _swapped(np.uint64(word)) if signal.big_endian else np.uint64(word)
     spare = np.uint64(64 - signal.length)
     left = (bits >> np.uint64(signal.shift)) << spare
     if signal.signed:
-        return np.int64(left) >> np.int64(spare)
-    return np.int64(left >> spare)
+        return int(np.int64(left) >> np.int64(spare))
+    return int(np.int64(left >> spare))
 
 
-@njit(cache=True)
-def pack(word: Any, signal: Any, raw: Any) -> Any:
-    """Return the payload word (uint64) with `raw` put into the place of `signal`.
+@compiled
+def pack(word: np.uint64, signal: SignalLayout, raw: Whole) -> np.uint64:
+    """Return the payload word (uint64) with `raw` inserted as `signal`.
 
     Bits of `raw` above the signal's length are dropped.
     """
     mask = (~np.uint64(0)) >> np.uint64(64 - signal.length)
     shift = np.uint64(signal.shift)
     bits = _swapped(np.uint64(word)) if signal.big_endian else np.uint64(word)
-    bits = (bits & ~(mask << shift)) | ((np.uint64(raw) & mask) << shift)
+    field = np.uint64(np.int64(raw)) & mask  # a negative number in two's complement
+    bits = (bits & ~(mask << shift)) | (field << shift)
     return _swapped(bits) if signal.big_endian else bits
 
 
-@njit(cache=True)
-def to_physical(raw: Any, signal: Any) -> Any:
+@compiled
+def to_physical(raw: Whole, signal: SignalLayout) -> float:
     """Return the value of a raw integer in the signal's unit."""
     return raw * signal.scale + signal.offset
 
 
-@njit(cache=True)
-def to_raw(physical: Any, signal: Any) -> Any:
+@compiled
+def to_raw(physical: float, signal: SignalLayout) -> int:
     """Return the raw integer nearest to a value, limited to the signal's range."""
     scaled = np.rint((physical - signal.offset) / signal.scale)
-    if not scaled > signal.raw_minimum:  # a NaN goes to the minimum, too
-        return np.int64(signal.raw_minimum)
+    if not scaled > signal.raw_minimum:  # maps NaN to the minimum, too
+        return int(np.int64(signal.raw_minimum))
     if scaled >= signal.raw_maximum:
-        return np.int64(signal.raw_maximum)
-    return np.int64(scaled)
+        return int(np.int64(signal.raw_maximum))
+    return int(np.int64(scaled))
 
 
-@njit(cache=True)
-def encode_wrapped(word: Any, signal: Any, physical: Any) -> Any:
-    """Return the payload word with a value put into its place modulo the signal's whole range.
+@compiled
+def encode_wrapped(word: np.uint64, signal: SignalLayout, physical: float) -> np.uint64:
+    """Return the payload word with a value inserted modulo the signal's whole range.
 
-    For a value that is counted on and on, such as an angle over whole turns.
+    For a value that wraps around, such as an angle over several turns.
     """
     return pack(word, signal, np.int64(np.rint((physical - signal.offset) / signal.scale)))
 
 
-@njit(cache=True)
-def unwrapped(value: Any, near: Any, span: Any) -> Any:
+@compiled
+def unwrapped(value: float, near: float, span: float) -> float:
     """Return the value nearest to `near` that differs from `value` by whole spans."""
     return value + span * np.rint((near - value) / span)
 
 
-@njit(cache=True)
-def span_of(signal: Any) -> Any:
+@compiled
+def span_of(signal: SignalLayout) -> float:
     """Return the whole range of a signal's field, in its unit."""
     return signal.scale * 2.0 ** np.float64(signal.length)
 
 
-@njit(cache=True)
-def decode(word: Any, signal: Any) -> Any:
+@compiled
+def decode(word: np.uint64, signal: SignalLayout) -> float:
     """Return the value of `signal` in a payload word, in the signal's unit."""
     return to_physical(unpack(word, signal), signal)
 
 
-@njit(cache=True)
-def encode(word: Any, signal: Any, physical: Any) -> Any:
-    """Return the payload word with a value, in the signal's unit, put into its place."""
+@compiled
+def encode(word: np.uint64, signal: SignalLayout, physical: float) -> np.uint64:
+    """Return the payload word with a value, in the signal's unit, inserted."""
     return pack(word, signal, to_raw(physical, signal))
 
 
 def _shift(signal: Signal) -> int:
-    """Return how far the signal's least significant bit lies above that of the word."""
+    """Return the offset of the signal's least significant bit from the word's."""
     if signal.byte_order == "little_endian":
         return int(signal.start)
     # Motorola: `start` is the most significant bit, counted 7..0, 15..8, … over the bytes.
@@ -141,7 +139,7 @@ def _shift(signal: Signal) -> int:
 
 
 def _raw_limits(signal: Signal) -> tuple[int, int]:
-    """Return the smallest and largest raw integer: of the field, narrowed by the stated range."""
+    """Return the smallest and largest raw integer: the field's, narrowed by the stated range."""
     if signal.is_signed:
         low, high = -(1 << (signal.length - 1)), (1 << (signal.length - 1)) - 1
     else:
@@ -167,24 +165,24 @@ class Codec:
     ----------
     database : cantools.database.can.Database
         For everything that is not in a hot path: names, comments, value tables.
-    signals : ndarray of dtype `SIGNAL`
+    signals : Records[SignalLayout]
         All signals of all messages.
-    messages : ndarray of dtype `dbc.e2e.MESSAGE`
+    messages : Records[MessageLayout]
         Identifier, protection and cycle time of each message, by `message_index`.
 
     Raises
     ------
     ContractError
-        For a message over eight bytes, a floating point or multiplexed signal, or an E2E
-        attribute that is missing, unknown or at odds with the other.
+        When a message exceeds eight bytes, a signal is floating point or multiplexed, or an E2E
+        attribute is missing, unknown or inconsistent with the other.
     """
 
     def __init__(self, database: Database) -> None:
         self.database = database
         self._message_rows: dict[str, int] = {}
         self._signal_rows: dict[tuple[str, str], int] = {}
-        signals: list[tuple[Any, ...]] = []
-        messages: list[tuple[Any, ...]] = []
+        signals: list[tuple[object, ...]] = []
+        messages: list[tuple[object, ...]] = []
         for message in database.messages:
             self._check(message)
             self._message_rows[message.name] = len(messages)
@@ -192,21 +190,21 @@ class Codec:
                 self._signal_rows[message.name, signal.name] = len(signals)
                 signals.append(self._signal_row(signal))
             messages.append(self._message_row(message))
-        self.signals: NDArray[Any] = np.array(signals, dtype=SIGNAL)
-        self.messages: NDArray[Any] = np.array(messages, dtype=MESSAGE)
+        self.signals = SignalLayout.array(signals)
+        self.messages = MessageLayout.array(messages)
 
     @staticmethod
     def _check(message: Message) -> None:
         if message.length > 8:
-            raise ContractError(f"{message.name}: {message.length} bytes, a classic frame has 8")
+            raise ContractError(f"{message.name}: {message.length} bytes; a classic frame has 8")
         for signal in message.signals:
             if signal.is_float or signal.is_multiplexer or signal.multiplexer_ids:
                 raise ContractError(
-                    f"{message.name}.{signal.name}: float and multiplexed signals are not used here"
+                    f"{message.name}.{signal.name}: float and multiplexed signals are not supported"
                 )
 
     @staticmethod
-    def _signal_row(signal: Signal) -> tuple[Any, ...]:
+    def _signal_row(signal: Signal) -> tuple[float, ...]:
         return (
             signal.scale,
             signal.offset,
@@ -217,7 +215,7 @@ class Codec:
             signal.byte_order == "big_endian",
         )
 
-    def _message_row(self, message: Message) -> tuple[Any, ...]:
+    def _message_row(self, message: Message) -> tuple[int, ...]:
         attributes = message.dbc.attributes if message.dbc else {}
         profile = attributes.get("E2EProfile")
         data_id = attributes.get("E2EDataID")
@@ -234,13 +232,13 @@ class Codec:
 
     @property
     def bits_per_s(self) -> int:
-        """Bit rate that the DBC gives the bus, its attribute Baudrate."""
+        """Bit rate of the bus: the DBC's attribute Baudrate."""
         assert self.database.dbc is not None
         return int(self.database.dbc.attributes["Baudrate"].value)
 
     def is_protected(self, message: str) -> bool:
-        """Return whether a message has end-to-end protection; those of diagnostics have none."""
-        return bool(self.messages[self.message_index(message)]["data_id"])
+        """Return whether a message has E2E protection; diagnostic messages have none."""
+        return bool(self.messages[self.message_index(message)].data_id)
 
     def message_index(self, message: str) -> int:
         """Return the row of a message in `messages`."""
@@ -258,10 +256,10 @@ class Codec:
 
     def frame_id(self, message: str) -> int:
         """Return a message's identifier."""
-        return int(self.messages[self.message_index(message)]["can_id"])
+        return int(self.messages[self.message_index(message)].can_id)
 
     def value(self, message: str, signal: str, name: str) -> int:
-        """Return the raw value that a signal's value table gives to a name."""
+        """Return the raw value of a name in a signal's value table."""
         choices = self.choices(message, signal)
         for raw, choice in choices.items():
             if choice == name:
@@ -277,16 +275,16 @@ class Codec:
 
 @functools.cache
 def load(path: Path | None = None) -> Codec:
-    """Return the codec of a DBC file; of the project's own when `path` is None.
+    """Return the codec of a DBC file; by default of the project's.
 
     Raises
     ------
     ContractError
-        When the file cannot be read or does not fit (see `Codec`).
+        When the file cannot be read or is unsuitable (see `Codec`).
     """
     try:
         if path is None:
-            text = resources.files("dbc").joinpath("rrins.dbc").read_text(encoding="utf-8")
+            text = resources.files(__package__).joinpath("rrins.dbc").read_text(encoding="utf-8")
         else:
             text = path.read_text(encoding="utf-8")
         database = cantools.database.load_string(text, database_format="dbc")

@@ -1,12 +1,12 @@
-"""A number as whole digits and a power of ten, as two signals of a message carry it.
+"""A number as integer digits and a power of ten, carried in two signals of a message.
 
-A decimal number that a person writes comes back as the very same number: the quotient by a power
-of ten is rounded correctly, as the number itself was when it was read.
+A decimal number that a person writes survives the round trip exactly: the quotient by a power of
+ten is correctly rounded, as the number itself was when it was parsed.
 """
 
 from __future__ import annotations
 
-from typing import Any
+from rrins.dbc.codec import SignalLayout
 
 
 def from_decimal(digits: int, exponent: int) -> float:
@@ -14,22 +14,24 @@ def from_decimal(digits: int, exponent: int) -> float:
     return float(digits * 10**exponent) if exponent >= 0 else digits / 10**-exponent
 
 
-def to_decimal(value: float, digits_signal: Any, exponent_signal: Any) -> tuple[int, int]:
-    """Return (digits, exponent) nearest to a finite value, with as few digits as say it.
+def to_decimal(
+    value: float, digits_signal: SignalLayout, exponent_signal: SignalLayout
+) -> tuple[int, int]:
+    """Return the (digits, exponent) nearest to a finite value, with as few digits as possible.
 
     Parameters
     ----------
     value : float
-    digits_signal, exponent_signal : records of dtype `dbc.codec.SIGNAL`
-        What the two signals can hold.
+    digits_signal, exponent_signal : SignalLayout
+        Ranges of the two signals.
 
     Raises
     ------
     ValueError
-        For a number that is too large for the signals.
+        When the number is too large for the signals.
     """
-    largest = min(int(digits_signal["raw_maximum"]), -int(digits_signal["raw_minimum"]))
-    lowest, highest = int(exponent_signal["raw_minimum"]), int(exponent_signal["raw_maximum"])
+    largest = min(int(digits_signal.raw_maximum), -int(digits_signal.raw_minimum))
+    lowest, highest = int(exponent_signal.raw_minimum), int(exponent_signal.raw_maximum)
     for places in range(len(str(largest)), 0, -1):
         mantissa, _, power = f"{value:.{places - 1}e}".partition("e")
         exponent = int(power) - places + 1

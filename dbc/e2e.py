@@ -4,28 +4,30 @@ AUTOSAR, *Specification of SW-C End-to-End Communication Protection Library*: CR
 polynomial 0x1D (SAE J1850) but start value and final XOR 0x00, over the low and the high byte of
 the 16-bit data ID, then over the payload without the CRC itself. The CRC lies in byte 0, the
 counter in the low nibble of byte 1; the counter runs from 0 to 14. These two places are the
-profile's own; the DBC names them `crc` and `alive_counter`, and a test holds the two together.
+profile's own; the DBC names them `crc` and `alive_counter`, and a test checks that both agree.
 """
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
-COUNTER_MODULUS = 15
-"""The counter takes the values 0 to 14; profile 1 keeps 15 for 'invalid'."""
+from rrins.dbc.compilation import compiled
+from rrins.dbc.frame import Frame
+from rrins.dbc.record import I8, U2, U4, Record
 
-MESSAGE = np.dtype(
-    (
-        np.record,
-        [("can_id", "<u4"), ("data_id", "<u2"), ("length", "<u2"), ("cycle_ms", "<i8")],
-    )
-)
-"""dtype of a message's row: identifier, E2E data ID (0: no protection), payload length in bytes,
-cycle time (0: none)."""
+COUNTER_MODULUS = 15
+"""The counter runs from 0 to 14; profile 1 reserves 15 for 'invalid'."""
+
+
+class MessageLayout(Record):
+    """A message: identifier, protection and length of its frames."""
+
+    can_id: U4
+    data_id: U2  #: of E2E profile 1; 0: no protection
+    length: U2  #: payload bytes
+    cycle_ms: I8  #: 0: none
+
 
 _POLYNOMIAL = 0x1D
 _CRC_MASK = 0xFF
@@ -46,8 +48,8 @@ def _crc_table() -> NDArray[np.uint8]:
 _TABLE = _crc_table()
 
 
-@njit(cache=True)
-def crc8(word: Any, length: Any, data_id: Any) -> Any:
+@compiled
+def crc8(word: np.uint64, length: int, data_id: int) -> np.uint8:
     """Return the CRC (uint8) of a payload word of `length` bytes under a data ID."""
     crc = _TABLE[np.uint8(data_id & 0xFF)]
     crc = _TABLE[crc ^ np.uint8((data_id >> 8) & 0xFF)]
@@ -58,11 +60,11 @@ def crc8(word: Any, length: Any, data_id: Any) -> Any:
     return crc
 
 
-@njit(cache=True)
-def protect(word: Any, message: Any, counter: Any) -> Any:
+@compiled
+def protect(word: np.uint64, message: MessageLayout, counter: int) -> np.uint64:
     """Return the payload word with counter and CRC filled in.
 
-    `message` is a row of dtype `MESSAGE`; `counter` is taken modulo `COUNTER_MODULUS`.
+    `counter` is taken modulo `COUNTER_MODULUS`.
     """
     count = np.uint64(counter % COUNTER_MODULUS)
     cleared = np.uint64(word) & ~np.uint64((_COUNTER_MASK << _COUNTER_SHIFT) | _CRC_MASK)
@@ -70,24 +72,24 @@ def protect(word: Any, message: Any, counter: Any) -> Any:
     return word | np.uint64(crc8(word, message.length, message.data_id))
 
 
-@njit(cache=True)
-def crc_holds(frame: Any, message: Any) -> Any:
-    """Return whether a frame has the length its message must have and a right CRC."""
+@compiled
+def crc_holds(frame: Frame, message: MessageLayout) -> bool:
+    """Return whether a frame has its message's length and a correct CRC."""
     if frame.length != message.length:
         return False
     right = crc8(frame["data"], message.length, message.data_id)
     return np.uint64(right) == frame["data"] & np.uint64(_CRC_MASK)
 
 
-@njit(cache=True)
-def counter_of(word: Any) -> Any:
+@compiled
+def counter_of(word: np.uint64) -> int:
     """Return the alive counter (int64) of a payload word."""
-    return np.int64((word >> np.uint64(_COUNTER_SHIFT)) & np.uint64(_COUNTER_MASK))
+    return int(np.int64((word >> np.uint64(_COUNTER_SHIFT)) & np.uint64(_COUNTER_MASK)))
 
 
-@njit(cache=True)
-def fill(frame: Any, message: Any, word: Any, counter: Any) -> None:
-    """Make `frame` (a record of dtype `dbc.frame.FRAME`) the protected frame of a message."""
+@compiled
+def fill(frame: Frame, message: MessageLayout, word: np.uint64, counter: int) -> None:
+    """Make `frame` the protected frame of a message."""
     frame.can_id = message.can_id
     frame.length = message.length
     frame.flags = 0

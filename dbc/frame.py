@@ -1,38 +1,36 @@
-"""The CAN frame as both sides and the wire hold it: Linux's ``struct can_frame``, 16 bytes.
+"""The CAN frame in the memory of both sides and the wire: ``struct can_frame``, 16 bytes.
 
 The eight payload bytes are one little-endian 64-bit word, so that a signal is a shift and a mask.
 """
 
 from __future__ import annotations
 
-from typing import Any
+from rrins.dbc.record import U1, U4, U8, Record, Records
 
-import numpy as np
-from numpy.typing import NDArray
 
-FRAME = np.dtype(
-    (
-        np.record,
-        [
-            ("can_id", "<u4"),  # identifier, with the flags EFF, RTR and ERR of SocketCAN on top
-            ("length", "u1"),  # payload bytes, 0-8
-            ("flags", "u1"),  # padding in struct can_frame; zero on the wire
-            ("reserved", "u1"),
-            ("raw_dlc", "u1"),  # len8_dlc of struct can_frame
-            ("data", "<u8"),
-        ],
-    )
-)
-"""dtype of one classic CAN frame; ``FRAME.itemsize`` is ``sizeof(struct can_frame)``."""
+class Frame(Record):
+    """One classic CAN frame; ``Frame.dtype.itemsize`` is ``sizeof(struct can_frame)``.
+
+    Outside compiled code the payload is ``frame["data"]``, since every numpy record already has an
+    attribute `data`.
+    """
+
+    can_id: U4  #: identifier, with the flags EFF, RTR and ERR of SocketCAN on top
+    length: U1  #: payload bytes, 0-8
+    flags: U1  #: padding in struct can_frame; zero on the wire
+    reserved: U1
+    raw_dlc: U1  #: len8_dlc of struct can_frame
+    data: U8
+
 
 EFF_FLAG = 0x8000_0000
 RTR_FLAG = 0x4000_0000
 ERR_FLAG = 0x2000_0000
 
-FrameArray = NDArray[Any]
-"""A one-dimensional array of dtype `FRAME`."""
+FrameArray = Records[Frame]
+"""A one-dimensional array of frames."""
 
 
 def frame_array(capacity: int) -> FrameArray:
     """Return `capacity` zeroed frames."""
-    return np.zeros(capacity, dtype=FRAME)
+    return Frame.zeros(capacity)

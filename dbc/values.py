@@ -1,4 +1,4 @@
-"""Value tables of the DBC that both sides speak in; a test holds the two together."""
+"""Value tables of the DBC that both sides use; a test checks them against the DBC."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from enum import IntEnum
 
 
 class AxisCommand(IntEnum):
-    """What an axis is told: `command` of the axis commands."""
+    """Command to an axis: `command` of the axis commands."""
 
     OFF = 0
     HOLD = 1
@@ -14,7 +14,7 @@ class AxisCommand(IntEnum):
 
 
 class AxisState(IntEnum):
-    """What an axis says of itself: `state` of the axis statuses."""
+    """State that an axis reports: `state` of the axis statuses."""
 
     OFF = 0
     HOLDING = 1
@@ -24,7 +24,7 @@ class AxisState(IntEnum):
 
 
 class FaultAction(IntEnum):
-    """What a fault command asks for: `action` of FAULT_COMMAND and HARDWARE_FAULT_COMMAND."""
+    """Action of a fault command: `action` of FAULT_COMMAND and HARDWARE_FAULT_COMMAND."""
 
     NONE = 0
     INJECT = 1
@@ -35,11 +35,11 @@ class FaultAction(IntEnum):
 
 
 class FaultRefusal(IntEnum):
-    """Why a fault command was not obeyed: `refusal` of the fault statuses.
+    """Why a fault command was refused: `refusal` of the fault statuses.
 
-    UNKNOWN: no such action or kind. NO_ROOM: as many faults as there can be. NO_SUCH_TARGET: no
-    such axis, sensor, node or identifier. OUT_OF_RANGE: the value is none that the kind can have.
-    NOT_ACTIVE: there is nothing to take out.
+    UNKNOWN: no such action or kind. NO_ROOM: too many faults. NO_SUCH_TARGET: no such axis,
+    sensor, node or identifier. OUT_OF_RANGE: value outside the range of the kind. NOT_ACTIVE: no
+    such fault to remove.
     """
 
     NONE = 0
@@ -51,4 +51,4 @@ class FaultRefusal(IntEnum):
 
 
 UNASKED = 15
-"""`answers` of a fault status that answers no command: a counter that none has."""
+"""`answers` of a fault status without a command: a counter that no command has."""

@@ -1,7 +1,7 @@
 """The shells of the firmware: they own time and the bus, and run the step.
 
 `run_lockstep` waits for each epoch that the hardware opens and closes it; `run_realtime` keeps
-absolute deadlines of its own clock. Both send the same frames.
+absolute deadlines by its own clock. Both send the same frames.
 """
 
 from __future__ import annotations
@@ -10,26 +10,27 @@ import time
 from collections import deque
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 
-from dbc.contract import load_contract
-from dbc.frame import FrameArray, frame_array
-from firmware_py.diagnostics.fault_memory import CAPACITY as FAULT_CAPACITY
-from firmware_py.diagnostics.node import Diagnostics
-from firmware_py.diagnostics.parameter_memory import ParameterMemory
-from firmware_py.diagnostics.regions import CALIBRATION_CAPACITY
-from firmware_py.diagnostics.store import Stores, open_stores
-from firmware_py.diagnostics.writer import ThreadWriter
-from firmware_py.modes import Mode
-from firmware_py.settings import Settings, power_on
-from firmware_py.step import firmware_step
-from firmware_py.trace import NavigationTrace
-from firmware_py.transmit import OUTBOX_CAPACITY
+from rrins.dbc.contract import load_contract
+from rrins.dbc.frame import FrameArray, frame_array
+from rrins.dbc.record import Floats
+from rrins.firmware_py.core.modes import Mode
+from rrins.firmware_py.core.settings import Settings, power_on
+from rrins.firmware_py.core.step import firmware_step
+from rrins.firmware_py.core.trace import NavigationTrace
+from rrins.firmware_py.core.transmit import OUTBOX_CAPACITY
+from rrins.firmware_py.diagnostics.fault_memory import CAPACITY as FAULT_CAPACITY
+from rrins.firmware_py.diagnostics.node import Diagnostics
+from rrins.firmware_py.diagnostics.parameter_memory import ParameterMemory
+from rrins.firmware_py.diagnostics.regions import CALIBRATION_CAPACITY
+from rrins.firmware_py.diagnostics.store import Stores, open_stores
+from rrins.firmware_py.diagnostics.writer import ThreadWriter
 
 INBOX_CAPACITY = 4096
-"""Frames that the loop can fall behind by before it loses any."""
+"""Frames by which the loop can fall behind without losing any."""
 
 _NAVIGATION_MODES = (int(Mode.NAVIGATION_STRAPDOWN), int(Mode.NAVIGATION_ROTATING))
 _SHUTDOWN = int(Mode.SHUTDOWN)
@@ -37,23 +38,23 @@ _PPM = 1_000_000
 
 
 class Port(Protocol):
-    """A place on the bus, as the shells need it."""
+    """A connection to the bus, as the shells need it."""
 
     def send(self, frames: FrameArray, count: int, epoch: int, time_ns: int) -> None:
         """Send an epoch's frames and close the epoch."""
 
     def receive_epoch(self, into: FrameArray) -> int:
-        """Wait until the other side has closed its epoch; return how many frames came."""
+        """Wait until the other side has closed its epoch; return the number of frames."""
 
     def receive(self, into: FrameArray, timeout_ns: int) -> int:
-        """Wait for frames, `timeout_ns` at most; return how many came, 0 for none."""
+        """Wait for frames for at most `timeout_ns`; return their number."""
 
 
 class Lateness(Protocol):
-    """Takes how late each epoch began."""
+    """Collects the lateness of each epoch."""
 
-    def take(self, late_ns: int, overrun: bool) -> None:
-        """Take one epoch's lateness."""
+    def add(self, late_ns: int, overrun: bool) -> None:
+        """Add one epoch's lateness."""
 
 
 class Firmware:
@@ -61,10 +62,11 @@ class Firmware:
 
     Attributes
     ----------
-    ram : array of one record of dtype `firmware_py.memory.RAM`
-    inbox, outbox : arrays of dtype `dbc.frame.FRAME`
+    ram : Records[Ram]
+        One record.
+    inbox, outbox : FrameArray
     trace : NavigationTrace
-        The navigation output of every epoch navigated.
+        The navigation output of every epoch with navigation.
     diagnostics : Diagnostics
     """
 
@@ -81,12 +83,12 @@ class Firmware:
         self.ram = power_on(self.settings, self.contract)
         self.diagnostics = Diagnostics(self.ram, self.contract, parameters, stores.faults)
         self.trace = trace or NavigationTrace()
-        self.period_ns = int(self.ram[0]["parameters"]["period_ns"])
+        self.period_ns = int(self.ram[0].parameters.period_ns)
         self.inbox = frame_array(INBOX_CAPACITY)
         self.outbox = frame_array(OUTBOX_CAPACITY + Diagnostics.capacity(self.period_ns))
         self.frames_received = 0
         self.frames_sent = 0
-        self.sync_id = int(self.contract[0]["sync"]["message"]["can_id"])
+        self.sync_id = int(self.contract[0].sync.message.can_id)
         # Views into the RAM image: reading one costs less than finding its field each time.
         self._mode = self.ram["modes"]["mode"]
         self._epoch = self.ram["epoch"]
@@ -114,7 +116,7 @@ class Firmware:
     ) -> tuple[int, int]:
         """Run one epoch on ``inbox[start:count]``.
 
-        Returns the frames put into `outbox`, and the index of the first frame of the inbox that
+        Returns the number of frames in `outbox`, and the index of the first frame of the inbox that
         belongs to a later epoch.
         """
         if self.diagnostics.reset_due:
@@ -122,7 +124,7 @@ class Firmware:
         self._sync_arrival_ns[0] = sync_arrival_ns
         sent = firmware_step(self.ram, self.contract, inbox, start, count, self.outbox)
         if self._mode.item() in _NAVIGATION_MODES:
-            self.trace.take(self.ram)
+            self.trace.add(self.ram)
         consumed = int(self._consumed[0])
         if self._attention.item() or self.diagnostics.is_awake:
             sent = self.diagnostics.run(inbox, start, consumed, self.outbox, sent)
@@ -131,35 +133,35 @@ class Firmware:
         return sent, consumed
 
     def close(self) -> None:
-        """Switch off: what lasts is stored."""
+        """Switch off, after storing the non-volatile memories."""
         self.diagnostics.close()
 
     def step_whole(self, inbox: FrameArray, count: int, sync_arrival_ns: int) -> int:
-        """Run one epoch on all of ``inbox[:count]``, as where the other side waits for this one.
+        """Run one epoch on all of ``inbox[:count]``, as when the other side waits for this one.
 
-        A SYNC that claims a later epoch is then false: it and what follows it is counted and
-        dropped. Returns the frames put into `outbox`.
+        A SYNC of a later epoch is then false: it and the frames after it are counted and dropped.
+        Returns the number of frames in `outbox`.
         """
         sent, consumed = self.step(inbox, 0, count, sync_arrival_ns)
         if consumed < count:
-            self.ram[0]["faults"]["counter_errors"] += count - consumed
+            self.ram[0].faults.counter_errors += count - consumed
             self.frames_received += count - consumed
         return sent
 
 
 def open_memories(path: Path) -> Stores:
-    """Open the memories that survive power loss: the parameters' file, and one beside it.
+    """Open the non-volatile memories: the parameter file, and the trouble code file next to it.
 
     Raises
     ------
     StoreError
-        When one cannot be opened.
+        When a file cannot be opened.
     """
     return open_stores(path, CALIBRATION_CAPACITY, FAULT_CAPACITY)
 
 
 def own_clock_ns(nominal_ns: int, clock_error_ppm: float) -> int:
-    """Return what a clock that runs fast by so many ppm reads when `nominal_ns` have passed."""
+    """Return the reading, after `nominal_ns`, of a clock that runs fast by `clock_error_ppm`."""
     return nominal_ns + nominal_ns * round(clock_error_ppm * 1000) // (1000 * _PPM)
 
 
@@ -187,7 +189,7 @@ def run_lockstep(
 
 
 class _OwnClock:
-    """The firmware's clock: monotonic time since power-on, fast by some ppm."""
+    """The firmware's clock: monotonic time since power-on, with a rate error in ppm."""
 
     def __init__(self, error_ppm: float) -> None:
         self._origin_ns = time.monotonic_ns()
@@ -198,7 +200,7 @@ class _OwnClock:
 
 
 class _Intake:
-    """Gathers frames between two steps and notes when SYNC came."""
+    """Gathers frames between two steps and notes the arrival of SYNC."""
 
     def __init__(self, firmware: Firmware, port: Port, clock: _OwnClock) -> None:
         self._firmware = firmware
@@ -206,19 +208,19 @@ class _Intake:
         self._clock = clock
         self._inbox = firmware.inbox
         self._ids = firmware.inbox["can_id"]
-        self._last_id = int(firmware.contract[0]["axis_outer_status"]["message"]["can_id"])
+        self._last_id = int(firmware.contract[0].axis_outer_status.message.can_id)
         self.count = 0
         self._arrivals_ns: deque[int] = deque([0])
 
     @property
     def sync_arrival_ns(self) -> int:
-        """When the first SYNC that is there came, or the last one that has been."""
+        """Arrival of the first SYNC in the inbox, or else of the last one processed."""
         return self._arrivals_ns[0]
 
     def gather_until(self, deadline_ns: int, grace_ns: int) -> int:
-        """Take frames until the deadline, and on until the epoch is whole or the grace is over.
+        """Gather frames until the deadline, then until the epoch is complete or the grace is over.
 
-        Returns how late after the deadline the wait for it was over.
+        Returns how late after the deadline its wait ended.
         """
         late_ns = self._gather(deadline_ns)
         if grace_ns and not self._is_whole():
@@ -229,7 +231,7 @@ class _Intake:
         return bool(np.any(self._ids[: self.count] == self._last_id))
 
     def _gather(self, deadline_ns: int, until_whole: bool = False) -> int:
-        """Take frames until the deadline and what is there by then; return how late it was."""
+        """Gather frames until the deadline, and any pending then; return the lateness."""
         late_ns = -1
         while self.count < len(self._inbox):
             now_ns = self._clock.now_ns()
@@ -244,7 +246,7 @@ class _Intake:
         return max(0, late_ns)
 
     def _note_arrivals(self, came: int) -> None:
-        """Note the time of every SYNC among the frames that have just come."""
+        """Note the time of every SYNC among the new frames."""
         syncs = self._syncs(self.count, self.count + came)
         if syncs:
             if not self._syncs(0, self.count):
@@ -255,7 +257,7 @@ class _Intake:
         return int(np.count_nonzero(self._ids[start:end] == self._firmware.sync_id))
 
     def drop(self, consumed: int) -> None:
-        """Forget the frames that a step has taken."""
+        """Drop the frames that a step has consumed."""
         for _ in range(min(self._syncs(0, consumed), len(self._arrivals_ns) - 1)):
             self._arrivals_ns.popleft()
         left = self.count - consumed
@@ -274,37 +276,39 @@ def run_realtime(
 ) -> None:
     """Run by the firmware's own clock until shut down.
 
-    The deadline of an epoch is half a period after its SYNC is expected. Frames that are late are
-    waited for during one more period, unless SYNC is lost. A step whose deadline is missed by more
-    than a period is an overrun: its axis commands may not arrive in time.
+    The deadline of an epoch is half a period after its SYNC is expected. The loop waits for late
+    frames for one more period, unless SYNC is lost. A step that misses its deadline by more than a
+    period is an overrun: its axis commands may not arrive in time.
     """
     clock = _OwnClock(clock_error_ppm)
     intake = _Intake(firmware, port, clock)
-    firmware.diagnostics.writer = ThreadWriter()  # a disk may take many periods
-    state = firmware.ram[0]
-    own = state["clock"]
+    firmware.diagnostics.writer = ThreadWriter()  # a disk write may take many periods
+    own = firmware.ram["clock"]
+    synchronised, sync_lost = own["synchronised"], own["sync_lost"]
+    next_sync_ns = own["next_sync_ns"]
+    overruns = firmware.ram["faults"]["overruns"]
+    load_percent = firmware.ram["load_percent"]
     period_ns = firmware.period_ns
     deadline_ns = clock.now_ns() + period_ns
     while not firmware.is_shut_down:
-        is_followed = bool(own["synchronised"]) and not own["sync_lost"]
+        is_followed = bool(synchronised[0]) and not sync_lost[0]
         late_ns = intake.gather_until(deadline_ns, period_ns if is_followed else 0)
-        if own["synchronised"]:
-            lateness.take(late_ns, late_ns > period_ns)
-            state["faults"]["overruns"] += late_ns > period_ns
+        if synchronised[0]:
+            lateness.add(late_ns, late_ns > period_ns)
+            overruns[0] += late_ns > period_ns
         begin_ns = clock.now_ns()
         sent, consumed = firmware.step(firmware.inbox, 0, intake.count, intake.sync_arrival_ns)
         intake.drop(consumed)
         port.send(firmware.outbox, sent, firmware.epoch, firmware.epoch * period_ns)
-        _note_load(state, clock.now_ns() - begin_ns, period_ns)
-        if own["synchronised"]:
-            deadline_ns = int(own["next_sync_ns"]) + period_ns // 2
+        _note_load(load_percent, clock.now_ns() - begin_ns, period_ns)
+        if synchronised[0]:
+            deadline_ns = int(next_sync_ns[0]) + period_ns // 2
         else:
             deadline_ns += period_ns
         if on_epoch is not None and firmware.epoch % every == 0:
             on_epoch(firmware.epoch)
 
 
-def _note_load(state: Any, busy_ns: int, period_ns: int) -> None:
-    """Follow the share of the period that the loop computes, averaged over some 16 epochs."""
-    load_percent = 100.0 * busy_ns / period_ns
-    state["load_percent"] += (load_percent - state["load_percent"]) / 16.0
+def _note_load(load_percent: Floats, busy_ns: int, period_ns: int) -> None:
+    """Track the share of the period spent computing, averaged over about 16 epochs."""
+    load_percent += (100.0 * busy_ns / period_ns - load_percent) / 16.0

@@ -10,13 +10,13 @@
     ├── RecordError           a recording that cannot be begun or read, or went wrong
     ├── DifferenceError       two recordings, or a recording and its replay, differ
     ├── InjectionError        a fault that cannot be commanded live
-    ├── MotionError           a recorded motion that is missing or refused, or one that cannot be
-    ├── ParameterFileError    a parameter memory that cannot be had
-    ├── DiagError             what the diagnostic tool cannot do
+    ├── MotionError           a motion that is missing, refused or impossible
+    ├── ParameterFileError    a parameter memory that cannot be used
+    ├── DiagError             a failure of the diagnostic tool
     │   ├── NoAnswerError             nobody answers its requests
     │   ├── NegativeResponseError     the navigation computer refuses one
     │   ├── CalibrationFileError      a calibration file that is missing, damaged or wrong
-    │   └── RoutineFailedError        a routine that was waited for failed
+    │   └── RoutineFailedError        a routine that was awaited failed
     └── Interrupted           the user stopped the run
 """
 
@@ -48,25 +48,25 @@ class SideLostError(RehearsalError):
 
 
 class FirmwareFaultError(RehearsalError):
-    """The run came to its end, but the firmware was in the mode FAULT by then."""
+    """The run ended with the firmware in mode FAULT."""
 
     exit_status = 8
 
 
 class ParameterFileError(RehearsalError):
-    """A file for the parameter memory that cannot be opened, is in use, or is something else."""
+    """A parameter memory whose file cannot be opened, is in use, or is something else."""
 
     exit_status = 11
 
 
 class DiagError(RehearsalError):
-    """Something that the diagnostic tool cannot do, and for which there is no status of its own."""
+    """A failure of the diagnostic tool that has no exit status of its own."""
 
     exit_status = 20
 
 
 class NoAnswerError(DiagError):
-    """Nobody answers diagnostic requests, or does so no more."""
+    """Nobody answers diagnostic requests, or answers have stopped."""
 
     exit_status = 21
 
@@ -89,12 +89,12 @@ class NegativeResponseError(DiagError):
 
 
 class CalibrationFileError(DiagError):
-    """A calibration file that is missing, damaged, in the way, or holds what cannot be."""
+    """A calibration file that is missing, damaged, not to be overwritten, or impossible."""
 
     exit_status = 23
 
 
 class RoutineFailedError(DiagError):
-    """A routine that was waited for ended otherwise than done."""
+    """A routine that was awaited did not succeed."""
 
     exit_status = 24

@@ -17,34 +17,34 @@ class Session(IntEnum):
 
 
 P2_MS = 50
-"""P2server_max: by when a response has begun, ms."""
+"""P2server_max: deadline for the start of a response, ms."""
 
 P2_STAR_MS = 5000
-"""P2*server_max: by when the next response has begun after a response pending (0x78), ms."""
+"""P2*server_max: deadline for the next response after a response pending (0x78), ms."""
 
 S3_MS = 5000
-"""S3server: a session but the default one ends when no request has come for so long, ms."""
+"""S3server: a non-default session ends after this time without a request, ms."""
 
 N_BS_MS = 1000
-"""How long the transport waits for flow control, ms."""
+"""N_Bs: timeout of the flow control, ms."""
 
 N_CR_MS = 1000
-"""How long the transport waits for the next consecutive frame, ms."""
+"""N_Cr: timeout of the next consecutive frame, ms."""
 
 ST_MIN_MS = 1
-"""Separation time that the firmware asks for, ms."""
+"""STmin: separation time that the firmware requests, ms."""
 
 BLOCK_SIZE = 0
-"""Consecutive frames to one flow control that the firmware asks for; 0: all."""
+"""Block size that the firmware requests: consecutive frames per flow control; 0: all."""
 
 PADDING = 0xCC
-"""What fills up frames to eight bytes (ISO 15765-2)."""
+"""Padding byte that fills frames up to eight bytes (ISO 15765-2)."""
 
 MESSAGE_CAPACITY = 4095
 """The longest request and response, bytes."""
 
 FRAMES_PER_SECOND = 800
-"""Diagnostic frames that the firmware sends at most: a tenth of 1 Mbit/s."""
+"""Most diagnostic frames that the firmware sends: a tenth of 1 Mbit/s."""
 
 SEED_SUBFUNCTION, KEY_SUBFUNCTION = 0x01, 0x02
 """The sub-functions of SecurityAccess (0x27); there is one level."""
@@ -52,19 +52,19 @@ SEED_SUBFUNCTION, KEY_SUBFUNCTION = 0x01, 0x02
 SEED_SIZE = 8
 KEY_SIZE = 8
 ATTEMPTS = 3
-"""Wrong keys before there is a delay."""
+"""Wrong keys that trigger the delay."""
 
 ATTEMPT_DELAY_MS = 10_000
-"""How long no seed is given after that, ms."""
+"""Delay after too many wrong keys, during which no seed is given, ms."""
 
 DEFAULT_SECRET = b"RRINS rehearsal"
-"""The secret of a computer that has not been given one of its own."""
+"""Default secret, for a computer that was given no other."""
 
 
 def key_of(seed: bytes, secret: bytes = DEFAULT_SECRET) -> bytes:
-    """Return the key to a seed: the first 8 bytes of HMAC-SHA-256 (RFC 2104) of it by the secret.
+    """Return the key for a seed: the first 8 bytes of an HMAC-SHA-256 (RFC 2104) with the secret.
 
-    The message is the sub-function of the request for the seed (0x01), then the seed.
+    The message is the sub-function of the seed request (0x01), followed by the seed.
     """
     message = bytes([SEED_SUBFUNCTION]) + seed
     return hmac.new(secret, message, hashlib.sha256).digest()[:KEY_SIZE]
@@ -72,20 +72,20 @@ def key_of(seed: bytes, secret: bytes = DEFAULT_SECRET) -> bytes:
 
 @dataclass(frozen=True, repr=False)
 class Access:
-    """What it takes to be allowed something.
+    """The conditions under which a request is allowed.
 
     Attributes
     ----------
     sessions : frozenset of Session
     secured : bool
-        Whether SecurityAccess has to be passed before.
+        Whether SecurityAccess is required.
     """
 
     sessions: frozenset[Session]
     secured: bool = False
 
     def allows_in(self, session: Session) -> bool:
-        """Return whether it can be had in a session."""
+        """Return whether a session allows it."""
         return session in self.sessions
 
     def __repr__(self) -> str:

@@ -1,4 +1,4 @@
-"""How values stand in diagnostic data: big-endian, one after the other (ISO 14229-1)."""
+"""Encoding of values in diagnostic data: big-endian, consecutive (ISO 14229-1)."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import IntEnum
 from functools import cached_property
-from typing import Any, Literal
+from typing import Literal
 
 Format = Literal["u8", "u16", "u24", "u32", "u64", "i8", "i16", "i32", "i64", "f32", "f64", "ascii"]
 
@@ -33,35 +33,35 @@ Values = dict[str, Value]
 
 
 class ValueRangeError(ValueError):
-    """A value is not one that its field may have."""
+    """A value that its field does not allow."""
 
 
 class LengthError(ValueError):
-    """Data has not the length of its layout."""
+    """Data whose length differs from its layout's."""
 
 
 @dataclass(frozen=True)
 class Field:
-    """One value, or `count` alike.
+    """One value, or `count` values of the same kind.
 
     Attributes
     ----------
     name : str
-        With its unit at the end where that is in doubt, as everywhere.
+        With its unit as suffix where that is in doubt.
     format : str
         ``u8`` … ``i64``, ``f32``, ``f64`` (IEEE 754) or ``ascii`` (`count` characters, filled up
         with spaces).
     unit : str
     count : int
-        Values in a row.
+        Number of consecutive values.
     minimum, maximum : float or None
-        What may be written, inclusive; also of what is read.
+        Limits of the value, inclusive, written and read.
     choices : enumeration or None
         Names of the numbers; no other number may be written.
     source : str
-        Where the firmware takes it from: a path in the RAM image, empty where it has another place.
+        Where the firmware reads it: a path in the RAM image; empty when it is stored elsewhere.
     factor : float
-        What the value in the RAM image is multiplied by, such as 180/π.
+        Multiplies the value in the RAM image, such as 180/π.
     text : str
     """
 
@@ -78,7 +78,7 @@ class Field:
 
     @property
     def size(self) -> int:
-        """Bytes that it takes."""
+        """Size in bytes."""
         if self.format == "ascii":
             return self.count
         return 3 * self.count if self.format == "u24" else self._packer.size
@@ -96,7 +96,7 @@ class Field:
         """Raise `ValueRangeError` unless the value may be written."""
         if isinstance(value, str) or self.format == "ascii":
             if self.format != "ascii" or not isinstance(value, str):
-                raise ValueRangeError(f"{self.name}: {value!r} is no {self.format}")
+                raise ValueRangeError(f"{self.name}: {value!r}: not {self.format}")
             return
         values = value if isinstance(value, tuple) else (value,)
         if len(values) != self.count:
@@ -106,13 +106,13 @@ class Field:
 
     def _check_one(self, value: float) -> None:
         if not math.isfinite(value):
-            raise ValueRangeError(f"{self.name}: {value} is no number")
+            raise ValueRangeError(f"{self.name}: {value} is not a number")
         if self.choices is not None and value not in list(self.choices):
             named = ", ".join(f"{choice.value} {choice.name}" for choice in self.choices)
-            raise ValueRangeError(f"{self.name}: {value} is none of {named}")
+            raise ValueRangeError(f"{self.name}: {value} is not one of {named}")
         low, high = self.minimum, self.maximum
         if (low is not None and value < low) or (high is not None and value > high):
-            raise ValueRangeError(f"{self.name}: {value:g} is not within {low:g} and {high:g}")
+            raise ValueRangeError(f"{self.name}: {value:g} is not between {low:g} and {high:g}")
 
     def pack(self, value: Value) -> bytes:
         """Return the bytes of a value.
@@ -133,7 +133,7 @@ class Field:
                 values = tuple(int(one) for one in values)
             return self._packer.pack(*values)
         except (struct.error, OverflowError, ValueError, TypeError) as error:
-            raise ValueRangeError(f"{self.name}: {value!r} is no {self.format}: {error}") from error
+            raise ValueRangeError(f"{self.name}: {value!r}: not {self.format}: {error}") from error
 
     def unpack(self, data: bytes) -> Value:
         """Return the value in `size` bytes."""
@@ -158,22 +158,22 @@ class Field:
 
 @dataclass(frozen=True)
 class Layout:
-    """Fields one after the other."""
+    """Consecutive fields."""
 
     fields: tuple[Field, ...] = ()
 
     @cached_property
     def size(self) -> int:
-        """Bytes of the whole."""
+        """Total size in bytes."""
         return sum(field.size for field in self.fields)
 
     def encode(self, values: Mapping[str, Value]) -> bytes:
-        """Return the bytes of values by field.
+        """Return the values by field as bytes.
 
         Raises
         ------
         ValueRangeError
-            When one is missing, unknown, or does not fit its format. Limits are not checked.
+            When a value is missing, unknown, or does not fit its format. Limits are not checked.
         """
         names = {field.name for field in self.fields}
         if values.keys() != names:
@@ -187,7 +187,7 @@ class Layout:
         Raises
         ------
         LengthError
-            When there are more or fewer bytes than the layout has.
+            When the number of bytes differs from the layout's.
         """
         if len(data) != self.size:
             raise LengthError(f"{len(data)} bytes, not {self.size}")
@@ -203,6 +203,6 @@ class Layout:
         for field in self.fields:
             field.check(values[field.name])
 
-    def named(self, values: Mapping[str, Value]) -> dict[str, Any]:
-        """Return the values with names in place of the numbers that have one."""
+    def named(self, values: Mapping[str, Value]) -> Values:
+        """Return the values, with numbers replaced by their names where they have one."""
         return {field.name: field.named(values[field.name]) for field in self.fields}

@@ -6,22 +6,22 @@ import functools
 import math
 import zlib
 from collections.abc import Callable
-from typing import Any
 
-from numpy.typing import NDArray
-
-from dbc.values import AxisCommand
-from firmware_py import clock, earth
-from firmware_py.calibration import DPH, UG
-from firmware_py.diagnostics import image, table
-from firmware_py.diagnostics.codecs import Value, Values
-from firmware_py.diagnostics.data import DataIdentifier
-from firmware_py.diagnostics.fault_memory import FaultMemory
-from firmware_py.diagnostics.parameter_memory import ParameterMemory
-from firmware_py.diagnostics.parameters import PARAMETERS
-from firmware_py.diagnostics.reader import FieldReader
-from firmware_py.diagnostics.records import Order
-from firmware_py.modes import Mode
+from rrins.dbc.record import Floats, Records
+from rrins.dbc.values import AxisCommand
+from rrins.firmware_py.core import clock, earth
+from rrins.firmware_py.core.calibration import DPH, UG
+from rrins.firmware_py.core.diagnostic_records import RoutineRequest
+from rrins.firmware_py.core.memory import Clock, Ram
+from rrins.firmware_py.core.modes import Mode
+from rrins.firmware_py.diagnostics import calibration_image as image
+from rrins.firmware_py.diagnostics import table
+from rrins.firmware_py.diagnostics.codecs import Value, Values
+from rrins.firmware_py.diagnostics.data_identifier import DataIdentifier
+from rrins.firmware_py.diagnostics.fault_memory import FaultMemory
+from rrins.firmware_py.diagnostics.parameter_memory import ParameterMemory
+from rrins.firmware_py.diagnostics.parameters import PARAMETERS
+from rrins.firmware_py.diagnostics.reader import FieldReader
 
 IDENTITY = {
     "supplier": "RRINS project",
@@ -31,10 +31,10 @@ IDENTITY = {
     "software_version": "0.1.0",
     "system_name": "RRINS navigation computer",
 }
-"""What the computer says of itself."""
+"""The computer's identification data."""
 
-# Not compiled: to take a record across costs more than to compute it.
-_error_ppm: Callable[[Any, int], float] = getattr(clock.error_ppm, "py_func", clock.error_ppm)
+# Not compiled: passing a record across costs more than the computation.
+_error_ppm: Callable[[Clock, int], float] = getattr(clock.error_ppm, "py_func", clock.error_ppm)
 
 _PARAMETER_NUMBERS = frozenset(parameter.number for parameter in PARAMETERS)
 
@@ -43,11 +43,11 @@ AXIS_MODES = (Mode.STANDBY, Mode.FAULT, Mode.NAVIGATION_STRAPDOWN)
 
 
 class Computer:
-    """The RAM image and the memories, with what services do to them.
+    """The RAM image and the memories, and the operations of the services on them.
 
     Parameters
     ----------
-    ram : array of one record of dtype `firmware_py.memory.RAM`
+    ram : Records[Ram]
     parameters : ParameterMemory
     faults : FaultMemory
     session : callable
@@ -62,7 +62,7 @@ class Computer:
 
     def __init__(
         self,
-        ram: NDArray[Any],
+        ram: Records[Ram],
         parameters: ParameterMemory,
         faults: FaultMemory,
         session: Callable[[], int],
@@ -70,23 +70,25 @@ class Computer:
         self.ram = ram
         self.parameters = parameters
         self.faults = faults
-        self.period_ns = int(ram[0]["parameters"]["period_ns"])
+        self.period_ns = int(ram[0].parameters.period_ns)
         self.gravity = 0.0
         self._mode = ram["modes"]["mode"]
-        self._order = ram["diagnostics"]["order"]
+        self._routine_request = ram["diagnostics"]["routine_request"]
         special = self._special(session)
         self._readers = {
             did.number: FieldReader(ram, did.fields, special)
             for did in table.IDENTIFIERS
             if did.number not in _PARAMETER_NUMBERS
         }
-        table.crc32()  # made here, not when it is asked for
+        table.crc32()  # computed here, not at the first request
         self.power_on()
 
     def _special(self, session: Callable[[], int]) -> dict[str, Callable[[], Value]]:
-        """Return what gives the values that are not in the RAM image."""
-        own = self.ram[0]["clock"]
+        """Return the getters of the values that are not in the RAM image."""
+        own = self.ram[0].clock
         steps = self.ram["steps"]
+        gyro_residual = self.ram[0].diagnostics.gyro_residual
+        accelerometer_residual = self.ram[0].diagnostics.accelerometer_residual
         memory, faults = self.parameters, self.faults
         found: dict[str, Callable[[], Value]] = {
             "session": session,
@@ -97,8 +99,8 @@ class Computer:
             "state": lambda: int(memory.state),
             "sequence": lambda: memory.sequence & 0xFFFF_FFFF,
             "parameters": lambda: len(memory.stored),
-            "residual_dph": lambda: self._residuals("gyro", DPH),
-            "residual_ug": lambda: self._residuals("accelerometer", UG),
+            "residual_dph": lambda: self._residuals(gyro_residual, DPH),
+            "residual_ug": lambda: self._residuals(accelerometer_residual, UG),
             "operation_cycles": lambda: faults.operation_cycles,
             "length": lambda: len(self.calibration_file()),
             "file_crc32": lambda: zlib.crc32(self.calibration_file()),
@@ -106,19 +108,16 @@ class Computer:
         return found | {name: functools.partial(str, text) for name, text in IDENTITY.items()}
 
     def _bus_load_percent(self) -> float:
-        monitor = self.state["diagnostics"]
-        return float(100.0 * monitor["frames_mean"] / monitor["frames_capacity"])
+        monitor = self.state.diagnostics
+        return float(100.0 * monitor.frames_mean / monitor.frames_capacity)
 
-    def _residuals(self, kind: str, unit: float) -> tuple[float, ...]:
-        residual = self.state["diagnostics"][f"{kind}_residual"]
-        return tuple((residual / (unit * self.period_ns * 1e-9)).tolist())
+    def _residuals(self, increments: Floats, unit: float) -> tuple[float, ...]:
+        return tuple((increments / (unit * self.period_ns * 1e-9)).tolist())
 
     def power_on(self) -> None:
-        """Take what follows from the settings of a RAM image that has just been made."""
-        parameters = self.ram[0]["parameters"]
-        self.gravity = float(
-            earth.gravity(float(parameters["latitude"]), float(parameters["height"]))
-        )
+        """Derive what depends on the settings of a new RAM image."""
+        parameters = self.ram[0].parameters
+        self.gravity = float(earth.gravity(float(parameters.latitude), float(parameters.height)))
 
     def calibration_file(self) -> bytes:
         """Return the calibration file of the parameters as they are after a reset."""
@@ -130,13 +129,13 @@ class Computer:
         return Mode(int(self._mode[0]))
 
     @property
-    def state(self) -> Any:
+    def state(self) -> Ram:
         """The RAM image's record."""
         return self.ram[0]
 
-    def order(self, order: Order) -> None:
-        """Ask the modes for something in the next step."""
-        self._order[0] = order
+    def ask(self, request: RoutineRequest) -> None:
+        """Request something of the mode logic in the next step."""
+        self._routine_request[0] = request
 
     def read(self, did: DataIdentifier) -> bytes:
         """Return an identifier's data record."""
@@ -153,21 +152,21 @@ class Computer:
         return did.number not in _PARAMETER_NUMBERS or self.parameters.has(did.number)
 
     def turn_axis(self, axis: int, target_deg: float) -> None:
-        """Let an axis turn to an angle."""
+        """Turn an axis to an angle."""
         self._command(axis, AxisCommand.POSITION, target_deg)
 
     def hold_axis(self, axis: int) -> None:
-        """Let an axis hold where it is."""
-        angle_deg = float(self.state["assembly"]["encoder_angle_deg"][axis])
+        """Make an axis hold its angle."""
+        angle_deg = float(self.state.assembly.encoder_angle_deg[axis])
         self._command(axis, AxisCommand.HOLD, angle_deg)
 
     def _command(self, axis: int, command: AxisCommand, target_deg: float) -> None:
-        sequencer = self.state["sequencer"]
-        sequencer["command"][axis] = command
-        sequencer["target_angle_deg"][axis] = target_deg
+        sequencer = self.state.sequencer
+        sequencer.command[axis] = command
+        sequencer.target_angle_deg[axis] = target_deg
 
     def is_told(self, axis: int, target_deg: float) -> bool:
-        """Return whether an axis is still told to turn to an angle."""
-        sequencer = self.state["sequencer"]
-        turns = sequencer["command"][axis] == AxisCommand.POSITION
-        return bool(turns and math.isclose(sequencer["target_angle_deg"][axis], target_deg))
+        """Return whether an axis is still commanded to turn to an angle."""
+        sequencer = self.state.sequencer
+        turns = sequencer.command[axis] == AxisCommand.POSITION
+        return bool(turns and math.isclose(sequencer.target_angle_deg[axis], target_deg))

@@ -1,6 +1,6 @@
 """The trouble codes' status bytes, freeze frames and counters, as the services read them.
 
-They are in the RAM image, where the step sets them. Operation cycles, aging and clearing are done
+The step sets them in the RAM image. Operation cycles, aging and clearing are handled
 here, between two steps (ISO 14229-1, annex D).
 """
 
@@ -10,36 +10,37 @@ import math
 import struct
 import zlib
 from collections.abc import Iterator
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from dbc.codec import load
-from firmware_py.diagnostics import consistency
-from firmware_py.diagnostics.codecs import Values
-from firmware_py.diagnostics.monitor import COUNTER_CEILING, COUNTER_ONE
-from firmware_py.diagnostics.records import SNAPSHOT, TROUBLE_MEMORY
-from firmware_py.diagnostics.trouble_table import FIRST, TROUBLES
-from firmware_py.diagnostics.troubles import (
+from rrins.dbc.codec import load
+from rrins.dbc.contract import Contract
+from rrins.dbc.record import Records
+from rrins.firmware_py.core import consistency
+from rrins.firmware_py.core.diagnostic_records import Snapshot, TroubleMemory
+from rrins.firmware_py.core.memory import Ram
+from rrins.firmware_py.core.monitor import COUNTER_CEILING, COUNTER_ONE
+from rrins.firmware_py.core.trouble_table import FIRST, TROUBLES
+from rrins.firmware_py.core.troubles import (
     AGING_CYCLES,
     ALL_GROUPS,
     CLEARED_STATUS,
     Status,
     Trouble,
 )
+from rrins.firmware_py.diagnostics.codecs import Values
 
 _HEAD = struct.Struct(">II")  # CRC-32 of the layout, operation cycles
-_LAYOUT = zlib.crc32(repr((TROUBLE_MEMORY.descr, [t.number for t in TROUBLES])).encode())
+_LAYOUT = zlib.crc32(repr((TroubleMemory.dtype.descr, [t.number for t in TROUBLES])).encode())
 
-CAPACITY = _HEAD.size + TROUBLE_MEMORY.itemsize
+CAPACITY = _HEAD.size + TroubleMemory.dtype.itemsize
 """Bytes of `FaultMemory.image`."""
 
 _LOAD_MEAN_S = 0.25
 _PATIENCE_S = 0.2  # two cycles of MODE_COMMAND, or of ALTIMETER
 _STUCK_S = 2.0
 _CLOCK_TOLERANCE = 300e-6
-_FRAME_BITS = 125  # of a classic frame with 8 bytes, stuffing and gap as they are on average
+_FRAME_BITS = 125  # of a classic frame with 8 bytes, with average stuffing and gap
 
 _BITS_PER_KIND = np.array(
     [sum(1 << t.bit for t in TROUBLES if t.kind == kind) for kind in range(len(FIRST))]
@@ -51,55 +52,56 @@ class FaultMemory:
 
     Parameters
     ----------
-    ram : array of one record of dtype `firmware_py.memory.RAM`
-        As `firmware_py.settings.power_on` makes it.
-    contract : array of one record
+    ram : Records[Ram]
+        As `rrins.firmware_py.core.settings.power_on` makes it.
+    contract : Records[Contract]
 
     Attributes
     ----------
     operation_cycles : int
-        Since the trouble codes were first kept.
+        Since the trouble codes were first stored.
     """
 
-    def __init__(self, ram: NDArray[Any], contract: NDArray[Any]) -> None:
+    def __init__(self, ram: Records[Ram], contract: Records[Contract]) -> None:
         self._ram = ram
         self._contract = contract
-        self._monitor = ram[0]["diagnostics"]
-        self._memory = self._monitor["troubles"]
+        self._monitor = ram[0].diagnostics
+        self._memory = self._monitor.troubles
         self.operation_cycles = 1
         self.supported: tuple[int, ...] = ()
         """Indices of the trouble codes that this computer can have."""
         self.set_up()
-        self._memory["status"] = CLEARED_STATUS
+        self._memory.status[:] = CLEARED_STATUS
 
     def set_up(self) -> None:
-        """Set the monitor up in a RAM image that has just been made; no test has run yet."""
+        """Set up the monitor in a new RAM image; no test has run yet."""
         state, monitor = self._ram[0], self._monitor
-        period_s = float(state["parameters"]["period_ns"]) * 1e-9
-        counts = {"gyro": int(state["gyros"]["count"])}
-        counts["accelerometer"] = int(state["accelerometers"]["count"])
+        period_s = float(state.parameters.period_ns) * 1e-9
+        counts = {"gyro": int(state.gyros.count)}
+        counts["accelerometer"] = int(state.accelerometers.count)
         counts[""] = max(counts.values())
-        counts["altimeter"] = int(state["parameters"]["altimeter"])
+        counts["altimeter"] = int(state.parameters.altimeter)
         self.supported = tuple(
             index for index, one in enumerate(TROUBLES) if one.group < counts[one.needs]
         )
         self._index = {TROUBLES[index].number: index for index in self.supported}
+        up, down = monitor.up, monitor.down
         for index, one in enumerate(TROUBLES):
             debounce = one.debounce
-            monitor["up"][index] = math.ceil(COUNTER_CEILING / debounce.fail_epochs(1 / period_s))
-            monitor["down"][index] = math.ceil(COUNTER_CEILING / debounce.pass_epochs(1 / period_s))
-        monitor["counter"] = 0
-        monitor["unsettled"] = _BITS_PER_KIND
+            up[index] = math.ceil(COUNTER_CEILING / debounce.fail_epochs(1 / period_s))
+            down[index] = math.ceil(COUNTER_CEILING / debounce.pass_epochs(1 / period_s))
+        monitor.counter[:] = 0
+        monitor.unsettled[:] = _BITS_PER_KIND
         bits_per_s = load().bits_per_s
-        monitor["frames_capacity"] = bits_per_s * period_s / _FRAME_BITS
-        monitor["frames_share"] = min(1.0, period_s / _LOAD_MEAN_S)
-        monitor["patience_epochs"] = round(_PATIENCE_S / period_s)
-        monitor["stuck_epochs"] = 2 * round(_STUCK_S / period_s / 2)
-        monitor["residual_share"] = min(1.0, period_s / consistency.MEAN_S)
-        monitor["clock_tolerance_q16"] = round(_CLOCK_TOLERANCE * period_s * 1e9 * 65536)
-        sensor = self._contract[0]["sensor"][0]
-        monitor["gyro_resolution"] = sensor["gyro_dtheta"]["scale"]
-        monitor["accelerometer_resolution"] = sensor["accelerometer_dv"]["scale"]
+        monitor.frames_capacity = bits_per_s * period_s / _FRAME_BITS
+        monitor.frames_share = min(1.0, period_s / _LOAD_MEAN_S)
+        monitor.patience_epochs = round(_PATIENCE_S / period_s)
+        monitor.stuck_epochs = 2 * round(_STUCK_S / period_s / 2)
+        monitor.residual_share = min(1.0, period_s / consistency.MEAN_S)
+        monitor.clock_tolerance_q16 = round(_CLOCK_TOLERANCE * period_s * 1e9 * 65536)
+        sensor = self._contract[0].sensor[0]
+        monitor.gyro_resolution = sensor.gyro_dtheta.scale
+        monitor.accelerometer_resolution = sensor.accelerometer_dv.scale
 
     def index_of(self, number: int) -> int | None:
         """Return the index of a trouble code that this computer can have."""
@@ -107,72 +109,72 @@ class FaultMemory:
 
     def status(self, index: int) -> int:
         """Return a trouble code's status byte."""
-        return int(self._memory["status"][index])
+        return int(self._memory.status[index])
 
     def numbers(self) -> Iterator[tuple[int, int]]:
-        """Yield number and index of the trouble codes that this computer can have."""
+        """Yield the number and index of each trouble code that this computer can have."""
         yield from self._index.items()
 
     def by_mask(self, mask: int) -> Iterator[tuple[Trouble, int]]:
         """Yield the trouble codes that have one of the bits, with their status bytes."""
-        statuses = self._memory["status"].tolist()
+        statuses = self._memory.status.tolist()
         for index in self.supported:
             if statuses[index] & mask:
                 yield TROUBLES[index], statuses[index]
 
     def detection_counter(self, index: int) -> int:
         """Return a trouble code's fault detection counter, -128 (passed) to 127 (failed)."""
-        return int(self._monitor["counter"][index]) // COUNTER_ONE
+        return int(self._monitor.counter[index]) // COUNTER_ONE
 
     def extended(self, index: int) -> dict[int, Values]:
         """Return a trouble code's extended data, by record."""
         return {
             0x01: {
-                "occurrences": min(0xFFFF, int(self._memory["occurrences"][index])),
-                "aging": min(0xFF, int(self._memory["aging"][index])),
+                "occurrences": min(0xFFFF, int(self._memory.occurrences[index])),
+                "aging": min(0xFF, int(self._memory.aging[index])),
                 "fault_detection_counter": self.detection_counter(index),
             }
         }
 
-    def snapshot(self, index: int, number: int) -> NDArray[Any] | None:
-        """Return a freeze frame, an array of one record; None where there is none."""
-        if self._memory["occurrences"][index] == 0:
+    def snapshot(self, index: int, number: int) -> Records[Snapshot] | None:
+        """Return a freeze frame, an array of one record; None if there is none."""
+        if self._memory.occurrences[index] == 0:
             return None
-        return self._memory["snapshots"][index][number - 1 : number]
+        return self._memory.snapshots[index, number - 1 : number]
 
     def with_snapshots(self) -> list[Trouble]:
         """Return the trouble codes that have freeze frames."""
-        occurrences = self._memory["occurrences"].tolist()
+        occurrences = self._memory.occurrences.tolist()
         return [TROUBLES[index] for index in self.supported if occurrences[index]]
 
     def is_group(self, number: int) -> bool:
-        """Return whether `clear` knows a groupOfDTC."""
+        """Return whether `clear` supports a groupOfDTC."""
         return number == ALL_GROUPS or number in self._index
 
     def clear(self, number: int) -> None:
         """Clear one trouble code, or all (`ALL_GROUPS`)."""
         cleared = list(self.supported) if number == ALL_GROUPS else [self._index[number]]
         self._forget(cleared)
-        self._memory["status"][cleared] = CLEARED_STATUS
-        self._monitor["counter"][cleared] = 0
+        self._memory.status[cleared] = CLEARED_STATUS
+        self._monitor.counter[cleared] = 0
         for index in cleared:
-            self._monitor["unsettled"][TROUBLES[index].kind] |= 1 << TROUBLES[index].bit
+            self._monitor.unsettled[TROUBLES[index].kind] |= 1 << TROUBLES[index].bit
 
     def _forget(self, indices: list[int]) -> None:
-        self._memory["occurrences"][indices] = 0
-        self._memory["aging"][indices] = 0
-        self._memory["snapshots"][indices] = np.zeros(2, dtype=SNAPSHOT)
+        self._memory.occurrences[indices] = 0
+        self._memory.aging[indices] = 0
+        self._memory.snapshots[indices] = Snapshot.zeros(2)
 
     def begin_cycle(self) -> None:
         """End an operation cycle and begin the next: what did not fail in it ages."""
         self.operation_cycles += 1
-        status = self._memory["status"]
+        status = self._memory.status
         tested = status & Status.TEST_NOT_COMPLETED_THIS_OPERATION_CYCLE == 0
         sound = tested & (status & Status.TEST_FAILED_THIS_OPERATION_CYCLE == 0)
         status[sound] &= 0xFF & ~Status.PENDING
         for index in np.flatnonzero(sound & (status & Status.CONFIRMED != 0)).tolist():
-            self._memory["aging"][index] += 1
-            if self._memory["aging"][index] >= AGING_CYCLES:
+            self._memory.aging[index] += 1
+            if self._memory.aging[index] >= AGING_CYCLES:
                 self._forget([index])
                 status[index] &= 0xFF & ~Status.CONFIRMED
         status &= 0xFF & ~Status.TEST_FAILED_THIS_OPERATION_CYCLE
@@ -180,15 +182,15 @@ class FaultMemory:
         self.begin_test()
 
     def begin_test(self) -> None:
-        """Let every test find anew whether it fails, as after any reset."""
-        self._memory["status"] &= 0xFF & ~Status.TEST_FAILED
+        """Restart every test, as after any reset."""
+        self._memory.status &= 0xFF & ~Status.TEST_FAILED
 
     def image(self) -> bytes:
-        """Return what is remembered when the power is off."""
+        """Return the image to store across power-off."""
         return _HEAD.pack(_LAYOUT, self.operation_cycles) + self._memory.tobytes()
 
     def recall(self, image: bytes) -> None:
-        """Take what was remembered; that of another version of the firmware is forgotten."""
+        """Load a stored image; discard one of another firmware version."""
         if len(image) != CAPACITY:
             return
         layout, cycles = _HEAD.unpack_from(image)
@@ -198,9 +200,9 @@ class FaultMemory:
 
     def keep(self) -> bytes:
         """Return the trouble codes as bytes, for `restore` after a soft reset."""
-        return bytes(self._memory.tobytes())
+        return self._memory.tobytes()
 
     def restore(self, kept: bytes) -> None:
-        """Take trouble codes back."""
-        self._monitor["troubles"] = np.frombuffer(kept, dtype=TROUBLE_MEMORY)[0]
-        self._memory = self._monitor["troubles"]
+        """Restore trouble codes that `keep` returned."""
+        self._monitor.troubles = TroubleMemory.from_bytes(kept)[0]
+        self._memory = self._monitor.troubles

@@ -1,22 +1,22 @@
-"""The table of data identifiers that are read, and of the outputs that can be controlled."""
+"""The table of readable data identifiers and controllable outputs."""
 
 from __future__ import annotations
 
 import math
 from enum import IntEnum
 
-from dbc.contract import SENSOR_GROUPS
-from dbc.values import AxisCommand, AxisState
-from firmware_py.diagnostics.access import UNLOCKED, Session
-from firmware_py.diagnostics.codecs import Field
-from firmware_py.diagnostics.data import DataIdentifier
-from firmware_py.modes import Fault, Mode, ModeRequest
+from rrins.dbc.contract import SENSOR_GROUPS
+from rrins.dbc.values import AxisCommand, AxisState
+from rrins.firmware_py.core.modes import FirmwareFault, Mode, ModeRequest
+from rrins.firmware_py.diagnostics.access import UNLOCKED, Session
+from rrins.firmware_py.diagnostics.codecs import Field
+from rrins.firmware_py.diagnostics.data_identifier import DataIdentifier
 
 _DEG = math.degrees(1.0)
 
 
-class BusState(IntEnum):
-    """State of the CAN controller, as far as the bus tells it."""
+class ControllerState(IntEnum):
+    """State of the CAN controller, as far as the bus reports it."""
 
     ERROR_ACTIVE = 0
     ERROR_PASSIVE = 1
@@ -24,7 +24,7 @@ class BusState(IntEnum):
 
 
 class MemoryState(IntEnum):
-    """Where the parameters in force came from."""
+    """Source of the parameters in use."""
 
     SET_UP = 0
     MEMORY = 1
@@ -33,7 +33,7 @@ class MemoryState(IntEnum):
 
 
 class IOControl(IntEnum):
-    """What InputOutputControlByIdentifier (0x2F) can ask for."""
+    """Control options of InputOutputControlByIdentifier (0x2F)."""
 
     RETURN_CONTROL = 0x00
     RESET_TO_DEFAULT = 0x01
@@ -49,19 +49,25 @@ IDENTIFICATION = (
         (Field("session", "u8", choices=Session),),
     ),
     DataIdentifier(
-        0xF18A, "supplier", "Who supplies the system.", (Field("supplier", "ascii", count=16),)
+        0xF18A, "supplier", "Supplier of the system.", (Field("supplier", "ascii", count=16),)
     ),
     DataIdentifier(
-        0xF18C, "serial_number", "Of the computer.", (Field("serial_number", "ascii", count=16),)
+        0xF18C,
+        "serial_number",
+        "Serial number of the computer.",
+        (Field("serial_number", "ascii", count=16),),
     ),
     DataIdentifier(
         0xF191,
         "hardware_number",
-        "Of the computer.",
+        "Hardware number of the computer.",
         (Field("hardware_number", "ascii", count=16),),
     ),
     DataIdentifier(
-        0xF194, "software_number", "The firmware.", (Field("software_number", "ascii", count=16),)
+        0xF194,
+        "software_number",
+        "Name of the firmware.",
+        (Field("software_number", "ascii", count=16),),
     ),
     DataIdentifier(
         0xF195,
@@ -70,32 +76,38 @@ IDENTIFICATION = (
         (Field("software_version", "ascii", count=16),),
     ),
     DataIdentifier(
-        0xF197, "system_name", "What it is.", (Field("system_name", "ascii", count=32),)
+        0xF197, "system_name", "Name of the system.", (Field("system_name", "ascii", count=32),)
     ),
     DataIdentifier(
         0x0100,
         "table_version",
-        "CRC-32 of this table: a tool whose table has another one speaks to another firmware.",
+        "CRC-32 of this table; a tool whose table has a different CRC does not match the firmware.",
         (Field("table_crc32", "u32"),),
     ),
 )
-"""What the computer is. Numbers 0xF1xx are those of ISO 14229-1, table C.1."""
+"""Identification. Numbers 0xF1xx are those of ISO 14229-1, table C.1."""
 
 STATUS = (
     DataIdentifier(0x0101, "epoch", "Epoch counter.", (Field("epoch", "i64", source="epoch"),)),
     DataIdentifier(
         0x0102,
         "mode",
-        "What the computer does.",
+        "Mode of the computer.",
         (
             Field("mode", "u8", choices=Mode, source="modes.mode"),
-            Field("fault", "u8", choices=Fault, source="modes.fault", text="why it is in FAULT"),
+            Field(
+                "fault",
+                "u8",
+                choices=FirmwareFault,
+                source="modes.fault",
+                text="reason for FAULT",
+            ),
         ),
     ),
     DataIdentifier(
         0x0103,
         "mode_request",
-        "What the operator asked for last, and which mode is still to come.",
+        "The operator's latest request, and the mode that is still pending.",
         (
             Field("requested", "u8", choices=ModeRequest, source="modes.requested"),
             Field("pending", "u8", choices=Mode, source="modes.pending"),
@@ -104,7 +116,7 @@ STATUS = (
     DataIdentifier(
         0x0104,
         "load",
-        "How busy computer and bus are.",
+        "Load of the computer and the bus.",
         (
             Field("load_percent", "f32", "%", source="load_percent", text="of the period"),
             Field("overruns", "u32", source="faults.overruns"),
@@ -131,13 +143,13 @@ STATUS = (
             Field("sync_lost", "u8", source="clock.sync_lost"),
             Field("sync_missed", "u32", "epochs", source="clock.sync_missed"),
             Field("jumps", "u32", source="clock.jumps"),
-            Field("error_ppm", "f32", "ppm", text="by how much the computer's own clock runs fast"),
+            Field("error_ppm", "f32", "ppm", text="how much the computer's own clock runs fast"),
         ),
     ),
     DataIdentifier(
         0x0106,
         "uptime",
-        "Since power-on or reset.",
+        "Time since power-on or reset.",
         (Field("steps", "u64", "epochs", source="steps"), Field("uptime_s", "f64", "s")),
     ),
     DataIdentifier(
@@ -160,28 +172,28 @@ STATUS = (
         0x0108,
         "bus_state",
         "State of the CAN controller.",
-        (Field("bus_state", "u8", choices=BusState, source="diagnostics.bus_state"),),
+        (Field("bus_state", "u8", choices=ControllerState, source="diagnostics.bus_state"),),
     ),
     DataIdentifier(
         0x0109,
         "parameter_memory",
-        "The parameter memory as it was found at power-on or hard reset.",
+        "State of the parameter memory at power-on or hard reset.",
         (
             Field("state", "u8", choices=MemoryState),
-            Field("sequence", "u32", text="how often it was written"),
-            Field("parameters", "u16", text="parameters that it has"),
+            Field("sequence", "u32", text="number of times it was written"),
+            Field("parameters", "u16", text="number of stored parameters"),
         ),
     ),
     DataIdentifier(
         0x010B,
         "calibration_file",
-        "The calibration file that RequestUpload gives.",
-        (Field("length", "u32", "bytes"), Field("file_crc32", "u32", text="of the whole")),
+        "The calibration file that RequestUpload returns.",
+        (Field("length", "u32", "bytes"), Field("file_crc32", "u32", text="of the whole file")),
     ),
     DataIdentifier(
         0x010A,
         "operation_cycles",
-        "Since the trouble codes were first kept.",
+        "Operation cycles since the trouble codes were first stored.",
         (Field("operation_cycles", "u32"),),
     ),
 )
@@ -191,8 +203,8 @@ SENSORS = (
     DataIdentifier(
         0x0201,
         "sensors",
-        "Sensors that the computer has, and of which it got a sound frame in the last epoch; a bit "
-        "per sensor group.",
+        "Number of sensors, and those with a sound frame in the last epoch, one bit per sensor "
+        "group.",
         (
             Field("gyros", "u8", source="gyros.count"),
             Field("accelerometers", "u8", source="accelerometers.count"),
@@ -229,20 +241,20 @@ SENSORS = (
     DataIdentifier(
         0x0205,
         "gyro_residuals",
-        "What each gyro measures beyond what all together say, a mean over 10 s. That of a gyro "
-        "that is left out is its whole contradiction to the others.",
+        "Measurement of each gyro minus the fused solution, averaged over 10 s. The residual of an "
+        "excluded gyro is its full deviation from the others.",
         (Field("residual_dph", "f64", "°/h", SENSOR_GROUPS),),
     ),
     DataIdentifier(
         0x0206,
         "accelerometer_residuals",
-        "What each accelerometer measures beyond what all together say, a mean over 10 s.",
+        "Measurement of each accelerometer minus the fused solution, averaged over 10 s.",
         (Field("residual_ug", "f64", "µg", SENSOR_GROUPS),),
     ),
     DataIdentifier(
         0x0211,
         "excluded_sensors",
-        "Sensors that the fusion leaves out, a bit each. Control: by default none.",
+        "Sensors excluded from the fusion, one bit each. Control: the default is none.",
         (
             Field("gyros", "u16", source="diagnostics.excluded_gyros"),
             Field("accelerometers", "u16", source="diagnostics.excluded_accelerometers"),
@@ -274,8 +286,8 @@ def _axis_control(number: int, name: str, index: int) -> DataIdentifier:
     return DataIdentifier(
         number,
         f"axis_{name}_control",
-        f"Where the {name} axis is told to turn to. Control, in STANDBY, FAULT and "
-        "NAVIGATION_STRAPDOWN: by default zero; frozen, it holds where it is.",
+        f"Target angle of the {name} axis. Control in STANDBY, FAULT and NAVIGATION_STRAPDOWN: the "
+        "default is zero; frozen, the axis holds its angle.",
         (
             Field(
                 "target_angle_deg",
@@ -309,7 +321,7 @@ AXES = (
         (
             Field("running", "u8", source="sequencer.running"),
             Field("homing", "u8", source="sequencer.homing", text="turning to zero first"),
-            Field("position", "u16", source="sequencer.position", text="from 0"),
+            Field("position", "u16", source="sequencer.position", text="counted from 0"),
             Field("cycle", "u32", source="sequencer.cycle"),
             Field("epochs", "u32", "epochs", source="sequencer.epochs", text="in this position"),
         ),
@@ -362,10 +374,10 @@ NAVIGATION = (
     DataIdentifier(
         0x0405,
         "altimeter",
-        "The altimeter, where one is fitted.",
+        "The altimeter, if fitted.",
         (
             Field("fitted", "u8", source="parameters.altimeter"),
-            Field("height_m", "f64", "m", source="assembly.altimeter_height", text="the last"),
+            Field("height_m", "f64", "m", source="assembly.altimeter_height", text="latest"),
             Field("silent_epochs", "u32", "epochs", source="diagnostics.altimeter_silence"),
         ),
     ),
@@ -373,4 +385,4 @@ NAVIGATION = (
 """Navigation."""
 
 READINGS = (*IDENTIFICATION, *STATUS, *SENSORS, *AXES, *NAVIGATION)
-"""All that are no parameters."""
+"""All identifiers that are not parameters."""

@@ -1,7 +1,7 @@
-"""Which CAN frames ISO-TP takes, and which it ignores (ISO 15765-2:2016, 9.6 and 9.8.3).
+"""Which CAN frames ISO-TP accepts, and which it ignores (ISO 15765-2:2016, 9.6 and 9.8.3).
 
-The library reads the frames of CAN FD as well, and gives up what it is receiving at any frame that
-it cannot read. On a classic bus such frames are to be ignored; so they are kept from it.
+The library reads CAN FD frames as well, and aborts the current reception at any frame that
+it cannot read. On a classic bus such frames must be ignored; so it never gets them.
 """
 
 from __future__ import annotations
@@ -11,26 +11,26 @@ _CAN_DL = 8
 _SINGLE_MOST = 7
 _SHORT_MOST = 4095  # of a first frame's twelve bits
 _FLOW_STATES = 3
-_LONGEST_SEPARATION = 0x7F  # ms; for what is reserved (9.6.5.4)
+_LONGEST_SEPARATION = 0x7F  # ms; used for reserved values (9.6.5.4)
 
 
 def single(data: bytes) -> bytes | None:
-    """Return what a single frame carries; None when it is none, or a wrong one."""
+    """Return the payload of a single frame; None if it is not a valid single frame."""
     if not data or data[0] >> 4 != _SINGLE or not 1 <= data[0] <= min(_SINGLE_MOST, len(data) - 1):
         return None
     return data[1 : 1 + data[0]]
 
 
 def accepted(data: bytes, missing: int | None, awaits_flow_control: bool) -> bytes | None:
-    """Return a frame as it is to be understood; None when it is to be ignored.
+    """Return a frame in the form to process; None if it must be ignored.
 
     Parameters
     ----------
     data : bytes
     missing : int or None
-        Bytes that are missing of the message being received; None while none is.
+        Bytes still missing from the message being received; None when none is being received.
     awaits_flow_control : bool
-        Whether the message being sent waits for leave to go on.
+        Whether the message being sent waits for flow control.
     """
     kind = data[0] >> 4 if data else None
     if kind == _SINGLE:
@@ -46,7 +46,7 @@ def accepted(data: bytes, missing: int | None, awaits_flow_control: bool) -> byt
 
 
 def _is_first(data: bytes) -> bool:
-    """Return whether a first frame is whole, and announces what no single frame could carry."""
+    """Return whether a first frame is complete, and announces more than a single frame holds."""
     if len(data) != _CAN_DL:
         return False
     length = (data[0] & 0x0F) << 8 | data[1]
@@ -56,10 +56,10 @@ def _is_first(data: bytes) -> bool:
 
 
 def _separation(st_min: int) -> int:
-    """Return a separation time, the longest where it is reserved."""
+    """Return a separation time; the longest if the value is reserved."""
     return st_min if st_min <= 0x7F or 0xF1 <= st_min <= 0xF9 else _LONGEST_SEPARATION
 
 
 def has_unknown_state(flow_control: bytes) -> bool:
-    """Return whether a flow control's state is reserved: it ends the message being sent."""
+    """Return whether a flow control's status is reserved, which aborts the message being sent."""
     return flow_control[0] >> 4 == _FLOW_CONTROL and flow_control[0] & 0x0F >= _FLOW_STATES

@@ -4,28 +4,30 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dbc.frame import FrameArray, frame_array
-from firmware_py.diagnostics import access, table
-from firmware_py.diagnostics.computer import Computer
-from firmware_py.diagnostics.fault_memory import FaultMemory
-from firmware_py.diagnostics.parameter_memory import ParameterMemory
-from firmware_py.diagnostics.records import ATTENTION_FRAMES, ATTENTION_TROUBLES
-from firmware_py.diagnostics.server import Reset, Server
-from firmware_py.diagnostics.services.control import Control
-from firmware_py.diagnostics.services.data import Data
-from firmware_py.diagnostics.services.routines import Routines
-from firmware_py.diagnostics.services.session import Communication, DTCSetting, Lock, handlers
-from firmware_py.diagnostics.services.transfer import Transfers
-from firmware_py.diagnostics.services.troubles import Troubles
-from firmware_py.diagnostics.store import TwoCopyStore
-from firmware_py.diagnostics.transport import Transport, slots_per_epoch
-from firmware_py.diagnostics.writer import DirectWriter, Job, Writer
-from firmware_py.settings import power_on
+from rrins.dbc.contract import Contract
+from rrins.dbc.frame import FrameArray, frame_array
+from rrins.dbc.record import Records
+from rrins.firmware_py.core.diagnostic_records import ATTENTION_FRAMES, ATTENTION_TROUBLES
+from rrins.firmware_py.core.memory import Ram
+from rrins.firmware_py.core.settings import power_on
+from rrins.firmware_py.diagnostics import access, table
+from rrins.firmware_py.diagnostics.computer import Computer
+from rrins.firmware_py.diagnostics.fault_memory import FaultMemory
+from rrins.firmware_py.diagnostics.parameter_memory import ParameterMemory
+from rrins.firmware_py.diagnostics.server import Reset, Server
+from rrins.firmware_py.diagnostics.services.control import Control
+from rrins.firmware_py.diagnostics.services.data import Data
+from rrins.firmware_py.diagnostics.services.routines import Routines
+from rrins.firmware_py.diagnostics.services.session import Communication, DTCSetting, Lock, handlers
+from rrins.firmware_py.diagnostics.services.transfer import Transfers
+from rrins.firmware_py.diagnostics.services.troubles import Troubles
+from rrins.firmware_py.diagnostics.store import TwoCopyStore
+from rrins.firmware_py.diagnostics.transport import Transport, slots_per_epoch
+from rrins.firmware_py.diagnostics.writer import DirectWriter, WriteJob, Writer
 
 _NORMAL = (
     "firmware_status",
@@ -44,33 +46,31 @@ class Diagnostics:
 
     Parameters
     ----------
-    ram : array of one record of dtype `firmware_py.memory.RAM`
-    contract : array of one record
+    ram : Records[Ram]
+    contract : Records[Contract]
     parameters : ParameterMemory
     fault_store : TwoCopyStore, optional
-        Keeps the trouble codes when the power is off.
+        Stores the trouble codes across power-off.
     secret : bytes
         Of SecurityAccess.
     random_bytes : callable
-        Gives the seeds.
+        Returns the seeds.
 
     Attributes
     ----------
     is_awake : bool
-        Whether `run` has to be called even when no diagnostic frame has come.
+        Whether `run` must be called even without a diagnostic frame.
     reset_due : bool
-        Whether `restart` has to be called before the next step.
+        Whether `restart` must be called before the next step.
     server : Server
     faults : FaultMemory
     parameters : ParameterMemory
-    writer : Writer
-        Of both memories.
     """
 
     def __init__(
         self,
-        ram: NDArray[Any],
-        contract: NDArray[Any],
+        ram: Records[Ram],
+        contract: Records[Contract],
         parameters: ParameterMemory,
         fault_store: TwoCopyStore | None = None,
         secret: bytes = access.DEFAULT_SECRET,
@@ -83,12 +83,12 @@ class Diagnostics:
         self._contract = contract
         self._fault_store = fault_store
         self._writer: Writer = DirectWriter()
-        self._job: Job | None = None
+        self._job: WriteJob | None = None
         self._are_faults_new = False
         self._attention = ram["diagnostics"]["attention"]
         self._steps = ram["steps"]
-        self._steps_before = 0  # the last reset
-        self._period_ns = int(ram[0]["parameters"]["period_ns"])
+        self._steps_before = 0  # before the last reset
+        self._period_ns = int(ram[0].parameters.period_ns)
         self.faults = FaultMemory(ram, contract)
         self._begin(fault_store)
         self._communication = Communication()
@@ -101,12 +101,12 @@ class Diagnostics:
 
     @staticmethod
     def capacity(period_ns: int) -> int:
-        """Return how many frames `run` adds to an epoch's at most."""
+        """Return the most frames that `run` adds to an epoch."""
         return slots_per_epoch(period_ns)
 
     def _begin(self, store: TwoCopyStore | None) -> None:
         """Recall the trouble codes, and begin an operation cycle."""
-        self._ram[0]["diagnostics"]["memory_faults"] = self.parameters.faults
+        self._ram[0].diagnostics.memory_faults = self.parameters.faults
         if store is None:
             return
         found = store.read().image
@@ -152,14 +152,14 @@ class Diagnostics:
         return (self._steps_before + int(self._steps[0])) * self._period_ns
 
     def run(self, inbox: FrameArray, start: int, end: int, outbox: FrameArray, sent: int) -> int:
-        """Do an epoch's share of the work.
+        """Do one epoch's share of the work.
 
         Parameters
         ----------
         inbox : array of frames
-            The diagnostic ones of ``inbox[start:end]`` are taken.
+            The diagnostic frames in ``inbox[start:end]`` are processed.
         outbox : array of frames
-            The first `sent` are the epoch's; the last of them stays the last.
+            The first `sent` are the epoch's frames; the last of them stays last.
 
         Returns
         -------
@@ -169,7 +169,7 @@ class Diagnostics:
         attention = int(self._attention[0])
         self._attention[0] = 0
         if attention & ATTENTION_FRAMES:
-            self._take(inbox[start:end])
+            self._receive(inbox[start:end])
         if attention & ATTENTION_TROUBLES:
             self._are_faults_new = True
         self._save_faults()
@@ -188,7 +188,7 @@ class Diagnostics:
             and not self._is_saving
         )
 
-    def _take(self, frames: FrameArray) -> None:
+    def _receive(self, frames: FrameArray) -> None:
         ids = frames["can_id"]
         theirs = np.flatnonzero((ids == self._request_ids[0]) | (ids == self._request_ids[1]))
         for k in theirs.tolist():
@@ -197,7 +197,7 @@ class Diagnostics:
             self._transport.put(int(frame["can_id"]), payload)
 
     def _serve(self) -> list[bytes]:
-        """Let the server work on one request at most; return the frames to be sent."""
+        """Let the server process at most one request; return the frames to send."""
         now_ns, transport, server = self.now_ns, self._transport, self.server
         transport.begin(now_ns)
         if transport.is_sending or transport.is_receiving:
@@ -217,7 +217,7 @@ class Diagnostics:
         return frames
 
     def _without_silenced(self, outbox: FrameArray, sent: int) -> int:
-        """Take out the cyclic messages that a tool has stopped."""
+        """Remove the cyclic messages that a tool has stopped."""
         silent = self._communication.silent
         if not silent:
             return sent
@@ -226,7 +226,7 @@ class Diagnostics:
         return len(kept)
 
     def _put(self, frames: list[bytes], outbox: FrameArray, sent: int) -> int:
-        """Put responses before the last frame, which closes the epoch."""
+        """Insert responses before the last frame, which closes the epoch."""
         count = len(frames)
         if not count:
             return sent
@@ -240,7 +240,7 @@ class Diagnostics:
         return self._job is not None or self._are_faults_new
 
     def _save_faults(self) -> None:
-        """Store the trouble codes when they are new and the last ones are stored."""
+        """Store changed trouble codes, once the previous write is done."""
         if self._fault_store is None:
             self._are_faults_new = False
             return
@@ -251,7 +251,7 @@ class Diagnostics:
             self._job = self._writer.submit(self._fault_store, self.faults.image())
 
     def restart(self) -> None:
-        """Power the computer on anew, as ECUReset asked for."""
+        """Restart the computer, as ECUReset requested."""
         is_hard = self.server.reset_wanted == Reset.HARD
         if is_hard:
             self._writer.close()
@@ -259,7 +259,7 @@ class Diagnostics:
         kept = self.faults.keep()
         self._steps_before += int(self._steps[0])
         self._ram[:] = power_on(self.parameters.settings(), self._contract)
-        self._ram[0]["diagnostics"]["memory_faults"] = self.parameters.faults
+        self._ram[0].diagnostics.memory_faults = self.parameters.faults
         self.faults.set_up()
         self.faults.restore(kept)
         self.faults.begin_test()
@@ -274,7 +274,7 @@ class Diagnostics:
         self.is_awake = True
 
     def close(self) -> None:
-        """Switch off: return when both memories are stored, and let go of them."""
+        """Switch off: wait until both memories are stored, then release them."""
         if self._fault_store is not None:
             self._writer.submit(self._fault_store, self.faults.image())
         self.parameters.close()
@@ -283,12 +283,12 @@ class Diagnostics:
             self._fault_store.close()
 
 
-def _silenced(contract: NDArray[Any]) -> NDArray[np.uint8]:
-    """Return the communication types of every identifier, a bit each."""
+def _silenced(contract: Records[Contract]) -> NDArray[np.uint8]:
+    """Return the communication types of every identifier, one bit each."""
     types = np.zeros(2048, dtype=np.uint8)
     for bit, names in ((1, _NORMAL), (2, _MANAGEMENT)):
         for name in names:
-            types[int(contract[0][name]["message"]["can_id"])] = bit
+            types[int(contract[0][name].message.can_id)] = bit
     return types
 
 

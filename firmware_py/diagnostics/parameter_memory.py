@@ -1,17 +1,18 @@
-"""The parameters in force: those of the memory, and of the set-up where the memory has none."""
+"""The parameters in effect: from the memory, or from the set-up where the memory has none."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 
-from firmware_py.diagnostics import image, set_up
-from firmware_py.diagnostics.codecs import Values
-from firmware_py.diagnostics.identifiers import MemoryState
-from firmware_py.diagnostics.image import ImageError, Parameters
-from firmware_py.diagnostics.store import Condition, Found, TwoCopyStore
-from firmware_py.diagnostics.troubles import SystemFault
-from firmware_py.diagnostics.writer import DirectWriter, Job, Writer
-from firmware_py.settings import Settings
+from rrins.firmware_py.core.settings import Settings
+from rrins.firmware_py.core.troubles import SystemFault
+from rrins.firmware_py.diagnostics import calibration_image as image
+from rrins.firmware_py.diagnostics import parameter_settings as set_up
+from rrins.firmware_py.diagnostics.calibration_image import ImageError, Parameters
+from rrins.firmware_py.diagnostics.codecs import Values
+from rrins.firmware_py.diagnostics.identifiers import MemoryState
+from rrins.firmware_py.diagnostics.store import Condition, StoredCopy, TwoCopyStore
+from rrins.firmware_py.diagnostics.writer import DirectWriter, WriteJob, Writer
 
 _FAULTS = {
     Condition.ONE_DAMAGED: 1 << SystemFault.PARAMETER_COPY_DAMAGED,
@@ -31,18 +32,18 @@ class ParameterMemory:
     Parameters
     ----------
     set_up : Settings
-        What the computer is set up with.
+        The computer's set-up.
     store : TwoCopyStore, optional
         Without one, parameters last until the process ends.
 
     Attributes
     ----------
     stored : dict
-        Values by data identifier, as the memory has them; in force from the next reset on.
+        Values by data identifier, as in the memory; they take effect at the next reset.
     state : MemoryState
-        How the memory was found.
+        Condition in which the memory was found.
     sequence : int
-        How often it had been written then.
+        How often it had been written by then.
     faults : int
         Bits of `SystemFault`.
     writer : Writer
@@ -50,7 +51,7 @@ class ParameterMemory:
     Raises
     ------
     StoreError
-        When the store cannot be read, or is something else.
+        When the store cannot be read, or is not a store of this kind.
     """
 
     def __init__(self, set_up: Settings, store: TwoCopyStore | None = None) -> None:
@@ -68,9 +69,9 @@ class ParameterMemory:
         """Read the memory, as at power-on."""
         if self._store is None:
             return
-        self._take(self._store.read())
+        self._adopt(self._store.read())
 
-    def _take(self, found: Found) -> None:
+    def _adopt(self, found: StoredCopy) -> None:
         self.state, self.faults = _STATES[found.condition], _FAULTS.get(found.condition, 0)
         self.sequence = found.sequence
         self.stored = {}
@@ -84,43 +85,43 @@ class ParameterMemory:
             self.faults |= 1 << SystemFault.PARAMETER_OUT_OF_LIMITS
 
     def settings(self) -> Settings:
-        """Return the settings in force after a reset: the set-up, changed by the memory."""
+        """Return the settings after a reset: the set-up, overridden by the memory."""
         return set_up.changed(self._set_up, self.stored)
 
     def effective(self) -> Parameters:
-        """Return the values of all parameters that the computer has, as after a reset."""
+        """Return the values that all parameters of the computer have after a reset."""
         return set_up.parameters_of(self._set_up) | self.stored
 
     def value(self, number: int) -> Values:
-        """Return a parameter as it is after a reset."""
+        """Return the value that a parameter has after a reset."""
         values = self.stored.get(number)
         return set_up.parameters_of(self._set_up)[number] if values is None else values
 
     def has(self, number: int) -> bool:
-        """Return whether the computer has a parameter: not the calibration of a ninth of four."""
+        """Return whether the computer has a parameter, such as a fitted sensor's calibration."""
         return number in set_up.parameters_of(self._set_up)
 
-    def replace(self, parameters: Mapping[int, Values]) -> Job:
-        """Begin to store parameters in place of all that the memory has; `finish` ends it."""
+    def replace(self, parameters: Mapping[int, Values]) -> WriteJob:
+        """Start storing parameters that replace all in the memory; `finish` completes it."""
         self._before, self.stored = self.stored, dict(parameters)
         if self._store is None:
-            job = Job()
+            job = WriteJob()
             job.done = True
             return job
         return self.writer.submit(self._store, image.encode(self.stored))
 
-    def finish(self, job: Job) -> bool:
-        """Return whether a job that is done went well; otherwise all is as it was before."""
+    def finish(self, job: WriteJob) -> bool:
+        """Return whether a finished job succeeded; if it failed, nothing has changed."""
         if job.failed:
             self.stored = self._before
         return not job.failed
 
-    def change(self, parameters: Mapping[int, Values]) -> Job:
-        """Begin to store parameters beside the others; `finish` ends it."""
+    def change(self, parameters: Mapping[int, Values]) -> WriteJob:
+        """Start storing parameters in addition to the others; `finish` completes it."""
         return self.replace(self.stored | dict(parameters))
 
     def close(self) -> None:
-        """Return when all is stored, and let go of the store."""
+        """Wait until everything is stored, then release the store."""
         self.writer.close()
         if self._store is not None:
             self._store.close()

@@ -1,28 +1,28 @@
-"""The table of parameters: calibration and settings that the parameter memory keeps.
+"""The table of parameters: calibration and settings stored in the parameter memory.
 
-A parameter is a data identifier that can be written. What is written is in force from the next
-reset on; a parameter that was never written has the value of the computer's set-up.
+A parameter is a data identifier that can be written. A written value takes effect at the next
+reset; a parameter that was never written has the value of the computer's set-up.
 """
 
 from __future__ import annotations
 
 from enum import IntEnum
 
-from dbc.contract import SENSOR_GROUPS
-from firmware_py.diagnostics.access import ANYWHERE, UNLOCKED
-from firmware_py.diagnostics.codecs import Field
-from firmware_py.diagnostics.data import DataIdentifier
+from rrins.dbc.contract import SENSOR_GROUPS
+from rrins.firmware_py.diagnostics.access import ANYWHERE, UNLOCKED
+from rrins.firmware_py.diagnostics.codecs import Field
+from rrins.firmware_py.diagnostics.data_identifier import DataIdentifier
 
 
 class InitialAttitude(IntEnum):
-    """Where the initial attitude comes from."""
+    """Source of the initial attitude."""
 
     GIVEN = 0
     SELF_ALIGNED = 1
 
 
 class HeightChannel(IntEnum):
-    """What becomes of the height."""
+    """Treatment of the height."""
 
     HELD = 0
     DAMPED = 1
@@ -37,7 +37,7 @@ def _weights(number: int, sensors: str) -> DataIdentifier:
     return _parameter(
         number,
         f"{sensors}_weights",
-        f"Weights of the {sensors}s in the fusion, by sensor; those beyond the last do nothing.",
+        f"Fusion weights of the {sensors}s, by sensor; those beyond the last have no effect.",
         Field("weights", "f64", "", SENSOR_GROUPS, minimum=1e-9, maximum=1e9),
     )
 
@@ -48,7 +48,7 @@ def _calibration(
     return _parameter(
         base + index,
         f"{sensor}_{index}_calibration",
-        f"Errors of {sensor} {index} that the firmware takes out of its increments.",
+        f"Errors of {sensor} {index} that the firmware removes from its increments.",
         Field(bias, "f64", unit, minimum=-limit, maximum=limit, text="bias"),
         Field(
             "scale_error_ppm", "f64", "ppm", minimum=-1e5, maximum=1e5, text="scale factor error"
@@ -59,7 +59,7 @@ def _calibration(
             "ppm",
             minimum=-1e5,
             maximum=1e5,
-            text="its part that changes sign with the input",
+            text="scale factor error that changes sign with the input",
         ),
         Field(
             "installation_u_arcsec",
@@ -84,7 +84,7 @@ SETTINGS = (
     _parameter(
         0x1001,
         "start_position",
-        "Where navigation starts.",
+        "Position at the start of navigation.",
         Field("latitude_deg", "f64", "°", minimum=-89.9, maximum=89.9),
         Field("longitude_deg", "f64", "°", minimum=-180.0, maximum=180.0),
         Field("height_m", "f64", "m", minimum=-1000.0, maximum=100_000.0),
@@ -92,8 +92,8 @@ SETTINGS = (
     _parameter(
         0x1002,
         "initial_attitude",
-        "The body's attitude when navigation starts, where it is given, and in a calibration from "
-        "a standing record.",
+        "The body's attitude at the start of navigation, if the attitude is given, and during the "
+        "routine `calibration`.",
         Field("roll_deg", "f64", "°", minimum=-180.0, maximum=180.0),
         Field("pitch_deg", "f64", "°", minimum=-90.0, maximum=90.0),
         Field("heading_deg", "f64", "°", minimum=-360.0, maximum=360.0),
@@ -101,27 +101,27 @@ SETTINGS = (
     _parameter(
         0x1003,
         "alignment",
-        "How the initial attitude is found, and how long that takes.",
+        "Method and duration of the alignment.",
         Field("method", "u8", choices=InitialAttitude),
         Field("alignment_s", "f64", "s", minimum=0.001, maximum=86_400.0),
     ),
     _parameter(
         0x1004,
         "bridge",
-        "The longest gap in the sensors' data that is bridged.",
+        "Longest gap in the sensor data that is bridged.",
         Field("bridge_s", "f64", "s", minimum=0.0, maximum=10.0),
     ),
     _parameter(
         0x1005,
         "axis_watch",
-        "When an axis counts as one that does not follow.",
+        "Limits beyond which an axis counts as not following.",
         Field("follow_tolerance_deg", "f64", "°", minimum=0.001, maximum=180.0),
         Field("axis_silence_s", "f64", "s", minimum=0.001, maximum=60.0),
     ),
     _parameter(
         0x1006,
         "height_channel",
-        "What becomes of the height.",
+        "Treatment of the height.",
         Field("height_channel", "u8", choices=HeightChannel),
     ),
     _weights(0x1007, "gyro"),
@@ -129,7 +129,7 @@ SETTINGS = (
     _parameter(
         0x1009,
         "consistency",
-        "How far redundant sensors may contradict each other: the root sum of squares of their "
+        "Permitted disagreement between redundant sensors: the root sum of squares of their "
         "residuals.",
         Field("gyro_consistency_dph", "f64", "°/h", minimum=0.001, maximum=1e6),
         Field("accelerometer_consistency_ug", "f64", "µg", minimum=0.1, maximum=1e7),

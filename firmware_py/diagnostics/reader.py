@@ -1,14 +1,13 @@
-"""Reads fields of the table out of the RAM image, or out of a freeze frame."""
+"""Reads fields of the table from the RAM image or a freeze frame."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from firmware_py.diagnostics.codecs import Field, Value, Values
+from rrins.firmware_py.diagnostics.codecs import Field, Value, Values
 
 _LIMITS = {
     "u8": (0, 0xFF),
@@ -23,17 +22,21 @@ _LIMITS = {
 }
 
 
-def view_of(array: NDArray[Any], path: str) -> NDArray[Any]:
+def view_of(array: NDArray[np.void], path: str) -> NDArray[np.generic]:
     """Return the view of an array of one record at a path, such as ``axis_angle.0``."""
     for part in path.split("."):
         array = array[:, int(part)] if part.isdigit() else array[part]
     return array
 
 
-def fitted(field: Field, value: Any) -> Value:
-    """Return a number of the RAM image as the field has it, limited to what its format holds."""
+def fitted(field: Field, value: float | list[float]) -> Value:
+    """Return numbers of the RAM image in the field's form, clipped to the range of its format."""
     if isinstance(value, list):
-        return tuple(fitted(field, one) for one in value)  # type: ignore[return-value]
+        return tuple(_fitted_one(field, one) for one in value)
+    return _fitted_one(field, value)
+
+
+def _fitted_one(field: Field, value: float) -> float:
     if field.is_float:
         value = float(value) * field.factor
         return float(np.float32(value)) if field.format == "f32" else value
@@ -42,24 +45,24 @@ def fitted(field: Field, value: Any) -> Value:
 
 
 class FieldReader:
-    """Reads the fields of a layout out of one array of a record, again and again.
+    """Reads the fields of a layout from an array of one record, repeatedly.
 
     Parameters
     ----------
     array : array of one record
-        Views are taken once: reading one costs less than finding its field each time.
+        Views are created once: reading one costs less than finding its field each time.
     fields : iterable of Field
     special : dict
-        What gives the value of a field that has no source in the record.
+        Getters of the fields that have no source in the record.
     """
 
     def __init__(
         self,
-        array: NDArray[Any],
+        array: NDArray[np.void],
         fields: Iterable[Field],
         special: dict[str, Callable[[], Value]] | None = None,
     ) -> None:
-        self._parts: list[tuple[Field, NDArray[Any] | None, Callable[[], Value] | None]] = [
+        self._parts: list[tuple[Field, NDArray[np.generic] | None, Callable[[], Value] | None]] = [
             (
                 field,
                 view_of(array, field.source) if field.source else None,

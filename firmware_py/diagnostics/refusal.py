@@ -1,15 +1,15 @@
-"""What services give the server back besides a response."""
+"""What services return to the server besides a response."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from firmware_py.diagnostics.responses import Code
+from rrins.firmware_py.diagnostics.responses import Code
 
 
 class RefusalError(Exception):
-    """A service refuses: a negative response.
+    """A service refuses a request: a negative response.
 
     Attributes
     ----------
@@ -23,13 +23,13 @@ class RefusalError(Exception):
 
 @dataclass(frozen=True)
 class Later:
-    """A response that takes its time.
+    """A response that is not ready yet.
 
     Attributes
     ----------
     poll : callable
-        Returns the positive response's data once there is one, None before; raises `RefusalError`
-        when there will be none.
+        Returns the positive response's data once it is ready, None before; raises `RefusalError`
+        if the service refuses.
     """
 
     poll: Callable[[], bytes | None]
@@ -40,6 +40,6 @@ Answer = bytes | Later
 
 
 def require(holds: bool, code: Code) -> None:
-    """Raise `RefusalError` unless something holds."""
+    """Raise `RefusalError` unless the condition holds."""
     if not holds:
         raise RefusalError(code)

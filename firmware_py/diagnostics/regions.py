@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
-from firmware_py.diagnostics.access import EXTENDED, Access
+from rrins.firmware_py.diagnostics.access import EXTENDED, Access
 
 CALIBRATION_ADDRESS = 0x1000_0000
 """Address of the calibration file in RequestDownload and RequestUpload."""
 
 CALIBRATION_CAPACITY = 0x4000
-"""The longest calibration file, bytes."""
+"""Largest calibration file, bytes."""
 
 BLOCK_LENGTH = 1026
-"""maxNumberOfBlockLength: the longest TransferData, with its two leading bytes."""
+"""maxNumberOfBlockLength: longest TransferData, including its two leading bytes."""
 
 
 @dataclass(frozen=True)
@@ -31,17 +30,17 @@ class Region:
     access : Access
         Of ReadMemoryByAddress.
     dtype : dtype
-        Of what stands there, little-endian.
+        Of the contents, little-endian.
     """
 
     name: str
     address: int
     size: int
     access: Access
-    dtype: np.dtype[Any]
+    dtype: np.dtype[np.generic]
 
 
-def regions_of(ram: np.dtype[Any]) -> tuple[Region, ...]:
+def regions_of(ram: np.dtype[np.void]) -> tuple[Region, ...]:
     """Return the regions of a RAM image: the whole, and each of its fields."""
     assert ram.fields is not None
     whole = Region("ram", 0, ram.itemsize, EXTENDED, ram)

@@ -1,24 +1,24 @@
-"""Services and negative responses (ISO 14229-1, tables 2 and A.1), with what each means here."""
+"""Services and negative responses (ISO 14229-1, tables 2 and A.1), with their meanings here."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
 from enum import IntEnum
 
-from firmware_py.diagnostics.access import ANYWHERE, EXTENDED, PROGRAMMING, Access
+from rrins.firmware_py.diagnostics.access import ANYWHERE, EXTENDED, PROGRAMMING, Access
 
 NEGATIVE = 0x7F
 """First byte of a negative response."""
 
 POSITIVE_OFFSET = 0x40
-"""What is added to a service's identifier in its positive response."""
+"""Added to a service's identifier in its positive response."""
 
 SUPPRESS_BIT = 0x80
-"""Of a sub-function: no positive response is wanted."""
+"""suppressPosRspMsgIndicationBit of a sub-function: send no positive response."""
 
 
 class Code(IntEnum):
-    """Negative response codes that the firmware gives."""
+    """Negative response codes that the firmware uses."""
 
     SERVICE_NOT_SUPPORTED = 0x11
     SUB_FUNCTION_NOT_SUPPORTED = 0x12
@@ -44,27 +44,27 @@ MEANINGS = {
     Code.SERVICE_NOT_SUPPORTED: "no such service",
     Code.SUB_FUNCTION_NOT_SUPPORTED: "no such sub-function",
     Code.INCORRECT_MESSAGE_LENGTH: "the request is too short or too long",
-    Code.RESPONSE_TOO_LONG: "the response would not fit into 4095 bytes",
-    Code.BUSY_REPEAT_REQUEST: "the request before is still being worked on",
-    Code.CONDITIONS_NOT_CORRECT: "not as things stand",
-    Code.REQUEST_SEQUENCE_ERROR: "another request has to come before",
+    Code.RESPONSE_TOO_LONG: "the response would exceed 4095 bytes",
+    Code.BUSY_REPEAT_REQUEST: "the previous request is still being processed",
+    Code.CONDITIONS_NOT_CORRECT: "not possible in the current state",
+    Code.REQUEST_SEQUENCE_ERROR: "another request must come first",
     Code.REQUEST_OUT_OF_RANGE: "no such identifier, or a value beyond its limits",
-    Code.SECURITY_ACCESS_DENIED: "not unlocked",
-    Code.INVALID_KEY: "a wrong key",
-    Code.EXCEEDED_NUMBER_OF_ATTEMPTS: "the last of the wrong keys that are allowed",
-    Code.REQUIRED_TIME_DELAY_NOT_EXPIRED: "no seed until the delay after wrong keys is over",
-    Code.TRANSFER_DATA_SUSPENDED: "more data than was announced",
-    Code.GENERAL_PROGRAMMING_FAILURE: "wrong CRC, not a calibration file, or it cannot be stored",
+    Code.SECURITY_ACCESS_DENIED: "the computer is locked",
+    Code.INVALID_KEY: "wrong key",
+    Code.EXCEEDED_NUMBER_OF_ATTEMPTS: "wrong key, and no attempts left",
+    Code.REQUIRED_TIME_DELAY_NOT_EXPIRED: "no seed until the delay after wrong keys has expired",
+    Code.TRANSFER_DATA_SUSPENDED: "more data than announced",
+    Code.GENERAL_PROGRAMMING_FAILURE: "wrong CRC, not a calibration file, or storing failed",
     Code.WRONG_BLOCK_SEQUENCE_COUNTER: "a block is missing",
-    Code.RESPONSE_PENDING: "it takes longer; the response follows",
-    Code.SUB_FUNCTION_NOT_SUPPORTED_IN_ACTIVE_SESSION: "not this sub-function in this session",
-    Code.SERVICE_NOT_SUPPORTED_IN_ACTIVE_SESSION: "not in this session",
+    Code.RESPONSE_PENDING: "processing takes longer; the response follows",
+    Code.SUB_FUNCTION_NOT_SUPPORTED_IN_ACTIVE_SESSION: "sub-function not available in this session",
+    Code.SERVICE_NOT_SUPPORTED_IN_ACTIVE_SESSION: "not available in this session",
 }
 
 
 @dataclass(frozen=True)
 class Service:
-    """A service that the firmware has.
+    """A service that the firmware supports.
 
     Attributes
     ----------
@@ -72,12 +72,12 @@ class Service:
         The service identifier.
     name : str
     access : Access
-        Of the service as a whole; an identifier or routine may ask for more.
+        Of the service as a whole; an identifier or routine may require more.
     text : str
     subfunctions : dict of int to str
-        Empty where the service has no sub-function.
+        Empty when the service has no sub-function.
     only_in : dict of int to Access
-        Sub-functions that ask for more than the service.
+        Sub-functions that require more than the service.
     """
 
     number: int
@@ -98,9 +98,9 @@ SERVICES = (
         0x10,
         "DiagnosticSessionControl",
         ANYWHERE,
-        "Goes to a session; to the programming session from the extended one. Whatever was "
-        "unlocked is locked again; in the default session whatever was held for the tool is given "
-        "back.",
+        "Changes the session; the programming session can only be entered from the extended one. "
+        "Every change locks the computer again; in the default session, everything held for the "
+        "tool is released.",
         {0x01: "default", 0x02: "programming", 0x03: "extended"},
         {0x02: EXTENDED},
     ),
@@ -108,8 +108,8 @@ SERVICES = (
         0x11,
         "ECUReset",
         EXTENDED,
-        "Powers the computer on anew once the response is out. A hard reset reads the parameter "
-        "memory again and begins an operation cycle; a soft one does neither.",
+        "Restarts the computer once the response has been sent. A hard reset reads the parameter "
+        "memory again and begins an operation cycle; a soft reset does neither.",
         {0x01: "hardReset", 0x03: "softReset"},
     ),
     Service(
@@ -139,37 +139,37 @@ SERVICES = (
         0x23,
         "ReadMemoryByAddress",
         EXTENDED,
-        "Reads the RAM image; an address is an offset in it.",
+        "Reads the RAM image; an address is an offset into it.",
         {},
     ),
     Service(
         0x27,
         "SecurityAccess",
         EXTENDED,
-        "Unlocks what changes the computer. After three wrong keys no seed is given for 10 s.",
+        "Unlocks requests that change the computer. After three wrong keys, no seed for 10 s.",
         {0x01: "requestSeed", 0x02: "sendKey"},
     ),
     Service(
         0x28,
         "CommunicationControl",
         EXTENDED,
-        "Stops the cyclic messages, or lets them go on: normal messages (type 0x01: status, "
-        "faults, navigation), network management (0x02: heartbeat), or both (0x03). The axis "
-        "commands are always sent.",
+        "Stops or resumes the cyclic messages: normal messages (type 0x01: status, faults, "
+        "navigation), network management (0x02: heartbeat), or both (0x03). The axis commands are "
+        "always sent.",
         {0x00: "enableRxAndTx", 0x01: "enableRxAndDisableTx"},
     ),
     Service(
         0x2E,
         "WriteDataByIdentifier",
         EXTENDED,
-        "Writes a parameter into the parameter memory; it is in force from the next reset on.",
+        "Writes a parameter to the parameter memory; it takes effect at the next reset.",
         {},
     ),
     Service(
         0x2F,
         "InputOutputControlByIdentifier",
         EXTENDED,
-        "Takes an output from the navigation computer, or gives it back.",
+        "Takes control of an output from the navigation computer, or returns it.",
         {},
     ),
     Service(
@@ -179,9 +179,17 @@ SERVICES = (
         "Starts and stops routines, and reads their results.",
         {0x01: "startRoutine", 0x02: "stopRoutine", 0x03: "requestRoutineResults"},
     ),
-    Service(0x34, "RequestDownload", PROGRAMMING, "Begins to push a calibration file.", {}),
-    Service(0x35, "RequestUpload", EXTENDED, "Begins to pull the calibration file.", {}),
-    Service(0x36, "TransferData", EXTENDED, "A block of the file.", {}),
+    Service(
+        0x34,
+        "RequestDownload",
+        PROGRAMMING,
+        "Begins the download (push) of a calibration file.",
+        {},
+    ),
+    Service(
+        0x35, "RequestUpload", EXTENDED, "Begins the upload (pull) of the calibration file.", {}
+    ),
+    Service(0x36, "TransferData", EXTENDED, "Transfers a block of the file.", {}),
     Service(
         0x37,
         "RequestTransferExit",
@@ -189,12 +197,12 @@ SERVICES = (
         "Ends a transfer, with the CRC-32 of all data; a calibration file is checked and stored.",
         {},
     ),
-    Service(0x3E, "TesterPresent", ANYWHERE, "Keeps the session.", {0x00: "zeroSubFunction"}),
+    Service(0x3E, "TesterPresent", ANYWHERE, "Keeps the session alive.", {0x00: "zeroSubFunction"}),
     Service(
         0x85,
         "ControlDTCSetting",
         EXTENDED,
-        "Stops the setting of trouble codes, or lets it go on.",
+        "Stops or resumes the setting of trouble codes.",
         {0x01: "on", 0x02: "off"},
     ),
 )

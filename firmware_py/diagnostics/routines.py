@@ -6,15 +6,15 @@ from dataclasses import dataclass
 from enum import IntEnum
 from functools import cached_property
 
-from dbc.contract import SENSOR_GROUPS
-from dbc.values import AxisState
-from firmware_py.diagnostics.access import UNLOCKED, Access
-from firmware_py.diagnostics.codecs import Field, Layout
-from firmware_py.modes import Fault, Mode
+from rrins.dbc.contract import SENSOR_GROUPS
+from rrins.dbc.values import AxisState
+from rrins.firmware_py.core.modes import FirmwareFault, Mode
+from rrins.firmware_py.diagnostics.access import UNLOCKED, Access
+from rrins.firmware_py.diagnostics.codecs import Field, Layout
 
 
 class RoutineState(IntEnum):
-    """How far a routine is: the first byte of every routine's results."""
+    """Progress of a routine: the first byte of every routine's results."""
 
     NEVER_STARTED = 0
     RUNNING = 1
@@ -73,12 +73,12 @@ ROUTINES = (
     Routine(
         0x0201,
         "self_test",
-        "The self-test: SYNC, all sensors and both axes sound for half a second, within ten. In "
-        "STANDBY and FAULT. Ends in STANDBY or FAULT.",
+        "Repeats the self-test: SYNC, all sensors and both axes must be sound for half a second "
+        "within ten seconds. In STANDBY and FAULT. Ends in STANDBY or FAULT.",
         (),
         (
             _STATE,
-            Field("fault", "u8", choices=Fault, source="modes.fault"),
+            Field("fault", "u8", choices=FirmwareFault, source="modes.fault"),
             Field("gyro_valid", "u32", source="assembly.gyro_valid"),
             Field("accelerometer_valid", "u32", source="assembly.accelerometer_valid"),
         ),
@@ -87,8 +87,8 @@ ROUTINES = (
     Routine(
         0x0202,
         "alignment",
-        "Aligns anew. In STANDBY, the vehicle standing. Stopped, or failed, it goes to STANDBY or "
-        "FAULT.",
+        "Repeats the alignment. In STANDBY, with the vehicle at rest. If stopped, it goes to "
+        "STANDBY; if it fails, to FAULT.",
         (),
         (
             _STATE,
@@ -100,9 +100,9 @@ ROUTINES = (
     Routine(
         0x0203,
         "go_to_axis_angle",
-        "Turns an axis to an angle. In STANDBY, FAULT and NAVIGATION_STRAPDOWN. Done when it holds "
-        "there; failed when it has not come in twice the time that the turn takes, plus 10 s. "
-        "Stopped, it holds.",
+        "Turns an axis to an angle. In STANDBY, FAULT and NAVIGATION_STRAPDOWN. Done when the axis "
+        "holds there; failed if it has not arrived within twice the time of the turn plus 10 s. If "
+        "stopped, the axis holds.",
         (
             Field("axis", "u8", choices=AxisName),
             Field("angle_deg", "f64", "°", minimum=-3600.0, maximum=3600.0),
@@ -118,13 +118,12 @@ ROUTINES = (
     Routine(
         0x0204,
         "rotation",
-        "Starts the rotation scheme, in NAVIGATION_STRAPDOWN, and stops it, in "
-        "NAVIGATION_ROTATING.",
+        "Starts the rotation scheme in NAVIGATION_STRAPDOWN, or stops it in NAVIGATION_ROTATING.",
         (),
         (
             _STATE,
             Field("mode", "u8", choices=Mode, source="modes.mode"),
-            Field("position", "u16", source="sequencer.position", text="from 0"),
+            Field("position", "u16", source="sequencer.position", text="counted from 0"),
             Field("cycle", "u32", source="sequencer.cycle"),
         ),
         can_stop=True,
@@ -132,14 +131,14 @@ ROUTINES = (
     Routine(
         0x0205,
         "calibration",
-        "Finds the bias of every sensor from a standing record, with the position and attitude of "
-        "the parameters `start_position` and `initial_attitude`. In STANDBY, both axes at rest. "
-        "Fails when the mode is left, an axis moves, or a sensor is missing in a tenth of the "
-        "epochs. With `store`, the biases go into the parameter memory when it is done; fails when "
+        "Estimates the bias of every sensor at standstill, using the position and attitude in the "
+        "parameters `start_position` and `initial_attitude`. In STANDBY, with both axes at rest. "
+        "Fails if the mode is left, an axis moves, or a sensor is missing in a tenth of the "
+        "epochs. With `store`, the biases are written to the parameter memory at the end; fails if "
         "one is beyond its limits.",
         (
             Field("duration_s", "u16", "s", minimum=1, maximum=3600),
-            Field("store", "u8", minimum=0, maximum=1, text="1: keep the biases"),
+            Field("store", "u8", minimum=0, maximum=1, text="1: store the biases"),
         ),
         (
             _STATE,
@@ -155,8 +154,8 @@ ROUTINES = (
     Routine(
         0x0207,
         "standby",
-        "Ends navigation or alignment: to STANDBY, which the operator's next request leaves. Not "
-        "in SELF_TEST and FAULT.",
+        "Ends alignment or navigation and waits in standby for the operator's next request. In "
+        "ALIGNMENT, NAVIGATION_STRAPDOWN and NAVIGATION_ROTATING.",
         (),
         (_STATE, Field("mode", "u8", choices=Mode, source="modes.mode")),
         can_stop=False,
@@ -164,8 +163,7 @@ ROUTINES = (
     Routine(
         0x0206,
         "restore_set_up",
-        "Empties the parameter memory: the values of the set-up are in force from the next reset "
-        "on.",
+        "Empties the parameter memory: the set-up values take effect at the next reset.",
         (),
         (_STATE,),
         can_stop=False,

@@ -1,6 +1,6 @@
-"""The UDS server: sessions, the order of checks, and what becomes of a response (ISO 14229-1, 8.7).
+"""The UDS server: sessions, order of checks, and handling of responses (ISO 14229-1, 8.7).
 
-It knows no frames and no clock: requests and the time come in, responses go out.
+It knows neither frames nor a clock: it receives requests and the time, and returns responses.
 """
 
 from __future__ import annotations
@@ -9,11 +9,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from enum import IntEnum
 
-from firmware_py.diagnostics import access
-from firmware_py.diagnostics.access import Access, Session
-from firmware_py.diagnostics.refusal import Answer, Later, RefusalError, require
-from firmware_py.diagnostics.responses import NEGATIVE, SUPPRESS_BIT, Code, Service
-from firmware_py.diagnostics.table import SERVICE_BY_NUMBER
+from rrins.firmware_py.diagnostics import access
+from rrins.firmware_py.diagnostics.access import Access, Session
+from rrins.firmware_py.diagnostics.refusal import Answer, Later, RefusalError, require
+from rrins.firmware_py.diagnostics.responses import NEGATIVE, SUPPRESS_BIT, Code, Service
+from rrins.firmware_py.diagnostics.table import SERVICE_BY_NUMBER
 
 _NS_PER_MS = 1_000_000
 _PENDING_SHARE = 0.8  # of P2 and P2*, after which a response pending is sent
@@ -37,13 +37,13 @@ class Reset(IntEnum):
 
 
 Handler = Callable[["Server", bytes], Answer]
-"""A service: takes the request after its identifier, without the suppress bit; returns the data of
+"""A service: gets the request after its identifier, without the suppress bit; returns the data of
 the response after its identifier, or raises `RefusalError`."""
 
 
 @dataclass
 class _Pending:
-    """A response that is still being made."""
+    """A response in preparation."""
 
     service: int
     later: Later
@@ -53,17 +53,17 @@ class _Pending:
 
 
 class Part:
-    """What a group of services remembers; told when the session changes."""
+    """State of a group of services; notified when the session changes."""
 
     def leave_session(self, session: Session) -> None:
-        """Give back what was held for a session; `session` is the next one."""
+        """Release what was held for a session; `session` is the next one."""
 
     def work(self) -> None:
-        """Do what is to be done in an epoch, while `is_busy`."""
+        """Do one epoch's work, while `is_busy`."""
 
     @property
     def is_busy(self) -> bool:
-        """Whether `work` has to be called."""
+        """Whether `work` must be called."""
         return False
 
 
@@ -75,13 +75,13 @@ class Server:
     session : Session
     is_unlocked : bool
     reset_wanted : Reset or None
-        Asked for by ECUReset; to be done once the response is out.
+        Requested by ECUReset; due once the response has been sent.
     now_ns : int
-        Time of the present epoch.
+        Time of the current epoch.
     parts : list of Part
-        What groups of services remember.
+        State of the groups of services.
     handlers : dict
-        The services, by number; each is one of the table.
+        The services of the table, by number.
     """
 
     def __init__(self) -> None:
@@ -92,7 +92,7 @@ class Server:
         self.parts: list[Part] = []
         self.handlers: dict[int, Handler] = {}
         self._pending: _Pending | None = None
-        self._last_ns = 0  # when the last request came or was answered
+        self._last_ns = 0  # when the last request arrived or was answered
 
     @property
     def is_idle(self) -> bool:
@@ -106,36 +106,36 @@ class Server:
 
     @property
     def is_busy(self) -> bool:
-        """Whether a response is still being made."""
+        """Whether a response is in preparation."""
         return self._pending is not None
 
     def allows(self, wanted: Access) -> bool:
-        """Return whether something may be had in the active session, locked or not."""
+        """Return whether the active session and the lock state allow an access."""
         return wanted.allows_in(self.session)
 
     def require_unlocked(self, wanted: Access) -> None:
-        """Raise `RefusalError` when something needs SecurityAccess that has not been passed."""
+        """Raise `RefusalError` when SecurityAccess is required but the computer is locked."""
         require(self.is_unlocked or not wanted.secured, Code.SECURITY_ACCESS_DENIED)
 
     def enter_session(self, session: Session) -> None:
-        """Go to a session; what was unlocked is locked again."""
+        """Enter a session, and lock the computer again."""
         self.is_unlocked = False
         for part in self.parts:
             part.leave_session(session)
         self.session = session
 
     def power_on(self) -> None:
-        """Begin anew after a reset."""
+        """Start afresh after a reset."""
         self.enter_session(Session.DEFAULT)
         self._pending = None
         self.reset_wanted = None
 
     def keep_session(self, now_ns: int) -> None:
-        """Begin the session's time anew, as while a response is on its way."""
+        """Restart the session timer, as while a response is being sent."""
         self._last_ns = now_ns
 
     def handle(self, request: bytes, is_functional: bool, now_ns: int) -> bytes | None:
-        """Act on a request; return the response, or None for none or not yet."""
+        """Process a request; return the response, or None if there is none or none yet."""
         self.now_ns = self._last_ns = now_ns
         if not request:
             return None
@@ -179,7 +179,7 @@ class Server:
         return bytes([chosen]) + data[1:], not data[0] & SUPPRESS_BIT
 
     def poll(self, now_ns: int) -> bytes | None:
-        """Go on by an epoch; return a response that has become due, or None."""
+        """Advance by one epoch; return a response that has become due, or None."""
         self.now_ns = now_ns
         for part in self.parts:
             if part.is_busy:
@@ -207,12 +207,12 @@ class Server:
         if self.now_ns < pending.due_ns:
             return None
         pending.due_ns = self.now_ns + round(_PENDING_SHARE * access.P2_STAR_MS * _NS_PER_MS)
-        pending.wanted = True  # what was announced follows
+        pending.wanted = True  # a response pending obliges to respond
         return bytes([NEGATIVE, pending.service, Code.RESPONSE_PENDING])
 
 
 def _refused(service: int, code: Code, is_functional: bool) -> bytes | None:
-    """Return a negative response; None where a request to everybody is not for this computer."""
+    """Return a negative response; None if a functional request is not for this computer."""
     if is_functional and code in _SILENT_WHEN_FUNCTIONAL:
         return None
     return bytes([NEGATIVE, service, code])

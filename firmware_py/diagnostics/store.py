@@ -1,8 +1,8 @@
-"""Memory that survives power loss at any moment: two copies, written in turns.
+"""Memory that survives power loss at any moment: two copies, written alternately.
 
-Each copy has a sequence number and a CRC. The one with the higher number counts; writing replaces
-the other, and only when that is safely stored does it count. Whenever the power fails, at least one
-copy is whole. Each copy begins on a page of its own, so that a torn write cannot reach the other.
+Each copy has a sequence number and a CRC. The one with the higher number is valid; writing replaces
+the other, which becomes valid only once it is safely stored. Whenever the power fails, at least one
+copy is intact. Each copy starts on a separate page, so a torn write cannot damage the other.
 """
 
 from __future__ import annotations
@@ -27,37 +27,37 @@ _IMAGE = _HEAD.size + _CRC.size
 
 
 class StoreError(Exception):
-    """The memory cannot be had, read or written."""
+    """The memory cannot be opened, read or written."""
 
 
-class Medium(Protocol):
+class StorageMedium(Protocol):
     """Where the bytes are."""
 
     def read(self, start: int, length: int) -> bytes:
-        """Return bytes, fewer where there are no more."""
+        """Return up to `length` bytes; fewer at the end."""
 
     def write(self, start: int, data: bytes) -> None:
-        """Replace bytes, and return when they are safely stored."""
+        """Replace bytes; return once they are safely stored."""
 
     def create(self, data: bytes) -> None:
-        """Store the first bytes ever: all of them or none."""
+        """Store the initial content: all of it or nothing."""
 
     def close(self) -> None:
-        """Let go of it."""
+        """Release it."""
 
 
 class FileMedium:
-    """A file; another firmware cannot have it at the same time.
+    """A file, locked against other firmware processes.
 
     Parameters
     ----------
     path : Path
-        Made, empty, where there is none; its folder has to exist.
+        Created empty if it does not exist; its folder must exist.
 
     Raises
     ------
     StoreError
-        When it cannot be opened, or another process has it.
+        When it cannot be opened, or another process uses it.
     """
 
     def __init__(self, path: Path) -> None:
@@ -65,17 +65,17 @@ class FileMedium:
         self._file = -1
         try:
             if not path.parent.is_dir():
-                raise StoreError(f"{path}: there is no folder {path.parent}")
+                raise StoreError(f"{path}: no such folder: {path.parent}")
             file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
         except OSError as error:
             raise StoreError(f"{path}: cannot be opened: {error.strerror}") from error
         if not self._lock(file):
             os.close(file)
-            raise StoreError(f"{path}: another firmware has it")
+            raise StoreError(f"{path}: in use by another firmware process")
         self._file = file
 
     def _lock(self, file: int) -> bool:
-        """Lock an open file; return whether it is ours, and still the one that the path names."""
+        """Lock an open file; return whether it is locked and still the file at the path."""
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
             return os.path.samestat(os.fstat(file), self._path.stat())
@@ -83,14 +83,14 @@ class FileMedium:
             return False
 
     def read(self, start: int, length: int) -> bytes:
-        """Return bytes, fewer where there are no more."""
+        """Return up to `length` bytes; fewer at the end."""
         try:
             return os.pread(self._file, length, start)
         except OSError as error:
             raise StoreError(f"{self._path}: cannot be read: {error.strerror}") from error
 
     def write(self, start: int, data: bytes) -> None:
-        """Replace bytes, and return when they are safely stored."""
+        """Replace bytes; return once they are safely stored."""
         try:
             done = 0
             while done < len(data):
@@ -100,12 +100,12 @@ class FileMedium:
             raise StoreError(f"{self._path}: cannot be written: {error.strerror}") from error
 
     def create(self, data: bytes) -> None:
-        """Store the first bytes ever: all of them or none."""
+        """Store the initial content: all of it or nothing."""
         aside = self._path.with_name(f".{self._path.name}.{os.getpid()}")
         empty, file = self._file, -1
         try:
             file = os.open(aside, os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o666)
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)  # before anybody can find it
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)  # before anyone can open it
             self._file = file
             self.write(0, data)
             aside.rename(self._path)
@@ -121,11 +121,11 @@ class FileMedium:
             with contextlib.suppress(OSError):
                 aside.unlink()
             why = error.strerror if isinstance(error, OSError) else error
-            raise StoreError(f"{self._path}: cannot be made: {why}") from error
+            raise StoreError(f"{self._path}: cannot be created: {why}") from error
         os.close(empty)
 
     def close(self) -> None:
-        """Let go of the file."""
+        """Release the file."""
         if self._file >= 0:
             os.close(self._file)
             self._file = -1
@@ -135,7 +135,7 @@ class FileMedium:
 
 
 class Condition(Enum):
-    """What was found when the memory was read."""
+    """Condition of the memory when it was read."""
 
     BLANK = "never written"
     WHOLE = "both copies sound"
@@ -144,8 +144,8 @@ class Condition(Enum):
 
 
 @dataclass(frozen=True)
-class Found:
-    """The memory's content: `image` is None where there is none, `sequence` how often written."""
+class StoredCopy:
+    """The memory's content: `image` is None if there is none, `sequence` counts the writes."""
 
     condition: Condition
     image: bytes | None = None
@@ -157,41 +157,41 @@ class TwoCopyStore:
 
     Parameters
     ----------
-    medium : Medium
+    medium : StorageMedium
     capacity : int
-        The longest image, bytes.
+        Largest image, bytes.
     """
 
-    def __init__(self, medium: Medium, capacity: int) -> None:
+    def __init__(self, medium: StorageMedium, capacity: int) -> None:
         self._medium = medium
         self._capacity = capacity
         self.slot_size = -(-(_IMAGE + capacity) // PAGE) * PAGE
         """Bytes of a copy, in whole pages."""
 
-    def read(self) -> Found:
-        """Return what counts.
+    def read(self) -> StoredCopy:
+        """Return the valid copy.
 
         Raises
         ------
         StoreError
-            When it cannot be read, or is something else than a memory of this kind.
+            When it cannot be read, or is not a memory of this kind.
         """
         copies = [self._copy(slot) for slot in range(2)]
         raw = self._medium.read(0, 2 * self.slot_size + 1)
         if not raw:
-            return Found(Condition.BLANK)
+            return StoredCopy(Condition.BLANK)
         is_ours = MAGIC in (raw[:4], raw[self.slot_size : self.slot_size + 4])
         if not is_ours and len(raw) != 2 * self.slot_size:
-            raise StoreError(f"{self._medium}: is no memory of this kind; it is left as it is")
+            raise StoreError(f"{self._medium}: not a memory of this kind; left unchanged")
         sound = [copy for copy in copies if copy is not None]
         if not sound:
-            return Found(Condition.LOST)
+            return StoredCopy(Condition.LOST)
         sequence, image = max(sound)
         condition = Condition.WHOLE if len(sound) == 2 else Condition.ONE_DAMAGED
-        return Found(condition, image, sequence)
+        return StoredCopy(condition, image, sequence)
 
     def _copy(self, slot: int) -> tuple[int, bytes] | None:
-        """Return sequence number and image of a copy; None where it is damaged."""
+        """Return the sequence number and image of a copy; None if it is damaged."""
         data = self._medium.read(slot * self.slot_size, _IMAGE + self._capacity)
         if len(data) < _IMAGE:
             return None
@@ -203,15 +203,15 @@ class TwoCopyStore:
         return sequence, image
 
     def write(self, image: bytes) -> None:
-        """Store an image; when it returns, it counts and will go on to do so.
+        """Store an image; on return it is valid and safely stored.
 
         Raises
         ------
         StoreError
-            When it cannot be written; what counted before still does.
+            When it cannot be written; the previous image remains valid.
         """
         if len(image) > self._capacity:
-            raise StoreError(f"{self._medium}: {len(image)} bytes, {self._capacity} at most")
+            raise StoreError(f"{self._medium}: {len(image)} bytes, limit {self._capacity}")
         copies = [self._copy(slot) for slot in range(2)]
         sequences = [-1 if copy is None else copy[0] for copy in copies]
         sequence = max(0, *sequences) + 1
@@ -220,10 +220,10 @@ class TwoCopyStore:
             second = self._slot(image, sequence + 1).ljust(self.slot_size, b"\0")
             self._medium.create(first + second)
             return
-        slot = sequences.index(min(sequences))  # the damaged or the older one
+        slot = sequences.index(min(sequences))  # the damaged or older one
         self._medium.write(slot * self.slot_size, self._slot(image, sequence))
         if self._copy(slot) != (sequence, image):
-            raise StoreError(f"{self._medium}: what was written does not read back")
+            raise StoreError(f"{self._medium}: verification after writing failed")
 
     @staticmethod
     def _slot(image: bytes, sequence: int) -> bytes:
@@ -231,32 +231,32 @@ class TwoCopyStore:
         return head + _CRC.pack(zlib.crc32(head)) + image
 
     def close(self) -> None:
-        """Let go of the medium."""
+        """Release the medium."""
         self._medium.close()
 
 
 @dataclass(frozen=True)
 class Stores:
-    """The memories of a computer that survive power loss; None for one that does not."""
+    """The non-volatile memories of a computer; None for one that is volatile."""
 
     parameters: TwoCopyStore | None = None
     faults: TwoCopyStore | None = None
 
 
 def open_stores(path: Path, parameter_capacity: int, fault_capacity: int) -> Stores:
-    """Open the memories of a computer: parameters in a file, trouble codes in one beside it.
+    """Open the memories of a computer: a file for the parameters, another for the trouble codes.
 
     Parameters
     ----------
     path : Path
-        Of the parameters; that of the trouble codes ends in ``.dtc`` besides.
+        Of the parameters; the path of the trouble codes adds ``.dtc``.
     parameter_capacity, fault_capacity : int
         Bytes.
 
     Raises
     ------
     StoreError
-        When one cannot be opened.
+        When a file cannot be opened.
     """
     parameters = TwoCopyStore(FileMedium(path), parameter_capacity)
     faults = TwoCopyStore(FileMedium(path.with_name(path.name + ".dtc")), fault_capacity)

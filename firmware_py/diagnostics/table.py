@@ -1,6 +1,6 @@
-"""The one table of the diagnostics: what there is to read, write, control, start and find.
+"""The single table of the diagnostics: identifiers, outputs, routines, trouble codes, regions.
 
-Server, clients, docs and tests read it. Everything can be looked up by number and by name::
+Server, clients, docs and tests read it. Entries can be looked up by number or name::
 
     identifier("position").decode(data)       # {"latitude_deg": …, …}
     routine("go_to_axis_angle").argument_layout.encode({"axis": 0, "angle_deg": 90.0})
@@ -14,16 +14,16 @@ import zlib
 from collections.abc import Iterable, Mapping
 from typing import Protocol, TypeVar
 
-from dbc.codec import load
-from firmware_py.diagnostics.codecs import Field, Layout
-from firmware_py.diagnostics.data import DataIdentifier
-from firmware_py.diagnostics.identifiers import READINGS
-from firmware_py.diagnostics.parameters import PARAMETERS
-from firmware_py.diagnostics.regions import Region, regions_of
-from firmware_py.diagnostics.responses import SERVICES, Service
-from firmware_py.diagnostics.routines import ROUTINES, Routine
-from firmware_py.diagnostics.trouble_table import TROUBLES
-from firmware_py.diagnostics.troubles import SNAPSHOT_IDENTIFIERS, Trouble
+from rrins.dbc.codec import load
+from rrins.firmware_py.core.trouble_table import TROUBLES
+from rrins.firmware_py.core.troubles import SNAPSHOT_IDENTIFIERS, Trouble
+from rrins.firmware_py.diagnostics.codecs import Field, Layout
+from rrins.firmware_py.diagnostics.data_identifier import DataIdentifier
+from rrins.firmware_py.diagnostics.identifiers import READINGS
+from rrins.firmware_py.diagnostics.parameters import PARAMETERS
+from rrins.firmware_py.diagnostics.regions import Region, regions_of
+from rrins.firmware_py.diagnostics.responses import SERVICES, Service
+from rrins.firmware_py.diagnostics.routines import ROUTINES, Routine
 
 __all__ = [
     "EXTENDED_DATA",
@@ -50,7 +50,7 @@ IDENTIFIERS = (*READINGS, *PARAMETERS)
 EXTENDED_DATA: Mapping[int, Layout] = {
     0x01: Layout(
         (
-            Field("occurrences", "u16", text="how often the test has failed"),
+            Field("occurrences", "u16", text="number of times the test has failed"),
             Field("aging", "u8", text="operation cycles without the fault"),
             Field("fault_detection_counter", "i8", text="-128 passed, 127 failed"),
         )
@@ -60,7 +60,7 @@ EXTENDED_DATA: Mapping[int, Layout] = {
 
 
 class UnknownError(KeyError):
-    """There is no such thing in the table."""
+    """The table has no such entry."""
 
     def __str__(self) -> str:
         return str(self.args[0])
@@ -105,7 +105,7 @@ def _find(kind: str, which: int | str, numbers: Mapping[int, _T], names: Mapping
     found = numbers.get(which) if isinstance(which, int) else names.get(which)
     if found is None:
         shown = f"0x{which:04X}" if isinstance(which, int) else which
-        raise UnknownError(f"there is no {kind} {shown}")
+        raise UnknownError(f"no {kind} {shown}")
     return found
 
 
@@ -115,7 +115,7 @@ def identifier(which: int | str) -> DataIdentifier:
     Raises
     ------
     UnknownError
-        When there is none.
+        When the table has no such entry.
     """
     return _find("data identifier", which, IDENTIFIER_BY_NUMBER, IDENTIFIER_BY_NAME)
 
@@ -126,7 +126,7 @@ def routine(which: int | str) -> Routine:
     Raises
     ------
     UnknownError
-        When there is none.
+        When the table has no such entry.
     """
     return _find("routine", which, ROUTINE_BY_NUMBER, ROUTINE_BY_NAME)
 
@@ -137,7 +137,7 @@ def trouble(which: int | str) -> Trouble:
     Raises
     ------
     UnknownError
-        When there is none.
+        When the table has no such entry.
     """
     return _find("trouble code", which, TROUBLE_BY_NUMBER, TROUBLE_BY_NAME)
 
@@ -148,32 +148,32 @@ def service(number: int) -> Service:
     Raises
     ------
     UnknownError
-        When there is none.
+        When the table has no such entry.
     """
     return _find("service", number, SERVICE_BY_NUMBER, {})
 
 
 SNAPSHOT = tuple(IDENTIFIER_BY_NAME[name] for name in SNAPSHOT_IDENTIFIERS)
-"""Data identifiers that a freeze frame has, in order."""
+"""Data identifiers in a freeze frame, in order."""
 
 
 @functools.cache
 def regions() -> tuple[Region, ...]:
     """Return the memory regions that can be read: the RAM image and its parts."""
-    from firmware_py.memory import RAM
+    from rrins.firmware_py.core.memory import Ram
 
-    return regions_of(RAM)
+    return regions_of(Ram.dtype)
 
 
 @functools.cache
 def request_id() -> int:
-    """CAN identifier of requests to this computer."""
+    """CAN identifier of physical requests."""
     return load().frame_id("DIAG_REQUEST")
 
 
 @functools.cache
 def functional_id() -> int:
-    """CAN identifier of requests to everybody."""
+    """CAN identifier of functional requests."""
     return load().frame_id("DIAG_FUNCTIONAL")
 
 
@@ -185,6 +185,6 @@ def response_id() -> int:
 
 @functools.cache
 def crc32() -> int:
-    """Return the CRC-32 of the table, by which a tool knows that it has the firmware's own."""
+    """Return the CRC-32 of the table, which tells a tool whether its table is the firmware's."""
     text = repr((IDENTIFIERS, ROUTINES, TROUBLES, SERVICES, sorted(EXTENDED_DATA.items())))
     return zlib.crc32(text.encode())

@@ -1,8 +1,8 @@
-"""The library can-isotp's layer, its timers on a clock of ours, for the frames of a classic bus.
+"""The layer of the library can-isotp, with its timers on our clock, for a classic bus.
 
-The library keeps its timers by the wall clock; they are public attributes of its layer. Whatever
-timer it sets there is taken as one of the same length on the given clock: so timeouts and
-separation times are the same at any speed of a rehearsal.
+The library's timers use the wall clock; they are public attributes of its layer. Every timer
+that it sets there becomes one of the same length on the given clock, so timeouts and
+separation times are the same at any simulation speed.
 """
 
 from __future__ import annotations
@@ -13,13 +13,13 @@ from typing import Any
 import isotp
 from isotp.tools import Timer
 
-from firmware_py.diagnostics import network_frame
+from rrins.firmware_py.diagnostics import network_frame
 
 _NS_PER_S = 1_000_000_000
 
 
 class LayerClock:
-    """The time of a layer, set by whoever runs it.
+    """The time of a layer, set by its caller.
 
     Attributes
     ----------
@@ -31,7 +31,7 @@ class LayerClock:
 
 
 class _Timer(Timer):
-    """A timer of the library on a clock of ours; never shorter than `floor_ns`."""
+    """A timer of the library on our clock; never shorter than `floor_ns`."""
 
     def __init__(self, timeout_s: float, clock: LayerClock, floor_ns: int = 0) -> None:
         self._clock = clock
@@ -63,11 +63,11 @@ class TimedLayer(isotp.TransportLayerLogic):
     ----------
     clock : LayerClock
     separation_ns : int
-        The least time from one consecutive frame to the next.
+        Minimum time between consecutive frames.
     receive : callable
         Returns the next frame, or None.
     **layer
-        What the library's layer takes besides.
+        Further arguments of the library's layer.
     """
 
     def __init__(
@@ -84,7 +84,7 @@ class TimedLayer(isotp.TransportLayerLogic):
         self.rate_limiter.disable()
 
     def _next_accepted(self) -> isotp.CanMessage | None:
-        """Return the next frame that is not to be ignored as things stand."""
+        """Return the next frame that is not ignored in the current state."""
         while (message := self._receive()) is not None:
             missing = self.rx_frame_length - len(self.rx_buffer) if self.is_rx_active() else None
             awaits = self.tx_state == self.TxState.WAIT_FC
@@ -100,7 +100,7 @@ class TimedLayer(isotp.TransportLayerLogic):
 
     @property
     def timer_rx_fc(self) -> Timer:
-        """Timeout of the flow control that is waited for."""
+        """Timeout of the awaited flow control."""
         return self._timer_rx_fc
 
     @timer_rx_fc.setter
@@ -109,7 +109,7 @@ class TimedLayer(isotp.TransportLayerLogic):
 
     @property
     def timer_rx_cf(self) -> Timer:
-        """Timeout of the consecutive frame that is waited for."""
+        """Timeout of the awaited consecutive frame."""
         return self._timer_rx_cf
 
     @timer_rx_cf.setter

@@ -1,7 +1,7 @@
-"""ISO-TP (ISO 15765-2) by the library can-isotp, in the time of the epoch counter.
+"""ISO-TP (ISO 15765-2) with the library can-isotp, timed by the epoch counter.
 
-The layer has no thread; it is run once in each slot of an epoch, and sends one consecutive frame in
-a slot at most.
+The layer has no thread; it runs once in each slot of an epoch, and sends at most one consecutive
+frame per slot.
 """
 
 from __future__ import annotations
@@ -10,12 +10,12 @@ from collections import deque
 
 import isotp
 
-from firmware_py.diagnostics import access, network_frame, table
-from firmware_py.diagnostics.timed_layer import LayerClock, TimedLayer
+from rrins.firmware_py.diagnostics import access, network_frame, table
+from rrins.firmware_py.diagnostics.timed_layer import LayerClock, TimedLayer
 
-_LEAST_FED = 16  # frames taken in an epoch
-_WAITING_EPOCHS = 8  # for which frames may wait
-_REQUESTS = 4  # requests that may wait
+_LEAST_FED = 16  # frames processed in an epoch, at least
+_WAITING_EPOCHS = 8  # that frames may wait
+_REQUESTS = 4  # that may wait
 _NS_PER_S = 1_000_000_000
 _NS_PER_MS = 1_000_000
 
@@ -36,7 +36,7 @@ class Transport:
     Attributes
     ----------
     dropped : int
-        Frames that were too many, since power-on.
+        Frames lost to full queues since power-on.
     """
 
     def __init__(self, period_ns: int) -> None:
@@ -74,7 +74,7 @@ class Transport:
                 "logger_name": "rrins.isotp",
             },
         )
-        self._layer.logger.disabled = True  # what goes wrong on the wire is the peer's to notice
+        self._layer.logger.disabled = True  # the peer notices what goes wrong on the wire
         self.dropped = 0
 
     def _next_message(self) -> isotp.CanMessage | None:
@@ -82,7 +82,7 @@ class Transport:
 
     @property
     def is_idle(self) -> bool:
-        """Whether nothing is under way in either direction."""
+        """Whether nothing is in progress in either direction."""
         return not (
             self._waiting
             or self._sent
@@ -94,28 +94,28 @@ class Transport:
 
     @property
     def is_sending(self) -> bool:
-        """Whether a response is on its way."""
+        """Whether a response is being sent."""
         return bool(self._layer.transmitting() or self._sent)
 
     @property
     def is_receiving(self) -> bool:
-        """Whether a request has begun to come."""
+        """Whether a request is being received."""
         return bool(self._layer.is_rx_active())
 
     def put(self, can_id: int, data: bytes) -> None:
-        """Take a frame from the bus; it is looked at in `begin`."""
+        """Queue a frame from the bus; `begin` processes it."""
         if len(self._waiting) >= _WAITING_EPOCHS * self._most_fed:
             self.dropped += 1
             return
         self._waiting.append((can_id, data))
 
     def begin(self, now_ns: int) -> None:
-        """Begin an epoch: take in the frames that wait, as many as an epoch may take."""
+        """Begin an epoch: process the queued frames, up to the limit of an epoch."""
         self._clock.now_ns = now_ns
         for _ in range(min(self._most_fed, len(self._waiting))):
             can_id, data = self._waiting.popleft()
             if can_id == self._functional_id:
-                self._take_functional(data)
+                self._receive_functional(data)
             else:
                 self._fed.append(isotp.CanMessage(arbitration_id=can_id, data=data))
         self._layer.process()
@@ -123,18 +123,18 @@ class Transport:
             self._layer.recv()
             self.dropped += 1
 
-    def _take_functional(self, data: bytes) -> None:
-        """Take a functional request: a single frame, as ISO 15765-2 has it."""
+    def _receive_functional(self, data: bytes) -> None:
+        """Receive a functional request: a single frame, as ISO 15765-2 requires."""
         request = network_frame.single(data)
         if request is not None and len(self._functional) < _REQUESTS:
             self._functional.append(request)
 
     def receive_functional(self) -> bytes | None:
-        """Return the next request to everybody, or None."""
+        """Return the next functional request, or None."""
         return self._functional.popleft() if self._functional else None
 
     def receive(self) -> bytes | None:
-        """Return the next request to this computer, or None."""
+        """Return the next physical request, or None."""
         request = self._layer.recv()
         return None if request is None else bytes(request)
 
@@ -143,7 +143,7 @@ class Transport:
         self._layer.send(response)
 
     def end(self) -> list[bytes]:
-        """End the epoch: return the frames to be sent in it, eight bytes each."""
+        """End the epoch: return the frames to send in it, eight bytes each."""
         begin_ns = self._clock.now_ns
         self._layer.process(do_rx=False)
         for slot in range(1, self._slots):
@@ -154,7 +154,7 @@ class Transport:
         return [self._sent.popleft() for _ in range(min(self._slots, len(self._sent)))]
 
     def reset(self) -> None:
-        """Forget all that is under way."""
+        """Drop everything in progress."""
         self._layer.reset()
         for waiting in (self._waiting, self._fed, self._functional, self._sent):
             waiting.clear()

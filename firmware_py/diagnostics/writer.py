@@ -1,7 +1,7 @@
 """Writing to a store without stopping the loop.
 
-`DirectWriter` writes at once: right where time is virtual, and the world waits. `ThreadWriter` has
-a thread of its own, for real time: a disk may take many periods to store what it is given.
+`DirectWriter` writes at once, for virtual time, where the simulation waits. `ThreadWriter` has
+its own thread, for real time: a disk write may take many periods.
 """
 
 from __future__ import annotations
@@ -10,16 +10,16 @@ import queue
 import threading
 from typing import Protocol
 
-from firmware_py.diagnostics.store import StoreError, TwoCopyStore
+from rrins.firmware_py.diagnostics.store import StoreError, TwoCopyStore
 
 
-class Job:
-    """An image on its way to a store.
+class WriteJob:
+    """An image being written to a store.
 
     Attributes
     ----------
     done : bool
-        Whether it is stored, or has failed.
+        Whether it is stored or has failed.
     failed : bool
         Once done: whether it could not be stored.
     """
@@ -38,41 +38,43 @@ class Job:
 
 
 class Writer(Protocol):
-    """Writes images to stores, in the order in which they are given."""
+    """Writes images to stores, in order of submission."""
 
-    def submit(self, store: TwoCopyStore, image: bytes) -> Job:
-        """Begin to store an image."""
+    def submit(self, store: TwoCopyStore, image: bytes) -> WriteJob:
+        """Start storing an image."""
 
     def close(self) -> None:
-        """Return when all is stored."""
+        """Wait until everything is stored."""
 
 
 class DirectWriter:
     """Stores an image before it returns."""
 
-    def submit(self, store: TwoCopyStore, image: bytes) -> Job:
+    def submit(self, store: TwoCopyStore, image: bytes) -> WriteJob:
         """Store an image."""
-        job = Job()
+        job = WriteJob()
         job.run(store, image)
         return job
 
     def close(self) -> None:
-        """Nothing is under way."""
+        """Do nothing: nothing is pending."""
 
 
 class ThreadWriter:
-    """Stores images in a thread, which is begun with the first."""
+    """Stores images in a thread, which starts with the first."""
 
     def __init__(self) -> None:
-        self._jobs: queue.SimpleQueue[tuple[Job, TwoCopyStore, bytes] | None] = queue.SimpleQueue()
+        self._jobs: queue.SimpleQueue[tuple[WriteJob, TwoCopyStore, bytes] | None] = (
+            queue.SimpleQueue()
+        )
         self._thread: threading.Thread | None = None
 
-    def submit(self, store: TwoCopyStore, image: bytes) -> Job:
-        """Begin to store an image."""
+    def submit(self, store: TwoCopyStore, image: bytes) -> WriteJob:
+        """Start storing an image."""
         if self._thread is None:
             self._thread = threading.Thread(target=self._work, name="parameter memory", daemon=True)
             self._thread.start()
-        job = Job()
+        job = WriteJob()
         self._jobs.put((job, store, image))
         return job
 
@@ -82,7 +84,7 @@ class ThreadWriter:
             job.run(store, image)
 
     def close(self) -> None:
-        """Return when all is stored."""
+        """Wait until everything is stored."""
         if self._thread is not None:
             self._jobs.put(None)
             self._thread.join()

@@ -7,18 +7,21 @@ makes the senders wait, nothing is dropped) and carries whole batches of frames 
 =============  ===================================================================
 module         noun
 =============  ===================================================================
+`port`         a side's place on any python-can bus: frames by the epoch
 `interface`    the python-can interface ``rrins`` and its batch face
 `batch`        several frames at once, and what came with them
 `message`      a frame on the wire as a `can.Message`, and back
+`end`          what both ends of the bus can do
 `link`         one attached end of the bus
 `hub`          the hosting end; also a program of its own
 `relay`        what goes from each peer to the others
-`door`         callers, until it is known who they are
+`admission`    callers, until it is known who they are
 `peer`         one attached process, as the hub sees it
 `launch`       a hub process of its own, started when nobody hosts yet
 `channel`      the place of a channel in the file system, and who holds it
-`wire`         what both ends of the bus can do
 `datagram`     the wire format
+`pace`         how fast time passes on the bus
+`socketcand`   the bus for programs that know neither us nor python-can
 =============  ===================================================================
 
 The host is not a thread: the bus moves while its host sends or receives, so a host that is stopped

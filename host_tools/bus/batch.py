@@ -1,14 +1,14 @@
-"""Several frames at once: their bytes, and what came with them."""
+"""Several frames at once: their bytes and metadata."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from dbc.frame import FRAME, FrameArray
+from rrins.dbc.frame import Frame, FrameArray
 
 
 class Batch:
-    """What came with the frames of a `RrinsBus.recv_batch`.
+    """Metadata of the frames of a `RrinsBus.recv_batch`.
 
     One object for each bus, written anew by every call: take what you need before the next one.
 
@@ -21,7 +21,7 @@ class Batch:
     time_ns : int
         Time of the batch in nanoseconds.
     closes_epoch : bool
-        Whether its sender has said all it has to say in this epoch.
+        Whether its sender has sent everything in this epoch.
     sender : int
         Node number of the sender; the host is node 0.
     """
@@ -42,8 +42,8 @@ def bytes_of(frames: FrameArray) -> memoryview:
     Raises
     ------
     ValueError
-        If the array has not the layout of the wire.
+        If the array does not have the layout of the wire.
     """
-    if frames.dtype != FRAME or frames.ndim != 1 or not frames.flags.c_contiguous:
-        raise ValueError("frames must be a contiguous one-dimensional array of dtype FRAME")
+    if frames.dtype != Frame.dtype or frames.ndim != 1 or not frames.flags.c_contiguous:
+        raise ValueError("frames must be a contiguous one-dimensional array of dtype Frame.dtype")
     return frames.view(np.uint8).data

@@ -21,7 +21,7 @@ import tempfile
 from pathlib import Path
 from typing import Final
 
-from host_tools.errors import BusError
+from rrins.host_tools.errors import BusError
 
 SUFFIX: Final = ".sock"
 _NAME: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}")
@@ -59,7 +59,7 @@ def socket_path(channel: str) -> Path:
         path = directory() / (channel + SUFFIX)
     else:
         raise BusError(
-            f"{channel!r} is no channel name: use up to 64 letters, digits, '.', '_' and '-', "
+            f"{channel!r} is not a channel name: use up to 64 letters, digits, '.', '_' and '-', "
             "starting with a letter or digit, or a path with a '/' in it"
         )
     length = len(os.fsencode(path))
@@ -154,14 +154,14 @@ class Claim:
         self._lock_path = self.path.with_name(self.path.name + ".lock")
         if "/" not in channel:
             _own_directory(self.path.parent)
-        self._lock = self._take_lock(channel)
+        self._lock = self._acquire_lock(channel)
         try:
             self.listener = self._listen(channel)
         except BaseException:
             self._give_lock_back()
             raise
 
-    def _take_lock(self, channel: str) -> int:
+    def _acquire_lock(self, channel: str) -> int:
         while True:
             try:
                 lock = os.open(
@@ -199,7 +199,7 @@ class Claim:
         try:
             if self.path.is_symlink() or (self.path.exists() and not self.path.is_socket()):
                 raise BusError(
-                    f"cannot host channel {channel!r}: {self.path} is there and is no socket"
+                    f"cannot host channel {channel!r}: {self.path} exists and is not a socket"
                 )
             self.path.unlink(missing_ok=True)
             listener = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
@@ -224,7 +224,7 @@ class Claim:
         os.close(self._lock)
 
     def release(self) -> None:
-        """Close the door: remove the socket, then give the right to host back."""
+        """Remove the socket, then release the right to host."""
         self.path.unlink(missing_ok=True)
         self.listener.close()
         self._give_lock_back()

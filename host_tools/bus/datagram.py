@@ -23,7 +23,7 @@ from __future__ import annotations
 import struct
 from typing import Final
 
-from host_tools.errors import BusError
+from rrins.host_tools.errors import BusError
 
 MAGIC: Final = int.from_bytes(b"RRB1", "little")
 HEADER: Final = struct.Struct("<IBBHIIQq")
@@ -39,16 +39,16 @@ FRAMES: Final = 5
 FRAMES_FD: Final = 6
 
 CLOSES_EPOCH: Final = 1
-"""Flag of a batch: its sender has said all it has to say in this epoch."""
+"""Flag of a batch: its sender has sent everything in this epoch."""
 UNSTAMPED: Final = 2
-"""Flag of a batch: the hub is to put its time on it."""
+"""Flag of a batch: the hub must timestamp it."""
 
 OBSERVER: Final = 1
 """Flag of a `HELLO`: the peer may be cut off rather than slow the bus."""
 EXCLUSIVE: Final = 2
 """Flag of a `HELLO`: no other peer may carry the same name."""
 RECEIVE_OWN: Final = 4
-"""Flag of a `HELLO`: the peer wants its own frames back."""
+"""Flag of a `HELLO`: the peer receives its own frames."""
 IN_STEP: Final = 8
 """Flag of a `HELLO`: the bus is to be ahead of the peer by some ten datagrams at most."""
 
@@ -102,7 +102,7 @@ def parse(buffer: bytearray, size: int) -> tuple[int, int, int, int, int, int]:
     Raises
     ------
     ProtocolError
-        If anything about the datagram is not as the format says.
+        If the datagram does not conform to the format.
     """
     if not HEADER_SIZE <= size <= MAX_DATAGRAM:
         raise ProtocolError(f"a datagram of {size} bytes, shorter or longer than any")
@@ -157,7 +157,7 @@ def time_of(view: bytearray | memoryview) -> int:
 
 
 def put_time(buffer: bytearray | memoryview, flags: int, time_ns: int) -> None:
-    """Write the hub's time on a batch that came without one."""
+    """Timestamp an unstamped batch with the hub's time."""
     buffer[FLAGS_OFFSET] = flags & ~UNSTAMPED
     _TIME.pack_into(buffer, _TIME_OFFSET, time_ns)
 

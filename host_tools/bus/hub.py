@@ -2,7 +2,7 @@
 
 The hub has no thread: the bus moves while its owner sends, receives or serves. ::
 
-    python -m host_tools.bus.hub CHANNEL
+    python -m rrins.host_tools.bus.hub CHANNEL
 
 hosts a channel and prints one line, ``ready`` or why not; then it goes on in the background.
 """
@@ -18,18 +18,18 @@ from collections import deque
 from collections.abc import Iterable, Sequence
 from typing import Final
 
-from host_tools.bus.channel import HostedError
-from host_tools.bus.datagram import receive_buffer
-from host_tools.bus.peer import PeerInfo, check_name
-from host_tools.bus.relay import TIMED_OUT, Relay
-from host_tools.bus.wire import BusTimeoutError
-from host_tools.errors import BusError
+from rrins.host_tools.bus.channel import HostedError
+from rrins.host_tools.bus.datagram import receive_buffer
+from rrins.host_tools.bus.end import BusTimeoutError
+from rrins.host_tools.bus.peer import PeerInfo, check_name
+from rrins.host_tools.bus.relay import TIMED_OUT, Relay
+from rrins.host_tools.errors import BusError
 
 QUEUE_LIMIT: Final = 4 * 1024 * 1024
 """Bytes that may wait for an observer, or for a host that sends and does not receive."""
 
 READY: Final = "ready"
-"""What the program prints when its channel can be attached to."""
+"""Printed by the program when its channel is ready for peers."""
 
 _UNSERVED_NS: Final = 10_000_000
 _BRIEF_STEPS: Final = 64
@@ -90,7 +90,7 @@ class Hub:
         return tuple(peer.info for peer in self._relay.receivers)
 
     def require(self, names: Iterable[str]) -> None:
-        """Let the host's sending and receiving fail once one of these peers has left.
+        """Make the host's sending and receiving fail once one of these peers has left.
 
         Replaces what was required before, and forgives what was lost.
 
@@ -117,7 +117,7 @@ class Hub:
         Raises
         ------
         BusTimeoutError
-            If nobody of that name has come in `timeout` seconds.
+            If no peer of that name has attached within `timeout` seconds.
         """
         deadline = _deadline(timeout)
         self._serve_briefly()  # who has gone is not to be found
@@ -188,7 +188,7 @@ class Hub:
             wait = -1.0 if timeout is None else max(timeout, 0.0)
             while True:
                 if self._backlog:
-                    return self._take_kept(buffer)
+                    return self._pop_kept(buffer)
                 if relay.lost or relay.is_closed:
                     relay.check()
                 size = self._step(buffer, wait)
@@ -215,7 +215,7 @@ class Hub:
             self._step(buffer, -1.0 if relay.has_company else 0.0)
 
     def close(self) -> None:
-        """Let the peers take what waits for them, and give the channel up; idempotent."""
+        """Let the peers receive what is queued for them, and release the channel; idempotent."""
         relay = self._relay
         with self._lock:
             if relay.is_closed:
@@ -257,7 +257,7 @@ class Hub:
         self._backlog.append(bytes(view))
         self._backlog_bytes += len(view)
 
-    def _take_kept(self, buffer: bytearray) -> int:
+    def _pop_kept(self, buffer: bytearray) -> int:
         kept = self._backlog.popleft()
         self._backlog_bytes -= len(kept)
         buffer[: len(kept)] = kept
@@ -276,7 +276,7 @@ def _seconds_left(deadline: int | None) -> float:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Host a channel in the background until its last peer has left."""
     parser = argparse.ArgumentParser(
-        prog="python -m host_tools.bus.hub", description=main.__doc__, allow_abbrev=False
+        prog="python -m rrins.host_tools.bus.hub", description=main.__doc__, allow_abbrev=False
     )
     parser.add_argument("channel", help="name or path of the channel")
     channel = parser.parse_args(arguments).channel

@@ -11,16 +11,16 @@ from typing import Any, Final, Literal
 import can
 from can.typechecking import AutoDetectedConfig, CanFilters
 
-from dbc.frame import FrameArray, frame_array
-from host_tools.bus import channel as channels
-from host_tools.bus import datagram
-from host_tools.bus.batch import Batch, bytes_of
-from host_tools.bus.hub import Hub
-from host_tools.bus.launch import attach
-from host_tools.bus.message import get_message, put_message
-from host_tools.bus.peer import PeerInfo
-from host_tools.bus.wire import BusTimeoutError, Wire
-from host_tools.errors import BusError
+from rrins.dbc.frame import FrameArray, frame_array
+from rrins.host_tools.bus import channel as channels
+from rrins.host_tools.bus import datagram
+from rrins.host_tools.bus.batch import Batch, bytes_of
+from rrins.host_tools.bus.end import BusEnd, BusTimeoutError
+from rrins.host_tools.bus.hub import Hub
+from rrins.host_tools.bus.launch import attach
+from rrins.host_tools.bus.message import get_message, put_message
+from rrins.host_tools.bus.peer import PeerInfo
+from rrins.host_tools.errors import BusError
 
 _HEADER: Final = datagram.HEADER_SIZE
 _FRAME: Final = datagram.FRAME_SIZE
@@ -29,7 +29,7 @@ _NO_BYTES: Final = memoryview(bytearray())
 
 
 ANSWER_S = 10.0
-"""Seconds that a host has to answer who attaches."""
+"""Seconds within which a host must answer a new peer."""
 
 
 class RrinsBus(can.BusABC):
@@ -115,7 +115,7 @@ class RrinsBus(can.BusABC):
         self._can_protocol = can.CanProtocol.CAN_FD if fd else can.CanProtocol.CAN_20
         own_name = name if name is not None else f"process-{os.getpid()}"
         self._hub: Hub | None = None
-        self._wire: Wire
+        self._wire: BusEnd
         try:
             if host == "here":
                 self._hub = Hub(
@@ -192,7 +192,7 @@ class RrinsBus(can.BusABC):
         time_ns : int
             Time of the batch in nanoseconds.
         closes_epoch : bool
-            Whether this end has said all it has to say in this epoch.
+            Whether this end has sent everything in this epoch.
         timeout : float, optional
             Seconds to wait for room; for ever by default.
 
@@ -341,7 +341,7 @@ class RrinsBus(can.BusABC):
             raise NotImplementedError("an end of an rrins channel is always active")
 
     def shutdown(self) -> None:
-        """Leave the bus, or as its host give it up; what was sent still arrives. Idempotent."""
+        """Leave the bus, or as host release it; what was sent still arrives. Idempotent."""
         if not self._is_shutdown:
             super().shutdown()
             self._wire.close()
@@ -363,7 +363,7 @@ class RrinsBus(can.BusABC):
         Raises
         ------
         can.CanTimeoutError
-            If nobody of that name has come in `timeout` seconds.
+            If no peer of that name has attached within `timeout` seconds.
         """
         try:
             return self._hosted().wait_for(name, timeout)

@@ -1,4 +1,4 @@
-"""A hub process of its own, started when nobody hosts a channel yet."""
+"""Starts a separate hub process when nobody hosts a channel yet."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ import time
 from pathlib import Path
 from typing import Any, Final
 
-from host_tools.bus.channel import NoHostError
-from host_tools.bus.hub import READY
-from host_tools.bus.link import Link
-from host_tools.errors import BusError
+from rrins.host_tools.bus.channel import NoHostError
+from rrins.host_tools.bus.hub import READY
+from rrins.host_tools.bus.link import Link
+from rrins.host_tools.errors import BusError
 
-_ROOT: Final = Path(__file__).resolve().parents[2]
+_ROOT: Final = Path(__file__).parents[3]
 
 
 def start_hub(channel: str) -> str:
@@ -36,7 +36,7 @@ def start_hub(channel: str) -> str:
     if "/" in channel:
         channel = str(Path(channel).absolute())
     started = subprocess.Popen(
-        [sys.executable, "-m", "host_tools.bus.hub", "--", channel],
+        [sys.executable, "-m", "rrins.host_tools.bus.hub", "--", channel],
         stdin=subprocess.DEVNULL,
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
@@ -50,7 +50,7 @@ def start_hub(channel: str) -> str:
             said.append(line.strip())
             if said[-1] == READY:
                 return ""
-    return said[-1] if said else "it has ended without a word"
+    return said[-1] if said else "it ended without a message"
 
 
 def attach(channel: str, may_start: bool, timeout: float, **wishes: Any) -> Link:
@@ -65,7 +65,7 @@ def attach(channel: str, may_start: bool, timeout: float, **wishes: Any) -> Link
     timeout : float
         Seconds that all of it may take.
     **wishes
-        What else a `Link` takes.
+        Further arguments of `Link`.
 
     Raises
     ------

@@ -10,11 +10,11 @@ import time
 from collections import deque
 from typing import Final
 
-from host_tools.bus import datagram
-from host_tools.bus.channel import NoHostError, connect
-from host_tools.bus.peer import check_name, widen
-from host_tools.bus.wire import BusTimeoutError, wait_readable
-from host_tools.errors import BusError
+from rrins.host_tools.bus import datagram
+from rrins.host_tools.bus.channel import NoHostError, connect
+from rrins.host_tools.bus.end import BusTimeoutError, wait_readable
+from rrins.host_tools.bus.peer import check_name, widen
+from rrins.host_tools.errors import BusError
 
 _BACKLOG_LIMIT: Final = 4 * 1024 * 1024
 _ASIDE_MS: Final = 20
@@ -167,7 +167,7 @@ class Link:
             return False
         try:
             while self._backlog_bytes < _BACKLOG_LIMIT and not self._end_reason:
-                data = self._take(socket.MSG_DONTWAIT)
+                data = self._receive_now(socket.MSG_DONTWAIT)
                 if data is None:
                     break
                 self._backlog.append(data)
@@ -176,13 +176,13 @@ class Link:
             self._receive_lock.release()
         return True
 
-    def _take(self, flags: int) -> bytes | None:
+    def _receive_now(self, flags: int) -> bytes | None:
         try:
             data = self._end.recv(datagram.MAX_DATAGRAM + 1, flags)
         except BlockingIOError:
             return None
         except ConnectionResetError:
-            return self._take(flags)  # told once; what arrived before can still be read
+            return self._receive_now(flags)  # told once; what arrived before can still be read
         except OSError:
             data = b""
         if not self._is_end(bytearray(data), len(data)):
@@ -233,7 +233,7 @@ class Link:
         """Return whether a datagram is the last one; if it is, keep the reason."""
         if size >= datagram.HEADER_SIZE and buffer[datagram.KIND_OFFSET] != datagram.BYE:
             return False
-        reason = f"its host, process {self.host_pid}, has gone without a word"
+        reason = f"its host, process {self.host_pid}, has disappeared"
         if self._is_closed:
             reason = "this end is shut down"
         elif size:
@@ -248,7 +248,7 @@ class Link:
         return BusError(
             self._end_reason
             or f"channel {self._channel!r}: its host, process {self.host_pid}, "
-            "no longer takes what this end sends"
+            "no longer accepts data from this end"
         )
 
     def close(self) -> None:

@@ -7,8 +7,8 @@ from typing import Final
 
 import can
 
-from dbc.frame import EFF_FLAG, ERR_FLAG, RTR_FLAG
-from host_tools.bus.datagram import FD_FRAME_SIZE, FRAME_SIZE
+from rrins.dbc.frame import EFF_FLAG, ERR_FLAG, RTR_FLAG
+from rrins.host_tools.bus.datagram import FD_FRAME_SIZE, FRAME_SIZE
 
 _CLASSIC: Final = struct.Struct("<IB3x8s")
 _FD: Final = struct.Struct("<IBB2x64s")

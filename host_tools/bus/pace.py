@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import time
 
-from dbc.frame import frame_array
-from host_tools.bus.interface import RrinsBus
+from rrins.dbc.frame import frame_array
+from rrins.host_tools.bus.interface import RrinsBus
 
 _NS_PER_S = 1_000_000_000
 _BATCH = 4096
@@ -14,9 +14,9 @@ _FASTER = 1.2  # than real time
 
 
 def runs_ahead(bus: RrinsBus, patience_s: float = _WATCH_S) -> bool | None:
-    """Return whether a bus runs faster than real time; None when nothing comes.
+    """Return whether a bus runs faster than real time; None if no frame arrives.
 
-    Such a bus is in lockstep and waits for those who ask it to; one in real time waits for nobody.
+    Such a bus is in lockstep and waits for slow nodes; one in real time does not wait.
 
     Parameters
     ----------
@@ -30,7 +30,7 @@ def runs_ahead(bus: RrinsBus, patience_s: float = _WATCH_S) -> bool | None:
 
 
 def pace_of(bus: RrinsBus, patience_s: float, watch_s: float) -> float | None:
-    """Return how many seconds of the bus pass in a second; None when nothing comes.
+    """Return how many seconds of bus time pass per second; None if no frame arrives.
 
     Parameters
     ----------
@@ -39,7 +39,7 @@ def pace_of(bus: RrinsBus, patience_s: float, watch_s: float) -> float | None:
     patience_s : float
         How long to wait for the first frame.
     watch_s : float
-        How long to look from then on.
+        How long to measure after that.
     """
     frames = frame_array(_BATCH)
     first = bus.recv_batch(frames, patience_s)

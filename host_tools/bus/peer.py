@@ -10,8 +10,8 @@ from collections import deque
 from dataclasses import dataclass
 from typing import Final
 
-from host_tools.bus import datagram
-from host_tools.errors import BusError
+from rrins.host_tools.bus import datagram
+from rrins.host_tools.errors import BusError
 
 _NAME: Final = re.compile(r"[\x21-\x7e]{1,64}")
 _CREDENTIALS: Final = struct.Struct("3i")
@@ -28,7 +28,7 @@ class PeerInfo:
     name : str
         What the peer calls itself.
     pid : int
-        Its process, told by the kernel.
+        Its process, as reported by the kernel.
     role : str
         ``"node"`` or ``"observer"``.
     number : int
@@ -118,5 +118,5 @@ def check_name(name: str) -> str:
         If it may not.
     """
     if not _NAME.fullmatch(name):
-        raise BusError(f"{name!r} is no name for a node: use 1 to 64 visible ASCII characters")
+        raise BusError(f"{name!r} is not a valid node name: use 1 to 64 visible ASCII characters")
     return name

@@ -23,11 +23,11 @@ import threading
 import time
 from typing import Final
 
-from host_tools.bus import datagram
-from host_tools.bus.door import Caller, Door, refuse
-from host_tools.bus.peer import Peer, PeerInfo
-from host_tools.bus.wire import wait_readable
-from host_tools.errors import BusError
+from rrins.host_tools.bus import datagram
+from rrins.host_tools.bus.admission import Admission, Caller, refuse
+from rrins.host_tools.bus.end import wait_readable
+from rrins.host_tools.bus.peer import Peer, PeerInfo
+from rrins.host_tools.errors import BusError
 
 TIMED_OUT: Final = -1
 """What a step returns when nothing has happened in its time."""
@@ -37,7 +37,7 @@ _STALL_S: Final = 1.0
 _LINGER_NS: Final = 1_000_000_000
 _GONE: Final = (errno.EPIPE, errno.ECONNRESET)
 
-_log: Final = logging.getLogger("host_tools.bus")
+_log: Final = logging.getLogger("rrins.host_tools.bus")
 _now: Final = time.monotonic_ns
 
 
@@ -83,7 +83,7 @@ class Relay:
         self._all = select.epoll()
         self._wake = os.eventfd(0, os.EFD_CLOEXEC | os.EFD_NONBLOCK)
         try:
-            self._door = Door(channel, self._always)
+            self._admission = Admission(channel, self._always)
         except BaseException:
             self._close_descriptors()
             raise
@@ -108,7 +108,7 @@ class Relay:
     @property
     def has_company(self) -> bool:
         """Whether anybody is attached or about to attach."""
-        return bool(self._peers) or self._door.has_callers
+        return bool(self._peers) or self._admission.has_callers
 
     @property
     def has_had_company(self) -> bool:
@@ -155,7 +155,7 @@ class Relay:
             if peer is None or self.stuck:
                 self._keep_house()
                 return 0
-            return self._take(peer, buffer)
+            return self._receive_from(peer, buffer)
 
     def step_aside(self, wait: float) -> int:
         """Wait for one event that may be served while the bus is held, and serve it.
@@ -182,14 +182,14 @@ class Relay:
                 _log.warning("channel %s is held up: %s does not receive", self._channel, names)
         return TIMED_OUT
 
-    def _take(self, peer: Peer, buffer: bytearray) -> int:
+    def _receive_from(self, peer: Peer, buffer: bytearray) -> int:
         """Read one datagram of a peer and relay it."""
         try:
             size = peer.end.recv_into(buffer)
         except (BlockingIOError, ConnectionResetError):
             return 0  # after a reset the peer's last datagrams can still be read
         if not size:
-            self._drop(peer, "has gone without a word")
+            self._drop(peer, "has disappeared")
             return 0
         try:
             kind, flags, _, sender, _, time_ns = datagram.parse(buffer, size)
@@ -261,7 +261,7 @@ class Relay:
         self._leaving[peer.fd] = peer
 
     def _flush(self, peer: Peer) -> None:
-        """Give a peer what waits for it, as far as it takes it."""
+        """Send a peer its queued data, as far as it accepts it."""
         try:
             if peer in self.stuck:
                 peer.send(self._held)
@@ -280,7 +280,7 @@ class Relay:
         self._always.unregister(peer.fd)
         if self._leaving.pop(peer.fd, None) is not None:
             peer.end.close()
-            self._door.reopen()
+            self._admission.reopen()
 
     def _time(self) -> int:
         return time.time_ns() if self._bus_time is None else self._bus_time
@@ -294,8 +294,8 @@ class Relay:
         for fd, _ in self._always.poll(0):
             if fd == self._wake:
                 os.eventfd_read(self._wake)
-            elif self._door.owns(fd):
-                caller = self._door.serve(fd)
+            elif self._admission.owns(fd):
+                caller = self._admission.serve(fd)
                 if caller is not None:
                     self._admit(caller)
             else:
@@ -335,13 +335,13 @@ class Relay:
         self._all.register(peer.fd, select.EPOLLIN)
 
     def _drop(self, peer: Peer, why: str = "") -> None:
-        """Part with a peer and close its socket; say why unless it went properly."""
+        """Disconnect a peer; log the reason unless it left properly."""
         self._forget(peer, why)
         if peer in self.stuck or peer.queue:
             self._always.unregister(peer.fd)
             self.stuck.discard(peer)
         peer.end.close()
-        self._door.reopen()
+        self._admission.reopen()
 
     def _forget(self, peer: Peer, why: str) -> None:
         del self._peers[peer.fd]
@@ -380,13 +380,13 @@ class Relay:
             self.step_aside(left / 1e9)
 
     def close(self) -> None:
-        """Tell the peers that the channel closes, and give it up."""
+        """Tell the peers that the channel closes, and release it."""
         if os.getpid() == self._host.pid:
             for peer in self.receivers:
                 self._last_word(peer, f"process {self._host.pid} has closed it")
-            self._door.close()
+            self._admission.close()
         else:  # a child of the host, which has inherited the sockets and none of the rights
-            self._door.abandon()
+            self._admission.abandon()
         for peer in (*self.receivers, *self._leaving.values()):
             peer.end.close()
         self._peers.clear()

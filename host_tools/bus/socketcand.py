@@ -14,8 +14,8 @@ command                        what it does
 ``unsubscribe ID``             BCM: ends that
 =============================  ==================================================================
 
-Anything else well-formed is answered with ``< error … >``. Whoever sends what is no command, or
-does not receive what it asked for, is cut off; neither slows the bus. Frames carry its time, which
+Anything else well-formed is answered with ``< error … >``. A client that sends an invalid command
+or does not receive its data is cut off; neither slows the bus. Frames carry its time, which
 is simulated in a rehearsal. Remote and CAN FD frames have no words and are passed over.
 
 The protocol knows no users: while the server runs, everybody on this machine may attach. It
@@ -34,14 +34,14 @@ import socket
 import struct
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, Final, cast
+from typing import Final, cast
 
-from dbc.frame import EFF_FLAG, ERR_FLAG, RTR_FLAG
-from host_tools.bus import datagram
-from host_tools.bus.channel import SUFFIX, NoHostError
-from host_tools.bus.link import Link
-from host_tools.bus.wire import BusTimeoutError
-from host_tools.errors import BusError
+from rrins.dbc.frame import EFF_FLAG, ERR_FLAG, RTR_FLAG
+from rrins.host_tools.bus import datagram
+from rrins.host_tools.bus.channel import SUFFIX, NoHostError
+from rrins.host_tools.bus.end import BusTimeoutError
+from rrins.host_tools.bus.link import Link
+from rrins.host_tools.errors import BusError
 
 PORT: Final = 29536
 """The port that socketcand clients expect."""
@@ -69,7 +69,7 @@ _STANDARD_MASK: Final = 0x7FF
 _HEX: Final = re.compile(r"-?[0-9A-Fa-f]{1,16}")
 _FRAME: Final = struct.Struct("<IB3x8s")
 
-_log: Final = logging.getLogger("host_tools.bus")
+_log: Final = logging.getLogger("rrins.host_tools.bus")
 
 
 class CommandError(Exception):
@@ -195,13 +195,13 @@ class _Client(asyncio.Protocol):
         self.end()
 
     def cut_off(self, why: str) -> None:
-        """Part with the client and say why."""
+        """Disconnect the client and log the reason."""
         if not self._is_over:
             _log.warning("socketcand client %s is cut off: %s", self._address, why)
             self.end()
 
     def end(self) -> None:
-        """Part with the client; a second call does nothing."""
+        """Disconnect the client. Idempotent."""
         if self._is_over:
             return
         self._is_over = True
@@ -262,7 +262,7 @@ class _Client(asyncio.Protocol):
             del self._text[:size]
             return words
         if not _BEGINNING.fullmatch(self._text):
-            self.cut_off(f"it sent what is no command: {bytes(self._text[:20])!r}")
+            self.cut_off(f"it sent an invalid command: {bytes(self._text[:20])!r}")
         return None
 
     def _obey(self, words: list[str]) -> None:
@@ -449,11 +449,11 @@ class _Server:
 def _loopback(host: str) -> str:
     """Return the address of a host name, if it cannot be reached from another machine."""
     try:
-        found: list[Any] = socket.getaddrinfo(host, None, type=socket.SOCK_STREAM)
+        found = socket.getaddrinfo(host, None, type=socket.SOCK_STREAM)
         address = str(found[0][4][0])
         is_loopback = ipaddress.ip_address(address.partition("%")[0]).is_loopback
     except (OSError, ValueError) as error:
-        raise BusError(f"{host!r} is no address to listen on: {error}") from error
+        raise BusError(f"{host!r} is not an address to listen on: {error}") from error
     if not is_loopback:
         why = "the socketcand protocol lets in everybody: use a loopback address such as 127.0.0.1"
         raise BusError(f"{host!r} can be reached from other machines, and {why}")

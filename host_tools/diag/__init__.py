@@ -1,16 +1,16 @@
 """The diagnostic tool: `rrins diag`, a UDS client (ISO 14229) for the navigation computer.
 
-What there is to read, write, start and find is described in `firmware_py.diagnostics.table` only.
+Only `rrins.firmware_py.diagnostics.table` describes what can be read, written and started, and the
+trouble codes. The commands are in `rrins.host_tools.cli.diag`.
 
 ===================  ===============================================================================
-medium               frames to and from a bus: the embedded one, any of python-can
-connection           ISO-TP over a medium, or by the kernel: what udsoncan's client speaks through
-target               which bus, and how to get onto it
-tester               sessions, security, retries: what the commands call
-advice               negative responses in words, with what to do
-values, memory       values of the table as text, and back; the RAM image's fields
+transport            frames to and from a bus: the embedded one or any python-can interface
+connection           ISO-TP over a transport or by the kernel, as a connection for udsoncan
+target               which bus to use, and how to connect to it
+conversation         sessions, security, retries
+tester               the requests that the commands make
+advice               negative responses in words, with advice
+values, ram          values of the table to and from text; fields of the RAM image
 calibration_file     the calibration as TOML
-tables, lines        what is shown
-command, did, …      the commands; `shell` runs them at a prompt
 ===================  ===============================================================================
 """

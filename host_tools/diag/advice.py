@@ -1,18 +1,18 @@
-"""Negative responses in words: what the navigation computer refuses, why, and what to do."""
+"""Negative responses in words: what the navigation computer refused, why, and what to do."""
 
 from __future__ import annotations
 
 from udsoncan.Response import Response
 
-from firmware_py.diagnostics import access
-from firmware_py.diagnostics.responses import MEANINGS, Code
-from host_tools.errors import NegativeResponseError
+from rrins.firmware_py.diagnostics import access
+from rrins.firmware_py.diagnostics.responses import MEANINGS, Code
+from rrins.host_tools.errors import NegativeResponseError
 
 _WHAT_TO_DO = {
     Code.SECURITY_ACCESS_DENIED: "unlock with --security",
-    Code.INVALID_KEY: "name the computer's secret by --secret-file",
+    Code.INVALID_KEY: "give the secret with --secret-file",
     Code.EXCEEDED_NUMBER_OF_ATTEMPTS: (
-        f"wait {access.ATTEMPT_DELAY_MS // 1000} s and name the computer's secret by --secret-file"
+        f"wait {access.ATTEMPT_DELAY_MS // 1000} s and give the secret with --secret-file"
     ),
     Code.REQUIRED_TIME_DELAY_NOT_EXPIRED: f"wait {access.ATTEMPT_DELAY_MS // 1000} s",
     Code.BUSY_REPEAT_REQUEST: "try again",
@@ -23,7 +23,7 @@ _WHAT_TO_DO = {
 
 
 def name_of(code: int) -> str:
-    """Return the name of a negative response code as ISO 14229-1 writes it."""
+    """Return the name of a negative response code as in ISO 14229-1."""
     name = Response.Code.get_name(code) or "unknown"
     return name[0].lower() + name[1:]
 
@@ -34,10 +34,10 @@ def refusal(what: str, code: int, advice: str = "") -> NegativeResponseError:
     Parameters
     ----------
     what : str
-        What was asked for.
+        The request.
     code : int
     advice : str
-        What to do about it, where that is known better than from the code.
+        What to do about it, if more specific than the advice for the code.
     """
     known = Code(code) if code in list(Code) else None
     meaning = f": {MEANINGS[known]}" if known is not None else ""

@@ -1,8 +1,8 @@
 """The calibration as a TOML file, and as the firmware's own file.
 
-The tables ``[gyros]`` and ``[accelerometers]`` are those of a calibration file that the firmware is
-given at start, and of a scenario: one number for all sensors, or a list with one for each; what is
-not named in a table is zero. ``[settings.NAME]`` has a parameter of the table by its name::
+The tables ``[gyros]`` and ``[accelerometers]`` have the same form as in a scenario and in the
+calibration file given to the firmware at startup: one number for all sensors, or a list with one
+per sensor; omitted keys are zero. ``[settings.NAME]`` holds a parameter of the diagnostic table::
 
     [gyros]
     bias_dph = [0.1, 0.11, 0.12, 0.13]
@@ -11,8 +11,8 @@ not named in a table is zero. ``[settings.NAME]`` has a parameter of the table b
     [settings.bridge]
     bridge_s = 0.1
 
-A file that ends with ``.rrca`` holds the bytes that the computer keeps (`firmware_py.diagnostics
-.image`).
+A ``.rrca`` file holds the raw bytes as the computer stores them
+(`rrins.firmware_py.diagnostics.calibration_image`).
 """
 
 from __future__ import annotations
@@ -20,31 +20,31 @@ from __future__ import annotations
 import os
 import tempfile
 import tomllib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
-from firmware_py.diagnostics import image
-from firmware_py.diagnostics.codecs import Field, Value, ValueRangeError, Values
-from firmware_py.diagnostics.data import DataIdentifier
-from firmware_py.diagnostics.image import ImageError, Parameters
-from firmware_py.diagnostics.parameters import (
+from rrins.firmware_py.diagnostics import calibration_image
+from rrins.firmware_py.diagnostics.calibration_image import ImageError, Parameters
+from rrins.firmware_py.diagnostics.codecs import Field, Value, ValueRangeError, Values
+from rrins.firmware_py.diagnostics.data_identifier import DataIdentifier
+from rrins.firmware_py.diagnostics.parameters import (
     ACCELEROMETER_CALIBRATIONS,
     GYRO_CALIBRATIONS,
     SETTINGS,
 )
-from host_tools.diag.values import limits_of
-from host_tools.errors import CalibrationFileError
+from rrins.host_tools.diag.values import limits_of
+from rrins.host_tools.errors import CalibrationFileError
+from rrins.host_tools.files import JsonObject
 
 TOML, RAW = ".toml", ".rrca"
-"""Endings of the two kinds of files."""
+"""Extensions of the two file formats."""
 
 _SENSORS = {"gyros": GYRO_CALIBRATIONS, "accelerometers": ACCELEROMETER_CALIBRATIONS}
 _BY_NAME = {did.name: did for did in SETTINGS}
 
 
 class _Wrong(Exception):  # noqa: N818 - becomes a CalibrationFileError with the file's name
-    """What is wrong with a file."""
+    """An error in a file."""
 
 
 def _present(dids: Sequence[DataIdentifier], parameters: Mapping[int, Values]) -> list[int]:
@@ -55,7 +55,7 @@ def _present(dids: Sequence[DataIdentifier], parameters: Mapping[int, Values]) -
 
 
 def to_toml(parameters: Mapping[int, Values], with_settings: bool) -> str:
-    """Return parameters as TOML: the sensors' calibration, and the settings if they are wanted."""
+    """Return parameters as TOML: the sensors' calibration and, if requested, the settings."""
     return "\n".join(_tables(parameters, with_settings))
 
 
@@ -93,18 +93,18 @@ def _literal(field: Field, value: Value) -> str:
 
 
 def from_toml(text: str, current: Mapping[int, Values]) -> Parameters:
-    """Return the parameters of a computer with what a TOML file says in place of its own.
+    """Return the parameters of a computer, updated from the text of a TOML file.
 
     Parameters
     ----------
     text : str
     current : dict
-        All parameters that the computer has.
+        All parameters of the computer.
 
     Raises
     ------
     CalibrationFileError
-        One line: where it is wrong, and what may be there.
+        If the text is invalid; the message, one line, names the place and what is allowed.
     """
     try:
         return _changed(tomllib.loads(text), current)
@@ -114,11 +114,11 @@ def from_toml(text: str, current: Mapping[int, Values]) -> Parameters:
         raise CalibrationFileError(str(wrong)) from wrong
 
 
-def _changed(tables: dict[str, Any], current: Mapping[int, Values]) -> Parameters:
+def _changed(tables: JsonObject, current: Mapping[int, Values]) -> Parameters:
     known = (*_SENSORS, "settings")
     _require_keys(tables, known, "the file")
     if not tables:
-        raise _Wrong(f"nothing in it; it may have: {', '.join(known)}")
+        raise _Wrong(f"empty; allowed: {', '.join(known)}")
     parameters = {number: dict(values) for number, values in current.items()}
     for name, dids in _SENSORS.items():
         if name in tables:
@@ -130,20 +130,20 @@ def _changed(tables: dict[str, Any], current: Mapping[int, Values]) -> Parameter
     return parameters
 
 
-def _table(value: Any, where: str) -> dict[str, Any]:
+def _table(value: object, where: str) -> JsonObject:
     if not isinstance(value, dict):
-        raise _Wrong(f"{where} is no table")
+        raise _Wrong(f"{where} is not a table")
     return value
 
 
-def _require_keys(table: Mapping[str, Any], known: Any, where: str) -> None:
+def _require_keys(table: JsonObject, known: Collection[str], where: str) -> None:
     odd = [key for key in table if key not in known]
     if odd:
-        raise _Wrong(f"{where}: unknown: {odd[0]}; there is: {', '.join(known)}")
+        raise _Wrong(f"{where}: unknown key {odd[0]}; allowed: {', '.join(known)}")
 
 
 def _change_sensors(
-    parameters: Parameters, given: dict[str, Any], name: str, dids: Sequence[DataIdentifier]
+    parameters: Parameters, given: JsonObject, name: str, dids: Sequence[DataIdentifier]
 ) -> None:
     numbers = _present(dids, parameters)
     fields = {field.name: field for field in dids[0].fields}
@@ -159,7 +159,7 @@ def _change_sensors(
             parameters[number][key] = _checked(fields[key], one, where)
 
 
-def _change_setting(parameters: Parameters, did: DataIdentifier, given: dict[str, Any]) -> None:
+def _change_setting(parameters: Parameters, did: DataIdentifier, given: JsonObject) -> None:
     fields = {field.name: field for field in did.fields}
     where = f"settings.{did.name}"
     _require_keys(given, fields, where)
@@ -169,29 +169,29 @@ def _change_setting(parameters: Parameters, did: DataIdentifier, given: dict[str
         parameters[did.number][key] = _setting(fields[key], value, f"{where}.{key}")
 
 
-def _setting(field: Field, value: Any, where: str) -> Value:
+def _setting(field: Field, value: object, where: str) -> Value:
     if field.count == 1:
         return _checked(field, value, where)
     if not isinstance(value, list) or len(value) != field.count:
-        raise _Wrong(f"{where}: {field.count} values are needed")
+        raise _Wrong(f"{where}: needs {field.count} values")
     row = tuple(float(_number(field, one, where)) for one in value)
     _check(field, row, where)
     return row
 
 
-def _checked(field: Field, value: Any, where: str) -> int | float:
-    """Return a value that may be written; raise `_Wrong` with the limits otherwise."""
+def _checked(field: Field, value: object, where: str) -> int | float:
+    """Return a valid value; raise `_Wrong` with the limits if it is not."""
     number = _number(field, value, where)
     _check(field, number, where)
     return number
 
 
-def _number(field: Field, value: Any, where: str) -> int | float:
+def _number(field: Field, value: object, where: str) -> int | float:
     if field.choices is not None and isinstance(value, str):
         value = field.choices.__members__.get(value, value)
-    is_number = isinstance(value, int | float) and not isinstance(value, bool)
-    if not is_number or not (field.is_float or isinstance(value, int)):
-        raise _Wrong(f"{where}: {value!r} is not one of its values; allowed: {limits_of(field)}")
+    is_of_kind = isinstance(value, int) or (field.is_float and isinstance(value, float))
+    if not isinstance(value, int | float) or isinstance(value, bool) or not is_of_kind:
+        raise _Wrong(f"{where}: {value!r} is invalid; allowed: {limits_of(field)}")
     return float(value) if field.is_float else int(value)
 
 
@@ -206,12 +206,12 @@ def _check(field: Field, value: Value, where: str) -> None:
 
 
 def read(path: Path, current: Mapping[int, Values]) -> Parameters:
-    """Return the parameters of a computer with what a file says in place of its own.
+    """Return the parameters of a computer, updated from a calibration file.
 
     Raises
     ------
     CalibrationFileError
-        When it cannot be read, is damaged, or says what cannot be.
+        If the file cannot be read, is damaged, or contains an invalid value.
     """
     try:
         data = path.read_bytes()
@@ -222,29 +222,29 @@ def read(path: Path, current: Mapping[int, Values]) -> Parameters:
             return _whole(data, current)
         return from_toml(data.decode("utf-8"), current)
     except UnicodeDecodeError as error:
-        raise CalibrationFileError(f"{path}: not TOML: not a text in UTF-8") from error
+        raise CalibrationFileError(f"{path}: not TOML: not UTF-8 text") from error
     except (CalibrationFileError, ImageError, _Wrong) as error:
         raise CalibrationFileError(f"{path}: {error}") from error
 
 
 def _whole(data: bytes, current: Mapping[int, Values]) -> Parameters:
-    parameters = image.decode(data)
+    parameters = calibration_image.decode(data)
     for number in parameters:
         if number not in current:
-            raise _Wrong(f"it has 0x{number:04X}, which this computer does not have")
+            raise _Wrong(f"contains 0x{number:04X}, which this computer does not have")
     return parameters
 
 
 def write(path: Path, data: bytes, may_replace: bool) -> None:
-    """Write a file, whole or not at all.
+    """Write a file atomically.
 
     Raises
     ------
     CalibrationFileError
-        When it cannot be written, or is there already and may not be replaced.
+        If it cannot be written, or exists and must not be replaced.
     """
     if path.exists() and not may_replace:
-        raise CalibrationFileError(f"{path}: is there already; --force replaces it")
+        raise CalibrationFileError(f"{path}: already exists; use --force to replace it")
     try:
         handle, name = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
         try:

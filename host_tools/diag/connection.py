@@ -1,4 +1,4 @@
-"""What udsoncan's client speaks through: ISO-TP (ISO 15765-2) by can-isotp, or by the kernel."""
+"""Connections for udsoncan's client: ISO-TP (ISO 15765-2) by can-isotp or by the kernel."""
 
 from __future__ import annotations
 
@@ -14,46 +14,46 @@ import isotp
 from udsoncan.connections import BaseConnection
 from udsoncan.exceptions import TimeoutException
 
-from firmware_py.diagnostics import access, table
-from firmware_py.diagnostics.timed_layer import LayerClock, TimedLayer
-from host_tools.diag.medium import DiagnosticFrame, Medium
-from host_tools.errors import BusError, DiagError
-from host_tools.port import Address, open_bus
+from rrins.firmware_py.diagnostics import access, table
+from rrins.firmware_py.diagnostics.timed_layer import LayerClock, TimedLayer
+from rrins.host_tools.bus.port import Address, open_bus
+from rrins.host_tools.diag.transport import DiagnosticFrame, DiagTransport
+from rrins.host_tools.errors import BusError, DiagError
 
 _NS_PER_S = 1_000_000_000
-_TURN_S = 0.05  # longest wait for frames while nothing has to be sent
-_SENDING_TURN_S = 0.0005  # while consecutive frames go out
-_STANDSTILL_S = 10.0  # of the wall clock, after which a bus that is waited for stands still
+_TURN_S = 0.05  # longest wait for frames while nothing is being sent
+_SENDING_TURN_S = 0.0005  # the same while consecutive frames are being sent
+_STANDSTILL_S = 10.0  # wall clock time without progress after which the bus has stalled
 _LISTEN_S = 0.5
 _SILENCES = (errno.ETIMEDOUT, errno.ECOMM, errno.EBADMSG, errno.EILSEQ)
 
 
-_PRESENT = bytes.fromhex("023e80")  # TesterPresent without a response disturbs nobody
+_PRESENT = bytes.fromhex("023e80")  # TesterPresent without a response disturbs no other tool
 
 
 class DisturbedError(DiagError):
-    """Another tool asked at the same time: whose answer came cannot be told."""
+    """Another tool sent requests at the same time, so responses cannot be attributed."""
 
 
 class Connection(BaseConnection):
-    """What both ways have in common.
+    """Base class of both kinds of connections.
 
     Attributes
     ----------
     keeps_pace : bool
-        Whether time goes on only while this end receives.
+        Whether time advances only while this end receives.
     """
 
     keeps_pace = False
 
     def __init__(self, where: str) -> None:
         super().__init__(where)
-        self.logger.disabled = True  # what goes wrong is raised
+        self.logger.disabled = True  # errors are raised instead
         self.where = where
         self._is_open = False
 
     def open(self) -> Self:
-        """Be ready."""
+        """Mark the connection as open."""
         self._is_open = True
         return self
 
@@ -63,14 +63,14 @@ class Connection(BaseConnection):
 
     @abstractmethod
     def pass_time(self, seconds: float) -> None:
-        """Let time go on."""
+        """Let time pass."""
 
     def drain(self) -> None:
-        """Take what has come and nobody waits for."""
+        """Discard unexpected frames."""
 
     @abstractmethod
     def hears_others(self) -> bool:
-        """Return whether anything at all is on the bus."""
+        """Return whether there is any traffic on the bus."""
 
 
 def _silence(text: str) -> TimeoutException:
@@ -84,16 +84,16 @@ def _address() -> isotp.Address:
 
 
 class LibraryConnection(Connection):
-    """ISO-TP by the library can-isotp, without threads: it moves while it sends or waits.
+    """ISO-TP by the can-isotp library, without threads: it runs only while sending or waiting.
 
     Parameters
     ----------
-    medium : Medium
+    medium : DiagTransport
     where : str
         Name of the bus, for errors.
     """
 
-    def __init__(self, medium: Medium, where: str) -> None:
+    def __init__(self, medium: DiagTransport, where: str) -> None:
         super().__init__(where)
         self.keeps_pace = medium.keeps_pace
         self._medium = medium
@@ -140,13 +140,13 @@ class LibraryConnection(Connection):
         self._medium.send(data)
 
     def _is_foreign(self, frame: DiagnosticFrame) -> bool:
-        """Return whether another tool asks here; some buses echo what is sent."""
+        """Return whether another tool sent this frame; some buses echo our own."""
         is_present = frame.data[: len(_PRESENT)] == _PRESENT
         is_own = frame.data in self._sent or frame.data in self._sent_before
         return not (frame.is_response or is_present or is_own)
 
     def _turn(self, wait_s: float) -> bool:
-        """Wait for frames and let the layer work; return whether time has gone on."""
+        """Wait for frames and run the layer; return whether time has advanced."""
         before_ns = self._medium.now_ns
         frames = self._medium.receive(wait_s)
         for frame in frames:
@@ -160,15 +160,15 @@ class LibraryConnection(Connection):
         return self._clock.now_ns > before_ns
 
     def _turn_until(self, timeout_s: float) -> bytes | None:
-        """Turn until a message is there or the time is over, by the clock of the medium.
+        """Run until a message arrives or the timeout expires, by the transport's clock.
 
-        Where that clock stands still, the wall clock says when it is enough.
+        If that clock stands still, the wall clock ends the wait.
         """
         end_ns = self._medium.now_ns + round(timeout_s * _NS_PER_S)
         moved = time.monotonic()
         while True:
             left_ns = end_ns - self._medium.now_ns
-            has_begun = self._layer.is_rx_active()  # its own timeouts end what stops in between
+            has_begun = self._layer.is_rx_active()  # the layer's own timeouts end a stalled message
             if self._turn(_TURN_S if has_begun else min(_TURN_S, max(0.0, left_ns / _NS_PER_S))):
                 moved = time.monotonic()
             message = self._layer.recv()
@@ -184,7 +184,7 @@ class LibraryConnection(Connection):
         Raises
         ------
         TimeoutException
-            When the other end takes no more of it.
+            If the other end stops accepting it.
         """
         self._failures.clear()
         self._sent, self._sent_before = set(), self._sent
@@ -203,20 +203,22 @@ class LibraryConnection(Connection):
             raise _silence(str(self._failures[0]))
 
     def specific_wait_frame(self, timeout: float | None = None) -> bytes:
-        """Wait for a response, `timeout` seconds by the clock of the medium.
+        """Return the response, waiting up to `timeout` seconds by the transport's clock.
 
         Raises
         ------
         TimeoutException
+            If no response arrives in time.
         DisturbedError
+            If another tool sends requests at the same time.
         """
         with self._on_bus():
             message = self._turn_until(timeout or 0.0)
         if self._is_disturbed:
             self._is_disturbed = False
             raise DisturbedError(
-                f"bus {self.where}: another diagnostic tool asks at the same time, and answers do "
-                "not say whom they are for; one at a time"
+                f"bus {self.where}: another diagnostic tool is active, and responses do not say "
+                "whom they answer; use one tool at a time"
             )
         if message is None:
             raise _silence("no response")
@@ -229,7 +231,7 @@ class LibraryConnection(Connection):
             self.drain()
 
     def drain(self) -> None:
-        """Take what has come and nobody waits for."""
+        """Discard unexpected frames."""
         if self.keeps_pace:
             return
         with self._on_bus():
@@ -237,7 +239,7 @@ class LibraryConnection(Connection):
                 self._overhear(frames)
 
     def _overhear(self, frames: Iterable[DiagnosticFrame]) -> None:
-        """Note whether somebody else still waits for a response."""
+        """Note whether another tool is still waiting for a response."""
         for frame in frames:
             if frame.is_response:
                 self._is_disturbed = False
@@ -245,20 +247,20 @@ class LibraryConnection(Connection):
                 self._is_disturbed = True
 
     def pass_time(self, seconds: float) -> None:
-        """Let time go on, by the clock of the medium."""
+        """Let time pass, by the transport's clock."""
         end_ns = self._medium.now_ns + round(seconds * _NS_PER_S)
         with self._on_bus():
             while (left_ns := end_ns - self._medium.now_ns) > 0:
                 self._overhear(self._medium.receive(min(left_ns, _NS_PER_S) / _NS_PER_S))
 
     def hears_others(self) -> bool:
-        """Return whether anything at all is on the bus."""
+        """Return whether there is any traffic on the bus."""
         with self._on_bus():
             return self._medium.hears_others(_LISTEN_S)
 
 
 class KernelConnection(Connection):
-    """ISO-TP by a socket of the kernel (Linux with can-isotp).
+    """ISO-TP by a kernel socket (Linux with can-isotp).
 
     Parameters
     ----------
@@ -270,7 +272,7 @@ class KernelConnection(Connection):
     Raises
     ------
     BusError
-        When the kernel has none, or no such interface.
+        If the kernel has no ISO-TP sockets, or no such interface.
     """
 
     def __init__(self, channel: str, where: str) -> None:
@@ -281,8 +283,8 @@ class KernelConnection(Connection):
             self._socket = isotp.socket()
         except (OSError, NotImplementedError, AttributeError) as error:
             raise BusError(
-                f"bus {where}: this kernel has no ISO-TP sockets ({error}); `modprobe can-isotp`, "
-                "or use --transport library"
+                f"bus {where}: this kernel has no ISO-TP sockets ({error}); run `modprobe "
+                "can-isotp` or use --transport library"
             ) from error
         try:
             self._socket.set_opts(txpad=access.PADDING)
@@ -291,8 +293,8 @@ class KernelConnection(Connection):
         except OSError as error:
             self._socket.close()
             raise BusError(
-                f"bus {where}: cannot be opened: {error.strerror or error} (see `ip link` for what "
-                "there is)"
+                f"bus {where}: cannot be opened: {error.strerror or error} (`ip link` lists the "
+                "interfaces)"
             ) from error
 
     def close(self) -> None:
@@ -302,14 +304,14 @@ class KernelConnection(Connection):
             self._socket.close()
 
     def specific_send(self, payload: bytes, timeout: float | None = None) -> None:
-        """Send a request; the kernel goes on with it.
+        """Hand a request to the kernel, which sends it.
 
         Raises
         ------
         TimeoutException
-            When the other end took no more of the request before.
+            If the other end stopped accepting the previous request.
         BusError
-            When the interface is gone or down.
+            If the interface is missing or down.
         """
         assert self._socket is not None
         self._socket.settimeout(access.N_BS_MS / 1000 + 1.0)
@@ -321,18 +323,20 @@ class KernelConnection(Connection):
             raise self._translated(error) from error
 
     def _translated(self, error: OSError) -> Exception:
-        """Return what an error of the socket means: silence of the other end, or of the bus."""
+        """Translate a socket error: the other end is silent, or the bus has failed."""
         if error.errno in _SILENCES:
             return _silence(str(error))
         return BusError(f"bus {self.where}: {error.strerror or error}")
 
     def specific_wait_frame(self, timeout: float | None = None) -> bytes:
-        """Wait for a response, `timeout` seconds of the wall clock.
+        """Return the response, waiting up to `timeout` seconds of wall clock time.
 
         Raises
         ------
         TimeoutException
+            If no response arrives in time.
         BusError
+            If the interface is missing or down.
         """
         assert self._socket is not None
         self._socket.settimeout(max(timeout or 0.0, 1e-6))
@@ -352,10 +356,10 @@ class KernelConnection(Connection):
                 pass
 
     def pass_time(self, seconds: float) -> None:
-        """Let time go on."""
+        """Let time pass."""
         time.sleep(seconds)
 
     def hears_others(self) -> bool:
-        """Return whether anything at all is on the bus."""
+        """Return whether there is any traffic on the bus."""
         with open_bus(Address("socketcan", self._channel)) as bus:
             return bus.recv(_LISTEN_S) is not None

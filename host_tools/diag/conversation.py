@@ -1,11 +1,10 @@
-"""Requests to the navigation computer: sessions, security, what is done when an answer is lost."""
+"""Requests to the navigation computer: sessions, security, retries."""
 
 from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Sequence
-from types import TracebackType
-from typing import Any, Self, TypeVar
+from typing import Any, TypeVar
 
 import udsoncan
 from udsoncan.client import Client
@@ -16,24 +15,25 @@ from udsoncan.exceptions import (
     UnexpectedResponseException,
 )
 
-from firmware_py.diagnostics import access, table
-from firmware_py.diagnostics.access import ANYWHERE, Access, Session, key_of
-from firmware_py.diagnostics.data import DataIdentifier
-from firmware_py.diagnostics.responses import Code
-from host_tools.diag.advice import refusal
-from host_tools.diag.connection import DisturbedError
-from host_tools.diag.target import Target
-from host_tools.errors import DiagError, NoAnswerError
+from rrins.firmware_py.diagnostics import access, table
+from rrins.firmware_py.diagnostics.access import ANYWHERE, Access, Session, key_of
+from rrins.firmware_py.diagnostics.codecs import Value, Values
+from rrins.firmware_py.diagnostics.data_identifier import DataIdentifier
+from rrins.firmware_py.diagnostics.responses import Code
+from rrins.host_tools.diag.advice import refusal
+from rrins.host_tools.diag.connection import DisturbedError
+from rrins.host_tools.diag.target import Target
+from rrins.host_tools.errors import DiagError, NoAnswerError
 
 PRESENCE_S = 2.0
-"""How often a session that is kept gets a TesterPresent."""
+"""Interval of the TesterPresent requests that keep a session alive."""
 
 LOST_SESSION = (
     Code.SERVICE_NOT_SUPPORTED_IN_ACTIVE_SESSION,
     Code.SUB_FUNCTION_NOT_SUPPORTED_IN_ACTIVE_SESSION,
     Code.SECURITY_ACCESS_DENIED,
 )
-"""Negative responses that tell that a session is over, or locked again."""
+"""Negative responses which show that a session has ended or is locked again."""
 
 _LOST_BETWEEN = (*LOST_SESSION, Code.REQUEST_SEQUENCE_ERROR)  # between seed and key
 _ATTEMPTS = 4
@@ -43,23 +43,23 @@ _T = TypeVar("_T")
 
 
 class _Codec(udsoncan.DidCodec):
-    """udsoncan's codec of an identifier of the table."""
+    """udsoncan codec of a data identifier."""
 
     def __init__(self, did: DataIdentifier) -> None:
         super().__init__()
         self._did = did
 
-    def encode(self, *did_value: Any, **named: Any) -> bytes:
+    def encode(self, *did_value: Values, **named: Value) -> bytes:
         return self._did.encode(did_value[0] if did_value else named)
 
-    def decode(self, string_bin: bytes) -> Any:
+    def decode(self, string_bin: bytes) -> Values:
         return self._did.decode(string_bin)
 
     def __len__(self) -> int:
         return self._did.layout.size
 
 
-class _Refused(Exception):  # noqa: N818 - a message of this module to itself
+class _Refused(Exception):  # noqa: N818 - internal to this module
     """A negative response."""
 
     def __init__(self, what: str, code: int) -> None:
@@ -68,7 +68,8 @@ class _Refused(Exception):  # noqa: N818 - a message of this module to itself
         self.code = code
 
 
-def _configuration(timeout_s: float, secret: bytes) -> dict[str, Any]:
+def _configuration(timeout_s: float, secret: bytes) -> Any:
+    """Return the configuration of udsoncan's client for the diagnostic table."""
     codecs = {did.number: _Codec(did) for did in table.IDENTIFIERS}
     record_size = sum(layout.size for layout in table.EXTENDED_DATA.values())
     return dict(udsoncan.configs.default_client_config) | {
@@ -88,39 +89,39 @@ def _configuration(timeout_s: float, secret: bytes) -> dict[str, Any]:
 class Conversation:
     """A conversation with the navigation computer by udsoncan's client.
 
-    Each request goes to the session that it needs first, and unlocks if it is to. A session that
-    was lost meanwhile is entered again: in a rehearsal faster than real time its five seconds may
-    be over within milliseconds.
+    Each request first enters the session that it needs, and unlocks it if allowed. A session lost
+    in the meantime is entered again: in a rehearsal faster than real time its five seconds may
+    expire within milliseconds.
 
     Parameters
     ----------
     target : Target
     is_securing : bool
-        Whether to pass SecurityAccess where it is needed.
+        Whether to unlock by SecurityAccess if a request needs it.
     secret : bytes
-        Of the computer.
+        The computer's secret.
 
     Attributes
     ----------
     client : udsoncan.client.Client
-        Told of the table.
+        Configured for the diagnostic table.
     connection : Connection
     session : Session
-        As far as the tool knows.
+        Active session, as far as the tool knows.
     lock : threading.RLock
-        Held during a request; a thread that keeps the session takes it, too.
+        Held during a request, also by a thread that keeps the session alive.
 
     Raises
     ------
     BusError
-        When the bus cannot be had.
+        If the bus cannot be opened.
     """
 
     def __init__(
         self,
         target: Target,
-        is_securing: bool = False,
-        secret: bytes = access.DEFAULT_SECRET,
+        is_securing: bool,
+        secret: bytes,
     ) -> None:
         self.target = target
         self.is_securing = is_securing
@@ -129,30 +130,18 @@ class Conversation:
         self._is_unlocked = False
         self._has_answered = False
         self.connection = target.connect()
-        configuration: Any = _configuration(target.timeout_s, secret)
-        self.client: Any = Client(self.connection, config=configuration)
-        self.client.logger.disabled = True  # what goes wrong is raised
+        self.client: Any = Client(self.connection, config=_configuration(target.timeout_s, secret))
+        self.client.logger.disabled = True  # errors are raised instead
         self.client.open()
 
     def close(self) -> None:
         """Leave the bus."""
         self.client.close()
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        self.close()
-
     # ---- sessions
 
     def enter(self, session: Session) -> None:
-        """Go to a session; to the programming session by way of the extended one."""
+        """Enter a session; the programming session by way of the extended one."""
         self.request(f"session {session.name.lower()}", ANYWHERE, lambda: self._go(session))
 
     def _go(self, session: Session) -> None:
@@ -168,7 +157,7 @@ class Conversation:
         self.session = session
 
     def forget_session(self) -> None:
-        """Take note that the computer is in the default session, and locked."""
+        """Record that the computer is in the default session, and locked."""
         self.session, self._is_unlocked = Session.DEFAULT, False
 
     @property
@@ -177,7 +166,7 @@ class Conversation:
         return self._is_unlocked
 
     def unlock(self) -> None:
-        """Pass SecurityAccess, in the extended session if the present one has none."""
+        """Unlock by SecurityAccess; enter the extended session if the active one lacks it."""
         self.is_securing = True
         wanted = table.service(0x27).access
         self.request("security access", Access(wanted.sessions, secured=True), lambda: None)
@@ -188,7 +177,7 @@ class Conversation:
         self._is_unlocked = True
 
     def _provide(self, wanted: Access) -> None:
-        """Go where something can be had, and unlock if it needs that and the user wants it."""
+        """Enter the session that a request needs, and unlock if needed and allowed."""
         if not wanted.allows_in(self.session):
             extended = wanted.allows_in(Session.EXTENDED)
             self._go(Session.EXTENDED if extended else Session.PROGRAMMING)
@@ -196,7 +185,7 @@ class Conversation:
             self._pass_security()
 
     def keep(self) -> None:
-        """Keep the session, without waiting for an answer."""
+        """Keep the session alive, without waiting for a response."""
         with self.lock:
             if self.session == Session.DEFAULT:
                 self.connection.drain()
@@ -205,7 +194,7 @@ class Conversation:
                 self.client.tester_present()
 
     def pass_time(self, seconds: float) -> None:
-        """Let time go on, and keep the session."""
+        """Let time pass, and keep the session alive."""
         left = seconds
         while left > 0:
             self.connection.pass_time(min(left, PRESENCE_S))
@@ -223,27 +212,29 @@ class Conversation:
         is_repeatable: bool = True,
         advice: Callable[[int], str] | None = None,
     ) -> _T:
-        """Do something in the session it needs; once more where that was lost.
+        """Make a request in the session it needs; repeat it if the session was lost.
 
         Parameters
         ----------
         what : str
-            For errors.
+            Name of the request, for errors.
         wanted : Access
         call : callable
         lost : sequence of int
-            Negative responses that a lost session has.
+            Negative responses that indicate a lost session.
         is_repeatable : bool
-            Whether it does no harm to do it twice.
+            Whether the request can safely be repeated.
         advice : callable, optional
             Returns what to do about a negative response.
 
         Raises
         ------
         NegativeResponseError
+            If the computer refuses.
         NoAnswerError
+            If the computer does not answer.
         BusError
-            When the bus came to its end.
+            If the bus has ended.
         """
         with self.lock:
             for _ in range(_ATTEMPTS):
@@ -263,13 +254,13 @@ class Conversation:
             raise refusal(failure.what, failure.code, words) from failure
 
     def _is_lost(self, code: int, lost: Sequence[int]) -> bool:
-        """Return whether a negative response is due to a session that was thought to be there."""
+        """Return whether a negative response means that the assumed session was lost."""
         if code not in lost or self.session == Session.DEFAULT:
             return False
         return self._is_unlocked or code != Code.SECURITY_ACCESS_DENIED
 
     def _carry_out(self, what: str, call: Callable[[], _T], is_repeatable: bool = True) -> _T:
-        """Ask, and ask again where the answer got lost or the computer was busy."""
+        """Send a request; repeat it if the response was lost or the computer was busy."""
         last: Exception | None = None
         for _ in range(_ATTEMPTS):
             try:
@@ -290,7 +281,7 @@ class Conversation:
                     break
                 self.connection.pass_time(_PAUSE_S)
             except (InvalidResponseException, UnexpectedResponseException) as error:
-                last = error  # an answer to a request before that came late
+                last = error  # a late response to an earlier request
                 if not is_repeatable:
                     break
             else:
@@ -306,17 +297,15 @@ class Conversation:
         if isinstance(last, NegativeResponseException):
             return refusal(what, Code.BUSY_REPEAT_REQUEST)
         if not isinstance(last, TimeoutException):
-            return DiagError(f"bus {where}: {what}: the answer makes no sense: {last}")
+            return DiagError(f"bus {where}: {what}: invalid response: {last}")
         if self._has_answered:
-            return NoAnswerError(
-                f"bus {where}: {what}: the navigation computer does not answer any more"
-            )
+            return NoAnswerError(f"bus {where}: {what}: the navigation computer no longer answers")
         asked = f"nobody answers diagnostic requests (0x{table.request_id():03X})"
         if self.connection.hears_others():
             return NoAnswerError(
-                f"bus {where}: {asked}, though others are heard; does `rrins firmware` run?"
+                f"bus {where}: {asked}, but there is traffic; is `rrins firmware` running?"
             )
         return NoAnswerError(
-            f"bus {where}: {asked}, and nothing else is heard; is a rehearsal under way, or does "
-            "another tool hold it?"
+            f"bus {where}: {asked}, and there is no traffic; is a rehearsal running, or is another "
+            "tool holding it up?"
         )

@@ -1,4 +1,4 @@
-"""The RAM image's fields: where they are, and what bytes of them say."""
+"""Fields of the RAM image: their addresses and values."""
 
 from __future__ import annotations
 
@@ -7,12 +7,14 @@ from typing import Any
 
 import numpy as np
 
-from firmware_py.diagnostics import table
-from firmware_py.diagnostics.regions import Region
+from rrins.firmware_py.diagnostics import table
+from rrins.firmware_py.diagnostics.regions import Region
+
+_Dtype = np.dtype[Any]  # of a record, an array or a number
 
 
 class MemoryPathError(ValueError):
-    """There is no such part of the RAM image."""
+    """The RAM image has no such part."""
 
 
 def part_of(path: str) -> Region:
@@ -21,6 +23,7 @@ def part_of(path: str) -> Region:
     Raises
     ------
     MemoryPathError
+        If there is no such part.
     """
     whole = table.regions()[0]
     if path == whole.name:
@@ -32,22 +35,22 @@ def part_of(path: str) -> Region:
     return Region(path, address, dtype.itemsize, whole.access, dtype)
 
 
-def _below(dtype: np.dtype[Any], step: str, path: str) -> tuple[int, np.dtype[Any]]:
+def _below(dtype: _Dtype, step: str, path: str) -> tuple[int, _Dtype]:
     if dtype.subdtype is not None:
         base, shape = dtype.subdtype
         inner = base if len(shape) == 1 else np.dtype((base, shape[1:]))
         if step.isdigit() and int(step) < shape[0]:
             return int(step) * inner.itemsize, inner
-        raise MemoryPathError(f"memory {path}: {step!r} is no index from 0 to {shape[0] - 1}")
+        raise MemoryPathError(f"memory {path}: {step!r} is not an index from 0 to {shape[0] - 1}")
     if dtype.fields is None or step not in dtype.fields:
-        there = ", ".join(dtype.names or ()) or "nothing below"
-        raise MemoryPathError(f"memory {path}: there is no {step!r}; there is: {there}")
+        there = ", ".join(dtype.names or ()) or "none"
+        raise MemoryPathError(f"memory {path}: there is no {step!r}; fields: {there}")
     inner, offset = dtype.fields[step][:2]
     return int(offset), inner
 
 
 def paths_below(begun: str) -> list[str]:
-    """Return the paths that begin like this, one step down."""
+    """Return the paths that start with `begun`, one level down."""
     above, _, name = begun.rpartition(".")
     try:
         dtype = part_of(above).dtype if above else table.regions()[0].dtype
@@ -61,12 +64,12 @@ def paths_below(begun: str) -> list[str]:
 
 
 def leaves(part: Region, data: bytes) -> Iterator[tuple[str, Any]]:
-    """Yield path and value of each field in the bytes of a part; rows of numbers as lists."""
+    """Yield path and value of each field in the bytes of a part; arrays of numbers as lists."""
     value = np.frombuffer(data, dtype=np.dtype([("it", part.dtype)]))[0]["it"]
     yield from _leaves(part.name, value, part.dtype)
 
 
-def _leaves(path: str, value: Any, dtype: np.dtype[Any]) -> Iterator[tuple[str, Any]]:
+def _leaves(path: str, value: Any, dtype: _Dtype) -> Iterator[tuple[str, Any]]:
     if dtype.names is not None:
         for name in dtype.names:
             inner = dtype.fields[name][0] if dtype.fields is not None else dtype
@@ -79,7 +82,7 @@ def _leaves(path: str, value: Any, dtype: np.dtype[Any]) -> Iterator[tuple[str, 
 
 
 def dump(address: int, data: bytes) -> Iterator[str]:
-    """Yield lines of a hexadecimal dump, sixteen bytes each."""
+    """Yield the lines of a hex dump, sixteen bytes each."""
     for start in range(0, len(data), 16):
         row = data[start : start + 16]
         text = "".join(chr(one) if 32 <= one < 127 else "." for one in row)

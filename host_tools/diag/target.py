@@ -1,4 +1,4 @@
-"""Which navigation computer is meant, and how to get onto its bus."""
+"""The navigation computer to diagnose, and how to connect to its bus."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from typing import Literal
 
 import can
 
-from host_tools.bus.interface import RrinsBus
-from host_tools.bus.pace import runs_ahead
-from host_tools.diag.connection import Connection, KernelConnection, LibraryConnection
-from host_tools.diag.medium import EmbeddedMedium, MessageMedium
-from host_tools.errors import BusError
-from host_tools.port import EMBEDDED, Address, open_bus
+from rrins.host_tools.bus.interface import RrinsBus
+from rrins.host_tools.bus.pace import runs_ahead
+from rrins.host_tools.bus.port import EMBEDDED, Address, open_bus
+from rrins.host_tools.diag.connection import Connection, KernelConnection, LibraryConnection
+from rrins.host_tools.diag.transport import EmbeddedTransport, MessageTransport
+from rrins.host_tools.errors import BusError
 
 DEFAULT_CHANNEL = "rrins0"
 DEFAULT_TIMEOUT_S = 2.0
@@ -34,9 +34,9 @@ class Target:
     channel : str or None
     bitrate : int or None
     transport : {"library", "kernel"}
-        Who does ISO-TP: can-isotp, or the kernel's sockets.
+        ISO-TP implementation: can-isotp or kernel sockets.
     timeout_s : float
-        How long a response may take.
+        Response timeout.
     """
 
     interface: str = EMBEDDED
@@ -52,36 +52,35 @@ class Target:
         Raises
         ------
         BusError
-            When an interface other than the embedded one is named without a channel.
+            If an interface other than the embedded one has no channel.
         """
         if self.channel is None and self.interface != EMBEDDED:
             raise BusError(f"interface {self.interface}: needs a --channel, such as vcan0 or can0")
         return Address(self.interface, self.channel or DEFAULT_CHANNEL, self.bitrate)
 
     def connect(self) -> Connection:
-        """Get onto the bus.
+        """Connect to the bus.
 
         Raises
         ------
         BusError
+            If the bus cannot be opened.
         """
         address = self.address
         if self.transport == "kernel":
             if address.interface != "socketcan":
-                raise BusError(
-                    f"bus {address}: --transport kernel is for --interface socketcan only"
-                )
+                raise BusError(f"bus {address}: --transport kernel needs --interface socketcan")
             return KernelConnection(address.channel, str(address))
         if address.is_embedded:
             return LibraryConnection(_embedded(address, self.timeout_s), str(address))
-        return LibraryConnection(MessageMedium(open_bus(address)), str(address))
+        return LibraryConnection(MessageTransport(open_bus(address)), str(address))
 
 
-def _embedded(address: Address, timeout_s: float) -> EmbeddedMedium:
+def _embedded(address: Address, timeout_s: float) -> EmbeddedTransport:
     """Attach to the embedded bus: as an observer, or in step with a rehearsal in lockstep.
 
-    A rehearsal that runs faster than real time would have timed out every session before the next
-    request. It waits for what is attached in step, and so keeps to the tool's pace.
+    If a rehearsal ran faster than real time, every session would time out before the next request.
+    A rehearsal waits for clients attached in step, so it keeps the tool's pace.
     """
     bus = _attach(address, role="observer")
     try:
@@ -90,18 +89,18 @@ def _embedded(address: Address, timeout_s: float) -> EmbeddedMedium:
         bus.shutdown()
         raise BusError(f"bus {address}: {error}") from error
     if not is_ahead:
-        return EmbeddedMedium(bus, keeps_pace=False)
+        return EmbeddedTransport(bus, keeps_pace=False)
     bus.shutdown()
-    medium = EmbeddedMedium(_attach(address, in_step=True), keeps_pace=True)
+    medium = EmbeddedTransport(_attach(address, in_step=True), keeps_pace=True)
     try:
-        medium.receive(_FIRST_S)  # from then on it knows the time
+        medium.receive(_FIRST_S)  # the first batch sets the time
     except can.CanError as error:
         medium.close()
         raise BusError(f"bus {address}: {error}") from error
     return medium
 
 
-def _attach(address: Address, **wishes: object) -> RrinsBus:
-    bus = open_bus(address, host="never", name=_NAME, **wishes)
+def _attach(address: Address, **options: object) -> RrinsBus:
+    bus = open_bus(address, host="never", name=_NAME, **options)
     assert isinstance(bus, RrinsBus)
     return bus

@@ -1,4 +1,4 @@
-"""What can be asked of the navigation computer, in terms of the table."""
+"""Requests to the navigation computer, in terms of the diagnostic table."""
 
 from __future__ import annotations
 
@@ -8,23 +8,25 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
-from udsoncan import DataFormatIdentifier, MemoryLocation
+from udsoncan import DataFormatIdentifier, Dtc, MemoryLocation
 
-from firmware_py.diagnostics import access, table
-from firmware_py.diagnostics.codecs import Values
-from firmware_py.diagnostics.data import DataIdentifier
-from firmware_py.diagnostics.identifiers import IOControl
-from firmware_py.diagnostics.parameters import ACCELEROMETER_CALIBRATIONS, GYRO_CALIBRATIONS
-from firmware_py.diagnostics.regions import CALIBRATION_ADDRESS, CALIBRATION_CAPACITY
-from firmware_py.diagnostics.responses import Code
-from firmware_py.diagnostics.routines import Routine
-from firmware_py.diagnostics.troubles import ALL_GROUPS, ALL_RECORDS, Trouble
-from firmware_py.modes import Mode
-from host_tools.diag.conversation import LOST_SESSION, Conversation
-from host_tools.errors import DiagError
+from rrins.firmware_py.core.modes import Mode
+from rrins.firmware_py.core.troubles import ALL_GROUPS, ALL_RECORDS, Trouble
+from rrins.firmware_py.diagnostics import access, table
+from rrins.firmware_py.diagnostics.codecs import Value, Values
+from rrins.firmware_py.diagnostics.data_identifier import DataIdentifier
+from rrins.firmware_py.diagnostics.identifiers import IOControl
+from rrins.firmware_py.diagnostics.parameters import ACCELEROMETER_CALIBRATIONS, GYRO_CALIBRATIONS
+from rrins.firmware_py.diagnostics.regions import CALIBRATION_ADDRESS, CALIBRATION_CAPACITY
+from rrins.firmware_py.diagnostics.responses import Code
+from rrins.firmware_py.diagnostics.routines import Routine
+from rrins.host_tools.closing import Closing
+from rrins.host_tools.diag.conversation import LOST_SESSION, Conversation
+from rrins.host_tools.diag.target import Target
+from rrins.host_tools.errors import DiagError
 
 MOST_AT_ONCE = 16
-"""Data identifiers in one request."""
+"""Most data identifiers in one request."""
 
 _LONGEST = 4000  # bytes of data in a response
 _BLOCK_OVERHEAD = 2  # bytes of a TransferData before its data
@@ -40,13 +42,13 @@ Advice = Callable[[int], str]
 
 
 @dataclass(frozen=True)
-class Found:
-    """A trouble code as the computer has it.
+class TroubleReport:
+    """A trouble code as reported by the computer.
 
     Attributes
     ----------
     trouble : Trouble or None
-        None where the table does not have the number.
+        None if the number is not in the table.
     number : int
     status : int
         Its status byte.
@@ -57,14 +59,45 @@ class Found:
     status: int
 
 
-class Tester(Conversation):
+class Tester(Closing):
     """Somebody who reads, writes and starts what the table describes.
 
-    Takes what a `Conversation` takes. Everything raises what `Conversation.request` does.
+    Everything raises what `Conversation.request` does.
+
+    Parameters
+    ----------
+    target : Target
+    is_securing : bool
+        Whether to pass SecurityAccess where it is needed.
+    secret : bytes
+        Of the computer.
+
+    Attributes
+    ----------
+    conversation : Conversation
+        The session, and the connection under it.
+
+    Raises
+    ------
+    BusError
+        When the bus cannot be had.
     """
 
+    def __init__(
+        self,
+        target: Target,
+        is_securing: bool = False,
+        secret: bytes = access.DEFAULT_SECRET,
+    ) -> None:
+        self.conversation = Conversation(target, is_securing, secret)
+        self._client = self.conversation.client
+
+    def close(self) -> None:
+        """Leave the bus."""
+        self.conversation.close()
+
     def has(self, dids: Iterable[DataIdentifier]) -> list[DataIdentifier]:
-        """Return those that this computer has: not the calibration of a ninth sensor of four."""
+        """Return the identifiers that this computer has; no calibration of absent sensors."""
         sensors = self.read([table.identifier("sensors")])["sensors"]
         gyros, accelerometers = sensors["gyros"], sensors["accelerometers"]
         assert isinstance(gyros, int)
@@ -80,32 +113,32 @@ class Tester(Conversation):
             what = "read " + ", ".join(did.name for did in some)
             rights = (did.read for did in some if did.read != access.ANYWHERE)
             wanted = next(rights, access.ANYWHERE)
-            response = self.request(
+            response = self.conversation.request(
                 what,
                 wanted,
-                partial(self.client.read_data_by_identifier, numbers),
-                advice=_in_range("see `rrins diag did list`"),
+                partial(self._client.read_data_by_identifier, numbers),
+                advice=_range_advice("see `rrins diag did list`"),
             )
             values = response.service_data.values
             found.update({did.name: values[did.number] for did in some})
         return found
 
     def write(self, did: DataIdentifier, values: Values) -> None:
-        """Write a parameter; in force from the next reset on."""
+        """Write a parameter; takes effect at the next reset."""
         assert did.write is not None
-        self.request(
+        self.conversation.request(
             f"write {did.name}",
             did.write,
-            lambda: self.client.write_data_by_identifier(did.number, values),
+            lambda: self._client.write_data_by_identifier(did.number, values),
         )
 
     def control(self, did: DataIdentifier, how: IOControl, values: Values | None = None) -> Values:
-        """Take an output, or give it back; return its values then."""
+        """Take control of an output or return it; return its resulting values."""
         assert did.control is not None
-        response = self.request(
+        response = self.conversation.request(
             f"control {did.name}",
             did.control,
-            lambda: self.client.io_control(did.number, int(how), values=values),
+            lambda: self._client.io_control(did.number, int(how), values=values),
             advice=self._mode_advice(did.text),
         )
         decoded: Values = response.service_data.decoded_data
@@ -117,20 +150,20 @@ class Tester(Conversation):
                 return ""
             did = table.identifier("mode")
             mode = did.layout.named(self.read([did])["mode"])["mode"]
-            return f"the mode is {mode}; allowed: {_about_modes(text)}"
+            return f"the mode is {mode}; allowed: {_mode_sentence(text)}"
 
         return advice
 
     # ---- routines
 
-    def start(self, routine: Routine, arguments: Mapping[str, Any]) -> Values:
+    def start(self, routine: Routine, arguments: Mapping[str, Value]) -> Values:
         """Start a routine; return its results so far."""
         data = routine.argument_layout.encode(arguments) if routine.arguments else None
         return self._routine(
             routine,
             "start",
-            lambda: self.client.start_routine(routine.number, data),
-            "it runs already",
+            lambda: self._client.start_routine(routine.number, data),
+            "it is already running",
         )
 
     def stop(self, routine: Routine) -> Values:
@@ -138,8 +171,8 @@ class Tester(Conversation):
         return self._routine(
             routine,
             "stop",
-            lambda: self.client.stop_routine(routine.number),
-            "it does not run",
+            lambda: self._client.stop_routine(routine.number),
+            "it is not running",
         )
 
     def result(self, routine: Routine) -> Values:
@@ -147,8 +180,8 @@ class Tester(Conversation):
         return self._routine(
             routine,
             "result",
-            lambda: self.client.get_routine_result(routine.number),
-            "it was not started since power-on",
+            lambda: self._client.get_routine_result(routine.number),
+            "it has not been started since power-on",
         )
 
     def _routine(
@@ -159,7 +192,7 @@ class Tester(Conversation):
         def advice(code: int) -> str:
             return sequence if code == Code.REQUEST_SEQUENCE_ERROR else by_mode(code)
 
-        response = self.request(
+        response = self.conversation.request(
             f"routine {what} {routine.name}",
             routine.access,
             call,
@@ -170,28 +203,28 @@ class Tester(Conversation):
 
     # ---- trouble codes
 
-    def troubles(self, mask: int) -> list[Found]:
-        """Return the trouble codes of which one of the status bits is set."""
-        response = self.request(
+    def troubles(self, mask: int) -> list[TroubleReport]:
+        """Return the trouble codes with any of these status bits set."""
+        response = self.conversation.request(
             "dtc read",
             table.service(0x19).access,
-            lambda: self.client.get_dtc_by_status_mask(mask),
+            lambda: self._client.get_dtc_by_status_mask(mask),
         )
-        return [_found(dtc) for dtc in response.service_data.dtcs]
+        return [_trouble_report(dtc) for dtc in response.service_data.dtcs]
 
-    def all_troubles(self) -> list[Found]:
-        """Return all trouble codes that the computer can find."""
-        response = self.request(
-            "dtc read", table.service(0x19).access, self.client.get_supported_dtc
+    def all_troubles(self) -> list[TroubleReport]:
+        """Return all trouble codes that the computer supports."""
+        response = self.conversation.request(
+            "dtc read", table.service(0x19).access, self._client.get_supported_dtc
         )
-        return [_found(dtc) for dtc in response.service_data.dtcs]
+        return [_trouble_report(dtc) for dtc in response.service_data.dtcs]
 
     def snapshots(self, number: int) -> dict[int, dict[str, Values]]:
-        """Return a trouble code's freeze frames: values by identifier, by record."""
-        response = self.request(
+        """Return a trouble code's freeze frames: values by record number and identifier."""
+        response = self.conversation.request(
             f"dtc 0x{number:06X}",
             table.service(0x19).access,
-            lambda: self.client.get_dtc_snapshot_by_dtc_number(number, ALL_RECORDS),
+            lambda: self._client.get_dtc_snapshot_by_dtc_number(number, ALL_RECORDS),
         )
         found: dict[int, dict[str, Values]] = {}
         for dtc in response.service_data.dtcs:
@@ -202,10 +235,10 @@ class Tester(Conversation):
 
     def extended_data(self, number: int) -> Values:
         """Return a trouble code's counters."""
-        response = self.request(
+        response = self.conversation.request(
             f"dtc 0x{number:06X}",
             table.service(0x19).access,
-            lambda: self.client.get_dtc_extended_data_by_dtc_number(number, ALL_RECORDS),
+            lambda: self._client.get_dtc_extended_data_by_dtc_number(number, ALL_RECORDS),
         )
         found: Values = {}
         for dtc in response.service_data.dtcs:
@@ -214,30 +247,34 @@ class Tester(Conversation):
         return found
 
     def clear(self, number: int = ALL_GROUPS) -> None:
-        """Clear a trouble code, or all."""
-        self.request("dtc clear", table.service(0x14).access, lambda: self.client.clear_dtc(number))
+        """Clear one trouble code, or all."""
+        self.conversation.request(
+            "dtc clear", table.service(0x14).access, lambda: self._client.clear_dtc(number)
+        )
 
     # ---- memory, reset
 
     def read_memory(self, address: int, size: int) -> bytes:
-        """Read the RAM image."""
+        """Return bytes of the RAM image."""
         parts = []
         for start in range(address, address + size, _LONGEST):
             length = min(_LONGEST, address + size - start)
             location = MemoryLocation(start, length, 32, 16)
-            response = self.request(
+            response = self.conversation.request(
                 f"memory read 0x{start:06X}",
                 table.service(0x23).access,
-                partial(self.client.read_memory_by_address, location),
-                advice=_in_range("see `rrins diag memory list`"),
+                partial(self._client.read_memory_by_address, location),
+                advice=_range_advice("see `rrins diag memory list`"),
             )
             parts.append(bytes(response.service_data.memory_block))
         return b"".join(parts)
 
     def reset(self, kind: int) -> None:
-        """Power the computer on anew."""
-        self.request("reset", table.service(0x11).access, lambda: self.client.ecu_reset(kind))
-        self.forget_session()
+        """Reset the computer."""
+        self.conversation.request(
+            "reset", table.service(0x11).access, lambda: self._client.ecu_reset(kind)
+        )
+        self.conversation.forget_session()
 
     # ---- the calibration file
 
@@ -247,53 +284,55 @@ class Tester(Conversation):
         Raises
         ------
         DiagError
-            When its CRC does not hold.
+            If its CRC is wrong.
         """
-        return self.request(
+        return self.conversation.request(
             "calibration pull",
             table.service(0x35).access,
             self._pull,
             lost=_LOST_TRANSFER,
-            advice=_about_transfers,
+            advice=_transfer_advice,
         )
 
     def _pull(self) -> bytes:
         did = table.identifier("calibration_file")
-        told = self.client.read_data_by_identifier(did.number).service_data.values[did.number]
+        description = self._client.read_data_by_identifier(did.number).service_data.values[
+            did.number
+        ]
         location = MemoryLocation(CALIBRATION_ADDRESS, CALIBRATION_CAPACITY, 32, 32)
-        self.client.request_upload(location, DataFormatIdentifier())
+        self._client.request_upload(location, DataFormatIdentifier())
         file = b""
         counter = 0
-        while len(file) < told["length"]:
+        while len(file) < description["length"]:
             counter += 1
-            block = self.client.transfer_data(counter & 0xFF)
+            block = self._client.transfer_data(counter & 0xFF)
             file += block.service_data.parameter_records
-        crc = bytes(self.client.request_transfer_exit().service_data.parameter_records)
+        crc = bytes(self._client.request_transfer_exit().service_data.parameter_records)
         if int.from_bytes(crc, "big") != zlib.crc32(file):
-            raise DiagError("calibration pull: what came has another CRC; try again")
+            raise DiagError("calibration pull: the received file has a wrong CRC; try again")
         return file
 
     def push(self, file: bytes) -> None:
-        """Put a calibration file in place of all parameters; in force from the next reset on."""
-        self.request(
+        """Replace all parameters by a calibration file; takes effect at the next reset."""
+        self.conversation.request(
             "calibration push",
             table.service(0x34).access,
             lambda: self._push(file),
             lost=_LOST_TRANSFER,
-            advice=_about_transfers,
+            advice=_transfer_advice,
         )
 
     def _push(self, file: bytes) -> None:
         location = MemoryLocation(CALIBRATION_ADDRESS, len(file), 32, 32)
-        accepted = self.client.request_download(location, DataFormatIdentifier())
+        accepted = self._client.request_download(location, DataFormatIdentifier())
         block = accepted.service_data.max_length - _BLOCK_OVERHEAD
         for counter, start in enumerate(range(0, len(file), block), 1):
-            self.client.transfer_data(counter & 0xFF, file[start : start + block])
-        self.client.request_transfer_exit(zlib.crc32(file).to_bytes(4, "big"))
+            self._client.transfer_data(counter & 0xFF, file[start : start + block])
+        self._client.request_transfer_exit(zlib.crc32(file).to_bytes(4, "big"))
 
 
 def _portions(dids: Sequence[DataIdentifier]) -> Iterator[list[DataIdentifier]]:
-    """Yield identifiers as many at a time as a request and its response hold."""
+    """Yield the identifiers in groups that fit into a request and its response."""
     some: list[DataIdentifier] = []
     size = 0
     for did in dids:
@@ -307,23 +346,21 @@ def _portions(dids: Sequence[DataIdentifier]) -> Iterator[list[DataIdentifier]]:
         yield some
 
 
-def _found(dtc: Any) -> Found:
-    return Found(table.TROUBLE_BY_NUMBER.get(dtc.id), dtc.id, dtc.status.get_byte_as_int())
+def _trouble_report(dtc: Dtc) -> TroubleReport:
+    return TroubleReport(table.TROUBLE_BY_NUMBER.get(dtc.id), dtc.id, dtc.status.get_byte_as_int())
 
 
-def _in_range(words: str) -> Advice:
+def _range_advice(words: str) -> Advice:
     return lambda code: words if code == Code.REQUEST_OUT_OF_RANGE else ""
 
 
-def _about_transfers(code: int) -> str:
+def _transfer_advice(code: int) -> str:
     is_busy = code == Code.CONDITIONS_NOT_CORRECT
-    return (
-        "another transfer is under way; try again in 5 s, when it has timed out" if is_busy else ""
-    )
+    return "another transfer is active; try again in 5 s, when it has timed out" if is_busy else ""
 
 
-def _about_modes(text: str) -> str:
-    """Return the sentence of a description that names modes."""
+def _mode_sentence(text: str) -> str:
+    """Return the sentence in a description that names modes."""
     for sentence in text.split(". "):
         if any(mode.name in sentence for mode in Mode):
             return sentence.removesuffix(".")

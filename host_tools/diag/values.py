@@ -1,44 +1,44 @@
-"""Values of the table as text, and text as values."""
+"""Conversion of diagnostic values to and from text."""
 
 from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
 
-from firmware_py.diagnostics.codecs import Field, Layout, Value, ValueRangeError, Values
+from rrins.firmware_py.diagnostics.codecs import Field, Layout, Value, ValueRangeError, Values
+from rrins.host_tools.files import JsonObject
 
-_LIKE = 3  # so many equal values at the end are shown as one
+_REPEATED = 3  # from this many equal values at the end, show only one
 _DIGITS = {"f32": 7, "f64": 10}
 
 
 class AssignmentError(ValueError):
-    """Text that is no value of a field."""
+    """Text that is not a valid value of a field."""
 
 
-def shown(field: Field, value: Value) -> str:
-    """Return a value as it is shown: with names for numbers, without its unit."""
+def value_text(field: Field, value: Value) -> str:
+    """Return a value as text: with names for numbers, without its unit."""
     if isinstance(value, tuple):
-        return _row([shown(field, one) for one in value])
+        return _row_text([value_text(field, one) for one in value])
     named = field.named(value)
     if isinstance(named, float):
         return f"{named:.{_DIGITS[field.format]}g}"
     return str(named)
 
 
-def _row(texts: Sequence[str]) -> str:
-    """Return values in a row; what is equal at its end is shown once."""
+def _row_text(texts: Sequence[str]) -> str:
+    """Return the values of an array as text; equal values at its end are shown once."""
     last = len(texts)
     while last > 0 and texts[last - 1] == texts[-1]:
         last -= 1
     equal = len(texts) - last
-    if equal < _LIKE:
+    if equal < _REPEATED:
         return ", ".join(texts)
     return ", ".join([*texts[:last], f"{texts[-1]} (×{equal})"])
 
 
 def limits_of(field: Field) -> str:
-    """Return what may be written, such as ``0 … 10 s``."""
+    """Return the allowed values, such as ``0 … 10 s``."""
     if field.choices is not None:
         return ", ".join(choice.name for choice in field.choices)
     if field.minimum is None or field.maximum is None:
@@ -46,15 +46,15 @@ def limits_of(field: Field) -> str:
     return f"{field.minimum:.10g} … {field.maximum:.10g} {field.unit}".rstrip()
 
 
-def plain(layout: Layout, values: Mapping[str, Value]) -> dict[str, Any]:
-    """Return values for JSON: names for numbers that have one, lists for rows."""
+def to_json(layout: Layout, values: Mapping[str, Value]) -> JsonObject:
+    """Return values for JSON: names for numbers that have one, lists for arrays."""
     named = layout.named(dict(values))
     return {
         name: list(value) if isinstance(value, tuple) else value for name, value in named.items()
     }
 
 
-def assigned(
+def parse_values(
     fields: Iterable[Field], texts: Sequence[str], current: Mapping[str, Value] | None = None
 ) -> Values:
     """Return the values that ``FIELD=VALUE`` texts give.
@@ -62,20 +62,20 @@ def assigned(
     Parameters
     ----------
     fields : iterable of Field
-        A single field needs no name: ``VALUE`` alone is its.
+        A single field needs no name: ``VALUE`` suffices.
     texts : sequence of str
-        A row is written with commas; the first of more values may be given alone.
+        Values of an array are separated by commas; trailing ones may be omitted.
     current : dict, optional
-        What fields have that are not named; without it, each has to be.
+        Values of the omitted fields; without it, all fields are required.
 
     Raises
     ------
     AssignmentError
-        One line: which text is wrong, and what may be written.
+        If a text is invalid; the message, one line, names it and what is allowed.
     """
     by_name = {field.name: field for field in fields}
     if texts and not by_name:
-        raise AssignmentError(f"{texts[0]!r} is too much: nothing is to be given")
+        raise AssignmentError(f"unexpected {texts[0]!r}: there are no fields")
     values: Values = dict(current or {})
     given: set[str] = set()
     for text in texts:
@@ -113,20 +113,20 @@ def _parsed(field: Field, text: str, current: Value | None) -> Value:
     if field.count == 1 and len(numbers) == 1:
         return numbers[0]
     if len(numbers) > field.count:
-        raise ValueRangeError(f"{field.name}: {len(numbers)} values, there are {field.count}")
+        raise ValueRangeError(f"{field.name}: {len(numbers)} values, at most {field.count} allowed")
     if len(numbers) < field.count and not isinstance(current, tuple):
-        raise ValueRangeError(f"{field.name}: {len(numbers)} values, {field.count} are needed")
+        raise ValueRangeError(f"{field.name}: {len(numbers)} values, needs {field.count}")
     rest = current[len(numbers) :] if isinstance(current, tuple) else ()
     return (*numbers, *rest)
 
 
 def _number(field: Field, text: str) -> int | float:
-    """Return a number that may be written.
+    """Return a valid number.
 
     Raises
     ------
     ValueRangeError
-        One line, with what is allowed.
+        If it is invalid; the message, one line, says what is allowed.
     """
     allowed = limits_of(field)
     if field.choices is not None:

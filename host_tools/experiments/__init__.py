@@ -1,1 +1,1 @@
-"""The paper's experiments, run and set beside its figures."""
+"""Reproduces the paper's experiments and compares the results with its figures."""

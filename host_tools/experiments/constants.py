@@ -1,20 +1,21 @@
-"""Sets of constants for sensors whose real ones are unknown, drawn over seeds.
+"""Sets of sensor constants, drawn over seeds because the real ones are unknown.
 
-Bias repeatability and bias instability are table 2's, drawn by the hardware at each power-up; what
-hinges on the set are scale factor and installation errors, which the table bounds or does not have.
+Bias repeatability and bias instability are those of table 2, drawn by the hardware at each
+power-up. A set determines the scale factor and installation errors, which the table only bounds or
+omits.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import product
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
-from host_tools.scenario import Scenario
+from rrins.host_tools.scenario.scenario import Scenario
 
-_STREAM = 7  # apart from the hardware's own draws of the same seed
+_STREAM = 7  # independent of the hardware's own draws with the same seed
 _ACCELEROMETER_SHARE = 30 / 50  # table 2: scale factor repeatability of 30 ppm against 50 ppm
 
 
@@ -25,12 +26,12 @@ class ConstantSet:
     Attributes
     ----------
     scale_ppm : float
-        Of the gyros' symmetric and asymmetric scale factor errors; the accelerometers' are 30/50
-        of it, as in table 2.
+        For the gyros' symmetric and asymmetric scale factor errors; the accelerometers' are 30/50
+        of these, as in table 2.
     installation_arcsec : float
-        Of δu and δv.
+        For δu and δv.
     biases : float
-        Factor on repeatability and stability of table 2.
+        Factor applied to the repeatability and stability of table 2.
     """
 
     scale_ppm: float
@@ -44,9 +45,9 @@ class ConstantSet:
         return words if self.biases == 1 else f"{words}, biases × {self.biases:g}"
 
     def drawn(self, scenario: Scenario, seed: int) -> Scenario:
-        """Return a scenario with constants of this set, drawn for a seed."""
+        """Return the scenario with constants drawn from this set for a seed."""
         rng = np.random.default_rng([seed, _STREAM])
-        changes: dict[str, Any] = {"seed": seed}
+        changes: dict[str, float | tuple[float, ...]] = {"seed": seed}
         for kind, share in (("gyros", 1.0), ("accelerometers", _ACCELEROMETER_SHARE)):
             count = len(getattr(scenario.rimu, kind))
             draws = rng.standard_normal((4, count))
@@ -69,7 +70,7 @@ class ConstantSet:
     def _with_biases(self, scenario: Scenario) -> Scenario:
         if self.biases == 1:
             return scenario
-        changes: dict[str, Any] = {}
+        changes: dict[str, float | tuple[float, ...]] = {}
         for kind, unit in (("gyros", "dph"), ("accelerometers", "ug")):
             for what in ("repeatability", "instability"):
                 key = f"bias_{what}_{unit}"
@@ -83,4 +84,4 @@ SETS: Final = tuple(ConstantSet(*pair) for pair in product((0.0, 50.0), (0.0, 10
 """The sets that the report compares."""
 
 REFERENCE: Final = SETS[4]
-"""The set that stands for the prototype where one is to: table 2's bounds, 10″."""
+"""The set that represents the prototype where a single one is needed: table 2's bounds, 10″."""

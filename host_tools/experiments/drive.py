@@ -1,7 +1,7 @@
-"""Section 4.5: a moving vehicle, strapdown and rotating, the error of the end point.
+"""Section 4.5: end point error of a moving vehicle, strapdown and rotating.
 
-The paper's motion is not published. Each seed drives another synthetic route; a recorded motion
-can be given beside.
+The paper's motion is not published. Each seed drives a different synthetic route; a recorded motion
+can be added.
 """
 
 from __future__ import annotations
@@ -9,32 +9,32 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
-from host_tools.experiments.constants import SETS, ConstantSet
-from host_tools.experiments.figures import draw_bands, draw_track
-from host_tools.experiments.fleet import Fleet
-from host_tools.experiments.results import (
+from rrins.host_tools.experiments.constants import SETS, ConstantSet
+from rrins.host_tools.experiments.figures import draw_bands, draw_track
+from rrins.host_tools.experiments.fleet import Fleet
+from rrins.host_tools.experiments.sections import (
     Distribution,
-    Grid,
+    FigureRow,
     Picture,
-    Row,
+    PictureGrid,
     Section,
     figure,
 )
-from host_tools.motion.trajectory import PLACE
-from host_tools.outfit import trajectory_of
-from host_tools.results import Errors, east_north_m
-from host_tools.scenario import Scenario, load
+from rrins.host_tools.motion.trajectory import PLACE
+from rrins.host_tools.runs.results import Errors, east_north_m
+from rrins.host_tools.runs.settings import trajectory_of
+from rrins.host_tools.scenario.scenario import Scenario, load
 
 EXPERIMENT: Final = "drive"
 RATE_HZ: Final = 50
 _SAMPLE_S = 1.0
 _NAMES = ("drive_strapdown", "drive_rotating")
 _WAYS = ("strapdown", "rotating")
-_VARIANTS: Final[dict[str, dict[str, Any]]] = {
+_VARIANTS: Final[dict[str, dict[str, float | str | dict[str, str]]]] = {
     "the vehicle at rest": {"motion": {"kind": "stationary"}},
     "route 2": {"motion__seed": 2},
     "route 3": {"motion__seed": 3},
@@ -47,7 +47,7 @@ _VARIANTS: Final[dict[str, dict[str, Any]]] = {
     },
 }
 _TOLD = ("the vehicle at rest", "turning at 6 °/s, standing 2 s", "turning at 20 °/s, standing 3 s")
-_IDEAL: Final[dict[str, Any]] = {"gyros": {}, "accelerometers": {}}
+_IDEAL: Final[dict[str, dict[str, float]]] = {"gyros": {}, "accelerometers": {}}
 
 
 def runs_of(seeds: int, with_motion: bool) -> int:
@@ -81,7 +81,7 @@ def _distributions(
 
 
 def _on(scenario: Scenario, motion: Path | None) -> Scenario:
-    """Return a scenario on a recorded motion, as long as that is."""
+    """Return the scenario with a recorded motion, for the duration of that motion."""
     if motion is None:
         return scenario
     moved = scenario.varied(motion={"kind": "file", "path": str(motion.absolute())})
@@ -92,7 +92,7 @@ def _on(scenario: Scenario, motion: Path | None) -> Scenario:
 
 @dataclass(frozen=True)
 class Quantity:
-    """A figure that the paper has of a run; `way` is strapdown or rotating."""
+    """A figure that the paper reports for a run; `way` is strapdown or rotating."""
 
     words: str
     unit: str
@@ -100,14 +100,14 @@ class Quantity:
     side: str | None = None
 
     def of(self, errors: Errors) -> float:
-        """Return ours."""
+        """Return our value."""
         if self.side is None:
             return _end_m(errors)
         return float(errors.largest()["max_abs_velocity_error_mps"][self.side])
 
     @property
     def paper(self) -> float:
-        """The paper's."""
+        """The paper's value."""
         paper = load(_NAMES[_WAYS.index(self.way)]).paper
         assert paper is not None
         velocity = paper.max_abs_velocity_error_mps
@@ -128,7 +128,7 @@ QUANTITIES: Final = tuple(
 
 
 def _variants(fleet: Fleet) -> dict[str, dict[str, Errors]]:
-    """Run route 1 with what the paper leaves open settled otherwise; errors by variant and way."""
+    """Run route 1 with other choices where the paper is silent; errors by variant and way."""
     scenarios = [load(name).varied(rate_hz=RATE_HZ) for name in _NAMES]
     jobs = [one.varied(**changes) for changes in _VARIANTS.values() for one in scenarios]
     outcomes = iter(fleet.run_all(jobs))
@@ -136,7 +136,7 @@ def _variants(fleet: Fleet) -> dict[str, dict[str, Errors]]:
 
 
 def _reason(quantity: Quantity, ours: float, variants: dict[str, dict[str, Errors]]) -> str:
-    """Return which variant brings a quantity closest to the paper's, in words."""
+    """Describe the variant that brings a quantity closest to the paper's."""
     values = {name: quantity.of(one[quantity.way]) for name, one in variants.items()}
 
     def distance(value: float) -> float:
@@ -144,7 +144,7 @@ def _reason(quantity: Quantity, ours: float, variants: dict[str, dict[str, Error
 
     name = min(values, key=lambda name: distance(values[name]))
     if distance(values[name]) >= distance(ours):
-        return "none of the open points that were varied brings it closer"
+        return "no variant of the open points brings it closer"
     return (
         f"closest of {len(values)} variants: {name}, {figure(values[name])} {quantity.unit} "
         f"(ratio {figure(values[name] / quantity.paper)})"
@@ -168,7 +168,7 @@ def _single(
     for quantity in QUANTITIES:
         ours = quantity.of(outcomes[_WAYS.index(quantity.way)])
         paper = quantity.paper if motion is None else None
-        row = Row(EXPERIMENT, case, quantity.words, quantity.unit, paper, ours, note)
+        row = FigureRow(EXPERIMENT, case, quantity.words, quantity.unit, paper, ours, note)
         if row.differs:
             row = replace(row, note=f"{note}; {_reason(quantity, ours, variants)}")
         section.rows.append(row)
@@ -176,19 +176,27 @@ def _single(
         largest = float(np.max(np.hypot(errors.position_east_m, errors.position_north_m)))
         words = f"largest position error, ideal sensors, {way}"
         section.rows.append(
-            Row(EXPERIMENT, case, words, "m", None, largest, "counts and CRC as ever; limit 0.5 m")
+            FigureRow(
+                EXPERIMENT,
+                case,
+                words,
+                "m",
+                None,
+                largest,
+                "quantisation and CRC as usual; limit 0.5 m",
+            )
         )
     section.pictures.append(_picture(scenarios[0], outcomes[0], outcomes[1], case, slug))
 
 
 def _add_variants(section: Section, variants: dict[str, dict[str, Errors]]) -> None:
-    """Add the variants' own rows, and say what they tell."""
+    """Add the rows of the variants and a finding about them."""
     for name, outcomes in variants.items():
         for quantity in QUANTITIES:
             value = quantity.of(outcomes[quantity.way])
             case = f"route 1: {name}"
             section.rows.append(
-                Row(
+                FigureRow(
                     EXPERIMENT,
                     case,
                     quantity.words,
@@ -204,9 +212,9 @@ def _add_variants(section: Section, variants: dict[str, dict[str, Errors]]) -> N
         for name in _TOLD
     ]
     section.findings.append(
-        "Rotation evens out the errors over a cycle of 1600 s on a body that keeps its heading; a "
-        "vehicle that turns meanwhile breaks the balance, and evens out some errors by itself. "
-        f"End points on route 1 otherwise: {'; '.join(words)}."
+        "Rotation averages out the errors over a cycle of 1600 s if the body keeps its heading; a "
+        "vehicle that turns meanwhile breaks this balance but averages out some errors itself. "
+        f"End points on route 1 with other choices: {'; '.join(words)}."
     )
 
 
@@ -219,22 +227,24 @@ def _picture(
     east, north = east_north_m(latitude, longitude, latitude[0], longitude[0], height)
     tracks = {"strapdown": strapdown, "rotating": rotating}
     return Picture(
-        slug, f"{case}: the way driven and the position errors.", draw_track(east, north, tracks)
+        slug,
+        f"{case}: the vehicle's track and the position errors.",
+        draw_track(east, north, tracks),
     )
 
 
 def reproduce(fleet: Fleet, seeds: int, motion: Path | None) -> Section:
-    """Run section 4.5 over some seeds, and on a recorded motion where one is given."""
+    """Run section 4.5 over several seeds, and on a recorded motion if one is given."""
     section = Section(EXPERIMENT, "Dynamic semi-physical simulation (4.5)")
     section.settings.append(
-        f"Synthetic drive of 2500 s, another route for each of the seeds 1 to {seeds} ({RATE_HZ} "
-        "Hz; route 1 also at 200 Hz), constant errors as in 4.3 and scale factor and installation "
-        "errors of each set; attitude given, height damped by an altimeter without error."
+        f"Synthetic drive of 2500 s, a different route for each of the seeds 1 to {seeds} "
+        f"({RATE_HZ} Hz; route 1 also at 200 Hz), constant errors as in 4.3 and scale factor "
+        "and installation errors of each set; attitude given, height damped by an ideal altimeter."
     )
     section.open_points.extend(
         (
-            "The vehicle's motion; only that it lasts less than 2500 s.",
-            "Initial attitude, aiding of the height.",
+            "The vehicle's motion, except that it lasts less than 2500 s.",
+            "The initial attitude and the height aiding.",
         )
     )
     variants = _variants(fleet)
@@ -256,15 +266,18 @@ def reproduce(fleet: Fleet, seeds: int, motion: Path | None) -> Section:
             ("strapdown over rotating", "1", ratio),
         ):
             section.rows.append(
-                Row(EXPERIMENT, constants.words, words, unit, one.paper, one.median, one.words())
+                FigureRow(
+                    EXPERIMENT, constants.words, words, unit, one.paper, one.median, one.words()
+                )
             )
         if strapdown.holds and rotating.holds and ratio.holds:
             held = True
             section.findings.append(
-                f"With {constants.words} both end points and their ratio lie in the 5-95 % band."
+                f"With {constants.words} the paper's end points and their ratio lie in the "
+                "5-95 % bands."
             )
     section.grids.append(
-        Grid(
+        PictureGrid(
             "End point errors over the seeds: median and 5-95 % band",
             ("strapdown / m", "rotating / m", "strapdown / rotating"),
             tuple(spreads),
@@ -280,11 +293,11 @@ def reproduce(fleet: Fleet, seeds: int, motion: Path | None) -> Section:
     section.findings.append(
         f"With installation errors of {SETS[1].installation_arcsec:g}″ the rotating end point is "
         f"{worst[1].median / worst[0].median:.2g} times the strapdown one: every half turn tilts "
-        "the solution, and turns of the vehicle keep the tilts from cancelling. In a vehicle "
-        "rotation needs calibrated installation and scale factors."
+        "the solution, and the vehicle's own turns keep the tilts from cancelling. In a vehicle, "
+        "rotation requires calibrated installation angles and scale factors."
     )
     if not held:
         section.findings.append(
-            "No set puts both end points and their ratio inside its 5-95 % band."
+            "For no set do the paper's end points and their ratio lie in the 5-95 % bands."
         )
     return section

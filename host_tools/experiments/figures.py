@@ -1,15 +1,16 @@
-"""Pictures of the experiments, after the paper's figures 9, 10, 12 and 15."""
+"""Plots of the experiments, modelled on the paper's figures 9, 10, 12 and 15."""
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from host_tools.experiments.results import Distribution
-from host_tools.plots import EAST, NORTH, finish, new_figure, scale_of
-from host_tools.results import Errors, Vector
+from rrins.dbc.record import Floats
+from rrins.host_tools.drawing.style import EAST, NORTH, finish, new_figure
+from rrins.host_tools.experiments.sections import Distribution
+from rrins.host_tools.runs.plots import scale_of
+from rrins.host_tools.runs.results import Errors
 
 _POINTS = 2000
 
@@ -18,19 +19,19 @@ def _thin(errors: Errors) -> slice:
     return slice(None, None, max(1, len(errors) // _POINTS))
 
 
-def _panel(axes: Any, time_s: Vector, pairs: tuple[Vector, Vector], label: str, unit: str) -> None:
+def _panel(axes: Axes, time_s: Floats, pairs: tuple[Floats, Floats], label: str, unit: str) -> None:
     factor, prefix = scale_of(*pairs)
     for values, style, name in zip(pairs, (EAST, NORTH), ("east", "north"), strict=True):
         largest = float(np.max(np.abs(values))) * factor
         axes.plot(time_s, values * factor, label=f"{name}, {largest:.3g} at most", **style)
-    finish(axes, f"{label}\n/ {prefix}{unit}")
+    finish(axes, f"{label}\n/ {prefix}{unit}", zero_line=True)
     axes.legend(loc="upper left", frameon=False, ncols=2, fontsize="x-small")
     low, high = axes.get_ylim()
     axes.set_ylim(low, high + 0.2 * (high - low))
 
 
 def draw_pair(left: tuple[Errors, str], right: tuple[Errors, str]) -> Figure:
-    """Return velocity and position errors of two runs side by side."""
+    """Plot velocity and position errors of two runs in adjacent columns."""
     figure = new_figure(10.0, 5.0)
     panels = figure.subplots(2, 2, sharex="col")
     for column, (errors, title) in enumerate((left, right)):
@@ -46,7 +47,7 @@ def draw_pair(left: tuple[Errors, str], right: tuple[Errors, str]) -> Figure:
 
 
 def draw_bands(cases: dict[str, tuple[Distribution, Distribution]], unit: str) -> Figure:
-    """Return the spread of a quantity, east and north, for each case: 5-95 %, median, the paper."""
+    """Plot the spread of a quantity, east and north, for each case: 5-95 %, median, the paper."""
     figure = new_figure(9.0, 1.0 + 0.5 * len(cases))
     panels = figure.subplots(1, 2, sharey=True)
     for panel, side, style in zip(panels, (0, 1), (EAST, NORTH), strict=True):
@@ -75,8 +76,8 @@ def draw_bands(cases: dict[str, tuple[Distribution, Distribution]], unit: str) -
     return figure
 
 
-def draw_track(true_east_m: Vector, true_north_m: Vector, tracks: dict[str, Errors]) -> Figure:
-    """Return the vehicle's way, and the position errors of some runs over time."""
+def draw_track(true_east_m: Floats, true_north_m: Floats, tracks: dict[str, Errors]) -> Figure:
+    """Plot the vehicle's track, and the position errors of several runs over time."""
     figure = new_figure(10.0, 4.4)
     way, over_time = figure.subplots(1, 2)
     way.plot(true_east_m / 1e3, true_north_m / 1e3, color="0.55", linewidth=2.5, label="truth")
@@ -94,7 +95,7 @@ def draw_track(true_east_m: Vector, true_north_m: Vector, tracks: dict[str, Erro
     way.set_ylabel("north / km")
     way.grid(True, color="0.88", linewidth=0.6)
     way.legend(frameon=False, fontsize="small")
-    finish(over_time, "horizontal position error / m")
+    finish(over_time, "horizontal position error / m", zero_line=True)
     over_time.set_xlabel("time / s")
     over_time.legend(frameon=False, fontsize="small", loc="upper left")
     return figure

@@ -1,4 +1,4 @@
-"""Many runs at once, on the fast path: threads, for the compiled loop runs without the lock."""
+"""Parallel runs on the fast path; threads suffice because the compiled loop releases the GIL."""
 
 from __future__ import annotations
 
@@ -6,15 +6,15 @@ import os
 from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 
-from host_tools.fast import FastRun
-from host_tools.outfit import firmware_settings, hardware_settings, scenario_wire
-from host_tools.results import Errors, compare
-from host_tools.rows import keep_every
-from host_tools.scenario import Scenario
+from rrins.host_tools.runs.fast import FastRun
+from rrins.host_tools.runs.results import Errors, compare
+from rrins.host_tools.runs.samples import keep_every
+from rrins.host_tools.runs.settings import firmware_settings, hardware_settings, scenario_wire
+from rrins.host_tools.scenario.scenario import Scenario
 
 
 def run(scenario: Scenario, sample_s: float | None = None) -> Errors:
-    """Run a scenario; return its errors, sampled as a rehearsal's or every `sample_s`."""
+    """Run a scenario; return its errors, sampled as in a rehearsal or every `sample_s`."""
     assert scenario_wire(scenario) is None, "a wire needs frames"
     if sample_s is None:
         every = keep_every(scenario.epochs, scenario.rate_hz)
@@ -26,12 +26,12 @@ def run(scenario: Scenario, sample_s: float | None = None) -> Errors:
 
 
 class Fleet:
-    """Runs scenarios side by side, as many as there are processors.
+    """Runs scenarios in parallel, one per processor.
 
     Parameters
     ----------
     on_done : callable
-        Called after each run, in the order of the scenarios.
+        Called after each run, in scenario order.
     """
 
     def __init__(self, on_done: Callable[[], None] = lambda: None) -> None:

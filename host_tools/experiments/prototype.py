@@ -1,7 +1,7 @@
-"""Section 4.4: the prototype at standstill, three hours strapdown, three hours rotating.
+"""Section 4.4: the prototype at standstill, three hours strapdown and three hours rotating.
 
 The constants of the real sensors are unknown. They are drawn from table 2 over seeds, for several
-sets of scale factor and installation errors; the paper's result is placed in the distribution.
+sets of scale factor and installation errors; the paper's result is located in the distribution.
 """
 
 from __future__ import annotations
@@ -10,25 +10,25 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from host_tools.experiments.constants import REFERENCE, SETS, ConstantSet
-from host_tools.experiments.figures import draw_bands, draw_pair
-from host_tools.experiments.fleet import Fleet, run
-from host_tools.experiments.results import (
+from rrins.dbc.record import Floats
+from rrins.host_tools.experiments.constants import REFERENCE, SETS, ConstantSet
+from rrins.host_tools.experiments.figures import draw_bands, draw_pair
+from rrins.host_tools.experiments.fleet import Fleet, run
+from rrins.host_tools.experiments.sections import (
     Distribution,
-    Grid,
+    FigureRow,
     Picture,
-    Row,
+    PictureGrid,
     Section,
     figure,
 )
-from host_tools.results import Errors
-from host_tools.scenario import Scenario, load
+from rrins.host_tools.runs.results import Errors
+from rrins.host_tools.scenario.scenario import Scenario, load
 
 EXPERIMENT: Final = "experiment"
 RATE_HZ: Final = 50
-"""At standstill the errors do not hang on the rate; a test compares it with 200 Hz."""
+"""At standstill the errors do not depend on the rate; a test compares with 200 Hz."""
 
 _SAMPLE_S = 1.0
 _SIDES = ("east", "north")
@@ -36,8 +36,8 @@ _LARGER = ConstantSet(50.0, 10.0, biases=8.0)
 
 
 @dataclass(frozen=True)
-class Case:
-    """A set of constants and how the attitude is initialised."""
+class PrototypeCase:
+    """A set of constants and the attitude initialisation."""
 
     constants: ConstantSet
     initial_attitude: str = "given"
@@ -51,9 +51,9 @@ class Case:
 
 
 CASES: Final = (
-    *(Case(constants) for constants in SETS),
-    Case(ConstantSet(50.0, 10.0), "self-aligned"),
-    Case(_LARGER),
+    *(PrototypeCase(constants) for constants in SETS),
+    PrototypeCase(ConstantSet(50.0, 10.0), "self-aligned"),
+    PrototypeCase(_LARGER),
 )
 
 
@@ -62,7 +62,7 @@ def runs_of(seeds: int) -> int:
     return 2 * seeds * len(CASES)
 
 
-def _scenarios(case: Case) -> tuple[Scenario, Scenario]:
+def _scenarios(case: PrototypeCase) -> tuple[Scenario, Scenario]:
     changes = {
         "rate_hz": RATE_HZ,
         "firmware__initial_attitude": case.initial_attitude,
@@ -74,7 +74,7 @@ def _scenarios(case: Case) -> tuple[Scenario, Scenario]:
     )
 
 
-def _largest(outcomes: list[Errors]) -> NDArray[np.float64]:
+def _largest(outcomes: list[Errors]) -> Floats:
     """Return the largest position errors, shape (seeds, 2), m."""
     return np.array(
         [[o.largest()["max_abs_position_error_m"][side] for side in _SIDES] for o in outcomes]
@@ -89,7 +89,7 @@ def _paper(scenario: Scenario) -> tuple[float, float]:
 
 
 @dataclass(frozen=True)
-class Outcome:
+class VariantOutcome:
     """The distributions of a case, east and north."""
 
     strapdown: tuple[Distribution, Distribution]
@@ -102,7 +102,7 @@ class Outcome:
         return all(one.holds for one in self.ratio)
 
 
-def _outcome(case: Case, seeds: int, fleet: Fleet) -> Outcome:
+def _outcome(case: PrototypeCase, seeds: int, fleet: Fleet) -> VariantOutcome:
     strapdown, rotating = _scenarios(case)
     numbers = range(1, seeds + 1)
     standing = _largest(
@@ -113,19 +113,19 @@ def _outcome(case: Case, seeds: int, fleet: Fleet) -> Outcome:
     )
     at_rest, in_turn = _paper(strapdown), _paper(rotating)
 
-    def pair(
-        values: NDArray[np.float64], paper: tuple[float, ...]
-    ) -> tuple[Distribution, Distribution]:
+    def pair(values: Floats, paper: tuple[float, ...]) -> tuple[Distribution, Distribution]:
         return Distribution.of(values[:, 0], paper[0]), Distribution.of(values[:, 1], paper[1])
 
     ratios = (at_rest[0] / in_turn[0], at_rest[1] / in_turn[1])
-    return Outcome(
+    return VariantOutcome(
         pair(standing, at_rest), pair(turning, in_turn), pair(standing / turning, ratios)
     )
 
 
-def _rows(case: Case, outcome: Outcome, larger: Outcome) -> list[Row]:
-    """Return the rows of a case; where they differ, what larger biases make of them is told."""
+def _figure_rows(
+    case: PrototypeCase, outcome: VariantOutcome, larger: VariantOutcome
+) -> list[FigureRow]:
+    """Return the rows of a case; rows that differ also state the result with larger biases."""
     rows = []
     for words, unit, pair, other in (
         ("largest position error, strapdown", "m", outcome.strapdown, larger.strapdown),
@@ -134,7 +134,9 @@ def _rows(case: Case, outcome: Outcome, larger: Outcome) -> list[Row]:
     ):
         for side, one, reason in zip(_SIDES, pair, other, strict=True):
             quantity = f"{words}, {side}"
-            row = Row(EXPERIMENT, case.words, quantity, unit, one.paper, one.median, one.words())
+            row = FigureRow(
+                EXPERIMENT, case.words, quantity, unit, one.paper, one.median, one.words()
+            )
             if row.differs and unit == "m":
                 note = f"{row.note}; {_LARGER.words}: {figure(reason.median)} {unit}"
                 row = replace(row, note=note)
@@ -142,10 +144,10 @@ def _rows(case: Case, outcome: Outcome, larger: Outcome) -> list[Row]:
     return rows
 
 
-def _grid(outcomes: dict[Case, Outcome]) -> Grid:
+def _grid(outcomes: dict[PrototypeCase, VariantOutcome]) -> PictureGrid:
     quantities = ("strapdown", "rotating", "strapdown / rotating")
     units = (" / m", " / m", "")
-    return Grid(
+    return PictureGrid(
         "Largest position errors over the seeds: median and 5-95 % band",
         tuple(
             f"{words}, {side}{unit}"
@@ -159,33 +161,33 @@ def _grid(outcomes: dict[Case, Outcome]) -> Grid:
     )
 
 
-def _finding(outcomes: dict[Case, Outcome]) -> str:
+def _finding(outcomes: dict[PrototypeCase, VariantOutcome]) -> str:
     holding = [case.words for case, outcome in outcomes.items() if outcome.holds]
     if not holding:
-        return "No set puts both of the paper's ratios inside its 5-95 % band."
-    return f"Both of the paper's ratios lie inside the 5-95 % band of: {'; '.join(holding)}."
+        return "For no set do both of the paper's ratios lie in the 5-95 % band."
+    return f"Both of the paper's ratios lie in the 5-95 % band of: {'; '.join(holding)}."
 
 
 def reproduce(fleet: Fleet, seeds: int) -> Section:
-    """Run section 4.4 over some seeds."""
+    """Run section 4.4 over several seeds."""
     section = Section(EXPERIMENT, "Static experiment with the prototype (4.4)")
     section.settings.append(
         f"3 h strapdown and 3 h rotating (2 °/s, 10 s standing), {RATE_HZ} Hz, seeds 1 to {seeds}; "
-        "biases by repeatability and stability of table 2, white noise 0.005 °/√h and "
-        "10 µg/√Hz; attitude given unless said otherwise, height held. The sets are standard "
+        "bias repeatability and stability of table 2, white noise 0.005 °/√h and "
+        "10 µg/√Hz; attitude given unless stated otherwise, height held. The sets are standard "
         "deviations of symmetric and asymmetric scale factor errors (accelerometers: 30/50 of it) "
         "and of installation errors."
     )
     section.open_points.extend(
         (
-            "The constants of the real sensors: drawn from table 2.",
-            "Scale factor, asymmetry and installation after the prototype's own calibration.",
+            "The constants of the real sensors: drawn from table 2 here.",
+            "Scale factor, asymmetry and installation errors after the prototype's calibration.",
             "How the attitude was initialised.",
         )
     )
     outcomes = {case: _outcome(case, seeds, fleet) for case in CASES}
     for case, outcome in outcomes.items():
-        section.rows.extend(_rows(case, outcome, outcomes[Case(_LARGER)]))
+        section.rows.extend(_figure_rows(case, outcome, outcomes[PrototypeCase(_LARGER)]))
     section.open_rows = 0
     section.grids.append(_grid(outcomes))
     section.findings.append(_finding(outcomes))
@@ -194,7 +196,7 @@ def reproduce(fleet: Fleet, seeds: int) -> Section:
     section.pictures.append(
         Picture(
             "figure_4_4_ratio",
-            "What rotation gains, strapdown over rotating, for each set of constants.",
+            "Gain from rotation (strapdown over rotating) for each set of constants.",
             draw_bands(bands, "1"),
         )
     )
@@ -211,18 +213,18 @@ def reproduce(fleet: Fleet, seeds: int) -> Section:
     return section
 
 
-def _size(outcomes: dict[Case, Outcome]) -> str:
-    """Return how large the paper's errors are against those of table 2, in words."""
-    usual = outcomes[Case(REFERENCE)]
+def _size(outcomes: dict[PrototypeCase, VariantOutcome]) -> str:
+    """Describe the size of the paper's errors relative to those of table 2."""
+    usual = outcomes[PrototypeCase(REFERENCE)]
     factors = [one.paper / one.median for one in usual.strapdown if one.paper]
     text = (
         f"The paper's strapdown errors are {factors[0]:.1f} (east) and {factors[1]:.1f} (north) "
         f"times the median of table 2 with {REFERENCE.words}"
     )
-    larger = outcomes[Case(_LARGER)]
+    larger = outcomes[PrototypeCase(_LARGER)]
     inside = sum(one.holds for pair in (larger.strapdown, larger.rotating) for one in pair)
     return (
-        f"{text}: the prototype's biases were larger than the table says. With biases "
-        f"{_LARGER.biases:g} times as large {inside} of its four position errors lie inside the "
-        "5-95 % bands."
+        f"{text}: the prototype's biases were larger than the table states. With biases "
+        f"{_LARGER.biases:g} times as large {inside} of the paper's four position errors lie in "
+        "the 5-95 % bands."
     )

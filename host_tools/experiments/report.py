@@ -1,4 +1,4 @@
-"""The report: one self-contained HTML page, the pictures also as files."""
+"""The report: one self-contained HTML page; the plots are also written as files."""
 
 from __future__ import annotations
 
@@ -6,15 +6,18 @@ import base64
 import io
 from importlib import metadata
 from pathlib import Path
-from typing import IO, Any, Final
+from typing import IO, TYPE_CHECKING, Final
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from PIL import Image
 
-from host_tools.experiments.constants import REFERENCE
-from host_tools.experiments.results import Row, Section, figure
-from host_tools.results import taking_place, write_whole
-from host_tools.schemes import SCHEMES
+from rrins.host_tools.experiments.constants import REFERENCE
+from rrins.host_tools.experiments.sections import FigureRow, Section, figure
+from rrins.host_tools.files import replacing, write_whole
+from rrins.host_tools.scenario.schemes import SCHEMES
+
+if TYPE_CHECKING:
+    import matplotlib.figure
 
 NAME = "report.html"
 _COLOURS = 128
@@ -28,13 +31,13 @@ _TABLE_3: Final = (
     ("strapdown RIMU", "rimu_strapdown", "strapdown"),
     ("rotating RIMU", "rimu_rotating", "rotating"),
 )
-"""Rows of the paper's table 3: its name, our scenario at standstill, the way in 4.4 and 4.5."""
+"""Rows of the paper's table 3: name, our static scenario, the way in 4.4 and 4.5."""
 
 
-def table_3(sections: list[Section]) -> list[tuple[str, tuple[Row | None, ...]]]:
-    """Return table 3 as in the paper: a name, and the five figures of its row where there are any.
+def table_3(sections: list[Section]) -> list[tuple[str, tuple[FigureRow | None, ...]]]:
+    """Return table 3 as in the paper: a name, and up to five figures of its row.
 
-    Of the experiment (4.4) those of the set `REFERENCE`, of the drive (4.5) those of route 1.
+    The experiment (4.4) uses the set `REFERENCE`, the drive (4.5) route 1.
     """
     rows = {(row.case, row.quantity): row for section in sections for row in section.rows}
     table = []
@@ -49,7 +52,7 @@ def table_3(sections: list[Section]) -> list[tuple[str, tuple[Row | None, ...]]]
     return [entry for entry in table if any(entry[1])]
 
 
-def _table_1() -> list[tuple[Any, ...]]:
+def _table_1() -> list[tuple[int | str, ...]]:
     angle = {"inner": 0.0, "outer": 0.0}
     rows = []
     for number, turn in enumerate(SCHEMES[_SCHEME], 1):
@@ -59,8 +62,8 @@ def _table_1() -> list[tuple[Any, ...]]:
     return rows
 
 
-def _png(picture: Any) -> bytes:
-    """Return a picture as PNG with a palette: a third of the size, and nothing to be seen of it."""
+def _png(picture: matplotlib.figure.Figure) -> bytes:
+    """Return a picture as palette PNG: a third of the size with no visible difference."""
     drawn, packed = io.BytesIO(), io.BytesIO()
     picture.savefig(drawn, format="png", dpi=110)
     image = Image.open(drawn).convert("RGB").quantize(_COLOURS, dither=Image.Dither.NONE)
@@ -69,10 +72,10 @@ def _png(picture: Any) -> bytes:
 
 
 def write(folder: Path, sections: list[Section]) -> list[Path]:
-    """Write the report and its pictures into a folder; return their paths, the report first."""
+    """Write the report and its plots to a folder; return their paths, the report first."""
     pictures = {p.name: _png(p.figure) for section in sections for p in section.pictures}
     environment = Environment(
-        loader=PackageLoader("host_tools.experiments", "."),
+        loader=PackageLoader("rrins.host_tools.experiments", "."),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
@@ -96,7 +99,7 @@ def write(folder: Path, sections: list[Section]) -> list[Path]:
     write_whole(paths[0], write_text)
     for name, data in pictures.items():
         path = folder / f"{name}.png"
-        with taking_place(path) as part:
+        with replacing(path) as part:
             part.write_bytes(data)
         paths.append(path)
     return paths

@@ -1,20 +1,20 @@
 """Sections 4.3.1 and 4.3.2: the simulations at standstill, without and with rotation.
 
-Where a figure differs from the paper's by more than a factor of two, what the paper leaves open is
-varied, one thing at a time; the variant that comes closest is named beside it.
+If a figure differs from the paper's by more than a factor of two, the choices that the paper leaves
+open are varied one at a time, and the closest variant is named with the figure.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import Any, Final
+from typing import Final
 
-from host_tools.experiments.figures import draw_pair
-from host_tools.experiments.fleet import Fleet
-from host_tools.experiments.results import Picture, Row, Section, figure
-from host_tools.results import Errors
-from host_tools.scenario import Scenario, load
+from rrins.host_tools.experiments.figures import draw_pair
+from rrins.host_tools.experiments.fleet import Fleet
+from rrins.host_tools.experiments.sections import FigureRow, Picture, Section, figure
+from rrins.host_tools.runs.results import Errors
+from rrins.host_tools.scenario.scenario import Scenario, load
 
 VARIANT_RATE_HZ: Final = 50
 
@@ -28,13 +28,16 @@ QUANTITIES: Final = (
 
 @dataclass(frozen=True)
 class Variant:
-    """Something that the paper leaves open, settled otherwise."""
+    """A different choice for something that the paper leaves open."""
 
     words: str
-    changes: dict[str, Any] = field(default_factory=dict)
+    changes: dict[str, float | str] = field(default_factory=dict)
 
 
-_SELF_ALIGNED = {"firmware__initial_attitude": "self-aligned", "firmware__alignment_s": 60}
+_SELF_ALIGNED: Final[dict[str, float | str]] = {
+    "firmware__initial_attitude": "self-aligned",
+    "firmware__alignment_s": 60,
+}
 STRAPDOWN_VARIANTS: Final = (
     Variant("attitude self-aligned", _SELF_ALIGNED),
     Variant("heading 45°", {"body__heading_deg": 45}),
@@ -104,9 +107,9 @@ ROTATING: Final = Simulation(
     ROTATING_VARIANTS,
     (
         "The duration (6000 s here, as without rotation) and the initial attitude (given here).",
-        "Rate of turning and time of standing in the simulation: those of the experiment here "
-        "(4.4: 2 °/s, 10 s). The remaining error goes with the square of a position's length.",
-        "Velocities: the paper has the amplitude of the fluctuation, we the largest error.",
+        "Turn rate and standing time in the simulation: those of the experiment here "
+        "(4.4: 2 °/s, 10 s). The residual error scales with the square of a position's duration.",
+        "Velocities: the paper states the amplitude of the fluctuation; ours is the largest error.",
     ),
 )
 
@@ -116,7 +119,7 @@ def runs_of(simulation: Simulation) -> int:
     return len(simulation.scenarios) * (1 + len(simulation.variants))
 
 
-def _of(errors: Errors, key: str, side: str) -> float:
+def _largest_error(errors: Errors, key: str, side: str) -> float:
     return float(errors.largest()[key][side])
 
 
@@ -125,19 +128,19 @@ def _closest(paper: float, variants: list[tuple[Variant, float]]) -> tuple[Varia
 
 
 def _reason(paper: float, ours: float, variants: list[tuple[Variant, float]], unit: str) -> str:
-    """Return which of the open points brings ours closest to the paper's, in words."""
+    """Describe the variant that brings our figure closest to the paper's."""
     variant, value = _closest(paper, variants)
     if abs(math.log(value / paper)) >= abs(math.log(ours / paper)):
-        return "none of the open points that were varied brings it closer"
+        return "no variant of the open points brings it closer"
     return (
         f"closest of {len(variants)} variants: {variant.words}, {figure(value)} {unit} "
         f"(ratio {figure(value / paper)})"
     )
 
 
-def _rows(
+def _figure_rows(
     simulation: Simulation, name: str, scenario: Scenario, main: Errors, varied: list[Errors]
-) -> list[Row]:
+) -> list[FigureRow]:
     assert scenario.paper is not None
     settings = (
         f"{scenario.duration_s:g} s, attitude {scenario.firmware.initial_attitude}, "
@@ -147,34 +150,42 @@ def _rows(
     for key, side, words, unit in QUANTITIES:
         table = getattr(scenario.paper, key)
         paper = None if table is None else float(getattr(table, side))
-        row = Row(simulation.experiment, name, words, unit, paper, _of(main, key, side), settings)
+        row = FigureRow(
+            simulation.experiment,
+            name,
+            words,
+            unit,
+            paper,
+            _largest_error(main, key, side),
+            settings,
+        )
         if row.differs:
             assert paper is not None
             assert row.ours is not None
             values = [
-                (variant, _of(errors, key, side))
+                (variant, _largest_error(errors, key, side))
                 for variant, errors in zip(simulation.variants, varied, strict=True)
             ]
             note = f"{settings}; {_reason(paper, row.ours, values, unit)}"
-            row = Row(row.experiment, row.case, words, unit, paper, row.ours, note)
+            row = FigureRow(row.experiment, row.case, words, unit, paper, row.ours, note)
         rows.append(row)
     return rows
 
 
 def _variant_rows(
     simulation: Simulation, name: str, scenario: Scenario, varied: list[Errors]
-) -> list[Row]:
-    """Return the variants' own rows: the runs that the reasons rest on."""
+) -> list[FigureRow]:
+    """Return the rows of the variants, the runs behind the stated reasons."""
     assert scenario.paper is not None
     tables = {key: getattr(scenario.paper, key) for key, *_ in QUANTITIES}
     return [
-        Row(
+        FigureRow(
             simulation.experiment,
             f"{name}: {variant.words}",
             words,
             unit,
             None if tables[key] is None else float(getattr(tables[key], side)),
-            _of(errors, key, side),
+            _largest_error(errors, key, side),
             "variant",
         )
         for variant, errors in zip(simulation.variants, varied, strict=True)
@@ -187,7 +198,7 @@ def simulate(simulation: Simulation, fleet: Fleet) -> Section:
     section = Section(simulation.experiment, simulation.title)
     section.open_points.extend(simulation.open_points)
     scenarios = {name: load(name) for name in simulation.scenarios}
-    slow = {"rate_hz": VARIANT_RATE_HZ}
+    slow: dict[str, float | str] = {"rate_hz": VARIANT_RATE_HZ}
     jobs = [
         scenario.varied(**changes)
         for scenario in scenarios.values()
@@ -195,19 +206,19 @@ def simulate(simulation: Simulation, fleet: Fleet) -> Section:
     ]
     outcomes = iter(fleet.run_all(jobs))
     main: dict[str, Errors] = {}
-    variants: list[Row] = []
+    variants: list[FigureRow] = []
     for name, scenario in scenarios.items():
         main[name] = next(outcomes)
         varied = [next(outcomes) for _ in simulation.variants]
-        section.rows.extend(_rows(simulation, name, scenario, main[name], varied))
+        section.rows.extend(_figure_rows(simulation, name, scenario, main[name], varied))
         variants.extend(_variant_rows(simulation, name, scenario, varied))
     section.rows.extend(variants)
     first = next(iter(scenarios.values()))
     section.settings.append(
         f"{first.rate_hz} Hz, latitude {first.site.latitude_deg:g}°; IMU: 0.1 °/h and 50 µg on "
         "each of three orthogonal sensors; RIMU: 0.1, 0.11, 0.12, 0.13 °/h and 50, 55, 60, 65 µg "
-        "on a tetrahedron; no noise, so no seed matters. "
-        f"Variants at {VARIANT_RATE_HZ} Hz, which is the same within 0.5 %."
+        "on a tetrahedron; no noise, so the seed does not matter. "
+        f"Variants at {VARIANT_RATE_HZ} Hz, which agrees within 0.5 %."
     )
     imu, rimu = simulation.scenarios[:2]
     caption = f"{simulation.title}: orthogonal IMU (left) and tetrahedron RIMU (right)."

@@ -1,13 +1,13 @@
-"""Section 4.2: what each constant error of sensor 3 integrates to over the 16 positions."""
+"""Section 4.2: integrals of each constant error of sensor 3 over the 16 positions."""
 
 from __future__ import annotations
 
 from typing import Final
 
-from host_tools.experiments.results import Picture, Row, Section
-from host_tools.rotation import pictures
-from host_tools.rotation.analysis import VANISHES, Variation, analyse
-from host_tools.rotation.inputs import rimu_of, scheme_of
+from rrins.host_tools.experiments.sections import FigureRow, Picture, Section
+from rrins.host_tools.rotation import pictures
+from rrins.host_tools.rotation.analysis import VANISHES, Variation, analyse
+from rrins.host_tools.rotation.inputs import rimu_of, scheme_of
 
 EXPERIMENT: Final = "scheme"
 GEOMETRIES: Final = ("tetrahedron", "dodecahedron", "cone")
@@ -23,12 +23,12 @@ def _variation(geometry: str) -> Variation:
     return analyse(scheme_of(SCHEME).scheme, rimu.gyros, rimu.accelerometers)
 
 
-def _rows(geometry: str, variation: Variation) -> list[Row]:
+def _figure_rows(geometry: str, variation: Variation) -> list[FigureRow]:
     """Return a row for each error of the sensor and axis of the body."""
     rows = []
     for integrals in (variation.gyros, variation.accelerometers):
         kind, unit = integrals.sensors.kind, integrals.sensors.unit
-        for row in integrals.rows():
+        for row in integrals.residual_rows():
             if row.sensor != SENSOR:
                 continue
             leaves_z = kind == "accelerometer" and row.error in _LEAVE_Z and row.axis == "z"
@@ -36,9 +36,9 @@ def _rows(geometry: str, variation: Variation) -> list[Row]:
                 f"largest excursion {row.excursion:.3g} {unit}; closed form {row.closed_form:.3g}"
             )
             if leaves_z:
-                note += "; the paper: a part remains"
+                note += "; per the paper a part remains"
             rows.append(
-                Row(
+                FigureRow(
                     EXPERIMENT,
                     f"{geometry}, {kind} {SENSOR}, {row.error}",
                     f"left after {SCHEME} on {row.axis} of the body",
@@ -54,7 +54,7 @@ def _rows(geometry: str, variation: Variation) -> list[Row]:
 def statements(variation: Variation) -> dict[str, bool]:
     """Return whether the paper's statements hold for every sensor of both kinds."""
     gyros, accelerometers = variation.gyros, variation.accelerometers
-    rows = list(accelerometers.rows())
+    rows = list(accelerometers.residual_rows())
     return {
         "every gyro error integrates to zero": bool(gyros.vanishes.all()),
         "accelerometer bias and MEASF integrate to zero": all(
@@ -73,7 +73,7 @@ def _finding(geometry: str, variation: Variation) -> str:
     said = statements(variation)
     holding = "; ".join(words for words, holds in said.items() if holds)
     failing = "; ".join(words for words, holds in said.items() if not holds)
-    text = f"{geometry}, for each of its sensors: {holding or 'nothing of what the paper says'}"
+    text = f"{geometry}, for each of its sensors: {holding or 'no statement of the paper holds'}"
     return f"{text}. Does not hold: {failing}." if failing else f"{text}."
 
 
@@ -83,13 +83,14 @@ def reproduce() -> Section:
     section.open_rows = 0
     section.settings.append(
         "Gyros 0.1 °/h, λ = μ = 50 ppm, accelerometers 50 µg, λ = μ = 30 ppm, δu = δv = 10″ for "
-        "both; 2 °/s, 10 s standing; integrals over one cycle of 1600 s, piecewise by Gauss and "
-        f"Legendre's rule. A residual below {VANISHES:g} of the error's excursion counts as zero."
+        "both; 2 °/s, 10 s standing; integrals over one cycle of 1600 s, piecewise by "
+        "Gauss-Legendre quadrature. "
+        f"A residual below {VANISHES:g} of the error's excursion counts as zero."
     )
     for geometry in GEOMETRIES:
         variation = _variation(geometry)
         section.findings.append(_finding(geometry, variation))
-        section.rows.extend(_rows(geometry, variation))
+        section.rows.extend(_figure_rows(geometry, variation))
         if geometry != GEOMETRIES[0]:
             continue
         for name, integrals in (
@@ -97,7 +98,7 @@ def reproduce() -> Section:
             ("figure_8", variation.accelerometers),
         ):
             kind = integrals.sensors.kind
-            caption = f"{kind.capitalize()} {SENSOR}: what its errors integrate to, body axes."
+            caption = f"{kind.capitalize()} {SENSOR}: its integrated errors, body axes."
             drawn = pictures.draw(variation, integrals, SENSOR, "")
             section.pictures.append(Picture(name, caption, drawn))
     return section

@@ -1,6 +1,6 @@
 """The Earth of the truth: rotation, curvature and normal gravity of WGS-84.
 
-Latitudes and heights are numbers or arrays of one shape; what comes back has that shape.
+Latitudes and heights are numbers or arrays of one shape; results have that shape.
 
 References
 ----------

@@ -1,12 +1,12 @@
-"""The value that a fault of the hardware has: its name, unit and limits."""
+"""The value of a hardware fault: name, unit and limits."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
 
-from host_tools.hardware.faults import HardwareFault
-from host_tools.hardware.settings import DEG_PER_SQRT_H, DPH, UG
+from rrins.host_tools.hardware.faults import HardwareFault
+from rrins.host_tools.hardware.settings import DEG_PER_SQRT_H, DPH, UG
 
 
 @dataclass(frozen=True)
@@ -18,7 +18,7 @@ class FaultValue:
     key : str
         Its name in a scenario, with the unit.
     unit : float
-        That unit, as `host_tools.hardware.faults` takes the value.
+        That unit in the unit of `rrins.host_tools.hardware.faults`.
     minimum, maximum : float
         In the unit of the key.
     """

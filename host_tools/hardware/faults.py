@@ -1,22 +1,27 @@
 """Faults of the hardware itself: axes that stall or run away, encoders and sensors that fail.
 
-Each is a kind, a target (axis or sensor group), the epochs it lasts and a value. What is active is
-seen anew only in epochs in which a fault begins or ends.
+Each has a kind, a target (axis or sensor group), first and last epochs and a value. The active
+faults are re-evaluated only in epochs in which a fault begins or ends.
 """
 
 from __future__ import annotations
 
 import math
 from enum import IntEnum
-from typing import Any
 
-from numba import njit
-
-from dbc.contract import SENSOR_GROUPS
-from host_tools.hardware.memory import INNER, OUTER
+from rrins.dbc.compilation import compiled
+from rrins.dbc.contract import SENSOR_GROUPS
+from rrins.host_tools.hardware.memory import (
+    FAULT_CAPACITY,
+    INNER,
+    OUTER,
+    Plant,
+    Sensors,
+    TurntableAxis,
+)
 
 NEVER = 1 << 62
-"""An epoch that does not come."""
+"""An epoch that is never reached."""
 
 EVERY = -1
 """Target that means all sensors."""
@@ -25,11 +30,11 @@ EVERY = -1
 class HardwareFault(IntEnum):
     """Kinds of fault, as `kind` of HARDWARE_FAULT_COMMAND; the value of each, in SI units.
 
-    AXIS_STALL: an axis stands (no value). AXIS_RUNAWAY: it turns at the value, rad/s.
-    ENCODER_STUCK: its encoder repeats the last angle. ENCODER_OFFSET: it reads the value more, °.
-    GYRO_STUCK, ACCELEROMETER_STUCK: repeats its last increment. GYRO_BIAS, ACCELEROMETER_BIAS: the
-    value on top, rad/s or m/s². GYRO_NOISE, ACCELEROMETER_NOISE: white noise of the value, rad/√s
-    or m/s/√s, on top. GYRO_ABSENT, ACCELEROMETER_ABSENT: says that it is not there.
+    AXIS_STALL: an axis stops (no value). AXIS_RUNAWAY: it turns at the value, rad/s.
+    ENCODER_STUCK: its encoder repeats the last angle. ENCODER_OFFSET: its encoder reads too much
+    by the value, °. GYRO_STUCK, ACCELEROMETER_STUCK: repeats its last increment. GYRO_BIAS,
+    ACCELEROMETER_BIAS: additional bias, rad/s or m/s². GYRO_NOISE, ACCELEROMETER_NOISE: additional
+    white noise, rad/√s or m/s/√s. GYRO_ABSENT, ACCELEROMETER_ABSENT: flagged as absent.
     """
 
     AXIS_STALL = 1
@@ -49,8 +54,8 @@ class HardwareFault(IntEnum):
 _STUCK, _BIAS, _NOISE, _ABSENT = 0, 1, 2, 3  # of a sensor, above its kind's first
 
 
-@njit(cache=True)
-def _clear(plant: Any) -> None:
+@compiled
+def _clear(plant: Plant) -> None:
     for axis in (INNER, OUTER):
         plant.axis[axis].blocked = False
         plant.axis[axis].runaway = False
@@ -65,8 +70,8 @@ def _clear(plant: Any) -> None:
             sensors.fault_noise_increment[k] = 0.0
 
 
-@njit(cache=True)
-def _set_axis(axis: Any, kind: int, value: float) -> None:
+@compiled
+def _set_axis(axis: TurntableAxis, kind: int, value: float) -> None:
     if kind == HardwareFault.AXIS_STALL:
         axis.blocked = True
     elif kind == HardwareFault.AXIS_RUNAWAY:
@@ -78,8 +83,8 @@ def _set_axis(axis: Any, kind: int, value: float) -> None:
         axis.encoder_error_deg += value
 
 
-@njit(cache=True)
-def _set_sensors(sensors: Any, what: int, target: int, value: float, dt: float) -> None:
+@compiled
+def _set_sensors(sensors: Sensors, what: int, target: int, value: float, dt: float) -> None:
     for k in range(sensors.count):
         if target not in (k, EVERY):
             continue
@@ -94,9 +99,9 @@ def _set_sensors(sensors: Any, what: int, target: int, value: float, dt: float) 
             sensors.absent |= 1 << k
 
 
-@njit(cache=True)
-def apply(plant: Any) -> None:
-    """Let the faults of the plant's epoch be present, and no others."""
+@compiled
+def apply(plant: Plant) -> None:
+    """Activate the faults of the plant's epoch, and no others."""
     faults = plant.faults
     if plant.epoch < faults.changes_at:
         return
@@ -121,36 +126,36 @@ def apply(plant: Any) -> None:
             _set_sensors(plant.accelerometers, what, target, value, dt)
 
 
-def put(plant: Any, kind: int, target: int, first: int, last: int, value: float) -> bool:
-    """Plan a fault from epoch `first` to `last` (below 0: to the end); False if there is no room.
+def put(plant: Plant, kind: int, target: int, first: int, last: int, value: float) -> bool:
+    """Plan a fault from epoch `first` to `last` (negative: to the end); False if there is no room.
 
-    What has ended makes room.
+    Faults that have ended make room.
     """
-    faults = plant["faults"]
-    kept = [k for k in range(int(faults["count"])) if faults["last_epoch"][k] >= plant["epoch"]]
+    faults = plant.faults
+    kept = [k for k in range(faults.count) if faults.last_epoch[k] >= plant.epoch]
     columns = ("kind", "target", "first_epoch", "last_epoch", "value")
     for name in columns:
         faults[name][: len(kept)] = faults[name][kept]
     count = len(kept)
-    faults["count"] = count
-    if count == len(faults["kind"]):
+    faults.count = count
+    if count == FAULT_CAPACITY:
         return False
     row = (kind, target, first, NEVER - 1 if last < 0 else last, value)
     for name, entry in zip(columns, row, strict=True):
         faults[name][count] = entry
-    faults["count"] = count + 1
-    faults["changes_at"] = 0
+    faults.count = count + 1
+    faults.changes_at = 0
     return True
 
 
-def take_out(plant: Any, kind: int | None = None, target: int | None = None) -> int:
-    """End the faults of a kind and target, or all, before the next epoch; return how many."""
-    faults = plant["faults"]
+def remove(plant: Plant, kind: int | None = None, target: int | None = None) -> int:
+    """End the faults of a kind and target, or all, before the next epoch; return their number."""
+    faults = plant.faults
     ended = 0
-    for k in range(int(faults["count"])):
-        meant = kind in (None, faults["kind"][k]) and target in (None, faults["target"][k])
-        if meant and faults["last_epoch"][k] >= plant["epoch"]:
-            faults["last_epoch"][k] = plant["epoch"] - 1
+    for k in range(faults.count):
+        meant = kind in (None, faults.kind[k]) and target in (None, faults.target[k])
+        if meant and faults.last_epoch[k] >= plant.epoch:
+            faults.last_epoch[k] = plant.epoch - 1
             ended += 1
-    faults["changes_at"] = 0
+    faults.changes_at = 0
     return ended

@@ -1,49 +1,51 @@
 """The shells of the hardware: they own time and the bus, and run the step.
 
-`run_lockstep` opens an epoch and waits until the firmware has closed it, as fast as that goes or
-at a multiple of real time; `run_realtime` keeps absolute deadlines.
+`run_lockstep` opens an epoch and waits until the firmware has closed it, as fast as possible or at
+a multiple of real time; `run_realtime` keeps absolute deadlines.
 """
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from typing import Protocol
+from typing import Protocol, cast
 
-from dbc.contract import load_contract
-from dbc.frame import FrameArray, frame_array
-from host_tools.hardware.fault_desk import REPORT_CAPACITY, FaultDesk
-from host_tools.hardware.settings import Settings, pieces_of, power_on
-from host_tools.hardware.step import OUTBOX_CAPACITY, hardware_step
+from rrins.dbc.contract import load_contract
+from rrins.dbc.frame import FrameArray, frame_array
+from rrins.dbc.record import Records
+from rrins.host_tools.hardware.fault_server import REPORT_CAPACITY, HardwareFaultServer
+from rrins.host_tools.hardware.memory import Truth
+from rrins.host_tools.hardware.settings import Settings, pieces_of, power_on
+from rrins.host_tools.hardware.step import OUTBOX_CAPACITY, hardware_step
 
 INBOX_CAPACITY = 4096
-"""Frames that may come within one epoch."""
+"""Most frames received within one epoch."""
 
-_FAREWELL_NS = 3_000_000_000  # for a firmware that is late with its last epochs
-_START_DELAY_NS = 50_000_000  # to be settled when the first epoch is due
+_FAREWELL_NS = 3_000_000_000  # for late last epochs of the firmware
+_START_DELAY_NS = 50_000_000  # so that all is settled when the first epoch is due
 
 
 class Port(Protocol):
-    """A place on the bus, as the shells need it."""
+    """A connection to the bus, as the shells need it."""
 
     def send(self, frames: FrameArray, count: int, epoch: int, time_ns: int) -> None:
         """Send an epoch's frames and close the epoch."""
 
     def receive_epoch(self, into: FrameArray) -> int:
-        """Wait until the other side has closed its epoch; return how many frames came."""
+        """Wait until the other side has closed its epoch; return the number of frames."""
 
     def receive(self, into: FrameArray, timeout_ns: int) -> int:
-        """Wait for frames, `timeout_ns` at most; return how many came, 0 for none."""
+        """Wait for frames for at most `timeout_ns`; return their number."""
 
     def dismiss(self) -> None:
-        """Let the other side leave without that being a fault."""
+        """Allow the other side to leave without a fault."""
 
     def has_other(self) -> bool:
-        """Return whether the other side is known to be there still."""
+        """Return whether the other side is known to be still connected."""
 
 
-class Wire(Protocol):
-    """What lies between the two sides besides the transport."""
+class FrameFilter(Protocol):
+    """Filter on the frames between the two sides, such as the wire model."""
 
     def up(self, frames: FrameArray, count: int, epoch: int) -> tuple[FrameArray, int]:
         """Return what the firmware gets, given what the hardware sends in an epoch."""
@@ -53,10 +55,10 @@ class Wire(Protocol):
 
 
 class Lateness(Protocol):
-    """Takes how late each epoch began."""
+    """Collects the lateness of each epoch."""
 
-    def take(self, late_ns: int, overrun: bool) -> None:
-        """Take one epoch's lateness."""
+    def add(self, late_ns: int, overrun: bool) -> None:
+        """Add one epoch's lateness."""
 
 
 class Hardware:
@@ -64,44 +66,47 @@ class Hardware:
 
     Attributes
     ----------
-    plant : array of one record of dtype `host_tools.hardware.memory.PLANT`
+    plant : Records[Plant]
+        One record.
+    truth : Records[Truth]
+        Field of the plant, one record.
     pieces : array, shape (n, 15, 8)
         The vehicle's motion.
-    inbox, outbox : arrays of dtype `dbc.frame.FRAME`
-    desk : FaultDesk
-        Puts in faults of the hardware, as HARDWARE_FAULT_COMMANDs ask for.
+    inbox, outbox : FrameArray
+    fault_server : HardwareFaultServer
+        Injects hardware faults on HARDWARE_FAULT_COMMAND.
     """
 
-    def __init__(self, settings: Settings, wire: Wire | None = None) -> None:
+    def __init__(self, settings: Settings, wire: FrameFilter | None = None) -> None:
         self.wire = wire
         self.contract = load_contract()
         self.plant = power_on(settings)
+        self.truth = cast("Records[Truth]", self.plant["truth"])
         self.pieces = pieces_of(settings)
         self.inbox = frame_array(INBOX_CAPACITY)
         self.outbox = frame_array(OUTBOX_CAPACITY + REPORT_CAPACITY)
-        self.desk = FaultDesk(self.plant[0])
-        self.period_ns = int(self.plant[0]["period_ns"])
+        self.fault_server = HardwareFaultServer(self.plant[0])
+        self.period_ns = int(self.plant[0].period_ns)
         self.frames_received = 0
         self.frames_sent = 0
 
     def step(self, inbox: FrameArray, count: int) -> int:
-        """Run one epoch on the first `count` frames; return those put into `outbox`."""
-        sent: int = hardware_step(self.plant, self.pieces, self.contract, inbox, count, self.outbox)
-        return sent
+        """Run one epoch on the first `count` frames; return the number in `outbox`."""
+        return hardware_step(self.plant, self.pieces, self.contract, inbox, count, self.outbox)
 
     def open_epoch(self, epoch: int, frames: FrameArray, count: int) -> tuple[FrameArray, int]:
-        """Run an epoch on the frames of the one before; return what goes to the firmware.
+        """Run an epoch on the frames of the previous one; return the frames for the firmware.
 
-        Commands and reports of faults do not pass the wire: what is put in can be taken out.
+        Fault commands and reports bypass the wire, so an injected fault can always be removed.
         """
-        self.desk.take(frames, count)
+        self.fault_server.receive(frames, count)
         if self.wire is None:
             passed, sent = self.outbox, self.step(frames, count)
         else:
             if epoch > 0:
                 frames, count = self.wire.down(frames, count, epoch - 1)
             passed, sent = self.wire.up(self.outbox, self.step(frames, count), epoch)
-        sent = self.desk.report(epoch, passed, sent)
+        sent = self.fault_server.report(epoch, passed, sent)
         self.frames_sent += sent
         return passed, sent
 
@@ -120,7 +125,7 @@ def run_lockstep(
     every: int = 0,
     on_epoch: Callable[[int], None] | None = None,
 ) -> None:
-    """Run `epochs` epochs in lockstep, `speed` times as fast as real time at most.
+    """Run `epochs` epochs in lockstep, at most `speed` times as fast as real time.
 
     `on_epoch` is called with the epoch whenever that is a multiple of `every`.
     """
@@ -148,15 +153,16 @@ def run_realtime(
     """Run `epochs` epochs in real time, each at its absolute deadline.
 
     An epoch that begins more than a period late is an overrun: the firmware may have run without
-    it. After the last one the bus is kept until the firmware has left it.
+    it. After the last epoch the bus stays open until the firmware has left it.
     """
+    overruns = hardware.plant["counters"]["overruns"]
     start_ns = time.monotonic_ns() + _START_DELAY_NS
     for epoch in range(epochs):
         deadline_ns = start_ns + epoch * hardware.period_ns
         count, now_ns = _gather_until(hardware, port, deadline_ns)
         late_ns = now_ns - deadline_ns
-        lateness.take(late_ns, late_ns > hardware.period_ns)
-        hardware.plant[0]["counters"]["overruns"] += late_ns > hardware.period_ns
+        lateness.add(late_ns, late_ns > hardware.period_ns)
+        overruns[0] += late_ns > hardware.period_ns
         hardware.frames_received += count
         frames, sent = hardware.open_epoch(epoch, hardware.inbox, count)
         if epoch == epochs - 1:
@@ -173,9 +179,9 @@ def run_realtime(
 
 
 def _gather_until(hardware: Hardware, port: Port, deadline_ns: int) -> tuple[int, int]:
-    """Take frames until the deadline, and what is there by then.
+    """Gather frames until the deadline, and any pending then.
 
-    Returns how many there are, and the time when the deadline's wait was over.
+    Returns their number, and the time when the wait for the deadline ended.
     """
     count = 0
     late_ns = 0

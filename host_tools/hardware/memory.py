@@ -2,250 +2,232 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Annotated
 
-import numpy as np
-
-from dbc.contract import SENSOR_GROUPS
+from rrins.dbc.contract import SENSOR_GROUPS
+from rrins.dbc.record import F8, I8, U4, Bool, Bytes, Floats, Integers, Record, Records, Words
 
 INNER, OUTER = 0, 1
-"""Index of an axis wherever an array is over the two axes."""
+"""Index of an axis in arrays over the two axes."""
 
 FLICKER_POLES = 6
 """Gauss-Markov processes that make up a sensor's bias instability."""
 
 LATENCY_CAPACITY = 32
-"""The most epochs by which a sensor's output can lag."""
+"""Longest latency of a sensor, epochs."""
 
 FAULT_CAPACITY = 32
 """The most faults of the hardware that can be present or planned at a time."""
 
 MOTION_CHANNELS, MOTION_TERMS = 15, 8
-"""Channels and polynomial terms of a piece of motion, see `host_tools.hardware.motion`."""
+"""Channels and polynomial terms of a piece of motion, see `rrins.host_tools.hardware.motion`."""
 
 
-def _record(fields: list[Any]) -> np.dtype[Any]:
-    return np.dtype((np.record, fields))
+class Sensors(Record):
+    """The sensors of one kind; an increment is in rad for gyros, in m/s for accelerometers."""
+
+    count: I8  #: sensors of the kind
+    axis: Annotated[Floats, (SENSOR_GROUPS, 3)]  #: true input axes, installation errors included
+    scale_error: Annotated[Floats, SENSOR_GROUPS]  #: λ, a share of 1, temperature included
+    asymmetric_scale_error: Annotated[Floats, SENSOR_GROUPS]  #: μ, a share of 1
+    bias_increment: Annotated[Floats, SENSOR_GROUPS]  #: b dt, drift included
+    noise_increment: Annotated[Floats, SENSOR_GROUPS]  #: standard deviation per epoch
+    force_coefficient: Annotated[Floats, SENSOR_GROUPS]  #: rad/s per m/s² along the input axis
+    range_increment: F8  #: range × dt
+    dead_increment: Annotated[Floats, SENSOR_GROUPS]  #: dead zone × dt
+    resolution_increment: F8  #: of the sensor itself; 0: finer than the frame's
+    resolution_remainder: Annotated[Floats, SENSOR_GROUPS]  #: increment carried to the next epoch
+    # Bandwidth and latency
+    lags: Bool  #: whether there is any
+    lag_share: F8  #: of its state that the first-order low pass keeps over an epoch
+    lag_mean: F8  #: the same on average over the epoch
+    lag_state: Annotated[Floats, SENSOR_GROUPS]  #: increment
+    latency_epochs: I8  #: whole ones
+    latency_fraction: F8  #: of an epoch, on top
+    history: Annotated[Floats, (SENSOR_GROUPS, LATENCY_CAPACITY)]  #: increments, a ring
+    history_at: I8  #: position of the current epoch in it
+    # Drifting errors, updated every `drift_epochs` of the plant
+    drifts: Bool  #: whether anything does
+    constant_bias_increment: Annotated[Floats, SENSOR_GROUPS]  #: constant part of the bias
+    constant_scale_error: Annotated[Floats, SENSOR_GROUPS]  #: constant part of λ
+    temperature_bias_increment: Annotated[Floats, SENSOR_GROUPS]  #: increment per K
+    temperature_scale: Annotated[Floats, SENSOR_GROUPS]  #: λ per K
+    flicker_decay: Annotated[Floats, FLICKER_POLES]  #: share kept from one update to the next
+    flicker_drive: Annotated[Floats, (SENSOR_GROUPS, FLICKER_POLES)]  #: increment, deviation
+    flicker_state: Annotated[Floats, (SENSOR_GROUPS, FLICKER_POLES)]  #: increment
+    walk_drive: Annotated[Floats, SENSOR_GROUPS]  #: increment, standard deviation of an update
+    walk_state: Annotated[Floats, SENSOR_GROUPS]  #: increment
+    # Faults and their effects
+    stuck: U4  #: one bit per sensor
+    absent: U4  #: one bit per sensor
+    fault_bias_increment: Annotated[Floats, SENSOR_GROUPS]  #: increment
+    fault_noise_increment: Annotated[Floats, SENSOR_GROUPS]  #: standard deviation per epoch
+    # Output
+    remainder: Annotated[Floats, SENSOR_GROUPS]  #: counts carried into the next epoch
+    counts: Annotated[Integers, SENSOR_GROUPS]  #: increments in units of the frame
+    saturated: U4  #: one bit per sensor, in this epoch
+    noise_state: Annotated[Words, SENSOR_GROUPS]  #: of each sensor's random numbers
+    noise_spare: Annotated[Floats, SENSOR_GROUPS]  #: second normal number of a pair
+    noise_has_spare: Annotated[Bytes, SENSOR_GROUPS]  #: 0 or 1
 
 
-SENSORS = _record(
-    [
-        ("count", "<i8"),
-        ("axis", "<f8", (SENSOR_GROUPS, 3)),  # true input axes, installation errors included
-        ("scale_error", "<f8", (SENSOR_GROUPS,)),  # λ, what temperature adds included
-        ("asymmetric_scale_error", "<f8", (SENSOR_GROUPS,)),  # μ
-        ("bias_increment", "<f8", (SENSOR_GROUPS,)),  # b dt, all that drifts included
-        ("noise_increment", "<f8", (SENSOR_GROUPS,)),  # standard deviation per epoch
-        ("force_coefficient", "<f8", (SENSOR_GROUPS,)),  # rad/s per m/s² along the input axis
-        ("range_increment", "<f8"),  # range × dt
-        ("dead_increment", "<f8", (SENSOR_GROUPS,)),  # dead zone × dt
-        ("resolution_increment", "<f8"),  # of the sensor itself; 0: finer than the frame's
-        ("resolution_remainder", "<f8", (SENSOR_GROUPS,)),
-        # Bandwidth and latency
-        ("lags", "?"),
-        ("lag_share", "<f8"),  # of its state that the first-order low pass keeps over an epoch
-        ("lag_mean", "<f8"),  # the same on average over the epoch
-        ("lag_state", "<f8", (SENSOR_GROUPS,)),
-        ("latency_epochs", "<i8"),
-        ("latency_fraction", "<f8"),  # of an epoch, on top
-        ("history", "<f8", (SENSOR_GROUPS, LATENCY_CAPACITY)),
-        ("history_at", "<i8"),
-        # What drifts, brought up to date every `drift_epochs` of the plant
-        ("drifts", "?"),
-        ("constant_bias_increment", "<f8", (SENSOR_GROUPS,)),
-        ("constant_scale_error", "<f8", (SENSOR_GROUPS,)),
-        ("temperature_bias_increment", "<f8", (SENSOR_GROUPS,)),  # per K
-        ("temperature_scale", "<f8", (SENSOR_GROUPS,)),  # per K
-        ("flicker_decay", "<f8", (FLICKER_POLES,)),
-        ("flicker_drive", "<f8", (SENSOR_GROUPS, FLICKER_POLES)),
-        ("flicker_state", "<f8", (SENSOR_GROUPS, FLICKER_POLES)),
-        ("walk_drive", "<f8", (SENSOR_GROUPS,)),
-        ("walk_state", "<f8", (SENSOR_GROUPS,)),
-        # Faults, a bit per sensor, and what they add
-        ("stuck", "<u4"),
-        ("absent", "<u4"),
-        ("fault_bias_increment", "<f8", (SENSOR_GROUPS,)),
-        ("fault_noise_increment", "<f8", (SENSOR_GROUPS,)),
-        # Output
-        ("remainder", "<f8", (SENSOR_GROUPS,)),  # counts carried into the next epoch
-        ("counts", "<i8", (SENSOR_GROUPS,)),
-        ("saturated", "<u4"),  # a bit per sensor, in this epoch
-        ("noise_state", "<u8", (SENSOR_GROUPS,)),
-        ("noise_spare", "<f8", (SENSOR_GROUPS,)),  # second normal of a pair
-        ("noise_has_spare", "u1", (SENSOR_GROUPS,)),
-    ]
-)
-"""The sensors of one kind; increments in rad or m/s."""
+class WaitingCommand(Record):
+    """An axis command that waits for its epoch."""
 
-COMMAND = _record(
-    [
-        ("valid", "?"),
-        ("command", "<i8"),
-        ("target", "<f8"),  # rad
-        ("rate", "<f8"),  # rad/s
-    ]
-)
-"""An axis command that waits for its epoch."""
+    valid: Bool  #: whether there is one
+    command: I8  #: an `AxisCommand`
+    target: F8  #: rad
+    rate: F8  #: rad/s
 
-AXIS = _record(
-    [
-        ("rate_limit", "<f8"),  # rad/s
-        ("acceleration_limit", "<f8"),  # rad/s²
-        ("ramp_smoothing", "<i8"),  # epochs over which the acceleration rises; 0: at once
-        ("encoder_step_deg", "<f8"),
-        ("encoder_offset_deg", "<f8"),
-        ("ripple", "<f8"),  # rad, of the angle
-        ("ripple_per_turn", "<f8"),
-        ("stiction", "<f8"),  # rad, by which the drive winds up before the table follows
-        ("run_out", "<f8"),  # m, of the sensors' centre from the axis
-        ("state", "<i8"),
-        ("waiting", COMMAND, (2,)),  # by the epoch they belong to, even and odd
-        ("command", "<i8"),
-        ("target", "<f8"),  # rad, as commanded
-        ("commanded_rate", "<f8"),  # rad/s
-        ("drive_angle", "<f8"),  # rad, of the motor's shaft at the end of the epoch
-        ("drive_rate", "<f8"),
-        ("drive_acceleration", "<f8"),
-        ("sticks", "?"),
-        ("load_angle", "<f8"),  # of the table but for the ripple
-        ("angle", "<f8"),  # rad, of the table at the end of the epoch
-        ("rate", "<f8"),
-        ("angle_before", "<f8"),  # at its beginning
-        ("rate_before", "<f8"),
-        # The profile being driven: ramp up, cruise, ramp down, in whole epochs.
-        ("profile_start", "<f8"),
-        ("profile_end", "<f8"),
-        ("profile_rate", "<f8"),  # signed peak rate
-        ("profile_ramp", "<i8"),
-        ("profile_cruise", "<i8"),
-        ("profile_epoch", "<i8"),
-        # Braking: what is left of the acceleration fades, then the rate goes to zero.
-        ("brake_acceleration", "<f8"),
-        ("brake_rate", "<f8"),
-        ("brake_epochs", "<i8"),
-        ("brake_epoch", "<i8"),
-        # Faults
-        ("blocked", "?"),
-        ("runaway", "?"),
-        ("runaway_rate", "<f8"),
-        ("encoder_stuck", "?"),
-        ("encoder_held_deg", "<f8"),
-        ("encoder_error_deg", "<f8"),
-    ]
-)
-"""One axis of the turntable."""
 
-COUNTERS = _record(
-    [
-        ("crc_errors", "<i8"),
-        ("counter_errors", "<i8"),
-        ("missing_commands", "<i8"),
-        ("overruns", "<i8"),  # counted by the shell
-    ]
-)
-"""What the hardware noticed of the frames that it gets."""
+class TurntableAxis(Record):
+    """One axis of the turntable."""
 
-TRUTH = np.dtype(
-    (
-        np.record,
-        [
-            ("epoch", "<i8"),
-            ("latitude", "<f8"),  # rad
-            ("longitude", "<f8"),
-            ("height", "<f8"),  # m
-            ("velocity_n", "<f8", (3,)),
-            ("roll", "<f8"),  # rad, of the body
-            ("pitch", "<f8"),
-            ("heading", "<f8"),
-            ("axis_angle", "<f8", (2,)),  # rad
-        ],
-    )
-)
-"""Where the vehicle and the table really are at the end of an epoch."""
+    rate_limit: F8  #: rad/s
+    acceleration_limit: F8  #: rad/s²
+    ramp_smoothing: I8  #: epochs over which the acceleration rises; 0: at once
+    encoder_step_deg: F8  #: resolution of the encoder
+    encoder_offset_deg: F8  #: encoder reading minus true angle
+    ripple: F8  #: rad, amplitude
+    ripple_per_turn: F8  #: periods
+    stiction: F8  #: rad, wind-up of the drive before the table follows
+    run_out: F8  #: m, of the sensors' centre from the axis
+    state: I8  #: an `AxisState`
+    waiting: Annotated[Records[WaitingCommand], 2]  #: by the epoch they belong to, even and odd
+    command: I8  #: an `AxisCommand`, the active one
+    target: F8  #: rad, as commanded
+    commanded_rate: F8  #: rad/s
+    drive_angle: F8  #: rad, of the motor's shaft at the end of the epoch
+    drive_rate: F8  #: rad/s
+    drive_acceleration: F8  #: rad/s²
+    sticks: Bool  #: whether stiction holds the load
+    load_angle: F8  #: rad, of the table without the ripple
+    angle: F8  #: rad, of the table at the end of the epoch
+    rate: F8  #: rad/s, of the table at the end of the epoch
+    angle_before: F8  #: rad, at the beginning of the epoch
+    rate_before: F8  #: rad/s, at the beginning of the epoch
+    # The profile being driven: ramp up, cruise, ramp down, in whole epochs.
+    profile_start: F8  #: rad
+    profile_end: F8  #: rad
+    profile_rate: F8  #: rad/s, signed peak
+    profile_ramp: I8  #: epochs of each ramp
+    profile_cruise: I8  #: epochs
+    profile_epoch: I8  #: epochs driven so far
+    # Braking: the remaining acceleration fades, then the rate goes to zero.
+    brake_acceleration: F8  #: rad/s², still fading
+    brake_rate: F8  #: rad/s, when the rate begins to fall to zero
+    brake_epochs: I8  #: duration of the fall
+    brake_epoch: I8  #: epochs of the fall so far
+    # Faults
+    blocked: Bool  #: the table is stuck
+    runaway: Bool  #: the drive turns at `runaway_rate`, whatever is commanded
+    runaway_rate: F8  #: rad/s
+    encoder_stuck: Bool  #: the encoder repeats `encoder_held_deg`
+    encoder_held_deg: F8  #: last reading of the encoder
+    encoder_error_deg: F8  #: encoder reading minus true angle
+
+
+class FrameCounters(Record):
+    """Errors that the hardware found in received frames."""
+
+    crc_errors: I8  #: frames
+    counter_errors: I8  #: frames that are repeated or late
+    missing_commands: I8  #: axis commands not received by their epoch
+    overruns: I8  #: epochs begun too late, counted by the shell
+
+
+class Truth(Record):
+    """True state of the vehicle and the table at the end of an epoch."""
+
+    epoch: I8  #: number of the epoch
+    latitude: F8  #: rad
+    longitude: F8  #: rad
+    height: F8  #: m
+    velocity_n: Annotated[Floats, 3]  #: m/s
+    roll: F8  #: rad, of the body
+    pitch: F8  #: rad, of the body
+    heading: F8  #: rad, of the body
+    axis_angle: Annotated[Floats, 2]  #: rad, by `INNER` and `OUTER`
+
 
 OPERATOR_CAPACITY = 32
+"""Most requests of the operator in a run."""
 
-OPERATOR = _record(
-    [
-        ("count", "<i8"),
-        ("epoch", "<i8", (OPERATOR_CAPACITY,)),
-        ("request", "<i8", (OPERATOR_CAPACITY,)),
-        ("next", "<i8"),
-        ("present", "<i8"),
-        ("transmissions", "<i8"),
-    ]
-)
-"""What the operator asks the navigation computer for, and when."""
 
-TABLE = _record(
-    [
-        ("is_crooked", "?"),  # any of the following
-        ("tilt", "<f8"),  # rad, of the inner axis from the right angle to the outer, about y
-        ("wobble", "<f8"),  # rad, of the inner axis
-        ("wobble_per_turn", "<f8"),
-    ]
-)
-"""How the axes lie to each other."""
+class Operator(Record):
+    """The operator's requests to the navigation computer, with their times."""
 
-THERMAL = _record(
-    [
-        ("offset", "<f8"),  # K, of the surroundings from where the sensors are calibrated
-        ("warm_up", "<f8"),  # K, by which the sensors end up warmer than that
-        ("time_constant", "<f8"),  # s
-    ]
-)
-"""The sensors' temperature over time since power-on."""
+    count: I8  #: requests in all
+    epoch: Annotated[Integers, OPERATOR_CAPACITY]  #: of each request, in order
+    request: Annotated[Integers, OPERATOR_CAPACITY]  #: as `mode_request` of MODE_COMMAND
+    next: I8  #: index of the next one
+    present: I8  #: as `mode_request`, the one being repeated
+    transmissions: I8  #: of MODE_COMMAND, for its counter
 
-ALTIMETER = _record(
-    [
-        ("fitted", "?"),
-        ("bias", "<f8"),  # m
-        ("noise", "<f8"),  # m, standard deviation
-        ("noise_state", "<u8", (1,)),
-        ("noise_spare", "<f8", (1,)),
-        ("noise_has_spare", "u1", (1,)),
-    ]
-)
-"""The barometric altimeter."""
 
-FAULTS = _record(
-    [
-        ("count", "<i8"),
-        ("changes_at", "<i8"),  # the epoch from which on what is active must be seen anew
-        ("kind", "<i8", (FAULT_CAPACITY,)),
-        ("target", "<i8", (FAULT_CAPACITY,)),
-        ("first_epoch", "<i8", (FAULT_CAPACITY,)),
-        ("last_epoch", "<i8", (FAULT_CAPACITY,)),
-        ("value", "<f8", (FAULT_CAPACITY,)),
-    ]
-)
-"""Faults of the hardware, see `host_tools.hardware.faults`."""
+class TableErrors(Record):
+    """Alignment errors of the axes relative to each other."""
 
-PLANT = _record(
-    [
-        ("period_ns", "<i8"),
-        ("epoch", "<i8"),  # the next one
-        ("drift_epochs", "<i8"),
-        ("motion_start", "<i8"),  # epoch in which the motion begins
-        ("piece_count", "<i8"),  # 0: the vehicle rests
-        ("piece_epochs", "<i8"),  # epochs of a piece of motion
-        ("loop_from", "<i8"),  # piece to go on with after the last; below 0: rest
-        ("omega_ib_b", "<f8", (3,)),
-        ("specific_force_b", "<f8", (3,)),
-        ("dtheta_s", "<f8", (3,)),
-        ("dv_s", "<f8", (3,)),
-        ("held", "?"),  # the increments are those of rest, made before
-        ("table", TABLE),
-        ("thermal", THERMAL),
-        ("altimeter", ALTIMETER),
-        ("faults", FAULTS),
-        ("axis", AXIS, (2,)),
-        ("gyros", SENSORS),
-        ("accelerometers", SENSORS),
-        ("truth", TRUTH),
-        ("operator", OPERATOR),
-        ("counters", COUNTERS),
-        ("heartbeats", "<i8"),
-    ]
-)
-"""The hardware's whole memory."""
+    is_crooked: Bool  #: whether any of the following is not zero
+    tilt: F8  #: rad, of the inner axis from the right angle to the outer, about y
+    wobble: F8  #: rad, of the inner axis
+    wobble_per_turn: F8  #: periods
+
+
+class Temperature(Record):
+    """The sensors' temperature over time since power-on."""
+
+    offset: F8  #: K, of the surroundings above the calibration temperature
+    warm_up: F8  #: K, final self-heating of the sensors above the surroundings
+    time_constant: F8  #: s, of warming up
+
+
+class AltimeterState(Record):
+    """The barometric altimeter."""
+
+    fitted: Bool  #: whether there is one
+    bias: F8  #: m
+    noise: F8  #: m, standard deviation
+    noise_state: Annotated[Words, 1]  #: of its random numbers
+    noise_spare: Annotated[Floats, 1]  #: second normal number of a pair
+    noise_has_spare: Annotated[Bytes, 1]  #: 0 or 1
+
+
+class PlannedFaults(Record):
+    """Faults of the hardware, see `rrins.host_tools.hardware.faults`."""
+
+    count: I8  #: present and planned
+    changes_at: I8  #: next epoch in which the active faults change
+    kind: Annotated[Integers, FAULT_CAPACITY]  #: a `HardwareFault`
+    target: Annotated[Integers, FAULT_CAPACITY]  #: index of an axis or a sensor, or `EVERY`
+    first_epoch: Annotated[Integers, FAULT_CAPACITY]  #: of activity
+    last_epoch: Annotated[Integers, FAULT_CAPACITY]  #: of activity
+    value: Annotated[Floats, FAULT_CAPACITY]  #: in the unit of its kind, see `HardwareFault`
+
+
+class Plant(Record):
+    """The hardware's whole memory."""
+
+    period_ns: I8  #: length of an epoch
+    epoch: I8  #: the next one
+    drift_epochs: I8  #: between updates of the drifting errors
+    motion_start: I8  #: epoch in which the motion begins
+    piece_count: I8  #: pieces of motion; 0: the vehicle rests
+    piece_epochs: I8  #: length of a piece of motion
+    loop_from: I8  #: piece to continue with after the last; negative: rest
+    omega_ib_b: Annotated[Floats, 3]  #: rad/s, angular rate of the body
+    specific_force_b: Annotated[Floats, 3]  #: m/s²
+    dtheta_s: Annotated[Floats, 3]  #: rad, true increment of the epoch
+    dv_s: Annotated[Floats, 3]  #: m/s, true increment of the epoch
+    held: Bool  #: whether the stored increments at rest are still valid
+    table: TableErrors
+    thermal: Temperature
+    altimeter: AltimeterState
+    faults: PlannedFaults
+    axis: Annotated[Records[TurntableAxis], 2]  #: by `INNER` and `OUTER`
+    gyros: Sensors
+    accelerometers: Sensors
+    truth: Truth
+    operator: Operator
+    counters: FrameCounters
+    heartbeats: I8  #: sent so far, for their counter

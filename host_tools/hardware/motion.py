@@ -3,24 +3,23 @@
 A piece lasts a whole number of epochs and has, for each of fifteen channels, the coefficients of
 a polynomial of degree seven in u, the time from 0 at its beginning to 1 at its end, lowest first:
 ω_ib^b (rad/s) and f^b (m/s²), three each; latitude and longitude (rad), height (m); velocity_n
-(m/s), three; roll, pitch and heading (rad). `host_tools.motion` makes them so that all agree.
+(m/s), three; roll, pitch and heading (rad). `rrins.host_tools.motion` makes them so that all agree.
 """
 
 from __future__ import annotations
 
 import math
-from typing import Any
 
-from numba import njit
-
-from host_tools.hardware.memory import MOTION_TERMS
+from rrins.dbc.compilation import compiled
+from rrins.dbc.record import Floats
+from rrins.host_tools.hardware.memory import MOTION_TERMS, Plant
 
 RATE, FORCE, POSITION, VELOCITY, ATTITUDE = 0, 3, 6, 9, 12
 """First channel of each triple."""
 
 
-@njit(cache=True)
-def value(piece: Any, channel: int, u: float) -> float:
+@compiled
+def value(piece: Floats, channel: int, u: float) -> float:
     """Return a channel of a piece, shape (15, 8), at `u` in [0, 1]."""
     total = piece[channel, MOTION_TERMS - 1]
     for k in range(MOTION_TERMS - 2, -1, -1):
@@ -28,9 +27,9 @@ def value(piece: Any, channel: int, u: float) -> float:
     return total
 
 
-@njit(cache=True)
-def piece_of(plant: Any, epoch: int) -> int:
-    """Return the piece that an epoch lies in; -1 for one at rest."""
+@compiled
+def piece_of(plant: Plant, epoch: int) -> int:
+    """Return the piece of an epoch; -1 at rest."""
     since, pieces = epoch - plant.motion_start - 1, plant.piece_count
     if since < 0 or pieces == 0:
         return -1
@@ -42,14 +41,14 @@ def piece_of(plant: Any, epoch: int) -> int:
     return plant.loop_from + (piece - plant.loop_from) % (pieces - plant.loop_from)
 
 
-@njit(cache=True)
-def begin_of(plant: Any, epoch: int) -> float:
-    """Return where in its piece an epoch begins, in u."""
+@compiled
+def begin_of(plant: Plant, epoch: int) -> float:
+    """Return the start of an epoch within its piece, as u."""
     return (epoch - plant.motion_start - 1) % plant.piece_epochs / plant.piece_epochs
 
 
-@njit(cache=True)
-def _take_pose(plant: Any, piece: Any, u: float) -> None:
+@compiled
+def _set_pose(plant: Plant, piece: Floats, u: float) -> None:
     truth = plant.truth
     truth.latitude = value(piece, POSITION, u)
     longitude = value(piece, POSITION + 1, u)
@@ -63,21 +62,21 @@ def _take_pose(plant: Any, piece: Any, u: float) -> None:
     truth.heading = heading - 2.0 * math.pi * math.floor(heading / (2.0 * math.pi))
 
 
-@njit(cache=True)
-def take_rest(plant: Any, piece: Any, u: float) -> None:
-    """Let the vehicle rest as it is at `u` of a piece."""
+@compiled
+def set_rest(plant: Plant, piece: Floats, u: float) -> None:
+    """Set the vehicle at rest, with its pose at `u` of a piece."""
     for i in range(3):
         plant.omega_ib_b[i] = value(piece, RATE + i, u)
         plant.specific_force_b[i] = value(piece, FORCE + i, u)
-    _take_pose(plant, piece, u)
+    _set_pose(plant, piece, u)
 
 
-@njit(cache=True)
-def note(plant: Any, pieces: Any) -> None:
-    """Write to the truth where the vehicle is at the end of the plant's epoch."""
+@compiled
+def note(plant: Plant, pieces: Floats) -> None:
+    """Write the vehicle's state at the end of the plant's epoch to the truth."""
     index = piece_of(plant, plant.epoch)
     if index >= 0:
         end = begin_of(plant, plant.epoch) + 1.0 / plant.piece_epochs
-        _take_pose(plant, pieces[index], end)
+        _set_pose(plant, pieces[index], end)
     elif plant.piece_count and plant.epoch > plant.motion_start:
-        _take_pose(plant, pieces[plant.piece_count - 1], 1.0)
+        _set_pose(plant, pieces[plant.piece_count - 1], 1.0)

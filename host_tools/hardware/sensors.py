@@ -1,22 +1,22 @@
 """From true increments to counts: bandwidth, latency, errors of (16), (17), range, quantisation.
 
 Per sensor, on increments: the input along the true axis h'; first-order low pass and latency; dead
-zone; ``N = [1 + λ + μ sign(x)] x + b + η``, where b holds all that drifts, and for gyros what the
-specific force along the axis adds; the sensor's range; its own resolution; then whole counts of
-the frame's unit. What is left over of a count is carried into the next epoch.
+zone; ``N = [1 + λ + μ sign(x)] x + b + η``, where b includes drift, and for gyros the effect of
+the specific force along the axis; the sensor's range; its resolution; then whole counts of the
+frame's unit. The fraction of a count is carried into the next epoch.
 """
 
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
-from host_tools.hardware.memory import FLICKER_POLES, LATENCY_CAPACITY
-from host_tools.hardware.noise import normal
+from rrins.dbc.compilation import compiled
+from rrins.dbc.record import Floats
+from rrins.host_tools.hardware.memory import FLICKER_POLES, LATENCY_CAPACITY, Sensors
+from rrins.host_tools.hardware.noise import normal
 
 
 def input_axis(alpha: float, beta: float) -> NDArray[np.float64]:
@@ -28,7 +28,7 @@ def input_axis(alpha: float, beta: float) -> NDArray[np.float64]:
 def transverse_axes(alpha: float, beta: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return (u, v), so that (h, u, v) is right-handed and orthonormal. Paper, (11).
 
-    u points to growing polar angle, v to growing azimuth.
+    u points to increasing polar angle, v to increasing azimuth.
     """
     u = np.array(
         [math.cos(alpha) * math.cos(beta), math.cos(alpha) * math.sin(beta), -math.sin(alpha)]
@@ -45,9 +45,9 @@ def installed_axis(
     return input_axis(alpha, beta) - delta_u * v - delta_v * u
 
 
-@njit(cache=True)
-def _lagged(sensors: Any, k: int, x: float) -> float:
-    """Return the increment that has passed bandwidth and latency of the input `x` so far.
+@compiled
+def _lagged(sensors: Sensors, k: int, x: float) -> float:
+    """Return the increment after bandwidth and latency, for the input `x`.
 
     The low pass is exact for a rate that is constant within each epoch: its state is the rate
     at the epoch's end (as an increment), its output the integral over the epoch.
@@ -64,9 +64,9 @@ def _lagged(sensors: Any, k: int, x: float) -> float:
     return (1.0 - share) * sensors.history[k, newer] + share * sensors.history[k, older]
 
 
-@njit(cache=True)
-def _analog(sensors: Any, k: int, x: float, force: float) -> float:
-    """Return what sensor `k` makes of the input `x`, before its range. Paper, (16), (17)."""
+@compiled
+def _analog(sensors: Sensors, k: int, x: float, force: float) -> float:
+    """Return the output of sensor `k` for the input `x`, before its range. Paper, (16), (17)."""
     if abs(x) < sensors.dead_increment[k]:
         x = 0.0
     scale = 1.0 + sensors.scale_error[k]
@@ -84,22 +84,22 @@ def _analog(sensors: Any, k: int, x: float, force: float) -> float:
     return measured
 
 
-@njit(cache=True)
-def _resolved(sensors: Any, k: int, measured: float) -> float:
-    """Return whole steps of the sensor's own resolution; the rest is carried."""
+@compiled
+def _resolved(sensors: Sensors, k: int, measured: float) -> float:
+    """Return whole steps of the sensor's resolution; the remainder is carried over."""
     wanted = sensors.resolution_remainder[k] + measured / sensors.resolution_increment
     steps = np.rint(wanted)
     sensors.resolution_remainder[k] = wanted - steps
     return steps * sensors.resolution_increment
 
 
-@njit(cache=True)
-def measure(sensors: Any, true_s: Any, dv_s: Any, unit: float, largest: int) -> None:
+@compiled
+def measure(sensors: Sensors, true_s: Floats, dv_s: Floats, unit: float, largest: int) -> None:
     """Turn a true increment in the sensor frame into the counts of all sensors of a kind.
 
     Parameters
     ----------
-    sensors : record of dtype `host_tools.hardware.memory.SENSORS`
+    sensors : Sensors
         `counts` and `saturated` are the result.
     true_s : array, shape (3,)
         rad or m/s.
@@ -108,7 +108,7 @@ def measure(sensors: Any, true_s: Any, dv_s: Any, unit: float, largest: int) -> 
     unit : float
         Increment of one count.
     largest : int
-        Largest count that the frame carries, either way.
+        Largest absolute count that the frame can carry.
     """
     sensors.saturated = 0
     lags = sensors.lags
@@ -138,15 +138,15 @@ def measure(sensors: Any, true_s: Any, dv_s: Any, unit: float, largest: int) -> 
         sensors.history_at = (sensors.history_at + 1) % LATENCY_CAPACITY
 
 
-@njit(cache=True)
-def drift(sensors: Any, warmer: float) -> None:
-    """Bring what drifts up to date: bias instability, rate random walk, temperature.
+@compiled
+def drift(sensors: Sensors, warmer: float) -> None:
+    """Update the drifting errors: bias instability, rate random walk, temperature.
 
     Parameters
     ----------
-    sensors : record of dtype `host_tools.hardware.memory.SENSORS`
+    sensors : Sensors
     warmer : float
-        K, above the temperature of calibration.
+        K, above the calibration temperature.
     """
     for k in range(sensors.count):
         bias = sensors.constant_bias_increment[k] + warmer * sensors.temperature_bias_increment[k]

@@ -1,17 +1,17 @@
-"""What the hardware is set up with, in the units of data sheets, and the record made from it."""
+"""The hardware's set-up, in the units of data sheets, and the record made from it."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from host_tools.hardware import earth, faults
-from host_tools.hardware.faults import HardwareFault
-from host_tools.hardware.memory import (
+from rrins.dbc.record import Records
+from rrins.host_tools.hardware import earth, faults
+from rrins.host_tools.hardware.faults import HardwareFault
+from rrins.host_tools.hardware.memory import (
     FLICKER_POLES,
     INNER,
     LATENCY_CAPACITY,
@@ -19,13 +19,15 @@ from host_tools.hardware.memory import (
     MOTION_TERMS,
     OPERATOR_CAPACITY,
     OUTER,
-    PLANT,
+    Plant,
+    Sensors,
+    TurntableAxis,
 )
-from host_tools.hardware.motion import take_rest
-from host_tools.hardware.sensors import installed_axis
+from rrins.host_tools.hardware.motion import set_rest
+from rrins.host_tools.hardware.sensors import installed_axis
 
 STANDARD_GRAVITY = 9.80665
-"""m/s²: what the g of µg and of an accelerometer's range stands for (ISO 80000-3)."""
+"""m/s²: the g of µg and of an accelerometer's range (ISO 80000-3)."""
 
 DPH = math.radians(1) / 3600  # rad/s
 UG = 1e-6 * STANDARD_GRAVITY  # m/s²
@@ -35,7 +37,7 @@ DEG_PER_SQRT_H = math.radians(1) / 60  # rad/√s
 SQRT_H = 60.0  # √s
 
 DRIFT_S = 1.0
-"""How often what drifts is brought up to date."""
+"""Interval between updates of the drifting errors, s."""
 
 FLICKER_SHORTEST_S = 2.0
 FLICKER_RATIO = 8.0
@@ -44,7 +46,7 @@ FLICKER_RATIO = 8.0
 
 @dataclass(frozen=True)
 class SensorErrors:
-    """Errors of one sensor in SI units. Paper, (16), (17), and what data sheets add."""
+    """Errors of one sensor in SI units. Paper, (16), (17), and further data sheet values."""
 
     bias: float = 0.0  # rad/s or m/s²
     scale_error: float = 0.0  # λ
@@ -94,8 +96,8 @@ class Drive:
 
 
 @dataclass(frozen=True)
-class Table:
-    """How the axes lie to each other, in rad."""
+class TableGeometry:
+    """Alignment errors of the axes relative to each other, in rad."""
 
     tilt: float = 0.0
     wobble: float = 0.0
@@ -103,7 +105,7 @@ class Table:
 
 
 @dataclass(frozen=True)
-class Thermal:
+class ThermalSettings:
     """Temperature of the sensors above that of calibration, K, and how they warm up."""
 
     offset: float = 0.0
@@ -112,7 +114,7 @@ class Thermal:
 
 
 @dataclass(frozen=True)
-class Altimeter:
+class AltimeterSettings:
     """The barometric altimeter, m."""
 
     bias: float = 0.0
@@ -120,17 +122,17 @@ class Altimeter:
 
 
 @dataclass(frozen=True)
-class Motion:
-    """The vehicle's motion, see `host_tools.hardware.motion`.
+class MotionPieces:
+    """The vehicle's motion, see `rrins.host_tools.hardware.motion`.
 
     Attributes
     ----------
     pieces : array, shape (n, 15, 8)
     piece_epochs : int
     start_epoch : int
-        In which the first piece begins; before, the vehicle rests as at its beginning.
+        In which the first piece begins; before, the vehicle rests in the piece's initial pose.
     loop_from : int or None
-        Piece to go on with after the last; None to rest.
+        Piece to continue with after the last; None to rest.
     """
 
     pieces: NDArray[np.float64]
@@ -141,7 +143,7 @@ class Motion:
 
 @dataclass(frozen=True)
 class PlannedFault:
-    """A fault of the hardware and the epochs it lasts; `last_epoch` below 0 is to the end."""
+    """A fault of the hardware and the epochs it lasts; a negative `last_epoch` lasts to the end."""
 
     kind: HardwareFault
     target: int
@@ -152,7 +154,7 @@ class PlannedFault:
 
 @dataclass(frozen=True)
 class Settings:
-    """The emulated hardware and where it stands."""
+    """The emulated hardware and its location."""
 
     rate_hz: int
     seed: int
@@ -167,11 +169,11 @@ class Settings:
     inner: Drive
     outer: Drive
     requests: tuple[tuple[int, int], ...]
-    """(epoch, `mode_request`) that the operator makes, in order of time."""
-    table: Table = Table()
-    thermal: Thermal = Thermal()
-    altimeter: Altimeter | None = None
-    motion: Motion | None = None
+    """The operator's requests, (epoch, `mode_request`), in order of time."""
+    table: TableGeometry = TableGeometry()
+    thermal: ThermalSettings = ThermalSettings()
+    altimeter: AltimeterSettings | None = None
+    motion: MotionPieces | None = None
     faults: tuple[PlannedFault, ...] = ()
 
 
@@ -183,43 +185,45 @@ def _power_up_values(sensors: SensorSet, seed: np.random.SeedSequence) -> NDArra
     return np.asarray(np.array(constant) + drawn * np.array(spread))
 
 
-def _fill_sensors(record: Any, sensors: SensorSet, dt: float, seed: np.random.SeedSequence) -> None:
+def _fill_sensors(
+    record: Sensors, sensors: SensorSet, dt: float, seed: np.random.SeedSequence
+) -> None:
     count = len(sensors.axes)
-    record["count"] = count
-    record["range_increment"] = sensors.measuring_range * dt
+    record.count = count
+    record.range_increment = sensors.measuring_range * dt
     streams = seed.generate_state(count, dtype=np.uint64)
     powered_up = _power_up_values(sensors, seed.spawn(1)[0])
     for k, ((alpha, beta), errors) in enumerate(zip(sensors.axes, sensors.errors, strict=True)):
         bias, scale_error = powered_up[k]
-        record["axis"][k] = installed_axis(alpha, beta, errors.delta_u, errors.delta_v)
-        record["scale_error"][k] = record["constant_scale_error"][k] = scale_error
-        record["asymmetric_scale_error"][k] = errors.asymmetric_scale_error
-        record["bias_increment"][k] = record["constant_bias_increment"][k] = bias * dt
-        record["noise_increment"][k] = errors.white_noise * math.sqrt(dt)
-        record["force_coefficient"][k] = errors.force_coefficient
-        record["dead_increment"][k] = errors.dead_zone * dt
-        record["noise_state"][k] = streams[k]
-    record["resolution_increment"] = sensors.resolution
+        record.axis[k] = installed_axis(alpha, beta, errors.delta_u, errors.delta_v)
+        record.scale_error[k] = record.constant_scale_error[k] = scale_error
+        record.asymmetric_scale_error[k] = errors.asymmetric_scale_error
+        record.bias_increment[k] = record.constant_bias_increment[k] = bias * dt
+        record.noise_increment[k] = errors.white_noise * math.sqrt(dt)
+        record.force_coefficient[k] = errors.force_coefficient
+        record.dead_increment[k] = errors.dead_zone * dt
+        record.noise_state[k] = streams[k]
+    record.resolution_increment = sensors.resolution
     _fill_lag(record, sensors, dt)
     _fill_drift(record, sensors, dt)
 
 
-def _fill_lag(record: Any, sensors: SensorSet, dt: float) -> None:
+def _fill_lag(record: Sensors, sensors: SensorSet, dt: float) -> None:
     """Fill bandwidth (first order, time constant 1 / (2π f)) and latency."""
     if sensors.bandwidth_hz is not None:
         epochs = 2 * math.pi * sensors.bandwidth_hz * dt  # of an epoch, in time constants
-        record["lag_share"] = math.exp(-epochs)
-        record["lag_mean"] = -math.expm1(-epochs) / epochs
+        record.lag_share = math.exp(-epochs)
+        record.lag_mean = -math.expm1(-epochs) / epochs
     epochs = sensors.latency_s / dt
     whole = math.floor(epochs + 1e-9)
     assert whole < LATENCY_CAPACITY - 1
-    record["latency_epochs"] = whole
-    record["latency_fraction"] = max(0.0, epochs - whole)
-    record["lags"] = sensors.bandwidth_hz is not None or sensors.latency_s > 0
+    record.latency_epochs = whole
+    record.latency_fraction = max(0.0, epochs - whole)
+    record.lags = sensors.bandwidth_hz is not None or sensors.latency_s > 0
 
 
-def _fill_drift(record: Any, sensors: SensorSet, dt: float) -> None:
-    """Fill what drifts, for steps of `DRIFT_S`.
+def _fill_drift(record: Sensors, sensors: SensorSet, dt: float) -> None:
+    """Fill the drifting errors, for steps of `DRIFT_S`.
 
     Bias instability of coefficient B has the two-sided density B²/(2π f) of the rate (IEEE Std 952,
     annex C). Processes with the variance B² ln r / π each, their time constants a ratio r apart,
@@ -228,66 +232,66 @@ def _fill_drift(record: Any, sensors: SensorSet, dt: float) -> None:
     variance = math.log(FLICKER_RATIO) / math.pi
     constants_s = FLICKER_SHORTEST_S * FLICKER_RATIO ** np.arange(FLICKER_POLES)
     decay = np.exp(-DRIFT_S / constants_s)
-    record["flicker_decay"] = decay
+    record.flicker_decay = decay
     for k, errors in enumerate(sensors.errors):
         spread = errors.bias_instability * math.sqrt(variance)
-        record["flicker_drive"][k] = spread * np.sqrt(1 - decay**2) * dt
-        record["walk_drive"][k] = errors.rate_random_walk * math.sqrt(DRIFT_S) * dt
-        record["temperature_bias_increment"][k] = errors.temperature_bias * dt
-        record["temperature_scale"][k] = errors.temperature_scale
-    record["drifts"] = any(
+        record.flicker_drive[k] = spread * np.sqrt(1 - decay**2) * dt
+        record.walk_drive[k] = errors.rate_random_walk * math.sqrt(DRIFT_S) * dt
+        record.temperature_bias_increment[k] = errors.temperature_bias * dt
+        record.temperature_scale[k] = errors.temperature_scale
+    record.drifts = any(
         e.bias_instability or e.rate_random_walk or e.temperature_bias or e.temperature_scale
         for e in sensors.errors
     )
 
 
-def _fill_drive(record: Any, drive: Drive, dt: float) -> None:
-    record["rate_limit"] = math.radians(drive.rate_limit_dps)
-    record["acceleration_limit"] = math.radians(drive.acceleration_limit_dps2)
+def _fill_drive(axis: TurntableAxis, drive: Drive, dt: float) -> None:
+    axis.rate_limit = math.radians(drive.rate_limit_dps)
+    axis.acceleration_limit = math.radians(drive.acceleration_limit_dps2)
     if drive.jerk_limit_dps3 is not None:
         rise_s = drive.acceleration_limit_dps2 / drive.jerk_limit_dps3
-        record["ramp_smoothing"] = math.ceil(rise_s / dt - 1e-9)
-    record["encoder_step_deg"] = drive.encoder_step_deg
-    record["encoder_offset_deg"] = drive.encoder_offset_deg
-    record["ripple"] = math.radians(drive.ripple_deg)
-    record["ripple_per_turn"] = drive.ripple_per_turn
-    record["stiction"] = math.radians(drive.stiction_deg)
-    record["sticks"] = drive.stiction_deg > 0
-    record["run_out"] = drive.run_out_m
+        axis.ramp_smoothing = math.ceil(rise_s / dt - 1e-9)
+    axis.encoder_step_deg = drive.encoder_step_deg
+    axis.encoder_offset_deg = drive.encoder_offset_deg
+    axis.ripple = math.radians(drive.ripple_deg)
+    axis.ripple_per_turn = drive.ripple_per_turn
+    axis.stiction = math.radians(drive.stiction_deg)
+    axis.sticks = drive.stiction_deg > 0
+    axis.run_out = drive.run_out_m
 
 
-def _fill_surroundings(plant: Any, settings: Settings, seed: np.random.SeedSequence) -> None:
-    table = plant["table"]
-    table["tilt"], table["wobble"] = settings.table.tilt, settings.table.wobble
-    table["wobble_per_turn"] = settings.table.wobble_per_turn
-    table["is_crooked"] = settings.table.tilt != 0 or settings.table.wobble != 0
-    plant["thermal"]["offset"] = settings.thermal.offset
-    plant["thermal"]["warm_up"] = settings.thermal.warm_up
-    plant["thermal"]["time_constant"] = settings.thermal.time_constant_s
+def _fill_surroundings(plant: Plant, settings: Settings, seed: np.random.SeedSequence) -> None:
+    table = plant.table
+    table.tilt, table.wobble = settings.table.tilt, settings.table.wobble
+    table.wobble_per_turn = settings.table.wobble_per_turn
+    table.is_crooked = settings.table.tilt != 0 or settings.table.wobble != 0
+    plant.thermal.offset = settings.thermal.offset
+    plant.thermal.warm_up = settings.thermal.warm_up
+    plant.thermal.time_constant = settings.thermal.time_constant_s
     if settings.altimeter is not None:
-        altimeter = plant["altimeter"]
-        altimeter["fitted"] = True
-        altimeter["bias"], altimeter["noise"] = settings.altimeter.bias, settings.altimeter.noise
-        altimeter["noise_state"] = seed.generate_state(1, dtype=np.uint64)
-    plant["faults"]["changes_at"] = faults.NEVER
+        altimeter = plant.altimeter
+        altimeter.fitted = True
+        altimeter.bias, altimeter.noise = settings.altimeter.bias, settings.altimeter.noise
+        altimeter.noise_state[0] = seed.generate_state(1, dtype=np.uint64)[0]
+    plant.faults.changes_at = faults.NEVER
     for fault in settings.faults:
         faults.put(
             plant, fault.kind, fault.target, fault.first_epoch, fault.last_epoch, fault.value
         )
 
 
-def _fill_motion(plant: Any, motion: Motion | None) -> None:
+def _fill_motion(plant: Plant, motion: MotionPieces | None) -> None:
     if motion is None:
         return
-    plant["piece_count"] = len(motion.pieces)
-    plant["piece_epochs"] = motion.piece_epochs
-    plant["motion_start"] = motion.start_epoch
-    plant["loop_from"] = -1 if motion.loop_from is None else motion.loop_from
-    take_rest(plant, motion.pieces[0], 0.0)
+    plant.piece_count = len(motion.pieces)
+    plant.piece_epochs = motion.piece_epochs
+    plant.motion_start = motion.start_epoch
+    plant.loop_from = -1 if motion.loop_from is None else motion.loop_from
+    set_rest(plant, motion.pieces[0], 0.0)
 
 
 def pieces_of(settings: Settings) -> NDArray[np.float64]:
-    """Return the vehicle's motion as `hardware_step` reads it: a zero piece where there is none."""
+    """Return the vehicle's motion as `hardware_step` reads it: a zero piece if there is none."""
     if settings.motion is None:
         return np.zeros((1, MOTION_CHANNELS, MOTION_TERMS))
     return np.array(settings.motion.pieces)  # writable, as the compiled step is typed
@@ -304,38 +308,38 @@ def body_to_navigation(roll: float, pitch: float, heading: float) -> NDArray[np.
     return np.asarray(about_z @ about_x @ about_y)
 
 
-def power_on(settings: Settings) -> NDArray[Any]:
-    """Return the record (an array of one) of hardware that has just been switched on."""
-    plants = np.zeros(1, dtype=PLANT)
+def power_on(settings: Settings) -> Records[Plant]:
+    """Return the hardware's memory, one record, at power-on."""
+    plants = Plant.zeros()
     plant = plants[0]
     dt = 1 / settings.rate_hz
-    plant["period_ns"] = 1_000_000_000 // settings.rate_hz
+    plant.period_ns = 1_000_000_000 // settings.rate_hz
     latitude = math.radians(settings.latitude_deg)
     attitude = tuple(
         math.radians(angle)
         for angle in (settings.roll_deg, settings.pitch_deg, settings.heading_deg)
     )
     C_n_b = body_to_navigation(*attitude).T
-    plant["omega_ib_b"] = C_n_b @ earth.rotation_n(latitude)
+    plant.omega_ib_b = C_n_b @ earth.rotation_n(latitude)
     gravity = earth.normal_gravity(latitude, settings.height_m)
-    plant["specific_force_b"] = C_n_b @ np.array([0.0, 0.0, gravity])
+    plant.specific_force_b = C_n_b @ np.array([0.0, 0.0, gravity])
     gyro_seed, accelerometer_seed, altimeter_seed = np.random.SeedSequence(settings.seed).spawn(3)
-    _fill_sensors(plant["gyros"], settings.gyros, dt, gyro_seed)
-    _fill_sensors(plant["accelerometers"], settings.accelerometers, dt, accelerometer_seed)
-    _fill_drive(plant["axis"][INNER], settings.inner, dt)
-    _fill_drive(plant["axis"][OUTER], settings.outer, dt)
+    _fill_sensors(plant.gyros, settings.gyros, dt, gyro_seed)
+    _fill_sensors(plant.accelerometers, settings.accelerometers, dt, accelerometer_seed)
+    _fill_drive(plant.axis[INNER], settings.inner, dt)
+    _fill_drive(plant.axis[OUTER], settings.outer, dt)
     _fill_surroundings(plant, settings, altimeter_seed)
-    plant["drift_epochs"] = max(1, round(DRIFT_S * settings.rate_hz))
-    truth = plant["truth"]
-    truth["latitude"] = latitude
-    truth["longitude"] = math.radians(settings.longitude_deg)
-    truth["height"] = settings.height_m
-    truth["roll"], truth["pitch"], truth["heading"] = attitude
+    plant.drift_epochs = max(1, round(DRIFT_S * settings.rate_hz))
+    truth = plant.truth
+    truth.latitude = latitude
+    truth.longitude = math.radians(settings.longitude_deg)
+    truth.height = settings.height_m
+    truth.roll, truth.pitch, truth.heading = attitude
     _fill_motion(plant, settings.motion)
-    operator = plant["operator"]
+    operator = plant.operator
     assert len(settings.requests) <= OPERATOR_CAPACITY
-    operator["count"] = len(settings.requests)
+    operator.count = len(settings.requests)
     for k, (epoch, request) in enumerate(settings.requests):
-        operator["epoch"][k] = epoch
-        operator["request"][k] = request
+        operator.epoch[k] = epoch
+        operator.request[k] = request
     return plants

@@ -1,38 +1,40 @@
 """One epoch of the hardware: axis commands in, the frames of sensors and encoders out.
 
 ``commands -> turntable -> true increments -> sensors -> counts -> frames``. No clock, socket,
-thread, file or allocation; all state is the `PLANT` record, and the vehicle's motion is only read.
+thread, file or allocation; all state is the `Plant` record, and the vehicle's motion is only read.
 """
 
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
-from numba import njit
-from numpy.typing import NDArray
 
-from dbc.codec import decode, encode, encode_wrapped, pack, span_of, unpack, unwrapped
-from dbc.e2e import COUNTER_MODULUS, counter_of, crc_holds, fill
-from dbc.frame import FrameArray
-from host_tools.hardware import faults, motion, sensors, truth, turntable
-from host_tools.hardware.memory import INNER, OUTER
-from host_tools.hardware.noise import normal
+from rrins.dbc.codec import decode, encode, encode_wrapped, pack, span_of, unpack, unwrapped
+from rrins.dbc.compilation import compiled
+from rrins.dbc.contract import Contract, MessageSignals
+from rrins.dbc.e2e import COUNTER_MODULUS, MessageLayout, counter_of, crc_holds, fill
+from rrins.dbc.frame import Frame, FrameArray
+from rrins.dbc.record import Floats, Records
+from rrins.host_tools.hardware import faults, motion, sensors, truth, turntable
+from rrins.host_tools.hardware.memory import INNER, OUTER, Plant, TurntableAxis, WaitingCommand
+from rrins.host_tools.hardware.noise import normal
 
 OUTBOX_CAPACITY = 32
-"""Frames that one step sends at most, with room to spare."""
+"""Most frames that one step sends, with room to spare."""
 
 COMMAND_DELAY = 2
-"""Epochs from the one a command belongs to until it takes effect: both loops may be late by almost
-a period, and a run in real time is still the same as one in lockstep."""
+"""Epochs between a command's epoch and its effect: both loops may be late by almost a period, and
+a run in real time still equals one in lockstep."""
 
 _NS_PER_MS = 1_000_000
 
 
-@njit(cache=True)
-def _take_command(plant: Any, message: Any, axis: Any, frame: Any) -> None:
-    """Keep an axis command if it is sound and its epoch's commands have not taken effect yet."""
+@compiled
+def _receive_command(
+    plant: Plant, message: MessageSignals, axis: TurntableAxis, frame: Frame
+) -> None:
+    """Store an axis command if it is valid and its epoch's commands have not taken effect yet."""
     if not crc_holds(frame, message.message):
         plant.counters.crc_errors += 1
         return
@@ -44,9 +46,11 @@ def _take_command(plant: Any, message: Any, axis: Any, frame: Any) -> None:
     keep_command(slot, axis, message, frame["data"])
 
 
-@njit(cache=True)
-def keep_command(slot: Any, axis: Any, message: Any, word: Any) -> None:
-    """Keep the axis command that a payload `word` carries until its epoch has come."""
+@compiled
+def keep_command(
+    slot: WaitingCommand, axis: TurntableAxis, message: MessageSignals, word: np.uint64
+) -> None:
+    """Store the axis command in a payload `word` until its epoch."""
     slot.valid = True
     slot.command = unpack(word, message.command)
     target_deg = unwrapped(
@@ -58,9 +62,9 @@ def keep_command(slot: Any, axis: Any, message: Any, word: Any) -> None:
     slot.rate = math.radians(decode(word, message.rate_limit_dps))
 
 
-@njit(cache=True)
-def _apply_command(plant: Any, axis: Any) -> None:
-    """Let the command whose time has come take effect; without one, the last one holds."""
+@compiled
+def _apply_command(plant: Plant, axis: TurntableAxis) -> None:
+    """Apply the command that is due; without one, the last one remains active."""
     slot = axis.waiting[plant.epoch % 2]
     if slot.valid:
         slot.valid = False
@@ -69,26 +73,26 @@ def _apply_command(plant: Any, axis: Any) -> None:
         plant.counters.missing_commands += 1
 
 
-@njit(cache=True)
-def _take(plant: Any, contract: Any, inbox: Any, count: int) -> None:
+@compiled
+def _receive(plant: Plant, contract: Contract, inbox: FrameArray, count: int) -> None:
     for k in range(count):
         frame = inbox[k]
         if frame.can_id == contract.axis_inner_command.message.can_id:
-            _take_command(plant, contract.axis_inner_command, plant.axis[INNER], frame)
+            _receive_command(plant, contract.axis_inner_command, plant.axis[INNER], frame)
         elif frame.can_id == contract.axis_outer_command.message.can_id:
-            _take_command(plant, contract.axis_outer_command, plant.axis[OUTER], frame)
+            _receive_command(plant, contract.axis_outer_command, plant.axis[OUTER], frame)
 
 
-@njit(cache=True)
-def _send_sync(plant: Any, contract: Any, frame: Any) -> None:
+@compiled
+def _send_sync(plant: Plant, contract: Contract, frame: Frame) -> None:
     sync = contract.sync
     time_us = plant.epoch * plant.period_ns // 1000
     word = pack(np.uint64(0), sync.epoch, plant.epoch)
     fill(frame, sync.message, pack(word, sync.time_us, time_us), plant.epoch)
 
 
-@njit(cache=True)
-def group_word(plant: Any, sensor: Any, group: int) -> Any:
+@compiled
+def group_word(plant: Plant, sensor: MessageSignals, group: int) -> np.uint64:
     """Return the payload of a sensor group's frame."""
     gyros, accelerometers = plant.gyros, plant.accelerometers
     bit = 1 << group
@@ -107,23 +111,23 @@ def group_word(plant: Any, sensor: Any, group: int) -> Any:
     return pack(word, sensor.status, status)
 
 
-@njit(cache=True)
-def axis_word(axis: Any, message: Any) -> Any:
+@compiled
+def axis_word(axis: TurntableAxis, message: MessageSignals) -> np.uint64:
     """Return the payload of an axis' frame."""
     word = pack(np.uint64(0), message.state, axis.state)
     word = encode_wrapped(word, message.encoder_angle_deg, turntable.encoder_angle_deg(axis))
     return encode(word, message.encoder_rate_dps, math.degrees(axis.rate))
 
 
-@njit(cache=True)
-def is_altitude_due(plant: Any, message: Any) -> bool:
+@compiled
+def is_altitude_due(plant: Plant, message: MessageLayout) -> bool:
     """Return whether the altimeter measures in this epoch."""
     every = max(1, message.cycle_ms * _NS_PER_MS // plant.period_ns)
     return plant.altimeter.fitted and plant.epoch % every == 0
 
 
-@njit(cache=True)
-def altitude_word(plant: Any, message: Any) -> Any:
+@compiled
+def altitude_word(plant: Plant, message: MessageSignals) -> np.uint64:
     """Measure the height; return the payload of the altimeter's frame."""
     altimeter = plant.altimeter
     height = plant.truth.height + altimeter.bias
@@ -132,9 +136,9 @@ def altitude_word(plant: Any, message: Any) -> Any:
     return encode(np.uint64(0), message.height, height)
 
 
-@njit(cache=True)
-def update_operator(plant: Any) -> bool:
-    """Let the operator ask for what its time has come for; return whether that is new."""
+@compiled
+def update_operator(plant: Plant) -> bool:
+    """Update the operator's request; return whether it is new."""
     operator = plant.operator
     changed = False
     while operator.next < operator.count and operator.epoch[operator.next] <= plant.epoch:
@@ -144,8 +148,8 @@ def update_operator(plant: Any) -> bool:
     return changed
 
 
-@njit(cache=True)
-def _operate(plant: Any, contract: Any, frame: Any) -> int:
+@compiled
+def _operate(plant: Plant, contract: Contract, frame: Frame) -> int:
     """Send the operator's request when it changes and at its cycle time; return frames sent."""
     operator = plant.operator
     changed = update_operator(plant)
@@ -159,9 +163,9 @@ def _operate(plant: Any, contract: Any, frame: Any) -> int:
     return 1
 
 
-@njit(cache=True)
-def _send(plant: Any, contract: Any, outbox: Any) -> int:
-    """Put the epoch's frames; the status of the outer axis is always the last."""
+@compiled
+def _send(plant: Plant, contract: Contract, outbox: FrameArray) -> int:
+    """Write the epoch's frames; the status of the outer axis is always the last."""
     _send_sync(plant, contract, outbox[0])
     count = 1
     count += _operate(plant, contract, outbox[count])
@@ -186,9 +190,9 @@ def _send(plant: Any, contract: Any, outbox: Any) -> int:
     return count + 2
 
 
-@njit(cache=True)
-def advance(plant: Any, pieces: Any, contract: Any) -> None:
-    """Let an epoch pass: table, vehicle and sensors, without a frame."""
+@compiled
+def advance(plant: Plant, pieces: Floats, contract: Contract) -> None:
+    """Simulate an epoch: table, vehicle and sensors, without frames."""
     dt = plant.period_ns * 1e-9
     faults.apply(plant)
     for axis in (INNER, OUTER):
@@ -209,8 +213,8 @@ def advance(plant: Any, pieces: Any, contract: Any) -> None:
     )
 
 
-@njit(cache=True)
-def _drift(plant: Any, dt: float) -> None:
+@compiled
+def _drift(plant: Plant, dt: float) -> None:
     thermal = plant.thermal
     warmer = thermal.offset
     if thermal.warm_up != 0.0:
@@ -221,20 +225,20 @@ def _drift(plant: Any, dt: float) -> None:
         sensors.drift(plant.accelerometers, warmer)
 
 
-@njit(cache=True)
-def note_truth(plant: Any, pieces: Any) -> None:
-    """Write down where the vehicle and the table are at the end of the epoch."""
+@compiled
+def note_truth(plant: Plant, pieces: Floats) -> None:
+    """Record the true state of the vehicle and the table at the end of the epoch."""
     motion.note(plant, pieces)
     plant.truth.epoch = plant.epoch
     plant.truth.axis_angle[INNER] = plant.axis[INNER].angle
     plant.truth.axis_angle[OUTER] = plant.axis[OUTER].angle
 
 
-@njit(cache=True)
+@compiled
 def hardware_step(
-    plants: NDArray[Any],
-    pieces: NDArray[np.float64],
-    contract: NDArray[Any],
+    plants: Records[Plant],
+    pieces: Floats,
+    contract: Records[Contract],
     inbox: FrameArray,
     count: int,
     outbox: FrameArray,
@@ -243,14 +247,16 @@ def hardware_step(
 
     Parameters
     ----------
-    plants : array of one record of dtype `host_tools.hardware.memory.PLANT`
-        Changed in place.
+    plants : Records[Plant]
+        One record, changed in place.
     pieces : array, shape (n, 15, 8)
-        The vehicle's motion, see `host_tools.hardware.motion`; only read.
-    contract : array of one record, from `dbc.contract.load_contract`
-    inbox : array of dtype `dbc.frame.FRAME`
-        Frames received since the step before; the first `count` are read.
-    outbox : array of dtype `dbc.frame.FRAME`, at least `OUTBOX_CAPACITY` long
+        The vehicle's motion, see `rrins.host_tools.hardware.motion`; only read.
+    contract : Records[Contract]
+        From `rrins.dbc.contract.load_contract`.
+    inbox : FrameArray
+        Frames received since the previous step; the first `count` are read.
+    outbox : FrameArray
+        At least `OUTBOX_CAPACITY` long.
 
     Returns
     -------
@@ -259,7 +265,7 @@ def hardware_step(
     """
     plant = plants[0]
     record = contract[0]
-    _take(plant, record, inbox, count)
+    _receive(plant, record, inbox, count)
     advance(plant, pieces, record)
     note_truth(plant, pieces)
     sent = _send(plant, record, outbox)

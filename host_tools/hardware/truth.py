@@ -1,4 +1,4 @@
-"""Increments that an ideal RIMU feels on the turning table of a moving vehicle.
+"""Increments that an ideal RIMU senses on the turning table of a moving vehicle.
 
 ::
 
@@ -6,7 +6,7 @@
 
 with ``C_s_b = Rx(αO) E(αI) Rz(αI)``; E, the tilt and wobble of the inner axis, is the identity for
 a true table. Within an epoch an axis' angle is the cubic through the angles and rates at its ends,
-ω_ib^b and f^b are polynomials (`host_tools.hardware.motion`) or constant. Gauss-Legendre
+ω_ib^b and f^b are polynomials (`rrins.host_tools.hardware.motion`) or constant. Gauss-Legendre
 integration of two points for a vehicle at rest and slow turns, else of four, leaves out less than
 2e-16 of the increments.
 """
@@ -14,12 +14,11 @@ integration of two points for a vehicle at rest and slow turns, else of four, le
 from __future__ import annotations
 
 import math
-from typing import Any
 
-from numba import njit
-
-from host_tools.hardware import motion
-from host_tools.hardware.memory import INNER, OUTER
+from rrins.dbc.compilation import compiled
+from rrins.dbc.record import Floats
+from rrins.host_tools.hardware import motion
+from rrins.host_tools.hardware.memory import INNER, OUTER, Plant, TableErrors, TurntableAxis
 
 # Abramowitz and Stegun, table 25.4, n = 2 and 4, moved to [0, 1].
 _NODES_2 = (0.5 - 0.288675134594812882255, 0.5 + 0.288675134594812882255)
@@ -41,8 +40,8 @@ _SLOW_TURN = 1e-3
 _SLOW_CHANGE = 1e-7
 
 
-@njit(cache=True)
-def _angle_at(axis: Any, t: float, dt: float) -> float:
+@compiled
+def _angle_at(axis: TurntableAxis, t: float, dt: float) -> float:
     """Return an axis' angle at `t` in [0, 1] of the epoch: the cubic through its ends."""
     moved = axis.angle - axis.angle_before
     before, after = axis.rate_before * dt, axis.rate * dt
@@ -50,8 +49,8 @@ def _angle_at(axis: Any, t: float, dt: float) -> float:
     return axis.angle_before + t * (before + t * (square + t * cube))
 
 
-@njit(cache=True)
-def _turned_at(axis: Any, t: float, dt: float) -> float:
+@compiled
+def _turned_at(axis: TurntableAxis, t: float, dt: float) -> float:
     """Return an axis' rate at `t` in [0, 1], in rad per epoch."""
     moved = axis.angle - axis.angle_before
     before, after = axis.rate_before * dt, axis.rate * dt
@@ -59,15 +58,15 @@ def _turned_at(axis: Any, t: float, dt: float) -> float:
     return before + t * (2.0 * square + 3.0 * t * cube)
 
 
-@njit(cache=True)
-def _tilt(table: Any, inner: float) -> tuple[float, float, float, float]:
+@compiled
+def _tilt(table: TableErrors, inner: float) -> tuple[float, float, float, float]:
     """Return the inner axis' small rotation about x and y, and its derivative by the angle."""
     n = table.wobble_per_turn
     cosine, sine = table.wobble * math.cos(n * inner), table.wobble * math.sin(n * inner)
     return cosine, table.tilt + sine, -n * sine, n * cosine
 
 
-@njit(cache=True)
+@compiled
 def _tilted(ex: float, ey: float, x: float, y: float, z: float) -> tuple[float, float, float]:
     """Return ``Eᵀ v``, E the rotation by the vector (ex, ey, 0), to second order."""
     cx, cy, cz = ey * z, -ex * z, ex * y - ey * x  # e x v
@@ -78,9 +77,9 @@ def _tilted(ex: float, ey: float, x: float, y: float, z: float) -> tuple[float, 
     )
 
 
-@njit(cache=True)
-def _add_run_out(plant: Any, dt: float) -> None:
-    """Add what the sensors feel for being off the axes: centripetal and tangential."""
+@compiled
+def _add_run_out(plant: Plant, dt: float) -> None:
+    """Add the lever-arm effect of sensors off the axes: centripetal and tangential."""
     inner, outer = plant.axis[INNER], plant.axis[OUTER]
     if inner.run_out != 0.0:
         mean_square = (inner.rate**2 + inner.rate * inner.rate_before + inner.rate_before**2) / 3.0
@@ -95,8 +94,8 @@ def _add_run_out(plant: Any, dt: float) -> None:
         plant.dv_s[2] += outer.run_out * (outer.rate - outer.rate_before)
 
 
-@njit(cache=True)
-def _add_at(plant: Any, inner: float, outer: float, t: float, share: float, dt: float) -> None:
+@compiled
+def _add_at(plant: Plant, inner: float, outer: float, t: float, share: float, dt: float) -> None:
     """Add `share` of the epoch, with the axes at these angles, to the increments.
 
     All but the inner axis' own turn about z.
@@ -126,14 +125,16 @@ def _add_at(plant: Any, inner: float, outer: float, t: float, share: float, dt: 
     plant.dv_s[2] += fz
 
 
-@njit(cache=True)
-def _add_resting(plant: Any, dt: float) -> None:
-    """Add an epoch in which neither the axes nor the vehicle move."""
+@compiled
+def _add_resting(plant: Plant, dt: float) -> None:
+    """Add an epoch in which neither the axes nor the vehicle moves."""
     _add_at(plant, plant.axis[INNER].angle, plant.axis[OUTER].angle, 0.0, 1.0, dt)
 
 
-@njit(cache=True)
-def _add_turning(plant: Any, nodes: Any, weights: Any, dt: float) -> None:
+@compiled
+def _add_turning(
+    plant: Plant, nodes: tuple[float, ...], weights: tuple[float, ...], dt: float
+) -> None:
     """Add an epoch in which the axes turn and the vehicle rests."""
     for k in range(len(nodes)):
         inner = _angle_at(plant.axis[INNER], nodes[k], dt)
@@ -141,8 +142,8 @@ def _add_turning(plant: Any, nodes: Any, weights: Any, dt: float) -> None:
         _add_at(plant, inner, outer, nodes[k], weights[k], dt)
 
 
-@njit(cache=True)
-def _add_moving(plant: Any, piece: Any, begin: float, dt: float) -> None:
+@compiled
+def _add_moving(plant: Plant, piece: Floats, begin: float, dt: float) -> None:
     """Add an epoch in which the vehicle moves, from `begin` in its piece."""
     for k in range(4):
         t = _NODES_4[k]
@@ -155,15 +156,15 @@ def _add_moving(plant: Any, piece: Any, begin: float, dt: float) -> None:
         _add_at(plant, inner, outer, t, _WEIGHTS_4[k], dt)
 
 
-@njit(cache=True)
-def _is_slow(axis: Any, dt: float) -> bool:
+@compiled
+def _is_slow(axis: TurntableAxis, dt: float) -> bool:
     """Return whether two points are enough for the epoch's turn of an axis."""
     change = abs(axis.rate - axis.rate_before) * dt
     return abs(axis.angle - axis.angle_before) < _SLOW_TURN and change < _SLOW_CHANGE
 
 
-@njit(cache=True)
-def integrate(plant: Any, pieces: Any, dt: float) -> None:
+@compiled
+def integrate(plant: Plant, pieces: Floats, dt: float) -> None:
     """Write `dtheta_s` (rad) and `dv_s` (m/s) of the epoch that the axes have just moved over.
 
     `pieces` is the vehicle's motion, shape (n, 15, 8), n at least 1; `plant.piece_count` of them
@@ -180,7 +181,7 @@ def integrate(plant: Any, pieces: Any, dt: float) -> None:
     if axes_rest and index < 0 and plant.held:
         return
     if index < 0 and plant.piece_count > 0 and plant.epoch > plant.motion_start:
-        motion.take_rest(plant, pieces[plant.piece_count - 1], 1.0)
+        motion.set_rest(plant, pieces[plant.piece_count - 1], 1.0)
     plant.held = axes_rest and index < 0
     for i in range(3):
         plant.dtheta_s[i] = 0.0

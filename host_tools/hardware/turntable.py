@@ -1,10 +1,10 @@
 """An axis of the turntable: a drive with limited rate, acceleration and jerk, a load, an encoder.
 
 A turn is a trapezoid of the rate in whole epochs: ramp, cruise, ramp. Its peak rate is chosen so
-that the turn ends on the target exactly, never above the limits. Where the jerk is limited, the
-trapezoid is averaged over so many epochs as the acceleration needs to rise, and it cruises for as
-long at least. The drive's rate is linear in time within each epoch. A new command brakes first:
-at a constant deceleration, or where the jerk is limited with a rate that is a cubic of time.
+that the turn ends exactly on the target, never above the limits. If the jerk is limited, the
+trapezoid is averaged over the epochs that the acceleration needs to rise, and cruises for at least
+as long. The drive's rate is linear in time within each epoch. A new command brakes first: at
+constant deceleration, or, if the jerk is limited, with a rate that is a cubic in time.
 
 The load follows the drive: stiction holds it until the drive has wound up by a given angle, and
 the ripple of gears and motor is added, a function of the angle.
@@ -13,28 +13,27 @@ the ripple of gears and motor is added, a function of the angle.
 from __future__ import annotations
 
 import math
-from typing import Any
 
-from numba import njit
+from rrins.dbc.compilation import compiled
+from rrins.dbc.values import AxisCommand, AxisState
+from rrins.host_tools.hardware.memory import TurntableAxis
 
-from dbc.values import AxisCommand, AxisState
-
-_ROUNDING = 1e-9  # epochs: a time that is a whole number of epochs but for rounding
-_SLOWEST = 1e-9  # rad/s: a rate limit of zero would never arrive
+_ROUNDING = 1e-9  # epochs: tolerance for a time that is a whole number of epochs
+_SLOWEST = 1e-9  # rad/s: with a rate limit of zero a turn would never end
 _CATCH_UP_S = 0.05  # time constant of the load coming free
 _FREE = 1e-3  # of the stiction: the load has caught up
 
 
-@njit(cache=True)
-def command(axis: Any, what: int, target: float, rate: float) -> None:
-    """Take a command: `target` in rad, `rate` in rad/s."""
+@compiled
+def command(axis: TurntableAxis, what: int, target: float, rate: float) -> None:
+    """Accept a command: `target` in rad, `rate` in rad/s."""
     axis.command = what
     axis.target = target
     axis.commanded_rate = max(rate, _SLOWEST)
 
 
-@njit(cache=True)
-def _plan(axis: Any, dt: float) -> None:
+@compiled
+def _plan(axis: TurntableAxis, dt: float) -> None:
     """Plan the turn from standstill to the target."""
     distance = axis.target - axis.drive_angle
     length = abs(distance)
@@ -42,7 +41,7 @@ def _plan(axis: Any, dt: float) -> None:
     ramp_s = min(rate / axis.acceleration_limit, math.sqrt(length / axis.acceleration_limit))
     ramp = max(1, math.ceil(ramp_s / dt - _ROUNDING))
     cruise = max(0, math.ceil(length / (rate * dt) - ramp - _ROUNDING))
-    if axis.ramp_smoothing > 1:  # else one average would hold both ramps: twice the jerk
+    if axis.ramp_smoothing > 1:  # else one average would span both ramps: twice the jerk
         cruise = max(cruise, axis.ramp_smoothing)
     axis.profile_start = axis.drive_angle
     axis.profile_end = axis.target
@@ -53,8 +52,8 @@ def _plan(axis: Any, dt: float) -> None:
     axis.state = AxisState.MOVING
 
 
-@njit(cache=True)
-def _trapezoid(axis: Any, epoch: int, dt: float) -> tuple[float, float]:
+@compiled
+def _trapezoid(axis: TurntableAxis, epoch: int, dt: float) -> tuple[float, float]:
     """Return angle and rate of the planned trapezoid at the end of its epoch `epoch`."""
     ramp, cruise = axis.profile_ramp, axis.profile_cruise
     left = 2 * ramp + cruise - epoch
@@ -71,9 +70,9 @@ def _trapezoid(axis: Any, epoch: int, dt: float) -> tuple[float, float]:
     return axis.profile_end - peak * dt * left * left / (2.0 * ramp), peak * left / ramp
 
 
-@njit(cache=True)
-def _drive(axis: Any, dt: float) -> None:
-    """Go on by one epoch in the planned turn."""
+@compiled
+def _drive(axis: TurntableAxis, dt: float) -> None:
+    """Advance the planned turn by one epoch."""
     axis.profile_epoch += 1
     epoch, smoothing = axis.profile_epoch, max(1, axis.ramp_smoothing)
     ramp, cruise = axis.profile_ramp, axis.profile_cruise
@@ -97,11 +96,11 @@ def _drive(axis: Any, dt: float) -> None:
         axis.drive_rate = rate / smoothing
 
 
-@njit(cache=True)
-def _plan_stop(axis: Any, dt: float) -> None:
+@compiled
+def _plan_stop(axis: TurntableAxis, dt: float) -> None:
     """Plan how the rate falls to zero in whole epochs: straight, or as a cubic without a kink.
 
-    The cubic decelerates by 3/2 of the mean at most, its jerk is 6 rate / T² at most.
+    The cubic decelerates at most at 3/2 of the mean; its jerk is at most 6 rate / T².
     """
     rate, limit = abs(axis.drive_rate), axis.acceleration_limit
     seconds = rate / limit
@@ -113,17 +112,17 @@ def _plan_stop(axis: Any, dt: float) -> None:
     axis.brake_epoch = 0
 
 
-@njit(cache=True)
-def _begin_brake(axis: Any, dt: float) -> None:
+@compiled
+def _begin_brake(axis: TurntableAxis, dt: float) -> None:
     axis.state = AxisState.BRAKING
     axis.brake_acceleration = axis.drive_acceleration if axis.ramp_smoothing > 1 else 0.0
     if axis.brake_acceleration == 0.0:
         _plan_stop(axis, dt)
 
 
-@njit(cache=True)
-def _brake(axis: Any, dt: float) -> None:
-    """Go on by one epoch towards standstill; a limited jerk lets the acceleration fade first."""
+@compiled
+def _brake(axis: TurntableAxis, dt: float) -> None:
+    """Advance by one epoch towards standstill; with limited jerk the acceleration fades first."""
     before = axis.drive_rate
     if axis.brake_acceleration != 0.0:
         step = axis.acceleration_limit / axis.ramp_smoothing
@@ -143,19 +142,19 @@ def _brake(axis: Any, dt: float) -> None:
     axis.drive_angle += 0.5 * (before + axis.drive_rate) * dt
 
 
-@njit(cache=True)
-def _run_away(axis: Any, dt: float) -> None:
+@compiled
+def _run_away(axis: TurntableAxis, dt: float) -> None:
     """Turn at the rate of the runaway, whatever is commanded."""
     step = axis.acceleration_limit * dt
     faster = axis.drive_rate + min(step, max(-step, axis.runaway_rate - axis.drive_rate))
     axis.drive_angle += 0.5 * (axis.drive_rate + faster) * dt
     axis.drive_rate = faster
     axis.state = AxisState.MOVING
-    axis.profile_end = math.nan  # no target is this one's: afterwards it brakes and plans anew
+    axis.profile_end = math.nan  # matches no target: afterwards the axis brakes and replans
 
 
-@njit(cache=True)
-def _follow(axis: Any, dt: float) -> None:
+@compiled
+def _follow(axis: TurntableAxis, dt: float) -> None:
     """Move the load after the drive."""
     if axis.stiction > 0.0:
         before = axis.load_angle
@@ -177,15 +176,15 @@ def _follow(axis: Any, dt: float) -> None:
         axis.rate *= 1.0 + axis.ripple * axis.ripple_per_turn * math.cos(phase)
 
 
-@njit(cache=True)
-def advance(axis: Any, dt: float) -> None:
+@compiled
+def advance(axis: TurntableAxis, dt: float) -> None:
     """Move the axis over one epoch.
 
-    Within it the table's angle is the cubic that has the angles and rates of beginning and end.
+    Within it the table's angle is the cubic through the angles and rates at both ends.
     """
     axis.angle_before = axis.angle
     axis.rate_before = axis.rate
-    if axis.blocked:  # stands at once, and starts anew when released
+    if axis.blocked:  # stops at once, and restarts when released
         axis.rate_before = 0.0
         axis.rate = 0.0
         axis.drive_rate = axis.drive_acceleration = 0.0
@@ -217,9 +216,9 @@ def advance(axis: Any, dt: float) -> None:
     _follow(axis, dt)
 
 
-@njit(cache=True)
-def encoder_angle_deg(axis: Any) -> float:
-    """Return what the encoder reads: the angle with its offset, rounded to its steps."""
+@compiled
+def encoder_angle_deg(axis: TurntableAxis) -> float:
+    """Return the encoder's reading: the angle with its offset, rounded to its steps."""
     if axis.encoder_stuck:
         return axis.encoder_held_deg
     angle_deg = math.degrees(axis.angle) + axis.encoder_offset_deg + axis.encoder_error_deg

@@ -1,1 +1,1 @@
-"""Live faults: put into a rehearsal under way, listed and taken out again by anyone on the bus."""
+"""Live faults: injected into a running rehearsal, listed and removed by any client on the bus."""

@@ -1,57 +1,56 @@
-"""Asks a rehearsal under way for faults, and waits for the answer."""
+"""Client that injects faults into a running rehearsal and waits for the answer."""
 
 from __future__ import annotations
 
 import random
 import time
-from types import TracebackType
-from typing import Self
 
 import can
 
-from dbc.e2e import COUNTER_MODULUS
-from dbc.values import FaultAction, FaultRefusal
-from host_tools.errors import BusError
-from host_tools.fault_tables import FaultOnWire
-from host_tools.injection.errors import InjectionError
-from host_tools.injection.messages import Fault, fault_commands, plain_command
-from host_tools.injection.report import (
+from rrins.dbc.e2e import COUNTER_MODULUS
+from rrins.dbc.values import FaultAction, FaultRefusal
+from rrins.host_tools.bus.port import Address, open_bus
+from rrins.host_tools.closing import Closing
+from rrins.host_tools.errors import BusError
+from rrins.host_tools.injection.errors import InjectionError
+from rrins.host_tools.injection.fault_report import (
     ActiveFault,
     Answer,
     FaultReader,
     FaultReport,
     Place,
-    keys_of,
-    words_of,
+    fault_keys,
+    fault_words,
 )
-from host_tools.port import Address, open_bus
+from rrins.host_tools.injection.messages import LiveFault, fault_commands, plain_command
+from rrins.host_tools.scenario.fault_tables import FaultOnWire
 
 PATIENCE_S = 5.0
-"""How long an answer is waited for, by the clock on the wall."""
+"""Longest wait for an answer, in wall clock time."""
 
 _SEND_S = 5.0
 _REFUSALS = {
-    FaultRefusal.UNKNOWN: "the hardware on this bus does not know such a fault",
-    FaultRefusal.NO_ROOM: "there is no room for another fault; take one out",
+    FaultRefusal.UNKNOWN: "the hardware on this bus does not know this fault",
+    FaultRefusal.NO_ROOM: "no room for another fault; remove one first",
     FaultRefusal.NO_SUCH_TARGET: "the hardware on this bus has no such axis or sensor",
     FaultRefusal.OUT_OF_RANGE: "its value is out of range",
     FaultRefusal.NOT_ACTIVE: "is not active",
 }
 
 
-class FaultClient:
-    """A place on the bus from which faults are put in and taken out.
+class FaultClient(Closing):
+    """A client on the bus that injects and removes faults.
 
     Parameters
     ----------
     address : Address
     patience_s : float
-        How long to wait for an answer.
+        Longest wait for an answer.
 
     Raises
     ------
     BusError
-        When there is no such bus.
+        If there is no such bus.
     """
 
     def __init__(self, address: Address, patience_s: float = PATIENCE_S) -> None:
@@ -59,66 +58,59 @@ class FaultClient:
         self._patience_s = patience_s
         self._counter = random.randrange(COUNTER_MODULUS)
         self._reader = FaultReader()
-        wishes = {"host": "never", "name": "inject", "role": "observer"}
-        self._bus = open_bus(address, **(wishes if address.is_embedded else {}))
+        options = {"host": "never", "name": "inject", "role": "observer"}
+        self._bus = open_bus(address, **(options if address.is_embedded else {}))
         self._bus.set_filters(
             [{"can_id": number, "can_mask": 0x7FF} for number in self._reader.identifiers]
         )
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def close(self) -> None:
+        """Leave the bus."""
         self._bus.shutdown()
 
-    def inject(self, fault: Fault) -> tuple[ActiveFault, FaultReport]:
-        """Put a fault in; return it as it has become active, and all that is active.
+    def inject(self, fault: LiveFault) -> tuple[ActiveFault, FaultReport]:
+        """Inject a fault; return it as it became active, and a report of all active faults.
 
         Raises
         ------
         InjectionError
-            When nobody answers, or the fault cannot be.
+            If nobody answers, or the fault is refused.
         """
         counter = self._next_counter(2)
         report = self._ask(fault, fault_commands(FaultAction.INJECT, fault, counter))
-        wanted = keys_of(fault)
+        wanted = fault_keys(fault)
         found = [active for active in report.faults if wanted.items() <= active.keys.items()]
         if not found:
-            raise InjectionError(f"{fault.kind}: obeyed, but not among what is active")
+            raise InjectionError(f"{fault.kind}: accepted, but not among the active faults")
         return max(found, key=lambda active: active.first_epoch), report
 
-    def remove(self, fault: Fault) -> FaultReport:
-        """Take a fault out; return what is left.
+    def remove(self, fault: LiveFault) -> FaultReport:
+        """Remove a fault; return a report of the remaining ones.
 
         Raises
         ------
         InjectionError
-            When nobody answers, or there is no such fault.
+            If nobody answers, or there is no such fault.
         """
         return self._ask(fault, fault_commands(FaultAction.REMOVE, fault, self._next_counter()))
 
     def clear(self) -> FaultReport:
-        """Take out all faults; return what is left: nothing.
+        """Remove all faults; return the now empty report.
 
         Raises
         ------
         InjectionError
-            When nobody answers.
+            If nobody answers.
         """
         return self._exchange(*self._plain(FaultAction.CLEAR))
 
     def report(self) -> FaultReport:
-        """Return what is active.
+        """Return a report of the active faults.
 
         Raises
         ------
         InjectionError
-            When nobody answers.
+            If nobody answers.
         """
         return self._exchange(*self._plain(FaultAction.REPORT))
 
@@ -131,7 +123,7 @@ class FaultClient:
         counter = self._next_counter()
         return [plain_command(action, False, counter)], [plain_command(action, True, counter)]
 
-    def _ask(self, fault: Fault, commands: list[can.Message]) -> FaultReport:
+    def _ask(self, fault: LiveFault, commands: list[can.Message]) -> FaultReport:
         wire, hardware = self._plain(FaultAction.REPORT)
         if isinstance(fault, FaultOnWire):
             wire = commands
@@ -140,7 +132,7 @@ class FaultClient:
         try:
             return self._exchange(wire, hardware)
         except _RefusedError as error:
-            words = words_of(keys_of(fault))
+            words = fault_words(fault_keys(fault))
             raise InjectionError(f"{words}: {error}; see `rrins inject list`") from error
 
     def _exchange(self, wire: list[can.Message], hardware: list[can.Message]) -> FaultReport:
@@ -166,7 +158,7 @@ class FaultClient:
         )
 
     def _await(self, wanted: dict[Place, int]) -> dict[Place, Answer]:
-        """Return the answers to the commands with the counters wanted."""
+        """Return the answers to the commands with these counters."""
         answers: dict[Place, Answer] = {}
         deadline = time.monotonic() + self._patience_s
         while len(answers) < len(wanted):
@@ -174,19 +166,19 @@ class FaultClient:
             message = self._bus.recv(left_s) if left_s > 0 else None
             if message is None:
                 raise InjectionError(
-                    f"bus {self._address}: no emulated hardware has answered within "
+                    f"bus {self._address}: no emulated hardware answered within "
                     f"{self._patience_s:g} s; is a rehearsal running on it?"
                 )
-            answer = self._reader.take(message)
+            answer = self._reader.feed(message)
             if answer is None or answer.counter != wanted[answer.place]:
                 continue
             if answer.faults is None:
                 raise InjectionError(
-                    f"bus {self._address}: frames of the answer are lost; see `rrins inject list`"
+                    f"bus {self._address}: frames of the answer were lost; see `rrins inject list`"
                 )
             answers[answer.place] = answer
         return answers
 
 
 class _RefusedError(InjectionError):
-    """A command was answered, but not obeyed."""
+    """A command was answered, but refused."""

@@ -1,11 +1,11 @@
-"""What can go wrong with live faults."""
+"""Errors of live fault injection."""
 
 from __future__ import annotations
 
-from host_tools.errors import RehearsalError
+from rrins.host_tools.errors import RehearsalError
 
 
 class InjectionError(RehearsalError):
-    """A fault that cannot be commanded live, or nobody who obeys."""
+    """A fault cannot be injected live, or no hardware answers."""
 
     exit_status = 7

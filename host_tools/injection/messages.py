@@ -1,51 +1,48 @@
-"""Faults as the commands that put them in: FAULT_COMMAND and HARDWARE_FAULT_COMMAND."""
+"""Faults as command messages: FAULT_COMMAND and HARDWARE_FAULT_COMMAND."""
 
 from __future__ import annotations
 
-from typing import Any
-
 import can
-import numpy as np
 
-from dbc.codec import pack
-from dbc.contract import load_contract
-from dbc.decimals import to_decimal
-from dbc.e2e import COUNTER_MODULUS, fill
-from dbc.frame import frame_array
-from dbc.values import FaultAction
-from host_tools.fault_desk import SHARE_STEPS
-from host_tools.fault_tables import FaultOfAxis, FaultOfSensor, FaultOnWire
-from host_tools.injection.errors import InjectionError
-from host_tools.port import message_of_frame
+from rrins.dbc.contract import MessageSignals, load_contract
+from rrins.dbc.decimals import to_decimal
+from rrins.dbc.e2e import COUNTER_MODULUS, fill
+from rrins.dbc.frame import frame_array
+from rrins.dbc.values import FaultAction
+from rrins.host_tools.bus.port import message_of_frame
+from rrins.host_tools.hardware.fault_protocol import packed
+from rrins.host_tools.injection.errors import InjectionError
+from rrins.host_tools.scenario.fault_tables import FaultOfAxis, FaultOfSensor, FaultOnWire
+from rrins.host_tools.wire.fault_server import SHARE_STEPS
 
-Fault = FaultOnWire | FaultOfAxis | FaultOfSensor
+LiveFault = FaultOnWire | FaultOfAxis | FaultOfSensor
 
 _MILLISECONDS_HZ = 1000
-"""The rate at which an epoch is a millisecond: delays in ms."""
+"""Rate at which an epoch lasts one millisecond, which gives delays in ms."""
 
 
 def plain_command(action: FaultAction, of_hardware: bool, counter: int = 0) -> can.Message:
-    """Return the command that names no fault: CLEAR or REPORT."""
+    """Return a command that names no fault: CLEAR or REPORT."""
     name = "hardware_fault_command" if of_hardware else "fault_command"
     return _message(name, counter, action=int(action))
 
 
-def fault_commands(action: FaultAction, fault: Fault, counter: int = 0) -> list[can.Message]:
-    """Return the messages that put a fault in or take it out; the last one is the command.
+def fault_commands(action: FaultAction, fault: LiveFault, counter: int = 0) -> list[can.Message]:
+    """Return the messages that inject or remove a fault; the last one is the command.
 
     Parameters
     ----------
     action : FaultAction
-        INJECT, or REMOVE, which looks at what fails and how only, not at values and times.
+        INJECT, or REMOVE, which uses only the kind and the target, not values and times.
     fault : FaultOnWire, FaultOfAxis or FaultOfSensor
-        `at_s` means nothing here: a live fault begins at once.
+        `at_s` is ignored: a live fault begins at once.
     counter : int
-        Of transmissions, that of the first message.
+        Alive counter of the first message.
 
     Raises
     ------
     InjectionError
-        For what the messages cannot say: a share, a delay or a time out of their range.
+        If a probability, delay or duration is out of the range of the messages.
     """
     is_put_in = action == FaultAction.INJECT
     if isinstance(fault, FaultOnWire):
@@ -65,8 +62,12 @@ def _on_wire(
     action: FaultAction, fault: FaultOnWire, counter: int, is_put_in: bool
 ) -> list[can.Message]:
     layout = load_contract()[0]["fault_command"]
-    said = fault.fault(_MILLISECONDS_HZ)
-    frames = {"kind": int(said.kind), "node": int(said.node), "identifier": said.identifier}
+    wire_fault = fault.fault(_MILLISECONDS_HZ)
+    frames = {
+        "kind": int(wire_fault.kind),
+        "node": int(wire_fault.node),
+        "identifier": wire_fault.identifier,
+    }
     if not is_put_in:
         return [_message("fault_command", counter, action=int(action), **frames)]
     messages = []
@@ -74,7 +75,7 @@ def _on_wire(
         share = round(fault.probability * SHARE_STEPS)
         if share == 0:
             raise InjectionError(
-                f"probability {fault.probability:g}: a live fault hits 1 of {SHARE_STEPS} at least"
+                f"probability {fault.probability:g}: the minimum of a live fault is 1/{SHARE_STEPS}"
             )
         messages.append(
             _message(
@@ -82,16 +83,16 @@ def _on_wire(
             )
         )
     longest = int(layout["parameter"]["raw_maximum"])
-    if said.parameter > longest:
+    if wire_fault.parameter > longest:
         raise InjectionError(
-            f"delay of {fault.delay_s:g} s: a live one is {longest / 1000:g} s at most"
+            f"delay of {fault.delay_s:g} s: the maximum of a live fault is {longest / 1000:g} s"
         )
     messages.append(
         _message(
             "fault_command",
             counter + len(messages),
             action=int(action),
-            parameter=said.parameter,
+            parameter=wire_fault.parameter,
             duration_ms=_duration_ms(fault, layout),
             **frames,
         )
@@ -99,24 +100,21 @@ def _on_wire(
     return messages
 
 
-def _duration_ms(fault: Fault, layout: Any) -> int:
+def _duration_ms(fault: LiveFault, layout: MessageSignals) -> int:
     if fault.for_s is None:
         return 0
     duration_ms = max(1, round(fault.for_s * 1000))
     longest = int(layout["duration_ms"]["raw_maximum"])
     if duration_ms > longest:
         raise InjectionError(
-            f"for {fault.for_s:g} s: a live fault lasts {longest / 1000:g} s at most, or until it "
-            "is taken out"
+            f"for {fault.for_s:g} s: a live fault lasts at most {longest / 1000:g} s, or until it "
+            "is removed"
         )
     return duration_ms
 
 
 def _message(name: str, counter: int, **raws: int) -> can.Message:
     layout = load_contract()[0][name]
-    word = np.uint64(0)
-    for signal, raw in raws.items():
-        word = np.uint64(pack(word, layout[signal], np.int64(raw)))
     frames = frame_array(1)
-    fill(frames[0], layout["message"], word, counter % COUNTER_MODULUS)
+    fill(frames[0], layout.message, packed(layout, **raws), counter % COUNTER_MODULUS)
     return message_of_frame(frames[0])

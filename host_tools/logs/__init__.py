@@ -1,1 +1,1 @@
-"""Logs of the bus: recorded, replayed (onto a bus or through the firmware), exported, drawn."""
+"""Bus logs: replay (onto a bus or through the firmware), comparison, export and plots."""

@@ -1,8 +1,8 @@
-"""Lays two sequences of frames side by side, epoch by epoch, and compares them.
+"""Aligns two sequences of frames epoch by epoch and compares them.
 
-The hardware's frames, and those of others, have the epoch that the hardware had opened; the
-firmware's have that of the step in which it sent them, wherever in a log they stand. What comes
-before the first SYNC is laid side by side by how often its message was there before.
+A frame from the hardware or from a third party belongs to the epoch that the hardware had opened; a
+frame from the firmware belongs to the step in which it was sent, wherever it appears in the log.
+Frames before the first SYNC are matched by message and occurrence.
 """
 
 from __future__ import annotations
@@ -13,24 +13,26 @@ from itertools import tee
 import numpy as np
 from numpy.typing import NDArray
 
-from host_tools.logs.comparison import BEFORE_SYNC, Comparison, Sent, joined, nothing_sent
-from host_tools.logs.epochs import NO_EPOCH, Cutter, Steps
-from host_tools.logs.errors import RecordError
-from host_tools.logs.reader import Log, Piece
+from rrins.dbc.record import Integers
+from rrins.host_tools.logs.comparison import BEFORE_SYNC, Comparison, Sent, joined, nothing_sent
+from rrins.host_tools.logs.epochs import EpochFinder, LogSteps
+from rrins.host_tools.logs.frame_steps import NO_EPOCH
+from rrins.host_tools.logs.reader import Log, Piece
+from rrins.host_tools.recording.errors import RecordError
 
 _THE_END = np.iinfo(np.int64).max
 
 OnProgress = Callable[[int], None]
-"""Called with the bytes read so far."""
+"""Callback; receives the number of bytes read so far."""
 
 
-class Ahead:
-    """Frames that are read and not compared yet.
+class PendingFrames:
+    """Frames already read but not yet compared.
 
     Parameters
     ----------
     blocks : iterable of Sent
-        Keys do not fall from block to block, but for those before the first SYNC.
+        Keys never decrease from block to block, except before the first SYNC.
     """
 
     def __init__(self, blocks: Iterable[Sent]) -> None:
@@ -41,7 +43,7 @@ class Ahead:
 
     @property
     def has_ended(self) -> bool:
-        """Whether all is read."""
+        """Whether every block has been read."""
         return self.last_epoch == _THE_END
 
     def read_on(self) -> None:
@@ -59,13 +61,13 @@ class Ahead:
             self.last_epoch = int(block.key[-1])
 
     def take(self, until: int) -> Sent:
-        """Take what is before an epoch."""
+        """Remove and return the frames before an epoch."""
         is_earlier = self._waiting.key < until
         taken, self._waiting = self._waiting.only(is_earlier), self._waiting.only(~is_earlier)
         return taken
 
     def before_sync(self) -> Sent:
-        """Return what came before the first SYNC: the n-th frame of each message has key n."""
+        """Return the frames before the first SYNC; the n-th frame of each message has key n."""
         found = joined(self._before)
         identifiers = found.frames["can_id"].astype(np.int64)
         order = np.argsort(identifiers, kind="stable")
@@ -79,10 +81,10 @@ class Ahead:
 
 def compare_blocks(
     comparison: Comparison,
-    pairs: list[tuple[Ahead, Ahead]],
+    pairs: list[tuple[PendingFrames, PendingFrames]],
     on_progress: Callable[[], None] = lambda: None,
 ) -> None:
-    """Compare pairs of sequences whose keys are epochs, as far as both of a pair are read."""
+    """Compare pairs of sequences keyed by epoch, as far as both of a pair have been read."""
     left_to_do = list(pairs)
     while left_to_do:
         for left, right in left_to_do:
@@ -104,7 +106,7 @@ def compare_logs(
     Raises
     ------
     RecordError
-        When one of them cannot be read, or neither has a frame of the contract.
+        If a log cannot be read, or neither log has a frame of the DBC.
     """
     comparison = Comparison((str(ours.path), str(theirs.path)))
     (our_hardware, our_firmware), (their_hardware, their_firmware) = _both(ours), _both(theirs)
@@ -114,31 +116,31 @@ def compare_logs(
         lambda: on_progress(ours.position + theirs.position),
     )
     if comparison.is_same and not comparison.frames:
-        raise RecordError(f"{ours.path}, {theirs.path}: nothing to compare: no frame is of the DBC")
+        raise RecordError(f"{ours.path}, {theirs.path}: nothing to compare: no DBC frames")
     return comparison
 
 
-def firmware_of(log: Log) -> Ahead:
-    """Return what the firmware sent in a log."""
-    return Ahead(_by_firmware(log.pieces()))
+def firmware_of(log: Log) -> PendingFrames:
+    """Return the frames that the firmware sent in a log."""
+    return PendingFrames(_by_firmware(log.pieces()))
 
 
-def _both(log: Log) -> tuple[Ahead, Ahead]:
-    """Return what the hardware and others sent in a log, and what the firmware did."""
+def _both(log: Log) -> tuple[PendingFrames, PendingFrames]:
+    """Return the frames from the hardware and third parties, and those from the firmware."""
     one, other = tee(log.pieces())
-    return Ahead(_by_hardware(log, one)), Ahead(_by_firmware(other))
+    return PendingFrames(_by_hardware(log, one)), PendingFrames(_by_firmware(other))
 
 
 def _by_hardware(log: Log, pieces: Iterable[Piece]) -> Iterator[Sent]:
     last = NO_EPOCH
-    for steps in Cutter(has_firmware=False).steps(pieces):
+    for steps in EpochFinder(has_firmware=False).steps(pieces):
         found = _sent(steps, ~steps.is_sent, steps.epoch_of_frames())
         known = found.epoch[found.epoch != NO_EPOCH]
         if len(known):
             if int(known[0]) < last - 1:
                 raise RecordError(
-                    f"{log.path}: epoch {int(known[0])} comes after epoch {last}: "
-                    "it holds more than one run"
+                    f"{log.path}: epoch {int(known[0])} follows epoch {last}: "
+                    "the log holds more than one run"
                 )
             last = max(last, int(known[-1]))
         yield found
@@ -146,17 +148,17 @@ def _by_hardware(log: Log, pieces: Iterable[Piece]) -> Iterator[Sent]:
 
 def _by_firmware(pieces: Iterable[Piece]) -> Iterator[Sent]:
     last = NO_EPOCH
-    for steps in Cutter().steps(pieces):
+    for steps in EpochFinder().steps(pieces):
         epoch = steps.epoch_of_frames()
         if last != NO_EPOCH:
-            epoch[epoch == NO_EPOCH] = last + 1  # of a step that it did not close
+            epoch[epoch == NO_EPOCH] = last + 1  # the firmware did not close this step
         found = _sent(steps, steps.is_sent, epoch)
         last = int(found.epoch.max(initial=last))
         yield found
 
 
-def _sent(steps: Steps, mask: NDArray[np.bool_], epoch: NDArray[np.int64]) -> Sent:
-    """Return some of the frames of steps, in the order of their epochs."""
+def _sent(steps: LogSteps, mask: NDArray[np.bool_], epoch: Integers) -> Sent:
+    """Return the selected frames in order of epoch."""
     found = Sent(steps.frames[mask], epoch[mask], epoch[mask])
     order = np.argsort(found.key, kind="stable")
     return Sent(found.frames[order], found.key[order], found.epoch[order])

@@ -1,4 +1,4 @@
-"""Replays a log onto a bus, in real time, faster or slower, some or all of its frames."""
+"""Replays some or all frames of a log onto a bus, in real time, faster or slower."""
 
 from __future__ import annotations
 
@@ -12,45 +12,45 @@ from itertools import pairwise
 
 import can
 import numpy as np
-from numpy.typing import NDArray
 
-from dbc.codec import load
-from dbc.frame import ERR_FLAG, FrameArray, frame_array
-from host_tools.bus.datagram import MAX_FRAMES
-from host_tools.bus.interface import RrinsBus
-from host_tools.errors import BusError
-from host_tools.logs.errors import RecordError
-from host_tools.logs.reader import Log, Piece
-from host_tools.logs.recorder import messages_of
-from host_tools.logs.signals import did_you_mean, message_names
-from host_tools.logs.truth import hardware_identifiers
-from host_tools.port import Address, open_bus
+from rrins.dbc.codec import load
+from rrins.dbc.frame import ERR_FLAG, Frame, FrameArray, frame_array
+from rrins.dbc.record import Integers
+from rrins.host_tools.bus.datagram import MAX_FRAMES
+from rrins.host_tools.bus.interface import RrinsBus
+from rrins.host_tools.bus.port import Address, open_bus
+from rrins.host_tools.errors import BusError
+from rrins.host_tools.logs.reader import Log, Piece
+from rrins.host_tools.logs.signals import did_you_mean, message_names
+from rrins.host_tools.logs.truth import hardware_identifiers
+from rrins.host_tools.recording.errors import RecordError
+from rrins.host_tools.recording.recorder import messages_of
 
 NAME = "replay"
-"""What a replay calls itself on the embedded bus."""
+"""Name of a replay on the embedded bus."""
 
 READER = "reader of a replay"
-"""Name of the thread that reads ahead."""
+"""Name of the read-ahead thread."""
 
 _SEND_S = 5.0
-_NAP_S = 0.05  # between two looks at what others send
+_NAP_S = 0.05  # between checks for frames from others
 _TO_CLEAR = 256
-_PIECE = 128  # frames read at once: to read them holds up the sending no longer than a millisecond
-_LARGE_PIECE = 8192  # where nothing is due
-_AHEAD = 32  # pieces that wait to be sent
-_LARGEST_GROUP = 4096  # frames of one time that are waited for to be sent together
+_PIECE = 128  # frames per read: delays sending by at most a millisecond
+_LARGE_PIECE = 8192  # when nothing is due
+_AHEAD = 32  # pieces waiting to be sent
+_LARGEST_GROUP = 4096  # frames with the same time stamp that are sent together
 
 
 @dataclass
 class Played:
-    """What a replay onto a bus came to.
+    """Result of a replay onto a bus.
 
     Attributes
     ----------
     frames : int
     wall_s : float
     latest_s : float
-        How late the latest frame was.
+        Largest delay of a frame.
     """
 
     frames: int = 0
@@ -58,16 +58,16 @@ class Played:
     latest_s: float = 0.0
 
 
-def identifiers_of(words: Sequence[str]) -> NDArray[np.int64] | None:
-    """Return the identifiers of what words name; None without words, for everything.
+def identifiers_of(words: Sequence[str]) -> Integers | None:
+    """Return the identifiers that words select; None without words, meaning everything.
 
-    A word is `hardware` (all that the hardware sends, the operator's MODE_COMMAND included),
-    `firmware`, a message, or a pattern of messages with `*` and `?`.
+    A word is `hardware` (everything the hardware sends, including the operator's MODE_COMMAND),
+    `firmware`, a message name, or a pattern of message names with `*` and `?`.
 
     Raises
     ------
     RecordError
-        When a word names nothing; with what it may have meant.
+        If a word matches nothing; the message suggests close names.
     """
     if not words:
         return None
@@ -89,11 +89,11 @@ def identifiers_of(words: Sequence[str]) -> NDArray[np.int64] | None:
 
 
 class _Player:
-    """Sends frames that are due at one time."""
+    """Sends frames that are due at the same time."""
 
     def __init__(self, address: Address) -> None:
-        wishes = {"name": NAME, "host": "auto"} if address.is_embedded else {}
-        self._bus = open_bus(address, **wishes)
+        options = {"name": NAME, "host": "auto"} if address.is_embedded else {}
+        self._bus = open_bus(address, **options)
         self._address = address
         self._unread = frame_array(_TO_CLEAR)
 
@@ -103,7 +103,7 @@ class _Player:
         Raises
         ------
         BusError
-            When the bus does not take them.
+            If the bus does not accept them.
         """
         try:
             if isinstance(self._bus, RrinsBus):
@@ -118,7 +118,7 @@ class _Player:
             raise BusError(f"bus {self._address}: cannot send: {error}") from error
 
     def clear(self) -> None:
-        """Drop what others have sent, so that the bus does not wait for us."""
+        """Drop frames from others, so that the bus does not wait for us."""
         try:
             if isinstance(self._bus, RrinsBus):
                 while self._bus.recv_batch(self._unread, 0.0) is not None:
@@ -127,15 +127,15 @@ class _Player:
                 while self._bus.recv(0.0) is not None:
                     pass
         except can.CanError as error:
-            raise BusError(f"bus {self._address}: has ended: {error}") from error
+            raise BusError(f"bus {self._address}: closed: {error}") from error
 
     def close(self) -> None:
-        """Leave the bus."""
+        """Detach from the bus."""
         self._bus.shutdown()
 
 
 class _ReadAhead:
-    """Reads a log in a thread of its own, some pieces of a size ahead of who takes them."""
+    """Reads a log in a separate thread, a few pieces ahead of the consumer."""
 
     def __init__(self, log: Log, size: int) -> None:
         self._log = log
@@ -162,7 +162,7 @@ class _ReadAhead:
                     return
                 self._read.put(piece)
             self._read.put(None)
-        except BaseException as error:  # noqa: BLE001 - raised again where the pieces are taken
+        except BaseException as error:  # noqa: BLE001 - re-raised where the pieces are consumed
             self._read.put(error)
 
     def _pieces(self) -> Iterator[Piece]:
@@ -174,10 +174,10 @@ class _ReadAhead:
 
 
 def _groups(pieces: Iterable[Piece]) -> Iterator[tuple[FrameArray, float]]:
-    """Yield the frames of one time together, across the pieces, and that time."""
+    """Yield groups of frames with the same time, across pieces, and that time."""
     frames, time_s = frame_array(0), np.zeros(0)
     for piece in pieces:
-        frames = np.concatenate([frames, piece.frames])
+        frames = Frame.joined([frames, piece.frames])
         time_s = np.concatenate([time_s, piece.time_s])
         begins = (1 + np.flatnonzero(time_s[1:] != time_s[:-1])).tolist()
         for begin, end in pairwise([0, *begins]):
@@ -197,12 +197,11 @@ class Playback:
     Parameters
     ----------
     address : Address
-        On the embedded bus frames keep the time that the log has for them; a bus that nobody hosts
-        is begun.
+        On the embedded bus frames keep their logged time; a bus without a host is started.
     speed : float or None
-        Times real time; None for as fast as the bus takes them.
+        Multiple of real time; None to send as fast as the bus accepts frames.
     only : array of int, optional
-        Identifiers that are sent; all by default.
+        Identifiers to send; all by default.
 
     Attributes
     ----------
@@ -211,11 +210,11 @@ class Playback:
     Raises
     ------
     BusError
-        When the bus cannot be opened.
+        If the bus cannot be opened.
     """
 
     def __init__(
-        self, address: Address, speed: float | None = 1.0, only: NDArray[np.int64] | None = None
+        self, address: Address, speed: float | None = 1.0, only: Integers | None = None
     ) -> None:
         self.played = Played()
         self._speed = speed
@@ -224,16 +223,16 @@ class Playback:
         self._begun = time.monotonic()
 
     def play(self, log: Log) -> None:
-        """Send the frames of a log, once; error frames are left out.
+        """Send the frames of a log once, without error frames.
 
-        A time that goes back, within the log, is no time to wait for.
+        Time stamps that go backwards within the log cause no wait.
 
         Raises
         ------
         BusError
-            When the bus ends or does not take the frames.
+            If the bus closes or does not accept the frames.
         RecordError
-            When the log cannot be read.
+            If the log cannot be read.
         """
         latest_s = offset_s = begun = 0.0
         is_first = True
@@ -241,7 +240,7 @@ class Playback:
         try:
             with _ReadAhead(log, size) as pieces:
                 for frames, time_s in _groups(self._wanted(pieces)):
-                    if is_first:  # what it took to read until here is not the log's
+                    if is_first:  # reading up to here does not count as logged time
                         is_first = False
                         latest_s = offset_s = time_s
                         begun = time.monotonic()
@@ -255,12 +254,12 @@ class Playback:
             self.played.wall_s = time.monotonic() - self._begun
 
     def _wanted(self, pieces: Iterable[Piece]) -> Iterator[Piece]:
-        """Yield what is to be sent of each piece."""
+        """Yield the frames of each piece that are to be sent."""
         for piece in pieces:
             wanted = piece.frames["can_id"] & ERR_FLAG == 0
             if self._only is not None:
                 wanted &= np.isin(piece.frames["can_id"], self._only)
-            yield Piece(np.ascontiguousarray(piece.frames[wanted]), piece.time_s[wanted])
+            yield Piece(piece.frames[wanted], piece.time_s[wanted])
 
     def _wait_until(self, due: float) -> None:
         while (left_s := due - time.monotonic()) > 0:
@@ -270,5 +269,5 @@ class Playback:
         self.played.latest_s = max(self.played.latest_s, -left_s)
 
     def close(self) -> None:
-        """Leave the bus."""
+        """Detach from the bus."""
         self._player.close()

@@ -4,38 +4,41 @@ from __future__ import annotations
 
 import io
 import logging
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, Any
+from typing import IO, TYPE_CHECKING
 
 import can
 import numpy as np
-from numpy.typing import NDArray
 
-from dbc.frame import EFF_FLAG, ERR_FLAG, RTR_FLAG, FrameArray, frame_array
-from host_tools.logs.candump import Candump
-from host_tools.logs.errors import RecordError
-from host_tools.logs.formats import check_readable, ending_of, open_reader
-from host_tools.logs.mf4 import read_data_frames
-from host_tools.logs.note import Note, read_note
-from host_tools.logs.text_lines import TextLines
-from host_tools.logs.unpacking import Unpacked
+from rrins.dbc.frame import EFF_FLAG, ERR_FLAG, RTR_FLAG, FrameArray, frame_array
+from rrins.dbc.record import Bytes, Floats
+from rrins.host_tools.logs.candump import ByteStream, Candump
+from rrins.host_tools.logs.unpacking import Unpacked
+from rrins.host_tools.recording.errors import RecordError
+from rrins.host_tools.recording.formats import check_readable, ending_of, open_reader
+from rrins.host_tools.recording.mf4 import read_data_frames
+from rrins.host_tools.recording.note import Note, read_note
+from rrins.host_tools.recording.text_lines import TextLines
+
+if TYPE_CHECKING:
+    from can.typechecking import Channel
 
 _PIECE = 65_536
-_LINE = 42  # bytes of a candump log's line
+_LINE = 42  # bytes of a candump line
 _MOST_CHANNELS = 256
 _FIRST_CHANNEL = {".asc": 1, ".blf": 1}
-_PAYLOAD = 8  # bytes of a whole classic frame
-_BLF_HEADER = 144  # the size that an unfinished BLF file says it has
+_PAYLOAD = 8  # bytes of a full classic frame
+_BLF_HEADER = 144  # the size stated by an unfinished BLF file
 
 
 @dataclass(frozen=True)
 class Piece:
-    """Frames as they stand in a log, and their times as the log has them."""
+    """Frames in log order, with their times as logged."""
 
     frames: FrameArray
-    time_s: NDArray[np.float64]
+    time_s: Floats
 
     def __len__(self) -> int:
         return len(self.frames)
@@ -43,44 +46,43 @@ class Piece:
 
 @dataclass(frozen=True)
 class _Block:
-    """Frames, their times, the numbers of their channels, and what gives the name of a number."""
+    """Frames, their times, their channel numbers, and the function that names a channel."""
 
     frames: FrameArray
-    time_s: NDArray[np.float64]
-    channels: NDArray[np.uint8]
+    time_s: Floats
+    channels: Bytes
     name_of: Callable[[int], str]
 
 
 class Log:
-    """A recording, to be read once from its beginning to its end.
+    """A recording, read once from beginning to end.
 
     Parameters
     ----------
     path : Path
-        With a note beside it (`host_tools.logs.note`) the parts of the recording that follow are
+        If a note (`recording.note`) accompanies it, the subsequent parts of the recording are
         read as well.
     channel : str, optional
-        The only channel whose frames are read, as the log names it; all by default.
+        The only channel to read, by its name in the log; all by default.
 
     Attributes
     ----------
     note : Note or None
     size : int
-        Bytes of all its parts.
+        Total bytes of all parts.
     position : int
         Bytes read so far, for a progress bar.
     frames : int
         Classic frames read so far.
     channels : dict
-        How many frames each channel has, by the name that it has in the log; none where the
-        format tells no channels.
+        Frames per channel, by channel name; empty if the format has no channels.
     passed_over : int
-        CAN FD frames, which are none of the contract's.
+        CAN FD frames, which are skipped because the DBC has none.
 
     Raises
     ------
     RecordError
-        When there is no such file, or it has the ending of no log.
+        If the file does not exist, or its suffix is not that of a log.
     """
 
     def __init__(self, path: Path, channel: str | None = None) -> None:
@@ -94,26 +96,26 @@ class Log:
         self.channels: dict[str, int] = {}
         self.passed_over = 0
         self._channel = channel
-        self._read = 0  # frames of all channels
+        self._read = 0  # frames on all channels
         self._damages: dict[Path, list[str]] = {}
 
     @property
     def damage(self) -> str | None:
-        """What could not be read; None while all is well."""
-        told = [f"{path}: {'; '.join(damages)}" for path, damages in self._damages.items()]
-        return "; ".join(told) or None
+        """What could not be read; None if nothing."""
+        damaged = [f"{path}: {'; '.join(damages)}" for path, damages in self._damages.items()]
+        return "; ".join(damaged) or None
 
     @property
     def is_mixed(self) -> bool:
-        """Whether the frames read so far are of several channels."""
+        """Whether the frames read so far come from several channels."""
         return self._channel is None and len(self.channels) > 1
 
     def _existing_parts(self) -> list[tuple[Path, float]]:
-        """Return the parts, and what to add to the times of each."""
+        """Return the parts, and the time offset of each."""
         parts = () if self.note is None else self.note.parts
         if not parts or parts[0].file != self.path.name:
             return [(self.path, 0.0)]
-        is_relative = ending_of(self.path)[0] == ".asc"  # counts from the first frame of each file
+        is_relative = ending_of(self.path)[0] == ".asc"  # counts from each file's first frame
         first_s = parts[0].first_s or 0.0
         found: list[tuple[Path, float]] = []
         for part in parts:
@@ -124,48 +126,48 @@ class Log:
         return found
 
     def pieces(self, size: int = _PIECE) -> Iterator[Piece]:
-        """Yield the frames in the order of the log.
+        """Yield the frames in log order.
 
-        What cannot be read ends the reading, or is left out where that is possible; `damage` tells.
+        Unreadable content is skipped if possible, otherwise it ends the reading; see `damage`.
 
         Parameters
         ----------
         size : int
-            About how many frames a piece has; of `.mf4`, where small ones are slow, more.
+            Approximate frames per piece; more for `.mf4`, where small pieces are slow.
 
         Raises
         ------
         RecordError
-            When nothing at all can be read.
+            If nothing can be read at all.
         """
         done = 0
         for path, shift_s in self._parts:
             try:
                 with path.open("rb") as raw:
                     for block in self._blocks_of(path, raw, size):
-                        if not raw.closed:  # a reader closes it at the end
+                        if not raw.closed:  # readers close it at the end
                             self.position = done + raw.tell()
-                        piece = self._taken(block, shift_s)
+                        piece = self._piece_of(block, shift_s)
                         if len(piece):
                             yield piece
             except RecordError as error:
                 if not self._read:
                     raise
-                self._note_damage(path, str(error).removeprefix(f"{path}: "))
+                self._add_damage(path, str(error).removeprefix(f"{path}: "))
                 break
-            except Exception as error:  # noqa: BLE001 - other people's readers on any bytes
-                self._note_damage(path, f"cannot be read on after {self._read} frames", error)
+            except Exception as error:  # noqa: BLE001 - third-party readers on arbitrary bytes
+                self._add_damage(path, f"cannot be read on after {self._read} frames", error)
                 break
             done += path.stat().st_size
             self.position = done
         if not self._read:
             raise RecordError(self.damage or f"{self.path}: holds no frames")
         if not self.frames:
-            known = ", ".join(self.channels) or "it tells no channels"
-            raise RecordError(f"{self.path}: has no frames of channel {self._channel} ({known})")
+            known = ", ".join(self.channels) or "the format has no channels"
+            raise RecordError(f"{self.path}: has no frames on channel {self._channel} ({known})")
 
-    def _taken(self, block: _Block, shift_s: float) -> Piece:
-        """Count the frames of the channels; return those that are wanted."""
+    def _piece_of(self, block: _Block, shift_s: float) -> Piece:
+        """Count the frames per channel; return those of the selected channel."""
         wanted = np.ones(len(block.frames), dtype=np.bool_)
         for number in np.flatnonzero(np.bincount(block.channels)).tolist():
             name = block.name_of(number)
@@ -181,40 +183,40 @@ class Log:
         self.frames += len(frames)
         return Piece(frames, time_s + shift_s if shift_s else time_s)
 
-    def _note_damage(self, path: Path, what: str, error: Exception | None = None) -> None:
+    def _add_damage(self, path: Path, what: str, error: Exception | None = None) -> None:
         why = "" if error is None else f" ({' '.join(str(error).split()) or type(error).__name__})"
         self._damages.setdefault(path, []).append(f"{what}{why}")
 
     def _blocks_of(self, path: Path, raw: IO[bytes], size: int) -> Iterator[_Block]:
         ending, is_packed = ending_of(path)
         unpacked = Unpacked(raw) if is_packed else None
-        stream: Any = raw if unpacked is None else io.BufferedReader(unpacked)
+        stream: IO[bytes] = raw if unpacked is None else io.BufferedReader(unpacked)
         try:
             if ending == ".log":
-                yield from self._candump(path, _Sips(stream, size * _LINE))
+                yield from self._candump(path, _LimitedStream(stream, size * _LINE))
             elif ending == ".mf4":
                 yield from self._mf4(path, raw, size)
             else:
                 yield from self._by_message(path, stream, unpacked, size)
-        except Exception:  # what a reader says of content that ends too early
+        except Exception:  # how readers report truncated content
             if unpacked is None or unpacked.failure is None:
                 raise
         if unpacked is not None and unpacked.failure is not None:
-            self._note_damage(path, f"is cut off after {self._read} frames, {unpacked.failure}")
+            self._add_damage(path, f"is cut off after {self._read} frames, {unpacked.failure}")
 
-    def _candump(self, path: Path, stream: Any) -> Iterator[_Block]:
+    def _candump(self, path: Path, stream: ByteStream) -> Iterator[_Block]:
         candump = Candump(stream)
         try:
             for block in candump:
                 yield _Block(*block, candump.channel)
         finally:
             self.passed_over += candump.fd_frames
-            self._note_bad_lines(path, candump.bad_lines)
+            self._add_bad_lines(path, candump.bad_lines)
 
-    def _note_bad_lines(self, path: Path, count: int) -> None:
+    def _add_bad_lines(self, path: Path, count: int) -> None:
         if count:
-            lines = "1 line is no frame" if count == 1 else f"{count} lines are no frames"
-            self._note_damage(path, f"{lines} and left out")
+            lines = "1 line is not a frame" if count == 1 else f"{count} lines are not frames"
+            self._add_damage(path, f"{lines}; skipped")
 
     def _mf4(self, path: Path, raw: IO[bytes], size: int) -> Iterator[_Block]:
         has_read = False
@@ -226,11 +228,11 @@ class Log:
             yield from self._by_message(path, raw, None, size)
 
     def _by_message(
-        self, path: Path, stream: Any, unpacked: Unpacked | None, size: int
+        self, path: Path, stream: IO[bytes], unpacked: Unpacked | None, size: int
     ) -> Iterator[_Block]:
-        """Yield what python-can reads; what it has read before an error comes first."""
+        """Yield what python-can reads; frames read before an error come first."""
         reader, lines = open_reader(path, stream)
-        gathered = _Gathered(_FIRST_CHANNEL.get(ending_of(path)[0], 0))
+        collector = _FrameCollector(_FIRST_CHANNEL.get(ending_of(path)[0], 0))
         damaged = 0
         messages = _Messages(reader, lines)
         for message in messages:
@@ -239,65 +241,65 @@ class Log:
             elif min(message.dlc, _PAYLOAD) != len(message.data) and not message.is_remote_frame:
                 damaged += 1
             else:
-                gathered.take(message)
-            if len(gathered.words) == size:
-                yield gathered.block()
-        yield gathered.block()
+                collector.add(message)
+            if len(collector.words) == size:
+                yield collector.block()
+        yield collector.block()
         if damaged:
-            self._note_damage(
-                path, f"{damaged} frames have not as many bytes as they say and are left out"
+            self._add_damage(
+                path, f"{damaged} frames are shorter than their stated length; skipped"
             )
-        self._note_bad_lines(path, messages.bad_lines)
+        self._add_bad_lines(path, messages.bad_lines)
         if messages.failure is not None:
             raise messages.failure
         if lines is not None:
             self.passed_over += lines.fd_frames
             if lines.is_open:
-                self._note_damage(path, f"was not closed; it ends after {self._read} frames")
+                self._add_damage(path, f"was not closed; it ends after {self._read} frames")
         if isinstance(reader, can.BLFReader):
             there = path.stat().st_size if unpacked is None else unpacked.size
             self._check_end_of_blf(path, reader, there)
 
     def _check_end_of_blf(self, path: Path, reader: can.BLFReader, there: int) -> None:
         if reader.file_size > there:
-            self._note_damage(path, f"is cut off after {self._read} frames")
+            self._add_damage(path, f"is cut off after {self._read} frames")
         elif reader.file_size == _BLF_HEADER and reader.object_count == 0:
-            self._note_damage(path, f"was not closed; it ends after {self._read} frames")
+            self._add_damage(path, f"was not closed; it ends after {self._read} frames")
 
 
-class _Sips:
-    """A stream that gives no more than so many bytes at once."""
+class _LimitedStream:
+    """A stream that limits the bytes returned per read."""
 
-    def __init__(self, stream: Any, most: int) -> None:
+    def __init__(self, stream: IO[bytes], most: int) -> None:
         self._stream = stream
         self._most = most
 
     def read(self, size: int) -> bytes:
-        """Read on."""
-        return bytes(self._stream.read(min(size, self._most)))
+        """Read up to the limit."""
+        return self._stream.read(min(size, self._most))
 
 
 class _Messages:
-    """What python-can's reader reads, also behind a line of a text that it cannot read.
+    """Messages from python-can's reader, resumed after unreadable lines of text logs.
 
     Attributes
     ----------
     failure : Exception or None
-        Why it could not be read on.
+        Why reading stopped early.
     """
 
-    def __init__(self, reader: Any, lines: TextLines | None) -> None:
+    def __init__(self, reader: Iterable[can.Message], lines: TextLines | None) -> None:
         self._reader = reader
         self._lines = lines
-        self._complaints = _Complaints()
+        self._warnings = _WarningCounter()
         self._count = 0
         self.failure: Exception | None = None
 
     @property
     def bad_lines(self) -> int:
-        """Lines that should have been messages."""
+        """Lines that look like messages but could not be read."""
         if self._lines is None:
-            return self._complaints.count
+            return self._warnings.count
         return self._lines.bad_lines + self._lines.frames - self._count
 
     def __iter__(self) -> Iterator[can.Message]:
@@ -306,11 +308,11 @@ class _Messages:
         failed_at = 0
         while True:
             try:
-                with self._complaints:
+                with self._warnings:
                     message = next(messages, None)
-            except Exception as error:  # noqa: BLE001 - other people's readers on any bytes
+            except Exception as error:  # noqa: BLE001 - third-party readers on arbitrary bytes
                 first = first or error
-                if self._lines is None or self._lines.frames == failed_at:  # no line's fault
+                if self._lines is None or self._lines.frames == failed_at:  # not due to a line
                     self.failure = error
                     return
                 failed_at = self._lines.frames
@@ -325,8 +327,8 @@ class _Messages:
             self.failure = first
 
 
-class _Complaints(logging.Handler):
-    """Counts what python-can's readers say of lines that they leave out."""
+class _WarningCounter(logging.Handler):
+    """Counts the lines that python-can's readers report as skipped."""
 
     def __init__(self) -> None:
         super().__init__(logging.WARNING)
@@ -346,13 +348,13 @@ class _Complaints(logging.Handler):
         self._logger.propagate = True
 
 
-class _Gathered:
-    """Messages on their way into arrays.
+class _FrameCollector:
+    """Collects messages into arrays.
 
     Parameters
     ----------
     first_channel : int
-        What the format calls the channel that python-can calls 0.
+        The format's number for the channel that python-can numbers 0.
     """
 
     def __init__(self, first_channel: int) -> None:
@@ -367,8 +369,8 @@ class _Gathered:
         self._channels: list[int] = []
         self.words: list[int] = []
 
-    def take(self, message: can.Message) -> None:
-        """Take a classic message."""
+    def add(self, message: can.Message) -> None:
+        """Add a classic message."""
         identifier = message.arbitration_id
         length = len(message.data)
         if message.is_extended_id or message.is_remote_frame or message.is_error_frame:
@@ -384,7 +386,7 @@ class _Gathered:
         self._channels.append(self._number_of(message.channel))
         self.words.append(int.from_bytes(message.data, "little"))
 
-    def _number_of(self, channel: Any) -> int:
+    def _number_of(self, channel: Channel | None) -> int:
         if channel is None:
             name = ""
         else:
@@ -394,7 +396,7 @@ class _Gathered:
         return min(self._names.index(name), _MOST_CHANNELS - 1)
 
     def block(self) -> _Block:
-        """Return what was taken, and begin anew."""
+        """Return the collected frames and start over."""
         frames = frame_array(len(self.words))
         frames["can_id"] = self._identifiers
         frames["length"] = self._lengths

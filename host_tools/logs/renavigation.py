@@ -1,4 +1,4 @@
-"""A recorded day, navigated again: the frames of a log through the firmware, without a bus."""
+"""Renavigation: feeds the frames of a log through the firmware, without a bus."""
 
 from __future__ import annotations
 
@@ -6,26 +6,27 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from dbc.codec import unpack
-from dbc.contract import load_contract
-from dbc.e2e import crc_holds
-from dbc.frame import FrameArray, frame_array
-from firmware_py.loop import INBOX_CAPACITY, Firmware, own_clock_ns
-from firmware_py.transmit import OUTBOX_CAPACITY
-from host_tools.logs.epochs import NO_STEP, Steps
-from host_tools.logs.errors import RecordError
-from host_tools.logs.reader import Piece
-from host_tools.scenario import Scenario
+from rrins.dbc.codec import unpack
+from rrins.dbc.contract import load_contract
+from rrins.dbc.e2e import crc_holds
+from rrins.dbc.frame import Frame, FrameArray, frame_array
+from rrins.dbc.record import Integers
+from rrins.firmware_py.core.transmit import OUTBOX_CAPACITY
+from rrins.firmware_py.loop import INBOX_CAPACITY, Firmware, own_clock_ns
+from rrins.host_tools.logs.epochs import LogSteps
+from rrins.host_tools.logs.frame_steps import NO_STEP
+from rrins.host_tools.logs.reader import Piece
+from rrins.host_tools.recording.errors import RecordError
+from rrins.host_tools.scenario.scenario import Scenario
 
 
 @dataclass(frozen=True)
 class Answers:
-    """What the firmware sent in some steps: its frames, and the step of each."""
+    """Frames that the firmware sent, and the step of each."""
 
     frames: FrameArray
-    step: NDArray[np.int64]
+    step: Integers
 
 
 class Renavigation:
@@ -36,15 +37,15 @@ class Renavigation:
     firmware : Firmware
         At power-on.
     clock_error_ppm : float
-        Of the firmware's own clock, which reaches no navigation.
+        Error of the firmware's own clock, which does not affect the navigation.
     in_lockstep : bool
-        Whether it is known that the firmware ran in lockstep: then a SYNC of a later epoch is
-        false, and dropped with what follows; else it is left for the next step.
+        Whether the firmware is known to have run in lockstep. If so, a SYNC of a later epoch is
+        spurious and is dropped with what follows; otherwise it is left for the next step.
 
     Attributes
     ----------
     steps : int
-        Steps that were run.
+        Steps run so far.
     """
 
     def __init__(
@@ -54,18 +55,18 @@ class Renavigation:
         self.steps = 0
         self._clock_error_ppm = clock_error_ppm
         self._in_lockstep = in_lockstep
-        self._frames = frame_array(0)  # that the firmware has not had yet, and their steps
+        self._frames = frame_array(0)  # not yet received by the firmware, and their steps
         self._step = np.zeros(0, dtype=np.int64)
 
     @property
     def has_ended(self) -> bool:
-        """Whether the operator has shut the computer down."""
+        """Whether the operator has shut down the computer."""
         return self.firmware.is_shut_down
 
-    def answer(self, steps: Steps) -> Answers:
-        """Run the steps that are closed; return what the firmware sent in them."""
+    def answer(self, steps: LogSteps) -> Answers:
+        """Run the closed steps; return what the firmware sent in them."""
         is_received = ~steps.is_sent & (steps.step != NO_STEP)
-        frames = np.concatenate([self._frames, steps.frames[is_received]])
+        frames = Frame.joined([self._frames, steps.frames[is_received]])
         step = np.concatenate([self._step, steps.step[is_received]])
         numbers = np.arange(steps.first, steps.first + len(steps.epochs))
         out = frame_array(len(numbers) * OUTBOX_CAPACITY)
@@ -84,34 +85,34 @@ class Renavigation:
         return Answers(out[:at], np.repeat(numbers, sent))
 
     def _run(self, frames: FrameArray, start: int, end: int) -> tuple[int, int]:
-        """Run a step on ``frames[start:end]``; return what it sent, and where the next begins."""
+        """Run a step on ``frames[start:end]``; return what it sent and the next step's start."""
         firmware = self.firmware
         arrival_ns = own_clock_ns(self.steps * firmware.period_ns, self._clock_error_ppm)
         self.steps += 1
         if self._in_lockstep:
             return firmware.step_whole(frames[start:end], end - start, arrival_ns), end
         sent, start = firmware.step(frames, start, end, arrival_ns)
-        while end - start > INBOX_CAPACITY:  # steps are missing in the log: catch up
+        while end - start > INBOX_CAPACITY:  # the log lacks steps: catch up
             _, start = firmware.step(frames, start, end, arrival_ns)
         return sent, start
 
 
 def check_rate(pieces: Iterator[Piece], scenario: Scenario) -> Iterator[Piece]:
-    """Hand pieces on; see that SYNC comes at the scenario's rate.
+    """Pass pieces on; check that SYNC arrives at the scenario's rate.
 
     Raises
     ------
     RecordError
-        When it does not, or there is no SYNC at all.
+        If it does not, or if there is no SYNC at all.
     """
     sync = load_contract()[0]["sync"]
-    identifier = int(sync["message"]["can_id"])
+    identifier = int(sync.message.can_id)
     known: list[tuple[int, int]] = []
     for piece in pieces:
         if len(known) < 2:
             for k in np.flatnonzero(piece.frames["can_id"] == identifier)[:1000]:
                 frame = piece.frames[k]
-                if len(known) < 2 and crc_holds(frame, sync["message"]):
+                if len(known) < 2 and crc_holds(frame, sync.message):
                     found = (
                         int(unpack(frame["data"], sync["epoch"])),
                         int(unpack(frame["data"], sync["time_us"])),
@@ -122,7 +123,7 @@ def check_rate(pieces: Iterator[Piece], scenario: Scenario) -> Iterator[Piece]:
                 _compare_rates(known, scenario)
         yield piece
     if not known:
-        raise RecordError("the log has no SYNC: nothing to navigate by")
+        raise RecordError("the log has no SYNC: it cannot be navigated")
 
 
 def _compare_rates(known: list[tuple[int, int]], scenario: Scenario) -> None:
@@ -130,5 +131,5 @@ def _compare_rates(known: list[tuple[int, int]], scenario: Scenario) -> None:
     period_us = (second_us - first_us) / (second - first)
     if second_us > first_us and abs(period_us - scenario.period_ns / 1000) > 1.0:
         raise RecordError(
-            f"the log is of {1e6 / period_us:.0f} Hz, the scenario of {scenario.rate_hz} Hz"
+            f"the log runs at {1e6 / period_us:.0f} Hz, the scenario at {scenario.rate_hz} Hz"
         )

@@ -1,4 +1,4 @@
-"""Replays a log through the firmware, and compares what it sends with what was recorded."""
+"""Replays a log through the firmware and compares its output with the recording."""
 
 from __future__ import annotations
 
@@ -6,22 +6,23 @@ import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
-from dbc.codec import load
-from firmware_py.loop import Firmware
-from firmware_py.trace import NavigationTrace
-from host_tools.logs.alignment import Ahead, OnProgress, compare_blocks, firmware_of
-from host_tools.logs.comparison import Comparison, Sent
-from host_tools.logs.epochs import NO_EPOCH, NO_STEP, Cutter, Steps
-from host_tools.logs.errors import RecordError
-from host_tools.logs.reader import Log
-from host_tools.logs.renavigation import Answers, Renavigation, check_rate
-from host_tools.logs.truth import Truth
-from host_tools.outfit import firmware_settings
-from host_tools.rows import RowFile, keep_every
-from host_tools.scenario import Scenario
-from host_tools.sides import NAVIGATION_ROWS, TRUTH_ROWS, firmware_summary
+from rrins.dbc.codec import load
+from rrins.firmware_py.core.trace import NavigationTrace
+from rrins.firmware_py.loop import Firmware
+from rrins.host_tools.files import JsonObject
+from rrins.host_tools.logs.alignment import OnProgress, PendingFrames, compare_blocks, firmware_of
+from rrins.host_tools.logs.comparison import Comparison, Sent
+from rrins.host_tools.logs.epochs import EpochFinder, LogSteps
+from rrins.host_tools.logs.frame_steps import NO_EPOCH, NO_STEP
+from rrins.host_tools.logs.reader import Log
+from rrins.host_tools.logs.renavigation import Answers, Renavigation, check_rate
+from rrins.host_tools.logs.truth import RecomputedTruth
+from rrins.host_tools.recording.errors import RecordError
+from rrins.host_tools.runs.firmware_job import firmware_summary
+from rrins.host_tools.runs.samples import NAVIGATION_SAMPLES, TRUTH_SAMPLES, SampleFile, keep_every
+from rrins.host_tools.runs.settings import firmware_settings
+from rrins.host_tools.scenario.scenario import Scenario
 
 
 def firmware_messages() -> frozenset[str]:
@@ -32,12 +33,12 @@ def firmware_messages() -> frozenset[str]:
 
 @dataclass(frozen=True)
 class Replayed:
-    """What a replay through the firmware came to.
+    """Result of a replay through the firmware.
 
     Attributes
     ----------
     firmware : dict
-        `host_tools.sides.firmware_summary`.
+        `rrins.host_tools.runs.firmware_job.firmware_summary`.
     steps : int
     first_epoch, last_epoch : int
         Of the log; `NO_EPOCH` where it has no SYNC.
@@ -47,10 +48,10 @@ class Replayed:
     comparison : Comparison or None
     why_no_truth : str or None
     unanswered_s : float
-        How long the hardware is heard in the log after the firmware's last step.
+        How long the hardware keeps sending in the log after the firmware's last step.
     """
 
-    firmware: dict[str, Any]
+    firmware: JsonObject
     steps: int
     first_epoch: int
     last_epoch: int
@@ -62,36 +63,38 @@ class Replayed:
 
 
 class _Run:
-    """The firmware and, where there is one, the truth, over the steps of a log."""
+    """Runs the firmware and, if available, the truth over the steps of a log."""
 
     def __init__(
         self, log: Log, scenario: Scenario, folder: Path | None, on_progress: OnProgress
     ) -> None:
         log_every = keep_every(scenario.epochs, scenario.rate_hz)
-        self._rows = RowFile(None if folder is None else folder / NAVIGATION_ROWS)
-        self._truth_rows = RowFile(None if folder is None else folder / TRUTH_ROWS)
+        self._navigation_file = SampleFile(None if folder is None else folder / NAVIGATION_SAMPLES)
+        self._truth_file = SampleFile(None if folder is None else folder / TRUTH_SAMPLES)
         self._log = log
         self._scenario = scenario
         self._on_progress = on_progress
         settings = firmware_settings(scenario)
-        self.firmware = Firmware(settings, NavigationTrace(log_every, self._rows.append))
+        self.firmware = Firmware(settings, NavigationTrace(log_every, self._navigation_file.append))
         is_lockstep = log.note is not None and log.note.is_lockstep
         error_ppm = scenario.firmware.clock_error_ppm
-        self.again = Renavigation(self.firmware, error_ppm, is_lockstep)
+        self.renavigation = Renavigation(self.firmware, error_ppm, is_lockstep)
         recorded = None if log.note is None else log.note.loaded_scenario(log.path)
         self.truth = (
-            None if folder is None else Truth(recorded or scenario, self._truth_rows, log_every)
+            None
+            if folder is None
+            else RecomputedTruth(recorded or scenario, self._truth_file, log_every)
         )
-        self.cutter = Cutter()
+        self.finder = EpochFinder()
         self.first_epoch = self.last_epoch = NO_EPOCH
         self._answered_until_s = self._heard_until_s = 0.0
 
     @property
     def unanswered_s(self) -> float:
-        """How long the hardware is heard after the last step."""
+        """How long the hardware keeps sending after the last step."""
         return max(0.0, self._heard_until_s - self._answered_until_s)
 
-    def _note_times(self, steps: Steps) -> None:
+    def _update_times(self, steps: LogSteps) -> None:
         is_answered = steps.step != NO_STEP
         for mask in (is_answered, ~steps.is_sent):
             if mask.any():
@@ -99,11 +102,11 @@ class _Run:
         if is_answered.any():
             self._answered_until_s = float(steps.time_s[is_answered][-1])
 
-    def answers(self) -> Iterator[tuple[Steps, Answers]]:
-        """Yield steps, and what the firmware sends in them."""
-        for steps in self.cutter.steps(check_rate(self._log.pieces(), self._scenario)):
-            self._note_times(steps)
-            answers = self.again.answer(steps)
+    def answers(self) -> Iterator[tuple[LogSteps, Answers]]:
+        """Yield steps and the firmware's answers to them."""
+        for steps in self.finder.steps(check_rate(self._log.pieces(), self._scenario)):
+            self._update_times(steps)
+            answers = self.renavigation.answer(steps)
             if self.truth is not None:
                 self.truth.follow(steps)
             known = steps.epochs[steps.epochs != NO_EPOCH]
@@ -112,16 +115,16 @@ class _Run:
                 self.last_epoch = int(known[-1])
             self._on_progress(self._log.position)
             yield steps, answers
-            if self.again.has_ended:
+            if self.renavigation.has_ended:
                 break
 
-    def close(self) -> dict[str, Any]:
+    def close(self) -> JsonObject:
         """Close the files; return the firmware's summary."""
         summary = firmware_summary(self.firmware)
         if self.truth is not None:
             self.truth.close()
-        self._truth_rows.close()
-        self._rows.close()
+        self._truth_file.close()
+        self._navigation_file.close()
         return summary
 
 
@@ -139,20 +142,20 @@ def replay(
     ----------
     log : Log
     scenario : Scenario
-        What the firmware is set up with.
+        Configures the firmware.
     folder : Path, optional
-        Where the rows of navigation and truth go.
+        Where the samples of navigation and truth go.
     with_comparison : bool
-        Whether to compare what the firmware sends with what it sent when the log was recorded.
+        Whether to compare the firmware's frames with the recorded ones.
     against : Log, optional
-        Another log to compare with instead.
+        Another log to compare with instead of `log`.
     on_progress : callable
-        Called for every piece of the log.
+        Called after every piece of the log.
 
     Raises
     ------
     RecordError
-        When a log cannot be read, or does not fit the scenario.
+        If a log cannot be read, or does not match the scenario.
     """
     begun = time.monotonic()
     run = _Run(log, scenario, folder, on_progress)
@@ -160,7 +163,7 @@ def replay(
     comparison = Comparison(names, firmware_messages()) if with_comparison else None
     try:
         if comparison is not None and against is not None:
-            pair = (firmware_of(against), Ahead(_answers_by_epoch(run)))
+            pair = (firmware_of(against), PendingFrames(_answers_by_epoch(run)))
             compare_blocks(comparison, [pair])
         else:
             for steps, answers in run.answers():
@@ -168,15 +171,15 @@ def replay(
                     comparison.add(_recorded(steps), _replayed(steps, answers))
     finally:
         summary = run.close()
-    if comparison is not None and against is None and not run.cutter.has_firmware:
-        raise RecordError(f"{log.path}: nothing to compare with: the firmware is not in it")
+    if comparison is not None and against is None and not run.finder.has_firmware:
+        raise RecordError(f"{log.path}: nothing to compare with: it has no firmware frames")
     return Replayed(
         summary,
-        run.again.steps,
+        run.renavigation.steps,
         run.first_epoch,
         run.last_epoch,
         time.monotonic() - begun,
-        run.cutter.has_firmware,
+        run.finder.has_firmware,
         comparison,
         "not asked for" if run.truth is None else run.truth.why_not,
         run.unanswered_s,
@@ -189,11 +192,11 @@ def _answers_by_epoch(run: _Run) -> Iterator[Sent]:
         yield Sent(answers.frames, epoch, epoch)
 
 
-def _recorded(steps: Steps) -> Sent:
+def _recorded(steps: LogSteps) -> Sent:
     mask = steps.is_sent & (steps.step != NO_STEP)
     step = steps.step[mask]
     return Sent(steps.frames[mask], step, steps.epochs[step - steps.first])
 
 
-def _replayed(steps: Steps, answers: Answers) -> Sent:
+def _replayed(steps: LogSteps, answers: Answers) -> Sent:
     return Sent(answers.frames, answers.step, steps.epochs[answers.step - steps.first])

@@ -1,29 +1,28 @@
-"""Signals of a log over time, small enough to draw however long the log is."""
+"""Signals of a log over time, decimated to a drawable size however long the log is."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from dbc.codec import load
-from dbc.frame import FrameArray
-from host_tools.logs.reader import Log
-from host_tools.logs.signals import SignalOfMessage, name_of_identifier
+from rrins.dbc.codec import load
+from rrins.dbc.frame import FrameArray
+from rrins.dbc.record import Floats
+from rrins.host_tools.logs.reader import Log
+from rrins.host_tools.logs.signals import Numbers, SignalOfMessage, name_of_identifier
 
 _MOST_CHANGES = 200_000
 
 
 class Envelope:
-    """A number over time: every value, or the smallest and largest of equally many values each.
+    """A number over time: every value, or the minimum and maximum of equal-sized groups.
 
     Parameters
     ----------
     capacity : int
-        Points from twice as many of which on two become one: their smallest and largest value.
+        At twice this many points, pairs are merged into their minimum and maximum.
     """
 
     def __init__(self, capacity: int = 8192) -> None:
@@ -35,13 +34,13 @@ class Envelope:
         self._rest_time = np.zeros(0)
         self._rest = np.zeros(0)
 
-    def take(self, time_s: NDArray[Any], values: NDArray[Any]) -> None:
+    def add(self, time_s: Floats, values: Numbers) -> None:
         """Take values in order of time."""
         time_s = np.concatenate([self._rest_time, time_s])
-        values = np.concatenate([self._rest, values])
-        whole = len(values) // self._each * self._each
-        self._rest_time, self._rest = time_s[whole:], values[whole:]
-        groups = values[:whole].reshape(-1, self._each)
+        numbers = np.concatenate([self._rest, values], dtype=np.float64)
+        whole = len(numbers) // self._each * self._each
+        self._rest_time, self._rest = time_s[whole:], numbers[whole:]
+        groups = numbers[:whole].reshape(-1, self._each)
         self._time = np.concatenate([self._time, time_s[: whole : self._each]])
         self._low = np.concatenate([self._low, groups.min(axis=1)])
         self._high = np.concatenate([self._high, groups.max(axis=1)])
@@ -50,7 +49,7 @@ class Envelope:
 
     def _halve(self) -> None:
         whole = len(self._time) // 2 * 2
-        if len(self._time) > whole:  # the odd one out goes with its neighbour
+        if len(self._time) > whole:  # an odd point is merged with its neighbour
             self._low[whole - 1] = min(self._low[whole - 1], self._low[whole])
             self._high[whole - 1] = max(self._high[whole - 1], self._high[whole])
         self._time = self._time[:whole:2]
@@ -58,8 +57,8 @@ class Envelope:
         self._high = self._high[:whole].reshape(-1, 2).max(axis=1)
         self._each *= 2
 
-    def line(self) -> tuple[NDArray[Any], NDArray[Any]]:
-        """Return times and values of a line through all smallest and largest values."""
+    def line(self) -> tuple[Floats, Numbers]:
+        """Return times and values of a line through all minima and maxima."""
         if len(self._rest):
             self._time = np.r_[self._time, self._rest_time[0]]
             self._low = np.r_[self._low, self._rest.min()]
@@ -71,16 +70,16 @@ class Envelope:
 
 
 class Changes:
-    """A value that stays until it changes: the times of its changes, and the end."""
+    """A piecewise constant value: the times of its changes, and the end."""
 
     def __init__(self) -> None:
-        self._time: list[NDArray[Any]] = []
-        self._values: list[NDArray[Any]] = []
-        self._last: Any = None
+        self._time: list[Floats] = []
+        self._values: list[Numbers] = []
+        self._last: float | None = None
         self._end_s = 0.0
         self._count = 0
 
-    def take(self, time_s: NDArray[Any], values: NDArray[Any]) -> None:
+    def add(self, time_s: Floats, values: Numbers) -> None:
         """Take values in order of time."""
         if not len(values):
             return
@@ -92,8 +91,8 @@ class Changes:
         self._last = values[-1]
         self._end_s = float(time_s[-1])
 
-    def line(self) -> tuple[NDArray[Any], NDArray[Any]]:
-        """Return the times of the changes and the values from there on, the end as the last."""
+    def line(self) -> tuple[Floats, Numbers]:
+        """Return the times of the changes and the values from then on, plus the last time."""
         if not self._time:
             return np.zeros(0), np.zeros(0)
         return (
@@ -112,21 +111,21 @@ class Series:
 
     @property
     def is_stepped(self) -> bool:
-        """Whether the value stays until it changes, as names and whole numbers do."""
+        """Whether the value is piecewise constant, as named values and integers are."""
         return isinstance(self.kept, Changes)
 
 
 @dataclass
 class Contents:
-    """What a log has: frames, first and last time, and for each message or identifier how many."""
+    """Contents of a log: frame count, first and last time, and frames per message or identifier."""
 
     frames: int = 0
     first_s: float = 0.0
     last_s: float = 0.0
     messages: dict[str, int] = field(default_factory=dict)
-    strangers: dict[int, int] = field(default_factory=dict)
+    unknown: dict[int, int] = field(default_factory=dict)
 
-    def take(self, frames: FrameArray, time_s: NDArray[Any]) -> None:
+    def add(self, frames: FrameArray, time_s: Floats) -> None:
         """Count frames."""
         if not len(frames):
             return
@@ -137,7 +136,7 @@ class Contents:
         for identifier, count in zip(found.tolist(), counts.tolist(), strict=True):
             name = name_of_identifier(identifier)
             if name is None:
-                self.strangers[identifier] = self.strangers.get(identifier, 0) + count
+                self.unknown[identifier] = self.unknown.get(identifier, 0) + count
             else:
                 self.messages[name] = self.messages.get(name, 0) + count
 
@@ -149,20 +148,20 @@ def gather(
     to_s: float | None = None,
     on_progress: Callable[[int], None] = lambda position: None,
 ) -> tuple[list[Series], Contents]:
-    """Read a log; return its signals over the time from its first frame on, and its contents.
+    """Read a log; return its signals over time since its first frame, and its contents.
 
-    `from_s` and `to_s` count from there, too. Frames of a wrong length are left out.
+    `from_s` and `to_s` also count from the first frame. Frames of the wrong length are skipped.
 
     Raises
     ------
     RecordError
-        When the log cannot be read.
+        If the log cannot be read.
     """
     series = [Series(s, Changes() if s.choices or s.is_whole else Envelope()) for s in signals]
     contents = Contents()
     codec = load()
     for piece in log.pieces():
-        contents.take(piece.frames, piece.time_s)
+        contents.add(piece.frames, piece.time_s)
         on_progress(log.position)
         time_s = piece.time_s - contents.first_s
         is_wanted = np.ones(len(piece), dtype=np.bool_)
@@ -175,6 +174,6 @@ def gather(
             message = codec.messages[codec.message_index(one.signal.message)]
             mine = (frames["can_id"] == message["can_id"]) & (frames["length"] == message["length"])
             if mine.any():
-                one.kept.take(time_s[mine], one.signal.values(frames["data"][mine]))
+                one.kept.add(time_s[mine], one.signal.values(frames["data"][mine]))
                 one.frames += int(np.count_nonzero(mine))
     return series, contents

@@ -1,4 +1,4 @@
-"""Signals of the contract by name: units, columns of values, names that a person may have meant."""
+"""Signals of the DBC by name: units, columns of values, suggestions for misspelt names."""
 
 from __future__ import annotations
 
@@ -8,19 +8,22 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
-from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
-from dbc.codec import load, to_physical, unpack
-from dbc.e2e import crc_holds
-from dbc.frame import FrameArray
-from host_tools.logs.errors import RecordError
+from rrins.dbc.codec import SignalLayout, load, to_physical, unpack
+from rrins.dbc.compilation import compiled
+from rrins.dbc.e2e import MessageLayout, crc_holds
+from rrins.dbc.frame import Frame, FrameArray
+from rrins.dbc.record import Floats, Integers, Records, Words
+from rrins.host_tools.recording.errors import RecordError
+
+Numbers = Floats | Integers
+"""Values of a signal; integers if all of its values are."""
 
 PROTECTION = ("crc", "alive_counter")
-"""Signals that every message has for its protection."""
+"""Protection signals of every message."""
 
 _SUFFIXES = {
     "deg": "deg",
@@ -34,28 +37,28 @@ _SUFFIXES = {
     "%": "percent",
     "ppm": "ppm",
 }
-"""How a unit of the DBC ends a name; see docs/conventions.md."""
+"""Name suffix for each unit of the DBC; see docs/conventions.md."""
 
 
 @dataclass(frozen=True)
 class SignalOfMessage:
-    """A signal of a message, and how to get it out of frames.
+    """A signal of a message, and how to extract it from frames.
 
     Attributes
     ----------
     message, name : str
     unit : str
-        As the DBC writes it; empty without one.
+        As written in the DBC; empty if it has none.
     comment : str
     choices : mapping of int to str
         Names of its values; empty for a number.
     scale : float
     span : float
-        Whole range of its field.
+        Full range of its field.
     is_whole : bool
-        Whether its values are whole numbers.
+        Whether its values are integers.
     row : int
-        In `Codec.signals`.
+        Row in `Codec.signals`.
     """
 
     message: str
@@ -75,34 +78,34 @@ class SignalOfMessage:
 
     @property
     def column(self) -> str:
-        """Return the name with the unit at its end, as the project writes units."""
+        """Return the name with the unit as its suffix."""
         suffix = _suffix(self.unit)
         has_one = not suffix or self.name.endswith(f"_{suffix}")
         return self.name if has_one else f"{self.name}_{suffix}"
 
-    def raw(self, words: NDArray[np.uint64]) -> NDArray[np.int64]:
+    def raw(self, words: Words) -> Integers:
         """Return the raw integers in payload words."""
         out = np.zeros(len(words), dtype=np.int64)
         _unpack_column(words, load().signals, self.row, out)
         return out
 
-    def values(self, words: NDArray[np.uint64]) -> NDArray[Any]:
-        """Return the values in payload words, whole numbers as int64, others as float64."""
+    def values(self, words: Words) -> Numbers:
+        """Return the values in payload words, integers as int64, others as float64."""
         if self.is_whole and self.scale == 1:
             return self.raw(words)
         out = np.zeros(len(words), dtype=np.float64)
         _decode_column(words, load().signals, self.row, out)
         return out.astype(np.int64) if self.is_whole else out
 
-    def apart(self, ours: NDArray[np.uint64], theirs: NDArray[np.uint64]) -> NDArray[Any]:
-        """Return by how much the values in payload words differ, angles the shorter way round."""
+    def apart(self, ours: Words, theirs: Words) -> Numbers:
+        """Return the difference of the values in payload words; angles the shorter way round."""
         difference = np.abs(self.values(ours) - self.values(theirs))
         if self.unit == "deg" and self.span % 360 == 0:
             return np.minimum(difference, self.span - difference)
         return difference
 
     def text(self, word: int) -> str:
-        """Return the value in a payload word as a person reads it, to its resolution."""
+        """Return the value in a payload word as readable text, to its resolution."""
         words = np.array([word], dtype=np.uint64)
         raw = int(self.raw(words)[0])
         if raw in self.choices:
@@ -123,35 +126,37 @@ def _suffix(unit: str) -> str:
     return "".join(letter if letter.isalnum() or letter == "_" else "" for letter in words)
 
 
-@njit(cache=True)
-def _unpack_column(words: Any, signals: Any, row: int, out: Any) -> None:
+@compiled
+def _unpack_column(words: Words, signals: Records[SignalLayout], row: int, out: Integers) -> None:
     for k in range(len(words)):
         out[k] = unpack(words[k], signals[row])
 
 
-@njit(cache=True)
-def _decode_column(words: Any, signals: Any, row: int, out: Any) -> None:
+@compiled
+def _decode_column(words: Words, signals: Records[SignalLayout], row: int, out: Floats) -> None:
     for k in range(len(words)):
         out[k] = to_physical(unpack(words[k], signals[row]), signals[row])
 
 
-@njit(cache=True)
-def _crc_column(frames: Any, messages: Any, row: int, out: Any) -> None:
+@compiled
+def _crc_column(
+    frames: FrameArray, messages: Records[MessageLayout], row: int, out: NDArray[np.bool_]
+) -> None:
     for k in range(len(frames)):
         out[k] = crc_holds(frames[k], messages[row])
 
 
 def crc_of_frames_holds(frames: FrameArray, message: str) -> NDArray[np.bool_]:
-    """Return whether the end-to-end CRC of each frame of a message holds."""
+    """Return whether the end-to-end CRC of each frame of a message is correct."""
     out = np.zeros(len(frames), dtype=np.bool_)
     codec = load()
-    _crc_column(np.ascontiguousarray(frames), codec.messages, codec.message_index(message), out)
+    _crc_column(Frame.contiguous(frames), codec.messages, codec.message_index(message), out)
     return out
 
 
 @functools.cache
 def signals_of(message: str) -> tuple[SignalOfMessage, ...]:
-    """Return the signals of a message, in the order of the DBC."""
+    """Return the signals of a message in DBC order."""
     codec = load()
     described = codec.database.get_message_by_name(message)
     return tuple(
@@ -171,13 +176,13 @@ def signals_of(message: str) -> tuple[SignalOfMessage, ...]:
 
 
 def message_names() -> list[str]:
-    """Return the names of all messages, in the order of their identifiers."""
+    """Return the names of all messages in order of identifier."""
     messages = sorted(load().database.messages, key=lambda message: message.frame_id)
     return [message.name for message in messages]
 
 
 def name_of_identifier(identifier: int) -> str | None:
-    """Return the message of an identifier; None of one that is not in the contract."""
+    """Return the message name of an identifier; None if it is not in the DBC."""
     return _names_by_identifier().get(identifier)
 
 
@@ -191,7 +196,7 @@ def _all_signals() -> dict[str, SignalOfMessage]:
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:
-    """Return a hint at the end of an error: the nearest known words, or nothing."""
+    """Return a hint to append to an error message: the closest known words, or nothing."""
     known = list(known)
     near = difflib.get_close_matches(word, known, 3, cutoff=0.5)
     if not near:
@@ -201,15 +206,15 @@ def did_you_mean(word: str, known: Iterable[str]) -> str:
 
 
 def find_signals(words: Sequence[str]) -> list[SignalOfMessage]:
-    """Return the signals that words name.
+    """Return the signals that words select.
 
-    A word is `MESSAGE.signal`, a signal's name where only one message has it, or a pattern with
-    `*`, `?` or `[…]` of either, which finds the protection's signals only where it names them.
+    A word is `MESSAGE.signal`, a signal name that only one message has, or a pattern of either
+    with `*`, `?` or `[…]`. A pattern matches protection signals only if it names them.
 
     Raises
     ------
     RecordError
-        When a word names nothing, or could mean several signals; with what it may have meant.
+        If a word matches nothing or is ambiguous; the message suggests alternatives.
     """
     found: dict[str, SignalOfMessage] = {}
     for word in words:
@@ -234,9 +239,11 @@ def _matches(word: str) -> list[SignalOfMessage]:
         if len(matching) > 1:
             names = [signal.full_name for signal in matching]
             shown = ", ".join(names[:4]) + (", …" if len(names) > 4 else "")
-            raise RecordError(f"signal {word}: of {len(names)} messages: {shown}; or *.{word}")
+            raise RecordError(
+                f"signal {word} is in {len(names)} messages: name one of {shown}, or *.{word}"
+            )
     if matching:
         return matching
     short = {signal.name for signal in known.values()}
     hint = did_you_mean(word, known if "." in word else short | set(known))
-    raise RecordError(f"signal {word}: the DBC has none{hint}")
+    raise RecordError(f"signal {word}: not in the DBC{hint}")

@@ -1,4 +1,4 @@
-"""Writes a log as tables, one for each message, in Parquet or CSV; in bounded memory."""
+"""Exports a log as tables, one per message, in Parquet or CSV, using bounded memory."""
 
 from __future__ import annotations
 
@@ -7,54 +7,54 @@ import os
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import Literal, get_args
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.csv
 import pyarrow.parquet
-from numpy.typing import NDArray
 
-from dbc.codec import load
-from dbc.frame import FrameArray
-from host_tools.logs import cut
-from host_tools.logs.errors import RecordError
-from host_tools.logs.reader import Log, Piece
-from host_tools.logs.signals import (
+from rrins.dbc.codec import load
+from rrins.dbc.frame import Frame, FrameArray
+from rrins.dbc.record import Floats, Integers, Words
+from rrins.host_tools.logs.frame_steps import NO_EPOCH, epochs_by_sync
+from rrins.host_tools.logs.reader import Log, Piece
+from rrins.host_tools.logs.signals import (
     SignalOfMessage,
     crc_of_frames_holds,
     message_names,
     name_of_identifier,
     signals_of,
 )
+from rrins.host_tools.recording.errors import RecordError
 
 Format = Literal["parquet", "csv"]
 
-_ROWS = 65_536  # of a row group
+_ROWS = 65_536  # per row group
 _TIME = "time_s"
 _EPOCH = "sync_epoch"
 _CRC = "crc_holds"
 _COMMENTS = {
-    _TIME: "time of the frame, as the log has it",
-    _EPOCH: "epoch that the last SYNC before the frame opened, counted on beyond 24 bits",
-    _CRC: "whether the end-to-end CRC of the frame is right",
+    _TIME: "time of the frame, as logged",
+    _EPOCH: "epoch opened by the last SYNC before the frame, unwrapped beyond 24 bits",
+    _CRC: "whether the end-to-end CRC of the frame is correct",
 }
 
 
 @dataclass
 class Exported:
-    """What an export came to.
+    """Result of an export.
 
     Attributes
     ----------
     rows : dict
-        Rows of each table, by the name of the message.
+        Rows of each table, by message name.
     unknown : int
-        Frames that are none of the contract's.
+        Frames that are not in the DBC.
     wrong_length : int
-        Frames of a length that their message does not have; they are left out.
+        Frames whose length does not match their message; they are skipped.
     left : int
-        Tables in the folder, of either format, that are of an export before.
+        Tables in the folder, of either format, that an earlier export left.
     """
 
     rows: dict[str, int]
@@ -64,24 +64,24 @@ class Exported:
 
 
 class EpochCounter:
-    """Tells for each frame of a log which epoch the last SYNC has opened."""
+    """Finds for each frame of a log the epoch opened by the last SYNC."""
 
     def __init__(self) -> None:
-        self._epoch = cut.NO_EPOCH
+        self._epoch = NO_EPOCH
 
-    def epochs(self, frames: FrameArray) -> NDArray[np.int64]:
-        """Return the epoch of each frame, `cut.NO_EPOCH` before the first SYNC."""
+    def epochs(self, frames: FrameArray) -> Integers:
+        """Return the epoch of each frame, `NO_EPOCH` before the first SYNC."""
         out = np.zeros(len(frames), dtype=np.int64)
-        self._epoch = int(cut.epochs_by_sync(np.ascontiguousarray(frames), self._epoch, out))
+        self._epoch = int(epochs_by_sync(Frame.contiguous(frames), self._epoch, out))
         return out
 
 
-def _field(name: str, kind: Any, **facts: str) -> Any:
+def _field(name: str, kind: pa.DataType, **facts: str) -> pa.Field:
     return pa.field(name, kind, metadata={key: value for key, value in facts.items() if value})
 
 
-def _columns(message: str) -> Iterator[tuple[Any, SignalOfMessage | None]]:
-    """Yield the fields of a message's table, each with the signal that fills it."""
+def _columns(message: str) -> Iterator[tuple[pa.Field, SignalOfMessage | None]]:
+    """Yield the fields of a message's table, each with its source signal."""
     yield _field(_TIME, pa.float64(), unit="s", comment=_COMMENTS[_TIME]), None
     yield _field(_EPOCH, pa.int64(), comment=_COMMENTS[_EPOCH]), None
     for signal in signals_of(message):
@@ -94,7 +94,7 @@ def _columns(message: str) -> Iterator[tuple[Any, SignalOfMessage | None]]:
 
 
 class _Table:
-    """The table of one message, on its way into a file."""
+    """Writes the table of one message to a file."""
 
     def __init__(self, folder: Path, message: str, kind: Format, source: str) -> None:
         described = load().database.get_message_by_name(message)
@@ -111,14 +111,14 @@ class _Table:
         )
         self.path = folder / f"{message}.{kind}"
         self._part = folder / f".{message}.{kind}.{os.getpid()}"
-        self._pieces: list[tuple[FrameArray, NDArray[Any], NDArray[Any]]] = []
+        self._pieces: list[tuple[FrameArray, Floats, Integers]] = []
         self._waiting = 0
         self.rows = 0
         writer = pa.parquet.ParquetWriter if kind == "parquet" else pa.csv.CSVWriter
-        self._writer: Any = writer(str(self._part), self._schema)
+        self._writer = writer(str(self._part), self._schema)
 
-    def take(self, frames: FrameArray, time_s: NDArray[Any], epochs: NDArray[Any]) -> None:
-        """Take frames of the message; write when there are many."""
+    def add(self, frames: FrameArray, time_s: Floats, epochs: Integers) -> None:
+        """Add frames of the message; write once there are many."""
         self._pieces.append((frames, time_s, epochs))
         self._waiting += len(frames)
         if self._waiting >= _ROWS:
@@ -127,7 +127,7 @@ class _Table:
     def _write(self) -> None:
         if not self._waiting:
             return
-        frames = np.concatenate([piece[0] for piece in self._pieces])
+        frames = Frame.joined([piece[0] for piece in self._pieces])
         time_s = np.concatenate([piece[1] for piece in self._pieces])
         epochs = np.concatenate([piece[2] for piece in self._pieces])
         arrays = []
@@ -135,7 +135,7 @@ class _Table:
             if field.name == _TIME:
                 arrays.append(pa.array(time_s))
             elif field.name == _EPOCH:
-                arrays.append(pa.array(epochs, mask=epochs == cut.NO_EPOCH))
+                arrays.append(pa.array(epochs, mask=epochs == NO_EPOCH))
             elif signal is None:
                 arrays.append(pa.array(crc_of_frames_holds(frames, self._message)))
             elif field.type == pa.string():
@@ -148,23 +148,23 @@ class _Table:
         self._waiting = 0
 
     def finish(self) -> None:
-        """Write what is left, and close the file."""
+        """Write the remaining rows and close the file."""
         self._write()
         self._writer.close()
 
     def keep(self) -> None:
-        """Put the file in its place."""
+        """Move the finished file to its final path."""
         self._part.replace(self.path)
 
     def drop(self) -> None:
-        """Remove what is unfinished."""
+        """Remove the unfinished file."""
         with contextlib.suppress(OSError):
             self._writer.close()
         self._part.unlink(missing_ok=True)
 
 
-def _names(signal: SignalOfMessage, words: NDArray[Any]) -> Any:
-    """Return the names of a signal's values; null where a value has none."""
+def _names(signal: SignalOfMessage, words: Words) -> pa.Array:
+    """Return the names of a signal's values; null for unnamed values."""
     known = sorted(signal.choices)
     raw = signal.raw(words)
     at = np.minimum(np.searchsorted(known, raw), len(known) - 1)
@@ -179,12 +179,12 @@ def export(
     kind: Format = "parquet",
     on_progress: Callable[[int], None] = lambda position: None,
 ) -> Exported:
-    """Write the tables of a log into a folder; they take their place when all are whole.
+    """Write the tables of a log to a folder; they appear only once all are complete.
 
     Raises
     ------
     RecordError
-        When the log cannot be read, or a table not be written.
+        If the log cannot be read or a table cannot be written.
     """
     tables: dict[str, _Table] = {}
     exported = Exported({})
@@ -192,7 +192,7 @@ def export(
     try:
         folder.mkdir(parents=True, exist_ok=True)
         for piece in log.pieces():
-            _take(piece, epochs.epochs(piece.frames), tables, exported, folder, kind, log)
+            _add_piece(piece, epochs.epochs(piece.frames), tables, exported, folder, kind, log)
             on_progress(log.position)
         for table in tables.values():
             table.finish()
@@ -209,35 +209,35 @@ def export(
 
 
 def _tables_left(folder: Path, written: set[Path]) -> int:
-    """Return how many tables of messages a folder has besides those that were written."""
+    """Return how many message tables a folder holds apart from those just written."""
     named = {folder / f"{name}.{kind}" for name in message_names() for kind in get_args(Format)}
     return sum(path.is_file() for path in named - written)
 
 
-def _take(
+def _add_piece(
     piece: Piece,
-    epochs: NDArray[np.int64],
+    epochs: Integers,
     tables: dict[str, _Table],
     exported: Exported,
     folder: Path,
     kind: Format,
     log: Log,
 ) -> None:
-    """Hand the frames of a piece to the tables of their messages."""
+    """Distribute the frames of a piece to the tables of their messages."""
     identifiers = piece.frames["can_id"]
     order = np.argsort(identifiers, kind="stable")
     found, begins = np.unique(identifiers[order], return_index=True)
-    for identifier, rows in zip(found.tolist(), np.split(order, begins[1:]), strict=True):
+    for identifier, places in zip(found.tolist(), np.split(order, begins[1:]), strict=True):
         name = name_of_identifier(identifier)
         if name is None:
-            exported.unknown += len(rows)
+            exported.unknown += len(places)
             continue
         length = load().database.get_message_by_name(name).length
-        is_whole = piece.frames["length"][rows] == length
+        is_whole = piece.frames["length"][places] == length
         exported.wrong_length += int(np.count_nonzero(~is_whole))
-        rows = rows[is_whole]
-        if not len(rows):
+        places = places[is_whole]
+        if not len(places):
             continue
         if name not in tables:
             tables[name] = _Table(folder, name, kind, log.path.name)
-        tables[name].take(piece.frames[rows], piece.time_s[rows], epochs[rows])
+        tables[name].add(piece.frames[places], piece.time_s[places], epochs[places])

@@ -1,19 +1,22 @@
-"""Unpacks gzip up to where it is damaged, and says what the damage is."""
+"""Unpacks gzip up to any damage, and reports the damage."""
 
 from __future__ import annotations
 
 import io
 import zlib
-from typing import IO, Any
+from typing import IO, TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from _typeshed import WriteableBuffer
 
 _PACKED = 1 << 16  # bytes
-_GZIP = 31  # zlib's word for gzip's header and trailer
+_GZIP = 31  # zlib's wbits value for gzip
 
 
 class Unpacked(io.RawIOBase):
-    """The content of a gzip file, as a stream that ends where the file cannot be unpacked on.
+    """The content of a gzip file as a stream that ends where the file becomes unreadable.
 
-    `gzip.GzipFile` raises an error instead, and what it has unpacked with the same reading is lost.
+    `gzip.GzipFile` raises an error instead and loses what it has unpacked in the same read.
 
     Parameters
     ----------
@@ -24,26 +27,27 @@ class Unpacked(io.RawIOBase):
     size : int
         Bytes unpacked so far.
     failure : str or None
-        Why the content ends before its end; None while all is well.
+        Why the content ends early; None if it does not.
     """
 
     def __init__(self, packed: IO[bytes]) -> None:
         self._packed = packed
-        self._unpacker: Any = None
+        self._unpacker: zlib._Decompress | None = None
         self._content = memoryview(b"")
         self.size = 0
         self.failure: str | None = None
 
     def readable(self) -> bool:
-        """Return that it can be read."""
+        """Return True."""
         return True
 
-    def readinto(self, buffer: Any) -> int:
-        """Read into a buffer; return how many bytes, 0 at the end."""
+    def readinto(self, buffer: WriteableBuffer) -> int:
+        """Read into a buffer; return the number of bytes, 0 at the end."""
         while not self._content and self._unpack():
             pass
-        count = min(len(buffer), len(self._content))
-        buffer[:count] = self._content[:count]
+        room = memoryview(buffer)
+        count = min(len(room), len(self._content))
+        room[:count] = self._content[:count]
         self._content = self._content[count:]
         return count
 
@@ -53,28 +57,28 @@ class Unpacked(io.RawIOBase):
         super().close()
 
     def _unpack(self) -> bool:
-        """Unpack the next bytes of the file; return whether there may be more."""
+        """Unpack more of the file; return whether there may be more."""
         if self.failure is not None:
             return False
         packed = self._packed.read(_PACKED)
         if not packed:
             if self._unpacker is not None:
-                self.failure = "its packed data end too early"
+                self.failure = "its compressed data end too early"
             return False
         content = bytearray()
         try:
             while packed:
                 packed = self._unpack_member(packed, content)
         except zlib.error as error:
-            self.failure = f"its packed data are damaged: {error}"
+            self.failure = f"its compressed data are damaged: {error}"
         self.size += len(content)
         self._content = memoryview(bytes(content))
         return True
 
     def _unpack_member(self, packed: bytes, content: bytearray) -> bytes:
-        """Unpack what belongs to the member that is begun, or begins; return the rest."""
+        """Unpack the current or next member; return the remaining bytes."""
         if self._unpacker is None:
-            packed = packed.lstrip(b"\0")  # what may fill a file up behind a member
+            packed = packed.lstrip(b"\0")  # padding after a member
             if not packed:
                 return b""
             self._unpacker = zlib.decompressobj(_GZIP)
@@ -82,7 +86,7 @@ class Unpacked(io.RawIOBase):
         try:
             content += self._unpacker.decompress(packed)
         except zlib.error:
-            for byte in packed:  # again, up to the damage
+            for byte in packed:  # once more, up to the damage
                 content += before.decompress(bytes((byte,)))
             raise
         rest: bytes = self._unpacker.unused_data

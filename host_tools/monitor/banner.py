@@ -1,4 +1,4 @@
-"""The head of the screen: bus, firmware, axes, navigation, fault counters, troubles."""
+"""The header of the screen: bus, firmware, axes, navigation, fault counters, troubles."""
 
 from __future__ import annotations
 
@@ -6,12 +6,12 @@ from datetime import UTC, datetime
 
 from rich.text import Text
 
-from host_tools.monitor.state import BusState
-from host_tools.monitor.vitals import AXES, Axis, Vitals
-from host_tools.monitor.wording import NOTHING, age_words, clipped, percent_words, rate_words
+from rrins.host_tools.monitor.state import BusState
+from rrins.host_tools.monitor.vitals import AXES, AxisVitals, Vitals
+from rrins.host_tools.monitor.wording import NOTHING, age_words, clipped, percent_words, rate_words
 
 HEIGHT = 7
-"""Lines of the head."""
+"""Lines of the header."""
 
 _GAP = "  "
 _UNIX_S = 1e9  # bus time above this is Unix time
@@ -19,7 +19,7 @@ _QUIET_S = 1.0
 
 
 def banner(bus: str, state: BusState, vitals: Vitals, troubles: list[str], width: int) -> Text:
-    """Return the head, `HEIGHT` lines."""
+    """Return the header, `HEIGHT` lines."""
     lines = [
         _bus_line(bus, state),
         _firmware_line(vitals),
@@ -34,10 +34,10 @@ def banner(bus: str, state: BusState, vitals: Vitals, troubles: list[str], width
 
 
 def notices(state: BusState, is_frozen: bool) -> list[str]:
-    """Return what the reader has to know about the screen itself; nothing when all is as usual."""
+    """Return notices about the screen itself; none in normal operation."""
     found = []
     if is_frozen:
-        found.append("FROZEN: f goes on")
+        found.append("FROZEN: press f to resume")
     if state.times.ended is not None:
         found.append(f"THE BUS HAS ENDED: {state.times.ended}")
     elif not state.frames:
@@ -45,12 +45,12 @@ def notices(state: BusState, is_frozen: bool) -> list[str]:
     elif state.times.quiet_s > _QUIET_S and not is_frozen:
         found.append(f"NO FRAMES for {age_words(state.times.quiet_s)} (wall clock)")
     if state.times.gaps:
-        found.append(f"MISSED FRAMES: the monitor fell behind, {state.times.gaps} times")
+        found.append(f"MISSED FRAMES: the monitor fell behind {state.times.gaps} times")
     return found
 
 
 def _line(*fields: tuple[str, str]) -> Text:
-    """Return labels and values, the values in bold."""
+    """Return a line of labels and bold values."""
     text = Text(no_wrap=True)
     for label, value in fields:
         if text:
@@ -63,7 +63,7 @@ def _line(*fields: tuple[str, str]) -> Text:
 
 
 def time_words(time_s: float) -> str:
-    """Return a bus time: seconds since power-on, or the UTC time of day where it is Unix time."""
+    """Return a bus time: seconds since power-on, or the UTC time of day of a Unix time."""
     if time_s < _UNIX_S:
         return f"{time_s:.3f} s"
     return f"{datetime.fromtimestamp(time_s, UTC):%H:%M:%S} UTC"
@@ -102,7 +102,7 @@ def _firmware_line(vitals: Vitals) -> Text:
     return _line(*fields)
 
 
-def _axis_words(axis: Axis | None) -> str:
+def _axis_words(axis: AxisVitals | None) -> str:
     if axis is None:
         return NOTHING
     words = f"{axis.angle_deg:.4f}° {axis.rate_dps:+.3f} °/s {axis.state}"

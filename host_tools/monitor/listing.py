@@ -1,35 +1,38 @@
-"""Which messages are shown, and in which order."""
+"""Filtering and sorting of the messages to show."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
-from host_tools.monitor.state import PROTECTION, BusState, MessageState
+from rrins.host_tools.monitor.state import PROTECTION, BusState, MessageState
 
-_KEYS: dict[str, Callable[[MessageState], Any]] = {
+_SortKey = float | tuple[bool, list[tuple[int, str]]]
+
+_KEYS: dict[str, Callable[[MessageState], _SortKey]] = {
     "id": lambda message: 0,  # the order of a state's messages
     "name": lambda message: (message.name is None, _natural(message.label)),
-    "rate": lambda message: -float(f"{message.rate_hz or 0.0:.2g}"),  # what jitters stays in order
+    "rate": lambda message: (
+        -float(f"{message.rate_hz or 0.0:.2g}")
+    ),  # rounded, so that jitter does not reorder
     "errors": lambda message: -message.errors,
 }
 
 ORDERS = tuple(_KEYS)
-"""Orders that messages can be shown in; equal ones by identifier."""
+"""Sort orders of the messages; ties are sorted by identifier."""
 
 
 @dataclass(frozen=True)
-class Row:
+class MessageRow:
     """A message to show.
 
     Attributes
     ----------
     message : MessageState
     signals : tuple of str
-        Names of the signals to show: those that the filter asks for, else all but the protection.
+        Signals to show: those that match the filter, or else all but the protection.
     is_chosen : bool
-        Whether the filter asks for these signals by name.
+        Whether the signals themselves match the filter.
     """
 
     message: MessageState
@@ -37,15 +40,15 @@ class Row:
     is_chosen: bool
 
 
-def rows_of(state: BusState, needle: str = "", order: str = "id") -> list[Row]:
-    """Return the messages that a filter leaves, in order.
+def message_rows(state: BusState, needle: str = "", order: str = "id") -> list[MessageRow]:
+    """Return the messages that match a filter, in order.
 
     Parameters
     ----------
     state : BusState
     needle : str
         Part of the name or identifier of a message, or of the name of a signal, which then shows
-        that signal only; ``message.signal`` asks for both. Upper and lower case are the same.
+        only that signal; ``message.signal`` matches both. Case is ignored.
     order : {"id", "name", "rate", "errors"}
     """
     found = [_row(state, message, needle.strip().lower()) for message in state.messages]
@@ -53,19 +56,19 @@ def rows_of(state: BusState, needle: str = "", order: str = "id") -> list[Row]:
     return sorted(rows, key=lambda row: _KEYS[order](row.message))
 
 
-def _row(state: BusState, message: MessageState, needle: str) -> Row | None:
+def _row(state: BusState, message: MessageState, needle: str) -> MessageRow | None:
     names = [] if message.name is None else [s.name for s in state.signals(message.name)]
     unprotected = tuple(name for name in names if name not in PROTECTION)
     of_message, dot, of_signal = needle.partition(".")
     titles = (message.label.lower(), message.hexadecimal.lower())
     is_named = any(of_message in title for title in titles)
     if not dot and is_named:
-        return Row(message, unprotected, False)
+        return MessageRow(message, unprotected, False)
     if dot and not is_named:
         return None
     part = of_signal if dot else needle
     chosen = tuple(name for name in names if part in name.lower())
-    return Row(message, chosen, True) if chosen else None
+    return MessageRow(message, chosen, True) if chosen else None
 
 
 def _natural(name: str) -> list[tuple[int, str]]:

@@ -2,24 +2,23 @@
 
 from __future__ import annotations
 
-from typing import Any
-
-from host_tools.monitor.banner import banner, notices
-from host_tools.monitor.listing import Row, rows_of
-from host_tools.monitor.state import BusState, MessageState
-from host_tools.monitor.table import table_head, table_lines
-from host_tools.monitor.troubles import troubles_of
-from host_tools.monitor.vitals import vitals_of
+from rrins.host_tools.files import JsonObject
+from rrins.host_tools.monitor.banner import banner, notices
+from rrins.host_tools.monitor.listing import MessageRow, message_rows
+from rrins.host_tools.monitor.state import BusState, MessageState
+from rrins.host_tools.monitor.table import table_head, table_lines
+from rrins.host_tools.monitor.troubles import troubles_of
+from rrins.host_tools.monitor.vitals import vitals_of
 
 WIDTH = 160
-"""Columns of the table where there is no screen."""
+"""Columns of the table when there is no screen."""
 
 
 def table_of(bus: str, state: BusState, needle: str = "", order: str = "id") -> list[str]:
-    """Return the head, the troubles one by one, and the table of messages, as lines."""
+    """Return the header, all troubles and the table of messages, as lines."""
     vitals = vitals_of(state)
     troubles = troubles_of(state, vitals)
-    rows = rows_of(state, needle, order)
+    rows = message_rows(state, needle, order)
     head = banner(bus, state, vitals, troubles, WIDTH).plain.splitlines()
     if troubles:
         head[-1:] = [f"TROUBLES {len(troubles)}", *(f"  {trouble}" for trouble in troubles)]
@@ -33,8 +32,8 @@ def table_of(bus: str, state: BusState, needle: str = "", order: str = "id") -> 
     return [line.rstrip() for line in lines]
 
 
-def as_dict(bus: str, state: BusState, needle: str = "", order: str = "id") -> dict[str, Any]:
-    """Return the state as JSON takes it; times are bus time, and rates by it, except `quiet_s`."""
+def as_dict(bus: str, state: BusState, needle: str = "", order: str = "id") -> JsonObject:
+    """Return the state for JSON; times and rates are in bus time, except `quiet_s`."""
     vitals = vitals_of(state)
     return {
         "bus": bus,
@@ -51,11 +50,11 @@ def as_dict(bus: str, state: BusState, needle: str = "", order: str = "id") -> d
         "peak_load": state.peak_load,
         **vitals.as_dict(),
         "troubles": troubles_of(state, vitals),
-        "messages": [_message(state, row) for row in rows_of(state, needle, order)],
+        "messages": [_message(state, row) for row in message_rows(state, needle, order)],
     }
 
 
-def _message(state: BusState, row: Row) -> dict[str, Any]:
+def _message(state: BusState, row: MessageRow) -> JsonObject:
     message: MessageState = row.message
     signals = {}
     if message.name is not None:

@@ -6,12 +6,12 @@ from collections.abc import Sequence
 
 from rich.text import Text
 
-from host_tools.monitor.state import BusState
-from host_tools.monitor.tally import BINS
-from host_tools.monitor.wording import clipped, number_words
+from rrins.host_tools.monitor.state import BusState
+from rrins.host_tools.monitor.tally import BINS
+from rrins.host_tools.monitor.wording import clipped, number_words
 
 SPANS = ("1 min", "10 min", "100 min")
-"""What the histories cover, by their level."""
+"""Time span of the histories, by level."""
 
 ROWS = 3
 """Lines of the curve."""
@@ -27,7 +27,7 @@ Bins = Sequence[tuple[float, float] | None]
 
 
 def columns_of(bins: Bins, columns: int) -> list[float | None]:
-    """Return the middle of the values of each of so many equal parts of a history."""
+    """Return the mid-range value of each of `columns` equal parts of a history."""
     middles: list[float | None] = []
     for column in range(columns):
         part = bins[column * len(bins) // columns : (column + 1) * len(bins) // columns]
@@ -40,9 +40,9 @@ def columns_of(bins: Bins, columns: int) -> list[float | None]:
 
 
 def curve(values: Sequence[float | None], low: float, high: float) -> list[str]:
-    """Return `ROWS` lines in which each value is a column; None leaves it blank.
+    """Return `ROWS` lines in which each value is a column, blank for None.
 
-    The lowest value is an eighth of a line high, so that it differs from none.
+    The lowest value is an eighth of a line high, to distinguish it from a missing one.
     """
     steps = 8 * ROWS - 1
     heights = [
@@ -60,14 +60,14 @@ def curve(values: Sequence[float | None], low: float, high: float) -> list[str]:
 
 
 def plot(state: BusState, message: str, signal: str, level: int, width: int) -> Text:
-    """Return a plot, `HEIGHT` lines: the newest value is at the right.
+    """Return a plot of `HEIGHT` lines, newest value at the right.
 
     Parameters
     ----------
     state : BusState
     message, signal : str
     level : int
-        Which history, see `SPANS`.
+        Level of the history, see `SPANS`.
     width : int
         Columns of the screen.
     """

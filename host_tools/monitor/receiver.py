@@ -1,33 +1,32 @@
 """Receives the frames of a bus in a thread, for a watch.
 
-On the embedded bus it is an observer: the bus never waits for it, and cuts it off when too much
-waits for it. Then it attaches again, and the watch is told that frames are missing.
+On the embedded bus it is an observer: the bus never waits for it, and disconnects it if it falls
+too far behind. It then reattaches and notifies the watch of the gap.
 """
 
 from __future__ import annotations
 
 import threading
-from typing import Any
 
 import can
 
-from dbc.frame import frame_array
-from host_tools.bus.interface import RrinsBus
-from host_tools.errors import BusError
-from host_tools.monitor.watch import Watch
-from host_tools.port import Address, frame_of_message, open_bus
+from rrins.dbc.frame import frame_array
+from rrins.host_tools.bus.interface import RrinsBus
+from rrins.host_tools.bus.port import Address, frame_of_message, open_bus
+from rrins.host_tools.errors import BusError
+from rrins.host_tools.monitor.watch import Watch
 
 NAME = "monitor"
-"""What a monitor calls itself on the embedded bus."""
+"""Name of a monitor on the embedded bus."""
 
 _POLL_S = 0.1
-_REST_S = 0.004  # between two visits: to wake for each datagram would cost its sender time
+_REST_S = 0.004  # between two reads: waking up for each datagram would delay its sender
 _CAPACITY = 4096
 _ATTACH_S = 2.0
 
 
 class Receiver:
-    """A thread that hands all frames of a bus to a watch.
+    """A thread that passes all frames of a bus to a watch.
 
     Parameters
     ----------
@@ -37,7 +36,7 @@ class Receiver:
     Raises
     ------
     BusError
-        When the bus cannot be opened.
+        If the bus cannot be opened.
     """
 
     def __init__(self, address: Address, watch: Watch) -> None:
@@ -50,11 +49,11 @@ class Receiver:
         self._thread.start()
 
     def _open(self) -> can.BusABC:
-        wishes: dict[str, Any] = {}
+        options: dict[str, str | float] = {}
         if self._address.is_embedded:
-            wishes = {"name": NAME, "role": "observer", "host": "never"}
-            wishes["attach_timeout"] = _ATTACH_S
-        return open_bus(self._address, **wishes)
+            options = {"name": NAME, "role": "observer", "host": "never"}
+            options["attach_timeout"] = _ATTACH_S
+        return open_bus(self._address, **options)
 
     def _run(self) -> None:
         while not self._stop.is_set():
@@ -68,11 +67,11 @@ class Receiver:
                     return
 
     def _receive_batches(self, bus: RrinsBus) -> None:
-        """Wait for a batch, take all that are there, and rest."""
-        frames, take = self._frames, self._watch.take
+        """Wait for a batch, receive all pending ones, and pause."""
+        frames, add = self._frames, self._watch.add_frames
         batch = bus.recv_batch(frames, _POLL_S)
         while batch is not None and not self._stop.is_set():
-            take(frames, batch.count, batch.time_ns)
+            add(frames, batch.count, batch.time_ns)
             batch = bus.recv_batch(frames, 0.0)
         self._stop.wait(_REST_S)
 
@@ -81,11 +80,11 @@ class Receiver:
         while message is not None and not self._stop.is_set():
             if not message.is_fd:
                 frame_of_message(self._frames[0], message)
-                self._watch.take(self._frames, 1, round(message.timestamp * 1e9))
+                self._watch.add_frames(self._frames, 1, round(message.timestamp * 1e9))
             message = bus.recv(0.0)
 
     def _attach_again(self, error: Exception) -> bool:
-        """Return whether the bus is still there; else the watch is told why it has ended."""
+        """Reattach and return True; if the bus has ended, notify the watch and return False."""
         self._bus.shutdown()
         if self._address.is_embedded:
             try:
@@ -93,7 +92,7 @@ class Receiver:
             except BusError:
                 pass
             else:
-                self._watch.note_gap()
+                self._watch.count_gap()
                 return True
         self._watch.end(" ".join(str(error).split()))
         return False

@@ -1,23 +1,31 @@
-"""What holds on a bus at one moment: a snapshot that nothing changes any more.
+"""The state of a bus at one moment: an immutable snapshot.
 
-Rates, ages and histories are in **bus time**: the time that the bus gives with its frames, in a
-rehearsal simulated time. Rates are taken over the last `WINDOW_NS` of it at least.
+Rates, ages and histories are in **bus time**, the timestamps of the bus, which are simulated time
+in a rehearsal. Rates are taken over at least the last `WINDOW_NS`.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
-from dbc.codec import Codec
-from host_tools.monitor.tally import BIN_NS, BINS, LEVELS, identifier_of
+from rrins.dbc.codec import Codec
+from rrins.dbc.record import Integers, Records
+from rrins.host_tools.monitor.tally import (
+    BIN_NS,
+    BINS,
+    LEVELS,
+    SignalTally,
+    Tally,
+    TallyEntry,
+    identifier_of,
+)
 
 WINDOW_NS = 2_500_000_000
-"""Bus time over which rates and load are taken, and errors count as recent, at least."""
+"""Shortest bus time over which rates and load are taken, and errors count as recent."""
 
 SILENT_PERIODS = 5.0
-"""A message is silent when it has not come for so many of its periods,"""
+"""A message is silent when it has been missing for this many of its periods,"""
 
 SILENT_NS = 250_000_000
 """and for this bus time at least."""
@@ -28,62 +36,61 @@ PROTECTION = ("crc", "alive_counter")
 
 @dataclass(frozen=True)
 class Times:
-    """When a snapshot was taken, and what the bus is doing."""
+    """Time of a snapshot, and state of the bus."""
 
     now_ns: int
     """Bus time."""
     quiet_s: float
-    """Since the last frame of any kind, by the clock on the wall."""
+    """Wall clock time since the last frame of any kind."""
     speed: float | None
-    """Bus time that goes by in a second on the wall; None before that is known."""
+    """Bus time per second of wall clock time; None while unknown."""
     ended: str | None
-    """Why nothing more will come; None while the bus is there."""
+    """Why the bus has ended; None while it is running."""
     gaps: int
-    """How often the monitor had fallen behind, was cut off and attached again."""
+    """How often the monitor fell behind, was disconnected and reattached."""
 
 
 @dataclass(frozen=True)
 class Mark:
-    """A moment before, that a snapshot is compared with."""
+    """An earlier moment that a snapshot is compared with."""
 
     now_ns: int
     frames: int
     error_frames: int
     busy_ns: int
-    entries: Any
-    raw: Any
+    entries: Records[TallyEntry]
+    raw: Integers
 
 
 @dataclass(frozen=True)
 class MessageState:
-    """An identifier that was on the bus.
+    """An identifier seen on the bus.
 
     Attributes
     ----------
     name : str or None
-        In the DBC; None for an identifier, or kind of frame, that it has not.
+        Name in the DBC; None for an identifier or kind of frame that is not in it.
     identifier : int
     is_extended, is_remote : bool
     data : bytes
         Payload of the last frame.
     is_sound : bool
-        Whether the last frame had the right length and CRC; the values are those of the last one
-        that had.
+        Whether the last frame had the right length and CRC; values are from the last sound frame.
     count : int
         Frames since the start.
     rate_hz : float or None
-        Frames a second of bus time, 0 when it is silent; None while there is only one.
+        Frames per second of bus time, 0 when silent; None after a single frame.
     age_s : float
-        Bus time since the last one.
+        Bus time since the last frame.
     period_s : float or None
-        Bus time between two, as its counter tells.
+        Bus time between two frames, by the alive counter.
     lost, out_of_turn, crc_errors : int
-        Since the start, by alive counter and CRC: frames that did not come; that came twice, late
-        or with the counter of another epoch; that had a wrong length or CRC.
+        Since the start: missing frames; frames that were repeated, late or of another epoch; frames
+        with a wrong length or CRC.
     recent_lost, recent_out_of_turn, recent_crc_errors : int
-        The same, lately.
+        The same, recently.
     is_silent : bool
-        It came regularly, and does so no more.
+        Whether a regular message has stopped.
     """
 
     name: str | None
@@ -111,22 +118,22 @@ class MessageState:
 
     @property
     def has_recent_errors(self) -> bool:
-        """Whether there were any lately."""
+        """Whether there were errors recently."""
         return bool(self.recent_lost + self.recent_out_of_turn + self.recent_crc_errors)
 
     @property
     def is_sound_or_unknown(self) -> bool:
-        """Whether nothing is wrong with the last frame, as far as the DBC tells."""
+        """Whether the last frame is sound, or cannot be checked against the DBC."""
         return self.is_sound or self.name is None
 
     @property
     def hexadecimal(self) -> str:
-        """The identifier as it is written: three digits, eight for an extended one."""
+        """The identifier in hexadecimal: three digits, eight if extended."""
         return f"0x{self.identifier:08X}" if self.is_extended else f"0x{self.identifier:03X}"
 
     @property
     def label(self) -> str:
-        """The name, or what stands for it."""
+        """The name, or a placeholder."""
         return self.name or ("remote frame" if self.is_remote else "unknown")
 
 
@@ -140,9 +147,9 @@ class SignalState:
     decimals : int
         Decimal places that its scale resolves.
     value, low, high : float or None
-        Of the last sound frame; smallest and largest since the start. None before there is one.
+        Value of the last sound frame; smallest and largest since the start. None before the first.
     text : str or None
-        What the value table calls the value.
+        Name of the value in the value table.
     """
 
     name: str
@@ -166,8 +173,8 @@ class BusState:
     Parameters
     ----------
     codec : Codec
-    tally : record
-        Of a copy of a tally, see `host_tools.monitor.tally`.
+    tally : Tally
+        A copy.
     mark : Mark
     times : Times
 
@@ -175,10 +182,10 @@ class BusState:
     ----------
     times : Times
     messages : tuple of MessageState
-        What was on the bus, by arbitration: the lowest identifier first.
+        Messages seen on the bus, in order of arbitration: lowest identifier first.
     """
 
-    def __init__(self, codec: Codec, tally: Any, mark: Mark, times: Times) -> None:
+    def __init__(self, codec: Codec, tally: Tally, mark: Mark, times: Times) -> None:
         self._codec = codec
         self._tally = tally
         self._mark = mark
@@ -199,7 +206,7 @@ class BusState:
 
     @property
     def watched_s(self) -> float:
-        """Bus time since the start, or since all was set to zero."""
+        """Bus time since the start, or since the last reset of the counts."""
         return (self.times.now_ns - int(self._tally["first_ns"])) / 1e9
 
     @property
@@ -209,33 +216,33 @@ class BusState:
 
     @property
     def error_frames(self) -> int:
-        """Error frames among them, where the interface gives them."""
+        """Error frames among them, if the interface reports them."""
         return int(self._tally["error_frames"])
 
     @property
     def recent_error_frames(self) -> int:
-        """Error frames lately."""
+        """Recent error frames."""
         return self.error_frames - self._mark.error_frames
 
     @property
     def unlisted(self) -> int:
-        """Frames of identifiers for which there was no room."""
+        """Frames of identifiers that did not fit."""
         return int(self._tally["unlisted"])
 
     @property
     def rate_hz(self) -> float | None:
-        """Frames a second of bus time."""
+        """Frames per second of bus time."""
         return self._per_second(self.frames - self._mark.frames)
 
     @property
     def load(self) -> float | None:
-        """Share of the bus time lately in which the wire was busy, counted in bits."""
+        """Fraction of the recent bus time in which the wire was busy, counted in bits."""
         busy = self._per_second(int(self._tally["load"]["busy_ns"]) - self._mark.busy_ns)
         return None if busy is None else busy / 1e9
 
     @property
     def peak_load(self) -> float:
-        """The largest load over one second of bus time since the start."""
+        """Largest load over one second of bus time since the start."""
         load = self._tally["load"]
         worst = max(int(load["worst_window_busy_ns"]), int(load["window_busy_ns"]))
         return max(worst / max(1, int(load["window_ns"])), self.load or 0.0)
@@ -278,11 +285,11 @@ class BusState:
         )
 
     def message(self, name: str) -> MessageState | None:
-        """Return a message of the DBC; None when it was not on the bus."""
+        """Return a message of the DBC; None if it was not seen on the bus."""
         return self._by_name.get(name)
 
     def description(self, message: MessageState) -> str:
-        """Return who sends a message to whom; the payload's length where the DBC has it not."""
+        """Return sender and receivers of a message; the payload length if not in the DBC."""
         if message.name is None:
             return f"{len(message.data)} bytes, not in the DBC"
         described = self._codec.database.get_message_by_name(message.name)
@@ -320,18 +327,18 @@ class BusState:
         )
 
     def value(self, message: str, signal: str) -> float | None:
-        """Return the value of a signal; None before it was on the bus."""
+        """Return the value of a signal; None before it was seen on the bus."""
         return self.signal(message, signal).value
 
     def text(self, message: str, signal: str) -> str | None:
-        """Return what the value table calls a signal's value; the number where it has no name."""
+        """Return a signal's value by its name in the value table, or as a number."""
         state = self.signal(message, signal)
         if state.text is None and state.value is not None:
             return f"{state.value:.{state.decimals}f}"
         return state.text
 
     def growth(self, message: str, signal: str) -> float:
-        """Return by how much a signal's value has changed lately."""
+        """Return how much a signal's value has changed recently."""
         row = self._codec.signal_index(message, signal)
         signals = self._tally["signals"]
         if signals["low"][row] > signals["high"][row] or not self._had_value(message):
@@ -343,7 +350,7 @@ class BusState:
         return bool(self._mark.entries[self._codec.message_index(message)]["sound_count"])
 
     def history(self, message: str, signal: str, level: int) -> list[tuple[float, float] | None]:
-        """Return the smallest and largest value in each bin of bus time, the newest last.
+        """Return the smallest and largest value in each bin of bus time, newest last.
 
         Parameters
         ----------
@@ -354,7 +361,7 @@ class BusState:
         Returns
         -------
         list
-            `BINS` pairs; None where there was no frame.
+            `BINS` pairs; None for bins without frames.
         """
         assert 0 <= level < LEVELS
         row = self._tally["signals"][self._codec.signal_index(message, signal)]
@@ -371,14 +378,14 @@ class BusState:
         return bins
 
 
-def _physical(row: Any, raw: int) -> float:
-    """Return a value in its unit, without the noise that a scale such as 0.001 brings in."""
-    scale = float(row["signal"]["scale"])
-    return float(f"{raw * scale + float(row['signal']['offset']):.13g}")
+def _physical(signal: SignalTally, raw: int) -> float:
+    """Return a value in its unit, without the rounding noise of a scale such as 0.001."""
+    layout = signal.signal
+    return float(f"{raw * float(layout.scale) + float(layout.offset):.13g}")
 
 
-def _rate(entry: Any, before: Any) -> float | None:
-    """Return frames a second: intervals between them over the time from the first to the last."""
+def _rate(entry: TallyEntry, before: TallyEntry) -> float | None:
+    """Return frames per second: number of intervals over the time from first to last frame."""
     intervals = int(entry["count"]) - int(before["count"])
     since_ns = int(before["last_ns"])
     if not before["count"]:

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 from rich.text import Text
 
-from host_tools.monitor.listing import Row
-from host_tools.monitor.state import BusState, MessageState, SignalState
-from host_tools.monitor.wording import (
+from rrins.host_tools.monitor.listing import MessageRow
+from rrins.host_tools.monitor.state import BusState, MessageState, SignalState
+from rrins.host_tools.monitor.wording import (
     age_words,
     clipped,
     hexadecimal_words,
@@ -19,7 +19,7 @@ from host_tools.monitor.wording import (
 )
 
 WIDE = 110
-"""Columns from which on errors are told apart, and values come with their names."""
+"""Minimum width to show each kind of error, and values with their names."""
 
 _EXTENDED_WIDTH = 10
 _STANDARD_WIDTH = 5
@@ -37,7 +37,7 @@ class _Column:
         return text.rjust(self.width) if self.is_right else text.ljust(self.width)
 
 
-def _columns(rows: Sequence[Row], width: int) -> list[_Column]:
+def _columns(rows: Sequence[MessageRow], width: int) -> list[_Column]:
     has_extended = any(row.message.is_extended for row in rows)
     columns = [
         _Column("", 2),
@@ -54,8 +54,8 @@ def _columns(rows: Sequence[Row], width: int) -> list[_Column]:
     return [*columns, _Column("values", max(0, width - taken - 1))]
 
 
-def table_head(rows: Sequence[Row], width: int, order: str) -> Text:
-    """Return the titles of the columns; that of the order has a mark."""
+def table_head(rows: Sequence[MessageRow], width: int, order: str) -> Text:
+    """Return the column titles; the sort column is marked."""
     titled = {"id": "id", "name": "name", "rate": "rate/s", "errors": "errors"}[order]
     cells = [
         column.cell(f"{column.title}*" if column.title == titled else column.title)
@@ -65,18 +65,18 @@ def table_head(rows: Sequence[Row], width: int, order: str) -> Text:
 
 
 def table_lines(
-    state: BusState, rows: Sequence[Row], shown: range, cursor: int | None, width: int
+    state: BusState, rows: Sequence[MessageRow], shown: range, cursor: int | None, width: int
 ) -> list[Text]:
     """Return the lines of some of the rows.
 
     Parameters
     ----------
     state : BusState
-    rows : sequence of Row
+    rows : sequence of MessageRow
     shown : range
-        Which of them.
+        Rows to show.
     cursor : int, optional
-        The one that is pointed at.
+        Selected row.
     width : int
         Columns of the screen.
     """
@@ -97,11 +97,11 @@ def _joined(cells: Sequence[str]) -> str:
 
 
 def is_marked(message: MessageState) -> bool:
-    """Return whether a message needs attention: it is marked with an exclamation mark."""
+    """Return whether a message needs attention and gets an exclamation mark."""
     return message.is_silent or message.has_recent_errors or not message.is_sound_or_unknown
 
 
-def _cells(state: BusState, row: Row, width: int) -> list[str]:
+def _cells(state: BusState, row: MessageRow, width: int) -> list[str]:
     message = row.message
     cells = [
         "!" if is_marked(message) else " ",
@@ -117,7 +117,7 @@ def _cells(state: BusState, row: Row, width: int) -> list[str]:
     return [*cells, _values(state, row, has_names=width >= WIDE or row.is_chosen)]
 
 
-def _values(state: BusState, row: Row, has_names: bool) -> str:
+def _values(state: BusState, row: MessageRow, has_names: bool) -> str:
     message = row.message
     if message.name is None:
         return hexadecimal_words(message.data)
@@ -129,7 +129,7 @@ def _values(state: BusState, row: Row, has_names: bool) -> str:
 
 
 def detail_head(state: BusState, message: MessageState, width: int) -> list[Text]:
-    """Return what is known of a message, three lines."""
+    """Return the description of a message, three lines."""
     period = "" if message.period_s is None else f"  every {message.period_s * 1e3:.3f} ms"
     rate = "silent" if message.is_silent else rate_words(message.rate_hz)
     wrong = "" if message.is_sound_or_unknown else " WRONG"
@@ -163,7 +163,7 @@ def signal_lines(
     plotted: Sequence[str],
     width: int,
 ) -> list[Text]:
-    """Return the lines of some signals; those that are plotted have a mark."""
+    """Return the lines of some signals; plotted ones are marked."""
     lines = []
     for number in shown:
         signal = signals[number]
@@ -179,7 +179,7 @@ def signal_lines(
 
 
 def _signal_line(cells: tuple[str, str, str, str, str, str], width: int) -> str:
-    """Return a line of six cells; the three numbers share what the others leave."""
+    """Return a line of six cells; the three numbers share the remaining width."""
     mark, name, value, unit, low, high = cells
     left = max(0, width - _MARK_WIDTH - _NAME_WIDTH - _UNIT_WIDTH - 4)
     outer = min(14, left // 3)

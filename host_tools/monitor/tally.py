@@ -1,31 +1,34 @@
-"""What is kept of the frames on a bus, as one record of fixed size, and the step that fills it.
+"""Statistics of the frames on a bus, as one record of fixed size, and the step that updates it.
 
-Of each identifier the last frame, counts and the sequence of its alive counter are kept; of each
-signal of the DBC the last value, the smallest and largest, and histories. A frame costs some
-200 ns, so that a bus in lockstep at many times real time can be followed.
+The record holds the last frame, counts and alive counter of each identifier, and the last,
+smallest and largest value and histories of each signal in the DBC. A frame takes about 200 ns, so
+that the monitor keeps up with a bus in lockstep at many times real time.
 
-Times are bus time, integer nanoseconds: what the bus gives with its frames.
+Times are bus time, the timestamps of the bus in integer nanoseconds.
 """
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Annotated
 
 import numpy as np
-from numba import njit
-from numpy.typing import NDArray
 
-from dbc.codec import SIGNAL, Codec, unpack
-from dbc.e2e import COUNTER_MODULUS, MESSAGE, counter_of, crc_holds
-from dbc.frame import EFF_FLAG, ERR_FLAG, RTR_FLAG
-from host_tools.bus.bits import INTERMISSION_BITS, frame_bits
-from host_tools.bus.load import occupy
+from rrins.dbc.codec import Codec, SignalLayout, unpack
+from rrins.dbc.compilation import compiled
+from rrins.dbc.e2e import COUNTER_MODULUS, MessageLayout, counter_of, crc_holds
+from rrins.dbc.frame import EFF_FLAG, ERR_FLAG, RTR_FLAG, Frame, FrameArray
+from rrins.dbc.record import F8, I8, U1, U4, U8, Integers, Record, Records, Shorts
+from rrins.host_tools.wire.bits import INTERMISSION_BITS, frame_bits
+from rrins.host_tools.wire.load import occupy
 
 ENTRIES = 512
-"""Identifiers that are told apart; frames of any others are only counted."""
+"""Most identifiers that are tracked; frames of further ones are only counted."""
+
+SIGNALS = 512
+"""Most signals that the DBC can have."""
 
 LEVELS = 3
-"""Histories of each signal, from short and fine to long and coarse."""
+"""Number of histories of each signal, from short and fine to long and coarse."""
 
 BIN_NS = (500_000_000, 5_000_000_000, 50_000_000_000)
 """Bus time that a bin of each history covers."""
@@ -34,133 +37,119 @@ BINS = 120
 """Bins of a history: 1 min, 10 min and 100 min."""
 
 LOAD_WINDOW_NS = 1_000_000_000
-"""Bus time over which the largest load is looked for."""
+"""Bus time over which the peak load is taken."""
 
 EMPTY_LOW = 2**63 - 1
-"""Low end of a range of raw values that holds none."""
+"""Low end of an empty range of raw values."""
 
 EMPTY_HIGH = -(2**63)
-"""High end of a range of raw values that holds none."""
+"""High end of an empty range of raw values."""
 
 _INDEX = 2048  # of the hash table, a power of two well above ENTRIES
 _NONE = -1
-_BACK_NS = 1_000_000_000  # a bus clock that goes back, or ahead, by more has been set anew
+_BACK_NS = 1_000_000_000  # a bus clock that jumps back, or ahead, by more has been reset
 _AHEAD_NS = 3_600_000_000_000
-_PERIOD_SHARE = 1 / 16  # of a new interval in the period that is learned
-_SAME_EPOCH = 0.5  # of a period: a frame that came within it of SYNC belongs to SYNC's epoch
-
-ENTRY = np.dtype(
-    (
-        np.record,
-        [
-            ("message", MESSAGE),
-            ("is_known", "u1"),  # in the DBC: rows of the DBC come first and in its order
-            ("follows_epoch", "u1"),  # its counter is the epoch, as that of SYNC is
-            ("length", "u1"),
-            ("can_id", "<u4"),  # with the flags of SocketCAN
-            ("data", "<u8"),  # of the last frame
-            ("is_sound", "u1"),  # whether the last frame had the right length and CRC
-            ("first_signal", "<i8"),
-            ("signals", "<i8"),
-            ("count", "<i8"),
-            ("sound_count", "<i8"),
-            ("crc_errors", "<i8"),
-            ("lost", "<i8"),
-            ("out_of_turn", "<i8"),  # twice, late, or of another epoch than the last SYNC
-            ("first_ns", "<i8"),
-            ("last_ns", "<i8"),
-            ("counter", "<i8"),  # the alive counter that the next one is compared with, -1 for none
-            ("counter_ns", "<i8"),
-            ("period_ns", "<f8"),  # learned, 0 at first
-            ("bin", "<i8", (LEVELS,)),  # number of the newest bin
-        ],
-    )
-)
-"""An identifier."""
-
-SIGNAL_TALLY = np.dtype(
-    (
-        np.record,
-        [
-            ("signal", SIGNAL),
-            ("raw", "<i8"),  # of the last frame that was sound
-            ("low", "<i8"),
-            ("high", "<i8"),
-            ("history_low", "<i8", (LEVELS, BINS)),
-            ("history_high", "<i8", (LEVELS, BINS)),
-        ],
-    )
-)
-"""A signal: raw values, as they are in the frame."""
-
-LOAD = np.dtype(
-    (
-        np.record,
-        [
-            ("busy_ns", "<i8"),
-            ("window_ns", "<i8"),
-            ("window_end_ns", "<i8"),
-            ("window_busy_ns", "<i8"),
-            ("last_window_busy_ns", "<i8"),
-            ("worst_window_busy_ns", "<i8"),
-        ],
-    )
-)
-"""How busy the wire is; see `host_tools.bus.load`."""
+_PERIOD_SHARE = 1 / 16  # weight of a new interval in the learned period
+_SAME_EPOCH = 0.5  # periods: a frame this close to SYNC belongs to the epoch of SYNC
 
 
-def tally_of(codec: Codec, bitrate: int) -> NDArray[Any]:
+class TallyEntry(Record):
+    """An identifier."""
+
+    message: MessageLayout
+    is_known: U1  #: in the DBC; its messages come first, in its order
+    follows_epoch: U1  #: its counter is the epoch, like that of SYNC
+    length: U1
+    can_id: U4  #: with the flags of SocketCAN
+    data: U8  #: of the last frame
+    is_sound: U1  #: whether the last frame had the right length and CRC
+    first_signal: I8
+    signals: I8
+    count: I8
+    sound_count: I8
+    crc_errors: I8
+    lost: I8
+    out_of_turn: I8  #: repeated, late, or of another epoch than the last SYNC
+    first_ns: I8
+    last_ns: I8
+    counter: I8  #: last alive counter, -1 for none
+    counter_ns: I8
+    period_ns: F8  #: learned, 0 at first
+    bin: Annotated[Integers, LEVELS]  #: number of the newest bin
+
+
+class SignalTally(Record):
+    """A signal: raw values as in the frame."""
+
+    signal: SignalLayout
+    raw: I8  #: of the last sound frame
+    low: I8
+    high: I8
+    history_low: Annotated[Integers, (LEVELS, BINS)]
+    history_high: Annotated[Integers, (LEVELS, BINS)]
+
+
+class LoadWindow(Record):
+    """How busy the wire is; see `rrins.host_tools.wire.load`."""
+
+    busy_ns: I8
+    window_ns: I8
+    window_end_ns: I8
+    window_busy_ns: I8
+    last_window_busy_ns: I8
+    worst_window_busy_ns: I8
+
+
+class Tally(Record):
+    """Statistics of a bus."""
+
+    is_started: U1
+    first_ns: I8
+    now_ns: I8
+    bit_ns: F8
+    frames: I8
+    error_frames: I8
+    unlisted: I8  #: frames of identifiers that did not fit
+    clock_jumps: I8
+    count: I8  #: entries in use
+    sync: I8  #: entry of SYNC
+    load: LoadWindow
+    index: Annotated[Shorts, _INDEX]
+    entries: Annotated[Records[TallyEntry], ENTRIES]
+    signals: Annotated[Records[SignalTally], SIGNALS]  #: in the order of the codec's
+
+
+def tally_of(codec: Codec, bitrate: int) -> Records[Tally]:
     """Return an empty tally for the messages of a codec: an array of one record.
 
     Parameters
     ----------
     codec : Codec
     bitrate : int
-        Of the wire, bit/s, for its load.
+        Bit rate of the wire, bit/s, for its load.
     """
-    tally_dtype = np.dtype(
-        (
-            np.record,
-            [
-                ("is_started", "u1"),
-                ("first_ns", "<i8"),
-                ("now_ns", "<i8"),
-                ("bit_ns", "<f8"),
-                ("frames", "<i8"),
-                ("error_frames", "<i8"),
-                ("unlisted", "<i8"),  # frames of identifiers that found no room
-                ("clock_jumps", "<i8"),
-                ("count", "<i8"),  # entries in use
-                ("sync", "<i8"),  # entry of SYNC
-                ("load", LOAD),
-                ("index", "<i2", (_INDEX,)),
-                ("entries", ENTRY, (ENTRIES,)),
-                ("signals", SIGNAL_TALLY, (len(codec.signals),)),
-            ],
-        )
-    )
-    tallies = np.zeros(1, dtype=tally_dtype)
+    tallies = Tally.zeros()
     tally = tallies[0]
     tally["bit_ns"] = 1e9 / bitrate
     tally["index"] = _NONE
     tally["entries"]["counter"] = _NONE
     tally["entries"]["bin"] = _NONE
-    tally["signals"]["signal"] = codec.signals
+    tally["signals"]["signal"][: len(codec.signals)] = codec.signals
     tally["sync"] = codec.message_index("SYNC")
     _list_messages(tally, codec)
-    forget(tallies)
+    reset_counts(tallies)
     return tallies
 
 
-def _list_messages(tally: Any, codec: Codec) -> None:
+def _list_messages(tally: Tally, codec: Codec) -> None:
     """Enter all messages of the DBC, in its order."""
     sync = codec.database.get_message_by_name("SYNC")
     for row, message in enumerate(codec.database.messages):
-        place = _find(tally, np.uint32(message.frame_id))
+        place = _find(tally, message.frame_id)
         entry = tally["entries"][place]
         entry["message"] = codec.messages[row]
         entry["is_known"] = 1
-        # What others send in an epoch may rightly come after the SYNC of the next one.
+        # Frames of other senders may legitimately arrive after the next SYNC.
         is_of_sync = message.senders == sync.senders and message.cycle_time == sync.cycle_time
         entry["follows_epoch"] = is_of_sync
         entry["signals"] = len(message.signals)
@@ -168,8 +157,8 @@ def _list_messages(tally: Any, codec: Codec) -> None:
             entry["first_signal"] = codec.signal_index(message.name, message.signals[0].name)
 
 
-def forget(tallies: NDArray[Any]) -> None:
-    """Set counts, extremes and histories to nothing; last frames stay."""
+def reset_counts(tallies: Records[Tally]) -> None:
+    """Reset counts, extremes and histories; keep the last frames."""
     tally = tallies[0]
     for name in ("frames", "error_frames", "unlisted", "clock_jumps"):
         tally[name] = 0
@@ -183,9 +172,9 @@ def forget(tallies: NDArray[Any]) -> None:
         tally["signals"][name] = EMPTY_HIGH
 
 
-@njit(cache=True)
-def _find(tally: Any, can_id: Any) -> Any:
-    """Return the entry of an identifier, a new one if need be; -1 when there is no room."""
+@compiled
+def _find(tally: Tally, can_id: int) -> np.int64:
+    """Return the entry of an identifier, creating it if needed; -1 if there is no room."""
     slot = (np.int64(can_id) * 40503 >> 5) & (_INDEX - 1)
     while tally.index[slot] != _NONE:
         place = np.int64(tally.index[slot])
@@ -201,9 +190,9 @@ def _find(tally: Any, can_id: Any) -> Any:
     return place
 
 
-@njit(cache=True)
-def _set_clock(tally: Any, time_ns: Any) -> None:
-    """Go on from a time that has nothing to do with those before."""
+@compiled
+def _set_clock(tally: Tally, time_ns: int) -> None:
+    """Restart from a time unrelated to earlier ones."""
     tally.load.window_ns = LOAD_WINDOW_NS
     tally.load.window_end_ns = time_ns + LOAD_WINDOW_NS
     tally.load.window_busy_ns = 0
@@ -224,12 +213,12 @@ def _set_clock(tally: Any, time_ns: Any) -> None:
                 signal.history_high[level, place] = EMPTY_HIGH
 
 
-@njit(cache=True)
-def _follow_counter(tally: Any, entry: Any, time_ns: Any) -> None:
-    """Tell by the alive counter how many frames are missing since the one before.
+@compiled
+def _follow_counter(tally: Tally, entry: TallyEntry, time_ns: int) -> None:
+    """Determine from the alive counter how many frames are missing since the previous one.
 
-    The counter tells it modulo 15; of the steps that fit, the one is taken that is nearest to the
-    time gone by in periods. A step of 0 or less is a frame that came twice or late.
+    The counter gives the step modulo 15; the candidate closest to the elapsed time in periods is
+    chosen. A step of 0 or less means a repeated or late frame.
     """
     counter = counter_of(entry["data"])
     if entry.counter == _NONE:
@@ -239,7 +228,7 @@ def _follow_counter(tally: Any, entry: Any, time_ns: Any) -> None:
     gone_ns = time_ns - entry.counter_ns
     expected = gone_ns / entry.period_ns if entry.period_ns > 0 else 1.0
     step = (counter - entry.counter) % COUNTER_MODULUS
-    step += COUNTER_MODULUS * np.int64(np.rint((expected - step) / COUNTER_MODULUS))
+    step += COUNTER_MODULUS * int(np.rint((expected - step) / COUNTER_MODULUS))
     if step < 1 or counter >= COUNTER_MODULUS:
         entry.out_of_turn += 1
         return
@@ -258,9 +247,9 @@ def _follow_counter(tally: Any, entry: Any, time_ns: Any) -> None:
             entry.out_of_turn += 1
 
 
-@njit(cache=True)
-def _clear_bins(tally: Any, entry: Any, level: int, newest: Any) -> None:
-    """Make the bins up to `newest` ready."""
+@compiled
+def _clear_bins(tally: Tally, entry: TallyEntry, level: int, newest: int) -> None:
+    """Clear the bins up to `newest`."""
     first = max(entry.bin[level] + 1, newest - BINS + 1)
     for number in range(first, newest + 1):
         for row in range(entry.first_signal, entry.first_signal + entry.signals):
@@ -269,8 +258,8 @@ def _clear_bins(tally: Any, entry: Any, level: int, newest: Any) -> None:
     entry.bin[level] = newest
 
 
-@njit(cache=True)
-def _take_values(tally: Any, entry: Any, time_ns: Any) -> None:
+@compiled
+def _update_values(tally: Tally, entry: TallyEntry, time_ns: int) -> None:
     for level in range(LEVELS):
         number = time_ns // BIN_NS[level]
         if number > entry.bin[level]:
@@ -287,15 +276,15 @@ def _take_values(tally: Any, entry: Any, time_ns: Any) -> None:
             signal.history_high[level, place] = max(signal.history_high[level, place], raw)
 
 
-@njit(cache=True)
-def _take_frame(tally: Any, frame: Any, time_ns: Any) -> None:
+@compiled
+def _count_frame(tally: Tally, frame: Frame, time_ns: int) -> None:
     tally.frames += 1
     if frame.can_id & ERR_FLAG:
         tally.error_frames += 1
         return
-    length = min(frame.length, np.uint8(8))
+    length = frame.length if frame.length < 8 else 8
     bits = frame_bits(frame.can_id, length, frame["data"]) + INTERMISSION_BITS
-    occupy(tally.load, time_ns, time_ns + np.int64(bits * tally.bit_ns))
+    occupy(tally.load, time_ns, time_ns + int(bits * tally.bit_ns))
     place = _find(tally, frame.can_id)
     if place == _NONE:
         tally.unlisted += 1
@@ -316,22 +305,22 @@ def _take_frame(tally: Any, frame: Any, time_ns: Any) -> None:
         return
     entry.sound_count += 1
     _follow_counter(tally, entry, time_ns)
-    _take_values(tally, entry, time_ns)
+    _update_values(tally, entry, time_ns)
 
 
-@njit(cache=True)
-def take(tallies: Any, frames: Any, count: int, time_ns: int) -> None:
-    """Take the first `count` frames of an array, all of one bus time.
+@compiled
+def count_frames(tallies: Records[Tally], frames: FrameArray, count: int, time_ns: int) -> None:
+    """Process the first `count` frames of an array, all with the same bus time.
 
     Parameters
     ----------
     tallies : ndarray
-        Of one record, see `tally_of`.
+        Array of one record, see `tally_of`.
     frames : FrameArray
     count : int
     time_ns : int
-        A time that lies more than a second before the newest one, or an hour after it, sets the
-        clock anew: ages and histories begin again.
+        A time more than a second before the newest one, or more than an hour after it, resets the
+        clock: ages and histories restart.
     """
     tally = tallies[0]
     if not tally.is_started:
@@ -342,18 +331,18 @@ def take(tallies: Any, frames: Any, count: int, time_ns: int) -> None:
         _set_clock(tally, time_ns)
     tally.now_ns = max(tally.now_ns, time_ns)
     for k in range(count):
-        _take_frame(tally, frames[k], time_ns)
+        _count_frame(tally, frames[k], time_ns)
 
 
 STANDARD_IDENTIFIER = 0x7FF
-"""Mask of an identifier of 11 bits."""
+"""Mask of an 11-bit identifier."""
 
 EXTENDED_IDENTIFIER = 0x1FFF_FFFF
-"""Mask of an identifier of 29 bits."""
+"""Mask of a 29-bit identifier."""
 
 
 def identifier_of(can_id: int) -> tuple[int, bool, bool]:
-    """Return identifier, whether it is extended, and whether the frame is a remote frame."""
+    """Return the identifier, whether it is extended, and whether it is a remote frame."""
     is_extended = bool(can_id & EFF_FLAG)
     mask = EXTENDED_IDENTIFIER if is_extended else STANDARD_IDENTIFIER
     return can_id & mask, is_extended, bool(can_id & RTR_FLAG)

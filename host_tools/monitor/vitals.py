@@ -1,11 +1,11 @@
-"""How the navigation computer, the turntable and the navigation are, as they say themselves."""
+"""State of the navigation computer, the turntable and the navigation, as they report it."""
 
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass
-from typing import Any
 
-from host_tools.monitor.state import BusState
+from rrins.host_tools.files import JsonObject
+from rrins.host_tools.monitor.state import BusState
 
 STATUS = "FIRMWARE_STATUS"
 FAULTS = "FIRMWARE_FAULTS"
@@ -17,7 +17,7 @@ AXES = ("inner", "outer")
 
 
 @dataclass(frozen=True)
-class Firmware:
+class FirmwareVitals:
     """The navigation computer, from FIRMWARE_STATUS."""
 
     mode: str
@@ -33,7 +33,7 @@ class Firmware:
 
 
 @dataclass(frozen=True)
-class Axis:
+class AxisVitals:
     """An axis of the turntable, from its status; `follows` from FIRMWARE_STATUS."""
 
     state: str
@@ -44,8 +44,8 @@ class Axis:
 
 
 @dataclass(frozen=True)
-class Navigation:
-    """The navigation output, from the NAV messages; degrees, metres and metres a second."""
+class NavigationVitals:
+    """The navigation output, from the NAV messages; degrees, metres, metres per second."""
 
     latitude_deg: float
     longitude_deg: float
@@ -61,7 +61,7 @@ class Navigation:
 
 @dataclass(frozen=True)
 class Counter:
-    """A fault counter of the firmware: since its power-on, and by how much it grew lately."""
+    """A fault counter of the firmware: count since power-on, and recent increase."""
 
     count: int
     recent: int
@@ -69,20 +69,20 @@ class Counter:
 
 @dataclass(frozen=True)
 class Vitals:
-    """All of it; None for what was not on the bus yet."""
+    """All vitals; None for what has not been on the bus yet."""
 
-    firmware: Firmware | None
-    axes: dict[str, Axis | None]
-    navigation: Navigation | None
+    firmware: FirmwareVitals | None
+    axes: dict[str, AxisVitals | None]
+    navigation: NavigationVitals | None
     counters: dict[str, Counter] | None
 
-    def as_dict(self) -> dict[str, Any]:
-        """Return it as JSON takes it."""
+    def as_dict(self) -> JsonObject:
+        """Return the vitals for JSON."""
         return asdict(self)
 
 
 def vitals_of(state: BusState) -> Vitals:
-    """Return how the system is, as a snapshot has it."""
+    """Return the vitals in a snapshot."""
     return Vitals(
         _firmware(state),
         {axis: _axis(state, axis) for axis in AXES},
@@ -106,11 +106,11 @@ def _is_silent(state: BusState, message: str) -> bool:
     return found is not None and found.is_silent
 
 
-def _firmware(state: BusState) -> Firmware | None:
+def _firmware(state: BusState) -> FirmwareVitals | None:
     message = state.message(STATUS)
     if message is None or not _has_values(state, STATUS):
         return None
-    return Firmware(
+    return FirmwareVitals(
         mode=state.text(STATUS, "mode") or "",
         fault=state.text(STATUS, "fault") or "",
         scheme_position=int(_number(state, STATUS, "scheme_position")),
@@ -124,12 +124,12 @@ def _firmware(state: BusState) -> Firmware | None:
     )
 
 
-def _axis(state: BusState, axis: str) -> Axis | None:
+def _axis(state: BusState, axis: str) -> AxisVitals | None:
     name = f"AXIS_{axis.upper()}_STATUS"
     if not _has_values(state, name):
         return None
     lags = state.value(STATUS, f"axis_{axis}_not_following")
-    return Axis(
+    return AxisVitals(
         state=state.text(name, "state") or "",
         angle_deg=_number(state, name, "encoder_angle_deg"),
         rate_dps=_number(state, name, "encoder_rate_dps"),
@@ -151,12 +151,14 @@ _NAVIGATION = {
 }
 
 
-def _navigation(state: BusState) -> Navigation | None:
+def _navigation(state: BusState) -> NavigationVitals | None:
     messages = set(_NAVIGATION.values())
     if not all(_has_values(state, message) for message in messages):
         return None
     values = {signal: _number(state, message, signal) for signal, message in _NAVIGATION.items()}
-    return Navigation(**values, is_silent=any(_is_silent(state, message) for message in messages))
+    return NavigationVitals(
+        **values, is_silent=any(_is_silent(state, message) for message in messages)
+    )
 
 
 def _counters(state: BusState) -> dict[str, Counter] | None:

@@ -1,4 +1,4 @@
-"""Takes the frames of a bus, and says at any moment what holds on it."""
+"""Collects the frames of a bus and takes snapshots of its state."""
 
 from __future__ import annotations
 
@@ -7,40 +7,32 @@ import time
 from collections import deque
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
 
-from dbc.codec import load
-from dbc.frame import FrameArray, frame_array
-from host_tools.monitor.state import WINDOW_NS, BusState, Mark, Times
-from host_tools.monitor.tally import forget, take, tally_of
+from rrins.dbc.codec import load
+from rrins.dbc.frame import FrameArray, frame_array
+from rrins.host_tools.monitor.state import WINDOW_NS, BusState, Mark, Times
+from rrins.host_tools.monitor.tally import Tally, count_frames, reset_counts, tally_of
 
 _MARKS = 16
 _MARK_STEP_NS = WINDOW_NS // 8
 _SPEED_MARKS = 64
-_SPEED_NS = 1_000_000_000  # on the wall, over which the speed is taken at least
-
-
-def bitrate_of_dbc() -> int:
-    """Return the bit rate that the DBC states, bit/s."""
-    specifics = load().database.dbc
-    assert specifics is not None
-    return int(specifics.attributes["Baudrate"].value)
+_SPEED_NS = 1_000_000_000  # shortest wall clock time over which the speed is taken
 
 
 class Watch:
-    """What was seen of a bus.
+    """Statistics of the frames of a bus.
 
-    One thread may take frames while another asks.
+    One thread may add frames while another takes snapshots.
 
     Parameters
     ----------
     bitrate : int, optional
-        Of the wire, for its load; that of the DBC by default.
+        Bit rate of the wire, for its load; that of the DBC by default.
     is_wall_time : bool
-        Whether bus time goes on with the clock on the wall when nothing is sent, as on a real bus;
-        else it stands still with the rehearsal.
+        Whether bus time advances with the wall clock while nothing is sent, as on a real bus; else
+        it stands still with the rehearsal.
     clock : callable
-        The clock on the wall, ns.
+        The wall clock, ns.
     """
 
     def __init__(
@@ -53,7 +45,7 @@ class Watch:
         self._is_wall_time = is_wall_time
         self._clock = clock
         self._lock = threading.Lock()
-        self._tallies = tally_of(self._codec, bitrate or bitrate_of_dbc())
+        self._tallies = tally_of(self._codec, bitrate or self._codec.bits_per_s)
         self._heard_ns = clock()
         self._ended: str | None = None
         self._gaps = 0
@@ -61,37 +53,39 @@ class Watch:
         self._origin = self._mark_of(self._tallies[0])
         self._marks: deque[Mark] = deque(maxlen=_MARKS)
         self._speed_marks: deque[tuple[int, int]] = deque(maxlen=_SPEED_MARKS)
-        take(self._tallies.copy(), frame_array(1), 0, 0)  # compiled now, not at the first frame
+        count_frames(
+            self._tallies.copy(), frame_array(1), 0, 0
+        )  # compile now, not at the first frame
 
-    def take(self, frames: FrameArray, count: int, time_ns: int) -> None:
-        """Take the first `count` frames of an array, sent at `time_ns` of bus time."""
+    def add_frames(self, frames: FrameArray, count: int, time_ns: int) -> None:
+        """Add the first `count` frames of an array, sent at bus time `time_ns`."""
         with self._lock:
-            take(self._tallies, frames, count, time_ns)
+            count_frames(self._tallies, frames, count, time_ns)
             self._heard_ns = self._clock()
 
     def end(self, reason: str) -> None:
-        """Say that nothing more will come, and why."""
+        """Record that the bus has ended, and why."""
         self._ended = reason
 
     @property
     def has_ended(self) -> bool:
-        """Whether nothing more will come."""
+        """Whether the bus has ended."""
         return self._ended is not None
 
-    def note_gap(self) -> None:
-        """Say that frames were missed, because the monitor had fallen behind."""
+    def count_gap(self) -> None:
+        """Record that frames were missed because the monitor fell behind."""
         self._gaps += 1
 
-    def forget(self) -> None:
-        """Set counts, smallest and largest values and histories to nothing."""
+    def reset_counts(self) -> None:
+        """Reset counts, smallest and largest values, and histories."""
         with self._lock:
-            forget(self._tallies)
+            reset_counts(self._tallies)
             self._gaps = 0
             self._marks.clear()
             self._origin = self._mark_of(self._tallies[0])
 
     def state(self) -> BusState:
-        """Return what holds now; rates are taken since one of the calls before, or the start."""
+        """Return a snapshot; rates are taken since an earlier call, or the start."""
         with self._lock:
             tally = self._tallies.copy()[0]
             heard_ns = self._heard_ns
@@ -103,7 +97,7 @@ class Watch:
         times = Times(now_ns, quiet_ns / 1e9, self._speed(bus_ns, wall_ns), self._ended, self._gaps)
         return BusState(self._codec, tally, self._mark_before(tally, now_ns), times)
 
-    def _mark_of(self, tally: Any) -> Mark:
+    def _mark_of(self, tally: Tally) -> Mark:
         return Mark(
             int(tally["now_ns"]),
             int(tally["frames"]),
@@ -113,8 +107,8 @@ class Watch:
             tally["signals"]["raw"].copy(),
         )
 
-    def _mark_before(self, tally: Any, now_ns: int) -> Mark:
-        """Return the newest mark that lies a window back, or the oldest; mark this moment."""
+    def _mark_before(self, tally: Tally, now_ns: int) -> Mark:
+        """Return the newest mark at least a window old, or the oldest; mark this moment."""
         if int(tally["clock_jumps"]) != self._clock_jumps:
             self._clock_jumps = int(tally["clock_jumps"])
             self._marks.clear()
@@ -130,7 +124,7 @@ class Watch:
         return chosen
 
     def _speed(self, bus_ns: int, wall_ns: int) -> float | None:
-        """Return bus time over time on the wall; None on a bus whose time is that of the wall."""
+        """Return bus time over wall clock time; None on a bus that runs in wall clock time."""
         if self._is_wall_time or self._ended is not None:
             return None
         before = [mark for mark in self._speed_marks if wall_ns - mark[1] >= _SPEED_NS]

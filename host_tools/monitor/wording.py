@@ -1,11 +1,11 @@
-"""Numbers as a screen shows them."""
+"""Formatting of numbers for the screen."""
 
 from __future__ import annotations
 
-from host_tools.monitor.state import SignalState
+from rrins.host_tools.monitor.state import SignalState
 
 NOTHING = "-"
-"""Stands for what is not known."""
+"""Placeholder for unknown values."""
 
 
 def age_words(seconds: float) -> str:
@@ -20,7 +20,7 @@ def age_words(seconds: float) -> str:
 
 
 def rate_words(rate_hz: float | None) -> str:
-    """Return a rate with four figures at most: `200.0`, `9.998`, `0`."""
+    """Return a rate with at most four figures: `200.0`, `9.998`, `0`."""
     if rate_hz is None:
         return NOTHING
     if rate_hz == 0:
@@ -33,25 +33,25 @@ def rate_words(rate_hz: float | None) -> str:
 
 
 def percent_words(share: float | None) -> str:
-    """Return a share in percent."""
+    """Return a fraction in percent."""
     return NOTHING if share is None else f"{100 * share:.1f} %"
 
 
 def number_words(value: float | None, decimals: int) -> str:
-    """Return a number with so many decimal places."""
+    """Return a number with `decimals` decimal places."""
     return NOTHING if value is None else f"{value:.{decimals}f}"
 
 
 def value_words(signal: SignalState) -> str:
-    """Return a signal's value: its name where it has one."""
+    """Return a signal's value, by name if it has one."""
     return signal.text or number_words(signal.value, signal.decimals)
 
 
 def clipped(text: str, width: int) -> str:
-    """Return text that is no longer than `width`; an ellipsis stands for the rest."""
+    """Return text cut to `width`, with an ellipsis if shortened."""
     return text if len(text) <= width else text[: max(0, width - 1)] + "…"[: max(0, width)]
 
 
 def hexadecimal_words(data: bytes) -> str:
-    """Return the bytes of a payload."""
+    """Return the bytes of a payload in hexadecimal."""
     return data.hex(" ").upper()

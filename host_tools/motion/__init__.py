@@ -1,1 +1,1 @@
-"""Motion of the vehicle: driven, swaying or recorded, as polynomials that agree with each other."""
+"""Vehicle motion: driven, swaying or recorded, as mutually consistent polynomials."""

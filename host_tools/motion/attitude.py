@@ -1,10 +1,10 @@
-"""Attitude of a recorded vehicle: as its file tells, or along the track.
+"""Attitude of a recorded vehicle: from its file, or along the track.
 
-Along the track, heading is the direction of motion and pitch that of the climb; roll is zero.
-Slower than 1 m/s there is no direction to be seen: heading and pitch stay while the vehicle stands,
-and go over to those of the next motion as the way of creeping is covered. Where the direction of
-motion turns by more than 120° across such a stop, the vehicle has changed between forward and
-reverse; of the two readings of the file, the one with the shorter way in reverse is taken.
+Along the track, heading is the direction of motion and pitch its climb angle; roll is zero. Below
+1 m/s the direction is unobservable: heading and pitch are held while the vehicle is at rest, and
+blend into those of the next motion over the distance crept. If the direction of motion turns by
+more than 120° across such a stop, the vehicle has changed between forward and reverse; of the two
+interpretations, the one with the shorter distance in reverse is used.
 """
 
 from __future__ import annotations
@@ -15,11 +15,12 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from host_tools.motion.local import Local
-from host_tools.motion.recording import Recording
-from host_tools.motion.spline import Fit, Grid, Observations, Vector, evaluate
+from rrins.dbc.record import Floats
+from rrins.host_tools.motion.local import Local
+from rrins.host_tools.motion.recording import Recording
+from rrins.host_tools.motion.spline import Fit, Grid, Observations, evaluate
 
-_ANGLE_DENSITY = 1.0  # rad/s³/√Hz, of angles that a file tells
+_ANGLE_DENSITY = 1.0  # rad/s³/√Hz, of angles from a file
 _HEADING_DENSITY = 0.3  # along a track
 _PITCH_DENSITY = 0.02
 _SLOW = 1.0  # m/s
@@ -30,17 +31,17 @@ _VELOCITY_DEVIATION = 0.03  # m/s, across the track
 _HELD_DEVIATION = 0.02  # rad
 
 
-def fit_angles(grid: Grid, times: Vector, recording: Recording) -> Vector:
-    """Return the coefficients of roll, pitch and heading (rad) as the file tells them."""
-    told = np.isfinite(recording.attitude).all(axis=1)
+def fit_angles(grid: Grid, times: Floats, recording: Recording) -> Floats:
+    """Return the coefficients of roll, pitch and heading (rad) from the file."""
+    given = np.isfinite(recording.attitude).all(axis=1)
     columns = []
     for axis in range(3):
         fit = Fit(grid, _ANGLE_DENSITY)
         fit.add(
             Observations(
-                times[told] / grid.step_s,
-                recording.attitude[told, axis],
-                recording.attitude_deviation[told, axis],
+                times[given] / grid.step_s,
+                recording.attitude[given, axis],
+                recording.attitude_deviation[given, axis],
             )
         )
         columns.append(fit.solve())
@@ -48,17 +49,17 @@ def fit_angles(grid: Grid, times: Vector, recording: Recording) -> Vector:
 
 
 def _spans(flags: NDArray[np.bool_]) -> list[tuple[int, int]]:
-    """Return first and last (not included) of each run of true flags."""
+    """Return the bounds (end excluded) of each run of true flags."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], flags.astype(np.int8), [0]])))
     return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
 
 
-def _wrapped(angle: Vector) -> Vector:
+def _wrapped(angle: Floats) -> Floats:
     return (angle + math.pi) % (2 * math.pi) - math.pi
 
 
-def _reversing(moving: list[tuple[int, int]], course: Vector, speed: Vector) -> list[bool]:
-    """Return for each span of motion whether it is driven in reverse."""
+def _reversing(moving: list[tuple[int, int]], course: Floats, speed: Floats) -> list[bool]:
+    """Return whether each span of motion is driven in reverse."""
     flags = [False]
     for (_, end), (begin, _) in pairwise(moving):
         turned = abs(float(_wrapped(course[begin] - course[end - 1])))
@@ -68,8 +69,8 @@ def _reversing(moving: list[tuple[int, int]], course: Vector, speed: Vector) -> 
     return [not flag for flag in flags] if backwards > sum(way) / 2 else flags
 
 
-def _held(angle: Vector, speed: Vector, moving: list[tuple[int, int]]) -> None:
-    """Fill in an angle where it is not seen, in place, by the way that is crept."""
+def _held(angle: Floats, speed: Floats, moving: list[tuple[int, int]]) -> None:
+    """Fill in an angle where it is unobservable, in place, by the distance crept."""
     angle[: moving[0][0]] = angle[moving[0][0]]
     angle[moving[-1][1] :] = angle[moving[-1][1] - 1]
     for (_, end), (begin, _) in pairwise(moving):
@@ -78,7 +79,7 @@ def _held(angle: Vector, speed: Vector, moving: list[tuple[int, int]]) -> None:
         angle[end:begin] = angle[end - 1] + share * (angle[begin] - angle[end - 1])
 
 
-def track_attitude(grid: Grid, local: Local, path: Vector) -> tuple[Vector, list[str]]:
+def track_attitude(grid: Grid, local: Local, path: Floats) -> tuple[Floats, list[str]]:
     """Return coefficients of roll, pitch and heading (rad) along a path, and notes.
 
     Parameters
@@ -116,10 +117,10 @@ def track_attitude(grid: Grid, local: Local, path: Vector) -> tuple[Vector, list
         fit = Fit(grid, density)
         fit.add(Observations(at, angle, deviation))
         coefficients[:, column] = fit.solve()
-    notes = ["the file tells no attitude: heading and pitch along the track, roll 0"]
+    notes = ["the file has no attitude: heading and pitch follow the track, roll is 0"]
     spans = [span for span, flag in zip(moving, backwards, strict=True) if flag]
     if spans:
         begin, end = (at[k] * grid.step_s for k in (spans[0][0], spans[0][1] - 1))
-        more = f", {len(spans)} times in all" if len(spans) > 1 else ""
-        notes.append(f"taken as reversing from {begin:.0f} s to {end:.0f} s{more}")
+        more = f", {len(spans)} times in total" if len(spans) > 1 else ""
+        notes.append(f"assumed to be reversing from {begin:.0f} s to {end:.0f} s{more}")
     return coefficients, notes

@@ -1,4 +1,4 @@
-"""Makes the trajectory of a scenario's table `[motion]`."""
+"""Builds the trajectory from a scenario's `[motion]` table."""
 
 from __future__ import annotations
 
@@ -10,22 +10,22 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from host_tools.motion.drive import synthetic_drive
-from host_tools.motion.mending import mend, refusal
-from host_tools.motion.reading import read
-from host_tools.motion.recording import Recording
-from host_tools.motion.settings import DRIVE_S, SWAY_S, Motion
-from host_tools.motion.smoothing import Smoothed, begins_or_ends_in_motion, smooth
-from host_tools.motion.spline import Vector
-from host_tools.motion.sway import synthetic_sway
-from host_tools.motion.trajectory import Trajectory
+from rrins.dbc.record import Floats
+from rrins.host_tools.motion.drive import synthetic_drive
+from rrins.host_tools.motion.mending import mend, refusal
+from rrins.host_tools.motion.reading import read
+from rrins.host_tools.motion.recording import Recording
+from rrins.host_tools.motion.smoothing import Smoothed, begins_or_ends_in_motion, smooth
+from rrins.host_tools.motion.sway import synthetic_sway
+from rrins.host_tools.motion.trajectory import Trajectory
+from rrins.host_tools.scenario.motion import DRIVE_S, SWAY_S, Motion
 
 if TYPE_CHECKING:
-    from host_tools.tables import Body, Site
+    from rrins.host_tools.scenario.tables import Body, Site
 
 
-def base_of(site: Site, body: Body) -> Vector:
-    """Return place and attitude that a synthetic motion begins with, rad and m, shape (6,)."""
+def base_of(site: Site, body: Body) -> Floats:
+    """Return the initial position and attitude of a synthetic motion, rad and m, shape (6,)."""
     return np.array(
         [
             math.radians(site.latitude_deg),
@@ -39,12 +39,12 @@ def base_of(site: Site, body: Body) -> Vector:
 
 
 def load_recording(motion: Motion, base_folder: Path) -> Recording:
-    """Return a recording that is fit to be followed, with all that was wrong with it.
+    """Return a recording mended for use, with all its irregularities.
 
     Raises
     ------
     MotionError
-        When the file cannot be read, is no motion, or is to be refused.
+        If the file cannot be read, is no motion, or is to be refused.
     """
     assert motion.path is not None
     path = base_folder / motion.path
@@ -67,7 +67,7 @@ def _refuse(recording: Recording) -> None:
 
 
 def follow(recording: Recording, motion: Motion, period_ns: int) -> Smoothed:
-    """Return the smooth path along a recording; its notes tell what was mended."""
+    """Return the smooth path along a recording; its notes say what was mended."""
     try:
         smoothed = smooth(recording, motion, period_ns)
     except np.linalg.LinAlgError as error:
@@ -75,10 +75,10 @@ def follow(recording: Recording, motion: Motion, period_ns: int) -> Smoothed:
     counts = Counter(irregular.kind for irregular in recording.irregularities)
     notes = []
     if counts:
-        kinds = ", ".join(f"{kind} {count}" for kind, count in sorted(counts.items()))
+        counted = ", ".join(f"{kind} {count}" for kind, count in sorted(counts.items()))
         first = recording.irregularities[0]
         more = f" (and {sum(counts.values()) - 1} more)" if sum(counts.values()) > 1 else ""
-        notes.append(f"mended in {recording.path.name}: {kinds}; {first}{more}")
+        notes.append(f"mended in {recording.path.name}: {counted}; {first}{more}")
     trajectory = smoothed.trajectory
     return replace(smoothed, trajectory=replace(trajectory, notes=(*notes, *trajectory.notes)))
 
@@ -86,22 +86,22 @@ def follow(recording: Recording, motion: Motion, period_ns: int) -> Smoothed:
 def build(
     motion: Motion, site: Site, body: Body, period_ns: int, base_folder: Path
 ) -> Trajectory | None:
-    """Return the trajectory of a motion, or None for a vehicle that stands.
+    """Return the trajectory of a motion, or None for a stationary vehicle.
 
     Parameters
     ----------
     motion : Motion
     site, body
-        Where a synthetic motion begins; a file brings its own place and attitude.
+        Start of a synthetic motion; a file has its own position and attitude.
     period_ns : int
         Sampling period.
     base_folder : Path
-        What the path of a file is relative to.
+        Base of a relative file path.
 
     Raises
     ------
     MotionError
-        When a file cannot be read, is no motion, or is to be refused.
+        If a file cannot be read, is no motion, or is to be refused.
     """
     if motion.kind == "drive":
         return synthetic_drive(

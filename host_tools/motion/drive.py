@@ -1,8 +1,8 @@
-"""A synthetic drive: a car that starts, turns, takes roundabouts, climbs hills and stops.
+"""A synthetic drive: a car that starts, turns, goes round roundabouts, climbs hills and stops.
 
-Speed and heading are made of smooth steps ``35 u⁴ - 84 u⁵ + 70 u⁶ - 20 u⁷``; the road climbs as a
-sum of sines over the distance; the body leans outwards in a bend and nods when braking. All of it
-follows from a seed.
+Speed and heading are sums of smooth steps ``35 u⁴ - 84 u⁵ + 70 u⁶ - 20 u⁷``; the road climbs as a
+sum of sines over the distance; the body leans outwards in bends and dives under braking. A seed
+determines everything.
 """
 
 from __future__ import annotations
@@ -12,22 +12,23 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from host_tools.hardware.settings import STANDARD_GRAVITY
-from host_tools.motion.errors import MotionError
-from host_tools.motion.kinematics import Path, trajectory_of
-from host_tools.motion.local import Local
-from host_tools.motion.spline import Fit, Grid, Observations, Vector
-from host_tools.motion.trajectory import Trajectory, knot_ns
+from rrins.dbc.record import Floats
+from rrins.host_tools.hardware.settings import STANDARD_GRAVITY
+from rrins.host_tools.motion.errors import MotionError
+from rrins.host_tools.motion.kinematics import Path, trajectory_of
+from rrins.host_tools.motion.local import Local
+from rrins.host_tools.motion.spline import Fit, Grid, Observations
+from rrins.host_tools.motion.trajectory import Trajectory, knot_ns
 
 _STEEPEST = 35 / 16  # of the smooth step
-_LONGITUDINAL = 1.9  # m/s², largest when speeding up or braking
+_LONGITUDINAL = 1.9  # m/s², largest when accelerating or braking
 _LATERAL = 2.3  # m/s², largest in a bend
 _LEAN = math.radians(4) / STANDARD_GRAVITY  # rad per m/s², outwards
-_NOD = math.radians(2) / STANDARD_GRAVITY  # rad per m/s², nose up when speeding up
-_STAND_S = 5.0  # before the start and at the end, at least
+_NOD = math.radians(2) / STANDARD_GRAVITY  # rad per m/s², nose up when accelerating
+_STAND_S = 5.0  # at least, before the start and at the end
 _SAMPLE_S = 0.05
 _MANOEUVRES = ("left", "right", "roundabout", "stop", "left", "right", "bends", "stop")
-# Length (m) and height (m) of the waves that the road goes up and down.
+# Length (m) and height (m) of the road's undulations.
 _HILLS = ((700.0, 3.0), (1900.0, 9.0), (5300.0, 25.0))
 _STEEPEST_PITCH = math.radians(60)
 
@@ -43,7 +44,7 @@ class _Step:
 
 @dataclass
 class _Route:
-    """Changes of speed and heading in the order they are driven."""
+    """Changes of speed and heading in driving order."""
 
     generator: np.random.Generator
     time_s: float = _STAND_S
@@ -62,14 +63,14 @@ class _Route:
             self.speed = speed
 
     def turn(self, angle_deg: float) -> None:
-        """Turn by an angle, clockwise positive, at the speed that it has."""
+        """Turn by an angle, clockwise positive, at the current speed."""
         angle = math.radians(angle_deg)
         length_s = max(3.0, _STEEPEST * abs(angle) * self.speed / _LATERAL)
         self.heading_steps.append(_Step(self.time_s, length_s, angle))
         self.time_s += length_s
 
     def keep(self, low_s: float, high_s: float) -> None:
-        """Go on straight."""
+        """Drive straight on."""
         self.time_s += self.generator.uniform(low_s, high_s)
 
     def stand(self, low_s: float, high_s: float) -> None:
@@ -101,12 +102,12 @@ class _Route:
 
     @property
     def braking_s(self) -> float:
-        """How long it takes to stop from here."""
+        """Time needed to stop from here."""
         return max(2.0, _STEEPEST * self.speed / _LONGITUDINAL) if self.speed else 0.0
 
 
 def _route(duration_s: float, generator: np.random.Generator) -> _Route:
-    """Return a route that stands still at the end of the duration."""
+    """Return a route that ends at rest at the end of the duration."""
     route = _Route(generator)
     deck: list[str] = []
     while True:
@@ -119,9 +120,9 @@ def _route(duration_s: float, generator: np.random.Generator) -> _Route:
             del route.speed_steps[before[2] :], route.heading_steps[before[3] :]
             del route.stops[stops:]
             break
-    if not route.speed_steps:  # too short for any manoeuvre: there and no further
+    if not route.speed_steps:  # too short for any manoeuvre: just go and stop
         route.go(min(15.0, (duration_s - 2 * _STAND_S) * _LONGITUDINAL / (2.5 * _STEEPEST)))
-    # What is left is driven straight on, then it stops.
+    # Drive straight on for the remaining time, then stop.
     spare_s = duration_s - _STAND_S - route.braking_s - route.time_s
     route.time_s += max(0.0, spare_s) if route.speed else 0.0
     route.go(0.0)
@@ -129,7 +130,7 @@ def _route(duration_s: float, generator: np.random.Generator) -> _Route:
     return route
 
 
-def _sum(steps: list[_Step], start: float, times: Vector) -> tuple[Vector, Vector]:
+def _sum(steps: list[_Step], start: float, times: Floats) -> tuple[Floats, Floats]:
     """Return the value and its rate at times."""
     value, rate = np.full_like(times, start), np.zeros_like(times)
     for step in steps:
@@ -141,12 +142,12 @@ def _sum(steps: list[_Step], start: float, times: Vector) -> tuple[Vector, Vecto
     return value, rate
 
 
-def _integral(rate: Vector) -> Vector:
+def _integral(rate: Floats) -> Floats:
     """Return the trapezoidal integral from the first sample on."""
     return np.concatenate([[0.0], np.cumsum((rate[1:] + rate[:-1]) * (_SAMPLE_S / 2))])
 
 
-def _road(distance: Vector, generator: np.random.Generator) -> tuple[Vector, Vector]:
+def _road(distance: Floats, generator: np.random.Generator) -> tuple[Floats, Floats]:
     """Return height (m) and slope of the road, both 0 at the beginning."""
     height, slope = np.zeros_like(distance), np.zeros_like(distance)
     for length, rise in _HILLS:
@@ -157,31 +158,31 @@ def _road(distance: Vector, generator: np.random.Generator) -> tuple[Vector, Vec
     return height, slope
 
 
-def _over_ground(local: Local, velocity: Vector) -> Vector:
+def _over_ground(local: Local, velocity: Floats) -> Floats:
     """Return local offsets (m, 3) of a velocity over ground, east, north, up in m/s."""
     offsets = np.zeros_like(velocity)
-    for _ in range(3):  # the stretch depends on the place: a fixed point
+    for _ in range(3):  # the stretch depends on the position: fixed-point iteration
         rates = velocity / local.stretch(offsets)
         offsets = np.stack([_integral(column) for column in rates.T], axis=1)
     return offsets
 
 
-def synthetic_drive(duration_s: float, seed: int, base: Vector, period_ns: int) -> Trajectory:
-    """Return a drive from a place and an attitude.
+def synthetic_drive(duration_s: float, seed: int, base: Floats, period_ns: int) -> Trajectory:
+    """Return a drive from an initial position and attitude.
 
     Parameters
     ----------
     duration_s : float
-        Its length, standing at both ends included.
+        Duration, including the standstill at both ends.
     seed : int
     base : array, shape (6,)
-        Latitude, longitude (rad), height (m), roll, pitch, heading (rad) at the beginning; the
-        car sets out towards the heading. Roll and pitch stay added to those of the road.
+        Initial latitude, longitude (rad), height (m), roll, pitch, heading (rad); the car sets out
+        along the heading. Roll and pitch are added to those of the road throughout.
     period_ns : int
         Sampling period.
     """
     if abs(base[4]) > _STEEPEST_PITCH:
-        raise MotionError("motion: a drive cannot begin with a pitch beyond 60°")
+        raise MotionError("motion: a drive cannot start with a pitch beyond 60°")
     step_ns = knot_ns(period_ns)
     step_s = step_ns * 1e-9
     count = round(duration_s / step_s)
@@ -208,19 +209,21 @@ def synthetic_drive(duration_s: float, seed: int, base: Vector, period_ns: int) 
     )
     coefficients[:, :3] = local.places(coefficients[:, :3])
     coefficients -= coefficients[0]
-    return trajectory_of(Path(step_ns, base, coefficients), notes=_notes(route, speed, heading))
+    return trajectory_of(
+        Path(step_ns, base, coefficients), notes=_route_notes(route, speed, heading)
+    )
 
 
-def _fitted(grid: Grid, times: Vector, values: Vector) -> Vector:
-    """Return the spline that follows values as closely as it can."""
+def _fitted(grid: Grid, times: Floats, values: Floats) -> Floats:
+    """Return the spline that best fits the values."""
     fit = Fit(grid, density=1e3)
     fit.add(Observations(times / grid.step_s, values, np.full_like(times, 1e-4)))
     return fit.solve()
 
 
-def _notes(route: _Route, speed: Vector, heading: Vector) -> tuple[str, ...]:
+def _route_notes(route: _Route, speed: Floats, heading: Floats) -> tuple[str, ...]:
     kilometres = _integral(speed)[-1] / 1000
     return (
-        f"drives {kilometres:.1f} km with up to {speed.max():.1f} m/s, "
+        f"drives {kilometres:.1f} km at up to {speed.max():.1f} m/s, "
         f"{len(route.heading_steps)} turns and bends, {len(route.stops) - 1} stops",
     )

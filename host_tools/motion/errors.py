@@ -1,11 +1,11 @@
-"""What cannot be made a motion of, as an exception of its own."""
+"""The exception for motions that cannot be used."""
 
 from __future__ import annotations
 
-from host_tools.errors import RehearsalError
+from rrins.host_tools.errors import RehearsalError
 
 
 class MotionError(RehearsalError):
-    """A recording that is missing, unreadable or refused, or a motion that cannot be."""
+    """A recording is missing, unreadable or refused, or a motion is impossible."""
 
     exit_status = 9

@@ -1,4 +1,4 @@
-"""Writes a trajectory as CSV with all that is known, or as RTKLIB's `.pos`."""
+"""Writes a trajectory as CSV with all channels, or as RTKLIB `.pos`."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from typing import TextIO
 
 import numpy as np
 
-from host_tools.motion.csv_text import EXPORTED_ONLY
-from host_tools.motion.errors import MotionError
-from host_tools.motion.spline import Vector
-from host_tools.motion.table import ATTITUDE, PLACE, TIME, VELOCITY
-from host_tools.motion.trajectory import ATTITUDE as ANGLES
-from host_tools.motion.trajectory import OMEGA_IB_B, Trajectory
-from host_tools.motion.trajectory import PLACE as WHERE
+from rrins.dbc.record import Floats
+from rrins.host_tools.motion.csv_text import EXPORTED_ONLY
+from rrins.host_tools.motion.errors import MotionError
+from rrins.host_tools.motion.table import ATTITUDE, PLACE, TIME, VELOCITY
+from rrins.host_tools.motion.trajectory import ATTITUDE as ANGLES
+from rrins.host_tools.motion.trajectory import OMEGA_IB_B, Trajectory
+from rrins.host_tools.motion.trajectory import PLACE as WHERE
 
 MOST_ROWS = 20_000_000
 _BLOCK = 50_000  # rows at a time
@@ -31,7 +31,7 @@ _CSV_FORMATS = {
     **dict.fromkeys(EXPORTED_ONLY, ".9f"),
 }
 
-_POS_BEGIN = datetime(2000, 1, 1)  # GPS time, which knows no zones
+_POS_BEGIN = datetime(2000, 1, 1)  # GPS time, which has no time zone
 _POS_HEADER = (
     "%  GPST                  latitude(deg) longitude(deg)  height(m)   Q  ns   sdn(m)   sde(m)   "
     "sdu(m)  sdne(m)  sdeu(m)  sdun(m) age(s)  ratio    vn(m/s)    ve(m/s)    vu(m/s)      sdvn "
@@ -39,11 +39,11 @@ _POS_HEADER = (
 )
 
 
-def _blocks(trajectory: Trajectory, rate_hz: float, duration_s: float) -> Iterator[Vector]:
-    """Yield rows of time and channels, angles in °, heading and longitude in their usual range."""
+def _blocks(trajectory: Trajectory, rate_hz: float, duration_s: float) -> Iterator[Floats]:
+    """Yield rows of time and channels, angles in °, with heading and longitude wrapped."""
     count = math.floor(duration_s * rate_hz + 1e-6) + 1
     if count > MOST_ROWS:
-        raise MotionError(f"motion: {count} rows to export, can be {MOST_ROWS}")
+        raise MotionError(f"motion: {count} rows to export, at most {MOST_ROWS} are allowed")
     for first in range(0, count, _BLOCK):
         times = np.arange(first, min(first + _BLOCK, count)) / rate_hz
         state = trajectory.at(times)
@@ -56,8 +56,8 @@ def _blocks(trajectory: Trajectory, rate_hz: float, duration_s: float) -> Iterat
         yield np.column_stack([times, state])
 
 
-def _write_csv(file: TextIO, blocks: Iterator[Vector], rate_hz: float) -> None:
-    # Channels stand as rates, forces, place, velocity, attitude; in the file they come last.
+def _write_csv(file: TextIO, blocks: Iterator[Floats], rate_hz: float) -> None:
+    # The channels start with rates and forces; in the file these come last.
     order = [0, *range(7, 16), *range(1, 7)]
     rows = csv.writer(file, lineterminator="\n")
     rows.writerow(_CSV_FORMATS)
@@ -67,7 +67,7 @@ def _write_csv(file: TextIO, blocks: Iterator[Vector], rate_hz: float) -> None:
             rows.writerow([format(v, f) for v, f in zip(values, formats, strict=True)])
 
 
-def _write_pos(file: TextIO, blocks: Iterator[Vector], rate_hz: float) -> None:
+def _write_pos(file: TextIO, blocks: Iterator[Floats], rate_hz: float) -> None:
     places = 3 if (1000 / rate_hz).is_integer() else 6
     file.write("% program   : rrins, true motion\n")
     file.write(_POS_HEADER)
@@ -84,7 +84,7 @@ def _write_pos(file: TextIO, blocks: Iterator[Vector], rate_hz: float) -> None:
             )
 
 
-_WRITERS: dict[str, Callable[[TextIO, Iterator[Vector], float], None]] = {
+_WRITERS: dict[str, Callable[[TextIO, Iterator[Floats], float], None]] = {
     ".csv": _write_csv,
     ".pos": _write_pos,
 }
@@ -95,13 +95,13 @@ def check_ending(path: Path) -> None:
     if path.suffix.lower() not in _WRITERS:
         raise MotionError(f"motion {path}: must end in .csv or .pos")
     if not path.parent.is_dir():
-        raise MotionError(f"motion {path}: there is no folder {path.parent}")
+        raise MotionError(f"motion {path}: no such folder: {path.parent}")
 
 
-def export(
+def write_motion(
     trajectory: Trajectory, path: Path, rate_hz: float, duration_s: float | None = None
 ) -> None:
-    """Write a trajectory to a file; what was there before stays until it is whole.
+    """Write a trajectory to a file atomically.
 
     Parameters
     ----------
@@ -111,12 +111,12 @@ def export(
     rate_hz : float
         Rows per second.
     duration_s : float, optional
-        Length; without it all pieces, of a motion that loops once.
+        Duration; by default all pieces, one pass for a looping motion.
 
     Raises
     ------
     MotionError
-        When the file cannot be written.
+        If the file cannot be written.
     """
     check_ending(path)
     blocks = _blocks(trajectory, rate_hz, duration_s or trajectory.duration_s)

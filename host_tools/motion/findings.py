@@ -1,32 +1,32 @@
-"""What is found in a recorded motion, as numbers."""
+"""Findings about a recorded motion, as numbers."""
 
 from __future__ import annotations
 
 from collections import Counter
 from dataclasses import asdict
-from typing import Any
 
 import numpy as np
 
-from host_tools.motion.mending import interval_of
-from host_tools.motion.recording import Recording
-from host_tools.motion.smoothing import Smoothed, edge_speeds
-from host_tools.motion.spline import Vector
-from host_tools.motion.trajectory import SPECIFIC_FORCE_B, VELOCITY_N
+from rrins.dbc.record import Floats
+from rrins.host_tools.files import JsonObject
+from rrins.host_tools.motion.mending import interval_of
+from rrins.host_tools.motion.recording import Recording
+from rrins.host_tools.motion.smoothing import Smoothed, edge_speeds
+from rrins.host_tools.motion.trajectory import SPECIFIC_FORCE_B, VELOCITY_N
 
 _STEP_S = 0.05
 
 
-def _size(residual: Vector) -> dict[str, float] | None:
-    """Return rms and largest length of vectors, None if there are none."""
-    told = residual[np.isfinite(residual).all(axis=1)]
-    if not len(told):
+def _size(residual: Floats) -> dict[str, float] | None:
+    """Return the rms and largest length of vectors, None if there are none."""
+    finite = residual[np.isfinite(residual).all(axis=1)]
+    if not len(finite):
         return None
-    lengths = np.linalg.norm(told, axis=1)
+    lengths = np.linalg.norm(finite, axis=1)
     return {"rms": float(np.sqrt(np.mean(lengths**2))), "max": float(lengths.max())}
 
 
-def findings(recording: Recording, smoothed: Smoothed) -> dict[str, Any]:
+def findings(recording: Recording, smoothed: Smoothed) -> JsonObject:
     """Return what `rrins motion check --json` prints."""
     trajectory = smoothed.trajectory
     state = trajectory.at(np.arange(0.0, trajectory.duration_s, _STEP_S))
@@ -68,18 +68,18 @@ def _residual(size: dict[str, float] | None, unit: str) -> str:
     )
 
 
-def table(found: dict[str, Any], most: int = 20) -> list[str]:
+def table(found: JsonObject, most: int = 20) -> list[str]:
     """Return the lines that `rrins motion check` prints."""
-    told = [word for word in ("velocity", "attitude") if found[f"has_{word}"]]
+    given = [word for word in ("velocity", "attitude") if found[f"has_{word}"]]
     rows = [
-        ("file", f"{found['file']} ({found['format']}: {', '.join(['position', *told])})"),
-        ("lines", f"{found['lines']}, of use {found['samples']}"),
+        ("file", f"{found['file']} ({found['format']}: {', '.join(['position', *given])})"),
+        ("lines", f"{found['lines']}, {found['samples']} usable"),
         ("span", f"{found['span_s']:.3f} s, {found['rate_hz']:.4g} Hz"),
-        ("way", f"{found['distance_m']:.0f} m"),
+        ("distance", f"{found['distance_m']:.0f} m"),
         (
             "speed",
-            f"up to {found['speed_max_mps']:.3g} m/s, begins at {found['speed_begin_mps']:.2g}, "
-            f"ends at {found['speed_end_mps']:.2g}",
+            f"up to {found['speed_max_mps']:.3g} m/s, {found['speed_begin_mps']:.2g} at the start, "
+            f"{found['speed_end_mps']:.2g} at the end",
         ),
         ("height", f"{found['height_min_m']:.1f} to {found['height_max_m']:.1f} m"),
         ("smoothed - file", _residual(found["position_residual_m"], "m")),
@@ -91,9 +91,9 @@ def table(found: dict[str, Any], most: int = 20) -> list[str]:
     rows += [("note", note) for note in found["notes"]]
     lines = [f"{name:<16} {text}" for name, text in rows]
     irregular = found["irregularities"]
-    word = "would be refused" if irregular else "nothing to mend"
+    word = "the file would be refused" if irregular else "nothing to mend"
     lines.append(f'{"irregularities":<16} {len(irregular)}: with "refuse" {word}')
     lines += [f"  line {i['line']}: {i['text']}: {i['mended']}" for i in irregular[:most]]
     if len(irregular) > most:
-        lines.append(f"  and {len(irregular) - most} more (--json tells all)")
+        lines.append(f"  and {len(irregular) - most} more (--json lists all)")
     return lines

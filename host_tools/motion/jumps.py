@@ -1,12 +1,12 @@
-"""Positions that the vehicle cannot have gone to: left out, or bridged where they stay.
+"""Finds positions that the vehicle cannot have reached: dropped, or bridged if the shift persists.
 
-Two samples fit together if the way between them is that of their velocities::
+Two samples are consistent if their displacement matches their velocities::
 
     |Δp - v̄ Δt| <= 6 σ + ½ a Δt τ + 8 median
 
-with a = 15 m/s²; v̄ is the mean of both velocities in the file, and τ = Δt; or, where the file has
+with a = 15 m/s²; v̄ is the mean of both velocities in the file, and τ = Δt; or, if the file has
 none, the median of the velocities between seven neighbouring samples, and τ = 3 Δt. `median` is the
-usual size of the left side. And no way may be longer than the limit of speed permits.
+typical size of the left side. In addition, no displacement may exceed what the speed limit allows.
 """
 
 from __future__ import annotations
@@ -18,40 +18,40 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from host_tools.motion.local import Local
-from host_tools.motion.recording import Recording
-from host_tools.motion.spline import Vector
+from rrins.dbc.record import Floats, Integers
+from rrins.host_tools.motion.local import Local
+from rrins.host_tools.motion.recording import Recording
 
 _ACCELERATION = 15.0  # m/s²
 _NEIGHBOURS = 7
-_SHORT = 5  # samples: no more than these are left out at either end
+_SHORT = 5  # samples: at most this many are dropped at either end
 _AWAY = 20  # samples; and
-_AWAY_S = 10.0  # how long positions may be off and come back
-_BRIDGED = 2.0  # m/s², largest acceleration on the way to where positions have shifted to
+_AWAY_S = 10.0  # how long positions may be off before they return
+_BRIDGED = 2.0  # m/s², largest acceleration while bridging a shift
 _LONGEST_BRIDGE_S = 120.0
 
 
 @dataclass(frozen=True)
 class _Motion:
-    """Positions over ground in m and what is needed to compare them."""
+    """Positions over ground in m, with the data needed to compare them."""
 
-    time_s: Vector
-    position: Vector
-    velocity: Vector
-    deviation: Vector
+    time_s: Floats
+    position: Floats
+    velocity: Floats
+    deviation: Floats
     slack: float
     from_file: bool
     speed_limit: float
 
-    def misfit(self, first: NDArray[np.int64], last: NDArray[np.int64]) -> Vector:
-        """Return how far samples lie from where their velocities lead to, m."""
+    def misfit(self, first: Integers, last: Integers) -> Floats:
+        """Return the distance of samples from where their velocities lead, m."""
         dt = self.time_s[last] - self.time_s[first]
         mean = (self.velocity[first] + self.velocity[last]) / 2
         way = self.position[last] - self.position[first]
         return np.asarray(np.linalg.norm(way - mean * dt[:, None], axis=1))
 
-    def fits(self, first: NDArray[np.int64], last: NDArray[np.int64]) -> NDArray[np.bool_]:
-        """Return whether pairs of samples fit together."""
+    def fits(self, first: Integers, last: Integers) -> NDArray[np.bool_]:
+        """Return whether pairs of samples are consistent."""
         dt = self.time_s[last] - self.time_s[first]
         noise = 6 * np.hypot(self.deviation[first], self.deviation[last])
         reach = dt if self.from_file else 3 * dt
@@ -65,8 +65,8 @@ class _Motion:
         return bool(self.fits(np.array([first]), np.array([last]))[0])
 
 
-def _neighbours_velocity(time_s: Vector, position: Vector) -> Vector:
-    """Return for each sample the median velocity about it, each component for itself."""
+def _neighbours_velocity(time_s: Floats, position: Floats) -> Floats:
+    """Return the median velocity around each sample, component by component."""
     links = np.diff(position, axis=0) / np.diff(time_s)[:, None]
     half = _NEIGHBOURS // 2
     padded = np.pad(links, ((half, half), (0, 0)), mode="edge")
@@ -80,9 +80,9 @@ def _motion_of(recording: Recording, speed_limit: float) -> _Motion:
     offsets = local.offsets(recording.place)
     position = offsets * local.stretch(offsets)
     position[:, 2] = offsets[:, 2]
-    told = np.isfinite(recording.velocity_n).all(axis=1)
+    given = np.isfinite(recording.velocity_n).all(axis=1)
     velocity = _neighbours_velocity(recording.time_s, position)
-    from_file = bool(told.all())
+    from_file = bool(given.all())
     if from_file:
         velocity = recording.velocity_n
     every = np.arange(len(recording))
@@ -101,7 +101,7 @@ def _motion_of(recording: Recording, speed_limit: float) -> _Motion:
 
 @dataclass
 class _Sorting:
-    """Runs of samples that fit together: what is kept, what is left out, where it steps."""
+    """Runs of consistent samples: kept runs, dropped runs, and shifts."""
 
     motion: _Motion
     kept: list[tuple[int, int]]
@@ -110,7 +110,7 @@ class _Sorting:
 
 
 def _returns(motion: _Motion, last: int, runs: list[tuple[int, int]], at: int) -> int | None:
-    """Return the run that goes on where sample `last` was, those before it being off."""
+    """Return the run that continues where sample `last` was, the runs in between being off."""
     for k in range(at + 1, len(runs)):
         begin = runs[k][0]
         too_long = motion.time_s[begin] - motion.time_s[last] > _AWAY_S
@@ -144,10 +144,10 @@ def _sort(motion: _Motion, runs: list[tuple[int, int]]) -> _Sorting:
 
 
 def find_jumps(recording: Recording, speed_limit: float) -> None:
-    """Leave out positions that do not fit the others, and report them.
+    """Drop positions that are inconsistent with the others, and report them.
 
-    Where positions shift and stay, those about the shift are left out, for as long as a vehicle
-    needs to get over; where they shift too far for that, all but the longest part.
+    If positions shift for good, those around the shift are dropped, for as long as a vehicle needs
+    to cover the distance. If they shift too far for that, all but the longest part is dropped.
     """
     motion = _motion_of(recording, speed_limit)
     every = np.arange(len(recording))
@@ -175,11 +175,11 @@ def _apart(
     steps: list[tuple[int, int]],
     kept: NDArray[np.bool_],
 ) -> list[tuple[int, int]]:
-    """Bridge shifts of the position; return parts of the file that are too far from the longest."""
+    """Bridge position shifts; return the parts of the file too far from the longest part."""
     cuts = []
     for last, first in steps:
         off = float(motion.misfit(np.array([last]), np.array([first]))[0])
-        # A way of rest to rest with the least jerk takes 5.77 d / T² at most.
+        # A minimum-jerk move from rest to rest accelerates by at most 5.77 d / T².
         bridge = math.sqrt(5.77 * off / _BRIDGED)
         text = f"position shifts by {off:.3g} m and stays"
         if bridge > _LONGEST_BRIDGE_S:
@@ -192,5 +192,5 @@ def _apart(
     longest = max(parts, key=lambda part: part[1] - part[0])
     for first, text in cuts:
         side = "before" if first <= longest[0] else "from there on"
-        recording.report(first, "jump", text, f"all {side} left out")
+        recording.report(first, "jump", text, f"everything {side} left out")
     return [part for part in parts if part != longest]

@@ -1,4 +1,4 @@
-"""What a RIMU without errors feels on a given path, on the full ellipsoid.
+"""What an ideal RIMU measures on a given path, on the full ellipsoid.
 
 Latitude φ, longitude λ, height h, roll, pitch and heading are quintic splines of time. From them,
 with the radii of curvature M (meridian) and N (prime vertical)::
@@ -9,11 +9,11 @@ with the radii of curvature M (meridian) and N (prime vertical)::
     ω_ib^b = C_n^b (ω_ie^n + ω_en^n) + ω_nb^b
 
 Titterton and Weston, *Strapdown Inertial Navigation Technology* (2nd ed., 2004), section 3.5, in
-east-north-up. Normal gravity γ points down along the ellipsoid's normal; its northward part above
-the ellipsoid is left out, as everywhere in this project.
+east-north-up. Normal gravity γ points down along the ellipsoid's normal; its northward component
+above the ellipsoid is neglected, as everywhere in this project.
 
-These functions of time are no polynomials. On each piece they are interpolated at eight Chebyshev
-nodes; what that leaves out is rounding.
+These functions of time are not polynomials. Each piece interpolates them at eight Chebyshev nodes;
+the interpolation error is at rounding level.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.polynomial import chebyshev
-from numpy.typing import NDArray
 
-from host_tools.hardware import earth
-from host_tools.motion.spline import Vector, derivative, horner, monomials_of
-from host_tools.motion.trajectory import (
+from rrins.dbc.record import Floats
+from rrins.host_tools.hardware import earth
+from rrins.host_tools.motion.spline import derivative, horner, monomials_of
+from rrins.host_tools.motion.trajectory import (
     ATTITUDE,
     CHANNELS,
     OMEGA_IB_B,
@@ -40,24 +40,24 @@ from host_tools.motion.trajectory import (
 
 @dataclass(frozen=True)
 class Path:
-    """Place and attitude as quintic splines on one grid.
+    """Position and attitude as quintic splines on one grid.
 
     Attributes
     ----------
     knot_ns : int
         Length of a piece.
     base : array, shape (6,)
-        Latitude, longitude (rad), height (m), roll, pitch, heading (rad) at the beginning.
+        Initial latitude, longitude (rad), height (m), roll, pitch, heading (rad).
     coefficients : array, shape (pieces + 5, 6)
-        Of the splines of what is added to `base`.
+        Spline coefficients of the change relative to `base`.
     """
 
     knot_ns: int
-    base: Vector
-    coefficients: Vector
+    base: Floats
+    coefficients: Floats
 
 
-def _interpolation() -> tuple[Vector, Vector]:
+def _interpolation() -> tuple[Floats, Floats]:
     """Return the Chebyshev nodes in [0, 1] and the matrix from values there to monomials."""
     nodes = chebyshev.chebpts1(POWERS)
     # Discrete orthogonality of the Chebyshev polynomials at their nodes.
@@ -67,14 +67,14 @@ def _interpolation() -> tuple[Vector, Vector]:
     for k in range(POWERS):
         series = chebyshev.Chebyshev.basis(k, domain=[0.0, 1.0])
         monomials = series.convert(kind=np.polynomial.Polynomial).coef
-        to_monomials[: len(monomials), k] = np.round(monomials)  # whole numbers
+        to_monomials[: len(monomials), k] = np.round(monomials)  # integers
     return (nodes + 1.0) / 2.0, to_monomials @ to_series
 
 
 _NODES, _TO_MONOMIALS = _interpolation()
 
 
-def _motion_n(place: Vector, slope: Vector, bend: Vector) -> tuple[Vector, Vector, Vector]:
+def _motion_n(place: Floats, slope: Floats, bend: Floats) -> tuple[Floats, Floats, Floats]:
     """Return v^n, f^n and ω_in^n, each (3, …), of φ, λ, h and their derivatives in s."""
     latitude, _, height = place
     dlatitude, dlongitude, dheight = slope
@@ -101,7 +101,7 @@ def _motion_n(place: Vector, slope: Vector, bend: Vector) -> tuple[Vector, Vecto
     return velocity, force, omega_ie + omega_en
 
 
-def _to_body(angles: Vector, vector_n: Vector) -> Vector:
+def _to_body(angles: Floats, vector_n: Floats) -> Floats:
     """Return ``C_n_b @ vector_n`` with ``C_n_b = Ry(-roll) Rx(-pitch) Rz(heading)``."""
     (sr, sp, sh), (cr, cp, ch) = np.sin(angles), np.cos(angles)
     east, north, up = vector_n
@@ -110,7 +110,7 @@ def _to_body(angles: Vector, vector_n: Vector) -> Vector:
     return np.array([cr * right - sr * above, forward, cr * above + sr * right])
 
 
-def _turn_b(angles: Vector, rates: Vector) -> Vector:
+def _turn_b(angles: Floats, rates: Floats) -> Floats:
     """Return ω_nb^b of roll, pitch, heading and their rates."""
     (sr, sp, _), (cr, cp, _) = np.sin(angles), np.cos(angles)
     droll, dpitch, dheading = rates
@@ -124,7 +124,7 @@ def _turn_b(angles: Vector, rates: Vector) -> Vector:
     )
 
 
-def _interpolated(values: Vector) -> Vector:
+def _interpolated(values: Floats) -> Floats:
     """Return monomials, shape (n, channels, 8), of values (channels, n, 8) at the nodes."""
     first = values[..., :1]
     monomials = (values - first) @ _TO_MONOMIALS.T
@@ -135,13 +135,13 @@ def _interpolated(values: Vector) -> Vector:
 def trajectory_of(
     path: Path, loop_from: int | None = None, notes: tuple[str, ...] = ()
 ) -> Trajectory:
-    """Return the trajectory along a path: increments, velocity and attitude that belong to it."""
+    """Return the trajectory along a path: increments, velocity and attitude."""
     monomials = monomials_of(path.coefficients)  # (n, 6, 6)
     still = ~monomials[..., 1:].any(axis=(1, 2))
     monomials[..., 0] += path.base
     step_s = path.knot_ns * 1e-9
 
-    def at_nodes(order: int) -> NDArray[np.float64]:
+    def at_nodes(order: int) -> Floats:
         values = horner(derivative(monomials, order)[:, :, None, :], _NODES)
         return np.moveaxis(values, 1, 0) / step_s**order  # (6, n, 8)
 

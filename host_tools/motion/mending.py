@@ -1,4 +1,4 @@
-"""Finds what cannot be in a recorded motion, and leaves it out or refuses it."""
+"""Finds impossible samples in a recorded motion and drops them or refuses the file."""
 
 from __future__ import annotations
 
@@ -8,29 +8,29 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from host_tools.motion.errors import MotionError
-from host_tools.motion.jumps import find_jumps
-from host_tools.motion.recording import Irregularity, Recording
-from host_tools.motion.settings import Motion
-from host_tools.motion.spline import Vector
+from rrins.dbc.record import Floats
+from rrins.host_tools.motion.errors import MotionError
+from rrins.host_tools.motion.jumps import find_jumps
+from rrins.host_tools.motion.recording import Irregularity, Recording
+from rrins.host_tools.scenario.motion import Motion
 
 LEAST_SAMPLES = 8
 LEAST_SPAN_S = 2.0
 LONGEST_SPAN_S = 43_200.0
 LONGEST_GAP_S = 600.0
 LONGEST_INTERVAL_S = 10.0
-_STRAY = 5  # samples: no more than these beyond a gap are a mistake of the clock
-_LEAST_SHARE = 1 / 3  # of the lines that must be of use
+_STRAY = 5  # samples: at most this many beyond a gap count as a clock error
+_LEAST_SHARE = 1 / 3  # share of the lines that must be usable
 
 
-def _increasing(times: Vector) -> NDArray[np.bool_]:
-    """Return which samples to keep so that times rise and the fewest are lost.
+def _increasing(times: Floats) -> NDArray[np.bool_]:
+    """Return which samples to keep so that times increase and as few as possible are lost.
 
     The longest strictly increasing subsequence, by patience sorting.
     """
     if (np.diff(times) > 0).all():
         return np.ones(len(times), dtype=bool)
-    ends: list[float] = []  # the least time that a subsequence of each length ends with
+    ends: list[float] = []  # the smallest final time of a subsequence of each length
     samples: list[int] = []
     before = np.full(len(times), -1)
     for k, time in enumerate(times.tolist()):
@@ -51,7 +51,7 @@ def _increasing(times: Vector) -> NDArray[np.bool_]:
 
 
 def _order(recording: Recording) -> None:
-    """Leave out lines whose time does not rise."""
+    """Drop lines whose time does not increase."""
     times, lines = recording.time_s, recording.line
     kept = _increasing(times)
     places = np.flatnonzero(kept)
@@ -59,7 +59,7 @@ def _order(recording: Recording) -> None:
         at = int(np.searchsorted(places, k))
         around = places[max(at - 1, 0) : at + 1]
         if (times[around] == times[k]).any():
-            recording.report(k, "repeated_time", "time is there twice")
+            recording.report(k, "repeated_time", "duplicate time")
         elif at and times[k] < times[around[0]]:
             text = f"{times[around[0]] - times[k]:.6g} s before that of line {lines[around[0]]}"
             recording.report(k, "backward_time", f"time is {text}")
@@ -70,7 +70,7 @@ def _order(recording: Recording) -> None:
 
 
 def _stray(recording: Recording) -> None:
-    """Leave out the few samples beyond a gap that nobody waits for, or give up."""
+    """Drop the few stray samples beyond a gap too long to bridge, or give up."""
     long = np.flatnonzero(np.diff(recording.time_s) > LONGEST_GAP_S)
     if not len(long):
         return
@@ -87,66 +87,66 @@ def _stray(recording: Recording) -> None:
     kept = np.zeros(count, dtype=bool)
     kept[first:last] = True
     for k in np.flatnonzero(~kept).tolist():
-        recording.report(k, "gap", f"time lies more than {LONGEST_GAP_S:g} s off the others")
+        recording.report(k, "gap", f"time is more than {LONGEST_GAP_S:g} s away from the others")
     recording.keep(kept)
 
 
 def _gaps(recording: Recording, interval_s: float) -> None:
-    """Report where samples are missing, unless by lines that have been left out."""
+    """Report where samples are missing, unless dropped lines explain it."""
     times = recording.time_s
     reported = np.unique([irregular.line for irregular in recording.irregularities])
     for k in np.flatnonzero(np.diff(times) > 1.5 * interval_s).tolist():
         gap = times[k + 1] - times[k]
-        # A line beside them may have been meant to stand between them.
+        # An adjacent dropped line may have belonged in between.
         between = (recording.line[k] - 1, recording.line[k + 1] + 2)
         first, last = np.searchsorted(reported, between)
         if round(gap / interval_s) - 1 > last - first:
-            text = f"gap of {gap:.6g} s, usual are {interval_s:.6g} s"
+            text = f"gap of {gap:.6g} s instead of {interval_s:.6g} s"
             recording.report(k + 1, "gap", text, "bridged")
 
 
 def _check_size(recording: Recording) -> None:
-    """Raise unless enough is left of the file to be a motion."""
+    """Raise unless enough of the file is left for a motion."""
     count = len(recording)
     bad = sorted(recording.irregularities, key=lambda irregular: irregular.line)
     first = f"; line {bad[0].line}: {bad[0].text}" if bad else ""
     if count < LEAST_SAMPLES:
-        raise recording.fail(f"{count} samples, needs {LEAST_SAMPLES}{first}")
+        raise recording.fail(f"{count} samples, at least {LEAST_SAMPLES} needed{first}")
     if count < _LEAST_SHARE * recording.lines:
         raise recording.fail(f"only {count} of {recording.lines} lines can be used{first}")
     span = float(recording.time_s[-1] - recording.time_s[0])
     if span < LEAST_SPAN_S:
-        raise recording.fail(f"spans {span:.3g} s, needs {LEAST_SPAN_S:g} s")
+        raise recording.fail(f"spans {span:.3g} s, at least {LEAST_SPAN_S:g} s needed")
     if span > LONGEST_SPAN_S:
         raise recording.fail(
-            f"spans {span:.6g} s, can be {LONGEST_SPAN_S:g} s; duration_s takes a part of it"
+            f"spans {span:.6g} s, at most {LONGEST_SPAN_S:g} s allowed; limit it by duration_s"
         )
     interval = interval_of(recording)
     if interval > LONGEST_INTERVAL_S:
         raise recording.fail(
-            f"a position every {interval:.3g} s; needs one every {LONGEST_INTERVAL_S:g} s"
+            f"a position every {interval:.3g} s; at least one every {LONGEST_INTERVAL_S:g} s needed"
         )
 
 
 def interval_of(recording: Recording) -> float:
-    """Return the usual interval between samples, s."""
+    """Return the typical interval between samples, s."""
     return float(np.median(np.diff(recording.time_s)))
 
 
 def mend(recording: Recording, motion: Motion) -> None:
-    """Leave out what cannot be; report each in `Recording.irregularities`, in order of lines.
+    """Drop impossible samples; report each in `Recording.irregularities`, in line order.
 
     Parameters
     ----------
     recording : Recording
-        Changed in place: afterwards its times rise and its positions can be driven.
+        Changed in place: afterwards its times increase and its positions are drivable.
     motion : Motion
-        Tells the limit of speed, and how much of the file is wanted.
+        Sets the speed limit, and how much of the file to use.
 
     Raises
     ------
     MotionError
-        When what is left is no motion.
+        If the remainder is not a motion.
     """
     if len(recording):
         _order(recording)
@@ -161,7 +161,7 @@ def mend(recording: Recording, motion: Motion) -> None:
 
 
 def refusal(irregularities: list[Irregularity], path: object) -> MotionError | None:
-    """Return the error for a file that is to be refused; None if nothing is wrong with it."""
+    """Return the error for a file to refuse; None if nothing is wrong with it."""
     if not irregularities:
         return None
     first = irregularities[0]
@@ -169,5 +169,5 @@ def refusal(irregularities: list[Irregularity], path: object) -> MotionError | N
     more = f" (and {others} more)" if others else ""
     return MotionError(
         f"motion {path}: line {first.line}: {first.text}{more}; "
-        '`irregularities = "mend"` takes it all the same'
+        'set `irregularities = "mend"` to accept it'
     )

@@ -1,55 +1,42 @@
-"""Pictures of a motion; lines differ by dash as well as by colour, so grey tells them apart."""
+"""Plots of a motion; lines differ in dash as well as colour, so they remain distinct in grey."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from host_tools.motion.errors import MotionError
-from host_tools.motion.local import Local
-from host_tools.motion.recording import Recording
-from host_tools.motion.smoothing import Smoothed
-from host_tools.motion.spline import Vector
-from host_tools.motion.trajectory import ATTITUDE, PLACE, VELOCITY_N, Trajectory
+from rrins.dbc.record import Floats
+from rrins.host_tools.drawing.style import LINES, finish, new_figure
+from rrins.host_tools.motion.errors import MotionError
+from rrins.host_tools.motion.local import Local
+from rrins.host_tools.motion.recording import Recording
+from rrins.host_tools.motion.smoothing import Smoothed
+from rrins.host_tools.motion.trajectory import ATTITUDE, PLACE, VELOCITY_N, Trajectory
 
-_FIRST: dict[str, Any] = {"color": "#0b5394", "linestyle": "-", "linewidth": 1.2}
-_SECOND: dict[str, Any] = {"color": "#d2691e", "linestyle": (0, (5, 2)), "linewidth": 1.2}
-_THIRD: dict[str, Any] = {"color": "#555555", "linestyle": (0, (1, 1.5)), "linewidth": 1.2}
+_DrawPanel = Callable[[Axes, Floats, Floats], None]
+
+_FIRST, _SECOND, _THIRD = LINES[:3]
 _POINTS = 5000
 
 
-def _figure(width: float, height: float) -> Figure:
-    figure = Figure(figsize=(width, height), layout="constrained", dpi=110)
-    FigureCanvasAgg(figure)
-    return figure
-
-
-def _finish(axes: Any, ylabel: str) -> None:
-    axes.set_ylabel(ylabel)
-    axes.grid(True, color="0.88", linewidth=0.6)
-    axes.margins(x=0)
-    for side in ("top", "right"):
-        axes.spines[side].set_visible(False)
-
-
-def _legend(axes: Any, columns: int) -> None:
+def _legend(axes: Axes, columns: int) -> None:
     low, high = axes.get_ylim()
     axes.set_ylim(low, high + 0.22 * (high - low))
     axes.legend(loc="upper left", frameon=False, ncols=columns, fontsize="small")
 
 
-def _over_ground(state: Vector) -> Vector:
-    """Return east, north, up in m since the beginning."""
+def _over_ground(state: Floats) -> Floats:
+    """Return east, north, up in m from the start."""
     local = Local(*state[0, PLACE])
     offsets = local.offsets(state[:, PLACE])
     return np.asarray(offsets * local.stretch(offsets / 2))
 
 
-def _track(axes: Any, ground: Vector) -> None:
+def _track(axes: Axes, ground: Floats) -> None:
     factor, unit = (1e-3, "km") if np.ptp(ground[:, :2], axis=0).max() > 3000 else (1.0, "m")
     east, north = ground[:, 0] * factor, ground[:, 1] * factor
     axes.plot(east, north, color=_FIRST["color"], linewidth=1.0)
@@ -70,63 +57,65 @@ def _track(axes: Any, ground: Vector) -> None:
     axes.legend(loc="best", frameon=False, fontsize="small")
 
 
-def _speed(axes: Any, times: Vector, state: Vector) -> None:
+def _speed(axes: Axes, times: Floats, state: Floats) -> None:
     axes.plot(times, np.linalg.norm(state[:, VELOCITY_N], axis=1), **_FIRST)
-    _finish(axes, "speed\n/ (m/s)")
+    finish(axes, "speed\n/ (m/s)")
 
 
-def _height(axes: Any, times: Vector, state: Vector) -> None:
+def _height(axes: Axes, times: Floats, state: Floats) -> None:
     axes.plot(times, state[:, PLACE][:, 2], **_FIRST)
-    _finish(axes, "height\n/ m")
+    finish(axes, "height\n/ m")
 
 
-def _roll_and_pitch(axes: Any, times: Vector, state: Vector) -> None:
+def _roll_and_pitch(axes: Axes, times: Floats, state: Floats) -> None:
     angles = np.degrees(state[:, ATTITUDE])
     axes.plot(times, angles[:, 1], label="pitch", **_FIRST)
     axes.plot(times, angles[:, 0], label="roll", **_SECOND)
-    _finish(axes, "roll, pitch\n/ °")
+    finish(axes, "roll, pitch\n/ °")
     _legend(axes, 2)
 
 
-def _heading(axes: Any, times: Vector, state: Vector) -> None:
+def _heading(axes: Axes, times: Floats, state: Floats) -> None:
     axes.plot(times, np.degrees(state[:, ATTITUDE][:, 2]), **_FIRST)
-    _finish(axes, "heading\n/ °")
+    finish(axes, "heading\n/ °")
 
 
-def _offsets(axes: Any, times: Vector, state: Vector) -> None:
+def _offsets(axes: Axes, times: Floats, state: Floats) -> None:
     ground = _over_ground(state)
     for column, name, style in zip(ground.T, ("east", "north", "up"), _STYLES, strict=True):
         axes.plot(times, column, label=name, **style)
-    _finish(axes, "from calm water\n/ m")
+    finish(axes, "from calm water\n/ m")
     _legend(axes, 3)
 
 
 _STYLES = (_FIRST, _SECOND, _THIRD)
 
 
-def _sampled(trajectory: Trajectory, end_s: float) -> tuple[Vector, Vector]:
+def _sampled(trajectory: Trajectory, end_s: float) -> tuple[Floats, Floats]:
     times = np.linspace(0.0, end_s, min(_POINTS, int(end_s * 20) + 2))
     return times, trajectory.at(times)
 
 
-def _rows(trajectory: Trajectory, end_s: float, title: str, draw: tuple[Any, ...]) -> Figure:
+def _draw_panels(
+    trajectory: Trajectory, end_s: float, title: str, draw: Sequence[_DrawPanel]
+) -> Figure:
     times, state = _sampled(trajectory, end_s)
-    figure = _figure(9.0, 1.9 * len(draw))
+    figure = new_figure(9.0, 1.9 * len(draw))
     figure.suptitle(title, fontsize="medium")
     panels = figure.subplots(len(draw), 1, sharex=True)
-    for axes, one in zip(panels, draw, strict=True):
-        one(axes, times, state)
+    for axes, draw_panel in zip(panels, draw, strict=True):
+        draw_panel(axes, times, state)
     panels[-1].set_xlabel("time / s")
     return figure
 
 
 def draw_motion(trajectory: Trajectory, title: str) -> Figure:
-    """Return track, speed, height and attitude over time; of sway its first five minutes."""
+    """Plot track, speed, height and attitude over time; for sway, the first five minutes."""
     if trajectory.loop_from is not None:
         end_s = min(trajectory.duration_s, 300.0)
-        return _rows(trajectory, end_s, title, (_offsets, _roll_and_pitch, _heading))
+        return _draw_panels(trajectory, end_s, title, (_offsets, _roll_and_pitch, _heading))
     times, state = _sampled(trajectory, trajectory.duration_s)
-    figure = _figure(11.0, 7.0)
+    figure = new_figure(11.0, 7.0)
     figure.suptitle(title, fontsize="medium")
     grid = figure.add_gridspec(4, 2, width_ratios=(4, 6))
     _track(figure.add_subplot(grid[:, 0]), _over_ground(state))
@@ -141,10 +130,10 @@ def draw_motion(trajectory: Trajectory, title: str) -> Figure:
 
 
 def draw_check(recording: Recording, smoothed: Smoothed) -> Figure:
-    """Return track, speed, height of a smoothed recording, and what smoothing left."""
+    """Plot track, speed and height of a smoothed recording, and the smoothing residuals."""
     trajectory, residuals = smoothed.trajectory, smoothed.residuals
     times, state = _sampled(trajectory, trajectory.duration_s)
-    figure = _figure(11.0, 8.0)
+    figure = new_figure(11.0, 8.0)
     figure.suptitle(recording.path.name, fontsize="medium")
     grid = figure.add_gridspec(4, 2, width_ratios=(4, 6))
     _track(figure.add_subplot(grid[:, 0]), _over_ground(state))
@@ -158,7 +147,7 @@ def draw_check(recording: Recording, smoothed: Smoothed) -> Figure:
     ):
         for column, name, style in zip(values.T, names, _STYLES, strict=True):
             axes.plot(residuals.time_s, column, label=name, **(style | {"linewidth": 0.8}))
-        _finish(axes, label)
+        finish(axes, label)
         _legend(axes, 3)
     if not recording.has_velocity:
         velocity.text(
@@ -182,12 +171,12 @@ def draw_check(recording: Recording, smoothed: Smoothed) -> Figure:
 
 
 def save(figure: Figure, path: Path) -> None:
-    """Write a figure as PNG; what was there before stays until it is whole.
+    """Write a figure as PNG, atomically.
 
     Raises
     ------
     MotionError
-        When it cannot be written.
+        If it cannot be written.
     """
     part = path.with_name(f".{path.name}")
     try:

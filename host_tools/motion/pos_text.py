@@ -1,4 +1,4 @@
-"""Reads and names what RTKLIB writes: `.pos` with latitude, longitude, height, and velocity or not.
+"""Reads RTKLIB `.pos` files with latitude, longitude, height and optional velocity.
 
 Reference: *RTKLIB ver. 2.4.2 Manual* (2013), appendix B.1, for columns and their order.
 """
@@ -9,9 +9,9 @@ import re
 from datetime import UTC, datetime
 from pathlib import Path
 
-from host_tools.motion.errors import MotionError
-from host_tools.motion.recording import located
-from host_tools.motion.table import QUALITY, TIME, Table, check_groups, text_of
+from rrins.host_tools.motion.errors import MotionError
+from rrins.host_tools.motion.recording import located
+from rrins.host_tools.motion.table import QUALITY, TIME, RecordedTable, check_groups, text_of
 
 NAMES = {
     "latitude": "latitude_deg",
@@ -28,7 +28,7 @@ NAMES = {
     "sdve": "sd_velocity_east_mps",
     "sdvu": "sd_velocity_up_mps",
 }
-"""RTKLIB's name of a column, without unit, to ours."""
+"""RTKLIB's column names, without unit, mapped to ours."""
 
 _POSITION_NAMES = "latitude longitude height Q ns sdn sde sdu sdne sdeu sdun age ratio"
 _VELOCITY_NAMES = "vn ve vu sdvn sdve sdvu sdvne sdveu sdvun"
@@ -42,11 +42,11 @@ def _columns(path: Path, names: list[str], line: int | None) -> tuple[str, ...]:
     bare = [name.split("(")[0] for name in names]
     if any("ecef" in name or "baseline" in name for name in bare):
         raise MotionError(
-            located(path, "positions as x, y, z; needs latitude, longitude, height", line)
+            located(path, "positions are x, y, z; latitude, longitude, height needed", line)
         )
     if any("'" in name for name in names):
         raise MotionError(
-            located(path, "angles in degrees, minutes, seconds; needs decimal degrees", line)
+            located(path, "angles are in degrees, minutes, seconds; decimal degrees needed", line)
         )
     columns = (TIME, *(NAMES.get(name, name) for name in bare))
     for name in ("latitude_deg", "longitude_deg", "height_m"):
@@ -59,7 +59,7 @@ def _columns(path: Path, names: list[str], line: int | None) -> tuple[str, ...]:
 def _time(day: str, clock: str) -> tuple[int, float] | None:
     """Return a time from `2025/07/08 19:34:18.499`, or from GPS week and time of week.
 
-    As whole seconds and what is to be added: together they would be too large for microseconds.
+    Split into whole seconds and a remainder: a single float could not resolve microseconds.
     """
     try:
         if "/" not in day:
@@ -82,18 +82,18 @@ def _is_header(line: str) -> bool:
     )
 
 
-def read_pos(path: Path) -> Table:
+def read_pos(path: Path) -> RecordedTable:
     """Return the rows of a file.
 
-    Lines that begin with % are comments; the one that names the columns is the header. Without a
-    header the columns are those that RTKLIB writes by default.
+    Lines starting with % are comments; the one that names the columns is the header. Without a
+    header, RTKLIB's default columns are assumed.
 
     Raises
     ------
     MotionError
-        When it cannot be read, or its columns are not understood.
+        If it cannot be read, or its columns are unknown.
     """
-    table: Table | None = None
+    table: RecordedTable | None = None
     origin: tuple[int, float] | None = None
     for number, line in enumerate(text_of(path).splitlines(), start=1):
         stripped = line.strip()
@@ -101,8 +101,10 @@ def read_pos(path: Path) -> Table:
             if _is_header(stripped):
                 columns = _columns(path, stripped[1:].split()[1:], number)
                 if table is not None and columns != table.columns:
-                    raise MotionError(located(path, "another header with other columns", number))
-                table = table or Table("pos", columns)
+                    raise MotionError(
+                        located(path, "a second header with different columns", number)
+                    )
+                table = table or RecordedTable("pos", columns)
             continue
         if not stripped:
             continue
@@ -111,17 +113,17 @@ def read_pos(path: Path) -> Table:
             names = _POSITION_NAMES.split()
             if len(cells) > 2 + len(names):
                 names += _VELOCITY_NAMES.split()
-            table = Table("pos", _columns(path, names, None))
+            table = RecordedTable("pos", _columns(path, names, None))
         if len(cells) < 2:
             table.add(number, cells)
             continue
         time = _time(*cells[:2])
         if time is None:
-            table.skip(number, f"no time: {cells[0][:20]} {cells[1][:20]}")
+            table.skip(number, f"not a time: {cells[0][:20]} {cells[1][:20]}")
             continue
         origin = origin or time
         since = round(time[0] - origin[0] + (time[1] - origin[1]), 9)
         table.add(number, [repr(since), *cells[2:]])
     if table is None:
-        raise MotionError(located(path, "has no lines with data"))
+        raise MotionError(located(path, "the file has no data lines"))
     return table

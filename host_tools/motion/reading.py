@@ -6,13 +6,12 @@ from pathlib import Path
 
 import numpy as np
 
-from host_tools.motion.csv_text import read_csv
-from host_tools.motion.errors import MotionError
-from host_tools.motion.pos_text import read_pos
-from host_tools.motion.recording import Irregularity, Recording, located
-from host_tools.motion.settings import Motion
-from host_tools.motion.spline import Vector
-from host_tools.motion.table import (
+from rrins.dbc.record import Floats
+from rrins.host_tools.motion.csv_text import read_csv
+from rrins.host_tools.motion.errors import MotionError
+from rrins.host_tools.motion.pos_text import read_pos
+from rrins.host_tools.motion.recording import Irregularity, Recording, located
+from rrins.host_tools.motion.table import (
     ATTITUDE,
     ATTITUDE_SD,
     PLACE,
@@ -21,8 +20,9 @@ from host_tools.motion.table import (
     TIME,
     VELOCITY,
     VELOCITY_SD,
-    Table,
+    RecordedTable,
 )
+from rrins.host_tools.scenario.motion import Motion
 
 _READERS = {".csv": read_csv, ".pos": read_pos}
 
@@ -38,14 +38,14 @@ _LIMITS = {
 _REQUIRED = (TIME, *PLACE)
 _OPTIONAL = (("velocity", VELOCITY), ("attitude", ATTITUDE))
 _DEVIATIONS = (PLACE_SD, VELOCITY_SD, ATTITUDE_SD)
-_LEAST_DEVIATION = 0.002  # m, m/s: a file that is surer of itself is not believed
+_LEAST_DEVIATION = 0.002  # m, m/s: smaller stated deviations are not credible
 _LARGEST_DEVIATION = 100.0
 
 
 class _Columns:
-    """The table's cells as numbers, line by line checked."""
+    """The table's cells as numbers, checked line by line."""
 
-    def __init__(self, table: Table, speed_limit: float) -> None:
+    def __init__(self, table: RecordedTable, speed_limit: float) -> None:
         names = [name for group in (_REQUIRED, *(g for _, g in _OPTIONAL)) for name in group]
         names += [name for group in _DEVIATIONS for name in group]
         self._places = {name: k for k, name in enumerate(table.columns)}
@@ -67,11 +67,13 @@ class _Columns:
             raise ValueError("not_a_number", f"{name} is {cell[:20]}")
         low, high = self._limits.get(name, (-np.inf, np.inf))
         if not low <= value <= high:
-            raise ValueError("out_of_range", f"{name} is {cell[:20]}, can be {low:g} to {high:g}")
+            raise ValueError(
+                "out_of_range", f"{name} is {cell[:20]}, not within {low:g} to {high:g}"
+            )
         return value
 
     def row(self, line: int, cells: list[str]) -> list[float] | None:
-        """Return the numbers of a line in the order of `names`, or None for none at all."""
+        """Return the numbers of a line in the order of `names`, or None if the line is unusable."""
         report = self._table.irregularities.append
         numbers = dict.fromkeys(self.names, np.nan)
         try:
@@ -102,7 +104,7 @@ class _Columns:
         return Irregularity(line, kind, text, mended)
 
     def _deviation(self, cells: list[str], name: str) -> float:
-        """Return a standard deviation, NaN if the file does not tell one that can be."""
+        """Return a standard deviation, NaN if the file has no plausible one."""
         try:
             value = self.number(cells, name)
         except ValueError:
@@ -111,19 +113,19 @@ class _Columns:
 
 
 def read(path: Path, motion: Motion) -> Recording:
-    """Return what a file holds: all its lines that have a time and a place.
+    """Return the contents of a file: all lines with a time and a position.
 
     Parameters
     ----------
     path : Path
         Ends in .csv or .pos.
     motion : Motion
-        Tells the standard deviations of what comes without, and the limit of speed.
+        Sets the default standard deviations and the speed limit.
 
     Raises
     ------
     MotionError
-        When it cannot be read as a whole; single lines that cannot are reported in
+        If the file as a whole cannot be read; single unreadable lines are reported in
         `Recording.irregularities`.
     """
     reader = _READERS.get(path.suffix.lower())
@@ -140,13 +142,13 @@ def read(path: Path, motion: Motion) -> Recording:
     numbers = np.array(rows, dtype=np.float64).reshape(len(rows), len(columns.names))
     by_name = dict(zip(columns.names, numbers.T, strict=True))
 
-    def group(names: tuple[str, ...]) -> Vector:
+    def group(names: tuple[str, ...]) -> Floats:
         blank = np.full(len(rows), np.nan)
         return np.stack([by_name.get(name, blank) for name in names], axis=1)
 
-    def deviations(names: tuple[str, ...], instead: float, least: float) -> Vector:
-        told = group(names)
-        return np.clip(np.where(np.isnan(told), instead, told), least, _LARGEST_DEVIATION)
+    def deviations(names: tuple[str, ...], instead: float, least: float) -> Floats:
+        column = group(names)
+        return np.clip(np.where(np.isnan(column), instead, column), least, _LARGEST_DEVIATION)
 
     place, attitude = group(PLACE), group(ATTITUDE)
     if len(rows):
@@ -170,10 +172,10 @@ def read(path: Path, motion: Motion) -> Recording:
     )
 
 
-def _unwrapped(angles_deg: Vector) -> Vector:
-    """Return angles in ° without jumps by whole turns; NaN stays."""
+def _unwrapped(angles_deg: Floats) -> Floats:
+    """Return angles in ° without full-turn jumps; NaN is kept."""
     angles_deg = angles_deg.copy()
     for column in angles_deg.T:
-        told = np.isfinite(column)
-        column[told] = np.unwrap(column[told], period=360)
+        given = np.isfinite(column)
+        column[given] = np.unwrap(column[given], period=360)
     return angles_deg

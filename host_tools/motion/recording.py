@@ -1,4 +1,4 @@
-"""A recorded motion as it stands in a file, line by line, and what is wrong with it."""
+"""A recorded motion as read from a file, line by line, with its irregularities."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from host_tools.motion.errors import MotionError
-from host_tools.motion.spline import Vector
+from rrins.dbc.record import Floats, Integers
+from rrins.host_tools.motion.errors import MotionError
 
 
 @dataclass(frozen=True)
 class Irregularity:
-    """Something in a file that ought not to be there.
+    """An irregularity in a file.
 
     Attributes
     ----------
@@ -24,9 +24,9 @@ class Irregularity:
         `columns`, `not_a_number`, `out_of_range`, `no_solution`, `repeated_time`,
         `backward_time`, `gap`, `jump` or `motion` (begins or ends in motion).
     text : str
-        What it is.
+        Description.
     mended : str
-        What is done about it.
+        Remedy.
     """
 
     line: int
@@ -40,7 +40,7 @@ class Irregularity:
 
 @dataclass
 class Recording:
-    """The lines of a file that have a time; what a line does not tell is NaN.
+    """The lines of a file that have a time; missing values are NaN.
 
     Attributes
     ----------
@@ -60,23 +60,23 @@ class Recording:
     place_deviation, velocity_deviation, attitude_deviation : array, shape (m, 3)
         Standard deviations in m, m/s (east, north, up) and rad.
     irregularities : list
-        What has been found so far.
+        Irregularities found so far.
     lines : int
         Lines with data in the file.
     unused : tuple of str
-        Columns that are not made use of.
+        Columns that are not used.
     """
 
     path: Path
     kind: str
-    line: NDArray[np.int64]
-    time_s: Vector
-    place: Vector
-    velocity_n: Vector
-    attitude: Vector
-    place_deviation: Vector
-    velocity_deviation: Vector
-    attitude_deviation: Vector
+    line: Integers
+    time_s: Floats
+    place: Floats
+    velocity_n: Floats
+    attitude: Floats
+    place_deviation: Floats
+    velocity_deviation: Floats
+    attitude_deviation: Floats
     irregularities: list[Irregularity] = field(default_factory=list)
     lines: int = 0
     unused: tuple[str, ...] = ()
@@ -86,16 +86,16 @@ class Recording:
 
     @property
     def has_velocity(self) -> bool:
-        """Whether any line tells the velocity."""
+        """Whether any line has a velocity."""
         return bool(np.isfinite(self.velocity_n).any())
 
     @property
     def has_attitude(self) -> bool:
-        """Whether any line tells the attitude."""
+        """Whether any line has an attitude."""
         return bool(np.isfinite(self.attitude).any())
 
     def keep(self, kept: NDArray[np.bool_]) -> None:
-        """Leave out lines."""
+        """Keep only the selected lines."""
         for name in (
             "line",
             "time_s",
@@ -109,11 +109,11 @@ class Recording:
             setattr(self, name, getattr(self, name)[kept])
 
     def report(self, at: int, kind: str, text: str, mended: str = "left out") -> None:
-        """Add an irregularity of the line with an index."""
+        """Add an irregularity for the line with the given index."""
         self.irregularities.append(Irregularity(int(self.line[at]), kind, text, mended))
 
     def fail(self, text: str, line: int | None = None) -> MotionError:
-        """Return the error that says where in the file."""
+        """Return an error that names the file and line."""
         return MotionError(located(self.path, text, line))
 
 

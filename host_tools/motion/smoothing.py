@@ -1,13 +1,13 @@
-"""Makes a smooth path of a recorded one: splines through its positions and velocities.
+"""Smooths a recorded path: fits splines to its positions and velocities.
 
 Each of east, north, up is a quintic spline x that minimises, with the deviations σ of the file and
 the density q of the jerk::
 
     Σ ((x(t_i) - p_i) / σ_p,i)² + Σ ((x'(t_i) - v_i) / σ_v,i)² + (1/q²) ∫ x'''² dt
 
-Samples more than 3 σ off are weighted down in two more rounds (Huber, *Robust Statistics* (1981),
-section 7.8). At both ends the spline is constant: it begins and ends at rest, however the file
-does; the way from there to the first sample is the one of least jerk.
+Samples more than 3 σ off are down-weighted in two more rounds (Huber, *Robust Statistics* (1981),
+section 7.8). At both ends the spline is constant: it begins and ends at rest even if the file does
+not; the path from rest to the first sample minimises jerk.
 """
 
 from __future__ import annotations
@@ -16,37 +16,37 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from host_tools.motion.attitude import fit_angles, track_attitude
-from host_tools.motion.kinematics import Path, trajectory_of
-from host_tools.motion.local import Local
-from host_tools.motion.recording import Irregularity, Recording
-from host_tools.motion.settings import Motion
-from host_tools.motion.spline import Fit, Grid, Observations, Vector, evaluate
-from host_tools.motion.trajectory import Trajectory, knot_ns
+from rrins.dbc.record import Floats, Integers
+from rrins.host_tools.motion.attitude import fit_angles, track_attitude
+from rrins.host_tools.motion.kinematics import Path, trajectory_of
+from rrins.host_tools.motion.local import Local
+from rrins.host_tools.motion.recording import Irregularity, Recording
+from rrins.host_tools.motion.spline import Fit, Grid, Observations, evaluate
+from rrins.host_tools.motion.trajectory import Trajectory, knot_ns
+from rrins.host_tools.scenario.motion import Motion
 
 STILL_PIECES = 4
 """Pieces at either end that are exactly at rest."""
 
 MOVING_MPS = 0.5
-"""A file that begins or ends faster than that begins or ends in motion."""
+"""A file with a higher speed at either end begins or ends in motion."""
 
 _RUN_UP = 1.0  # m/s², mean
 _LEAST_RUN_UP_S = 2.0
-_EDGE_S = 1.0  # what the speed at an end is taken from
+_EDGE_S = 1.0  # span over which the speed at an end is measured
 _HUBER = 3.0
 _ROUNDS = 3
-_GUIDED_S = 60.0  # gaps longer than this get guides
+_GUIDED_S = 60.0  # longer gaps get guide points
 _GUIDE_DEVIATION = 1.0  # m
 _LIVELY = 8.0  # m/s²
 _LEAST_LAG_S, _LARGEST_LAG_S = 0.02, 2.0
-_LAG_SHARE = 0.3  # of the squares that a lag must explain to be believed
+_LAG_SHARE = 0.3  # share of the sum of squares that a lag must explain
 
 
 @dataclass(frozen=True)
 class Residuals:
-    """Smoothed path minus file: east, north, up; NaN where there is nothing to compare.
+    """Smoothed path minus file: east, north, up; NaN where the file has no value.
 
     Attributes
     ----------
@@ -57,22 +57,22 @@ class Residuals:
         In m and m/s.
     """
 
-    time_s: Vector
-    line: NDArray[np.int64]
-    position: Vector
-    velocity: Vector
+    time_s: Floats
+    line: Integers
+    position: Floats
+    velocity: Floats
 
 
 @dataclass(frozen=True)
 class Smoothed:
-    """A recorded path made smooth, and how far it lies from its file."""
+    """A smoothed recorded path and its residuals."""
 
     trajectory: Trajectory
     residuals: Residuals
 
 
 def edge_speeds(recording: Recording) -> tuple[float, float]:
-    """Return the speeds, m/s, that the file begins and ends with."""
+    """Return the speeds at the start and end of the file, m/s."""
     return _edge_speed(recording, first=True), _edge_speed(recording, first=False)
 
 
@@ -82,10 +82,10 @@ def _edge_speed(recording: Recording, first: bool) -> float:
     if edge.sum() < 3:
         edge = np.zeros(len(times), dtype=bool)
         edge[slice(0, 3) if first else slice(-3, None)] = True
-    told = recording.velocity_n[edge]
-    told = told[np.isfinite(told).all(axis=1)]
-    if len(told):
-        return float(np.linalg.norm(told.mean(axis=0)))
+    given = recording.velocity_n[edge]
+    given = given[np.isfinite(given).all(axis=1)]
+    if len(given):
+        return float(np.linalg.norm(given.mean(axis=0)))
     local = Local(*recording.place[0])
     offsets = local.offsets(recording.place[edge])
     slopes = np.polyfit(times[edge] - times[edge][0], offsets, 1)[0]
@@ -93,7 +93,7 @@ def _edge_speed(recording: Recording, first: bool) -> float:
 
 
 def begins_or_ends_in_motion(recording: Recording) -> list[Irregularity]:
-    """Return what is to be told of a file that does not stand at its ends."""
+    """Return the irregularities of a file that is not at rest at its ends."""
     found = []
     for at, word, added, speed in zip(
         (0, -1), ("begins", "ends"), ("run-up", "run-down"), edge_speeds(recording), strict=True
@@ -110,8 +110,8 @@ def _run_s(speed: float) -> float:
     return max(_LEAST_RUN_UP_S, speed / _RUN_UP)
 
 
-def _guides(times: Vector, values: Vector, slopes: Vector, step_s: float) -> Observations | None:
-    """Return points on cubics across long gaps, without which the fit there is ill-conditioned."""
+def _guides(times: Floats, values: Floats, slopes: Floats, step_s: float) -> Observations | None:
+    """Return points on cubics across long gaps; without them the fit is ill-conditioned."""
     found = []
     for k in np.flatnonzero(np.diff(times) > _GUIDED_S):
         length = times[k + 1] - times[k]
@@ -130,8 +130,8 @@ def _guides(times: Vector, values: Vector, slopes: Vector, step_s: float) -> Obs
 
 def _robust_fit(
     grid: Grid, density: float, observed: list[Observations], guides: Observations | None
-) -> Vector:
-    """Return the coefficients of one channel; what is far off counts less in each round."""
+) -> Floats:
+    """Return the coefficients of one channel; outliers lose weight in each round."""
     weighted = observed
     for _ in range(_ROUNDS):
         fit = Fit(grid, density)
@@ -149,12 +149,12 @@ def _robust_fit(
 
 
 def smooth(recording: Recording, motion: Motion, period_ns: int) -> Smoothed:
-    """Return the trajectory along a mended recording, and how far it lies from it.
+    """Return the trajectory along a mended recording, with its residuals.
 
     Parameters
     ----------
     recording : Recording
-        Mended (`host_tools.motion.mending.mend`).
+        Mended (`rrins.host_tools.motion.mending.mend`).
     motion : Motion
     period_ns : int
         Sampling period.
@@ -183,7 +183,7 @@ def smooth(recording: Recording, motion: Motion, period_ns: int) -> Smoothed:
     ]
     if lag:
         word = "late" if lag > 0 else "early"
-        notes.append(f"velocities of the file are {abs(lag):.2f} s {word}; taken for their time")
+        notes.append(f"the file's velocities are {abs(lag):.2f} s {word}; shifted to match")
     if recording.has_attitude:
         coefficients[:, 3:] = fit_angles(grid, times, recording)
     else:
@@ -201,21 +201,21 @@ def smooth(recording: Recording, motion: Motion, period_ns: int) -> Smoothed:
 
 
 def _fit_place(
-    recording: Recording, local: Local, grid: Grid, times: Vector, density: float, lag: float
-) -> Vector:
-    """Return the coefficients of east, north, up in m, velocities being `lag` s late."""
+    recording: Recording, local: Local, grid: Grid, times: Floats, density: float, lag: float
+) -> Floats:
+    """Return the coefficients of east, north, up in m, for velocities that are `lag` s late."""
     offsets = local.offsets(recording.place)
     velocity = recording.velocity_n / local.stretch(offsets)
-    told = np.isfinite(velocity).all(axis=1)
+    given = np.isfinite(velocity).all(axis=1)
     columns = []
     for axis in range(3):
-        slopes = np.where(told, velocity[:, axis], np.gradient(offsets[:, axis], times))
+        slopes = np.where(given, velocity[:, axis], np.gradient(offsets[:, axis], times))
         observed = [
             Observations(times / grid.step_s, offsets[:, axis], recording.place_deviation[:, axis]),
             Observations(
-                (times[told] - lag) / grid.step_s,
-                velocity[told, axis],
-                recording.velocity_deviation[told, axis],
+                (times[given] - lag) / grid.step_s,
+                velocity[given, axis],
+                recording.velocity_deviation[given, axis],
                 order=1,
             ),
         ]
@@ -225,9 +225,9 @@ def _fit_place(
 
 
 def _over_ground(
-    local: Local, grid: Grid, times: Vector, coefficients: Vector, order: int
-) -> Vector:
-    """Return a derivative of the way over ground, shape (m, 3)."""
+    local: Local, grid: Grid, times: Floats, coefficients: Floats, order: int
+) -> Floats:
+    """Return a derivative of the position over ground, shape (m, 3)."""
     at = [
         np.stack([evaluate(c, times / grid.step_s, grid.step_s, k) for c in coefficients.T], axis=1)
         for k in (0, order)
@@ -236,15 +236,15 @@ def _over_ground(
 
 
 def _velocity_lag(
-    recording: Recording, local: Local, grid: Grid, times: Vector, coefficients: Vector
+    recording: Recording, local: Local, grid: Grid, times: Floats, coefficients: Floats
 ) -> float:
-    """Return by how many s the file's velocities are late against its positions; 0 if hardly.
+    """Return the delay in s of the file's velocities against its positions; 0 if insignificant.
 
-    What is missing is the lag times the acceleration: least squares over all samples.
+    The discrepancy is the lag times the acceleration: least squares over all samples.
     """
-    told = np.isfinite(recording.velocity_n).all(axis=1)
-    speeding = _over_ground(local, grid, times[told], coefficients, 2)
-    missing = _over_ground(local, grid, times[told], coefficients, 1) - recording.velocity_n[told]
+    given = np.isfinite(recording.velocity_n).all(axis=1)
+    speeding = _over_ground(local, grid, times[given], coefficients, 2)
+    missing = _over_ground(local, grid, times[given], coefficients, 1) - recording.velocity_n[given]
     power = float((speeding**2).sum())
     lag = float((missing * speeding).sum()) / power if power > 0 else 0.0
     explained = lag * lag * power > _LAG_SHARE * float((missing**2).sum())
@@ -255,8 +255,8 @@ def _residuals(
     recording: Recording,
     local: Local,
     grid: Grid,
-    times: Vector,
-    coefficients: Vector,
+    times: Floats,
+    coefficients: Floats,
     lag: float,
 ) -> Residuals:
     offsets = local.offsets(recording.place)
@@ -271,16 +271,16 @@ def _residuals(
 
 
 def _lively_note(
-    recording: Recording, local: Local, grid: Grid, times: Vector, coefficients: Vector
+    recording: Recording, local: Local, grid: Grid, times: Floats, coefficients: Floats
 ) -> list[str]:
-    """Return a warning where the path accelerates as hardly any vehicle does."""
+    """Return a warning if the path accelerates implausibly for a vehicle."""
     size = np.linalg.norm(_over_ground(local, grid, times, coefficients, 2), axis=1)
     worst = int(np.argmax(size))
     if size[worst] < _LIVELY:
         return []
     return [
-        f"accelerates with {size[worst]:.3g} m/s² at line {recording.line[worst]}: "
-        "a jump too small to be told from motion?"
+        f"accelerates at {size[worst]:.3g} m/s² near line {recording.line[worst]}: "
+        "possibly a jump too small to detect"
     ]
 
 
@@ -288,7 +288,7 @@ def _residual_note(residuals: Residuals) -> str:
     off = np.linalg.norm(residuals.position, axis=1)
     worst = int(np.argmax(off))
     text = (
-        f"smoothed path against the file: position rms {np.sqrt(np.mean(off**2)):.3g} m, "
+        f"smoothed path minus file: position rms {np.sqrt(np.mean(off**2)):.3g} m, "
         f"largest {off[worst]:.3g} m (line {residuals.line[worst]})"
     )
     speed_off = np.linalg.norm(residuals.velocity, axis=1)

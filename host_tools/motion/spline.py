@@ -4,7 +4,7 @@ A spline of n pieces has n + 5 coefficients. On piece i, with u from 0 to 1 acro
 
     s(u) = [1 u u² u³ u⁴ u⁵] M [c_i … c_(i+5)]ᵀ
 
-Time in this module counts in pieces; `step_s` turns derivatives into those with respect to seconds.
+Time in this module is measured in pieces; `step_s` converts derivatives to those per second.
 
 References
 ----------
@@ -20,16 +20,15 @@ from dataclasses import dataclass
 from fractions import Fraction
 
 import numpy as np
-from numpy.typing import NDArray
 
-Vector = NDArray[np.float64]
+from rrins.dbc.record import Floats, Integers
 
 DEGREE = 5
 ORDER = DEGREE + 1
 _CORRECTIONS = 8
 
 
-def _basis_matrix() -> Vector:
+def _basis_matrix() -> Floats:
     """Return M, shape (power, coefficient), exact before it is rounded."""
     rows = []
     for power in range(ORDER):
@@ -51,17 +50,17 @@ BASIS = _basis_matrix()
 """M: monomials of a piece from its six coefficients, shape (6, 6)."""
 
 AT_KNOTS = BASIS[0, :DEGREE]
-"""What the five coefficients about a knot weigh in the value there: (1, 26, 66, 26, 1) / 120."""
+"""Weights of the five coefficients around a knot in its value: (1, 26, 66, 26, 1) / 120."""
 
 
-def derivative(monomials: Vector, times: int = 1) -> Vector:
+def derivative(monomials: Floats, times: int = 1) -> Floats:
     """Return monomials (lowest first, last axis) of the derivative with respect to u."""
     for _ in range(times):
         monomials = monomials[..., 1:] * np.arange(1, monomials.shape[-1])
     return monomials
 
 
-def horner(monomials: Vector, u: Vector) -> Vector:
+def horner(monomials: Floats, u: Floats) -> Floats:
     """Return the polynomials' values; `u` broadcasts against the leading axes of `monomials`."""
     value = np.zeros(np.broadcast_shapes(monomials.shape[:-1], u.shape))
     for power in range(monomials.shape[-1] - 1, -1, -1):
@@ -69,7 +68,7 @@ def horner(monomials: Vector, u: Vector) -> Vector:
     return value
 
 
-def monomials_of(coefficients: Vector) -> Vector:
+def monomials_of(coefficients: Floats) -> Floats:
     """Return the pieces' monomials, shape (n, channels, 6), of coefficients (n + 5, channels).
 
     Where all six coefficients of a piece are equal, the piece is exactly constant.
@@ -81,13 +80,13 @@ def monomials_of(coefficients: Vector) -> Vector:
     return np.asarray(monomials)
 
 
-def _located(times: Vector, pieces: int) -> tuple[NDArray[np.int64], Vector]:
-    """Return piece and u of times counted in pieces."""
+def _located(times: Floats, pieces: int) -> tuple[Integers, Floats]:
+    """Return piece and u for times measured in pieces."""
     index = np.clip(np.floor(times).astype(np.int64), 0, pieces - 1)
     return index, times - index
 
 
-def _rows(u: Vector, order: int) -> Vector:
+def _basis_rows(u: Floats, order: int) -> Floats:
     """Return the weights of the six coefficients in the derivative at u, shape (m, 6)."""
     slopes = derivative(BASIS.T, order)  # (coefficient, power)
     return u[:, None] ** np.arange(slopes.shape[1]) @ slopes.T
@@ -95,21 +94,21 @@ def _rows(u: Vector, order: int) -> Vector:
 
 @dataclass(frozen=True)
 class Observations:
-    """What a spline is to come close to.
+    """Observations for a spline to fit.
 
     Attributes
     ----------
     times : array, shape (m,)
-        Counted in pieces from the beginning of the spline.
+        Measured in pieces from the beginning of the spline.
     values, deviations : array, shape (m,)
         Observed values of the derivative and their standard deviations.
     order : int
-        Of the derivative with respect to time in s: 0 for the value itself.
+        Order of the derivative with respect to time in s: 0 for the value itself.
     """
 
-    times: Vector
-    values: Vector
-    deviations: Vector
+    times: Floats
+    values: Floats
+    deviations: Floats
     order: int = 0
 
 
@@ -123,7 +122,7 @@ class Grid:
     step_s : float
         Length of a piece, s.
     still : tuple of (int, int)
-        First and last piece (not included) of spans that are exactly constant, in order.
+        First and last (excluded) piece of spans that are exactly constant, in order.
     """
 
     pieces: int
@@ -131,8 +130,8 @@ class Grid:
     still: tuple[tuple[int, int], ...] = ()
 
     @property
-    def groups(self) -> NDArray[np.int64]:
-        """For each coefficient the number of the unknown that it is; shape (pieces + 5,)."""
+    def groups(self) -> Integers:
+        """Index of the unknown that each coefficient stands for; shape (pieces + 5,)."""
         new = np.ones(self.pieces + DEGREE, dtype=np.int64)
         for first, last in self.still:
             if last > first:
@@ -147,8 +146,8 @@ class Fit:
 
         Σ ((x^(k)(t_i) - y_i) / σ_i)² + (1/q²) ∫ x'''² dt
 
-    The normal matrix is ill-conditioned where observations lie far apart. Its solution is corrected
-    by the gradient there, which the differences of neighbouring coefficients give without loss.
+    The normal matrix is ill-conditioned if observations are far apart. Its solution is refined with
+    the gradient, which differences of neighbouring coefficients yield without loss of precision.
     """
 
     def __init__(self, grid: Grid, density: float) -> None:
@@ -156,7 +155,7 @@ class Fit:
         self._groups = grid.groups
         self._unknowns = int(self._groups[-1]) + 1
         self._band = np.zeros((ORDER, self._unknowns))
-        self._observed: list[tuple[Observations, NDArray[np.int64], Vector]] = []
+        self._observed: list[tuple[Observations, Integers, Floats]] = []
         third = derivative(BASIS.T, 3)
         powers = np.arange(third.shape[1])
         gram = third @ (1 / (powers[:, None] + powers + 1)) @ third.T
@@ -164,13 +163,13 @@ class Fit:
         self._every = np.arange(grid.pieces)
         self._add_products(self._every, np.broadcast_to(self._gram, (grid.pieces, ORDER, ORDER)))
 
-    def _add_products(self, index: NDArray[np.int64], products: Vector) -> None:
-        """Add a 6 x 6 block per piece to the normal matrix, unknowns that are one merged."""
+    def _add_products(self, index: Integers, products: Floats) -> None:
+        """Add a 6 x 6 block per piece to the normal matrix, with tied unknowns merged."""
         for j in range(ORDER):
             row = self._groups[index + j]
             for k in range(j, ORDER):
                 column = self._groups[index + k]
-                # Off the diagonal a pair stands for two entries; merged, for both on it.
+                # An off-diagonal pair stands for two entries; merged, both lie on the diagonal.
                 twice = 1 + ((row == column) & (j != k))
                 flat = (column - row) * self._unknowns + row
                 added = np.bincount(flat, products[:, j, k] * twice, self._band.size)
@@ -179,17 +178,17 @@ class Fit:
     def add(self, observed: Observations) -> None:
         """Add observations."""
         index, u = _located(observed.times, self._grid.pieces)
-        rows = _rows(u, observed.order) / self._grid.step_s**observed.order
+        rows = _basis_rows(u, observed.order) / self._grid.step_s**observed.order
         weights = observed.deviations**-2.0
         self._add_products(index, np.einsum("m,mj,mk->mjk", weights, rows, rows))
         self._observed.append((observed, index, rows))
 
-    def _downhill(self, coefficients: Vector) -> Vector:
-        """Return minus half the gradient of what is minimised, for each unknown."""
+    def _downhill(self, coefficients: Floats) -> Floats:
+        """Return minus half the gradient of the cost, for each unknown."""
         windows = np.lib.stride_tricks.sliding_window_view(coefficients, ORDER)
         found = np.zeros(self._unknowns)
 
-        def add(index: NDArray[np.int64], shares: Vector) -> None:
+        def add(index: Integers, shares: Floats) -> None:
             for j in range(ORDER):
                 found[:] += np.bincount(self._groups[index + j], shares[:, j], self._unknowns)
 
@@ -202,15 +201,15 @@ class Fit:
             add(index, (off / one.deviations**2)[:, None] * rows)
         return found
 
-    def solve(self) -> Vector:
+    def solve(self) -> Floats:
         """Return the coefficients, shape (pieces + 5,).
 
         Raises
         ------
         numpy.linalg.LinAlgError
-            When the observations do not determine them.
+            If the observations do not determine them.
         """
-        from scipy.linalg import cho_solve_banded, cholesky_banded  # takes a while to load
+        from scipy.linalg import cho_solve_banded, cholesky_banded  # slow to import
 
         factor = cholesky_banded(self._band, lower=True)
         solution = np.zeros(self._unknowns)
@@ -222,10 +221,10 @@ class Fit:
         return np.asarray(solution[self._groups])
 
 
-def evaluate(coefficients: Vector, times: Vector, step_s: float = 1.0, order: int = 0) -> Vector:
-    """Return a derivative of a spline (one channel) at times counted in pieces."""
+def evaluate(coefficients: Floats, times: Floats, step_s: float = 1.0, order: int = 0) -> Floats:
+    """Return a derivative of a spline (one channel) at times measured in pieces."""
     index, u = _located(times, len(coefficients) - DEGREE)
     windows = np.lib.stride_tricks.sliding_window_view(coefficients, ORDER)[index]
     first = windows[:, :1]
-    value = ((windows - first) * _rows(u, order)).sum(axis=1) / step_s**order
+    value = ((windows - first) * _basis_rows(u, order)).sum(axis=1) / step_s**order
     return np.asarray(value + first[:, 0] if order == 0 else value)

@@ -1,8 +1,8 @@
-"""Sway of a ship that lies in waves: a sea spectrum through simple responses of a hull.
+"""Sway of a ship in waves: a sea spectrum passed through simple hull responses.
 
-The sea at the ship is a sum of harmonics of the time after which it repeats itself, each of the
-spectrum's amplitude and of a phase drawn from the seed. Each of the six motions is the sea through
-a low-pass of second order with the motion's natural period and damping::
+The sea at the ship is a sum of harmonics of its repetition period, each with its amplitude from the
+spectrum and its phase drawn from the seed. Each of the six motions is the sea filtered by a
+second-order low-pass with the motion's natural period and damping::
 
     H(ω) = ω_n² / (ω_n² - ω² + 2 i ζ ω_n ω)
 
@@ -24,28 +24,29 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from host_tools.hardware.settings import STANDARD_GRAVITY
-from host_tools.motion.errors import MotionError
-from host_tools.motion.kinematics import Path, trajectory_of
-from host_tools.motion.local import Local
-from host_tools.motion.settings import Motion
-from host_tools.motion.spline import AT_KNOTS, DEGREE, Vector, monomials_of
-from host_tools.motion.trajectory import Trajectory, knot_ns
+from rrins.dbc.record import Floats
+from rrins.host_tools.hardware.settings import STANDARD_GRAVITY
+from rrins.host_tools.motion.errors import MotionError
+from rrins.host_tools.motion.kinematics import Path, trajectory_of
+from rrins.host_tools.motion.local import Local
+from rrins.host_tools.motion.spline import AT_KNOTS, DEGREE, monomials_of
+from rrins.host_tools.motion.trajectory import Trajectory, knot_ns
+from rrins.host_tools.scenario.motion import Motion
 
 RAMP_S = 120.0
-"""How long the sea takes to come up."""
+"""Time for the sea to build up."""
 
 _STILL_PIECES = 4
 _PEAK_FACTOR = {"jonswap": 3.3, "pierson-moskowitz": 1.0}
-_BAND = (0.4, 4.0)  # of the peak's frequency: what lies outside is hardly anything
-_HIGHEST = 3.0  # rad/s: shorter waves pass unnoticed along a hull
+_BAND = (0.4, 4.0)  # relative to the peak frequency: negligible outside
+_HIGHEST = 3.0  # rad/s: shorter waves average out along the hull
 _ROLL_DAMPING = 0.1
 _PITCH_PERIOD_S, _HEAVE_PERIOD_S, _DAMPING = 6.5, 6.5, 0.6
 _YAW_SHARE = 0.15
 _LARGEST_ANGLE = math.radians(60)
 
 
-def wave_spectrum(omega: Vector, height: float, period: float, peak_factor: float) -> Vector:
+def wave_spectrum(omega: Floats, height: float, period: float, peak_factor: float) -> Floats:
     """Return the one-sided spectral density of the sea's surface, m² s, at ω in rad/s.
 
     JONSWAP in the form of DNV-RP-C205, (3.5.5.2); with a peak factor of 1 it is that of Pierson
@@ -58,12 +59,12 @@ def wave_spectrum(omega: Vector, height: float, period: float, peak_factor: floa
     return np.asarray((1 - 0.287 * math.log(peak_factor)) * moskowitz * peak_factor**bump)
 
 
-def _low_pass(omega: Vector, period_s: float, damping: float) -> NDArray[np.complex128]:
+def _low_pass(omega: Floats, period_s: float, damping: float) -> NDArray[np.complex128]:
     natural = 2 * math.pi / period_s
     return np.asarray(natural**2 / (natural**2 - omega**2 + 2j * damping * natural * omega))
 
 
-def responses(omega: Vector, wave_from: float, roll_period_s: float) -> NDArray[np.complex128]:
+def responses(omega: Floats, wave_from: float, roll_period_s: float) -> NDArray[np.complex128]:
     """Return surge (forward), sway (to the right), heave, roll, pitch, yaw per metre of wave.
 
     Parameters
@@ -80,7 +81,7 @@ def responses(omega: Vector, wave_from: float, roll_period_s: float) -> NDArray[
     array, shape (6, m)
         Complex amplitudes of `exp(i ω t)`; m per m, rad per m.
     """
-    # The waves travel to where they do not come from: components forward and to the right.
+    # Direction of travel, opposite to where the waves come from: forward and right components.
     ahead, right = -math.cos(wave_from), -math.sin(wave_from)
     slope = -1j * omega**2 / STANDARD_GRAVITY  # of the surface, in the direction of travel
     follow = _low_pass(omega, _HEAVE_PERIOD_S, _DAMPING)
@@ -101,7 +102,7 @@ def responses(omega: Vector, wave_from: float, roll_period_s: float) -> NDArray[
 def _harmonics(motion: Motion, period_s: float, count: int) -> NDArray[np.complex128]:
     """Return the complex amplitudes, (6, count // 2 + 1), of the six motions' harmonics."""
     number = np.arange(count // 2 + 1, dtype=np.float64)
-    omega: Vector = 2 * math.pi * number / period_s
+    omega: Floats = 2 * math.pi * number / period_s
     peak = 2 * math.pi / motion.wave_period_s
     band = (omega > _BAND[0] * peak) & (omega < min(_BAND[1] * peak, _HIGHEST))
     inside = omega[band]
@@ -118,30 +119,30 @@ def _harmonics(motion: Motion, period_s: float, count: int) -> NDArray[np.comple
     return found
 
 
-def _periodic(harmonics: NDArray[np.complex128], count: int) -> Vector:
+def _periodic(harmonics: NDArray[np.complex128], count: int) -> Floats:
     """Return spline coefficients, (count, 6), that pass through the harmonics at all knots."""
-    # A harmonic of coefficients comes out at the knots as itself times the basis's transform.
+    # At the knots, a harmonic of the coefficients is scaled by the transform of the basis.
     turn = 2 * math.pi * np.arange(harmonics.shape[1]) / count
     about = np.arange(DEGREE) - DEGREE // 2
     transform = (AT_KNOTS * np.cos(turn[:, None] * about)).sum(axis=1)
     return np.fft.irfft(harmonics / transform * (count / 2), count, axis=1).T
 
 
-def _rise(count: int, ramp: int) -> Vector:
+def _rise(count: int, ramp: int) -> Floats:
     """Return 0 while still, then a smooth step to 1 over `ramp` coefficients."""
     u = np.clip((np.arange(count) - _STILL_PIECES - DEGREE) / ramp, 0.0, 1.0)
     return u**3 * (10 + u * (6 * u - 15))
 
 
-def synthetic_sway(motion: Motion, period_s: float, base: Vector, period_ns: int) -> Trajectory:
-    """Return sway about a place and an attitude: the sea comes up, then it repeats itself.
+def synthetic_sway(motion: Motion, period_s: float, base: Floats, period_ns: int) -> Trajectory:
+    """Return sway about a position and an attitude: the sea builds up, then repeats.
 
     Parameters
     ----------
     motion : Motion
-        Tells the sea, the ship and the seed.
+        Sets the sea, the ship and the seed.
     period_s : float
-        Time after which the motion repeats itself exactly.
+        Time after which the motion repeats exactly.
     base : array, shape (6,)
         Latitude, longitude (rad), height (m), roll, pitch, heading (rad) in calm water.
     period_ns : int
@@ -163,11 +164,11 @@ def synthetic_sway(motion: Motion, period_s: float, base: Vector, period_ns: int
     if np.abs(angles).max() > _LARGEST_ANGLE:
         raise MotionError("motion: in this sea the ship rolls or pitches beyond 60°")
     return trajectory_of(
-        Path(step_ns, base, coefficients), loop_from=begin, notes=(_note(motion, swayed),)
+        Path(step_ns, base, coefficients), loop_from=begin, notes=(_sway_note(motion, swayed),)
     )
 
 
-def _note(motion: Motion, swayed: Vector) -> str:
+def _sway_note(motion: Motion, swayed: Floats) -> str:
     heave, roll, pitch = (swayed[:, k].std() for k in (2, 3, 4))
     return (
         f"sea of {motion.wave_height_m:g} m and {motion.wave_period_s:g} s: heave {heave:.2g} m, "

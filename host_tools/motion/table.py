@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from host_tools.motion.errors import MotionError
-from host_tools.motion.recording import Irregularity, located
+from rrins.host_tools.motion.errors import MotionError
+from rrins.host_tools.motion.recording import Irregularity, located
 
 TIME = "time_s"
 PLACE = ("latitude_deg", "longitude_deg", "height_m")
@@ -22,7 +22,7 @@ _LARGEST_FILE = 1 << 30  # bytes
 
 
 @dataclass
-class Table:
+class RecordedTable:
     """Lines of text with the same columns.
 
     Attributes
@@ -34,11 +34,11 @@ class Table:
     lines : list of int
         Line of the file for each row, from 1.
     rows : list of list of str
-        Each as long as `columns`.
+        Each has the length of `columns`.
     irregularities : list
-        Of lines that are no rows.
+        Irregularities of lines that are not rows.
     unused : tuple of str
-        Columns of the file that are not made use of.
+        Columns of the file that are not used.
     """
 
     kind: str
@@ -48,10 +48,10 @@ class Table:
     irregularities: list[Irregularity] = field(default_factory=list)
     unused: tuple[str, ...] = ()
     count: int = 0
-    """Lines with data, rows or not."""
+    """Number of data lines, valid or not."""
 
     def add(self, line: int, cells: list[str]) -> None:
-        """Add a row, or report that it has another number of columns."""
+        """Add a row, or report that it has the wrong number of columns."""
         self.count += 1
         if len(cells) == len(self.columns):
             self.lines.append(line)
@@ -67,13 +67,13 @@ class Table:
 
 
 def check_groups(path: Path, columns: tuple[str, ...], line: int | None) -> None:
-    """Raise `MotionError` where of columns that belong together one is missing or there twice."""
+    """Raise `MotionError` if a column of a group is missing or duplicated."""
     for group in GROUPS:
         counts = [columns.count(name) for name in group]
         if any(counts) and counts != [1, 1, 1]:
             name = next(n for n, count in zip(group, counts, strict=True) if count != 1)
-            text = f"two columns {name}" if name in columns else f"no column {name}"
-            raise MotionError(located(path, f"{text}, of {', '.join(group)}", line))
+            text = f"duplicate column {name}" if name in columns else f"no column {name}"
+            raise MotionError(located(path, f"{text} (group: {', '.join(group)})", line))
 
 
 def text_of(path: Path) -> str:
@@ -82,7 +82,7 @@ def text_of(path: Path) -> str:
     Raises
     ------
     MotionError
-        When it is missing, too large, or no text.
+        If it is missing, too large, or not text.
     """
     try:
         if path.is_dir():
@@ -91,6 +91,6 @@ def text_of(path: Path) -> str:
             raise MotionError(located(path, "is larger than 1 GiB"))
         return path.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError as error:
-        raise MotionError(located(path, "is no UTF-8 text")) from error
+        raise MotionError(located(path, "is not UTF-8 text")) from error
     except OSError as error:
         raise MotionError(located(path, f"cannot be read: {error.strerror or error}")) from error

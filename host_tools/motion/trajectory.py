@@ -1,13 +1,13 @@
-"""What the vehicle does, as polynomials of time that agree with each other."""
+"""The vehicle's motion as mutually consistent polynomials of time."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from host_tools.motion.spline import Vector, horner
+from rrins.dbc.record import Floats
+from rrins.host_tools.motion.spline import horner
 
 POWERS = 8
 """Coefficients of a channel's polynomial on a piece."""
@@ -20,7 +20,7 @@ ATTITUDE = slice(12, 15)  # roll, pitch, heading (rad)
 CHANNELS = 15
 
 PIECE_NS = 250_000_000
-"""About how long a piece is."""
+"""Approximate length of a piece."""
 
 
 def knot_ns(period_ns: int) -> int:
@@ -30,7 +30,7 @@ def knot_ns(period_ns: int) -> int:
 
 @dataclass(frozen=True, eq=False)
 class Trajectory:
-    """A motion from rest, piece by piece.
+    """A motion that starts from rest, piece by piece.
 
     Attributes
     ----------
@@ -42,13 +42,13 @@ class Trajectory:
         velocity over ground east, north, up (m/s); roll, pitch, heading (rad). Longitude and
         heading are continuous: they may leave [-π, π).
     loop_from : int or None
-        The piece to go on with after the last one; None: at rest in the end.
+        The piece that follows the last one; None if the motion ends at rest.
     notes : tuple of str
-        What a user should know of how the motion came about.
+        What a user should know about the origin of the motion.
     """
 
     knot_ns: int
-    pieces: NDArray[np.float64]
+    pieces: Floats
     loop_from: int | None = None
     notes: tuple[str, ...] = ()
 
@@ -61,10 +61,10 @@ class Trajectory:
         """Length of all pieces."""
         return len(self.pieces) * self.knot_ns / 1e9
 
-    def at(self, time_s: Vector) -> Vector:
+    def at(self, time_s: Floats) -> Floats:
         """Return all channels at times since the beginning, shape (m, 15).
 
-        Before the beginning it is that of the beginning, after the end that of the end, unless the
+        Before the beginning the initial values apply; after the end the final ones, unless the
         motion loops.
         """
         times = np.maximum(np.asarray(time_s, dtype=np.float64) / (self.knot_ns * 1e-9), 0.0)

@@ -1,8 +1,8 @@
-"""What the errors of a RIMU integrate to over one cycle of a scheme, numerically.
+"""Integrates the errors of a RIMU over one cycle of a scheme, numerically.
 
-Each leg is cut into short intervals, and where a sensor's input changes sign; over each interval
-Gauss and Legendre's rule is exact to rounding. Of the running integrals the turning points inside
-an interval are found as well, so the largest excursion does not hang on the step.
+Each leg is split into short intervals and wherever a sensor's input changes sign; over each
+interval Gauss-Legendre quadrature is exact to rounding. Extrema of the running integrals inside an
+interval are located as well, so the largest excursion does not depend on the step.
 """
 
 from __future__ import annotations
@@ -14,11 +14,13 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from firmware_py.settings import Scheme
-from host_tools.hardware.settings import STANDARD_GRAVITY
-from host_tools.rotation import closed_form, harmonics
-from host_tools.rotation.errors import ERRORS, Kind, Sensors, error_rates
-from host_tools.rotation.kinematics import (
+from rrins.dbc.record import Floats
+from rrins.firmware_py.core.settings import Scheme
+from rrins.host_tools.hardware.earth import ROTATION_RATE
+from rrins.host_tools.hardware.settings import STANDARD_GRAVITY
+from rrins.host_tools.rotation import closed_form, harmonics
+from rrins.host_tools.rotation.errors import ERRORS, Kind, Sensors, error_rates
+from rrins.host_tools.rotation.kinematics import (
     INNER,
     OUTER,
     Leg,
@@ -29,27 +31,22 @@ from host_tools.rotation.kinematics import (
     table_rate_s,
 )
 
-Array = NDArray[np.float64]
-
-EARTH_RATE: Final = 7.292115e-5
-"""rad/s, WGS 84."""
-
 SPECIFIC_FORCE_B: Final = np.array([0.0, 0.0, STANDARD_GRAVITY])
-"""m/s², of a body that stands level."""
+"""m/s², in a level body at rest."""
 
 VANISHES: Final = 1e-9
-"""A residual below this share of the error's largest excursion counts as none."""
+"""A residual below this share of the error's largest excursion counts as zero."""
 
 _ROUNDING = 1e-13
-"""An axis on which an error moves less than this share of its largest axis does not move."""
+"""An axis whose excursion is below this share of the largest axis's counts as unaffected."""
 _STEP_DEG = 2.0
 _LEAST_INTERVALS = 16
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(6)
 
 
 @dataclass(frozen=True)
-class Row:
-    """What one error of one sensor leaves on one axis of the body after a cycle.
+class ResidualRow:
+    """Residual of one error of one sensor on one body axis after a cycle.
 
     Attributes
     ----------
@@ -61,14 +58,14 @@ class Row:
     axis : "x", "y" or "z"
         Of the body.
     unit : str
-        "rad" or "m/s", of the three values.
+        Unit of the three values: "rad" or "m/s".
     residual, closed_form : float
-        Integral over the cycle, numerically and by antiderivatives.
+        Integral over the cycle, computed numerically and by antiderivatives.
     excursion : float
         Largest magnitude of the running integral within the cycle.
     vanishes : bool
         Whether the residual is below `VANISHES` times the largest excursion of this error over the
-        three axes. True for an error that is zero throughout.
+        three axes. True for an error that is zero throughout the cycle.
     """
 
     sensor_kind: Kind
@@ -90,31 +87,31 @@ class Integrals:
     ----------
     sensors : Sensors
     running : array, shape (k, m, 4, 3)
-        Integral since the beginning at the times of `Variation.time_s`, rad or m/s.
+        Integral from the beginning up to the times of `Variation.time_s`, rad or m/s.
     residual, excursion, closed_form : array, shape (m, 4, 3)
-        As in `Row`.
+        As in `ResidualRow`.
     """
 
     sensors: Sensors
-    running: Array
-    residual: Array
-    excursion: Array
-    closed_form: Array
+    running: Floats
+    residual: Floats
+    excursion: Floats
+    closed_form: Floats
 
     @property
     def vanishes(self) -> NDArray[np.bool_]:
-        """Whether each residual counts as none, shape (m, 4, 3)."""
+        """Whether each residual counts as zero, shape (m, 4, 3)."""
         largest = self.excursion.max(axis=-1, keepdims=True)
         vanishes: NDArray[np.bool_] = np.abs(self.residual) <= VANISHES * largest
         return vanishes
 
-    def rows(self) -> Iterator[Row]:
+    def residual_rows(self) -> Iterator[ResidualRow]:
         """Return a row for every sensor, error and axis."""
         vanishes = self.vanishes
         for i in range(len(self.sensors)):
             for k, error in enumerate(ERRORS):
                 for j, axis in enumerate("xyz"):
-                    yield Row(
+                    yield ResidualRow(
                         sensor_kind=self.sensors.kind,
                         sensor=i + 1,
                         error=error,
@@ -129,29 +126,29 @@ class Integrals:
 
 @dataclass(frozen=True)
 class Variation:
-    """What the errors of a RIMU do over one cycle of a scheme.
+    """Evolution of a RIMU's errors over one cycle of a scheme.
 
     Attributes
     ----------
     scheme : Scheme
     legs : Leg
     time_s : array, shape (k,)
-        Since the beginning of the cycle; the ends of all intervals, not equally spaced.
+        Time since the beginning of the cycle: the ends of all intervals, not equally spaced.
     inner_deg, outer_deg : array, shape (k,)
     gyros, accelerometers : Integrals
     """
 
     scheme: Scheme
     legs: tuple[Leg, ...]
-    time_s: Array
-    inner_deg: Array
-    outer_deg: Array
+    time_s: Floats
+    inner_deg: Floats
+    outer_deg: Floats
     gyros: Integrals
     accelerometers: Integrals
 
-    def rows(self) -> list[Row]:
+    def residual_rows(self) -> list[ResidualRow]:
         """Return a row for every sensor of both kinds, error and axis."""
-        return [*self.gyros.rows(), *self.accelerometers.rows()]
+        return [*self.gyros.residual_rows(), *self.accelerometers.residual_rows()]
 
 
 def analyse(
@@ -161,19 +158,19 @@ def analyse(
     *,
     earth_latitude_deg: float | None = None,
 ) -> Variation:
-    """Return what each constant error integrates to over one cycle, on each axis of the body.
+    """Return the integral of each constant error over one cycle, on each body axis.
 
-    The body is level and stands; accelerometers feel standard gravity upwards. The table turns at
+    The body is level and at rest; accelerometers sense standard gravity upwards. The table turns at
     its constant rate, without ramps.
 
     Parameters
     ----------
     scheme : Scheme
     gyros, accelerometers : Sensors
-        See `host_tools.rotation.errors.sensors_of`.
+        See `rrins.host_tools.rotation.errors.sensors_of`.
     earth_latitude_deg : float, optional
-        Lets the gyros feel the Earth's rate, too, at this latitude and with y of the body to the
-        north. Without it they feel the table only, as in the paper (section 2.2.2).
+        Adds the Earth's rate at this latitude to the gyro inputs, with the body's y axis pointing
+        north. By default the gyros sense only the table, as in the paper (section 2.2.2).
     """
     legs = legs_of(scheme)
     fields = (earth_rate_b(earth_latitude_deg), SPECIFIC_FORCE_B)
@@ -194,18 +191,18 @@ def analyse(
     )
 
 
-def earth_rate_b(latitude_deg: float | None) -> Array:
-    """Return the Earth's rate in a level body with y to the north, rad/s; zeros for None."""
+def earth_rate_b(latitude_deg: float | None) -> Floats:
+    """Return the Earth's rate in a level body with y pointing north, rad/s; zeros for None."""
     if latitude_deg is None:
         return np.zeros(3)
     cosine, sine = cos_sin(latitude_deg)
-    return EARTH_RATE * np.array([0.0, float(cosine), float(sine)])
+    return ROTATION_RATE * np.array([0.0, float(cosine), float(sine)])
 
 
 def felt_s(
-    leg: Leg, sensors: Sensors, field_b: Array, inner_deg: Array, outer_deg: Array
-) -> tuple[Array, Array]:
-    """Return ``C_s_b`` and what the sensor frame feels at angles that a leg passes.
+    leg: Leg, sensors: Sensors, field_b: Floats, inner_deg: Floats, outer_deg: Floats
+) -> tuple[Floats, Floats]:
+    """Return ``C_s_b`` and the sensor-frame input at angles along a leg.
 
     Returns
     -------
@@ -220,15 +217,15 @@ def felt_s(
     return C_s_b, felt
 
 
-def rates_at(leg: Leg, sensors: Sensors, field_b: Array, time_s: Array) -> Array:
+def rates_at(leg: Leg, sensors: Sensors, field_b: Floats, time_s: Floats) -> Floats:
     """Return the rates of all errors in the body frame, shape (n, m, 4, 3)."""
     return error_rates(sensors, *felt_s(leg, sensors, field_b, *angles_at(leg, time_s)))
 
 
-def grid_of(leg: Leg, felt_by: list[tuple[Sensors, Array]]) -> Array:
+def grid_of(leg: Leg, felt_by: list[tuple[Sensors, Floats]]) -> Floats:
     """Return the ends of the leg's intervals, s since its beginning.
 
-    `felt_by` are sensors with what they feel besides the turning, constant in the body frame.
+    `felt_by` pairs sensors with their input apart from the rotation, constant in the body frame.
     """
     if leg.axis is None:
         return np.linspace(0.0, leg.duration_s, _LEAST_INTERVALS + 1)
@@ -238,8 +235,8 @@ def grid_of(leg: Leg, felt_by: list[tuple[Sensors, Array]]) -> Array:
     return np.unique(np.concatenate([grid, *crossings]))
 
 
-def _crossings(leg: Leg, sensors: Sensors, field_b: Array) -> Array:
-    """Return when the inputs of the sensors change sign, s since the leg's beginning."""
+def _crossings(leg: Leg, sensors: Sensors, field_b: Floats) -> Floats:
+    """Return when the sensor inputs change sign, s since the leg's beginning."""
     assert leg.axis is not None
     start, end = leg.start_deg[leg.axis], leg.end_deg[leg.axis]
     # Three angles determine a harmonic: 0°, 90° and 180° of the turning axis.
@@ -255,7 +252,7 @@ def _crossings(leg: Leg, sensors: Sensors, field_b: Array) -> Array:
 
 
 def _integrals(
-    legs: tuple[Leg, ...], grids: list[Array], sensors: Sensors, field_b: Array
+    legs: tuple[Leg, ...], grids: list[Floats], sensors: Sensors, field_b: Floats
 ) -> Integrals:
     shape = (len(sensors), len(ERRORS), 3)
     running = [np.zeros((1, *shape))]
@@ -275,11 +272,11 @@ def _integrals(
     )
 
 
-def running_integral(leg: Leg, sensors: Sensors, field_b: Array, grid: Array) -> Array:
-    """Return the integrals since the leg's beginning at times from its beginning on, s.
+def running_integral(leg: Leg, sensors: Sensors, field_b: Floats, grid: Floats) -> Floats:
+    """Return the running integrals at times since the leg's beginning, s.
 
-    Shape (n, m, 4, 3). Exact to rounding where no input changes sign within an interval, and none
-    is longer than some 10° of turning.
+    Shape (n, m, 4, 3). Exact to rounding if no input changes sign within an interval and no
+    interval exceeds about 10° of rotation.
     """
     width = np.diff(grid)
     nodes = grid[:-1, None] + width[:, None] * (_NODES + 1) / 2
@@ -289,11 +286,11 @@ def running_integral(leg: Leg, sensors: Sensors, field_b: Array, grid: Array) ->
     return np.concatenate([np.zeros((1, *pieces.shape[1:])), np.cumsum(pieces, axis=0)])
 
 
-def _largest(leg: Leg, sensors: Sensors, field_b: Array, grid: Array, so_far: Array) -> Array:
-    """Return the largest magnitudes of running integrals, those between two times included.
+def _largest(leg: Leg, sensors: Sensors, field_b: Floats, grid: Floats, so_far: Floats) -> Floats:
+    """Return the largest magnitudes of running integrals, including those between grid points.
 
-    Where the rate changes sign within an interval, the cubic through both ends with their rates
-    (Hermite's) is taken at the zero of the rate; its error is of fourth order in the step.
+    If the rate changes sign within an interval, the cubic Hermite interpolant is evaluated at the
+    zero of the rate; its error is of fourth order in the step.
     """
     rates = rates_at(leg, sensors, field_b, grid)
     before, after = rates[:-1], rates[1:]
@@ -307,5 +304,5 @@ def _largest(leg: Leg, sensors: Sensors, field_b: Array, grid: Array, so_far: Ar
         + high * share**2 * (3 - 2 * share)
         + width * share * rest * (before * rest - after * share)
     )
-    largest: Array = np.maximum(np.abs(so_far).max(axis=0), np.abs(between * turns).max(axis=0))
+    largest: Floats = np.maximum(np.abs(so_far).max(axis=0), np.abs(between * turns).max(axis=0))
     return largest

@@ -1,9 +1,9 @@
-"""What every error of a sensor integrates to over a leg, by antiderivatives.
+"""Integrals of every sensor error over a leg, by antiderivatives.
 
-The paper gives the integrands: bias (26), (27); gyro MESSF (29), (30), MEASF (32), (33), MEIE (34);
-accelerometer MESSF (37), (38), MEASF (40), (41). It writes the inner turn at an outer angle of 0
-and the outer turn at an inner angle of 0. Any other angle of the standing axis is a constant turn:
-with ``a`` standing for h, for the error of the axis or for the projection,
+The paper's integrands are: bias (26), (27); gyro MESSF (29), (30), MEASF (32), (33), MEIE (34);
+accelerometer MESSF (37), (38), MEASF (40), (41). The paper states the inner turn at an outer angle
+of 0 and the outer turn at an inner angle of 0. Any other angle of the stationary axis is a constant
+rotation: with ``a`` denoting h, the axis error or the projection,
 
     inner turn, θ = αI:   Rx(αO) [a_x cos θ - a_y sin θ,  a_x sin θ + a_y cos θ,  a_z]
     outer turn, θ = αO:   [ã_x,  ã_y cos θ - ã_z sin θ,  ã_y sin θ + ã_z cos θ],   ã = Rz(αI) a
@@ -18,13 +18,11 @@ from types import MappingProxyType
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from host_tools.rotation import harmonics
-from host_tools.rotation.errors import BIAS, ERRORS, MEASF, MEIE, MESSF, Sensors
-from host_tools.rotation.kinematics import INNER, Leg, attitude, rotation_x, rotation_z
-
-Array = NDArray[np.float64]
+from rrins.dbc.record import Floats
+from rrins.host_tools.rotation import harmonics
+from rrins.host_tools.rotation.errors import BIAS, ERRORS, MEASF, MEIE, MESSF, Sensors
+from rrins.host_tools.rotation.kinematics import INNER, Leg, attitude, rotation_x, rotation_z
 
 EQUATIONS: Final = MappingProxyType(
     {
@@ -38,18 +36,18 @@ EQUATIONS: Final = MappingProxyType(
         ("accelerometer", "MEIE"): "(35)",
     }
 )
-"""The paper's equations of the integrands."""
+"""Equation numbers of the integrands in the paper."""
 
 
-def cycle_integral(legs: tuple[Leg, ...], sensors: Sensors, field_b: Array) -> Array:
-    """Return what each error integrates to over legs, shape (m, 4, 3), rad or m/s.
+def cycle_integral(legs: tuple[Leg, ...], sensors: Sensors, field_b: Floats) -> Floats:
+    """Return the integral of each error over legs, shape (m, 4, 3), rad or m/s.
 
     Parameters
     ----------
     legs : Leg
     sensors : Sensors
     field_b : array, shape (3,)
-        What is felt besides the turning, constant in the body frame: specific force in m/s² for
+        Input apart from the rotation, constant in the body frame: specific force in m/s² for
         accelerometers; for gyros the Earth's rate in rad/s, or zeros as in the paper.
     """
     total = np.zeros((len(sensors), len(ERRORS), 3))
@@ -58,8 +56,8 @@ def cycle_integral(legs: tuple[Leg, ...], sensors: Sensors, field_b: Array) -> A
     return total
 
 
-def leg_integral(leg: Leg, sensors: Sensors, field_b: Array) -> Array:
-    """Return what each error integrates to over one leg, shape (m, 4, 3), rad or m/s."""
+def leg_integral(leg: Leg, sensors: Sensors, field_b: Floats) -> Floats:
+    """Return the integral of each error over one leg, shape (m, 4, 3), rad or m/s."""
     result = np.empty((len(sensors), len(ERRORS), 3))
     for i in range(len(sensors)):
         result[i] = (
@@ -70,8 +68,8 @@ def leg_integral(leg: Leg, sensors: Sensors, field_b: Array) -> Array:
     return result
 
 
-def _rates(sensors: Sensors, i: int, felt: float, felt_by_error: float) -> Array:
-    """Return the four errors along the axis of a sensor that feels h x and (h' - h) x."""
+def _rates(sensors: Sensors, i: int, felt: float, felt_by_error: float) -> Floats:
+    """Return the four errors along a sensor's axis, given its inputs h x and (h' - h) x."""
     rates = np.empty(len(ERRORS))
     rates[BIAS] = sensors.bias[i]
     rates[MESSF] = sensors.scale_error[i] * felt
@@ -80,7 +78,7 @@ def _rates(sensors: Sensors, i: int, felt: float, felt_by_error: float) -> Array
     return rates
 
 
-def _standing(leg: Leg, sensors: Sensors, i: int, field_b: Array) -> Array:
+def _standing(leg: Leg, sensors: Sensors, i: int, field_b: Floats) -> Floats:
     C_s_b = attitude(*leg.start_deg)
     field_s = field_b @ C_s_b
     rates = _rates(
@@ -89,13 +87,13 @@ def _standing(leg: Leg, sensors: Sensors, i: int, field_b: Array) -> Array:
     return np.outer(rates, C_s_b @ sensors.projection[i]) * leg.duration_s
 
 
-def _turning(leg: Leg, sensors: Sensors, i: int, field_b: Array) -> Array:
+def _turning(leg: Leg, sensors: Sensors, i: int, field_b: Floats) -> Floats:
     assert leg.axis is not None
     start, end = leg.start_deg[leg.axis], leg.end_deg[leg.axis]
     felt = _felt(leg, sensors.H[i], sensors, field_b)
     projected = _projected(leg, sensors.projection[i])
 
-    def over(f: Array, low: float, high: float) -> Array:
+    def over(f: Floats, low: float, high: float) -> Floats:
         """Integrate over time: dt = dθ / rate."""
         return harmonics.product_integral(f, projected, low, high) / leg.rate
 
@@ -111,15 +109,15 @@ def _turning(leg: Leg, sensors: Sensors, i: int, field_b: Array) -> Array:
     return result
 
 
-def _harmonic(leg: Leg, a: Array) -> Array:
-    """Return the components of ``a`` as the turn carries it, but for Rx(αO): (3 terms, 3 axes)."""
+def _harmonic(leg: Leg, a: Floats) -> Floats:
+    """Return the components of the rotating ``a``, apart from Rx(αO): (3 terms, 3 axes)."""
     if leg.axis == INNER:
         return np.array([[0.0, 0.0, a[2]], [a[0], a[1], 0.0], [-a[1], a[0], 0.0]])
     x, y, z = rotation_z(leg.start_deg[0]) @ a
     return np.array([[x, 0.0, 0.0], [0.0, y, z], [0.0, -z, y]])
 
 
-def _projected(leg: Leg, projection: Array) -> Array:
+def _projected(leg: Leg, projection: Floats) -> Floats:
     """Return ``C_s_b`` times the projection in harmonics of the turning angle, shape (3, 3)."""
     harmonic = _harmonic(leg, projection)
     if leg.axis == INNER:
@@ -127,10 +125,10 @@ def _projected(leg: Leg, projection: Array) -> Array:
     return harmonic
 
 
-def _felt(leg: Leg, a: Array, sensors: Sensors, field_b: Array) -> Array:
-    """Return what an axis ``a`` feels in harmonics of the turning angle, shape (3,)."""
-    felt: Array = _projected(leg, a) @ field_b
+def _felt(leg: Leg, a: Floats, sensors: Sensors, field_b: Floats) -> Floats:
+    """Return the input along an axis ``a`` in harmonics of the turning angle, shape (3,)."""
+    felt: Floats = _projected(leg, a) @ field_b
     if sensors.kind == "gyro":
-        # Its component along the turning axis, which the turn leaves as it is.
+        # Its component along the turning axis, which the rotation leaves unchanged.
         felt[0] += _harmonic(leg, a)[0, 2 if leg.axis == INNER else 0] * leg.rate
     return felt

@@ -1,21 +1,21 @@
-"""All schemes of half turns that keep the paper's principles and given ranges.
+"""Enumerates all half-turn schemes that follow the paper's principles within given ranges.
 
-Principles (paper, section 3), as table 1 keeps them:
+Principles (paper, section 3), as followed by table 1:
 
 1. One axis turns at a time, by half turns.
-2. The axis changes after every half turn. Table 1 turns one axis twice running only where a group
+2. The axis changes after every half turn. Table 1 turns one axis twice in a row only where a group
    of four positions ends (rows 4-5, 8-9, 12-13).
-3. An axis reverses after a half turn: within a group of four positions each axis turns once either
-   way *as seen from the body*. For the inner axis that sense is the turntable's, or its opposite
-   while the outer axis has turned it over.
+3. An axis reverses after a half turn: within a group of four positions each axis turns once in each
+   direction *as seen from the body*. For the inner axis that direction is the turntable's, or the
+   opposite while the outer axis has it upside down.
 4. The second half is the mirror image of the first: "retraced" as in table 1, the turns in reverse
    order and opposite sense; "inverted", in the same order and opposite sense; or "reversed", in
    reverse order and the same sense, as rows 5-8 after rows 1-4. With a slip ring also "repeated":
    the same turns again.
 
-Both axes come back to 0; with a slip ring the inner one may end whole turns further on.
+Both axes return to 0; with a slip ring the inner one may end whole turns away.
 
-`loose` gives up 3, and of 2 keeps only that no axis turns three times running within a half.
+`loose` drops principle 3 and relaxes 2: no axis may turn three times in a row within a half.
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from host_tools.errors import RehearsalError
-from host_tools.rotation.kinematics import INNER, OUTER
+from rrins.host_tools.errors import RehearsalError
+from rrins.host_tools.rotation.kinematics import INNER, OUTER
 
 Moves = NDArray[np.int8]
 """Half turns, shape (n, positions): 0 inner +, 1 inner -, 2 outer +, 3 outer -."""
@@ -37,30 +37,30 @@ MIRRORS: Final = ("retraced", "inverted", "reversed", "repeated")
 SENSE: Final = np.array([1, -1, 1, -1], dtype=np.int8)
 
 _GROUP = 4
-_MOST_POSITIONS = 64  # that a firmware's scheme can have
+_MOST_POSITIONS = 64  # limit of the firmware
 _MOST_HALVES = 400_000
 
 
 class SearchError(RehearsalError):
-    """Limits of a search that no scheme keeps, or that too many do."""
+    """No scheme is within the limits of a search, or too many are."""
 
 
 @dataclass(frozen=True)
 class Limits:
-    """What a scheme may look like; the default ranges are those of table 1.
+    """Limits of a search; the default ranges are those of table 1.
 
     Attributes
     ----------
     positions : int
         Even, 4 to 64.
     inner_range_deg, outer_range_deg : float
-        Widest range of angles of an axis.
+        Maximum range of angles of an axis.
     slip_ring : bool
-        Whether the inner axis may wind on without end.
+        Whether the inner axis may rotate without limit.
     loose : bool
-        See the module.
+        See the module docstring.
     turn_rate_dps, stand_s : float
-        Of the scheme.
+        Rate of turning, and standing time after each turn.
     """
 
     positions: int = 16
@@ -73,12 +73,12 @@ class Limits:
 
 
 def candidates(limits: Limits) -> tuple[Moves, NDArray[np.int8]]:
-    """Return all schemes within limits, and of each the index in `MIRRORS` of how it is mirrored.
+    """Return all schemes within limits, with the index of their mirroring in `MIRRORS`.
 
     Raises
     ------
     SearchError
-        When no scheme keeps the limits, or too many would have to be tried.
+        If no scheme is within the limits, or too many would have to be tried.
     """
     if limits.positions % 2 or not _GROUP <= limits.positions <= _MOST_POSITIONS:
         raise SearchError(f"--positions {limits.positions}: must be even, 4 to {_MOST_POSITIONS}")
@@ -87,13 +87,13 @@ def candidates(limits: Limits) -> tuple[Moves, NDArray[np.int8]]:
         halves = _within(_extended(halves, limits.loose), limits)
         if len(halves) > _MOST_HALVES:
             raise SearchError(
-                f"--positions {limits.positions}: more than {_MOST_HALVES} first halves to try; "
-                "take fewer positions or narrower ranges"
+                f"--positions {limits.positions}: over {_MOST_HALVES} first halves to try; "
+                "use fewer positions or narrower ranges"
             )
     found = [_within(whole, limits) for whole in _mirrored(halves, limits.slip_ring)]
     moves = np.concatenate(found)
     if not len(moves):
-        raise SearchError("no scheme of half turns keeps these ranges; allow wider ones")
+        raise SearchError("no half-turn scheme fits these ranges; allow wider ones")
     mirrors = np.repeat(np.arange(len(found), dtype=np.int8), [len(part) for part in found])
     moves, first = np.unique(moves, axis=0, return_index=True)
     return moves, mirrors[first]
@@ -107,7 +107,7 @@ def angles(moves: Moves, axis: int) -> NDArray[np.int_]:
 
 
 def _extended(moves: Moves, loose: bool) -> Moves:
-    """Return the sequences with each next half turn that the principles allow."""
+    """Return the sequences extended by every half turn that the principles allow."""
     count, done = moves.shape
     following = np.tile(np.arange(4, dtype=np.int8), count)[:, None]
     longer = np.concatenate([np.repeat(moves, 4, axis=0), following], axis=1)
@@ -126,14 +126,14 @@ def _extended(moves: Moves, loose: bool) -> Moves:
 
 
 def _body_sense(moves: Moves) -> NDArray[np.int8]:
-    """Return the sense of each half turn about the axis as it stands in the body, ±1."""
+    """Return the sense of each half turn as seen from the body, ±1."""
     turned_over = angles(moves, OUTER)[:, :-1] % 2
     sense = SENSE[moves]
     return np.where(moves // 2 == INNER, sense * (1 - 2 * turned_over), sense).astype(np.int8)
 
 
 def _within(moves: Moves, limits: Limits) -> Moves:
-    """Return the sequences that keep the ranges."""
+    """Return the sequences within the ranges."""
     keeps = np.ptp(angles(moves, OUTER), axis=1) * 180 <= limits.outer_range_deg
     if not limits.slip_ring:
         keeps &= np.ptp(angles(moves, INNER), axis=1) * 180 <= limits.inner_range_deg
@@ -141,11 +141,11 @@ def _within(moves: Moves, limits: Limits) -> Moves:
 
 
 def _mirrored(halves: Moves, slip_ring: bool) -> Iterator[Moves]:
-    """Return the whole schemes, in the order of `MIRRORS`."""
+    """Yield the complete schemes, in the order of `MIRRORS`."""
     opposite = halves ^ 1
     yield np.concatenate([halves, opposite[:, ::-1]], axis=1)
     yield np.concatenate([halves, opposite], axis=1)
-    # These two go on by as much as the first half.
+    # These two repeat the net rotation of the first half.
     inner, outer = angles(halves, INNER)[:, -1], angles(halves, OUTER)[:, -1]
     comes_back = (outer == 0) & ((inner == 0) | slip_ring)
     yield np.concatenate([halves, halves[:, ::-1]], axis=1)[comes_back]

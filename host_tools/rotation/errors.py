@@ -1,14 +1,14 @@
-"""The constant errors of a set of sensors, and what rate of error they make in the body frame.
+"""The constant errors of a set of sensors, and their error rates in the body frame.
 
-First order, paper (25) and (35): of sensor i with input axis h, feeling x (ω^s or f^s),
+First order, paper (25) and (35): for sensor i with input axis h and input x (ω^s or f^s),
 
     bias   b
     MESSF  λ h x                       symmetric scale factor error
     MEASF  μ sign(h x) h x             asymmetric scale factor error
     MEIE   -(δu v + δv u) x            installation error
 
-along its input axis. Into the body frame it goes as ``C_s_b h'`` (24), or with its share in the
-fused solution, ``C_s_b`` times its column of ``(H'WH)^-1 H'W`` (54).
+along its input axis. It maps to the body frame as ``C_s_b h'`` (24) or, weighted by its share in
+the fused solution, as ``C_s_b`` times its column of ``(H'WH)^-1 H'W`` (54).
 """
 
 from __future__ import annotations
@@ -17,23 +17,22 @@ from dataclasses import dataclass
 from typing import Final, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
-from host_tools.hardware.sensors import input_axis, transverse_axes
-from host_tools.hardware.settings import SensorErrors
+from rrins.dbc.record import Floats
+from rrins.host_tools.hardware.sensors import input_axis, transverse_axes
+from rrins.host_tools.hardware.settings import SensorErrors
 
-Array = NDArray[np.float64]
 Kind = Literal["gyro", "accelerometer"]
 
 ERRORS: Final = ("bias", "MESSF", "MEASF", "MEIE")
-"""Kinds of error, in the order of every array's axis of four."""
+"""Kinds of error, in the order of the length-4 axis of all arrays."""
 BIAS, MESSF, MEASF, MEIE = range(4)
 
 _DUST = 1e-15
-"""What rounding leaves of a component that is zero by geometry, such as cos 90°."""
+"""Rounding residue of components that are zero by geometry, such as cos 90°."""
 
 
-def _without_dust(matrix: Array) -> Array:
+def _without_dust(matrix: Floats) -> Floats:
     return np.where(np.abs(matrix) < _DUST, 0.0, matrix)
 
 
@@ -45,9 +44,9 @@ class Sensors:
     ----------
     kind : "gyro" or "accelerometer"
     H : array, shape (m, 3)
-        Design directions of the input axes, a row for each.
+        Design directions of the input axes, one per row.
     projection : array, shape (m, 3)
-        What an error along a sensor's axis becomes in the sensor frame.
+        Projection of an error along a sensor's axis into the sensor frame.
     bias : array, shape (m,)
         rad/s or m/s².
     scale_error, asymmetric_scale_error : array, shape (m,)
@@ -57,12 +56,12 @@ class Sensors:
     """
 
     kind: Kind
-    H: Array
-    projection: Array
-    bias: Array
-    scale_error: Array
-    asymmetric_scale_error: Array
-    axis_error: Array
+    H: Floats
+    projection: Floats
+    bias: Floats
+    scale_error: Floats
+    asymmetric_scale_error: Floats
+    axis_error: Floats
 
     def __len__(self) -> int:
         return len(self.bias)
@@ -88,12 +87,12 @@ def sensors_of(
     axes_deg : pairs of floats
         Polar angle from z_s and azimuth from x_s of each input axis. Paper, figure 1.
     errors : SensorErrors of each sensor
-        Noise is left out.
+        Noise is ignored.
     fused : bool
-        Whether an error counts with its share in the solution by weighted least squares (54),
-        instead of along its own axis (24).
+        Whether an error is weighted by its share in the weighted least-squares solution (54)
+        instead of acting along its own axis (24).
     weights : floats, optional
-        Of the least squares; all 1 without.
+        Weights of the least squares; all 1 by default.
     """
     angles = np.radians(np.asarray(axes_deg, dtype=float))
     H = _without_dust(np.array([input_axis(alpha, beta) for alpha, beta in angles]))
@@ -112,14 +111,14 @@ def sensors_of(
     )
 
 
-def _gain(H: Array, weights: tuple[float, ...] | None) -> Array:
+def _gain(H: Floats, weights: tuple[float, ...] | None) -> Floats:
     """Return ``(H'WH)^-1 H'W``, shape (3, m). Paper, (54)."""
     weighted = H.T if weights is None else H.T * np.asarray(weights)
-    gain: Array = np.linalg.solve(weighted @ H, weighted)
+    gain: Floats = np.linalg.solve(weighted @ H, weighted)
     return gain
 
 
-def error_rates(sensors: Sensors, C_s_b: Array, felt_s: Array) -> Array:
+def error_rates(sensors: Sensors, C_s_b: Floats, felt_s: Floats) -> Floats:
     """Return the rates of all errors of all sensors in the body frame. Paper, (24), (25), (35).
 
     Parameters
@@ -141,5 +140,5 @@ def error_rates(sensors: Sensors, C_s_b: Array, felt_s: Array) -> Array:
     rate[..., MEASF] = sensors.asymmetric_scale_error * np.abs(along)
     rate[..., MEIE] = felt_s @ sensors.axis_error.T
     projected_b = np.einsum("nij,mj->nmi", C_s_b, sensors.projection)
-    rates: Array = rate[..., None] * projected_b[:, :, None, :]
+    rates: Floats = rate[..., None] * projected_b[:, :, None, :]
     return rates

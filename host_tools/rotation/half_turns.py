@@ -1,7 +1,7 @@
-"""Schemes of half turns, judged in thousands.
+"""Fast evaluation of thousands of half-turn schemes.
 
-What a half turn does to every error hangs on the axis, its sense, and whether each axis stands at
-an even or odd number of half turns: 16 cases. These and the four attitudes of standing are
+The effect of a half turn on each error depends only on the axis, its sense, and whether each axis
+is at an even or odd number of half turns: 16 cases. These and the four stationary attitudes are
 integrated once; a scheme is then a sum over its positions.
 """
 
@@ -12,13 +12,13 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from firmware_py.settings import Scheme, Turn
-from host_tools.rotation.analysis import VANISHES, grid_of, running_integral
-from host_tools.rotation.enumeration import SENSE, Moves, angles
-from host_tools.rotation.kinematics import INNER, OUTER, Leg
-from host_tools.rotation.merit import Moments, Rimu, leg_moments, sum_of_squares
+from rrins.dbc.record import Floats
+from rrins.firmware_py.core.settings import Scheme, Turn
+from rrins.host_tools.rotation.analysis import VANISHES, grid_of, running_integral
+from rrins.host_tools.rotation.enumeration import SENSE, Moves, angles
+from rrins.host_tools.rotation.kinematics import INNER, OUTER, Leg
+from rrins.host_tools.rotation.merit import Moments, SensorSet, leg_moments, sum_of_squares
 
-Array = NDArray[np.float64]
 _Cases = NDArray[np.int_]
 
 _ATTITUDES = 4
@@ -26,15 +26,15 @@ _MOVES = 4
 
 
 class HalfTurns:
-    """The errors of a RIMU in half turns at a rate, each with standing after it.
+    """The errors of a RIMU in half turns at a given rate, each followed by a stationary period.
 
     Parameters
     ----------
-    rimu : Rimu
+    rimu : SensorSet
     turn_rate_dps, stand_s : float
     """
 
-    def __init__(self, rimu: Rimu, turn_rate_dps: float, stand_s: float) -> None:
+    def __init__(self, rimu: SensorSet, turn_rate_dps: float, stand_s: float) -> None:
         self._turn_rate_dps, self._stand_s = turn_rate_dps, stand_s
         self._gyros = len(rimu.gyros)
         turns = [
@@ -46,7 +46,7 @@ class HalfTurns:
         self._turns = _stacked([leg_moments(leg, rimu) for leg in turns])
         self._stands = _stacked([leg_moments(leg, rimu) for leg in stands]) if stands else None
         self._integrals = np.stack([_integrals(leg, rimu) for leg in [*turns, *stands]])
-        # As large as the integral of an error gets in one leg, on any axis: for "vanishes".
+        # Largest integral of an error in one leg, on any axis: the scale for "vanishes".
         self._scale = np.abs(self._integrals).max(axis=(0, 3), keepdims=True)
 
     def scheme(self, moves: Moves) -> Scheme:
@@ -63,16 +63,16 @@ class HalfTurns:
             stand_s=self._stand_s,
         )
 
-    def judge(self, moves: Moves) -> tuple[NDArray[np.int_], Array]:
-        """Return for each scheme how many residuals remain and its velocity error.
+    def judge(self, moves: Moves) -> tuple[NDArray[np.int_], Floats]:
+        """Return the number of remaining residuals and the velocity error of each scheme.
 
         Returns
         -------
         remaining : array, shape (n,)
-            Of the 24 residuals (4 errors of gyros and 4 of accelerometers, 3 axes) those that do
-            not vanish for every sensor.
+            How many of the 24 residuals (4 gyro and 4 accelerometer errors, 3 axes) do not vanish
+            for every sensor.
         rms_mps : array, shape (n,)
-            See `host_tools.rotation.merit.VelocityError`.
+            See `rrins.host_tools.rotation.merit.VelocityError`.
         """
         attitudes = angles(moves, INNER) % 2 + 2 * (angles(moves, OUTER) % 2)
         turns = attitudes[:, :-1] * _MOVES + moves
@@ -90,7 +90,7 @@ class HalfTurns:
         kinds = (stays[:, : self._gyros], stays[:, self._gyros :])
         return np.sum([kind.any(axis=1).sum(axis=(1, 2)) for kind in kinds], axis=0)
 
-    def _rms(self, turns: _Cases, stands: _Cases) -> Array:
+    def _rms(self, turns: _Cases, stands: _Cases) -> Floats:
         count, positions = turns.shape
         velocity = np.zeros((count, self._turns.step.shape[1]))
         slope, squares = np.zeros_like(velocity), np.zeros_like(velocity)
@@ -99,12 +99,12 @@ class HalfTurns:
             for table, cases in ((self._turns, turns[:, k]), (self._stands, stands[:, k])):
                 if table is None:
                     continue
-                leg = _taken(table, cases)
+                leg = _chosen(table, cases)
                 squares += sum_of_squares(velocity, slope, leg)
                 velocity += slope * leg.duration_s + leg.step
                 slope += leg.slope
                 duration_s += leg.duration_s
-        rms: Array = np.sqrt(squares.sum(axis=1) / duration_s)
+        rms: Floats = np.sqrt(squares.sum(axis=1) / duration_s)
         return rms
 
 
@@ -117,8 +117,8 @@ def _half_turn(attitude: int, move: int, duration_s: float) -> Leg:
     return Leg(1, axis, _angles_deg(attitude), 180.0 * float(SENSE[move]), duration_s)
 
 
-def _integrals(leg: Leg, rimu: Rimu) -> Array:
-    """Return what the errors of all gyros, then accelerometers integrate to, (sensors, 4, 3)."""
+def _integrals(leg: Leg, rimu: SensorSet) -> Floats:
+    """Return the error integrals of all gyros, then all accelerometers, (sensors, 4, 3)."""
     grid = grid_of(leg, rimu.felt_by)
     return np.concatenate(
         [running_integral(leg, sensors, field, grid)[-1] for sensors, field in rimu.felt_by]
@@ -137,7 +137,7 @@ def _stacked(legs: list[Moments]) -> Moments:
     )
 
 
-def _taken(table: Moments, cases: _Cases) -> Moments:
+def _chosen(table: Moments, cases: _Cases) -> Moments:
     return Moments(
         duration_s=table.duration_s,
         step=table.step[cases],

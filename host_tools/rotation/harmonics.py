@@ -1,7 +1,7 @@
 """Functions ``f(θ) = f0 + f1 cos θ + f2 sin θ``: their zeros, and integrals of their products.
 
-Whatever a sensor feels while one axis turns is of this form in the angle of that axis, and so is
-the projection of its error into the body frame.
+While one axis turns, every sensor input has this form in the angle of that axis, and so does the
+projection of the sensor's error into the body frame.
 """
 
 from __future__ import annotations
@@ -9,23 +9,21 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
-from host_tools.rotation.kinematics import cos_sin
-
-Array = NDArray[np.float64]
+from rrins.dbc.record import Floats
+from rrins.host_tools.rotation.kinematics import cos_sin
 
 _FLAT = 1e-14
-"""An amplitude below this share of the largest coefficient is rounding, not a harmonic."""
+"""An amplitude below this share of the largest coefficient counts as rounding error."""
 
 
-def value(f: Array, angle_deg: float) -> float:
+def value(f: Floats, angle_deg: float) -> float:
     """Return f at an angle in degrees; `f` has shape (3,)."""
     cosine, sine = cos_sin(angle_deg)
     return float(f[0] + f[1] * cosine + f[2] * sine)
 
 
-def zeros(f: Array, start_deg: float, end_deg: float) -> list[float]:
+def zeros(f: Floats, start_deg: float, end_deg: float) -> list[float]:
     """Return the angles strictly between two angles at which f changes sign, ascending, deg."""
     amplitude = math.hypot(f[1], f[2])
     largest = float(np.max(np.abs(f)))
@@ -41,7 +39,7 @@ def zeros(f: Array, start_deg: float, end_deg: float) -> list[float]:
     return sorted(float(angle) for angle in found)
 
 
-def _products(start_deg: float, end_deg: float) -> Array:
+def _products(start_deg: float, end_deg: float) -> Floats:
     """Return the integrals over θ (rad) of the products of (1, cos θ, sin θ), shape (3, 3)."""
     (cosine_1, sine_1), (cosine_2, sine_2) = cos_sin(start_deg), cos_sin(end_deg)
     angle = math.radians(end_deg - start_deg)
@@ -58,8 +56,8 @@ def _products(start_deg: float, end_deg: float) -> Array:
     )
 
 
-def product_integral(f: Array, p: Array, start_deg: float, end_deg: float) -> Array:
-    """Return the integral over θ (rad) of f times each of several p.
+def product_integral(f: Floats, p: Floats, start_deg: float, end_deg: float) -> Floats:
+    """Return the integral over θ (rad) of f times each function p.
 
     Parameters
     ----------
@@ -72,5 +70,5 @@ def product_integral(f: Array, p: Array, start_deg: float, end_deg: float) -> Ar
     -------
     array, shape (n,)
     """
-    integral: Array = f @ _products(start_deg, end_deg) @ p
+    integral: Floats = f @ _products(start_deg, end_deg) @ p
     return integral

@@ -1,4 +1,4 @@
-"""What the command line names: schemes, geometries and errors, built in or in TOML files."""
+"""Resolves names on the command line: schemes, geometries and errors, built in or in TOML files."""
 
 from __future__ import annotations
 
@@ -8,19 +8,20 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, Final
+from typing import Final
 
 from pydantic import ValidationError
 
-from firmware_py.settings import Scheme
-from host_tools.errors import ScenarioError
-from host_tools.geometry import GEOMETRIES
-from host_tools.outfit import hardware_settings
-from host_tools.rotation.errors import sensors_of
-from host_tools.rotation.merit import Rimu
-from host_tools.scenario import Scenario, first_line
-from host_tools.schemes import SCHEMES
-from host_tools.tables import each
+from rrins.firmware_py.core.settings import Scheme
+from rrins.host_tools.errors import ScenarioError
+from rrins.host_tools.files import JsonObject
+from rrins.host_tools.rotation.errors import sensors_of
+from rrins.host_tools.rotation.merit import SensorSet
+from rrins.host_tools.runs.settings import hardware_settings
+from rrins.host_tools.scenario.geometry import GEOMETRIES
+from rrins.host_tools.scenario.scenario import Scenario, first_line
+from rrins.host_tools.scenario.schemes import SCHEMES
+from rrins.host_tools.scenario.tables import each
 
 PAPER_ERRORS: Final = MappingProxyType(
     {
@@ -40,14 +41,14 @@ PAPER_ERRORS: Final = MappingProxyType(
         },
     }
 )
-"""The errors of sensor 3 in the paper, section 4.2; here of every sensor."""
+"""The errors of sensor 3 in the paper, section 4.2; used here for every sensor."""
 
 _AXES = ("gyro_axes_deg", "accelerometer_axes_deg")
 
 
 @dataclass(frozen=True)
 class NamedScheme:
-    """A scheme and what to call it."""
+    """A scheme and its name."""
 
     name: str
     scheme: Scheme
@@ -55,14 +56,14 @@ class NamedScheme:
 
 @dataclass(frozen=True)
 class NamedRimu:
-    """A RIMU with its errors, and what its geometry is called.
+    """A RIMU with its errors, and the name of its geometry.
 
-    `errors` are the tables `gyros` and `accelerometers` in the keys of a scenario.
+    `errors` holds the tables `gyros` and `accelerometers` with a scenario's keys.
     """
 
     geometry: str
-    rimu: Rimu
-    errors: dict[str, Any]
+    rimu: SensorSet
+    errors: JsonObject
 
 
 def scheme_of(
@@ -73,18 +74,18 @@ def scheme_of(
     Parameters
     ----------
     name : str
-        Built in (`host_tools.schemes`), or a TOML file: ``[[turns]]`` with `axis` and `angle_deg`,
-        and `turn_rate_dps`, `stand_s`; or a scenario, whose `[firmware]` says the same.
+        Built in (`scenario.schemes`), or a TOML file: ``[[turns]]`` with `axis` and `angle_deg`,
+        and `turn_rate_dps`, `stand_s`; or a scenario with the same in `[firmware]`.
     turn_rate_dps, stand_s : float, optional
-        In place of the file's.
+        Override the file's values.
 
     Raises
     ------
     ScenarioError
-        One line: which scheme, what is wrong.
+        In one line: which scheme, what is wrong.
     """
     if name in SCHEMES:
-        table: dict[str, Any] = {"turns": SCHEMES[name]}
+        table: JsonObject = {"turns": SCHEMES[name]}
     else:
         table = _scheme_table(name, _read("scheme", name, SCHEMES, "rrins scheme list"))
     given = {"turn_rate_dps": turn_rate_dps, "stand_s": stand_s}
@@ -95,8 +96,8 @@ def scheme_of(
         raise ScenarioError(f"scheme {name}: {first_line(error, Scheme)}") from error
 
 
-def _scheme_table(name: str, table: dict[str, Any]) -> dict[str, Any]:
-    """Return the keys of a `Scheme` from a file's."""
+def _scheme_table(name: str, table: JsonObject) -> JsonObject:
+    """Convert a file's keys to those of a `Scheme`."""
     if "firmware" not in table:
         return table
     firmware = _checked(f"scheme {name}", {"duration_s": 1.0, **table}).scheme
@@ -109,28 +110,28 @@ def rimu_of(
     fused: bool = False,
     earth_latitude_deg: float | None = None,
 ) -> NamedRimu:
-    """Return the sensors with their errors.
+    """Return the sensors and their errors.
 
     Parameters
     ----------
     geometry : str, optional
-        Built in (`host_tools.geometry`), or a TOML file with `gyro_axes_deg` and
-        `accelerometer_axes_deg`, at its top or in `[rimu]`. Without it that of the file of errors,
-        and without that the tetrahedron.
+        Built in (`rrins.host_tools.scenario.geometry`), or a TOML file with `gyro_axes_deg` and
+        `accelerometer_axes_deg`, at top level or in `[rimu]`. Defaults to the geometry of the
+        error file, or else to the tetrahedron.
     errors : str, optional
-        TOML file with `[gyros]` and `[accelerometers]` in the keys of a scenario, or a scenario.
-        Without it `PAPER_ERRORS`.
+        TOML file with `[gyros]` and `[accelerometers]` with a scenario's keys, or a scenario.
+        Defaults to `PAPER_ERRORS`.
     fused, earth_latitude_deg
         As in `sensors_of` and `analyse`.
 
     Raises
     ------
     ScenarioError
-        One line: which file, what is wrong.
+        In one line: which file, what is wrong.
     """
     where = f"errors {errors}"
     if errors is None:
-        table: dict[str, Any] = {key: dict(value) for key, value in PAPER_ERRORS.items()}
+        table: JsonObject = {key: dict(value) for key, value in PAPER_ERRORS.items()}
         where = f"geometry {geometry}"
     else:
         table = _read("errors", errors, (), "a TOML file")
@@ -155,7 +156,7 @@ def _geometry_name(geometry: str | None, scenario: Scenario) -> str:
     return geometry if geometry in GEOMETRIES else Path(geometry).stem
 
 
-def _rimu_table(geometry: str) -> dict[str, Any]:
+def _rimu_table(geometry: str) -> JsonObject:
     if geometry in GEOMETRIES:
         return {"geometry": geometry}
     table = _read("geometry", geometry, GEOMETRIES, "a TOML file with gyro_axes_deg")
@@ -164,11 +165,11 @@ def _rimu_table(geometry: str) -> dict[str, Any]:
     return table
 
 
-def _rimu(scenario: Scenario, fused: bool, earth_latitude_deg: float | None) -> Rimu:
+def _rimu(scenario: Scenario, fused: bool, earth_latitude_deg: float | None) -> SensorSet:
     axes = (scenario.rimu.gyros, scenario.rimu.accelerometers)
     weights = (scenario.firmware.gyro_weights, scenario.firmware.accelerometer_weights)
     hardware = hardware_settings(scenario)
-    return Rimu(
+    return SensorSet(
         gyros=sensors_of(
             "gyro", axes[0], hardware.gyros.errors, fused, each(weights[0], len(axes[0]))
         ),
@@ -183,14 +184,14 @@ def _rimu(scenario: Scenario, fused: bool, earth_latitude_deg: float | None) -> 
     )
 
 
-def _checked(where: str, table: dict[str, Any]) -> Scenario:
+def _checked(where: str, table: JsonObject) -> Scenario:
     try:
         return Scenario.model_validate(table)
     except ValidationError as error:
         raise ScenarioError(f"{where}: {first_line(error)}") from error
 
 
-def _read(what: str, name: str, built_in: Iterable[str], otherwise: str) -> dict[str, Any]:
+def _read(what: str, name: str, built_in: Iterable[str], otherwise: str) -> JsonObject:
     """Return a TOML file's table."""
     path = Path(name)
     try:

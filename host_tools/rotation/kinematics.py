@@ -1,20 +1,19 @@
 """A rotation scheme as legs, and the attitude of the sensor frame along them.
 
-Angles are in degrees here, so that half turns are exact: cosine and sine of whole quarter turns
-come out as 0 and ±1, and what a scheme cancels is zero, not 1e-16.
+Angles are in degrees here, so that half turns are exact: cosine and sine of whole quarter turns are
+exactly 0 and ±1, and what a scheme cancels is zero, not 1e-16.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Final, Literal
+from typing import Final, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from firmware_py.settings import Scheme
-
-Array = NDArray[np.float64]
+from rrins.dbc.record import Floats
+from rrins.firmware_py.core.settings import Scheme
 
 INNER: Final = 0
 OUTER: Final = 1
@@ -24,18 +23,18 @@ _LEAST_TURN_DEG = 1e-6
 
 @dataclass(frozen=True)
 class Leg:
-    """One axis turning at a constant rate, or both standing.
+    """One axis turning at a constant rate, or both at rest.
 
     Attributes
     ----------
     position : int
-        Of the scheme, from 1.
+        Position in the scheme, from 1.
     axis : 0, 1 or None
-        INNER, OUTER, or None while both stand.
+        INNER, OUTER, or None if both are at rest.
     start_deg : tuple of two floats
         Inner and outer angle at the beginning.
     turn_deg : float
-        Signed angle of the turn; 0 while standing.
+        Signed angle of the turn; 0 if at rest.
     duration_s : float
         Above 0.
     """
@@ -62,9 +61,9 @@ class Leg:
 
 
 def legs_of(scheme: Scheme, start_deg: tuple[float, float] = (0.0, 0.0)) -> tuple[Leg, ...]:
-    """Return the legs of one cycle: of each position its turn, then the standing after it.
+    """Return the legs of one cycle: the turn of each position, then its stationary period.
 
-    A turn of less than 1e-6° is none.
+    Turns below 1e-6° are omitted.
     """
     legs: list[Leg] = []
     angles = start_deg
@@ -79,7 +78,7 @@ def legs_of(scheme: Scheme, start_deg: tuple[float, float] = (0.0, 0.0)) -> tupl
     return tuple(legs)
 
 
-def cos_sin(angle_deg: ArrayLike) -> tuple[Array, Array]:
+def cos_sin(angle_deg: ArrayLike) -> tuple[Floats, Floats]:
     """Return cosine and sine of angles in degrees; exact at whole quarter turns."""
     reduced = np.mod(np.asarray(angle_deg, dtype=float), 360.0)
     radians = np.radians(reduced)
@@ -89,7 +88,7 @@ def cos_sin(angle_deg: ArrayLike) -> tuple[Array, Array]:
     return cosine, sine
 
 
-def rotation_x(angle_deg: ArrayLike) -> Array:
+def rotation_x(angle_deg: ArrayLike) -> Floats:
     """Return Rx, shape (..., 3, 3). Paper, (22)."""
     cosine, sine = cos_sin(angle_deg)
     matrix = np.zeros((*cosine.shape, 3, 3))
@@ -100,7 +99,7 @@ def rotation_x(angle_deg: ArrayLike) -> Array:
     return matrix
 
 
-def rotation_z(angle_deg: ArrayLike) -> Array:
+def rotation_z(angle_deg: ArrayLike) -> Floats:
     """Return Rz, shape (..., 3, 3). Paper, (22)."""
     cosine, sine = cos_sin(angle_deg)
     matrix = np.zeros((*cosine.shape, 3, 3))
@@ -111,16 +110,16 @@ def rotation_z(angle_deg: ArrayLike) -> Array:
     return matrix
 
 
-def attitude(inner_deg: ArrayLike, outer_deg: ArrayLike) -> Array:
+def attitude(inner_deg: ArrayLike, outer_deg: ArrayLike) -> Floats:
     """Return ``C_s_b = Rx(outer) Rz(inner)``, shape (..., 3, 3). Paper, (22)."""
-    matrix: Array = rotation_x(outer_deg) @ rotation_z(inner_deg)
+    matrix: Floats = rotation_x(outer_deg) @ rotation_z(inner_deg)
     return matrix
 
 
-def table_rate_s(leg: Leg, inner_deg: Array) -> Array:
-    """Return the rate of the sensor frame against the body in its own axes, shape (..., 3), rad/s.
+def table_rate_s(leg: Leg, inner_deg: Floats) -> Floats:
+    """Return the rate of the sensor frame relative to the body, in sensor axes, (..., 3), rad/s.
 
-    The inner axis is z of the sensors; the outer one is x of the body, seen through the inner turn.
+    The inner axis is the sensors' z; the outer axis is the body's x, seen through the inner turn.
     """
     rate = np.zeros((*inner_deg.shape, 3))
     if leg.axis == INNER:
@@ -132,9 +131,9 @@ def table_rate_s(leg: Leg, inner_deg: Array) -> Array:
     return rate
 
 
-def angles_at(leg: Leg, time_s: Array) -> tuple[Array, Array]:
+def angles_at(leg: Leg, time_s: Floats) -> tuple[Floats, Floats]:
     """Return inner and outer angle, deg, at times since the leg's beginning."""
-    turned: Any = leg.turn_deg * (time_s / leg.duration_s)
+    turned = leg.turn_deg * (time_s / leg.duration_s)
     inner, outer = leg.start_deg
     still = np.zeros_like(time_s)
     return (

@@ -1,14 +1,14 @@
-"""What the errors of a RIMU cost in horizontal velocity while a scheme runs.
+"""Horizontal velocity error that a RIMU's errors cause while a scheme runs.
 
-A running integral of an accelerometer's error is a velocity error. One of a gyro's error is a tilt,
-and the tilt's integral times g a velocity error. Both grow from zero at the beginning of the cycle.
-All errors of all sensors count as independent, so their mean squares add up. Left out: the Earth's
-rate and Schuler's oscillation, so this holds for times short against 84 min; and heading and
-height, which do not reach the horizontal velocity of a vehicle that stands.
+The running integral of an accelerometer error is a velocity error. That of a gyro error is a tilt,
+and the integral of the tilt times g is a velocity error. Both start from zero at the beginning of
+the cycle. All errors of all sensors are treated as independent, so their mean squares add. The
+Earth's rate and the Schuler oscillation are neglected, so this holds for times short compared with
+84 min; heading and height are too, as they do not affect the horizontal velocity at rest.
 
-In a leg the velocity error is ``A + B t + s(t)``: A and B are what the legs before have left, s is
-of the leg alone. With three moments of s its mean square is exact, whatever came before, so a
-leg that occurs in many schemes is integrated once.
+Within a leg the velocity error is ``A + B t + s(t)``: A and B come from the preceding legs, s from
+the leg alone. Three moments of s yield the exact mean square for any A and B, so a leg that occurs
+in many schemes is integrated only once.
 """
 
 from __future__ import annotations
@@ -16,28 +16,26 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from firmware_py.settings import Scheme
-from host_tools.hardware.settings import STANDARD_GRAVITY
-from host_tools.rotation.analysis import (
+from rrins.dbc.record import Floats
+from rrins.firmware_py.core.settings import Scheme
+from rrins.host_tools.hardware.settings import STANDARD_GRAVITY
+from rrins.host_tools.rotation.analysis import (
     SPECIFIC_FORCE_B,
     earth_rate_b,
     grid_of,
     rates_at,
     running_integral,
 )
-from host_tools.rotation.errors import Sensors
-from host_tools.rotation.kinematics import Leg, legs_of
-
-Array = NDArray[np.float64]
+from rrins.host_tools.rotation.errors import Sensors
+from rrins.host_tools.rotation.kinematics import Leg, legs_of
 
 
 @dataclass(frozen=True)
-class Rimu:
-    """The sensors of both kinds, and where they are.
+class SensorSet:
+    """The sensors of both kinds, and their latitude.
 
-    `earth_latitude_deg` as in `host_tools.rotation.analysis.analyse`.
+    `earth_latitude_deg` as in `rrins.host_tools.rotation.analysis.analyse`.
     """
 
     gyros: Sensors
@@ -45,15 +43,15 @@ class Rimu:
     earth_latitude_deg: float | None = None
 
     @property
-    def felt_by(self) -> list[tuple[Sensors, Array]]:
-        """Sensors of each kind with what they feel besides the turning."""
+    def felt_by(self) -> list[tuple[Sensors, Floats]]:
+        """Sensors of each kind with their input apart from the rotation."""
         earth = earth_rate_b(self.earth_latitude_deg)
         return [(self.gyros, earth), (self.accelerometers, SPECIFIC_FORCE_B)]
 
 
 @dataclass(frozen=True)
 class Moments:
-    """The velocity error s(t) that one leg makes by itself; arrays have shape (channels,).
+    """The velocity error s(t) due to one leg alone; arrays have shape (channels,).
 
     A channel is one error of one sensor on one horizontal axis of the body.
 
@@ -63,36 +61,36 @@ class Moments:
     step : array
         s at the end, m/s.
     slope : array
-        By how much the leg changes the slope of the velocity error, m/s².
+        Change of the slope of the velocity error over the leg, m/s².
     sum_s, sum_ts, sum_ss : array
         Integrals of s, t s and s² over the leg.
     """
 
     duration_s: float
-    step: Array
-    slope: Array
-    sum_s: Array
-    sum_ts: Array
-    sum_ss: Array
+    step: Floats
+    slope: Floats
+    sum_s: Floats
+    sum_ts: Floats
+    sum_ss: Floats
 
 
 @dataclass(frozen=True)
 class VelocityError:
-    """Horizontal velocity error of a cycle, all errors of all sensors together.
+    """Horizontal velocity error of a cycle, for all errors of all sensors.
 
     Attributes
     ----------
     rms_mps : float
         Root of the mean square over the first cycle.
     growth_mps_per_h : float
-        What the cycle leaves, per hour.
+        Residual error of the cycle, per hour.
     """
 
     rms_mps: float
     growth_mps_per_h: float
 
 
-def velocity_error(scheme: Scheme, rimu: Rimu) -> VelocityError:
+def velocity_error(scheme: Scheme, rimu: SensorSet) -> VelocityError:
     """Return the horizontal velocity error over the first cycle of a scheme."""
     legs = legs_of(scheme)
     moments = [leg_moments(leg, rimu) for leg in legs]
@@ -109,13 +107,13 @@ def velocity_error(scheme: Scheme, rimu: Rimu) -> VelocityError:
     )
 
 
-def sum_of_squares(velocity: Array, slope: Array, leg: Moments) -> Array:
+def sum_of_squares(velocity: Floats, slope: Floats, leg: Moments) -> Floats:
     """Return the integral of the squared velocity error over a leg, per channel.
 
-    `velocity` and `slope` are those at its beginning, shape (..., channels).
+    `velocity` and `slope` are the values at its beginning, shape (..., channels).
     """
     t = leg.duration_s
-    squares: Array = (
+    squares: Floats = (
         velocity**2 * t
         + velocity * slope * t**2
         + slope**2 * (t**3 / 3)
@@ -126,8 +124,8 @@ def sum_of_squares(velocity: Array, slope: Array, leg: Moments) -> Array:
     return squares
 
 
-def leg_moments(leg: Leg, rimu: Rimu) -> Moments:
-    """Return what one leg adds to the horizontal velocity error."""
+def leg_moments(leg: Leg, rimu: SensorSet) -> Moments:
+    """Return the contribution of one leg to the horizontal velocity error."""
     grid = grid_of(leg, rimu.felt_by)
     parts = []
     for sensors, field_b in rimu.felt_by:
@@ -151,13 +149,13 @@ def leg_moments(leg: Leg, rimu: Rimu) -> Moments:
     )
 
 
-def _horizontal(values: Array) -> Array:
-    """Return x and y of every error of every sensor side by side, shape (n, channels)."""
+def _horizontal(values: Floats) -> Floats:
+    """Return x and y of every error of every sensor as columns, shape (n, channels)."""
     return values[..., :2].reshape(len(values), -1)
 
 
-def _integrate(values: Array, rate: Array, grid: Array) -> Array:
-    """Return the running integral, by values and rates at the ends of intervals (fourth order)."""
+def _integrate(values: Floats, rate: Floats, grid: Floats) -> Floats:
+    """Return the running integral from values and rates at the interval ends (fourth order)."""
     width = np.diff(grid)[:, None]
     pieces = width / 2 * (values[:-1] + values[1:]) + width**2 / 12 * (rate[:-1] - rate[1:])
     return np.concatenate([np.zeros((1, values.shape[1])), np.cumsum(pieces, axis=0)])

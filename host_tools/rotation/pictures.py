@@ -1,23 +1,19 @@
-"""Figures 7 and 8 of the paper: what the errors of one sensor integrate to over a cycle."""
+"""Figures 7 and 8 of the paper: the integrated errors of one sensor over a cycle."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from host_tools.results import taking_place
-from host_tools.rotation.analysis import Integrals, Variation
-from host_tools.rotation.errors import ERRORS
+from rrins.dbc.record import Floats
+from rrins.host_tools.drawing.style import LINES, new_figure
+from rrins.host_tools.files import replacing
+from rrins.host_tools.rotation.analysis import Integrals, Variation
+from rrins.host_tools.rotation.errors import ERRORS
 
-_LINES: dict[str, dict[str, Any]] = {
-    "x": {"color": "#0b5394", "linestyle": "-", "linewidth": 1.3},
-    "y": {"color": "#d2691e", "linestyle": (0, (5, 2)), "linewidth": 1.3},
-    "z": {"color": "#2e7d32", "linestyle": (0, (1.2, 1.4)), "linewidth": 1.6},
-}
 _TITLES = {
     "bias": "bias",
     "MESSF": "symmetric scale factor error (MESSF)",
@@ -40,8 +36,7 @@ def draw(variation: Variation, integrals: Integrals, sensor: int, title: str) ->
         From 1.
     title : str
     """
-    figure = Figure(figsize=(9.6, 6.0), layout="constrained", dpi=100)
-    FigureCanvasAgg(figure)
+    figure = new_figure(9.6, 6.0)
     figure.suptitle(title, fontsize="medium")
     panels = figure.subplots(2, 2, sharex=True)
     for k, (error, axes) in enumerate(zip(ERRORS, panels.flat, strict=True)):
@@ -52,12 +47,12 @@ def draw(variation: Variation, integrals: Integrals, sensor: int, title: str) ->
     return figure
 
 
-def _panel(axes: Any, variation: Variation, running: Any, integrals: Integrals) -> None:
+def _panel(axes: Axes, variation: Variation, running: Floats, integrals: Integrals) -> None:
     largest = float(np.max(np.abs(running)))
     factor, prefix = next((f, p) for above, f, p in _SCALES if largest > above or above == 0.0)
     for end_s in _position_ends(variation):
         axes.axvline(end_s, color="0.92", linewidth=0.6, zorder=0)
-    for j, (axis, line) in enumerate(_LINES.items()):
+    for j, (axis, line) in enumerate(zip("xyz", LINES, strict=False)):
         axes.plot(variation.time_s, running[:, j] * factor, label=f"${axis}_b$", **line)
     axes.axhline(0.0, color="0.5", linewidth=0.6, zorder=0)
     axes.margins(x=0)
@@ -81,7 +76,7 @@ def _position_ends(variation: Variation) -> list[float]:
 def write(
     folder: Path, variation: Variation, sensor: int, scheme: str, geometry: str
 ) -> list[Path]:
-    """Write both figures of one sensor into a folder as PNG; return their paths."""
+    """Write both figures of one sensor to a folder as PNG; return their paths."""
     paths = []
     for name, integrals, figure in (
         ("gyro_errors.png", variation.gyros, 7),
@@ -95,7 +90,7 @@ def write(
         )
         drawn = draw(variation, integrals, sensor, f"{title} (as the paper's figure {figure})")
         path = folder / name
-        with taking_place(path) as part:
+        with replacing(path) as part:
             drawn.savefig(part, format="png")
         paths.append(path)
     return paths

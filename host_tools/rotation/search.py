@@ -1,8 +1,8 @@
-"""The best schemes of half turns within limits, beside one that is known.
+"""Finds the best half-turn schemes within limits and compares them with a known one.
 
-Schemes are put in order by what remains of the errors after a cycle (as few residuals as possible),
-then by the rms of the horizontal velocity error over the cycle (`host_tools.rotation.merit`), then
-by the ranges of both axes, then by their reversals.
+Schemes are ranked by the number of residuals after a cycle, then by the rms of the horizontal
+velocity error over the cycle (`rotation.merit`), then by the ranges of both axes, then by their
+reversals; less is better.
 """
 
 from __future__ import annotations
@@ -13,34 +13,33 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from firmware_py.settings import Scheme
-from host_tools.rotation.analysis import analyse
-from host_tools.rotation.enumeration import MIRRORS, Limits, candidates
-from host_tools.rotation.half_turns import HalfTurns
-from host_tools.rotation.merit import Rimu, velocity_error
-from host_tools.rotation.travel import Travel, travel_of
-
-Array = NDArray[np.float64]
+from rrins.dbc.record import Floats
+from rrins.firmware_py.core.settings import Scheme
+from rrins.host_tools.rotation.analysis import analyse
+from rrins.host_tools.rotation.enumeration import MIRRORS, Limits, candidates
+from rrins.host_tools.rotation.half_turns import HalfTurns
+from rrins.host_tools.rotation.merit import SensorSet, velocity_error
+from rrins.host_tools.rotation.travel import Travel, travel_of
 
 _CHUNK = 4096
 _DIGITS = 9
-"""Velocity errors that agree to so many digits count as equal: schemes that mirror each other."""
+"""Velocity errors that agree to this many digits count as equal, as in mirrored schemes."""
 
 
 @dataclass(frozen=True)
 class Candidate:
-    """A scheme and what it is worth.
+    """A scheme and its figures of merit.
 
     Attributes
     ----------
     scheme : Scheme
     mirror : str or None
-        Of `MIRRORS`: how the second half comes from the first.
+        One of `MIRRORS`: how the second half follows from the first.
     remaining : int
-        Of the 24 residuals (4 errors of gyros and 4 of accelerometers, 3 axes) those that do not
-        vanish for every sensor.
+        How many of the 24 residuals (4 gyro and 4 accelerometer errors, 3 axes) do not vanish for
+        every sensor.
     velocity_rms_mps : float
-        See `host_tools.rotation.merit.VelocityError`.
+        See `rrins.host_tools.rotation.merit.VelocityError`.
     travel : Travel
     """
 
@@ -52,7 +51,7 @@ class Candidate:
 
     @property
     def order(self) -> tuple[float, ...]:
-        """Key that puts the better of two first."""
+        """Sort key; better schemes come first."""
         inner, outer = self.travel.inner, self.travel.outer
         return (
             self.remaining,
@@ -63,21 +62,21 @@ class Candidate:
 
 
 @dataclass(frozen=True)
-class Found:
+class SearchResult:
     """Outcome of a search.
 
     Attributes
     ----------
     count : int
-        Schemes that keep principles and limits.
+        Schemes that follow the principles and the limits.
     best : tuple of Candidate
-        From the best on.
+        Best first.
     reference : Candidate
         The scheme to compare with.
     better, equal : int or None
-        How many of the `count` leave fewer residuals than the reference or a smaller velocity
-        error, and how many the same of both. None where the cycle takes another time: the rms of
-        cycles of different length do not compare.
+        How many of the `count` beat the reference in residuals or velocity error, and how many
+        equal it in both. None if the cycle times differ, because the rms over cycles of different
+        length is not comparable.
     """
 
     count: int
@@ -89,29 +88,29 @@ class Found:
 
 def search(
     limits: Limits,
-    rimu: Rimu,
+    rimu: SensorSet,
     reference: Scheme,
     top: int = 5,
     on_progress: Callable[[int, int], None] | None = None,
-) -> Found:
+) -> SearchResult:
     """Return the best schemes within limits.
 
     Parameters
     ----------
     limits : Limits
-    rimu : Rimu
+    rimu : SensorSet
         Sensors and their errors.
     reference : Scheme
-        To stand beside what is found.
+        For comparison.
     top : int
         How many to return.
     on_progress : callable, optional
-        Told schemes done and schemes in all.
+        Receives the number of schemes done and the total.
 
     Raises
     ------
     SearchError
-        When no scheme keeps the limits, or too many would have to be tried.
+        If no scheme is within the limits, or too many would have to be tried.
     """
     moves, mirrors = candidates(limits)
     half_turns = HalfTurns(rimu, limits.turn_rate_dps, limits.stand_s)
@@ -133,7 +132,7 @@ def search(
     is_better = (remaining < less) | ((remaining == less) & (rounded < theirs))
     is_equal = (remaining == less) & (rounded == theirs)
     is_as_long = abs(best[0].scheme.cycle_s - reference.cycle_s) < 1e-6
-    return Found(
+    return SearchResult(
         count=len(moves),
         best=tuple(best),
         reference=beside,
@@ -142,8 +141,8 @@ def search(
     )
 
 
-def candidate_of(scheme: Scheme, rimu: Rimu) -> Candidate:
-    """Return what any scheme is worth."""
+def candidate_of(scheme: Scheme, rimu: SensorSet) -> Candidate:
+    """Evaluate any scheme."""
     variation = analyse(
         scheme, rimu.gyros, rimu.accelerometers, earth_latitude_deg=rimu.earth_latitude_deg
     )
@@ -158,14 +157,14 @@ def _candidate(scheme: Scheme, mirror: str | None, remaining: int, rms_mps: floa
     return Candidate(scheme, mirror, int(remaining), float(rms_mps), travel_of(scheme))
 
 
-def _rounded(rms_mps: Array) -> Array:
+def _rounded(rms_mps: Floats) -> Floats:
     scale = 10.0 ** (np.floor(np.log10(np.maximum(rms_mps, 1e-300))) - (_DIGITS - 1))
-    rounded: Array = np.round(rms_mps / scale) * scale
+    rounded: Floats = np.round(rms_mps / scale) * scale
     return rounded
 
 
-def _leading(remaining: NDArray[np.int_], rms_mps: Array, top: int) -> NDArray[np.intp]:
-    """Return the first schemes, and all that tie with the last of them."""
+def _leading(remaining: NDArray[np.int_], rms_mps: Floats, top: int) -> NDArray[np.intp]:
+    """Return the leading schemes, and all that tie with the last of them."""
     order = np.lexsort((rms_mps, remaining))
     last = order[min(top, len(order)) - 1]
     ties = (remaining == remaining[last]) & (rms_mps <= rms_mps[last])

@@ -1,27 +1,27 @@
-"""How far a scheme makes the axes of the turntable travel in one cycle: wear, and cable or ring."""
+"""Axis travel of a scheme in one cycle, which determines wear and the need for a slip ring."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import Literal
 
-from firmware_py.settings import Scheme
+from rrins.firmware_py.core.settings import Scheme
 
 
 @dataclass(frozen=True)
 class AxisTravel:
-    """What one axis does in one cycle, which it begins at 0°.
+    """Travel of one axis in one cycle that starts at 0°.
 
     Attributes
     ----------
     forward_deg, backward_deg : float
-        Travel in each sense, both positive.
+        Travel in each direction, both positive.
     lowest_deg, highest_deg : float
-        Angles that it reaches.
+        Extreme angles.
     net_deg : float
-        Angle at the end of the cycle; unless 0, the axis winds on and needs a slip ring.
+        Angle at the end of the cycle; unless it is 0, the axis keeps winding and needs a slip ring.
     reversals : int
-        Changes of sense within the cycle and into the next.
+        Changes of direction within the cycle and into the next.
     """
 
     forward_deg: float
@@ -33,25 +33,25 @@ class AxisTravel:
 
     @property
     def range_deg(self) -> float:
-        """Width of the angles of one cycle."""
+        """Range of angles in one cycle."""
         return self.highest_deg - self.lowest_deg
 
 
 @dataclass(frozen=True)
 class Travel:
-    """What both axes do in one cycle."""
+    """Travel of both axes in one cycle."""
 
     inner: AxisTravel
     outer: AxisTravel
 
     @property
     def returns(self) -> bool:
-        """Whether the sensor frame ends as it began, so that every cycle is like the first."""
+        """Whether the sensor frame ends in its initial attitude, so that all cycles are alike."""
         return self.inner.net_deg % 360 == 0 and self.outer.net_deg % 360 == 0
 
 
 def travel_of(scheme: Scheme) -> Travel:
-    """Return what both axes do in one cycle of a scheme."""
+    """Return the travel of both axes in one cycle of a scheme."""
     return Travel(_axis_travel(scheme, "inner"), _axis_travel(scheme, "outer"))
 
 

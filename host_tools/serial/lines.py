@@ -5,23 +5,23 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-from firmware_py.loop import Firmware
-from firmware_py.serial_lines import Note, SerialLines, SerialSettings
-from firmware_py.serial_port import SerialPortError
-from host_tools.errors import RehearsalError
+from rrins.firmware_py.loop import Firmware
+from rrins.firmware_py.serial.lines import Note, SerialLines, SerialSettings
+from rrins.firmware_py.serial.port import SerialPortError
+from rrins.host_tools.errors import RehearsalError
 
 
 class SerialError(RehearsalError):
-    """A serial line that cannot be opened, or is asked for what does not fit."""
+    """A serial line cannot be opened, or its settings do not fit."""
 
 
 def open_lines(settings: SerialSettings, firmware: Firmware, on_note: Note) -> SerialLines:
-    """Open the serial lines of a firmware; none is right as well.
+    """Open the serial lines of a firmware, if it has any.
 
     Raises
     ------
     SerialError
-        One line: which port, and what is wrong with it.
+        If a port cannot be opened; the message, one line, names it and the reason.
     """
     try:
         return SerialLines(settings, firmware, on_note)
@@ -30,17 +30,17 @@ def open_lines(settings: SerialSettings, firmware: Firmware, on_note: Note) -> S
 
 
 class Tasks:
-    """What a shell does beside its steps, each task every so many epochs.
+    """Periodic tasks that a shell runs between its steps.
 
     Parameters
     ----------
     tasks : tuple of int and callable
-        Epochs between two calls, 0 for never, and what is called with the epoch.
+        Epochs between two calls (0 for never), and the function to call with the epoch.
 
     Attributes
     ----------
     every : int
-        Epochs after which `run` is to be called.
+        Epochs between two calls of `run`.
     """
 
     def __init__(self, *tasks: tuple[int, Callable[[int], None]]) -> None:
@@ -48,7 +48,7 @@ class Tasks:
         self.every = math.gcd(*(every for every, _ in self._tasks))
 
     def run(self, epoch: int) -> None:
-        """Do what is due in an epoch."""
+        """Run the tasks due in an epoch."""
         for every, call in self._tasks:
             if epoch % every == 0:
                 call(epoch)

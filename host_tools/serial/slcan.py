@@ -1,38 +1,38 @@
-"""What a serial line asks of a rehearsal whose CAN adapter speaks slcan (LAWICEL).
+"""Limits that a serial line sets for a rehearsal over slcan (LAWICEL) adapters.
 
-A data frame goes over the line as ``tIIILDD…`` and a carriage return; the adapter acknowledges
-each frame that it is given by two characters at most.
+A data frame is sent as ``tIIILDD…`` and a carriage return; the adapter acknowledges each frame
+with at most two characters.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
-from dbc.codec import load
-from host_tools.errors import BusError
-from host_tools.port import Address, Side
-from host_tools.scenario import Scenario
+from rrins.dbc.codec import load
+from rrins.host_tools.bus.port import Address, Side
+from rrins.host_tools.errors import BusError
+from rrins.host_tools.scenario.scenario import Scenario
 
 INTERFACE = "slcan"
 """python-can's name of the interface."""
 
 DEFAULT_BAUD = 115200
-"""python-can's, unless the channel ends in ``@BAUD``."""
+"""python-can's default, unless the channel ends in ``@BAUD``."""
 
 _BITS_A_BYTE = 10
 _FRAME_BYTES = 6  # besides two for each byte of data: t, identifier, length, carriage return
 _ACKNOWLEDGEMENT_BYTES = 2
-_USB = "/dev/ttyACM"  # USB all the way: the baud rate means nothing
+_USB = "/dev/ttyACM"  # USB CDC: the baud rate has no effect
 
 
 @dataclass(frozen=True)
 class LineLoad:
-    """What a side's serial line has to carry.
+    """Load of a side's serial line.
 
     Attributes
     ----------
     to_adapter, from_adapter : int
-        In bytes a second; frames sent, and frames received with acknowledgements.
+        Bytes per second: frames sent, and frames received with acknowledgements.
     """
 
     to_adapter: int
@@ -40,7 +40,7 @@ class LineLoad:
 
     @property
     def baud(self) -> int:
-        """Return the least baud rate that carries it, in both directions at once."""
+        """Lowest baud rate that carries both directions at once."""
         return max(self.to_adapter, self.from_adapter) * _BITS_A_BYTE
 
 
@@ -52,7 +52,7 @@ def line_load(scenario: Scenario, side: Side) -> LineLoad:
 
 
 def _sent_by(scenario: Scenario, side: Side) -> tuple[float, float]:
-    """Return the bytes and the frames a second that a side sends."""
+    """Return the bytes and frames per second that a side sends."""
     groups = max(len(scenario.rimu.gyros), len(scenario.rimu.accelerometers))
     total_bytes = total_frames = 0.0
     database = load().database
@@ -76,28 +76,28 @@ def _sent_by(scenario: Scenario, side: Side) -> tuple[float, float]:
 
 
 def baud_of(channel: str) -> int | None:
-    """Return the baud rate that a channel means, None where it has none.
+    """Return the baud rate of a channel; None if it has none.
 
     Raises
     ------
     BusError
-        When what stands behind its ``@`` is no baud rate.
+        If the text after its ``@`` is not a baud rate.
     """
     device, at, baud = channel.partition("@")
     if at and not (baud.isascii() and baud.isdecimal() and int(baud)):
-        raise BusError(f"bus {INTERFACE}:{channel}: {baud!r} is no baud rate; name {device}@BAUD")
+        raise BusError(f"bus {INTERFACE}:{channel}: {baud!r} is not a baud rate; use {device}@BAUD")
     if device.startswith(_USB):
         return None
     return int(baud) if at else DEFAULT_BAUD
 
 
 def too_slow(address: Address, scenario: Scenario, side: Side) -> str | None:
-    """Return what to tell a user whose serial line is too slow for real time.
+    """Return a warning if the serial line is too slow for real time; None otherwise.
 
     Raises
     ------
     BusError
-        When its channel names no baud rate where one should stand.
+        If the text after the ``@`` of its channel is not a baud rate.
     """
     if address.interface != INTERFACE:
         return None
@@ -107,7 +107,7 @@ def too_slow(address: Address, scenario: Scenario, side: Side) -> str | None:
     device = address.channel.partition("@")[0]
     return (
         f"bus {address}: {scenario.rate_hz} Hz needs {needed} baud, the line has {baud}; frames "
-        f"will be late. Name a faster one, {device}@BAUD, or lower rate_hz"
+        f"will be late. Use a faster line, {device}@BAUD, or lower rate_hz"
     )
 
 
@@ -121,6 +121,6 @@ def refuse_one_for_two(address: Address) -> None:
     """
     if address.interface == INTERFACE:
         raise BusError(
-            f"bus {address}: the two sides need an adapter each; start `rrins hardware` on one "
-            "and `rrins firmware` on the other"
+            f"bus {address}: each side needs its own adapter; start `rrins hardware` on one and "
+            "`rrins firmware` on the other"
         )

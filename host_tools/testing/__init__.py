@@ -1,1 +1,1 @@
-"""A test kit: benches that a pytest drives, in virtual time or in real time."""
+"""A test kit for pytest: benches in virtual or real time."""

@@ -1,26 +1,25 @@
-"""A hardware process alone, with the test in the place of the firmware."""
+"""A hardware process alone, with the test acting as the firmware."""
 
 from __future__ import annotations
 
 from pathlib import Path
 from subprocess import Popen
-from types import TracebackType
-from typing import Self
 
 import can
 
-from host_tools.bus.interface import RrinsBus
-from host_tools.testing.errors import BenchError
-from host_tools.testing.processes import SideProcess, fresh_channel
+from rrins.host_tools.bus.interface import RrinsBus
+from rrins.host_tools.closing import Closing
+from rrins.host_tools.testing.errors import BenchError
+from rrins.host_tools.testing.processes import SideProcess, fresh_channel
 
 _START_S = 120.0  # the first start compiles
 
 
-class HardwareAlone:
-    """The hardware process in real time, started and waiting on a bus of its own.
+class HardwareAlone(Closing):
+    """The hardware process in real time, started and waiting on its own bus.
 
     The test's end of the bus carries the firmware's name, so the hardware begins at once. It is an
-    observer: what it does not receive within some 100 s cuts it off.
+    observer: if it does not receive for about 100 s, it is disconnected.
 
     Parameters
     ----------
@@ -29,7 +28,7 @@ class HardwareAlone:
     Raises
     ------
     BenchError
-        When the process does not start.
+        If the process does not start.
     """
 
     def __init__(self, scenario_file: Path) -> None:
@@ -55,20 +54,9 @@ class HardwareAlone:
         Raises
         ------
         BenchError
-            When the process had failed before.
+            If the process had failed before.
         """
         words = self._side.stop()
         self.bus.shutdown()
         if words:
             raise BenchError(words)
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        self.close()

@@ -1,93 +1,59 @@
-"""A bench: a whole rehearsal in the hands of a test, the same in each of the three ways."""
+"""A bench: a whole rehearsal driven by a test, the same in each of the three ways."""
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Callable
 from pathlib import Path
 from subprocess import Popen
-from typing import Any, NamedTuple
 
 import can
 
-from dbc.e2e import COUNTER_MODULUS, counter_of
-from dbc.frame import frame_array
-from dbc.values import FaultAction, FaultRefusal
-from host_tools.diag.target import Target
-from host_tools.diag.tester import Tester
-from host_tools.errors import ScenarioError
-from host_tools.fault_tables import FaultOnWire
-from host_tools.injection.messages import Fault, fault_commands, plain_command
-from host_tools.port import frame_of_message
-from host_tools.results import east_north_m
-from host_tools.scenario import Scenario, fault_of
-from host_tools.testing.errors import BenchError
-from host_tools.testing.medium import BenchMedium, BenchTarget
-from host_tools.testing.realtime import RealtimeWorld
-from host_tools.testing.recording import FrameRing, Values
-from host_tools.testing.virtual_bus import VirtualTimeBus
-from host_tools.testing.watcher import Watcher
-from host_tools.testing.worlds import DirectWorld, LockstepWorld, World
+from rrins.host_tools.diag.target import Target
+from rrins.host_tools.diag.tester import Tester
+from rrins.host_tools.runs.results import east_north_m
+from rrins.host_tools.scenario.scenario import Scenario
+from rrins.host_tools.testing.diagnostics import BenchTarget, BenchTransport
+from rrins.host_tools.testing.errors import BenchError
+from rrins.host_tools.testing.expectation import Expectation, Where, in_words
+from rrins.host_tools.testing.faults import BenchFaults
+from rrins.host_tools.testing.realtime import RealtimeExecution
+from rrins.host_tools.testing.recording import (
+    Contract,
+    FrameRing,
+    Messages,
+    SignalValue,
+    Values,
+)
+from rrins.host_tools.testing.sending import FrameSender
+from rrins.host_tools.testing.states import EastNorthPair, NavigationFix, TrueState
+from rrins.host_tools.testing.virtual_bus import VirtualTimeBus
+from rrins.host_tools.testing.virtual_time import DirectExecution, Execution, LockstepExecution
 
-Maker = Callable[[Scenario, FrameRing, Path, float], World]
+Maker = Callable[[Scenario, FrameRing, Path, float], Execution]
 
 WAYS: dict[str, Maker] = {
-    "direct": lambda scenario, ring, file, patience_s: DirectWorld(scenario, ring),
-    "lockstep": LockstepWorld,
-    "realtime": RealtimeWorld,
+    "direct": lambda scenario, ring, file, patience_s: DirectExecution(scenario, ring),
+    "lockstep": LockstepExecution,
+    "realtime": RealtimeExecution,
 }
 """The ways to run a bench, by name."""
 
-
-@dataclasses.dataclass(frozen=True)
-class Navigation:
-    """Where the firmware says to be: the last NAV_* frames."""
-
-    time_s: float
-    lat_deg: float
-    lon_deg: float
-    height_m: float
-    velocity_east_mps: float
-    velocity_north_mps: float
-    velocity_up_mps: float
-    roll_deg: float
-    pitch_deg: float
-    heading_deg: float
+_STATUS, _FAULTS = "FIRMWARE_STATUS", "FIRMWARE_FAULTS"
+_NO_COUNTERS = ("crc", "alive_counter", "time_s", "crc_holds")
 
 
-@dataclasses.dataclass(frozen=True)
-class Truth(Navigation):
-    """Where the vehicle really is, and the true angles of the turntable's axes."""
-
-    inner_deg: float
-    outer_deg: float
-
-
-class EastNorth(NamedTuple):
-    """A pair of figures."""
-
-    east: float
-    north: float
-
-
-def _checked(kind: str, keys: dict[str, Any]) -> Fault:
-    if "at_s" in keys:
-        raise ScenarioError("fault: at_s: a live fault begins at once")
-    return fault_of({"kind": kind} | {key: v for key, v in keys.items() if v is not None})
-
-
-class Bench(Watcher):
+class Bench:
     """A rehearsal that a test drives.
 
     Parameters
     ----------
     scenario : Scenario
     scenario_file : Path
-        The same scenario, for processes to load.
+        The same scenario as a file, for the processes.
     way : {"direct", "lockstep", "realtime"}
     patience_s : float
-        Longest silence of a process, by the clock on the wall; 0 waits for ever.
+        Longest silence of a process, in wall clock time; 0 waits forever.
 
     Attributes
     ----------
@@ -99,157 +65,242 @@ class Bench(Watcher):
         self, scenario: Scenario, scenario_file: Path, way: str = "direct", patience_s: float = 60.0
     ) -> None:
         if way not in WAYS:
-            raise BenchError(f"way is {way!r} and may be {', '.join(WAYS)}")
+            raise BenchError(f"way {way!r} is not one of {', '.join(WAYS)}")
         self.scenario = scenario
         self.way = way
-        self._counters: dict[int, int] = {}
         self._bus: can.BusABC | None = None
         self._attached: list[VirtualTimeBus] = []
-        ring = FrameRing()
-        super().__init__(WAYS[way](scenario, ring, scenario_file, patience_s), ring)
+        self._ring = FrameRing()
+        self._execution = WAYS[way](scenario, self._ring, scenario_file, patience_s)
+        self._contract = Contract()
+        self._sender = FrameSender(self._execution, self._ring, self._contract)
+        self._faults = BenchFaults(self._execution, self._sender)
+        self._reported = ""  # why it has ended, as reported to the test
 
-    # ---- what a test does to it
+    # ---- what a test sees
 
-    def inject(self, kind: str, **keys: Any) -> None:
-        """Put in a fault from the next epoch on; in real time as soon as the command arrives.
+    @property
+    def time_s(self) -> float:
+        """Simulated time since power-on."""
+        return self._execution.now_ns / 1e9
 
-        The same fault again takes the place of the one that is active.
+    def advance(self, seconds: float) -> None:
+        """Let simulated time pass, rounded to epochs; in real time, wait that long.
+
+        Raises
+        ------
+        BenchError
+            If a process has died or the scenario is over.
+        """
+        until_ns = self._execution.now_ns + round(seconds * 1e9)
+        while self._pump(until_ns):
+            pass
+
+    def _pump(self, until_ns: int) -> bool:
+        try:
+            return self._execution.pump(until_ns)
+        except BenchError as error:
+            self._reported = str(error)
+            raise
+
+    def expect(self, message: str, within: float, where: Where = None, at_least: int = 1) -> Values:
+        """Let time pass until a matching frame has been sent, by anyone; return its values.
+
+        Only frames from now on count; in real time, those since the last call of the bench. Frames
+        with a wrong CRC do not count, unless `where` includes ``crc_holds``.
+
+        Parameters
+        ----------
+        message : str
+            Name in the DBC.
+        within : float
+            Seconds of simulated time.
+        where : dict or callable, optional
+            Wanted values by signal name (a value, or a callable that accepts it), or a callable
+            that accepts all values of a frame.
+        at_least : int
+            Number of matching frames to wait for.
+
+        Returns
+        -------
+        dict
+            Values of the last one: signals by name, `time_s`, `crc_holds`.
+
+        Raises
+        ------
+        AssertionError
+            If they were not sent; the message says what was sent instead.
+        BenchError
+            If a name is not in the DBC, a process has died, or the scenario is over.
+        """
+        __tracebackhide__ = True
+        wanted = Expectation(self._contract, message, where)
+        start_ns = self._execution.now_ns
+        first = seen = self._ring.total
+        hits: list[Values] = []
+        until_ns = start_ns + round(within * 1e9)
+        while self._pump(until_ns):
+            hits += wanted.hits(self._ring, seen)
+            seen = self._ring.total
+            if len(hits) >= at_least:
+                return hits[at_least - 1]
+        came = self._contract.can_id(message)
+        count = len(self._ring.find(came, first)[0])
+        number = "" if at_least == 1 else f" {at_least} times ({len(hits)} came)"
+        raise AssertionError(
+            f"no {wanted}{number} within {within:g} s, by {self.time_s:.3f} s\n"
+            f"  {count} {message} came meanwhile; {self._last_words(message)}\n"
+            f"{self._state_words()}"
+        )
+
+    def expect_not(self, message: str, within: float, where: Where = None) -> None:
+        """Let time pass and check that no matching frame is sent; see `expect`.
+
+        Raises
+        ------
+        AssertionError
+            As soon as one is sent.
+        """
+        __tracebackhide__ = True
+        wanted = Expectation(self._contract, message, where)
+        start_s = self.time_s
+        seen = self._ring.total
+        until_ns = self._execution.now_ns + round(within * 1e9)
+        while self._pump(until_ns):
+            hits = wanted.hits(self._ring, seen)
+            seen = self._ring.total
+            if hits:
+                raise AssertionError(
+                    f"{wanted} came {hits[0]['time_s'] - start_s:.3f} s after {start_s:.3f} s, "
+                    f"unwanted for {within:g} s\n  {in_words(hits[0])}\n{self._state_words()}"
+                )
+
+    def messages(self, message: str) -> Messages:
+        """Return all recorded frames of a message, oldest first."""
+        self._execution.catch_up()
+        return Messages(self._contract, message, *self._ring.find(self._contract.can_id(message)))
+
+    def last(self, message: str) -> Values | None:
+        """Return the values of the last sound frame of a message; None if there was none."""
+        every = self.messages(message)
+        return next((values for values in reversed(every) if values["crc_holds"]), None)
+
+    @property
+    def mode(self) -> str:
+        """Mode of the firmware, as last reported; empty before the first report."""
+        return str((self.last(_STATUS) or {}).get("mode", ""))
+
+    @property
+    def fault_counters(self) -> dict[str, int]:
+        """Fault counters of the firmware, as last reported: crc_errors, missing_frames, ….
+
+        Empty before the first report.
+        """
+        values = self.last(_FAULTS) or {}
+        return {name: int(value) for name, value in values.items() if name not in _NO_COUNTERS}
+
+    @property
+    def frames_sha256(self) -> str:
+        """Digest of the recorded frames, with their times and senders."""
+        return self._ring.sha256()
+
+    @property
+    def frames(self) -> int:
+        """Frames on the bus so far."""
+        return self._ring.total
+
+    def _last_words(self, message: str) -> str:
+        last = self.last(message)
+        return "there was none before" if last is None else f"the last one ever: {in_words(last)}"
+
+    def _state_words(self) -> str:
+        status, counters = self.last(_STATUS), self.fault_counters
+        if status is None:
+            return "  the firmware has not reported its mode yet"
+        listed = ", ".join(f"{name} {value}" for name, value in counters.items())
+        return (
+            f"  mode {status['mode']}, fault {status['fault']} at {status['time_s']:.3f} s\n"
+            f"  fault counters: {listed}"
+        )
+
+    # ---- stimulation
+
+    def inject(self, kind: str, **keys: str | float | None) -> None:
+        """Inject a fault from the next epoch on; in real time as soon as the command arrives.
+
+        Injecting an active fault again replaces it.
 
         Parameters
         ----------
         kind : str
-            On the wire drop, delay, duplicate, reorder, corrupt_wire, corrupt, wrong_counter,
-            babble, silence, bus_off, cut or stale; of the hardware axis_stall, axis_runaway,
-            encoder_stuck, encoder_offset, gyro_ or accelerometer_ stuck, bias, noise or absent.
+            On the wire: drop, delay, duplicate, reorder, corrupt_wire, corrupt, wrong_counter,
+            babble, silence, bus_off, cut or stale. In the hardware: axis_stall, axis_runaway,
+            encoder_stuck, encoder_offset, ``gyro_`` or ``accelerometer_`` stuck, bias, noise or
+            absent.
         **keys
-            As in a scenario's `[[faults]]`, but `at_s`. Of all: `for_s`; without it until it is
-            taken out. On the wire: `message`, `node`, `probability`, `delay_s`, `bit`,
-            `frames_per_epoch`. Of the hardware: `axis`, `rate_dps`, `offset_deg`; `sensor`,
+            As in a scenario's `[[faults]]`, except `at_s`. All faults: `for_s`; without it they
+            last until removed. On the wire: `message`, `node`, `probability`, `delay_s`, `bit`,
+            `frames_per_epoch`. In the hardware: `axis`, `rate_dps`, `offset_deg`; `sensor`,
             `bias_dph`, `bias_ug`, `angle_random_walk_deg_per_sqrt_h`,
             `white_noise_ug_per_sqrt_hz`.
 
         Raises
         ------
         ScenarioError
-            For a fault that there is not.
+            If there is no such fault.
         BenchError
-            For one that cannot be put in: too many, or of what this hardware has not.
+            If it is refused: too many faults, or no such axis or sensor.
         """
-        fault = _checked(kind, keys)
-        wire, desk = self._world.wire, self._world.desk
-        if wire is None or desk is None:
-            self._command(FaultAction.INJECT, fault)
-            return
-        rate_hz = self.scenario.rate_hz
-        if isinstance(fault, FaultOnWire):
-            planned = fault.fault(rate_hz)
-            first = self._world.epoch
-            last = -1 if planned.last_epoch < 0 else first + planned.last_epoch
-            refusal = wire.desk.inject(
-                dataclasses.replace(planned, first_epoch=first, last_epoch=last)
-            )
-        else:
-            _, last = fault.epochs(rate_hz)
-            refusal = desk.inject(fault.hardware_kind, fault.target, fault.value, last + 1)
-        if refusal != FaultRefusal.NONE:
-            raise BenchError(f"{kind}: {refusal.name}")
+        self._faults.inject(kind, keys)
 
-    def remove_fault(self, kind: str, **keys: Any) -> None:
-        """Take a fault out again, from the next epoch on.
+    def remove_fault(self, kind: str, **keys: str | float | None) -> None:
+        """Remove a fault from the next epoch on.
 
         Parameters
         ----------
         kind : str
         **keys
-            What says which one: `message` and `node`, `axis`, or `sensor`, as it was put in.
+            Keys that identify it: `message` and `node`, `axis`, or `sensor`, as injected.
 
         Raises
         ------
         ScenarioError
-            For a fault that there is not.
+            If there is no such kind of fault.
         BenchError
-            When there is none such; not in real time.
+            If it is not active; never in real time.
         """
-        fault = _checked(kind, keys)
-        wire, desk = self._world.wire, self._world.desk
-        if wire is None or desk is None:
-            self._command(FaultAction.REMOVE, fault)
-            return
-        if isinstance(fault, FaultOnWire):
-            said = fault.fault(self.scenario.rate_hz)
-            refusal = wire.desk.remove(said.kind, said.node, said.identifier, self._world.epoch)
-        else:
-            refusal = desk.remove(fault.hardware_kind, fault.target)
-        if refusal != FaultRefusal.NONE:
-            raise BenchError(f"{kind}: {refusal.name}")
+        self._faults.remove(kind, keys)
 
     def clear_faults(self) -> None:
-        """Take out all faults, on the wire and of the hardware, those of the scenario too."""
-        wire, desk = self._world.wire, self._world.desk
-        if wire is None or desk is None:
-            for of_hardware in (False, True):
-                name = "HARDWARE_FAULT_COMMAND" if of_hardware else "FAULT_COMMAND"
-                counter = self._count_up(self._contract.can_id(name))
-                self.send_frame(plain_command(FaultAction.CLEAR, of_hardware, counter))
-        else:
-            wire.faults.clear()
-            desk.clear()
+        """Remove all faults, on the wire and in the hardware, including those of the scenario."""
+        self._faults.clear()
 
-    def _command(self, action: FaultAction, fault: Fault) -> None:
-        on_wire = isinstance(fault, FaultOnWire)
-        can_id = self._contract.can_id("FAULT_COMMAND" if on_wire else "HARDWARE_FAULT_COMMAND")
-        for message in fault_commands(action, fault, self._count_up(can_id)):
-            self._counters[can_id] = message.data[1] & 0xF
-            self.send_frame(message)
-
-    def send(self, message_name: str, **values: Any) -> None:
+    def send(self, message_name: str, **values: SignalValue) -> None:
         """Send a message of the contract, with the right counter and CRC.
 
-        It comes just before the next epoch; in real time at once. Signals that are not given are
-        0. Giving `crc` or `alive_counter` sends a wrong one.
+        It arrives just before the next epoch; in real time at once. Omitted signals are 0. Give
+        `crc` or `alive_counter` to send a wrong one.
 
         Raises
         ------
         BenchError
-            For a message or signal that the DBC has not, or a value out of range.
+            If the DBC has no such message or signal, or a value is out of range.
         """
-        can_id = self._contract.can_id(message_name)
-        if self._contract.is_sent_every_epoch(message_name):
-            counter = self._world.epoch % COUNTER_MODULUS
-        else:
-            counter = self._count_up(can_id)
-        self._world.put(self._contract.encode(message_name, values, counter), 1)
+        self._sender.send(message_name, values)
 
     def send_frame(self, message: can.Message) -> None:
-        """Send any classic frame, as it is; see `send` for when it comes."""
-        if message.is_fd:
-            raise BenchError("a bench carries classic frames only")
-        frames = frame_array(1)
-        frame_of_message(frames[0], message)
-        self._world.put(frames, 1)
-
-    def _count_up(self, can_id: int) -> int:
-        """Return the next own counter of a message, not one that another sender is about to use."""
-        self._world.catch_up()
-        counter = (self._counters.get(can_id, -1) + 1) % COUNTER_MODULUS
-        others = self._ring.find(can_id)[0][-3:]
-        near = {int(counter_of(frame["data"])) for frame in others}
-        near |= {(seen + 1) % COUNTER_MODULUS for seen in near}
-        near.discard(self._counters.get(can_id, -1))
-        while counter in near:
-            counter = (counter + 1) % COUNTER_MODULUS
-        self._counters[can_id] = counter
-        return counter
+        """Send any classic frame unchanged; see `send` for when it arrives."""
+        self._sender.send_frame(message)
 
     # ---- truth and navigation
 
     @property
-    def truth(self) -> Truth:
-        """Where the vehicle really is after the last epoch; not in real time."""
-        record = self._world.truth()
+    def truth(self) -> TrueState:
+        """The true state of the vehicle after the last epoch; not in real time."""
+        record = self._execution.truth()
         inner, outer = (math.degrees(angle) for angle in record["axis_angle"])
         east, north, up = (float(v) for v in record["velocity_n"])
-        return Truth(
+        return TrueState(
             time_s=int(record["epoch"]) * self.scenario.period_ns / 1e9,
             lat_deg=math.degrees(record["latitude"]),
             lon_deg=math.degrees(record["longitude"]),
@@ -265,8 +316,8 @@ class Bench(Watcher):
         )
 
     @property
-    def navigation(self) -> Navigation | None:
-        """Where the firmware says to be, in the last NAV_* frames; None before there are any."""
+    def navigation(self) -> NavigationFix | None:
+        """The firmware's navigation output, from the last NAV_* frames; None before the first."""
         names = ("NAV_LATITUDE", "NAV_LONGITUDE", "NAV_HEIGHT", "NAV_VELOCITY", "NAV_ATTITUDE")
         values: Values = {}
         for name in reversed(names):  # time and epoch are those of the latitude
@@ -274,7 +325,7 @@ class Bench(Watcher):
             if last is None:
                 return None
             values |= last
-        return Navigation(
+        return NavigationFix(
             time_s=values["time_s"],
             lat_deg=values["latitude_deg"],
             lon_deg=values["longitude_deg"],
@@ -287,8 +338,8 @@ class Bench(Watcher):
             heading_deg=values["heading_deg"],
         )
 
-    def errors_m(self) -> EastNorth:
-        """Return how far the firmware's last position is off the truth of its epoch.
+    def errors_m(self) -> EastNorthPair:
+        """Return the error of the firmware's last position against the truth of its epoch, m.
 
         Raises
         ------
@@ -298,7 +349,7 @@ class Bench(Watcher):
         ours = self.navigation
         if ours is None:
             raise BenchError("the firmware has not navigated yet")
-        true = self._world.truth_at(round(ours.time_s * 1e9))
+        true = self._execution.truth_at(round(ours.time_s * 1e9))
         east, north = east_north_m(
             math.radians(ours.lat_deg),
             math.radians(ours.lon_deg),
@@ -306,18 +357,18 @@ class Bench(Watcher):
             true["longitude"],
             true["height"],
         )
-        return EastNorth(float(east), float(north))
+        return EastNorthPair(float(east), float(north))
 
     # ---- the bus and processes behind it
 
-    def _on_bus(self) -> LockstepWorld | RealtimeWorld:
-        if not isinstance(self._world, LockstepWorld | RealtimeWorld):
-            raise BenchError("in the direct way there is no bus and no process")
-        return self._world
+    def _on_bus(self) -> LockstepExecution | RealtimeExecution:
+        if not isinstance(self._execution, LockstepExecution | RealtimeExecution):
+            raise BenchError("the direct way has no bus and no process")
+        return self._execution
 
     @property
     def channel(self) -> str:
-        """Channel of the embedded bus, for others to attach to; not in the direct way."""
+        """Channel of the embedded bus, for other clients; not in the direct way."""
         return self._on_bus().channel
 
     @property
@@ -327,53 +378,53 @@ class Bench(Watcher):
 
     @property
     def bus(self) -> can.BusABC:
-        """A python-can bus of the test's own; opened when first asked for."""
+        """The test's own python-can bus; opened on first use."""
         if self._bus is None:
             self._bus = self.attach()
         return self._bus
 
     def attach(self) -> can.BusABC:
-        """Return a new python-can bus of the test's own.
+        """Return a new python-can bus for the test.
 
-        In the direct way the bench's time passes while the bus receives, and its timeouts are
+        In the direct way the bench's time advances while the bus receives, and its timeouts are
         simulated seconds.
         """
-        if isinstance(self._world, DirectWorld):
+        if isinstance(self._execution, DirectExecution):
             bus = VirtualTimeBus(self, self._ring)
             self._attached.append(bus)
             return bus
         return self._on_bus().attach()
 
     def tester(self, is_securing: bool = False) -> Tester:
-        """Return a diagnostic tester (UDS) for the firmware, as `rrins diag` uses it.
+        """Return a diagnostic tester (UDS) for the firmware, like that of `rrins diag`.
 
-        In virtual time the bench's time passes while it waits for a response.
+        In virtual time the bench's time advances while it waits for a response.
 
         Parameters
         ----------
         is_securing : bool
-            Whether it may unlock the computer where a request needs that.
+            Whether it may unlock the computer if a request needs it.
         """
-        if isinstance(self._world, RealtimeWorld):
+        if isinstance(self._execution, RealtimeExecution):
             return Tester(Target(channel=self.channel), is_securing)
-        medium = BenchMedium(self, self._ring)
+        medium = BenchTransport(self, self._ring)
         return Tester(BenchTarget(medium=medium), is_securing)
 
     def write_log(self, path: Path) -> int:
-        """Write the frames that are remembered as a candump log; return how many."""
+        """Write the recorded frames as a candump log; return their number."""
         return self._ring.write_log(path, "rrins")
 
     def close(self) -> None:
-        """End everything. Idempotent.
+        """Stop everything. Idempotent.
 
         Raises
         ------
         BenchError
-            When a process had died and no call of the test has said so.
+            If a process had died and no earlier call reported it.
         """
         for bus in self._attached:
             bus.shutdown()
-        self._world.close()
-        if self._world.died and not self._told:
-            self._told = self._world.died
-            raise BenchError(self._told)
+        self._execution.close()
+        if self._execution.died and not self._reported:
+            self._reported = self._execution.died
+            raise BenchError(self._reported)

@@ -1,14 +1,17 @@
-"""What a test expects of the frames of a message."""
+"""Expectations of a test about the frames of a message."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from host_tools.testing.recording import Contract, FrameRing, Values
+from rrins.host_tools.testing.recording import Contract, FrameRing, SignalValue, Values
 
-Where = Mapping[str, Any] | Callable[[Values], Any] | None
-"""Which frames are meant: wanted values by signal name, or a callable that takes all values."""
+Condition = Callable[[Any], object]
+"""Holds if it returns a true value."""
+
+Where = Mapping[str, SignalValue | Condition] | Callable[[Values], object] | None
+"""Frames to match: wanted values by signal name, or a callable that accepts all values."""
 
 _OWN = ("time_s", "crc_holds")
 
@@ -26,22 +29,23 @@ class Expectation:
     Raises
     ------
     BenchError
-        For a message, signal or name of a value that the DBC has not.
+        If the DBC has no such message, signal or named value.
     """
 
     def __init__(self, contract: Contract, message: str, where: Where = None) -> None:
         self._contract = contract
         self._message = message
         self._can_id = contract.can_id(message)
-        self._condition: Callable[[Values], Any] | None = None
-        self._wanted: dict[str, Any] = {}
+        self._condition: Callable[[Values], object] | None = None
+        self._wanted: dict[str, SignalValue | Condition] = {}
         if isinstance(where, Mapping):
             signals = [name for name in where if name not in _OWN]
             contract.check_signals(message, signals)
             for name, value in where.items():
-                self._wanted[name] = (
-                    contract.named(message, name, value) if name in signals else value
-                )
+                if callable(value) or name not in signals:
+                    self._wanted[name] = value
+                else:
+                    self._wanted[name] = contract.named(message, name, value)
         else:
             self._condition = where
 
@@ -55,7 +59,7 @@ class Expectation:
         return self._message + (f" with {', '.join(listed)}" if self._wanted else "")
 
     def hits(self, ring: FrameRing, first: int) -> list[Values]:
-        """Return the values of the frames that satisfy it, from the `first` one of a ring on."""
+        """Return the values of the matching frames in a ring, from frame number `first` on."""
         if not ring.has(self._can_id, first):
             return []
         frames, times_ns = ring.find(self._can_id, first)

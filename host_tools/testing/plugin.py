@@ -1,4 +1,4 @@
-"""The pytest plugin: benches, buses and sides as fixtures. What is heavy is imported in them."""
+"""The pytest plugin: benches, buses and sides as fixtures, which import heavy modules lazily."""
 
 from __future__ import annotations
 
@@ -10,28 +10,30 @@ from typing import TYPE_CHECKING, Any, Protocol
 import pytest
 
 if TYPE_CHECKING:
-    from collections.abc import Generator, Mapping
+    from collections.abc import Generator
 
     import can
 
-    from host_tools.testing.alone import HardwareAlone
-    from host_tools.testing.bench import Bench
+    from rrins.host_tools.files import JsonObject
+    from rrins.host_tools.testing.alone import HardwareAlone
+    from rrins.host_tools.testing.bench import Bench
+    from rrins.host_tools.testing.scenarios import ScenarioTable
 
 DEFAULT_SCENARIO = "rimu_rotating"
-"""The scenario of `rrins_firmware` and `rrins_hardware` without a mark `rrins_scenario`."""
+"""The scenario of `rrins_firmware` and `rrins_hardware` without a marker `rrins_scenario`."""
 
 _MARK = "rrins_scenario"
-_BENCHES: pytest.StashKey[list[Any]] = pytest.StashKey()
+_BENCHES: pytest.StashKey[list[Bench]] = pytest.StashKey()
 _LOGS: pytest.StashKey[list[str]] = pytest.StashKey()
 _FOLDER: pytest.StashKey[Path] = pytest.StashKey()
 
 
 class BenchFactory(Protocol):
-    """What the fixture `rrins_bench` gives."""
+    """The function that the fixture `rrins_bench` provides."""
 
     def __call__(
         self,
-        scenario: str | Path | Mapping[str, Any] = DEFAULT_SCENARIO,
+        scenario: str | Path | ScenarioTable = DEFAULT_SCENARIO,
         *,
         way: str | None = None,
         **overrides: Any,
@@ -41,29 +43,29 @@ class BenchFactory(Protocol):
         Parameters
         ----------
         scenario : str, Path or mapping
-            Name of a built-in scenario, path of a TOML file (looked for beside the test's file
-            first), or its keys.
+            Name of a built-in scenario, path of a TOML file (searched next to the test file first),
+            or its keys.
         way : {"direct", "lockstep", "realtime"}, optional
-            By default what ``--rrins-way`` says.
+            That of ``--rrins-way`` by default.
         **overrides
             Top-level keys of the scenario; a dict is merged into the scenario's table.
         """
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    """Add the options of the plugin."""
+    """Add the plugin's options."""
     group = parser.getgroup("rrins", "rrins benches")
     group.addoption(
         "--rrins-way",
         choices=("direct", "lockstep", "realtime"),
         default="direct",
-        help="how benches run that do not say themselves (default: direct)",
+        help="how benches run unless a test sets it (default: direct)",
     )
     group.addoption(
         "--rrins-log-dir",
         type=Path,
         metavar="DIR",
-        help="where the bus of a failing test is logged (default: the test's tmp_path)",
+        help="folder for the bus logs of failing tests (default: the test's tmp_path)",
     )
     group.addoption(
         "--rrins-patience",
@@ -75,7 +77,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Register the marks of the plugin."""
+    """Register the plugin's markers."""
     config.addinivalue_line(
         "markers",
         f"{_MARK}(scenario, **overrides): the scenario of rrins_firmware and rrins_hardware",
@@ -86,7 +88,7 @@ def pytest_configure(config: pytest.Config) -> None:
 def pytest_runtest_makereport(
     item: pytest.Item, call: pytest.CallInfo[None]
 ) -> Generator[None, pytest.TestReport, pytest.TestReport]:
-    """Write the bus of a failing test to a log, and show where."""
+    """Log the bus of a failing test, and show the path."""
     report = yield
     benches = item.stash.get(_BENCHES, [])
     if report.failed and benches:
@@ -117,16 +119,16 @@ def _write_logs(item: pytest.Item, benches: list[Bench]) -> list[str]:
 
 @pytest.fixture
 def rrins_channel() -> str:
-    """Return the name of a channel of the embedded bus that nobody else uses."""
-    from host_tools.testing.processes import fresh_channel
+    """Return the name of an unused channel of the embedded bus."""
+    from rrins.host_tools.testing.processes import fresh_channel
 
     return fresh_channel()
 
 
 @pytest.fixture
 def rrins_bus(rrins_channel: str) -> Iterator[can.BusABC]:
-    """Give a python-can bus on `rrins_channel`, an embedded bus of the test's own."""
-    from host_tools.bus.interface import RrinsBus
+    """Yield a python-can bus on `rrins_channel`, an embedded bus for this test."""
+    from rrins.host_tools.bus.interface import RrinsBus
 
     with RrinsBus(rrins_channel, host="auto") as bus:
         yield bus
@@ -134,18 +136,18 @@ def rrins_bus(rrins_channel: str) -> Iterator[can.BusABC]:
 
 @pytest.fixture
 def rrins_bench(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[BenchFactory]:
-    """Give a function that makes benches, see `BenchFactory`; they are closed after the test."""
+    """Yield a function that makes benches, see `BenchFactory`; they are closed after the test."""
     from contextlib import ExitStack
 
-    from host_tools.testing.bench import Bench
-    from host_tools.testing.scenarios import prepare_scenario
+    from rrins.host_tools.testing.bench import Bench
+    from rrins.host_tools.testing.scenarios import prepare_scenario
 
     benches = request.node.stash.setdefault(_BENCHES, [])
     request.node.stash[_FOLDER] = tmp_path
     options = request.config.option
 
     def make(
-        scenario: str | Path | Mapping[str, Any] = DEFAULT_SCENARIO,
+        scenario: str | Path | ScenarioTable = DEFAULT_SCENARIO,
         *,
         way: str | None = None,
         **overrides: Any,
@@ -161,7 +163,7 @@ def rrins_bench(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Benc
         yield make
 
 
-def _marked(request: pytest.FixtureRequest) -> tuple[Any, dict[str, Any]]:
+def _marked(request: pytest.FixtureRequest) -> tuple[str | Path | ScenarioTable, JsonObject]:
     mark = request.node.get_closest_marker(_MARK)
     if mark is None:
         return DEFAULT_SCENARIO, {}
@@ -170,9 +172,9 @@ def _marked(request: pytest.FixtureRequest) -> tuple[Any, dict[str, Any]]:
 
 @pytest.fixture
 def rrins_firmware(request: pytest.FixtureRequest, rrins_bench: BenchFactory) -> Bench:
-    """Give a firmware process whose hardware is the test: a bench in lockstep.
+    """Return a firmware process with the test as its hardware: a bench in lockstep.
 
-    It has `channel`, `process` and `bus` (python-can, attached) beside all that a bench has.
+    Like any bench, plus `channel`, `process` and `bus` (python-can, attached).
     """
     scenario, overrides = _marked(request)
     return rrins_bench(scenario, way="lockstep", **overrides)
@@ -180,12 +182,12 @@ def rrins_firmware(request: pytest.FixtureRequest, rrins_bench: BenchFactory) ->
 
 @pytest.fixture
 def rrins_hardware(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[HardwareAlone]:
-    """Give a hardware process in real time whose firmware is the test, by python-can.
+    """Yield a hardware process in real time with the test as its firmware, over python-can.
 
     It has `channel`, `process` and `bus`.
     """
-    from host_tools.testing.alone import HardwareAlone
-    from host_tools.testing.scenarios import prepare_scenario
+    from rrins.host_tools.testing.alone import HardwareAlone
+    from rrins.host_tools.testing.scenarios import prepare_scenario
 
     scenario, overrides = _marked(request)
     file = tmp_path / "scenario-hardware.toml"

@@ -1,4 +1,4 @@
-"""Sides of a rehearsal as processes that a test starts and stops."""
+"""The sides of a rehearsal as processes that a test starts and stops."""
 
 from __future__ import annotations
 
@@ -17,28 +17,29 @@ from typing import Literal
 
 import can
 
-from host_tools.bus.interface import RrinsBus
-from host_tools.interruption import INTERRUPTED
-from host_tools.report import ReportReader
-from host_tools.testing.errors import BenchError
+from rrins.host_tools.bus.interface import RrinsBus
+from rrins.host_tools.bus.port import Side
+from rrins.host_tools.interruption import INTERRUPTED
+from rrins.host_tools.runs.pipe import ReportReader
+from rrins.host_tools.testing.errors import BenchError
 
 _GRACE_S = 5.0
 _ATTACH_S = 30.0
 _POLL_S = 0.2
-_PIPE_BYTES = 1024 * 1024  # room for hours of reports that nobody takes
+_PIPE_BYTES = 1024 * 1024  # room for hours of unread reports
 _ASKED_TO_END = (0, INTERRUPTED, -signal.SIGTERM)  # shut down, or stopped by a signal
 _numbers = itertools.count()
 
 
 def fresh_channel() -> str:
-    """Return the name of a channel of the embedded bus that nobody else uses."""
+    """Return the name of an unused channel of the embedded bus."""
     return f"rrins-test-{os.getpid()}-{next(_numbers)}"
 
 
 def shared_core() -> int:
-    """Return the processor on which processes that wait for each other stay together.
+    """Return the CPU core to share among processes that wait for each other.
 
-    The workers of pytest-xdist get one each, as far as there are enough.
+    Each pytest-xdist worker gets its own core, as long as there are enough.
     """
     cores = sorted(os.sched_getaffinity(0))
     worker = os.environ.get("PYTEST_XDIST_WORKER", "").removeprefix("gw")
@@ -46,14 +47,14 @@ def shared_core() -> int:
 
 
 class SideProcess:
-    """The process of one side. It ends by itself soon after this process has gone.
+    """The process of one side. It exits by itself soon after this process has ended.
 
     Parameters
     ----------
     side : {"firmware", "hardware"}
     scenario_file : Path
     channel : str
-        Of the embedded bus.
+        Channel of the embedded bus.
     speed : {"1", "max"}
         Real time or lockstep.
     *options : str
@@ -66,7 +67,7 @@ class SideProcess:
 
     def __init__(
         self,
-        side: Literal["firmware", "hardware"],
+        side: Side,
         scenario_file: Path,
         channel: str,
         speed: Literal["1", "max"],
@@ -78,11 +79,11 @@ class SideProcess:
         self._error = ""
         self._is_ready = False
         self._pipe, write_end = os.pipe()
-        command = [sys.executable, "-m", "host_tools", side, str(scenario_file)]
+        command = [sys.executable, "-m", "rrins", side, str(scenario_file)]
         command += ["--channel", channel, "--speed", speed, "--report-fd", str(write_end)]
         try:
             os.set_blocking(self._pipe, False)
-            with contextlib.suppress(PermissionError):  # a user who has many: it stays small
+            with contextlib.suppress(PermissionError):  # user limit reached: keep the default size
                 fcntl.fcntl(self._pipe, fcntl.F_SETPIPE_SZ, _PIPE_BYTES)
             with self._said.open("wb") as said:
                 self.process = subprocess.Popen(
@@ -101,7 +102,7 @@ class SideProcess:
         return f"the {self.side} process {self.process.pid}"
 
     def poll(self) -> int | None:
-        """Take what the process reports; return its exit status, None while it runs."""
+        """Read the reports of the process; return its exit status, None while it runs."""
         while self._pipe >= 0:
             try:
                 data = os.read(self._pipe, 65536)
@@ -122,7 +123,7 @@ class SideProcess:
         Raises
         ------
         BenchError
-            When it has ended, or is not ready in time.
+            If it has ended, or is not ready in time.
         """
         deadline = time.monotonic() + patience_s
         while True:
@@ -136,11 +137,11 @@ class SideProcess:
             select.select([self._pipe] if self._pipe >= 0 else [], [], [], _POLL_S)
 
     def failure(self) -> str:
-        """Return how the process ended, in words; waits a moment for its end."""
+        """Return how the process ended, in words; wait briefly for its end."""
         try:
             status = self.process.wait(_GRACE_S)
         except subprocess.TimeoutExpired:
-            return f"{self._name} has left the bus and not ended"
+            return f"{self._name} has left the bus but not ended"
         self.poll()
         if status < 0:
             return f"{self._name} was killed by {signal.Signals(-status).name} (status {status})"
@@ -149,13 +150,12 @@ class SideProcess:
         return f"{self._name} ended with status {status}" + (f": {last}" if last else "")
 
     def stop(self) -> str:
-        """Ask the process to end; make it, if it does not. Idempotent.
+        """Terminate the process; kill it if necessary. Idempotent.
 
         Returns
         -------
         str
-            How it had ended, in words, where it had done so otherwise than by being asked; empty
-            else.
+            How it had ended, in words, if by itself; empty otherwise.
         """
         ends: tuple[int, ...] = _ASKED_TO_END
         if self.process.poll() is None:
@@ -176,12 +176,12 @@ class SideProcess:
 
 
 def attach_to_own(host: RrinsBus, name: str) -> RrinsBus:
-    """Attach an observer to a channel that this very process hosts.
+    """Attach an observer to a channel that this process itself hosts.
 
     Raises
     ------
     BenchError
-        When that fails.
+        If that fails.
     """
     found: list[RrinsBus] = []
     failed: list[can.CanError] = []
@@ -200,5 +200,5 @@ def attach_to_own(host: RrinsBus, name: str) -> RrinsBus:
         failed.append(error)
     thread.join()
     if failed:
-        raise BenchError(f"no end on channel {host.channel!r}: {failed[0]}") from failed[0]
+        raise BenchError(f"cannot attach to channel {host.channel!r}: {failed[0]}") from failed[0]
     return found[0]

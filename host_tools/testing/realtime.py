@@ -1,4 +1,4 @@
-"""The way in real time: both sides as processes by their own clocks, the bench on their bus."""
+"""The real-time way: both sides as processes with their own clocks, the bench on their bus."""
 
 from __future__ import annotations
 
@@ -6,34 +6,34 @@ import contextlib
 import time
 from pathlib import Path
 from subprocess import TimeoutExpired
-from typing import Any
 
 import can
 
-from dbc.frame import FrameArray, frame_array
-from host_tools.bus.interface import RrinsBus
-from host_tools.scenario import Scenario
-from host_tools.testing.errors import BenchError
-from host_tools.testing.processes import SideProcess, fresh_channel
-from host_tools.testing.recording import FrameRing, Sender, messages_of
-from host_tools.testing.worlds import START_S, World
+from rrins.dbc.frame import FrameArray, frame_array
+from rrins.host_tools.bus.interface import RrinsBus
+from rrins.host_tools.bus.port import Side
+from rrins.host_tools.scenario.scenario import Scenario
+from rrins.host_tools.testing.errors import BenchError
+from rrins.host_tools.testing.processes import SideProcess, fresh_channel
+from rrins.host_tools.testing.recording import FrameRing, Sender, messages_of
+from rrins.host_tools.testing.virtual_time import START_S, Execution
 
 _POLL_S = 0.5
 _ENDING_S = 2.0
 _OBSERVER = "bench"
 
 
-class RealtimeWorld(World):
-    """Both sides as processes that keep real time; this one observes their bus.
+class RealtimeExecution(Execution):
+    """Both sides as processes in real time; this process observes their bus.
 
     Parameters
     ----------
     scenario : Scenario
     ring : FrameRing
     scenario_file : Path
-        For the processes to load.
+        The scenario as a file, for the processes.
     patience_s : float
-        Longest silence of the bus; 0 waits for ever.
+        Longest silence of the bus; 0 waits forever.
     """
 
     def __init__(
@@ -47,7 +47,7 @@ class RealtimeWorld(World):
         self._last_ns = time.monotonic_ns()
         try:
             self.hardware_side = self._start("hardware", scenario_file, "--await-peer", _OBSERVER)
-            # The firmware prepares itself meanwhile, and waits for the bus.
+            # The firmware initializes in the meantime, and waits for the bus.
             wait = ("--attach-wait", str(START_S))
             self.side = self._start("firmware", scenario_file, *wait)
             self.hardware_side.wait_until_ready(START_S)
@@ -58,13 +58,13 @@ class RealtimeWorld(World):
             self.close()
             raise
 
-    def _start(self, side: Any, scenario_file: Path, *options: str) -> SideProcess:
+    def _start(self, side: Side, scenario_file: Path, *options: str) -> SideProcess:
         process = SideProcess(side, scenario_file, self.channel, "1", *options)
         self._ends.callback(self._stop, process)
         return process
 
     def _stop(self, side: SideProcess) -> None:
-        """Stop a side; the firmware comes first, and the hardware may miss it before it is told."""
+        """Stop a side; the firmware goes first, so ignore that the hardware may then fail."""
         if side is self.hardware_side:
             side.stop()
         else:
@@ -79,11 +79,11 @@ class RealtimeWorld(World):
         return bus
 
     def attach(self) -> RrinsBus:
-        """Return another end on the bus, for the test itself."""
+        """Return another client on the bus, for the test itself."""
         return self._open("test")
 
-    def put(self, frames: FrameArray, count: int) -> None:
-        """Send the test's frames at once."""
+    def send(self, frames: FrameArray, count: int) -> None:
+        """Send frames of the test at once."""
         self.catch_up()
         try:
             for message in messages_of(frames[:count], self.channel):
@@ -93,10 +93,10 @@ class RealtimeWorld(World):
         self.ring.append(frames, count, self.now_ns, Sender.TEST)
 
     def pump(self, until_ns: int) -> bool:
-        """Take the next batch of frames."""
+        """Receive the next batch of frames."""
         if self.now_ns >= until_ns:
             return False
-        if not self._take(_POLL_S):
+        if not self._receive(_POLL_S):
             self.side.poll()
             self.hardware_side.poll()
             silent_s = (time.monotonic_ns() - self._last_ns) / 1e9
@@ -105,13 +105,13 @@ class RealtimeWorld(World):
         return True
 
     def catch_up(self) -> None:
-        """Take the frames that have come; an end of the bus shows in the next `pump`."""
+        """Receive the pending frames; if the bus has ended, the next `pump` reports it."""
         with contextlib.suppress(BenchError):
-            while self._take(0.0):
+            while self._receive(0.0):
                 pass
 
-    def _take(self, timeout_s: float) -> bool:
-        """Take a batch; return whether one came in time."""
+    def _receive(self, timeout_s: float) -> bool:
+        """Receive a batch; return whether one arrived in time."""
         if self.failure:
             raise BenchError(self.failure)
         try:
@@ -130,11 +130,13 @@ class RealtimeWorld(World):
         return True
 
     def _how_it_ended(self, error: can.CanError) -> str:
-        """Return why the bus has ended: the side that was killed before the one that noticed."""
+        """Return why the bus has ended, preferring a side that was killed to one that noticed."""
         if self.now_ns >= (self.scenario.epochs - 1) * self.scenario.period_ns:
             return f"the scenario is over after {self.now_ns / 1e9:.3f} s"
         sides = (self.side, self.hardware_side)
-        with contextlib.suppress(TimeoutExpired):  # still there: only this observer was cut off
+        with contextlib.suppress(
+            TimeoutExpired
+        ):  # still running: only this observer was disconnected
             for side in reversed(sides):
                 side.process.wait(_ENDING_S)
         for side in sides:
@@ -146,5 +148,5 @@ class RealtimeWorld(World):
         return f"{error}"
 
     def close(self) -> None:
-        """End both processes and leave the bus."""
+        """Stop both processes and leave the bus."""
         self._ends.close()

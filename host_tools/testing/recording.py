@@ -1,4 +1,4 @@
-"""What was on the bus of a bench: the last frames in fixed memory, decoded when asked for."""
+"""The recording of a bench's bus: the last frames in fixed memory, decoded on demand."""
 
 from __future__ import annotations
 
@@ -14,18 +14,22 @@ import numpy as np
 from cantools.errors import Error as CantoolsError
 from numpy.typing import NDArray
 
-from dbc.codec import load
-from dbc.e2e import COUNTER_MODULUS, crc_holds, fill
-from dbc.frame import FrameArray, frame_array
-from host_tools.bus.message import get_message
-from host_tools.testing.errors import BenchError
+from rrins.dbc.codec import load
+from rrins.dbc.e2e import COUNTER_MODULUS, crc_holds, fill
+from rrins.dbc.frame import Frame, FrameArray, frame_array
+from rrins.dbc.record import Integers
+from rrins.host_tools.bus.message import get_message
+from rrins.host_tools.testing.errors import BenchError
 
 CAPACITY = 200_000
-"""Frames that a bench remembers: some 100 s of a bus at 200 Hz."""
+"""Frames that a bench keeps: about 100 s of a bus at 200 Hz."""
+
+SignalValue = int | float | str
+"""A number in the unit of the DBC, or its name in the value table."""
 
 Values = dict[str, Any]
-"""Signals of a frame by name, in the units of the DBC, names for values that have one; `time_s`
-(simulated, since power-on) and `crc_holds` beside them."""
+"""Signals of a frame by name, in the units of the DBC, named values by name; in addition `time_s`
+(simulated, since power-on) and `crc_holds`."""
 
 
 class Sender(IntEnum):
@@ -38,7 +42,7 @@ class Sender(IntEnum):
 
 
 def messages_of(frames: FrameArray, channel: str) -> Iterator[can.Message]:
-    """Give frames as python-can messages."""
+    """Yield frames as python-can messages."""
     data = bytearray(frames.tobytes())
     for offset in range(0, len(data), frames.dtype.itemsize):
         yield get_message(data, offset, False, 0.0, channel, False)
@@ -50,7 +54,7 @@ class FrameRing:
     Parameters
     ----------
     capacity : int
-        Frames that are kept.
+        Number of frames kept.
     """
 
     def __init__(self, capacity: int = CAPACITY) -> None:
@@ -60,10 +64,10 @@ class FrameRing:
         self._times_ns = np.zeros(capacity, dtype=np.int64)
         self._senders = np.zeros(capacity, dtype=np.uint8)
         self.total = 0
-        """Frames taken so far; the number of the next one."""
+        """Frames recorded so far; also the number of the next one."""
 
     def append(self, frames: FrameArray, count: int, time_ns: int, sender: Sender) -> None:
-        """Take the first `count` frames of an array."""
+        """Record the first `count` frames of an array."""
         done = 0
         while done < count:
             at = self.total % self._capacity
@@ -74,14 +78,14 @@ class FrameRing:
             self.total += some
             done += some
 
-    def find(self, can_id: int, first: int = 0) -> tuple[FrameArray, NDArray[np.int64]]:
-        """Return the frames of an identifier, and their times in ns, from the `first` one on."""
+    def find(self, can_id: int, first: int = 0) -> tuple[FrameArray, Integers]:
+        """Return the frames of an identifier from number `first` on, and their times in ns."""
         where = self._places(first)
         where = where[self._ids[where] == can_id]
         return self._frames[where], self._times_ns[where]
 
     def has(self, can_id: int, first: int) -> bool:
-        """Return whether a frame of an identifier is among those from the `first` one on."""
+        """Return whether there is a frame of an identifier from number `first` on."""
         low, high = first % self._capacity, self.total % self._capacity
         if low <= high and self.total - first < self._capacity:
             return bool((self._ids[low:high] == can_id).any())
@@ -93,10 +97,10 @@ class FrameRing:
         Raises
         ------
         BenchError
-            When it is not remembered any more.
+            If it is no longer kept.
         """
         if not max(self.total - self._capacity, 0) <= number < self.total:
-            raise BenchError(f"frame {number} is not remembered")
+            raise BenchError(f"frame {number} is no longer in the recording")
         place = number % self._capacity
         time_ns, sender = int(self._times_ns[place]), Sender(self._senders[place])
         return self._frames[place : place + 1], time_ns, sender
@@ -106,7 +110,7 @@ class FrameRing:
         return np.arange(low, self.total) % self._capacity
 
     def sha256(self) -> str:
-        """Return the digest, in hexadecimal, over the frames kept, their times and senders."""
+        """Return the hexadecimal digest of the frames kept, their times and senders."""
         where = self._places(0)
         digest = hashlib.sha256()
         for part in (self._frames[where], self._times_ns[where], self._senders[where]):
@@ -114,7 +118,7 @@ class FrameRing:
         return digest.hexdigest()
 
     def write_log(self, path: Path, channel: str) -> int:
-        """Write the frames kept as a candump log; return how many.
+        """Write the frames kept as a candump log; return their number.
 
         Times are simulated seconds since power-on; the test's own frames are marked ``T``.
         """
@@ -131,7 +135,7 @@ class FrameRing:
 
 
 class Contract:
-    """The DBC, as a bench speaks it."""
+    """The DBC as a bench uses it."""
 
     def __init__(self) -> None:
         self._codec = load()
@@ -143,7 +147,7 @@ class Contract:
         Raises
         ------
         BenchError
-            When the DBC has no such message; names the one that is nearest.
+            If the DBC has no such message; the error suggests the closest name.
         """
         if message not in self._names:
             raise BenchError(f"the DBC has no message {message}{_hint(message, self._names)}")
@@ -157,13 +161,13 @@ class Contract:
             if name not in known:
                 raise BenchError(f"{message} has no signal {name}{_hint(name, known)}")
 
-    def named(self, message: str, signal: str, value: Any) -> Any:
-        """Return a wanted value as it is decoded: the name of a number that has one.
+    def named(self, message: str, signal: str, value: SignalValue) -> SignalValue:
+        """Return a wanted value in decoded form: the name of a number that has one.
 
         Raises
         ------
         BenchError
-            When it is a name that the signal's value table has not.
+            If it is a name that is not in the signal's value table.
         """
         choices = self._codec.choices(message, signal)
         if isinstance(value, int) and value in choices:
@@ -173,7 +177,7 @@ class Contract:
             raise BenchError(f"{message}.{signal} is never {value!r}{_hint(value, known)}")
         return value
 
-    def decode(self, message: str, frame: Any, time_ns: int) -> Values:
+    def decode(self, message: str, frame: Frame, time_ns: int) -> Values:
         """Return the values of a frame."""
         decoded = self._codec.database.get_message_by_name(message).decode(
             int(frame["data"]).to_bytes(8, "little")
@@ -193,21 +197,20 @@ class Contract:
         cycle = rows[self._codec.message_index(message)]["cycle_ms"]
         return bool(cycle == rows[self._codec.message_index("SYNC")]["cycle_ms"])
 
-    def encode(self, message: str, values: Mapping[str, Any], counter: int) -> FrameArray:
+    def encode(self, message: str, values: Mapping[str, SignalValue], counter: int) -> FrameArray:
         """Return an array of one frame of a message, with counter and CRC.
 
-        Signals that are not given are 0; `crc` and `alive_counter`, where given, are sent as they
-        are.
+        Omitted signals are 0; `crc` and `alive_counter`, if given, are sent unchanged.
 
         Raises
         ------
         BenchError
-            For a signal that the message has not, or a value out of its range.
+            If the message has no such signal, or a value is out of range.
         """
         self.check_signals(message, list(values))
         values = {name: self.named(message, name, value) for name, value in values.items()}
         described = self._codec.database.get_message_by_name(message)
-        blank: dict[str, Any] = {signal.name: 0 for signal in described.signals}
+        blank: dict[str, SignalValue] = {signal.name: 0 for signal in described.signals}
         try:
             payload = described.encode(blank | dict(values), strict=True)
         except (CantoolsError, ValueError, TypeError, OverflowError) as error:
@@ -230,10 +233,10 @@ def _hint(name: str, known: Sequence[str]) -> str:
 
 
 class Messages(Sequence[Values]):
-    """Frames of one message, oldest first; each is decoded when it is asked for."""
+    """Frames of one message, oldest first, decoded on access."""
 
     def __init__(
-        self, contract: Contract, message: str, frames: FrameArray, times_ns: NDArray[np.int64]
+        self, contract: Contract, message: str, frames: FrameArray, times_ns: Integers
     ) -> None:
         self._contract = contract
         self._message = message

@@ -1,4 +1,4 @@
-"""The scenario of a bench: a built-in name, a path or a dict, with keys changed by the test."""
+"""The scenario of a bench: a built-in name, a path or a dict, with overrides by the test."""
 
 from __future__ import annotations
 
@@ -8,20 +8,24 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from host_tools.errors import ScenarioError
-from host_tools.scenario import Scenario, load, text_of
+from rrins.host_tools.errors import ScenarioError
+from rrins.host_tools.files import JsonObject
+from rrins.host_tools.scenario.scenario import Scenario, load, text_of
+
+ScenarioTable = Mapping[str, Any]
+"""The keys of a scenario, as in its TOML file."""
 
 DURATION_S = 3600.0
-"""How long a scenario navigates that is given as a dict and does not say."""
+"""Default duration of navigation of a scenario given as a dict."""
 
 
 def prepare_scenario(
-    given: str | Path | Mapping[str, Any],
-    overrides: Mapping[str, Any],
+    given: str | Path | ScenarioTable,
+    overrides: ScenarioTable,
     file: Path,
     beside: Path,
 ) -> Scenario:
-    """Write the scenario of a bench to a file and return it, checked.
+    """Write the scenario of a bench to a file and return it, validated.
 
     Parameters
     ----------
@@ -30,17 +34,17 @@ def prepare_scenario(
     overrides : mapping
         Top-level keys; a table is merged into the scenario's table, key by key.
     file : Path
-        Where the whole scenario goes, for processes to load.
+        File to write the complete scenario to, for the processes.
     beside : Path
-        Folder that a relative path is looked for in first; then the working directory.
+        Folder to search first for a relative path, before the working directory.
 
     Raises
     ------
     ScenarioError
-        One line: which scenario, which key, what is wrong.
+        If the scenario is invalid; the message, one line, names scenario, key and reason.
     """
     if isinstance(given, Mapping):
-        table: dict[str, Any] = {"duration_s": DURATION_S, **given}
+        table: JsonObject = {"duration_s": DURATION_S, **given}
     else:
         name = str(given)
         near = beside / name
@@ -53,8 +57,8 @@ def prepare_scenario(
     return load(str(file))
 
 
-def merged(table: Mapping[str, Any], overrides: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a table with keys overridden, tables inside it key by key."""
+def merged(table: ScenarioTable, overrides: ScenarioTable) -> JsonObject:
+    """Return a table with overrides, nested tables merged key by key."""
     result = dict(table)
     for key, value in overrides.items():
         before = result.get(key)
@@ -65,8 +69,8 @@ def merged(table: Mapping[str, Any], overrides: Mapping[str, Any]) -> dict[str, 
     return result
 
 
-def toml_text(table: Mapping[str, Any]) -> str:
-    """Return a table as TOML, a line for each key; keys whose value is None are left out."""
+def toml_text(table: ScenarioTable) -> str:
+    """Return a table as TOML, one line per key; keys with the value None are omitted."""
     return "".join(
         f"{json.dumps(key)} = {_value(value)}\n"
         for key, value in table.items()
@@ -74,7 +78,7 @@ def toml_text(table: Mapping[str, Any]) -> str:
     )
 
 
-def _value(value: Any) -> str:
+def _value(value: object) -> str:
     if isinstance(value, Mapping):
         pairs = (f"{json.dumps(k)} = {_value(v)}" for k, v in value.items() if v is not None)
         return "{" + ", ".join(pairs) + "}"
@@ -84,6 +88,6 @@ def _value(value: Any) -> str:
         value = str(value)
     if not isinstance(value, bool | int | float | str):
         raise ScenarioError(
-            f"a value of {type(value).__name__} has no place in a scenario: {value!r}"
+            f"a scenario cannot contain a value of type {type(value).__name__}: {value!r}"
         )
     return json.dumps(value)

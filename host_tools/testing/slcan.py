@@ -1,10 +1,10 @@
 """Two emulated slcan adapters on one CAN bus, each behind a pseudo-terminal.
 
-What a serial CAN adapter does with the LAWICEL protocol, for tests and for trying out where there
-is no adapter: ``python -m host_tools.testing.slcan`` prints two ports and relays between them.
+They behave like serial CAN adapters with the LAWICEL protocol, for tests and experiments without
+hardware. ``python -m rrins.host_tools.testing.slcan`` prints two ports and relays between them.
 
-A frame that one adapter is given goes to the other, as a CAN controller would pass it on, and not
-back. Frames that come while an adapter's channel is closed are lost to it.
+A frame sent to one adapter is delivered to the other, without an echo. An adapter loses the frames
+that arrive while its channel is closed.
 """
 
 from __future__ import annotations
@@ -15,8 +15,10 @@ import selectors
 import signal
 import threading
 import tty
-from types import FrameType, TracebackType
+from types import FrameType
 from typing import NoReturn, Self
+
+from rrins.host_tools.closing import Closing
 
 _CR, _BELL = b"\r", b"\a"
 _BITRATES = b"012345678"
@@ -42,13 +44,13 @@ class Adapter:
     Attributes
     ----------
     port : str
-        The name to open.
+        Name of the port to open.
     bitrate : bytes
-        The digit of the ``S`` command given last; empty for none.
+        Digit of the last ``S`` command; empty if there was none.
     frames : int
-        Frames that it was given.
+        Frames received from the host.
     refused : int
-        Commands answered by the bell.
+        Commands answered with BEL.
     """
 
     def __init__(self) -> None:
@@ -64,8 +66,8 @@ class Adapter:
         self._command = bytearray()
         self._has_frames = threading.Condition()
 
-    def take(self, data: bytes) -> list[bytes]:
-        """Take what the host has sent; answer it; return the frames for the bus."""
+    def feed(self, data: bytes) -> list[bytes]:
+        """Process bytes from the host and answer them; return the frames for the bus."""
         frames = []
         for byte in data:
             if byte != _CR[0]:
@@ -119,23 +121,24 @@ class Adapter:
             self.out += frame
 
     def wait_for_frames(self, count: int, timeout_s: float) -> None:
-        """Wait until the adapter has been given so many frames.
+        """Wait until the adapter has received `count` frames from the host.
 
         Raises
         ------
         TimeoutError
+            If it has not received them in time.
         """
         with self._has_frames:
             if not self._has_frames.wait_for(lambda: self.frames >= count, timeout_s):
                 raise TimeoutError(f"{self.port}: {self.frames} frames of {count}")
 
     def close(self) -> None:
-        """Take the adapter off: its port hangs up."""
+        """Remove the adapter: its port hangs up."""
         os.close(self._slave)
         os.close(self.master)
 
 
-class SlcanPair:
+class SlcanPair(Closing):
     """Two adapters on one bus, served by a thread.
 
     ::
@@ -158,16 +161,8 @@ class SlcanPair:
         self._thread.start()
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        self.close()
-
     def close(self) -> None:
-        """Take both adapters off. Idempotent."""
+        """Remove both adapters. Idempotent."""
         if self._stop_write < 0:
             return
         os.close(self._stop_write)
@@ -196,7 +191,7 @@ class SlcanPair:
     def _move(self, adapter: Adapter, events: int) -> None:
         other = self.adapters[1 - self.adapters.index(adapter)]
         if events & selectors.EVENT_READ:
-            for frame in adapter.take(os.read(adapter.master, 4096)):
+            for frame in adapter.feed(os.read(adapter.master, 4096)):
                 other.hear(frame)
         for each in self.adapters:
             if each.out:

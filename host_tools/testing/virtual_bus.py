@@ -1,35 +1,52 @@
-"""A python-can bus of a bench in the direct way: while it receives, the bench's time passes."""
+"""A python-can bus of a bench in the direct way: receiving advances the bench's time."""
 
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Protocol
 
 import can
 
-from host_tools.testing.recording import FrameRing, Sender, messages_of
+from rrins.host_tools.scenario.scenario import Scenario
+from rrins.host_tools.testing.recording import FrameRing, Sender, messages_of
 
 if TYPE_CHECKING:
-    from host_tools.testing.bench import Bench
+    from can.typechecking import CanFilters
 
 _NS_PER_S = 1_000_000_000
 
 
-class VirtualTimeBus(can.BusABC):
-    """What a tool takes for a bus.
+class SteppedBench(Protocol):
+    """A bench in virtual time, as seen by clients of its bus."""
 
-    Timeouts and timestamps are simulated seconds. `recv` moves the bench on, epoch by epoch, until
-    there is a frame; so a tool that waits for an answer gets it at once, on a machine however slow.
-    It gets all frames but the test's own, from the moment on in which it was made.
+    scenario: Scenario
+
+    @property
+    def time_s(self) -> float:
+        """Simulated time since power-on."""
+
+    def advance(self, seconds: float) -> None:
+        """Let simulated time pass."""
+
+    def send_frame(self, message: can.Message) -> None:
+        """Put a message on the bus, just before the next epoch."""
+
+
+class VirtualTimeBus(can.BusABC):
+    """A python-can bus in front of a bench, for tools.
+
+    Timeouts and timestamps are simulated seconds. `recv` advances the bench epoch by epoch until
+    there is a frame, so a tool never times out because the machine is slow. The bus receives all
+    frames sent after its creation, except those of the test itself.
 
     Parameters
     ----------
-    bench : Bench
+    bench : SteppedBench
     ring : FrameRing
-        What was on its bus.
+        The recording of its bus.
     """
 
-    def __init__(self, bench: Bench, ring: FrameRing) -> None:
+    def __init__(self, bench: SteppedBench, ring: FrameRing) -> None:
         self._bench = bench
         self._ring = ring
         self._next = ring.total
@@ -37,17 +54,17 @@ class VirtualTimeBus(can.BusABC):
         super().__init__(channel="bench")
 
     def recv(self, timeout: float | None = None) -> can.Message | None:
-        """Return the next frame; None when there is none for `timeout` simulated seconds.
+        """Return the next frame; None if there is none within `timeout` simulated seconds.
 
         Raises
         ------
         BenchError
-            When the scenario is over.
+            If the scenario is over.
         """
         period_s = self._bench.scenario.period_ns / _NS_PER_S
         epochs = math.inf if timeout is None else math.ceil(timeout / period_s)
         while True:
-            message = self._take()
+            message = self._next_message()
             if message is not None:
                 return message
             if epochs <= 0:
@@ -55,7 +72,7 @@ class VirtualTimeBus(can.BusABC):
             self._bench.advance(period_s)
             epochs -= 1
 
-    def _take(self) -> can.Message | None:
+    def _next_message(self) -> can.Message | None:
         while self._next < self._ring.total:
             frame, time_ns, sender = self._ring.at(self._next)
             self._next += 1
@@ -71,4 +88,4 @@ class VirtualTimeBus(can.BusABC):
         """Put a message on the bus, just before the next epoch."""
         self._bench.send_frame(msg)
 
-    def _apply_filters(self, filters: Any) -> None: ...
+    def _apply_filters(self, filters: CanFilters | None) -> None: ...

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dbc import codec
+from rrins.dbc import codec
 
 CODEC = codec.load()
 MESSAGES = CODEC.database.messages

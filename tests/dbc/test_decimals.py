@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dbc.contract import load_contract
-from dbc.decimals import from_decimal, to_decimal
+from rrins.dbc.contract import load_contract
+from rrins.dbc.decimals import from_decimal, to_decimal
 
 LAYOUT = load_contract()[0]["hardware_fault_command"]
 SIGNALS = LAYOUT["value"], LAYOUT["exponent"]

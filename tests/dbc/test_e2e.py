@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dbc import codec
-from dbc.e2e import COUNTER_MODULUS, counter_of, crc_holds, protect
-from dbc.frame import frame_array
+from rrins.dbc import codec
+from rrins.dbc.e2e import COUNTER_MODULUS, counter_of, crc_holds, protect
+from rrins.dbc.frame import frame_array
 
 CODEC = codec.load()
 WORDS = st.integers(0, 2**64 - 1)

@@ -8,11 +8,11 @@ from typing import Any
 import pytest
 from click.testing import CliRunner
 
-from host_tools.cli import rrins
-from host_tools.diag.connection import LibraryConnection
-from host_tools.diag.target import Target
-from host_tools.injection import client
-from host_tools.testing.medium import BenchMedium
+from rrins.host_tools.cli.main import rrins
+from rrins.host_tools.diag.connection import LibraryConnection
+from rrins.host_tools.diag.target import Target
+from rrins.host_tools.injection import client
+from rrins.host_tools.testing.diagnostics import BenchTransport
 
 
 class Desk:
@@ -44,7 +44,7 @@ class Desk:
         """Start a rehearsal; wait until it navigates."""
         bench = self.bench = self._make(scenario, way="direct", duration_s=3600.0)
         bench.expect("FIRMWARE_STATUS", within=10, where={"mode": "NAVIGATION_ROTATING"})
-        medium = BenchMedium(bench, bench._ring)
+        medium = BenchTransport(bench, bench._ring)
         self._patch.setattr(Target, "connect", lambda self: LibraryConnection(medium, "bench"))
         self._patch.setattr(client, "open_bus", lambda address, **wishes: bench.attach())
 

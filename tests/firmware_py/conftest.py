@@ -10,17 +10,17 @@ import numpy as np
 import pytest
 from numba import njit
 
-from dbc import codec
-from dbc.contract import load_contract
-from dbc.e2e import protect
-from dbc.frame import FRAME, frame_array
-from firmware_py import earth, strapdown
-from firmware_py.calibration import input_axes
-from firmware_py.diagnostics.store import Stores
-from firmware_py.loop import Firmware
-from firmware_py.memory import INS
-from firmware_py.modes import Mode
-from firmware_py.settings import Scheme, Settings, Turn
+from rrins.dbc import codec
+from rrins.dbc.contract import load_contract
+from rrins.dbc.e2e import protect
+from rrins.dbc.frame import Frame, frame_array
+from rrins.firmware_py.core import earth, strapdown
+from rrins.firmware_py.core.calibration import input_axes
+from rrins.firmware_py.core.memory import Ins as InsRecord
+from rrins.firmware_py.core.modes import Mode
+from rrins.firmware_py.core.settings import Scheme, Settings, Turn
+from rrins.firmware_py.diagnostics.store import Stores
+from rrins.firmware_py.loop import Firmware
 
 CODEC = codec.load()
 TETRAHEDRON_DEG = (
@@ -173,7 +173,7 @@ class Bench:
     def step(self, frames: list[np.void] | None = None, request: int | None = None) -> list[Any]:
         """Run one epoch, on its own frames unless others are given; return what was sent."""
         frames = self.frames(request=request) if frames is None else frames
-        inbox = np.array(frames, dtype=FRAME) if frames else frame_array(1)
+        inbox = np.array(frames, dtype=Frame.dtype) if frames else frame_array(1)
         self.consumed = 0
         sent, self.consumed = self.firmware.step(inbox, 0, len(frames), self.epoch * self.period_ns)
         self.epoch += 1
@@ -209,7 +209,7 @@ class Ins:
     """A strapdown navigation with its increments."""
 
     def __init__(self, C_s_n: Any, latitude: float, longitude: float = 0.0, height: float = 0.0):
-        self.array = np.zeros(1, dtype=INS)
+        self.array = np.zeros(1, dtype=InsRecord.dtype)
         self.record = self.array[0]
         strapdown.initialise(
             self.record, np.ascontiguousarray(C_s_n, dtype=float), latitude, longitude, height

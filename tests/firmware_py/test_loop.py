@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dbc.frame import FRAME
-from firmware_py.loop import Firmware, own_clock_ns, run_lockstep
-from firmware_py.modes import Mode, ModeRequest
+from rrins.dbc.frame import Frame
+from rrins.firmware_py.core.modes import Mode, ModeRequest
+from rrins.firmware_py.loop import Firmware, own_clock_ns, run_lockstep
 
 
 class ScriptedPort:
@@ -24,7 +24,7 @@ class ScriptedPort:
             request = ModeRequest.NAVIGATE_STRAPDOWN if self.batches else ModeRequest.SHUTDOWN
             frames += self.bench.frames(self.epoch, request)
             self.epoch += 1
-        into[: len(frames)] = np.array(frames, dtype=FRAME)
+        into[: len(frames)] = np.array(frames, dtype=Frame.dtype)
         return len(frames)
 
     def send(self, frames, count, epoch, time_ns):
@@ -45,7 +45,7 @@ def test_lockstep_answers_every_epoch_until_shut_down(tools):
     assert firmware.is_shut_down
     assert firmware.mode == Mode.SHUTDOWN
     assert firmware.frames_received == 150 * 8
-    assert firmware.frames_sent == sum(len(data) for *_, data in port.sent) // FRAME.itemsize
+    assert firmware.frames_sent == sum(len(data) for *_, data in port.sent) // Frame.dtype.itemsize
     # power-on, self-test and standby take 102 epochs, alignment 19 before the one that navigates
     assert firmware.trace.epochs == 150 - 102 - 19 - 1
 
@@ -70,6 +70,7 @@ def test_the_own_clock_is_fast_by_its_error(ppm):
     assert own_clock_ns(0, ppm) == 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ppm", [-500.0, 500.0])
 def test_a_clock_error_is_estimated_and_does_not_touch_navigation(tools, ppm):
     right, _ = run(tools, [1] * 1500)

@@ -1,7 +1,8 @@
-"""Rehearsals as processes, watched by what they print."""
+"""Rehearsals as processes, watched by what they print; and recorded in this process."""
 
 from __future__ import annotations
 
+import itertools
 import json
 import os
 import shutil
@@ -9,15 +10,30 @@ import signal
 import subprocess
 import sys
 import tempfile
+import threading
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 
-from host_tools.direct import run_without_frames
-from host_tools.results import read_errors
+from rrins.dbc.frame import FrameArray
+from rrins.firmware_py.loop import Firmware
+from rrins.firmware_py.loop import run_lockstep as run_firmware
+from rrins.host_tools.bus.port import Address, BatchPort
+from rrins.host_tools.hardware.loop import Hardware
+from rrins.host_tools.hardware.loop import run_lockstep as run_hardware
+from rrins.host_tools.logs.reader import Log, Piece
+from rrins.host_tools.recording.note import Note, write_note
+from rrins.host_tools.recording.recorder import NAME, Recorder, add_result
+from rrins.host_tools.runs.direct import run_without_frames
+from rrins.host_tools.runs.results import read_errors
+from rrins.host_tools.runs.settings import firmware_settings, hardware_settings, scenario_wire
+from rrins.host_tools.scenario.scenario import Scenario
 
-COMMAND = (sys.executable, "-m", "host_tools")
+COMMAND = (sys.executable, "-m", "rrins")
 
 
 @pytest.fixture(autouse=True)
@@ -134,7 +150,179 @@ def fly(tmp_path_factory):
 
     def flyer(scenario):
         folder = tmp_path_factory.mktemp("flown")
-        firmware, _, _ = run_without_frames(scenario, folder)
+        firmware = run_without_frames(scenario, folder).firmware
         return firmware, read_errors(folder, scenario.rate_hz)
 
     return flyer
+
+
+SHORT: dict[str, Any] = {
+    "duration_s": 2,
+    "seed": 3,
+    "gyros": {"bias_dph": 0.1, "angle_random_walk_deg_per_sqrt_h": 0.001},
+    "accelerometers": {"white_noise_ug_per_sqrt_hz": 20},
+    "turntable": {
+        "inner": {"acceleration_limit_dps2": 100},
+        "outer": {"acceleration_limit_dps2": 100},
+    },
+    "firmware": {
+        "alignment_s": 0.5,
+        "clock_error_ppm": 50,
+        "turn_rate_dps": 30,
+        "stand_s": 0.3,
+        "scheme": [
+            {"axis": "inner", "angle_deg": 20},
+            {"axis": "outer", "angle_deg": -20},
+        ],
+    },
+}
+"""The scenario of these tests: everything moves within three and a half seconds."""
+
+
+def short_scenario(**changes: Any) -> Scenario:
+    return Scenario.model_validate(SHORT | changes)
+
+
+@pytest.fixture
+def short():
+    """Return a function that gives the short scenario, with changes at its top level."""
+    return short_scenario
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """A recorded rehearsal."""
+
+    path: Path
+    scenario: Scenario
+    firmware: Firmware
+    recorder: Recorder
+
+    @property
+    def sha256(self) -> str:
+        """Return the digest of its navigation."""
+        return self.firmware.trace.sha256()
+
+
+_channels = (f"logs{number}" for number in itertools.count())
+
+
+def record_rehearsal(scenario: Scenario, path: Path, **recording: Any) -> Recorded:
+    """Rehearse in lockstep on the embedded bus, and record it."""
+    address = Address("rrins", next(_channels))
+    note = Note(
+        interface="rrins",
+        channel=address.channel,
+        scenario_name="short",
+        scenario=scenario.model_dump(mode="json"),
+        speed="max",
+    )
+    firmware = Firmware(firmware_settings(scenario))
+    hardware = Hardware(hardware_settings(scenario), scenario_wire(scenario, is_live=True))
+    port = BatchPort(address, "hardware")
+    recorders: list[Recorder] = []
+
+    def navigate() -> None:
+        own = BatchPort(address, "firmware")
+        run_firmware(firmware, own, scenario.firmware.clock_error_ppm)
+        own.close()
+
+    threads = [
+        threading.Thread(target=navigate),
+        threading.Thread(
+            target=lambda: recorders.append(Recorder(path, address, True, note, **recording))
+        ),
+    ]
+    for thread in threads:
+        thread.start()
+    port.meet((NAME,))
+    run_hardware(hardware, port, scenario.epochs + 1)
+    port.dismiss()
+    port.close()
+    for thread in threads:
+        thread.join()
+    (recorder,) = recorders
+    recorder.close(60)
+    add_result(path, recorder.note, firmware.trace.sha256())
+    return Recorded(path, scenario, firmware, recorder)
+
+
+@pytest.fixture
+def rehearse():
+    """Return a function that records a rehearsal of a scenario to a path."""
+    return record_rehearsal
+
+
+@pytest.fixture(scope="session")
+def recordings(tmp_path_factory):
+    """Return a function that gives the short rehearsal, recorded with an ending."""
+    folder = tmp_path_factory.mktemp("recordings")
+    done: dict[str, Recorded] = {}
+
+    def recorded(ending: str = ".log") -> Recorded:
+        if ending not in done:
+            runtime = tempfile.mkdtemp(prefix="rrins-")  # a socket's path is short
+            before = os.environ.get("XDG_RUNTIME_DIR")
+            os.environ["XDG_RUNTIME_DIR"] = runtime
+            try:
+                done[ending] = record_rehearsal(short_scenario(), folder / f"bus{ending}")
+            finally:
+                shutil.rmtree(runtime)
+                if before is None:
+                    del os.environ["XDG_RUNTIME_DIR"]
+                else:
+                    os.environ["XDG_RUNTIME_DIR"] = before
+        return done[ending]
+
+    return recorded
+
+
+@pytest.fixture
+def copy(recordings, tmp_path):
+    """Return a function that gives a copy of a recording and its note, to be spoilt."""
+
+    def copied(ending: str = ".log", name: str = "copy") -> Path:
+        recorded = recordings(ending)
+        path = tmp_path / f"{name}{ending}"
+        shutil.copyfile(recorded.path, path)
+        write_note(path, recorded.recorder.note.model_copy(update={"parts": ()}))
+        return path
+
+    return copied
+
+
+@pytest.fixture
+def read():
+    """Return a function that gives all of a log."""
+
+    def reader(path: Path) -> Piece:
+        pieces = list(Log(path).pieces())
+        return Piece(
+            np.concatenate([piece.frames for piece in pieces]),
+            np.concatenate([piece.time_s for piece in pieces]),
+        )
+
+    return reader
+
+
+@pytest.fixture
+def write_candump():
+    """Return a function that writes frames as candump does."""
+
+    def writer(path: Path, frames: FrameArray, time_s: Any) -> None:
+        rows = zip(
+            np.asarray(time_s).tolist(),
+            frames["can_id"].tolist(),
+            frames["length"].tolist(),
+            frames["data"].tolist(),
+            strict=True,
+        )
+        path.write_text(
+            "".join(
+                f"({time:.6f}) vcan0 {identifier:03X}#"
+                f"{word.to_bytes(8, 'little')[:length].hex().upper()}\n"
+                for time, identifier, length, word in rows
+            )
+        )
+
+    return writer

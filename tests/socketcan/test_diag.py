@@ -21,13 +21,14 @@ from click.testing import CliRunner
 from udsoncan.client import Client
 from udsoncan.connections import IsoTPSocketConnection
 
-from dbc.codec import load
-from firmware_py.diagnostics import image, table
-from firmware_py.diagnostics.access import Session, key_of
-from firmware_py.memory import RAM
-from host_tools.cli import rrins
-from host_tools.diag.target import Target
-from host_tools.diag.tester import Tester as Tool
+from rrins.dbc.codec import load
+from rrins.firmware_py.core.memory import Ram
+from rrins.firmware_py.diagnostics import calibration_image as image
+from rrins.firmware_py.diagnostics import table
+from rrins.firmware_py.diagnostics.access import Session, key_of
+from rrins.host_tools.cli.main import rrins
+from rrins.host_tools.diag.target import Target
+from rrins.host_tools.diag.tester import Tester as Tool
 
 START_S = 300
 TARGET = (
@@ -46,7 +47,7 @@ def rehearsal(tmp_path_factory):
     bus = ("--interface", "socketcan", "--channel", "vcan0", "--speed", "0.99")
     sides = [
         subprocess.Popen(
-            [sys.executable, "-m", "host_tools", side, "rimu_rotating", *bus],
+            [sys.executable, "-m", "rrins", side, "rimu_rotating", *bus],
             stdout=said,
             stderr=said,
         )
@@ -84,7 +85,7 @@ def test_the_tool_by_the_kernels_sockets(rehearsal, tmp_path):
     values = diag("did", "read", "--all")
     assert values["table_version"]["table_crc32"] == table.crc32()
     assert values["position"]["latitude_deg"] == pytest.approx(40.3554, abs=1e-3)
-    assert diag("memory", "read", "ram")["ram"]["size"] == RAM.itemsize
+    assert diag("memory", "read", "ram")["ram"]["size"] == Ram.dtype.itemsize
     file = tmp_path / "calibration.rrca"
     diag("calibration", "pull", str(file))
     parameters = image.decode(file.read_bytes())

@@ -16,10 +16,10 @@ import can
 import pytest
 from click.testing import CliRunner
 
-from dbc.codec import load
-from host_tools.cli import rrins
-from host_tools.direct import run_direct
-from host_tools.scenario import load as load_scenario
+from rrins.dbc.codec import load
+from rrins.host_tools.cli.main import rrins
+from rrins.host_tools.runs.direct import run_direct
+from rrins.host_tools.scenario.scenario import load as load_scenario
 
 DURATION_S = 2
 
@@ -43,7 +43,7 @@ def _socketcan():
 
 @pytest.mark.timeout(400)
 def test_a_rehearsal_is_the_same_and_its_peers_see_every_frame(tmp_path):
-    reference, _, _ = run_direct(load_scenario("rimu_rotating", duration_s=DURATION_S))
+    reference = run_direct(load_scenario("rimu_rotating", duration_s=DURATION_S)).firmware
     dump = tmp_path / "candump.log"
     with dump.open("wb") as file:
         candump = subprocess.Popen(
@@ -52,7 +52,7 @@ def test_a_rehearsal_is_the_same_and_its_peers_see_every_frame(tmp_path):
     try:
         rehearsal = subprocess.Popen(
             [
-                *(sys.executable, "-m", "host_tools", "rehearse", "rimu_rotating"),
+                *(sys.executable, "-m", "rrins", "rehearse", "rimu_rotating"),
                 *("--interface", "socketcan", "--channel", "vcan0", "--speed", "max"),
                 *("--duration", str(DURATION_S), "--out", str(tmp_path / "out"), "--json"),
             ],

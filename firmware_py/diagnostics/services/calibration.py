@@ -1,31 +1,31 @@
-"""The routine `calibration`: the bias of every sensor from a standing record.
+"""The routine `calibration`: the bias of every sensor from a record at standstill.
 
-Standing, each gyro feels the Earth's rate along its input axis, each accelerometer the reaction to
-gravity. What it measures besides, on average, is its bias: with the attitude known, and other
-errors small. An error of the attitude of 1″ looks like 5 µg, or 7e-5 °/h, of bias.
+At standstill each gyro senses the Earth's rate along its input axis, each accelerometer the
+reaction to gravity. The mean of what remains is the bias, if the attitude is known and other
+errors are small. An attitude error of 1″ looks like 5 µg, or 7e-5 °/h, of bias.
 """
 
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dbc.contract import SENSOR_GROUPS
-from dbc.values import AxisState
-from firmware_py import earth
-from firmware_py.calibration import DPH, UG
-from firmware_py.diagnostics import table
-from firmware_py.diagnostics.codecs import Value, ValueRangeError, Values
-from firmware_py.diagnostics.computer import Computer
-from firmware_py.diagnostics.image import Parameters
-from firmware_py.diagnostics.parameters import ACCELEROMETER_CALIBRATIONS, GYRO_CALIBRATIONS
-from firmware_py.diagnostics.routines import RoutineState
-from firmware_py.diagnostics.services.programmes import Programme
-from firmware_py.diagnostics.writer import Job
-from firmware_py.modes import Mode
+from rrins.dbc.contract import SENSOR_GROUPS
+from rrins.dbc.record import Floats
+from rrins.dbc.values import AxisState
+from rrins.firmware_py.core import earth
+from rrins.firmware_py.core.calibration import DPH, UG
+from rrins.firmware_py.core.modes import Mode
+from rrins.firmware_py.diagnostics import table
+from rrins.firmware_py.diagnostics.calibration_image import Parameters
+from rrins.firmware_py.diagnostics.codecs import Value, ValueRangeError, Values
+from rrins.firmware_py.diagnostics.computer import Computer
+from rrins.firmware_py.diagnostics.parameters import ACCELEROMETER_CALIBRATIONS, GYRO_CALIBRATIONS
+from rrins.firmware_py.diagnostics.routines import RoutineState
+from rrins.firmware_py.diagnostics.services.programmes import Programme
+from rrins.firmware_py.diagnostics.writer import WriteJob
 
 _MISSING_SHARE = 0.1
 _AT_REST = (AxisState.HOLDING, AxisState.OFF)
@@ -34,7 +34,7 @@ _AT_REST = (AxisState.HOLDING, AxisState.OFF)
 class _Record:
     """Mean and variance of the increments of one kind of sensor."""
 
-    def __init__(self, increments: NDArray[Any], valid: NDArray[Any]) -> None:
+    def __init__(self, increments: Floats, valid: NDArray[np.uint32]) -> None:
         self._increments = increments
         self._valid = valid
         self._bits = 1 << np.arange(SENSOR_GROUPS)
@@ -43,8 +43,8 @@ class _Record:
         self._sum = np.zeros(SENSOR_GROUPS)
         self._square = np.zeros(SENSOR_GROUPS)
 
-    def take(self) -> None:
-        """Take an epoch's increments of the sensors that are valid."""
+    def add(self) -> None:
+        """Add an epoch's increments of the valid sensors."""
         valid = (int(self._valid[0]) & self._bits) != 0
         now = self._increments[0]
         self._first = np.where((self._count == 0) & valid, now, self._first)
@@ -54,22 +54,22 @@ class _Record:
         self._square += difference * difference
 
     def is_whole(self, sensors: int, epochs: int) -> bool:
-        """Return whether no sensor was missing too often."""
+        """Return whether every sensor was present often enough."""
         return bool(np.all(self._count[:sensors] >= (1.0 - _MISSING_SHARE) * epochs))
 
-    def mean(self) -> NDArray[np.float64]:
+    def mean(self) -> Floats:
         """Return the mean increments."""
         return self._first + self._sum / np.maximum(1.0, self._count)
 
-    def sigma(self) -> NDArray[np.float64]:
-        """Return their standard errors, of white noise."""
+    def sigma(self) -> Floats:
+        """Return their standard errors, assuming white noise."""
         count = np.maximum(2.0, self._count)
         variance = (self._square - self._sum**2 / count) / (count - 1.0)
         return np.sqrt(np.maximum(0.0, variance) / count)
 
 
-class Calibration(Programme):
-    """A standing record, and the biases that it gives."""
+class CalibrationProgramme(Programme):
+    """A record at standstill, and the biases computed from it."""
 
     name = "calibration"
     ends_with_session = True
@@ -79,7 +79,7 @@ class Calibration(Programme):
         self._epochs = self._wanted = 0
         self._store = False
         self._stored = False
-        self._job: Job | None = None
+        self._job: WriteJob | None = None
         self._records = self._new_records()
 
     def _new_records(self) -> tuple[_Record, _Record]:
@@ -94,9 +94,9 @@ class Calibration(Programme):
         return self.computer.mode == Mode.STANDBY and self._is_at_rest()
 
     def _is_at_rest(self) -> bool:
-        assembly = self.computer.state["assembly"]
+        assembly = self.computer.state.assembly
         return all(
-            assembly["axis_state"][axis] in _AT_REST and assembly["encoder_rate_dps"][axis] == 0.0
+            assembly.axis_state[axis] in _AT_REST and assembly.encoder_rate_dps[axis] == 0.0
             for axis in (0, 1)
         )
 
@@ -111,12 +111,12 @@ class Calibration(Programme):
         self._records = self._new_records()
 
     def forget(self) -> None:
-        """Be as after power-on."""
+        """Return to the state after power-on."""
         super().forget()
         self._job = None
 
     def work(self) -> None:
-        """Look after it in an epoch, while it runs."""
+        """Do one epoch's work, while it runs."""
         if self._job is not None:
             self._await(self._job)
             return
@@ -124,7 +124,7 @@ class Calibration(Programme):
             self.state = RoutineState.FAILED
             return
         for record in self._records:
-            record.take()
+            record.add()
         self._epochs += 1
         if self._epochs == self._wanted:
             self._finish()
@@ -140,7 +140,7 @@ class Calibration(Programme):
             self.state = RoutineState.DONE
 
     def _keep(self, found: Parameters) -> None:
-        """Begin to store what was found, unless a bias is beyond what a sensor may have."""
+        """Start storing the biases, unless one is beyond its limits."""
         try:
             for number, values in found.items():
                 table.IDENTIFIER_BY_NUMBER[number].layout.check(values)
@@ -149,7 +149,7 @@ class Calibration(Programme):
         else:
             self._job = self.computer.parameters.change(found)
 
-    def _await(self, job: Job) -> None:
+    def _await(self, job: WriteJob) -> None:
         if job.done:
             self._stored = self.computer.parameters.finish(job)
             self.state = RoutineState.DONE if self._stored else RoutineState.FAILED
@@ -157,23 +157,23 @@ class Calibration(Programme):
 
     def _counts(self) -> tuple[int, int]:
         state = self.computer.state
-        return int(state["gyros"]["count"]), int(state["accelerometers"]["count"])
+        return int(state.gyros.count), int(state.accelerometers.count)
 
-    def _biases(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def _biases(self) -> tuple[Floats, Floats]:
         """Return the gyros' biases, °/h, and the accelerometers', µg."""
         state = self.computer.state
-        parameters = state["parameters"]
+        parameters = state.parameters
         seconds = self.computer.period_ns * 1e-9
-        C_n_s = (parameters["C_b_n"] @ state["C_s_b"]).T
-        latitude = float(parameters["latitude"])
+        C_n_s = (parameters.C_b_n @ state.C_s_b).T
+        latitude = float(parameters.latitude)
         rate_n = earth.RATE * np.array([0.0, math.cos(latitude), math.sin(latitude)])
         force_n = np.array([0.0, 0.0, self.computer.gravity])
-        dtheta = state["gyros"]["H"] @ (C_n_s @ rate_n) * seconds
-        dv = state["accelerometers"]["H"] @ (C_n_s @ force_n) * seconds
+        dtheta = state.gyros.H @ (C_n_s @ rate_n) * seconds
+        dv = state.accelerometers.H @ (C_n_s @ force_n) * seconds
         gyros, accelerometers = self._records
-        # What was measured is compensated already: what is left adds to the bias in force.
-        dtheta_bias = gyros.mean() - dtheta + state["gyros"]["bias_increment"]
-        dv_bias = accelerometers.mean() - dv + state["accelerometers"]["bias_increment"]
+        # The measurements are already compensated: the rest adds to the bias in effect.
+        dtheta_bias = gyros.mean() - dtheta + state.gyros.bias_increment
+        dv_bias = accelerometers.mean() - dv + state.accelerometers.bias_increment
         return dtheta_bias / (seconds * DPH), dv_bias / (seconds * UG)
 
     def _parameters(self) -> Parameters:
@@ -208,8 +208,8 @@ class Calibration(Programme):
         }
 
 
-def _padded(values: NDArray[np.float64], count: int) -> Value:
-    """Return a tuple of `SENSOR_GROUPS` single-precision values, zero from `count` on."""
+def _padded(values: Floats, count: int) -> Value:
+    """Return a tuple of `SENSOR_GROUPS` single-precision values, zero after the first `count`."""
     kept = np.zeros(SENSOR_GROUPS, dtype=np.float32)
     kept[:count] = values[:count]
     return tuple(float(value) for value in kept)

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from firmware_py.diagnostics import table
-from firmware_py.diagnostics.access import Session
-from firmware_py.diagnostics.codecs import Values
-from firmware_py.diagnostics.computer import AXIS_MODES, Computer
-from firmware_py.diagnostics.data import DataIdentifier
-from firmware_py.diagnostics.identifiers import IOControl
-from firmware_py.diagnostics.refusal import RefusalError, require
-from firmware_py.diagnostics.responses import Code
-from firmware_py.diagnostics.server import Handler, Part, Server
-from firmware_py.diagnostics.services.data import checked
+from rrins.firmware_py.diagnostics import table
+from rrins.firmware_py.diagnostics.access import Session
+from rrins.firmware_py.diagnostics.codecs import Values
+from rrins.firmware_py.diagnostics.computer import AXIS_MODES, Computer
+from rrins.firmware_py.diagnostics.data_identifier import DataIdentifier
+from rrins.firmware_py.diagnostics.identifiers import IOControl
+from rrins.firmware_py.diagnostics.refusal import RefusalError, require
+from rrins.firmware_py.diagnostics.responses import Code
+from rrins.firmware_py.diagnostics.server import Handler, Part, Server
+from rrins.firmware_py.diagnostics.services.data import checked
 
 _AXES = {
     table.identifier("axis_inner_control").number: 0,
@@ -21,21 +21,21 @@ _HOME_DEG = 0.0
 
 
 class Control(Part):
-    """Outputs that a tool has taken: the axes, and the sensors that the fusion uses."""
+    """Outputs under a tool's control: the axes, and the sensors that the fusion uses."""
 
     def __init__(self, computer: Computer) -> None:
         self._computer = computer
-        self._turning: dict[int, float] = {}  # axis -> where it was told to turn to
+        self._turning: dict[int, float] = {}  # axis -> commanded angle
 
     def leave_session(self, session: Session) -> None:
-        """Give everything back in the default session."""
+        """Return all control in the default session."""
         if session == Session.DEFAULT:
             for axis in (0, 1):
                 self._return_axis(axis)
             self._exclude(0, 0)
 
     def control(self, server: Server, data: bytes) -> bytes:
-        """Take an output, or give it back (0x2F)."""
+        """Take control of an output, or return it (0x2F)."""
         require(len(data) >= 3, Code.INCORRECT_MESSAGE_LENGTH)
         did = table.IDENTIFIER_BY_NUMBER.get(int.from_bytes(data[:2], "big"))
         if did is None or did.control is None or not server.allows(did.control):
@@ -66,11 +66,10 @@ class Control(Part):
 
     def _exclude(self, gyros: int, accelerometers: int) -> None:
         state = self._computer.state
-        for sensors, kind in ((gyros, "gyros"), (accelerometers, "accelerometers")):
-            require(sensors >> int(state[kind]["count"]) == 0, Code.REQUEST_OUT_OF_RANGE)
-        monitor = state["diagnostics"]
-        monitor["excluded_gyros"] = gyros
-        monitor["excluded_accelerometers"] = accelerometers
+        require(gyros >> int(state.gyros.count) == 0, Code.REQUEST_OUT_OF_RANGE)
+        require(accelerometers >> int(state.accelerometers.count) == 0, Code.REQUEST_OUT_OF_RANGE)
+        state.diagnostics.excluded_gyros = gyros
+        state.diagnostics.excluded_accelerometers = accelerometers
 
     def _control_axis(self, axis: int, wanted: IOControl, values: Values) -> None:
         if wanted == IOControl.RETURN_CONTROL:
@@ -87,7 +86,7 @@ class Control(Part):
         self._turning[axis] = target
 
     def _return_axis(self, axis: int) -> None:
-        """Let an axis hold, unless the computer itself has told it something else since."""
+        """Make an axis hold, unless the computer has commanded something else since."""
         target = self._turning.pop(axis, None)
         in_hand = target is not None and self._computer.is_told(axis, target)
         if in_hand and self._computer.mode in AXIS_MODES:

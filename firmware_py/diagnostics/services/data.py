@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 
-from firmware_py.diagnostics import table
-from firmware_py.diagnostics.access import MESSAGE_CAPACITY
-from firmware_py.diagnostics.codecs import LengthError, ValueRangeError, Values
-from firmware_py.diagnostics.computer import Computer
-from firmware_py.diagnostics.data import DataIdentifier
-from firmware_py.diagnostics.refusal import Later, RefusalError, require
-from firmware_py.diagnostics.responses import Code
-from firmware_py.diagnostics.server import Handler, Server
+from rrins.firmware_py.diagnostics import table
+from rrins.firmware_py.diagnostics.access import MESSAGE_CAPACITY
+from rrins.firmware_py.diagnostics.codecs import LengthError, ValueRangeError, Values
+from rrins.firmware_py.diagnostics.computer import Computer
+from rrins.firmware_py.diagnostics.data_identifier import DataIdentifier
+from rrins.firmware_py.diagnostics.refusal import Later, RefusalError, require
+from rrins.firmware_py.diagnostics.responses import Code
+from rrins.firmware_py.diagnostics.server import Handler, Server
 
 MOST_IDENTIFIERS = 16
-"""Data identifiers in one request."""
+"""Most data identifiers in one request."""
 
 
 class Data:
@@ -30,7 +30,7 @@ class Data:
         self._memory = computer.ram.view(np.uint8).reshape(-1)
 
     def read(self, server: Server, data: bytes) -> bytes:
-        """Read data identifiers (0x22); those that there are, of several."""
+        """Read data identifiers (0x22); of several, those that exist."""
         length = len(data)
         is_whole = length >= 2 and length % 2 == 0 and length <= 2 * MOST_IDENTIFIERS
         require(is_whole, Code.INCORRECT_MESSAGE_LENGTH)

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from dbc.values import AxisState
-from firmware_py.diagnostics import table
-from firmware_py.diagnostics.codecs import Values
-from firmware_py.diagnostics.computer import AXIS_MODES, Computer
-from firmware_py.diagnostics.reader import FieldReader
-from firmware_py.diagnostics.records import Order
-from firmware_py.diagnostics.refusal import RefusalError
-from firmware_py.diagnostics.responses import Code
-from firmware_py.diagnostics.routines import RoutineState
-from firmware_py.diagnostics.writer import Job
-from firmware_py.modes import Fault, Mode
+from rrins.dbc.values import AxisState
+from rrins.firmware_py.core.diagnostic_records import RoutineRequest
+from rrins.firmware_py.core.modes import FirmwareFault, Mode
+from rrins.firmware_py.diagnostics import table
+from rrins.firmware_py.diagnostics.codecs import Values
+from rrins.firmware_py.diagnostics.computer import AXIS_MODES, Computer
+from rrins.firmware_py.diagnostics.reader import FieldReader
+from rrins.firmware_py.diagnostics.refusal import RefusalError
+from rrins.firmware_py.diagnostics.responses import Code
+from rrins.firmware_py.diagnostics.routines import RoutineState
+from rrins.firmware_py.diagnostics.writer import WriteJob
 
 _ARRIVED_DEG = 1.0  # the coarsest encoder steps by 1.4°
 _GRACE_S = 10.0
@@ -31,7 +31,7 @@ class Programme:
         Of the table.
     state : RoutineState
     ends_with_session : bool
-        Whether it is stopped when the tool goes.
+        Whether it stops when the tool's session ends.
     """
 
     name = ""
@@ -60,7 +60,7 @@ class Programme:
         return self.state != RoutineState.NEVER_STARTED
 
     def forget(self) -> None:
-        """Be as after power-on."""
+        """Return to the state after power-on."""
         self.state = RoutineState.NEVER_STARTED
 
     def may_start(self) -> bool:
@@ -76,7 +76,7 @@ class Programme:
         self.state = RoutineState.STOPPED
 
     def work(self) -> None:
-        """Look after it in an epoch, while it runs."""
+        """Do one epoch's work, while it runs."""
 
     def is_settled(self) -> bool:
         """Return whether the response to a request can be given."""
@@ -87,10 +87,10 @@ class Programme:
         return {"state": int(self.state)} | self._reader.read()
 
 
-class _Ordered(Programme):
-    """A routine that orders a mode; it is in force in the step after."""
+class _Requesting(Programme):
+    """A routine that requests a mode, which takes effect in the next step."""
 
-    order = Order.NONE
+    routine_request = RoutineRequest.NONE
     modes_to_start: tuple[Mode, ...] = ()
     running = Mode.STANDBY
 
@@ -105,12 +105,12 @@ class _Ordered(Programme):
     def start(self, arguments: Values) -> None:
         """Begin."""
         super().start(arguments)
-        self.computer.order(self.order)
+        self.computer.ask(self.routine_request)
         self._waits = True
 
     def work(self) -> None:
-        """Look after it in an epoch, while it runs."""
-        if self._waits:  # the step has taken the order by now
+        """Do one epoch's work, while it runs."""
+        if self._waits:  # the step has handled the request by now
             self._waits = False
         if self.computer.mode != self.running:
             self.state = self.ended()
@@ -120,84 +120,84 @@ class _Ordered(Programme):
         return not self._waits
 
     def ended(self) -> RoutineState:
-        """Return what became of it once the mode is another one."""
+        """Return the outcome once the mode has changed."""
         return RoutineState.DONE
 
 
-class SelfTest(_Ordered):
+class SelfTest(_Requesting):
     """The self-test."""
 
     name = "self_test"
-    order = Order.SELF_TEST
+    routine_request = RoutineRequest.SELF_TEST
     modes_to_start = (Mode.STANDBY, Mode.FAULT)
     running = Mode.SELF_TEST
 
     def ended(self) -> RoutineState:
-        """Return what became of it once the mode is another one."""
-        failed = self.computer.state["modes"]["fault"] == Fault.SELF_TEST_FAILED
+        """Return the outcome once the mode has changed."""
+        failed = self.computer.state.modes.fault == FirmwareFault.SELF_TEST_FAILED
         return RoutineState.FAILED if failed else RoutineState.DONE
 
 
-class Alignment(_Ordered):
+class Alignment(_Requesting):
     """The alignment."""
 
     name = "alignment"
-    order = Order.ALIGN
+    routine_request = RoutineRequest.ALIGN
     modes_to_start = (Mode.STANDBY,)
     running = Mode.ALIGNMENT
 
     def work(self) -> None:
-        """Look after it in an epoch, while it runs."""
+        """Do one epoch's work, while it runs."""
         super().work()
-        if self.is_running and self.computer.state["alignment"]["done"]:
+        if self.is_running and self.computer.state.alignment.done:
             self.state = RoutineState.DONE
 
     def stop(self) -> None:
         """End early."""
         super().stop()
-        self.computer.order(Order.STANDBY)
+        self.computer.ask(RoutineRequest.STANDBY)
 
     def ended(self) -> RoutineState:
-        """Return what became of it once the mode is another one."""
-        if self.computer.state["alignment"]["done"]:
+        """Return the outcome once the mode has changed."""
+        if self.computer.state.alignment.done:
             return RoutineState.DONE
         failed = self.computer.mode == Mode.FAULT
         return RoutineState.FAILED if failed else RoutineState.STOPPED
 
 
-class Rotation(_Ordered):
+class Rotation(_Requesting):
     """The rotation scheme."""
 
     name = "rotation"
-    order = Order.START_ROTATION
+    routine_request = RoutineRequest.START_ROTATION
     modes_to_start = (Mode.NAVIGATION_STRAPDOWN,)
     running = Mode.NAVIGATION_ROTATING
 
     @property
     def can_be_stopped(self) -> bool:
-        """Whether the scheme runs, whoever has started it."""
+        """Whether the scheme runs, whoever started it."""
         return self.computer.mode == Mode.NAVIGATION_ROTATING
 
     def stop(self) -> None:
         """End early."""
         super().stop()
-        self.computer.order(Order.STOP_ROTATION)
+        self.computer.ask(RoutineRequest.STOP_ROTATION)
 
     def ended(self) -> RoutineState:
-        """Return what became of it once the mode is another one."""
-        not_following = self.computer.state["sequencer"]["not_following"].any()
+        """Return the outcome once the mode has changed."""
+        not_following = self.computer.state.sequencer.not_following.any()
         return RoutineState.FAILED if not_following else RoutineState.STOPPED
 
 
-class Standby(_Ordered):
+class Standby(_Requesting):
     """Back to STANDBY."""
 
     name = "standby"
-    order = Order.STANDBY
+    routine_request = RoutineRequest.STANDBY
     modes_to_start = (Mode.ALIGNMENT, Mode.NAVIGATION_STRAPDOWN, Mode.NAVIGATION_ROTATING)
 
     def work(self) -> None:
-        """Look after it in an epoch, while it runs."""
+        """Do one epoch's work, while it runs."""
         self._waits = False
         at_standby = self.computer.mode == Mode.STANDBY
         self.state = RoutineState.DONE if at_standby else RoutineState.FAILED
@@ -227,8 +227,8 @@ class AxisTurn(Programme):
         super().start(arguments)
         self._axis, self._target_deg = axis, target
         state = self.computer.state
-        turn_deg = abs(target - float(state["assembly"]["encoder_angle_deg"][axis]))
-        seconds = 2.0 * turn_deg / float(state["parameters"]["turn_rate_dps"]) + _GRACE_S
+        turn_deg = abs(target - float(state.assembly.encoder_angle_deg[axis]))
+        seconds = 2.0 * turn_deg / float(state.parameters.turn_rate_dps) + _GRACE_S
         self._epochs_left = round(seconds * 1e9 / self.computer.period_ns)
         self.computer.turn_axis(axis, target)
 
@@ -239,13 +239,13 @@ class AxisTurn(Programme):
             self.computer.hold_axis(self._axis)
 
     def work(self) -> None:
-        """Look after it in an epoch, while it runs."""
+        """Do one epoch's work, while it runs."""
         self._epochs_left -= 1
-        assembly = self.computer.state["assembly"]
-        angle_deg = float(assembly["encoder_angle_deg"][self._axis])
-        holds = assembly["axis_state"][self._axis] == AxisState.HOLDING
+        assembly = self.computer.state.assembly
+        angle_deg = float(assembly.encoder_angle_deg[self._axis])
+        holds = assembly.axis_state[self._axis] == AxisState.HOLDING
         if not self.computer.is_told(self._axis, self._target_deg):
-            self.state = RoutineState.STOPPED  # somebody wants something else of it
+            self.state = RoutineState.STOPPED  # another command replaced this one
         elif holds and abs(angle_deg - self._target_deg) <= _ARRIVED_DEG:
             self.state = RoutineState.DONE
         elif self._epochs_left <= 0:
@@ -254,12 +254,12 @@ class AxisTurn(Programme):
 
     def results(self) -> Values:
         """Return the results so far."""
-        assembly = self.computer.state["assembly"]
+        assembly = self.computer.state.assembly
         return {
             "state": int(self.state),
             "axis": self._axis,
-            "encoder_angle_deg": float(assembly["encoder_angle_deg"][self._axis]),
-            "axis_state": int(assembly["axis_state"][self._axis]),
+            "encoder_angle_deg": float(assembly.encoder_angle_deg[self._axis]),
+            "axis_state": int(assembly.axis_state[self._axis]),
         }
 
 
@@ -270,7 +270,7 @@ class RestoreSetUp(Programme):
 
     def __init__(self, computer: Computer) -> None:
         super().__init__(computer)
-        self._job: Job | None = None
+        self._job: WriteJob | None = None
 
     def start(self, arguments: Values) -> None:
         """Begin."""

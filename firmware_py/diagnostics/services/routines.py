@@ -2,23 +2,23 @@
 
 from __future__ import annotations
 
-from firmware_py.diagnostics import table
-from firmware_py.diagnostics.access import Session
-from firmware_py.diagnostics.codecs import LengthError, ValueRangeError, Values
-from firmware_py.diagnostics.computer import Computer
-from firmware_py.diagnostics.refusal import Answer, Later, RefusalError, require
-from firmware_py.diagnostics.responses import Code
-from firmware_py.diagnostics.routines import Routine
-from firmware_py.diagnostics.server import Handler, Part, Server
-from firmware_py.diagnostics.services import programmes
-from firmware_py.diagnostics.services.calibration import Calibration
-from firmware_py.diagnostics.services.programmes import Programme
+from rrins.firmware_py.diagnostics import table
+from rrins.firmware_py.diagnostics.access import Session
+from rrins.firmware_py.diagnostics.codecs import LengthError, ValueRangeError, Values
+from rrins.firmware_py.diagnostics.computer import Computer
+from rrins.firmware_py.diagnostics.refusal import Answer, Later, RefusalError, require
+from rrins.firmware_py.diagnostics.responses import Code
+from rrins.firmware_py.diagnostics.routines import Routine
+from rrins.firmware_py.diagnostics.server import Handler, Part, Server
+from rrins.firmware_py.diagnostics.services import programmes
+from rrins.firmware_py.diagnostics.services.calibration import CalibrationProgramme
+from rrins.firmware_py.diagnostics.services.programmes import Programme
 
 _START, _STOP = 0x01, 0x02
 
 
 class Routines(Part):
-    """The service that starts and stops routines, and tells their results."""
+    """The service that starts and stops routines, and reports their results."""
 
     def __init__(self, computer: Computer) -> None:
         made: tuple[Programme, ...] = (
@@ -26,7 +26,7 @@ class Routines(Part):
             programmes.Alignment(computer),
             programmes.AxisTurn(computer),
             programmes.Rotation(computer),
-            Calibration(computer),
+            CalibrationProgramme(computer),
             programmes.RestoreSetUp(computer),
             programmes.Standby(computer),
         )
@@ -34,17 +34,17 @@ class Routines(Part):
 
     @property
     def is_busy(self) -> bool:
-        """Whether a routine runs that has to be looked after."""
+        """Whether a running routine needs `work`."""
         return any(programme.is_running for programme in self._programmes.values())
 
     def work(self) -> None:
-        """Look after the routines that run."""
+        """Do one epoch's work of the running routines."""
         for programme in self._programmes.values():
             if programme.is_running:
                 programme.work()
 
     def leave_session(self, session: Session) -> None:
-        """Stop in the default session what only runs for the tool."""
+        """In the default session, stop the routines that run only for the tool."""
         if session == Session.DEFAULT:
             for programme in self._programmes.values():
                 if programme.is_running and programme.ends_with_session:
@@ -56,7 +56,7 @@ class Routines(Part):
             programme.forget()
 
     def control(self, server: Server, data: bytes) -> Answer:
-        """Start or stop a routine, or tell its results (0x31)."""
+        """Start or stop a routine, or report its results (0x31)."""
         require(len(data) >= 3, Code.INCORRECT_MESSAGE_LENGTH)
         routine = table.ROUTINE_BY_NUMBER.get(int.from_bytes(data[1:3], "big"))
         if routine is None or not server.allows(routine.access):

@@ -5,15 +5,15 @@ from __future__ import annotations
 import hmac
 from collections.abc import Callable
 
-from firmware_py.diagnostics import access
-from firmware_py.diagnostics.access import Session
-from firmware_py.diagnostics.computer import Computer
-from firmware_py.diagnostics.refusal import RefusalError, require
-from firmware_py.diagnostics.responses import Code
-from firmware_py.diagnostics.server import Handler, Part, Reset, Server
+from rrins.firmware_py.diagnostics import access
+from rrins.firmware_py.diagnostics.access import Session
+from rrins.firmware_py.diagnostics.computer import Computer
+from rrins.firmware_py.diagnostics.refusal import RefusalError, require
+from rrins.firmware_py.diagnostics.responses import Code
+from rrins.firmware_py.diagnostics.server import Handler, Part, Reset, Server
 
 _NS_PER_MS = 1_000_000
-_NORMAL, _MANAGEMENT = 0x01, 0x02  # communication types of 0x28, a bit each
+_NORMAL, _MANAGEMENT = 0x01, 0x02  # communication types of 0x28, one bit each
 _ALL_NETWORKS, _THIS_NETWORK = 0x00, 0xF0  # high nibble: there is one network
 _DISABLE_TRANSMISSION = 0x01
 _SETTING_OFF = 0x02
@@ -24,33 +24,33 @@ def _exactly(data: bytes, length: int) -> None:
 
 
 def session_control(server: Server, data: bytes) -> bytes:
-    """Go to a session (0x10)."""
+    """Enter a session (0x10)."""
     _exactly(data, 1)
     server.enter_session(Session(data[0]))
     return data + access.P2_MS.to_bytes(2, "big") + (access.P2_STAR_MS // 10).to_bytes(2, "big")
 
 
 def reset(server: Server, data: bytes) -> bytes:
-    """Power on anew (0x11)."""
+    """Reset the computer (0x11)."""
     _exactly(data, 1)
     server.reset_wanted = Reset(data[0])
     return data
 
 
 def tester_present(server: Server, data: bytes) -> bytes:
-    """Keep the session (0x3E); that a request came has been noted."""
+    """Keep the session alive (0x3E); the server has already noted the request."""
     _exactly(data, 1)
     return data
 
 
 class Lock(Part):
-    """SecurityAccess: a seed, and the key to it.
+    """SecurityAccess: a seed and its key.
 
     Parameters
     ----------
     secret : bytes
     random_bytes : callable
-        Returns as many bytes as it is asked for, that nobody can foresee.
+        Returns the given number of unpredictable bytes.
     """
 
     def __init__(self, secret: bytes, random_bytes: Callable[[int], bytes]) -> None:
@@ -61,16 +61,16 @@ class Lock(Part):
         self._closed_until_ns = -1
 
     def leave_session(self, session: Session) -> None:
-        """Forget the seed; wrong keys stay counted."""
+        """Forget the seed; the count of wrong keys remains."""
         self._seed = b""
 
     def access(self, server: Server, data: bytes) -> bytes:
-        """Give a seed, or take a key (0x27)."""
+        """Issue a seed, or check a key (0x27)."""
         if data[0] == access.SEED_SUBFUNCTION:
             _exactly(data, 1)
             return data + self._give_seed(server)
         _exactly(data, 1 + access.KEY_SIZE)
-        self._take_key(server, data[1:])
+        self._check_key(server, data[1:])
         return data[:1]
 
     def _give_seed(self, server: Server) -> bytes:
@@ -78,10 +78,10 @@ class Lock(Part):
             return bytes(access.SEED_SIZE)
         require(server.now_ns >= self._closed_until_ns, Code.REQUIRED_TIME_DELAY_NOT_EXPIRED)
         seed = self._random_bytes(access.SEED_SIZE)
-        self._seed = seed if any(seed) else bytes([1]) * access.SEED_SIZE  # zero says unlocked
+        self._seed = seed if any(seed) else bytes([1]) * access.SEED_SIZE  # zero: unlocked
         return self._seed
 
-    def _take_key(self, server: Server, key: bytes) -> None:
+    def _check_key(self, server: Server, key: bytes) -> None:
         require(bool(self._seed), Code.REQUEST_SEQUENCE_ERROR)
         right = access.key_of(self._seed, self._secret)
         self._seed = b""
@@ -103,19 +103,19 @@ class Communication(Part):
     Attributes
     ----------
     silent : int
-        Communication types that are not sent, a bit each: 1 normal messages, 2 network management.
+        Stopped communication types, one bit each: 1 normal messages, 2 network management.
     """
 
     def __init__(self) -> None:
         self.silent = 0
 
     def leave_session(self, session: Session) -> None:
-        """Let communication go on in the default session."""
+        """Resume communication in the default session."""
         if session == Session.DEFAULT:
             self.silent = 0
 
     def control(self, server: Server, data: bytes) -> bytes:
-        """Stop cyclic messages, or let them go on (0x28)."""
+        """Stop or resume cyclic messages (0x28)."""
         _exactly(data, 2)
         types, network = data[1] & 0x0F, data[1] & 0xF0
         is_here = network in (_ALL_NETWORKS, _THIS_NETWORK)
@@ -134,12 +134,12 @@ class DTCSetting(Part):
         self._held = computer.ram["diagnostics"]["held"]
 
     def leave_session(self, session: Session) -> None:
-        """Let trouble codes be set in the default session."""
+        """Resume the setting of trouble codes in the default session."""
         if session == Session.DEFAULT:
             self._held[0] = False
 
     def control(self, server: Server, data: bytes) -> bytes:
-        """Stop the setting of trouble codes, or let it go on (0x85)."""
+        """Stop or resume the setting of trouble codes (0x85)."""
         _exactly(data, 1)
         self._held[0] = data[0] == _SETTING_OFF
         return data

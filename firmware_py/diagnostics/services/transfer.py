@@ -5,19 +5,19 @@ from __future__ import annotations
 import zlib
 from dataclasses import dataclass, field
 
-from firmware_py.diagnostics import image
-from firmware_py.diagnostics.access import Session
-from firmware_py.diagnostics.computer import Computer
-from firmware_py.diagnostics.image import ImageError, Parameters
-from firmware_py.diagnostics.refusal import Answer, Later, RefusalError, require
-from firmware_py.diagnostics.regions import (
+from rrins.firmware_py.diagnostics import calibration_image as image
+from rrins.firmware_py.diagnostics.access import Session
+from rrins.firmware_py.diagnostics.calibration_image import ImageError, Parameters
+from rrins.firmware_py.diagnostics.computer import Computer
+from rrins.firmware_py.diagnostics.refusal import Answer, Later, RefusalError, require
+from rrins.firmware_py.diagnostics.regions import (
     BLOCK_LENGTH,
     CALIBRATION_ADDRESS,
     CALIBRATION_CAPACITY,
 )
-from firmware_py.diagnostics.responses import Code
-from firmware_py.diagnostics.server import Handler, Part, Server
-from firmware_py.diagnostics.services.data import address_and_size
+from rrins.firmware_py.diagnostics.responses import Code
+from rrins.firmware_py.diagnostics.server import Handler, Part, Server
+from rrins.firmware_py.diagnostics.services.data import address_and_size
 
 _PLAIN = 0x00  # dataFormatIdentifier: neither compressed nor encrypted
 _LENGTH_FORMAT = 0x20  # maxNumberOfBlockLength has two bytes
@@ -27,11 +27,11 @@ _CRC_SIZE = 4
 
 @dataclass
 class _Transfer:
-    """A transfer under way."""
+    """A transfer in progress."""
 
     is_download: bool
     size: int
-    data: bytearray = field(default_factory=bytearray)  # what came, or what goes
+    data: bytearray = field(default_factory=bytearray)  # received, or to send
     done: int = 0  # bytes
     counter: int = 0  # of the last block
     block: bytes = b""  # the last one
@@ -49,24 +49,24 @@ class Transfers(Part):
         self._transfer: _Transfer | None = None
 
     def leave_session(self, session: Session) -> None:
-        """Forget a transfer that is not finished."""
+        """Drop an unfinished transfer."""
         self._transfer = None
 
     def _range(self, data: bytes) -> tuple[int, int]:
-        """Return address and size of a request to begin a transfer."""
+        """Return the address and size in a request to begin a transfer."""
         require(len(data) >= 4, Code.INCORRECT_MESSAGE_LENGTH)
         require(data[0] == _PLAIN, Code.REQUEST_OUT_OF_RANGE)
         return address_and_size(data[1:])
 
     def request_download(self, server: Server, data: bytes) -> bytes:
-        """Begin to take a calibration file (0x34)."""
+        """Begin to receive a calibration file (0x34)."""
         address, size = self._range(data)
         fits = address == CALIBRATION_ADDRESS and 0 < size <= CALIBRATION_CAPACITY
         require(fits, Code.REQUEST_OUT_OF_RANGE)
         return self._begin(_Transfer(True, size))
 
     def request_upload(self, server: Server, data: bytes) -> bytes:
-        """Begin to give the calibration file (0x35); its length is at the tool's discretion."""
+        """Begin to send the calibration file (0x35); the tool chooses the length."""
         address, size = self._range(data)
         file = self._computer.calibration_file()
         require(address == CALIBRATION_ADDRESS and size > 0, Code.REQUEST_OUT_OF_RANGE)
@@ -79,7 +79,7 @@ class Transfers(Part):
         return bytes([_LENGTH_FORMAT]) + BLOCK_LENGTH.to_bytes(2, "big")
 
     def transfer_data(self, server: Server, data: bytes) -> bytes:
-        """Move a block (0x36); the one before may be asked for again."""
+        """Transfer a block (0x36); the previous one may be requested again."""
         require(len(data) >= 1, Code.INCORRECT_MESSAGE_LENGTH)
         transfer = self._transfer
         if transfer is None:
@@ -105,14 +105,14 @@ class Transfers(Part):
 
     @staticmethod
     def _again(transfer: _Transfer, block: bytes) -> bytes:
-        """Answer a block that came before: the response to it was lost."""
+        """Answer a repeated block, whose response was lost."""
         if not transfer.is_download:
             return bytes([transfer.counter]) + transfer.block
         require(block == transfer.block, Code.WRONG_BLOCK_SEQUENCE_COUNTER)
         return bytes([transfer.counter])
 
     def exit(self, server: Server, data: bytes) -> Answer:
-        """End a transfer (0x37), with the CRC-32 of all its data; the response has it, too."""
+        """End a transfer (0x37), with the CRC-32 of all its data; the response repeats it."""
         require(len(data) in (0, _CRC_SIZE), Code.INCORRECT_MESSAGE_LENGTH)
         transfer = self._transfer
         if transfer is None or not transfer.is_complete:

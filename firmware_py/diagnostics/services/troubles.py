@@ -4,20 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 
-from firmware_py.diagnostics.computer import Computer
-from firmware_py.diagnostics.fault_memory import FaultMemory
-from firmware_py.diagnostics.reader import FieldReader
-from firmware_py.diagnostics.refusal import require
-from firmware_py.diagnostics.responses import Code
-from firmware_py.diagnostics.server import Handler, Server
-from firmware_py.diagnostics.table import EXTENDED_DATA, SNAPSHOT
-from firmware_py.diagnostics.troubles import (
+from rrins.firmware_py.core.troubles import (
     ALL_RECORDS,
     FIRST_SNAPSHOT,
     FORMAT_IDENTIFIER,
     LATEST_SNAPSHOT,
     STATUS_AVAILABILITY,
 )
+from rrins.firmware_py.diagnostics.computer import Computer
+from rrins.firmware_py.diagnostics.fault_memory import FaultMemory
+from rrins.firmware_py.diagnostics.reader import FieldReader
+from rrins.firmware_py.diagnostics.refusal import require
+from rrins.firmware_py.diagnostics.responses import Code
+from rrins.firmware_py.diagnostics.server import Handler, Server
+from rrins.firmware_py.diagnostics.table import EXTENDED_DATA, SNAPSHOT
 
 _NUMBER_SIZE = 3
 _SNAPSHOTS = (FIRST_SNAPSHOT, LATEST_SNAPSHOT)
@@ -88,7 +88,7 @@ class Troubles:
                 yield _bytes(trouble.number) + bytes([record])
 
     def _detection_counters(self, data: bytes) -> Iterator[bytes]:
-        """Yield the trouble codes on their way to failed: counters from 1 to 126."""
+        """Yield the trouble codes in prefailed state: counters from 1 to 126."""
         for number, index in self._faults.numbers():
             counter = self._faults.detection_counter(index)
             if 0 < counter < 127:

@@ -14,26 +14,26 @@ from textual.binding import Binding, BindingType
 from textual.containers import Horizontal
 from textual.widgets import Input
 
-from host_tools.monitor.banner import banner, notices
-from host_tools.monitor.listing import ORDERS, rows_of
-from host_tools.monitor.plot import HEIGHT as PLOT_HEIGHT
-from host_tools.monitor.plot import SPANS, plot
-from host_tools.monitor.receiver import Receiver
-from host_tools.monitor.screen.pages import HELP, Page
-from host_tools.monitor.screen.panes import Detail, Lines, MessageTable
-from host_tools.monitor.state import BusState
-from host_tools.monitor.troubles import troubles_of
-from host_tools.monitor.vitals import vitals_of
-from host_tools.monitor.watch import Watch
-from host_tools.monitor.wording import clipped
-from host_tools.port import Address
+from rrins.host_tools.bus.port import Address
+from rrins.host_tools.monitor.banner import banner, notices
+from rrins.host_tools.monitor.listing import ORDERS, message_rows
+from rrins.host_tools.monitor.plot import HEIGHT as PLOT_HEIGHT
+from rrins.host_tools.monitor.plot import SPANS, plot
+from rrins.host_tools.monitor.receiver import Receiver
+from rrins.host_tools.monitor.screen.pages import HELP, Page
+from rrins.host_tools.monitor.screen.panes import Detail, Lines, MessageTable
+from rrins.host_tools.monitor.state import BusState
+from rrins.host_tools.monitor.troubles import troubles_of
+from rrins.host_tools.monitor.vitals import vitals_of
+from rrins.host_tools.monitor.watch import Watch
+from rrins.host_tools.monitor.wording import clipped
 
 _THEMES = ("textual-ansi", "ansi-dark")  # the terminal's own colours; the name in older textual
-_BOTH_HEIGHT = 34  # lines from which on table and detail are shown together
+_BOTH_HEIGHT = 34  # minimum lines to show table and detail together
 _MOST_PLOTS = 4
 _TABLE_KEYS = "? help  / filter  s sort  Enter detail  p plot  f freeze  t troubles  q quit"
 _DETAIL_KEYS = "? help  Esc back  p plot  w span of plots  f freeze  t troubles  q quit"
-_FILTER_KEYS = "Enter keep this filter  Esc show all"
+_FILTER_KEYS = "Enter apply filter  Esc show all"
 
 
 class MonitorApp(App[None]):
@@ -42,14 +42,14 @@ class MonitorApp(App[None]):
     Parameters
     ----------
     bus : str
-        What the bus is called.
+        Name of the bus.
     watch : Watch
     needle : str
-        What messages or signals are filtered by, see `host_tools.monitor.listing`.
+        Filter for messages or signals, see `rrins.host_tools.monitor.listing`.
     order : str
         One of `ORDERS`.
     refresh_hz : float
-        New pictures a second; with 0 there is none until `look` is called.
+        Refreshes per second; 0 refreshes only when `look` is called.
     """
 
     TITLE = "rrins monitor"
@@ -115,7 +115,7 @@ class MonitorApp(App[None]):
         yield self.keys
 
     def on_mount(self) -> None:
-        """Begin."""
+        """Set up the screen and start refreshing."""
         self.theme = next(theme for theme in _THEMES if theme in self.available_themes)
         self.table.focus()
         self.input.value = self._needle
@@ -129,14 +129,14 @@ class MonitorApp(App[None]):
         self.call_after_refresh(self.look)
 
     def on_resize(self) -> None:
-        """Make use of the new size."""
+        """Adapt to the new size."""
         self._arrange()
         self.call_after_refresh(self._show)
 
     # ---- what is shown
 
     def look(self) -> None:
-        """Look at the bus and show what holds now."""
+        """Take a snapshot of the bus and show it."""
         if not self._frozen:
             self._state = self._watch.state()
         self._show()
@@ -150,7 +150,7 @@ class MonitorApp(App[None]):
         notice = "; ".join(notices(state, self._frozen))
         self.notice.display = bool(notice)
         self.notice.show(Text(clipped(notice, width).ljust(width), no_wrap=True))
-        rows = rows_of(state, self._needle, self._order)
+        rows = message_rows(state, self._needle, self._order)
         self.table.show(state, rows, self._order)
         self._show_detail(state)
         self._show_plots(state)
@@ -185,7 +185,7 @@ class MonitorApp(App[None]):
         self.keys.show(Text(clipped(f" {words}", width).ljust(width), no_wrap=True))
 
     def _arrange(self) -> None:
-        """Show table and detail together where there is room for both."""
+        """Show table and detail together if there is room for both."""
         both = self.size.height >= _BOTH_HEIGHT
         self.table.display = both or not self.detail.display
 
@@ -206,27 +206,27 @@ class MonitorApp(App[None]):
         return f"TROUBLES {len(self._troubles)}\n{listed}"
 
     def action_freeze(self) -> None:
-        """Stop the picture, or go on."""
+        """Freeze the screen, or resume."""
         self._frozen = not self._frozen
         self.look()
 
     def action_sort(self) -> None:
-        """Take the next order."""
+        """Switch to the next sort order."""
         self._order = ORDERS[(ORDERS.index(self._order) + 1) % len(ORDERS)]
         self._show()
 
     def action_span(self) -> None:
-        """Let the plots cover another time."""
+        """Switch the time span of the plots."""
         self._level = (self._level + 1) % len(SPANS)
         self._show()
 
     def action_zero(self) -> None:
-        """Set the counts to nothing."""
-        self._watch.forget()
+        """Reset the counts."""
+        self._watch.reset_counts()
         self.look()
 
     def action_plot(self) -> None:
-        """Plot a signal, or no longer."""
+        """Plot a signal, or stop plotting it."""
         row = self.table.chosen
         if row is None or row.message.name is None or not row.signals:
             return
@@ -244,7 +244,7 @@ class MonitorApp(App[None]):
     # ---- detail
 
     def on_message_table_opened(self) -> None:
-        """Show the message that is pointed at."""
+        """Show the selected message."""
         row = self.table.chosen
         self.detail.display = True
         self._arrange()
@@ -267,13 +267,13 @@ class MonitorApp(App[None]):
     # ---- filter
 
     def action_filter(self) -> None:
-        """Ask for a filter."""
+        """Edit the filter."""
         self.query_one("#filter").display = True
         self.input.focus()
         self.call_after_refresh(self._show)
 
     def on_input_changed(self, event: Input.Changed) -> None:
-        """Filter while it is being written."""
+        """Apply the filter while it is being typed."""
         self._needle = event.value
         self._show()
 
@@ -282,7 +282,7 @@ class MonitorApp(App[None]):
         self._leave_filter()
 
     def on_key(self, event: object) -> None:
-        """Leave the filter at Escape and show all."""
+        """Clear the filter on Escape and show all."""
         if getattr(event, "key", "") == "escape" and self.focused in (self.input, self.table):
             self.input.value = ""
             self._needle = ""
@@ -297,7 +297,7 @@ class MonitorApp(App[None]):
 
 
 def has_colours() -> bool:
-    """Return whether the terminal has colours, as far as the system knows it."""
+    """Return whether the terminal has colours, as far as the system knows."""
     try:
         import curses
 
@@ -305,17 +305,17 @@ def has_colours() -> bool:
         return curses.tigetnum("colors") > 0
     except (ImportError, OSError, ValueError):
         return True
-    except curses.error:  # not in the system's list: nothing is known against it
+    except curses.error:  # unknown terminal: assume it has
         return True
 
 
-def show(address: Address, watch: Watch, needle: str, order: str, refresh_hz: float) -> None:
+def run_screen(address: Address, watch: Watch, needle: str, order: str, refresh_hz: float) -> None:
     """Show the screen until the user quits it.
 
     Raises
     ------
     BusError
-        When the bus cannot be opened.
+        If the bus cannot be opened.
     """
     if not has_colours():
         os.environ["NO_COLOR"] = "1"

@@ -11,36 +11,36 @@ from textual.binding import Binding, BindingType
 from textual.containers import VerticalScroll
 from textual.screen import Screen
 
-from host_tools.monitor.screen.panes import Lines
+from rrins.host_tools.monitor.screen.panes import Lines
 
 HELP = """\
 KEYS
-  Up Down PgUp PgDn Home End   point at a message, or a signal
-  Enter    all signals of the message; Enter or Esc: back
-  /        show what has this in the name of a message or signal; Esc: show all
-           message.signal asks for both, such as axis.angle
-  s        order: by identifier, name, rate, errors
-  p        plot a signal, or no longer; of a message the first that has a unit
-  w        what the plots cover: 1, 10 or 100 minutes
-  f        freeze what is shown; frames are still taken; f again goes on
-  t        all troubles, one by one
-  z        set the monitor's counts, min, max and plots to nothing
-  q        quit (Ctrl-C as well)
+  Up Down PgUp PgDn Home End   select a message or a signal
+  Enter    show all signals of the message; Enter or Esc: back
+  /        filter by the name of a message or signal; Esc: show all
+           message.signal matches both, such as axis.angle
+  s        sort by identifier, name, rate or errors
+  p        plot a signal, or stop; for a message, the first that has a unit
+  w        time span of the plots: 1, 10 or 100 minutes
+  f        freeze the screen, or resume; frames are still received
+  t        list all troubles
+  z        reset the monitor's counts, min, max and plots
+  q        quit (or Ctrl-C)
 
 COLUMNS
-  !        silent, an error lately, or the last frame has a wrong CRC
-  rate/s   frames a second; "silent" after five periods without one
-  age      since the last frame
-  errors   of those frames: lost, turn and crc together
-  lost     frames that the alive counter shows to be missing
-  turn     frames that came twice, late, or with the counter of another epoch
+  !        silent, recent errors, or a wrong CRC in the last frame
+  rate/s   frames per second; "silent" after five periods without one
+  age      time since the last frame
+  errors   sum of lost, turn and crc
+  lost     missing frames, by the alive counter
+  turn     frames that were repeated, late, or of another epoch
   crc      frames with a wrong CRC or length; their values are not shown
 
 TIME
-  Rates, ages, plots and load are in the bus's own time, in a rehearsal
-  simulated time; × is bus time over time on the wall. Load counts bits, stuff
-  bits included. "lately" is the last 2.5 s of bus time, or the time since the
-  last picture of the screen where that is longer.
+  Rates, ages, plots and load are in bus time, which is simulated time in a
+  rehearsal; × is bus time divided by wall clock time. Load counts bits,
+  including stuff bits. "recently" means the last 2.5 s of bus time, or the
+  time since the last refresh if that is longer.
 """
 
 
@@ -50,7 +50,7 @@ class Page(Screen[None]):
     Parameters
     ----------
     text : callable
-        What to show; asked again while it is shown.
+        Returns the text to show; called again on each refresh.
     """
 
     CSS = "Page Lines { width: 1fr; } Page VerticalScroll { scrollbar-size-vertical: 1; }"
@@ -78,7 +78,7 @@ class Page(Screen[None]):
         self.set_interval(0.5, self.look)
 
     def look(self) -> None:
-        """Show what there is to show now."""
+        """Show the current text."""
         text = self._ask()
         if text != self.lines.plain:
             self.lines.show(Text(text))

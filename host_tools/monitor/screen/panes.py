@@ -1,4 +1,4 @@
-"""The panes of the screen: each shows lines of text that are made elsewhere."""
+"""The panes of the screen: each shows lines of text formatted elsewhere."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from textual.geometry import Size
 from textual.message import Message
 from textual.widget import Widget
 
-from host_tools.monitor.listing import Row
-from host_tools.monitor.state import BusState, MessageState, SignalState
-from host_tools.monitor.table import (
+from rrins.host_tools.monitor.listing import MessageRow
+from rrins.host_tools.monitor.state import BusState, MessageState, SignalState
+from rrins.host_tools.monitor.table import (
     detail_head,
     signal_head,
     signal_lines,
@@ -25,7 +25,7 @@ _COMMENT_LINES = 2
 
 
 class Lines(Widget):
-    """Lines of text; it is as high as they are many unless the style says something else."""
+    """Lines of text; the widget is as high as its text unless the style says otherwise."""
 
     DEFAULT_CSS = "Lines { height: auto; width: 1fr; }"
 
@@ -35,7 +35,7 @@ class Lines(Widget):
 
     @property
     def plain(self) -> str:
-        """What is shown, without its style."""
+        """The text shown, without style."""
         return self._text.plain
 
     def show(self, text: Text) -> None:
@@ -49,7 +49,7 @@ class Lines(Widget):
         return self._text
 
     def get_content_width(self, container: Size, viewport: Size) -> int:
-        """Return the columns that the lines take: all there are."""
+        """Return the width of the lines: that of the container."""
         return container.width
 
     def get_content_height(self, container: Size, viewport: Size, width: int) -> int:
@@ -58,7 +58,7 @@ class Lines(Widget):
 
 
 class Choice(Widget, can_focus=True):
-    """Lines of which one is pointed at; the view follows it."""
+    """Lines of which one is selected; the view follows the selection."""
 
     DEFAULT_CSS = "Choice { height: 1fr; width: 1fr; }"
 
@@ -78,56 +78,56 @@ class Choice(Widget, can_focus=True):
 
     @property
     def count(self) -> int:
-        """How many lines there are to choose from."""
+        """Number of lines to choose from."""
         raise NotImplementedError
 
     def in_view(self, height: int) -> range:
-        """Return the lines that are in view when so many are, with the one pointed at."""
+        """Return the range of `height` lines in view, including the selected one."""
         self.cursor = max(0, min(self.cursor, self.count - 1))
         self._top = min(self._top, self.cursor, max(0, self.count - height))
         self._top = max(self._top, self.cursor - height + 1, 0)
         return range(self._top, min(self.count, self._top + height))
 
     def action_move(self, by: int) -> None:
-        """Point at another line."""
+        """Select another line."""
         self.cursor = max(0, min(self.cursor + by, self.count - 1))
         self.moved()
         self.refresh()
 
     def action_page(self, by: int) -> None:
-        """Point at a line that is a page away."""
+        """Select the line one page away."""
         self.action_move(by * max(1, self.size.height - 2))
 
     def moved(self) -> None:
-        """Take note that another line is pointed at."""
+        """React to a change of the selection."""
 
 
 class MessageTable(Choice):
-    """The table of messages. The same message stays pointed at when the order changes."""
+    """The table of messages. The selected message stays selected when the order changes."""
 
     BINDINGS: ClassVar[list[BindingType]] = [Binding("enter", "open", show=False)]
 
     class Opened(Message):
-        """A message was asked for in detail."""
+        """The detail of a message was requested."""
 
     def __init__(self) -> None:
         super().__init__("messages")
         self._state: BusState | None = None
-        self._rows: list[Row] = []
+        self._rows: list[MessageRow] = []
         self._order = ""
         self._key: tuple[str, bool] | None = None
 
     @property
     def count(self) -> int:
-        """How many messages there are."""
+        """Number of messages."""
         return len(self._rows)
 
     @property
-    def chosen(self) -> Row | None:
-        """The row that is pointed at."""
+    def chosen(self) -> MessageRow | None:
+        """The selected row."""
         return self._rows[self.cursor] if self.cursor < len(self._rows) else None
 
-    def show(self, state: BusState, rows: list[Row], order: str) -> None:
+    def show(self, state: BusState, rows: list[MessageRow], order: str) -> None:
         """Show other rows."""
         self._state, self._rows, self._order = state, rows, order
         keys = [_key(row) for row in rows]
@@ -137,17 +137,17 @@ class MessageTable(Choice):
         self.refresh()
 
     def moved(self) -> None:
-        """Keep which message it is."""
+        """Remember the selected message."""
         self._key = None if self.chosen is None else _key(self.chosen)
 
     def action_open(self) -> None:
-        """Ask for the detail of a message."""
+        """Request the detail of a message."""
         if self.chosen is not None:
             self.moved()
             self.post_message(self.Opened())
 
     def render(self) -> Text:
-        """Return titles and rows; how many are in view stands in the titles."""
+        """Return titles and rows; the titles show the range in view."""
         if self._state is None:
             return Text()
         width, height = self.size.width, self.size.height - 1
@@ -161,7 +161,7 @@ class MessageTable(Choice):
         return Text("\n").join([head, *lines])
 
 
-def _key(row: Row) -> tuple[str, bool]:
+def _key(row: MessageRow) -> tuple[str, bool]:
     return row.message.hexadecimal, row.message.is_remote
 
 
@@ -173,7 +173,7 @@ class Detail(Choice):
     ]
 
     class Closed(Message):
-        """The detail is no longer wanted."""
+        """The detail was closed."""
 
     def __init__(self) -> None:
         super().__init__("detail")
@@ -184,23 +184,23 @@ class Detail(Choice):
 
     @property
     def count(self) -> int:
-        """How many signals there are."""
+        """Number of signals."""
         return len(self._signals)
 
     @property
     def chosen(self) -> SignalState | None:
-        """The signal that is pointed at."""
+        """The selected signal."""
         return self._signals[self.cursor] if self.cursor < len(self._signals) else None
 
     def show(self, state: BusState, message: MessageState | None, plotted: list[str]) -> None:
-        """Show a message; the signals that are plotted have a mark."""
+        """Show a message; plotted signals are marked."""
         self._state, self._message, self._plotted = state, message, plotted
         name = None if message is None else message.name
         self._signals = [] if name is None else state.signals(name)
         self.refresh()
 
     def point_at(self, signal: str | None) -> None:
-        """Point at a signal by its name; at the first one for None."""
+        """Select a signal by its name, or the first one for None."""
         names = [found.name for found in self._signals]
         self.cursor = names.index(signal) if signal in names else 0
 
@@ -209,7 +209,7 @@ class Detail(Choice):
         self.post_message(self.Closed())
 
     def render(self) -> Text:
-        """Return what is known of the message and its signals; the last lines tell of one."""
+        """Return the message and its signals; the last lines describe the selected one."""
         if self._state is None or self._message is None:
             return Text()
         width = self.size.width

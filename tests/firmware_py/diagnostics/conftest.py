@@ -11,10 +11,10 @@ import udsoncan
 from udsoncan.client import Client
 from udsoncan.connections import BaseConnection
 
-from dbc.frame import frame_array
-from firmware_py.diagnostics import table
-from firmware_py.diagnostics.access import key_of
-from firmware_py.modes import Mode, ModeRequest
+from rrins.dbc.frame import frame_array
+from rrins.firmware_py.core.modes import Mode, ModeRequest
+from rrins.firmware_py.diagnostics import table
+from rrins.firmware_py.diagnostics.access import key_of
 
 REQUEST, FUNCTIONAL, RESPONSE = table.request_id(), table.functional_id(), table.response_id()
 PATIENCE_S = 5.0

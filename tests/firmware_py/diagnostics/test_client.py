@@ -9,12 +9,13 @@ import udsoncan
 from udsoncan import DataFormatIdentifier, MemoryLocation
 from udsoncan.exceptions import NegativeResponseException
 
-from firmware_py.diagnostics import image, table
-from firmware_py.diagnostics.regions import CALIBRATION_ADDRESS, CALIBRATION_CAPACITY
-from firmware_py.diagnostics.routines import RoutineState
-from firmware_py.diagnostics.troubles import CLEARED_STATUS
-from firmware_py.memory import RAM
-from firmware_py.modes import Fault, Mode
+from rrins.firmware_py.core.memory import Ram
+from rrins.firmware_py.core.modes import FirmwareFault, Mode
+from rrins.firmware_py.core.troubles import CLEARED_STATUS
+from rrins.firmware_py.diagnostics import calibration_image as image
+from rrins.firmware_py.diagnostics import table
+from rrins.firmware_py.diagnostics.regions import CALIBRATION_ADDRESS, CALIBRATION_CAPACITY
+from rrins.firmware_py.diagnostics.routines import RoutineState
 
 FILE = MemoryLocation(CALIBRATION_ADDRESS, CALIBRATION_CAPACITY, 32, 32)
 
@@ -97,13 +98,13 @@ def test_the_whole_ram_image_is_read(navigating):
     step = 4000
     whole = b"".join(
         client.read_memory_by_address(
-            MemoryLocation(start, min(step, RAM.itemsize - start), 24, 16)
+            MemoryLocation(start, min(step, Ram.dtype.itemsize - start), 24, 16)
         ).service_data.memory_block
         for start in range(0, 3 * step, step)
     )
-    steady = RAM.fields["dispatch"][1]
+    steady = Ram.dtype.fields["dispatch"][1]
     assert whole[:steady] == tool.bench.ram.tobytes()[:steady]
-    end = MemoryLocation(RAM.itemsize - 8, 16, 24, 8)
+    end = MemoryLocation(Ram.dtype.itemsize - 8, 16, 24, 8)
     assert refusal(client.read_memory_by_address, end) == 0x31
 
 
@@ -230,6 +231,7 @@ def test_self_test(client, tool):
     assert tool.bench.mode == Mode.STANDBY
 
 
+@pytest.mark.slow
 def test_a_self_test_that_fails(client, tool, tools):
     unlock(client)
     routine(client, "self_test")
@@ -239,7 +241,7 @@ def test_a_self_test_that_fails(client, tool, tools):
         bench.step([*keep_alive[0], *bench.frames()[:2], *bench.frames()[3:]])
         tool.server._last_ns = tool.node.now_ns
     found = routine(client, "self_test", "result")
-    assert (found["state"], found["fault"]) == (RoutineState.FAILED, Fault.SELF_TEST_FAILED)
+    assert (found["state"], found["fault"]) == (RoutineState.FAILED, FirmwareFault.SELF_TEST_FAILED)
 
 
 def test_alignment(client, tool):
@@ -278,6 +280,7 @@ def test_an_axis_is_turned_to_an_angle(client, tool):
     assert found["encoder_angle_deg"] == pytest.approx(90.0, abs=1e-5)
 
 
+@pytest.mark.slow
 def test_an_axis_that_does_not_come_there(client, tool):
     unlock(client)
     routine(client, "go_to_axis_angle", axis=0, angle_deg=60.0)

@@ -7,10 +7,10 @@ import math
 import numpy as np
 import pytest
 
-from firmware_py.calibration import DPH, UG
-from firmware_py.diagnostics import table
-from firmware_py.diagnostics.troubles import Status
-from firmware_py.modes import Mode
+from rrins.firmware_py.core.calibration import DPH, UG
+from rrins.firmware_py.core.modes import Mode
+from rrins.firmware_py.core.troubles import Status
+from rrins.firmware_py.diagnostics import table
 
 CUBE_AND_DIAGONALS_DEG = (
     *((90.0, 0.0), (90.0, 90.0), (0.0, 0.0)),
@@ -43,6 +43,7 @@ def residuals(tool_of, bench, kind):
     return np.array(values[: int(bench.state[f"{kind}s"]["count"])])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("kind", "value"), [("gyro", 200.0), ("accelerometer", 20_000.0)])
 def test_a_bias_of_one_of_four_leaves_a_quarter_in_each(at, tool_of, kind, value):
     bench = at(Mode.STANDBY)
@@ -56,6 +57,7 @@ def test_a_bias_of_one_of_four_leaves_a_quarter_in_each(at, tool_of, kind, value
     assert failed(bench) == {f"{kind}s_inconsistent"}
 
 
+@pytest.mark.slow
 def test_of_six_the_largest_residual_names_the_one(at, tool_of):
     axes = CUBE_AND_DIAGONALS_DEG
     bench = at(Mode.STANDBY, gyro_axes_deg=axes, accelerometer_axes_deg=axes)
@@ -65,6 +67,7 @@ def test_of_six_the_largest_residual_names_the_one(at, tool_of):
     assert failed(bench) == {"gyros_inconsistent"}
 
 
+@pytest.mark.slow
 def test_what_the_parameter_allows_is_no_trouble(at):
     # The root sum of squares with one of four wrong is half its bias.
     for limit, trouble in ((101.0, set()), (99.0, {"gyros_inconsistent"})):
@@ -74,6 +77,7 @@ def test_what_the_parameter_allows_is_no_trouble(at):
         assert failed(bench) == trouble
 
 
+@pytest.mark.slow
 def test_three_cannot_contradict_each_other(at):
     axes = ((90.0, 0.0), (90.0, 90.0), (0.0, 0.0))
     bench = at(Mode.STANDBY, gyro_axes_deg=axes, accelerometer_axes_deg=axes)
@@ -82,6 +86,7 @@ def test_three_cannot_contradict_each_other(at):
     assert failed(bench) == set()
 
 
+@pytest.mark.slow
 def test_it_takes_its_time_and_heals(at):
     bench = at(Mode.STANDBY)
     bias(bench, "gyro", 3, 200.0)
@@ -95,6 +100,7 @@ def test_it_takes_its_time_and_heals(at):
     assert failed(bench) == set()
 
 
+@pytest.mark.slow
 def test_one_that_is_left_out_is_compared_with_the_others(at, tool_of):
     bench = at(Mode.STANDBY)
     bias(bench, "gyro", 4, 200.0)

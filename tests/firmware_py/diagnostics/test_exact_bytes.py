@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from firmware_py.modes import Mode
+from rrins.firmware_py.core.modes import Mode
 
 # What every session answers.
 DEFAULT = {

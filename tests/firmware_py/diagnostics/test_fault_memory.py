@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from firmware_py.diagnostics import table
-from firmware_py.diagnostics.fault_memory import FaultMemory
-from firmware_py.diagnostics.troubles import AGING_CYCLES, CLEARED_STATUS, Status
-from firmware_py.loop import open_memories
-from firmware_py.modes import Mode, ModeRequest
+from rrins.firmware_py.core.modes import Mode, ModeRequest
+from rrins.firmware_py.core.troubles import AGING_CYCLES, CLEARED_STATUS, Status
+from rrins.firmware_py.diagnostics import table
+from rrins.firmware_py.diagnostics.fault_memory import FaultMemory
+from rrins.firmware_py.loop import open_memories
 
 HEALING = 403  # epochs from 127 over 0 to -128, a second each
 
@@ -176,6 +176,7 @@ def cycles(at, tmp_path):
     return cycle
 
 
+@pytest.mark.slow
 def test_an_operation_cycle_ends_when_the_power_fails(cycles):
     assert cycles(1, without(2))[:2] == (1, 0x2F)
     for number in range(2, 6):

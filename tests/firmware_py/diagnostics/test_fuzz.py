@@ -12,11 +12,12 @@ from collections import Counter
 
 import pytest
 
-from firmware_py.diagnostics import image, table
-from firmware_py.diagnostics.access import key_of
-from firmware_py.diagnostics.responses import NEGATIVE, Code
-from firmware_py.diagnostics.services.data import MOST_IDENTIFIERS
-from firmware_py.modes import Mode
+from rrins.firmware_py.core.modes import Mode
+from rrins.firmware_py.diagnostics import calibration_image as image
+from rrins.firmware_py.diagnostics import table
+from rrins.firmware_py.diagnostics.access import key_of
+from rrins.firmware_py.diagnostics.responses import NEGATIVE, Code
+from rrins.firmware_py.diagnostics.services.data import MOST_IDENTIFIERS
 
 CASES = int(os.environ.get("RRINS_FUZZ", "20000"))
 SERVICES = [service.number for service in table.SERVICES]
@@ -110,6 +111,7 @@ def assert_well_formed(request, response):
         raise AssertionError(f"{request.hex()} answered {response[:8].hex()}")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("is_unlocked", [False, True], ids=["locked", "unlocked"])
 def test_any_request(tool_at, is_unlocked):
     tool = tool_at(Mode.NAVIGATION_STRAPDOWN, bridge_s=10.0)
@@ -143,12 +145,13 @@ def test_any_request(tool_at, is_unlocked):
     if not is_unlocked:
         assert node.parameters.effective() == before
         monitor = tool.state["diagnostics"]
-        assert (monitor["excluded_gyros"], monitor["order"]) == (0, 0)
+        assert (monitor["excluded_gyros"], monitor["routine_request"]) == (0, 0)
     tool.run(6.0)  # and it is itself again
     assert tool.ask("3e00") == "7e00"
     assert tool.ask("1001") == "5001003201f4"
 
 
+@pytest.mark.slow
 def test_any_frames_on_the_bus_disturb_no_step(tools, tool_at):
     """Frames of all kinds, in any order: every epoch is stepped, and navigation is the same."""
     tool, quiet = (tool_at(Mode.NAVIGATION_STRAPDOWN) for _ in range(2))

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dbc.frame import ERR_FLAG, frame_array
-from firmware_py.diagnostics import table
-from firmware_py.diagnostics.fault_memory import FaultMemory
-from firmware_py.diagnostics.parameter_memory import ParameterMemory
-from firmware_py.diagnostics.troubles import Status, SystemFault
-from firmware_py.modes import Fault, Mode, ModeRequest
+from rrins.dbc.frame import ERR_FLAG, frame_array
+from rrins.firmware_py.core.modes import FirmwareFault, Mode, ModeRequest
+from rrins.firmware_py.core.troubles import Status, SystemFault
+from rrins.firmware_py.diagnostics import table
+from rrins.firmware_py.diagnostics.fault_memory import FaultMemory
+from rrins.firmware_py.diagnostics.parameter_memory import ParameterMemory
 
 FAILED = Status.TEST_FAILED
 HEALING = 403  # epochs from 127 over 0 to -128, a second each
@@ -323,7 +323,7 @@ def test_an_alignment_that_takes_too_long(tools):
 def test_sensors_that_are_lost(at):
     bench = at()
     run(bench, 30, lambda frames: [frames[0], *frames[5:]])
-    assert bench.state["modes"]["fault"] == Fault.SENSORS_LOST
+    assert bench.state["modes"]["fault"] == FirmwareFault.SENSORS_LOST
     silent = {f"sensor_{k}_silent" for k in range(1, 5)}
     assert failed(bench) == {"sensors_lost"} | silent
 

@@ -6,13 +6,19 @@ import zlib
 
 import pytest
 
-from firmware_py.calibration import AccelerometerCalibration, Calibration, GyroCalibration
-from firmware_py.diagnostics import image, set_up, table
-from firmware_py.diagnostics.image import ImageError
-from firmware_py.diagnostics.parameters import PARAMETERS
-from firmware_py.diagnostics.troubles import Status
-from firmware_py.loop import Firmware, open_memories
-from firmware_py.settings import power_on
+from rrins.firmware_py.core.calibration import (
+    AccelerometerCalibration,
+    Calibration,
+    GyroCalibration,
+)
+from rrins.firmware_py.core.settings import power_on
+from rrins.firmware_py.core.troubles import Status
+from rrins.firmware_py.diagnostics import calibration_image as image
+from rrins.firmware_py.diagnostics import parameter_settings as set_up
+from rrins.firmware_py.diagnostics import table
+from rrins.firmware_py.diagnostics.calibration_image import ImageError
+from rrins.firmware_py.diagnostics.parameters import PARAMETERS
+from rrins.firmware_py.loop import Firmware, open_memories
 
 BRIDGE = table.identifier("bridge").number
 START = table.identifier("start_position").number
@@ -195,8 +201,8 @@ def test_the_calibration_file_byte_for_byte():
         (b"", "not a calibration file"),
         (b"RRCA", "not a calibration file"),
         (b"x" * 40, "not a calibration file"),
-        (FILE[:-1], "the CRC does not hold"),
-        (FILE[:9] + b"\x05" + FILE[10:], "the CRC does not hold"),
+        (FILE[:-1], "CRC mismatch"),
+        (FILE[:9] + b"\x05" + FILE[10:], "CRC mismatch"),
     ],
 )
 def test_what_is_no_calibration_file(file, why):
@@ -216,8 +222,8 @@ def with_crc(body):
         (b"RRCA\0\1\0\1\x10\x04\0\x09" + bytes(8), "cut off"),
         (b"RRCA\0\1\0\1\x10\x04", "cut off"),
         (b"RRCA\0\1\0\1\x10\x04\0\4" + bytes(4), "bridge: 4 bytes, not 8"),
-        (b"RRCA\0\1\0\1\x01\x01\0\0", "0x0101 is no parameter"),
-        (b"RRCA\0\1\0\2" + 2 * (b"\x10\x04\0\x08" + bytes(8)), "some twice"),
+        (b"RRCA\0\1\0\1\x01\x01\0\0", "0x0101 is not a parameter"),
+        (b"RRCA\0\1\0\2" + 2 * (b"\x10\x04\0\x08" + bytes(8)), "duplicates"),
     ],
 )
 def test_a_file_whose_crc_holds_but_that_makes_no_sense(body, why):

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from firmware_py.diagnostics.access import Session, key_of
-from firmware_py.modes import Mode, ModeRequest
+from rrins.firmware_py.core.modes import Mode, ModeRequest
+from rrins.firmware_py.diagnostics.access import Session, key_of
 
 WRONG_KEY = "2702" + "00" * 8
 
@@ -82,6 +82,7 @@ def test_a_key_fits_one_seed_only(tool):
     assert tool.ask(b"\x27\x02" + key_of(bytes.fromhex(second[4:]))) == "7f2724"
 
 
+@pytest.mark.slow
 def test_three_wrong_keys_close_the_door_for_ten_seconds(tool):
     tool.ask("1003")
     for answer in ("7f2735", "7f2735", "7f2736"):

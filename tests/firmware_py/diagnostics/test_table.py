@@ -9,13 +9,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from firmware_py.diagnostics import table
-from firmware_py.diagnostics.codecs import Field, Layout, LengthError, ValueRangeError
-from firmware_py.diagnostics.records import SNAPSHOT
-from firmware_py.diagnostics.responses import MEANINGS, Code
-from firmware_py.diagnostics.trouble_table import FIRST, TROUBLES
-from firmware_py.diagnostics.troubles import Kind
-from firmware_py.memory import RAM
+from rrins.firmware_py.core.diagnostic_records import Snapshot
+from rrins.firmware_py.core.memory import Ram
+from rrins.firmware_py.core.trouble_table import FIRST, TROUBLES
+from rrins.firmware_py.core.troubles import Kind
+from rrins.firmware_py.diagnostics import table
+from rrins.firmware_py.diagnostics.codecs import Field, Layout, LengthError, ValueRangeError
+from rrins.firmware_py.diagnostics.responses import MEANINGS, Code
 
 LAYOUTS = {did.name: did.layout for did in table.IDENTIFIERS}
 LAYOUTS |= {f"{routine.name} arguments": routine.argument_layout for routine in table.ROUTINES}
@@ -91,7 +91,7 @@ def test_trouble_codes_stand_in_the_order_of_their_bits():
 def test_a_freeze_frame_has_all_that_its_identifiers_read():
     for did in table.SNAPSHOT:
         for field in did.fields:
-            for dtype in (SNAPSHOT, RAM):
+            for dtype in (Snapshot.dtype, Ram.dtype):
                 for part in field.source.split("."):
                     if not part.isdigit():
                         dtype = dtype.fields[part][0]
@@ -105,6 +105,6 @@ def test_the_code_is_written_as_sae_j2012_does():
 
 def test_the_regions_are_the_fields_of_the_ram_image():
     whole, *parts = table.regions()
-    assert whole.size == RAM.itemsize == sum(part.size for part in parts)
-    assert [part.name for part in parts] == list(RAM.names or ())
+    assert whole.size == Ram.dtype.itemsize == sum(part.size for part in parts)
+    assert [part.name for part in parts] == list(Ram.dtype.names or ())
     assert all(a.address + a.size == b.address for a, b in itertools.pairwise(parts))

@@ -6,9 +6,9 @@ import itertools
 
 import pytest
 
-from firmware_py.diagnostics import access
-from firmware_py.diagnostics.transport import slots_per_epoch
-from firmware_py.modes import Mode
+from rrins.firmware_py.core.modes import Mode
+from rrins.firmware_py.diagnostics import access
+from rrins.firmware_py.diagnostics.transport import slots_per_epoch
 
 READ_ALL = bytes.fromhex("03220202cccccccc")  # gyro increments: 131 bytes
 GO_ON = bytes.fromhex("300000")

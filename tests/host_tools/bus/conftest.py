@@ -18,7 +18,7 @@ from typing import Any
 
 import pytest
 
-from host_tools.bus.interface import RrinsBus
+from rrins.host_tools.bus.interface import RrinsBus
 
 ROOT = Path(__file__).parents[3]
 

@@ -13,8 +13,8 @@ from typing import Any
 import can
 import numpy as np
 
-from dbc.frame import frame_array
-from host_tools.bus.interface import RrinsBus
+from rrins.dbc.frame import frame_array
+from rrins.host_tools.bus.interface import RrinsBus
 
 
 class Player:

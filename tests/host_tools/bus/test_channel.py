@@ -13,9 +13,9 @@ from typing import Any
 import can
 import pytest
 
-from host_tools.bus.channel import Claim, detect, socket_path
-from host_tools.bus.interface import RrinsBus
-from host_tools.errors import BusError
+from rrins.host_tools.bus.channel import Claim, detect, socket_path
+from rrins.host_tools.bus.interface import RrinsBus
+from rrins.host_tools.errors import BusError
 
 
 def test_a_name_is_a_socket_in_the_runtime_directory(runtime_directory: Path) -> None:
@@ -32,9 +32,9 @@ def test_without_runtime_directory_it_is_in_the_temporary_one(
 
 @pytest.mark.parametrize("name", ["", ".hidden", "two words", "a" * 65, "umläut", "new\nline"])
 def test_what_is_no_name_is_refused(name: str) -> None:
-    with pytest.raises(BusError, match="no channel name"):
+    with pytest.raises(BusError, match="not a channel name"):
         socket_path(name)
-    with pytest.raises(can.CanInitializationError, match="no channel name"):
+    with pytest.raises(can.CanInitializationError, match="not a channel name"):
         RrinsBus(name)
 
 
@@ -77,7 +77,7 @@ def test_a_directory_that_is_a_link_is_refused(runtime_directory: Path) -> None:
 def test_a_file_that_is_no_socket_is_left_alone(runtime_directory: Path) -> None:
     path = runtime_directory / "precious.txt"
     path.write_text("data")
-    with pytest.raises(BusError, match="is no socket"):
+    with pytest.raises(BusError, match="is not a socket"):
         Claim(str(path))
     assert path.read_text() == "data"
     assert list(runtime_directory.iterdir()) == [path]

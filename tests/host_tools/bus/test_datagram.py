@@ -11,10 +11,10 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from dbc.frame import frame_array
-from host_tools.bus import datagram
-from host_tools.bus.channel import connect
-from host_tools.bus.interface import RrinsBus
+from rrins.dbc.frame import frame_array
+from rrins.host_tools.bus import datagram
+from rrins.host_tools.bus.channel import connect
+from rrins.host_tools.bus.interface import RrinsBus
 
 _FIELDS = {
     "magic": st.sampled_from([datagram.MAGIC, datagram.MAGIC, datagram.MAGIC, 0]),

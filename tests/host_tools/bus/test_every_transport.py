@@ -14,7 +14,7 @@ from typing import Any
 import can
 import pytest
 
-from host_tools.bus.interface import RrinsBus
+from rrins.host_tools.bus.interface import RrinsBus
 
 Opener = Callable[..., can.BusABC]
 _names = (f"channel{number}" for number in itertools.count())

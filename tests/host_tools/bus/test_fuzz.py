@@ -30,11 +30,11 @@ from typing import Any
 import can
 import pytest
 
-from dbc.frame import frame_array
-from host_tools.bus import datagram
-from host_tools.bus.channel import connect
-from host_tools.bus.datagram import ProtocolError
-from host_tools.bus.interface import RrinsBus
+from rrins.dbc.frame import frame_array
+from rrins.host_tools.bus import datagram
+from rrins.host_tools.bus.channel import connect
+from rrins.host_tools.bus.datagram import ProtocolError
+from rrins.host_tools.bus.interface import RrinsBus
 
 CASES = int(os.environ.get("RRINS_FUZZ", "20000"))
 SOAK = int(os.environ.get("RRINS_SOAK", "200000"))
@@ -287,7 +287,7 @@ class Lines(logging.Filter):
     def filter(self, record: logging.LogRecord) -> bool:
         text = record.getMessage()
         self.count += 1
-        known = ("is cut off: it sent", "turned away process", "has gone without a word")
+        known = ("is cut off: it sent", "turned away process", "has disappeared")
         if "\n" in text or not any(words in text for words in known):
             self.strange.append(text)
         return False
@@ -295,7 +295,7 @@ class Lines(logging.Filter):
 
 @pytest.fixture
 def lines() -> Iterator[Lines]:
-    log, lines = logging.getLogger("host_tools.bus"), Lines()
+    log, lines = logging.getLogger("rrins.host_tools.bus"), Lines()
     log.addFilter(lines)
     yield lines
     log.removeFilter(lines)

@@ -12,9 +12,9 @@ import can
 import numpy as np
 import pytest
 
-from dbc.frame import FRAME, FrameArray, frame_array
-from host_tools.bus import datagram
-from host_tools.bus.interface import RrinsBus
+from rrins.dbc.frame import Frame, FrameArray, frame_array
+from rrins.host_tools.bus import datagram
+from rrins.host_tools.bus.interface import RrinsBus
 
 Attach = Callable[..., RrinsBus]
 
@@ -155,12 +155,12 @@ def test_the_clock_leaves_with_its_keeper(host: RrinsBus, attach_to: Attach) -> 
         (numbered(5000), 5000),
         (numbered(4)[::2], 2),
         (np.zeros(3, np.uint8), 1),
-        (np.full(1, 255, np.uint8).repeat(16).view(FRAME), 1),
+        (np.full(1, 255, np.uint8).repeat(16).view(Frame.dtype), 1),
     ],
     ids=["too many", "negative", "too long", "not contiguous", "other dtype", "payload of 255"],
 )
 def test_what_is_no_batch_is_not_sent(host: RrinsBus, frames: Any, count: int) -> None:
-    with pytest.raises(ValueError, match=r"batch|FRAME"):
+    with pytest.raises(ValueError, match=r"batch|Frame\.dtype"):
         host.send_batch(frames, count)
     with pytest.raises(ValueError, match="epoch"):
         host.send_batch(numbered(1), 1, epoch=-1)

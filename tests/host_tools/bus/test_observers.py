@@ -14,8 +14,8 @@ from typing import Any
 import can
 import pytest
 
-from dbc.frame import frame_array
-from host_tools.bus.interface import RrinsBus
+from rrins.dbc.frame import frame_array
+from rrins.host_tools.bus.interface import RrinsBus
 
 SCENARIO = ("rimu_rotating", "--duration", "120")
 CHANNEL = "test"
@@ -25,7 +25,7 @@ CHANNEL = "test"
 def reference(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     """The same scenario without a bus."""
     simulated = subprocess.run(
-        [sys.executable, "-m", "host_tools", "simulate", *SCENARIO, "--json"],
+        [sys.executable, "-m", "rrins", "simulate", *SCENARIO, "--json"],
         stdout=subprocess.PIPE,
         check=True,
         cwd=tmp_path_factory.mktemp("reference"),

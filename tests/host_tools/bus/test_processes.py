@@ -15,8 +15,8 @@ import can
 import numpy as np
 import pytest
 
-from dbc.frame import frame_array
-from host_tools.bus.interface import RrinsBus
+from rrins.dbc.frame import frame_array
+from rrins.host_tools.bus.interface import RrinsBus
 
 StartPlayer = Callable[[], Any]
 
@@ -136,7 +136,7 @@ def test_a_hanging_observer_never_slows_the_bus_and_is_cut_off(
     epochs = 6_000
     node.tell("echo", count=epochs)
     frames = frame_array(64)
-    with caplog.at_level(logging.WARNING, "host_tools.bus"):
+    with caplog.at_level(logging.WARNING, "rrins.host_tools.bus"):
         for epoch in range(epochs):
             host.send_batch(frames, 64, epoch=epoch, timeout=1.0)
             batch = host.recv_batch(frames, 5.0)
@@ -209,9 +209,9 @@ def test_a_killed_host_is_an_error_in_its_peers(start_player: StartPlayer) -> No
         assert bus.host_pid == host_player.pid
         os.kill(host_player.pid, signal.SIGKILL)
         start = time.monotonic()
-        with pytest.raises(can.CanOperationError, match=f"process {host_player.pid}, has gone"):
+        with pytest.raises(can.CanOperationError, match=f"process {host_player.pid}, has disappeared"):
             bus.recv(5.0)
-        with pytest.raises(can.CanOperationError, match="has gone"):
+        with pytest.raises(can.CanOperationError, match="has disappeared"):
             sender.send(can.Message(), 5.0)
         assert time.monotonic() - start < 4.0  # at once, not when the waiting is over
         assert bus.state is can.BusState.ERROR
@@ -226,7 +226,7 @@ def test_a_killed_peer_is_cut_off_and_named(
     host.require(["firmware"])
     os.kill(node.pid, signal.SIGKILL)
     start = time.monotonic()
-    with pytest.raises(can.CanOperationError, match=rf"'firmware' \(process {node.pid}\).*gone"):
+    with pytest.raises(can.CanOperationError, match=rf"'firmware' \(process {node.pid}\).*disappeared"):
         host.recv_batch(frame_array(1), 5.0)
     assert time.monotonic() - start < 4.0  # at once, not when the waiting is over
     assert len(caplog.records) == 1

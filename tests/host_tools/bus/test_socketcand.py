@@ -14,9 +14,9 @@ from typing import Any
 import can
 import pytest
 
-from dbc.frame import frame_array
-from host_tools.bus.interface import RrinsBus
-from host_tools.bus.socketcand import (
+from rrins.dbc.frame import frame_array
+from rrins.host_tools.bus.interface import RrinsBus
+from rrins.host_tools.bus.socketcand import (
     MOST_CLIENTS,
     QUEUE_LIMIT,
     CommandError,
@@ -24,7 +24,7 @@ from host_tools.bus.socketcand import (
     _number,
     serve,
 )
-from host_tools.errors import BusError
+from rrins.host_tools.errors import BusError
 
 Connect = Callable[..., Any]
 
@@ -269,7 +269,7 @@ def test_what_is_no_command_ends_in_one_line(bus: RrinsBus, server: Any, talk: C
         bad = talk()
         bad.say(said)
         assert bad.hear() == ""
-        server.wait_for_line("cut off: it sent what is no command")
+        server.wait_for_line("cut off: it sent an invalid command")
         bus.send(can.Message(arbitration_id=0x123, is_extended_id=False))
         assert good.hear().startswith("< frame 123 ")
         assert sum("cut off" in line for line in server.said) == count
@@ -328,7 +328,7 @@ def test_it_ends_with_a_killed_host_in_one_line(start: Callable[..., Any], playe
     os.kill(player.pid, signal.SIGKILL)
     assert server.finish()[0] == 0
     assert len(server.said) == 2
-    assert f"process {player.pid}, has gone without a word" in server.said[1]
+    assert f"process {player.pid}, has disappeared" in server.said[1]
     for client in clients:
         assert client.hear() == ""
         client.close()
@@ -341,7 +341,7 @@ def test_it_ends_with_a_killed_host_in_one_line(start: Callable[..., Any], playe
         ("test", "0.0.0.0", "use a loopback address"),
         ("test", "192.0.2.1", "use a loopback address"),
         ("test", "::", "use a loopback address"),
-        ("test", "no such host", "no address"),
+        ("test", "no such host", "not an address"),
     ],
 )
 def test_a_wrong_call_is_refused(bus: RrinsBus, channel: str, host: str, words: str) -> None:

@@ -8,14 +8,14 @@ from typing import Any
 import pytest
 from click.testing import CliRunner
 
-from host_tools.cli import rrins
-from host_tools.diag.connection import LibraryConnection
-from host_tools.diag.target import Target
-from host_tools.diag.tester import Tester
-from host_tools.testing.medium import BenchMedium
+from rrins.host_tools.cli.main import rrins
+from rrins.host_tools.diag.connection import LibraryConnection
+from rrins.host_tools.diag.target import Target
+from rrins.host_tools.diag.tester import Tester
+from rrins.host_tools.testing.diagnostics import BenchTransport
 
 
-class ComputerMedium(BenchMedium):
+class ComputerMedium(BenchTransport):
     """A place on the bus of a bench; it keeps what was sent, and may be dead."""
 
     def __init__(self, bench: Any, ring: Any) -> None:
@@ -58,7 +58,7 @@ class Computer:
     def __init__(self, bench: Any, medium: ComputerMedium) -> None:
         self.bench = bench
         self.medium = medium
-        self.firmware = bench._world.firmware
+        self.firmware = bench._execution.firmware
 
     def type(self, *words: str, **runner: Any) -> Ended:
         return Ended(CliRunner().invoke(rrins, ["diag", *words], prog_name="rrins", **runner))

@@ -8,14 +8,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from firmware_py.diagnostics import image
-from firmware_py.diagnostics.codecs import Values
-from firmware_py.diagnostics.parameters import (
+from rrins.firmware_py.diagnostics import calibration_image as image
+from rrins.firmware_py.diagnostics.codecs import Values
+from rrins.firmware_py.diagnostics.parameters import (
     ACCELEROMETER_CALIBRATIONS,
     GYRO_CALIBRATIONS,
     SETTINGS,
 )
-from host_tools.diag import calibration_file
+from rrins.host_tools.diag import calibration_file
 
 
 @pytest.mark.parametrize("options", [(), ("--settings",)])
@@ -58,19 +58,19 @@ def test_a_table_of_sensors_is_whole_and_others_stay(computer, tmp_path):
     ("text", "said"),
     [
         ("[gyros", "not TOML"),
-        ("", "nothing in it"),
-        ("[gyro]\n", "unknown: gyro"),
-        ("[gyros]\nbias = 3\n", "gyros: unknown: bias"),
+        ("", "empty; allowed: "),
+        ("[gyro]\n", "unknown key gyro"),
+        ("[gyros]\nbias = 3\n", "gyros: unknown key bias"),
         ("[gyros]\nbias_dph = [1, 2, 3]\n", "gyros.bias_dph: 3 values for 4 sensors"),
         ("[gyros]\nbias_dph = 20000\n", "allowed: -10000 … 10000 °/h"),
-        ("[gyros]\nbias_dph = 'much'\n", "gyros.bias_dph: 'much' is not one of its values"),
+        ("[gyros]\nbias_dph = 'much'\n", "gyros.bias_dph: 'much' is invalid"),
         ("[gyros]\nbias_dph = nan\n", "gyros.bias_dph"),
-        ("gyros = 3\n", "gyros is no table"),
-        ("[settings]\nbridge = 3\n", "settings.bridge is no table"),
-        ("[settings.bridges]\n", "settings: unknown: bridges"),
+        ("gyros = 3\n", "gyros is not a table"),
+        ("[settings]\nbridge = 3\n", "settings.bridge is not a table"),
+        ("[settings.bridges]\n", "settings: unknown key bridges"),
         ("[settings.alignment]\nmethod = 'SELF'\n", "allowed: GIVEN, SELF_ALIGNED"),
-        ("[settings.gyro_weights]\nweights = [1, 2]\n", "16 values are needed"),
-        ("[settings.height_channel]\nheight_channel = true\n", "True is not one of its values"),
+        ("[settings.gyro_weights]\nweights = [1, 2]\n", "needs 16 values"),
+        ("[settings.height_channel]\nheight_channel = true\n", "True is invalid"),
     ],
 )
 def test_a_file_that_is_wrong_changes_nothing(computer, tmp_path, text, said):

@@ -6,7 +6,7 @@ import itertools
 
 import pytest
 
-from firmware_py.diagnostics import table
+from rrins.firmware_py.diagnostics import table
 
 
 def test_reading_gives_the_values_of_the_ram_image(computer):
@@ -49,7 +49,7 @@ def test_reading_again_and_again(computer):
 
 
 def test_what_is_not_there_is_wrong_use_and_says_what_may_be_meant(computer):
-    ended = computer.type("did", "read", "postion")
+    ended = computer.type("did", "read", "postion")  # codespell:ignore
     assert ended.status == 2
     assert "did you mean position" in ended.err
     assert computer.type("did", "read").status == 2
@@ -63,7 +63,7 @@ def test_a_parameter_is_written_unlocked_only(computer):
     refused = computer.type("did", "write", "bridge", "bridge_s=0.5")
     assert refused.status == 22
     assert refused.error == (
-        "write bridge: securityAccessDenied (0x33): not unlocked; unlock with --security"
+        "write bridge: securityAccessDenied (0x33): the computer is locked; unlock with --security"
     )
     assert computer.stored == {}
     written = computer.type("did", "write", "bridge", "0.5", "--security", "--json")
@@ -88,7 +88,7 @@ def test_fields_that_are_not_named_keep_their_values(computer):
         (("bridge", "bridge_ms=5"), "there is no field 'bridge_ms'; fields: bridge_s"),
         (("alignment", "method=SELF"), "allowed: GIVEN, SELF_ALIGNED"),
         (("alignment", "method=7"), "method: 7 is not within GIVEN, SELF_ALIGNED"),
-        (("gyro_weights", ",".join(["1"] * 17)), "17 values, there are 16"),
+        (("gyro_weights", ",".join(["1"] * 17)), "17 values, at most 16 allowed"),
         (("axis_watch", "0.5"), "is not FIELD=VALUE"),
         (("position", "latitude_deg=3"), "cannot be written"),
     ],

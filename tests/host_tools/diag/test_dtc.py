@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from firmware_py.diagnostics import table
+from rrins.firmware_py.diagnostics import table
 
 
 @pytest.fixture
@@ -29,6 +29,7 @@ def test_a_silent_sensor_is_named(faulty):
     assert "failed now" in shown
 
 
+@pytest.mark.slow
 def test_it_accuses_no_other(faulty):
     faulty.bench.advance(120.0)  # the others stand, and turn about either axis
     assert [one["name"] for one in faulty.type("dtc", "read", "--json").json] == ["sensor_3_silent"]

@@ -9,7 +9,7 @@ def test_a_routine_in_the_wrong_mode(computer):
     refused = computer.type("routine", "start", "self_test", "--security")
     assert refused.status == 22
     assert refused.error == (
-        "routine start self_test: conditionsNotCorrect (0x22): not as things stand; "
+        "routine start self_test: conditionsNotCorrect (0x22): not possible in the current state; "
         "the mode is NAVIGATION_ROTATING; allowed: In STANDBY and FAULT"
     )
     assert computer.type("routine", "start", "self_test").status == 22
@@ -57,7 +57,7 @@ def test_calibration_is_kept_alive_and_stored(computer):
 
 def test_results_and_stopping_out_of_order(computer):
     early = computer.type("routine", "result", "alignment", "--security")
-    assert (early.status, "it was not started since power-on" in early.error) == (22, True)
+    assert (early.status, "it has not been started since power-on" in early.error) == (22, True)
     assert computer.type("routine", "stop", "alignment", "--security").status == 22
     assert computer.type("routine", "stop", "self_test", "--security").status == 2
 

@@ -16,9 +16,9 @@ from pathlib import Path
 import pytest
 from udsoncan.exceptions import TimeoutException
 
-from firmware_py.diagnostics import table
-from host_tools.diag.connection import Connection
-from host_tools.diag.tester import Tester as Tool
+from rrins.firmware_py.diagnostics import table
+from rrins.host_tools.diag.connection import Connection
+from rrins.host_tools.diag.tester import Tester as Tool
 
 ROUTINES = ("0x0000", "0xffff" if "RRINS_SCAN_ALL" in os.environ else "0x03ff")
 
@@ -58,7 +58,7 @@ def scan(gallia: Callable[..., str], tester: Tool, tmp_path: Path) -> Iterator[C
     with socket.socket(socket.AF_UNIX) as listener:
         listener.bind(str(path))
         listener.listen()
-        thread = threading.Thread(target=serve, args=(listener, tester.connection))
+        thread = threading.Thread(target=serve, args=(listener, tester.conversation.connection))
         thread.start()
         try:
             yield lambda *words: gallia(f"unix-lines://{path}", *words)

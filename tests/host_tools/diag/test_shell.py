@@ -6,9 +6,9 @@ import click
 import pytest
 from click.shell_completion import ShellComplete
 
-from host_tools.cli import rrins
-from host_tools.diag.command import diag
-from host_tools.diag.shell import Shell
+from rrins.host_tools.cli.diag.diag import diag
+from rrins.host_tools.cli.diag.shell import Shell
+from rrins.host_tools.cli.main import rrins
 
 
 def completions(*words):
@@ -30,7 +30,7 @@ def test_lines_share_one_session(computer):
 @pytest.mark.parametrize(
     ("line", "status"),
     [
-        ("did read postion", 2),
+        ("did read postion", 2),  # codespell:ignore
         ("frobnicate", 2),
         ("did read 'x", 2),
         ("did write bridge 0.4", 22),
@@ -48,7 +48,7 @@ def test_at_a_prompt_errors_end_nothing(computer):
     with computer.tester(is_securing=False) as tester:
         prompt = Shell(tester, diag, is_script=False)
         assert prompt.prompt == "bench> "
-        assert not prompt.onecmd("did read postion")
+        assert not prompt.onecmd("did read postion")  # codespell:ignore
         assert not prompt.onecmd("session extended --security")
         assert prompt.prompt == "bench extended unlocked> "
         assert not prompt.onecmd("help did read")
@@ -59,7 +59,7 @@ def test_at_a_prompt_errors_end_nothing(computer):
 
 
 def test_the_shell_tells_when_the_bus_has_gone(computer, monkeypatch):
-    from host_tools.errors import BusError
+    from rrins.host_tools.errors import BusError
 
     with computer.tester() as tester:
         prompt = Shell(tester, diag, is_script=False)

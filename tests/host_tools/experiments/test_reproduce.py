@@ -13,12 +13,12 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from host_tools.cli import rrins
-from host_tools.experiments import command
-from host_tools.experiments.constants import SETS
-from host_tools.experiments.fleet import Fleet, run
-from host_tools.experiments.prototype import CASES, RATE_HZ
-from host_tools.scenario import load
+from rrins.host_tools.cli import reproduce as command
+from rrins.host_tools.cli.main import rrins
+from rrins.host_tools.experiments.constants import SETS
+from rrins.host_tools.experiments.fleet import Fleet, run
+from rrins.host_tools.experiments.prototype import CASES, RATE_HZ
+from rrins.host_tools.scenario.scenario import load
 
 KEYS = {"experiment", "case", "quantity", "unit", "paper", "ours", "note"}
 NAMES = ("scheme", "static", "rotating", "experiment", "drive")
@@ -232,7 +232,7 @@ def test_a_recorded_motion_stands_beside_the_synthetic_one(reproduced):
         (("statik",), 2, "statik"),
         (("static", "--seeds", 0), 2, "--seeds"),
         (("drive", "--motion", "none.csv"), 2, "none.csv"),
-        (("static", "--out", "/proc/none/deep"), 1, "/proc/none/deep: cannot be made"),
+        (("static", "--out", "/proc/none/deep"), 1, "/proc/none/deep: cannot be created"),
     ],
 )
 def test_wrong_use_ends_at_once(start, arguments, status, words):

@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dbc import codec
-from dbc.e2e import protect
-from dbc.frame import FRAME, frame_array
-from host_tools.hardware.loop import Hardware
-from host_tools.hardware.memory import PLANT
-from host_tools.hardware.settings import Drive, SensorErrors, SensorSet, Settings
+from rrins.dbc import codec
+from rrins.dbc.e2e import protect
+from rrins.dbc.frame import Frame, frame_array
+from rrins.host_tools.hardware.loop import Hardware
+from rrins.host_tools.hardware.memory import Plant
+from rrins.host_tools.hardware.settings import Drive, SensorErrors, SensorSet, Settings
 
 CODEC = codec.load()
 TETRAHEDRON = ((math.pi, 0.0), *((math.acos(1 / 3), math.radians(b)) for b in (0, 120, 240)))
@@ -93,7 +93,7 @@ class Bench:
         return int(self.plant["epoch"])
 
     def raw_step(self, frames: Any = ()) -> list[np.void]:
-        inbox = np.array(list(frames), dtype=FRAME) if len(frames) else frame_array(1)
+        inbox = np.array(list(frames), dtype=Frame.dtype) if len(frames) else frame_array(1)
         sent = self.hardware.step(inbox, len(frames))
         return [frame.copy() for frame in self.hardware.outbox[:sent]]
 
@@ -129,4 +129,4 @@ def tools() -> SimpleNamespace:
 @pytest.fixture
 def plant() -> Any:
     """Return a zeroed plant record."""
-    return np.zeros(1, dtype=PLANT)[0]
+    return np.zeros(1, dtype=Plant.dtype)[0]

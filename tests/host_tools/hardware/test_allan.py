@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from numba import njit
 
-from host_tools.hardware.sensors import drift, measure
-from host_tools.hardware.settings import power_on
-from host_tools.outfit import hardware_settings
-from host_tools.scenario import Scenario
+from rrins.host_tools.hardware.sensors import drift, measure
+from rrins.host_tools.hardware.settings import power_on
+from rrins.host_tools.runs.settings import hardware_settings
+from rrins.host_tools.scenario.scenario import Scenario
 
 RATE_HZ = 50
 RUN_S = 150_000
@@ -89,6 +89,7 @@ TAUS_S = [2, 8, 32, 128, 512, 1024]
 HOUR, SECOND = 3600, 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("kind", "coefficient", "unit_s"), [("gyros", ARW, HOUR), ("accelerometers", VRW, SECOND)]
 )
@@ -100,6 +101,7 @@ def test_white_noise_falls_with_the_root_of_time(phases, kind, coefficient, unit
     assert slope == pytest.approx(-0.5, abs=0.02)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("kind", "coefficient"), [("gyros", RRW), ("accelerometers", K_UG)])
 def test_rate_random_walk_grows_with_the_root_of_time(phases, kind, coefficient):
     taus_s = [64, 128, 256, 512, 1024, 2048]  # the walk's steps are of a second
@@ -125,6 +127,7 @@ def gauss_markov_deviation(coefficient, tau_s):
     return math.sqrt(total)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("kind", "coefficient"), [("gyros", B_DPH), ("accelerometers", B_UG)])
 def test_bias_instability_has_its_floor(phases, kind, coefficient):
     taus_s = [16, 64, 256, 1024, 2048]

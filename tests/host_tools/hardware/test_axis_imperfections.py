@@ -10,10 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numba import njit
 
-from dbc.values import AxisCommand, AxisState
-from host_tools.hardware import turntable
-from host_tools.hardware.memory import AXIS, INNER
-from host_tools.hardware.settings import Drive, power_on
+from rrins.dbc.values import AxisCommand, AxisState
+from rrins.host_tools.hardware import turntable
+from rrins.host_tools.hardware.memory import INNER, TurntableAxis
+from rrins.host_tools.hardware.settings import Drive, power_on
 
 DT = 0.005
 OFF, HOLD, POSITION = AxisCommand.OFF, AxisCommand.HOLD, AxisCommand.POSITION
@@ -54,7 +54,7 @@ def turned(axes, epochs, target=None, rate=0.5, what=POSITION):
 
 
 def limited(rate, acceleration, rise_s):
-    axes = np.zeros(1, dtype=AXIS)
+    axes = np.zeros(1, dtype=TurntableAxis.dtype)
     axes["rate_limit"], axes["acceleration_limit"] = rate, acceleration
     axes["ramp_smoothing"] = math.ceil(rise_s / DT - 1e-9)
     axes["state"], axes["encoder_step_deg"] = AxisState.HOLDING, 0.01
@@ -72,6 +72,7 @@ def assert_smooth(rates, rate, acceleration, jerk):
 LIMITS = st.tuples(st.floats(0.05, 2.0), st.floats(0.05, 20.0), st.floats(0.011, 1.5))
 
 
+@pytest.mark.slow
 @settings(max_examples=150)
 @given(LIMITS, st.floats(-7, 7).filter(lambda turn: abs(turn) > 1e-6), st.floats(-3, 3))
 def test_rate_acceleration_and_jerk_stay_within_their_limits(limits, turn, start):

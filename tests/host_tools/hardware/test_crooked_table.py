@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from host_tools.hardware import truth, turntable
-from host_tools.hardware.memory import INNER, MOTION_CHANNELS, MOTION_TERMS, OUTER, PLANT
+from rrins.host_tools.hardware import truth, turntable
+from rrins.host_tools.hardware.memory import INNER, MOTION_CHANNELS, MOTION_TERMS, OUTER, Plant
 
 NO_MOTION = np.zeros((1, MOTION_CHANNELS, MOTION_TERMS))
 OMEGA_B = np.array([3e-5, -5e-5, 4e-5])
@@ -20,7 +20,7 @@ ARCSEC = math.radians(1 / 3600)
 
 
 def table_of(tilt=0.0, wobble=0.0, per_turn=1.0):
-    plant = np.zeros(1, dtype=PLANT)[0]
+    plant = np.zeros(1, dtype=Plant.dtype)[0]
     plant["omega_ib_b"], plant["specific_force_b"] = OMEGA_B, FORCE_B
     table = plant["table"]
     table["tilt"], table["wobble"], table["wobble_per_turn"] = tilt, wobble, per_turn

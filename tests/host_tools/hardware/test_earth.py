@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-import firmware_py.earth
-from host_tools.hardware import earth
+from rrins.firmware_py.core import earth as firmware_earth
+from rrins.host_tools.hardware import earth
 
 LATITUDES = st.floats(-math.pi / 2, math.pi / 2)
 
@@ -25,7 +25,7 @@ def test_gravity_on_the_ellipsoid_is_the_published_one(latitude_deg, expected):
 
 @given(LATITUDES, st.floats(-1000, 100_000))
 def test_truth_and_navigation_have_the_same_gravity_by_two_formulas(latitude, height):
-    expected = firmware_py.earth.gravity(latitude, height)
+    expected = firmware_earth.gravity(latitude, height)
     assert earth.normal_gravity(latitude, height) == pytest.approx(expected, rel=1e-12)
 
 
@@ -48,7 +48,7 @@ def test_the_earth_turns_about_its_axis(latitude):
 
 @given(LATITUDES)
 def test_truth_and_navigation_have_the_same_radii_by_two_formulas(latitude):
-    assert earth.curvature_radii(latitude) == pytest.approx(firmware_py.earth.radii(latitude))
+    assert earth.curvature_radii(latitude) == pytest.approx(firmware_earth.radii(latitude))
 
 
 @given(LATITUDES)

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from host_tools.hardware import faults
-from host_tools.hardware.faults import HardwareFault
-from host_tools.hardware.memory import FAULT_CAPACITY
+from rrins.host_tools.hardware import faults
+from rrins.host_tools.hardware.faults import HardwareFault
+from rrins.host_tools.hardware.memory import FAULT_CAPACITY
 
 
 def test_faults_put_in_and_taken_out_while_it_runs(plant):
@@ -16,7 +16,7 @@ def test_faults_put_in_and_taken_out_while_it_runs(plant):
     for epoch in range(8):
         plant["epoch"] = epoch
         if epoch == 6:
-            faults.take_out(plant, bias, 2)
+            faults.remove(plant, bias, 2)
         faults.apply(plant)
         increments = plant["gyros"]["fault_bias_increment"][:4].tolist()
         seen.append((increments[2], bool(plant["axis"][1]["blocked"])))

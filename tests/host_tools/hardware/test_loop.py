@@ -7,14 +7,14 @@ import time
 
 import pytest
 
-from dbc.frame import frame_array
-from host_tools.hardware.loop import Hardware, run_realtime
-from host_tools.outfit import hardware_settings
-from host_tools.port import Address, BatchPort
-from host_tools.realtime import LatenessHistogram
-from host_tools.scenario import Scenario
-from host_tools.sides import prepare_hardware
-from host_tools.testing.processes import fresh_channel
+from rrins.dbc.frame import frame_array
+from rrins.host_tools.bus.port import Address, BatchPort
+from rrins.host_tools.hardware.loop import Hardware, run_realtime
+from rrins.host_tools.runs.job import prepare_hardware
+from rrins.host_tools.runs.realtime import LatenessHistogram
+from rrins.host_tools.runs.settings import hardware_settings
+from rrins.host_tools.scenario.scenario import Scenario
+from rrins.host_tools.testing.processes import fresh_channel
 
 
 @pytest.mark.parametrize("late_s", [0.0, 0.3])

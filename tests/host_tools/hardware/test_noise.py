@@ -7,15 +7,15 @@ import math
 import numpy as np
 import pytest
 
-from host_tools.hardware.memory import SENSORS
-from host_tools.hardware.noise import normal, uniform
-from host_tools.hardware.settings import power_on
+from rrins.host_tools.hardware.memory import Sensors
+from rrins.host_tools.hardware.noise import normal, uniform
+from rrins.host_tools.hardware.settings import power_on
 
 N = 20_000
 
 
 def seeded(*states):
-    sensors = np.zeros(1, dtype=SENSORS)[0]
+    sensors = np.zeros(1, dtype=Sensors.dtype)[0]
     sensors["noise_state"][: len(states)] = states
     return sensors
 

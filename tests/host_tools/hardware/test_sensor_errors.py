@@ -10,12 +10,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dbc.frame import frame_array
-from host_tools.hardware.loop import Hardware
-from host_tools.hardware.sensors import measure
-from host_tools.hardware.settings import SensorErrors, SensorSet, power_on
-from host_tools.outfit import hardware_settings
-from host_tools.scenario import Scenario
+from rrins.dbc.frame import frame_array
+from rrins.host_tools.hardware.loop import Hardware
+from rrins.host_tools.hardware.sensors import measure
+from rrins.host_tools.hardware.settings import SensorErrors, SensorSet, power_on
+from rrins.host_tools.runs.settings import hardware_settings
+from rrins.host_tools.scenario.scenario import Scenario
 
 FINE = 1e-12  # a count so small that what is measured can be read from the counts
 NO_FORCE = np.zeros(3)
@@ -132,6 +132,7 @@ def powered_up():
     return drawn
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("kind", "name", "mean", "deviations"),
     [

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from host_tools.hardware.memory import SENSORS
-from host_tools.hardware.sensors import input_axis, installed_axis, measure, transverse_axes
+from rrins.host_tools.hardware.memory import Sensors
+from rrins.host_tools.hardware.sensors import input_axis, installed_axis, measure, transverse_axes
 
 LARGEST = (1 << 23) - 1
 FINE = 1e-12  # a count so small that what is measured can be read from the counts
@@ -21,7 +21,7 @@ NO_FORCE = np.zeros(3)
 
 def one_sensor(**values):
     """Return a sensor along x with a wide range."""
-    sensors = np.zeros(1, dtype=SENSORS)[0]
+    sensors = np.zeros(1, dtype=Sensors.dtype)[0]
     sensors["count"], sensors["range_increment"] = 1, 1e3
     sensors["axis"][0] = [1, 0, 0]
     for name, value in values.items():

@@ -10,11 +10,11 @@ import sys
 import numpy as np
 import pytest
 
-from dbc.e2e import COUNTER_MODULUS, crc_holds
-from dbc.frame import EFF_FLAG
-from dbc.values import AxisState
-from host_tools.hardware import earth
-from host_tools.hardware.step import OUTBOX_CAPACITY
+from rrins.dbc.e2e import COUNTER_MODULUS, crc_holds
+from rrins.dbc.frame import EFF_FLAG
+from rrins.dbc.values import AxisState
+from rrins.host_tools.hardware import earth
+from rrins.host_tools.hardware.step import OUTBOX_CAPACITY
 
 DELAY = 2  # epochs from a command's own to the one it takes effect in: the DBC's comment
 GYRO, ACCELEROMETER = "gyro_dtheta", "accelerometer_dv"
@@ -295,11 +295,11 @@ def test_the_same_seed_gives_the_same_bytes_and_another_does_not(tools):
 
 HARDWARE_ALONE = """
 import hashlib
-from dbc.frame import frame_array
-from host_tools.hardware.loop import Hardware
-from host_tools.hardware.turntable import command
-from host_tools.outfit import hardware_settings
-from host_tools.scenario import Scenario
+from rrins.dbc.frame import frame_array
+from rrins.host_tools.hardware.loop import Hardware
+from rrins.host_tools.hardware.turntable import command
+from rrins.host_tools.runs.settings import hardware_settings
+from rrins.host_tools.scenario.scenario import Scenario
 scenario = Scenario.model_validate({
     "duration_s": 1, "rate_hz": 200,
     "body": {"roll_deg": 3, "pitch_deg": 2, "heading_deg": 200},
@@ -328,6 +328,7 @@ def run_alone(compiled):
     return done.stdout.split()
 
 
+@pytest.mark.slow
 def test_plain_python_sends_the_same_bytes():
     compiled = run_alone(True)
     assert int(compiled[0]) >= 7

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from host_tools.hardware import truth
-from host_tools.hardware.memory import INNER, MOTION_CHANNELS, MOTION_TERMS, OUTER, PLANT
+from rrins.host_tools.hardware import truth
+from rrins.host_tools.hardware.memory import INNER, MOTION_CHANNELS, MOTION_TERMS, OUTER, Plant
 
 OMEGA_B = np.array([3e-5, -5e-5, 4e-5])
 FORCE_B = np.array([0.5, -0.3, 9.7])
@@ -26,7 +26,7 @@ def gimbals(inner, outer):
 
 
 def new_plant():
-    plant = np.zeros(1, dtype=PLANT)[0]
+    plant = np.zeros(1, dtype=Plant.dtype)[0]
     plant["omega_ib_b"], plant["specific_force_b"] = OMEGA_B, FORCE_B
     return plant
 

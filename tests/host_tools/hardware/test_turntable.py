@@ -10,16 +10,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numba import njit
 
-from dbc.values import AxisCommand, AxisState
-from host_tools.hardware import truth, turntable
-from host_tools.hardware.memory import AXIS, MOTION_CHANNELS, MOTION_TERMS, OUTER
+from rrins.dbc.values import AxisCommand, AxisState
+from rrins.host_tools.hardware import truth, turntable
+from rrins.host_tools.hardware.memory import MOTION_CHANNELS, MOTION_TERMS, OUTER, TurntableAxis
 
 DT = 0.005
 OFF, HOLD, POSITION = AxisCommand.OFF, AxisCommand.HOLD, AxisCommand.POSITION
 
 
 def new_axis(rate_limit=0.5, acceleration_limit=0.2):
-    axis = np.zeros(1, dtype=AXIS)[0]
+    axis = np.zeros(1, dtype=TurntableAxis.dtype)[0]
     axis["rate_limit"], axis["acceleration_limit"] = rate_limit, acceleration_limit
     axis["encoder_step_deg"] = 0.01
     axis["state"] = AxisState.HOLDING
@@ -60,6 +60,7 @@ def drive(axes, dt, log):
     return -1
 
 
+@pytest.mark.slow
 @settings(max_examples=200)
 @given(
     LIMITS,
@@ -69,7 +70,7 @@ def drive(axes, dt, log):
     st.floats(-3, 3),
 )
 def test_a_turn_ends_on_its_target_within_the_limits(limits, turn, commanded, dt, start):
-    axes, log = np.zeros(1, dtype=AXIS), np.zeros((200_000, 2))
+    axes, log = np.zeros(1, dtype=TurntableAxis.dtype), np.zeros((200_000, 2))
     axes[0] = new_axis(*limits)
     for angle in ("drive_angle", "load_angle", "angle"):
         axes[0][angle] = start
@@ -90,6 +91,7 @@ def test_a_turn_ends_on_its_target_within_the_limits(limits, turn, commanded, dt
     assert axes[0]["angle"] == axes[0]["angle_before"] == target
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sign", [1, -1])
 def test_the_papers_half_turn_takes_90_seconds_and_the_ramp(sign):
     axis = new_axis(math.radians(30), math.radians(10))
@@ -99,6 +101,7 @@ def test_the_papers_half_turn_takes_90_seconds_and_the_ramp(sign):
     assert axis["angle"] == sign * math.pi
 
 
+@pytest.mark.slow
 @settings(max_examples=40)
 @given(LIMITS, st.integers(1, 400), st.floats(-3, 3), st.sampled_from([POSITION, HOLD, OFF]))
 def test_a_new_command_amid_a_turn_brakes_within_the_limits(limits, epochs, target, what):

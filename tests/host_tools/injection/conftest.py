@@ -8,10 +8,10 @@ import threading
 
 import pytest
 
-from host_tools.injection.client import FaultClient
-from host_tools.port import EMBEDDED, Address
-from host_tools.testing.bench import Bench
-from host_tools.testing.scenarios import prepare_scenario
+from rrins.host_tools.bus.port import EMBEDDED, Address
+from rrins.host_tools.injection.client import FaultClient
+from rrins.host_tools.testing.bench import Bench
+from rrins.host_tools.testing.scenarios import prepare_scenario
 
 QUICK = {"duration_s": 1000, "firmware": {"alignment_s": 0.5}}
 

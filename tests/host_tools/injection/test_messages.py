@@ -5,10 +5,10 @@ from __future__ import annotations
 import e2e
 import pytest
 
-from dbc.codec import load
-from dbc.values import FaultAction
-from host_tools.injection.messages import fault_commands, plain_command
-from host_tools.scenario import fault_of
+from rrins.dbc.codec import load
+from rrins.dbc.values import FaultAction
+from rrins.host_tools.injection.messages import fault_commands, plain_command
+from rrins.host_tools.scenario.scenario import fault_of
 
 CODEC = load()
 
@@ -76,6 +76,7 @@ def test_a_removal_says_what_and_no_more():
     assert (values["value"], values["duration_ms"]) == (0, 0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("of_hardware", [False, True])
 def test_commands_without_a_fault(of_hardware):
     name, values = decoded(plain_command(FaultAction.CLEAR, of_hardware, 3))

@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dbc.codec import load
-from host_tools.logs.alignment import compare_logs
-from host_tools.logs.comparison import Comparison
-from host_tools.logs.errors import RecordError
-from host_tools.logs.reader import Log
-from host_tools.logs.replay import firmware_messages
+from rrins.dbc.codec import load
+from rrins.host_tools.logs.alignment import compare_logs
+from rrins.host_tools.logs.comparison import Comparison
+from rrins.host_tools.logs.reader import Log
+from rrins.host_tools.logs.replay import firmware_messages
+from rrins.host_tools.recording.errors import RecordError
 
 FIRMWARE = [load().frame_id(name) for name in sorted(firmware_messages())]
 SYNC, SENSOR_1, SENSOR_3 = (load().frame_id(name) for name in ("SYNC", "SENSOR_1", "SENSOR_3"))
@@ -128,10 +128,10 @@ def test_strangers_are_counted_and_alone_they_are_nothing_to_compare(two, tmp_pa
     write_candump(path, frames, np.arange(len(frames)) * 0.005)
     found = compare_logs(Log(path), Log(path))
     assert found.text() == (
-        f"no difference in {len(frames) // 2} frames; {len(frames)} of no message of the DBC were "
-        "not compared"
+        f"no difference in {len(frames) // 2} frames; {len(frames)} unknown to the DBC were not "
+        "compared"
     )
     frames["can_id"] = 0x555
     write_candump(path, frames, np.arange(len(frames)) * 0.005)
-    with pytest.raises(RecordError, match="nothing to compare: no frame is of the DBC"):
+    with pytest.raises(RecordError, match="nothing to compare: no DBC frames"):
         compare_logs(Log(path), Log(path))

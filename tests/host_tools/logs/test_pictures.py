@@ -13,14 +13,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
-from dbc.codec import load
-from dbc.frame import frame_array
-from host_tools.cli import rrins
-from host_tools.logs.errors import RecordError
-from host_tools.logs.pictures import draw_series
-from host_tools.logs.reader import Log
-from host_tools.logs.series import Changes, Envelope, gather
-from host_tools.logs.signals import find_signals, signals_of
+from rrins.dbc.codec import load
+from rrins.dbc.frame import frame_array
+from rrins.host_tools.cli.main import rrins
+from rrins.host_tools.logs.pictures import draw_series
+from rrins.host_tools.logs.reader import Log
+from rrins.host_tools.logs.series import Changes, Envelope, gather
+from rrins.host_tools.logs.signals import find_signals, signals_of
+from rrins.host_tools.recording.errors import RecordError
 
 
 @pytest.mark.parametrize(
@@ -45,8 +45,8 @@ def test_signals_are_found_by_name(words, found):
         ("latitude_dg", "did you mean latitude_deg"),
         ("SENSOR_1.gyro_dteta", r"did you mean SENSOR_1\.gyro_dtheta"),
         ("sensor_1.gyro_dtheta", r"did you mean .*SENSOR_1\.gyro_dtheta"),
-        ("gyro_dtheta", r"of 16 messages: SENSOR_1\.gyro_dtheta.*or \*\.gyro_dtheta"),
-        ("SENSORS_*.x", "the DBC has none"),
+        ("gyro_dtheta", r"in 16 messages: name one of SENSOR_1\.gyro_dtheta.*or \*\.gyro_dtheta"),
+        ("SENSORS_*.x", "not in the DBC"),
     ],
 )
 def test_a_word_that_is_not_clear_is_told(word, hint):
@@ -73,7 +73,7 @@ def test_an_envelope_keeps_the_extremes(values, cuts):
     time_s = np.arange(len(values))
     at = sorted(min(cut, len(values)) for cut in cuts)
     for when, part in zip(np.split(time_s, at), np.split(values, at), strict=True):
-        envelope.take(when, part)
+        envelope.add(when, part)
     when, line = envelope.line()
     assert line.min() == values.min()
     assert line.max() == values.max()
@@ -89,8 +89,8 @@ def test_changes_keep_every_change(values, cut):
     changes = Changes()
     time_s = np.arange(len(values))
     cut = min(cut, len(values))
-    changes.take(time_s[:cut], values[:cut])
-    changes.take(time_s[cut:], values[cut:])
+    changes.add(time_s[:cut], values[:cut])
+    changes.add(time_s[cut:], values[cut:])
     at, what = changes.line()
     rebuilt = what[np.searchsorted(at[:-1], time_s, side="right") - 1]
     assert np.array_equal(rebuilt, values)
@@ -143,7 +143,7 @@ def test_the_commands_from_end_to_end(recordings, tmp_path, monkeypatch):
     assert call("plot", path, "*.encoder_angle_deg").exit_code == 0
     assert (tmp_path / "bus.png").read_bytes().startswith(b"\x89PNG")
     listed = call("plot", path, "--list").output
-    assert "SENSOR_4: 702 frames, 200 a second" in listed
+    assert "SENSOR_4: 702 frames, 200 per second" in listed
     assert "SENSOR_4.gyro_dtheta [rad]" in listed
     assert "SENSOR_5" not in listed
     assert "SYNC.csv" in call("export", path, "tables", "--format", "csv").output
@@ -177,7 +177,7 @@ def test_tables_of_another_export_are_told_of_and_stay(copy, tmp_path):
     (folder / "SENSOR_9.csv").write_text("before")
     (folder / "own.csv").write_text("of the user")
     made = call("export", path, folder)
-    assert f"{folder}: 1 table of another export is left there" in made.stderr
+    assert f"{folder}: 1 table of another export remains there" in made.stderr
     assert (folder / "SENSOR_9.csv").read_text() == "before"
 
 
@@ -190,8 +190,8 @@ def test_channels_that_are_mixed_are_told_and_one_can_be_chosen(copy, tmp_path):
     mixed = call("export", path, tmp_path / "mixed")
     count = len(lines)
     assert (
-        f"{path}: its channels are mixed: {channel} ({count} frames), can1 ({count} frames); "
-        "--log-channel chooses one" in mixed.stderr
+        f"{path}: mixed channels: {channel} ({count} frames), can1 ({count} frames); "
+        "select one with --log-channel" in mixed.stderr
     )
     chosen = call("export", path, tmp_path / "chosen", "--log-channel", "can1", "--json")
     assert json.loads(chosen.stdout)["frames"] == count
@@ -202,27 +202,27 @@ def test_channels_that_are_mixed_are_told_and_one_can_be_chosen(copy, tmp_path):
     assert "no difference in" in again.output
     missing = call("plot", path, "mode", "--log-channel", "can7")
     assert missing.exit_code == 6
-    assert missing.stderr.endswith(f"has no frames of channel can7 ({channel}, can1)\n")
+    assert missing.stderr.endswith(f"has no frames on channel can7 ({channel}, can1)\n")
 
 
 @pytest.mark.parametrize(
     ("arguments", "status", "words"),
     [
-        (("replay", "nowhere.log"), 6, "there is no such file"),
+        (("replay", "nowhere.log"), 6, "no such file"),
         (("replay", "LOG", "--only", "SENSR_1"), 6, "did you mean SENSOR_1"),
-        (("replay", "LOG", "ideal"), 2, "is for --firmware only"),
+        (("replay", "LOG", "ideal"), 2, "only --firmware accepts a scenario"),
         (("replay", "LOG", "--speed", "0"), 2, "--speed"),
         (("replay", "LOG", "idael", "--firmware"), 3, "did you mean ideal"),
-        (("replay", "ALONE", "--firmware"), 6, "name one: rrins replay"),
-        (("replay", "LOG", "--compare", "nowhere.log"), 6, "there is no such file"),
-        (("export", "LOG.json", "out"), 6, "no log that can be read"),
+        (("replay", "ALONE", "--firmware"), 6, "SCENARIO --firmware"),
+        (("replay", "LOG", "--compare", "nowhere.log"), 6, "no such file"),
+        (("export", "LOG.json", "out"), 6, "not a readable log"),
         (("plot", "LOG", "latitude"), 6, "did you mean"),
-        (("plot", "LOG", "SENSOR_9.gyro_dtheta"), 6, "has no frame of SENSOR_9.gyro_dtheta"),
+        (("plot", "LOG", "SENSOR_9.gyro_dtheta"), 6, "no frames of SENSOR_9.gyro_dtheta"),
         (("plot", "LOG", "mode", "--from", "99"), 6, "in that time"),
         (("plot", "LOG"), 2, "--list"),
         (("plot", "LOG", "mode", "--out", "no/x.png"), 6, "cannot be written"),
         (("plot", "LOG", "mode", "--out", "x.doc"), 6, "cannot be written"),
-        (("record", "x.log", "--channel", "nowhere"), 4, "nobody hosts it"),
+        (("record", "x.log", "--channel", "nowhere"), 4, "not running"),
         (("record", "x.xls"), 6, "must be one of"),
         (("record", "x.log", "--interface", "socketcan"), 4, "--channel"),
     ],

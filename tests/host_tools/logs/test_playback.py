@@ -8,14 +8,14 @@ import can
 import numpy as np
 import pytest
 
-from dbc.codec import load
-from dbc.frame import frame_array
-from host_tools.errors import BusError
-from host_tools.logs import playback
-from host_tools.logs.errors import RecordError
-from host_tools.logs.playback import Playback, identifiers_of
-from host_tools.logs.reader import Log, Piece
-from host_tools.port import Address
+from rrins.dbc.codec import load
+from rrins.dbc.frame import frame_array
+from rrins.host_tools.bus.port import Address
+from rrins.host_tools.errors import BusError
+from rrins.host_tools.logs import playback
+from rrins.host_tools.logs.playback import Playback, identifiers_of
+from rrins.host_tools.logs.reader import Log, Piece
+from rrins.host_tools.recording.errors import RecordError
 
 ADDRESS = Address("virtual", "playback")
 

@@ -8,7 +8,7 @@ import signal
 
 import can
 
-from dbc.codec import load
+from rrins.dbc.codec import load
 
 
 def test_a_rehearsal_recorded_to_mf4_is_navigated_again(run, tmp_path):

@@ -9,9 +9,9 @@ import can
 import numpy as np
 import pytest
 
-from host_tools.logs.errors import RecordError
-from host_tools.logs.formats import open_writer
-from host_tools.logs.reader import Log
+from rrins.host_tools.logs.reader import Log
+from rrins.host_tools.recording.errors import RecordError
+from rrins.host_tools.recording.formats import open_writer
 
 VECTOR = """\
 date Fri Nov 21 04:05:06.000 pm 2025
@@ -68,7 +68,7 @@ def test_a_packed_log_that_is_cut_is_read_up_to_there(read_log, share):
     content = content[: int(share * len(content))]
     log, frames, _ = read_log("cut.log.gz", content)
     assert whole_lines(content) <= len(frames) <= whole_lines(content) + 1
-    assert f"is cut off after {len(frames)} frames, its packed data end too early" in log.damage
+    assert f"is cut off after {len(frames)} frames, its compressed data end too early" in log.damage
 
 
 @pytest.mark.parametrize("ending", [".asc", ".csv", ".trc"])
@@ -76,7 +76,7 @@ def test_every_packed_text_is_read_up_to_where_it_is_cut(recordings, read_log, e
     content = gzip.compress(recordings(ending).path.read_bytes())
     log, frames, _ = read_log(f"cut{ending}.gz", content[: len(content) // 2])
     assert 0.4 * recordings(ending).recorder.frames < len(frames)
-    assert "its packed data end too early" in log.damage
+    assert "its compressed data end too early" in log.damage
 
 
 def test_a_packed_log_that_is_damaged_is_read_up_to_there(read_log):
@@ -85,12 +85,12 @@ def test_a_packed_log_that_is_damaged_is_read_up_to_there(read_log):
     content[-8] ^= 1  # of the checksum
     log, frames, _ = read_log("checksum.log.gz", bytes(content))
     assert len(frames) == 20_000
-    assert "its packed data are damaged: " in log.damage
+    assert "its compressed data are damaged: " in log.damage
     content[len(content) // 2] ^= 0xFF
     log, frames, time_s = read_log("middle.log.gz", bytes(content))
     assert len(frames) > 9_500
     assert np.array_equal(time_s[:9_500], np.arange(9_500) / 1000)
-    assert "its packed data are damaged: " in log.damage
+    assert "its compressed data are damaged: " in log.damage
 
 
 def test_a_packed_log_of_several_members_is_whole(read_log):
@@ -107,7 +107,7 @@ def test_a_packed_blf_is_no_damaged_one(recordings, read_log):
     log, frames, _ = read_log("bus.blf.gz", content)
     assert (len(frames), log.damage) == (recorded.recorder.frames, None)
     log, _, _ = read_log("cut.blf.gz", content[: len(content) // 2])
-    assert "its packed data end too early" in log.damage
+    assert "its compressed data end too early" in log.damage
 
 
 def test_candump_in_nanoseconds_with_length_codes_and_a_mark_of_its_encoding(read_log):
@@ -123,7 +123,7 @@ def test_candump_in_nanoseconds_with_length_codes_and_a_mark_of_its_encoding(rea
     assert frames["can_id"].tolist() == [0x010, 0x011, 0x4000_0012]
     assert frames["length"].tolist() == [8, 8, 8]
     assert frames["data"][:2].tolist() == [0x67, 0x67 | 1 << 56]
-    assert log.damage.endswith("bus.log: 2 lines are no frames and left out")
+    assert log.damage.endswith("bus.log: 2 lines are not frames; skipped")
 
 
 @pytest.mark.parametrize("ending", [".asc", ".blf", ".csv", ".db", ".mf4"])
@@ -161,7 +161,7 @@ def test_an_asc_log_in_decimal_is_read(read_log):
     log, frames, _ = read_log("bus.asc", content)
     assert frames["can_id"].tolist() == [67]
     assert frames["data"].tolist() == [0xFF1401]
-    assert log.damage.endswith("1 line is no frame and left out")
+    assert log.damage.endswith("1 line is not a frame; skipped")
 
 
 @pytest.mark.parametrize(
@@ -182,7 +182,7 @@ def test_a_damaged_line_of_an_asc_log_costs_that_line_only(read_log, whole, dama
     assert whole in ABSOLUTE
     log, frames, _ = read_log("bus.asc", ABSOLUTE.replace(whole, damaged, 1))
     assert frames["can_id"].tolist() == [0xA000_0000, 0x9ABC_DEF0, 0x4000_0044, 0x45]
-    assert log.damage.endswith("bus.asc: 1 line is no frame and left out")
+    assert log.damage.endswith("bus.asc: 1 line is not a frame; skipped")
 
 
 @pytest.mark.parametrize("ending", [".asc", ".trc"])
@@ -228,10 +228,10 @@ def test_every_version_of_peak_is_read(read_log, version):
     assert log.damage is None
     log, frames, _ = read_log("spoilt.trc", content.replace("02 AA", "0# AA"))
     assert frames["data"].tolist() == [0xAA01, 0xAA03, 0xAA04]
-    assert log.damage.endswith("1 line is no frame and left out")
+    assert log.damage.endswith("1 line is not a frame; skipped")
     log, frames, _ = read_log("cut.trc", content[:-2])
     assert frames["data"].tolist() == [0xAA01, 0xAA02, 0xAA03]
-    assert log.damage.endswith("1 line is no frame and left out")
+    assert log.damage.endswith("1 line is not a frame; skipped")
 
 
 def test_status_lines_of_peak_are_no_damage(read_log):
@@ -246,7 +246,7 @@ def test_status_lines_of_peak_are_no_damage(read_log):
     )
     log, frames, _ = read_log("peak.trc", content)
     assert len(frames) == 1
-    assert log.damage.endswith("1 line is no frame and left out")
+    assert log.damage.endswith("1 line is not a frame; skipped")
 
 
 @pytest.mark.parametrize("ending", [".asc", ".csv", ".log", ".trc"])
@@ -281,7 +281,7 @@ def test_channels_of_a_log_are_counted_and_one_can_be_chosen(read_log, name, cha
     _, frames, time_s = read_log(name, CHANNELS[name], second)
     assert frames["data"].tolist() == [0x22]
     assert len(time_s) == 1
-    with pytest.raises(RecordError, match=f"has no frames of channel 7 .{first}, {second}."):
+    with pytest.raises(RecordError, match=f"has no frames on channel 7 .{first}, {second}."):
         read_log(name, CHANNELS[name], "7")
 
 

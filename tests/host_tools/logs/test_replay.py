@@ -10,20 +10,20 @@ import can
 import numpy as np
 import pytest
 
-from dbc.codec import load
-from dbc.frame import frame_array
-from firmware_py.loop import Firmware
-from firmware_py.loop import run_lockstep as run_firmware
-from host_tools.hardware.loop import Hardware
-from host_tools.hardware.loop import run_lockstep as run_hardware
-from host_tools.logs.alignment import compare_logs
-from host_tools.logs.errors import RecordError
-from host_tools.logs.formats import READ, open_writer
-from host_tools.logs.reader import Log
-from host_tools.logs.replay import firmware_messages, replay
-from host_tools.outfit import firmware_settings, hardware_settings
-from host_tools.port import Address, MessagePort
-from host_tools.results import read_errors
+from rrins.dbc.codec import load
+from rrins.dbc.frame import frame_array
+from rrins.firmware_py.loop import Firmware
+from rrins.firmware_py.loop import run_lockstep as run_firmware
+from rrins.host_tools.bus.port import Address, MessagePort
+from rrins.host_tools.hardware.loop import Hardware
+from rrins.host_tools.hardware.loop import run_lockstep as run_hardware
+from rrins.host_tools.logs.alignment import compare_logs
+from rrins.host_tools.logs.reader import Log
+from rrins.host_tools.logs.replay import firmware_messages, replay
+from rrins.host_tools.recording.errors import RecordError
+from rrins.host_tools.recording.formats import READ, open_writer
+from rrins.host_tools.runs.results import read_errors
+from rrins.host_tools.runs.settings import firmware_settings, hardware_settings
 
 SOAK = bool(os.environ.get("RRINS_SOAK"))
 FIRMWARE = [load().frame_id(name) for name in sorted(firmware_messages())]
@@ -192,7 +192,7 @@ def test_answers_that_are_missing_in_the_log_are_named_and_the_rest_goes_on(
         ("FIRMWARE_STATUS", 44, "load_percent"),
         ("AXIS_INNER_COMMAND", 8, "alive_counter"),
         ("AXIS_INNER_COMMAND", 3, "crc"),
-        ("HEARTBEAT_FIRMWARE", 60, "(bits of no signal)"),
+        ("HEARTBEAT_FIRMWARE", 60, "(bits outside all signals)"),
     ],
 )
 def test_one_flipped_bit_is_named_by_its_epoch_and_signal(
@@ -272,7 +272,7 @@ def test_other_settings_show_what_would_have_been(recordings, tmp_path):
 
 def test_a_scenario_of_another_rate_is_refused(recordings, short):
     scenario = short(rate_hz=100)
-    with pytest.raises(RecordError, match="the log is of 200 Hz, the scenario of 100 Hz"):
+    with pytest.raises(RecordError, match="the log runs at 200 Hz, the scenario at 100 Hz"):
         replay(Log(recordings().path), scenario)
 
 
@@ -320,7 +320,7 @@ def test_damaged_lines_of_a_candump_are_left_out_and_counted(copy, recordings, s
     path.write_bytes(b"".join(lines))
     log = Log(path)
     replayed = replay(log, short(), with_comparison=True)
-    assert log.damage == f"{path}: 2 lines are no frames and left out"
+    assert log.damage == f"{path}: 2 lines are not frames; skipped"
     assert log.frames == recordings().recorder.frames - 2
     assert not replayed.comparison.is_same
 
@@ -328,7 +328,7 @@ def test_damaged_lines_of_a_candump_are_left_out_and_counted(copy, recordings, s
 def test_a_note_that_is_damaged_is_one_line(copy):
     path = copy()
     path.with_name(path.name + ".json").write_text('{"interface": ')
-    with pytest.raises(RecordError, match="no note of a recording, or a damaged one"):
+    with pytest.raises(RecordError, match="not a recording's note, or damaged"):
         Log(path)
 
 
@@ -343,15 +343,15 @@ def test_the_note_says_how_it_was_run(recordings):
 
 
 def test_a_run_that_is_longer_than_the_looking_ahead_is_cut_alike(recordings, read, monkeypatch):
-    from host_tools.logs import epochs
+    from rrins.host_tools.logs import epochs
 
     pieces = [read(recordings().path)]
-    whole = list(epochs.Cutter().steps(pieces))
+    whole = list(epochs.EpochFinder().steps(pieces))
     small = []
     for first in range(0, len(pieces[0].frames), 97):
         part = slice(first, first + 97)
         small.append(type(pieces[0])(pieces[0].frames[part], pieces[0].time_s[part]))
-    parts = list(epochs.Cutter().steps(small))
+    parts = list(epochs.EpochFinder().steps(small))
     for name in ("frames", "step", "is_sent", "epochs"):
         assert np.array_equal(
             np.concatenate([getattr(s, name) for s in whole]),
@@ -360,7 +360,7 @@ def test_a_run_that_is_longer_than_the_looking_ahead_is_cut_alike(recordings, re
 
 
 def test_beyond_the_24_bits_of_sync_epochs_go_on(short, tmp_path):
-    from host_tools.logs.tables import EpochCounter
+    from rrins.host_tools.logs.tables import EpochCounter
 
     scenario = short(duration_s=0.2)
     hardware = Hardware(hardware_settings(scenario))

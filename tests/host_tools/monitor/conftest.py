@@ -7,10 +7,10 @@ from dataclasses import dataclass, field
 import can
 import pytest
 
-from dbc.frame import frame_array
-from host_tools.monitor.watch import Watch
-from host_tools.port import frame_of_message
-from host_tools.testing.recording import Contract
+from rrins.dbc.frame import frame_array
+from rrins.host_tools.bus.port import frame_of_message
+from rrins.host_tools.monitor.watch import Watch
+from rrins.host_tools.testing.recording import Contract
 
 CONTRACT = Contract()
 
@@ -42,7 +42,7 @@ class Played:
 
     def put(self, frames, time_s):
         self.clock.now_ns = round(time_s * 1e9)
-        self.watch.take(frames, len(frames), round(time_s * 1e9))
+        self.watch.add_frames(frames, len(frames), round(time_s * 1e9))
 
     def put_message(self, message, time_s=None):
         frames = frame_array(1)

@@ -21,10 +21,10 @@ import can
 import pytest
 from click.testing import CliRunner
 
-from host_tools.bus.interface import RrinsBus
-from host_tools.cli import rrins
+from rrins.host_tools.bus.interface import RrinsBus
+from rrins.host_tools.cli.main import rrins
 
-COMMAND = (sys.executable, "-m", "host_tools", "monitor")
+COMMAND = (sys.executable, "-m", "rrins", "monitor")
 COLOUR = re.compile(rb"\x1b\[(?:[0-9;]*;)?(?:3[0-8]|4[0-8]|9[0-7]|10[0-7])(?:;[0-9;]*)?m")
 
 
@@ -106,7 +106,7 @@ def hardware(start):
 
 @pytest.mark.parametrize(
     ("arguments", "words"),
-    [((), "nobody hosts it"), (("--interface", "socketcan"), "needs a --channel")],
+    [((), "not running"), (("--interface", "socketcan"), "needs a --channel")],
 )
 def test_without_a_bus_it_is_one_line_and_status_4(arguments, words):
     result = CliRunner().invoke(rrins, ["monitor", "--once", *arguments])
@@ -116,6 +116,7 @@ def test_without_a_bus_it_is_one_line_and_status_4(arguments, words):
     assert words in result.stderr
 
 
+@pytest.mark.slow
 def test_a_lockstep_run_is_seen_from_the_first_frame_to_the_last(start):
     """As fast as it goes, and nothing is missed."""
     options = ("rimu_rotating", "--speed", "max", "--json", "--duration", "150")
@@ -138,6 +139,7 @@ def test_a_lockstep_run_is_seen_from_the_first_frame_to_the_last(start):
     assert rates["HEARTBEAT_FIRMWARE"] == pytest.approx(1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("environment", "keys", "has_colour"),
     [
@@ -157,6 +159,7 @@ def test_colour_is_for_terminals_that_have_it(terminal, environment, keys, has_c
     assert bool(COLOUR.search(screen.sent)) is has_colour
 
 
+@pytest.mark.slow
 def test_the_screen_stays_when_the_bus_ends(hardware, terminal):
     screen = terminal(TERM="xterm")
     screen.read_until(b"NO FRAMES YET")

@@ -9,13 +9,13 @@ from concurrent.futures import ThreadPoolExecutor
 import can
 import pytest
 
-from dbc.frame import frame_array
-from host_tools.bus.interface import RrinsBus
-from host_tools.errors import BusError
-from host_tools.monitor.receiver import NAME, Receiver
-from host_tools.monitor.watch import Watch
-from host_tools.port import Address
-from host_tools.testing.recording import Contract
+from rrins.dbc.frame import frame_array
+from rrins.host_tools.bus.interface import RrinsBus
+from rrins.host_tools.bus.port import Address
+from rrins.host_tools.errors import BusError
+from rrins.host_tools.monitor.receiver import NAME, Receiver
+from rrins.host_tools.monitor.watch import Watch
+from rrins.host_tools.testing.recording import Contract
 
 CHANNEL = "watched"
 ADDRESS = Address("rrins", CHANNEL)
@@ -31,17 +31,17 @@ class NotedWatch(Watch):
         self.open.set()
         self._changed = threading.Condition()
 
-    def take(self, frames, count, time_ns):
+    def add_frames(self, frames, count, time_ns):
         self.open.wait()
-        super().take(frames, count, time_ns)
+        super().add_frames(frames, count, time_ns)
         self._notify()
 
     def end(self, reason):
         super().end(reason)
         self._notify()
 
-    def note_gap(self):
-        super().note_gap()
+    def count_gap(self):
+        super().count_gap()
         self._notify()
 
     def _notify(self):
@@ -147,5 +147,5 @@ def test_any_interface_of_python_can():
 
 
 def test_a_bus_that_is_not_there(watch):
-    with pytest.raises(BusError, match="nobody hosts it"):
+    with pytest.raises(BusError, match="not running"):
         Receiver(ADDRESS, watch)

@@ -11,7 +11,7 @@ from pathlib import Path
 import can
 import pytest
 
-from host_tools.monitor.screen.app import MonitorApp
+from rrins.host_tools.monitor.screen.app import MonitorApp
 
 PICTURE = Path(__file__).parents[3] / "docs" / "pictures" / "monitor.svg"
 REWRITE = "RRINS_REWRITE_PICTURES"
@@ -200,7 +200,7 @@ def test_help_and_troubles_cover_the_screen_and_go_again(bus):
         assert "SYNC" in await press("escape")
         text = await press("t")
         assert "TROUBLES 2" in text
-        assert "\n  SENSOR_3 is silent for 1.0 s" in text
+        assert "\n  SENSOR_3 has been silent for 1.0 s" in text
         bus.send("SENSOR_3", 2.0, 400)
         app.look()
         assert "SYNC" in await press("q")
@@ -272,6 +272,7 @@ def drive(bench):
     bench.advance(1.2)
 
 
+@pytest.mark.slow
 def test_the_picture_in_the_docs_is_what_the_screen_shows(rehearsed):
     bus = rehearsed(drive, firmware={"alignment_s": 1, "turn_rate_dps": 20, "stand_s": 2})
 

@@ -5,14 +5,20 @@ from __future__ import annotations
 import can
 import pytest
 
-from host_tools.monitor import banner as banners
-from host_tools.monitor.listing import rows_of
-from host_tools.monitor.once import as_dict, table_of
-from host_tools.monitor.plot import HEIGHT, ROWS, columns_of, curve, plot
-from host_tools.monitor.table import detail_head, signal_head, signal_lines, table_head, table_lines
-from host_tools.monitor.troubles import troubles_of
-from host_tools.monitor.vitals import vitals_of
-from host_tools.monitor.wording import age_words, clipped, rate_words
+from rrins.host_tools.monitor import banner as banners
+from rrins.host_tools.monitor.listing import message_rows
+from rrins.host_tools.monitor.once import as_dict, table_of
+from rrins.host_tools.monitor.plot import HEIGHT, ROWS, columns_of, curve, plot
+from rrins.host_tools.monitor.table import (
+    detail_head,
+    signal_head,
+    signal_lines,
+    table_head,
+    table_lines,
+)
+from rrins.host_tools.monitor.troubles import troubles_of
+from rrins.host_tools.monitor.vitals import vitals_of
+from rrins.host_tools.monitor.wording import age_words, clipped, rate_words
 
 
 @pytest.fixture
@@ -36,35 +42,36 @@ def names(rows):
 
 
 def test_a_filter_by_name_or_identifier(state):
-    assert names(rows_of(state, "sensor_")) == ["SENSOR_9", "SENSOR_10"]
-    assert names(rows_of(state, "0x060")) == ["AXIS_INNER_STATUS"]
-    assert names(rows_of(state, "unknown")) == ["unknown"]
-    assert names(rows_of(state, "18daf")) == ["unknown"]
-    assert rows_of(state, "nothing like it") == []
-    assert rows_of(state, "Sensor_9")[0].signals == ("status", "gyro_dtheta", "accelerometer_dv")
+    assert names(message_rows(state, "sensor_")) == ["SENSOR_9", "SENSOR_10"]
+    assert names(message_rows(state, "0x060")) == ["AXIS_INNER_STATUS"]
+    assert names(message_rows(state, "unknown")) == ["unknown"]
+    assert names(message_rows(state, "18daf")) == ["unknown"]
+    assert message_rows(state, "nothing like it") == []
+    (row,) = message_rows(state, "Sensor_9")
+    assert row.signals == ("status", "gyro_dtheta", "accelerometer_dv")
 
 
 def test_a_filter_by_signal_shows_that_signal(state):
-    rows = rows_of(state, "gyro")
+    rows = message_rows(state, "gyro")
     assert [(row.message.label, row.signals) for row in rows] == [
         ("SENSOR_9", ("gyro_dtheta",)),
         ("SENSOR_10", ("gyro_dtheta",)),
     ]
-    rows = rows_of(state, "axis.ANGLE")
+    rows = message_rows(state, "axis.ANGLE")
     assert [(row.message.label, row.signals) for row in rows] == [
         ("AXIS_INNER_STATUS", ("encoder_angle_deg",))
     ]
-    assert rows_of(state, "crc")[0].signals == ("crc",)
+    assert message_rows(state, "crc")[0].signals == ("crc",)
 
 
 def test_orders(state):
     by_id = ["SYNC", "SENSOR_9", "SENSOR_10", "AXIS_INNER_STATUS", "FIRMWARE_STATUS", "unknown"]
-    assert names(rows_of(state, order="id")) == by_id
+    assert names(message_rows(state, order="id")) == by_id
     by_name = [*sorted(by_id[:5], key=lambda n: (n[:6], len(n), n)), "unknown"]
-    assert names(rows_of(state, order="name")) == by_name
+    assert names(message_rows(state, order="name")) == by_name
     by_rate = ["SYNC", "SENSOR_9", "AXIS_INNER_STATUS", "FIRMWARE_STATUS", "SENSOR_10", "unknown"]
-    assert names(rows_of(state, order="rate")) == by_rate
-    assert len(rows_of(state, order="errors")) == 6
+    assert names(message_rows(state, order="rate")) == by_rate
+    assert len(message_rows(state, order="errors")) == 6
 
 
 @pytest.mark.parametrize("width", [40, 80, 100, 120, 200])
@@ -73,7 +80,7 @@ def test_no_line_is_longer_than_the_screen(state, width):
     troubles = [*troubles_of(state, vitals), "x" * 300]
     head = banners.banner("rrins:rrins0", state, vitals, troubles, width).plain.splitlines()
     assert len(head) == banners.HEIGHT
-    rows = rows_of(state)
+    rows = message_rows(state)
     lines = [table_head(rows, width, "id"), *table_lines(state, rows, range(6), 2, width)]
     signals = state.signals("FIRMWARE_STATUS")
     message = state.message("FIRMWARE_STATUS")
@@ -87,7 +94,7 @@ def test_no_line_is_longer_than_the_screen(state, width):
 
 def test_all_is_said_in_words(state):
     """Nothing is told by colour alone: cursor, silence and errors have their own signs."""
-    rows = rows_of(state)
+    rows = message_rows(state)
     lines = [line.plain for line in table_lines(state, rows, range(6), 0, 80)]
     assert lines[0].startswith("> 0x010")
     silent = next(line for line in lines if "SENSOR_10" in line)
@@ -96,7 +103,7 @@ def test_all_is_said_in_words(state):
     vitals = vitals_of(state)
     head = banners.banner("bus", state, vitals, troubles_of(state, vitals), 80).plain
     assert "mode STANDBY" in head
-    assert "TROUBLES 2: SENSOR_10 is silent for 1.5 s; unknown identifier" in head
+    assert "TROUBLES 2: SENSOR_10 has been silent for 1.5 s; unknown identifier" in head
     assert "*" in table_head(rows, 80, "name").plain
 
 
@@ -110,7 +117,7 @@ def test_notices(played):
     played.clock.now_ns += 3_000_000_000
     assert said() == "NO FRAMES for 3.0 s (wall clock)"
     assert said(is_frozen=True).startswith("FROZEN")
-    played.watch.note_gap()
+    played.watch.count_gap()
     played.watch.end("its host has gone")
     assert "THE BUS HAS ENDED: its host has gone" in said()
     assert "MISSED FRAMES" in said()
@@ -160,7 +167,7 @@ def test_a_plot_says_what_it_shows(state):
 def test_the_table_for_pipes(state):
     lines = table_of("rrins:rrins0", state, "sensor_")
     text = "\n".join(lines)
-    assert "TROUBLES 2\n  SENSOR_10 is silent for 1.5 s\n" in text
+    assert "TROUBLES 2\n  SENSOR_10 has been silent for 1.5 s\n" in text
     assert sum(line.lstrip(" !").startswith("0x04") for line in lines) == 2
     assert not any(line.endswith(" ") for line in lines)
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from host_tools.monitor.troubles import troubles_of
-from host_tools.monitor.vitals import vitals_of
+from rrins.host_tools.monitor.troubles import troubles_of
+from rrins.host_tools.monitor.vitals import vitals_of
 
 QUICK = {"alignment_s": 1}
 
@@ -64,9 +64,9 @@ def test_a_sensor_that_falls_silent(rehearsed):
 
     troubles = told(rehearsed, drive)
     assert "the firmware uses 3 of 4 sensor groups" in troubles
-    assert any(t.startswith("SENSOR_3 is silent for 2.0 s") for t in troubles)
+    assert any(t.startswith("SENSOR_3 has been silent for 2.0 s") for t in troubles)
     assert any(t.startswith("the firmware counts missing_frames: ") for t in troubles)
-    assert "put on the wire by rrins: drop" in troubles
+    assert "injected on the wire by rrins: drop" in troubles
     assert not any("SENSOR_2" in trouble for trouble in troubles)
 
 
@@ -91,8 +91,8 @@ def test_frames_that_are_lost_repeated_corrupt_or_miscounted(rehearsed):
     # The first of the ten skips a number; one more, after the last, seems to come twice.
     assert errors["SENSOR_4"] == (1, 10, 0)
     troubles = troubles_of(bus.state, vitals_of(bus.state))
-    assert "SENSOR_1: 10 lost lately" in troubles
-    assert "SENSOR_3: 10 lost, 10 with a wrong CRC lately" in troubles
+    assert "SENSOR_1: 10 lost recently" in troubles
+    assert "SENSOR_3: 10 lost, 10 with a wrong CRC recently" in troubles
 
 
 def test_a_firmware_in_fault(rehearsed):
@@ -118,8 +118,8 @@ def test_a_bus_on_which_only_the_hardware_is_left(played):
     assert vitals.firmware.is_silent
     assert vitals.firmware.age_s == pytest.approx(599 * 0.005 - 0.4)
     assert [trouble for trouble in troubles_of(state, vitals) if "silent" in trouble] == [
-        "FIRMWARE_STATUS is silent for 2.6 s",
-        "NAV_HEIGHT is silent for 2.6 s",
+        "FIRMWARE_STATUS has been silent for 2.6 s",
+        "NAV_HEIGHT has been silent for 2.6 s",
     ]
 
 
@@ -134,10 +134,10 @@ def test_axes_sync_and_absent_sensors(played):
     state = played.watch.state()
     assert troubles_of(state, vitals_of(state)) == [
         "the firmware has lost SYNC and runs on its own clock",
-        "the firmware computes for 95 % of its period",
+        "the firmware is busy for 95 % of its period",
         "the inner axis reports FAULT",
         "the outer axis did not follow its command",
-        "SENSOR_1 says GYRO_ABSENT",
+        "SENSOR_1 reports GYRO_ABSENT",
     ]
 
 
@@ -148,5 +148,5 @@ def test_a_babbling_node(rehearsed):
         bench.advance(3)
 
     troubles = told(rehearsed, drive)
-    assert any(t.startswith("the bus is loaded to ") for t in troubles)
-    assert "unknown identifier 0x001, 8000 a second" in troubles
+    assert any(t.startswith("the bus load is ") for t in troubles)
+    assert "unknown identifier 0x001, 8000 per second" in troubles

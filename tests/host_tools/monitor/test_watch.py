@@ -8,11 +8,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dbc.codec import load
-from dbc.e2e import COUNTER_MODULUS, protect
-from dbc.frame import frame_array
-from host_tools.bus.bits import INTERMISSION_BITS, bit_sequence
-from host_tools.monitor.tally import BINS, ENTRIES
+from rrins.dbc.codec import load
+from rrins.dbc.e2e import COUNTER_MODULUS, protect
+from rrins.dbc.frame import frame_array
+from rrins.host_tools.monitor.tally import BINS, ENTRIES
+from rrins.host_tools.wire.bits import INTERMISSION_BITS, bit_sequence
 
 PERIOD_S = 0.005
 
@@ -293,7 +293,7 @@ def test_forgetting_begins_anew(played):
     for k in (0, 1, 5):
         played.send("NAV_HEIGHT", k * 0.05, k, height=1000 * k)
     played.watch.state()
-    played.watch.forget()
+    played.watch.reset_counts()
     assert played.watch.state().frames == 0
     for k in (6, 7, 8):
         played.send("NAV_HEIGHT", k * 0.05, k, height=k)

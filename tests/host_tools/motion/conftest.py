@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 from numba import njit
 
-from firmware_py import strapdown
-from firmware_py.earth import radii
-from firmware_py.memory import INS
-from host_tools.hardware.settings import body_to_navigation
-from host_tools.motion.build import build, load_recording
-from host_tools.motion.export import export
-from host_tools.motion.settings import Motion
-from host_tools.tables import Body, Site
+from rrins.firmware_py.core import strapdown
+from rrins.firmware_py.core.earth import radii
+from rrins.firmware_py.core.memory import Ins
+from rrins.host_tools.hardware.settings import body_to_navigation
+from rrins.host_tools.motion.build import build, load_recording
+from rrins.host_tools.motion.export import write_motion
+from rrins.host_tools.scenario.motion import Motion
+from rrins.host_tools.scenario.tables import Body, Site
 
 PERIOD_NS = 5_000_000
 RECORDED = Path(__file__).parents[4] / "shared" / "data" / "drive_0708" / "gnss.pos"
@@ -54,7 +54,7 @@ def exported(tmp_path_factory, drive):
     folder = tmp_path_factory.mktemp("exported")
     lines = {}
     for ending in ("csv", "pos"):
-        export(drive, folder / f"drive.{ending}", 4.0, 150.0)
+        write_motion(drive, folder / f"drive.{ending}", 4.0, 150.0)
         lines[ending] = tuple((folder / f"drive.{ending}").read_text().splitlines())
     return lines
 
@@ -107,7 +107,7 @@ def followed():
     """Return how far a navigator without errors comes off a trajectory: east, north, up in m."""
 
     def follow(trajectory, period_ns=PERIOD_NS):
-        ins = np.zeros(1, dtype=INS)[0]
+        ins = np.zeros(1, dtype=Ins.dtype)[0]
         start = trajectory.at(np.array([0.0]))[0]
         C_b_n = body_to_navigation(*start[12:15])
         strapdown.initialise(ins, C_b_n, *start[6:9])

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from host_tools.cli import rrins
+from rrins.host_tools.cli.main import rrins
 
 
 @pytest.fixture
@@ -23,6 +23,7 @@ def run(tmp_path, monkeypatch):
     return runner
 
 
+@pytest.mark.slow
 def test_check_tells_what_is_in_a_file(run, write, exported, tmp_path):
     lines = list(exported["pos"])
     del lines[200:220]
@@ -42,7 +43,7 @@ def test_check_prints_a_line_for_each_irregularity(run, write, exported):
     lines = list(exported["pos"])
     lines.insert(200, lines[199])
     text = run("check", write(lines)).stdout
-    assert "line 201: time is there twice: left out" in text
+    assert "line 201: duplicate time: left out" in text
     assert "would be refused" in text
 
 
@@ -52,10 +53,10 @@ def test_check_prints_a_line_for_each_irregularity(run, write, exported):
         (["check", "missing.pos"], 9, "rrins: motion missing.pos: cannot be read"),
         (["export", "missing.csv", "out.csv"], 9, "rrins: motion missing.csv: cannot be read"),
         (["export", "drive", "out.txt"], 9, "rrins: motion out.txt: must end in .csv or .pos"),
-        (["export", "drive", "nowhere/out.csv"], 9, "there is no folder nowhere"),
+        (["export", "drive", "nowhere/out.csv"], 9, "no such folder: nowhere"),
         (["export", "sway", "s.csv", "--picture", "/dev/null/p.png"], 9, "cannot be written"),
         (["export", "drive", "out.csv", "--duration", "5"], 2, "duration_s"),
-        (["export", "ideal", "out.csv"], 9, "stands still"),
+        (["export", "ideal", "out.csv"], 9, "is stationary"),
         (["export", "nothing", "out.csv"], 3, "neither built in nor a file"),
     ],
 )

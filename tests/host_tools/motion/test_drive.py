@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from host_tools.motion.errors import MotionError
-from host_tools.tables import Body
+from rrins.host_tools.motion.errors import MotionError
+from rrins.host_tools.scenario.tables import Body
 
 TIMES = np.arange(0, 2500, 0.05)
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from host_tools.motion.build import follow
-from host_tools.motion.errors import MotionError
-from host_tools.motion.settings import Motion
+from rrins.host_tools.motion.build import follow
+from rrins.host_tools.motion.errors import MotionError
+from rrins.host_tools.scenario.motion import Motion
 
 AT = 150  # index of a line while driving
 
@@ -59,7 +59,7 @@ def test_a_sound_file_passes_either_way(write, load, lines):
 
 def test_a_repeated_time(write, load, lines):
     lines.insert(AT, lines[AT - 1])
-    check(write, load, lines, [(AT + 1, "repeated_time", "time is there twice: left out")])
+    check(write, load, lines, [(AT + 1, "repeated_time", "duplicate time: left out")])
 
 
 def test_a_time_that_goes_back(write, load, lines):
@@ -76,7 +76,7 @@ def test_a_time_that_runs_ahead(write, load, lines):
 
 def test_a_last_time_far_away(write, load, lines):
     lines[-1] = later(lines[-1], 5000)
-    check(write, load, lines, [(len(lines), "gap", "off the others: left out")])
+    check(write, load, lines, [(len(lines), "gap", "away from the others: left out")])
 
 
 def test_two_lines_swapped(write, load, lines):
@@ -86,7 +86,7 @@ def test_two_lines_swapped(write, load, lines):
 
 def test_a_gap(write, load, lines):
     del lines[AT : AT + 20]
-    check(write, load, lines, [(AT + 1, "gap", "gap of 5.25 s, usual are 0.25 s: bridged")])
+    check(write, load, lines, [(AT + 1, "gap", "gap of 5.25 s instead of 0.25 s: bridged")])
 
 
 def test_a_gap_that_is_a_line_left_out_is_told_once(write, load, lines):
@@ -124,7 +124,7 @@ def test_of_a_shift_too_far_the_longer_part_is_kept(write, load, lines):
     lines[AT:] = [moved(line, 1.0) for line in lines[AT:]]
     recording = load(write(lines))
     assert recording.irregularities[0].line == AT + 1
-    assert "all before left out" in str(recording.irregularities[0])
+    assert "everything before left out" in str(recording.irregularities[0])
     assert recording.line[0] == AT + 1
 
 
@@ -150,7 +150,7 @@ def test_a_file_that_begins_and_ends_in_motion(write, load, lines):
 
 @pytest.mark.parametrize(
     ("keep", "words"),
-    [(slice(2, 6), "4 samples, needs 8"), (slice(2, 2), "no lines with data")],
+    [(slice(2, 6), "4 samples, at least 8 needed"), (slice(2, 2), "no data lines")],
 )
 def test_too_little_is_no_motion(write, load, lines, keep, words):
     with pytest.raises(MotionError, match=words):

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from host_tools.motion.errors import MotionError
-from host_tools.motion.reading import read
-from host_tools.motion.settings import Motion
+from rrins.host_tools.motion.errors import MotionError
+from rrins.host_tools.motion.reading import read
+from rrins.host_tools.scenario.motion import Motion
 
 HEADER = "time_s,latitude_deg,longitude_deg,height_m"
 ROWS = [f"{k},40.{k:03d},116.5,{100 + k}" for k in range(10)]
@@ -91,7 +91,7 @@ def test_pos_without_a_header_has_the_columns_of_rtklib(exported, write):
         ("1,nan,116,50", "not_a_number", "latitude_deg is nan"),
         ("1,40,inf,50", "not_a_number", "longitude_deg is inf"),
         ("soon,40,116,50", "not_a_number", "time_s is 'soon'"),
-        ("1,140,116,50", "out_of_range", "latitude_deg is 140, can be -89.9 to 89.9"),
+        ("1,140,116,50", "out_of_range", "latitude_deg is 140, not within -89.9 to 89.9"),
         ("1,40,116,-5000", "out_of_range", "height_m is -5000"),
     ],
 )
@@ -126,12 +126,16 @@ def test_lines_of_no_solution_are_reported(write):
     [
         ("a.txt", ["x"], "must end in .csv or .pos"),
         ("a.csv", [""], "is empty"),
-        ("a.pos", ["% only", "% comments"], "has no lines with data"),
-        ("a.csv", ["time_s,latitude,longitude_deg,height_m"], "is latitude meant?"),
-        ("a.csv", ROWS, "line 1: no header with names such as time_s"),
-        ("a.csv", [HEADER + ",height_m"], "line 1: two columns height_m"),
-        ("a.csv", [HEADER + ",roll_deg"], "no column pitch_deg, of roll_deg, pitch_deg"),
-        ("a.pos", ["%  GPST x-ecef(m) y-ecef(m) z-ecef(m) Q"], "needs latitude, longitude, height"),
+        ("a.pos", ["% only", "% comments"], "the file has no data lines"),
+        ("a.csv", ["time_s,latitude,longitude_deg,height_m"], "rename latitude to it?"),
+        ("a.csv", ROWS, "line 1: no header row with names such as time_s"),
+        ("a.csv", [HEADER + ",height_m"], "line 1: duplicate column height_m"),
+        ("a.csv", [HEADER + ",roll_deg"], "no column pitch_deg (group: roll_deg, pitch_deg, "),
+        (
+            "a.pos",
+            ["%  GPST x-ecef(m) y-ecef(m) z-ecef(m) Q"],
+            "latitude, longitude, height needed",
+        ),
         ("a.pos", ["% UTC latitude(d'\") longitude(d'\") height(m) Q"], "decimal degrees"),
     ],
 )

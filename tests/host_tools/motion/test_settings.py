@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from pydantic import ValidationError
 
-from host_tools.motion.settings import Motion
+from rrins.host_tools.scenario.motion import Motion
 
 
 def test_a_vehicle_stands_unless_told_otherwise(make):

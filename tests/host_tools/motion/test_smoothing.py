@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from host_tools.motion.build import follow, load_recording
-from host_tools.motion.settings import Motion
+from rrins.host_tools.motion.build import follow, load_recording
+from rrins.host_tools.scenario.motion import Motion
 
 PERIOD_NS = 5_000_000
 M_PER_DEG = 111_000.0
@@ -128,7 +128,7 @@ def test_late_velocities_are_found_out(record):
     zero = np.zeros_like(t)
     path = record(east, zero, **dict(zip(names, (late, zero, zero), strict=True)))
     smoothed = smooth(path)
-    assert "velocities of the file are 0.20 s late" in " ".join(smoothed.trajectory.notes)
+    assert "the file's velocities are 0.20 s late" in " ".join(smoothed.trajectory.notes)
     assert np.abs(smoothed.residuals.velocity).max() < 0.1
 
 

@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.interpolate import BSpline
 
-from host_tools.motion import spline
-from host_tools.motion.spline import Fit, Grid, Observations
+from rrins.host_tools.motion import spline
+from rrins.host_tools.motion.spline import Fit, Grid, Observations
 
 
 @pytest.fixture

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from host_tools.motion.errors import MotionError
-from host_tools.motion.sway import RAMP_S, responses, wave_spectrum
-from host_tools.tables import Body
+from rrins.host_tools.motion.errors import MotionError
+from rrins.host_tools.motion.sway import RAMP_S, responses, wave_spectrum
+from rrins.host_tools.scenario.tables import Body
 
 
 @pytest.mark.parametrize(("factor", "tolerance"), [(1.0, 1e-3), (3.3, 0.03)])

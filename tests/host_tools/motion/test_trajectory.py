@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from host_tools.motion.trajectory import knot_ns
+from rrins.host_tools.motion.trajectory import knot_ns
 
 A, F = 6378137.0, 1 / 298.257223563
 E2 = F * (2 - F)
@@ -167,6 +167,7 @@ def differences(trajectory, times, states):
     return largest
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["drive", "sway", "recorded"])
 def test_rates_and_forces_integrate_to_position_velocity_and_attitude(name, request):
     trajectory = request.getfixturevalue(name)
@@ -178,6 +179,7 @@ def test_rates_and_forces_integrate_to_position_velocity_and_attitude(name, requ
     assert attitude < 1e-11
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["drive", "sway", "recorded"])
 def test_an_ideal_navigator_follows(name, request, followed):
     trajectory = request.getfixturevalue(name)

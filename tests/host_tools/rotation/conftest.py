@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from host_tools.geometry import GEOMETRIES
-from host_tools.hardware.settings import ARCSEC, DPH, PPM, UG, SensorErrors
-from host_tools.rotation.errors import sensors_of
-from host_tools.rotation.merit import Rimu
+from rrins.host_tools.hardware.settings import ARCSEC, DPH, PPM, UG, SensorErrors
+from rrins.host_tools.rotation.errors import sensors_of
+from rrins.host_tools.rotation.merit import SensorSet
+from rrins.host_tools.scenario.geometry import GEOMETRIES
 
 PAPER = {
     "gyro": SensorErrors(0.1 * DPH, 50 * PPM, 50 * PPM, 10 * ARCSEC, 10 * ARCSEC),
@@ -25,7 +25,7 @@ def of_paper(kind, axes_deg, fused=False):
 def paper_rimu(geometry="tetrahedron", fused=False):
     """Return a RIMU of a built-in geometry, all sensors with the paper's errors."""
     axes = GEOMETRIES[geometry]
-    return Rimu(of_paper("gyro", axes, fused), of_paper("accelerometer", axes, fused))
+    return SensorSet(of_paper("gyro", axes, fused), of_paper("accelerometer", axes, fused))
 
 
 @pytest.fixture

@@ -9,12 +9,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from firmware_py.settings import Scheme, Turn
-from host_tools.geometry import GEOMETRIES
-from host_tools.hardware.settings import DPH, STANDARD_GRAVITY, SensorErrors
-from host_tools.rotation.analysis import EARTH_RATE, analyse
-from host_tools.rotation.errors import BIAS, ERRORS, MEASF, MEIE, MESSF, sensors_of
-from host_tools.schemes import SCHEMES
+from rrins.firmware_py.core.settings import Scheme, Turn
+from rrins.host_tools.hardware.earth import ROTATION_RATE
+from rrins.host_tools.hardware.settings import DPH, STANDARD_GRAVITY, SensorErrors
+from rrins.host_tools.rotation.analysis import analyse
+from rrins.host_tools.rotation.errors import BIAS, ERRORS, MEASF, MEIE, MESSF, sensors_of
+from rrins.host_tools.scenario.geometry import GEOMETRIES
+from rrins.host_tools.scenario.schemes import SCHEMES
 
 from .conftest import of_paper, paper_rimu
 
@@ -70,7 +71,7 @@ def test_an_error_that_is_zero_throughout_leaves_nothing():
     gyros = variation_of("16-position").gyros
     assert gyros.excursion[0, MESSF].tolist()[:2] == [0.0, 0.0]
     assert gyros.residual[0, MESSF].tolist()[:2] == [0.0, 0.0]
-    rows = [r for r in gyros.rows() if (r.sensor, r.error, r.axis) == (1, "MESSF", "x")]
+    rows = [r for r in gyros.residual_rows() if (r.sensor, r.error, r.axis) == (1, "MESSF", "x")]
     assert rows[0].vanishes
 
 
@@ -86,6 +87,7 @@ random_errors = st.builds(
 )
 
 
+@pytest.mark.slow
 @settings(max_examples=40)
 @given(
     axes=st.lists(directions, min_size=1, max_size=3),
@@ -120,6 +122,7 @@ turns = st.lists(
 )
 
 
+@pytest.mark.slow
 @settings(max_examples=40)
 @given(
     turns=turns,
@@ -283,7 +286,7 @@ def test_the_earths_rate_stays_like_gravity():
     assert ratio(quiet)[:, MESSF].max() < 1e-12
     left = turning.residual[:, MESSF].sum(axis=0)
     # Of all four sensors together: HᵀH = (4/3) I, so λ ω_ie (4/3) T on each axis.
-    expected = 50e-6 * EARTH_RATE * SIXTEEN.cycle_s * 4 / 3
+    expected = 50e-6 * ROTATION_RATE * SIXTEEN.cycle_s * 4 / 3
     latitude = math.radians(40)
     assert left == pytest.approx(
         [0, expected * math.cos(latitude), expected * math.sin(latitude)], abs=1e-9 * expected
@@ -296,7 +299,7 @@ def test_fused_errors_of_the_tetrahedron_are_three_quarters():
 
 
 def test_rows_name_every_sensor_error_and_axis():
-    rows = variation_of("16-position", "dodecahedron").rows()
+    rows = variation_of("16-position", "dodecahedron").residual_rows()
     names = {(row.sensor_kind, row.sensor, row.error, row.axis) for row in rows}
     assert len(rows) == len(names) == 2 * 6 * len(ERRORS) * 3
     assert {row.unit for row in rows if row.sensor_kind == "gyro"} == {"rad"}

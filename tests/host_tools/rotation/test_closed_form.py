@@ -10,12 +10,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy import cos, sign, sin
 
-from host_tools.hardware.settings import STANDARD_GRAVITY as G
-from host_tools.hardware.settings import SensorErrors
-from host_tools.rotation.analysis import SPECIFIC_FORCE_B
-from host_tools.rotation.closed_form import leg_integral
-from host_tools.rotation.errors import BIAS, MEASF, MEIE, MESSF, sensors_of
-from host_tools.rotation.kinematics import INNER, OUTER, Leg
+from rrins.host_tools.hardware.settings import STANDARD_GRAVITY as G
+from rrins.host_tools.hardware.settings import SensorErrors
+from rrins.host_tools.rotation.analysis import SPECIFIC_FORCE_B
+from rrins.host_tools.rotation.closed_form import leg_integral
+from rrins.host_tools.rotation.errors import BIAS, MEASF, MEIE, MESSF, sensors_of
+from rrins.host_tools.rotation.kinematics import INNER, OUTER, Leg
 
 NO_FIELD = np.zeros(3)
 RATE = math.radians(2.0)

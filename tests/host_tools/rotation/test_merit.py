@@ -7,13 +7,13 @@ import math
 import numpy as np
 import pytest
 
-from firmware_py.settings import Scheme, Turn
-from host_tools.hardware.settings import DPH, STANDARD_GRAVITY, UG, SensorErrors
-from host_tools.rotation.analysis import analyse
-from host_tools.rotation.errors import sensors_of
-from host_tools.rotation.merit import Rimu, velocity_error
-from host_tools.rotation.travel import travel_of
-from host_tools.schemes import SCHEMES
+from rrins.firmware_py.core.settings import Scheme, Turn
+from rrins.host_tools.hardware.settings import DPH, STANDARD_GRAVITY, UG, SensorErrors
+from rrins.host_tools.rotation.analysis import analyse
+from rrins.host_tools.rotation.errors import sensors_of
+from rrins.host_tools.rotation.merit import SensorSet, velocity_error
+from rrins.host_tools.rotation.travel import travel_of
+from rrins.host_tools.scenario.schemes import SCHEMES
 
 from .conftest import paper_rimu
 
@@ -23,7 +23,7 @@ def standing(seconds):
 
 
 def rimu(gyro=SensorErrors(), accelerometer=SensorErrors()):  # noqa: B008  # frozen
-    return Rimu(
+    return SensorSet(
         sensors_of("gyro", ((90, 0),), (gyro,)),
         sensors_of("accelerometer", ((90, 0),), (accelerometer,)),
     )

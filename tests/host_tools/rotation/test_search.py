@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from firmware_py.settings import Scheme
-from host_tools.rotation.enumeration import Limits, SearchError, candidates
-from host_tools.rotation.half_turns import HalfTurns
-from host_tools.rotation.search import candidate_of, search
-from host_tools.schemes import SCHEMES
+from rrins.firmware_py.core.settings import Scheme
+from rrins.host_tools.rotation.enumeration import Limits, SearchError, candidates
+from rrins.host_tools.rotation.half_turns import HalfTurns
+from rrins.host_tools.rotation.search import candidate_of, search
+from rrins.host_tools.scenario.schemes import SCHEMES
 
 from .conftest import paper_rimu
 
@@ -67,6 +67,7 @@ def test_within_four_positions_an_axis_turns_once_either_way_in_the_body():
         assert all(sum(pair) == 0 and len(pair) == 2 for pair in senses.values())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("stand_s", [0.0, 10.0])
 def test_half_turns_are_judged_as_by_the_analysis(random, stand_s):
     rimu = paper_rimu("cone")
@@ -92,6 +93,7 @@ def test_the_best_is_at_least_as_good_as_table_1(geometry):
     assert orders == sorted(orders)
 
 
+@pytest.mark.slow
 def test_loosening_never_makes_the_best_worse():
     strict = search(Limits(positions=12), paper_rimu(), TABLE_1).best[0]
     loose = search(Limits(positions=12, loose=True), paper_rimu(), TABLE_1).best[0]
@@ -109,6 +111,7 @@ def test_progress_ends_at_the_number_of_schemes():
     assert told[-1] == (found.count, found.count)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("limits", "words"),
     [

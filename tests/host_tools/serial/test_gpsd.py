@@ -14,12 +14,12 @@ from datetime import UTC, datetime, timedelta
 import numpy as np
 import pytest
 
-from firmware_py.loop import Firmware
-from firmware_py.modes import Mode
-from firmware_py.serial_lines import SerialLines, SerialSettings
-from firmware_py.serial_port import parse_port
-from host_tools import scenario as scenarios
-from host_tools.outfit import firmware_settings
+from rrins.firmware_py.core.modes import Mode
+from rrins.firmware_py.loop import Firmware
+from rrins.firmware_py.serial.lines import SerialLines, SerialSettings
+from rrins.firmware_py.serial.port import parse_port
+from rrins.host_tools.runs.settings import firmware_settings
+from rrins.host_tools.scenario import scenario as scenarios
 
 GPSD = shutil.which("gpsd") or shutil.which("gpsd", path="/usr/sbin:/sbin")
 if GPSD is None and os.environ.get("RRINS_REQUIRE_GPSD") != "1":
@@ -108,7 +108,7 @@ def test_gpsd_reports_the_navigation(gpsd, rate_hz):
         output["velocity_n"] = (-120.0, 90.0, 1.0)
         angles = (-12.345, 6.789, 359.9)
         output["roll"], output["pitch"], output["heading"] = np.radians(angles)
-        lines.take(epoch)
+        lines.run(epoch)
         reports = daemon.reports(0.2)
         fix, attitude = newest(reports, "TPV"), newest(reports, "ATT")
         time = start + timedelta(seconds=epoch * firmware.period_ns * 1e-9)
@@ -141,7 +141,7 @@ def test_gpsd_has_no_fix_without_navigation(gpsd):
     seen = []
     for k in range(60):
         state["epoch"] = k * lines.every
-        lines.take(k * lines.every)
+        lines.run(k * lines.every)
         seen += [report for report in daemon.reports(0.1) if report["class"] == "TPV"]
         if len(seen) >= 3:
             break

@@ -13,20 +13,21 @@ import pynmea2
 import pytest
 from click.testing import CliRunner
 
-from firmware_py.loop import Firmware
-from firmware_py.memory import NAVIGATION
-from firmware_py.nmea import DEFAULT_UTC
-from firmware_py.nmea import SENTENCES as ALL_SENTENCES
-from firmware_py.serial_lines import NO_LINES, SerialSettings
-from firmware_py.serial_port import parse_port
-from host_tools import scenario as scenarios
-from host_tools.cli import rrins
-from host_tools.direct import run_direct
-from host_tools.errors import RehearsalError
-from host_tools.outfit import firmware_settings
-from host_tools.rows import read_rows
-from host_tools.serial.lines import Tasks, open_lines
-from host_tools.serial.options import arguments_of, serial_options, settings_of
+from rrins.firmware_py.core.memory import NavigationOutput
+from rrins.firmware_py.loop import Firmware
+from rrins.firmware_py.serial.lines import NO_LINES, SerialSettings
+from rrins.firmware_py.serial.nmea import DEFAULT_UTC
+from rrins.firmware_py.serial.nmea import SENTENCES as ALL_SENTENCES
+from rrins.firmware_py.serial.port import parse_port
+from rrins.host_tools.cli.main import rrins
+from rrins.host_tools.cli.serial_options import serial_options, settings_of
+from rrins.host_tools.errors import RehearsalError
+from rrins.host_tools.runs.direct import run_direct
+from rrins.host_tools.runs.samples import read_samples
+from rrins.host_tools.runs.settings import firmware_settings
+from rrins.host_tools.scenario import scenario as scenarios
+from rrins.host_tools.serial.arguments import arguments_of
+from rrins.host_tools.serial.lines import Tasks, open_lines
 
 SENTENCES = tuple(ALL_SENTENCES)
 
@@ -39,14 +40,14 @@ def settings(nmea=None, console=None, rate_hz=1, sentences=SENTENCES, utc=DEFAUL
 @pytest.fixture(scope="module")
 def plain(scenario):
     """A run without serial lines."""
-    return run_direct(scenarios.load(str(scenario)))[0]
+    return run_direct(scenarios.load(str(scenario))).firmware
 
 
 def test_nmea_is_the_same_text_however_it_is_run(run, scenario, plain, tmp_path):
     paths = [tmp_path / name for name in ("direct.nmea", "lockstep.nmea")]
     utc = datetime(2024, 2, 29, 23, 59, 58, tzinfo=UTC)
     lines = settings(f"file:{paths[0]}", rate_hz=5, utc=utc)
-    direct = run_direct(scenarios.load(str(scenario)), serial=lines)[0]
+    direct = run_direct(scenarios.load(str(scenario)), serial=lines).firmware
     options = ("--nmea", f"file:{paths[1]}", "--nmea-rate", 5, "--utc", "2024-03-01T00:59:58+01:00")
     lockstep = run("rehearse", scenario, *options, "--console", "pty")["firmware"]
     for summary, path in zip((direct, lockstep), paths, strict=True):
@@ -71,7 +72,7 @@ def test_sentences_are_those_of_the_navigation(scenario, tmp_path):
     path = tmp_path / "all.nmea"
     lines = settings(f"file:{path}", rate_hz=10, sentences=("GGA", "HDT", "PASHR"))
     run_direct(scenarios.load(str(scenario)), folder=tmp_path, serial=lines)
-    rows = read_rows(tmp_path / "navigation.rows", NAVIGATION)
+    rows = read_samples(tmp_path / "navigation.samples", NavigationOutput)
     sets = [line.split(b",") for line in path.read_bytes().splitlines() if b"GGA" in line]
     assert {line[1:6] for line in path.read_text().splitlines()} == {"PASHR", "INHDT", "INGGA"}
     checked = 0
@@ -88,7 +89,7 @@ def test_sentences_are_those_of_the_navigation(scenario, tmp_path):
 
 def test_a_pseudo_terminal_that_nobody_reads_costs_nothing(scenario, plain):
     lines = settings("pty", "pty", rate_hz=10)
-    summary = run_direct(scenarios.load(str(scenario)), serial=lines)[0]
+    summary = run_direct(scenarios.load(str(scenario)), serial=lines).firmware
     assert summary["navigation_sha256"] == plain["navigation_sha256"]
     counts = summary["serial"]["nmea"]
     assert counts["sent"] == counts["dropped"] == 0
@@ -126,12 +127,12 @@ def test_a_rehearsal_with_console_outlives_its_nmea_device(
     reach(console, "NAVIGATION_ROTATING")
     os.close(own)
     os.close(other)
-    running.wait_for_line(f"{name} at 4800 baud is lost: it hung up; going on without it")
+    running.wait_for_line(f"{name} at 4800 baud is lost: it hung up; continuing without it")
     console.type("nmea\r")
     console.wait_for("nmea lost: ")
     console.wait_for("rrins> ")
     console.type("mode strapdown\r")
-    console.wait_for("asked for NAVIGATE_STRAPDOWN")
+    console.wait_for("requested NAVIGATE_STRAPDOWN")
     console.wait_for("rrins> ")
     reach(console, "NAVIGATION_STRAPDOWN")
     running.process.terminate()
@@ -146,7 +147,10 @@ def test_a_rehearsal_with_console_outlives_its_nmea_device(
     [
         (settings("/dev/no-such-port"), "/dev/no-such-port: No such file or directory"),
         (settings(console="/dev/no-such-port"), "/dev/no-such-port: No such file or directory"),
-        (settings("pty", rate_hz=7), "200 Hz is no multiple of it; take one of 1, 2, 4, 5, 8, 10"),
+        (
+            settings("pty", rate_hz=7),
+            "200 Hz is not a multiple of it; use one of 1, 2, 4, 5, 8, 10",
+        ),
         (settings("pty:/dev/null"), "pty:/dev/null: cannot be linked: File exists"),
     ],
 )
@@ -166,12 +170,12 @@ def test_the_firmware_says_why_its_line_cannot_be_opened(start, scenario):
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        (("--nmea", "pty", "--nmea-sentences", "gga,zda"), "'ZDA' is none of PASHR"),
-        (("--nmea", "pty", "--utc", "yesterday"), "'yesterday' is no time such as"),
-        (("--nmea", "pty", "--utc", "1850-01-01"), "mean 1980 to 2079"),
+        (("--nmea", "pty", "--nmea-sentences", "gga,zda"), "'ZDA' is not one of PASHR"),
+        (("--nmea", "pty", "--utc", "yesterday"), "'yesterday' is not a time such as"),
+        (("--nmea", "pty", "--utc", "1850-01-01"), "must be from 1980 to 2079"),
         (("--nmea", "pty", "--nmea-rate", "11"), "11 is not in the range"),
-        (("--nmea", "file:"), "file: wants a path"),
-        (("--console", "file:x"), "a console wants a serial device"),
+        (("--nmea", "file:"), "file: needs a path"),
+        (("--console", "file:x"), "the console needs a serial device"),
     ],
 )
 def test_wrong_options_are_wrong_use(options, words):

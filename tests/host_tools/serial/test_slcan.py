@@ -8,12 +8,12 @@ from pathlib import Path
 import can
 import pytest
 
-from host_tools import scenario as scenarios
-from host_tools.direct import run_direct
-from host_tools.errors import BusError
-from host_tools.port import Address
-from host_tools.serial.slcan import baud_of, line_load, too_slow
-from host_tools.testing.slcan import Adapter, SlcanPair
+from rrins.host_tools.bus.port import Address
+from rrins.host_tools.errors import BusError
+from rrins.host_tools.runs.direct import run_direct
+from rrins.host_tools.scenario import scenario as scenarios
+from rrins.host_tools.serial.slcan import baud_of, line_load, too_slow
+from rrins.host_tools.testing.slcan import Adapter, SlcanPair
 
 
 @pytest.fixture
@@ -52,19 +52,19 @@ def test_frames_pass_from_adapter_to_adapter(pair):
 )
 def test_an_adapter_rings_the_bell_at_what_is_no_command(command):
     adapter = Adapter()
-    assert adapter.take(b"S8\rO\r") == []
+    assert adapter.feed(b"S8\rO\r") == []
     adapter.out.clear()
-    assert adapter.take(command + b"\r") == []
+    assert adapter.feed(command + b"\r") == []
     assert adapter.out == b"\a"
     adapter.close()
 
 
 def test_a_closed_channel_carries_nothing():
     adapter = Adapter()
-    assert adapter.take(b"S8\rt1230\r") == []
+    assert adapter.feed(b"S8\rt1230\r") == []
     adapter.hear(b"t1230\r")
     assert adapter.out == b"\r\a"
-    assert adapter.take(b"O\rt1230\r") == [b"t1230\r"]
+    assert adapter.feed(b"O\rt1230\r") == [b"t1230\r"]
     adapter.close()
 
 
@@ -77,7 +77,8 @@ def start_both(start, scenario, pair, *options):
 
 
 def test_lockstep_over_slcan_is_the_same_to_the_bit(start, scenario, pair):
-    plain, hardware, _ = run_direct(scenarios.load(str(scenario), duration_s=2))
+    outcome = run_direct(scenarios.load(str(scenario), duration_s=2))
+    plain, hardware = outcome.firmware, outcome.hardware
     both = start_both(start, scenario, pair, "--duration", 2, "--speed", "max", "--json")
     for side in both:
         status, out = side.finish()
@@ -108,7 +109,7 @@ def test_an_adapter_that_is_pulled_out_is_one_line(start, scenario):
 def test_one_adapter_cannot_serve_both_sides(start, scenario):
     command = start("rehearse", scenario, "--interface", "slcan", "--channel", "/dev/ttyUSB0")
     assert command.finish()[0] == 4
-    assert "the two sides need an adapter each" in command.said[-1]
+    assert "each side needs its own adapter" in command.said[-1]
 
 
 def test_a_line_too_slow_for_real_time_is_told(start, scenario, pair):
@@ -151,7 +152,7 @@ def test_baud_rates_of_channels(channel, baud):
 
 @pytest.mark.parametrize("baud", ["abc", "", "0", "9600x", "²"])
 def test_a_baud_rate_that_is_none_is_refused(baud):
-    with pytest.raises(BusError, match=f"bus slcan:X@{baud}: '{baud}' is no baud rate; name X@"):
+    with pytest.raises(BusError, match=f"bus slcan:X@{baud}: '{baud}' is not a baud rate; use X@"):
         baud_of(f"X@{baud}")
 
 
@@ -160,7 +161,7 @@ def test_a_baud_rate_that_is_none_is_one_line(start, scenario, speed):
     bus = ("--interface", "slcan", "--channel", "X@abc", "--speed", speed)
     side = start("firmware", scenario, *bus)
     assert side.finish()[0] == 4
-    assert side.said == ["rrins: bus slcan:X@abc: 'abc' is no baud rate; name X@BAUD"]
+    assert side.said == ["rrins: bus slcan:X@abc: 'abc' is not a baud rate; use X@BAUD"]
 
 
 def test_only_a_slow_slcan_line_is_warned_of():

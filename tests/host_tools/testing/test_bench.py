@@ -7,8 +7,8 @@ import math
 import can
 import pytest
 
-from host_tools.errors import ScenarioError
-from host_tools.testing.errors import BenchError
+from rrins.host_tools.errors import ScenarioError
+from rrins.host_tools.testing.errors import BenchError
 
 QUICK = {"duration_s": 60, "firmware": {"alignment_s": 0.5}}
 ROTATING = {"mode": "NAVIGATION_ROTATING"}
@@ -198,7 +198,7 @@ def test_errors_need_navigation(bench):
 def test_the_end_of_the_scenario_is_told(rrins_bench):
     bench = rrins_bench({"duration_s": 0.5, "firmware": {"alignment_s": 0.1}}, way="direct")
     with pytest.raises(
-        BenchError, match=r"over after 1\.6\d\d s; a longer duration_s \(now 0\.5\)"
+        BenchError, match=r"over after 1\.6\d\d s; increase its duration_s \(now 0\.5\)"
     ):
         bench.advance(5)
     assert bench.mode == "NAVIGATION_ROTATING"

@@ -73,7 +73,7 @@ def test_who_leaves_a_log_and_where(run_test, tmp_path):
 def test_the_plugin_imports_nothing_heavy():
     """What pytest imports without a test that uses it: no compiler, no codec, no bus."""
     script = (
-        "import sys, host_tools.testing.plugin;"
+        "import sys, rrins.host_tools.testing.plugin;"
         "print([m for m in ('numba', 'numpy', 'cantools', 'can', 'pydantic') if m in sys.modules])"
     )
     said = subprocess.run(

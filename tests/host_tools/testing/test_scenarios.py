@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from host_tools import scenario as scenarios
-from host_tools.errors import ScenarioError
-from host_tools.testing.scenarios import merged, prepare_scenario, toml_text
+from rrins.host_tools.errors import ScenarioError
+from rrins.host_tools.scenario import scenario as scenarios
+from rrins.host_tools.testing.scenarios import merged, prepare_scenario, toml_text
 
 
 def test_tables_are_merged_key_by_key():
@@ -37,7 +37,7 @@ def test_odd_values_are_written():
 
 
 def test_what_has_no_place_in_a_scenario():
-    with pytest.raises(ScenarioError, match="a value of set has no place"):
+    with pytest.raises(ScenarioError, match="cannot contain a value of type set"):
         toml_text({"seed": {1}})
 
 

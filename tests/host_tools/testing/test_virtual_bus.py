@@ -5,9 +5,9 @@ from __future__ import annotations
 import can
 import pytest
 
-from dbc.codec import load
-from firmware_py.diagnostics import table
-from host_tools.testing.errors import BenchError
+from rrins.dbc.codec import load
+from rrins.firmware_py.diagnostics import table
+from rrins.host_tools.testing.errors import BenchError
 
 
 @pytest.fixture

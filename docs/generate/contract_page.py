@@ -1,0 +1,82 @@
+"""Writes `docs/bus-contract.md` from the DBC: ``python -m generate.contract_page``."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from cantools.database import Message, Signal
+
+from rrins.dbc.codec import Codec, load
+
+_HEAD = """# The bus contract
+
+`make docs` writes this page from [`dbc/rrins.dbc`](../dbc/rrins.dbc); the DBC is authoritative.
+
+All frames are classic CAN frames with 11-bit identifiers; a lower identifier has higher priority.
+All payloads have eight bytes; the byte order is little-endian (Intel). Cycle times are given for
+200 Hz; messages sent every epoch follow the sampling rate of the scenario.
+
+**Protection.** Every message except the diagnostic ones follows AUTOSAR E2E profile 1, variant 1A:
+byte 0 is a CRC-8 (polynomial 0x1D, start value and final XOR 0x00) over the low and the high byte
+of the message's data ID and bytes 1 to 7; the low nibble of byte 1 is a counter from 0 to 14. In
+frames sent every epoch the counter is the epoch modulo 15, which ties a frame to its epoch; in the
+others it counts transmissions. A frame with a wrong CRC or counter only increments a fault counter.
+
+**Diagnostics.** The messages `DIAG_…` carry ISO-TP (ISO 15765-2), which has its own control bytes
+and sequence numbers; see [diagnostics](diagnostics.md). They have no cycle time.
+"""
+
+
+def _sections(codec: Codec) -> Iterator[str]:
+    yield _HEAD
+    yield "| identifier | message | from | to | cycle | |"
+    yield "|---|---|---|---|---|---|"
+    messages = sorted(codec.database.messages, key=lambda message: message.frame_id)
+    for message in messages:
+        anchor = "sensor_1" if message.name.startswith("SENSOR_") else message.name.lower()
+        yield (
+            f"| 0x{message.frame_id:03X} | [{message.name}](#{anchor}) "
+            f"| {', '.join(message.senders)} | {', '.join(sorted(message.receivers))} "
+            f"| {f'{message.cycle_time} ms' if message.cycle_time else ''} | {message.comment} |"
+        )
+    for message in messages:
+        if message.name.startswith("SENSOR_") and message.name != "SENSOR_1":
+            continue  # the same signals
+        yield from _message(codec, message)
+
+
+def _message(codec: Codec, message: Message) -> Iterator[str]:
+    row = codec.messages[codec.message_index(message.name)]
+    yield f"\n## {message.name}\n"
+    data_id = int(row["data_id"])
+    protection = f"E2E data ID 0x{data_id:04X}" if data_id else "no end-to-end protection"
+    yield f"Identifier 0x{message.frame_id:03X}, {protection}."
+    if message.name == "SENSOR_1":
+        yield "SENSOR_2 to SENSOR_16 have the same signals; a RIMU sends one per sensor group."
+    yield ""
+    yield "| signal | bits | unit | scale | range | |"
+    yield "|---|---|---|---|---|---|"
+    for signal in message.signals:
+        yield _signal(signal)
+
+
+def _signal(signal: Signal) -> str:
+    last = signal.start + signal.length - 1
+    sign = " signed" if signal.is_signed else ""
+    comment = signal.comment or ""
+    if signal.choices:
+        names = ", ".join(f"{raw} {name}" for raw, name in sorted(signal.choices.items()))
+        comment += f" {names}."
+    return (
+        f"| `{signal.name}` | {signal.start}-{last}{sign} | {signal.unit or ''} "
+        f"| {signal.scale:g} | {signal.minimum:.10g} … {signal.maximum:.10g} | {comment} |"
+    )
+
+
+def page() -> str:
+    """Return the page as Markdown."""
+    return "\n".join(_sections(load())) + "\n"
+
+
+if __name__ == "__main__":
+    print(page(), end="")

@@ -1,0 +1,113 @@
+"""The faults that the page `docs/faults.md` shows."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+
+@dataclass(frozen=True)
+class Case:
+    """A fault to be observed.
+
+    Attributes
+    ----------
+    injected : str
+        In words.
+    fault : dict
+        As in a scenario's `[[faults]]`, without `at_s`.
+    modelled : bool
+        Whether the wire's timing is modelled.
+    """
+
+    injected: str
+    fault: dict[str, Any]
+    modelled: bool = False
+
+
+ON_WIRE = (
+    Case("SENSOR_3 lost for 5 s", {"kind": "drop", "message": "SENSOR_3", "for_s": 5}),
+    Case("1 % of all frames lost", {"kind": "drop", "probability": 0.01}),
+    Case("SENSOR_2 10 ms late for 1 s", {"kind": "delay", "message": "SENSOR_2", "for_s": 1}),
+    Case("every frame twice for 5 s", {"kind": "duplicate", "for_s": 5}),
+    Case("every epoch's frames reordered for 5 s", {"kind": "reorder", "for_s": 5}),
+    Case(
+        "an error frame in every epoch for 5 s", {"kind": "corrupt_wire", "for_s": 5}, modelled=True
+    ),
+    Case(
+        "SENSOR_1 with a bit error that passes CRC-15, for 5 s",
+        {"kind": "corrupt", "message": "SENSOR_1", "for_s": 5},
+    ),
+    Case(
+        "10 % of all frames with a bit error that passes CRC-15",
+        {"kind": "corrupt", "probability": 0.1},
+    ),
+    Case(
+        "SENSOR_4 with a wrong counter for 5 s",
+        {"kind": "wrong_counter", "message": "SENSOR_4", "for_s": 5},
+    ),
+    Case(
+        "SENSOR_1 repeats an old frame for 5 s",
+        {"kind": "stale", "message": "SENSOR_1", "for_s": 5},
+    ),
+    Case("SYNC lost for 5 s", {"kind": "drop", "message": "SYNC", "for_s": 5}),
+    Case("hardware silent for 50 ms", {"kind": "silence", "node": "hardware", "for_s": 0.05}),
+    Case("hardware silent for 1 s", {"kind": "silence", "node": "hardware", "for_s": 1}),
+    Case(
+        "inner encoder silent for 5 s",
+        {"kind": "silence", "message": "AXIS_INNER_STATUS", "for_s": 5},
+    ),
+    Case("firmware silent for 5 s", {"kind": "silence", "node": "firmware", "for_s": 5}),
+    Case(
+        "a node babbles, 8 frames per epoch",
+        {"kind": "babble", "frames_per_epoch": 8},
+        modelled=True,
+    ),
+    Case(
+        "a node babbles, 40 frames per epoch for 1 s",
+        {"kind": "babble", "frames_per_epoch": 40, "for_s": 1},
+        modelled=True,
+    ),
+    Case("hardware bus-off", {"kind": "bus_off", "node": "hardware", "for_s": 0.02}, modelled=True),
+    Case("firmware bus-off", {"kind": "bus_off", "node": "firmware", "for_s": 0.02}, modelled=True),
+    Case("bus cut for 50 ms", {"kind": "cut", "for_s": 0.05}, modelled=True),
+    Case("bus cut for 1 s", {"kind": "cut", "for_s": 1}, modelled=True),
+)
+"""On the wire."""
+
+OF_HARDWARE = (
+    Case("inner axis stalls permanently", {"kind": "axis_stall", "axis": "inner"}),
+    Case(
+        "outer axis runs away at 5 °/s for 5 s",
+        {"kind": "axis_runaway", "axis": "outer", "rate_dps": 5, "for_s": 5},
+    ),
+    Case(
+        "inner encoder repeats its last angle for 5 s",
+        {"kind": "encoder_stuck", "axis": "inner", "for_s": 5},
+    ),
+    Case("inner encoder slips by 1°", {"kind": "encoder_offset", "axis": "inner", "offset_deg": 1}),
+    Case("gyro 2 repeats its last increment", {"kind": "gyro_stuck", "sensor": 2}),
+    Case("gyro 2 biased by 10 °/h", {"kind": "gyro_bias", "sensor": 2, "bias_dph": 10}),
+    Case(
+        "gyro 2 noisy, 1 °/√h",
+        {"kind": "gyro_noise", "sensor": 2, "angle_random_walk_deg_per_sqrt_h": 1},
+    ),
+    Case("gyro 2 absent for 5 s", {"kind": "gyro_absent", "sensor": 2, "for_s": 5}),
+    Case("all gyros absent for 1 s", {"kind": "gyro_absent", "for_s": 1}),
+    Case(
+        "accelerometer 3 repeats its last increment for 5 s",
+        {"kind": "accelerometer_stuck", "sensor": 3, "for_s": 5},
+    ),
+    Case(
+        "accelerometer 3 biased by 1000 µg",
+        {"kind": "accelerometer_bias", "sensor": 3, "bias_ug": 1000},
+    ),
+    Case(
+        "accelerometer 3 noisy, 1000 µg/√Hz",
+        {"kind": "accelerometer_noise", "sensor": 3, "white_noise_ug_per_sqrt_hz": 1000},
+    ),
+    Case(
+        "accelerometer 3 absent for 5 s", {"kind": "accelerometer_absent", "sensor": 3, "for_s": 5}
+    ),
+)
+"""In the hardware itself."""

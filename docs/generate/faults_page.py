@@ -1,0 +1,204 @@
+"""The page `docs/faults.md`: every fault, injected and observed.
+
+``python -m generate.faults_page`` runs each and writes the page; `make docs` keeps it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from generate.fault_cases import OF_HARDWARE, ON_WIRE, Case
+from generate.faults_page_text import AT_S, BETWEEN, HEAD
+from rrins.firmware_py.core.modes import FirmwareFault, Mode
+from rrins.firmware_py.core.trouble_table import TROUBLES
+from rrins.firmware_py.core.troubles import Status
+from rrins.firmware_py.loop import Firmware
+from rrins.host_tools.hardware.loop import Hardware
+from rrins.host_tools.runs.exchange import exchange_epoch
+from rrins.host_tools.runs.results import east_north_m
+from rrins.host_tools.runs.settings import firmware_settings, hardware_settings, scenario_wire
+from rrins.host_tools.scenario.scenario import Scenario
+
+_BITRATE = 1_000_000
+_DURATION_S = 60
+
+_OUTPUT = ("latitude", "longitude", "roll", "pitch", "heading")
+_FIRMWARE_COUNTERS = ("crc_errors", "counter_errors", "missing_frames", "bridged_epochs")
+_HARDWARE_COUNTERS = ("crc_errors", "counter_errors", "missing_commands")
+
+
+@dataclass(frozen=True)
+class Row:
+    """The result of a fault.
+
+    Attributes
+    ----------
+    injected : str
+    counted : dict
+        Counters of both sides that changed, by name.
+    troubles : list of str
+        Names of the trouble codes that were confirmed.
+    after_epochs : int or None
+        From the fault's first epoch to the first in which a counter or the mode changed, or a
+        trouble code's test failed; None if none did.
+    mode : str
+        At the end; with the reason if it is FAULT.
+    worst_bridged : int
+        Longest gap bridged, epochs.
+    difference_m, difference_deg : float
+        Difference in position and attitude from the run without the fault, at the end or when
+        navigation ended.
+    """
+
+    injected: str
+    counted: dict[str, int]
+    troubles: list[str]
+    after_epochs: int | None
+    mode: str
+    worst_bridged: int
+    difference_m: float
+    difference_deg: float
+
+
+class _Run:
+    """A direct run that is observed after every epoch."""
+
+    def __init__(self, faults: list[dict[str, Any]], modelled: bool) -> None:
+        self.scenario = Scenario.model_validate(
+            {
+                "duration_s": _DURATION_S,
+                "faults": faults,
+                "bus": {"bitrate": _BITRATE} if modelled else {},
+            }
+        )
+        self.firmware = Firmware(firmware_settings(self.scenario))
+        wire = scenario_wire(self.scenario)
+        self.hardware = Hardware(hardware_settings(self.scenario), wire)
+        self.navigation: list[tuple[float, ...]] = []
+
+    def counters(self) -> dict[str, int]:
+        ours, theirs = self.firmware.ram[0]["faults"], self.hardware.plant[0]["counters"]
+        return {f"firmware {name}": int(ours[name]) for name in _FIRMWARE_COUNTERS} | {
+            f"hardware {name}": int(theirs[name]) for name in _HARDWARE_COUNTERS
+        }
+
+    def signs(self) -> tuple[Any, ...]:
+        """Return everything that can reveal the fault."""
+        state = self.firmware.ram[0]
+        failed = state["diagnostics"]["troubles"]["status"] & Status.TEST_FAILED
+        not_following = state["sequencer"]["not_following"]
+        return self.counters(), self.firmware.mode, failed.tobytes(), not_following.tobytes()
+
+    def troubles(self) -> list[str]:
+        """Return the names of the trouble codes that are confirmed."""
+        status = self.firmware.ram[0]["diagnostics"]["troubles"]["status"]
+        confirmed = np.flatnonzero(status & Status.CONFIRMED)
+        return [TROUBLES[index].name for index in confirmed]
+
+    def epochs(self) -> Iterator[int]:
+        count = 0
+        for epoch in range(self.scenario.epochs):
+            count = exchange_epoch(self.hardware, self.firmware, epoch, count)
+            output = self.firmware.ram[0]["navigation"]
+            self.navigation.append(tuple(float(output[name]) for name in _OUTPUT))
+            yield epoch
+
+
+def observe(case: Case, reference: _Run) -> Row:
+    """Run a fault and return its result."""
+    run = _Run([{"at_s": AT_S} | case.fault], case.modelled)
+    first = round(AT_S * run.scenario.rate_hz)
+    before: dict[str, int] = {}
+    signs: tuple[Any, ...] = ()
+    found: int | None = None
+    worst = 0
+    for epoch in run.epochs():
+        if epoch == first - 1:
+            before, signs = run.counters(), run.signs()
+        elif epoch >= first:
+            if run.firmware.mode is not Mode.FAULT:
+                worst = max(worst, int(run.firmware.ram[0]["faults"]["consecutive_bridged"]))
+            if found is None and run.signs() != signs:
+                found = epoch - first
+    after = run.counters()
+    mode = run.firmware.mode.name
+    if run.firmware.mode is Mode.FAULT:
+        mode += f" ({FirmwareFault(int(run.firmware.ram[0]['modes']['fault'])).name})"
+    elif any(run.firmware.ram[0]["sequencer"]["not_following"]):
+        mode += " (axis not following)"
+    return Row(
+        case.injected,
+        {name: after[name] - before[name] for name in after if after[name] != before[name]},
+        run.troubles(),
+        found,
+        mode,
+        worst,
+        *_differences(run, reference),
+    )
+
+
+def _differences(run: _Run, reference: _Run) -> tuple[float, float]:
+    """Return the errors of the last position, m, and attitude, °."""
+    epoch = int(run.firmware.ram[0]["navigation"]["epoch"])
+    (lat, lon, *ours), (true_lat, true_lon, *theirs) = (
+        side.navigation[epoch] for side in (run, reference)
+    )
+    east, north = east_north_m(lat, lon, true_lat, true_lon, 40.0)
+    angles = [math.remainder(a - b, math.tau) for a, b in zip(ours, theirs, strict=True)]
+    return float(np.hypot(east, north)), math.degrees(max(map(abs, angles)))
+
+
+def rows() -> list[Row]:
+    """Return the rows of all cases, those on the wire first."""
+    reference = _Run([], modelled=False)
+    for _ in reference.epochs():
+        pass
+    return [observe(case, reference) for case in (*ON_WIRE, *OF_HARDWARE)]
+
+
+def _epochs(count: int) -> str:
+    return f"{count} epoch" if count == 1 else f"{count} epochs"
+
+
+def _cells(row: Row) -> tuple[str, str, str, str]:
+    """Return the cells detected after, counters, trouble codes, position error."""
+    after = "not detected" if row.after_epochs is None else _epochs(row.after_epochs)
+    counted = ", ".join(f"{name} {count}" for name, count in row.counted.items()) or "-"
+    off_by = f"{row.difference_m * 1000:.3g} mm"
+    if row.difference_m >= 1:
+        off_by = f"{row.difference_m:.3g} m"
+    return after, counted, ", ".join(f"`{name}`" for name in row.troubles) or "-", off_by
+
+
+def _on_wire(row: Row, case: Case) -> str:
+    after, counted, troubles, off_by = _cells(row)
+    wire = "modelled" if case.modelled else "ideal"
+    return (
+        f"| {row.injected} | {wire} | {after} | {counted} | {troubles} "
+        f"| {_epochs(row.worst_bridged)} | {row.mode} | {off_by} |"
+    )
+
+
+def _of_hardware(row: Row) -> str:
+    after, counted, troubles, off_by = _cells(row)
+    return (
+        f"| {row.injected} | {after} | {counted} | {troubles} | {row.mode} | {off_by} "
+        f"| {round(row.difference_deg, 6):.2g}° |"
+    )
+
+
+def page(table: list[Row]) -> str:
+    """Return the page as Markdown."""
+    on_wire, of_hardware = table[: len(ON_WIRE)], table[len(ON_WIRE) :]
+    lines = [_on_wire(row, case) for row, case in zip(on_wire, ON_WIRE, strict=True)]
+    lines += [BETWEEN, *(_of_hardware(row) for row in of_hardware)]
+    return "\n".join([HEAD, *lines]) + "\n"
+
+
+if __name__ == "__main__":
+    print(page(rows()), end="")

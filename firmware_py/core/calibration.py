@@ -1,0 +1,201 @@
+"""The calibration of the sensors: a TOML file given at start, and its place in memory.
+
+::
+
+    [gyros]
+    bias_dph = [0.1, 0.11, 0.12, 0.13]      # or one number for all
+    scale_error_ppm = 0
+    asymmetric_scale_error_ppm = 0
+    installation_u_arcsec = 0
+    installation_v_arcsec = 0
+
+    [accelerometers]
+    bias_ug = [50, 55, 60, 65]
+
+The keys are those of a scenario's tables; missing keys are zero.
+"""
+
+from __future__ import annotations
+
+import difflib
+import math
+import tomllib
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from rrins.firmware_py.core.memory import Fusion
+
+STANDARD_GRAVITY = 9.80665
+"""m/s²: the g of µg (ISO 80000-3)."""
+
+DPH = math.radians(1) / 3600
+"""rad/s of a °/h."""
+
+UG = 1e-6 * STANDARD_GRAVITY
+"""m/s² of a µg."""
+
+_ARCSEC = math.radians(1) / 3600
+_PPM = 1e-6
+
+PerSensor = float | tuple[float, ...]
+"""One number for all sensors, or one for each."""
+
+_Small = Annotated[float, Field(ge=-100_000, le=100_000)]  # a tenth; half a turn and more
+_SmallPerSensor = _Small | tuple[_Small, ...]
+
+
+class CalibrationError(Exception):
+    """An unreadable or invalid calibration file; the message gives file and reason in one line."""
+
+
+class _Sensors(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    scale_error_ppm: _SmallPerSensor = 0.0
+    asymmetric_scale_error_ppm: _SmallPerSensor = 0.0
+    installation_u_arcsec: _SmallPerSensor = 0.0
+    installation_v_arcsec: _SmallPerSensor = 0.0
+
+    @property
+    def bias(self) -> PerSensor:
+        """Bias in the unit of its key."""
+        raise NotImplementedError
+
+
+class GyroCalibration(_Sensors):
+    """Calibrated errors of the gyros. Paper, (16)."""
+
+    bias_dph: PerSensor = 0.0
+
+    @property
+    def bias(self) -> PerSensor:
+        """Bias in °/h."""
+        return self.bias_dph
+
+
+class AccelerometerCalibration(_Sensors):
+    """Calibrated errors of the accelerometers. Paper, (17)."""
+
+    bias_ug: PerSensor = 0.0
+
+    @property
+    def bias(self) -> PerSensor:
+        """Bias in µg."""
+        return self.bias_ug
+
+
+class Calibration(BaseModel):
+    """The errors that the firmware removes from the sensors' increments."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    gyros: GyroCalibration = Field(default=GyroCalibration())
+    accelerometers: AccelerometerCalibration = Field(default=AccelerometerCalibration())
+
+    def for_counts(self, gyros: int, accelerometers: int) -> Calibration:
+        """Return the calibration if it suits the given numbers of gyros and accelerometers.
+
+        Raises
+        ------
+        CalibrationError
+        """
+        tables = (
+            ("gyros", self.gyros, gyros),
+            ("accelerometers", self.accelerometers, accelerometers),
+        )
+        for kind, table, count in tables:
+            for key, value in table.model_dump().items():
+                if isinstance(value, tuple) and len(value) != count:
+                    raise CalibrationError(f"{kind}.{key}: {len(value)} values for {count} sensors")
+        return self
+
+
+def load(path: Path, gyros: int, accelerometers: int) -> Calibration:
+    """Read the calibration of the given numbers of gyros and accelerometers from a TOML file.
+
+    Raises
+    ------
+    CalibrationError
+    """
+    try:
+        text = path.read_text(encoding="utf-8")
+        loaded = Calibration.model_validate(tomllib.loads(text))
+        return loaded.for_counts(gyros, accelerometers)
+    except OSError as error:
+        raise CalibrationError(f"calibration {path}: cannot be read: {error.strerror}") from error
+    except ValidationError as error:
+        raise CalibrationError(f"calibration {path}: {_first_fault(error)}") from error
+    except CalibrationError as error:
+        raise CalibrationError(f"calibration {path}: {error}") from error
+    except (ValueError, RecursionError) as error:
+        raise CalibrationError(f"calibration {path}: not TOML: {error}") from error
+
+
+def _first_fault(error: ValidationError) -> str:
+    first = max(error.errors(), key=lambda e: e["type"] == "extra_forbidden")
+    path = [str(part) for part in first["loc"] if isinstance(part, int) or part.isidentifier()]
+    where = ".".join(path)
+    if first["type"] != "extra_forbidden":
+        return f"{where}: {first['msg'][0].lower()}{first['msg'][1:]}, got {first['input']!r}"
+    tables: dict[str, type[BaseModel]] = {
+        "gyros": GyroCalibration,
+        "accelerometers": AccelerometerCalibration,
+    }
+    known = tables.get(path[0], Calibration) if len(path) > 1 else Calibration
+    near = difflib.get_close_matches(path[-1], known.model_fields, 1)
+    return f"{where}: no such key" + (f", did you mean {near[0]}?" if near else "")
+
+
+def input_axes(axes_deg: tuple[tuple[float, float], ...]) -> NDArray[np.float64]:
+    """Return the configuration matrix H, shape (m, 3). Paper, (5), (9)."""
+    alpha, beta = np.radians(np.asarray(axes_deg, dtype=float)).T
+    return np.column_stack(
+        [np.sin(alpha) * np.cos(beta), np.sin(alpha) * np.sin(beta), np.cos(alpha)]
+    )
+
+
+def _transverse(
+    axes_deg: tuple[tuple[float, float], ...],
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return U and V, shape (m, 3) each: the directions of growing α and β. Paper, (11)."""
+    alpha, beta = np.radians(np.asarray(axes_deg, dtype=float)).T
+    U = np.column_stack(
+        [np.cos(alpha) * np.cos(beta), np.cos(alpha) * np.sin(beta), -np.sin(alpha)]
+    )
+    V = np.column_stack([-np.sin(beta), np.cos(beta), np.zeros_like(beta)])
+    return U, V
+
+
+def each(value: PerSensor, count: int) -> NDArray[np.float64]:
+    """Return a value for each of `count` sensors, shape (count,)."""
+    return np.broadcast_to(np.asarray(value, dtype=float), (count,))
+
+
+def fill(
+    fusion: Fusion,
+    axes_deg: tuple[tuple[float, float], ...],
+    sensors: GyroCalibration | AccelerometerCalibration,
+    dt: float,
+) -> None:
+    """Fill the calibration of the sensors of one kind into their record."""
+    count = len(axes_deg)
+    unit = DPH if isinstance(sensors, GyroCalibration) else UG
+
+    du = each(sensors.installation_u_arcsec, count) * _ARCSEC
+    dv = each(sensors.installation_v_arcsec, count) * _ARCSEC
+    U, V = _transverse(axes_deg)
+    # h' = h - δu v - δv u, paper (13)
+    fusion.H[:count] = input_axes(axes_deg) - du[:, None] * V - dv[:, None] * U
+    fusion.bias_increment[:count] = each(sensors.bias, count) * unit * dt
+    fusion.scale_error[:count] = each(sensors.scale_error_ppm, count) * _PPM
+    asymmetric = each(sensors.asymmetric_scale_error_ppm, count)
+    fusion.asymmetric_scale_error[:count] = asymmetric * _PPM
+    fusion.calibrated = bool(
+        fusion.bias_increment.any()
+        or fusion.scale_error.any()
+        or fusion.asymmetric_scale_error.any()
+    )

@@ -1,0 +1,219 @@
+"""The RAM image: all state of the firmware, as one record of fixed size.
+
+A step takes an array of one `Ram` record and changes it in place. Copy the array to take a
+snapshot; compare two copies byte for byte to see whether two runs were identical.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from rrins.dbc.contract import SENSOR_GROUPS
+from rrins.dbc.record import F8, I8, U4, Bool, Bytes, Floats, Integers, Record, Records, Shorts
+from rrins.firmware_py.core.diagnostic_records import DiagnosticState
+
+SCHEME_CAPACITY = 64
+"""The most positions that a rotation scheme can have."""
+
+INNER, OUTER = 0, 1
+"""Index of an axis in arrays over the two axes."""
+
+
+class Parameters(Record):
+    """The firmware's set-up; a step only reads it."""
+
+    period_ns: I8  #: length of an epoch
+    latitude: F8  #: rad, where navigation starts
+    longitude: F8  #: rad, where navigation starts
+    height: F8  #: m, where navigation starts
+    C_b_n: Annotated[Floats, (3, 3)]  #: initial attitude, unless self-aligned
+    self_aligned: Bool  #: whether the alignment finds the initial attitude
+    alignment_epochs: I8  #: length of the alignment
+    height_channel: I8  #: `HEIGHT_HELD`, `HEIGHT_DAMPED` or `HEIGHT_FREE` of `strapdown`
+    altimeter: Bool  #: whether one is fitted
+    bridge_epochs: I8  #: longest gap in the sensor frames that is bridged
+    turn_rate_dps: F8  #: at which the scheme turns the axes
+    axis_acceleration_dps2: F8  #: of the axes' drives
+    axis_rise_s: F8  #: time in which an axis reaches that acceleration
+    position_count: I8  #: positions of the rotation scheme
+    position_axis: Annotated[Integers, SCHEME_CAPACITY]  #: axis that turns: `INNER` or `OUTER`
+    position_turn_deg: Annotated[Floats, SCHEME_CAPACITY]  #: signed
+    position_epochs: Annotated[Integers, SCHEME_CAPACITY]  #: turning and standing
+    angle_span_deg: F8  #: after which the angle in an encoder's frame wraps
+    follow_tolerance_deg: F8  #: largest deviation of an axis from its expected angle
+    axis_silence_epochs: I8  #: longest silence of a following axis
+    gyro_consistency: F8  #: rad per epoch, largest disagreement of redundant gyros
+    accelerometer_consistency: F8  #: m/s per epoch, the same for the accelerometers
+
+
+class Clock(Record):
+    """The loop's own clock, disciplined by SYNC."""
+
+    synchronised: Bool  #: whether SYNC has given the epoch
+    sync_seen: Bool  #: in this epoch
+    sync_lost: Bool  #: whether SYNC has been missing for too long
+    sync_missed: I8  #: epochs since the last SYNC
+    sync_arrival_ns: I8  #: by the own clock, filled in by the shell before a step
+    next_sync_ns: I8  #: by the own clock, when the SYNC after this step is expected
+    period_q16: I8  #: length of an epoch by the own clock, ns * 2**16
+    fraction_q16: I8  #: ns * 2**16, fraction of `next_sync_ns`
+    outliers: I8  #: consecutive SYNCs at unexpected times
+    jumps: I8  #: sudden changes of SYNC's phase or epoch
+
+
+class Assembly(Record):
+    """Values from the frames of one epoch."""
+
+    gyro_dtheta: Annotated[Floats, SENSOR_GROUPS]  #: rad, along the input axes
+    accelerometer_dv: Annotated[Floats, SENSOR_GROUPS]  #: m/s, along the input axes
+    received: U4  #: sensor groups whose frame arrived, one bit each
+    gyro_valid: U4  #: usable gyros, one bit each
+    accelerometer_valid: U4  #: usable accelerometers, one bit each
+    axis_received: Annotated[Bytes, 2]  #: whether an axis' frame arrived, 0 or 1
+    encoder_angle_deg: Annotated[Floats, 2]  #: extrapolated by the rate if no frame arrived
+    encoder_rate_dps: Annotated[Floats, 2]  #: as last received
+    axis_state: Annotated[Integers, 2]  #: an `AxisState`, as last received
+    axis_silent_epochs: Annotated[Integers, 2]  #: since an axis' last frame
+    altimeter_received: Bool  #: whether the altimeter's frame arrived
+    altimeter_height: F8  #: m, as last received
+
+
+class Fusion(Record):
+    """Calibration of the sensors of one kind, and weighted least squares over them.
+
+    Increments are in rad for gyros, in m/s for accelerometers.
+    """
+
+    count: I8  #: sensors of the kind
+    calibrated: Bool  #: whether there is any error to remove
+    bias_increment: Annotated[Floats, SENSOR_GROUPS]  #: b dt
+    scale_error: Annotated[Floats, SENSOR_GROUPS]  #: λ, dimensionless
+    asymmetric_scale_error: Annotated[Floats, SENSOR_GROUPS]  #: μ, dimensionless
+    H: Annotated[Floats, (SENSOR_GROUPS, 3)]  #: rows h', the input axes as calibrated
+    weight: Annotated[Floats, SENSOR_GROUPS]  #: in the least squares, relative
+    used: U4  #: sensors that `gain` is for, one bit each
+    solvable: Bool  #: whether their axes span space
+    gain: Annotated[Floats, (3, SENSOR_GROUPS)]  #: from increments to the fused vector
+
+
+class Alignment(Record):
+    """Initial attitude; increments and angles summed since the alignment began."""
+
+    epochs: I8  #: summed so far
+    done: Bool  #: with the attitude in `C_s_n`
+    failed: Bool  #: without an attitude
+    dtheta_s: Annotated[Floats, 3]  #: rad
+    dv_s: Annotated[Floats, 3]  #: m/s
+    angle_sum: Annotated[Floats, 3]  #: rad, Σ over epochs of the angle so far
+    angle_moment: Annotated[Floats, 3]  #: rad, Σ of epoch number times the angle so far
+    C_s_n: Annotated[Floats, (3, 3)]  #: attitude of the sensors, once found
+
+
+class Ins(Record):
+    """The strapdown navigation."""
+
+    first: Bool  #: whether no epoch has been navigated yet
+    latitude: F8  #: rad
+    longitude: F8  #: rad, in [-π, π)
+    latitude_carry: F8  #: rad, rounding error of adding to the position
+    longitude_carry: F8  #: rad, the same of the longitude
+    height: F8  #: m above the ellipsoid
+    reference_height: F8  #: m, reference of a held or damped height channel
+    reference_interval: F8  #: s since the previous reference; 0: none in this epoch
+    height_error_integral: F8  #: m s
+    velocity_n: Annotated[Floats, 3]  #: m/s
+    velocity_change_n: Annotated[Floats, 3]  #: m/s, in the last epoch
+    q_s_n: Annotated[Floats, 4]  #: attitude of the sensors, scalar first
+    C_s_n: Annotated[Floats, (3, 3)]  #: the same as a matrix
+    dtheta_s_previous: Annotated[Floats, 3]  #: rad, in the previous epoch
+    dv_s_previous: Annotated[Floats, 3]  #: m/s, in the previous epoch
+    work: Annotated[Floats, (9, 3)]  #: scratch
+    work_q: Annotated[Floats, (2, 4)]  #: scratch
+
+
+class Sequencer(Record):
+    """The rotation scheme's progress and the commands to the axes."""
+
+    running: Bool  #: whether the scheme runs
+    homing: Bool  #: whether both axes still turn to zero, before the first position
+    position: I8  #: from 0
+    cycle: I8  #: from 0
+    epochs: I8  #: in this position
+    start_angle_deg: Annotated[Floats, 2]  #: at the beginning of this position
+    target_angle_deg: Annotated[Floats, 2]  #: cumulative over full turns
+    command: Annotated[Integers, 2]  #: an `AxisCommand`
+    not_following: Annotated[Bytes, 2]  #: whether an axis did not follow its commands, 0 or 1
+
+
+class Modes(Record):
+    """The mode, and the requests."""
+
+    mode: I8  #: a `Mode`
+    fault: I8  #: a `FirmwareFault`, the reason for FAULT
+    request: I8  #: a `ModeRequest`, the last one handled
+    requested: I8  #: a `ModeRequest`, the last one received from any source
+    heard: I8  #: a `ModeRequest`, the one that MODE_COMMAND repeats
+    pending: I8  #: a `Mode`, requested but not reached yet
+    epochs: I8  #: in this mode
+    good_epochs: I8  #: of the self-test, in a row
+
+
+class FaultCounters(Record):
+    """Fault counters since power-on."""
+
+    crc_errors: I8  #: frames
+    counter_errors: I8  #: frames with a repeated counter or one of another epoch
+    missing_frames: I8  #: expected but not received
+    bridged_epochs: I8  #: navigated with the increments of the previous epoch
+    consecutive_bridged: I8  #: epochs, the gap that is being bridged
+    overruns: I8  #: epochs begun too late, counted by the shell
+
+
+class NavigationOutput(Record):
+    """Navigation output of one epoch; the attitude is the body's."""
+
+    epoch: I8  #: number of the epoch
+    mode: I8  #: a `Mode`
+    latitude: F8  #: rad
+    longitude: F8  #: rad
+    height: F8  #: m
+    velocity_n: Annotated[Floats, 3]  #: m/s
+    roll: F8  #: rad
+    pitch: F8  #: rad
+    heading: F8  #: rad, in [0, 2π)
+
+
+class Ram(Record):
+    """The firmware's whole memory."""
+
+    parameters: Parameters
+    dispatch: Annotated[Shorts, 2048]  #: action by identifier; see `intake`
+    epoch: I8  #: the current one, by SYNC; -1 before the first
+    steps: I8  #: since power-on
+    altimeter_epochs: I8  #: since the altimeter was last heard
+    consumed: I8  #: index of the first frame of the inbox that the last step left
+    load_percent: F8  #: of the period, filled in by the shell
+    clock: Clock
+    assembly: Assembly
+    gyros: Fusion
+    accelerometers: Fusion
+    dtheta_s: Annotated[Floats, 3]  #: rad, fused
+    dv_s: Annotated[Floats, 3]  #: m/s, fused
+    alignment: Alignment
+    ins: Ins
+    C_s_b: Annotated[Floats, (3, 3)]  #: of the table, from the encoders
+    C_b_n: Annotated[Floats, (3, 3)]  #: attitude of the body
+    navigation: NavigationOutput
+    sequencer: Sequencer
+    modes: Modes
+    faults: FaultCounters
+    mode_command_counter: I8  #: of the last MODE_COMMAND, plus 1; 0: none received yet
+    transmissions: I8  #: of the status messages, for their counters
+    navigation_transmissions: I8  #: of the navigation messages, for their counters
+    heartbeats: I8  #: sent so far, for their counter
+    diagnostics: DiagnosticState
+
+
+def blank_ram() -> Records[Ram]:
+    """Return an array of one zeroed `Ram` record."""
+    return Ram.zeros()

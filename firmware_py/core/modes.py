@@ -1,0 +1,190 @@
+"""The modes of the navigation computer and the transitions between them.
+
+=====================  ==========================================================================
+mode                   transitions to
+=====================  ==========================================================================
+POWER_ON               SELF_TEST, in the first epoch
+SELF_TEST              STANDBY, when SYNC, all sensors and both axes were sound for half a second;
+                       FAULT (SELF_TEST_FAILED) after ten seconds
+STANDBY                ALIGNMENT, on the request to align or to navigate
+ALIGNMENT              NAVIGATION_*, when done and requested; FAULT (ALIGNMENT_FAILED)
+NAVIGATION_STRAPDOWN   NAVIGATION_ROTATING, on request
+NAVIGATION_ROTATING    NAVIGATION_STRAPDOWN, on request or when an axis does not follow
+any NAVIGATION_*       FAULT (SENSORS_LOST) when too few sensors were usable for longer than the
+                       bridging limit; FAULT (NAVIGATION_DIVERGED) when the solution is implausible
+FAULT                  SELF_TEST, on the request for STANDBY
+any but the first two  STANDBY, on request
+any                    SHUTDOWN, on request
+=====================  ==========================================================================
+
+A request is handled once, when it changes; a target that STANDBY cannot reach yet is remembered.
+"""
+
+from __future__ import annotations
+
+import math
+from enum import IntEnum
+
+from rrins.dbc.compilation import compiled
+from rrins.dbc.values import AxisState
+from rrins.firmware_py.core import alignment, sequencer, strapdown
+from rrins.firmware_py.core.memory import INNER, OUTER, Ins, Ram
+
+
+class Mode(IntEnum):
+    """Modes; the DBC's value table of `mode`."""
+
+    POWER_ON = 0
+    SELF_TEST = 1
+    STANDBY = 2
+    ALIGNMENT = 3
+    NAVIGATION_STRAPDOWN = 4
+    NAVIGATION_ROTATING = 5
+    FAULT = 6
+    SHUTDOWN = 7
+
+
+class ModeRequest(IntEnum):
+    """Requests of the operator; the DBC's value table of `mode_request`."""
+
+    NONE = 0
+    STANDBY = 1
+    ALIGN = 2
+    NAVIGATE_STRAPDOWN = 3
+    NAVIGATE_ROTATING = 4
+    SHUTDOWN = 5
+
+
+class FirmwareFault(IntEnum):
+    """Reason for the mode FAULT; the DBC's value table of `fault`."""
+
+    NONE = 0
+    SELF_TEST_FAILED = 1
+    SENSORS_LOST = 2
+    ALIGNMENT_FAILED = 3
+    NAVIGATION_DIVERGED = 4
+
+
+SELF_TEST_GOOD_S = 0.5
+SELF_TEST_LIMIT_S = 10.0
+
+_AFTER_STANDBY = (Mode.ALIGNMENT, Mode.NAVIGATION_STRAPDOWN, Mode.NAVIGATION_ROTATING)
+_NAVIGATION = (Mode.NAVIGATION_STRAPDOWN, Mode.NAVIGATION_ROTATING)
+
+_LARGEST_SPEED = 3000.0  # m/s; no vehicle with this system is faster
+_LARGEST_LATITUDE = math.radians(89.99)  # east and north end at the poles
+
+
+@compiled
+def enter(state: Ram, mode: int) -> None:
+    """Enter a mode and initialise it."""
+    modes = state.modes
+    before = modes.mode
+    modes.mode = mode
+    modes.epochs = 0
+    modes.good_epochs = 0
+    if mode not in (Mode.FAULT, Mode.SHUTDOWN):  # keeps the reason readable
+        modes.fault = FirmwareFault.NONE
+    if mode == Mode.ALIGNMENT:
+        alignment.begin(state.alignment)
+    if mode == Mode.NAVIGATION_ROTATING:
+        sequencer.start(state.sequencer, state.parameters, state.assembly)
+    elif mode in (Mode.SHUTDOWN, Mode.POWER_ON):
+        sequencer.switch_off(state.sequencer)
+    else:
+        sequencer.stop(state.sequencer)
+    if mode in _NAVIGATION and before == Mode.ALIGNMENT:
+        parameters = state.parameters
+        strapdown.initialise(
+            state.ins,
+            state.alignment.C_s_n,
+            parameters.latitude,
+            parameters.longitude,
+            parameters.height,
+        )
+
+
+@compiled
+def fail(state: Ram, fault: int) -> None:
+    """Enter FAULT with a reason; drop any pending request."""
+    state.modes.pending = 0
+    enter(state, Mode.FAULT)
+    state.modes.fault = fault
+
+
+@compiled
+def navigating(state: Ram) -> bool:
+    """Return whether the mode is one of the two navigation modes."""
+    mode = state.modes.mode
+    return mode in _NAVIGATION
+
+
+@compiled
+def follow_request(state: Ram) -> None:
+    """Handle a new request of the operator, as far as the current mode allows."""
+    modes = state.modes
+    request = modes.requested
+    if request == modes.request:
+        return
+    modes.request = request
+    if modes.mode == Mode.SHUTDOWN:
+        return
+    if request == ModeRequest.SHUTDOWN:
+        enter(state, Mode.SHUTDOWN)
+    elif request == ModeRequest.STANDBY:
+        modes.pending = Mode.STANDBY
+        if modes.mode == Mode.FAULT:
+            enter(state, Mode.SELF_TEST)
+        elif modes.mode not in (Mode.POWER_ON, Mode.SELF_TEST):
+            enter(state, Mode.STANDBY)
+    elif modes.mode == Mode.FAULT:
+        return
+    elif request == ModeRequest.ALIGN:
+        modes.pending = Mode.ALIGNMENT
+    elif request in (ModeRequest.NAVIGATE_STRAPDOWN, ModeRequest.NAVIGATE_ROTATING):
+        rotating = request == ModeRequest.NAVIGATE_ROTATING
+        modes.pending = Mode.NAVIGATION_ROTATING if rotating else Mode.NAVIGATION_STRAPDOWN
+        if navigating(state) and modes.mode != modes.pending:
+            enter(state, modes.pending)
+
+
+@compiled
+def standby(state: Ram) -> None:
+    """Start the alignment when alignment or navigation is requested."""
+    if state.modes.pending in _AFTER_STANDBY:
+        enter(state, Mode.ALIGNMENT)
+
+
+@compiled
+def self_test(state: Ram) -> None:
+    """Pass once everything has been sound for a while; fail on timeout."""
+    assembly = state.assembly
+    seconds = state.parameters.period_ns * 1e-9
+    every_gyro = (1 << state.gyros.count) - 1
+    every_accelerometer = (1 << state.accelerometers.count) - 1
+    axes = (
+        assembly.axis_received[INNER]
+        and assembly.axis_received[OUTER]
+        and assembly.axis_state[INNER] != AxisState.FAULT
+        and assembly.axis_state[OUTER] != AxisState.FAULT
+    )
+    sound = (
+        axes
+        and state.clock.sync_seen
+        and assembly.gyro_valid & every_gyro == every_gyro
+        and assembly.accelerometer_valid & every_accelerometer == every_accelerometer
+    )
+    modes = state.modes
+    modes.good_epochs = modes.good_epochs + 1 if sound else 0
+    if modes.good_epochs * seconds >= SELF_TEST_GOOD_S:
+        enter(state, Mode.STANDBY)
+    elif modes.epochs * seconds >= SELF_TEST_LIMIT_S:
+        fail(state, FirmwareFault.SELF_TEST_FAILED)
+
+
+@compiled
+def plausible(ins: Ins) -> bool:
+    """Return whether the navigation solution is plausible for a vehicle."""
+    east, north, up = ins.velocity_n[0], ins.velocity_n[1], ins.velocity_n[2]
+    speed = math.sqrt(east * east + north * north + up * up)
+    return speed < _LARGEST_SPEED and abs(ins.latitude) < _LARGEST_LATITUDE

@@ -1,0 +1,369 @@
+"""Finds faults, debounces them and takes freeze frames, once in every epoch.
+
+Part of the compiled step. Failures are bits in one word per kind of fault; only the trouble
+codes of bits that fail, or failed recently, are processed.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rrins.dbc.codec import unwrapped
+from rrins.dbc.compilation import compiled
+from rrins.dbc.values import AxisState
+from rrins.firmware_py.core import consistency, stuck, trouble_table
+from rrins.firmware_py.core.diagnostic_records import ATTENTION_TROUBLES, DiagnosticState, Snapshot
+from rrins.firmware_py.core.memory import INNER, OUTER, Ram
+from rrins.firmware_py.core.modes import FirmwareFault, Mode, navigating
+from rrins.firmware_py.core.troubles import AxisFault, Kind, Source, Status, SystemFault
+
+COUNTER_ONE = 1 << 16
+COUNTER_CEILING, COUNTER_FLOOR = 127 * COUNTER_ONE, -128 * COUNTER_ONE
+"""Limits of the fault detection counter: failed and passed (ISO 14229-1, D.1)."""
+
+_FIRST = np.array(trouble_table.FIRST, dtype=np.int64)
+_KINDS = len(Kind)
+_BITS = 21  # of a kind's word, at most
+
+_SILENT, _STALE = int(Kind.SILENT), int(Kind.STALE)
+_CRC, _COUNTER = int(Kind.CRC), int(Kind.COUNTER)
+_GYRO = int(Kind.GYRO_ABSENT)  # absent, saturated, stuck
+_ACCELEROMETER = int(Kind.ACCELEROMETER_ABSENT)
+_AXIS, _SYSTEM = int(Kind.AXIS), int(Kind.SYSTEM)
+
+_INNER_SHIFT = int(Source.AXIS_INNER)
+_AXES = 3 << _INNER_SHIFT
+_ALTIMETER = 1 << Source.ALTIMETER
+_SYNC = 1 << Source.SYNC
+_COMMAND = 1 << Source.MODE_COMMAND
+
+_NOT_FOLLOWING, _DRIVE = int(AxisFault.NOT_FOLLOWING), int(AxisFault.DRIVE)
+_ENCODER, _LIMIT = int(AxisFault.ENCODER), int(AxisFault.LIMIT)
+_DRIVE_FAULT = int(AxisState.FAULT)
+_JUMP_DEG = 2.0  # of an encoder, above the step of the coarsest
+_OVERSPEED, _OVERSPEED_DPS = 1.25, 0.5
+
+_OVERRUN = 1 << SystemFault.OVERRUN
+_BUS_LOAD = 1 << SystemFault.BUS_LOAD
+_ERROR_PASSIVE = 1 << SystemFault.ERROR_PASSIVE
+_BUS_OFF = 1 << SystemFault.BUS_OFF
+_MEMORY = (
+    1 << SystemFault.PARAMETER_COPY_DAMAGED
+    | 1 << SystemFault.PARAMETERS_LOST
+    | 1 << SystemFault.PARAMETER_OUT_OF_LIMITS
+)
+_SELF_TEST = 1 << SystemFault.SELF_TEST_FAILED
+_ALIGNMENT = 1 << SystemFault.ALIGNMENT_FAILED
+_NOT_CONVERGED = 1 << SystemFault.ALIGNMENT_NOT_CONVERGED
+_SENSORS_LOST = 1 << SystemFault.SENSORS_LOST
+_IMPLAUSIBLE = 1 << SystemFault.NAVIGATION_IMPLAUSIBLE
+_CLOCK_JUMP = 1 << SystemFault.CLOCK_JUMP
+_OFF_NOMINAL = 1 << SystemFault.CLOCK_OFF_NOMINAL
+_GYROS_INCONSISTENT = 1 << SystemFault.GYROS_INCONSISTENT
+_ACCELEROMETERS_INCONSISTENT = 1 << SystemFault.ACCELEROMETERS_INCONSISTENT
+
+_LOAD_LIMIT = 0.8
+_NOT_CONVERGED_AFTER = 2  # times the alignment's own time
+
+_FAILED = int(Status.TEST_FAILED)
+_SET_BY_FAILURE = int(
+    Status.TEST_FAILED
+    | Status.TEST_FAILED_THIS_OPERATION_CYCLE
+    | Status.PENDING
+    | Status.CONFIRMED
+    | Status.TEST_FAILED_SINCE_LAST_CLEAR
+)
+_AGES = int(Status.PENDING | Status.CONFIRMED)
+_COMPLETED = 0xFF & ~int(  # all other bits
+    Status.TEST_NOT_COMPLETED_SINCE_LAST_CLEAR | Status.TEST_NOT_COMPLETED_THIS_OPERATION_CYCLE
+)
+_PASSED = _COMPLETED & ~_FAILED  # bits that remain when a test passes
+
+
+@compiled
+def _look_at_frames(state: Ram, monitor: DiagnosticState) -> None:
+    """Check the frames of each source; if SYNC is missing, too, blame no source."""
+    assembly = state.assembly
+    failing, tested = monitor.failing, monitor.tested
+    groups = max(state.gyros.count, state.accelerometers.count)
+    sources = (1 << groups) - 1 | _AXES
+    came = np.int64(assembly.received)
+    came |= np.int64(assembly.axis_received[INNER]) << _INNER_SHIFT
+    came |= np.int64(assembly.axis_received[OUTER]) << (_INNER_SHIFT + 1)
+    wrong = monitor.crc_wrong | monitor.counter_wrong | monitor.stale
+    tested[_SILENT] = tested[_STALE] = tested[_CRC] = tested[_COUNTER] = 0
+    if state.clock.synchronised:
+        tested[_STALE] = sources | _ALTIMETER
+        tested[_CRC] = tested[_COUNTER] = sources | _ALTIMETER | _SYNC | _COMMAND
+        tested[_SILENT] = _SYNC
+        failing[_SILENT] = _SYNC
+        if state.clock.sync_seen:
+            tested[_SILENT] |= sources
+            failing[_SILENT] = sources & ~(came | wrong)
+            _look_at_cyclic_frames(state, monitor, wrong)
+    failing[_STALE] = monitor.stale
+    failing[_CRC] = monitor.crc_wrong
+    failing[_COUNTER] = monitor.counter_wrong
+
+
+@compiled
+def _look_at_cyclic_frames(state: Ram, monitor: DiagnosticState, wrong: int) -> None:
+    """Check the frames that are not sent in every epoch: MODE_COMMAND and the altimeter."""
+    failing, tested = monitor.failing, monitor.tested
+    patience = monitor.patience_epochs
+    command_heard = monitor.command_seen or wrong & _COMMAND != 0
+    monitor.command_silence = 0 if command_heard else monitor.command_silence + 1
+    altimeter_heard = state.assembly.altimeter_received or wrong & _ALTIMETER != 0
+    monitor.altimeter_silence = 0 if altimeter_heard else monitor.altimeter_silence + 1
+    if state.mode_command_counter > 0:
+        tested[_SILENT] |= _COMMAND
+        if monitor.command_silence > patience:
+            failing[_SILENT] |= _COMMAND
+    if state.parameters.altimeter:
+        tested[_SILENT] |= _ALTIMETER
+        if monitor.altimeter_silence > patience:
+            failing[_SILENT] |= _ALTIMETER
+
+
+@compiled
+def _look_at_sensors(state: Ram, monitor: DiagnosticState) -> None:
+    failing, tested = monitor.failing, monitor.tested
+    came = int(state.assembly.received)
+    gyros = came & ((1 << state.gyros.count) - 1)
+    accelerometers = came & ((1 << state.accelerometers.count) - 1)
+    for offset in range(3):
+        tested[_GYRO + offset] = gyros
+        tested[_ACCELEROMETER + offset] = accelerometers
+    failing[_GYRO] = monitor.gyro_absent
+    failing[_GYRO + 1] = monitor.gyro_saturated
+    failing[_ACCELEROMETER] = monitor.accelerometer_absent
+    failing[_ACCELEROMETER + 1] = monitor.accelerometer_saturated
+    failing[_GYRO + 2] = stuck.gyros(
+        state.gyros,
+        state.assembly.gyro_dtheta,
+        state.dtheta_s,
+        gyros & ~(monitor.gyro_absent | monitor.gyro_saturated),
+        monitor,
+    )
+    failing[_ACCELEROMETER + 2] = stuck.accelerometers(
+        state.accelerometers,
+        state.assembly.accelerometer_dv,
+        state.dv_s,
+        accelerometers & ~(monitor.accelerometer_absent | monitor.accelerometer_saturated),
+        monitor,
+    )
+
+
+@compiled
+def _look_at_redundancy(state: Ram, monitor: DiagnosticState) -> tuple[int, int]:
+    """Return the failures and the tests run for disagreeing sensors."""
+    came, assembly = int(state.assembly.received), state.assembly
+    usable = came & ~(monitor.gyro_absent | monitor.gyro_saturated)
+    gyros = consistency.gyros(
+        state.gyros,
+        assembly.gyro_dtheta,
+        state.dtheta_s,
+        usable,
+        monitor.failing[_GYRO + 2],
+        monitor,
+    )
+    usable = came & ~(monitor.accelerometer_absent | monitor.accelerometer_saturated)
+    accelerometers = consistency.accelerometers(
+        state.accelerometers,
+        assembly.accelerometer_dv,
+        state.dv_s,
+        usable,
+        monitor.failing[_ACCELEROMETER + 2],
+        monitor,
+    )
+    failing = tested = 0
+    if gyros >= 0.0:
+        tested |= _GYROS_INCONSISTENT
+        if gyros > state.parameters.gyro_consistency:
+            failing |= _GYROS_INCONSISTENT
+    if accelerometers >= 0.0:
+        tested |= _ACCELEROMETERS_INCONSISTENT
+        if accelerometers > state.parameters.accelerometer_consistency:
+            failing |= _ACCELEROMETERS_INCONSISTENT
+    return failing, tested
+
+
+@compiled
+def _look_at_axes(state: Ram, monitor: DiagnosticState) -> None:
+    assembly, sequencer = state.assembly, state.sequencer
+    limit_dps = _OVERSPEED * state.parameters.turn_rate_dps + _OVERSPEED_DPS
+    seconds = state.parameters.period_ns * 1e-9
+    failing = tested = 0
+    for axis in range(2):
+        angle_deg, rate_dps = assembly.encoder_angle_deg[axis], assembly.encoder_rate_dps[axis]
+        if sequencer.not_following[axis]:
+            failing |= 1 << (_NOT_FOLLOWING + axis)
+        if sequencer.running or sequencer.not_following[axis]:
+            tested |= 1 << (_NOT_FOLLOWING + axis)
+        if assembly.axis_received[axis]:
+            tested |= 1 << (_DRIVE + axis) | 1 << (_LIMIT + axis)
+            if assembly.axis_state[axis] == _DRIVE_FAULT:
+                failing |= 1 << (_DRIVE + axis)
+            if abs(rate_dps) > limit_dps:
+                failing |= 1 << (_LIMIT + axis)
+            if monitor.encoder_seen >> axis & 1:
+                tested |= 1 << (_ENCODER + axis)
+                turned_deg = 0.5 * (monitor.rate_before_dps[axis] + rate_dps) * seconds
+                expected_deg = monitor.encoder_before_deg[axis] + turned_deg
+                found_deg = unwrapped(angle_deg, expected_deg, state.parameters.angle_span_deg)
+                if abs(found_deg - expected_deg) > _JUMP_DEG:
+                    failing |= 1 << (_ENCODER + axis)
+            monitor.encoder_seen |= 1 << axis
+        monitor.encoder_before_deg[axis] = angle_deg
+        monitor.rate_before_dps[axis] = rate_dps
+    monitor.failing[_AXIS] = failing
+    monitor.tested[_AXIS] = tested
+
+
+@compiled
+def _look_at_clock(state: Ram, monitor: DiagnosticState) -> tuple[int, int]:
+    """Return the failures and the tests run for overruns and the loop's clock."""
+    failing = tested = 0
+    if state.clock.synchronised:
+        tested = _OVERRUN | _CLOCK_JUMP | _OFF_NOMINAL
+    if state.faults.overruns != monitor.overruns_before:
+        failing |= _OVERRUN
+    if state.clock.jumps != monitor.jumps_before:
+        failing |= _CLOCK_JUMP
+    off_q16 = state.clock.period_q16 - (state.parameters.period_ns << 16)
+    if abs(off_q16) > monitor.clock_tolerance_q16:
+        failing |= _OFF_NOMINAL
+    monitor.overruns_before = state.faults.overruns
+    monitor.jumps_before = state.clock.jumps
+    return failing, tested
+
+
+@compiled
+def _look_at_mode(state: Ram) -> tuple[int, int]:
+    """Return the failures and the tests run for the modes."""
+    mode, fault = state.modes.mode, state.modes.fault
+    tested = 0
+    if mode in (Mode.STANDBY, Mode.ALIGNMENT) or navigating(state):
+        tested |= _SELF_TEST
+    if navigating(state):
+        tested |= _ALIGNMENT | _NOT_CONVERGED | _SENSORS_LOST | _IMPLAUSIBLE
+    failing = 0
+    if fault == FirmwareFault.SELF_TEST_FAILED:
+        failing = _SELF_TEST
+    elif fault == FirmwareFault.ALIGNMENT_FAILED:
+        failing = _ALIGNMENT
+    elif fault == FirmwareFault.SENSORS_LOST:
+        failing = _SENSORS_LOST
+    elif fault == FirmwareFault.NAVIGATION_DIVERGED:
+        failing = _IMPLAUSIBLE
+    limit = _NOT_CONVERGED_AFTER * state.parameters.alignment_epochs + 1
+    if mode == Mode.ALIGNMENT and not state.alignment.done and state.modes.epochs > limit:
+        failing |= _NOT_CONVERGED
+    return failing, tested | failing
+
+
+@compiled
+def _look_at_system(state: Ram, monitor: DiagnosticState) -> None:
+    failing, tested = _look_at_clock(state, monitor)
+    mode_failing, mode_tested = _look_at_mode(state)
+    sensors_failing, sensors_tested = _look_at_redundancy(state, monitor)
+    failing |= mode_failing | sensors_failing | monitor.memory_faults
+    tested |= mode_tested | sensors_tested | _BUS_LOAD | _ERROR_PASSIVE | _BUS_OFF | _MEMORY
+    if monitor.frames_mean > _LOAD_LIMIT * monitor.frames_capacity:
+        failing |= _BUS_LOAD
+    if monitor.bus_state_worst == 1:
+        failing |= _ERROR_PASSIVE
+    elif monitor.bus_state_worst == 2:
+        failing |= _BUS_OFF
+    monitor.bus_state_worst = monitor.bus_state
+    monitor.failing[_SYSTEM] = failing
+    monitor.tested[_SYSTEM] = tested
+
+
+@compiled
+def _freeze(state: Ram, snapshot: Snapshot) -> None:
+    """Take a freeze frame."""
+    output = state.navigation
+    snapshot.epoch = state.epoch
+    snapshot.modes.mode = state.modes.mode
+    snapshot.modes.fault = state.modes.fault
+    for axis in range(2):
+        snapshot.assembly.encoder_angle_deg[axis] = state.assembly.encoder_angle_deg[axis]
+    snapshot.navigation.latitude = output.latitude
+    snapshot.navigation.longitude = output.longitude
+    snapshot.navigation.height = output.height
+    for i in range(3):
+        snapshot.navigation.velocity_n[i] = output.velocity_n[i]
+    snapshot.navigation.roll = output.roll
+    snapshot.navigation.pitch = output.pitch
+    snapshot.navigation.heading = output.heading
+
+
+@compiled
+def _fail(state: Ram, monitor: DiagnosticState, index: int) -> None:
+    """Note that a test has newly failed."""
+    memory = monitor.troubles
+    if memory.occurrences[index] == 0:
+        _freeze(state, memory.snapshots[index, 0])
+    _freeze(state, memory.snapshots[index, 1])
+    memory.occurrences[index] += 1
+    memory.aging[index] = 0
+    memory.status[index] = (memory.status[index] | _SET_BY_FAILURE) & _COMPLETED
+    monitor.attention |= ATTENTION_TROUBLES
+
+
+@compiled
+def _pass(monitor: DiagnosticState, index: int) -> None:
+    """Note that a test has passed; request storage if that changes its aging."""
+    status = monitor.troubles.status[index]
+    passed = status & _PASSED
+    if passed != status and passed & _AGES != 0:
+        monitor.attention |= ATTENTION_TROUBLES
+    monitor.troubles.status[index] = passed
+
+
+@compiled
+def _debounce(state: Ram, monitor: DiagnosticState, kind: int, touched: int) -> None:
+    """Count the fault detection counters of a kind's bits up or down."""
+    failing = monitor.failing[kind]
+    status = monitor.troubles.status
+    for bit in range(_BITS):
+        if touched >> bit & 1 == 0:
+            continue
+        index = _FIRST[kind] + bit
+        counter = monitor.counter[index]
+        if failing >> bit & 1:
+            counter = min(max(counter, 0) + monitor.up[index], COUNTER_CEILING)
+            monitor.unsettled[kind] |= 1 << bit
+            if counter == COUNTER_CEILING and status[index] & _FAILED == 0:
+                _fail(state, monitor, index)
+        else:
+            counter = max(counter - monitor.down[index], COUNTER_FLOOR)
+            if counter == COUNTER_FLOOR:
+                _pass(monitor, index)
+                monitor.unsettled[kind] &= ~(1 << bit)
+        monitor.counter[index] = counter
+
+
+@compiled
+def watch(state: Ram, frames: int) -> None:
+    """Check an epoch at its end; `frames` is the number of frames on the bus in it."""
+    monitor = state.diagnostics
+    monitor.frames_mean += (frames - monitor.frames_mean) * monitor.frames_share
+    _look_at_frames(state, monitor)
+    _look_at_sensors(state, monitor)
+    _look_at_axes(state, monitor)
+    _look_at_system(state, monitor)
+    if not monitor.held:
+        for kind in range(_KINDS):
+            touched = monitor.tested[kind] & (monitor.failing[kind] | monitor.unsettled[kind])
+            if touched != 0:
+                _debounce(state, monitor, kind, touched)
+    monitor.crc_wrong = 0
+    monitor.counter_wrong = 0
+    monitor.stale = 0
+    monitor.command_seen = False
+    monitor.gyro_absent = 0
+    monitor.gyro_saturated = 0
+    monitor.accelerometer_absent = 0
+    monitor.accelerometer_saturated = 0

@@ -1,0 +1,143 @@
+"""The rotation scheme: commands the turntable's axes and watches that they follow.
+
+One axis turns at a time; a position is one turn and the dwell after it (paper, section 3 and
+table 1).
+"""
+
+from __future__ import annotations
+
+import math
+
+from rrins.dbc.codec import unwrapped
+from rrins.dbc.compilation import compiled
+from rrins.dbc.values import AxisCommand, AxisState
+from rrins.firmware_py.core.memory import INNER, OUTER, Assembly, Parameters, Sequencer
+
+_OFF, _HOLD, _POSITION = int(AxisCommand.OFF), int(AxisCommand.HOLD), int(AxisCommand.POSITION)
+_AT_ZERO_DEG = 0.01
+_SETTLE_S = 10.0
+_AXIS_FAULT = int(AxisState.FAULT)
+
+
+@compiled
+def start(sequencer: Sequencer, parameters: Parameters, assembly: Assembly) -> None:
+    """Begin the scheme at its first position, from both axes at zero.
+
+    If an axis is elsewhere, both are turned to zero first.
+    """
+    sequencer.running = True
+    sequencer.homing = False
+    sequencer.position = 0
+    sequencer.cycle = 0
+    for axis in (INNER, OUTER):
+        sequencer.not_following[axis] = False
+        sequencer.start_angle_deg[axis] = assembly.encoder_angle_deg[axis]
+        sequencer.target_angle_deg[axis] = 0.0
+        sequencer.command[axis] = _POSITION
+        if abs(assembly.encoder_angle_deg[axis]) > _AT_ZERO_DEG:
+            sequencer.homing = True
+    if sequencer.homing:
+        sequencer.epochs = 0
+    else:
+        _enter(sequencer, parameters)
+
+
+@compiled
+def stop(sequencer: Sequencer) -> None:
+    """End the scheme; the axes hold their angles."""
+    sequencer.running = False
+    for axis in range(2):
+        sequencer.command[axis] = _HOLD
+
+
+@compiled
+def switch_off(sequencer: Sequencer) -> None:
+    """End the scheme and switch off the axes' drives."""
+    sequencer.running = False
+    for axis in range(2):
+        sequencer.command[axis] = _OFF
+
+
+@compiled
+def _enter(sequencer: Sequencer, parameters: Parameters) -> None:
+    """Command the turn of the current position."""
+    sequencer.epochs = 0
+    for axis in range(2):
+        sequencer.start_angle_deg[axis] = sequencer.target_angle_deg[axis]
+        sequencer.command[axis] = _POSITION
+    turning = parameters.position_axis[sequencer.position]
+    turn_deg = parameters.position_turn_deg[sequencer.position]
+    sequencer.target_angle_deg[turning] += turn_deg
+
+
+@compiled
+def advance(sequencer: Sequencer, parameters: Parameters) -> None:
+    """Advance by one epoch, and to the next position when this one is over."""
+    sequencer.epochs += 1
+    if sequencer.homing:
+        if sequencer.epochs >= _homing_epochs(sequencer, parameters):
+            sequencer.homing = False
+            _enter(sequencer, parameters)
+        return
+    if sequencer.epochs < parameters.position_epochs[sequencer.position]:
+        return
+    sequencer.position += 1
+    if sequencer.position == parameters.position_count:
+        sequencer.position = 0
+        sequencer.cycle += 1
+    _enter(sequencer, parameters)
+
+
+@compiled
+def _homing_epochs(sequencer: Sequencer, parameters: Parameters) -> float:
+    """Return the time to turn both axes to zero, including settling."""
+    turn = max(abs(sequencer.start_angle_deg[INNER]), abs(sequencer.start_angle_deg[OUTER]))
+    return (turn / parameters.turn_rate_dps + _SETTLE_S) * 1e9 / parameters.period_ns
+
+
+@compiled
+def expected_angle_deg(sequencer: Sequencer, parameters: Parameters, axis: int) -> float:
+    """Return the expected angle of an axis: ramp up, turn at the full rate, ramp down.
+
+    A finite rise time of the acceleration delays the turn by half that time.
+    """
+    start, target = sequencer.start_angle_deg[axis], sequencer.target_angle_deg[axis]
+    turn = abs(target - start)
+    acceleration = parameters.axis_acceleration_dps2
+    rate = min(parameters.turn_rate_dps, math.sqrt(turn * acceleration))
+    if rate == 0.0:
+        return target
+    ramp_s = rate / acceleration
+    total_s = turn / rate + ramp_s
+    t = sequencer.epochs * parameters.period_ns * 1e-9 - 0.5 * parameters.axis_rise_s
+    if t <= 0.0:
+        return start
+    if t >= total_s:
+        return target
+    if t > total_s - ramp_s:
+        done = turn - 0.5 * acceleration * (total_s - t) ** 2
+    elif t > ramp_s:
+        done = rate * (t - 0.5 * ramp_s)
+    else:
+        done = 0.5 * acceleration * t * t
+    return start + math.copysign(done, target - start)
+
+
+@compiled
+def watch(sequencer: Sequencer, parameters: Parameters, assembly: Assembly) -> bool:
+    """Check that both axes follow; return whether one has newly failed to.
+
+    An axis does not follow when its encoder deviates from the expected angle by more than the
+    tolerance, when it reports a fault, or when it has been silent for too long.
+    """
+    found = False
+    for axis in (INNER, OUTER):
+        silent = assembly.axis_silent_epochs[axis] > parameters.axis_silence_epochs
+        expected = expected_angle_deg(sequencer, parameters, axis)
+        encoder = assembly.encoder_angle_deg[axis]
+        lag = unwrapped(encoder, expected, parameters.angle_span_deg) - expected
+        fault = assembly.axis_state[axis] == _AXIS_FAULT
+        if silent or fault or abs(lag) > parameters.follow_tolerance_deg:
+            found = found or not sequencer.not_following[axis]
+            sequencer.not_following[axis] = True
+    return found

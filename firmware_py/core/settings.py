@@ -1,0 +1,172 @@
+"""The firmware's set-up, and the RAM image made from it."""
+
+from __future__ import annotations
+
+import math
+from typing import Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from rrins.dbc.codec import span_of
+from rrins.dbc.contract import SENSOR_GROUPS, Contract
+from rrins.dbc.record import Records
+from rrins.firmware_py.core import calibration, clock, intake, strapdown
+from rrins.firmware_py.core.attitude import matrix_of_euler
+from rrins.firmware_py.core.calibration import (
+    AccelerometerCalibration,
+    Calibration,
+    GyroCalibration,
+)
+from rrins.firmware_py.core.memory import (
+    INNER,
+    OUTER,
+    SCHEME_CAPACITY,
+    Fusion,
+    Parameters,
+    Ram,
+    blank_ram,
+)
+
+_HEIGHT_CHANNELS = {
+    "held": strapdown.HEIGHT_HELD,
+    "damped": strapdown.HEIGHT_DAMPED,
+    "free": strapdown.HEIGHT_FREE,
+}
+
+
+class _Checked(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+class Turn(_Checked):
+    """One position of a rotation scheme: a turn of one axis."""
+
+    axis: Literal["inner", "outer"]
+    angle_deg: float = Field(ge=-720, le=720)
+
+
+class Scheme(_Checked):
+    """A rotation scheme: consecutive turns, each followed by a dwell."""
+
+    turns: tuple[Turn, ...] = Field(min_length=1, max_length=SCHEME_CAPACITY)
+    turn_rate_dps: float = Field(default=2.0, gt=0, le=60)
+    stand_s: float = Field(default=10.0, ge=0, le=86400)
+
+    def position_s(self, turn: Turn) -> float:
+        """Return the duration of a position, s: its turn at the full rate, and the dwell."""
+        return abs(turn.angle_deg) / self.turn_rate_dps + self.stand_s
+
+    @property
+    def cycle_s(self) -> float:
+        """Duration of one cycle, s."""
+        return sum(self.position_s(turn) for turn in self.turns)
+
+
+class Settings(_Checked):
+    """The firmware's set-up; angles in degrees as a person writes them.
+
+    `gyro_axes_deg` and `accelerometer_axes_deg` are the design directions of the input axes:
+    polar angle from z and azimuth from x of the sensor frame (paper, figure 1).
+    """
+
+    rate_hz: int
+    latitude_deg: float
+    longitude_deg: float
+    height_m: float
+    roll_deg: float
+    pitch_deg: float
+    heading_deg: float
+    gyro_axes_deg: tuple[tuple[float, float], ...]
+    accelerometer_axes_deg: tuple[tuple[float, float], ...]
+    gyro_weights: tuple[float, ...]
+    accelerometer_weights: tuple[float, ...]
+    initial_attitude: Literal["given", "self-aligned"]
+    alignment_s: float
+    height_channel: Literal["held", "damped", "free"]
+    bridge_s: float
+    axis_acceleration_dps2: float
+    axis_rise_s: float = 0.0
+    follow_tolerance_deg: float
+    axis_silence_s: float
+    gyro_consistency_dph: float
+    accelerometer_consistency_ug: float
+    scheme: Scheme
+    altimeter: bool = False
+    calibration: Calibration = Calibration()
+    calibration_file: str | None = None
+    """Source of the initial attitude."""
+
+
+def _fill_fusion(
+    fusion: Fusion,
+    axes_deg: tuple[tuple[float, float], ...],
+    weights: tuple[float, ...],
+    sensors: GyroCalibration | AccelerometerCalibration,
+    dt: float,
+) -> None:
+    count = len(axes_deg)
+    assert count <= SENSOR_GROUPS
+    fusion.count = count
+    fusion.weight[:count] = weights
+    calibration.fill(fusion, axes_deg, sensors, dt)
+
+
+def _fill_scheme(parameters: Parameters, scheme: Scheme, rate_hz: int) -> None:
+    parameters.turn_rate_dps = scheme.turn_rate_dps
+    parameters.position_count = len(scheme.turns)
+    for k, turn in enumerate(scheme.turns):
+        parameters.position_axis[k] = INNER if turn.axis == "inner" else OUTER
+        parameters.position_turn_deg[k] = turn.angle_deg
+        parameters.position_epochs[k] = max(1, round(scheme.position_s(turn) * rate_hz))
+
+
+def power_on(settings: Settings, contract: Records[Contract]) -> Records[Ram]:
+    """Return the RAM image of the firmware at power-on."""
+    ram = blank_ram()
+    state = ram[0]
+    parameters = state.parameters
+    rate_hz = settings.rate_hz
+    parameters.period_ns = 1_000_000_000 // rate_hz
+    parameters.latitude = math.radians(settings.latitude_deg)
+    parameters.longitude = math.radians(settings.longitude_deg)
+    parameters.height = settings.height_m
+    matrix_of_euler(
+        parameters.C_b_n,
+        math.radians(settings.roll_deg),
+        math.radians(settings.pitch_deg),
+        math.radians(settings.heading_deg),
+    )
+    parameters.angle_span_deg = span_of(contract[0].axis_inner_status.encoder_angle_deg)
+    parameters.self_aligned = settings.initial_attitude == "self-aligned"
+    parameters.alignment_epochs = max(1, round(settings.alignment_s * rate_hz))
+    parameters.height_channel = _HEIGHT_CHANNELS[settings.height_channel]
+    parameters.altimeter = settings.altimeter
+    parameters.bridge_epochs = round(settings.bridge_s * rate_hz)
+    parameters["axis_acceleration_dps2"] = settings.axis_acceleration_dps2
+    parameters.axis_rise_s = settings.axis_rise_s
+    parameters.follow_tolerance_deg = settings.follow_tolerance_deg
+    parameters.axis_silence_epochs = round(settings.axis_silence_s * rate_hz)
+    dt = 1 / rate_hz
+    parameters.gyro_consistency = settings.gyro_consistency_dph * calibration.DPH * dt
+    parameters.accelerometer_consistency = (
+        settings.accelerometer_consistency_ug * calibration.UG * dt
+    )
+    _fill_scheme(parameters, settings.scheme, rate_hz)
+    _fill_fusion(
+        state.gyros,
+        settings.gyro_axes_deg,
+        settings.gyro_weights,
+        settings.calibration.gyros,
+        dt,
+    )
+    _fill_fusion(
+        state.accelerometers,
+        settings.accelerometer_axes_deg,
+        settings.accelerometer_weights,
+        settings.calibration.accelerometers,
+        dt,
+    )
+    state.dispatch = intake.dispatch_table(contract)
+    state.epoch = -1
+    clock.power_on(state.clock, parameters.period_ns)
+    return ram

@@ -1,0 +1,209 @@
+"""One epoch of the firmware: frames in, navigation and axis commands out.
+
+``intake -> fusion -> mode (alignment or strapdown) -> rotation scheme -> output -> frames``.
+No clock, socket, thread, file or allocation; all state is the RAM image.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rrins.dbc.compilation import compiled
+from rrins.dbc.contract import Contract
+from rrins.dbc.frame import FrameArray
+from rrins.dbc.record import Records
+from rrins.firmware_py.core import (
+    alignment,
+    clock,
+    earth,
+    intake,
+    modes,
+    monitor,
+    routine_requests,
+    sequencer,
+    strapdown,
+)
+from rrins.firmware_py.core.attitude import euler_of_matrix, gimbal_matrix, multiply_transposed
+from rrins.firmware_py.core.fusion import compensate, fuse
+from rrins.firmware_py.core.memory import INNER, OUTER, Ram
+from rrins.firmware_py.core.modes import FirmwareFault, Mode
+from rrins.firmware_py.core.transmit import transmit
+
+
+@compiled
+def _fuse(state: Ram) -> None:
+    """Fuse gyros and accelerometers, or bridge with the increments of the previous epoch."""
+    assembly, faults, work = state.assembly, state.faults, state.ins.work
+    if state.gyros.calibrated:
+        compensate(state.gyros, assembly.received, assembly.gyro_dtheta)
+    if state.accelerometers.calibrated:
+        compensate(state.accelerometers, assembly.received, assembly.accelerometer_dv)
+    gyros = fuse(state.gyros, assembly.gyro_valid, assembly.gyro_dtheta, state.dtheta_s, work)
+    accelerometers = fuse(
+        state.accelerometers,
+        assembly.accelerometer_valid,
+        assembly.accelerometer_dv,
+        state.dv_s,
+        work,
+    )
+    if gyros and accelerometers:
+        faults.consecutive_bridged = 0
+    elif state.clock.synchronised:
+        faults.bridged_epochs += 1
+        faults.consecutive_bridged += 1
+
+
+@compiled
+def _align(state: Ram, contract: Contract) -> None:
+    parameters, work = state.parameters, state.ins.work
+    if state.alignment.epochs < parameters.alignment_epochs:
+        alignment.accumulate(state.alignment, state.dtheta_s, state.dv_s)
+        if state.alignment.epochs < parameters.alignment_epochs:
+            return
+        if parameters.self_aligned:
+            gravity = earth.gravity(parameters.latitude, parameters.height)
+            alignment.find(state.alignment, parameters.period_ns * 1e-9, gravity, work)
+        else:
+            alignment.set_given(state.alignment, parameters.C_b_n, state.C_s_b)
+        if state.alignment.done:
+            resolution = contract.sensor[0].gyro_dtheta.scale
+            alignment.apply_held_back(state.alignment, resolution, work)
+    if state.alignment.failed:
+        modes.fail(state, FirmwareFault.ALIGNMENT_FAILED)
+    elif state.modes.pending != Mode.ALIGNMENT:
+        modes.enter(state, state.modes.pending)
+
+
+@compiled
+def _refer_height(state: Ram) -> None:
+    """Set the vertical channel's reference for this epoch."""
+    parameters, ins, assembly = state.parameters, state.ins, state.assembly
+    state.altimeter_epochs += 1
+    ins.reference_interval = 0.0
+    if not parameters.altimeter:
+        ins.reference_interval = parameters.period_ns * 1e-9
+    elif assembly.altimeter_received:
+        ins.reference_interval = state.altimeter_epochs * parameters.period_ns * 1e-9
+        ins.reference_height = assembly.altimeter_height
+        state.altimeter_epochs = 0
+
+
+@compiled
+def _navigate(state: Ram) -> None:
+    parameters = state.parameters
+    _refer_height(state)
+    strapdown.update(
+        state.ins,
+        state.dtheta_s,
+        state.dv_s,
+        parameters.period_ns * 1e-9,
+        parameters.height_channel,
+    )
+    if state.faults.consecutive_bridged > parameters.bridge_epochs:
+        modes.fail(state, FirmwareFault.SENSORS_LOST)
+    elif not modes.plausible(state.ins):
+        modes.fail(state, FirmwareFault.NAVIGATION_DIVERGED)
+
+
+@compiled
+def _rotate(state: Ram) -> None:
+    """Advance the scheme; fall back to strapdown when an axis does not follow."""
+    if sequencer.watch(state.sequencer, state.parameters, state.assembly):
+        modes.enter(state, Mode.NAVIGATION_STRAPDOWN)
+    else:
+        sequencer.advance(state.sequencer, state.parameters)
+
+
+@compiled
+def _run_mode(state: Ram, contract: Contract) -> None:
+    state.modes.epochs += 1
+    mode = state.modes.mode
+    if mode == Mode.POWER_ON:
+        modes.enter(state, Mode.SELF_TEST)
+    elif mode == Mode.SELF_TEST:
+        modes.self_test(state)
+    elif mode == Mode.STANDBY:
+        modes.standby(state)
+    elif mode == Mode.ALIGNMENT:
+        _align(state, contract)
+    elif mode in (Mode.NAVIGATION_STRAPDOWN, Mode.NAVIGATION_ROTATING):
+        _navigate(state)
+    if state.modes.mode == Mode.NAVIGATION_ROTATING and mode == Mode.NAVIGATION_ROTATING:
+        _rotate(state)
+
+
+@compiled
+def output(state: Ram) -> None:
+    """Write the navigation output of this epoch, the body's attitude through the table."""
+    navigation, ins = state.navigation, state.ins
+    navigation.epoch = state.epoch
+    navigation.mode = state.modes.mode
+    navigation.latitude = ins.latitude
+    navigation.longitude = ins.longitude
+    navigation.height = ins.height
+    for i in range(3):
+        navigation.velocity_n[i] = ins.velocity_n[i]
+    multiply_transposed(state.C_b_n, ins.C_s_n, state.C_s_b)
+    navigation.roll, navigation.pitch, navigation.heading = euler_of_matrix(state.C_b_n)
+
+
+@compiled
+def compute(state: Ram, contract: Contract) -> None:
+    """Run an epoch without its frames: from the received values to the values to send.
+
+    Everything except the navigation output, which `output` writes.
+    """
+    intake.close(state)
+    clock.advance(state.clock)
+    gimbal_matrix(
+        state.C_s_b,
+        np.radians(state.assembly.encoder_angle_deg[INNER]),
+        np.radians(state.assembly.encoder_angle_deg[OUTER]),
+    )
+    modes.follow_request(state)
+    if state.diagnostics.routine_request != 0:
+        routine_requests.follow(state)
+    _fuse(state)
+    _run_mode(state, contract)
+
+
+@compiled
+def firmware_step(
+    ram: Records[Ram],
+    contract: Records[Contract],
+    inbox: FrameArray,
+    start: int,
+    count: int,
+    outbox: FrameArray,
+) -> int:
+    """Run the firmware over one epoch.
+
+    Parameters
+    ----------
+    ram : Records[Ram]
+        One record, changed in place. Set ``ram[0].clock.sync_arrival_ns`` before, in nanoseconds
+        of the firmware's own clock.
+    contract : Records[Contract]
+        From `rrins.dbc.contract.load_contract`.
+    inbox : FrameArray
+        Frames received; ``inbox[start:count]`` are read.
+    outbox : FrameArray
+        At least `transmit.OUTBOX_CAPACITY` long.
+
+    Returns
+    -------
+    int
+        Frames written to `outbox`. ``ram[0].consumed`` is the index of the first frame of `inbox`
+        that belongs to a later epoch: the caller passes it as `start` of the next step.
+    """
+    state = ram[0]
+    record = contract[0]
+    state.steps += 1
+    intake.begin(state)
+    state.consumed = intake.receive(state, record, inbox, start, count)
+    compute(state, record)
+    if modes.navigating(state):
+        output(state)
+    sent = transmit(state, record, outbox)
+    monitor.watch(state, state.consumed - start + sent)
+    return sent

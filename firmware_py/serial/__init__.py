@@ -1,0 +1,1 @@
+"""The serial lines of the firmware: NMEA output and a line console."""

@@ -1,0 +1,55 @@
+"""Cost of the fast path per epoch, and of a single navigation step."""
+
+from __future__ import annotations
+
+import statistics
+import time
+
+import numpy as np
+
+from rrins.firmware_py.core import strapdown
+from rrins.firmware_py.core.memory import Ins
+from rrins.firmware_py.core.strapdown import HEIGHT_HELD
+from rrins.host_tools.benchmarks.compute import timer_overhead_ns
+from rrins.host_tools.runs.fast import FastRun
+from rrins.host_tools.runs.settings import firmware_settings, hardware_settings
+from rrins.host_tools.scenario.scenario import load
+
+SCENARIO = "experiment_rotating"
+"""Four gyros and four accelerometers with all errors and noise of table 2, rotating."""
+
+_REPETITIONS = 9
+_SETTLE_EPOCHS = 2_000  # aligned and rotating by then
+
+
+def us_per_epoch(epochs: int) -> float:
+    """Return the median µs per epoch: truth, eight noisy sensors, fusion, navigation, output.
+
+    Runs on one core in batches of `epochs`, keeping the navigation output of every epoch.
+    """
+    scenario = load(SCENARIO)
+    run = FastRun.of(firmware_settings(scenario), hardware_settings(scenario))
+    run.run(_SETTLE_EPOCHS)
+    took_ns = []
+    for _ in range(_REPETITIONS):
+        start_ns = time.perf_counter_ns()
+        run.run(epochs)
+        took_ns.append(time.perf_counter_ns() - start_ns)
+    return statistics.median(took_ns) / 1000 / epochs
+
+
+def navigation_step_us(samples: int) -> float:
+    """Return the median µs of one call of `rrins.firmware_py.core.strapdown.update` from Python."""
+    array = Ins.zeros()
+    ins = array[0]
+    strapdown.initialise(ins, np.eye(3), 0.7, 2.0, 40.0)
+    dtheta_s, dv_s = np.array([0.0, 2.8e-7, 2.4e-7]), np.array([0.0, 0.0, 0.049])
+    update = strapdown.update_array
+    update(array, dtheta_s, dv_s, 0.005, HEIGHT_HELD)
+    took_ns = np.zeros(samples, dtype=np.int64)
+    clock = time.perf_counter_ns
+    for k in range(samples):
+        start_ns = clock()
+        update(array, dtheta_s, dv_s, 0.005, HEIGHT_HELD)
+        took_ns[k] = clock() - start_ns
+    return float(np.median(took_ns) - timer_overhead_ns()) / 1000

@@ -1,0 +1,146 @@
+"""Admission to a hub: accepts connections and identifies callers before they may attach."""
+
+from __future__ import annotations
+
+import errno
+import logging
+import os
+import select
+import socket
+from typing import Final, NamedTuple
+
+from rrins.host_tools.bus import datagram
+from rrins.host_tools.bus.channel import Claim
+from rrins.host_tools.bus.peer import check_name, credentials, widen
+from rrins.host_tools.errors import BusError
+
+_log: Final = logging.getLogger("rrins.host_tools.bus")
+
+
+class Caller(NamedTuple):
+    """A connecting process that has identified itself."""
+
+    end: socket.socket
+    name: str
+    flags: int
+
+
+class Admission:
+    """The listener of a channel, and the callers that have not introduced themselves yet.
+
+    Parameters
+    ----------
+    channel : str
+        Name or path of the channel to host.
+    poll : select.epoll
+        Where the hub waits; the door registers its sockets there.
+
+    Raises
+    ------
+    BusError
+        If the channel is hosted by another process, or its place is not safe.
+    """
+
+    def __init__(self, channel: str, poll: select.epoll) -> None:
+        self._claim = Claim(channel)
+        self._listener = self._claim.listener
+        self._listener_fd = self._listener.fileno()
+        self._poll = poll
+        self._callers: dict[int, socket.socket] = {}
+        self._buffer = datagram.receive_buffer()
+        self._is_paused = False
+        poll.register(self._listener_fd, select.EPOLLIN)
+
+    @property
+    def has_callers(self) -> bool:
+        """Whether callers are waiting."""
+        return bool(self._callers)
+
+    def owns(self, fd: int) -> bool:
+        """Return whether `fd` is the listener or a caller."""
+        return fd == self._listener_fd or fd in self._callers
+
+    def serve(self, fd: int) -> Caller | None:
+        """Serve an event of the listener or a caller; return a properly identified caller."""
+        if fd == self._listener_fd:
+            self.accept()
+            return None
+        end = self._callers[fd]
+        try:
+            size = end.recv_into(self._buffer)
+        except BlockingIOError:
+            return None
+        except OSError:
+            size = 0
+        self._forget(fd)
+        if not size:  # called and went: somebody only looked whether the channel is hosted
+            end.close()
+            return None
+        try:
+            kind, flags, count, *_ = datagram.parse(self._buffer, size)
+            if kind != datagram.HELLO:
+                raise datagram.ProtocolError(f"a first datagram of kind {kind}")
+            name = check_name(datagram.text_of(self._buffer, count))
+        except BusError as error:
+            pid, _ = credentials(end)
+            _log.warning("turned away process %d: it sent %s", pid, error)
+            refuse(end, str(error))
+            return None
+        return Caller(end, name, flags)
+
+    def accept(self) -> None:
+        """Accept all pending connections."""
+        while True:
+            try:
+                end, _ = self._listener.accept()
+            except BlockingIOError:
+                return
+            except OSError as error:
+                if error.errno not in (errno.EMFILE, errno.ENFILE):
+                    raise BusError(f"cannot accept a caller: {error.strerror}") from error
+                # Without a free descriptor the listener would be ready for ever.
+                self._poll.unregister(self._listener_fd)
+                self._is_paused = True
+                _log.warning("no descriptor is free for another peer; they wait for one to leave")
+                return
+            end.setblocking(False)
+            widen(end)
+            if credentials(end)[1] not in (os.geteuid(), 0):
+                refuse(end, "the bus belongs to another user")
+                continue
+            self._callers[end.fileno()] = end
+            self._poll.register(end.fileno(), select.EPOLLIN)
+
+    def reopen(self) -> None:
+        """Listen again, now that a descriptor is free."""
+        if self._is_paused:
+            self._poll.register(self._listener_fd, select.EPOLLIN)
+            self._is_paused = False
+
+    def abandon(self) -> None:
+        """Close the sockets of the door, which belongs to the parent of this process."""
+        self._listener.close()
+        self._close_callers()
+
+    def close(self) -> None:
+        """Release the channel; waiting callers are disconnected."""
+        self._claim.release()
+        self._close_callers()
+
+    def _close_callers(self) -> None:
+        for end in self._callers.values():
+            end.close()
+        self._callers.clear()
+
+    def _forget(self, fd: int) -> None:
+        del self._callers[fd]
+        self._poll.unregister(fd)
+
+
+def refuse(end: socket.socket, reason: str) -> None:
+    """Tell a caller the reason of the refusal, and close."""
+    with end:
+        try:
+            end.send(datagram.control(datagram.REFUSED, reason))
+        except OSError:  # gone already, so nobody is left to be told
+            _log.debug("a refused caller went before the reason: %s", reason)

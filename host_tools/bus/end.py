@@ -1,0 +1,46 @@
+"""Interface of an end of the bus, whether it hosts the channel or is attached to it."""
+
+from __future__ import annotations
+
+import select
+from typing import Protocol
+
+from rrins.host_tools.errors import BusError
+
+_SELECT_LIMIT = 1024  # FD_SETSIZE
+
+
+class BusTimeoutError(BusError):
+    """The bus had no room for a datagram in the time given; nothing of it was sent."""
+
+
+class BusEnd(Protocol):
+    """One end of the bus: datagrams in, datagrams out.
+
+    One thread may send while another receives; what is sent from several threads needs a lock.
+    """
+
+    number: int
+    """Node number of this end, which its datagrams carry as their sender."""
+
+    def send(self, datagram: memoryview, timeout: float | None) -> None:
+        """Put one datagram on the bus, waiting for room if need be."""
+
+    def receive(self, buffer: bytearray, timeout: float | None) -> int:
+        """Receive one datagram into `buffer` and return its size, 0 when the time is over."""
+
+    def close(self) -> None:
+        """Leave the bus; what was sent still arrives."""
+
+
+def wait_readable(fd: int, timeout: float) -> bool:
+    """Wait until a descriptor can be read, `timeout` seconds at most; return whether it can.
+
+    `select` keeps a time to some 50 µs; `poll` and `epoll` round up to a millisecond, a socket's
+    own timeout to a tick of the kernel.
+    """
+    if fd < _SELECT_LIMIT:
+        return bool(select.select([fd], [], [], timeout)[0])
+    poll = select.poll()
+    poll.register(fd, select.POLLIN)
+    return bool(poll.poll(timeout * 1000))

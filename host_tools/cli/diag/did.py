@@ -1,0 +1,230 @@
+"""`rrins diag did`: data identifiers."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+
+import click
+
+from rrins.firmware_py.diagnostics import table
+from rrins.firmware_py.diagnostics.codecs import Values
+from rrins.firmware_py.diagnostics.data_identifier import DataIdentifier
+from rrins.firmware_py.diagnostics.identifiers import IOControl
+from rrins.firmware_py.diagnostics.parameters import ACCELEROMETER_CALIBRATIONS, GYRO_CALIBRATIONS
+from rrins.host_tools.cli.diag.arguments import CONTROLLABLE, IDENTIFIER, WRITABLE, complete_values
+from rrins.host_tools.cli.diag.options import with_securing_tester, with_tester
+from rrins.host_tools.cli.diag.output import (
+    field_rows,
+    new_table,
+    print_json,
+    print_line,
+    print_paragraph,
+    print_table,
+)
+from rrins.host_tools.cli.options import json_option
+from rrins.host_tools.cli.output import print_note
+from rrins.host_tools.diag.tester import Tester
+from rrins.host_tools.diag.values import AssignmentError, limits_of, parse_values, to_json
+from rrins.host_tools.files import JsonObject
+
+_CONTROLS = {
+    "adjust": IOControl.SHORT_TERM_ADJUSTMENT,
+    "freeze": IOControl.FREEZE_CURRENT_STATE,
+    "default": IOControl.RESET_TO_DEFAULT,
+    "return": IOControl.RETURN_CONTROL,
+}
+
+
+@click.group()
+def did() -> None:
+    """Read and write data by identifier."""
+
+
+def _sensor_of(one: DataIdentifier) -> int | None:
+    """Return the sensor that an identifier calibrates; None for other identifiers."""
+    for calibrations in (GYRO_CALIBRATIONS, ACCELEROMETER_CALIBRATIONS):
+        if one in calibrations:
+            return calibrations.index(one) + 1
+    return None
+
+
+def _rights(one: DataIdentifier) -> str:
+    return "r" + ("w" if one.write else "") + ("c" if one.control else "")
+
+
+def _description(one: DataIdentifier) -> JsonObject:
+    return {
+        "number": f"0x{one.number:04X}",
+        "name": one.name,
+        "text": one.text,
+        "read": str(one.read),
+        "write": None if one.write is None else str(one.write),
+        "control": None if one.control is None else str(one.control),
+        "fields": [
+            {
+                "name": field.name,
+                "type": field.format,
+                "count": field.count,
+                "unit": field.unit,
+                "limits": limits_of(field),
+            }
+            for field in one.fields
+        ],
+    }
+
+
+@did.command("list")
+@click.argument("which", type=IDENTIFIER, required=False, metavar="[IDENTIFIER]")
+@click.option("--writable", is_flag=True, help="List only writable identifiers.")
+@click.option("--controllable", is_flag=True, help="List only controllable identifiers.")
+@json_option
+def list_identifiers(
+    which: DataIdentifier | None, writable: bool, controllable: bool, as_json: bool
+) -> None:
+    """List the identifiers, or the fields of an IDENTIFIER. Needs no bus."""
+    chosen = [
+        one
+        for one in ([which] if which else table.IDENTIFIERS)
+        if (one.write or not writable) and (one.control or not controllable)
+    ]
+    if as_json:
+        print_json([_description(one) for one in chosen])
+    elif which is not None:
+        _print_description(which)
+    else:
+        grid = new_table(("number", "identifier", "", "description"))
+        for one in chosen:
+            if _sensor_of(one) == 1:
+                name, text = one.name.replace("_1_", "_n_"), one.text.replace(" 1 ", " n ")
+                grid.add_row(f"0x{one.number >> 8:02X}nn", name, _rights(one), text)
+            elif _sensor_of(one) is None:
+                grid.add_row(f"0x{one.number:04X}", one.name, _rights(one), one.text)
+        print_table(grid)
+        print_line("r read, w write, c control; n from 1 to 16, nn the same in hexadecimal")
+
+
+def _print_description(one: DataIdentifier) -> None:
+    print_paragraph(f"0x{one.number:04X} {one.name}: {one.text}", indent="")
+    for word, right in (("read", one.read), ("write", one.write), ("control", one.control)):
+        if right is not None:
+            print_line(f"{word}: {right}")
+    grid = new_table(("field", "type", "allowed", ""))
+    for field in one.fields:
+        kind = field.format + (f"[{field.count}]" if field.count > 1 else "")
+        grid.add_row(field.name, kind, limits_of(field) or field.unit, field.text)
+    print_table(grid)
+
+
+def print_values(dids: Sequence[DataIdentifier], found: dict[str, Values], as_json: bool) -> None:
+    """Show the values of identifiers."""
+    if as_json:
+        print_json({one.name: to_json(one.layout, found[one.name]) for one in dids})
+        return
+    grid = new_table(("identifier", "field", "value", "unit"))
+    for one in dids:
+        name = one.name
+        for field, value, unit in field_rows(one.fields, found[one.name]):
+            grid.add_row(name, field, value, unit)
+            name = ""
+    print_table(grid)
+
+
+@did.command("read")
+@click.argument("dids", type=IDENTIFIER, nargs=-1, metavar="[IDENTIFIER]...")
+@click.option("--all", "all_of_them", is_flag=True, help="Read all identifiers of this computer.")
+@click.option(
+    "--every",
+    "every_s",
+    type=click.FloatRange(min=0),
+    help="Repeat every so many seconds until Ctrl-C.",
+)
+@click.option("--times", type=click.IntRange(1), help="Number of reads, instead of until Ctrl-C.")
+@json_option
+@with_tester
+def read_identifiers(
+    tester: Tester,
+    dids: tuple[DataIdentifier, ...],
+    all_of_them: bool,
+    every_s: float | None,
+    times: int | None,
+    as_json: bool,
+) -> None:
+    """Read data by identifier: name (position) or number (0x0401)."""
+    if bool(dids) == all_of_them:
+        raise click.UsageError("give at least one IDENTIFIER, or --all")
+    chosen = tester.has(table.IDENTIFIERS) if all_of_them else list(dict.fromkeys(dids))
+    often = times if times is not None else 1 if every_s is None else None
+    for turn in itertools.count() if often is None else range(often):
+        if turn and every_s:
+            tester.conversation.pass_time(every_s)
+        print_values(chosen, tester.read(chosen), as_json)
+
+
+def _parse_values(one: DataIdentifier, texts: tuple[str, ...], current: Values | None) -> Values:
+    try:
+        return parse_values(one.fields, texts, current)
+    except AssignmentError as error:
+        raise click.UsageError(f"{one.name}: {error}") from error
+
+
+@did.command("write")
+@click.argument("did", type=WRITABLE, metavar="IDENTIFIER")
+@click.argument(
+    "texts", nargs=-1, required=True, metavar="FIELD=VALUE...", shell_complete=complete_values
+)
+@json_option
+@with_securing_tester
+def write_identifier(
+    tester: Tester, did: DataIdentifier, texts: tuple[str, ...], as_json: bool
+) -> None:
+    """Write a parameter to the parameter memory.
+
+    Omitted fields keep their values; separate the values of an array with commas. The new values
+    take effect at the next reset.
+    """
+    _parse_values(did, texts, _blank(did))  # report errors before anything is sent
+    current = tester.read([did])[did.name]
+    tester.write(did, _parse_values(did, texts, current))
+    print_values([did], tester.read([did]), as_json)
+    print_note("takes effect at the next reset (`rrins diag reset`)")
+
+
+def _blank(one: DataIdentifier) -> Values:
+    """Return placeholder values for all fields of an identifier, to check the given ones."""
+    return one.decode(bytes(one.layout.size))
+
+
+@did.command("control")
+@click.argument("did", type=CONTROLLABLE, metavar="IDENTIFIER")
+@click.argument("how", type=click.Choice(tuple(_CONTROLS)))
+@click.argument("texts", nargs=-1, metavar="[FIELD=VALUE]...", shell_complete=complete_values)
+@click.option(
+    "--for", "for_s", type=click.FloatRange(min=0), help="Keep control for this many seconds."
+)
+@json_option
+@with_securing_tester
+def control_identifier(
+    tester: Tester,
+    did: DataIdentifier,
+    how: str,
+    texts: tuple[str, ...],
+    for_s: float | None,
+    as_json: bool,
+) -> None:
+    """Take control of an output, or return it.
+
+    Control returns to the computer when the session ends: 5 s after the command, later with --for;
+    in the shell, when the shell exits.
+    """
+    if bool(texts) != (how == "adjust"):
+        raise click.UsageError("adjust needs FIELD=VALUE; the other actions do not accept any")
+    values = None
+    if texts:
+        _parse_values(did, texts, _blank(did))
+        values = _parse_values(did, texts, tester.read([did])[did.name])
+    found = tester.control(did, _CONTROLS[how], values)
+    print_values([did], {did.name: found}, as_json)
+    if for_s is not None:
+        tester.conversation.pass_time(for_s)
+        print_values([did], tester.read([did]), as_json)

@@ -1,0 +1,178 @@
+"""`rrins diag dtc`: trouble codes."""
+
+from __future__ import annotations
+
+import click
+
+from rrins.firmware_py.core.troubles import (
+    ALL_GROUPS,
+    FIRST_SNAPSHOT,
+    LATEST_SNAPSHOT,
+    Status,
+    Trouble,
+)
+from rrins.firmware_py.diagnostics import table
+from rrins.firmware_py.diagnostics.codecs import Values
+from rrins.host_tools.cli.diag.arguments import TROUBLE
+from rrins.host_tools.cli.diag.options import with_tester
+from rrins.host_tools.cli.diag.output import (
+    new_table,
+    print_json,
+    print_line,
+    print_paragraph,
+    print_table,
+)
+from rrins.host_tools.cli.options import json_option
+from rrins.host_tools.diag.tester import Tester, TroubleReport
+from rrins.host_tools.diag.values import to_json, value_text
+from rrins.host_tools.files import JsonObject
+
+_REMEMBERED = Status.TEST_FAILED | Status.PENDING | Status.CONFIRMED
+_RECORDS = {FIRST_SNAPSHOT: "first", LATEST_SNAPSHOT: "latest"}
+
+
+@click.group()
+def dtc() -> None:
+    """Read and clear diagnostic trouble codes."""
+
+
+def _bits(status: int) -> list[str]:
+    return [bit.name.lower() for bit in Status if status & bit]
+
+
+def _status_text(status: int) -> str:
+    """Return a status byte in a few words, on two lines."""
+    if status & Status.TEST_FAILED:
+        now = "failed now"
+    elif status & Status.TEST_NOT_COMPLETED_THIS_OPERATION_CYCLE:
+        now = "not tested yet"
+    else:
+        now = "passed now"
+    marks = [bit.name.lower() for bit in (Status.PENDING, Status.CONFIRMED) if status & bit]
+    return "\n".join([now, ", ".join(marks)]).rstrip()
+
+
+def _code(found: TroubleReport) -> str:
+    return found.trouble.code if found.trouble else f"0x{found.number:06X}"
+
+
+def _name(found: TroubleReport) -> str:
+    return found.trouble.name if found.trouble else "not in this tool's table"
+
+
+def _trouble_object(tester: Tester, found: TroubleReport, with_frames: bool) -> JsonObject:
+    result: JsonObject = {
+        "code": _code(found),
+        "number": f"0x{found.number:06X}",
+        "name": found.trouble.name if found.trouble else None,
+        "text": found.trouble.text if found.trouble else None,
+        "status": found.status,
+        "status_bits": _bits(found.status),
+    }
+    if with_frames:
+        result |= tester.extended_data(found.number)
+        result["freeze_frames"] = {
+            _RECORDS.get(record, str(record)): {
+                name: to_json(table.identifier(name).layout, values)
+                for name, values in frame.items()
+            }
+            for record, frame in tester.snapshots(found.number).items()
+        }
+    return result
+
+
+def _find_trouble(tester: Tester, trouble: Trouble) -> TroubleReport:
+    """Return a trouble code's report; fail if this computer does not support the code."""
+    for found in tester.all_troubles():
+        if found.number == trouble.number:
+            return found
+    raise click.UsageError(f"this computer does not have {trouble.name}")
+
+
+@dtc.command("read")
+@click.argument("trouble", type=TROUBLE, required=False, metavar="[TROUBLE]")
+@click.option(
+    "--all", "all_of_them", is_flag=True, help="Read all supported codes, passed or failed."
+)
+@click.option("--freeze-frames", is_flag=True, help="Include the freeze frames.")
+@json_option
+@with_tester
+def read_troubles(
+    tester: Tester,
+    trouble: Trouble | None,
+    all_of_them: bool,
+    freeze_frames: bool,
+    as_json: bool,
+) -> None:
+    """Read the failed, pending and confirmed trouble codes.
+
+    With a TROUBLE (sensor_3_silent, U1103-87 or 0xD10387), read its counters and freeze frames.
+    """
+    if trouble is not None:
+        found = [_find_trouble(tester, trouble)]
+    else:
+        found = tester.all_troubles() if all_of_them else tester.troubles(_REMEMBERED)
+    in_detail = freeze_frames or trouble is not None
+    if as_json:
+        print_json([_trouble_object(tester, one, in_detail) for one in found])
+        return
+    if not found:
+        print_line("no trouble codes")
+        return
+    if in_detail:
+        for one in found:
+            _print_details(tester, one)
+        return
+    grid = new_table(("code", "trouble", "status"))
+    for one in found:
+        text = f"\n{one.trouble.text}" if one.trouble else ""
+        grid.add_row(_code(one), _name(one) + text, _status_text(one.status))
+    print_table(grid)
+
+
+def _print_details(tester: Tester, found: TroubleReport) -> None:
+    extended = tester.extended_data(found.number)
+    frames = tester.snapshots(found.number)
+    print_line(f"{_code(found)} {_name(found)} (0x{found.number:06X})")
+    if found.trouble:
+        print_paragraph(found.trouble.text)
+        print_paragraph(f"fails after / passes after: {found.trouble.debounce}")
+    bits = (bit.replace("_", " ") for bit in _bits(found.status))
+    print_paragraph(f"status 0x{found.status:02X}: {', '.join(bits)}")
+    print_paragraph(
+        ", ".join(f"{name.replace('_', ' ')} {value}" for name, value in extended.items())
+    )
+    if frames:
+        _print_freeze_frames(frames)
+
+
+def _print_freeze_frames(frames: dict[int, dict[str, Values]]) -> None:
+    headings = [_RECORDS.get(record, str(record)) for record in frames]
+    first = frames.get(FIRST_SNAPSHOT)
+    if first and len(frames) > 1 and all(frame == first for frame in frames.values()):
+        frames, headings = {FIRST_SNAPSHOT: first}, ["first and latest"]
+    grid = new_table(("freeze frame", "field", *headings, "unit"))
+    for did in table.SNAPSHOT:
+        name = did.name
+        for field in did.fields:
+            values = [value_text(field, frame[did.name][field.name]) for frame in frames.values()]
+            grid.add_row(name, field.name, *values, field.unit)
+            name = ""
+    print_table(grid)
+
+
+@dtc.command("clear")
+@click.argument("trouble", type=TROUBLE, required=False, metavar="[TROUBLE]")
+@json_option
+@with_tester
+def clear_troubles(tester: Tester, trouble: Trouble | None, as_json: bool) -> None:
+    """Clear one or all trouble codes and their freeze frames.
+
+    Faults that persist are detected again.
+    """
+    tester.clear(ALL_GROUPS if trouble is None else _find_trouble(tester, trouble).number)
+    cleared = "all" if trouble is None else trouble.name
+    if as_json:
+        print_json({"cleared": cleared})
+    else:
+        print_line(f"cleared: {cleared}")

@@ -1,0 +1,53 @@
+"""Shared by the commands that read a log file. Heavy modules are imported only when used."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from rrins.host_tools.cli.output import print_note
+
+if TYPE_CHECKING:
+    from rrins.host_tools.logs.reader import Log
+
+log_argument = click.argument("log", metavar="FILE", type=click.Path(path_type=Path))
+log_channel_option = click.option(
+    "--log-channel",
+    metavar="NAME",
+    help="Use only the frames of this channel of FILE.  [default: all]",
+)
+
+
+@contextmanager
+def reading_progress(what: str, size: int, quiet: bool = False) -> Iterator[Callable[[int], None]]:
+    """Show the progress of reading a log; yield a callback for the bytes read so far."""
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+
+    console = Console(stderr=True)
+    with Progress(
+        TextColumn("[bold]{task.description}"),
+        BarColumn(bar_width=24),
+        TextColumn("{task.percentage:>3.0f} %"),
+        TimeRemainingColumn(compact=True),
+        console=console,
+        transient=True,
+        disable=quiet or not console.is_terminal,
+    ) as progress:
+        task = progress.add_task(what, total=size)
+        yield lambda position: progress.update(task, completed=position)
+
+
+def print_reading(log: Log) -> None:
+    """Print notes on a log that has been read: damage, skipped frames, mixed channels."""
+    if log.damage is not None:
+        print_note(f"{log.damage}; used what could be read")
+    if log.passed_over:
+        print_note(f"{log.path}: {log.passed_over} CAN FD frames were skipped")
+    if log.is_mixed:
+        counts = ", ".join(f"{name} ({count} frames)" for name, count in log.channels.items())
+        print_note(f"{log.path}: mixed channels: {counts}; select one with --log-channel")

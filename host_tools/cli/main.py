@@ -1,0 +1,141 @@
+"""The command `rrins`: its table of subcommands, and how errors are reported."""
+
+from __future__ import annotations
+
+import gc
+import logging
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib import import_module
+from typing import Any, Final, NoReturn
+
+import click
+from click.shell_completion import CompletionItem
+
+from rrins.host_tools.errors import RehearsalError
+from rrins.host_tools.interruption import INTERRUPTED
+
+_GC_THRESHOLD = 50_000
+"""Allocations between collections: startup creates hundreds of thousands of lasting objects."""
+
+
+@dataclass(frozen=True)
+class _Entry:
+    """A command: its module in this package, imported only when it runs, and its one-line help."""
+
+    module: str
+    line: str
+
+
+_RUN = {
+    "rehearse": _Entry("run", "Run firmware and hardware as two processes on one bus."),
+    "simulate": _Entry("run", "Run firmware and hardware in one process, without a bus."),
+    "firmware": _Entry("run", "Run the navigation computer alone."),
+    "hardware": _Entry("run", "Run the emulated RIMU and turntable alone."),
+    "inject": _Entry("inject", "Inject a fault into a running rehearsal."),
+    "scenarios": _Entry("scenarios", "List or show the built-in scenarios."),
+    "bench": _Entry("bench", "Measure what a rehearsal costs on this machine."),
+}
+_LOOK = {
+    "monitor": _Entry("monitor", "Watch the decoded bus in the terminal."),
+    "diag": _Entry("diag.diag", "Diagnose the navigation computer over UDS."),
+    "record": _Entry("record", "Record a bus to a log file."),
+    "replay": _Entry("replay", "Replay a log onto a bus or through the firmware."),
+    "export": _Entry("export", "Write a log as Parquet or CSV tables."),
+    "plot": _Entry("plot", "Plot signals of a log over time."),
+    "socketcand": _Entry("socketcand", "Serve the embedded bus to socketcand clients."),
+}
+_PLAN = {
+    "scheme": _Entry("scheme", "Analyse, compare and search rotation schemes."),
+    "motion": _Entry("motion", "Check recorded vehicle motion; export true motion."),
+    "reproduce": _Entry("reproduce", "Run the paper's experiments."),
+}
+_SECTIONS: Final = {"Run": _RUN, "Look": _LOOK, "Plan": _PLAN}
+_COMMANDS: Final = _RUN | _LOOK | _PLAN
+
+
+class _Group(click.Group):
+    """A group that imports commands lazily and reports user errors in one line."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """Return the names of all commands."""
+        return list(_COMMANDS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        """Import a command from its module and return it."""
+        if cmd_name not in _COMMANDS:
+            return None
+        command = getattr(import_module(f"{__package__}.{_COMMANDS[cmd_name].module}"), cmd_name)
+        assert isinstance(command, click.Command)
+        return command
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write the commands, one section per purpose."""
+        width = max(map(len, _COMMANDS))
+        for title, entries in _SECTIONS.items():
+            with formatter.section(title):
+                rows = [(name.ljust(width), entry.line) for name, entry in entries.items()]
+                formatter.write_dl(rows)
+
+    def shell_complete(self, ctx: click.Context, incomplete: str) -> list[CompletionItem]:
+        """Return the commands that start with `incomplete`, and click's own completions."""
+        begun = [
+            CompletionItem(name, help=entry.line)
+            for name, entry in sorted(_COMMANDS.items())
+            if name.startswith(incomplete)
+        ]
+        return begun + click.Command.shell_complete(self, ctx, incomplete)
+
+    def invoke(self, ctx: click.Context) -> Any:
+        try:
+            return super().invoke(ctx)
+        except RehearsalError as error:
+            _fail(str(error), error.exit_status)
+        except KeyboardInterrupt:
+            _fail("stopped by the user", INTERRUPTED)
+        except _contract_errors() as error:
+            _fail(str(error), RehearsalError.exit_status)
+
+
+def _contract_errors() -> tuple[type[Exception], ...]:
+    """Return the exception of an unusable DBC; nothing if the codec has not been imported."""
+    codec = sys.modules.get("rrins.dbc.codec")
+    return () if codec is None else (codec.ContractError,)
+
+
+def _fail(message: str, exit_status: int) -> NoReturn:
+    """Report in one line what went wrong and exit."""
+    click.echo(f"rrins: {message}", err=True)
+    sys.exit(exit_status)
+
+
+@click.group(cls=_Group, context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(package_name="rrins", prog_name="rrins")
+def rrins() -> None:
+    """Rehearse a redundant rotational inertial navigation system before its hardware exists.
+
+    A firmware process navigates and drives the turntable; a hardware process produces the sensor
+    frames; a CAN bus connects them.
+    """
+    logging.basicConfig(format="rrins: %(message)s", level=logging.WARNING)
+
+
+def _leave_out_asammdf(arguments: Sequence[str]) -> None:
+    """Keep python-can from importing asammdf, and pandas with it, unless an .mf4 file is named.
+
+    If asammdf is installed, python-can imports it at once: a third of all startup imports. The
+    file extension decides the format.
+    """
+    if not any(".mf4" in argument.lower() for argument in arguments):
+        sys.modules.setdefault("asammdf", None)  # type: ignore[arg-type]
+
+
+def main() -> None:
+    """Run the command line."""
+    gc.set_threshold(_GC_THRESHOLD)
+    _leave_out_asammdf(sys.argv[1:])
+    try:
+        rrins(prog_name="rrins")
+    finally:
+        gc.freeze()  # saves half a second of garbage collection at exit

@@ -1,0 +1,121 @@
+"""The command `rrins monitor`."""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+import time
+
+import click
+
+from rrins.host_tools.bus.port import EMBEDDED, Address
+from rrins.host_tools.cli.completion import complete_messages
+from rrins.host_tools.monitor.listing import ORDERS
+from rrins.host_tools.monitor.once import as_dict, table_of
+from rrins.host_tools.monitor.receiver import Receiver
+from rrins.host_tools.monitor.watch import Watch
+
+DEFAULT_CHANNEL = "rrins0"
+
+_ONCE_S = 2.0
+_POLL_S = 0.05
+_SWITCH_S = 0.0005
+_NO_SCREEN = ("", "dumb", "unknown")
+
+
+@click.command()
+@click.option("--interface", default=EMBEDDED, show_default=True, help="python-can interface name.")
+@click.option("--channel", help=f"Channel of the interface.  [default: {DEFAULT_CHANNEL}]")
+@click.option(
+    "--bitrate", type=click.IntRange(1), help="Bit rate of the bus, for the load computation."
+)
+@click.option(
+    "--filter",
+    "needle",
+    default="",
+    help="Show only messages and signals whose name contains this.",
+    shell_complete=complete_messages,
+)
+@click.option(
+    "--sort",
+    "order",
+    type=click.Choice(ORDERS),
+    default="id",
+    show_default=True,
+    help="Sort order.",
+)
+@click.option(
+    "--refresh",
+    "refresh_hz",
+    type=click.FloatRange(0.2, 10),
+    default=4,
+    show_default=True,
+    help="Screen refreshes per second; choose fewer on a slow connection.",
+)
+@click.option("--once", is_flag=True, help="Print the state once and exit.")
+@click.option("--json", "as_json", is_flag=True, help="Print the state once, as a JSON object.")
+@click.option(
+    "--for",
+    "for_s",
+    type=click.FloatRange(min=0, min_open=True),
+    help=f"Watch for this many seconds, then print once.  [default: {_ONCE_S:g}]",
+)
+def monitor(
+    interface: str,
+    channel: str | None,
+    bitrate: int | None,
+    needle: str,
+    order: str,
+    refresh_hz: float,
+    once: bool,
+    as_json: bool,
+    for_s: float | None,
+) -> None:
+    """Watch a bus: decoded messages with rates and ages, bus load, mode, faults.
+
+    The monitor only listens and never delays the embedded bus. Without a terminal it prints the
+    state once. Press ? for the keys.
+    """
+    address = _address(interface, channel, bitrate)
+    watch = Watch(bitrate, is_wall_time=not address.is_embedded)
+    is_once = once or as_json or for_s is not None
+    if is_once or not _has_screen():
+        _print_once(address, watch, needle, order, as_json, for_s or _ONCE_S)
+    else:
+        from rrins.host_tools.monitor.screen.app import run_screen
+
+        # Frames must be received while the same interpreter draws the screen.
+        sys.setswitchinterval(_SWITCH_S)
+        run_screen(address, watch, needle, order, refresh_hz)
+
+
+def _address(interface: str, channel: str | None, bitrate: int | None) -> Address:
+    from rrins.host_tools.runs.rehearsal import default_address
+
+    if channel is None and interface == EMBEDDED:
+        channel = DEFAULT_CHANNEL
+    return default_address(interface, channel, bitrate)
+
+
+def _has_screen() -> bool:
+    """Return whether there is a terminal that can show the screen."""
+    is_terminal = sys.stdin.isatty() and sys.stdout.isatty()
+    return is_terminal and os.environ.get("TERM", "") not in _NO_SCREEN
+
+
+def _print_once(
+    address: Address, watch: Watch, needle: str, order: str, as_json: bool, for_s: float
+) -> None:
+    receiver = Receiver(address, watch)
+    try:
+        until_s = time.monotonic() + for_s
+        while time.monotonic() < until_s and not watch.has_ended:
+            time.sleep(_POLL_S)
+        state = watch.state()
+    finally:
+        receiver.close()
+    if as_json:
+        click.echo(json.dumps(as_dict(str(address), state, needle, order)))
+    else:
+        click.echo("\n".join(table_of(str(address), state, needle, order)))

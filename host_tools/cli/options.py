@@ -1,0 +1,35 @@
+"""Options shared by several commands."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import click
+
+Command = Callable[..., Any]
+"""A function that click turns into a command."""
+
+Option = Callable[[Command], Command]
+"""A decorator that adds one or more options to a command."""
+
+
+def together(*options: Option) -> Option:
+    """Return one decorator that applies several, in order."""
+
+    def decorate(command: Command) -> Command:
+        for option in reversed(options):
+            command = option(command)
+        return command
+
+    return decorate
+
+
+json_option = click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
+bus_options = together(
+    click.option(
+        "--interface", default="rrins", show_default=True, help="python-can interface name."
+    ),
+    click.option("--channel", help="Channel of the interface.  [default: rrins0]"),
+    click.option("--bitrate", type=click.IntRange(1), help="Bit rate, if the interface sets it."),
+)

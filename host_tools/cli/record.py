@@ -1,0 +1,94 @@
+"""`rrins record`: record a bus to a log file."""
+
+from __future__ import annotations
+
+import json
+import time
+from pathlib import Path
+
+import click
+
+from rrins.host_tools.cli.options import bus_options, json_option
+from rrins.host_tools.cli.output import print_note
+from rrins.host_tools.interruption import as_event
+
+_POLL_S = 0.1
+
+
+@click.command()
+@click.argument("path", metavar="FILE", type=click.Path(dir_okay=False, path_type=Path))
+@bus_options
+@click.option(
+    "--rotate-size",
+    "rotate_mb",
+    type=click.FloatRange(min=0, min_open=True),
+    metavar="MB",
+    help="Start a new file at the next SYNC once a file exceeds this size in megabytes.",
+)
+@click.option(
+    "--for",
+    "for_s",
+    type=click.FloatRange(min=0, min_open=True),
+    metavar="S",
+    help="Stop after this many seconds of bus time.  [default: until Ctrl-C or the bus ends]",
+)
+@click.option(
+    "--lossless/--observer",
+    default=None,
+    help="Whether the embedded bus waits for the recorder.  [default: wait, except in real time]",
+)
+@json_option
+def record(
+    path: Path,
+    interface: str,
+    channel: str | None,
+    bitrate: int | None,
+    rotate_mb: float | None,
+    for_s: float | None,
+    lossless: bool | None,
+    as_json: bool,
+) -> None:
+    """Record a bus to FILE.
+
+    The file extension sets the format: .log (candump), .asc, .blf, .mf4, .csv, .trc, .db or .txt;
+    text formats can be compressed with .gz. An existing file is overwritten.
+    """
+    from rrins.host_tools.recording.errors import RecordError
+    from rrins.host_tools.recording.formats import check_path
+    from rrins.host_tools.recording.recorder import Recorder, waits_for_recorder
+    from rrins.host_tools.runs.side import address_of
+
+    address = address_of(interface, channel, bitrate)
+    rotate_bytes = None if rotate_mb is None else round(rotate_mb * 1e6)
+    with as_event() as stop:
+        if lossless is None:
+            check_path(path)
+            lossless = waits_for_recorder(address)
+        recorder = Recorder(path, address, lossless, None, rotate_bytes, for_s)
+        try:
+            print_note(f"recording {address} to {path}; Ctrl-C stops")
+            begun = time.monotonic()
+            while not (recorder.has_ended.is_set() or stop.wait(_POLL_S)):
+                passed_s = 0.0 if address.is_embedded else time.monotonic() - begun
+                if for_s is not None and passed_s > for_s:  # on a bus without frames
+                    break
+        finally:
+            recorder.close()
+    if recorder.failure is not None:
+        raise RecordError(f"recording {path}: {recorder.failure}")
+    parts = [part.file for part in recorder.note.parts]
+    if as_json:
+        summary = {
+            "file": str(path),
+            "parts": parts,
+            "frames": recorder.frames,
+            "duration_s": round(recorder.duration_s, 6),
+            "time": recorder.note.time,
+        }
+        click.echo(json.dumps(summary))
+    else:
+        files = f" in {len(parts)} files" if len(parts) > 1 else ""
+        click.echo(
+            f"{path}: {recorder.frames} frames{files}, {recorder.duration_s:.3f} s of "
+            f"{recorder.note.time or 'no'} time"
+        )

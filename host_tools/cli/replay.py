@@ -1,0 +1,262 @@
+"""`rrins replay`: replay a log onto a bus or through the firmware; compare two logs."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from rrins.host_tools.cli.log_files import (
+    log_argument,
+    log_channel_option,
+    print_reading,
+    reading_progress,
+)
+from rrins.host_tools.cli.options import bus_options, json_option
+from rrins.host_tools.cli.output import print_note
+from rrins.host_tools.errors import FirmwareFaultError
+from rrins.host_tools.interruption import heed_sigterm
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from rrins.host_tools.bus.port import Address
+    from rrins.host_tools.logs.comparison import Comparison
+    from rrins.host_tools.logs.reader import Log
+    from rrins.host_tools.scenario.scenario import Scenario
+
+_ITSELF = ":itself"
+
+
+@click.command()
+@log_argument
+@click.argument("scenario", required=False)
+@bus_options
+@click.option("--speed", default="1", show_default=True, metavar="N|max", help="1: real time.")
+@click.option(
+    "--times", type=click.IntRange(1), default=1, show_default=True, help="Number of replays."
+)
+@click.option("--loop", is_flag=True, help="Repeat until Ctrl-C.")
+@click.option(
+    "--only",
+    multiple=True,
+    metavar="WHAT",
+    help="Send only hardware, firmware, a message or a pattern such as 'SENSOR_*'; repeatable.",
+)
+@click.option(
+    "--firmware",
+    "through_firmware",
+    is_flag=True,
+    help="Feed the log to the firmware in lockstep, without a bus.",
+)
+@click.option(
+    "--compare",
+    is_flag=False,
+    flag_value=_ITSELF,
+    metavar="[OTHER]",
+    help="Report the first epoch and signal that differ from the recording, or from OTHER.",
+)
+@click.option(
+    "--out",
+    type=click.Path(file_okay=False, path_type=Path),
+    help="Folder for the results of --firmware.  [default: out/FILE]",
+)
+@log_channel_option
+@json_option
+def replay(
+    log: Path,
+    scenario: str | None,
+    interface: str,
+    channel: str | None,
+    bitrate: int | None,
+    speed: str,
+    times: int,
+    loop: bool,
+    only: tuple[str, ...],
+    through_firmware: bool,
+    compare: str | None,
+    out: Path | None,
+    log_channel: str | None,
+    as_json: bool,
+) -> None:
+    """Replay the log FILE onto a bus, or through the firmware.
+
+    --firmware feeds the recorded frames to the firmware, configured by SCENARIO or, by default, as
+    it was during the recording. `replay FILE --compare OTHER` compares two logs. The exit status
+    is 10 if they differ.
+    """
+    heed_sigterm()
+    other = None if compare in (None, _ITSELF) else Path(str(compare))
+    if through_firmware or compare == _ITSELF:
+        _navigate_again(log, scenario, out, compare is not None, other, as_json, log_channel)
+    elif scenario is not None:
+        raise click.UsageError(f"scenario {scenario}: only --firmware accepts a scenario")
+    elif other is not None:
+        _compare(log, other, as_json, log_channel)
+    else:
+        from rrins.host_tools.runs.side import address_of
+
+        address = address_of(interface, channel, bitrate)
+        _play(log, address, as_json, speed, times, loop, only, log_channel)
+
+
+def _play(
+    path: Path,
+    address: Address,
+    as_json: bool,
+    speed: str,
+    times: int,
+    loop: bool,
+    only: tuple[str, ...],
+    log_channel: str | None,
+) -> None:
+    """Replay a log onto a bus."""
+    from rrins.host_tools.logs.playback import Playback, identifiers_of
+    from rrins.host_tools.logs.reader import Log
+    from rrins.host_tools.recording.errors import RecordError
+
+    identifiers = identifiers_of(only)
+    factor = _speed_of(speed)
+    log = Log(path, log_channel)
+    playback = Playback(address, factor, identifiers)
+    pace = "as fast as possible" if factor is None else f"{factor:g} × real time"
+    print_note(f"replaying {path} onto {address}, {pace}; Ctrl-C stops")
+    turns = 0
+    try:
+        while loop or turns < times:
+            log = Log(path, log_channel) if turns else log
+            playback.play(log)
+            turns += 1
+    finally:
+        playback.close()
+        played = playback.played
+        summary = {
+            "frames": played.frames,
+            "times": turns,
+            "wall_s": round(played.wall_s, 3),
+            "latest_ms": round(played.latest_s * 1000, 3),
+        }
+        text = (
+            f"{played.frames} frames sent in {played.wall_s:.1f} s, "
+            f"the latest {played.latest_s * 1000:.1f} ms late"
+        )
+        click.echo(json.dumps(summary) if as_json else text)
+    print_reading(log)
+    if not played.frames:
+        raise RecordError(f"{path}: no frame matches --only")
+
+
+def _speed_of(text: str) -> float | None:
+    if text == "max":
+        return None
+    try:
+        speed = float(text)
+    except ValueError:
+        speed = 0.0
+    if not 0 < speed < 1e9:
+        raise click.BadParameter(
+            f"{text!r} is neither a number greater than 0 nor 'max'", param_hint="--speed"
+        )
+    return speed
+
+
+def _navigate_again(
+    path: Path,
+    name: str | None,
+    out: Path | None,
+    with_comparison: bool,
+    other: Path | None,
+    as_json: bool,
+    log_channel: str | None,
+) -> None:
+    """Feed the frames of a log to the firmware."""
+    from rrins.host_tools.logs.reader import Log
+    from rrins.host_tools.logs.replay import replay
+    from rrins.host_tools.logs.replay_results import print_replay, write_replay
+    from rrins.host_tools.runs.job import prepare_firmware
+    from rrins.host_tools.runs.run import folder_of
+
+    log = Log(path, log_channel)
+    name, scenario = _scenario_of(log, name)
+    against = None if other is None else Log(other)
+    folder = folder_of(out, path.name)
+    prepare_firmware(scenario)
+    with reading_progress("navigating", log.size, as_json) as on_progress:
+        replayed = replay(log, scenario, folder, with_comparison, against, on_progress)
+    print_reading(log)
+    summary, paths = write_replay(folder, name, scenario, log, replayed)
+    if as_json:
+        click.echo(json.dumps(summary))
+    else:
+        print_replay(summary, paths)
+    if replayed.comparison is not None:
+        _judge(replayed.comparison, as_json)
+    if not summary["firmware"]["epochs_navigated"]:
+        raise FirmwareFaultError("the firmware never navigated; is it the log's scenario?")
+
+
+def _scenario_of(log: Log, name: str | None) -> tuple[str, Scenario]:
+    """Return the requested scenario, or the one in the note next to the log."""
+    from rrins.host_tools.recording.errors import RecordError
+    from rrins.host_tools.scenario.scenario import load
+
+    if name is not None:
+        return name, load(name)
+    recorded = None if log.note is None else log.note.loaded_scenario(log.path)
+    if log.note is None or recorded is None:
+        raise RecordError(
+            f"{log.path}: no note next to it names its scenario; give one: "
+            f"rrins replay {log.path} SCENARIO --firmware"
+        )
+    return log.note.scenario_name or log.path.stem, recorded
+
+
+def _compare(ours: Path, theirs: Path, as_json: bool, log_channel: str | None) -> None:
+    """Compare two logs; the channel applies to the first."""
+    from rrins.host_tools.logs.alignment import compare_logs
+    from rrins.host_tools.logs.reader import Log
+
+    left, right = Log(ours, log_channel), Log(theirs)
+    with reading_progress("comparing", left.size + right.size, as_json) as on_progress:
+        comparison = compare_logs(left, right, on_progress)
+    print_reading(left)
+    print_reading(right)
+    if as_json:
+        click.echo(json.dumps(comparison.summary()))
+    _judge(comparison, as_json)
+
+
+def _judge(comparison: Comparison, as_json: bool) -> None:
+    """Report the differences.
+
+    Raises
+    ------
+    DifferenceError
+        If there are any.
+    """
+    from rich.console import Console
+
+    from rrins.host_tools.recording.errors import DifferenceError
+
+    if comparison.first is None:
+        if not as_json:
+            click.echo(comparison.text())
+        return
+    if not as_json:
+        Console().print(_table_of(comparison))
+    raise DifferenceError(comparison.text())
+
+
+def _table_of(comparison: Comparison) -> Table:
+    from rich.table import Table
+
+    table = Table(title="Differences", title_justify="left")
+    for column in ("signal", "from epoch", "frames", "max difference"):
+        table.add_column(column, justify="left" if column == "signal" else "right", no_wrap=True)
+    for row in comparison.summary()["signals"]:
+        apart = "" if row["largest"] is None else f"{row['largest']:.3g} {row['unit']}"
+        epoch = "before SYNC" if row["first_epoch"] is None else str(row["first_epoch"])
+        table.add_row(row["signal"], epoch, str(row["frames"]), apart)
+    return table

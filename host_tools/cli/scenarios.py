@@ -1,0 +1,31 @@
+"""`rrins scenarios`: the built-in scenarios."""
+
+from __future__ import annotations
+
+import json
+
+import click
+
+from rrins.host_tools.scenario.scenario import Scenario, load, names, text_of
+
+
+@click.group(invoke_without_command=True)
+@click.pass_context
+def scenarios(context: click.Context) -> None:
+    """List the built-in scenarios, one per line."""
+    if context.invoked_subcommand is None:
+        for name in names():
+            click.echo(f"{name:<28} {load(name).title}")
+
+
+@scenarios.command("show")
+@click.argument("name")
+def show_scenario(name: str) -> None:
+    """Print the TOML of a scenario, to copy and edit."""
+    click.echo(text_of(name), nl=False)
+
+
+@scenarios.command("schema")
+def show_schema() -> None:
+    """Print the JSON schema of scenarios: keys, limits, defaults."""
+    click.echo(json.dumps(Scenario.model_json_schema(), indent=2))

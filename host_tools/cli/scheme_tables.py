@@ -1,0 +1,302 @@
+"""Results of `rrins scheme`: tables for people, plain objects for JSON."""
+
+from __future__ import annotations
+
+import numpy as np
+from rich.table import Table
+
+from rrins.dbc.record import Floats
+from rrins.firmware_py.core.settings import Scheme
+from rrins.host_tools.files import JsonObject
+from rrins.host_tools.rotation.analysis import Integrals, Variation
+from rrins.host_tools.rotation.closed_form import EQUATIONS
+from rrins.host_tools.rotation.errors import ERRORS
+from rrins.host_tools.rotation.inputs import NamedRimu, NamedScheme
+from rrins.host_tools.rotation.merit import VelocityError
+from rrins.host_tools.rotation.search import Candidate, SearchResult
+from rrins.host_tools.rotation.travel import AxisTravel, Travel, travel_of
+
+_PREFIXES = ((1.0, 1.0, ""), (1e-3, 1e3, "m"), (1e-6, 1e6, "µ"), (0.0, 1e9, "n"))
+_COLUMNS_PER_TABLE = 4
+
+
+def value_text(value: float, unit: str) -> str:
+    """Return a value with three digits and a prefix to its unit."""
+    if value == 0:
+        return "0"
+    factor, prefix = next((f, p) for above, f, p in _PREFIXES if abs(value) >= above)
+    return f"{value * factor:.3g} {prefix}{unit}"
+
+
+def scheme_object(named: NamedScheme) -> JsonObject:
+    """Return a scheme for JSON."""
+    scheme = named.scheme
+    return {
+        "name": named.name,
+        "turns": [turn.model_dump() for turn in scheme.turns],
+        "turn_rate_dps": scheme.turn_rate_dps,
+        "stand_s": scheme.stand_s,
+        "cycle_s": scheme.cycle_s,
+    }
+
+
+def travel_object(travel: Travel) -> JsonObject:
+    """Return the travel of both axes for JSON, deg."""
+
+    def axis(one: AxisTravel) -> dict[str, float]:
+        return {
+            "forward_deg": one.forward_deg,
+            "backward_deg": one.backward_deg,
+            "lowest_deg": one.lowest_deg,
+            "highest_deg": one.highest_deg,
+            "net_deg": one.net_deg,
+            "reversals": one.reversals,
+        }
+
+    return {
+        "inner": axis(travel.inner),
+        "outer": axis(travel.outer),
+        "returns": travel.returns,
+    }
+
+
+def analysis_object(named: NamedScheme, rimu: NamedRimu, variation: Variation) -> JsonObject:
+    """Return an analysis for JSON: settings, and one row per sensor, error and axis."""
+    rows = []
+    for integrals in (variation.gyros, variation.accelerometers):
+        largest = integrals.excursion.max(axis=-1)
+        for row in integrals.residual_rows():
+            whole = float(largest[row.sensor - 1, ERRORS.index(row.error)])
+            rows.append(
+                {
+                    "sensor_kind": row.sensor_kind,
+                    "sensor": row.sensor,
+                    "error": row.error,
+                    "axis": row.axis,
+                    "unit": row.unit,
+                    "residual": row.residual,
+                    "closed_form": row.closed_form,
+                    "excursion": row.excursion,
+                    "residual_ratio": abs(row.residual) / whole if whole else 0.0,
+                    "vanishes": row.vanishes,
+                    "equations": EQUATIONS[row.sensor_kind, row.error],
+                }
+            )
+    return {
+        "scheme": scheme_object(named),
+        "geometry": rimu.geometry,
+        "errors": rimu.errors,
+        "earth_latitude_deg": rimu.rimu.earth_latitude_deg,
+        "travel": travel_object(travel_of(named.scheme)),
+        "rows": rows,
+    }
+
+
+def sensor_table(integrals: Integrals, sensor: int) -> Table:
+    """Return the residual and the peak of each error of one sensor."""
+    kind, unit = integrals.sensors.kind, integrals.sensors.unit
+    table = Table(title=f"{kind} {sensor}, in the body frame", title_justify="left")
+    table.add_column("error", no_wrap=True)
+    for what in ("left", "largest"):
+        for axis in "xyz":
+            table.add_column(f"{what} {axis}", justify="right", no_wrap=True)
+    vanishes = integrals.vanishes
+    for k, error in enumerate(ERRORS):
+        left = np.where(vanishes, 0.0, integrals.residual)[sensor - 1, k]
+        largest = integrals.excursion[sensor - 1, k]
+        table.add_row(error, *(value_text(float(value), unit) for value in (*left, *largest)))
+    return table
+
+
+def all_sensors_table(variation: Variation) -> Table:
+    """Return the largest residual of any sensor, per error and axis."""
+    table = Table(title="largest left by any sensor", title_justify="left")
+    table.add_column("error", no_wrap=True)
+    for kind in ("gyro", "accel."):
+        for axis in "xyz":
+            table.add_column(f"{kind} {axis}", justify="right", no_wrap=True)
+    for k, error in enumerate(ERRORS):
+        cells = [
+            value_text(float(value), integrals.sensors.unit)
+            for integrals in (variation.gyros, variation.accelerometers)
+            for value in _left(integrals)[:, k].max(axis=0)
+        ]
+        table.add_row(error, *cells)
+    return table
+
+
+def _left(integrals: Integrals) -> Floats:
+    """Return the magnitudes of the residuals, 0 where they are negligible."""
+    left: Floats = np.where(integrals.vanishes, 0.0, np.abs(integrals.residual))
+    return left
+
+
+def cycle_line(scheme: Scheme) -> str:
+    """Return one line on the duration and travel of a cycle."""
+    travel = travel_of(scheme)
+    return (
+        f"cycle {scheme.cycle_s:g} s, {len(scheme.turns)} positions, {scheme.turn_rate_dps:g} °/s, "
+        f"{scheme.stand_s:g} s standing; inner {_range(travel.inner)}, outer {_range(travel.outer)}"
+    )
+
+
+def _range(axis: AxisTravel) -> str:
+    if axis.net_deg:
+        return f"ring, {axis.net_deg:+g}°"
+    if axis.range_deg == 0:
+        return "no turn"
+    return f"{axis.lowest_deg:g} to {axis.highest_deg:g}°"
+
+
+def comparison_object(
+    named: NamedScheme, variation: Variation, velocity: VelocityError
+) -> JsonObject:
+    """Return one scheme of a comparison for JSON.
+
+    `residual` is the root of the sum of squares over sensors and axes, `excursion` the largest on
+    any axis of any sensor, per kind of sensor and error.
+    """
+    errors: JsonObject = {}
+    for integrals in (variation.gyros, variation.accelerometers):
+        left = _left(integrals)
+        errors[integrals.sensors.kind] = {
+            error: {
+                "unit": integrals.sensors.unit,
+                "residual": float(np.linalg.norm(left[:, k])),
+                "excursion": float(integrals.excursion[:, k].max()),
+                "axes_left": [axis for j, axis in enumerate("xyz") if np.any(left[:, k, j] > 0)],
+            }
+            for k, error in enumerate(ERRORS)
+        }
+    return {
+        "scheme": scheme_object(named),
+        "errors": errors,
+        "travel": travel_object(travel_of(named.scheme)),
+        "velocity_error_rms_mps": velocity.rms_mps,
+        "velocity_error_growth_mps_per_h": velocity.growth_mps_per_h,
+    }
+
+
+def comparison_tables(compared: list[JsonObject]) -> list[Table]:
+    """Return the comparisons side by side, a few schemes per table."""
+    return [
+        _comparison_table(compared[start : start + _COLUMNS_PER_TABLE])
+        for start in range(0, len(compared), _COLUMNS_PER_TABLE)
+    ]
+
+
+def _comparison_table(compared: list[JsonObject]) -> Table:
+    table = Table()
+    table.add_column("", no_wrap=True)
+    for one in compared:
+        table.add_column(one["scheme"]["name"], justify="right", overflow="fold")
+    for what, key in (("left", "residual"), ("largest", "excursion")):
+        for kind, label in (("gyro", "gyro"), ("accelerometer", "accel.")):
+            for error in ERRORS:
+                cells = [_error_cell(one["errors"][kind][error], key) for one in compared]
+                table.add_row(f"{what}, {label} {error}", *cells)
+        table.add_section()
+    for label, key, unit in (
+        ("velocity error, rms", "velocity_error_rms_mps", "m/s"),
+        ("velocity error, per hour", "velocity_error_growth_mps_per_h", "m/s"),
+    ):
+        table.add_row(label, *(value_text(_clean(one[key]), unit) for one in compared))
+    table.add_row("cycle", *(f"{one['scheme']['cycle_s']:g} s" for one in compared))
+    for axis in ("inner", "outer"):
+        travels = [one["travel"][axis] for one in compared]
+        table.add_row(
+            f"{axis} travel +, -",
+            *(f"{t['forward_deg']:g}°, {t['backward_deg']:g}°" for t in travels),
+        )
+        table.add_row(f"{axis} needs", *(_range(AxisTravel(**travel)) for travel in travels))
+        table.add_row(f"{axis} reversals", *(f"{t['reversals']}" for t in travels))
+    return table
+
+
+def _clean(value: float) -> float:
+    """Return a velocity in m/s, rounding errors replaced by 0."""
+    return 0.0 if abs(value) < 1e-12 else value
+
+
+def _error_cell(error: JsonObject, key: str) -> str:
+    text = value_text(error[key], error["unit"])
+    return f"{text} ({''.join(error['axes_left'])})" if key == "residual" and error[key] else text
+
+
+def candidate_object(candidate: Candidate) -> JsonObject:
+    """Return a scheme found by a search, for JSON."""
+    return {
+        "turns": [turn.model_dump() for turn in candidate.scheme.turns],
+        "turn_rate_dps": candidate.scheme.turn_rate_dps,
+        "stand_s": candidate.scheme.stand_s,
+        "cycle_s": candidate.scheme.cycle_s,
+        "mirror": candidate.mirror,
+        "remaining": candidate.remaining,
+        "velocity_error_rms_mps": candidate.velocity_rms_mps,
+        "travel": travel_object(candidate.travel),
+    }
+
+
+def search_table(found: SearchResult, reference: str) -> Table:
+    """Return the best schemes and the reference."""
+    table = Table(title=f"best of {found.count} schemes", title_justify="left")
+    table.add_column("", no_wrap=True)
+    table.add_column("turns, I inner, O outer", overflow="fold")
+    for heading in ("left", "velocity rms", "inner", "outer", "rev."):
+        table.add_column(heading, justify="right", no_wrap=True)
+    rows = [(str(k), one) for k, one in enumerate(found.best, start=1)]
+    for k, (label, one) in enumerate([*rows, (reference, found.reference)]):
+        if k == len(rows):
+            table.add_section()
+        inner, outer = one.travel.inner, one.travel.outer
+        table.add_row(
+            label,
+            turns_text(one.scheme),
+            str(one.remaining),
+            value_text(one.velocity_rms_mps, "m/s"),
+            "ring" if inner.net_deg else f"{inner.range_deg:g}°",
+            f"{outer.range_deg:g}°",
+            str(inner.reversals + outer.reversals),
+        )
+    return table
+
+
+def turns_text(scheme: Scheme) -> str:
+    """Return half turns in short: ``I+O-``, four to a group; other angles in degrees."""
+    words = []
+    for turn in scheme.turns:
+        angle = turn.angle_deg
+        amount = ("+" if angle > 0 else "-") if abs(angle) == 180 else f"{angle:+g}°"
+        words.append(turn.axis[0].upper() + amount)
+    return " ".join("".join(words[start : start + 4]) for start in range(0, len(words), 4))
+
+
+def verdict(found: SearchResult, reference: str) -> str:
+    """Return one line on how the best compares with the reference."""
+    best, beside = found.best[0], found.reference
+    if found.better is None:
+        return (
+            f"a cycle of {reference} takes {beside.scheme.cycle_s:g} s, one of these "
+            f"{best.scheme.cycle_s:g} s: their rms values are not comparable"
+        )
+    if best.order[:2] >= beside.order[:2]:
+        return f"none is better than {reference}; {found.equal} are as good"
+    share = 1 - best.velocity_rms_mps / beside.velocity_rms_mps
+    saved = f"{abs(share):.1%} {'less' if share > 0 else 'more'} velocity error"
+    left = f"{best.remaining} instead of {beside.remaining} residuals left, "
+    return (
+        f"the best: {left if best.remaining != beside.remaining else ''}{saved} than {reference}, "
+        f"which {found.better} of the {found.count} surpass"
+    )
+
+
+def toml_of(scheme: Scheme) -> str:
+    """Return a scheme as TOML, for a scenario or for `rrins scheme analyse`."""
+    turns = "".join(
+        f'    {{ axis = "{turn.axis}", angle_deg = {turn.angle_deg:g} }},\n'
+        for turn in scheme.turns
+    )
+    return (
+        f"[firmware]\nturn_rate_dps = {scheme.turn_rate_dps:g}\nstand_s = {scheme.stand_s:g}\n"
+        f"scheme = [\n{turns}]\n"
+    )

@@ -1,0 +1,126 @@
+"""Command-line options of the firmware's serial lines."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+from typing import Any
+
+import click
+
+from rrins.firmware_py.serial.lines import SerialSettings
+from rrins.firmware_py.serial.nmea import DEFAULT_UTC, SENTENCES
+from rrins.firmware_py.serial.port import PortName, SerialPortError, parse_port
+from rrins.host_tools.cli.options import together
+
+NMEA_BAUD = 38400
+"""That of NMEA 0183-HS; the standard 4800 is too slow for a set at 2 Hz."""
+
+CONSOLE_BAUD = 115200
+
+
+class _Port(click.ParamType[PortName]):
+    """A serial device, a pseudo-terminal, or a file."""
+
+    name = "PORT"
+
+    def __init__(self, default_baud: int, takes_files: bool) -> None:
+        self._default_baud = default_baud
+        self._takes_files = takes_files
+
+    def convert(
+        self, value: object, param: click.Parameter | None, ctx: click.Context | None
+    ) -> PortName:
+        if isinstance(value, PortName):
+            return value
+        try:
+            port = parse_port(str(value), self._default_baud)
+        except SerialPortError as error:
+            self.fail(str(error), param, ctx)
+        if port.kind == "file" and not self._takes_files:
+            self.fail("the console needs a serial device or a pseudo-terminal", param, ctx)
+        return port
+
+
+class _Utc(click.ParamType[datetime]):
+    """A UTC date and time, ISO 8601."""
+
+    name = "TIME"
+
+    def convert(
+        self, value: object, param: click.Parameter | None, ctx: click.Context | None
+    ) -> datetime:
+        if isinstance(value, datetime):
+            return value
+        try:
+            time = datetime.fromisoformat(str(value))
+        except ValueError:
+            self.fail(f"{value!r} is not a time such as 2026-01-01T00:00:00Z", param, ctx)
+        time = time.replace(tzinfo=UTC) if time.tzinfo is None else time.astimezone(UTC)
+        if not 1980 <= time.year < 2080:
+            self.fail(f"{value}: the year must be from 1980 to 2079", param, ctx)
+        return time
+
+
+class _Sentences(click.ParamType[tuple[str, ...]]):
+    """Comma-separated names of sentences."""
+
+    name = "NAME,…"
+
+    def convert(
+        self, value: object, param: click.Parameter | None, ctx: click.Context | None
+    ) -> tuple[str, ...]:
+        if isinstance(value, tuple):
+            return value
+        names = tuple(str(value).upper().replace(" ", "").split(","))
+        for name in names:
+            if name not in SENTENCES:
+                self.fail(f"{name!r} is not one of {', '.join(SENTENCES)}", param, ctx)
+        return names
+
+
+nmea_options = together(
+    click.option(
+        "--nmea",
+        type=_Port(NMEA_BAUD, takes_files=True),
+        help="NMEA 0183 output to DEVICE[:BAUD], pty[:LINK] or file:PATH.",
+    ),
+    click.option(
+        "--nmea-rate",
+        "nmea_rate_hz",
+        type=click.IntRange(1, 10),
+        default=1,
+        show_default=True,
+        help="Sets of sentences per second.",
+    ),
+    click.option(
+        "--nmea-sentences",
+        type=_Sentences(),
+        default=",".join(SENTENCES),
+        show_default=True,
+        help="Sentences in a set.",
+    ),
+    click.option(
+        "--utc",
+        type=_Utc(),
+        default=f"{DEFAULT_UTC:%Y-%m-%dT%H:%M:%SZ}",
+        show_default=True,
+        help="UTC time of epoch 0, for NMEA.",
+    ),
+)
+"""The options of the NMEA output."""
+
+serial_options = together(
+    nmea_options,
+    click.option(
+        "--console",
+        type=_Port(CONSOLE_BAUD, takes_files=False),
+        help="Text console on DEVICE[:BAUD] or pty[:LINK].",
+    ),
+)
+"""The options of the NMEA output and of the console."""
+
+
+def settings_of(options: dict[str, Any]) -> SerialSettings:
+    """Remove the serial options from `options` and return them as settings."""
+    names = ("nmea", "nmea_rate_hz", "nmea_sentences", "utc", "console")
+    return SerialSettings(**{name: options.pop(name) for name in names if name in options})

@@ -1,0 +1,1 @@
+"""How all pictures look: lines, figures, panels."""

@@ -1,0 +1,167 @@
+"""Injection of hardware faults at run time: commands in, reports out.
+
+A report is sent in answer to each command, when a fault begins or ends, and cyclically while there
+are faults; see `rrins.host_tools.hardware.fault_protocol`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from rrins.dbc.decimals import from_decimal, to_decimal
+from rrins.dbc.frame import FrameArray
+from rrins.dbc.values import FaultAction, FaultRefusal
+from rrins.host_tools.hardware.fault_protocol import ANSWERS, ActiveFault, FaultServer
+from rrins.host_tools.hardware.fault_values import VALUES
+from rrins.host_tools.hardware.faults import EVERY, NEVER, HardwareFault, put, remove
+from rrins.host_tools.hardware.memory import FAULT_CAPACITY, Plant
+
+REPORT_CAPACITY = 2 * FAULT_CAPACITY + ANSWERS
+"""Number of frames in the longest report."""
+
+_NS_PER_S = 1_000_000_000
+_AXES = 2
+
+
+class HardwareFaultServer(FaultServer):
+    """Injects faults into running hardware, removes them, and reports which are active.
+
+    Parameters
+    ----------
+    plant : Plant
+        Its faults are changed in place.
+    """
+
+    def __init__(self, plant: Plant) -> None:
+        super().__init__("hardware_fault", int(plant.period_ns))
+        self._plant = plant
+        self._faults = plant.faults
+        self._due = self._next_change(-1)
+
+    def inject(
+        self, kind: int, target: int, value: float = 0.0, duration_epochs: int = 0
+    ) -> FaultRefusal:
+        """Inject a fault that begins in the next epoch.
+
+        Parameters
+        ----------
+        kind : int
+            A `HardwareFault`.
+        target : int
+            Index of an axis or a sensor; `EVERY` for all sensors of the kind.
+        value : float
+            In the unit used in scenarios.
+        duration_epochs : int
+            0 if it lasts until removed.
+
+        Returns
+        -------
+        FaultRefusal
+            NONE if the fault was injected; it replaces one of the same kind and target.
+        """
+        refusal = self._refusal(kind, target, value)
+        if refusal != FaultRefusal.NONE:
+            return refusal
+        epoch = int(self._plant.epoch)
+        for k in self._active_rows(epoch):
+            if (self._faults.kind[k], self._faults.target[k]) == (kind, target):
+                self._faults.last_epoch[k] = epoch - 1
+        last = epoch + duration_epochs - 1 if duration_epochs else -1
+        si = value * VALUES[HardwareFault(kind)].unit if kind in VALUES else 0.0
+        self._due = 0
+        if put(self._plant, kind, target, epoch, last, si):
+            return FaultRefusal.NONE
+        return FaultRefusal.NO_ROOM
+
+    def _refusal(self, kind: int, target: int, value: float) -> FaultRefusal:
+        if kind not in set(HardwareFault):
+            return FaultRefusal.UNKNOWN
+        if kind < HardwareFault.GYRO_STUCK:
+            is_there = 0 <= target < _AXES
+        else:
+            of_gyros = kind < HardwareFault.ACCELEROMETER_STUCK
+            sensors = self._plant.gyros if of_gyros else self._plant.accelerometers
+            is_there = EVERY <= target < sensors.count
+        if not is_there:
+            return FaultRefusal.NO_SUCH_TARGET
+        limits = VALUES.get(HardwareFault(kind))
+        if limits is not None and not limits.minimum <= value <= limits.maximum:
+            return FaultRefusal.OUT_OF_RANGE
+        return FaultRefusal.NONE
+
+    def remove(self, kind: int, target: int) -> FaultRefusal:
+        """Remove the faults of a kind and target, including planned ones."""
+        self._due = 0
+        return FaultRefusal.NONE if remove(self._plant, kind, target) else FaultRefusal.NOT_ACTIVE
+
+    def clear(self) -> None:
+        """Remove all faults, including planned ones."""
+        self._due = 0
+        remove(self._plant)
+
+    def receive(self, frames: FrameArray, count: int) -> None:
+        """Execute the commands among the received frames."""
+        wrong = self._take_commands(frames, count, self._obey)
+        if wrong:
+            self._plant.counters.crc_errors += wrong
+
+    def _obey(self, raws: Mapping[str, int]) -> FaultRefusal:
+        action, kind, target = raws["action"], raws["kind"], raws["target"] - 1
+        if action == FaultAction.INJECT:
+            value = from_decimal(raws["value"], raws["exponent"])
+            duration_ms = raws["duration_ms"]
+            return self.inject(kind, target, value, self._epochs(duration_ms) if duration_ms else 0)
+        if action == FaultAction.REMOVE:
+            return self.remove(kind, target)
+        if action == FaultAction.CLEAR:
+            self.clear()
+        elif action != FaultAction.REPORT:
+            return FaultRefusal.UNKNOWN
+        return FaultRefusal.NONE
+
+    def _active_rows(self, epoch: int) -> list[int]:
+        faults = self._faults
+        return [
+            k for k in range(faults.count) if faults.first_epoch[k] <= epoch <= faults.last_epoch[k]
+        ]
+
+    def _next_change(self, epoch: int) -> int:
+        """Return the first epoch after `epoch` in which a fault begins or ends."""
+        faults = self._faults
+        changes = [NEVER]
+        for k in range(faults.count):
+            first, last = int(faults.first_epoch[k]), int(faults.last_epoch[k])
+            changes += [at for at in (first, last + 1) if at > epoch and first <= last]
+        return min(changes)
+
+    def report(self, epoch: int, frames: FrameArray, count: int) -> int:
+        """Append a report to the first `count` frames of an epoch, if one is due.
+
+        Returns the new count.
+        """
+        if epoch < self._due and not self._answers:
+            return count
+        rows = self._active_rows(epoch)
+        self._due = self._next_change(epoch)
+        if rows:
+            self._due = min(self._due, epoch + self._cycle_epochs)
+        active = [self._told(row) for row in rows]
+        rate = _NS_PER_S // self._period_ns
+        return self._append_report(frames, count, active, epoch=epoch, rate=rate)
+
+    def _told(self, row: int) -> ActiveFault:
+        faults = self._faults
+        kind = HardwareFault(int(faults.kind[row]))
+        digits, exponent = 0, 0
+        if kind in VALUES:
+            value = float(faults.value[row]) / VALUES[kind].unit
+            digits, exponent = to_decimal(value, self._active.value, self._active.exponent)
+        raws = {
+            "kind": int(kind),
+            "target": int(faults.target[row]) + 1,
+            "exponent": exponent,
+            "value": digits,
+        }
+        last = int(faults.last_epoch[row])
+        is_for_ever = last >= NEVER - 1
+        return ActiveFault(raws, int(faults.first_epoch[row]), None if is_for_ever else last)

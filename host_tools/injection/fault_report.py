@@ -1,0 +1,242 @@
+"""Reports of active faults, read from the bus."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Literal
+
+import can
+import numpy as np
+
+from rrins.dbc.codec import load, to_physical, unpack
+from rrins.dbc.contract import MessageSignals, load_contract
+from rrins.dbc.decimals import from_decimal
+from rrins.dbc.e2e import crc_holds
+from rrins.dbc.frame import frame_array
+from rrins.dbc.values import FaultRefusal
+from rrins.host_tools.bus.port import frame_of_message
+from rrins.host_tools.files import JsonObject
+from rrins.host_tools.hardware.fault_values import VALUES
+from rrins.host_tools.hardware.faults import HardwareFault
+from rrins.host_tools.injection.messages import LiveFault
+from rrins.host_tools.wire.faults import ANY_IDENTIFIER, FaultKind, Node
+
+Place = Literal["wire", "hardware"]
+Raws = dict[str, int]
+"""Raw values of a message's signals."""
+
+FaultKeys = dict[str, str | int | float]
+"""The keys of a fault in a scenario's `[[faults]]`."""
+
+_PREFIX: dict[Place, str] = {"wire": "", "hardware": "hardware_"}
+
+
+@dataclass(frozen=True)
+class ActiveFault:
+    """An active fault.
+
+    Attributes
+    ----------
+    place : {"wire", "hardware"}
+    keys : dict
+        Its keys in a scenario's `[[faults]]`, without times.
+    first_epoch : int
+        Epoch in which it began, modulo 2**24.
+    duration_ms : int
+        Total duration; 0 if it lasts until removed.
+    """
+
+    place: Place
+    keys: FaultKeys
+    first_epoch: int
+    duration_ms: int
+
+    @property
+    def words(self) -> str:
+        """The fault in words."""
+        return fault_words(self.keys)
+
+
+def fault_keys(fault: LiveFault) -> FaultKeys:
+    """Return the keys that identify a fault: its kind and what fails."""
+    keys = fault.model_dump(include={"kind", "message", "node", "axis", "sensor"})
+    return {key: value for key, value in keys.items() if value not in (None, "any")}
+
+
+def fault_words(keys: FaultKeys) -> str:
+    """Return a fault's keys in words, its kind first."""
+    rest = [
+        f"{key} {value:.6g}" if isinstance(value, float) else f"{key} {value}"
+        for key, value in keys.items()
+        if key != "kind"
+    ]
+    return f"{keys['kind']} ({', '.join(rest)})" if rest else str(keys["kind"])
+
+
+@dataclass(frozen=True)
+class FaultReport:
+    """A report of all active faults.
+
+    Attributes
+    ----------
+    epoch : int
+        Epoch of the report, modulo 2**24.
+    rate_hz : int
+        Epochs per second.
+    faults : tuple of ActiveFault
+    affected_frames : int
+        Frames affected on the wire since power-on.
+    """
+
+    epoch: int
+    rate_hz: int
+    faults: tuple[ActiveFault, ...]
+    affected_frames: int
+
+    def seconds(self, epoch: int) -> float:
+        """Return the simulated time of an epoch, s."""
+        return epoch / self.rate_hz
+
+    def as_dict(self) -> JsonObject:
+        """Return the report as plain values."""
+        return {
+            "epoch": self.epoch,
+            "time_s": self.seconds(self.epoch),
+            "active_faults": len(self.faults),
+            "kinds": sorted({fault.keys["kind"] for fault in self.faults}),
+            "faults": [self.fault_as_dict(fault) for fault in self.faults],
+            "affected_frames": self.affected_frames,
+        }
+
+    def fault_as_dict(self, fault: ActiveFault) -> JsonObject:
+        """Return a fault with the keys of `[[faults]]`, its place, first epoch and duration."""
+        return (
+            {"of": fault.place}
+            | fault.keys
+            | {
+                "since_epoch": fault.first_epoch,
+                "at_s": self.seconds(fault.first_epoch),
+                "for_s": fault.duration_ms / 1000 if fault.duration_ms else None,
+            }
+        )
+
+
+@dataclass(frozen=True)
+class Answer:
+    """The end of a report: which command it answers, and the refusal, if any.
+
+    `faults` is None if parts of the report are missing.
+    """
+
+    place: Place
+    counter: int
+    refusal: FaultRefusal
+    faults: tuple[ActiveFault, ...] | None
+    status: Raws
+
+
+class FaultReader:
+    """Assembles reports from the messages of a bus."""
+
+    def __init__(self) -> None:
+        contract = load_contract()[0]
+        self._layouts: dict[int, tuple[Place, str, MessageSignals]] = {}
+        for place, prefix in _PREFIX.items():
+            for part in ("active", "times", "status"):
+                layout = contract[f"{prefix}fault_{part}"]
+                self._layouts[int(layout["message"]["can_id"])] = (place, part, layout)
+        self._parts: dict[Place, dict[str, dict[int, Raws]]] = {
+            place: {"active": {}, "times": {}} for place in _PREFIX
+        }
+        self._probability = contract["fault_active"]["probability"]
+        self._frame = frame_array(1)
+
+    @property
+    def identifiers(self) -> list[int]:
+        """Identifiers of the messages that reports consist of."""
+        return list(self._layouts)
+
+    def feed(self, message: can.Message) -> Answer | None:
+        """Process a message; return an answer if the message completes a report."""
+        known = self._layouts.get(message.arbitration_id)
+        if known is None or message.is_extended_id or message.is_remote_frame:
+            return None
+        place, part, layout = known
+        frame_of_message(self._frame[0], message)
+        if not crc_holds(self._frame[0], layout.message):
+            return None
+        word = np.uint64(self._frame[0]["data"])
+        raws = {
+            name: int(unpack(word, layout[name]))
+            for name in layout.dtype.names or ()
+            if name != "message"
+        }
+        if part == "status":
+            return self._answer(place, raws)
+        if raws["number"] == 0 and part == "active":
+            for parts in self._parts[place].values():
+                parts.clear()
+        self._parts[place][part][raws["number"]] = raws
+        return None
+
+    def _answer(self, place: Place, status: Raws) -> Answer:
+        active, times = self._parts[place]["active"], self._parts[place]["times"]
+        numbers = range(status["active_faults"])
+        faults = None
+        if all(k in active and k in times for k in numbers):
+            faults = tuple(self._fault(place, active[k], times[k]) for k in numbers)
+        try:
+            refusal = FaultRefusal(status["refusal"])
+        except ValueError:
+            refusal = FaultRefusal.UNKNOWN
+        return Answer(place, status["answers"], refusal, faults, status)
+
+    def _fault(self, place: Place, active: Raws, times: Raws) -> ActiveFault:
+        keys = self._wire_keys(active) if place == "wire" else _hardware_keys(active)
+        return ActiveFault(place, keys, times["first_epoch"], times["duration_ms"])
+
+    def _wire_keys(self, active: Raws) -> FaultKeys:
+        keys: FaultKeys = {"kind": _name(FaultKind, active["kind"])}
+        if active["identifier"] != ANY_IDENTIFIER:
+            keys["message"] = _message_name(active["identifier"])
+        if active["node"] != Node.ANY:
+            keys["node"] = _name(Node, active["node"])
+        parameter = active["parameter"]
+        if active["kind"] == FaultKind.DELAY:
+            keys["delay_s"] = parameter / 1000
+        elif active["kind"] == FaultKind.BABBLE:
+            keys["frames_per_epoch"] = parameter
+        elif active["kind"] == FaultKind.CORRUPT and parameter:
+            keys["bit"] = parameter - 1
+        probability = float(to_physical(active["probability"], self._probability))
+        if probability < 1:
+            keys["probability"] = round(probability, 6)
+        return keys
+
+
+def _hardware_keys(active: Raws) -> FaultKeys:
+    keys: FaultKeys = {"kind": _name(HardwareFault, active["kind"])}
+    target = active["target"]
+    if active["kind"] < HardwareFault.GYRO_STUCK:
+        keys["axis"] = {1: "inner", 2: "outer"}.get(target, str(target))
+    elif target:
+        keys["sensor"] = target
+    value = VALUES.get(active["kind"])  # type: ignore[call-overload]
+    if value is not None:
+        keys[value.key] = from_decimal(active["value"], active["exponent"])
+    return keys
+
+
+def _name(table: type[IntEnum], raw: int) -> str:
+    try:
+        return str(table(raw).name.lower())
+    except ValueError:
+        return str(raw)
+
+
+def _message_name(identifier: int) -> str:
+    for message in load().database.messages:
+        if message.frame_id == identifier:
+            return str(message.name)
+    return f"0x{identifier:03X}"

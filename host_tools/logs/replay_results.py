@@ -1,0 +1,158 @@
+"""Output of a replay through the firmware: summary, tables and plots."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+from typing import IO
+
+import numpy as np
+from rich.console import Console
+
+from rrins.dbc.record import Records
+from rrins.firmware_py.core.memory import NavigationOutput
+from rrins.host_tools.files import JsonObject, write_whole
+from rrins.host_tools.logs.reader import Log
+from rrins.host_tools.logs.replay import Replayed
+from rrins.host_tools.runs.outcome import Outcome
+from rrins.host_tools.runs.results import Errors, read_errors, write_summary
+from rrins.host_tools.runs.samples import NAVIGATION_SAMPLES, TRUTH_SAMPLES, read_samples
+from rrins.host_tools.runs.summary import summarise, table_of, write_results
+from rrins.host_tools.scenario.scenario import Scenario
+
+_COLUMNS = (
+    ("time_s", "%.3f"),
+    ("latitude_deg", "%.12g"),
+    ("longitude_deg", "%.12g"),
+    ("height_m", "%.6f"),
+    ("velocity_east_mps", "%.9g"),
+    ("velocity_north_mps", "%.9g"),
+    ("velocity_up_mps", "%.9g"),
+    ("roll_deg", "%.9g"),
+    ("pitch_deg", "%.9g"),
+    ("heading_deg", "%.9g"),
+)
+
+
+def write_replay(
+    folder: Path, name: str, scenario: Scenario, log: Log, replayed: Replayed
+) -> tuple[JsonObject, list[Path]]:
+    """Write the results of a replay to a folder; return the summary and the paths.
+
+    The samples that it left there become tables and pictures: the navigation, and, where the truth
+    is known, its errors as after a simulation.
+    """
+    navigation = read_samples(folder / NAVIGATION_SAMPLES, NavigationOutput)
+    if replayed.why_no_truth is not None:
+        (folder / TRUTH_SAMPLES).unlink(missing_ok=True)
+    errors = read_errors(folder, scenario.rate_hz)
+    for file in (NAVIGATION_SAMPLES, TRUTH_SAMPLES):
+        (folder / file).unlink(missing_ok=True)
+    summary = _summary_of(name, scenario, log, replayed, errors)
+    title = f"{scenario.title or name}, replayed from {log.path.name}"
+    paths = _write_navigation(folder, navigation, scenario.rate_hz, title)
+    if len(errors):
+        return summary, [*paths, *write_results(folder, summary, errors, title)]
+    write_summary(folder / "summary.json", summary)
+    return summary, [*paths, folder / "summary.json"]
+
+
+def _summary_of(
+    name: str, scenario: Scenario, log: Log, replayed: Replayed, errors: Errors
+) -> JsonObject:
+    """Return the summary of a run, including what is known about the recording."""
+    outcome = Outcome(replayed.firmware, wall_s=replayed.wall_s)
+    summary = summarise(name, scenario, "replay", outcome, errors)
+    summary["epochs"] = replayed.steps
+    summary["epochs_per_s"] = round(replayed.steps / max(replayed.wall_s, 1e-9), 1)
+    sha256 = None if log.note is None else log.note.navigation_sha256
+    summary["recording"] = {
+        "file": str(log.path),
+        "frames": log.frames,
+        "first_epoch": replayed.first_epoch,
+        "last_epoch": replayed.last_epoch,
+        "damage": log.damage,
+        "navigation_sha256": sha256,
+        "no_truth": replayed.why_no_truth,
+        "unanswered_s": round(replayed.unanswered_s, 3),
+    }
+    comparison = replayed.comparison
+    summary["comparison"] = None if comparison is None else comparison.summary()
+    return summary
+
+
+def _write_navigation(
+    folder: Path, navigation: Records[NavigationOutput], rate_hz: int, title: str
+) -> list[Path]:
+    if len(navigation) < 2:
+        return []
+    from rrins.host_tools.logs.pictures import draw_navigation, save
+
+    picture, table = folder / "navigation.png", folder / "navigation.csv"
+    save(draw_navigation(navigation, rate_hz, title), picture)
+    columns = [
+        navigation["epoch"] / rate_hz,
+        np.degrees(navigation["latitude"]),
+        np.degrees(navigation["longitude"]),
+        navigation["height"],
+        *(navigation["velocity_n"][:, axis] for axis in range(3)),
+        *(np.degrees(navigation[angle]) for angle in ("roll", "pitch", "heading")),
+    ]
+    texts = [
+        [spec % value for value in column.tolist()]
+        for (_, spec), column in zip(_COLUMNS, columns, strict=True)
+    ]
+
+    def write(file: IO[str]) -> None:
+        writer = csv.writer(file)
+        writer.writerow(["epoch", *(column for column, _ in _COLUMNS)])
+        writer.writerows(zip(navigation["epoch"].tolist(), *texts, strict=True))
+
+    write_whole(table, write)
+    return [picture, table]
+
+
+_UNANSWERED_S = 0.1  # a recording may extend this far past the last step of a normal run
+
+
+def print_replay(summary: JsonObject, paths: list[Path]) -> None:
+    """Print the result of a replay for a person."""
+    console = Console()
+    if summary["max_abs_position_error_m"] is not None:
+        console.print(table_of(summary))
+    recording = summary["recording"]
+    lines = [
+        f"{summary['epochs']} epochs in {summary['wall_s']:.1f} s: "
+        f"{summary['epochs_per_s']:.0f} epochs/s, "
+        f"{summary['epochs_per_s'] / summary['rate_hz']:.0f} times real time",
+        _how_it_ended(summary["firmware"]),
+        f"navigation sha256 {summary['navigation_sha256'][:16]}…"
+        + _same_or_not(summary["navigation_sha256"], recording["navigation_sha256"]),
+    ]
+    if recording["no_truth"] is not None:
+        lines.append(f"no error statistics without a truth: {recording['no_truth']}")
+    if recording["first_epoch"] > 0:
+        lines.append(
+            f"the log begins at epoch {recording['first_epoch']}; the firmware was powered on there"
+        )
+    if recording["unanswered_s"] > _UNANSWERED_S:
+        lines.append(
+            f"the last {recording['unanswered_s']:.1f} s of the log were not navigated: the "
+            "firmware had stopped sending"
+        )
+    for text in (*lines, *(f"  {path}" for path in paths)):
+        console.print(text, highlight=False, soft_wrap=True)
+
+
+def _how_it_ended(firmware: JsonObject) -> str:
+    text = f"{firmware['epochs_navigated']} epochs navigated, ended in {firmware['mode']}"
+    if firmware["fault"] != "NONE":
+        text += f" ({firmware['fault']})"
+    counted = [f"{name} {count}" for name, count in firmware["faults"].items() if count]
+    return text + (f"; faults counted: {', '.join(counted)}" if counted else "")
+
+
+def _same_or_not(ours: str, recorded: str | None) -> str:
+    if recorded is None:
+        return ""
+    return ", as recorded" if ours == recorded else f", recorded {recorded[:16]}…"

@@ -1,0 +1,1 @@
+"""What runs a scenario: settings for both sides, processes, the direct ways, results."""

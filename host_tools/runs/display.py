@@ -1,0 +1,127 @@
+"""The progress of a run: a live line in a terminal, a line now and then elsewhere."""
+
+from __future__ import annotations
+
+from types import TracebackType
+from typing import Self
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+
+from rrins.host_tools.files import JsonObject
+from rrins.host_tools.runs.results import east_north_m
+from rrins.host_tools.scenario.scenario import Scenario
+
+_SPARSE_STEPS = 10
+
+
+class RunDisplay:
+    """The progress of a run: simulated time, speed, mode, position of the scheme, error so far.
+
+    Parameters
+    ----------
+    scenario : Scenario
+    console : rich.console.Console
+        On standard error, so that standard output is free for results.
+    quiet : bool
+        Whether to show nothing.
+    """
+
+    def __init__(self, scenario: Scenario, console: Console, quiet: bool = False) -> None:
+        self._scenario = scenario
+        self._console = console
+        self._is_live = console.is_terminal and not quiet
+        self._is_sparse = not console.is_terminal and not quiet
+        self._shown = 0
+        self._truth: dict[int, JsonObject] = {}
+        self._error_m: float | None = None
+        self._progress = Progress(
+            TextColumn("[bold]{task.description}"),
+            BarColumn(bar_width=24),
+            TextColumn("{task.percentage:>3.0f} %"),
+            TextColumn("{task.fields[state]}"),
+            TimeRemainingColumn(compact=True),
+            console=console,
+            transient=True,
+            disable=not self._is_live,
+        )
+        self._task = self._progress.add_task(
+            "starting", total=scenario.epochs, state="", start=False
+        )
+
+    def __enter__(self) -> Self:
+        self._progress.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._progress.stop()
+
+    def say(self, text: str) -> None:
+        """Show a step without measurable progress."""
+        self._progress.update(self._task, description=text)
+        if self._is_sparse:
+            self._console.print(text)
+
+    def note(self, text: str) -> None:
+        """Show a line that the user must not miss."""
+        self._console.print(f"rrins: {text}", highlight=False, markup=False, soft_wrap=True)
+
+    def report(self, report: JsonObject) -> None:
+        """Show a report of one of the sides (see `rrins.host_tools.runs.pipe`)."""
+        kind = report["kind"]
+        if kind == "preparing" and report["side"] == "firmware":
+            self.say("preparing (the first start compiles, about 30 s)")
+        elif kind == "started":
+            self._progress.start_task(self._task)
+            self.say("running")
+        elif kind == "note":
+            self.note(report["text"])
+        elif kind == "progress" and report["side"] == "hardware":
+            self._truth = {report["epoch"]: report}
+        elif kind == "progress":
+            self.progress(report, self._truth.get(report["epoch"]))
+
+    def progress(self, firmware: JsonObject, hardware: JsonObject | None) -> None:
+        """Show where the firmware is, and the truth of the same epoch if there is one."""
+        if hardware is not None and firmware["navigating"]:
+            east, north = east_north_m(
+                firmware["latitude"],
+                firmware["longitude"],
+                hardware["latitude"],
+                hardware["longitude"],
+                0.0,
+            )
+            self._error_m = float((east**2 + north**2) ** 0.5)
+        epoch = firmware["epoch"]
+        self._progress.update(self._task, completed=epoch, state=self._state(firmware))
+        share = epoch * _SPARSE_STEPS // self._scenario.epochs
+        if self._is_sparse and share > self._shown:
+            self._shown = share
+            self._console.print(f"{share * 100 // _SPARSE_STEPS:3d} %  {self._state(firmware)}")
+
+    def _state(self, firmware: JsonObject) -> str:
+        seconds = firmware["epoch"] / self._scenario.rate_hz
+        parts = [f"{seconds:.0f} s", firmware["mode"].lower().replace("_", " ")]
+        if firmware["fault"] != "NONE":
+            parts[-1] += f" ({firmware['fault'].lower().replace('_', ' ')})"
+        if firmware["position"]:
+            parts.append(f"position {firmware['position']}")
+        if self._error_m is not None:
+            parts.append(f"error {_length(self._error_m)}")
+        elapsed_s = self._progress.tasks[0].elapsed
+        if elapsed_s:
+            parts.append(f"{seconds / elapsed_s:.3g} × real time")
+        return "  ".join(parts)
+
+
+def _length(metres: float) -> str:
+    if metres >= 1000:
+        return f"{metres / 1000:.2f} km"
+    if metres < 0.1:
+        return f"{metres * 1000:.2f} mm"
+    return f"{metres:.2f} m"

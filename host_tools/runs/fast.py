@@ -1,0 +1,195 @@
+"""The fast path: the same compiled steps of both sides in one compiled loop, without frames.
+
+What a frame would carry passes as its payload, packed and unpacked by the same functions, so the
+navigation is bit for bit that of a run over a bus. There is no CRC, no counter and no wire: a fault
+on the wire needs frames (`rrins.host_tools.runs.direct`); faults of the hardware do not.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Self
+
+from numba import njit
+
+from rrins.dbc.compilation import compiled
+from rrins.dbc.contract import Contract, load_contract
+from rrins.dbc.record import Floats, Records
+from rrins.firmware_py.core import clock, intake
+from rrins.firmware_py.core import settings as firmware
+from rrins.firmware_py.core.memory import INNER, OUTER, NavigationOutput, Ram
+from rrins.firmware_py.core.modes import navigating
+from rrins.firmware_py.core.step import compute, output
+from rrins.firmware_py.core.transmit import axis_command_word
+from rrins.host_tools.hardware import settings as hardware
+from rrins.host_tools.hardware.memory import Plant, Truth
+from rrins.host_tools.hardware.step import (
+    advance,
+    altitude_word,
+    axis_word,
+    group_word,
+    is_altitude_due,
+    keep_command,
+    note_truth,
+    update_operator,
+)
+
+
+@compiled
+def _pass_up(plant: Plant, pieces: Floats, state: Ram, contract: Contract) -> None:
+    """Hand what the hardware measured to the firmware."""
+    assembly = state.assembly
+    for group in range(max(plant.gyros.count, plant.accelerometers.count)):
+        sensor = contract.sensor[group]
+        intake.keep_group(assembly, sensor, group, group_word(plant, sensor, group))
+    altimeter = contract.altimeter
+    if is_altitude_due(plant, altimeter.message):
+        note_truth(plant, pieces)
+        intake.keep_altitude(assembly, altimeter, altitude_word(plant, altimeter))
+    inner, outer = contract.axis_inner_status, contract.axis_outer_status
+    intake.keep_axis(assembly, inner, INNER, axis_word(plant.axis[INNER], inner))
+    intake.keep_axis(assembly, outer, OUTER, axis_word(plant.axis[OUTER], outer))
+
+
+@compiled
+def _pass_down(plant: Plant, state: Ram, contract: Contract) -> None:
+    """Hand what the firmware commands to the hardware, for the epoch that it takes effect in."""
+    slot = state.epoch % 2
+    for index in (INNER, OUTER):
+        axis = plant.axis[index]
+        message = contract.axis_inner_command if index == INNER else contract.axis_outer_command
+        keep_command(axis.waiting[slot], axis, message, axis_command_word(state, message, index))
+
+
+@compiled
+def _step(plant: Plant, pieces: Floats, state: Ram, contract: Contract) -> None:
+    """Run one epoch of both sides."""
+    advance(plant, pieces, contract)
+    update_operator(plant)
+    state.steps += 1
+    intake.begin(state)
+    state.epoch = plant.epoch
+    state.clock.sync_seen = True
+    state.clock.sync_arrival_ns = plant.epoch * plant.period_ns
+    clock.synchronise(state.clock, 0)
+    state.modes.requested = plant.operator.present
+    _pass_up(plant, pieces, state, contract)
+    compute(state, contract)
+    plant.epoch += 1
+    _pass_down(plant, state, contract)
+
+
+@njit(cache=True, nogil=True)
+def run_epochs(
+    plants: Records[Plant],
+    pieces: Floats,
+    ram: Records[Ram],
+    contract: Records[Contract],
+    epochs: int,
+    every: int,
+    navigation: Records[NavigationOutput],
+    truth: Records[Truth],
+) -> int:
+    """Run both sides over some epochs.
+
+    Parameters
+    ----------
+    plants, pieces, ram, contract
+        As `hardware_step` and `firmware_step` take them.
+    epochs : int
+    every : int
+        Epochs that are a multiple of this and navigated are written down.
+    navigation : Records[NavigationOutput]
+    truth : Records[Truth]
+        Room for a row for each epoch that can be written down.
+
+    Returns
+    -------
+    int
+        Rows written.
+    """
+    plant, state, record = plants[0], ram[0], contract[0]
+    rows = 0
+    for _ in range(epochs):
+        _step(plant, pieces, state, record)
+        epoch = state.epoch
+        if epoch % every == 0 and navigating(state):
+            output(state)
+            plant.epoch = epoch
+            note_truth(plant, pieces)
+            plant.epoch = epoch + 1
+            navigation[rows] = state.navigation
+            truth[rows] = plant.truth
+            rows += 1
+    return rows
+
+
+@dataclass(frozen=True)
+class Track:
+    """What came out of a run: the same epochs of navigation and truth, oldest first.
+
+    Attributes
+    ----------
+    navigation : Records[NavigationOutput]
+    truth : Records[Truth]
+    """
+
+    navigation: Records[NavigationOutput]
+    truth: Records[Truth]
+
+
+class FastRun:
+    """Both sides in memory, to be run over as many epochs as wanted.
+
+    Parameters
+    ----------
+    ram : Records[Ram]
+    plant : Records[Plant]
+    pieces : array, shape (n, 15, 8)
+        The vehicle's motion.
+    every : int
+        Epochs that are a multiple of this and navigated are kept.
+    """
+
+    def __init__(
+        self,
+        ram: Records[Ram],
+        plant: Records[Plant],
+        pieces: Floats,
+        every: int = 1,
+    ) -> None:
+        self.contract = load_contract()
+        self.ram, self.plant, self.pieces = ram, plant, pieces
+        self.every = every
+
+    @classmethod
+    def of(
+        cls,
+        firmware_settings: firmware.Settings,
+        hardware_settings: hardware.Settings,
+        every: int = 1,
+    ) -> Self:
+        """Return both sides just switched on, with settings as `runs.settings` makes them."""
+        return cls(
+            firmware.power_on(firmware_settings, load_contract()),
+            hardware.power_on(hardware_settings),
+            hardware.pieces_of(hardware_settings),
+            every,
+        )
+
+    def run(self, epochs: int) -> Track:
+        """Go on by some epochs; other threads run meanwhile."""
+        room = epochs // self.every + 1
+        navigation = NavigationOutput.zeros(room)
+        truth = Truth.zeros(room)
+        rows = run_epochs(
+            self.plant,
+            self.pieces,
+            self.ram,
+            self.contract,
+            epochs,
+            self.every,
+            navigation,
+            truth,
+        )
+        return Track(navigation[:rows], truth[:rows])

@@ -1,0 +1,83 @@
+"""The hardware as the job of a process: its shell, its samples, its reports."""
+
+from __future__ import annotations
+
+import math
+
+from rrins.host_tools.bus.port import open_port
+from rrins.host_tools.files import JsonObject
+from rrins.host_tools.hardware.loop import Hardware
+from rrins.host_tools.hardware.loop import run_lockstep as run_hardware_lockstep
+from rrins.host_tools.hardware.loop import run_realtime as run_hardware_realtime
+from rrins.host_tools.hardware.memory import Truth
+from rrins.host_tools.runs.job import Job, prepare, settle
+from rrins.host_tools.runs.pipe import ReportPipe
+from rrins.host_tools.runs.realtime import LatenessHistogram
+from rrins.host_tools.runs.samples import TRUTH_SAMPLES, SampleBuffer, SampleFile, keep_every
+from rrins.host_tools.runs.settings import hardware_settings, scenario_wire
+from rrins.host_tools.wire.wire import Wire
+
+
+def hardware_summary(hardware: Hardware) -> JsonObject:
+    """Return the hardware's summary of a run, in plain values."""
+    plant = hardware.plant[0]
+    return {
+        "epochs": int(plant["epoch"]),
+        "frames_received": hardware.frames_received,
+        "frames_sent": hardware.frames_sent,
+        "faults": {name: int(plant["counters"][name]) for name in plant["counters"].dtype.names},
+        "wire": hardware.wire.statistics() if isinstance(hardware.wire, Wire) else None,
+    }
+
+
+def run_hardware(job: Job) -> JsonObject:
+    """Run the hardware to the end of the scenario, which shuts the firmware down.
+
+    Raises
+    ------
+    BusError
+        When the bus cannot be had or ends.
+    SideLostError
+        When no firmware comes, or it goes before the end.
+    """
+    report = ReportPipe(job.report_fd)
+    scenario = job.scenario
+    prepare(report, "hardware", scenario)
+    hardware = Hardware(hardware_settings(scenario), scenario_wire(scenario, is_live=True))
+    file = SampleFile(job.log_path(TRUTH_SAMPLES))
+    rows = SampleBuffer(Truth, file)
+    lateness = LatenessHistogram()
+    log_every = keep_every(scenario.epochs, scenario.rate_hz)
+    every = math.gcd(log_every, job.report_every)
+    truth = hardware.truth
+
+    def on_epoch(epoch: int) -> None:
+        if epoch % log_every == 0:
+            rows.append(truth)
+        if epoch % job.report_every == 0:
+            report.send(
+                "progress",
+                side="hardware",
+                epoch=epoch,
+                latitude=float(truth["latitude"][0]),
+                longitude=float(truth["longitude"][0]),
+            )
+
+    port = open_port(job.address, "hardware")
+    epochs = scenario.epochs + 1  # the last one shuts the firmware down
+    try:
+        report.send("ready", side="hardware")
+        permitted = settle(job)
+        port.meet(job.await_peers)
+        report.send("started", side="hardware", **permitted)
+        if job.is_realtime:
+            run_hardware_realtime(hardware, port, lateness, epochs, every, on_epoch)
+        else:
+            run_hardware_lockstep(hardware, port, epochs, job.speed, every, on_epoch)
+    finally:
+        rows.flush()
+        file.close()
+        port.close()
+        summary = hardware_summary(hardware) | {"lateness_us": lateness.summary()}
+        report.send("summary", side="hardware", **summary)
+    return summary

@@ -1,0 +1,119 @@
+"""The job of a side's process, and what each side does before it begins."""
+
+from __future__ import annotations
+
+import os
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+from rrins.dbc.frame import frame_array
+from rrins.dbc.values import FaultAction
+from rrins.firmware_py.loop import Firmware
+from rrins.firmware_py.serial.lines import NO_LINES, SerialSettings
+from rrins.host_tools.bus.port import Address, frame_of_message
+from rrins.host_tools.hardware.loop import Hardware
+from rrins.host_tools.injection.messages import fault_commands
+from rrins.host_tools.runs.pipe import ReportPipe
+from rrins.host_tools.runs.realtime import enter_realtime
+from rrins.host_tools.runs.settings import firmware_settings, hardware_settings, scenario_wire
+from rrins.host_tools.scenario.fault_tables import FaultOfSensor, FaultOnWire
+from rrins.host_tools.scenario.scenario import Scenario
+
+REALTIME = 1.0
+"""The speed that means real time: both sides by their own clocks, not in lockstep."""
+
+_ATTENTIVE_SPEED = 20.0  # up to which a report comes every simulated second
+
+
+@dataclass(frozen=True)
+class Job:
+    """What a side does.
+
+    Attributes
+    ----------
+    scenario : Scenario
+    address : Address
+        The bus.
+    speed : float or None
+        `REALTIME`, a factor for lockstep, or None for lockstep as fast as it goes.
+    folder : Path or None
+        Where the log goes.
+    report_fd : int or None
+        Pipe to the rehearsal.
+    core : int or None
+        Processor to stay on. Two processes that wait for each other are several times faster on
+        one than on two.
+    attach_wait_s : float
+        How long the firmware waits for the bus to come up.
+    await_peers : tuple of str
+        Other peers of the embedded bus without which the hardware does not begin.
+    serial : SerialSettings
+        The firmware's serial lines.
+    parameters : Path or None
+        File of the firmware's parameter memory.
+    """
+
+    scenario: Scenario
+    address: Address
+    speed: float | None
+    folder: Path | None = None
+    report_fd: int | None = None
+    core: int | None = None
+    attach_wait_s: float = 0.0
+    await_peers: tuple[str, ...] = ()
+    serial: SerialSettings = NO_LINES
+    parameters: Path | None = None
+
+    @property
+    def is_realtime(self) -> bool:
+        """Whether the side runs by its own clock."""
+        return self.speed == REALTIME
+
+    @property
+    def report_every(self) -> int:
+        """Epochs from one progress report to the next."""
+        slow = self.speed is not None and self.speed <= _ATTENTIVE_SPEED
+        return self.scenario.rate_hz * (1 if slow else 10)
+
+    def log_path(self, name: str) -> Path | None:
+        """Return where a log goes."""
+        return None if self.folder is None else self.folder / name
+
+
+def settle(job: Job) -> dict[str, bool]:
+    """Set the scheduling of the process as its job needs it."""
+    if job.is_realtime:
+        return enter_realtime()
+    if job.core is not None:
+        os.sched_setaffinity(0, {job.core})
+    return {}
+
+
+def prepare_firmware(scenario: Scenario) -> None:
+    """Run one step on a spare instance, so that all code is compiled or loaded."""
+    aside = Firmware(firmware_settings(scenario))
+    aside.step(frame_array(1), 0, 0, 0)
+
+
+def prepare_hardware(scenario: Scenario) -> None:
+    """Run some steps on a spare instance, so that all code is compiled or loaded.
+
+    Faults are put in, too: what they need is not to be compiled while time is real.
+    """
+    aside = Hardware(hardware_settings(scenario), scenario_wire(scenario, is_live=True))
+    commands = frame_array(2)
+    on_wire = fault_commands(FaultAction.INJECT, FaultOnWire(kind="drop"))
+    of_hardware = fault_commands(FaultAction.INJECT, FaultOfSensor(kind="gyro_bias"))
+    for frame, message in zip(commands, (*on_wire, *of_hardware), strict=True):
+        frame_of_message(frame, message)
+    for epoch in range(3):
+        aside.open_epoch(epoch, commands, len(commands) if epoch == 1 else 0)
+
+
+def prepare(report: ReportPipe, side: str, scenario: Scenario) -> None:
+    """Compile or load what a side needs, and report how long that took."""
+    report.send("preparing", side=side)
+    start = time.monotonic()
+    {"firmware": prepare_firmware, "hardware": prepare_hardware}[side](scenario)
+    report.send("prepared", side=side, seconds=round(time.monotonic() - start, 2))

@@ -1,0 +1,58 @@
+"""What a side tells the rehearsal that started it: one JSON object a line, over a pipe."""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+
+from rrins.host_tools.errors import RehearsalError
+from rrins.host_tools.files import JsonObject
+
+
+class ReportPipe:
+    """The sending end.
+
+    Parameters
+    ----------
+    fd : int or None
+        File descriptor of a pipe; with None nothing is sent.
+    """
+
+    def __init__(self, fd: int | None) -> None:
+        self._fd = fd
+
+    def send(self, kind: str, **values: object) -> None:
+        """Send one report.
+
+        Raises
+        ------
+        BrokenPipeError
+            When the rehearsal is gone.
+        """
+        if self._fd is not None:
+            line = json.dumps({"kind": kind, **values}) + "\n"
+            os.write(self._fd, line.encode())
+
+    def note(self, side: str, text: str) -> None:
+        """Tell the user something: through the rehearsal, or else on standard error."""
+        if self._fd is None:
+            print(f"rrins: {text}", file=sys.stderr, flush=True)
+        else:
+            self.send("note", side=side, text=text)
+
+    def fail(self, side: str, error: RehearsalError) -> None:
+        """Tell the rehearsal why a side fails."""
+        self.send("error", side=side, message=str(error), exit_status=error.exit_status)
+
+
+class ReportReader:
+    """The receiving end: turns what a pipe brings into reports."""
+
+    def __init__(self) -> None:
+        self._rest = b""
+
+    def feed(self, data: bytes) -> list[JsonObject]:
+        """Take bytes as they come; return the reports that are complete."""
+        *lines, self._rest = (self._rest + data).split(b"\n")
+        return [json.loads(line) for line in lines if line]

@@ -1,0 +1,324 @@
+"""A rehearsal: both sides as processes on one bus, watched from start to end."""
+
+from __future__ import annotations
+
+import os
+import selectors
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from rrins.host_tools import interruption
+from rrins.host_tools.bus import channel as embedded
+from rrins.host_tools.bus.port import EMBEDDED, Address
+from rrins.host_tools.errors import BusError, RehearsalError, SideLostError
+from rrins.host_tools.files import JsonObject
+from rrins.host_tools.recording import recorder
+from rrins.host_tools.recording.errors import RecordError
+from rrins.host_tools.recording.note import Note
+from rrins.host_tools.runs.job import REALTIME
+from rrins.host_tools.runs.outcome import Outcome
+from rrins.host_tools.runs.pipe import ReportReader
+from rrins.host_tools.scenario.scenario import Scenario
+
+OnReport = Callable[[JsonObject], None]
+"""Called with every report of either side."""
+
+_GRACE_S = 5.0
+_BUS_ENDS_S = 60.0  # to write what was received before that
+_ATTACH_WAIT_S = 300.0  # the first start compiles
+_POLL_S = 0.2
+_CHANNEL = "rrins"
+
+
+class Interrupted(RehearsalError):  # noqa: N818 - no error: the user asked for it
+    """The user stopped the rehearsal."""
+
+    exit_status = interruption.INTERRUPTED
+
+
+def free_channel() -> str:
+    """Return the first of rrins0, rrins1, … that nobody hosts."""
+    taken = set(embedded.detect())
+    number = 0
+    while f"{_CHANNEL}{number}" in taken:
+        number += 1
+    return f"{_CHANNEL}{number}"
+
+
+@dataclass
+class WatchedSide:
+    """One side's process, and what it has reported.
+
+    Attributes
+    ----------
+    summary : dict
+        Its last words; empty until then.
+    error : dict
+        Why it failed: `message`, `exit_status`.
+    is_made_to_end : bool
+        Whether it did not heed that it was asked to end.
+    """
+
+    name: str
+    process: subprocess.Popen[bytes]
+    pipe: int
+    reader: ReportReader = field(default_factory=ReportReader)
+    summary: JsonObject = field(default_factory=dict)
+    error: JsonObject = field(default_factory=dict)
+    epoch: int = 0
+    is_open: bool = True
+    is_made_to_end: bool = False
+
+    def read(self) -> list[JsonObject]:
+        """Read the pipe; keep summary, error and epoch."""
+        data = os.read(self.pipe, 65536)
+        if not data:
+            self.is_open = False
+            return []
+        reports = self.reader.feed(data)
+        for report in reports:
+            kind = report["kind"]
+            if kind == "summary":
+                self.summary = {k: v for k, v in report.items() if k not in ("kind", "side")}
+            elif kind == "error":
+                self.error = report
+            elif kind == "progress":
+                self.epoch = int(report["epoch"])
+        return reports
+
+    @property
+    def was_killed(self) -> bool:
+        """Whether somebody else's signal ended the process."""
+        status = self.process.returncode
+        is_ours = self.is_made_to_end or status == -signal.SIGTERM
+        return status is not None and status < 0 and not is_ours
+
+    def end(self) -> None:
+        """Terminate the process; kill it if it does not end."""
+        if self.process.poll() is None:
+            self.process.terminate()
+            self.process.send_signal(signal.SIGCONT)
+            try:
+                self.process.wait(_GRACE_S)
+            except subprocess.TimeoutExpired:
+                self.is_made_to_end = True
+                self.process.kill()
+                self.process.wait()
+
+
+class Rehearsal:
+    """Starts both sides, follows them, and stops both in every case.
+
+    Parameters
+    ----------
+    name : str
+        Scenario, as given on the command line: the sides load it themselves.
+    scenario : Scenario
+    overrides : sequence of str
+        Command-line options by which the scenario differs from its file.
+    address : Address
+    speed : float or None
+        See `rrins.host_tools.runs.jobs.Job`.
+    folder : Path
+        Where the sides put their logs.
+    record : Path, optional
+        File to record the bus to.
+    firmware_options : sequence of str
+        Command-line options for the firmware alone.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        scenario: Scenario,
+        overrides: tuple[str, ...],
+        address: Address,
+        speed: float | None,
+        folder: Path,
+        record: Path | None = None,
+        firmware_options: tuple[str, ...] = (),
+    ) -> None:
+        self._name = name
+        self._scenario = scenario
+        self._overrides = overrides
+        self._address = address
+        self._speed = speed
+        self._folder = folder
+        self._record = record
+        self._firmware_options = firmware_options
+        self._recorder: recorder.Recorder | None = None
+        self._started_ns: int | None = None
+        self._ended_ns = 0
+        self._sides: list[WatchedSide] = []
+        # Both sides on one processor; not all rehearsals of a machine on the same.
+        cores = sorted(os.sched_getaffinity(0))
+        self._core = cores[os.getpid() % len(cores)]
+
+    def run(self, on_report: OnReport) -> Outcome:
+        """Run to the end; both processes have ended when this returns.
+
+        Raises
+        ------
+        RehearsalError
+            When the rehearsal cannot begin.
+        """
+        with interruption.as_event() as stop:
+            try:
+                for name in ("hardware", "firmware"):
+                    self._sides.append(self._start(name))
+                self._follow(on_report, stop)
+                was_stopped = stop.is_set()
+            finally:
+                self._ended_ns = self._ended_ns or time.monotonic_ns()
+                for side in self._sides:
+                    side.end()
+                self._drain(on_report)
+                self._close_recorder()
+        return self._outcome(Interrupted("stopped by the user") if was_stopped else self._failure())
+
+    def _start(self, name: str) -> WatchedSide:
+        read_end, write_end = os.pipe()
+        command = [
+            *(sys.executable, "-m", "rrins", name, self._name),
+            *self._overrides,
+            *("--interface", self._address.interface, "--channel", self._address.channel),
+            *("--speed", "max" if self._speed is None else f"{self._speed:.12g}"),
+            *("--log", str(self._folder), "--report-fd", str(write_end)),
+        ]
+        if self._address.bitrate is not None:
+            command += ["--bitrate", str(self._address.bitrate)]
+        if name == "firmware":
+            command += ["--attach-wait", str(_ATTACH_WAIT_S), *self._firmware_options]
+        elif self._record is not None and self._address.is_embedded:
+            command += ["--await-peer", recorder.NAME]
+        if self._speed != REALTIME and self._address.is_embedded:
+            command += ["--core", str(self._core)]
+        try:
+            process = subprocess.Popen(
+                command, pass_fds=(write_end,), stdin=subprocess.DEVNULL, start_new_session=True
+            )
+        finally:
+            os.close(write_end)
+        return WatchedSide(name, process, read_end)
+
+    def _follow(self, on_report: OnReport, stop: threading.Event) -> None:
+        """Hand on reports until both sides have closed their pipes, one has failed, or `stop`."""
+        with selectors.DefaultSelector() as selector:
+            for side in self._sides:
+                selector.register(side.pipe, selectors.EVENT_READ, side)
+            while selector.get_map() and not stop.is_set():
+                for key, _ in selector.select(_POLL_S):
+                    side = key.data
+                    for report in side.read():
+                        self._note(report)
+                        on_report(report)
+                    if not side.is_open:
+                        selector.unregister(side.pipe)
+                        side.process.wait()
+                        if side.process.returncode != 0:
+                            self._let_other_end(side)
+                            return
+
+    def _let_other_end(self, failed: WatchedSide) -> None:
+        """Give the remaining side a moment to notice and report it."""
+        for side in self._sides:
+            if side is not failed:
+                try:
+                    side.process.wait(_GRACE_S if self._address.is_embedded else 0.0)
+                except subprocess.TimeoutExpired:
+                    side.process.terminate()
+
+    def _note(self, report: JsonObject) -> None:
+        if report["side"] != "hardware":
+            return
+        if report["kind"] == "ready" and self._record is not None:
+            lossless = self._speed != REALTIME
+            self._recorder = recorder.Recorder(
+                self._record, self._address, lossless, self._note_of_recording()
+            )
+        elif report["kind"] == "started":
+            self._started_ns = time.monotonic_ns()
+        elif report["kind"] == "summary":
+            self._ended_ns = time.monotonic_ns()
+
+    def _drain(self, on_report: OnReport) -> None:
+        """Read the last reports of processes that have ended."""
+        ended_ns = self._ended_ns
+        for side in self._sides:
+            while side.is_open:
+                for report in side.read():
+                    on_report(report)
+            os.close(side.pipe)
+        self._ended_ns = ended_ns
+
+    def _note_of_recording(self) -> Note:
+        return Note(
+            interface=self._address.interface,
+            channel=self._address.channel,
+            scenario_name=self._name,
+            scenario=self._scenario.model_dump(mode="json"),
+            speed="max" if self._speed is None else self._speed,
+        )
+
+    def _close_recorder(self) -> None:
+        if self._recorder is None or self._record is None:
+            return
+        self._recorder.close(_BUS_ENDS_S if self._address.is_embedded else _GRACE_S)
+        for side in self._sides:
+            if side.name == "firmware" and side.summary:
+                sha256 = side.summary.get("navigation_sha256")
+                try:
+                    recorder.add_result(self._record, self._recorder.note, sha256)
+                except RecordError as error:
+                    self._recorder.failure = self._recorder.failure or f"its note: {error}"
+
+    def _failure(self) -> RehearsalError | None:
+        """Return why the rehearsal failed: the side that was killed before the one that noticed."""
+        failed = [side for side in self._sides if side.process.returncode != 0]
+        rate_hz = self._scenario.rate_hz
+        for side in failed:
+            if side.was_killed:
+                name = signal.Signals(-side.process.returncode).name
+                at = f"after {side.epoch / rate_hz:.0f} s of simulated time"
+                return SideLostError(
+                    f"the {side.name} process {side.process.pid} was killed by {name} {at}"
+                )
+        for side in failed:
+            if side.error:
+                kinds = {BusError.exit_status: BusError, SideLostError.exit_status: SideLostError}
+                kind = kinds.get(side.error["exit_status"], RehearsalError)
+                return kind(side.error["message"])
+        for side in failed:
+            status = side.process.returncode
+            return SideLostError(f"the {side.name} process ended with status {status}")
+        if self._recorder is not None and self._recorder.failure is not None:
+            return RecordError(f"recording {self._record}: {self._recorder.failure}")
+        return None
+
+    def _outcome(self, failure: RehearsalError | None) -> Outcome:
+        summaries = {side.name: side.summary for side in self._sides}
+        wall_s = 0.0 if self._started_ns is None else (self._ended_ns - self._started_ns) * 1e-9
+        return Outcome(
+            summaries.get("firmware", {}), summaries.get("hardware", {}), wall_s, failure
+        )
+
+
+def default_address(interface: str, channel: str | None, bitrate: int | None) -> Address:
+    """Return the bus for the options of a rehearsal.
+
+    Raises
+    ------
+    BusError
+        When an interface other than the embedded one is named without a channel.
+    """
+    if channel is None:
+        if interface != EMBEDDED:
+            raise BusError(f"interface {interface}: needs a --channel, such as vcan0 or can0")
+        channel = free_channel()
+    return Address(interface, channel, bitrate)

@@ -1,0 +1,348 @@
+"""A run of a scenario from start to end: simulated in this process, or rehearsed as two."""
+
+from __future__ import annotations
+
+import tempfile
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from rich.console import Console
+
+from rrins.dbc.record import Records
+from rrins.firmware_py.core.memory import NavigationOutput
+from rrins.firmware_py.serial.lines import NO_LINES, SerialSettings
+from rrins.host_tools import interruption
+from rrins.host_tools.bus.port import Address
+from rrins.host_tools.errors import FirmwareFaultError, RehearsalError
+from rrins.host_tools.files import JsonObject
+from rrins.host_tools.hardware.memory import Truth
+from rrins.host_tools.recording.errors import RecordError
+from rrins.host_tools.recording.formats import check_path
+from rrins.host_tools.runs.direct import run_direct, run_without_frames
+from rrins.host_tools.runs.display import RunDisplay
+from rrins.host_tools.runs.fast import FastRun
+from rrins.host_tools.runs.job import prepare_firmware, prepare_hardware
+from rrins.host_tools.runs.outcome import Outcome
+from rrins.host_tools.runs.rehearsal import Interrupted, Rehearsal, default_address
+from rrins.host_tools.runs.results import Errors, compare, read_samples_of
+from rrins.host_tools.runs.samples import SamplesError
+from rrins.host_tools.runs.settings import (
+    check_files,
+    firmware_settings,
+    hardware_settings,
+    scenario_wire,
+)
+from rrins.host_tools.runs.summary import summarise, write_results
+from rrins.host_tools.scenario.scenario import Scenario
+from rrins.host_tools.serial import slcan
+from rrins.host_tools.serial.arguments import arguments_of
+
+_PROBE_S = 60.0  # simulated
+
+
+@dataclass(frozen=True)
+class RunResult:
+    """What a run left.
+
+    Attributes
+    ----------
+    name : str
+        Of the scenario.
+    scenario : Scenario
+    summary : dict
+        One object with the same keys whichever way it was run; see `docs/scenarios.md`.
+    errors : Errors
+        Navigation minus truth.
+    navigation : array of `NavigationOutput`
+        At 10 Hz or less.
+    truth : array of `Truth`
+        In the same epochs.
+    failure : RehearsalError or None
+        Why the run did not come to its end, or went wrong beside it.
+    """
+
+    name: str
+    scenario: Scenario
+    summary: JsonObject
+    errors: Errors
+    navigation: Records[NavigationOutput]
+    truth: Records[Truth]
+    failure: RehearsalError | None
+
+    @property
+    def title(self) -> str:
+        """What stands above the tables and pictures of the run."""
+        return self.scenario.title or self.name
+
+    def write(self, folder: Path) -> list[Path]:
+        """Write summary, errors and pictures into a folder; return their paths.
+
+        Raises
+        ------
+        RehearsalError
+            When one cannot be written.
+        """
+        return write_results(folder, self.summary, self.errors, self.title)
+
+    def check(self) -> None:
+        """Raise what went wrong.
+
+        Raises
+        ------
+        RehearsalError
+            `failure`.
+        FirmwareFaultError
+            When the firmware never navigated, or ended in FAULT.
+        """
+        if self.failure is not None:
+            raise self.failure
+        firmware = self.summary["firmware"]
+        fault = firmware.get("fault", "NONE")
+        if not firmware.get("epochs_navigated"):
+            raise FirmwareFaultError(f"the firmware never navigated{_reason(firmware)}")
+        if fault != "NONE":
+            raise FirmwareFaultError(f"the firmware ended in FAULT: {fault}")
+
+
+def _reason(firmware: JsonObject) -> str:
+    fault = firmware.get("fault", "NONE")
+    if fault != "NONE":
+        return f": {fault}"
+    faults = [f"{name} {count}" for name, count in firmware.get("faults", {}).items() if count]
+    return f"; counted: {', '.join(faults)}" if faults else ""
+
+
+def _result(
+    name: str, scenario: Scenario, way: str, folder: Path, outcome: Outcome, stopped: str | None
+) -> RunResult:
+    """Return what the sides left in a folder, and remove their samples from there."""
+    navigation, truth = read_samples_of(folder)
+    errors = compare(navigation, truth, scenario.rate_hz)
+    summary = summarise(name, scenario, way, outcome, errors, stopped)
+    return RunResult(name, scenario, summary, errors, navigation, truth, outcome.failure)
+
+
+def folder_of(out: Path | None, name: str) -> Path:
+    """Return the folder of a run, made if need be.
+
+    Raises
+    ------
+    RehearsalError
+        When it cannot be made.
+    """
+    folder = out if out is not None else Path("out") / Path(name).stem
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise RehearsalError(f"--out {folder}: cannot be made: {error.strerror}") from error
+    return folder
+
+
+def _samples_in(folder: Path | None) -> AbstractContextManager[str]:
+    """Return where the sides put their samples: a folder that stays, or one for the run alone."""
+    if folder is not None:
+        return nullcontext(str(folder))
+    return tempfile.TemporaryDirectory(prefix="rrins-")
+
+
+@dataclass(frozen=True)
+class Overrides:
+    """What differs from the scenario's file."""
+
+    duration_s: float | None = None
+    seed: int | None = None
+
+    def options(self) -> tuple[str, ...]:
+        """Return the command-line options that say so."""
+        named = (("duration", self.duration_s), ("seed", self.seed))
+        return tuple(f"--{name}={value!r}" for name, value in named if value is not None)
+
+
+@dataclass(frozen=True)
+class BusOptions:
+    """The bus as the options name it."""
+
+    interface: str = "rrins"
+    channel: str | None = None
+    bitrate: int | None = None
+
+    def address(self) -> Address:
+        """Return the bus that is meant; a free channel where none is named."""
+        return default_address(self.interface, self.channel, self.bitrate)
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What is to be rehearsed, and how.
+
+    Attributes
+    ----------
+    name : str
+        Built-in scenario or file: both sides load it themselves.
+    scenario : Scenario
+        The same, with `overrides` applied.
+    overrides : Overrides
+    bus : BusOptions
+    speed : float or None
+        1.0 is real time, another factor limits lockstep, None is as fast as it goes.
+    serial : SerialSettings
+        The firmware's serial lines.
+    """
+
+    name: str
+    scenario: Scenario
+    overrides: Overrides = Overrides()
+    bus: BusOptions = BusOptions()
+    speed: float | None = None
+    serial: SerialSettings = NO_LINES
+
+    def lasting(self, duration_s: float) -> Plan:
+        """Return the same with another duration."""
+        return replace(
+            self,
+            scenario=self.scenario.model_copy(update={"duration_s": duration_s}),
+            overrides=replace(self.overrides, duration_s=duration_s),
+        )
+
+    def rehearsal(self, address: Address, folder: Path, record: Path | None) -> Rehearsal:
+        """Return the rehearsal, ready to run."""
+        options = self.overrides.options()
+        serial = arguments_of(self.serial)
+        return Rehearsal(
+            self.name, self.scenario, options, address, self.speed, folder, record, serial
+        )
+
+
+def check(plan: Plan, record: Path | None = None) -> Address:
+    """Return the bus of a plan, when everything that it names is there.
+
+    Raises
+    ------
+    RehearsalError
+        One line: what cannot be had, or cannot be written.
+    """
+    if record is not None:
+        check_path(record)
+    check_files(plan.scenario)
+    address = plan.bus.address()
+    slcan.refuse_one_for_two(address)
+    return address
+
+
+def fit(plan: Plan, limit_s: float) -> Plan:
+    """Return the plan, shortened to whole cycles of the scheme if it would take too long.
+
+    A short rehearsal on the same bus measures how long it would take.
+    """
+    address = plan.bus.address()
+    probe = plan.lasting(min(_PROBE_S, plan.scenario.duration_s))
+    probe = replace(probe, serial=NO_LINES)
+    with (
+        tempfile.TemporaryDirectory(prefix="rrins-") as folder,
+        RunDisplay(probe.scenario, Console(stderr=True)) as display,
+    ):
+        display.say("measuring the speed (the first start compiles, about 30 s)")
+        outcome = probe.rehearsal(address, Path(folder), None).run(lambda report: None)
+    if outcome.failure is not None:
+        raise outcome.failure
+    expected_s = outcome.wall_s * plan.scenario.epochs / probe.scenario.epochs
+    if expected_s <= limit_s:
+        return plan
+    cycle_s = plan.scenario.scheme.cycle_s
+    cycles = max(1, int(plan.scenario.duration_s * limit_s / expected_s / cycle_s))
+    return plan.lasting(min(plan.scenario.duration_s, cycles * cycle_s))
+
+
+def rehearse(
+    plan: Plan,
+    display: RunDisplay,
+    folder: Path | None = None,
+    record: Path | None = None,
+    name: str | None = None,
+) -> RunResult:
+    """Rehearse: both sides as processes on one bus.
+
+    Parameters
+    ----------
+    plan : Plan
+    display : RunDisplay
+        Shows progress; entered.
+    folder : Path, optional
+        Where the sides put their samples as they run.
+    record : Path, optional
+        Log of the bus, in the format that its ending names.
+    name : str, optional
+        What the scenario is called in the results; the plan's without it.
+
+    Raises
+    ------
+    RehearsalError
+        When the rehearsal cannot begin. What goes wrong later is the result's `failure`.
+    """
+    address = check(plan, record)
+    with _samples_in(folder) as samples:
+        display.say(f"starting on {address}")
+        outcome = plan.rehearsal(address, Path(samples), record).run(display.report)
+        failed_beside = outcome.failure is None or isinstance(outcome.failure, RecordError)
+        stopped = None if failed_beside else str(outcome.failure)
+        result = _result(
+            name or plan.name, plan.scenario, address.interface, Path(samples), outcome, stopped
+        )
+    result.summary["speed"] = "max" if plan.speed is None else plan.speed
+    return result
+
+
+def simulate(
+    name: str,
+    scenario: Scenario,
+    display: RunDisplay,
+    folder: Path | None = None,
+    with_frames: bool = False,
+    serial: SerialSettings = NO_LINES,
+) -> RunResult:
+    """Run both sides in this process, without a bus.
+
+    Parameters
+    ----------
+    name : str
+        Of the scenario.
+    scenario : Scenario
+    display : RunDisplay
+        Shows progress; entered.
+    folder : Path, optional
+        Where the sides put their samples as they run.
+    with_frames : bool
+        Whether frames are passed even where nothing needs them: faults on the wire and serial
+        lines do.
+    serial : SerialSettings
+        The firmware's NMEA output.
+
+    Raises
+    ------
+    RehearsalError
+        When the run cannot begin. What goes wrong later is the result's `failure`.
+    """
+    with interruption.as_event() as stop, _samples_in(folder) as samples:
+        display.report({"kind": "preparing", "side": "firmware"})
+        needs_frames = with_frames or scenario_wire(scenario) is not None or serial.nmea is not None
+        if needs_frames:
+            prepare_firmware(scenario)
+            prepare_hardware(scenario)
+        else:
+            FastRun.of(firmware_settings(scenario), hardware_settings(scenario)).run(2)
+        display.report({"kind": "started", "side": "hardware"})
+        try:
+            if needs_frames:
+                outcome = run_direct(
+                    scenario, Path(samples), display.progress, stop.is_set, serial, display.note
+                )
+            else:
+                outcome = run_without_frames(scenario, Path(samples), display.progress, stop.is_set)
+        except SamplesError as error:  # what was written until then is worth a picture
+            outcome = Outcome(failure=error)
+        if outcome.failure is None and stop.is_set():
+            outcome = replace(outcome, failure=Interrupted("stopped by the user"))
+        stopped = None if outcome.failure is None else str(outcome.failure)
+        way = "direct" if needs_frames else "fast"
+        return _result(name, scenario, way, Path(samples), outcome, stopped)

@@ -1,0 +1,190 @@
+"""The summary of a run: one object with the same keys whichever way it was run, and its table."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from rich.table import Table
+
+from rrins.host_tools.files import JsonObject
+from rrins.host_tools.runs.outcome import Outcome
+from rrins.host_tools.runs.results import Errors, write_errors, write_summary
+from rrins.host_tools.runs.settings import trajectory_of
+from rrins.host_tools.scenario.scenario import Scenario
+
+
+def frames_lost(firmware: JsonObject, hardware: JsonObject) -> int | None:
+    """Return the frames that one side sent and the other did not get; None if a side is mute."""
+    if not firmware or not hardware:
+        return None
+    up = int(hardware["frames_sent"]) - int(firmware["frames_received"])
+    down = int(firmware["frames_sent"]) - int(hardware["frames_received"])
+    return max(0, up) + max(0, down)
+
+
+def _motion_of(scenario: Scenario) -> JsonObject:
+    """Return what the vehicle does, and what a recording had to be mended for."""
+    trajectory = trajectory_of(scenario)
+    notes = [] if trajectory is None else list(trajectory.notes)
+    return {"kind": scenario.motion.kind, "notes": notes}
+
+
+def summarise(
+    name: str,
+    scenario: Scenario,
+    interface: str,
+    outcome: Outcome,
+    errors: Errors,
+    stopped: str | None = None,
+) -> JsonObject:
+    """Return the summary object of a run.
+
+    Parameters
+    ----------
+    outcome : Outcome
+    stopped : str, optional
+        Why the run did not come to its end.
+    """
+    firmware, hardware, wall_s = outcome.firmware, outcome.hardware, outcome.wall_s
+    epochs = int(hardware.get("epochs", 0))
+    overruns = firmware.get("lateness_us", {}).get("overruns", 0)
+    overruns += hardware.get("lateness_us", {}).get("overruns", 0)
+    return {
+        "scenario": name,
+        "title": scenario.title,
+        "completed": stopped is None,
+        "stopped": stopped,
+        "interface": interface,
+        "duration_s": scenario.duration_s,
+        "rate_hz": scenario.rate_hz,
+        "seed": scenario.seed,
+        "initial_attitude": scenario.firmware.initial_attitude,
+        "height_channel": scenario.firmware.height_channel,
+        "motion": _motion_of(scenario),
+        "epochs": epochs,
+        "wall_s": round(wall_s, 3),
+        "epochs_per_s": round(epochs / wall_s, 1) if wall_s > 0 else 0.0,
+        "frames_lost": frames_lost(firmware, hardware),
+        "overruns": overruns,
+        **errors.largest(),
+        "error_sample_interval_s": errors.sample_interval_s,
+        "navigation_sha256": firmware.get("navigation_sha256"),
+        "paper": None if scenario.paper is None else scenario.paper.model_dump(),
+        "firmware": firmware,
+        "hardware": hardware,
+    }
+
+
+def write_results(folder: Path, summary: JsonObject, errors: Errors, title: str) -> list[Path]:
+    """Write pictures, errors and summary of a run into a folder; return their paths.
+
+    Raises
+    ------
+    RehearsalError
+        When one cannot be written; the summary is the first, then the pictures.
+    """
+    from rrins.host_tools.runs.plots import (
+        write_plots,  # half a second that only pictures are worth
+    )
+
+    write_summary(folder / "summary.json", summary)  # what is smallest is there on a full disk
+    paths = write_plots(folder, errors, title)
+    if len(errors):
+        write_errors(folder / "errors.csv", errors)
+        paths.append(folder / "errors.csv")
+    return [*paths, folder / "summary.json"]
+
+
+def _shown(value: float | None, unit: str) -> str:
+    if value is None:
+        return "-"
+    if unit == "m" and abs(value) >= 1000:
+        return f"{value / 1000:.3g} km"
+    if abs(value) < 0.1 and value != 0:
+        return f"{value * 1000:.3g} m{unit}"
+    return f"{value:.3g} {unit}"
+
+
+def cells_of(summary: JsonObject) -> list[list[str]]:
+    """Return the cells of the table of a run: its head, then a row for each kind of error."""
+    paper = summary["paper"] or {}
+    rows = [["largest error", "east", "north", *(["paper, east", "paper, north"] if paper else [])]]
+    for label, key, unit in (
+        ("position", "max_abs_position_error_m", "m"),
+        ("velocity", "max_abs_velocity_error_mps", "m/s"),
+    ):
+        found = [summary[key] or {}, *([paper.get(key) or {}] if paper else [])]
+        cells = [_shown(one.get(side), unit) for one in found for side in ("east", "north")]
+        rows.append([label, *cells])
+    return rows
+
+
+def table_of(summary: JsonObject) -> Table:
+    """Return the table that a person sees at the end of a run."""
+    head, *rows = cells_of(summary)
+    table = Table(title=summary["title"] or summary["scenario"], title_justify="left")
+    table.add_column(head[0], no_wrap=True)
+    for name in head[1:]:
+        table.add_column(name, justify="right")
+    for row in rows:
+        table.add_row(*row)
+    return table
+
+
+def _lateness_line(side: str, lateness: JsonObject) -> str:
+    return (
+        f"{side:>8} lateness: p50 {lateness['p50']:.0f} µs, p99 {lateness['p99']:.0f} µs, "
+        f"p99.9 {lateness['p999']:.0f} µs, max {lateness['max']:.0f} µs, "
+        f"{lateness['overruns']} overruns in {lateness['epochs']} epochs"
+    )
+
+
+def _wire_line(wire: JsonObject) -> str:
+    slowest = max(wire["messages"], key=lambda name: wire["messages"][name]["worst_response_us"])
+    return (
+        f"wire at {wire['bitrate'] // 1000} kbit/s: load {wire['load']:.1%}, "
+        f"worst 100 ms {wire['worst_window_load']:.1%}; slowest {slowest}, "
+        f"{wire['messages'][slowest]['worst_response_us']:.0f} µs from request to end"
+    )
+
+
+def _keys_of(calibration: JsonObject) -> str:
+    tables = (f"{kind} {', '.join(calibration[kind])}" for kind in calibration if kind != "file")
+    return "; ".join(tables) or "holds nothing"
+
+
+def lines_of(summary: JsonObject) -> list[str]:
+    """Return the lines below the table: how the run went."""
+    firmware = summary["firmware"]
+    lines = [
+        f"{summary['epochs']} epochs in {summary['wall_s']:.1f} s: "
+        f"{summary['epochs_per_s']:.0f} epochs/s, "
+        f"{summary['epochs_per_s'] / summary['rate_hz']:.0f} times real time; "
+        f"{summary['frames_lost']} frames lost, {summary['overruns']} overruns",
+        f"initial attitude {summary['initial_attitude']}, height {summary['height_channel']}; "
+        f"navigation sha256 {(summary['navigation_sha256'] or '-')[:16]}…",
+    ]
+    lines.extend(f"motion: {note}" for note in summary["motion"]["notes"])
+    calibration = firmware.get("calibration")
+    if calibration is not None:
+        lines.append(f"calibration {calibration['file']}: {_keys_of(calibration)}")
+    paper_s = (summary["paper"] or {}).get("duration_s")
+    if paper_s not in (None, summary["duration_s"]):
+        lines.append(
+            f"over {summary['duration_s']:g} s; the paper's figures are over {paper_s:g} s"
+        )
+    for side in ("firmware", "hardware"):
+        lateness = summary[side].get("lateness_us", {})
+        if lateness.get("epochs"):
+            lines.append(_lateness_line(side, lateness))
+    wire = summary["hardware"].get("wire")
+    if wire:
+        lines.append(_wire_line(wire))
+    faults = {name: count for name, count in firmware.get("faults", {}).items() if count}
+    if faults:
+        counted = ", ".join(f"{name} {count}" for name, count in faults.items())
+        lines.append(f"faults counted by the firmware: {counted}")
+    for axis, lost in zip(("inner", "outer"), firmware.get("axes_not_following", ()), strict=False):
+        if lost:
+            lines.append(f"the {axis} axis did not follow its command")
+    return lines

@@ -1,0 +1,199 @@
+"""The tables `[[faults]]` of a scenario: faults on the wire and of the hardware."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Mapping
+from typing import Annotated, Any, Final, Literal, get_args
+
+from pydantic import Field, model_validator
+
+from rrins.dbc.codec import load as load_codec
+from rrins.dbc.contract import SENSOR_GROUPS
+from rrins.host_tools.hardware.fault_values import VALUES, FaultValue
+from rrins.host_tools.hardware.faults import EVERY, HardwareFault
+from rrins.host_tools.hardware.memory import INNER, OUTER
+from rrins.host_tools.hardware.settings import PlannedFault
+from rrins.host_tools.scenario.tables import TomlTable
+from rrins.host_tools.wire.faults import ANY_IDENTIFIER, FaultKind, Node, WireFault
+
+
+class _Timed(TomlTable):
+    """When a fault is present."""
+
+    at_s: float = Field(default=0.0, ge=0)
+    """After power-on of the hardware."""
+    for_s: float | None = Field(default=None, gt=0)
+    """Duration; to the end by default."""
+
+    def epochs(self, rate_hz: int) -> tuple[int, int]:
+        """Return the first and the last epoch; -1 as the last means to the end."""
+        first = round(self.at_s * rate_hz)
+        if self.for_s is None:
+            return first, -1
+        return first, first + max(1, round(self.for_s * rate_hz)) - 1
+
+    def _refuse_keys_of_other_kinds(self, kind: str, keys: Mapping[str, tuple[str, ...]]) -> None:
+        """Raise if a key is given that does not apply to the kind; `keys` has the kinds of each."""
+        for key, kinds in keys.items():
+            if key not in self.model_fields_set or kind in kinds:
+                continue
+            if getattr(self, key) != type(self).model_fields[key].default:
+                raise ValueError(f"{key}: does not apply to {kind}, only to {', '.join(kinds)}")
+
+
+class FaultOnWire(_Timed):
+    """A fault on the wire."""
+
+    kind: Literal[
+        "drop",
+        "delay",
+        "duplicate",
+        "reorder",
+        "corrupt_wire",
+        "corrupt",
+        "wrong_counter",
+        "babble",
+        "silence",
+        "bus_off",
+        "cut",
+        "stale",
+    ]
+    message: str | None = None
+    """Message concerned; by default all messages of the node."""
+    node: Literal["any", "firmware", "hardware"] = "any"
+    probability: float = Field(default=1.0, gt=0, le=1)
+    delay_s: float = Field(default=0.01, gt=0, le=60)
+    frames_per_epoch: int = Field(default=20, ge=1, le=200)
+    bit: int | None = Field(default=None, ge=0, le=63)
+
+    @model_validator(mode="after")
+    def _known(self) -> FaultOnWire:
+        if self.message is not None and self.message not in _message_names():
+            near = difflib.get_close_matches(self.message, _message_names(), 1)
+            hint = f", did you mean {near[0]}?" if near else ""
+            raise ValueError(f"message: the DBC has no {self.message}{hint}")
+        return self
+
+    @model_validator(mode="after")
+    def _fitting(self) -> FaultOnWire:
+        of = {"delay_s": ("delay",), "frames_per_epoch": ("babble",), "bit": ("corrupt",)}
+        self._refuse_keys_of_other_kinds(self.kind, of)
+        return self
+
+    def fault(self, rate_hz: int) -> WireFault:
+        """Return the fault, its times in epochs."""
+        first, last = self.epochs(rate_hz)
+        kind = FaultKind[self.kind.upper()]
+        parameter = {
+            FaultKind.DELAY: max(1, round(self.delay_s * rate_hz)),
+            FaultKind.BABBLE: self.frames_per_epoch,
+            FaultKind.CORRUPT: 0 if self.bit is None else self.bit + 1,
+        }.get(kind, 0)
+        return WireFault(
+            kind=kind,
+            node=Node[self.node.upper()],
+            identifier=(
+                ANY_IDENTIFIER if self.message is None else load_codec().frame_id(self.message)
+            ),
+            first_epoch=first,
+            last_epoch=last,
+            probability=self.probability,
+            parameter=parameter,
+        )
+
+
+def _message_names() -> list[str]:
+    return [message.name for message in load_codec().database.messages]
+
+
+def _limited(kind: HardwareFault, default: float) -> Any:
+    """Return the field of a kind's value."""
+    return Field(default=default, ge=VALUES[kind].minimum, le=VALUES[kind].maximum)
+
+
+class FaultOfHardware(_Timed):
+    """A failure of the hardware."""
+
+    kind: str
+
+    @model_validator(mode="after")
+    def _fitting(self) -> FaultOfHardware:
+        own = {value.key: (kind.name.lower(),) for kind, value in VALUES.items()}
+        self._refuse_keys_of_other_kinds(self.kind, own)
+        return self
+
+    @property
+    def hardware_kind(self) -> HardwareFault:
+        """The kind, as the hardware knows it."""
+        return HardwareFault[self.kind.upper()]
+
+    @property
+    def target(self) -> int:
+        """Index of the axis or the sensor; `EVERY` for all sensors of the kind."""
+        raise NotImplementedError
+
+    @property
+    def value(self) -> float:
+        """The kind's value, in the unit of its key; 0 for a kind that has none."""
+        described: FaultValue | None = VALUES.get(self.hardware_kind)
+        return 0.0 if described is None else float(getattr(self, described.key))
+
+    def planned(self, rate_hz: int) -> PlannedFault:
+        """Return the fault, its times in epochs, its value in SI units."""
+        kind = self.hardware_kind
+        value = self.value * VALUES[kind].unit if kind in VALUES else 0.0
+        return PlannedFault(kind, self.target, *self.epochs(rate_hz), value)
+
+
+class FaultOfAxis(FaultOfHardware):
+    """An axis of the turntable that fails."""
+
+    kind: Literal["axis_stall", "axis_runaway", "encoder_stuck", "encoder_offset"]
+    axis: Literal["inner", "outer"]
+    rate_dps: float = _limited(HardwareFault.AXIS_RUNAWAY, 5.0)
+    """Of a runaway."""
+    offset_deg: float = _limited(HardwareFault.ENCODER_OFFSET, 1.0)
+    """Slip of the encoder."""
+
+    @property
+    def target(self) -> int:
+        """Index of the axis."""
+        return INNER if self.axis == "inner" else OUTER
+
+
+class FaultOfSensor(FaultOfHardware):
+    """A gyro or an accelerometer that fails."""
+
+    kind: Literal[
+        "gyro_stuck",
+        "gyro_bias",
+        "gyro_noise",
+        "gyro_absent",
+        "accelerometer_stuck",
+        "accelerometer_bias",
+        "accelerometer_noise",
+        "accelerometer_absent",
+    ]
+    sensor: int | None = Field(default=None, ge=1, le=SENSOR_GROUPS)
+    """From 1; all sensors of the kind by default."""
+    bias_dph: float = _limited(HardwareFault.GYRO_BIAS, 10.0)
+    bias_ug: float = _limited(HardwareFault.ACCELEROMETER_BIAS, 1000.0)
+    angle_random_walk_deg_per_sqrt_h: float = _limited(HardwareFault.GYRO_NOISE, 1.0)
+    white_noise_ug_per_sqrt_hz: float = _limited(HardwareFault.ACCELEROMETER_NOISE, 1000.0)
+
+    @property
+    def target(self) -> int:
+        """Index of the sensor; `EVERY` for all of the kind."""
+        return EVERY if self.sensor is None else self.sensor - 1
+
+
+AnyFault = Annotated[FaultOnWire | FaultOfAxis | FaultOfSensor, Field(discriminator="kind")]
+"""Any fault; `kind` tells them apart."""
+
+KINDS: Final[dict[str, type[TomlTable]]] = {
+    kind: table
+    for table in (FaultOnWire, FaultOfAxis, FaultOfSensor)
+    for kind in get_args(table.model_fields["kind"].annotation)
+}
+"""The table that each kind of fault has."""

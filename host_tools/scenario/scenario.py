@@ -1,0 +1,430 @@
+"""A scenario: one TOML file that says what is rehearsed, for both sides.
+
+`Scenario` is the file as a person writes it, checked; its tables are in `scenario.tables`.
+`rrins.host_tools.runs.settings` makes of it what each side is set up with.
+"""
+
+from __future__ import annotations
+
+import difflib
+import html
+import tomllib
+from collections.abc import Mapping
+from importlib import resources
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import tomli_w
+from pydantic import BaseModel, Field, TypeAdapter, ValidationError, model_validator
+
+import rrins.firmware_py.core.settings
+from rrins.host_tools.errors import ScenarioError
+from rrins.host_tools.hardware.memory import FAULT_CAPACITY
+from rrins.host_tools.scenario import presets
+from rrins.host_tools.scenario.fault_tables import (
+    KINDS,
+    AnyFault,
+    FaultOfAxis,
+    FaultOfSensor,
+    FaultOnWire,
+)
+from rrins.host_tools.scenario.motion import Motion
+from rrins.host_tools.scenario.schemes import SCHEMES
+from rrins.host_tools.scenario.tables import (
+    Accelerometers,
+    Altimeter,
+    Body,
+    Bus,
+    Firmware,
+    Gyros,
+    OperatorRequest,
+    Paper,
+    PerSensor,
+    Rimu,
+    Site,
+    Thermal,
+    TomlTable,
+    Turntable,
+    each,
+)
+
+_NAVIGATE = {"strapdown": "NAVIGATE_STRAPDOWN", "rotating": "NAVIGATE_ROTATING"}
+
+
+class Scenario(TomlTable):
+    """A rehearsal, whole."""
+
+    title: str = ""
+    mode: Literal["strapdown", "rotating"] = "rotating"
+    duration_s: float = Field(gt=0, le=10_000_000)
+    """How long it navigates."""
+    rate_hz: Annotated[int, Field(ge=50, le=1000)] = 200
+    seed: int = Field(default=1, ge=0)
+    navigate_at_s: float = Field(default=1.0, ge=0, le=3600)
+    """When the operator asks for navigation, unless `operator` says otherwise."""
+    site: Site = Site()
+    body: Body = Body()
+    rimu: Rimu = Rimu()
+    sensors: str | None = None
+    """Preset that the keys of `gyros` and `accelerometers` are changes to."""
+    gyros: Gyros = Gyros()
+    accelerometers: Accelerometers = Accelerometers()
+    thermal: Thermal = Thermal()
+    altimeter: Altimeter | None = None
+    turntable: Turntable = Turntable()
+    motion: Motion = Motion()
+    firmware: Firmware = Firmware()
+    operator: tuple[OperatorRequest, ...] = Field(default=(), max_length=30)
+    paper: Paper | None = None
+    bus: Bus = Bus()
+    faults: tuple[AnyFault, ...] = Field(default=(), max_length=100)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _with_preset(cls, data: Any) -> Any:
+        """Put the preset's values where the scenario has none of its own."""
+        if not isinstance(data, dict) or data.get("sensors") is None:
+            return data
+        name = data["sensors"]
+        if name not in presets.names():
+            known = ", ".join(presets.names())
+            raise ValueError(f"sensors: there is no preset {name!r}; there are {known}")
+        merged = dict(data)
+        for table, values in presets.tables_of(name).items():
+            own = merged.get(table, {})
+            if isinstance(own, dict):
+                merged[table] = values | own
+        return merged
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Scenario:
+        if 1_000_000_000 % self.rate_hz:
+            raise ValueError(f"rate_hz: the period of {self.rate_hz} Hz is no whole number of ns")
+        for kind, table, count in (
+            ("gyros", self.gyros, len(self.rimu.gyros)),
+            ("accelerometers", self.accelerometers, len(self.rimu.accelerometers)),
+        ):
+            of_preset = (
+                {} if self.sensors is None else presets.tables_of(self.sensors).get(kind, {})
+            )
+            for key, value in table.model_dump().items():
+                is_given = key in of_preset and value == _plain(of_preset[key])
+                origin = f', of sensors = "{self.sensors}"' if is_given else ""
+                _check_count(f"{kind}.{key}", value, count, origin)
+        self._check_faults()
+        if self.altimeter is not None and self.firmware.height_channel != "damped":
+            raise ValueError('altimeter: is used with firmware.height_channel = "damped" only')
+        moves = self.motion.kind in ("drive", "file")
+        if moves and self.firmware.height_channel == "held":
+            raise ValueError(
+                'firmware.height_channel: "held" is for a vehicle that keeps its height; a '
+                f'motion.kind = "{self.motion.kind}" needs "damped" with an [altimeter], or "free"'
+            )
+        _check_weights("gyro_weights", self.firmware.gyro_weights, len(self.rimu.gyros))
+        _check_weights(
+            "accelerometer_weights",
+            self.firmware.accelerometer_weights,
+            len(self.rimu.accelerometers),
+        )
+        settle_s = self.settle_s
+        if self.mode == "rotating" and self.firmware.stand_s < settle_s:
+            raise ValueError(
+                f"firmware.stand_s: {self.firmware.stand_s:g} s, but an axis comes to rest "
+                f"{settle_s:.3g} s after a turn without ramps would (turn rate / acceleration, "
+                "acceleration / jerk)"
+            )
+        for name, axis in (("inner", self.turntable.inner), ("outer", self.turntable.outer)):
+            if self.mode == "rotating" and axis.rate_limit_dps < self.firmware.turn_rate_dps:
+                raise ValueError(
+                    f"turntable.{name}.rate_limit_dps: {axis.rate_limit_dps:g}, below the "
+                    f"scheme's {self.firmware.turn_rate_dps:g}"
+                )
+        times = [request.at_s for request in self.operator]
+        if times != sorted(times):
+            raise ValueError("operator: the requests are not in order of time")
+        if self.operator and self.first_navigation_s is None:
+            raise ValueError("operator: nobody asks for navigation")
+        try:
+            _ = self.scheme
+        except ValidationError as error:
+            raise ValueError(f"firmware.scheme: {error.errors()[0]['msg']}") from error
+        return self
+
+    def _check_faults(self) -> None:
+        """Raise ValueError for faults that the hardware cannot have."""
+        counts = {"gyro": len(self.rimu.gyros), "accelerometer": len(self.rimu.accelerometers)}
+        for number, fault in enumerate(self.faults, 1):
+            if isinstance(fault, FaultOfSensor) and fault.sensor is not None:
+                count = counts[fault.kind.partition("_")[0]]
+                if fault.sensor > count:
+                    raise ValueError(f"faults.{number}.sensor: sensor {fault.sensor} of {count}")
+        of_hardware = sum(not isinstance(fault, FaultOnWire) for fault in self.faults)
+        if of_hardware > FAULT_CAPACITY:
+            raise ValueError(
+                f"faults: {of_hardware} of the hardware itself, {FAULT_CAPACITY} at most"
+            )
+
+    def varied(self, **changes: Any) -> Scenario:
+        """Return the scenario with some keys changed, checked.
+
+        A change is ``key=value`` for a top-level key, ``table__key=value`` for one of a table,
+        ``table__table__key=value`` for one of a table in a table.
+        Another preset of `sensors` takes the place of the one before; what the scenario has
+        changed of that stays changed.
+
+        Raises
+        ------
+        ScenarioError
+        """
+        values = self.model_dump(exclude_unset=True)
+        if "sensors" in changes and self.sensors is not None:
+            for kind, before in presets.tables_of(self.sensors).items():
+                own = values[kind].items()
+                values[kind] = {k: v for k, v in own if k not in before or v != _plain(before[k])}
+        for name, value in changes.items():
+            *tables, key = name.split("__")
+            place = values
+            for table in tables:
+                place[table] = dict(place.get(table) or {})
+                place = place[table]
+            place[key] = value
+        try:
+            return Scenario.model_validate(values)
+        except ValidationError as error:
+            raise ScenarioError(f"scenario {self.title!r}: {first_line(error)}") from error
+
+    def toml(self) -> str:
+        """Return the scenario as the TOML text of a file, wherever that file will be."""
+        table = self.model_dump(mode="json", exclude_unset=True, exclude_none=True)
+        _find_files(table, Path.cwd())
+        return tomli_w.dumps(table)
+
+    def _repr_html_(self) -> str:
+        """Return what a notebook shows: the keys that are set, as TOML."""
+        return f"<pre>{html.escape(self.toml())}</pre>"
+
+    @property
+    def scheme(self) -> rrins.firmware_py.core.settings.Scheme:
+        """The rotation scheme, resolved."""
+        scheme = self.firmware.scheme
+        turns = SCHEMES[scheme] if isinstance(scheme, str) else scheme
+        return rrins.firmware_py.core.settings.Scheme(
+            turns=turns, turn_rate_dps=self.firmware.turn_rate_dps, stand_s=self.firmware.stand_s
+        )
+
+    @property
+    def axis_acceleration_dps2(self) -> float:
+        """What the slower of the two axes does, as the firmware knows it from the data sheet."""
+        table = self.turntable
+        return min(table.inner.acceleration_limit_dps2, table.outer.acceleration_limit_dps2)
+
+    @property
+    def axis_rise_s(self) -> float:
+        """How long the slower of the two axes takes to reach its acceleration."""
+        return max(self.turntable.inner.rise_s, self.turntable.outer.rise_s)
+
+    @property
+    def settle_s(self) -> float:
+        """How much longer a turn takes than at the full rate from beginning to end."""
+        return self.firmware.turn_rate_dps / self.axis_acceleration_dps2 + self.axis_rise_s
+
+    @property
+    def navigation_epoch(self) -> int:
+        """The epoch in which navigation begins when nothing goes wrong."""
+        asked = self.first_navigation_s if self.operator else self.navigate_at_s
+        assert asked is not None
+        ready = max(round(asked * self.rate_hz), self.rate_hz)
+        return ready + max(1, round(self.firmware.alignment_s * self.rate_hz))
+
+    @property
+    def requests(self) -> tuple[OperatorRequest, ...]:
+        """What the operator asks for, in order of time."""
+        if self.operator:
+            return self.operator
+        request = {"at_s": self.navigate_at_s, "request": _NAVIGATE[self.mode]}
+        return (OperatorRequest.model_validate(request),)
+
+    @property
+    def first_navigation_s(self) -> float | None:
+        """When navigation is first asked for."""
+        asked = [r.at_s for r in self.operator if r.request.startswith("NAVIGATE")]
+        return min(asked) if asked else None
+
+    @property
+    def epochs(self) -> int:
+        """Epochs from power-on to the end: self-test, alignment, `duration_s` of navigation."""
+        return self.navigation_epoch + round(self.duration_s * self.rate_hz) + 1
+
+    @property
+    def period_ns(self) -> int:
+        """Sampling period."""
+        return 1_000_000_000 // self.rate_hz
+
+
+def _plain(value: Any) -> Any:
+    """Return a value of a TOML file as a model holds it."""
+    return tuple(value) if isinstance(value, list) else value
+
+
+def _check_count(where: str, value: Any, count: int, origin: str = "") -> None:
+    if isinstance(value, tuple) and len(value) != count:
+        raise ValueError(f"{where}: {len(value)} values for {count} sensors{origin}")
+
+
+def _check_weights(key: str, value: PerSensor, count: int) -> None:
+    _check_count(f"firmware.{key}", value, count)
+    if any(weight <= 0 for weight in each(value, count)):
+        raise ValueError(f"firmware.{key}: a weight must be above 0")
+
+
+def names() -> list[str]:
+    """Return the names of the built-in scenarios."""
+    folder = resources.files(__package__).joinpath("built_in")
+    return sorted(entry.name[:-5] for entry in folder.iterdir() if entry.name.endswith(".toml"))
+
+
+def text_of(name: str) -> str:
+    """Return the TOML text of a built-in scenario, or of a file.
+
+    Raises
+    ------
+    ScenarioError
+        When there is neither a built-in scenario nor a file of that name, or it cannot be read.
+    """
+    if name in names():
+        file = resources.files(__package__).joinpath("built_in", f"{name}.toml")
+        return file.read_text(encoding="utf-8")
+    path = Path(name)
+    try:
+        if path.exists():
+            return path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise ScenarioError(f"scenario {name}: cannot be read: {error}") from error
+    near = difflib.get_close_matches(name, names(), 1)
+    hint = f"did you mean {near[0]}?" if near else "see `rrins scenarios`"
+    raise ScenarioError(f"scenario {name}: neither built in nor a file; {hint}")
+
+
+def load(name: str, **overrides: Any) -> Scenario:
+    """Return a scenario, checked.
+
+    Parameters
+    ----------
+    name : str
+        Of a built-in scenario, or path of a TOML file.
+    **overrides
+        Top-level keys (`duration_s`, `seed`, …) that take the place of the file's; None leaves it.
+
+    Raises
+    ------
+    ScenarioError
+        One line: which scenario, which key, what is wrong.
+    """
+    try:
+        table = tomllib.loads(text_of(name))
+    except ValueError as error:  # also of a number with thousands of digits
+        raise ScenarioError(f"scenario {name}: not TOML: {error}") from error
+    except RecursionError as error:
+        raise ScenarioError(f"scenario {name}: nested too deeply") from error
+    table.update({key: value for key, value in overrides.items() if value is not None})
+    return parse(table, name, Path(name).parent)
+
+
+def parse(table: Mapping[str, Any], name: str, folder: Path = Path()) -> Scenario:
+    """Return a scenario from its keys, checked.
+
+    Parameters
+    ----------
+    table : mapping
+        As a TOML file gives it.
+    name : str
+        What errors call it.
+    folder : Path
+        What the files that it names are relative to.
+
+    Raises
+    ------
+    ScenarioError
+        One line: which key, what is wrong.
+    """
+    values = dict(table)
+    _find_files(values, folder)
+    try:
+        return Scenario.model_validate(values)
+    except ValidationError as error:
+        raise ScenarioError(f"scenario {name}: {first_line(error)}") from error
+
+
+def _find_files(table: dict[str, Any], folder: Path) -> None:
+    """Make the files that a scenario names relative to the folder that it stands in."""
+    for section, key in (("firmware", "calibration"), ("motion", "path")):
+        values = table.get(section)
+        if isinstance(values, dict) and isinstance(values.get(key), str):
+            table[section] = values | {key: str(folder / values[key])}
+
+
+_ANY_FAULT: TypeAdapter[FaultOnWire | FaultOfAxis | FaultOfSensor] = TypeAdapter(AnyFault)
+
+
+def fault_of(values: dict[str, Any]) -> FaultOnWire | FaultOfAxis | FaultOfSensor:
+    """Return a fault from the keys that a scenario's `[[faults]]` has.
+
+    Raises
+    ------
+    ScenarioError
+        One line: which key, what is wrong.
+    """
+    try:
+        return _ANY_FAULT.validate_python(values)
+    except ValidationError as error:
+        raise ScenarioError(f"fault: {first_line(error)}") from error
+
+
+def first_line(error: ValidationError, root: type[BaseModel] | None = None) -> str:
+    """Return the most telling fault that pydantic found in a model, in the words of a scenario."""
+    # A misspelt key tells more than the missing one; of the readings of a value that may be one
+    # thing or another, the one that got furthest.
+    first = max(error.errors(), key=lambda e: (e["type"] == "extra_forbidden", len(e["loc"])))
+    last = len(first["loc"]) - 1
+    where = ".".join(
+        str(part + 1) if isinstance(part, int) else part
+        for place, part in enumerate(first["loc"])
+        if isinstance(part, int) or (part.isidentifier() and (part not in KINDS or place == last))
+    )
+    if first["type"] == "extra_forbidden":
+        near = difflib.get_close_matches(
+            str(first["loc"][-1]), _keys(first["loc"][:-1], root or Scenario), 1
+        )
+        hint = f", did you mean {near[0]}?" if near else ""
+        text = f"{where}: no such key{hint}"
+    elif first["type"] == "value_error":
+        message = str(first["ctx"]["error"])
+        text = f"{where}: {message}" if where else message
+    elif first["type"] == "union_tag_invalid":
+        tag = first["ctx"]["tag"]
+        known = [name.strip(" '") for name in first["ctx"]["expected_tags"].split(",")]
+        near = difflib.get_close_matches(tag, known, 1)
+        hint = f", did you mean {near[0]}?" if near else f"; there are {', '.join(known)}"
+        text = f"{where}: kind: there is no fault {tag!r}{hint}".removeprefix(": ")
+    elif first["type"] == "union_tag_not_found":
+        text = f"{where}: kind: is missing".removeprefix(": ")
+    elif first["type"] == "missing":
+        text = f"{where}: is missing"
+    else:
+        text = f"{where}: {first['msg'][0].lower()}{first['msg'][1:]}, got {first['input']!r}"
+    others = error.error_count() - 1
+    return f"{text} (and {others} more)" if others else text
+
+
+def _keys(location: tuple[int | str, ...], root: type[BaseModel]) -> list[str]:
+    """Return the keys that a table of the model can have."""
+    model: Any = root
+    turn = rrins.firmware_py.core.settings.Turn
+    of = {"operator": OperatorRequest, "turns": turn, "scheme": turn, "altimeter": Altimeter}
+    for part in location:
+        if part in KINDS:
+            model = KINDS[str(part)]
+        elif isinstance(part, str) and part in model.model_fields:
+            annotation = model.model_fields[part].annotation
+            model = annotation if isinstance(annotation, type) else of.get(part, model)
+    return list(model.model_fields)

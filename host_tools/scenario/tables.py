@@ -1,0 +1,250 @@
+"""The tables of a scenario: every key, with unit and limits."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+import rrins.firmware_py.core.calibration
+import rrins.firmware_py.core.settings
+from rrins.dbc.contract import SENSOR_GROUPS
+from rrins.host_tools.scenario.geometry import GEOMETRIES, AxesDeg
+
+PerSensor = float | tuple[float, ...]
+"""One number for all sensors, or one per sensor."""
+
+LONGEST_RISE_S = 10.0
+"""Longest time in which an axis may reach its acceleration."""
+
+_Magnitude = Annotated[float, Field(ge=0)]
+_NotNegative = _Magnitude | tuple[_Magnitude, ...]
+
+
+class TomlTable(BaseModel):
+    """A table of a scenario."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+class Site(TomlTable):
+    """Where the vehicle stands, on WGS-84."""
+
+    latitude_deg: float = Field(default=40.3554, ge=-89.9, le=89.9)
+    longitude_deg: float = Field(default=116.668, ge=-180, le=180)
+    height_m: float = Field(default=40.0, ge=-1000, le=100_000)
+
+
+class Body(TomlTable):
+    """The vehicle's attitude."""
+
+    roll_deg: float = Field(default=0.0, ge=-180, le=180)
+    pitch_deg: float = Field(default=0.0, ge=-90, le=90)
+    heading_deg: float = Field(default=0.0, ge=-360, le=360)
+
+
+class Rimu(TomlTable):
+    """Design directions of the input axes: a built-in geometry, or angles for each kind."""
+
+    geometry: Literal["tetrahedron", "orthogonal", "dodecahedron", "cone", "custom"] = "tetrahedron"
+    gyro_axes_deg: tuple[tuple[float, float], ...] | None = None
+    accelerometer_axes_deg: tuple[tuple[float, float], ...] | None = None
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Rimu:
+        given = (self.gyro_axes_deg, self.accelerometer_axes_deg)
+        if self.geometry != "custom":
+            if given != (None, None):
+                raise ValueError('axes are for geometry = "custom" only')
+            return self
+        for name, axes in zip(("gyro_axes_deg", "accelerometer_axes_deg"), given, strict=True):
+            if axes is None:
+                raise ValueError(f'geometry = "custom" needs {name}')
+            if not 3 <= len(axes) <= SENSOR_GROUPS:
+                raise ValueError(f"{name}: {len(axes)} sensors, must be 3 to {SENSOR_GROUPS}")
+            if not _spans_space(axes):
+                raise ValueError(f"{name}: the axes lie in one plane")
+        return self
+
+    @property
+    def gyros(self) -> AxesDeg:
+        """Design directions of the gyros."""
+        return self.gyro_axes_deg or GEOMETRIES[self.geometry]
+
+    @property
+    def accelerometers(self) -> AxesDeg:
+        """Design directions of the accelerometers."""
+        return self.accelerometer_axes_deg or GEOMETRIES[self.geometry]
+
+
+class _Sensors(TomlTable):
+    """Errors that both kinds of sensors have. Paper, (13), (16), (17)."""
+
+    scale_error_ppm: PerSensor = 0.0
+    asymmetric_scale_error_ppm: PerSensor = 0.0
+    installation_u_arcsec: PerSensor = 0.0
+    installation_v_arcsec: PerSensor = 0.0
+    scale_repeatability_ppm: _NotNegative = 0.0
+    """Standard deviation over power-ups."""
+    scale_temperature_ppm_per_k: PerSensor = 0.0
+    bandwidth_hz: float | None = Field(default=None, gt=0)
+    """-3 dB, first order; unlimited by default."""
+    latency_ms: float = Field(default=0.0, ge=0, le=25)
+
+
+class Gyros(_Sensors):
+    """Errors of the gyros. Paper, (16)."""
+
+    bias_dph: PerSensor = 0.0
+    bias_repeatability_dph: _NotNegative = 0.0
+    bias_instability_dph: _NotNegative = 0.0
+    """Coefficient B of IEEE 952: the floor of the Allan deviation is 0.664 B."""
+    bias_temperature_dph_per_k: PerSensor = 0.0
+    angle_random_walk_deg_per_sqrt_h: _NotNegative = 0.0
+    rate_random_walk_dph_per_sqrt_h: _NotNegative = 0.0
+    g_sensitivity_dph_per_g: PerSensor = 0.0
+    """Bias per g of specific force along the input axis."""
+    dead_zone_dph: _NotNegative = 0.0
+    resolution_arcsec: float = Field(default=0.0, ge=0)
+    range_dps: float = Field(default=300.0, gt=0)
+
+
+class Accelerometers(_Sensors):
+    """Errors of the accelerometers. Paper, (17)."""
+
+    bias_ug: PerSensor = 0.0
+    bias_repeatability_ug: _NotNegative = 0.0
+    bias_instability_ug: _NotNegative = 0.0
+    bias_temperature_ug_per_k: PerSensor = 0.0
+    white_noise_ug_per_sqrt_hz: _NotNegative = 0.0
+    random_walk_ug_per_sqrt_h: _NotNegative = 0.0
+    dead_zone_ug: _NotNegative = 0.0
+    resolution_um_per_s: float = Field(default=0.0, ge=0)
+    range_g: float = Field(default=20.0, gt=0)
+
+
+class Axis(TomlTable):
+    """Limits, encoder and imperfections of one axis of the turntable."""
+
+    rate_limit_dps: float = Field(default=30.0, gt=0, le=60)
+    acceleration_limit_dps2: float = Field(default=10.0, gt=0, le=10_000)
+    jerk_limit_dps3: float | None = Field(default=None, gt=0)
+    encoder_bits: int = Field(default=24, ge=8, le=26)
+    """Bits per revolution."""
+    encoder_offset_deg: float = Field(default=0.0, ge=-5, le=5)
+    ripple_arcsec: float = Field(default=0.0, ge=0, le=3600)
+    """Amplitude of the periodic angle error."""
+    ripple_per_turn: float = Field(default=36.0, gt=0, le=10_000)
+    stiction_arcsec: float = Field(default=0.0, ge=0, le=3600)
+    """By how much the drive winds up before the table follows."""
+    run_out_um: float = Field(default=0.0, ge=-100_000, le=100_000)
+    """Distance of the sensors' centre from the axis."""
+
+    @property
+    def rise_s(self) -> float:
+        """Time to reach the full acceleration."""
+        jerk = self.jerk_limit_dps3
+        return 0.0 if jerk is None else self.acceleration_limit_dps2 / jerk
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Axis:
+        if self.rise_s > LONGEST_RISE_S:
+            raise ValueError(
+                f"jerk_limit_dps3: the acceleration takes {self.rise_s:.3g} s to rise, "
+                f"{LONGEST_RISE_S:g} s at most"
+            )
+        return self
+
+
+class Turntable(TomlTable):
+    """The two axes, and their alignment to each other."""
+
+    inner: Axis = Axis()
+    outer: Axis = Axis()
+    non_orthogonality_arcsec: float = Field(default=0.0, ge=-3600, le=3600)
+    wobble_arcsec: float = Field(default=0.0, ge=0, le=3600)
+    """Of the inner axis."""
+    wobble_per_turn: float = Field(default=1.0, gt=0, le=100)
+
+
+class Thermal(TomlTable):
+    """Temperature of the sensors above that of their calibration."""
+
+    ambient_offset_k: float = Field(default=0.0, ge=-100, le=100)
+    warm_up_k: float = Field(default=0.0, ge=-100, le=100)
+    """Final temperature rise after power-on."""
+    time_constant_s: float = Field(default=600.0, gt=0, le=100_000)
+
+
+class Altimeter(TomlTable):
+    """A barometric altimeter for `height_channel = "damped"`; fitted if the table is present."""
+
+    bias_m: float = Field(default=0.0, ge=-1000, le=1000)
+    noise_m: float = Field(default=0.0, ge=0, le=100)
+
+
+class Firmware(TomlTable):
+    """Settings of the navigation computer."""
+
+    initial_attitude: Literal["given", "self-aligned"] = "given"
+    alignment_s: float = Field(default=2.0, gt=0, le=86_400)
+    height_channel: Literal["held", "damped", "free"] = "held"
+    """`damped` follows the altimeter, or the initial height if there is none."""
+    calibration: str | None = Field(default=None, min_length=1)
+    """TOML file of calibrated errors, relative to the scenario's folder."""
+    scheme: (
+        Literal["16-position", "8-position", "4-position", "single-axis-4-position"]
+        | tuple[rrins.firmware_py.core.settings.Turn, ...]
+    ) = "16-position"
+    turn_rate_dps: float = Field(default=2.0, gt=0, le=60)
+    stand_s: float = Field(default=10.0, ge=0, le=86_400)
+    gyro_weights: PerSensor = 1.0
+    accelerometer_weights: PerSensor = 1.0
+    clock_error_ppm: float = Field(default=0.0, ge=-1000, le=1000)
+    bridge_s: float = Field(default=0.1, ge=0, le=10)
+    follow_tolerance_deg: float = Field(default=5.0, gt=0, le=180)
+    axis_silence_s: float = Field(default=1.0, gt=0, le=60)
+    gyro_consistency_dph: float = Field(default=50.0, ge=0.001, le=1e6)
+    accelerometer_consistency_ug: float = Field(default=5000.0, ge=0.1, le=1e7)
+
+
+class OperatorRequest(TomlTable):
+    """A mode that the operator requests, and when (after power-on of the hardware)."""
+
+    at_s: float = Field(ge=0)
+    request: Literal["STANDBY", "ALIGN", "NAVIGATE_STRAPDOWN", "NAVIGATE_ROTATING"]
+
+
+class Bus(TomlTable):
+    """The wire between the two sides."""
+
+    bitrate: Literal[125_000, 250_000, 500_000, 1_000_000] | None = None
+    """bit/s. Models the timing of the wire; without it the wire is ideal and takes no time."""
+
+
+class EastNorth(TomlTable):
+    """A pair of figures."""
+
+    east: float
+    north: float
+
+
+class Paper(TomlTable):
+    """The paper's figures for the same run, for comparison."""
+
+    source: str = ""
+    duration_s: float | None = None
+    max_abs_position_error_m: EastNorth | None = None
+    max_abs_velocity_error_mps: EastNorth | None = None
+    end_position_error_m: float | None = None
+
+
+def _spans_space(axes_deg: AxesDeg) -> bool:
+    H = rrins.firmware_py.core.calibration.input_axes(axes_deg)
+    return bool(np.linalg.det(H.T @ H) > 1e-3)
+
+
+def each(value: PerSensor, count: int) -> tuple[float, ...]:
+    """Return a value for each of `count` sensors."""
+    return value if isinstance(value, tuple) else (value,) * count

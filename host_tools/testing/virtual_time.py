@@ -1,0 +1,298 @@
+"""Execution of both sides of a bench: the interface, and the ways in virtual time.
+
+All ways share one interface. `Execution.pump` advances by the smallest step, an epoch in virtual
+time or a batch of frames in real time, and passes the frames to the bench's recording.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import time
+from abc import ABC, abstractmethod
+from pathlib import Path
+
+import can
+
+from rrins.dbc.frame import FrameArray, frame_array
+from rrins.firmware_py.loop import Firmware
+from rrins.host_tools.bus.interface import RrinsBus
+from rrins.host_tools.hardware.fault_server import HardwareFaultServer
+from rrins.host_tools.hardware.loop import INBOX_CAPACITY, Hardware
+from rrins.host_tools.hardware.memory import Truth
+from rrins.host_tools.runs.exchange import answer_epoch
+from rrins.host_tools.runs.job import prepare_hardware
+from rrins.host_tools.runs.settings import firmware_settings, hardware_settings, scenario_wire
+from rrins.host_tools.scenario.scenario import Scenario
+from rrins.host_tools.testing.errors import BenchError
+from rrins.host_tools.testing.processes import (
+    SideProcess,
+    attach_to_own,
+    fresh_channel,
+    shared_core,
+)
+from rrins.host_tools.testing.recording import FrameRing, Sender
+from rrins.host_tools.wire.wire import Wire
+
+START_S = 120.0
+"""Longest startup of a side; the first one compiles."""
+_POLL_S = 0.5
+_TRUTHS = 256  # epochs whose truth is kept
+_DRAIN_EVERY = 2000  # epochs
+
+
+class Execution(ABC):
+    """Both sides, and the bus between them.
+
+    Parameters
+    ----------
+    scenario : Scenario
+    ring : FrameRing
+        Recording of the bus.
+
+    Attributes
+    ----------
+    now_ns : int
+        Simulated time since power-on; in virtual time the beginning of the next epoch.
+    wire : Wire or None
+        The wire, if it is in this process.
+    fault_server : HardwareFaultServer or None
+        Injects faults into the hardware, if it is in this process.
+    failure : str
+        Why it ended prematurely; empty while all is well.
+    died : str
+        Once closed: which process had died, in words; empty if none.
+    """
+
+    wire: Wire | None = None
+    fault_server: HardwareFaultServer | None = None
+
+    def __init__(self, scenario: Scenario, ring: FrameRing) -> None:
+        self.scenario = scenario
+        self.ring = ring
+        self.now_ns = 0
+        self.failure = ""
+        self.died = ""
+
+    @property
+    def epoch(self) -> int:
+        """The next epoch."""
+        return self.now_ns // self.scenario.period_ns
+
+    @abstractmethod
+    def pump(self, until_ns: int) -> bool:
+        """Advance by the smallest step; do nothing and return False once `until_ns` is reached.
+
+        Raises
+        ------
+        BenchError
+            If a process has died or the scenario is over.
+        """
+
+    @abstractmethod
+    def send(self, frames: FrameArray, count: int) -> None:
+        """Send frames of the test."""
+
+    def catch_up(self) -> None:  # noqa: B027 - nothing to do in virtual time
+        """Receive pending frames without waiting."""
+
+    def truth_at(self, time_ns: int) -> Truth:
+        """Return the truth of the epoch at a time."""
+        raise BenchError("in real time only the hardware process knows the truth")
+
+    def truth(self) -> Truth:
+        """Return the truth of the last epoch."""
+        return self.truth_at(self.now_ns - self.scenario.period_ns)
+
+    @abstractmethod
+    def close(self) -> None:
+        """Stop everything. Idempotent."""
+
+    def fail(self, why: str) -> BenchError:
+        """Record why the execution has ended; return an error to raise."""
+        self.failure = why
+        return BenchError(why)
+
+
+class _Virtual(Execution):
+    """An execution with the hardware in this process; its time is the epoch counter."""
+
+    def __init__(self, scenario: Scenario, ring: FrameRing) -> None:
+        super().__init__(scenario, ring)
+        wire = scenario_wire(scenario, is_live=True)
+        assert wire is not None
+        self.wire = wire
+        self.hardware = Hardware(hardware_settings(scenario), wire)
+        self.fault_server = self.hardware.fault_server
+        self._truth = self.hardware.plant["truth"]
+        self._truths = Truth.zeros(_TRUTHS)
+        self._next = 0
+        self._inbox = self.hardware.inbox  # frames for the hardware in the next epoch
+        self._count = 0
+        self._outbox = frame_array(INBOX_CAPACITY)
+        self._own = frame_array(INBOX_CAPACITY)
+        self._own_count = 0
+
+    def send(self, frames: FrameArray, count: int) -> None:
+        end = self._own_count + count
+        if end > len(self._own) // 2:
+            raise BenchError(f"more than {len(self._own) // 2} frames sent in one epoch")
+        self._own[self._own_count : end] = frames[:count]
+        self._own_count = end
+
+    def pump(self, until_ns: int) -> bool:
+        period_ns = self.scenario.period_ns
+        if until_ns - self.now_ns < period_ns // 2 + 1:
+            return False
+        epoch = self._next
+        if self.failure:
+            raise BenchError(self.failure)
+        if epoch > self.scenario.epochs:
+            raise BenchError(
+                f"the scenario is over after {self.now_ns / 1e9:.3f} s; increase its duration_s "
+                f"(now {self.scenario.duration_s:g})"
+            )
+        frames, sent = self.hardware.open_epoch(epoch, self._inbox, self._count)
+        self._truths[epoch % _TRUTHS] = self._truth[0]
+        own, self._own_count = self._own_count, 0
+        if own:  # before the hardware's, as if they had been sent just before the epoch
+            self.ring.append(self._own, own, self.now_ns, Sender.TEST)
+            self._outbox[:own] = self._own[:own]
+            self._inbox[:own] = self._own[:own]
+            sent = min(sent, len(self._outbox) - own)
+            self._outbox[own : own + sent] = frames[:sent]
+            frames = self._outbox
+        self.ring.append(frames[own:], sent, self.now_ns, Sender.HARDWARE)
+        self._count = own
+        self._exchange(frames, own + sent, epoch)
+        self._next = epoch + 1
+        self.now_ns = self._next * period_ns
+        return True
+
+    @abstractmethod
+    def _exchange(self, frames: FrameArray, count: int, epoch: int) -> None:
+        """Pass frames to the firmware; append its frames to `_inbox` and to the ring."""
+
+    def truth_at(self, time_ns: int) -> Truth:
+        epoch = time_ns // self.scenario.period_ns
+        truth = self._truths[epoch % _TRUTHS]
+        if not self._next or truth["epoch"] != epoch:
+            raise BenchError(f"the truth at {time_ns / 1e9:g} s is no longer kept")
+        return truth
+
+
+class DirectExecution(_Virtual):
+    """Both sides in this process, without a bus."""
+
+    def __init__(self, scenario: Scenario, ring: FrameRing) -> None:
+        super().__init__(scenario, ring)
+        self.firmware = Firmware(firmware_settings(scenario))
+        self._error_ppm = scenario.firmware.clock_error_ppm
+
+    def _exchange(self, frames: FrameArray, count: int, epoch: int) -> None:
+        firmware = self.firmware
+        sent = answer_epoch(firmware, frames, count, epoch, self._error_ppm)
+        self.ring.append(
+            firmware.outbox, sent, firmware.epoch * firmware.period_ns, Sender.FIRMWARE
+        )
+        end = min(len(self._inbox), self._count + sent)
+        self._inbox[self._count : end] = firmware.outbox[: end - self._count]
+        self._count = end
+
+    def close(self) -> None:
+        """End the run."""
+        self._next = self.scenario.epochs + 1
+
+
+class LockstepExecution(_Virtual):
+    """The firmware as a process; the hardware in this process hosts the bus and opens the epochs.
+
+    Parameters
+    ----------
+    scenario : Scenario
+    ring : FrameRing
+    scenario_file : Path
+        The scenario as a file, for the process.
+    patience_s : float
+        Longest silence of the firmware; 0 waits forever.
+    """
+
+    def __init__(
+        self, scenario: Scenario, ring: FrameRing, scenario_file: Path, patience_s: float
+    ) -> None:
+        super().__init__(scenario, ring)
+        self._patience_s = patience_s
+        self.channel = fresh_channel()
+        self._cores = os.sched_getaffinity(0)
+        self._ends = contextlib.ExitStack()
+        try:
+            self.host = RrinsBus(self.channel, host="here", name="hardware", exclusive=True)
+            self._ends.callback(self.host.shutdown)
+            core = shared_core()
+            options = ("--core", str(core), "--attach-wait", str(START_S))
+            self.side = SideProcess("firmware", scenario_file, self.channel, "max", *options)
+            self._ends.callback(self._stop)
+            prepare_hardware(scenario)  # while the firmware initializes
+            self._await_firmware()
+            os.sched_setaffinity(0, {core})
+            self._ends.callback(os.sched_setaffinity, 0, self._cores)
+        except BaseException:
+            self.close()
+            raise
+
+    def _await_firmware(self) -> None:
+        """Serve the bus until the firmware is on it."""
+        deadline = time.monotonic() + START_S
+        while True:
+            try:
+                self.host.wait_for("firmware", _POLL_S)
+            except can.CanTimeoutError:
+                if self.side.poll() is not None:
+                    raise BenchError(self.side.failure()) from None
+                if time.monotonic() > deadline:
+                    raise BenchError(f"no firmware attached within {START_S:g} s") from None
+            else:
+                self.host.require(["firmware"])
+                return
+
+    def attach(self) -> RrinsBus:
+        """Return another client on the bus, for the test itself."""
+        bus = attach_to_own(self.host, "test")
+        self._ends.callback(bus.shutdown)
+        return bus
+
+    def _exchange(self, frames: FrameArray, count: int, epoch: int) -> None:
+        if epoch % _DRAIN_EVERY == 0:
+            self.side.poll()
+        try:
+            if epoch == self.scenario.epochs:
+                self.host.require([])
+            self.host.send_batch(frames, count, epoch=epoch, time_ns=self.now_ns, closes_epoch=True)
+            closed = False
+            while not closed:
+                closed = self._receive()
+        except can.CanError as error:
+            raise self.fail(self.side.failure()) from error
+
+    def _receive(self) -> bool:
+        """Receive a batch; return whether it closes the epoch."""
+        room = self._inbox[self._count :] if self._count else self._inbox
+        batch = self.host.recv_batch(room, self._patience_s or None)
+        if batch is None:
+            pid = self.side.process.pid
+            raise self.fail(
+                f"the firmware process {pid} has been silent for {self._patience_s:g} s"
+            )
+        is_firmware = batch.closes_epoch
+        sender = Sender.FIRMWARE if is_firmware else Sender.OTHER
+        self.ring.append(room, batch.count, batch.time_ns, sender)
+        self._count += batch.count
+        return is_firmware
+
+    def _stop(self) -> None:
+        self.died = self.side.stop()
+
+    def close(self) -> None:
+        """Stop the process and close the bus."""
+        self._next = self.scenario.epochs + 1
+        self._ends.close()

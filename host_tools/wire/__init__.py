@@ -1,0 +1,1 @@
+"""The CAN wire in virtual time, bit by bit, and the faults that can be injected on it."""

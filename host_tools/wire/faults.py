@@ -1,0 +1,300 @@
+"""Faults on the wire: their effect on frames, seeded and repeatable.
+
+A fault is injected by the scenario or, live, by the message FAULT_COMMAND. It acts on frames that
+one side sends, in the order in which they are sent, before the wire's timing. Which frame is hit is
+drawn from the scenario's seed and the fault's number only.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+
+from rrins.dbc.codec import load
+from rrins.dbc.e2e import COUNTER_MODULUS, counter_of, protect
+from rrins.dbc.frame import FrameArray, frame_array
+
+
+class FaultKind(IntEnum):
+    """Kinds of faults; the DBC's value table of `kind` in FAULT_COMMAND.
+
+    DROP a frame is lost. DELAY it comes some epochs later. DUPLICATE it comes twice. REORDER the
+    epoch's frames come in another order. CORRUPT_WIRE a bit is wrong and the controllers' CRC-15
+    catches it: an error frame, and the frame is sent again. CORRUPT a bit is wrong after that: the
+    end-to-end CRC has to catch it. WRONG_COUNTER the CRC is right, the counter is not. BABBLE a
+    node sends the most urgent identifier all the time. SILENCE a node or message says nothing.
+    BUS_OFF a node's controller is off the bus. CUT nobody hears anybody. STALE the frame that was
+    sent when the fault began comes again and again.
+    """
+
+    NONE = 0
+    DROP = 1
+    DELAY = 2
+    DUPLICATE = 3
+    REORDER = 4
+    CORRUPT_WIRE = 5
+    CORRUPT = 6
+    WRONG_COUNTER = 7
+    BABBLE = 8
+    SILENCE = 9
+    BUS_OFF = 10
+    CUT = 11
+    STALE = 12
+
+
+class Node(IntEnum):
+    """Sender of the affected frames; the DBC's value table of `node`."""
+
+    ANY = 0
+    FIRMWARE = 1
+    HARDWARE = 2
+
+
+ANY_IDENTIFIER = 4095
+"""Stands for all frames of a node."""
+
+BABBLE_IDENTIFIER = 0x001
+"""Identifier of a babbling node: more urgent than any in the contract."""
+
+CAPACITY = 127
+"""Most faults at a time; a scenario has at most 100."""
+
+MOST_BABBLE = 200
+"""Most frames per epoch of a babbling node."""
+
+_SILENT = (FaultKind.DROP, FaultKind.SILENCE, FaultKind.BUS_OFF, FaultKind.CUT)
+
+
+@dataclass(frozen=True)
+class WireFault:
+    """A fault and when it acts.
+
+    Attributes
+    ----------
+    kind : FaultKind
+    node : Node
+        Sender of the frames; without meaning for CUT and BABBLE.
+    identifier : int
+        Which frames; `ANY_IDENTIFIER` for all of the node.
+    first_epoch, last_epoch : int
+        When it acts, both included; `last_epoch` -1 until it is removed.
+    probability : float
+        Share of the frames, or of the epochs for REORDER, that it hits.
+    parameter : int
+        Epochs of DELAY; frames an epoch of BABBLE; bit of CORRUPT plus one, 0 for a random bit.
+    """
+
+    kind: FaultKind
+    node: Node = Node.ANY
+    identifier: int = ANY_IDENTIFIER
+    first_epoch: int = 0
+    last_epoch: int = -1
+    probability: float = 1.0
+    parameter: int = 0
+
+    @property
+    def identity(self) -> tuple[FaultKind, Node, int, int]:
+        """What makes two faults the same: kind, node, identifier, parameter."""
+        return self.kind, self.node, self.identifier, self.parameter
+
+    def is_active(self, epoch: int) -> bool:
+        """Return whether the fault acts in an epoch."""
+        return self.first_epoch <= epoch and not 0 <= self.last_epoch < epoch
+
+    def is_over(self, epoch: int) -> bool:
+        """Return whether the fault will never act again."""
+        return 0 <= self.last_epoch < epoch
+
+    def means(self, sender: Node, can_id: int) -> bool:
+        """Return whether the fault affects a frame of a side."""
+        if self.kind == FaultKind.CUT:
+            return True
+        if self.node not in (Node.ANY, sender):
+            return False
+        return self.identifier in (ANY_IDENTIFIER, can_id)
+
+
+_Held = dict[int, FrameArray]
+_Entry = tuple[WireFault, np.random.Generator, _Held]
+"""A fault, its random numbers, the frames that it holds by identifier."""
+
+_Passing = list[FrameArray]
+"""Frames on their way, each an array of one."""
+
+
+class WireFaults:
+    """The faults of a run.
+
+    Parameters
+    ----------
+    faults : iterable of WireFault
+    seed : int
+    has_timing : bool
+        Whether the wire's timing is modelled: then CORRUPT_WIRE, BUS_OFF, CUT and BABBLE are the
+        model's to play, and are left alone here.
+    """
+
+    def __init__(self, faults: tuple[WireFault, ...], seed: int, has_timing: bool = False) -> None:
+        self._seed = seed
+        self._has_timing = has_timing
+        self._faults: list[_Entry] = []
+        self._number = 0
+        self._delayed: list[tuple[int, Node, FrameArray]] = []
+        self._messages = {  # those that have a counter
+            int(row.can_id): row for row in load().messages if row.data_id
+        }
+        self.affected_frames = 0
+        for fault in faults:
+            self.add(fault)
+
+    def add(self, fault: WireFault) -> None:
+        """Inject a fault."""
+        random = np.random.default_rng([self._seed, self._number])
+        self._number += 1
+        self._faults.append((fault, random, {}))
+
+    def renew(self, fault: WireFault) -> bool:
+        """Inject a fault that begins at once and replaces an identical active one.
+
+        Returns False if there is no room.
+        """
+        epoch = fault.first_epoch
+        kept = [
+            entry
+            for entry in self._faults
+            if not entry[0].is_over(epoch)
+            and not (entry[0].is_active(epoch) and entry[0].identity == fault.identity)
+        ]
+        if len(kept) >= CAPACITY:
+            return False
+        self._faults = kept
+        self.add(fault)
+        return True
+
+    def remove(self, kind: FaultKind, node: Node, identifier: int, epoch: int = 0) -> int:
+        """Remove the faults of a kind on certain frames; return how many lasted to the epoch."""
+        meant = (kind, node, identifier)
+        left, ended = [], 0
+        for entry in self._faults:
+            if entry[0].identity[:3] == meant:
+                ended += not entry[0].is_over(epoch)
+            else:
+                left.append(entry)
+        self._faults = left
+        return ended
+
+    def clear(self) -> None:
+        """Remove all faults; delayed frames still arrive."""
+        self._faults.clear()
+
+    def is_idle(self) -> bool:
+        """Return whether no fault can act any more."""
+        return not self._faults and not self._delayed
+
+    def active(self, epoch: int) -> list[WireFault]:
+        """Return the faults that act in an epoch, and drop those that are over."""
+        self._faults = [entry for entry in self._faults if not entry[0].is_over(epoch)]
+        return [entry[0] for entry in self._faults if entry[0].is_active(epoch)]
+
+    def apply(
+        self, sender: Node, frames: FrameArray, count: int, epoch: int, out: FrameArray
+    ) -> int:
+        """Write a side's frames of an epoch, after faults, to `out`; return their number."""
+        passing = _each(frames[:count].copy())
+        for entry in self._faults:
+            if entry[0].is_active(epoch):
+                passing = self._hit(entry, sender, passing, epoch)
+        passing = [*self._due(sender, epoch), *passing][: len(out)]
+        for k, frame in enumerate(passing):
+            out[k] = frame[0]
+        return len(passing)
+
+    def acts(self, epoch: int) -> bool:
+        """Return whether anything happens to frames in an epoch."""
+        return bool(self._delayed) or any(entry[0].is_active(epoch) for entry in self._faults)
+
+    def _due(self, sender: Node, epoch: int) -> _Passing:
+        """Return the delayed frames of a side that are due."""
+        due = [frame for at, of, frame in self._delayed if of == sender and at <= epoch]
+        if due:
+            self._delayed = [d for d in self._delayed if not (d[1] == sender and d[0] <= epoch)]
+        return due
+
+    def _hit(self, entry: _Entry, sender: Node, passing: _Passing, epoch: int) -> _Passing:
+        fault, random, _ = entry
+        if fault.kind == FaultKind.REORDER:
+            return self._reorder(fault, random, sender, passing)
+        if fault.kind == FaultKind.BABBLE:
+            return (
+                passing
+                if self._has_timing or sender != Node.HARDWARE
+                else [*_each(babble(max(1, fault.parameter))), *passing]
+            )
+        left: _Passing = []
+        for frame in passing:
+            hit = fault.means(sender, int(frame["can_id"][0]))
+            if hit and random.random() < fault.probability:
+                left.extend(self._affect(entry, sender, frame, epoch))
+            else:
+                left.append(frame)
+        return left
+
+    def _reorder(
+        self, fault: WireFault, random: np.random.Generator, sender: Node, passing: _Passing
+    ) -> _Passing:
+        if fault.node not in (Node.ANY, sender) or random.random() >= fault.probability:
+            return passing
+        self._count(len(passing))
+        return [passing[k] for k in random.permutation(len(passing))]
+
+    def _affect(
+        self, entry: _Entry, sender: Node, frame: FrameArray, epoch: int
+    ) -> Iterator[FrameArray]:
+        fault, random, held = entry
+        kind = fault.kind
+        by_model = (FaultKind.CORRUPT_WIRE, FaultKind.BUS_OFF, FaultKind.CUT)
+        if self._has_timing and kind in by_model:
+            yield frame
+            return
+        self._count(1)
+        if kind in _SILENT:
+            return
+        if kind == FaultKind.DELAY:
+            self._delayed.append((epoch + max(1, fault.parameter), sender, frame))
+            return
+        if kind == FaultKind.CORRUPT:
+            bit = fault.parameter - 1 if fault.parameter else int(random.integers(64))
+            frame["data"] ^= np.uint64(1) << np.uint64(bit)
+        elif kind == FaultKind.WRONG_COUNTER:
+            self._miscount(frame)
+        elif kind == FaultKind.DUPLICATE:
+            yield frame.copy()
+        elif kind == FaultKind.STALE:
+            frame = held.setdefault(int(frame["can_id"][0]), frame).copy()
+        yield frame  # CORRUPT_WIRE, too: the controllers send the frame again
+
+    def _miscount(self, frame: FrameArray) -> None:
+        """Give a frame the counter after its own, with a CRC that fits."""
+        message = self._messages.get(int(frame["can_id"][0]))
+        if message is not None:
+            counter = (counter_of(frame[0]["data"]) + 1) % COUNTER_MODULUS
+            frame["data"] = protect(frame[0]["data"], message, counter)
+
+    def _count(self, frames: int) -> None:
+        self.affected_frames += frames
+
+
+def _each(frames: FrameArray) -> _Passing:
+    """Return each of the frames as an array of one."""
+    return [frames[k : k + 1] for k in range(len(frames))]
+
+
+def babble(count: int) -> FrameArray:
+    """Return the frames that a babbling node sends in an epoch."""
+    noise = frame_array(count)
+    noise["can_id"] = BABBLE_IDENTIFIER
+    noise["length"] = 8
+    return noise

@@ -1,0 +1,262 @@
+"""Runs a scenario, and gives its results: numbers, datasets, pictures."""
+
+from __future__ import annotations
+
+import html
+import io
+import tempfile
+from base64 import b64encode
+from collections.abc import Mapping
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rich.console import Console
+
+from rrins.host_tools.files import JsonObject
+from rrins.host_tools.runs.display import RunDisplay
+from rrins.host_tools.runs.run import BusOptions, Plan, RunResult
+from rrins.host_tools.runs.run import rehearse as rehearse_plan
+from rrins.host_tools.runs.run import simulate as simulate_scenario
+from rrins.host_tools.runs.summary import cells_of, lines_of
+from rrins.host_tools.scenario.scenario import Scenario
+from rrins.notebook import is_notebook, let_figures_show
+from rrins.scenarios import load_scenario
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import xarray as xr
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+Source = str | Path | Mapping[str, object] | Scenario
+"""What names a scenario: see `load_scenario`."""
+
+
+class Run:
+    """The results of a run, the same whichever way it was run.
+
+    Attributes
+    ----------
+    name : str
+        Of the scenario.
+    scenario : Scenario
+    summary : dict
+        What `rrins simulate --json` prints.
+    """
+
+    def __init__(self, result: RunResult) -> None:
+        self._result = result
+        self.name = result.name
+        self.scenario = result.scenario
+        self.summary: JsonObject = result.summary
+
+    @cached_property
+    def errors(self) -> xr.Dataset:
+        """Navigation minus truth.
+
+        `position_n` (m) and `velocity_n` (m/s) over `time` (s) and `axis` (east, north, up);
+        `attitude` (deg) over `time` and `angle` (roll, pitch, heading).
+        """
+        from rrins.datasets import errors_of
+
+        return errors_of(self._result)
+
+    @cached_property
+    def navigation(self) -> xr.Dataset:
+        """What the firmware navigated.
+
+        `latitude`, `longitude` (deg), `height` (m), `velocity_n` (m/s), `attitude` (deg), `mode`.
+        """
+        from rrins.datasets import navigation_of
+
+        return navigation_of(self._result)
+
+    @cached_property
+    def truth(self) -> xr.Dataset:
+        """Where the vehicle really was, in the variables of `navigation`."""
+        from rrins.datasets import truth_of
+
+        return truth_of(self._result)
+
+    @cached_property
+    def turntable(self) -> xr.Dataset:
+        """The true `angle` (deg) over `time` and `table_axis` (inner, outer)."""
+        from rrins.datasets import turntable_of
+
+        return turntable_of(self._result)
+
+    def to_pandas(self) -> pd.DataFrame:
+        """Return the errors as a table over `time_s`, a column each, units in the names."""
+        import pandas as pd
+
+        from rrins.host_tools.runs.results import columns_of
+
+        columns = columns_of(self._result.errors)
+        time_s = columns.pop("time_s")
+        return pd.DataFrame(columns, index=pd.Index(time_s, name="time_s"))
+
+    def plot_errors(self, figure: Figure | None = None) -> Figure:
+        """Draw position and velocity errors and the turntable's angles over time.
+
+        Parameters
+        ----------
+        figure : matplotlib.figure.Figure, optional
+            To draw into; a new one without it.
+        """
+        from rrins.host_tools.runs.plots import draw_errors
+
+        let_figures_show()
+        return draw_errors(self._result.errors, self._result.title, figure)
+
+    def plot_track(self, axes: Axes | None = None) -> Axes:
+        """Draw the horizontal position error as a track seen from above.
+
+        Parameters
+        ----------
+        axes : matplotlib.axes.Axes, optional
+            To draw into; those of a new figure without it.
+        """
+        from rrins.host_tools.runs.plots import draw_track
+
+        let_figures_show()
+        return draw_track(self._result.errors, self._result.title, axes)
+
+    def save(self, folder: str | Path) -> list[Path]:
+        """Write summary, errors and pictures into a folder, as the command line does.
+
+        Returns
+        -------
+        list of Path
+
+        Raises
+        ------
+        RehearsalError
+            When one cannot be written.
+        """
+        path = Path(folder)
+        path.mkdir(parents=True, exist_ok=True)
+        return self._result.write(path)
+
+    def __repr__(self) -> str:
+        end_m = self.summary["end_position_error_m"]
+        end = "never navigated" if end_m is None else f"{end_m:.3g} m off at the end"
+        return f"<rrins.Run {self.name}: {self.summary['duration_s']:g} s, {end}>"
+
+    def _repr_html_(self) -> str:
+        """Return what a notebook shows: table, picture, how the run went."""
+        parts = [f"<b>{html.escape(self._result.title)}</b>"]
+        if len(self._result.errors):
+            rows = (
+                "<tr>" + "".join(f"<td>{html.escape(cell)}</td>" for cell in row) + "</tr>"
+                for row in cells_of(self.summary)
+            )
+            parts.append(f"<table>{''.join(rows)}</table>")
+        if len(self._result.errors) > 1:
+            picture = io.BytesIO()
+            self.plot_errors().savefig(picture, format="png")
+            encoded = b64encode(picture.getvalue()).decode()
+            parts.append(f'<img alt="errors over time" src="data:image/png;base64,{encoded}">')
+        parts.append("<br>".join(html.escape(line) for line in lines_of(self.summary)))
+        return "".join(parts)
+
+
+def simulate(
+    scenario: Source,
+    *,
+    frames: bool = False,
+    progress: bool | None = None,
+    **changes: object,
+) -> Run:
+    """Run both sides of a scenario in this process, without a bus.
+
+    Parameters
+    ----------
+    scenario : str, Path, mapping or Scenario
+        As in `load_scenario`.
+    frames : bool
+        Whether frames are passed, as on a bus, even where nothing needs them. The navigation is
+        the same; it takes longer.
+    progress : bool, optional
+        Whether to show progress; in a terminal or notebook by default.
+    **changes
+        Keys of the scenario, as in `load_scenario`.
+
+    Raises
+    ------
+    RehearsalError
+        When the run cannot begin or come to its end. A firmware that ends in FAULT is a result.
+
+    Examples
+    --------
+    >>> run = simulate("ideal", duration_s=10)
+    >>> run.summary["epochs"]
+    2602
+    """
+    loaded = load_scenario(scenario, **changes)
+    with _display(loaded, progress) as display:
+        result = simulate_scenario(_name_of(scenario), loaded, display, with_frames=frames)
+    return _checked(result)
+
+
+def rehearse(
+    scenario: Source,
+    *,
+    speed: float | None = None,
+    interface: str = "rrins",
+    channel: str | None = None,
+    bitrate: int | None = None,
+    record: str | Path | None = None,
+    progress: bool | None = None,
+    **changes: object,
+) -> Run:
+    """Run a scenario as two processes on one bus.
+
+    Parameters
+    ----------
+    scenario : str, Path, mapping or Scenario
+        As in `load_scenario`.
+    speed : float, optional
+        1 is real time, another number at most that many times real time, None as fast as it goes.
+    interface, channel, bitrate
+        The bus, as python-can names it; without them the embedded bus on a free channel.
+    record : str or Path, optional
+        Log of the bus; its ending chooses the format.
+    progress : bool, optional
+        Whether to show progress; in a terminal or notebook by default.
+    **changes
+        Keys of the scenario, as in `load_scenario`.
+
+    Raises
+    ------
+    RehearsalError
+        When the run cannot begin or come to its end. A firmware that ends in FAULT is a result.
+    """
+    loaded = load_scenario(scenario, **changes)
+    name = _name_of(scenario)
+    with tempfile.TemporaryDirectory(prefix="rrins-") as folder:
+        file = Path(folder) / f"{Path(name).stem}.toml"
+        file.write_text(loaded.toml(), encoding="utf-8")
+        plan = Plan(str(file), loaded, bus=BusOptions(interface, channel, bitrate), speed=speed)
+        with _display(loaded, progress) as display:
+            path = None if record is None else Path(record)
+            result = rehearse_plan(plan, display, record=path, name=name)
+    return _checked(result)
+
+
+def _checked(result: RunResult) -> Run:
+    if result.failure is not None:
+        raise result.failure
+    return Run(result)
+
+
+def _name_of(scenario: Source) -> str:
+    if isinstance(scenario, Scenario | Mapping):
+        return "scenario"
+    return str(scenario)
+
+
+def _display(scenario: Scenario, progress: bool | None) -> RunDisplay:
+    console = Console(stderr=not is_notebook())
+    shown = console.is_terminal or console.is_jupyter if progress is None else progress
+    return RunDisplay(scenario, console, quiet=not shown)

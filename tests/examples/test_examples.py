@@ -1,0 +1,51 @@
+"""The examples that a user starts from run, and show what they promise."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from generate import notebook
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+
+
+@pytest.mark.parametrize(
+    ("script", "words"),
+    [
+        ("sensor_cost.py", "± "),
+        ("lost_frames.py", "frames missing"),
+        ("log_signals.py", "signals.png"),
+        ("better_scheme.py", "residuals remain"),
+    ],
+)
+def test_a_script(script, words, tmp_path):
+    done = subprocess.run(
+        [sys.executable, EXAMPLES / script],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert words in done.stdout
+    assert done.stderr == ""
+
+
+def test_every_script_is_tried():
+    scripts = {path.name for path in EXAMPLES.glob("*.py")}
+    tried = {case[0] for case in test_a_script.pytestmark[0].args[1]}
+    assert scripts == tried
+
+
+def test_the_notebook_runs_and_shows_its_pictures(tmp_path):
+    executed = notebook.execute(tmp_path)
+    assert len(notebook.pictures_of(executed)) == len(notebook.NAMES)
+    tables = [
+        output["data"]["text/html"]
+        for cell in executed.cells
+        for output in cell.get("outputs", ())
+        if "text/html" in output.get("data", {})
+    ]
+    assert any("largest error" in table for table in tables)

@@ -1,0 +1,100 @@
+"""Weighted least squares against numpy's, for any geometry and any sensors left out."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+
+from rrins.firmware_py.core.calibration import input_axes
+from rrins.firmware_py.core.fusion import fuse
+from rrins.firmware_py.core.memory import Fusion
+
+ANGLES_DEG = st.tuples(st.floats(0, 180), st.floats(0, 360))
+TRUTH = np.array([0.3, -0.2, 0.7])
+
+
+def fusion_of(H, weight=None):
+    fusion = np.zeros(1, dtype=Fusion.dtype)[0]
+    fusion["count"] = len(H)
+    fusion["H"][: len(H)] = H
+    fusion["weight"][: len(H)] = 1.0 if weight is None else weight
+    return fusion
+
+
+def fused(fusion, valid, measured):
+    """Return the fused vector, or None when the sensors do not suffice."""
+    padded, out, work = np.full(16, 1e9), np.full(3, 7.0), np.empty((3, 3))
+    padded[: len(measured)] = measured
+    if fuse(fusion, valid, padded, out, work):
+        return out
+    assert (out == 7.0).all()
+    return None
+
+
+def tetrahedron(tools):
+    return input_axes(tools.settings().gyro_axes_deg)
+
+
+@pytest.mark.slow
+@given(st.data(), st.lists(ANGLES_DEG, min_size=3, max_size=16))
+def test_any_geometry_weights_and_mask_give_numpys_solution(data, axes_deg):
+    H, m = input_axes(tuple(axes_deg)), len(axes_deg)
+    weight = np.array(data.draw(st.lists(st.floats(0.1, 10), min_size=m, max_size=m)))
+    measured = np.array(data.draw(st.lists(st.floats(-1, 1), min_size=m, max_size=m)))
+    valid = data.draw(st.integers(0, 2**m - 1))
+    used = np.array([valid >> k & 1 == 1 for k in range(m)])
+    assume(used.sum() >= 3)
+    root = np.sqrt(weight[used])[:, None]
+    assume(np.linalg.cond(root * H[used]) < 50)
+    expected = np.linalg.lstsq(root * H[used], root[:, 0] * measured[used])[0]
+    assert fused(fusion_of(H, weight), valid, measured) == pytest.approx(expected, abs=1e-11)
+
+
+@pytest.mark.parametrize("left_out", [0, 1, 2, 3])
+def test_any_three_of_the_tetrahedron_suffice(tools, left_out):
+    H = tetrahedron(tools)
+    measured = H @ TRUTH
+    measured[left_out] = 1e6
+    assert fused(fusion_of(H), 0b1111 & ~(1 << left_out), measured) == pytest.approx(TRUTH)
+
+
+@pytest.mark.parametrize("valid", [0b0000, 0b0001, 0b0011, 0b1010])
+def test_two_sensors_do_not_suffice(tools, valid):
+    H = tetrahedron(tools)
+    assert fused(fusion_of(H), valid, H @ TRUTH) is None
+
+
+def test_axes_in_one_plane_do_not_suffice():
+    H = input_axes(((90.0, 0.0), (90.0, 50.0), (90.0, 100.0), (90.0, 250.0)))
+    assert fused(fusion_of(H), 0b1111, H @ TRUTH) is None
+
+
+def test_sensors_that_come_back_are_used_again(tools):
+    H = tetrahedron(tools)
+    fusion = fusion_of(H)
+    assert fused(fusion, 0b0011, H @ TRUTH) is None
+    assert fused(fusion, 0b1111, H @ TRUTH) == pytest.approx(TRUTH)
+    assert fused(fusion, 0b0111, np.r_[(H @ TRUTH)[:3], 1e6]) == pytest.approx(TRUTH)
+    assert fused(fusion, 0b1111, H @ TRUTH) == pytest.approx(TRUTH)
+
+
+def test_one_error_in_the_tetrahedron_spreads_by_three_quarters(tools):
+    # HᵀH = 4/3 I, so the error of sensor i is 3/4 of it along its axis.
+    H = tetrahedron(tools)
+    assert pytest.approx(4 / 3 * np.eye(3), abs=1e-15) == H.T @ H
+    error = fused(fusion_of(H), 0b1111, [0, 0, 1.0, 0])
+    assert error == pytest.approx(0.75 * H[2])
+
+
+def test_bits_of_sensors_that_are_not_there_change_nothing(tools):
+    H = tetrahedron(tools)
+    assert fused(fusion_of(H), 0xFFFF, H @ TRUTH) == pytest.approx(TRUTH)
+
+
+@pytest.mark.parametrize("ratio", [1e-4, 1e-8])
+def test_sensors_of_very_different_weight_are_all_used(ratio):
+    # Weights are 1/σ²: a ratio of 1e-8 is one of 1e4 in noise.
+    fusion = fusion_of(np.eye(3), [1.0, 1.0, ratio])
+    assert fused(fusion, 0b111, TRUTH) == pytest.approx(TRUTH)

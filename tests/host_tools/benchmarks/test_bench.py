@@ -1,0 +1,94 @@
+"""`rrins bench`: every figure is there and can be true; how large it is depends on the machine."""
+
+from __future__ import annotations
+
+import dataclasses
+import io
+import json
+
+from click.testing import CliRunner
+from rich.console import Console
+
+from rrins.host_tools.benchmarks import suite
+from rrins.host_tools.cli.main import rrins
+
+KEYS = {
+    "quick", "wall_s", "machine", "samples", "frames_lost",
+    "floor_epochs_per_s", "floor_datagram_bytes", "lockstep_epochs_per_s", "lockstep_over_floor",
+    "python_can_epochs_per_s", "direct_epochs_per_s",
+    "firmware_step_us", "hardware_step_us", "timer_overhead_us",
+    "fast_path_us_per_epoch", "navigation_step_us",
+    "codec_us_per_frame", "crc_us_per_frame", "cantools_us_per_frame",
+    "virtual", "virtual_reason", "udp_multicast", "udp_multicast_reason",
+    "lateness_us", "lateness_while_read_us", "start_to_first_epoch_s",
+}  # fmt: skip
+
+
+def assert_speeds(result):
+    for key, samples in result["samples"].items():
+        assert len(samples) > 2
+        assert 0 < min(samples) <= result[key] <= max(samples)
+    ratio = result["floor_epochs_per_s"] / result["lockstep_epochs_per_s"]
+    assert result["lockstep_over_floor"] == ratio > 0
+    assert result["direct_epochs_per_s"] > result["python_can_epochs_per_s"]
+    assert result["frames_lost"] == 0
+    assert result["floor_datagram_bytes"] == {"up": 32 + 7 * 16, "down": 32 + 3 * 16}
+
+
+def assert_costs(result):
+    for side in ("firmware", "hardware"):
+        step = result[f"{side}_step_us"]
+        assert 0 < step["median"] <= step["p99"]
+    assert result["fast_path_us_per_epoch"] > 0
+    assert result["navigation_step_us"] > 0
+    for codec in ("codec", "cantools"):
+        cost = result[f"{codec}_us_per_frame"]
+        assert cost["decode"] > 0
+        assert cost["encode"] > 0
+    assert result["cantools_us_per_frame"]["decode"] > result["codec_us_per_frame"]["decode"]
+    assert result["crc_us_per_frame"] > 0
+    assert result["virtual"]["lost_share"] == 0
+    for interface in ("virtual", "udp_multicast"):
+        figures, reason = result[interface], result[f"{interface}_reason"]
+        assert (figures is None) == isinstance(reason, str)
+        if figures is not None:
+            assert figures["us_per_frame"] > 0
+            assert 0 <= figures["lost_share"] <= 1
+
+
+def assert_lateness(result):
+    assert set(result["lateness_us"]) == {"200", "400", "1000"}
+    read = result["lateness_while_read_us"]["400"]
+    assert read["times_read"] > 1
+    for lateness in (*result["lateness_us"].values(), read):
+        assert lateness["epochs"] > 100
+        assert 0 < lateness["p50"] <= lateness["p99"] <= lateness["p999"]
+        assert lateness["max"] >= 0
+        assert 0 <= lateness["overruns"] <= lateness["epochs"]
+        assert isinstance(lateness["completed"], bool)
+
+
+def test_a_quick_bench_measures_everything(monkeypatch):
+    short = dataclasses.replace(
+        suite.QUICK, lockstep_s=40.0, direct_s=20.0, floor_epochs=3000, message_epochs=100,
+        step_samples=2000, frames=200, bus_frames=420, realtime_s=1.6,
+    )  # fmt: skip
+    monkeypatch.setattr(suite, "QUICK", short)
+    ended = CliRunner().invoke(rrins, ["bench", "--quick", "--json"])
+    assert ended.exit_code == 0, ended.stderr
+    result = json.loads(ended.stdout)
+    assert set(result) == KEYS
+    assert result["wall_s"] > 0
+    facts = {"python", "numba", "cpus", "cpus_permitted", "load_average", "sched_fifo"}
+    assert facts <= set(result["machine"])
+    assert_speeds(result)
+    assert_costs(result)
+    assert_lateness(result)
+    start = result["start_to_first_epoch_s"]
+    assert start["cold"] is None
+    assert start["warm"] > 0
+    shown = io.StringIO()
+    suite.print_result(result, Console(file=shown, width=80))
+    for word in ("floor", "lockstep", "cantools", "1000 Hz", "SCHED_FIFO", "quick"):
+        assert word in shown.getvalue()
+    assert "…" not in shown.getvalue()

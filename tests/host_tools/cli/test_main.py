@@ -1,0 +1,71 @@
+"""The command as such: its table, its start and its end."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import click
+import pytest
+from click.shell_completion import ShellComplete
+from click.testing import CliRunner
+
+from rrins.dbc import codec
+from rrins.host_tools.cli import main as cli
+
+CONTEXT = click.Context(cli.rrins)
+
+
+def started(*arguments: str) -> set[str]:
+    """Return the modules that a start of the command imports, taken from Python's own account."""
+    said = subprocess.run(
+        [sys.executable, "-X", "importtime", "-m", "rrins", *arguments],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    lines = (line.rpartition("|")[2].strip() for line in said.stderr.splitlines())
+    return {name.partition(".")[0] for name in lines}
+
+
+@pytest.mark.parametrize("name", cli.rrins.list_commands(CONTEXT))
+def test_each_command_of_the_table_is_there_and_explains_itself(name):
+    command = cli.rrins.get_command(CONTEXT, name)
+    assert command is not None
+    assert command.name == name
+    assert command.help
+
+
+def test_help_shows_each_command_in_one_line():
+    said = CliRunner().invoke(cli.rrins, ["--help"]).output.splitlines()
+    assert max(map(len, said)) <= 80
+    for name in cli.rrins.list_commands(CONTEXT):
+        (line,) = (line for line in said if line.startswith(f"  {name} "))
+        assert line.endswith(".")
+
+
+def test_help_and_completion_start_at_once():
+    assert not started("--help") & {"numpy", "numba", "can", "cantools", "pydantic"}
+    found = ShellComplete(cli.rrins, {}, "rrins", "_RRINS_COMPLETE").get_completions([], "re")
+    assert [item.value for item in found] == ["record", "rehearse", "replay", "reproduce"]
+
+
+@pytest.mark.slow
+def test_what_only_mf4_needs_is_imported_for_mf4_only(tmp_path):
+    pytest.importorskip("asammdf")
+    assert not started("scenarios") & {"pandas", "matplotlib"}
+    log, copy = tmp_path / "bus.log", tmp_path / "bus.mf4"
+    log.write_text("(0.000000) vcan0 010#0000000000000000\n")
+    assert "pandas" not in started("replay", str(log), "--compare", str(log))
+    record = ["rehearse", "ideal", "--duration", "1", "--out", str(tmp_path), "--record", str(copy)]
+    assert "pandas" in started(*record)
+
+
+def test_a_dbc_that_cannot_serve_is_one_line(monkeypatch):
+    def broken(*_, **__):
+        raise codec.ContractError("the DBC has no message SYNC")
+
+    monkeypatch.setattr("rrins.host_tools.cli.run.load", broken)
+    ended = CliRunner().invoke(cli.rrins, ["simulate"])
+    assert ended.exit_code == 1
+    assert ended.stderr == "rrins: the DBC has no message SYNC\n"

@@ -1,0 +1,122 @@
+"""Rows, distributions and how numbers are shown."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from rrins.host_tools.experiments.constants import SETS, ConstantSet
+from rrins.host_tools.experiments.sections import Distribution, FigureRow, figure
+from rrins.host_tools.scenario.scenario import load
+
+KEYS = ("experiment", "case", "quantity", "unit", "paper", "ours", "note")
+
+
+def test_a_row_has_the_promised_keys():
+    row = FigureRow("static", "a", "b", "m", 2.0, 3.0, "c")
+    assert tuple(row.values()) == KEYS
+
+
+@pytest.mark.parametrize(
+    ("paper", "ours", "ratio", "differs"),
+    [
+        (2.0, 4.0, 2.0, False),
+        (2.0, 4.1, 2.05, True),
+        (2.0, 1.0, 0.5, False),
+        (2.0, 0.9, 0.45, True),
+        (None, 1.0, None, False),
+        (0.0, 1.0, None, False),
+        (2.0, None, None, False),
+    ],
+)
+def test_a_row_differs_beyond_a_factor_of_two(paper, ours, ratio, differs):
+    row = FigureRow("static", "a", "b", "m", paper, ours)
+    assert row.ratio == (None if ratio is None else pytest.approx(ratio))
+    assert row.differs == differs
+
+
+def test_percentiles_of_a_hundred_seeds():
+    one = Distribution.of(np.arange(1, 102), 96.5)
+    assert (one.median, one.quantile(5), one.quantile(95)) == (51, 6, 96)
+    assert one.percentile == pytest.approx(100 * 96 / 101)
+    assert not one.holds
+    assert Distribution.of(np.arange(1, 102), 95.5).holds
+    assert "outside, at percentile 95" in one.words()
+    assert "median of 101 seeds, 5-95 %: 6 to 96" in one.words()
+
+
+def test_a_distribution_without_a_figure_of_the_paper():
+    one = Distribution.of([3.0, 1.0, 2.0])
+    assert one.percentile is None
+    assert not one.holds
+    assert one.words() == "median of 3 seeds, 5-95 %: 1.1 to 2.9"
+
+
+@given(st.lists(st.floats(1e-3, 1e6), min_size=1, max_size=30), st.floats(1e-3, 1e6))
+def test_the_percentile_is_the_share_below(values, paper):
+    one = Distribution.of(values, paper)
+    assert one.percentile == pytest.approx(100 * sum(v < paper for v in values) / len(values))
+    assert one.quantile(0) == min(values)
+    assert one.quantile(100) == max(values)
+
+
+@pytest.mark.parametrize(
+    ("value", "shown"),
+    [
+        (None, "–"), (0.0, "0"), (0.0051, "0.0051"), (8.1849, "8.18"), (999.4, "999"),
+        (14618.2, "14,600"), (192000, "192,000"), (1.2345e-12, "1.23e-12"), (-287.4, "-287"),
+        (3.21e8, "3.21e+08"),
+    ],
+)  # fmt: skip
+def test_numbers_are_shown_with_three_digits(value, shown):
+    assert figure(value) == shown
+
+
+# Sets of constants
+
+
+def test_a_set_draws_each_sensors_constants_from_its_spread():
+    scenario = load("experiment_strapdown")
+    constants = ConstantSet(50.0, 10.0)
+    drawn = [constants.drawn(scenario, seed) for seed in range(300)]
+    for kind, share in (("gyros", 1.0), ("accelerometers", 0.6)):
+        for key, spread in (
+            ("scale_error_ppm", 50 * share),
+            ("asymmetric_scale_error_ppm", 50 * share),
+            ("installation_u_arcsec", 10),
+            ("installation_v_arcsec", 10),
+        ):
+            values = np.array([getattr(getattr(one, kind), key) for one in drawn])
+            assert values.shape == (300, 4)
+            assert values.std(axis=0) == pytest.approx(spread, rel=0.2)
+            assert np.abs(values.mean(axis=0)).max() < 4 * spread / np.sqrt(300)
+    assert drawn[3].seed == 3
+    assert drawn[3].gyros.bias_repeatability_dph == scenario.gyros.bias_repeatability_dph
+    assert drawn[3].gyros.scale_repeatability_ppm == 0
+
+
+def test_a_seed_is_the_same_draw_in_every_set_and_way():
+    one, other = (ConstantSet(50.0, arcsec) for arcsec in (10.0, 60.0))
+    strapdown = one.drawn(load("experiment_strapdown"), 7)
+    rotating = other.drawn(load("experiment_rotating"), 7)
+    assert strapdown.gyros.scale_error_ppm == rotating.gyros.scale_error_ppm
+    u, v = strapdown.gyros.installation_u_arcsec, rotating.gyros.installation_u_arcsec
+    assert np.array(v) == pytest.approx(6 * np.array(u))
+
+
+def test_larger_biases_are_larger_by_their_factor():
+    scenario = load("experiment_rotating")
+    larger = ConstantSet(50.0, 10.0, biases=8.0).drawn(scenario, 1)
+    for kind, unit in (("gyros", "dph"), ("accelerometers", "ug")):
+        for what in ("repeatability", "instability"):
+            before = getattr(getattr(scenario, kind), f"bias_{what}_{unit}")
+            after = getattr(getattr(larger, kind), f"bias_{what}_{unit}")
+            assert after == pytest.approx(tuple(8 * value for value in before))
+    assert "biases × 8" in ConstantSet(50.0, 10.0, biases=8.0).words
+
+
+def test_the_promised_sets_are_there():
+    wanted = {(ppm, arcsec) for ppm in (0, 50) for arcsec in (0, 10, 60)}
+    assert {(one.scale_ppm, one.installation_arcsec) for one in SETS} == wanted

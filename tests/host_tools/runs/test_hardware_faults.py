@@ -1,0 +1,200 @@
+"""Faults of the hardware from a scenario, and what the firmware makes of each."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from rrins.host_tools.errors import ScenarioError
+from rrins.host_tools.hardware.memory import FAULT_CAPACITY
+from rrins.host_tools.hardware.settings import power_on
+from rrins.host_tools.runs.settings import firmware_settings, hardware_settings
+from rrins.host_tools.scenario.scenario import Scenario, fault_of
+
+BEGIN_S = 3.0  # of navigation
+
+
+def scenario_with(*planned, **tables):
+    values = {"duration_s": 60, "faults": list(planned)} | tables
+    return Scenario.model_validate(values)
+
+
+# Axes: at 10 s the inner axis is amid its first turn.
+
+AXIS_FAULTS = {
+    "stall": {"kind": "axis_stall", "axis": "inner", "at_s": 10, "for_s": 8},
+    "stall of the axis that ought to turn next": {
+        "kind": "axis_stall", "axis": "outer", "at_s": 2,
+    },
+    "runaway": {"kind": "axis_runaway", "axis": "outer", "rate_dps": -4, "at_s": 10, "for_s": 8},
+    "stuck encoder": {"kind": "encoder_stuck", "axis": "inner", "at_s": 10, "for_s": 8},
+    "slipped encoder": {"kind": "encoder_offset", "axis": "inner", "offset_deg": 7, "at_s": 10},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", AXIS_FAULTS)
+def test_an_axis_that_does_not_follow_ends_the_rotation_not_the_navigation(fly, name):
+    fault = AXIS_FAULTS[name]
+    firmware, errors = fly(scenario_with(fault, duration_s=200))
+    assert firmware["axes_not_following"] == [fault["axis"] == "inner", fault["axis"] == "outer"]
+    assert firmware["fault"] == "NONE"
+    assert firmware["epochs_navigated"] > 200 * 200
+    # The sensors feel whatever the table does: an ideal navigator is where it is.
+    assert max(errors.largest()["max_abs_position_error_m"].values()) < 5e-3
+    # Both axes are held: after the fault nothing turns any more.
+    late = errors.time_s > 120
+    for angle in (errors.inner_deg[late], errors.outer_deg[late]):
+        assert np.ptp(angle) == 0
+
+
+def test_a_stall_shorter_than_the_tolerance_is_caught_up(fly):
+    fault = {"kind": "axis_stall", "axis": "inner", "at_s": 10, "for_s": 1}
+    firmware, errors = fly(scenario_with(fault, duration_s=200))
+    assert firmware["axes_not_following"] == [False, False]
+    stands = (errors.time_s > 10 - BEGIN_S + 0.2) & (errors.time_s < 11 - BEGIN_S - 0.2)
+    assert np.ptp(errors.inner_deg[stands]) == 0
+    # The second turn is over, both axes are where the scheme wants them.
+    assert errors.inner_deg[-1] == pytest.approx(180)
+    assert errors.outer_deg[-1] == pytest.approx(-180)
+
+
+def test_a_small_slip_of_an_encoder_turns_the_attitude_only(fly):
+    fault = {"kind": "encoder_offset", "axis": "inner", "offset_deg": 1.5, "at_s": 10, "for_s": 10}
+    firmware, errors = fly(scenario_with(fault))
+    assert firmware["axes_not_following"] == [False, False]
+    there = (errors.time_s > 7.1) & (errors.time_s < 16.9)
+    # C_b_n = C_s_n C_b_s: a table that seems turned on by 1.5° is a body turned back.
+    assert np.abs(errors.heading_deg[there]) == pytest.approx(1.5, abs=1e-4)
+    elsewhere = (errors.time_s < 6.9) | (errors.time_s > 17.1)
+    assert np.abs(errors.heading_deg[elsewhere]).max() < 1e-4
+    assert max(errors.largest()["max_abs_position_error_m"].values()) < 5e-3
+
+
+# Sensors
+
+
+def test_the_tetrahedron_does_without_one_sensor_of_each_kind(fly):
+    planned = [
+        {"kind": "gyro_absent", "sensor": 2, "at_s": 5},
+        {"kind": "accelerometer_absent", "sensor": 3, "at_s": 5},
+    ]
+    firmware, errors = fly(scenario_with(*planned, duration_s=300))
+    assert firmware["faults"]["bridged_epochs"] == 0
+    assert max(errors.largest()["max_abs_position_error_m"].values()) < 5e-3
+
+
+def test_without_two_gyros_of_four_the_firmware_fails_after_its_bridge(fly):
+    planned = [{"kind": "gyro_absent", "sensor": k, "at_s": 5} for k in (1, 2)]
+    firmware, _ = fly(scenario_with(*planned))
+    assert firmware["fault"] == "SENSORS_LOST"
+    assert firmware["epochs_navigated"] == pytest.approx((5 - BEGIN_S) * 200 + 20, abs=3)
+
+
+def test_a_gap_within_the_bridge_is_bridged(fly):
+    fault = {"kind": "gyro_absent", "at_s": 5, "for_s": 0.05}
+    firmware, errors = fly(scenario_with(fault))
+    assert firmware["fault"] == "NONE"
+    assert firmware["faults"]["bridged_epochs"] == 10
+    assert max(errors.largest()["max_abs_position_error_m"].values()) < 0.01
+
+
+def test_a_gyro_bias_turns_the_attitude_by_its_share_of_the_fusion(fly):
+    # Gyro 1 of the tetrahedron points down; (HᵀH)⁻¹Hᵀ = 3/4 Hᵀ. For 20 s at 3600 °/h = 1 °/s.
+    fault = {"kind": "gyro_bias", "sensor": 1, "bias_dph": 360, "at_s": 10, "for_s": 20}
+    _, errors = fly(scenario_with(fault, mode="strapdown"))
+    after = errors.time_s > 28
+    assert np.abs(errors.heading_deg[after]) == pytest.approx(0.75 * 0.1 * 20, rel=1e-3)
+    assert np.abs(errors.heading_deg[errors.time_s < 6.9]).max() < 1e-6
+
+
+def test_an_accelerometer_bias_moves_the_position(fly):
+    # Accelerometer 2 leans 70.53° to x_s, east here: 3/4 sin α of the bias.
+    fault = {"kind": "accelerometer_bias", "sensor": 2, "bias_ug": 1000, "at_s": 10}
+    _, errors = fly(scenario_with(fault, mode="strapdown"))
+    share = 0.75 * math.sin(math.acos(1 / 3))
+    seconds = errors.time_s[-1] - (10 - BEGIN_S)
+    expected = share * 1000 * 9.80665e-6 * seconds**2 / 2
+    assert errors.position_east_m[-1] == pytest.approx(expected, rel=0.01)
+    assert abs(errors.position_north_m[-1]) < 0.01 * expected
+
+
+def test_noise_of_a_fault_is_noise_of_its_density(fly):
+    fault = {
+        "kind": "gyro_noise", "angle_random_walk_deg_per_sqrt_h": 6, "at_s": 5, "for_s": 50,
+    }  # fmt: skip
+    _, errors = fly(scenario_with(fault, mode="strapdown"))
+    # About each axis the fusion leaves √(3/4) of one sensor's; 6 °/√h is 0.1 °/√s.
+    during = (errors.time_s > 5 - BEGIN_S + 0.2) & (errors.time_s < 54 - BEGIN_S)
+    heading = errors.heading_deg[during]
+    steps = np.diff(heading)
+    expected = 0.1 * math.sqrt(0.75) * math.sqrt(0.1)
+    assert steps.std() == pytest.approx(expected, rel=4 / math.sqrt(2 * len(steps)))
+    after = errors.time_s > 56 - BEGIN_S
+    assert np.ptp(errors.heading_deg[after]) < 1e-3
+
+
+def test_a_stuck_gyro_goes_on_with_its_last_increment(fly):
+    fault = {"kind": "gyro_stuck", "sensor": 1, "at_s": 60, "for_s": 100}
+    # Stuck while the table turns at 2 °/s about its axis, until after it stands: 3/4 of 2 °/s.
+    _, errors = fly(scenario_with(fault, duration_s=110))
+    standing = (errors.time_s > 91) & (errors.time_s < 99)
+    rate = np.polyfit(errors.time_s[standing], errors.heading_deg[standing], 1)[0]
+    assert abs(rate) == pytest.approx(0.75 * 2, rel=1e-3)
+
+
+# Plans
+
+
+def test_a_fault_lasts_one_epoch_at_least():
+    fault = fault_of({"kind": "gyro_bias", "for_s": 0.001})
+    assert fault.epochs(200) == (0, 0)
+    assert fault_of({"kind": "gyro_bias", "at_s": 1, "for_s": 1}).epochs(200) == (200, 399)
+    assert fault_of({"kind": "gyro_bias", "at_s": 1}).epochs(200) == (200, -1)
+
+
+def test_more_faults_than_the_hardware_can_hold_are_refused():
+    fault = {"kind": "gyro_bias", "at_s": 1}
+    plant = power_on(hardware_settings(scenario_with(*[fault] * FAULT_CAPACITY)))
+    assert plant["faults"]["count"] == FAULT_CAPACITY
+    wire = {"kind": "drop"}
+    with pytest.raises(ValueError, match="33 of the hardware itself, 32 at most"):
+        scenario_with(*[fault] * (FAULT_CAPACITY + 1), *[wire] * 5)
+    with pytest.raises(ScenarioError, match="32 at most"):
+        scenario_with().varied(faults=[fault] * (FAULT_CAPACITY + 1))
+
+
+@pytest.mark.parametrize(
+    ("fault", "words"),
+    [
+        ({"kind": "axis_stal"}, ["kind", "axis_stal", "did you mean axis_stall"]),
+        ({"kind": "axis_stall"}, ["axis: is missing"]),
+        ({"kind": "axis_stall", "axs": "inner"}, ["axs: no such key", "did you mean axis?"]),
+        ({"kind": "axis_runaway", "axis": "inner", "rate_dpss": 1}, ["did you mean rate_dps?"]),
+        ({"kind": "gyro_bias", "bias_dhp": 1}, ["bias_dhp", "did you mean bias_dph?"]),
+        ({"kind": "gyro_bias", "sensor": 0}, ["sensor", "greater than or equal to 1"]),
+        ({"kind": "drop", "nessage": "SYNC"}, ["nessage", "did you mean message?"]),
+        ({"axis": "inner"}, ["kind: is missing"]),
+    ],
+)
+def test_a_wrong_fault_is_told_in_one_line(fault, words):
+    for make, where in (
+        (lambda: fault_of(fault), "fault: "),
+        (lambda: Scenario(duration_s=1).varied(faults=[{"kind": "cut"}, fault]), "faults.2"),
+    ):
+        with pytest.raises(ScenarioError) as caught:
+            make()
+        message = str(caught.value)
+        assert "\n" not in message
+        assert where in message
+        for word in words:
+            assert word in message
+
+
+def test_a_sensor_that_is_not_there_is_refused():
+    with pytest.raises(ValueError, match="sensor 5 of 4"):
+        scenario_with({"kind": "gyro_bias", "sensor": 5})
+    dodecahedron = {"geometry": "dodecahedron"}
+    scenario = scenario_with({"kind": "gyro_bias", "sensor": 5}, rimu=dodecahedron)
+    assert firmware_settings(scenario)

@@ -1,0 +1,149 @@
+"""Two real processes on the embedded bus, and every way in which such a run can end."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+
+import can
+import pytest
+
+
+@pytest.fixture
+def channel():
+    return f"test-{os.getpid()}"
+
+
+def test_a_rehearsal_ends_with_summary_pictures_and_rows(run, tmp_path):
+    summary = run("rehearse", "rimu_rotating", "--duration", 120, "--out", "out")
+    assert summary["completed"]
+    assert summary["interface"] == "rrins"
+    assert summary["epochs"] == 600 + 120 * 200 + 2
+    assert summary["frames_lost"] == 0
+    assert summary["overruns"] == 0
+    assert len(summary["navigation_sha256"]) == 64
+    assert 0 < summary["max_abs_position_error_m"]["east"] < 10
+    assert summary["paper"]["max_abs_position_error_m"] == {"east": 5, "north": 2}
+    out = tmp_path / "out"
+    assert sorted(path.name for path in out.iterdir()) == [
+        "errors.csv", "horizontal_track.png", "navigation_errors.png", "summary.json",
+    ]  # fmt: skip
+    assert json.loads((out / "summary.json").read_text()) == summary
+    assert (out / "navigation_errors.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_ctrl_c_stops_both_sides_and_keeps_what_was_recorded(start, assert_gone, tmp_path):
+    record = tmp_path / "bus.log"
+    command = start("rehearse", "ideal", "--record", record, "--out", "out")
+    command.wait_for_line("10 %")
+    children = command.children().values()
+    command.process.send_signal(signal.SIGINT)
+    status, _ = command.finish()
+    assert status == 130
+    assert command.said[-1] == "rrins: stopped by the user"
+    assert_gone(children)
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert not summary["completed"]
+    with can.LogReader(record) as log:
+        identifiers = {message.arbitration_id for message in log}
+    assert {0x10, 0x20, 0x40, 0x61, 0x120} <= identifiers
+
+
+@pytest.mark.parametrize("side", ["firmware", "hardware"])
+def test_a_killed_side_ends_the_other_and_is_named(start, assert_gone, tmp_path, side):
+    command = start("rehearse", "ideal", "--out", "out")
+    command.wait_for_line("10 %")
+    children = command.children()
+    os.kill(children[side], signal.SIGKILL)
+    status, _ = command.finish()
+    assert status == 5
+    last = command.said[-1]
+    assert last.startswith(f"rrins: the {side} process {children[side]} was killed by SIGKILL")
+    assert sum(line.startswith("rrins:") for line in command.said) == 1
+    assert_gone(children.values())
+    assert (tmp_path / "out" / "errors.csv").stat().st_size > 0
+
+
+def test_a_killed_rehearsal_leaves_no_orphans(start):
+    command = start("rehearse", "ideal", "--out", "out")
+    command.wait_for_line("10 %")
+    # The two sides hold the write end of standard error: it is over when both have ended.
+    command.process.kill()
+    command.process.communicate(timeout=30)
+
+
+def test_a_side_that_is_stopped_and_continued_changes_nothing(start, run, tmp_path):
+    reference = run("simulate", "rimu_rotating", "--duration", 120)["navigation_sha256"]
+    for side in ("firmware", "hardware"):
+        command = start("rehearse", "rimu_rotating", "--duration", 120, "--out", "out")
+        command.wait_for_line("10 %")
+        stopped = command.children()[side]
+        os.kill(stopped, signal.SIGSTOP)
+        with pytest.raises(subprocess.TimeoutExpired):
+            command.process.wait(0.5)  # the world pauses
+        os.kill(stopped, signal.SIGCONT)
+        assert command.finish()[0] == 0
+        summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+        assert summary["navigation_sha256"] == reference
+
+
+def test_a_second_firmware_is_refused(start, channel):
+    command = start("rehearse", "ideal", "--channel", channel, "--out", "out")
+    command.wait_for_line("10 %")
+    second = start("firmware", "ideal", "--channel", channel, "--speed", "max")
+    status, _ = second.finish()
+    assert status == 4
+    assert "firmware" in second.said[-1]
+    assert str(command.children()["firmware"]) in second.said[-1]
+    command.process.send_signal(signal.SIGINT)
+    assert command.finish()[0] == 130
+
+
+def test_a_taken_channel_is_refused(start, channel):
+    command = start("rehearse", "ideal", "--channel", channel, "--out", "out")
+    command.wait_for_line("10 %")
+    second = start("rehearse", "ideal", "--channel", channel, "--out", "second")
+    status, _ = second.finish()
+    assert status == 4
+    assert channel in second.said[-1]
+    command.process.send_signal(signal.SIGINT)
+    assert command.finish()[0] == 130
+
+
+def test_each_side_alone_on_a_named_channel(start, channel):
+    hardware = start("hardware", "ideal", "--duration", 5, "--channel", channel, "--speed", "max")
+    firmware = start(
+        "firmware", "ideal", "--duration", 5, "--channel", channel, "--speed", "max",
+        "--attach-wait", 60, "--json",
+    )  # fmt: skip
+    status, out = firmware.finish()
+    assert status == 0
+    assert hardware.finish()[0] == 0
+    summary = json.loads(out)
+    assert summary["mode"] == "SHUTDOWN"
+    assert summary["epochs_navigated"] == 5 * 200 + 1
+
+
+@pytest.mark.parametrize(
+    ("arguments", "status", "words"),
+    [
+        (("firmware", "ideal", "--channel", "nowhere"), 4, "not running; start"),
+        (("rehearse", "ideal", "--interface", "nonsense", "--channel", "x"), 4, "nonsense"),
+        (("rehearse", "ideal", "--interface", "socketcan"), 4, "--channel"),
+        (("rehearse", "idael"), 3, "did you mean ideal"),
+        (("rehearse", "ideal", "--record", "x.unknown"), 6, ".blf"),
+        (("rehearse", "ideal", "--record", "no/folder/x.log"), 6, "no such folder"),
+        (("simulate", "ideal", "--out", "/proc/nowhere"), 1, "/proc/nowhere"),
+        (("rehearse", "ideal", "--speed", "0"), 2, "--speed"),
+        (("simulate", "ideal", "--duration", "-1"), 3, "duration_s"),
+    ],
+)
+def test_a_wrong_call_ends_in_one_clear_line(start, arguments, status, words):
+    command = start(*arguments)
+    returned, out = command.finish()
+    assert returned == status
+    assert words in command.said[-1]
+    assert out == ""
+    assert not any("Traceback" in line for line in command.said)

@@ -1,0 +1,254 @@
+"""Faults on the wire: each is noticed and counted, and no wrong value is ever used."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from generate import faults_page as fault_table
+from generate.fault_cases import OF_HARDWARE, ON_WIRE
+from hypothesis import given
+from hypothesis import strategies as st
+
+from rrins.dbc.codec import load
+from rrins.dbc.frame import frame_array
+from rrins.dbc.values import FaultAction, FaultRefusal
+from rrins.host_tools.errors import ScenarioError
+from rrins.host_tools.hardware.faults import HardwareFault
+from rrins.host_tools.injection.errors import InjectionError
+from rrins.host_tools.injection.messages import fault_commands
+from rrins.host_tools.runs.direct import run_direct
+from rrins.host_tools.scenario.fault_tables import KINDS, FaultOnWire
+from rrins.host_tools.scenario.scenario import Scenario, fault_of
+from rrins.host_tools.wire.faults import FaultKind, Node, WireFault, WireFaults
+
+DOCS = Path(__file__).parents[3] / "docs"
+ROTATING = "NAVIGATION_ROTATING"
+
+
+@pytest.fixture(scope="module")
+def table():
+    return {row.injected: row for row in fault_table.rows()}
+
+
+@pytest.mark.slow
+def test_the_page_in_docs_is_current(table):
+    assert (DOCS / "faults.md").read_text(encoding="utf-8") == fault_table.page(
+        list(table.values())
+    ), "run `make docs`"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("injected", "counter", "mode"),
+    [
+        ("SENSOR_3 lost for 5 s", "firmware missing_frames", ROTATING),
+        ("1 % of all frames lost", "firmware missing_frames", ROTATING),
+        ("SENSOR_2 10 ms late for 1 s", "firmware counter_errors", ROTATING),
+        ("every frame twice for 5 s", "firmware counter_errors", ROTATING),
+        ("SENSOR_1 with a bit error that passes CRC-15, for 5 s", "firmware crc_errors", ROTATING),
+        ("10 % of all frames with a bit error that passes CRC-15", "hardware crc_errors", ROTATING),
+        ("SENSOR_4 with a wrong counter for 5 s", "firmware counter_errors", ROTATING),
+        ("SYNC lost for 5 s", "firmware missing_frames", ROTATING),
+        ("hardware silent for 50 ms", "firmware bridged_epochs", ROTATING),
+        ("hardware silent for 1 s", "firmware bridged_epochs", "FAULT (SENSORS_LOST)"),
+        (
+            "inner encoder silent for 5 s",
+            "firmware missing_frames",
+            "NAVIGATION_STRAPDOWN (axis not following)",
+        ),
+        ("firmware silent for 5 s", "hardware missing_commands", ROTATING),
+        (
+            "a node babbles, 40 frames per epoch for 1 s",
+            "firmware bridged_epochs",
+            "FAULT (SENSORS_LOST)",
+        ),
+        ("hardware bus-off", "firmware bridged_epochs", ROTATING),
+        ("firmware bus-off", "hardware missing_commands", ROTATING),
+        ("bus cut for 50 ms", "firmware bridged_epochs", ROTATING),
+        ("bus cut for 1 s", "firmware bridged_epochs", "FAULT (SENSORS_LOST)"),
+    ],
+)
+def test_a_fault_is_counted_at_once_and_the_mode_follows(table, injected, counter, mode):
+    row = table[injected]
+    assert row.counted[counter] > 0
+    assert row.after_epochs is not None
+    assert row.after_epochs <= 25  # a probability of 1 % takes its time
+    assert row.mode == mode
+    assert row.worst_bridged <= 20  # 0.1 s
+    assert row.difference_m < 0.01
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "injected", ["every epoch's frames reordered for 5 s", "a node babbles, 8 frames per epoch"]
+)
+def test_what_does_no_harm_changes_nothing(table, injected):
+    assert table[injected].counted == {}
+    assert table[injected].difference_m == 0
+
+
+def test_every_kind_of_fault_is_in_the_table():
+    kinds = {case.fault["kind"] for case in (*ON_WIRE, *OF_HARDWARE)}
+    assert kinds == set(KINDS)
+
+
+def test_the_kinds_are_those_of_the_contract():
+    codec = load()
+    on_wire = {raw: name for raw, name in codec.choices("FAULT_COMMAND", "kind").items() if raw}
+    assert on_wire == {kind: kind.name for kind in FaultKind if kind}
+    for message in ("HARDWARE_FAULT_COMMAND", "HARDWARE_FAULT_ACTIVE"):
+        choices = codec.choices(message, "kind")
+        assert choices == {0: "NONE"} | {kind: kind.name for kind in HardwareFault}
+    assert codec.choices("FAULT_ACTIVE", "kind") == {0: "NONE"} | on_wire
+    actions = {action: action.name for action in FaultAction}
+    assert codec.choices("FAULT_COMMAND", "action") == actions
+    assert actions.items() >= codec.choices("HARDWARE_FAULT_COMMAND", "action").items()
+    refusals = {refusal: refusal.name for refusal in FaultRefusal}
+    for message in ("FAULT_STATUS", "HARDWARE_FAULT_STATUS"):
+        assert codec.choices(message, "refusal") == refusals
+    assert {f"{kind.name.lower()}" for kind in HardwareFault} | {
+        kind.name.lower() for kind in FaultKind if kind
+    } == set(KINDS)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("injected", "trouble", "mode"),
+    [
+        ("SENSOR_1 repeats an old frame for 5 s", "sensor_1_stale", ROTATING),
+        (
+            "inner axis stalls permanently",
+            "axis_inner_not_following",
+            "NAVIGATION_STRAPDOWN (axis not following)",
+        ),
+        (
+            "outer axis runs away at 5 °/s for 5 s",
+            "axis_outer_not_following",
+            "NAVIGATION_STRAPDOWN (axis not following)",
+        ),
+        ("gyro 2 repeats its last increment", "gyro_2_stuck", ROTATING),
+        ("gyro 2 absent for 5 s", "gyro_2_absent", ROTATING),
+        ("all gyros absent for 1 s", "sensors_lost", "FAULT (SENSORS_LOST)"),
+        ("accelerometer 3 absent for 5 s", "accelerometer_3_absent", ROTATING),
+    ],
+)
+def test_a_fault_leaves_its_trouble_code(table, injected, trouble, mode):
+    assert trouble in table[injected].troubles
+    assert table[injected].mode == mode
+
+
+@pytest.mark.slow
+def test_what_a_bad_sensor_says_is_used(table):
+    bias = table["gyro 2 biased by 10 °/h"]
+    assert bias.after_epochs is None
+    assert bias.difference_deg == pytest.approx(10 * 40 / 3600, rel=0.5)  # a share of 10 °/h
+    assert table["inner encoder slips by 1°"].difference_deg == pytest.approx(1, abs=1e-3)
+
+
+@pytest.mark.slow
+@given(st.integers(0, 63), st.sampled_from([f"SENSOR_{k}" for k in (1, 2, 3, 4)]))
+def test_no_single_wrong_bit_ever_reaches_navigation(bit, message):
+    faults = ({"kind": "corrupt", "message": message, "bit": bit, "at_s": 3.1},)
+    lost = ({"kind": "drop", "message": message, "at_s": 3.1},)
+    digests = {
+        run_direct(Scenario.model_validate({"duration_s": 0.5, "faults": which})).firmware[
+            "navigation_sha256"
+        ]
+        for which in (faults, lost)
+    }
+    assert len(digests) == 1  # a corrupted frame is as good as none
+
+
+def test_a_seed_repeats_a_fault_and_another_does_not():
+    scenario = {"duration_s": 3, "faults": [{"kind": "drop", "probability": 0.05, "at_s": 3.1}]}
+    digests = [
+        run_direct(Scenario.model_validate(scenario | {"seed": seed})).firmware["navigation_sha256"]
+        for seed in (1, 1, 2)
+    ]
+    assert digests[0] == digests[1] != digests[2]
+
+
+def test_a_delayed_frame_comes_once_and_not_again():
+    faults = WireFaults((WireFault(FaultKind.DELAY, Node.HARDWARE, parameter=2),), seed=1)
+    frames, out = frame_array(1), frame_array(8)
+    frames["can_id"] = 0x40
+    seen = []
+    for epoch in range(6):
+        frames["data"] = epoch
+        count = faults.apply(Node.HARDWARE, frames, 1, epoch, out)
+        seen.append(out["data"][:count].tolist())
+    assert seen == [[], [], [0], [1], [2], [3]]
+
+
+def test_faults_act_only_in_their_time_and_on_their_frames():
+    fault = WireFault(FaultKind.DROP, Node.HARDWARE, 0x40, first_epoch=2, last_epoch=3)
+    faults = WireFaults((fault,), seed=1)
+    frames, out = frame_array(2), frame_array(8)
+    frames["can_id"] = (0x40, 0x41)
+    left = [faults.apply(Node.HARDWARE, frames, 2, epoch, out) for epoch in range(5)]
+    assert left == [2, 2, 1, 1, 2]
+    assert faults.apply(Node.FIRMWARE, frames, 2, 2, out) == 2
+
+
+def test_a_command_says_what_a_scenario_would():
+    fault = fault_of({"kind": "delay", "message": "SENSOR_3", "for_s": 1.5, "delay_s": 0.02})
+    message = fault_commands(FaultAction.INJECT, fault)[-1]
+    values = load().database.decode_message(message.arbitration_id, bytes(message.data))
+    assert str(values["action"]) == "INJECT"
+    assert str(values["kind"]) == "DELAY"
+    assert values["identifier"] == 0x42
+    assert values["duration_ms"] == 1500
+    assert values["parameter"] == 20
+
+
+def test_what_a_command_cannot_say_is_refused():
+    for fault, words in (
+        (FaultOnWire(kind="drop", probability=1e-5), "probability 1e-05"),
+        (FaultOnWire(kind="drop", for_s=100), "for 100 s: a live fault lasts at most 65.535 s"),
+        (
+            FaultOnWire(kind="delay", delay_s=20),
+            "delay of 20 s: the maximum of a live fault is 16.383 s",
+        ),
+    ):
+        with pytest.raises(InjectionError, match=words):
+            fault_commands(FaultAction.INJECT, fault)
+    with pytest.raises(ScenarioError, match="did you mean SENSOR_3"):
+        fault_of({"kind": "drop", "message": "SENSR_3"})
+
+
+def test_a_stale_frame_is_the_one_of_the_beginning():
+    faults = WireFaults((WireFault(FaultKind.STALE, Node.HARDWARE, 0x40, 1, 3),), seed=1)
+    frames, out = frame_array(2), frame_array(8)
+    frames["can_id"] = (0x40, 0x41)
+    seen = []
+    for epoch in range(6):
+        frames["data"] = epoch
+        faults.apply(Node.HARDWARE, frames, 2, epoch, out)
+        seen.append(out["data"][:2].tolist())
+    assert seen == [[0, 0], [1, 1], [1, 2], [1, 3], [4, 4], [5, 5]]
+
+
+def test_a_key_of_another_kind_is_refused():
+    for fault, words in (
+        ({"kind": "gyro_bias", "bias_ug": 3}, "bias_ug: does not apply to gyro_bias"),
+        ({"kind": "gyro_stuck", "bias_dph": 3}, "bias_dph: does not apply to gyro_stuck"),
+        ({"kind": "drop", "bit": 3}, "bit: does not apply to drop, only to corrupt"),
+        ({"kind": "gyro_noise", "angle_random_walk_deg_per_sqrt_h": -1}, "greater than or equal"),
+        ({"kind": "axis_runaway", "axis": "inner", "rate_dps": 61}, "less than or equal to 60"),
+    ):
+        with pytest.raises(ScenarioError, match=words):
+            fault_of(fault)
+
+
+@pytest.mark.slow
+def test_the_wire_takes_time_and_a_slow_one_too_much():
+    fast, slow = (
+        run_direct(Scenario.model_validate({"duration_s": 15, "bus": {"bitrate": bitrate}}))
+        for bitrate in (1_000_000, 125_000)
+    )
+    ideal = run_direct(Scenario.model_validate({"duration_s": 15}))
+    assert fast.firmware["navigation_sha256"] == ideal.firmware["navigation_sha256"]
+    assert slow.firmware["fault"] == "SELF_TEST_FAILED"
+    assert np.sum(list(slow.firmware["faults"].values())) > 0

@@ -1,0 +1,478 @@
+"""The bus in virtual time. Frames and times are worked out by hand or from `bit_sequence`."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import subprocess
+import sys
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from rrins.dbc.frame import EFF_FLAG, ERR_FLAG, RTR_FLAG, frame_array
+from rrins.host_tools.wire.bits import bit_sequence
+from rrins.host_tools.wire.confinement import NodeState
+from rrins.host_tools.wire.timing import WireModel
+
+ROOT = Path(__file__).parents[3]
+BIT = 1000  # ns at 1 Mbit/s
+FAR = 10_000_000_000
+
+
+def frames_of(*rows):
+    """Frames from rows of identifier and payload."""
+    frames = frame_array(len(rows))
+    for frame, (can_id, payload) in zip(frames, rows, strict=True):
+        frame["can_id"] = can_id
+        frame["length"] = len(payload)
+        frame["data"] = int.from_bytes(payload.ljust(8, b"\0"), "little")
+    return frames
+
+
+def bits_of(can_id, payload):
+    return len(bit_sequence(can_id, len(payload), int.from_bytes(payload, "little")))
+
+
+class Bus:
+    """A model and the arrays around it."""
+
+    def __init__(self, *nodes, bitrate=1_000_000, capacity=1024, **options):
+        self.model = WireModel(bitrate, nodes or ("a", "b", "c"), **options)
+        self.frames = frame_array(capacity)
+        self.times = np.zeros(capacity, dtype=np.int64)
+        self.nodes = np.zeros(capacity, dtype=np.int64)
+        self.receivers = np.zeros(capacity, dtype=np.int64)
+
+    def submit(self, node, *rows, at=0):
+        return self.model.submit(node, frames_of(*rows), len(rows), at)
+
+    def run(self, until=FAR):
+        """Identifier, end in ns and node of each frame that has ended."""
+        count = self.model.run(until, self.frames, self.times, self.nodes, self.receivers)
+        ids = (int(can_id) for can_id in self.frames["can_id"][:count])
+        rows = zip(ids, self.times[:count], self.nodes[:count], strict=True)
+        return [(can_id, int(time), int(node)) for can_id, time, node in rows]
+
+    def node(self, name):
+        return self.model.statistics()["nodes"][name]
+
+
+def test_a_frame_ends_its_bits_after_it_was_submitted():
+    bus = Bus()
+    bus.submit(1, (0x123, b"\x01\x02"), at=7_000)
+    end = 7_000 + bits_of(0x123, b"\x01\x02") * BIT
+    assert bus.run(end - 1) == []
+    assert bus.run(end) == [(0x123, end, 1)]
+    assert bus.frames["length"][0] == 2
+    assert bus.frames["data"][0] == 0x0201
+    assert bus.receivers[0] == 0b101
+
+
+@pytest.mark.parametrize("bitrate", [125_000, 250_000, 500_000, 1_000_000])
+def test_the_bit_rate_scales_time(bitrate):
+    bus = Bus(bitrate=bitrate)
+    bus.submit(0, (0x123, b"abcdefgh"))
+    assert bus.run() == [(0x123, bits_of(0x123, b"abcdefgh") * 1_000_000_000 // bitrate, 0)]
+
+
+def test_frames_are_three_bits_apart():
+    bus = Bus()
+    bus.submit(0, (0x10, b"x"), (0x20, b"yz"))
+    first = bits_of(0x10, b"x") * BIT
+    second = first + (3 + bits_of(0x20, b"yz")) * BIT
+    assert bus.run() == [(0x10, first, 0), (0x20, second, 0)]
+
+
+def test_the_strongest_identifier_of_all_nodes_goes_first():
+    bus = Bus()
+    bus.submit(0, (0x300, b""), (0x100, b""))
+    bus.submit(1, (0x200, b""), (0x000, b""))
+    assert [(can_id, node) for can_id, _, node in bus.run()] == [
+        (0x000, 1),
+        (0x100, 0),
+        (0x200, 1),
+        (0x300, 0),
+    ]
+
+
+def test_standard_data_wins_against_remote_and_that_against_extended():
+    bus = Bus()
+    order = [0x100, 0x100 | RTR_FLAG, 0x100 << 18 | EFF_FLAG, 0x101]
+    for node, place in ((0, 2), (1, 1), (2, 3), (0, 0)):
+        bus.submit(node, (order[place], b""))
+    assert [row[0] for row in bus.run()] == order
+
+
+def test_a_transmission_is_not_interrupted():
+    bus = Bus()
+    bus.submit(0, (0x7FF, b"12345678"))
+    bus.submit(1, (0x000, b""), at=1)
+    assert [row[0] for row in bus.run()] == [0x7FF, 0x000]
+
+
+def test_equal_identifiers_of_a_node_stay_in_order():
+    bus = Bus()
+    bus.submit(0, *((0x55, bytes([k])) for k in range(20)))
+    bus.run()
+    assert bus.frames["data"][:20].tolist() == list(range(20))
+
+
+def test_a_frame_for_the_end_of_a_run_waits_for_others():
+    bus = Bus()
+    bus.submit(0, (0x200, b""), at=5_000)
+    assert bus.run(5_000) == []
+    bus.submit(1, (0x100, b""), at=5_000)
+    assert [row[0] for row in bus.run()] == [0x100, 0x200]
+
+
+def test_full_arrays_stop_the_wire():
+    bus = Bus(capacity=4)
+    bus.submit(0, *((k, b"") for k in range(10)))
+    found = [bus.run(), bus.run(), bus.run()]
+    assert [len(rows) for rows in found] == [4, 4, 2]
+    assert [row[0] for rows in found for row in rows] == list(range(10))
+    assert bus.model.now_ns == FAR
+
+
+def test_the_load_of_a_saturated_wire_is_one():
+    bus = Bus()
+    for _ in range(8):
+        bus.submit(0, *((k, b"12345678") for k in range(256)), at=bus.model.now_ns)
+        bus.run(bus.model.now_ns + 20_000_000)
+    statistics = bus.model.statistics()
+    assert statistics["load"] == 1.0
+    assert statistics["window_load"] == statistics["worst_window_load"] == 1.0
+
+
+def test_the_load_is_that_of_the_bits():
+    bus = Bus(window_ns=10_000_000)
+    bus.submit(0, (0x1, b"abc"), (0x2, b""), at=1_000_000)
+    bus.submit(1, (EFF_FLAG | 5, b"abc"), at=12_000_000)
+    bus.run(20_000_000)
+    first = (bits_of(0x1, b"abc") + bits_of(0x2, b"") + 6) * BIT
+    second = (bits_of(EFF_FLAG | 5, b"abc") + 3) * BIT
+    statistics = bus.model.statistics()
+    assert statistics["busy_ns"] == first + second
+    assert statistics["load"] == (first + second) / 20_000_000
+    assert statistics["window_load"] == second / 10_000_000
+    assert statistics["worst_window_load"] == first / 10_000_000
+    assert statistics["identifiers"][0x2] == {
+        "sent": 1,
+        "errors": 0,
+        "retransmissions": 0,
+        "busy_ns": (bits_of(0x2, b"") + 3) * BIT,
+        "worst_delay_ns": (bits_of(0x1, b"abc") + 3) * BIT,
+        "worst_response_ns": first - 3 * BIT,
+    }
+    assert statistics["extended"]["sent"] == 1
+    bus.run(40_000_000)
+    assert bus.model.statistics()["window_load"] == 0
+
+
+def test_a_full_node_loses_what_is_more():
+    bus = Bus()
+    assert bus.submit(0, *((k, b"") for k in range(300))) == 256
+    assert bus.submit(1, (0x400, b"")) == 1
+    assert len(bus.run()) == 257
+    assert bus.node("a")["overflowed"] == 44
+    assert bus.node("a")["most_waiting"] == 256
+
+
+def test_what_is_no_frame_is_lost():
+    bus = Bus()
+    frames = frames_of((0x1, b""), (0x1 | ERR_FLAG, b""))
+    frames["length"][0] = 9
+    assert bus.model.submit(0, frames, 2, 0) == 0
+    assert bus.node("a")["invalid"] == 2
+
+
+def test_a_destroyed_frame_is_sent_again():
+    bus = Bus()
+    bus.submit(0, (0x10, b"x"))
+    bus.submit(1, (0x08, b"y"))
+    bus.model.fail_next(0x10, times=2)
+    good, own = bits_of(0x08, b"y"), bits_of(0x10, b"x")
+    # Up to the ACK slot, 8 bits before the end; flags 7, delimiter 8, intermission 3.
+    failed = own - 8 + 7 + 8 + 3
+    assert bus.run() == [
+        (0x08, good * BIT, 1),
+        (0x10, (good + 3 + 2 * failed + own) * BIT, 0),
+    ]
+    row = bus.model.statistics()["identifiers"][0x10]
+    assert (row["sent"], row["errors"], row["retransmissions"]) == (1, 2, 2)
+    assert row["worst_delay_ns"] == (good + 3 + 2 * failed) * BIT
+    sender, receiver = bus.node("a"), bus.node("b")
+    assert (sender["tec"], sender["rec"]) == (15, 0)
+    assert (receiver["tec"], receiver["rec"]) == (0, 1)
+
+
+def test_failures_are_for_a_node_or_for_anyone():
+    bus = Bus()
+    bus.model.fail_next(node=1)
+    bus.submit(0, (0x10, b""))
+    bus.submit(1, (0x20, b""))
+    bus.run()
+    assert [bus.node(name)["errors"] for name in "abc"] == [0, 1, 0]
+    bus.model.fail_next(times=2)
+    bus.submit(0, (0x10, b""), at=FAR)
+    bus.run(2 * FAR)
+    assert [bus.node(name)["errors"] for name in "abc"] == [2, 1, 0]
+
+
+def test_without_retransmission_a_destroyed_frame_is_lost():
+    bus = Bus(retransmission=False)
+    bus.model.fail_next()
+    bus.submit(0, (0x10, b""), (0x20, b""))
+    assert [row[0] for row in bus.run()] == [0x20]
+    assert bus.node("a")["abandoned"] == 1
+
+
+def test_a_passive_sender_lets_others_go_first():
+    bus = Bus()
+    bus.model.fail_next(0x10, times=16)
+    bus.submit(0, (0x10, b"x"))
+    own, other = bits_of(0x10, b"x"), bits_of(0x700, b"")
+    passive = 16 * (own + 10) * BIT
+    bus.run(passive - 1)
+    assert bus.model.state(0) is NodeState.ERROR_PASSIVE
+    bus.submit(1, (0x700, b""), at=passive + 1)
+    ends = passive + 1 + other * BIT
+    assert bus.run() == [(0x700, ends, 1), (0x10, ends + (3 + own) * BIT, 0)]
+    assert bus.model.state(0) is NodeState.ERROR_ACTIVE
+
+
+def test_a_passive_sender_waits_eight_bits_even_alone():
+    bus = Bus()
+    bus.model.fail_next(0x10, times=17)
+    bus.submit(0, (0x10, b"x"))
+    own = bits_of(0x10, b"x")
+    # Suspended after the 16th and 17th attempt.
+    assert bus.run() == [(0x10, (17 * (own + 10) + 2 * 8 + own) * BIT, 0)]
+
+
+def test_a_node_goes_off_the_bus_and_comes_back():
+    bus = Bus()
+    bus.model.fail_next(node=0, times=1000)
+    bus.submit(0, (0x10, b"x"), (0x11, b""))
+    off = (32 * (bits_of(0x10, b"x") + 10) + 16 * 8) * BIT
+    back = off + 128 * 11 * BIT
+    bus.run(off)
+    assert bus.node("a")["state"] == "bus_off"
+    assert bus.node("a")["errors"] == 32
+    assert bus.node("a")["discarded"] == 2
+    assert bus.submit(0, (0x10, b""), at=off) == 0
+    bus.run(back - 1)
+    assert bus.model.state(0) is NodeState.BUS_OFF
+    bus.run(back)
+    assert bus.model.state(0) is NodeState.ERROR_ACTIVE
+    assert (bus.node("a")["tec"], bus.node("a")["bus_offs"]) == (0, 1)
+
+
+def test_traffic_counts_for_a_node_off_the_bus():
+    bus = Bus()
+    bus.model.fail_next(node=0, times=32)
+    bus.submit(0, (0x10, b"x"))
+    off = (32 * (bits_of(0x10, b"x") + 10) + 16 * 8) * BIT
+    bus.run(off)
+    # 127 frames without a gap show 11 recessive bits each, and one such sequence is left.
+    bus.submit(1, *((0x20, b"") for _ in range(127)), at=off)
+    frames = 127 * (bits_of(0x20, b"") + 3) * BIT
+    assert len(bus.run(off + frames + 11 * BIT - 1)) == 127
+    assert bus.receivers[126] == 0b100
+    assert bus.model.state(0) is NodeState.BUS_OFF
+    bus.run(off + frames + 11 * BIT)
+    assert bus.model.state(0) is NodeState.ERROR_ACTIVE
+
+
+def test_without_recovery_a_node_stays_off_the_bus():
+    bus = Bus(recovery=False)
+    bus.model.fail_next(times=32)
+    bus.submit(0, (0x10, b""))
+    bus.run()
+    assert bus.model.state(0) is NodeState.BUS_OFF
+
+
+def test_a_lone_node_is_never_acknowledged_and_never_leaves():
+    bus = Bus("only")
+    bus.submit(0, (0x10, b"x"))
+    assert bus.run(100_000_000) == []
+    assert bus.node("only")["tec"] == 128
+    assert bus.model.state(0) is NodeState.ERROR_PASSIVE
+    # Up to the ACK slot, flag 6, delimiter 8, intermission 3; 8 more once it is passive.
+    attempt = bits_of(0x10, b"x") - 8 + 6 + 8 + 3
+    passive_attempts = (100_000 + 3 - 16 * attempt) // (attempt + 8)
+    assert bus.node("only")["errors"] == 16 + passive_attempts
+
+
+def test_a_cut_wire_carries_nothing_until_it_is_mended():
+    bus = Bus()
+    bus.model.cut(True)
+    bus.submit(0, (0x10, b""))
+    bus.submit(1, (0x20, b""))
+    assert bus.run(50_000_000) == []
+    assert [bus.node(name)["tec"] for name in "abc"] == [128, 128, 0]
+    assert bus.node("c")["rec"] == 0
+    bus.model.cut(False)
+    assert [row[0] for row in bus.run()] == [0x10, 0x20]
+    assert [bus.node(name)["tec"] for name in "abc"] == [127, 127, 0]
+
+
+def test_a_silent_node_neither_sends_nor_acknowledges():
+    bus = Bus("a", "b")
+    bus.submit(1, (0x10, b""))
+    bus.model.silence(1, True)
+    assert bus.submit(1, (0x11, b"")) == 0
+    bus.submit(0, (0x20, b""))
+    assert bus.run(50_000_000) == []
+    assert bus.node("b")["discarded"] == 2
+    assert (bus.node("a")["tec"], bus.node("b")["rec"]) == (128, 0)
+    bus.model.silence(1, False)
+    assert [row[0] for row in bus.run()] == [0x20]
+
+
+def test_a_silent_node_hears():
+    bus = Bus()
+    bus.model.silence(2, True)
+    bus.submit(0, (0x20, b""))
+    assert len(bus.run()) == 1
+    assert bus.receivers[0] == 0b110
+
+
+def test_the_same_frame_of_two_nodes_goes_out_once():
+    bus = Bus()
+    bus.submit(1, (0x20, b"x"))
+    bus.submit(2, (0x20, b"x"))
+    assert bus.run() == [(0x20, bits_of(0x20, b"x") * BIT, 1)]
+    assert bus.receivers[0] == 0b001
+    assert [bus.node(name)["sent"] for name in "abc"] == [0, 1, 1]
+
+
+def test_different_frames_of_the_same_identifier_collide_until_one_is_passive():
+    bus = Bus()
+    bus.submit(0, (0x20, b"\x81"))
+    bus.submit(1, (0x20, b"\x80"))
+    one, two = bit_sequence(0x20, 1, 0x81), bit_sequence(0x20, 1, 0x80)
+    differ = next(k for k in range(len(one)) if one[k] != two[k]) + 1
+    # Flags 12, delimiter 8, intermission 3; 16 times, until both are passive and wait 8 bits more.
+    passive = 16 * (differ + 12 + 8 + 3) + 8
+    first = passive + len(two)
+    assert bus.run() == [
+        (0x20, first * BIT, 1),
+        # The loser, passive, was a sender of the frame before and waits as well.
+        (0x20, (first + 3 + 8 + len(one)) * BIT, 0),
+    ]
+    assert [bus.node(name)["errors"] for name in "abc"] == [17, 16, 0]
+    # 128 - 1, one more for a frame received, and 128 + 8 - 1.
+    assert [bus.node(name)["tec"] for name in "abc"] == [135, 127, 0]
+    assert bus.node("c")["rec"] == 14
+
+
+@pytest.mark.parametrize("bitrate", [0, 5_000, 3_000_000, 999_999, 2_000_000])
+def test_bit_rates_that_no_wire_has(bitrate):
+    with pytest.raises(ValueError, match="bit rate"):
+        WireModel(bitrate)
+
+
+def test_misuse_is_refused():
+    bus = Bus()
+    with pytest.raises(ValueError, match="node 3"):
+        bus.submit(3, (0x1, b""))
+    with pytest.raises(ValueError, match="2 frames out of an array of 1"):
+        bus.model.submit(0, frame_array(1), 2, 0)
+    with pytest.raises(ValueError, match="shorter"):
+        bus.model.run(0, frame_array(9), bus.times[:8], bus.nodes)
+    bus.run(1000)
+    with pytest.raises(ValueError, match="has run to 1000 ns"):
+        bus.submit(0, (0x1, b""), at=999)
+    with pytest.raises(ValueError, match="has run to 1000 ns"):
+        bus.run(999)
+    for _ in range(16):
+        bus.model.fail_next()
+    with pytest.raises(ValueError, match="16 orders"):
+        bus.model.fail_next()
+
+
+events = st.lists(
+    st.tuples(
+        st.integers(0, 2),  # node
+        st.integers(0, 15),  # identifier
+        st.binary(max_size=8),
+        st.integers(0, 3_000_000),  # ns
+    ),
+    max_size=40,
+)
+failures = st.integers(0, 40)
+
+
+@settings(max_examples=60)
+@given(events, failures, st.lists(st.integers(0, 20_000_000), max_size=10))
+def test_the_wire_carries_what_is_given_to_it_however_it_is_run(rows, failed, stops):
+    whole, parts = Bus(), Bus()
+    for bus in (whole, parts):
+        if failed:
+            bus.model.fail_next(times=failed)
+        for node, can_id, payload, time in rows:
+            # A node's identifiers are its own, as on a real bus.
+            bus.submit(node, (can_id * 4 + node, payload), at=time)
+    found = whole.run(FAR)
+    pieces = []
+    for until in [*sorted(stops), FAR]:
+        pieces += parts.run(until)
+    assert pieces == found
+    assert parts.model.mediums["node"].tobytes() == whole.model.mediums["node"].tobytes()
+    assert parts.model.statistics() == whole.model.statistics()
+    # All frames come through, unless a node was taken off the bus.
+    lost = sum(whole.node(name)["discarded"] for name in "abc")
+    assert len(found) + lost == len(rows)
+    times = [time for _, time, _ in found]
+    assert all(later - time > 44 * BIT for time, later in pairwise(times))
+    assert whole.model.statistics()["busy_ns"] <= FAR
+
+
+SCRIPT = """
+import sys
+sys.path.insert(0, sys.argv[1])
+from test_timing import story
+print(story())
+"""
+
+
+def story():
+    """A short run in which everything happens; the hash of all that came of it."""
+    bus = Bus("a", "b", "c", "d", bitrate=500_000, window_ns=3_000_000)
+    digest = hashlib.sha256()
+    bus.model.fail_next(node=3, times=32)
+    bus.model.fail_next(0x105, times=3)
+    for epoch in range(12):
+        start = epoch * 2_000_000
+        for node in range(4):
+            rows = ((0x100 + 8 * k + node, bytes([epoch, 255 * (k % 2), 7])) for k in range(3))
+            bus.submit(node, *rows, at=start + 100_000 * node)
+        bus.submit(0, (EFF_FLAG | 0x1ABCDEF, b"\x00\x00\xff\xff"), at=start)
+        bus.submit(epoch % 2, (0x50, b"same"), at=start)
+        bus.submit(2, (0x50, b"same" if epoch < 9 else b"other"), at=start)
+        bus.model.cut(epoch == 4)
+        bus.model.silence(1, epoch == 6)
+        digest.update(repr(bus.run(start + 2_000_000)).encode())
+        digest.update(bus.receivers.tobytes())
+    digest.update(repr(bus.model.statistics()).encode())
+    digest.update(bus.model.mediums.tobytes())
+    return digest.hexdigest()
+
+
+@pytest.mark.slow
+def test_the_compiler_changes_nothing():
+    result = subprocess.run(
+        [sys.executable, "-c", SCRIPT, str(Path(__file__).parent)],
+        env=os.environ | {"NUMBA_DISABLE_JIT": "1", "PYTHONPATH": str(ROOT)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert result.returncode == 0, result.stderr
+    assert result.stdout.strip() == story()

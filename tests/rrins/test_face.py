@@ -1,0 +1,34 @@
+"""`import rrins`: quick, complete, and nothing else at the top."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import pytest
+
+import rrins
+
+
+def test_every_name_is_there_and_explains_itself():
+    for name in rrins.__all__:
+        value = getattr(rrins, name)
+        assert name == "__version__" or value.__doc__, name
+    assert set(rrins.__all__) <= set(dir(rrins))
+
+
+def test_a_name_that_is_not_there():
+    with pytest.raises(AttributeError, match="simulat"):
+        _ = rrins.simulat
+
+
+def test_importing_it_is_quick_and_brings_nothing_heavy():
+    script = (
+        "import sys; before = set(sys.modules); import rrins; rrins.__version__; "
+        "print(*sorted({name.split('.')[0] for name in set(sys.modules) - before}))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, check=True
+    )
+    heavy = {"numba", "numpy", "xarray", "pandas", "matplotlib", "can", "pydantic", "scipy"}
+    assert not heavy & set(done.stdout.split())
