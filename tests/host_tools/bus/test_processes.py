@@ -209,7 +209,9 @@ def test_a_killed_host_is_an_error_in_its_peers(start_player: StartPlayer) -> No
         assert bus.host_pid == host_player.pid
         os.kill(host_player.pid, signal.SIGKILL)
         start = time.monotonic()
-        with pytest.raises(can.CanOperationError, match=f"process {host_player.pid}, has disappeared"):
+        with pytest.raises(
+            can.CanOperationError, match=f"process {host_player.pid}, has disappeared"
+        ):
             bus.recv(5.0)
         with pytest.raises(can.CanOperationError, match="has disappeared"):
             sender.send(can.Message(), 5.0)
@@ -226,7 +228,9 @@ def test_a_killed_peer_is_cut_off_and_named(
     host.require(["firmware"])
     os.kill(node.pid, signal.SIGKILL)
     start = time.monotonic()
-    with pytest.raises(can.CanOperationError, match=rf"'firmware' \(process {node.pid}\).*disappeared"):
+    with pytest.raises(
+        can.CanOperationError, match=rf"'firmware' \(process {node.pid}\).*disappeared"
+    ):
         host.recv_batch(frame_array(1), 5.0)
     assert time.monotonic() - start < 4.0  # at once, not when the waiting is over
     assert len(caplog.records) == 1
