@@ -13,6 +13,7 @@ from typing import Any, Final, NoReturn
 import click
 from click.shell_completion import CompletionItem
 
+from rrins.host_tools.cli.standard_streams import OutputError, guarded_streams
 from rrins.host_tools.errors import RehearsalError
 from rrins.host_tools.interruption import INTERRUPTED
 
@@ -136,6 +137,9 @@ def main() -> None:
     gc.set_threshold(_GC_THRESHOLD)
     _leave_out_asammdf(sys.argv[1:])
     try:
-        rrins(prog_name="rrins")
+        with guarded_streams():
+            rrins(prog_name="rrins")
+    except OutputError as error:  # help and completion are printed before a command runs
+        _fail(str(error), error.exit_status)
     finally:
         gc.freeze()  # saves half a second of garbage collection at exit
