@@ -19,6 +19,7 @@ module         noun
 `peer`         one attached process, as the hub sees it
 `launch`       a hub process of its own, started when nobody hosts yet
 `channel`      the place of a channel in the file system, and who holds it
+`ownership`    whose a place is, and who is at the other end
 `datagram`     the wire format
 `pace`         how fast time passes on the bus
 `socketcand`   the bus for programs that know neither us nor python-can

@@ -11,7 +11,8 @@ from typing import Final, NamedTuple
 
 from rrins.host_tools.bus import datagram
 from rrins.host_tools.bus.channel import Claim
-from rrins.host_tools.bus.peer import check_name, credentials, widen
+from rrins.host_tools.bus.ownership import credentials, may_attach
+from rrins.host_tools.bus.peer import check_name, widen
 from rrins.host_tools.errors import BusError
 
 _log: Final = logging.getLogger("rrins.host_tools.bus")
@@ -105,8 +106,12 @@ class Admission:
                 return
             end.setblocking(False)
             widen(end)
-            if credentials(end)[1] not in (os.geteuid(), 0):
-                refuse(end, "the bus belongs to another user")
+            pid, uid = credentials(end)
+            if not may_attach(uid):
+                _log.warning(
+                    "turned away process %d: it belongs to another user (uid %d)", pid, uid
+                )
+                refuse(end, f"the bus belongs to another user (uid {os.geteuid()})")
                 continue
             self._callers[end.fileno()] = end
             self._poll.register(end.fileno(), select.EPOLLIN)

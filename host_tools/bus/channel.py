@@ -2,7 +2,8 @@
 
 A channel ``NAME`` is the socket ``$XDG_RUNTIME_DIR/rrins/NAME.sock``, or, without a runtime
 directory, ``<temporary directory>/rrins-<uid>/NAME.sock``; a channel with a slash in it is the path
-of the socket itself. The directory and the socket belong to their owner alone.
+of the socket itself. The directory and the socket belong to their owner alone; an end that attaches
+checks that, and who its host is, before it sends or receives anything.
 
 Beside the socket lies ``NAME.sock.lock``. Whoever holds its lock hosts the channel. The kernel
 releases the lock of a process that dies, so a socket file without a locked file is stale and is
@@ -11,16 +12,15 @@ replaced without asking the socket.
 
 from __future__ import annotations
 
-import contextlib
 import fcntl
 import os
 import re
 import socket
-import stat
 import tempfile
 from pathlib import Path
 from typing import Final
 
+from rrins.host_tools.bus.ownership import check_folder, check_host, own_folder
 from rrins.host_tools.errors import BusError
 
 SUFFIX: Final = ".sock"
@@ -72,8 +72,12 @@ def socket_path(channel: str) -> Path:
 
 
 def detect() -> list[str]:
-    """Return the names of the channels that are hosted at this moment."""
-    names = []
+    """Return the names of our channels that are hosted at this moment; none in an unsafe place."""
+    names: list[str] = []
+    try:
+        check_folder(directory())
+    except (BusError, FileNotFoundError):  # whoever hosts or attaches there is told why
+        return names
     for path in sorted(directory().glob("*" + SUFFIX)):
         probe = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         probe.setblocking(False)
@@ -97,13 +101,17 @@ def connect(channel: str, timeout: float) -> socket.socket:
     NoHostError
         If nobody hosts the channel.
     BusError
-        If its host does not answer, or does not let us in.
+        If its host does not answer, does not let us in, or belongs to another user.
     """
     path = socket_path(channel)
+    is_path = "/" in channel
     end = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     try:
+        if not is_path:
+            check_folder(path.parent)
         end.settimeout(timeout)
         end.connect(str(path))
+        check_host(end, path, is_path)
     except (FileNotFoundError, ConnectionRefusedError, ConnectionResetError) as error:
         end.close()
         raise NoHostError(
@@ -153,7 +161,7 @@ class Claim:
         self.path = socket_path(channel)
         self._lock_path = self.path.with_name(self.path.name + ".lock")
         if "/" not in channel:
-            _own_directory(self.path.parent)
+            own_folder(self.path.parent)
         self._lock = self._acquire_lock(channel)
         try:
             self.listener = self._listen(channel)
@@ -228,17 +236,3 @@ class Claim:
         self.path.unlink(missing_ok=True)
         self.listener.close()
         self._give_lock_back()
-
-
-def _own_directory(path: Path) -> None:
-    """Make `path`, and check that it is a directory of ours that others cannot enter."""
-    try:
-        with contextlib.suppress(FileExistsError):
-            path.mkdir(mode=0o700)
-        status = path.lstat()
-    except OSError as error:
-        raise BusError(f"cannot make the directory of the bus {path}: {error.strerror}") from error
-    if not stat.S_ISDIR(status.st_mode) or status.st_uid != os.geteuid():
-        raise BusError(f"{path} is not a directory of ours: remove it, or set XDG_RUNTIME_DIR")
-    if status.st_mode & 0o077:
-        raise BusError(f"{path} is open to others: run 'chmod 700 {path}'")

@@ -5,16 +5,15 @@ from __future__ import annotations
 import re
 import select
 import socket
-import struct
 from collections import deque
 from dataclasses import dataclass
 from typing import Final
 
 from rrins.host_tools.bus import datagram
+from rrins.host_tools.bus.ownership import credentials
 from rrins.host_tools.errors import BusError
 
 _NAME: Final = re.compile(r"[\x21-\x7e]{1,64}")
-_CREDENTIALS: Final = struct.Struct("3i")
 _SEND_BUFFER: Final = 4 * 1024 * 1024
 _SHALLOW_BUFFER: Final = 33 * 1024  # the kernel doubles it: just above the longest datagram
 
@@ -100,13 +99,6 @@ class Peer:
 def widen(end: socket.socket) -> None:
     """Ask the kernel for a deep send queue; it grants what net.core.wmem_max allows."""
     end.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _SEND_BUFFER)
-
-
-def credentials(end: socket.socket) -> tuple[int, int]:
-    """Return process and user at the other end, as the kernel saw them connect."""
-    raw = end.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _CREDENTIALS.size)
-    pid, uid, _ = _CREDENTIALS.unpack(raw)
-    return pid, uid
 
 
 def check_name(name: str) -> str:
