@@ -12,7 +12,8 @@ offset  type  field       meaning
 8       u32   sender      node number given by the hub; the host is node 0
 12      u32   reserved    zero
 16      u64   epoch       epoch counter of the batch; the host's process id in a `WELCOME`
-24      i64   time_ns     time of the batch in nanoseconds
+24      i64   time_ns     time of the batch in nanoseconds; in a `WELCOME` the Unix time of the
+                          host's time 0, or 0 as long as the host has sent no batch
 ======  ====  ==========  =====================================================================
 
 A classic frame is Linux's ``struct can_frame`` (16 bytes), an FD frame ``struct canfd_frame`` (72).
@@ -65,10 +66,12 @@ _FRAME_FLAGS: Final = CLOSES_EPOCH | UNSTAMPED
 _HELLO_FLAGS: Final = OBSERVER | EXCLUSIVE | RECEIVE_OWN | IN_STEP
 _FIRST_LENGTH: Final = HEADER_SIZE + 4  # `length` follows the u32 identifier of the first frame
 _TIME: Final = struct.Struct("<q")
+_SENDER: Final = struct.Struct("<I")
 FLAGS_OFFSET: Final = 5
 """Where the flags are in a datagram."""
 KIND_OFFSET: Final = 4
 """Where the kind is in a datagram."""
+_SENDER_OFFSET: Final = 8
 _TIME_OFFSET: Final = 24
 
 _unpack = HEADER.unpack_from
@@ -156,16 +159,30 @@ def time_of(view: bytearray | memoryview) -> int:
     return time_ns
 
 
+def sender_of(view: bytearray | memoryview) -> int:
+    """Return the node number of the sender of a batch."""
+    number: int = _SENDER.unpack_from(view, _SENDER_OFFSET)[0]
+    return number
+
+
 def put_time(buffer: bytearray | memoryview, flags: int, time_ns: int) -> None:
     """Timestamp an unstamped batch with the hub's time."""
     buffer[FLAGS_OFFSET] = flags & ~UNSTAMPED
     _TIME.pack_into(buffer, _TIME_OFFSET, time_ns)
 
 
-def control(kind: int, text: str = "", *, flags: int = 0, sender: int = 0, epoch: int = 0) -> bytes:
+def control(
+    kind: int,
+    text: str = "",
+    *,
+    flags: int = 0,
+    sender: int = 0,
+    epoch: int = 0,
+    time_ns: int = 0,
+) -> bytes:
     """Return a control datagram; text beyond `MAX_TEXT` bytes is cut."""
     body = text.encode()[:MAX_TEXT]
-    return HEADER.pack(MAGIC, kind, flags, len(body), sender, 0, epoch, 0) + body
+    return HEADER.pack(MAGIC, kind, flags, len(body), sender, 0, epoch, time_ns) + body
 
 
 def text_of(buffer: bytearray, count: int) -> str:

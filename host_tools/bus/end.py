@@ -23,6 +23,10 @@ class BusEnd(Protocol):
     number: int
     """Node number of this end, which its datagrams carry as their sender."""
 
+    @property
+    def origin_ns(self) -> int:
+        """Unix time of the bus's time 0 in nanoseconds; 0 if this end has not been told."""
+
     def send(self, datagram: memoryview, timeout: float | None) -> None:
         """Put one datagram on the bus, waiting for room if need be."""
 

@@ -89,6 +89,11 @@ class Hub:
         """The attached peers in order of attachment; the host is not among them."""
         return tuple(peer.info for peer in self._relay.receivers)
 
+    @property
+    def origin_ns(self) -> int:
+        """Unix time of time 0 of the host's batches in nanoseconds; 0 until it has sent one."""
+        return self._relay.origin_ns
+
     def require(self, names: Iterable[str]) -> None:
         """Make the host's sending and receiving fail once one of these peers has left.
 

@@ -20,6 +20,7 @@ from rrins.host_tools.bus.hub import Hub
 from rrins.host_tools.bus.launch import attach
 from rrins.host_tools.bus.message import get_message, put_message
 from rrins.host_tools.bus.peer import PeerInfo
+from rrins.host_tools.bus.unix_time import UnixTime
 from rrins.host_tools.errors import BusError
 
 _HEADER: Final = datagram.HEADER_SIZE
@@ -43,7 +44,8 @@ class RrinsBus(can.BusABC):
     **Clock.** A batch carries the time its sender gives it, in a rehearsal the simulated time since
     its start. A single message is stamped by the host: with the time of the last batch as long as
     the sender of that batch is attached, so that a recording has one clock; on a bus without
-    batches with the Unix time. `can.Message.timestamp` is that time in seconds.
+    batches with the Unix time. `can.Message.timestamp` is that time in seconds; with
+    ``timestamps="unix"`` the Unix time of the host's time 0 is added to simulated time.
 
     **Threads.** One thread may receive while others send. There is no file descriptor to wait on,
     because one datagram holds several messages: `can.Notifier` uses a thread, with asyncio too.
@@ -72,6 +74,9 @@ class RrinsBus(can.BusABC):
     in_step : bool
         Whether the bus goes on only as this end, a node that does not host, receives: it is ahead
         of it by some eighty datagrams at most, in place of some thousand.
+    timestamps : {"bus", "unix"}
+        Whether messages and batches carry the time of the bus, or that and the Unix time of the
+        bus's time 0 added up: the clock's time in a rehearsal in real time.
     attach_timeout : float
         Seconds that the host has to answer.
     queue_limit : int
@@ -97,6 +102,7 @@ class RrinsBus(can.BusABC):
         receive_own_messages: bool = False,
         fd: bool = False,
         in_step: bool = False,
+        timestamps: Literal["bus", "unix"] = "bus",
         attach_timeout: float = ANSWER_S,
         queue_limit: int = 4 * 1024 * 1024,
         **kwargs: Any,
@@ -105,6 +111,8 @@ class RrinsBus(can.BusABC):
             raise ValueError(f"host is {host!r} and may be 'auto', 'never' or 'here'")
         if role not in ("node", "observer"):
             raise ValueError(f"role is {role!r} and may be 'node' or 'observer'")
+        if timestamps not in ("bus", "unix"):
+            raise ValueError(f"timestamps is {timestamps!r} and may be 'bus' or 'unix'")
         if host == "here" and role == "observer":
             raise ValueError("the host of a channel is a node")
         if in_step and (host == "here" or role == "observer"):
@@ -143,6 +151,7 @@ class RrinsBus(can.BusABC):
         except BusError as error:
             raise can.CanInitializationError(str(error)) from error
         self._number = self._wire.number
+        self._unix = UnixTime(self._wire) if timestamps == "unix" else None
 
         self._send_lock = threading.Lock()
         self._out = datagram.receive_buffer()
@@ -414,6 +423,8 @@ class RrinsBus(can.BusABC):
                 now = time.monotonic_ns()
                 timeout = max(0.0, timeout - (now - start) / 1e9) if start else timeout
                 start = now
+        if self._unix is not None:
+            time_ns = self._unix.of(time_ns, sender, time.time_ns())
         batch = self._batch
         batch.epoch = epoch
         batch.time_ns = time_ns

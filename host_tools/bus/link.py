@@ -46,6 +46,8 @@ class Link:
         Node number of this end.
     host_pid : int
         Process of the host.
+    origin_ns : int
+        Unix time of time 0 of the host's batches; 0 if it had sent none when this end attached.
 
     Raises
     ------
@@ -83,14 +85,14 @@ class Link:
         self._end = connect(channel, timeout)
         try:
             widen(self._end)
-            self.number, self.host_pid = self._introduce(hello, timeout)
+            self.number, self.host_pid, self.origin_ns = self._introduce(hello, timeout)
             # Blocking for Python, so a receive is one system call; the kernel keeps the time.
             self._end.settimeout(None)
         except BaseException:
             self._end.close()
             raise
 
-    def _introduce(self, hello: bytes, timeout: float) -> tuple[int, int]:
+    def _introduce(self, hello: bytes, timeout: float) -> tuple[int, int, int]:
         buffer = datagram.receive_buffer()
         try:
             self._end.send(hello)
@@ -104,12 +106,12 @@ class Link:
             size = 0
         if not size:
             raise NoHostError(f"no bus {self._channel!r}: its host has just left")
-        kind, _, count, number, pid, _ = datagram.parse(buffer, size)
+        kind, _, count, number, pid, origin_ns = datagram.parse(buffer, size)
         if kind == datagram.REFUSED:
             raise BusError(datagram.text_of(buffer, count))
         if kind != datagram.WELCOME:
             raise datagram.ProtocolError(f"the host answered with a datagram of kind {kind}")
-        return number, pid
+        return number, pid, origin_ns
 
     @property
     def is_lost(self) -> bool:

@@ -67,6 +67,8 @@ class Relay:
         Names, by node number, of the peers without which the host cannot go on.
     lost : str
         Which of them has left, and how; empty while all are there.
+    origin_ns : int
+        Unix time of time 0 of the host's batches; 0 until it has sent one.
 
     Raises
     ------
@@ -104,6 +106,7 @@ class Relay:
         self._stall_told = False
         self._bus_time: int | None = None
         self._timekeeper: Peer | None = None
+        self.origin_ns = 0
 
     @property
     def has_company(self) -> bool:
@@ -219,6 +222,8 @@ class Relay:
         else:
             self._bus_time = datagram.time_of(view)
             self._timekeeper = None
+            if not self.origin_ns:
+                self.origin_ns = time.time_ns() - self._bus_time
         self._spread(view, None)
 
     def _spread(self, view: memoryview, source: Peer | None) -> None:
@@ -322,7 +327,11 @@ class Relay:
         self._last_number += 1
         peer = Peer(caller.end, self._last_number, caller.name, caller.flags)
         welcome = datagram.control(
-            datagram.WELCOME, self._host.name, sender=peer.number, epoch=self._host.pid
+            datagram.WELCOME,
+            self._host.name,
+            sender=peer.number,
+            epoch=self._host.pid,
+            time_ns=self.origin_ns,
         )
         try:
             peer.send(welcome)

@@ -16,10 +16,12 @@ command                        what it does
 
 Anything else well-formed is answered with ``< error … >``. A client that sends an invalid command
 or does not receive its data is cut off; neither slows the bus. Frames carry its time, which
-is simulated in a rehearsal. Remote and CAN FD frames have no words and are passed over.
+is simulated in a rehearsal, or on request Unix time. Remote and CAN FD frames have no words and
+are passed over.
 
 The protocol knows no users: while the server runs, everybody on this machine may attach. It
-therefore runs on request only, and listens on loopback addresses only.
+therefore runs on request only, and listens on loopback addresses only; a beacon
+(`rrins.host_tools.bus.beacon`) tells programs on this machine where.
 """
 
 from __future__ import annotations
@@ -31,16 +33,18 @@ import ipaddress
 import logging
 import re
 import socket
-import struct
+import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Final, cast
+from typing import Final, Literal, cast
 
-from rrins.dbc.frame import EFF_FLAG, ERR_FLAG, RTR_FLAG
 from rrins.host_tools.bus import datagram
+from rrins.host_tools.bus.beacon import send_beacons
 from rrins.host_tools.bus.channel import SUFFIX, NoHostError
 from rrins.host_tools.bus.end import BusTimeoutError
 from rrins.host_tools.bus.link import Link
+from rrins.host_tools.bus.socketcand_words import CommandError, frame_of, identifier_of, text_of
+from rrins.host_tools.bus.unix_time import UnixTime
 from rrins.host_tools.errors import BusError
 
 PORT: Final = 29536
@@ -64,16 +68,7 @@ _LINGER_S: Final = 1.0
 _COMMANDS_A_TURN: Final = 256
 _DATAGRAMS_A_TURN: Final = 32
 
-_EXTENDED_MASK: Final = 0x1FFF_FFFF
-_STANDARD_MASK: Final = 0x7FF
-_HEX: Final = re.compile(r"-?[0-9A-Fa-f]{1,16}")
-_FRAME: Final = struct.Struct("<IB3x8s")
-
 _log: Final = logging.getLogger("rrins.host_tools.bus")
-
-
-class CommandError(Exception):
-    """A command that is refused; the text is the answer."""
 
 
 class _Tap(Link):
@@ -84,76 +79,13 @@ class _Tap(Link):
         return self._end.fileno()
 
 
+_whole_text = functools.lru_cache(2 * _DATAGRAMS_A_TURN)(text_of)  # all clients receive the same
+
+
 def _leave(loop: asyncio.AbstractEventLoop, link: _Tap) -> None:
     loop.remove_reader(link)
     loop.remove_writer(link)
     link.close()
-
-
-# The words of the protocol
-
-
-def _number(word: str, bits: int) -> int:
-    """Read a hexadecimal number as C's `sscanf` does: some clients write it sign-extended."""
-    if not _HEX.fullmatch(word):
-        raise CommandError(f"no number: {word[:20]}")
-    value = int(word, 16)
-    if value >> 63 == 1:
-        value -= 1 << 64
-    if not -(1 << (bits - 1)) <= value < 1 << bits:
-        raise CommandError(f"number too large: {word[:20]}")
-    return value & ((1 << bits) - 1)
-
-
-def _identifier(word: str = "", *others: str) -> int:
-    """Return an identifier, with the flag of an extended one."""
-    if others:
-        raise CommandError(f"too many words: {others[0][:20]}")
-    value = _number(word, 32)
-    if len(word) == 8:  # digits
-        value |= EFF_FLAG
-    limit = _EXTENDED_MASK if value & EFF_FLAG else _STANDARD_MASK
-    if value & ~EFF_FLAG > limit:
-        raise CommandError(f"no identifier: {word[:20]}")
-    return value
-
-
-def _frame(words: list[str], sender: int) -> memoryview:
-    """Return a datagram with one frame, which the host stamps with the time of the bus."""
-    if len(words) < 2:
-        raise CommandError("a frame has an identifier and a length")
-    can_id, length = _identifier(words[0]), _number(words[1], 8)
-    if length > datagram.CLASSIC_PAYLOAD or len(words) != 2 + length:
-        raise CommandError(f"a frame of length {length} with {len(words) - 2} bytes")
-    data = bytes(_number(word, 8) for word in words[2:])
-    out = bytearray(datagram.HEADER_SIZE + datagram.FRAME_SIZE)
-    datagram.put_header(out, datagram.FRAMES, datagram.UNSTAMPED, 1, sender, 0, 0)
-    _FRAME.pack_into(out, datagram.HEADER_SIZE, can_id, length, data)
-    return memoryview(out)
-
-
-def _line(stamp: str, can_id: int, length: int, data: bytes) -> str:
-    """Return a frame in the words of the protocol; empty if it has none for it."""
-    if can_id & ERR_FLAG:
-        return f"< error {can_id & _EXTENDED_MASK:03X} {stamp} >"
-    if can_id & RTR_FLAG:
-        return ""
-    payload = data[:length].hex().upper()
-    if can_id & EFF_FLAG:
-        return f"< frame {can_id & _EXTENDED_MASK:08X} {stamp} {payload} >"
-    return f"< frame {can_id & _STANDARD_MASK:03X} {stamp} {payload} >"
-
-
-def _text(batch: bytes, wanted: set[int] | None = None) -> bytes:
-    """Return the frames of a batch, all or those wanted, in the words of the protocol."""
-    seconds, microseconds = divmod(max(0, datagram.time_of(bytearray(batch))) // 1000, 1_000_000)
-    stamp = f"{seconds}.{microseconds:06d}"
-    frames = _FRAME.iter_unpack(memoryview(batch)[datagram.HEADER_SIZE :])
-    lines = [_line(stamp, *frame) for frame in frames if wanted is None or frame[0] in wanted]
-    return "".join(lines).encode()
-
-
-_whole_text = functools.lru_cache(2 * _DATAGRAMS_A_TURN)(_text)  # all clients receive the same
 
 
 class _Client(asyncio.Protocol):
@@ -274,13 +206,13 @@ class _Client(asyncio.Protocol):
                 raise CommandError("unknown command")
             self._open(arguments[0])
         elif name == "send":
-            self._send(_frame(arguments, self.link.number))
+            self._send(frame_of(arguments, self.link.number))
         elif name in ("rawmode", "bcmmode") and not arguments:
             self._change_mode(is_raw=name == "rawmode")
         elif name == "subscribe" and not self._is_raw:
             self._subscribe(arguments)
         elif name == "unsubscribe" and not self._is_raw:
-            self._wanted.discard(_identifier(*arguments))
+            self._wanted.discard(identifier_of(*arguments))
         else:
             raise CommandError("unknown command")
 
@@ -364,7 +296,11 @@ class _Client(asyncio.Protocol):
             is_classic = self._buffer[datagram.KIND_OFFSET] == datagram.FRAMES
             if is_classic and (self._is_raw or self._wanted):
                 batch = bytes(memoryview(self._buffer)[:size])
-                text = _whole_text(batch) if self._is_raw else _text(batch, self._wanted)
+                time_ns = self._server.time_of(self._buffer)
+                if self._is_raw:
+                    text = _whole_text(batch, time_ns)
+                else:
+                    text = text_of(batch, time_ns, self._wanted)
                 if text:
                     self._give(text)
         self._hear_soon()
@@ -374,7 +310,7 @@ class _Client(asyncio.Protocol):
             raise CommandError("frames are not held back: the interval must be 0 0")
         if len(self._wanted) >= _MOST_SUBSCRIPTIONS:
             raise CommandError(f"more than {_MOST_SUBSCRIPTIONS} subscriptions")
-        self._wanted.add(_identifier(*words[2:]))
+        self._wanted.add(identifier_of(*words[2:]))
 
     def _lose(self, error: BusError, is_sure: bool = False) -> None:
         """Part with a client whose place on the bus is lost, unless all of the bus has ended."""
@@ -392,12 +328,13 @@ class _Client(asyncio.Protocol):
 class _Server:
     """The clients, and a link of its own by which the server learns of the end of the bus."""
 
-    def __init__(self, channel: str) -> None:
+    def __init__(self, channel: str, in_unix_time: bool) -> None:
         self.name = Path(channel).name.removesuffix(SUFFIX)
         self.clients: set[_Client] = set()
         self._channel = channel
         self._buffer = datagram.receive_buffer()
         self._link = self.attach("socketcand")
+        self._unix = UnixTime(self._link) if in_unix_time else None
         self._loop = asyncio.get_running_loop()
         self._end: asyncio.Future[str] = self._loop.create_future()
         self._loop.add_reader(self._link, self.look)
@@ -405,6 +342,13 @@ class _Server:
     def attach(self, name: str) -> _Tap:
         """Return a new link to the bus."""
         return _Tap(self._channel, name=name[:64], is_observer=True, timeout=_ATTACH_S)
+
+    def time_of(self, batch: bytearray) -> int:
+        """Return the time that clients are told for a batch, in nanoseconds."""
+        time_ns = datagram.time_of(batch)
+        if self._unix is not None:
+            time_ns = self._unix.of(time_ns, datagram.sender_of(batch), time.time_ns())
+        return time_ns
 
     def look(self) -> bool:
         """Pass over what is on the bus; return whether it goes on."""
@@ -418,14 +362,20 @@ class _Server:
 
     async def run(self, address: str, port: int, on_ready: Callable[[int], None]) -> str:
         """Serve until the bus ends; return why it has ended."""
+        beacons: asyncio.Task[None] | None = None
         try:
             listener = await self._listen(address, port)
             async with listener:
-                on_ready(listener.sockets[0].getsockname()[1])
+                taken = listener.sockets[0].getsockname()[1]
+                if ":" not in address:  # clients read only IPv4 from a beacon
+                    beacons = self._loop.create_task(send_beacons(self.name, address, taken))
+                on_ready(taken)
                 reason = await self._end
                 await self._linger()
                 return reason
         finally:
+            if beacons is not None:
+                beacons.cancel()
             for client in tuple(self.clients):
                 client.end()
             _leave(self._loop, self._link)
@@ -461,7 +411,12 @@ def _loopback(host: str) -> str:
 
 
 def serve(
-    channel: str, host: str = "127.0.0.1", port: int = PORT, *, on_ready: Callable[[int], None]
+    channel: str,
+    host: str = "127.0.0.1",
+    port: int = PORT,
+    *,
+    timestamps: Literal["bus", "unix"] = "bus",
+    on_ready: Callable[[int], None],
 ) -> str:
     """Offer a channel to socketcand clients until the bus ends.
 
@@ -473,6 +428,8 @@ def serve(
         Loopback address, or a name for one.
     port : int
         TCP port; 0 takes a free one.
+    timestamps : {"bus", "unix"}
+        Time that frames carry, as of `RrinsBus`.
     on_ready : callable
         Called with the port once clients can connect.
 
@@ -490,7 +447,7 @@ def serve(
 
     async def run() -> str:
         try:
-            server = _Server(channel)
+            server = _Server(channel, timestamps == "unix")
         except NoHostError as error:
             hint = f"start one first, such as `rrins rehearse --channel {channel}`"
             raise BusError(f"nobody hosts channel {channel!r}: {hint}") from error

@@ -26,6 +26,13 @@ def together(*options: Option) -> Option:
 
 
 json_option = click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
+timestamps_option = click.option(
+    "--timestamps",
+    type=click.Choice(["bus", "unix"]),
+    default="bus",
+    show_default=True,
+    help="Time of frames on the embedded bus: simulated, or seconds since 1970.",
+)
 bus_options = together(
     click.option(
         "--interface", default="rrins", show_default=True, help="python-can interface name."

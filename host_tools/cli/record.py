@@ -5,10 +5,11 @@ from __future__ import annotations
 import json
 import time
 from pathlib import Path
+from typing import Literal
 
 import click
 
-from rrins.host_tools.cli.options import bus_options, json_option
+from rrins.host_tools.cli.options import bus_options, json_option, timestamps_option
 from rrins.host_tools.cli.output import print_note
 from rrins.host_tools.interruption import as_event
 
@@ -37,6 +38,7 @@ _POLL_S = 0.1
     default=None,
     help="Whether the embedded bus waits for the recorder.  [default: wait, except in real time]",
 )
+@timestamps_option
 @json_option
 def record(
     path: Path,
@@ -46,6 +48,7 @@ def record(
     rotate_mb: float | None,
     for_s: float | None,
     lossless: bool | None,
+    timestamps: Literal["bus", "unix"],
     as_json: bool,
 ) -> None:
     """Record a bus to FILE.
@@ -64,7 +67,9 @@ def record(
         if lossless is None:
             check_path(path)
             lossless = waits_for_recorder(address)
-        recorder = Recorder(path, address, lossless, None, rotate_bytes, for_s)
+        recorder = Recorder(
+            path, address, lossless, None, rotate_bytes, for_s, timestamps=timestamps
+        )
         try:
             print_note(f"recording {address} to {path}; Ctrl-C stops")
             begun = time.monotonic()

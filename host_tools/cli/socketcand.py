@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 import click
 
+from rrins.host_tools.cli.options import timestamps_option
 from rrins.host_tools.interruption import heed_sigterm
 
 
@@ -19,10 +22,12 @@ from rrins.host_tools.interruption import heed_sigterm
 @click.option(
     "--host", default="127.0.0.1", show_default=True, help="Loopback address to listen on."
 )
-def socketcand(channel: str, port: int, host: str) -> None:
+@timestamps_option
+def socketcand(channel: str, port: int, host: str, timestamps: Literal["bus", "unix"]) -> None:
     """Serve the embedded bus to socketcand clients such as SavvyCAN.
 
-    Anyone on this machine can connect while it runs. It ends with the bus or on Ctrl-C.
+    Anyone on this machine can connect while it runs; a beacon on UDP port 42000 shows them where.
+    It ends with the bus or on Ctrl-C.
     """
     from rrins.host_tools.bus.socketcand import serve
 
@@ -30,4 +35,5 @@ def socketcand(channel: str, port: int, host: str) -> None:
         click.echo(f"rrins: channel {channel!r} is on {host} port {taken}; Ctrl-C stops", err=True)
 
     heed_sigterm()
-    click.echo(f"rrins: {serve(channel, host, port, on_ready=on_ready)}", err=True)
+    reason = serve(channel, host, port, timestamps=timestamps, on_ready=on_ready)
+    click.echo(f"rrins: {reason}", err=True)

@@ -10,7 +10,7 @@ import time
 from collections.abc import Iterator
 from os.path import samestat
 from pathlib import Path
-from typing import IO
+from typing import IO, Literal
 
 import can
 
@@ -283,6 +283,8 @@ class Recorder:
         Size after which a part ends, at the next SYNC.
     limit_s : float, optional
         Time after the first frame at which recording stops.
+    timestamps : {"bus", "unix"}
+        Time of the frames of the embedded bus, as of `RrinsBus`.
 
     Raises
     ------
@@ -300,6 +302,7 @@ class Recorder:
         note: Note | None = None,
         rotate_bytes: int | None = None,
         limit_s: float | None = None,
+        timestamps: Literal["bus", "unix"] = "bus",
     ) -> None:
         self._path = path
         self._limit_s = limit_s
@@ -307,8 +310,9 @@ class Recorder:
         self._until = 0.0
         self._address = address
         check_path(path)
+        role = "node" if lossless else "observer"
         options = (
-            {"name": NAME, "role": "node" if lossless else "observer", "host": "never"}
+            {"name": NAME, "role": role, "host": "never", "timestamps": timestamps}
             if address.is_embedded
             else {}
         )

@@ -33,6 +33,13 @@ def numbered(count: int) -> FrameArray:
     return frames
 
 
+def timestamp_of(bus: RrinsBus) -> float:
+    """Receive a message and return its time stamp."""
+    message = bus.recv(5.0)
+    assert message is not None
+    return message.timestamp
+
+
 def test_a_batch_arrives_whole(host: RrinsBus, attach_to: Attach) -> None:
     peer = attach_to(host)
     sent, into = numbered(7), frame_array(64)
@@ -172,8 +179,49 @@ def test_a_message_of_nine_bytes_is_not_sent(host: RrinsBus) -> None:
         host.send(can.Message(data=bytes(9)), 1.0)
 
 
+def test_unix_time_counts_from_the_power_on_of_the_host(host: RrinsBus, attach_to: Attach) -> None:
+    early = attach_to(host, "early", timestamps="unix")
+    firmware = attach_to(host, "firmware")
+    before_s = time.time()
+    firmware.send_batch(numbered(1), 1, time_ns=3_600_000_000_000)  # its own time: it waits
+    host.recv_batch(frame_array(8), 5.0)
+    host.send_batch(numbered(1), 1, time_ns=5_000_000)
+    late = attach_to(host, "late", timestamps="unix", role="observer")
+    host.send_batch(numbered(1), 1, time_ns=100_005_000_000)  # faster than real time
+    waiting_s, first_s, early_s = (timestamp_of(early) for _ in range(3))
+    late_s = timestamp_of(late)
+    after_s = time.time()
+    assert [timestamp_of(firmware) for _ in range(2)] == [0.005, 100.005]
+    assert before_s <= waiting_s <= first_s <= after_s
+    assert early_s - first_s == pytest.approx(100, abs=1e-6)
+    assert late_s == pytest.approx(early_s, abs=after_s - before_s)
+    assert before_s + 100 <= late_s <= after_s + 100
+
+
+def test_a_batch_is_in_unix_time_as_its_messages_are(host: RrinsBus, attach_to: Attach) -> None:
+    peer = attach_to(host, timestamps="unix")
+    host.send_batch(numbered(2), 2, time_ns=5_000_000)
+    message_s = timestamp_of(peer)
+    batch = peer.recv_batch(frame_array(8), 5.0)
+    assert batch is not None
+    assert batch.time_ns / 1e9 == message_s
+
+
+def test_time_that_is_unix_time_already_stays(host: RrinsBus, attach_to: Attach) -> None:
+    peer = attach_to(host, timestamps="unix")
+    recorded_ns = 1_234_567_890_000_000_000  # replayed from a log of another bus
+    host.send_batch(numbered(1), 1, time_ns=recorded_ns)
+    assert timestamp_of(peer) == recorded_ns / 1e9
+
+
 @pytest.mark.parametrize(
-    "arguments", [{"host": "there"}, {"role": "king"}, {"host": "here", "role": "observer"}]
+    "arguments",
+    [
+        {"host": "there"},
+        {"role": "king"},
+        {"host": "here", "role": "observer"},
+        {"timestamps": "local"},
+    ],
 )
 def test_impossible_arguments_are_refused(arguments: dict[str, Any]) -> None:
     with pytest.raises(ValueError, match=r"may be|host"):

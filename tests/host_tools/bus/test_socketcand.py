@@ -8,6 +8,7 @@ import re
 import select
 import signal
 import socket
+import time
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -19,11 +20,9 @@ from rrins.host_tools.bus.interface import RrinsBus
 from rrins.host_tools.bus.socketcand import (
     MOST_CLIENTS,
     QUEUE_LIMIT,
-    CommandError,
-    _identifier,
-    _number,
     serve,
 )
+from rrins.host_tools.bus.socketcand_words import CommandError, identifier_of, number_of
 from rrins.host_tools.errors import BusError
 
 Connect = Callable[..., Any]
@@ -178,6 +177,26 @@ def test_frames_carry_the_time_of_the_bus(bus: RrinsBus, talk: Connect) -> None:
     assert one.hear() == "< frame 00000012 23.424242  >"
 
 
+def test_frames_carry_unix_time_on_request(bus: RrinsBus, start: Callable[..., Any]) -> None:
+    server = start("socketcand", "--channel", "test", "--port", 0, "--timestamps", "unix")
+    server.wait_for_line("Ctrl-C stops")
+    one = Talk(int(re.search(r"port (\d+)", server.said[-1])[1]))
+    assert [one.hear(), one.ask("< open test >"), one.ask("< rawmode >")] == [
+        "< hi >",
+        "< ok >",
+        "< ok >",
+    ]
+    before_s = time.time()
+    bus.send_batch(frame_array(1), 1, time_ns=5_000_000)
+    bus.send_batch(frame_array(1), 1, time_ns=2_005_000_000)
+    first_s, second_s = (float(one.hear().split()[3]) for _ in range(2))
+    one.close()
+    assert before_s - 1e-5 <= first_s <= time.time()
+    assert second_s - first_s == pytest.approx(2, abs=1e-5)
+    server.process.send_signal(signal.SIGINT)
+    assert server.finish()[0] == 130
+
+
 def test_bcm_mode_tells_what_was_subscribed_to(bus: RrinsBus, talk: Connect) -> None:
     one = talk("< open test >")
     one.say("< subscribe 0 0 123 >< subscribe 0 0 00000124 >< subscribe 0 0 125 >")
@@ -228,15 +247,15 @@ def test_what_cannot_be_done_is_answered(talk: Connect) -> None:
     ],
 )
 def test_a_number_is_read_as_c_does(word: str, bits: int, value: int) -> None:
-    assert _number(word, bits) == value
+    assert number_of(word, bits) == value
 
 
 def test_an_extended_identifier_has_eight_digits_or_the_flag() -> None:
-    assert _identifier("123") == 0x123
-    assert _identifier("00000123") == _identifier("80000123") == 0x8000_0123
-    assert _identifier("ffffffff80000123") == 0x8000_0123
+    assert identifier_of("123") == 0x123
+    assert identifier_of("00000123") == identifier_of("80000123") == 0x8000_0123
+    assert identifier_of("ffffffff80000123") == 0x8000_0123
     with pytest.raises(CommandError):
-        _identifier("A0000123")
+        identifier_of("A0000123")
 
 
 def test_commands_come_in_pieces_and_together(bus: RrinsBus, talk: Connect) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import os
 import shutil
+import time
 from pathlib import Path
 
 import can
@@ -106,6 +107,20 @@ def serve(host, frames):
         found = host.recv_batch(into, 5.0)
         assert found is not None
         frames -= found.count
+
+
+def test_a_recording_in_unix_time_keeps_its_intervals_and_says_so(hosted, tmp_path, read):
+    before_s = time.time()
+    recorder = record(hosted, tmp_path / "bus.blf", timestamps="unix")
+    for epoch in (0, 400):
+        hosted.send_batch(batch(SYNC), 1, epoch=epoch, time_ns=epoch * 5_000_000)
+    hosted.shutdown()
+    assert recorder.has_ended.wait(10)
+    recorder.close()
+    assert recorder.note.time == "unix"
+    first_s, last_s = read(tmp_path / "bus.blf").time_s.tolist()
+    assert before_s - 1e-6 <= first_s <= time.time()
+    assert last_s - first_s == pytest.approx(2, abs=1e-6)
 
 
 @pytest.mark.parametrize("speed", ["max", 1])
