@@ -40,6 +40,7 @@ UG = 1e-6 * STANDARD_GRAVITY
 
 _ARCSEC = math.radians(1) / 3600
 _PPM = 1e-6
+_SINGULAR = 1e-12  # of singular values: smaller is rounding
 
 PerSensor = float | tuple[float, ...]
 """One number for all sensors, or one for each."""
@@ -156,6 +157,17 @@ def input_axes(axes_deg: tuple[tuple[float, float], ...]) -> NDArray[np.float64]
     return np.column_stack(
         [np.sin(alpha) * np.cos(beta), np.sin(alpha) * np.sin(beta), np.cos(alpha)]
     )
+
+
+def condition_number(H: NDArray[np.float64]) -> float:
+    """Return the condition number of axes, shape (m, 3), in the Frobenius norm; see `fusion`.
+
+    3 for axes that span space evenly, infinite for axes in one plane.
+    """
+    singular = np.linalg.svd(H, compute_uv=False)
+    if not singular[-1] > _SINGULAR * singular[0]:
+        return math.inf
+    return float(np.sqrt((singular**2).sum() * (singular**-2.0).sum()))
 
 
 def _transverse(

@@ -1,35 +1,117 @@
-"""Redundant sensors to one vector: calibration, then weighted least squares. Paper, (16), (54)."""
+"""Redundant sensors to one vector: calibration, then weighted least squares. Paper, (16), (54).
+
+``gain = (Hᵀ W H)⁻¹ Hᵀ W`` is computed as the gain of equal weights and the change that the weights
+make. Hᵀ W H itself is not inverted: that loses all digits when the weights are far apart. Instead,
+the weighted solution is the mean of the solutions of all triples of sensors, each weighted by
+``w_a w_b w_c det(h_a, h_b, h_c)²``: sums of positive terms, which lose none. With equal weights
+the change is exactly zero.
+
+References
+----------
+Ben-Tal and Teboulle, "A geometric property of the least squares solution of linear equations",
+*Linear Algebra and its Applications* 139 (1990), theorem 2.1, for the mean over triples.
+"""
 
 from __future__ import annotations
+
+import math
 
 from rrins.dbc.compilation import compiled
 from rrins.dbc.record import Floats
 from rrins.firmware_py.core.memory import Fusion
 
-_DETERMINANT_FLOOR = 1e-6  # of Hᵀ H over its mean eigenvalue; below, the axes do not span space
+CONDITION_LIMIT = 300.0
+"""Largest condition number of the input axes with which a vector is fused."""
+
+WEIGHT_RATIO_LIMIT = 1e18
+"""Largest ratio of two weights. Products of three of them stay far from the end of the numbers."""
 
 
 @compiled
-def _normal_matrix(fusion: Fusion, used: int, weighted: bool, N: Floats) -> None:
-    """Write ``Hᵀ W H`` (or ``Hᵀ H``) of the used sensors to `N`, shape (3, 3)."""
+def _normal_matrix(fusion: Fusion, used: int, N: Floats) -> None:
+    """Write ``Hᵀ H`` of the used sensors to `N`, shape (3, 3)."""
     for i in range(3):
         for j in range(3):
             N[i, j] = 0.0
     for k in range(fusion.count):
         if used >> k & 1:
-            weight = fusion.weight[k] if weighted else 1.0
             for i in range(3):
                 for j in range(3):
-                    N[i, j] += weight * fusion.H[k, i] * fusion.H[k, j]
+                    N[i, j] += fusion.H[k, i] * fusion.H[k, j]
 
 
 @compiled
-def _determinant(N: Floats) -> float:
+def _fill_equal(fusion: Fusion, used: int, N: Floats) -> float:
+    """Fill in the gain of equal weights by cofactors of `N` = HᵀH; return the condition number.
+
+    In the Frobenius norm, ``sqrt(tr(Hᵀ H) tr((Hᵀ H)⁻¹))``: 3 at best, infinite in one plane.
+    """
+    c00 = N[1, 1] * N[2, 2] - N[1, 2] * N[2, 1]
+    c01 = N[1, 2] * N[2, 0] - N[1, 0] * N[2, 2]
+    c02 = N[1, 0] * N[2, 1] - N[1, 1] * N[2, 0]
+    c11 = N[0, 0] * N[2, 2] - N[0, 2] * N[2, 0]
+    c12 = N[0, 1] * N[2, 0] - N[0, 0] * N[2, 1]
+    c22 = N[0, 0] * N[1, 1] - N[0, 1] * N[1, 0]
+    determinant = N[0, 0] * c00 + N[0, 1] * c01 + N[0, 2] * c02
+    if not determinant > 0.0:
+        return math.inf
+    for k in range(fusion.count):
+        scale = 1.0 / determinant if used >> k & 1 else 0.0
+        x, y, z = fusion.H[k, 0], fusion.H[k, 1], fusion.H[k, 2]
+        fusion.gain[0, k] = scale * (c00 * x + c01 * y + c02 * z)
+        fusion.gain[1, k] = scale * (c01 * x + c11 * y + c12 * z)
+        fusion.gain[2, k] = scale * (c02 * x + c12 * y + c22 * z)
+    return math.sqrt((N[0, 0] + N[1, 1] + N[2, 2]) * (c00 + c11 + c22) / determinant)
+
+
+@compiled
+def _volume(H: Floats, a: int, b: int, c: int) -> float:
+    """Return det(h_a, h_b, h_c)."""
     return (
-        N[0, 0] * (N[1, 1] * N[2, 2] - N[1, 2] * N[2, 1])
-        + N[0, 1] * (N[1, 2] * N[2, 0] - N[1, 0] * N[2, 2])
-        + N[0, 2] * (N[1, 0] * N[2, 1] - N[1, 1] * N[2, 0])
+        H[a, 0] * (H[b, 1] * H[c, 2] - H[b, 2] * H[c, 1])
+        + H[a, 1] * (H[b, 2] * H[c, 0] - H[b, 0] * H[c, 2])
+        + H[a, 2] * (H[b, 0] * H[c, 1] - H[b, 1] * H[c, 0])
     )
+
+
+@compiled
+def _add_cross(fusion: Fusion, k: int, share: float, b: int, c: int) -> None:
+    """Add ``share h_b × h_c`` to the column of sensor k."""
+    H, gain = fusion.H, fusion.gain
+    gain[0, k] += share * (H[b, 1] * H[c, 2] - H[b, 2] * H[c, 1])
+    gain[1, k] += share * (H[b, 2] * H[c, 0] - H[b, 0] * H[c, 2])
+    gain[2, k] += share * (H[b, 0] * H[c, 1] - H[b, 1] * H[c, 0])
+
+
+@compiled
+def _weigh(fusion: Fusion, used: int) -> bool:
+    """Change the gain of equal weights to that of the weights; return whether they have one."""
+    count, H, weight = fusion.count, fusion.H, fusion.weight
+    largest = 0.0
+    for k in range(count):
+        if used >> k & 1 and weight[k] > largest:
+            largest = weight[k]
+    equal, weighted = 0.0, 0.0
+    for a in range(count):
+        for b in range(a + 1, count):
+            for c in range(b + 1, count):
+                if (used >> a) & (used >> b) & (used >> c) & 1:
+                    w = (weight[a] / largest) * (weight[b] / largest) * (weight[c] / largest)
+                    volume = _volume(H, a, b, c)
+                    equal += volume * volume
+                    weighted += w * (volume * volume)
+    if not weighted > 0.0:
+        return False
+    for a in range(count):
+        for b in range(a + 1, count):
+            for c in range(b + 1, count):
+                if (used >> a) & (used >> b) & (used >> c) & 1:
+                    w = (weight[a] / largest) * (weight[b] / largest) * (weight[c] / largest)
+                    share = (w / weighted - 1.0 / equal) * _volume(H, a, b, c)
+                    _add_cross(fusion, a, share, b, c)
+                    _add_cross(fusion, b, share, c, a)
+                    _add_cross(fusion, c, share, a, b)
+    return True
 
 
 @compiled
@@ -40,27 +122,9 @@ def prepare(fusion: Fusion, used: int, work: Floats) -> None:
     span space; `gain` of an unused sensor is zero.
     """
     fusion.used = used
-    fusion.solvable = False
-    N = work
-    _normal_matrix(fusion, used, False, N)
-    mean = (N[0, 0] + N[1, 1] + N[2, 2]) / 3.0
-    if not _determinant(N) > _DETERMINANT_FLOOR * mean * mean * mean:
-        return
-    _normal_matrix(fusion, used, True, N)
-    c00 = N[1, 1] * N[2, 2] - N[1, 2] * N[2, 1]
-    c01 = N[1, 2] * N[2, 0] - N[1, 0] * N[2, 2]
-    c02 = N[1, 0] * N[2, 1] - N[1, 1] * N[2, 0]
-    determinant = _determinant(N)
-    c11 = N[0, 0] * N[2, 2] - N[0, 2] * N[2, 0]
-    c12 = N[0, 1] * N[2, 0] - N[0, 0] * N[2, 1]
-    c22 = N[0, 0] * N[1, 1] - N[0, 1] * N[1, 0]
-    for k in range(fusion.count):
-        scale = fusion.weight[k] / determinant if used >> k & 1 else 0.0
-        x, y, z = fusion.H[k, 0], fusion.H[k, 1], fusion.H[k, 2]
-        fusion.gain[0, k] = scale * (c00 * x + c01 * y + c02 * z)
-        fusion.gain[1, k] = scale * (c01 * x + c11 * y + c12 * z)
-        fusion.gain[2, k] = scale * (c02 * x + c12 * y + c22 * z)
-    fusion.solvable = True
+    _normal_matrix(fusion, used, work)
+    spans = _fill_equal(fusion, used, work) <= CONDITION_LIMIT
+    fusion.solvable = spans and _weigh(fusion, used)
 
 
 @compiled

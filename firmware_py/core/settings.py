@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from rrins.dbc.codec import span_of
 from rrins.dbc.contract import SENSOR_GROUPS, Contract
@@ -17,6 +17,7 @@ from rrins.firmware_py.core.calibration import (
     Calibration,
     GyroCalibration,
 )
+from rrins.firmware_py.core.fusion import WEIGHT_RATIO_LIMIT
 from rrins.firmware_py.core.memory import (
     INNER,
     OUTER,
@@ -62,6 +63,17 @@ class Scheme(_Checked):
         return sum(self.position_s(turn) for turn in self.turns)
 
 
+def check_weights(weights: tuple[float, ...]) -> None:
+    """Raise ValueError unless the weights are above 0 and their ratios can be computed with."""
+    if min(weights) <= 0:
+        raise ValueError("a weight must be above 0")
+    if max(weights) > WEIGHT_RATIO_LIMIT * min(weights):
+        raise ValueError(
+            f"{max(weights):g} and {min(weights):g} are too far apart, at most "
+            f"{WEIGHT_RATIO_LIMIT:g} to 1"
+        )
+
+
 class Settings(_Checked):
     """The firmware's set-up; angles in degrees as a person writes them.
 
@@ -95,6 +107,12 @@ class Settings(_Checked):
     calibration: Calibration = Calibration()
     calibration_file: str | None = None
     """Source of the initial attitude."""
+
+    @model_validator(mode="after")
+    def _weights(self) -> Settings:
+        check_weights(self.gyro_weights)
+        check_weights(self.accelerometer_weights)
+        return self
 
 
 def _fill_fusion(

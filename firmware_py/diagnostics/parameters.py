@@ -34,6 +34,7 @@ def _parameter(number: int, name: str, text: str, *fields: Field) -> DataIdentif
 
 
 def _weights(number: int, sensors: str) -> DataIdentifier:
+    # Limits as far apart as the fusion can compute with.
     return _parameter(
         number,
         f"{sensors}_weights",

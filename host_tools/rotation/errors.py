@@ -113,9 +113,8 @@ def sensors_of(
 
 def _gain(H: Floats, weights: tuple[float, ...] | None) -> Floats:
     """Return ``(H'WH)^-1 H'W``, shape (3, m). Paper, (54)."""
-    weighted = H.T if weights is None else H.T * np.asarray(weights)
-    gain: Floats = np.linalg.solve(weighted @ H, weighted)
-    return gain
+    root = np.sqrt(np.ones(len(H)) if weights is None else np.asarray(weights))
+    return np.asarray(np.linalg.pinv(root[:, None] * H) * root)
 
 
 def error_rates(sensors: Sensors, C_s_b: Floats, felt_s: Floats) -> Floats:

@@ -273,8 +273,10 @@ def _check_count(where: str, value: Any, count: int, origin: str = "") -> None:
 
 def _check_weights(key: str, value: PerSensor, count: int) -> None:
     _check_count(f"firmware.{key}", value, count)
-    if any(weight <= 0 for weight in each(value, count)):
-        raise ValueError(f"firmware.{key}: a weight must be above 0")
+    try:
+        rrins.firmware_py.core.settings.check_weights(each(value, count))
+    except ValueError as error:
+        raise ValueError(f"firmware.{key}: {error}") from None
 
 
 def names() -> list[str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, Literal
 
 import numpy as np
@@ -10,6 +11,7 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 import rrins.firmware_py.core.calibration
 import rrins.firmware_py.core.settings
 from rrins.dbc.contract import SENSOR_GROUPS
+from rrins.firmware_py.core.fusion import CONDITION_LIMIT
 from rrins.host_tools.scenario.geometry import GEOMETRIES, AxesDeg
 
 PerSensor = float | tuple[float, ...]
@@ -63,8 +65,7 @@ class Rimu(TomlTable):
                 raise ValueError(f'geometry = "custom" needs {name}')
             if not 3 <= len(axes) <= SENSOR_GROUPS:
                 raise ValueError(f"{name}: {len(axes)} sensors, must be 3 to {SENSOR_GROUPS}")
-            if not _spans_space(axes):
-                raise ValueError(f"{name}: the axes lie in one plane")
+            _check_span(name, axes)
         return self
 
     @property
@@ -240,9 +241,21 @@ class Paper(TomlTable):
     end_position_error_m: float | None = None
 
 
-def _spans_space(axes_deg: AxesDeg) -> bool:
+def _check_span(name: str, axes_deg: AxesDeg) -> None:
+    """Raise ValueError unless the firmware can fuse the sensors to a vector."""
     H = rrins.firmware_py.core.calibration.input_axes(axes_deg)
-    return bool(np.linalg.det(H.T @ H) > 1e-3)
+    condition = rrins.firmware_py.core.calibration.condition_number(H)
+    if condition <= CONDITION_LIMIT:
+        return
+    first, second, third = np.linalg.svd(H, compute_uv=False)
+    shape = "line" if first > CONDITION_LIMIT / 3 * second else "plane"
+    if math.isinf(condition):
+        raise ValueError(f"{name}: the axes lie in one {shape}")
+    raise ValueError(
+        f"{name}: the axes are too close to one {shape}: across it, a vector would have "
+        f"{1 / third:.3g} times the error of a sensor (condition number {condition:.4g}, at most "
+        f"{CONDITION_LIMIT:g})"
+    )
 
 
 def each(value: PerSensor, count: int) -> tuple[float, ...]:

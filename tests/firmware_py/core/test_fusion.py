@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from fractions import Fraction
+
 import numpy as np
 import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from rrins.firmware_py.core.calibration import input_axes
-from rrins.firmware_py.core.fusion import fuse
+from rrins.firmware_py.core.calibration import condition_number, input_axes
+from rrins.firmware_py.core.fusion import CONDITION_LIMIT, WEIGHT_RATIO_LIMIT, fuse, prepare
 from rrins.firmware_py.core.memory import Fusion
+from rrins.host_tools.scenario.geometry import GEOMETRIES
 
 ANGLES_DEG = st.tuples(st.floats(0, 180), st.floats(0, 360))
 TRUTH = np.array([0.3, -0.2, 0.7])
@@ -91,6 +94,74 @@ def test_one_error_in_the_tetrahedron_spreads_by_three_quarters(tools):
 def test_bits_of_sensors_that_are_not_there_change_nothing(tools):
     H = tetrahedron(tools)
     assert fused(fusion_of(H), 0xFFFF, H @ TRUTH) == pytest.approx(TRUTH)
+
+
+def gain(H, weight):
+    """Return the gain of all sensors, or None when it cannot be computed."""
+    fusion = fusion_of(H, weight)
+    prepare(fusion, (1 << len(H)) - 1, np.empty((3, 3)))
+    return fusion["gain"][:, : len(H)] if fusion["solvable"] else None
+
+
+def exact_gain(H, weight):
+    """Return (Hᵀ W H)⁻¹ Hᵀ W of numbers without end, rounded at last."""
+    h = [[Fraction(x) for x in row] for row in H.tolist()]
+    w = [Fraction(x) for x in np.asarray(weight, dtype=float).tolist()]
+    N = [
+        [sum(g * a[i] * a[j] for g, a in zip(w, h, strict=True)) for j in range(3)]
+        for i in range(3)
+    ]
+    right = [[g * a[i] for g, a in zip(w, h, strict=True)] for i in range(3)]
+    for i in range(3):  # Gauss and Jordan
+        right[i] = [x / N[i][i] for x in right[i]]
+        N[i] = [x / N[i][i] for x in N[i]]
+        for j in {0, 1, 2} - {i}:
+            right[j] = [x - N[j][i] * y for x, y in zip(right[j], right[i], strict=True)]
+            N[j] = [x - N[j][i] * y for x, y in zip(N[j], N[i], strict=True)]
+    return np.array(right, dtype=float)
+
+
+CONE_OF_1_DEG = tuple((1.0, 90.0 * k) for k in range(4))
+WEIGHTS = (
+    (1, 1, 1, 1e6),
+    (1e6, 1, 1, 1e6),
+    (1e-6, 1, 1, 1),
+    (1, 1e6, 1e6, 1e6),
+    (1, 1e3, 1e6, 1e9),
+    (1e-9, 1e9, 1e-9, 1e9),
+    (1e9, 1e-9, 1e9, 1e9),
+)
+
+
+@pytest.mark.parametrize("weight", WEIGHTS)
+@pytest.mark.parametrize("shape", ["tetrahedron", "cone", "dodecahedron", "cone of 1°"])
+def test_weights_far_apart_give_the_exact_gain(weight, shape):
+    H = input_axes(CONE_OF_1_DEG if shape == "cone of 1°" else GEOMETRIES[shape])
+    weight = (*weight, *(1.0,) * (len(H) - 4))
+    found, expected = gain(H, weight), exact_gain(H, weight)
+    assert np.abs(found @ H - np.eye(3)).max() < 1e-12
+    assert np.abs(found - expected).max() < 1e-14 * np.abs(expected).max()
+
+
+def test_weights_beyond_any_number_have_no_gain(tools):
+    H = tetrahedron(tools)
+    assert gain(H, [1e300, 1e-20, 1e-20, 1.0]) is None
+    assert gain(H, [WEIGHT_RATIO_LIMIT, 1.0, 1.0, 1.0]) is not None
+
+
+def test_a_common_factor_of_the_weights_changes_nothing(tools):
+    H = tetrahedron(tools)
+    assert (gain(H, [7.0] * 4) == gain(H, [1.0] * 4)).all()
+
+
+@pytest.mark.parametrize("half_angle_deg", [0.3, 0.5, 1.0, 54.7, 89.7, 89.9])
+def test_axes_are_fused_up_to_a_condition_number(half_angle_deg):
+    H = input_axes(tuple((half_angle_deg, 90.0 * k) for k in range(4)))
+    # HᵀH of the cone is diag(2 s², 2 s², 4 c²).
+    s, c = np.sin(np.radians(half_angle_deg)), np.cos(np.radians(half_angle_deg))
+    expected = np.sqrt(4 * (1 / s**2 + 1 / (4 * c**2)))
+    assert condition_number(H) == pytest.approx(expected)
+    assert (gain(H, [1.0] * 4) is not None) == (expected <= CONDITION_LIMIT)
 
 
 @pytest.mark.parametrize("ratio", [1e-4, 1e-8])

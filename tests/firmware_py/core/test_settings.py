@@ -83,7 +83,13 @@ def test_power_on_is_the_same_every_time(tools, contract):
 
 @pytest.mark.parametrize(
     "changes",
-    [{"height_channel": "floating"}, {"latitude_deg": math.nan}, {"colour": "red"}],
+    [
+        {"height_channel": "floating"},
+        {"latitude_deg": math.nan},
+        {"colour": "red"},
+        {"gyro_weights": (1.0, 1.0, 1.0, 1e19)},
+        {"accelerometer_weights": (1.0, 0.0, 1.0, 1.0)},
+    ],
 )
 def test_settings_that_make_no_sense_are_refused(tools, changes):
     with pytest.raises(ValidationError):

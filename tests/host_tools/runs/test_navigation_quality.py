@@ -38,6 +38,13 @@ def test_ideal_sensors_stay_within_5_mm_over_a_cycle(largest):
     assert worst(largest(load("ideal")), "max_abs_position_error_m") < 5e-3
 
 
+@pytest.mark.parametrize("weight", [1e6, 1e12])
+def test_ideal_sensors_of_very_different_weight_navigate_as_well(largest, weight):
+    weights = {"gyro_weights": [1, 1, 1, weight], "accelerometer_weights": [weight, 1, 1, 1]}
+    figures = largest(variant(duration_s=100, firmware=weights))
+    assert worst(figures, "max_abs_position_error_m") < 1e-3
+
+
 @pytest.mark.parametrize(
     "site",
     [

@@ -69,6 +69,26 @@ def test_a_printed_scenario_loads_from_a_file_as_the_same(name, write):
             ["gyro_axes_deg", "one plane"],
         ),
         (
+            'duration_s = 1\n[rimu]\ngeometry = "custom"\n'
+            "gyro_axes_deg = [[90, 0], [90, 90], [0, 0]]\n"
+            "accelerometer_axes_deg = [[0.2, 0], [0.2, 90], [0.2, 180], [0.2, 270]]",
+            ["accelerometer_axes_deg", "too close to one line", "203 times", "573", "at most 300"],
+        ),
+        (
+            'duration_s = 1\n[rimu]\ngeometry = "custom"\n'
+            "gyro_axes_deg = [[89.9, 0], [90.1, 90], [89.9, 180], [90.1, 270]]\n"
+            "accelerometer_axes_deg = [[90, 0], [90, 90], [0, 0]]",
+            ["gyro_axes_deg", "too close to one plane", "at most 300"],
+        ),
+        (
+            "duration_s = 1\n[firmware]\ngyro_weights = [1, 1, 1, 1e19]",
+            ["firmware.gyro_weights", "1e+19 and 1 are too far apart", "at most 1e+18 to 1"],
+        ),
+        (
+            "duration_s = 1\n[firmware]\naccelerometer_weights = [0, 1, 1, 1]",
+            ["firmware.accelerometer_weights", "above 0"],
+        ),
+        (
             'duration_s = 1\n[[operator]]\nat_s = 1\nrequest = "FLY"',
             ["operator.1.request", "NAVIGATE_ROTATING"],
         ),
