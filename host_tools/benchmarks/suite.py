@@ -15,7 +15,6 @@ from typing import Self
 
 import click
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
 from rrins.host_tools.benchmarks import compute, fast_path, floor, rehearsals
@@ -26,6 +25,7 @@ from rrins.host_tools.files import JsonObject
 from rrins.host_tools.runs.direct import run_direct
 from rrins.host_tools.runs.job import prepare_firmware, prepare_hardware
 from rrins.host_tools.scenario.scenario import load
+from rrins.host_tools.terminal import print_table, progress_line
 
 SCENARIO = "rimu_rotating"
 RATES_HZ = (200, 400, 1000)
@@ -111,18 +111,9 @@ class BenchDisplay(Closing):
 
     def __init__(self, console: Console, steps: int) -> None:
         self._console = console
-        self._progress = Progress(
-            TextColumn("[bold]{task.description}"),
-            BarColumn(bar_width=24),
-            TextColumn("{task.completed:.0f} of {task.total:.0f}"),
-            TimeElapsedColumn(),
-            console=console,
-            transient=True,
-            refresh_per_second=2,  # rarely, because it disturbs the measurement
-            disable=not console.is_terminal,
-        )
+        self._progress = progress_line(console, refresh_hz=2)  # drawing disturbs the measurement
+        self._steps, self._begun = steps, 0
         self._task = self._progress.add_task("starting", total=steps)
-        self._is_first = True
 
     def __enter__(self) -> Self:
         self._progress.start()
@@ -134,10 +125,11 @@ class BenchDisplay(Closing):
 
     def step(self, text: str) -> None:
         """Begin the next step."""
-        self._progress.update(self._task, description=text, advance=0 if self._is_first else 1)
-        self._is_first = False
+        done, self._begun = self._begun, self._begun + 1
+        state = (f"{self._begun} of {self._steps}",)
+        self._progress.update(self._task, description=text, completed=done, state=state)
         if not self._console.is_terminal:
-            self._console.print(text, highlight=False)
+            self._console.print(text, highlight=False, soft_wrap=True)
 
 
 @dataclass
@@ -300,9 +292,9 @@ def print_result(result: Result, console: Console) -> None:
     """Show the result as tables."""
     machine = result["machine"]
     permitted = "permitted" if machine["sched_fifo"] else "refused"
-    console.print(_table_of_speeds(result))
-    console.print(_table_of_costs(result))
-    console.print(_table_of_lateness(result))
+    print_table(_table_of_speeds(result), console)
+    print_table(_table_of_costs(result), console)
+    print_table(_table_of_lateness(result), console)
     start = result["start_to_first_epoch_s"]
     cold = "not measured" if start["cold"] is None else f"{start['cold']:.1f} s"
     for line in (
@@ -341,7 +333,7 @@ def _table_of_costs(result: Result) -> Table:
     table = Table(title="Microseconds", title_justify="left")
     table.add_column("what", no_wrap=True)
     table.add_column("µs", justify="right")
-    table.add_column("", justify="right")
+    table.add_column("")
     fast = result["fast_path_us_per_epoch"]
     table.add_row("fast path, per epoch of both sides", f"{fast:.2f}", "8 noisy sensors")
     table.add_row("navigation alone, per call", f"{result['navigation_step_us']:.2f}", "")

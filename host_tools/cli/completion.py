@@ -19,3 +19,13 @@ def complete_messages(
         for message in messages
         if message.name.startswith(begun)
     ]
+
+
+def complete_scenarios(
+    ctx: click.Context, param: click.Parameter, incomplete: str
+) -> list[CompletionItem]:
+    """Return the built-in scenarios whose names start with `incomplete`; a file may be one, too."""
+    from rrins.host_tools.scenario.scenario import names
+
+    built_in = [CompletionItem(name) for name in names() if name.startswith(incomplete)]
+    return [*built_in, CompletionItem(incomplete, type="file")]

@@ -26,18 +26,10 @@ log_channel_option = click.option(
 def reading_progress(what: str, size: int, quiet: bool = False) -> Iterator[Callable[[int], None]]:
     """Show the progress of reading a log; yield a callback for the bytes read so far."""
     from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
-    console = Console(stderr=True)
-    with Progress(
-        TextColumn("[bold]{task.description}"),
-        BarColumn(bar_width=24),
-        TextColumn("{task.percentage:>3.0f} %"),
-        TimeRemainingColumn(compact=True),
-        console=console,
-        transient=True,
-        disable=quiet or not console.is_terminal,
-    ) as progress:
+    from rrins.host_tools.terminal import progress_line
+
+    with progress_line(Console(stderr=True), quiet) as progress:
         task = progress.add_task(what, total=size)
         yield lambda position: progress.update(task, completed=position)
 

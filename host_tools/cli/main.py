@@ -13,6 +13,7 @@ from typing import Any, Final, NoReturn
 import click
 from click.shell_completion import CompletionItem
 
+from rrins.host_tools.cli.group import Group
 from rrins.host_tools.cli.standard_streams import OutputError, guarded_streams
 from rrins.host_tools.errors import RehearsalError
 from rrins.host_tools.interruption import INTERRUPTED
@@ -56,7 +57,7 @@ _SECTIONS: Final = {"Run": _RUN, "Look": _LOOK, "Plan": _PLAN}
 _COMMANDS: Final = _RUN | _LOOK | _PLAN
 
 
-class _Group(click.Group):
+class _Group(Group):
     """A group that imports commands lazily and reports user errors in one line."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from rrins.host_tools.cli.group import Group
 from rrins.host_tools.cli.options import json_option
 from rrins.host_tools.cli.output import print_note
 
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
 _FILE_ENDINGS = (".csv", ".pos")
 
 
-@click.group()
+@click.group(cls=Group)
 def motion() -> None:
     """Check recorded motion; export true motion."""
 

@@ -236,16 +236,15 @@ def _judge(comparison: Comparison, as_json: bool) -> None:
     DifferenceError
         If there are any.
     """
-    from rich.console import Console
-
     from rrins.host_tools.recording.errors import DifferenceError
+    from rrins.host_tools.terminal import print_table
 
     if comparison.first is None:
         if not as_json:
             click.echo(comparison.text())
         return
     if not as_json:
-        Console().print(_table_of(comparison))
+        print_table(_table_of(comparison))
     raise DifferenceError(comparison.text())
 
 

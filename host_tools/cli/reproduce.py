@@ -8,13 +8,13 @@ from pathlib import Path
 
 import click
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
 from rrins.host_tools.errors import RehearsalError
 from rrins.host_tools.experiments.paper import EXPERIMENTS, reproduce_sections, runs_of
 from rrins.host_tools.experiments.report import table_3, write
 from rrins.host_tools.experiments.sections import FigureRow, Section, figure
+from rrins.host_tools.terminal import print_table, progress_line
 
 
 def _table_3(sections: list[Section]) -> Table:
@@ -73,25 +73,22 @@ def reproduce(experiment: str, seeds: int, motion: Path | None, out: Path, as_js
     if not os.access(out, os.W_OK | os.X_OK):
         raise RehearsalError(f"--out {out}: cannot be written to")
     console = Console(stderr=True)
-    with Progress(
-        TextColumn("[bold]{task.description}"),
-        BarColumn(bar_width=30),
-        MofNCompleteColumn(),
-        TextColumn("runs"),
-        TimeRemainingColumn(compact=True),
-        console=console,
-        transient=True,
-        disable=not console.is_terminal,
-    ) as progress:
+    with progress_line(console) as progress:
         total = runs_of(which, seeds, motion)
         task = progress.add_task("preparing", total=total)
+        done = 0
+
+        def advance() -> None:
+            nonlocal done
+            done += 1
+            progress.update(task, completed=done, state=(f"{done} of {total} runs",))
 
         def say(name: str) -> None:
             progress.update(task, description=name)
             if not console.is_terminal:
-                console.print(f"{name} …", highlight=False)
+                console.print(f"{name} …", highlight=False, soft_wrap=True)
 
-        sections = reproduce_sections(which, seeds, motion, lambda: progress.advance(task), say)
+        sections = reproduce_sections(which, seeds, motion, advance, say)
         paths = write(out, sections)
     if as_json:
         rows = [row.values() for section in sections for row in section.rows]
@@ -99,7 +96,7 @@ def reproduce(experiment: str, seeds: int, motion: Path | None, out: Path, as_js
         return
     shown = Console()
     if table_3(sections):
-        shown.print(_table_3(sections))
+        print_table(_table_3(sections), shown)
     for section in sections:
         for line in section.findings:
             shown.print(f"{section.experiment}: {line}", highlight=False, soft_wrap=True)

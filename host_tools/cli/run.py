@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from rrins.host_tools.cli.completion import complete_scenarios
 from rrins.host_tools.cli.serial_options import nmea_options, serial_options, settings_of
 from rrins.host_tools.errors import RehearsalError
 from rrins.host_tools.interruption import INTERRUPTED, heed_sigterm
@@ -56,7 +57,12 @@ def _options(*options: Callable[..., Any]) -> Callable[..., Any]:
 
 
 _scenario_options = _options(
-    click.argument("scenario", default=DEFAULT_SCENARIO, metavar="[SCENARIO]"),
+    click.argument(
+        "scenario",
+        default=DEFAULT_SCENARIO,
+        metavar="[SCENARIO]",
+        shell_complete=complete_scenarios,
+    ),
     click.option("--duration", "duration_s", type=float, help="Navigate for this many seconds."),
     click.option("--seed", type=int, help="Seed of the sensor noise."),
 )
@@ -111,8 +117,8 @@ def rehearse(
 ) -> None:
     """Run firmware and hardware as two processes on one bus.
 
-    SCENARIO is a built-in name (see `rrins scenarios`) or a TOML file. The default is the embedded
-    bus. Ctrl-C stops both sides and keeps the recording.
+    SCENARIO is a built-in name (see `rrins scenarios`) or a TOML file; without one it is
+    rimu_rotating. The default is the embedded bus. Ctrl-C stops both sides and keeps the recording.
     """
     from rrins.host_tools.runs import run
 
@@ -152,7 +158,8 @@ def simulate(
 ) -> None:
     """Run both sides in one process, without a bus: same steps, same navigation.
 
-    SCENARIO is a built-in name (see `rrins scenarios`) or a TOML file.
+    SCENARIO is a built-in name (see `rrins scenarios`) or a TOML file; without one it is
+    rimu_rotating.
     """
     from rrins.host_tools.runs import run
 
@@ -178,6 +185,7 @@ def _finish(result: RunResult, folder: Path, as_json: bool) -> None:
     from rich.console import Console
 
     from rrins.host_tools.runs.summary import lines_of, table_of
+    from rrins.host_tools.terminal import print_table
 
     paths: list[Path] = []
     failure: RehearsalError | None = None
@@ -191,7 +199,7 @@ def _finish(result: RunResult, folder: Path, as_json: bool) -> None:
     else:
         console = Console()
         if len(result.errors):
-            console.print(table_of(summary))
+            print_table(table_of(summary), console)
         for line in lines_of(summary) if summary["epochs"] else ():
             console.print(line, highlight=False, soft_wrap=True)
         for path in paths if summary["epochs"] else ():
@@ -226,7 +234,10 @@ _side_options = _options(
     help="Parameter memory; created if missing. Its values override the scenario's.",
 )
 def firmware(attach_wait: float, **options: Any) -> None:
-    """Run the navigation computer alone, on the hardware's bus."""
+    """Run the navigation computer alone, on the hardware's bus.
+
+    SCENARIO is as for `rrins rehearse`, rimu_rotating by default, and the same on both sides.
+    """
     serial = settings_of(options)
     _run_side("firmware", attach_wait_s=attach_wait, serial=serial, **options)
 
@@ -235,7 +246,10 @@ def firmware(attach_wait: float, **options: Any) -> None:
 @_side_options
 @click.option("--await-peer", multiple=True, hidden=True)
 def hardware(await_peer: tuple[str, ...], **options: Any) -> None:
-    """Run the emulated RIMU and turntable alone; it hosts the embedded bus."""
+    """Run the emulated RIMU and turntable alone; it hosts the embedded bus.
+
+    SCENARIO is as for `rrins rehearse`, rimu_rotating by default, and the same on both sides.
+    """
     _run_side("hardware", await_peers=await_peer, **options)
 
 

@@ -6,10 +6,12 @@ import json
 
 import click
 
+from rrins.host_tools.cli.completion import complete_scenarios
+from rrins.host_tools.cli.group import Group
 from rrins.host_tools.scenario.scenario import Scenario, load, names, text_of
 
 
-@click.group(invoke_without_command=True)
+@click.group(cls=Group, invoke_without_command=True)
 @click.pass_context
 def scenarios(context: click.Context) -> None:
     """List the built-in scenarios, one per line."""
@@ -19,7 +21,7 @@ def scenarios(context: click.Context) -> None:
 
 
 @scenarios.command("show")
-@click.argument("name")
+@click.argument("name", shell_complete=complete_scenarios)
 def show_scenario(name: str) -> None:
     """Print the TOML of a scenario, to copy and edit."""
     click.echo(text_of(name), nl=False)

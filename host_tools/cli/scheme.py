@@ -8,9 +8,9 @@ from pathlib import Path
 
 import click
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
 from rrins.host_tools.cli import scheme_tables
+from rrins.host_tools.cli.group import Group
 from rrins.host_tools.cli.options import json_option, together
 from rrins.host_tools.closing import Closing
 from rrins.host_tools.errors import RehearsalError
@@ -22,6 +22,7 @@ from rrins.host_tools.rotation.merit import velocity_error
 from rrins.host_tools.rotation.search import search
 from rrins.host_tools.rotation.travel import travel_of
 from rrins.host_tools.scenario.schemes import SCHEMES
+from rrins.host_tools.terminal import print_table, progress_line
 
 _REFERENCE = "16-position"
 _WAIT_S = 2.0
@@ -67,7 +68,7 @@ _rate_options = together(
 )
 
 
-@click.group("scheme")
+@click.group("scheme", cls=Group)
 def scheme() -> None:
     """Analyse, compare and search rotation schemes.
 
@@ -139,19 +140,24 @@ def analyse_scheme(
         click.echo(json.dumps(result))
         return
     console = Console()
-    console.print(f"{named.name} on {rimu.geometry}, projection: {_projection(fused)}")
-    console.print(scheme_tables.cycle_line(named.scheme), highlight=False)
+    console.print(
+        f"{named.name} on {rimu.geometry}, projection: {_projection(fused)}", soft_wrap=True
+    )
+    console.print(scheme_tables.cycle_line(named.scheme), highlight=False, soft_wrap=True)
     for integrals in (variation.gyros, variation.accelerometers):
         if shown <= len(integrals.sensors):
-            console.print(scheme_tables.sensor_table(integrals, shown))
-    console.print(scheme_tables.all_sensors_table(variation))
+            print_table(scheme_tables.sensor_table(integrals, shown), console)
+    print_table(scheme_tables.all_sensors_table(variation), console)
     console.print(
         "left: after one cycle, 0 below 1e-9 of the largest; largest: within the cycle",
         highlight=False,
+        soft_wrap=True,
     )
     if not travel_of(named.scheme).returns:
         console.print(
-            "the sensors do not return to their start: the next cycle differs", highlight=False
+            "the sensors do not return to their start: the next cycle differs",
+            highlight=False,
+            soft_wrap=True,
         )
     for path in paths:
         console.print(str(path), highlight=False, soft_wrap=True)
@@ -190,11 +196,12 @@ def compare_schemes(
         return
     console = Console()
     for table in scheme_tables.comparison_tables(compared):
-        console.print(table)
+        print_table(table, console)
     console.print(
         "left: root of the sum of squares over all sensors, and its axes; "
         "largest: of any sensor on any axis",
         highlight=False,
+        soft_wrap=True,
     )
 
 
@@ -295,8 +302,8 @@ def search_schemes(
         click.echo(json.dumps(result))
         return
     console = Console()
-    console.print(scheme_tables.search_table(found, "table 1"))
-    console.print(scheme_tables.verdict(found, "table 1"), highlight=False)
+    print_table(scheme_tables.search_table(found, "table 1"), console)
+    console.print(scheme_tables.verdict(found, "table 1"), highlight=False, soft_wrap=True)
     click.echo(f"\n{scheme_tables.toml_of(found.best[0].scheme)}", nl=False)
 
 
@@ -304,14 +311,7 @@ class _LateProgress(Closing):
     """A progress bar on standard error that appears only if the work takes a while."""
 
     def __init__(self) -> None:
-        self._progress = Progress(
-            TextColumn("searching"),
-            BarColumn(),
-            TextColumn("{task.completed} of {task.total} schemes"),
-            TimeRemainingColumn(compact=True),
-            console=Console(stderr=True),
-            transient=True,
-        )
+        self._progress = progress_line(Console(stderr=True))
         self._task = self._progress.add_task("searching")
         self._begun = time.monotonic()
 
@@ -321,7 +321,8 @@ class _LateProgress(Closing):
 
     def report(self, done: int, total: int) -> None:
         """Update the progress."""
-        self._progress.update(self._task, completed=done, total=total)
+        state = (f"{done} of {total} schemes",)
+        self._progress.update(self._task, completed=done, total=total, state=state)
         if time.monotonic() - self._begun > _WAIT_S:
             self._progress.start()
 

@@ -19,6 +19,7 @@ from rrins.host_tools.runs.results import Errors, read_errors, write_summary
 from rrins.host_tools.runs.samples import NAVIGATION_SAMPLES, TRUTH_SAMPLES, read_samples
 from rrins.host_tools.runs.summary import summarise, table_of, write_results
 from rrins.host_tools.scenario.scenario import Scenario
+from rrins.host_tools.terminal import print_table
 
 _COLUMNS = (
     ("time_s", "%.3f"),
@@ -119,7 +120,7 @@ def print_replay(summary: JsonObject, paths: list[Path]) -> None:
     """Print the result of a replay for a person."""
     console = Console()
     if summary["max_abs_position_error_m"] is not None:
-        console.print(table_of(summary))
+        print_table(table_of(summary), console)
     recording = summary["recording"]
     lines = [
         f"{summary['epochs']} epochs in {summary['wall_s']:.1f} s: "

@@ -6,11 +6,11 @@ from types import TracebackType
 from typing import Self
 
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
 from rrins.host_tools.files import JsonObject
 from rrins.host_tools.runs.results import east_north_m
 from rrins.host_tools.scenario.scenario import Scenario
+from rrins.host_tools.terminal import progress_line
 
 _SPARSE_STEPS = 10
 
@@ -30,23 +30,13 @@ class RunDisplay:
     def __init__(self, scenario: Scenario, console: Console, quiet: bool = False) -> None:
         self._scenario = scenario
         self._console = console
-        self._is_live = console.is_terminal and not quiet
         self._is_sparse = not console.is_terminal and not quiet
         self._shown = 0
         self._truth: dict[int, JsonObject] = {}
         self._error_m: float | None = None
-        self._progress = Progress(
-            TextColumn("[bold]{task.description}"),
-            BarColumn(bar_width=24),
-            TextColumn("{task.percentage:>3.0f} %"),
-            TextColumn("{task.fields[state]}"),
-            TimeRemainingColumn(compact=True),
-            console=console,
-            transient=True,
-            disable=not self._is_live,
-        )
+        self._progress = progress_line(console, quiet)
         self._task = self._progress.add_task(
-            "starting", total=scenario.epochs, state="", start=False
+            "starting", total=scenario.epochs, state=(), start=False
         )
 
     def __enter__(self) -> Self:
@@ -65,7 +55,7 @@ class RunDisplay:
         """Show a step without measurable progress."""
         self._progress.update(self._task, description=text)
         if self._is_sparse:
-            self._console.print(text)
+            self._console.print(text, highlight=False, soft_wrap=True)
 
     def note(self, text: str) -> None:
         """Show a line that the user must not miss."""
@@ -97,26 +87,33 @@ class RunDisplay:
                 0.0,
             )
             self._error_m = float((east**2 + north**2) ** 0.5)
-        epoch = firmware["epoch"]
-        self._progress.update(self._task, completed=epoch, state=self._state(firmware))
+        epoch, mode, state = firmware["epoch"], _mode_of(firmware), self._state(firmware)
+        self._progress.update(self._task, completed=epoch, description=mode, state=state)
         share = epoch * _SPARSE_STEPS // self._scenario.epochs
         if self._is_sparse and share > self._shown:
             self._shown = share
-            self._console.print(f"{share * 100 // _SPARSE_STEPS:3d} %  {self._state(firmware)}")
+            text = f"{share * 100 // _SPARSE_STEPS:3d} %  {'  '.join((mode, *state))}"
+            self._console.print(text, highlight=False, soft_wrap=True)
 
-    def _state(self, firmware: JsonObject) -> str:
+    def _state(self, firmware: JsonObject) -> list[str]:
+        """Return where the run is, the most important first."""
         seconds = firmware["epoch"] / self._scenario.rate_hz
-        parts = [f"{seconds:.0f} s", firmware["mode"].lower().replace("_", " ")]
-        if firmware["fault"] != "NONE":
-            parts[-1] += f" ({firmware['fault'].lower().replace('_', ' ')})"
-        if firmware["position"]:
-            parts.append(f"position {firmware['position']}")
+        parts = [f"{seconds:.0f} s"]
         if self._error_m is not None:
             parts.append(f"error {_length(self._error_m)}")
         elapsed_s = self._progress.tasks[0].elapsed
         if elapsed_s:
             parts.append(f"{seconds / elapsed_s:.3g} × real time")
-        return "  ".join(parts)
+        if firmware["position"]:
+            parts.append(f"position {firmware['position']}")
+        return parts
+
+
+def _mode_of(firmware: JsonObject) -> str:
+    mode = str(firmware["mode"]).lower().replace("_", " ")
+    if firmware["fault"] == "NONE":
+        return mode
+    return f"{mode} ({firmware['fault'].lower().replace('_', ' ')})"
 
 
 def _length(metres: float) -> str:

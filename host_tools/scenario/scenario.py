@@ -87,8 +87,11 @@ class Scenario(TomlTable):
             return data
         name = data["sensors"]
         if name not in presets.names():
-            known = ", ".join(presets.names())
-            raise ValueError(f"sensors: there is no preset {name!r}; there are {known}")
+            known = presets.names()
+            near = difflib.get_close_matches(str(name), known, 1)
+            hint = f", did you mean {near[0]}?" if near else ";"
+            listed = f"there are {', '.join(known)}"
+            raise ValueError(f"sensors: there is no preset {name!r}{hint} {listed}")
         merged = dict(data)
         for table, values in presets.tables_of(name).items():
             own = merged.get(table, {})

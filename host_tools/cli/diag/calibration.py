@@ -12,6 +12,7 @@ from rrins.firmware_py.diagnostics import calibration_image
 from rrins.firmware_py.diagnostics.calibration_image import ImageError, Parameters
 from rrins.host_tools.cli.diag.options import with_securing_tester, with_tester
 from rrins.host_tools.cli.diag.output import print_json, print_line
+from rrins.host_tools.cli.group import Group
 from rrins.host_tools.cli.options import json_option
 from rrins.host_tools.cli.output import print_note
 from rrins.host_tools.diag import calibration_file
@@ -19,7 +20,7 @@ from rrins.host_tools.diag.tester import Tester
 from rrins.host_tools.errors import DiagError
 
 
-@click.group()
+@click.group(cls=Group)
 def calibration() -> None:
     """Pull or push the calibration file."""
 

@@ -11,9 +11,10 @@ from rrins.host_tools.cli.diag.memory import memory
 from rrins.host_tools.cli.diag.routine import routine
 from rrins.host_tools.cli.diag.session import identify, reset, session
 from rrins.host_tools.cli.diag.shell import shell
+from rrins.host_tools.cli.group import Group
 
 
-@click.group(context_settings={"help_option_names": ["-h", "--help"]})
+@click.group(cls=Group, context_settings={"help_option_names": ["-h", "--help"]})
 def diag() -> None:
     """Diagnose and configure the navigation computer by UDS (ISO 14229) on CAN.
 

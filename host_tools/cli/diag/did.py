@@ -22,6 +22,7 @@ from rrins.host_tools.cli.diag.output import (
     print_paragraph,
     print_table,
 )
+from rrins.host_tools.cli.group import Group
 from rrins.host_tools.cli.options import json_option
 from rrins.host_tools.cli.output import print_note
 from rrins.host_tools.diag.tester import Tester
@@ -36,7 +37,7 @@ _CONTROLS = {
 }
 
 
-@click.group()
+@click.group(cls=Group)
 def did() -> None:
     """Read and write data by identifier."""
 

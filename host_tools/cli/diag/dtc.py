@@ -22,6 +22,7 @@ from rrins.host_tools.cli.diag.output import (
     print_paragraph,
     print_table,
 )
+from rrins.host_tools.cli.group import Group
 from rrins.host_tools.cli.options import json_option
 from rrins.host_tools.diag.tester import Tester, TroubleReport
 from rrins.host_tools.diag.values import to_json, value_text
@@ -31,7 +32,7 @@ _REMEMBERED = Status.TEST_FAILED | Status.PENDING | Status.CONFIRMED
 _RECORDS = {FIRST_SNAPSHOT: "first", LATEST_SNAPSHOT: "latest"}
 
 
-@click.group()
+@click.group(cls=Group)
 def dtc() -> None:
     """Read and clear diagnostic trouble codes."""
 

@@ -10,6 +10,7 @@ from rrins.firmware_py.diagnostics import table
 from rrins.host_tools.cli.diag.arguments import complete_memory
 from rrins.host_tools.cli.diag.options import with_tester
 from rrins.host_tools.cli.diag.output import new_table, print_json, print_line, print_table
+from rrins.host_tools.cli.group import Group
 from rrins.host_tools.cli.options import json_option
 from rrins.host_tools.diag import ram
 from rrins.host_tools.diag.tester import Tester
@@ -19,7 +20,7 @@ from rrins.host_tools.files import JsonObject
 _MOST_VALUES = 16  # values of an array
 
 
-@click.group()
+@click.group(cls=Group)
 def memory() -> None:
     """Read the computer's RAM image."""
 

@@ -12,6 +12,7 @@ from rich.console import Console
 from rich.table import Table
 
 from rrins.firmware_py.diagnostics.codecs import Field, Value
+from rrins.host_tools import terminal
 from rrins.host_tools.diag.values import value_text
 from rrins.host_tools.files import JsonObject
 
@@ -34,7 +35,7 @@ def print_paragraph(text: str, indent: str = "  ") -> None:
 
 
 def new_table(columns: Sequence[str], heading: bool = True) -> Table:
-    """Return an empty table with these headings, at most 80 columns wide."""
+    """Return an empty table with these headings; all but names may be wrapped in a terminal."""
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False, show_edge=False, show_header=heading)
     for number, column in enumerate(columns):
         is_name = number == 0 or column in _NAMES
@@ -44,7 +45,7 @@ def new_table(columns: Sequence[str], heading: bool = True) -> Table:
 
 def print_table(table: Table) -> None:
     """Print a table without interpreting or highlighting its text."""
-    Console(highlight=False, markup=False, emoji=False).print(table)
+    terminal.print_table(table, Console(highlight=False, markup=False, emoji=False))
 
 
 def field_rows(

@@ -10,6 +10,7 @@ from rrins.firmware_py.diagnostics.routines import Routine, RoutineState
 from rrins.host_tools.cli.diag.arguments import ROUTINE, STOPPABLE, complete_arguments
 from rrins.host_tools.cli.diag.options import with_securing_tester
 from rrins.host_tools.cli.diag.output import field_rows, new_table, print_json, print_table
+from rrins.host_tools.cli.group import Group
 from rrins.host_tools.cli.options import json_option
 from rrins.host_tools.diag.tester import Tester
 from rrins.host_tools.diag.values import AssignmentError, limits_of, parse_values, to_json
@@ -18,7 +19,7 @@ from rrins.host_tools.errors import RoutineFailedError
 _LOOK_S = 0.2
 
 
-@click.group()
+@click.group(cls=Group)
 def routine() -> None:
     """Start and stop routines, read their results."""
 

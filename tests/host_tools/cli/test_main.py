@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 
@@ -12,6 +13,7 @@ from click.testing import CliRunner
 
 from rrins.dbc import codec
 from rrins.host_tools.cli import main as cli
+from rrins.host_tools.cli.run import DEFAULT_SCENARIO
 
 CONTEXT = click.Context(cli.rrins)
 
@@ -48,6 +50,53 @@ def test_help_and_completion_start_at_once():
     assert not started("--help") & {"numpy", "numba", "can", "cantools", "pydantic"}
     found = ShellComplete(cli.rrins, {}, "rrins", "_RRINS_COMPLETE").get_completions([], "re")
     assert [item.value for item in found] == ["record", "rehearse", "replay", "reproduce"]
+
+
+@pytest.mark.parametrize(
+    ("words", "meant"),
+    [
+        ("rehears", "rehearse"),
+        ("scenarios shoow ideal", "show"),
+        ("scenarios show idael", "ideal"),
+        ("rehearse idael", "ideal"),
+        ("rehearse --duraton 2", "--duration"),
+        ("scheme analyze 16-position", "analyse"),
+        ("scheme analyse 16-positon", "16-position"),
+        ("motion chrck drive.csv", "check"),
+        ("diag dct read", "dtc"),
+        ("diag did reaad heading", "read"),
+        ("diag memory listt", "list"),
+        ("diag routine sttart", "start"),
+        ("diag calibration pulll x", "pull"),
+        ("inject axis_stal", "axis_stall"),
+    ],
+)
+def test_a_mistyped_word_is_answered_with_the_one_that_was_meant(words, meant):
+    ended = CliRunner().invoke(cli.rrins, words.split())
+    assert ended.exit_code in (2, 3)
+    assert re.search(rf"[Dd]id you mean[^?]*{meant}", ended.output), ended.output
+
+
+def test_a_word_like_no_command_is_answered_without_a_guess():
+    ended = CliRunner().invoke(cli.rrins, ["frobnicate"])
+    assert ended.exit_code == 2
+    assert ended.output.endswith("Error: No such command 'frobnicate'.\n")
+
+
+@pytest.mark.parametrize("name", ["rehearse", "simulate", "firmware", "hardware"])
+def test_help_names_the_default_scenario(name):
+    said = CliRunner().invoke(cli.rrins, [name, "--help"]).output
+    assert DEFAULT_SCENARIO in said
+
+
+def test_scenarios_are_completed():
+    found = ShellComplete(cli.rrins, {}, "rrins", "_RRINS_COMPLETE").get_completions(
+        ["rehearse"], "rimu_r"
+    )
+    assert [(item.value, item.type) for item in found] == [
+        ("rimu_rotating", "plain"),
+        ("rimu_r", "file"),
+    ]
 
 
 @pytest.mark.slow

@@ -1,0 +1,160 @@
+"""What the tools print: tables whose numbers stay whole, and progress at any width."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+from rich.cells import cell_len
+from rich.console import Console, ConsoleOptions, RenderResult
+from rich.measure import Measurement
+from rich.progress import Progress, ProgressColumn, Task
+from rich.progress_bar import ProgressBar
+from rich.table import Column, Table
+from rich.text import Text
+
+_UNBOUNDED = 100_000
+_NARROWEST_BAR, _WIDEST_BAR = 6, 24
+
+
+def print_table(table: Table, console: Console | None = None) -> None:
+    """Print a table; columns that are justified to the right, the numbers, are never wrapped.
+
+    In a terminal that is too narrow the table continues below, its first column repeated. Anywhere
+    else nothing is wrapped.
+    """
+    console = console or Console()
+    if table.title:
+        console.print(table.title, style="italic", highlight=False, soft_wrap=True)
+        table.title = None
+    for column in table.columns:
+        column.no_wrap = column.no_wrap or column.justify == "right"
+    width = console.width if console.is_terminal else _UNBOUNDED
+    for part in _parts(table, console, width):
+        console.print(_AtWidth(part, width), crop=False)
+    if table.caption:
+        console.print(table.caption, style="dim italic", highlight=False, soft_wrap=True)
+
+
+class _AtWidth:
+    """A table as on a console of another width."""
+
+    def __init__(self, table: Table, width: int) -> None:
+        self._table, self._width = table, width
+
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
+        yield from console.render(self._table, options.update(width=self._width))
+
+
+def _parts(table: Table, console: Console, width: int) -> Iterator[Table]:
+    """Yield tables no wider than `width`: as many columns as fit, behind the first."""
+    first, *others = table.columns
+    while others:
+        count = len(others)
+        while count > 1 and _least_width(_part(table, [first, *others[:count]]), console) > width:
+            count -= 1
+        yield _part(table, [first, *others[:count]])
+        others = others[count:]
+    if len(table.columns) == 1:
+        yield table
+
+
+def _least_width(table: Table, console: Console) -> int:
+    return Measurement.get(console, console.options.update(width=_UNBOUNDED), table).minimum
+
+
+def _part(table: Table, columns: Sequence[Column]) -> Table:
+    """Return a table like another, with some of its columns."""
+    part = Table(
+        box=table.box,
+        pad_edge=table.pad_edge,
+        show_edge=table.show_edge,
+        show_header=table.show_header,
+    )
+    for column in columns:
+        part.add_column(
+            column.header,
+            justify=column.justify,
+            overflow=column.overflow,
+            no_wrap=column.no_wrap,
+            style=column.style,
+        )
+    for row, cells in zip(table.rows, zip(*(c.cells for c in columns), strict=True), strict=True):
+        part.add_row(*cells, style=row.style, end_section=row.end_section)
+    return part
+
+
+class _Line(ProgressColumn):
+    """Description, bar, percentage and time left; then of the field `state` what there is room for.
+
+    `state` is a sequence of short texts, the most important first. A text is shown whole or not.
+    """
+
+    def render(self, task: Task) -> _TaskLine:
+        return _TaskLine(task)
+
+
+class _TaskLine:
+    def __init__(self, task: Task) -> None:
+        self._task = task
+
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
+        task, width = self._task, options.max_width
+        figures = [f"{task.percentage:3.0f} %", _time_left(task)] if task.started else []
+        room = width - sum(len(figure) + 1 for figure in figures)
+        head = Text(task.description, style="bold", no_wrap=True, overflow="ellipsis")
+        head.truncate(max(1, room if not task.started else room - _NARROWEST_BAR - 1))
+        room -= head.cell_len + 1
+        if room < _NARROWEST_BAR:  # nothing to measure yet, and a long text that says so
+            yield head
+            return
+        bar_width = min(_WIDEST_BAR, room)
+        room -= bar_width + 1
+        shown = []
+        for text in task.fields.get("state", ()):
+            if cell_len(text) + 2 > room:
+                break
+            shown.append(text)
+            room -= cell_len(text) + 2
+        bar = ProgressBar(
+            total=task.total,
+            completed=task.completed,
+            width=bar_width,
+            pulse=not task.started,
+            animation_time=task.get_time(),
+        )
+        grid = Table.grid(padding=(0, 1, 0, 0), pad_edge=False)
+        cells: list[Text | ProgressBar | str] = [
+            head,
+            bar,
+            *figures,
+            *(["  ".join(shown)] if shown else []),
+        ]
+        for cell in cells:
+            grid.add_column(no_wrap=True, width=bar_width if cell is bar else None)
+        grid.add_row(*cells)
+        yield grid
+
+
+def _time_left(task: Task) -> str:
+    """Return the time left, such as ``0:42`` or ``1:05:00``."""
+    left_s = task.time_remaining
+    if left_s is None:
+        return "-:--"
+    minutes, seconds = divmod(round(left_s), 60)
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours}:{minutes:02}:{seconds:02}" if hours else f"{minutes}:{seconds:02}"
+
+
+def progress_line(console: Console, quiet: bool = False, refresh_hz: float = 10) -> Progress:
+    """Return a progress line with a bar and the time left, at any width of the terminal.
+
+    It shows nothing where there is no terminal. A task may have a field `state`: a sequence of
+    short texts, the most important first; those that fit follow the time left.
+    """
+    return Progress(
+        _Line(),
+        console=console,
+        transient=True,
+        refresh_per_second=refresh_hz,
+        disable=quiet or not console.is_terminal,
+    )

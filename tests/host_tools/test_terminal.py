@@ -1,0 +1,107 @@
+"""What is printed: tables and progress, at any width."""
+
+from __future__ import annotations
+
+import io
+import re
+
+import pytest
+from rich.console import Console
+from rich.table import Table
+
+from rrins.host_tools.runs.display import RunDisplay
+from rrins.host_tools.scenario.scenario import load
+from rrins.host_tools.terminal import print_table
+
+NUMBERS = [f"{value:.4e}" for value in (-8.2112e-05, 1234.5678, -1 / 3, 2e9, -7.5e-12, 0.25, -66.0)]
+
+
+def wide_table():
+    table = Table(
+        title="Seven numbers, and a title that is longer than eighty columns, " + "x" * 40
+    )
+    table.add_column("what", no_wrap=True)
+    for number, _ in enumerate(NUMBERS):
+        table.add_column(f"number {number}", justify="right")
+    table.add_row("first", *NUMBERS)
+    table.add_row("second", *reversed(NUMBERS))
+    return table
+
+
+def printed(width, is_terminal):
+    shown = io.StringIO()
+    print_table(wide_table(), Console(file=shown, width=width, force_terminal=is_terminal))
+    return re.sub(r"\x1b\[[0-9;]*m", "", shown.getvalue()).splitlines()
+
+
+def test_a_table_in_a_pipe_is_never_wrapped_nor_cut():
+    title, *lines = printed(80, is_terminal=False)
+    assert title.endswith("x" * 40)
+    (first,) = (line for line in lines if "first" in line)
+    assert [word for word in first.split() if word in NUMBERS] == NUMBERS
+    assert len(lines) == 6
+
+
+@pytest.mark.parametrize("width", [40, 60, 80, 120])
+def test_a_table_that_does_not_fit_continues_below_with_whole_numbers(width):
+    lines = printed(width, is_terminal=True)[1:]
+    table = [line for line in lines if line and "x" * 5 not in line]
+    assert max(map(len, table)) <= width
+    firsts = [line for line in table if "first" in line]
+    assert [word for line in firsts for word in line.split() if word in NUMBERS] == NUMBERS
+
+
+class Screen(io.StringIO):
+    def lines(self):
+        """Return each line that was shown, as it was."""
+        text = re.sub(r"\x1b\[\??[0-9;]*[A-Za-z]", "", self.getvalue())
+        return [line for line in re.split(r"[\r\n]+", text) if line.strip()]
+
+
+@pytest.mark.parametrize("width", [40, 60, 80, 120])
+def test_progress_has_a_bar_the_mode_and_the_time_left_at_any_width(width):
+    screen = Screen()
+    scenario = load("rimu_rotating")
+    half = scenario.epochs // 2
+    report = {
+        "kind": "progress",
+        "side": "firmware",
+        "epoch": half,
+        "mode": "NAVIGATION_ROTATING",
+        "fault": "NONE",
+        "position": "12 of 16",
+        "navigating": False,
+    }
+    with RunDisplay(scenario, Console(file=screen, width=width, force_terminal=True)) as display:
+        display.report({"kind": "preparing", "side": "firmware"})
+        display.report({"kind": "started"})
+        display.report(report)
+        display.report(report | {"epoch": half + 1})
+        display._progress.refresh()
+    last = screen.lines()[-1]
+    assert len(last.rstrip()) <= width
+    assert re.match(r"navigation rotating [━╸╺]+ +50 % \S+", last), last
+    assert re.search(r" (\d+:)?\d+:\d\d| -:--", last), last
+    assert "…" not in last
+    assert ("12 of 16" in last) == (width == 120)
+
+
+def test_progress_elsewhere_is_a_line_now_and_then(capsys):
+    shown = io.StringIO()
+    scenario = load("rimu_rotating")
+    with RunDisplay(scenario, Console(file=shown, width=40)) as display:
+        display.report({"kind": "started"})
+        display.report(
+            {
+                "kind": "progress",
+                "side": "firmware",
+                "epoch": scenario.epochs // 2 + 1,
+                "mode": "FAULT",
+                "fault": "SENSORS_LOST",
+                "position": "12 of 16",
+                "navigating": False,
+            }
+        )
+    started, half = shown.getvalue().splitlines()
+    assert started == "running"
+    assert re.match(r" 50 %  fault \(sensors lost\)  \d+ s .*× real time  position 12 of 16$", half)
