@@ -47,14 +47,14 @@ def draw_pair(left: tuple[Errors, str], right: tuple[Errors, str]) -> Figure:
 
 
 def draw_bands(cases: dict[str, tuple[Distribution, Distribution]], unit: str) -> Figure:
-    """Plot the spread of a quantity, east and north, for each case: 5-95 %, median, the paper."""
+    """Plot the spread of a quantity, east and north, for each case: band, median, the paper."""
     figure = new_figure(9.0, 1.0 + 0.5 * len(cases))
     panels = figure.subplots(1, 2, sharey=True)
     for panel, side, style in zip(panels, (0, 1), (EAST, NORTH), strict=True):
         for row, pair in enumerate(cases.values()):
             one = pair[side]
             panel.plot(
-                [one.quantile(5), one.quantile(95)], [row, row], color=style["color"], linewidth=5,
+                one.spread, [row, row], color=style["color"], linewidth=5,
                 alpha=0.45, solid_capstyle="butt",
             )  # fmt: skip
             panel.plot(one.values, [row] * len(one.values), "|", color="0.25", markersize=7)
@@ -69,9 +69,9 @@ def draw_bands(cases: dict[str, tuple[Distribution, Distribution]], unit: str) -
         panel.grid(True, axis="x", which="both", color="0.9", linewidth=0.6)
     panels[0].set_yticks(range(len(cases)), list(cases))
     panels[0].invert_yaxis()
+    spread = next(iter(cases.values()))[0].spread_words
     figure.suptitle(
-        "bar: 5-95 % of the seeds, ticks: seeds, dot: median, diamond: the paper",
-        fontsize="small",
+        f"bar: {spread}, ticks: seeds, dot: median, diamond: the paper", fontsize="small"
     )
     return figure
 

@@ -132,13 +132,13 @@ def _figure_rows(
         ("largest position error, rotating", "m", outcome.rotating, larger.rotating),
         ("strapdown over rotating", "1", outcome.ratio, larger.ratio),
     ):
-        for side, one, reason in zip(_SIDES, pair, other, strict=True):
+        for side, one, of_larger in zip(_SIDES, pair, other, strict=True):
             quantity = f"{words}, {side}"
             row = FigureRow(
                 EXPERIMENT, case.words, quantity, unit, one.paper, one.median, one.words()
             )
             if row.differs and unit == "m":
-                note = f"{row.note}; {_LARGER.words}: {figure(reason.median)} {unit}"
+                note = f"{row.note}; {_LARGER.words}: {figure(of_larger.median)} {unit}"
                 row = replace(row, note=note)
             rows.append(row)
     return rows
@@ -148,7 +148,7 @@ def _grid(outcomes: dict[PrototypeCase, VariantOutcome]) -> PictureGrid:
     quantities = ("strapdown", "rotating", "strapdown / rotating")
     units = (" / m", " / m", "")
     return PictureGrid(
-        "Largest position errors over the seeds: median and 5-95 % band",
+        f"Largest position errors: median and {_spread_words(outcomes)}",
         tuple(
             f"{words}, {side}{unit}"
             for words, unit in zip(quantities, units, strict=True)
@@ -163,14 +163,19 @@ def _grid(outcomes: dict[PrototypeCase, VariantOutcome]) -> PictureGrid:
 
 def _finding(outcomes: dict[PrototypeCase, VariantOutcome]) -> str:
     holding = [case.words for case, outcome in outcomes.items() if outcome.holds]
+    words = _spread_words(outcomes)
     if not holding:
-        return "For no set do both of the paper's ratios lie in the 5-95 % band."
-    return f"Both of the paper's ratios lie in the 5-95 % band of: {'; '.join(holding)}."
+        return f"For no set do both of the paper's ratios lie in {words}."
+    return f"Both of the paper's ratios lie in {words} with: {'; '.join(holding)}."
+
+
+def _spread_words(outcomes: dict[PrototypeCase, VariantOutcome]) -> str:
+    return next(iter(outcomes.values())).ratio[0].spread_words
 
 
 def reproduce(fleet: Fleet, seeds: int) -> Section:
     """Run section 4.4 over several seeds."""
-    section = Section(EXPERIMENT, "Static experiment with the prototype (4.4)")
+    section = Section(EXPERIMENT, "Static experiment with the prototype (4.4)", seeds)
     section.settings.append(
         f"3 h strapdown and 3 h rotating (2 °/s, 10 s standing), {RATE_HZ} Hz, seeds 1 to {seeds}; "
         "bias repeatability and stability of table 2, white noise 0.005 °/√h and "
@@ -215,16 +220,24 @@ def reproduce(fleet: Fleet, seeds: int) -> Section:
 
 def _size(outcomes: dict[PrototypeCase, VariantOutcome]) -> str:
     """Describe the size of the paper's errors relative to those of table 2."""
-    usual = outcomes[PrototypeCase(REFERENCE)]
+    usual, larger = outcomes[PrototypeCase(REFERENCE)], outcomes[PrototypeCase(_LARGER)]
     factors = [one.paper / one.median for one in usual.strapdown if one.paper]
+    before, inside = _errors_inside(usual), _errors_inside(larger)
     text = (
-        f"The paper's strapdown errors are {factors[0]:.1f} (east) and {factors[1]:.1f} (north) "
-        f"times the median of table 2 with {REFERENCE.words}"
+        f"The paper's strapdown errors are {figure(factors[0])} (east) and {figure(factors[1])} "
+        f"(north) times the median of {len(usual.strapdown[0].values)} seeds with "
+        f"{REFERENCE.words}. Of its four position errors {before} lie in {_spread_words(outcomes)} "
+        f"with {REFERENCE.words}, and {inside} with {_LARGER.words}."
     )
-    larger = outcomes[PrototypeCase(_LARGER)]
-    inside = sum(one.holds for pair in (larger.strapdown, larger.rotating) for one in pair)
+    if inside <= before:
+        return text
     return (
-        f"{text}: the prototype's biases were larger than the table states. With biases "
-        f"{_LARGER.biases:g} times as large {inside} of the paper's four position errors lie in "
-        "the 5-95 % bands."
+        f"{text} Biases larger than table 2 states would explain this, and so might errors that "
+        "the paper does not mention. That is an inference: no figure of the paper shows the biases "
+        "during the experiment."
     )
+
+
+def _errors_inside(outcome: VariantOutcome) -> int:
+    """Return how many of the paper's four position errors lie in the spread."""
+    return sum(one.holds for pair in (outcome.strapdown, outcome.rotating) for one in pair)

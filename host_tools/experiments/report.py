@@ -12,7 +12,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from PIL import Image
 
 from rrins.host_tools.experiments.constants import REFERENCE
-from rrins.host_tools.experiments.sections import FigureRow, Section, figure
+from rrins.host_tools.experiments.sections import BAND_SEEDS, FigureRow, Section, figure
 from rrins.host_tools.files import replacing, write_whole
 from rrins.host_tools.scenario.schemes import SCHEMES
 
@@ -87,6 +87,8 @@ def write(folder: Path, sections: list[Section]) -> list[Path]:
         table_3=rows_3,
         differing=[(name, row) for name, cells in rows_3 for row in cells if row and row.differs],
         reference=REFERENCE.words,
+        seeds=max(section.seeds for section in sections),
+        band_seeds=BAND_SEEDS,
         table_1=_table_1() if any(s.experiment == "scheme" for s in sections) else [],
         images={name: base64.b64encode(data).decode("ascii") for name, data in pictures.items()},
         version=f"rrins {metadata.version('rrins')}",

@@ -13,6 +13,12 @@ from rrins.host_tools.files import JsonObject
 FACTOR = 2.0
 """Our figure and the paper's differ if one is more than this many times the other."""
 
+BAND_SEEDS = 20
+"""From this many seeds on, 5-95 % percentiles describe the spread; of fewer, their range does.
+
+One of 20 is 5 %: the percentiles of fewer seeds would say more than the seeds do.
+"""
+
 
 def figure(value: float | None) -> str:
     """Format a number for the tables: three digits, thousands separated."""
@@ -35,7 +41,7 @@ class FigureRow:
     paper, ours : float or None
         None if there is none.
     note : str
-        Settings, spread, and the reason for a difference if found.
+        Settings, spread, and for a row that differs the closest variant.
     """
 
     experiment: str
@@ -86,29 +92,56 @@ class Distribution:
         return self.quantile(50)
 
     @property
-    def percentile(self) -> float | None:
-        """Share of the values below the paper's, in percent."""
+    def below(self) -> int | None:
+        """How many of the values are below the paper's."""
         if self.paper is None:
             return None
-        return 100.0 * float(np.mean(np.asarray(self.values) < self.paper))
+        return int(np.sum(np.asarray(self.values) < self.paper))
+
+    @property
+    def spread(self) -> tuple[float, float]:
+        """The 5th and the 95th percentile; of fewer than `BAND_SEEDS` values their range."""
+        low, high = (5, 95) if len(self.values) >= BAND_SEEDS else (0, 100)
+        return self.quantile(low), self.quantile(high)
+
+    @property
+    def spread_words(self) -> str:
+        """What `spread` is, with the number of seeds."""
+        count = len(self.values)
+        if count >= BAND_SEEDS:
+            return f"the 5-95 % band of {count} seeds"
+        return f"the range of {count} seed{'s' if count > 1 else ''}"
 
     @property
     def holds(self) -> bool:
-        """Whether the paper's figure lies between the 5th and the 95th percentile."""
-        return self.paper is not None and self.quantile(5) <= self.paper <= self.quantile(95)
+        """Whether the paper's figure lies within the spread."""
+        low, high = self.spread
+        return self.paper is not None and low <= self.paper <= high
 
     @property
     def band(self) -> str:
-        """The 5th and the 95th percentile in words."""
-        return f"{figure(self.quantile(5))} to {figure(self.quantile(95))}"
+        """The spread's limits in words."""
+        low, high = self.spread
+        return f"{figure(low)} to {figure(high)}"
 
     def words(self) -> str:
-        """Return the band, the number of seeds and the paper's place in words."""
-        text = f"median of {len(self.values)} seeds, 5-95 %: {self.band}"
-        if self.percentile is None:
+        """Return the spread, the number of seeds and the paper's place in words.
+
+        A figure outside is stated as a multiple of the limit next to it.
+        """
+        text = f"median; {self.spread_words}: {self.band}"
+        if self.paper is None:
             return text
-        place = "inside" if self.holds else "outside"
-        return f"{text}; the paper's figure lies {place}, at percentile {self.percentile:.0f}"
+        low, high = self.spread
+        if self.holds:
+            place = "inside"
+        elif self.paper < low:
+            place = f"below, {figure(self.paper / low)} of the lower limit"
+        else:
+            place = f"above, {figure(self.paper / high)} times the upper limit"
+        return (
+            f"{text}; the paper's figure lies {place}; {self.below} of {len(self.values)} below it"
+        )
 
 
 @dataclass(frozen=True)
@@ -144,6 +177,8 @@ class Section:
 
     experiment: str
     title: str
+    seeds: int = 0
+    """Over how many seeds its medians and spreads are; 0 for none."""
     settings: list[str] = field(default_factory=list)
     """What was run: attitude, duration, rate, seeds."""
     open_points: list[str] = field(default_factory=list)

@@ -1,18 +1,18 @@
 """Sections 4.3.1 and 4.3.2: the simulations at standstill, without and with rotation.
 
-If a figure differs from the paper's by more than a factor of two, the choices that the paper leaves
-open are varied one at a time, and the closest variant is named with the figure.
+The choices that the paper leaves open are varied one at a time; the variant closest in all figures
+of a case stands beside each that differs by more than a factor of two.
 """
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field
 from typing import Final
 
 from rrins.host_tools.experiments.figures import draw_pair
 from rrins.host_tools.experiments.fleet import Fleet
-from rrins.host_tools.experiments.sections import FigureRow, Picture, Section, figure
+from rrins.host_tools.experiments.sections import FigureRow, Picture, Section
+from rrins.host_tools.experiments.variants import with_closest
 from rrins.host_tools.runs.results import Errors
 from rrins.host_tools.scenario.scenario import Scenario, load
 
@@ -123,21 +123,6 @@ def _largest_error(errors: Errors, key: str, side: str) -> float:
     return float(errors.largest()[key][side])
 
 
-def _closest(paper: float, variants: list[tuple[Variant, float]]) -> tuple[Variant, float]:
-    return min(variants, key=lambda one: abs(math.log(max(one[1], 1e-12) / paper)))
-
-
-def _reason(paper: float, ours: float, variants: list[tuple[Variant, float]], unit: str) -> str:
-    """Describe the variant that brings our figure closest to the paper's."""
-    variant, value = _closest(paper, variants)
-    if abs(math.log(value / paper)) >= abs(math.log(ours / paper)):
-        return "no variant of the open points brings it closer"
-    return (
-        f"closest of {len(variants)} variants: {variant.words}, {figure(value)} {unit} "
-        f"(ratio {figure(value / paper)})"
-    )
-
-
 def _figure_rows(
     simulation: Simulation, name: str, scenario: Scenario, main: Errors, varied: list[Errors]
 ) -> list[FigureRow]:
@@ -150,32 +135,19 @@ def _figure_rows(
     for key, side, words, unit in QUANTITIES:
         table = getattr(scenario.paper, key)
         paper = None if table is None else float(getattr(table, side))
-        row = FigureRow(
-            simulation.experiment,
-            name,
-            words,
-            unit,
-            paper,
-            _largest_error(main, key, side),
-            settings,
-        )
-        if row.differs:
-            assert paper is not None
-            assert row.ours is not None
-            values = [
-                (variant, _largest_error(errors, key, side))
-                for variant, errors in zip(simulation.variants, varied, strict=True)
-            ]
-            note = f"{settings}; {_reason(paper, row.ours, values, unit)}"
-            row = FigureRow(row.experiment, row.case, words, unit, paper, row.ours, note)
-        rows.append(row)
-    return rows
+        ours = _largest_error(main, key, side)
+        rows.append(FigureRow(simulation.experiment, name, words, unit, paper, ours, settings))
+    values = {
+        variant.words: [_largest_error(errors, key, side) for key, side, *_ in QUANTITIES]
+        for variant, errors in zip(simulation.variants, varied, strict=True)
+    }
+    return with_closest(rows, values)
 
 
 def _variant_rows(
     simulation: Simulation, name: str, scenario: Scenario, varied: list[Errors]
 ) -> list[FigureRow]:
-    """Return the rows of the variants, the runs behind the stated reasons."""
+    """Return the rows of the variants, one for each of its figures."""
     assert scenario.paper is not None
     tables = {key: getattr(scenario.paper, key) for key, *_ in QUANTITIES}
     return [

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rrins.host_tools.experiments.constants import SETS, ConstantSet
-from rrins.host_tools.experiments.sections import Distribution, FigureRow, figure
+from rrins.host_tools.experiments.sections import BAND_SEEDS, Distribution, FigureRow, figure
 from rrins.host_tools.scenario.scenario import load
 
 KEYS = ("experiment", "case", "quantity", "unit", "paper", "ours", "note")
@@ -38,26 +38,52 @@ def test_a_row_differs_beyond_a_factor_of_two(paper, ours, ratio, differs):
 
 
 def test_percentiles_of_a_hundred_seeds():
-    one = Distribution.of(np.arange(1, 102), 96.5)
+    one = Distribution.of(np.arange(1, 102), 97.5)
     assert (one.median, one.quantile(5), one.quantile(95)) == (51, 6, 96)
-    assert one.percentile == pytest.approx(100 * 96 / 101)
+    assert one.spread == (6, 96)
+    assert one.below == 97
     assert not one.holds
     assert Distribution.of(np.arange(1, 102), 95.5).holds
-    assert "outside, at percentile 95" in one.words()
-    assert "median of 101 seeds, 5-95 %: 6 to 96" in one.words()
+    assert one.words() == (
+        "median; the 5-95 % band of 101 seeds: 6 to 96; the paper's figure lies above, 1.02 times "
+        "the upper limit; 97 of 101 below it"
+    )
+
+
+def test_few_seeds_have_a_range_and_no_percentiles():
+    few = Distribution.of(np.arange(1, BAND_SEEDS), 1.0)
+    assert few.spread == (1, BAND_SEEDS - 1)
+    assert few.holds
+    assert few.spread_words == f"the range of {BAND_SEEDS - 1} seeds"
+    assert "%" not in few.words()
+    enough = Distribution.of(np.arange(1, BAND_SEEDS + 1), 1.0)
+    assert enough.spread == (pytest.approx(1.95), pytest.approx(19.05))
+    assert not enough.holds
+    assert f"the 5-95 % band of {BAND_SEEDS} seeds" in enough.words()
+    assert "the range of 1 seed:" in Distribution.of([2.0], 3.0).words()
+
+
+def test_a_figure_outside_is_told_by_its_multiple_of_the_limit():
+    assert (
+        "lies below, 0.492 of the lower limit; 0 of 3" in Distribution.of([61, 70, 217], 30).words()
+    )
+    assert (
+        "lies above, 2 times the upper limit; 3 of 3" in Distribution.of([61, 70, 217], 434).words()
+    )
+    assert "lies inside; 1 of 3" in Distribution.of([61, 70, 217], 70).words()
 
 
 def test_a_distribution_without_a_figure_of_the_paper():
     one = Distribution.of([3.0, 1.0, 2.0])
-    assert one.percentile is None
+    assert one.below is None
     assert not one.holds
-    assert one.words() == "median of 3 seeds, 5-95 %: 1.1 to 2.9"
+    assert one.words() == "median; the range of 3 seeds: 1 to 3"
 
 
 @given(st.lists(st.floats(1e-3, 1e6), min_size=1, max_size=30), st.floats(1e-3, 1e6))
-def test_the_percentile_is_the_share_below(values, paper):
+def test_the_count_is_of_those_below(values, paper):
     one = Distribution.of(values, paper)
-    assert one.percentile == pytest.approx(100 * sum(v < paper for v in values) / len(values))
+    assert one.below == sum(v < paper for v in values)
     assert one.quantile(0) == min(values)
     assert one.quantile(100) == max(values)
 
