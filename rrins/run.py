@@ -15,6 +15,7 @@ from rich.console import Console
 
 from rrins.host_tools.files import JsonObject
 from rrins.host_tools.runs.display import RunDisplay
+from rrins.host_tools.runs.keeping import place_for
 from rrins.host_tools.runs.run import BusOptions, Plan, RunResult
 from rrins.host_tools.runs.run import rehearse as rehearse_plan
 from rrins.host_tools.runs.run import simulate as simulate_scenario
@@ -136,7 +137,8 @@ class Run:
         """
         path = Path(folder)
         path.mkdir(parents=True, exist_ok=True)
-        return self._result.write(path)
+        place, _ = place_for(path, self.summary)
+        return self._result.write(place)
 
     def __repr__(self) -> str:
         end_m = self.summary["end_position_error_m"]

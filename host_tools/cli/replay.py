@@ -186,7 +186,7 @@ def _navigate_again(
     with reading_progress("navigating", log.size, as_json) as on_progress:
         replayed = replay(log, scenario, folder, with_comparison, against, on_progress)
     print_reading(log)
-    summary, paths = write_replay(folder, name, scenario, log, replayed)
+    summary, paths = write_replay(folder, name, scenario, log, replayed, print_note)
     if as_json:
         click.echo(json.dumps(summary))
     else:

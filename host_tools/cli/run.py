@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from rrins.host_tools.cli.completion import complete_scenarios
+from rrins.host_tools.cli.output import print_note
 from rrins.host_tools.cli.serial_options import nmea_options, serial_options, settings_of
 from rrins.host_tools.errors import RehearsalError
 from rrins.host_tools.interruption import INTERRUPTED, heed_sigterm
@@ -184,6 +185,7 @@ def _finish(result: RunResult, folder: Path, as_json: bool) -> None:
     """Write and show the results, then raise the error of the run, if any."""
     from rich.console import Console
 
+    from rrins.host_tools.runs.keeping import place_for
     from rrins.host_tools.runs.summary import lines_of, table_of
     from rrins.host_tools.terminal import print_table
 
@@ -191,7 +193,10 @@ def _finish(result: RunResult, folder: Path, as_json: bool) -> None:
     failure: RehearsalError | None = None
     summary = result.summary
     try:
-        paths = result.write(folder)
+        place, note = place_for(folder, summary)
+        if note is not None:
+            print_note(note)
+        paths = result.write(place)
     except RehearsalError as error:
         failure = error
     if as_json:

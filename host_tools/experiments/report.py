@@ -14,6 +14,7 @@ from PIL import Image
 from rrins.host_tools.experiments.constants import REFERENCE
 from rrins.host_tools.experiments.sections import BAND_SEEDS, FigureRow, Section, figure
 from rrins.host_tools.files import replacing, write_whole
+from rrins.host_tools.runs.keeping import keep
 from rrins.host_tools.scenario.schemes import SCHEMES
 
 if TYPE_CHECKING:
@@ -72,7 +73,10 @@ def _png(picture: matplotlib.figure.Figure) -> bytes:
 
 
 def write(folder: Path, sections: list[Section]) -> list[Path]:
-    """Write the report and its plots to a folder; return their paths, the report first."""
+    """Write the report and its plots to a folder; return their paths, the report first.
+
+    A report of other content that is there is moved into the folder `previous`; it holds its plots.
+    """
     pictures = {p.name: _png(p.figure) for section in sections for p in section.pictures}
     environment = Environment(
         loader=PackageLoader("rrins.host_tools.experiments", "."),
@@ -98,6 +102,8 @@ def write(folder: Path, sections: list[Section]) -> list[Path]:
         file.write(text)
 
     paths = [folder / NAME]
+    if paths[0].exists() and paths[0].read_bytes() != text.encode():
+        keep(folder, (NAME,))
     write_whole(paths[0], write_text)
     for name, data in pictures.items():
         path = folder / f"{name}.png"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+from collections.abc import Callable
 from pathlib import Path
 from typing import IO
 
@@ -14,6 +15,7 @@ from rrins.firmware_py.core.memory import NavigationOutput
 from rrins.host_tools.files import JsonObject, write_whole
 from rrins.host_tools.logs.reader import Log
 from rrins.host_tools.logs.replay import Replayed
+from rrins.host_tools.runs.keeping import place_for
 from rrins.host_tools.runs.outcome import Outcome
 from rrins.host_tools.runs.results import Errors, read_errors, write_summary
 from rrins.host_tools.runs.samples import NAVIGATION_SAMPLES, TRUTH_SAMPLES, read_samples
@@ -36,12 +38,17 @@ _COLUMNS = (
 
 
 def write_replay(
-    folder: Path, name: str, scenario: Scenario, log: Log, replayed: Replayed
+    folder: Path,
+    name: str,
+    scenario: Scenario,
+    log: Log,
+    replayed: Replayed,
+    on_note: Callable[[str], None],
 ) -> tuple[JsonObject, list[Path]]:
     """Write the results of a replay to a folder; return the summary and the paths.
 
     The samples that it left there become tables and pictures: the navigation, and, where the truth
-    is known, its errors as after a simulation.
+    is known, its errors as after a simulation. `on_note` hears what became of an earlier result.
     """
     navigation = read_samples(folder / NAVIGATION_SAMPLES, NavigationOutput)
     if replayed.why_no_truth is not None:
@@ -51,6 +58,9 @@ def write_replay(
         (folder / file).unlink(missing_ok=True)
     summary = _summary_of(name, scenario, log, replayed, errors)
     title = f"{scenario.title or name}, replayed from {log.path.name}"
+    folder, note = place_for(folder, summary)
+    if note is not None:
+        on_note(note)
     paths = _write_navigation(folder, navigation, scenario.rate_hz, title)
     if len(errors):
         return summary, [*paths, *write_results(folder, summary, errors, title)]

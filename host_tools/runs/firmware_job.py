@@ -90,7 +90,7 @@ def run_firmware(job: Job) -> JsonObject:
     rows = SampleFile(job.log_path(NAVIGATION_SAMPLES))
     trace = NavigationTrace(keep_every(scenario.epochs, scenario.rate_hz), rows.append)
     firmware = _open_firmware(job, trace)
-    lateness = LatenessHistogram()
+    lateness = LatenessHistogram(scenario.period_ns)
 
     def progress(epoch: int) -> None:
         report.send("progress", side="firmware", **firmware_progress(firmware))

@@ -46,7 +46,7 @@ def run_hardware(job: Job) -> JsonObject:
     hardware = Hardware(hardware_settings(scenario), scenario_wire(scenario, is_live=True))
     file = SampleFile(job.log_path(TRUTH_SAMPLES))
     rows = SampleBuffer(Truth, file)
-    lateness = LatenessHistogram()
+    lateness = LatenessHistogram(scenario.period_ns)
     log_every = keep_every(scenario.epochs, scenario.rate_hz)
     every = math.gcd(log_every, job.report_every)
     truth = hardware.truth

@@ -33,6 +33,7 @@ from rrins.host_tools.runs.settings import (
     hardware_settings,
     scenario_wire,
 )
+from rrins.host_tools.runs.stalls import stall_words
 from rrins.host_tools.runs.summary import summarise, write_results
 from rrins.host_tools.scenario.scenario import Scenario
 from rrins.host_tools.serial import slcan
@@ -99,10 +100,12 @@ class RunResult:
             raise self.failure
         firmware = self.summary["firmware"]
         fault = firmware.get("fault", "NONE")
+        stall = self.summary["stall"]
+        why = "" if stall is None else f"; {stall_words(stall)}"
         if not firmware.get("epochs_navigated"):
-            raise FirmwareFaultError(f"the firmware never navigated{_reason(firmware)}")
+            raise FirmwareFaultError(f"the firmware never navigated{_reason(firmware)}{why}")
         if fault != "NONE":
-            raise FirmwareFaultError(f"the firmware ended in FAULT: {fault}")
+            raise FirmwareFaultError(f"the firmware ended in FAULT: {fault}{why}")
 
 
 def _reason(firmware: JsonObject) -> str:

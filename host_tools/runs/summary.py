@@ -10,6 +10,7 @@ from rrins.host_tools.files import JsonObject
 from rrins.host_tools.runs.outcome import Outcome
 from rrins.host_tools.runs.results import Errors, write_errors, write_summary
 from rrins.host_tools.runs.settings import trajectory_of
+from rrins.host_tools.runs.stalls import stall_before_fault
 from rrins.host_tools.scenario.scenario import Scenario
 
 
@@ -49,6 +50,7 @@ def summarise(
     epochs = int(hardware.get("epochs", 0))
     overruns = firmware.get("lateness_us", {}).get("overruns", 0)
     overruns += hardware.get("lateness_us", {}).get("overruns", 0)
+    until_s = float(errors.epoch[-1]) / scenario.rate_hz if len(errors) else None
     return {
         "scenario": name,
         "title": scenario.title,
@@ -66,6 +68,7 @@ def summarise(
         "epochs_per_s": round(epochs / wall_s, 1) if wall_s > 0 else 0.0,
         "frames_lost": frames_lost(firmware, hardware),
         "overruns": overruns,
+        "stall": stall_before_fault(firmware, hardware, until_s, scenario.firmware.bridge_s),
         **errors.largest(),
         "error_sample_interval_s": errors.sample_interval_s,
         "navigation_sha256": firmware.get("navigation_sha256"),
@@ -132,9 +135,11 @@ def table_of(summary: JsonObject) -> Table:
 
 
 def _lateness_line(side: str, lateness: JsonObject) -> str:
+    worst = max(lateness["stalls"], key=lambda stall: stall["late_ms"], default=None)
+    at = "" if worst is None else f" at {worst['at_s']:.1f} s"
     return (
         f"{side:>8} lateness: p50 {lateness['p50']:.0f} µs, p99 {lateness['p99']:.0f} µs, "
-        f"p99.9 {lateness['p999']:.0f} µs, max {lateness['max']:.0f} µs, "
+        f"p99.9 {lateness['p999']:.0f} µs, max {lateness['max']:.0f} µs{at}, "
         f"{lateness['overruns']} overruns in {lateness['epochs']} epochs"
     )
 

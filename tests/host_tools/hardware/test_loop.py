@@ -43,7 +43,7 @@ def test_a_firmware_that_is_late_at_the_end_is_heard_out(late_s):
     firmware.start()
     try:
         port.meet()
-        run_realtime(hardware, port, LatenessHistogram(), 20)
+        run_realtime(hardware, port, LatenessHistogram(hardware.period_ns), 20)
     finally:
         port.close()
         firmware.join()

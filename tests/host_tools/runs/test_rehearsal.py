@@ -6,6 +6,7 @@ import json
 import os
 import signal
 import subprocess
+import time
 
 import can
 import pytest
@@ -49,6 +50,45 @@ def test_ctrl_c_stops_both_sides_and_keeps_what_was_recorded(start, assert_gone,
     with can.LogReader(record) as log:
         identifiers = {message.arbitration_id for message in log}
     assert {0x10, 0x20, 0x40, 0x61, 0x120} <= identifiers
+
+
+def test_a_stopped_run_leaves_the_finished_one_where_it_is(start, run, tmp_path):
+    finished = run("simulate", "ideal", "--duration", 2, "--out", "out")
+    files = {path.name: path.read_bytes() for path in (tmp_path / "out").iterdir()}
+    command = start("rehearse", "ideal", "--out", "out")
+    command.wait_for_line("10 %")
+    command.process.send_signal(signal.SIGINT)
+    assert command.finish()[0] == 130
+    assert (
+        "rrins: out keeps the run that finished there; this one is in out/stopped" in command.said
+    )
+    stopped = tmp_path / "out" / "stopped"
+    assert not json.loads((stopped / "summary.json").read_text())["completed"]
+    assert {name: (tmp_path / "out" / name).read_bytes() for name in files} == files
+    assert json.loads(files["summary.json"]) == finished
+
+
+@pytest.mark.slow
+def test_a_stall_of_the_machine_is_named_as_the_cause_of_the_fault(start, tmp_path):
+    (tmp_path / "own.toml").write_text(
+        'mode = "strapdown"\nduration_s = 4\n[firmware]\nalignment_s = 0.5\n'
+    )
+    command = start("rehearse", "own.toml", "--speed", "1", "--out", "out")
+    command.wait_for_line("50 %")
+    hardware = command.children()["hardware"]
+    os.kill(hardware, signal.SIGSTOP)
+    time.sleep(0.5)
+    os.kill(hardware, signal.SIGCONT)
+    assert command.finish()[0] == 8
+    stall = json.loads((tmp_path / "out" / "summary.json").read_text())["stall"]
+    assert stall["side"] == "hardware"
+    assert stall["late_ms"] >= 490
+    assert 2.5 < stall["at_s"] < 4.5
+    assert command.said[-1] == (
+        f"rrins: the firmware ended in FAULT: SENSORS_LOST; the hardware was {stall['late_ms']:.0f}"
+        f" ms late at {stall['at_s']:.1f} s: the machine stalled; rehearse where less runs beside, "
+        "or without --speed 1"
+    )
 
 
 @pytest.mark.parametrize("side", ["firmware", "hardware"])

@@ -1,0 +1,92 @@
+"""Folders of results: what becomes of the finished run that is there when the next one writes.
+
+A run that was stopped leaves the finished one where it is, and goes into the folder `stopped`
+there. A finished run takes the place; a finished one before it that came to something else is moved
+into the folder `previous`.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+
+from rrins.host_tools.errors import RehearsalError
+from rrins.host_tools.files import JsonObject
+
+STOPPED, PREVIOUS = "stopped", "previous"
+
+SUMMARY = "summary.json"
+_RESULTS = (
+    "navigation_errors.png",
+    "horizontal_track.png",
+    "errors.csv",
+    "navigation.csv",
+    "navigation.png",
+    SUMMARY,
+)
+_SAME = ("navigation_sha256", "scenario")
+"""What two runs have in common when the later one may take the earlier one's place."""
+
+
+def place_for(folder: Path, summary: JsonObject) -> tuple[Path, str | None]:
+    """Return where a run writes its results, and a line if a finished one is kept.
+
+    Parameters
+    ----------
+    folder : Path
+        Where it was asked to.
+    summary : dict
+        Of the run that is to be written.
+
+    Raises
+    ------
+    RehearsalError
+        When a folder cannot be made, or a file not moved.
+    """
+    before = _summary_in(folder)
+    if not before.get("completed"):
+        return folder, None
+    if not summary["completed"]:
+        place = folder / STOPPED
+        _make(place)
+        return place, f"{folder} keeps the run that finished there; this one is in {place}"
+    if all(before.get(key) == summary.get(key) for key in _SAME):
+        return folder, None
+    place = keep(folder, _RESULTS)
+    return folder, f"the run that had finished in {folder} is kept in {place}"
+
+
+def keep(folder: Path, names: Sequence[str]) -> Path:
+    """Move files of a folder into its folder `previous`, in place of those there; return that.
+
+    Raises
+    ------
+    RehearsalError
+    """
+    place = folder / PREVIOUS
+    _make(place)
+    try:
+        for name in names:
+            (place / name).unlink(missing_ok=True)
+            if (folder / name).exists():
+                (folder / name).replace(place / name)
+    except OSError as error:
+        raise RehearsalError(f"{place}: {name} cannot be kept: {error.strerror}") from error
+    return place
+
+
+def _make(place: Path) -> None:
+    try:
+        place.mkdir(exist_ok=True)
+    except OSError as error:
+        raise RehearsalError(f"{place}: cannot be made: {error.strerror}") from error
+
+
+def _summary_in(folder: Path) -> JsonObject:
+    """Return the summary of the run that a folder has; empty without one."""
+    try:
+        found = json.loads((folder / SUMMARY).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return {}
+    return found if isinstance(found, dict) else {}
