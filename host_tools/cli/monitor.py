@@ -6,18 +6,21 @@ import json
 import os
 import sys
 import time
+from typing import TYPE_CHECKING
 
 import click
 
-from rrins.host_tools.bus.port import EMBEDDED, Address
 from rrins.host_tools.cli.completion import complete_messages
-from rrins.host_tools.monitor.listing import ORDERS
-from rrins.host_tools.monitor.once import as_dict, table_of
-from rrins.host_tools.monitor.receiver import Receiver
-from rrins.host_tools.monitor.watch import Watch
+from rrins.host_tools.monitor.opening import opening_screen
+from rrins.host_tools.monitor.orders import ORDERS
+
+if TYPE_CHECKING:
+    from rrins.host_tools.bus.port import Address
+    from rrins.host_tools.monitor.watch import Watch
 
 DEFAULT_CHANNEL = "rrins0"
 
+_EMBEDDED = "rrins"
 _ONCE_S = 2.0
 _POLL_S = 0.05
 _SWITCH_S = 0.0005
@@ -25,7 +28,9 @@ _NO_SCREEN = ("", "dumb", "unknown")
 
 
 @click.command()
-@click.option("--interface", default=EMBEDDED, show_default=True, help="python-can interface name.")
+@click.option(
+    "--interface", default=_EMBEDDED, show_default=True, help="python-can interface name."
+)
 @click.option("--channel", help=f"Channel of the interface.  [default: {DEFAULT_CHANNEL}]")
 @click.option(
     "--bitrate", type=click.IntRange(1), help="Bit rate of the bus, for the load computation."
@@ -77,25 +82,30 @@ def monitor(
     The monitor only listens and never delays the embedded bus. Without a terminal it prints the
     state once. Press ? for the keys.
     """
-    address = _address(interface, channel, bitrate)
-    watch = Watch(bitrate, is_wall_time=not address.is_embedded)
+    if channel is None and interface == _EMBEDDED:
+        channel = DEFAULT_CHANNEL
     is_once = once or as_json or for_s is not None
     if is_once or not _has_screen():
+        address, watch = _watch(interface, channel, bitrate)
         _print_once(address, watch, needle, order, as_json, for_s or _ONCE_S)
-    else:
+        return
+    name = interface if channel is None else f"{interface}:{channel}"
+    with opening_screen(f"rrins monitor: connecting to {name} …  Ctrl-C stops") as hand_over:
+        address, watch = _watch(interface, channel, bitrate)
         from rrins.host_tools.monitor.screen.app import run_screen
 
         # Frames must be received while the same interpreter draws the screen.
         sys.setswitchinterval(_SWITCH_S)
-        run_screen(address, watch, needle, order, refresh_hz)
+        run_screen(address, watch, needle, order, refresh_hz, hand_over)
 
 
-def _address(interface: str, channel: str | None, bitrate: int | None) -> Address:
+def _watch(interface: str, channel: str | None, bitrate: int | None) -> tuple[Address, Watch]:
+    """Return the bus and what collects its frames; loading that takes seconds."""
+    from rrins.host_tools.monitor.watch import Watch
     from rrins.host_tools.runs.rehearsal import default_address
 
-    if channel is None and interface == EMBEDDED:
-        channel = DEFAULT_CHANNEL
-    return default_address(interface, channel, bitrate)
+    address = default_address(interface, channel, bitrate)
+    return address, Watch(bitrate, is_wall_time=not address.is_embedded)
 
 
 def _has_screen() -> bool:
@@ -107,6 +117,9 @@ def _has_screen() -> bool:
 def _print_once(
     address: Address, watch: Watch, needle: str, order: str, as_json: bool, for_s: float
 ) -> None:
+    from rrins.host_tools.monitor.once import as_dict, table_of
+    from rrins.host_tools.monitor.receiver import Receiver
+
     receiver = Receiver(address, watch)
     try:
         until_s = time.monotonic() + for_s

@@ -41,7 +41,7 @@ def notices(state: BusState, is_frozen: bool) -> list[str]:
     if state.times.ended is not None:
         found.append(f"THE BUS HAS ENDED: {state.times.ended}")
     elif not state.frames:
-        found.append("NO FRAMES YET")
+        found.append("WAITING FOR FRAMES")
     elif state.times.quiet_s > _QUIET_S and not is_frozen:
         found.append(f"NO FRAMES for {age_words(state.times.quiet_s)} (wall clock)")
     if state.times.gaps:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from rrins.host_tools.monitor.orders import ORDERS
 from rrins.host_tools.monitor.state import PROTECTION, BusState, MessageState
 
 _SortKey = float | tuple[bool, list[tuple[int, str]]]
@@ -18,8 +19,7 @@ _KEYS: dict[str, Callable[[MessageState], _SortKey]] = {
     "errors": lambda message: -message.errors,
 }
 
-ORDERS = tuple(_KEYS)
-"""Sort orders of the messages; ties are sorted by identifier."""
+assert tuple(_KEYS) == ORDERS
 
 
 @dataclass(frozen=True)

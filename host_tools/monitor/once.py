@@ -10,8 +10,8 @@ from rrins.host_tools.monitor.table import table_head, table_lines
 from rrins.host_tools.monitor.troubles import troubles_of
 from rrins.host_tools.monitor.vitals import vitals_of
 
-WIDTH = 160
-"""Columns of the table when there is no screen."""
+WIDTH = 1000
+"""Columns of the table when there is no screen: enough for all values, nothing is cut."""
 
 
 def table_of(bus: str, state: BusState, needle: str = "", order: str = "id") -> list[str]:

@@ -1,4 +1,4 @@
-"""A signal's history as a small plot of block characters."""
+"""A signal's history as a small plot of dots, from the smallest to the largest value."""
 
 from __future__ import annotations
 
@@ -19,44 +19,53 @@ ROWS = 3
 HEIGHT = ROWS + 1
 """Lines of a plot, with its title."""
 
-_EIGHTHS = " ▁▂▃▄▅▆▇█"
+LEVELS = 4 * ROWS
+"""Heights that the curve can tell apart: a character is two dots wide and four high."""
+
+_DOTS = ((0x40, 0x04, 0x02, 0x01), (0x80, 0x20, 0x10, 0x08))
+"""Bits of a braille pattern: left and right column, from the bottom."""
+
+_BLANK = 0x2800
 _LABEL_WIDTH = 14
-_MOST_COLUMNS = BINS
+_MOST_CHARACTERS = BINS
 
-Bins = Sequence[tuple[float, float] | None]
+Bin = tuple[float, float] | None
+"""Smallest and largest value; None without one."""
 
 
-def columns_of(bins: Bins, columns: int) -> list[float | None]:
-    """Return the mid-range value of each of `columns` equal parts of a history."""
-    middles: list[float | None] = []
+def columns_of(bins: Sequence[Bin], columns: int) -> list[Bin]:
+    """Return the smallest and largest value of each of `columns` equal parts of a history."""
+    found: list[Bin] = []
     for column in range(columns):
-        part = bins[column * len(bins) // columns : (column + 1) * len(bins) // columns]
-        found = [pair for pair in part if pair is not None]
-        if found:
-            middles.append((min(low for low, _ in found) + max(high for _, high in found)) / 2)
-        else:
-            middles.append(None)
-    return middles
+        start = column * len(bins) // columns
+        end = max(start + 1, (column + 1) * len(bins) // columns)
+        part = [pair for pair in bins[start:end] if pair is not None]
+        spans = (min(low for low, _ in part), max(high for _, high in part)) if part else None
+        found.append(spans)
+    return found
 
 
-def curve(values: Sequence[float | None], low: float, high: float) -> list[str]:
-    """Return `ROWS` lines in which each value is a column, blank for None.
+def curve(columns: Sequence[Bin], low: float, high: float) -> list[str]:
+    """Return `ROWS` lines of braille dots: each column from its smallest to its largest value.
 
-    The lowest value is an eighth of a line high, to distinguish it from a missing one.
+    Two columns share a character. A column of None is blank; where all values are the same, the
+    curve runs in the middle.
     """
-    steps = 8 * ROWS - 1
-    heights = [
-        0
-        if value is None
-        else 1 + round((value - low) / (high - low) * steps)
-        if high > low
-        else 4 * ROWS
-        for value in values
-    ]
-    return [
-        "".join(_EIGHTHS[min(8, max(0, height - 8 * row))] for height in heights)
-        for row in reversed(range(ROWS))
-    ]
+    cells = [[_BLANK] * ((len(columns) + 1) // 2) for _ in range(ROWS)]
+    for number, pair in enumerate(columns):
+        if pair is None:
+            continue
+        bottom, top = (_level(value, low, high) for value in pair)
+        for level in range(bottom, top + 1):
+            cells[ROWS - 1 - level // 4][number // 2] |= _DOTS[number % 2][level % 4]
+    return ["".join(" " if cell == _BLANK else chr(cell) for cell in row) for row in cells]
+
+
+def _level(value: float, low: float, high: float) -> int:
+    """Return the height of a value, 0 to `LEVELS` - 1."""
+    if high <= low:
+        return LEVELS // 2
+    return min(LEVELS - 1, max(0, round((value - low) / (high - low) * (LEVELS - 1))))
 
 
 def plot(state: BusState, message: str, signal: str, level: int, width: int) -> Text:
@@ -73,7 +82,7 @@ def plot(state: BusState, message: str, signal: str, level: int, width: int) -> 
     """
     described = state.signal(message, signal)
     bins = state.history(message, signal, level)
-    columns = max(1, min(_MOST_COLUMNS, width - _LABEL_WIDTH - 1))
+    columns = 2 * max(1, min(_MOST_CHARACTERS, width - _LABEL_WIDTH - 1))
     found = [pair for pair in bins if pair is not None]
     unit = f" {described.unit}" if described.unit else ""
     now = described.text or number_words(described.value, described.decimals) + unit

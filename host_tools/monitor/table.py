@@ -15,6 +15,7 @@ from rrins.host_tools.monitor.wording import (
     hexadecimal_words,
     number_words,
     rate_words,
+    value_with_unit,
     value_words,
 )
 
@@ -123,7 +124,7 @@ def _values(state: BusState, row: MessageRow, has_names: bool) -> str:
         return hexadecimal_words(message.data)
     values = []
     for name in row.signals:
-        words = value_words(state.signal(message.name, name))
+        words = value_with_unit(state.signal(message.name, name))
         values.append(f"{name}={words}" if has_names else words)
     return "  ".join(values)
 

@@ -47,6 +47,12 @@ def value_words(signal: SignalState) -> str:
     return signal.text or number_words(signal.value, signal.decimals)
 
 
+def value_with_unit(signal: SignalState) -> str:
+    """Return a signal's value with its unit, or by name if it has one."""
+    words = value_words(signal)
+    return f"{words} {signal.unit}" if signal.unit and signal.text is None else words
+
+
 def clipped(text: str, width: int) -> str:
     """Return text cut to `width`, with an ellipsis if shortened."""
     return text if len(text) <= width else text[: max(0, width - 1)] + "…"[: max(0, width)]

@@ -6,9 +6,11 @@ import asyncio
 import os
 import signal
 import sys
+from collections.abc import Callable
 from typing import ClassVar
 
 from rich.text import Text
+from textual import events
 from textual.app import App, ComposeResult
 from textual.binding import Binding, BindingType
 from textual.containers import Horizontal
@@ -16,7 +18,8 @@ from textual.widgets import Input
 
 from rrins.host_tools.bus.port import Address
 from rrins.host_tools.monitor.banner import banner, notices
-from rrins.host_tools.monitor.listing import ORDERS, message_rows
+from rrins.host_tools.monitor.listing import message_rows
+from rrins.host_tools.monitor.orders import ORDERS
 from rrins.host_tools.monitor.plot import HEIGHT as PLOT_HEIGHT
 from rrins.host_tools.monitor.plot import SPANS, plot
 from rrins.host_tools.monitor.receiver import Receiver
@@ -272,6 +275,14 @@ class MonitorApp(App[None]):
         self.input.focus()
         self.call_after_refresh(self._show)
 
+    def on_paste(self, event: events.Paste) -> None:
+        """Take pasted text as the filter, not as keys; the filter's own field takes it itself."""
+        lines = event.text.strip().splitlines()
+        if lines and len(self.screen_stack) == 1:
+            self.action_filter()
+            self.input.value = lines[0]
+            self.input.cursor_position = len(lines[0])
+
     def on_input_changed(self, event: Input.Changed) -> None:
         """Apply the filter while it is being typed."""
         self._needle = event.value
@@ -309,8 +320,15 @@ def has_colours() -> bool:
         return True
 
 
-def run_screen(address: Address, watch: Watch, needle: str, order: str, refresh_hz: float) -> None:
-    """Show the screen until the user quits it.
+def run_screen(
+    address: Address,
+    watch: Watch,
+    needle: str,
+    order: str,
+    refresh_hz: float,
+    hand_over: Callable[[], None],
+) -> None:
+    """Show the screen until the user quits it; `hand_over` is called when it takes the terminal.
 
     Raises
     ------
@@ -322,6 +340,7 @@ def run_screen(address: Address, watch: Watch, needle: str, order: str, refresh_
     receiver = Receiver(address, watch)
     try:
         app = MonitorApp(str(address), watch, needle, order, refresh_hz)
+        hand_over()
         app.run(mouse=False)
     finally:
         receiver.close()

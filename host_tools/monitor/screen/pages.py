@@ -18,9 +18,11 @@ KEYS
   Up Down PgUp PgDn Home End   select a message or a signal
   Enter    show all signals of the message; Enter or Esc: back
   /        filter by the name of a message or signal; Esc: show all
-           message.signal matches both, such as axis.angle
+           message.signal matches both, such as axis.angle; pasted text
+           becomes the filter
   s        sort by identifier, name, rate or errors
   p        plot a signal, or stop; for a message, the first that has a unit
+           Each column goes from its smallest to its largest value.
   w        time span of the plots: 1, 10 or 100 minutes
   f        freeze the screen, or resume; frames are still received
   t        list all troubles

@@ -151,7 +151,7 @@ def test_a_lockstep_run_is_seen_from_the_first_frame_to_the_last(start):
 def test_colour_is_for_terminals_that_have_it(terminal, environment, keys, has_colour):
     with RrinsBus("rrins0") as bus:  # hosted by a process of its own
         screen = terminal("--filter", "unknown", **environment)
-        screen.read_until(b"NO FRAMES YET")
+        screen.read_until(b"WAITING FOR FRAMES")
         bus.send(can.Message(arbitration_id=0x001, is_extended_id=False, data=bytes(8)))
         screen.read_until(b"TROUBLES 1: unknown identifier 0x001")
         screen.press(keys)
@@ -160,9 +160,31 @@ def test_colour_is_for_terminals_that_have_it(terminal, environment, keys, has_c
 
 
 @pytest.mark.slow
+def test_it_says_at_once_what_it_waits_for_and_takes_pasted_text_as_a_filter(terminal):
+    with RrinsBus("rrins0") as bus:
+        screen = terminal(TERM="xterm")
+        screen.read_until(b"connecting to rrins:rrins0")
+        screen.read_until(b"WAITING FOR FRAMES")
+        assert screen.sent.index(b"connecting to") < screen.sent.index(b"WAITING FOR FRAMES")
+        bus.send(can.Message(arbitration_id=0x001, is_extended_id=False, data=bytes(8)))
+        screen.press(b"\x1b[200~query\x1b[201~")
+        screen.read_until(b"filter: ")
+        screen.read_until(b"query")
+        screen.press(b"\x03")
+        assert screen.finish() == 0
+
+
+def test_without_a_bus_the_screen_before_comes_back(terminal):
+    screen = terminal("--channel", "nobody", TERM="xterm")
+    screen.read_until(b"connecting to rrins:nobody")
+    assert screen.finish() == 4
+    assert screen.sent.rindex(b"\x1b[?1049l") < screen.sent.rindex(b"rrins: ")
+
+
+@pytest.mark.slow
 def test_the_screen_stays_when_the_bus_ends(hardware, terminal):
     screen = terminal(TERM="xterm")
-    screen.read_until(b"NO FRAMES YET")
+    screen.read_until(b"WAITING FOR FRAMES")
     hardware.process.terminate()
     screen.read_until(b"THE BUS HAS ENDED")
     screen.process.send_signal(signal.SIGTERM)

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import can
 import pytest
+from textual import events
 
 from rrins.host_tools.monitor.screen.app import MonitorApp
 
@@ -108,6 +109,25 @@ def test_the_filter_narrows_while_it_is_written(bus):
     run(bus, (80, 24), use)
 
 
+def test_pasted_text_is_the_filter_and_no_keys(bus):
+    async def use(app, press):
+        app.post_message(events.Paste("axis\nq"))
+        text = await press()
+        assert "filter: axis" in text
+        assert "AXIS_INNER_STATUS" in text
+        assert "SENSOR_4" not in text
+        text = await press("enter", "down")
+        assert "filter: axis" in text
+        app.post_message(events.Paste("gyro"))
+        assert "SENSOR_4" in await press()
+        await press("escape", "question_mark")
+        app.post_message(events.Paste("q"))
+        assert "KEYS" in await press()
+        assert app.is_running
+
+    run(bus, (80, 24), use)
+
+
 def test_a_filter_given_at_the_start(bus):
     async def use(app, press):
         assert "filter: axis" in text_of(app)
@@ -179,7 +199,7 @@ def test_plots_come_go_and_change_their_span(bus, size):
         text = await press("end", "up", "up", "p")
         assert "AXIS_INNER_STATUS.encoder_angle_deg  now 19.99" in text
         assert "last 1 min" in text
-        assert "█" in text
+        assert re.search("[\u2801-\u28ff]", text)
         assert "last 10 min" in await press("w")
         text = await press("home", "p")
         assert "SYNC.time_us  now 2000000 us" in text

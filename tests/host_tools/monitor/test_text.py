@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import re
+
 import can
 import pytest
 
 from rrins.host_tools.monitor import banner as banners
 from rrins.host_tools.monitor.listing import message_rows
 from rrins.host_tools.monitor.once import as_dict, table_of
-from rrins.host_tools.monitor.plot import HEIGHT, ROWS, columns_of, curve, plot
+from rrins.host_tools.monitor.plot import HEIGHT, LEVELS, ROWS, columns_of, curve, plot
 from rrins.host_tools.monitor.table import (
     detail_head,
     signal_head,
@@ -111,7 +113,7 @@ def test_notices(played):
     def said(is_frozen=False):
         return " ".join(banners.notices(played.watch.state(), is_frozen))
 
-    assert said() == "NO FRAMES YET"
+    assert said() == "WAITING FOR FRAMES"
     played.send("SYNC", 0.0)
     assert said() == ""
     played.clock.now_ns += 3_000_000_000
@@ -137,21 +139,49 @@ def test_numbers():
     assert clipped("abc", 0) == ""
 
 
+def heights(lines):
+    """Return the heights that have a dot in each column of a curve, read off the dots."""
+    bits = {0x01: (0, 3), 0x02: (0, 2), 0x04: (0, 1), 0x40: (0, 0)}
+    bits |= {0x08: (1, 3), 0x10: (1, 2), 0x20: (1, 1), 0x80: (1, 0)}
+    found = [set() for _ in range(2 * len(lines[0]))]
+    for row, line in enumerate(reversed(lines)):
+        for place, character in enumerate(line.replace(" ", "\u2800")):
+            for bit, (column, height) in bits.items():
+                if (ord(character) - 0x2800) & bit:
+                    found[2 * place + column].add(4 * row + height)
+    return found
+
+
 def test_a_curve_rises_from_the_lowest_to_the_highest_value():
-    steps = [float(k) for k in range(8 * ROWS)]
-    lines = curve([None, *steps], 0.0, steps[-1])
+    steps = [(float(k), float(k)) for k in range(LEVELS)]
+    lines = curve([None, *steps, None], 0.0, LEVELS - 1.0)
     assert len(lines) == ROWS
-    heights = [
-        sum(" ▁▂▃▄▅▆▇█".index(line[column]) for line in lines) for column in range(len(lines[0]))
-    ]
-    assert heights == [0, *range(1, 8 * ROWS + 1)]
-    assert curve([5.0], 5.0, 5.0) == [" ", "▄", "█"]
+    assert heights(lines) == [set(), *({k} for k in range(LEVELS)), set()]
+    assert heights(curve([(5.0, 5.0)], 5.0, 5.0)) == [{LEVELS // 2}, set()]
+
+
+def test_a_curve_shows_the_smallest_and_the_largest_value_of_each_column():
+    shown = heights(curve([(0.0, 11.0), (3.0, 4.0)], 0.0, 11.0))
+    assert shown == [set(range(LEVELS)), {3, 4}]
 
 
 def test_columns_of_a_history():
     bins = [None, (1.0, 3.0), (5.0, 5.0), None]
-    assert columns_of(bins, 4) == [None, 2.0, 5.0, None]
-    assert columns_of(bins, 2) == [2.0, 5.0]
+    assert columns_of(bins, 4) == bins
+    assert columns_of(bins, 2) == [(1.0, 3.0), (5.0, 5.0)]
+    assert columns_of(bins, 1) == [(1.0, 5.0)]
+    assert columns_of(bins, 8) == [bin for bin in bins for _ in range(2)]
+
+
+def test_a_peak_of_one_frame_is_seen(played):
+    for k in range(4000):
+        angle_deg = 90.0 if k == 2000 else 10.0
+        played.send("AXIS_INNER_STATUS", k * 0.005, k, state="MOVING", encoder_angle_deg=angle_deg)
+    _, *lines = plot(
+        played.watch.state(), "AXIS_INNER_STATUS", "encoder_angle_deg", 2, 40
+    ).plain.splitlines()
+    assert lines[0].startswith("     90.000000|")
+    assert any(top > LEVELS - 2 for column in heights([x[15:] for x in lines]) for top in column)
 
 
 def test_a_plot_says_what_it_shows(state):
@@ -160,8 +190,9 @@ def test_a_plot_says_what_it_shows(state):
     assert lines[0] == "AXIS_INNER_STATUS.encoder_angle_deg  now 39.899999 deg  last 1 min"
     assert lines[1].startswith("     39.899999|")
     assert lines[3].startswith("      0.000000|")
-    assert lines[1].endswith(" ▅")
-    assert lines[3].endswith("▄██")
+    shown = [column for column in heights([line[15:].ljust(65) for line in lines[1:]]) if column]
+    assert min(shown[0]) == 0
+    assert max(shown[-1]) == LEVELS - 1
 
 
 def test_the_table_for_pipes(state):
@@ -170,6 +201,9 @@ def test_the_table_for_pipes(state):
     assert "TROUBLES 2\n  SENSOR_10 has been silent for 1.5 s\n" in text
     assert sum(line.lstrip(" !").startswith("0x04") for line in lines) == 2
     assert not any(line.endswith(" ") for line in lines)
+    assert "…" not in text
+    assert "gyro_dtheta=" in text
+    assert re.search(r"gyro_dtheta=\S+ rad  ", text)
 
 
 def test_json_for_scripts(state):
