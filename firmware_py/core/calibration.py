@@ -11,6 +11,9 @@
 
     [accelerometers]
     bias_ug = [50, 55, 60, 65]
+    position_x_mm = [20, -10, -10, 0]       # in the sensor frame, from the reference point
+    position_y_mm = 0
+    position_z_mm = 0
 
 The keys are those of a scenario's tables; missing keys are zero.
 """
@@ -47,6 +50,8 @@ PerSensor = float | tuple[float, ...]
 
 _Small = Annotated[float, Field(ge=-100_000, le=100_000)]  # a tenth; half a turn and more
 _SmallPerSensor = _Small | tuple[_Small, ...]
+_Distance = Annotated[float, Field(ge=-1000, le=1000)]
+_DistancePerSensor = _Distance | tuple[_Distance, ...]
 
 
 class CalibrationError(Exception):
@@ -79,9 +84,12 @@ class GyroCalibration(_Sensors):
 
 
 class AccelerometerCalibration(_Sensors):
-    """Calibrated errors of the accelerometers. Paper, (17)."""
+    """Calibrated errors of the accelerometers, paper (17), and their positions."""
 
     bias_ug: PerSensor = 0.0
+    position_x_mm: _DistancePerSensor = 0.0
+    position_y_mm: _DistancePerSensor = 0.0
+    position_z_mm: _DistancePerSensor = 0.0
 
     @property
     def bias(self) -> PerSensor:

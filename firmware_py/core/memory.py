@@ -96,6 +96,17 @@ class Fusion(Record):
     gain: Annotated[Floats, (3, SENSOR_GROUPS)]  #: from increments to the fused vector
 
 
+class SizeEffect(Record):
+    """Accelerometers away from the reference point, and the rates that they feel there."""
+
+    present: Bool  #: whether any is
+    begun: Bool  #: whether there is an epoch before
+    position_s: Annotated[Floats, (SENSOR_GROUPS, 3)]  #: m, from the reference point
+    rate_s: Annotated[Floats, 3]  #: rad/s, mean of the last epoch
+    end_rate_s: Annotated[Floats, 3]  #: rad/s, at the end of the last epoch
+    change_s: Annotated[Floats, 3]  #: rad/s, of the end rate in the last epoch
+
+
 class Alignment(Record):
     """Initial attitude; increments and angles summed since the alignment began."""
 
@@ -197,6 +208,7 @@ class Ram(Record):
     assembly: Assembly
     gyros: Fusion
     accelerometers: Fusion
+    size_effect: SizeEffect
     dtheta_s: Annotated[Floats, 3]  #: rad, fused
     dv_s: Annotated[Floats, 3]  #: m/s, fused
     alignment: Alignment

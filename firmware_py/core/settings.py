@@ -10,7 +10,7 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 from rrins.dbc.codec import span_of
 from rrins.dbc.contract import SENSOR_GROUPS, Contract
 from rrins.dbc.record import Records
-from rrins.firmware_py.core import calibration, clock, intake, strapdown
+from rrins.firmware_py.core import calibration, clock, intake, size_effect, strapdown
 from rrins.firmware_py.core.attitude import matrix_of_euler
 from rrins.firmware_py.core.calibration import (
     AccelerometerCalibration,
@@ -183,6 +183,11 @@ def power_on(settings: Settings, contract: Records[Contract]) -> Records[Ram]:
         settings.accelerometer_weights,
         settings.calibration.accelerometers,
         dt,
+    )
+    size_effect.fill(
+        state.size_effect,
+        settings.calibration.accelerometers,
+        len(settings.accelerometer_axes_deg),
     )
     state.dispatch = intake.dispatch_table(contract)
     state.epoch = -1

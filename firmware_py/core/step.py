@@ -21,6 +21,7 @@ from rrins.firmware_py.core import (
     monitor,
     routine_requests,
     sequencer,
+    size_effect,
     strapdown,
 )
 from rrins.firmware_py.core.attitude import euler_of_matrix, gimbal_matrix, multiply_transposed
@@ -39,6 +40,16 @@ def _fuse(state: Ram) -> None:
     if state.accelerometers.calibrated:
         compensate(state.accelerometers, assembly.received, assembly.accelerometer_dv)
     gyros = fuse(state.gyros, assembly.gyro_valid, assembly.gyro_dtheta, state.dtheta_s, work)
+    if state.size_effect.present:
+        dt = state.parameters.period_ns * 1e-9
+        size_effect.follow(state.size_effect, state.dtheta_s, dt)
+        size_effect.remove(
+            state.size_effect,
+            state.accelerometers,
+            assembly.received,
+            assembly.accelerometer_dv,
+            dt,
+        )
     accelerometers = fuse(
         state.accelerometers,
         assembly.accelerometer_valid,

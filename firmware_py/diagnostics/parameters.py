@@ -44,7 +44,7 @@ def _weights(number: int, sensors: str) -> DataIdentifier:
 
 
 def _calibration(
-    base: int, index: int, sensor: str, bias: str, unit: str, limit: float
+    base: int, index: int, sensor: str, bias: str, unit: str, limit: float, *more: Field
 ) -> DataIdentifier:
     return _parameter(
         base + index,
@@ -78,8 +78,21 @@ def _calibration(
             maximum=36_000.0,
             text="installation error, paper (13)",
         ),
+        *more,
     )
 
+
+_POSITION = tuple(
+    Field(
+        f"position_{axis}_mm",
+        "f64",
+        "mm",
+        minimum=-1000.0,
+        maximum=1000.0,
+        text=f"position on {axis} of the sensor frame, from the reference point",
+    )
+    for axis in "xyz"
+)
 
 SETTINGS = (
     _parameter(
@@ -145,7 +158,7 @@ GYRO_CALIBRATIONS = tuple(
 """Calibration of each gyro."""
 
 ACCELEROMETER_CALIBRATIONS = tuple(
-    _calibration(0x1200, index, "accelerometer", "bias_ug", "µg", 1_000_000.0)
+    _calibration(0x1200, index, "accelerometer", "bias_ug", "µg", 1_000_000.0, *_POSITION)
     for index in range(1, SENSOR_GROUPS + 1)
 )
 """Calibration of each accelerometer."""

@@ -33,6 +33,9 @@ class Sensors(Record):
     bias_increment: Annotated[Floats, SENSOR_GROUPS]  #: b dt, drift included
     noise_increment: Annotated[Floats, SENSOR_GROUPS]  #: standard deviation per epoch
     force_coefficient: Annotated[Floats, SENSOR_GROUPS]  #: rad/s per m/s² along the input axis
+    displaced: Bool  #: whether any accelerometer is away from the reference point
+    position_s: Annotated[Floats, (SENSOR_GROUPS, 3)]  #: m, from the reference point
+    arm_increment: Annotated[Floats, SENSOR_GROUPS]  #: m/s, size effect of the epoch
     range_increment: F8  #: range × dt
     dead_increment: Annotated[Floats, SENSOR_GROUPS]  #: dead zone × dt
     resolution_increment: F8  #: of the sensor itself; 0: finer than the frame's
@@ -219,6 +222,8 @@ class Plant(Record):
     specific_force_b: Annotated[Floats, 3]  #: m/s²
     dtheta_s: Annotated[Floats, 3]  #: rad, true increment of the epoch
     dv_s: Annotated[Floats, 3]  #: m/s, true increment of the epoch
+    omega_is_s: Annotated[Floats, 3]  #: rad/s, of the sensor frame at the end of the epoch
+    omega_square_s: Annotated[Floats, (3, 3)]  #: rad²/s, ∫ ω ωᵀ dt of the epoch
     held: Bool  #: whether the stored increments at rest are still valid
     table: TableErrors
     thermal: Temperature

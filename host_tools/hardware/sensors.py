@@ -1,8 +1,10 @@
 """From true increments to counts: bandwidth, latency, errors of (16), (17), range, quantisation.
 
-Per sensor, on increments: the input along the true axis h'; first-order low pass and latency; dead
-zone; ``N = [1 + λ + μ sign(x)] x + b + η``, where b includes drift, and for gyros the effect of
-the specific force along the axis; the sensor's range; its resolution; then whole counts of the
+Per sensor, on increments: the input along the true axis h', for an accelerometer away from the
+reference point with the size effect (`rrins.host_tools.hardware.size_effect`); first-order low
+pass and latency; dead zone; ``N = [1 + λ + μ sign(x)] x + b + η``, where b includes drift, and for
+gyros the effect of the specific force along the axis; the sensor's range; its resolution; then
+whole counts of the
 frame's unit. The fraction of a count is carried into the next epoch.
 """
 
@@ -116,6 +118,8 @@ def measure(sensors: Sensors, true_s: Floats, dv_s: Floats, unit: float, largest
         axis = sensors.axis[k]
         x = axis[0] * true_s[0] + axis[1] * true_s[1] + axis[2] * true_s[2]
         force = axis[0] * dv_s[0] + axis[1] * dv_s[1] + axis[2] * dv_s[2]
+        if sensors.displaced:
+            x += sensors.arm_increment[k]
         if lags:
             x = _lagged(sensors, k, x)
         measured = _analog(sensors, k, x, force)

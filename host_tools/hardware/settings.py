@@ -62,6 +62,9 @@ class SensorErrors:
     temperature_scale: float = 0.0  # 1/K
     force_coefficient: float = 0.0  # rad/s per m/s²; gyros only
     dead_zone: float = 0.0  # rad/s or m/s²
+    position_x: float = 0.0  # m, in the sensor frame from the reference point; accelerometers only
+    position_y: float = 0.0  # m
+    position_z: float = 0.0  # m
 
 
 @dataclass(frozen=True)
@@ -203,6 +206,8 @@ def _fill_sensors(
         record.force_coefficient[k] = errors.force_coefficient
         record.dead_increment[k] = errors.dead_zone * dt
         record.noise_state[k] = streams[k]
+        record.position_s[k] = errors.position_x, errors.position_y, errors.position_z
+    record.displaced = bool(record.position_s.any())
     record.resolution_increment = sensors.resolution
     _fill_lag(record, sensors, dt)
     _fill_drift(record, sensors, dt)

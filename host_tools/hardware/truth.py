@@ -17,7 +17,7 @@ import math
 
 from rrins.dbc.compilation import compiled
 from rrins.dbc.record import Floats
-from rrins.host_tools.hardware import motion
+from rrins.host_tools.hardware import motion, size_effect
 from rrins.host_tools.hardware.memory import INNER, OUTER, Plant, TableErrors, TurntableAxis
 
 # Abramowitz and Stegun, table 25.4, n = 2 and 4, moved to [0, 1].
@@ -95,31 +95,61 @@ def _add_run_out(plant: Plant, dt: float) -> None:
 
 
 @compiled
-def _add_at(plant: Plant, inner: float, outer: float, t: float, share: float, dt: float) -> None:
-    """Add `share` of the epoch, with the axes at these angles, to the increments.
+def _rate_at_end(plant: Plant, dt: float) -> tuple[float, float, float]:
+    """Return the rate of the sensor frame at the end of the epoch, rad/s."""
+    inner, outer = plant.axis[INNER], plant.axis[OUTER]
+    x, y, z = _turned(plant, inner.angle, outer.angle, 1.0, 1.0, dt)
+    return x / dt, y / dt, z / dt + inner.rate
 
-    All but the inner axis' own turn about z.
+
+@compiled
+def _turned(
+    plant: Plant, inner: float, outer: float, t: float, share: float, dt: float
+) -> tuple[float, float, float]:
+    """Return what the sensor frame turns in `share` of the epoch, with the axes at these angles.
+
+    rad, all but the inner axis' own turn about z.
     """
     ci, si = math.cos(inner), math.sin(inner)
     co, so = math.cos(outer), math.sin(outer)
-    w, f = plant.omega_ib_b, plant.specific_force_b
+    w = plant.omega_ib_b
     weight = share * dt
     # Rx(-outer), then Eᵀ, then Rz(-inner)
     wx = weight * w[0] + share * _turned_at(plant.axis[OUTER], t, dt)
     wy, wz = weight * (co * w[1] + so * w[2]), weight * (co * w[2] - so * w[1])
-    fx, fy, fz = weight * f[0], weight * (co * f[1] + so * f[2]), weight * (co * f[2] - so * f[1])
     if plant.table.is_crooked:
         ex, ey, dx, dy = _tilt(plant.table, inner)
         wx, wy, wz = _tilted(ex, ey, wx, wy, wz)
-        fx, fy, fz = _tilted(ex, ey, fx, fy, fz)
         # E's own turning, e' - e x e' / 2 per inner angle
         inner_turn = share * _turned_at(plant.axis[INNER], t, dt)
         wx += dx * inner_turn
         wy += dy * inner_turn
         wz -= 0.5 * (ex * dy - ey * dx) * inner_turn
-    plant.dtheta_s[0] += ci * wx + si * wy
-    plant.dtheta_s[1] += ci * wy - si * wx
-    plant.dtheta_s[2] += wz
+    return ci * wx + si * wy, ci * wy - si * wx, wz
+
+
+@compiled
+def _add_at(plant: Plant, inner: float, outer: float, t: float, share: float, dt: float) -> None:
+    """Add `share` of the epoch, with the axes at these angles, to the increments.
+
+    All but the inner axis' own turn about z.
+    """
+    x, y, z = _turned(plant, inner, outer, t, share, dt)
+    plant.dtheta_s[0] += x
+    plant.dtheta_s[1] += y
+    plant.dtheta_s[2] += z
+    if plant.accelerometers.displaced:
+        part = share * dt
+        z += share * _turned_at(plant.axis[INNER], t, dt)
+        size_effect.add(plant, x / part, y / part, z / part, part)
+    ci, si = math.cos(inner), math.sin(inner)
+    co, so = math.cos(outer), math.sin(outer)
+    f = plant.specific_force_b
+    weight = share * dt
+    fx, fy, fz = weight * f[0], weight * (co * f[1] + so * f[2]), weight * (co * f[2] - so * f[1])
+    if plant.table.is_crooked:
+        ex, ey, _, _ = _tilt(plant.table, inner)
+        fx, fy, fz = _tilted(ex, ey, fx, fy, fz)
     plant.dv_s[0] += ci * fx + si * fy
     plant.dv_s[1] += ci * fy - si * fx
     plant.dv_s[2] += fz
@@ -154,6 +184,10 @@ def _add_moving(plant: Plant, piece: Floats, begin: float, dt: float) -> None:
         inner = _angle_at(plant.axis[INNER], t, dt)
         outer = _angle_at(plant.axis[OUTER], t, dt)
         _add_at(plant, inner, outer, t, _WEIGHTS_4[k], dt)
+    if plant.accelerometers.displaced:
+        for i in range(3):
+            u = begin + 1.0 / plant.piece_epochs
+            plant.omega_ib_b[i] = motion.value(piece, motion.RATE + i, u)
 
 
 @compiled
@@ -178,7 +212,10 @@ def integrate(plant: Plant, pieces: Floats, dt: float) -> None:
         and outer.rate_before == 0.0
     )
     index = motion.piece_of(plant, plant.epoch)
+    displaced = plant.accelerometers.displaced
     if axes_rest and index < 0 and plant.held:
+        if displaced:
+            size_effect.rest(plant)
         return
     if index < 0 and plant.piece_count > 0 and plant.epoch > plant.motion_start:
         motion.set_rest(plant, pieces[plant.piece_count - 1], 1.0)
@@ -186,6 +223,8 @@ def integrate(plant: Plant, pieces: Floats, dt: float) -> None:
     for i in range(3):
         plant.dtheta_s[i] = 0.0
         plant.dv_s[i] = 0.0
+    if displaced:
+        size_effect.begin(plant)
     if index >= 0:
         _add_moving(plant, pieces[index], motion.begin_of(plant, plant.epoch), dt)
     elif plant.held:
@@ -196,3 +235,6 @@ def integrate(plant: Plant, pieces: Floats, dt: float) -> None:
         _add_turning(plant, _NODES_4, _WEIGHTS_4, dt)
     plant.dtheta_s[2] += inner.angle - inner.angle_before
     _add_run_out(plant, dt)
+    if displaced:
+        x, y, z = _rate_at_end(plant, dt)
+        size_effect.end(plant, x, y, z)

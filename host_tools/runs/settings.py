@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import math
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -41,6 +41,8 @@ from rrins.host_tools.scenario.tables import (
 )
 from rrins.host_tools.wire.wire import Wire
 
+_ATTITUDE_STREAM = 11  # independent of the hardware's own draws with the same seed
+
 
 def firmware_settings(scenario: Scenario) -> firmware.Settings:
     """Return what the firmware is set up with.
@@ -56,7 +58,7 @@ def firmware_settings(scenario: Scenario) -> firmware.Settings:
     gyros, accelerometers = scenario.rimu.gyros, scenario.rimu.accelerometers
     return firmware.Settings(
         rate_hz=scenario.rate_hz,
-        **asdict(first_pose(scenario)),
+        **asdict(given_pose(scenario)),
         gyro_axes_deg=gyros,
         accelerometer_axes_deg=accelerometers,
         gyro_weights=each(settings.gyro_weights, len(gyros)),
@@ -179,6 +181,9 @@ def _accelerometers(axes_deg: AxesDeg, accelerometers: Accelerometers) -> hardwa
         "white_noise": (accelerometers.white_noise_ug_per_sqrt_hz, UG),
         "rate_random_walk": (accelerometers.random_walk_ug_per_sqrt_h, UG / SQRT_H),
         "dead_zone": (accelerometers.dead_zone_ug, UG),
+        "position_x": (accelerometers.position_x_mm, 1e-3),
+        "position_y": (accelerometers.position_y_mm, 1e-3),
+        "position_z": (accelerometers.position_z_mm, 1e-3),
     }
     return _sensor_set(
         axes_deg,
@@ -259,6 +264,43 @@ def first_pose(scenario: Scenario) -> Pose:
         pitch_deg=math.degrees(pitch),
         heading_deg=math.degrees(heading),
     )
+
+
+def attitude_error_deg(scenario: Scenario) -> tuple[float, float, float]:
+    """Return the errors of the given roll, pitch and heading, with what the run draws."""
+    firmware_table = scenario.firmware
+    drawn = np.random.default_rng([scenario.seed, _ATTITUDE_STREAM]).standard_normal(3)
+    errors = (
+        firmware_table.roll_error_arcsec + firmware_table.level_error_sigma_arcsec * drawn[0],
+        firmware_table.pitch_error_arcsec + firmware_table.level_error_sigma_arcsec * drawn[1],
+        firmware_table.heading_error_arcsec + firmware_table.heading_error_sigma_arcsec * drawn[2],
+    )
+    roll, pitch, heading = (float(error) / 3600 for error in errors)
+    return roll, pitch, heading
+
+
+def given_pose(scenario: Scenario) -> Pose:
+    """Return the initial position and attitude that the firmware is given."""
+    pose = first_pose(scenario)
+    if not scenario.firmware.has_attitude_error:
+        return pose
+    roll, pitch, heading = attitude_error_deg(scenario)
+    return replace(
+        pose, **_in_range(pose.roll_deg + roll, pose.pitch_deg + pitch, pose.heading_deg + heading)
+    )
+
+
+def _in_range(roll_deg: float, pitch_deg: float, heading_deg: float) -> dict[str, float]:
+    """Return the same attitude with pitch within ±90°, roll and heading within ±180°."""
+    pitch_deg = (pitch_deg + 180) % 360 - 180
+    if abs(pitch_deg) > 90:  # over the top
+        pitch_deg = math.copysign(180, pitch_deg) - pitch_deg
+        roll_deg, heading_deg = roll_deg + 180, heading_deg + 180
+    return {
+        "roll_deg": (roll_deg + 180) % 360 - 180,
+        "pitch_deg": pitch_deg,
+        "heading_deg": (heading_deg + 180) % 360 - 180,
+    }
 
 
 def hardware_settings(scenario: Scenario) -> hardware.Settings:

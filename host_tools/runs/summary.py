@@ -7,6 +7,7 @@ from pathlib import Path
 from rich.table import Table
 
 from rrins.host_tools.files import JsonObject
+from rrins.host_tools.runs import given_attitude
 from rrins.host_tools.runs.outcome import Outcome
 from rrins.host_tools.runs.results import Errors, write_errors, write_summary
 from rrins.host_tools.runs.settings import trajectory_of
@@ -61,6 +62,7 @@ def summarise(
         "rate_hz": scenario.rate_hz,
         "seed": scenario.seed,
         "initial_attitude": scenario.firmware.initial_attitude,
+        "given_attitude_error_arcsec": given_attitude.error_arcsec(scenario),
         "height_channel": scenario.firmware.height_channel,
         "motion": _motion_of(scenario),
         "epochs": epochs,
@@ -169,6 +171,8 @@ def lines_of(summary: JsonObject) -> list[str]:
         f"initial attitude {summary['initial_attitude']}, height {summary['height_channel']}; "
         f"navigation sha256 {(summary['navigation_sha256'] or '-')[:16]}…",
     ]
+    if summary["given_attitude_error_arcsec"] is not None:
+        lines.append(given_attitude.words(summary["given_attitude_error_arcsec"]))
     lines.extend(f"motion: {note}" for note in summary["motion"]["notes"])
     calibration = firmware.get("calibration")
     if calibration is not None:

@@ -21,6 +21,8 @@ LONGEST_RISE_S = 10.0
 """Longest time in which an axis may reach its acceleration."""
 
 _Magnitude = Annotated[float, Field(ge=0)]
+_Distance = Annotated[float, Field(ge=-1000, le=1000)]
+_DistancePerSensor = _Distance | tuple[_Distance, ...]
 _NotNegative = _Magnitude | tuple[_Magnitude, ...]
 
 
@@ -123,6 +125,10 @@ class Accelerometers(_Sensors):
     dead_zone_ug: _NotNegative = 0.0
     resolution_um_per_s: float = Field(default=0.0, ge=0)
     range_g: float = Field(default=20.0, gt=0)
+    position_x_mm: _DistancePerSensor = 0.0
+    """In the sensor frame, from the reference point: where the axes of the table meet."""
+    position_y_mm: _DistancePerSensor = 0.0
+    position_z_mm: _DistancePerSensor = 0.0
 
 
 class Axis(TomlTable):
@@ -189,6 +195,13 @@ class Firmware(TomlTable):
     """Settings of the navigation computer."""
 
     initial_attitude: Literal["given", "self-aligned"] = "given"
+    roll_error_arcsec: float = Field(default=0.0, ge=-36_000, le=36_000)
+    """Of the given attitude, as are all of these errors: given minus true."""
+    pitch_error_arcsec: float = Field(default=0.0, ge=-36_000, le=36_000)
+    heading_error_arcsec: float = Field(default=0.0, ge=-36_000, le=36_000)
+    level_error_sigma_arcsec: float = Field(default=0.0, ge=0, le=36_000)
+    """Standard deviation of what a run draws for roll and pitch, on top."""
+    heading_error_sigma_arcsec: float = Field(default=0.0, ge=0, le=36_000)
     alignment_s: float = Field(default=2.0, gt=0, le=86_400)
     height_channel: Literal["held", "damped", "free"] = "held"
     """`damped` follows the altimeter, or the initial height if there is none."""
@@ -208,6 +221,25 @@ class Firmware(TomlTable):
     axis_silence_s: float = Field(default=1.0, gt=0, le=60)
     gyro_consistency_dph: float = Field(default=50.0, ge=0.001, le=1e6)
     accelerometer_consistency_ug: float = Field(default=5000.0, ge=0.1, le=1e7)
+
+    @property
+    def has_attitude_error(self) -> bool:
+        """Whether the given attitude is off."""
+        return any(
+            (
+                self.roll_error_arcsec,
+                self.pitch_error_arcsec,
+                self.heading_error_arcsec,
+                self.level_error_sigma_arcsec,
+                self.heading_error_sigma_arcsec,
+            )
+        )
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Firmware:
+        if self.has_attitude_error and self.initial_attitude != "given":
+            raise ValueError('errors of the attitude are for initial_attitude = "given" only')
+        return self
 
 
 class OperatorRequest(TomlTable):

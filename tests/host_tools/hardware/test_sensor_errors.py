@@ -72,7 +72,7 @@ def test_every_key_of_the_gyros_reaches_the_hardware_in_si():
         "rate_random_walk": 6 * dph / math.sqrt(3600), "force_coefficient": 7 * dph / G,
         "dead_zone": 8 * dph, "scale_error": 9e-6, "asymmetric_scale_error": 10e-6,
         "delta_u": 11 * arcsec, "delta_v": 12 * arcsec, "scale_repeatability": 13e-6,
-        "temperature_scale": 14e-6,
+        "temperature_scale": 14e-6, "position_x": 0, "position_y": 0, "position_z": 0,
     }  # fmt: skip
     for errors in gyros.errors:
         assert vars(errors) == pytest.approx(expected)
@@ -86,13 +86,14 @@ def test_every_key_of_the_accelerometers_reaches_the_hardware_in_si():
         "bias_ug": 1, "bias_repeatability_ug": 2, "bias_instability_ug": 3,
         "bias_temperature_ug_per_k": 4, "white_noise_ug_per_sqrt_hz": 5,
         "random_walk_ug_per_sqrt_h": 6, "dead_zone_ug": 8,
+        "position_x_mm": 10, "position_y_mm": -20, "position_z_mm": 30,
     }  # fmt: skip
     made = settings_of(accelerometers=keys | {"resolution_um_per_s": 3, "range_g": 5})
     ug = 9.80665e-6
     expected = {
         "bias": 1 * ug, "bias_repeatability": 2 * ug, "bias_instability": 3 * ug,
         "temperature_bias": 4 * ug, "white_noise": 5 * ug, "rate_random_walk": 6 * ug / 60,
-        "dead_zone": 8 * ug,
+        "dead_zone": 8 * ug, "position_x": 0.01, "position_y": -0.02, "position_z": 0.03,
     }  # fmt: skip
     for errors in made.accelerometers.errors:
         values = {key: value for key, value in vars(errors).items() if value}
