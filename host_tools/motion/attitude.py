@@ -1,10 +1,12 @@
 """Attitude of a recorded vehicle: from its file, or along the track.
 
 Along the track, heading is the direction of motion and pitch its climb angle; roll is zero. Below
-1 m/s the direction is unobservable: heading and pitch are held while the vehicle is at rest, and
-blend into those of the next motion over the distance crept. If the direction of motion turns by
-more than 120° across such a stop, the vehicle has changed between forward and reverse; of the two
-interpretations, the one with the shorter distance in reverse is used.
+1 m/s the direction is unobservable, and in a gap of the file the path is made up: heading and pitch
+are held while the vehicle is at rest, and blend into those of the next motion over the distance
+covered. Before and after the file they are held, as are the angles of a file that has them. If
+the direction of motion turns by more than 120° across a stop, the vehicle has changed between
+forward and reverse; of the two interpretations, the one with the shorter distance in reverse is
+used.
 """
 
 from __future__ import annotations
@@ -16,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rrins.dbc.record import Floats
+from rrins.host_tools.motion.bridges import covered, held_angles
 from rrins.host_tools.motion.local import Local
 from rrins.host_tools.motion.recording import Recording
 from rrins.host_tools.motion.spline import Fit, Grid, Observations, evaluate
@@ -32,11 +35,18 @@ _HELD_DEVIATION = 0.02  # rad
 
 
 def fit_angles(grid: Grid, times: Floats, recording: Recording) -> Floats:
-    """Return the coefficients of roll, pitch and heading (rad) from the file."""
+    """Return the coefficients of roll, pitch and heading (rad) from the file.
+
+    `times` are those of the recording in the trajectory, s.
+    """
     given = np.isfinite(recording.attitude).all(axis=1)
     columns = []
     for axis in range(3):
         fit = Fit(grid, _ANGLE_DENSITY)
+        held = held_angles(
+            times[given], recording.attitude[given, axis], grid.pieces * grid.step_s, grid.step_s
+        )
+        fit.add(held)
         fit.add(
             Observations(
                 times[given] / grid.step_s,
@@ -58,12 +68,14 @@ def _wrapped(angle: Floats) -> Floats:
     return (angle + math.pi) % (2 * math.pi) - math.pi
 
 
-def _reversing(moving: list[tuple[int, int]], course: Floats, speed: Floats) -> list[bool]:
-    """Return whether each span of motion is driven in reverse."""
+def _reversing(
+    moving: list[tuple[int, int]], course: Floats, speed: Floats, seen: NDArray[np.bool_]
+) -> list[bool]:
+    """Return whether each span of motion is driven in reverse; in a gap it may have turned."""
     flags = [False]
     for (_, end), (begin, _) in pairwise(moving):
         turned = abs(float(_wrapped(course[begin] - course[end - 1])))
-        flags.append(flags[-1] != (turned > _FLIP))
+        flags.append(flags[-1] != (turned > _FLIP and bool(seen[end:begin].all())))
     way = [float(speed[first:last].sum()) for first, last in moving]
     backwards = sum(w for w, flag in zip(way, flags, strict=True) if flag)
     return [not flag for flag in flags] if backwards > sum(way) / 2 else flags
@@ -79,7 +91,9 @@ def _held(angle: Floats, speed: Floats, moving: list[tuple[int, int]]) -> None:
         angle[end:begin] = angle[end - 1] + share * (angle[begin] - angle[end - 1])
 
 
-def track_attitude(grid: Grid, local: Local, path: Floats) -> tuple[Floats, list[str]]:
+def track_attitude(
+    grid: Grid, local: Local, path: Floats, times: Floats
+) -> tuple[Floats, list[str]]:
     """Return coefficients of roll, pitch and heading (rad) along a path, and notes.
 
     Parameters
@@ -88,6 +102,8 @@ def track_attitude(grid: Grid, local: Local, path: Floats) -> tuple[Floats, list
     local : Local
     path : array, shape (pieces + 5, 3)
         Coefficients of east, north, up in m.
+    times : array, shape (m,)
+        Of the file's positions, s.
     """
     at = np.arange(grid.pieces * _PER_PIECE + 1) / _PER_PIECE
     offsets = np.stack([evaluate(c, at) for c in path.T], axis=1)
@@ -95,23 +111,26 @@ def track_attitude(grid: Grid, local: Local, path: Floats) -> tuple[Floats, list
     velocity = slopes * local.stretch(offsets)
     speed = np.hypot(velocity[:, 0], velocity[:, 1])
     coefficients = np.zeros((len(path), 3))
-    moving = _spans(speed > _SLOW)
+    seen = covered(times, at * grid.step_s)
+    moving = _spans((speed > _SLOW) & seen)
     if not moving:
         return coefficients, ["never faster than 1 m/s: heading, pitch and roll are 0"]
 
     course = np.arctan2(velocity[:, 0], velocity[:, 1])
-    backwards = _reversing(moving, course, speed)
+    backwards = _reversing(moving, course, speed, seen)
     heading, pitch = course.copy(), np.arctan2(velocity[:, 2], speed)
     for (first, last), flag in zip(moving, backwards, strict=True):
         if flag:
             heading[first:last] += math.pi
             pitch[first:last] *= -1
-    seen = np.concatenate([np.arange(first, last) for first, last in moving])
-    heading[seen] = np.unwrap(heading[seen])
+    known = np.concatenate([np.arange(first, last) for first, last in moving])
+    heading[known] = np.unwrap(heading[known])
     _held(heading, speed, moving)
     _held(pitch, speed, moving)
     deviation = np.where(
-        speed > _SLOW, _VELOCITY_DEVIATION / np.maximum(speed, _SLOW), _HELD_DEVIATION
+        (speed > _SLOW) & seen,
+        _VELOCITY_DEVIATION / np.maximum(speed, _SLOW),
+        _HELD_DEVIATION,
     )
     for column, angle, density in ((1, pitch, _PITCH_DENSITY), (2, heading, _HEADING_DENSITY)):
         fit = Fit(grid, density)

@@ -11,11 +11,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rrins.dbc.record import Floats
+from rrins.host_tools.motion.bridges import begins_or_ends_in_motion
 from rrins.host_tools.motion.drive import synthetic_drive
+from rrins.host_tools.motion.limits import refuse_impossible
 from rrins.host_tools.motion.mending import mend, refusal
 from rrins.host_tools.motion.reading import read
 from rrins.host_tools.motion.recording import Recording
-from rrins.host_tools.motion.smoothing import Smoothed, begins_or_ends_in_motion, smooth
+from rrins.host_tools.motion.smoothing import Smoothed, smooth
 from rrins.host_tools.motion.sway import synthetic_sway
 from rrins.host_tools.motion.trajectory import Trajectory
 from rrins.host_tools.scenario.motion import DRIVE_S, SWAY_S, Motion
@@ -67,7 +69,13 @@ def _refuse(recording: Recording) -> None:
 
 
 def follow(recording: Recording, motion: Motion, period_ns: int) -> Smoothed:
-    """Return the smooth path along a recording; its notes say what was mended."""
+    """Return the smooth path along a recording; its notes say what was mended.
+
+    Raises
+    ------
+    MotionError
+        If it cannot be smoothed, or moves as no vehicle does.
+    """
     try:
         smoothed = smooth(recording, motion, period_ns)
     except np.linalg.LinAlgError as error:
@@ -80,6 +88,7 @@ def follow(recording: Recording, motion: Motion, period_ns: int) -> Smoothed:
         more = f" (and {sum(counts.values()) - 1} more)" if sum(counts.values()) > 1 else ""
         notes.append(f"mended in {recording.path.name}: {counted}; {first}{more}")
     trajectory = smoothed.trajectory
+    refuse_impossible(recording, trajectory, smoothed.residuals.time_s)
     return replace(smoothed, trajectory=replace(trajectory, notes=(*notes, *trajectory.notes)))
 
 

@@ -9,12 +9,48 @@ import numpy as np
 
 from rrins.dbc.record import Floats
 from rrins.host_tools.files import JsonObject
+from rrins.host_tools.motion.bridges import angle_gaps
 from rrins.host_tools.motion.mending import interval_of
 from rrins.host_tools.motion.recording import Recording
 from rrins.host_tools.motion.smoothing import Smoothed, edge_speeds
-from rrins.host_tools.motion.trajectory import SPECIFIC_FORCE_B, VELOCITY_N
+from rrins.host_tools.motion.trajectory import ATTITUDE, SPECIFIC_FORCE_B, VELOCITY_N
 
 _STEP_S = 0.05
+_ANGLES = ("roll", "pitch", "heading")
+
+
+def _attitude(recording: Recording, smoothed: Smoothed, angles: Floats) -> JsonObject:
+    """Return ranges, residuals and gaps of the attitude; `angles` in rad, shape (m, 3)."""
+    times = smoothed.residuals.time_s
+    given = np.isfinite(recording.attitude).all(axis=1)
+    source = "file" if recording.has_attitude else "track"
+    if source == "file":
+        times = times[given]
+    gaps = angle_gaps(times)
+    longest = max(gaps, key=lambda gap: gap[1] - gap[0], default=(0.0, 0.0))
+    lines = recording.line[given] if source == "file" else recording.line
+    degrees = np.degrees(angles)
+    return {
+        "source": source,
+        "range_deg": {
+            name: [float(low), float(high)]
+            for name, low, high in zip(
+                _ANGLES, degrees.min(axis=0), degrees.max(axis=0), strict=True
+            )
+        },
+        "heading_begin_deg": float(degrees[0, 2]),
+        "residual_deg": {
+            name: _size(np.degrees(column[:, None]))
+            for name, column in zip(_ANGLES, smoothed.residuals.attitude.T, strict=True)
+        },
+        "held_before_s": float(times[0]),
+        "held_after_s": float(smoothed.trajectory.duration_s - times[-1]),
+        "gaps": len(gaps),
+        "longest_gap_s": longest[1] - longest[0],
+        "longest_gap_before_line": (
+            int(lines[np.searchsorted(times, longest[1])]) if gaps else None
+        ),
+    }
 
 
 def _size(residual: Floats) -> dict[str, float] | None:
@@ -58,6 +94,7 @@ def findings(recording: Recording, smoothed: Smoothed) -> JsonObject:
         "motion_s": trajectory.duration_s,
         "position_residual_m": _size(smoothed.residuals.position),
         "velocity_residual_mps": _size(smoothed.residuals.velocity),
+        "attitude": _attitude(recording, smoothed, state[:, ATTITUDE]),
         "notes": list(trajectory.notes),
     }
 
@@ -66,6 +103,29 @@ def _residual(size: dict[str, float] | None, unit: str) -> str:
     return (
         "-" if size is None else f"rms {size['rms']:.3g} {unit}, largest {size['max']:.3g} {unit}"
     )
+
+
+def _attitude_rows(attitude: JsonObject) -> list[tuple[str, str]]:
+    ranges, begin = attitude["range_deg"], attitude["heading_begin_deg"]
+    low, high = (angle - begin for angle in ranges["heading"])
+    texts = [f"{name} {ranges[name][0]:.1f} to {ranges[name][1]:.1f}°" for name in _ANGLES[:2]]
+    texts.append(f"heading from {round(begin, 1) % 360:.1f}°, turns {low:+.1f} to {high:+.1f}°")
+    rows = [(f"attitude of {attitude['source']}", ", ".join(texts))]
+    if attitude["source"] == "file":
+        sizes = (
+            f"{name} rms {size['rms']:.2g}°, largest {size['max']:.2g}°"
+            for name, size in attitude["residual_deg"].items()
+        )
+        rows.append(("", f"smoothed - file: {'; '.join(sizes)}"))
+    before, after = attitude["held_before_s"], attitude["held_after_s"]
+    rows.append(("", f"held for {before:.3g} s before and {after:.3g} s after the file"))
+    if attitude["gaps"]:
+        count = "1 gap" if attitude["gaps"] == 1 else f"{attitude['gaps']} gaps, the longest"
+        line = attitude["longest_gap_before_line"]
+        rows.append(
+            ("", f"held in {count} of {attitude['longest_gap_s']:.3g} s before line {line}")
+        )
+    return rows
 
 
 def table(found: JsonObject, most: int = 20) -> list[str]:
@@ -86,6 +146,7 @@ def table(found: JsonObject, most: int = 20) -> list[str]:
         ("", _residual(found["velocity_residual_mps"], "m/s")),
         ("", f"horizontal force up to {found['specific_force_horizontal_max_mps2']:.3g} m/s²"),
     ]
+    rows += _attitude_rows(found["attitude"])
     if found["unused_columns"]:
         rows.append(("not used", ", ".join(found["unused_columns"])))
     rows += [("note", note) for note in found["notes"]]

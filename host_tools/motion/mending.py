@@ -69,6 +69,19 @@ def _order(recording: Recording) -> None:
     recording.keep(kept)
 
 
+def _cut(recording: Recording, duration_s: float) -> None:
+    """Keep only the beginning of the file; what comes after it neither counts nor is reported."""
+    kept = recording.time_s <= recording.time_s[0] + duration_s
+    if kept.all():
+        return
+    after = int(recording.line[~kept].min())
+    beyond = {i.line for i in recording.irregularities if i.line >= after}
+    beyond.difference_update(recording.line.tolist())  # only their velocity or attitude is bad
+    recording.lines -= len(beyond) + int((~kept).sum())
+    recording.irregularities[:] = [i for i in recording.irregularities if i.line < after]
+    recording.keep(kept)
+
+
 def _stray(recording: Recording) -> None:
     """Drop the few stray samples beyond a gap too long to bridge, or give up."""
     long = np.flatnonzero(np.diff(recording.time_s) > LONGEST_GAP_S)
@@ -151,7 +164,7 @@ def mend(recording: Recording, motion: Motion) -> None:
     if len(recording):
         _order(recording)
         if motion.duration_s is not None:
-            recording.keep(recording.time_s <= recording.time_s[0] + motion.duration_s)
+            _cut(recording, motion.duration_s)
         _stray(recording)
     _check_size(recording)
     _gaps(recording, interval_of(recording))

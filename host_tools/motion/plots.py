@@ -130,16 +130,17 @@ def draw_motion(trajectory: Trajectory, title: str) -> Figure:
 
 
 def draw_check(recording: Recording, smoothed: Smoothed) -> Figure:
-    """Plot track, speed and height of a smoothed recording, and the smoothing residuals."""
+    """Plot track, speed, height and attitude of a smoothed recording, and the residuals."""
     trajectory, residuals = smoothed.trajectory, smoothed.residuals
     times, state = _sampled(trajectory, trajectory.duration_s)
-    figure = new_figure(11.0, 8.0)
+    figure = new_figure(11.0, 11.0)
     figure.suptitle(recording.path.name, fontsize="medium")
-    grid = figure.add_gridspec(4, 2, width_ratios=(4, 6))
+    grid = figure.add_gridspec(6, 2, width_ratios=(4, 6))
     _track(figure.add_subplot(grid[:, 0]), _over_ground(state))
-    speed, height, position, velocity = (figure.add_subplot(grid[k, 1]) for k in range(4))
-    _speed(speed, times, state)
-    _height(height, times, state)
+    panels = [figure.add_subplot(grid[k, 1]) for k in range(6)]
+    for axes, draw in zip(panels, (_speed, _height, _roll_and_pitch, _heading), strict=False):
+        draw(axes, times, state)
+    speed, position, velocity = panels[0], panels[4], panels[5]
     names = ("east", "north", "up")
     for axes, values, label in (
         (position, residuals.position, "smoothed - file\nposition / m"),
@@ -157,7 +158,7 @@ def draw_check(recording: Recording, smoothed: Smoothed) -> Figure:
     marks = residuals.time_s[
         np.searchsorted(residuals.line, sorted(lines)).clip(0, len(residuals.line) - 1)
     ]
-    for axes in (speed, height, position, velocity):
+    for axes in panels:
         axes.set_xlim(0, trajectory.duration_s)
         axes.tick_params(labelbottom=axes is velocity)
     if lines:

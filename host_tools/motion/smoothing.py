@@ -7,21 +7,22 @@ the density q of the jerk::
 
 Samples more than 3 σ off are down-weighted in two more rounds (Huber, *Robust Statistics* (1981),
 section 7.8). At both ends the spline is constant: it begins and ends at rest even if the file does
-not; the path from rest to the first sample minimises jerk.
+not; `bridges` says how it gets there.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from rrins.dbc.record import Floats, Integers
 from rrins.host_tools.motion.attitude import fit_angles, track_attitude
+from rrins.host_tools.motion.bridges import edge_velocities, long_gaps, run_s, runs
 from rrins.host_tools.motion.kinematics import Path, trajectory_of
 from rrins.host_tools.motion.local import Local
-from rrins.host_tools.motion.recording import Irregularity, Recording
+from rrins.host_tools.motion.recording import Recording
 from rrins.host_tools.motion.spline import Fit, Grid, Observations, evaluate
 from rrins.host_tools.motion.trajectory import Trajectory, knot_ns
 from rrins.host_tools.scenario.motion import Motion
@@ -29,16 +30,8 @@ from rrins.host_tools.scenario.motion import Motion
 STILL_PIECES = 4
 """Pieces at either end that are exactly at rest."""
 
-MOVING_MPS = 0.5
-"""A file with a higher speed at either end begins or ends in motion."""
-
-_RUN_UP = 1.0  # m/s², mean
-_LEAST_RUN_UP_S = 2.0
-_EDGE_S = 1.0  # span over which the speed at an end is measured
 _HUBER = 3.0
 _ROUNDS = 3
-_GUIDED_S = 60.0  # longer gaps get guide points
-_GUIDE_DEVIATION = 1.0  # m
 _LIVELY = 8.0  # m/s²
 _LEAST_LAG_S, _LARGEST_LAG_S = 0.02, 2.0
 _LAG_SHARE = 0.3  # share of the sum of squares that a lag must explain
@@ -55,12 +48,15 @@ class Residuals:
     line : array, shape (m,)
     position, velocity : array, shape (m, 3)
         In m and m/s.
+    attitude : array, shape (m, 3)
+        Roll, pitch, heading in rad.
     """
 
     time_s: Floats
     line: Integers
     position: Floats
     velocity: Floats
+    attitude: Floats
 
 
 @dataclass(frozen=True)
@@ -73,72 +69,19 @@ class Smoothed:
 
 def edge_speeds(recording: Recording) -> tuple[float, float]:
     """Return the speeds at the start and end of the file, m/s."""
-    return _edge_speed(recording, first=True), _edge_speed(recording, first=False)
-
-
-def _edge_speed(recording: Recording, first: bool) -> float:
-    times = recording.time_s
-    edge = times <= times[0] + _EDGE_S if first else times >= times[-1] - _EDGE_S
-    if edge.sum() < 3:
-        edge = np.zeros(len(times), dtype=bool)
-        edge[slice(0, 3) if first else slice(-3, None)] = True
-    given = recording.velocity_n[edge]
-    given = given[np.isfinite(given).all(axis=1)]
-    if len(given):
-        return float(np.linalg.norm(given.mean(axis=0)))
-    local = Local(*recording.place[0])
-    offsets = local.offsets(recording.place[edge])
-    slopes = np.polyfit(times[edge] - times[edge][0], offsets, 1)[0]
-    return float(np.linalg.norm(slopes))
-
-
-def begins_or_ends_in_motion(recording: Recording) -> list[Irregularity]:
-    """Return the irregularities of a file that is not at rest at its ends."""
-    found = []
-    for at, word, added, speed in zip(
-        (0, -1), ("begins", "ends"), ("run-up", "run-down"), edge_speeds(recording), strict=True
-    ):
-        if speed > MOVING_MPS:
-            length = _run_s(speed)
-            text = f"{word} in motion, at {speed:.3g} m/s"
-            mended = f"{added} of {length:.3g} s added"
-            found.append(Irregularity(int(recording.line[at]), "motion", text, mended))
-    return found
-
-
-def _run_s(speed: float) -> float:
-    return max(_LEAST_RUN_UP_S, speed / _RUN_UP)
-
-
-def _guides(times: Floats, values: Floats, slopes: Floats, step_s: float) -> Observations | None:
-    """Return points on cubics across long gaps; without them the fit is ill-conditioned."""
-    found = []
-    for k in np.flatnonzero(np.diff(times) > _GUIDED_S):
-        length = times[k + 1] - times[k]
-        u = np.linspace(0, 1, math.ceil(2 * length / _GUIDED_S) + 1)[1:-1]
-        cubic = (
-            values[k] * (1 + 2 * u) * (1 - u) ** 2
-            + values[k + 1] * u**2 * (3 - 2 * u)
-            + length * (slopes[k] * u * (1 - u) ** 2 + slopes[k + 1] * u**2 * (u - 1))
-        )
-        found.append(np.stack([times[k] + u * length, cubic]))
-    if not found:
-        return None
-    at, value = np.concatenate(found, axis=1)
-    return Observations(at / step_s, value, np.full_like(at, _GUIDE_DEVIATION))
+    first, last = (float(np.linalg.norm(v)) for v in edge_velocities(recording))
+    return first, last
 
 
 def _robust_fit(
-    grid: Grid, density: float, observed: list[Observations], guides: Observations | None
+    grid: Grid, density: float, observed: list[Observations], guides: list[Observations]
 ) -> Floats:
     """Return the coefficients of one channel; outliers lose weight in each round."""
     weighted = observed
     for _ in range(_ROUNDS):
         fit = Fit(grid, density)
-        for one in weighted:
+        for one in (*weighted, *guides):
             fit.add(one)
-        if guides is not None:
-            fit.add(guides)
         coefficients = fit.solve()
         weighted = []
         for one in observed:
@@ -161,10 +104,10 @@ def smooth(recording: Recording, motion: Motion, period_ns: int) -> Smoothed:
     """
     step_ns = knot_ns(period_ns)
     step_s = step_ns * 1e-9
-    runs = [math.ceil(_run_s(speed) / step_s) for speed in edge_speeds(recording)]
-    lead = STILL_PIECES + runs[0]
+    lengths = [math.ceil(run_s(speed) / step_s) for speed in edge_speeds(recording)]
+    lead = STILL_PIECES + lengths[0]
     span = recording.time_s[-1] - recording.time_s[0]
-    pieces = lead + math.ceil(span / step_s) + runs[1] + STILL_PIECES
+    pieces = lead + math.ceil(span / step_s) + lengths[1] + STILL_PIECES
     grid = Grid(pieces, step_s, ((0, STILL_PIECES), (pieces - STILL_PIECES, pieces)))
     times = lead * step_s + recording.time_s - recording.time_s[0]
 
@@ -187,8 +130,11 @@ def smooth(recording: Recording, motion: Motion, period_ns: int) -> Smoothed:
     if recording.has_attitude:
         coefficients[:, 3:] = fit_angles(grid, times, recording)
     else:
-        coefficients[:, 3:], more = track_attitude(grid, local, coefficients[:, :3])
+        coefficients[:, 3:], more = track_attitude(grid, local, coefficients[:, :3], times)
         notes += more
+    residuals = replace(
+        residuals, attitude=_sampled(coefficients[:, 3:], grid, times) - recording.attitude
+    )
     coefficients[:, :3] = local.places(coefficients[:, :3])
     base = np.array([local.latitude, local.longitude, local.height, 0.0, 0.0, 0.0])
     base += coefficients[0]
@@ -219,7 +165,10 @@ def _fit_place(
                 order=1,
             ),
         ]
-        guides = _guides(times, offsets[:, axis], slopes, grid.step_s)
+        guides = [
+            *long_gaps(times, offsets[:, axis], slopes, grid.step_s),
+            *runs(recording, local, times, axis, grid.step_s),
+        ]
         columns.append(_robust_fit(grid, density, observed, guides))
     return np.stack(columns, axis=1)
 
@@ -260,14 +209,20 @@ def _residuals(
     lag: float,
 ) -> Residuals:
     offsets = local.offsets(recording.place)
-    path = np.stack([evaluate(c, times / grid.step_s) for c in coefficients.T], axis=1)
+    path = _sampled(coefficients, grid, times)
     velocity = _over_ground(local, grid, times - lag, coefficients, 1)
     return Residuals(
         times,
         recording.line,
         (path - offsets) * local.stretch(offsets),
         velocity - recording.velocity_n,
+        np.full_like(recording.attitude, np.nan),
     )
+
+
+def _sampled(coefficients: Floats, grid: Grid, times: Floats) -> Floats:
+    """Return the values of splines at times in s, shape (m, channels)."""
+    return np.stack([evaluate(c, times / grid.step_s) for c in coefficients.T], axis=1)
 
 
 def _lively_note(

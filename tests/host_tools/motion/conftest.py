@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +19,7 @@ from rrins.host_tools.scenario.motion import Motion
 from rrins.host_tools.scenario.tables import Body, Site
 
 PERIOD_NS = 5_000_000
+M_PER_DEG = 111_000.0
 RECORDED = Path(__file__).parents[4] / "shared" / "data" / "drive_0708" / "gnss.pos"
 
 
@@ -49,6 +51,15 @@ def recorded():
 
 
 @pytest.fixture(scope="session")
+def recorded_lines():
+    """Return the header and the lines of the recorded drive."""
+    if not RECORDED.is_file():
+        pytest.skip(f"no {RECORDED}")
+    header, *lines = RECORDED.read_text().splitlines()
+    return header, lines
+
+
+@pytest.fixture(scope="session")
 def exported(tmp_path_factory, drive):
     """Return the lines of a short recording of the drive at 4 Hz, per ending."""
     folder = tmp_path_factory.mktemp("exported")
@@ -69,6 +80,26 @@ def write(tmp_path):
         return path
 
     return writer
+
+
+@pytest.fixture
+def record(write):
+    """Write positions (east, north in m) at 4 Hz as CSV; return the file."""
+
+    def recorder(east, north, up=None, step_s=0.25, **columns):
+        up = np.zeros_like(east) if up is None else up
+        names = ["time_s", "latitude_deg", "longitude_deg", "height_m", *columns]
+        table = [
+            np.arange(len(east)) * step_s,
+            40 + north / M_PER_DEG,
+            116 + east / (M_PER_DEG * math.cos(math.radians(40))),
+            up,
+            *columns.values(),
+        ]
+        rows = [",".join(f"{v:.12f}" for v in row) for row in np.transpose(table)]
+        return write([",".join(names), *rows], "own.csv")
+
+    return recorder
 
 
 @pytest.fixture

@@ -39,6 +39,31 @@ def test_check_tells_what_is_in_a_file(run, write, exported, tmp_path):
     assert (tmp_path / "pictures" / "own.png").stat().st_size > 20_000
 
 
+def test_check_tells_what_the_attitude_is_and_where_it_is_made_up(run, write, exported):
+    lines = list(exported["csv"])
+    del lines[201:261]
+    found = json.loads(run("check", write(lines[:500], "own.csv"), "--json").stdout)["attitude"]
+    assert found["source"] == "file"
+    low, high = found["range_deg"]["pitch"]
+    assert -5 < low < high < 5
+    assert found["residual_deg"]["pitch"]["max"] < 0.1
+    assert found["gaps"] == 1
+    assert found["longest_gap_s"] == pytest.approx(15.25)
+    assert found["longest_gap_before_line"] == 202
+    assert found["held_before_s"] == pytest.approx(3)
+    text = run("check", "own.csv").stdout
+    assert "attitude of file roll " in text
+    assert "smoothed - file: roll rms " in text
+    assert "held in 1 gap of 15.2 s before line 202" in text
+
+
+def test_check_uses_as_much_of_the_file_as_asked(run, write, exported):
+    path = write(exported["pos"])  # 150 s
+    found = json.loads(run("check", path, "--json", "--duration", 31).stdout)
+    assert found["span_s"] == 31
+    assert found["lines"] == found["samples"] == 125
+
+
 def test_check_prints_a_line_for_each_irregularity(run, write, exported):
     lines = list(exported["pos"])
     lines.insert(200, lines[199])

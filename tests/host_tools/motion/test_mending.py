@@ -170,3 +170,14 @@ def test_a_gap_too_long_to_be_bridged(write, load, lines):
 
 def test_a_part_of_the_file(write, load, lines):
     assert load(write(lines), duration_s=60).time_s[-1] == 60
+
+
+def test_of_a_part_only_its_own_lines_count(write, load, lines):
+    lines[60] = "garbage"
+    recording = load(write([*lines, *(["?"] * 400)]), duration_s=30)
+    assert len(recording) == 120
+    assert recording.lines == 121
+    assert [(i.line, i.kind) for i in recording.irregularities] == [
+        (61, "columns"),
+        (123, "motion"),
+    ]

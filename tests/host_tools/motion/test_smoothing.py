@@ -11,32 +11,11 @@ from rrins.host_tools.motion.build import follow, load_recording
 from rrins.host_tools.scenario.motion import Motion
 
 PERIOD_NS = 5_000_000
-M_PER_DEG = 111_000.0
 
 
 def smooth(path, **keys):
     motion = Motion(kind="file", path=str(path), **keys)
     return follow(load_recording(motion, path.parent), motion, PERIOD_NS)
-
-
-@pytest.fixture
-def record(write):
-    """Write positions (east, north in m) at 4 Hz as CSV; return the file."""
-
-    def recorder(east, north, up=None, step_s=0.25, **columns):
-        up = np.zeros_like(east) if up is None else up
-        names = ["time_s", "latitude_deg", "longitude_deg", "height_m", *columns]
-        table = [
-            np.arange(len(east)) * step_s,
-            40 + north / M_PER_DEG,
-            116 + east / (M_PER_DEG * math.cos(math.radians(40))),
-            up,
-            *columns.values(),
-        ]
-        rows = [",".join(f"{v:.12f}" for v in row) for row in np.transpose(table)]
-        return write([",".join(names), *rows], "own.csv")
-
-    return recorder
 
 
 def out_and_back():

@@ -14,7 +14,7 @@ from rrins.host_tools.runs.samples import TRUTH_SAMPLES, read_samples
 from rrins.host_tools.runs.settings import trajectory_of
 from rrins.host_tools.scenario.scenario import Scenario
 
-RECORDED = Path(__file__).parents[3] / "shared" / "data" / "drive_0708" / "gnss.pos"
+RECORDED = Path(__file__).parents[4] / "shared" / "data" / "drive_0708" / "gnss.pos"
 AIDED = {"altimeter": {}, "firmware": {"height_channel": "damped"}}
 MOTIONS = {
     "drive": ({"kind": "drive"}, 2500),

@@ -1,0 +1,67 @@
+"""What no vehicle does: limits of a smoothed recording, beyond which it is refused."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rrins.dbc.record import Floats, Integers
+from rrins.host_tools.motion.errors import MotionError
+from rrins.host_tools.motion.recording import Recording
+from rrins.host_tools.motion.trajectory import (
+    ATTITUDE,
+    OMEGA_IB_B,
+    PLACE,
+    SPECIFIC_FORCE_B,
+    Trajectory,
+)
+
+TURN_LIMIT_DPS = 400.0
+FORCE_LIMIT_MPS2 = 200.0
+PITCH_LIMIT_DEG = 85.0
+HEIGHT_LIMITS_M = (-1000.0, 100_000.0)
+
+_PER_PIECE = 4  # instants looked at
+
+
+def refuse_impossible(recording: Recording, trajectory: Trajectory, times: Floats) -> None:
+    """Raise `MotionError` if the vehicle turns, accelerates, pitches or sinks as none does.
+
+    `times` are those of the recording in the trajectory, s.
+    """
+    at = np.arange(len(trajectory.pieces) * _PER_PIECE + 1) / _PER_PIECE
+    at *= trajectory.knot_ns * 1e-9
+    state = trajectory.at(at)
+    turn = np.degrees(np.linalg.norm(state[:, OMEGA_IB_B], axis=1))
+    force = np.linalg.norm(state[:, SPECIFIC_FORCE_B], axis=1)
+    pitch = np.degrees(state[:, ATTITUDE][:, 1])
+    height = state[:, PLACE][:, 2]
+    low, high = HEIGHT_LIMITS_M
+    outside = np.maximum(height - high, low - height)
+    for value, limit, text in (
+        (turn, TURN_LIMIT_DPS, f"turns at {turn.max():.4g}°/s, at most {TURN_LIMIT_DPS:g}"),
+        (force, FORCE_LIMIT_MPS2, f"feels {force.max():.4g} m/s², at most {FORCE_LIMIT_MPS2:g}"),
+        (
+            np.abs(pitch),
+            PITCH_LIMIT_DEG,
+            f"pitches to {pitch[np.argmax(np.abs(pitch))]:.3g}°, at most {PITCH_LIMIT_DEG:g}",
+        ),
+        (
+            outside,
+            0.0,
+            f"is {height[np.argmax(outside)]:.4g} m high, must be {low:g} to {high:g}",
+        ),
+    ):
+        worst = int(np.argmax(value))
+        if not value[worst] <= limit:
+            where = _where(recording.line, times, float(at[worst]))
+            raise MotionError(f"motion {recording.path}: {where}: the smoothed vehicle {text}")
+
+
+def _where(lines: Integers, times: Floats, at_s: float) -> str:
+    """Return where in the file an instant of the trajectory is."""
+    if at_s < times[0]:
+        return f"run-up before line {lines[0]}"
+    if at_s > times[-1]:
+        return f"run-down after line {lines[-1]}"
+    nearest = int(np.argmin(np.abs(times - at_s)))
+    return f"near line {lines[nearest]}"
