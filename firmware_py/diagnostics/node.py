@@ -18,7 +18,7 @@ from rrins.firmware_py.diagnostics import access, table
 from rrins.firmware_py.diagnostics.computer import Computer
 from rrins.firmware_py.diagnostics.fault_memory import FaultMemory
 from rrins.firmware_py.diagnostics.parameter_memory import ParameterMemory
-from rrins.firmware_py.diagnostics.server import Reset, Server
+from rrins.firmware_py.diagnostics.server import Reset, Server, pending_before
 from rrins.firmware_py.diagnostics.services.control import Control
 from rrins.firmware_py.diagnostics.services.data import Data
 from rrins.firmware_py.diagnostics.services.routines import Routines
@@ -39,6 +39,7 @@ _NORMAL = (
     "nav_attitude",
 )
 _MANAGEMENT = ("heartbeat_firmware",)
+_LONG_SENDING_NS = access.P2_MS * 1_000_000 // 2  # leaves the other half to flow control
 
 
 class Diagnostics:
@@ -211,6 +212,9 @@ class Diagnostics:
             if request is not None:
                 response = server.handle(request, is_functional, now_ns)
         if response is not None:
+            # Many tools count P2 to the last frame of a response, not to the first.
+            if transport.sending_ns(response) > _LONG_SENDING_NS:
+                transport.send(pending_before(response))
             transport.send(response)
         frames = transport.end()
         self.reset_due = server.reset_wanted is not None and not transport.is_sending

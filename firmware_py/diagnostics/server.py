@@ -12,7 +12,13 @@ from enum import IntEnum
 from rrins.firmware_py.diagnostics import access
 from rrins.firmware_py.diagnostics.access import Access, Session
 from rrins.firmware_py.diagnostics.refusal import Answer, Later, RefusalError, require
-from rrins.firmware_py.diagnostics.responses import NEGATIVE, SUPPRESS_BIT, Code, Service
+from rrins.firmware_py.diagnostics.responses import (
+    NEGATIVE,
+    POSITIVE_OFFSET,
+    SUPPRESS_BIT,
+    Code,
+    Service,
+)
 from rrins.firmware_py.diagnostics.table import SERVICE_BY_NUMBER
 
 _NS_PER_MS = 1_000_000
@@ -209,6 +215,11 @@ class Server:
         pending.due_ns = self.now_ns + round(_PENDING_SHARE * access.P2_STAR_MS * _NS_PER_MS)
         pending.wanted = True  # a response pending obliges to respond
         return bytes([NEGATIVE, pending.service, Code.RESPONSE_PENDING])
+
+
+def pending_before(response: bytes) -> bytes:
+    """Return the response pending that announces a positive response."""
+    return bytes([NEGATIVE, response[0] - POSITIVE_OFFSET, Code.RESPONSE_PENDING])
 
 
 def _refused(service: int, code: Code, is_functional: bool) -> bytes | None:

@@ -16,6 +16,8 @@ from rrins.firmware_py.diagnostics.timed_layer import LayerClock, TimedLayer
 _LEAST_FED = 16  # frames processed in an epoch, at least
 _WAITING_EPOCHS = 8  # that frames may wait
 _REQUESTS = 4  # that may wait
+_FIRST_FRAME_BYTES = 6
+_CONSECUTIVE_FRAME_BYTES = 7
 _NS_PER_S = 1_000_000_000
 _NS_PER_MS = 1_000_000
 
@@ -137,6 +139,11 @@ class Transport:
         """Return the next physical request, or None."""
         request = self._layer.recv()
         return None if request is None else bytes(request)
+
+    def sending_ns(self, response: bytes) -> int:
+        """Return how long sending a response takes, if the tool asks for no pauses."""
+        following = max(0, len(response) - _FIRST_FRAME_BYTES)
+        return -(-following // _CONSECUTIVE_FRAME_BYTES) * self._slot_ns
 
     def send(self, response: bytes) -> None:
         """Begin to send a response."""

@@ -111,6 +111,10 @@ class SerialPort:
         self.dropped = 0
         self.unread = 0
 
+    def fileno(self) -> int:
+        """Return the descriptor."""
+        return self._fd
+
     def is_attached(self) -> bool:
         """Return whether the other end is connected, as far as the port can tell."""
         return self._events() is not None

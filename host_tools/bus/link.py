@@ -113,6 +113,10 @@ class Link:
             raise datagram.ProtocolError(f"the host answered with a datagram of kind {kind}")
         return number, pid, origin_ns
 
+    def fileno(self) -> int:
+        """Return the descriptor; what a send took in meanwhile does not show on it."""
+        return self._end.fileno()
+
     @property
     def is_lost(self) -> bool:
         """Whether the bus has come to its end for this link."""

@@ -71,18 +71,10 @@ _DATAGRAMS_A_TURN: Final = 32
 _log: Final = logging.getLogger("rrins.host_tools.bus")
 
 
-class _Tap(Link):
-    """A link to wait for in an event loop."""
-
-    def fileno(self) -> int:
-        """Return the descriptor; what a send took in meanwhile does not show on it."""
-        return self._end.fileno()
-
-
 _whole_text = functools.lru_cache(2 * _DATAGRAMS_A_TURN)(text_of)  # all clients receive the same
 
 
-def _leave(loop: asyncio.AbstractEventLoop, link: _Tap) -> None:
+def _leave(loop: asyncio.AbstractEventLoop, link: Link) -> None:
     loop.remove_reader(link)
     loop.remove_writer(link)
     link.close()
@@ -97,7 +89,7 @@ class _Client(asyncio.Protocol):
         self._transport: asyncio.Transport
         self._address = ""
         self._text = bytearray()  # received and not obeyed yet
-        self.link: _Tap | None = None
+        self.link: Link | None = None
         self._buffer = datagram.receive_buffer()
         self._is_over = False
         self._is_opening = False
@@ -225,7 +217,7 @@ class _Client(asyncio.Protocol):
         attach = functools.partial(self._server.attach, f"socketcand-{self._address}")
         self._loop.run_in_executor(None, attach).add_done_callback(self._opened)
 
-    def _opened(self, attaching: asyncio.Future[_Tap]) -> None:
+    def _opened(self, attaching: asyncio.Future[Link]) -> None:
         if attaching.cancelled():
             return
         error = attaching.exception()
@@ -339,9 +331,9 @@ class _Server:
         self._end: asyncio.Future[str] = self._loop.create_future()
         self._loop.add_reader(self._link, self.look)
 
-    def attach(self, name: str) -> _Tap:
+    def attach(self, name: str) -> Link:
         """Return a new link to the bus."""
-        return _Tap(self._channel, name=name[:64], is_observer=True, timeout=_ATTACH_S)
+        return Link(self._channel, name=name[:64], is_observer=True, timeout=_ATTACH_S)
 
     def time_of(self, batch: bytearray) -> int:
         """Return the time that clients are told for a batch, in nanoseconds."""

@@ -47,6 +47,7 @@ _LOOK = {
     "export": _Entry("export", "Write a log as Parquet or CSV tables."),
     "plot": _Entry("plot", "Plot signals of a log over time."),
     "socketcand": _Entry("socketcand", "Serve the embedded bus to socketcand clients."),
+    "slcan": _Entry("slcan", "Serve the embedded bus as an slcan adapter."),
 }
 _PLAN = {
     "scheme": _Entry("scheme", "Analyse, compare and search rotation schemes."),

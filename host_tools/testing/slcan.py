@@ -15,110 +15,46 @@ import selectors
 import signal
 import threading
 import tty
+from collections.abc import Callable
 from types import FrameType
 from typing import NoReturn, Self
 
 from rrins.host_tools.closing import Closing
-
-_CR, _BELL = b"\r", b"\a"
-_BITRATES = b"012345678"
-_LONGEST_COMMAND = 32
-_HEX = frozenset(b"0123456789ABCDEFabcdef")
-_HEAD = {"t": (3, True), "T": (8, True), "r": (3, False), "R": (8, False)}
-"""Frames by their letter: digits of the identifier, whether data follow."""
+from rrins.host_tools.serial.adapter import Adapter
 
 
-def is_frame(command: bytes) -> bool:
-    """Return whether a command is a well-formed classic frame."""
-    digits, has_data = _HEAD.get(command[:1].decode("latin-1"), (0, False))
-    length = command[1 + digits : 2 + digits]
-    if not digits or not length.isdigit() or int(length) > 8:
-        return False
-    whole = 2 + digits + (2 * int(length) if has_data else 0)
-    return len(command) == whole and _HEX.issuperset(command[1:])
+class PortAdapter(Adapter):
+    """An adapter behind a pseudo-terminal.
 
-
-class Adapter:
-    """One adapter: its pseudo-terminal and its state.
+    Parameters
+    ----------
+    deliver : callable
+        Gets the frames that the host sends.
 
     Attributes
     ----------
     port : str
         Name of the port to open.
-    bitrate : bytes
-        Digit of the last ``S`` command; empty if there was none.
     frames : int
         Frames received from the host.
-    refused : int
-        Commands answered with BEL.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, deliver: Callable[[bytes], None]) -> None:
+        super().__init__(self._take)
+        self._deliver = deliver
         self.master, self._slave = os.openpty()  # the slave stays open: no hang-up between users
         tty.setraw(self._slave)
         os.set_blocking(self.master, False)
         self.port = os.ttyname(self._slave)
-        self.bitrate = b""
-        self.is_open = False
         self.frames = 0
-        self.refused = 0
-        self.out = bytearray()
-        self._command = bytearray()
         self._has_frames = threading.Condition()
 
-    def feed(self, data: bytes) -> list[bytes]:
-        """Process bytes from the host and answer them; return the frames for the bus."""
-        frames = []
-        for byte in data:
-            if byte != _CR[0]:
-                if len(self._command) < _LONGEST_COMMAND:
-                    self._command.append(byte)
-                continue
-            command = bytes(self._command)
-            self._command.clear()
-            if command[:1].decode("latin-1") in _HEAD:
-                if self.is_open and is_frame(command):
-                    frames.append(command + _CR)
-                    with self._has_frames:
-                        self.frames += 1
-                        self._has_frames.notify_all()
-                    self.out += (b"z" if command[:1] in b"tr" else b"Z") + _CR
-                else:
-                    self._refuse()
-            else:
-                self._obey(command)
-        return frames
-
-    def _refuse(self) -> None:
-        self.refused += 1
-        self.out += _BELL
-
-    def _obey(self, command: bytes) -> None:
-        letter, rest = command[:1], command[1:]
-        if letter == b"S" and rest in tuple(bytes([b]) for b in _BITRATES) and not self.is_open:
-            self.bitrate = rest
-            self.out += _CR
-        elif letter in (b"O", b"L") and not rest and self.bitrate and not self.is_open:
-            self.is_open = True
-            self.out += _CR
-        elif command == b"C" and self.is_open:
-            self.is_open = False
-            self.out += _CR
-        elif command == b"V":
-            self.out += b"V1013" + _CR
-        elif command == b"N":
-            self.out += b"NEMUL" + _CR
-        elif command == b"F" and self.is_open:
-            self.out += b"F00" + _CR
-        elif command:
-            self._refuse()
-        else:
-            self.out += _CR
-
-    def hear(self, frame: bytes) -> None:
-        """Pass a frame of the bus on to the host."""
-        if self.is_open:
-            self.out += frame
+    def _take(self, command: bytes) -> bool:
+        self._deliver(command)
+        with self._has_frames:
+            self.frames += 1
+            self._has_frames.notify_all()
+        return True
 
     def wait_for_frames(self, count: int, timeout_s: float) -> None:
         """Wait until the adapter has received `count` frames from the host.
@@ -148,7 +84,7 @@ class SlcanPair(Closing):
     """
 
     def __init__(self) -> None:
-        self.adapters = (Adapter(), Adapter())
+        self.adapters = (PortAdapter(self._to_second), PortAdapter(self._to_first))
         self._stop_read, self._stop_write = os.pipe()
         self._thread = threading.Thread(target=self._serve, name="slcan adapters", daemon=True)
 
@@ -172,6 +108,12 @@ class SlcanPair(Closing):
         for adapter in self.adapters:
             adapter.close()
 
+    def _to_second(self, frame: bytes) -> None:
+        self.adapters[1].hear(frame)
+
+    def _to_first(self, frame: bytes) -> None:
+        self.adapters[0].hear(frame)
+
     def _serve(self) -> None:
         with selectors.DefaultSelector() as selector:
             selector.register(self._stop_read, selectors.EVENT_READ)
@@ -188,11 +130,9 @@ class SlcanPair(Closing):
                         wanted |= selectors.EVENT_WRITE
                     selector.modify(adapter.master, wanted, adapter)
 
-    def _move(self, adapter: Adapter, events: int) -> None:
-        other = self.adapters[1 - self.adapters.index(adapter)]
+    def _move(self, adapter: PortAdapter, events: int) -> None:
         if events & selectors.EVENT_READ:
-            for frame in adapter.feed(os.read(adapter.master, 4096)):
-                other.hear(frame)
+            adapter.feed(os.read(adapter.master, 4096))
         for each in self.adapters:
             if each.out:
                 with contextlib.suppress(BlockingIOError):

@@ -426,3 +426,14 @@ def test_communication_is_controlled(navigating):
     client.communication_control(0, 1)
     sent = {int(frame["can_id"]) for _ in range(30) for frame in tool.bench.step()}
     assert 0x100 in sent
+
+
+def test_long_responses_come_within_the_timing_that_the_server_announces(client):
+    """udsoncan counts P2, 50 ms, to the last frame of a response."""
+    client.config |= {"use_server_timing": True, "p2_timeout": 1, "p2_star_timeout": 5}
+    client.change_session(3)
+    supported = client.get_supported_dtc()
+    assert {code.id for code in supported.service_data.dtcs} < {t.number for t in table.TROUBLES}
+    assert len(supported.data) > 300
+    memory = client.read_memory_by_address(MemoryLocation(0, 2048, 32, 32))
+    assert len(memory.service_data.memory_block) == 2048

@@ -67,6 +67,13 @@ def test_the_separation_time_of_the_tool_is_kept(tool, st_min, period_ms):
         assert max(epochs) == 4
 
 
+def test_a_response_that_takes_long_to_send_is_announced(tool):
+    frames = collect(tool, 1, [bytes.fromhex("02190acccccccccc")])  # supported trouble codes
+    assert frames[0] == bytes.fromhex("037f1978cccccccc")
+    assert frames[1][0] == 0x11  # the first frame follows, of more than 255 bytes
+    assert len(collect(tool, 100, [GO_ON])) > access.FRAMES_PER_SECOND * access.P2_MS / 1000
+
+
 def test_blocks_are_sent_as_the_tool_asks_for_them(tool):
     tool.step([READ_ALL])
     for _ in range(3):

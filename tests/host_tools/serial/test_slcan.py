@@ -13,7 +13,7 @@ from rrins.host_tools.errors import BusError
 from rrins.host_tools.runs.direct import run_direct
 from rrins.host_tools.scenario import scenario as scenarios
 from rrins.host_tools.serial.slcan import baud_of, line_load, too_slow
-from rrins.host_tools.testing.slcan import Adapter, SlcanPair
+from rrins.host_tools.testing.slcan import SlcanPair
 
 
 @pytest.fixture
@@ -45,27 +45,6 @@ def test_frames_pass_from_adapter_to_adapter(pair):
                 assert came.equals(message, timestamp_delta=None)
     assert [adapter.frames for adapter in pair.adapters] == [4, 4]
     assert [adapter.bitrate for adapter in pair.adapters] == [b"8", b"8"]
-
-
-@pytest.mark.parametrize(
-    "command", [b"t12", b"t1239", b"t1232AB", b"t1231GG", b"x", b"S9", b"T123", b"r1230FF"]
-)
-def test_an_adapter_rings_the_bell_at_what_is_no_command(command):
-    adapter = Adapter()
-    assert adapter.feed(b"S8\rO\r") == []
-    adapter.out.clear()
-    assert adapter.feed(command + b"\r") == []
-    assert adapter.out == b"\a"
-    adapter.close()
-
-
-def test_a_closed_channel_carries_nothing():
-    adapter = Adapter()
-    assert adapter.feed(b"S8\rt1230\r") == []
-    adapter.hear(b"t1230\r")
-    assert adapter.out == b"\r\a"
-    assert adapter.feed(b"O\rt1230\r") == [b"t1230\r"]
-    adapter.close()
 
 
 def start_both(start, scenario, pair, *options):
