@@ -1,8 +1,10 @@
-"""Files that are there whole or not at all: what was there before is kept until then."""
+"""Files: read only if they are files and of a sane size, written whole or not at all."""
 
 from __future__ import annotations
 
+import errno
 import os
+import stat
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -12,6 +14,51 @@ from rrins.host_tools.errors import RehearsalError
 
 JsonObject = dict[str, Any]
 """A JSON object, for `--json` and for files; a table of a TOML file as well."""
+
+
+LARGEST_TOML = 1 << 20
+"""Bytes of a TOML file at most; a scenario with 100 faults has some 20,000."""
+
+_KINDS = {stat.S_IFIFO: "a pipe", stat.S_IFCHR: "a device", stat.S_IFBLK: "a device"}
+
+
+def content_of(path: Path, most: int) -> bytes:
+    """Return the content of a file. Never waits, as a pipe would make it, and takes no more memory.
+
+    Parameters
+    ----------
+    path : Path
+    most : int
+        Size at most, bytes.
+
+    Raises
+    ------
+    OSError
+        When it cannot be read, is no file, or is larger; `strerror` says which.
+    """
+    with os.fdopen(os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK), "rb") as file:
+        found = os.fstat(file.fileno())
+        if not stat.S_ISREG(found.st_mode):
+            kind = _KINDS.get(stat.S_IFMT(found.st_mode), "something else")
+            raise OSError(errno.EINVAL, f"is {kind}, not a file", str(path))
+        if found.st_size > most:
+            size = f"{most >> 20} MiB" if most < 1 << 30 else f"{most >> 30} GiB"
+            raise OSError(errno.EFBIG, f"is larger than {size}", str(path))
+        return file.read()
+
+
+def text_of(path: Path, most: int = LARGEST_TOML) -> str:
+    """Return the text of a UTF-8 file, without a mark of its encoding, as `content_of` does.
+
+    Raises
+    ------
+    OSError
+        When it cannot be read, is no file, is larger than `most` bytes, or is not UTF-8.
+    """
+    try:
+        return content_of(path, most).decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise OSError(errno.EILSEQ, "is not UTF-8 text", str(path)) from error
 
 
 @contextmanager

@@ -16,13 +16,21 @@ _UNBOUNDED = 100_000
 _NARROWEST_BAR, _WIDEST_BAR = 6, 24
 
 
+def new_console(*, stderr: bool = False, highlight: bool = True) -> Console:
+    """Return a console that prints any text, such as a file name, as it stands.
+
+    Brackets are no markup and words between colons no pictures.
+    """
+    return Console(stderr=stderr, highlight=highlight, markup=False, emoji=False)
+
+
 def print_table(table: Table, console: Console | None = None) -> None:
     """Print a table; columns that are justified to the right, the numbers, are never wrapped.
 
     In a terminal that is too narrow the table continues below, its first column repeated. Anywhere
     else nothing is wrapped.
     """
-    console = console or Console()
+    console = console or new_console()
     if table.title:
         console.print(table.title, style="italic", highlight=False, soft_wrap=True)
         table.title = None

@@ -11,8 +11,6 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rich.console import Console
-
 from rrins.host_tools.files import JsonObject
 from rrins.host_tools.runs.display import RunDisplay
 from rrins.host_tools.runs.keeping import place_for
@@ -21,6 +19,7 @@ from rrins.host_tools.runs.run import rehearse as rehearse_plan
 from rrins.host_tools.runs.run import simulate as simulate_scenario
 from rrins.host_tools.runs.summary import cells_of, lines_of
 from rrins.host_tools.scenario.scenario import Scenario
+from rrins.host_tools.terminal import new_console
 from rrins.notebook import is_notebook, let_figures_show
 from rrins.scenarios import load_scenario
 
@@ -259,6 +258,6 @@ def _name_of(scenario: Source) -> str:
 
 
 def _display(scenario: Scenario, progress: bool | None) -> RunDisplay:
-    console = Console(stderr=not is_notebook())
+    console = new_console(stderr=not is_notebook())
     shown = console.is_terminal or console.is_jupyter if progress is None else progress
     return RunDisplay(scenario, console, quiet=not shown)

@@ -70,7 +70,7 @@ turntable ignores them.
 |---|---|---|
 | `drop`, `silence` | frames are lost | |
 | `delay` | frames arrive late | `delay_s` |
-| `duplicate` | frames arrive twice | |
+| `duplicate` | frames arrive twice; each further `duplicate` adds one copy | |
 | `reorder` | an epoch's frames arrive in a different order | |
 | `corrupt_wire` | a bit error that the controllers' CRC-15 detects | |
 | `corrupt` | a bit error that only the end-to-end CRC detects | `bit` |

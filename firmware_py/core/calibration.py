@@ -41,6 +41,7 @@ DPH = math.radians(1) / 3600
 UG = 1e-6 * STANDARD_GRAVITY
 """m/s² of a µg."""
 
+_LARGEST_FILE = 1 << 20  # bytes
 _ARCSEC = math.radians(1) / 3600
 _PPM = 1e-6
 _SINGULAR = 1e-12  # of singular values: smaller is rounding
@@ -123,6 +124,15 @@ class Calibration(BaseModel):
         return self
 
 
+def _text_of(path: Path) -> str:
+    """Return the text of a file; a pipe or a device, which may never end, is none."""
+    if path.exists() and not path.is_file():
+        raise CalibrationError("is not a file")
+    if path.stat().st_size > _LARGEST_FILE:
+        raise CalibrationError(f"is larger than {_LARGEST_FILE >> 20} MiB")
+    return path.read_text(encoding="utf-8")
+
+
 def load(path: Path, gyros: int, accelerometers: int) -> Calibration:
     """Read the calibration of the given numbers of gyros and accelerometers from a TOML file.
 
@@ -131,7 +141,7 @@ def load(path: Path, gyros: int, accelerometers: int) -> Calibration:
     CalibrationError
     """
     try:
-        text = path.read_text(encoding="utf-8")
+        text = _text_of(path)
         loaded = Calibration.model_validate(tomllib.loads(text))
         return loaded.for_counts(gyros, accelerometers)
     except OSError as error:

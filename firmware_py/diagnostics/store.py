@@ -66,6 +66,8 @@ class FileMedium:
         try:
             if not path.parent.is_dir():
                 raise StoreError(f"{path}: no such folder: {path.parent}")
+            if path.exists() and not path.is_file():  # a device would be read and replaced
+                raise StoreError(f"{path}: is not a file")
             file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
         except OSError as error:
             raise StoreError(f"{path}: cannot be opened: {error.strerror}") from error

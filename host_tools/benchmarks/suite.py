@@ -25,7 +25,7 @@ from rrins.host_tools.files import JsonObject
 from rrins.host_tools.runs.direct import run_direct
 from rrins.host_tools.runs.job import prepare_firmware, prepare_hardware
 from rrins.host_tools.scenario.scenario import load
-from rrins.host_tools.terminal import print_table, progress_line
+from rrins.host_tools.terminal import new_console, print_table, progress_line
 
 SCENARIO = "rimu_rotating"
 RATES_HZ = (200, 400, 1000)
@@ -280,12 +280,12 @@ def measure(effort: Effort, display: BenchDisplay) -> Result:
 def bench(quick: bool, as_json: bool) -> None:
     """Run `rrins bench`."""
     effort = QUICK if quick else NORMAL
-    with BenchDisplay(Console(stderr=True), effort.steps) as display:
+    with BenchDisplay(new_console(stderr=True), effort.steps) as display:
         result = measure(effort, display)
     if as_json:
         click.echo(json.dumps(result))
     else:
-        print_result(result, Console())
+        print_result(result, new_console())
 
 
 def print_result(result: Result, console: Console) -> None:

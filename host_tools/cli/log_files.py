@@ -25,11 +25,9 @@ log_channel_option = click.option(
 @contextmanager
 def reading_progress(what: str, size: int, quiet: bool = False) -> Iterator[Callable[[int], None]]:
     """Show the progress of reading a log; yield a callback for the bytes read so far."""
-    from rich.console import Console
+    from rrins.host_tools.terminal import new_console, progress_line
 
-    from rrins.host_tools.terminal import progress_line
-
-    with progress_line(Console(stderr=True), quiet) as progress:
+    with progress_line(new_console(stderr=True), quiet) as progress:
         task = progress.add_task(what, total=size)
         yield lambda position: progress.update(task, completed=position)
 

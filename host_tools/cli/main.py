@@ -109,8 +109,14 @@ def _contract_errors() -> tuple[type[Exception], ...]:
 
 def _fail(message: str, exit_status: int) -> NoReturn:
     """Report in one line what went wrong and exit."""
-    click.echo(f"rrins: {message}", err=True)
+    line = "".join(c if c.isprintable() else _escaped(c) for c in message)
+    click.echo(f"rrins: {line}", err=True)
     sys.exit(exit_status)
+
+
+def _escaped(character: str) -> str:
+    """Return what a file name or a cell may hold and a line may not, as an escape."""
+    return character.encode("unicode_escape", "surrogatepass").decode()
 
 
 @click.group(cls=_Group, context_settings={"help_option_names": ["-h", "--help"]})

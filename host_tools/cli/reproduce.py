@@ -7,14 +7,13 @@ import os
 from pathlib import Path
 
 import click
-from rich.console import Console
 from rich.table import Table
 
 from rrins.host_tools.errors import RehearsalError
 from rrins.host_tools.experiments.paper import EXPERIMENTS, reproduce_sections, runs_of
 from rrins.host_tools.experiments.report import table_3, write
 from rrins.host_tools.experiments.sections import FigureRow, Section, figure
-from rrins.host_tools.terminal import print_table, progress_line
+from rrins.host_tools.terminal import new_console, print_table, progress_line
 
 
 def _table_3(sections: list[Section]) -> Table:
@@ -72,7 +71,7 @@ def reproduce(experiment: str, seeds: int, motion: Path | None, out: Path, as_js
         raise RehearsalError(f"--out {out}: cannot be created: {error.strerror}") from error
     if not os.access(out, os.W_OK | os.X_OK):
         raise RehearsalError(f"--out {out}: cannot be written to")
-    console = Console(stderr=True)
+    console = new_console(stderr=True)
     with progress_line(console) as progress:
         total = runs_of(which, seeds, motion)
         task = progress.add_task("preparing", total=total)
@@ -94,7 +93,7 @@ def reproduce(experiment: str, seeds: int, motion: Path | None, out: Path, as_js
         rows = [row.values() for section in sections for row in section.rows]
         click.echo(json.dumps({"seeds": seeds, "rows": rows, "report": str(paths[0])}))
         return
-    shown = Console()
+    shown = new_console()
     if table_3(sections):
         print_table(_table_3(sections), shown)
     for section in sections:

@@ -174,20 +174,17 @@ def simulate(
 
 def _display(scenario: Scenario, quiet: bool) -> RunDisplay:
     """Return the progress display of a run, on standard error."""
-    from rich.console import Console
-
     from rrins.host_tools.runs.display import RunDisplay
+    from rrins.host_tools.terminal import new_console
 
-    return RunDisplay(scenario, Console(stderr=True), quiet)
+    return RunDisplay(scenario, new_console(stderr=True), quiet)
 
 
 def _finish(result: RunResult, folder: Path, as_json: bool) -> None:
     """Write and show the results, then raise the error of the run, if any."""
-    from rich.console import Console
-
     from rrins.host_tools.runs.keeping import place_for
     from rrins.host_tools.runs.summary import lines_of, table_of
-    from rrins.host_tools.terminal import print_table
+    from rrins.host_tools.terminal import new_console, print_table
 
     paths: list[Path] = []
     failure: RehearsalError | None = None
@@ -202,7 +199,7 @@ def _finish(result: RunResult, folder: Path, as_json: bool) -> None:
     if as_json:
         click.echo(json.dumps(summary))
     else:
-        console = Console()
+        console = new_console()
         if len(result.errors):
             print_table(table_of(summary), console)
         for line in lines_of(summary) if summary["epochs"] else ():

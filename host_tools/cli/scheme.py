@@ -7,7 +7,6 @@ import time
 from pathlib import Path
 
 import click
-from rich.console import Console
 
 from rrins.host_tools.cli import scheme_tables
 from rrins.host_tools.cli.group import Group
@@ -22,7 +21,7 @@ from rrins.host_tools.rotation.merit import velocity_error
 from rrins.host_tools.rotation.search import search
 from rrins.host_tools.rotation.travel import travel_of
 from rrins.host_tools.scenario.schemes import SCHEMES
-from rrins.host_tools.terminal import print_table, progress_line
+from rrins.host_tools.terminal import new_console, print_table, progress_line
 
 _REFERENCE = "16-position"
 _WAIT_S = 2.0
@@ -139,7 +138,7 @@ def analyse_scheme(
         result |= {"projection": _projection(fused), "pictures": [str(path) for path in paths]}
         click.echo(json.dumps(result))
         return
-    console = Console()
+    console = new_console()
     console.print(
         f"{named.name} on {rimu.geometry}, projection: {_projection(fused)}", soft_wrap=True
     )
@@ -194,7 +193,7 @@ def compare_schemes(
         }
         click.echo(json.dumps(result))
         return
-    console = Console()
+    console = new_console()
     for table in scheme_tables.comparison_tables(compared):
         print_table(table, console)
     console.print(
@@ -301,7 +300,7 @@ def search_schemes(
         }
         click.echo(json.dumps(result))
         return
-    console = Console()
+    console = new_console()
     print_table(scheme_tables.search_table(found, "table 1"), console)
     console.print(scheme_tables.verdict(found, "table 1"), highlight=False, soft_wrap=True)
     click.echo(f"\n{scheme_tables.toml_of(found.best[0].scheme)}", nl=False)
@@ -311,7 +310,7 @@ class _LateProgress(Closing):
     """A progress bar on standard error that appears only if the work takes a while."""
 
     def __init__(self) -> None:
-        self._progress = progress_line(Console(stderr=True))
+        self._progress = progress_line(new_console(stderr=True))
         self._task = self._progress.add_task("searching")
         self._begun = time.monotonic()
 

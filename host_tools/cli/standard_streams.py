@@ -1,4 +1,4 @@
-"""What a command does when standard output or standard error cannot be written (full disk).
+"""Standard output and standard error of a command: on a full disk, and for names of any bytes.
 
 Results that cannot be written end the command in one line. Progress and notes on standard error
 are left out instead: the run goes on, and its exit status says how it ended.
@@ -6,6 +6,7 @@ are left out instead: the run goes on, and its exit status says how it ended.
 
 from __future__ import annotations
 
+import codecs
 import io
 import os
 import sys
@@ -18,6 +19,22 @@ from rrins.host_tools.errors import RehearsalError
 
 if TYPE_CHECKING:
     from _typeshed import ReadableBuffer
+
+
+_ANY_TEXT = "rrins-any-text"
+"""Name of the error handler under which nothing that is printed is an error."""
+
+
+def _encode_anyway(error: UnicodeError) -> tuple[str | bytes, int]:
+    """Give back the bytes of a file name that is no UTF-8; ``?`` for what the terminal lacks."""
+    if not isinstance(error, UnicodeEncodeError):
+        raise error
+    text = error.object[error.start : error.end]
+    given = (bytes([ord(c) - 0xDC00]) if "\udc80" <= c <= "\udcff" else b"?" for c in text)
+    return b"".join(given), error.end
+
+
+codecs.register_error(_ANY_TEXT, _encode_anyway)
 
 
 class OutputError(RehearsalError):
@@ -64,7 +81,7 @@ def _guarded(stream: TextIO | None, kind: type[_Stream]) -> TextIO:
     return io.TextIOWrapper(
         io.BufferedWriter(kind(stream.fileno(), "w", closefd=False)),
         encoding=stream.encoding,
-        errors=stream.errors,
+        errors=_ANY_TEXT,
         line_buffering=stream.line_buffering,
         write_through=stream.write_through,
     )

@@ -34,7 +34,7 @@ from rrins.firmware_py.diagnostics.parameters import (
 )
 from rrins.host_tools.diag.values import limits_of
 from rrins.host_tools.errors import CalibrationFileError
-from rrins.host_tools.files import JsonObject
+from rrins.host_tools.files import LARGEST_TOML, JsonObject, content_of
 
 TOML, RAW = ".toml", ".rrca"
 """Extensions of the two file formats."""
@@ -214,7 +214,7 @@ def read(path: Path, current: Mapping[int, Values]) -> Parameters:
         If the file cannot be read, is damaged, or contains an invalid value.
     """
     try:
-        data = path.read_bytes()
+        data = content_of(path, LARGEST_TOML)
     except OSError as error:
         raise CalibrationFileError(f"{path}: cannot be read: {error.strerror}") from error
     try:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Any, Final
 
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.font_manager import FontProperties, findfont, get_font
 
 LineStyle = dict[str, Any]
 """Keywords of matplotlib for a line."""
@@ -32,6 +34,25 @@ def new_figure(width: float, height: float) -> Figure:
     figure = Figure(figsize=(width, height), layout="constrained", dpi=_DPI)
     FigureCanvasAgg(figure)
     return figure
+
+
+def give_title(to: Figure | Axes, text: str, fontsize: str = "medium") -> None:
+    """Give a picture or a panel its title: any text, such as a file name, drawn as it stands.
+
+    Dollar signs do not make it mathematics. What the font cannot draw becomes a replacement
+    character: control characters, bytes of a name that are no UTF-8.
+    """
+    shown = "".join(
+        c if c == "\n" or _can_draw(ord(c)) else "\N{REPLACEMENT CHARACTER}" for c in text
+    )
+    set_title = to.suptitle if isinstance(to, Figure) else to.set_title
+    set_title(shown, fontsize=fontsize, parse_math=False)
+
+
+@cache
+def _can_draw(code: int) -> bool:
+    """Return whether the font of all pictures has a character."""
+    return get_font(findfont(FontProperties())).get_char_index(code) != 0
 
 
 def finish(axes: Axes, ylabel: str, zero_line: bool = False) -> None:

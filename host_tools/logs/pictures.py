@@ -15,7 +15,7 @@ from matplotlib.ticker import MaxNLocator
 
 from rrins.dbc.record import Floats, Records
 from rrins.firmware_py.core.memory import NavigationOutput
-from rrins.host_tools.drawing.style import LINES, finish, new_figure
+from rrins.host_tools.drawing.style import LINES, finish, give_title, new_figure
 from rrins.host_tools.logs.series import Contents, Series
 from rrins.host_tools.logs.signals import Numbers
 from rrins.host_tools.recording.errors import RecordError
@@ -37,7 +37,7 @@ def _figure(panels: Sequence[float], title: str) -> tuple[Figure, list[Axes]]:
     height = _PANEL_INCHES * sum(panels) + 0.9
     figure = new_figure(9.0, height)
     axes = figure.subplots(len(panels), 1, sharex=True, squeeze=False, height_ratios=panels)
-    figure.suptitle(title, fontsize="medium")
+    give_title(figure, title)
     return figure, [row[0] for row in axes]
 
 

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import IO
 
 import numpy as np
-from rich.console import Console
 
 from rrins.dbc.record import Records
 from rrins.firmware_py.core.memory import NavigationOutput
@@ -21,7 +20,7 @@ from rrins.host_tools.runs.results import Errors, read_errors, write_summary
 from rrins.host_tools.runs.samples import NAVIGATION_SAMPLES, TRUTH_SAMPLES, read_samples
 from rrins.host_tools.runs.summary import summarise, table_of, write_results
 from rrins.host_tools.scenario.scenario import Scenario
-from rrins.host_tools.terminal import print_table
+from rrins.host_tools.terminal import new_console, print_table
 
 _COLUMNS = (
     ("time_s", "%.3f"),
@@ -128,7 +127,7 @@ _UNANSWERED_S = 0.1  # a recording may extend this far past the last step of a n
 
 def print_replay(summary: JsonObject, paths: list[Path]) -> None:
     """Print the result of a replay for a person."""
-    console = Console()
+    console = new_console()
     if summary["max_abs_position_error_m"] is not None:
         print_table(table_of(summary), console)
     recording = summary["recording"]

@@ -15,6 +15,7 @@ HEIGHT = 7
 
 _GAP = "  "
 _UNIX_S = 1e9  # bus time above this is Unix time
+_END_S = 253_402_300_800.0  # the year 10,000: no time of day above this
 _QUIET_S = 1.0
 
 
@@ -64,7 +65,7 @@ def _line(*fields: tuple[str, str]) -> Text:
 
 def time_words(time_s: float) -> str:
     """Return a bus time: seconds since power-on, or the UTC time of day of a Unix time."""
-    if time_s < _UNIX_S:
+    if not _UNIX_S <= time_s < _END_S:
         return f"{time_s:.3f} s"
     return f"{datetime.fromtimestamp(time_s, UTC):%H:%M:%S} UTC"
 

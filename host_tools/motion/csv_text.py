@@ -7,8 +7,16 @@ import difflib
 from pathlib import Path
 
 from rrins.host_tools.motion.errors import MotionError
-from rrins.host_tools.motion.recording import located
-from rrins.host_tools.motion.table import GROUPS, PLACE, TIME, RecordedTable, check_groups, text_of
+from rrins.host_tools.motion.recording import located, shown
+from rrins.host_tools.motion.table import (
+    GROUPS,
+    PLACE,
+    TIME,
+    RecordedTable,
+    check_count,
+    check_groups,
+    text_of,
+)
 
 EXPORTED_ONLY = (
     *(f"omega_ib_b_{axis}_dps" for axis in "xyz"),
@@ -20,17 +28,18 @@ _KNOWN = (TIME, *(name for group in GROUPS for name in group))
 
 
 def _header(path: Path, cells: list[str], line: int) -> RecordedTable:
+    check_count(path, len(cells), line)
     columns = tuple(cell.strip().lower() for cell in cells)
     if not any(name[:1].isalpha() for name in columns):
         raise MotionError(located(path, f"no header row with names such as {TIME}", line))
     for name in columns:
         if name and columns.count(name) > 1:
-            raise MotionError(located(path, f"duplicate column {name}", line))
+            raise MotionError(located(path, f"duplicate column {shown(name)}", line))
     for name in (TIME, *PLACE):
         if name not in columns:
             others = [column for column in columns if column not in _KNOWN]
             near = difflib.get_close_matches(name, others, 1, 0.4)
-            hint = f"; rename {near[0]} to it?" if near else ""
+            hint = f"; rename {shown(near[0])} to it?" if near else ""
             raise MotionError(located(path, f"no column {name}{hint}", line))
     check_groups(path, columns, line)
     unused = tuple(name for name in columns if name not in (*_KNOWN, *EXPORTED_ONLY))

@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from rrins.dbc.record import Floats
-from rrins.host_tools.drawing.style import LINES, finish, new_figure
+from rrins.host_tools.drawing.style import LINES, finish, give_title, new_figure
 from rrins.host_tools.motion.errors import MotionError
 from rrins.host_tools.motion.local import Local
 from rrins.host_tools.motion.recording import Recording
@@ -101,7 +101,7 @@ def _draw_panels(
 ) -> Figure:
     times, state = _sampled(trajectory, end_s)
     figure = new_figure(9.0, 1.9 * len(draw))
-    figure.suptitle(title, fontsize="medium")
+    give_title(figure, title)
     panels = figure.subplots(len(draw), 1, sharex=True)
     for axes, draw_panel in zip(panels, draw, strict=True):
         draw_panel(axes, times, state)
@@ -116,7 +116,7 @@ def draw_motion(trajectory: Trajectory, title: str) -> Figure:
         return _draw_panels(trajectory, end_s, title, (_offsets, _roll_and_pitch, _heading))
     times, state = _sampled(trajectory, trajectory.duration_s)
     figure = new_figure(11.0, 7.0)
-    figure.suptitle(title, fontsize="medium")
+    give_title(figure, title)
     grid = figure.add_gridspec(4, 2, width_ratios=(4, 6))
     _track(figure.add_subplot(grid[:, 0]), _over_ground(state))
     panel = None
@@ -134,7 +134,7 @@ def draw_check(recording: Recording, smoothed: Smoothed) -> Figure:
     trajectory, residuals = smoothed.trajectory, smoothed.residuals
     times, state = _sampled(trajectory, trajectory.duration_s)
     figure = new_figure(11.0, 11.0)
-    figure.suptitle(recording.path.name, fontsize="medium")
+    give_title(figure, recording.path.name)
     grid = figure.add_gridspec(6, 2, width_ratios=(4, 6))
     _track(figure.add_subplot(grid[:, 0]), _over_ground(state))
     panels = [figure.add_subplot(grid[k, 1]) for k in range(6)]

@@ -10,8 +10,15 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from rrins.host_tools.motion.errors import MotionError
-from rrins.host_tools.motion.recording import located
-from rrins.host_tools.motion.table import QUALITY, TIME, RecordedTable, check_groups, text_of
+from rrins.host_tools.motion.recording import located, shown
+from rrins.host_tools.motion.table import (
+    QUALITY,
+    TIME,
+    RecordedTable,
+    check_count,
+    check_groups,
+    text_of,
+)
 
 NAMES = {
     "latitude": "latitude_deg",
@@ -34,11 +41,13 @@ _POSITION_NAMES = "latitude longitude height Q ns sdn sde sdu sdne sdeu sdun age
 _VELOCITY_NAMES = "vn ve vu sdvn sdve sdvu sdvne sdveu sdvun"
 _SEPARATOR = re.compile(r"[,;\s]+")
 _WEEK_S = 604_800
+_LAST_WEEK = 9999  # in the year 2171
 _DAY_S = 86_400
 
 
 def _columns(path: Path, names: list[str], line: int | None) -> tuple[str, ...]:
     """Return our names of RTKLIB's columns, the time first."""
+    check_count(path, len(names), line)
     bare = [name.split("(")[0] for name in names]
     if any("ecef" in name or "baseline" in name for name in bare):
         raise MotionError(
@@ -63,7 +72,8 @@ def _time(day: str, clock: str) -> tuple[int, float] | None:
     """
     try:
         if "/" not in day:
-            return int(day) * _WEEK_S, float(clock)
+            week = int(day)
+            return (week * _WEEK_S, float(clock)) if 0 <= week <= _LAST_WEEK else None
         year, month, date = day.split("/")
         hours, minutes, seconds = clock.split(":")
         since = datetime(int(year), int(month), int(date), tzinfo=UTC).toordinal()
@@ -119,7 +129,7 @@ def read_pos(path: Path) -> RecordedTable:
             continue
         time = _time(*cells[:2])
         if time is None:
-            table.skip(number, f"not a time: {cells[0][:20]} {cells[1][:20]}")
+            table.skip(number, f"not a time: {shown(cells[0])} {shown(cells[1])}")
             continue
         origin = origin or time
         since = round(time[0] - origin[0] + (time[1] - origin[1]), 9)

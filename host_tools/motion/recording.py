@@ -117,6 +117,11 @@ class Recording:
         return MotionError(located(self.path, text, line))
 
 
+def shown(cell: str) -> str:
+    """Return the beginning of a file's text for a message: no control characters."""
+    return "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in cell[:20])
+
+
 def located(path: Path, text: str, line: int | None = None) -> str:
     """Return a message with file and line."""
     where = "" if line is None else f" line {line}:"

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from rrins.host_tools import files
 from rrins.host_tools.motion.errors import MotionError
 from rrins.host_tools.motion.recording import Irregularity, located
 
@@ -19,6 +20,7 @@ QUALITY = "quality"
 GROUPS = (PLACE, VELOCITY, ATTITUDE, PLACE_SD, VELOCITY_SD, ATTITUDE_SD)
 
 _LARGEST_FILE = 1 << 30  # bytes
+_MOST_COLUMNS = 1000
 
 
 @dataclass
@@ -66,6 +68,12 @@ class RecordedTable:
         self.irregularities.append(Irregularity(line, "not_a_number", text))
 
 
+def check_count(path: Path, columns: int, line: int | None) -> None:
+    """Raise `MotionError` if no recording has so many columns."""
+    if columns > _MOST_COLUMNS:
+        raise MotionError(located(path, f"{columns} columns, {_MOST_COLUMNS} at most", line))
+
+
 def check_groups(path: Path, columns: tuple[str, ...], line: int | None) -> None:
     """Raise `MotionError` if a column of a group is missing or duplicated."""
     for group in GROUPS:
@@ -87,10 +95,6 @@ def text_of(path: Path) -> str:
     try:
         if path.is_dir():
             raise MotionError(located(path, "is a folder"))
-        if path.stat().st_size > _LARGEST_FILE:
-            raise MotionError(located(path, "is larger than 1 GiB"))
-        return path.read_text(encoding="utf-8-sig")
-    except UnicodeDecodeError as error:
-        raise MotionError(located(path, "is not UTF-8 text")) from error
+        return files.text_of(path, _LARGEST_FILE)
     except OSError as error:
         raise MotionError(located(path, f"cannot be read: {error.strerror or error}")) from error

@@ -171,11 +171,12 @@ class Mf4Writer:
 
 
 _EARLIEST_UNIX_S = 631_152_000.0  # 1990
+_LATEST_UNIX_S = 253_402_300_800.0  # the year 10,000
 
 
 def is_simulated(time_s: float) -> bool:
     """Return whether a frame's time is simulated rather than seconds since 1970."""
-    return time_s < _EARLIEST_UNIX_S
+    return not _EARLIEST_UNIX_S <= time_s < _LATEST_UNIX_S
 
 
 Block = tuple[FrameArray, Floats, Bytes, int]

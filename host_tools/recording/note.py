@@ -10,12 +10,15 @@ import json
 from pathlib import Path
 from typing import IO, Literal
 
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, ConfigDict, ValidationError, field_validator
 
 from rrins.host_tools.errors import RehearsalError, ScenarioError
-from rrins.host_tools.files import JsonObject, write_whole
+from rrins.host_tools.files import JsonObject, content_of, write_whole
 from rrins.host_tools.recording.errors import RecordError
-from rrins.host_tools.scenario.scenario import Scenario
+from rrins.host_tools.scenario.scenario import Scenario, first_line
+
+_LONGEST_NAME = 255  # bytes
+_LARGEST = 16 << 20  # bytes; a hundred for each part of the recording
 
 
 class Part(BaseModel):
@@ -25,6 +28,13 @@ class Part(BaseModel):
     """File name, in the folder of the note."""
     first_s: float | None = None
     """Time of its first frame."""
+
+    @field_validator("file")
+    @classmethod
+    def _is_name(cls, name: str) -> str:
+        if name in ("", ".", "..") or set(name) & {"/", "\0"} or len(name.encode()) > _LONGEST_NAME:
+            raise ValueError(f"no name of a file in this folder: {name[:20]!r}")
+        return name
 
 
 class Note(BaseModel):
@@ -43,6 +53,13 @@ class Note(BaseModel):
     speed: float | Literal["max"] | None = None
     """Speed of the rehearsal; 1 is real time, anything else lockstep."""
     navigation_sha256: str | None = None
+
+    @field_validator("parts")
+    @classmethod
+    def _are_different(cls, parts: tuple[Part, ...]) -> tuple[Part, ...]:
+        if len({part.file for part in parts}) < len(parts):
+            raise ValueError("a file is named twice")
+        return parts
 
     @property
     def is_lockstep(self) -> bool:
@@ -103,9 +120,10 @@ def read_note(recording: Path) -> Note | None:
     if not path.is_file():
         return None
     try:
-        return Note.model_validate_json(path.read_bytes())
+        return Note.model_validate_json(content_of(path, _LARGEST))
     except (OSError, ValidationError) as error:
+        why = error.strerror if isinstance(error, OSError) else first_line(error, Note)
         raise RecordError(
-            f"{path}: not a recording's note, or damaged; move it away to read {recording} "
+            f"{path}: not a recording's note, or damaged ({why}); move it away to read {recording} "
             "without it"
         ) from error

@@ -14,7 +14,7 @@ from pydantic import ValidationError
 
 from rrins.firmware_py.core.settings import Scheme
 from rrins.host_tools.errors import ScenarioError
-from rrins.host_tools.files import JsonObject
+from rrins.host_tools.files import JsonObject, text_of
 from rrins.host_tools.rotation.errors import sensors_of
 from rrins.host_tools.rotation.merit import SensorSet
 from rrins.host_tools.runs.settings import hardware_settings
@@ -196,9 +196,10 @@ def _read(what: str, name: str, built_in: Iterable[str], otherwise: str) -> Json
     path = Path(name)
     try:
         is_there = path.exists()
-        text = path.read_text(encoding="utf-8") if is_there else ""
-    except (OSError, ValueError) as error:
-        raise ScenarioError(f"{what} {name}: cannot be read: {error}") from error
+        text = text_of(path) if is_there else ""
+    except (OSError, ValueError) as error:  # ValueError: a path that no system has
+        why = getattr(error, "strerror", None) or error
+        raise ScenarioError(f"{what} {name}: cannot be read: {why}") from error
     if not is_there:
         near = difflib.get_close_matches(name, list(built_in), 1)
         hint = f"did you mean {near[0]}?" if near else f"see `{otherwise}`"

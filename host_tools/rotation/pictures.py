@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from rrins.dbc.record import Floats
-from rrins.host_tools.drawing.style import LINES, new_figure
+from rrins.host_tools.drawing.style import LINES, give_title, new_figure
 from rrins.host_tools.files import replacing
 from rrins.host_tools.rotation.analysis import Integrals, Variation
 from rrins.host_tools.rotation.errors import ERRORS
@@ -37,7 +37,7 @@ def draw(variation: Variation, integrals: Integrals, sensor: int, title: str) ->
     title : str
     """
     figure = new_figure(9.6, 6.0)
-    figure.suptitle(title, fontsize="medium")
+    give_title(figure, title)
     panels = figure.subplots(2, 2, sharex=True)
     for k, (error, axes) in enumerate(zip(ERRORS, panels.flat, strict=True)):
         _panel(axes, variation, integrals.running[:, sensor - 1, k], integrals)

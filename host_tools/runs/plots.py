@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from rrins.host_tools.drawing.style import EAST, NORTH, finish, new_figure
+from rrins.host_tools.drawing.style import EAST, NORTH, finish, give_title, new_figure
 from rrins.host_tools.files import replacing
 from rrins.host_tools.runs.results import Errors, Vector
 
@@ -65,7 +65,7 @@ def draw_errors(errors: Errors, title: str, figure: Figure | None = None) -> Fig
     rows = 3 if turned else 2
     figure = figure or new_figure(9.0, 2.6 * rows)
     axes = figure.subplots(rows, 1, sharex=True)
-    figure.suptitle(title, fontsize="medium")
+    give_title(figure, title)
     _pair(axes[0], errors, "position", "m", "position error")
     _pair(axes[1], errors, "velocity", "mps", "velocity error")
     if turned:
@@ -104,7 +104,7 @@ def draw_track(errors: Errors, title: str, axes: Axes | None = None) -> Axes:
     axes.set_ylabel(f"north / {prefix}m")
     axes.grid(True, color="0.88", linewidth=0.6)
     axes.legend(loc="best", frameon=False, fontsize="small")
-    axes.set_title(title, fontsize="medium")
+    give_title(axes, title)
     return axes
 
 

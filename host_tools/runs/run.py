@@ -7,8 +7,6 @@ from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from rich.console import Console
-
 from rrins.dbc.record import Records
 from rrins.firmware_py.core.memory import NavigationOutput
 from rrins.firmware_py.serial.lines import NO_LINES, SerialSettings
@@ -38,6 +36,7 @@ from rrins.host_tools.runs.summary import summarise, write_results
 from rrins.host_tools.scenario.scenario import Scenario
 from rrins.host_tools.serial import slcan
 from rrins.host_tools.serial.arguments import arguments_of
+from rrins.host_tools.terminal import new_console
 
 _PROBE_S = 60.0  # simulated
 
@@ -243,7 +242,7 @@ def fit(plan: Plan, limit_s: float) -> Plan:
     probe = replace(probe, serial=NO_LINES)
     with (
         tempfile.TemporaryDirectory(prefix="rrins-") as folder,
-        RunDisplay(probe.scenario, Console(stderr=True)) as display,
+        RunDisplay(probe.scenario, new_console(stderr=True)) as display,
     ):
         display.say("measuring the speed (the first start compiles, about 30 s)")
         outcome = probe.rehearsal(address, Path(folder), None).run(lambda report: None)

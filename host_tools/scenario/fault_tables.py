@@ -14,16 +14,16 @@ from rrins.host_tools.hardware.fault_values import VALUES, FaultValue
 from rrins.host_tools.hardware.faults import EVERY, HardwareFault
 from rrins.host_tools.hardware.memory import INNER, OUTER
 from rrins.host_tools.hardware.settings import PlannedFault
-from rrins.host_tools.scenario.tables import TomlTable
+from rrins.host_tools.scenario.tables import LONGEST_S, TomlTable
 from rrins.host_tools.wire.faults import ANY_IDENTIFIER, FaultKind, Node, WireFault
 
 
 class _Timed(TomlTable):
     """When a fault is present."""
 
-    at_s: float = Field(default=0.0, ge=0)
+    at_s: float = Field(default=0.0, ge=0, le=LONGEST_S)
     """After power-on of the hardware."""
-    for_s: float | None = Field(default=None, gt=0)
+    for_s: float | None = Field(default=None, gt=0, le=LONGEST_S)
     """Duration; to the end by default."""
 
     def epochs(self, rate_hz: int) -> tuple[int, int]:

@@ -18,6 +18,7 @@ import tomli_w
 from pydantic import BaseModel, Field, TypeAdapter, ValidationError, model_validator
 
 import rrins.firmware_py.core.settings
+from rrins.host_tools import files
 from rrins.host_tools.errors import ScenarioError
 from rrins.host_tools.hardware.memory import FAULT_CAPACITY
 from rrins.host_tools.scenario import presets
@@ -31,6 +32,8 @@ from rrins.host_tools.scenario.fault_tables import (
 from rrins.host_tools.scenario.motion import Motion
 from rrins.host_tools.scenario.schemes import SCHEMES
 from rrins.host_tools.scenario.tables import (
+    LONGEST_S,
+    MOST_LETTERS,
     Accelerometers,
     Altimeter,
     Body,
@@ -48,15 +51,16 @@ from rrins.host_tools.scenario.tables import (
     each,
 )
 
+_LONGEST_SHOWN = 100  # letters of a wrong value
 _NAVIGATE = {"strapdown": "NAVIGATE_STRAPDOWN", "rotating": "NAVIGATE_ROTATING"}
 
 
 class Scenario(TomlTable):
     """A rehearsal, whole."""
 
-    title: str = ""
+    title: str = Field(default="", max_length=MOST_LETTERS)
     mode: Literal["strapdown", "rotating"] = "rotating"
-    duration_s: float = Field(gt=0, le=10_000_000)
+    duration_s: float = Field(gt=0, le=LONGEST_S)
     """How long it navigates."""
     rate_hz: Annotated[int, Field(ge=50, le=1000)] = 200
     seed: int = Field(default=1, ge=0)
@@ -302,9 +306,10 @@ def text_of(name: str) -> str:
     path = Path(name)
     try:
         if path.exists():
-            return path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise ScenarioError(f"scenario {name}: cannot be read: {error}") from error
+            return files.text_of(path)
+    except (OSError, ValueError) as error:  # ValueError: a path that no system has
+        why = getattr(error, "strerror", None) or error
+        raise ScenarioError(f"scenario {name}: cannot be read: {why}") from error
     near = difflib.get_close_matches(name, names(), 1)
     hint = f"did you mean {near[0]}?" if near else "see `rrins scenarios`"
     raise ScenarioError(f"scenario {name}: neither built in nor a file; {hint}")
@@ -416,9 +421,15 @@ def first_line(error: ValidationError, root: type[BaseModel] | None = None) -> s
     elif first["type"] == "missing":
         text = f"{where}: is missing"
     else:
-        text = f"{where}: {first['msg'][0].lower()}{first['msg'][1:]}, got {first['input']!r}"
+        text = f"{where}: {first['msg'][0].lower()}{first['msg'][1:]}, got {_shown(first['input'])}"
     others = error.error_count() - 1
     return f"{text} (and {others} more)" if others else text
+
+
+def _shown(value: object) -> str:
+    """Return a value of a file for a message: its beginning, if it is long."""
+    text = repr(value)
+    return text if len(text) <= _LONGEST_SHOWN else f"{text[:_LONGEST_SHOWN]} …"
 
 
 def _keys(location: tuple[int | str, ...], root: type[BaseModel]) -> list[str]:

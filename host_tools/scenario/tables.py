@@ -20,6 +20,12 @@ PerSensor = float | tuple[float, ...]
 LONGEST_RISE_S = 10.0
 """Longest time in which an axis may reach its acceleration."""
 
+LONGEST_S = 10_000_000.0
+"""Longest time of navigation, and latest time of anything that happens in it."""
+
+MOST_LETTERS = 200
+"""Letters of a title at most."""
+
 _Magnitude = Annotated[float, Field(ge=0)]
 _Distance = Annotated[float, Field(ge=-1000, le=1000)]
 _DistancePerSensor = _Distance | tuple[_Distance, ...]
@@ -211,7 +217,7 @@ class Firmware(TomlTable):
         Literal["16-position", "8-position", "4-position", "single-axis-4-position"]
         | tuple[rrins.firmware_py.core.settings.Turn, ...]
     ) = "16-position"
-    turn_rate_dps: float = Field(default=2.0, gt=0, le=60)
+    turn_rate_dps: float = Field(default=2.0, ge=0.01, le=60)
     stand_s: float = Field(default=10.0, ge=0, le=86_400)
     gyro_weights: PerSensor = 1.0
     accelerometer_weights: PerSensor = 1.0
@@ -245,7 +251,7 @@ class Firmware(TomlTable):
 class OperatorRequest(TomlTable):
     """A mode that the operator requests, and when (after power-on of the hardware)."""
 
-    at_s: float = Field(ge=0)
+    at_s: float = Field(ge=0, le=LONGEST_S)
     request: Literal["STANDBY", "ALIGN", "NAVIGATE_STRAPDOWN", "NAVIGATE_ROTATING"]
 
 
@@ -266,7 +272,7 @@ class EastNorth(TomlTable):
 class Paper(TomlTable):
     """The paper's figures for the same run, for comparison."""
 
-    source: str = ""
+    source: str = Field(default="", max_length=MOST_LETTERS)
     duration_s: float | None = None
     max_abs_position_error_m: EastNorth | None = None
     max_abs_velocity_error_mps: EastNorth | None = None

@@ -7,6 +7,8 @@ drawn from the scenario's seed and the fault's number only.
 
 from __future__ import annotations
 
+import heapq
+import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import IntEnum
@@ -21,7 +23,8 @@ from rrins.dbc.frame import FrameArray, frame_array
 class FaultKind(IntEnum):
     """Kinds of faults; the DBC's value table of `kind` in FAULT_COMMAND.
 
-    DROP a frame is lost. DELAY it comes some epochs later. DUPLICATE it comes twice. REORDER the
+    DROP a frame is lost. DELAY it comes some epochs later. DUPLICATE it comes twice; each further
+    fault of the kind adds one copy. REORDER the
     epoch's frames come in another order. CORRUPT_WIRE a bit is wrong and the controllers' CRC-15
     catches it: an error frame, and the frame is sent again. CORRUPT a bit is wrong after that: the
     end-to-end CRC has to catch it. WRONG_COUNTER the CRC is right, the counter is not. BABBLE a
@@ -121,6 +124,9 @@ _Held = dict[int, FrameArray]
 _Entry = tuple[WireFault, np.random.Generator, _Held]
 """A fault, its random numbers, the frames that it holds by identifier."""
 
+_Delayed = tuple[int, int, FrameArray]
+"""The epoch in which a frame is due, its number among those delayed, the frame."""
+
 _Passing = list[FrameArray]
 """Frames on their way, each an array of one."""
 
@@ -142,7 +148,9 @@ class WireFaults:
         self._has_timing = has_timing
         self._faults: list[_Entry] = []
         self._number = 0
-        self._delayed: list[tuple[int, Node, FrameArray]] = []
+        self._delayed: dict[Node, list[_Delayed]] = {Node.HARDWARE: [], Node.FIRMWARE: []}
+        self._sequence = itertools.count()
+        self._copies: _Held = {}  # by identity: the copies that DUPLICATE made in this epoch
         self._messages = {  # those that have a counter
             int(row.can_id): row for row in load().messages if row.data_id
         }
@@ -192,7 +200,7 @@ class WireFaults:
 
     def is_idle(self) -> bool:
         """Return whether no fault can act any more."""
-        return not self._faults and not self._delayed
+        return not self._faults and not any(self._delayed.values())
 
     def active(self, epoch: int) -> list[WireFault]:
         """Return the faults that act in an epoch, and drop those that are over."""
@@ -204,9 +212,10 @@ class WireFaults:
     ) -> int:
         """Write a side's frames of an epoch, after faults, to `out`; return their number."""
         passing = _each(frames[:count].copy())
+        self._copies.clear()
         for entry in self._faults:
             if entry[0].is_active(epoch):
-                passing = self._hit(entry, sender, passing, epoch)
+                passing = self._hit(entry, sender, passing, epoch)[: len(out)]
         passing = [*self._due(sender, epoch), *passing][: len(out)]
         for k, frame in enumerate(passing):
             out[k] = frame[0]
@@ -214,13 +223,16 @@ class WireFaults:
 
     def acts(self, epoch: int) -> bool:
         """Return whether anything happens to frames in an epoch."""
-        return bool(self._delayed) or any(entry[0].is_active(epoch) for entry in self._faults)
+        return any(self._delayed.values()) or any(
+            entry[0].is_active(epoch) for entry in self._faults
+        )
 
     def _due(self, sender: Node, epoch: int) -> _Passing:
         """Return the delayed frames of a side that are due."""
-        due = [frame for at, of, frame in self._delayed if of == sender and at <= epoch]
-        if due:
-            self._delayed = [d for d in self._delayed if not (d[1] == sender and d[0] <= epoch)]
+        delayed = self._delayed[sender]
+        due = []
+        while delayed and delayed[0][0] <= epoch:
+            due.append(heapq.heappop(delayed)[2])
         return due
 
     def _hit(self, entry: _Entry, sender: Node, passing: _Passing, epoch: int) -> _Passing:
@@ -236,6 +248,8 @@ class WireFaults:
         left: _Passing = []
         for frame in passing:
             hit = fault.means(sender, int(frame["can_id"][0]))
+            if fault.kind == FaultKind.DUPLICATE and id(frame) in self._copies:
+                hit = False  # or a dozen such faults would make thousands of one frame
             if hit and random.random() < fault.probability:
                 left.extend(self._affect(entry, sender, frame, epoch))
             else:
@@ -263,7 +277,8 @@ class WireFaults:
         if kind in _SILENT:
             return
         if kind == FaultKind.DELAY:
-            self._delayed.append((epoch + max(1, fault.parameter), sender, frame))
+            at = epoch + max(1, fault.parameter)
+            heapq.heappush(self._delayed[sender], (at, next(self._sequence), frame))
             return
         if kind == FaultKind.CORRUPT:
             bit = fault.parameter - 1 if fault.parameter else int(random.integers(64))
@@ -271,9 +286,14 @@ class WireFaults:
         elif kind == FaultKind.WRONG_COUNTER:
             self._miscount(frame)
         elif kind == FaultKind.DUPLICATE:
-            yield frame.copy()
+            copy = frame.copy()
+            self._copies[id(copy)] = copy
+            yield copy
         elif kind == FaultKind.STALE:
-            frame = held.setdefault(int(frame["can_id"][0]), frame).copy()
+            again = held.setdefault(int(frame["can_id"][0]), frame).copy()
+            if id(frame) in self._copies:
+                self._copies[id(again)] = again
+            frame = again
         yield frame  # CORRUPT_WIRE, too: the controllers send the frame again
 
     def _miscount(self, frame: FrameArray) -> None:

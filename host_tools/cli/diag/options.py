@@ -15,6 +15,9 @@ from rrins.host_tools.cli.options import Command, Option, bus_options, together
 from rrins.host_tools.diag.target import DEFAULT_TIMEOUT_S, Target
 from rrins.host_tools.diag.tester import Tester
 from rrins.host_tools.errors import DiagError
+from rrins.host_tools.files import content_of
+
+_LARGEST_SECRET = 1 << 16  # bytes
 
 _bus_options = together(
     bus_options,
@@ -50,7 +53,7 @@ def _secret(path: Path | None) -> bytes:
     if path is None:
         return DEFAULT_SECRET
     try:
-        return path.read_bytes().strip()
+        return content_of(path, _LARGEST_SECRET).strip()
     except OSError as error:
         raise DiagError(f"--secret-file {path}: cannot be read: {error.strerror}") from error
 

@@ -8,7 +8,6 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import click
 from rich import box
-from rich.console import Console
 from rich.table import Table
 
 from rrins.firmware_py.diagnostics.codecs import Field, Value
@@ -45,7 +44,7 @@ def new_table(columns: Sequence[str], heading: bool = True) -> Table:
 
 def print_table(table: Table) -> None:
     """Print a table without interpreting or highlighting its text."""
-    terminal.print_table(table, Console(highlight=False, markup=False, emoji=False))
+    terminal.print_table(table, terminal.new_console(highlight=False))
 
 
 def field_rows(

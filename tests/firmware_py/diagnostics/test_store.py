@@ -189,6 +189,16 @@ def test_a_file_of_something_else_is_left_as_it_is(tmp_path):
     assert path.read_text() == "duration_s = 4\n"
 
 
+def test_a_device_is_no_memory(tmp_path):
+    path = tmp_path / "parameters.bin"
+    path.symlink_to("/dev/null")
+    with pytest.raises(StoreError, match=r"parameters\.bin: is not a file"):
+        FileMedium(path)
+    os.mkfifo(tmp_path / "pipe")
+    with pytest.raises(StoreError, match="pipe: is not a file"):
+        FileMedium(tmp_path / "pipe")
+
+
 def test_a_truncated_file_falls_back(tmp_path):
     path = tmp_path / "parameters.bin"
     store = TwoCopyStore(FileMedium(path), CAPACITY)

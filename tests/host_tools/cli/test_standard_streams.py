@@ -35,7 +35,8 @@ def run(monkeypatch, tmp_path):
                     getattr(sys, name).flush()
                     text.close()
         return ended.value.code, *(
-            None if full.get(name) else Path(name).read_text() for name in ("stdout", "stderr")
+            None if full.get(name) else Path(name).read_text(errors="surrogateescape")
+            for name in ("stdout", "stderr")
         )
 
     return runner
@@ -70,6 +71,17 @@ def test_notes_on_a_full_disk_are_left_out_and_the_run_goes_on(run):
     assert run("simulate", "nothing", stderr=True)[0] == 3
     assert run("simulate", "--nothing", stderr=True)[0] == 2
     assert run("scenarios", stdout=True, stderr=True)[0] == 1
+
+
+def test_names_are_printed_as_they_stand(run):
+    Path("own.toml").write_text('title = "[/b] :x: [red]"\nduration_s = 2\n', encoding="utf-8")
+    status, shown, _ = run("simulate", "own.toml", "--out", "o[/b]:x:")
+    assert (status, "o[/b]:x:/summary.json" in shown) == (0, True)
+    Path("b\udcff.toml").write_text("duration_s = 2\n", encoding="utf-8")
+    status, shown, said = run("simulate", "b\udcff.toml", "--seed", "-1")
+    assert (status, said.count("\n")) == (3, 1)
+    Path("b\udcff.log").write_text("(1.0) can0 010#00\n", encoding="utf-8")
+    assert run("plot", "--list", "b\udcff.log")[1].startswith("b\udcff.log: 1 frame")
 
 
 def started(*arguments, **streams):

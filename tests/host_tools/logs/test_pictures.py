@@ -170,6 +170,39 @@ def test_a_picture_has_the_name_of_its_log(copy, tmp_path, monkeypatch, name, pi
     assert Path(picture).is_file()
 
 
+@pytest.mark.parametrize("name", ["$a$ $\\frac{$.log", "no-utf-8\udcff.log", "[b] :x:.log"])
+@pytest.mark.parametrize("time_s", [1e9, 1e12, 1e14])
+def test_any_name_and_any_time_are_drawn(tmp_path, monkeypatch, name, time_s):
+    monkeypatch.chdir(tmp_path)
+    lines = (f"({time_s + k:.0f}.5) can0 010#0000000000000000\n" for k in range(3))
+    Path(name).write_text("".join(lines))
+    assert call("plot", name, "SYNC.epoch", "--out", "x.png").exit_code == 0
+    assert Path("x.png").stat().st_size > 1000
+
+
+@pytest.mark.parametrize(
+    ("parts", "words"),
+    [
+        (["../x.log"], "no name of a file in this folder: '../x.log'"),
+        (["/etc/passwd"], "no name of a file"),
+        ([""], "no name of a file"),
+        ([".."], "no name of a file"),
+        (["x" * 300], "no name of a file"),
+        (["a\0b"], "no name of a file"),
+        (["copy.log", "copy.log"], "a file is named twice"),
+    ],
+)
+def test_parts_that_are_no_names_are_one_line(copy, parts, words):
+    path = copy()
+    beside = path.with_name(f"{path.name}.json")
+    note = json.loads(beside.read_text())
+    note["parts"] = [{"file": name, "first_s": 0.0} for name in parts]
+    beside.write_text(json.dumps(note))
+    result = call("plot", path, "--list")
+    assert (result.exit_code, words in result.stderr) == (6, True)
+    assert result.stderr.count("\n") == 1
+
+
 def test_tables_of_another_export_are_told_of_and_stay(copy, tmp_path):
     path, folder = copy(), tmp_path / "tables"
     assert "another export" not in call("export", path, folder).stderr

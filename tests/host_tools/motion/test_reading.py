@@ -121,6 +121,19 @@ def test_lines_of_no_solution_are_reported(write):
     assert [(i.line, i.kind) for i in found.irregularities] == [(4, "no_solution")]
 
 
+def test_a_time_that_no_receiver_gives_costs_its_line(write):
+    rows = [f"2000 {k}.0 40.0 116.0 40.0 1 9" for k in range(5)]
+    rows[1] = "9" * 400 + rows[1][4:]
+    rows[2] = "-1" + rows[2][4:]
+    rows[3] = "20\x000" + rows[3][4:]
+    header = "%  GPST latitude(deg) longitude(deg) height(m) Q ns"
+    found = take(write([header, *rows], "a.pos"))
+    assert [(i.line, i.kind) for i in found.irregularities] == [
+        (line, "not_a_number") for line in (3, 4, 5)
+    ]
+    assert found.irregularities[2].text == "not a time: 20\N{REPLACEMENT CHARACTER}0 3.0"
+
+
 @pytest.mark.parametrize(
     ("name", "lines", "words"),
     [
@@ -130,6 +143,8 @@ def test_lines_of_no_solution_are_reported(write):
         ("a.csv", ["time_s,latitude,longitude_deg,height_m"], "rename latitude to it?"),
         ("a.csv", ROWS, "line 1: no header row with names such as time_s"),
         ("a.csv", [HEADER + ",height_m"], "line 1: duplicate column height_m"),
+        ("a.csv", [HEADER + ",x" * 100_000], "line 1: 100004 columns, 1000 at most"),
+        ("a.csv", [HEADER + ",x\0,x\0"], "duplicate column x\N{REPLACEMENT CHARACTER}"),
         ("a.csv", [HEADER + ",roll_deg"], "no column pitch_deg (group: roll_deg, pitch_deg, "),
         (
             "a.pos",

@@ -89,6 +89,23 @@ def test_a_printed_scenario_loads_from_a_file_as_the_same(name, write):
             ["firmware.accelerometer_weights", "above 0"],
         ),
         (
+            'duration_s = 1\n[[operator]]\nat_s = 1e12\nrequest = "NAVIGATE_ROTATING"',
+            ["operator.1.at_s", "less than or equal to 10000000"],
+        ),
+        (
+            'duration_s = 1\n[[faults]]\nkind = "drop"\nat_s = 1e300',
+            ["faults.1.at_s", "less than or equal to 10000000"],
+        ),
+        (
+            'duration_s = 1\n[[faults]]\nkind = "drop"\nfor_s = 1e300',
+            ["faults.1.for_s", "less than or equal to 10000000"],
+        ),
+        (
+            "duration_s = 1\n[firmware]\nturn_rate_dps = 1e-300",
+            ["firmware.turn_rate_dps", "greater than or equal to 0.01"],
+        ),
+        (f"duration_s = 1\ntitle = '{'x' * 100_000}'", ["title", "at most 200 characters"]),
+        (
             'duration_s = 1\n[[operator]]\nat_s = 1\nrequest = "FLY"',
             ["operator.1.request", "NAVIGATE_ROTATING"],
         ),
@@ -100,6 +117,7 @@ def test_a_wrong_scenario_is_told_in_one_line(text, words, write):
         scenarios.load(path)
     message = str(caught.value)
     assert "\n" not in message
+    assert len(message) < 400
     assert path in message
     for word in words:
         assert word in message

@@ -182,6 +182,17 @@ def test_a_delayed_frame_comes_once_and_not_again():
     assert seen == [[], [], [0], [1], [2], [3]]
 
 
+@pytest.mark.parametrize("kinds", [("DUPLICATE",), ("DUPLICATE", "STALE"), ("BABBLE", "DUPLICATE")])
+def test_many_faults_that_make_frames_make_few(kinds):
+    faults = WireFaults(tuple(WireFault(FaultKind[k], parameter=9) for k in 20 * kinds), seed=1)
+    frames, out = frame_array(2), frame_array(4096)
+    frames["can_id"] = (0x40, 0x41)
+    count = faults.apply(Node.HARDWARE, frames, 2, 0, out)
+    babble = int(np.count_nonzero(out["can_id"][:count] == 1))
+    assert count - babble == 2 * 21
+    assert babble == (0 if "BABBLE" not in kinds else sum(9 * (21 - k) for k in range(20)))
+
+
 def test_faults_act_only_in_their_time_and_on_their_frames():
     fault = WireFault(FaultKind.DROP, Node.HARDWARE, 0x40, first_epoch=2, last_epoch=3)
     faults = WireFaults((fault,), seed=1)
