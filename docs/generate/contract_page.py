@@ -22,6 +22,9 @@ of the message's data ID and bytes 1 to 7; the low nibble of byte 1 is a counter
 frames sent every epoch the counter is the epoch modulo 15, which ties a frame to its epoch; in the
 others it counts transmissions. A frame with a wrong CRC or counter only increments a fault counter.
 
+**Increments.** The sensors' frames hold increments along the sensors' input axes. [Fusing the
+sensors yourself](conventions.md#fusing-the-sensors-yourself) says how they become vectors.
+
 **Diagnostics.** The messages `DIAG_…` carry ISO-TP (ISO 15765-2), which has its own control bytes
 and sequence numbers; see [diagnostics](diagnostics.md). They have no cycle time.
 """

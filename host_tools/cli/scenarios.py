@@ -8,6 +8,7 @@ import click
 
 from rrins.host_tools.cli.completion import complete_scenarios
 from rrins.host_tools.cli.group import Group
+from rrins.host_tools.cli.options import json_option
 from rrins.host_tools.scenario.scenario import Scenario, load, names, text_of
 
 
@@ -22,9 +23,21 @@ def scenarios(context: click.Context) -> None:
 
 @scenarios.command("show")
 @click.argument("name", shell_complete=complete_scenarios)
-def show_scenario(name: str) -> None:
-    """Print the TOML of a scenario, to copy and edit."""
-    click.echo(text_of(name), nl=False)
+@json_option
+def show_scenario(name: str, as_json: bool) -> None:
+    """Print the TOML of a scenario, to copy and edit.
+
+    With --json: every key with its value, defaults included, and what the firmware fuses the
+    sensors with (H, weights, calibration) in all digits.
+    """
+    if not as_json:
+        click.echo(text_of(name), nl=False)
+        return
+    from rrins.host_tools.runs.fusion_set_up import fusion_set_up
+
+    scenario = load(name)
+    shown = {"scenario": scenario.model_dump(mode="json"), "fusion": fusion_set_up(scenario)}
+    click.echo(json.dumps(shown))
 
 
 @scenarios.command("schema")
