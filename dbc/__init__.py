@@ -2,7 +2,3 @@
 
 The only code that both sides share. Only this package knows bit positions.
 """
-
-from rrins.dbc.compilation import keep_compiled_code
-
-keep_compiled_code()

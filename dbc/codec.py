@@ -18,9 +18,8 @@ import numpy as np
 from cantools.database import Message, Signal
 from cantools.database.can import Database
 from cantools.errors import Error as CantoolsError
-from numba import njit
 
-from rrins.dbc.compilation import compiled
+from rrins.dbc.compilation import compiled, compiled_with
 from rrins.dbc.e2e import MessageLayout
 from rrins.dbc.record import F8, I8, U1, Record, Whole
 
@@ -45,7 +44,7 @@ class ContractError(Exception):
     """The DBC cannot serve as the contract: it is unreadable, incomplete or inconsistent."""
 
 
-@njit(cache=True, inline="always")
+@compiled_with(inline="always")
 def _swapped(word: np.uint64) -> np.uint64:
     swapped = np.uint64(0)
     for k in range(8):

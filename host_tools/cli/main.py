@@ -97,14 +97,18 @@ class _Group(Group):
             _fail(str(error), error.exit_status)
         except KeyboardInterrupt:
             _fail("stopped by the user", INTERRUPTED)
-        except _contract_errors() as error:
+        except _errors_of_dbc() as error:
             _fail(str(error), RehearsalError.exit_status)
 
 
-def _contract_errors() -> tuple[type[Exception], ...]:
-    """Return the exception of an unusable DBC; nothing if the codec has not been imported."""
-    codec = sys.modules.get("rrins.dbc.codec")
-    return () if codec is None else (codec.ContractError,)
+def _errors_of_dbc() -> tuple[type[Exception], ...]:
+    """Return the exceptions of an unusable DBC and of an unsafe folder of compiled code.
+
+    Only those of modules that have been imported.
+    """
+    kinds = (("codec", "ContractError"), ("code_folder", "CodeFolderError"))
+    homes = ((sys.modules.get(f"rrins.dbc.{module}"), name) for module, name in kinds)
+    return tuple(getattr(home, name) for home, name in homes if home is not None)
 
 
 def _fail(message: str, exit_status: int) -> NoReturn:

@@ -269,13 +269,17 @@ def _run_side(
     **job: Any,
 ) -> None:
     from rrins.host_tools.runs.job import REALTIME, Job
-    from rrins.host_tools.runs.pipe import ReportPipe
+    from rrins.host_tools.runs.pipe import NoteHandler, ReportPipe
     from rrins.host_tools.runs.side import address_of, check_line, run_side
 
     report_fd = job["report_fd"]
     heed_sigterm()
     if report_fd is not None:  # errors go into the report, not into a log as well
         logging.getLogger().setLevel(logging.CRITICAL)
+        of_code = logging.getLogger("rrins.dbc")
+        of_code.setLevel(logging.WARNING)
+        of_code.propagate = False
+        of_code.addHandler(NoteHandler(ReportPipe(report_fd), side))
     try:
         loaded = load(scenario, duration_s=duration_s, seed=seed)
         address = address_of(interface, channel, bitrate)

@@ -32,6 +32,8 @@ class RunDisplay:
         self._console = console
         self._is_sparse = not console.is_terminal and not quiet
         self._shown = 0
+        self._noted: set[str] = set()
+        self._compiling: dict[str, int] = {}
         self._truth: dict[int, JsonObject] = {}
         self._error_m: float | None = None
         self._progress = progress_line(console, quiet)
@@ -58,14 +60,27 @@ class RunDisplay:
             self._console.print(text, highlight=False, soft_wrap=True)
 
     def note(self, text: str) -> None:
-        """Show a line that the user must not miss."""
+        """Show a line that the user must not miss; once, though both sides may say it."""
+        if text in self._noted:
+            return
+        self._noted.add(text)
         self._console.print(f"rrins: {text}", highlight=False, markup=False, soft_wrap=True)
+
+    def compiling(self, side: str, functions: int) -> None:
+        """Show that a side compiles, and how many functions it has begun."""
+        if not self._compiling and self._is_sparse:
+            self._console.print("compiling; later starts load what is compiled now")
+        self._compiling[side] = functions
+        counts = ", ".join(f"{side} {count}" for side, count in sorted(self._compiling.items()))
+        self._progress.update(self._task, description=f"compiling: {counts} functions")
 
     def report(self, report: JsonObject) -> None:
         """Show a report of one of the sides (see `rrins.host_tools.runs.pipe`)."""
         kind = report["kind"]
         if kind == "preparing" and report["side"] == "firmware":
-            self.say("preparing (the first start compiles, about 30 s)")
+            self.say("preparing")
+        elif kind == "compiling":
+            self.compiling(report["side"], report["functions"])
         elif kind == "started":
             self._progress.start_task(self._task)
             self.say("running")

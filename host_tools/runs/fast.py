@@ -10,9 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Self
 
-from numba import njit
-
-from rrins.dbc.compilation import compiled
+from rrins.dbc.compilation import compiled, compiled_with
 from rrins.dbc.contract import Contract, load_contract
 from rrins.dbc.record import Floats, Records
 from rrins.firmware_py.core import clock, intake
@@ -79,7 +77,7 @@ def _step(plant: Plant, pieces: Floats, state: Ram, contract: Contract) -> None:
     _pass_down(plant, state, contract)
 
 
-@njit(cache=True, nogil=True)
+@compiled_with(nogil=True)
 def run_epochs(
     plants: Records[Plant],
     pieces: Floats,

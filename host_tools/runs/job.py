@@ -7,11 +7,14 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 
+from rrins.dbc.code_folder import CodeFolderError, code_folder
+from rrins.dbc.compile_events import compiling_watched
 from rrins.dbc.frame import frame_array
 from rrins.dbc.values import FaultAction
 from rrins.firmware_py.loop import Firmware
 from rrins.firmware_py.serial.lines import NO_LINES, SerialSettings
 from rrins.host_tools.bus.port import Address, frame_of_message
+from rrins.host_tools.errors import RehearsalError
 from rrins.host_tools.hardware.loop import Hardware
 from rrins.host_tools.injection.messages import fault_commands
 from rrins.host_tools.runs.pipe import ReportPipe
@@ -90,6 +93,22 @@ def settle(job: Job) -> dict[str, bool]:
     return {}
 
 
+def check_code_folder() -> None:
+    """Refuse to start where others could have written the compiled code.
+
+    Raises
+    ------
+    RehearsalError
+        With what to do.
+    """
+    folder = code_folder()
+    try:
+        if folder is not None:
+            folder.check()
+    except CodeFolderError as error:
+        raise RehearsalError(str(error)) from error
+
+
 def prepare_firmware(scenario: Scenario) -> None:
     """Run one step on a spare instance, so that all code is compiled or loaded."""
     aside = Firmware(firmware_settings(scenario))
@@ -112,8 +131,16 @@ def prepare_hardware(scenario: Scenario) -> None:
 
 
 def prepare(report: ReportPipe, side: str, scenario: Scenario) -> None:
-    """Compile or load what a side needs, and report how long that took."""
+    """Compile or load what a side needs; report each function that is compiled, and how long.
+
+    Raises
+    ------
+    RehearsalError
+        When others could have written the compiled code.
+    """
     report.send("preparing", side=side)
     start = time.monotonic()
-    {"firmware": prepare_firmware, "hardware": prepare_hardware}[side](scenario)
+    check_code_folder()
+    with compiling_watched(lambda functions: report.compiling(side, functions)):
+        {"firmware": prepare_firmware, "hardware": prepare_hardware}[side](scenario)
     report.send("prepared", side=side, seconds=round(time.monotonic() - start, 2))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import logging
 import os
 import sys
 
@@ -41,9 +42,34 @@ class ReportPipe:
         else:
             self.send("note", side=side, text=text)
 
+    def compiling(self, side: str, functions: int) -> None:
+        """Tell that a side compiles, and how many functions it has begun."""
+        if self._fd is not None:
+            self.send("compiling", side=side, functions=functions)
+        elif functions == 1:
+            self.note(side, f"compiling the {side}; later starts load what is compiled now")
+
     def fail(self, side: str, error: RehearsalError) -> None:
         """Tell the rehearsal why a side fails."""
         self.send("error", side=side, message=str(error), exit_status=error.exit_status)
+
+
+class NoteHandler(logging.Handler):
+    """Hands what is logged to the rehearsal, as notes.
+
+    Parameters
+    ----------
+    report : ReportPipe
+    side : str
+    """
+
+    def __init__(self, report: ReportPipe, side: str) -> None:
+        super().__init__()
+        self._report, self._side = report, side
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Send one note."""
+        self._report.note(self._side, record.getMessage())
 
 
 class ReportReader:

@@ -7,6 +7,7 @@ from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from rrins.dbc.compile_events import compiling_watched
 from rrins.dbc.record import Records
 from rrins.firmware_py.core.memory import NavigationOutput
 from rrins.firmware_py.serial.lines import NO_LINES, SerialSettings
@@ -20,7 +21,7 @@ from rrins.host_tools.recording.formats import check_path
 from rrins.host_tools.runs.direct import run_direct, run_without_frames
 from rrins.host_tools.runs.display import RunDisplay
 from rrins.host_tools.runs.fast import FastRun
-from rrins.host_tools.runs.job import prepare_firmware, prepare_hardware
+from rrins.host_tools.runs.job import check_code_folder, prepare_firmware, prepare_hardware
 from rrins.host_tools.runs.outcome import Outcome
 from rrins.host_tools.runs.rehearsal import Interrupted, Rehearsal, default_address
 from rrins.host_tools.runs.results import Errors, compare, read_samples_of
@@ -39,6 +40,7 @@ from rrins.host_tools.serial.arguments import arguments_of
 from rrins.host_tools.terminal import new_console
 
 _PROBE_S = 60.0  # simulated
+_BEFORE_START = ("compiling", "note")
 
 
 @dataclass(frozen=True)
@@ -227,6 +229,7 @@ def check(plan: Plan, record: Path | None = None) -> Address:
     if record is not None:
         check_path(record)
     check_files(plan.scenario)
+    check_code_folder()
     address = plan.bus.address()
     slcan.refuse_one_for_two(address)
     return address
@@ -244,8 +247,10 @@ def fit(plan: Plan, limit_s: float) -> Plan:
         tempfile.TemporaryDirectory(prefix="rrins-") as folder,
         RunDisplay(probe.scenario, new_console(stderr=True)) as display,
     ):
-        display.say("measuring the speed (the first start compiles, about 30 s)")
-        outcome = probe.rehearsal(address, Path(folder), None).run(lambda report: None)
+        display.say("measuring the speed")
+        outcome = probe.rehearsal(address, Path(folder), None).run(
+            lambda report: display.report(report) if report["kind"] in _BEFORE_START else None
+        )
     if outcome.failure is not None:
         raise outcome.failure
     expected_s = outcome.wall_s * plan.scenario.epochs / probe.scenario.epochs
@@ -325,14 +330,16 @@ def simulate(
     RehearsalError
         When the run cannot begin. What goes wrong later is the result's `failure`.
     """
-    with interruption.as_event() as stop, _samples_in(folder) as samples:
-        display.report({"kind": "preparing", "side": "firmware"})
-        needs_frames = with_frames or scenario_wire(scenario) is not None or serial.nmea is not None
+    needs_frames = with_frames or scenario_wire(scenario) is not None or serial.nmea is not None
+    display.report({"kind": "preparing", "side": "firmware"})
+    check_code_folder()
+    with compiling_watched(lambda functions: display.compiling("both sides", functions)):
         if needs_frames:
             prepare_firmware(scenario)
             prepare_hardware(scenario)
         else:
             FastRun.of(firmware_settings(scenario), hardware_settings(scenario)).run(2)
+    with interruption.as_event() as stop, _samples_in(folder) as samples:
         display.report({"kind": "started", "side": "hardware"})
         try:
             if needs_frames:

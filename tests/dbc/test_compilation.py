@@ -1,0 +1,163 @@
+"""Compiled code between runs: kept, healed, and not torn by Ctrl-C."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from concurrent.futures import ThreadPoolExecutor
+
+import numba
+import pytest
+
+from rrins.dbc.code_folder import CodeFolder
+from rrins.dbc.compilation import compiled_with
+from rrins.dbc.compile_events import compiling_watched
+
+pytestmark = pytest.mark.skipif(numba.config.DISABLE_JIT, reason="nothing is compiled")
+
+
+def half(x):
+    return x / 2
+
+
+def square(x):
+    return x * x
+
+
+@pytest.fixture
+def folder(tmp_path):
+    return CodeFolder(tmp_path / "rrins" / "0123456789abcdef")
+
+
+def start(folder, function=half, argument=5):
+    """Return the result of a function as a new process gets it, and how many were compiled."""
+    counts = [0]
+    with compiling_watched(counts.append):
+        result = compiled_with(CodeFolder(folder.path))(function)(argument)
+    return result, counts[-1]
+
+
+def test_a_function_is_compiled_once_for_each_signature(folder):
+    assert start(folder) == (2.5, 1)
+    assert start(folder) == (2.5, 0)
+    assert start(folder, argument=5.0) == (2.5, 1)
+    assert start(folder, argument=5.0) == (2.5, 0)
+    assert start(folder, square) == (25, 1)
+    assert len(list(folder.path.glob("*.code"))) == 3
+
+
+def code_of(folder, name):
+    (path,) = folder.path.glob(f"*{name}*.code")
+    return path
+
+
+@pytest.mark.parametrize("share", [0.0, 0.001, 0.5, 0.999])
+def test_code_cut_short_is_compiled_anew(folder, caplog, share):
+    start(folder)
+    path = code_of(folder, "half")
+    os.truncate(path, int(path.stat().st_size * share))
+    assert start(folder) == (2.5, 1)
+    assert start(folder) == (2.5, 0)
+    assert len(caplog.records) == 1
+
+
+def test_flipped_bits_are_never_run(folder, caplog):
+    start(folder)
+    path = code_of(folder, "half")
+    whole = path.read_bytes()
+    step = len(whole) // 12
+    for byte in range(0, len(whole), step):
+        path.write_bytes(whole[:byte] + bytes([whole[byte] ^ 0x10]) + whole[byte + 1 :])
+        assert start(folder) == (2.5, 1), byte
+    assert len(caplog.records) == len(range(0, len(whole), step))
+
+
+def test_exchanged_code_is_not_run(folder):
+    start(folder)
+    start(folder, square)
+    one, other = code_of(folder, "half"), code_of(folder, "square")
+    first, second = one.read_bytes(), other.read_bytes()
+    one.write_bytes(second)
+    other.write_bytes(first)
+    assert start(folder) == (2.5, 1)
+    assert start(folder, square) == (25, 1)
+
+
+def test_a_file_that_was_written_wrong_is_compiled_anew(folder, caplog):
+    start(folder)
+    folder.save(code_of(folder, "half").name, b"no pickle, but with its checksum")
+    assert start(folder) == (2.5, 1)
+    assert start(folder) == (2.5, 0)
+    assert len(caplog.records) == 1
+
+
+SCRIPT = """
+import sys
+from pathlib import Path
+from rrins.dbc.code_folder import CodeFolder
+from rrins.dbc.compilation import compiled_with
+keep = compiled_with(CodeFolder(Path(sys.argv[1])))
+@keep
+def inner(x):
+    return x + 1
+@keep
+def outer(x):
+    return inner(x) + inner(x + 0.5)
+print(inner(4), outer(1.0) + 2)
+"""
+
+
+def run(script, *arguments):
+    return subprocess.run(
+        [sys.executable, script, *map(str, arguments)],
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=100,
+    )
+
+
+def test_processes_that_start_at_once_do_not_disturb_each_other(folder, tmp_path):
+    script = tmp_path / "script.py"
+    script.write_text(SCRIPT)
+    with ThreadPoolExecutor(2) as pool:
+        for done in pool.map(lambda _: run(script, folder.path), range(2)):
+            assert (done.returncode, done.stderr) == (0, "")
+            assert done.stdout == "5 6.5\n"
+
+
+INTERRUPTED_AT_MANY_INSTANTS = """
+import signal, sys
+from pathlib import Path
+from rrins.dbc import compile_events
+from rrins.dbc.code_folder import CodeFolder
+from rrins.dbc.compilation import compiled_with
+keep = compiled_with(CodeFolder(Path(sys.argv[1])))
+# A timer's signal in the place of Ctrl-C: it comes when it is wanted.
+compile_events._SIGNALS = (signal.SIGALRM,)
+signal.signal(signal.SIGALRM, signal.default_int_handler)
+stopped = 0
+for k in range(40):
+    @keep
+    def inner(x):
+        return x * k + 1
+    @keep
+    def outer(x):
+        return inner(x) + k
+    try:
+        signal.setitimer(signal.ITIMER_REAL, 0.001 + 0.003 * k)
+        outer(1)
+        signal.pause()
+    except KeyboardInterrupt:
+        stopped += 1
+print(stopped)
+"""
+
+
+def test_ctrl_c_while_compiling_stops_without_a_traceback(folder, tmp_path):
+    script = tmp_path / "script.py"
+    script.write_text(INTERRUPTED_AT_MANY_INSTANTS)
+    done = run(script, folder.path)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout == "40\n"

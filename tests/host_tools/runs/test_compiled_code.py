@@ -1,0 +1,41 @@
+"""Compiled code as a user meets it: kept, refused where others can write, and Ctrl-C."""
+
+from __future__ import annotations
+
+import re
+import signal
+
+import pytest
+
+
+@pytest.fixture
+def cache(tmp_path, monkeypatch):
+    """Return an empty cache folder for the commands of a test."""
+    monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    return tmp_path / "cache" / "rrins"
+
+
+@pytest.mark.parametrize("command", ["rehearse", "firmware"])
+def test_a_folder_that_others_can_write_is_refused_in_one_line(start, cache, command):
+    cache.mkdir(parents=True)
+    cache.chmod(0o777)
+    running = start(command, "--duration=1")
+    assert running.finish()[0] == 1
+    said = [line for line in running.said if " on rrins:" not in line and line != "preparing"]
+    assert said == [
+        f"rrins: folder of compiled code {cache}: others can write to it (mode 777): delete it, or "
+        "have XDG_CACHE_HOME name another folder"
+    ]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("command", [("rehearse",), ("simulate",), ("firmware", "--speed=max")])
+def test_ctrl_c_while_it_compiles_is_one_line(start, cache, command):
+    running = start(*command, "--duration=1")
+    running.wait_for_line("compiling")
+    running.process.send_signal(signal.SIGINT)
+    assert running.finish(timeout=30)[0] == 130
+    after = running.said[1 + next(k for k, line in enumerate(running.said) if "compil" in line) :]
+    assert after == ["rrins: stopped by the user"]
+    assert not [line for line in running.said if re.search("Traceback|Exception", line)]
