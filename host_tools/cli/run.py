@@ -125,6 +125,7 @@ def rehearse(
 
     loaded = load(scenario, duration_s=duration_s, seed=seed)
     heed_sigterm()
+    _warn(loaded)
     plan = run.Plan(
         scenario,
         loaded,
@@ -166,10 +167,19 @@ def simulate(
 
     loaded = load(scenario, duration_s=duration_s, seed=seed)
     heed_sigterm()
+    _warn(loaded)
     folder = run.folder_of(out, scenario)
     with _display(loaded, as_json) as display:
         result = run.simulate(scenario, loaded, display, folder, frames, settings_of(serial))
     _finish(result, folder, as_json)
+
+
+def _warn(scenario: Scenario) -> None:
+    """Say what the scenario will not do as one may expect."""
+    from rrins.host_tools.runs.load_warnings import warnings_of
+
+    for warning in warnings_of(scenario):
+        print_note(f"warning: {warning}")
 
 
 def _display(scenario: Scenario, quiet: bool) -> RunDisplay:
@@ -286,6 +296,7 @@ def _run_side(
         own = Job(loaded, address, speed, log, **job)
         check_line(side, own)
         if report_fd is None:
+            _warn(loaded)
             kind = "real time" if speed == REALTIME else "lockstep"
             click.echo(f"rrins: {side} on {address}, {kind}; Ctrl-C stops", err=True)
         _show_side(run_side(side, own), as_json, report_fd)

@@ -28,13 +28,12 @@ def refuse_impossible(recording: Recording, trajectory: Trajectory, times: Float
 
     `times` are those of the recording in the trajectory, s.
     """
-    at = np.arange(len(trajectory.pieces) * _PER_PIECE + 1) / _PER_PIECE
+    at = np.arange(len(trajectory.pieces) * _PER_PIECE) / _PER_PIECE
     at *= trajectory.knot_ns * 1e-9
-    state = trajectory.at(at)
-    turn = np.degrees(np.linalg.norm(state[:, OMEGA_IB_B], axis=1))
-    force = np.linalg.norm(state[:, SPECIFIC_FORCE_B], axis=1)
-    pitch = np.degrees(state[:, ATTITUDE][:, 1])
-    height = state[:, PLACE][:, 2]
+    turn = np.degrees(np.linalg.norm(trajectory.sampled(OMEGA_IB_B, _PER_PIECE), axis=1))
+    force = np.linalg.norm(trajectory.sampled(SPECIFIC_FORCE_B, _PER_PIECE), axis=1)
+    pitch = np.degrees(trajectory.sampled(ATTITUDE, _PER_PIECE)[:, 1])
+    height = trajectory.sampled(PLACE, _PER_PIECE)[:, 2]
     low, high = HEIGHT_LIMITS_M
     outside = np.maximum(height - high, low - height)
     for value, limit, text in (

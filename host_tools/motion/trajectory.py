@@ -61,6 +61,15 @@ class Trajectory:
         """Length of all pieces."""
         return len(self.pieces) * self.knot_ns / 1e9
 
+    def sampled(self, channels: slice, per_piece: int) -> Floats:
+        """Return channels `per_piece` times on each piece, shape (n `per_piece`, channels).
+
+        For peaks of long motions: takes less memory than `at`.
+        """
+        u = np.arange(per_piece) / per_piece
+        values = horner(self.pieces[:, channels, None, :], u)
+        return np.asarray(values.swapaxes(1, 2).reshape(-1, values.shape[1]))
+
     def at(self, time_s: Floats) -> Floats:
         """Return all channels at times since the beginning, shape (m, 15).
 

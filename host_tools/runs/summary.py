@@ -8,6 +8,7 @@ from rich.table import Table
 
 from rrins.host_tools.files import JsonObject
 from rrins.host_tools.runs import given_attitude
+from rrins.host_tools.runs.load_warnings import warnings_of
 from rrins.host_tools.runs.outcome import Outcome
 from rrins.host_tools.runs.results import Errors, write_errors, write_summary
 from rrins.host_tools.runs.settings import trajectory_of
@@ -65,6 +66,7 @@ def summarise(
         "given_attitude_error_arcsec": given_attitude.error_arcsec(scenario),
         "height_channel": scenario.firmware.height_channel,
         "motion": _motion_of(scenario),
+        "warnings": warnings_of(scenario),
         "epochs": epochs,
         "wall_s": round(wall_s, 3),
         "epochs_per_s": round(epochs / wall_s, 1) if wall_s > 0 else 0.0,
