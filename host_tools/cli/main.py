@@ -45,6 +45,7 @@ _LOOK = {
     "record": _Entry("record", "Record a bus to a log file."),
     "replay": _Entry("replay", "Replay a log onto a bus or through the firmware."),
     "export": _Entry("export", "Write a log as Parquet or CSV tables."),
+    "increments": _Entry("increments", "Write fused increments and truth for other navigators."),
     "plot": _Entry("plot", "Plot signals of a log over time."),
     "socketcand": _Entry("socketcand", "Serve the embedded bus to socketcand clients."),
     "slcan": _Entry("slcan", "Serve the embedded bus as an slcan adapter."),

@@ -179,7 +179,7 @@ def _navigate_again(
     from rrins.host_tools.runs.run import folder_of
 
     log = Log(path, log_channel)
-    name, scenario = _scenario_of(log, name)
+    name, scenario = scenario_of(log, name, f"rrins replay {path} SCENARIO --firmware")
     against = None if other is None else Log(other)
     folder = folder_of(out, path.name)
     prepare_firmware(scenario)
@@ -197,8 +197,14 @@ def _navigate_again(
         raise FirmwareFaultError("the firmware never navigated; is it the log's scenario?")
 
 
-def _scenario_of(log: Log, name: str | None) -> tuple[str, Scenario]:
-    """Return the requested scenario, or the one in the note next to the log."""
+def scenario_of(log: Log, name: str | None, example: str) -> tuple[str, Scenario]:
+    """Return the requested scenario, or the one in the note next to the log.
+
+    Raises
+    ------
+    RecordError
+        When there is neither; the message shows the `example` of a command that names one.
+    """
     from rrins.host_tools.recording.errors import RecordError
     from rrins.host_tools.scenario.scenario import load
 
@@ -206,10 +212,7 @@ def _scenario_of(log: Log, name: str | None) -> tuple[str, Scenario]:
         return name, load(name)
     recorded = None if log.note is None else log.note.loaded_scenario(log.path)
     if log.note is None or recorded is None:
-        raise RecordError(
-            f"{log.path}: no note next to it names its scenario; give one: "
-            f"rrins replay {log.path} SCENARIO --firmware"
-        )
+        raise RecordError(f"{log.path}: no note next to it names its scenario; give one: {example}")
     return log.note.scenario_name or log.path.stem, recorded
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -38,6 +38,8 @@ class Renavigation:
         At power-on.
     clock_error_ppm : float
         Error of the firmware's own clock, which does not affect the navigation.
+    on_step : callable
+        Called after each step.
     in_lockstep : bool
         Whether the firmware is known to have run in lockstep. If so, a SYNC of a later epoch is
         spurious and is dropped with what follows; otherwise it is left for the next step.
@@ -49,12 +51,17 @@ class Renavigation:
     """
 
     def __init__(
-        self, firmware: Firmware, clock_error_ppm: float = 0.0, in_lockstep: bool = False
+        self,
+        firmware: Firmware,
+        clock_error_ppm: float = 0.0,
+        in_lockstep: bool = False,
+        on_step: Callable[[], None] = lambda: None,
     ) -> None:
         self.firmware = firmware
         self.steps = 0
         self._clock_error_ppm = clock_error_ppm
         self._in_lockstep = in_lockstep
+        self._on_step = on_step
         self._frames = frame_array(0)  # not yet received by the firmware, and their steps
         self._step = np.zeros(0, dtype=np.int64)
 
@@ -78,6 +85,7 @@ class Renavigation:
             if self.has_ended:
                 break
             count, start = self._run(frames, start, end)
+            self._on_step()
             out[at : at + count] = self.firmware.outbox[:count]
             sent[k] = count
             at += count

@@ -60,7 +60,7 @@ def _pass_down(plant: Plant, state: Ram, contract: Contract) -> None:
 
 
 @compiled
-def _step(plant: Plant, pieces: Floats, state: Ram, contract: Contract) -> None:
+def step_both(plant: Plant, pieces: Floats, state: Ram, contract: Contract) -> None:
     """Run one epoch of both sides."""
     advance(plant, pieces, contract)
     update_operator(plant)
@@ -109,7 +109,7 @@ def run_epochs(
     plant, state, record = plants[0], ram[0], contract[0]
     rows = 0
     for _ in range(epochs):
-        _step(plant, pieces, state, record)
+        step_both(plant, pieces, state, record)
         epoch = state.epoch
         if epoch % every == 0 and navigating(state):
             output(state)
