@@ -109,5 +109,5 @@ def _draw(
         when = "" if from_s is None and to_s is None else " in that time span"
         raise RecordError(f"{path}: no frames of {', '.join(named or absent[:4])}{when}")
     picture = out or Path(name_without_ending(path) + ".png")
-    save(draw_series(shown, contents, path.name), picture)
+    save(draw_series(shown, contents, f"Signals of {path.name}"), picture)
     click.echo(str(picture))

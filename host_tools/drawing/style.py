@@ -26,6 +26,9 @@ LINES: Final[tuple[LineStyle, ...]] = (
 EAST, NORTH = LINES[:2]
 """Styles of what belongs to the east and to the north."""
 
+SINCE_NAVIGATION: Final = "time since navigation began / s"
+"""The time axis of whatever is compared with the truth."""
+
 _DPI = 110
 
 
@@ -53,6 +56,13 @@ def give_title(to: Figure | Axes, text: str, fontsize: str = "medium") -> None:
 def _can_draw(code: int) -> bool:
     """Return whether the font of all pictures has a character."""
     return get_font(findfont(FontProperties())).get_char_index(code) != 0
+
+
+def quantity(what: str, unit: str) -> str:
+    """Return the label of an axis, such as ``speed / (m/s)``; without a unit, `what` alone."""
+    if not unit:
+        return what
+    return f"{what}\n/ {f'({unit})' if '/' in unit else unit}"
 
 
 def finish(axes: Axes, ylabel: str, zero_line: bool = False) -> None:

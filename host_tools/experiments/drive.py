@@ -272,9 +272,9 @@ def reproduce(fleet: Fleet, seeds: int, motion: Path | None) -> Section:
             tuple(spreads),
         )
     )
-    drawn = draw_bands(bands, "m")
-    for axes, words in zip(drawn.axes, _WAYS, strict=True):
-        axes.set_xlabel(f"end point error, {words} / m")
+    strapdown_words, rotating_words = (f"end point error, {words} / m" for words in _WAYS)
+    title = "End point errors, by σ of scale factor and installation errors"
+    drawn = draw_bands(bands, (strapdown_words, rotating_words), title)
     section.pictures.append(
         Picture("figure_4_5_spread", "End point errors over routes and constants.", drawn)
     )

@@ -5,9 +5,18 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
 from rrins.dbc.record import Floats
-from rrins.host_tools.drawing.style import EAST, NORTH, finish, new_figure
+from rrins.host_tools.drawing.style import (
+    EAST,
+    LINES,
+    NORTH,
+    SINCE_NAVIGATION,
+    finish,
+    new_figure,
+    quantity,
+)
 from rrins.host_tools.experiments.sections import Distribution
 from rrins.host_tools.runs.plots import scale_of
 from rrins.host_tools.runs.results import Errors
@@ -23,8 +32,9 @@ def _panel(axes: Axes, time_s: Floats, pairs: tuple[Floats, Floats], label: str,
     factor, prefix = scale_of(*pairs)
     for values, style, name in zip(pairs, (EAST, NORTH), ("east", "north"), strict=True):
         largest = float(np.max(np.abs(values))) * factor
-        axes.plot(time_s, values * factor, label=f"{name}, {largest:.3g} at most", **style)
-    finish(axes, f"{label}\n/ {prefix}{unit}", zero_line=True)
+        text = f"{name} (largest {largest:.3g} {prefix}{unit})"
+        axes.plot(time_s, values * factor, label=text, **style)
+    finish(axes, quantity(label, f"{prefix}{unit}"), zero_line=True)
     axes.legend(loc="upper left", frameon=False, ncols=2, fontsize="x-small")
     low, high = axes.get_ylim()
     axes.set_ylim(low, high + 0.2 * (high - low))
@@ -42,15 +52,27 @@ def draw_pair(left: tuple[Errors, str], right: tuple[Errors, str]) -> Figure:
         _panel(panels[0, column], time_s, velocity, "velocity error", "m/s")
         _panel(panels[1, column], time_s, position, "position error", "m")
         panels[0, column].set_title(title, fontsize="medium")
-        panels[1, column].set_xlabel("time / s")
+        panels[1, column].set_xlabel(SINCE_NAVIGATION)
+    figure.align_ylabels()
     return figure
 
 
-def draw_bands(cases: dict[str, tuple[Distribution, Distribution]], unit: str) -> Figure:
-    """Plot the spread of a quantity, east and north, for each case: band, median, the paper."""
+def draw_bands(
+    cases: dict[str, tuple[Distribution, Distribution]], labels: tuple[str, str], title: str
+) -> Figure:
+    """Plot the spread of two quantities for each case: band, median, the paper's figure.
+
+    Parameters
+    ----------
+    cases : dict
+        Both distributions by the words of a case.
+    labels : tuple of str
+        What either quantity is, with its unit.
+    title : str
+    """
     figure = new_figure(9.0, 1.0 + 0.5 * len(cases))
     panels = figure.subplots(1, 2, sharey=True)
-    for panel, side, style in zip(panels, (0, 1), (EAST, NORTH), strict=True):
+    for panel, side, style in zip(panels, (0, 1), LINES, strict=False):
         for row, pair in enumerate(cases.values()):
             one = pair[side]
             panel.plot(
@@ -65,13 +87,17 @@ def draw_bands(cases: dict[str, tuple[Distribution, Distribution]], unit: str) -
                     markersize=7,
                 )  # fmt: skip
         panel.set_xscale("log")
-        panel.set_xlabel(("east", "north")[side] + ("" if unit == "1" else f" / {unit}"))
+        low, high = panel.get_xlim()
+        panel.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5) if high < 100 * low else (1,)))
+        panel.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+        panel.xaxis.set_minor_formatter(NullFormatter())
+        panel.set_xlabel(labels[side])
         panel.grid(True, axis="x", which="both", color="0.9", linewidth=0.6)
     panels[0].set_yticks(range(len(cases)), list(cases))
     panels[0].invert_yaxis()
     spread = next(iter(cases.values()))[0].spread_words
     figure.suptitle(
-        f"bar: {spread}, ticks: seeds, dot: median, diamond: the paper", fontsize="small"
+        f"{title}\nbar: {spread}, ticks: seeds, dot: median, diamond: the paper", fontsize="small"
     )
     return figure
 
@@ -95,7 +121,9 @@ def draw_track(true_east_m: Floats, true_north_m: Floats, tracks: dict[str, Erro
     way.set_ylabel("north / km")
     way.grid(True, color="0.88", linewidth=0.6)
     way.legend(frameon=False, fontsize="small")
+    way.set_title("track", fontsize="medium")
+    over_time.set_title("distance from the truth", fontsize="medium")
     finish(over_time, "horizontal position error / m", zero_line=True)
-    over_time.set_xlabel("time / s")
+    over_time.set_xlabel(SINCE_NAVIGATION)
     over_time.legend(frameon=False, fontsize="small", loc="upper left")
     return figure

@@ -202,7 +202,14 @@ def reproduce(fleet: Fleet, seeds: int) -> Section:
         Picture(
             "figure_4_4_ratio",
             "Gain from rotation (strapdown over rotating) for each set of constants.",
-            draw_bands(bands, "1"),
+            draw_bands(
+                bands,
+                (
+                    "position error east: strapdown / rotating",
+                    "position error north: strapdown / rotating",
+                ),
+                "Gain from rotation, by σ of scale factor and installation errors",
+            ),
         )
     )
     strapdown, rotating = _scenarios(CASES[0])

@@ -99,6 +99,7 @@ def reproduce() -> Section:
         ):
             kind = integrals.sensors.kind
             caption = f"{kind.capitalize()} {SENSOR}: its integrated errors, body axes."
-            drawn = pictures.draw(variation, integrals, SENSOR, "")
+            title = f"{kind.capitalize()} {SENSOR}: integrated errors in the body frame"
+            drawn = pictures.draw(variation, integrals, SENSOR, title)
             section.pictures.append(Picture(name, caption, drawn))
     return section

@@ -15,7 +15,14 @@ from matplotlib.ticker import MaxNLocator
 
 from rrins.dbc.record import Floats, Records
 from rrins.firmware_py.core.memory import NavigationOutput
-from rrins.host_tools.drawing.style import LINES, finish, give_title, new_figure
+from rrins.host_tools.drawing.style import (
+    LINES,
+    SINCE_NAVIGATION,
+    finish,
+    give_title,
+    new_figure,
+    quantity,
+)
 from rrins.host_tools.logs.series import Contents, Series
 from rrins.host_tools.logs.signals import Numbers
 from rrins.host_tools.recording.errors import RecordError
@@ -27,6 +34,15 @@ _PREFIXES = ((2e3, 1e-3, "k"), (0.2, 1.0, ""), (2e-4, 1e3, "m"), (2e-7, 1e6, "µ
 _MANY_DIGITS = 1e6  # larger numbers are shown with a power of ten
 _NARROW = 1e-3  # range over magnitude; below this an offset is subtracted
 _SHOWN = {"deg": "°", "deg/s": "°/s", "us": "µs"}
+_QUANTITIES = {
+    "deg": "angle",
+    "rad": "angle",
+    "deg/s": "rate",
+    "m": "distance",
+    "m/s": "velocity",
+    "%": "share",
+}
+_WHAT_LETTERS = 26
 _PANEL_INCHES = 2.1
 _MOST_NAMES = 12
 _LEGEND_LETTERS = 105
@@ -103,7 +119,7 @@ def _draw_named(axes: Axes, one: Series) -> None:
         axes.set_yticks(range(len(values)), names, fontsize="small")
         axes.set_ylim(-0.5, len(values) - 0.5)
     axes.step(time_s, rank, where="post", label=one.signal.full_name, **LINES[0])
-    finish(axes, "")
+    finish(axes, _what([one]))
     _legend(axes)
 
 
@@ -135,6 +151,14 @@ def _scale_of(unit: str, lines: Sequence[tuple[Floats, Numbers]]) -> _Scale:
     return _Scale(base, 1.0, label)
 
 
+def _what(panel: Sequence[Series]) -> str:
+    """Return what a panel shows: the signals' names without their units, or the unit's quantity."""
+    signals = [one.signal for one in panel]
+    names = list(dict.fromkeys(signal.name_without_unit.replace("_", " ") for signal in signals))
+    text = ", ".join(names)
+    return text if len(text) <= _WHAT_LETTERS else _QUANTITIES.get(signals[0].unit, "value")
+
+
 def _draw_numbers(axes: Axes, panel: Sequence[Series]) -> None:
     lines = [one.kept.line() for one in panel]
     scale = _scale_of(panel[0].signal.unit, lines)
@@ -147,10 +171,10 @@ def _draw_numbers(axes: Axes, panel: Sequence[Series]) -> None:
             axes.plot(time_s, shown, label=one.signal.full_name, **style)
     if scale.factor == 1 and all(one.is_stepped for one in panel):
         axes.yaxis.set_major_locator(MaxNLocator(integer=True, min_n_ticks=1))
-        low, high = axes.get_ylim()
-        if high - low < 1:  # constant
-            axes.set_ylim(low - 0.8, high + 0.8)
-    finish(axes, scale.label)
+    low, high = axes.dataLim.intervaly
+    if high == low:
+        axes.set_ylim(low - 0.8, high + 0.8)
+    finish(axes, quantity(_what(panel), scale.label))
     axes.ticklabel_format(axis="y", style="plain", useOffset=False)
     _legend(axes)
 
@@ -196,7 +220,7 @@ def draw_navigation(navigation: Records[NavigationOutput], rate_hz: int, title: 
     heading = np.degrees(np.unwrap(navigation["heading"]))
     panels: tuple[tuple[str, str, tuple[tuple[str, Floats], ...]], ...] = (
         (
-            "distance from start",
+            "distance from\nthe start",
             "m",
             (("east", east), ("north", north), ("up", height - height[0])),
         ),
@@ -216,10 +240,11 @@ def draw_navigation(navigation: Records[NavigationOutput], rate_hz: int, title: 
         scale = _scale_of(unit, [(time_s, values) for _, values in lines])
         for style, (name, values) in zip(LINES, lines, strict=False):
             panel_axes.plot(time_s, (values - scale.base) * scale.factor, label=name, **style)
-        finish(panel_axes, f"{what}\n/ {scale.label}")
+        finish(panel_axes, quantity(what, scale.label))
         panel_axes.ticklabel_format(axis="y", style="plain", useOffset=False)
         _legend(panel_axes)
-    axes[-1].set_xlabel("time since navigation began / s")
+    axes[-1].set_xlabel(SINCE_NAVIGATION)
+    figure.align_ylabels()
     return figure
 
 

@@ -77,6 +77,12 @@ class SignalOfMessage:
         return f"{self.message}.{self.name}"
 
     @property
+    def name_without_unit(self) -> str:
+        """The name without the suffix of its unit."""
+        suffix = _suffix(self.unit)
+        return self.name.removesuffix(f"_{suffix}") if suffix else self.name
+
+    @property
     def column(self) -> str:
         """Return the name with the unit as its suffix."""
         suffix = _suffix(self.unit)

@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from rrins.dbc.record import Floats
-from rrins.host_tools.drawing.style import LINES, finish, give_title, new_figure
+from rrins.host_tools.drawing.style import LINES, finish, give_title, new_figure, quantity
 from rrins.host_tools.motion.errors import MotionError
 from rrins.host_tools.motion.local import Local
 from rrins.host_tools.motion.recording import Recording
@@ -21,6 +21,8 @@ _DrawPanel = Callable[[Axes, Floats, Floats], None]
 
 _FIRST, _SECOND, _THIRD = LINES[:3]
 _POINTS = 5000
+_SINCE_MOTION = "time since the motion began / s"
+_PREFIXES = ((0.2, 1.0, ""), (2e-4, 1e3, "m"), (0.0, 1e6, "µ"))
 
 
 def _legend(axes: Axes, columns: int) -> None:
@@ -59,32 +61,32 @@ def _track(axes: Axes, ground: Floats) -> None:
 
 def _speed(axes: Axes, times: Floats, state: Floats) -> None:
     axes.plot(times, np.linalg.norm(state[:, VELOCITY_N], axis=1), **_FIRST)
-    finish(axes, "speed\n/ (m/s)")
+    finish(axes, quantity("speed", "m/s"))
 
 
 def _height(axes: Axes, times: Floats, state: Floats) -> None:
     axes.plot(times, state[:, PLACE][:, 2], **_FIRST)
-    finish(axes, "height\n/ m")
+    finish(axes, quantity("height", "m"))
 
 
 def _roll_and_pitch(axes: Axes, times: Floats, state: Floats) -> None:
     angles = np.degrees(state[:, ATTITUDE])
     axes.plot(times, angles[:, 1], label="pitch", **_FIRST)
     axes.plot(times, angles[:, 0], label="roll", **_SECOND)
-    finish(axes, "roll, pitch\n/ °")
+    finish(axes, quantity("roll, pitch", "°"))
     _legend(axes, 2)
 
 
 def _heading(axes: Axes, times: Floats, state: Floats) -> None:
     axes.plot(times, np.degrees(state[:, ATTITUDE][:, 2]), **_FIRST)
-    finish(axes, "heading\n/ °")
+    finish(axes, quantity("heading", "°"))
 
 
 def _offsets(axes: Axes, times: Floats, state: Floats) -> None:
     ground = _over_ground(state)
     for column, name, style in zip(ground.T, ("east", "north", "up"), _STYLES, strict=True):
         axes.plot(times, column, label=name, **style)
-    finish(axes, "from calm water\n/ m")
+    finish(axes, quantity("from calm water", "m"))
     _legend(axes, 3)
 
 
@@ -105,7 +107,8 @@ def _draw_panels(
     panels = figure.subplots(len(draw), 1, sharex=True)
     for axes, draw_panel in zip(panels, draw, strict=True):
         draw_panel(axes, times, state)
-    panels[-1].set_xlabel("time / s")
+    panels[-1].set_xlabel(_SINCE_MOTION)
+    figure.align_ylabels()
     return figure
 
 
@@ -125,7 +128,7 @@ def draw_motion(trajectory: Trajectory, title: str) -> Figure:
         draw(panel, times, state)
         panel.tick_params(labelbottom=k == 3)
     assert panel is not None
-    panel.set_xlabel("time / s")
+    panel.set_xlabel(_SINCE_MOTION)
     return figure
 
 
@@ -134,7 +137,7 @@ def draw_check(recording: Recording, smoothed: Smoothed) -> Figure:
     trajectory, residuals = smoothed.trajectory, smoothed.residuals
     times, state = _sampled(trajectory, trajectory.duration_s)
     figure = new_figure(11.0, 11.0)
-    give_title(figure, recording.path.name)
+    give_title(figure, f"Motion recorded in {recording.path.name}, smoothed")
     grid = figure.add_gridspec(6, 2, width_ratios=(4, 6))
     _track(figure.add_subplot(grid[:, 0]), _over_ground(state))
     panels = [figure.add_subplot(grid[k, 1]) for k in range(6)]
@@ -142,13 +145,18 @@ def draw_check(recording: Recording, smoothed: Smoothed) -> Figure:
         draw(axes, times, state)
     speed, position, velocity = panels[0], panels[4], panels[5]
     names = ("east", "north", "up")
-    for axes, values, label in (
-        (position, residuals.position, "smoothed - file\nposition / m"),
-        (velocity, residuals.velocity, "smoothed - file\nvelocity / (m/s)"),
+    for axes, values, what, unit in (
+        (position, residuals.position, "position,\nsmoothed - file", "m"),
+        (velocity, residuals.velocity, "velocity,\nsmoothed - file", "m/s"),
     ):
+        largest = float(np.max(np.abs(values), initial=0.0))
+        factor, prefix = next((f, p) for above, f, p in _PREFIXES if largest >= above)
         for column, name, style in zip(values.T, names, _STYLES, strict=True):
-            axes.plot(residuals.time_s, column, label=name, **(style | {"linewidth": 0.8}))
-        finish(axes, label)
+            rms = float(np.sqrt(np.mean(np.square(column)))) * factor if len(column) else 0.0
+            label = f"{name} (rms {rms:.2g} {prefix}{unit})"
+            thin = style | {"linewidth": 0.6}
+            axes.plot(residuals.time_s, column * factor, label=label, **thin)
+        finish(axes, quantity(what, f"{prefix}{unit}"))
         _legend(axes, 3)
     if not recording.has_velocity:
         velocity.text(
@@ -167,7 +175,7 @@ def draw_check(recording: Recording, smoothed: Smoothed) -> Figure:
             marks, np.full(len(marks), low), "k|", markersize=9, label="irregularity", clip_on=False
         )
         _legend(speed, 1)
-    velocity.set_xlabel("time / s")
+    velocity.set_xlabel(_SINCE_MOTION)
     return figure
 
 

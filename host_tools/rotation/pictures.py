@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from rrins.dbc.record import Floats
-from rrins.host_tools.drawing.style import LINES, give_title, new_figure
+from rrins.host_tools.drawing.style import LINES, give_title, new_figure, quantity
 from rrins.host_tools.files import replacing
 from rrins.host_tools.rotation.analysis import Integrals, Variation
 from rrins.host_tools.rotation.errors import ERRORS
@@ -56,7 +56,8 @@ def _panel(axes: Axes, variation: Variation, running: Floats, integrals: Integra
         axes.plot(variation.time_s, running[:, j] * factor, label=f"${axis}_b$", **line)
     axes.axhline(0.0, color="0.5", linewidth=0.6, zorder=0)
     axes.margins(x=0)
-    axes.set_ylabel(f"{_LABELS[integrals.sensors.kind]} / {prefix}{integrals.sensors.unit}")
+    unit = f"{prefix}{integrals.sensors.unit}"
+    axes.set_ylabel(quantity(_LABELS[integrals.sensors.kind], unit).replace("\n", " "))
     for side in ("top", "right"):
         axes.spines[side].set_visible(False)
     low, high = axes.get_ylim()

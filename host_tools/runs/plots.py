@@ -9,7 +9,15 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from rrins.host_tools.drawing.style import EAST, NORTH, finish, give_title, new_figure
+from rrins.host_tools.drawing.style import (
+    EAST,
+    NORTH,
+    SINCE_NAVIGATION,
+    finish,
+    give_title,
+    new_figure,
+    quantity,
+)
 from rrins.host_tools.files import replacing
 from rrins.host_tools.runs.results import Errors, Vector
 
@@ -45,7 +53,7 @@ def _pair(axes: Axes, errors: Errors, kind: str, unit: str, label: str) -> None:
             label=f"{name} (largest {largest:.3g} {prefix}{shown})",
             **style,
         )
-    finish(axes, f"{label}\n/ {prefix}{shown}", zero_line=True)
+    finish(axes, quantity(label, f"{prefix}{shown}"), zero_line=True)
     _legend_above(axes)
 
 
@@ -76,7 +84,8 @@ def draw_errors(errors: Errors, title: str, figure: Figure | None = None) -> Fig
         finish(axes[2], "turntable angle\n/ °", zero_line=True)
         axes[2].set_yticks(np.arange(-180, 721, 180))
         _legend_above(axes[2])
-    axes[-1].set_xlabel("time since navigation began / s")
+    axes[-1].set_xlabel(SINCE_NAVIGATION)
+    figure.align_ylabels()
     return figure
 
 
@@ -100,8 +109,8 @@ def draw_track(errors: Errors, title: str, axes: Axes | None = None) -> Axes:
         label=f"end, {end:.3g} {prefix}m off, after {errors.time_s[-1]:.0f} s",
     )
     axes.set_aspect("equal", adjustable="datalim")
-    axes.set_xlabel(f"east / {prefix}m")
-    axes.set_ylabel(f"north / {prefix}m")
+    axes.set_xlabel(f"position error east / {prefix}m")
+    axes.set_ylabel(f"position error north / {prefix}m")
     axes.grid(True, color="0.88", linewidth=0.6)
     axes.legend(loc="best", frameon=False, fontsize="small")
     give_title(axes, title)

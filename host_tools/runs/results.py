@@ -28,7 +28,7 @@ _radii = getattr(radii, "py_func", radii)  # one call is not worth the compiler'
 class Errors:
     """Navigation minus truth, sampled over a run; each array of shape (n,).
 
-    Times count from the beginning of navigation.
+    Times count since navigation began.
     """
 
     epoch: NDArray[np.int64]

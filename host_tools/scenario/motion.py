@@ -42,7 +42,7 @@ _KEYS = {
 
 
 class Motion(BaseModel):
-    """What the vehicle does from the beginning of navigation on."""
+    """The vehicle's motion since navigation began."""
 
     model_config = ConfigDict(
         extra="forbid", frozen=True, allow_inf_nan=False, use_attribute_docstrings=True

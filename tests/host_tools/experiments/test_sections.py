@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from rrins.host_tools.experiments.constants import SETS, ConstantSet
+from rrins.host_tools.experiments.figures import draw_bands
 from rrins.host_tools.experiments.sections import BAND_SEEDS, Distribution, FigureRow, figure
 from rrins.host_tools.scenario.scenario import load
 
@@ -146,3 +149,20 @@ def test_larger_biases_are_larger_by_their_factor():
 def test_the_promised_sets_are_there():
     wanted = {(ppm, arcsec) for ppm in (0, 50) for arcsec in (0, 10, 60)}
     assert {(one.scale_ppm, one.installation_arcsec) for one in SETS} == wanted
+
+
+@pytest.mark.parametrize("most", [1e3, 1e6])
+def test_a_picture_of_spreads_says_what_it_shows_and_its_numbers_do_not_overlap(most):
+    spread = Distribution.of([100.0, 300.0, most], 200.0)
+    drawn = draw_bands({"a": (spread, spread)}, ("error east / m", "error north / m"), "Errors")
+    drawn.draw_without_rendering()
+    assert drawn.get_suptitle().startswith("Errors\nbar: ")
+    for axes, side in zip(drawn.axes, ("east", "north"), strict=True):
+        assert axes.get_xlabel() == f"error {side} / m"
+        low, high = axes.get_xlim()
+        texts = [text for text in axes.get_xticklabels(which="both") if text.get_text()]
+        boxes = [t.get_window_extent() for t in texts if low <= t.get_position()[0] <= high]
+        boxes.sort(key=lambda box: box.x0)
+        assert len(boxes) >= 2
+        assert all(left.x1 < right.x0 for left, right in pairwise(boxes))
+        assert not [text for text in texts if "10^" in text.get_text()]

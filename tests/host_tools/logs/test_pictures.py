@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gzip
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -102,7 +103,10 @@ def test_a_picture_has_a_panel_for_each_unit_and_names_on_the_scale(recordings):
     series, contents = gather(Log(recordings().path), find_signals(words), 1.0, 3.0)
     figure = draw_series(series, contents, "bus.log")
     labels = [axes.get_ylabel() for axes in figure.axes]
-    assert labels[0].endswith("rad")
+    assert re.fullmatch(r"gyro dtheta\n/ .?rad", labels[0])
+    assert labels[1] == "angle\n/ °"  # of axes and of the attitude
+    assert "mode" in labels
+    assert not [label for label in labels if not re.match("[a-z]", label)], "a unit alone"
     assert [axes.get_xlabel() for axes in figure.axes][-1] == "time since the log's first frame / s"
     names = [text.get_text() for text in figure.axes[-1].get_yticklabels()]
     assert "NAVIGATION_ROTATING (5)" in names
@@ -113,8 +117,10 @@ def test_a_picture_has_a_panel_for_each_unit_and_names_on_the_scale(recordings):
         assert max(line.get_xdata()) <= 3.0
 
 
-@pytest.mark.parametrize("signal", ["SYNC.time_us", "SYNC.epoch"])
-def test_many_digits_stand_at_the_label_and_not_over_the_legend(tmp_path, write_candump, signal):
+@pytest.mark.parametrize(("signal", "what"), [("SYNC.time_us", "time"), ("SYNC.epoch", "epoch")])
+def test_many_digits_stand_at_the_label_and_not_over_the_legend(
+    tmp_path, write_candump, signal, what
+):
     codec = load()
     frames = frame_array(200)
     for k, frame in enumerate(frames):
@@ -126,7 +132,7 @@ def test_many_digits_stand_at_the_label_and_not_over_the_legend(tmp_path, write_
     figure.draw_without_rendering()
     (axes,) = figure.axes
     assert axes.yaxis.get_offset_text().get_text() == ""
-    assert axes.get_ylabel().startswith("$10^{6}$")
+    assert axes.get_ylabel().startswith(f"{what}\n/ $10^{{6}}$")
     last = float(axes.get_lines()[0].get_ydata()[-1])
     assert last == pytest.approx({"SYNC.time_us": 39.8, "SYNC.epoch": 15.92}[signal])
 
