@@ -18,9 +18,10 @@ from rrins.host_tools.logs.candump import ByteStream, Candump
 from rrins.host_tools.logs.unpacking import Unpacked
 from rrins.host_tools.recording.errors import RecordError
 from rrins.host_tools.recording.formats import check_readable, ending_of, open_reader
+from rrins.host_tools.recording.frame_lines import NO_CHANNEL
 from rrins.host_tools.recording.mf4 import read_data_frames
 from rrins.host_tools.recording.note import Note, read_note
-from rrins.host_tools.recording.text_lines import TextLines
+from rrins.host_tools.recording.text_lines import BlockRead, TextLines
 
 if TYPE_CHECKING:
     from can.typechecking import Channel
@@ -236,14 +237,18 @@ class Log:
         damaged = 0
         messages = _Messages(reader, lines)
         for message in messages:
-            if message.is_fd or message.dlc == len(message.data) > _PAYLOAD:
+            collector.take(lines)
+            if message is None:
+                pass
+            elif message.is_fd or message.dlc == len(message.data) > _PAYLOAD:
                 self.passed_over += 1
             elif min(message.dlc, _PAYLOAD) != len(message.data) and not message.is_remote_frame:
                 damaged += 1
             else:
                 collector.add(message)
-            if len(collector.words) == size:
+            if len(collector) >= size:
                 yield collector.block()
+        collector.take(lines)
         yield collector.block()
         if damaged:
             self._add_damage(
@@ -302,7 +307,8 @@ class _Messages:
             return self._warnings.count
         return self._lines.bad_lines + self._lines.frames - self._count
 
-    def __iter__(self) -> Iterator[can.Message]:
+    def __iter__(self) -> Iterator[can.Message | None]:
+        """Yield the messages, and None where only lines that needed no reader have been read."""
         messages = iter(self._reader)
         first: Exception | None = None
         failed_at = 0
@@ -310,6 +316,12 @@ class _Messages:
             try:
                 with self._warnings:
                     message = next(messages, None)
+            except BlockRead:
+                assert self._lines is not None
+                self._lines.begin_again()
+                messages = iter(self._reader)
+                yield None
+                continue
             except Exception as error:  # noqa: BLE001 - third-party readers on arbitrary bytes
                 first = first or error
                 if self._lines is None or self._lines.frames == failed_at:  # not due to a line
@@ -323,7 +335,7 @@ class _Messages:
                 break
             self._count += 1
             yield message
-        if not self._count:
+        if not self._count and not (self._lines is not None and self._lines.parsed):
             self.failure = first
 
 
@@ -359,15 +371,20 @@ class _FrameCollector:
 
     def __init__(self, first_channel: int) -> None:
         self._first_channel = first_channel
-        self._names: list[str] = []
+        self._numbers: dict[str, int] = {}
+        self._done: list[tuple[FrameArray, Floats, Bytes]] = []
+        self._done_frames = 0
         self._clear()
+
+    def __len__(self) -> int:
+        return self._done_frames + len(self._words)
 
     def _clear(self) -> None:
         self._identifiers: list[int] = []
         self._lengths: list[int] = []
         self._times_s: list[float] = []
         self._channels: list[int] = []
-        self.words: list[int] = []
+        self._words: list[int] = []
 
     def add(self, message: can.Message) -> None:
         """Add a classic message."""
@@ -384,28 +401,62 @@ class _FrameCollector:
         self._lengths.append(min(length, _PAYLOAD))
         self._times_s.append(message.timestamp)
         self._channels.append(self._number_of(message.channel))
-        self.words.append(int.from_bytes(message.data, "little"))
+        self._words.append(int.from_bytes(message.data, "little"))
 
     def _number_of(self, channel: Channel | None) -> int:
         if channel is None:
             name = ""
         else:
             name = str(channel + self._first_channel if isinstance(channel, int) else channel)
-        if name not in self._names:
-            self._names.append(name)
-        return min(self._names.index(name), _MOST_CHANNELS - 1)
+        return self._number_of_name(name)
+
+    def _number_of_name(self, name: str) -> int:
+        """Return a channel's number; all channels beyond the most have the last one."""
+        if name not in self._numbers and len(self._numbers) == _MOST_CHANNELS - 1:
+            return _MOST_CHANNELS - 1
+        return self._numbers.setdefault(name, len(self._numbers))
+
+    def _name_of(self, number: int) -> str:
+        names = [*self._numbers, *[""] * (number + 1 - len(self._numbers))]
+        return names[number]
+
+    def take(self, lines: TextLines | None) -> None:
+        """Add the frames that came before the message at hand and needed no reader."""
+        parsed = None if lines is None else lines.take()
+        if parsed is None:
+            return
+        self._finish_messages()
+        places = parsed.channels - NO_CHANNEL
+        numbers = np.zeros(int(places.max()) + 1, dtype=np.uint8)
+        for place in np.flatnonzero(np.bincount(places)).tolist():
+            number = place + NO_CHANNEL
+            numbers[place] = self._number_of_name("" if number == NO_CHANNEL else str(number))
+        self._done.append((parsed.frames, parsed.time_s, numbers[places]))
+        self._done_frames += len(parsed.frames)
+
+    def _finish_messages(self) -> None:
+        """Turn the messages so far into arrays."""
+        if not self._words:
+            return
+        frames = frame_array(len(self._words))
+        frames["can_id"] = self._identifiers
+        frames["length"] = self._lengths
+        frames["data"] = self._words
+        times_s = np.array(self._times_s, dtype=np.float64)
+        self._done.append((frames, times_s, np.array(self._channels, dtype=np.uint8)))
+        self._done_frames += len(frames)
+        self._clear()
 
     def block(self) -> _Block:
         """Return the collected frames and start over."""
-        frames = frame_array(len(self.words))
-        frames["can_id"] = self._identifiers
-        frames["length"] = self._lengths
-        frames["data"] = self.words
-        block = _Block(
-            frames,
-            np.array(self._times_s, dtype=np.float64),
-            np.array(self._channels, dtype=np.uint8),
-            self._names.__getitem__,
-        )
-        self._clear()
-        return block
+        self._finish_messages()
+        done, count = self._done, self._done_frames
+        self._done, self._done_frames = [], 0
+        frames, times_s, channels = frame_array(count), np.zeros(count), np.zeros(count, np.uint8)
+        at = 0
+        for some_frames, some_times_s, some_channels in done:
+            end = at + len(some_frames)
+            frames[at:end], times_s[at:end] = some_frames, some_times_s
+            channels[at:end] = some_channels
+            at = end
+        return _Block(frames, times_s, channels, self._name_of)

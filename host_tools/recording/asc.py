@@ -12,9 +12,11 @@ from collections.abc import Iterator
 from decimal import Decimal
 from typing import IO
 
+import numpy as np
 from can.util import dlc2len
 
-from rrins.host_tools.recording.text_lines import TextLines
+from rrins.host_tools.recording import frame_lines
+from rrins.host_tools.recording.text_lines import Layout, TextLines
 
 _FLAGS = re.IGNORECASE | re.ASCII
 _BASE = re.compile(r"base\s+(hex|dec)\b(\s+timestamps\s+(absolute|relative))?", _FLAGS)
@@ -33,25 +35,31 @@ _EVENT = re.compile(r"(\s+CAN)?(\s+\d+)?\s+(?![\dA-F]+\b)[A-Z_]{2}", _FLAGS)  # 
 _HEADER = re.compile(r"[A-Z_]{2}", _FLAGS)
 _DIRECTION = re.compile(r"\s(Rx|Tx|TxRq)\s", re.ASCII)
 _BYTES = 8
+_LAYOUT = Layout(frame_lines.ASC, np.zeros(0, dtype=np.int64))
 _LARGEST_IDENTIFIER = 0x1FFF_FFFF
 
 
 class AscLines(TextLines):
     """The lines of a Vector ASCII log: a header, then valid frames in absolute time."""
 
-    def __init__(self, file: IO[str]) -> None:
+    def __init__(self, stream: IO[bytes]) -> None:
         self._base = 16
         self._is_relative = False
         self._time_s = Decimal(0)
         self._is_headed = False
-        super().__init__(file)
+        super().__init__(stream)
 
     def begin_again(self) -> None:
         """Supply a header next, as a new reader expects one."""
+        super().begin_again()
         self._is_headed = False
 
+    def layout(self) -> Layout | None:
+        """Return how frames look; times that count from the line before are summed up here."""
+        return _LAYOUT if self._base == 16 and not self._is_relative else None
+
     def _sound(self) -> Iterator[str]:
-        for line in self._file:
+        for line in self._others():
             text = line.strip()
             if not text or text.startswith("//"):
                 continue

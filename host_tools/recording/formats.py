@@ -7,7 +7,6 @@ python-can writes and reads all of them. Two of its writers are replaced here: t
 from __future__ import annotations
 
 import gzip
-import io
 import sqlite3
 from collections.abc import Callable, Iterable
 from pathlib import Path
@@ -191,6 +190,8 @@ def open_reader(path: Path, stream: IO[bytes]) -> tuple[Iterable[can.Message], T
         return reader(path), None
     if ending not in _TEXT:
         return reader(stream), None
-    text = io.TextIOWrapper(stream, encoding="utf-8-sig", errors="replace")
-    lines = _LINES[ending](text)
-    return reader(lines), lines
+    lines = _LINES[ending](stream)
+    parser = reader(lines)
+    if isinstance(lines, TrcLines) and isinstance(parser, can.TRCReader):
+        lines.reader = parser
+    return parser, lines
