@@ -14,7 +14,6 @@ import math
 from typing import Annotated
 
 import numpy as np
-from numba import njit
 
 from rrins.dbc.compilation import compiled
 from rrins.dbc.record import Bool, Floats, Record, Records
@@ -128,7 +127,7 @@ def _derotate(
             memory.C_s_b[i, j] = memory.C_s_b_now[i, j]
 
 
-@njit(cache=True)
+@compiled
 def _derotate_all(
     memories: Records[_Derotation],
     scratch: Records[Ins],

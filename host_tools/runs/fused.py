@@ -11,9 +11,8 @@ from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
-from numba import njit
 
-from rrins.dbc.compilation import compiled
+from rrins.dbc.compilation import compiled, compiled_with
 from rrins.dbc.contract import Contract
 from rrins.dbc.record import F8, I8, Bool, Floats, Record, Records
 from rrins.firmware_py.core.memory import INNER, OUTER, NavigationOutput, Ram
@@ -75,7 +74,7 @@ def note_increments(row: FusedIncrements, state: Ram) -> None:
     row.outer_deg = state.assembly.encoder_angle_deg[OUTER]
 
 
-@njit(cache=True, nogil=True)
+@compiled_with(nogil=True)
 def _run_epochs(
     plants: Records[Plant],
     pieces: Floats,

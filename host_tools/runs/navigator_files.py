@@ -209,11 +209,16 @@ class _PsinsFile:
 
     def __init__(self, path: Path) -> None:
         self._path = path
-        self._pieces: list[Piece] = []
+        self._imu: list[Floats] = []
+        self._navigation: list[Floats] = []
+        self._truth: list[Floats] = []
 
     def add(self, piece: Piece) -> None:
         """Keep some epochs."""
-        self._pieces.append(piece)
+        self._imu.append(np.column_stack([piece.dtheta, piece.dv, piece.time_s]))
+        self._navigation.append(self._avp(piece.time_s, piece.navigation))
+        if piece.truth is not None:
+            self._truth.append(self._avp(piece.time_s, piece.truth))
 
     @staticmethod
     def _avp(time_s: Floats, states: States) -> Floats:
@@ -228,15 +233,13 @@ class _PsinsFile:
         """Write the file."""
         from scipy.io import savemat
 
-        pieces = self._pieces
-        imu = np.vstack([np.column_stack([p.dtheta, p.dv, p.time_s]) for p in pieces])
-        navigation = np.vstack([self._avp(p.time_s, p.navigation) for p in pieces])
-        known = all(p.truth is not None for p in pieces)
-        truth = np.vstack([self._avp(p.time_s, p.truth or p.navigation) for p in pieces])
+        imu, navigation = np.vstack(self._imu), np.vstack(self._navigation)
+        truth = np.vstack(self._truth) if self._truth else np.zeros((0, 10))
+        initial = truth if self._truth else navigation
         trj = {
             "imu": imu[1:],  # a row is of [t - ts, t]
-            "avp": truth[1:] if known else np.zeros((0, 10)),
-            "avp0": truth[0, :9, None],
+            "avp": truth[1:],
+            "avp0": initial[0, :9, None],
             "ts": float(imu[1, 6] - imu[0, 6]) if len(imu) > 1 else 0.0,
             "navigation": navigation[1:],
         }

@@ -96,6 +96,7 @@ RATE, CHANGE, ANGLE = st.floats(-1, 1), st.floats(-0.01, 0.01), st.floats(-3, 3)
 PLACE = st.tuples(*[st.floats(-0.2, 0.2)] * 3)
 
 
+@pytest.mark.slow
 @settings(max_examples=25)
 @given(PLACE, PLACE, ANGLE, ANGLE, st.tuples(RATE, RATE, CHANGE, CHANGE), st.floats(0, 0.01))
 def test_both_axes_and_the_vehicle_together(place, omega_b, inner, outer, rates, tilt):

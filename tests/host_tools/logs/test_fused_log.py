@@ -23,6 +23,7 @@ def test_a_log_gives_the_same_files_as_its_scenario(recordings, tmp_path):
         assert ours.read_bytes() == theirs.read_bytes(), ours.name
 
 
+@pytest.mark.slow
 def test_the_command_takes_either_and_tells_what_a_log_lacks(run, start, copy, tmp_path):
     path = copy(".blf")
     summary = run("increments", path, tmp_path / "with", "--format", "kf-gins")

@@ -98,6 +98,7 @@ def test_there_is_none_where_nothing_is_off():
     assert error_arcsec(scenario_of(**tilted, **firmware(initial_attitude="self-aligned"))) is None
 
 
+@pytest.mark.slow
 def test_a_tilted_axis_costs_a_given_attitude_kilometres_and_a_self_aligned_one_nothing(fly):
     tilted = {"turntable": {"non_orthogonality_arcsec": 60}}
     _, given = fly(scenario_of(1600, **tilted))

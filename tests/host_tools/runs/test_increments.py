@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -234,9 +235,21 @@ def test_psins_has_its_struct(files):
         assert matrix_of_psins(avp[k, :3]) == pytest.approx(ours.as_matrix(), abs=1e-9)
 
 
+def test_psins_without_truth_begins_with_our_navigation(tmp_path):
+    scenario = scenario_of(TURNING | {"duration_s": 2})
+    tracks = (replace(track, truth=None) for track in fused_of_scenario(scenario))
+    result = write(tracks, scenario.period_ns, tmp_path, "psins")
+    assert not result.has_truth
+    trj = loadmat(tmp_path / "trj.mat", struct_as_record=False)["trj"][0, 0]
+    assert trj.avp.shape == (0, 10)
+    assert trj.navigation.shape == (400, 10)
+    assert math.degrees(trj.avp0[2, 0]) == pytest.approx(-30, abs=1e-5)
+
+
 # Another navigator
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("case", "bound_m"), [(TURNING, 5e-5), (DRIVING, 5e-4)])
 def test_pyins_navigates_as_we_do(files, case, bound_m):
     strapdown = pytest.importorskip("pyins.strapdown", reason="pip install python-ins")

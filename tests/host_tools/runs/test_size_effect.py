@@ -34,6 +34,7 @@ def largest_m(errors):
     return float(np.hypot(errors.position_east_m, errors.position_north_m).max())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("case", "raw_m"), [(SWAY, 1.0), (QUICK_TURNS, 0.1)])
 def test_calibrated_positions_leave_no_error(fly, calibration, case, raw_m):
     scenario = Scenario.model_validate(case)
