@@ -27,7 +27,7 @@ MOVING_MPS = 0.5
 """A file with a higher speed at either end begins or ends in motion."""
 
 ATTITUDE_GAP_S = 3.0
-"""Across a longer time without samples, the attitude is held instead of smoothed."""
+"""Across a longer time without samples, and 1.5 typical intervals, the attitude is held."""
 
 _RUN_UP = 1.0  # m/s², mean
 _LEAST_RUN_UP_S = 2.0
@@ -38,6 +38,7 @@ _LONGEST_CLIMB = 100.0  # m, of a run, unless levelling off at 1 m/s² takes mor
 _DRIFT = 0.1  # m/s: how fast a run may leave its straight line
 _RUN_POINTS = 40  # guide points of a run, where they are neither closer nor farther apart than
 _CLOSEST_S, _FARTHEST_S = 1.0, 30.0
+_GAP_INTERVALS = 1.5
 _MARGIN_S = 1.0  # from the file to the first guide point of an angle
 _ANGLE_STEP_S = 0.25
 _ANGLE_DEVIATION = 0.02  # rad
@@ -137,7 +138,10 @@ def long_gaps(
 
 def angle_gaps(times: Floats) -> list[tuple[float, float]]:
     """Return the bounds of the spans between samples across which angles are held, s."""
-    return [(a, b) for a, b in pairwise(times.tolist()) if b - a > ATTITUDE_GAP_S]
+    if len(times) < 2:
+        return []
+    longest = max(ATTITUDE_GAP_S, _GAP_INTERVALS * float(np.median(np.diff(times))))
+    return [(a, b) for a, b in pairwise(times.tolist()) if b - a > longest]
 
 
 def held_angles(times: Floats, angle: Floats, end_s: float, step_s: float) -> Observations:

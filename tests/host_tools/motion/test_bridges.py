@@ -102,6 +102,19 @@ def test_the_heading_along_the_track_does_not_follow_the_path_made_up_in_a_gap(r
     assert not any("reversing" in note for note in smoothed.trajectory.notes)
 
 
+@pytest.mark.parametrize("interval_s", [1.0, 4.1, 7.7])
+def test_a_file_of_few_samples_is_no_row_of_gaps(record, interval_s):
+    t = np.arange(0, 400, interval_s)
+    angle = t / 100  # a bend of 1 km
+    path = record(1000 * (1 - np.cos(angle)), 1000 * np.sin(angle), step_s=interval_s)
+    smoothed = smooth(path)
+    times, _, angles = sampled(smoothed)
+    inside = (times > smoothed.residuals.time_s[1]) & (times < smoothed.residuals.time_s[-2])
+    expected = np.degrees(times - smoothed.residuals.time_s[0]) / 100
+    off = (angles[:, 2] - expected + 180) % 360 - 180
+    assert np.abs(off[inside]).max() < 2
+
+
 def test_a_recorded_drive_that_is_cut_or_has_a_gap_keeps_its_attitude(recorded_lines, write):
     header, lines = recorded_lines
     whole = sampled(smooth(write([header, *lines])))[2]
