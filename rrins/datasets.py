@@ -27,7 +27,7 @@ def _xarray() -> type[xr.Dataset]:
         from xarray import Dataset
     except ImportError as error:
         raise RehearsalError(
-            "results as datasets need xarray and pandas; install the extra `data` of rrins"
+            "results as datasets need xarray and pandas: pip install xarray pandas"
         ) from error
     return Dataset
 

@@ -1,6 +1,6 @@
 """Tests of a navigation computer by somebody who uses the project and has not written it.
 
-pip install rrins pytest
+pip install -e . pytest             # in the project's folder, once
 pytest                              # both sides in the test's process
 pytest --rrins-way lockstep         # the firmware as a process, on a bus
 pytest --rrins-way realtime         # both as processes, by the clock

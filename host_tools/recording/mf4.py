@@ -46,7 +46,7 @@ def _asammdf() -> ModuleType:
     try:
         import asammdf
     except ImportError as error:
-        raise RecordError(".mf4 needs asammdf: pip install 'rrins[mf4]'") from error
+        raise RecordError(".mf4 needs asammdf: pip install asammdf") from error
     return asammdf
 
 
