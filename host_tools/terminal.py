@@ -35,7 +35,8 @@ def print_table(table: Table, console: Console | None = None) -> None:
         console.print(table.title, style="italic", highlight=False, soft_wrap=True)
         table.title = None
     for column in table.columns:
-        column.no_wrap = column.no_wrap or column.justify == "right"
+        if column.no_wrap or column.justify == "right":
+            column.no_wrap, column.min_width = True, _natural_width(column, console)
     width = console.width if console.is_terminal else _UNBOUNDED
     for part in _parts(table, console, width):
         console.print(_AtWidth(part, width), crop=False)
@@ -56,6 +57,8 @@ class _AtWidth:
 def _parts(table: Table, console: Console, width: int) -> Iterator[Table]:
     """Yield tables no wider than `width`: as many columns as fit, behind the first."""
     first, *others = table.columns
+    if any(_least_width(_part(table, [first, one]), console) > width for one in others):
+        first.no_wrap, first.min_width = False, None  # words may be wrapped, numbers not
     while others:
         count = len(others)
         while count > 1 and _least_width(_part(table, [first, *others[:count]]), console) > width:
@@ -64,6 +67,12 @@ def _parts(table: Table, console: Console, width: int) -> Iterator[Table]:
         others = others[count:]
     if len(table.columns) == 1:
         yield table
+
+
+def _natural_width(column: Column, console: Console) -> int:
+    options = console.options.update(width=_UNBOUNDED)
+    cells = (column.header, *column.cells)
+    return max(Measurement.get(console, options, cell).maximum for cell in cells)
 
 
 def _least_width(table: Table, console: Console) -> int:
@@ -84,6 +93,7 @@ def _part(table: Table, columns: Sequence[Column]) -> Table:
             justify=column.justify,
             overflow=column.overflow,
             no_wrap=column.no_wrap,
+            min_width=column.min_width,
             style=column.style,
         )
     for row, cells in zip(table.rows, zip(*(c.cells for c in columns), strict=True), strict=True):
