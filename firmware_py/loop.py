@@ -94,6 +94,7 @@ class Firmware:
         self._epoch = self.ram["epoch"]
         self._consumed = self.ram["consumed"]
         self._sync_arrival_ns = self.ram["clock"]["sync_arrival_ns"]
+        self._is_whole = self.ram["clock"]["is_whole"]
         self._attention = self.ram["diagnostics"]["attention"]
 
     @property
@@ -139,13 +140,11 @@ class Firmware:
     def step_whole(self, inbox: FrameArray, count: int, sync_arrival_ns: int) -> int:
         """Run one epoch on all of ``inbox[:count]``, as when the other side waits for this one.
 
-        A SYNC of a later epoch is then false: it and the frames after it are counted and dropped.
-        Returns the number of frames in `outbox`.
+        A SYNC of a later epoch is then false, and is counted. Returns the number of frames in
+        `outbox`.
         """
-        sent, consumed = self.step(inbox, 0, count, sync_arrival_ns)
-        if consumed < count:
-            self.ram[0].faults.counter_errors += count - consumed
-            self.frames_received += count - consumed
+        self._is_whole[0] = True
+        sent, _ = self.step(inbox, 0, count, sync_arrival_ns)
         return sent
 
 

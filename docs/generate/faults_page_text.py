@@ -103,6 +103,20 @@ by default all. `probability` is the share of these frames that is affected.
 option, such as `--rate-dps`; `delay_s` is `--delay`, and `for_s` is `--for`. A delay is rounded to
 whole epochs, at least one; `rrins inject` reports this if it makes a difference.
 
+## Frames of somebody else
+
+Whatever else is attached to the embedded bus of a rehearsal cannot send for the two sides: such
+frames are [refused, named and counted](bus.md#what-others-may-do-beside-the-two-sides), and a flood
+waits. `--foreign-senders` lets the frames through. Then, and on any other interface, the firmware
+[tells two senders of one message apart](firmware.md#two-senders-of-one-message):
+
+| on the bus | the firmware uses | trouble code |
+|---|---|---|
+| a second SENSOR_1, of the epoch, with other contents | neither | `sensor_1_two_senders` |
+| a second SENSOR_1 with counters of its own | that of the epoch | `sensor_1_two_senders` |
+| a second SENSOR_1, the same | the first | `sensor_1_counter` |
+| SYNC of another epoch beside the right one | the right one | `sync_two_senders` |
+
 ## Response of the firmware to faults on the wire
 
 Conditions: ideal sensors, 60 s of navigation with rotation, the fault from 20 s on, and the wire

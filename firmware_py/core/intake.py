@@ -1,8 +1,9 @@
 """Frames in: checks their E2E protection and assembles one epoch.
 
 A frame updates a value only if its CRC is correct, its counter is that of the current epoch, and
-it is the first of its message in this epoch; any other frame only updates a fault counter. Frames
-of a later epoch are left for the next step.
+it is the first of its message in this epoch; any other frame only updates a fault counter. Where
+two frames disagree about an epoch, neither is used (`senders`). Frames of a later epoch are left
+for the next step.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from rrins.dbc.contract import SENSOR_GROUPS, Contract, MessageSignals
 from rrins.dbc.e2e import COUNTER_MODULUS, MessageLayout, counter_of, crc_holds
 from rrins.dbc.frame import Frame, FrameArray
 from rrins.dbc.record import Records
-from rrins.firmware_py.core import clock, frame_checks
+from rrins.firmware_py.core import clock, frame_checks, senders
 from rrins.firmware_py.core.diagnostic_records import ATTENTION_FRAMES
 from rrins.firmware_py.core.memory import INNER, OUTER, Assembly, Ram
 from rrins.firmware_py.core.troubles import Source
@@ -34,7 +35,11 @@ _GYRO_UNUSABLE = 0b0101  # saturated or absent, in the sensor frame's status
 _ACCELEROMETER_UNUSABLE = 0b1010
 
 ADOPT_BEYOND = 200
-"""Epochs by which SYNC may run ahead or behind before the loop adopts its count."""
+"""Epochs by which SYNC may run ahead or behind before the loop adopts its count.
+
+It takes a second SYNC that continues the first, and none that continues the loop's own count: a
+single frame of somebody else moves nothing.
+"""
 
 
 def dispatch_table(contract: Records[Contract]) -> NDArray[np.int16]:
@@ -59,6 +64,10 @@ def begin(state: Ram) -> None:
     """Open the next epoch with nothing received."""
     state.epoch += 1
     state.clock.sync_seen = False
+    state.clock.sync_refused = False
+    if state.clock.far_epoch > 0:
+        state.clock.far_epoch += 1
+    senders.begin(state)
     assembly = state.assembly
     assembly.received = 0
     assembly.gyro_valid = 0
@@ -104,28 +113,71 @@ def _receive_sync(state: Ram, contract: Contract, frame: Frame) -> bool:
     if not crc_holds(frame, contract.sync.message):
         frame_checks.crc_error(state, _FROM_SYNC)
         return True
+    own, word = state.clock, frame["data"]
     # The counter, the whole epoch modulo 15, shows how often the 24 bits have wrapped, modulo 15.
-    sync_epoch = unpack(frame["data"], contract.sync.epoch)
-    wraps = (counter_of(frame["data"]) - sync_epoch) % COUNTER_MODULUS
+    sync_epoch = unpack(word, contract.sync.epoch)
+    wraps = (counter_of(word) - sync_epoch) % COUNTER_MODULUS
+    whole_epoch = sync_epoch + _EPOCH_MODULUS * wraps
     ahead = (sync_epoch - state.epoch) % _EPOCH_MODULUS
     if ahead >= _EPOCH_MODULUS // 2:
         ahead -= _EPOCH_MODULUS
-    if abs(ahead) > ADOPT_BEYOND and state.clock.synchronised:
-        state.clock.jumps += 1
-        state.clock.synchronised = False
-    if not state.clock.synchronised:
-        state.epoch = sync_epoch + _EPOCH_MODULUS * wraps
+    if abs(ahead) > ADOPT_BEYOND and own.synchronised:
+        if not _continues_jump(state, whole_epoch):
+            _refuse_sync(state)
+            return True
+        own.jumps += 1
+        own.synchronised = False
+    if not own.synchronised:
+        state.epoch = whole_epoch
         ahead = 0
     if ahead > 0:
+        if own.is_whole or (own.sync_seen and ahead > 1):
+            _refuse_sync(state)
+            return True
         return False
-    if ahead < 0 or state.clock.sync_seen:
+    if ahead < 0:
         frame_checks.counter_error(state, _FROM_SYNC)
-    if ahead == 0 and state.clock.sync_seen:
+        senders.doubt(state, _FROM_SYNC, word)
+    elif own.sync_seen:
+        frame_checks.counter_error(state, _FROM_SYNC)
+        senders.compare(state, _FROM_SYNC, word)
         return True
-    if ahead == 0:
-        state.clock.sync_seen = True
-    clock.synchronise(state.clock, -ahead)
+    else:
+        _see_sync(state, word)
+    clock.synchronise(own, -ahead)
     return True
+
+
+@compiled
+def _see_sync(state: Ram, word: np.uint64) -> None:
+    """Take the SYNC of this epoch."""
+    state.clock.sync_seen = True
+    state.clock.far_epoch = 0
+    senders.keep(state, _FROM_SYNC, word)
+    if state.clock.sync_refused:
+        senders.dispute(state, _FROM_SYNC)
+
+
+@compiled
+def _continues_jump(state: Ram, epoch: int) -> bool:
+    """Return whether a SYNC far from the count continues another one; else keep its epoch."""
+    own = state.clock
+    if own.sync_seen:
+        return False
+    expected = own.far_epoch - 1
+    if own.far_epoch > 0 and expected <= epoch <= expected + 1:
+        return True
+    own.far_epoch = epoch + 1
+    return False
+
+
+@compiled
+def _refuse_sync(state: Ram) -> None:
+    """Count a SYNC that is not of this epoch, whatever it says."""
+    frame_checks.counter_error(state, _FROM_SYNC)
+    state.clock.sync_refused = True
+    if state.clock.sync_seen:
+        senders.dispute(state, _FROM_SYNC)
 
 
 @compiled
@@ -153,12 +205,16 @@ def _belongs_here(
     if not crc_holds(frame, message):
         frame_checks.crc_error(state, source)
         return False
-    if counter_of(frame["data"]) != state.epoch % COUNTER_MODULUS:
-        frame_checks.foreign_epoch(state, source, frame["data"])
+    word = frame["data"]
+    if counter_of(word) != state.epoch % COUNTER_MODULUS:
+        frame_checks.foreign_epoch(state, source, word)
+        senders.doubt(state, source, word)
         return False
-    if had_one:
+    if had_one or senders.is_disputed(state, source):
         frame_checks.counter_error(state, source)
+        senders.compare(state, source, word)
         return False
+    senders.keep(state, source, word)
     return True
 
 
@@ -167,6 +223,8 @@ def _receive_altimeter(state: Ram, altimeter: MessageSignals, frame: Frame) -> N
     had_one = state.assembly.altimeter_received
     if _belongs_here(state, frame, altimeter.message, had_one, _FROM_ALTIMETER):
         keep_altitude(state.assembly, altimeter, frame["data"])
+    elif senders.is_disputed(state, _FROM_ALTIMETER):
+        state.assembly.altimeter_received = False
 
 
 @compiled
@@ -180,8 +238,17 @@ def keep_altitude(assembly: Assembly, altimeter: MessageSignals, word: np.uint64
 def _receive_axis(state: Ram, contract: Contract, frame: Frame, axis: int) -> None:
     status = contract.axis_inner_status if axis == INNER else contract.axis_outer_status
     had_one = state.assembly.axis_received[axis]
+    assembly = state.assembly
     if _belongs_here(state, frame, status.message, had_one, _FROM_AXES + axis):
-        keep_axis(state.assembly, status, axis, frame["data"])
+        assembly.angle_before_deg[axis] = assembly.encoder_angle_deg[axis]
+        assembly.rate_before_dps[axis] = assembly.encoder_rate_dps[axis]
+        assembly.state_before[axis] = assembly.axis_state[axis]
+        keep_axis(assembly, status, axis, frame["data"])
+    elif had_one and senders.is_disputed(state, _FROM_AXES + axis):
+        assembly.axis_received[axis] = False
+        assembly.encoder_angle_deg[axis] = assembly.angle_before_deg[axis]
+        assembly.encoder_rate_dps[axis] = assembly.rate_before_dps[axis]
+        assembly.axis_state[axis] = assembly.state_before[axis]
 
 
 @compiled
@@ -202,6 +269,21 @@ def _receive_sensor(state: Ram, contract: Contract, frame: Frame, group: int) ->
         status = unpack(frame["data"], sensor.status)
         if status != 0:
             frame_checks.sensor_status(state, 1 << group, status)
+    elif had_one and senders.is_disputed(state, _FROM_SENSORS + group):
+        _withdraw_group(state, 1 << group)
+
+
+@compiled
+def _withdraw_group(state: Ram, bit: int) -> None:
+    """Use nothing of a sensor group's frame of this epoch."""
+    assembly, monitor = state.assembly, state.diagnostics
+    assembly.received &= ~bit
+    assembly.gyro_valid &= ~bit
+    assembly.accelerometer_valid &= ~bit
+    monitor.gyro_absent &= ~bit
+    monitor.gyro_saturated &= ~bit
+    monitor.accelerometer_absent &= ~bit
+    monitor.accelerometer_saturated &= ~bit
 
 
 @compiled

@@ -9,11 +9,28 @@ from __future__ import annotations
 from typing import Annotated
 
 from rrins.dbc.contract import SENSOR_GROUPS
-from rrins.dbc.record import F8, I8, U4, Bool, Bytes, Floats, Integers, Record, Records, Shorts
+from rrins.dbc.e2e import COUNTER_MODULUS
+from rrins.dbc.record import (
+    F8,
+    I8,
+    U4,
+    Bool,
+    Bytes,
+    Floats,
+    Integers,
+    Record,
+    Records,
+    Shorts,
+    Words,
+)
 from rrins.firmware_py.core.diagnostic_records import DiagnosticState
+from rrins.firmware_py.core.troubles import Source
 
 SCHEME_CAPACITY = 64
 """The most positions that a rotation scheme can have."""
+
+HEARD_SOURCES = int(Source.SYNC) + 1
+"""Sources whose frames belong to an epoch."""
 
 INNER, OUTER = 0, 1
 """Index of an axis in arrays over the two axes."""
@@ -51,6 +68,9 @@ class Clock(Record):
 
     synchronised: Bool  #: whether SYNC has given the epoch
     sync_seen: Bool  #: in this epoch
+    sync_refused: Bool  #: whether a SYNC of this epoch's frames was not used
+    is_whole: Bool  #: whether the frames of a step are one epoch's, filled in by the shell
+    far_epoch: I8  #: that SYNC has named far from the count, plus 1, counted on since; 0: none
     sync_lost: Bool  #: whether SYNC has been missing for too long
     sync_missed: I8  #: epochs since the last SYNC
     sync_arrival_ns: I8  #: by the own clock, filled in by the shell before a step
@@ -73,9 +93,21 @@ class Assembly(Record):
     encoder_angle_deg: Annotated[Floats, 2]  #: extrapolated by the rate if no frame arrived
     encoder_rate_dps: Annotated[Floats, 2]  #: as last received
     axis_state: Annotated[Integers, 2]  #: an `AxisState`, as last received
+    angle_before_deg: Annotated[Floats, 2]  #: before this epoch's frame, should it be withdrawn
+    rate_before_dps: Annotated[Floats, 2]  #: the same
+    state_before: Annotated[Integers, 2]  #: the same
     axis_silent_epochs: Annotated[Integers, 2]  #: since an axis' last frame
     altimeter_received: Bool  #: whether the altimeter's frame arrived
     altimeter_height: F8  #: m, as last received
+
+
+class Heard(Record):
+    """The last frame of each source with each counter, and what disagrees with them."""
+
+    epoch_after: Annotated[Integers, (HEARD_SOURCES, COUNTER_MODULUS)]  #: its epoch plus 1; 0: none
+    word: Annotated[Words, (HEARD_SOURCES, COUNTER_MODULUS)]  #: its payload
+    disputed: I8  #: sources of which two frames disagree about this epoch, one bit each
+    doubted: I8  #: sources of which a frame disagrees with that of an earlier epoch, one bit each
 
 
 class Fusion(Record):
@@ -174,6 +206,7 @@ class FaultCounters(Record):
 
     crc_errors: I8  #: frames
     counter_errors: I8  #: frames with a repeated counter or one of another epoch
+    disagreeing_frames: I8  #: frames that say something else than another of the same epoch
     missing_frames: I8  #: expected but not received
     bridged_epochs: I8  #: navigated with the increments of the previous epoch
     consecutive_bridged: I8  #: epochs, the gap that is being bridged
@@ -205,6 +238,7 @@ class Ram(Record):
     consumed: I8  #: index of the first frame of the inbox that the last step left
     load_percent: F8  #: of the period, filled in by the shell
     clock: Clock
+    heard: Heard
     assembly: Assembly
     gyros: Fusion
     accelerometers: Fusion

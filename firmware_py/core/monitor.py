@@ -11,7 +11,7 @@ import numpy as np
 from rrins.dbc.codec import unwrapped
 from rrins.dbc.compilation import compiled
 from rrins.dbc.values import AxisState
-from rrins.firmware_py.core import consistency, stuck, trouble_table
+from rrins.firmware_py.core import consistency, senders, stuck, trouble_table
 from rrins.firmware_py.core.diagnostic_records import ATTENTION_TROUBLES, DiagnosticState, Snapshot
 from rrins.firmware_py.core.memory import INNER, OUTER, Ram
 from rrins.firmware_py.core.modes import FirmwareFault, Mode, navigating
@@ -27,6 +27,7 @@ _BITS = 21  # of a kind's word, at most
 
 _SILENT, _STALE = int(Kind.SILENT), int(Kind.STALE)
 _CRC, _COUNTER = int(Kind.CRC), int(Kind.COUNTER)
+_TWO_SENDERS = int(Kind.TWO_SENDERS)
 _GYRO = int(Kind.GYRO_ABSENT)  # absent, saturated, stuck
 _ACCELEROMETER = int(Kind.ACCELEROMETER_ABSENT)
 _AXIS, _SYSTEM = int(Kind.AXIS), int(Kind.SYSTEM)
@@ -91,19 +92,33 @@ def _look_at_frames(state: Ram, monitor: DiagnosticState) -> None:
     came |= np.int64(assembly.axis_received[INNER]) << _INNER_SHIFT
     came |= np.int64(assembly.axis_received[OUTER]) << (_INNER_SHIFT + 1)
     wrong = monitor.crc_wrong | monitor.counter_wrong | monitor.stale
+    two = _second_senders(state, int(came))
     tested[_SILENT] = tested[_STALE] = tested[_CRC] = tested[_COUNTER] = 0
+    tested[_TWO_SENDERS] = 0
     if state.clock.synchronised:
         tested[_STALE] = sources | _ALTIMETER
         tested[_CRC] = tested[_COUNTER] = sources | _ALTIMETER | _SYNC | _COMMAND
+        tested[_TWO_SENDERS] = sources | _ALTIMETER | _SYNC
         tested[_SILENT] = _SYNC
         failing[_SILENT] = _SYNC
         if state.clock.sync_seen:
             tested[_SILENT] |= sources
             failing[_SILENT] = sources & ~(came | wrong)
             _look_at_cyclic_frames(state, monitor, wrong)
-    failing[_STALE] = monitor.stale
+    failing[_STALE] = monitor.stale & ~two
     failing[_CRC] = monitor.crc_wrong
-    failing[_COUNTER] = monitor.counter_wrong
+    failing[_COUNTER] = monitor.counter_wrong & ~two
+    failing[_TWO_SENDERS] = two
+
+
+@compiled
+def _second_senders(state: Ram, came: int) -> int:
+    """Return the sources with two senders; `came` are the sensors and axes that were heard."""
+    if state.assembly.altimeter_received:
+        came |= _ALTIMETER
+    if state.clock.sync_seen:
+        came |= _SYNC
+    return senders.second_senders(state, came)
 
 
 @compiled

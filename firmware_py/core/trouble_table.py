@@ -14,6 +14,7 @@ _DATA_MEMORY = 0x44
 _PARAMETER_MEMORY = 0x46
 _INTERNAL = 0x49
 _CONFIGURATION = 0x56
+_COMPARISON = 0x62
 _PLAUSIBILITY = 0x64
 _NOT_REACHABLE = 0x77
 _COUNTER = 0x82
@@ -60,6 +61,12 @@ _FRAMES = {
         Debounce(events=5),
         "{message} frames have a wrong or repeated counter",
     ),
+    Kind.TWO_SENDERS: (
+        "two_senders",
+        _COMPARISON,
+        Debounce(events=5),
+        "two senders send {message}: of frames that disagree about an epoch, none is used",
+    ),
 }
 
 _SILENT_OF = {
@@ -67,9 +74,13 @@ _SILENT_OF = {
     Source.SYNC: Debounce(fail_s=0.05),
     Source.MODE_COMMAND: Debounce(fail_s=1.0),
 }
-_SILENT_TEXT = {
-    Source.SYNC: "no SYNC arrives: the loop runs on its own clock",
-    Source.MODE_COMMAND: "the operator's MODE_COMMAND has stopped arriving",
+_TEXTS = {
+    (Kind.SILENT, Source.SYNC): "no SYNC arrives: the loop runs on its own clock",
+    (Kind.SILENT, Source.MODE_COMMAND): "the operator's MODE_COMMAND has stopped arriving",
+    (
+        Kind.TWO_SENDERS,
+        Source.SYNC,
+    ): "two senders send SYNC: the one that continues the count is used",
 }
 
 _SENSING = (
@@ -230,16 +241,15 @@ def _frame_troubles() -> Iterator[Trouble]:
         for source, stem, part, message in _SOURCES:
             if kind == Kind.STALE and source > Source.ALTIMETER:
                 continue  # never stale: a repeated frame has a wrong counter
-            silent = kind == Kind.SILENT
+            if kind == Kind.TWO_SENDERS and source == Source.MODE_COMMAND:
+                continue  # any operator may send it
             yield Trouble(
                 _number(_NETWORK, part, failure),
                 f"{stem}_{name}",
-                _SILENT_TEXT.get(source, text.format(message=message))
-                if silent
-                else text.format(message=message),
+                _TEXTS.get((kind, source), text.format(message=message)),
                 kind,
                 source,
-                _SILENT_OF.get(source, debounce) if silent else debounce,
+                _SILENT_OF.get(source, debounce) if kind == Kind.SILENT else debounce,
                 *((0, "altimeter") if source == Source.ALTIMETER else ()),
             )
 

@@ -59,10 +59,11 @@ class Kind(IntEnum):
     ACCELEROMETER_STUCK = 9
     AXIS = 10
     SYSTEM = 11
+    TWO_SENDERS = 12
 
 
 class Source(IntEnum):
-    """Sources of frames: the bits of SILENT, STALE, CRC and COUNTER."""
+    """Sources of frames: the bits of SILENT, STALE, CRC, COUNTER and TWO_SENDERS."""
 
     SENSOR_1 = 0
     AXIS_INNER = SENSOR_GROUPS

@@ -161,6 +161,7 @@ STATUS = (
             for name in (
                 "crc_errors",
                 "counter_errors",
+                "disagreeing_frames",
                 "missing_frames",
                 "bridged_epochs",
                 "consecutive_bridged",

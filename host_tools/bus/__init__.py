@@ -15,6 +15,7 @@ module         noun
 `link`         one attached end of the bus
 `hub`          the hosting end; also a program of its own
 `relay`        what goes from each peer to the others
+`guard`        what a third party may do beside the two sides
 `admission`    callers, until it is known who they are
 `peer`         one attached process, as the hub sees it
 `launch`       a hub process of its own, started when nobody hosts yet

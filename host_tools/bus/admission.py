@@ -17,6 +17,13 @@ from rrins.host_tools.errors import BusError
 
 _log: Final = logging.getLogger("rrins.host_tools.bus")
 
+NOTICE: Final = {"is_notice": True}
+"""Attribute of log records about what somebody does to the bus, for the user of a rehearsal."""
+
+
+_AT_ONCE: Final = 16  # connections accepted in a turn: the bus goes on between two
+_MOST_CALLERS: Final = 64
+
 
 class Caller(NamedTuple):
     """A connecting process that has identified itself."""
@@ -84,14 +91,14 @@ class Admission:
             name = check_name(datagram.text_of(self._buffer, count))
         except BusError as error:
             pid, _ = credentials(end)
-            _log.warning("turned away process %d: it sent %s", pid, error)
+            _log.warning("turned away process %d: it sent %s", pid, error, extra=NOTICE)
             refuse(end, str(error))
             return None
         return Caller(end, name, flags)
 
     def accept(self) -> None:
-        """Accept all pending connections."""
-        while True:
+        """Accept pending connections, some at a time."""
+        for _ in range(_AT_ONCE):
             try:
                 end, _ = self._listener.accept()
             except BlockingIOError:
@@ -109,10 +116,15 @@ class Admission:
             pid, uid = credentials(end)
             if not may_attach(uid):
                 _log.warning(
-                    "turned away process %d: it belongs to another user (uid %d)", pid, uid
+                    "turned away process %d: it belongs to another user (uid %d)",
+                    pid,
+                    uid,
+                    extra=NOTICE,
                 )
                 refuse(end, f"the bus belongs to another user (uid {os.geteuid()})")
                 continue
+            if len(self._callers) >= _MOST_CALLERS:
+                self._make_room()
             self._callers[end.fileno()] = end
             self._poll.register(end.fileno(), select.EPOLLIN)
 
@@ -136,6 +148,18 @@ class Admission:
         for end in self._callers.values():
             end.close()
         self._callers.clear()
+
+    def _make_room(self) -> None:
+        """Disconnect the caller that has waited longest and said nothing yet."""
+        said = select.poll()
+        for fd in self._callers:
+            said.register(fd, select.POLLIN)
+        speaking = {fd for fd, _ in said.poll(0)}
+        for fd, end in self._callers.items():
+            if fd not in speaking:
+                self._forget(fd)
+                refuse(end, f"{_MOST_CALLERS} others call, and this one said nothing")
+                return
 
     def _forget(self, fd: int) -> None:
         del self._callers[fd]

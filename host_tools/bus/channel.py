@@ -17,6 +17,7 @@ import os
 import re
 import socket
 import tempfile
+import time
 from pathlib import Path
 from typing import Final
 
@@ -27,6 +28,7 @@ SUFFIX: Final = ".sock"
 _NAME: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}")
 _PATH_LIMIT: Final = 107  # sun_path of struct sockaddr_un, less its terminating zero
 _BACKLOG: Final = 128
+_RETRY_S: Final = 0.001
 
 
 class NoHostError(BusError):
@@ -109,8 +111,7 @@ def connect(channel: str, timeout: float) -> socket.socket:
     try:
         if not is_path:
             check_folder(path.parent)
-        end.settimeout(timeout)
-        end.connect(str(path))
+        _call(end, path, timeout)
         check_host(end, path, is_path)
     except (FileNotFoundError, ConnectionRefusedError, ConnectionResetError) as error:
         end.close()
@@ -132,6 +133,21 @@ def connect(channel: str, timeout: float) -> socket.socket:
         end.close()
         raise
     return end
+
+
+def _call(end: socket.socket, path: Path, timeout: float) -> None:
+    """Connect to a host, waiting while more callers than it has room for come first."""
+    deadline = time.monotonic() + timeout
+    end.settimeout(timeout)
+    while True:
+        try:
+            end.connect(str(path))
+        except BlockingIOError as error:
+            if time.monotonic() >= deadline:
+                raise TimeoutError from error
+            time.sleep(_RETRY_S)
+        else:
+            return
 
 
 class Claim:

@@ -6,12 +6,14 @@ A header of 32 bytes, little-endian, is followed by its frames, or by text for a
 offset  type  field       meaning
 ======  ====  ==========  =====================================================================
 0       u32   magic       ``RRB1``: the format and its version
-4       u8    kind        `HELLO`, `WELCOME`, `REFUSED`, `BYE`, `FRAMES` or `FRAMES_FD`
+4       u8    kind        `HELLO`, `WELCOME`, `REFUSED`, `BYE`, `FRAMES`, `FRAMES_FD`, `NOTE`,
+                          `COUNTS`
 5       u8    flags       `CLOSES_EPOCH` and `UNSTAMPED`; for a `HELLO` the wishes of the peer
 6       u16   count       frames that follow; for a control datagram the bytes that follow
 8       u32   sender      node number given by the hub; the host is node 0
 12      u32   reserved    zero
-16      u64   epoch       epoch counter of the batch; the host's process id in a `WELCOME`
+16      u64   epoch       epoch counter of the batch; the host's process id in a `WELCOME`; frames
+                          in `COUNTS`
 24      i64   time_ns     time of the batch in nanoseconds; in a `WELCOME` the Unix time of the
                           host's time 0, or 0 as long as the host has sent no batch
 ======  ====  ==========  =====================================================================
@@ -22,6 +24,7 @@ A classic frame is Linux's ``struct can_frame`` (16 bytes), an FD frame ``struct
 from __future__ import annotations
 
 import struct
+from collections.abc import Iterator, Sequence
 from typing import Final
 
 from rrins.host_tools.errors import BusError
@@ -38,6 +41,10 @@ REFUSED: Final = 3
 BYE: Final = 4
 FRAMES: Final = 5
 FRAMES_FD: Final = 6
+NOTE: Final = 7
+"""The host tells a peer what it does wrong; it is not cut off."""
+COUNTS: Final = 8
+"""A peer asks how many frames the host has refused; the host answers, with the last line."""
 
 CLOSES_EPOCH: Final = 1
 """Flag of a batch: its sender has sent everything in this epoch."""
@@ -73,6 +80,11 @@ KIND_OFFSET: Final = 4
 """Where the kind is in a datagram."""
 _SENDER_OFFSET: Final = 8
 _TIME_OFFSET: Final = 24
+
+_CONTROL: Final = (HELLO, WELCOME, REFUSED, BYE, NOTE, COUNTS)
+_COUNT: Final = struct.Struct("<H")
+_COUNT_OFFSET: Final = 6
+_IDENTIFIERS: Final = {FRAMES: struct.Struct("<I12x"), FRAMES_FD: struct.Struct("<I68x")}
 
 _unpack = HEADER.unpack_from
 _pack = HEADER.pack_into
@@ -127,7 +139,7 @@ def parse(buffer: bytearray, size: int) -> tuple[int, int, int, int, int, int]:
             or (count and max(buffer[_FIRST_LENGTH:size:FD_FRAME_SIZE]) > FD_PAYLOAD)
         ):
             raise ProtocolError(f"a malformed FD batch: {size} bytes for {count} frames")
-    elif kind in (HELLO, WELCOME, REFUSED, BYE):
+    elif kind in _CONTROL:
         if size != HEADER_SIZE + count or count > MAX_TEXT or flags > _HELLO_FLAGS:
             raise ProtocolError(f"a malformed control datagram of {size} bytes")
     else:
@@ -169,6 +181,24 @@ def put_time(buffer: bytearray | memoryview, flags: int, time_ns: int) -> None:
     """Timestamp an unstamped batch with the hub's time."""
     buffer[FLAGS_OFFSET] = flags & ~UNSTAMPED
     _TIME.pack_into(buffer, _TIME_OFFSET, time_ns)
+
+
+def identifiers(buffer: bytearray, size: int, kind: int) -> Iterator[int]:
+    """Yield the identifiers of a batch, with their flags."""
+    for (can_id,) in _IDENTIFIERS[kind].iter_unpack(memoryview(buffer)[HEADER_SIZE:size]):
+        yield can_id
+
+
+def keep_frames(buffer: bytearray, kind: int, places: Sequence[int]) -> int:
+    """Keep some frames of a batch, in ascending order, in place; return its new size."""
+    frame_size = _IDENTIFIERS[kind].size
+    end = HEADER_SIZE
+    for place in places:
+        start = HEADER_SIZE + place * frame_size
+        buffer[end : end + frame_size] = buffer[start : start + frame_size]
+        end += frame_size
+    _COUNT.pack_into(buffer, _COUNT_OFFSET, len(places))
+    return end
 
 
 def control(

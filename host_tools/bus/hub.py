@@ -21,6 +21,7 @@ from typing import Final
 from rrins.host_tools.bus.channel import HostedError
 from rrins.host_tools.bus.datagram import receive_buffer
 from rrins.host_tools.bus.end import BusTimeoutError
+from rrins.host_tools.bus.guard import BusSummary
 from rrins.host_tools.bus.peer import PeerInfo, check_name
 from rrins.host_tools.bus.relay import TIMED_OUT, Relay
 from rrins.host_tools.errors import BusError
@@ -53,6 +54,8 @@ class Hub:
         Whether the host receives what it has sent.
     queue_limit : int
         Bytes that may wait for an observer before it is cut off.
+    foreign_senders : bool
+        Whether anybody may send what the contract gives to one of the two sides.
 
     Raises
     ------
@@ -68,13 +71,18 @@ class Hub:
         exclusive: bool = False,
         receive_own: bool = False,
         queue_limit: int = QUEUE_LIMIT,
+        foreign_senders: bool = False,
     ) -> None:
         self.number = 0
         self._channel = channel
         self._receive_own = receive_own
         self._queue_limit = queue_limit
         self._relay = Relay(
-            channel, PeerInfo(check_name(name), os.getpid(), "node", 0), exclusive, queue_limit
+            channel,
+            PeerInfo(check_name(name), os.getpid(), "node", 0),
+            exclusive,
+            queue_limit,
+            foreign_senders,
         )
         self._step = self._relay.step
         self._lock = self._relay.lock
@@ -93,6 +101,10 @@ class Hub:
     def origin_ns(self) -> int:
         """Unix time of time 0 of the host's batches in nanoseconds; 0 until it has sent one."""
         return self._relay.origin_ns
+
+    def statistics(self) -> BusSummary:
+        """Return what was not let through so far."""
+        return self._relay.guard.statistics()
 
     def require(self, names: Iterable[str]) -> None:
         """Make the host's sending and receiving fail once one of these peers has left.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import threading
 import time
@@ -16,6 +17,7 @@ from rrins.host_tools.bus import channel as channels
 from rrins.host_tools.bus import datagram
 from rrins.host_tools.bus.batch import Batch, bytes_of
 from rrins.host_tools.bus.end import BusEnd, BusTimeoutError
+from rrins.host_tools.bus.guard import NOTHING_REFUSED, BusSummary, Refused
 from rrins.host_tools.bus.hub import Hub
 from rrins.host_tools.bus.launch import attach
 from rrins.host_tools.bus.message import get_message, put_message
@@ -28,6 +30,8 @@ _FRAME: Final = datagram.FRAME_SIZE
 _NO_FRAMES: Final = frame_array(0)
 _NO_BYTES: Final = memoryview(bytearray())
 
+
+_log: Final = logging.getLogger("rrins.host_tools.bus")
 
 ANSWER_S = 10.0
 """Seconds within which a host must answer a new peer."""
@@ -81,6 +85,10 @@ class RrinsBus(can.BusABC):
         Seconds that the host has to answer.
     queue_limit : int
         For a host: bytes that may wait for an observer before it is cut off.
+    foreign_senders : bool
+        For a host: whether anybody may send what the contract gives to ``firmware`` or
+        ``hardware`` while a peer of that name is attached. Without it such frames are not
+        delivered.
     **kwargs
         Whatever else python-can passes to every interface.
 
@@ -105,6 +113,7 @@ class RrinsBus(can.BusABC):
         timestamps: Literal["bus", "unix"] = "bus",
         attach_timeout: float = ANSWER_S,
         queue_limit: int = 4 * 1024 * 1024,
+        foreign_senders: bool = False,
         **kwargs: Any,
     ) -> None:
         if host not in ("auto", "never", "here"):
@@ -117,6 +126,8 @@ class RrinsBus(can.BusABC):
             raise ValueError("the host of a channel is a node")
         if in_step and (host == "here" or role == "observer"):
             raise ValueError("in_step is for a node that does not host the channel")
+        if foreign_senders and host != "here":
+            raise ValueError('foreign_senders is for the host of a channel, host="here"')
         self.channel = str(channel)
         self.channel_info = f"rrins channel {self.channel!r}"
         self._fd = fd
@@ -132,6 +143,7 @@ class RrinsBus(can.BusABC):
                     exclusive=exclusive,
                     receive_own=receive_own_messages,
                     queue_limit=queue_limit,
+                    foreign_senders=foreign_senders,
                 )
                 self._wire = self._hub
                 self.host_pid = os.getpid()
@@ -172,6 +184,7 @@ class RrinsBus(can.BusABC):
         self._timestamp = 0.0
         self._batch = Batch()
         self._is_lost = False
+        self.refused = NOTHING_REFUSED
         try:
             super().__init__(self.channel, can_filters, **kwargs)
         except BaseException:
@@ -379,6 +392,29 @@ class RrinsBus(can.BusABC):
         except BusError as error:
             raise self._translated(error) from error
 
+    def statistics(self) -> BusSummary:
+        """Return what the host did not let through, and from whom; for a host only."""
+        return self._hosted().statistics()
+
+    def ask_refused(self, timeout: float | None = None) -> None:
+        """Ask the host how many frames it has refused; `refused` has the answer, once received.
+
+        Raises
+        ------
+        can.CanTimeoutError
+            If a node has held up the bus all the time.
+        can.CanOperationError
+            If the bus has come to its end for this node.
+        """
+        self._begin_send(timeout)
+        try:
+            question = datagram.control(datagram.COUNTS, sender=self._number)
+            self._wire.send(memoryview(question), timeout)
+        except BusError as error:
+            raise self._translated(error) from error
+        finally:
+            self._send_lock.release()
+
     def require(self, names: Iterable[str]) -> None:
         """Let sending and receiving fail once one of these peers has left; for a host only.
 
@@ -419,6 +455,8 @@ class RrinsBus(can.BusABC):
                 raise self._translated(error) from error
             if kind == datagram.FRAMES or (takes_fd and kind == datagram.FRAMES_FD):
                 break
+            if kind in (datagram.NOTE, datagram.COUNTS):
+                self._take_word(kind, datagram.text_of(self._in, count), epoch)
             if timeout is not None:
                 now = time.monotonic_ns()
                 timeout = max(0.0, timeout - (now - start) / 1e9) if start else timeout
@@ -435,6 +473,11 @@ class RrinsBus(can.BusABC):
         self._count = count
         self._next = 0
         return True
+
+    def _take_word(self, kind: int, text: str, frames: int) -> None:
+        self.refused = Refused(frames, text)
+        if kind == datagram.NOTE:
+            _log.warning("channel %s: %s", self.channel, text)
 
     def _translated(self, error: BusError) -> can.CanError:
         if isinstance(error, BusTimeoutError):

@@ -56,7 +56,9 @@ class Peer:
     """
 
     __slots__ = (
+        "allowance",
         "end",
+        "epoch",
         "exclusive",
         "fd",
         "info",
@@ -85,6 +87,8 @@ class Peer:
         self.queue: deque[bytes] = deque()  # of an observer that lags, or of a peer's last word
         self.queued = 0  # bytes in the queue
         self.leaving = False
+        self.allowance = 0  # frames that a third party may send now, and
+        self.epoch = 0  # the epoch for which that was reckoned; see `guard`
 
     def has_hung_up(self) -> bool:
         """Return whether the peer has ended, even if its last datagrams are still to be read."""

@@ -20,6 +20,7 @@ from rrins.dbc.e2e import fill
 from rrins.dbc.frame import EFF_FLAG, ERR_FLAG, RTR_FLAG, Frame, FrameArray, frame_array
 from rrins.host_tools.bus.batch import Batch
 from rrins.host_tools.bus.channel import NoHostError
+from rrins.host_tools.bus.guard import BusSummary
 from rrins.host_tools.bus.interface import ANSWER_S, RrinsBus
 from rrins.host_tools.errors import BusError, SideLostError
 
@@ -33,6 +34,7 @@ _ANNOUNCE_NS = 200_000_000
 _LOCKSTEP_PATIENCE_NS = 30_000_000_000
 _POLL_S = 0.2
 _RETRY_S = 0.02
+_KEPT_FREE = 1024  # room for the frames of a side, whatever others send
 
 
 class BusNotThereError(BusError):
@@ -129,16 +131,31 @@ class BatchPort:
         The hardware hosts the bus and waits for the firmware to attach.
     attach_wait_s : float
         Longest wait of the firmware for the bus.
+    foreign_senders : bool
+        Whether the hardware, which hosts the bus, lets others send what is the sides'.
     """
 
-    def __init__(self, address: Address, side: Side, attach_wait_s: float = 0.0) -> None:
+    def __init__(
+        self,
+        address: Address,
+        side: Side,
+        attach_wait_s: float = 0.0,
+        foreign_senders: bool = False,
+    ) -> None:
         self._address = address
+        self._foreign_senders = foreign_senders
         self._other = "hardware" if side == "firmware" else "firmware"
         self._is_host = side == "hardware"
         self._bus = self._host() if self._is_host else self._attach(side, attach_wait_s)
 
     def _host(self) -> RrinsBus:
-        bus = open_bus(self._address, name="hardware", exclusive=True, host="here")
+        bus = open_bus(
+            self._address,
+            name="hardware",
+            exclusive=True,
+            host="here",
+            foreign_senders=self._foreign_senders,
+        )
         assert isinstance(bus, RrinsBus)
         return bus
 
@@ -173,6 +190,7 @@ class BatchPort:
         assert batch is not None
         count = batch.count
         while not batch.closes_epoch:  # someone else's frames came first
+            count = min(count, len(into) - _KEPT_FREE)
             batch = self._receive(into[count:], None)
             assert batch is not None
             count += batch.count
@@ -191,6 +209,10 @@ class BatchPort:
     def has_other(self) -> bool:
         """Return whether the other side is attached; always False on the firmware's side."""
         return self._is_host and any(peer.name == self._other for peer in self._bus.peers)
+
+    def statistics(self) -> BusSummary | None:
+        """Return what the bus did not let through; None for a side that does not host it."""
+        return self._bus.statistics() if self._is_host else None
 
     def close(self) -> None:
         """Leave the bus."""
@@ -344,11 +366,15 @@ class MessagePort:
                         f"bus {self._address}: {self._other} has been silent for {patience_s} s"
                     )
                 continue
-            if message.is_fd or count == len(into):
+            if message.is_fd:
                 continue
-            frame_of_message(into[count], message)
-            count += 1
-            if message.arbitration_id == self._others_last:
+            is_last = message.arbitration_id == self._others_last
+            if count < len(into):
+                count += 1
+            elif not is_last:
+                continue  # a flood: there is no room, but for the frame that closes the epoch
+            frame_of_message(into[count - 1], message)
+            if is_last:
                 return count
 
     def receive(self, into: FrameArray, timeout_ns: int) -> int:
@@ -371,6 +397,9 @@ class MessagePort:
         """Return False: such a bus does not know."""
         return False
 
+    def statistics(self) -> None:
+        """Return None: such a bus does not know who sends."""
+
     def close(self) -> None:
         """Leave the bus."""
         try:
@@ -380,7 +409,9 @@ class MessagePort:
                 raise PortClosedError(f"bus {self._address}: cannot close: {error}") from error
 
 
-def open_port(address: Address, side: Side, attach_wait_s: float = 0.0) -> BatchPort | MessagePort:
+def open_port(
+    address: Address, side: Side, attach_wait_s: float = 0.0, foreign_senders: bool = False
+) -> BatchPort | MessagePort:
     """Open a side's port on a bus.
 
     Raises
@@ -389,5 +420,5 @@ def open_port(address: Address, side: Side, attach_wait_s: float = 0.0) -> Batch
         If the bus does not exist, or that side is already on it.
     """
     if address.is_embedded:
-        return BatchPort(address, side, attach_wait_s)
+        return BatchPort(address, side, attach_wait_s, foreign_senders)
     return MessagePort(address, side)

@@ -6,6 +6,7 @@ It has no thread and no loop, only single steps, and never blocks on a single pe
   read from anybody, so the queues of the senders fill and the senders wait.
 - An *observer* that takes no more gets a queue of its own; when that is full it is cut off.
 - A peer that dies, or sends what is not a datagram of ours, is cut off. The others go on.
+- A third party beside the two sides of a rehearsal is held to its own frames (`guard`).
 
 Two polls make that cheap. ``_always`` watches what may be served at any time: the door, and whoever
 has something waiting. ``_all`` watches the peers' datagrams and, nested in it, ``_always``. A bus
@@ -24,8 +25,9 @@ import time
 from typing import Final
 
 from rrins.host_tools.bus import datagram
-from rrins.host_tools.bus.admission import Admission, Caller, refuse
+from rrins.host_tools.bus.admission import NOTICE, Admission, Caller, refuse
 from rrins.host_tools.bus.end import wait_readable
+from rrins.host_tools.bus.guard import HARDWARE, SIDES, Guard
 from rrins.host_tools.bus.peer import Peer, PeerInfo
 from rrins.host_tools.errors import BusError
 
@@ -54,6 +56,8 @@ class Relay:
         Whether no peer may carry the name of the host.
     queue_limit : int
         Bytes that may wait for an observer before it is cut off.
+    foreign_senders : bool
+        Whether anybody may send what the contract gives to a side.
 
     Attributes
     ----------
@@ -69,6 +73,8 @@ class Relay:
         Which of them has left, and how; empty while all are there.
     origin_ns : int
         Unix time of time 0 of the host's batches; 0 until it has sent one.
+    guard : Guard
+        What third parties may do, and what they were refused.
 
     Raises
     ------
@@ -76,7 +82,14 @@ class Relay:
         If another process hosts the channel, or its place is not safe.
     """
 
-    def __init__(self, channel: str, host: PeerInfo, exclusive: bool, queue_limit: int) -> None:
+    def __init__(
+        self,
+        channel: str,
+        host: PeerInfo,
+        exclusive: bool,
+        queue_limit: int,
+        foreign_senders: bool = False,
+    ) -> None:
         self._channel = channel
         self._host = host
         self._exclusive = exclusive
@@ -104,9 +117,12 @@ class Relay:
         self._held = b""  # the datagram that the stuck nodes have not taken
         self._stuck_ns = 0
         self._stall_told = False
+        self.guard = Guard(foreign_senders)
+        self._aside: set[Peer] = set()  # not read until the next epoch
         self._bus_time: int | None = None
         self._timekeeper: Peer | None = None
         self.origin_ns = 0
+        self._meet()
 
     @property
     def has_company(self) -> bool:
@@ -187,6 +203,10 @@ class Relay:
 
     def _receive_from(self, peer: Peer, buffer: bytearray) -> int:
         """Read one datagram of a peer and relay it."""
+        is_third = self.guard.is_on and peer.info.name not in SIDES
+        if is_third and self.guard.must_wait(peer):
+            self._set_aside(peer)
+            return 0
         try:
             size = peer.end.recv_into(buffer)
         except (BlockingIOError, ConnectionResetError):
@@ -195,15 +215,26 @@ class Relay:
             self._drop(peer, "has disappeared")
             return 0
         try:
-            kind, flags, _, sender, _, time_ns = datagram.parse(buffer, size)
+            kind, flags, count, sender, _, time_ns = datagram.parse(buffer, size)
             if kind == datagram.BYE:
                 self._drop(peer)
                 return 0
-            if kind < datagram.FRAMES or sender != peer.number:
+            if kind == datagram.COUNTS and sender == peer.number:
+                self._tell(peer, datagram.COUNTS, self.guard.last_line, self.guard.refused)
+                peer.allowance -= 1
+                return 0
+            if kind not in (datagram.FRAMES, datagram.FRAMES_FD) or sender != peer.number:
                 raise datagram.ProtocolError(f"a datagram of kind {kind} from node {sender}")
+            if is_third:
+                size = self._checked(peer, buffer, size, kind, flags, count)
+                if not size:
+                    return 0
+                if self.guard.has_hardware:  # its time is everybody's
+                    flags |= datagram.UNSTAMPED
         except datagram.ProtocolError as error:
-            self._last_word(peer, f"this peer was cut off, because it sent {error}")
-            self._drop(peer, f"is cut off: it sent {error}")
+            self.guard.cut_off += 1
+            self._tell(peer, datagram.BYE, f"this peer was cut off, because it sent {error}")
+            self._drop(peer, f"is cut off: it sent {error}", NOTICE)
             return 0
         if flags & datagram.UNSTAMPED:
             datagram.put_time(buffer, flags, self._time())
@@ -214,9 +245,35 @@ class Relay:
             self._spread(memoryview(buffer)[:size], peer)
         return size
 
+    def _checked(
+        self, peer: Peer, buffer: bytearray, size: int, kind: int, flags: int, count: int
+    ) -> int:
+        """Return the size of what is left of a third party's datagram; name who sends the rest."""
+        left = self.guard.check(peer, buffer, size, kind, flags, count)
+        if left < size and (line := self.guard.due_line()):
+            _log.warning("channel %s: %s", self._channel, line, extra=NOTICE)
+            self._tell(peer, datagram.NOTE, line, self.guard.refused)
+        return left
+
+    def _set_aside(self, peer: Peer) -> None:
+        """Read nothing more from a peer until the next epoch."""
+        self._aside.add(peer)
+        self._all.unregister(peer.fd)
+        if line := self.guard.hold_back(peer):
+            _log.warning("channel %s: %s %s", self._channel, peer, line, extra=NOTICE)
+
+    def _open_epoch(self) -> None:
+        self.guard.open_epoch()
+        if self._aside:
+            for peer in self._aside:
+                self._all.register(peer.fd, select.EPOLLIN)
+            self._aside.clear()
+
     def send(self, view: memoryview) -> None:
         """Spread a datagram of the host; only while nobody is `stuck`."""
         flags = view[datagram.FLAGS_OFFSET]
+        if flags & datagram.CLOSES_EPOCH and self._host.name == HARDWARE:
+            self._open_epoch()
         if flags & datagram.UNSTAMPED:
             datagram.put_time(view, flags, self._time())
         else:
@@ -342,33 +399,44 @@ class Relay:
         self._peers[peer.fd] = peer
         self.receivers += (peer,)
         self._all.register(peer.fd, select.EPOLLIN)
+        self._meet()
 
-    def _drop(self, peer: Peer, why: str = "") -> None:
+    def _meet(self) -> None:
+        self.guard.meet({self._host.name, *(peer.info.name for peer in self.receivers)})
+
+    def _drop(self, peer: Peer, why: str = "", extra: dict[str, bool] | None = None) -> None:
         """Disconnect a peer; log the reason unless it left properly."""
-        self._forget(peer, why)
+        self._forget(peer, why, extra)
         if peer in self.stuck or peer.queue:
             self._always.unregister(peer.fd)
             self.stuck.discard(peer)
         peer.end.close()
         self._admission.reopen()
 
-    def _forget(self, peer: Peer, why: str) -> None:
+    def _forget(self, peer: Peer, why: str, extra: dict[str, bool] | None = None) -> None:
         del self._peers[peer.fd]
         self.receivers = tuple(self._peers.values())
-        self._all.unregister(peer.fd)
+        self._meet()
+        if peer in self._aside:
+            self._aside.discard(peer)
+        else:
+            self._all.unregister(peer.fd)
         if self._timekeeper is peer:
             self._timekeeper = None
             self._bus_time = None
         if why:
-            _log.warning("channel %s: %s %s", self._channel, peer, why)
+            _log.warning("channel %s: %s %s", self._channel, peer, why, extra=extra)
         if peer.number in self.required:
             self.lost = f"channel {self._channel!r}: {peer} {why or 'has left'}"
 
-    def _last_word(self, peer: Peer, reason: str) -> None:
+    def _tell(self, peer: Peer, kind: int, text: str, frames: int = 0) -> None:
+        """Send a peer a word, if it takes it; of a last word it gets the bare end instead."""
+        if peer.queue or peer in self.stuck:
+            return
         try:
-            peer.send(datagram.control(datagram.BYE, reason))
-        except OSError as error:  # it gets the bare end of the connection instead
-            _log.debug("%s does not take its last word: %s", peer, error.strerror)
+            peer.send(datagram.control(kind, text, epoch=frames))
+        except OSError as error:
+            _log.debug("%s does not take a word: %s", peer, error.strerror)
 
     # The end
 
@@ -392,7 +460,7 @@ class Relay:
         """Tell the peers that the channel closes, and release it."""
         if os.getpid() == self._host.pid:
             for peer in self.receivers:
-                self._last_word(peer, f"process {self._host.pid} has closed it")
+                self._tell(peer, datagram.BYE, f"process {self._host.pid} has closed it")
             self._admission.close()
         else:  # a child of the host, which has inherited the sockets and none of the rights
             self._admission.abandon()
@@ -400,6 +468,7 @@ class Relay:
             peer.end.close()
         self._peers.clear()
         self._leaving.clear()
+        self._aside.clear()
         self.stuck.clear()
         self.receivers = ()
         self._close_descriptors()

@@ -77,6 +77,11 @@ _out_option = click.option(
     type=click.Path(file_okay=False, path_type=Path),
     help="Folder for the results.  [default: out/SCENARIO]",
 )
+_foreign_option = click.option(
+    "--foreign-senders",
+    is_flag=True,
+    help="On the embedded bus, let anybody send what the contract gives to a side; for tests.",
+)
 _json_option = click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 
 
@@ -101,6 +106,7 @@ _json_option = click.option("--json", "as_json", is_flag=True, help="Print one J
     "--record", type=click.Path(dir_okay=False, path_type=Path), help="Record the bus to this file."
 )
 @serial_options
+@_foreign_option
 @_json_option
 def rehearse(
     scenario: str,
@@ -113,6 +119,7 @@ def rehearse(
     limit_s: float | None,
     out: Path | None,
     record: Path | None,
+    foreign_senders: bool,
     as_json: bool,
     **serial: Any,
 ) -> None:
@@ -133,6 +140,7 @@ def rehearse(
         run.BusOptions(interface, channel, bitrate),
         speed,
         settings_of(serial),
+        foreign_senders,
     )
     if limit_s is not None:
         plan = run.fit(plan, limit_s)
@@ -256,6 +264,7 @@ def firmware(attach_wait: float, **options: Any) -> None:
 
 @click.command()
 @_side_options
+@_foreign_option
 @click.option("--await-peer", multiple=True, hidden=True)
 def hardware(await_peer: tuple[str, ...], **options: Any) -> None:
     """Run the emulated RIMU and turntable alone; it hosts the embedded bus.

@@ -16,7 +16,7 @@ import numpy as np
 from rrins.dbc.codec import load
 from rrins.dbc.frame import ERR_FLAG, Frame, FrameArray, frame_array
 from rrins.dbc.record import Integers
-from rrins.host_tools.bus.datagram import MAX_FRAMES
+from rrins.host_tools.bus.guard import LARGEST_BATCH
 from rrins.host_tools.bus.interface import RrinsBus
 from rrins.host_tools.bus.port import Address, open_bus
 from rrins.host_tools.errors import BusError
@@ -108,8 +108,8 @@ class _Player:
         try:
             if isinstance(self._bus, RrinsBus):
                 time_ns = round(time_s * 1e9)
-                for first in range(0, len(frames), MAX_FRAMES):
-                    part = frames[first : first + MAX_FRAMES]
+                for first in range(0, len(frames), LARGEST_BATCH):
+                    part = frames[first : first + LARGEST_BATCH]
                     self._bus.send_batch(part, len(part), time_ns=time_ns, timeout=_SEND_S)
             else:
                 for message in messages_of(frames, time_s, self._address.channel):

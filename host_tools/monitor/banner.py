@@ -47,6 +47,9 @@ def notices(state: BusState, is_frozen: bool) -> list[str]:
         found.append(f"NO FRAMES for {age_words(state.times.quiet_s)} (wall clock)")
     if state.times.gaps:
         found.append(f"MISSED FRAMES: the monitor fell behind {state.times.gaps} times")
+    if state.times.refused.frames:
+        refused = state.times.refused
+        found.append(f"{refused.frames} FRAMES NOT DELIVERED: {refused.line}")
     return found
 
 

@@ -43,6 +43,7 @@ def as_dict(bus: str, state: BusState, needle: str = "", order: str = "id") -> J
         "speed": state.times.speed,
         "ended": state.times.ended,
         "gaps": state.times.gaps,
+        "refused_frames": state.times.refused.frames,
         "frames": state.frames,
         "error_frames": state.error_frames,
         "rate_hz": state.rate_hz,

@@ -6,7 +6,9 @@ too far behind. It then reattaches and notifies the watch of the gap.
 
 from __future__ import annotations
 
+import contextlib
 import threading
+import time
 
 import can
 
@@ -22,6 +24,7 @@ NAME = "monitor"
 _POLL_S = 0.1
 _REST_S = 0.004  # between two reads: waking up for each datagram would delay its sender
 _CAPACITY = 4096
+_ASK_S = 0.5
 _ATTACH_S = 2.0
 
 
@@ -43,6 +46,7 @@ class Receiver:
         self._address = address
         self._watch = watch
         self._frames = frame_array(_CAPACITY)
+        self._next_question = 0.0
         self._stop = threading.Event()
         self._bus = self._open()
         self._thread = threading.Thread(target=self._run, name=NAME, daemon=True)
@@ -68,12 +72,22 @@ class Receiver:
 
     def _receive_batches(self, bus: RrinsBus) -> None:
         """Wait for a batch, receive all pending ones, and pause."""
+        self._ask(bus)
         frames, add = self._frames, self._watch.add_frames
         batch = bus.recv_batch(frames, _POLL_S)
         while batch is not None and not self._stop.is_set():
             add(frames, batch.count, batch.time_ns)
             batch = bus.recv_batch(frames, 0.0)
+        self._watch.note_refused(bus.refused)
         self._stop.wait(_REST_S)
+
+    def _ask(self, bus: RrinsBus) -> None:
+        """Ask the host now and then what it has refused; it answers among the frames."""
+        now = time.monotonic()
+        if now >= self._next_question:
+            self._next_question = now + _ASK_S
+            with contextlib.suppress(can.CanTimeoutError):  # the bus is held up: asked later
+                bus.ask_refused(0.0)
 
     def _receive_messages(self, bus: can.BusABC) -> None:
         message = bus.recv(_POLL_S)

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 from rrins.dbc.codec import Codec
 from rrins.dbc.record import Integers, Records
+from rrins.host_tools.bus.guard import NOTHING_REFUSED, Refused
 from rrins.host_tools.monitor.tally import (
     BIN_NS,
     BINS,
@@ -48,6 +49,8 @@ class Times:
     """Why the bus has ended; None while it is running."""
     gaps: int
     """How often the monitor fell behind, was disconnected and reattached."""
+    refused: Refused = NOTHING_REFUSED
+    """Frames that the host of an embedded bus has not delivered, as they were a side's."""
 
 
 @dataclass(frozen=True)

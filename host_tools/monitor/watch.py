@@ -10,6 +10,7 @@ from dataclasses import replace
 
 from rrins.dbc.codec import load
 from rrins.dbc.frame import FrameArray, frame_array
+from rrins.host_tools.bus.guard import NOTHING_REFUSED, Refused
 from rrins.host_tools.monitor.state import WINDOW_NS, BusState, Mark, Times
 from rrins.host_tools.monitor.tally import Tally, count_frames, reset_counts, tally_of
 
@@ -48,6 +49,7 @@ class Watch:
         self._tallies = tally_of(self._codec, bitrate or self._codec.bits_per_s)
         self._heard_ns = clock()
         self._ended: str | None = None
+        self._refused = NOTHING_REFUSED
         self._gaps = 0
         self._clock_jumps = 0
         self._origin = self._mark_of(self._tallies[0])
@@ -72,6 +74,10 @@ class Watch:
         """Whether the bus has ended."""
         return self._ended is not None
 
+    def note_refused(self, refused: Refused) -> None:
+        """Record what the host of the bus has refused so far."""
+        self._refused = refused
+
     def count_gap(self) -> None:
         """Record that frames were missed because the monitor fell behind."""
         self._gaps += 1
@@ -94,7 +100,8 @@ class Watch:
         bus_ns = int(tally["now_ns"])
         is_running_on = self._is_wall_time and tally["is_started"] and self._ended is None
         now_ns = bus_ns + quiet_ns if is_running_on else bus_ns
-        times = Times(now_ns, quiet_ns / 1e9, self._speed(bus_ns, wall_ns), self._ended, self._gaps)
+        speed = self._speed(bus_ns, wall_ns)
+        times = Times(now_ns, quiet_ns / 1e9, speed, self._ended, self._gaps, self._refused)
         return BusState(self._codec, tally, self._mark_before(tally, now_ns), times)
 
     def _mark_of(self, tally: Tally) -> Mark:

@@ -18,7 +18,14 @@ from rrins.host_tools.runs.samples import NAVIGATION_SAMPLES, SampleFile, keep_e
 from rrins.host_tools.runs.settings import firmware_settings
 from rrins.host_tools.serial.lines import Tasks, open_lines
 
-_COUNTERS = ("crc_errors", "counter_errors", "missing_frames", "bridged_epochs", "overruns")
+_COUNTERS = (
+    "crc_errors",
+    "counter_errors",
+    "disagreeing_frames",
+    "missing_frames",
+    "bridged_epochs",
+    "overruns",
+)
 
 
 def firmware_summary(firmware: Firmware) -> JsonObject:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from contextlib import ExitStack
 
 from rrins.host_tools.bus.port import open_port
 from rrins.host_tools.files import JsonObject
@@ -11,6 +12,7 @@ from rrins.host_tools.hardware.loop import run_lockstep as run_hardware_lockstep
 from rrins.host_tools.hardware.loop import run_realtime as run_hardware_realtime
 from rrins.host_tools.hardware.memory import Truth
 from rrins.host_tools.runs.job import Job, prepare, settle
+from rrins.host_tools.runs.notices import bus_notices
 from rrins.host_tools.runs.pipe import ReportPipe
 from rrins.host_tools.runs.realtime import LatenessHistogram
 from rrins.host_tools.runs.samples import TRUTH_SAMPLES, SampleBuffer, SampleFile, keep_every
@@ -27,6 +29,7 @@ def hardware_summary(hardware: Hardware) -> JsonObject:
         "frames_sent": hardware.frames_sent,
         "faults": {name: int(plant["counters"][name]) for name in plant["counters"].dtype.names},
         "wire": hardware.wire.statistics() if isinstance(hardware.wire, Wire) else None,
+        "bus": None,
     }
 
 
@@ -63,9 +66,11 @@ def run_hardware(job: Job) -> JsonObject:
                 longitude=float(truth["longitude"][0]),
             )
 
-    port = open_port(job.address, "hardware")
+    port = open_port(job.address, "hardware", foreign_senders=job.foreign_senders)
     epochs = scenario.epochs + 1  # the last one shuts the firmware down
+    notices = ExitStack()
     try:
+        notices.enter_context(bus_notices(report, "hardware"))
         report.send("ready", side="hardware")
         permitted = settle(job)
         port.meet(job.await_peers)
@@ -78,6 +83,8 @@ def run_hardware(job: Job) -> JsonObject:
         rows.flush()
         file.close()
         port.close()
-        summary = hardware_summary(hardware) | {"lateness_us": lateness.summary()}
+        notices.close()
+        statistics = {"lateness_us": lateness.summary(), "bus": port.statistics()}
+        summary = hardware_summary(hardware) | statistics
         report.send("summary", side="hardware", **summary)
     return summary

@@ -55,6 +55,8 @@ class Job:
         The firmware's serial lines.
     parameters : Path or None
         File of the firmware's parameter memory.
+    foreign_senders : bool
+        Whether the hardware lets others on the embedded bus send what is the sides'.
     """
 
     scenario: Scenario
@@ -67,6 +69,7 @@ class Job:
     await_peers: tuple[str, ...] = ()
     serial: SerialSettings = NO_LINES
     parameters: Path | None = None
+    foreign_senders: bool = False
 
     @property
     def is_realtime(self) -> bool:

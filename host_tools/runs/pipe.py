@@ -35,6 +35,11 @@ class ReportPipe:
             line = json.dumps({"kind": kind, **values}) + "\n"
             os.write(self._fd, line.encode())
 
+    @property
+    def is_read(self) -> bool:
+        """Whether a rehearsal reads what is sent."""
+        return self._fd is not None
+
     def note(self, side: str, text: str) -> None:
         """Tell the user something: through the rehearsal, or else on standard error."""
         if self._fd is None:

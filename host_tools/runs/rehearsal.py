@@ -129,8 +129,8 @@ class Rehearsal:
         Where the sides put their logs.
     record : Path, optional
         File to record the bus to.
-    firmware_options : sequence of str
-        Command-line options for the firmware alone.
+    firmware_options, hardware_options : sequence of str
+        Command-line options for one side alone.
     """
 
     def __init__(
@@ -143,6 +143,7 @@ class Rehearsal:
         folder: Path,
         record: Path | None = None,
         firmware_options: tuple[str, ...] = (),
+        hardware_options: tuple[str, ...] = (),
     ) -> None:
         self._name = name
         self._scenario = scenario
@@ -152,6 +153,7 @@ class Rehearsal:
         self._folder = folder
         self._record = record
         self._firmware_options = firmware_options
+        self._hardware_options = hardware_options
         self._recorder: recorder.Recorder | None = None
         self._started_ns: int | None = None
         self._ended_ns = 0
@@ -195,8 +197,10 @@ class Rehearsal:
             command += ["--bitrate", str(self._address.bitrate)]
         if name == "firmware":
             command += ["--attach-wait", str(_ATTACH_WAIT_S), *self._firmware_options]
-        elif self._record is not None and self._address.is_embedded:
-            command += ["--await-peer", recorder.NAME]
+        else:
+            command += self._hardware_options
+            if self._record is not None and self._address.is_embedded:
+                command += ["--await-peer", recorder.NAME]
         if self._speed != REALTIME and self._address.is_embedded:
             command += ["--core", str(self._core)]
         try:

@@ -192,6 +192,8 @@ class Plan:
         1.0 is real time, another factor limits lockstep, None is as fast as it goes.
     serial : SerialSettings
         The firmware's serial lines.
+    foreign_senders : bool
+        Whether others on the embedded bus may send what the contract gives to a side.
     """
 
     name: str
@@ -200,6 +202,7 @@ class Plan:
     bus: BusOptions = BusOptions()
     speed: float | None = None
     serial: SerialSettings = NO_LINES
+    foreign_senders: bool = False
 
     def lasting(self, duration_s: float) -> Plan:
         """Return the same with another duration."""
@@ -212,9 +215,16 @@ class Plan:
     def rehearsal(self, address: Address, folder: Path, record: Path | None) -> Rehearsal:
         """Return the rehearsal, ready to run."""
         options = self.overrides.options()
-        serial = arguments_of(self.serial)
         return Rehearsal(
-            self.name, self.scenario, options, address, self.speed, folder, record, serial
+            self.name,
+            self.scenario,
+            options,
+            address,
+            self.speed,
+            folder,
+            record,
+            arguments_of(self.serial),
+            ("--foreign-senders",) if self.foreign_senders else (),
         )
 
 

@@ -157,6 +157,21 @@ def _wire_line(wire: JsonObject) -> str:
     )
 
 
+def _bus_lines(bus: JsonObject | None) -> list[str]:
+    """Return what the host of the embedded bus did not let through."""
+    if not bus:
+        return []
+    lines = []
+    if bus["refused_frames"]:
+        senders = ", ".join(f"{count} of {name}" for name, count in bus["senders"].items())
+        lines.append(f"frames not delivered, as the contract gives them to a side: {senders}")
+    if bus["cut_off"]:
+        lines.append(f"cut off for what they sent: {bus['cut_off']} peers of the bus")
+    if bus["held_back"]:
+        lines.append(f"held back, as they sent too much: {', '.join(bus['held_back'])}")
+    return lines
+
+
 def _keys_of(calibration: JsonObject) -> str:
     tables = (f"{kind} {', '.join(calibration[kind])}" for kind in calibration if kind != "file")
     return "; ".join(tables) or "holds nothing"
@@ -191,6 +206,7 @@ def lines_of(summary: JsonObject) -> list[str]:
     wire = summary["hardware"].get("wire")
     if wire:
         lines.append(_wire_line(wire))
+    lines += _bus_lines(summary["hardware"].get("bus"))
     faults = {name: count for name, count in firmware.get("faults", {}).items() if count}
     if faults:
         counted = ", ".join(f"{name} {count}" for name, count in faults.items())

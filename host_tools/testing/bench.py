@@ -30,10 +30,10 @@ from rrins.host_tools.testing.states import EastNorthPair, NavigationFix, TrueSt
 from rrins.host_tools.testing.virtual_bus import VirtualTimeBus
 from rrins.host_tools.testing.virtual_time import DirectExecution, Execution, LockstepExecution
 
-Maker = Callable[[Scenario, FrameRing, Path, float], Execution]
+Maker = Callable[[Scenario, FrameRing, Path, float, bool], Execution]
 
 WAYS: dict[str, Maker] = {
-    "direct": lambda scenario, ring, file, patience_s: DirectExecution(scenario, ring),
+    "direct": lambda scenario, ring, *_: DirectExecution(scenario, ring),
     "lockstep": LockstepExecution,
     "realtime": RealtimeExecution,
 }
@@ -54,6 +54,9 @@ class Bench:
     way : {"direct", "lockstep", "realtime"}
     patience_s : float
         Longest silence of a process, in wall clock time; 0 waits forever.
+    foreign_senders : bool
+        Whether clients that a test attaches may send what the contract gives to a side. In real
+        time the bench itself is such a client.
 
     Attributes
     ----------
@@ -62,7 +65,12 @@ class Bench:
     """
 
     def __init__(
-        self, scenario: Scenario, scenario_file: Path, way: str = "direct", patience_s: float = 60.0
+        self,
+        scenario: Scenario,
+        scenario_file: Path,
+        way: str = "direct",
+        patience_s: float = 60.0,
+        foreign_senders: bool = True,
     ) -> None:
         if way not in WAYS:
             raise BenchError(f"way {way!r} is not one of {', '.join(WAYS)}")
@@ -71,7 +79,9 @@ class Bench:
         self._bus: can.BusABC | None = None
         self._attached: list[VirtualTimeBus] = []
         self._ring = FrameRing()
-        self._execution = WAYS[way](scenario, self._ring, scenario_file, patience_s)
+        self._execution = WAYS[way](
+            scenario, self._ring, scenario_file, patience_s, foreign_senders
+        )
         self._contract = Contract()
         self._sender = FrameSender(self._execution, self._ring, self._contract)
         self._faults = BenchFaults(self._execution, self._sender)

@@ -36,6 +36,7 @@ class BenchFactory(Protocol):
         scenario: str | Path | ScenarioTable = DEFAULT_SCENARIO,
         *,
         way: str | None = None,
+        foreign_senders: bool = True,
         **overrides: Any,
     ) -> Bench:
         """Return a bench, at power-on.
@@ -47,6 +48,8 @@ class BenchFactory(Protocol):
             or its keys.
         way : {"direct", "lockstep", "realtime"}, optional
             That of ``--rrins-way`` by default.
+        foreign_senders : bool
+            Whether clients that the test attaches may send what the contract gives to a side.
         **overrides
             Top-level keys of the scenario; a dict is merged into the scenario's table.
         """
@@ -150,11 +153,14 @@ def rrins_bench(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Benc
         scenario: str | Path | ScenarioTable = DEFAULT_SCENARIO,
         *,
         way: str | None = None,
+        foreign_senders: bool = True,
         **overrides: Any,
     ) -> Bench:
         file = tmp_path / f"scenario-{len(benches) + 1}.toml"
         checked = prepare_scenario(scenario, overrides, file, request.path.parent)
-        bench = Bench(checked, file, way or options.rrins_way, options.rrins_patience)
+        bench = Bench(
+            checked, file, way or options.rrins_way, options.rrins_patience, foreign_senders
+        )
         benches.append(bench)
         ends.callback(bench.close)
         return bench

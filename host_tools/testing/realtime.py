@@ -34,10 +34,17 @@ class RealtimeExecution(Execution):
         The scenario as a file, for the processes.
     patience_s : float
         Longest silence of the bus; 0 waits forever.
+    foreign_senders : bool
+        Whether this process may send what the contract gives to a side.
     """
 
     def __init__(
-        self, scenario: Scenario, ring: FrameRing, scenario_file: Path, patience_s: float
+        self,
+        scenario: Scenario,
+        ring: FrameRing,
+        scenario_file: Path,
+        patience_s: float,
+        foreign_senders: bool = True,
     ) -> None:
         super().__init__(scenario, ring)
         self._patience_s = patience_s
@@ -46,7 +53,9 @@ class RealtimeExecution(Execution):
         self._ends = contextlib.ExitStack()
         self._last_ns = time.monotonic_ns()
         try:
-            self.hardware_side = self._start("hardware", scenario_file, "--await-peer", _OBSERVER)
+            options = ["--await-peer", _OBSERVER]
+            options += ["--foreign-senders"] if foreign_senders else []
+            self.hardware_side = self._start("hardware", scenario_file, *options)
             # The firmware initializes in the meantime, and waits for the bus.
             wait = ("--attach-wait", str(START_S))
             self.side = self._start("firmware", scenario_file, *wait)

@@ -215,10 +215,17 @@ class LockstepExecution(_Virtual):
         The scenario as a file, for the process.
     patience_s : float
         Longest silence of the firmware; 0 waits forever.
+    foreign_senders : bool
+        Whether clients of the bus may send what the contract gives to a side.
     """
 
     def __init__(
-        self, scenario: Scenario, ring: FrameRing, scenario_file: Path, patience_s: float
+        self,
+        scenario: Scenario,
+        ring: FrameRing,
+        scenario_file: Path,
+        patience_s: float,
+        foreign_senders: bool = True,
     ) -> None:
         super().__init__(scenario, ring)
         self._patience_s = patience_s
@@ -226,7 +233,13 @@ class LockstepExecution(_Virtual):
         self._cores = os.sched_getaffinity(0)
         self._ends = contextlib.ExitStack()
         try:
-            self.host = RrinsBus(self.channel, host="here", name="hardware", exclusive=True)
+            self.host = RrinsBus(
+                self.channel,
+                host="here",
+                name="hardware",
+                exclusive=True,
+                foreign_senders=foreign_senders,
+            )
             self._ends.callback(self.host.shutdown)
             core = shared_core()
             options = ("--core", str(core), "--attach-wait", str(START_S))

@@ -48,7 +48,7 @@ def well_formed(data: bytes | bytearray) -> bool:
     if magic != datagram.MAGIC or reserved:
         return False
     body = data[32:]
-    if kind in (1, 2, 3, 4):
+    if kind in (1, 2, 3, 4, 7, 8):
         return bool(len(body) == count <= 512 and flags <= 15)
     if kind not in (5, 6) or flags > 3:
         return False

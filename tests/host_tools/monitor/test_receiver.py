@@ -13,6 +13,8 @@ from rrins.dbc.frame import frame_array
 from rrins.host_tools.bus.interface import RrinsBus
 from rrins.host_tools.bus.port import Address
 from rrins.host_tools.errors import BusError
+from rrins.host_tools.monitor.banner import notices
+from rrins.host_tools.monitor.once import as_dict
 from rrins.host_tools.monitor.receiver import NAME, Receiver
 from rrins.host_tools.monitor.watch import Watch
 from rrins.host_tools.testing.recording import Contract
@@ -42,6 +44,10 @@ class NotedWatch(Watch):
 
     def count_gap(self):
         super().count_gap()
+        self._notify()
+
+    def note_refused(self, refused):
+        super().note_refused(refused)
         self._notify()
 
     def _notify(self):
@@ -149,3 +155,21 @@ def test_any_interface_of_python_can():
 def test_a_bus_that_is_not_there(watch):
     with pytest.raises(BusError, match="not running"):
         Receiver(ADDRESS, watch)
+
+
+def test_it_shows_what_the_host_has_not_delivered(watch, attach):
+    with RrinsBus(CHANNEL, host="here", name="hardware") as host:
+        attach(host, watch)
+        with ThreadPoolExecutor(1) as pool:
+            coming = pool.submit(RrinsBus, CHANNEL, host="never", name="other")
+            host.wait_for("other", 10.0)
+            with coming.result() as other:
+                other.send_batch(SYNC, 1)
+                deadline = time.monotonic() + 20.0
+                while not watch.state().times.refused.frames:
+                    assert time.monotonic() < deadline
+                    host.recv(0.05)
+        (notice,) = (n for n in notices(watch.state(), False) if "NOT DELIVERED" in n)
+        assert notice.startswith("1 FRAMES NOT DELIVERED: node 'other' (process ")
+        assert as_dict(CHANNEL, watch.state())["refused_frames"] == 1
+        assert watch.state().frames == 0
