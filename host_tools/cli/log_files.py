@@ -14,6 +14,8 @@ from rrins.host_tools.cli.output import print_note
 if TYPE_CHECKING:
     from rrins.host_tools.logs.reader import Log
 
+_MOST_NAMED = 10  # channels in one line
+
 log_argument = click.argument("log", metavar="FILE", type=click.Path(path_type=Path))
 log_channel_option = click.option(
     "--log-channel",
@@ -39,5 +41,8 @@ def print_reading(log: Log) -> None:
     if log.passed_over:
         print_note(f"{log.path}: {log.passed_over} CAN FD frames were skipped")
     if log.is_mixed:
-        counts = ", ".join(f"{name} ({count} frames)" for name, count in log.channels.items())
+        named = [f"{name} ({count} frames)" for name, count in log.channels.items()]
+        counts = ", ".join(named[:_MOST_NAMED])
+        if len(named) > _MOST_NAMED:
+            counts += f" and {len(named) - _MOST_NAMED} more"
         print_note(f"{log.path}: mixed channels: {counts}; select one with --log-channel")

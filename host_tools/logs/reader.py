@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 _PIECE = 65_536
 _LINE = 42  # bytes of a candump line
 _MOST_CHANNELS = 256
+_MOST_NAMED = 10  # channels in a message
 _FIRST_CHANNEL = {".asc": 1, ".blf": 1}
 _PAYLOAD = 8  # bytes of a full classic frame
 _BLF_HEADER = 144  # the size stated by an unfinished BLF file
@@ -164,7 +165,7 @@ class Log:
         if not self._read:
             raise RecordError(self.damage or f"{self.path}: holds no frames")
         if not self.frames:
-            known = ", ".join(self.channels) or "the format has no channels"
+            known = ", ".join([*self.channels][:_MOST_NAMED]) or "the format has no channels"
             raise RecordError(f"{self.path}: has no frames on channel {self._channel} ({known})")
 
     def _piece_of(self, block: _Block, shift_s: float) -> Piece:

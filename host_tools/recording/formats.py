@@ -10,7 +10,7 @@ import gzip
 import sqlite3
 from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import IO, Protocol, cast
+from typing import IO, BinaryIO, Protocol, cast
 
 import can
 from can.io.logger import MESSAGE_WRITERS
@@ -18,6 +18,7 @@ from can.io.player import MESSAGE_READERS
 from can.util import channel2int
 
 from rrins.host_tools.recording.asc import AscLines
+from rrins.host_tools.recording.blf import BlfReader
 from rrins.host_tools.recording.errors import RecordError
 from rrins.host_tools.recording.mf4 import Mf4Writer, is_simulated
 from rrins.host_tools.recording.text_lines import CsvLines, TextLines, TrcLines
@@ -188,6 +189,8 @@ def open_reader(path: Path, stream: IO[bytes]) -> tuple[Iterable[can.Message], T
     reader: Callable[..., Iterable[can.Message]] = MESSAGE_READERS[ending]
     if ending in (".db", ".mf4"):
         return reader(path), None
+    if ending == ".blf":
+        return BlfReader(cast(BinaryIO, stream)), None
     if ending not in _TEXT:
         return reader(stream), None
     lines = _LINES[ending](stream)

@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 from rrins.dbc.frame import EFF_FLAG, FrameArray, frame_array
 from rrins.dbc.record import Bytes, Floats
 from rrins.host_tools.recording.errors import RecordError
+from rrins.host_tools.recording.mf4_blocks import check_blocks
 
 if TYPE_CHECKING:
     from can.typechecking import Channel
@@ -198,6 +199,7 @@ def read_data_frames(path: Path, capacity: int) -> Iterator[Block]:
         begin = file.read(_SHORTEST)
     if len(begin) < _SHORTEST or not begin.startswith((b"MDF ", b"UnFinMF ")):
         raise RecordError(f"{path}: not an MF4 file")
+    check_blocks(path)
     with _opened(path) as mdf:
         group = _only_group(mdf)
         if group is None:
@@ -208,6 +210,8 @@ def read_data_frames(path: Path, capacity: int) -> Iterator[Block]:
             found = mdf.get(
                 "CAN_DataFrame", group, record_offset=offset, record_count=capacity, raw=False
             )
+            if not len(found.samples):
+                raise RecordError(f"{path}: holds fewer frames than it states")
             is_classic = _is_classic(found.samples)
             samples = found.samples[is_classic]
             time_s = found.timestamps[is_classic] + begun_s
