@@ -13,7 +13,7 @@ from rrins.firmware_py.core.memory import NavigationOutput
 from rrins.firmware_py.serial.lines import NO_LINES, SerialSettings
 from rrins.host_tools import interruption
 from rrins.host_tools.bus.port import Address
-from rrins.host_tools.errors import FirmwareFaultError, RehearsalError
+from rrins.host_tools.errors import BusError, FirmwareFaultError, RehearsalError
 from rrins.host_tools.files import JsonObject
 from rrins.host_tools.hardware.memory import Truth
 from rrins.host_tools.recording.errors import RecordError
@@ -23,7 +23,7 @@ from rrins.host_tools.runs.display import RunDisplay
 from rrins.host_tools.runs.fast import FastRun
 from rrins.host_tools.runs.job import check_code_folder, prepare_firmware, prepare_hardware
 from rrins.host_tools.runs.outcome import Outcome
-from rrins.host_tools.runs.rehearsal import Interrupted, Rehearsal, default_address
+from rrins.host_tools.runs.rehearsal import Interrupted, OnReport, Rehearsal, default_address
 from rrins.host_tools.runs.results import Errors, compare, read_samples_of
 from rrins.host_tools.runs.samples import SamplesError
 from rrins.host_tools.runs.settings import (
@@ -245,12 +245,29 @@ def check(plan: Plan, record: Path | None = None) -> Address:
     return address
 
 
+def _run(
+    plan: Plan, address: Address, folder: Path, record: Path | None, on_report: OnReport
+) -> tuple[Address, Outcome]:
+    """Run both sides; return where, and what came of it.
+
+    Both sides may compile for a minute before they open the bus. If no channel was asked for and
+    somebody else has taken the free one meanwhile, they begin again on the next.
+    """
+    while True:
+        outcome = plan.rehearsal(address, folder, record).run(on_report)
+        if not isinstance(outcome.failure, BusError) or outcome.hardware:
+            return address, outcome
+        now_free = plan.bus.address()
+        if now_free == address:
+            return address, outcome
+        address = now_free
+
+
 def fit(plan: Plan, limit_s: float) -> Plan:
     """Return the plan, shortened to whole cycles of the scheme if it would take too long.
 
     A short rehearsal on the same bus measures how long it would take.
     """
-    address = plan.bus.address()
     probe = plan.lasting(min(_PROBE_S, plan.scenario.duration_s))
     probe = replace(probe, serial=NO_LINES)
     with (
@@ -258,8 +275,12 @@ def fit(plan: Plan, limit_s: float) -> Plan:
         RunDisplay(probe.scenario, new_console(stderr=True)) as display,
     ):
         display.say("measuring the speed")
-        outcome = probe.rehearsal(address, Path(folder), None).run(
-            lambda report: display.report(report) if report["kind"] in _BEFORE_START else None
+        _, outcome = _run(
+            probe,
+            probe.bus.address(),
+            Path(folder),
+            None,
+            lambda report: display.report(report) if report["kind"] in _BEFORE_START else None,
         )
     if outcome.failure is not None:
         raise outcome.failure
@@ -300,7 +321,7 @@ def rehearse(
     address = check(plan, record)
     with _samples_in(folder) as samples:
         display.say(f"starting on {address}")
-        outcome = plan.rehearsal(address, Path(samples), record).run(display.report)
+        address, outcome = _run(plan, address, Path(samples), record, display.report)
         failed_beside = outcome.failure is None or isinstance(outcome.failure, RecordError)
         stopped = None if failed_beside else str(outcome.failure)
         result = _result(

@@ -10,6 +10,13 @@ import time
 
 import can
 import pytest
+from rich.console import Console
+
+from rrins.host_tools.bus.interface import RrinsBus
+from rrins.host_tools.runs import rehearsal
+from rrins.host_tools.runs.display import RunDisplay
+from rrins.host_tools.runs.run import Overrides, Plan, rehearse
+from rrins.host_tools.scenario.scenario import load
 
 
 @pytest.fixture
@@ -150,6 +157,20 @@ def test_a_taken_channel_is_refused(start, channel):
     assert channel in second.said[-1]
     command.process.send_signal(signal.SIGINT)
     assert command.finish()[0] == 130
+
+
+def test_a_channel_that_is_taken_while_both_sides_prepare_is_replaced_by_the_next(
+    monkeypatch, tmp_path
+):
+    with RrinsBus("rrins0"):
+        found = iter(["rrins0", "rrins1"])  # the first was still free when it was looked for
+        monkeypatch.setattr(rehearsal, "free_channel", lambda: next(found))
+        scenario = load("ideal", duration_s=1)
+        plan = Plan("ideal", scenario, Overrides(duration_s=1))
+        with RunDisplay(scenario, Console(), quiet=True) as display:
+            result = rehearse(plan, display, tmp_path)
+    result.check()
+    assert result.summary["completed"]
 
 
 def test_each_side_alone_on_a_named_channel(start, channel):
