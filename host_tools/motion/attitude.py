@@ -106,8 +106,8 @@ def track_attitude(
         Of the file's positions, s.
     """
     at = np.arange(grid.pieces * _PER_PIECE + 1) / _PER_PIECE
-    offsets = np.stack([evaluate(c, at) for c in path.T], axis=1)
-    slopes = np.stack([evaluate(c, at, grid.step_s, 1) for c in path.T], axis=1)
+    offsets = evaluate(path, at)
+    slopes = evaluate(path, at, grid.step_s, 1)
     velocity = slopes * local.stretch(offsets)
     speed = np.hypot(velocity[:, 0], velocity[:, 1])
     coefficients = np.zeros((len(path), 3))

@@ -177,11 +177,9 @@ def _over_ground(
     local: Local, grid: Grid, times: Floats, coefficients: Floats, order: int
 ) -> Floats:
     """Return a derivative of the position over ground, shape (m, 3)."""
-    at = [
-        np.stack([evaluate(c, times / grid.step_s, grid.step_s, k) for c in coefficients.T], axis=1)
-        for k in (0, order)
-    ]
-    return np.asarray(at[1] * local.stretch(at[0]))
+    at = times / grid.step_s
+    slopes = evaluate(coefficients, at, grid.step_s, order)
+    return np.asarray(slopes * local.stretch(evaluate(coefficients, at)))
 
 
 def _velocity_lag(
@@ -222,7 +220,7 @@ def _residuals(
 
 def _sampled(coefficients: Floats, grid: Grid, times: Floats) -> Floats:
     """Return the values of splines at times in s, shape (m, channels)."""
-    return np.stack([evaluate(c, times / grid.step_s) for c in coefficients.T], axis=1)
+    return evaluate(coefficients, times / grid.step_s)
 
 
 def _lively_note(

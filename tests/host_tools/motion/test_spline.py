@@ -18,11 +18,30 @@ def coefficients():
 
 
 @pytest.mark.parametrize("order", [0, 1, 2, 3, 4])
-def test_values_and_derivatives_are_those_of_scipy(coefficients, order):
-    other = BSpline(np.arange(-5, 17), coefficients, 5)
+def test_values_and_derivatives_are_those_of_the_pieces(coefficients, order):
     times = np.linspace(0, 11, 200)
-    found = spline.evaluate(coefficients, times, 1.0, order)
-    assert found == pytest.approx(other.derivative(order)(times), abs=1e-12)
+    pieces = spline.derivative(spline.monomials_of(coefficients[:, None])[:, 0], order)
+    index = np.minimum(times.astype(int), 10)
+    expected = spline.horner(pieces[index], times - index) / 0.25**order
+    found = spline.evaluate(coefficients, times, 0.25, order)
+    assert found == pytest.approx(expected, rel=1e-12, abs=1e-12 * np.abs(expected).max())
+
+
+def test_channels_are_evaluated_together_and_derivatives_of_rest_are_zero(coefficients):
+    both = np.stack([coefficients, np.full(16, 0.1)], axis=1)
+    times = np.linspace(0, 11, 50)
+    assert np.array_equal(spline.evaluate(both, times)[:, 0], spline.evaluate(coefficients, times))
+    assert not spline.evaluate(both, times, 1.0, 1)[:, 1].any()
+
+
+@pytest.mark.parametrize("order", [0, 1, 2])
+def test_the_matrix_is_scipys_basis(order):
+    u = np.linspace(0, 1, 30)
+    basis = BSpline(np.arange(-5, 7), np.eye(6), 5)
+    expected = (basis.derivative(order) if order else basis)(u)
+    slopes = spline.derivative(spline.BASIS.T, order)
+    found = u[:, None] ** np.arange(slopes.shape[1]) @ slopes.T
+    assert found == pytest.approx(expected, abs=1e-14)
 
 
 def test_monomials_are_the_pieces(coefficients):
