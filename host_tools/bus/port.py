@@ -29,7 +29,7 @@ Side = Literal["firmware", "hardware"]
 EMBEDDED = "rrins"
 """The python-can interface name of the embedded bus."""
 
-_ATTACH_S = 60.0
+_ATTACH_S = 300.0  # the other side may compile first, on a busy machine for minutes
 _ANNOUNCE_NS = 200_000_000
 _LOCKSTEP_PATIENCE_NS = 30_000_000_000
 _POLL_S = 0.2
