@@ -188,6 +188,12 @@ def condition_number(H: NDArray[np.float64]) -> float:
     return float(np.sqrt((singular**2).sum() * (singular**-2.0).sum()))
 
 
+def largest_gain(H: NDArray[np.float64], weights: tuple[float, ...]) -> float:
+    """Return the largest element of the gain of weighted least squares, of axes of shape (m, 3)."""
+    root = np.sqrt(np.asarray(weights) / max(weights))
+    return float(np.abs(np.linalg.pinv(root[:, None] * H) * root).max())
+
+
 def _transverse(
     axes_deg: tuple[tuple[float, float], ...],
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

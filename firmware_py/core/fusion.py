@@ -4,12 +4,15 @@
 make. Hᵀ W H itself is not inverted: that loses all digits when the weights are far apart. Instead,
 the weighted solution is the mean of the solutions of all triples of sensors, each weighted by
 ``w_a w_b w_c det(h_a, h_b, h_c)²``: sums of positive terms, which lose none. With equal weights
-the change is exactly zero.
+the change is exactly zero. What rounding leaves of ``gain H - I``, which axes close to one line or
+plane amplify, is corrected by Newton's iteration for an inverse.
 
 References
 ----------
 Ben-Tal and Teboulle, "A geometric property of the least squares solution of linear equations",
 *Linear Algebra and its Applications* 139 (1990), theorem 2.1, for the mean over triples.
+Hotelling, "Some new methods in matrix calculation", *Annals of Mathematical Statistics* 14 (1943),
+section 7, for the iteration.
 """
 
 from __future__ import annotations
@@ -25,6 +28,13 @@ CONDITION_LIMIT = 300.0
 
 WEIGHT_RATIO_LIMIT = 1e18
 """Largest ratio of two weights. Products of three of them stay far from the end of the numbers."""
+
+GAIN_LIMIT = 1000.0
+"""Largest share of a sensor's error in the fused vector with which settings are accepted."""
+
+_CORRECTIONS = 3
+_ROUNDING = 1e-13  # of an element of gain H - I: not worth a correction
+_LARGEST_DEVIATION = 1e-12
 
 
 @compiled
@@ -115,16 +125,43 @@ def _weigh(fusion: Fusion, used: int) -> bool:
 
 
 @compiled
+def _deviation(fusion: Fusion, used: int, D: Floats) -> float:
+    """Write ``gain H - I`` to `D`, shape (3, 3); return its largest element."""
+    largest = 0.0
+    for i in range(3):
+        for j in range(3):
+            D[i, j] = -1.0 if i == j else 0.0
+            for k in range(fusion.count):
+                if used >> k & 1:
+                    D[i, j] += fusion.gain[i, k] * fusion.H[k, j]
+            largest = max(largest, abs(D[i, j]))
+    return largest
+
+
+@compiled
+def _correct(fusion: Fusion, used: int, work: Floats) -> bool:
+    """Correct the gain to a left inverse of H; return whether it is one."""
+    for _ in range(_CORRECTIONS):
+        if _deviation(fusion, used, work) <= _ROUNDING:
+            return True
+        for k in range(fusion.count):
+            x, y, z = fusion.gain[0, k], fusion.gain[1, k], fusion.gain[2, k]
+            for i in range(3):
+                fusion.gain[i, k] -= work[i, 0] * x + work[i, 1] * y + work[i, 2] * z
+    return _deviation(fusion, used, work) <= _LARGEST_DEVIATION
+
+
+@compiled
 def prepare(fusion: Fusion, used: int, work: Floats) -> None:
     """Compute ``gain = (Hᵀ W H)⁻¹ Hᵀ W`` for the sensors in `used`, one bit each.
 
     `work` is scratch of shape (at least 3, 3). `fusion.solvable` becomes true if the sensors' axes
-    span space; `gain` of an unused sensor is zero.
+    span space and no element of ``gain H - I`` is above 1e-12; `gain` of an unused sensor is zero.
     """
     fusion.used = used
     _normal_matrix(fusion, used, work)
     spans = _fill_equal(fusion, used, work) <= CONDITION_LIMIT
-    fusion.solvable = spans and _weigh(fusion, used)
+    fusion.solvable = spans and _weigh(fusion, used) and _correct(fusion, used, work)
 
 
 @compiled

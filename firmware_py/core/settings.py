@@ -17,7 +17,7 @@ from rrins.firmware_py.core.calibration import (
     Calibration,
     GyroCalibration,
 )
-from rrins.firmware_py.core.fusion import WEIGHT_RATIO_LIMIT
+from rrins.firmware_py.core.fusion import GAIN_LIMIT, WEIGHT_RATIO_LIMIT
 from rrins.firmware_py.core.memory import (
     INNER,
     OUTER,
@@ -63,14 +63,20 @@ class Scheme(_Checked):
         return sum(self.position_s(turn) for turn in self.turns)
 
 
-def check_weights(weights: tuple[float, ...]) -> None:
-    """Raise ValueError unless the weights are above 0 and their ratios can be computed with."""
+def check_weights(weights: tuple[float, ...], axes_deg: tuple[tuple[float, float], ...]) -> None:
+    """Raise ValueError unless sensors along these axes can be fused with these weights."""
     if min(weights) <= 0:
         raise ValueError("a weight must be above 0")
     if max(weights) > WEIGHT_RATIO_LIMIT * min(weights):
         raise ValueError(
             f"{max(weights):g} and {min(weights):g} are too far apart, at most "
             f"{WEIGHT_RATIO_LIMIT:g} to 1"
+        )
+    share = calibration.largest_gain(calibration.input_axes(axes_deg), weights)
+    if share > GAIN_LIMIT:
+        raise ValueError(
+            f"they rely on axes close to one plane: {share:.3g} times the error of a sensor would "
+            f"be in the vector, at most {GAIN_LIMIT:g} times"
         )
 
 
@@ -110,8 +116,8 @@ class Settings(_Checked):
 
     @model_validator(mode="after")
     def _weights(self) -> Settings:
-        check_weights(self.gyro_weights)
-        check_weights(self.accelerometer_weights)
+        check_weights(self.gyro_weights, self.gyro_axes_deg)
+        check_weights(self.accelerometer_weights, self.accelerometer_axes_deg)
         return self
 
 

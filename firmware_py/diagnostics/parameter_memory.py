@@ -81,7 +81,10 @@ class ParameterMemory:
             self.stored, is_whole = image.tolerated(image.entries(found.image))
         except ImageError:
             is_whole = False
-        if not is_whole:
+        unusable = set_up.unusable(self._set_up, self.stored)
+        for number in unusable:
+            del self.stored[number]
+        if unusable or not is_whole:
             self.faults |= 1 << SystemFault.PARAMETER_OUT_OF_LIMITS
 
     def settings(self) -> Settings:
@@ -100,6 +103,10 @@ class ParameterMemory:
     def has(self, number: int) -> bool:
         """Return whether the computer has a parameter, such as a fitted sensor's calibration."""
         return number in set_up.parameters_of(self._set_up)
+
+    def can_use(self, parameters: Mapping[int, Values]) -> bool:
+        """Return whether the computer can fuse its sensors with the weights among parameters."""
+        return not set_up.unusable(self._set_up, parameters)
 
     def replace(self, parameters: Mapping[int, Values]) -> WriteJob:
         """Start storing parameters that replace all in the memory; `finish` completes it."""

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 
 from rrins.dbc.contract import SENSOR_GROUPS
 from rrins.firmware_py.core.calibration import AccelerometerCalibration, GyroCalibration, each
-from rrins.firmware_py.core.settings import Settings
+from rrins.firmware_py.core.settings import Settings, check_weights
 from rrins.firmware_py.diagnostics.calibration_image import Parameters
 from rrins.firmware_py.diagnostics.codecs import Values
 from rrins.firmware_py.diagnostics.data_identifier import DataIdentifier
@@ -75,6 +75,22 @@ def _calibrations_of(settings: Settings) -> Iterator[tuple[_Table, _Sensors, _Ax
         calibration.accelerometers,
         settings.accelerometer_axes_deg,
     )
+
+
+def unusable(settings: Settings, parameters: Mapping[int, Values]) -> set[int]:
+    """Return the numbers of the weights among parameters with which the sensors cannot be fused."""
+    found = set()
+    axes = (settings.gyro_axes_deg, settings.accelerometer_axes_deg)
+    for name, axes_deg in zip(_WEIGHTS, axes, strict=True):
+        number = _NUMBER[name]
+        if number in parameters:
+            try:
+                check_weights(
+                    getattr(changed(settings, {number: parameters[number]}), name), axes_deg
+                )
+            except ValueError:
+                found.add(number)
+    return found
 
 
 def changed(settings: Settings, parameters: Mapping[int, Values]) -> Settings:

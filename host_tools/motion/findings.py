@@ -107,7 +107,7 @@ def _residual(size: dict[str, float] | None, unit: str) -> str:
 
 def _attitude_rows(attitude: JsonObject) -> list[tuple[str, str]]:
     ranges, begin = attitude["range_deg"], attitude["heading_begin_deg"]
-    low, high = (angle - begin for angle in ranges["heading"])
+    low, high = (round(angle - begin, 1) + 0.0 for angle in ranges["heading"])  # no -0.0
     texts = [f"{name} {ranges[name][0]:.1f} to {ranges[name][1]:.1f}°" for name in _ANGLES[:2]]
     texts.append(f"heading from {round(begin, 1) % 360:.1f}°, turns {low:+.1f} to {high:+.1f}°")
     rows = [(f"attitude of {attitude['source']}", ", ".join(texts))]

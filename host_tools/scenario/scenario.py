@@ -29,6 +29,7 @@ from rrins.host_tools.scenario.fault_tables import (
     FaultOfSensor,
     FaultOnWire,
 )
+from rrins.host_tools.scenario.geometry import AxesDeg
 from rrins.host_tools.scenario.motion import Motion
 from rrins.host_tools.scenario.schemes import SCHEMES
 from rrins.host_tools.scenario.tables import (
@@ -127,11 +128,11 @@ class Scenario(TomlTable):
                 'firmware.height_channel: "held" is for a vehicle that keeps its height; a '
                 f'motion.kind = "{self.motion.kind}" needs "damped" with an [altimeter], or "free"'
             )
-        _check_weights("gyro_weights", self.firmware.gyro_weights, len(self.rimu.gyros))
+        _check_weights("gyro_weights", self.firmware.gyro_weights, self.rimu.gyros)
         _check_weights(
             "accelerometer_weights",
             self.firmware.accelerometer_weights,
-            len(self.rimu.accelerometers),
+            self.rimu.accelerometers,
         )
         settle_s = self.settle_s
         if self.mode == "rotating" and self.firmware.stand_s < settle_s:
@@ -278,10 +279,11 @@ def _check_count(where: str, value: Any, count: int, origin: str = "") -> None:
         raise ValueError(f"{where}: {len(value)} values for {count} sensors{origin}")
 
 
-def _check_weights(key: str, value: PerSensor, count: int) -> None:
-    _check_count(f"firmware.{key}", value, count)
+def _check_weights(key: str, value: PerSensor, axes_deg: AxesDeg) -> None:
+    _check_count(f"firmware.{key}", value, len(axes_deg))
     try:
-        rrins.firmware_py.core.settings.check_weights(each(value, count))
+        weights = each(value, len(axes_deg))
+        rrins.firmware_py.core.settings.check_weights(weights, axes_deg)
     except ValueError as error:
         raise ValueError(f"firmware.{key}: {error}") from None
 

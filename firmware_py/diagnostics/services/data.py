@@ -68,6 +68,7 @@ class Data:
         server.require_unlocked(did.write)
         values = checked(did, data[2:])
         memory = self._computer.parameters
+        require(memory.can_use({did.number: values}), Code.REQUEST_OUT_OF_RANGE)
         job = memory.change({did.number: values})
 
         def poll() -> bytes | None:

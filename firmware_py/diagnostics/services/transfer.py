@@ -133,7 +133,8 @@ class Transfers(Part):
         except ImageError:
             raise RefusalError(Code.GENERAL_PROGRAMMING_FAILURE) from None
         known = all(self._computer.parameters.has(number) for number in parameters)
-        require(known, Code.GENERAL_PROGRAMMING_FAILURE)
+        usable = known and self._computer.parameters.can_use(parameters)
+        require(usable, Code.GENERAL_PROGRAMMING_FAILURE)
         return parameters
 
     def _store(self, parameters: Parameters, crc: bytes) -> Later:

@@ -9,8 +9,14 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from rrins.firmware_py.core.calibration import condition_number, input_axes
-from rrins.firmware_py.core.fusion import CONDITION_LIMIT, WEIGHT_RATIO_LIMIT, fuse, prepare
+from rrins.firmware_py.core.calibration import condition_number, input_axes, largest_gain
+from rrins.firmware_py.core.fusion import (
+    CONDITION_LIMIT,
+    GAIN_LIMIT,
+    WEIGHT_RATIO_LIMIT,
+    fuse,
+    prepare,
+)
 from rrins.firmware_py.core.memory import Fusion
 from rrins.host_tools.scenario.geometry import GEOMETRIES
 
@@ -141,6 +147,23 @@ def test_weights_far_apart_give_the_exact_gain(weight, shape):
     found, expected = gain(H, weight), exact_gain(H, weight)
     assert np.abs(found @ H - np.eye(3)).max() < 1e-12
     assert np.abs(found - expected).max() < 1e-14 * np.abs(expected).max()
+
+
+def test_any_axes_and_weights_that_are_accepted_give_a_left_inverse():
+    generator = np.random.default_rng(3)
+    fused_ones = 0
+    for _ in range(2000):
+        m = generator.integers(3, 17)
+        flat = generator.normal(size=(m, 3)) * [1, *10 ** generator.uniform(-2.5, 0, 2)]
+        turned = flat @ np.linalg.qr(generator.normal(size=(3, 3)))[0]
+        H = turned / np.linalg.norm(turned, axis=1)[:, None]
+        weight = 10 ** generator.uniform(-9, 9, m)
+        if condition_number(H) <= CONDITION_LIMIT and largest_gain(H, weight) <= GAIN_LIMIT:
+            fused_ones += 1
+            assert np.abs(gain(H, weight) @ H - np.eye(3)).max() < 1e-12
+        elif condition_number(H) > CONDITION_LIMIT:
+            assert gain(H, weight) is None
+    assert fused_ones > 1000
 
 
 def test_weights_beyond_any_number_have_no_gain(tools):

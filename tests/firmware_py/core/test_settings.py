@@ -14,6 +14,9 @@ from rrins.firmware_py.core.calibration import input_axes
 from rrins.firmware_py.core.memory import INNER, OUTER, Ram, blank_ram
 from rrins.firmware_py.core.settings import Scheme, Turn, power_on
 
+FLAT = ((90.0, 0.0), (90.0, 120.0), (89.99, 240.0), (0.0, 0.0))
+"""Three axes close to one plane, and one across."""
+
 
 def image(tools, contract, **changes):
     return power_on(tools.settings(**changes), contract)[0]
@@ -89,6 +92,7 @@ def test_power_on_is_the_same_every_time(tools, contract):
         {"colour": "red"},
         {"gyro_weights": (1.0, 1.0, 1.0, 1e19)},
         {"accelerometer_weights": (1.0, 0.0, 1.0, 1.0)},
+        {"gyro_axes_deg": FLAT, "gyro_weights": (1e12, 1e12, 1e12, 1.0)},
     ],
 )
 def test_settings_that_make_no_sense_are_refused(tools, changes):

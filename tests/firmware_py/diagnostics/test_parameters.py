@@ -16,6 +16,7 @@ from rrins.firmware_py.core.troubles import Status
 from rrins.firmware_py.diagnostics import calibration_image as image
 from rrins.firmware_py.diagnostics import parameter_settings as set_up
 from rrins.firmware_py.diagnostics import table
+from rrins.firmware_py.diagnostics.access import Session
 from rrins.firmware_py.diagnostics.calibration_image import ImageError
 from rrins.firmware_py.diagnostics.parameters import PARAMETERS
 from rrins.firmware_py.loop import Firmware, open_memories
@@ -132,6 +133,37 @@ def test_a_value_beyond_its_limits_is_left_out(computer, tmp_path):
     assert firmware.ram[0]["parameters"]["bridge_epochs"] == 4
     assert firmware.ram[0]["parameters"]["height"] == 3.0
     assert troubles(firmware) == {"parameter_out_of_limits"}
+    firmware.close()
+
+
+FLAT = ((90.0, 0.0), (90.0, 120.0), (89.99, 240.0), (0.0, 0.0))
+"""Three axes close to one plane, and one across."""
+
+WEIGHTS = table.identifier("gyro_weights")
+UNUSABLE = {"weights": (1e9, 1e9, 1e9, 1e-9) + (1.0,) * 12}
+
+
+def test_weights_that_cannot_be_fused_with_are_left_out(computer):
+    firmware = computer(gyro_axes_deg=FLAT)
+    memory = firmware.diagnostics.parameters
+    assert not memory.can_use({WEIGHTS.number: UNUSABLE})
+    assert memory.can_use({WEIGHTS.number: {"weights": (2.0,) * 16}})
+    memory._store.write(image.encode({WEIGHTS.number: UNUSABLE, BRIDGE: {"bridge_s": 0.5}}))
+    firmware.close()
+    firmware = computer(gyro_axes_deg=FLAT)
+    assert set(firmware.ram[0]["gyros"]["weight"][:4]) == {1.0}
+    assert firmware.ram[0]["parameters"]["bridge_epochs"] == 100
+    assert troubles(firmware) == {"parameter_out_of_limits"}
+    firmware.close()
+
+
+def test_weights_that_cannot_be_fused_with_are_refused_when_written(computer):
+    firmware = computer(gyro_axes_deg=FLAT)
+    server = firmware.diagnostics.server
+    server.enter_session(Session.EXTENDED)
+    server.is_unlocked = True
+    request = b"\x2e" + WEIGHTS.number.to_bytes(2, "big") + WEIGHTS.encode(UNUSABLE)
+    assert server.handle(request, False, 0) == bytes.fromhex("7f2e31")
     firmware.close()
 
 

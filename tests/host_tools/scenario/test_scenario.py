@@ -85,6 +85,13 @@ def test_a_printed_scenario_loads_from_a_file_as_the_same(name, write):
             ["firmware.gyro_weights", "1e+19 and 1 are too far apart", "at most 1e+18 to 1"],
         ),
         (
+            'duration_s = 1\n[rimu]\ngeometry = "custom"\n'
+            "gyro_axes_deg = [[90, 0], [90, 120], [89.99, 240], [0, 0]]\n"
+            "accelerometer_axes_deg = [[90, 0], [90, 90], [0, 0]]\n"
+            "[firmware]\ngyro_weights = [1e12, 1e12, 1e12, 1]",
+            ["firmware.gyro_weights", "close to one plane", "5.73e+03 times", "at most 1000"],
+        ),
+        (
             "duration_s = 1\n[firmware]\naccelerometer_weights = [0, 1, 1, 1]",
             ["firmware.accelerometer_weights", "above 0"],
         ),
