@@ -6,8 +6,10 @@ RUN = $(VENV)/bin/python -m
 
 .PHONY: rehearsal quick test check docs docs-site clean
 
+# One cycle of the rotation scheme. Bytecode of all libraries takes longer than the run: it is last.
 rehearsal: $(VENV)/installed
-	$(RUN) rrins rehearse rimu_rotating --limit 55 --out out/rehearsal
+	$(RUN) rrins rehearse rimu_rotating --duration 1600 --out out/rehearsal
+	@$(MAKE) --no-print-directory $(VENV)/bytecode
 
 # The tests between two edits: what computes, and none that is slow.
 QUICK = dbc docs firmware_py rrins host_tools/hardware host_tools/scenario host_tools/wire
@@ -40,15 +42,21 @@ $(VENV)/bin/python:
 	$(PYTHON) -m venv $(VENV)
 
 $(VENV)/installed: pyproject.toml | $(VENV)/bin/python
-	$(VENV)/bin/pip install --quiet --disable-pip-version-check --editable .
+	$(VENV)/bin/pip install --quiet --disable-pip-version-check --no-compile --editable .
 	touch $@
 
 $(VENV)/installed-dev: pyproject.toml | $(VENV)/bin/python
-	$(VENV)/bin/pip install --quiet --disable-pip-version-check --editable '.[dev]'
+	$(VENV)/bin/pip install --quiet --disable-pip-version-check --no-compile --editable '.[dev]'
 	touch $@ $(VENV)/installed
+	@$(MAKE) --no-print-directory $(VENV)/bytecode
+
+# Libraries may contain files that are not for this Python: they stay as they are.
+$(VENV)/bytecode: $(VENV)/installed
+	-@$(RUN) compileall -qq -j 0 $(VENV)/lib
+	@touch $@
 
 $(VENV)/installed-docs: pyproject.toml | $(VENV)/bin/python
-	$(VENV)/bin/pip install --quiet --disable-pip-version-check --editable '.[docs]'
+	$(VENV)/bin/pip install --quiet --disable-pip-version-check --no-compile --editable '.[docs]'
 	touch $@ $(VENV)/installed
 
 clean:

@@ -134,7 +134,8 @@ def compiled_with(folder: CodeFolder | None = None, **options: Any) -> Callable[
     """
 
     def compile_later(function: _F) -> _F:
-        dispatcher = numba.njit(**options)(function)
+        # No wrapper for callers in C: there are none, and it is a tenth of the work.
+        dispatcher = numba.njit(**{"no_cfunc_wrapper": True, **options})(function)
         if isinstance(dispatcher, Dispatcher):  # else NUMBA_DISABLE_JIT=1
             cast(Any, dispatcher)._cache = _CheckedCache(function, folder)
         return cast(_F, dispatcher)

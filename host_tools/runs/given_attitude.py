@@ -8,14 +8,16 @@ the inner axis, which it does not know, make its attitude of the sensors wrong.
 from __future__ import annotations
 
 import math
-from typing import TypedDict
+from typing import TYPE_CHECKING, TypedDict
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from rrins.host_tools.hardware.settings import ARCSEC, body_to_navigation
 from rrins.host_tools.runs.settings import Pose, first_pose, given_pose
 from rrins.host_tools.scenario.scenario import Scenario
+
+if TYPE_CHECKING:
+    from scipy.spatial.transform import Rotation
 
 _ZERO = 1e-6  # ″, rounding
 
@@ -29,12 +31,16 @@ class EastNorthUp(TypedDict):
 
 
 def _attitude(pose: Pose) -> Rotation:
+    from scipy.spatial.transform import Rotation  # takes long, and is not needed to start a run
+
     angles = (math.radians(a) for a in (pose.roll_deg, pose.pitch_deg, pose.heading_deg))
     return Rotation.from_matrix(body_to_navigation(*angles))
 
 
 def _sensors_to_body(scenario: Scenario) -> tuple[Rotation, Rotation]:
     """Return C_s_b with the axes at zero: as the encoders have it, and as it is."""
+    from scipy.spatial.transform import Rotation
+
     table = scenario.turntable
     inner, outer = (math.radians(axis.encoder_offset_deg) for axis in (table.inner, table.outer))
     read = Rotation.from_rotvec([outer, 0, 0]) * Rotation.from_rotvec([0, 0, inner])

@@ -53,6 +53,18 @@ def test_help_and_completion_start_at_once():
     assert [item.value for item in found] == ["record", "rehearse", "replay", "reproduce"]
 
 
+def test_both_sides_are_started_before_what_only_the_results_need_is_imported():
+    command = "import rrins.host_tools.runs.run, sys; print(*sys.modules)"
+    done = subprocess.run(
+        [sys.executable, "-c", f"import sys; sys.modules['asammdf'] = None; {command}"],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    results_only = {"scipy.spatial", "scipy.linalg", "matplotlib", "pandas", "pyarrow"}
+    assert not results_only & set(done.stdout.split())
+
+
 @pytest.mark.parametrize(
     ("words", "meant"),
     [
