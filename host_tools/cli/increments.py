@@ -10,6 +10,7 @@ import click
 
 from rrins.host_tools.cli.completion import complete_scenarios
 from rrins.host_tools.cli.log_files import log_channel_option, print_reading, reading_progress
+from rrins.host_tools.cli.numbers import NumberRange
 from rrins.host_tools.cli.options import json_option
 from rrins.host_tools.cli.output import print_note
 from rrins.host_tools.interruption import heed_sigterm
@@ -39,7 +40,7 @@ if TYPE_CHECKING:
 @click.option(
     "--duration",
     "duration_s",
-    type=click.FloatRange(0, min_open=True),
+    type=NumberRange(0, min_open=True),
     help="Length of the navigation, s.  [default: as in the scenario]",
 )
 @click.option("--scenario", "name", metavar="NAME", help="Of a LOG whose note names none.")

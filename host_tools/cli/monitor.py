@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import click
 
 from rrins.host_tools.cli.completion import complete_messages
+from rrins.host_tools.cli.numbers import BIT_RATE, NumberRange
 from rrins.host_tools.monitor.opening import opening_screen
 from rrins.host_tools.monitor.orders import ORDERS
 
@@ -32,9 +33,7 @@ _NO_SCREEN = ("", "dumb", "unknown")
     "--interface", default=_EMBEDDED, show_default=True, help="python-can interface name."
 )
 @click.option("--channel", help=f"Channel of the interface.  [default: {DEFAULT_CHANNEL}]")
-@click.option(
-    "--bitrate", type=click.IntRange(1), help="Bit rate of the bus, for the load computation."
-)
+@click.option("--bitrate", type=BIT_RATE, help="Bit rate of the bus, for the load computation.")
 @click.option(
     "--filter",
     "needle",
@@ -53,7 +52,7 @@ _NO_SCREEN = ("", "dumb", "unknown")
 @click.option(
     "--refresh",
     "refresh_hz",
-    type=click.FloatRange(0.2, 10),
+    type=NumberRange(0.2, 10),
     default=4,
     show_default=True,
     help="Screen refreshes per second; choose fewer on a slow connection.",
@@ -63,7 +62,7 @@ _NO_SCREEN = ("", "dumb", "unknown")
 @click.option(
     "--for",
     "for_s",
-    type=click.FloatRange(min=0, min_open=True),
+    type=NumberRange(min=0, min_open=True),
     help=f"Watch for this many seconds, then print once.  [default: {_ONCE_S:g}]",
 )
 def monitor(

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from rrins.host_tools.cli.group import Group
+from rrins.host_tools.cli.numbers import NumberRange
 from rrins.host_tools.cli.options import json_option
 from rrins.host_tools.cli.output import print_note
 
@@ -123,12 +124,12 @@ def _trajectory(source: str, keys: dict[str, str | float | None]) -> Trajectory:
 @click.option(
     "--rate",
     "rate_hz",
-    type=click.FloatRange(0.1, 1000),
+    type=NumberRange(0.1, 1000),
     default=10.0,
     show_default=True,
     help="Rows per second.",
 )
-@click.option("--duration", "duration_s", type=click.FloatRange(0.1, 86_400), help="Duration, s.")
+@click.option("--duration", "duration_s", type=NumberRange(0.1, 86_400), help="Duration, s.")
 @click.option("--seed", type=click.IntRange(0), help="Seed of drive or sway.")
 @click.option(
     "--irregularities",

@@ -7,6 +7,8 @@ from typing import Any
 
 import click
 
+from rrins.host_tools.cli.numbers import BIT_RATE
+
 Command = Callable[..., Any]
 """A function that click turns into a command."""
 
@@ -38,5 +40,5 @@ bus_options = together(
         "--interface", default="rrins", show_default=True, help="python-can interface name."
     ),
     click.option("--channel", help="Channel of the interface.  [default: rrins0]"),
-    click.option("--bitrate", type=click.IntRange(1), help="Bit rate, if the interface sets it."),
+    click.option("--bitrate", type=BIT_RATE, help="Bit rate, if the interface sets it."),
 )

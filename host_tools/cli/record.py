@@ -9,6 +9,7 @@ from typing import Literal
 
 import click
 
+from rrins.host_tools.cli.numbers import NumberRange
 from rrins.host_tools.cli.options import bus_options, json_option, timestamps_option
 from rrins.host_tools.cli.output import print_note
 from rrins.host_tools.interruption import as_event
@@ -22,14 +23,14 @@ _POLL_S = 0.1
 @click.option(
     "--rotate-size",
     "rotate_mb",
-    type=click.FloatRange(min=0, min_open=True),
+    type=NumberRange(min=0, min_open=True),
     metavar="MB",
     help="Start a new file at the next SYNC once a file exceeds this size in megabytes.",
 )
 @click.option(
     "--for",
     "for_s",
-    type=click.FloatRange(min=0, min_open=True),
+    type=NumberRange(min=0, min_open=True),
     metavar="S",
     help="Stop after this many seconds of bus time.  [default: until Ctrl-C or the bus ends]",
 )

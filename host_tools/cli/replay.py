@@ -155,9 +155,9 @@ def _speed_of(text: str) -> float | None:
         speed = float(text)
     except ValueError:
         speed = 0.0
-    if not 0 < speed < 1e9:
+    if not 1e-6 <= speed < 1e9:
         raise click.BadParameter(
-            f"{text!r} is neither a number greater than 0 nor 'max'", param_hint="--speed"
+            f"{text!r} is neither a number of at least 1e-6 nor 'max'", param_hint="--speed"
         )
     return speed
 

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from rrins.host_tools.cli.completion import complete_scenarios
+from rrins.host_tools.cli.numbers import BIT_RATE, NumberRange
 from rrins.host_tools.cli.output import print_note
 from rrins.host_tools.cli.serial_options import nmea_options, serial_options, settings_of
 from rrins.host_tools.errors import RehearsalError
@@ -70,7 +71,7 @@ _scenario_options = _options(
 _bus_options = _options(
     click.option("--interface", default="rrins", show_default=True, help="python-can interface."),
     click.option("--channel", help="Channel of the interface, such as vcan0."),
-    click.option("--bitrate", type=click.IntRange(1), help="Bit rate, if the interface sets it."),
+    click.option("--bitrate", type=BIT_RATE, help="Bit rate, if the interface sets it."),
 )
 _out_option = click.option(
     "--out",
@@ -98,7 +99,7 @@ _json_option = click.option("--json", "as_json", is_flag=True, help="Print one J
 @click.option(
     "--limit",
     "limit_s",
-    type=click.FloatRange(min=0, min_open=True),
+    type=NumberRange(min=0, min_open=True),
     help="Limit the run to this many seconds, in whole cycles of the scheme.",
 )
 @_out_option

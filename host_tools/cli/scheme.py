@@ -10,6 +10,7 @@ import click
 
 from rrins.host_tools.cli import scheme_tables
 from rrins.host_tools.cli.group import Group
+from rrins.host_tools.cli.numbers import NumberRange
 from rrins.host_tools.cli.options import json_option, together
 from rrins.host_tools.closing import Closing
 from rrins.host_tools.errors import RehearsalError
@@ -47,7 +48,7 @@ _rimu_options = together(
     click.option(
         "--latitude",
         "earth_latitude_deg",
-        type=click.FloatRange(-90, 90),
+        type=NumberRange(-90, 90),
         help="Include the Earth's rotation rate at this latitude, °.",
     ),
 )
@@ -55,13 +56,13 @@ _rate_options = together(
     click.option(
         "--rate",
         "turn_rate_dps",
-        type=click.FloatRange(0, 60, min_open=True),
+        type=NumberRange(0, 60, min_open=True),
         help="Turn rate, °/s.  [default: 2, or the file's]",
     ),
     click.option(
         "--stand",
         "stand_s",
-        type=click.FloatRange(0, 86_400),
+        type=NumberRange(0, 86_400),
         help="Dwell after each turn, s.  [default: 10, or the file's]",
     ),
 )
@@ -216,7 +217,7 @@ def _compared(named: NamedScheme, rimu: NamedRimu, latitude_deg: float | None) -
 @click.option(
     "--inner-range",
     "inner_range_deg",
-    type=click.FloatRange(0),
+    type=NumberRange(0),
     default=720.0,
     show_default=True,
     help="Largest range of the inner axis, °.",
@@ -224,7 +225,7 @@ def _compared(named: NamedScheme, rimu: NamedRimu, latitude_deg: float | None) -
 @click.option(
     "--outer-range",
     "outer_range_deg",
-    type=click.FloatRange(0),
+    type=NumberRange(0),
     default=360.0,
     show_default=True,
     help="Largest range of the outer axis, °.",

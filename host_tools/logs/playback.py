@@ -88,6 +88,9 @@ def identifiers_of(words: Sequence[str]) -> Integers | None:
     return np.array(found, dtype=np.int64)
 
 
+_LATEST_S = 9e9  # in nanoseconds, 64 bits; in the year 2255
+
+
 class _Player:
     """Sends frames that are due at the same time."""
 
@@ -107,6 +110,8 @@ class _Player:
         """
         try:
             if isinstance(self._bus, RrinsBus):
+                if not 0 <= time_s < _LATEST_S:
+                    raise BusError(f"bus {self._address}: no frame has the time {time_s:g} s")
                 time_ns = round(time_s * 1e9)
                 for first in range(0, len(frames), LARGEST_BATCH):
                     part = frames[first : first + LARGEST_BATCH]

@@ -71,7 +71,7 @@ class Motion(BaseModel):
     """The recording: .csv or .pos, relative to the scenario's folder."""
     irregularities: Literal["mend", "refuse"] = "mend"
     """How to treat gaps, jumps, wrong timestamps and unreadable lines."""
-    speed_limit_mps: float = Field(default=100.0, gt=0, le=3000)
+    speed_limit_mps: float = Field(default=100.0, ge=0.1, le=3000)
     """Speed above which the recording must be wrong."""
     jerk_density_mps3_per_sqrt_hz: float = Field(default=1.0, ge=0.01, le=1000)
     """Agility of the recorded vehicle: a larger value follows the file more closely."""

@@ -23,6 +23,7 @@ from rrins.host_tools.cli.diag.output import (
     print_table,
 )
 from rrins.host_tools.cli.group import Group
+from rrins.host_tools.cli.numbers import NumberRange
 from rrins.host_tools.cli.options import json_option
 from rrins.host_tools.cli.output import print_note
 from rrins.host_tools.diag.tester import Tester
@@ -137,7 +138,7 @@ def print_values(dids: Sequence[DataIdentifier], found: dict[str, Values], as_js
 @click.option(
     "--every",
     "every_s",
-    type=click.FloatRange(min=0),
+    type=NumberRange(min=0),
     help="Repeat every so many seconds until Ctrl-C.",
 )
 @click.option("--times", type=click.IntRange(1), help="Number of reads, instead of until Ctrl-C.")
@@ -200,9 +201,7 @@ def _blank(one: DataIdentifier) -> Values:
 @click.argument("did", type=CONTROLLABLE, metavar="IDENTIFIER")
 @click.argument("how", type=click.Choice(tuple(_CONTROLS)))
 @click.argument("texts", nargs=-1, metavar="[FIELD=VALUE]...", shell_complete=complete_values)
-@click.option(
-    "--for", "for_s", type=click.FloatRange(min=0), help="Keep control for this many seconds."
-)
+@click.option("--for", "for_s", type=NumberRange(min=0), help="Keep control for this many seconds.")
 @json_option
 @with_securing_tester
 def control_identifier(

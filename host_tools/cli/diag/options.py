@@ -11,6 +11,7 @@ from typing import Any
 import click
 
 from rrins.firmware_py.diagnostics.access import DEFAULT_SECRET
+from rrins.host_tools.cli.numbers import NumberRange
 from rrins.host_tools.cli.options import Command, Option, bus_options, together
 from rrins.host_tools.diag.target import DEFAULT_TIMEOUT_S, Target
 from rrins.host_tools.diag.tester import Tester
@@ -31,7 +32,7 @@ _bus_options = together(
     click.option(
         "--timeout",
         "timeout_s",
-        type=click.FloatRange(min=0, min_open=True),
+        type=NumberRange(min=0, min_open=True),
         default=DEFAULT_TIMEOUT_S,
         show_default=True,
         help="Response timeout in seconds.",

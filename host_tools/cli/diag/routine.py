@@ -11,6 +11,7 @@ from rrins.host_tools.cli.diag.arguments import ROUTINE, STOPPABLE, complete_arg
 from rrins.host_tools.cli.diag.options import with_securing_tester
 from rrins.host_tools.cli.diag.output import field_rows, new_table, print_json, print_table
 from rrins.host_tools.cli.group import Group
+from rrins.host_tools.cli.numbers import NumberRange
 from rrins.host_tools.cli.options import json_option
 from rrins.host_tools.diag.tester import Tester
 from rrins.host_tools.diag.values import AssignmentError, limits_of, parse_values, to_json
@@ -72,7 +73,7 @@ def _print_results(one: Routine, results: Values, as_json: bool) -> None:
 @click.option(
     "--limit",
     "limit_s",
-    type=click.FloatRange(min=0, min_open=True),
+    type=NumberRange(min=0, min_open=True),
     help="Longest wait, in seconds of the computer's time.",
 )
 @json_option

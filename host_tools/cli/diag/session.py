@@ -13,6 +13,7 @@ from rrins.firmware_py.diagnostics.identifiers import IDENTIFICATION
 from rrins.host_tools.cli.diag.did import print_values
 from rrins.host_tools.cli.diag.options import with_securing_tester, with_tester
 from rrins.host_tools.cli.diag.output import new_table, print_json, print_line, print_table
+from rrins.host_tools.cli.numbers import NumberRange
 from rrins.host_tools.cli.options import json_option
 from rrins.host_tools.cli.output import print_note
 from rrins.host_tools.diag.tester import Tester
@@ -82,7 +83,7 @@ def _identity_rows(named: Mapping[str, JsonObject]) -> Iterator[tuple[str, str]]
 @click.command()
 @click.argument("name", type=click.Choice(_SESSIONS), required=False)
 @click.option(
-    "--for", "for_s", type=click.FloatRange(min=0), help="Keep the session for this many seconds."
+    "--for", "for_s", type=NumberRange(min=0), help="Keep the session for this many seconds."
 )
 @json_option
 @with_securing_tester

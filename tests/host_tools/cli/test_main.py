@@ -123,6 +123,23 @@ def test_what_only_mf4_needs_is_imported_for_mf4_only(tmp_path):
     assert "pandas" in started(*record)
 
 
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("rehearse", "--limit", "nan"),
+        ("rehearse", "--limit", "inf"),
+        ("rehearse", "--bitrate", "9" * 400),
+        ("monitor", "--bitrate", "9" * 400),
+        ("scheme", "analyse", "16-position", "--latitude", "nan"),
+        ("motion", "export", "drive", "out.csv", "--rate", "nan"),
+        ("motion", "check", "x.csv", "--speed-limit", "1e-300"),
+        ("replay", "x.log", "--speed", "1e-300"),
+    ],
+)
+def test_a_number_beyond_its_limits_is_wrong_use(arguments):
+    assert CliRunner().invoke(cli.rrins, arguments).exit_code == 2
+
+
 def test_a_dbc_that_cannot_serve_is_one_line(monkeypatch):
     def broken(*_, **__):
         raise codec.ContractError("the DBC has no message SYNC")
