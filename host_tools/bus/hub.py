@@ -102,6 +102,11 @@ class Hub:
         """Unix time of time 0 of the host's batches in nanoseconds; 0 until it has sent one."""
         return self._relay.origin_ns
 
+    def limit_others(self) -> None:
+        """Hold third parties to their share of frames before the first epoch, too."""
+        with self._lock:
+            self._relay.open_epoch()
+
     def statistics(self) -> BusSummary:
         """Return what was not let through so far."""
         return self._relay.guard.statistics()

@@ -396,6 +396,10 @@ class RrinsBus(can.BusABC):
         """Return what the host did not let through, and from whom; for a host only."""
         return self._hosted().statistics()
 
+    def limit_others(self) -> None:
+        """Hold third parties to their share of frames before the first epoch, too; for a host."""
+        self._hosted().limit_others()
+
     def ask_refused(self, timeout: float | None = None) -> None:
         """Ask the host how many frames it has refused; `refused` has the answer, once received.
 

@@ -168,6 +168,7 @@ class BatchPort:
         """Wait until the other side and all named others have attached."""
         if not self._is_host:
             return
+        self._bus.limit_others()  # what they sent before would be in the sides' way
         for name in (*others, self._other):
             try:
                 self._bus.wait_for(name, _ATTACH_S)

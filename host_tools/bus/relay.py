@@ -262,7 +262,8 @@ class Relay:
         if line := self.guard.hold_back(peer):
             _log.warning("channel %s: %s %s", self._channel, peer, line, extra=NOTICE)
 
-    def _open_epoch(self) -> None:
+    def open_epoch(self) -> None:
+        """Begin an epoch: those who had to wait may send again."""
         self.guard.open_epoch()
         if self._aside:
             for peer in self._aside:
@@ -273,7 +274,7 @@ class Relay:
         """Spread a datagram of the host; only while nobody is `stuck`."""
         flags = view[datagram.FLAGS_OFFSET]
         if flags & datagram.CLOSES_EPOCH and self._host.name == HARDWARE:
-            self._open_epoch()
+            self.open_epoch()
         if flags & datagram.UNSTAMPED:
             datagram.put_time(view, flags, self._time())
         else:

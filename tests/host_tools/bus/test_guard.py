@@ -262,6 +262,18 @@ def test_a_hundred_floods_together_leave_room_for_the_sides(
     assert len(came) <= 1024 + LARGEST_BATCH
 
 
+def test_a_host_can_limit_others_before_it_begins(
+    host: RrinsBus, firmware: RrinsBus, other: RrinsBus
+) -> None:
+    host.limit_others()
+    for _ in range(2 * BURST):
+        send(other, UNKNOWN)
+    assert len(heard(host)) == FRAMES_PER_EPOCH
+    assert len(heard(firmware)) == FRAMES_PER_EPOCH
+    send(host, SYNC, closes_epoch=True)
+    assert len(heard(host)) == FRAMES_PER_EPOCH
+
+
 def test_a_peer_that_waits_may_leave(host: RrinsBus, firmware: RrinsBus, other: RrinsBus) -> None:
     send(host, SYNC, closes_epoch=True)
     for _ in range(2 * BURST):
