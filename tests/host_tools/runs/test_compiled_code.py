@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import os
 import re
+import shutil
 import signal
 
 import pytest
+
+from rrins.dbc.code_folder import code_folder
 
 
 @pytest.fixture
 def cache(tmp_path, monkeypatch):
     """Return an empty cache folder for the commands of a test."""
+    code_folder()  # that of this process stays what it is
     monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     return tmp_path / "cache" / "rrins"
@@ -27,6 +32,31 @@ def test_a_folder_that_others_can_write_is_refused_in_one_line(start, cache, com
         f"rrins: folder of compiled code {cache}: others can write to it (mode 777): delete it, or "
         "have XDG_CACHE_HOME name another folder"
     ]
+
+
+@pytest.fixture
+def copied_cache(run, cache, monkeypatch):
+    """Return a cache folder for the commands of a test, with a copy of what is compiled."""
+    own, copy = code_folder().path, cache / code_folder().path.name
+    with monkeypatch.context() as patch:
+        patch.setenv("NUMBA_CACHE_DIR", str(own.parents[1]))
+        run("rehearse", "--duration=1")  # compiles, where nothing is compiled yet
+    shutil.copytree(own, copy)
+    cache.chmod(0o700)
+    return copy
+
+
+@pytest.mark.slow
+def test_a_rehearsal_heals_a_damaged_cache_with_one_line(start, copied_cache):
+    damaged = [path for name in ("gravity", "span_of") for path in copied_cache.glob(f"*.{name}-*")]
+    assert len(damaged) >= 2
+    for path in damaged:
+        os.truncate(path, path.stat().st_size // 2)
+    for lines in (1, 0):
+        running = start("rehearse", "--duration=1")
+        assert running.finish()[0] == 0, running.said
+        assert len([line for line in running.said if "compiled code in" in line]) == lines
+        assert not [line for line in running.said if "Traceback" in line]
 
 
 @pytest.mark.slow
