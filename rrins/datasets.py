@@ -38,7 +38,11 @@ def _dataset(
     """Return a dataset over the time of a run; a variable is dimensions, values, unit, name."""
     dimensions = {name for dims, *_ in variables.values() for name in dims}
     coordinates = {
-        "time": ("time", result.errors.time_s, {"units": "s", "long_name": "time navigated"}),
+        "time": (
+            "time",
+            result.errors.time_s,
+            {"units": "s", "long_name": "time since navigation began"},
+        ),
         "epoch": ("time", result.errors.epoch, {"long_name": "epoch"}),
         "axis": ("axis", _AXES),
         "angle": ("angle", _ANGLES),
