@@ -25,7 +25,9 @@ def test_all_that_the_computer_has(computer):
     assert set(found) == {did.name for did in table.IDENTIFIERS} - absent
 
 
-def test_a_table_fits_80_columns(computer):
+def test_a_table_fits_a_terminal_of_80_columns(computer, monkeypatch):
+    monkeypatch.setenv("TTY_COMPATIBLE", "1")
+    monkeypatch.setenv("TERM", "dumb")
     for words in (
         ("did", "read", "--all"),
         ("did", "list"),
