@@ -51,6 +51,8 @@ class StepState(Record):
     step: I8  #: the next step to close
     epoch: I8  #: split by firmware: of the last step; by hardware: of the current one
     newest: I8  #: epoch of the latest SYNC
+    far_epoch: I8  #: that which another SYNC would continue, far from the count, plus 1; 0: none
+    sync_seen: U1  #: whether the step has the SYNC of its epoch
     synchronised: U1
     begun: U1
     seen: Annotated[Bytes, IDENTIFIERS]  #: messages of the current epoch
@@ -88,7 +90,8 @@ def _follow_syncs(
 ) -> None:
     """Apply the SYNCs that the firmware received in a step, the way the firmware does.
 
-    It adopts the count of a SYNC that is far off, and ignores what follows one that is ahead.
+    It adopts the count of a SYNC that is far off once another continues it, and none after that of
+    its own epoch; what follows one that is ahead, it ignores.
     """
     is_ahead = False
     for k in range(begin, end):
@@ -99,10 +102,27 @@ def _follow_syncs(
         if state.synchronised and abs(found - expected) <= ADOPT_BEYOND:
             state.newest = max(state.newest, found)
             is_ahead = is_ahead or found > expected
-        elif not is_ahead:
+            if found == expected:
+                state.sync_seen, state.far_epoch = 1, 0
+        elif not is_ahead and _is_adopted(state, found):
             state.epoch = found - 1
             state.newest = found
             state.synchronised = 1
+            state.sync_seen, state.far_epoch = 1, 0
+
+
+@compiled
+def _is_adopted(state: StepState, found: int) -> bool:
+    """Return whether the firmware adopts the count of a SYNC that is far off."""
+    if state.synchronised == 0:
+        return True
+    if state.sync_seen:
+        return False
+    expected = state.far_epoch - 1
+    if state.far_epoch > 0 and expected <= found <= expected + 1:
+        return True
+    state.far_epoch = found + 1
+    return False
 
 
 @compiled
@@ -235,6 +255,9 @@ def steps_by_firmware(
                 step[n] = state.step if n < start else state.step + lost + 1
         for _ in range(lost + 1):
             state.epoch += 1
+            state.sync_seen = 0
+            if state.far_epoch > 0:
+                state.far_epoch += 1
             epochs[closed] = state.epoch if state.synchronised else NO_EPOCH
             closed += 1
         _follow_syncs(state, frames, roles, start, end, contract.sync)  # for the next step
