@@ -83,6 +83,8 @@ class Firmware:
         self.ram = power_on(self.settings, self.contract)
         self.diagnostics = Diagnostics(self.ram, self.contract, parameters, stores.faults)
         self.trace = trace or NavigationTrace()
+        self.compares: bool | None = True if self.settings.redundancy is not None else None
+        """Whether redundant sensors are compared, as `firmware_step` takes it."""
         self.period_ns = int(self.ram[0].parameters.period_ns)
         self.inbox = frame_array(INBOX_CAPACITY)
         self.outbox = frame_array(OUTBOX_CAPACITY + Diagnostics.capacity(self.period_ns))
@@ -123,7 +125,9 @@ class Firmware:
         if self.diagnostics.reset_due:
             self.diagnostics.restart()
         self._sync_arrival_ns[0] = sync_arrival_ns
-        sent = firmware_step(self.ram, self.contract, inbox, start, count, self.outbox)
+        sent = firmware_step(
+            self.ram, self.contract, inbox, start, count, self.outbox, self.compares
+        )
         if self._mode.item() in _NAVIGATION_MODES:
             self.trace.add(self.ram)
         consumed = int(self._consumed[0])

@@ -69,6 +69,23 @@ class TroubleMemory(Record):
     snapshots: Annotated[Records[Snapshot], (len(TROUBLES), 2)]  #: first and latest occurrence
 
 
+class Repetition(Record):
+    """What tells whether sensors of one kind repeat themselves; see `stuck`."""
+
+    resolution: F8  #: of the frames, rad or m/s
+    largest_change: F8  #: from the previous epoch to this
+    last: Annotated[Floats, SENSOR_GROUPS]
+    unchanged: Annotated[Integers, SENSOR_GROUPS]  #: epochs
+    expected: Annotated[Floats, SENSOR_GROUPS]  #: by the others, once it had been constant
+    varied: I8  #: the others' expectation has changed since
+    compared: I8  #: the usable sensors
+    phase: I8  #: epochs since `reference`
+    reference: Annotated[Floats, SENSOR_GROUPS]  #: increments of a former epoch
+    moved: I8  #: sensors that have differed from it since
+    moved_before: I8  #: and from the one before
+    stuck: I8  #: the result, one bit each
+
+
 class DiagnosticState(Record):
     """The monitor's state."""
 
@@ -94,8 +111,6 @@ class DiagnosticState(Record):
     patience_epochs: I8  #: timeout of a frame that is not sent in every epoch
     stuck_epochs: I8  #: an even number
     clock_tolerance_q16: I8  #: ns * 2**16
-    gyro_resolution: F8  #: rad
-    accelerometer_resolution: F8  #: m/s
     residual_share: F8  #: of an epoch in the mean residuals
     # Tracked by the monitor.
     bus_state: I8
@@ -108,16 +123,8 @@ class DiagnosticState(Record):
     encoder_seen: I8  #: a bit per axis
     encoder_before_deg: Annotated[Floats, 2]
     rate_before_dps: Annotated[Floats, 2]
-    gyro_last: Annotated[Floats, SENSOR_GROUPS]
-    gyro_unchanged: Annotated[Integers, SENSOR_GROUPS]  #: epochs
-    gyro_expected: Annotated[Floats, SENSOR_GROUPS]  #: by the others, once it had been constant
-    gyro_varied: I8  #: the others' expectation has changed since
-    gyro_compared: I8  #: the sensors used for the last expectation
-    accelerometer_last: Annotated[Floats, SENSOR_GROUPS]
-    accelerometer_unchanged: Annotated[Integers, SENSOR_GROUPS]
-    accelerometer_expected: Annotated[Floats, SENSOR_GROUPS]
-    accelerometer_varied: I8
-    accelerometer_compared: I8
+    gyro_repetition: Repetition
+    accelerometer_repetition: Repetition
     gyro_residual: Annotated[Floats, SENSOR_GROUPS]  #: rad in an epoch, a mean
     gyro_apart: I8  #: usable, but left out of the fusion
     accelerometer_residual: Annotated[Floats, SENSOR_GROUPS]  #: m/s in an epoch, a mean

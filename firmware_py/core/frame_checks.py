@@ -15,7 +15,7 @@ _PASSIVE, _ACTIVE = 0x30, 0x40  # of byte 1, with _CONTROLLER
 _BYTE_1 = 8
 
 _GYRO_SATURATED, _ACCELEROMETER_SATURATED = 1, 2  # of a sensor frame's status
-_GYRO_ABSENT, _ACCELEROMETER_ABSENT = 4, 8
+GYRO_ABSENT, ACCELEROMETER_ABSENT = 4, 8
 
 
 @compiled
@@ -51,9 +51,9 @@ def sensor_status(state: Ram, bit: int, status: int) -> None:
         monitor.gyro_saturated |= bit
     if status & _ACCELEROMETER_SATURATED:
         monitor.accelerometer_saturated |= bit
-    if status & _GYRO_ABSENT:
+    if status & GYRO_ABSENT:
         monitor.gyro_absent |= bit
-    if status & _ACCELEROMETER_ABSENT:
+    if status & ACCELEROMETER_ABSENT:
         monitor.accelerometer_absent |= bit
 
 

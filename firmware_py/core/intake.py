@@ -72,6 +72,8 @@ def begin(state: Ram) -> None:
     assembly.received = 0
     assembly.gyro_valid = 0
     assembly.accelerometer_valid = 0
+    assembly.gyro_absent = 0
+    assembly.accelerometer_absent = 0
     assembly.altimeter_received = False
     assembly.axis_received[INNER] = False
     assembly.axis_received[OUTER] = False
@@ -280,6 +282,8 @@ def _withdraw_group(state: Ram, bit: int) -> None:
     assembly.received &= ~bit
     assembly.gyro_valid &= ~bit
     assembly.accelerometer_valid &= ~bit
+    assembly.gyro_absent &= ~bit
+    assembly.accelerometer_absent &= ~bit
     monitor.gyro_absent &= ~bit
     monitor.gyro_saturated &= ~bit
     monitor.accelerometer_absent &= ~bit
@@ -296,6 +300,10 @@ def keep_group(assembly: Assembly, sensor: MessageSignals, group: int, word: np.
     dv = unpack(word, sensor.accelerometer_dv)
     assembly.gyro_dtheta[group] = to_physical(dtheta, sensor.gyro_dtheta)
     assembly.accelerometer_dv[group] = to_physical(dv, sensor.accelerometer_dv)
+    if status & frame_checks.GYRO_ABSENT:
+        assembly.gyro_absent |= bit
+    if status & frame_checks.ACCELEROMETER_ABSENT:
+        assembly.accelerometer_absent |= bit
     if status & _GYRO_UNUSABLE == 0:
         assembly.gyro_valid |= bit
     if status & _ACCELEROMETER_UNUSABLE == 0:
@@ -306,8 +314,13 @@ def keep_group(assembly: Assembly, sensor: MessageSignals, group: int, word: np.
 def close(state: Ram) -> None:
     """Close the epoch: count the missing frames, once the hardware has been heard."""
     assembly = state.assembly
-    assembly.gyro_valid &= ~state.diagnostics.excluded_gyros
-    assembly.accelerometer_valid &= ~state.diagnostics.excluded_accelerometers
+    diagnostics, redundancy = state.diagnostics, state.redundancy
+    assembly.gyro_usable = assembly.gyro_valid
+    assembly.accelerometer_usable = assembly.accelerometer_valid
+    assembly.gyro_valid &= ~(diagnostics.excluded_gyros | redundancy.gyros.excluded)
+    assembly.accelerometer_valid &= ~(
+        diagnostics.excluded_accelerometers | redundancy.accelerometers.excluded
+    )
     if not state.clock.synchronised:
         return
     if not state.clock.sync_seen:

@@ -13,7 +13,6 @@ from rrins.dbc.e2e import COUNTER_MODULUS
 from rrins.dbc.record import (
     F8,
     I8,
-    U4,
     Bool,
     Bytes,
     Floats,
@@ -24,6 +23,7 @@ from rrins.dbc.record import (
     Words,
 )
 from rrins.firmware_py.core.diagnostic_records import DiagnosticState
+from rrins.firmware_py.core.redundancy_records import Redundancy
 from rrins.firmware_py.core.troubles import Source
 
 SCHEME_CAPACITY = 64
@@ -86,9 +86,13 @@ class Assembly(Record):
 
     gyro_dtheta: Annotated[Floats, SENSOR_GROUPS]  #: rad, along the input axes
     accelerometer_dv: Annotated[Floats, SENSOR_GROUPS]  #: m/s, along the input axes
-    received: U4  #: sensor groups whose frame arrived, one bit each
-    gyro_valid: U4  #: usable gyros, one bit each
-    accelerometer_valid: U4  #: usable accelerometers, one bit each
+    received: I8  #: sensor groups whose frame arrived, one bit each
+    gyro_valid: I8  #: usable gyros, one bit each
+    accelerometer_valid: I8  #: usable accelerometers, one bit each
+    gyro_usable: I8  #: the same before sensors are excluded
+    accelerometer_usable: I8  #: the same before sensors are excluded
+    gyro_absent: I8  #: flagged as absent, one bit each
+    accelerometer_absent: I8  #: flagged as absent, one bit each
     axis_received: Annotated[Bytes, 2]  #: whether an axis' frame arrived, 0 or 1
     encoder_angle_deg: Annotated[Floats, 2]  #: extrapolated by the rate if no frame arrived
     encoder_rate_dps: Annotated[Floats, 2]  #: as last received
@@ -123,7 +127,7 @@ class Fusion(Record):
     asymmetric_scale_error: Annotated[Floats, SENSOR_GROUPS]  #: μ, dimensionless
     H: Annotated[Floats, (SENSOR_GROUPS, 3)]  #: rows h', the input axes as calibrated
     weight: Annotated[Floats, SENSOR_GROUPS]  #: in the least squares, relative
-    used: U4  #: sensors that `gain` is for, one bit each
+    used: I8  #: sensors that `gain` is for, one bit each
     solvable: Bool  #: whether their axes span space
     gain: Annotated[Floats, (3, SENSOR_GROUPS)]  #: from increments to the fused vector
 
@@ -258,6 +262,7 @@ class Ram(Record):
     navigation_transmissions: I8  #: of the navigation messages, for their counters
     heartbeats: I8  #: sent so far, for their counter
     diagnostics: DiagnosticState
+    redundancy: Redundancy
 
 
 def blank_ram() -> Records[Ram]:

@@ -11,7 +11,7 @@ import numpy as np
 from rrins.dbc.codec import unwrapped
 from rrins.dbc.compilation import compiled
 from rrins.dbc.values import AxisState
-from rrins.firmware_py.core import consistency, senders, stuck, trouble_table
+from rrins.firmware_py.core import consistency, senders, trouble_table
 from rrins.firmware_py.core.diagnostic_records import ATTENTION_TROUBLES, DiagnosticState, Snapshot
 from rrins.firmware_py.core.memory import INNER, OUTER, Ram
 from rrins.firmware_py.core.modes import FirmwareFault, Mode, navigating
@@ -62,6 +62,11 @@ _CLOCK_JUMP = 1 << SystemFault.CLOCK_JUMP
 _OFF_NOMINAL = 1 << SystemFault.CLOCK_OFF_NOMINAL
 _GYROS_INCONSISTENT = 1 << SystemFault.GYROS_INCONSISTENT
 _ACCELEROMETERS_INCONSISTENT = 1 << SystemFault.ACCELEROMETERS_INCONSISTENT
+
+_GYROS_NOT_REDUNDANT = 1 << SystemFault.GYROS_NOT_REDUNDANT
+_ACCELEROMETERS_NOT_REDUNDANT = 1 << SystemFault.ACCELEROMETERS_NOT_REDUNDANT
+_GYRO_LEFT_OUT = int(Kind.GYRO_LEFT_OUT)
+_ACCELEROMETER_LEFT_OUT = int(Kind.ACCELEROMETER_LEFT_OUT)
 
 _LOAD_LIMIT = 0.8
 _NOT_CONVERGED_AFTER = 2  # times the alignment's own time
@@ -153,20 +158,32 @@ def _look_at_sensors(state: Ram, monitor: DiagnosticState) -> None:
     failing[_GYRO + 1] = monitor.gyro_saturated
     failing[_ACCELEROMETER] = monitor.accelerometer_absent
     failing[_ACCELEROMETER + 1] = monitor.accelerometer_saturated
-    failing[_GYRO + 2] = stuck.gyros(
-        state.gyros,
-        state.assembly.gyro_dtheta,
-        state.dtheta_s,
-        gyros & ~(monitor.gyro_absent | monitor.gyro_saturated),
-        monitor,
-    )
-    failing[_ACCELEROMETER + 2] = stuck.accelerometers(
-        state.accelerometers,
-        state.assembly.accelerometer_dv,
-        state.dv_s,
-        accelerometers & ~(monitor.accelerometer_absent | monitor.accelerometer_saturated),
-        monitor,
-    )
+    failing[_GYRO + 2] = monitor.gyro_repetition.stuck
+    failing[_ACCELEROMETER + 2] = monitor.accelerometer_repetition.stuck
+
+
+@compiled
+def _look_at_parities(state: Ram, monitor: DiagnosticState) -> tuple[int, int]:
+    """Return the failures and the tests run for redundancy; note the sensors left out."""
+    redundancy = state.redundancy
+    if not redundancy.enabled:
+        return 0, 0
+    gyros, accelerometers = redundancy.gyros, redundancy.accelerometers
+    monitor.tested[_GYRO_LEFT_OUT] = (1 << state.gyros.count) - 1
+    monitor.failing[_GYRO_LEFT_OUT] = gyros.excluded
+    monitor.tested[_ACCELEROMETER_LEFT_OUT] = (1 << state.accelerometers.count) - 1
+    monitor.failing[_ACCELEROMETER_LEFT_OUT] = accelerometers.excluded
+    failing = 0
+    tested = _GYROS_NOT_REDUNDANT | _ACCELEROMETERS_NOT_REDUNDANT
+    if gyros.alarm:
+        failing |= _GYROS_INCONSISTENT
+    if accelerometers.alarm:
+        failing |= _ACCELEROMETERS_INCONSISTENT
+    if gyros.excluded != 0 and not gyros.redundant:
+        failing |= _GYROS_NOT_REDUNDANT
+    if accelerometers.excluded != 0 and not accelerometers.redundant:
+        failing |= _ACCELEROMETERS_NOT_REDUNDANT
+    return failing, tested | failing
 
 
 @compiled
@@ -191,7 +208,7 @@ def _look_at_redundancy(state: Ram, monitor: DiagnosticState) -> tuple[int, int]
         monitor.failing[_ACCELEROMETER + 2],
         monitor,
     )
-    failing = tested = 0
+    failing, tested = _look_at_parities(state, monitor)
     if gyros >= 0.0:
         tested |= _GYROS_INCONSISTENT
         if gyros > state.parameters.gyro_consistency:

@@ -27,6 +27,8 @@ from rrins.firmware_py.core.memory import (
     Ram,
     blank_ram,
 )
+from rrins.firmware_py.core.redundancy import settings as redundancy
+from rrins.firmware_py.core.redundancy.settings import RedundancySettings
 
 _HEIGHT_CHANNELS = {
     "held": strapdown.HEIGHT_HELD,
@@ -111,6 +113,7 @@ class Settings(_Checked):
     scheme: Scheme
     altimeter: bool = False
     calibration: Calibration = Calibration()
+    redundancy: RedundancySettings | None = None
     calibration_file: str | None = None
     """Source of the initial attitude."""
 
@@ -195,6 +198,10 @@ def power_on(settings: Settings, contract: Records[Contract]) -> Records[Ram]:
         settings.calibration.accelerometers,
         len(settings.accelerometer_axes_deg),
     )
+    if settings.redundancy is not None:
+        sensor = contract[0].sensor[0]
+        resolutions = (float(sensor.gyro_dtheta.scale), float(sensor.accelerometer_dv.scale))
+        redundancy.set_up(state, settings.redundancy, rate_hz, resolutions)
     state.dispatch = intake.dispatch_table(contract)
     state.epoch = -1
     clock.power_on(state.clock, parameters.period_ns)

@@ -23,11 +23,13 @@ from rrins.firmware_py.core import (
     sequencer,
     size_effect,
     strapdown,
+    stuck,
 )
 from rrins.firmware_py.core.attitude import euler_of_matrix, gimbal_matrix, multiply_transposed
 from rrins.firmware_py.core.fusion import compensate, fuse
 from rrins.firmware_py.core.memory import INNER, OUTER, Ram
 from rrins.firmware_py.core.modes import FirmwareFault, Mode
+from rrins.firmware_py.core.redundancy import watch as redundancy
 from rrins.firmware_py.core.transmit import transmit
 
 
@@ -39,6 +41,13 @@ def _fuse(state: Ram) -> None:
         compensate(state.gyros, assembly.received, assembly.gyro_dtheta)
     if state.accelerometers.calibrated:
         compensate(state.accelerometers, assembly.received, assembly.accelerometer_dv)
+    redundancy.correct(
+        state.redundancy.gyros,
+        state.gyros,
+        assembly.received,
+        assembly.gyro_valid,
+        assembly.gyro_dtheta,
+    )
     gyros = fuse(state.gyros, assembly.gyro_valid, assembly.gyro_dtheta, state.dtheta_s, work)
     if state.size_effect.present:
         dt = state.parameters.period_ns * 1e-9
@@ -50,6 +59,13 @@ def _fuse(state: Ram) -> None:
             assembly.accelerometer_dv,
             dt,
         )
+    redundancy.correct(
+        state.redundancy.accelerometers,
+        state.accelerometers,
+        assembly.received,
+        assembly.accelerometer_valid,
+        assembly.accelerometer_dv,
+    )
     accelerometers = fuse(
         state.accelerometers,
         assembly.accelerometer_valid,
@@ -62,6 +78,34 @@ def _fuse(state: Ram) -> None:
     elif state.clock.synchronised:
         faults.bridged_epochs += 1
         faults.consecutive_bridged += 1
+
+
+@compiled
+def _follow_repetitions(state: Ram) -> None:
+    monitor, assembly = state.diagnostics, state.assembly
+    epochs = monitor.stuck_epochs
+    stuck.follow(
+        monitor.gyro_repetition,
+        state.gyros.count,
+        assembly.gyro_dtheta,
+        assembly.gyro_usable,
+        epochs,
+    )
+    stuck.follow(
+        monitor.accelerometer_repetition,
+        state.accelerometers.count,
+        assembly.accelerometer_dv,
+        assembly.accelerometer_usable,
+        epochs,
+    )
+
+
+@compiled
+def _judge_repetitions(state: Ram) -> None:
+    monitor = state.diagnostics
+    epochs = monitor.stuck_epochs
+    stuck.judge(monitor.gyro_repetition, state.gyros, state.dtheta_s, epochs)
+    stuck.judge(monitor.accelerometer_repetition, state.accelerometers, state.dv_s, epochs)
 
 
 @compiled
@@ -159,10 +203,11 @@ def output(state: Ram) -> None:
 
 
 @compiled
-def compute(state: Ram, contract: Contract) -> None:
+def compute(state: Ram, contract: Contract, compares: bool | None) -> None:
     """Run an epoch without its frames: from the received values to the values to send.
 
-    Everything except the navigation output, which `output` writes.
+    Everything except the navigation output, which `output` writes. `compares` is as `firmware_step`
+    takes it.
     """
     intake.close(state)
     clock.advance(state.clock)
@@ -174,7 +219,11 @@ def compute(state: Ram, contract: Contract) -> None:
     modes.follow_request(state)
     if state.diagnostics.routine_request != 0:
         routine_requests.follow(state)
+    _follow_repetitions(state)
     _fuse(state)
+    _judge_repetitions(state)
+    if compares is not None and state.clock.synchronised:  # with None not even compiled
+        redundancy.watch(state, modes.navigating(state) and not state.ins.first)
     _run_mode(state, contract)
 
 
@@ -186,6 +235,7 @@ def firmware_step(
     start: int,
     count: int,
     outbox: FrameArray,
+    compares: bool | None,
 ) -> int:
     """Run the firmware over one epoch.
 
@@ -200,6 +250,9 @@ def firmware_step(
         Frames received; ``inbox[start:count]`` are read.
     outbox : FrameArray
         At least `transmit.OUTBOX_CAPACITY` long.
+    compares : bool, optional
+        True if redundant sensors are compared, as `redundancy.enabled` of the RAM image says, else
+        None: a step that does not compare them compiles in two thirds of the time.
 
     Returns
     -------
@@ -212,7 +265,7 @@ def firmware_step(
     state.steps += 1
     intake.begin(state)
     state.consumed = intake.receive(state, record, inbox, start, count)
-    compute(state, record)
+    compute(state, record, compares)
     if modes.navigating(state):
         output(state)
     sent = transmit(state, record, outbox)

@@ -1,7 +1,9 @@
 """Finds sensors that repeat the same increment for long while the others vary.
 
-The increment expected by the others is the fused vector along the sensor's input axis. A sensor is
-stuck if this has changed by more than quantisation explains while its increment stayed constant.
+Whether a sensor repeats itself is seen in what it sends. The increment expected of it by the others
+is the fused vector along its input axis. A sensor is stuck if this has changed by more than
+quantisation explains while its increment stayed constant, and at least two others have moved: a
+vector cannot change along a single axis of four, but the noise of one sensor can look so.
 The fused vector depends on the set of sensors: when one drops out or returns, all tests restart.
 Three sensors are always consistent: there a sensor is stuck that repeats a nonzero increment while
 another changes by several counts from epoch to epoch.
@@ -10,13 +12,47 @@ another changes by several counts from epoch to epoch.
 from __future__ import annotations
 
 from rrins.dbc.compilation import compiled
-from rrins.dbc.record import Floats, Integers
-from rrins.firmware_py.core.diagnostic_records import DiagnosticState
+from rrins.dbc.record import Floats
+from rrins.firmware_py.core.diagnostic_records import Repetition
 from rrins.firmware_py.core.memory import Fusion
 
 _VARIED_COUNTS = 4.0
 _CHANGED_COUNTS = 8.0
 _REDUNDANT_FROM = 4
+_WITNESSES = 2
+
+
+@compiled
+def follow(repetition: Repetition, count: int, measured: Floats, usable: int, epochs: int) -> None:
+    """Note what usable sensors send, before anything is made of it.
+
+    `epochs` is how long a sensor must repeat itself, an even number.
+    """
+    if usable != repetition.compared:
+        repetition.unchanged[:] = 0
+        repetition.varied = 0
+        repetition.compared = usable
+    repetition.largest_change = 0.0
+    moved = _VARIED_COUNTS * repetition.resolution
+    repetition.phase += 1
+    if 2 * repetition.phase >= epochs:
+        repetition.phase = 0
+        repetition.moved_before = repetition.moved
+        repetition.moved = 0
+        for k in range(count):
+            repetition.reference[k] = measured[k]
+    for k in range(count):
+        if usable >> k & 1 == 0:
+            continue
+        if abs(measured[k] - repetition.reference[k]) > moved:
+            repetition.moved |= 1 << k
+        change = abs(measured[k] - repetition.last[k])
+        repetition.last[k] = measured[k]
+        if change != 0.0:
+            repetition.largest_change = max(repetition.largest_change, change)
+            repetition.unchanged[k] = 0
+        else:
+            repetition.unchanged[k] += 1
 
 
 @compiled
@@ -30,97 +66,53 @@ def _expected(fusion: Fusion, vector_s: Floats, sensor: int) -> float:
 
 
 @compiled
-def _look(
-    fusion: Fusion,
-    measured: Floats,
-    vector_s: Floats,
-    usable: int,
-    last: Floats,
-    unchanged: Integers,
-    expected: Floats,
-    varied: int,
-    compared: int,
-    resolution: float,
-    epochs: int,
-) -> tuple[int, int]:
-    """Return the stuck sensors and those whose expected increment has varied, one bit each."""
-    if usable != compared:
-        unchanged[:] = 0
-        varied = 0
-    largest_change = 0.0
-    standing = 0
-    used = 0
+def _others(sensors: int, sensor: int) -> int:
+    """Return the number of sensors in a word, but for one."""
+    word, number = sensors & ~(1 << sensor), 0
+    while word != 0:
+        number += word & 1
+        word >>= 1
+    return number
+
+
+@compiled
+def _with_witnesses(repetition: Repetition, standing: int, count: int) -> int:
+    """Return the standing sensors whose expectation varied, with enough others that moved."""
+    stuck = 0
+    moved = repetition.moved | repetition.moved_before
+    for k in range(count):
+        varied = (standing & repetition.varied) >> k & 1
+        if varied and _others(moved, k) >= _WITNESSES:
+            stuck |= 1 << k
+    return stuck
+
+
+@compiled
+def judge(repetition: Repetition, fusion: Fusion, vector_s: Floats, epochs: int) -> None:
+    """Set `stuck`: the sensors that repeat themselves wrongly, one bit each."""
+    usable = repetition.compared
+    standing = used = 0
     for k in range(fusion.count):
         if usable >> k & 1 == 0:
             continue
         used += 1
-        change = abs(measured[k] - last[k])
-        if change != 0.0:
-            largest_change = max(largest_change, change)
-            last[k] = measured[k]
-            unchanged[k] = 0
-            varied &= ~(1 << k)
-            continue
-        unchanged[k] += 1
-        if 2 * unchanged[k] == epochs:
-            expected[k] = _expected(fusion, vector_s, k)
-        elif 2 * unchanged[k] > epochs:
-            difference = _expected(fusion, vector_s, k) - expected[k]
-            if abs(difference) > _VARIED_COUNTS * resolution:
-                varied |= 1 << k
-            if unchanged[k] >= epochs:
+        unchanged = repetition.unchanged[k]
+        if unchanged == 0:
+            repetition.varied &= ~(1 << k)
+        elif 2 * unchanged == epochs:
+            repetition.expected[k] = _expected(fusion, vector_s, k)
+        elif 2 * unchanged > epochs:
+            difference = _expected(fusion, vector_s, k) - repetition.expected[k]
+            if abs(difference) > _VARIED_COUNTS * repetition.resolution:
+                repetition.varied |= 1 << k
+            if unchanged >= epochs:
                 standing |= 1 << k
+    repetition.stuck = 0
     if standing == 0:
-        return 0, varied
+        return
     if used >= _REDUNDANT_FROM:
-        return standing & varied, varied
-    if largest_change <= _CHANGED_COUNTS * resolution:
-        return 0, varied
-    for k in range(fusion.count):
-        if last[k] == 0.0:
-            standing &= ~(1 << k)
-    return standing, varied
-
-
-@compiled
-def gyros(
-    fusion: Fusion, measured: Floats, dtheta_s: Floats, usable: int, monitor: DiagnosticState
-) -> int:
-    """Return the stuck gyros among the usable ones, one bit each."""
-    stuck, monitor.gyro_varied = _look(
-        fusion,
-        measured,
-        dtheta_s,
-        usable,
-        monitor.gyro_last,
-        monitor.gyro_unchanged,
-        monitor.gyro_expected,
-        monitor.gyro_varied,
-        monitor.gyro_compared,
-        monitor.gyro_resolution,
-        monitor.stuck_epochs,
-    )
-    monitor.gyro_compared = usable
-    return stuck
-
-
-@compiled
-def accelerometers(
-    fusion: Fusion, measured: Floats, dv_s: Floats, usable: int, monitor: DiagnosticState
-) -> int:
-    """Return the stuck accelerometers among the usable ones, one bit each."""
-    stuck, monitor.accelerometer_varied = _look(
-        fusion,
-        measured,
-        dv_s,
-        usable,
-        monitor.accelerometer_last,
-        monitor.accelerometer_unchanged,
-        monitor.accelerometer_expected,
-        monitor.accelerometer_varied,
-        monitor.accelerometer_compared,
-        monitor.accelerometer_resolution,
-        monitor.stuck_epochs,
-    )
-    monitor.accelerometer_compared = usable
-    return stuck
+        repetition.stuck = _with_witnesses(repetition, standing, fusion.count)
+    elif repetition.largest_change > _CHANGED_COUNTS * repetition.resolution:
+        for k in range(fusion.count):
+            if standing >> k & 1 and repetition.last[k] != 0.0:
+                repetition.stuck |= 1 << k

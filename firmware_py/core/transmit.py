@@ -14,6 +14,7 @@ from rrins.dbc.frame import FrameArray
 from rrins.firmware_py.core import clock
 from rrins.firmware_py.core.memory import INNER, OUTER, FaultCounters, Ram
 from rrins.firmware_py.core.modes import navigating
+from rrins.firmware_py.core.redundancy_records import Parity
 
 OUTBOX_CAPACITY = 16
 """Most frames that one step sends, with room to spare."""
@@ -70,6 +71,37 @@ def _faults(counters: FaultCounters, message: MessageSignals) -> np.uint64:
         word, message.bridged_epochs, _saturate(counters.bridged_epochs, message.bridged_epochs)
     )
     return pack(word, message.overruns, _saturate(counters.overruns, message.overruns))
+
+
+@compiled
+def _redundancy(parity: Parity, repairing: bool, message: MessageSignals) -> np.uint64:
+    word = pack(np.uint64(0), message.alarm, parity.alarm)
+    word = pack(word, message.redundant, parity.redundant)
+    word = pack(word, message.repairing, repairing)
+    word = pack(word, message.standing, parity.now.standing > 0)
+    word = pack(word, message.excluded, parity.excluded)
+    word = encode(word, message.parity_ratio, parity.ratio)
+    level = 0
+    while 1 << (level + 1) <= parity.window_s:
+        level += 1
+    word = pack(word, message.window_log2, level)
+    word = pack(word, message.suspect, parity.suspect + 1)
+    word = pack(word, message.how, parity.how)
+    return pack(word, message.isolated, parity.isolated + 1)
+
+
+@compiled
+def _redundancies(state: Ram, contract: Contract, outbox: FrameArray, count: int) -> int:
+    """Append the two frames of the redundancy; return the new number of frames."""
+    redundancy = state.redundancy
+    active, kind = redundancy.repair.active, redundancy.repair.kind
+    gyros, accelerometers = contract.gyro_redundancy, contract.accelerometer_redundancy
+    word = _redundancy(redundancy.gyros, active and kind == 0, gyros)
+    fill(outbox[count], gyros.message, word, redundancy.transmissions)
+    word = _redundancy(redundancy.accelerometers, active and kind == 1, accelerometers)
+    fill(outbox[count + 1], accelerometers.message, word, redundancy.transmissions)
+    redundancy.transmissions += 1
+    return count + 2
 
 
 @compiled
@@ -136,6 +168,8 @@ def transmit(state: Ram, contract: Contract, outbox: FrameArray) -> int:
         fill(outbox[count + 1], contract.firmware_faults.message, faults, state.transmissions)
         state.transmissions += 1
         count += 2
+    if state.redundancy.enabled and _due(state, contract.gyro_redundancy.message):
+        count = _redundancies(state, contract, outbox, count)
     if navigating(state) and _due(state, contract.nav_latitude.message):
         count = _navigation(state, contract, outbox, count)
     inner, outer = contract.axis_inner_command, contract.axis_outer_command

@@ -222,6 +222,20 @@ _SYSTEM = (
         Debounce(fail_s=5.0),
         "the accelerometers disagree: one of them is faulty",
     ),
+    (
+        SystemFault.GYROS_NOT_REDUNDANT,
+        0x1100,
+        _PERFORMANCE,
+        _ONCE,
+        "so many gyros are left out that a fault of another cannot show",
+    ),
+    (
+        SystemFault.ACCELEROMETERS_NOT_REDUNDANT,
+        0x1200,
+        _PERFORMANCE,
+        _ONCE,
+        "so many accelerometers are left out that a fault of another cannot show",
+    ),
 )
 
 
@@ -273,6 +287,24 @@ def _sensor_troubles() -> Iterator[Trouble]:
                 )
 
 
+def _left_out_troubles() -> Iterator[Trouble]:
+    for kind, part, sensor in (
+        (Kind.GYRO_LEFT_OUT, 0x1101, "gyro"),
+        (Kind.ACCELEROMETER_LEFT_OUT, 0x1201, "accelerometer"),
+    ):
+        for group in range(SENSOR_GROUPS):
+            yield Trouble(
+                _number(_CHASSIS, part + group, _PLAUSIBILITY),
+                f"{sensor}_{group + 1}_left_out",
+                f"{sensor} {group + 1} is faulty, and left out of the navigation",
+                kind,
+                group,
+                _ONCE,
+                group,
+                sensor,
+            )
+
+
 def _other_troubles() -> Iterator[Trouble]:
     for fault, name, failure, debounce, text in _AXIS:
         for axis, which in enumerate(("inner", "outer")):
@@ -297,7 +329,12 @@ def _other_troubles() -> Iterator[Trouble]:
 
 
 def _in_order() -> tuple[Trouble, ...]:
-    troubles = [*_frame_troubles(), *_sensor_troubles(), *_other_troubles()]
+    troubles = [
+        *_frame_troubles(),
+        *_sensor_troubles(),
+        *_left_out_troubles(),
+        *_other_troubles(),
+    ]
     return tuple(sorted(troubles, key=lambda trouble: (trouble.kind, trouble.bit)))
 
 

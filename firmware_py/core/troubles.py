@@ -60,6 +60,8 @@ class Kind(IntEnum):
     AXIS = 10
     SYSTEM = 11
     TWO_SENDERS = 12
+    GYRO_LEFT_OUT = 13
+    ACCELEROMETER_LEFT_OUT = 14
 
 
 class Source(IntEnum):
@@ -101,6 +103,8 @@ class SystemFault(IntEnum):
     CLOCK_OFF_NOMINAL = 13
     GYROS_INCONSISTENT = 14
     ACCELEROMETERS_INCONSISTENT = 15
+    GYROS_NOT_REDUNDANT = 16
+    ACCELEROMETERS_NOT_REDUNDANT = 17
 
 
 @dataclass(frozen=True)

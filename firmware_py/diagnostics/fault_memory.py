@@ -100,8 +100,8 @@ class FaultMemory:
         monitor.residual_share = min(1.0, period_s / consistency.MEAN_S)
         monitor.clock_tolerance_q16 = round(_CLOCK_TOLERANCE * period_s * 1e9 * 65536)
         sensor = self._contract[0].sensor[0]
-        monitor.gyro_resolution = sensor.gyro_dtheta.scale
-        monitor.accelerometer_resolution = sensor.accelerometer_dv.scale
+        monitor.gyro_repetition.resolution = sensor.gyro_dtheta.scale
+        monitor.accelerometer_repetition.resolution = sensor.accelerometer_dv.scale
 
     def index_of(self, number: int) -> int | None:
         """Return the index of a trouble code that this computer can have."""

@@ -87,7 +87,13 @@ def steps(scenario: Scenario, samples: int) -> StepTimes:
         )
         middle = clock()
         down = firmware_step(
-            firmware.ram, firmware.contract, hardware.outbox, 0, up, firmware.outbox
+            firmware.ram,
+            firmware.contract,
+            hardware.outbox,
+            0,
+            up,
+            firmware.outbox,
+            firmware.compares,
         )
         end = clock()
         if firmware.mode == Mode.NAVIGATION_ROTATING and rates.any():

@@ -60,7 +60,9 @@ def _pass_down(plant: Plant, state: Ram, contract: Contract) -> None:
 
 
 @compiled
-def step_both(plant: Plant, pieces: Floats, state: Ram, contract: Contract) -> None:
+def step_both(
+    plant: Plant, pieces: Floats, state: Ram, contract: Contract, compares: bool | None
+) -> None:
     """Run one epoch of both sides."""
     advance(plant, pieces, contract)
     update_operator(plant)
@@ -72,7 +74,7 @@ def step_both(plant: Plant, pieces: Floats, state: Ram, contract: Contract) -> N
     clock.synchronise(state.clock, 0)
     state.modes.requested = plant.operator.present
     _pass_up(plant, pieces, state, contract)
-    compute(state, contract)
+    compute(state, contract, compares)
     plant.epoch += 1
     _pass_down(plant, state, contract)
 
@@ -83,6 +85,7 @@ def run_epochs(
     pieces: Floats,
     ram: Records[Ram],
     contract: Records[Contract],
+    compares: bool | None,
     epochs: int,
     every: int,
     navigation: Records[NavigationOutput],
@@ -92,7 +95,7 @@ def run_epochs(
 
     Parameters
     ----------
-    plants, pieces, ram, contract
+    plants, pieces, ram, contract, compares
         As `hardware_step` and `firmware_step` take them.
     epochs : int
     every : int
@@ -109,7 +112,7 @@ def run_epochs(
     plant, state, record = plants[0], ram[0], contract[0]
     rows = 0
     for _ in range(epochs):
-        step_both(plant, pieces, state, record)
+        step_both(plant, pieces, state, record, compares)
         epoch = state.epoch
         if epoch % every == 0 and navigating(state):
             output(state)
@@ -159,6 +162,7 @@ class FastRun:
         self.contract = load_contract()
         self.ram, self.plant, self.pieces = ram, plant, pieces
         self.every = every
+        self.compares: bool | None = True if ram[0].redundancy.enabled else None
 
     @classmethod
     def of(
@@ -185,6 +189,7 @@ class FastRun:
             self.pieces,
             self.ram,
             self.contract,
+            self.compares,
             epochs,
             self.every,
             navigation,

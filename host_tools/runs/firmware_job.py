@@ -14,6 +14,7 @@ from rrins.host_tools.files import JsonObject
 from rrins.host_tools.runs.job import Job, prepare, settle
 from rrins.host_tools.runs.pipe import ReportPipe
 from rrins.host_tools.runs.realtime import LatenessHistogram
+from rrins.host_tools.runs.redundancy_summary import redundancy_summary
 from rrins.host_tools.runs.samples import NAVIGATION_SAMPLES, SampleFile, keep_every
 from rrins.host_tools.runs.settings import firmware_settings
 from rrins.host_tools.serial.lines import Tasks, open_lines
@@ -43,6 +44,7 @@ def firmware_summary(firmware: Firmware) -> JsonObject:
         "frames_sent": firmware.frames_sent,
         "calibration": _calibration_used(firmware),
         "clock_jumps": int(state["clock"]["jumps"]),
+        "redundancy": redundancy_summary(state),
         "faults": {name: int(state["faults"][name]) for name in _COUNTERS},
     }
 

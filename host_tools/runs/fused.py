@@ -80,6 +80,7 @@ def _run_epochs(
     pieces: Floats,
     ram: Records[Ram],
     contract: Records[Contract],
+    compares: bool | None,
     epochs: int,
     increments: Records[FusedIncrements],
     navigation: Records[NavigationOutput],
@@ -89,7 +90,7 @@ def _run_epochs(
     plant, state, record = plants[0], ram[0], contract[0]
     rows = 0
     for _ in range(epochs):
-        step_both(plant, pieces, state, record)
+        step_both(plant, pieces, state, record, compares)
         if not navigating(state):
             continue
         output(state)
@@ -129,7 +130,15 @@ def fused_of_scenario(scenario: Scenario) -> Iterator[FusedTrack]:
         navigation = NavigationOutput.zeros(epochs)
         truth = Truth.zeros(epochs)
         rows = _run_epochs(
-            run.plant, run.pieces, run.ram, run.contract, epochs, increments, navigation, truth
+            run.plant,
+            run.pieces,
+            run.ram,
+            run.contract,
+            run.compares,
+            epochs,
+            increments,
+            navigation,
+            truth,
         )
         if rows:
             yield FusedTrack(increments[:rows], navigation[:rows], truth[:rows])

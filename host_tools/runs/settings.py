@@ -26,6 +26,7 @@ from rrins.host_tools.hardware.settings import (
 )
 from rrins.host_tools.motion.build import build
 from rrins.host_tools.motion.trajectory import ATTITUDE, PLACE, Trajectory
+from rrins.host_tools.runs.data_sheets import redundancy_settings
 from rrins.host_tools.scenario.fault_tables import FaultOnWire
 from rrins.host_tools.scenario.geometry import AxesDeg
 from rrins.host_tools.scenario.motion import Motion
@@ -76,6 +77,7 @@ def firmware_settings(scenario: Scenario) -> firmware.Settings:
         scheme=scenario.scheme,
         altimeter=scenario.altimeter is not None,
         calibration=_calibration(settings.calibration, len(gyros), len(accelerometers)),
+        redundancy=redundancy_settings(scenario) if scenario.redundancy.enabled else None,
         calibration_file=settings.calibration,
     )
 

@@ -10,6 +10,7 @@ from rrins.host_tools.files import JsonObject
 from rrins.host_tools.runs import given_attitude
 from rrins.host_tools.runs.load_warnings import warnings_of
 from rrins.host_tools.runs.outcome import Outcome
+from rrins.host_tools.runs.redundancy_summary import redundancy_lines
 from rrins.host_tools.runs.results import Errors, write_errors, write_summary
 from rrins.host_tools.runs.settings import trajectory_of
 from rrins.host_tools.runs.stalls import stall_before_fault
@@ -76,6 +77,7 @@ def summarise(
         **errors.largest(),
         "error_sample_interval_s": errors.sample_interval_s,
         "navigation_sha256": firmware.get("navigation_sha256"),
+        "redundancy": firmware.get("redundancy"),
         "paper": None if scenario.paper is None else scenario.paper.model_dump(),
         "firmware": firmware,
         "hardware": hardware,
@@ -203,6 +205,7 @@ def lines_of(summary: JsonObject) -> list[str]:
         lateness = summary[side].get("lateness_us", {})
         if lateness.get("epochs"):
             lines.append(_lateness_line(side, lateness))
+    lines.extend(redundancy_lines(summary["redundancy"]))
     wire = summary["hardware"].get("wire")
     if wire:
         lines.append(_wire_line(wire))

@@ -44,6 +44,7 @@ from rrins.host_tools.scenario.tables import (
     OperatorRequest,
     Paper,
     PerSensor,
+    Redundancy,
     Rimu,
     Site,
     Thermal,
@@ -79,6 +80,7 @@ class Scenario(TomlTable):
     turntable: Turntable = Turntable()
     motion: Motion = Motion()
     firmware: Firmware = Firmware()
+    redundancy: Redundancy = Redundancy()
     operator: tuple[OperatorRequest, ...] = Field(default=(), max_length=30)
     paper: Paper | None = None
     bus: Bus = Bus()

@@ -248,6 +248,15 @@ class Firmware(TomlTable):
         return self
 
 
+class Redundancy(TomlTable):
+    """What the firmware does with redundant sensors."""
+
+    enabled: bool = False
+    """Compare them, leave out the one that fails, repair the history."""
+    false_alarms_per_1000_h: float = Field(default=0.05, gt=0, le=1000)
+    """The promise from which, with the sensors' data sheet, the thresholds follow."""
+
+
 class OperatorRequest(TomlTable):
     """A mode that the operator requests, and when (after power-on of the hardware)."""
 

@@ -25,7 +25,7 @@ def failed(bench):
 
 def bias(bench, kind, sensor, value):
     """Give a sensor a bias, in °/h or µg."""
-    resolution = bench.state["diagnostics"][f"{kind}_resolution"]
+    resolution = bench.state["diagnostics"][f"{kind}_repetition"]["resolution"]
     unit = DPH if kind == "gyro" else UG
     rates = bench._gyro if kind == "gyro" else bench._accelerometer
     rates[sensor - 1] += value * unit * bench.period_ns * 1e-9 / resolution

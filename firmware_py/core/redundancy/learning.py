@@ -1,0 +1,72 @@
+"""Learns what sound sensors put into the parity: recursive least squares that forget slowly.
+
+A Kalman filter whose states are the coefficients, each a random walk with a ceiling on its
+variance; Gelb (ed.), *Applied Optimal Estimation* (1974), chapter 4. Variances are in units of
+that of a second's sum, so that one covariance serves all rows.
+"""
+
+from __future__ import annotations
+
+from rrins.dbc.compilation import compiled
+from rrins.dbc.record import Floats
+from rrins.firmware_py.core.redundancy_records import REGRESSORS, Learner
+
+
+@compiled
+def forget_all(learner: Learner, unit: float) -> None:
+    """Start anew, with nothing learned; `unit` is the variance of a second's sum."""
+    learner.seconds = 0
+    learner.unit = unit
+    for k in range(REGRESSORS):
+        for j in range(REGRESSORS):
+            learner.covariance[k, j] = 0.0
+        learner.covariance[k, k] = learner.prior[k] / unit
+    for i in range(learner.coefficients.shape[0]):
+        for k in range(REGRESSORS):
+            learner.coefficients[i, k] = 0.0
+
+
+@compiled
+def expected(learner: Learner, row: int, regressors: Floats, count: int) -> float:
+    """Return what was learned of a row, for `count` regressors."""
+    total = 0.0
+    for k in range(count):
+        total += learner.coefficients[row, k] * regressors[k]
+    return total
+
+
+@compiled
+def leverage(learner: Learner, regressors: Floats, count: int) -> float:
+    """Return the variance of what `expected` returns; prepares `learn`."""
+    total = 0.0
+    for k in range(count):
+        projected = 0.0
+        for j in range(count):
+            projected += learner.covariance[k, j] * regressors[j]
+        learner.gain[k] = projected
+        total += regressors[k] * projected
+    return total
+
+
+@compiled
+def learn(learner: Learner, innovations: Floats, rows: int, variance: float, count: int) -> None:
+    """Learn from a second's innovations, one per row; `variance` is what `leverage` returned."""
+    scale = 1.0 / (1.0 + variance)
+    for i in range(rows):
+        for k in range(count):
+            learner.coefficients[i, k] += learner.gain[k] * scale * innovations[i]
+    covariance = learner.covariance
+    for k in range(count):
+        for j in range(k + 1):
+            value = covariance[k, j] - learner.gain[k] * learner.gain[j] * scale
+            covariance[k, j] = value
+            covariance[j, k] = value
+    learner.seconds += 1
+
+
+@compiled
+def age(learner: Learner, count: int) -> None:
+    """Let a second pass: what was learned becomes less certain."""
+    for k in range(count):
+        if learner.covariance[k, k] * learner.unit < learner.prior[k]:
+            learner.covariance[k, k] += learner.walk[k] / learner.unit

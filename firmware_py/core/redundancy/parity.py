@@ -1,0 +1,231 @@
+"""The parity of redundant sensors: what they measure and no vector explains.
+
+The residual ``e = P z`` with ``P = I - H G`` lies in the space of parities, whatever the vector.
+Its component i over the root of ``P[i, i]`` is the parity vector along the direction in which a
+fault of sensor i moves it: the statistic of the generalised likelihood test. Daly, Gai and
+Harrison, "Generalized Likelihood Test for FDI in Redundant Sensor Configurations", *Journal of
+Guidance and Control* 2 (1979). With four sensors there is one direction, and all four agree.
+"""
+
+from __future__ import annotations
+
+import math
+
+from rrins.dbc.compilation import compiled
+from rrins.dbc.record import Floats
+from rrins.firmware_py.core import fusion as least_squares
+from rrins.firmware_py.core.memory import Fusion
+from rrins.firmware_py.core.redundancy import learning
+from rrins.firmware_py.core.redundancy_records import (
+    ABSOLUTE,
+    EPOCH_LEVELS,
+    SECOND_LEVELS,
+    Parity,
+)
+
+LEARNED_S = 10
+"""Seconds to learn from before windows shorter than a second are tested."""
+
+CHECKED_FROM = 1e-6
+"""Share of a fault that has to reach the parity; below, the sensor is not checked."""
+
+
+@compiled
+def compare(parity: Parity, fusion: Fusion, sensors: int, second_epochs: int, work: Floats) -> None:
+    """Compare a set of sensors, one bit each, from now on; forgets what was learned of others."""
+    parity.sensors = sensors
+    parity.redundant = False
+    parity.learning = False
+    if sensors != fusion.used:
+        least_squares.prepare(fusion, sensors, work)
+    count = fusion.count
+    for i in range(count):
+        for j in range(count):
+            along = 0.0
+            for axis in range(3):
+                along += fusion.H[i, axis] * fusion.gain[axis, j]
+            used = sensors >> i & 1 and sensors >> j & 1
+            parity.projector[i, j] = (1.0 if i == j else 0.0) - along if used else 0.0
+        own = parity.projector[i, i]
+        for axis in range(3):
+            parity.leave_out[i, axis] = 0.0
+        if fusion.solvable and own > CHECKED_FROM:
+            parity.redundant = True
+            for axis in range(3):
+                parity.leave_out[i, axis] = -fusion.gain[axis, i] / own
+    parity.levels = 1
+    while parity.levels < EPOCH_LEVELS and 1 << parity.levels < second_epochs:
+        parity.levels += 1
+    _set_variances(parity, count, second_epochs)
+    _set_vector_variance(parity, fusion)
+    unit = parity.vector_variance
+    for i in range(count):
+        if parity.projector[i, i] > CHECKED_FROM:
+            unit = min(unit, parity.second_variance[i])
+    learning.forget_all(parity.parity, unit)
+    learning.forget_all(parity.expected, parity.vector_variance)
+    begin_again(parity)
+
+
+@compiled
+def _set_vector_variance(parity: Parity, fusion: Fusion) -> None:
+    """Find the largest variance of the fused vector's sum over a second."""
+    parity.vector_variance = 0.0
+    for axis in range(3):
+        total = 0.0
+        for j in range(fusion.count):
+            variance = parity.white_variance[j] + parity.quantisation_variance
+            total += fusion.gain[axis, j] ** 2 * variance
+        parity.vector_variance = max(parity.vector_variance, total)
+
+
+@compiled
+def _set_variances(parity: Parity, count: int, second_epochs: int) -> None:
+    """Find the variance of each parity, for each window."""
+    for i in range(count):
+        squares, white = 0.0, 0.0
+        for j in range(count):
+            share = parity.projector[i, j] ** 2
+            squares += share
+            white += share * parity.white_variance[j]
+        counts = squares * parity.quantisation_variance
+        parity.second_variance[i] = white + counts
+        for level in range(SECOND_LEVELS):
+            drift = 0.0
+            for j in range(count):
+                drift += parity.projector[i, j] ** 2 * parity.drift_variance[j, level]
+            parity.variance[i, level] = white * (1 << level) + counts + drift
+            if level == 0:
+                parity.drift_second[i] = drift
+        for level in range(EPOCH_LEVELS):
+            share = (1 << level) / second_epochs
+            drifted = parity.drift_second[i] * share * share
+            parity.epoch_variance[i, level] = white * share + counts + drifted
+
+
+@compiled
+def begin_again(parity: Parity) -> None:
+    """Begin all windows now."""
+    parity.seconds = 0
+    parity.ratio = 0.0
+    parity.suspect = -1
+    begin_second(parity)
+    clear_levels(parity)
+    for i in range(parity.residual.shape[0]):
+        parity.now.parity[i] = 0.0
+    for i in range(3):
+        parity.now.vector[i] = 0.0
+    parity.now.leverage = 0.0
+    parity.now.vector_leverage = 0.0
+    parity.now.standing = 0
+
+
+@compiled
+def clear_levels(parity: Parity) -> None:
+    """Begin all windows shorter than a second now."""
+    parity.level_epochs = 0
+    for level in range(EPOCH_LEVELS):
+        for i in range(parity.residual.shape[0]):
+            parity.level_sum[level, i] = 0.0
+        for k in range(parity.regressors.shape[0]):
+            parity.level_regressors[level, k] = 0.0
+
+
+@compiled
+def begin_second(parity: Parity) -> None:
+    """Begin the sums of a second."""
+    parity.epochs = 0
+    parity.used_epochs = 0
+    for i in range(parity.residual.shape[0]):
+        parity.residual[i] = 0.0
+    for k in range(parity.regressors.shape[0]):
+        parity.regressors[k] = 0.0
+    for i in range(3):
+        parity.vector[i] = 0.0
+
+
+@compiled
+def regress(parity: Parity, fusion: Fusion, vector_s: Floats, other_s: Floats, dt: float) -> int:
+    """Write the regressors of an epoch; return their number.
+
+    Time, the kind's own and the other vector, and each sensor's input regardless of its sign.
+    """
+    regressors = parity.epoch_regressors
+    regressors[0] = dt
+    for i in range(3):
+        regressors[1 + i] = vector_s[i]
+        regressors[4 + i] = other_s[i]
+    for k in range(fusion.count):
+        along = 0.0
+        for i in range(3):
+            along += fusion.H[k, i] * vector_s[i]
+        regressors[ABSOLUTE + k] = abs(along)
+    return ABSOLUTE + int(fusion.count)
+
+
+@compiled
+def take(
+    parity: Parity, fusion: Fusion, measured: Floats, vector_s: Floats, regressors: int
+) -> float:
+    """Take an epoch of all compared sensors; return the largest parity over its threshold.
+
+    Tests the windows shorter than a second that end with this epoch.
+    """
+    parity.used_epochs += 1
+    for k in range(regressors):
+        parity.regressors[k] += parity.epoch_regressors[k]
+        parity.level_regressors[0, k] = parity.epoch_regressors[k]
+    for i in range(fusion.count):
+        if parity.sensors >> i & 1 == 0:
+            continue
+        residual = measured[i]
+        for axis in range(3):
+            residual -= fusion.H[i, axis] * vector_s[axis]
+        learned = learning.expected(parity.parity, i, parity.epoch_regressors, regressors)
+        parity.residual[i] += residual
+        parity.unlearned[i] = residual - learned
+        parity.level_sum[0, i] = residual - learned
+    if parity.parity.seconds < LEARNED_S:
+        clear_levels(parity)
+        return 0.0
+    return _test_levels(parity, fusion.count, regressors)
+
+
+@compiled
+def _test_levels(parity: Parity, count: int, regressors: int) -> float:
+    """Test the windows that end here; return the largest parity over its threshold."""
+    parity.level_epochs += 1
+    level, largest = 0, 0.0
+    while True:
+        found = _over_threshold(parity, level, count, 0.0)
+        if found > 1.0:  # what is not known of the learned part explains some of it
+            sums = parity.level_regressors[level]
+            uncertain = learning.leverage(parity.parity, sums, regressors)
+            found = _over_threshold(parity, level, count, uncertain)
+        largest = max(largest, found)
+        last = level + 1 == parity.levels
+        if not last:
+            for i in range(count):
+                parity.level_sum[level + 1, i] += parity.level_sum[level, i]
+            for k in range(regressors):
+                parity.level_regressors[level + 1, k] += parity.level_regressors[level, k]
+        for i in range(count):
+            parity.level_sum[level, i] = 0.0
+        for k in range(regressors):
+            parity.level_regressors[level, k] = 0.0
+        level += 1
+        if last or parity.level_epochs & ((1 << level) - 1) != 0:
+            return largest
+
+
+@compiled
+def _over_threshold(parity: Parity, level: int, count: int, uncertain: float) -> float:
+    """Return a level's largest parity over its threshold; `uncertain`: variances of a second."""
+    largest = 0.0
+    for i in range(count):
+        if parity.projector[i, i] <= CHECKED_FROM:
+            continue
+        variance = parity.epoch_variance[i, level] + uncertain * parity.second_variance[i]
+        if variance > 0.0:
+            largest = max(largest, parity.level_sum[level, i] ** 2 / variance)
+    return math.sqrt(largest) / parity.epoch_factor

@@ -1,0 +1,223 @@
+"""Set-up of the redundancy: the sensors' data sheet and the promise on false alarms.
+
+The thresholds follow from both. A sum over a window of w seconds exceeds u standard deviations,
+in one of the windows that end in an hour, about ``3600 Σ min(1, u²/w) 2 Q(u)`` times: windows that
+overlap are nearly one (Leadbetter, Lindgren and Rootzén, *Extremes and Related Properties of
+Random Sequences and Processes*, 1983, chapter 12).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from statistics import NormalDist
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict, Field
+
+from rrins.firmware_py.core.calibration import DPH, STANDARD_GRAVITY
+from rrins.firmware_py.core.memory import Ram
+from rrins.firmware_py.core.redundancy_records import (
+    ABSOLUTE,
+    ACCELEROMETERS,
+    NOISE_S,
+    SECOND_LEVELS,
+    Learner,
+    Parity,
+    Redundancy,
+)
+
+_ARCSEC = math.radians(1) / 3600
+_PPM = 1e-6
+_SQRT_H = 60.0  # √s of a √h
+_SECONDS_PER_1000_H = 3.6e6
+_TESTS = 6
+"""Families of tests that share the promise: two kinds of sensors, three each."""
+
+_FLICKER_S = 1000.0
+"""Time in which bias instability is taken to walk by its own size, when learning."""
+
+_LONG_S = 65536.0
+"""Longest correlation of bias instability, s: it grows with the logarithm of time up to here."""
+
+_EXPECTED_GYRO = 0.02 * DPH
+_EXPECTED_ACCELEROMETER = 1.5e-4 * STANDARD_GRAVITY
+_STANDING_DPS = 0.02
+_STANDING_MPS2 = 0.05
+"""What the expectation at standstill is off by: attitude of 5', tilt of 30"; and what is motion."""
+
+
+class DataSheet(BaseModel):
+    """What the data sheet of the sensors of a kind promises, in SI units, per sensor or for all.
+
+    Attributes
+    ----------
+    white_noise : tuple of float
+        rad/√s or m/s/√s.
+    bias_instability, temperature_drift : tuple of float
+        rad/s or m/s²; the second is the drift over all temperatures to expect.
+    rate_random_walk : tuple of float
+        rad/s/√s or m/s²/√s.
+    bias_limit : float
+        rad/s or m/s².
+    scale_limit, installation_limit, asymmetry_limit : float
+        1, rad, 1.
+    force_limit : float
+        rad/s per m/s², of gyros.
+    temperature_s : float
+        Time constant of the temperature.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    white_noise: tuple[float, ...]
+    bias_instability: tuple[float, ...]
+    rate_random_walk: tuple[float, ...]
+    temperature_drift: tuple[float, ...]
+    temperature_s: float = 600.0
+    bias_limit: float
+    scale_limit: float = 100 * _PPM
+    installation_limit: float = 30 * _ARCSEC
+    asymmetry_limit: float = 50 * _PPM
+    force_limit: float = 0.0
+
+
+class RedundancySettings(BaseModel):
+    """Set-up of the redundancy."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    false_alarms_per_1000_h: float = Field(default=0.05, gt=0, le=1000)
+    gyros: DataSheet
+    accelerometers: DataSheet
+
+
+def factor_of(rate: Callable[[float], float], allowed: float) -> float:
+    """Return the number of standard deviations at which false alarms come at the allowed rate."""
+    low, high = 1.0, 12.0
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if rate(middle) > allowed else (low, middle)
+    return high
+
+
+def _beyond(u: float) -> float:
+    """Return the probability of more than u standard deviations, on either side."""
+    return 2.0 * NormalDist().cdf(-u)
+
+
+def second_factor(allowed: float, directions: int) -> float:
+    """Return the threshold of windows from 1 to 1024 s, in standard deviations."""
+
+    def rate(u: float) -> float:
+        windows = sum(min(1.0, u * u / (1 << level)) for level in range(SECOND_LEVELS))
+        return _SECONDS_PER_1000_H * windows * directions * _beyond(u)
+
+    return factor_of(rate, allowed)
+
+
+def epoch_factor(allowed: float, directions: int, rate_hz: int) -> float:
+    """Return the threshold of shorter windows, which do not overlap, in standard deviations."""
+    return factor_of(lambda u: _SECONDS_PER_1000_H * 2 * rate_hz * directions * _beyond(u), allowed)
+
+
+def noise_limit(allowed: float, directions: int) -> float:
+    """Return the threshold of the mean of `NOISE_S` normalised squares.
+
+    Of chi-square by Wilson and Hilferty, Proc. Nat. Acad. Sci. 17 (1931).
+    """
+    tests = _SECONDS_PER_1000_H * directions
+    z = -NormalDist().inv_cdf(allowed / tests)
+    third = 2.0 / (9.0 * NOISE_S)
+    return float((1.0 - third + z * math.sqrt(third)) ** 3)
+
+
+def _drift_variance(sheet: DataSheet, sensor: int) -> NDArray[np.float64]:
+    """Return the variance of the drift's sum over each window.
+
+    Bias instability by its Allan variance and the logarithm of the time since it was learned;
+    IEEE Std 952-1997, annex C.
+    """
+    w = 2.0 ** np.arange(SECOND_LEVELS)
+    flicker = (2.0 / math.pi) * sheet.bias_instability[sensor] ** 2
+    flicker = flicker * (np.log(np.maximum(_FLICKER_S / w, 1.0)) + 1.5)
+    walk = sheet.rate_random_walk[sensor] ** 2 * (w / 3.0 + _FLICKER_S / 4)
+    warm = sheet.temperature_drift[sensor] * np.minimum(1.0, 2.0 * w / sheet.temperature_s)
+    return np.asarray((flicker + walk + warm**2) * w * w)
+
+
+def _set_learner(learner: Learner, sheet: DataSheet, has_force: bool) -> None:
+    prior, walk = learner["prior"], learner["walk"]
+    slope = sheet.scale_limit**2 + sheet.installation_limit**2
+    prior[0] = sheet.bias_limit**2
+    prior[1:4] = slope
+    prior[4:ABSOLUTE] = sheet.force_limit**2 if has_force else 0.0
+    prior[ABSOLUTE:] = sheet.asymmetry_limit**2
+    walk[:] = prior * 1e-9
+    drift = max(sheet.bias_instability) ** 2 / _FLICKER_S + max(sheet.rate_random_walk) ** 2
+    warm = max(sheet.temperature_drift)
+    walk[0] = max(walk[0] * 1e-3, drift + warm**2 / sheet.temperature_s)
+
+
+def _set_parity(
+    parity: Parity,
+    sheet: DataSheet,
+    count: int,
+    resolution: float,
+    settings: RedundancySettings,
+    rate_hz: int,
+    expected: float,
+    standing: float,
+    has_force: bool,
+) -> None:
+    allowed = settings.false_alarms_per_1000_h / _TESTS
+    directions = max(1, count - 3)
+    counts = resolution**2 / 6.0  # of a sum; as noise, too, for what is learned is not exact
+    for k in range(count):
+        parity["white_variance"][k] = sheet.white_noise[k] ** 2 + counts
+        parity["drift_variance"][k] = _drift_variance(sheet, k)
+    parity["quantisation_variance"] = counts
+    windows = 2.0 ** np.arange(SECOND_LEVELS)
+    parity["expected_variance"][:] = (expected * windows) ** 2
+    noise = max(sheet.white_noise) + resolution
+    parity["standing_limit"] = standing + 6.0 * noise
+    parity["second_factor"] = second_factor(allowed, directions)
+    parity["epoch_factor"] = epoch_factor(allowed, directions, rate_hz)
+    parity["noise_limit"] = noise_limit(allowed, directions)
+    parity["isolated"] = -1
+    parity["repaired_epoch"] = -1
+    for learner in (parity["parity"], parity["expected"]):
+        _set_learner(learner, sheet, has_force)
+
+
+def set_up(
+    state: Ram, settings: RedundancySettings, rate_hz: int, resolutions: tuple[float, float]
+) -> None:
+    """Set up the redundancy of the RAM image; `resolutions` of the frames are in rad and m/s."""
+    redundancy: Redundancy = state["redundancy"]
+    redundancy["enabled"] = True
+    redundancy["second_epochs"] = rate_hz
+    redundancy["accelerometers"]["kind"] = ACCELEROMETERS
+    _set_parity(
+        redundancy["gyros"],
+        settings.gyros,
+        int(state.gyros.count),
+        resolutions[0],
+        settings,
+        rate_hz,
+        _EXPECTED_GYRO,
+        math.radians(_STANDING_DPS),
+        True,
+    )
+    _set_parity(
+        redundancy["accelerometers"],
+        settings.accelerometers,
+        int(state.accelerometers.count),
+        resolutions[1],
+        settings,
+        rate_hz,
+        _EXPECTED_ACCELEROMETER,
+        _STANDING_MPS2,
+        False,
+    )

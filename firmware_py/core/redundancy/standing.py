@@ -1,0 +1,118 @@
+"""Each sensor against the truth, where the vehicle stands: encoders, Earth rate and gravity.
+
+At standstill the sensors turn with the table and the Earth, and gravity is all that they feel. The
+fused vector less this expectation is zero but for errors, so every sensor has a residual of its
+own: that of the parity, and the difference along its axis.
+"""
+
+from __future__ import annotations
+
+import math
+
+from rrins.dbc.compilation import compiled
+from rrins.dbc.record import Floats
+from rrins.firmware_py.core import earth
+from rrins.firmware_py.core.attitude import cross
+from rrins.firmware_py.core.memory import INNER, OUTER, Fusion, Ram
+from rrins.firmware_py.core.redundancy import learning
+from rrins.firmware_py.core.redundancy_records import Parity
+
+_STANDS_BELOW = 3.0
+"""m/s, largest velocity that may be an error of the navigation at standstill."""
+
+
+@compiled
+def _expect_rotation(state: Ram, C_s_n: Floats, out: Floats, dt: float) -> None:
+    """Write the sensors' rotation in this epoch at standstill, rad."""
+    redundancy, assembly = state.redundancy, state.assembly
+    inner = math.radians(assembly.encoder_angle_deg[INNER])
+    outer = math.radians(assembly.encoder_angle_deg[OUTER])
+    before = redundancy.angle_before_rad
+    span = math.radians(state.parameters.angle_span_deg)
+    dinner = inner - before[INNER]
+    dinner -= span * math.floor(dinner / span + 0.5)
+    douter = outer - before[OUTER]
+    douter -= span * math.floor(douter / span + 0.5)
+    middle = inner - 0.5 * dinner
+    north = earth.RATE * math.cos(state.ins.latitude) * dt
+    up = earth.RATE * math.sin(state.ins.latitude) * dt
+    for i in range(3):
+        out[i] = C_s_n[1, i] * north + C_s_n[2, i] * up
+    out[0] += douter * math.cos(middle)
+    out[1] -= douter * math.sin(middle)
+    out[2] += dinner
+    before[INNER] = inner
+    before[OUTER] = outer
+
+
+@compiled
+def expect(state: Ram) -> None:
+    """Find the increments of this epoch that sound sensors have if the vehicle stands."""
+    redundancy, assembly = state.redundancy, state.assembly
+    dt = state.parameters.period_ns * 1e-9
+    known = redundancy.angle_known
+    redundancy.angle_known = assembly.axis_received[INNER] and assembly.axis_received[OUTER]
+    C_s_n = state.ins.C_s_n
+    dtheta_s, force_s = redundancy.expected_dtheta_s, redundancy.work[0]
+    _expect_rotation(state, C_s_n, dtheta_s, dt)
+    redundancy.expected_known = known and redundancy.angle_known
+    step = earth.gravity(state.ins.latitude, state.ins.height) * dt
+    for i in range(3):
+        force_s[i] = C_s_n[2, i] * step
+    cross(redundancy.work[1], dtheta_s, force_s)
+    for i in range(3):
+        redundancy.expected_dv_s[i] = force_s[i] - 0.5 * redundancy.work[1][i]
+
+
+@compiled
+def take(parity: Parity, vector_s: Floats, expected_s: Floats) -> None:
+    """Add an epoch's fused vector, less what is expected of it."""
+    for i in range(3):
+        parity.vector[i] += vector_s[i] - expected_s[i]
+
+
+@compiled
+def note_velocity(state: Ram) -> None:
+    """Note by how much the expectation errs, if the velocity is an error of the navigation.
+
+    A tilt oscillates with the velocity, 90° apart: g times the tilt is the velocity times Schuler's
+    rate. Groves (2nd ed., 2013), section 5.7.
+    """
+    ins, redundancy = state.ins, state.redundancy
+    speed = math.sqrt(ins.velocity_n[0] ** 2 + ins.velocity_n[1] ** 2)
+    schuler = math.sqrt(earth.GRAVITY_EQUATOR / earth.SEMI_MAJOR_AXIS)
+    redundancy.gyros.tilt_error = speed / earth.SEMI_MAJOR_AXIS
+    redundancy.accelerometers.tilt_error = speed * schuler
+
+
+@compiled
+def slow(state: Ram) -> bool:
+    """Return whether the velocity may be an error of the navigation of a standing vehicle."""
+    east, north = state.ins.velocity_n[0], state.ins.velocity_n[1]
+    return east * east + north * north < _STANDS_BELOW * _STANDS_BELOW
+
+
+@compiled
+def close_second(parity: Parity, fusion: Fusion, regressors: int, known: bool) -> None:
+    """Add a second to the sums, tell whether the vehicle stands, and learn if it does.
+
+    It stands when the residuals of all sensors but one are within the limit.
+    """
+    learner = parity.expected
+    uncertain = learning.leverage(learner, parity.regressors, regressors)
+    beyond = 0
+    for i in range(fusion.count):
+        if parity.sensors >> i & 1:
+            residual = parity.residual[i]
+            for axis in range(3):
+                residual += fusion.H[i, axis] * parity.vector[axis]
+            beyond += abs(residual) > parity.standing_limit
+    stands = known and beyond <= 1
+    for i in range(3):
+        parity.vector[i] -= learning.expected(learner, i, parity.regressors, regressors)
+        parity.now.vector[i] += parity.vector[i]
+    parity.now.vector_leverage += uncertain
+    parity.now.standing = parity.now.standing + 1 if stands else 0
+    if stands and beyond == 0 and parity.frozen == 0 and not parity.alarm:
+        learning.learn(learner, parity.vector, 3, uncertain, regressors)
+        learning.age(learner, regressors)

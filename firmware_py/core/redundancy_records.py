@@ -1,0 +1,190 @@
+"""Records of the redundancy in the RAM image.
+
+All sums are in the unit of the increments: rad for gyros, m/s for accelerometers.
+"""
+
+from __future__ import annotations
+
+from enum import IntEnum
+from typing import Annotated
+
+from rrins.dbc.contract import SENSOR_GROUPS
+from rrins.dbc.record import F8, I8, Bool, Floats, Record, Records
+
+GYROS, ACCELEROMETERS = 0, 1
+"""Kinds of sensors."""
+
+SECOND_LEVELS = 11
+"""Windows of 1, 2, 4, … 1024 s."""
+
+EPOCH_LEVELS = 10
+"""Windows of 1, 2, 4, … epochs that are shorter than a second, at most."""
+
+FINE_LEVELS, FINE_CAPACITY = 8, 129
+"""Windows of up to 128 s begin at any second."""
+
+COARSE_S, COARSE_CAPACITY = 16, 65
+"""Longer windows begin at multiples of this time."""
+
+LONGEST_S = 1 << (SECOND_LEVELS - 1)
+"""Longest window, s."""
+
+ABSOLUTE = 7
+"""First regressor that is an absolute value; before: time, own and other vector increment."""
+
+REGRESSORS = ABSOLUTE + SENSOR_GROUPS
+"""What the parity of sound sensors may depend on."""
+
+NOISE_S = 32
+"""Window of the test of the variance, s."""
+
+BLOCK_FLOATS = 65536
+"""Memory for the blocks of one second from which the history is repaired, numbers."""
+
+
+class Found(IntEnum):
+    """How a faulty sensor was found; the DBC's value table of `how`."""
+
+    NOT = 0
+    PARITY = 1
+    STANDING = 2
+    STUCK = 3
+    ABSENT = 4
+    REFERENCE = 5
+    OPERATOR = 6
+
+
+class Learner(Record):
+    """What sound sensors put into the parity, learned: linear in the regressors.
+
+    `covariance` times the variance of a second's sum is the covariance of a row of `coefficients`.
+    """
+
+    coefficients: Annotated[Floats, (SENSOR_GROUPS, REGRESSORS)]
+    covariance: Annotated[Floats, (REGRESSORS, REGRESSORS)]
+    prior: Annotated[Floats, REGRESSORS]  #: variances while nothing is known
+    walk: Annotated[Floats, REGRESSORS]  #: growth of the variances in a second
+    unit: F8  #: variance of a second's sum
+    gain: Annotated[Floats, REGRESSORS]  #: scratch
+    seconds: I8  #: learned
+
+
+class Sums(Record):
+    """Sums since the beginning: the difference of two is that of a window."""
+
+    parity: Annotated[Floats, SENSOR_GROUPS]  #: of what is not learned, along each sensor's axis
+    leverage: F8  #: of what was learned, in variances of a second
+    vector: Annotated[Floats, 3]  #: fused less expected at standstill
+    vector_leverage: F8
+    standing: I8  #: seconds at standstill
+
+
+class Parity(Record):
+    """The sensors of one kind, compared with each other and, at standstill, with the truth."""
+
+    kind: I8  #: `GYROS` or `ACCELEROMETERS`
+    # From the data sheet.
+    white_variance: Annotated[Floats, SENSOR_GROUPS]  #: of a sum over 1 s
+    quantisation_variance: F8  #: of any sum
+    drift_variance: Annotated[Floats, (SENSOR_GROUPS, SECOND_LEVELS)]  #: of a window's sum
+    expected_variance: Annotated[Floats, SECOND_LEVELS]  #: of the expectation at standstill
+    tilt_error: F8  #: of a second's expectation, as the velocity's error implies
+    standing_limit: F8  #: of a second's sum, a difference beyond means motion
+    second_factor: F8  #: standard deviations that raise an alarm, windows of whole seconds
+    epoch_factor: F8  #: the same, shorter windows
+    noise_limit: F8  #: of the mean of normalised squares over `NOISE_S`
+    # Of the present set of sensors.
+    sensors: I8  #: compared, one bit each
+    redundant: Bool  #: whether they are more than span space
+    projector: Annotated[Floats, (SENSOR_GROUPS, SENSOR_GROUPS)]  #: I - H G
+    leave_out: Annotated[Floats, (SENSOR_GROUPS, 3)]  #: by its residual, the vector without it
+    second_variance: Annotated[Floats, SENSOR_GROUPS]  #: of a parity's sum over 1 s
+    vector_variance: F8  #: of the fused vector's sum over 1 s, the largest
+    variance: Annotated[Floats, (SENSOR_GROUPS, SECOND_LEVELS)]  #: of a parity over a window
+    drift_second: Annotated[Floats, SENSOR_GROUPS]  #: of a parity's drift over 1 s
+    epoch_variance: Annotated[Floats, (SENSOR_GROUPS, EPOCH_LEVELS)]
+    # Of the present second.
+    epochs: I8
+    used_epochs: I8
+    absent_epochs: I8  #: since a compared sensor was last there
+    residual: Annotated[Floats, SENSOR_GROUPS]  #: sums of the parity along each sensor's axis
+    vector: Annotated[Floats, 3]
+    regressors: Annotated[Floats, REGRESSORS]
+    epoch_regressors: Annotated[Floats, REGRESSORS]
+    unlearned: Annotated[Floats, SENSOR_GROUPS]  #: residual less learned in the present epoch
+    # Shorter windows: unfinished sums of each level.
+    levels: I8
+    level_epochs: I8
+    level_sum: Annotated[Floats, (EPOCH_LEVELS, SENSOR_GROUPS)]
+    level_regressors: Annotated[Floats, (EPOCH_LEVELS, REGRESSORS)]
+    # Of whole seconds.
+    seconds: I8  #: in the sums
+    now: Sums
+    fine: Annotated[Records[Sums], FINE_CAPACITY]
+    coarse: Annotated[Records[Sums], COARSE_CAPACITY]
+    squares: Annotated[Floats, (NOISE_S, SENSOR_GROUPS)]  #: normalised squares, a ring
+    parity: Learner
+    expected: Learner
+    # Results.
+    ratio: F8  #: the largest parity over its threshold
+    window_s: F8  #: of that
+    suspect: I8  #: sensor whose axis it points along, -1: none
+    learning: Bool  #: enough has been learned to replace a missing sensor
+    alarm: Bool
+    alarm_epoch: I8  #: the first epoch of the alarm
+    frozen: I8  #: seconds since learning stopped, for a test is pending
+    clear_seconds: I8  #: since the parity was last beyond its threshold
+    excluded: I8  #: one bit each
+    isolated: I8  #: the sensor that was excluded last, -1: none
+    isolated_epoch: I8
+    found_epoch: I8  #: in which the alarm began that led to this
+    how: I8  #: a `Found`
+    repaired_epoch: I8  #: first epoch from which the history has been navigated anew; -1: none
+    # Taken off the sensors since the first exclusion.
+    corrected: Bool
+    correction: Annotated[Floats, (SENSOR_GROUPS, REGRESSORS)]
+    # Scratch.
+    matrix: Annotated[Floats, (SENSOR_GROUPS, SENSOR_GROUPS + 1)]
+    score: Annotated[Floats, SENSOR_GROUPS]
+
+
+class Repair(Record):
+    """The last minutes in blocks of a second, and what a repair has reached.
+
+    A block has, for each sensor, by how much leaving it out turns the attitude or changes the
+    velocity, in the navigation frame; then specific force, velocity and time.
+    """
+
+    stride: I8  #: numbers of a block
+    capacity: I8  #: blocks
+    count: I8  #: blocks written since navigation began
+    block: Annotated[Floats, 6 * SENSOR_GROUPS + 8]  #: the present one
+    blocks: Annotated[Floats, BLOCK_FLOATS]
+    active: Bool
+    kind: I8  #: of the sensor, 0: gyros, 1: accelerometers
+    sensor: I8
+    at: I8  #: next block
+    psi_n: Annotated[Floats, 3]  #: rad, turn of the attitude by the repair
+    dv_n: Annotated[Floats, 3]  #: m/s
+    dlatitude: F8  #: rad
+    dlongitude: F8  #: rad
+    work: Annotated[Floats, (4, 3)]  #: scratch
+
+
+class Redundancy(Record):
+    """Redundancy of both kinds of sensors."""
+
+    enabled: Bool
+    second_epochs: I8
+    navigated: Bool  #: in the previous epoch
+    transmissions: I8  #: of its messages, for their counters
+    navigation_epoch: I8  #: in which navigation began
+    gyros: Parity
+    accelerometers: Parity
+    repair: Repair
+    expected_dtheta_s: Annotated[Floats, 3]  #: rad, of the present epoch, at standstill
+    expected_dv_s: Annotated[Floats, 3]  #: m/s
+    expected_known: Bool
+    angle_before_rad: Annotated[Floats, 2]  #: of the encoders
+    angle_known: Bool
+    work: Annotated[Floats, (3, 3)]  #: scratch

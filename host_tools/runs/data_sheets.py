@@ -1,0 +1,98 @@
+"""What the firmware knows of its sensors: the data sheet that a scenario's errors imply.
+
+Noise, drift and temperature are taken as they are; of the constant errors only the limits, which
+are those of the worst sensor, and no less than what sensors of this kind have.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rrins.firmware_py.core.redundancy.settings import DataSheet, RedundancySettings
+from rrins.host_tools.hardware.settings import (
+    ARCSEC,
+    DEG_PER_SQRT_H,
+    DPH,
+    PPM,
+    SQRT_H,
+    STANDARD_GRAVITY,
+    UG,
+)
+from rrins.host_tools.scenario.scenario import Scenario
+from rrins.host_tools.scenario.tables import Accelerometers, Gyros, PerSensor, Thermal, each
+
+_LEAST_GYRO_BIAS_DPH = 10.0
+_LEAST_ACCELEROMETER_BIAS_UG = 1000.0
+_LEAST_SCALE_PPM = 100.0
+_LEAST_ASYMMETRY_PPM = 50.0
+_LEAST_INSTALLATION_ARCSEC = 30.0
+_REPEATS_WITHIN = 3.0  # standard deviations
+
+
+def _largest(*values: PerSensor) -> float:
+    return max(float(np.max(np.abs(value))) for value in values)
+
+
+def _limits(table: Gyros | Accelerometers) -> dict[str, float]:
+    """Return the limits of the errors that both kinds have."""
+    repeat = _REPEATS_WITHIN * _largest(table.scale_repeatability_ppm)
+    warm = _largest(table.scale_temperature_ppm_per_k) * 10
+    scale = max(_LEAST_SCALE_PPM, _largest(table.scale_error_ppm) + repeat + warm)
+    installation = _largest(table.installation_u_arcsec, table.installation_v_arcsec)
+    asymmetry = _largest(table.asymmetric_scale_error_ppm)
+    return {
+        "scale_limit": scale * PPM,
+        "asymmetry_limit": max(_LEAST_ASYMMETRY_PPM, asymmetry) * PPM,
+        "installation_limit": max(_LEAST_INSTALLATION_ARCSEC, installation) * ARCSEC,
+    }
+
+
+def _drift(per_k: PerSensor, thermal: Thermal, count: int, unit: float) -> tuple[float, ...]:
+    return tuple(abs(v) * abs(thermal.warm_up_k) * unit for v in each(per_k, count))
+
+
+def _gyros(scenario: Scenario) -> DataSheet:
+    gyros, count = scenario.gyros, len(scenario.rimu.gyros)
+    repeat = _REPEATS_WITHIN * _largest(gyros.bias_repeatability_dph)
+    bias = max(_LEAST_GYRO_BIAS_DPH, _largest(gyros.bias_dph) + repeat)
+    per_k = gyros.bias_temperature_dph_per_k
+    walk = gyros.rate_random_walk_dph_per_sqrt_h
+    return DataSheet(
+        white_noise=tuple(
+            v * DEG_PER_SQRT_H for v in each(gyros.angle_random_walk_deg_per_sqrt_h, count)
+        ),
+        bias_instability=tuple(v * DPH for v in each(gyros.bias_instability_dph, count)),
+        rate_random_walk=tuple(v * DPH / SQRT_H for v in each(walk, count)),
+        temperature_drift=_drift(per_k, scenario.thermal, count, DPH),
+        temperature_s=scenario.thermal.time_constant_s,
+        bias_limit=bias * DPH,
+        force_limit=max(0.1, _largest(gyros.g_sensitivity_dph_per_g)) * DPH / STANDARD_GRAVITY,
+        **_limits(gyros),
+    )
+
+
+def _accelerometers(scenario: Scenario) -> DataSheet:
+    sensors, count = scenario.accelerometers, len(scenario.rimu.accelerometers)
+    repeat = _REPEATS_WITHIN * _largest(sensors.bias_repeatability_ug)
+    bias = max(_LEAST_ACCELEROMETER_BIAS_UG, _largest(sensors.bias_ug) + repeat)
+    per_k = sensors.bias_temperature_ug_per_k
+    return DataSheet(
+        white_noise=tuple(v * UG for v in each(sensors.white_noise_ug_per_sqrt_hz, count)),
+        bias_instability=tuple(v * UG for v in each(sensors.bias_instability_ug, count)),
+        rate_random_walk=tuple(
+            v * UG / SQRT_H for v in each(sensors.random_walk_ug_per_sqrt_h, count)
+        ),
+        temperature_drift=_drift(per_k, scenario.thermal, count, UG),
+        temperature_s=scenario.thermal.time_constant_s,
+        bias_limit=bias * UG,
+        **_limits(sensors),
+    )
+
+
+def redundancy_settings(scenario: Scenario) -> RedundancySettings:
+    """Return the set-up of the firmware's redundancy for a scenario."""
+    return RedundancySettings(
+        false_alarms_per_1000_h=scenario.redundancy.false_alarms_per_1000_h,
+        gyros=_gyros(scenario),
+        accelerometers=_accelerometers(scenario),
+    )
