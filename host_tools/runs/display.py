@@ -34,7 +34,7 @@ class RunDisplay:
         self._shown = 0
         self._noted: set[str] = set()
         self._compiling: dict[str, int] = {}
-        self._truth: dict[int, JsonObject] = {}
+        self._where: dict[str, JsonObject] = {}  # by side, its latest report
         self._error_m: float | None = None
         self._progress = progress_line(console, quiet)
         self._task = self._progress.add_task(
@@ -86,22 +86,36 @@ class RunDisplay:
             self.say("running")
         elif kind == "note":
             self.note(report["text"])
-        elif kind == "progress" and report["side"] == "hardware":
-            self._truth = {report["epoch"]: report}
         elif kind == "progress":
-            self.progress(report, self._truth.get(report["epoch"]))
+            self._follow(report)
 
-    def progress(self, firmware: JsonObject, hardware: JsonObject | None) -> None:
-        """Show where the firmware is, and the truth of the same epoch if there is one."""
-        if hardware is not None and firmware["navigating"]:
-            east, north = east_north_m(
-                firmware["latitude"],
-                firmware["longitude"],
-                hardware["latitude"],
-                hardware["longitude"],
-                0.0,
-            )
-            self._error_m = float((east**2 + north**2) ** 0.5)
+    def progress(self, firmware: JsonObject, hardware: JsonObject) -> None:
+        """Show where the firmware is, and its error by the hardware's truth."""
+        self._note_error(firmware, hardware)
+        self._show(firmware)
+
+    def _follow(self, report: JsonObject) -> None:
+        """Show a side's report; the error is known once both have reported an epoch."""
+        self._where[report["side"]] = report
+        firmware, hardware = self._where.get("firmware"), self._where.get("hardware")
+        if firmware and hardware and firmware["epoch"] == hardware["epoch"]:
+            self._note_error(firmware, hardware)
+        if report["side"] == "firmware":
+            self._show(report)
+
+    def _note_error(self, firmware: JsonObject, hardware: JsonObject) -> None:
+        if not firmware["navigating"]:
+            return
+        east, north = east_north_m(
+            firmware["latitude"],
+            firmware["longitude"],
+            hardware["latitude"],
+            hardware["longitude"],
+            0.0,
+        )
+        self._error_m = float((east**2 + north**2) ** 0.5)
+
+    def _show(self, firmware: JsonObject) -> None:
         epoch, mode, state = firmware["epoch"], _mode_of(firmware), self._state(firmware)
         self._progress.update(self._task, completed=epoch, description=mode, state=state)
         share = epoch * _SPARSE_STEPS // self._scenario.epochs

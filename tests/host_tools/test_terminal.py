@@ -108,3 +108,27 @@ def test_progress_elsewhere_is_a_line_now_and_then(capsys):
     started, half = shown.getvalue().splitlines()
     assert started == "running"
     assert re.match(r" 50 %  fault \(sensors lost\)  \d+ s .*× real time  position 12 of 16$", half)
+
+
+@pytest.mark.parametrize("first", ["firmware", "hardware"])
+def test_progress_shows_the_latest_error_whichever_side_reports_first(first):
+    shown = io.StringIO()
+    scenario = load("rimu_rotating")
+    north = 1e-6
+    reports = {
+        "firmware": {"mode": "NAVIGATION_ROTATING", "fault": "NONE", "position": 1}
+        | {"navigating": True, "longitude": 0.0},
+        "hardware": {"latitude": 0.0, "longitude": 0.0},
+    }
+    with RunDisplay(scenario, Console(file=shown, width=200)) as display:
+        display.report({"kind": "started"})
+        for tenth in range(1, 4):
+            epoch = scenario.epochs * tenth // 10 + 1
+            reports["firmware"]["latitude"] = tenth * north
+            for side in sorted(reports, key=lambda side: side != first):
+                place = {"kind": "progress", "side": side, "epoch": epoch}
+                display.report(place | reports[side])
+    errors = re.findall(r"error (\d+\.\d\d) m ", shown.getvalue())
+    late = first == "firmware"  # its line is printed before the truth is known
+    expected = [6.36, 12.7, 19.1][: 2 if late else 3]
+    assert [float(error) for error in errors] == pytest.approx(expected, rel=0.01)
