@@ -79,10 +79,7 @@ class Repetition(Record):
     expected: Annotated[Floats, SENSOR_GROUPS]  #: by the others, once it had been constant
     varied: I8  #: the others' expectation has changed since
     compared: I8  #: the usable sensors
-    phase: I8  #: epochs since `reference`
-    reference: Annotated[Floats, SENSOR_GROUPS]  #: increments of a former epoch
-    moved: I8  #: sensors that have differed from it since
-    moved_before: I8  #: and from the one before
+    reference: Annotated[Floats, (SENSOR_GROUPS, SENSOR_GROUPS)]  #: all increments at that time
     stuck: I8  #: the result, one bit each
 
 

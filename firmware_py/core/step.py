@@ -83,20 +83,17 @@ def _fuse(state: Ram) -> None:
 @compiled
 def _follow_repetitions(state: Ram) -> None:
     monitor, assembly = state.diagnostics, state.assembly
-    epochs = monitor.stuck_epochs
     stuck.follow(
         monitor.gyro_repetition,
         state.gyros.count,
         assembly.gyro_dtheta,
         assembly.gyro_usable,
-        epochs,
     )
     stuck.follow(
         monitor.accelerometer_repetition,
         state.accelerometers.count,
         assembly.accelerometer_dv,
         assembly.accelerometer_usable,
-        epochs,
     )
 
 

@@ -23,29 +23,16 @@ _WITNESSES = 2
 
 
 @compiled
-def follow(repetition: Repetition, count: int, measured: Floats, usable: int, epochs: int) -> None:
-    """Note what usable sensors send, before anything is made of it.
-
-    `epochs` is how long a sensor must repeat itself, an even number.
-    """
+def follow(repetition: Repetition, count: int, measured: Floats, usable: int) -> None:
+    """Note what usable sensors send, before anything is made of it."""
     if usable != repetition.compared:
         repetition.unchanged[:] = 0
         repetition.varied = 0
         repetition.compared = usable
     repetition.largest_change = 0.0
-    moved = _VARIED_COUNTS * repetition.resolution
-    repetition.phase += 1
-    if 2 * repetition.phase >= epochs:
-        repetition.phase = 0
-        repetition.moved_before = repetition.moved
-        repetition.moved = 0
-        for k in range(count):
-            repetition.reference[k] = measured[k]
     for k in range(count):
         if usable >> k & 1 == 0:
             continue
-        if abs(measured[k] - repetition.reference[k]) > moved:
-            repetition.moved |= 1 << k
         change = abs(measured[k] - repetition.last[k])
         repetition.last[k] = measured[k]
         if change != 0.0:
@@ -66,30 +53,28 @@ def _expected(fusion: Fusion, vector_s: Floats, sensor: int) -> float:
 
 
 @compiled
-def _others(sensors: int, sensor: int) -> int:
-    """Return the number of sensors in a word, but for one."""
-    word, number = sensors & ~(1 << sensor), 0
-    while word != 0:
-        number += word & 1
-        word >>= 1
-    return number
-
-
-@compiled
 def _with_witnesses(repetition: Repetition, standing: int, count: int) -> int:
     """Return the standing sensors whose expectation varied, with enough others that moved."""
     stuck = 0
-    moved = repetition.moved | repetition.moved_before
     for k in range(count):
-        varied = (standing & repetition.varied) >> k & 1
-        if varied and _others(moved, k) >= _WITNESSES:
+        if (standing & repetition.varied) >> k & 1 == 0:
+            continue
+        witnesses = 0
+        for j in range(count):
+            moved = abs(repetition.last[j] - repetition.reference[k, j])
+            if repetition.compared >> j & 1 and moved > _VARIED_COUNTS * repetition.resolution:
+                witnesses += 1
+        if witnesses >= _WITNESSES:
             stuck |= 1 << k
     return stuck
 
 
 @compiled
 def judge(repetition: Repetition, fusion: Fusion, vector_s: Floats, epochs: int) -> None:
-    """Set `stuck`: the sensors that repeat themselves wrongly, one bit each."""
+    """Set `stuck`: the sensors that repeat themselves wrongly, one bit each.
+
+    `epochs` is how long a sensor must repeat itself, an even number.
+    """
     usable = repetition.compared
     standing = used = 0
     for k in range(fusion.count):
@@ -101,6 +86,8 @@ def judge(repetition: Repetition, fusion: Fusion, vector_s: Floats, epochs: int)
             repetition.varied &= ~(1 << k)
         elif 2 * unchanged == epochs:
             repetition.expected[k] = _expected(fusion, vector_s, k)
+            for j in range(fusion.count):
+                repetition.reference[k, j] = repetition.last[j]
         elif 2 * unchanged > epochs:
             difference = _expected(fusion, vector_s, k) - repetition.expected[k]
             if abs(difference) > _VARIED_COUNTS * repetition.resolution:

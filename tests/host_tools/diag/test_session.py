@@ -155,7 +155,7 @@ def test_memory_that_is_not_there(computer):
     assert (ended.status, "not an index from 0 to 1" in ended.err) == (2, True)
     assert computer.type("memory", "read", "modes.mood").status == 2
     assert computer.type("memory", "read", "modes", "--size", "8").status == 2
-    beyond = computer.type("memory", "read", "99999", "--size", "8")
+    beyond = computer.type("memory", "read", "99999999", "--size", "8")
     assert (beyond.status, "memory list" in beyond.error) == (22, True)
 
 
