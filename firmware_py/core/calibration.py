@@ -42,8 +42,11 @@ UG = 1e-6 * STANDARD_GRAVITY
 """m/s² of a µg."""
 
 _LARGEST_FILE = 1 << 20  # bytes
-_ARCSEC = math.radians(1) / 3600
-_PPM = 1e-6
+ARCSEC = math.radians(1) / 3600
+"""rad of an arc second."""
+
+PPM = 1e-6
+"""1 of a part per million."""
 _SINGULAR = 1e-12  # of singular values: smaller is rounding
 
 PerSensor = float | tuple[float, ...]
@@ -221,15 +224,15 @@ def fill(
     count = len(axes_deg)
     unit = DPH if isinstance(sensors, GyroCalibration) else UG
 
-    du = each(sensors.installation_u_arcsec, count) * _ARCSEC
-    dv = each(sensors.installation_v_arcsec, count) * _ARCSEC
+    du = each(sensors.installation_u_arcsec, count) * ARCSEC
+    dv = each(sensors.installation_v_arcsec, count) * ARCSEC
     U, V = _transverse(axes_deg)
     # h' = h - δu v - δv u, paper (13)
     fusion.H[:count] = input_axes(axes_deg) - du[:, None] * V - dv[:, None] * U
     fusion.bias_increment[:count] = each(sensors.bias, count) * unit * dt
-    fusion.scale_error[:count] = each(sensors.scale_error_ppm, count) * _PPM
+    fusion.scale_error[:count] = each(sensors.scale_error_ppm, count) * PPM
     asymmetric = each(sensors.asymmetric_scale_error_ppm, count)
-    fusion.asymmetric_scale_error[:count] = asymmetric * _PPM
+    fusion.asymmetric_scale_error[:count] = asymmetric * PPM
     fusion.calibrated = bool(
         fusion.bias_increment.any()
         or fusion.scale_error.any()

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
 
-from rrins.firmware_py.core.calibration import DPH, STANDARD_GRAVITY
+from rrins.firmware_py.core.calibration import ARCSEC, DPH, PPM, STANDARD_GRAVITY
 from rrins.firmware_py.core.memory import Ram
 from rrins.firmware_py.core.redundancy_records import (
     ABSOLUTE,
@@ -28,18 +28,12 @@ from rrins.firmware_py.core.redundancy_records import (
     Redundancy,
 )
 
-_ARCSEC = math.radians(1) / 3600
-_PPM = 1e-6
-_SQRT_H = 60.0  # √s of a √h
 _SECONDS_PER_1000_H = 3.6e6
 _TESTS = 6
 """Families of tests that share the promise: two kinds of sensors, three each."""
 
 _FLICKER_S = 1000.0
 """Time in which bias instability is taken to walk by its own size, when learning."""
-
-_LONG_S = 65536.0
-"""Longest correlation of bias instability, s: it grows with the logarithm of time up to here."""
 
 _EXPECTED_GYRO = 0.02 * DPH
 _EXPECTED_ACCELEROMETER = 1.5e-4 * STANDARD_GRAVITY
@@ -77,9 +71,9 @@ class DataSheet(BaseModel):
     temperature_drift: tuple[float, ...]
     temperature_s: float = 600.0
     bias_limit: float
-    scale_limit: float = 100 * _PPM
-    installation_limit: float = 30 * _ARCSEC
-    asymmetry_limit: float = 50 * _PPM
+    scale_limit: float = 100 * PPM
+    installation_limit: float = 30 * ARCSEC
+    asymmetry_limit: float = 50 * PPM
     force_limit: float = 0.0
 
 
