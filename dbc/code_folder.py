@@ -181,8 +181,11 @@ class CodeFolder:
             self.path.parent.parent.mkdir(parents=True, exist_ok=True)
             self.path.parent.mkdir(mode=0o700, exist_ok=True)
             self.check()
-            self.path.unlink(missing_ok=True)  # whatever it is, it is no folder
-            self.path.mkdir(mode=0o700, exist_ok=True)
+            with contextlib.suppress(FileExistsError):  # by another process, or it is no folder
+                self.path.mkdir(mode=0o700)
+            if not self.path.is_dir():
+                self.path.unlink(missing_ok=True)
+                self.path.mkdir(mode=0o700, exist_ok=True)
             self._tidy()
         self.check()
         if not self._is_swept:

@@ -17,12 +17,19 @@ from rrins.host_tools.errors import BusError
 
 _log: Final = logging.getLogger("rrins.host_tools.bus")
 
-NOTICE: Final = {"is_notice": True}
-"""Attribute of log records about what somebody does to the bus, for the user of a rehearsal."""
-
-
 _AT_ONCE: Final = 16  # connections accepted in a turn: the bus goes on between two
 _MOST_CALLERS: Final = 64
+
+
+def notice(deed: str) -> dict[str, str]:
+    """Return the attribute of a log record that tells the user of a rehearsal what others do.
+
+    Parameters
+    ----------
+    deed : str
+        What somebody does to the bus: the same for each time.
+    """
+    return {"deed": deed}
 
 
 class Caller(NamedTuple):
@@ -91,7 +98,7 @@ class Admission:
             name = check_name(datagram.text_of(self._buffer, count))
         except BusError as error:
             pid, _ = credentials(end)
-            _log.warning("turned away process %d: it sent %s", pid, error, extra=NOTICE)
+            _log.warning("turned away process %d: it sent %s", pid, error, extra=notice("misfit"))
             refuse(end, str(error))
             return None
         return Caller(end, name, flags)
@@ -119,7 +126,7 @@ class Admission:
                     "turned away process %d: it belongs to another user (uid %d)",
                     pid,
                     uid,
-                    extra=NOTICE,
+                    extra=notice("other user"),
                 )
                 refuse(end, f"the bus belongs to another user (uid {os.geteuid()})")
                 continue
@@ -171,5 +178,9 @@ def refuse(end: socket.socket, reason: str) -> None:
     with end:
         try:
             end.send(datagram.control(datagram.REFUSED, reason))
+            # Closed with words unread, it would be reset before the caller hears the reason.
+            end.shutdown(socket.SHUT_RD)
+            while end.recv(1):
+                pass
         except OSError:  # gone already, so nobody is left to be told
             _log.debug("a refused caller went before the reason: %s", reason)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import select
 import socket
@@ -95,14 +96,15 @@ class Link:
     def _introduce(self, hello: bytes, timeout: float) -> tuple[int, int, int]:
         buffer = datagram.receive_buffer()
         try:
-            self._end.send(hello)
+            with contextlib.suppress(BrokenPipeError):  # refused already: the reason is waiting
+                self._end.send(hello)
             size = self._end.recv_into(buffer)
         except TimeoutError as error:
             raise BusError(
                 f"the host of channel {self._channel!r} has not answered for {timeout:g} s; "
                 "a host answers while it sends or receives"
             ) from error
-        except (BrokenPipeError, ConnectionResetError):
+        except ConnectionResetError:
             size = 0
         if not size:
             raise NoHostError(f"no bus {self._channel!r}: its host has just left")

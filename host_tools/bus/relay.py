@@ -25,7 +25,7 @@ import time
 from typing import Final
 
 from rrins.host_tools.bus import datagram
-from rrins.host_tools.bus.admission import NOTICE, Admission, Caller, refuse
+from rrins.host_tools.bus.admission import Admission, Caller, notice, refuse
 from rrins.host_tools.bus.end import wait_readable
 from rrins.host_tools.bus.guard import HARDWARE, SIDES, Guard
 from rrins.host_tools.bus.peer import Peer, PeerInfo
@@ -234,7 +234,7 @@ class Relay:
         except datagram.ProtocolError as error:
             self.guard.cut_off += 1
             self._tell(peer, datagram.BYE, f"this peer was cut off, because it sent {error}")
-            self._drop(peer, f"is cut off: it sent {error}", NOTICE)
+            self._drop(peer, f"is cut off: it sent {error}", notice("misfit"))
             return 0
         if flags & datagram.UNSTAMPED:
             datagram.put_time(buffer, flags, self._time())
@@ -251,7 +251,7 @@ class Relay:
         """Return the size of what is left of a third party's datagram; name who sends the rest."""
         left = self.guard.check(peer, buffer, size, kind, flags, count)
         if left < size and (line := self.guard.due_line()):
-            _log.warning("channel %s: %s", self._channel, line, extra=NOTICE)
+            _log.warning("channel %s: %s", self._channel, line, extra=notice("foreign frames"))
             self._tell(peer, datagram.NOTE, line, self.guard.refused)
         return left
 
@@ -260,7 +260,7 @@ class Relay:
         self._aside.add(peer)
         self._all.unregister(peer.fd)
         if line := self.guard.hold_back(peer):
-            _log.warning("channel %s: %s %s", self._channel, peer, line, extra=NOTICE)
+            _log.warning("channel %s: %s %s", self._channel, peer, line, extra=notice("flood"))
 
     def open_epoch(self) -> None:
         """Begin an epoch: those who had to wait may send again."""
@@ -405,7 +405,7 @@ class Relay:
     def _meet(self) -> None:
         self.guard.meet({self._host.name, *(peer.info.name for peer in self.receivers)})
 
-    def _drop(self, peer: Peer, why: str = "", extra: dict[str, bool] | None = None) -> None:
+    def _drop(self, peer: Peer, why: str = "", extra: dict[str, str] | None = None) -> None:
         """Disconnect a peer; log the reason unless it left properly."""
         self._forget(peer, why, extra)
         if peer in self.stuck or peer.queue:
@@ -414,7 +414,7 @@ class Relay:
         peer.end.close()
         self._admission.reopen()
 
-    def _forget(self, peer: Peer, why: str, extra: dict[str, bool] | None = None) -> None:
+    def _forget(self, peer: Peer, why: str, extra: dict[str, str] | None = None) -> None:
         del self._peers[peer.fd]
         self.receivers = tuple(self._peers.values())
         self._meet()

@@ -19,7 +19,7 @@ _now: Final = time.monotonic_ns
 
 
 class _Notices(logging.Handler):
-    """Tells the user what others do to the bus, at most a line a second.
+    """Tells the user what others do to the bus: a line of each kind at once, then one a second.
 
     Parameters
     ----------
@@ -33,18 +33,21 @@ class _Notices(logging.Handler):
         self._report = report
         self._side = side
         self._next_ns = 0
+        self._told: set[str] = set()
         self._left_out = 0
 
     def emit(self, record: logging.LogRecord) -> None:
         """Pass a notice on; other records go where the process has them, if anywhere."""
-        if not getattr(record, "is_notice", False):
+        deed: str | None = getattr(record, "deed", None)
+        if deed is None:
             if not self._report.is_read:
                 logging.getLogger().handle(record)
             return
         now_ns = _now()
-        if now_ns < self._next_ns:
+        if deed in self._told and now_ns < self._next_ns:
             self._left_out += 1
             return
+        self._told.add(deed)
         self._next_ns = now_ns + _PAUSE_NS
         self._say(record.getMessage())
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import os
 import shutil
+from pathlib import Path
 
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -103,6 +104,19 @@ def test_a_folder_that_went_away_is_made_anew(tmp_path, caplog, what):
     assert folder.load(FIRST) is None
     folder.save(FIRST, b"code")
     assert folder.load(FIRST) == b"code"
+    assert not messages(caplog)
+
+
+def test_two_processes_may_make_the_folder_at_once(tmp_path, caplog, monkeypatch):
+    late = CodeFolder(tmp_path / "rrins" / "0123456789abcdef")
+    looks = iter([False])  # the other one makes the folder after this one has looked for it
+    is_dir = Path.is_dir
+    monkeypatch.setattr(
+        Path, "is_dir", lambda path: next(looks, None) is not False and is_dir(path)
+    )
+    late.path.mkdir(parents=True, mode=0o700)
+    late.save(FIRST, b"code")
+    assert late.load(FIRST) == b"code"
     assert not messages(caplog)
 
 

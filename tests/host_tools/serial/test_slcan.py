@@ -65,10 +65,10 @@ def test_lockstep_over_slcan_is_the_same_to_the_bit(start, scenario, pair):
     firmware = json.loads(out)
     assert firmware["navigation_sha256"] == plain["navigation_sha256"]
     assert firmware["frames_received"] == plain["frames_received"]
-    assert [adapter.frames for adapter in pair.adapters] == [
-        hardware["frames_sent"],
-        plain["frames_sent"] + 1,  # its first announcement
-    ]
+    hardware_adapter, firmware_adapter = pair.adapters
+    assert hardware_adapter.frames == hardware["frames_sent"]
+    announcements = firmware_adapter.frames - plain["frames_sent"]
+    assert 1 <= announcements <= 300  # 5 a second until the hardware has started
 
 
 def test_an_adapter_that_is_pulled_out_is_one_line(start, scenario):
