@@ -19,6 +19,7 @@ from rrins.firmware_py.core.memory import INNER, OUTER, NavigationOutput, Ram
 from rrins.firmware_py.core.modes import navigating
 from rrins.firmware_py.core.step import compute, output
 from rrins.firmware_py.core.transmit import axis_command_word
+from rrins.firmware_py.loop import Firmware
 from rrins.host_tools.hardware import settings as hardware
 from rrins.host_tools.hardware.memory import Plant, Truth
 from rrins.host_tools.hardware.step import (
@@ -171,9 +172,12 @@ class FastRun:
         hardware_settings: hardware.Settings,
         every: int = 1,
     ) -> Self:
-        """Return both sides just switched on, with settings as `runs.settings` makes them."""
+        """Return both sides just switched on, with settings as `runs.settings` makes them.
+
+        The firmware's diagnostics are set up, for what they know of a sensor counts for redundancy.
+        """
         return cls(
-            firmware.power_on(firmware_settings, load_contract()),
+            Firmware(firmware_settings).ram,
             hardware.power_on(hardware_settings),
             hardware.pieces_of(hardware_settings),
             every,

@@ -14,6 +14,7 @@ from rrins.dbc.compilation import compiled
 from rrins.firmware_py.core.memory import Fusion
 from rrins.firmware_py.core.redundancy import windows
 from rrins.firmware_py.core.redundancy.parity import CHECKED_FROM
+from rrins.firmware_py.core.redundancy.standing import SETTLED_S
 from rrins.firmware_py.core.redundancy_records import FINE_LEVELS, SECOND_LEVELS, Parity
 
 _RATIO = 2.0 * math.log(1e4)
@@ -161,7 +162,7 @@ def standing(parity: Parity, fusion: Fusion) -> int:
         return -1
     factor = parity.second_factor**2
     for level in range(FINE_LEVELS):
-        if not windows.is_due(parity, level) or parity.now.standing < (1 << level) + 10:
+        if not windows.is_due(parity, level) or parity.now.standing < (1 << level) + SETTLED_S:
             continue
         n = _covariance(parity, fusion, level)
         _residuals(parity, fusion, level)

@@ -20,6 +20,10 @@ from rrins.firmware_py.core.redundancy_records import Parity
 _STANDS_BELOW = 3.0
 """m/s, largest velocity that may be an error of the navigation at standstill."""
 
+SETTLED_S = 10
+"""Seconds from the first at rest in which nothing is learned or concluded: a vehicle that comes to
+rest still pitches, by less than what counts as motion and more than a sensor errs."""
+
 
 @compiled
 def _expect_rotation(state: Ram, C_s_n: Floats, out: Floats, dt: float) -> None:
@@ -96,7 +100,8 @@ def slow(state: Ram) -> bool:
 def close_second(parity: Parity, fusion: Fusion, regressors: int, known: bool) -> None:
     """Add a second to the sums, tell whether the vehicle stands, and learn if it does.
 
-    It stands when the residuals of all sensors but one are within the limit.
+    It stands when the residuals of all sensors but one are within the limit. What it does until it
+    has settled is not learned.
     """
     learner = parity.expected
     uncertain = learning.leverage(learner, parity.regressors, regressors)
@@ -113,6 +118,7 @@ def close_second(parity: Parity, fusion: Fusion, regressors: int, known: bool) -
         parity.now.vector[i] += parity.vector[i]
     parity.now.vector_leverage += uncertain
     parity.now.standing = parity.now.standing + 1 if stands else 0
-    if stands and beyond == 0 and parity.frozen == 0 and not parity.alarm:
+    settled = parity.now.standing > SETTLED_S
+    if settled and beyond == 0 and parity.frozen == 0 and not parity.alarm:
         learning.learn(learner, parity.vector, 3, uncertain, regressors)
         learning.age(learner, regressors)

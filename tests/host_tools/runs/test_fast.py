@@ -167,6 +167,15 @@ def test_in_parts_it_is_the_same_run():
     assert outcomes[0] == outcomes[1]
 
 
+def test_sound_sensors_are_compared_as_in_the_computer():
+    scenario = scenario_of({"sensors": "prototype", "redundancy": {"enabled": True}})
+    run = FastRun.of(firmware_settings(scenario), hardware_settings(scenario))
+    run.run(2000)
+    redundancy = run.ram[0].redundancy
+    assert (redundancy.gyros.excluded, redundancy.accelerometers.excluded) == (0, 0)
+    assert (redundancy.gyros.alarm_epoch, redundancy.accelerometers.alarm_epoch) == (0, 0)
+
+
 def test_it_stops_when_told_and_reports_on_the_way():
     scenario = scenario_of({"duration_s": 200})
     said = []
