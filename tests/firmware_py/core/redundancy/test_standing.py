@@ -1,4 +1,4 @@
-"""At standstill the sensors' constants are learned, and a vehicle coming to rest is none of them."""
+"""At standstill the constants are learned, and a vehicle that comes to rest is none of them."""
 
 from __future__ import annotations
 
