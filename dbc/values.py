@@ -32,6 +32,7 @@ class FaultAction(IntEnum):
     CLEAR = 3
     REPORT = 4
     SHARE = 5
+    CYCLE = 6
 
 
 class FaultRefusal(IntEnum):

@@ -59,10 +59,10 @@ the same fault in the scenario with `at_s` = n / `rate_hz`.
 
 The commands are messages of the [contract](bus-contract.md#fault_command): FAULT_COMMAND for the
 wire and HARDWARE_FAULT_COMMAND for the hardware. Any CAN tool can therefore send them. The hardware
-answers each command with a report of the active faults: two messages for each fault, then
-FAULT_STATUS or HARDWARE_FAULT_STATUS. It also sends a report every second while any fault is
-active. Commands and reports bypass the modelled wire, so a bus that is cut can be restored. A real
-turntable ignores them.
+answers each command with a report of the active faults: two messages for each fault, a third if it
+is intermittent, then FAULT_STATUS or HARDWARE_FAULT_STATUS. It also sends a report every second
+while any fault is active. Commands and reports bypass the modelled wire, so a bus that is cut can
+be restored. A real turntable ignores them.
 
 ## On the wire
 
@@ -97,11 +97,19 @@ by default all. `probability` is the share of these frames that is affected.
 | `accelerometer_bias` | additional bias | `sensor`, `bias_ug` |
 | `gyro_noise` | additional white noise | `sensor`, `angle_random_walk_deg_per_sqrt_h` |
 | `accelerometer_noise` | additional white noise | `sensor`, `white_noise_ug_per_sqrt_hz` |
+| `gyro_ramp` | a bias that grows from zero | `sensor`, `bias_dph_per_min` |
+| `accelerometer_ramp` | a bias that grows from zero | `sensor`, `bias_ug_per_min` |
+| `gyro_scale`, `accelerometer_scale` | error of the scale factor | `sensor`, `scale_ppm` |
+| `…_shift_u`, `…_shift_v` of either | the mount turns, by δu or δv | `sensor`, `shift_arcsec` |
+| `gyro_dead`, `accelerometer_dead` | the sensor reads zero | `sensor` |
+| `gyro_full_scale`, `accelerometer_full_scale` | the end of the range, flagged | `sensor` |
 | `gyro_absent`, `accelerometer_absent` | the sensor is flagged as absent | `sensor` |
 
-`sensor` counts from 1; without it, all sensors of the kind fail. With `rrins inject` each key is an
-option, such as `--rate-dps`; `delay_s` is `--delay`, and `for_s` is `--for`. A delay is rounded to
-whole epochs, at least one; `rrins inject` reports this if it makes a difference.
+`sensor` counts from 1; without it, all sensors of the kind fail. With `period_s`, a fault of the
+hardware is intermittent: present in the first part of each period, whose share is `duty` (0.5).
+With `rrins inject` each key is an option, such as `--rate-dps`; `delay_s` is `--delay`, `period_s`
+is `--period`, and `for_s` is `--for`. A delay is rounded to whole epochs, at least one; `rrins
+inject` reports this if it makes a difference.
 
 ## Frames of somebody else
 

@@ -48,6 +48,12 @@ _STEPS = {
 @click.option("--bias-ug", type=float, help="For accelerometer_bias, µg.")
 @click.option("--angle-random-walk-deg-per-sqrt-h", type=float, help="For gyro_noise, °/√h.")
 @click.option("--white-noise-ug-per-sqrt-hz", type=float, help="For accelerometer_noise, µg/√Hz.")
+@click.option("--bias-dph-per-min", type=float, help="For gyro_ramp, °/h per minute.")
+@click.option("--bias-ug-per-min", type=float, help="For accelerometer_ramp, µg per minute.")
+@click.option("--scale-ppm", type=float, help="For …_scale, ppm.")
+@click.option("--shift-arcsec", type=float, help="For …_shift_u and …_shift_v, ″.")
+@click.option("--period", "period_s", type=float, help="Hardware: intermittent, period in s.")
+@click.option("--duty", type=float, help="Share of the period with the fault.  [default: 0.5]")
 @click.option(
     "--for", "for_s", type=float, help="Duration in simulated seconds.  [default: until removed]"
 )
@@ -68,9 +74,9 @@ def inject(
     Faults on the wire: drop, delay, duplicate, reorder, corrupt_wire, corrupt, wrong_counter,
     babble, silence, bus_off, cut, stale.
 
-    Hardware faults: axis_stall, axis_runaway, encoder_stuck, encoder_offset, gyro_stuck,
-    gyro_bias, gyro_noise, gyro_absent, accelerometer_stuck, accelerometer_bias,
-    accelerometer_noise, accelerometer_absent.
+    Hardware faults: axis_stall, axis_runaway, encoder_stuck, encoder_offset; gyro_ or
+    accelerometer_ with stuck, dead, absent, full_scale, bias, ramp, noise, scale, shift_u or
+    shift_v.
 
     `clear` removes all faults; `list` shows the active ones and when they began.
     """

@@ -1,13 +1,14 @@
 """Protocol for injecting faults of the hardware or the wire into a running simulation.
 
-Four messages share a name prefix: a COMMAND takes effect in the next epoch. A report is an ACTIVE
-and a TIMES for each active fault, then a STATUS for each command that it answers, or one for none.
+Messages share a name prefix: a COMMAND takes effect in the next epoch. A report is an ACTIVE and a
+TIMES for each active fault, and a CYCLE if it is intermittent, then a STATUS for each command that
+it answers, or one for none.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -34,11 +35,14 @@ class ActiveFault:
     first_epoch : int
     last_epoch : int or None
         None if it lasts until removed.
+    cycle : mapping
+        Raw values of the message CYCLE, all but the number; empty if it is not intermittent.
     """
 
     raws: Mapping[str, int]
     first_epoch: int
     last_epoch: int | None
+    cycle: Mapping[str, int] = field(default_factory=dict)
 
 
 class FaultServer:
@@ -47,7 +51,7 @@ class FaultServer:
     Parameters
     ----------
     family : str
-        Prefix of the names of the four messages, in lower case.
+        Prefix of the names of the messages, in lower case.
     period_ns : int
         Length of an epoch.
     """
@@ -60,6 +64,7 @@ class FaultServer:
         self._active = contract[f"{family}_active"]
         self._times = contract[f"{family}_times"]
         self._status = contract[f"{family}_status"]
+        self._cycle = contract["hardware_fault_cycle"]
         cycle_ns = int(self._status.message.cycle_ms) * _NS_PER_MS
         self._cycle_epochs = max(1, cycle_ns // period_ns)
         self._faults_sent = 0
@@ -106,15 +111,20 @@ class FaultServer:
         """
         answers = self._answers[:ANSWERS] or [(UNASKED, FaultRefusal.NONE)]
         self._answers.clear()
-        if count + 2 * len(active) + len(answers) > len(frames):
+        intermittent = sum(bool(fault.cycle) for fault in active)
+        if count + 2 * len(active) + intermittent + len(answers) > len(frames):
             return count
         for number, fault in enumerate(active):
             word = packed(self._active, number=number, **fault.raws)
             fill(frames[count], self._active.message, word, self._faults_sent)
             word = self._times_word(number, fault)
             fill(frames[count + 1], self._times.message, word, self._faults_sent)
-            self._faults_sent += 1
             count += 2
+            if fault.cycle:
+                word = packed(self._cycle, number=number, **fault.cycle)
+                fill(frames[count], self._cycle.message, word, self._faults_sent)
+                count += 1
+            self._faults_sent += 1
         for counter, refusal in answers:
             word = packed(
                 self._status,

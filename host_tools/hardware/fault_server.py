@@ -11,12 +11,22 @@ from collections.abc import Mapping
 from rrins.dbc.decimals import from_decimal, to_decimal
 from rrins.dbc.frame import FrameArray
 from rrins.dbc.values import FaultAction, FaultRefusal
-from rrins.host_tools.hardware.fault_protocol import ANSWERS, ActiveFault, FaultServer
+from rrins.host_tools.hardware.fault_protocol import ANSWERS, ActiveFault, FaultServer, largest_of
 from rrins.host_tools.hardware.fault_values import VALUES
-from rrins.host_tools.hardware.faults import EVERY, NEVER, HardwareFault, put, remove
+from rrins.host_tools.hardware.faults import (
+    ALWAYS,
+    EVERY,
+    NEVER,
+    HardwareFault,
+    cycle_of,
+    is_of_axis,
+    is_of_gyros,
+    put,
+    remove,
+)
 from rrins.host_tools.hardware.memory import FAULT_CAPACITY, Plant
 
-REPORT_CAPACITY = 2 * FAULT_CAPACITY + ANSWERS
+REPORT_CAPACITY = 3 * FAULT_CAPACITY + ANSWERS
 """Number of frames in the longest report."""
 
 _NS_PER_S = 1_000_000_000
@@ -36,10 +46,16 @@ class HardwareFaultServer(FaultServer):
         super().__init__("hardware_fault", int(plant.period_ns))
         self._plant = plant
         self._faults = plant.faults
+        self._cycles: dict[tuple[int, int], tuple[int, int]] = {}
         self._due = self._next_change(-1)
 
     def inject(
-        self, kind: int, target: int, value: float = 0.0, duration_epochs: int = 0
+        self,
+        kind: int,
+        target: int,
+        value: float = 0.0,
+        duration_epochs: int = 0,
+        cycle: tuple[int, int] = ALWAYS,
     ) -> FaultRefusal:
         """Inject a fault that begins in the next epoch.
 
@@ -53,13 +69,17 @@ class HardwareFaultServer(FaultServer):
             In the unit used in scenarios.
         duration_epochs : int
             0 if it lasts until removed.
+        cycle : tuple of int
+            Of an intermittent fault, as `rrins.host_tools.hardware.faults.cycle_of` returns it.
 
         Returns
         -------
         FaultRefusal
             NONE if the fault was injected; it replaces one of the same kind and target.
         """
-        refusal = self._refusal(kind, target, value)
+        refusal = self._refusal_of_target(kind, target)
+        if refusal == FaultRefusal.NONE:
+            refusal = self._refusal_of_value(kind, value)
         if refusal != FaultRefusal.NONE:
             return refusal
         epoch = int(self._plant.epoch)
@@ -69,21 +89,22 @@ class HardwareFaultServer(FaultServer):
         last = epoch + duration_epochs - 1 if duration_epochs else -1
         si = value * VALUES[HardwareFault(kind)].unit if kind in VALUES else 0.0
         self._due = 0
-        if put(self._plant, kind, target, epoch, last, si):
+        if put(self._plant, kind, target, epoch, last, si, cycle):
             return FaultRefusal.NONE
         return FaultRefusal.NO_ROOM
 
-    def _refusal(self, kind: int, target: int, value: float) -> FaultRefusal:
+    def _refusal_of_target(self, kind: int, target: int) -> FaultRefusal:
         if kind not in set(HardwareFault):
             return FaultRefusal.UNKNOWN
-        if kind < HardwareFault.GYRO_STUCK:
+        if is_of_axis(kind):
             is_there = 0 <= target < _AXES
         else:
-            of_gyros = kind < HardwareFault.ACCELEROMETER_STUCK
-            sensors = self._plant.gyros if of_gyros else self._plant.accelerometers
+            sensors = self._plant.gyros if is_of_gyros(kind) else self._plant.accelerometers
             is_there = EVERY <= target < sensors.count
-        if not is_there:
-            return FaultRefusal.NO_SUCH_TARGET
+        return FaultRefusal.NONE if is_there else FaultRefusal.NO_SUCH_TARGET
+
+    @staticmethod
+    def _refusal_of_value(kind: int, value: float) -> FaultRefusal:
         limits = VALUES.get(HardwareFault(kind))
         if limits is not None and not limits.minimum <= value <= limits.maximum:
             return FaultRefusal.OUT_OF_RANGE
@@ -110,13 +131,28 @@ class HardwareFaultServer(FaultServer):
         if action == FaultAction.INJECT:
             value = from_decimal(raws["value"], raws["exponent"])
             duration_ms = raws["duration_ms"]
-            return self.inject(kind, target, value, self._epochs(duration_ms) if duration_ms else 0)
+            epochs = self._epochs(duration_ms) if duration_ms else 0
+            cycle = self._cycles.pop((kind, target), ALWAYS)
+            return self.inject(kind, target, value, epochs, cycle)
+        if action == FaultAction.CYCLE:
+            duty = from_decimal(raws["value"], raws["exponent"])
+            return self._keep_cycle(kind, target, raws["duration_ms"] / 1000, duty)
         if action == FaultAction.REMOVE:
             return self.remove(kind, target)
         if action == FaultAction.CLEAR:
             self.clear()
         elif action != FaultAction.REPORT:
             return FaultRefusal.UNKNOWN
+        return FaultRefusal.NONE
+
+    def _keep_cycle(self, kind: int, target: int, period_s: float, duty: float) -> FaultRefusal:
+        """Keep the cycle for the next injection of a fault."""
+        refusal = self._refusal_of_target(kind, target)
+        if refusal != FaultRefusal.NONE:
+            return refusal
+        if not (period_s > 0 and 0 < duty < 1):
+            return FaultRefusal.OUT_OF_RANGE
+        self._cycles[kind, target] = cycle_of(period_s, duty, self._period_ns)
         return FaultRefusal.NONE
 
     def _active_rows(self, epoch: int) -> list[int]:
@@ -156,12 +192,21 @@ class HardwareFaultServer(FaultServer):
         if kind in VALUES:
             value = float(faults.value[row]) / VALUES[kind].unit
             digits, exponent = to_decimal(value, self._active.value, self._active.exponent)
+        period, on = int(faults.period_epochs[row]), int(faults.on_epochs[row])
         raws = {
             "kind": int(kind),
             "target": int(faults.target[row]) + 1,
             "exponent": exponent,
             "value": digits,
+            "intermittent": int(period > 0),
         }
+        cycle = {}
+        if period > 0:
+            longest = largest_of(self._cycle, "period_ms")
+            cycle = {
+                "period_ms": min(longest, self._milliseconds(period)),
+                "on_ms": min(longest, self._milliseconds(on)),
+            }
         last = int(faults.last_epoch[row])
         is_for_ever = last >= NEVER - 1
-        return ActiveFault(raws, int(faults.first_epoch[row]), None if is_for_ever else last)
+        return ActiveFault(raws, int(faults.first_epoch[row]), None if is_for_ever else last, cycle)

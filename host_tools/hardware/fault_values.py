@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 
 from rrins.host_tools.hardware.faults import HardwareFault
-from rrins.host_tools.hardware.settings import DEG_PER_SQRT_H, DPH, UG
+from rrins.host_tools.hardware.settings import ARCSEC, DEG_PER_SQRT_H, DPH, PPM, UG
 
 
 @dataclass(frozen=True)
@@ -29,6 +29,9 @@ class FaultValue:
     maximum: float
 
 
+_SCALE = FaultValue("scale_ppm", PPM, -1e6, 1e6)
+_SHIFT = FaultValue("shift_arcsec", ARCSEC, -3600, 3600)
+
 VALUES = {
     HardwareFault.AXIS_RUNAWAY: FaultValue("rate_dps", math.radians(1), -60, 60),
     HardwareFault.ENCODER_OFFSET: FaultValue("offset_deg", 1.0, -180, 180),
@@ -38,5 +41,13 @@ VALUES = {
     ),
     HardwareFault.ACCELEROMETER_BIAS: FaultValue("bias_ug", UG, -1e7, 1e7),
     HardwareFault.ACCELEROMETER_NOISE: FaultValue("white_noise_ug_per_sqrt_hz", UG, 0, 1e6),
+    HardwareFault.GYRO_RAMP: FaultValue("bias_dph_per_min", DPH / 60, -1e6, 1e6),
+    HardwareFault.GYRO_SCALE: _SCALE,
+    HardwareFault.GYRO_SHIFT_U: _SHIFT,
+    HardwareFault.GYRO_SHIFT_V: _SHIFT,
+    HardwareFault.ACCELEROMETER_RAMP: FaultValue("bias_ug_per_min", UG / 60, -1e7, 1e7),
+    HardwareFault.ACCELEROMETER_SCALE: _SCALE,
+    HardwareFault.ACCELEROMETER_SHIFT_U: _SHIFT,
+    HardwareFault.ACCELEROMETER_SHIFT_V: _SHIFT,
 }
 """The kinds that have a value."""

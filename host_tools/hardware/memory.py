@@ -28,6 +28,8 @@ class Sensors(Record):
 
     count: I8  #: sensors of the kind
     axis: Annotated[Floats, (SENSOR_GROUPS, 3)]  #: true input axes, installation errors included
+    mounted_axis: Annotated[Floats, (SENSOR_GROUPS, 3)]  #: the same before the mount shifted
+    axis_by_angle: Annotated[Floats, (SENSOR_GROUPS, 2, 3)]  #: derivative by δu and by δv
     scale_error: Annotated[Floats, SENSOR_GROUPS]  #: λ, a share of 1, temperature included
     asymmetric_scale_error: Annotated[Floats, SENSOR_GROUPS]  #: μ, a share of 1
     bias_increment: Annotated[Floats, SENSOR_GROUPS]  #: b dt, drift included
@@ -63,6 +65,9 @@ class Sensors(Record):
     # Faults and their effects
     stuck: U4  #: one bit per sensor
     absent: U4  #: one bit per sensor
+    dead: U4  #: one bit per sensor
+    full_scale: U4  #: one bit per sensor
+    fault_scale_error: Annotated[Floats, SENSOR_GROUPS]  #: a share of 1
     fault_bias_increment: Annotated[Floats, SENSOR_GROUPS]  #: increment
     fault_noise_increment: Annotated[Floats, SENSOR_GROUPS]  #: standard deviation per epoch
     # Output
@@ -206,6 +211,8 @@ class PlannedFaults(Record):
     first_epoch: Annotated[Integers, FAULT_CAPACITY]  #: of activity
     last_epoch: Annotated[Integers, FAULT_CAPACITY]  #: of activity
     value: Annotated[Floats, FAULT_CAPACITY]  #: in the unit of its kind, see `HardwareFault`
+    period_epochs: Annotated[Integers, FAULT_CAPACITY]  #: of an intermittent fault; 0: always there
+    on_epochs: Annotated[Integers, FAULT_CAPACITY]  #: of each period, its first
 
 
 class Plant(Record):

@@ -47,6 +47,12 @@ def installed_axis(
     return input_axis(alpha, beta) - delta_u * v - delta_v * u
 
 
+def axis_by_angle(alpha: float, beta: float) -> NDArray[np.float64]:
+    """Return the derivatives of `installed_axis` by δu and by δv, shape (2, 3)."""
+    u, v = transverse_axes(alpha, beta)
+    return np.array([-v, -u])
+
+
 @compiled
 def _lagged(sensors: Sensors, k: int, x: float) -> float:
     """Return the increment after bandwidth and latency, for the input `x`.
@@ -71,7 +77,7 @@ def _analog(sensors: Sensors, k: int, x: float, force: float) -> float:
     """Return the output of sensor `k` for the input `x`, before its range. Paper, (16), (17)."""
     if abs(x) < sensors.dead_increment[k]:
         x = 0.0
-    scale = 1.0 + sensors.scale_error[k]
+    scale = 1.0 + sensors.scale_error[k] + sensors.fault_scale_error[k]
     if x > 0.0:
         scale += sensors.asymmetric_scale_error[k]
     elif x < 0.0:
@@ -124,6 +130,10 @@ def measure(sensors: Sensors, true_s: Floats, dv_s: Floats, unit: float, largest
             x = _lagged(sensors, k, x)
         measured = _analog(sensors, k, x, force)
         limit = sensors.range_increment
+        if sensors.dead >> k & 1:
+            measured = 0.0
+        elif sensors.full_scale >> k & 1:
+            measured = 2.0 * limit
         if abs(measured) > limit:
             sensors.saturated |= 1 << k
             measured = limit if measured > 0.0 else -limit

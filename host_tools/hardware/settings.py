@@ -24,7 +24,7 @@ from rrins.host_tools.hardware.memory import (
     TurntableAxis,
 )
 from rrins.host_tools.hardware.motion import set_rest
-from rrins.host_tools.hardware.sensors import installed_axis
+from rrins.host_tools.hardware.sensors import axis_by_angle, installed_axis
 
 STANDARD_GRAVITY = 9.80665
 """m/s²: the g of µg and of an accelerometer's range (ISO 80000-3)."""
@@ -146,13 +146,17 @@ class MotionPieces:
 
 @dataclass(frozen=True)
 class PlannedFault:
-    """A fault of the hardware and the epochs it lasts; a negative `last_epoch` lasts to the end."""
+    """A fault of the hardware and the epochs it lasts; a negative `last_epoch` lasts to the end.
+
+    `cycle` of an intermittent one is as `rrins.host_tools.hardware.faults.cycle_of` returns it.
+    """
 
     kind: HardwareFault
     target: int
     first_epoch: int
     last_epoch: int = -1
     value: float = 0.0
+    cycle: tuple[int, int] = faults.ALWAYS
 
 
 @dataclass(frozen=True)
@@ -199,6 +203,8 @@ def _fill_sensors(
     for k, ((alpha, beta), errors) in enumerate(zip(sensors.axes, sensors.errors, strict=True)):
         bias, scale_error = powered_up[k]
         record.axis[k] = installed_axis(alpha, beta, errors.delta_u, errors.delta_v)
+        record.mounted_axis[k] = record.axis[k]
+        record.axis_by_angle[k] = axis_by_angle(alpha, beta)
         record.scale_error[k] = record.constant_scale_error[k] = scale_error
         record.asymmetric_scale_error[k] = errors.asymmetric_scale_error
         record.bias_increment[k] = record.constant_bias_increment[k] = bias * dt
@@ -281,7 +287,13 @@ def _fill_surroundings(plant: Plant, settings: Settings, seed: np.random.SeedSeq
     plant.faults.changes_at = faults.NEVER
     for fault in settings.faults:
         faults.put(
-            plant, fault.kind, fault.target, fault.first_epoch, fault.last_epoch, fault.value
+            plant,
+            fault.kind,
+            fault.target,
+            fault.first_epoch,
+            fault.last_epoch,
+            fault.value,
+            fault.cycle,
         )
 
 

@@ -18,7 +18,7 @@ from rrins.dbc.values import FaultRefusal
 from rrins.host_tools.bus.port import frame_of_message
 from rrins.host_tools.files import JsonObject
 from rrins.host_tools.hardware.fault_values import VALUES
-from rrins.host_tools.hardware.faults import HardwareFault
+from rrins.host_tools.hardware.faults import HardwareFault, is_of_axis
 from rrins.host_tools.injection.messages import LiveFault
 from rrins.host_tools.wire.faults import ANY_IDENTIFIER, FaultKind, Node
 
@@ -143,11 +143,13 @@ class FaultReader:
         contract = load_contract()[0]
         self._layouts: dict[int, tuple[Place, str, MessageSignals]] = {}
         for place, prefix in _PREFIX.items():
-            for part in ("active", "times", "status"):
+            for part in ("active", "times", "cycle", "status"):
+                if f"{prefix}fault_{part}" not in (contract.dtype.names or ()):
+                    continue
                 layout = contract[f"{prefix}fault_{part}"]
                 self._layouts[int(layout["message"]["can_id"])] = (place, part, layout)
         self._parts: dict[Place, dict[str, dict[int, Raws]]] = {
-            place: {"active": {}, "times": {}} for place in _PREFIX
+            place: {"active": {}, "times": {}, "cycle": {}} for place in _PREFIX
         }
         self._probability = contract["fault_active"]["probability"]
         self._frame = frame_array(1)
@@ -181,19 +183,25 @@ class FaultReader:
         return None
 
     def _answer(self, place: Place, status: Raws) -> Answer:
-        active, times = self._parts[place]["active"], self._parts[place]["times"]
+        active, times, cycles = self._parts[place].values()
         numbers = range(status["active_faults"])
         faults = None
-        if all(k in active and k in times for k in numbers):
-            faults = tuple(self._fault(place, active[k], times[k]) for k in numbers)
+        if all(
+            k in active and k in times and (k in cycles or not active[k].get("intermittent"))
+            for k in numbers
+        ):
+            faults = tuple(self._fault(place, active[k], times[k], cycles.get(k)) for k in numbers)
         try:
             refusal = FaultRefusal(status["refusal"])
         except ValueError:
             refusal = FaultRefusal.UNKNOWN
         return Answer(place, status["answers"], refusal, faults, status)
 
-    def _fault(self, place: Place, active: Raws, times: Raws) -> ActiveFault:
+    def _fault(self, place: Place, active: Raws, times: Raws, cycle: Raws | None) -> ActiveFault:
         keys = self._wire_keys(active) if place == "wire" else _hardware_keys(active)
+        if cycle is not None:
+            keys["period_s"] = cycle["period_ms"] / 1000
+            keys["duty"] = round(cycle["on_ms"] / cycle["period_ms"], 6)
         return ActiveFault(place, keys, times["first_epoch"], times["duration_ms"])
 
     def _wire_keys(self, active: Raws) -> FaultKeys:
@@ -218,7 +226,7 @@ class FaultReader:
 def _hardware_keys(active: Raws) -> FaultKeys:
     keys: FaultKeys = {"kind": _name(HardwareFault, active["kind"])}
     target = active["target"]
-    if active["kind"] < HardwareFault.GYRO_STUCK:
+    if is_of_axis(active["kind"]):
         keys["axis"] = {1: "inner", 2: "outer"}.get(target, str(target))
     elif target:
         keys["sensor"] = target

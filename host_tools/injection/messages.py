@@ -42,20 +42,44 @@ def fault_commands(action: FaultAction, fault: LiveFault, counter: int = 0) -> l
     Raises
     ------
     InjectionError
-        If a probability, delay or duration is out of the range of the messages.
+        If a probability, delay, period or duration is out of the range of the messages.
     """
     is_put_in = action == FaultAction.INJECT
     if isinstance(fault, FaultOnWire):
         return _on_wire(action, fault, counter, is_put_in)
     target = fault.target + 1
-    raws = {"action": int(action), "kind": int(fault.hardware_kind), "target": target}
-    if is_put_in:
-        layout = load_contract()[0]["hardware_fault_command"]
-        raws["value"], raws["exponent"] = to_decimal(
-            fault.value, layout["value"], layout["exponent"]
+    part = {"kind": int(fault.hardware_kind), "target": target}
+    name = "hardware_fault_command"
+    if not is_put_in:
+        return [_message(name, counter, action=int(action), **part)]
+    layout = load_contract()[0][name]
+    messages = []
+    if fault.period_s is not None:
+        digits, exponent = to_decimal(fault.duty, layout["value"], layout["exponent"])
+        messages.append(
+            _message(
+                name,
+                counter,
+                action=int(FaultAction.CYCLE),
+                value=digits,
+                exponent=exponent,
+                duration_ms=_milliseconds("a period of", fault.period_s, layout),
+                **part,
+            )
         )
-        raws["duration_ms"] = _duration_ms(fault, layout)
-    return [_message("hardware_fault_command", counter, **raws)]
+    digits, exponent = to_decimal(fault.value, layout["value"], layout["exponent"])
+    messages.append(
+        _message(
+            name,
+            counter + len(messages),
+            action=int(action),
+            value=digits,
+            exponent=exponent,
+            duration_ms=_duration_ms(fault, layout),
+            **part,
+        )
+    )
+    return messages
 
 
 def _on_wire(
@@ -103,14 +127,20 @@ def _on_wire(
 def _duration_ms(fault: LiveFault, layout: MessageSignals) -> int:
     if fault.for_s is None:
         return 0
-    duration_ms = max(1, round(fault.for_s * 1000))
+    return _milliseconds("for", fault.for_s, layout)
+
+
+def _milliseconds(what: str, seconds: float, layout: MessageSignals) -> int:
+    milliseconds = max(1, round(seconds * 1000))
     longest = int(layout["duration_ms"]["raw_maximum"])
-    if duration_ms > longest:
+    if milliseconds > longest:
         raise InjectionError(
-            f"for {fault.for_s:g} s: a live fault lasts at most {longest / 1000:g} s, or until it "
+            f"{what} {seconds:g} s: a live fault lasts at most {longest / 1000:g} s, or until it "
             "is removed"
+            if what == "for"
+            else f"{what} {seconds:g} s: at most {longest / 1000:g} s for a live fault"
         )
-    return duration_ms
+    return milliseconds
 
 
 def _message(name: str, counter: int, **raws: int) -> can.Message:

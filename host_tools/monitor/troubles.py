@@ -22,6 +22,7 @@ _EVENTS = (  # not periodic, so never silent
     "HARDWARE_FAULT_STATUS",
     "HARDWARE_FAULT_ACTIVE",
     "HARDWARE_FAULT_TIMES",
+    "HARDWARE_FAULT_CYCLE",
 )
 _NAVIGATION_PREFIX = "NAV_"  # sent in navigation only
 _SENSOR_PREFIX = "SENSOR_"

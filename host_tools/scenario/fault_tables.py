@@ -11,7 +11,7 @@ from pydantic import Field, model_validator
 from rrins.dbc.codec import load as load_codec
 from rrins.dbc.contract import SENSOR_GROUPS
 from rrins.host_tools.hardware.fault_values import VALUES, FaultValue
-from rrins.host_tools.hardware.faults import EVERY, HardwareFault
+from rrins.host_tools.hardware.faults import ALWAYS, EVERY, HardwareFault, cycle_of
 from rrins.host_tools.hardware.memory import INNER, OUTER
 from rrins.host_tools.hardware.settings import PlannedFault
 from rrins.host_tools.scenario.tables import LONGEST_S, TomlTable
@@ -116,11 +116,19 @@ class FaultOfHardware(_Timed):
     """A failure of the hardware."""
 
     kind: str
+    period_s: float | None = Field(default=None, gt=0, le=LONGEST_S)
+    """Of an intermittent fault."""
+    duty: float = Field(default=0.5, gt=0, lt=1)
+    """Share of the period in which it is present, from its beginning."""
 
     @model_validator(mode="after")
     def _fitting(self) -> FaultOfHardware:
-        own = {value.key: (kind.name.lower(),) for kind, value in VALUES.items()}
+        own: dict[str, tuple[str, ...]] = {}
+        for kind, value in VALUES.items():
+            own[value.key] = (*own.get(value.key, ()), kind.name.lower())
         self._refuse_keys_of_other_kinds(self.kind, own)
+        if "duty" in self.model_fields_set and self.period_s is None:
+            raise ValueError("duty: needs period_s")
         return self
 
     @property
@@ -143,7 +151,13 @@ class FaultOfHardware(_Timed):
         """Return the fault, its times in epochs, its value in SI units."""
         kind = self.hardware_kind
         value = self.value * VALUES[kind].unit if kind in VALUES else 0.0
-        return PlannedFault(kind, self.target, *self.epochs(rate_hz), value)
+        return PlannedFault(kind, self.target, *self.epochs(rate_hz), value, self.cycle(rate_hz))
+
+    def cycle(self, rate_hz: int) -> tuple[int, int]:
+        """Return its cycle in epochs, as `rrins.host_tools.hardware.faults.cycle_of` does."""
+        if self.period_s is None:
+            return ALWAYS
+        return cycle_of(self.period_s, self.duty, 1_000_000_000 // rate_hz)
 
 
 class FaultOfAxis(FaultOfHardware):
@@ -170,10 +184,22 @@ class FaultOfSensor(FaultOfHardware):
         "gyro_bias",
         "gyro_noise",
         "gyro_absent",
+        "gyro_ramp",
+        "gyro_scale",
+        "gyro_shift_u",
+        "gyro_shift_v",
+        "gyro_dead",
+        "gyro_full_scale",
         "accelerometer_stuck",
         "accelerometer_bias",
         "accelerometer_noise",
         "accelerometer_absent",
+        "accelerometer_ramp",
+        "accelerometer_scale",
+        "accelerometer_shift_u",
+        "accelerometer_shift_v",
+        "accelerometer_dead",
+        "accelerometer_full_scale",
     ]
     sensor: int | None = Field(default=None, ge=1, le=SENSOR_GROUPS)
     """From 1; all sensors of the kind by default."""
@@ -181,6 +207,12 @@ class FaultOfSensor(FaultOfHardware):
     bias_ug: float = _limited(HardwareFault.ACCELEROMETER_BIAS, 1000.0)
     angle_random_walk_deg_per_sqrt_h: float = _limited(HardwareFault.GYRO_NOISE, 1.0)
     white_noise_ug_per_sqrt_hz: float = _limited(HardwareFault.ACCELEROMETER_NOISE, 1000.0)
+    bias_dph_per_min: float = _limited(HardwareFault.GYRO_RAMP, 1.0)
+    bias_ug_per_min: float = _limited(HardwareFault.ACCELEROMETER_RAMP, 100.0)
+    scale_ppm: float = _limited(HardwareFault.GYRO_SCALE, 10_000.0)
+    """Additional error of the scale factor, of either kind of sensor."""
+    shift_arcsec: float = _limited(HardwareFault.GYRO_SHIFT_U, 60.0)
+    """Additional installation angle, of either kind of sensor."""
 
     @property
     def target(self) -> int:

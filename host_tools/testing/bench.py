@@ -245,13 +245,14 @@ class Bench:
         kind : str
             On the wire: drop, delay, duplicate, reorder, corrupt_wire, corrupt, wrong_counter,
             babble, silence, bus_off, cut or stale. In the hardware: axis_stall, axis_runaway,
-            encoder_stuck, encoder_offset, ``gyro_`` or ``accelerometer_`` stuck, bias, noise or
-            absent.
+            encoder_stuck, encoder_offset, ``gyro_`` or ``accelerometer_`` stuck, dead, absent,
+            full_scale, bias, ramp, noise, scale, shift_u or shift_v.
         **keys
             As in a scenario's `[[faults]]`, except `at_s`. All faults: `for_s`; without it they
             last until removed. On the wire: `message`, `node`, `probability`, `delay_s`, `bit`,
-            `frames_per_epoch`. In the hardware: `axis`, `rate_dps`, `offset_deg`; `sensor`,
-            `bias_dph`, `bias_ug`, `angle_random_walk_deg_per_sqrt_h`,
+            `frames_per_epoch`. In the hardware: `period_s` and `duty` of intermittent faults;
+            `axis`, `rate_dps`, `offset_deg`; `sensor`, `bias_dph`, `bias_ug`, `bias_dph_per_min`,
+            `bias_ug_per_min`, `scale_ppm`, `shift_arcsec`, `angle_random_walk_deg_per_sqrt_h`,
             `white_noise_ug_per_sqrt_hz`.
 
         Raises

@@ -56,7 +56,9 @@ class BenchFaults:
             )
         else:
             _, last = fault.epochs(rate_hz)
-            refusal = fault_server.inject(fault.hardware_kind, fault.target, fault.value, last + 1)
+            refusal = fault_server.inject(
+                fault.hardware_kind, fault.target, fault.value, last + 1, fault.cycle(rate_hz)
+            )
         if refusal != FaultRefusal.NONE:
             raise BenchError(f"{kind}: {refusal.name}")
 

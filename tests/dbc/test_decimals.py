@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from rrins.dbc.contract import load_contract
 from rrins.dbc.decimals import from_decimal, to_decimal
 
-LAYOUT = load_contract()[0]["hardware_fault_command"]
+LAYOUT = load_contract()[0]["hardware_fault_active"]
 SIGNALS = LAYOUT["value"], LAYOUT["exponent"]
 
 

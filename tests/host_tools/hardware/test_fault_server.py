@@ -15,7 +15,7 @@ from rrins.host_tools.hardware.loop import Hardware
 from rrins.host_tools.hardware.memory import FAULT_CAPACITY
 from rrins.host_tools.hardware.settings import PlannedFault
 
-NO_ONE, INJECT, REMOVE, CLEAR, REPORT = 15, 1, 2, 3, 4
+NO_ONE, INJECT, REMOVE, CLEAR, REPORT, CYCLE = 15, 1, 2, 3, 4, 6
 
 
 class Live:
@@ -94,6 +94,23 @@ def test_a_fault_of_the_scenario_is_reported_when_it_begins(tools):
     assert (what["target"], when["first_epoch"], when["duration_ms"]) == (2, 5, 25)
 
 
+def test_an_intermittent_fault_comes_and_goes_and_is_reported_throughout(live):
+    gyro_2 = {"kind": 5, "target": 2}
+    live.ask(action=CYCLE, value=25, exponent=-2, duration_ms=40, **gyro_2)
+    status, faults = live.ask(action=INJECT, **gyro_2)
+    assert status["active_faults"] == 1
+    assert [name for name, _ in faults][2] == "HARDWARE_FAULT_CYCLE"
+    assert faults[0][1]["intermittent"] == 1
+    assert (faults[2][1]["period_ms"], faults[2][1]["on_ms"]) == (40, 10)
+    seen = []
+    for _ in range(16):
+        live.step()
+        seen.append(int(live.hardware.plant[0]["gyros"]["stuck"]))
+    assert seen == [2, 0, 0, 0, 0, 0, 0, 2, 2, 0, 0, 0, 0, 0, 0, 2]
+    again, faults = live.ask(action=INJECT, **gyro_2)  # the cycle was of the first alone
+    assert (again["active_faults"], len(faults)) == (1, 2)
+
+
 def test_a_fault_is_taken_out_and_what_is_not_there_is_said_so(live):
     live.ask(action=INJECT, kind=5, target=1)
     live.ask(action=INJECT, kind=5, target=2)
@@ -135,10 +152,12 @@ def test_there_is_room_for_so_many_and_no_more(tools):
         ({"action": 0}, FaultRefusal.UNKNOWN),
         ({"action": 7, "kind": 1}, FaultRefusal.UNKNOWN),
         ({"action": INJECT, "kind": 0, "target": 1}, FaultRefusal.UNKNOWN),
-        ({"action": INJECT, "kind": 13, "target": 1}, FaultRefusal.UNKNOWN),
+        ({"action": INJECT, "kind": 31, "target": 1}, FaultRefusal.UNKNOWN),
         ({"action": INJECT, "kind": 1, "target": 0}, FaultRefusal.NO_SUCH_TARGET),
         ({"action": INJECT, "kind": 1, "target": 3}, FaultRefusal.NO_SUCH_TARGET),
         ({"action": INJECT, "kind": 5, "target": 5}, FaultRefusal.NO_SUCH_TARGET),
+        ({"action": CYCLE, "kind": 5, "target": 5, "duration_ms": 10}, FaultRefusal.NO_SUCH_TARGET),
+        ({"action": CYCLE, "kind": 5, "target": 1, "duration_ms": 10}, FaultRefusal.OUT_OF_RANGE),
         ({"action": INJECT, "kind": 2, "target": 1, "value": 61}, FaultRefusal.OUT_OF_RANGE),
         (
             {"action": INJECT, "kind": 7, "target": 1, "value": -1, "exponent": -8},

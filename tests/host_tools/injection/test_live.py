@@ -26,6 +26,7 @@ NOISY = {
     "duration_s": 3,
     "navigate_at_s": 0,
     "firmware": {"alignment_s": 0.5},
+    "body": {"roll_deg": 10},
     "gyros": {"angle_random_walk_deg_per_sqrt_h": 0.01},
     "accelerometers": {"white_noise_ug_per_sqrt_hz": 10},
 }
@@ -59,6 +60,18 @@ FAULTS = (
     {"kind": "accelerometer_bias", "bias_ug": 4321.0},
     {"kind": "accelerometer_noise", "sensor": 4, "white_noise_ug_per_sqrt_hz": 77.7},
     {"kind": "accelerometer_absent", "sensor": 2},
+    {"kind": "gyro_ramp", "sensor": 4, "bias_dph_per_min": -60.5},
+    {"kind": "gyro_scale", "sensor": 1, "scale_ppm": 250.0},
+    {"kind": "gyro_shift_u", "sensor": 2, "shift_arcsec": 30.5, "period_s": 0.1, "duty": 0.25},
+    {"kind": "gyro_shift_v", "sensor": 3, "shift_arcsec": -12.0},
+    {"kind": "gyro_dead", "sensor": 2},
+    {"kind": "gyro_full_scale", "sensor": 2},
+    {"kind": "accelerometer_ramp", "bias_ug_per_min": 900.0},
+    {"kind": "accelerometer_scale", "sensor": 1, "scale_ppm": -10000.0},
+    {"kind": "accelerometer_shift_u", "sensor": 2, "shift_arcsec": 60.0},
+    {"kind": "accelerometer_shift_v", "sensor": 3, "shift_arcsec": 60.0},
+    {"kind": "accelerometer_dead", "period_s": 0.2, "duty": 0.5},
+    {"kind": "accelerometer_full_scale", "sensor": 4},
 )
 HARMLESS = {"reorder", "corrupt_wire", "babble", "duplicate", "silence"}
 

@@ -7,6 +7,7 @@ import pytest
 
 from rrins.dbc.codec import load
 from rrins.dbc.values import FaultAction
+from rrins.host_tools.injection.errors import InjectionError
 from rrins.host_tools.injection.messages import fault_commands, plain_command
 from rrins.host_tools.scenario.scenario import fault_of
 
@@ -66,6 +67,16 @@ def test_a_fault_of_the_hardware(keys, kind, target, value):
     assert (values["action"], values["kind"], values["target"]) == (1, kind, target)
     assert float(f"{values['value']}e{values['exponent']}") == value
     assert values["duration_ms"] == 65535
+
+
+def test_the_cycle_of_an_intermittent_fault_goes_before():
+    keys = {"kind": "gyro_bias", "sensor": 2, "bias_dph": 7, "period_s": 2.5, "duty": 0.2}
+    cycle, command = (decoded(m)[1] for m in fault_commands(FaultAction.INJECT, fault_of(keys), 14))
+    assert (cycle["action"], cycle["kind"], cycle["target"]) == (FaultAction.CYCLE, 6, 2)
+    assert (cycle["value"], cycle["exponent"], cycle["duration_ms"]) == (2, -1, 2500)
+    assert (command["action"], command["value"], command["alive_counter"]) == (1, 7, 0)
+    with pytest.raises(InjectionError, match=r"a period of 66 s: at most 65\.535 s"):
+        fault_commands(FaultAction.INJECT, fault_of(keys | {"period_s": 66}))
 
 
 def test_a_removal_says_what_and_no_more():
