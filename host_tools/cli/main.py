@@ -145,13 +145,14 @@ def _leave_out_asammdf(arguments: Sequence[str]) -> None:
         sys.modules.setdefault("asammdf", None)  # type: ignore[arg-type]
 
 
-def main() -> None:
-    """Run the command line."""
+def main(words: Sequence[str] | None = None) -> None:
+    """Run the command line: the process's, or words that stand behind `rrins`."""
+    words = sys.argv[1:] if words is None else words
     gc.set_threshold(_GC_THRESHOLD)
-    _leave_out_asammdf(sys.argv[1:])
+    _leave_out_asammdf(words)
     try:
         with guarded_streams():
-            rrins(prog_name="rrins")
+            rrins(words, prog_name="rrins")
     except OutputError as error:  # help and completion are printed before a command runs
         _fail(str(error), error.exit_status)
     finally:

@@ -129,7 +129,9 @@ def rehearse(
     SCENARIO is a built-in name (see `rrins scenarios`) or a TOML file; without one it is
     rimu_rotating. The default is the embedded bus. Ctrl-C stops both sides and keeps the recording.
     """
+    from rrins.host_tools.cli.main import main
     from rrins.host_tools.runs import run
+    from rrins.host_tools.runs.starting import Forks
 
     loaded = load(scenario, duration_s=duration_s, seed=seed)
     heed_sigterm()
@@ -147,8 +149,9 @@ def rehearse(
         plan = run.fit(plan, limit_s)
     run.check(plan, record)
     folder = run.folder_of(out, scenario)
-    with _display(plan.scenario, as_json) as display:
-        result = run.rehearse(plan, display, folder, record)
+    # The forks come first: the display may have a thread.
+    with Forks(main) as forks, _display(plan.scenario, as_json) as display:
+        result = run.rehearse(plan, display, folder, record, start=forks.start)
     _finish(result, folder, as_json)
 
 

@@ -6,10 +6,9 @@ import os
 import selectors
 import signal
 import subprocess
-import sys
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -24,10 +23,14 @@ from rrins.host_tools.recording.note import Note
 from rrins.host_tools.runs.job import REALTIME
 from rrins.host_tools.runs.outcome import Outcome
 from rrins.host_tools.runs.pipe import ReportReader
+from rrins.host_tools.runs.starting import Fork, start_program
 from rrins.host_tools.scenario.scenario import Scenario
 
 OnReport = Callable[[JsonObject], None]
 """Called with every report of either side."""
+
+Start = Callable[[Sequence[str], int], Fork | subprocess.Popen[bytes]]
+"""Starts a side by the words behind `rrins`, with a descriptor for its reports."""
 
 _GRACE_S = 5.0
 _BUS_ENDS_S = 60.0  # to write what was received before that
@@ -66,7 +69,7 @@ class WatchedSide:
     """
 
     name: str
-    process: subprocess.Popen[bytes]
+    process: Fork | subprocess.Popen[bytes]
     pipe: int
     reader: ReportReader = field(default_factory=ReportReader)
     summary: JsonObject = field(default_factory=dict)
@@ -93,11 +96,11 @@ class WatchedSide:
         return reports
 
     @property
-    def was_killed(self) -> bool:
-        """Whether somebody else's signal ended the process."""
+    def killed_by(self) -> signal.Signals | None:
+        """Somebody else's signal that ended the process."""
         status = self.process.returncode
         is_ours = self.is_made_to_end or status == -signal.SIGTERM
-        return status is not None and status < 0 and not is_ours
+        return None if status is None or status >= 0 or is_ours else signal.Signals(-status)
 
     def end(self) -> None:
         """Terminate the process; kill it if it does not end."""
@@ -131,6 +134,8 @@ class Rehearsal:
         File to record the bus to.
     firmware_options, hardware_options : sequence of str
         Command-line options for one side alone.
+    start : callable
+        Starts a side.
     """
 
     def __init__(
@@ -144,6 +149,7 @@ class Rehearsal:
         record: Path | None = None,
         firmware_options: tuple[str, ...] = (),
         hardware_options: tuple[str, ...] = (),
+        start: Start = start_program,
     ) -> None:
         self._name = name
         self._scenario = scenario
@@ -154,6 +160,7 @@ class Rehearsal:
         self._record = record
         self._firmware_options = firmware_options
         self._hardware_options = hardware_options
+        self._start_process = start
         self._recorder: recorder.Recorder | None = None
         self._started_ns: int | None = None
         self._ended_ns = 0
@@ -186,27 +193,24 @@ class Rehearsal:
 
     def _start(self, name: str) -> WatchedSide:
         read_end, write_end = os.pipe()
-        command = [
-            *(sys.executable, "-m", "rrins", name, self._name),
-            *self._overrides,
+        words = [
+            *(name, self._name, *self._overrides),
             *("--interface", self._address.interface, "--channel", self._address.channel),
             *("--speed", "max" if self._speed is None else f"{self._speed:.12g}"),
-            *("--log", str(self._folder), "--report-fd", str(write_end)),
+            *("--log", str(self._folder)),
         ]
         if self._address.bitrate is not None:
-            command += ["--bitrate", str(self._address.bitrate)]
+            words += ["--bitrate", str(self._address.bitrate)]
         if name == "firmware":
-            command += ["--attach-wait", str(_ATTACH_WAIT_S), *self._firmware_options]
+            words += ["--attach-wait", str(_ATTACH_WAIT_S), *self._firmware_options]
         else:
-            command += self._hardware_options
+            words += self._hardware_options
             if self._record is not None and self._address.is_embedded:
-                command += ["--await-peer", recorder.NAME]
+                words += ["--await-peer", recorder.NAME]
         if self._speed != REALTIME and self._address.is_embedded:
-            command += ["--core", str(self._core)]
+            words += ["--core", str(self._core)]
         try:
-            process = subprocess.Popen(
-                command, pass_fds=(write_end,), stdin=subprocess.DEVNULL, start_new_session=True
-            )
+            process = self._start_process(words, write_end)
         finally:
             os.close(write_end)
         return WatchedSide(name, process, read_end)
@@ -287,8 +291,8 @@ class Rehearsal:
         failed = [side for side in self._sides if side.process.returncode != 0]
         rate_hz = self._scenario.rate_hz
         for side in failed:
-            if side.was_killed:
-                name = signal.Signals(-side.process.returncode).name
+            if side.killed_by is not None:
+                name = side.killed_by.name
                 at = f"after {side.epoch / rate_hz:.0f} s of simulated time"
                 return SideLostError(
                     f"the {side.name} process {side.process.pid} was killed by {name} {at}"

@@ -23,7 +23,13 @@ from rrins.host_tools.runs.display import RunDisplay
 from rrins.host_tools.runs.fast import FastRun
 from rrins.host_tools.runs.job import check_code_folder, prepare_firmware, prepare_hardware
 from rrins.host_tools.runs.outcome import Outcome
-from rrins.host_tools.runs.rehearsal import Interrupted, OnReport, Rehearsal, default_address
+from rrins.host_tools.runs.rehearsal import (
+    Interrupted,
+    OnReport,
+    Rehearsal,
+    Start,
+    default_address,
+)
 from rrins.host_tools.runs.results import Errors, compare, read_samples_of
 from rrins.host_tools.runs.samples import SamplesError
 from rrins.host_tools.runs.settings import (
@@ -33,6 +39,7 @@ from rrins.host_tools.runs.settings import (
     scenario_wire,
 )
 from rrins.host_tools.runs.stalls import stall_words
+from rrins.host_tools.runs.starting import start_program
 from rrins.host_tools.runs.summary import summarise, write_results
 from rrins.host_tools.scenario.scenario import Scenario
 from rrins.host_tools.serial import slcan
@@ -212,7 +219,9 @@ class Plan:
             overrides=replace(self.overrides, duration_s=duration_s),
         )
 
-    def rehearsal(self, address: Address, folder: Path, record: Path | None) -> Rehearsal:
+    def rehearsal(
+        self, address: Address, folder: Path, record: Path | None, start: Start
+    ) -> Rehearsal:
         """Return the rehearsal, ready to run."""
         options = self.overrides.options()
         return Rehearsal(
@@ -225,6 +234,7 @@ class Plan:
             record,
             arguments_of(self.serial),
             ("--foreign-senders",) if self.foreign_senders else (),
+            start,
         )
 
 
@@ -246,7 +256,12 @@ def check(plan: Plan, record: Path | None = None) -> Address:
 
 
 def _run(
-    plan: Plan, address: Address, folder: Path, record: Path | None, on_report: OnReport
+    plan: Plan,
+    address: Address,
+    folder: Path,
+    record: Path | None,
+    on_report: OnReport,
+    start: Start = start_program,
 ) -> tuple[Address, Outcome]:
     """Run both sides; return where, and what came of it.
 
@@ -254,7 +269,7 @@ def _run(
     somebody else has taken the free one meanwhile, they begin again on the next.
     """
     while True:
-        outcome = plan.rehearsal(address, folder, record).run(on_report)
+        outcome = plan.rehearsal(address, folder, record, start).run(on_report)
         if not isinstance(outcome.failure, BusError) or outcome.hardware:
             return address, outcome
         now_free = plan.bus.address()
@@ -298,6 +313,7 @@ def rehearse(
     folder: Path | None = None,
     record: Path | None = None,
     name: str | None = None,
+    start: Start = start_program,
 ) -> RunResult:
     """Rehearse: both sides as processes on one bus.
 
@@ -312,6 +328,8 @@ def rehearse(
         Log of the bus, in the format that its ending names.
     name : str, optional
         What the scenario is called in the results; the plan's without it.
+    start : callable, optional
+        Starts a side (`rrins.host_tools.runs.starting`).
 
     Raises
     ------
@@ -321,7 +339,7 @@ def rehearse(
     address = check(plan, record)
     with _samples_in(folder) as samples:
         display.say(f"starting on {address}")
-        address, outcome = _run(plan, address, Path(samples), record, display.report)
+        address, outcome = _run(plan, address, Path(samples), record, display.report, start)
         failed_beside = outcome.failure is None or isinstance(outcome.failure, RecordError)
         stopped = None if failed_beside else str(outcome.failure)
         result = _result(

@@ -73,8 +73,8 @@ class Running:
         listed = Path(f"/proc/{number}/task/{number}/children").read_text().split()
         found = {}
         for child in listed:
-            words = Path(f"/proc/{child}/cmdline").read_text().split("\0")
-            found |= {side: int(child) for side in ("firmware", "hardware") if side in words}
+            name = Path(f"/proc/{child}/comm").read_text().split()[-1]
+            found |= {name: int(child)} if name in ("firmware", "hardware") else {}
         return found
 
     @contextmanager
