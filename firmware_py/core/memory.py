@@ -186,10 +186,16 @@ class Sequencer(Record):
     position: I8  #: from 0
     cycle: I8  #: from 0
     epochs: I8  #: in this position
-    start_angle_deg: Annotated[Floats, 2]  #: at the beginning of this position
+    turn_begun: I8  #: of these, when the turn began; later than 0 after an interruption
+    start_angle_deg: Annotated[Floats, 2]  #: at the beginning of the turn
     target_angle_deg: Annotated[Floats, 2]  #: cumulative over full turns
     command: Annotated[Integers, 2]  #: an `AxisCommand`
     not_following: Annotated[Bytes, 2]  #: whether an axis did not follow its commands, 0 or 1
+    interrupted: Bool  #: whether the scheme waits for an axis that did not follow
+    wait_epochs: I8  #: until it is tried again
+    tries: I8  #: since the interruption
+    abandoned: Annotated[Bytes, 2]  #: whether an axis did not follow in any try, 0 or 1
+    interruptions: Annotated[Integers, 2]  #: by each axis, since power-on
 
 
 class Modes(Record):

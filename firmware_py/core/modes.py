@@ -8,7 +8,7 @@ SELF_TEST              STANDBY, when SYNC, all sensors and both axes were sound 
                        FAULT (SELF_TEST_FAILED) after ten seconds
 STANDBY                ALIGNMENT, on the request to align or to navigate
 ALIGNMENT              NAVIGATION_*, when done and requested; FAULT (ALIGNMENT_FAILED)
-NAVIGATION_STRAPDOWN   NAVIGATION_ROTATING, on request
+NAVIGATION_STRAPDOWN   NAVIGATION_ROTATING, on request, or to try an axis again
 NAVIGATION_ROTATING    NAVIGATION_STRAPDOWN, on request or when an axis does not follow
 any NAVIGATION_*       FAULT (SENSORS_LOST) when too few sensors were usable for longer than the
                        bridging limit; FAULT (NAVIGATION_DIVERGED) when the solution is implausible
@@ -102,6 +102,25 @@ def enter(state: Ram, mode: int) -> None:
             parameters.longitude,
             parameters.height,
         )
+
+
+@compiled
+def interrupt_rotation(state: Ram) -> None:
+    """Navigate on without rotation, until an axis that does not follow is tried again."""
+    enter(state, Mode.NAVIGATION_STRAPDOWN)
+    sequencer.interrupt(state.sequencer, state.parameters)
+
+
+@compiled
+def resume_rotation(state: Ram) -> None:
+    """Rotate again after an interruption, if that is still asked for."""
+    modes = state.modes
+    if modes.mode != Mode.NAVIGATION_STRAPDOWN or modes.pending != Mode.NAVIGATION_ROTATING:
+        return
+    if sequencer.wait(state.sequencer, state.parameters, state.assembly):
+        modes.mode = Mode.NAVIGATION_ROTATING
+        modes.epochs = 0
+        sequencer.resume(state.sequencer, state.parameters, state.assembly)
 
 
 @compiled

@@ -40,6 +40,7 @@ _COMMAND = 1 << Source.MODE_COMMAND
 
 _NOT_FOLLOWING, _DRIVE = int(AxisFault.NOT_FOLLOWING), int(AxisFault.DRIVE)
 _ENCODER, _LIMIT = int(AxisFault.ENCODER), int(AxisFault.LIMIT)
+_ABANDONED = int(AxisFault.ABANDONED)
 _DRIVE_FAULT = int(AxisState.FAULT)
 _JUMP_DEG = 2.0  # of an encoder, above the step of the coarsest
 _OVERSPEED, _OVERSPEED_DPS = 1.25, 0.5
@@ -232,6 +233,9 @@ def _look_at_axes(state: Ram, monitor: DiagnosticState) -> None:
             failing |= 1 << (_NOT_FOLLOWING + axis)
         if sequencer.running or sequencer.not_following[axis]:
             tested |= 1 << (_NOT_FOLLOWING + axis)
+        if sequencer.abandoned[axis]:
+            failing |= 1 << (_ABANDONED + axis)
+        tested |= 1 << (_ABANDONED + axis)
         if assembly.axis_received[axis]:
             tested |= 1 << (_DRIVE + axis) | 1 << (_LIMIT + axis)
             if assembly.axis_state[axis] == _DRIVE_FAULT:

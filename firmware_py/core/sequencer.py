@@ -1,7 +1,9 @@
 """The rotation scheme: commands the turntable's axes and watches that they follow.
 
 One axis turns at a time; a position is one turn and the dwell after it (paper, section 3 and
-table 1).
+table 1). An axis that does not follow interrupts the scheme. Once both stand, it is tried again
+after 1, 2, 4, … s: the turn is completed at the cost of the dwell after it, so that the scheme
+stays on time.
 """
 
 from __future__ import annotations
@@ -16,7 +18,13 @@ from rrins.firmware_py.core.memory import INNER, OUTER, Assembly, Parameters, Se
 _OFF, _HOLD, _POSITION = int(AxisCommand.OFF), int(AxisCommand.HOLD), int(AxisCommand.POSITION)
 _AT_ZERO_DEG = 0.01
 _SETTLE_S = 10.0
-_AXIS_FAULT = int(AxisState.FAULT)
+_AXIS_FAULT, _STANDS = int(AxisState.FAULT), int(AxisState.HOLDING)
+
+TRIES = 8
+"""After an interruption; then the scheme is abandoned."""
+
+_FIRST_WAIT_S = 1.0
+_FOLLOWED_S = 0.5  # after a turn that made up for an interruption, the scheme is sound again
 
 
 @compiled
@@ -27,10 +35,13 @@ def start(sequencer: Sequencer, parameters: Parameters, assembly: Assembly) -> N
     """
     sequencer.running = True
     sequencer.homing = False
+    sequencer.interrupted = False
+    sequencer.tries = 0
     sequencer.position = 0
     sequencer.cycle = 0
     for axis in (INNER, OUTER):
         sequencer.not_following[axis] = False
+        sequencer.abandoned[axis] = False
         sequencer.start_angle_deg[axis] = assembly.encoder_angle_deg[axis]
         sequencer.target_angle_deg[axis] = 0.0
         sequencer.command[axis] = _POSITION
@@ -38,6 +49,7 @@ def start(sequencer: Sequencer, parameters: Parameters, assembly: Assembly) -> N
             sequencer.homing = True
     if sequencer.homing:
         sequencer.epochs = 0
+        sequencer.turn_begun = 0
     else:
         _enter(sequencer, parameters)
 
@@ -46,6 +58,7 @@ def start(sequencer: Sequencer, parameters: Parameters, assembly: Assembly) -> N
 def stop(sequencer: Sequencer) -> None:
     """End the scheme; the axes hold their angles."""
     sequencer.running = False
+    sequencer.interrupted = False
     for axis in range(2):
         sequencer.command[axis] = _HOLD
 
@@ -54,6 +67,7 @@ def stop(sequencer: Sequencer) -> None:
 def switch_off(sequencer: Sequencer) -> None:
     """End the scheme and switch off the axes' drives."""
     sequencer.running = False
+    sequencer.interrupted = False
     for axis in range(2):
         sequencer.command[axis] = _OFF
 
@@ -62,6 +76,7 @@ def switch_off(sequencer: Sequencer) -> None:
 def _enter(sequencer: Sequencer, parameters: Parameters) -> None:
     """Command the turn of the current position."""
     sequencer.epochs = 0
+    sequencer.turn_begun = 0
     for axis in range(2):
         sequencer.start_angle_deg[axis] = sequencer.target_angle_deg[axis]
         sequencer.command[axis] = _POSITION
@@ -74,6 +89,8 @@ def _enter(sequencer: Sequencer, parameters: Parameters) -> None:
 def advance(sequencer: Sequencer, parameters: Parameters) -> None:
     """Advance by one epoch, and to the next position when this one is over."""
     sequencer.epochs += 1
+    if sequencer.tries > 0 and not _made_up(sequencer, parameters):
+        return
     if sequencer.homing:
         if sequencer.epochs >= _homing_epochs(sequencer, parameters):
             sequencer.homing = False
@@ -96,6 +113,74 @@ def _homing_epochs(sequencer: Sequencer, parameters: Parameters) -> float:
 
 
 @compiled
+def _made_up(sequencer: Sequencer, parameters: Parameters) -> bool:
+    """Return whether the turn after an interruption is over; then all is well again."""
+    turn = 0.0
+    for axis in range(2):
+        turn = max(turn, abs(sequencer.target_angle_deg[axis] - sequencer.start_angle_deg[axis]))
+    acceleration = parameters.axis_acceleration_dps2
+    seconds = turn / parameters.turn_rate_dps + parameters.turn_rate_dps / acceleration
+    seconds += parameters.axis_rise_s + _FOLLOWED_S
+    if (sequencer.epochs - sequencer.turn_begun) * parameters.period_ns * 1e-9 < seconds:
+        return False
+    sequencer.tries = 0
+    for axis in range(2):
+        sequencer.not_following[axis] = False
+    return True
+
+
+@compiled
+def interrupt(sequencer: Sequencer, parameters: Parameters) -> None:
+    """Let a scheme that has been stopped wait for its next try, or abandon it after the last."""
+    if sequencer.tries == 0:
+        for axis in range(2):
+            sequencer.interruptions[axis] += sequencer.not_following[axis]
+    if sequencer.tries >= TRIES:
+        for axis in range(2):
+            sequencer.abandoned[axis] = sequencer.not_following[axis]
+        return
+    sequencer.interrupted = True
+    wait_s = _FIRST_WAIT_S * 2.0**sequencer.tries
+    sequencer.wait_epochs = int(wait_s * 1e9 / parameters.period_ns)
+
+
+@compiled
+def wait(sequencer: Sequencer, parameters: Parameters, assembly: Assembly) -> bool:
+    """Wait for an epoch; return whether the scheme is to be resumed.
+
+    It is after the waiting time, when both axes stand and nobody else commands them. The time of
+    the position goes on.
+    """
+    ready = True
+    for axis in (INNER, OUTER):
+        stands = assembly.axis_state[axis] == _STANDS and assembly.axis_silent_epochs[axis] == 0
+        ready = ready and stands and sequencer.command[axis] == _HOLD
+    if sequencer.wait_epochs > 0:
+        sequencer.wait_epochs -= 1
+        ready = False
+    if not sequencer.homing:
+        last = parameters.position_epochs[sequencer.position]
+        sequencer.epochs = min(sequencer.epochs + 1, last)
+    return ready
+
+
+@compiled
+def resume(sequencer: Sequencer, parameters: Parameters, assembly: Assembly) -> None:
+    """Try again: turn both axes to where the position wants them."""
+    sequencer.running = True
+    sequencer.interrupted = False
+    sequencer.tries += 1
+    if sequencer.homing:
+        sequencer.epochs = 0
+    sequencer.turn_begun = sequencer.epochs
+    for axis in (INNER, OUTER):
+        target = sequencer.target_angle_deg[axis]
+        encoder = assembly.encoder_angle_deg[axis]
+        sequencer.start_angle_deg[axis] = unwrapped(encoder, target, parameters.angle_span_deg)
+        sequencer.command[axis] = _POSITION
+
+
+@compiled
 def expected_angle_deg(sequencer: Sequencer, parameters: Parameters, axis: int) -> float:
     """Return the expected angle of an axis: ramp up, turn at the full rate, ramp down.
 
@@ -109,7 +194,8 @@ def expected_angle_deg(sequencer: Sequencer, parameters: Parameters, axis: int) 
         return target
     ramp_s = rate / acceleration
     total_s = turn / rate + ramp_s
-    t = sequencer.epochs * parameters.period_ns * 1e-9 - 0.5 * parameters.axis_rise_s
+    epochs = sequencer.epochs - sequencer.turn_begun
+    t = epochs * parameters.period_ns * 1e-9 - 0.5 * parameters.axis_rise_s
     if t <= 0.0:
         return start
     if t >= total_s:
@@ -125,7 +211,7 @@ def expected_angle_deg(sequencer: Sequencer, parameters: Parameters, axis: int) 
 
 @compiled
 def watch(sequencer: Sequencer, parameters: Parameters, assembly: Assembly) -> bool:
-    """Check that both axes follow; return whether one has newly failed to.
+    """Check that both axes follow; return whether one does not.
 
     An axis does not follow when its encoder deviates from the expected angle by more than the
     tolerance, when it reports a fault, or when it has been silent for too long.
@@ -138,6 +224,6 @@ def watch(sequencer: Sequencer, parameters: Parameters, assembly: Assembly) -> b
         lag = unwrapped(encoder, expected, parameters.angle_span_deg) - expected
         fault = assembly.axis_state[axis] == _AXIS_FAULT
         if silent or fault or abs(lag) > parameters.follow_tolerance_deg:
-            found = found or not sequencer.not_following[axis]
+            found = True
             sequencer.not_following[axis] = True
     return found

@@ -161,7 +161,7 @@ def _navigate(state: Ram) -> None:
 def _rotate(state: Ram) -> None:
     """Advance the scheme; fall back to strapdown when an axis does not follow."""
     if sequencer.watch(state.sequencer, state.parameters, state.assembly):
-        modes.enter(state, Mode.NAVIGATION_STRAPDOWN)
+        modes.interrupt_rotation(state)
     else:
         sequencer.advance(state.sequencer, state.parameters)
 
@@ -182,6 +182,8 @@ def _run_mode(state: Ram, contract: Contract) -> None:
         _navigate(state)
     if state.modes.mode == Mode.NAVIGATION_ROTATING and mode == Mode.NAVIGATION_ROTATING:
         _rotate(state)
+    elif state.sequencer.interrupted:
+        modes.resume_rotation(state)
 
 
 @compiled

@@ -117,6 +117,13 @@ _AXIS = (
         Debounce(fail_s=0.1),
         "turns faster than any command allows",
     ),
+    (
+        AxisFault.ABANDONED,
+        "abandoned",
+        _PERFORMANCE,
+        Debounce(events=1),
+        "did not follow in any of 8 tries: the rotation is not taken up again",
+    ),
 )
 
 _ONCE = Debounce(events=1)

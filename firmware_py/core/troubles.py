@@ -82,6 +82,7 @@ class AxisFault(IntEnum):
     DRIVE = 2
     ENCODER = 4
     LIMIT = 6
+    ABANDONED = 8
 
 
 class SystemFault(IntEnum):

@@ -40,6 +40,8 @@ def firmware_summary(firmware: Firmware) -> JsonObject:
         "navigation_sha256": firmware.trace.sha256(),
         "scheme_cycles": int(state["sequencer"]["cycle"]),
         "axes_not_following": [bool(flag) for flag in state["sequencer"]["not_following"]],
+        "axis_interruptions": [int(count) for count in state["sequencer"]["interruptions"]],
+        "axes_abandoned": [bool(flag) for flag in state["sequencer"]["abandoned"]],
         "frames_received": firmware.frames_received,
         "frames_sent": firmware.frames_sent,
         "calibration": _calibration_used(firmware),

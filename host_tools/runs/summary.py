@@ -179,6 +179,21 @@ def _keys_of(calibration: JsonObject) -> str:
     return "; ".join(tables) or "holds nothing"
 
 
+def _axis_lines(firmware: JsonObject) -> list[str]:
+    """Return what kept the rotation scheme from going on."""
+    lines = []
+    for k, axis in enumerate(("inner", "outer")):
+        count = firmware.get("axis_interruptions", (0, 0))[k]
+        if firmware.get("axes_abandoned", (False, False))[k]:
+            lines.append(f"the {axis} axis did not follow in any try: rotation abandoned")
+        elif firmware.get("axes_not_following", (False, False))[k]:
+            lines.append(f"the {axis} axis did not follow its command")
+        elif count:
+            times = "once" if count == 1 else f"{count} times"
+            lines.append(f"the {axis} axis did not follow its command {times}: rotation resumed")
+    return lines
+
+
 def lines_of(summary: JsonObject) -> list[str]:
     """Return the lines below the table: how the run went."""
     firmware = summary["firmware"]
@@ -214,7 +229,5 @@ def lines_of(summary: JsonObject) -> list[str]:
     if faults:
         counted = ", ".join(f"{name} {count}" for name, count in faults.items())
         lines.append(f"faults counted by the firmware: {counted}")
-    for axis, lost in zip(("inner", "outer"), firmware.get("axes_not_following", ()), strict=False):
-        if lost:
-            lines.append(f"the {axis} axis did not follow its command")
+    lines += _axis_lines(firmware)
     return lines

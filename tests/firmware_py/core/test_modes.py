@@ -198,6 +198,18 @@ def test_an_axis_that_does_not_follow_ends_the_rotation_only(tools):
     assert bench.mode == STRAPDOWN
 
 
+def test_rotation_is_tried_again_unless_the_operator_has_given_it_up(tools):
+    for asked in (ModeRequest.NAVIGATE_ROTATING, ModeRequest.NAVIGATE_STRAPDOWN):
+        bench = in_mode(tools.Bench(), ROTATING)
+        while bench.mode == ROTATING:
+            bench.step()  # the inner axis stays at zero
+        seen = []
+        for _ in range(2 * round(1e9 / bench.state["parameters"]["period_ns"])):
+            bench.step(request=asked)
+            seen.append(bench.mode)
+        assert (ROTATING in seen) == (asked == ModeRequest.NAVIGATE_ROTATING)
+
+
 def test_a_change_between_the_navigation_modes_does_not_start_navigation_anew(tools):
     bench = in_mode(tools.Bench(), STRAPDOWN)
     bench.state["ins"]["longitude"] = 1.0

@@ -179,14 +179,65 @@ def test_an_axis_that_reports_a_fault_is_found_at_once(rotation):
     assert list(rotation.sequencer["not_following"]) == [0, 1]
 
 
-def test_a_finding_is_told_once(rotation):
-    rotation.assembly["axis_state"][OUTER] = AxisState.FAULT
-    assert [rotation.epoch() for _ in range(3)] == [True, False, False]
+def interrupted(rotation):
+    """Interrupt the scheme as the mode logic does."""
+    sequencer.stop(rotation.sequencer)
+    sequencer.interrupt(rotation.sequencer, rotation.parameters)
+    rotation.assembly["axis_state"][:] = AxisState.HOLDING
 
 
-def test_commands_and_states_are_those_of_the_dbc(tools):
-    for name in ("INNER", "OUTER"):
-        commands = tools.codec.choices(f"AXIS_{name}_COMMAND", "command")
-        states = tools.codec.choices(f"AXIS_{name}_STATUS", "state")
-        assert {int(c): c.name for c in AxisCommand} == commands
-        assert {int(s): s.name for s in AxisState} == states
+def epochs_waited(rotation, limit=100_000):
+    """Wait for the next try; return for how many epochs."""
+    arguments = (rotation.sequencer, rotation.parameters, rotation.assembly)
+    return next(k for k in range(limit) if sequencer.wait(*arguments))
+
+
+def test_an_interrupted_turn_is_completed_and_the_scheme_on_time_again(rotation):
+    for _ in range(10):
+        rotation.epoch()
+    rotation.follows[INNER] = False
+    stalled_deg = float(rotation.assembly["encoder_angle_deg"][INNER])
+    found = 10 + rotation.epochs_until_found() + 1
+    interrupted(rotation)
+    assert not rotation.sequencer["running"]
+    waited = epochs_waited(rotation)
+    assert waited == RATE_HZ  # a second
+    sequencer.resume(rotation.sequencer, rotation.parameters, rotation.assembly)
+    assert rotation.sequencer["epochs"] == found + waited + 1
+    assert rotation.expected(INNER) == pytest.approx(stalled_deg)
+    rotation.follows[INNER] = True
+    while rotation.sequencer["position"] == 0:
+        assert rotation.sequencer["not_following"][INNER]
+        assert not rotation.epoch()
+    assert not rotation.sequencer["not_following"].any()
+    assert rotation.sequencer["tries"] == 0
+    assert list(rotation.sequencer["interruptions"]) == [1, 0]
+    assert rotation.targets == AFTER_DEG[1]
+
+
+def test_an_axis_is_tried_eight_times_and_then_abandoned(rotation):
+    rotation.follows[INNER] = False
+    waits = []
+    for _ in range(sequencer.TRIES):
+        rotation.epochs_until_found()
+        interrupted(rotation)
+        waits.append(epochs_waited(rotation))
+        sequencer.resume(rotation.sequencer, rotation.parameters, rotation.assembly)
+    assert waits == [RATE_HZ * 2**k for k in range(8)]
+    rotation.epochs_until_found()
+    interrupted(rotation)
+    assert not rotation.sequencer["interrupted"]
+    assert list(rotation.sequencer["abandoned"]) == [1, 0]
+    assert list(rotation.sequencer["interruptions"]) == [1, 0]
+
+
+@pytest.mark.parametrize("state", [AxisState.FAULT, AxisState.MOVING, AxisState.BRAKING])
+def test_an_axis_that_does_not_stand_is_not_tried(rotation, state):
+    rotation.follows[INNER] = False
+    rotation.epochs_until_found()
+    interrupted(rotation)
+    rotation.assembly["axis_state"][INNER] = state
+    assert not any(
+        sequencer.wait(rotation.sequencer, rotation.parameters, rotation.assembly)
+        for _ in range(3 * RATE_HZ)
+    )
