@@ -92,6 +92,7 @@ by default all. `probability` is the share of these frames that is affected.
 | `axis_runaway` | an axis turns, whatever the command | `axis`, `rate_dps` |
 | `encoder_stuck` | the encoder repeats the last angle | `axis` |
 | `encoder_offset` | the encoder reads too high | `axis`, `offset_deg` |
+| `encoder_slip` | the encoder misses a share of each turn | `axis`, `slip_percent` |
 | `gyro_stuck`, `accelerometer_stuck` | the sensor repeats the last increment | `sensor` |
 | `gyro_bias` | additional bias | `sensor`, `bias_dph` |
 | `accelerometer_bias` | additional bias | `sensor`, `bias_ug` |

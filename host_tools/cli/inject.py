@@ -44,6 +44,7 @@ _STEPS = {
 @click.option("--sensor", type=int, help="Gyro or accelerometer that fails.  [default: all]")
 @click.option("--rate-dps", type=float, help="For axis_runaway, °/s.")
 @click.option("--offset-deg", type=float, help="For encoder_offset, °.")
+@click.option("--slip-percent", type=float, help="For encoder_slip, % of what the axis turns.")
 @click.option("--bias-dph", type=float, help="For gyro_bias, °/h.")
 @click.option("--bias-ug", type=float, help="For accelerometer_bias, µg.")
 @click.option("--angle-random-walk-deg-per-sqrt-h", type=float, help="For gyro_noise, °/√h.")
@@ -74,7 +75,7 @@ def inject(
     Faults on the wire: drop, delay, duplicate, reorder, corrupt_wire, corrupt, wrong_counter,
     babble, silence, bus_off, cut, stale.
 
-    Hardware faults: axis_stall, axis_runaway, encoder_stuck, encoder_offset; gyro_ or
+    Hardware faults: axis_stall, axis_runaway, encoder_stuck, encoder_offset, encoder_slip; gyro_ or
     accelerometer_ with stuck, dead, absent, full_scale, bias, ramp, noise, scale, shift_u or
     shift_v.
 

@@ -33,12 +33,13 @@ class HardwareFault(IntEnum):
 
     AXIS_STALL: an axis stops (no value). AXIS_RUNAWAY: it turns at the value, rad/s.
     ENCODER_STUCK: its encoder repeats the last angle. ENCODER_OFFSET: its encoder reads too much
-    by the value, °. GYRO_STUCK, ACCELEROMETER_STUCK: repeats its last increment. GYRO_BIAS,
-    ACCELEROMETER_BIAS: additional bias, rad/s or m/s². GYRO_NOISE, ACCELEROMETER_NOISE: additional
-    white noise, rad/√s or m/s/√s. GYRO_ABSENT, ACCELEROMETER_ABSENT: flagged as absent. RAMP: a
-    bias that grows from zero, rad/s² or m/s³. SCALE: additional error of the scale factor. SHIFT_U,
-    SHIFT_V: the mount turns, additional installation angle δu or δv, rad. DEAD: reads zero.
-    FULL_SCALE: reads the end of its range, flagged as saturated.
+    by the value, °. ENCODER_SLIP: its encoder misses this share of what it turns, for good.
+    GYRO_STUCK, ACCELEROMETER_STUCK: repeats its last increment. GYRO_BIAS, ACCELEROMETER_BIAS:
+    additional bias, rad/s or m/s². GYRO_NOISE, ACCELEROMETER_NOISE: additional white noise, rad/√s
+    or m/s/√s. GYRO_ABSENT, ACCELEROMETER_ABSENT: flagged as absent. RAMP: a bias that grows from
+    zero, rad/s² or m/s³. SCALE: additional error of the scale factor. SHIFT_U, SHIFT_V: the mount
+    turns, additional installation angle δu or δv, rad. DEAD: reads zero. FULL_SCALE: reads the end
+    of its range, flagged as saturated.
 
     Kinds of sensors have the same faults in the same order, in two blocks each.
     """
@@ -67,6 +68,7 @@ class HardwareFault(IntEnum):
     ACCELEROMETER_SHIFT_V = 22
     ACCELEROMETER_DEAD = 23
     ACCELEROMETER_FULL_SCALE = 24
+    ENCODER_SLIP = 25
 
 
 _STUCK, _BIAS, _NOISE, _ABSENT = 0, 1, 2, 3  # of a sensor, the first block of its kind
@@ -103,6 +105,7 @@ def _clear(plant: Plant) -> None:
         plant.axis[axis].runaway = False
         plant.axis[axis].encoder_stuck = False
         plant.axis[axis].encoder_error_deg = 0.0
+        plant.axis[axis].encoder_slip = 0.0
     for kind in range(2):
         sensors = plant.gyros if kind == 0 else plant.accelerometers
         sensors.stuck = 0
@@ -126,6 +129,8 @@ def _set_axis(axis: TurntableAxis, kind: int, value: float) -> None:
         axis.runaway_rate = value
     elif kind == HardwareFault.ENCODER_STUCK:
         axis.encoder_stuck = True
+    elif kind == HardwareFault.ENCODER_SLIP:
+        axis.encoder_slip += value
     else:
         axis.encoder_error_deg += value
 

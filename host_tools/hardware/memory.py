@@ -133,6 +133,8 @@ class TurntableAxis(Record):
     encoder_stuck: Bool  #: the encoder repeats `encoder_held_deg`
     encoder_held_deg: F8  #: last reading of the encoder
     encoder_error_deg: F8  #: encoder reading minus true angle
+    encoder_slip: F8  #: share of the turning that the encoder misses
+    encoder_slipped_deg: F8  #: what it has missed so far
 
 
 class FrameCounters(Record):

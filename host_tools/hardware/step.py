@@ -198,6 +198,7 @@ def advance(plant: Plant, pieces: Floats, contract: Contract) -> None:
     for axis in (INNER, OUTER):
         _apply_command(plant, plant.axis[axis])
         turntable.advance(plant.axis[axis], dt)
+        turntable.slip(plant.axis[axis])
     truth.integrate(plant, pieces, dt)
     if plant.epoch % plant.drift_epochs == 0:
         _drift(plant, dt)

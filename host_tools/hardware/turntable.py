@@ -217,10 +217,19 @@ def advance(axis: TurntableAxis, dt: float) -> None:
 
 
 @compiled
+def slip(axis: TurntableAxis) -> None:
+    """Let the encoder miss its share of the epoch's turning."""
+    if axis.encoder_slip != 0.0:
+        turned_deg = math.degrees(axis.angle - axis.angle_before)
+        axis.encoder_slipped_deg += axis.encoder_slip * turned_deg
+
+
+@compiled
 def encoder_angle_deg(axis: TurntableAxis) -> float:
-    """Return the encoder's reading: the angle with its offset, rounded to its steps."""
+    """Return the encoder's reading: the angle with its errors, rounded to its steps."""
     if axis.encoder_stuck:
         return axis.encoder_held_deg
     angle_deg = math.degrees(axis.angle) + axis.encoder_offset_deg + axis.encoder_error_deg
+    angle_deg -= axis.encoder_slipped_deg
     axis.encoder_held_deg = round(angle_deg / axis.encoder_step_deg) * axis.encoder_step_deg
     return axis.encoder_held_deg

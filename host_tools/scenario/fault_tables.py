@@ -163,12 +163,14 @@ class FaultOfHardware(_Timed):
 class FaultOfAxis(FaultOfHardware):
     """An axis of the turntable that fails."""
 
-    kind: Literal["axis_stall", "axis_runaway", "encoder_stuck", "encoder_offset"]
+    kind: Literal["axis_stall", "axis_runaway", "encoder_stuck", "encoder_offset", "encoder_slip"]
     axis: Literal["inner", "outer"]
     rate_dps: float = _limited(HardwareFault.AXIS_RUNAWAY, 5.0)
     """Of a runaway."""
     offset_deg: float = _limited(HardwareFault.ENCODER_OFFSET, 1.0)
-    """Slip of the encoder."""
+    """By which the encoder reads too high."""
+    slip_percent: float = _limited(HardwareFault.ENCODER_SLIP, 1.0)
+    """Share of the turning that the encoder misses."""
 
     @property
     def target(self) -> int:

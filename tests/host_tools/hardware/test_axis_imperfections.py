@@ -240,3 +240,22 @@ def test_a_stuck_encoder_repeats_what_it_read_last(made):
     assert turntable.encoder_angle_deg(axes[0]) == before
     axes["encoder_stuck"] = False
     assert turntable.encoder_angle_deg(axes[0]) > before + 5
+
+
+def test_a_slipping_encoder_misses_its_share_for_good(made):
+    axes = made()
+    turned(axes, 500, 1.0, math.radians(10))
+    before = turntable.encoder_angle_deg(axes[0])
+    assert before == pytest.approx(math.degrees(float(axes["angle"][0])), abs=1e-6)
+    turned_deg = 0.0
+    axes["encoder_slip"] = 0.02
+    for _ in range(500):
+        turntable.advance(axes[0], DT)
+        turntable.slip(axes[0])
+        turned_deg += math.degrees(float(axes["angle"][0] - axes["angle_before"][0]))
+    assert turned_deg > 5
+    reading = turntable.encoder_angle_deg(axes[0])
+    assert reading == pytest.approx(before + 0.98 * turned_deg, abs=1e-5)
+    axes["encoder_slip"] = 0.0
+    turntable.slip(axes[0])
+    assert turntable.encoder_angle_deg(axes[0]) == reading

@@ -72,6 +72,7 @@ FAULTS = (
     {"kind": "accelerometer_shift_v", "sensor": 3, "shift_arcsec": 60.0},
     {"kind": "accelerometer_dead", "period_s": 0.2, "duty": 0.5},
     {"kind": "accelerometer_full_scale", "sensor": 4},
+    {"kind": "encoder_slip", "axis": "inner", "slip_percent": 2.5},
 )
 HARMLESS = {"reorder", "corrupt_wire", "babble", "duplicate", "silence"}
 
