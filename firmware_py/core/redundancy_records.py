@@ -104,7 +104,6 @@ class Parity(Record):
     drift_second: Annotated[Floats, SENSOR_GROUPS]  #: of a parity's drift over 1 s
     epoch_variance: Annotated[Floats, (SENSOR_GROUPS, EPOCH_LEVELS)]
     # Of the present second.
-    epochs: I8
     used_epochs: I8
     absent_epochs: I8  #: since a compared sensor was last there
     residual: Annotated[Floats, SENSOR_GROUPS]  #: sums of the parity along each sensor's axis
@@ -176,6 +175,7 @@ class Redundancy(Record):
 
     enabled: Bool
     second_epochs: I8
+    epochs: I8  #: of the present second
     navigated: Bool  #: in the previous epoch
     transmissions: I8  #: of its messages, for their counters
     navigation_epoch: I8  #: in which navigation began

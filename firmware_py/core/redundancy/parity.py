@@ -134,7 +134,6 @@ def clear_levels(parity: Parity) -> None:
 @compiled
 def begin_second(parity: Parity) -> None:
     """Begin the sums of a second."""
-    parity.epochs = 0
     parity.used_epochs = 0
     for i in range(parity.residual.shape[0]):
         parity.residual[i] = 0.0

@@ -69,9 +69,9 @@ def note(
 
 
 @compiled
-def note_motion(repair: Repair, ins: Ins, dv_s: Floats, dt: float, others: int) -> None:
-    """Add the epoch's specific force, velocity and time; `others` is the place behind sensors."""
-    C_s_n = ins.C_s_n
+def note_motion(repair: Repair, ins: Ins, dv_s: Floats, dt: float) -> None:
+    """Add the epoch's specific force, velocity and time, behind the sensors."""
+    C_s_n, others = ins.C_s_n, repair.stride - _OTHER
     for i in range(3):
         repair.block[others + _FORCE + i] += (
             C_s_n[i, 0] * dv_s[0] + C_s_n[i, 1] * dv_s[1] + C_s_n[i, 2] * dv_s[2]
@@ -93,7 +93,6 @@ def close_block(repair: Repair) -> None:
 @compiled
 def order(repair: Repair, kind: int, sensor: int, seconds: float) -> None:
     """Order the repair of a fault that has lasted for `seconds`."""
-    close_block(repair)
     longer = int(seconds * (1.0 + _SHARE_MORE)) + _SECONDS_MORE
     longer = min(longer, repair.count, repair.capacity - 2)
     repair.active = True
@@ -189,6 +188,7 @@ def advance(state: Ram) -> None:
         repair.at += 1
     if repair.at < repair.count:
         return
-    _carry(state, repair.block, repair.block[place : place + 3], of_gyro)
+    block = repair.block[: repair.stride]
+    _carry(state, block, block[place : place + 3], of_gyro)
     _apply(state)
     repair.active = False

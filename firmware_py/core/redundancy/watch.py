@@ -51,30 +51,16 @@ def correct(parity: Parity, fusion: Fusion, received: int, valid: int, measured:
 
 @compiled
 def _take(
-    state: Ram,
-    parity: Parity,
-    fusion: Fusion,
-    valid: int,
-    controlled: int,
-    measured: Floats,
+    state: Ram, parity: Parity, fusion: Fusion, valid: int, measured: Floats, own: Floats
 ) -> None:
-    """Take an epoch of a kind; it counts if all compared sensors are valid.
-
-    `controlled` are those that an operator excludes for a while, one bit each.
-    """
+    """Take an epoch of a kind; it counts if all compared sensors are valid."""
     redundancy = state.redundancy
-    own, other = state.dtheta_s, state.dv_s
-    expected = redundancy.expected_dtheta_s
+    other, expected = state.dv_s, redundancy.expected_dtheta_s
     if parity.kind == ACCELEROMETERS:
-        own, other, expected = other, own, redundancy.expected_dv_s
-    parity.epochs += 1
-    everything = (1 << fusion.count) - 1 & ~(parity.excluded | controlled)
-    if parity.sensors != everything:
-        parities.compare(parity, fusion, everything, redundancy.second_epochs, state.ins.work)
-    usable = valid == everything and fusion.solvable and fusion.used == everything
+        other, expected = state.dtheta_s, redundancy.expected_dv_s
     for k in range(fusion.count):
         parity.unlearned[k] = 0.0
-    if usable:
+    if valid == parity.sensors and fusion.solvable and fusion.used == valid:
         regressors = parities.regress(parity, fusion, own, other, state.parameters.period_ns * 1e-9)
         ratio = parities.take(parity, fusion, measured, own, regressors)
         if redundancy.expected_known:
@@ -93,11 +79,11 @@ def _raise(state: Ram, parity: Parity) -> None:
 
 
 @compiled
-def _close_second(state: Ram, parity: Parity, fusion: Fusion) -> None:
-    """Test the windows that end with this second; decide which sensor fails."""
+def _close_second(state: Ram, parity: Parity, fusion: Fusion) -> tuple[int, int]:
+    """Test the windows that end with this second; return which sensor fails, and how it shows."""
     redundancy = state.redundancy
-    enough = 2 * parity.used_epochs > redundancy.second_epochs
-    if enough:
+    sensor, how = -1, _STANDING
+    if 2 * parity.used_epochs > redundancy.second_epochs:
         count = int(fusion.count)
         regressors = ABSOLUTE + count
         parity.ratio = windows.close_second(parity, count, regressors)
@@ -110,34 +96,24 @@ def _close_second(state: Ram, parity: Parity, fusion: Fusion) -> None:
             parity.clear_seconds += 1
             if parity.clear_seconds > _CLEAR_AFTER_S:
                 parity.alarm = False
-        _isolate(state, parity, fusion)
+        sensor = isolation.standing(parity, fusion)
+        if sensor < 0 and parity.alarm:
+            sensor, how = isolation.by_parity(parity, count), _PARITY
     parities.begin_second(parity)
+    return sensor, how
 
 
 @compiled
-def _isolate(state: Ram, parity: Parity, fusion: Fusion) -> None:
-    """Leave out the sensor that fails, once it is known."""
-    sensor, how = isolation.standing(parity, fusion), _STANDING
-    if sensor < 0 and parity.alarm:
-        sensor, how = isolation.by_parity(parity, int(fusion.count)), _PARITY
-    if sensor >= 0:
-        _raise(state, parity)
-        leave_out(state, parity, fusion, sensor, how)
-
-
-@compiled
-def _leave_out_known(state: Ram, parity: Parity, fusion: Fusion, stuck: int, absent: int) -> None:
-    """Leave out sensors that repeat themselves, or have been flagged as absent for a second."""
+def _known(state: Ram, parity: Parity, stuck: int, absent: int) -> tuple[int, int]:
+    """Return a sensor that repeats itself, or has been flagged as absent for a second; -1: none."""
     parity.absent_epochs = parity.absent_epochs + 1 if absent & parity.sensors else 0
     if parity.absent_epochs <= state.redundancy.second_epochs:
         absent = 0
-    for sensor in range(fusion.count):
-        if (stuck | absent) & parity.sensors & 1 << sensor == 0:
-            continue
-        how = _STUCK if stuck >> sensor & 1 else _ABSENT
-        if _spans(state, fusion, parity.sensors & ~(1 << sensor)):
-            _raise(state, parity)
-            leave_out(state, parity, fusion, sensor, how)
+    known = (stuck | absent) & parity.sensors
+    for sensor in range(parity.residual.shape[0]):
+        if known >> sensor & 1:
+            return sensor, _STUCK if stuck >> sensor & 1 else _ABSENT
+    return -1, _ABSENT
 
 
 @compiled
@@ -157,15 +133,15 @@ def _begun_s(parity: Parity) -> float:
 
 
 @compiled
-def leave_out(state: Ram, parity: Parity, fusion: Fusion, sensor: int, how: int) -> None:
-    """Leave a sensor out from now on, and order the repair of the history.
+def _leave_out(state: Ram, parity: Parity, fusion: Fusion, sensor: int, how: int) -> None:
+    """Leave a sensor out from now on if it can be spared, and order the repair of the history.
 
     What was learned of the parity is taken off the other sensors from now on, so that without it
     they give what all gave.
     """
     redundancy = state.redundancy
-    remaining = parity.sensors & ~(1 << sensor)
-    if not _spans(state, fusion, remaining):
+    least_squares.prepare(fusion, parity.sensors & ~(1 << sensor), state.ins.work)
+    if not fusion.solvable:
         return
     for k in range(fusion.count):
         for j in range(parity.correction.shape[1]):
@@ -181,75 +157,69 @@ def leave_out(state: Ram, parity: Parity, fusion: Fusion, sensor: int, how: int)
     if redundancy.navigated:
         repair.order(redundancy.repair, parity.kind, sensor, seconds)
         parity.repaired_epoch = state.epoch - int(seconds) * redundancy.second_epochs
-    parities.compare(parity, fusion, remaining, redundancy.second_epochs, state.ins.work)
 
 
 @compiled
-def _spans(state: Ram, fusion: Fusion, sensors: int) -> bool:
-    """Return whether the axes of some sensors span space."""
-    least_squares.prepare(fusion, sensors, state.ins.work)
-    return bool(fusion.solvable)
+def _judge(
+    state: Ram, parity: Parity, fusion: Fusion, controlled: int, stuck: int, absent: int
+) -> None:
+    """Leave out the sensor that fails, once it is known; compare those that are left.
+
+    `controlled` are those that an operator excludes for a while, one bit each.
+    """
+    redundancy = state.redundancy
+    sensor, how = _known(state, parity, stuck, absent)
+    if redundancy.epochs == 0:
+        found, shown = _close_second(state, parity, fusion)
+        if sensor < 0:
+            sensor, how = found, shown
+    if sensor >= 0:
+        _raise(state, parity)
+        _leave_out(state, parity, fusion, sensor, how)
+    everything = (1 << fusion.count) - 1 & ~(parity.excluded | controlled)
+    if parity.sensors != everything:
+        parities.compare(parity, fusion, everything, redundancy.second_epochs, state.ins.work)
 
 
 @compiled
 def watch(state: Ram, navigating: bool) -> None:
     """Compare the sensors of this epoch; called between fusion and navigation."""
-    redundancy, assembly = state.redundancy, state.assembly
-    dt = state.parameters.period_ns * 1e-9
-    gyros, accelerometers = redundancy.gyros, redundancy.accelerometers
+    redundancy, assembly, diagnostics = state.redundancy, state.assembly, state.diagnostics
+    history = redundancy.repair
     if navigating and not redundancy.navigated:
-        repair.begin(redundancy.repair, state.gyros.count, state.accelerometers.count)
+        repair.begin(history, state.gyros.count, state.accelerometers.count)
         redundancy.navigation_epoch = state.epoch - 1
     redundancy.navigated = navigating
     redundancy.expected_known = False
     if navigating:
         standing.expect(state)
-    _take(
-        state,
-        gyros,
-        state.gyros,
-        assembly.gyro_valid,
-        state.diagnostics.excluded_gyros,
-        assembly.gyro_dtheta,
-    )
-    _take(
-        state,
-        accelerometers,
-        state.accelerometers,
-        assembly.accelerometer_valid,
-        state.diagnostics.excluded_accelerometers,
-        assembly.accelerometer_dv,
-    )
-    if navigating:
-        history, C_s_n = redundancy.repair, state.ins.C_s_n
-        behind = 3 * state.gyros.count
-        repair.note(history, C_s_n, state.gyros, gyros, 0, redundancy.work[0])
-        repair.note(
-            history, C_s_n, state.accelerometers, accelerometers, behind, redundancy.work[0]
-        )
-        others = behind + 3 * state.accelerometers.count
-        repair.note_motion(history, state.ins, state.dv_s, dt, others)
-    _leave_out_known(
-        state,
-        gyros,
-        state.gyros,
-        state.diagnostics.gyro_repetition.stuck,
-        assembly.gyro_absent,
-    )
-    _leave_out_known(
-        state,
-        accelerometers,
-        state.accelerometers,
-        state.diagnostics.accelerometer_repetition.stuck,
-        assembly.accelerometer_absent,
-    )
-    if gyros.epochs >= redundancy.second_epochs:
-        standing.note_velocity(state)
-        _close_second(state, gyros, state.gyros)
-        _close_second(state, accelerometers, state.accelerometers)
+    parity, fusion, own = redundancy.gyros, state.gyros, state.dtheta_s
+    valid, measured = assembly.gyro_valid, assembly.gyro_dtheta
+    for kind in range(2):
+        if kind == ACCELEROMETERS:
+            parity, fusion, own = redundancy.accelerometers, state.accelerometers, state.dv_s
+            valid, measured = assembly.accelerometer_valid, assembly.accelerometer_dv
+        _take(state, parity, fusion, valid, measured, own)
         if navigating:
-            repair.close_block(redundancy.repair)
-        gyros.epochs = 0
-        accelerometers.epochs = 0
-    if navigating and redundancy.repair.active:
+            first = 3 * int(state.gyros.count) * kind
+            repair.note(history, state.ins.C_s_n, fusion, parity, first, redundancy.work[0])
+    redundancy.epochs += 1
+    if redundancy.epochs == redundancy.second_epochs:
+        redundancy.epochs = 0
+        standing.note_velocity(state)
+    if navigating:
+        dt = state.parameters.period_ns * 1e-9
+        repair.note_motion(history, state.ins, state.dv_s, dt)
+        if redundancy.epochs == 0:
+            repair.close_block(history)
+    parity, fusion, controlled = redundancy.gyros, state.gyros, diagnostics.excluded_gyros
+    stuck, absent = diagnostics.gyro_repetition.stuck, assembly.gyro_absent
+    for kind in range(2):
+        if kind == ACCELEROMETERS:
+            parity, fusion = redundancy.accelerometers, state.accelerometers
+            controlled = diagnostics.excluded_accelerometers
+            stuck = diagnostics.accelerometer_repetition.stuck
+            absent = assembly.accelerometer_absent
+        _judge(state, parity, fusion, controlled, stuck, absent)
+    if navigating and history.active:
         repair.advance(state)
