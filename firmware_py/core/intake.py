@@ -17,12 +17,13 @@ from rrins.dbc.contract import SENSOR_GROUPS, Contract, MessageSignals
 from rrins.dbc.e2e import COUNTER_MODULUS, MessageLayout, counter_of, crc_holds
 from rrins.dbc.frame import Frame, FrameArray
 from rrins.dbc.record import Records
-from rrins.firmware_py.core import clock, frame_checks, senders
+from rrins.firmware_py.core import clock, frame_checks, gnss, senders
 from rrins.firmware_py.core.diagnostic_records import ATTENTION_FRAMES
 from rrins.firmware_py.core.memory import INNER, OUTER, Assembly, Ram
 from rrins.firmware_py.core.troubles import Source
 
 _NOTHING, _SYNC, _MODE_COMMAND, _ALTIMETER, _AXIS, _DIAGNOSTIC, _SENSOR = 0, 1, 2, 3, 4, 8, 16
+_GNSS = _SENSOR + SENSOR_GROUPS
 
 _FROM_SYNC, _FROM_COMMAND = int(Source.SYNC), int(Source.MODE_COMMAND)
 _FROM_AXES, _FROM_SENSORS = int(Source.AXIS_INNER), int(Source.SENSOR_1)
@@ -55,6 +56,9 @@ def dispatch_table(contract: Records[Contract]) -> NDArray[np.int16]:
     table[record.axis_outer_status.message.can_id] = _AXIS + OUTER
     for group in range(SENSOR_GROUPS):
         table[record.sensor[group].message.can_id] = _SENSOR + group
+    parts = ("gnss_time", "gnss_latitude", "gnss_longitude", "gnss_height", "gnss_velocity")
+    for part, name in enumerate(parts):
+        table[record[name].message.can_id] = _GNSS + part
     assert record.sync.epoch.length == _EPOCH_BITS
     return table
 
@@ -68,6 +72,7 @@ def begin(state: Ram) -> None:
     if state.clock.far_epoch > 0:
         state.clock.far_epoch += 1
     senders.begin(state)
+    gnss.begin(state)
     assembly = state.assembly
     assembly.received = 0
     assembly.gyro_valid = 0
@@ -104,8 +109,10 @@ def receive(state: Ram, contract: Contract, inbox: FrameArray, start: int, count
             state.diagnostics.attention |= ATTENTION_FRAMES
         elif kind < _SENSOR:
             _receive_axis(state, contract, frame, kind - _AXIS)
-        else:
+        elif kind < _GNSS:
             _receive_sensor(state, contract, frame, kind - _SENSOR)
+        else:
+            gnss.receive(state, contract, frame, kind - _GNSS)
     return count
 
 

@@ -105,6 +105,30 @@ class Assembly(Record):
     altimeter_height: F8  #: m, as last received
 
 
+class Gnss(Record):
+    """The GNSS receiver: the group of frames of this epoch, and the latest fix."""
+
+    interval_epochs: I8  #: between fixes; 0: no receiver is fitted
+    arrived: I8  #: frames of this epoch's group, one bit each
+    refused: Bool  #: whether two frames disagree about this epoch
+    word: Annotated[Words, 5]  #: payloads of the group
+    silent_epochs: I8  #: since the last whole group
+    fresh: Bool  #: whether a fix came in this epoch
+    available: Bool  #: whether fixes come
+    fixes: I8  #: since power-on
+    losses: I8  #: how often fixes stopped coming
+    too_old: I8  #: fixes that were not used for their age
+    quality: I8  #: as last received; 0: no fix
+    age_epochs: I8  #: since the latest fix was valid
+    epoch: I8  #: at whose end the latest fix was valid
+    position_sigma: F8  #: m, of each component
+    velocity_sigma: F8  #: m/s, of each component
+    latitude: F8  #: rad
+    longitude: F8  #: rad
+    height: F8  #: m
+    velocity_n: Annotated[Floats, 3]  #: m/s
+
+
 class Heard(Record):
     """The last frame of each source with each counter, and what disagrees with them."""
 
@@ -250,6 +274,7 @@ class Ram(Record):
     clock: Clock
     heard: Heard
     assembly: Assembly
+    gnss: Gnss
     gyros: Fusion
     accelerometers: Fusion
     size_effect: SizeEffect

@@ -23,7 +23,7 @@ COUNTER_CEILING, COUNTER_FLOOR = 127 * COUNTER_ONE, -128 * COUNTER_ONE
 
 _FIRST = np.array(trouble_table.FIRST, dtype=np.int64)
 _KINDS = len(Kind)
-_BITS = 21  # of a kind's word, at most
+_BITS = 22  # of a kind's word, at most
 
 _SILENT, _STALE = int(Kind.SILENT), int(Kind.STALE)
 _CRC, _COUNTER = int(Kind.CRC), int(Kind.COUNTER)
@@ -37,6 +37,7 @@ _AXES = 3 << _INNER_SHIFT
 _ALTIMETER = 1 << Source.ALTIMETER
 _SYNC = 1 << Source.SYNC
 _COMMAND = 1 << Source.MODE_COMMAND
+_GNSS = 1 << Source.GNSS
 
 _NOT_FOLLOWING, _DRIVE = int(AxisFault.NOT_FOLLOWING), int(AxisFault.DRIVE)
 _ENCODER, _LIMIT = int(AxisFault.ENCODER), int(AxisFault.LIMIT)
@@ -103,7 +104,7 @@ def _look_at_frames(state: Ram, monitor: DiagnosticState) -> None:
     tested[_TWO_SENDERS] = 0
     if state.clock.synchronised:
         tested[_STALE] = sources | _ALTIMETER
-        tested[_CRC] = tested[_COUNTER] = sources | _ALTIMETER | _SYNC | _COMMAND
+        tested[_CRC] = tested[_COUNTER] = sources | _ALTIMETER | _SYNC | _COMMAND | _GNSS
         tested[_TWO_SENDERS] = sources | _ALTIMETER | _SYNC
         tested[_SILENT] = _SYNC
         failing[_SILENT] = _SYNC
@@ -129,7 +130,7 @@ def _second_senders(state: Ram, came: int) -> int:
 
 @compiled
 def _look_at_cyclic_frames(state: Ram, monitor: DiagnosticState, wrong: int) -> None:
-    """Check the frames that are not sent in every epoch: MODE_COMMAND and the altimeter."""
+    """Check the frames that are not sent in every epoch: MODE_COMMAND, altimeter, GNSS."""
     failing, tested = monitor.failing, monitor.tested
     patience = monitor.patience_epochs
     command_heard = monitor.command_seen or wrong & _COMMAND != 0
@@ -144,6 +145,10 @@ def _look_at_cyclic_frames(state: Ram, monitor: DiagnosticState, wrong: int) -> 
         tested[_SILENT] |= _ALTIMETER
         if monitor.altimeter_silence > patience:
             failing[_SILENT] |= _ALTIMETER
+    if state.gnss.interval_epochs > 0:
+        tested[_SILENT] |= _GNSS
+        if state.gnss.silent_epochs > 2 * state.gnss.interval_epochs:
+            failing[_SILENT] |= _GNSS
 
 
 @compiled

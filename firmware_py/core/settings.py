@@ -112,6 +112,8 @@ class Settings(_Checked):
     accelerometer_consistency_ug: float
     scheme: Scheme
     altimeter: bool = False
+    gnss_interval_s: float = Field(default=0.0, ge=0, le=10)
+    """Between fixes; 0: no receiver is fitted."""
     calibration: Calibration = Calibration()
     redundancy: RedundancySettings | None = None
     calibration_file: str | None = None
@@ -168,6 +170,7 @@ def power_on(settings: Settings, contract: Records[Contract]) -> Records[Ram]:
     parameters.alignment_epochs = max(1, round(settings.alignment_s * rate_hz))
     parameters.height_channel = _HEIGHT_CHANNELS[settings.height_channel]
     parameters.altimeter = settings.altimeter
+    state.gnss.interval_epochs = round(settings.gnss_interval_s * rate_hz)
     parameters.bridge_epochs = round(settings.bridge_s * rate_hz)
     parameters["axis_acceleration_dps2"] = settings.axis_acceleration_dps2
     parameters.axis_rise_s = settings.axis_rise_s

@@ -16,6 +16,7 @@ from rrins.firmware_py.core import (
     alignment,
     clock,
     earth,
+    gnss,
     intake,
     modes,
     monitor,
@@ -209,6 +210,7 @@ def compute(state: Ram, contract: Contract, compares: bool | None) -> None:
     takes it.
     """
     intake.close(state)
+    gnss.close(state, contract)
     clock.advance(state.clock)
     gimbal_matrix(
         state.C_s_b,

@@ -39,6 +39,7 @@ _SOURCES: tuple[tuple[Source, str, int, str], ...] = (
     (Source.ALTIMETER, "altimeter", 0x1401, "ALTIMETER"),
     (Source.SYNC, "sync", 0x1001, "SYNC"),
     (Source.MODE_COMMAND, "mode_command", 0x1002, "MODE_COMMAND"),
+    (Source.GNSS, "gnss", 0x1402, "GNSS"),
 )
 
 _FRAMES = {
@@ -73,10 +74,13 @@ _SILENT_OF = {
     Source.ALTIMETER: Debounce(fail_s=0.5),
     Source.SYNC: Debounce(fail_s=0.05),
     Source.MODE_COMMAND: Debounce(fail_s=1.0),
+    Source.GNSS: Debounce(fail_s=0.5),
 }
+_FITTED = {Source.ALTIMETER: (0, "altimeter"), Source.GNSS: (0, "gnss")}
 _TEXTS = {
     (Kind.SILENT, Source.SYNC): "no SYNC arrives: the loop runs on its own clock",
     (Kind.SILENT, Source.MODE_COMMAND): "the operator's MODE_COMMAND has stopped arriving",
+    (Kind.SILENT, Source.GNSS): "no whole group of GNSS frames arrives",
     (
         Kind.TWO_SENDERS,
         Source.SYNC,
@@ -262,8 +266,8 @@ def _frame_troubles() -> Iterator[Trouble]:
         for source, stem, part, message in _SOURCES:
             if kind == Kind.STALE and source > Source.ALTIMETER:
                 continue  # never stale: a repeated frame has a wrong counter
-            if kind == Kind.TWO_SENDERS and source == Source.MODE_COMMAND:
-                continue  # any operator may send it
+            if kind == Kind.TWO_SENDERS and source >= Source.MODE_COMMAND:
+                continue  # any operator may send it; of GNSS, a group that disagrees is not used
             yield Trouble(
                 _number(_NETWORK, part, failure),
                 f"{stem}_{name}",
@@ -271,7 +275,7 @@ def _frame_troubles() -> Iterator[Trouble]:
                 kind,
                 source,
                 _SILENT_OF.get(source, debounce) if kind == Kind.SILENT else debounce,
-                *((0, "altimeter") if source == Source.ALTIMETER else ()),
+                *_FITTED.get(source, ()),
             )
 
 

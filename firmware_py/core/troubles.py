@@ -73,6 +73,7 @@ class Source(IntEnum):
     ALTIMETER = SENSOR_GROUPS + 2
     SYNC = SENSOR_GROUPS + 3
     MODE_COMMAND = SENSOR_GROUPS + 4
+    GNSS = SENSOR_GROUPS + 5
 
 
 class AxisFault(IntEnum):
@@ -160,7 +161,8 @@ class Trouble:
         Its sensor group, from 0; -1 for none. The firmware has the trouble codes of the groups in
         its set-up.
     needs : str
-        "gyro" or "accelerometer" if the group must have one; "altimeter" if one must be fitted.
+        "gyro" or "accelerometer" if the group must have one; "altimeter" or "gnss" if one must
+        be fitted.
     """
 
     number: int

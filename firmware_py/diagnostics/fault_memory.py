@@ -81,6 +81,7 @@ class FaultMemory:
         counts["accelerometer"] = int(state.accelerometers.count)
         counts[""] = max(counts.values())
         counts["altimeter"] = int(state.parameters.altimeter)
+        counts["gnss"] = int(state.gnss.interval_epochs > 0)
         self.supported = tuple(
             index for index, one in enumerate(TROUBLES) if one.group < counts[one.needs]
         )

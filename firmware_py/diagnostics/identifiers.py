@@ -382,6 +382,29 @@ NAVIGATION = (
             Field("silent_epochs", "u32", "epochs", source="diagnostics.altimeter_silence"),
         ),
     ),
+    DataIdentifier(
+        0x0406,
+        "gnss",
+        "The GNSS receiver, if fitted, and its latest fix.",
+        (
+            Field(
+                "interval_epochs", "u32", "epochs", source="gnss.interval_epochs", text="0: none"
+            ),
+            Field("available", "u8", source="gnss.available", text="whether fixes come"),
+            Field("fixes", "u32", source="gnss.fixes"),
+            Field("losses", "u32", source="gnss.losses", text="how often they stopped"),
+            Field("too_old", "u32", source="gnss.too_old", text="not used"),
+            Field("age_epochs", "u32", "epochs", source="gnss.age_epochs"),
+            Field("silent_epochs", "u32", "epochs", source="gnss.silent_epochs"),
+            Field("latitude_deg", "f64", "°", source="gnss.latitude", factor=_DEG),
+            Field("longitude_deg", "f64", "°", source="gnss.longitude", factor=_DEG),
+            Field("height_m", "f64", "m", source="gnss.height"),
+            *(
+                Field(f"velocity_{name}_mps", "f64", "m/s", source=f"gnss.velocity_n.{k}")
+                for k, name in enumerate(("east", "north", "up"))
+            ),
+        ),
+    ),
 )
 """Navigation."""
 

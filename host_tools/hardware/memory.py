@@ -19,6 +19,9 @@ LATENCY_CAPACITY = 32
 FAULT_CAPACITY = 32
 """The most faults of the hardware that can be present or planned at a time."""
 
+OUTAGE_CAPACITY = 32
+"""The most outages of the GNSS receiver."""
+
 MOTION_CHANNELS, MOTION_TERMS = 15, 8
 """Channels and polynomial terms of a piece of motion, see `rrins.host_tools.hardware.motion`."""
 
@@ -203,6 +206,27 @@ class AltimeterState(Record):
     noise_has_spare: Annotated[Bytes, 1]  #: 0 or 1
 
 
+class GnssState(Record):
+    """The GNSS receiver, see `rrins.host_tools.hardware.gnss`."""
+
+    fitted: Bool  #: whether there is one
+    interval_epochs: I8  #: between fixes
+    latency_epochs: I8  #: from validity to the frames, less than the interval
+    position_noise: F8  #: m, standard deviation of each component
+    velocity_noise: F8  #: m/s, the same
+    north_m_per_rad: F8  #: of latitude, for the noise
+    east_m_per_rad: F8  #: of longitude
+    outage_count: I8
+    outage_first: Annotated[Integers, OUTAGE_CAPACITY]  #: epoch
+    outage_last: Annotated[Integers, OUTAGE_CAPACITY]  #: epoch
+    waiting: Bool  #: whether anything has been measured
+    epoch: I8  #: at whose end it was
+    word: Annotated[Words, 5]  #: payloads of the group
+    noise_state: Annotated[Words, 1]  #: of its random numbers
+    noise_spare: Annotated[Floats, 1]  #: second normal number of a pair
+    noise_has_spare: Annotated[Bytes, 1]  #: 0 or 1
+
+
 class PlannedFaults(Record):
     """Faults of the hardware, see `rrins.host_tools.hardware.faults`."""
 
@@ -237,6 +261,7 @@ class Plant(Record):
     table: TableErrors
     thermal: Temperature
     altimeter: AltimeterState
+    gnss: GnssState
     faults: PlannedFaults
     axis: Annotated[Records[TurntableAxis], 2]  #: by `INNER` and `OUTER`
     gyros: Sensors

@@ -18,7 +18,9 @@ from rrins.host_tools.hardware.memory import (
     MOTION_CHANNELS,
     MOTION_TERMS,
     OPERATOR_CAPACITY,
+    OUTAGE_CAPACITY,
     OUTER,
+    GnssState,
     Plant,
     Sensors,
     TurntableAxis,
@@ -125,6 +127,17 @@ class AltimeterSettings:
 
 
 @dataclass(frozen=True)
+class GnssSettings:
+    """The GNSS receiver; `outages` are the first and the last epoch of each."""
+
+    interval_epochs: int
+    latency_epochs: int = 0
+    position_noise: float = 0.0  # m
+    velocity_noise: float = 0.0  # m/s
+    outages: tuple[tuple[int, int], ...] = ()
+
+
+@dataclass(frozen=True)
 class MotionPieces:
     """The vehicle's motion, see `rrins.host_tools.hardware.motion`.
 
@@ -180,6 +193,7 @@ class Settings:
     table: TableGeometry = TableGeometry()
     thermal: ThermalSettings = ThermalSettings()
     altimeter: AltimeterSettings | None = None
+    gnss: GnssSettings | None = None
     motion: MotionPieces | None = None
     faults: tuple[PlannedFault, ...] = ()
 
@@ -297,6 +311,30 @@ def _fill_surroundings(plant: Plant, settings: Settings, seed: np.random.SeedSeq
         )
 
 
+def _fill_gnss(plant: Plant, settings: Settings, seed: np.random.SeedSequence) -> None:
+    if settings.gnss is None:
+        return
+    latitude, height = math.radians(settings.latitude_deg), settings.height_m
+    meridian, prime_vertical = earth.curvature_radii(latitude)
+    plant.gnss.north_m_per_rad = meridian + height
+    plant.gnss.east_m_per_rad = (prime_vertical + height) * math.cos(latitude)
+    _fill_receiver(plant.gnss, settings.gnss, seed)
+
+
+def _fill_receiver(gnss: GnssState, settings: GnssSettings, seed: np.random.SeedSequence) -> None:
+    assert 0 <= settings.latency_epochs < settings.interval_epochs
+    assert len(settings.outages) <= OUTAGE_CAPACITY
+    gnss.fitted = True
+    gnss.interval_epochs = settings.interval_epochs
+    gnss.latency_epochs = settings.latency_epochs
+    gnss.position_noise = settings.position_noise
+    gnss.velocity_noise = settings.velocity_noise
+    gnss.outage_count = len(settings.outages)
+    for k, (first, last) in enumerate(settings.outages):
+        gnss.outage_first[k], gnss.outage_last[k] = first, last
+    gnss.noise_state[0] = seed.generate_state(1, dtype=np.uint64)[0]
+
+
 def _fill_motion(plant: Plant, motion: MotionPieces | None) -> None:
     if motion is None:
         return
@@ -340,12 +378,14 @@ def power_on(settings: Settings) -> Records[Plant]:
     plant.omega_ib_b = C_n_b @ earth.rotation_n(latitude)
     gravity = earth.normal_gravity(latitude, settings.height_m)
     plant.specific_force_b = C_n_b @ np.array([0.0, 0.0, gravity])
-    gyro_seed, accelerometer_seed, altimeter_seed = np.random.SeedSequence(settings.seed).spawn(3)
+    seeds = np.random.SeedSequence(settings.seed).spawn(4)
+    gyro_seed, accelerometer_seed, altimeter_seed, gnss_seed = seeds
     _fill_sensors(plant.gyros, settings.gyros, dt, gyro_seed)
     _fill_sensors(plant.accelerometers, settings.accelerometers, dt, accelerometer_seed)
     _fill_drive(plant.axis[INNER], settings.inner, dt)
     _fill_drive(plant.axis[OUTER], settings.outer, dt)
     _fill_surroundings(plant, settings, altimeter_seed)
+    _fill_gnss(plant, settings, gnss_seed)
     plant.drift_epochs = max(1, round(DRIFT_S * settings.rate_hz))
     truth = plant.truth
     truth.latitude = latitude

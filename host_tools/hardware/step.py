@@ -16,7 +16,7 @@ from rrins.dbc.contract import Contract, MessageSignals
 from rrins.dbc.e2e import COUNTER_MODULUS, MessageLayout, counter_of, crc_holds, fill
 from rrins.dbc.frame import Frame, FrameArray
 from rrins.dbc.record import Floats, Records
-from rrins.host_tools.hardware import faults, motion, sensors, truth, turntable
+from rrins.host_tools.hardware import faults, gnss, motion, sensors, truth, turntable
 from rrins.host_tools.hardware.memory import INNER, OUTER, Plant, TurntableAxis, WaitingCommand
 from rrins.host_tools.hardware.noise import normal
 
@@ -177,6 +177,10 @@ def _send(plant: Plant, contract: Contract, outbox: FrameArray) -> int:
     if is_altitude_due(plant, altimeter.message):
         fill(outbox[count], altimeter.message, altitude_word(plant, altimeter), plant.epoch)
         count += 1
+    if gnss.measures(plant):
+        gnss.measure(plant, contract)
+    if gnss.is_due(plant):
+        count = gnss.send(plant, contract, outbox, count)
     heartbeat = contract.heartbeat_hardware
     if plant.epoch * plant.period_ns % (heartbeat.message.cycle_ms * _NS_PER_MS) == 0:
         uptime = plant.epoch * plant.period_ns * 1e-9

@@ -13,13 +13,14 @@ from typing import Self
 from rrins.dbc.compilation import compiled, compiled_with
 from rrins.dbc.contract import Contract, load_contract
 from rrins.dbc.record import Floats, Records
-from rrins.firmware_py.core import clock, intake
+from rrins.firmware_py.core import clock, gnss, intake
 from rrins.firmware_py.core import settings as firmware
 from rrins.firmware_py.core.memory import INNER, OUTER, NavigationOutput, Ram
 from rrins.firmware_py.core.modes import navigating
 from rrins.firmware_py.core.step import compute, output
 from rrins.firmware_py.core.transmit import axis_command_word
 from rrins.firmware_py.loop import Firmware
+from rrins.host_tools.hardware import gnss as receiver
 from rrins.host_tools.hardware import settings as hardware
 from rrins.host_tools.hardware.memory import Plant, Truth
 from rrins.host_tools.hardware.step import (
@@ -45,6 +46,12 @@ def _pass_up(plant: Plant, pieces: Floats, state: Ram, contract: Contract) -> No
     if is_altitude_due(plant, altimeter.message):
         note_truth(plant, pieces)
         intake.keep_altitude(assembly, altimeter, altitude_word(plant, altimeter))
+    if receiver.measures(plant):
+        note_truth(plant, pieces)
+        receiver.measure(plant, contract)
+    if receiver.is_due(plant):
+        for part in range(gnss.FRAMES):
+            gnss.keep(state.gnss, part, plant.gnss.word[part])
     inner, outer = contract.axis_inner_status, contract.axis_outer_status
     intake.keep_axis(assembly, inner, INNER, axis_word(plant.axis[INNER], inner))
     intake.keep_axis(assembly, outer, OUTER, axis_word(plant.axis[OUTER], outer))

@@ -76,6 +76,7 @@ def firmware_settings(scenario: Scenario) -> firmware.Settings:
         accelerometer_consistency_ug=settings.accelerometer_consistency_ug,
         scheme=scenario.scheme,
         altimeter=scenario.altimeter is not None,
+        gnss_interval_s=0.0 if scenario.gnss is None else 1 / scenario.gnss.rate_hz,
         calibration=_calibration(settings.calibration, len(gyros), len(accelerometers)),
         redundancy=redundancy_settings(scenario) if scenario.redundancy.enabled else None,
         calibration_file=settings.calibration,
@@ -305,6 +306,23 @@ def _in_range(roll_deg: float, pitch_deg: float, heading_deg: float) -> dict[str
     }
 
 
+def _gnss(scenario: Scenario) -> hardware.GnssSettings | None:
+    gnss, rate_hz = scenario.gnss, scenario.rate_hz
+    if gnss is None:
+        return None
+    interval_epochs = round(rate_hz / gnss.rate_hz)
+    return hardware.GnssSettings(
+        interval_epochs=interval_epochs,
+        latency_epochs=min(round(gnss.latency_s * rate_hz), interval_epochs - 1),
+        position_noise=gnss.position_noise_m,
+        velocity_noise=gnss.velocity_noise_mps,
+        outages=tuple(
+            (round(outage.at_s * rate_hz), round((outage.at_s + outage.for_s) * rate_hz))
+            for outage in gnss.outages
+        ),
+    )
+
+
 def hardware_settings(scenario: Scenario) -> hardware.Settings:
     """Return what the hardware is set up with, the operator's requests and the end included.
 
@@ -339,6 +357,7 @@ def hardware_settings(scenario: Scenario) -> hardware.Settings:
             if altimeter is None
             else hardware.AltimeterSettings(altimeter.bias_m, altimeter.noise_m)
         ),
+        gnss=_gnss(scenario),
         motion=_motion(scenario),
         faults=tuple(
             fault.planned(scenario.rate_hz)

@@ -40,8 +40,10 @@ from rrins.host_tools.scenario.tables import (
     Body,
     Bus,
     Firmware,
+    Gnss,
     Gyros,
     OperatorRequest,
+    Outage,
     Paper,
     PerSensor,
     Redundancy,
@@ -77,6 +79,7 @@ class Scenario(TomlTable):
     accelerometers: Accelerometers = Accelerometers()
     thermal: Thermal = Thermal()
     altimeter: Altimeter | None = None
+    gnss: Gnss | None = None
     turntable: Turntable = Turntable()
     motion: Motion = Motion()
     firmware: Firmware = Firmware()
@@ -124,6 +127,11 @@ class Scenario(TomlTable):
         self._check_faults()
         if self.altimeter is not None and self.firmware.height_channel != "damped":
             raise ValueError('altimeter: is used with firmware.height_channel = "damped" only')
+        if self.gnss is not None and self.gnss.latency_s >= 1 / self.gnss.rate_hz:
+            raise ValueError(
+                f"gnss.latency_s: {self.gnss.latency_s:g} s, but the next fix comes after "
+                f"{1 / self.gnss.rate_hz:g} s"
+            )
         moves = self.motion.kind in ("drive", "file")
         if moves and self.firmware.height_channel == "held":
             raise ValueError(
@@ -441,6 +449,7 @@ def _keys(location: tuple[int | str, ...], root: type[BaseModel]) -> list[str]:
     model: Any = root
     turn = rrins.firmware_py.core.settings.Turn
     of = {"operator": OperatorRequest, "turns": turn, "scheme": turn, "altimeter": Altimeter}
+    of |= {"gnss": Gnss, "outages": Outage}
     for part in location:
         if part in KINDS:
             model = KINDS[str(part)]

@@ -12,6 +12,7 @@ import rrins.firmware_py.core.calibration
 import rrins.firmware_py.core.settings
 from rrins.dbc.contract import SENSOR_GROUPS
 from rrins.firmware_py.core.fusion import CONDITION_LIMIT
+from rrins.host_tools.hardware.memory import OUTAGE_CAPACITY
 from rrins.host_tools.scenario.geometry import GEOMETRIES, AxesDeg
 
 PerSensor = float | tuple[float, ...]
@@ -195,6 +196,25 @@ class Altimeter(TomlTable):
 
     bias_m: float = Field(default=0.0, ge=-1000, le=1000)
     noise_m: float = Field(default=0.0, ge=0, le=100)
+
+
+class Outage(TomlTable):
+    """A time without a fix."""
+
+    at_s: float = Field(ge=0, le=LONGEST_S)
+    """Since power-on, as of faults."""
+    for_s: float = Field(gt=0, le=LONGEST_S)
+
+
+class Gnss(TomlTable):
+    """A GNSS receiver; fitted if the table is present."""
+
+    rate_hz: Annotated[int, Field(ge=1, le=10)] = 1
+    position_noise_m: float = Field(default=1.5, ge=0, le=40)
+    """Standard deviation of each component, as of the velocity."""
+    velocity_noise_mps: float = Field(default=0.05, ge=0, le=10)
+    latency_s: float = Field(default=0.1, ge=0, lt=1)
+    outages: tuple[Outage, ...] = Field(default=(), max_length=OUTAGE_CAPACITY)
 
 
 class Firmware(TomlTable):

@@ -406,3 +406,33 @@ def test_an_altimeter_that_is_harmed(with_altimeter):
     bench, step = with_altimeter
     step(200, every=20, change=harmed)
     assert failed(bench) == {"altimeter_crc"}
+
+
+@pytest.fixture
+def with_gnss(at, tools):
+    """Return a bench and what steps it with or without groups of the GNSS receiver."""
+    bench = at(gnss_interval_s=0.1)
+    group = ("GNSS_TIME", "GNSS_LATITUDE", "GNSS_LONGITUDE", "GNSS_HEIGHT", "GNSS_VELOCITY")
+
+    def step(epochs, every=20, change=lambda frame: frame):
+        for k in range(epochs):
+            frames = bench.frames()
+            if every and k % every == 0:
+                frames += [change(tools.frame(name, bench.epoch)) for name in group]
+            bench.step(frames)
+
+    return bench, step
+
+
+def test_a_gnss_receiver_that_is_silent(with_gnss):
+    bench, step = with_gnss
+    step(400)
+    assert failed(bench) == set()
+    step(150, every=0)
+    assert failed(bench) == {"gnss_silent"}
+
+
+def test_a_gnss_receiver_that_is_harmed(with_gnss):
+    bench, step = with_gnss
+    step(200, change=harmed)
+    assert "gnss_crc" in failed(bench)

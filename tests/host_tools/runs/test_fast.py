@@ -9,7 +9,10 @@ import sys
 import numpy as np
 import pytest
 
+from rrins.firmware_py.loop import Firmware
+from rrins.host_tools.hardware.loop import Hardware
 from rrins.host_tools.runs.direct import run_direct, run_without_frames
+from rrins.host_tools.runs.exchange import exchange_epoch
 from rrins.host_tools.runs.fast import FastRun
 from rrins.host_tools.runs.samples import NAVIGATION_SAMPLES, TRUTH_SAMPLES, read_samples
 from rrins.host_tools.runs.settings import firmware_settings, hardware_settings
@@ -44,6 +47,7 @@ CROOKED = {
 MOVING = {
     "motion": {"kind": "drive", "duration_s": 60},
     "altimeter": {"bias_m": 3, "noise_m": 0.5},
+    "gnss": {"rate_hz": 4, "latency_s": 0.2, "outages": [{"at_s": 8, "for_s": 3}]},
     "firmware": {"height_channel": "damped", "alignment_s": 0.5},
     "sensors": "tactical",
 }
@@ -127,6 +131,23 @@ def test_without_frames_it_navigates_to_the_same_bytes(name, tmp_path):
     assert with_frames["epochs_navigated"] > 14 * scenario.rate_hz - 200
 
 
+def test_without_frames_the_firmware_takes_the_same_fixes():
+    scenario = scenario_of(MOVING)
+    epochs = scenario.epochs
+    fast = FastRun.of(firmware_settings(scenario), hardware_settings(scenario))
+    fast.run(epochs)
+    firmware = Firmware(firmware_settings(scenario))
+    hardware = Hardware(hardware_settings(scenario))
+    count = 0
+    for epoch in range(epochs):
+        count = exchange_epoch(hardware, firmware, epoch, count, 0.0)
+    gnss = firmware.ram[0]["gnss"]
+    assert gnss["fixes"] == epochs // 50 - 13  # of the outage
+    assert (gnss["losses"], gnss["available"]) == (1, True)
+    for name in set(gnss.dtype.names) - {"word"}:  # which a frame protects
+        assert gnss[name].tobytes() == fast.ram[0]["gnss"][name].tobytes(), name
+
+
 def test_calibrated_it_navigates_to_the_same_bytes(tmp_path):
     path = tmp_path / "cal.toml"
     path.write_text(
@@ -190,6 +211,8 @@ def test_it_stops_when_told_and_reports_on_the_way():
 
 
 FAST = """
+from rrins.firmware_py.loop import Firmware
+from rrins.host_tools.hardware.loop import Hardware
 from rrins.host_tools.runs.direct import run_without_frames
 from rrins.host_tools.scenario.scenario import Scenario
 scenario = Scenario.model_validate({

@@ -1,0 +1,92 @@
+"""The emulated GNSS receiver: position and velocity of the vehicle's reference point.
+
+A fix is measured at the end of an epoch and sent, as a group of five frames, some epochs later:
+it carries its time of validity on SYNC's clock, and the standard deviations of its white noise.
+During an outage the groups go on, and say that there is no fix.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from rrins.dbc.codec import encode, pack, unwrapped
+from rrins.dbc.compilation import compiled
+from rrins.dbc.contract import Contract
+from rrins.dbc.e2e import fill
+from rrins.dbc.frame import FrameArray
+from rrins.host_tools.hardware.memory import GnssState, Plant
+from rrins.host_tools.hardware.noise import normal
+
+_TIME, _LATITUDE, _LONGITUDE, _HEIGHT, _VELOCITY = range(5)
+_FIX_3D = 2  # of GNSS_TIME.quality; 0: no fix
+
+
+@compiled
+def measures(plant: Plant) -> bool:
+    """Return whether the receiver measures in this epoch; the truth of the epoch is needed then."""
+    return plant.gnss.fitted and plant.epoch % plant.gnss.interval_epochs == 0
+
+
+@compiled
+def _has_fix(gnss: GnssState, epoch: int) -> bool:
+    for k in range(gnss.outage_count):
+        if gnss.outage_first[k] <= epoch <= gnss.outage_last[k]:
+            return False
+    return True
+
+
+@compiled
+def measure(plant: Plant, contract: Contract) -> None:
+    """Measure at the end of this epoch; keep the payloads until they are due."""
+    gnss, truth = plant.gnss, plant.truth
+    gnss.waiting = True
+    gnss.epoch = plant.epoch
+    east, north, up = normal(gnss, 0), normal(gnss, 0), normal(gnss, 0)
+    time = contract.gnss_time
+    word = pack(np.uint64(0), time.time_us, plant.epoch * plant.period_ns // 1000)
+    has_fix = _has_fix(gnss, plant.epoch)
+    if has_fix:
+        word = pack(word, time.quality, _FIX_3D)
+        word = encode(word, time.position_sigma, gnss.position_noise)
+        word = encode(word, time.velocity_sigma, gnss.velocity_noise)
+    gnss.word[_TIME] = word
+    share = 1.0 if has_fix else 0.0
+    noise = gnss.position_noise
+    latitude = math.degrees(truth.latitude + noise * north / gnss.north_m_per_rad) * share
+    longitude = math.degrees(truth.longitude + noise * east / gnss.east_m_per_rad) * share
+    message = contract.gnss_latitude
+    gnss.word[_LATITUDE] = encode(np.uint64(0), message.latitude_deg, latitude)
+    beside = contract.gnss_longitude
+    longitude = unwrapped(longitude, 0.0, 360.0)
+    gnss.word[_LONGITUDE] = encode(np.uint64(0), beside.longitude_deg, longitude)
+    vertical = contract.gnss_height
+    word = encode(np.uint64(0), vertical.height, (truth.height + noise * up) * share)
+    noise = gnss.velocity_noise
+    east, north, up = normal(gnss, 0), normal(gnss, 0), normal(gnss, 0)
+    velocity = truth.velocity_n
+    gnss.word[_HEIGHT] = encode(word, vertical.velocity_up, (velocity[2] + noise * up) * share)
+    level = contract.gnss_velocity
+    word = encode(np.uint64(0), level.velocity_east, (velocity[0] + noise * east) * share)
+    word = encode(word, level.velocity_north, (velocity[1] + noise * north) * share)
+    gnss.word[_VELOCITY] = word
+
+
+@compiled
+def is_due(plant: Plant) -> bool:
+    """Return whether the group of the last fix is sent in this epoch."""
+    gnss = plant.gnss
+    return gnss.waiting and plant.epoch == gnss.epoch + gnss.latency_epochs
+
+
+@compiled
+def send(plant: Plant, contract: Contract, outbox: FrameArray, count: int) -> int:
+    """Append the five frames of the last fix; return the new number of frames."""
+    word, epoch = plant.gnss.word, plant.epoch
+    fill(outbox[count], contract.gnss_time.message, word[_TIME], epoch)
+    fill(outbox[count + 1], contract.gnss_latitude.message, word[_LATITUDE], epoch)
+    fill(outbox[count + 2], contract.gnss_longitude.message, word[_LONGITUDE], epoch)
+    fill(outbox[count + 3], contract.gnss_height.message, word[_HEIGHT], epoch)
+    fill(outbox[count + 4], contract.gnss_velocity.message, word[_VELOCITY], epoch)
+    return count + 5

@@ -1,0 +1,76 @@
+"""The emulated GNSS receiver: what it sends, when, and how far from the truth."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from rrins.host_tools.hardware.settings import GnssSettings
+
+GROUP = ("GNSS_TIME", "GNSS_LATITUDE", "GNSS_LONGITUDE", "GNSS_HEIGHT", "GNSS_VELOCITY")
+METRES_PER_DEG = 111_035  # of latitude at 40°, WGS-84
+
+
+def groups(bench, epochs):
+    """Return what is sent by GNSS, by epoch."""
+    found = {}
+    for _ in range(epochs):
+        epoch = bench.epoch
+        sent = {k: v for k, v in bench.step().items() if k.startswith("GNSS")}
+        if sent:
+            found[epoch] = sent
+    return found
+
+
+def test_without_a_receiver_nothing_is_sent(tools):
+    assert groups(tools.Bench(), 450) == {}
+
+
+def test_a_fix_is_one_group_some_epochs_after_it_was_valid(tools):
+    bench = tools.Bench(gnss=GnssSettings(interval_epochs=200, latency_epochs=20))
+    found = groups(bench, 650)
+    assert list(found) == [20, 220, 420, 620]
+    for epoch, group in found.items():
+        assert tuple(group) == GROUP
+        assert {frame["alive_counter"] for frame in group.values()} == {epoch % 15}
+        assert group["GNSS_TIME"]["time_us"] == (epoch - 20) * 5000
+        assert group["GNSS_TIME"]["quality"] == 2
+        assert group["GNSS_LATITUDE"]["latitude_deg"] == pytest.approx(40, abs=1e-9)
+        assert group["GNSS_LONGITUDE"]["longitude_deg"] == pytest.approx(116, abs=1e-9)
+        assert group["GNSS_HEIGHT"]["height"] == pytest.approx(40, abs=1e-3)
+        assert group["GNSS_VELOCITY"]["velocity_north"] == 0
+
+
+def test_its_noise_is_as_set_and_told(tools):
+    receiver = GnssSettings(interval_epochs=1, position_noise=1.5, velocity_noise=0.05)
+    found = groups(tools.Bench(gnss=receiver), 2000).values()
+    assert {frame["GNSS_TIME"]["position_sigma"] for frame in found} == {1.5}
+    assert {frame["GNSS_TIME"]["velocity_sigma"] for frame in found} == {0.05}
+    east_m = METRES_PER_DEG * math.cos(math.radians(40))
+    for message, signal, unit, sigma in (
+        ("GNSS_LATITUDE", "latitude_deg", METRES_PER_DEG, 1.5),
+        ("GNSS_LONGITUDE", "longitude_deg", east_m, 1.5),
+        ("GNSS_HEIGHT", "height", 1, 1.5),
+        ("GNSS_HEIGHT", "velocity_up", 1, 0.05),
+        ("GNSS_VELOCITY", "velocity_east", 1, 0.05),
+        ("GNSS_VELOCITY", "velocity_north", 1, 0.05),
+    ):
+        values = np.array([frame[message][signal] for frame in found]) * unit
+        assert np.std(values) == pytest.approx(sigma, rel=0.06)  # 3 sigma are 5 %
+        after = np.corrcoef(values[1:], values[:-1])[0, 1]
+        assert abs(after) < 0.08  # 3 sigma are 0.067
+
+
+def test_in_an_outage_the_groups_go_on_without_a_fix(tools):
+    settings = {"interval_epochs": 10, "velocity_noise": 0.05}
+    whole = groups(tools.Bench(gnss=GnssSettings(**settings)), 200)
+    broken = groups(tools.Bench(gnss=GnssSettings(**settings, outages=((50, 79),))), 200)
+    assert list(whole) == list(broken)
+    for epoch, group in broken.items():
+        if 50 <= epoch <= 79:
+            assert group["GNSS_TIME"]["quality"] == 0
+            assert group["GNSS_VELOCITY"]["velocity_east"] == 0
+        else:
+            assert group == whole[epoch]
