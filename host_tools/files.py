@@ -5,7 +5,7 @@ from __future__ import annotations
 import errno
 import os
 import stat
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import IO, Any
@@ -18,6 +18,9 @@ JsonObject = dict[str, Any]
 
 LARGEST_TOML = 1 << 20
 """Bytes of a TOML file at most; a scenario with 100 faults has some 20,000."""
+
+PREVIOUS = "previous"
+"""Folder for results that others of the same name have replaced."""
 
 _KINDS = {stat.S_IFIFO: "a pipe", stat.S_IFCHR: "a device", stat.S_IFBLK: "a device"}
 
@@ -90,3 +93,37 @@ def write_whole(path: Path, write: Callable[[IO[str]], None]) -> None:
     """
     with replacing(path) as part, part.open("w", encoding="utf-8", newline="") as file:
         write(file)
+
+
+def keep(folder: Path, names: Sequence[str]) -> Path:
+    """Move files of a folder into its folder `previous`, in place of those there; return that.
+
+    Raises
+    ------
+    RehearsalError
+        When they cannot be moved.
+    """
+    place = folder / PREVIOUS
+    make_folder(place)
+    try:
+        for name in names:
+            (place / name).unlink(missing_ok=True)
+            if (folder / name).exists():
+                (folder / name).replace(place / name)
+    except OSError as error:
+        raise RehearsalError(f"{place}: {name} cannot be kept: {error.strerror}") from error
+    return place
+
+
+def make_folder(path: Path) -> None:
+    """Make a folder if it is not there.
+
+    Raises
+    ------
+    RehearsalError
+        When it cannot be made.
+    """
+    try:
+        path.mkdir(exist_ok=True)
+    except OSError as error:
+        raise RehearsalError(f"{path}: cannot be made: {error.strerror}") from error

@@ -66,6 +66,8 @@ def record(
 ) -> Iterator[Recorder]:
     """Record a bus to a file while the ``with`` statement lasts.
 
+    A recording that the file has is moved into the folder `previous` beside it.
+
     Parameters
     ----------
     path : str or Path

@@ -33,7 +33,7 @@ timestamps_option = click.option(
     type=click.Choice(["bus", "unix"]),
     default="bus",
     show_default=True,
-    help="Time of frames on the embedded bus: simulated, or seconds since 1970.",
+    help="Time of frames of the embedded bus: simulated, or seconds since 1970.",
 )
 bus_options = together(
     click.option(

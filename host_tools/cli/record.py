@@ -55,7 +55,8 @@ def record(
     """Record a bus to FILE.
 
     The file extension sets the format: .log (candump), .asc, .blf, .mf4, .csv, .trc, .db or .txt;
-    text formats can be compressed with .gz. An existing file is overwritten.
+    text formats can be compressed with .gz. A recording that FILE already has is moved into
+    the folder `previous` beside it.
     """
     from rrins.host_tools.recording.errors import RecordError
     from rrins.host_tools.recording.formats import check_path
@@ -72,6 +73,8 @@ def record(
             path, address, lossless, None, rotate_bytes, for_s, timestamps=timestamps
         )
         try:
+            if recorder.kept_words is not None:
+                print_note(recorder.kept_words)
             print_note(f"recording {address} to {path}; Ctrl-C stops")
             begun = time.monotonic()
             while not (recorder.has_ended.is_set() or stop.wait(_POLL_S)):

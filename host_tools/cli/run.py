@@ -7,12 +7,13 @@ import logging
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import click
 
 from rrins.host_tools.cli.completion import complete_scenarios
 from rrins.host_tools.cli.numbers import BIT_RATE, NumberRange
+from rrins.host_tools.cli.options import timestamps_option
 from rrins.host_tools.cli.output import print_note
 from rrins.host_tools.cli.serial_options import nmea_options, serial_options, settings_of
 from rrins.host_tools.errors import RehearsalError
@@ -106,6 +107,7 @@ _json_option = click.option("--json", "as_json", is_flag=True, help="Print one J
 @click.option(
     "--record", type=click.Path(dir_okay=False, path_type=Path), help="Record the bus to this file."
 )
+@timestamps_option
 @serial_options
 @_foreign_option
 @_json_option
@@ -120,6 +122,7 @@ def rehearse(
     limit_s: float | None,
     out: Path | None,
     record: Path | None,
+    timestamps: Literal["bus", "unix"],
     foreign_senders: bool,
     as_json: bool,
     **serial: Any,
@@ -128,6 +131,7 @@ def rehearse(
 
     SCENARIO is a built-in name (see `rrins scenarios`) or a TOML file; without one it is
     rimu_rotating. The default is the embedded bus. Ctrl-C stops both sides and keeps the recording.
+    A recording that the file of --record has goes into `previous` beside it.
     """
     from rrins.host_tools.cli.main import main
     from rrins.host_tools.runs import run
@@ -144,6 +148,7 @@ def rehearse(
         speed,
         settings_of(serial),
         foreign_senders,
+        timestamps,
     )
     if limit_s is not None:
         plan = run.fit(plan, limit_s)

@@ -13,8 +13,7 @@ from PIL import Image
 
 from rrins.host_tools.experiments.constants import REFERENCE
 from rrins.host_tools.experiments.sections import BAND_SEEDS, FigureRow, Section, figure
-from rrins.host_tools.files import replacing, write_whole
-from rrins.host_tools.runs.keeping import keep
+from rrins.host_tools.files import keep, replacing, write_whole
 from rrins.host_tools.scenario.schemes import SCHEMES
 
 if TYPE_CHECKING:

@@ -20,6 +20,7 @@ from rrins.host_tools.bus.interface import RrinsBus
 from rrins.host_tools.bus.pace import runs_ahead
 from rrins.host_tools.bus.port import Address, open_bus
 from rrins.host_tools.errors import BusError
+from rrins.host_tools.recording.earlier import keep_earlier, put_back
 from rrins.host_tools.recording.errors import RecordError
 from rrins.host_tools.recording.formats import Writer, check_path, ending_of, open_writer
 from rrins.host_tools.recording.mf4 import is_simulated
@@ -186,10 +187,14 @@ class _Parts:
         self._claim = _Claim(path)
         self._limit = rotate_bytes
         self._sync_id = load().frame_id("SYNC")
+        self.kept: Path | None = None
         try:
+            self.kept = keep_earlier(path)
             self._writer: Writer = open_writer(path)
             self._claim.renew()
         except BaseException:
+            if self.kept is not None:
+                put_back(path, self.kept)
             self._claim.give_up()
             raise
         self._frames = 0  # in this part
@@ -265,6 +270,8 @@ def part_path(path: Path, number: int) -> Path:
 
 class Recorder:
     """A thread that writes all frames of a bus to a file, with an accompanying note.
+
+    A recording that the file has is moved into the folder `previous` beside it.
 
     Frames that the firmware sends before the hardware opens the first epoch carry the firmware's
     own time; they are stamped with the time of the first SYNC, so that time never goes backwards.
@@ -343,6 +350,12 @@ class Recorder:
         """Set once nothing more is written: the bus closed, the time is up, or writing failed."""
         self._thread = threading.Thread(target=self._run, name=NAME, daemon=True)
         self._thread.start()
+
+    @property
+    def kept_words(self) -> str | None:
+        """What to tell of the recording that was there before; None if there was none."""
+        kept = self._parts.kept
+        return None if kept is None else f"the recording that was {self._path} is kept in {kept}"
 
     @property
     def duration_s(self) -> float:

@@ -8,13 +8,11 @@ into the folder `previous`.
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
 from pathlib import Path
 
-from rrins.host_tools.errors import RehearsalError
-from rrins.host_tools.files import JsonObject
+from rrins.host_tools.files import JsonObject, keep, make_folder
 
-STOPPED, PREVIOUS = "stopped", "previous"
+STOPPED = "stopped"
 
 SUMMARY = "summary.json"
 _RESULTS = (
@@ -49,38 +47,12 @@ def place_for(folder: Path, summary: JsonObject) -> tuple[Path, str | None]:
         return folder, None
     if not summary["completed"]:
         place = folder / STOPPED
-        _make(place)
+        make_folder(place)
         return place, f"{folder} keeps the run that finished there; this one is in {place}"
     if all(before.get(key) == summary.get(key) for key in _SAME):
         return folder, None
     place = keep(folder, _RESULTS)
     return folder, f"the run that had finished in {folder} is kept in {place}"
-
-
-def keep(folder: Path, names: Sequence[str]) -> Path:
-    """Move files of a folder into its folder `previous`, in place of those there; return that.
-
-    Raises
-    ------
-    RehearsalError
-    """
-    place = folder / PREVIOUS
-    _make(place)
-    try:
-        for name in names:
-            (place / name).unlink(missing_ok=True)
-            if (folder / name).exists():
-                (folder / name).replace(place / name)
-    except OSError as error:
-        raise RehearsalError(f"{place}: {name} cannot be kept: {error.strerror}") from error
-    return place
-
-
-def _make(place: Path) -> None:
-    try:
-        place.mkdir(exist_ok=True)
-    except OSError as error:
-        raise RehearsalError(f"{place}: cannot be made: {error.strerror}") from error
 
 
 def _summary_in(folder: Path) -> JsonObject:

@@ -11,6 +11,7 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Literal
 
 from rrins.host_tools import interruption
 from rrins.host_tools.bus import channel as embedded
@@ -136,6 +137,8 @@ class Rehearsal:
         Command-line options for one side alone.
     start : callable
         Starts a side.
+    timestamps : {"bus", "unix"}
+        Time of the recorded frames, as of `Recorder`.
     """
 
     def __init__(
@@ -150,6 +153,7 @@ class Rehearsal:
         firmware_options: tuple[str, ...] = (),
         hardware_options: tuple[str, ...] = (),
         start: Start = start_program,
+        timestamps: Literal["bus", "unix"] = "bus",
     ) -> None:
         self._name = name
         self._scenario = scenario
@@ -161,6 +165,7 @@ class Rehearsal:
         self._firmware_options = firmware_options
         self._hardware_options = hardware_options
         self._start_process = start
+        self._timestamps = timestamps
         self._recorder: recorder.Recorder | None = None
         self._started_ns: int | None = None
         self._ended_ns = 0
@@ -224,7 +229,7 @@ class Rehearsal:
                 for key, _ in selector.select(_POLL_S):
                     side = key.data
                     for report in side.read():
-                        self._note(report)
+                        self._note(report, on_report)
                         on_report(report)
                     if not side.is_open:
                         selector.unregister(side.pipe)
@@ -242,14 +247,20 @@ class Rehearsal:
                 except subprocess.TimeoutExpired:
                     side.process.terminate()
 
-    def _note(self, report: JsonObject) -> None:
+    def _note(self, report: JsonObject, on_report: OnReport) -> None:
         if report["side"] != "hardware":
             return
         if report["kind"] == "ready" and self._record is not None:
             lossless = self._speed != REALTIME
             self._recorder = recorder.Recorder(
-                self._record, self._address, lossless, self._note_of_recording()
+                self._record,
+                self._address,
+                lossless,
+                self._note_of_recording(),
+                timestamps=self._timestamps,
             )
+            if self._recorder.kept_words is not None:
+                on_report({"kind": "note", "side": "hardware", "text": self._recorder.kept_words})
         elif report["kind"] == "started":
             self._started_ns = time.monotonic_ns()
         elif report["kind"] == "summary":

@@ -6,6 +6,7 @@ import tempfile
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Literal
 
 from rrins.dbc.compile_events import compiling_watched
 from rrins.dbc.record import Records
@@ -201,6 +202,8 @@ class Plan:
         The firmware's serial lines.
     foreign_senders : bool
         Whether others on the embedded bus may send what the contract gives to a side.
+    timestamps : {"bus", "unix"}
+        Time of the frames in a recording.
     """
 
     name: str
@@ -210,6 +213,7 @@ class Plan:
     speed: float | None = None
     serial: SerialSettings = NO_LINES
     foreign_senders: bool = False
+    timestamps: Literal["bus", "unix"] = "bus"
 
     def lasting(self, duration_s: float) -> Plan:
         """Return the same with another duration."""
@@ -235,6 +239,7 @@ class Plan:
             arguments_of(self.serial),
             ("--foreign-senders",) if self.foreign_senders else (),
             start,
+            self.timestamps,
         )
 
 

@@ -22,7 +22,7 @@ from rrins.host_tools.logs.replay import replay
 from rrins.host_tools.logs.tables import export
 from rrins.host_tools.recording import recorder as recording
 from rrins.host_tools.recording.errors import RecordError
-from rrins.host_tools.recording.note import Note
+from rrins.host_tools.recording.note import Note, Part, write_note
 from rrins.host_tools.recording.recorder import Recorder
 
 SYNC = load().frame_id("SYNC")
@@ -195,7 +195,6 @@ def test_all_parts_of_a_recorder_that_was_killed_are_read(hosted, tmp_path, read
 @pytest.mark.parametrize("ending", [".log", ".log.gz", ".blf", ".mf4", ".db"])
 def test_a_file_has_one_recorder_at_a_time(tmp_path, read, ending):
     path = tmp_path / f"bus{ending}"
-    path.write_text("of a recording before")
     for frames in (3, 5):  # the second time when the first is over
         recorder = Recorder(path, Address("virtual", "any"), False)
         with can.Bus(interface="virtual", channel="any") as bus:
@@ -206,7 +205,46 @@ def test_a_file_has_one_recorder_at_a_time(tmp_path, read, ending):
         recorder.close()
         assert recorder.failure is None
         assert len(read(path)) == frames
-    assert {file.name for file in tmp_path.iterdir()} == {path.name, f"{path.name}.json"}
+    names = {path.name, f"{path.name}.json"}
+    assert {file.name for file in tmp_path.iterdir()} == names | {"previous"}
+    assert {file.name for file in (tmp_path / "previous").iterdir()} == names
+    assert len(read(tmp_path / "previous" / path.name)) == 3
+
+
+def test_a_recording_moves_all_of_the_earlier_one_aside_and_nothing_else(tmp_path, read):
+    path, other = tmp_path / "bus.log", tmp_path / "bus.002.log"
+    other.write_text("(0.0) can0 010#00\n")
+    for name in ("bus.log", "bus.001.log"):
+        (tmp_path / name).write_text("(0.0) can0 010#00\n(1.0) can0 010#00\n")
+    parts = (Part(file="bus.log"), Part(file="bus.001.log"))
+    write_note(path, Note(interface="virtual", channel="any", parts=parts))
+    recorder = Recorder(path, Address("virtual", "any"), False)
+    assert recorder.kept_words == (
+        f"the recording that was {path} is kept in {tmp_path / 'previous' / 'bus.log'}"
+    )
+    recorder.close()
+    kept = {file.name for file in (tmp_path / "previous").iterdir()}
+    assert kept == {"bus.log", "bus.001.log", "bus.log.json"}
+    assert len(read(tmp_path / "previous" / "bus.log")) == 4
+    assert {file.name for file in tmp_path.iterdir()} == {"bus.log", other.name, "previous"}
+
+
+@pytest.mark.parametrize("note", ["", "{", '{"parts": 3}'])
+def test_a_damaged_note_is_moved_aside_too(tmp_path, note):
+    path = tmp_path / "bus.log"
+    path.write_text("(0.0) can0 010#00\n")
+    path.with_name("bus.log.json").write_text(note)
+    Recorder(path, Address("virtual", "any"), False).close()
+    assert {file.name for file in (tmp_path / "previous").iterdir()} == {"bus.log", "bus.log.json"}
+
+
+def test_an_earlier_recording_that_cannot_be_moved_is_not_replaced(tmp_path):
+    path = tmp_path / "bus.log"
+    path.write_text("(0.0) can0 010#00\n")
+    (tmp_path / "previous").write_text("")
+    with pytest.raises(RecordError, match="previous: cannot be made: File exists"):
+        Recorder(path, Address("virtual", "any"), False)
+    assert path.read_text() == "(0.0) can0 010#00\n"
 
 
 def test_a_recorder_that_cannot_begin_leaves_no_file(tmp_path, monkeypatch):

@@ -44,7 +44,11 @@ def test_a_rehearsal_ends_with_summary_pictures_and_rows(run, tmp_path):
 
 def test_ctrl_c_stops_both_sides_and_keeps_what_was_recorded(start, assert_gone, tmp_path):
     record = tmp_path / "bus.log"
-    command = start("rehearse", "ideal", "--record", record, "--out", "out")
+    record.write_text("(0.0) can0 010#00\n")
+    began_s = time.time()
+    command = start(
+        "rehearse", "ideal", "--record", record, "--timestamps", "unix", "--out", "out"
+    )  # fmt: skip
     command.wait_for_line("10 %")
     children = command.children().values()
     command.process.send_signal(signal.SIGINT)
@@ -54,8 +58,12 @@ def test_ctrl_c_stops_both_sides_and_keeps_what_was_recorded(start, assert_gone,
     assert_gone(children)
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())
     assert not summary["completed"]
+    previous = tmp_path / "previous" / "bus.log"
+    assert f"rrins: the recording that was {record} is kept in {previous}" in command.said
     with can.LogReader(record) as log:
-        identifiers = {message.arbitration_id for message in log}
+        messages = list(log)
+    assert 0 <= messages[0].timestamp - began_s < 60
+    identifiers = {message.arbitration_id for message in messages}
     assert {0x10, 0x20, 0x40, 0x61, 0x120} <= identifiers
 
 
