@@ -106,6 +106,30 @@ def test_a_stall_of_the_machine_is_named_as_the_cause_of_the_fault(start, tmp_pa
     )
 
 
+@pytest.mark.slow
+def test_a_stall_of_the_firmware_alone_is_made_up_for_and_named(start, tmp_path):
+    (tmp_path / "own.toml").write_text(
+        'mode = "strapdown"\nduration_s = 4\n[firmware]\nalignment_s = 0.5\n'
+    )
+    command = start("rehearse", "own.toml", "--speed", "1", "--out", "out")
+    command.wait_for_line("50 %")
+    firmware = command.children()["firmware"]
+    os.kill(firmware, signal.SIGSTOP)
+    time.sleep(2)
+    os.kill(firmware, signal.SIGCONT)
+    status, out = command.finish()
+    assert status == 0
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert summary["completed"]
+    assert summary["frames_lost"] == 0
+    assert summary["stall"] is None, "there was no fault"
+    lateness = summary["firmware"]["lateness_us"]
+    stall = max(lateness["stalls"], key=lambda stall: stall["late_ms"])
+    assert 1990 <= stall["late_ms"] == pytest.approx(lateness["max"] / 1e3, abs=0.1)
+    assert 2.5 < stall["at_s"] < 4.5
+    assert f"max {lateness['max']:.0f} µs at {stall['at_s']:.1f} s, " in out
+
+
 @pytest.mark.parametrize("side", ["firmware", "hardware"])
 def test_a_killed_side_ends_the_other_and_is_named(start, assert_gone, tmp_path, side):
     command = start("rehearse", "ideal", "--out", "out")
