@@ -21,7 +21,7 @@ from rrins.host_tools.recording.formats import check_readable, ending_of, open_r
 from rrins.host_tools.recording.frame_lines import NO_CHANNEL
 from rrins.host_tools.recording.mf4 import read_data_frames
 from rrins.host_tools.recording.note import Note, read_note
-from rrins.host_tools.recording.text_lines import BlockRead, TextLines
+from rrins.host_tools.recording.text_lines import BlockRead, Parsed, TextLines
 
 if TYPE_CHECKING:
     from can.typechecking import Channel
@@ -241,6 +241,8 @@ class Log:
             collector.take(lines)
             if message is None:
                 pass
+            elif isinstance(message, Parsed):
+                collector.add_parsed(message)
             elif message.is_fd or message.dlc == len(message.data) > _PAYLOAD:
                 self.passed_over += 1
             elif min(message.dlc, _PAYLOAD) != len(message.data) and not message.is_remote_frame:
@@ -294,7 +296,7 @@ class _Messages:
         Why reading stopped early.
     """
 
-    def __init__(self, reader: Iterable[can.Message], lines: TextLines | None) -> None:
+    def __init__(self, reader: Iterable[can.Message | Parsed], lines: TextLines | None) -> None:
         self._reader = reader
         self._lines = lines
         self._warnings = _WarningCounter()
@@ -308,7 +310,7 @@ class _Messages:
             return self._warnings.count
         return self._lines.bad_lines + self._lines.frames - self._count
 
-    def __iter__(self) -> Iterator[can.Message | None]:
+    def __iter__(self) -> Iterator[can.Message | Parsed | None]:
         """Yield the messages, and None where only lines that needed no reader have been read."""
         messages = iter(self._reader)
         first: Exception | None = None
@@ -424,8 +426,11 @@ class _FrameCollector:
     def take(self, lines: TextLines | None) -> None:
         """Add the frames that came before the message at hand and needed no reader."""
         parsed = None if lines is None else lines.take()
-        if parsed is None:
-            return
+        if parsed is not None:
+            self.add_parsed(parsed)
+
+    def add_parsed(self, parsed: Parsed) -> None:
+        """Add frames that needed no reader."""
         self._finish_messages()
         places = parsed.channels - NO_CHANNEL
         numbers = np.zeros(int(places.max()) + 1, dtype=np.uint8)

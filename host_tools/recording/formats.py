@@ -21,7 +21,7 @@ from rrins.host_tools.recording.asc import AscLines
 from rrins.host_tools.recording.blf import BlfReader
 from rrins.host_tools.recording.errors import RecordError
 from rrins.host_tools.recording.mf4 import Mf4Writer, is_simulated
-from rrins.host_tools.recording.text_lines import CsvLines, TextLines, TrcLines
+from rrins.host_tools.recording.text_lines import CsvLines, Parsed, TextLines, TrcLines
 
 WRITTEN = (".asc", ".blf", ".csv", ".db", ".log", ".mf4", ".trc", ".txt")
 """Suffixes that can be recorded."""
@@ -180,10 +180,13 @@ def name_without_ending(path: Path) -> str:
 _LINES: dict[str, type[TextLines]] = {".asc": AscLines, ".csv": CsvLines, ".trc": TrcLines}
 
 
-def open_reader(path: Path, stream: IO[bytes]) -> tuple[Iterable[can.Message], TextLines | None]:
-    """Return python-can's reader of a log (an iterator of messages) and its source of lines.
+def open_reader(
+    path: Path, stream: IO[bytes]
+) -> tuple[Iterable[can.Message | Parsed], TextLines | None]:
+    """Return a reader of a log, an iterator of messages, and its source of lines.
 
     `stream` is the uncompressed content. The lines are None if the reader reads `stream` directly.
+    A reader of BLF yields many frames at once.
     """
     ending, _ = ending_of(path)
     reader: Callable[..., Iterable[can.Message]] = MESSAGE_READERS[ending]
