@@ -35,6 +35,10 @@ ABSOLUTE = 7
 REGRESSORS = ABSOLUTE + SENSOR_GROUPS
 """What the parity of sound sensors may depend on."""
 
+SETTLED_S = 10
+"""Seconds after a stop in which nothing is learned or concluded, and before a start in which
+nothing is learned: a vehicle pitches by less than counts as motion and more than a sensor errs."""
+
 NOISE_S = 32
 """Window of the test of the variance, s."""
 
@@ -124,6 +128,8 @@ class Parity(Record):
     squares: Annotated[Floats, (NOISE_S, SENSOR_GROUPS)]  #: normalised squares, a ring
     parity: Learner
     expected: Learner
+    late_vector: Annotated[Floats, (SETTLED_S, 3)]  #: of the last seconds at standstill, a ring
+    late_regressors: Annotated[Floats, (SETTLED_S, REGRESSORS)]
     # Results.
     ratio: F8  #: the largest parity over its threshold
     window_s: F8  #: of that
@@ -131,6 +137,8 @@ class Parity(Record):
     learning: Bool  #: enough has been learned to replace a missing sensor
     alarm: Bool
     alarm_epoch: I8  #: the first epoch of the alarm
+    persistent: I8  #: seconds for which one of the last three sensors has seemed to fail
+    persistent_sensor: I8  #: which, -1: none
     frozen: I8  #: seconds since learning stopped, for a test is pending
     clear_seconds: I8  #: since the parity was last beyond its threshold
     excluded: I8  #: one bit each

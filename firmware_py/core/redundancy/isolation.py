@@ -14,14 +14,23 @@ from rrins.dbc.compilation import compiled
 from rrins.firmware_py.core.memory import Fusion
 from rrins.firmware_py.core.redundancy import windows
 from rrins.firmware_py.core.redundancy.parity import CHECKED_FROM
-from rrins.firmware_py.core.redundancy.standing import SETTLED_S
-from rrins.firmware_py.core.redundancy_records import FINE_LEVELS, SECOND_LEVELS, Parity
+from rrins.firmware_py.core.redundancy_records import (
+    FINE_LEVELS,
+    SECOND_LEVELS,
+    SETTLED_S,
+    Parity,
+)
 
-_RATIO = 2.0 * math.log(1e4)
+RATIO = 2.0 * math.log(1e4)
 """Twice the logarithm of the likelihood ratio that decides."""
 
 _REST = 5.0
 """Largest deviation of what the decision leaves unexplained, standard deviations of chi-square."""
+
+MOTION = 4.0
+"""By how much a sensor has to explain more, in chi-square, than a motion of the vehicle would.
+
+A slight motion turns all sensors and leaves the parity alone; the fault of one shows in both."""
 
 
 @compiled
@@ -44,9 +53,35 @@ def by_parity(parity: Parity, count: int) -> int:
                 best, first, second = i, score, first
             elif score > second:
                 second = score
-        if first - second > _RATIO and first > parity.second_factor**2:
+        if first - second > RATIO and first > parity.second_factor**2:
             return best
     return -1
+
+
+@compiled
+def _own_variance(parity: Parity, level: int, sensor: int) -> float:
+    """Return the variance of a sensor's own noise over a window, with what was learned of it."""
+    begin = windows.begin_of(parity, level)
+    seconds = 1 << level
+    learned = (parity.now.leverage - begin.leverage) * min(parity.frozen + 1, seconds)
+    return (
+        parity.white_variance[sensor] * seconds
+        + parity.drift_variance[sensor, level]
+        + parity.quantisation_variance
+        + learned * parity.second_variance[sensor]
+    )
+
+
+@compiled
+def left_by_motion(parity: Parity, count: int, level: int) -> float:
+    """Return the chi-square that no motion of the vehicle explains: that of the parity."""
+    begin = windows.begin_of(parity, level)
+    total = 0.0
+    for i in range(count):
+        if parity.sensors >> i & 1:
+            along = parity.now.parity[i] - begin.parity[i]
+            total += along * along / _own_variance(parity, level, i)
+    return total
 
 
 @compiled
@@ -61,7 +96,6 @@ def _covariance(parity: Parity, fusion: Fusion, level: int) -> int:
     own = (parity.now.vector_leverage - begin.vector_leverage) * alike * parity.vector_variance
     common = parity.expected_variance[level] + own
     common += (parity.tilt_error * seconds) ** 2
-    learned = (parity.now.leverage - begin.leverage) * alike
     matrix = parity.matrix
     n = 0
     for i in range(fusion.count):
@@ -76,12 +110,7 @@ def _covariance(parity: Parity, fusion: Fusion, level: int) -> int:
                 total += fusion.H[i, axis] * fusion.H[j, axis]
             matrix[n, m] = total * common
             m += 1
-        matrix[n, n] += (
-            parity.white_variance[i] * seconds
-            + parity.drift_variance[i, level]
-            + parity.quantisation_variance
-            + learned * parity.second_variance[i]
-        )
+        matrix[n, n] += _own_variance(parity, level, i)
         n += 1
     return n
 
@@ -119,10 +148,23 @@ def _invert(parity: Parity, n: int) -> None:
 
 
 @compiled
-def _decide(parity: Parity, n: int) -> tuple[int, float, float]:
+def weigh(parity: Parity, fusion: Fusion, level: int) -> int:
+    """Write the inverse covariance of the compared sensors' residuals, and these as last column.
+
+    Over the window that ends now; into `matrix`. Returns the number of sensors.
+    """
+    n = _covariance(parity, fusion, level)
+    _residuals(parity, fusion, level)
+    _invert(parity, n)
+    return n
+
+
+@compiled
+def _decide(parity: Parity, n: int, left: float) -> tuple[int, float, bool]:
     """Return which of the compared sensors explains most, how much, and whether it is clear.
 
-    The last is negative where a second one explains nearly as much, or much is left unexplained.
+    It is not where a second one, or a motion of the vehicle, explains nearly as much, or much is
+    left unexplained. `left` is what `left_by_motion` returns.
     """
     a, last = parity.matrix, parity.matrix.shape[1] - 1
     best, first, second, whole = -1, 0.0, 0.0, 0.0
@@ -137,8 +179,9 @@ def _decide(parity: Parity, n: int) -> tuple[int, float, float]:
         elif score > second:
             second = score
     rest = whole - first
-    unexplained = rest - (n - 1) > _REST * math.sqrt(2.0 * (n - 1))
-    return best, first, -1.0 if unexplained or first - second <= _RATIO else first - second
+    explained = rest - (n - 1) <= _REST * math.sqrt(2.0 * (n - 1))
+    clear = explained and first - second > RATIO and left - rest > MOTION
+    return best, first, clear
 
 
 @compiled
@@ -156,18 +199,32 @@ def _sensor(parity: Parity, index: int) -> int:
 def standing(parity: Parity, fusion: Fusion) -> int:
     """Return the sensor that fails while the vehicle stands, -1 where none does or it is unclear.
 
-    Of windows of up to 128 s; the vehicle stood throughout and some time before.
+    Of windows of up to 128 s; the vehicle stood throughout and some time before. Three sensors have
+    no parity that would tell a fault from a slight motion: there, it has to last.
     """
+    found = _standing(parity, fusion)
+    if parity.redundant:
+        return found
+    if found < 0 or found != parity.persistent_sensor:
+        parity.persistent = 0
+    parity.persistent += found >= 0
+    parity.persistent_sensor = found
+    return found if parity.persistent > SETTLED_S else -1
+
+
+@compiled
+def _standing(parity: Parity, fusion: Fusion) -> int:
     if parity.now.standing == 0:
         return -1
     factor = parity.second_factor**2
     for level in range(FINE_LEVELS):
         if not windows.is_due(parity, level) or parity.now.standing < (1 << level) + SETTLED_S:
             continue
-        n = _covariance(parity, fusion, level)
-        _residuals(parity, fusion, level)
-        _invert(parity, n)
-        best, score, clear = _decide(parity, n)
-        if clear > 0.0 and score > factor:
+        left = math.inf
+        if parity.redundant:
+            left = left_by_motion(parity, int(fusion.count), level)
+        n = weigh(parity, fusion, level)
+        best, score, clear = _decide(parity, n, left)
+        if clear and score > factor:
             return _sensor(parity, best)
     return -1

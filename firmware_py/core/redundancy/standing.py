@@ -15,14 +15,10 @@ from rrins.firmware_py.core import earth
 from rrins.firmware_py.core.attitude import cross
 from rrins.firmware_py.core.memory import INNER, OUTER, Fusion, Ram
 from rrins.firmware_py.core.redundancy import learning
-from rrins.firmware_py.core.redundancy_records import Parity
+from rrins.firmware_py.core.redundancy_records import SETTLED_S, Parity
 
 _STANDS_BELOW = 3.0
 """m/s, largest velocity that may be an error of the navigation at standstill."""
-
-SETTLED_S = 10
-"""Seconds from the first at rest in which nothing is learned or concluded: a vehicle that comes to
-rest still pitches, by less than what counts as motion and more than a sensor errs."""
 
 
 @compiled
@@ -97,14 +93,32 @@ def slow(state: Ram) -> bool:
 
 
 @compiled
+def _learn_late(parity: Parity, regressors: int, sound: bool) -> None:
+    """Learn from the second that was `SETTLED_S` ago; keep the present one in its place."""
+    learner = parity.expected
+    slot = parity.now.standing % SETTLED_S
+    vector, earlier = parity.late_vector[slot], parity.late_regressors[slot]
+    settled = parity.now.standing > 2 * SETTLED_S
+    pending = parity.frozen > 0 or parity.persistent > 0 or parity.alarm
+    if settled and sound and not pending:
+        uncertain = learning.leverage(learner, earlier, regressors)
+        for i in range(3):
+            vector[i] -= learning.expected(learner, i, earlier, regressors)
+        learning.learn(learner, vector, 3, uncertain, regressors)
+        learning.age(learner, regressors)
+    for i in range(3):
+        vector[i] = parity.vector[i] if sound else 0.0
+    for k in range(regressors):
+        earlier[k] = parity.regressors[k] if sound else 0.0
+
+
+@compiled
 def close_second(parity: Parity, fusion: Fusion, regressors: int, known: bool) -> None:
     """Add a second to the sums, tell whether the vehicle stands, and learn if it does.
 
-    It stands when the residuals of all sensors but one are within the limit. What it does until it
-    has settled is not learned.
+    It stands when the residuals of all sensors but one are within the limit.
     """
     learner = parity.expected
-    uncertain = learning.leverage(learner, parity.regressors, regressors)
     beyond = 0
     for i in range(fusion.count):
         if parity.sensors >> i & 1:
@@ -113,12 +127,10 @@ def close_second(parity: Parity, fusion: Fusion, regressors: int, known: bool) -
                 residual += fusion.H[i, axis] * parity.vector[axis]
             beyond += abs(residual) > parity.standing_limit
     stands = known and beyond <= 1
-    for i in range(3):
-        parity.vector[i] -= learning.expected(learner, i, parity.regressors, regressors)
-        parity.now.vector[i] += parity.vector[i]
-    parity.now.vector_leverage += uncertain
     parity.now.standing = parity.now.standing + 1 if stands else 0
-    settled = parity.now.standing > SETTLED_S
-    if settled and beyond == 0 and parity.frozen == 0 and not parity.alarm:
-        learning.learn(learner, parity.vector, 3, uncertain, regressors)
-        learning.age(learner, regressors)
+    for i in range(3):
+        learned = learning.expected(learner, i, parity.regressors, regressors)
+        parity.now.vector[i] += parity.vector[i] - learned
+    parity.now.vector_leverage += learning.leverage(learner, parity.regressors, regressors)
+    if stands:
+        _learn_late(parity, regressors, beyond == 0)

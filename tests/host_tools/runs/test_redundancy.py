@@ -92,7 +92,8 @@ def test_a_second_fault_is_told_but_the_last_three_are_kept():
     )
     gyros = run.summary["redundancy"]["gyros"]
     assert gyros["excluded"] == [3]
-    assert gyros["unresolved_s"] == pytest.approx(AT_S + 60 - BEFORE_S, abs=3)
+    unresolved_s = gyros["unresolved_s"] - (AT_S + 60 - BEFORE_S)
+    assert 10.0 < unresolved_s < 15.0  # no parity: it has to last
 
 
 @pytest.mark.slow

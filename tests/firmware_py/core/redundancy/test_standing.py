@@ -10,7 +10,7 @@ import pytest
 from rrins.firmware_py.core.calibration import DPH, input_axes
 from rrins.firmware_py.core.memory import Fusion
 from rrins.firmware_py.core.redundancy import learning, standing
-from rrins.firmware_py.core.redundancy_records import ABSOLUTE, Parity
+from rrins.firmware_py.core.redundancy_records import ABSOLUTE, SETTLED_S, Parity
 
 TETRAHEDRON_DEG = ((180.0, 0.0), *((np.degrees(np.arccos(1 / 3)), 120.0 * k) for k in range(3)))
 NOISE = 0.3 * DPH  # of a second
@@ -37,17 +37,21 @@ def at_rest():
     return close
 
 
-def test_the_last_pitching_before_rest_is_not_learned(at_rest):
-    for rate in (60.0, 30.0, 10.0, *[0.0] * 7):
+def test_the_last_pitching_before_rest_and_the_first_before_a_start_are_not_learned(at_rest):
+    for rate in (60.0, 30.0, 10.0, *[0.0] * (2 * SETTLED_S - 3)):
         learned = at_rest((rate, 0, 0))
     assert learned == pytest.approx(np.zeros(3), abs=1e-12)
-    for _ in range(20):
+    for _ in range(20 + SETTLED_S):
         learned = at_rest((0.1, 0, 0))
-    assert learned == pytest.approx([0.1, 0, 0], abs=0.001)
+    assert learned == pytest.approx([0.1, 0, 0], abs=0.05)
+    before = learned
+    for rate in (1.0, 10.0, 30.0, 60.0, 100.0):
+        learned = at_rest((rate, 0, 0))
+    assert learned == pytest.approx(before, abs=0.05)
 
 
 def test_a_constant_is_learned_after_the_vehicle_has_settled(at_rest):
-    for _ in range(standing.SETTLED_S):
+    for _ in range(2 * SETTLED_S):
         learned = at_rest((0.2, -0.1, 0.3))
     assert learned == pytest.approx(np.zeros(3), abs=1e-12)
     assert at_rest((0.2, -0.1, 0.3)) == pytest.approx([0.2, -0.1, 0.3], rel=0.01)
