@@ -39,6 +39,7 @@ GUIDES = {
     "host_tools/monitor": "monitor.md",
     "host_tools/motion": "motion.md",
     "host_tools/recording": "logs.md",
+    "host_tools/redundancy": "redundancy-study.md",
     "host_tools/rotation": "schemes.md",
     "host_tools/scenario": "scenarios.md",
     "host_tools/serial": "serial.md",

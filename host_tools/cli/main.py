@@ -52,6 +52,7 @@ _LOOK = {
 }
 _PLAN = {
     "scheme": _Entry("scheme", "Analyse, compare and search rotation schemes."),
+    "redundancy": _Entry("redundancy", "Show which faults redundant sensors can find."),
     "motion": _Entry("motion", "Check recorded vehicle motion; export true motion."),
     "reproduce": _Entry("reproduce", "Run the paper's experiments."),
 }

@@ -2,26 +2,17 @@
 
 from __future__ import annotations
 
-import base64
-import io
 from importlib import metadata
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Final
+from typing import IO, Final
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
-from PIL import Image
-
+from rrins.host_tools.drawing.page import base64_of, environment, png_of
 from rrins.host_tools.experiments.constants import REFERENCE
 from rrins.host_tools.experiments.sections import BAND_SEEDS, FigureRow, Section, figure
 from rrins.host_tools.files import keep, replacing, write_whole
 from rrins.host_tools.scenario.schemes import SCHEMES
 
-if TYPE_CHECKING:
-    import matplotlib.figure
-
 NAME = "report.html"
-_COLOURS = 128
-
 _SCHEME = "16-position"
 
 _STATIC = tuple(f"largest position error, {side}" for side in ("east", "north"))
@@ -62,30 +53,16 @@ def _table_1() -> list[tuple[int | str, ...]]:
     return rows
 
 
-def _png(picture: matplotlib.figure.Figure) -> bytes:
-    """Return a picture as palette PNG: a third of the size with no visible difference."""
-    drawn, packed = io.BytesIO(), io.BytesIO()
-    picture.savefig(drawn, format="png", dpi=110)
-    image = Image.open(drawn).convert("RGB").quantize(_COLOURS, dither=Image.Dither.NONE)
-    image.save(packed, format="png", optimize=True)
-    return packed.getvalue()
-
-
 def write(folder: Path, sections: list[Section]) -> list[Path]:
     """Write the report and its plots to a folder; return their paths, the report first.
 
     A report of other content that is there is moved into the folder `previous`; it holds its plots.
     """
-    pictures = {p.name: _png(p.figure) for section in sections for p in section.pictures}
-    environment = Environment(
-        loader=PackageLoader("rrins.host_tools.experiments", "."),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-    )
-    environment.filters["figure"] = figure
+    pictures = {p.name: png_of(p.figure) for section in sections for p in section.pictures}
+    templates = environment("rrins.host_tools.experiments")
+    templates.filters["figure"] = figure
     rows_3 = table_3(sections)
-    text = environment.get_template("report.html.j2").render(
+    text = templates.get_template("report.html.j2").render(
         sections=sections,
         table_3=rows_3,
         differing=[(name, row) for name, cells in rows_3 for row in cells if row and row.differs],
@@ -93,7 +70,7 @@ def write(folder: Path, sections: list[Section]) -> list[Path]:
         seeds=max(section.seeds for section in sections),
         band_seeds=BAND_SEEDS,
         table_1=_table_1() if any(s.experiment == "scheme" for s in sections) else [],
-        images={name: base64.b64encode(data).decode("ascii") for name, data in pictures.items()},
+        images={name: base64_of(data) for name, data in pictures.items()},
         version=f"rrins {metadata.version('rrins')}",
     )
 

@@ -136,7 +136,7 @@ def rimu_of(
     else:
         table = _read("errors", errors, (), "a TOML file")
     if geometry is not None:
-        table["rimu"] = _rimu_table(geometry)
+        table["rimu"] = rimu_table(geometry)
     scenario = _checked(where, {"duration_s": 1.0, **table})
     return NamedRimu(
         geometry=_geometry_name(geometry, scenario),
@@ -156,7 +156,14 @@ def _geometry_name(geometry: str | None, scenario: Scenario) -> str:
     return geometry if geometry in GEOMETRIES else Path(geometry).stem
 
 
-def _rimu_table(geometry: str) -> JsonObject:
+def rimu_table(geometry: str) -> JsonObject:
+    """Return the table `[rimu]` of a built-in geometry, or of a TOML file with sensor axes.
+
+    Raises
+    ------
+    ScenarioError
+        In one line: which file, what is wrong.
+    """
     if geometry in GEOMETRIES:
         return {"geometry": geometry}
     table = _read("geometry", geometry, GEOMETRIES, "a TOML file with gyro_axes_deg")

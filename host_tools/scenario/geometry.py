@@ -31,6 +31,8 @@ GEOMETRIES: Final = MappingProxyType(
         "dodecahedron": ((0.0, 0.0), *((_DODECAHEDRON_DEG, 72.0 * k) for k in range(5))),
         # Four on a cone about z; the half angle makes HᵀH = (4/3) I.
         "cone": tuple((_CONE_DEG, 90.0 * k) for k in range(4)),
+        # Three orthogonal ones, and a fourth that makes the same angle with each.
+        "orthogonal-plus-one": ((90.0, 0.0), (90.0, 90.0), (0.0, 0.0), (_CONE_DEG, 45.0)),
     }
 )
 """Built-in geometries, name to input axes."""

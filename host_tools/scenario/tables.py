@@ -58,7 +58,9 @@ class Body(TomlTable):
 class Rimu(TomlTable):
     """Design directions of the input axes: a built-in geometry, or angles for each kind."""
 
-    geometry: Literal["tetrahedron", "orthogonal", "dodecahedron", "cone", "custom"] = "tetrahedron"
+    geometry: Literal[
+        "tetrahedron", "orthogonal", "dodecahedron", "cone", "orthogonal-plus-one", "custom"
+    ] = "tetrahedron"
     gyro_axes_deg: tuple[tuple[float, float], ...] | None = None
     accelerometer_axes_deg: tuple[tuple[float, float], ...] | None = None
 

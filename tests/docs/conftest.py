@@ -33,7 +33,7 @@ class Desk:
             case ["sleep", seconds]:
                 self.bench.advance(float(seconds))
                 return ""
-            case ["rrins", ("diag" | "inject") as tool, *rest]:
+            case ["rrins", ("diag" | "inject" | "redundancy") as tool, *rest]:
                 ended = CliRunner().invoke(rrins, [tool, *rest], prog_name="rrins")
                 if ended.exception and not isinstance(ended.exception, SystemExit):
                     raise ended.exception

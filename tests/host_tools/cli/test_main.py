@@ -50,7 +50,13 @@ def test_help_and_completion_start_at_once():
     assert not started("--help") & {"numpy", "numba", "can", "cantools", "pydantic"}
     assert not started("monitor", "--help") & {"numpy", "numba", "can", "cantools", "textual"}
     found = ShellComplete(cli.rrins, {}, "rrins", "_RRINS_COMPLETE").get_completions([], "re")
-    assert [item.value for item in found] == ["record", "rehearse", "replay", "reproduce"]
+    assert [item.value for item in found] == [
+        "record",
+        "redundancy",
+        "rehearse",
+        "replay",
+        "reproduce",
+    ]
 
 
 def test_both_sides_are_started_before_what_only_the_results_need_is_imported():

@@ -1,0 +1,50 @@
+"""The two kinds of sensors: their names, units and faults."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Final
+
+from rrins.host_tools.hardware.faults import HardwareFault
+from rrins.host_tools.hardware.settings import DPH, UG
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A kind of sensors.
+
+    Attributes
+    ----------
+    name : str
+        In the RAM image and in scenarios.
+    unit : str
+        Of a fault.
+    si : float
+        That unit, rad/s or m/s².
+    fault : HardwareFault
+        A step of the bias.
+    """
+
+    name: str
+    unit: str
+    si: float
+    fault: HardwareFault
+
+    @property
+    def one(self) -> str:
+        """A single sensor of the kind."""
+        return self.name.removesuffix("s")
+
+    def parity(self, state: Any) -> Any:
+        """Return the parity of the kind, of a firmware's RAM image."""
+        return state.redundancy[self.name]
+
+    def fusion(self, state: Any) -> Any:
+        """Return the fusion of the kind, of a firmware's RAM image."""
+        return state[self.name]
+
+
+KINDS: Final = (
+    Kind("gyros", "°/h", DPH, HardwareFault.GYRO_BIAS),
+    Kind("accelerometers", "µg", UG, HardwareFault.ACCELEROMETER_BIAS),
+)

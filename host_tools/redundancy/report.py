@@ -1,0 +1,81 @@
+"""The report of a study: one self-contained HTML page, and the picture beside it."""
+
+from __future__ import annotations
+
+import math
+from importlib import metadata
+from pathlib import Path
+from typing import IO
+
+from rrins.host_tools.drawing.page import base64_of, environment, png_of
+from rrins.host_tools.files import keep, replacing, write_whole
+from rrins.host_tools.redundancy.monte_carlo import PATIENCE_S
+from rrins.host_tools.redundancy.pictures import delays_figure, label_of
+from rrins.host_tools.redundancy.survey import WITHIN_S, Study
+from rrins.host_tools.redundancy.theory import HALF, LEARNED_S, MOST, WAYS
+
+NAME, PICTURE = "report.html", "delays.png"
+
+WORDS = {
+    "alarm": "one fails",
+    "standing": "which, at rest",
+    "parity": "which, in motion",
+}
+"""What is known of a fault, in a table; the keys are `theory.WAYS`."""
+
+
+def shown(value: float | None, beyond: str = "–") -> str:
+    """Return a figure with as many digits as it is worth; `beyond` where there is none."""
+    if value is None or not math.isfinite(value):
+        return beyond
+    if value >= 100:
+        return f"{float(f'{value:.3g}'):,.0f}"
+    return f"{value:.2g}" if value < 10 else f"{value:.3g}"
+
+
+def pair(half: float, most: float) -> str:
+    """Return the figure of half of the cases and that of 95 %."""
+    return f"{shown(half)} / {shown(most)}" if math.isfinite(half) else "–"
+
+
+def write(folder: Path, study: Study, runs: int, title: str) -> list[Path]:
+    """Write report and picture to a folder; return their paths, the report first.
+
+    A report of other content that is there is moved into the folder `previous`.
+
+    Raises
+    ------
+    OSError
+        When they cannot be written.
+    """
+    picture = png_of(delays_figure(study.surveys))
+    templates = environment("rrins.host_tools.redundancy")
+    templates.filters["shown"] = shown
+    text = templates.get_template("report.html.j2").render(
+        title=title,
+        surveys=study.surveys,
+        sizes=study.sizes,
+        runs=runs,
+        ways=WAYS,
+        words=WORDS,
+        within_s=WITHIN_S,
+        learned_s=LEARNED_S,
+        patience_s=PATIENCE_S,
+        quantiles=(HALF, MOST),
+        pair=pair,
+        label_of=label_of,
+        at=lambda group, size: int(abs(group.sizes - size).argmin()),
+        image=base64_of(picture),
+        version=f"rrins {metadata.version('rrins')}",
+    )
+
+    def write_text(file: IO[str]) -> None:
+        file.write(text)
+
+    page, drawn = folder / NAME, folder / PICTURE
+    if page.exists() and page.read_bytes() != text.encode():
+        keep(folder, (NAME,))
+    write_whole(page, write_text)
+    with replacing(drawn) as part:
+        part.write_bytes(picture)
+    return [page, drawn]
