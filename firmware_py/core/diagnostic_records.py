@@ -117,9 +117,6 @@ class DiagnosticState(Record):
     altimeter_silence: I8
     overruns_before: I8
     jumps_before: I8
-    encoder_seen: I8  #: a bit per axis
-    encoder_before_deg: Annotated[Floats, 2]
-    rate_before_dps: Annotated[Floats, 2]
     gyro_repetition: Repetition
     accelerometer_repetition: Repetition
     gyro_residual: Annotated[Floats, SENSOR_GROUPS]  #: rad in an epoch, a mean

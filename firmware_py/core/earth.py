@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 
 from rrins.dbc.compilation import compiled
+from rrins.dbc.record import Floats
 
 SEMI_MAJOR_AXIS = 6378137.0  # m
 FLATTENING = 1 / 298.257223563
@@ -32,6 +33,15 @@ def radii(latitude: float) -> tuple[float, float]:
     root = 1.0 - ECCENTRICITY_SQUARED * math.sin(latitude) ** 2
     prime_vertical = SEMI_MAJOR_AXIS / math.sqrt(root)
     return prime_vertical * (1.0 - ECCENTRICITY_SQUARED) / root, prime_vertical
+
+
+@compiled
+def turn(out: Floats, C_s_n: Floats, latitude: float, dt: float) -> None:
+    """Write by how much the Earth turns the sensors in a time `dt` (s), rad in their frame."""
+    north = RATE * math.cos(latitude) * dt
+    up = RATE * math.sin(latitude) * dt
+    for i in range(3):
+        out[i] = C_s_n[1, i] * north + C_s_n[2, i] * up
 
 
 @compiled

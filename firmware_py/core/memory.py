@@ -23,6 +23,7 @@ from rrins.dbc.record import (
     Words,
 )
 from rrins.firmware_py.core.diagnostic_records import DiagnosticState
+from rrins.firmware_py.core.encoder_records import Encoders
 from rrins.firmware_py.core.redundancy_records import Redundancy
 from rrins.firmware_py.core.troubles import Source
 
@@ -94,7 +95,7 @@ class Assembly(Record):
     gyro_absent: I8  #: flagged as absent, one bit each
     accelerometer_absent: I8  #: flagged as absent, one bit each
     axis_received: Annotated[Bytes, 2]  #: whether an axis' frame arrived, 0 or 1
-    encoder_angle_deg: Annotated[Floats, 2]  #: extrapolated by the rate if no frame arrived
+    encoder_angle_deg: Annotated[Floats, 2]  #: as used: see `encoders`; else extrapolated
     encoder_rate_dps: Annotated[Floats, 2]  #: as last received
     axis_state: Annotated[Integers, 2]  #: an `AxisState`, as last received
     angle_before_deg: Annotated[Floats, 2]  #: before this epoch's frame, should it be withdrawn
@@ -293,6 +294,7 @@ class Ram(Record):
     navigation_transmissions: I8  #: of the navigation messages, for their counters
     heartbeats: I8  #: sent so far, for their counter
     diagnostics: DiagnosticState
+    encoders: Encoders
     redundancy: Redundancy
 
 

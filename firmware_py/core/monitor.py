@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from rrins.dbc.codec import unwrapped
 from rrins.dbc.compilation import compiled
 from rrins.dbc.values import AxisState
 from rrins.firmware_py.core import consistency, senders, trouble_table
 from rrins.firmware_py.core.diagnostic_records import ATTENTION_TROUBLES, DiagnosticState, Snapshot
+from rrins.firmware_py.core.encoder_records import AngleSource
 from rrins.firmware_py.core.memory import INNER, OUTER, Ram
 from rrins.firmware_py.core.modes import FirmwareFault, Mode, navigating
 from rrins.firmware_py.core.troubles import AxisFault, Kind, Source, Status, SystemFault
@@ -43,7 +43,7 @@ _NOT_FOLLOWING, _DRIVE = int(AxisFault.NOT_FOLLOWING), int(AxisFault.DRIVE)
 _ENCODER, _LIMIT = int(AxisFault.ENCODER), int(AxisFault.LIMIT)
 _ABANDONED = int(AxisFault.ABANDONED)
 _DRIVE_FAULT = int(AxisState.FAULT)
-_JUMP_DEG = 2.0  # of an encoder, above the step of the coarsest
+_BY_ENCODER = int(AngleSource.ENCODER)
 _OVERSPEED, _OVERSPEED_DPS = 1.25, 0.5
 
 _OVERRUN = 1 << SystemFault.OVERRUN
@@ -230,10 +230,10 @@ def _look_at_redundancy(state: Ram, monitor: DiagnosticState) -> tuple[int, int]
 def _look_at_axes(state: Ram, monitor: DiagnosticState) -> None:
     assembly, sequencer = state.assembly, state.sequencer
     limit_dps = _OVERSPEED * state.parameters.turn_rate_dps + _OVERSPEED_DPS
-    seconds = state.parameters.period_ns * 1e-9
     failing = tested = 0
     for axis in range(2):
-        angle_deg, rate_dps = assembly.encoder_angle_deg[axis], assembly.encoder_rate_dps[axis]
+        if state.encoders.source[axis] != _BY_ENCODER:
+            failing |= 1 << (_ENCODER + axis)
         if sequencer.not_following[axis]:
             failing |= 1 << (_NOT_FOLLOWING + axis)
         if sequencer.running or sequencer.not_following[axis]:
@@ -242,21 +242,11 @@ def _look_at_axes(state: Ram, monitor: DiagnosticState) -> None:
             failing |= 1 << (_ABANDONED + axis)
         tested |= 1 << (_ABANDONED + axis)
         if assembly.axis_received[axis]:
-            tested |= 1 << (_DRIVE + axis) | 1 << (_LIMIT + axis)
+            tested |= 1 << (_DRIVE + axis) | 1 << (_LIMIT + axis) | 1 << (_ENCODER + axis)
             if assembly.axis_state[axis] == _DRIVE_FAULT:
                 failing |= 1 << (_DRIVE + axis)
-            if abs(rate_dps) > limit_dps:
+            if abs(assembly.encoder_rate_dps[axis]) > limit_dps:
                 failing |= 1 << (_LIMIT + axis)
-            if monitor.encoder_seen >> axis & 1:
-                tested |= 1 << (_ENCODER + axis)
-                turned_deg = 0.5 * (monitor.rate_before_dps[axis] + rate_dps) * seconds
-                expected_deg = monitor.encoder_before_deg[axis] + turned_deg
-                found_deg = unwrapped(angle_deg, expected_deg, state.parameters.angle_span_deg)
-                if abs(found_deg - expected_deg) > _JUMP_DEG:
-                    failing |= 1 << (_ENCODER + axis)
-            monitor.encoder_seen |= 1 << axis
-        monitor.encoder_before_deg[axis] = angle_deg
-        monitor.rate_before_dps[axis] = rate_dps
     monitor.failing[_AXIS] = failing
     monitor.tested[_AXIS] = tested
 

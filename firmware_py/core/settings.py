@@ -106,6 +106,7 @@ class Settings(_Checked):
     bridge_s: float
     axis_acceleration_dps2: float
     axis_rise_s: float = 0.0
+    encoder_step_deg: float = 0.0
     follow_tolerance_deg: float
     axis_silence_s: float
     gyro_consistency_dph: float
@@ -174,6 +175,8 @@ def power_on(settings: Settings, contract: Records[Contract]) -> Records[Ram]:
     parameters.bridge_epochs = round(settings.bridge_s * rate_hz)
     parameters["axis_acceleration_dps2"] = settings.axis_acceleration_dps2
     parameters.axis_rise_s = settings.axis_rise_s
+    resolution_deg = float(contract[0].axis_inner_status.encoder_angle_deg.scale)
+    state.encoders.step_deg = max(settings.encoder_step_deg, resolution_deg)
     parameters.follow_tolerance_deg = settings.follow_tolerance_deg
     parameters.axis_silence_epochs = round(settings.axis_silence_s * rate_hz)
     dt = 1 / rate_hz

@@ -16,6 +16,7 @@ from rrins.firmware_py.core import (
     alignment,
     clock,
     earth,
+    encoders,
     gnss,
     intake,
     modes,
@@ -212,6 +213,10 @@ def compute(state: Ram, contract: Contract, compares: bool | None) -> None:
     intake.close(state)
     gnss.close(state, contract)
     clock.advance(state.clock)
+    _follow_repetitions(state)
+    _fuse(state)
+    _judge_repetitions(state)
+    encoders.follow(state, modes.navigating(state))
     gimbal_matrix(
         state.C_s_b,
         np.radians(state.assembly.encoder_angle_deg[INNER]),
@@ -220,9 +225,6 @@ def compute(state: Ram, contract: Contract, compares: bool | None) -> None:
     modes.follow_request(state)
     if state.diagnostics.routine_request != 0:
         routine_requests.follow(state)
-    _follow_repetitions(state)
-    _fuse(state)
-    _judge_repetitions(state)
     if compares is not None and state.clock.synchronised:  # with None not even compiled
         redundancy.watch(state, modes.navigating(state) and not state.ins.first)
     _run_mode(state, contract)

@@ -105,6 +105,28 @@ def _redundancies(state: Ram, contract: Contract, outbox: FrameArray, count: int
 
 
 @compiled
+def _table(state: Ram, message: MessageSignals) -> np.uint64:
+    encoders, running = state.encoders, state.sequencer
+    word = pack(np.uint64(0), message.axis_inner_source, encoders.source[INNER])
+    word = pack(word, message.axis_outer_source, encoders.source[OUTER])
+    word = encode(word, message.axis_inner_offset_deg, encoders.offset_deg[INNER])
+    word = encode(word, message.axis_outer_offset_deg, encoders.offset_deg[OUTER])
+    word = pack(word, message.tries, running.tries)
+    word = pack(word, message.interrupted, running.interrupted)
+    word = pack(word, message.axis_inner_abandoned, running.abandoned[INNER])
+    return pack(word, message.axis_outer_abandoned, running.abandoned[OUTER])
+
+
+@compiled
+def _had_trouble(state: Ram) -> bool:
+    """Return whether an encoder has been wrong, or an axis has not followed, since power-on."""
+    trouble = np.int64(0)
+    for axis in range(2):
+        trouble |= state.encoders.found_epoch[axis] | state.sequencer.interruptions[axis]
+    return trouble != 0
+
+
+@compiled
 def _navigation(state: Ram, contract: Contract, outbox: FrameArray, count: int) -> int:
     """Append the five navigation frames; return the new number of frames."""
     output = state.navigation
@@ -170,6 +192,11 @@ def transmit(state: Ram, contract: Contract, outbox: FrameArray) -> int:
         count += 2
     if state.redundancy.enabled and _due(state, contract.gyro_redundancy.message):
         count = _redundancies(state, contract, outbox, count)
+    table = contract.table_status
+    if _due(state, table.message) and _had_trouble(state):
+        fill(outbox[count], table.message, _table(state, table), state.encoders.transmissions)
+        state.encoders.transmissions += 1
+        count += 1
     if navigating(state) and _due(state, contract.nav_latitude.message):
         count = _navigation(state, contract, outbox, count)
     inner, outer = contract.axis_inner_command, contract.axis_outer_command

@@ -111,8 +111,8 @@ _AXIS = (
         AxisFault.ENCODER,
         "encoder",
         _PLAUSIBILITY,
-        Debounce(events=3),
-        "has an encoder angle that jumps, contrary to its rate",
+        Debounce(events=1),
+        "has an encoder that contradicts the gyros: its angle is corrected, or not used",
     ),
     (
         AxisFault.LIMIT,

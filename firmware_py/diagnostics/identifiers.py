@@ -7,6 +7,7 @@ from enum import IntEnum
 
 from rrins.dbc.contract import SENSOR_GROUPS
 from rrins.dbc.values import AxisCommand, AxisState
+from rrins.firmware_py.core.encoder_records import AngleSource
 from rrins.firmware_py.core.modes import FirmwareFault, Mode, ModeRequest
 from rrins.firmware_py.diagnostics.access import UNLOCKED, Session
 from rrins.firmware_py.diagnostics.codecs import Field
@@ -279,6 +280,8 @@ def _axis(number: int, name: str, index: int) -> DataIdentifier:
             Field("command", "u8", choices=AxisCommand, source=f"sequencer.command.{index}"),
             Field("target_angle_deg", "f64", "°", source=f"sequencer.target_angle_deg.{index}"),
             Field("not_following", "u8", source=f"sequencer.not_following.{index}"),
+            Field("angle_source", "u8", choices=AngleSource, source=f"encoders.source.{index}"),
+            Field("encoder_offset_deg", "f64", "°", source=f"encoders.offset_deg.{index}"),
         ),
     )
 

@@ -23,7 +23,14 @@ _EVENTS = (  # not periodic, so never silent
     "HARDWARE_FAULT_ACTIVE",
     "HARDWARE_FAULT_TIMES",
     "HARDWARE_FAULT_CYCLE",
+    "TABLE_STATUS",
 )
+_TABLE = "TABLE_STATUS"
+_WITHOUT_ENCODER = {
+    "CORRECTED": "its angle is corrected",
+    "GYROS": "the gyros' angle is used",
+    "COMMAND": "the commanded angle is used",
+}
 _NAVIGATION_PREFIX = "NAV_"  # sent in navigation only
 _SENSOR_PREFIX = "SENSOR_"
 _DIAGNOSIS = (0x7DF, *range(0x7E0, 0x7F0))  # ISO 15765-4, identifiers of diagnostic requests
@@ -34,6 +41,7 @@ def troubles_of(state: BusState, vitals: Vitals) -> list[str]:
     return [
         *_firmware_troubles(vitals),
         *_axis_troubles(vitals),
+        *_encoder_troubles(state),
         *_sensor_troubles(state, vitals),
         *_silence_troubles(state, vitals),
         *_message_troubles(state),
@@ -64,6 +72,15 @@ def _axis_troubles(vitals: Vitals) -> Iterator[str]:
             yield f"the {name} axis did not follow its command"
         if axis.state == "FAULT":
             yield f"the {name} axis reports FAULT"
+
+
+def _encoder_troubles(state: BusState) -> Iterator[str]:
+    for name in AXES:
+        source = state.text(_TABLE, f"axis_{name}_source")
+        if source in _WITHOUT_ENCODER:
+            yield f"the {name} encoder contradicts the gyros: {_WITHOUT_ENCODER[source]}"
+        if state.text(_TABLE, f"axis_{name}_abandoned") == "1":
+            yield f"the {name} axis did not follow in any try: rotation abandoned"
 
 
 def _sensor_troubles(state: BusState, vitals: Vitals) -> Iterator[str]:

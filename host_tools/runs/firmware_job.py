@@ -17,6 +17,7 @@ from rrins.host_tools.runs.realtime import LatenessHistogram
 from rrins.host_tools.runs.redundancy_summary import redundancy_summary
 from rrins.host_tools.runs.samples import NAVIGATION_SAMPLES, SampleFile, keep_every
 from rrins.host_tools.runs.settings import firmware_settings
+from rrins.host_tools.runs.table_summary import encoder_summary
 from rrins.host_tools.serial.lines import Tasks, open_lines
 
 _COUNTERS = (
@@ -42,6 +43,7 @@ def firmware_summary(firmware: Firmware) -> JsonObject:
         "axes_not_following": [bool(flag) for flag in state["sequencer"]["not_following"]],
         "axis_interruptions": [int(count) for count in state["sequencer"]["interruptions"]],
         "axes_abandoned": [bool(flag) for flag in state["sequencer"]["abandoned"]],
+        "encoders": encoder_summary(state),
         "frames_received": firmware.frames_received,
         "frames_sent": firmware.frames_sent,
         "calibration": _calibration_used(firmware),

@@ -70,6 +70,10 @@ def firmware_settings(scenario: Scenario) -> firmware.Settings:
         bridge_s=settings.bridge_s,
         axis_acceleration_dps2=scenario.axis_acceleration_dps2,
         axis_rise_s=scenario.axis_rise_s,
+        encoder_step_deg=max(
+            _drive(axis).encoder_step_deg
+            for axis in (scenario.turntable.inner, scenario.turntable.outer)
+        ),
         follow_tolerance_deg=settings.follow_tolerance_deg,
         axis_silence_s=settings.axis_silence_s,
         gyro_consistency_dph=settings.gyro_consistency_dph,

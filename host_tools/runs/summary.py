@@ -14,6 +14,7 @@ from rrins.host_tools.runs.redundancy_summary import redundancy_lines
 from rrins.host_tools.runs.results import Errors, write_errors, write_summary
 from rrins.host_tools.runs.settings import trajectory_of
 from rrins.host_tools.runs.stalls import stall_before_fault
+from rrins.host_tools.runs.table_summary import table_lines
 from rrins.host_tools.scenario.scenario import Scenario
 
 
@@ -179,21 +180,6 @@ def _keys_of(calibration: JsonObject) -> str:
     return "; ".join(tables) or "holds nothing"
 
 
-def _axis_lines(firmware: JsonObject) -> list[str]:
-    """Return what kept the rotation scheme from going on."""
-    lines = []
-    for k, axis in enumerate(("inner", "outer")):
-        count = firmware.get("axis_interruptions", (0, 0))[k]
-        if firmware.get("axes_abandoned", (False, False))[k]:
-            lines.append(f"the {axis} axis did not follow in any try: rotation abandoned")
-        elif firmware.get("axes_not_following", (False, False))[k]:
-            lines.append(f"the {axis} axis did not follow its command")
-        elif count:
-            times = "once" if count == 1 else f"{count} times"
-            lines.append(f"the {axis} axis did not follow its command {times}: rotation resumed")
-    return lines
-
-
 def lines_of(summary: JsonObject) -> list[str]:
     """Return the lines below the table: how the run went."""
     firmware = summary["firmware"]
@@ -229,5 +215,5 @@ def lines_of(summary: JsonObject) -> list[str]:
     if faults:
         counted = ", ".join(f"{name} {count}" for name, count in faults.items())
         lines.append(f"faults counted by the firmware: {counted}")
-    lines += _axis_lines(firmware)
+    lines += table_lines(firmware)
     return lines

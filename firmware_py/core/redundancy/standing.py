@@ -34,10 +34,7 @@ def _expect_rotation(state: Ram, C_s_n: Floats, out: Floats, dt: float) -> None:
     douter = outer - before[OUTER]
     douter -= span * math.floor(douter / span + 0.5)
     middle = inner - 0.5 * dinner
-    north = earth.RATE * math.cos(state.ins.latitude) * dt
-    up = earth.RATE * math.sin(state.ins.latitude) * dt
-    for i in range(3):
-        out[i] = C_s_n[1, i] * north + C_s_n[2, i] * up
+    earth.turn(out, C_s_n, state.ins.latitude, dt)
     out[0] += douter * math.cos(middle)
     out[1] -= douter * math.sin(middle)
     out[2] += dinner

@@ -10,8 +10,9 @@ import pytest
 from rrins.host_tools.errors import ScenarioError
 from rrins.host_tools.hardware.memory import FAULT_CAPACITY
 from rrins.host_tools.hardware.settings import power_on
+from rrins.host_tools.runs.direct import run_direct
 from rrins.host_tools.runs.settings import firmware_settings, hardware_settings
-from rrins.host_tools.scenario.scenario import Scenario, fault_of
+from rrins.host_tools.scenario.scenario import Scenario, fault_of, load
 
 BEGIN_S = 3.0  # of navigation
 
@@ -87,16 +88,120 @@ def test_a_stall_shorter_than_the_tolerance_is_caught_up(fly):
     assert errors.outer_deg[-1] == pytest.approx(-180)
 
 
-def test_a_small_slip_of_an_encoder_turns_the_attitude_only(fly):
-    fault = {"kind": "encoder_offset", "axis": "inner", "offset_deg": 1.5, "at_s": 10, "for_s": 10}
-    firmware, errors = fly(scenario_with(fault))
-    assert firmware["axes_not_following"] == [False, False]
-    there = (errors.time_s > 7.1) & (errors.time_s < 16.9)
-    # C_b_n = C_s_n C_b_s: a table that seems turned on by 1.5° is a body turned back.
-    assert np.abs(errors.heading_deg[there]) == pytest.approx(1.5, abs=1e-4)
-    elsewhere = (errors.time_s < 6.9) | (errors.time_s > 17.1)
-    assert np.abs(errors.heading_deg[elsewhere]).max() < 1e-4
-    assert max(errors.largest()["max_abs_position_error_m"].values()) < 5e-3
+# Encoders: what one says wrongly reaches neither the attitude nor the rotation.
+
+WRONG_ENCODERS = {
+    # fault, what is used at the end, and in °: the largest error of the heading until it is found
+    "jump": ({"kind": "encoder_offset", "offset_deg": 1.5}, "corrected", 1e-4),
+    "jump beyond the tolerance": (
+        {"kind": "encoder_offset", "offset_deg": 10},
+        "corrected",
+        1e-4,
+    ),
+    "jump and back": (
+        {"kind": "encoder_offset", "offset_deg": -0.05, "for_s": 10},
+        "encoder",
+        1e-4,
+    ),
+    "glitches": (
+        {"kind": "encoder_offset", "offset_deg": 3, "for_s": 30, "period_s": 1, "duty": 0.01},
+        "encoder",
+        1e-4,
+    ),
+    "stuck": ({"kind": "encoder_stuck"}, "gyros", 0.17),
+    "stuck for a while": ({"kind": "encoder_stuck", "for_s": 20}, "encoder", 0.17),
+    "slip": ({"kind": "encoder_slip", "slip_percent": 1}, "gyros", 0.21),
+    "slip for a while": (
+        {"kind": "encoder_slip", "slip_percent": -2, "for_s": 20},
+        "corrected",
+        0.21,
+    ),
+}
+
+
+@pytest.mark.parametrize("name", WRONG_ENCODERS)
+def test_a_wrong_encoder_is_found_and_done_without(fly, name):
+    fault, source, until_found_deg = WRONG_ENCODERS[name]
+    planned = {"axis": "inner", "at_s": 10} | fault
+    firmware, errors = fly(scenario_with(planned, duration_s=200))
+    assert firmware["axis_interruptions"] == [0, 0]
+    assert firmware["encoders"]["outer"] is None
+    inner = firmware["encoders"]["inner"]
+    assert inner["source"] == source
+    assert 10 <= inner["found_at_s"] <= (40 if name == "glitches" else 21)
+    # C_b_n = C_s_n C_b_s: a table that seems turned on by an angle is a body turned back.
+    assert np.abs(errors.heading_deg).max() <= until_found_deg
+    found = errors.time_s > inner["found_at_s"] - BEGIN_S + 0.1
+    for error in (errors.roll_deg, errors.pitch_deg, errors.heading_deg):
+        assert np.abs(error[found]).max() < 2e-3
+    assert errors.inner_deg[-1] == pytest.approx(180)
+    assert errors.outer_deg[-1] == pytest.approx(-180)
+
+
+def test_a_jump_is_found_in_the_epoch_and_measured(fly):
+    fault = {"kind": "encoder_offset", "axis": "outer", "offset_deg": -0.75, "at_s": 120}
+    firmware, _ = fly(scenario_with(fault, duration_s=130))
+    outer = firmware["encoders"]["outer"]
+    assert outer["found_at_s"] == 120
+    assert outer["offset_deg"] == pytest.approx(-0.75, abs=3e-5)
+
+
+@pytest.mark.parametrize("offset_deg", [-0.1, 1.0, 10.0])
+def test_a_jump_is_found_in_a_vehicle_that_drives(fly, offset_deg):
+    fault = {"kind": "encoder_offset", "axis": "inner", "offset_deg": offset_deg, "at_s": 400}
+    scenario = load("drive_rotating", duration_s=500)
+    firmware, errors = fly(scenario.varied(faults=[fault]))
+    inner = firmware["encoders"]["inner"]
+    assert (inner["found_at_s"], inner["source"]) == (400, "corrected")
+    # The vehicle may have turned faster or slower in that epoch than in the one before.
+    assert inner["offset_deg"] == pytest.approx(offset_deg, abs=5e-3)
+    assert np.abs(errors.heading_deg).max() < 6e-3
+
+
+FAR_FROM_IDEAL = {
+    "prototype": {"sensors": "prototype"},
+    "tactical": {"sensors": "tactical"},
+    "slow gyros, and an axis that stalls": {
+        "gyros": {"bandwidth_hz": 20},
+        "faults": [
+            {"kind": "axis_stall", "axis": "inner", "at_s": 20, "for_s": 1.5},
+            {"kind": "axis_stall", "axis": "outer", "at_s": 130, "for_s": 4},
+            {"kind": "axis_runaway", "axis": "inner", "rate_dps": 20, "at_s": 230, "for_s": 4},
+        ],
+    },
+    "crooked table": {
+        "turntable": {
+            "inner": {
+                "ripple_arcsec": 60, "stiction_arcsec": 200, "jerk_limit_dps3": 20,
+                "encoder_bits": 14, "acceleration_limit_dps2": 20,
+            },
+            "outer": {"ripple_arcsec": 30, "stiction_arcsec": 600, "encoder_bits": 12},
+            "non_orthogonality_arcsec": 300,
+            "wobble_arcsec": 300,
+        },
+    },
+    "gyro that fails": {"faults": [{"kind": "gyro_bias", "sensor": 1, "bias_dph": 500}]},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("motion", ["stationary", "drive", "sway"])
+@pytest.mark.parametrize("name", FAR_FROM_IDEAL)
+def test_a_sound_encoder_is_never_blamed(fly, name, motion):
+    tables = {"motion": {"kind": motion}}
+    if motion == "drive":
+        tables |= {"altimeter": {}, "firmware": {"height_channel": "damped"}}
+    scenario = scenario_with(duration_s=900, mode="rotating", **tables)
+    firmware, _ = fly(scenario.varied(**FAR_FROM_IDEAL[name]))
+    assert firmware["encoders"] == {"inner": None, "outer": None}
+
+
+def test_lost_frames_are_no_jumps_of_an_encoder(tmp_path):
+    for probability in (0.01, 0.1):
+        fault = {"kind": "drop", "probability": probability, "at_s": 5}
+        scenario = scenario_with(fault, duration_s=150)
+        assert run_direct(scenario, tmp_path).firmware["encoders"] == {
+            "inner": None, "outer": None,
+        }  # fmt: skip
 
 
 # Sensors
