@@ -76,6 +76,7 @@ ON_WIRE = (
 """On the wire."""
 
 OF_HARDWARE = (
+    Case("inner axis stalls for 3 s", {"kind": "axis_stall", "axis": "inner", "for_s": 3}),
     Case("inner axis stalls permanently", {"kind": "axis_stall", "axis": "inner"}),
     Case(
         "outer axis runs away at 5 °/s for 5 s",
@@ -85,7 +86,13 @@ OF_HARDWARE = (
         "inner encoder repeats its last angle for 5 s",
         {"kind": "encoder_stuck", "axis": "inner", "for_s": 5},
     ),
-    Case("inner encoder slips by 1°", {"kind": "encoder_offset", "axis": "inner", "offset_deg": 1}),
+    Case("inner encoder jumps by 1°", {"kind": "encoder_offset", "axis": "inner", "offset_deg": 1}),
+    Case(
+        "inner encoder jumps by 10°", {"kind": "encoder_offset", "axis": "inner", "offset_deg": 10}
+    ),
+    Case(
+        "inner encoder slips by 1 %", {"kind": "encoder_slip", "axis": "inner", "slip_percent": 1}
+    ),
     Case("gyro 2 repeats its last increment", {"kind": "gyro_stuck", "sensor": 2}),
     Case("gyro 2 biased by 10 °/h", {"kind": "gyro_bias", "sensor": 2, "bias_dph": 10}),
     Case(
