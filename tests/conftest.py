@@ -20,6 +20,9 @@ settings.load_profile("rrins")
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
+# What tests start writes bytecode: without, each process compiles all modules for half a second.
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+
 _UNEXPLAINED = re.compile(
     r"Traceback|needs to be investigated|Mamma mia|Retries exceeded|: timeout\b", re.IGNORECASE
 )

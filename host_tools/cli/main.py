@@ -153,7 +153,7 @@ def main(words: Sequence[str] | None = None) -> None:
     _leave_out_asammdf(words)
     try:
         with guarded_streams():
-            rrins(words, prog_name="rrins")
+            rrins(words, prog_name="rrins", obj=main)
     except OutputError as error:  # help and completion are printed before a command runs
         _fail(str(error), error.exit_status)
     finally:

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from rrins.host_tools.files import JsonObject
     from rrins.host_tools.runs.display import RunDisplay
     from rrins.host_tools.runs.run import RunResult
+    from rrins.host_tools.runs.starting import Command
 
 DEFAULT_SCENARIO = "rimu_rotating"
 
@@ -111,7 +112,9 @@ _json_option = click.option("--json", "as_json", is_flag=True, help="Print one J
 @serial_options
 @_foreign_option
 @_json_option
+@click.pass_obj
 def rehearse(
+    command: Command | None,
     scenario: str,
     duration_s: float | None,
     seed: int | None,
@@ -133,7 +136,6 @@ def rehearse(
     rimu_rotating. The default is the embedded bus. Ctrl-C stops both sides and keeps the recording.
     A recording that the file of --record has goes into `previous` beside it.
     """
-    from rrins.host_tools.cli.main import main
     from rrins.host_tools.runs import run
     from rrins.host_tools.runs.starting import Forks
 
@@ -155,7 +157,7 @@ def rehearse(
     run.check(plan, record)
     folder = run.folder_of(out, scenario)
     # The forks come first: the display may have a thread.
-    with Forks(main) as forks, _display(plan.scenario, as_json) as display:
+    with Forks(command) as forks, _display(plan.scenario, as_json) as display:
         result = run.rehearse(plan, display, folder, record, start=forks.start)
     _finish(result, folder, as_json)
 

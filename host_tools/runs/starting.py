@@ -146,15 +146,16 @@ class Forks(Closing):
 
     Parameters
     ----------
-    command : callable
+    command : callable or None
         Runs `rrins firmware` or `rrins hardware`. What these import, this process should have
-        imported.
+        imported. None if the process is somebody else's, who forks it himself or not at all.
     """
 
-    def __init__(self, command: Command) -> None:
-        _load_what_all_code_needs()
-        is_safe = threading.active_count() == 1
-        self._waiting = [Fork(command) for _ in range(_SIDES)] if is_safe else []
+    def __init__(self, command: Command | None) -> None:
+        self._waiting: list[Fork] = []
+        if command is not None and threading.active_count() == 1:
+            _load_what_all_code_needs()
+            self._waiting += [Fork(command) for _ in range(_SIDES)]
 
     def start(self, words: Sequence[str], report_fd: int) -> Fork | subprocess.Popen[bytes]:
         """Start a side, with a descriptor for its reports."""

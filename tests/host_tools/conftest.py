@@ -18,11 +18,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
 from rrins.dbc.frame import FrameArray
 from rrins.firmware_py.loop import Firmware
 from rrins.firmware_py.loop import run_lockstep as run_firmware
 from rrins.host_tools.bus.port import Address, BatchPort
+from rrins.host_tools.cli.main import rrins
 from rrins.host_tools.hardware.loop import Hardware
 from rrins.host_tools.hardware.loop import run_lockstep as run_hardware
 from rrins.host_tools.logs.reader import Log, Piece
@@ -116,14 +118,21 @@ def start(tmp_path):
 
 
 @pytest.fixture
-def run(start):
-    """Run a command to its end; return its JSON object."""
+def run(start, tmp_path, monkeypatch):
+    """Run a command to its end; return its JSON object. Only a rehearsal needs processes."""
 
     def runner(*arguments, status=0):
-        command = start(*arguments, "--json")
-        returned, out = command.finish(timeout=100)
-        assert returned == status, command.said
-        return json.loads(out)
+        words = [*map(str, arguments), "--json"]
+        if words[0] == "rehearse":
+            command = start(*words)
+            returned, out = command.finish(timeout=100)
+            assert returned == status, command.said
+            return json.loads(out)
+        with monkeypatch.context() as patch:
+            patch.chdir(tmp_path)
+            done = CliRunner().invoke(rrins, words, prog_name="rrins")
+        assert done.exit_code == status, done.output
+        return json.loads(done.stdout)
 
     return runner
 

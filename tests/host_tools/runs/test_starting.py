@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import json
 import signal
 import subprocess
 import sys
 import threading
 
+from click.testing import CliRunner
+
+from rrins.host_tools.cli.main import rrins
+from rrins.host_tools.runs import starting
 from rrins.host_tools.runs.starting import Forks
 
 # What is forked has one thread, so a program does it, and tests what follows.
@@ -68,6 +73,14 @@ def test_a_process_with_threads_is_not_forked():
         thread.join()
     assert isinstance(program, subprocess.Popen)
     assert program.wait() == 0
+
+
+def test_a_process_that_is_no_command_is_not_forked(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(starting, "Fork", None)
+    done = CliRunner().invoke(rrins, ["rehearse", "ideal", "--duration", "1", "--json"])
+    assert done.exit_code == 0, done.output
+    assert json.loads(done.stdout)["completed"]
 
 
 def test_a_fork_that_is_killed_says_by_what_and_one_that_runs_is_not_waited_for():
