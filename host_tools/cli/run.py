@@ -115,6 +115,7 @@ _json_option = click.option("--json", "as_json", is_flag=True, help="Print one J
 @click.pass_obj
 def rehearse(
     command: Command | None,
+    /,
     scenario: str,
     duration_s: float | None,
     seed: int | None,
