@@ -11,6 +11,7 @@ from rrins.firmware_py.core.troubles import AGING_CYCLES, Trouble
 from rrins.firmware_py.diagnostics import access, table
 from rrins.firmware_py.diagnostics.codecs import Field
 from rrins.firmware_py.diagnostics.data_identifier import DataIdentifier
+from rrins.firmware_py.diagnostics.redundancy_identifiers import PARITY_BEFORE
 from rrins.firmware_py.diagnostics.regions import BLOCK_LENGTH, CALIBRATION_ADDRESS
 from rrins.firmware_py.diagnostics.responses import MEANINGS
 from rrins.firmware_py.diagnostics.routines import Routine
@@ -134,6 +135,8 @@ def _troubles() -> Iterator[str]:
             yield _trouble(trouble)
     names = ", ".join(f"`{did.name}`" for did in table.SNAPSHOT)
     yield f"\nA freeze frame contains the data identifiers {names}."
+    of_parity = ", ".join(f"`{did.name}`" for did in PARITY_BEFORE.values())
+    yield f"Those of redundant sensors, of the code's kind, also {of_parity}."
     yield "Record 0x01 is the first occurrence, record 0x02 the latest."
     yield "\nExtended data:\n\n| record | value | type | |\n|---|---|---|---|"
     for number, layout in table.EXTENDED_DATA.items():

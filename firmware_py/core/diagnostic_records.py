@@ -7,7 +7,8 @@ from typing import Annotated
 
 from rrins.dbc.contract import SENSOR_GROUPS
 from rrins.dbc.record import F8, I8, Bool, Bytes, Floats, Integers, Record, Records
-from rrins.firmware_py.core.trouble_table import TROUBLES
+from rrins.firmware_py.core.redundancy_records import ParityBefore
+from rrins.firmware_py.core.trouble_table import PARITY_KIND, TROUBLES
 from rrins.firmware_py.core.troubles import Kind
 
 
@@ -67,6 +68,7 @@ class TroubleMemory(Record):
     occurrences: Annotated[Integers, len(TROUBLES)]
     aging: Annotated[Integers, len(TROUBLES)]  #: operation cycles without the fault
     snapshots: Annotated[Records[Snapshot], (len(TROUBLES), 2)]  #: first and latest occurrence
+    parities: Annotated[Records[ParityBefore], (len(PARITY_KIND), 2)]  #: of those that have one
 
 
 class Repetition(Record):

@@ -23,6 +23,7 @@ from rrins.firmware_py.core.memory import INNER, OUTER, Assembly, Ram
 from rrins.firmware_py.core.troubles import Source
 
 _NOTHING, _SYNC, _MODE_COMMAND, _ALTIMETER, _AXIS, _DIAGNOSTIC, _SENSOR = 0, 1, 2, 3, 4, 8, 16
+_READMISSION = 9
 _GNSS = _SENSOR + SENSOR_GROUPS
 
 _FROM_SYNC, _FROM_COMMAND = int(Source.SYNC), int(Source.MODE_COMMAND)
@@ -49,6 +50,7 @@ def dispatch_table(contract: Records[Contract]) -> NDArray[np.int16]:
     table = np.full(2048, _NOTHING, dtype=np.int16)
     table[record.sync.message.can_id] = _SYNC
     table[record.mode_command.message.can_id] = _MODE_COMMAND
+    table[record.readmission_command.message.can_id] = _READMISSION
     table[record.altimeter.message.can_id] = _ALTIMETER
     table[record.diag_request.message.can_id] = _DIAGNOSTIC
     table[record.diag_functional.message.can_id] = _DIAGNOSTIC
@@ -107,6 +109,8 @@ def receive(state: Ram, contract: Contract, inbox: FrameArray, start: int, count
             _receive_altimeter(state, contract.altimeter, frame)
         elif kind == _DIAGNOSTIC:  # processed between two steps
             state.diagnostics.attention |= ATTENTION_FRAMES
+        elif kind == _READMISSION:
+            _receive_readmission(state, contract.readmission_command, frame)
         elif kind < _SENSOR:
             _receive_axis(state, contract, frame, kind - _AXIS)
         elif kind < _GNSS:
@@ -204,6 +208,28 @@ def _receive_mode_command(state: Ram, contract: Contract, frame: Frame) -> None:
     if request != state.modes.heard:  # a repetition must not undo later changes by others
         state.modes.heard = request
         state.modes.requested = request
+
+
+@compiled
+def _receive_readmission(state: Ram, command: MessageSignals, frame: Frame) -> None:
+    if crc_holds(frame, command.message):
+        keep_readmission(state, command, frame["data"])
+    else:
+        state.faults.crc_errors += 1
+
+
+@compiled
+def keep_readmission(state: Ram, command: MessageSignals, word: np.uint64) -> None:
+    """Store the payload of the operator's order to readmit a sensor; a repetition changes nothing.
+
+    Without redundancy there is nobody to obey.
+    """
+    readmission = state.redundancy.readmission
+    readmission.order = unpack(word, command.order)
+    readmission.order_kind = unpack(word, command.kind)
+    readmission.order_sensor = unpack(word, command.sensor)
+    readmission.order_anew = unpack(word, command.anew) != 0
+    readmission.order_s = unpack(word, command.test_s)
 
 
 @compiled

@@ -15,6 +15,7 @@ from rrins.firmware_py.core.diagnostic_records import ATTENTION_TROUBLES, Diagno
 from rrins.firmware_py.core.encoder_records import AngleSource
 from rrins.firmware_py.core.memory import INNER, OUTER, Ram
 from rrins.firmware_py.core.modes import FirmwareFault, Mode, navigating
+from rrins.firmware_py.core.redundancy_records import ACCELEROMETERS, ParityBefore
 from rrins.firmware_py.core.troubles import AxisFault, Kind, Source, Status, SystemFault
 
 COUNTER_ONE = 1 << 16
@@ -22,6 +23,9 @@ COUNTER_CEILING, COUNTER_FLOOR = 127 * COUNTER_ONE, -128 * COUNTER_ONE
 """Limits of the fault detection counter: failed and passed (ISO 14229-1, D.1)."""
 
 _FIRST = np.array(trouble_table.FIRST, dtype=np.int64)
+_PARITY_ROW = np.full(len(trouble_table.TROUBLES), -1)
+_PARITY_ROW[list(trouble_table.PARITY_KIND)] = np.arange(len(trouble_table.PARITY_KIND))
+_OF_ACCELEROMETERS = np.array(list(trouble_table.PARITY_KIND.values())) == ACCELEROMETERS
 _KINDS = len(Kind)
 _BITS = 22  # of a kind's word, at most
 
@@ -331,12 +335,30 @@ def _freeze(state: Ram, snapshot: Snapshot) -> None:
 
 
 @compiled
+def _freeze_parity(state: Ram, row: int, frozen: ParityBefore) -> None:
+    """Add to a freeze frame what the parity was before its last alarm."""
+    before = state.redundancy.gyros.before
+    if _OF_ACCELEROMETERS[row]:
+        before = state.redundancy.accelerometers.before
+    frozen.epoch = before.epoch
+    for k in range(frozen.ratio.shape[0]):
+        frozen.ratio[k] = before.ratio[k]
+    for k in range(frozen.residual.shape[0]):
+        frozen.residual[k] = before.residual[k]
+
+
+@compiled
 def _fail(state: Ram, monitor: DiagnosticState, index: int) -> None:
     """Note that a test has newly failed."""
     memory = monitor.troubles
     if memory.occurrences[index] == 0:
         _freeze(state, memory.snapshots[index, 0])
     _freeze(state, memory.snapshots[index, 1])
+    row = _PARITY_ROW[index]
+    if row >= 0:
+        if memory.occurrences[index] == 0:
+            _freeze_parity(state, row, memory.parities[row, 0])
+        _freeze_parity(state, row, memory.parities[row, 1])
     memory.occurrences[index] += 1
     memory.aging[index] = 0
     memory.status[index] = (memory.status[index] | _SET_BY_FAILURE) & _COMPLETED

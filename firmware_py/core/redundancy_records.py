@@ -14,6 +14,14 @@ from rrins.dbc.record import F8, I8, Bool, Floats, Record, Records
 GYROS, ACCELEROMETERS = 0, 1
 """Kinds of sensors."""
 
+
+class SensorKind(IntEnum):
+    """Kind of one sensor; the DBC's value table of `kind`."""
+
+    GYRO = GYROS
+    ACCELEROMETER = ACCELEROMETERS
+
+
 SECOND_LEVELS = 11
 """Windows of 1, 2, 4, … 1024 s."""
 
@@ -46,6 +54,16 @@ BLOCK_FLOATS = 65536
 """Memory for the blocks of one second from which the history is repaired, numbers."""
 
 
+HISTORY_S = 32
+"""Seconds of which parity and residuals are kept; more than a reader lets pass."""
+
+TEST_LEAST_S, TEST_LONGEST_S = 10, 3600
+"""Limits of the length of the test before a sensor is readmitted."""
+
+BEFORE_S = 5
+"""Seconds before an alarm that its freeze frames have."""
+
+
 class Found(IntEnum):
     """How a faulty sensor was found; the DBC's value table of `how`."""
 
@@ -56,6 +74,43 @@ class Found(IntEnum):
     ABSENT = 4
     REFERENCE = 5
     OPERATOR = 6
+
+
+class ReadmissionOrder(IntEnum):
+    """What the operator orders of a sensor that is left out; the DBC's value table of `order`."""
+
+    NONE = 0
+    TEST = 1
+    STOP = 2
+
+
+class ReadmissionState(IntEnum):
+    """Where a sensor is on its way back; the DBC's value table of `state`."""
+
+    NONE = 0
+    TESTING = 1
+    READMITTED = 2
+    REFUSED = 3
+    STOPPED = 4
+
+
+class Refusal(IntEnum):
+    """Why a sensor is not readmitted; the DBC's value table of `refusal`.
+
+    NOT_LEFT_OUT: it is in use, or there is none of that number. NOT_COMPARABLE: nothing depends on
+    it. PARITY: it differs from the others. LIMITS: its bias is far beyond the data sheet.
+    MISSING: it is absent too often. STUCK: it repeats itself. SET_CHANGED: another sensor was
+    excluded or came back meanwhile.
+    """
+
+    NONE = 0
+    NOT_LEFT_OUT = 1
+    NOT_COMPARABLE = 2
+    PARITY = 3
+    LIMITS = 4
+    MISSING = 5
+    STUCK = 6
+    SET_CHANGED = 7
 
 
 class Learner(Record):
@@ -81,6 +136,24 @@ class Sums(Record):
     vector: Annotated[Floats, 3]  #: fused less expected at standstill
     vector_leverage: F8
     standing: I8  #: seconds at standstill
+
+
+class ParitySecond(Record):
+    """What a second came to; means over it, in rad/s or m/s²."""
+
+    epoch: I8  #: its last
+    sensors: I8  #: compared, one bit each
+    ratio: F8  #: the largest parity over its threshold, of all windows that end in it
+    residual: Annotated[Floats, SENSOR_GROUPS]  #: of what is not learned
+    threshold: Annotated[Floats, SENSOR_GROUPS]  #: of the residual
+
+
+class ParityBefore(Record):
+    """The last seconds before an alarm, oldest first; zero where there was none."""
+
+    epoch: I8  #: the first of the alarm
+    ratio: Annotated[Floats, BEFORE_S]
+    residual: Annotated[Floats, BEFORE_S * SENSOR_GROUPS]  #: rad/s or m/s², second by second
 
 
 class Parity(Record):
@@ -130,6 +203,11 @@ class Parity(Record):
     expected: Learner
     late_vector: Annotated[Floats, (SETTLED_S, 3)]  #: of the last seconds at standstill, a ring
     late_regressors: Annotated[Floats, (SETTLED_S, REGRESSORS)]
+    kept: Learner  #: how certain the parity was when a sensor was last left out
+    peak: F8  #: the largest parity over its threshold of shorter windows in the present second
+    history: Annotated[Records[ParitySecond], HISTORY_S]  #: a ring, by `history_count`
+    history_count: I8  #: seconds noted
+    before: ParityBefore  #: of the last alarm
     # Results.
     ratio: F8  #: the largest parity over its threshold
     window_s: F8  #: of that
@@ -149,6 +227,8 @@ class Parity(Record):
     repaired_epoch: I8  #: first epoch from which the history has been navigated anew; -1: none
     # Taken off the sensors since the first exclusion.
     corrected: Bool
+    readmitted: I8  #: the sensor that came back last, -1: none
+    readmitted_epoch: I8
     correction: Annotated[Floats, (SENSOR_GROUPS, REGRESSORS)]
     # Scratch.
     matrix: Annotated[Floats, (SENSOR_GROUPS, SENSOR_GROUPS + 1)]
@@ -178,6 +258,28 @@ class Repair(Record):
     work: Annotated[Floats, (4, 3)]  #: scratch
 
 
+class Readmission(Record):
+    """A sensor that is left out is compared with the others again, by order of the operator."""
+
+    order: I8  #: a `ReadmissionOrder` for the next epoch
+    order_kind: I8  #: `GYROS` or `ACCELEROMETERS`
+    order_sensor: I8  #: from 1
+    order_anew: Bool  #: whether its constants are learned anew
+    order_s: I8  #: length of the test
+    state: I8  #: a `ReadmissionState`
+    refusal: I8  #: a `Refusal`
+    kind: I8  #: of the sensor
+    sensor: I8  #: from 1; 0: nothing was ordered yet
+    anew: Bool
+    wanted_s: I8
+    passed_s: I8  #: compared so far
+    waited_s: I8  #: since the order
+    ratio: F8  #: the largest parity over its threshold so far
+    vector: Annotated[Floats, 3]  #: scratch: fused with the sensor
+    gyros: Parity  #: as if the sensor were in use
+    accelerometers: Parity
+
+
 class Redundancy(Record):
     """Redundancy of both kinds of sensors."""
 
@@ -190,6 +292,7 @@ class Redundancy(Record):
     gyros: Parity
     accelerometers: Parity
     repair: Repair
+    readmission: Readmission
     expected_dtheta_s: Annotated[Floats, 3]  #: rad, of the present epoch, at standstill
     expected_dv_s: Annotated[Floats, 3]  #: m/s
     expected_known: Bool

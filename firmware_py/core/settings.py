@@ -204,6 +204,7 @@ def power_on(settings: Settings, contract: Records[Contract]) -> Records[Ram]:
         settings.calibration.accelerometers,
         len(settings.accelerometer_axes_deg),
     )
+    redundancy.blank(state)
     if settings.redundancy is not None:
         sensor = contract[0].sensor[0]
         resolutions = (float(sensor.gyro_dtheta.scale), float(sensor.accelerometer_dv.scale))

@@ -14,7 +14,7 @@ from rrins.dbc.frame import FrameArray
 from rrins.firmware_py.core import clock
 from rrins.firmware_py.core.memory import INNER, OUTER, FaultCounters, Ram
 from rrins.firmware_py.core.modes import navigating
-from rrins.firmware_py.core.redundancy_records import Parity
+from rrins.firmware_py.core.redundancy_records import Parity, Readmission
 
 OUTBOX_CAPACITY = 16
 """Most frames that one step sends, with room to spare."""
@@ -91,8 +91,20 @@ def _redundancy(parity: Parity, repairing: bool, message: MessageSignals) -> np.
 
 
 @compiled
+def _readmission(readmission: Readmission, message: MessageSignals) -> np.uint64:
+    word = pack(np.uint64(0), message.state, readmission.state)
+    word = pack(word, message.kind, readmission.kind)
+    word = pack(word, message.sensor, readmission.sensor)
+    word = pack(word, message.anew, readmission.anew)
+    word = pack(word, message.refusal, readmission.refusal)
+    word = pack(word, message.passed_s, readmission.passed_s)
+    word = pack(word, message.test_s, readmission.wanted_s)
+    return encode(word, message.parity_ratio, readmission.ratio)
+
+
+@compiled
 def _redundancies(state: Ram, contract: Contract, outbox: FrameArray, count: int) -> int:
-    """Append the two frames of the redundancy; return the new number of frames."""
+    """Append the frames of the redundancy; return the new number of frames."""
     redundancy = state.redundancy
     active, kind = redundancy.repair.active, redundancy.repair.kind
     gyros, accelerometers = contract.gyro_redundancy, contract.accelerometer_redundancy
@@ -100,6 +112,11 @@ def _redundancies(state: Ram, contract: Contract, outbox: FrameArray, count: int
     fill(outbox[count], gyros.message, word, redundancy.transmissions)
     word = _redundancy(redundancy.accelerometers, active and kind == 1, accelerometers)
     fill(outbox[count + 1], accelerometers.message, word, redundancy.transmissions)
+    if redundancy.readmission.sensor > 0:
+        message = contract.readmission_status
+        word = _readmission(redundancy.readmission, message)
+        fill(outbox[count + 2], message.message, word, redundancy.transmissions)
+        count += 1
     redundancy.transmissions += 1
     return count + 2
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from rrins.dbc.contract import SENSOR_GROUPS
+from rrins.firmware_py.core.redundancy_records import SensorKind
 from rrins.firmware_py.core.troubles import AxisFault, Debounce, Kind, Source, SystemFault, Trouble
 
 # Failure types of SAE J2012-DA.
@@ -351,6 +352,29 @@ def _in_order() -> tuple[Trouble, ...]:
 
 TROUBLES = _in_order()
 """All trouble codes, ordered by kind and bit, as in the RAM image."""
+
+_PARITY_SYSTEM = {
+    SystemFault.GYROS_INCONSISTENT: SensorKind.GYRO,
+    SystemFault.GYROS_NOT_REDUNDANT: SensorKind.GYRO,
+    SystemFault.ACCELEROMETERS_INCONSISTENT: SensorKind.ACCELEROMETER,
+    SystemFault.ACCELEROMETERS_NOT_REDUNDANT: SensorKind.ACCELEROMETER,
+}
+
+
+def _parity_kind(trouble: Trouble) -> SensorKind | None:
+    if trouble.kind == Kind.GYRO_LEFT_OUT:
+        return SensorKind.GYRO
+    if trouble.kind == Kind.ACCELEROMETER_LEFT_OUT:
+        return SensorKind.ACCELEROMETER
+    return _PARITY_SYSTEM.get(SystemFault(trouble.bit)) if trouble.kind == Kind.SYSTEM else None
+
+
+PARITY_KIND = {
+    index: kind
+    for index, trouble in enumerate(TROUBLES)
+    if (kind := _parity_kind(trouble)) is not None
+}
+"""Kind of the sensors whose parity is in a trouble code's freeze frames, by index of the code."""
 
 FIRST = tuple(
     next(index for index, trouble in enumerate(TROUBLES) if trouble.kind == kind) for kind in Kind

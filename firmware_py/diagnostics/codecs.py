@@ -62,6 +62,8 @@ class Field:
         Where the firmware reads it: a path in the RAM image; empty when it is stored elsewhere.
     factor : float
         Multiplies the value in the RAM image, such as 180/π.
+    offset : int
+        Added to an integer in the RAM image, such as 1 where it counts from 0.
     text : str
     """
 
@@ -74,6 +76,7 @@ class Field:
     choices: type[IntEnum] | None = None
     source: str = ""
     factor: float = 1.0
+    offset: int = 0
     text: str = ""
 
     @property

@@ -14,6 +14,7 @@ from rrins.firmware_py.core.calibration import DPH, UG
 from rrins.firmware_py.core.diagnostic_records import RoutineRequest
 from rrins.firmware_py.core.memory import Clock, Ram
 from rrins.firmware_py.core.modes import Mode
+from rrins.firmware_py.core.redundancy_records import HISTORY_S, Parity
 from rrins.firmware_py.diagnostics import calibration_image as image
 from rrins.firmware_py.diagnostics import table
 from rrins.firmware_py.diagnostics.codecs import Value, Values
@@ -40,6 +41,13 @@ _PARAMETER_NUMBERS = frozenset(parameter.number for parameter in PARAMETERS)
 
 AXIS_MODES = (Mode.STANDBY, Mode.FAULT, Mode.NAVIGATION_STRAPDOWN)
 """Modes in which a tool may turn the axes."""
+
+
+def _last(parity: Parity, name: str, unit: float) -> tuple[float, ...]:
+    """Return what the last second came to, for each sensor."""
+    second = parity.history[(int(parity.history_count) - 1) % HISTORY_S]
+    values: Floats = second[name] / unit
+    return tuple(values.tolist())
 
 
 class Computer:
@@ -89,6 +97,8 @@ class Computer:
         steps = self.ram["steps"]
         gyro_residual = self.ram[0].diagnostics.gyro_residual
         accelerometer_residual = self.ram[0].diagnostics.accelerometer_residual
+        redundancy = self.ram[0].redundancy
+        gyros, accelerometers = redundancy.gyros, redundancy.accelerometers
         memory, faults = self.parameters, self.faults
         found: dict[str, Callable[[], Value]] = {
             "session": session,
@@ -101,6 +111,10 @@ class Computer:
             "parameters": lambda: len(memory.stored),
             "residual_dph": lambda: self._residuals(gyro_residual, DPH),
             "residual_ug": lambda: self._residuals(accelerometer_residual, UG),
+            "parity_residual_dph": lambda: _last(gyros, "residual", DPH),
+            "parity_threshold_dph": lambda: _last(gyros, "threshold", DPH),
+            "parity_residual_ug": lambda: _last(accelerometers, "residual", UG),
+            "parity_threshold_ug": lambda: _last(accelerometers, "threshold", UG),
             "operation_cycles": lambda: faults.operation_cycles,
             "length": lambda: len(self.calibration_file()),
             "file_crc32": lambda: zlib.crc32(self.calibration_file()),

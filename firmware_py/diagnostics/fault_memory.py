@@ -20,7 +20,8 @@ from rrins.firmware_py.core import consistency
 from rrins.firmware_py.core.diagnostic_records import Snapshot, TroubleMemory
 from rrins.firmware_py.core.memory import Ram
 from rrins.firmware_py.core.monitor import COUNTER_CEILING, COUNTER_ONE
-from rrins.firmware_py.core.trouble_table import FIRST, TROUBLES
+from rrins.firmware_py.core.redundancy_records import ParityBefore
+from rrins.firmware_py.core.trouble_table import FIRST, PARITY_KIND, TROUBLES
 from rrins.firmware_py.core.troubles import (
     AGING_CYCLES,
     ALL_GROUPS,
@@ -35,6 +36,8 @@ _LAYOUT = zlib.crc32(repr((TroubleMemory.dtype.descr, [t.number for t in TROUBLE
 
 CAPACITY = _HEAD.size + TroubleMemory.dtype.itemsize
 """Bytes of `FaultMemory.image`."""
+
+_PARITY_ROW = {index: row for row, index in enumerate(PARITY_KIND)}
 
 _LOAD_MEAN_S = 0.25
 _PATIENCE_S = 0.2  # two cycles of MODE_COMMAND, or of ALTIMETER
@@ -143,6 +146,12 @@ class FaultMemory:
             return None
         return self._memory.snapshots[index, number - 1 : number]
 
+    def parity(self, index: int, number: int) -> Records[ParityBefore] | None:
+        """Return the parity in a freeze frame, an array of one record; None if it has none."""
+        if index not in _PARITY_ROW or self._memory.occurrences[index] == 0:
+            return None
+        return self._memory.parities[_PARITY_ROW[index], number - 1 : number]
+
     def with_snapshots(self) -> list[Trouble]:
         """Return the trouble codes that have freeze frames."""
         occurrences = self._memory.occurrences.tolist()
@@ -165,6 +174,8 @@ class FaultMemory:
         self._memory.occurrences[indices] = 0
         self._memory.aging[indices] = 0
         self._memory.snapshots[indices] = Snapshot.zeros(2)
+        rows = [_PARITY_ROW[index] for index in indices if index in _PARITY_ROW]
+        self._memory.parities[rows] = ParityBefore.zeros(2)
 
     def begin_cycle(self) -> None:
         """End an operation cycle and begin the next: what did not fail in it ages."""

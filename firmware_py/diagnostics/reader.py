@@ -41,7 +41,7 @@ def _fitted_one(field: Field, value: float) -> float:
         value = float(value) * field.factor
         return float(np.float32(value)) if field.format == "f32" else value
     low, high = _LIMITS[field.format]
-    return min(high, max(low, int(value)))
+    return min(high, max(low, int(value) + field.offset))
 
 
 class FieldReader:

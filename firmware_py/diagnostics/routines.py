@@ -9,8 +9,10 @@ from functools import cached_property
 from rrins.dbc.contract import SENSOR_GROUPS
 from rrins.dbc.values import AxisState
 from rrins.firmware_py.core.modes import FirmwareFault, Mode
+from rrins.firmware_py.core.redundancy_records import TEST_LEAST_S, TEST_LONGEST_S, SensorKind
 from rrins.firmware_py.diagnostics.access import UNLOCKED, Access
 from rrins.firmware_py.diagnostics.codecs import Field, Layout
+from rrins.firmware_py.diagnostics.redundancy_identifiers import READMISSION
 
 
 class RoutineState(IntEnum):
@@ -159,6 +161,25 @@ ROUTINES = (
         (),
         (_STATE, Field("mode", "u8", choices=Mode, source="modes.mode")),
         can_stop=False,
+    ),
+    Routine(
+        0x0208,
+        "readmit_sensor",
+        "Takes a sensor that was found to fail back into use, after a test: for `test_s` it is "
+        "compared with the others, but not used. With `anew`, its constants are learned anew; else "
+        "they must be as they were. In every mode, where redundant sensors are compared. Failed "
+        "if `refusal` says why; stopped, the sensor stays left out.",
+        (
+            Field("kind", "u8", choices=SensorKind),
+            Field("sensor", "u8", minimum=1, maximum=SENSOR_GROUPS, text="from 1"),
+            Field("test_s", "u16", "s", minimum=TEST_LEAST_S, maximum=TEST_LONGEST_S),
+            Field("anew", "u8", minimum=0, maximum=1, text="1: learn its constants anew"),
+        ),
+        (
+            _STATE,
+            *READMISSION,
+        ),
+        can_stop=True,
     ),
     Routine(
         0x0206,

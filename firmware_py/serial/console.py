@@ -11,7 +11,13 @@ from collections.abc import Callable
 from importlib import metadata
 from typing import Protocol
 
+from rrins.dbc.contract import SENSOR_GROUPS
 from rrins.firmware_py.core.modes import Mode, ModeRequest
+from rrins.firmware_py.core.redundancy_records import (
+    ReadmissionOrder,
+    ReadmissionState,
+    SensorKind,
+)
 from rrins.firmware_py.loop import Firmware
 from rrins.firmware_py.serial import readout
 from rrins.firmware_py.serial.line_editor import LineEditor
@@ -19,6 +25,7 @@ from rrins.firmware_py.serial.line_editor import LineEditor
 PROMPT = b"rrins> "
 
 _BYTES_A_POLL = 64
+_TEST_S = 60  # of a sensor before it is readmitted
 _LARGEST_OUTPUT = 8192  # bytes that a slow terminal has not read yet
 
 _REQUESTS = {
@@ -132,9 +139,9 @@ class Console:
             return []
         self.commands += 1
         name, arguments = words[0], words[1:]
-        takes_one = {"mode": self._mode, "nmea": self._switch_nmea}
-        if name in takes_one:
-            return takes_one[name](arguments)
+        takes_some = {"mode": self._mode, "nmea": self._switch_nmea, "readmit": self._readmit}
+        if name in takes_some:
+            return takes_some[name](arguments)
         if name in READOUTS or name in ("help", "version"):
             if arguments:
                 return [f"{name}: takes no arguments"]
@@ -173,6 +180,29 @@ class Console:
         modes.requested = request
         return [f"requested {request.name}; 'status' shows the mode"]
 
+    def _readmit(self, arguments: list[str]) -> list[str]:
+        """Order a sensor that is left out to be tested and used again, or stop the test."""
+        redundancy = self._firmware.ram[0].redundancy
+        if not redundancy.enabled:
+            return ["readmit: redundant sensors are not compared"]
+        readmission = redundancy.readmission
+        if arguments == ["stop"]:
+            readmission.order = ReadmissionOrder.STOP
+            return ["requested; 'redundancy' shows what came of it"]
+        kinds = [kind.name.lower() for kind in SensorKind]
+        is_anew = arguments[2:] == ["anew"]
+        known = len(arguments) >= 2 and arguments[0] in kinds and (is_anew or not arguments[2:])
+        if not known or not arguments[1].isdecimal() or not 1 <= int(arguments[1]) <= SENSOR_GROUPS:
+            return ["readmit: expected stop, or gyro or accelerometer, its number, and maybe anew"]
+        if readmission.state == ReadmissionState.TESTING:
+            return ["readmit: a sensor is being tested; 'readmit stop' ends that"]
+        readmission.order_kind = kinds.index(arguments[0])
+        readmission.order_sensor = int(arguments[1])
+        readmission.order_anew = is_anew
+        readmission.order_s = _TEST_S
+        readmission.order = ReadmissionOrder.TEST
+        return [f"requested, a test of {_TEST_S} s; 'redundancy' shows what comes of it"]
+
     def _switch_nmea(self, arguments: list[str]) -> list[str]:
         if self._nmea is None:
             return ["nmea: there is no NMEA port"]
@@ -196,6 +226,7 @@ READOUTS: dict[str, Callable[[Firmware], list[str]]] = {
     "sensors": readout.sensors,
     "axes": readout.axes,
     "faults": readout.faults,
+    "redundancy": readout.redundancy,
 }
 """Commands that only read, by name."""
 
@@ -205,8 +236,12 @@ _HELP = (
     "sensors       measurements of each gyro and accelerometer in the last epoch",
     "axes          angle, rate, state and command of the turntable's axes",
     "faults        counters since power-on",
+    "redundancy    parity of the sensors, which are left out, the test of one",
     "version       firmware version",
     "mode NAME     request standby, align, strapdown or rotating",
+    "readmit gyro|accelerometer NUMBER [anew]",
+    "              test a sensor that is left out, and use it again if it passes;",
+    "              anew: with constants learned anew; 'readmit stop' ends the test",
     "nmea [on|off] show the NMEA output, or switch it on or off",
     "help          this list",
 )

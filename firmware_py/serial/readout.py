@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import math
 
+from rrins.dbc.contract import SENSOR_GROUPS
 from rrins.dbc.values import AxisCommand, AxisState
 from rrins.firmware_py.core import clock
 from rrins.firmware_py.core.memory import INNER, OUTER
 from rrins.firmware_py.core.modes import FirmwareFault, Mode
+from rrins.firmware_py.core.redundancy_records import ReadmissionState, Refusal, SensorKind
 from rrins.firmware_py.core.sequencer import expected_angle_deg
 from rrins.firmware_py.loop import Firmware
 
@@ -116,3 +118,27 @@ def faults(firmware: Firmware) -> list[str]:
         f"{'fault':<20} {FirmwareFault(int(state.modes.fault)).name}",
         *(f"{name:<20} {int(counters[name])}" for name in names),
     ]
+
+
+def redundancy(firmware: Firmware) -> list[str]:
+    """Return how well the sensors agree, which are left out, and the test of one."""
+    state = firmware.ram[0].redundancy
+    if not state.enabled:
+        return ["redundant sensors are not compared"]
+    lines = ["                parity/threshold  suspect  left out  redundancy left"]
+    for name, kind in (("gyros", state.gyros), ("accelerometers", state.accelerometers)):
+        suspect = str(kind.suspect + 1) if kind.redundant and kind.suspect >= 0 else "-"
+        numbers = [str(k + 1) for k in range(SENSOR_GROUPS) if kind.excluded >> k & 1]
+        left_out = ",".join(numbers) or "none"
+        ratio = f"{kind.ratio:.2f}{' ALARM' if kind.alarm else ''}" if kind.redundant else "-"
+        left = "yes" if kind.redundant else "no"
+        lines.append(f"{name:<14}  {ratio:<16}  {suspect:<7}  {left_out:<8}  {left}")
+    test = state.readmission
+    if test.sensor > 0:
+        which = f"{SensorKind(int(test.kind)).name.lower()} {test.sensor}"
+        outcome = ReadmissionState(int(test.state)).name
+        if test.refusal:
+            outcome += f": {Refusal(int(test.refusal)).name}"
+        seconds = f"{test.passed_s} of {test.wanted_s} s"
+        lines.append(f"readmit {which}: {outcome}, {seconds}, parity/threshold {test.ratio:.2f}")
+    return lines

@@ -178,6 +178,22 @@ class Operator(Record):
     transmissions: I8  #: of MODE_COMMAND, for its counter
 
 
+READMISSION_CAPACITY = 16
+"""Most orders to readmit a sensor in a run."""
+
+
+class ReadmissionOrders(Record):
+    """What READMISSION_COMMAND orders for the operator, and when."""
+
+    count: I8  #: orders in all
+    next: I8  #: index of the next one
+    epoch: Annotated[Integers, READMISSION_CAPACITY]  #: of each order, in order
+    kind: Annotated[Integers, READMISSION_CAPACITY]
+    sensor: Annotated[Integers, READMISSION_CAPACITY]
+    anew: Annotated[Integers, READMISSION_CAPACITY]
+    test_s: Annotated[Integers, READMISSION_CAPACITY]
+
+
 class TableErrors(Record):
     """Alignment errors of the axes relative to each other."""
 
@@ -268,5 +284,6 @@ class Plant(Record):
     accelerometers: Sensors
     truth: Truth
     operator: Operator
+    readmissions: ReadmissionOrders
     counters: FrameCounters
     heartbeats: I8  #: sent so far, for their counter

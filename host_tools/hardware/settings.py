@@ -190,6 +190,8 @@ class Settings:
     outer: Drive
     requests: tuple[tuple[int, int], ...]
     """The operator's requests, (epoch, `mode_request`), in order of time."""
+    readmissions: tuple[tuple[int, int, int, int, int], ...] = ()
+    """Orders to readmit a sensor, (epoch, kind, sensor from 1, anew, test_s), in order of time."""
     table: TableGeometry = TableGeometry()
     thermal: ThermalSettings = ThermalSettings()
     altimeter: AltimeterSettings | None = None
@@ -399,4 +401,8 @@ def power_on(settings: Settings) -> Records[Plant]:
     for k, (epoch, request) in enumerate(settings.requests):
         operator.epoch[k] = epoch
         operator.request[k] = request
+    orders = plant.readmissions
+    orders.count = len(settings.readmissions)
+    for k, order in enumerate(settings.readmissions):
+        orders.epoch[k], orders.kind[k], orders.sensor[k], orders.anew[k], orders.test_s[k] = order
     return plants

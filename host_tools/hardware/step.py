@@ -164,11 +164,32 @@ def _operate(plant: Plant, contract: Contract, frame: Frame) -> int:
 
 
 @compiled
+def readmission_word(plant: Plant, message: MessageSignals) -> np.uint64:
+    """Return the payload of the operator's order to readmit a sensor; 0 where none is due."""
+    orders = plant.readmissions
+    k = orders.next
+    word = np.uint64(0)
+    if k >= orders.count or orders.epoch[k] > plant.epoch:
+        return word
+    orders.next += 1
+    word = pack(word, message.order, 1)
+    word = pack(word, message.kind, orders.kind[k])
+    word = pack(word, message.sensor, orders.sensor[k])
+    word = pack(word, message.anew, orders.anew[k])
+    return pack(word, message.test_s, orders.test_s[k])
+
+
+@compiled
 def _send(plant: Plant, contract: Contract, outbox: FrameArray) -> int:
     """Write the epoch's frames; the status of the outer axis is always the last."""
     _send_sync(plant, contract, outbox[0])
     count = 1
     count += _operate(plant, contract, outbox[count])
+    readmission = contract.readmission_command
+    word = readmission_word(plant, readmission)
+    if word != 0:
+        fill(outbox[count], readmission.message, word, plant.readmissions.next)
+        count += 1
     for group in range(max(plant.gyros.count, plant.accelerometers.count)):
         sensor = contract.sensor[group]
         fill(outbox[count], sensor.message, group_word(plant, sensor, group), plant.epoch)

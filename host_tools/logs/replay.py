@@ -20,6 +20,7 @@ from rrins.host_tools.logs.renavigation import Answers, Renavigation, check_rate
 from rrins.host_tools.logs.truth import RecomputedTruth
 from rrins.host_tools.recording.errors import RecordError
 from rrins.host_tools.runs.firmware_job import firmware_summary
+from rrins.host_tools.runs.parity_log import ParityLog
 from rrins.host_tools.runs.samples import NAVIGATION_SAMPLES, TRUTH_SAMPLES, SampleFile, keep_every
 from rrins.host_tools.runs.settings import firmware_settings
 from rrins.host_tools.scenario.scenario import Scenario
@@ -78,7 +79,8 @@ class _Run:
         self.firmware = Firmware(settings, NavigationTrace(log_every, self._navigation_file.append))
         is_lockstep = log.note is not None and log.note.is_lockstep
         error_ppm = scenario.firmware.clock_error_ppm
-        self.renavigation = Renavigation(self.firmware, error_ppm, is_lockstep)
+        self._parity = ParityLog(self.firmware.ram, folder, scenario.duration_s)
+        self.renavigation = Renavigation(self.firmware, error_ppm, is_lockstep, self._note_parity)
         recorded = None if log.note is None else log.note.loaded_scenario(log.path)
         self.truth = (
             None
@@ -88,6 +90,10 @@ class _Run:
         self.finder = EpochFinder()
         self.first_epoch = self.last_epoch = NO_EPOCH
         self._answered_until_s = self._heard_until_s = 0.0
+
+    def _note_parity(self) -> None:
+        if self._parity.every and self.renavigation.steps % self._parity.every == 0:
+            self._parity.run()
 
     @property
     def unanswered_s(self) -> float:
@@ -121,6 +127,8 @@ class _Run:
     def close(self) -> JsonObject:
         """Close the files; return the firmware's summary."""
         summary = firmware_summary(self.firmware)
+        self._parity.run()
+        self._parity.close()
         if self.truth is not None:
             self.truth.close()
         self._truth_file.close()

@@ -16,6 +16,7 @@ from rrins.host_tools.logs.reader import Log
 from rrins.host_tools.logs.replay import Replayed
 from rrins.host_tools.runs.keeping import place_for
 from rrins.host_tools.runs.outcome import Outcome
+from rrins.host_tools.runs.parity_log import take_parities
 from rrins.host_tools.runs.results import Errors, read_errors, write_summary
 from rrins.host_tools.runs.samples import NAVIGATION_SAMPLES, TRUTH_SAMPLES, read_samples
 from rrins.host_tools.runs.summary import summarise, table_of, write_results
@@ -55,6 +56,7 @@ def write_replay(
     errors = read_errors(folder, scenario.rate_hz)
     for file in (NAVIGATION_SAMPLES, TRUTH_SAMPLES):
         (folder / file).unlink(missing_ok=True)
+    parities = take_parities(folder)
     summary = _summary_of(name, scenario, log, replayed, errors)
     title = f"{scenario.title or name}, replayed from {log.path.name}"
     folder, note = place_for(folder, summary)
@@ -62,7 +64,7 @@ def write_replay(
         on_note(note)
     paths = _write_navigation(folder, navigation, scenario.rate_hz, title)
     if len(errors):
-        return summary, [*paths, *write_results(folder, summary, errors, title)]
+        return summary, [*paths, *write_results(folder, summary, errors, title, parities)]
     write_summary(folder / "summary.json", summary)
     return summary, [*paths, folder / "summary.json"]
 

@@ -20,7 +20,7 @@ from rrins.host_tools.runs.samples import SampleBuffer, SampleFile
 from rrins.host_tools.runs.settings import hardware_settings, scenario_wire
 from rrins.host_tools.scenario.scenario import Scenario
 
-_OPERATOR = ("MODE_COMMAND",)  # sent by the emulated hardware on the operator's behalf
+_OPERATOR = ("MODE_COMMAND", "READMISSION_COMMAND")  # sent by the hardware on his behalf
 _MOST_AHEAD = 500  # frames
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from rrins.host_tools.files import JsonObject
 from rrins.host_tools.monitor.banner import banner, notices
 from rrins.host_tools.monitor.listing import MessageRow, message_rows
+from rrins.host_tools.monitor.redundancy import redundancy_words
 from rrins.host_tools.monitor.state import BusState, MessageState
 from rrins.host_tools.monitor.table import table_head, table_lines
 from rrins.host_tools.monitor.troubles import troubles_of
@@ -25,6 +26,7 @@ def table_of(bus: str, state: BusState, needle: str = "", order: str = "id") -> 
     lines = [
         *notices(state, is_frozen=False),
         *head,
+        *redundancy_words(vitals.redundancy, vitals.readmission),
         "",
         table_head(rows, WIDTH, order).plain,
         *(line.plain for line in table_lines(state, rows, range(len(rows)), None, WIDTH)),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from rrins.host_tools.monitor.redundancy import redundancy_troubles
 from rrins.host_tools.monitor.state import BusState, MessageState
 from rrins.host_tools.monitor.vitals import AXES, Vitals
 from rrins.host_tools.monitor.wording import age_words, rate_words
@@ -14,6 +15,7 @@ HIGH_LOAD = 0.8
 
 _EVENTS = (  # not periodic, so never silent
     "MODE_COMMAND",
+    "READMISSION_COMMAND",
     "FAULT_COMMAND",
     "FAULT_STATUS",
     "FAULT_ACTIVE",
@@ -43,6 +45,7 @@ def troubles_of(state: BusState, vitals: Vitals) -> list[str]:
         *_axis_troubles(vitals),
         *_encoder_troubles(state),
         *_sensor_troubles(state, vitals),
+        *redundancy_troubles(vitals.redundancy),
         *_silence_troubles(state, vitals),
         *_message_troubles(state),
         *_counter_troubles(vitals),

@@ -5,6 +5,13 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass
 
 from rrins.host_tools.files import JsonObject
+from rrins.host_tools.monitor.redundancy import (
+    MESSAGES,
+    ReadmissionVitals,
+    RedundancyVitals,
+    readmission_of,
+    redundancy_of,
+)
 from rrins.host_tools.monitor.state import BusState
 
 STATUS = "FIRMWARE_STATUS"
@@ -75,6 +82,8 @@ class Vitals:
     axes: dict[str, AxisVitals | None]
     navigation: NavigationVitals | None
     counters: dict[str, Counter] | None
+    redundancy: dict[str, RedundancyVitals | None]
+    readmission: ReadmissionVitals | None
 
     def as_dict(self) -> JsonObject:
         """Return the vitals for JSON."""
@@ -88,6 +97,8 @@ def vitals_of(state: BusState) -> Vitals:
         {axis: _axis(state, axis) for axis in AXES},
         _navigation(state),
         _counters(state),
+        {kind: redundancy_of(state, kind) for kind in MESSAGES},
+        readmission_of(state),
     )
 
 

@@ -22,6 +22,7 @@ from rrins.host_tools.runs.fast import FastRun
 from rrins.host_tools.runs.firmware_job import firmware_progress, firmware_summary
 from rrins.host_tools.runs.hardware_job import hardware_summary
 from rrins.host_tools.runs.outcome import Outcome
+from rrins.host_tools.runs.parity_log import ParityLog
 from rrins.host_tools.runs.samples import (
     NAVIGATION_SAMPLES,
     TRUTH_SAMPLES,
@@ -82,9 +83,10 @@ def run_direct(
     lines = open_lines(serial, firmware, on_note)
     lines_every = lines.every
     progress_every = _PROGRESS_S * scenario.rate_hz
+    parity = ParityLog(firmware.ram, folder, scenario.duration_s)
     start = time.monotonic()
     count = 0
-    with closing(truth_file), closing(navigation), closing(lines):
+    with closing(truth_file), closing(navigation), closing(lines), closing(parity):
         try:
             for epoch in range(scenario.epochs + 1):
                 count = exchange_epoch(hardware, firmware, epoch, count, error_ppm)
@@ -92,6 +94,8 @@ def run_direct(
                     truth_rows.append(truth)
                 if lines_every and epoch % lines_every == 0:
                     lines.run(epoch)
+                if parity.every and epoch % parity.every == 0:
+                    parity.run()
                 if epoch % progress_every:
                     continue
                 if should_stop():
@@ -100,6 +104,7 @@ def run_direct(
                     on_progress(firmware_progress(firmware), _hardware_progress(hardware, epoch))
         finally:
             truth_rows.flush()
+            parity.run()
             summary = firmware_summary(firmware) | lines.statistics()
     return Outcome(summary, hardware_summary(hardware), time.monotonic() - start)
 
@@ -127,13 +132,15 @@ def run_without_frames(
     firmware = Firmware(firmware_settings(scenario), NavigationTrace(log_every, rows.append))
     hardware = Hardware(hardware_settings(scenario))
     run = FastRun(firmware.ram, hardware.plant, hardware.pieces)
+    parity = ParityLog(firmware.ram, folder, scenario.duration_s)
     left = scenario.epochs + 1
     start = time.monotonic()
-    with closing(truth_rows), closing(rows):
+    with closing(truth_rows), closing(rows), closing(parity):
         while left and not should_stop():
             track = run.run(min(left, _PROGRESS_S * scenario.rate_hz))
             left -= min(left, _PROGRESS_S * scenario.rate_hz)
             firmware.trace.extend(track.navigation)
+            parity.run()
             truth_rows.append(track.truth[track.truth["epoch"] % log_every == 0])
             if on_progress is not None:
                 on_progress(

@@ -31,6 +31,7 @@ from rrins.host_tools.hardware.step import (
     is_altitude_due,
     keep_command,
     note_truth,
+    readmission_word,
     update_operator,
 )
 
@@ -42,6 +43,10 @@ def _pass_up(plant: Plant, pieces: Floats, state: Ram, contract: Contract) -> No
     for group in range(max(plant.gyros.count, plant.accelerometers.count)):
         sensor = contract.sensor[group]
         intake.keep_group(assembly, sensor, group, group_word(plant, sensor, group))
+    readmission = contract.readmission_command
+    word = readmission_word(plant, readmission)
+    if word != 0:
+        intake.keep_readmission(state, readmission, word)
     altimeter = contract.altimeter
     if is_altitude_due(plant, altimeter.message):
         note_truth(plant, pieces)

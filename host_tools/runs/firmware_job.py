@@ -12,6 +12,7 @@ from rrins.host_tools.bus.port import open_port
 from rrins.host_tools.errors import ParameterFileError
 from rrins.host_tools.files import JsonObject
 from rrins.host_tools.runs.job import Job, prepare, settle
+from rrins.host_tools.runs.parity_log import ParityLog
 from rrins.host_tools.runs.pipe import ReportPipe
 from rrins.host_tools.runs.realtime import LatenessHistogram
 from rrins.host_tools.runs.redundancy_summary import redundancy_summary
@@ -109,13 +110,17 @@ def run_firmware(job: Job) -> JsonObject:
         report.send("progress", side="firmware", **firmware_progress(firmware))
 
     lines = open_lines(job.serial, firmware, lambda text: report.note("firmware", text))
-    tasks = Tasks((job.report_every, progress), (lines.every, lines.run))
+    parity = ParityLog(firmware.ram, job.folder, scenario.duration_s)
+    tasks = Tasks(
+        (job.report_every, progress), (lines.every, lines.run), (parity.every, parity.run)
+    )
     summary: JsonObject = {}
     try:
         permitted = settle(job)  # locking memory takes long: before anyone waits for us
         port = open_port(job.address, "firmware", job.attach_wait_s)
     except BaseException:
         lines.close()
+        parity.close()
         firmware.close()
         raise
     try:
@@ -139,6 +144,8 @@ def run_firmware(job: Job) -> JsonObject:
         summary |= lines.statistics()
         lines.close()
         rows.close()
+        parity.run()
+        parity.close()
         port.close()
         firmware.close()
         report.send("summary", side="firmware", **summary)

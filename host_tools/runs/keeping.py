@@ -18,6 +18,7 @@ SUMMARY = "summary.json"
 _RESULTS = (
     "navigation_errors.png",
     "horizontal_track.png",
+    "parity.png",
     "errors.csv",
     "navigation.csv",
     "navigation.png",

@@ -19,6 +19,8 @@ from rrins.host_tools.drawing.style import (
     quantity,
 )
 from rrins.host_tools.files import replacing
+from rrins.host_tools.runs.parity_log import Parities
+from rrins.host_tools.runs.parity_plot import draw_parity
 from rrins.host_tools.runs.results import Errors, Vector
 
 _SCALES = ((2e3, 1e-3, "k"), (0.2, 1.0, ""), (2e-4, 1e3, "m"), (0.0, 1e6, "µ"))
@@ -123,8 +125,12 @@ def _track_figure(errors: Errors, title: str) -> Figure:
     return figure
 
 
-def write_plots(folder: Path, errors: Errors, title: str) -> list[Path]:
+def write_plots(
+    folder: Path, errors: Errors, title: str, parities: Parities, rate_hz: int
+) -> list[Path]:
     """Write the pictures of a run into a folder; return their paths, none for an empty run.
+
+    `parities` are those of redundant sensors, empty where none are compared.
 
     Raises
     ------
@@ -133,11 +139,15 @@ def write_plots(folder: Path, errors: Errors, title: str) -> list[Path]:
     """
     if len(errors) < 2:
         return []
+    figures = {
+        "navigation_errors.png": draw_errors(errors, title),
+        "horizontal_track.png": _track_figure(errors, title),
+    }
+    if parities:
+        begin_epoch = float(errors.epoch[0]) - float(errors.time_s[0]) * rate_hz
+        figures["parity.png"] = draw_parity(parities, begin_epoch, rate_hz, title)
     paths = []
-    for name, figure in (
-        ("navigation_errors.png", draw_errors(errors, title)),
-        ("horizontal_track.png", _track_figure(errors, title)),
-    ):
+    for name, figure in figures.items():
         path = folder / name
         drawn = io.BytesIO()
         figure.savefig(drawn, format="png")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from rrins.firmware_py.core.memory import Ram
-from rrins.firmware_py.core.redundancy_records import Found, Parity
+from rrins.firmware_py.core.redundancy_records import Found, Parity, Readmission, Refusal
 from rrins.host_tools.files import JsonObject
 
 KINDS = ("gyros", "accelerometers")
@@ -21,6 +21,7 @@ def _of_kind(state: Ram, parity: Parity, count: int) -> JsonObject:
     is_open = int(parity.alarm_epoch) > (int(parity.found_epoch) if isolated else 0)
     excluded = [k + 1 for k in range(count) if int(parity.excluded) >> k & 1]
     repaired = isolated and int(parity.repaired_epoch) >= 0
+    came_back = int(parity.readmitted) >= 0
     alarm_epoch = parity.found_epoch if isolated else parity.alarm_epoch
     return {
         "alarm_s": seconds(int(alarm_epoch)) if alarmed else None,
@@ -30,8 +31,18 @@ def _of_kind(state: Ram, parity: Parity, count: int) -> JsonObject:
         "excluded": excluded or None,
         "repaired": seconds(int(parity.repaired_epoch)) if repaired else None,
         "unresolved_s": seconds(int(parity.alarm_epoch)) if is_open else None,
+        "readmitted": int(parity.readmitted) + 1 if came_back else None,
+        "readmitted_s": seconds(int(parity.readmitted_epoch)) if came_back else None,
+        "readmission_refused": _refusal(state.redundancy.readmission, int(parity.kind)),
         "redundancy_left": bool(parity.redundant),
     }
+
+
+def _refusal(readmission: Readmission, kind: int) -> str | None:
+    """Return why the last order to readmit a sensor was refused, if it was of this kind."""
+    if not readmission.refusal or int(readmission.kind) != kind:
+        return None
+    return Refusal(int(readmission.refusal)).name.lower()
 
 
 def redundancy_summary(state: Ram) -> JsonObject | None:
@@ -63,6 +74,12 @@ def redundancy_lines(redundancy: JsonObject | None) -> list[str]:
             if not kind["redundancy_left"]:
                 text += "; no redundancy left"
             lines.append(text)
+        if kind["readmitted_s"] is not None:
+            lines.append(
+                f"{one} {kind['readmitted']} in use again from {kind['readmitted_s']:.3f} s on"
+            )
+        if kind["readmission_refused"] is not None:
+            lines.append(f"{one} not readmitted: {_REFUSED[kind['readmission_refused']]}")
         if kind["unresolved_s"] is not None:
             lines.append(
                 f"one of the {name} fails since {kind['unresolved_s']:.3f} s: unknown which, or "
@@ -71,6 +88,15 @@ def redundancy_lines(redundancy: JsonObject | None) -> list[str]:
     return lines
 
 
+_REFUSED = {
+    "not_left_out": "it is in use",
+    "not_comparable": "no other sensor depends on it",
+    "parity": "it differs from the others",
+    "limits": "its bias is far beyond its data sheet",
+    "missing": "it is absent too often",
+    "stuck": "it repeats itself",
+    "set_changed": "another sensor was excluded or came back meanwhile",
+}
 _HOW = {
     "parity": "comparison with the others",
     "standing": "comparison with encoders, Earth rate and gravity",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tempfile
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal
 
@@ -24,6 +24,7 @@ from rrins.host_tools.runs.display import RunDisplay
 from rrins.host_tools.runs.fast import FastRun
 from rrins.host_tools.runs.job import check_code_folder, prepare_firmware, prepare_hardware
 from rrins.host_tools.runs.outcome import Outcome
+from rrins.host_tools.runs.parity_log import Parities, take_parities
 from rrins.host_tools.runs.rehearsal import (
     Interrupted,
     OnReport,
@@ -70,6 +71,8 @@ class RunResult:
         In the same epochs.
     failure : RehearsalError or None
         Why the run did not come to its end, or went wrong beside it.
+    parities : dict of array of `ParitySecond`
+        Parity and residuals of the sensors that are compared, by kind.
     """
 
     name: str
@@ -79,6 +82,7 @@ class RunResult:
     navigation: Records[NavigationOutput]
     truth: Records[Truth]
     failure: RehearsalError | None
+    parities: Parities = field(default_factory=dict)
 
     @property
     def title(self) -> str:
@@ -93,7 +97,7 @@ class RunResult:
         RehearsalError
             When one cannot be written.
         """
-        return write_results(folder, self.summary, self.errors, self.title)
+        return write_results(folder, self.summary, self.errors, self.title, self.parities)
 
     def check(self) -> None:
         """Raise what went wrong.
@@ -132,7 +136,8 @@ def _result(
     navigation, truth = read_samples_of(folder)
     errors = compare(navigation, truth, scenario.rate_hz)
     summary = summarise(name, scenario, way, outcome, errors, stopped)
-    return RunResult(name, scenario, summary, errors, navigation, truth, outcome.failure)
+    parities = take_parities(folder)
+    return RunResult(name, scenario, summary, errors, navigation, truth, outcome.failure, parities)
 
 
 def folder_of(out: Path | None, name: str) -> Path:

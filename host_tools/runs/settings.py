@@ -14,6 +14,7 @@ import rrins.host_tools.hardware.settings as hardware
 from rrins.firmware_py.core import calibration
 from rrins.firmware_py.core.calibration import Calibration, CalibrationError
 from rrins.firmware_py.core.modes import ModeRequest
+from rrins.firmware_py.core.redundancy_records import SensorKind
 from rrins.host_tools.errors import ScenarioError
 from rrins.host_tools.hardware.settings import (
     ARCSEC,
@@ -348,6 +349,16 @@ def hardware_settings(scenario: Scenario) -> hardware.Settings:
         inner=_drive(table.inner),
         outer=_drive(table.outer),
         requests=(*requests, (scenario.epochs, int(ModeRequest.SHUTDOWN))),
+        readmissions=tuple(
+            (
+                round(order.at_s * scenario.rate_hz),
+                int(SensorKind[order.kind.upper()]),
+                order.sensor,
+                int(order.anew),
+                order.test_s,
+            )
+            for order in scenario.redundancy.readmit
+        ),
         table=hardware.TableGeometry(
             tilt=table.non_orthogonality_arcsec * ARCSEC,
             wobble=table.wobble_arcsec * ARCSEC,

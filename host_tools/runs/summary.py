@@ -10,6 +10,7 @@ from rrins.host_tools.files import JsonObject
 from rrins.host_tools.runs import given_attitude
 from rrins.host_tools.runs.load_warnings import warnings_of
 from rrins.host_tools.runs.outcome import Outcome
+from rrins.host_tools.runs.parity_log import Parities
 from rrins.host_tools.runs.redundancy_summary import redundancy_lines
 from rrins.host_tools.runs.results import Errors, write_errors, write_summary
 from rrins.host_tools.runs.settings import trajectory_of
@@ -85,8 +86,16 @@ def summarise(
     }
 
 
-def write_results(folder: Path, summary: JsonObject, errors: Errors, title: str) -> list[Path]:
+def write_results(
+    folder: Path,
+    summary: JsonObject,
+    errors: Errors,
+    title: str,
+    parities: Parities | None = None,
+) -> list[Path]:
     """Write pictures, errors and summary of a run into a folder; return their paths.
+
+    `parities` are those of redundant sensors, if any are compared.
 
     Raises
     ------
@@ -98,7 +107,7 @@ def write_results(folder: Path, summary: JsonObject, errors: Errors, title: str)
     )
 
     write_summary(folder / "summary.json", summary)  # what is smallest is there on a full disk
-    paths = write_plots(folder, errors, title)
+    paths = write_plots(folder, errors, title, parities or {}, summary["rate_hz"])
     if len(errors):
         write_errors(folder / "errors.csv", errors)
         paths.append(folder / "errors.csv")

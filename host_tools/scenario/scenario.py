@@ -46,6 +46,7 @@ from rrins.host_tools.scenario.tables import (
     Outage,
     Paper,
     PerSensor,
+    Readmission,
     Redundancy,
     Rimu,
     Site,
@@ -176,6 +177,10 @@ class Scenario(TomlTable):
                 count = counts[fault.kind.partition("_")[0]]
                 if fault.sensor > count:
                     raise ValueError(f"faults.{number}.sensor: sensor {fault.sensor} of {count}")
+        for number, order in enumerate(self.redundancy.readmit, 1):
+            if order.sensor > counts[order.kind]:
+                where = f"redundancy.readmit.{number}.sensor"
+                raise ValueError(f"{where}: sensor {order.sensor} of {counts[order.kind]}")
         of_hardware = sum(not isinstance(fault, FaultOnWire) for fault in self.faults)
         if of_hardware > FAULT_CAPACITY:
             raise ValueError(
@@ -449,7 +454,7 @@ def _keys(location: tuple[int | str, ...], root: type[BaseModel]) -> list[str]:
     model: Any = root
     turn = rrins.firmware_py.core.settings.Turn
     of = {"operator": OperatorRequest, "turns": turn, "scheme": turn, "altimeter": Altimeter}
-    of |= {"gnss": Gnss, "outages": Outage}
+    of |= {"gnss": Gnss, "outages": Outage, "readmit": Readmission}
     for part in location:
         if part in KINDS:
             model = KINDS[str(part)]

@@ -12,7 +12,8 @@ import rrins.firmware_py.core.calibration
 import rrins.firmware_py.core.settings
 from rrins.dbc.contract import SENSOR_GROUPS
 from rrins.firmware_py.core.fusion import CONDITION_LIMIT
-from rrins.host_tools.hardware.memory import OUTAGE_CAPACITY
+from rrins.firmware_py.core.redundancy_records import TEST_LEAST_S, TEST_LONGEST_S
+from rrins.host_tools.hardware.memory import OUTAGE_CAPACITY, READMISSION_CAPACITY
 from rrins.host_tools.scenario.geometry import GEOMETRIES, AxesDeg
 
 PerSensor = float | tuple[float, ...]
@@ -270,6 +271,19 @@ class Firmware(TomlTable):
         return self
 
 
+class Readmission(TomlTable):
+    """An order of the operator to take a sensor that was left out back into use."""
+
+    at_s: float = Field(ge=0, le=LONGEST_S)
+    """After power-on of the hardware."""
+    kind: Literal["gyro", "accelerometer"]
+    sensor: int = Field(ge=1, le=SENSOR_GROUPS)
+    test_s: int = Field(default=60, ge=TEST_LEAST_S, le=TEST_LONGEST_S)
+    """How long it is compared with the others before it is used."""
+    anew: bool = False
+    """Learn its constants anew; else they must be as they were."""
+
+
 class Redundancy(TomlTable):
     """What the firmware does with redundant sensors."""
 
@@ -277,6 +291,15 @@ class Redundancy(TomlTable):
     """Compare them, leave out the one that fails, repair the history."""
     false_alarms_per_1000_h: float = Field(default=0.05, gt=0, le=1000)
     """The promise from which, with the sensors' data sheet, the thresholds follow."""
+    readmit: tuple[Readmission, ...] = Field(default=(), max_length=READMISSION_CAPACITY)
+    """Sensors to take back into use, in order of time."""
+
+    @model_validator(mode="after")
+    def _in_order(self) -> Redundancy:
+        times = [order.at_s for order in self.readmit]
+        if times != sorted(times):
+            raise ValueError("readmit: the orders are not in order of time")
+        return self
 
 
 class OperatorRequest(TomlTable):

@@ -70,3 +70,29 @@ def age(learner: Learner, count: int) -> None:
     for k in range(count):
         if learner.covariance[k, k] * learner.unit < learner.prior[k]:
             learner.covariance[k, k] += learner.walk[k] / learner.unit
+
+
+@compiled
+def copy(learner: Learner, other: Learner) -> None:
+    """Take over what another learner knows; its unit may differ."""
+    scale = other.unit / learner.unit
+    learner.seconds = other.seconds
+    for k in range(REGRESSORS):
+        for j in range(REGRESSORS):
+            learner.covariance[k, j] = other.covariance[k, j] * scale
+    for i in range(learner.coefficients.shape[0]):
+        for k in range(REGRESSORS):
+            learner.coefficients[i, k] = other.coefficients[i, k]
+
+
+@compiled
+def resume(learner: Learner, other: Learner, seconds: float) -> None:
+    """Know as well as another learner did some seconds ago, that all coefficients are zero."""
+    copy(learner, other)
+    for k in range(REGRESSORS):
+        missing = learner.prior[k] - learner.covariance[k, k] * learner.unit
+        if missing > 0.0:
+            learner.covariance[k, k] += min(missing, learner.walk[k] * seconds) / learner.unit
+    for i in range(learner.coefficients.shape[0]):
+        for k in range(REGRESSORS):
+            learner.coefficients[i, k] = 0.0

@@ -21,6 +21,7 @@ from rrins.firmware_py.core.redundancy_records import (
     EPOCH_LEVELS,
     SECOND_LEVELS,
     Parity,
+    Sums,
 )
 
 LEARNED_S = 10
@@ -111,13 +112,20 @@ def begin_again(parity: Parity) -> None:
     parity.suspect = -1
     begin_second(parity)
     clear_levels(parity)
-    for i in range(parity.residual.shape[0]):
-        parity.now.parity[i] = 0.0
+    _clear(parity.now)
+    _clear(parity.fine[0])  # where the first windows begin
+    _clear(parity.coarse[0])
+
+
+@compiled
+def _clear(sums: Sums) -> None:
+    sums.leverage = 0.0
+    sums.vector_leverage = 0.0
+    sums.standing = 0
+    for i in range(sums.parity.shape[0]):
+        sums.parity[i] = 0.0
     for i in range(3):
-        parity.now.vector[i] = 0.0
-    parity.now.leverage = 0.0
-    parity.now.vector_leverage = 0.0
-    parity.now.standing = 0
+        sums.vector[i] = 0.0
 
 
 @compiled
@@ -135,6 +143,7 @@ def clear_levels(parity: Parity) -> None:
 def begin_second(parity: Parity) -> None:
     """Begin the sums of a second."""
     parity.used_epochs = 0
+    parity.peak = 0.0
     for i in range(parity.residual.shape[0]):
         parity.residual[i] = 0.0
     for k in range(parity.regressors.shape[0]):

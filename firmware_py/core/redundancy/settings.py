@@ -179,10 +179,18 @@ def _set_parity(
     parity["second_factor"] = second_factor(allowed, directions)
     parity["epoch_factor"] = epoch_factor(allowed, directions, rate_hz)
     parity["noise_limit"] = noise_limit(allowed, directions)
-    parity["isolated"] = -1
-    parity["repaired_epoch"] = -1
+    parity["kept"]["unit"] = 1.0
     for learner in (parity["parity"], parity["expected"]):
         _set_learner(learner, sheet, has_force)
+
+
+def blank(state: Ram) -> None:
+    """Note that nothing has happened to any sensor yet."""
+    for parity in (state.redundancy.gyros, state.redundancy.accelerometers):
+        parity["suspect"] = -1
+        parity["isolated"] = -1
+        parity["repaired_epoch"] = -1
+        parity["readmitted"] = -1
 
 
 def set_up(
@@ -192,26 +200,29 @@ def set_up(
     redundancy: Redundancy = state["redundancy"]
     redundancy["enabled"] = True
     redundancy["second_epochs"] = rate_hz
-    redundancy["accelerometers"]["kind"] = ACCELEROMETERS
-    _set_parity(
-        redundancy["gyros"],
-        settings.gyros,
-        int(state.gyros.count),
-        resolutions[0],
-        settings,
-        rate_hz,
-        _EXPECTED_GYRO,
-        math.radians(_STANDING_DPS),
-        True,
-    )
-    _set_parity(
-        redundancy["accelerometers"],
-        settings.accelerometers,
-        int(state.accelerometers.count),
-        resolutions[1],
-        settings,
-        rate_hz,
-        _EXPECTED_ACCELEROMETER,
-        _STANDING_MPS2,
-        False,
-    )
+    readmission = redundancy["readmission"]
+    for gyros in (redundancy["gyros"], readmission["gyros"]):
+        _set_parity(
+            gyros,
+            settings.gyros,
+            int(state.gyros.count),
+            resolutions[0],
+            settings,
+            rate_hz,
+            _EXPECTED_GYRO,
+            math.radians(_STANDING_DPS),
+            True,
+        )
+    for accelerometers in (redundancy["accelerometers"], readmission["accelerometers"]):
+        accelerometers["kind"] = ACCELEROMETERS
+        _set_parity(
+            accelerometers,
+            settings.accelerometers,
+            int(state.accelerometers.count),
+            resolutions[1],
+            settings,
+            rate_hz,
+            _EXPECTED_ACCELEROMETER,
+            _STANDING_MPS2,
+            False,
+        )

@@ -10,7 +10,15 @@ from rrins.dbc.compilation import compiled
 from rrins.dbc.record import Floats
 from rrins.firmware_py.core import fusion as least_squares
 from rrins.firmware_py.core.memory import Fusion, Ram
-from rrins.firmware_py.core.redundancy import isolation, repair, standing, windows
+from rrins.firmware_py.core.redundancy import (
+    isolation,
+    learning,
+    readmission,
+    recent,
+    repair,
+    standing,
+    windows,
+)
 from rrins.firmware_py.core.redundancy import parity as parities
 from rrins.firmware_py.core.redundancy_records import (
     ABSOLUTE,
@@ -23,6 +31,9 @@ from rrins.firmware_py.core.redundancy_records import (
 _STANDING, _PARITY = int(Found.STANDING), int(Found.PARITY)
 _STUCK, _ABSENT = int(Found.STUCK), int(Found.ABSENT)
 _CLEAR_AFTER_S = 10
+_TRIAL = 1
+"""The second turn of what is done for the sensors in use and then for a trial: code that is at one
+place compiles once."""
 
 
 @compiled
@@ -53,21 +64,37 @@ def correct(parity: Parity, fusion: Fusion, received: int, valid: int, measured:
 def _take(
     state: Ram, parity: Parity, fusion: Fusion, valid: int, measured: Floats, own: Floats
 ) -> None:
-    """Take an epoch of a kind; it counts if all compared sensors are valid."""
+    """Take an epoch of a kind; it counts if all compared sensors are valid.
+
+    In a second turn, as if the sensor that is tested for readmission were in use.
+    """
     redundancy = state.redundancy
     other, expected = state.dv_s, redundancy.expected_dtheta_s
     if parity.kind == ACCELEROMETERS:
         other, expected = state.dtheta_s, redundancy.expected_dv_s
     for k in range(fusion.count):
         parity.unlearned[k] = 0.0
-    if valid == parity.sensors and fusion.solvable and fusion.used == valid:
-        regressors = parities.regress(parity, fusion, own, other, state.parameters.period_ns * 1e-9)
-        ratio = parities.take(parity, fusion, measured, own, regressors)
+    if valid != parity.sensors or not fusion.solvable or fusion.used != valid:
+        return
+    dt = state.parameters.period_ns * 1e-9
+    compared, vector = parity, own
+    for turn in range(2):
+        if turn == _TRIAL:
+            if not readmission.is_there(state, parity):
+                break
+            compared = readmission.trial(state, parity)
+            vector = readmission.fuse(state, compared, fusion, measured, own)
+        regressors = parities.regress(compared, fusion, vector, other, dt)
+        ratio = parities.take(compared, fusion, measured, vector, regressors)
+        if turn == _TRIAL:
+            readmission.note(state, ratio)
+            break
         if redundancy.expected_known:
             standing.take(parity, own, expected)
         if ratio > 1.0:
             _raise(state, parity)
             parity.ratio = max(parity.ratio, ratio)
+            parity.peak = max(parity.peak, ratio)
 
 
 @compiled
@@ -75,32 +102,54 @@ def _raise(state: Ram, parity: Parity) -> None:
     if not parity.alarm:
         parity.alarm = True
         parity.alarm_epoch = state.epoch
+        recent.remember(parity, state.epoch)
     parity.clear_seconds = 0
 
 
 @compiled
 def _close_second(state: Ram, parity: Parity, fusion: Fusion) -> tuple[int, int]:
-    """Test the windows that end with this second; return which sensor fails, and how it shows."""
+    """Test the windows that end with this second; return which sensor fails, and how it shows.
+
+    In a second turn, those of the sensor that is tested for readmission.
+    """
     redundancy = state.redundancy
     sensor, how = -1, _STANDING
-    if 2 * parity.used_epochs > redundancy.second_epochs:
-        count = int(fusion.count)
-        regressors = ABSOLUTE + count
-        parity.ratio = windows.close_second(parity, count, regressors)
-        known = redundancy.expected_known and standing.slow(state)
-        standing.close_second(parity, fusion, regressors, known)
-        windows.keep(parity, count)
-        if parity.ratio > 1.0:
-            _raise(state, parity)
-        elif parity.alarm:
-            parity.clear_seconds += 1
-            if parity.clear_seconds > _CLEAR_AFTER_S:
-                parity.alarm = False
-        sensor = isolation.standing(parity, fusion)
-        if sensor < 0 and parity.alarm:
-            sensor, how = isolation.by_parity(parity, count), _PARITY
-    parities.begin_second(parity)
+    count = int(fusion.count)
+    regressors = ABSOLUTE + count
+    compared = parity
+    for turn in range(2):
+        if turn == _TRIAL:
+            if not readmission.tests(state, parity):
+                break
+            compared = readmission.trial(state, parity)
+        is_full = 2 * compared.used_epochs > redundancy.second_epochs
+        if is_full:
+            compared.ratio = windows.close_second(compared, count, regressors)
+            if turn != _TRIAL:
+                known = redundancy.expected_known and standing.slow(state)
+                standing.close_second(parity, fusion, regressors, known)
+            windows.keep(compared, count)
+        if turn == _TRIAL:
+            readmission.close_second(state, parity, fusion, is_full)
+        elif is_full:
+            _close_alarm(state, parity)
+            recent.note(parity, count, state.epoch, state.parameters.period_ns * 1e-9)
+            sensor = isolation.standing(parity, fusion)
+            if sensor < 0 and parity.alarm:
+                sensor, how = isolation.by_parity(parity, count), _PARITY
+        parities.begin_second(compared)
     return sensor, how
+
+
+@compiled
+def _close_alarm(state: Ram, parity: Parity) -> None:
+    """Begin an alarm where the last second says so, or end it some time after."""
+    if parity.ratio > 1.0:
+        _raise(state, parity)
+    elif parity.alarm:
+        parity.clear_seconds += 1
+        if parity.clear_seconds > _CLEAR_AFTER_S:
+            parity.alarm = False
 
 
 @compiled
@@ -147,6 +196,7 @@ def _leave_out(state: Ram, parity: Parity, fusion: Fusion, sensor: int, how: int
         for j in range(parity.correction.shape[1]):
             parity.correction[k, j] += parity.parity.coefficients[k, j]
     parity.corrected = True
+    learning.copy(parity.kept, parity.parity)
     seconds = _begun_s(parity)
     parity.excluded |= 1 << sensor
     parity.isolated = sensor
@@ -177,8 +227,19 @@ def _judge(
         _raise(state, parity)
         _leave_out(state, parity, fusion, sensor, how)
     everything = (1 << fusion.count) - 1 & ~(parity.excluded | controlled)
-    if parity.sensors != everything:
-        parities.compare(parity, fusion, everything, redundancy.second_epochs, state.ins.work)
+    compared = parity
+    for turn in range(2):
+        if turn == _TRIAL:
+            if not readmission.tests(state, parity):
+                break
+            compared = readmission.trial(state, parity)
+            everything = readmission.sensors(state, everything)
+        if compared.sensors != everything:
+            parities.compare(compared, fusion, everything, redundancy.second_epochs, state.ins.work)
+            if turn == _TRIAL:
+                readmission.begin(state, parity)
+            else:
+                readmission.hand_over(state, parity)
 
 
 @compiled
@@ -191,6 +252,8 @@ def watch(state: Ram, navigating: bool) -> None:
         redundancy.navigation_epoch = state.epoch - 1
     redundancy.navigated = navigating
     redundancy.expected_known = False
+    if redundancy.readmission.order != 0:
+        readmission.follow(state)
     if navigating:
         standing.expect(state)
     parity, fusion, own = redundancy.gyros, state.gyros, state.dtheta_s

@@ -5,6 +5,11 @@ from __future__ import annotations
 from rrins.dbc.values import AxisState
 from rrins.firmware_py.core.diagnostic_records import RoutineRequest
 from rrins.firmware_py.core.modes import FirmwareFault, Mode
+from rrins.firmware_py.core.redundancy_records import (
+    Readmission,
+    ReadmissionOrder,
+    ReadmissionState,
+)
 from rrins.firmware_py.diagnostics import table
 from rrins.firmware_py.diagnostics.codecs import Values
 from rrins.firmware_py.diagnostics.computer import AXIS_MODES, Computer
@@ -201,6 +206,63 @@ class Standby(_Requesting):
         self._waits = False
         at_standby = self.computer.mode == Mode.STANDBY
         self.state = RoutineState.DONE if at_standby else RoutineState.FAILED
+
+
+class ReadmitSensor(Programme):
+    """The test of a sensor that is left out, and its return."""
+
+    name = "readmit_sensor"
+
+    def __init__(self, computer: Computer) -> None:
+        super().__init__(computer)
+        self._waits = False
+
+    @property
+    def _readmission(self) -> Readmission:
+        return self.computer.state.redundancy.readmission
+
+    @property
+    def can_be_stopped(self) -> bool:
+        """Whether a sensor is being tested, whoever ordered it."""
+        return bool(self._readmission.state == ReadmissionState.TESTING)
+
+    def may_start(self) -> bool:
+        """Return whether redundant sensors are compared, and none is being tested."""
+        return bool(self.computer.state.redundancy.enabled) and not self.can_be_stopped
+
+    def start(self, arguments: Values) -> None:
+        """Begin."""
+        super().start(arguments)
+        readmission = self._readmission
+        readmission["order_kind"] = arguments["kind"]
+        readmission["order_sensor"] = arguments["sensor"]
+        readmission["order_s"] = arguments["test_s"]
+        readmission["order_anew"] = arguments["anew"]
+        readmission.order = ReadmissionOrder.TEST
+        self._waits = True
+
+    def stop(self) -> None:
+        """End early."""
+        super().stop()
+        self._readmission.order = ReadmissionOrder.STOP
+
+    def work(self) -> None:
+        """Do one epoch's work, while it runs."""
+        self._waits = False  # the step has handled the order by now
+        self.state = _OUTCOMES[ReadmissionState(int(self._readmission.state))]
+
+    def is_settled(self) -> bool:
+        """Return whether the response to a request can be given."""
+        return not self._waits
+
+
+_OUTCOMES = {
+    ReadmissionState.NONE: RoutineState.RUNNING,  # no epoch with SYNC yet
+    ReadmissionState.TESTING: RoutineState.RUNNING,
+    ReadmissionState.READMITTED: RoutineState.DONE,
+    ReadmissionState.REFUSED: RoutineState.FAILED,
+    ReadmissionState.STOPPED: RoutineState.STOPPED,
+}
 
 
 class AxisTurn(Programme):

@@ -29,6 +29,7 @@ class Routines(Part):
             CalibrationProgramme(computer),
             programmes.RestoreSetUp(computer),
             programmes.Standby(computer),
+            programmes.ReadmitSensor(computer),
         )
         self._programmes = {programme.routine.number: programme for programme in made}
 

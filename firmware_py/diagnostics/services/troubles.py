@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 
+from rrins.firmware_py.core.trouble_table import PARITY_KIND
 from rrins.firmware_py.core.troubles import (
     ALL_RECORDS,
     FIRST_SNAPSHOT,
@@ -14,6 +16,7 @@ from rrins.firmware_py.core.troubles import (
 from rrins.firmware_py.diagnostics.computer import Computer
 from rrins.firmware_py.diagnostics.fault_memory import FaultMemory
 from rrins.firmware_py.diagnostics.reader import FieldReader
+from rrins.firmware_py.diagnostics.redundancy_identifiers import PARITY_BEFORE
 from rrins.firmware_py.diagnostics.refusal import require
 from rrins.firmware_py.diagnostics.responses import Code
 from rrins.firmware_py.diagnostics.server import Handler, Server
@@ -109,10 +112,18 @@ class Troubles:
             frozen = self._faults.snapshot(index, record)
             if frozen is None:
                 continue
-            yield bytes([record, len(SNAPSHOT)])
+            parity = self._faults.parity(index, record)
+            yield bytes([record, len(SNAPSHOT) + (parity is not None)])
             for did in SNAPSHOT:
                 yield did.number.to_bytes(2, "big")
                 yield did.encode(FieldReader(frozen, did.fields).read())
+            if parity is not None:
+                did = PARITY_BEFORE[PARITY_KIND[index]]
+                yield did.number.to_bytes(2, "big")
+                fields = [
+                    replace(field, source=field.source.split(".")[-1]) for field in did.fields
+                ]
+                yield did.encode(FieldReader(parity, fields).read())
 
     def _extended_data(self, data: bytes) -> Iterator[bytes]:
         index, wanted = self._known(data), data[_NUMBER_SIZE]

@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
-import click
+from collections.abc import Mapping, Sequence
 
+import click
+import numpy as np
+from rich.table import Table
+
+from rrins.firmware_py.core.redundancy_records import BEFORE_S
 from rrins.firmware_py.core.troubles import (
     ALL_GROUPS,
     FIRST_SNAPSHOT,
@@ -12,7 +17,9 @@ from rrins.firmware_py.core.troubles import (
     Trouble,
 )
 from rrins.firmware_py.diagnostics import table
-from rrins.firmware_py.diagnostics.codecs import Values
+from rrins.firmware_py.diagnostics.codecs import Field, Values
+from rrins.firmware_py.diagnostics.data_identifier import DataIdentifier
+from rrins.firmware_py.diagnostics.redundancy_identifiers import PARITY_BEFORE
 from rrins.host_tools.cli.diag.arguments import TROUBLE
 from rrins.host_tools.cli.diag.options import with_tester
 from rrins.host_tools.cli.diag.output import (
@@ -159,7 +166,33 @@ def _print_freeze_frames(frames: dict[int, dict[str, Values]]) -> None:
             values = [value_text(field, frame[did.name][field.name]) for frame in frames.values()]
             grid.add_row(name, field.name, *values, field.unit)
             name = ""
+    for did in PARITY_BEFORE.values():
+        if all(did.name in frame for frame in frames.values()):
+            _add_parity(grid, did, list(frames.values()))
     print_table(grid)
+
+
+def _add_parity(grid: Table, did: DataIdentifier, frames: Sequence[Mapping[str, Values]]) -> None:
+    """Add what the parity was in each of the seconds before the alarm."""
+    alarm, ratio, residual = did.fields
+    values = [value_text(alarm, frame[did.name][alarm.name]) for frame in frames]
+    grid.add_row(did.name, alarm.name, *values, alarm.unit)
+    for k in range(BEFORE_S):
+        before = f"{BEFORE_S - k} s before"
+        ratios = [f"{_numbers(frame, did, ratio)[k]:.2f}" for frame in frames]
+        grid.add_row("", f"{before}: {ratio.name}", *ratios, ratio.unit)
+        texts = []
+        for frame in frames:
+            seconds = np.reshape(_numbers(frame, did, residual), (BEFORE_S, -1))
+            sensors = int(np.max(np.flatnonzero(seconds.any(axis=0)), initial=0)) + 1
+            texts.append("  ".join(f"{value:.3g}" for value in seconds[k, :sensors]))
+        grid.add_row("", f"{before}: {residual.name}", *texts, residual.unit)
+
+
+def _numbers(frame: Mapping[str, Values], did: DataIdentifier, field: Field) -> tuple[float, ...]:
+    found = frame[did.name][field.name]
+    assert isinstance(found, tuple)
+    return found
 
 
 @dtc.command("clear")

@@ -23,6 +23,7 @@ from rrins.host_tools.monitor.orders import ORDERS
 from rrins.host_tools.monitor.plot import HEIGHT as PLOT_HEIGHT
 from rrins.host_tools.monitor.plot import SPANS, plot
 from rrins.host_tools.monitor.receiver import Receiver
+from rrins.host_tools.monitor.redundancy import redundancy_page
 from rrins.host_tools.monitor.screen.pages import HELP, Page
 from rrins.host_tools.monitor.screen.panes import Detail, Lines, MessageTable
 from rrins.host_tools.monitor.state import BusState
@@ -76,6 +77,7 @@ class MonitorApp(App[None]):
         Binding("w", "span", show=False),
         Binding("f", "freeze", show=False),
         Binding("t", "troubles", show=False),
+        Binding("r", "redundancy", show=False),
         Binding("z", "zero", show=False),
         Binding("q", "quit", show=False),
         Binding("ctrl+c", "quit", show=False, priority=True),
@@ -207,6 +209,11 @@ class MonitorApp(App[None]):
             return "NO TROUBLES"
         listed = "\n".join(f"  {trouble}" for trouble in self._troubles)
         return f"TROUBLES {len(self._troubles)}\n{listed}"
+
+    def action_redundancy(self) -> None:
+        """Show what is known of redundant sensors."""
+        width = self.size.width
+        self.push_screen(Page(lambda: redundancy_page(self._state, self._level, width)))
 
     def action_freeze(self) -> None:
         """Freeze the screen, or resume."""

@@ -1,4 +1,4 @@
-"""Pages that cover the whole screen: help, and the list of troubles."""
+"""Pages that cover the whole screen: help, troubles, redundancy."""
 
 from __future__ import annotations
 
@@ -26,6 +26,7 @@ KEYS
   w        time span of the plots: 1, 10 or 100 minutes
   f        freeze the screen, or resume; frames are still received
   t        list all troubles
+  r        redundant sensors: how well they agree, which are left out
   z        reset the monitor's counts, min, max and plots
   q        quit (or Ctrl-C)
 
@@ -58,7 +59,7 @@ class Page(Screen[None]):
     CSS = "Page Lines { width: 1fr; } Page VerticalScroll { scrollbar-size-vertical: 1; }"
 
     BINDINGS: ClassVar[list[BindingType]] = [
-        Binding("escape,q,enter,question_mark,t,backspace", "close", show=False)
+        Binding("escape,q,enter,question_mark,t,r,backspace", "close", show=False)
     ]
 
     def __init__(self, text: Callable[[], str]) -> None:

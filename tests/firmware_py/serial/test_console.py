@@ -227,6 +227,26 @@ def test_it_says_what_a_mode_does_not_allow(desk):
     assert "leaves SHUTDOWN" in desk.ask("mode standby\r")
 
 
+def test_a_readmission_is_ordered(desk):
+    assert desk.ask("redundancy\r").count("are not compared") == 1
+    assert desk.ask("readmit gyro 2\r").count("are not compared") == 1
+    state = desk.bench.state.redundancy
+    state["enabled"] = True
+    state.gyros["excluded"] = 0b0010
+    assert "\ngyros           -                 -        2         no" in desk.ask("redundancy\r")
+    for words in ("", "gyro", "gyro two", "gyro 17", "gyro 2 now", "axis 1"):
+        assert "readmit: expected" in desk.ask(f"readmit {words}\r")
+    assert "a test of 60 s" in desk.ask("readmit accelerometer 3 anew\r")
+    order = state.readmission
+    assert (order.order, order.order_kind, order.order_sensor, order.order_s) == (1, 1, 3, 60)
+    assert order.order_anew
+    order["state"], order["sensor"], order["kind"], order["wanted_s"] = 1, 3, 1, 60
+    assert "is being tested" in desk.ask("readmit gyro 2\r")
+    assert "readmit accelerometer 3: TESTING, 0 of 60 s" in desk.ask("redundancy\r")
+    desk.ask("readmit stop\r")
+    assert order.order == 2
+
+
 def test_nmea_is_switched(desk):
     assert "nmea off" in desk.ask("nmea off\r")
     assert not desk.nmea.is_on

@@ -90,6 +90,39 @@ def test_everything_is_on_the_first_screen(bus, size):
     run(bus, size, use)
 
 
+@pytest.mark.parametrize("size", SIZES)
+def test_the_page_on_redundancy(bus, size):
+    async def none(app, press):
+        assert "does not report any" in await press("r")
+        assert "SYNC" in await press("escape")
+
+    run(bus, size, none)
+    for k in range(3):
+        ratio = (0.25, 1.5, 0.5)[k]
+        values = {"redundant": 1, "parity_ratio": ratio, "window_log2": 4, "suspect": 3}
+        bus.send("GYRO_REDUNDANCY", 2.0 + k, k, **values)
+    bus.send("ACCELEROMETER_REDUNDANCY", 4.0, 0, excluded=1, isolated=1, how="ABSENT")
+    bus.send("READMISSION_STATUS", 4.0, 0, state="TESTING", kind="GYRO", sensor=4, test_s=60)
+
+    async def all_of_it(app, press):
+        lines = (await press("r")).splitlines()
+        text = "\n".join(lines)
+        now = next(line for line in lines if "parity/threshold" in line)
+        assert now.count("#") == 10  # of 20 to the threshold
+        assert now.rstrip().endswith("0.50")
+        largest = next(line for line in lines if "largest so far" in line)
+        assert largest.index("|") < largest.rindex("#")
+        assert "window            16 s" in text
+        assert "suspect           3" in text
+        assert "GYRO_REDUNDANCY.parity_ratio  now 0.50" in text
+        assert "left out          1 (the last, 1, by ABSENT)" in text
+        assert "NO: a fault of another would not show" in text
+        assert "READMISSION  gyro 4 TESTING, compared for 0 of 60 s" in text
+        assert "SYNC" in await press("r")
+
+    run(bus, size, all_of_it)
+
+
 def test_the_filter_narrows_while_it_is_written(bus):
     async def use(app, press):
         text = await press("slash", *"gyro")

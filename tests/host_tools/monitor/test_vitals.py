@@ -43,10 +43,61 @@ def test_a_sound_rehearsal_has_no_troubles(rehearsed):
     assert state.message("SENSOR_4").rate_hz == pytest.approx(200)
 
 
+def test_redundant_sensors_as_they_are_reported(played):
+    for k in range(4):
+        played.send(
+            "GYRO_REDUNDANCY", 1.0 * k, k, alarm=1, redundant=1, parity_ratio=2.5 - k / 2,
+            window_log2=3, suspect=2, standing=1,
+        )  # fmt: skip
+        played.send(
+            "ACCELEROMETER_REDUNDANCY", 1.0 * k, k, excluded=0b100, isolated=3, how="STUCK",
+            repairing=1,
+        )  # fmt: skip
+    played.send(
+        "READMISSION_STATUS", 3.0, state="REFUSED", kind="ACCELEROMETER", sensor=3,
+        refusal="PARITY", passed_s=4, test_s=60, parity_ratio=12.5,
+    )  # fmt: skip
+    state = played.watch.state()
+    vitals = vitals_of(state)
+    gyros, accelerometers = vitals.redundancy["gyros"], vitals.redundancy["accelerometers"]
+    assert (gyros.parity_ratio, gyros.largest_ratio) == pytest.approx((1.0, 2.5))
+    assert (gyros.window_s, gyros.suspect, gyros.excluded) == (8, 2, ())
+    assert (gyros.how, gyros.isolated, gyros.redundancy_left) == (None, None, True)
+    assert (accelerometers.excluded, accelerometers.isolated) == ((3,), 3)
+    assert (accelerometers.how, accelerometers.redundancy_left) == ("STUCK", False)
+    readmission = vitals.readmission
+    assert (readmission.state, readmission.refusal) == ("REFUSED", "PARITY")
+    assert (readmission.kind, readmission.sensor, readmission.passed_s) == ("accelerometer", 3, 4)
+    assert troubles_of(state, vitals) == [
+        "the gyros disagree: one of them fails, and it is not known which",
+        "accelerometer 3 is left out, found by STUCK",
+        "no redundancy is left among the accelerometers",
+    ]
+
+
+def test_a_gyro_that_is_left_out(rehearsed):
+    def drive(bench):
+        navigate(bench, 20)
+        bench.inject("gyro_bias", sensor=2, bias_dph=100)
+        bench.advance(5)
+
+    bus = rehearsed(drive, firmware=QUICK, redundancy={"enabled": True})
+    vitals = vitals_of(bus.state)
+    gyros = vitals.redundancy["gyros"]
+    assert (gyros.excluded, gyros.isolated, gyros.how) == ((2,), 2, "STANDING")
+    assert (gyros.redundancy_left, gyros.suspect) == (False, None)
+    assert vitals.redundancy["accelerometers"].redundancy_left
+    assert vitals.readmission is None
+    troubles = troubles_of(bus.state, vitals)
+    assert "gyro 2 is left out, found by STANDING" in troubles
+    assert "no redundancy is left among the gyros" in troubles
+
+
 def test_before_anything_was_on_the_bus(played):
     state = played.watch.state()
     vitals = vitals_of(state)
-    assert vitals.firmware is vitals.navigation is vitals.counters is None
+    assert vitals.firmware is vitals.navigation is vitals.counters is vitals.readmission is None
+    assert vitals.redundancy == {"gyros": None, "accelerometers": None}
     assert vitals.axes == {"inner": None, "outer": None}
     assert troubles_of(state, vitals) == []
 
