@@ -17,6 +17,7 @@ IS_WRITING = "RRINS_WRITE_DOCS" in os.environ
 
 _NUMBER = re.compile(r"-?\d+\.\d+(?:e[-+]?\d+)?|-?\d+")
 _CRC = re.compile(r"CRC (?:0x)?[0-9A-F]{8}")
+_SCENARIO = re.compile(r"^```toml\n# (\w+\.toml)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 _BLOCK = re.compile(r"(?<=^```console\n).*?(?=^```$)", re.MULTILINE | re.DOTALL)
 
 
@@ -47,6 +48,8 @@ def retyped(block: str, type_command) -> str:
 def test_what_a_guide_shows_is_what_is_said(desk, name):
     page = DOCS / name
     text = page.read_text()
+    for scenario, keys in _SCENARIO.findall(text):
+        Path(scenario).write_text(keys)
     said = _BLOCK.sub(lambda found: retyped(found[0], desk.type), text)
     if IS_WRITING:
         page.write_text(said)
