@@ -7,7 +7,8 @@ checks that, and who its host is, before it sends or receives anything.
 
 Beside the socket lies ``NAME.sock.lock``. Whoever holds its lock hosts the channel. The kernel
 releases the lock of a process that dies, so a socket file without a locked file is stale and is
-replaced without asking the socket.
+replaced without asking the socket. ``NAME.sock.reserved`` is locked by a process that is about to
+start a host, so that others who look for a free channel take another.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ from pathlib import Path
 from typing import Final
 
 from rrins.host_tools.bus.ownership import check_folder, check_host, own_folder
+from rrins.host_tools.closing import Closing
 from rrins.host_tools.errors import BusError
 
 SUFFIX: Final = ".sock"
@@ -150,6 +152,60 @@ def _call(end: socket.socket, path: Path, timeout: float) -> None:
             return
 
 
+class _LockedError(Exception):
+    """Another process holds a lock; `holder` is its number."""
+
+    def __init__(self, holder: str) -> None:
+        self.holder = holder or "unknown"
+
+
+class _Lock:
+    """A file that is locked, with the number of this process in it; the lock ends with the process.
+
+    Raises
+    ------
+    _LockedError
+        If another process holds it.
+    OSError
+        If the file cannot be made.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._file = self._acquire()
+
+    def _acquire(self) -> int:
+        flags = os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW
+        while True:
+            lock = os.open(self._path, flags, 0o600)
+            try:
+                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                if self._is_current(lock):
+                    os.truncate(lock, 0)
+                    os.pwrite(lock, str(os.getpid()).encode(), 0)
+                    return lock
+                os.close(lock)  # its holder removed the file between our open and our lock
+            except BlockingIOError as error:
+                holder = os.pread(lock, 16, 0).decode(errors="replace")
+                os.close(lock)
+                raise _LockedError(holder) from error
+            except BaseException:
+                os.close(lock)
+                raise
+
+    def _is_current(self, lock: int) -> bool:
+        try:
+            return os.path.samestat(os.fstat(lock), self._path.stat())
+        except FileNotFoundError:
+            return False
+
+    def release(self) -> None:
+        """Remove the file, then unlock it."""
+        # Removed while it is still locked: whoever opened it in between finds it is not current.
+        self._path.unlink(missing_ok=True)
+        os.close(self._file)
+
+
 class Claim:
     """The exclusive right to host a channel, with the listening socket that goes with it.
 
@@ -175,48 +231,23 @@ class Claim:
 
     def __init__(self, channel: str) -> None:
         self.path = socket_path(channel)
-        self._lock_path = self.path.with_name(self.path.name + ".lock")
         if "/" not in channel:
             own_folder(self.path.parent)
-        self._lock = self._acquire_lock(channel)
+        try:
+            self._lock = _Lock(self.path.with_name(self.path.name + ".lock"))
+        except _LockedError as error:
+            raise HostedError(
+                f"channel {channel!r} is already hosted by process {error.holder}"
+            ) from error
+        except OSError as error:
+            raise BusError(
+                f"cannot host channel {channel!r} at {self.path}: {error.strerror}"
+            ) from error
         try:
             self.listener = self._listen(channel)
         except BaseException:
-            self._give_lock_back()
+            self._lock.release()
             raise
-
-    def _acquire_lock(self, channel: str) -> int:
-        while True:
-            try:
-                lock = os.open(
-                    self._lock_path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW, 0o600
-                )
-            except OSError as error:
-                raise BusError(
-                    f"cannot host channel {channel!r} at {self.path}: {error.strerror}"
-                ) from error
-            try:
-                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-                if self._is_current(lock):
-                    os.truncate(lock, 0)
-                    os.pwrite(lock, str(os.getpid()).encode(), 0)
-                    return lock
-                os.close(lock)  # its holder removed the file between our open and our lock
-            except BlockingIOError as error:
-                holder = os.pread(lock, 16, 0).decode(errors="replace")
-                os.close(lock)
-                raise HostedError(
-                    f"channel {channel!r} is already hosted by process {holder or 'unknown'}"
-                ) from error
-            except BaseException:
-                os.close(lock)
-                raise
-
-    def _is_current(self, lock: int) -> bool:
-        try:
-            return os.path.samestat(os.fstat(lock), self._lock_path.stat())
-        except FileNotFoundError:
-            return False
 
     def _listen(self, channel: str) -> socket.socket:
         # We hold the lock: a socket file that is there was left by a host that died.
@@ -242,13 +273,52 @@ class Claim:
             ) from error
         return listener
 
-    def _give_lock_back(self) -> None:
-        # Removed while it is still locked: whoever opened it in between finds it is not current.
-        self._lock_path.unlink(missing_ok=True)
-        os.close(self._lock)
-
     def release(self) -> None:
         """Remove the socket, then release the right to host."""
         self.path.unlink(missing_ok=True)
         self.listener.close()
-        self._give_lock_back()
+        self._lock.release()
+
+
+class Reservation(Closing):
+    """A channel that nobody hosts; no other process reserves it until this is closed.
+
+    Parameters
+    ----------
+    stem : str
+        The channel is the first of its name with 0, 1, 2 and so on behind it.
+
+    Attributes
+    ----------
+    channel : str
+
+    Raises
+    ------
+    BusError
+        If the place of channels is not safe.
+    """
+
+    def __init__(self, stem: str) -> None:
+        own_folder(directory())
+        number = 0
+        while not self._reserve(f"{stem}{number}"):
+            number += 1
+
+    def _reserve(self, channel: str) -> bool:
+        path = socket_path(channel)
+        try:
+            lock = _Lock(path.with_name(path.name + ".reserved"))
+        except _LockedError:
+            return False
+        except OSError as error:
+            raise BusError(f"cannot reserve channel {channel!r}: {error.strerror}") from error
+        if channel in detect():
+            lock.release()
+            return False
+        self.channel = channel
+        self._lock = lock
+        return True
+
+    def close(self) -> None:
+        """Let others have the channel."""
+        self._lock.release()

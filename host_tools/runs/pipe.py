@@ -7,6 +7,7 @@ import logging
 import os
 import sys
 
+from rrins.host_tools.bus.channel import HostedError
 from rrins.host_tools.errors import RehearsalError
 from rrins.host_tools.files import JsonObject
 
@@ -56,7 +57,14 @@ class ReportPipe:
 
     def fail(self, side: str, error: RehearsalError) -> None:
         """Tell the rehearsal why a side fails."""
-        self.send("error", side=side, message=str(error), exit_status=error.exit_status)
+        is_hosted = isinstance(error, HostedError)
+        self.send(
+            "error",
+            side=side,
+            message=str(error),
+            exit_status=error.exit_status,
+            channel_is_hosted=is_hosted,
+        )
 
 
 class NoteHandler(logging.Handler):

@@ -37,7 +37,8 @@ _GRACE_S = 5.0
 _BUS_ENDS_S = 60.0  # to write what was received before that
 _ATTACH_WAIT_S = 300.0  # the first start compiles
 _POLL_S = 0.2
-_CHANNEL = "rrins"
+CHANNEL = "rrins"
+"""What the channels of rehearsals are called, with a number behind it."""
 
 
 class Interrupted(RehearsalError):  # noqa: N818 - no error: the user asked for it
@@ -50,9 +51,9 @@ def free_channel() -> str:
     """Return the first of rrins0, rrins1, … that nobody hosts."""
     taken = set(embedded.detect())
     number = 0
-    while f"{_CHANNEL}{number}" in taken:
+    while f"{CHANNEL}{number}" in taken:
         number += 1
-    return f"{_CHANNEL}{number}"
+    return f"{CHANNEL}{number}"
 
 
 @dataclass
@@ -310,8 +311,11 @@ class Rehearsal:
                 )
         for side in failed:
             if side.error:
+                kinds: dict[int, type[RehearsalError]]
                 kinds = {BusError.exit_status: BusError, SideLostError.exit_status: SideLostError}
                 kind = kinds.get(side.error["exit_status"], RehearsalError)
+                if side.error["channel_is_hosted"]:
+                    kind = embedded.HostedError
                 return kind(side.error["message"])
         for side in failed:
             status = side.process.returncode

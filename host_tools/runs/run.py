@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import tempfile
-from contextlib import AbstractContextManager, nullcontext
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal
@@ -13,8 +14,9 @@ from rrins.dbc.record import Records
 from rrins.firmware_py.core.memory import NavigationOutput
 from rrins.firmware_py.serial.lines import NO_LINES, SerialSettings
 from rrins.host_tools import interruption
-from rrins.host_tools.bus.port import Address
-from rrins.host_tools.errors import BusError, FirmwareFaultError, RehearsalError
+from rrins.host_tools.bus.channel import HostedError, Reservation
+from rrins.host_tools.bus.port import EMBEDDED, Address
+from rrins.host_tools.errors import FirmwareFaultError, RehearsalError
 from rrins.host_tools.files import JsonObject
 from rrins.host_tools.hardware.memory import Truth
 from rrins.host_tools.recording.errors import RecordError
@@ -26,6 +28,7 @@ from rrins.host_tools.runs.job import check_code_folder, prepare_firmware, prepa
 from rrins.host_tools.runs.outcome import Outcome
 from rrins.host_tools.runs.parity_log import Parities, take_parities
 from rrins.host_tools.runs.rehearsal import (
+    CHANNEL,
     Interrupted,
     OnReport,
     Rehearsal,
@@ -48,6 +51,7 @@ from rrins.host_tools.serial import slcan
 from rrins.host_tools.serial.arguments import arguments_of
 from rrins.host_tools.terminal import new_console
 
+_ATTEMPTS = 5
 _PROBE_S = 60.0  # simulated
 _BEFORE_START = ("compiling", "note")
 
@@ -188,6 +192,20 @@ class BusOptions:
         """Return the bus that is meant; a free channel where none is named."""
         return default_address(self.interface, self.channel, self.bitrate)
 
+    @property
+    def is_free_to_choose(self) -> bool:
+        """Whether any channel of the embedded bus will do."""
+        return self.interface == EMBEDDED and self.channel is None
+
+    @contextmanager
+    def reserved(self) -> Iterator[Address]:
+        """Give the bus that is meant; a free channel is nobody else's until the end."""
+        if not self.is_free_to_choose:
+            yield self.address()
+            return
+        with Reservation(CHANNEL) as reservation:
+            yield replace(self, channel=reservation.channel).address()
+
 
 @dataclass(frozen=True)
 class Plan:
@@ -267,25 +285,25 @@ def check(plan: Plan, record: Path | None = None) -> Address:
 
 def _run(
     plan: Plan,
-    address: Address,
     folder: Path,
     record: Path | None,
     on_report: OnReport,
+    on_bus: Callable[[Address], None] = lambda address: None,
     start: Start = start_program,
 ) -> tuple[Address, Outcome]:
     """Run both sides; return where, and what came of it.
 
     Both sides may compile for a minute before they open the bus. If no channel was asked for and
-    somebody else has taken the free one meanwhile, they begin again on the next.
+    somebody who asked for just the free one has taken it meanwhile, they begin again on another.
     """
-    while True:
-        outcome = plan.rehearsal(address, folder, record, start).run(on_report)
-        if not isinstance(outcome.failure, BusError) or outcome.hardware:
-            return address, outcome
-        now_free = plan.bus.address()
-        if now_free == address:
-            return address, outcome
-        address = now_free
+    for attempt in range(1, _ATTEMPTS + 1):
+        with plan.bus.reserved() as address:
+            on_bus(address)
+            outcome = plan.rehearsal(address, folder, record, start).run(on_report)
+        is_taken = isinstance(outcome.failure, HostedError) and not outcome.hardware
+        if not (is_taken and plan.bus.is_free_to_choose) or attempt == _ATTEMPTS:
+            break
+    return address, outcome
 
 
 def fit(plan: Plan, limit_s: float) -> Plan:
@@ -302,7 +320,6 @@ def fit(plan: Plan, limit_s: float) -> Plan:
         display.say("measuring the speed")
         _, outcome = _run(
             probe,
-            probe.bus.address(),
             Path(folder),
             None,
             lambda report: display.report(report) if report["kind"] in _BEFORE_START else None,
@@ -346,10 +363,16 @@ def rehearse(
     RehearsalError
         When the rehearsal cannot begin. What goes wrong later is the result's `failure`.
     """
-    address = check(plan, record)
+    check(plan, record)
     with _samples_in(folder) as samples:
-        display.say(f"starting on {address}")
-        address, outcome = _run(plan, address, Path(samples), record, display.report, start)
+        address, outcome = _run(
+            plan,
+            Path(samples),
+            record,
+            display.report,
+            lambda address: display.say(f"starting on {address}"),
+            start,
+        )
         failed_beside = outcome.failure is None or isinstance(outcome.failure, RecordError)
         stopped = None if failed_beside else str(outcome.failure)
         result = _result(

@@ -13,7 +13,7 @@ from typing import Any
 import can
 import pytest
 
-from rrins.host_tools.bus.channel import Claim, detect, socket_path
+from rrins.host_tools.bus.channel import Claim, Reservation, detect, socket_path
 from rrins.host_tools.bus.interface import RrinsBus
 from rrins.host_tools.errors import BusError
 
@@ -89,6 +89,20 @@ def test_a_live_host_is_not_replaced(runtime_directory: Path) -> None:
         Claim("test")
     claim.release()
     Claim("test").release()
+
+
+def test_who_looks_for_a_free_channel_at_the_same_time_takes_another(
+    runtime_directory: Path,
+) -> None:
+    with RrinsBus("own1", host="here"), Reservation("own") as first:
+        with Reservation("own") as second:
+            assert (first.channel, second.channel) == ("own0", "own2")
+            RrinsBus(first.channel, host="here").shutdown()  # its place is for whoever names it
+        with Reservation("own") as third:
+            assert third.channel == "own2"
+    with Reservation("own") as again:
+        assert again.channel == "own0"
+    assert list((runtime_directory / "rrins").iterdir()) == []
 
 
 def test_the_socket_of_a_killed_host_is_replaced(runtime_directory: Path, player: Any) -> None:

@@ -12,8 +12,8 @@ import can
 import pytest
 from rich.console import Console
 
+from rrins.host_tools.bus import channel as channel_module
 from rrins.host_tools.bus.interface import RrinsBus
-from rrins.host_tools.runs import rehearsal
 from rrins.host_tools.runs.display import RunDisplay
 from rrins.host_tools.runs.run import Overrides, Plan, rehearse
 from rrins.host_tools.scenario.scenario import load
@@ -195,8 +195,9 @@ def test_a_channel_that_is_taken_while_both_sides_prepare_is_replaced_by_the_nex
     monkeypatch, tmp_path
 ):
     with RrinsBus("rrins0"):
-        found = iter(["rrins0", "rrins1"])  # the first was still free when it was looked for
-        monkeypatch.setattr(rehearsal, "free_channel", lambda: next(found))
+        found = iter([[], []])  # it was still free when it was looked for
+        detect = channel_module.detect
+        monkeypatch.setattr(channel_module, "detect", lambda: next(found, None) or detect())
         scenario = load("ideal", duration_s=1)
         plan = Plan("ideal", scenario, Overrides(duration_s=1))
         with RunDisplay(scenario, Console(), quiet=True) as display:
