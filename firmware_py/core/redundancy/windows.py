@@ -79,8 +79,8 @@ def close_second(parity: Parity, count: int, regressors: int) -> float:
     parity.now.leverage += uncertain
     parity.seconds += 1
     _note_squares(parity, count, uncertain)
-    largest = max(_largest(parity, count), _noise(parity, count))
-    if largest < _LEARNS_BELOW:
+    largest, noise = _largest(parity, count), _noise(parity, count)
+    if largest < _LEARNS_BELOW and noise < 1.0:
         learning.learn(learner, parity.residual, count, uncertain, regressors)
         learning.age(learner, regressors)
         parity.frozen = 0
@@ -89,14 +89,21 @@ def close_second(parity: Parity, count: int, regressors: int) -> float:
             clear_levels(parity)
     else:
         parity.frozen += 1
-    return largest
+    return max(largest, noise)
 
 
 @compiled
 def _note_squares(parity: Parity, count: int, uncertain: float) -> None:
+    """Note the normalised squares of a second.
+
+    What is not learned yet errs alike from second to second, and not like noise: such a second
+    counts as no more than a usual one.
+    """
     for i in range(count):
         variance = parity.second_variance[i] * (1.0 + uncertain) + parity.drift_second[i]
         square = parity.residual[i] ** 2 / variance if variance > 0.0 else 0.0
+        if uncertain > _MUCH_LEARNED:
+            square = min(square, 1.0)
         parity.squares[parity.seconds % NOISE_S, i] = square
 
 

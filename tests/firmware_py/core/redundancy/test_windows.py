@@ -1,0 +1,54 @@
+"""Noise that is too large is found, and what is not learned yet is none."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from rrins.firmware_py.core.calibration import input_axes
+from rrins.firmware_py.core.memory import Fusion
+from rrins.firmware_py.core.redundancy import parity as parities
+from rrins.firmware_py.core.redundancy import settings, windows
+from rrins.firmware_py.core.redundancy_records import ABSOLUTE, Parity
+
+TETRAHEDRON_DEG = ((180.0, 0.0), *((np.degrees(np.arccos(1 / 3)), 120.0 * k) for k in range(3)))
+
+
+@pytest.fixture
+def close():
+    """Return what closes a second, the sum of the parity given in its standard deviations."""
+    fusion = np.zeros(1, Fusion.dtype)[0]
+    fusion["count"] = 4
+    fusion["H"][:4] = input_axes(TETRAHEDRON_DEG)
+    fusion["weight"][:4] = 1.0
+    parity = np.zeros(1, Parity.dtype)[0]
+    parity["white_variance"][:4] = 1.0
+    parity["parity"]["prior"][:2] = 0.25
+    parity["second_factor"] = settings.second_factor(0.01, 1)
+    parity["noise_limit"] = settings.noise_limit(0.01, 1)
+    parities.compare(parity, fusion, 0b1111, 200, np.empty((3, 3)))
+
+    def closer(deviations, rate=0.0):
+        parity["regressors"][:2] = 1.0, rate
+        parity["residual"][:4] = deviations * np.sqrt(parity["second_variance"][:4])
+        ratio = windows.close_second(parity, 4, ABSOLUTE + 4)
+        windows.keep(parity, 4)
+        parities.begin_second(parity)
+        return ratio
+
+    return closer
+
+
+def test_too_much_noise_is_found_within_seconds(close):
+    random = np.random.default_rng(1)
+    assert max(close(random.normal()) for _ in range(100)) < 1.0
+    assert max(close(5 * random.normal()) for _ in range(10)) > 1.0
+
+
+def test_a_new_direction_is_learned_even_while_noise_is_on_the_large_side(close):
+    """What the first turn about an axis shows errs alike from second to second."""
+    for k in range(64):
+        assert close(1.5 * (-1) ** k) < 1.0  # two thirds of what would be an alarm
+    for k in range(64):
+        rate = k / 64
+        assert close(1.5 * (-1) ** k + 3.0 * rate, rate) < 1.0
