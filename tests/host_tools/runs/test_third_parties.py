@@ -14,7 +14,7 @@ import pytest
 import rrins
 
 CHANNEL = "beset"
-DURATION_S = 5
+DURATION_S = 20  # long enough for strangers to do harm on a busy machine
 
 
 @pytest.fixture
