@@ -90,7 +90,7 @@ def redundancy(
     _make(out)
     sizes = {"gyros": sorted(set(gyro_dph)), "accelerometers": sorted(set(accelerometer_ug))}
     console = new_console(stderr=True)
-    with progress_line(console) as progress, as_event() as stop:
+    with progress_line(console) as progress:
         total = Study.steps(len(candidates), runs)
         task = progress.add_task("preparing", total=total)
         done = 0
@@ -99,14 +99,13 @@ def redundancy(
             nonlocal done
             done += 1
             progress.update(task, completed=done, description=what)
-            if stop.is_set():
-                raise KeyboardInterrupt
 
         study = Study(candidates, sizes, advance)
         if runs:
-            study.run(runs, seed, stop)
-        if stop.is_set():
-            raise KeyboardInterrupt
+            with as_event() as stop:
+                study.run(runs, seed, stop)
+            if stop.is_set():
+                raise KeyboardInterrupt
     title = "sensors of " + (scenario or f"the preset {preset or 'prototype'}")
     paths = write(out, study, runs, title)
     if as_json:

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import json
+import threading
+from contextlib import contextmanager
 
 import pytest
 from click.testing import CliRunner
 
+from rrins.host_tools import interruption
 from rrins.host_tools.cli.main import rrins
 
 
@@ -42,6 +45,19 @@ def test_runs_stand_beside_the_theory(run):
     said = run("--rimu", "cone", *options)
     assert "0 of 1" in said
     assert max(len(line) for line in said.splitlines() if "│" in line) <= 80
+
+
+def test_ctrl_c_ends_it_in_one_line(run, tmp_path, monkeypatch):
+    @contextmanager
+    def pressed():
+        stop = threading.Event()
+        stop.set()
+        yield stop
+
+    monkeypatch.setattr(interruption, "as_event", pressed)
+    message = run("--rimu", "cone", "--gyro", "50", "--runs", "3", status=130)
+    assert message == "rrins: stopped by the user\n"
+    assert not (tmp_path / "out" / "redundancy" / "report.html").exists()
 
 
 @pytest.mark.parametrize(
