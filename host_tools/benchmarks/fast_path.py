@@ -1,9 +1,10 @@
-"""Cost of the fast path per epoch, and of a single navigation step."""
+"""Cost of the fast path per epoch, with and without redundancy, and of a navigation step."""
 
 from __future__ import annotations
 
 import statistics
 import time
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,6 +15,7 @@ from rrins.host_tools.benchmarks.compute import timer_overhead_ns
 from rrins.host_tools.runs.fast import FastRun
 from rrins.host_tools.runs.settings import firmware_settings, hardware_settings
 from rrins.host_tools.scenario.scenario import load
+from rrins.host_tools.scenario.tables import Redundancy
 
 SCENARIO = "experiment_rotating"
 """Four gyros and four accelerometers with all errors and noise of table 2, rotating."""
@@ -22,20 +24,35 @@ _REPETITIONS = 9
 _SETTLE_EPOCHS = 2_000  # aligned and rotating by then
 
 
-def us_per_epoch(epochs: int) -> float:
-    """Return the median µs per epoch: truth, eight noisy sensors, fusion, navigation, output.
+class FastPathTimes(NamedTuple):
+    """Median µs per epoch of the fast path."""
 
-    Runs on one core in batches of `epochs`, keeping the navigation output of every epoch.
+    plain: float
+    comparing: float
+    """With redundant sensors compared."""
+
+
+def us_per_epoch(epochs: int) -> FastPathTimes:
+    """Measure truth, eight noisy sensors, fusion, navigation and output, with and without parity.
+
+    Both take turns on one core in batches of `epochs`, keeping the navigation output of every
+    epoch.
     """
     scenario = load(SCENARIO)
-    run = FastRun.of(firmware_settings(scenario), hardware_settings(scenario))
-    run.run(_SETTLE_EPOCHS)
-    took_ns = []
+    runs = []
+    for compares in (False, True):
+        changed = scenario.model_copy(update={"redundancy": Redundancy(enabled=compares)})
+        run = FastRun.of(firmware_settings(changed), hardware_settings(changed))
+        run.run(_SETTLE_EPOCHS)
+        runs.append(run)
+    took_ns: list[list[int]] = [[], []]
     for _ in range(_REPETITIONS):
-        start_ns = time.perf_counter_ns()
-        run.run(epochs)
-        took_ns.append(time.perf_counter_ns() - start_ns)
-    return statistics.median(took_ns) / 1000 / epochs
+        for run, times in zip(runs, took_ns, strict=True):
+            start_ns = time.perf_counter_ns()
+            run.run(epochs)
+            times.append(time.perf_counter_ns() - start_ns)
+    plain, comparing = (statistics.median(times) / 1000 / epochs for times in took_ns)
+    return FastPathTimes(plain, comparing)
 
 
 def navigation_step_us(samples: int) -> float:

@@ -11,10 +11,15 @@ from rrins.host_tools.runs.results import Errors, compare
 from rrins.host_tools.runs.samples import keep_every
 from rrins.host_tools.runs.settings import firmware_settings, hardware_settings, scenario_wire
 from rrins.host_tools.scenario.scenario import Scenario
+from rrins.host_tools.scenario.tables import Redundancy
 
 
 def run(scenario: Scenario, sample_s: float | None = None) -> Errors:
-    """Run a scenario; return its errors, sampled as in a rehearsal or every `sample_s`."""
+    """Run a scenario; return its errors, sampled as in a rehearsal or every `sample_s`.
+
+    Its sensors are sound, and sound sensors navigate alike whether they are compared or not.
+    """
+    scenario = scenario.model_copy(update={"redundancy": Redundancy(enabled=False)})
     assert scenario_wire(scenario) is None, "a wire needs frames"
     if sample_s is None:
         every = keep_every(scenario.epochs, scenario.rate_hz)

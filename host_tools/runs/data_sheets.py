@@ -89,8 +89,14 @@ def _accelerometers(scenario: Scenario) -> DataSheet:
     )
 
 
-def redundancy_settings(scenario: Scenario) -> RedundancySettings:
-    """Return the set-up of the firmware's redundancy for a scenario."""
+def redundancy_settings(scenario: Scenario) -> RedundancySettings | None:
+    """Return the set-up of the firmware's redundancy for a scenario; None where it compares none.
+
+    Of a unit without redundant sensors there is nothing to compare.
+    """
+    rimu = scenario.rimu
+    if not scenario.redundancy.enabled or max(len(rimu.gyros), len(rimu.accelerometers)) <= 3:
+        return None
     return RedundancySettings(
         false_alarms_per_1000_h=scenario.redundancy.false_alarms_per_1000_h,
         gyros=_gyros(scenario),

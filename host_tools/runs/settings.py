@@ -83,7 +83,7 @@ def firmware_settings(scenario: Scenario) -> firmware.Settings:
         altimeter=scenario.altimeter is not None,
         gnss_interval_s=0.0 if scenario.gnss is None else 1 / scenario.gnss.rate_hz,
         calibration=_calibration(settings.calibration, len(gyros), len(accelerometers)),
-        redundancy=redundancy_settings(scenario) if scenario.redundancy.enabled else None,
+        redundancy=redundancy_settings(scenario),
         calibration_file=settings.calibration,
     )
 

@@ -287,8 +287,9 @@ class Readmission(TomlTable):
 class Redundancy(TomlTable):
     """What the firmware does with redundant sensors."""
 
-    enabled: bool = False
-    """Compare them, leave out the one that fails, repair the history."""
+    enabled: bool = True
+    """Compare them, leave out the one that fails, repair the history; where there are more than
+    three of a kind."""
     false_alarms_per_1000_h: float = Field(default=0.05, gt=0, le=1000)
     """The promise from which, with the sensors' data sheet, the thresholds follow."""
     readmit: tuple[Readmission, ...] = Field(default=(), max_length=READMISSION_CAPACITY)

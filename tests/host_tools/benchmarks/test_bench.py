@@ -17,7 +17,7 @@ KEYS = {
     "floor_epochs_per_s", "floor_datagram_bytes", "lockstep_epochs_per_s", "lockstep_over_floor",
     "python_can_epochs_per_s", "direct_epochs_per_s",
     "firmware_step_us", "hardware_step_us", "timer_overhead_us",
-    "fast_path_us_per_epoch", "navigation_step_us",
+    "fast_path_us_per_epoch", "fast_path_comparing_us_per_epoch", "navigation_step_us",
     "codec_us_per_frame", "crc_us_per_frame", "cantools_us_per_frame",
     "virtual", "virtual_reason", "udp_multicast", "udp_multicast_reason",
     "lateness_us", "lateness_while_read_us", "start_to_first_epoch_s",
@@ -40,6 +40,7 @@ def assert_costs(result):
         step = result[f"{side}_step_us"]
         assert 0 < step["median"] <= step["p99"]
     assert result["fast_path_us_per_epoch"] > 0
+    assert result["fast_path_comparing_us_per_epoch"] > 0
     assert result["navigation_step_us"] > 0
     for codec in ("codec", "cantools"):
         cost = result[f"{codec}_us_per_frame"]
