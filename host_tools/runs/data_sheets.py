@@ -1,7 +1,7 @@
 """What the firmware knows of its sensors: the data sheet that a scenario's errors imply.
 
 Noise, drift and temperature are taken as they are; of the constant errors only the limits, which
-are those of the worst sensor, and no less than what sensors of this kind have.
+are those of the worst sensor, and no less than what the best sensors have.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ from rrins.host_tools.scenario.tables import Accelerometers, Gyros, PerSensor, T
 
 _LEAST_GYRO_BIAS_DPH = 10.0
 _LEAST_ACCELEROMETER_BIAS_UG = 1000.0
-_LEAST_SCALE_PPM = 100.0
-_LEAST_ASYMMETRY_PPM = 50.0
-_LEAST_INSTALLATION_ARCSEC = 30.0
+_LEAST_SCALE_PPM = 1.0
+_LEAST_ASYMMETRY_PPM = 1.0
+_LEAST_INSTALLATION_ARCSEC = 0.2
 _REPEATS_WITHIN = 3.0  # standard deviations
 
 

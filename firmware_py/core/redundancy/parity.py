@@ -69,6 +69,15 @@ def compare(parity: Parity, fusion: Fusion, sensors: int, second_epochs: int, wo
 
 
 @compiled
+def spares(parity: Parity, fusion: Fusion, sensor: int) -> bool:
+    """Return whether the sensors of this epoch span space without one of those compared, too."""
+    if not fusion.solvable or fusion.used >> sensor & 1 == 0:
+        return bool(fusion.solvable)
+    whole = parity.redundant and fusion.used == parity.sensors
+    return bool(whole and parity.projector[sensor, sensor] > CHECKED_FROM)
+
+
+@compiled
 def _set_vector_variance(parity: Parity, fusion: Fusion) -> None:
     """Find the largest variance of the fused vector's sum over a second."""
     parity.vector_variance = 0.0

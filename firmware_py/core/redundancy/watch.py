@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from rrins.dbc.compilation import compiled
 from rrins.dbc.record import Floats
-from rrins.firmware_py.core import fusion as least_squares
 from rrins.firmware_py.core.memory import Fusion, Ram
 from rrins.firmware_py.core.redundancy import (
     isolation,
@@ -153,14 +152,17 @@ def _close_alarm(state: Ram, parity: Parity) -> None:
 
 
 @compiled
-def _known(state: Ram, parity: Parity, stuck: int, absent: int) -> tuple[int, int]:
-    """Return a sensor that repeats itself, or has been flagged as absent for a second; -1: none."""
+def _known(state: Ram, parity: Parity, fusion: Fusion, stuck: int, absent: int) -> tuple[int, int]:
+    """Return a sensor that repeats itself, or has been flagged as absent for a second; -1: none.
+
+    Three sensors cannot say whether one repeats itself: only who can be spared.
+    """
     parity.absent_epochs = parity.absent_epochs + 1 if absent & parity.sensors else 0
     if parity.absent_epochs <= state.redundancy.second_epochs:
         absent = 0
     known = (stuck | absent) & parity.sensors
     for sensor in range(parity.residual.shape[0]):
-        if known >> sensor & 1:
+        if known >> sensor & 1 and parities.spares(parity, fusion, sensor):
             return sensor, _STUCK if stuck >> sensor & 1 else _ABSENT
     return -1, _ABSENT
 
@@ -189,8 +191,7 @@ def _leave_out(state: Ram, parity: Parity, fusion: Fusion, sensor: int, how: int
     they give what all gave.
     """
     redundancy = state.redundancy
-    least_squares.prepare(fusion, parity.sensors & ~(1 << sensor), state.ins.work)
-    if not fusion.solvable:
+    if not parities.spares(parity, fusion, sensor):
         return
     for k in range(fusion.count):
         for j in range(parity.correction.shape[1]):
@@ -218,7 +219,7 @@ def _judge(
     `controlled` are those that an operator excludes for a while, one bit each.
     """
     redundancy = state.redundancy
-    sensor, how = _known(state, parity, stuck, absent)
+    sensor, how = _known(state, parity, fusion, stuck, absent)
     if redundancy.epochs == 0:
         found, shown = _close_second(state, parity, fusion)
         if sensor < 0:
