@@ -28,10 +28,10 @@ from rrins.host_tools.recording.errors import RecordError
     ("words", "found"),
     [
         (["SENSOR_1.gyro_dtheta"], ["SENSOR_1.gyro_dtheta"]),
-        (["latitude_deg"], ["NAV_LATITUDE.latitude_deg"]),
+        (["roll_deg"], ["NAV_ATTITUDE.roll_deg"]),
         (["SENSOR_[12].gyro_*"], ["SENSOR_1.gyro_dtheta", "SENSOR_2.gyro_dtheta"]),
         (["NAV_VELOCITY.*"], ["NAV_VELOCITY.velocity_east", "NAV_VELOCITY.velocity_north"]),
-        (["velocity_*", "NAV_VELOCITY.velocity_east"],
+        (["NAV_*.velocity_*", "NAV_VELOCITY.velocity_east"],
          ["NAV_VELOCITY.velocity_east", "NAV_VELOCITY.velocity_north", "NAV_HEIGHT.velocity_up"]),
         (["SYNC.*crc"], ["SYNC.crc"]),
     ],
