@@ -167,7 +167,7 @@ def redundancy_page(state: BusState, level: int, width: int) -> str:
             plotted = plot(state, message, "parity_ratio", level, width)
             plots += ["", *plotted.plain.splitlines()]
     if len(lines) == 1:
-        lines.append("  The firmware does not report any: [redundancy] of the scenario enables it.")
+        lines.append("  The firmware does not report any: it compares no sensors.")
     readmission = readmission_of(state)
     if readmission is not None:
         lines.append(f"READMISSION  {_readmission_words(readmission)}")

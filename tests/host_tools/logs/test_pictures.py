@@ -160,7 +160,7 @@ def test_the_commands_from_end_to_end(recordings, tmp_path, monkeypatch):
     made = {file.name for file in (tmp_path / "out" / "bus").iterdir()}
     assert made == {
         "navigation.csv", "navigation.png", "navigation_errors.png", "horizontal_track.png",
-        "errors.csv", "summary.json",
+        "errors.csv", "parity.png", "summary.json",
     }  # fmt: skip
 
 

@@ -93,7 +93,7 @@ def test_everything_is_on_the_first_screen(bus, size):
 @pytest.mark.parametrize("size", SIZES)
 def test_the_page_on_redundancy(bus, size):
     async def none(app, press):
-        assert "does not report any" in await press("r")
+        assert "compares no sensors" in await press("r")
         assert "SYNC" in await press("escape")
 
     run(bus, size, none)

@@ -52,7 +52,13 @@ def test_a_simulation_without_room_for_a_result(name, no_room_for):
     assert said == f"rrins: out/{name}: cannot be written: No space left on device"
     assert summary["completed"]
     there = {file.name for file in Path("out").iterdir()}
-    order = ("summary.json", "navigation_errors.png", "horizontal_track.png", "errors.csv")
+    order = (
+        "summary.json",
+        "navigation_errors.png",
+        "horizontal_track.png",
+        "parity.png",
+        "errors.csv",
+    )
     assert there == set(order[: order.index(name)])
 
 

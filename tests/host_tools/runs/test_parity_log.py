@@ -63,7 +63,7 @@ def test_the_picture_is_written(runs, tmp_path):
 
 
 def test_without_redundancy_there_is_none(tmp_path):
-    run = rrins.simulate("rimu_rotating", duration_s=5)._result
+    run = rrins.simulate("ideal", duration_s=5, redundancy={"enabled": False})._result
     assert run.parities == {}
     assert not [path for path in run.write(tmp_path) if path.name == "parity.png"]
 
