@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
+from rrins.host_tools.errors import ScenarioError
 from rrins.host_tools.files import JsonObject
 from rrins.host_tools.rotation.inputs import rimu_table
 from rrins.host_tools.runs.settings import check_files
@@ -22,6 +23,7 @@ PRESET = "prototype"
 """The sensors where neither a scenario nor a preset is named."""
 
 _ANY_DURATION_S = 6000.0
+_LEAST_SENSORS = 4
 
 
 @dataclass(frozen=True)
@@ -86,6 +88,12 @@ def candidates_of(
         assert name is not None
         found = [Candidate(_short(name), scenario.parse(base, name))]
     for candidate in found:
+        rimu = candidate.scenario.rimu
+        if max(len(rimu.gyros), len(rimu.accelerometers)) < _LEAST_SENSORS:
+            raise ScenarioError(
+                f"{candidate.name}: three sensors of each kind have nothing to compare; four are "
+                "needed of one kind"
+            )
         check_files(candidate.scenario)
     return found
 

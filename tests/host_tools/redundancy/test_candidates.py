@@ -70,6 +70,7 @@ def test_own_axes_come_from_a_file(tmp_path):
         (("rimu_rotatin",), "did you mean rimu_rotating"),
         ((None, ["tetrahedrom"]), "did you mean tetrahedron"),
         ((None, ["cone"], "tactica"), "did you mean tactical"),
+        ((None, ["orthogonal"]), "orthogonal: three sensors of each kind have nothing to compare"),
     ],
 )
 def test_what_is_wrong_is_told_in_one_line(arguments, words):

@@ -18,11 +18,12 @@ NOISE = 0.3  # °/h over a second: 0.005 °/√h
 PROMISE = 0.06
 
 
-def finder_of(geometry, **gyros):
+def finder_of(geometry, axes=None, **gyros):
+    custom = {} if axes is None else {"gyro_axes_deg": axes, "accelerometer_axes_deg": axes}
     scenario = Scenario.model_validate(
         {
             "duration_s": 1,
-            "rimu": {"geometry": geometry},
+            "rimu": {"geometry": geometry} | custom,
             "gyros": {"angle_random_walk_deg_per_sqrt_h": NOISE / 60} | gyros,
             "redundancy": {"enabled": True, "false_alarms_per_1000_h": PROMISE},
         }
@@ -78,13 +79,14 @@ def test_drift_hides_what_white_noise_would_not(tetrahedron):
         assert found[1] > 1.5 * found[0]
 
 
-def test_four_sensors_never_tell_which_in_motion_and_three_nothing_at_all(tetrahedron):
+def test_four_sensors_never_tell_which_in_motion_and_one_alone_is_not_checked(tetrahedron):
     assert tetrahedron.chances(0, 100.0).delay_s("parity", HALF) == math.inf
     assert tetrahedron.smallest(0, 10, "parity", HALF) == math.inf
-    three = finder_of("orthogonal")
-    assert not three.is_checked(0)
+    axes = ((90.0, 0.0), (90.0, 90.0), (0.0, 0.0), (0.0, 0.0))
+    parallel = finder_of("custom", axes)
+    assert [parallel.is_checked(sensor) for sensor in range(4)] == [False, False, True, True]
     for way in ("alarm", "standing", "parity"):
-        assert three.chances(0, 100.0).delay_s(way, HALF) == math.inf
+        assert parallel.chances(0, 100.0).delay_s(way, HALF) == math.inf
 
 
 def test_six_sensors_name_the_one_in_motion():
