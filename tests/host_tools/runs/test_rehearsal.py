@@ -36,12 +36,8 @@ def test_a_rehearsal_ends_with_summary_pictures_and_rows(run, tmp_path):
     assert summary["paper"]["max_abs_position_error_m"] == {"east": 5, "north": 2}
     out = tmp_path / "out"
     assert sorted(path.name for path in out.iterdir()) == [
-<<<<<<< HEAD
         "errors.csv", "horizontal_track.png", "navigation_errors.png", "parity.png",
         "summary.json",
-=======
-        "errors.csv", "horizontal_track.png", "navigation_errors.png", "parity.png", "summary.json",
->>>>>>> f6741a4 (A run with redundancy leaves a picture of its parity)
     ]  # fmt: skip
     assert json.loads((out / "summary.json").read_text()) == summary
     assert (out / "navigation_errors.png").read_bytes().startswith(b"\x89PNG")
