@@ -9,7 +9,7 @@ from enum import IntEnum
 from typing import Annotated
 
 from rrins.dbc.contract import SENSOR_GROUPS
-from rrins.dbc.record import F8, I8, Bool, Floats, Record, Records
+from rrins.dbc.record import F8, I8, Bool, Floats, Integers, Record, Records
 
 GYROS, ACCELEROMETERS = 0, 1
 """Kinds of sensors."""
@@ -50,9 +50,8 @@ nothing is learned: a vehicle pitches by less than counts as motion and more tha
 NOISE_S = 32
 """Window of the test of the variance, s."""
 
-BLOCK_FLOATS = 65536
+BLOCK_FLOATS = 73728
 """Memory for the blocks of one second from which the history is repaired, numbers."""
-
 
 HISTORY_S = 32
 """Seconds of which parity and residuals are kept; more than a reader lets pass."""
@@ -62,6 +61,21 @@ TEST_LEAST_S, TEST_LONGEST_S = 10, 3600
 
 BEFORE_S = 5
 """Seconds before an alarm that its freeze frames have."""
+
+BLOCK_OTHERS = 24
+"""Numbers of a block that are not by sensor, see `redundancy.blocks`."""
+
+BANK_SENSORS = 4
+"""Sensors of a kind among which the bank tells: as many as have one parity."""
+
+BANK_CAPACITY = 2 * BANK_SENSORS + 1
+"""Filters of the bank: each sensor of both kinds left out, and none."""
+
+FILTER_STATES, NAVIGATION_STATES = 12, 14
+"""States of a filter, and of the navigation's error, see `estimator.transition`."""
+
+VELOCITY_EPOCHS = 2048
+"""Epochs of which the velocity is kept: two seconds, the oldest that a fix may be."""
 
 
 class Found(IntEnum):
@@ -161,6 +175,8 @@ class Parity(Record):
 
     kind: I8  #: `GYROS` or `ACCELEROMETERS`
     # From the data sheet.
+    bias_variance: F8  #: of what a fused component is off by, (rad/s)² or (m/s²)²
+    slope_variance: F8  #: of a fused component's scale and installation
     white_variance: Annotated[Floats, SENSOR_GROUPS]  #: of a sum over 1 s
     quantisation_variance: F8  #: of any sum
     drift_variance: Annotated[Floats, (SENSOR_GROUPS, SECOND_LEVELS)]  #: of a window's sum
@@ -195,6 +211,7 @@ class Parity(Record):
     level_regressors: Annotated[Floats, (EPOCH_LEVELS, REGRESSORS)]
     # Of whole seconds.
     seconds: I8  #: in the sums
+    uncertain: F8  #: variance of what was expected of the last second, in its noise's
     now: Sums
     fine: Annotated[Records[Sums], FINE_CAPACITY]
     coarse: Annotated[Records[Sums], COARSE_CAPACITY]
@@ -239,23 +256,64 @@ class Repair(Record):
     """The last minutes in blocks of a second, and what a repair has reached.
 
     A block has, for each sensor, by how much leaving it out turns the attitude or changes the
-    velocity, in the navigation frame; then specific force, velocity and time.
+    velocity, in the navigation frame; then what `redundancy.blocks` lists.
     """
 
     stride: I8  #: numbers of a block
     capacity: I8  #: blocks
     count: I8  #: blocks written since navigation began
-    block: Annotated[Floats, 6 * SENSOR_GROUPS + 8]  #: the present one
+    block: Annotated[Floats, 6 * SENSOR_GROUPS + BLOCK_OTHERS]  #: the present one
     blocks: Annotated[Floats, BLOCK_FLOATS]
     active: Bool
     kind: I8  #: of the sensor, 0: gyros, 1: accelerometers
     sensor: I8
     at: I8  #: next block
-    psi_n: Annotated[Floats, 3]  #: rad, turn of the attitude by the repair
-    dv_n: Annotated[Floats, 3]  #: m/s
-    dlatitude: F8  #: rad
-    dlongitude: F8  #: rad
-    work: Annotated[Floats, (4, 3)]  #: scratch
+    x: Annotated[Floats, NAVIGATION_STATES]  #: what the repair adds to the navigation
+    response: Annotated[Floats, (NAVIGATION_STATES, NAVIGATION_STATES)]  #: scratch
+    work: Annotated[Floats, NAVIGATION_STATES]  #: scratch
+
+
+class Hypothesis(Record):
+    """A filter that leaves one sensor out, and how well it explains the reference."""
+
+    kind: I8  #: of the sensor, `GYROS` or `ACCELEROMETERS`
+    sensor: I8  #: -1: leaves none out
+    x: Annotated[Floats, FILTER_STATES]
+    P: Annotated[Floats, (FILTER_STATES, FILTER_STATES)]
+    squares: F8  #: sum of the squares of normalised innovations
+    score: F8  #: the same plus the logarithms of their variances: minus twice the likelihood's
+
+
+class Bank(Record):
+    """Filters of the navigation's error, one per sensor that may fail, against a reference."""
+
+    active: Bool
+    doubts: I8  #: kinds of which one fails, one bit each
+    sensors: Annotated[Integers, 2]  #: compared since `first`, by kind, one bit each
+    doubt_since: Annotated[Integers, 2]  #: epoch of the first alarm, by kind
+    doubt_until: Annotated[Integers, 2]  #: epoch
+    first: I8  #: block: the navigation has not been changed since
+    at: I8  #: next block
+    turn: I8  #: filter that takes it next
+    found: I8  #: filter whose sensor fails, in this epoch; 0: none
+    count: I8  #: filters
+    measurements: I8  #: taken by each filter
+    filters: Annotated[Records[Hypothesis], BANK_CAPACITY]
+    # The reference.
+    velocity_n: Annotated[Floats, (VELOCITY_EPOCHS, 2)]  #: of the navigation, by epoch, a ring
+    velocity_first: I8  #: epoch from which on it is filled
+    velocity_last: I8  #: epoch
+    fix_waits: Bool
+    fix_epoch: I8  #: at whose end it was valid
+    fix_velocity_n: Annotated[Floats, 2]
+    fix_variance: F8
+    # Scratch.
+    response: Annotated[Floats, (NAVIGATION_STATES, NAVIGATION_STATES)]
+    transition: Annotated[Floats, (FILTER_STATES, FILTER_STATES)]
+    work: Annotated[Floats, (FILTER_STATES, FILTER_STATES)]
+    gain: Annotated[Floats, FILTER_STATES]
+    attitude_s: Annotated[Floats, (3, 3)]
+    inputs: Annotated[Floats, (4, 3)]
 
 
 class Readmission(Record):
@@ -293,6 +351,7 @@ class Redundancy(Record):
     accelerometers: Parity
     repair: Repair
     readmission: Readmission
+    bank: Bank
     expected_dtheta_s: Annotated[Floats, 3]  #: rad, of the present epoch, at standstill
     expected_dv_s: Annotated[Floats, 3]  #: m/s
     expected_known: Bool

@@ -6,6 +6,8 @@ are those of the worst sensor, and no less than what the best sensors have.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from rrins.firmware_py.core.redundancy.settings import DataSheet, RedundancySettings
@@ -26,11 +28,25 @@ _LEAST_ACCELEROMETER_BIAS_UG = 1000.0
 _LEAST_SCALE_PPM = 1.0
 _LEAST_ASYMMETRY_PPM = 1.0
 _LEAST_INSTALLATION_ARCSEC = 0.2
+_LEAST_SLOPE_PPM = 3.0
+_LEAST_GYRO_BIAS_SIGMA_DPH = 0.05
+_LEAST_ACCELEROMETER_BIAS_SIGMA_UG = 50.0
 _REPEATS_WITHIN = 3.0  # standard deviations
 
 
 def _largest(*values: PerSensor) -> float:
     return max(float(np.max(np.abs(value))) for value in values)
+
+
+def _mean_square(*values: PerSensor) -> float:
+    return sum(float(np.mean(np.square(value))) for value in values)
+
+
+def _slope_sigma(table: Gyros | Accelerometers) -> float:
+    """Return how much a component is off by scale factors and installation, all in all."""
+    scale = _mean_square(table.scale_error_ppm, table.scale_repeatability_ppm)
+    installed = _mean_square(table.installation_u_arcsec, table.installation_v_arcsec)
+    return max(_LEAST_SLOPE_PPM * PPM, math.sqrt(scale * PPM**2 + installed * ARCSEC**2))
 
 
 def _limits(table: Gyros | Accelerometers) -> dict[str, float]:
@@ -44,6 +60,7 @@ def _limits(table: Gyros | Accelerometers) -> dict[str, float]:
         "scale_limit": scale * PPM,
         "asymmetry_limit": max(_LEAST_ASYMMETRY_PPM, asymmetry) * PPM,
         "installation_limit": max(_LEAST_INSTALLATION_ARCSEC, installation) * ARCSEC,
+        "slope_sigma": _slope_sigma(table),
     }
 
 
@@ -56,6 +73,7 @@ def _gyros(scenario: Scenario) -> DataSheet:
     repeat = _REPEATS_WITHIN * _largest(gyros.bias_repeatability_dph)
     bias = max(_LEAST_GYRO_BIAS_DPH, _largest(gyros.bias_dph) + repeat)
     per_k = gyros.bias_temperature_dph_per_k
+    square = _mean_square(gyros.bias_dph, gyros.bias_repeatability_dph, gyros.bias_instability_dph)
     walk = gyros.rate_random_walk_dph_per_sqrt_h
     return DataSheet(
         white_noise=tuple(
@@ -66,6 +84,7 @@ def _gyros(scenario: Scenario) -> DataSheet:
         temperature_drift=_drift(per_k, scenario.thermal, count, DPH),
         temperature_s=scenario.thermal.time_constant_s,
         bias_limit=bias * DPH,
+        bias_sigma=max(_LEAST_GYRO_BIAS_SIGMA_DPH, math.sqrt(square)) * DPH,
         force_limit=max(0.1, _largest(gyros.g_sensitivity_dph_per_g)) * DPH / STANDARD_GRAVITY,
         **_limits(gyros),
     )
@@ -76,6 +95,9 @@ def _accelerometers(scenario: Scenario) -> DataSheet:
     repeat = _REPEATS_WITHIN * _largest(sensors.bias_repeatability_ug)
     bias = max(_LEAST_ACCELEROMETER_BIAS_UG, _largest(sensors.bias_ug) + repeat)
     per_k = sensors.bias_temperature_ug_per_k
+    square = _mean_square(
+        sensors.bias_ug, sensors.bias_repeatability_ug, sensors.bias_instability_ug
+    )
     return DataSheet(
         white_noise=tuple(v * UG for v in each(sensors.white_noise_ug_per_sqrt_hz, count)),
         bias_instability=tuple(v * UG for v in each(sensors.bias_instability_ug, count)),
@@ -85,6 +107,7 @@ def _accelerometers(scenario: Scenario) -> DataSheet:
         temperature_drift=_drift(per_k, scenario.thermal, count, UG),
         temperature_s=scenario.thermal.time_constant_s,
         bias_limit=bias * UG,
+        bias_sigma=max(_LEAST_ACCELEROMETER_BIAS_SIGMA_UG, math.sqrt(square)) * UG,
         **_limits(sensors),
     )
 

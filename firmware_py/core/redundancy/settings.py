@@ -61,6 +61,11 @@ class DataSheet(BaseModel):
         rad/s per m/s², of gyros.
     temperature_s : float
         Time constant of the temperature.
+    bias_sigma : float, optional
+        rad/s or m/s², standard deviation of what the bias of a sound sensor is at any time; a third
+        of the limit by default.
+    slope_sigma : float
+        Standard deviation of scale factor and installation errors together.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
@@ -75,6 +80,8 @@ class DataSheet(BaseModel):
     installation_limit: float = 30 * ARCSEC
     asymmetry_limit: float = 50 * PPM
     force_limit: float = 0.0
+    bias_sigma: float | None = None
+    slope_sigma: float = 3 * PPM
 
 
 class RedundancySettings(BaseModel):
@@ -172,6 +179,9 @@ def _set_parity(
         parity["white_variance"][k] = sheet.white_noise[k] ** 2 + counts
         parity["drift_variance"][k] = _drift_variance(sheet, k)
     parity["quantisation_variance"] = counts
+    bias = sheet.bias_limit / 3.0 if sheet.bias_sigma is None else sheet.bias_sigma
+    parity["bias_variance"] = bias**2
+    parity["slope_variance"] = sheet.slope_sigma**2
     windows = 2.0 ** np.arange(SECOND_LEVELS)
     parity["expected_variance"][:] = (expected * windows) ** 2
     noise = max(sheet.white_noise) + resolution

@@ -10,10 +10,13 @@ from rrins.dbc.compilation import compiled
 from rrins.dbc.record import Floats
 from rrins.firmware_py.core.memory import Fusion, Ram
 from rrins.firmware_py.core.redundancy import (
+    bank,
+    blocks,
     isolation,
     learning,
     readmission,
     recent,
+    reference,
     repair,
     standing,
     windows,
@@ -29,6 +32,7 @@ from rrins.firmware_py.core.redundancy_records import (
 
 _STANDING, _PARITY = int(Found.STANDING), int(Found.PARITY)
 _STUCK, _ABSENT = int(Found.STUCK), int(Found.ABSENT)
+_REFERENCE = int(Found.REFERENCE)
 _CLEAR_AFTER_S = 10
 _TRIAL = 1
 """The second turn of what is done for the sensors in use and then for a trial: code that is at one
@@ -153,9 +157,9 @@ def _close_alarm(state: Ram, parity: Parity) -> None:
 
 @compiled
 def _known(state: Ram, parity: Parity, fusion: Fusion, stuck: int, absent: int) -> tuple[int, int]:
-    """Return a sensor that repeats itself, or has been flagged as absent for a second; -1: none.
+    """Return a sensor that repeats itself, has been absent for a second, or fails by the reference.
 
-    Three sensors cannot say whether one repeats itself: only who can be spared.
+    -1 where there is none. Three sensors cannot say which one fails: only who can be spared.
     """
     parity.absent_epochs = parity.absent_epochs + 1 if absent & parity.sensors else 0
     if parity.absent_epochs <= state.redundancy.second_epochs:
@@ -164,7 +168,8 @@ def _known(state: Ram, parity: Parity, fusion: Fusion, stuck: int, absent: int) 
     for sensor in range(parity.residual.shape[0]):
         if known >> sensor & 1 and parities.spares(parity, fusion, sensor):
             return sensor, _STUCK if stuck >> sensor & 1 else _ABSENT
-    return -1, _ABSENT
+    sensor = bank.found(state.redundancy.bank, parity.kind)
+    return sensor if sensor >= 0 and parities.spares(parity, fusion, sensor) else -1, _REFERENCE
 
 
 @compiled
@@ -199,6 +204,9 @@ def _leave_out(state: Ram, parity: Parity, fusion: Fusion, sensor: int, how: int
     parity.corrected = True
     learning.copy(parity.kept, parity.parity)
     seconds = _begun_s(parity)
+    if how == _REFERENCE:
+        parity.alarm_epoch = redundancy.bank.doubt_since[parity.kind]
+    seconds = max(seconds, (state.epoch - parity.alarm_epoch) / redundancy.second_epochs)
     parity.excluded |= 1 << sensor
     parity.isolated = sensor
     parity.isolated_epoch = state.epoch
@@ -249,8 +257,13 @@ def watch(state: Ram, navigating: bool) -> None:
     redundancy, assembly, diagnostics = state.redundancy, state.assembly, state.diagnostics
     history = redundancy.repair
     if navigating and not redundancy.navigated:
-        repair.begin(history, state.gyros.count, state.accelerometers.count)
         redundancy.navigation_epoch = state.epoch - 1
+        blocks.begin(history, state.gyros.count, state.accelerometers.count, state.epoch - 1)
+        reference.begin(state)
+        # Seconds end with those of SYNC, at which most receivers measure.
+        redundancy.epochs = (state.epoch - 1) % redundancy.second_epochs
+        parities.begin_second(redundancy.gyros)
+        parities.begin_second(redundancy.accelerometers)
     redundancy.navigated = navigating
     redundancy.expected_known = False
     if redundancy.readmission.order != 0:
@@ -266,16 +279,17 @@ def watch(state: Ram, navigating: bool) -> None:
         _take(state, parity, fusion, valid, measured, own)
         if navigating:
             first = 3 * int(state.gyros.count) * kind
-            repair.note(history, state.ins.C_s_n, fusion, parity, first, redundancy.work[0])
+            blocks.note(history, state.ins.C_s_n, fusion, parity, first, redundancy.work[0])
     redundancy.epochs += 1
     if redundancy.epochs == redundancy.second_epochs:
         redundancy.epochs = 0
         standing.note_velocity(state)
     if navigating:
         dt = state.parameters.period_ns * 1e-9
-        repair.note_motion(history, state.ins, state.dv_s, dt)
+        blocks.note_motion(history, state.ins, state.dtheta_s, state.dv_s, dt)
+        reference.follow(state)
         if redundancy.epochs == 0:
-            repair.close_block(history)
+            blocks.close(history, state.epoch)
     parity, fusion, controlled = redundancy.gyros, state.gyros, diagnostics.excluded_gyros
     stuck, absent = diagnostics.gyro_repetition.stuck, assembly.gyro_absent
     for kind in range(2):
@@ -285,5 +299,9 @@ def watch(state: Ram, navigating: bool) -> None:
             stuck = diagnostics.accelerometer_repetition.stuck
             absent = assembly.accelerometer_absent
         _judge(state, parity, fusion, controlled, stuck, absent)
-    if navigating and history.active:
-        repair.advance(state)
+    if navigating:
+        if redundancy.epochs == 0:
+            blocks.note_uncertain(history, redundancy.gyros, redundancy.accelerometers)
+        if history.active:
+            repair.advance(state)
+        bank.follow(state)

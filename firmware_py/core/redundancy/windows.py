@@ -76,6 +76,7 @@ def close_second(parity: Parity, count: int, regressors: int) -> float:
         known = learning.expected(learner, i, parity.regressors, regressors)
         parity.residual[i] -= known  # the innovation from here on
         parity.now.parity[i] += parity.residual[i]
+    parity.uncertain = uncertain
     parity.now.leverage += uncertain
     parity.seconds += 1
     _note_squares(parity, count, uncertain)

@@ -1,0 +1,1 @@
+"""The error-state filter's formulas: transition, noise and measurement, over fixed arrays."""

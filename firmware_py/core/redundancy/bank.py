@@ -1,0 +1,267 @@
+"""Which sensor fails, in motion: the one without which the navigation agrees with a reference.
+
+Four sensors of a kind have one parity, which cannot tell. While its alarm lasts, filters of the
+navigation's error run over the stored seconds, from before the alarm: each leaves one sensor out,
+one leaves none out. The reference is a velocity, once a second. The likelihood of a hypothesis is
+that of its filter's innovations (Magill, *IEEE Transactions on Automatic Control* 10, 1965;
+Groves, 2nd ed., 2013, section 17.4). A few of these steps run in an epoch.
+"""
+
+from __future__ import annotations
+
+import math
+
+from rrins.dbc.compilation import compiled
+from rrins.dbc.contract import SENSOR_GROUPS
+from rrins.dbc.record import Floats
+from rrins.firmware_py.core import strapdown
+from rrins.firmware_py.core.estimator import covariance, transition
+from rrins.firmware_py.core.estimator.transition import (
+    ATTITUDE,
+    CHANGE,
+    FILTER_SIZE,
+    TURN,
+    VELOCITY,
+)
+from rrins.firmware_py.core.memory import Ram
+from rrins.firmware_py.core.redundancy import blocks
+from rrins.firmware_py.core.redundancy.isolation import RATIO
+from rrins.firmware_py.core.redundancy_records import (
+    ACCELEROMETERS,
+    BANK_SENSORS,
+    Bank,
+    Hypothesis,
+    Parity,
+)
+
+STEPS_PER_EPOCH = 8
+"""Filters that take a block in one epoch, at most: as many as a hundred seconds in a second."""
+
+_BEFORE_S = 300
+"""Seconds before the alarm from which on the filters run: they learn attitude and biases there."""
+
+_DOUBT_S = 200
+"""Seconds after an alarm in which one of the sensors is still taken to fail: a small fault raises
+it now and then."""
+
+_WAIT_S = 3
+"""Seconds that a block waits for its reference: the latency of a receiver, and a block."""
+
+_REST = 5.0
+"""Largest deviation of the innovations' squares, standard deviations of chi-square."""
+
+_LEVEL, _HEADING, _VELOCITY = 1e-3, 1e-2, 30.0
+"""What is not known of the navigation at the beginning: rad, rad, m/s."""
+
+_TURN = 0.5 * math.pi
+"""Turn, rad, over which a wrong scale factor adds up before another sensor takes over."""
+
+
+@compiled
+def follow(state: Ram) -> None:
+    """Run the filters on by some steps while an alarm lasts that the parity cannot resolve."""
+    bank, repair = state.redundancy.bank, state.redundancy.repair
+    doubts = _doubt(state, state.redundancy.gyros)
+    doubts |= _doubt(state, state.redundancy.accelerometers)
+    bank.found = 0
+    if doubts == 0:
+        bank.active = False
+        return
+    if not bank.active or doubts & ~bank.doubts:
+        _begin(state, doubts)
+    for _ in range(STEPS_PER_EPOCH):
+        if bank.at >= repair.count:
+            return
+        block = blocks.of(repair, bank.at)
+        others = repair.stride - blocks.OTHERS
+        is_due = bank.at + _WAIT_S < repair.count
+        if block[others + blocks.VARIANCE] == 0.0 and bank.turn == 0 and not is_due:
+            return
+        _take(state, bank.filters[bank.turn], block)
+        bank.turn += 1
+        if bank.turn == bank.count:
+            bank.turn = 0
+            bank.at += 1
+            if block[others + blocks.VARIANCE] > 0.0:
+                bank.measurements += 2
+                bank.found = _decide(bank)
+                if bank.found > 0:
+                    return
+
+
+@compiled
+def found(bank: Bank, kind: int) -> int:
+    """Return the sensor of a kind that fails, -1 if none is known."""
+    one = bank.filters[bank.found]
+    return int(one.sensor) if bank.active and bank.found > 0 and one.kind == kind else -1
+
+
+@compiled
+def _doubt(state: Ram, parity: Parity) -> int:
+    """Return a bit for the kind if one of its sensors fails, and the parity has one direction.
+
+    Forgets the reference of the past where other sensors are used: the navigation has changed then,
+    for the history is repaired within the next block.
+    """
+    bank, kind = state.redundancy.bank, int(parity.kind)
+    if bank.sensors[kind] != parity.sensors:
+        bank.sensors[kind] = parity.sensors
+        bank.first = state.redundancy.repair.count + 2
+        bank.active = False
+        bank.doubt_until[kind] = 0
+    if parity.alarm:
+        if state.epoch >= bank.doubt_until[kind]:
+            bank.doubt_since[kind] = parity.alarm_epoch
+        bank.doubt_until[kind] = state.epoch + _DOUBT_S * state.redundancy.second_epochs
+    compared = 0
+    for k in range(parity.residual.shape[0]):
+        compared += parity.sensors >> k & 1
+    doubt = parity.redundant and compared == BANK_SENSORS
+    return 1 << kind if doubt and state.epoch < bank.doubt_until[kind] else 0
+
+
+@compiled
+def _begin(state: Ram, doubts: int) -> None:
+    """Set up the filters, some time before now."""
+    bank, repair = state.redundancy.bank, state.redundancy.repair
+    bank.active = True
+    bank.doubts = doubts
+    bank.at = max(bank.first, repair.count - _BEFORE_S, repair.count - repair.capacity + 2)
+    bank.turn = 0
+    bank.measurements = 0
+    bank.filters[0].sensor = -1
+    bank.count = 1
+    for kind in range(2):
+        if doubts >> kind & 1 == 0:
+            continue
+        for sensor in range(SENSOR_GROUPS):
+            if bank.sensors[kind] >> sensor & 1:
+                bank.filters[bank.count].kind = kind
+                bank.filters[bank.count].sensor = sensor
+                bank.count += 1
+    gyros, accelerometers = state.redundancy.gyros, state.redundancy.accelerometers
+    for index in range(bank.count):
+        one = bank.filters[index]
+        one.squares = 0.0
+        one.score = 0.0
+        for i in range(FILTER_SIZE):
+            one.x[i] = 0.0
+            for k in range(FILTER_SIZE):
+                one.P[i, k] = 0.0
+        for i in range(3):
+            one.P[ATTITUDE + i, ATTITUDE + i] = _LEVEL**2
+            one.P[VELOCITY + i, VELOCITY + i] = _VELOCITY**2
+            one.P[TURN + i, TURN + i] = gyros.bias_variance
+            one.P[CHANGE + i, CHANGE + i] = accelerometers.bias_variance
+        one.P[ATTITUDE + 2, ATTITUDE + 2] = _HEADING**2
+
+
+@compiled
+def _take(state: Ram, one: Hypothesis, block: Floats) -> None:
+    """Take a block: propagate to the time of the reference, measure, propagate to the end."""
+    bank, others = state.redundancy.bank, state.redundancy.repair.stride - blocks.OTHERS
+    variance = block[others + blocks.VARIANCE]
+    share = 1.0
+    if variance > 0.0:
+        share = min(1.0, block[others + blocks.MEASURED_AFTER] / block[others + blocks.TIME])
+    for part in range(2):
+        if share > 0.0:
+            _propagate(state, one, block, share)
+        if part == 0 and variance > 0.0:
+            for i in range(2):
+                innovation, expected = covariance.measure(
+                    one.x,
+                    one.P,
+                    VELOCITY + i,
+                    block[others + blocks.MEASURED + i],
+                    variance,
+                    bank.gain,
+                    bank.work,
+                )
+                square = innovation * innovation / expected
+                one.squares += square
+                one.score += square + math.log(expected)
+        share = 1.0 - share
+
+
+@compiled
+def _propagate(state: Ram, one: Hypothesis, block: Floats, share: float) -> None:
+    """Propagate a filter over a share of a block."""
+    bank, ins = state.redundancy.bank, state.ins
+    others = state.redundancy.repair.stride - blocks.OTHERS
+    force, way, turn, noise = bank.inputs[0], bank.inputs[1], bank.inputs[2], bank.inputs[3]
+    dt = block[others + blocks.TIME] * share
+    place = 3 * int(one.sensor)
+    if one.kind == ACCELEROMETERS:
+        place += 3 * int(state.gyros.count)
+    for i in range(3):
+        force[i] = block[others + blocks.FORCE + i] * share
+        way[i] = block[others + blocks.WAY + i] * share
+        turn[i] = block[place + i] * share if one.sensor >= 0 else 0.0
+        for k in range(3):
+            bank.attitude_s[i, k] = block[others + blocks.ATTITUDE + 3 * i + k] * share
+    free = state.parameters.height_channel == strapdown.HEIGHT_FREE
+    transition.fill(bank.response, force, way, dt, ins.latitude, ins.height, free)
+    transition.of_biases(bank.transition, bank.response, bank.attitude_s)
+    into = CHANGE if one.kind == ACCELEROMETERS else TURN
+    for i in range(FILTER_SIZE):
+        total = 0.0
+        for k in range(FILTER_SIZE):
+            total += bank.transition[i, k] * one.x[k]
+        if i < TURN:
+            for k in range(3):
+                total += bank.response[i, into + k] * turn[k]
+        bank.gain[i] = total
+    for i in range(FILTER_SIZE):
+        one.x[i] = bank.gain[i]
+    covariance.propagate(one.P, bank.transition, bank.work)
+    _add_noise(state, one, block[others + blocks.TURNED], share)
+    if one.sensor < 0:
+        return
+    parity = state.redundancy.gyros
+    if one.kind == ACCELEROMETERS:
+        parity = state.redundancy.accelerometers
+    for i in range(3):  # of the residual that takes the sensor's place
+        noise[i] = 0.0
+        for k in range(3):
+            noise[i] += bank.attitude_s[i, k] * parity.leave_out[one.sensor, k] / dt
+    uncertain = block[others + blocks.UNCERTAIN + one.kind]
+    variance = parity.second_variance[one.sensor] * (1.0 + uncertain) * share
+    covariance.add_along(one.P, into - TURN, noise, variance)
+
+
+@compiled
+def _add_noise(state: Ram, one: Hypothesis, turned: float, share: float) -> None:
+    """Add the noise of the fused vectors, and that the biases change."""
+    gyros, accelerometers = state.redundancy.gyros, state.redundancy.accelerometers
+    attitude = (gyros.vector_variance + gyros.slope_variance * _TURN * turned) * share
+    velocity = accelerometers.vector_variance * share
+    for i in range(3):
+        one.P[ATTITUDE + i, ATTITUDE + i] += attitude
+        one.P[VELOCITY + i, VELOCITY + i] += velocity
+        one.P[TURN + i, TURN + i] += gyros.parity.walk[0] * share
+        one.P[CHANGE + i, CHANGE + i] += accelerometers.parity.walk[0] * share
+
+
+@compiled
+def _decide(bank: Bank) -> int:
+    """Return the filter that explains the reference far better than those without other sensors.
+
+    0 where that is not clear: where another one explains it nearly as well, or none left out far
+    better, or where nothing explains it.
+    """
+    best, second = 0, math.inf
+    for k in range(1, bank.count):
+        score = bank.filters[k].score
+        if best == 0 or score < bank.filters[best].score:
+            second = bank.filters[best].score if best > 0 else second
+            best = k
+        elif score < second:
+            second = score
+    one = bank.filters[best]
+    excess = one.squares - bank.measurements
+    if excess > _REST * math.sqrt(2.0 * bank.measurements):
+        return 0
+    if second - one.score < RATIO or one.score - bank.filters[0].score > RATIO:
+        return 0
+    return best

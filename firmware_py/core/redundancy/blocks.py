@@ -1,0 +1,121 @@
+"""What a block of a second holds behind the changes that leaving out each sensor makes.
+
+From the blocks the navigation's error can be carried through the last minutes again, for another
+set of sensors: by the repair, and by the bank of filters.
+"""
+
+from __future__ import annotations
+
+from rrins.dbc.compilation import compiled
+from rrins.dbc.record import Floats
+from rrins.firmware_py.core.memory import Fusion, Ins
+from rrins.firmware_py.core.redundancy_records import (
+    BLOCK_FLOATS,
+    BLOCK_OTHERS,
+    LONGEST_S,
+    Parity,
+    Repair,
+)
+
+FORCE, WAY, TIME = 0, 3, 6
+"""Integrals of the specific force (m/s) and of the velocity (m), in n, and the time, s."""
+
+ATTITUDE, TURNED = 7, 16
+"""Integral of C_s_n (s), nine numbers; amount of the sensors' turn, rad."""
+
+UNCERTAIN = 17
+"""Variance of what was not known of the parity of gyros and of accelerometers, in a second's noise;
+so large that sums over seconds are right, although it errs alike in all of them."""
+
+_COHERENT_S = 3.0
+"""Seconds over which it errs alike while it is learned: the table turns. Else since then."""
+
+BEGUN, MEASURED_AFTER, MEASURED, VARIANCE = 19, 20, 21, 23
+"""The last epoch before the block; the reference's time of validity in it (s), reference less
+navigated velocity to the east and north (m/s), and the variance of each; 0: no reference."""
+
+OTHERS = BLOCK_OTHERS
+
+
+@compiled
+def begin(repair: Repair, gyros: int, accelerometers: int, epoch: int) -> None:
+    """Begin the history after an epoch, for these numbers of sensors."""
+    repair.stride = 3 * (gyros + accelerometers) + OTHERS
+    repair.capacity = min(LONGEST_S + 64, BLOCK_FLOATS // repair.stride)
+    repair.count = 0
+    repair.active = False
+    _clear(repair, epoch)
+
+
+@compiled
+def _clear(repair: Repair, epoch: int) -> None:
+    for k in range(repair.stride):
+        repair.block[k] = 0.0
+    repair.block[repair.stride - OTHERS + BEGUN] = epoch
+
+
+@compiled
+def note(
+    repair: Repair, C_s_n: Floats, fusion: Fusion, parity: Parity, first: int, work: Floats
+) -> None:
+    """Add what leaving out each sensor of a kind would change in this epoch.
+
+    `first` is the place of the kind in a block; `work` is scratch of shape (3,).
+    """
+    for k in range(fusion.count):
+        unlearned = parity.unlearned[k]
+        if parity.sensors >> k & 1 == 0:
+            continue
+        for i in range(3):
+            work[i] = parity.leave_out[k, i] * unlearned
+        at = first + 3 * k
+        for i in range(3):
+            repair.block[at + i] += (
+                C_s_n[i, 0] * work[0] + C_s_n[i, 1] * work[1] + C_s_n[i, 2] * work[2]
+            )
+
+
+@compiled
+def note_motion(repair: Repair, ins: Ins, dtheta_s: Floats, dv_s: Floats, dt: float) -> None:
+    """Add the epoch's specific force, velocity, time, attitude and turn."""
+    C_s_n, block = ins.C_s_n, repair.block
+    others = repair.stride - OTHERS
+    square = 0.0
+    for i in range(3):
+        block[others + FORCE + i] += (
+            C_s_n[i, 0] * dv_s[0] + C_s_n[i, 1] * dv_s[1] + C_s_n[i, 2] * dv_s[2]
+        )
+        block[others + WAY + i] += ins.velocity_n[i] * dt
+        square += dtheta_s[i] * dtheta_s[i]
+        for k in range(3):
+            block[others + ATTITUDE + 3 * i + k] += C_s_n[i, k] * dt
+    block[others + TIME] += dt
+    block[others + TURNED] += square**0.5
+
+
+@compiled
+def close(repair: Repair, epoch: int) -> None:
+    """Keep the present block, whose last epoch this is, and begin the next."""
+    at = repair.count % repair.capacity * repair.stride
+    for k in range(repair.stride):
+        repair.blocks[at + k] = repair.block[k]
+    repair.count += 1
+    _clear(repair, epoch)
+
+
+@compiled
+def of(repair: Repair, index: int) -> Floats:
+    """Return a kept block, or the present one."""
+    if index >= repair.count:
+        return repair.block[: repair.stride]
+    at = index % repair.capacity * repair.stride
+    return repair.blocks[at : at + repair.stride]
+
+
+@compiled
+def note_uncertain(repair: Repair, gyros: Parity, accelerometers: Parity) -> None:
+    """Note in the block that was closed last what was not known of the parities."""
+    block, others = of(repair, repair.count - 1), repair.stride - OTHERS
+    block[others + UNCERTAIN] = gyros.uncertain * (_COHERENT_S + 2.0 * gyros.frozen)
+    alike = _COHERENT_S + 2.0 * accelerometers.frozen
+    block[others + UNCERTAIN + 1] = accelerometers.uncertain * alike

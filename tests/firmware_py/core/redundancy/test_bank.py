@@ -1,0 +1,222 @@
+"""The bank of filters, on blocks made by hand: whose fault explains a velocity."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from rrins.firmware_py.core import earth, strapdown
+from rrins.firmware_py.core.calibration import DPH, UG, input_axes
+from rrins.firmware_py.core.memory import blank_ram
+from rrins.firmware_py.core.redundancy import bank, blocks, reference
+
+RATE_HZ, SECONDS, BEGINS_S = 100, 160, 60
+SIGMA = 0.05
+LATITUDE = math.radians(40)
+TETRAHEDRON_DEG = ((180.0, 0.0), *((np.degrees(np.arccos(1 / 3)), 120.0 * k) for k in range(3)))
+H = input_axes(TETRAHEDRON_DEG)
+GAIN = np.linalg.pinv(H)
+PROJECTOR = np.eye(4) - H @ GAIN
+
+
+def level_ram():
+    """Return a RAM image of a level RIMU that moves, before its history is filled."""
+    ram = blank_ram()
+    state = ram[0]
+    state.parameters.period_ns = 1_000_000_000 // RATE_HZ
+    state.parameters.height_channel = strapdown.HEIGHT_DAMPED
+    state.ins.latitude = LATITUDE
+    redundancy = state.redundancy
+    redundancy.second_epochs = RATE_HZ
+    for kind, fusion, noise, bias in (
+        ("gyros", state.gyros, 0.3 * DPH, 0.05 * DPH),
+        ("accelerometers", state.accelerometers, 10 * UG, 50 * UG),
+    ):
+        fusion.count = 4
+        parity = redundancy[kind]
+        parity.kind = kind == "accelerometers"
+        parity.sensors = 0b1111
+        parity.redundant = True
+        parity.second_variance[:4] = noise**2 / 4
+        parity.vector_variance = noise**2
+        parity.bias_variance = bias**2
+        parity.leave_out[:4] = -(GAIN / np.diag(PROJECTOR)).T
+    return ram
+
+
+def residuals(kind, sensor, value):
+    """Return by how much a fault moves each sensor's residual in a second."""
+    return PROJECTOR[:, sensor] * value
+
+
+def history(kind, sensor, value, seed=1, reference_of=None):
+    """Return a RAM image whose history has a fault, and the velocity that shows it.
+
+    `reference_of` is the sensor that the velocity blames, by default the one that fails; 4 is none.
+    """
+    ram = level_ram()
+    state = ram[0]
+    repair = state.redundancy.repair
+    blocks.begin(repair, 4, 4, 0)
+    others = int(repair.stride) - blocks.OTHERS
+    g = earth.gravity(LATITUDE, 0.0)
+    rng = np.random.default_rng(seed)
+    blamed = sensor if reference_of is None else reference_of
+    psi, velocity = np.zeros(3), np.zeros(2)
+    place = 0 if kind == "gyros" else 12
+    for second in range(SECONDS):
+        wrong = value if second >= BEGINS_S else 0.0
+        residual = residuals(kind, sensor, wrong)
+        changes = -(GAIN / np.diag(PROJECTOR)).T * residual[:, None]
+        repair.block[place : place + 12] = changes.ravel()
+        true = -GAIN[:, blamed] * wrong if blamed < 4 else np.zeros(3)
+        if kind == "gyros":
+            mean = psi + true / 2
+            psi = psi + true
+            velocity = velocity + np.array([mean[1], -mean[0]]) * g
+        else:
+            velocity = velocity + true[:2]
+        block = repair.block
+        block[others + blocks.FORCE + 2] = g
+        block[others + blocks.TIME] = 1.0
+        block[others + blocks.ATTITUDE : others + blocks.ATTITUDE + 9 : 4] = 1.0
+        block[others + blocks.MEASURED_AFTER] = 1.0
+        block[others + blocks.MEASURED : others + blocks.MEASURED + 2] = (
+            velocity + SIGMA * rng.standard_normal(2)
+        )
+        block[others + blocks.VARIANCE] = SIGMA**2
+        blocks.close(repair, (second + 1) * RATE_HZ)
+    return ram
+
+
+def decide(ram, kind):
+    """Run the bank over the history; return the sensor found, and after how many blocks."""
+    state = ram[0]
+    redundancy = state.redundancy
+    redundancy[kind].alarm = True
+    redundancy[kind].alarm_epoch = 1
+    state.epoch = SECONDS * RATE_HZ
+    redundancy.bank.sensors[:] = 0b1111
+    for _ in range(9 * SECONDS // bank.STEPS_PER_EPOCH + 1):
+        bank.follow(state)
+        if redundancy.bank.found > 0:
+            break
+        state.epoch += 1
+    return bank.found(redundancy.bank, kind == "accelerometers"), int(redundancy.bank.at)
+
+
+FAULTS = [("gyros", 10 * DPH), ("accelerometers", 5000 * UG)]
+
+
+@pytest.mark.parametrize("sensor", range(4))
+@pytest.mark.parametrize(("kind", "value"), FAULTS)
+def test_the_sensor_that_the_velocity_blames_is_found(kind, value, sensor):
+    found, at = decide(history(kind, sensor, value), kind)
+    assert found == sensor
+    assert BEGINS_S < at < BEGINS_S + 40
+
+
+@pytest.mark.parametrize(("kind", "value"), FAULTS)
+def test_a_velocity_without_any_error_blames_the_sensor_that_it_does_not_see(kind, value):
+    found, _ = decide(history(kind, 1, value, reference_of=4), kind)
+    assert found == 0  # the vertical one: of the others each would show
+
+
+@pytest.mark.parametrize(("kind", "value"), FAULTS)
+def test_without_a_reference_nothing_is_found(kind, value):
+    ram = history(kind, 1, value)
+    repair = ram[0].redundancy.repair
+    stride = int(repair.stride)
+    repair.blocks[stride - blocks.OTHERS + blocks.VARIANCE :: stride] = 0.0
+    found, at = decide(ram, kind)
+    assert (found, at) == (-1, SECONDS - 3)  # the last blocks wait for theirs
+
+
+def test_a_velocity_that_no_sensor_explains_decides_nothing():
+    ram = history("gyros", 1, 10 * DPH)
+    repair = ram[0].redundancy.repair
+    stride = int(repair.stride)
+    place = stride - blocks.OTHERS + blocks.MEASURED
+    jumps = np.random.default_rng(5).standard_normal((SECONDS, 2))
+    for second in range(SECONDS):
+        at = second * stride + place
+        repair.blocks[at : at + 2] += jumps[second]
+    assert decide(ram, "gyros") == (-1, SECONDS)
+
+
+@pytest.mark.parametrize(("kind", "value"), FAULTS)
+def test_an_alarm_of_the_other_kind_does_not_mislead(kind, value):
+    ram = history(kind, 1, value)
+    other = "gyros" if kind == "accelerometers" else "accelerometers"
+    ram[0].redundancy[other].alarm = True
+    found, at = decide(ram, kind)
+    assert (found, ram[0].redundancy.bank.count) == (1, 9)
+    assert BEGINS_S < at < BEGINS_S + 40
+
+
+def test_six_sensors_are_left_to_their_parity():
+    ram = history("gyros", 1, 10 * DPH)
+    ram[0].redundancy.gyros.sensors = 0b111111
+    state = ram[0]
+    state.redundancy.gyros.alarm = True
+    bank.follow(state)
+    assert not state.redundancy.bank.active
+
+
+class Reference:
+    """A RAM image that is navigated epoch by epoch; its velocity is the number of the epoch."""
+
+    def __init__(self):
+        self.ram = level_ram()
+        self.state = self.ram[0]
+        self.state.epoch = 1000
+        blocks.begin(self.state.redundancy.repair, 4, 4, 999)
+        reference.begin(self.state)
+
+    def run(self, epochs, fix=None):
+        state = self.state
+        for _ in range(epochs):
+            state.ins.velocity_n[0] = state.epoch - 1  # that of the epoch before
+            state.gnss.fresh = fix is not None
+            if fix is not None:
+                state.gnss.epoch, state.gnss.velocity_sigma = fix, SIGMA
+                state.gnss.velocity_n[0] = fix + 0.5
+                fix = None
+            repair = state.redundancy.repair
+            repair.block[repair.stride - blocks.OTHERS + blocks.TIME] += 1 / RATE_HZ
+            reference.follow(state)
+            if state.epoch % RATE_HZ == 99:
+                blocks.close(repair, state.epoch)
+            state.epoch += 1
+
+    def of(self, index):
+        repair = self.state.redundancy.repair
+        block = blocks.of(repair, index)[repair.stride - blocks.OTHERS :]
+        return float(block[blocks.VARIANCE]), float(block[blocks.MEASURED_AFTER]), block
+
+
+@pytest.mark.parametrize(
+    ("arrives", "valid", "block"),
+    [(1150, 1130, 1), (1150, 1100, 1), (1150, 1099, 0), (1320, 1150, 1), (1130, 1130, 1)],
+)
+def test_a_fix_is_compared_in_the_block_of_its_time(arrives, valid, block):
+    bench = Reference()
+    bench.run(arrives - 1000)
+    bench.run(1, fix=valid)
+    bench.run(1400 - arrives)
+    for index in range(4):
+        variance, after, whole = bench.of(index)
+        assert (variance > 0) == (index == block)
+        if index == block:
+            assert variance == pytest.approx(SIGMA**2)
+            assert after == pytest.approx((valid - 999 - 100 * block) / RATE_HZ)
+            assert whole[blocks.MEASURED] == pytest.approx(0.5)
+
+
+def test_a_fix_from_before_navigation_is_not_compared():
+    bench = Reference()
+    bench.run(1, fix=900)
+    bench.run(300)
+    assert [bench.of(index)[0] for index in range(3)] == [0, 0, 0]
