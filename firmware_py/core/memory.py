@@ -203,6 +203,17 @@ class Ins(Record):
     work_q: Annotated[Floats, (2, 4)]  #: scratch
 
 
+class Bridging(Record):
+    """The gaps in the sensor data, and what they have amounted to."""
+
+    count: I8  #: epochs of the present gap
+    recent_s: F8  #: bridged in about the last 100 s
+    bridged_epochs: I8  #: since navigation began
+    angle_variance: F8  #: rad², of what gaps may have cost since navigation began
+    velocity_variance: F8  #: m²/s², of the same
+    transmissions: I8  #: of BRIDGING, for its counter
+
+
 class Sequencer(Record):
     """The rotation scheme's progress and the commands to the axes."""
 
@@ -295,6 +306,7 @@ class Ram(Record):
     heartbeats: I8  #: sent so far, for their counter
     diagnostics: DiagnosticState
     encoders: Encoders
+    bridging: Bridging
     redundancy: Redundancy
 
 

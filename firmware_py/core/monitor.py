@@ -10,7 +10,7 @@ import numpy as np
 
 from rrins.dbc.compilation import compiled
 from rrins.dbc.values import AxisState
-from rrins.firmware_py.core import consistency, senders, trouble_table
+from rrins.firmware_py.core import bridging, consistency, senders, trouble_table
 from rrins.firmware_py.core.diagnostic_records import ATTENTION_TROUBLES, DiagnosticState, Snapshot
 from rrins.firmware_py.core.encoder_records import AngleSource
 from rrins.firmware_py.core.memory import INNER, OUTER, Ram
@@ -73,6 +73,8 @@ _GYROS_NOT_REDUNDANT = 1 << SystemFault.GYROS_NOT_REDUNDANT
 _ACCELEROMETERS_NOT_REDUNDANT = 1 << SystemFault.ACCELEROMETERS_NOT_REDUNDANT
 _GYRO_LEFT_OUT = int(Kind.GYRO_LEFT_OUT)
 _ACCELEROMETER_LEFT_OUT = int(Kind.ACCELEROMETER_LEFT_OUT)
+
+_BRIDGED = 1 << SystemFault.NAVIGATION_BRIDGED
 
 _LOAD_LIMIT = 0.8
 _NOT_CONVERGED_AFTER = 2  # times the alignment's own time
@@ -280,17 +282,19 @@ def _look_at_mode(state: Ram) -> tuple[int, int]:
     tested = 0
     if mode in (Mode.STANDBY, Mode.ALIGNMENT) or navigating(state):
         tested |= _SELF_TEST
-    if navigating(state):
-        tested |= _ALIGNMENT | _NOT_CONVERGED | _SENSORS_LOST | _IMPLAUSIBLE
     failing = 0
+    if navigating(state):
+        tested |= _ALIGNMENT | _NOT_CONVERGED | _SENSORS_LOST | _IMPLAUSIBLE | _BRIDGED
+        if bridging.is_degraded(state.bridging):
+            failing |= _BRIDGED
     if fault == FirmwareFault.SELF_TEST_FAILED:
-        failing = _SELF_TEST
+        failing |= _SELF_TEST
     elif fault == FirmwareFault.ALIGNMENT_FAILED:
-        failing = _ALIGNMENT
+        failing |= _ALIGNMENT
     elif fault == FirmwareFault.SENSORS_LOST:
-        failing = _SENSORS_LOST
+        failing |= _SENSORS_LOST
     elif fault == FirmwareFault.NAVIGATION_DIVERGED:
-        failing = _IMPLAUSIBLE
+        failing |= _IMPLAUSIBLE
     limit = _NOT_CONVERGED_AFTER * state.parameters.alignment_epochs + 1
     if mode == Mode.ALIGNMENT and not state.alignment.done and state.modes.epochs > limit:
         failing |= _NOT_CONVERGED

@@ -14,6 +14,7 @@ from rrins.dbc.frame import FrameArray
 from rrins.dbc.record import Records
 from rrins.firmware_py.core import (
     alignment,
+    bridging,
     clock,
     earth,
     encoders,
@@ -146,6 +147,7 @@ def _refer_height(state: Ram) -> None:
 def _navigate(state: Ram) -> None:
     parameters = state.parameters
     _refer_height(state)
+    bridging.follow(state)
     strapdown.update(
         state.ins,
         state.dtheta_s,

@@ -11,7 +11,7 @@ from rrins.dbc.compilation import compiled
 from rrins.dbc.contract import Contract, MessageSignals
 from rrins.dbc.e2e import MessageLayout, fill
 from rrins.dbc.frame import FrameArray
-from rrins.firmware_py.core import clock
+from rrins.firmware_py.core import bridging, clock
 from rrins.firmware_py.core.memory import INNER, OUTER, FaultCounters, Ram
 from rrins.firmware_py.core.modes import navigating
 from rrins.firmware_py.core.redundancy_records import Parity, Readmission
@@ -135,6 +135,17 @@ def _table(state: Ram, message: MessageSignals) -> np.uint64:
 
 
 @compiled
+def _bridged(state: Ram, message: MessageSignals) -> np.uint64:
+    gaps, seconds = state.bridging, state.parameters.period_ns * 1e-9
+    word = pack(np.uint64(0), message.degraded, bridging.is_degraded(gaps))
+    percent = 100.0 * gaps.recent_s / bridging.MEMORY_S
+    word = encode(word, message.recent_percent, percent)
+    word = encode(word, message.bridged_s, gaps.bridged_epochs * seconds)
+    uncertainty = math.degrees(math.sqrt(gaps.angle_variance)) * 3600.0
+    return encode(word, message.uncertainty_arcsec, uncertainty)
+
+
+@compiled
 def _had_trouble(state: Ram) -> bool:
     """Return whether an encoder has been wrong, or an axis has not followed, since power-on."""
     trouble = np.int64(0)
@@ -213,6 +224,11 @@ def transmit(state: Ram, contract: Contract, outbox: FrameArray) -> int:
     if _due(state, table.message) and _had_trouble(state):
         fill(outbox[count], table.message, _table(state, table), state.encoders.transmissions)
         state.encoders.transmissions += 1
+        count += 1
+    gaps = contract.bridging
+    if navigating(state) and state.bridging.bridged_epochs > 0 and _due(state, gaps.message):
+        fill(outbox[count], gaps.message, _bridged(state, gaps), state.bridging.transmissions)
+        state.bridging.transmissions += 1
         count += 1
     if navigating(state) and _due(state, contract.nav_latitude.message):
         count = _navigation(state, contract, outbox, count)

@@ -207,6 +207,13 @@ _SYSTEM = (
         "the navigation solution is impossible for a vehicle",
     ),
     (
+        SystemFault.NAVIGATION_BRIDGED,
+        0x1008,
+        _PERFORMANCE,
+        _ONCE,
+        "more than 1 s of the last 100 s was bridged: the navigation is degraded",
+    ),
+    (
         SystemFault.CLOCK_JUMP,
         _NETWORK | 0x1001,
         _PLAUSIBILITY,

@@ -26,6 +26,7 @@ _EVENTS = (  # not periodic, so never silent
     "HARDWARE_FAULT_TIMES",
     "HARDWARE_FAULT_CYCLE",
     "TABLE_STATUS",
+    "BRIDGING",
 )
 _TABLE = "TABLE_STATUS"
 _WITHOUT_ENCODER = {
@@ -42,6 +43,7 @@ def troubles_of(state: BusState, vitals: Vitals) -> list[str]:
     """Return the current troubles, the most severe first; none if all is well."""
     return [
         *_firmware_troubles(vitals),
+        *_bridging_troubles(state),
         *_axis_troubles(vitals),
         *_encoder_troubles(state),
         *_sensor_troubles(state, vitals),
@@ -64,6 +66,12 @@ def _firmware_troubles(vitals: Vitals) -> Iterator[str]:
         yield "the firmware has lost SYNC and runs on its own clock"
     if firmware.load_percent > 100 * HIGH_LOAD:
         yield f"the firmware is busy for {firmware.load_percent:.0f} % of its period"
+
+
+def _bridging_troubles(state: BusState) -> Iterator[str]:
+    if state.text("BRIDGING", "degraded") == "1":
+        percent = state.value("BRIDGING", "recent_percent") or 0.0
+        yield f"the navigation is degraded: {percent:.1f} % of the last 100 s bridged"
 
 
 def _axis_troubles(vitals: Vitals) -> Iterator[str]:

@@ -11,6 +11,7 @@ from rrins.firmware_py.loop import run_realtime as run_firmware_realtime
 from rrins.host_tools.bus.port import open_port
 from rrins.host_tools.errors import ParameterFileError
 from rrins.host_tools.files import JsonObject
+from rrins.host_tools.runs.bridging_summary import bridging_summary
 from rrins.host_tools.runs.job import Job, prepare, settle
 from rrins.host_tools.runs.parity_log import ParityLog
 from rrins.host_tools.runs.pipe import ReportPipe
@@ -45,6 +46,7 @@ def firmware_summary(firmware: Firmware) -> JsonObject:
         "axis_interruptions": [int(count) for count in state["sequencer"]["interruptions"]],
         "axes_abandoned": [bool(flag) for flag in state["sequencer"]["abandoned"]],
         "encoders": encoder_summary(state),
+        "bridging": bridging_summary(state),
         "frames_received": firmware.frames_received,
         "frames_sent": firmware.frames_sent,
         "calibration": _calibration_used(firmware),

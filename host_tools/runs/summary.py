@@ -8,6 +8,7 @@ from rich.table import Table
 
 from rrins.host_tools.files import JsonObject
 from rrins.host_tools.runs import given_attitude
+from rrins.host_tools.runs.bridging_summary import bridging_lines
 from rrins.host_tools.runs.load_warnings import warnings_of
 from rrins.host_tools.runs.outcome import Outcome
 from rrins.host_tools.runs.parity_log import Parities
@@ -225,4 +226,5 @@ def lines_of(summary: JsonObject) -> list[str]:
         counted = ", ".join(f"{name} {count}" for name, count in faults.items())
         lines.append(f"faults counted by the firmware: {counted}")
     lines += table_lines(firmware)
+    lines += bridging_lines(firmware)
     return lines
