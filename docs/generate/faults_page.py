@@ -14,6 +14,7 @@ import numpy as np
 
 from generate.fault_cases import OF_HARDWARE, ON_WIRE, Case
 from generate.faults_page_text import AT_S, BETWEEN, HEAD
+from generate.redundancy_faults import section
 from rrins.firmware_py.core.modes import FirmwareFault, Mode
 from rrins.firmware_py.core.trouble_table import TROUBLES
 from rrins.firmware_py.core.troubles import Status
@@ -201,4 +202,4 @@ def page(table: list[Row]) -> str:
 
 
 if __name__ == "__main__":
-    print(page(rows()), end="")
+    print(page(rows()) + section(), end="")

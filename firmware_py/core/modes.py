@@ -4,8 +4,8 @@
 mode                   transitions to
 =====================  ==========================================================================
 POWER_ON               SELF_TEST, in the first epoch
-SELF_TEST              STANDBY, when SYNC, all sensors and both axes were sound for half a second;
-                       FAULT (SELF_TEST_FAILED) after ten seconds
+SELF_TEST              STANDBY, when SYNC, all sensors but those that redundancy left out, and both
+                       axes were sound for half a second; FAULT (SELF_TEST_FAILED) after ten seconds
 STANDBY                ALIGNMENT, on the request to align or to navigate
 ALIGNMENT              NAVIGATION_*, when done and requested; FAULT (ALIGNMENT_FAILED)
 NAVIGATION_STRAPDOWN   NAVIGATION_ROTATING, on request, or to try an axis again
@@ -179,8 +179,11 @@ def self_test(state: Ram) -> None:
     """Pass once everything has been sound for a while; fail on timeout."""
     assembly = state.assembly
     seconds = state.parameters.period_ns * 1e-9
-    every_gyro = (1 << state.gyros.count) - 1
-    every_accelerometer = (1 << state.accelerometers.count) - 1
+    redundancy = state.redundancy
+    every_gyro = (1 << state.gyros.count) - 1 & ~redundancy.gyros.excluded
+    every_accelerometer = (
+        1 << state.accelerometers.count
+    ) - 1 & ~redundancy.accelerometers.excluded
     axes = (
         assembly.axis_received[INNER]
         and assembly.axis_received[OUTER]

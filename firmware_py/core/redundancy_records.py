@@ -88,6 +88,7 @@ class Found(IntEnum):
     ABSENT = 4
     REFERENCE = 5
     OPERATOR = 6
+    FULL_SCALE = 7
 
 
 class ReadmissionOrder(IntEnum):
@@ -146,7 +147,9 @@ class Sums(Record):
     """Sums since the beginning: the difference of two is that of a window."""
 
     parity: Annotated[Floats, SENSOR_GROUPS]  #: of what is not learned, along each sensor's axis
-    leverage: F8  #: of what was learned, in variances of a second
+    leverage: F8  #: of what was learned, in variances of a second, until learning last stopped
+    stretch: F8  #: the same since then, the deviation: what was learned errs alike
+    stretches: I8  #: how often something was learned
     vector: Annotated[Floats, 3]  #: fused less expected at standstill
     vector_leverage: F8
     standing: I8  #: seconds at standstill
@@ -198,7 +201,7 @@ class Parity(Record):
     epoch_variance: Annotated[Floats, (SENSOR_GROUPS, EPOCH_LEVELS)]
     # Of the present second.
     used_epochs: I8
-    absent_epochs: I8  #: since a compared sensor was last there
+    useless_epochs: I8  #: since a compared sensor is absent or at full scale
     residual: Annotated[Floats, SENSOR_GROUPS]  #: sums of the parity along each sensor's axis
     vector: Annotated[Floats, 3]
     regressors: Annotated[Floats, REGRESSORS]
@@ -345,6 +348,9 @@ class Redundancy(Record):
     second_epochs: I8
     epochs: I8  #: of the present second
     navigated: Bool  #: in the previous epoch
+    aligning: Bool  #: at standstill, to an attitude that is not known yet
+    moved: Bool  #: since navigation began
+    aligned_epochs: I8  #: since this, or since a sensor was left out
     transmissions: I8  #: of its messages, for their counters
     navigation_epoch: I8  #: in which navigation began
     gyros: Parity
@@ -355,6 +361,7 @@ class Redundancy(Record):
     expected_dtheta_s: Annotated[Floats, 3]  #: rad, of the present epoch, at standstill
     expected_dv_s: Annotated[Floats, 3]  #: m/s
     expected_known: Bool
+    known_epochs: I8  #: of the present second
     angle_before_rad: Annotated[Floats, 2]  #: of the encoders
     angle_known: Bool
     work: Annotated[Floats, (3, 3)]  #: scratch

@@ -35,6 +35,9 @@ from rrins.firmware_py.core.modes import FirmwareFault, Mode
 from rrins.firmware_py.core.redundancy import watch as redundancy
 from rrins.firmware_py.core.transmit import transmit
 
+_DOUBT_NS = 15_000_000_000
+"""Longest time that an alignment waits for a suspicion to be settled."""
+
 
 @compiled
 def _fuse(state: Ram) -> None:
@@ -109,11 +112,26 @@ def _judge_repetitions(state: Ram) -> None:
 
 
 @compiled
+def _doubts(state: Ram) -> bool:
+    """Return whether an alignment that is due waits, for one of its sensors seems to fail.
+
+    Until the sensor is left out, which begins the alignment anew, or it seems to remain unknown.
+    """
+    redundancy, parameters = state.redundancy, state.parameters
+    waited = state.alignment.epochs - parameters.alignment_epochs
+    if waited * parameters.period_ns > _DOUBT_NS:
+        return False
+    alarm = redundancy.gyros.alarm or redundancy.accelerometers.alarm
+    return bool(alarm)
+
+
+@compiled
 def _align(state: Ram, contract: Contract) -> None:
     parameters, work = state.parameters, state.ins.work
-    if state.alignment.epochs < parameters.alignment_epochs:
+    finished = state.alignment.done or state.alignment.failed
+    if not finished:
         alignment.accumulate(state.alignment, state.dtheta_s, state.dv_s)
-        if state.alignment.epochs < parameters.alignment_epochs:
+        if state.alignment.epochs < parameters.alignment_epochs or _doubts(state):
             return
         if parameters.self_aligned:
             gravity = earth.gravity(parameters.latitude, parameters.height)
@@ -228,7 +246,8 @@ def compute(state: Ram, contract: Contract, compares: bool | None) -> None:
     if state.diagnostics.routine_request != 0:
         routine_requests.follow(state)
     if compares is not None and state.clock.synchronised:  # with None not even compiled
-        redundancy.watch(state, modes.navigating(state) and not state.ins.first)
+        navigates = modes.navigating(state) and not state.ins.first
+        redundancy.watch(state, navigates, state.modes.mode == Mode.ALIGNMENT)
     _run_mode(state, contract)
 
 

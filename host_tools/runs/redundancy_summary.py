@@ -99,6 +99,7 @@ _REFUSED = {
 }
 _HOW = {
     "parity": "comparison with the others",
+    "full_scale": "its end of range, where the others measure little",
     "standing": "comparison with encoders, Earth rate and gravity",
     "stuck": "its repeated increments",
     "absent": "its flag",

@@ -27,7 +27,7 @@ RATIO = 2.0 * math.log(1e4)
 _REST = 5.0
 """Largest deviation of what the decision leaves unexplained, standard deviations of chi-square."""
 
-MOTION = 4.0
+MOTION = 2.0 * math.log(1e2)
 """By how much a sensor has to explain more, in chi-square, than a motion of the vehicle would.
 
 A slight motion turns all sensors and leaves the parity alone; the fault of one shows in both."""
@@ -61,11 +61,9 @@ def by_parity(parity: Parity, count: int) -> int:
 @compiled
 def _own_variance(parity: Parity, level: int, sensor: int) -> float:
     """Return the variance of a sensor's own noise over a window, with what was learned of it."""
-    begin = windows.begin_of(parity, level)
-    seconds = 1 << level
-    learned = (parity.now.leverage - begin.leverage) * min(parity.frozen + 1, seconds)
+    learned = windows.uncertainty_of(parity, level)
     return (
-        parity.white_variance[sensor] * seconds
+        parity.white_variance[sensor] * (1 << level)
         + parity.drift_variance[sensor, level]
         + parity.quantisation_variance
         + learned * parity.second_variance[sensor]
@@ -196,12 +194,15 @@ def _sensor(parity: Parity, index: int) -> int:
 
 
 @compiled
-def standing(parity: Parity, fusion: Fusion) -> int:
+def standing(parity: Parity, fusion: Fusion, moved: bool) -> int:
     """Return the sensor that fails while the vehicle stands, -1 where none does or it is unclear.
 
     Of windows of up to 128 s; the vehicle stood throughout and some time before. Three sensors have
-    no parity that would tell a fault from a slight motion: there, it has to last.
+    no parity that would tell a fault from a slight motion: there, it has to last, and the vehicle
+    must not have `moved` since navigation began, for then the expectation errs, too.
     """
+    if moved and not parity.redundant:
+        return -1
     found = _standing(parity, fusion)
     if parity.redundant:
         return found

@@ -129,6 +129,8 @@ def begin_again(parity: Parity) -> None:
 @compiled
 def _clear(sums: Sums) -> None:
     sums.leverage = 0.0
+    sums.stretch = 0.0
+    sums.stretches = 0
     sums.vector_leverage = 0.0
     sums.standing = 0
     for i in range(sums.parity.shape[0]):

@@ -62,6 +62,34 @@ def expect(state: Ram) -> None:
 
 
 @compiled
+def expect_constant(state: Ram) -> None:
+    """Expect what was measured in the first second: all stands, and the attitude is unknown.
+
+    What that second errs by is learned as a constant.
+    """
+    redundancy = state.redundancy
+    redundancy.aligned_epochs += 1
+    epochs, second_epochs = redundancy.aligned_epochs, redundancy.second_epochs
+    redundancy.expected_known = epochs > second_epochs
+    if redundancy.expected_known:
+        return
+    for i in range(3):
+        if epochs == 1:
+            redundancy.expected_dtheta_s[i] = 0.0
+            redundancy.expected_dv_s[i] = 0.0
+        redundancy.expected_dtheta_s[i] += state.dtheta_s[i] / second_epochs
+        redundancy.expected_dv_s[i] += state.dv_s[i] / second_epochs
+    redundancy.angle_known = False
+
+
+@compiled
+def forget(parity: Parity) -> None:
+    """Forget what was learned of the expectation, which is another one from now on."""
+    learning.forget_all(parity.expected, parity.vector_variance)
+    parity.now.standing = 0
+
+
+@compiled
 def take(parity: Parity, vector_s: Floats, expected_s: Floats) -> None:
     """Add an epoch's fused vector, less what is expected of it."""
     for i in range(3):
@@ -76,6 +104,10 @@ def note_velocity(state: Ram) -> None:
     rate. Groves (2nd ed., 2013), section 5.7.
     """
     ins, redundancy = state.ins, state.redundancy
+    if redundancy.aligning:
+        redundancy.gyros.tilt_error = 0.0
+        redundancy.accelerometers.tilt_error = 0.0
+        return
     speed = math.sqrt(ins.velocity_n[0] ** 2 + ins.velocity_n[1] ** 2)
     schuler = math.sqrt(earth.GRAVITY_EQUATOR / earth.SEMI_MAJOR_AXIS)
     redundancy.gyros.tilt_error = speed / earth.SEMI_MAJOR_AXIS
@@ -110,8 +142,8 @@ def _learn_late(parity: Parity, regressors: int, sound: bool) -> None:
 
 
 @compiled
-def close_second(parity: Parity, fusion: Fusion, regressors: int, known: bool) -> None:
-    """Add a second to the sums, tell whether the vehicle stands, and learn if it does.
+def close_second(parity: Parity, fusion: Fusion, regressors: int, known: bool) -> bool:
+    """Add a second to the sums and learn if the vehicle stands; return whether it clearly moves.
 
     It stands when the residuals of all sensors but one are within the limit.
     """
@@ -131,3 +163,4 @@ def close_second(parity: Parity, fusion: Fusion, regressors: int, known: bool) -
     parity.now.vector_leverage += learning.leverage(learner, parity.regressors, regressors)
     if stands:
         _learn_late(parity, regressors, beyond == 0)
+    return beyond > 1

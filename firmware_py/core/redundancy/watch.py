@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from rrins.dbc.compilation import compiled
 from rrins.dbc.record import Floats
+from rrins.firmware_py.core import alignment
 from rrins.firmware_py.core.memory import Fusion, Ram
 from rrins.firmware_py.core.redundancy import (
     bank,
@@ -33,7 +34,9 @@ from rrins.firmware_py.core.redundancy_records import (
 _STANDING, _PARITY = int(Found.STANDING), int(Found.PARITY)
 _STUCK, _ABSENT = int(Found.STUCK), int(Found.ABSENT)
 _REFERENCE = int(Found.REFERENCE)
+_FULL_SCALE = int(Found.FULL_SCALE)
 _CLEAR_AFTER_S = 10
+_LITTLE = 0.5  # of what a sensor at the end of its range says
 _TRIAL = 1
 """The second turn of what is done for the sensors in use and then for a trial: code that is at one
 place compiles once."""
@@ -129,15 +132,17 @@ def _close_second(state: Ram, parity: Parity, fusion: Fusion) -> tuple[int, int]
         if is_full:
             compared.ratio = windows.close_second(compared, count, regressors)
             if turn != _TRIAL:
-                known = redundancy.expected_known and standing.slow(state)
-                standing.close_second(parity, fusion, regressors, known)
+                known = 2 * redundancy.known_epochs > redundancy.second_epochs
+                known = known and (redundancy.aligning or standing.slow(state))
+                if standing.close_second(parity, fusion, regressors, known):
+                    redundancy.moved = True
             windows.keep(compared, count)
         if turn == _TRIAL:
             readmission.close_second(state, parity, fusion, is_full)
         elif is_full:
             _close_alarm(state, parity)
             recent.note(parity, count, state.epoch, state.parameters.period_ns * 1e-9)
-            sensor = isolation.standing(parity, fusion)
+            sensor = isolation.standing(parity, fusion, redundancy.moved)
             if sensor < 0 and parity.alarm:
                 sensor, how = isolation.by_parity(parity, count), _PARITY
         parities.begin_second(compared)
@@ -156,18 +161,44 @@ def _close_alarm(state: Ram, parity: Parity) -> None:
 
 
 @compiled
-def _known(state: Ram, parity: Parity, fusion: Fusion, stuck: int, absent: int) -> tuple[int, int]:
-    """Return a sensor that repeats itself, has been absent for a second, or fails by the reference.
+def _at_full_scale(parity: Parity, fusion: Fusion, saturated: int, measured: Floats) -> int:
+    """Return the saturated sensors of which the others say that they measure much less."""
+    own = saturated & parity.sensors
+    if own == 0 or not fusion.solvable:
+        return 0
+    wrong = 0
+    for sensor in range(fusion.count):
+        if own >> sensor & 1:
+            along = 0.0
+            for used in range(fusion.count):
+                share = 0.0
+                for axis in range(3):
+                    share += fusion.H[sensor, axis] * fusion.gain[axis, used]
+                along += share * measured[used]
+            if abs(along) < _LITTLE * abs(measured[sensor]):
+                wrong |= 1 << sensor
+    return wrong
 
-    -1 where there is none. Three sensors cannot say which one fails: only who can be spared.
+
+@compiled
+def _known(
+    state: Ram, parity: Parity, fusion: Fusion, stuck: int, absent: int, full_scale: int
+) -> tuple[int, int]:
+    """Return a sensor that repeats itself, has been useless for a second, or fails by reference.
+
+    -1 where there is none. Useless is what is flagged as absent, or at full scale where it should
+    measure little. Three sensors cannot say which one fails: only who can be spared.
     """
-    parity.absent_epochs = parity.absent_epochs + 1 if absent & parity.sensors else 0
-    if parity.absent_epochs <= state.redundancy.second_epochs:
-        absent = 0
-    known = (stuck | absent) & parity.sensors
+    useless = absent | full_scale
+    parity.useless_epochs = parity.useless_epochs + 1 if useless & parity.sensors else 0
+    if parity.useless_epochs <= state.redundancy.second_epochs:
+        useless = 0
+    known = (stuck | useless) & parity.sensors
     for sensor in range(parity.residual.shape[0]):
         if known >> sensor & 1 and parities.spares(parity, fusion, sensor):
-            return sensor, _STUCK if stuck >> sensor & 1 else _ABSENT
+            if stuck >> sensor & 1:
+                return sensor, _STUCK
+            return sensor, _ABSENT if absent >> sensor & 1 else _FULL_SCALE
     sensor = bank.found(state.redundancy.bank, parity.kind)
     return sensor if sensor >= 0 and parities.spares(parity, fusion, sensor) else -1, _REFERENCE
 
@@ -193,15 +224,16 @@ def _leave_out(state: Ram, parity: Parity, fusion: Fusion, sensor: int, how: int
     """Leave a sensor out from now on if it can be spared, and order the repair of the history.
 
     What was learned of the parity is taken off the other sensors from now on, so that without it
-    they give what all gave.
+    they give what all gave. Not what little was learned since power-on: it may be of the fault.
     """
     redundancy = state.redundancy
     if not parities.spares(parity, fusion, sensor):
         return
-    for k in range(fusion.count):
-        for j in range(parity.correction.shape[1]):
-            parity.correction[k, j] += parity.parity.coefficients[k, j]
-    parity.corrected = True
+    if parity.learning:
+        for k in range(fusion.count):
+            for j in range(parity.correction.shape[1]):
+                parity.correction[k, j] += parity.parity.coefficients[k, j]
+        parity.corrected = True
     learning.copy(parity.kept, parity.parity)
     seconds = _begun_s(parity)
     if how == _REFERENCE:
@@ -216,18 +248,32 @@ def _leave_out(state: Ram, parity: Parity, fusion: Fusion, sensor: int, how: int
     if redundancy.navigated:
         repair.order(redundancy.repair, parity.kind, sensor, seconds)
         parity.repaired_epoch = state.epoch - int(seconds) * redundancy.second_epochs
+    elif redundancy.aligning:
+        if not state.alignment.done:
+            alignment.begin(state.alignment)
+        redundancy.aligned_epochs = 0
+        standing.forget(redundancy.gyros)
+        standing.forget(redundancy.accelerometers)
 
 
 @compiled
 def _judge(
-    state: Ram, parity: Parity, fusion: Fusion, controlled: int, stuck: int, absent: int
+    state: Ram,
+    parity: Parity,
+    fusion: Fusion,
+    controlled: int,
+    stuck: int,
+    absent: int,
+    saturated: int,
+    measured: Floats,
 ) -> None:
     """Leave out the sensor that fails, once it is known; compare those that are left.
 
     `controlled` are those that an operator excludes for a while, one bit each.
     """
     redundancy = state.redundancy
-    sensor, how = _known(state, parity, fusion, stuck, absent)
+    full_scale = _at_full_scale(parity, fusion, saturated, measured)
+    sensor, how = _known(state, parity, fusion, stuck, absent, full_scale)
     if redundancy.epochs == 0:
         found, shown = _close_second(state, parity, fusion)
         if sensor < 0:
@@ -252,8 +298,11 @@ def _judge(
 
 
 @compiled
-def watch(state: Ram, navigating: bool) -> None:
-    """Compare the sensors of this epoch; called between fusion and navigation."""
+def watch(state: Ram, navigating: bool, aligning: bool) -> None:
+    """Compare the sensors of this epoch; called between fusion and navigation.
+
+    An alignment begins anew without a sensor that fails in it.
+    """
     redundancy, assembly, diagnostics = state.redundancy, state.assembly, state.diagnostics
     history = redundancy.repair
     if navigating and not redundancy.navigated:
@@ -264,12 +313,21 @@ def watch(state: Ram, navigating: bool) -> None:
         redundancy.epochs = (state.epoch - 1) % redundancy.second_epochs
         parities.begin_second(redundancy.gyros)
         parities.begin_second(redundancy.accelerometers)
+    if navigating != redundancy.navigated or aligning != redundancy.aligning:
+        redundancy.aligned_epochs = 0
+        redundancy.moved = False
+        standing.forget(redundancy.gyros)
+        standing.forget(redundancy.accelerometers)
     redundancy.navigated = navigating
+    redundancy.aligning = aligning
     redundancy.expected_known = False
     if redundancy.readmission.order != 0:
         readmission.follow(state)
     if navigating:
         standing.expect(state)
+    elif aligning:
+        standing.expect_constant(state)
+    redundancy.known_epochs += redundancy.expected_known
     parity, fusion, own = redundancy.gyros, state.gyros, state.dtheta_s
     valid, measured = assembly.gyro_valid, assembly.gyro_dtheta
     for kind in range(2):
@@ -292,13 +350,19 @@ def watch(state: Ram, navigating: bool) -> None:
             blocks.close(history, state.epoch)
     parity, fusion, controlled = redundancy.gyros, state.gyros, diagnostics.excluded_gyros
     stuck, absent = diagnostics.gyro_repetition.stuck, assembly.gyro_absent
+    unusable, measured = assembly.received & ~assembly.gyro_usable, assembly.gyro_dtheta
     for kind in range(2):
         if kind == ACCELEROMETERS:
             parity, fusion = redundancy.accelerometers, state.accelerometers
             controlled = diagnostics.excluded_accelerometers
             stuck = diagnostics.accelerometer_repetition.stuck
             absent = assembly.accelerometer_absent
-        _judge(state, parity, fusion, controlled, stuck, absent)
+            unusable = assembly.received & ~assembly.accelerometer_usable
+            measured = assembly.accelerometer_dv
+        saturated = unusable & ~absent
+        _judge(state, parity, fusion, controlled, stuck, absent, saturated, measured)
+    if redundancy.epochs == 0:
+        redundancy.known_epochs = 0
     if navigating:
         if redundancy.epochs == 0:
             blocks.note_uncertain(history, redundancy.gyros, redundancy.accelerometers)

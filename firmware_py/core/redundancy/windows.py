@@ -38,6 +38,8 @@ def _keep(sums: Sums, now: Sums, count: int) -> None:
     for i in range(3):
         sums.vector[i] = now.vector[i]
     sums.leverage = now.leverage
+    sums.stretch = now.stretch
+    sums.stretches = now.stretches
     sums.vector_leverage = now.vector_leverage
     sums.standing = now.standing
 
@@ -77,13 +79,16 @@ def close_second(parity: Parity, count: int, regressors: int) -> float:
         parity.residual[i] -= known  # the innovation from here on
         parity.now.parity[i] += parity.residual[i]
     parity.uncertain = uncertain
-    parity.now.leverage += uncertain
+    parity.now.stretch += math.sqrt(uncertain)
     parity.seconds += 1
     _note_squares(parity, count, uncertain)
     largest, noise = _largest(parity, count), _noise(parity, count)
     if largest < _LEARNS_BELOW and noise < 1.0:
         learning.learn(learner, parity.residual, count, uncertain, regressors)
         learning.age(learner, regressors)
+        parity.now.leverage += parity.now.stretch**2
+        parity.now.stretch = 0.0
+        parity.now.stretches += 1
         parity.frozen = 0
         parity.learning = learner.seconds >= LEARNED_S
         if uncertain > _MUCH_LEARNED:
@@ -100,8 +105,9 @@ def _note_squares(parity: Parity, count: int, uncertain: float) -> None:
     What is not learned yet errs alike from second to second, and not like noise: such a second
     counts as no more than a usual one.
     """
+    alike = min(parity.frozen + 1, NOISE_S)
     for i in range(count):
-        variance = parity.second_variance[i] * (1.0 + uncertain) + parity.drift_second[i]
+        variance = parity.second_variance[i] * (1.0 + uncertain * alike) + parity.drift_second[i]
         square = parity.residual[i] ** 2 / variance if variance > 0.0 else 0.0
         if uncertain > _MUCH_LEARNED:
             square = min(square, 1.0)
@@ -125,14 +131,22 @@ def _noise(parity: Parity, count: int) -> float:
 
 
 @compiled
-def variance_of(parity: Parity, level: int, sensor: int) -> float:
-    """Return the variance of a sensor's parity over a level's window that ends now.
+def uncertainty_of(parity: Parity, level: int) -> float:
+    """Return how uncertain a level's window is by what was learned, in variances of a second.
 
-    What was learned errs alike in all seconds since learning stopped.
+    What was learned errs alike in all seconds between two in which something was learned, and
+    independently before and after.
     """
-    begin = begin_of(parity, level)
-    alike = min(parity.frozen + 1, 1 << level)
-    uncertain = (parity.now.leverage - begin.leverage) * alike
+    now, begin = parity.now, begin_of(parity, level)
+    if now.stretches == begin.stretches:
+        return float((now.stretch - begin.stretch) ** 2)
+    return float(now.leverage - begin.leverage + now.stretch**2 - begin.stretch**2)
+
+
+@compiled
+def variance_of(parity: Parity, level: int, sensor: int) -> float:
+    """Return the variance of a sensor's parity over a level's window that ends now."""
+    uncertain = uncertainty_of(parity, level)
     return parity.variance[sensor, level] + uncertain * parity.second_variance[sensor]
 
 

@@ -1,0 +1,250 @@
+"""Each kind of fault of a sensor, in each mode: found, left out, or told; never the wrong one."""
+
+from __future__ import annotations
+
+import math
+import os
+import random
+
+import pytest
+
+import rrins
+
+BEGIN_S = 3.0
+"""When navigation begins, with the built-in scenarios' alignment of 2 s."""
+
+SELF_ALIGNED = {"firmware": {"initial_attitude": "self-aligned", "alignment_s": 60}}
+NOISE = {
+    "gyros": {"angle_random_walk_deg_per_sqrt_h": 0.005, "bias_dph": 0.0},
+    "accelerometers": {"white_noise_ug_per_sqrt_hz": 10, "bias_ug": 0.0},
+}
+UNCALIBRATED = {
+    "scale_error_ppm": [50, -50, 30, -40],
+    "installation_u_arcsec": [10, -10, 7, -5],
+    "installation_v_arcsec": [-10, 6, 10, -8],
+}
+
+
+def simulate(*faults, scenario="rimu_rotating", duration_s=300, noise=NOISE, **changes):
+    changes = {"redundancy": {"enabled": True}} | noise | changes
+    return rrins.simulate(scenario, duration_s=duration_s, faults=faults, **changes).summary
+
+
+def worst_m(summary):
+    error = summary["max_abs_position_error_m"]
+    return math.hypot(error["east"], error["north"])
+
+
+def of(summary, kind):
+    return summary["redundancy"][kind.split("_")[0] + "s"]
+
+
+AT_STANDSTILL = {
+    "ramp of a gyro": ({"kind": "gyro_ramp", "bias_dph_per_min": 10}, 15.0, 15.0),
+    "scale factor of a gyro": ({"kind": "gyro_scale"}, 5.0, 5.0),
+    "mount of a gyro": ({"kind": "gyro_shift_v"}, 5.0, 5.0),
+    "dead gyro": ({"kind": "gyro_dead"}, 5.0, 5.0),
+    "gyro at full scale": ({"kind": "gyro_full_scale"}, 5.0, 5.0),
+    "gyro that fails now and then": (
+        {"kind": "gyro_bias", "period_s": 10, "duty": 0.2}, 5.0, 5.0,
+    ),
+    "gyro that is stuck now and then": (
+        {"kind": "gyro_stuck", "period_s": 10, "duty": 0.3}, 5.0, 5.0,
+    ),
+    "scale factor of an accelerometer": ({"kind": "accelerometer_scale"}, 1.0, 5.0),
+    "dead accelerometer": ({"kind": "accelerometer_dead"}, 1.0, 5.0),
+    "accelerometer at full scale": ({"kind": "accelerometer_full_scale"}, 5.0, 5.0),
+    "accelerometer that fails now and then": (
+        {"kind": "accelerometer_bias", "period_s": 10, "duty": 0.2}, 1.0, 5.0,
+    ),
+    # 60" of gravity are 290 µg, as 60" of tilt would be: one of them fails, unknown which.
+    "ramp of an accelerometer": ({"kind": "accelerometer_ramp"}, 60.0, None),
+    "mount of an accelerometer": ({"kind": "accelerometer_shift_v"}, 5.0, None),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", AT_STANDSTILL)
+def test_at_standstill_each_fault_is_found(name):
+    fault, alarm_s, isolated_s = AT_STANDSTILL[name]
+    summary = simulate({"sensor": 3, "at_s": 203} | fault)
+    found = of(summary, fault["kind"])
+    assert found["alarm_s"] - 200 == pytest.approx(0, abs=alarm_s)
+    if isolated_s is None:
+        assert (found["excluded"], found["unresolved_s"]) == (None, found["alarm_s"])
+    else:
+        assert (found["excluded"], found["unresolved_s"]) == ([3], None)
+        assert found["isolated_s"] - 200 < isolated_s
+    assert summary["firmware"]["fault"] == "NONE"
+    assert worst_m(summary) < 25
+
+
+MOVING = {
+    "drive": {"scenario": "drive_rotating"},
+    "sway": {"scenario": "rimu_rotating", "motion": {"kind": "sway"}},
+}
+
+
+@pytest.mark.parametrize("motion", MOVING)
+@pytest.mark.parametrize("what", ["stuck", "dead", "absent", "full_scale"])
+@pytest.mark.parametrize("kind", ["gyro", "accelerometer"])
+def test_in_motion_a_useless_sensor_is_left_out(kind, what, motion):
+    fault = {"kind": f"{kind}_{what}", "sensor": 2, "at_s": 153}
+    summary = simulate(fault, duration_s=200, **MOVING[motion])
+    found = of(summary, fault["kind"])
+    assert (found["excluded"], found["unresolved_s"]) == ([2], None)
+    assert found["isolated_s"] - 150 < 2.5
+    assert summary["firmware"]["fault"] == "NONE"
+    assert worst_m(summary) < 60
+
+
+@pytest.mark.parametrize("what", ["stuck", "dead", "absent", "full_scale"])
+@pytest.mark.parametrize("kind", ["gyro", "accelerometer"])
+def test_a_sensor_that_is_useless_at_power_on_is_left_out(kind, what):
+    summary = simulate({"kind": f"{kind}_{what}", "sensor": 3, "at_s": 0}, duration_s=120)
+    assert of(summary, kind)["excluded"] == [3]
+    assert summary["firmware"]["fault"] == "NONE"
+    assert worst_m(summary) < 5
+
+
+def test_without_redundancy_an_absent_sensor_fails_the_self_test():
+    fault = {"kind": "gyro_absent", "sensor": 3, "at_s": 0}
+    summary = simulate(fault, duration_s=20, redundancy={"enabled": False})
+    assert summary["firmware"]["fault"] == "SELF_TEST_FAILED"
+
+
+def test_one_of_three_that_cannot_be_spared_fails_the_self_test_as_before():
+    fault = {"kind": "gyro_absent", "sensor": 3, "at_s": 0}
+    summary = simulate(fault, duration_s=20, rimu={"geometry": "orthogonal"})
+    assert summary["firmware"]["fault"] == "SELF_TEST_FAILED"
+
+
+@pytest.mark.parametrize("at_s", [40, 61])
+@pytest.mark.parametrize(
+    "fault",
+    [
+        {"kind": "gyro_bias", "bias_dph": 100},
+        {"kind": "gyro_stuck"},
+        {"kind": "gyro_noise"},
+        {"kind": "gyro_absent"},
+        {"kind": "gyro_full_scale"},
+        {"kind": "accelerometer_bias", "bias_ug": 5000},
+        {"kind": "accelerometer_dead"},
+        {"kind": "accelerometer_noise"},
+        {"kind": "accelerometer_scale"},
+    ],
+    ids=lambda fault: fault["kind"],
+)
+def test_a_sensor_that_fails_during_alignment_is_left_out_of_it(fault, at_s):
+    """Alignment lasts from 1.5 to 61.5 s; it waits for a suspicion, and begins anew."""
+    summary = simulate(fault | {"sensor": 2, "at_s": at_s}, duration_s=120, **SELF_ALIGNED)
+    assert of(summary, fault["kind"])["excluded"] == [2]
+    assert summary["firmware"]["fault"] == "NONE"
+    anew_s = {40: 40.0, 61: 61.0}[at_s]
+    navigated_s = summary["firmware"]["epochs_navigated"] / 200
+    waits = fault["kind"] not in ("gyro_absent", "gyro_full_scale", "gyro_stuck") or at_s == 40
+    assert not waits or navigated_s == pytest.approx(120 - anew_s, abs=3)
+    assert worst_m(summary) < 5
+
+
+def test_two_faults_one_after_the_other_each_in_its_kind():
+    faults = [
+        {"kind": "gyro_scale", "sensor": 2, "at_s": 103},
+        {"kind": "accelerometer_dead", "sensor": 4, "at_s": 104},
+    ]
+    summary = simulate(*faults, duration_s=200)
+    assert of(summary, "gyro")["excluded"] == [2]
+    assert of(summary, "accelerometer")["excluded"] == [4]
+    assert worst_m(summary) < 15
+
+
+@pytest.mark.parametrize("what", ["bias", "scale"])
+def test_a_fault_during_recovery_from_lost_frames_is_found(what):
+    faults = [
+        {"kind": "silence", "node": "hardware", "at_s": 103, "for_s": 0.09},
+        {"kind": f"gyro_{what}", "sensor": 2, "at_s": 103.05},
+        {"kind": "drop", "probability": 0.01, "at_s": 20},
+    ]
+    summary = simulate(*faults, duration_s=140)
+    found = of(summary, "gyro")
+    assert (found["excluded"], found["unresolved_s"]) == ([2], None)
+    assert found["isolated_s"] - 100 < 5
+    assert of(summary, "accelerometer")["alarm_s"] is None
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["gyro_scale", "gyro_stuck", "accelerometer_scale"])
+def test_without_calibration_a_scale_factor_and_a_stuck_sensor_are_found_at_once(kind):
+    noise = {name: keys | UNCALIBRATED for name, keys in NOISE.items()}
+    for seed in range(5):
+        fault = {"kind": kind, "sensor": seed % 4 + 1, "at_s": 1003}
+        found = of(simulate(fault, duration_s=1040, noise=noise, seed=seed), kind)
+        assert found["excluded"] == [seed % 4 + 1]
+        assert 0 <= found["alarm_s"] - 1000 < 5
+
+
+SIZES = {
+    "bias": ("bias_dph", 1, 100, "bias_ug", 50, 5000),
+    "ramp": ("bias_dph_per_min", 0.5, 20, "bias_ug_per_min", 20, 2000),
+    "scale": ("scale_ppm", 500, 20_000, "scale_ppm", 200, 20_000),
+    "shift_u": ("shift_arcsec", 20, 600, "shift_arcsec", 20, 600),
+    "shift_v": ("shift_arcsec", 20, 600, "shift_arcsec", 20, 600),
+    "noise": ("angle_random_walk_deg_per_sqrt_h", 0.1, 5, "white_noise_ug_per_sqrt_hz", 100, 5000),
+    "stuck": (),
+    "dead": (),
+    "full_scale": (),
+    "absent": (),
+}
+"""Smallest and largest value of a campaign's faults, of gyros and of accelerometers."""
+
+
+def random_fault(number):
+    """Return a fault: kinds in turn, all else drawn."""
+    draw = random.Random(number)
+    kinds = [(part, what) for part in ("gyro", "accelerometer") for what in SIZES]
+    part, what = kinds[number % len(kinds)]
+    fault = {"kind": f"{part}_{what}", "sensor": draw.randint(1, 4), "at_s": draw.uniform(400, 800)}
+    if SIZES[what]:
+        key, least, most = SIZES[what][:3] if part == "gyro" else SIZES[what][3:]
+        size = least * (most / least) ** draw.random()
+        fault[key] = size if what == "noise" else size * draw.choice((1, -1))
+    if draw.random() < 0.25:
+        fault |= {"period_s": draw.uniform(1, 30), "duty": draw.uniform(0.1, 0.9)}
+    return fault
+
+
+@pytest.mark.skipif("RRINS_FAULT_RUNS" not in os.environ, reason="RRINS_FAULT_RUNS is not set")
+@pytest.mark.parametrize(
+    ("scenario", "changes"),
+    [
+        ("drive_rotating", {}),
+        ("drive_strapdown", {}),
+        ("rimu_rotating", {"motion": {"kind": "sway"}}),
+        ("rimu_rotating", {}),
+    ],
+    ids=["drive", "locked", "sea", "standing"],
+)
+def test_no_sound_sensor_is_left_out(scenario, changes):
+    """`RRINS_FAULT_RUNS` runs of each scenario, each with a random fault; calibrated or not."""
+    outcome = {"left out": 0, "one of them": 0, "unnoticed": 0}
+    wrong = []
+    for number in range(int(os.environ["RRINS_FAULT_RUNS"])):
+        fault = random_fault(number)
+        off = UNCALIBRATED if number // len(SIZES) % 4 > 1 else {}
+        noise = {name: keys | off for name, keys in NOISE.items()}
+        duration_s = fault["at_s"] + 250
+        if "motion" in changes:
+            changes = {"motion": changes["motion"] | {"seed": number}}
+        run = {"scenario": scenario, "duration_s": duration_s, "noise": noise, "seed": number}
+        summary = simulate(fault, **run, **changes)
+        own = of(summary, fault["kind"])
+        others = [kind for kind in summary["redundancy"].values() if kind is not own]
+        early = any(
+            kind["alarm_s"] is not None and kind["alarm_s"] < fault["at_s"] - BEGIN_S - 0.1
+            for kind in summary["redundancy"].values()
+        )
+        if early or own["excluded"] not in (None, [fault["sensor"]]) or others[0]["excluded"]:
+            wrong.append((number, fault, summary["redundancy"]))
+        told = "one of them" if own["unresolved_s"] is not None else "unnoticed"
+        outcome["left out" if own["excluded"] else told] += 1
+    print(f"\n{scenario} {changes}: {outcome}, wrong {len(wrong)}")
+    assert not wrong
