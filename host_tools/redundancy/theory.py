@@ -85,8 +85,6 @@ class Finder:
         Sensors.
     share : array, shape (count,)
         Of the square of a fault that reaches the parity; 0: the sensor is not checked.
-    rivals : array, shape (count,)
-        The largest correlation of each sensor's parity with another's: 1 means alike.
     second_factor, epoch_factor, noise_limit : float
         The firmware's thresholds.
     """
@@ -126,7 +124,7 @@ class Finder:
 
     @functools.cached_property
     def rivals(self) -> Floats:
-        """The largest correlation of each sensor's parity with another's."""
+        """The largest correlation of each sensor's parity with another's: 1 means alike."""
         projector = self._learned.projector[: self.count, : self.count]
         deviation = np.sqrt(np.diag(projector))
         checked = deviation > math.sqrt(parities.CHECKED_FROM)
