@@ -99,6 +99,21 @@ OF_HARDWARE = (
         "gyro 2 noisy, 1 °/√h",
         {"kind": "gyro_noise", "sensor": 2, "angle_random_walk_deg_per_sqrt_h": 1},
     ),
+    Case(
+        "gyro 2 drifts, 600 °/h per minute",
+        {"kind": "gyro_ramp", "sensor": 2, "bias_dph_per_min": 600},
+    ),
+    Case("gyro 2 scales 1 % too high", {"kind": "gyro_scale", "sensor": 2, "scale_ppm": 10_000}),
+    Case(
+        "gyro 2 turns in its mount, δu of 5′",
+        {"kind": "gyro_shift_u", "sensor": 2, "shift_arcsec": 300},
+    ),
+    Case(
+        "gyro 2 turns in its mount, δv of 5′",
+        {"kind": "gyro_shift_v", "sensor": 2, "shift_arcsec": 300},
+    ),
+    Case("gyro 2 reads zero", {"kind": "gyro_dead", "sensor": 2}),
+    Case("gyro 2 at full scale", {"kind": "gyro_full_scale", "sensor": 2}),
     Case("gyro 2 absent for 5 s", {"kind": "gyro_absent", "sensor": 2, "for_s": 5}),
     Case("all gyros absent for 1 s", {"kind": "gyro_absent", "for_s": 1}),
     Case(
@@ -113,6 +128,24 @@ OF_HARDWARE = (
         "accelerometer 3 noisy, 1000 µg/√Hz",
         {"kind": "accelerometer_noise", "sensor": 3, "white_noise_ug_per_sqrt_hz": 1000},
     ),
+    Case(
+        "accelerometer 3 drifts, 1000 µg per minute",
+        {"kind": "accelerometer_ramp", "sensor": 3, "bias_ug_per_min": 1000},
+    ),
+    Case(
+        "accelerometer 3 scales 1 % too high",
+        {"kind": "accelerometer_scale", "sensor": 3, "scale_ppm": 10_000},
+    ),
+    Case(
+        "accelerometer 3 turns in its mount, δu of 5′",
+        {"kind": "accelerometer_shift_u", "sensor": 3, "shift_arcsec": 300},
+    ),
+    Case(
+        "accelerometer 3 turns in its mount, δv of 5′",
+        {"kind": "accelerometer_shift_v", "sensor": 3, "shift_arcsec": 300},
+    ),
+    Case("accelerometer 3 reads zero", {"kind": "accelerometer_dead", "sensor": 3}),
+    Case("accelerometer 3 at full scale", {"kind": "accelerometer_full_scale", "sensor": 3}),
     Case(
         "accelerometer 3 absent for 5 s", {"kind": "accelerometer_absent", "sensor": 3, "for_s": 5}
     ),

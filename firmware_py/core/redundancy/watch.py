@@ -136,6 +136,8 @@ def _close_second(state: Ram, parity: Parity, fusion: Fusion) -> tuple[int, int]
                 known = known and (redundancy.aligning or standing.slow(state))
                 if standing.close_second(parity, fusion, regressors, known):
                     redundancy.moved = True
+                    if parity.kind == ACCELEROMETERS:  # its attitude errs otherwise now
+                        standing.forget(parity)
             windows.keep(compared, count)
         if turn == _TRIAL:
             readmission.close_second(state, parity, fusion, is_full)

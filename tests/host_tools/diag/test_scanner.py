@@ -6,6 +6,7 @@ vcan0: `tests/socketcan`.
 
 from __future__ import annotations
 
+import contextlib
 import os
 import re
 import socket
@@ -22,6 +23,8 @@ from rrins.host_tools.diag.tester import Tester as Tool
 
 ROUTINES = ("0x0000", "0xffff" if "RRINS_SCAN_ALL" in os.environ else "0x03ff")
 
+RESPONSE_PENDING = b"\x78"
+
 pytestmark = pytest.mark.timeout(900)
 
 
@@ -35,11 +38,12 @@ def serve(listener: socket.socket, connection: Connection) -> None:
         with end, end.makefile("rb") as lines:
             for line in lines:
                 connection.specific_send(bytes.fromhex(line.decode()))
-                try:
-                    answer = connection.specific_wait_frame(1.0)
-                except TimeoutException:
-                    continue
-                end.sendall(answer.hex().encode() + b"\n")
+                with contextlib.suppress(TimeoutException):
+                    is_last = False
+                    while not is_last:
+                        answer = connection.specific_wait_frame(1.0)
+                        is_last = answer[:1] != b"\x7f" or answer[2:] != RESPONSE_PENDING
+                        end.sendall(answer.hex().encode() + b"\n")
 
 
 @pytest.fixture

@@ -11,7 +11,7 @@ from rrins.host_tools.scenario import presets
 from rrins.host_tools.scenario.geometry import GEOMETRIES
 from rrins.host_tools.scenario.scenario import Scenario, load
 
-FOUR = ("tetrahedron", "cone")
+FOUR = ("tetrahedron", "cone", "orthogonal-plus-one")
 
 
 @pytest.fixture
