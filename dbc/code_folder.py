@@ -25,6 +25,8 @@ import llvmlite
 import numba
 import numpy as np
 
+from rrins.dbc.compile_events import heed_signals
+
 _log = logging.getLogger(__name__)
 
 _ROOMS = ("dbc", "firmware_py/core", "host_tools/hardware", "host_tools/wire")
@@ -37,6 +39,7 @@ _STALE_S = 3600.0
 """Age from which a file that is not finished never will be."""
 _MAGIC = b"rrins compiled code 1\n"
 _DIGEST_BYTES = 32
+_CLAIM_POLL_S = 0.01
 _ENDING = ".code"
 _UNFINISHED = ".part"
 _NAME_OF_FOLDER = re.compile(r"[0-9a-f]{16}")
@@ -157,6 +160,25 @@ class CodeFolder:
         except OSError as error:
             self._say("cannot be kept", f"{error.strerror}; every start compiles, or {_WAY_OUT}")
 
+    @contextlib.contextmanager
+    def claimed(self, name: str) -> Iterator[None]:
+        """Let no other process make a file meanwhile; wait while one does, open to Ctrl-C.
+
+        Claims may nest, the file that another one needs within it.
+        """
+        claims = self._claims()
+        if claims is None:
+            yield
+            return
+        place = int.from_bytes(hashlib.sha256(name.encode()).digest()[:7], "little")
+        while not _lock_byte(claims, place):
+            heed_signals()
+            time.sleep(_CLAIM_POLL_S)
+        try:
+            yield
+        finally:
+            fcntl.lockf(claims, fcntl.LOCK_UN, 1, place)
+
     def heal(self, *also: str) -> None:
         """Delete all damaged files, and those named; say once that there were any."""
         with self._locked():
@@ -167,6 +189,14 @@ class CodeFolder:
         if damaged:
             what = "1 file" if len(damaged) == 1 else f"{len(damaged)} files"
             self._say("was damaged", f"{what} deleted, to be compiled anew")
+
+    def _claims(self) -> int | None:
+        """Return the descriptor of the file whose bytes stand for claims; None if there is none."""
+        try:
+            self._make()
+            return _open_claims(self.path / "claims")
+        except OSError:
+            return None
 
     def _enter(self) -> None:
         """Check the folder at its first use, and note that it is used."""
@@ -266,6 +296,25 @@ class CodeFolder:
 def name_of_code(function: str, key: str) -> str:
     """Return the name of the file for a function with a key: signature, processor, source."""
     return f"{function}-{hashlib.sha256(key.encode()).hexdigest()[:32]}{_ENDING}"
+
+
+@functools.cache
+def _open_claims(path: Path) -> int:
+    # Never closed: that would let go of all claims of this process.
+    return os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
+
+
+def forget_claims() -> None:
+    """Open the files of claims anew: what a process does that has closed what it inherited."""
+    _open_claims.cache_clear()
+
+
+def _lock_byte(descriptor: int, place: int) -> bool:
+    try:
+        fcntl.lockf(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB, 1, place)
+    except BlockingIOError:
+        return False
+    return True
 
 
 def _delete(path: Path) -> None:

@@ -1,124 +1,124 @@
-"""Compiles the functions of the steps, and keeps their machine code between runs.
+"""Compiles the functions of the steps: as wholes for Python, as parts for compiled code.
 
-numba's own cache believes what it finds, misses changes in other files, such as constants and
-inlined functions, and mixes files up when two processes compile one function for different types.
-Here code is kept by `rrins.dbc.code_folder`: one file for each function and signature, in a folder
-named after a digest of all sources.
+`compiled` is numba's `njit` with two differences: the code is kept between runs
+(`rrins.dbc.code_cache`), and only what Python calls becomes machine code
+(`rrins.dbc.code_library`), which halves the time that the first start compiles.
 """
 
 from __future__ import annotations
 
-import pickle
+import functools
 from collections.abc import Callable
 from typing import Any, TypeVar, cast
 
 import numba
-from numba.core.caching import (
-    CompileResultCacheImpl,
-    FunctionCache,
-    IndexDataCacheFile,
-    UserProvidedCacheLocator,
-)
-from numba.core.dispatcher import Dispatcher
-from numba.core.serialize import dumps
+from numba.core import types
+from numba.core.compiler import Compiler, Flags, compile_extra
+from numba.core.compiler_lock import global_compiler_lock
+from numba.core.dispatcher import _FunctionCompiler  # type: ignore[attr-defined]
+from numba.core.event import trigger_event
+from numba.core.registry import CPUDispatcher
+from numba.core.sigutils import normalize_signature
+from numba.core.typing.templates import make_concrete_template
 
-from rrins.dbc.code_folder import CodeFolder, code_folder, name_of_code
-from rrins.dbc.compile_events import signals_deferred
+from rrins.dbc.code_cache import CodeCache
+from rrins.dbc.code_folder import CodeFolder
+from rrins.dbc.code_library import Part, PartLibrary, WholeLibrary, collector_paused
 
 _F = TypeVar("_F", bound=Callable[..., object])
-_Key = tuple[Any, ...]
+_Kinds = tuple[Any, ...]
+
+# numba writes the type of each argument out for each of its passes, whether anyone reads it or not.
+setattr(types.Record, "__repr__", functools.cache(types.Record.__repr__))  # noqa: B010
 
 
-class _Locator(UserProvidedCacheLocator):
-    """Tells numba the state of a function's source file; it does not say where code is kept."""
+class _Compiler(_FunctionCompiler):
+    """numba's compiler of a function, into our libraries."""
 
-    def __init__(self, function: Any, file: str) -> None:
-        self._py_file = file
-        self._lineno = function.__code__.co_firstlineno
-        self._cache_path = ""
+    def part(self, kinds: _Kinds, file: str) -> Part:
+        """Compile for a call from compiled code."""
+        library = PartLibrary(self.py_func.__qualname__, file)
+        result = self._compile_into(library, kinds, None, is_part=True)
+        library.environment = result.environment
+        library.finalize()
+        return Part(library, result.fndesc, result.signature)
 
-    def ensure_cache_path(self) -> None:
-        """Do nothing: the folder is made when a file is saved."""
+    def _compile_core(self, args: Any, return_type: Any) -> Any:
+        library = WholeLibrary(self.py_func.__qualname__)
+        with collector_paused():
+            return self._compile_into(library, args, return_type, is_part=False)
 
-    @classmethod
-    def from_function(cls, function: Any, file: str) -> _Locator:
-        """Return the locator of a function."""
-        return cls(function, file)
-
-
-class _Results(CompileResultCacheImpl):
-    """Turns compiled functions into what can be pickled, and back."""
-
-    _locator_classes: list[type[object]] = [_Locator]  # noqa: RUF012 - as numba declares it
-
-
-class _Files(IndexDataCacheFile):
-    """The files of one function, in the place of numba's index and data files."""
-
-    def __init__(self, function: Any, stamp: object, folder: CodeFolder | None) -> None:
-        self._name = f"{function.__module__}.{function.__name__}".removeprefix("rrins.")
-        self._stamp = stamp
-        self._given = folder
-
-    @property
-    def _folder(self) -> CodeFolder | None:
-        return self._given if self._given is not None else code_folder()
-
-    def load(self, key: _Key) -> object:
-        """Return the compiled function of a key; None if it is to be compiled."""
-        folder = self._folder
-        code = None if folder is None else folder.load(self._file(key))
-        return None if code is None else pickle.loads(code)
-
-    def save(self, key: _Key, compiled: object) -> None:
-        """Keep a compiled function."""
-        if self._folder is not None:
-            self._folder.save(self._file(key), dumps(compiled))
-
-    def discard(self, key: _Key) -> None:
-        """Delete a file of which numba can make nothing."""
-        if self._folder is not None:
-            self._folder.heal(self._file(key))
-
-    def flush(self) -> None:
-        """Do nothing: other functions' code is in the folder, too."""
-
-    def _file(self, key: _Key) -> str:
-        signature, *rest = key
-        return name_of_code(
-            self._name, repr(([str(kind) for kind in signature], rest, self._stamp))
+    def _compile_into(self, library: Any, args: Any, return_type: Any, is_part: bool) -> Any:
+        flags: Any = Flags()
+        self.targetdescr.options.parse_as_flags(flags, self.targetoptions)
+        if is_part:
+            flags.no_cpython_wrapper = flags.no_compile = True
+        return compile_extra(
+            self.targetdescr.typing_context,
+            self.targetdescr.target_context,
+            self.py_func,
+            args=args,
+            return_type=return_type,
+            flags=flags,
+            locals=self.locals,
+            library=library,
+            pipeline_class=self.pipeline_class,
         )
 
 
-class _CheckedCache(FunctionCache):
-    """numba's cache of a function, with our files."""
+class Function(CPUDispatcher):
+    """A compiled function: a whole where Python calls it, a part where compiled code does."""
 
-    _impl_class = _Results
+    def __init__(self, function: Any, folder: CodeFolder | None, options: dict[str, Any]) -> None:
+        # No wrapper for callers in C: there are none, and it is a tenth of the work.
+        chosen = {"nopython": True, "boundscheck": None, "no_cfunc_wrapper": True, **options}
+        super().__init__(function, targetoptions=chosen)
+        self._cache = CodeCache(function, folder)
+        self._compiler = _Compiler(function, self.targetdescr, chosen, {}, Compiler)
+        self._parts: dict[_Kinds, tuple[object, Part]] = {}
 
-    def __init__(self, function: Any, folder: CodeFolder | None) -> None:
-        FunctionCache.__init__(self, function)
-        self._numba: Any = super()
-        self._files = _Files(function, self._impl.locator.get_source_stamp(), folder)
-        self._cache_file = self._files
+    def get_call_template(self, args: Any, kws: Any) -> Any:
+        """Return what types a call from compiled code; compile the part that it calls."""
+        python_signature, folded = self._compiler.fold_argument_types(args, kws)
+        # One part for all constants: LLVM puts them in where it is worth it.
+        _, part = self.part(tuple(types.unliteral(kind) for kind in folded))
+        name = self.py_func.__name__
+        template = make_concrete_template(f"Call({name})", key=name, signatures=[part.signature])
+        return template, python_signature, folded, {}
 
-    def load_overload(self, signature: Any, target: Any) -> Any:
-        """Return the function compiled for a signature; None if it is to be compiled."""
-        with signals_deferred():
-            try:
-                return self._numba.load_overload(signature, target)
-            except (pickle.UnpicklingError, ImportError, AttributeError, RuntimeError, TypeError):
-                # The file is as it was written, and yet wrong: the process that wrote it was.
-                self._files.discard(self._numba._index_key(signature, target.codegen()))
-                return None
+    def get_overload(self, sig: Any) -> Any:
+        """Return what numba knows the part of a signature by."""
+        kinds, _ = normalize_signature(sig)
+        return self._parts[tuple(kinds)][0]
 
-    def save_overload(self, signature: Any, result: Any) -> None:
-        """Keep the function compiled for a signature."""
-        with signals_deferred():
-            self._numba.save_overload(signature, result)
+    def part(self, kinds: _Kinds) -> tuple[object, Part]:
+        """Return the part for the types of its arguments, and what numba knows it by."""
+        with global_compiler_lock:
+            if kinds not in self._parts:
+                with self._compiling_counter:
+                    part = self._load_or_compile(kinds)
+                known_by = object()
+                self.targetctx.insert_user_function(known_by, part.descriptor, [part.library])
+                self._parts[kinds] = known_by, part
+            return self._parts[kinds]
+
+    def _load_or_compile(self, kinds: _Kinds) -> Part:
+        file = self._cache.file_of_part(kinds)
+        part = self._cache.load_part(file)
+        if part is not None:
+            return part
+        with self._cache.claimed(file):
+            part = self._cache.load_part(file)
+            if part is None:
+                details = {"dispatcher": self, "args": kinds, "return_type": None}
+                with trigger_event("numba:compile", data=details):
+                    part = self._compiler.part(kinds, file)
+                self._cache.save_part(part)
+        return part
 
 
 def compiled(function: _F) -> _F:
-    """Compile a function of a step at its first call; its machine code is kept."""
+    """Compile a function of a step at its first call; its code is kept."""
     return compiled_with()(function)
 
 
@@ -128,16 +128,14 @@ def compiled_with(folder: CodeFolder | None = None, **options: Any) -> Callable[
     Parameters
     ----------
     folder : CodeFolder, optional
-        Where the machine code is kept; the user's without it.
+        Where the code is kept; the user's without it.
     **options
         Such as ``nogil=True``.
     """
 
     def compile_later(function: _F) -> _F:
-        # No wrapper for callers in C: there are none, and it is a tenth of the work.
-        dispatcher = numba.njit(**{"no_cfunc_wrapper": True, **options})(function)
-        if isinstance(dispatcher, Dispatcher):  # else NUMBA_DISABLE_JIT=1
-            cast(Any, dispatcher)._cache = _CheckedCache(function, folder)
-        return cast(_F, dispatcher)
+        if numba.config.DISABLE_JIT:  # type: ignore[attr-defined]
+            return function
+        return cast(_F, Function(function, folder, options))
 
     return compile_later

@@ -84,6 +84,12 @@ def signals_deferred() -> Iterator[None]:
         _deferral.end()
 
 
+def heed_signals() -> None:
+    """Break off here, if Ctrl-C or SIGTERM came while they were held back."""
+    if _is_in_main_thread():
+        _deferral.heed()
+
+
 class _DeferWhileCompiling(Listener):
     """Holds back signals while a function is compiled, with those that it calls."""
 

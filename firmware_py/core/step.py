@@ -9,8 +9,9 @@ from __future__ import annotations
 import numpy as np
 
 from rrins.dbc.compilation import compiled
+from rrins.dbc.compiled_beside import Beside, array_of
 from rrins.dbc.contract import Contract
-from rrins.dbc.frame import FrameArray
+from rrins.dbc.frame import Frame, FrameArray
 from rrins.dbc.record import Records
 from rrins.firmware_py.core import (
     alignment,
@@ -30,9 +31,11 @@ from rrins.firmware_py.core import (
 )
 from rrins.firmware_py.core.attitude import euler_of_matrix, gimbal_matrix, multiply_transposed
 from rrins.firmware_py.core.fusion import compensate, fuse
-from rrins.firmware_py.core.memory import INNER, OUTER, Ram
+from rrins.firmware_py.core.memory import INNER, OUTER, Fusion, Ram
 from rrins.firmware_py.core.modes import FirmwareFault, Mode
+from rrins.firmware_py.core.redundancy import bank, repair
 from rrins.firmware_py.core.redundancy import watch as redundancy
+from rrins.firmware_py.core.redundancy_records import Parity
 from rrins.firmware_py.core.transmit import transmit
 
 _DOUBT_NS = 15_000_000_000
@@ -295,3 +298,18 @@ def firmware_step(
     sent = transmit(state, record, outbox)
     monitor.watch(state, state.consumed - start + sent)
     return sent
+
+
+def parts_beside(contract: Records[Contract], compares: bool | None) -> tuple[Beside, ...]:
+    """Return what a second process compiles meanwhile: half of a step, from its end."""
+    comparing = (
+        Beside(bank.follow, (Ram,)),
+        Beside(repair.advance, (Ram,)),
+        Beside(redundancy.close_second, (Ram, Parity, Fusion)),
+    )
+    return (
+        Beside(monitor.watch, (Ram, int)),
+        Beside(transmit, (Ram, contract.dtype, array_of(Frame))),
+        Beside(_run_mode, (Ram, contract.dtype)),
+        *(comparing if compares else ()),
+    )

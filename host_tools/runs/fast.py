@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import Self
 
 from rrins.dbc.compilation import compiled, compiled_with
+from rrins.dbc.compiled_beside import Beside, array_of, compiled_beside
 from rrins.dbc.contract import Contract, load_contract
 from rrins.dbc.record import Floats, Records
 from rrins.firmware_py.core import clock, gnss, intake
@@ -18,6 +19,7 @@ from rrins.firmware_py.core import settings as firmware
 from rrins.firmware_py.core.memory import INNER, OUTER, NavigationOutput, Ram
 from rrins.firmware_py.core.modes import navigating
 from rrins.firmware_py.core.step import compute, output
+from rrins.firmware_py.core.step import parts_beside as step_parts_beside
 from rrins.firmware_py.core.transmit import axis_command_word
 from rrins.firmware_py.loop import Firmware
 from rrins.host_tools.hardware import gnss as receiver
@@ -138,6 +140,12 @@ def run_epochs(
     return rows
 
 
+def parts_beside(contract: Records[Contract], compares: bool | None) -> tuple[Beside, ...]:
+    """Return what of `step_both` is to be compiled beside the rest."""
+    hardware_part = Beside(advance, (Plant, array_of(float, 3), contract.dtype))
+    return hardware_part, *step_parts_beside(contract, compares)
+
+
 @dataclass(frozen=True)
 class Track:
     """What came out of a run: the same epochs of navigation and truth, oldest first.
@@ -200,15 +208,16 @@ class FastRun:
         room = epochs // self.every + 1
         navigation = NavigationOutput.zeros(room)
         truth = Truth.zeros(room)
-        rows = run_epochs(
-            self.plant,
-            self.pieces,
-            self.ram,
-            self.contract,
-            self.compares,
-            epochs,
-            self.every,
-            navigation,
-            truth,
-        )
+        with compiled_beside(*parts_beside(self.contract, self.compares)):
+            rows = run_epochs(
+                self.plant,
+                self.pieces,
+                self.ram,
+                self.contract,
+                self.compares,
+                epochs,
+                self.every,
+                navigation,
+                truth,
+            )
         return Track(navigation[:rows], truth[:rows])

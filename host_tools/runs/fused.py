@@ -13,6 +13,7 @@ from typing import Annotated
 import numpy as np
 
 from rrins.dbc.compilation import compiled, compiled_with
+from rrins.dbc.compiled_beside import compiled_beside
 from rrins.dbc.contract import Contract
 from rrins.dbc.record import F8, I8, Bool, Floats, Record, Records
 from rrins.firmware_py.core.memory import INNER, OUTER, NavigationOutput, Ram
@@ -21,7 +22,7 @@ from rrins.firmware_py.core.step import output
 from rrins.host_tools.errors import RehearsalError
 from rrins.host_tools.hardware.memory import Plant, Truth
 from rrins.host_tools.hardware.step import note_truth
-from rrins.host_tools.runs.fast import FastRun, step_both
+from rrins.host_tools.runs.fast import FastRun, parts_beside, step_both
 from rrins.host_tools.runs.settings import firmware_settings, hardware_settings, scenario_wire
 from rrins.host_tools.scenario.scenario import Scenario
 
@@ -129,17 +130,18 @@ def fused_of_scenario(scenario: Scenario) -> Iterator[FusedTrack]:
         increments = FusedIncrements.zeros(epochs)
         navigation = NavigationOutput.zeros(epochs)
         truth = Truth.zeros(epochs)
-        rows = _run_epochs(
-            run.plant,
-            run.pieces,
-            run.ram,
-            run.contract,
-            run.compares,
-            epochs,
-            increments,
-            navigation,
-            truth,
-        )
+        with compiled_beside(*parts_beside(run.contract, run.compares)):
+            rows = _run_epochs(
+                run.plant,
+                run.pieces,
+                run.ram,
+                run.contract,
+                run.compares,
+                epochs,
+                increments,
+                navigation,
+                truth,
+            )
         if rows:
             yield FusedTrack(increments[:rows], navigation[:rows], truth[:rows])
 

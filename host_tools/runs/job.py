@@ -9,8 +9,10 @@ from pathlib import Path
 
 from rrins.dbc.code_folder import CodeFolderError, code_folder
 from rrins.dbc.compile_events import compiling_watched
+from rrins.dbc.compiled_beside import compiled_beside
 from rrins.dbc.frame import frame_array
 from rrins.dbc.values import FaultAction
+from rrins.firmware_py.core.step import parts_beside
 from rrins.firmware_py.loop import Firmware
 from rrins.firmware_py.serial.lines import NO_LINES, SerialSettings
 from rrins.host_tools.bus.port import Address, frame_of_message
@@ -115,7 +117,8 @@ def check_code_folder() -> None:
 def prepare_firmware(scenario: Scenario) -> None:
     """Run one step on a spare instance, so that all code is compiled or loaded."""
     aside = Firmware(firmware_settings(scenario))
-    aside.step(frame_array(1), 0, 0, 0)
+    with compiled_beside(*parts_beside(aside.contract, aside.compares)):
+        aside.step(frame_array(1), 0, 0, 0)
 
 
 def prepare_hardware(scenario: Scenario) -> None:

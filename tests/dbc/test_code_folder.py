@@ -5,6 +5,8 @@ from __future__ import annotations
 import logging
 import os
 import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -178,3 +180,32 @@ def test_what_a_killed_process_did_not_finish_is_swept_out_later(tmp_path, caplo
     assert not old.exists()
     assert young.exists()
     assert not [record for record in caplog.records if record.levelno >= logging.WARNING]
+
+
+CLAIM = """
+import signal, sys
+from pathlib import Path
+from rrins.dbc.code_folder import CodeFolder
+signal.signal(signal.SIGALRM, signal.default_int_handler)
+signal.setitimer(signal.ITIMER_REAL, 1.0)
+try:
+    with CodeFolder(Path(sys.argv[1])).claimed(sys.argv[2]):
+        print("had it")
+except KeyboardInterrupt:
+    print("waited")
+"""
+
+
+def test_a_claim_keeps_other_processes_waiting_open_to_ctrl_c(tmp_path):
+    folder = folder_with_code(tmp_path)
+
+    def claim(name):
+        command = [sys.executable, "-c", CLAIM, str(folder.path), name]
+        return subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
+
+    with folder.claimed(FIRST):
+        with folder.claimed(SECOND):
+            assert claim(SECOND) == "waited"
+        assert claim(SECOND) == "had it"
+        assert claim(FIRST) == "waited"
+    assert claim(FIRST) == "had it"

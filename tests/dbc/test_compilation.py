@@ -161,3 +161,97 @@ def test_ctrl_c_while_compiling_stops_without_a_traceback(folder, tmp_path):
     done = run(script, folder.path)
     assert (done.returncode, done.stderr) == (0, "")
     assert done.stdout == "40\n"
+
+
+PARTS = """
+import sys
+from rrins.dbc.compilation import compiled
+from rrins.dbc.compile_events import compiling_watched
+@compiled
+def deepest(x):
+    return x + 0.5
+@compiled
+def inner(x):
+    return deepest(x) * 2
+@compiled
+def other(x):
+    return deepest(x) * 3
+@compiled
+def outer(x):
+    return inner(x) + other(x)
+counts = [0]
+with compiling_watched(counts.append):
+    value = globals()[sys.argv[1]](1.0)
+print(value, counts[-1])
+"""
+
+
+@pytest.fixture
+def parts(tmp_path, monkeypatch):
+    """Return what calls a function of `PARTS` in a new process: its value, and what it compiled."""
+    monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    script = tmp_path / "script.py"
+    script.write_text(PARTS)
+
+    def call(name):
+        done = run(script, name)
+        assert done.returncode == 0, done.stderr
+        value, count = done.stdout.split()
+        return float(value), int(count)
+
+    return call
+
+
+def test_parts_are_compiled_once_for_all_callers(parts):
+    assert parts("outer") == (7.5, 4)  # deepest, inner, other and outer
+    assert parts("outer") == (7.5, 0)
+    assert parts("inner") == (3.0, 1)  # as a whole, from the part it calls
+    assert parts("inner") == (3.0, 0)
+
+
+def test_a_damaged_part_is_compiled_anew_with_who_calls_it(parts, tmp_path):
+    assert parts("inner") == (3.0, 2)
+    folder = CodeFolder(next((tmp_path / "cache" / "rrins").iterdir()))
+    path = code_of(folder, "deepest.part")
+    os.truncate(path, path.stat().st_size // 2)
+    assert parts("outer") == (7.5, 4)
+
+
+BESIDE = """
+import os, sys, time
+from pathlib import Path
+from rrins.dbc.code_folder import code_folder
+from rrins.dbc.compilation import compiled
+from rrins.dbc.compile_events import compiling_watched
+from rrins.dbc.compiled_beside import Beside, compiled_beside
+@compiled
+def inner(x):
+    return x + 0.5
+@compiled
+def other(x):
+    return x * 2
+@compiled
+def outer(x):
+    return inner(x) + other(x)
+counts = [0]
+with compiling_watched(counts.append), compiled_beside(Beside(other, (float,))):
+    inner(1.0)
+    while not list(code_folder().path.glob("*.other.part-*.code")):
+        time.sleep(0.01)
+    value = outer(1.0)
+try:
+    os.waitpid(-1, 0)
+except ChildProcessError:
+    print(value, counts[-1])
+"""
+
+
+def test_a_second_process_compiles_parts_and_is_gone_with_the_block(tmp_path, monkeypatch):
+    monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    script = tmp_path / "script.py"
+    script.write_text(BESIDE)
+    done = run(script)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout == "3.5 3\n"  # inner as a whole and as a part, and outer; not the other

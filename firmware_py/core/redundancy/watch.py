@@ -113,7 +113,7 @@ def _raise(state: Ram, parity: Parity) -> None:
 
 
 @compiled
-def _close_second(state: Ram, parity: Parity, fusion: Fusion) -> tuple[int, int]:
+def close_second(state: Ram, parity: Parity, fusion: Fusion) -> tuple[int, int]:
     """Test the windows that end with this second; return which sensor fails, and how it shows.
 
     In a second turn, those of the sensor that is tested for readmission.
@@ -277,7 +277,7 @@ def _judge(
     full_scale = _at_full_scale(parity, fusion, saturated, measured)
     sensor, how = _known(state, parity, fusion, stuck, absent, full_scale)
     if redundancy.epochs == 0:
-        found, shown = _close_second(state, parity, fusion)
+        found, shown = close_second(state, parity, fusion)
         if sensor < 0:
             sensor, how = found, shown
     if sensor >= 0:

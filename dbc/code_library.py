@@ -1,0 +1,144 @@
+"""The intermediate code of single functions, and the machine code that is made of all of it.
+
+numba makes machine code of each function it compiles, and each caller contains its callees' code
+once more. Of the hundreds of functions of a step Python calls one. So a function that only compiled
+code calls is kept as a *part*: LLVM's intermediate code. It is optimised and becomes machine code
+once, within the function that Python calls, the *whole*.
+"""
+
+from __future__ import annotations
+
+import gc
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any, cast
+
+from llvmlite import binding as llvm
+from numba.core.codegen import JITCodeLibrary
+from numba.core.registry import cpu_target
+
+
+class PartLibrary(JITCodeLibrary):
+    """The intermediate code of one function.
+
+    Attributes
+    ----------
+    file : str
+        Name of the file it is kept in.
+    calls : list of PartLibrary
+        The parts that it calls.
+    environment : object
+        numba's record of the function's constants.
+    """
+
+    def __init__(self, name: str, file: str) -> None:
+        super().__init__(cpu_target.target_context.codegen(), name)
+        self.file = file
+        self.calls: list[PartLibrary] = []
+        self.environment: Any = None
+
+    @classmethod
+    def restored(cls, state: tuple[Any, ...], file: str, calls: list[PartLibrary]) -> PartLibrary:
+        """Return the library of a state that `kept_state` returned."""
+        name, bitcode, environment, at_load = state
+        library = cls(name, file)
+        for function in at_load:
+            function()
+        library._reload_init.update(at_load)
+        library._final_module = llvm.parse_bitcode(bitcode)
+        library.calls, library.environment = calls, environment
+        library._shared_module = library._final_module
+        library._finalized = True
+        return library
+
+    def kept_state(self) -> tuple[Any, ...]:
+        """Return what makes the library again, its calls apart."""
+        code = self._final_module.as_bitcode()
+        return self.name, code, self.environment, list(self._reload_init)
+
+    def add_linking_library(self, library: Any) -> None:
+        """Note a part that the function calls; what numba provides becomes part of this one."""
+        if not isinstance(library, PartLibrary):
+            super().add_linking_library(library)
+        elif library not in self.calls:
+            self.calls.append(library)
+
+    def finalize(self) -> None:
+        """Add what numba provides; optimise nothing and make no machine code."""
+        self._raise_if_finalized()
+        for library in dict.fromkeys(self._linking_libraries):
+            self._reload_init.update(library._reload_init)
+            self._final_module.link_in(library._get_module_for_linking(), preserve=True)
+        for function in self._final_module.functions:
+            if not function.is_declaration and function.linkage == llvm.Linkage.external:
+                function.linkage = "linkonce_odr"  # several wholes may contain it
+        self._shared_module = self._final_module
+        self._finalized = True
+
+    def with_all_it_calls(self) -> Iterator[PartLibrary]:
+        """Return this part, those it calls, those these call, and so on, each once."""
+        found = {self: None}
+        waiting = [self]
+        while waiting:
+            new = [part for part in waiting.pop().calls if part not in found]
+            found.update(dict.fromkeys(new))
+            waiting += new
+        return iter(found)
+
+
+class WholeLibrary(JITCodeLibrary):
+    """The machine code of a function that Python calls, with all parts it needs."""
+
+    def __init__(self, name: str) -> None:
+        super().__init__(cpu_target.target_context.codegen(), name)
+        self._parts: dict[PartLibrary, None] = {}
+        self.enable_object_caching()
+
+    def add_linking_library(self, library: Any) -> None:
+        """Note what is to be linked in."""
+        if not isinstance(library, PartLibrary):
+            super().add_linking_library(library)
+            return
+        for part in library.with_all_it_calls():
+            if part not in self._parts:
+                self._parts[part] = None
+                super().add_linking_library(part)
+
+    def finalize(self) -> None:
+        """Link, optimise and make machine code."""
+        super().finalize()
+        for part in self._parts:
+            name = part.environment.env_name
+            if self._codegen._engine.is_symbol_defined(name):
+                cast(Any, self._codegen).set_env(name, part.environment)
+
+
+@dataclass(frozen=True)
+class Part:
+    """A function compiled for one signature, as compiled code calls it.
+
+    Attributes
+    ----------
+    library : PartLibrary
+    descriptor : object
+        numba's description of the function.
+    signature : object
+        numba's signature.
+    """
+
+    library: PartLibrary
+    descriptor: Any
+    signature: Any
+
+
+@contextmanager
+def collector_paused() -> Iterator[None]:
+    """Collect no garbage meanwhile: the compiler makes little, and looking for it takes a tenth."""
+    was_enabled = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if was_enabled:
+            gc.enable()
