@@ -48,7 +48,6 @@ class PartLibrary(JITCodeLibrary):
         library._reload_init.update(at_load)
         library._final_module = llvm.parse_bitcode(bitcode)
         library.calls, library.environment = calls, environment
-        library._shared_module = library._final_module
         library._finalized = True
         return library
 
@@ -73,8 +72,17 @@ class PartLibrary(JITCodeLibrary):
         for function in self._final_module.functions:
             if not function.is_declaration and function.linkage == llvm.Linkage.external:
                 function.linkage = "linkonce_odr"  # several wholes may contain it
-        self._shared_module = self._final_module
         self._finalized = True
+
+    def _get_module_for_linking(self) -> Any:
+        """Return the module for a library that is not ours: one with all that it calls."""
+        self._ensure_finalized()
+        if self._shared_module is None:
+            self._shared_module = self._final_module.clone()
+            for part in self.with_all_it_calls():
+                if part is not self:
+                    self._shared_module.link_in(part._final_module, preserve=True)
+        return self._shared_module
 
     def with_all_it_calls(self) -> Iterator[PartLibrary]:
         """Return this part, those it calls, those these call, and so on, each once."""
@@ -100,13 +108,14 @@ class WholeLibrary(JITCodeLibrary):
         if not isinstance(library, PartLibrary):
             super().add_linking_library(library)
             return
-        for part in library.with_all_it_calls():
-            if part not in self._parts:
-                self._parts[part] = None
-                super().add_linking_library(part)
+        library._ensure_finalized()
+        self._parts.update(dict.fromkeys(library.with_all_it_calls()))
 
     def finalize(self) -> None:
         """Link, optimise and make machine code."""
+        for part in self._parts:
+            self._reload_init.update(part._reload_init)
+            self._final_module.link_in(part._final_module, preserve=True)
         super().finalize()
         for part in self._parts:
             name = part.environment.env_name

@@ -218,6 +218,22 @@ def test_a_damaged_part_is_compiled_anew_with_who_calls_it(parts, tmp_path):
     assert parts("outer") == (7.5, 4)
 
 
+def test_what_is_compiled_with_numba_alone_calls_our_functions(folder):
+    @compiled_with(folder)
+    def deepest(x):
+        return x + 0.5
+
+    @compiled_with(folder)
+    def inner(x):
+        return deepest(x) * 2
+
+    @numba.njit
+    def outer(x):
+        return inner(x) + 1
+
+    assert outer(1.0) == 4.0
+
+
 BESIDE = """
 import os, sys, time
 from pathlib import Path
