@@ -7,6 +7,9 @@ import math
 import zlib
 from collections.abc import Callable
 
+import numpy as np
+from numpy.typing import NDArray
+
 from rrins.dbc.record import Floats, Records
 from rrins.dbc.values import AxisCommand
 from rrins.firmware_py.core import clock, earth
@@ -14,7 +17,7 @@ from rrins.firmware_py.core.calibration import DPH, UG
 from rrins.firmware_py.core.diagnostic_records import RoutineRequest
 from rrins.firmware_py.core.memory import Clock, Ram
 from rrins.firmware_py.core.modes import Mode
-from rrins.firmware_py.core.redundancy_records import HISTORY_S, Parity
+from rrins.firmware_py.core.redundancy_records import HISTORY_S
 from rrins.firmware_py.diagnostics import calibration_image as image
 from rrins.firmware_py.diagnostics import table
 from rrins.firmware_py.diagnostics.codecs import Value, Values
@@ -43,11 +46,15 @@ AXIS_MODES = (Mode.STANDBY, Mode.FAULT, Mode.NAVIGATION_STRAPDOWN)
 """Modes in which a tool may turn the axes."""
 
 
-def _last(parity: Parity, name: str, unit: float) -> tuple[float, ...]:
-    """Return what the last second came to, for each sensor."""
-    second = parity.history[(int(parity.history_count) - 1) % HISTORY_S]
-    values: Floats = second[name] / unit
-    return tuple(values.tolist())
+def _last(parity: NDArray[np.void], name: str, unit: float) -> Callable[[], Value]:
+    """Return what reads what the last second came to, for each sensor."""
+    count, seconds = parity["history_count"], parity["history"][name]
+
+    def read() -> Value:
+        values: Floats = seconds[0, (count.item() - 1) % HISTORY_S] / unit
+        return tuple(values.tolist())
+
+    return read
 
 
 class Computer:
@@ -80,6 +87,8 @@ class Computer:
         self.faults = faults
         self.period_ns = int(ram[0].parameters.period_ns)
         self.gravity = 0.0
+        self._file = b""
+        self._filed: image.Parameters | None = None  # the stored ones that are in the file
         self._mode = ram["modes"]["mode"]
         self._routine_request = ram["diagnostics"]["routine_request"]
         special = self._special(session)
@@ -97,8 +106,8 @@ class Computer:
         steps = self.ram["steps"]
         gyro_residual = self.ram[0].diagnostics.gyro_residual
         accelerometer_residual = self.ram[0].diagnostics.accelerometer_residual
-        redundancy = self.ram[0].redundancy
-        gyros, accelerometers = redundancy.gyros, redundancy.accelerometers
+        redundancy = self.ram["redundancy"]
+        gyros, accelerometers = redundancy["gyros"], redundancy["accelerometers"]
         memory, faults = self.parameters, self.faults
         found: dict[str, Callable[[], Value]] = {
             "session": session,
@@ -111,10 +120,10 @@ class Computer:
             "parameters": lambda: len(memory.stored),
             "residual_dph": lambda: self._residuals(gyro_residual, DPH),
             "residual_ug": lambda: self._residuals(accelerometer_residual, UG),
-            "parity_residual_dph": lambda: _last(gyros, "residual", DPH),
-            "parity_threshold_dph": lambda: _last(gyros, "threshold", DPH),
-            "parity_residual_ug": lambda: _last(accelerometers, "residual", UG),
-            "parity_threshold_ug": lambda: _last(accelerometers, "threshold", UG),
+            "parity_residual_dph": _last(gyros, "residual", DPH),
+            "parity_threshold_dph": _last(gyros, "threshold", DPH),
+            "parity_residual_ug": _last(accelerometers, "residual", UG),
+            "parity_threshold_ug": _last(accelerometers, "threshold", UG),
             "operation_cycles": lambda: faults.operation_cycles,
             "length": lambda: len(self.calibration_file()),
             "file_crc32": lambda: zlib.crc32(self.calibration_file()),
@@ -135,7 +144,10 @@ class Computer:
 
     def calibration_file(self) -> bytes:
         """Return the calibration file of the parameters as they are after a reset."""
-        return image.encode(self.parameters.effective())
+        stored = self.parameters.stored
+        if stored is not self._filed:  # encoding takes longer than all else that a request reads
+            self._file, self._filed = image.encode(self.parameters.effective()), stored
+        return self._file
 
     @property
     def mode(self) -> Mode:

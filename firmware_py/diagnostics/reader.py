@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +21,7 @@ _LIMITS = {
     "i32": (-(1 << 31), (1 << 31) - 1),
     "i64": (-(1 << 63), (1 << 63) - 1),
 }
+_FLOATS = {"f32": np.float32, "f64": np.float64}
 
 
 def view_of(array: NDArray[np.void], path: str) -> NDArray[np.generic]:
@@ -29,11 +31,18 @@ def view_of(array: NDArray[np.void], path: str) -> NDArray[np.generic]:
     return array
 
 
-def fitted(field: Field, value: float | list[float]) -> Value:
-    """Return numbers of the RAM image in the field's form, clipped to the range of its format."""
-    if isinstance(value, list):
-        return tuple(_fitted_one(field, one) for one in value)
-    return _fitted_one(field, value)
+def fitted(field: Field, value: Any) -> Value:
+    """Return numbers of the RAM image in the field's form, clipped to the range of its format.
+
+    `value` is what numpy reads of a view: an array if the field has a count, or a number.
+    """
+    if field.count == 1:
+        return _fitted_one(field, value.item())
+    if field.is_float:  # at once: a parity before its alarm has 60 numbers
+        with np.errstate(over="ignore"):
+            values = (value * field.factor).astype(_FLOATS[field.format])
+        return tuple(values.tolist())
+    return tuple(_fitted_one(field, one) for one in value.tolist())
 
 
 def _fitted_one(field: Field, value: float) -> float:
@@ -76,7 +85,7 @@ class FieldReader:
         values: Values = {}
         for field, view, call in self._parts:
             if view is not None:
-                values[field.name] = fitted(field, view[0].tolist())
+                values[field.name] = fitted(field, view[0])
             elif call is not None:
                 values[field.name] = call()
         return values

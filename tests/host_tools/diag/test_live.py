@@ -152,7 +152,10 @@ def test_a_bus_without_a_navigation_computer():
 
 
 def test_at_400_hz_an_epoch_with_requests_is_far_from_its_deadline(rrins_bench):
-    """By the processor's time, which other programs add little to."""
+    """By the processor's time, of the dearest epoch of each reading of all identifiers.
+
+    Another program on the same core makes single epochs dearer, not most of the dearest.
+    """
     bench = rrins_bench("rimu_rotating", way="direct", rate_hz=400)
     bench.advance(4.0)
     firmware = bench._execution.firmware
@@ -169,11 +172,12 @@ def test_at_400_hz_an_epoch_with_requests_is_far_from_its_deadline(rrins_bench):
         dids = tester.has(table.IDENTIFIERS)
         tester.read(dids)
         firmware.step_whole = timed
-        slowest_us = []
-        for _ in range(3):  # what other programs add does not come thrice
+        dearest_us, epochs = [], 0
+        for _ in range(40):
             costs_ns.clear()
-            for _ in range(20):
-                tester.read(dids)
-            assert len(costs_ns) > 2000
-            slowest_us.append(np.sort(costs_ns)[-1 - len(costs_ns) // 1000] / 1000)
-    assert min(slowest_us) < 0.5 * 2500  # 99.9 % of the epochs
+            tester.read(dids)
+            epochs += len(costs_ns)
+            dearest_us.append(max(costs_ns) / 1000)
+    assert epochs > 4000
+    print(f"dearest epoch of a reading, us: {np.percentile(dearest_us, (0, 50, 100))}")
+    assert statistics.median(dearest_us) < 0.5 * 2500
