@@ -151,7 +151,7 @@ def _trouble(trouble: Trouble) -> str:
         trouble.name,
         trouble.text,
     )
-    if trouble.group == 0 and trouble.needs not in ("altimeter", "gnss"):
+    if trouble.group == 0 and trouble.needs not in ("altimeter", "gnss", "odometer"):
         number = f"{number[:4]}nn{number[6:]}"
         code = f"{code[:3]}nn{code[5:]}"
         name = name.replace("_1_", "_n_")

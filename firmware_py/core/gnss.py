@@ -84,7 +84,8 @@ def close(state: Ram, contract: Contract) -> None:
     if gnss.arrived == _WHOLE and not gnss.refused:
         gnss.silent_epochs = 0
         _take(state, contract)
-    if gnss.available and gnss.age_epochs > LOST_INTERVALS * gnss.interval_epochs:
+    gnss.lost = gnss.age_epochs > LOST_INTERVALS * gnss.interval_epochs
+    if gnss.available and gnss.lost:
         gnss.available = False
         gnss.losses += 1
 

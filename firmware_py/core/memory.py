@@ -116,6 +116,7 @@ class Gnss(Record):
     silent_epochs: I8  #: since the last whole group
     fresh: Bool  #: whether a fix came in this epoch
     available: Bool  #: whether fixes come
+    lost: Bool  #: whether none has come for too long
     fixes: I8  #: since power-on
     losses: I8  #: how often fixes stopped coming
     too_old: I8  #: fixes that were not used for their age
@@ -128,6 +129,37 @@ class Gnss(Record):
     longitude: F8  #: rad
     height: F8  #: m
     velocity_n: Annotated[Floats, 3]  #: m/s
+
+
+class Odometer(Record):
+    """The odometer: the frame of this epoch, and how far the vehicle has moved.
+
+    Distances are along the vehicle's forward axis, backwards negative, by the nominal scale.
+    """
+
+    interval_epochs: I8  #: between frames; 0: no odometer is fitted
+    metres_per_pulse: F8  #: by its data sheet
+    noise: F8  #: m/s, of the mean speed over an interval, by its data sheet
+    lever_arm_b: Annotated[Floats, 3]  #: m, from the reference point to the wheel
+    arrived: Bool  #: whether this epoch's frame arrived
+    refused: Bool  #: whether two frames disagree about this epoch
+    word: Annotated[Words, 1]  #: payload of the frame
+    silent_epochs: I8  #: since the last frame
+    fresh: Bool  #: whether a distance came in this epoch
+    available: Bool  #: whether distances come
+    lost: Bool  #: whether none has come for too long
+    begun: Bool  #: whether `pulses` is a count from which the next distance begins
+    pulses: I8  #: as last received
+    valid: Bool  #: whether the odometer counts, as last received
+    measurements: I8  #: distances since power-on
+    losses: I8  #: how often they stopped coming
+    gaps: I8  #: times that `travelled` left something out: it is whole between two changes
+    implausible: I8  #: distances that were not used, faster than any vehicle
+    age_epochs: I8  #: since the latest count
+    epoch: I8  #: of the latest count, at its end
+    epoch_before: I8  #: of the count before it, where the latest distance begins
+    distance: F8  #: m, the latest
+    travelled: F8  #: m, sum of all distances since power-on
 
 
 class Heard(Record):
@@ -287,6 +319,7 @@ class Ram(Record):
     heard: Heard
     assembly: Assembly
     gnss: Gnss
+    odometer: Odometer
     gyros: Fusion
     accelerometers: Fusion
     size_effect: SizeEffect

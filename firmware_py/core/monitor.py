@@ -16,7 +16,14 @@ from rrins.firmware_py.core.encoder_records import AngleSource
 from rrins.firmware_py.core.memory import INNER, OUTER, Ram
 from rrins.firmware_py.core.modes import FirmwareFault, Mode, navigating
 from rrins.firmware_py.core.redundancy_records import ACCELEROMETERS, ParityBefore
-from rrins.firmware_py.core.troubles import AxisFault, Kind, Source, Status, SystemFault
+from rrins.firmware_py.core.troubles import (
+    AidingFault,
+    AxisFault,
+    Kind,
+    Source,
+    Status,
+    SystemFault,
+)
 
 COUNTER_ONE = 1 << 16
 COUNTER_CEILING, COUNTER_FLOOR = 127 * COUNTER_ONE, -128 * COUNTER_ONE
@@ -27,14 +34,14 @@ _PARITY_ROW = np.full(len(trouble_table.TROUBLES), -1)
 _PARITY_ROW[list(trouble_table.PARITY_KIND)] = np.arange(len(trouble_table.PARITY_KIND))
 _OF_ACCELEROMETERS = np.array(list(trouble_table.PARITY_KIND.values())) == ACCELEROMETERS
 _KINDS = len(Kind)
-_BITS = 22  # of a kind's word, at most
+_BITS = 23  # of a kind's word, at most
 
 _SILENT, _STALE = int(Kind.SILENT), int(Kind.STALE)
 _CRC, _COUNTER = int(Kind.CRC), int(Kind.COUNTER)
 _TWO_SENDERS = int(Kind.TWO_SENDERS)
 _GYRO = int(Kind.GYRO_ABSENT)  # absent, saturated, stuck
 _ACCELEROMETER = int(Kind.ACCELEROMETER_ABSENT)
-_AXIS, _SYSTEM = int(Kind.AXIS), int(Kind.SYSTEM)
+_AXIS, _SYSTEM, _AIDING = int(Kind.AXIS), int(Kind.SYSTEM), int(Kind.AIDING)
 
 _INNER_SHIFT = int(Source.AXIS_INNER)
 _AXES = 3 << _INNER_SHIFT
@@ -42,6 +49,9 @@ _ALTIMETER = 1 << Source.ALTIMETER
 _SYNC = 1 << Source.SYNC
 _COMMAND = 1 << Source.MODE_COMMAND
 _GNSS = 1 << Source.GNSS
+_ODOMETER = 1 << Source.ODOMETER
+_GNSS_LOST = 1 << AidingFault.GNSS_LOST
+_ODOMETER_LOST = 1 << AidingFault.ODOMETER_LOST
 
 _NOT_FOLLOWING, _DRIVE = int(AxisFault.NOT_FOLLOWING), int(AxisFault.DRIVE)
 _ENCODER, _LIMIT = int(AxisFault.ENCODER), int(AxisFault.LIMIT)
@@ -110,7 +120,8 @@ def _look_at_frames(state: Ram, monitor: DiagnosticState) -> None:
     tested[_TWO_SENDERS] = 0
     if state.clock.synchronised:
         tested[_STALE] = sources | _ALTIMETER
-        tested[_CRC] = tested[_COUNTER] = sources | _ALTIMETER | _SYNC | _COMMAND | _GNSS
+        others = _ALTIMETER | _SYNC | _COMMAND | _GNSS | _ODOMETER
+        tested[_CRC] = tested[_COUNTER] = sources | others
         tested[_TWO_SENDERS] = sources | _ALTIMETER | _SYNC
         tested[_SILENT] = _SYNC
         failing[_SILENT] = _SYNC
@@ -136,7 +147,7 @@ def _second_senders(state: Ram, came: int) -> int:
 
 @compiled
 def _look_at_cyclic_frames(state: Ram, monitor: DiagnosticState, wrong: int) -> None:
-    """Check the frames that are not sent in every epoch: MODE_COMMAND, altimeter, GNSS."""
+    """Check the frames that are not sent in every epoch: MODE_COMMAND and aiding."""
     failing, tested = monitor.failing, monitor.tested
     patience = monitor.patience_epochs
     command_heard = monitor.command_seen or wrong & _COMMAND != 0
@@ -155,6 +166,27 @@ def _look_at_cyclic_frames(state: Ram, monitor: DiagnosticState, wrong: int) -> 
         tested[_SILENT] |= _GNSS
         if state.gnss.silent_epochs > 2 * state.gnss.interval_epochs:
             failing[_SILENT] |= _GNSS
+    if state.odometer.interval_epochs > 0:
+        tested[_SILENT] |= _ODOMETER
+        if state.odometer.silent_epochs > 2 * state.odometer.interval_epochs:
+            failing[_SILENT] |= _ODOMETER
+
+
+@compiled
+def _look_at_aiding(state: Ram, monitor: DiagnosticState) -> None:
+    """Check whether the sources of aiding say anything."""
+    failing = tested = 0
+    gnss, odometer = state.gnss, state.odometer
+    if gnss.interval_epochs > 0:
+        tested |= _GNSS_LOST
+        if gnss.lost:
+            failing |= _GNSS_LOST
+    if odometer.interval_epochs > 0:
+        tested |= _ODOMETER_LOST
+        if odometer.lost:
+            failing |= _ODOMETER_LOST
+    monitor.failing[_AIDING] = failing
+    monitor.tested[_AIDING] = tested
 
 
 @compiled
@@ -410,6 +442,7 @@ def watch(state: Ram, frames: int) -> None:
     _look_at_frames(state, monitor)
     _look_at_sensors(state, monitor)
     _look_at_axes(state, monitor)
+    _look_at_aiding(state, monitor)
     _look_at_system(state, monitor)
     if not monitor.held:
         for kind in range(_KINDS):

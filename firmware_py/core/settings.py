@@ -23,6 +23,7 @@ from rrins.firmware_py.core.memory import (
     OUTER,
     SCHEME_CAPACITY,
     Fusion,
+    Odometer,
     Parameters,
     Ram,
     blank_ram,
@@ -82,6 +83,17 @@ def check_weights(weights: tuple[float, ...], axes_deg: tuple[tuple[float, float
         )
 
 
+class OdometerSettings(_Checked):
+    """The odometer, as its data sheet and the drawings of the vehicle say."""
+
+    interval_s: float = Field(gt=0, le=1)
+    metres_per_pulse: float = Field(gt=0, le=10)
+    noise_mps: float = Field(default=0.0, ge=0, le=10)
+    """Standard deviation of the mean speed over an interval."""
+    lever_arm_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """From the reference point to the wheel's contact, in the body frame."""
+
+
 class Settings(_Checked):
     """The firmware's set-up; angles in degrees as a person writes them.
 
@@ -115,6 +127,7 @@ class Settings(_Checked):
     altimeter: bool = False
     gnss_interval_s: float = Field(default=0.0, ge=0, le=10)
     """Between fixes; 0: no receiver is fitted."""
+    odometer: OdometerSettings | None = None
     calibration: Calibration = Calibration()
     redundancy: RedundancySettings | None = None
     calibration_file: str | None = None
@@ -150,6 +163,15 @@ def _fill_scheme(parameters: Parameters, scheme: Scheme, rate_hz: int) -> None:
         parameters.position_epochs[k] = max(1, round(scheme.position_s(turn) * rate_hz))
 
 
+def _fill_odometer(record: Odometer, odometer: OdometerSettings | None, rate_hz: int) -> None:
+    if odometer is None:
+        return
+    record.interval_epochs = round(odometer.interval_s * rate_hz)
+    record["metres_per_pulse"] = odometer.metres_per_pulse
+    record.noise = odometer.noise_mps
+    record.lever_arm_b[:] = odometer.lever_arm_m
+
+
 def power_on(settings: Settings, contract: Records[Contract]) -> Records[Ram]:
     """Return the RAM image of the firmware at power-on."""
     ram = blank_ram()
@@ -172,6 +194,7 @@ def power_on(settings: Settings, contract: Records[Contract]) -> Records[Ram]:
     parameters.height_channel = _HEIGHT_CHANNELS[settings.height_channel]
     parameters.altimeter = settings.altimeter
     state.gnss.interval_epochs = round(settings.gnss_interval_s * rate_hz)
+    _fill_odometer(state.odometer, settings.odometer, rate_hz)
     parameters.bridge_epochs = round(settings.bridge_s * rate_hz)
     parameters["axis_acceleration_dps2"] = settings.axis_acceleration_dps2
     parameters.axis_rise_s = settings.axis_rise_s

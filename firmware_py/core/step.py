@@ -23,6 +23,7 @@ from rrins.firmware_py.core import (
     intake,
     modes,
     monitor,
+    odometer,
     routine_requests,
     sequencer,
     size_effect,
@@ -235,6 +236,7 @@ def compute(state: Ram, contract: Contract, compares: bool | None) -> None:
     """
     intake.close(state)
     gnss.close(state, contract)
+    odometer.close(state, contract.odometer)
     clock.advance(state.clock)
     _follow_repetitions(state)
     _fuse(state)

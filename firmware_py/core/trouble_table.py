@@ -6,7 +6,15 @@ from collections.abc import Iterator
 
 from rrins.dbc.contract import SENSOR_GROUPS
 from rrins.firmware_py.core.redundancy_records import SensorKind
-from rrins.firmware_py.core.troubles import AxisFault, Debounce, Kind, Source, SystemFault, Trouble
+from rrins.firmware_py.core.troubles import (
+    AidingFault,
+    AxisFault,
+    Debounce,
+    Kind,
+    Source,
+    SystemFault,
+    Trouble,
+)
 
 # Failure types of SAE J2012-DA.
 _NO_SIGNAL = 0x31
@@ -41,6 +49,7 @@ _SOURCES: tuple[tuple[Source, str, int, str], ...] = (
     (Source.SYNC, "sync", 0x1001, "SYNC"),
     (Source.MODE_COMMAND, "mode_command", 0x1002, "MODE_COMMAND"),
     (Source.GNSS, "gnss", 0x1402, "GNSS"),
+    (Source.ODOMETER, "odometer", 0x1403, "ODOMETER"),
 )
 
 _FRAMES = {
@@ -76,8 +85,13 @@ _SILENT_OF = {
     Source.SYNC: Debounce(fail_s=0.05),
     Source.MODE_COMMAND: Debounce(fail_s=1.0),
     Source.GNSS: Debounce(fail_s=0.5),
+    Source.ODOMETER: Debounce(fail_s=0.5),
 }
-_FITTED = {Source.ALTIMETER: (0, "altimeter"), Source.GNSS: (0, "gnss")}
+_FITTED = {
+    Source.ALTIMETER: (0, "altimeter"),
+    Source.GNSS: (0, "gnss"),
+    Source.ODOMETER: (0, "odometer"),
+}
 _TEXTS = {
     (Kind.SILENT, Source.SYNC): "no SYNC arrives: the loop runs on its own clock",
     (Kind.SILENT, Source.MODE_COMMAND): "the operator's MODE_COMMAND has stopped arriving",
@@ -275,7 +289,7 @@ def _frame_troubles() -> Iterator[Trouble]:
             if kind == Kind.STALE and source > Source.ALTIMETER:
                 continue  # never stale: a repeated frame has a wrong counter
             if kind == Kind.TWO_SENDERS and source >= Source.MODE_COMMAND:
-                continue  # any operator may send it; of GNSS, a group that disagrees is not used
+                continue  # any operator may send it; aiding that disagrees is not used
             yield Trouble(
                 _number(_NETWORK, part, failure),
                 f"{stem}_{name}",
@@ -347,12 +361,30 @@ def _other_troubles() -> Iterator[Trouble]:
         )
 
 
+def _aiding_troubles() -> Iterator[Trouble]:
+    for fault, needs, part, text in (
+        (AidingFault.GNSS_LOST, "gnss", 0x1402, "the GNSS receiver has no fix"),
+        (AidingFault.ODOMETER_LOST, "odometer", 0x1403, "the odometer does not count"),
+    ):
+        yield Trouble(
+            _number(_CHASSIS, part, _NO_SIGNAL),
+            fault.name.lower(),
+            text,
+            Kind.AIDING,
+            fault,
+            _ONCE,
+            0,
+            needs,
+        )
+
+
 def _in_order() -> tuple[Trouble, ...]:
     troubles = [
         *_frame_troubles(),
         *_sensor_troubles(),
         *_left_out_troubles(),
         *_other_troubles(),
+        *_aiding_troubles(),
     ]
     return tuple(sorted(troubles, key=lambda trouble: (trouble.kind, trouble.bit)))
 

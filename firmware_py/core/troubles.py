@@ -62,6 +62,7 @@ class Kind(IntEnum):
     TWO_SENDERS = 12
     GYRO_LEFT_OUT = 13
     ACCELEROMETER_LEFT_OUT = 14
+    AIDING = 15
 
 
 class Source(IntEnum):
@@ -74,6 +75,7 @@ class Source(IntEnum):
     SYNC = SENSOR_GROUPS + 3
     MODE_COMMAND = SENSOR_GROUPS + 4
     GNSS = SENSOR_GROUPS + 5
+    ODOMETER = SENSOR_GROUPS + 6
 
 
 class AxisFault(IntEnum):
@@ -108,6 +110,13 @@ class SystemFault(IntEnum):
     GYROS_NOT_REDUNDANT = 16
     ACCELEROMETERS_NOT_REDUNDANT = 17
     NAVIGATION_BRIDGED = 18
+
+
+class AidingFault(IntEnum):
+    """Bits of AIDING."""
+
+    GNSS_LOST = 0
+    ODOMETER_LOST = 1
 
 
 @dataclass(frozen=True)
@@ -162,8 +171,8 @@ class Trouble:
         Its sensor group, from 0; -1 for none. The firmware has the trouble codes of the groups in
         its set-up.
     needs : str
-        "gyro" or "accelerometer" if the group must have one; "altimeter" or "gnss" if one must
-        be fitted.
+        "gyro" or "accelerometer" if the group must have one; a source of aiding if one
+        must be fitted: "altimeter", "gnss" or "odometer".
     """
 
     number: int

@@ -409,6 +409,31 @@ NAVIGATION = (
             ),
         ),
     ),
+    DataIdentifier(
+        0x0407,
+        "odometer",
+        "The odometer, if fitted.",
+        (
+            Field(
+                "interval_epochs",
+                "u32",
+                "epochs",
+                source="odometer.interval_epochs",
+                text="0: none",
+            ),
+            Field("available", "u8", source="odometer.available", text="whether distances come"),
+            Field("valid", "u8", source="odometer.valid", text="as last received"),
+            Field("measurements", "u32", source="odometer.measurements"),
+            Field("losses", "u32", source="odometer.losses", text="how often they stopped"),
+            Field("gaps", "u32", source="odometer.gaps", text="in the distance travelled"),
+            Field("implausible", "u32", source="odometer.implausible", text="not used"),
+            Field("age_epochs", "u32", "epochs", source="odometer.age_epochs"),
+            Field("silent_epochs", "u32", "epochs", source="odometer.silent_epochs"),
+            Field("pulses", "u32", source="odometer.pulses"),
+            Field("distance_m", "f64", "m", source="odometer.distance", text="latest"),
+            Field("travelled_m", "f64", "m", source="odometer.travelled"),
+        ),
+    ),
 )
 """Navigation."""
 

@@ -243,6 +243,28 @@ class GnssState(Record):
     noise_has_spare: Annotated[Bytes, 1]  #: 0 or 1
 
 
+class OdometerState(Record):
+    """The odometer, see `rrins.host_tools.hardware.odometer`."""
+
+    fitted: Bool  #: whether there is one
+    interval_epochs: I8  #: between counts
+    latency_epochs: I8  #: from a count to its frame, less than the interval
+    metres_per_pulse: F8  #: in truth, scale error included
+    noise: F8  #: m/s, standard deviation of the mean speed over an interval
+    forward_b: Annotated[Floats, 3]  #: the vehicle's forward axis in the body frame, of length 1
+    has_lever_arm: Bool  #: whether the wheel is away from the reference point
+    lever_arm_b: Annotated[Floats, 3]  #: m, from the reference point to the wheel's contact
+    speed: F8  #: m/s, of the wheel at the end of the epoch
+    rolled: F8  #: m, since the last count
+    counted: F8  #: pulses since power-on, with their fraction
+    waiting: Bool  #: whether anything has been counted
+    epoch: I8  #: at whose end it was
+    word: Annotated[Words, 1]  #: payload of the last count
+    noise_state: Annotated[Words, 1]  #: of its random numbers
+    noise_spare: Annotated[Floats, 1]  #: second normal number of a pair
+    noise_has_spare: Annotated[Bytes, 1]  #: 0 or 1
+
+
 class PlannedFaults(Record):
     """Faults of the hardware, see `rrins.host_tools.hardware.faults`."""
 
@@ -278,6 +300,7 @@ class Plant(Record):
     thermal: Temperature
     altimeter: AltimeterState
     gnss: GnssState
+    odometer: OdometerState
     faults: PlannedFaults
     axis: Annotated[Records[TurntableAxis], 2]  #: by `INNER` and `OUTER`
     gyros: Sensors

@@ -11,7 +11,15 @@ import math
 import numpy as np
 
 from rrins.dbc.compilation import compiled
-from rrins.host_tools.hardware.memory import AltimeterState, GnssState, Sensors
+from rrins.host_tools.hardware.memory import (
+    AltimeterState,
+    GnssState,
+    OdometerState,
+    Sensors,
+)
+
+Source = Sensors | AltimeterState | GnssState | OdometerState
+"""A record with the state of random numbers."""
 
 _GOLDEN = np.uint64(0x9E3779B97F4A7C15)
 _MIX_1 = np.uint64(0xBF58476D1CE4E5B9)
@@ -20,7 +28,7 @@ _TO_UNIT = 2.0**-53
 
 
 @compiled
-def uniform(source: Sensors | AltimeterState | GnssState, k: int) -> float:
+def uniform(source: Source, k: int) -> float:
     """Return the next uniform number in [0, 1) of a source's sensor `k`."""
     state = source.noise_state[k] + _GOLDEN
     source.noise_state[k] = state
@@ -31,7 +39,7 @@ def uniform(source: Sensors | AltimeterState | GnssState, k: int) -> float:
 
 
 @compiled
-def normal(source: Sensors | AltimeterState | GnssState, k: int) -> float:
+def normal(source: Source, k: int) -> float:
     """Return the next standard normal number of a source's sensor `k`."""
     if source.noise_has_spare[k]:
         source.noise_has_spare[k] = 0

@@ -21,6 +21,7 @@ from rrins.host_tools.hardware.memory import (
     OUTAGE_CAPACITY,
     OUTER,
     GnssState,
+    OdometerState,
     Plant,
     Sensors,
     TurntableAxis,
@@ -138,6 +139,23 @@ class GnssSettings:
 
 
 @dataclass(frozen=True)
+class OdometerSettings:
+    """The odometer; `lever_arm_b` from the reference point to the wheel's contact.
+
+    `mounting` is heading and pitch of the vehicle's forward axis in the body frame, rad, as those
+    of a body in the navigation frame.
+    """
+
+    interval_epochs: int
+    latency_epochs: int = 0
+    metres_per_pulse: float = 0.002  # as the data sheet says
+    scale_error: float = 0.0  # a share of 1: what it counts too much
+    noise: float = 0.0  # m/s, of the mean speed over an interval
+    mounting: tuple[float, float] = (0.0, 0.0)
+    lever_arm_b: tuple[float, float, float] = (0.0, 0.0, 0.0)  # m
+
+
+@dataclass(frozen=True)
 class MotionPieces:
     """The vehicle's motion, see `rrins.host_tools.hardware.motion`.
 
@@ -196,6 +214,7 @@ class Settings:
     thermal: ThermalSettings = ThermalSettings()
     altimeter: AltimeterSettings | None = None
     gnss: GnssSettings | None = None
+    odometer: OdometerSettings | None = None
     motion: MotionPieces | None = None
     faults: tuple[PlannedFault, ...] = ()
 
@@ -337,6 +356,24 @@ def _fill_receiver(gnss: GnssState, settings: GnssSettings, seed: np.random.Seed
     gnss.noise_state[0] = seed.generate_state(1, dtype=np.uint64)[0]
 
 
+def _fill_odometer(
+    odometer: OdometerState, settings: OdometerSettings | None, seed: np.random.SeedSequence
+) -> None:
+    if settings is None:
+        return
+    assert 0 <= settings.latency_epochs < settings.interval_epochs
+    odometer.fitted = True
+    odometer.interval_epochs = settings.interval_epochs
+    odometer.latency_epochs = settings.latency_epochs
+    odometer.metres_per_pulse = settings.metres_per_pulse / (1 + settings.scale_error)
+    odometer.noise = settings.noise
+    heading, pitch = settings.mounting
+    odometer.forward_b = body_to_navigation(0.0, pitch, heading)[:, 1]
+    odometer.lever_arm_b[:] = settings.lever_arm_b
+    odometer.has_lever_arm = any(settings.lever_arm_b)
+    odometer.noise_state[0] = seed.generate_state(1, dtype=np.uint64)[0]
+
+
 def _fill_motion(plant: Plant, motion: MotionPieces | None) -> None:
     if motion is None:
         return
@@ -380,14 +417,15 @@ def power_on(settings: Settings) -> Records[Plant]:
     plant.omega_ib_b = C_n_b @ earth.rotation_n(latitude)
     gravity = earth.normal_gravity(latitude, settings.height_m)
     plant.specific_force_b = C_n_b @ np.array([0.0, 0.0, gravity])
-    seeds = np.random.SeedSequence(settings.seed).spawn(4)
-    gyro_seed, accelerometer_seed, altimeter_seed, gnss_seed = seeds
+    seeds = np.random.SeedSequence(settings.seed).spawn(5)
+    gyro_seed, accelerometer_seed, altimeter_seed, gnss_seed, odometer_seed = seeds
     _fill_sensors(plant.gyros, settings.gyros, dt, gyro_seed)
     _fill_sensors(plant.accelerometers, settings.accelerometers, dt, accelerometer_seed)
     _fill_drive(plant.axis[INNER], settings.inner, dt)
     _fill_drive(plant.axis[OUTER], settings.outer, dt)
     _fill_surroundings(plant, settings, altimeter_seed)
     _fill_gnss(plant, settings, gnss_seed)
+    _fill_odometer(plant.odometer, settings.odometer, odometer_seed)
     plant.drift_epochs = max(1, round(DRIFT_S * settings.rate_hz))
     truth = plant.truth
     truth.latitude = latitude

@@ -16,7 +16,15 @@ from rrins.dbc.contract import Contract, MessageSignals
 from rrins.dbc.e2e import COUNTER_MODULUS, MessageLayout, counter_of, crc_holds, fill
 from rrins.dbc.frame import Frame, FrameArray
 from rrins.dbc.record import Floats, Records
-from rrins.host_tools.hardware import faults, gnss, motion, sensors, truth, turntable
+from rrins.host_tools.hardware import (
+    faults,
+    gnss,
+    motion,
+    odometer,
+    sensors,
+    truth,
+    turntable,
+)
 from rrins.host_tools.hardware.memory import INNER, OUTER, Plant, TurntableAxis, WaitingCommand
 from rrins.host_tools.hardware.noise import normal
 
@@ -202,6 +210,11 @@ def _send(plant: Plant, contract: Contract, outbox: FrameArray) -> int:
         gnss.measure(plant, contract)
     if gnss.is_due(plant):
         count = gnss.send(plant, contract, outbox, count)
+    if odometer.measures(plant):
+        odometer.measure(plant, contract.odometer)
+    if odometer.is_due(plant):
+        fill(outbox[count], contract.odometer.message, plant.odometer.word[0], plant.epoch)
+        count += 1
     heartbeat = contract.heartbeat_hardware
     if plant.epoch * plant.period_ns % (heartbeat.message.cycle_ms * _NS_PER_MS) == 0:
         uptime = plant.epoch * plant.period_ns * 1e-9
@@ -225,6 +238,8 @@ def advance(plant: Plant, pieces: Floats, contract: Contract) -> None:
         turntable.advance(plant.axis[axis], dt)
         turntable.slip(plant.axis[axis])
     truth.integrate(plant, pieces, dt)
+    if plant.odometer.fitted:
+        odometer.turn(plant, pieces, dt)
     if plant.epoch % plant.drift_epochs == 0:
         _drift(plant, dt)
     layout = contract.sensor[0]

@@ -71,7 +71,8 @@ def _interpolation() -> tuple[Floats, Floats]:
     return (nodes + 1.0) / 2.0, to_monomials @ to_series
 
 
-_NODES, _TO_MONOMIALS = _interpolation()
+NODES, _TO_MONOMIALS = _interpolation()
+"""Instants of a piece, in u, through which functions of time are interpolated."""
 
 
 def _motion_n(place: Floats, slope: Floats, bend: Floats) -> tuple[Floats, Floats, Floats]:
@@ -124,7 +125,7 @@ def _turn_b(angles: Floats, rates: Floats) -> Floats:
     )
 
 
-def _interpolated(values: Floats) -> Floats:
+def interpolated(values: Floats) -> Floats:
     """Return monomials, shape (n, channels, 8), of values (channels, n, 8) at the nodes."""
     first = values[..., :1]
     monomials = (values - first) @ _TO_MONOMIALS.T
@@ -142,16 +143,16 @@ def trajectory_of(
     step_s = path.knot_ns * 1e-9
 
     def at_nodes(order: int) -> Floats:
-        values = horner(derivative(monomials, order)[:, :, None, :], _NODES)
+        values = horner(derivative(monomials, order)[:, :, None, :], NODES)
         return np.moveaxis(values, 1, 0) / step_s**order  # (6, n, 8)
 
     place, slope, bend = at_nodes(0), at_nodes(1), at_nodes(2)
     velocity, force_n, omega_in_n = _motion_n(place[:3], slope[:3], bend[:3])
     omega_b = _to_body(place[3:], omega_in_n) + _turn_b(place[3:], slope[3:])
     pieces = np.zeros((len(monomials), CHANNELS, POWERS))
-    pieces[:, OMEGA_IB_B] = _interpolated(omega_b)
-    pieces[:, SPECIFIC_FORCE_B] = _interpolated(_to_body(place[3:], force_n))
-    pieces[:, VELOCITY_N] = _interpolated(velocity)
+    pieces[:, OMEGA_IB_B] = interpolated(omega_b)
+    pieces[:, SPECIFIC_FORCE_B] = interpolated(_to_body(place[3:], force_n))
+    pieces[:, VELOCITY_N] = interpolated(velocity)
     pieces[:, PLACE, : monomials.shape[2]] = monomials[:, :3]
     pieces[:, ATTITUDE, : monomials.shape[2]] = monomials[:, 3:]
     pieces[still, :, 1:] = 0.0

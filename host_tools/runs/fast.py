@@ -14,7 +14,7 @@ from rrins.dbc.compilation import compiled, compiled_with
 from rrins.dbc.compiled_beside import Beside, array_of, compiled_beside
 from rrins.dbc.contract import Contract, load_contract
 from rrins.dbc.record import Floats, Records
-from rrins.firmware_py.core import clock, gnss, intake
+from rrins.firmware_py.core import clock, gnss, intake, odometer
 from rrins.firmware_py.core import settings as firmware
 from rrins.firmware_py.core.memory import INNER, OUTER, NavigationOutput, Ram
 from rrins.firmware_py.core.modes import navigating
@@ -23,6 +23,7 @@ from rrins.firmware_py.core.step import parts_beside as step_parts_beside
 from rrins.firmware_py.core.transmit import axis_command_word
 from rrins.firmware_py.loop import Firmware
 from rrins.host_tools.hardware import gnss as receiver
+from rrins.host_tools.hardware import odometer as wheel
 from rrins.host_tools.hardware import settings as hardware
 from rrins.host_tools.hardware.memory import Plant, Truth
 from rrins.host_tools.hardware.step import (
@@ -59,6 +60,10 @@ def _pass_up(plant: Plant, pieces: Floats, state: Ram, contract: Contract) -> No
     if receiver.is_due(plant):
         for part in range(gnss.FRAMES):
             gnss.keep(state.gnss, part, plant.gnss.word[part])
+    if wheel.measures(plant):
+        wheel.measure(plant, contract.odometer)
+    if wheel.is_due(plant):
+        odometer.keep(state.odometer, plant.odometer.word[0])
     inner, outer = contract.axis_inner_status, contract.axis_outer_status
     intake.keep_axis(assembly, inner, INNER, axis_word(plant.axis[INNER], inner))
     intake.keep_axis(assembly, outer, OUTER, axis_word(plant.axis[OUTER], outer))

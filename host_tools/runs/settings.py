@@ -26,6 +26,7 @@ from rrins.host_tools.hardware.settings import (
     UG,
 )
 from rrins.host_tools.motion.build import build
+from rrins.host_tools.motion.mounting import mounted
 from rrins.host_tools.motion.trajectory import ATTITUDE, PLACE, Trajectory
 from rrins.host_tools.runs.data_sheets import redundancy_settings
 from rrins.host_tools.scenario.fault_tables import FaultOnWire
@@ -82,9 +83,22 @@ def firmware_settings(scenario: Scenario) -> firmware.Settings:
         scheme=scenario.scheme,
         altimeter=scenario.altimeter is not None,
         gnss_interval_s=0.0 if scenario.gnss is None else 1 / scenario.gnss.rate_hz,
+        odometer=_nominal_odometer(scenario),
         calibration=_calibration(settings.calibration, len(gyros), len(accelerometers)),
         redundancy=redundancy_settings(scenario),
         calibration_file=settings.calibration,
+    )
+
+
+def _nominal_odometer(scenario: Scenario) -> firmware.OdometerSettings | None:
+    odometer = scenario.odometer
+    if odometer is None:
+        return None
+    return firmware.OdometerSettings(
+        interval_s=1 / odometer.rate_hz,
+        metres_per_pulse=odometer.pulse_mm * 1e-3,
+        noise_mps=odometer.noise_mps,
+        lever_arm_m=odometer.lever_arm_m,
     )
 
 
@@ -217,8 +231,21 @@ def _drive(axis: Axis) -> hardware.Drive:
 
 
 @functools.lru_cache(maxsize=24)
-def _trajectory(motion: Motion, site: Site, body: Body, period_ns: int) -> Trajectory | None:
-    return build(motion, site, body, period_ns, Path())
+def _trajectory(
+    motion: Motion, site: Site, body: Body, period_ns: int, mounting: tuple[float, float]
+) -> Trajectory | None:
+    trajectory = build(motion, site, body, period_ns, Path())
+    return (
+        mounted(trajectory, *mounting) if trajectory is not None and any(mounting) else trajectory
+    )
+
+
+def _mounting(scenario: Scenario) -> tuple[float, float]:
+    """Return heading and pitch of the vehicle's forward axis in the body frame, rad."""
+    odometer = scenario.odometer
+    if odometer is None:
+        return 0.0, 0.0
+    return math.radians(odometer.mounting_heading_deg), math.radians(odometer.mounting_pitch_deg)
 
 
 def trajectory_of(scenario: Scenario) -> Trajectory | None:
@@ -229,7 +256,9 @@ def trajectory_of(scenario: Scenario) -> Trajectory | None:
     MotionError
         When a recording cannot be used.
     """
-    return _trajectory(scenario.motion, scenario.site, scenario.body, scenario.period_ns)
+    return _trajectory(
+        scenario.motion, scenario.site, scenario.body, scenario.period_ns, _mounting(scenario)
+    )
 
 
 def _motion(scenario: Scenario) -> hardware.MotionPieces | None:
@@ -328,6 +357,22 @@ def _gnss(scenario: Scenario) -> hardware.GnssSettings | None:
     )
 
 
+def _odometer(scenario: Scenario) -> hardware.OdometerSettings | None:
+    odometer, rate_hz = scenario.odometer, scenario.rate_hz
+    if odometer is None:
+        return None
+    interval_epochs = round(rate_hz / odometer.rate_hz)
+    return hardware.OdometerSettings(
+        interval_epochs=interval_epochs,
+        latency_epochs=min(round(odometer.latency_s * rate_hz), interval_epochs - 1),
+        metres_per_pulse=odometer.pulse_mm * 1e-3,
+        scale_error=odometer.scale_error_ppm * PPM,
+        noise=odometer.noise_mps,
+        mounting=_mounting(scenario),
+        lever_arm_b=odometer.lever_arm_m,
+    )
+
+
 def hardware_settings(scenario: Scenario) -> hardware.Settings:
     """Return what the hardware is set up with, the operator's requests and the end included.
 
@@ -373,6 +418,7 @@ def hardware_settings(scenario: Scenario) -> hardware.Settings:
             else hardware.AltimeterSettings(altimeter.bias_m, altimeter.noise_m)
         ),
         gnss=_gnss(scenario),
+        odometer=_odometer(scenario),
         motion=_motion(scenario),
         faults=tuple(
             fault.planned(scenario.rate_hz)

@@ -42,6 +42,7 @@ from rrins.host_tools.scenario.tables import (
     Firmware,
     Gnss,
     Gyros,
+    Odometer,
     OperatorRequest,
     Outage,
     Paper,
@@ -81,6 +82,7 @@ class Scenario(TomlTable):
     thermal: Thermal = Thermal()
     altimeter: Altimeter | None = None
     gnss: Gnss | None = None
+    odometer: Odometer | None = None
     turntable: Turntable = Turntable()
     motion: Motion = Motion()
     firmware: Firmware = Firmware()
@@ -132,6 +134,12 @@ class Scenario(TomlTable):
             raise ValueError(
                 f"gnss.latency_s: {self.gnss.latency_s:g} s, but the next fix comes after "
                 f"{1 / self.gnss.rate_hz:g} s"
+            )
+        odometer = self.odometer
+        if odometer is not None and odometer.latency_s >= 1 / odometer.rate_hz:
+            raise ValueError(
+                f"odometer.latency_s: {odometer.latency_s:g} s, but the next count comes after "
+                f"{1 / odometer.rate_hz:g} s"
             )
         moves = self.motion.kind in ("drive", "file")
         if moves and self.firmware.height_channel == "held":
@@ -454,7 +462,7 @@ def _keys(location: tuple[int | str, ...], root: type[BaseModel]) -> list[str]:
     model: Any = root
     turn = rrins.firmware_py.core.settings.Turn
     of = {"operator": OperatorRequest, "turns": turn, "scheme": turn, "altimeter": Altimeter}
-    of |= {"gnss": Gnss, "outages": Outage, "readmit": Readmission}
+    of |= {"gnss": Gnss, "odometer": Odometer, "outages": Outage, "readmit": Readmission}
     for part in location:
         if part in KINDS:
             model = KINDS[str(part)]

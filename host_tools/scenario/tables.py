@@ -31,6 +31,7 @@ MOST_LETTERS = 200
 _Magnitude = Annotated[float, Field(ge=0)]
 _Distance = Annotated[float, Field(ge=-1000, le=1000)]
 _DistancePerSensor = _Distance | tuple[_Distance, ...]
+_Arm = Annotated[float, Field(ge=-100, le=100)]
 _NotNegative = _Magnitude | tuple[_Magnitude, ...]
 
 
@@ -218,6 +219,24 @@ class Gnss(TomlTable):
     velocity_noise_mps: float = Field(default=0.05, ge=0, le=10)
     latency_s: float = Field(default=0.1, ge=0, lt=1)
     outages: tuple[Outage, ...] = Field(default=(), max_length=OUTAGE_CAPACITY)
+
+
+class Odometer(TomlTable):
+    """An odometer; fitted if the table is present."""
+
+    rate_hz: Annotated[int, Field(ge=1, le=50)] = 10
+    pulse_mm: float = Field(default=2.0, ge=0.01, le=10_000)
+    """What a pulse means by the data sheet."""
+    scale_error_ppm: float = Field(default=0.0, ge=-100_000, le=100_000)
+    """What it counts too much."""
+    noise_mps: float = Field(default=0.02, ge=0, le=10)
+    """Standard deviation of the mean speed over an interval, while the wheel turns."""
+    latency_s: float = Field(default=0.0, ge=0, le=0.5)
+    mounting_heading_deg: float = Field(default=0.0, ge=-180, le=180)
+    """Of the vehicle's forward axis in the body frame, as is the pitch."""
+    mounting_pitch_deg: float = Field(default=0.0, ge=-30, le=30)
+    lever_arm_m: tuple[_Arm, _Arm, _Arm] = (0.0, 0.0, 0.0)
+    """In the body frame, from the reference point to where the wheel touches the ground."""
 
 
 class Firmware(TomlTable):

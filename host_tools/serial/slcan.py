@@ -73,6 +73,10 @@ def _sent_by(scenario: Scenario, side: Side) -> tuple[float, float]:
             if scenario.gnss is None:
                 continue
             cycle_ms = 1000 // scenario.gnss.rate_hz
+        if message.name == "ODOMETER":
+            if scenario.odometer is None:
+                continue
+            cycle_ms = 1000 // scenario.odometer.rate_hz
         per_s = scenario.rate_hz if cycle_ms == sync_ms else 1000.0 / cycle_ms if cycle_ms else 0.0
         total_bytes += per_s * (_FRAME_BYTES + 2 * message.length)
         total_frames += per_s

@@ -7,6 +7,7 @@ import pytest
 
 from rrins.dbc.frame import ERR_FLAG, frame_array
 from rrins.firmware_py.core.modes import FirmwareFault, Mode, ModeRequest
+from rrins.firmware_py.core.settings import OdometerSettings
 from rrins.firmware_py.core.troubles import Status, SystemFault
 from rrins.firmware_py.diagnostics import table
 from rrins.firmware_py.diagnostics.fault_memory import FaultMemory
@@ -409,6 +410,46 @@ def test_an_altimeter_that_is_harmed(with_altimeter):
 
 
 @pytest.fixture
+def with_odometer(at, tools):
+    """Return a bench and what steps it with or without frames of the odometer."""
+    bench = at(odometer=OdometerSettings(interval_s=0.1, metres_per_pulse=0.01))
+
+    def step(epochs, every=20, change=lambda frame: frame, valid=1):
+        for k in range(epochs):
+            frames = bench.frames()
+            if every and k % every == 0:
+                frames.append(change(tools.frame("ODOMETER", bench.epoch, valid=valid)))
+            bench.step(frames)
+
+    return bench, step
+
+
+def test_an_odometer_that_is_silent(with_odometer):
+    bench, step = with_odometer
+    step(600)  # none came while the bench began
+    assert failed(bench) == set()
+    step(101, every=0)
+    assert failed(bench) == {"odometer_lost"}
+    step(60, every=0)
+    assert failed(bench) == {"odometer_lost", "odometer_silent"}
+    step(HEALING + 40)
+    assert failed(bench) == set()
+
+
+def test_an_odometer_that_does_not_count(with_odometer):
+    bench, step = with_odometer
+    step(100)
+    step(120, valid=0)
+    assert failed(bench) == {"odometer_lost"}
+
+
+def test_an_odometer_that_is_harmed(with_odometer):
+    bench, step = with_odometer
+    step(200, change=harmed)
+    assert "odometer_crc" in failed(bench)
+
+
+@pytest.fixture
 def with_gnss(at, tools):
     """Return a bench and what steps it with or without groups of the GNSS receiver."""
     bench = at(gnss_interval_s=0.1)
@@ -418,7 +459,10 @@ def with_gnss(at, tools):
         for k in range(epochs):
             frames = bench.frames()
             if every and k % every == 0:
-                frames += [change(tools.frame(name, bench.epoch)) for name in group]
+                values = {"GNSS_TIME": {"quality": 2, "time_us": bench.epoch * 5000}}
+                frames += [
+                    change(tools.frame(name, bench.epoch, **values.get(name, {}))) for name in group
+                ]
             bench.step(frames)
 
     return bench, step
@@ -426,10 +470,10 @@ def with_gnss(at, tools):
 
 def test_a_gnss_receiver_that_is_silent(with_gnss):
     bench, step = with_gnss
-    step(400)
+    step(600)  # none came while the bench began
     assert failed(bench) == set()
     step(150, every=0)
-    assert failed(bench) == {"gnss_silent"}
+    assert failed(bench) == {"gnss_silent", "gnss_lost"}
 
 
 def test_a_gnss_receiver_that_is_harmed(with_gnss):

@@ -48,9 +48,11 @@ MOVING = {
     "motion": {"kind": "drive", "duration_s": 60},
     "altimeter": {"bias_m": 3, "noise_m": 0.5},
     "gnss": {"rate_hz": 4, "latency_s": 0.2, "outages": [{"at_s": 8, "for_s": 3}]},
+    "odometer": {"latency_s": 0.03, "scale_error_ppm": 2000, "mounting_heading_deg": 1,
+                 "lever_arm_m": [0.5, -1, -0.3]},
     "firmware": {"height_channel": "damped", "alignment_s": 0.5},
     "sensors": "tactical",
-}
+}  # fmt: skip
 FAULTS = {
     "faults": [
         {"kind": "axis_runaway", "axis": "outer", "at_s": 9, "for_s": 1},
@@ -131,7 +133,7 @@ def test_without_frames_it_navigates_to_the_same_bytes(name, tmp_path):
     assert with_frames["epochs_navigated"] > 14 * scenario.rate_hz - 200
 
 
-def test_without_frames_the_firmware_takes_the_same_fixes():
+def test_without_frames_the_firmware_takes_the_same_fixes_and_distances():
     scenario = scenario_of(MOVING)
     epochs = scenario.epochs
     fast = FastRun.of(firmware_settings(scenario), hardware_settings(scenario))
@@ -146,6 +148,11 @@ def test_without_frames_the_firmware_takes_the_same_fixes():
     assert (gnss["losses"], gnss["available"]) == (1, True)
     for name in set(gnss.dtype.names) - {"word"}:  # which a frame protects
         assert gnss[name].tobytes() == fast.ram[0]["gnss"][name].tobytes(), name
+    odometer = firmware.ram[0]["odometer"]
+    assert odometer["measurements"] == (epochs - 1 - 6) // 20
+    assert odometer["travelled"] > 10
+    for name in set(odometer.dtype.names) - {"word"}:
+        assert odometer[name].tobytes() == fast.ram[0]["odometer"][name].tobytes(), name
 
 
 def test_calibrated_it_navigates_to_the_same_bytes(tmp_path):
