@@ -85,6 +85,8 @@ class Firmware:
         self.trace = trace or NavigationTrace()
         self.compares: bool | None = True if self.settings.redundancy is not None else None
         """Whether redundant sensors are compared, as `firmware_step` takes it."""
+        self.estimates: bool | None = True if self.settings.estimator is not None else None
+        """Whether the estimator runs, as `firmware_step` takes it."""
         self.period_ns = int(self.ram[0].parameters.period_ns)
         self.inbox = frame_array(INBOX_CAPACITY)
         self.outbox = frame_array(OUTBOX_CAPACITY + Diagnostics.capacity(self.period_ns))
@@ -126,7 +128,14 @@ class Firmware:
             self.diagnostics.restart()
         self._sync_arrival_ns[0] = sync_arrival_ns
         sent = firmware_step(
-            self.ram, self.contract, inbox, start, count, self.outbox, self.compares
+            self.ram,
+            self.contract,
+            inbox,
+            start,
+            count,
+            self.outbox,
+            self.compares,
+            self.estimates,
         )
         if self._mode.item() in _NAVIGATION_MODES:
             self.trace.add(self.ram)

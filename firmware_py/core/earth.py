@@ -45,6 +45,16 @@ def turn(out: Floats, C_s_n: Floats, latitude: float, dt: float) -> None:
 
 
 @compiled
+def wrapped(longitude: float) -> float:
+    """Return a longitude, or a difference of two, in [-π, π) rad."""
+    if longitude >= math.pi:
+        return longitude - 2.0 * math.pi
+    if longitude < -math.pi:
+        return longitude + 2.0 * math.pi
+    return longitude
+
+
+@compiled
 def gravity(latitude: float, height: float) -> float:
     """Return normal gravity in m/s², downwards along the ellipsoid's normal.
 

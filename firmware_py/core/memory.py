@@ -24,6 +24,7 @@ from rrins.dbc.record import (
 )
 from rrins.firmware_py.core.diagnostic_records import DiagnosticState
 from rrins.firmware_py.core.encoder_records import Encoders
+from rrins.firmware_py.core.estimator_records import Estimator
 from rrins.firmware_py.core.redundancy_records import Redundancy
 from rrins.firmware_py.core.troubles import Source
 
@@ -341,6 +342,7 @@ class Ram(Record):
     encoders: Encoders
     bridging: Bridging
     redundancy: Redundancy
+    estimator: Estimator
 
 
 def blank_ram() -> Records[Ram]:

@@ -7,7 +7,10 @@ POWER_ON               SELF_TEST, in the first epoch
 SELF_TEST              STANDBY, when SYNC, all sensors but those that redundancy left out, and both
                        axes were sound for half a second; FAULT (SELF_TEST_FAILED) after ten seconds
 STANDBY                ALIGNMENT, on the request to align or to navigate
-ALIGNMENT              NAVIGATION_*, when done and requested; FAULT (ALIGNMENT_FAILED)
+ALIGNMENT              FINE_ALIGNMENT, else NAVIGATION_*, when done and requested; FAULT
+                       FAULT (ALIGNMENT_FAILED)
+FINE_ALIGNMENT         NAVIGATION_*, after its time, or once the heading is known well enough; FAULT
+                       as from NAVIGATION_*
 NAVIGATION_STRAPDOWN   NAVIGATION_ROTATING, on request, or to try an axis again
 NAVIGATION_ROTATING    NAVIGATION_STRAPDOWN, on request or when an axis does not follow
 any NAVIGATION_*       FAULT (SENSORS_LOST) when too few sensors were usable for longer than the
@@ -28,7 +31,7 @@ from enum import IntEnum
 from rrins.dbc.compilation import compiled
 from rrins.dbc.values import AxisState
 from rrins.firmware_py.core import alignment, sequencer, strapdown
-from rrins.firmware_py.core.memory import INNER, OUTER, Ins, Ram
+from rrins.firmware_py.core.memory import INNER, OUTER, Ins, Modes, Ram
 
 
 class Mode(IntEnum):
@@ -42,6 +45,7 @@ class Mode(IntEnum):
     NAVIGATION_ROTATING = 5
     FAULT = 6
     SHUTDOWN = 7
+    FINE_ALIGNMENT = 8
 
 
 class ModeRequest(IntEnum):
@@ -70,6 +74,7 @@ SELF_TEST_LIMIT_S = 10.0
 
 _AFTER_STANDBY = (Mode.ALIGNMENT, Mode.NAVIGATION_STRAPDOWN, Mode.NAVIGATION_ROTATING)
 _NAVIGATION = (Mode.NAVIGATION_STRAPDOWN, Mode.NAVIGATION_ROTATING)
+_INERTIAL = (Mode.NAVIGATION_STRAPDOWN, Mode.NAVIGATION_ROTATING, Mode.FINE_ALIGNMENT)
 
 _LARGEST_SPEED = 3000.0  # m/s; no vehicle with this system is faster
 _LARGEST_LATITUDE = math.radians(89.99)  # east and north end at the poles
@@ -87,13 +92,15 @@ def enter(state: Ram, mode: int) -> None:
         modes.fault = FirmwareFault.NONE
     if mode == Mode.ALIGNMENT:
         alignment.begin(state.alignment)
-    if mode == Mode.NAVIGATION_ROTATING:
+    if mode == Mode.NAVIGATION_ROTATING and before == Mode.FINE_ALIGNMENT:
+        pass  # it turns already
+    elif mode == Mode.NAVIGATION_ROTATING or (mode == Mode.FINE_ALIGNMENT and _will_rotate(modes)):
         sequencer.start(state.sequencer, state.parameters, state.assembly)
     elif mode in (Mode.SHUTDOWN, Mode.POWER_ON):
         sequencer.switch_off(state.sequencer)
     else:
         sequencer.stop(state.sequencer)
-    if mode in _NAVIGATION and before == Mode.ALIGNMENT:
+    if mode in _INERTIAL and before == Mode.ALIGNMENT:
         parameters = state.parameters
         strapdown.initialise(
             state.ins,
@@ -105,9 +112,16 @@ def enter(state: Ram, mode: int) -> None:
 
 
 @compiled
+def _will_rotate(modes: Modes) -> bool:
+    """Return whether the navigation asked for is with rotation."""
+    return modes.pending == Mode.NAVIGATION_ROTATING
+
+
+@compiled
 def interrupt_rotation(state: Ram) -> None:
-    """Navigate on without rotation, until an axis that does not follow is tried again."""
-    enter(state, Mode.NAVIGATION_STRAPDOWN)
+    """Go on without rotation, until an axis that does not follow is tried again."""
+    if state.modes.mode != Mode.FINE_ALIGNMENT:
+        enter(state, Mode.NAVIGATION_STRAPDOWN)
     sequencer.interrupt(state.sequencer, state.parameters)
 
 
@@ -115,11 +129,13 @@ def interrupt_rotation(state: Ram) -> None:
 def resume_rotation(state: Ram) -> None:
     """Rotate again after an interruption, if that is still asked for."""
     modes = state.modes
-    if modes.mode != Mode.NAVIGATION_STRAPDOWN or modes.pending != Mode.NAVIGATION_ROTATING:
+    is_aligning = modes.mode == Mode.FINE_ALIGNMENT
+    if (not is_aligning and modes.mode != Mode.NAVIGATION_STRAPDOWN) or not _will_rotate(modes):
         return
     if sequencer.wait(state.sequencer, state.parameters, state.assembly):
-        modes.mode = Mode.NAVIGATION_ROTATING
-        modes.epochs = 0
+        if not is_aligning:
+            modes.mode = Mode.NAVIGATION_ROTATING
+            modes.epochs = 0
         sequencer.resume(state.sequencer, state.parameters, state.assembly)
 
 
@@ -136,6 +152,13 @@ def navigating(state: Ram) -> bool:
     """Return whether the mode is one of the two navigation modes."""
     mode = state.modes.mode
     return mode in _NAVIGATION
+
+
+@compiled
+def is_inertial(state: Ram) -> bool:
+    """Return whether the strapdown runs: in navigation, and in the fine alignment before it."""
+    mode = state.modes.mode
+    return mode in _INERTIAL
 
 
 @compiled

@@ -17,6 +17,8 @@ from rrins.firmware_py.core.calibration import (
     Calibration,
     GyroCalibration,
 )
+from rrins.firmware_py.core.estimator import settings as estimator
+from rrins.firmware_py.core.estimator.settings import EstimatorSettings
 from rrins.firmware_py.core.fusion import GAIN_LIMIT, WEIGHT_RATIO_LIMIT
 from rrins.firmware_py.core.memory import (
     INNER,
@@ -130,6 +132,7 @@ class Settings(_Checked):
     odometer: OdometerSettings | None = None
     calibration: Calibration = Calibration()
     redundancy: RedundancySettings | None = None
+    estimator: EstimatorSettings | None = None
     calibration_file: str | None = None
     """Source of the initial attitude."""
 
@@ -232,6 +235,8 @@ def power_on(settings: Settings, contract: Records[Contract]) -> Records[Ram]:
         sensor = contract[0].sensor[0]
         resolutions = (float(sensor.gyro_dtheta.scale), float(sensor.accelerometer_dv.scale))
         redundancy.set_up(state, settings.redundancy, rate_hz, resolutions)
+    if settings.estimator is not None:
+        estimator.set_up(state, settings.estimator, rate_hz)
     state.dispatch = intake.dispatch_table(contract)
     state.epoch = -1
     clock.power_on(state.clock, parameters.period_ns)

@@ -31,6 +31,9 @@ from rrins.firmware_py.core import (
     stuck,
 )
 from rrins.firmware_py.core.attitude import euler_of_matrix, gimbal_matrix, multiply_transposed
+from rrins.firmware_py.core.estimator import feedback
+from rrins.firmware_py.core.estimator import follow as estimator
+from rrins.firmware_py.core.estimator_records import ATTITUDE
 from rrins.firmware_py.core.fusion import compensate, fuse
 from rrins.firmware_py.core.memory import INNER, OUTER, Fusion, Ram
 from rrins.firmware_py.core.modes import FirmwareFault, Mode
@@ -148,7 +151,8 @@ def _align(state: Ram, contract: Contract) -> None:
     if state.alignment.failed:
         modes.fail(state, FirmwareFault.ALIGNMENT_FAILED)
     elif state.modes.pending != Mode.ALIGNMENT:
-        modes.enter(state, state.modes.pending)
+        fine = state.estimator.fine_epochs > 0
+        modes.enter(state, Mode.FINE_ALIGNMENT if fine else state.modes.pending)
 
 
 @compiled
@@ -184,6 +188,17 @@ def _navigate(state: Ram) -> None:
 
 
 @compiled
+def _finish_alignment(state: Ram) -> None:
+    """End the fine alignment after its time, or once the heading is known well enough."""
+    filter_state = state.estimator
+    enough = filter_state.heading_sigma_enough
+    heading_sigma = filter_state.sigma[ATTITUDE + 2]
+    is_known = enough > 0.0 and 0.0 < heading_sigma <= enough
+    if state.modes.epochs >= filter_state.fine_epochs or is_known:
+        modes.enter(state, state.modes.pending)
+
+
+@compiled
 def _rotate(state: Ram) -> None:
     """Advance the scheme; fall back to strapdown when an axis does not follow."""
     if sequencer.watch(state.sequencer, state.parameters, state.assembly):
@@ -204,12 +219,17 @@ def _run_mode(state: Ram, contract: Contract) -> None:
         modes.standby(state)
     elif mode == Mode.ALIGNMENT:
         _align(state, contract)
-    elif mode in (Mode.NAVIGATION_STRAPDOWN, Mode.NAVIGATION_ROTATING):
+    elif mode in (Mode.NAVIGATION_STRAPDOWN, Mode.NAVIGATION_ROTATING, Mode.FINE_ALIGNMENT):
         _navigate(state)
-    if state.modes.mode == Mode.NAVIGATION_ROTATING and mode == Mode.NAVIGATION_ROTATING:
+    turns = mode == Mode.NAVIGATION_ROTATING
+    if mode == Mode.FINE_ALIGNMENT:
+        turns = state.sequencer.running and not state.sequencer.interrupted
+    if state.modes.mode == mode and turns:
         _rotate(state)
     elif state.sequencer.interrupted:
         modes.resume_rotation(state)
+    if state.modes.mode == Mode.FINE_ALIGNMENT and mode == Mode.FINE_ALIGNMENT:
+        _finish_alignment(state)
 
 
 @compiled
@@ -228,11 +248,11 @@ def output(state: Ram) -> None:
 
 
 @compiled
-def compute(state: Ram, contract: Contract, compares: bool | None) -> None:
+def compute(state: Ram, contract: Contract, compares: bool | None, estimates: bool | None) -> None:
     """Run an epoch without its frames: from the received values to the values to send.
 
-    Everything except the navigation output, which `output` writes. `compares` is as `firmware_step`
-    takes it.
+    Everything except the navigation output, which `output` writes. `compares` and `estimates` are
+    as `firmware_step` takes them.
     """
     intake.close(state)
     gnss.close(state, contract)
@@ -241,7 +261,7 @@ def compute(state: Ram, contract: Contract, compares: bool | None) -> None:
     _follow_repetitions(state)
     _fuse(state)
     _judge_repetitions(state)
-    encoders.follow(state, modes.navigating(state))
+    encoders.follow(state, modes.is_inertial(state))
     gimbal_matrix(
         state.C_s_b,
         np.radians(state.assembly.encoder_angle_deg[INNER]),
@@ -251,9 +271,15 @@ def compute(state: Ram, contract: Contract, compares: bool | None) -> None:
     if state.diagnostics.routine_request != 0:
         routine_requests.follow(state)
     if compares is not None and state.clock.synchronised:  # with None not even compiled
-        navigates = modes.navigating(state) and not state.ins.first
-        redundancy.watch(state, navigates, state.modes.mode == Mode.ALIGNMENT)
+        navigates = modes.is_inertial(state) and not state.ins.first
+        mode = state.modes.mode
+        aligns = mode == Mode.ALIGNMENT or mode == Mode.FINE_ALIGNMENT
+        redundancy.watch(state, navigates, aligns)
+    if estimates is not None and state.faults.consecutive_bridged == 0:
+        feedback.compensate(state)
     _run_mode(state, contract)
+    if estimates is not None:
+        estimator.follow(state)
 
 
 @compiled
@@ -265,6 +291,7 @@ def firmware_step(
     count: int,
     outbox: FrameArray,
     compares: bool | None,
+    estimates: bool | None,
 ) -> int:
     """Run the firmware over one epoch.
 
@@ -282,6 +309,8 @@ def firmware_step(
     compares : bool, optional
         True if redundant sensors are compared, as `redundancy.enabled` of the RAM image says, else
         None: a step that does not compare them compiles in two thirds of the time.
+    estimates : bool, optional
+        True if the estimator runs, as `estimator.enabled` of the RAM image says, else None.
 
     Returns
     -------
@@ -294,7 +323,7 @@ def firmware_step(
     state.steps += 1
     intake.begin(state)
     state.consumed = intake.receive(state, record, inbox, start, count)
-    compute(state, record, compares)
+    compute(state, record, compares, estimates)
     if modes.navigating(state):
         output(state)
     sent = transmit(state, record, outbox)

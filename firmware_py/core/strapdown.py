@@ -139,11 +139,7 @@ def _add_to_position(ins: Ins, dlatitude: float, dlongitude: float) -> None:
     step = dlongitude + ins.longitude_carry
     longitude = ins.longitude + step
     ins.longitude_carry = step - (longitude - ins.longitude)
-    if longitude >= math.pi:
-        longitude -= 2.0 * math.pi
-    elif longitude < -math.pi:
-        longitude += 2.0 * math.pi
-    ins.longitude = longitude
+    ins.longitude = earth.wrapped(longitude)
 
 
 @compiled

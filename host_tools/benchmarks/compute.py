@@ -94,6 +94,7 @@ def steps(scenario: Scenario, samples: int) -> StepTimes:
             up,
             firmware.outbox,
             firmware.compares,
+            firmware.estimates,
         )
         end = clock()
         if firmware.mode == Mode.NAVIGATION_ROTATING and rates.any():

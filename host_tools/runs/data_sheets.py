@@ -10,7 +10,9 @@ import math
 
 import numpy as np
 
-from rrins.firmware_py.core.redundancy.settings import DataSheet, RedundancySettings
+from rrins.firmware_py.core.data_sheet import DataSheet
+from rrins.firmware_py.core.estimator.settings import EstimatorSettings
+from rrins.firmware_py.core.redundancy.settings import RedundancySettings
 from rrins.host_tools.hardware.settings import (
     ARCSEC,
     DEG_PER_SQRT_H,
@@ -29,6 +31,7 @@ _LEAST_SCALE_PPM = 1.0
 _LEAST_ASYMMETRY_PPM = 1.0
 _LEAST_INSTALLATION_ARCSEC = 0.2
 _LEAST_SLOPE_PPM = 3.0
+_LEAST_FILTER_SLOPE_PPM = 0.1
 _LEAST_GYRO_BIAS_SIGMA_DPH = 0.05
 _LEAST_ACCELEROMETER_BIAS_SIGMA_UG = 50.0
 _REPEATS_WITHIN = 3.0  # standard deviations
@@ -42,11 +45,11 @@ def _mean_square(*values: PerSensor) -> float:
     return sum(float(np.mean(np.square(value))) for value in values)
 
 
-def _slope_sigma(table: Gyros | Accelerometers) -> float:
+def _slope_sigma(table: Gyros | Accelerometers, least_ppm: float = _LEAST_SLOPE_PPM) -> float:
     """Return how much a component is off by scale factors and installation, all in all."""
     scale = _mean_square(table.scale_error_ppm, table.scale_repeatability_ppm)
     installed = _mean_square(table.installation_u_arcsec, table.installation_v_arcsec)
-    return max(_LEAST_SLOPE_PPM * PPM, math.sqrt(scale * PPM**2 + installed * ARCSEC**2))
+    return max(least_ppm * PPM, math.sqrt(scale * PPM**2 + installed * ARCSEC**2))
 
 
 def _limits(table: Gyros | Accelerometers) -> dict[str, float]:
@@ -124,4 +127,24 @@ def redundancy_settings(scenario: Scenario) -> RedundancySettings | None:
         false_alarms_per_1000_h=scenario.redundancy.false_alarms_per_1000_h,
         gyros=_gyros(scenario),
         accelerometers=_accelerometers(scenario),
+    )
+
+
+def estimator_settings(scenario: Scenario) -> EstimatorSettings | None:
+    """Return the set-up of the firmware's estimator for a scenario; None where it has none."""
+    table = scenario.estimator
+    if not table.enabled:
+        return None
+    firmware = scenario.firmware
+    slope = _slope_sigma(scenario.gyros, _LEAST_FILTER_SLOPE_PPM)
+    return EstimatorSettings(
+        gyros=_gyros(scenario).model_copy(update={"slope_sigma": slope}),
+        accelerometers=_accelerometers(scenario),
+        fine_alignment_s=table.fine_alignment_s,
+        heading_sigma_enough=table.heading_sigma_enough_arcsec * ARCSEC,
+        zero_velocity_sigma=table.zero_velocity_sigma_mps,
+        position_sigma=table.position_sigma_m,
+        gate=table.gate,
+        level_sigma=firmware.level_error_sigma_arcsec * ARCSEC,
+        heading_sigma=firmware.heading_error_sigma_arcsec * ARCSEC,
     )

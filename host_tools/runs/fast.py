@@ -81,7 +81,12 @@ def _pass_down(plant: Plant, state: Ram, contract: Contract) -> None:
 
 @compiled
 def step_both(
-    plant: Plant, pieces: Floats, state: Ram, contract: Contract, compares: bool | None
+    plant: Plant,
+    pieces: Floats,
+    state: Ram,
+    contract: Contract,
+    compares: bool | None,
+    estimates: bool | None,
 ) -> None:
     """Run one epoch of both sides."""
     advance(plant, pieces, contract)
@@ -94,7 +99,7 @@ def step_both(
     clock.synchronise(state.clock, 0)
     state.modes.requested = plant.operator.present
     _pass_up(plant, pieces, state, contract)
-    compute(state, contract, compares)
+    compute(state, contract, compares, estimates)
     plant.epoch += 1
     _pass_down(plant, state, contract)
 
@@ -106,6 +111,7 @@ def run_epochs(
     ram: Records[Ram],
     contract: Records[Contract],
     compares: bool | None,
+    estimates: bool | None,
     epochs: int,
     every: int,
     navigation: Records[NavigationOutput],
@@ -115,7 +121,7 @@ def run_epochs(
 
     Parameters
     ----------
-    plants, pieces, ram, contract, compares
+    plants, pieces, ram, contract, compares, estimates
         As `hardware_step` and `firmware_step` take them.
     epochs : int
     every : int
@@ -132,7 +138,7 @@ def run_epochs(
     plant, state, record = plants[0], ram[0], contract[0]
     rows = 0
     for _ in range(epochs):
-        step_both(plant, pieces, state, record, compares)
+        step_both(plant, pieces, state, record, compares, estimates)
         epoch = state.epoch
         if epoch % every == 0 and navigating(state):
             output(state)
@@ -189,6 +195,7 @@ class FastRun:
         self.ram, self.plant, self.pieces = ram, plant, pieces
         self.every = every
         self.compares: bool | None = True if ram[0].redundancy.enabled else None
+        self.estimates: bool | None = True if ram[0].estimator.enabled else None
 
     @classmethod
     def of(
@@ -220,6 +227,7 @@ class FastRun:
                 self.ram,
                 self.contract,
                 self.compares,
+                self.estimates,
                 epochs,
                 self.every,
                 navigation,

@@ -82,6 +82,7 @@ def _run_epochs(
     ram: Records[Ram],
     contract: Records[Contract],
     compares: bool | None,
+    estimates: bool | None,
     epochs: int,
     increments: Records[FusedIncrements],
     navigation: Records[NavigationOutput],
@@ -91,7 +92,7 @@ def _run_epochs(
     plant, state, record = plants[0], ram[0], contract[0]
     rows = 0
     for _ in range(epochs):
-        step_both(plant, pieces, state, record, compares)
+        step_both(plant, pieces, state, record, compares, estimates)
         if not navigating(state):
             continue
         output(state)
@@ -137,6 +138,7 @@ def fused_of_scenario(scenario: Scenario) -> Iterator[FusedTrack]:
                 run.ram,
                 run.contract,
                 run.compares,
+                run.estimates,
                 epochs,
                 increments,
                 navigation,

@@ -28,7 +28,7 @@ from rrins.host_tools.hardware.settings import (
 from rrins.host_tools.motion.build import build
 from rrins.host_tools.motion.mounting import mounted
 from rrins.host_tools.motion.trajectory import ATTITUDE, PLACE, Trajectory
-from rrins.host_tools.runs.data_sheets import redundancy_settings
+from rrins.host_tools.runs.data_sheets import estimator_settings, redundancy_settings
 from rrins.host_tools.scenario.fault_tables import FaultOnWire
 from rrins.host_tools.scenario.geometry import AxesDeg
 from rrins.host_tools.scenario.motion import Motion
@@ -86,6 +86,7 @@ def firmware_settings(scenario: Scenario) -> firmware.Settings:
         odometer=_nominal_odometer(scenario),
         calibration=_calibration(settings.calibration, len(gyros), len(accelerometers)),
         redundancy=redundancy_settings(scenario),
+        estimator=estimator_settings(scenario),
         calibration_file=settings.calibration,
     )
 

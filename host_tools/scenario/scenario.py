@@ -39,6 +39,7 @@ from rrins.host_tools.scenario.tables import (
     Altimeter,
     Body,
     Bus,
+    Estimator,
     Firmware,
     Gnss,
     Gyros,
@@ -87,6 +88,7 @@ class Scenario(TomlTable):
     motion: Motion = Motion()
     firmware: Firmware = Firmware()
     redundancy: Redundancy = Redundancy()
+    estimator: Estimator = Estimator()
     operator: tuple[OperatorRequest, ...] = Field(default=(), max_length=30)
     paper: Paper | None = None
     bus: Bus = Bus()
@@ -265,7 +267,8 @@ class Scenario(TomlTable):
         asked = self.first_navigation_s if self.operator else self.navigate_at_s
         assert asked is not None
         ready = max(round(asked * self.rate_hz), self.rate_hz)
-        return ready + max(1, round(self.firmware.alignment_s * self.rate_hz))
+        coarse = max(1, round(self.firmware.alignment_s * self.rate_hz))
+        return ready + coarse + round(self.estimator.fine_alignment_s * self.rate_hz)
 
     @property
     def requests(self) -> tuple[OperatorRequest, ...]:

@@ -322,6 +322,28 @@ class Redundancy(TomlTable):
         return self
 
 
+class Estimator(TomlTable):
+    """The firmware's error-state Kalman filter."""
+
+    enabled: bool = False
+    fine_alignment_s: float = Field(default=0.0, ge=0, le=86_400)
+    """Between the alignment and navigation, while the table turns; 0: none."""
+    heading_sigma_enough_arcsec: float = Field(default=0.0, ge=0, le=36_000)
+    """Ends the fine alignment before its time once the heading is known this well; 0: never."""
+    zero_velocity_sigma_mps: float = Field(default=0.002, gt=0, le=10)
+    """Of the velocity of a vehicle that stands, each component."""
+    position_sigma_m: float = Field(default=0.02, gt=0, le=1000)
+    """Of the position where navigation begins, each component."""
+    gate: float = Field(default=5.0, gt=1, le=100)
+    """Standard deviations beyond which a measurement is not used."""
+
+    @model_validator(mode="after")
+    def _whole(self) -> Estimator:
+        if self.fine_alignment_s > 0 and not self.enabled:
+            raise ValueError("fine_alignment_s: needs enabled = true")
+        return self
+
+
 class OperatorRequest(TomlTable):
     """A mode that the operator requests, and when (after power-on of the hardware)."""
 

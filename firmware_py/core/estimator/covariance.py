@@ -1,4 +1,4 @@
-"""Covariance of a filter: propagation, and the measurement of a state in Joseph's form.
+"""Covariance of a filter: propagation, and measurements in Joseph's form.
 
 Bucy and Joseph, *Filtering for Stochastic Processes* (1968); Groves (2nd ed., 2013), (3.58). Only
 symmetric sums are formed, so the covariance stays symmetric, and positive in spite of rounding.
@@ -11,9 +11,8 @@ from rrins.dbc.record import Floats
 
 
 @compiled
-def propagate(P: Floats, transition: Floats, work: Floats) -> None:
-    """Replace P by ``Φ P Φᵀ``; all arrays have shape (n, n). Zeros of Φ cost nothing."""
-    n = P.shape[0]
+def propagate(P: Floats, n: int, transition: Floats, work: Floats) -> None:
+    """Replace P by ``Φ P Φᵀ``, in the first n rows and columns. Zeros of Φ cost nothing."""
     for i in range(n):
         for k in range(n):
             work[i, k] = 0.0
@@ -73,3 +72,44 @@ def measure(
             P[i, k] = work[i, k] - work[i, state] * gain[k] + gain[i] * variance * gain[k]
             P[k, i] = P[i, k]
     return innovation, expected
+
+
+@compiled
+def expect(P: Floats, n: int, row: Floats, variance: float, gain: Floats) -> float:
+    """Return the variance of the innovation of a measurement ``row x``; `gain` becomes ``P rowᵀ``.
+
+    Parameters
+    ----------
+    P : array, shape (at least n, at least n)
+    n : int
+        States.
+    row : array, shape (at least n,)
+    variance : float
+        Of the measurement's noise.
+    gain : array, shape (at least n,)
+    """
+    expected = variance
+    for i in range(n):
+        total = 0.0
+        for k in range(n):
+            if row[k] != 0.0:
+                total += P[i, k] * row[k]
+        gain[i] = total
+        expected += row[i] * total
+    return expected
+
+
+@compiled
+def update(x: Floats, P: Floats, n: int, gain: Floats, innovation: float, expected: float) -> None:
+    """Take the measurement that `expect` looked at.
+
+    Joseph's form multiplied out, for the gain ``K = P rowᵀ / S``:
+    ``P - K (P rowᵀ)ᵀ - (P rowᵀ) Kᵀ + K S Kᵀ``.
+    """
+    for i in range(n):
+        share = gain[i] / expected
+        x[i] += share * innovation
+        for k in range(i + 1):
+            other = gain[k] / expected
+            P[i, k] += share * expected * other - share * gain[k] - gain[i] * other
+            P[k, i] = P[i, k]

@@ -214,7 +214,7 @@ def _propagate(state: Ram, one: Hypothesis, block: Floats, share: float) -> None
         bank.gain[i] = total
     for i in range(FILTER_SIZE):
         one.x[i] = bank.gain[i]
-    covariance.propagate(one.P, bank.transition, bank.work)
+    covariance.propagate(one.P, FILTER_SIZE, bank.transition, bank.work)
     _add_noise(state, one, block[others + blocks.TURNED], share)
     if one.sensor < 0:
         return

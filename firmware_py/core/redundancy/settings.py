@@ -16,7 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
 
-from rrins.firmware_py.core.calibration import ARCSEC, DPH, PPM, STANDARD_GRAVITY
+from rrins.firmware_py.core.calibration import DPH, STANDARD_GRAVITY
+from rrins.firmware_py.core.data_sheet import DataSheet
 from rrins.firmware_py.core.memory import Ram
 from rrins.firmware_py.core.redundancy_records import (
     ABSOLUTE,
@@ -40,48 +41,6 @@ _EXPECTED_ACCELEROMETER = 1.5e-4 * STANDARD_GRAVITY
 _STANDING_DPS = 0.02
 _STANDING_MPS2 = 0.05
 """What the expectation at standstill is off by: attitude of 5', tilt of 30"; and what is motion."""
-
-
-class DataSheet(BaseModel):
-    """What the data sheet of the sensors of a kind promises, in SI units, per sensor or for all.
-
-    Attributes
-    ----------
-    white_noise : tuple of float
-        rad/√s or m/s/√s.
-    bias_instability, temperature_drift : tuple of float
-        rad/s or m/s²; the second is the drift over all temperatures to expect.
-    rate_random_walk : tuple of float
-        rad/s/√s or m/s²/√s.
-    bias_limit : float
-        rad/s or m/s².
-    scale_limit, installation_limit, asymmetry_limit : float
-        1, rad, 1.
-    force_limit : float
-        rad/s per m/s², of gyros.
-    temperature_s : float
-        Time constant of the temperature.
-    bias_sigma : float, optional
-        rad/s or m/s², standard deviation of what the bias of a sound sensor is at any time; a third
-        of the limit by default.
-    slope_sigma : float
-        Standard deviation of scale factor and installation errors together.
-    """
-
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
-
-    white_noise: tuple[float, ...]
-    bias_instability: tuple[float, ...]
-    rate_random_walk: tuple[float, ...]
-    temperature_drift: tuple[float, ...]
-    temperature_s: float = 600.0
-    bias_limit: float
-    scale_limit: float = 100 * PPM
-    installation_limit: float = 30 * ARCSEC
-    asymmetry_limit: float = 50 * PPM
-    force_limit: float = 0.0
-    bias_sigma: float | None = None
-    slope_sigma: float = 3 * PPM
 
 
 class RedundancySettings(BaseModel):

@@ -20,6 +20,9 @@ from rrins.firmware_py.core.redundancy_records import SETTLED_S, Parity
 _STANDS_BELOW = 3.0
 """m/s, largest velocity that may be an error of the navigation at standstill."""
 
+_WITHIN = 3.0
+"""Standard deviations by which an attitude that is estimated may still change."""
+
 
 @compiled
 def _expect_rotation(state: Ram, C_s_n: Floats, out: Floats, dt: float) -> None:
@@ -103,15 +106,22 @@ def note_velocity(state: Ram) -> None:
     A tilt oscillates with the velocity, 90° apart: g times the tilt is the velocity times Schuler's
     rate. Groves (2nd ed., 2013), section 5.7.
     """
-    ins, redundancy = state.ins, state.redundancy
-    if redundancy.aligning:
-        redundancy.gyros.tilt_error = 0.0
-        redundancy.accelerometers.tilt_error = 0.0
+    ins, redundancy, estimator = state.ins, state.redundancy, state.estimator
+    redundancy.gyros.tilt_error = 0.0
+    redundancy.accelerometers.tilt_error = 0.0
+    if not redundancy.navigated:
         return
+    if estimator.running:  # it changes the attitude
+        level, heading = estimator.attitude_sigma[0], estimator.attitude_sigma[2]
+        if not redundancy.aligning:
+            level = math.sqrt(max(estimator.P[0, 0], estimator.P[1, 1]))
+            heading = math.sqrt(estimator.P[2, 2])
+        redundancy.gyros.tilt_error = _WITHIN * earth.RATE * (level + heading)
+        redundancy.accelerometers.tilt_error = _WITHIN * earth.GRAVITY_EQUATOR * level
     speed = math.sqrt(ins.velocity_n[0] ** 2 + ins.velocity_n[1] ** 2)
     schuler = math.sqrt(earth.GRAVITY_EQUATOR / earth.SEMI_MAJOR_AXIS)
-    redundancy.gyros.tilt_error = speed / earth.SEMI_MAJOR_AXIS
-    redundancy.accelerometers.tilt_error = speed * schuler
+    redundancy.gyros.tilt_error += speed / earth.SEMI_MAJOR_AXIS
+    redundancy.accelerometers.tilt_error += speed * schuler
 
 
 @compiled

@@ -247,7 +247,10 @@ def _leave_out(state: Ram, parity: Parity, fusion: Fusion, sensor: int, how: int
     parity.how = how
     parity.found_epoch = parity.alarm_epoch
     parity.alarm = False
-    if redundancy.navigated:
+    if redundancy.navigated and redundancy.aligning:
+        state.estimator.begins_anew = True
+        state.modes.epochs = 0
+    elif redundancy.navigated:
         repair.order(redundancy.repair, parity.kind, sensor, seconds)
         parity.repaired_epoch = state.epoch - int(seconds) * redundancy.second_epochs
     elif redundancy.aligning:
@@ -303,7 +306,8 @@ def _judge(
 def watch(state: Ram, navigating: bool, aligning: bool) -> None:
     """Compare the sensors of this epoch; called between fusion and navigation.
 
-    An alignment begins anew without a sensor that fails in it.
+    An alignment begins anew without a sensor that fails in it. Both flags are set in the fine
+    alignment.
     """
     redundancy, assembly, diagnostics = state.redundancy, state.assembly, state.diagnostics
     history = redundancy.repair
@@ -315,6 +319,8 @@ def watch(state: Ram, navigating: bool, aligning: bool) -> None:
         redundancy.epochs = (state.epoch - 1) % redundancy.second_epochs
         parities.begin_second(redundancy.gyros)
         parities.begin_second(redundancy.accelerometers)
+    elif navigating and redundancy.aligning and not aligning:
+        redundancy.navigation_epoch = state.epoch - 1
     if navigating != redundancy.navigated or aligning != redundancy.aligning:
         redundancy.aligned_epochs = 0
         redundancy.moved = False

@@ -1,0 +1,76 @@
+"""What the filter found goes to the navigation and to the compensation of the sensors."""
+
+from __future__ import annotations
+
+from rrins.dbc.compilation import compiled
+from rrins.dbc.record import Floats
+from rrins.firmware_py.core import earth
+from rrins.firmware_py.core.attitude import (
+    matrix_of_quaternion,
+    multiply,
+    normalise,
+    quaternion_of_vector,
+)
+from rrins.firmware_py.core.estimator_records import (
+    ATTITUDE,
+    BIASES,
+    HEIGHT,
+    LATITUDE,
+    LONGITUDE,
+    VELOCITY,
+)
+from rrins.firmware_py.core.memory import Fusion, Ram
+
+
+@compiled
+def compensate(state: Ram) -> None:
+    """Remove the estimated biases from the fused vectors of this epoch.
+
+    Not from the sensors: what the redundancy has learned of them stays as it is.
+    """
+    estimator, dt = state.estimator, state.parameters.period_ns * 1e-9
+    _remove(state.gyros, estimator.gyro_bias, state.dtheta_s, dt)
+    _remove(state.accelerometers, estimator.accelerometer_bias, state.dv_s, dt)
+
+
+@compiled
+def _remove(fusion: Fusion, bias: Floats, fused: Floats, dt: float) -> None:
+    for i in range(3):
+        total = 0.0
+        for k in range(fusion.count):
+            total += fusion.gain[i, k] * bias[k]
+        fused[i] -= total * dt
+
+
+@compiled
+def apply(state: Ram) -> None:
+    """Add the filter's errors to the navigation, to its past and to the biases; clear them."""
+    estimator, ins, x = state.estimator, state.ins, state.estimator.x
+    turn, product = estimator.turn[0], estimator.turn[1]
+    for i in range(3):
+        estimator.direction[i] = x[ATTITUDE + i]
+    quaternion_of_vector(turn, estimator.direction)
+    multiply(product, turn, ins.q_s_n)
+    for i in range(4):
+        ins.q_s_n[i] = product[i]
+    normalise(ins.q_s_n)
+    matrix_of_quaternion(ins.C_s_n, ins.q_s_n)
+    for i in range(3):
+        ins.velocity_n[i] += x[VELOCITY + i]
+        estimator.velocity_n[i] += x[VELOCITY + i]
+        estimator.correction[3 + i] = x[VELOCITY + i]
+        estimator.correction[i] = x[LATITUDE + i]
+    ins.latitude += x[LATITUDE]
+    ins.longitude = earth.wrapped(ins.longitude + x[LONGITUDE])
+    ins.height += x[HEIGHT]
+    estimator.latitude += x[LATITUDE]
+    estimator.longitude = earth.wrapped(estimator.longitude + x[LONGITUDE])
+    estimator.height += x[HEIGHT]
+    estimator.correction_epoch = state.epoch
+    gyros, accelerometers = int(state.gyros.count), int(state.accelerometers.count)
+    for k in range(gyros):
+        estimator.gyro_bias[k] += x[BIASES + k]
+    for k in range(accelerometers):
+        estimator.accelerometer_bias[k] += x[BIASES + gyros + k]
+    for i in range(estimator.states):
+        x[i] = 0.0

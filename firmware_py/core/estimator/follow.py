@@ -1,0 +1,144 @@
+"""The filter beside the strapdown: sums in each epoch, and a second's work in small pieces.
+
+At the end of a second the filter's errors of the second before are carried over it and fed back;
+then the covariance follows, then the measurements of the second's end, and those that come until
+the next. A piece is done in an epoch, so no epoch pays for all.
+"""
+
+from __future__ import annotations
+
+import math
+
+from rrins.dbc.compilation import compiled
+from rrins.firmware_py.core import earth, modes
+from rrins.firmware_py.core.estimator import feedback, measurements, propagation
+from rrins.firmware_py.core.estimator_records import (
+    ATTITUDE,
+    BIASES,
+    HEIGHT,
+    LATITUDE,
+    LONGITUDE,
+    STATE_CAPACITY,
+    VELOCITY,
+)
+from rrins.firmware_py.core.memory import Ram
+
+_TRANSITION, _COVARIANCE, _NOISE, _MEASUREMENTS = 1, 2, 3, 4
+"""The pieces of work, in order."""
+
+_DOUBT = 10.0
+"""By how much less is known of the attitude after a sensor failed in the fine alignment."""
+
+_PIECES = 24
+"""Of a second, at most: with fewer epochs in a second, several are done in one."""
+
+
+@compiled
+def follow(state: Ram) -> None:
+    """Follow the strapdown over this epoch, which it has navigated."""
+    estimator = state.estimator
+    if not modes.is_inertial(state):
+        estimator.running = False
+        return
+    if not estimator.running or state.ins.first or estimator.begins_anew:
+        begin(state)
+        return
+    dt = state.parameters.period_ns * 1e-9
+    propagation.note(estimator, state.ins, state.dtheta_s, state.dv_s, dt)
+    measurements.note(estimator, state)
+    estimator.epochs += 1
+    if estimator.epochs == estimator.second_epochs:
+        _finish_second(state)
+        return
+    for _ in range(1 + _PIECES // estimator.second_epochs):
+        _work(state)
+
+
+@compiled
+def begin(state: Ram) -> None:
+    """Begin with what is known of the attitude, and with unknown biases."""
+    estimator, P = state.estimator, state.estimator.P
+    estimator.running = True
+    doubt = _DOUBT if estimator.begins_anew else 1.0
+    estimator.begins_anew = False
+    for kind in range(2):
+        estimator.turned[kind] = 0.0
+        estimator.seconds[kind] = 0.0
+        for i in range(3):
+            estimator.force_n[kind, i] = 0.0
+            estimator.way_n[kind, i] = 0.0
+            for k in range(3):
+                estimator.attitude_s[kind, i, k] = 0.0
+    for i in range(STATE_CAPACITY):
+        estimator.x[i] = 0.0
+        estimator.sigma[i] = 0.0
+        for k in range(STATE_CAPACITY):
+            P[i, k] = 0.0
+    gyros, accelerometers = int(state.gyros.count), int(state.accelerometers.count)
+    _stand_here(state)
+    estimator.epochs = 0
+    estimator.stage = _MEASUREMENTS
+    for i in range(3):
+        P[ATTITUDE + i, ATTITUDE + i] = (doubt * estimator.attitude_sigma[i]) ** 2
+        P[VELOCITY + i, VELOCITY + i] = estimator.velocity_sigma**2
+    P[LATITUDE, LATITUDE] = (estimator.position_sigma / estimator.north_radius) ** 2
+    P[LONGITUDE, LONGITUDE] = (estimator.position_sigma / estimator.east_radius) ** 2
+    if estimator.vertical:
+        P[HEIGHT, HEIGHT] = estimator.position_sigma**2
+    else:
+        P[VELOCITY + 2, VELOCITY + 2] = 0.0
+    for k in range(gyros):
+        estimator.gyro_bias[k] = 0.0
+        P[BIASES + k, BIASES + k] = estimator.bias_sigma[0] ** 2
+    for k in range(accelerometers):
+        estimator.accelerometer_bias[k] = 0.0
+        P[BIASES + gyros + k, BIASES + gyros + k] = estimator.bias_sigma[1] ** 2
+    measurements.begin(estimator, state.epoch)
+
+
+@compiled
+def _stand_here(state: Ram) -> None:
+    """Let the filter stand at the end of this epoch."""
+    estimator, ins = state.estimator, state.ins
+    meridian, prime_vertical = earth.radii(ins.latitude)
+    estimator.epoch = state.epoch
+    estimator.latitude = ins.latitude
+    estimator.longitude = ins.longitude
+    estimator.height = ins.height
+    estimator.north_radius = meridian + ins.height
+    estimator.east_radius = (prime_vertical + ins.height) * math.cos(ins.latitude)
+    for i in range(3):
+        estimator.velocity_n[i] = ins.velocity_n[i]
+
+
+@compiled
+def _finish_second(state: Ram) -> None:
+    """Do what is left of the second before, and begin the work on this one."""
+    estimator = state.estimator
+    while estimator.stage <= _NOISE or estimator.waiting != 0:
+        _work(state)
+    for i in range(estimator.states):
+        estimator.sigma[i] = math.sqrt(max(0.0, estimator.P[i, i]))
+    estimator.epochs = 0
+    estimator.stage = _TRANSITION
+    propagation.close(estimator)
+    _stand_here(state)
+    measurements.stand(state)
+
+
+@compiled
+def _work(state: Ram) -> None:
+    """Do the next piece of work."""
+    estimator = state.estimator
+    if estimator.stage == _TRANSITION:
+        propagation.fill(state)
+        propagation.propagate_state(estimator)
+        feedback.apply(state)
+    elif estimator.stage == _COVARIANCE:
+        propagation.propagate_covariance(estimator)
+    elif estimator.stage == _NOISE:
+        propagation.add_noise(state)
+    else:
+        measurements.take(state)
+        return
+    estimator.stage += 1

@@ -1,0 +1,174 @@
+"""Measurements of the filter: what waits, how each depends on the errors, and the gate.
+
+Each scalar is a measurement of its own. All are of the epoch at which the filter stands; what was
+valid at another one is compared with the navigation of that epoch, and the velocity's error in
+between counts. Groves (2nd ed., 2013), section 14.3.
+"""
+
+from __future__ import annotations
+
+from rrins.dbc.compilation import compiled
+from rrins.firmware_py.core import earth
+from rrins.firmware_py.core.estimator import covariance
+from rrins.firmware_py.core.estimator_records import (
+    AIDS,
+    COMPONENTS,
+    LATITUDE,
+    TRACK_EPOCHS,
+    VELOCITY,
+    Aid,
+    Estimator,
+)
+from rrins.firmware_py.core.memory import Gnss, Ram
+from rrins.firmware_py.core.modes import Mode
+
+_EVERY = (1 << COMPONENTS) - 1
+_LEVEL = 3
+"""The two level components of three."""
+
+_ZERO_VELOCITY, _KNOWN_POSITION = int(Aid.ZERO_VELOCITY), int(Aid.KNOWN_POSITION)
+_GNSS_POSITION, _GNSS_VELOCITY = int(Aid.GNSS_POSITION), int(Aid.GNSS_VELOCITY)
+_ALTIMETER = int(Aid.ALTIMETER)
+
+_LEAST_POSITION_SIGMA, _LEAST_VELOCITY_SIGMA = 0.01, 0.002
+"""m, m/s: a receiver that promises more is not believed."""
+
+
+@compiled
+def begin(estimator: Estimator, epoch: int) -> None:
+    """Begin with no measurement waiting, and no past."""
+    estimator.waiting = 0
+    estimator.track_first = epoch
+    estimator.correction_epoch = epoch
+    for aid in range(AIDS):
+        source = estimator.sources[aid]
+        source.used = 0
+        source.rejected = 0
+        source.rejected_in_a_row = 0
+        source.squares = 0.0
+
+
+@compiled
+def note(estimator: Estimator, state: Ram) -> None:
+    """Keep the navigation at the end of this epoch; take a fix that came in it."""
+    ins, gnss = state.ins, state.gnss
+    row = estimator.track[state.epoch % TRACK_EPOCHS]
+    row[0], row[1], row[2] = ins.latitude, ins.longitude, ins.height
+    for i in range(3):
+        row[3 + i] = ins.velocity_n[i]
+    is_free = estimator.waiting >> (COMPONENTS * _GNSS_POSITION) == 0
+    oldest = max(estimator.track_first, state.epoch - TRACK_EPOCHS + 1)
+    if gnss.fresh and is_free and gnss.epoch >= oldest:
+        _take_fix(estimator, gnss)
+
+
+@compiled
+def _take_fix(estimator: Estimator, gnss: Gnss) -> None:
+    estimator.fix_epoch = gnss.epoch
+    estimator.fix_position[0] = gnss.latitude
+    estimator.fix_position[1] = gnss.longitude
+    estimator.fix_position[2] = gnss.height
+    for i in range(3):
+        estimator.fix_velocity_n[i] = gnss.velocity_n[i]
+    estimator.fix_sigma[0] = max(gnss.position_sigma, _LEAST_POSITION_SIGMA)
+    estimator.fix_sigma[1] = max(gnss.velocity_sigma, _LEAST_VELOCITY_SIGMA)
+    components = _EVERY if estimator.vertical else _LEVEL
+    estimator.waiting |= components << (COMPONENTS * _GNSS_POSITION)
+    estimator.waiting |= components << (COMPONENTS * _GNSS_VELOCITY)
+
+
+@compiled
+def stand(state: Ram) -> None:
+    """While the vehicle stands for the fine alignment, its velocity and position are known."""
+    estimator = state.estimator
+    if state.modes.mode != Mode.FINE_ALIGNMENT:
+        return
+    components = _EVERY if estimator.vertical else _LEVEL
+    estimator.waiting |= components << (COMPONENTS * _ZERO_VELOCITY)
+    estimator.waiting |= components << (COMPONENTS * _KNOWN_POSITION)
+
+
+@compiled
+def take(state: Ram) -> bool:
+    """Take the next scalar that waits; return whether there was one."""
+    estimator = state.estimator
+    if estimator.waiting == 0:
+        return False
+    bit = 0
+    while estimator.waiting >> bit & 1 == 0:
+        bit += 1
+    estimator.waiting &= ~(1 << bit)
+    aid, component = bit // COMPONENTS, bit % COMPONENTS
+    for i in range(estimator.states):
+        estimator.row[i] = 0.0
+    innovation, sigma = _innovation(state, aid, component)
+    _judge(estimator, aid, innovation, sigma)
+    return True
+
+
+@compiled
+def _judge(estimator: Estimator, aid: int, innovation: float, sigma: float) -> None:
+    """Take a measurement, unless its innovation is beyond the gate."""
+    x, P, n, source = estimator.x, estimator.P, estimator.states, estimator.sources[aid]
+    for i in range(n):
+        if estimator.row[i] != 0.0:
+            innovation -= estimator.row[i] * x[i]
+    expected = covariance.expect(P, n, estimator.row, sigma * sigma, estimator.gain)
+    square = innovation * innovation / expected
+    if not square <= estimator.gate * estimator.gate:
+        source.rejected += 1
+        source.rejected_in_a_row += 1
+        return
+    covariance.update(x, P, n, estimator.gain, innovation, expected)
+    source.used += 1
+    source.rejected_in_a_row = 0
+    source.squares += square
+
+
+@compiled
+def _innovation(state: Ram, aid: int, component: int) -> tuple[float, float]:
+    """Write the measurement's row; return measured less navigated, and the noise's sigma.
+
+    Positions are in m: the row of a latitude is in m per rad.
+    """
+    estimator, parameters = state.estimator, state.parameters
+    if aid == _ZERO_VELOCITY:
+        estimator.row[VELOCITY + component] = 1.0
+        return -estimator.velocity_n[component], estimator.zero_velocity_sigma
+    if aid == _GNSS_VELOCITY:
+        estimator.row[VELOCITY + component] = 1.0
+        navigated = _past(estimator, 3 + component)
+        return estimator.fix_velocity_n[component] - navigated, estimator.fix_sigma[1]
+    metres = 1.0
+    if component == 0:
+        metres = estimator.north_radius
+    elif component == 1:
+        metres = estimator.east_radius
+    estimator.row[LATITUDE + component] = metres
+    if aid == _KNOWN_POSITION:
+        difference = parameters.latitude - estimator.latitude
+        if component == 1:
+            difference = earth.wrapped(parameters.longitude - estimator.longitude)
+        elif component == 2:
+            difference = parameters.height - estimator.height
+        return difference * metres, estimator.position_sigma
+    difference = estimator.fix_position[component] - _past(estimator, component)
+    if component == 1:
+        difference = earth.wrapped(difference)
+    seconds = (estimator.fix_epoch - estimator.epoch) * parameters.period_ns * 1e-9
+    along = VELOCITY + 2
+    if component == 0:
+        along = VELOCITY + 1
+    elif component == 1:
+        along = VELOCITY
+    estimator.row[along] = seconds
+    return difference * metres, estimator.fix_sigma[0]
+
+
+@compiled
+def _past(estimator: Estimator, component: int) -> float:
+    """Return a component of the navigation when the fix was valid, as corrected since."""
+    value = estimator.track[estimator.fix_epoch % TRACK_EPOCHS, component]
+    if estimator.fix_epoch <= estimator.correction_epoch:
+        value += estimator.correction[component]
+    return float(value)

@@ -1,0 +1,117 @@
+"""Set-up of the estimator: what is known of the sensors and of the beginning, in SI units.
+
+Every default has its reason beside it. What a data sheet says is taken from there.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field
+
+from rrins.firmware_py.core import earth, strapdown
+from rrins.firmware_py.core.calibration import ARCSEC
+from rrins.firmware_py.core.data_sheet import DataSheet
+from rrins.firmware_py.core.estimator_records import BIASES
+from rrins.firmware_py.core.memory import Fusion, Ram
+
+_LEAST_LEVEL = 1.0 * ARCSEC
+_LEAST_HEADING = 10.0 * ARCSEC
+"""Of a given attitude: less is not to be had from outside."""
+
+_FLICKER_S = 1000.0
+"""Time in which bias instability is taken to walk by its own size."""
+
+_LEAST_WALK = 1e-4
+"""Of a bias' sigma, in an hour: P must not become singular."""
+
+_HOUR_S = 3600.0
+
+
+class EstimatorSettings(BaseModel):
+    """Set-up of the estimator.
+
+    Attributes
+    ----------
+    gyros, accelerometers : DataSheet
+    fine_alignment_s : float
+        Length of the fine alignment; 0: none.
+    heading_sigma_enough : float
+        rad; the fine alignment ends before its time once the heading is known this well; 0: never.
+    zero_velocity_sigma : float
+        m/s, of each component while the vehicle stands. 2 mm/s: nobody moves in it, no wind.
+    position_sigma : float
+        m, of each component of the position where navigation begins. 2 cm: it does not move.
+    gate : float
+        Standard deviations beyond which an innovation is not used. 5: once in 1.7 million.
+    level_sigma, heading_sigma : float
+        rad, of a given attitude.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    gyros: DataSheet
+    accelerometers: DataSheet
+    fine_alignment_s: float = Field(default=0.0, ge=0)
+    heading_sigma_enough: float = Field(default=0.0, ge=0)
+    zero_velocity_sigma: float = Field(default=0.002, gt=0)
+    position_sigma: float = Field(default=0.02, gt=0)
+    gate: float = Field(default=5.0, gt=1)
+    level_sigma: float = Field(default=0.0, ge=0)
+    heading_sigma: float = Field(default=0.0, ge=0)
+
+
+def _bias_sigma(sheet: DataSheet) -> float:
+    return sheet.bias_limit / 3 if sheet.bias_sigma is None else sheet.bias_sigma
+
+
+def _fused(fusion: Fusion) -> float:
+    """Return how much of one sensor's error a component of the fused vector has, at most."""
+    gain = np.linalg.pinv(fusion.H[: int(fusion.count)])
+    return float(np.sqrt(np.max(np.sum(gain**2, axis=1))))
+
+
+def set_up(state: Ram, settings: EstimatorSettings, rate_hz: int) -> None:
+    """Fill in the estimator of a RAM image whose parameters and sensors are filled in."""
+    estimator, parameters = state.estimator, state.parameters
+    estimator.enabled = True
+    estimator.fine_epochs = round(settings.fine_alignment_s * rate_hz)
+    estimator.heading_sigma_enough = settings.heading_sigma_enough
+    estimator.second_epochs = rate_hz
+    estimator.states = BIASES + int(state.gyros.count) + int(state.accelerometers.count)
+    estimator.vertical = parameters.height_channel == strapdown.HEIGHT_FREE
+    estimator.zero_velocity_sigma = settings.zero_velocity_sigma
+    estimator.velocity_sigma = settings.zero_velocity_sigma
+    estimator.position_sigma = settings.position_sigma
+    estimator.gate = settings.gate
+    for kind, sheet in enumerate((settings.gyros, settings.accelerometers)):
+        sigma = _bias_sigma(sheet)
+        estimator.bias_sigma[kind] = sigma
+        estimator.slope_variance[kind] = sheet.slope_sigma**2
+        count = len(sheet.white_noise)
+        estimator.white_variance[kind, :count] = np.square(sheet.white_noise)
+        walk = np.square(sheet.bias_instability) / _FLICKER_S + np.square(sheet.rate_random_walk)
+        estimator.walk_variance[kind, :count] = walk + (_LEAST_WALK * sigma) ** 2 / _HOUR_S
+    estimator.attitude_sigma[:] = _attitude_sigma(state, settings)
+
+
+def _attitude_sigma(state: Ram, settings: EstimatorSettings) -> tuple[float, float, float]:
+    """Return the standard deviations of the attitude at the beginning, in n.
+
+    A self-aligned attitude has the errors of the sensors' biases and noise: the level as
+    accelerometers by gravity, the heading as gyros by the Earth's horizontal rate.
+    """
+    parameters = state.parameters
+    if not parameters.self_aligned:
+        level = max(settings.level_sigma, _LEAST_LEVEL)
+        return level, level, max(settings.heading_sigma, _LEAST_HEADING)
+    seconds = parameters.alignment_epochs * parameters.period_ns * 1e-9
+    gravity = earth.gravity(float(parameters.latitude), float(parameters.height))
+    horizontal = earth.RATE * math.cos(parameters.latitude)
+    force = _bias_sigma(settings.accelerometers) * _fused(state.accelerometers)
+    force_noise = max(settings.accelerometers.white_noise, default=0.0) / math.sqrt(seconds)
+    rate = _bias_sigma(settings.gyros) * _fused(state.gyros)
+    rate_noise = max(settings.gyros.white_noise, default=0.0) / math.sqrt(seconds)
+    level = max(math.hypot(force, force_noise) / gravity, _LEAST_LEVEL)
+    return level, level, max(math.hypot(rate, rate_noise) / horizontal, _LEAST_HEADING)

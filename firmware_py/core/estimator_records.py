@@ -1,0 +1,111 @@
+"""Records of the estimator: an error-state Kalman filter beside the strapdown navigation."""
+
+from __future__ import annotations
+
+from enum import IntEnum
+from typing import Annotated
+
+from rrins.dbc.contract import SENSOR_GROUPS
+from rrins.dbc.record import F8, I8, Bool, Floats, Record, Records
+
+ATTITUDE, VELOCITY, LATITUDE, LONGITUDE, HEIGHT, BIASES = 0, 3, 6, 7, 8, 9
+"""First state of each group. An error is what has to be added to the navigation: attitude, a turn
+of the sensors about the axes of n (rad); velocity_n (m/s); latitude, longitude (rad); height (m);
+the biases of gyros (rad/s), then of accelerometers (m/s²), along each input axis."""
+
+STATE_CAPACITY = BIASES + 2 * SENSOR_GROUPS
+RESPONSE_STATES = 14
+"""States and inputs of `transition.fill`."""
+
+TRACK_EPOCHS = 4096
+"""Epochs of the navigation that are kept, for measurements of the past; 2 s at 2 kHz."""
+
+
+class Aid(IntEnum):
+    """What the navigation is aided by."""
+
+    ZERO_VELOCITY = 0
+    KNOWN_POSITION = 1
+    GNSS_POSITION = 2
+    GNSS_VELOCITY = 3
+    ALTIMETER = 4
+
+
+AIDS = len(Aid)
+COMPONENTS = 3
+"""Scalars of one measurement, at most."""
+
+
+class Source(Record):
+    """How the measurements of one kind fared since navigation or fine alignment began."""
+
+    used: I8  #: scalars
+    rejected: I8  #: scalars that failed the gate
+    rejected_in_a_row: I8  #: of these, without one that passed
+    squares: F8  #: sum of the innovations' squares over their variance, of those used
+
+
+class Estimator(Record):
+    """An error-state Kalman filter, updated once a second, one piece of work in an epoch."""
+
+    enabled: Bool
+    running: Bool  #: since the strapdown runs
+    begins_anew: Bool  #: a sensor was left out: what was found with it counts no more
+    fine_epochs: I8  #: length of the fine alignment; 0: none
+    heading_sigma_enough: F8  #: rad, ends the fine alignment before; 0: never
+    second_epochs: I8
+    states: I8  #: used of the capacity
+    vertical: Bool  #: whether the vertical channel is free
+    zero_velocity_sigma: F8  #: m/s, of each component at standstill
+    position_sigma: F8  #: m, of each component of a known position
+    gate: F8  #: standard deviations of an innovation that is used
+    # The data sheets.
+    attitude_sigma: Annotated[Floats, 3]  #: rad, at the beginning, in n
+    velocity_sigma: F8  #: m/s, at the beginning
+    bias_sigma: Annotated[Floats, 2]  #: rad/s, m/s², of each gyro and accelerometer
+    white_variance: Annotated[Floats, (2, SENSOR_GROUPS)]  #: rad²/s, m²/s³
+    walk_variance: Annotated[Floats, (2, SENSOR_GROUPS)]  #: (rad/s)²/s, (m/s²)²/s
+    slope_variance: Annotated[Floats, 2]  #: of scale factors and installation, dimensionless
+    # What the compensation removes.
+    gyro_bias: Annotated[Floats, SENSOR_GROUPS]  #: rad/s
+    accelerometer_bias: Annotated[Floats, SENSOR_GROUPS]  #: m/s²
+    # The present second, and the one that is worked on.
+    epochs: I8  #: of the present second
+    epoch: I8  #: at whose end the filter stands
+    stage: I8  #: next piece of work
+    force_n: Annotated[Floats, (2, 3)]  #: m/s, integral of the specific force
+    way_n: Annotated[Floats, (2, 3)]  #: m, integral of the velocity
+    attitude_s: Annotated[Floats, (2, 3, 3)]  #: s, integral of C_s_n
+    turned: Annotated[Floats, 2]  #: rad, amount of the turn
+    seconds: Annotated[Floats, 2]
+    # The navigation at the end of the epoch at which the filter stands, as corrected since.
+    velocity_n: Annotated[Floats, 3]  #: m/s
+    latitude: F8  #: rad
+    longitude: F8  #: rad
+    height: F8  #: m
+    north_radius: F8  #: m, of the meridian and the height
+    east_radius: F8  #: m, times the cosine of the latitude
+    # The navigation of each epoch, a ring, and what has been added to it since.
+    track: Annotated[Floats, (TRACK_EPOCHS, 6)]  #: latitude, longitude, height, velocity_n
+    track_first: I8  #: epoch
+    correction: Annotated[Floats, 6]  #: the last feedback, in the same order
+    correction_epoch: I8  #: at whose end it was made
+    # The filter.
+    x: Annotated[Floats, STATE_CAPACITY]
+    P: Annotated[Floats, (STATE_CAPACITY, STATE_CAPACITY)]
+    sigma: Annotated[Floats, STATE_CAPACITY]  #: after the last second's measurements
+    # Measurements that wait, one bit each scalar.
+    waiting: I8
+    fix_epoch: I8  #: at whose end the fix was valid
+    fix_position: Annotated[Floats, 3]  #: latitude, longitude (rad), height (m)
+    fix_velocity_n: Annotated[Floats, 3]  #: m/s
+    fix_sigma: Annotated[Floats, 2]  #: m, m/s
+    sources: Annotated[Records[Source], AIDS]  #: by `Aid`
+    # Scratch.
+    transition: Annotated[Floats, (STATE_CAPACITY, STATE_CAPACITY)]
+    work: Annotated[Floats, (STATE_CAPACITY, STATE_CAPACITY)]
+    row: Annotated[Floats, STATE_CAPACITY]
+    gain: Annotated[Floats, STATE_CAPACITY]
+    response: Annotated[Floats, (RESPONSE_STATES, RESPONSE_STATES)]
+    direction: Annotated[Floats, 3]
+    turn: Annotated[Floats, (2, 4)]
