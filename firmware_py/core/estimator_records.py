@@ -11,9 +11,15 @@ from rrins.dbc.record import F8, I8, Bool, Floats, Record, Records
 ATTITUDE, VELOCITY, LATITUDE, LONGITUDE, HEIGHT, BIASES = 0, 3, 6, 7, 8, 9
 """First state of each group. An error is what has to be added to the navigation: attitude, a turn
 of the sensors about the axes of n (rad); velocity_n (m/s); latitude, longitude (rad); height (m);
-the biases of gyros (rad/s), then of accelerometers (m/s²), along each input axis."""
+the biases of gyros (rad/s), then of accelerometers (m/s²), along each input axis; where there is
+an odometer, its scale error (1) and by how much the vehicle's forward axis points to the right and up
+of y of the body (rad)."""
 
-STATE_CAPACITY = BIASES + 2 * SENSOR_GROUPS
+ODOMETER_STATES = 3
+SCALE, YAW, PITCH = 0, 1, 2
+"""Place of each in the odometer's group."""
+
+STATE_CAPACITY = BIASES + 2 * SENSOR_GROUPS + ODOMETER_STATES
 RESPONSE_STATES = 14
 """States and inputs of `transition.fill`."""
 
@@ -28,7 +34,7 @@ class Aid(IntEnum):
     KNOWN_POSITION = 1
     GNSS_POSITION = 2
     GNSS_VELOCITY = 3
-    ALTIMETER = 4
+    ODOMETER = 4
 
 
 AIDS = len(Aid)
@@ -62,6 +68,8 @@ class Estimator(Record):
     # The data sheets.
     attitude_sigma: Annotated[Floats, 3]  #: rad, at the beginning, in n
     velocity_sigma: F8  #: m/s, at the beginning
+    odometer_sigma: Annotated[Floats, ODOMETER_STATES]  #: 1, rad, rad
+    slip_sigma: F8  #: m/s, of the velocity across the vehicle's forward axis
     bias_sigma: Annotated[Floats, 2]  #: rad/s, m/s², of each gyro and accelerometer
     white_variance: Annotated[Floats, (2, SENSOR_GROUPS)]  #: rad²/s, m²/s³
     walk_variance: Annotated[Floats, (2, SENSOR_GROUPS)]  #: (rad/s)²/s, (m/s²)²/s
@@ -69,6 +77,7 @@ class Estimator(Record):
     # What the compensation removes.
     gyro_bias: Annotated[Floats, SENSOR_GROUPS]  #: rad/s
     accelerometer_bias: Annotated[Floats, SENSOR_GROUPS]  #: m/s²
+    odometer: Annotated[Floats, ODOMETER_STATES]  #: scale error, and direction of the forward axis
     # The present second, and the one that is worked on.
     epochs: I8  #: of the present second
     epoch: I8  #: at whose end the filter stands
@@ -86,9 +95,11 @@ class Estimator(Record):
     north_radius: F8  #: m, of the meridian and the height
     east_radius: F8  #: m, times the cosine of the latitude
     # The navigation of each epoch, a ring, and what has been added to it since.
-    track: Annotated[Floats, (TRACK_EPOCHS, 6)]  #: latitude, longitude, height, velocity_n
+    track: Annotated[Floats, (TRACK_EPOCHS, 9)]  #: latitude, longitude, height, velocity_n, way_b
     track_first: I8  #: epoch
-    correction: Annotated[Floats, 6]  #: the last feedback, in the same order
+    way_b: Annotated[Floats, 3]  #: m, of the odometer's wheel, since the filter began
+    lever_n: Annotated[Floats, 3]  #: m, from the reference point to the wheel
+    correction: Annotated[Floats, 6]  #: the last feedback, in the order of the track
     correction_epoch: I8  #: at whose end it was made
     # The filter.
     x: Annotated[Floats, STATE_CAPACITY]
@@ -100,6 +111,12 @@ class Estimator(Record):
     fix_position: Annotated[Floats, 3]  #: latitude, longitude (rad), height (m)
     fix_velocity_n: Annotated[Floats, 3]  #: m/s
     fix_sigma: Annotated[Floats, 2]  #: m, m/s
+    odometer_epoch: I8  #: at whose end the stretch that waits, or the next one, begins; -1: nowhere
+    odometer_gaps: I8  #: of the odometer, then
+    odometer_travelled: F8  #: m, then
+    stretch_m: F8  #: that waits
+    stretch_s: F8
+    stretch_b: Annotated[Floats, 3]  #: m, the same by the navigation
     sources: Annotated[Records[Source], AIDS]  #: by `Aid`
     # Scratch.
     transition: Annotated[Floats, (STATE_CAPACITY, STATE_CAPACITY)]
@@ -108,4 +125,5 @@ class Estimator(Record):
     gain: Annotated[Floats, STATE_CAPACITY]
     response: Annotated[Floats, (RESPONSE_STATES, RESPONSE_STATES)]
     direction: Annotated[Floats, 3]
+    C_b_n: Annotated[Floats, (3, 3)]
     turn: Annotated[Floats, (2, 4)]

@@ -17,6 +17,7 @@ from rrins.firmware_py.core.estimator_records import (
     HEIGHT,
     LATITUDE,
     LONGITUDE,
+    ODOMETER_STATES,
     VELOCITY,
 )
 from rrins.firmware_py.core.memory import Fusion, Ram
@@ -72,5 +73,8 @@ def apply(state: Ram) -> None:
         estimator.gyro_bias[k] += x[BIASES + k]
     for k in range(accelerometers):
         estimator.accelerometer_bias[k] += x[BIASES + gyros + k]
+    if state.odometer.interval_epochs > 0:
+        for i in range(ODOMETER_STATES):
+            estimator.odometer[i] += x[BIASES + gyros + accelerometers + i]
     for i in range(estimator.states):
         x[i] = 0.0

@@ -11,13 +11,14 @@ import math
 
 from rrins.dbc.compilation import compiled
 from rrins.firmware_py.core import earth, modes
-from rrins.firmware_py.core.estimator import feedback, measurements, propagation
+from rrins.firmware_py.core.estimator import feedback, measurements, propagation, wheels
 from rrins.firmware_py.core.estimator_records import (
     ATTITUDE,
     BIASES,
     HEIGHT,
     LATITUDE,
     LONGITUDE,
+    ODOMETER_STATES,
     STATE_CAPACITY,
     VELOCITY,
 )
@@ -45,6 +46,7 @@ def follow(state: Ram) -> None:
         return
     dt = state.parameters.period_ns * 1e-9
     propagation.note(estimator, state.ins, state.dtheta_s, state.dv_s, dt)
+    wheels.note(state, dt)
     measurements.note(estimator, state)
     estimator.epochs += 1
     if estimator.epochs == estimator.second_epochs:
@@ -93,7 +95,13 @@ def begin(state: Ram) -> None:
     for k in range(accelerometers):
         estimator.accelerometer_bias[k] = 0.0
         P[BIASES + gyros + k, BIASES + gyros + k] = estimator.bias_sigma[1] ** 2
+    if state.odometer.interval_epochs > 0:
+        first = BIASES + gyros + accelerometers
+        for i in range(ODOMETER_STATES):
+            estimator.odometer[i] = 0.0
+            P[first + i, first + i] = estimator.odometer_sigma[i] ** 2
     measurements.begin(estimator, state.epoch)
+    wheels.begin(state)
 
 
 @compiled
@@ -124,6 +132,7 @@ def _finish_second(state: Ram) -> None:
     propagation.close(estimator)
     _stand_here(state)
     measurements.stand(state)
+    wheels.finish_second(state)
 
 
 @compiled

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from rrins.dbc.compilation import compiled
 from rrins.firmware_py.core import earth
-from rrins.firmware_py.core.estimator import covariance
+from rrins.firmware_py.core.estimator import covariance, wheels
 from rrins.firmware_py.core.estimator_records import (
     AIDS,
     COMPONENTS,
@@ -22,13 +22,14 @@ from rrins.firmware_py.core.estimator_records import (
 from rrins.firmware_py.core.memory import Gnss, Ram
 from rrins.firmware_py.core.modes import Mode
 
+_FIX = (1 << 2 * COMPONENTS) - 1
 _EVERY = (1 << COMPONENTS) - 1
 _LEVEL = 3
 """The two level components of three."""
 
 _ZERO_VELOCITY, _KNOWN_POSITION = int(Aid.ZERO_VELOCITY), int(Aid.KNOWN_POSITION)
 _GNSS_POSITION, _GNSS_VELOCITY = int(Aid.GNSS_POSITION), int(Aid.GNSS_VELOCITY)
-_ALTIMETER = int(Aid.ALTIMETER)
+_ODOMETER = int(Aid.ODOMETER)
 
 _LEAST_POSITION_SIGMA, _LEAST_VELOCITY_SIGMA = 0.01, 0.002
 """m, m/s: a receiver that promises more is not believed."""
@@ -56,7 +57,8 @@ def note(estimator: Estimator, state: Ram) -> None:
     row[0], row[1], row[2] = ins.latitude, ins.longitude, ins.height
     for i in range(3):
         row[3 + i] = ins.velocity_n[i]
-    is_free = estimator.waiting >> (COMPONENTS * _GNSS_POSITION) == 0
+        row[6 + i] = estimator.way_b[i]
+    is_free = estimator.waiting >> (COMPONENTS * _GNSS_POSITION) & _FIX == 0
     oldest = max(estimator.track_first, state.epoch - TRACK_EPOCHS + 1)
     if gnss.fresh and is_free and gnss.epoch >= oldest:
         _take_fix(estimator, gnss)
@@ -139,6 +141,8 @@ def _innovation(state: Ram, aid: int, component: int) -> tuple[float, float]:
         estimator.row[VELOCITY + component] = 1.0
         navigated = _past(estimator, 3 + component)
         return estimator.fix_velocity_n[component] - navigated, estimator.fix_sigma[1]
+    if aid == _ODOMETER:
+        return wheels.innovation(state, component)
     metres = 1.0
     if component == 0:
         metres = estimator.north_radius

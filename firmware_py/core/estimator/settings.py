@@ -13,7 +13,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from rrins.firmware_py.core import earth, strapdown
 from rrins.firmware_py.core.calibration import ARCSEC
 from rrins.firmware_py.core.data_sheet import DataSheet
-from rrins.firmware_py.core.estimator_records import BIASES
+from rrins.firmware_py.core.estimator_records import BIASES, ODOMETER_STATES
 from rrins.firmware_py.core.memory import Fusion, Ram
 
 _LEAST_LEVEL = 1.0 * ARCSEC
@@ -47,6 +47,12 @@ class EstimatorSettings(BaseModel):
         Standard deviations beyond which an innovation is not used. 5: once in 1.7 million.
     level_sigma, heading_sigma : float
         rad, of a given attitude.
+    odometer_scale_sigma : float
+        Of the odometer's scale. 1 %: tyres wear, and warm up.
+    mounting_sigma : float
+        rad, of each angle between y of the body and the vehicle's forward axis. 1°: by eye.
+    slip_sigma : float
+        m/s, of the velocity across the forward axis. 5 cm/s: what tyres and springs let through.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
@@ -60,6 +66,9 @@ class EstimatorSettings(BaseModel):
     gate: float = Field(default=5.0, gt=1)
     level_sigma: float = Field(default=0.0, ge=0)
     heading_sigma: float = Field(default=0.0, ge=0)
+    odometer_scale_sigma: float = Field(default=0.01, gt=0)
+    mounting_sigma: float = Field(default=math.radians(1.0), gt=0)
+    slip_sigma: float = Field(default=0.05, gt=0)
 
 
 def _bias_sigma(sheet: DataSheet) -> float:
@@ -80,6 +89,10 @@ def set_up(state: Ram, settings: EstimatorSettings, rate_hz: int) -> None:
     estimator.heading_sigma_enough = settings.heading_sigma_enough
     estimator.second_epochs = rate_hz
     estimator.states = BIASES + int(state.gyros.count) + int(state.accelerometers.count)
+    if state.odometer.interval_epochs > 0:
+        estimator.states += ODOMETER_STATES
+    estimator.odometer_sigma[:] = settings.odometer_scale_sigma, *2 * (settings.mounting_sigma,)
+    estimator.slip_sigma = settings.slip_sigma
     estimator.vertical = parameters.height_channel == strapdown.HEIGHT_FREE
     estimator.zero_velocity_sigma = settings.zero_velocity_sigma
     estimator.velocity_sigma = settings.zero_velocity_sigma
