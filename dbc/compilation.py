@@ -70,8 +70,10 @@ class Function(CPUDispatcher):
     """A compiled function: a whole where Python calls it, a part where compiled code does."""
 
     def __init__(self, function: Any, folder: CodeFolder | None, options: dict[str, Any]) -> None:
-        # No wrapper for callers in C: there are none, and it is a tenth of the work.
-        chosen = {"nopython": True, "boundscheck": None, "no_cfunc_wrapper": True, **options}
+        # No wrapper for callers in C: there are none, and it is a tenth of the work. No counting of
+        # references: a step allocates nothing.
+        always = {"nopython": True, "boundscheck": None, "no_cfunc_wrapper": True, "_nrt": False}
+        chosen = {**always, **options}
         super().__init__(function, targetoptions=chosen)
         self._cache = CodeCache(function, folder)
         self._compiler = _Compiler(function, self.targetdescr, chosen, {}, Compiler)

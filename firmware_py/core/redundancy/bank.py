@@ -72,7 +72,8 @@ def follow(state: Ram) -> None:
     for _ in range(STEPS_PER_EPOCH):
         if bank.at >= repair.count:
             return
-        block = blocks.of(repair, bank.at)
+        at = blocks.place(repair, bank.at)
+        block = repair.blocks[at : at + repair.stride]
         others = repair.stride - blocks.OTHERS
         is_due = bank.at + _WAIT_S < repair.count
         if block[others + blocks.VARIANCE] == 0.0 and bank.turn == 0 and not is_due:

@@ -96,7 +96,7 @@ def note_motion(repair: Repair, ins: Ins, dtheta_s: Floats, dv_s: Floats, dt: fl
 @compiled
 def close(repair: Repair, epoch: int) -> None:
     """Keep the present block, whose last epoch this is, and begin the next."""
-    at = repair.count % repair.capacity * repair.stride
+    at = place(repair, repair.count)
     for k in range(repair.stride):
         repair.blocks[at + k] = repair.block[k]
     repair.count += 1
@@ -104,18 +104,15 @@ def close(repair: Repair, epoch: int) -> None:
 
 
 @compiled
-def of(repair: Repair, index: int) -> Floats:
-    """Return a kept block, or the present one."""
-    if index >= repair.count:
-        return repair.block[: repair.stride]
-    at = index % repair.capacity * repair.stride
-    return repair.blocks[at : at + repair.stride]
+def place(repair: Repair, index: int) -> int:
+    """Return where a kept block begins in `repair.blocks`."""
+    return index % repair.capacity * repair.stride
 
 
 @compiled
 def note_uncertain(repair: Repair, gyros: Parity, accelerometers: Parity) -> None:
     """Note in the block that was closed last what was not known of the parities."""
-    block, others = of(repair, repair.count - 1), repair.stride - OTHERS
-    block[others + UNCERTAIN] = gyros.uncertain * (_COHERENT_S + 2.0 * gyros.frozen)
+    at = place(repair, repair.count - 1) + repair.stride - OTHERS + UNCERTAIN
+    repair.blocks[at] = gyros.uncertain * (_COHERENT_S + 2.0 * gyros.frozen)
     alike = _COHERENT_S + 2.0 * accelerometers.frozen
-    block[others + UNCERTAIN + 1] = accelerometers.uncertain * alike
+    repair.blocks[at + 1] = accelerometers.uncertain * alike

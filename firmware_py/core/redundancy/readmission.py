@@ -142,10 +142,8 @@ def is_there(state: Ram, parity: Parity) -> bool:
 
 
 @compiled
-def fuse(
-    state: Ram, compared: Parity, fusion: Fusion, measured: Floats, vector_s: Floats
-) -> Floats:
-    """Return the vector as fused with the tested sensor; `vector_s` is fused without it."""
+def fuse(state: Ram, compared: Parity, fusion: Fusion, measured: Floats, vector_s: Floats) -> None:
+    """Fill `vector` as fused with the tested sensor; `vector_s` is fused without it."""
     readmission = state.redundancy.readmission
     sensor = readmission.sensor - 1
     residual = measured[sensor]
@@ -154,7 +152,6 @@ def fuse(
     residual *= compared.projector[sensor, sensor]
     for i in range(3):
         readmission.vector[i] = vector_s[i] - compared.leave_out[sensor, i] * residual
-    return readmission.vector
 
 
 @compiled

@@ -59,7 +59,10 @@ def _keep(state: Ram) -> None:
         index = repair.count - back
         if index < max(0, repair.count - repair.capacity + 1):
             return
-        block = blocks.of(repair, index)
+        block = repair.block[: repair.stride]
+        if back > 0:
+            at = blocks.place(repair, index)
+            block = repair.blocks[at : at + repair.stride]
         after = bank.fix_epoch - block[others + blocks.BEGUN]
         if after > 0:
             if block[others + blocks.VARIANCE] == 0.0:

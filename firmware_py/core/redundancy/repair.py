@@ -97,12 +97,13 @@ def advance(state: Ram) -> None:
     for _ in range(_BLOCKS_PER_EPOCH):
         if repair.at >= repair.count:
             break
-        block = blocks.of(repair, repair.at)
+        at = blocks.place(repair, repair.at)
+        block = repair.blocks[at : at + repair.stride]
         _carry(state, block, block[place : place + 3], of_gyro)
         repair.at += 1
     if repair.at < repair.count:
         return
-    block = blocks.of(repair, repair.count)
+    block = repair.block[: repair.stride]
     _carry(state, block, block[place : place + 3], of_gyro)
     _apply(state)
     repair.active = False

@@ -89,7 +89,8 @@ def _take(
             if not readmission.is_there(state, parity):
                 break
             compared = readmission.trial(state, parity)
-            vector = readmission.fuse(state, compared, fusion, measured, own)
+            readmission.fuse(state, compared, fusion, measured, own)
+            vector = redundancy.readmission.vector
         regressors = parities.regress(compared, fusion, vector, other, dt)
         ratio = parities.take(compared, fusion, measured, vector, regressors)
         if turn == _TRIAL:

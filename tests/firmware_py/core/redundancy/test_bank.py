@@ -193,7 +193,10 @@ class Reference:
 
     def of(self, index):
         repair = self.state.redundancy.repair
-        block = blocks.of(repair, index)[repair.stride - blocks.OTHERS :]
+        block = repair.block[: repair.stride]
+        if index < repair.count:
+            block = repair.blocks[blocks.place(repair, index) :][: repair.stride]
+        block = block[repair.stride - blocks.OTHERS :]
         return float(block[blocks.VARIANCE]), float(block[blocks.MEASURED_AFTER]), block
 
 
