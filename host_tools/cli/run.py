@@ -138,6 +138,8 @@ def rehearse(
     A recording that the file of --record has goes into `previous` beside it.
     """
     from rrins.host_tools.runs import run
+    from rrins.host_tools.runs.job import REALTIME
+    from rrins.host_tools.runs.picture_loading import PictureLoading
     from rrins.host_tools.runs.starting import Forks
 
     loaded = load(scenario, duration_s=duration_s, seed=seed)
@@ -158,8 +160,16 @@ def rehearse(
     run.check(plan, record)
     folder = run.folder_of(out, scenario)
     # The forks come first: the display may have a thread.
-    with Forks(command) as forks, _display(plan.scenario, as_json) as display:
-        result = run.rehearse(plan, display, folder, record, start=forks.start)
+    with (
+        Forks(command) as forks,
+        _display(plan.scenario, as_json) as display,
+        PictureLoading() as pictures,
+    ):
+        # In real time a recorder in this process must not wait for an import.
+        on_started = pictures.begin if speed != REALTIME else _nothing
+        result = run.rehearse(
+            plan, display, folder, record, start=forks.start, on_started=on_started
+        )
     _finish(result, folder, as_json)
 
 
@@ -192,6 +202,10 @@ def simulate(
     with _display(loaded, as_json) as display:
         result = run.simulate(scenario, loaded, display, folder, frames, settings_of(serial))
     _finish(result, folder, as_json)
+
+
+def _nothing() -> None:
+    """Do nothing."""
 
 
 def _warn(scenario: Scenario) -> None:

@@ -341,6 +341,7 @@ def rehearse(
     record: Path | None = None,
     name: str | None = None,
     start: Start = start_program,
+    on_started: Callable[[], None] = lambda: None,
 ) -> RunResult:
     """Rehearse: both sides as processes on one bus.
 
@@ -357,19 +358,27 @@ def rehearse(
         What the scenario is called in the results; the plan's without it.
     start : callable, optional
         Starts a side (`rrins.host_tools.runs.starting`).
+    on_started : callable, optional
+        Called when both sides run.
 
     Raises
     ------
     RehearsalError
         When the rehearsal cannot begin. What goes wrong later is the result's `failure`.
     """
+
+    def on_report(report: JsonObject) -> None:
+        display.report(report)
+        if report["kind"] == "started":
+            on_started()
+
     check(plan, record)
     with _samples_in(folder) as samples:
         address, outcome = _run(
             plan,
             Path(samples),
             record,
-            display.report,
+            on_report,
             lambda address: display.say(f"starting on {address}"),
             start,
         )
