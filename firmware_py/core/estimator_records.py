@@ -12,8 +12,8 @@ ATTITUDE, VELOCITY, LATITUDE, LONGITUDE, HEIGHT, BIASES = 0, 3, 6, 7, 8, 9
 """First state of each group. An error is what has to be added to the navigation: attitude, a turn
 of the sensors about the axes of n (rad); velocity_n (m/s); latitude, longitude (rad); height (m);
 the biases of gyros (rad/s), then of accelerometers (m/s²), along each input axis; where there is
-an odometer, its scale error (1) and by how much the vehicle's forward axis points to the right and up
-of y of the body (rad)."""
+an odometer, its scale error (1) and by how much the vehicle's forward axis points to the right and
+up of y of the body (rad)."""
 
 ODOMETER_STATES = 3
 SCALE, YAW, PITCH = 0, 1, 2
@@ -64,6 +64,9 @@ class Estimator(Record):
     vertical: Bool  #: whether the vertical channel is free
     zero_velocity_sigma: F8  #: m/s, of each component at standstill
     position_sigma: F8  #: m, of each component of a known position
+    fed_back: Annotated[Floats, 12]  #: to attitude, velocity, rates, force since the last block
+    aided_epoch: I8  #: of the last measurement that was used
+    doubts: Bool  #: a sensor was left out: what was found with it counts less
     gate: F8  #: standard deviations of an innovation that is used
     # The data sheets.
     attitude_sigma: Annotated[Floats, 3]  #: rad, at the beginning, in n
@@ -126,4 +129,3 @@ class Estimator(Record):
     response: Annotated[Floats, (RESPONSE_STATES, RESPONSE_STATES)]
     direction: Annotated[Floats, 3]
     C_b_n: Annotated[Floats, (3, 3)]
-    turn: Annotated[Floats, (2, 4)]

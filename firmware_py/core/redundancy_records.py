@@ -50,7 +50,7 @@ nothing is learned: a vehicle pitches by less than counts as motion and more tha
 NOISE_S = 32
 """Window of the test of the variance, s."""
 
-BLOCK_FLOATS = 73728
+BLOCK_FLOATS = 81920
 """Memory for the blocks of one second from which the history is repaired, numbers."""
 
 HISTORY_S = 32
@@ -62,7 +62,7 @@ TEST_LEAST_S, TEST_LONGEST_S = 10, 3600
 BEFORE_S = 5
 """Seconds before an alarm that its freeze frames have."""
 
-BLOCK_OTHERS = 24
+BLOCK_OTHERS = 36
 """Numbers of a block that are not by sensor, see `redundancy.blocks`."""
 
 BANK_SENSORS = 4

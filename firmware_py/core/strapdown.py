@@ -127,6 +127,18 @@ def _update_attitude(ins: Ins, phi_s: Floats, zeta_n: Floats) -> None:
 
 
 @compiled
+def turn(ins: Ins, phi_n: Floats) -> None:
+    """Turn the attitude by a rotation vector in n, rad."""
+    rotation, product = ins.work_q[0], ins.work_q[1]
+    quaternion_of_vector(rotation, phi_n)
+    multiply(product, rotation, ins.q_s_n)
+    for i in range(4):
+        ins.q_s_n[i] = product[i]
+    normalise(ins.q_s_n)
+    matrix_of_quaternion(ins.C_s_n, ins.q_s_n)
+
+
+@compiled
 def _add_to_position(ins: Ins, dlatitude: float, dlongitude: float) -> None:
     """Add to latitude and longitude, carrying what rounding loses (Kahan's summation).
 

@@ -4,13 +4,7 @@ from __future__ import annotations
 
 from rrins.dbc.compilation import compiled
 from rrins.dbc.record import Floats
-from rrins.firmware_py.core import earth
-from rrins.firmware_py.core.attitude import (
-    matrix_of_quaternion,
-    multiply,
-    normalise,
-    quaternion_of_vector,
-)
+from rrins.firmware_py.core import earth, strapdown
 from rrins.firmware_py.core.estimator_records import (
     ATTITUDE,
     BIASES,
@@ -44,18 +38,26 @@ def _remove(fusion: Fusion, bias: Floats, fused: Floats, dt: float) -> None:
 
 
 @compiled
+def _note(state: Ram) -> None:
+    """Note what is about to change, for filters of the redundancy that look at the past."""
+    estimator, x = state.estimator, state.estimator.x
+    gyros, accelerometers = int(state.gyros.count), int(state.accelerometers.count)
+    for i in range(3):
+        estimator.fed_back[i] += x[ATTITUDE + i]
+        estimator.fed_back[3 + i] += x[VELOCITY + i]
+        for k in range(gyros):
+            estimator.fed_back[6 + i] -= state.gyros.gain[i, k] * x[BIASES + k]
+        for k in range(accelerometers):
+            gain = state.accelerometers.gain[i, k]
+            estimator.fed_back[9 + i] -= gain * x[BIASES + gyros + k]
+
+
+@compiled
 def apply(state: Ram) -> None:
     """Add the filter's errors to the navigation, to its past and to the biases; clear them."""
     estimator, ins, x = state.estimator, state.ins, state.estimator.x
-    turn, product = estimator.turn[0], estimator.turn[1]
-    for i in range(3):
-        estimator.direction[i] = x[ATTITUDE + i]
-    quaternion_of_vector(turn, estimator.direction)
-    multiply(product, turn, ins.q_s_n)
-    for i in range(4):
-        ins.q_s_n[i] = product[i]
-    normalise(ins.q_s_n)
-    matrix_of_quaternion(ins.C_s_n, ins.q_s_n)
+    _note(state)
+    strapdown.turn(ins, x[:3])
     for i in range(3):
         ins.velocity_n[i] += x[VELOCITY + i]
         estimator.velocity_n[i] += x[VELOCITY + i]

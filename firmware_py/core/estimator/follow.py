@@ -21,6 +21,7 @@ from rrins.firmware_py.core.estimator_records import (
     ODOMETER_STATES,
     STATE_CAPACITY,
     VELOCITY,
+    Estimator,
 )
 from rrins.firmware_py.core.memory import Ram
 
@@ -29,6 +30,11 @@ _TRANSITION, _COVARIANCE, _NOISE, _MEASUREMENTS = 1, 2, 3, 4
 
 _DOUBT = 10.0
 """By how much less is known of the attitude after a sensor failed in the fine alignment."""
+
+_DOUBTFUL_ATTITUDE, _DOUBTFUL_VELOCITY = 1e-3, 0.5
+"""rad, m/s: what a sensor does to an aided navigation until it is found, at most."""
+
+_LONG_AGO_S = 5
 
 _PIECES = 24
 """Of a second, at most: with fewer epochs in a second, several are done in one."""
@@ -63,6 +69,9 @@ def begin(state: Ram) -> None:
     estimator.running = True
     doubt = _DOUBT if estimator.begins_anew else 1.0
     estimator.begins_anew = False
+    estimator.doubts = False
+    for i in range(12):
+        estimator.fed_back[i] = 0.0
     for kind in range(2):
         estimator.turned[kind] = 0.0
         estimator.seconds[kind] = 0.0
@@ -102,6 +111,29 @@ def begin(state: Ram) -> None:
             P[first + i, first + i] = estimator.odometer_sigma[i] ** 2
     measurements.begin(estimator, state.epoch)
     wheels.begin(state)
+
+
+@compiled
+def _doubt(state: Ram) -> None:
+    """Know less from now on: a sensor that failed was left out, and has done what it has done."""
+    estimator, P = state.estimator, state.estimator.P
+    gyros, accelerometers = int(state.gyros.count), int(state.accelerometers.count)
+    estimator.doubts = False
+    for i in range(3):
+        P[ATTITUDE + i, ATTITUDE + i] += _DOUBTFUL_ATTITUDE**2
+    for i in range(3 if estimator.vertical else 2):
+        P[VELOCITY + i, VELOCITY + i] += _DOUBTFUL_VELOCITY**2
+    for k in range(gyros):
+        P[BIASES + k, BIASES + k] += estimator.bias_sigma[0] ** 2
+    for k in range(accelerometers):
+        P[BIASES + gyros + k, BIASES + gyros + k] += estimator.bias_sigma[1] ** 2
+
+
+@compiled
+def is_aided(estimator: Estimator, epoch: int) -> bool:
+    """Return whether a measurement was used not long ago: it undoes what a sensor has done."""
+    latest, longest = estimator.aided_epoch, _LONG_AGO_S * estimator.second_epochs
+    return bool(estimator.running and latest >= 0 and epoch - latest <= longest)
 
 
 @compiled
@@ -147,6 +179,8 @@ def _work(state: Ram) -> None:
         propagation.propagate_covariance(estimator)
     elif estimator.stage == _NOISE:
         propagation.add_noise(state)
+        if estimator.doubts:
+            _doubt(state)
     else:
         measurements.take(state)
         return

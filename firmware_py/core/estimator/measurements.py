@@ -39,6 +39,7 @@ _LEAST_POSITION_SIGMA, _LEAST_VELOCITY_SIGMA = 0.01, 0.002
 def begin(estimator: Estimator, epoch: int) -> None:
     """Begin with no measurement waiting, and no past."""
     estimator.waiting = 0
+    estimator.aided_epoch = -1
     estimator.track_first = epoch
     estimator.correction_epoch = epoch
     for aid in range(AIDS):
@@ -104,12 +105,12 @@ def take(state: Ram) -> bool:
     for i in range(estimator.states):
         estimator.row[i] = 0.0
     innovation, sigma = _innovation(state, aid, component)
-    _judge(estimator, aid, innovation, sigma)
+    _judge(estimator, aid, innovation, sigma, state.epoch)
     return True
 
 
 @compiled
-def _judge(estimator: Estimator, aid: int, innovation: float, sigma: float) -> None:
+def _judge(estimator: Estimator, aid: int, innovation: float, sigma: float, epoch: int) -> None:
     """Take a measurement, unless its innovation is beyond the gate."""
     x, P, n, source = estimator.x, estimator.P, estimator.states, estimator.sources[aid]
     for i in range(n):
@@ -122,6 +123,7 @@ def _judge(estimator: Estimator, aid: int, innovation: float, sigma: float) -> N
         source.rejected_in_a_row += 1
         return
     covariance.update(x, P, n, estimator.gain, innovation, expected)
+    estimator.aided_epoch = epoch
     source.used += 1
     source.rejected_in_a_row = 0
     source.squares += square

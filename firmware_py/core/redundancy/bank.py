@@ -162,6 +162,8 @@ def _take(state: Ram, one: Hypothesis, block: Floats) -> None:
     """Take a block: propagate to the time of the reference, measure, propagate to the end."""
     bank, others = state.redundancy.bank, state.redundancy.repair.stride - blocks.OTHERS
     variance = block[others + blocks.VARIANCE]
+    for i in range(FILTER_SIZE):  # in the order of the states
+        one.x[i] -= block[others + blocks.FED_BACK + i]
     share = 1.0
     if variance > 0.0:
         share = min(1.0, block[others + blocks.MEASURED_AFTER] / block[others + blocks.TIME])

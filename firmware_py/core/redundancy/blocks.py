@@ -34,6 +34,10 @@ BEGUN, MEASURED_AFTER, MEASURED, VARIANCE = 19, 20, 21, 23
 """The last epoch before the block; the reference's time of validity in it (s), reference less
 navigated velocity to the east and north (m/s), and the variance of each; 0: no reference."""
 
+FED_BACK = 24
+"""What the estimator has added to the navigation: attitude and velocity in n, and to the rates and
+the specific force in s; three numbers each. By these the free navigation would be off."""
+
 OTHERS = BLOCK_OTHERS
 
 
@@ -91,6 +95,14 @@ def note_motion(repair: Repair, ins: Ins, dtheta_s: Floats, dv_s: Floats, dt: fl
             block[others + ATTITUDE + 3 * i + k] += C_s_n[i, k] * dt
     block[others + TIME] += dt
     block[others + TURNED] += square**0.5
+
+
+@compiled
+def note_feedback(repair: Repair, fed_back: Floats) -> None:
+    """Add what the estimator has fed back since, shape (12,), and clear that."""
+    for i in range(12):
+        repair.block[repair.stride - OTHERS + FED_BACK + i] += fed_back[i]
+        fed_back[i] = 0.0
 
 
 @compiled

@@ -14,12 +14,6 @@ import math
 from rrins.dbc.compilation import compiled
 from rrins.dbc.record import Floats
 from rrins.firmware_py.core import strapdown
-from rrins.firmware_py.core.attitude import (
-    matrix_of_quaternion,
-    multiply,
-    normalise,
-    quaternion_of_vector,
-)
 from rrins.firmware_py.core.estimator import transition
 from rrins.firmware_py.core.estimator.transition import CHANGE, LATITUDE, LONGITUDE, TURN, VELOCITY
 from rrins.firmware_py.core.memory import Ram
@@ -79,13 +73,7 @@ def _apply(state: Ram) -> None:
     ins.longitude = (ins.longitude + x[LONGITUDE] + math.pi) % (2.0 * math.pi) - math.pi
     for i in range(3):
         ins.velocity_n[i] += x[VELOCITY + i]
-    turn, product = ins.work_q[0], ins.work_q[1]
-    quaternion_of_vector(turn, x[:3])
-    multiply(product, turn, ins.q_s_n)
-    for i in range(4):
-        ins.q_s_n[i] = product[i]
-    normalise(ins.q_s_n)
-    matrix_of_quaternion(ins.C_s_n, ins.q_s_n)
+    strapdown.turn(ins, x[:3])
 
 
 @compiled

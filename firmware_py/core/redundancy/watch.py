@@ -9,6 +9,7 @@ from __future__ import annotations
 from rrins.dbc.compilation import compiled
 from rrins.dbc.record import Floats
 from rrins.firmware_py.core import alignment
+from rrins.firmware_py.core.estimator import follow as estimator
 from rrins.firmware_py.core.memory import Fusion, Ram
 from rrins.firmware_py.core.redundancy import (
     bank,
@@ -251,6 +252,8 @@ def _leave_out(state: Ram, parity: Parity, fusion: Fusion, sensor: int, how: int
     if redundancy.navigated and redundancy.aligning:
         state.estimator.begins_anew = True
         state.modes.epochs = 0
+    elif estimator.is_aided(state.estimator, state.epoch):
+        state.estimator.doubts = True
     elif redundancy.navigated:
         repair.order(redundancy.repair, parity.kind, sensor, seconds)
         parity.repaired_epoch = state.epoch - int(seconds) * redundancy.second_epochs
@@ -353,6 +356,7 @@ def watch(state: Ram, navigating: bool, aligning: bool) -> None:
         standing.note_velocity(state)
     if navigating:
         dt = state.parameters.period_ns * 1e-9
+        blocks.note_feedback(history, state.estimator.fed_back)
         blocks.note_motion(history, state.ins, state.dtheta_s, state.dv_s, dt)
         reference.follow(state)
         if redundancy.epochs == 0:
