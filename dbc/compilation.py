@@ -120,7 +120,10 @@ class Function(CPUDispatcher):
 
 
 def compiled(function: _F) -> _F:
-    """Compile a function of a step at its first call; its code is kept."""
+    """Compile a function of a step at its first call; its code is kept.
+
+    It neither makes arrays nor returns any but its arguments: references are not counted.
+    """
     return compiled_with()(function)
 
 
