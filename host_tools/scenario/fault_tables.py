@@ -127,7 +127,7 @@ class FaultOfHardware(_Timed):
         for kind, value in VALUES.items():
             own[value.key] = (*own.get(value.key, ()), kind.name.lower())
         self._refuse_keys_of_other_kinds(self.kind, own)
-        if "duty" in self.model_fields_set and self.period_s is None:
+        if self.period_s is None and self.duty != type(self).model_fields["duty"].default:
             raise ValueError("duty: needs period_s")
         return self
 

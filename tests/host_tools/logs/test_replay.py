@@ -12,6 +12,7 @@ import pytest
 
 from rrins.dbc.codec import load
 from rrins.dbc.frame import frame_array
+from rrins.firmware_py.core.redundancy_records import Found
 from rrins.firmware_py.loop import Firmware
 from rrins.firmware_py.loop import run_lockstep as run_firmware
 from rrins.host_tools.bus.port import Address, MessagePort
@@ -22,8 +23,10 @@ from rrins.host_tools.logs.reader import Log
 from rrins.host_tools.logs.replay import firmware_messages, replay
 from rrins.host_tools.recording.errors import RecordError
 from rrins.host_tools.recording.formats import READ, open_writer
+from rrins.host_tools.runs.direct import run_direct, run_without_frames
 from rrins.host_tools.runs.results import read_errors
 from rrins.host_tools.runs.settings import firmware_settings, hardware_settings
+from rrins.host_tools.scenario.scenario import load as load_scenario
 
 SOAK = bool(os.environ.get("RRINS_SOAK"))
 FIRMWARE = [load().frame_id(name) for name in sorted(firmware_messages())]
@@ -84,6 +87,31 @@ def test_a_wire_at_its_limit_is_so_again(rehearse, short, tmp_path):
     babble = {"kind": "babble", "at_s": 1, "for_s": 1}  # epochs late by seconds, in bursts
     scenario = short(duration_s=1.5, bus={"bitrate": 500_000}, faults=[babble])
     assert_same(rehearse(scenario, tmp_path / "bus.log"), None)
+
+
+@pytest.mark.parametrize(
+    "fault",
+    [{"kind": "gyro_bias", "bias_dph": 1000}, {"kind": "accelerometer_bias", "bias_ug": 20_000}],
+    ids=lambda fault: fault["kind"],
+)
+def test_a_fault_that_gnss_tells_is_found_and_undone_alike_in_every_way(rehearse, tmp_path, fault):
+    """Over the bus, with frames and no bus, without frames, and again from the log."""
+    scenario = load_scenario(
+        "drive_rotating",
+        rate_hz=50,
+        duration_s=24,
+        gnss={"rate_hz": 5},
+        gyros={"angle_random_walk_deg_per_sqrt_h": 0.005},
+        accelerometers={"white_noise_ug_per_sqrt_hz": 10},
+        faults=[fault | {"sensor": 2, "at_s": 20}],
+    )
+    recorded = rehearse(scenario, tmp_path / "bus.log")
+    found = recorded.firmware.ram[0]["redundancy"][fault["kind"].split("_")[0] + "s"]
+    assert (found["excluded"], found["how"]) == (0b0010, Found.REFERENCE)
+    assert found["repaired_epoch"] > 0
+    assert_same(recorded, None)
+    for run in (run_direct, run_without_frames):
+        assert run(scenario).firmware["navigation_sha256"] == recorded.sha256
 
 
 def assert_same(recorded, folder):
