@@ -81,6 +81,7 @@ class Repetition(Record):
     expected: Annotated[Floats, SENSOR_GROUPS]  #: by the others, once it had been constant
     varied: I8  #: the others' expectation has changed since
     compared: I8  #: the usable sensors
+    lacking: I8  #: epochs in a row that lack one of these
     reference: Annotated[Floats, (SENSOR_GROUPS, SENSOR_GROUPS)]  #: all increments at that time
     stuck: I8  #: the result, one bit each
 

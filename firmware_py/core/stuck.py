@@ -4,7 +4,8 @@ Whether a sensor repeats itself is seen in what it sends. The increment expected
 is the fused vector along its input axis. A sensor is stuck if this has changed by more than
 quantisation explains while its increment stayed constant, and at least two others have moved: a
 vector cannot change along a single axis of four, but the noise of one sensor can look so.
-The fused vector depends on the set of sensors: when one drops out or returns, all tests restart.
+The fused vector depends on the set of sensors: epochs that lack one do not count, and when one
+drops out for longer, or returns, all tests restart.
 Three sensors are always consistent: there a sensor is stuck that repeats a nonzero increment while
 another changes by several counts from epoch to epoch.
 """
@@ -20,12 +21,18 @@ _VARIED_COUNTS = 4.0
 _CHANGED_COUNTS = 8.0
 _REDUNDANT_FROM = 4
 _WITNESSES = 2
+_PATIENCE_EPOCHS = 10  # of lost frames in a row
 
 
 @compiled
 def follow(repetition: Repetition, count: int, measured: Floats, usable: int) -> None:
     """Note what usable sensors send, before anything is made of it."""
-    if usable != repetition.compared:
+    repetition.lacking = repetition.lacking + 1 if usable != repetition.compared else 0
+    if repetition.lacking > 0:
+        lost = usable & repetition.compared == usable
+        if lost and repetition.lacking <= _PATIENCE_EPOCHS:
+            return
+        repetition.lacking = 0
         repetition.unchanged[:] = 0
         repetition.varied = 0
         repetition.compared = usable
@@ -75,6 +82,8 @@ def judge(repetition: Repetition, fusion: Fusion, vector_s: Floats, epochs: int)
 
     `epochs` is how long a sensor must repeat itself, an even number.
     """
+    if repetition.lacking > 0:
+        return
     usable = repetition.compared
     standing = used = 0
     for k in range(fusion.count):

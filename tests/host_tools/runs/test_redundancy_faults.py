@@ -171,6 +171,18 @@ def test_a_fault_during_recovery_from_lost_frames_is_found(what):
     assert of(summary, "accelerometer")["alarm_s"] is None
 
 
+@pytest.mark.parametrize("kind", ["gyro", "accelerometer"])
+def test_a_sensor_that_sticks_is_known_on_a_bus_that_loses_frames_since_power_on(kind):
+    faults = [
+        {"kind": "drop", "probability": 0.01, "at_s": 0},
+        {"kind": f"{kind}_stuck", "sensor": 2, "at_s": 63},
+    ]
+    summary = simulate(*faults, duration_s=90, **MOVING["sway"])
+    found = of(summary, kind)
+    assert (found["excluded"], found["unresolved_s"]) == ([2], None)
+    assert found["isolated_s"] - 60 < 10
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["gyro_scale", "gyro_stuck", "accelerometer_scale"])
 def test_without_calibration_a_scale_factor_and_a_stuck_sensor_are_found_at_once(kind):
