@@ -68,8 +68,8 @@ BLOCK_OTHERS = 36
 BANK_SENSORS = 4
 """Sensors of a kind among which the bank tells: as many as have one parity."""
 
-BANK_CAPACITY = 2 * BANK_SENSORS + 1
-"""Filters of the bank: each sensor of both kinds left out, and none."""
+BANK_CAPACITY = BANK_SENSORS * BANK_SENSORS + 1
+"""Filters of the bank: each pair of sensors of both kinds left out, and none."""
 
 FILTER_STATES, NAVIGATION_STATES = 12, 14
 """States of a filter, and of the navigation's error, see `estimator.transition`."""
@@ -277,10 +277,9 @@ class Repair(Record):
 
 
 class Hypothesis(Record):
-    """A filter that leaves one sensor out, and how well it explains the reference."""
+    """A filter without a sensor, or one of each kind, and how well it explains the reference."""
 
-    kind: I8  #: of the sensor, `GYROS` or `ACCELEROMETERS`
-    sensor: I8  #: -1: leaves none out
+    sensor: Annotated[Integers, 2]  #: by kind, -1: leaves none out
     x: Annotated[Floats, FILTER_STATES]
     P: Annotated[Floats, (FILTER_STATES, FILTER_STATES)]
     squares: F8  #: sum of the squares of normalised innovations
@@ -288,7 +287,7 @@ class Hypothesis(Record):
 
 
 class Bank(Record):
-    """Filters of the navigation's error, one per sensor that may fail, against a reference."""
+    """Filters of the navigation's error, without each sensor that may fail, and a reference."""
 
     active: Bool
     doubts: I8  #: kinds of which one fails, one bit each
@@ -299,6 +298,7 @@ class Bank(Record):
     at: I8  #: next block
     turn: I8  #: filter that takes it next
     found: I8  #: filter whose sensor fails, in this epoch; 0: none
+    found_kind: I8  #: of that sensor
     count: I8  #: filters
     measurements: I8  #: taken by each filter
     filters: Annotated[Records[Hypothesis], BANK_CAPACITY]
@@ -316,7 +316,7 @@ class Bank(Record):
     work: Annotated[Floats, (FILTER_STATES, FILTER_STATES)]
     gain: Annotated[Floats, FILTER_STATES]
     attitude_s: Annotated[Floats, (3, 3)]
-    inputs: Annotated[Floats, (4, 3)]
+    inputs: Annotated[Floats, (5, 3)]
 
 
 class Readmission(Record):

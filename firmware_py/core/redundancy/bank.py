@@ -2,9 +2,10 @@
 
 Four sensors of a kind have one parity, which cannot tell. While its alarm lasts, filters of the
 navigation's error run over the stored seconds, from before the alarm: each leaves one sensor out,
-one leaves none out. The reference is a velocity, once a second. The likelihood of a hypothesis is
-that of its filter's innovations (Magill, *IEEE Transactions on Automatic Control* 10, 1965;
-Groves, 2nd ed., 2013, section 17.4). A few of these steps run in an epoch.
+one leaves none out. While both kinds have an alarm, each leaves out a pair: two faults at once may
+look most like that of a third sensor. The reference is a velocity, once a second. The likelihood of
+a hypothesis is that of its filter's innovations (Magill, *IEEE Transactions on Automatic Control*
+10, 1965; Groves, 2nd ed., 2013, section 17.4). A few of these steps run in an epoch.
 """
 
 from __future__ import annotations
@@ -29,6 +30,7 @@ from rrins.firmware_py.core.redundancy.isolation import RATIO
 from rrins.firmware_py.core.redundancy_records import (
     ACCELEROMETERS,
     BANK_SENSORS,
+    GYROS,
     Bank,
     Hypothesis,
     Parity,
@@ -94,7 +96,16 @@ def follow(state: Ram) -> None:
 def found(bank: Bank, kind: int) -> int:
     """Return the sensor of a kind that fails, -1 if none is known."""
     one = bank.filters[bank.found]
-    return int(one.sensor) if bank.active and bank.found > 0 and one.kind == kind else -1
+    known = bank.active and bank.found > 0 and bank.found_kind == kind
+    return int(one.sensor[kind]) if known else -1
+
+
+@compiled
+def _is_candidate(bank: Bank, kind: int, sensor: int) -> bool:
+    """Return whether a filter may leave out a sensor of a kind; -1 is none."""
+    if bank.doubts >> kind & 1 == 0:
+        return sensor < 0
+    return sensor >= 0 and bank.sensors[kind] >> sensor & 1 != 0
 
 
 @compiled
@@ -130,15 +141,16 @@ def _begin(state: Ram, doubts: int) -> None:
     bank.at = max(bank.first, repair.count - _BEFORE_S, repair.count - repair.capacity + 2)
     bank.turn = 0
     bank.measurements = 0
-    bank.filters[0].sensor = -1
+    bank.filters[0].sensor[GYROS] = -1
+    bank.filters[0].sensor[ACCELEROMETERS] = -1
     bank.count = 1
-    for kind in range(2):
-        if doubts >> kind & 1 == 0:
+    for gyro in range(-1, SENSOR_GROUPS):
+        if not _is_candidate(bank, GYROS, gyro):
             continue
-        for sensor in range(SENSOR_GROUPS):
-            if bank.sensors[kind] >> sensor & 1:
-                bank.filters[bank.count].kind = kind
-                bank.filters[bank.count].sensor = sensor
+        for accelerometer in range(-1, SENSOR_GROUPS):
+            if _is_candidate(bank, ACCELEROMETERS, accelerometer):
+                bank.filters[bank.count].sensor[GYROS] = gyro
+                bank.filters[bank.count].sensor[ACCELEROMETERS] = accelerometer
                 bank.count += 1
     gyros, accelerometers = state.redundancy.gyros, state.redundancy.accelerometers
     for index in range(bank.count):
@@ -192,45 +204,48 @@ def _propagate(state: Ram, one: Hypothesis, block: Floats, share: float) -> None
     """Propagate a filter over a share of a block."""
     bank, ins = state.redundancy.bank, state.ins
     others = state.redundancy.repair.stride - blocks.OTHERS
-    force, way, turn, noise = bank.inputs[0], bank.inputs[1], bank.inputs[2], bank.inputs[3]
+    force, way, noise = bank.inputs[0], bank.inputs[1], bank.inputs[4]
+    turn, change = bank.inputs[2], bank.inputs[3]
     dt = block[others + blocks.TIME] * share
-    place = 3 * int(one.sensor)
-    if one.kind == ACCELEROMETERS:
-        place += 3 * int(state.gyros.count)
+    gyro, accelerometer = one.sensor[GYROS], one.sensor[ACCELEROMETERS]
+    place = 3 * (state.gyros.count + accelerometer)
     for i in range(3):
         force[i] = block[others + blocks.FORCE + i] * share
         way[i] = block[others + blocks.WAY + i] * share
-        turn[i] = block[place + i] * share if one.sensor >= 0 else 0.0
+        turn[i] = block[3 * gyro + i] * share if gyro >= 0 else 0.0
+        change[i] = block[place + i] * share if accelerometer >= 0 else 0.0
         for k in range(3):
             bank.attitude_s[i, k] = block[others + blocks.ATTITUDE + 3 * i + k] * share
     free = state.parameters.height_channel == strapdown.HEIGHT_FREE
     transition.fill(bank.response, force, way, dt, ins.latitude, ins.height, free)
     transition.of_biases(bank.transition, bank.response, bank.attitude_s)
-    into = CHANGE if one.kind == ACCELEROMETERS else TURN
     for i in range(FILTER_SIZE):
         total = 0.0
         for k in range(FILTER_SIZE):
             total += bank.transition[i, k] * one.x[k]
         if i < TURN:
             for k in range(3):
-                total += bank.response[i, into + k] * turn[k]
+                total += bank.response[i, TURN + k] * turn[k]
+                total += bank.response[i, CHANGE + k] * change[k]
         bank.gain[i] = total
     for i in range(FILTER_SIZE):
         one.x[i] = bank.gain[i]
     covariance.propagate(one.P, FILTER_SIZE, bank.transition, bank.work)
     _add_noise(state, one, block[others + blocks.TURNED], share)
-    if one.sensor < 0:
-        return
-    parity = state.redundancy.gyros
-    if one.kind == ACCELEROMETERS:
-        parity = state.redundancy.accelerometers
-    for i in range(3):  # of the residual that takes the sensor's place
-        noise[i] = 0.0
-        for k in range(3):
-            noise[i] += bank.attitude_s[i, k] * parity.leave_out[one.sensor, k] / dt
-    uncertain = block[others + blocks.UNCERTAIN + one.kind]
-    variance = parity.second_variance[one.sensor] * (1.0 + uncertain) * share
-    covariance.add_along(one.P, into - TURN, noise, variance)
+    parity, into = state.redundancy.gyros, ATTITUDE
+    for kind in range(2):
+        if kind == ACCELEROMETERS:
+            parity, into = state.redundancy.accelerometers, VELOCITY
+        sensor = one.sensor[kind]
+        if sensor < 0:
+            continue
+        for i in range(3):  # of the residual that takes the sensor's place
+            noise[i] = 0.0
+            for k in range(3):
+                noise[i] += bank.attitude_s[i, k] * parity.leave_out[sensor, k] / dt
+        uncertain = block[others + blocks.UNCERTAIN + kind]
+        variance = parity.second_variance[sensor] * (1.0 + uncertain) * share
+        covariance.add_along(one.P, into, noise, variance)
 
 
 @compiled
@@ -248,23 +263,29 @@ def _add_noise(state: Ram, one: Hypothesis, turned: float, share: float) -> None
 
 @compiled
 def _decide(bank: Bank) -> int:
-    """Return the filter that explains the reference far better than those without other sensors.
+    """Return the filter that explains the reference far better than those with its sensor.
 
-    0 where that is not clear: where another one explains it nearly as well, or none left out far
-    better, or where nothing explains it.
+    `found_kind` is then the kind of that sensor. 0 where that is not clear: where one that leaves
+    out another explains it nearly as well, or none left out far better, or where nothing does.
     """
-    best, second = 0, math.inf
-    for k in range(1, bank.count):
-        score = bank.filters[k].score
-        if best == 0 or score < bank.filters[best].score:
-            second = bank.filters[best].score if best > 0 else second
+    best = 1
+    for k in range(2, bank.count):
+        if bank.filters[k].score < bank.filters[best].score:
             best = k
-        elif score < second:
-            second = score
     one = bank.filters[best]
     excess = one.squares - bank.measurements
     if excess > _REST * math.sqrt(2.0 * bank.measurements):
         return 0
-    if second - one.score < RATIO or one.score - bank.filters[0].score > RATIO:
+    if one.score - bank.filters[0].score > RATIO:
         return 0
-    return best
+    for kind in range(2):
+        clear = bank.doubts >> kind & 1 != 0
+        for k in range(1, bank.count):
+            other = bank.filters[k]
+            nearly = other.score - one.score < RATIO
+            if nearly and other.sensor[kind] != one.sensor[kind]:
+                clear = False
+        if clear:
+            bank.found_kind = kind
+            return best
+    return 0

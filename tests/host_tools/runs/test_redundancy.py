@@ -131,6 +131,27 @@ def test_in_motion_a_reference_of_velocity_tells_which_accelerometer_fails():
     assert found["isolated_s"] - (AT_S - BEFORE_S) < 10
 
 
+@pytest.mark.parametrize(("dph", "ug"), [(100, 5000), (10, 1000)])
+def test_in_motion_two_faults_at_once_are_not_taken_for_that_of_another(dph, ug):
+    """With seed 7, each looks most like one fault of a third sensor; RRINS_FAULT_RUNS for more."""
+    runs = int(os.environ.get("RRINS_FAULT_RUNS", "0"))
+    known = []
+    for seed in range(runs) or (7,):
+        gyro, accelerometer = seed % 4 + 1, (seed * 7 + seed // 4) % 4 + 1
+        faults = (
+            {"kind": "gyro_bias", "sensor": gyro, "bias_dph": dph},
+            {"kind": "accelerometer_bias", "sensor": accelerometer, "bias_ug": ug},
+        )
+        changes = {"scenario": "drive_rotating", "duration_s": 280, "gnss": {}, "seed": seed}
+        found = simulate(*faults, **(changes | WHITE)).summary["redundancy"]
+        excluded = found["gyros"]["excluded"], found["accelerometers"]["excluded"]
+        assert excluded[0] in (None, [gyro])
+        assert excluded[1] in (None, [accelerometer])
+        known.append(sum(one is not None for one in excluded))
+    print(f"{dph} dph, {ug} ug: both known in {known.count(2)}, one in {known.count(1)}")
+    assert min(known) >= 1
+
+
 def test_while_the_reference_is_out_nothing_is_told_and_after_it_at_once():
     fault = {"kind": "gyro_bias", "sensor": 2, "bias_dph": 10}
     run = in_the_drive(fault, gnss={"outages": [{"at_s": 190, "for_s": 70}]})
@@ -195,6 +216,10 @@ def test_an_exclusion_is_a_line_of_the_summary():
     assert "gyro 2 left out at" in run._repr_html_()
 
 
+WHITE = {
+    "gyros": {"angle_random_walk_deg_per_sqrt_h": 0.005, "bias_dph": 0.0},
+    "accelerometers": {"white_noise_ug_per_sqrt_hz": 10, "bias_ug": 0.0},
+}
 NOISE = {
     "gyros": {
         "angle_random_walk_deg_per_sqrt_h": 0.005,
