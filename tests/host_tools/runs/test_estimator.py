@@ -1,0 +1,169 @@
+"""The estimator over whole runs: how well it aligns and bridges, and whether it knows how well.
+
+`RRINS_SEEDS=40 pytest -s tests/host_tools/runs/test_estimator.py` asks more runs, prints figures;
+`RRINS_MOTION=FILE` drives a recorded motion.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+
+import numpy as np
+import pytest
+from scipy.stats import chi2
+
+import rrins
+from rrins.firmware_py.core.attitude import matrix_of_euler
+from rrins.firmware_py.core.earth import RATE, SEMI_MAJOR_AXIS
+from rrins.firmware_py.core.estimator_records import (
+    ATTITUDE,
+    LATITUDE,
+    LONGITUDE,
+    Aid,
+)
+from rrins.host_tools.runs.fast import FastRun
+from rrins.host_tools.runs.settings import firmware_settings, hardware_settings
+
+SEEDS = int(os.environ.get("RRINS_SEEDS", "5"))
+ARCSEC = math.radians(1 / 3600)
+WALK_DEG_PER_SQRT_H = 0.005
+PROTOTYPE = {
+    "gyros": {
+        "bias_dph": [0.1, 0.11, 0.12, 0.13],
+        "angle_random_walk_deg_per_sqrt_h": WALK_DEG_PER_SQRT_H,
+    },
+    "accelerometers": {"bias_ug": [50, 55, 60, 65], "white_noise_ug_per_sqrt_hz": 10},
+}
+TACTICAL = {
+    "gyros": {"bias_dph": [3, -2, 1, -3], "angle_random_walk_deg_per_sqrt_h": 0.1},
+    "accelerometers": {"bias_ug": [900, -700, 500, -900], "white_noise_ug_per_sqrt_hz": 50},
+}
+
+
+def fast_run(scenario):
+    return FastRun.of(firmware_settings(scenario), hardware_settings(scenario), scenario.rate_hz)
+
+
+def attitude_error(navigation, truth):
+    """Return the turn about the axes of n that would mend the attitude, rad."""
+    matrices = np.zeros((2, 3, 3))
+    for C_b_n, row in zip(matrices, (navigation, truth), strict=True):
+        matrix_of_euler(C_b_n, float(row["roll"]), float(row["pitch"]), float(row["heading"]))
+    D = matrices[1] @ matrices[0].T
+    return np.array([D[2, 1] - D[1, 2], D[0, 2] - D[2, 0], D[1, 0] - D[0, 1]]) / 2
+
+
+def test_without_noise_the_unit_finds_its_attitude_and_biases_itself():
+    summary = rrins.simulate("rimu_rotating_aligned").summary
+    worst = summary["max_abs_position_error_m"]
+    assert math.hypot(worst["east"], worst["north"]) < 2.0
+    assert [kind["sensor"] for kind in summary["redundancy"].values()] == [None, None]
+
+
+def test_a_gyro_that_fails_in_the_fine_alignment_is_left_out_and_does_no_harm():
+    fault = {"kind": "gyro_bias", "sensor": 2, "bias_dph": 10, "at_s": 200}
+    summary = rrins.simulate("rimu_rotating_aligned", duration_s=600, faults=(fault,)).summary
+    assert summary["redundancy"]["gyros"]["sensor"] == 2
+    worst = summary["max_abs_position_error_m"]
+    assert math.hypot(worst["east"], worst["north"]) < 2.0
+
+
+def aligned(seed, seconds):
+    """Return the attitude's error after a fine alignment, and the filter's sigma, rad."""
+    estimator = {"enabled": True, "fine_alignment_s": seconds}
+    scenario = rrins.load_scenario(
+        "rimu_rotating_aligned", seed=seed, duration_s=1, estimator=estimator, **PROTOTYPE
+    )
+    run = fast_run(scenario)
+    track = run.run(scenario.epochs)
+    sigma = np.array(run.ram[0].estimator.sigma[ATTITUDE : ATTITUDE + 3])
+    return attitude_error(track.navigation[0], track.truth[0]), sigma
+
+
+def test_the_heading_is_as_good_as_the_gyros_noise_allows():
+    seconds = 400
+    runs = [aligned(seed, seconds) for seed in range(SEEDS)]
+    errors, sigmas = (np.array(column) for column in zip(*runs, strict=True))
+    rms = np.sqrt(np.mean(errors**2, axis=0)) / ARCSEC
+    fused = math.radians(WALK_DEG_PER_SQRT_H) / 60 * math.sqrt(3) / 2  # four on a tetrahedron
+    horizontal = RATE * math.cos(math.radians(40.3554))
+    limit = fused / (horizontal * math.sqrt(seconds)) / ARCSEC
+    nees = np.sum((errors / sigmas) ** 2, axis=0)
+    print(
+        f"\nheading {rms[2]:.0f}″, limit {limit:.0f}″; tilt {rms[:2].max():.2f}″; NEES",
+        nees / SEEDS,
+    )
+    by_chance = math.sqrt(chi2.ppf(0.99, SEEDS) / SEEDS)
+    assert rms[2] < 1.15 * limit * by_chance
+    assert rms[:2].max() < 1.5 * by_chance
+    low, high = chi2.ppf([0.005, 0.995], SEEDS)
+    assert low < nees[2] < high
+
+
+OUTAGES = {  # seconds: median of the largest error, m, with GNSS alone and with an odometer
+    "prototype": (PROTOTYPE, {60: (1.8, 0.6), 120: (6.0, 1.5)}),
+    "tactical": (TACTICAL, {60: (9.0, 0.7), 120: (32.0, 1.6)}),
+}
+OUTAGE_AT_S = 200
+
+
+def drive(seed, outage_s, sensors, odometer):
+    """Return the largest level error in an outage, m, errors over sigma, and the run's filter."""
+    motion = os.environ.get("RRINS_MOTION")
+    changes = {} if motion is None else {"motion": {"kind": "file", "path": motion}}
+    scenario = rrins.load_scenario(
+        "drive_rotating",
+        seed=seed,
+        duration_s=OUTAGE_AT_S + outage_s + 30,
+        gnss={"outages": [{"at_s": OUTAGE_AT_S, "for_s": outage_s}]},
+        altimeter=None,
+        firmware={"height_channel": "free"},
+        estimator={"enabled": True},
+        **({"odometer": {}} if odometer else {}),
+        **sensors,
+        **changes,
+    )
+    run = fast_run(scenario)
+    filter_state = run.ram[0].estimator
+    level, over_sigma = [], []
+    for second in range(scenario.epochs // scenario.rate_hz):
+        track = run.run(scenario.rate_hz)
+        for navigation, truth in zip(track.navigation, track.truth, strict=True):
+            east = (navigation["longitude"] - truth["longitude"]) * math.cos(truth["latitude"])
+            north = navigation["latitude"] - truth["latitude"]
+            if OUTAGE_AT_S <= second < OUTAGE_AT_S + outage_s:
+                level.append(math.hypot(east, north) * SEMI_MAJOR_AXIS)
+            sigma = filter_state.sigma[LONGITUDE], filter_state.sigma[LATITUDE]
+            if min(sigma) > 0:
+                over_sigma += [east / math.cos(truth["latitude"]) / sigma[0], north / sigma[1]]
+    return max(level), over_sigma, filter_state
+
+
+@pytest.mark.parametrize("grade", OUTAGES)
+def test_an_outage_of_gnss_is_bridged_and_the_filter_knows_how_well(grade):
+    sensors, limits = OUTAGES[grade]
+    over_sigma = []
+    for outage_s, bounds in limits.items():
+        for odometer, bound in zip((False, True), bounds, strict=True):
+            worst = []
+            for seed in range(SEEDS):
+                largest, ratios, filter_state = drive(seed, outage_s, sensors, odometer)
+                worst.append(largest)
+                over_sigma += ratios
+                for aid in (Aid.GNSS_POSITION, Aid.GNSS_VELOCITY):
+                    source = filter_state.sources[int(aid)]
+                    assert 0.75 < source.squares / source.used < 1.3, aid
+            median = float(np.median(worst))
+            print(f"\n{grade}, {outage_s} s, odometer {odometer}: median {median:.2f} m of {bound}")
+            assert median < bound
+    assert np.mean(np.abs(over_sigma) < 3) > 0.99
+
+
+def test_a_fault_in_an_aided_drive_is_found_and_costs_metres():
+    fault = {"kind": "gyro_bias", "sensor": 3, "bias_dph": 100, "at_s": 100}
+    scenario = {"gnss": {}, "odometer": {}, "estimator": {"enabled": True}} | PROTOTYPE
+    run = rrins.simulate("drive_rotating", duration_s=200, faults=(fault,), **scenario)
+    assert run.summary["redundancy"]["gyros"]["sensor"] == 3
+    worst = run.summary["max_abs_position_error_m"]
+    assert math.hypot(worst["east"], worst["north"]) < 5.0
