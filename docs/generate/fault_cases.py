@@ -149,5 +149,11 @@ OF_HARDWARE = (
     Case(
         "accelerometer 3 absent for 5 s", {"kind": "accelerometer_absent", "sensor": 3, "for_s": 5}
     ),
+    Case("odometer slips by 10 %", {"kind": "odometer_slip", "slip_percent": 10}),
+    Case("odometer locked", {"kind": "odometer_lock"}),
+    Case("odometer does not count for 5 s", {"kind": "odometer_lost", "for_s": 5}),
+    Case("GNSS jumps by 100 m", {"kind": "gnss_jump", "jump_m": 100}),
+    Case("GNSS pulled at 1 m/s to the north", {"kind": "gnss_pull", "direction": "north"}),
+    Case("no GNSS fix for 30 s", {"kind": "gnss_lost", "for_s": 30}),
 )
 """In the hardware itself."""

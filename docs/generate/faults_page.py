@@ -66,6 +66,10 @@ class Row:
     difference_deg: float
 
 
+def _has_fault_of(stem: str, faults: list[dict[str, Any]]) -> bool:
+    return any(fault["kind"].startswith(f"{stem}_") for fault in faults)
+
+
 class _Run:
     """A direct run that is observed after every epoch."""
 
@@ -75,6 +79,7 @@ class _Run:
                 "duration_s": _DURATION_S,
                 "faults": faults,
                 "bus": {"bitrate": _BITRATE} if modelled else {},
+                **{stem: {} for stem in ("gnss", "odometer") if _has_fault_of(stem, faults)},
             }
         )
         self.firmware = Firmware(firmware_settings(self.scenario))

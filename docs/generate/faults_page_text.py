@@ -105,9 +105,17 @@ by default all. `probability` is the share of these frames that is affected.
 | `gyro_dead`, `accelerometer_dead` | the sensor reads zero | `sensor` |
 | `gyro_full_scale`, `accelerometer_full_scale` | the end of the range, flagged | `sensor` |
 | `gyro_absent`, `accelerometer_absent` | the sensor is flagged as absent | `sensor` |
+| `odometer_slip` | the wheel turns more than the vehicle moves | `slip_percent` |
+| `odometer_lock` | the wheel stands, whatever the vehicle does | |
+| `odometer_lost` | the odometer does not count, and says so | |
+| `gnss_jump` | positions are off | `direction`, `jump_m` |
+| `gnss_pull` | positions are led away, and velocities with them | `direction`, `pull_mps` |
+| `gnss_lost` | the receiver has no fix | |
 
-`sensor` counts from 1; without it, all sensors of the kind fail. With `period_s`, a fault of the
-hardware is intermittent: present in the first part of each period, whose share is `duty` (0.5).
+Faults of the odometer and of GNSS need an `[odometer]` or a `[gnss]` in the scenario. `direction`
+is `"east"` (the default), `"north"` or `"up"`; faults in several directions add up. `sensor` counts
+from 1; without it, all sensors of the kind fail. With `period_s`, a fault of the hardware is
+intermittent: present in the first part of each period, whose share is `duty` (0.5).
 With `rrins inject` each key is an option, such as `--rate-dps`; `delay_s` is `--delay`, `period_s`
 is `--period`, and `for_s` is `--for`. A delay is rounded to whole epochs, at least one; `rrins
 inject` reports this if it makes a difference.

@@ -17,13 +17,13 @@ from rrins.dbc.contract import SENSOR_GROUPS, Contract, MessageSignals
 from rrins.dbc.e2e import COUNTER_MODULUS, MessageLayout, counter_of, crc_holds
 from rrins.dbc.frame import Frame, FrameArray
 from rrins.dbc.record import Records
-from rrins.firmware_py.core import clock, frame_checks, gnss, odometer, senders
+from rrins.firmware_py.core import clock, frame_checks, gnss, odometer, senders, zero_velocity
 from rrins.firmware_py.core.diagnostic_records import ATTENTION_FRAMES
 from rrins.firmware_py.core.memory import INNER, OUTER, Assembly, Ram
 from rrins.firmware_py.core.troubles import Source
 
 _NOTHING, _SYNC, _MODE_COMMAND, _ALTIMETER, _AXIS, _DIAGNOSTIC, _SENSOR = 0, 1, 2, 3, 4, 8, 16
-_READMISSION, _ODOMETER = 9, 10
+_READMISSION, _ODOMETER, _ZERO_VELOCITY = 9, 10, 11
 _GNSS = _SENSOR + SENSOR_GROUPS
 
 _FROM_SYNC, _FROM_COMMAND = int(Source.SYNC), int(Source.MODE_COMMAND)
@@ -53,6 +53,7 @@ def dispatch_table(contract: Records[Contract]) -> NDArray[np.int16]:
     table[record.readmission_command.message.can_id] = _READMISSION
     table[record.altimeter.message.can_id] = _ALTIMETER
     table[record.odometer.message.can_id] = _ODOMETER
+    table[record.zero_velocity.message.can_id] = _ZERO_VELOCITY
     table[record.diag_request.message.can_id] = _DIAGNOSTIC
     table[record.diag_functional.message.can_id] = _DIAGNOSTIC
     table[record.axis_inner_status.message.can_id] = _AXIS + INNER
@@ -115,6 +116,8 @@ def receive(state: Ram, contract: Contract, inbox: FrameArray, start: int, count
             _receive_readmission(state, contract.readmission_command, frame)
         elif kind == _ODOMETER:
             odometer.receive(state, contract.odometer, frame)
+        elif kind == _ZERO_VELOCITY:
+            zero_velocity.receive(state, contract.zero_velocity, frame)
         elif kind < _SENSOR:
             _receive_axis(state, contract, frame, kind - _AXIS)
         elif kind < _GNSS:

@@ -163,6 +163,17 @@ class Odometer(Record):
     travelled: F8  #: m, sum of all distances since power-on
 
 
+class ZeroVelocity(Record):
+    """What the operator says of the vehicle's standing."""
+
+    counter: I8  #: of the last frame, plus 1; 0: none received yet
+    heard: Bool  #: whether a frame came in this epoch
+    standing: Bool  #: whether the vehicle stands, so says the operator
+    velocity_sigma: F8  #: m/s, of each component, how still it stands
+    silent_epochs: I8  #: since the last frame
+    epochs: I8  #: for which it has stood without interruption
+
+
 class Heard(Record):
     """The last frame of each source with each counter, and what disagrees with them."""
 
@@ -321,6 +332,7 @@ class Ram(Record):
     assembly: Assembly
     gnss: Gnss
     odometer: Odometer
+    zero_velocity: ZeroVelocity
     gyros: Fusion
     accelerometers: Fusion
     size_effect: SizeEffect
@@ -337,6 +349,7 @@ class Ram(Record):
     mode_command_counter: I8  #: of the last MODE_COMMAND, plus 1; 0: none received yet
     transmissions: I8  #: of the status messages, for their counters
     navigation_transmissions: I8  #: of the navigation messages, for their counters
+    aiding_transmissions: I8  #: of AIDING_STATUS, for its counter
     heartbeats: I8  #: sent so far, for their counter
     diagnostics: DiagnosticState
     encoders: Encoders

@@ -29,6 +29,7 @@ from rrins.firmware_py.core import (
     size_effect,
     strapdown,
     stuck,
+    zero_velocity,
 )
 from rrins.firmware_py.core.attitude import euler_of_matrix, gimbal_matrix, multiply_transposed
 from rrins.firmware_py.core.estimator import feedback
@@ -257,6 +258,7 @@ def compute(state: Ram, contract: Contract, compares: bool | None, estimates: bo
     intake.close(state)
     gnss.close(state, contract)
     odometer.close(state, contract.odometer)
+    zero_velocity.close(state)
     clock.advance(state.clock)
     _follow_repetitions(state)
     _fuse(state)

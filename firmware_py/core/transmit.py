@@ -11,12 +11,12 @@ from rrins.dbc.compilation import compiled
 from rrins.dbc.contract import Contract, MessageSignals
 from rrins.dbc.e2e import MessageLayout, fill
 from rrins.dbc.frame import FrameArray
-from rrins.firmware_py.core import bridging, clock
+from rrins.firmware_py.core import aiding_status, bridging, clock
 from rrins.firmware_py.core.memory import INNER, OUTER, FaultCounters, Ram
 from rrins.firmware_py.core.modes import navigating
 from rrins.firmware_py.core.redundancy_records import Parity, Readmission
 
-OUTBOX_CAPACITY = 16
+OUTBOX_CAPACITY = 20
 """Most frames that one step sends, with room to spare."""
 
 _NS_PER_MS = 1_000_000
@@ -229,6 +229,12 @@ def transmit(state: Ram, contract: Contract, outbox: FrameArray) -> int:
     if navigating(state) and state.bridging.bridged_epochs > 0 and _due(state, gaps.message):
         fill(outbox[count], gaps.message, _bridged(state, gaps), state.bridging.transmissions)
         state.bridging.transmissions += 1
+        count += 1
+    aiding = contract.aiding_status
+    if _due(state, aiding.message) and aiding_status.has_any(state):
+        word = aiding_status.word(state, aiding)
+        fill(outbox[count], aiding.message, word, state.aiding_transmissions)
+        state.aiding_transmissions += 1
         count += 1
     if navigating(state) and _due(state, contract.nav_latitude.message):
         count = _navigation(state, contract, outbox, count)

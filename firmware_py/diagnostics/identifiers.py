@@ -434,6 +434,17 @@ NAVIGATION = (
             Field("travelled_m", "f64", "m", source="odometer.travelled"),
         ),
     ),
+    DataIdentifier(
+        0x0408,
+        "zero_velocity",
+        "What the operator says of the vehicle's standing.",
+        (
+            Field("standing", "u8", source="zero_velocity.standing"),
+            Field("velocity_sigma_mps", "f64", "m/s", source="zero_velocity.velocity_sigma"),
+            Field("epochs", "u32", "epochs", source="zero_velocity.epochs", text="so far"),
+            Field("silent_epochs", "u32", "epochs", source="zero_velocity.silent_epochs"),
+        ),
+    ),
 )
 """Navigation."""
 

@@ -44,7 +44,7 @@ _STEPS = {
 @click.option("--sensor", type=int, help="Gyro or accelerometer that fails.  [default: all]")
 @click.option("--rate-dps", type=float, help="For axis_runaway, °/s.")
 @click.option("--offset-deg", type=float, help="For encoder_offset, °.")
-@click.option("--slip-percent", type=float, help="For encoder_slip, % of what the axis turns.")
+@click.option("--slip-percent", type=float, help="For encoder_slip and odometer_slip, %.")
 @click.option("--bias-dph", type=float, help="For gyro_bias, °/h.")
 @click.option("--bias-ug", type=float, help="For accelerometer_bias, µg.")
 @click.option("--angle-random-walk-deg-per-sqrt-h", type=float, help="For gyro_noise, °/√h.")
@@ -53,6 +53,11 @@ _STEPS = {
 @click.option("--bias-ug-per-min", type=float, help="For accelerometer_ramp, µg per minute.")
 @click.option("--scale-ppm", type=float, help="For …_scale, ppm.")
 @click.option("--shift-arcsec", type=float, help="For …_shift_u and …_shift_v, ″.")
+@click.option(
+    "--direction", help="For gnss_jump and gnss_pull: east, north or up.  [default: east]"
+)
+@click.option("--jump-m", type=float, help="For gnss_jump, m.")
+@click.option("--pull-mps", type=float, help="For gnss_pull, m/s.")
 @click.option("--period", "period_s", type=float, help="Hardware: intermittent, period in s.")
 @click.option("--duty", type=float, help="Share of the period with the fault.  [default: 0.5]")
 @click.option(
@@ -77,7 +82,7 @@ def inject(
 
     Hardware faults: axis_stall, axis_runaway, encoder_stuck, encoder_offset, encoder_slip; gyro_ or
     accelerometer_ with stuck, dead, absent, full_scale, bias, ramp, noise, scale, shift_u or
-    shift_v.
+    shift_v; odometer_slip, odometer_lock, odometer_lost; gnss_jump, gnss_pull, gnss_lost.
 
     `clear` removes all faults; `list` shows the active ones and when they began.
     """

@@ -19,6 +19,8 @@ from rrins.host_tools.hardware.faults import (
     NEVER,
     HardwareFault,
     cycle_of,
+    has_direction,
+    is_of_aiding,
     is_of_axis,
     is_of_gyros,
     put,
@@ -31,6 +33,7 @@ REPORT_CAPACITY = 3 * FAULT_CAPACITY + ANSWERS
 
 _NS_PER_S = 1_000_000_000
 _AXES = 2
+_DIRECTIONS = 3
 
 
 class HardwareFaultServer(FaultServer):
@@ -64,7 +67,8 @@ class HardwareFaultServer(FaultServer):
         kind : int
             A `HardwareFault`.
         target : int
-            Index of an axis or a sensor; `EVERY` for all sensors of the kind.
+            Index of an axis, a sensor or a direction; `EVERY` for all sensors of the kind, and for
+            what is one thing.
         value : float
             In the unit used in scenarios.
         duration_epochs : int
@@ -98,6 +102,11 @@ class HardwareFaultServer(FaultServer):
             return FaultRefusal.UNKNOWN
         if is_of_axis(kind):
             is_there = 0 <= target < _AXES
+        elif is_of_aiding(kind):
+            is_of_gnss = kind > HardwareFault.ODOMETER_LOST
+            source = self._plant.gnss if is_of_gnss else self._plant.odometer
+            known = range(_DIRECTIONS) if has_direction(kind) else (EVERY,)
+            is_there = bool(source.fitted) and target in known
         else:
             sensors = self._plant.gyros if is_of_gyros(kind) else self._plant.accelerometers
             is_there = EVERY <= target < sensors.count

@@ -36,6 +36,9 @@ VALUES = {
     HardwareFault.AXIS_RUNAWAY: FaultValue("rate_dps", math.radians(1), -60, 60),
     HardwareFault.ENCODER_OFFSET: FaultValue("offset_deg", 1.0, -180, 180),
     HardwareFault.ENCODER_SLIP: FaultValue("slip_percent", 0.01, -100, 100),
+    HardwareFault.ODOMETER_SLIP: FaultValue("slip_percent", 0.01, -100, 1000),
+    HardwareFault.GNSS_JUMP: FaultValue("jump_m", 1.0, -1e5, 1e5),
+    HardwareFault.GNSS_PULL: FaultValue("pull_mps", 1.0, -100, 100),
     HardwareFault.GYRO_BIAS: FaultValue("bias_dph", DPH, -1e6, 1e6),
     HardwareFault.GYRO_NOISE: FaultValue(
         "angle_random_walk_deg_per_sqrt_h", DEG_PER_SQRT_H, 0, 1e4

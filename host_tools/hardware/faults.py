@@ -1,8 +1,8 @@
 """Faults of the hardware itself: axes that stall or run away, encoders and sensors that fail.
 
-Each has a kind, a target (axis or sensor group), first and last epochs and a value; an intermittent
-one is present in the first epochs of each period only. The active faults are re-evaluated only in
-epochs in which a fault comes or goes, or changes as a ramp does.
+Each has a kind, a target (axis, sensor group or direction), first and last epochs and a value; an
+intermittent one is present in the first epochs of each period only. The active faults are
+re-evaluated only in epochs in which a fault comes or goes, or changes as a ramp does.
 """
 
 from __future__ import annotations
@@ -41,6 +41,10 @@ class HardwareFault(IntEnum):
     turns, additional installation angle δu or δv, rad. DEAD: reads zero. FULL_SCALE: reads the end
     of its range, flagged as saturated.
 
+    ODOMETER_SLIP: the wheel turns more than the vehicle moves, by this share. ODOMETER_LOCK: the
+    wheel stands. ODOMETER_LOST: it does not count. GNSS_JUMP: positions are off by the value, m.
+    GNSS_PULL: they are led away at the value, m/s, and velocities with them. GNSS_LOST: no fix.
+
     Kinds of sensors have the same faults in the same order, in two blocks each.
     """
 
@@ -69,6 +73,12 @@ class HardwareFault(IntEnum):
     ACCELEROMETER_DEAD = 23
     ACCELEROMETER_FULL_SCALE = 24
     ENCODER_SLIP = 25
+    ODOMETER_SLIP = 26
+    ODOMETER_LOCK = 27
+    ODOMETER_LOST = 28
+    GNSS_JUMP = 29
+    GNSS_PULL = 30
+    GNSS_LOST = 31
 
 
 _STUCK, _BIAS, _NOISE, _ABSENT = 0, 1, 2, 3  # of a sensor, the first block of its kind
@@ -79,7 +89,19 @@ _FIRST_BLOCK, _SECOND_BLOCK = 4, 6  # faults in each
 @compiled
 def is_of_axis(kind: int) -> bool:
     """Return whether an axis has faults of this kind, not a sensor."""
-    return kind < HardwareFault.GYRO_STUCK or kind > HardwareFault.ACCELEROMETER_FULL_SCALE
+    return kind < HardwareFault.GYRO_STUCK or kind == HardwareFault.ENCODER_SLIP
+
+
+@compiled
+def is_of_aiding(kind: int) -> bool:
+    """Return whether a source of aiding has faults of this kind."""
+    return kind > HardwareFault.ENCODER_SLIP
+
+
+@compiled
+def has_direction(kind: int) -> bool:
+    """Return whether the target of a kind of fault is a direction: 0 east, 1 north, 2 up."""
+    return kind in (HardwareFault.GNSS_JUMP, HardwareFault.GNSS_PULL)
 
 
 @compiled
@@ -106,6 +128,14 @@ def _clear(plant: Plant) -> None:
         plant.axis[axis].encoder_stuck = False
         plant.axis[axis].encoder_error_deg = 0.0
         plant.axis[axis].encoder_slip = 0.0
+    gnss, odometer = plant.gnss, plant.odometer
+    odometer.slip = 0.0
+    odometer.locked = False
+    odometer.lost = False
+    gnss.lost = False
+    for i in range(3):
+        gnss.fault_position[i] = 0.0
+        gnss.fault_velocity[i] = 0.0
     for kind in range(2):
         sensors = plant.gyros if kind == 0 else plant.accelerometers
         sensors.stuck = 0
@@ -133,6 +163,25 @@ def _set_axis(axis: TurntableAxis, kind: int, value: float) -> None:
         axis.encoder_slip += value
     else:
         axis.encoder_error_deg += value
+
+
+@compiled
+def _set_aiding(plant: Plant, kind: int, target: int, value: float, age_s: float) -> None:
+    """Set a fault of GNSS or odometer that began `age_s` before the end of the epoch."""
+    gnss, odometer = plant.gnss, plant.odometer
+    if kind == HardwareFault.ODOMETER_SLIP:
+        odometer.slip += value
+    elif kind == HardwareFault.ODOMETER_LOCK:
+        odometer.locked = True
+    elif kind == HardwareFault.ODOMETER_LOST:
+        odometer.lost = True
+    elif kind == HardwareFault.GNSS_JUMP:
+        gnss.fault_position[target] += value
+    elif kind == HardwareFault.GNSS_PULL:
+        gnss.fault_position[target] += value * age_s
+        gnss.fault_velocity[target] += value
+    else:
+        gnss.lost = True
 
 
 @compiled
@@ -194,6 +243,11 @@ def apply(plant: Plant) -> None:
         kind, target, value = faults.kind[k], faults.target[k], faults.value[k]
         if is_of_axis(kind):
             _set_axis(plant.axis[target], kind, value)
+            continue
+        if is_of_aiding(kind):
+            if kind == HardwareFault.GNSS_PULL:
+                faults.changes_at = min(faults.changes_at, plant.epoch + 1)
+            _set_aiding(plant, kind, target, value, (plant.epoch - first + 1) * dt)
             continue
         what = _effect_of(kind)
         if what == _RAMP:

@@ -1,7 +1,9 @@
 """The emulated GNSS receiver: position and velocity of the vehicle's reference point.
 
 A fix is measured at the end of an epoch and sent, as a group of five frames, some epochs later:
-it carries its time of validity on SYNC's clock, and the standard deviations of its white noise.
+it carries its time of validity on SYNC's clock, and the standard deviations of its errors: white
+noise and, for the position, a first-order Gauss-Markov process per component, as multipath and the
+ionosphere leave it (Groves, section 9.4.2).
 During an outage the groups go on, and say that there is no fix.
 """
 
@@ -31,10 +33,22 @@ def measures(plant: Plant) -> bool:
 
 @compiled
 def _has_fix(gnss: GnssState, epoch: int) -> bool:
+    if gnss.lost:
+        return False
     for k in range(gnss.outage_count):
         if gnss.outage_first[k] <= epoch <= gnss.outage_last[k]:
             return False
     return True
+
+
+@compiled
+def _correlate(gnss: GnssState) -> None:
+    """Let the errors that last go on to this fix."""
+    share = gnss.correlated_share if gnss.correlated_begun else 0.0
+    drive = gnss.correlated_noise * math.sqrt(1.0 - share * share)
+    for i in range(3):
+        gnss.correlated[i] = share * gnss.correlated[i] + drive * normal(gnss, 0)
+    gnss.correlated_begun = True
 
 
 @compiled
@@ -43,33 +57,41 @@ def measure(plant: Plant, contract: Contract) -> None:
     gnss, truth = plant.gnss, plant.truth
     gnss.waiting = True
     gnss.epoch = plant.epoch
-    east, north, up = normal(gnss, 0), normal(gnss, 0), normal(gnss, 0)
+    noise = gnss.position_noise
+    east, north, up = noise * normal(gnss, 0), noise * normal(gnss, 0), noise * normal(gnss, 0)
     time = contract.gnss_time
     word = pack(np.uint64(0), time.time_us, plant.epoch * plant.period_ns // 1000)
     has_fix = _has_fix(gnss, plant.epoch)
     if has_fix:
         word = pack(word, time.quality, _FIX_3D)
-        word = encode(word, time.position_sigma, gnss.position_noise)
+        word = encode(word, time.position_sigma, gnss.position_sigma)
         word = encode(word, time.velocity_sigma, gnss.velocity_noise)
     gnss.word[_TIME] = word
     share = 1.0 if has_fix else 0.0
-    noise = gnss.position_noise
-    latitude = math.degrees(truth.latitude + noise * north / gnss.north_m_per_rad) * share
-    longitude = math.degrees(truth.longitude + noise * east / gnss.east_m_per_rad) * share
+    if gnss.correlated_noise > 0.0:
+        _correlate(gnss)
+        east, north = east + gnss.correlated[0], north + gnss.correlated[1]
+        up += gnss.correlated[2]
+    wrong = gnss.fault_position
+    east, north, up = east + wrong[0], north + wrong[1], up + wrong[2]
+    latitude = math.degrees(truth.latitude + north / gnss.north_m_per_rad) * share
+    longitude = math.degrees(truth.longitude + east / gnss.east_m_per_rad) * share
     message = contract.gnss_latitude
     gnss.word[_LATITUDE] = encode(np.uint64(0), message.latitude_deg, latitude)
     beside = contract.gnss_longitude
     longitude = unwrapped(longitude, 0.0, 360.0)
     gnss.word[_LONGITUDE] = encode(np.uint64(0), beside.longitude_deg, longitude)
     vertical = contract.gnss_height
-    word = encode(np.uint64(0), vertical.height, (truth.height + noise * up) * share)
+    word = encode(np.uint64(0), vertical.height, (truth.height + up) * share)
     noise = gnss.velocity_noise
-    east, north, up = normal(gnss, 0), normal(gnss, 0), normal(gnss, 0)
+    east, north, up = noise * normal(gnss, 0), noise * normal(gnss, 0), noise * normal(gnss, 0)
+    wrong = gnss.fault_velocity
+    east, north, up = east + wrong[0], north + wrong[1], up + wrong[2]
     velocity = truth.velocity_n
-    gnss.word[_HEIGHT] = encode(word, vertical.velocity_up, (velocity[2] + noise * up) * share)
+    gnss.word[_HEIGHT] = encode(word, vertical.velocity_up, (velocity[2] + up) * share)
     level = contract.gnss_velocity
-    word = encode(np.uint64(0), level.velocity_east, (velocity[0] + noise * east) * share)
-    word = encode(word, level.velocity_north, (velocity[1] + noise * north) * share)
+    word = encode(np.uint64(0), level.velocity_east, (velocity[0] + east) * share)
+    word = encode(word, level.velocity_north, (velocity[1] + north) * share)
     gnss.word[_VELOCITY] = word
 
 

@@ -178,6 +178,21 @@ class Operator(Record):
     transmissions: I8  #: of MODE_COMMAND, for its counter
 
 
+STANDING_CAPACITY = 32
+"""Most times in a run in which the operator says that the vehicle stands."""
+
+
+class StandingTimes(Record):
+    """When the operator says that the vehicle stands."""
+
+    count: I8  #: times in all
+    first: Annotated[Integers, STANDING_CAPACITY]  #: epoch
+    last: Annotated[Integers, STANDING_CAPACITY]  #: epoch
+    sigma: Annotated[Floats, STANDING_CAPACITY]  #: m/s, how still
+    present: I8  #: which is present, from 0; negative: none
+    transmissions: I8  #: of ZERO_VELOCITY, for its counter
+
+
 READMISSION_CAPACITY = 16
 """Most orders to readmit a sensor in a run."""
 
@@ -232,9 +247,18 @@ class GnssState(Record):
     velocity_noise: F8  #: m/s, the same
     north_m_per_rad: F8  #: of latitude, for the noise
     east_m_per_rad: F8  #: of longitude
+    position_sigma: F8  #: m, of all errors, as the receiver tells it
+    correlated_noise: F8  #: m, standard deviation of the errors that last
+    correlated_share: F8  #: of them that is left at the next fix
+    correlated: Annotated[Floats, 3]  #: m, east, north, up
+    correlated_begun: Bool  #: whether they have been drawn
     outage_count: I8
     outage_first: Annotated[Integers, OUTAGE_CAPACITY]  #: epoch
     outage_last: Annotated[Integers, OUTAGE_CAPACITY]  #: epoch
+    # Faults
+    lost: Bool  #: whether it has no fix
+    fault_position: Annotated[Floats, 3]  #: m, east, north, up
+    fault_velocity: Annotated[Floats, 3]  #: m/s, the same
     waiting: Bool  #: whether anything has been measured
     epoch: I8  #: at whose end it was
     word: Annotated[Words, 5]  #: payloads of the group
@@ -257,6 +281,11 @@ class OdometerState(Record):
     speed: F8  #: m/s, of the wheel at the end of the epoch
     rolled: F8  #: m, since the last count
     counted: F8  #: pulses since power-on, with their fraction
+    missed: Bool  #: whether it did not count at some time since the last count
+    # Faults
+    slip: F8  #: by which the wheel turns more than the vehicle moves, a share of 1
+    locked: Bool  #: whether the wheel stands
+    lost: Bool  #: whether it does not count
     waiting: Bool  #: whether anything has been counted
     epoch: I8  #: at whose end it was
     word: Annotated[Words, 1]  #: payload of the last count
@@ -308,5 +337,6 @@ class Plant(Record):
     truth: Truth
     operator: Operator
     readmissions: ReadmissionOrders
+    standing: StandingTimes
     counters: FrameCounters
     heartbeats: I8  #: sent so far, for their counter

@@ -69,7 +69,10 @@ def turn(plant: Plant, pieces: Floats, dt: float) -> None:
     if index >= 0:
         end = motion.begin_of(plant, plant.epoch) + 1.0 / plant.piece_epochs
         speed = _speed(odometer, pieces[index], end)
-    odometer.rolled += 0.5 * (odometer.speed + speed) * dt
+    if odometer.lost:
+        odometer.missed = True
+    elif not odometer.locked:
+        odometer.rolled += 0.5 * (odometer.speed + speed) * dt * (1.0 + odometer.slip)
     odometer.speed = speed
 
 
@@ -93,7 +96,8 @@ def measure(plant: Plant, message: MessageSignals) -> None:
     odometer.counted += rolled / odometer.metres_per_pulse
     pulses = np.int64(math.floor(odometer.counted))
     latency_us = odometer.latency_epochs * plant.period_ns // 1000
-    word = pack(np.uint64(0), message.valid, 1)
+    word = pack(np.uint64(0), message.valid, not odometer.missed)
+    odometer.missed = False
     word = pack(word, message.age_us, latency_us)
     odometer.word[0] = pack(word, message.pulses, pulses)
     odometer.epoch = plant.epoch

@@ -20,6 +20,7 @@ from rrins.host_tools.hardware.memory import (
     OPERATOR_CAPACITY,
     OUTAGE_CAPACITY,
     OUTER,
+    STANDING_CAPACITY,
     GnssState,
     OdometerState,
     Plant,
@@ -133,8 +134,10 @@ class GnssSettings:
 
     interval_epochs: int
     latency_epochs: int = 0
-    position_noise: float = 0.0  # m
-    velocity_noise: float = 0.0  # m/s
+    position_noise: float = 0.0  # m, white
+    velocity_noise: float = 0.0  # m/s, white
+    correlated_noise: float = 0.0  # m, of the position, first-order Gauss-Markov
+    correlation_epochs: float = 1.0  # its time constant
     outages: tuple[tuple[int, int], ...] = ()
 
 
@@ -210,6 +213,8 @@ class Settings:
     """The operator's requests, (epoch, `mode_request`), in order of time."""
     readmissions: tuple[tuple[int, int, int, int, int], ...] = ()
     """Orders to readmit a sensor, (epoch, kind, sensor from 1, anew, test_s), in order of time."""
+    standing: tuple[tuple[int, int, float], ...] = ()
+    """When the operator says that the vehicle stands: (first, last epoch, sigma in m/s)."""
     table: TableGeometry = TableGeometry()
     thermal: ThermalSettings = ThermalSettings()
     altimeter: AltimeterSettings | None = None
@@ -350,6 +355,9 @@ def _fill_receiver(gnss: GnssState, settings: GnssSettings, seed: np.random.Seed
     gnss.latency_epochs = settings.latency_epochs
     gnss.position_noise = settings.position_noise
     gnss.velocity_noise = settings.velocity_noise
+    gnss.position_sigma = math.hypot(settings.position_noise, settings.correlated_noise)
+    gnss.correlated_noise = settings.correlated_noise
+    gnss.correlated_share = math.exp(-settings.interval_epochs / settings.correlation_epochs)
     gnss.outage_count = len(settings.outages)
     for k, (first, last) in enumerate(settings.outages):
         gnss.outage_first[k], gnss.outage_last[k] = first, last
@@ -439,6 +447,12 @@ def power_on(settings: Settings) -> Records[Plant]:
     for k, (epoch, request) in enumerate(settings.requests):
         operator.epoch[k] = epoch
         operator.request[k] = request
+    standing = plant.standing
+    assert len(settings.standing) <= STANDING_CAPACITY
+    standing.count = len(settings.standing)
+    standing.present = -1
+    for k, (first, last, sigma) in enumerate(settings.standing):
+        standing.first[k], standing.last[k], standing.sigma[k] = first, last, sigma
     orders = plant.readmissions
     orders.count = len(settings.readmissions)
     for k, order in enumerate(settings.readmissions):

@@ -22,6 +22,7 @@ from rrins.host_tools.hardware import (
     motion,
     odometer,
     sensors,
+    standing,
     truth,
     turntable,
 )
@@ -197,6 +198,12 @@ def _send(plant: Plant, contract: Contract, outbox: FrameArray) -> int:
     word = readmission_word(plant, readmission)
     if word != 0:
         fill(outbox[count], readmission.message, word, plant.readmissions.next)
+        count += 1
+    zero = contract.zero_velocity
+    if standing.is_due(plant, zero):
+        word = standing.word(plant, zero)
+        fill(outbox[count], zero.message, word, plant.standing.transmissions)
+        plant.standing.transmissions += 1
         count += 1
     for group in range(max(plant.gyros.count, plant.accelerometers.count)):
         sensor = contract.sensor[group]

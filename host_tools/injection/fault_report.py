@@ -18,8 +18,14 @@ from rrins.dbc.values import FaultRefusal
 from rrins.host_tools.bus.port import frame_of_message
 from rrins.host_tools.files import JsonObject
 from rrins.host_tools.hardware.fault_values import VALUES
-from rrins.host_tools.hardware.faults import HardwareFault, is_of_axis
+from rrins.host_tools.hardware.faults import (
+    HardwareFault,
+    has_direction,
+    is_of_aiding,
+    is_of_axis,
+)
 from rrins.host_tools.injection.messages import LiveFault
+from rrins.host_tools.scenario.fault_tables import DIRECTIONS
 from rrins.host_tools.wire.faults import ANY_IDENTIFIER, FaultKind, Node
 
 Place = Literal["wire", "hardware"]
@@ -60,7 +66,7 @@ class ActiveFault:
 
 def fault_keys(fault: LiveFault) -> FaultKeys:
     """Return the keys that identify a fault: its kind and what fails."""
-    keys = fault.model_dump(include={"kind", "message", "node", "axis", "sensor"})
+    keys = fault.model_dump(include={"kind", "message", "node", "axis", "sensor", "direction"})
     return {key: value for key, value in keys.items() if value not in (None, "any")}
 
 
@@ -228,7 +234,9 @@ def _hardware_keys(active: Raws) -> FaultKeys:
     target = active["target"]
     if is_of_axis(active["kind"]):
         keys["axis"] = {1: "inner", 2: "outer"}.get(target, str(target))
-    elif target:
+    elif has_direction(active["kind"]):
+        keys["direction"] = dict(enumerate(DIRECTIONS, 1)).get(target, str(target))
+    elif target and not is_of_aiding(active["kind"]):
         keys["sensor"] = target
     value = VALUES.get(active["kind"])  # type: ignore[call-overload]
     if value is not None:

@@ -12,10 +12,10 @@ from rrins.dbc.values import FaultAction
 from rrins.host_tools.bus.port import message_of_frame
 from rrins.host_tools.hardware.fault_protocol import packed
 from rrins.host_tools.injection.errors import InjectionError
-from rrins.host_tools.scenario.fault_tables import FaultOfAxis, FaultOfSensor, FaultOnWire
+from rrins.host_tools.scenario.fault_tables import FaultOfHardware, FaultOnWire
 from rrins.host_tools.wire.fault_server import SHARE_STEPS
 
-LiveFault = FaultOnWire | FaultOfAxis | FaultOfSensor
+LiveFault = FaultOnWire | FaultOfHardware
 
 _MILLISECONDS_HZ = 1000
 """Rate at which an epoch lasts one millisecond, which gives delays in ms."""
@@ -34,7 +34,7 @@ def fault_commands(action: FaultAction, fault: LiveFault, counter: int = 0) -> l
     ----------
     action : FaultAction
         INJECT, or REMOVE, which uses only the kind and the target, not values and times.
-    fault : FaultOnWire, FaultOfAxis or FaultOfSensor
+    fault : FaultOnWire or FaultOfHardware
         `at_s` is ignored: a live fault begins at once.
     counter : int
         Alive counter of the first message.

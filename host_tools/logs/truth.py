@@ -20,7 +20,8 @@ from rrins.host_tools.runs.samples import SampleBuffer, SampleFile
 from rrins.host_tools.runs.settings import hardware_settings, scenario_wire
 from rrins.host_tools.scenario.scenario import Scenario
 
-_OPERATOR = ("MODE_COMMAND", "READMISSION_COMMAND")  # sent by the hardware on his behalf
+# Sent by the hardware on his behalf.
+_OPERATOR = ("MODE_COMMAND", "READMISSION_COMMAND", "ZERO_VELOCITY")
 _MOST_AHEAD = 500  # frames
 
 

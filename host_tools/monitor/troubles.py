@@ -16,6 +16,7 @@ HIGH_LOAD = 0.8
 _EVENTS = (  # not periodic, so never silent
     "MODE_COMMAND",
     "READMISSION_COMMAND",
+    "ZERO_VELOCITY",
     "FAULT_COMMAND",
     "FAULT_STATUS",
     "FAULT_ACTIVE",

@@ -14,7 +14,7 @@ from rrins.dbc.compilation import compiled, compiled_with
 from rrins.dbc.compiled_beside import Beside, array_of, compiled_beside
 from rrins.dbc.contract import Contract, load_contract
 from rrins.dbc.record import Floats, Records
-from rrins.firmware_py.core import clock, gnss, intake, odometer
+from rrins.firmware_py.core import clock, gnss, intake, odometer, zero_velocity
 from rrins.firmware_py.core import settings as firmware
 from rrins.firmware_py.core.memory import INNER, OUTER, NavigationOutput, Ram
 from rrins.firmware_py.core.modes import navigating
@@ -25,6 +25,7 @@ from rrins.firmware_py.loop import Firmware
 from rrins.host_tools.hardware import gnss as receiver
 from rrins.host_tools.hardware import odometer as wheel
 from rrins.host_tools.hardware import settings as hardware
+from rrins.host_tools.hardware import standing
 from rrins.host_tools.hardware.memory import Plant, Truth
 from rrins.host_tools.hardware.step import (
     advance,
@@ -50,6 +51,9 @@ def _pass_up(plant: Plant, pieces: Floats, state: Ram, contract: Contract) -> No
     word = readmission_word(plant, readmission)
     if word != 0:
         intake.keep_readmission(state, readmission, word)
+    zero = contract.zero_velocity
+    if standing.is_due(plant, zero):
+        zero_velocity.keep(state, zero, standing.word(plant, zero))
     altimeter = contract.altimeter
     if is_altitude_due(plant, altimeter.message):
         note_truth(plant, pieces)

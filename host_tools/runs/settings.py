@@ -351,6 +351,8 @@ def _gnss(scenario: Scenario) -> hardware.GnssSettings | None:
         latency_epochs=min(round(gnss.latency_s * rate_hz), interval_epochs - 1),
         position_noise=gnss.position_noise_m,
         velocity_noise=gnss.velocity_noise_mps,
+        correlated_noise=gnss.position_correlated_noise_m,
+        correlation_epochs=gnss.position_correlation_s * rate_hz,
         outages=tuple(
             (round(outage.at_s * rate_hz), round((outage.at_s + outage.for_s) * rate_hz))
             for outage in gnss.outages
@@ -404,6 +406,14 @@ def hardware_settings(scenario: Scenario) -> hardware.Settings:
                 order.test_s,
             )
             for order in scenario.redundancy.readmit
+        ),
+        standing=tuple(
+            (
+                round(time.at_s * scenario.rate_hz),
+                round((time.at_s + time.for_s) * scenario.rate_hz) - 1,
+                time.velocity_sigma_mps,
+            )
+            for time in scenario.zero_velocity
         ),
         table=hardware.TableGeometry(
             tilt=table.non_orthogonality_arcsec * ARCSEC,

@@ -222,12 +222,61 @@ class FaultOfSensor(FaultOfHardware):
         return EVERY if self.sensor is None else self.sensor - 1
 
 
-AnyFault = Annotated[FaultOnWire | FaultOfAxis | FaultOfSensor, Field(discriminator="kind")]
+class FaultOfOdometer(FaultOfHardware):
+    """An odometer that fails."""
+
+    kind: Literal["odometer_slip", "odometer_lock", "odometer_lost"]
+    slip_percent: float = _limited(HardwareFault.ODOMETER_SLIP, 10.0)
+    """By which the wheel turns more than the vehicle moves."""
+
+    @property
+    def target(self) -> int:
+        """`EVERY`: it is one thing."""
+        return EVERY
+
+
+DIRECTIONS = ("east", "north", "up")
+"""Of a wrong position, by the target of its fault."""
+
+
+class FaultOfGnss(FaultOfHardware):
+    """A GNSS receiver that fails, or is deceived."""
+
+    kind: Literal["gnss_jump", "gnss_pull", "gnss_lost"]
+    direction: Literal["east", "north", "up"] | None = None
+    """Of a jump or a pull; by default east."""
+    jump_m: float = _limited(HardwareFault.GNSS_JUMP, 100.0)
+    """By which positions are off."""
+    pull_mps: float = _limited(HardwareFault.GNSS_PULL, 1.0)
+    """At which positions, and velocities with them, are led away."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _with_direction(cls, data: Any) -> Any:
+        if isinstance(data, dict) and data.get("kind") in ("gnss_jump", "gnss_pull"):
+            return {"direction": "east"} | data
+        return data
+
+    @model_validator(mode="after")
+    def _without_direction(self) -> FaultOfGnss:
+        self._refuse_keys_of_other_kinds(self.kind, {"direction": ("gnss_jump", "gnss_pull")})
+        return self
+
+    @property
+    def target(self) -> int:
+        """Index of the direction; `EVERY` for a fault that has none."""
+        return EVERY if self.direction is None else DIRECTIONS.index(self.direction)
+
+
+AnyFault = Annotated[
+    FaultOnWire | FaultOfAxis | FaultOfSensor | FaultOfOdometer | FaultOfGnss,
+    Field(discriminator="kind"),
+]
 """Any fault; `kind` tells them apart."""
 
 KINDS: Final[dict[str, type[TomlTable]]] = {
     kind: table
-    for table in (FaultOnWire, FaultOfAxis, FaultOfSensor)
+    for table in (FaultOnWire, FaultOfAxis, FaultOfSensor, FaultOfOdometer, FaultOfGnss)
     for kind in get_args(table.model_fields["kind"].annotation)
 }
 """The table that each kind of fault has."""

@@ -20,12 +20,14 @@ from pydantic import BaseModel, Field, TypeAdapter, ValidationError, model_valid
 import rrins.firmware_py.core.settings
 from rrins.host_tools import files
 from rrins.host_tools.errors import ScenarioError
-from rrins.host_tools.hardware.memory import FAULT_CAPACITY
+from rrins.host_tools.hardware.memory import FAULT_CAPACITY, STANDING_CAPACITY
 from rrins.host_tools.scenario import presets
 from rrins.host_tools.scenario.fault_tables import (
     KINDS,
     AnyFault,
-    FaultOfAxis,
+    FaultOfGnss,
+    FaultOfHardware,
+    FaultOfOdometer,
     FaultOfSensor,
     FaultOnWire,
 )
@@ -55,6 +57,7 @@ from rrins.host_tools.scenario.tables import (
     Thermal,
     TomlTable,
     Turntable,
+    ZeroVelocity,
     each,
 )
 
@@ -89,6 +92,7 @@ class Scenario(TomlTable):
     firmware: Firmware = Firmware()
     redundancy: Redundancy = Redundancy()
     estimator: Estimator = Estimator()
+    zero_velocity: tuple[ZeroVelocity, ...] = Field(default=(), max_length=STANDING_CAPACITY)
     operator: tuple[OperatorRequest, ...] = Field(default=(), max_length=30)
     paper: Paper | None = None
     bus: Bus = Bus()
@@ -187,6 +191,10 @@ class Scenario(TomlTable):
                 count = counts[fault.kind.partition("_")[0]]
                 if fault.sensor > count:
                     raise ValueError(f"faults.{number}.sensor: sensor {fault.sensor} of {count}")
+            if isinstance(fault, FaultOfOdometer) and self.odometer is None:
+                raise ValueError(f"faults.{number}.kind: {fault.kind} needs an [odometer]")
+            if isinstance(fault, FaultOfGnss) and self.gnss is None:
+                raise ValueError(f"faults.{number}.kind: {fault.kind} needs a [gnss]")
         for number, order in enumerate(self.redundancy.readmit, 1):
             if order.sensor > counts[order.kind]:
                 where = f"redundancy.readmit.{number}.sensor"
@@ -401,10 +409,10 @@ def _find_files(table: dict[str, Any], folder: Path) -> None:
             table[section] = values | {key: str(folder / values[key])}
 
 
-_ANY_FAULT: TypeAdapter[FaultOnWire | FaultOfAxis | FaultOfSensor] = TypeAdapter(AnyFault)
+_ANY_FAULT: TypeAdapter[FaultOnWire | FaultOfHardware] = TypeAdapter(AnyFault)
 
 
-def fault_of(values: dict[str, Any]) -> FaultOnWire | FaultOfAxis | FaultOfSensor:
+def fault_of(values: dict[str, Any]) -> FaultOnWire | FaultOfHardware:
     """Return a fault from the keys that a scenario's `[[faults]]` has.
 
     Raises
@@ -465,7 +473,13 @@ def _keys(location: tuple[int | str, ...], root: type[BaseModel]) -> list[str]:
     model: Any = root
     turn = rrins.firmware_py.core.settings.Turn
     of = {"operator": OperatorRequest, "turns": turn, "scheme": turn, "altimeter": Altimeter}
-    of |= {"gnss": Gnss, "odometer": Odometer, "outages": Outage, "readmit": Readmission}
+    of |= {
+        "gnss": Gnss,
+        "odometer": Odometer,
+        "outages": Outage,
+        "readmit": Readmission,
+        "zero_velocity": ZeroVelocity,
+    }
     for part in location:
         if part in KINDS:
             model = KINDS[str(part)]

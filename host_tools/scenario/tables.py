@@ -217,8 +217,22 @@ class Gnss(TomlTable):
     position_noise_m: float = Field(default=1.5, ge=0, le=40)
     """Standard deviation of each component, as of the velocity."""
     velocity_noise_mps: float = Field(default=0.05, ge=0, le=10)
+    position_correlated_noise_m: float = Field(default=0.0, ge=0, le=40)
+    """Standard deviation of each component's first-order Gauss-Markov error."""
+    position_correlation_s: float = Field(default=60.0, ge=0.1, le=100_000)
+    """Its time constant."""
     latency_s: float = Field(default=0.1, ge=0, lt=1)
     outages: tuple[Outage, ...] = Field(default=(), max_length=OUTAGE_CAPACITY)
+
+
+class ZeroVelocity(TomlTable):
+    """A time in which the operator says that the vehicle stands."""
+
+    at_s: float = Field(ge=0, le=LONGEST_S)
+    """Since power-on, as of faults."""
+    for_s: float = Field(gt=0, le=LONGEST_S)
+    velocity_sigma_mps: float = Field(default=0.01, ge=0.001, le=65)
+    """How still it stands: standard deviation of each component of its velocity."""
 
 
 class Odometer(TomlTable):

@@ -68,6 +68,11 @@ def _sent_by(scenario: Scenario, side: Side) -> tuple[float, float]:
             continue  # only while there are faults
         if message.name == "ALTIMETER" and scenario.altimeter is None:
             continue
+        if message.name == "ZERO_VELOCITY" and not scenario.zero_velocity:
+            continue
+        aiding = (scenario.gnss, scenario.odometer, *scenario.zero_velocity)
+        if message.name == "AIDING_STATUS" and not any(aiding):
+            continue
         cycle_ms = message.cycle_time or 0
         if stem == "GNSS":
             if scenario.gnss is None:

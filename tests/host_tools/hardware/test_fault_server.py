@@ -152,7 +152,7 @@ def test_there_is_room_for_so_many_and_no_more(tools):
         ({"action": 0}, FaultRefusal.UNKNOWN),
         ({"action": 7, "kind": 1}, FaultRefusal.UNKNOWN),
         ({"action": INJECT, "kind": 0, "target": 1}, FaultRefusal.UNKNOWN),
-        ({"action": INJECT, "kind": 31, "target": 1}, FaultRefusal.UNKNOWN),
+        ({"action": INJECT, "kind": 31, "target": 0}, FaultRefusal.NO_SUCH_TARGET),  # no receiver
         ({"action": INJECT, "kind": 1, "target": 0}, FaultRefusal.NO_SUCH_TARGET),
         ({"action": INJECT, "kind": 1, "target": 3}, FaultRefusal.NO_SUCH_TARGET),
         ({"action": INJECT, "kind": 5, "target": 5}, FaultRefusal.NO_SUCH_TARGET),

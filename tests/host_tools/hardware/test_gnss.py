@@ -7,7 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from rrins.host_tools.hardware.settings import GnssSettings
+from rrins.host_tools.hardware.faults import EVERY, HardwareFault
+from rrins.host_tools.hardware.settings import GnssSettings, PlannedFault
 
 GROUP = ("GNSS_TIME", "GNSS_LATITUDE", "GNSS_LONGITUDE", "GNSS_HEIGHT", "GNSS_VELOCITY")
 METRES_PER_DEG = 111_035  # of latitude at 40°, WGS-84
@@ -74,3 +75,74 @@ def test_in_an_outage_the_groups_go_on_without_a_fix(tools):
             assert group["GNSS_VELOCITY"]["velocity_east"] == 0
         else:
             assert group == whole[epoch]
+
+
+def east_north_up(frames):
+    """Return how far positions and velocities are off, m and m/s, shape (n, 6)."""
+    east_m = METRES_PER_DEG * math.cos(math.radians(40)) * 1.0034  # N / M, at 40°
+    return np.array(
+        [
+            [
+                (group["GNSS_LONGITUDE"]["longitude_deg"] - 116) * east_m,
+                (group["GNSS_LATITUDE"]["latitude_deg"] - 40) * METRES_PER_DEG,
+                group["GNSS_HEIGHT"]["height"] - 40,
+                group["GNSS_VELOCITY"]["velocity_east"],
+                group["GNSS_VELOCITY"]["velocity_north"],
+                group["GNSS_HEIGHT"]["velocity_up"],
+            ]
+            for group in frames
+        ]
+    )
+
+
+def test_errors_that_last_are_of_first_order(tools):
+    receiver = GnssSettings(interval_epochs=1, correlated_noise=3.0, correlation_epochs=4.0)
+    found = groups(tools.Bench(gnss=receiver), 6000).values()
+    assert {frame["GNSS_TIME"]["position_sigma"] for frame in found} == {3.0}
+    off = east_north_up(found)
+    assert not off[:, 3:].any()
+    for values in off[:, :3].T:  # of 6000 values 750 are independent: 3 sigma are 8 %
+        assert np.std(values) == pytest.approx(3.0, rel=0.1)
+        for lag in (1, 4, 8):
+            together = np.corrcoef(values[lag:], values[:-lag])[0, 1]
+            assert together == pytest.approx(math.exp(-lag / 4), abs=0.1)
+    assert abs(np.corrcoef(off[:, 0], off[:, 1])[0, 1]) < 0.12
+
+
+def test_what_it_tells_is_the_sum_of_both(tools):
+    settings = {"interval_epochs": 1, "position_noise": 3.0, "correlated_noise": 4.0}
+    found = groups(tools.Bench(gnss=GnssSettings(**settings)), 3).values()
+    assert {frame["GNSS_TIME"]["position_sigma"] for frame in found} == {5.0}
+
+
+def faulty(tools, *planned):
+    bench = tools.Bench(gnss=GnssSettings(interval_epochs=20), faults=planned)
+    return groups(bench, 200)
+
+
+def test_a_jump_moves_the_position_alone(tools):
+    jump = PlannedFault(HardwareFault.GNSS_JUMP, 1, 50, 130, -100.0)
+    off = east_north_up(faulty(tools, jump).values())
+    expected = np.zeros((10, 6))
+    expected[3:7, 1] = -100.0
+    np.testing.assert_allclose(off, expected, atol=0.1)
+
+
+def test_a_pull_leads_away_position_and_velocity(tools):
+    pulls = (
+        PlannedFault(HardwareFault.GNSS_PULL, 0, 60, 169, 2.0),
+        PlannedFault(HardwareFault.GNSS_PULL, 2, 60, 169, -1.0),
+    )
+    found = faulty(tools, *pulls)
+    off = east_north_up(found.values())
+    for epoch, row in zip(found, off, strict=True):
+        active = 60 <= epoch <= 169
+        age_s = (epoch - 59) * 0.005 if active else 0.0
+        expected = [2 * age_s, 0, -age_s, 2 * active, 0, -active]
+        np.testing.assert_allclose(row, expected, atol=0.01)
+
+
+def test_a_receiver_that_is_lost_has_no_fix(tools):
+    found = faulty(tools, PlannedFault(HardwareFault.GNSS_LOST, EVERY, 50, 130))
+    qualities = [group["GNSS_TIME"]["quality"] for group in found.values()]
+    assert qualities == [2, 2, 2, 0, 0, 0, 0, 2, 2, 2]

@@ -7,9 +7,11 @@ import math
 import numpy as np
 import pytest
 
+from rrins.host_tools.hardware.faults import EVERY, HardwareFault
 from rrins.host_tools.hardware.settings import (
     MotionPieces,
     OdometerSettings,
+    PlannedFault,
     body_to_navigation,
 )
 from rrins.host_tools.motion.drive import synthetic_drive
@@ -99,3 +101,30 @@ def test_its_noise_is_as_set_and_none_where_it_stands(tools, vehicle):
     assert moves.sum() > 250
     assert np.std(speed_error) == pytest.approx(0.02, rel=0.14)  # 3 sigma
     assert abs(np.corrcoef(speed_error[1:], speed_error[:-1])[0, 1]) < 0.2
+
+
+def ways(tools, vehicle, kind=None, value=0.0):
+    """Return validity and the distances between counts, with a fault from 30 s to 40 s."""
+    faults = () if kind is None else (PlannedFault(kind, EVERY, 6001, 8000, value),)
+    odometer = OdometerSettings(interval_epochs=200, metres_per_pulse=0.001)
+    bench = tools.Bench(odometer=odometer, motion=moving(vehicle), faults=faults)
+    found = counts(bench, 9001).values()
+    valid = [frame["valid"] for frame in found]
+    return valid, np.diff([frame["pulses"] for frame in found]) / 1000
+
+
+def test_a_wheel_that_slips_is_locked_or_does_not_count(tools, vehicle):
+    valid, sound = ways(tools, vehicle)
+    assert all(valid)
+    assert sound[30:40].min() > 1
+    for kind, value, share in (
+        (HardwareFault.ODOMETER_SLIP, 0.2, 1.2),
+        (HardwareFault.ODOMETER_LOCK, 0.0, 0.0),
+        (HardwareFault.ODOMETER_LOST, 0.0, 0.0),
+    ):
+        valid, found = ways(tools, vehicle, kind, value)
+        expected = sound.copy()
+        expected[30:40] *= share
+        np.testing.assert_allclose(found, expected, atol=2.5e-3)
+        lost = kind == HardwareFault.ODOMETER_LOST
+        assert valid == [1] * 31 + [int(not lost)] * 10 + [1] * 5

@@ -13,7 +13,7 @@ from rrins.host_tools.injection.client import FaultClient
 from rrins.host_tools.testing.bench import Bench
 from rrins.host_tools.testing.scenarios import prepare_scenario
 
-QUICK = {"duration_s": 1000, "firmware": {"alignment_s": 0.5}}
+QUICK = {"duration_s": 1000, "firmware": {"alignment_s": 0.5}, "gnss": {}, "odometer": {}}
 
 
 class World:

@@ -27,6 +27,8 @@ NOISY = {
     "navigate_at_s": 0,
     "firmware": {"alignment_s": 0.5},
     "body": {"roll_deg": 10},
+    "gnss": {"rate_hz": 10, "latency_s": 0},
+    "odometer": {},
     "gyros": {"angle_random_walk_deg_per_sqrt_h": 0.01},
     "accelerometers": {"white_noise_ug_per_sqrt_hz": 10},
 }
@@ -73,8 +75,18 @@ FAULTS = (
     {"kind": "accelerometer_dead", "period_s": 0.2, "duty": 0.5},
     {"kind": "accelerometer_full_scale", "sensor": 4},
     {"kind": "encoder_slip", "axis": "inner", "slip_percent": 2.5},
+    {"kind": "odometer_slip", "slip_percent": -20.0},
+    {"kind": "odometer_lock"},
+    {"kind": "odometer_lost", "period_s": 0.4, "duty": 0.5},
+    {"kind": "gnss_jump", "direction": "up", "jump_m": -123.0},
+    {"kind": "gnss_pull", "direction": "north", "pull_mps": 1.5},
+    {"kind": "gnss_lost"},
 )
-HARMLESS = {"reorder", "corrupt_wire", "babble", "duplicate", "silence"}
+HARMLESS = {"reorder", "corrupt_wire", "babble", "duplicate", "silence"} | {
+    kind
+    for kind in KINDS
+    if kind.startswith(("odometer_", "gnss_"))  # do not reach navigation
+}
 
 
 def navigation_of(faults=(), commands=()):

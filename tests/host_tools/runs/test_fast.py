@@ -47,9 +47,11 @@ CROOKED = {
 MOVING = {
     "motion": {"kind": "drive", "duration_s": 60},
     "altimeter": {"bias_m": 3, "noise_m": 0.5},
-    "gnss": {"rate_hz": 4, "latency_s": 0.2, "outages": [{"at_s": 8, "for_s": 3}]},
+    "gnss": {"rate_hz": 4, "latency_s": 0.2, "position_correlated_noise_m": 2,
+             "outages": [{"at_s": 8, "for_s": 3}]},
     "odometer": {"latency_s": 0.03, "scale_error_ppm": 2000, "mounting_heading_deg": 1,
                  "lever_arm_m": [0.5, -1, -0.3]},
+    "zero_velocity": [{"at_s": 2, "for_s": 3}, {"at_s": 14, "for_s": 100}],
     "firmware": {"height_channel": "damped", "alignment_s": 0.5},
     "sensors": "tactical",
 }  # fmt: skip
@@ -148,6 +150,10 @@ def test_without_frames_the_firmware_takes_the_same_fixes_and_distances():
     assert (gnss["losses"], gnss["available"]) == (1, True)
     for name in set(gnss.dtype.names) - {"word"}:  # which a frame protects
         assert gnss[name].tobytes() == fast.ram[0]["gnss"][name].tobytes(), name
+    zero = firmware.ram[0]["zero_velocity"]
+    assert zero["standing"]
+    for name in set(zero.dtype.names) - {"counter"}:
+        assert zero[name].tobytes() == fast.ram[0]["zero_velocity"][name].tobytes(), name
     odometer = firmware.ram[0]["odometer"]
     assert odometer["measurements"] == (epochs - 1 - 6) // 20
     assert odometer["travelled"] > 10

@@ -21,6 +21,9 @@ NAMED = (
     "rimu_rotating",
     "imu_strapdown_self_aligned",
     "rimu_strapdown_self_aligned",
+    "drive_aided",
+    "drive_outage",
+    "ship_moored",
 )
 
 
@@ -56,6 +59,13 @@ def test_a_printed_scenario_loads_from_a_file_as_the_same(name, write):
         ("duration_s = 1\n[gyros]\nbias_dph = [1, 2]", ["gyros.bias_dph", "2 values for 4"]),
         ("duration_s = 1\n[site]\nlatitude_deg = 95", ["site.latitude_deg", "95"]),
         ("duration_s = 1\nrate_hz = 300", ["rate_hz", "300"]),
+        ("duration_s = 1\n[odometer]\nlatency_s = 0.1", ["odometer.latency_s", "0.1 s"]),
+        ('duration_s = 1\n[[faults]]\nkind = "odometer_lock"', ["faults.1", "needs an [odometer]"]),
+        ('duration_s = 1\n[[faults]]\nkind = "gnss_lost"', ["faults.1", "needs a [gnss]"]),
+        (
+            'duration_s = 1\n[gnss]\n[[faults]]\nkind = "gnss_lost"\ndirection = "up"',
+            ["direction", "does not apply to gnss_lost"],
+        ),
         ('duration_s = 1\n[firmware]\nscheme = "12"', ["firmware.scheme", "16-position"]),
         (
             'duration_s = 1\n[firmware]\nscheme = [{axis = "iner", angle_deg = 9}]',
