@@ -1,0 +1,282 @@
+"""What waits for the filter, what it says of the navigation, and the gate."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from rrins.firmware_py.core.estimator import measurements
+from rrins.firmware_py.core.estimator_records import (
+    BIASES,
+    COMPONENTS,
+    HEIGHT,
+    LATITUDE,
+    LONGITUDE,
+    TRACK_EPOCHS,
+    VELOCITY,
+    Aid,
+)
+from rrins.firmware_py.core.modes import Mode
+
+STATES = BIASES + 8
+STAND, FIX_EPOCH = 5000, 4930
+"""Epochs at which the filter stands, and at which a fix was valid: 0.35 s before."""
+
+PLACE = np.array([0.7, 2.0, 40.0])
+VELOCITY_N = np.array([3.0, -4.0, 0.5])
+NORTH, EAST = 6.36e6, 4.9e6
+
+
+def put(state, epoch, place, velocity_n):
+    """Note the navigation at the end of an epoch."""
+    state.epoch = epoch
+    state.ins.latitude, state.ins.longitude, state.ins.height = place
+    state.ins.velocity_n[:] = velocity_n
+    measurements.note.py_func(state.estimator, state)
+    state.gnss.fresh = False
+
+
+def fix(state, epoch, place, velocity_n, position_sigma=1.0, velocity_sigma=0.1):
+    """Let a fix come with the next epoch."""
+    gnss = state.gnss
+    gnss.fresh, gnss.epoch = True, epoch
+    gnss.latitude, gnss.longitude, gnss.height = place
+    gnss.velocity_n[:] = velocity_n
+    gnss.position_sigma, gnss.velocity_sigma = position_sigma, velocity_sigma
+
+
+def make_state(kit, **changes):
+    state = kit.state(**changes)
+    estimator = state.estimator
+    measurements.begin.py_func(estimator, 0)
+    estimator.track_first = 1000
+    estimator.epoch = STAND
+    estimator.latitude, estimator.longitude, estimator.height = PLACE
+    estimator.velocity_n[:] = VELOCITY_N
+    estimator.north_radius, estimator.east_radius = NORTH, EAST
+    sigma = np.array([1e-3] * 3 + [0.3] * 3 + [3 / NORTH, 3 / EAST, 3.0] + [1e-6] * 8)
+    estimator.P[:STATES, :STATES] = np.diag(sigma**2)
+    return state
+
+
+@pytest.fixture
+def state(kit):
+    return make_state(kit)
+
+
+def scalars(state):
+    """Return what waits, as pairs of aid and component, in the order of the bits."""
+    waiting = int(state.estimator.waiting)
+    return [
+        (Aid(bit // COMPONENTS), bit % COMPONENTS)
+        for bit in range(COMPONENTS * len(Aid))
+        if waiting >> bit & 1
+    ]
+
+
+def test_while_the_vehicle_stands_its_velocity_and_position_wait(state):
+    measurements.stand.py_func(state)
+    assert scalars(state) == []
+    state.modes.mode = Mode.FINE_ALIGNMENT
+    measurements.stand.py_func(state)
+    aids = (Aid.ZERO_VELOCITY, Aid.KNOWN_POSITION)
+    assert scalars(state) == [(aid, k) for aid in aids for k in range(3)]
+
+
+def test_what_waits_is_taken_once_each_in_order(state):
+    state.modes.mode = Mode.FINE_ALIGNMENT
+    put(state, STAND, PLACE, VELOCITY_N)
+    fix(state, STAND, PLACE, VELOCITY_N)
+    put(state, STAND + 1, PLACE, VELOCITY_N)
+    measurements.stand.py_func(state)
+    state.parameters.latitude, state.parameters.longitude, state.parameters.height = PLACE
+    state.estimator.velocity_n[:] = 0.0
+    expected = scalars(state)
+    assert len(expected) == 12
+    for k, (aid, _) in enumerate(expected):
+        before = [int(source.used) for source in state.estimator.sources]
+        assert measurements.take.py_func(state)
+        before[aid] += 1
+        assert [int(source.used) for source in state.estimator.sources] == before
+        assert scalars(state) == expected[k + 1 :]
+    assert not measurements.take.py_func(state)
+
+
+def test_where_the_height_is_held_level_components_wait_alone(kit):
+    state = make_state(kit, height_channel="held")
+    state.modes.mode = Mode.FINE_ALIGNMENT
+    measurements.stand.py_func(state)
+    put(state, FIX_EPOCH, PLACE, VELOCITY_N)
+    fix(state, FIX_EPOCH, PLACE, VELOCITY_N)
+    put(state, STAND, PLACE, VELOCITY_N)
+    assert scalars(state) == [(aid, k) for aid in list(Aid)[:4] for k in range(2)]
+
+
+def test_standing_is_compared_with_where_the_filter_stands(state):
+    state.modes.mode = Mode.FINE_ALIGNMENT
+    measurements.stand.py_func(state)
+    parameters = state.parameters
+    latitude, longitude, height = PLACE
+    parameters.latitude = latitude + 1.0 / NORTH
+    parameters.longitude = longitude - 1.0 / EAST
+    parameters.height = height + 0.5
+    estimator = state.estimator
+    estimator.velocity_n[:] = 0.1, -0.2, 0.3
+    while measurements.take.py_func(state):
+        pass
+    x = estimator.x
+    assert x[VELOCITY : VELOCITY + 3] == pytest.approx([-0.1, 0.2, -0.3], rel=1e-3)
+    assert x[LATITUDE] * NORTH == pytest.approx(1.0, rel=1e-3)
+    assert x[LONGITUDE] * EAST == pytest.approx(-1.0, rel=1e-3)
+    assert x[HEIGHT] == pytest.approx(0.5, rel=1e-3)
+    assert not x[BIASES:].any()
+
+
+def innovations(state):
+    """Return innovation, sigma and row of each scalar of a fix, without taking it."""
+    found = {}
+    for aid in (Aid.GNSS_POSITION, Aid.GNSS_VELOCITY):
+        for component in range(3):
+            state.estimator.row[:] = 0.0
+            value, sigma = measurements._innovation.py_func(state, int(aid), component)
+            found[aid, component] = value, sigma, np.array(state.estimator.row[:STATES])
+    return found
+
+
+def test_a_fix_of_the_past_is_compared_with_the_navigation_of_its_epoch(state):
+    past_velocity = VELOCITY_N - [1.0, 2.0, 0.3]
+    past = PLACE - [3e-6, -2e-6, 7.0]
+    put(state, FIX_EPOCH, past, past_velocity)
+    beside = np.array([2.0 / NORTH, -3.0 / EAST, 1.5])
+    fix(state, FIX_EPOCH, past + beside, past_velocity + np.array([0.1, 0.2, -0.3]))
+    put(state, STAND + 10, PLACE, VELOCITY_N)
+    found = innovations(state)
+    position = [found[Aid.GNSS_POSITION, k] for k in range(3)]
+    velocity = [found[Aid.GNSS_VELOCITY, k] for k in range(3)]
+    assert [row[0] for row in position] == pytest.approx([2.0, -3.0, 1.5], abs=1e-8)
+    assert [row[0] for row in velocity] == pytest.approx([0.1, 0.2, -0.3], abs=1e-12)
+    assert [row[1] for row in position] == 3 * [1.0]
+    assert [row[1] for row in velocity] == 3 * [0.1]
+    # The position's error then is that of now, less what the velocity's made of it since.
+    seconds = (FIX_EPOCH - STAND) * 0.005
+    north, east, up = (
+        {LATITUDE: NORTH, 4: seconds},
+        {LONGITUDE: EAST, 3: seconds},
+        {8: 1, 5: seconds},
+    )
+    for (_, _, row), expected in zip(position, (north, east, up), strict=True):
+        assert {k: row[k] for k in np.flatnonzero(row)} == pytest.approx(expected)
+    for k, (_, _, row) in enumerate(velocity):
+        assert np.array_equal(row, np.eye(STATES)[VELOCITY + k])
+
+
+def test_the_navigation_of_the_past_is_taken_as_corrected_since(state):
+    put(state, FIX_EPOCH, PLACE, VELOCITY_N)
+    fix(state, FIX_EPOCH, PLACE, VELOCITY_N)
+    put(state, STAND + 10, PLACE, VELOCITY_N)
+    estimator = state.estimator
+    estimator.correction[:] = 2.0 / NORTH, -3.0 / EAST, 1.5, 0.1, 0.2, -0.3
+    estimator.correction_epoch = FIX_EPOCH - 1  # the track has it already
+    assert [row[0] for row in innovations(state).values()] == pytest.approx(6 * [0.0], abs=1e-9)
+    estimator.correction_epoch = FIX_EPOCH  # at its end, behind the track
+    expected = [-2.0, 3.0, -1.5, -0.1, -0.2, 0.3]
+    assert [row[0] for row in innovations(state).values()] == pytest.approx(expected, abs=1e-8)
+
+
+def test_longitudes_are_compared_across_the_antimeridian(state):
+    navigated = PLACE * [1, 0, 1] + [0, -math.pi + 1.0 / EAST, 0]
+    put(state, FIX_EPOCH, navigated, VELOCITY_N)
+    fix(state, FIX_EPOCH, PLACE * [1, 0, 1] + [0, math.pi - 2.0 / EAST, 0], VELOCITY_N)
+    put(state, STAND, PLACE, VELOCITY_N)
+    assert innovations(state)[Aid.GNSS_POSITION, 1][0] == pytest.approx(-3.0, abs=1e-6)
+    state.parameters.longitude = math.pi - 2.0 / EAST
+    state.estimator.longitude = -math.pi + 1.0 / EAST
+    known = measurements._innovation.py_func(state, int(Aid.KNOWN_POSITION), 1)
+    assert known == pytest.approx((-3.0, 0.02), abs=1e-6)
+
+
+def test_a_receiver_that_promises_too_much_is_not_believed(state):
+    put(state, FIX_EPOCH, PLACE, VELOCITY_N)
+    fix(state, FIX_EPOCH, PLACE, VELOCITY_N, position_sigma=0.0, velocity_sigma=0.0)
+    put(state, STAND, PLACE, VELOCITY_N)
+    sigmas = [row[1] for row in innovations(state).values()]
+    assert sigmas == 3 * [0.01] + 3 * [0.002]
+
+
+@pytest.mark.parametrize("age", [0, 100, TRACK_EPOCHS - 1])
+def test_a_fix_as_old_as_the_track_waits(state, age):
+    fix(state, STAND + 100 - age, PLACE, VELOCITY_N)
+    put(state, STAND + 100, PLACE, VELOCITY_N)
+    assert len(scalars(state)) == 6
+
+
+def test_a_fix_from_before_the_track_or_the_filter_does_not(state):
+    fix(state, STAND + 100 - TRACK_EPOCHS, PLACE, VELOCITY_N)
+    put(state, STAND + 100, PLACE, VELOCITY_N)
+    assert scalars(state) == []
+    state.estimator.track_first = STAND
+    fix(state, STAND - 1, PLACE, VELOCITY_N)
+    put(state, STAND + 101, PLACE, VELOCITY_N)
+    assert scalars(state) == []
+
+
+def test_a_fix_is_not_replaced_before_all_of_it_is_taken(state):
+    put(state, FIX_EPOCH, PLACE, VELOCITY_N)
+    fix(state, FIX_EPOCH, PLACE, VELOCITY_N)
+    put(state, STAND, PLACE, VELOCITY_N)
+    for k in range(6):
+        fix(state, STAND, PLACE, VELOCITY_N)
+        put(state, STAND + 1 + k, PLACE, VELOCITY_N)
+        assert state.estimator.fix_epoch == FIX_EPOCH
+        measurements.take.py_func(state)
+    fix(state, STAND, PLACE, VELOCITY_N)
+    put(state, STAND + 7, PLACE, VELOCITY_N)
+    assert state.estimator.fix_epoch == STAND
+    assert len(scalars(state)) == 6
+
+
+@pytest.mark.parametrize("innovation", [-5.01, 5.01, math.nan, math.inf])
+def test_the_gate_rejects_counts_and_leaves_all_alone(state, innovation):
+    estimator, source = state.estimator, state.estimator.sources[Aid.GNSS_VELOCITY]
+    estimator.x[:STATES] = 0.01
+    before = estimator.x.copy(), estimator.P.copy()
+    sigma = math.hypot(0.3, 0.4)  # of the state, and of the measurement
+    for k in range(1, 4):
+        estimator.row[:] = 0.0
+        estimator.row[VELOCITY] = 1.0
+        value = innovation * sigma + 0.01
+        measurements._judge.py_func(estimator, int(Aid.GNSS_VELOCITY), value, 0.4)
+        assert (source.used, source.rejected, source.rejected_in_a_row) == (0, k, k)
+    assert np.array_equal(estimator.x, before[0])
+    assert np.array_equal(estimator.P, before[1])
+    assert source.squares == 0.0
+
+
+@pytest.mark.parametrize("innovation", [-4.99, 0.5, 4.99])
+def test_what_passes_the_gate_is_used_and_ends_a_row_of_rejections(state, innovation):
+    estimator, source = state.estimator, state.estimator.sources[Aid.GNSS_VELOCITY]
+    source.rejected = source.rejected_in_a_row = 3
+    estimator.row[:] = 0.0
+    estimator.row[VELOCITY] = 1.0
+    estimator.x[VELOCITY] = 0.01
+    measurements._judge.py_func(estimator, int(Aid.GNSS_VELOCITY), innovation * 0.5 + 0.01, 0.4)
+    assert (source.used, source.rejected, source.rejected_in_a_row) == (1, 3, 0)
+    assert source.squares == pytest.approx(innovation**2)
+    share = 0.3**2 / 0.5**2
+    assert estimator.x[VELOCITY] == pytest.approx(0.01 + share * innovation * 0.5)
+    assert estimator.P[VELOCITY, VELOCITY] == pytest.approx(0.3**2 * (1 - share))
+
+
+def test_it_begins_with_nothing_waiting_and_nothing_counted(state):
+    estimator = state.estimator
+    estimator.waiting = 0b111
+    for source in estimator.sources:
+        source.used = source.rejected = source.rejected_in_a_row = 4
+        source.squares = 3.0
+    measurements.begin.py_func(estimator, 123)
+    assert scalars(state) == []
+    assert (estimator.track_first, estimator.correction_epoch) == (123, 123)
+    for source in estimator.sources:
+        assert source.used == source.rejected == source.rejected_in_a_row == source.squares == 0

@@ -1,0 +1,185 @@
+"""The odometer's rows against numerical differences of what they are the derivatives of."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from rrins.firmware_py.core import strapdown
+from rrins.firmware_py.core.estimator import wheels
+from rrins.firmware_py.core.estimator_records import (
+    ATTITUDE,
+    BIASES,
+    COMPONENTS,
+    PITCH,
+    SCALE,
+    TRACK_EPOCHS,
+    VELOCITY,
+    YAW,
+    Aid,
+)
+
+ODOMETER = BIASES + 8
+STATES = ODOMETER + 3
+SECONDS = 1.2
+VELOCITY_N = np.array([12.0, 16.0, 0.4])
+LEARNED = np.array([0.01, -0.02, 0.015])
+"""Scale, yaw, pitch that the filter has found so far."""
+
+TRAVELLED = 24.5
+FORWARD, ACROSS, UPWARD = wheels.FORWARD, wheels.ACROSS, wheels.UPWARD
+WAITING = COMPONENTS * Aid.ODOMETER
+
+
+@pytest.fixture
+def attitude(tools):
+    """C_b_n of a vehicle that rolls, climbs and heads north-east."""
+    return tools.body_to_navigation(0.05, 0.03, math.radians(40.0))
+
+
+@pytest.fixture
+def state(kit, attitude):
+    state = kit.state(odometer=kit.ODOMETER)
+    estimator = state.estimator
+    estimator.C_b_n[:] = attitude
+    estimator.stretch_s = SECONDS
+    estimator.stretch_m = TRAVELLED
+    estimator.stretch_b[:] = attitude.T @ VELOCITY_N * SECONDS
+    estimator.odometer[:] = LEARNED
+    return state
+
+
+def innovation(tools, attitude, component, learned, x):
+    """Return measured less navigated once the errors x are fed back; the vehicle goes straight."""
+    C_b_n = tools.exponential(x[ATTITUDE : ATTITUDE + 3]) @ attitude
+    way_b = C_b_n.T @ (VELOCITY_N + x[VELOCITY : VELOCITY + 3]) * SECONDS
+    scale, yaw, pitch = learned + x[ODOMETER:]
+    return {
+        FORWARD: TRAVELLED * (1 + scale) - way_b[1],
+        ACROSS: yaw * way_b[1] - way_b[0],
+        UPWARD: pitch * way_b[1] - way_b[2],
+    }[component]
+
+
+@pytest.mark.parametrize("learned", [np.zeros(3), LEARNED], ids=["nothing", "learned"])
+@pytest.mark.parametrize("component", [FORWARD, ACROSS, UPWARD])
+def test_rows_are_derivatives_of_the_innovations(tools, state, attitude, component, learned):
+    state.estimator.odometer[:] = learned
+    found, _ = wheels.innovation.py_func(state, component)
+    none = np.zeros(STATES)
+    assert found == pytest.approx(innovation(tools, attitude, component, learned, none), abs=1e-12)
+    differences = np.zeros(STATES)
+    for k in range(STATES):
+        x = np.zeros(STATES)
+        x[k] = 1e-5
+        high = innovation(tools, attitude, component, learned, x)
+        differences[k] = (innovation(tools, attitude, component, learned, -x) - high) / 2e-5
+    row = np.array(state.estimator.row[:STATES])
+    bounds = np.full(STATES, 1e-6)
+    if component != FORWARD:  # the row is along the body's axis, not across the learned one
+        angle = abs(learned[YAW if component == ACROSS else PITCH])
+        bounds[: VELOCITY + 3] += 1.01 * angle * np.abs(differences[: VELOCITY + 3]).max()
+    assert np.all(np.abs(row - differences) < bounds), row - differences
+    own = ODOMETER + {FORWARD: SCALE, ACROSS: YAW, UPWARD: PITCH}[component]
+    assert abs(row[own]) > 20
+    assert set(np.flatnonzero(row)) <= {*range(VELOCITY + 3), own}
+
+
+def test_the_noise_is_that_of_intervals_pulses_and_slip(state):
+    """Independent intervals: 0.02 m/s in each of 0.1 s; two pulses, each uniform over 1 cm."""
+    _, forward = wheels.innovation.py_func(state, FORWARD)
+    intervals = SECONDS / 0.1
+    pulses = 2 * 0.01**2 / 12
+    assert forward == pytest.approx(math.sqrt(intervals * (0.02 * 0.1) ** 2 + pulses))
+    for component in (ACROSS, UPWARD):
+        _, sigma = wheels.innovation.py_func(state, component)
+        assert sigma == pytest.approx(0.05 * SECONDS)
+
+
+def stand(tools, state, rate_b, velocity_n):
+    """Let a vehicle turn about its axes at a rate, and note its wheel's way over a second."""
+    dt = 0.005
+    C_b_n = tools.exponential([0.0, 0.0, 0.3])
+    strapdown.initialise.py_func(state.ins, C_b_n, 0.7, 2.0, 40.0)
+    state.C_s_b = np.eye(3)
+    wheels.begin.py_func(state)
+    step = tools.exponential(np.array(rate_b) * dt)
+    for _ in range(200):
+        C_b_n = C_b_n @ step
+        state.ins.C_s_n = C_b_n
+        state.ins.velocity_n[:] = velocity_n
+        wheels.note.py_func(state, dt)
+    return C_b_n
+
+
+def test_the_way_is_the_velocity_along_the_body(tools, state):
+    C_b_n = stand(tools, state, (0, 0, 0), (3.0, 4.0, 0.0))
+    assert state.estimator.way_b == pytest.approx(C_b_n.T @ [3.0, 4.0, 0.0], abs=1e-12)
+
+
+def test_the_wheel_moves_where_the_vehicle_turns_on_the_spot(tools, state):
+    """2 m to the right of the centre at 0.5 rad/s to the left: 1 m/s forward."""
+    state.odometer.lever_arm_b = 2.0, 0.0, 0.0
+    stand(tools, state, (0, 0, 0.5), (0, 0, 0))
+    assert state.estimator.way_b == pytest.approx([0.0, 1.0, 0.0], abs=3e-3)
+
+
+class Stretches:
+    """Counts of an odometer, one call each second."""
+
+    def __init__(self, state):
+        self.state, self.estimator, self.odometer = state, state.estimator, state.odometer
+        self.odometer.available = True
+        wheels.begin.py_func(state)
+        self.estimator.track_first = 0
+
+    def second(self, epoch, travelled, way_b, gaps=0, age=5):
+        """Finish a second at an epoch, with a count an age (epochs) before."""
+        self.state.epoch = epoch
+        self.odometer.epoch = epoch - age
+        self.odometer.travelled = travelled
+        self.odometer.gaps = gaps
+        self.estimator.track[(epoch - age) % TRACK_EPOCHS, 6:] = way_b
+        self.estimator.waiting = 0
+        wheels.finish_second.py_func(self.state)
+        return int(self.estimator.waiting) >> WAITING & 0b111
+
+
+def test_a_stretch_is_from_count_to_count(state):
+    stretches, estimator = Stretches(state), state.estimator
+    assert stretches.second(200, 10.0, (1.0, 2.0, 3.0)) == 0  # where it begins
+    assert stretches.second(400, 31.0, (1.5, 22.0, 3.25), age=25) == 0b111
+    assert estimator.stretch_m == pytest.approx(21.0)
+    assert estimator.stretch_s == pytest.approx(0.9)
+    assert estimator.stretch_b == pytest.approx([0.5, 20.0, 0.25])
+    assert stretches.second(600, 40.0, (1.5, 30.0, 3.25)) == 0b111
+    assert estimator.stretch_m == pytest.approx(9.0)
+    assert estimator.stretch_s == pytest.approx(1.1)
+
+
+def test_a_stretch_with_a_gap_is_none(state):
+    stretches = Stretches(state)
+    stretches.second(200, 10.0, (0, 0, 0))
+    assert stretches.second(400, 20.0, (0, 10, 0), gaps=1) == 0
+    assert stretches.second(600, 30.0, (0, 20, 0), gaps=1) == 0b111
+    state.odometer.available = False
+    assert stretches.second(800, 30.0, (0, 20, 0), gaps=1) == 0
+    state.odometer.available = True
+    assert stretches.second(1000, 40.0, (0, 20, 0), gaps=1) == 0
+    assert stretches.second(1200, 50.0, (0, 30, 0), gaps=1) == 0b111
+
+
+def test_a_count_that_is_not_new_or_too_long_ago_makes_no_stretch(state):
+    stretches = Stretches(state)
+    stretches.second(200, 10.0, (0, 0, 0))
+    assert stretches.second(400, 10.0, (0, 0, 0), age=205) == 0
+    assert stretches.second(900, 20.0, (0, 10, 0)) == 0  # 3.5 s
+    assert stretches.second(1100, 30.0, (0, 20, 0)) == 0b111
+
+
+def test_where_the_height_is_held_nothing_upward_is_compared(kit):
+    stretches = Stretches(kit.state(odometer=kit.ODOMETER, height_channel="held"))
+    stretches.second(200, 10.0, (0, 0, 0))
+    assert stretches.second(400, 20.0, (0, 10, 0)) == 0b011
