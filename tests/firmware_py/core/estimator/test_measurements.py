@@ -237,6 +237,17 @@ def test_a_fix_is_not_replaced_before_all_of_it_is_taken(state):
     assert len(scalars(state)) == 6
 
 
+def take_east(state, innovation):
+    """Take a fix's velocity to the east, this far from the navigation as corrected by x."""
+    estimator = state.estimator
+    put(state, FIX_EPOCH, PLACE, VELOCITY_N)
+    corrected = VELOCITY_N + estimator.x[VELOCITY : VELOCITY + 3]
+    fix(state, FIX_EPOCH, PLACE, corrected + np.array([innovation, 0, 0]), velocity_sigma=0.4)
+    put(state, STAND, PLACE, VELOCITY_N)
+    estimator.waiting = 1 << COMPONENTS * Aid.GNSS_VELOCITY
+    assert measurements.take.py_func(state)
+
+
 @pytest.mark.parametrize("innovation", [-5.01, 5.01, math.nan, math.inf])
 def test_the_gate_rejects_counts_and_leaves_all_alone(state, innovation):
     estimator, source = state.estimator, state.estimator.sources[Aid.GNSS_VELOCITY]
@@ -244,10 +255,7 @@ def test_the_gate_rejects_counts_and_leaves_all_alone(state, innovation):
     before = estimator.x.copy(), estimator.P.copy()
     sigma = math.hypot(0.3, 0.4)  # of the state, and of the measurement
     for k in range(1, 4):
-        estimator.row[:] = 0.0
-        estimator.row[VELOCITY] = 1.0
-        value = innovation * sigma + 0.01
-        measurements._judge.py_func(estimator, int(Aid.GNSS_VELOCITY), value, 0.4)
+        take_east(state, innovation * sigma)
         assert (source.used, source.rejected, source.rejected_in_a_row) == (0, k, k)
     assert np.array_equal(estimator.x, before[0])
     assert np.array_equal(estimator.P, before[1])
@@ -258,10 +266,8 @@ def test_the_gate_rejects_counts_and_leaves_all_alone(state, innovation):
 def test_what_passes_the_gate_is_used_and_ends_a_row_of_rejections(state, innovation):
     estimator, source = state.estimator, state.estimator.sources[Aid.GNSS_VELOCITY]
     source.rejected = source.rejected_in_a_row = 3
-    estimator.row[:] = 0.0
-    estimator.row[VELOCITY] = 1.0
     estimator.x[VELOCITY] = 0.01
-    measurements._judge.py_func(estimator, int(Aid.GNSS_VELOCITY), innovation * 0.5 + 0.01, 0.4)
+    take_east(state, innovation * 0.5)
     assert (source.used, source.rejected, source.rejected_in_a_row) == (1, 3, 0)
     assert source.squares == pytest.approx(innovation**2)
     share = 0.3**2 / 0.5**2
