@@ -20,6 +20,7 @@ from rrins.firmware_py.core.estimator_records import (
     VELOCITY,
     YAW,
     Aid,
+    Estimator,
 )
 from rrins.firmware_py.core.memory import Ram
 
@@ -29,6 +30,12 @@ FORWARD, ACROSS, UPWARD = 0, 1, 2
 """Components of a stretch."""
 
 _RIGHT_AXIS, _FORWARD_AXIS, _UP_AXIS = 0, 1, 2
+
+_STANDS_BELOW = 0.3
+"""m/s, of the navigation, with which a wheel that stands is one of a vehicle that stands."""
+
+_STANDING_SLIP = 0.005
+"""m/s, across the forward axis, of a vehicle whose wheels stand: it sways on its springs."""
 
 _LONGEST_S = 2.5
 """A stretch that is longer has lost its odometer in between."""
@@ -104,9 +111,24 @@ def finish_second(state: Ram) -> None:
 
 
 @compiled
+def _stands(estimator: Estimator) -> bool:
+    """Return whether the wheel did not turn, and is not merely locked."""
+    way_b, seconds = estimator.stretch_b, estimator.stretch_s
+    way = math.sqrt(way_b[0] ** 2 + way_b[1] ** 2 + way_b[2] ** 2)
+    return bool(estimator.stretch_m == 0.0 and way < _STANDS_BELOW * seconds)
+
+
+@compiled
+def _slip_sigma(estimator: Estimator) -> float:
+    """Return the noise of the way across the forward axis, m: a vehicle that stands has less."""
+    sigma = _STANDING_SLIP if _stands(estimator) else estimator.slip_sigma
+    return float(sigma * estimator.stretch_s)
+
+
+@compiled
 def innovation(state: Ram, component: int) -> tuple[float, float]:
     """Write the row of a component of the stretch; return its innovation and sigma, m."""
-    estimator, seconds = state.estimator, state.estimator.stretch_s
+    estimator = state.estimator
     way_b, first = estimator.stretch_b, BIASES + int(state.gyros.count)
     first += int(state.accelerometers.count)
     forward = way_b[_FORWARD_AXIS]
@@ -119,11 +141,11 @@ def innovation(state: Ram, component: int) -> tuple[float, float]:
         _fill_row(state, _RIGHT_AXIS)
         estimator.row[first + YAW] = -forward
         across = way_b[_RIGHT_AXIS] - estimator.odometer[YAW] * forward
-        return -across, estimator.slip_sigma * seconds
+        return -across, _slip_sigma(estimator)
     _fill_row(state, _UP_AXIS)
     estimator.row[first + PITCH] = -forward
     upward = way_b[_UP_AXIS] - estimator.odometer[PITCH] * forward
-    return -upward, estimator.slip_sigma * seconds
+    return -upward, _slip_sigma(estimator)
 
 
 @compiled

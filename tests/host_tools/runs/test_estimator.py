@@ -26,6 +26,7 @@ from rrins.host_tools.runs.fast import FastRun
 from rrins.host_tools.runs.settings import firmware_settings, hardware_settings
 
 SEEDS = int(os.environ.get("RRINS_SEEDS", "5"))
+LONGEST_OUTAGE_S = 120 if SEEDS < 20 else 300
 ARCSEC = math.radians(1 / 3600)
 WALK_DEG_PER_SQRT_H = 0.005
 PROTOTYPE = {
@@ -102,8 +103,8 @@ def test_the_heading_is_as_good_as_the_gyros_noise_allows():
 
 
 OUTAGES = {  # seconds: median of the largest error, m, with GNSS alone and with an odometer
-    "prototype": (PROTOTYPE, {60: (1.8, 0.6), 120: (6.0, 1.5)}),
-    "tactical": (TACTICAL, {60: (9.0, 0.7), 120: (32.0, 1.6)}),
+    "prototype": (PROTOTYPE, {60: (1.8, 0.6), 120: (6.0, 1.5), 300: (45.0, 2.0)}),
+    "tactical": (TACTICAL, {60: (9.0, 0.7), 120: (32.0, 1.6), 300: (280.0, 2.0)}),
 }
 OUTAGE_AT_S = 200
 
@@ -145,6 +146,8 @@ def test_an_outage_of_gnss_is_bridged_and_the_filter_knows_how_well(grade):
     sensors, limits = OUTAGES[grade]
     over_sigma = []
     for outage_s, bounds in limits.items():
+        if outage_s > LONGEST_OUTAGE_S:
+            continue
         for odometer, bound in zip((False, True), bounds, strict=True):
             worst = []
             for seed in range(SEEDS):
@@ -155,7 +158,9 @@ def test_an_outage_of_gnss_is_bridged_and_the_filter_knows_how_well(grade):
                     source = filter_state.sources[int(aid)]
                     assert 0.75 < source.squares / source.used < 1.3, aid
             median = float(np.median(worst))
+            inside = np.mean(np.abs(over_sigma) < 3)
             print(f"\n{grade}, {outage_s} s, odometer {odometer}: median {median:.2f} m of {bound}")
+            print(f"so far {inside:.2%} inside 3 sigma")
             assert median < bound
     assert np.mean(np.abs(over_sigma) < 3) > 0.99
 
@@ -167,3 +172,12 @@ def test_a_fault_in_an_aided_drive_is_found_and_costs_metres():
     assert run.summary["redundancy"]["gyros"]["sensor"] == 3
     worst = run.summary["max_abs_position_error_m"]
     assert math.hypot(worst["east"], worst["north"]) < 5.0
+
+
+def test_a_wheel_that_stands_keeps_the_navigation_where_it_is():
+    def worst_m(**changes):
+        run = rrins.simulate("rimu_rotating", duration_s=900, **PROTOTYPE, **changes)
+        return math.hypot(*run.summary["max_abs_position_error_m"].values())
+
+    aided = worst_m(odometer={}, estimator={"enabled": True})
+    assert aided < 1.0 < worst_m()
