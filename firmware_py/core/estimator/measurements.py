@@ -82,13 +82,17 @@ def _take_fix(estimator: Estimator, gnss: Gnss) -> None:
 
 @compiled
 def stand(state: Ram) -> None:
-    """While the vehicle stands for the fine alignment, its velocity and position are known."""
+    """Know the velocity where the operator says that the vehicle stands, and in the fine alignment.
+
+    There the position is known, too.
+    """
     estimator = state.estimator
-    if state.modes.mode != Mode.FINE_ALIGNMENT:
-        return
+    is_aligning = state.modes.mode == Mode.FINE_ALIGNMENT
     components = _EVERY if estimator.vertical else _LEVEL
-    estimator.waiting |= components << (COMPONENTS * _ZERO_VELOCITY)
-    estimator.waiting |= components << (COMPONENTS * _KNOWN_POSITION)
+    if is_aligning or state.zero_velocity.standing:
+        estimator.waiting |= components << (COMPONENTS * _ZERO_VELOCITY)
+    if is_aligning:
+        estimator.waiting |= components << (COMPONENTS * _KNOWN_POSITION)
 
 
 @compiled
@@ -138,7 +142,10 @@ def _innovation(state: Ram, aid: int, component: int) -> tuple[float, float]:
     estimator, parameters = state.estimator, state.parameters
     if aid == _ZERO_VELOCITY:
         estimator.row[VELOCITY + component] = 1.0
-        return -estimator.velocity_n[component], estimator.zero_velocity_sigma
+        sigma = estimator.zero_velocity_sigma
+        if state.zero_velocity.standing:
+            sigma = max(sigma, state.zero_velocity.velocity_sigma)
+        return -estimator.velocity_n[component], sigma
     if aid == _GNSS_VELOCITY:
         estimator.row[VELOCITY + component] = 1.0
         navigated = _past(estimator, 3 + component)
