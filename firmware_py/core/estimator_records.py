@@ -38,6 +38,9 @@ class Aid(IntEnum):
 
 
 AIDS = len(Aid)
+MOST_DISTRUST, NO_TRUST = 30, 10
+"""Largest `Source.distrust`, and from where on a source counts as rejected."""
+
 COMPONENTS = 3
 """Scalars of one measurement, at most."""
 
@@ -48,6 +51,7 @@ class Source(Record):
     used: I8  #: scalars
     rejected: I8  #: scalars that failed the gate
     rejected_in_a_row: I8  #: of these, without one that passed
+    distrust: I8  #: rises by 3 with each that is rejected, falls by 1 with each that is used
     squares: F8  #: sum of the innovations' squares over their variance, of those used
 
 

@@ -13,6 +13,7 @@ from rrins.dbc.values import AxisState
 from rrins.firmware_py.core import bridging, consistency, senders, trouble_table
 from rrins.firmware_py.core.diagnostic_records import ATTENTION_TROUBLES, DiagnosticState, Snapshot
 from rrins.firmware_py.core.encoder_records import AngleSource
+from rrins.firmware_py.core.estimator_records import NO_TRUST, Aid
 from rrins.firmware_py.core.memory import INNER, OUTER, Ram
 from rrins.firmware_py.core.modes import FirmwareFault, Mode, navigating
 from rrins.firmware_py.core.redundancy_records import ACCELEROMETERS, ParityBefore
@@ -52,6 +53,10 @@ _GNSS = 1 << Source.GNSS
 _ODOMETER = 1 << Source.ODOMETER
 _GNSS_LOST = 1 << AidingFault.GNSS_LOST
 _ODOMETER_LOST = 1 << AidingFault.ODOMETER_LOST
+_GNSS_REJECTED = 1 << AidingFault.GNSS_REJECTED
+_ODOMETER_REJECTED = 1 << AidingFault.ODOMETER_REJECTED
+_BY_POSITION, _BY_VELOCITY = int(Aid.GNSS_POSITION), int(Aid.GNSS_VELOCITY)
+_BY_ODOMETER = int(Aid.ODOMETER)
 
 _NOT_FOLLOWING, _DRIVE = int(AxisFault.NOT_FOLLOWING), int(AxisFault.DRIVE)
 _ENCODER, _LIMIT = int(AxisFault.ENCODER), int(AxisFault.LIMIT)
@@ -174,7 +179,7 @@ def _look_at_cyclic_frames(state: Ram, monitor: DiagnosticState, wrong: int) -> 
 
 @compiled
 def _look_at_aiding(state: Ram, monitor: DiagnosticState) -> None:
-    """Check whether the sources of aiding say anything."""
+    """Check whether the sources of aiding say anything, and whether the estimator believes it."""
     failing = tested = 0
     gnss, odometer = state.gnss, state.odometer
     if gnss.interval_epochs > 0:
@@ -185,6 +190,14 @@ def _look_at_aiding(state: Ram, monitor: DiagnosticState) -> None:
         tested |= _ODOMETER_LOST
         if odometer.lost:
             failing |= _ODOMETER_LOST
+    estimator = state.estimator
+    if estimator.running:
+        tested |= _GNSS_REJECTED | _ODOMETER_REJECTED
+        position = estimator.sources[_BY_POSITION].distrust
+        if max(position, estimator.sources[_BY_VELOCITY].distrust) >= NO_TRUST:
+            failing |= _GNSS_REJECTED
+        if estimator.sources[_BY_ODOMETER].distrust >= NO_TRUST:
+            failing |= _ODOMETER_REJECTED
     monitor.failing[_AIDING] = failing
     monitor.tested[_AIDING] = tested
 

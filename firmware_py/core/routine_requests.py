@@ -32,7 +32,7 @@ def follow(state: Ram) -> None:
         _go(state, Mode.SELF_TEST, Mode.STANDBY, ModeRequest.STANDBY)
     elif asked == _ALIGN and mode == Mode.STANDBY:
         _go(state, Mode.ALIGNMENT, Mode.ALIGNMENT, ModeRequest.ALIGN)
-    elif asked == _STANDBY and (mode == Mode.ALIGNMENT or modes.navigating(state)):
+    elif asked == _STANDBY and (mode == Mode.ALIGNMENT or modes.is_inertial(state)):
         _go(state, Mode.STANDBY, Mode.STANDBY, ModeRequest.STANDBY)
     elif asked == _START and mode == Mode.NAVIGATION_STRAPDOWN:
         rotating = Mode.NAVIGATION_ROTATING

@@ -195,7 +195,8 @@ def _finish_alignment(state: Ram) -> None:
     enough = filter_state.heading_sigma_enough
     heading_sigma = filter_state.sigma[ATTITUDE + 2]
     is_known = enough > 0.0 and 0.0 < heading_sigma <= enough
-    if state.modes.epochs >= filter_state.fine_epochs or is_known:
+    is_over = state.modes.epochs >= filter_state.fine_epochs or is_known
+    if is_over and state.modes.pending != Mode.ALIGNMENT:
         modes.enter(state, state.modes.pending)
 
 

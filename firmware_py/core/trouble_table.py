@@ -362,12 +362,26 @@ def _other_troubles() -> Iterator[Trouble]:
 
 
 def _aiding_troubles() -> Iterator[Trouble]:
-    for fault, needs, part, text in (
-        (AidingFault.GNSS_LOST, "gnss", 0x1402, "the GNSS receiver has no fix"),
-        (AidingFault.ODOMETER_LOST, "odometer", 0x1403, "the odometer does not count"),
+    for fault, needs, part, failure, text in (
+        (AidingFault.GNSS_LOST, "gnss", 0x1402, _NO_SIGNAL, "the GNSS receiver has no fix"),
+        (AidingFault.ODOMETER_LOST, "odometer", 0x1403, _NO_SIGNAL, "the odometer does not count"),
+        (
+            AidingFault.GNSS_REJECTED,
+            "gnss",
+            0x1402,
+            _PLAUSIBILITY,
+            "the fixes contradict the navigation; they are not used",
+        ),
+        (
+            AidingFault.ODOMETER_REJECTED,
+            "odometer",
+            0x1403,
+            _PLAUSIBILITY,
+            "the odometer contradicts the navigation; it is not used",
+        ),
     ):
         yield Trouble(
-            _number(_CHASSIS, part, _NO_SIGNAL),
+            _number(_CHASSIS, part, failure),
             fault.name.lower(),
             text,
             Kind.AIDING,

@@ -117,6 +117,8 @@ class AidingFault(IntEnum):
 
     GNSS_LOST = 0
     ODOMETER_LOST = 1
+    GNSS_REJECTED = 2
+    ODOMETER_REJECTED = 3
 
 
 @dataclass(frozen=True)

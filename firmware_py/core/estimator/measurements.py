@@ -14,6 +14,7 @@ from rrins.firmware_py.core.estimator_records import (
     AIDS,
     COMPONENTS,
     LATITUDE,
+    MOST_DISTRUST,
     TRACK_EPOCHS,
     VELOCITY,
     Aid,
@@ -47,6 +48,7 @@ def begin(estimator: Estimator, epoch: int) -> None:
         source.used = 0
         source.rejected = 0
         source.rejected_in_a_row = 0
+        source.distrust = 0
         source.squares = 0.0
 
 
@@ -125,10 +127,12 @@ def _judge(estimator: Estimator, aid: int, innovation: float, sigma: float, epoc
     if not square <= estimator.gate * estimator.gate:
         source.rejected += 1
         source.rejected_in_a_row += 1
+        source.distrust = min(MOST_DISTRUST, source.distrust + 3)
         return
     covariance.update(x, P, n, estimator.gain, innovation, expected)
     estimator.aided_epoch = epoch
     source.used += 1
+    source.distrust = max(0, source.distrust - 1)
     source.rejected_in_a_row = 0
     source.squares += square
 

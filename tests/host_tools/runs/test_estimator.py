@@ -20,6 +20,7 @@ from rrins.firmware_py.core.estimator_records import (
     ATTITUDE,
     LATITUDE,
     LONGITUDE,
+    NO_TRUST,
     Aid,
 )
 from rrins.host_tools.runs.fast import FastRun
@@ -172,6 +173,34 @@ def test_a_fault_in_an_aided_drive_is_found_and_costs_metres():
     assert run.summary["redundancy"]["gyros"]["sensor"] == 3
     worst = run.summary["max_abs_position_error_m"]
     assert math.hypot(worst["east"], worst["north"]) < 5.0
+
+
+LIES = {
+    "gnss_jump": {"jump_m": 100, "direction": "east"},
+    "gnss_pull": {"pull_mps": 1, "direction": "north"},
+    "odometer_slip": {},
+    "odometer_lock": {},
+}
+
+
+@pytest.mark.parametrize("kind", LIES)
+def test_a_source_that_lies_is_not_believed_and_told(kind):
+    fault = {"kind": kind, "at_s": 150, "for_s": 60, **LIES[kind]}
+    run = fast_run(rrins.load_scenario("drive_aided", duration_s=240, faults=(fault,)))
+    worst_m, told = 0.0, set()
+    for second in range(240):
+        track = run.run(run.every)
+        for navigation, truth in zip(track.navigation, track.truth, strict=True):
+            east = (navigation["longitude"] - truth["longitude"]) * math.cos(truth["latitude"])
+            north = navigation["latitude"] - truth["latitude"]
+            worst_m = max(worst_m, math.hypot(east, north) * SEMI_MAJOR_AXIS)
+        distrust = [int(source.distrust) for source in run.ram[0].estimator.sources]
+        gnss = max(distrust[Aid.GNSS_POSITION], distrust[Aid.GNSS_VELOCITY]) >= NO_TRUST
+        if gnss or distrust[Aid.ODOMETER] >= NO_TRUST:
+            told.add(("gnss" if gnss else "odometer", 150 <= second <= 225))
+    print(f"\n{kind}: {worst_m:.2f} m")
+    assert worst_m < 2.0
+    assert told == {(kind.split("_")[0], True)}
 
 
 def test_a_wheel_that_stands_keeps_the_navigation_where_it_is():
