@@ -6,7 +6,7 @@ from enum import IntEnum
 from typing import Annotated
 
 from rrins.dbc.contract import SENSOR_GROUPS
-from rrins.dbc.record import F8, I8, Bool, Floats, Record, Records
+from rrins.dbc.record import F8, I8, Bool, Floats, Integers, Record, Records
 
 ATTITUDE, VELOCITY, LATITUDE, LONGITUDE, HEIGHT, BIASES = 0, 3, 6, 7, 8, 9
 """First state of each group. An error is what has to be added to the navigation: attitude, a turn
@@ -25,6 +25,10 @@ RESPONSE_STATES = 14
 
 TRACK_EPOCHS = 4096
 """Epochs of the navigation that are kept, for measurements of the past; 2 s at 2 kHz."""
+
+
+ESTIMATOR_HISTORY_S = 32
+"""Seconds of what was estimated that are kept."""
 
 
 class Aid(IntEnum):
@@ -53,6 +57,22 @@ class Source(Record):
     rejected_in_a_row: I8  #: of these, without one that passed
     distrust: I8  #: rises by 3 with each that is rejected, falls by 1 with each that is used
     squares: F8  #: sum of the innovations' squares over their variance, of those used
+
+
+class EstimatorSecond(Record):
+    """What the filter knows at the end of a second, and how its measurements fared until then."""
+
+    epoch: I8  #: its last
+    attitude_sigma: Annotated[Floats, 3]  #: rad, about east, north, up
+    velocity_sigma: Annotated[Floats, 3]  #: m/s, east, north, up
+    position_sigma: Annotated[Floats, 3]  #: m, east, north, up
+    bias: Annotated[Floats, (2, SENSOR_GROUPS)]  #: rad/s of gyros, m/s² of accelerometers
+    bias_sigma: Annotated[Floats, (2, SENSOR_GROUPS)]  #: rad/s, m/s²
+    aided_by: I8  #: in this second, one bit each `Aid`
+    rejecting: I8  #: whose last scalar failed the gate, one bit each `Aid`
+    used: Annotated[Integers, AIDS]  #: as in `Source`
+    rejected: Annotated[Integers, AIDS]  #: as in `Source`
+    squares: Annotated[Floats, AIDS]  #: as in `Source`
 
 
 class Estimator(Record):
@@ -125,6 +145,11 @@ class Estimator(Record):
     stretch_s: F8
     stretch_b: Annotated[Floats, 3]  #: m, the same by the navigation
     sources: Annotated[Records[Source], AIDS]  #: by `Aid`
+    # What is told.
+    aligned_epochs: I8  #: length of the last fine alignment, so far
+    history: Annotated[Records[EstimatorSecond], ESTIMATOR_HISTORY_S]  #: by `history_count`
+    history_count: I8  #: seconds noted
+    transmissions: I8
     # Scratch.
     transition: Annotated[Floats, (STATE_CAPACITY, STATE_CAPACITY)]
     work: Annotated[Floats, (STATE_CAPACITY, STATE_CAPACITY)]

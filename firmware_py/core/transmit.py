@@ -11,12 +11,12 @@ from rrins.dbc.compilation import compiled
 from rrins.dbc.contract import Contract, MessageSignals
 from rrins.dbc.e2e import MessageLayout, fill
 from rrins.dbc.frame import FrameArray
-from rrins.firmware_py.core import aiding_status, bridging, clock
+from rrins.firmware_py.core import aiding_status, bridging, clock, estimator_frames
 from rrins.firmware_py.core.memory import INNER, OUTER, FaultCounters, Ram
 from rrins.firmware_py.core.modes import navigating
 from rrins.firmware_py.core.redundancy_records import Parity, Readmission
 
-OUTBOX_CAPACITY = 20
+OUTBOX_CAPACITY = 28
 """Most frames that one step sends, with room to spare."""
 
 _NS_PER_MS = 1_000_000
@@ -220,6 +220,9 @@ def transmit(state: Ram, contract: Contract, outbox: FrameArray) -> int:
         count += 2
     if state.redundancy.enabled and _due(state, contract.gyro_redundancy.message):
         count = _redundancies(state, contract, outbox, count)
+    is_due = state.estimator.enabled and _due(state, contract.estimator_status.message)
+    if is_due and estimator_frames.is_known(state):
+        count = estimator_frames.send(state, contract, outbox, count)
     table = contract.table_status
     if _due(state, table.message) and _had_trouble(state):
         fill(outbox[count], table.message, _table(state, table), state.encoders.transmissions)

@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 from rrins.dbc.record import Floats, Records
 from rrins.dbc.values import AxisCommand
 from rrins.firmware_py.core import clock, earth
-from rrins.firmware_py.core.calibration import DPH, UG
+from rrins.firmware_py.core.calibration import ARCSEC, DPH, UG
 from rrins.firmware_py.core.diagnostic_records import RoutineRequest
 from rrins.firmware_py.core.memory import Clock, Ram
 from rrins.firmware_py.core.modes import Mode
-from rrins.firmware_py.core.redundancy_records import HISTORY_S
+from rrins.firmware_py.core.redundancy_records import SensorKind
 from rrins.firmware_py.diagnostics import calibration_image as image
 from rrins.firmware_py.diagnostics import table
 from rrins.firmware_py.diagnostics.codecs import Value, Values
@@ -46,12 +46,20 @@ AXIS_MODES = (Mode.STANDBY, Mode.FAULT, Mode.NAVIGATION_STRAPDOWN)
 """Modes in which a tool may turn the axes."""
 
 
-def _last(parity: NDArray[np.void], name: str, unit: float) -> Callable[[], Value]:
-    """Return what reads what the last second came to, for each sensor."""
-    count, seconds = parity["history_count"], parity["history"][name]
+def _last(
+    found: NDArray[np.void], name: str, unit: float, kind: int | None = None
+) -> Callable[[], Value]:
+    """Return what reads what the last second came to: each sensor's, of a kind where there are two.
+
+    `found` is a record with a history.
+    """
+    count, seconds = found["history_count"], found["history"][name]
+    if kind is not None:
+        seconds = seconds[:, :, kind]
+    capacity = seconds.shape[1]
 
     def read() -> Value:
-        values: Floats = seconds[0, (count.item() - 1) % HISTORY_S] / unit
+        values: Floats = seconds[0, (count.item() - 1) % capacity] / unit
         return tuple(values.tolist())
 
     return read
@@ -108,6 +116,7 @@ class Computer:
         accelerometer_residual = self.ram[0].diagnostics.accelerometer_residual
         redundancy = self.ram["redundancy"]
         gyros, accelerometers = redundancy["gyros"], redundancy["accelerometers"]
+        estimator = self.ram["estimator"]
         memory, faults = self.parameters, self.faults
         found: dict[str, Callable[[], Value]] = {
             "session": session,
@@ -124,6 +133,14 @@ class Computer:
             "parity_threshold_dph": _last(gyros, "threshold", DPH),
             "parity_residual_ug": _last(accelerometers, "residual", UG),
             "parity_threshold_ug": _last(accelerometers, "threshold", UG),
+            "attitude_sigma_arcsec": _last(estimator, "attitude_sigma", ARCSEC),
+            "velocity_sigma_mps": _last(estimator, "velocity_sigma", 1.0),
+            "position_sigma_m": _last(estimator, "position_sigma", 1.0),
+            "estimated_bias_dph": _last(estimator, "bias", DPH, SensorKind.GYRO),
+            "estimated_bias_sigma_dph": _last(estimator, "bias_sigma", DPH, SensorKind.GYRO),
+            "estimated_bias_ug": _last(estimator, "bias", UG, SensorKind.ACCELEROMETER),
+            "estimated_bias_sigma_ug": _last(estimator, "bias_sigma", UG, SensorKind.ACCELEROMETER),
+            "nis": self._nis,
             "operation_cycles": lambda: faults.operation_cycles,
             "length": lambda: len(self.calibration_file()),
             "file_crc32": lambda: zlib.crc32(self.calibration_file()),
@@ -133,6 +150,10 @@ class Computer:
     def _bus_load_percent(self) -> float:
         monitor = self.state.diagnostics
         return float(100.0 * monitor.frames_mean / monitor.frames_capacity)
+
+    def _nis(self) -> tuple[float, ...]:
+        sources = self.ram["estimator"]["sources"][0]
+        return tuple((sources["squares"] / np.maximum(1, sources["used"])).tolist())
 
     def _residuals(self, increments: Floats, unit: float) -> tuple[float, ...]:
         return tuple((increments / (unit * self.period_ns * 1e-9)).tolist())

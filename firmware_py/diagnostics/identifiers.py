@@ -12,6 +12,7 @@ from rrins.firmware_py.core.modes import FirmwareFault, Mode, ModeRequest
 from rrins.firmware_py.diagnostics.access import UNLOCKED, Session
 from rrins.firmware_py.diagnostics.codecs import Field
 from rrins.firmware_py.diagnostics.data_identifier import DataIdentifier
+from rrins.firmware_py.diagnostics.estimator_identifiers import ESTIMATOR
 from rrins.firmware_py.diagnostics.redundancy_identifiers import REDUNDANCY
 
 _DEG = math.degrees(1.0)
@@ -448,5 +449,5 @@ NAVIGATION = (
 )
 """Navigation."""
 
-READINGS = (*IDENTIFICATION, *STATUS, *SENSORS, *REDUNDANCY, *AXES, *NAVIGATION)
+READINGS = (*IDENTIFICATION, *STATUS, *SENSORS, *REDUNDANCY, *ESTIMATOR, *AXES, *NAVIGATION)
 """All identifiers that are not parameters."""

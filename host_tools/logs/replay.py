@@ -19,6 +19,7 @@ from rrins.host_tools.logs.reader import Log
 from rrins.host_tools.logs.renavigation import Answers, Renavigation, check_rate
 from rrins.host_tools.logs.truth import RecomputedTruth
 from rrins.host_tools.recording.errors import RecordError
+from rrins.host_tools.runs.estimator_log import EstimatorLog
 from rrins.host_tools.runs.firmware_job import firmware_summary
 from rrins.host_tools.runs.parity_log import ParityLog
 from rrins.host_tools.runs.samples import NAVIGATION_SAMPLES, TRUTH_SAMPLES, SampleFile, keep_every
@@ -80,7 +81,8 @@ class _Run:
         is_lockstep = log.note is not None and log.note.is_lockstep
         error_ppm = scenario.firmware.clock_error_ppm
         self._parity = ParityLog(self.firmware.ram, folder, scenario.duration_s)
-        self.renavigation = Renavigation(self.firmware, error_ppm, is_lockstep, self._note_parity)
+        self._estimates = EstimatorLog(self.firmware.ram, folder, scenario.duration_s)
+        self.renavigation = Renavigation(self.firmware, error_ppm, is_lockstep, self._note_seconds)
         recorded = None if log.note is None else log.note.loaded_scenario(log.path)
         self.truth = (
             None
@@ -91,9 +93,10 @@ class _Run:
         self.first_epoch = self.last_epoch = NO_EPOCH
         self._answered_until_s = self._heard_until_s = 0.0
 
-    def _note_parity(self) -> None:
-        if self._parity.every and self.renavigation.steps % self._parity.every == 0:
-            self._parity.run()
+    def _note_seconds(self) -> None:
+        for log in (self._parity, self._estimates):
+            if log.every and self.renavigation.steps % log.every == 0:
+                log.run()
 
     @property
     def unanswered_s(self) -> float:
@@ -127,8 +130,9 @@ class _Run:
     def close(self) -> JsonObject:
         """Close the files; return the firmware's summary."""
         summary = firmware_summary(self.firmware)
-        self._parity.run()
-        self._parity.close()
+        for log in (self._parity, self._estimates):
+            log.run()
+            log.close()
         if self.truth is not None:
             self.truth.close()
         self._truth_file.close()

@@ -14,6 +14,7 @@ from rrins.firmware_py.core.memory import NavigationOutput
 from rrins.host_tools.files import JsonObject, write_whole
 from rrins.host_tools.logs.reader import Log
 from rrins.host_tools.logs.replay import Replayed
+from rrins.host_tools.runs.estimator_log import take_estimates
 from rrins.host_tools.runs.keeping import place_for
 from rrins.host_tools.runs.outcome import Outcome
 from rrins.host_tools.runs.parity_log import take_parities
@@ -56,7 +57,7 @@ def write_replay(
     errors = read_errors(folder, scenario.rate_hz)
     for file in (NAVIGATION_SAMPLES, TRUTH_SAMPLES):
         (folder / file).unlink(missing_ok=True)
-    parities = take_parities(folder)
+    parities, estimates = take_parities(folder), take_estimates(folder)
     summary = _summary_of(name, scenario, log, replayed, errors)
     title = f"{scenario.title or name}, replayed from {log.path.name}"
     folder, note = place_for(folder, summary)
@@ -64,7 +65,8 @@ def write_replay(
         on_note(note)
     paths = _write_navigation(folder, navigation, scenario.rate_hz, title)
     if len(errors):
-        return summary, [*paths, *write_results(folder, summary, errors, title, parities)]
+        written = write_results(folder, summary, errors, title, parities, estimates)
+        return summary, [*paths, *written]
     write_summary(folder / "summary.json", summary)
     return summary, [*paths, folder / "summary.json"]
 

@@ -17,6 +17,7 @@ from rrins.firmware_py.serial.lines import NO_LINES, SerialSettings
 from rrins.host_tools.files import JsonObject
 from rrins.host_tools.hardware.loop import Hardware
 from rrins.host_tools.hardware.memory import Truth
+from rrins.host_tools.runs.estimator_log import EstimatorLog
 from rrins.host_tools.runs.exchange import exchange_epoch
 from rrins.host_tools.runs.fast import FastRun
 from rrins.host_tools.runs.firmware_job import firmware_progress, firmware_summary
@@ -84,9 +85,16 @@ def run_direct(
     lines_every = lines.every
     progress_every = _PROGRESS_S * scenario.rate_hz
     parity = ParityLog(firmware.ram, folder, scenario.duration_s)
+    estimates = EstimatorLog(firmware.ram, folder, scenario.duration_s)
     start = time.monotonic()
     count = 0
-    with closing(truth_file), closing(navigation), closing(lines), closing(parity):
+    with (
+        closing(truth_file),
+        closing(navigation),
+        closing(lines),
+        closing(parity),
+        closing(estimates),
+    ):
         try:
             for epoch in range(scenario.epochs + 1):
                 count = exchange_epoch(hardware, firmware, epoch, count, error_ppm)
@@ -96,6 +104,8 @@ def run_direct(
                     lines.run(epoch)
                 if parity.every and epoch % parity.every == 0:
                     parity.run()
+                if estimates.every and epoch % estimates.every == 0:
+                    estimates.run()
                 if epoch % progress_every:
                     continue
                 if should_stop():
@@ -105,6 +115,7 @@ def run_direct(
         finally:
             truth_rows.flush()
             parity.run()
+            estimates.run()
             summary = firmware_summary(firmware) | lines.statistics()
     return Outcome(summary, hardware_summary(hardware), time.monotonic() - start)
 
@@ -133,14 +144,16 @@ def run_without_frames(
     hardware = Hardware(hardware_settings(scenario))
     run = FastRun(firmware.ram, hardware.plant, hardware.pieces)
     parity = ParityLog(firmware.ram, folder, scenario.duration_s)
+    estimates = EstimatorLog(firmware.ram, folder, scenario.duration_s)
     left = scenario.epochs + 1
     start = time.monotonic()
-    with closing(truth_rows), closing(rows), closing(parity):
+    with closing(truth_rows), closing(rows), closing(parity), closing(estimates):
         while left and not should_stop():
             track = run.run(min(left, _PROGRESS_S * scenario.rate_hz))
             left -= min(left, _PROGRESS_S * scenario.rate_hz)
             firmware.trace.extend(track.navigation)
             parity.run()
+            estimates.run()
             truth_rows.append(track.truth[track.truth["epoch"] % log_every == 0])
             if on_progress is not None:
                 on_progress(

@@ -12,6 +12,8 @@ from rrins.host_tools.bus.port import open_port
 from rrins.host_tools.errors import ParameterFileError
 from rrins.host_tools.files import JsonObject
 from rrins.host_tools.runs.bridging_summary import bridging_summary
+from rrins.host_tools.runs.estimator_log import EstimatorLog
+from rrins.host_tools.runs.estimator_summary import estimator_summary
 from rrins.host_tools.runs.job import Job, prepare, settle
 from rrins.host_tools.runs.parity_log import ParityLog
 from rrins.host_tools.runs.pipe import ReportPipe
@@ -52,6 +54,7 @@ def firmware_summary(firmware: Firmware) -> JsonObject:
         "calibration": _calibration_used(firmware),
         "clock_jumps": int(state["clock"]["jumps"]),
         "redundancy": redundancy_summary(state),
+        "estimator": estimator_summary(state),
         "faults": {name: int(state["faults"][name]) for name in _COUNTERS},
     }
 
@@ -113,8 +116,12 @@ def run_firmware(job: Job) -> JsonObject:
 
     lines = open_lines(job.serial, firmware, lambda text: report.note("firmware", text))
     parity = ParityLog(firmware.ram, job.folder, scenario.duration_s)
+    estimates = EstimatorLog(firmware.ram, job.folder, scenario.duration_s)
     tasks = Tasks(
-        (job.report_every, progress), (lines.every, lines.run), (parity.every, parity.run)
+        (job.report_every, progress),
+        (lines.every, lines.run),
+        (parity.every, parity.run),
+        (estimates.every, estimates.run),
     )
     summary: JsonObject = {}
     try:
@@ -123,6 +130,7 @@ def run_firmware(job: Job) -> JsonObject:
     except BaseException:
         lines.close()
         parity.close()
+        estimates.close()
         firmware.close()
         raise
     try:
@@ -148,6 +156,8 @@ def run_firmware(job: Job) -> JsonObject:
         rows.close()
         parity.run()
         parity.close()
+        estimates.run()
+        estimates.close()
         port.close()
         firmware.close()
         report.send("summary", side="firmware", **summary)

@@ -10,7 +10,8 @@ from rrins.host_tools.files import JsonObject
 from rrins.host_tools.hardware.loop import Hardware
 from rrins.host_tools.hardware.loop import run_lockstep as run_hardware_lockstep
 from rrins.host_tools.hardware.loop import run_realtime as run_hardware_realtime
-from rrins.host_tools.hardware.memory import Truth
+from rrins.host_tools.hardware.memory import Sensors, Truth
+from rrins.host_tools.hardware.settings import DPH, UG
 from rrins.host_tools.runs.job import Job, prepare, settle
 from rrins.host_tools.runs.notices import bus_notices
 from rrins.host_tools.runs.pipe import ReportPipe
@@ -23,6 +24,7 @@ from rrins.host_tools.wire.wire import Wire
 def hardware_summary(hardware: Hardware) -> JsonObject:
     """Return the hardware's summary of a run, in plain values."""
     plant = hardware.plant[0]
+    dt = int(plant["period_ns"]) * 1e-9
     return {
         "epochs": int(plant["epoch"]),
         "frames_received": hardware.frames_received,
@@ -30,7 +32,17 @@ def hardware_summary(hardware: Hardware) -> JsonObject:
         "faults": {name: int(plant["counters"][name]) for name in plant["counters"].dtype.names},
         "wire": hardware.wire.statistics() if isinstance(hardware.wire, Wire) else None,
         "bus": None,
+        "biases": {
+            "gyros_dph": _biases(plant["gyros"], dt * DPH),
+            "accelerometers_ug": _biases(plant["accelerometers"], dt * UG),
+        },
     }
+
+
+def _biases(sensors: Sensors, unit: float) -> list[float]:
+    """Return the sensors' biases at the end of the run, with drift and faults."""
+    increments = sensors["bias_increment"] + sensors["fault_bias_increment"]
+    return (increments[: int(sensors["count"])] / unit).tolist()
 
 
 def run_hardware(job: Job) -> JsonObject:

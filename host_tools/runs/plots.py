@@ -9,6 +9,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from rrins.dbc.record import Records
+from rrins.firmware_py.core.estimator_records import EstimatorSecond
 from rrins.host_tools.drawing.style import (
     EAST,
     NORTH,
@@ -19,6 +21,7 @@ from rrins.host_tools.drawing.style import (
     quantity,
 )
 from rrins.host_tools.files import replacing
+from rrins.host_tools.runs.estimator_plot import draw_estimates
 from rrins.host_tools.runs.parity_log import Parities
 from rrins.host_tools.runs.parity_plot import draw_parity
 from rrins.host_tools.runs.results import Errors, Vector
@@ -126,11 +129,17 @@ def _track_figure(errors: Errors, title: str) -> Figure:
 
 
 def write_plots(
-    folder: Path, errors: Errors, title: str, parities: Parities, rate_hz: int
+    folder: Path,
+    errors: Errors,
+    title: str,
+    parities: Parities,
+    rate_hz: int,
+    estimates: Records[EstimatorSecond] | None = None,
 ) -> list[Path]:
     """Write the pictures of a run into a folder; return their paths, none for an empty run.
 
-    `parities` are those of redundant sensors, empty where none are compared.
+    `parities` are those of redundant sensors, empty where none are compared; `estimates` what the
+    estimator knew, if there was one.
 
     Raises
     ------
@@ -143,8 +152,10 @@ def write_plots(
         "navigation_errors.png": draw_errors(errors, title),
         "horizontal_track.png": _track_figure(errors, title),
     }
+    begin_epoch = float(errors.epoch[0]) - float(errors.time_s[0]) * rate_hz
+    if estimates is not None and len(estimates):
+        figures["estimator.png"] = draw_estimates(estimates, errors, begin_epoch, rate_hz, title)
     if parities:
-        begin_epoch = float(errors.epoch[0]) - float(errors.time_s[0]) * rate_hz
         figures["parity.png"] = draw_parity(parities, begin_epoch, rate_hz, title)
     paths = []
     for name, figure in figures.items():

@@ -44,6 +44,10 @@ class Errors:
     inner_deg: Vector
     """True angle of the inner axis."""
     outer_deg: Vector
+    turn_east_arcsec: Vector
+    """About east, from the true to the navigated attitude, to first order."""
+    turn_north_arcsec: Vector
+    turn_up_arcsec: Vector
 
     def __len__(self) -> int:
         return len(self.epoch)
@@ -80,6 +84,22 @@ def _angle_deg(difference: Vector) -> Vector:
     return np.degrees((difference + np.pi) % (2 * np.pi) - np.pi)
 
 
+def _turn_arcsec(
+    nav: Records[NavigationOutput], true: Records[Truth]
+) -> tuple[Vector, Vector, Vector]:
+    """Return the turn about east, north and up by which the navigated attitude is off.
+
+    To first order, of ``C_b_n = Rz(-heading) Rx(pitch) Ry(roll)``.
+    """
+    roll, pitch, heading = (
+        3600.0 * _angle_deg(nav[name] - true[name]) for name in ("roll", "pitch", "heading")
+    )
+    along = roll * np.cos(true["pitch"])
+    cosine, sine = np.cos(true["heading"]), np.sin(true["heading"])
+    east, north = pitch * cosine + along * sine, along * cosine - pitch * sine
+    return east, north, roll * np.sin(true["pitch"]) - heading
+
+
 def east_north_m(
     latitude: _T, longitude: _T, true_latitude: _T, true_longitude: _T, height: _T
 ) -> tuple[_T, _T]:
@@ -112,6 +132,7 @@ def compare(navigation: Records[NavigationOutput], truth: Records[Truth], rate_h
         east = north = np.zeros(0)
     first = epochs[0] if len(epochs) else 0
     velocity = nav["velocity_n"] - true["velocity_n"]
+    turn = _turn_arcsec(nav, true)
     return Errors(
         epoch=epochs,
         time_s=(epochs - first) / rate_hz,
@@ -125,6 +146,9 @@ def compare(navigation: Records[NavigationOutput], truth: Records[Truth], rate_h
         heading_deg=_angle_deg(nav["heading"] - true["heading"]),
         inner_deg=np.degrees(true["axis_angle"][:, INNER]),
         outer_deg=np.degrees(true["axis_angle"][:, OUTER]),
+        turn_east_arcsec=turn[0],
+        turn_north_arcsec=turn[1],
+        turn_up_arcsec=turn[2],
     )
 
 

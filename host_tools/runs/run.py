@@ -11,6 +11,7 @@ from typing import Literal
 
 from rrins.dbc.compile_events import compiling_watched
 from rrins.dbc.record import Records
+from rrins.firmware_py.core.estimator_records import EstimatorSecond
 from rrins.firmware_py.core.memory import NavigationOutput
 from rrins.firmware_py.serial.lines import NO_LINES, SerialSettings
 from rrins.host_tools import interruption
@@ -23,6 +24,7 @@ from rrins.host_tools.recording.errors import RecordError
 from rrins.host_tools.recording.formats import check_path
 from rrins.host_tools.runs.direct import run_direct, run_without_frames
 from rrins.host_tools.runs.display import RunDisplay
+from rrins.host_tools.runs.estimator_log import take_estimates
 from rrins.host_tools.runs.fast import FastRun
 from rrins.host_tools.runs.job import check_code_folder, prepare_firmware, prepare_hardware
 from rrins.host_tools.runs.outcome import Outcome
@@ -77,6 +79,8 @@ class RunResult:
         Why the run did not come to its end, or went wrong beside it.
     parities : dict of array of `ParitySecond`
         Parity and residuals of the sensors that are compared, by kind.
+    estimates : array of `EstimatorSecond`
+        What the estimator knew, second by second; empty without one.
     """
 
     name: str
@@ -87,6 +91,7 @@ class RunResult:
     truth: Records[Truth]
     failure: RehearsalError | None
     parities: Parities = field(default_factory=dict)
+    estimates: Records[EstimatorSecond] = field(default_factory=lambda: EstimatorSecond.zeros(0))
 
     @property
     def title(self) -> str:
@@ -101,7 +106,9 @@ class RunResult:
         RehearsalError
             When one cannot be written.
         """
-        return write_results(folder, self.summary, self.errors, self.title, self.parities)
+        return write_results(
+            folder, self.summary, self.errors, self.title, self.parities, self.estimates
+        )
 
     def check(self) -> None:
         """Raise what went wrong.
@@ -140,8 +147,10 @@ def _result(
     navigation, truth = read_samples_of(folder)
     errors = compare(navigation, truth, scenario.rate_hz)
     summary = summarise(name, scenario, way, outcome, errors, stopped)
-    parities = take_parities(folder)
-    return RunResult(name, scenario, summary, errors, navigation, truth, outcome.failure, parities)
+    parities, estimates = take_parities(folder), take_estimates(folder)
+    return RunResult(
+        name, scenario, summary, errors, navigation, truth, outcome.failure, parities, estimates
+    )
 
 
 def folder_of(out: Path | None, name: str) -> Path:

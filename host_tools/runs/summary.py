@@ -6,9 +6,17 @@ from pathlib import Path
 
 from rich.table import Table
 
+from rrins.dbc.record import Records
+from rrins.firmware_py.core.estimator_records import EstimatorSecond
 from rrins.host_tools.files import JsonObject
 from rrins.host_tools.runs import given_attitude
 from rrins.host_tools.runs.bridging_summary import bridging_lines
+from rrins.host_tools.runs.estimator_summary import (
+    beside_truth,
+    estimator_lines,
+    sensor_rows,
+    write_sensors,
+)
 from rrins.host_tools.runs.load_warnings import warnings_of
 from rrins.host_tools.runs.outcome import Outcome
 from rrins.host_tools.runs.parity_log import Parities
@@ -81,6 +89,7 @@ def summarise(
         "error_sample_interval_s": errors.sample_interval_s,
         "navigation_sha256": firmware.get("navigation_sha256"),
         "redundancy": firmware.get("redundancy"),
+        "estimator": beside_truth(firmware.get("estimator"), hardware.get("biases")),
         "paper": None if scenario.paper is None else scenario.paper.model_dump(),
         "firmware": firmware,
         "hardware": hardware,
@@ -93,10 +102,12 @@ def write_results(
     errors: Errors,
     title: str,
     parities: Parities | None = None,
+    estimates: Records[EstimatorSecond] | None = None,
 ) -> list[Path]:
     """Write pictures, errors and summary of a run into a folder; return their paths.
 
-    `parities` are those of redundant sensors, if any are compared.
+    `parities` are those of redundant sensors, if any are compared; `estimates` what the estimator
+    knew, if there was one.
 
     Raises
     ------
@@ -108,7 +119,11 @@ def write_results(
     )
 
     write_summary(folder / "summary.json", summary)  # what is smallest is there on a full disk
-    paths = write_plots(folder, errors, title, parities or {}, summary["rate_hz"])
+    paths = write_plots(folder, errors, title, parities or {}, summary["rate_hz"], estimates)
+    rows = sensor_rows(summary["estimator"])
+    if rows:
+        write_sensors(folder / "estimated_sensors.csv", rows)
+        paths.append(folder / "estimated_sensors.csv")
     if len(errors):
         write_errors(folder / "errors.csv", errors)
         paths.append(folder / "errors.csv")
@@ -216,6 +231,7 @@ def lines_of(summary: JsonObject) -> list[str]:
         lateness = summary[side].get("lateness_us", {})
         if lateness.get("epochs"):
             lines.append(_lateness_line(side, lateness))
+    lines.extend(estimator_lines(summary["estimator"]))
     lines.extend(redundancy_lines(summary["redundancy"]))
     wire = summary["hardware"].get("wire")
     if wire:

@@ -11,7 +11,7 @@ import math
 
 from rrins.dbc.compilation import compiled
 from rrins.firmware_py.core import earth, modes
-from rrins.firmware_py.core.estimator import feedback, measurements, propagation, wheels
+from rrins.firmware_py.core.estimator import feedback, history, measurements, propagation, wheels
 from rrins.firmware_py.core.estimator_records import (
     ATTITUDE,
     BIASES,
@@ -47,6 +47,7 @@ def follow(state: Ram) -> None:
     if not modes.is_inertial(state):
         estimator.running = False
         return
+    history.count_alignment(state)
     if not estimator.running or state.ins.first or estimator.begins_anew:
         begin(state)
         return
@@ -159,6 +160,7 @@ def _finish_second(state: Ram) -> None:
         _work(state)
     for i in range(estimator.states):
         estimator.sigma[i] = math.sqrt(max(0.0, estimator.P[i, i]))
+    history.note(state)
     estimator.epochs = 0
     estimator.stage = _TRANSITION
     propagation.close(estimator)

@@ -1,0 +1,73 @@
+"""What the filter knows, second by second, for those who tell it: bus, diagnostics, results."""
+
+from __future__ import annotations
+
+from rrins.dbc.compilation import compiled
+from rrins.firmware_py.core.estimator_records import (
+    AIDS,
+    ATTITUDE,
+    BIASES,
+    ESTIMATOR_HISTORY_S,
+    HEIGHT,
+    LATITUDE,
+    LONGITUDE,
+    VELOCITY,
+)
+from rrins.firmware_py.core.memory import Ram
+from rrins.firmware_py.core.modes import Mode
+
+
+@compiled
+def count_alignment(state: Ram) -> None:
+    """Count the epochs of the fine alignment; a filter that does not run yet begins at zero."""
+    estimator = state.estimator
+    if not estimator.running:
+        estimator.aligned_epochs = 0
+    if state.modes.mode == Mode.FINE_ALIGNMENT:
+        estimator.aligned_epochs += 1
+
+
+@compiled
+def note(state: Ram) -> None:
+    """Note the second that ends with this epoch, after its measurements.
+
+    Biases have in them what the last measurements found, which is not fed back yet.
+    """
+    estimator, sigma = state.estimator, state.estimator.sigma
+    second = estimator.history[estimator.history_count % ESTIMATOR_HISTORY_S]
+    second.epoch = state.epoch
+    for i in range(3):
+        second.attitude_sigma[i] = sigma[ATTITUDE + i]
+        second.velocity_sigma[i] = sigma[VELOCITY + i]
+    second.position_sigma[0] = sigma[LONGITUDE] * estimator.east_radius
+    second.position_sigma[1] = sigma[LATITUDE] * estimator.north_radius
+    second.position_sigma[2] = sigma[HEIGHT]
+    gyros = int(state.gyros.count)
+    for k in range(gyros):
+        second.bias[0, k] = estimator.gyro_bias[k] + estimator.x[BIASES + k]
+        second.bias_sigma[0, k] = sigma[BIASES + k]
+    first = BIASES + gyros
+    for k in range(state.accelerometers.count):
+        second.bias[1, k] = estimator.accelerometer_bias[k] + estimator.x[first + k]
+        second.bias_sigma[1, k] = sigma[first + k]
+    _note_sources(state)
+    estimator.history_count += 1
+
+
+@compiled
+def _note_sources(state: Ram) -> None:
+    estimator = state.estimator
+    second = estimator.history[estimator.history_count % ESTIMATOR_HISTORY_S]
+    before = estimator.history[(estimator.history_count - 1) % ESTIMATOR_HISTORY_S]
+    second.aided_by = 0
+    second.rejecting = 0
+    for aid in range(AIDS):
+        source = estimator.sources[aid]
+        # Unlike the second before, the filter may have begun anew.
+        if source.used > 0 and source.used != before.used[aid]:
+            second.aided_by |= 1 << aid
+        if source.rejected_in_a_row > 0:
+            second.rejecting |= 1 << aid
+        second.used[aid] = source.used
+        second.rejected[aid] = source.rejected
+        second.squares[aid] = source.squares

@@ -1,0 +1,160 @@
+"""What a run's summary says of the estimator: sigmas, biases beside the truth, what aided it."""
+
+from __future__ import annotations
+
+import csv
+import math
+from pathlib import Path
+from typing import IO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rrins.firmware_py.core.calibration import ARCSEC, DPH, UG
+from rrins.firmware_py.core.estimator_records import ESTIMATOR_HISTORY_S, Aid, EstimatorSecond
+from rrins.firmware_py.core.memory import Fusion, Ram
+from rrins.host_tools.files import JsonObject, write_whole
+
+_UNITS = {"gyros": ("dph", DPH), "accelerometers": ("ug", UG)}
+_AXES = ("x", "y", "z")
+
+
+def _numbers(values: NDArray[np.float64]) -> list[float]:
+    return [float(f"{value:.7g}") for value in np.asarray(values).tolist()]
+
+
+def _sensors(state: Ram, second: EstimatorSecond, kind: int, fusion: Fusion) -> JsonObject:
+    """Return the biases of a kind; the fused ones are those of the vector that is navigated."""
+    suffix, unit = tuple(_UNITS.values())[kind]
+    count, dt = int(fusion.count), int(state.parameters.period_ns) * 1e-9
+    bias = second["bias"][kind, :count] / unit
+    gain = fusion["gain"][:, :count]
+    return {
+        f"bias_{suffix}": _numbers(bias),
+        f"sigma_{suffix}": _numbers(second["bias_sigma"][kind, :count] / unit),
+        f"fused_bias_{suffix}": _numbers(gain @ bias),
+        f"calibrated_{suffix}": _numbers(fusion["bias_increment"][:count] / dt / unit),
+        "gain": gain.tolist(),
+    }
+
+
+def estimator_summary(state: Ram) -> JsonObject | None:
+    """Return what the estimator knows at the end of its last second; None without one.
+
+    Without a second that it ended, sigma and sensors are null.
+    """
+    estimator = state.estimator
+    if not estimator.enabled:
+        return None
+    sources: JsonObject = {}
+    for aid in Aid:
+        source = estimator.sources[aid]
+        used, rejected = int(source.used), int(source.rejected)
+        if used or rejected:
+            nis = round(float(source.squares) / used, 4) if used else None
+            sources[aid.name.lower()] = {"used": used, "rejected": rejected, "nis": nis}
+    seconds = int(state.parameters.period_ns) * 1e-9
+    found: JsonObject = {
+        "aided_by": [name for name, source in sources.items() if source["used"]],
+        "fine_alignment_s": round(int(estimator.aligned_epochs) * seconds, 3),
+        "sigma": None,
+        "sensors": None,
+        "sources": sources,
+    }
+    if not estimator.history_count:
+        return found
+    second = estimator.history[(int(estimator.history_count) - 1) % ESTIMATOR_HISTORY_S]
+    found["sigma"] = {
+        "attitude_arcsec": _numbers(second["attitude_sigma"] / ARCSEC),
+        "velocity_mps": _numbers(second["velocity_sigma"]),
+        "position_m": _numbers(second["position_sigma"]),
+    }
+    fusions = (state.gyros, state.accelerometers)
+    found["sensors"] = {
+        name: _sensors(state, second, kind, fusions[kind]) for kind, name in enumerate(_UNITS)
+    }
+    return found
+
+
+def beside_truth(estimator: JsonObject | None, biases: JsonObject | None) -> JsonObject | None:
+    """Return the estimator's summary with the true biases at the end of the run.
+
+    Parameters
+    ----------
+    estimator : dict or None
+        `estimator_summary`.
+    biases : dict or None
+        True biases of each kind, as `rrins.host_tools.runs.hardware_job.hardware_summary` has
+        them; None where nobody knows them: the truth is null then.
+    """
+    if estimator is None or estimator["sensors"] is None:
+        return estimator
+    sensors: JsonObject = {}
+    for name, (suffix, _) in _UNITS.items():
+        kind = dict(estimator["sensors"][name])
+        gain = np.array(kind.pop("gain"))
+        calibrated = np.array(kind.pop(f"calibrated_{suffix}"))
+        kind[f"true_bias_{suffix}"] = kind[f"true_fused_bias_{suffix}"] = None
+        if biases:
+            true = np.array(biases[f"{name}_{suffix}"]) - calibrated
+            kind[f"true_bias_{suffix}"] = _numbers(true)
+            kind[f"true_fused_bias_{suffix}"] = _numbers(gain @ true)
+        sensors[name] = kind
+    return estimator | {"sensors": sensors}
+
+
+def estimator_lines(estimator: JsonObject | None) -> list[str]:
+    """Return the lines of the summary for a person; none without an estimator."""
+    if estimator is None:
+        return []
+    counts = "; ".join(
+        f"{name.replace('_', ' ').replace('gnss', 'GNSS')}: {source['used']} used, "
+        f"{source['rejected']} rejected"
+        for name, source in estimator["sources"].items()
+    )
+    lines = [f"aided by {counts}" if counts else "estimator: nothing aided the navigation"]
+    sigma = estimator["sigma"]
+    if sigma is not None:
+        level = math.hypot(*sigma["attitude_arcsec"][:2])
+        position = math.hypot(*sigma["position_m"][:2])
+        lines.append(
+            f"estimator: fine alignment {estimator['fine_alignment_s']:g} s; at the end σ of level "
+            f"{level:.3g}″, heading {sigma['attitude_arcsec'][2]:.3g}″, position {position:.3g} m"
+        )
+    return lines
+
+
+def sensor_rows(estimator: JsonObject | None) -> list[list[str]]:
+    """Return what was estimated of each sensor beside the truth: a head, then rows.
+
+    Navigation sees the fused vector alone. Of more than three sensors, a part of their biases
+    cancels in it and stays unknown: the last three rows of a kind are the part that is seen.
+    """
+    if estimator is None or estimator["sensors"] is None:
+        return []
+    rows = [["sensor", "unit", "estimated", "sigma", "true", "estimated_less_true"]]
+    for name, (suffix, _) in _UNITS.items():
+        kind, one = estimator["sensors"][name], name.removesuffix("s")
+        true, sigma = kind[f"true_bias_{suffix}"], kind[f"sigma_{suffix}"]
+        for k, bias in enumerate(kind[f"bias_{suffix}"]):
+            known = None if true is None else true[k]
+            rows.append([f"{one} {k + 1}", suffix, *_cells(bias, sigma[k], known)])
+        fused = kind[f"true_fused_bias_{suffix}"]
+        for k, bias in enumerate(kind[f"fused_bias_{suffix}"]):
+            known = None if fused is None else fused[k]
+            rows.append([f"fused {name} {_AXES[k]}", suffix, *_cells(bias, None, known)])
+    return rows
+
+
+def _cells(bias: float, sigma: float | None, true: float | None) -> list[str]:
+    less = None if true is None else bias - true
+    return ["" if value is None else f"{value:.6g}" for value in (bias, sigma, true, less)]
+
+
+def write_sensors(path: Path, rows: list[list[str]]) -> None:
+    """Write the rows of `sensor_rows` as a CSV file."""
+
+    def write(file: IO[str]) -> None:
+        csv.writer(file).writerows(rows)
+
+    write_whole(path, write)

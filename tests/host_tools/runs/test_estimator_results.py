@@ -1,0 +1,135 @@
+"""What a run tells of its estimator: seconds, summary, sensors beside the truth, picture."""
+
+from __future__ import annotations
+
+import csv
+
+import numpy as np
+import pytest
+
+import rrins
+from rrins.dbc.contract import SENSOR_GROUPS
+from rrins.firmware_py.core.estimator_records import ESTIMATOR_HISTORY_S
+from rrins.firmware_py.core.memory import blank_ram
+from rrins.host_tools.hardware.settings import body_to_navigation
+from rrins.host_tools.runs.estimator_log import EstimatorLog, take_estimates
+from rrins.host_tools.runs.estimator_plot import draw_estimates
+from rrins.host_tools.runs.estimator_summary import estimator_lines
+
+RATE_HZ, FINE_S, DURATION_S = 200, 200, 60
+
+
+@pytest.fixture(scope="module")
+def runs():
+    """The same run in one loop, and by frames."""
+    changes = {"duration_s": DURATION_S}
+    changes |= {"estimator": {"enabled": True, "fine_alignment_s": FINE_S}}
+    name = "rimu_rotating_aligned"
+    return [rrins.simulate(name, frames=way, **changes)._result for way in (False, True)]
+
+
+def test_every_second_is_there_whichever_way_it_was_run(runs):
+    fast, frames = (run.estimates for run in runs)
+    assert len(fast) >= FINE_S + DURATION_S - 2
+    assert set(np.diff(fast["epoch"])) == {RATE_HZ}
+    assert fast.tobytes() == frames.tobytes()
+    assert runs[0].summary["estimator"] == runs[1].summary["estimator"]
+
+
+def test_the_summary_says_what_aided(runs):
+    found = runs[0].summary["estimator"]
+    assert found["aided_by"] == ["zero_velocity", "known_position"]
+    assert found["fine_alignment_s"] == FINE_S
+    used = found["sources"]["zero_velocity"]["used"]
+    assert 2 * (FINE_S - 2) <= used <= 2 * FINE_S  # the height is held
+    assert found["sources"]["zero_velocity"]["rejected"] == 0
+    assert found["sigma"]["position_m"][2] == 0
+    lines = estimator_lines(found)
+    assert f"aided by zero velocity: {used} used, 0 rejected" in lines[0]
+    assert f"fine alignment {FINE_S} s" in lines[1]
+    assert estimator_lines(None) == []
+
+
+def test_what_is_seen_of_the_biases_is_the_fused_part(runs):
+    sensors = runs[0].summary["estimator"]["sensors"]
+    gyros, accelerometers = sensors["gyros"], sensors["accelerometers"]
+    assert gyros["true_bias_dph"] == pytest.approx([0.1, 0.11, 0.12, 0.13])
+    assert accelerometers["true_bias_ug"] == pytest.approx([50, 55, 60, 65])
+    # A regular tetrahedron: what all have in common cancels.
+    centred = np.array([-0.015, -0.005, 0.005, 0.015])
+    assert np.linalg.norm(gyros["true_fused_bias_dph"]) == pytest.approx(
+        np.linalg.norm(centred) * np.sqrt(3 / 4), rel=1e-3
+    )
+    error = np.subtract(accelerometers["fused_bias_ug"], accelerometers["true_fused_bias_ug"])
+    assert np.abs(error).max() < 1.0
+    assert np.abs(np.subtract(gyros["bias_dph"], gyros["true_bias_dph"])).min() > 0.1
+    assert min(gyros["sigma_dph"]) > 0.05  # and the filter says that it does not know them
+
+
+def test_errors_are_inside_three_sigma(runs):
+    run = runs[0]
+    seconds, errors = run.estimates, run.errors
+    position = np.interp(errors.epoch, seconds["epoch"], seconds["position_sigma"][:, 1])
+    assert np.all(np.abs(errors.position_north_m) <= 3 * position)
+    up = np.interp(errors.epoch, seconds["epoch"], seconds["attitude_sigma"][:, 2])
+    assert np.all(np.abs(errors.turn_up_arcsec) / 206264.8 <= 3 * up)
+
+
+def test_turns_are_those_of_the_matrices(runs):
+    run, at = runs[0], -1
+    nav, true = (
+        body_to_navigation(*(float(row[name][at]) for name in ("roll", "pitch", "heading")))
+        for row in (run.navigation, run.truth)
+    )
+    turn = nav @ true.T
+    expected = [turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]]
+    errors = run.errors
+    found = (errors.turn_east_arcsec, errors.turn_north_arcsec, errors.turn_up_arcsec)
+    arcsec = np.degrees(np.array(expected) / 2) * 3600
+    assert [float(one[at]) for one in found] == pytest.approx(arcsec, abs=1e-4)
+
+
+def test_picture_and_table_are_written(runs, tmp_path):
+    paths = runs[0].write(tmp_path)
+    assert tmp_path / "estimator.png" in paths
+    with (tmp_path / "estimated_sensors.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert [row["sensor"] for row in rows][:5] == [*(f"gyro {k}" for k in range(1, 5)), _X]
+    assert float(rows[0]["true"]) == pytest.approx(0.1)
+    run = runs[0]
+    figure = draw_estimates(run.estimates, run.errors, 0.0, RATE_HZ, "a title")
+    labels = [axes.get_ylabel() for axes in figure.axes]
+    assert len(labels) == 7  # the vertical is held
+    assert labels[0] == "attitude error\nabout east\n/ ″"
+    assert labels[-1] == "position error\nnorth\n/ m"
+
+
+_X = "fused gyros x"
+
+
+def test_without_an_estimator_there_is_none(tmp_path):
+    run = rrins.simulate("ideal", duration_s=5)._result
+    assert run.summary["estimator"] is None
+    assert len(run.estimates) == 0
+    names = {path.name for path in run.write(tmp_path)}
+    assert not names & {"estimator.png", "estimated_sensors.csv"}
+
+
+def test_a_very_long_run_is_thinned(tmp_path):
+    ram = blank_ram()
+    estimator = ram[0].estimator
+    estimator["enabled"] = True
+    estimator["second_epochs"] = 10
+    log = EstimatorLog(ram, tmp_path, 1_000_000)
+    assert log.every == ESTIMATOR_HISTORY_S // 2 * 10
+    for begin in range(0, 2000, 16):
+        for second in range(begin, begin + 16):
+            row = estimator.history[int(estimator.history_count) % ESTIMATOR_HISTORY_S]
+            row["epoch"] = second
+            estimator["history_count"] += 1
+        log.run()
+    log.close()
+    found = take_estimates(tmp_path)
+    assert list(found["epoch"]) == list(range(0, 2000, 10))
+    assert found["bias"].shape == (200, 2, SENSOR_GROUPS)
+    assert list(tmp_path.iterdir()) == []
