@@ -200,16 +200,16 @@ def _parse_lines(
     channels: Bytes,
     known: Bytes,
     counts: Integers,
+    place: Integers,
 ) -> int:
     """Parse all complete lines of a text; return the number of bytes consumed.
 
     `channels` receives the index of each channel name in `known`; `counts` receives the numbers of
-    frames, bad lines and FD frames.
+    frames, bad lines and FD frames. `place` is scratch, shape (2,).
     """
     at = 0
     row = 0
     size = len(text)
-    place = np.zeros(2, dtype=np.int64)
     while True:
         end = at
         while end < size and text[end] != _NEWLINE:
@@ -283,7 +283,8 @@ class Candump:
         channels = np.zeros(capacity, dtype=np.uint8)
         counts = np.zeros(3, dtype=np.int64)
         bytes_ = np.frombuffer(text, dtype=np.uint8)
-        read = int(_parse_lines(bytes_, frames, times_s, channels, self._known, counts))
+        place = np.zeros(2, dtype=np.int64)
+        read = int(_parse_lines(bytes_, frames, times_s, channels, self._known, counts, place))
         self.bad_lines += int(counts[1])
         self.fd_frames += int(counts[2])
         return read, (frames[: counts[0]], times_s[: counts[0]], channels[: counts[0]])
