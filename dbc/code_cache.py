@@ -116,14 +116,10 @@ class CodeCache(FunctionCache):
         self._cache_file = self._files
 
     def load_overload(self, signature: Any, target: Any) -> Any:
-        """Return the whole of a signature; None if it is to be compiled.
-
-        numba's own method first prepares for compiling, which takes a quarter of a start. A whole
-        needs nothing of that: it contains what it calls, and counts no references.
-        """
+        """Return the whole of a signature; None if it is to be compiled."""
         with signals_deferred():
             try:
-                return self._numba._load_overload(signature, target)
+                return self._numba.load_overload(signature, target)
             except _DAMAGE:
                 self._files.discard(self._numba._index_key(signature, target.codegen()))
                 return None

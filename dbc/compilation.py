@@ -70,10 +70,8 @@ class Function(CPUDispatcher):
     """A compiled function: a whole where Python calls it, a part where compiled code does."""
 
     def __init__(self, function: Any, folder: CodeFolder | None, options: dict[str, Any]) -> None:
-        # No wrapper for callers in C: there are none, and it is a tenth of the work. No counting of
-        # references: a step allocates nothing.
-        always = {"nopython": True, "boundscheck": None, "no_cfunc_wrapper": True, "_nrt": False}
-        chosen = {**always, **options}
+        # No wrapper for callers in C: there are none, and it is a tenth of the work.
+        chosen = {"nopython": True, "boundscheck": None, "no_cfunc_wrapper": True, **options}
         super().__init__(function, targetoptions=chosen)
         self._cache = CodeCache(function, folder)
         self._compiler = _Compiler(function, self.targetdescr, chosen, {}, Compiler)
@@ -120,10 +118,7 @@ class Function(CPUDispatcher):
 
 
 def compiled(function: _F) -> _F:
-    """Compile a function of a step at its first call; its code is kept.
-
-    It neither makes arrays nor returns any but its arguments: references are not counted.
-    """
+    """Compile a function of a step at its first call; its code is kept."""
     return compiled_with()(function)
 
 

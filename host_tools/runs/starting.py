@@ -21,6 +21,11 @@ import sys
 import threading
 from collections.abc import Callable, Iterator, Sequence
 
+from numba.core.dispatcher import Dispatcher
+from numba.core.registry import cpu_target
+
+from rrins.dbc.codec import unpack
+from rrins.dbc.compile_events import signals_deferred
 from rrins.dbc.contract import load_contract
 from rrins.host_tools.closing import Closing
 from rrins.host_tools.interruption import INTERRUPTED
@@ -149,7 +154,7 @@ class Forks(Closing):
     def __init__(self, command: Command | None) -> None:
         self._waiting: list[Fork] = []
         if command is not None and threading.active_count() == 1:
-            load_contract()
+            _load_what_all_code_needs()
             self._waiting += [Fork(command) for _ in range(_SIDES)]
 
     def start(self, words: Sequence[str], report_fd: int) -> Fork | subprocess.Popen[bytes]:
@@ -164,3 +169,12 @@ class Forks(Closing):
         """Dismiss what was not needed."""
         while self._waiting:
             self._waiting.pop().dismiss()
+
+
+def _load_what_all_code_needs() -> None:
+    """Load what compiled functions of either side need first: half of what a side would load."""
+    with signals_deferred():
+        if isinstance(unpack, Dispatcher):  # else NUMBA_DISABLE_JIT=1
+            cpu_target.typing_context.refresh()
+            cpu_target.target_context.refresh()
+        load_contract()
