@@ -114,6 +114,7 @@ def test_scenarios_are_completed():
     )
     assert [(item.value, item.type) for item in found] == [
         ("rimu_rotating", "plain"),
+        ("rimu_rotating_aligned", "plain"),
         ("rimu_r", "file"),
     ]
 
