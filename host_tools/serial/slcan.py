@@ -68,6 +68,8 @@ def _sent_by(scenario: Scenario, side: Side) -> tuple[float, float]:
             continue  # only while there are faults
         if message.name == "ALTIMETER" and scenario.altimeter is None:
             continue
+        if stem == "ESTIMATOR" and not scenario.estimator.enabled:
+            continue
         if message.name == "ZERO_VELOCITY" and not scenario.zero_velocity:
             continue
         aiding = (scenario.gnss, scenario.odometer, *scenario.zero_velocity)
