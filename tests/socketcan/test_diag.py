@@ -22,7 +22,6 @@ from udsoncan.client import Client
 from udsoncan.connections import IsoTPSocketConnection
 
 from rrins.dbc.codec import load
-from rrins.firmware_py.core.memory import Ram
 from rrins.firmware_py.diagnostics import calibration_image as image
 from rrins.firmware_py.diagnostics import table
 from rrins.firmware_py.diagnostics.access import Session, key_of
@@ -85,7 +84,7 @@ def test_the_tool_by_the_kernels_sockets(rehearsal, tmp_path):
     values = diag("did", "read", "--all")
     assert values["table_version"]["table_crc32"] == table.crc32()
     assert values["position"]["latitude_deg"] == pytest.approx(40.3554, abs=1e-3)
-    assert diag("memory", "read", "ram")["ram"]["size"] == Ram.dtype.itemsize
+    assert diag("memory", "read", "heard")["heard"]["size"] > 4000  # several requests
     file = tmp_path / "calibration.rrca"
     diag("calibration", "pull", str(file))
     parameters = image.decode(file.read_bytes())
