@@ -29,7 +29,11 @@ from typing import Final
 
 from rrins.host_tools.errors import BusError
 
-MAGIC: Final = int.from_bytes(b"RRB1", "little")
+VERSION: Final = 1
+"""Of the format: the digit behind ``RRB`` in the magic. A hub turns other versions away."""
+
+_NAME: Final = b"RRB"
+MAGIC: Final = int.from_bytes(_NAME + str(VERSION).encode(), "little")
 HEADER: Final = struct.Struct("<IBBHIIQq")
 HEADER_SIZE: Final = HEADER.size
 FRAME_SIZE: Final = 16
@@ -123,7 +127,7 @@ def parse(buffer: bytearray, size: int) -> tuple[int, int, int, int, int, int]:
         raise ProtocolError(f"a datagram of {size} bytes, shorter or longer than any")
     magic, kind, flags, count, sender, reserved, epoch, time_ns = _unpack(buffer)
     if magic != MAGIC or reserved:
-        raise ProtocolError("a datagram of another program, or of another version of this one")
+        raise ProtocolError(_stranger(bytes(buffer[:4])))
     if kind == FRAMES:
         # max() over a strided slice: a third of the time of a numpy reduction at this size.
         if (
@@ -145,6 +149,14 @@ def parse(buffer: bytearray, size: int) -> tuple[int, int, int, int, int, int]:
     else:
         raise ProtocolError(f"a datagram of unknown kind {kind}")
     return kind, flags, count, sender, epoch, time_ns
+
+
+def _stranger(magic: bytes) -> str:
+    """Return what a datagram with a foreign magic, or a reserved field that is not 0, is."""
+    version = magic[len(_NAME) :]
+    if magic.startswith(_NAME) and version.isdigit() and int(version) != VERSION:
+        return f"a datagram of version {version.decode()} of the protocol; this is {VERSION}"
+    return "a datagram of another program"
 
 
 def put_header(
