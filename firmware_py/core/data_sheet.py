@@ -2,9 +2,17 @@
 
 from __future__ import annotations
 
+import math
+
 from pydantic import BaseModel, ConfigDict
 
 from rrins.firmware_py.core.calibration import ARCSEC, PPM
+
+FLICKER_S = 1000.0
+"""Time in which bias instability is taken to walk by its own size."""
+
+SCALE_TURN = 0.5 * math.pi
+"""Turn, rad, over which a wrong scale factor adds up before another sensor takes over."""
 
 
 class DataSheet(BaseModel):

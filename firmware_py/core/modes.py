@@ -7,10 +7,10 @@ POWER_ON               SELF_TEST, in the first epoch
 SELF_TEST              STANDBY, when SYNC, all sensors but those that redundancy left out, and both
                        axes were sound for half a second; FAULT (SELF_TEST_FAILED) after ten seconds
 STANDBY                ALIGNMENT, on the request to align or to navigate
-ALIGNMENT              FINE_ALIGNMENT, else NAVIGATION_*, when done and requested; FAULT
-                       FAULT (ALIGNMENT_FAILED)
-FINE_ALIGNMENT         NAVIGATION_*, after its time, or once the heading is known well enough; FAULT
-                       as from NAVIGATION_*
+ALIGNMENT              when done and navigation is requested: FINE_ALIGNMENT if the estimator has
+                       one, else NAVIGATION_*; FAULT (ALIGNMENT_FAILED)
+FINE_ALIGNMENT         NAVIGATION_*, after its time, or once the heading is known well enough;
+                       FAULT, as from NAVIGATION_*
 NAVIGATION_STRAPDOWN   NAVIGATION_ROTATING, on request, or to try an axis again
 NAVIGATION_ROTATING    NAVIGATION_STRAPDOWN, on request or when an axis does not follow
 any NAVIGATION_*       FAULT (SENSORS_LOST) when too few sensors were usable for longer than the

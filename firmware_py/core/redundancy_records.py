@@ -271,6 +271,7 @@ class Repair(Record):
     kind: I8  #: of the sensor, 0: gyros, 1: accelerometers
     sensor: I8
     at: I8  #: next block
+    waiting_s: Annotated[Floats, (2, SENSOR_GROUPS)]  #: by kind and sensor: how long its fault was
     x: Annotated[Floats, NAVIGATION_STATES]  #: what the repair adds to the navigation
     response: Annotated[Floats, (NAVIGATION_STATES, NAVIGATION_STATES)]  #: scratch
     work: Annotated[Floats, NAVIGATION_STATES]  #: scratch

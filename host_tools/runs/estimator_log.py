@@ -4,12 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import numpy as np
-
 from rrins.dbc.record import Records
 from rrins.firmware_py.core.estimator_records import ESTIMATOR_HISTORY_S, EstimatorSecond
 from rrins.firmware_py.core.memory import Ram
-from rrins.host_tools.runs.samples import LARGEST_LOG, SampleFile, read_samples
+from rrins.host_tools.runs.samples import LARGEST_LOG, RingReader, SampleFile, read_samples
 
 _SAMPLES = "estimator.samples"
 
@@ -42,7 +40,7 @@ class EstimatorLog:
         second_epochs = int(self._estimator.second_epochs)
         self.every = ESTIMATOR_HISTORY_S // 2 * second_epochs if is_needed else 0
         self._keep_every = max(1, -(-round(duration_s) // LARGEST_LOG))
-        self._seen = 0
+        self._ring = RingReader(ESTIMATOR_HISTORY_S)
         self._file: SampleFile | None = None
         if folder is not None and is_needed:
             self._file = SampleFile(folder / _SAMPLES)
@@ -57,11 +55,7 @@ class EstimatorLog:
         """
         if self._file is None:
             return
-        count = int(self._estimator.history_count)
-        if count < self._seen:  # the computer was reset
-            self._seen = 0
-        numbers = np.arange(max(self._seen, count - ESTIMATOR_HISTORY_S), count)
-        self._seen = count
+        numbers = self._ring.new(int(self._estimator.history_count))
         kept = numbers[numbers % self._keep_every == 0]
         self._file.append(self._estimator.history[kept % ESTIMATOR_HISTORY_S])
 

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import numpy as np
-
 from rrins.dbc.record import Records
 from rrins.firmware_py.core.memory import Ram
 from rrins.firmware_py.core.redundancy_records import HISTORY_S, Parity, ParitySecond
 from rrins.host_tools.runs.redundancy_summary import KINDS
-from rrins.host_tools.runs.samples import LARGEST_LOG, SampleFile, read_samples
+from rrins.host_tools.runs.samples import LARGEST_LOG, RingReader, SampleFile, read_samples
 
 Parities = dict[str, Records[ParitySecond]]
 """Seconds of each kind, `gyros` and `accelerometers`, oldest first; empty where not compared."""
@@ -47,11 +45,11 @@ class ParityLog:
         is_needed = folder is not None and bool(redundancy.enabled)
         self.every = HISTORY_S // 2 * int(redundancy.second_epochs) if is_needed else 0
         self._keep_every = max(1, -(-round(duration_s) // LARGEST_LOG))
-        self._kinds: list[tuple[Parity, SampleFile]] = []
-        self._seen = [0, 0]
+        self._kinds: list[tuple[Parity, RingReader, SampleFile]] = []
         if folder is not None and is_needed:
             for kind in KINDS:
-                self._kinds.append((redundancy[kind], SampleFile(_path(folder, kind))))
+                file = SampleFile(_path(folder, kind))
+                self._kinds.append((redundancy[kind], RingReader(HISTORY_S), file))
 
     def run(self, epoch: int = 0) -> None:
         """Write down the seconds since the last call.
@@ -61,19 +59,15 @@ class ParityLog:
         SamplesError
             When they cannot be written.
         """
-        for k, (parity, file) in enumerate(self._kinds):
-            count = int(parity.history_count)
-            if count < self._seen[k]:  # the computer was reset
-                self._seen[k] = 0
-            numbers = np.arange(max(self._seen[k], count - HISTORY_S), count)
-            self._seen[k] = count
+        for parity, ring, file in self._kinds:
+            numbers = ring.new(int(parity.history_count))
             seconds = parity.history[numbers % HISTORY_S]
             kept = (numbers % self._keep_every == 0) | (seconds["ratio"] > 1.0)
             file.append(seconds[kept])
 
     def close(self) -> None:
         """Close the files."""
-        for _, file in self._kinds:
+        for _, _, file in self._kinds:
             file.close()
 
 

@@ -7,7 +7,7 @@ from typing import BinaryIO, Generic, TypeVar, cast
 
 import numpy as np
 
-from rrins.dbc.record import Record, Records
+from rrins.dbc.record import Integers, Record, Records
 from rrins.host_tools.errors import RehearsalError
 
 _R = TypeVar("_R", bound=Record)
@@ -84,6 +84,34 @@ def read_samples(path: Path, kind: type[_R]) -> Records[_R]:
         return kind.zeros(0)
     whole = path.stat().st_size // kind.dtype.itemsize
     return cast(Records[_R], np.fromfile(path, dtype=kind.dtype, count=whole))
+
+
+class RingReader:
+    """Tells what is new in a ring that the firmware keeps, and goes on after a reset of it.
+
+    Parameters
+    ----------
+    capacity : int
+        Records of the ring.
+    """
+
+    def __init__(self, capacity: int) -> None:
+        self._capacity = capacity
+        self._seen = 0
+
+    def new(self, count: int) -> Integers:
+        """Return the numbers of the records since the last call that are still there.
+
+        Parameters
+        ----------
+        count : int
+            Records that the ring was given so far.
+        """
+        if count < self._seen:  # the computer was reset
+            self._seen = 0
+        numbers = np.arange(max(self._seen, count - self._capacity), count)
+        self._seen = count
+        return numbers
 
 
 class SampleBuffer(Generic[_R]):

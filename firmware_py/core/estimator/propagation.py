@@ -5,6 +5,7 @@ from __future__ import annotations
 from rrins.dbc.compilation import compiled
 from rrins.dbc.record import Floats
 from rrins.firmware_py.core import earth
+from rrins.firmware_py.core.data_sheet import SCALE_TURN
 from rrins.firmware_py.core.estimator import covariance, transition
 from rrins.firmware_py.core.estimator_records import (
     ATTITUDE,
@@ -22,9 +23,6 @@ PRESENT, DONE = 0, 1
 
 _GRAVITY_GRADIENT = 2.0 * earth.GRAVITY_EQUATOR / earth.SEMI_MAJOR_AXIS
 """1/s²: gravity falls with the height. Groves (2nd ed., 2013), (14.64)."""
-
-_TURN = 1.5707963267948966
-"""Turn, rad, over which a wrong scale factor adds up before another sensor takes over."""
 
 
 @compiled
@@ -164,7 +162,7 @@ def add_noise(state: Ram) -> None:
             variance = estimator.white_variance[kind, k] * dt
             covariance.add_along(P, into, estimator.direction, variance)
             P[first + k, first + k] += estimator.walk_variance[kind, k] * dt
-    angle = estimator.slope_variance[0] * _TURN * estimator.turned[DONE]
+    angle = estimator.slope_variance[0] * SCALE_TURN * estimator.turned[DONE]
     for i in range(3):
         P[ATTITUDE + i, ATTITUDE + i] += angle
     if not estimator.vertical:

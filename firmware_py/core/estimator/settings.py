@@ -12,16 +12,13 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from rrins.firmware_py.core import earth, strapdown
 from rrins.firmware_py.core.calibration import ARCSEC
-from rrins.firmware_py.core.data_sheet import DataSheet
+from rrins.firmware_py.core.data_sheet import FLICKER_S, DataSheet
 from rrins.firmware_py.core.estimator_records import BIASES, ODOMETER_STATES
 from rrins.firmware_py.core.memory import Fusion, Ram
 
 _LEAST_LEVEL = 1.0 * ARCSEC
 _LEAST_HEADING = 10.0 * ARCSEC
 """Of a given attitude: less is not to be had from outside."""
-
-_FLICKER_S = 1000.0
-"""Time in which bias instability is taken to walk by its own size."""
 
 _LEAST_WALK = 1e-4
 """Of a bias' sigma, in an hour: P must not become singular."""
@@ -104,7 +101,7 @@ def set_up(state: Ram, settings: EstimatorSettings, rate_hz: int) -> None:
         estimator.slope_variance[kind] = sheet.slope_sigma**2
         count = len(sheet.white_noise)
         estimator.white_variance[kind, :count] = np.square(sheet.white_noise)
-        walk = np.square(sheet.bias_instability) / _FLICKER_S + np.square(sheet.rate_random_walk)
+        walk = np.square(sheet.bias_instability) / FLICKER_S + np.square(sheet.rate_random_walk)
         estimator.walk_variance[kind, :count] = walk + (_LEAST_WALK * sigma) ** 2 / _HOUR_S
     estimator.attitude_sigma[:] = _attitude_sigma(state, settings)
 

@@ -16,6 +16,7 @@ from rrins.dbc.compilation import compiled
 from rrins.dbc.contract import SENSOR_GROUPS
 from rrins.dbc.record import Floats
 from rrins.firmware_py.core import strapdown
+from rrins.firmware_py.core.data_sheet import SCALE_TURN
 from rrins.firmware_py.core.estimator import covariance, transition
 from rrins.firmware_py.core.estimator.transition import (
     ATTITUDE,
@@ -54,9 +55,6 @@ _REST = 5.0
 
 _LEVEL, _HEADING, _VELOCITY = 1e-3, 1e-2, 30.0
 """What is not known of the navigation at the beginning: rad, rad, m/s."""
-
-_TURN = 0.5 * math.pi
-"""Turn, rad, over which a wrong scale factor adds up before another sensor takes over."""
 
 
 @compiled
@@ -252,7 +250,7 @@ def _propagate(state: Ram, one: Hypothesis, block: Floats, share: float) -> None
 def _add_noise(state: Ram, one: Hypothesis, turned: float, share: float) -> None:
     """Add the noise of the fused vectors, and that the biases change."""
     gyros, accelerometers = state.redundancy.gyros, state.redundancy.accelerometers
-    attitude = (gyros.vector_variance + gyros.slope_variance * _TURN * turned) * share
+    attitude = (gyros.vector_variance + gyros.slope_variance * SCALE_TURN * turned) * share
     velocity = accelerometers.vector_variance * share
     for i in range(3):
         one.P[ATTITUDE + i, ATTITUDE + i] += attitude

@@ -48,6 +48,7 @@ def begin(repair: Repair, gyros: int, accelerometers: int, epoch: int) -> None:
     repair.capacity = min(LONGEST_S + 64, BLOCK_FLOATS // repair.stride)
     repair.count = 0
     repair.active = False
+    repair.waiting_s[:] = 0.0
     _clear(repair, epoch)
 
 

@@ -9,11 +9,9 @@ the square of a turn of less than a thousandth.
 
 from __future__ import annotations
 
-import math
-
 from rrins.dbc.compilation import compiled
 from rrins.dbc.record import Floats
-from rrins.firmware_py.core import strapdown
+from rrins.firmware_py.core import earth, strapdown
 from rrins.firmware_py.core.estimator import transition
 from rrins.firmware_py.core.estimator.transition import CHANGE, LATITUDE, LONGITUDE, TURN, VELOCITY
 from rrins.firmware_py.core.memory import Ram
@@ -27,7 +25,15 @@ _SHARE_MORE, _SECONDS_MORE = 0.5, 4
 
 @compiled
 def order(repair: Repair, kind: int, sensor: int, seconds: float) -> None:
-    """Order the repair of a fault that has lasted for `seconds`."""
+    """Order the repair of a fault that has lasted for `seconds`; it waits for one under way."""
+    if repair.active:
+        repair.waiting_s[kind, sensor] = seconds
+    else:
+        _begin(repair, kind, sensor, seconds)
+
+
+@compiled
+def _begin(repair: Repair, kind: int, sensor: int, seconds: float) -> None:
     longer = int(seconds * (1.0 + _SHARE_MORE)) + _SECONDS_MORE
     longer = min(longer, repair.count, repair.capacity - 2)
     repair.active = True
@@ -70,7 +76,7 @@ def _apply(state: Ram) -> None:
     """Add the difference to the navigation."""
     x, ins = state.redundancy.repair.x, state.ins
     ins.latitude += x[LATITUDE]
-    ins.longitude = (ins.longitude + x[LONGITUDE] + math.pi) % (2.0 * math.pi) - math.pi
+    ins.longitude = earth.wrapped(ins.longitude + x[LONGITUDE])
     for i in range(3):
         ins.velocity_n[i] += x[VELOCITY + i]
     strapdown.turn(ins, x[:3])
@@ -95,3 +101,16 @@ def advance(state: Ram) -> None:
     _carry(state, block, block[place : place + 3], of_gyro)
     _apply(state)
     repair.active = False
+    _begin_next(repair)
+
+
+@compiled
+def _begin_next(repair: Repair) -> None:
+    """Begin a repair that waits, if one does."""
+    for kind in range(repair.waiting_s.shape[0]):
+        for sensor in range(repair.waiting_s.shape[1]):
+            seconds = repair.waiting_s[kind, sensor]
+            if seconds > 0.0:
+                repair.waiting_s[kind, sensor] = 0.0
+                _begin(repair, kind, sensor, seconds)
+                return

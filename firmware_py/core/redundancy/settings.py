@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
 
 from rrins.firmware_py.core.calibration import DPH, STANDARD_GRAVITY
-from rrins.firmware_py.core.data_sheet import DataSheet
+from rrins.firmware_py.core.data_sheet import FLICKER_S, DataSheet
 from rrins.firmware_py.core.memory import Ram
 from rrins.firmware_py.core.redundancy_records import (
     ABSOLUTE,
@@ -32,9 +32,6 @@ from rrins.firmware_py.core.redundancy_records import (
 _SECONDS_PER_1000_H = 3.6e6
 _TESTS = 6
 """Families of tests that share the promise: two kinds of sensors, three each."""
-
-_FLICKER_S = 1000.0
-"""Time in which bias instability is taken to walk by its own size, when learning."""
 
 _EXPECTED_GYRO = 0.02 * DPH
 _EXPECTED_ACCELEROMETER = 1.5e-4 * STANDARD_GRAVITY
@@ -101,8 +98,8 @@ def _drift_variance(sheet: DataSheet, sensor: int) -> NDArray[np.float64]:
     """
     w = 2.0 ** np.arange(SECOND_LEVELS)
     flicker = (2.0 / math.pi) * sheet.bias_instability[sensor] ** 2
-    flicker = flicker * (np.log(np.maximum(_FLICKER_S / w, 1.0)) + 1.5)
-    walk = sheet.rate_random_walk[sensor] ** 2 * (w / 3.0 + _FLICKER_S / 4)
+    flicker = flicker * (np.log(np.maximum(FLICKER_S / w, 1.0)) + 1.5)
+    walk = sheet.rate_random_walk[sensor] ** 2 * (w / 3.0 + FLICKER_S / 4)
     warm = sheet.temperature_drift[sensor] * np.minimum(1.0, 2.0 * w / sheet.temperature_s)
     return np.asarray((flicker + walk + warm**2) * w * w)
 
@@ -115,7 +112,7 @@ def _set_learner(learner: Learner, sheet: DataSheet, has_force: bool) -> None:
     prior[4:ABSOLUTE] = sheet.force_limit**2 if has_force else 0.0
     prior[ABSOLUTE:] = sheet.asymmetry_limit**2
     walk[:] = prior * 1e-9
-    drift = max(sheet.bias_instability) ** 2 / _FLICKER_S + max(sheet.rate_random_walk) ** 2
+    drift = max(sheet.bias_instability) ** 2 / FLICKER_S + max(sheet.rate_random_walk) ** 2
     warm = max(sheet.temperature_drift)
     walk[0] = max(walk[0] * 1e-3, drift + warm**2 / sheet.temperature_s)
 
