@@ -98,3 +98,9 @@ class RoutineFailedError(DiagError):
     """A routine that was awaited did not succeed."""
 
     exit_status = 24
+
+
+class CalibrationRecordError(RehearsalError):
+    """A calibration's record that cannot be read or does not suffice, or a unit that failed it."""
+
+    exit_status = 12

@@ -31,6 +31,7 @@ GUIDES = {
     "firmware_py/serial": "serial.md",
     "host_tools/benchmarks": "bench.md",
     "host_tools/bus": "bus.md",
+    "host_tools/calibration": "calibration.md",
     "host_tools/diag": "diag.md",
     "host_tools/experiments": "experiments/index.md",
     "host_tools/hardware": "error-model.md",

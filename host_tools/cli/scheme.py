@@ -8,10 +8,13 @@ from pathlib import Path
 
 import click
 
+from rrins.firmware_py.core.settings import Scheme
+from rrins.host_tools.calibration.search import SearchLimits
 from rrins.host_tools.cli import scheme_tables
 from rrins.host_tools.cli.group import Group
 from rrins.host_tools.cli.numbers import NumberRange
 from rrins.host_tools.cli.options import json_option, together
+from rrins.host_tools.cli.scheme_observability import observability, search_for_calibration
 from rrins.host_tools.closing import Closing
 from rrins.host_tools.errors import RehearsalError
 from rrins.host_tools.files import JsonObject
@@ -25,6 +28,7 @@ from rrins.host_tools.scenario.schemes import SCHEMES
 from rrins.host_tools.terminal import new_console, print_table, progress_line
 
 _REFERENCE = "16-position"
+_CALIBRATION = "calibration"
 _WAIT_S = 2.0
 
 
@@ -74,6 +78,9 @@ def scheme() -> None:
 
     SCHEME is a built-in name (see `rrins scheme list`) or a TOML file with [[turns]].
     """
+
+
+scheme.add_command(observability)
 
 
 @scheme.command("list")
@@ -213,6 +220,22 @@ def _compared(named: NamedScheme, rimu: NamedRimu, latitude_deg: float | None) -
 
 
 @scheme.command("search")
+@click.option(
+    "--for",
+    "purpose",
+    type=click.Choice(["navigation", "calibration"]),
+    default="navigation",
+    show_default=True,
+    help="Calibration: the constants of the sensors shown best by quarter turns.",
+)
+@click.option(
+    "--time",
+    "time_s",
+    type=NumberRange(0, 86_400, min_open=True),
+    default=1720.0,
+    show_default=True,
+    help="Longest cycle of a calibration, s.",
+)
 @click.option("--positions", type=int, default=16, show_default=True, help="Half turns per cycle.")
 @click.option(
     "--inner-range",
@@ -250,6 +273,8 @@ def _compared(named: NamedScheme, rimu: NamedRimu, latitude_deg: float | None) -
     help="Write the best scheme to this TOML file.",
 )
 def search_schemes(
+    purpose: str,
+    time_s: float,
     positions: int,
     inner_range_deg: float,
     outer_range_deg: float,
@@ -271,6 +296,13 @@ def search_schemes(
     within it, then the narrowest axis ranges, then the fewest reversals. The best scheme is printed
     as TOML for a scenario.
     """
+    if purpose == "calibration":
+        begin = scheme_of(_CALIBRATION, turn_rate_dps, stand_s).scheme
+        most = SearchLimits(
+            time_s, begin.turn_rate_dps, begin.stand_s, inner_range_deg, outer_range_deg
+        )
+        _search_for_calibration(most, geometry, begin, as_json, save)
+        return
     rimu = rimu_of(geometry, errors, fused, earth_latitude_deg)
     reference = scheme_of(_REFERENCE, turn_rate_dps, stand_s)
     limits = Limits(
@@ -305,6 +337,26 @@ def search_schemes(
     print_table(scheme_tables.search_table(found, "table 1"), console)
     console.print(scheme_tables.verdict(found, "table 1"), highlight=False, soft_wrap=True)
     click.echo(f"\n{scheme_tables.toml_of(found.best[0].scheme)}", nl=False)
+
+
+def _search_for_calibration(
+    limits: SearchLimits, geometry: str | None, begin: Scheme, as_json: bool, save: Path | None
+) -> None:
+    with _LateProgress() as progress:
+        found, result, printed = search_for_calibration(limits, geometry, begin, progress.report)
+    text = scheme_tables.toml_of(found.scheme)
+    if save is not None:
+        _save(save, text)
+    if as_json:
+        click.echo(json.dumps(result | {"toml": text}))
+        return
+    console = new_console()
+    for part in printed:
+        if isinstance(part, str):
+            console.print(part, highlight=False, soft_wrap=True)
+        else:
+            print_table(part, console)
+    click.echo(f"\n{text}", nl=False)
 
 
 class _LateProgress(Closing):

@@ -23,6 +23,29 @@ _16_POSITION = _8_POSITION + tuple(
 )
 # The paper's section 2 for one axis: a full turn in two positions, and back.
 _SINGLE_AXIS = _turns(("inner", 180), ("inner", 180), ("inner", -180), ("inner", -180))
+# Brings every input axis to both ends of gravity, and turns about it either way, which table 1 does
+# not: for calibration on the table. Turns of 0° are rests, where they help the gyros' bias most.
+_CALIBRATION = _turns(
+    ("outer", 360),
+    ("inner", 90),
+    ("outer", -360),
+    ("inner", 90),
+    ("inner", 0),
+    ("inner", 0),
+    ("inner", 0),
+    ("outer", 360),
+    ("inner", 90),
+    ("outer", -360),
+    ("inner", 0),
+    ("inner", 0),
+    ("inner", 0),
+    ("inner", -270),
+    ("outer", 90),
+    ("inner", 360),
+    ("outer", -180),
+    ("inner", -360),
+    ("outer", 90),
+)
 
 SCHEMES: Final = MappingProxyType(
     {
@@ -30,6 +53,7 @@ SCHEMES: Final = MappingProxyType(
         "8-position": _8_POSITION,
         "4-position": _4_POSITION,
         "single-axis-4-position": _SINGLE_AXIS,
+        "calibration": _CALIBRATION,
     }
 )
 """Built-in schemes, name to turns of the turntable's axes."""

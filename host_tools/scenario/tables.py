@@ -270,7 +270,7 @@ class Firmware(TomlTable):
     calibration: str | None = Field(default=None, min_length=1)
     """TOML file of calibrated errors, relative to the scenario's folder."""
     scheme: (
-        Literal["16-position", "8-position", "4-position", "single-axis-4-position"]
+        Literal["16-position", "8-position", "4-position", "single-axis-4-position", "calibration"]
         | tuple[rrins.firmware_py.core.settings.Turn, ...]
     ) = "16-position"
     turn_rate_dps: float = Field(default=2.0, ge=0.01, le=60)

@@ -1,0 +1,1 @@
+"""Calibration of the sensors on the table: least squares of all constants."""

@@ -1,0 +1,56 @@
+"""Least squares against the errors that were put in, its standard deviations against scatter."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from rrins.firmware_py.core.settings import Scheme
+from rrins.host_tools.calibration.estimation import ARCSEC, estimate
+from rrins.host_tools.calibration.monte_carlo import errors_of, run
+from rrins.host_tools.calibration.observability import LIMITS
+from rrins.host_tools.calibration.seconds import Seconds
+from rrins.host_tools.calibration.table import record
+from rrins.host_tools.calibration.unit import SQUARE_ARCSEC, drawn_unit, unit_of
+from rrins.host_tools.errors import CalibrationRecordError
+from rrins.host_tools.scenario.scenario import Scenario
+from rrins.host_tools.scenario.schemes import SCHEMES
+
+
+def test_without_noise_it_finds_what_was_put_in(silent: tuple[Scenario, Seconds]) -> None:
+    scenario, seconds = silent
+    found = estimate(unit_of(scenario), seconds)
+    for errors, limit in zip(errors_of(scenario, found), LIMITS, strict=True):
+        assert (np.abs(errors.error[0]) < 0.2 * limit).all()
+    assert found.epsilon == pytest.approx(SQUARE_ARCSEC * ARCSEC, abs=0.05 * ARCSEC)
+    heading_error = np.arctan2(found.C_b_n[0, 1], found.C_b_n[1, 1])
+    assert abs(heading_error) < 60 * ARCSEC  # given with 1°
+
+
+def test_one_position_does_not_show_the_constants() -> None:
+    scenario = drawn_unit(2)
+    scheme = Scheme(turns=SCHEMES["calibration"][:1], turn_rate_dps=30.0, stand_s=2.0)
+    seconds = record(scenario, scheme).where(slice(15, None))
+    with pytest.raises(CalibrationRecordError, match="do not show all constants"):
+        estimate(unit_of(scenario), seconds)
+
+
+def test_seconds_of_a_missing_sensor_do_not_count(silent: tuple[Scenario, Seconds]) -> None:
+    scenario, seconds = silent
+    gyro, usable = seconds.gyro.copy(), seconds.gyro_usable.copy()
+    gyro[100:140, 1] = 1.0
+    usable[100:140, 1] = False
+    spoilt = Seconds(**{**vars(seconds), "gyro": gyro, "gyro_usable": usable})
+    found = estimate(unit_of(scenario), spoilt)
+    for errors, limit in zip(errors_of(scenario, found), LIMITS, strict=True):
+        assert (np.abs(errors.error[0]) < 0.2 * limit).all()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("geometry", ["tetrahedron", "dodecahedron"])
+def test_reaches_what_is_wanted_with_honest_sigmas(geometry: str) -> None:
+    scheme = Scheme(turns=SCHEMES["calibration"])
+    found = run(scheme, range(1, 11), {"geometry": geometry})
+    for errors, limit in zip(found, LIMITS, strict=True):
+        assert (errors.median_rms < 1.2 * limit).all()
+        assert ((errors.normalised > 0.7) & (errors.normalised < 1.3)).all()
