@@ -135,6 +135,7 @@ def compiled_with(folder: CodeFolder | None = None, **options: Any) -> Callable[
 
     def compile_later(function: _F) -> _F:
         if numba.config.DISABLE_JIT:  # type: ignore[attr-defined]
+            function.py_func = function  # type: ignore[attr-defined]  # as a compiled one has it
             return function
         return cast(_F, Function(function, folder, options))
 

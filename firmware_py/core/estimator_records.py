@@ -13,13 +13,13 @@ ATTITUDE, VELOCITY, LATITUDE, LONGITUDE, HEIGHT, BIASES = 0, 3, 6, 7, 8, 9
 of the sensors about the axes of n (rad); velocity_n (m/s); latitude, longitude (rad); height (m);
 the biases of gyros (rad/s), then of accelerometers (m/s²), along each input axis; where there is
 an odometer, its scale error (1) and by how much the vehicle's forward axis points to the right and
-up of y of the body (rad)."""
+up of y of the body (rad); where the altimeter is a measurement, its bias (m)."""
 
 ODOMETER_STATES = 3
 SCALE, YAW, PITCH = 0, 1, 2
 """Place of each in the odometer's group."""
 
-STATE_CAPACITY = BIASES + 2 * SENSOR_GROUPS + ODOMETER_STATES
+STATE_CAPACITY = BIASES + 2 * SENSOR_GROUPS + ODOMETER_STATES + 1
 RESPONSE_STATES = 14
 """States and inputs of `transition.fill`."""
 
@@ -39,6 +39,7 @@ class Aid(IntEnum):
     GNSS_POSITION = 2
     GNSS_VELOCITY = 3
     ODOMETER = 4
+    ALTIMETER = 5
 
 
 AIDS = len(Aid)
@@ -47,6 +48,10 @@ MOST_DISTRUST, NO_TRUST = 30, 10
 
 COMPONENTS = 3
 """Scalars of one measurement, at most."""
+
+
+CORRECTIONS = 4
+"""Feedbacks that are kept, one a second: a fix may be 2 s old, and wait for another second."""
 
 
 class Source(Record):
@@ -68,6 +73,10 @@ class EstimatorSecond(Record):
     position_sigma: Annotated[Floats, 3]  #: m, east, north, up
     bias: Annotated[Floats, (2, SENSOR_GROUPS)]  #: rad/s of gyros, m/s² of accelerometers
     bias_sigma: Annotated[Floats, (2, SENSOR_GROUPS)]  #: rad/s, m/s²
+    odometer: Annotated[Floats, ODOMETER_STATES]  #: as in `Estimator`
+    odometer_sigma: Annotated[Floats, ODOMETER_STATES]  #: 1, rad, rad
+    altimeter_bias: F8  #: m
+    altimeter_bias_sigma: F8  #: m
     aided_by: I8  #: in this second, one bit each `Aid`
     rejecting: I8  #: whose last scalar failed the gate, one bit each `Aid`
     used: Annotated[Integers, AIDS]  #: as in `Source`
@@ -97,6 +106,9 @@ class Estimator(Record):
     velocity_sigma: F8  #: m/s, at the beginning
     odometer_sigma: Annotated[Floats, ODOMETER_STATES]  #: 1, rad, rad
     slip_sigma: F8  #: m/s, of the velocity across the vehicle's forward axis
+    altimeter_sigma: F8  #: m, of a height
+    altimeter_bias_sigma: F8  #: m, at the beginning
+    altimeter_walk_variance: F8  #: m²/s, of the bias
     bias_sigma: Annotated[Floats, 2]  #: rad/s, m/s², of each gyro and accelerometer
     white_variance: Annotated[Floats, (2, SENSOR_GROUPS)]  #: rad²/s, m²/s³
     walk_variance: Annotated[Floats, (2, SENSOR_GROUPS)]  #: (rad/s)²/s, (m/s²)²/s
@@ -105,6 +117,9 @@ class Estimator(Record):
     gyro_bias: Annotated[Floats, SENSOR_GROUPS]  #: rad/s
     accelerometer_bias: Annotated[Floats, SENSOR_GROUPS]  #: m/s²
     odometer: Annotated[Floats, ODOMETER_STATES]  #: scale error, and direction of the forward axis
+    altimeter: Bool  #: whether it is a measurement
+    altimeter_state: I8  #: of its bias
+    altimeter_bias: F8  #: m
     # The present second, and the one that is worked on.
     epochs: I8  #: of the present second
     epoch: I8  #: at whose end the filter stands
@@ -126,8 +141,9 @@ class Estimator(Record):
     track_first: I8  #: epoch
     way_b: Annotated[Floats, 3]  #: m, of the odometer's wheel, since the filter began
     lever_n: Annotated[Floats, 3]  #: m, from the reference point to the wheel
-    correction: Annotated[Floats, 6]  #: the last feedback, in the order of the track
-    correction_epoch: I8  #: at whose end it was made
+    correction: Annotated[Floats, (CORRECTIONS, 6)]  #: the last ones, in the order of the track
+    correction_epoch: Annotated[Integers, CORRECTIONS]  #: at whose end each was made; -1: none
+    corrections: I8  #: made so far
     # The filter.
     x: Annotated[Floats, STATE_CAPACITY]
     P: Annotated[Floats, (STATE_CAPACITY, STATE_CAPACITY)]
@@ -138,6 +154,14 @@ class Estimator(Record):
     fix_position: Annotated[Floats, 3]  #: latitude, longitude (rad), height (m)
     fix_velocity_n: Annotated[Floats, 3]  #: m/s
     fix_sigma: Annotated[Floats, 2]  #: m, m/s
+    fix_lever_n: Annotated[Floats, 3]  #: m, from the reference point to the antenna
+    fix_lever_velocity_n: Annotated[Floats, 3]  #: m/s, of the antenna against that
+    heights: I8  #: of the altimeter in the present second
+    height_sum: F8  #: m, of these, less the navigation's
+    height_epochs: I8  #: sum of their epochs since the filter's
+    height_difference: F8  #: m, mean of the second before, that waits
+    height_count: I8  #: of its heights
+    height_after_s: F8  #: from where the filter stands to its mean time; negative
     odometer_epoch: I8  #: at whose end the stretch that waits, or the next one, begins; -1: nowhere
     odometer_gaps: I8  #: of the odometer, then
     odometer_travelled: F8  #: m, then

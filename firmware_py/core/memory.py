@@ -34,6 +34,9 @@ SCHEME_CAPACITY = 64
 HEARD_SOURCES = int(Source.SYNC) + 1
 """Sources whose frames belong to an epoch."""
 
+ANTENNA_EPOCHS = 2048
+"""Epochs of the antenna's place that are kept, for fixes of the past; 2 s at 1 kHz."""
+
 INNER, OUTER = 0, 1
 """Index of an axis in arrays over the two axes."""
 
@@ -130,6 +133,18 @@ class Gnss(Record):
     longitude: F8  #: rad
     height: F8  #: m
     velocity_n: Annotated[Floats, 3]  #: m/s
+
+
+class Antenna(Record):
+    """The GNSS antenna: where it is against the reference point."""
+
+    present: Bool  #: whether it is away from that
+    lever_arm_b: Annotated[Floats, 3]  #: m
+    lever_n: Annotated[Floats, (ANTENNA_EPOCHS, 3)]  #: m, at the end of each epoch, a ring
+    first: I8  #: epoch from which on the ring is whole
+    last: I8  #: epoch, of the ring
+    velocity_n: Annotated[Floats, 3]  #: m/s, against the reference point, scratch
+    C_b_n: Annotated[Floats, (3, 3)]  #: scratch
 
 
 class Odometer(Record):
@@ -331,6 +346,7 @@ class Ram(Record):
     heard: Heard
     assembly: Assembly
     gnss: Gnss
+    antenna: Antenna
     odometer: Odometer
     zero_velocity: ZeroVelocity
     gyros: Fusion

@@ -129,6 +129,8 @@ class Settings(_Checked):
     altimeter: bool = False
     gnss_interval_s: float = Field(default=0.0, ge=0, le=10)
     """Between fixes; 0: no receiver is fitted."""
+    gnss_lever_arm_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """From the reference point to the antenna, in the body frame."""
     odometer: OdometerSettings | None = None
     calibration: Calibration = Calibration()
     redundancy: RedundancySettings | None = None
@@ -195,8 +197,12 @@ def power_on(settings: Settings, contract: Records[Contract]) -> Records[Ram]:
     parameters.self_aligned = settings.initial_attitude == "self-aligned"
     parameters.alignment_epochs = max(1, round(settings.alignment_s * rate_hz))
     parameters.height_channel = _HEIGHT_CHANNELS[settings.height_channel]
+    if settings.estimator is not None and settings.altimeter:
+        estimator.take_altimeter(state)
     parameters.altimeter = settings.altimeter
     state.gnss.interval_epochs = round(settings.gnss_interval_s * rate_hz)
+    state.antenna.lever_arm_b[:] = settings.gnss_lever_arm_m
+    state.antenna.present = any(settings.gnss_lever_arm_m)
     _fill_odometer(state.odometer, settings.odometer, rate_hz)
     parameters.bridge_epochs = round(settings.bridge_s * rate_hz)
     parameters["axis_acceleration_dps2"] = settings.axis_acceleration_dps2

@@ -15,6 +15,7 @@ from rrins.dbc.frame import Frame, FrameArray
 from rrins.dbc.record import Records
 from rrins.firmware_py.core import (
     alignment,
+    antenna,
     bridging,
     clock,
     earth,
@@ -281,6 +282,7 @@ def compute(state: Ram, contract: Contract, compares: bool | None, estimates: bo
     if estimates is not None and state.faults.consecutive_bridged == 0:
         feedback.compensate(state)
     _run_mode(state, contract)
+    antenna.follow(state)
     if estimates is not None:
         estimator.follow(state)
 

@@ -1,9 +1,13 @@
-"""The emulated GNSS receiver: position and velocity of the vehicle's reference point.
+"""The emulated GNSS receiver: position and velocity of its antenna.
+
+With the lever arm l from the reference point to the antenna in the body frame, these are
+``p + C_b_n l`` and ``v + C_b_n (ω_ib^b x l) - ω_ie^n x C_b_n l`` (Groves, *Principles of GNSS,
+Inertial, and Multisensor Integrated Navigation Systems*, 2nd ed., 2013, (2.165), (2.166)).
 
 A fix is measured at the end of an epoch and sent, as a group of five frames, some epochs later:
 it carries its time of validity on SYNC's clock, and the standard deviations of its errors: white
 noise and, for the position, a first-order Gauss-Markov process per component, as multipath and the
-ionosphere leave it (Groves, section 9.4.2).
+ionosphere leave it (section 9.4.2).
 During an outage the groups go on, and say that there is no fix.
 """
 
@@ -18,7 +22,9 @@ from rrins.dbc.compilation import compiled
 from rrins.dbc.contract import Contract
 from rrins.dbc.e2e import fill
 from rrins.dbc.frame import FrameArray
-from rrins.host_tools.hardware.memory import GnssState, Plant
+from rrins.dbc.record import Floats
+from rrins.host_tools.hardware import earth, motion
+from rrins.host_tools.hardware.memory import GnssState, Plant, Truth
 from rrins.host_tools.hardware.noise import normal
 
 _TIME, _LATITUDE, _LONGITUDE, _HEIGHT, _VELOCITY = range(5)
@@ -52,7 +58,44 @@ def _correlate(gnss: GnssState) -> None:
 
 
 @compiled
-def measure(plant: Plant, contract: Contract) -> None:
+def _turn(truth: Truth, vector: Floats) -> None:
+    """Turn a vector of the body into the navigation frame, in place: Rz(-heading) Rx(pitch) Ry."""
+    sr, cr = math.sin(truth.roll), math.cos(truth.roll)
+    sp, cp = math.sin(truth.pitch), math.cos(truth.pitch)
+    sh, ch = math.sin(truth.heading), math.cos(truth.heading)
+    right, level = cr * vector[0] + sr * vector[2], cr * vector[2] - sr * vector[0]
+    ahead, up = cp * vector[1] - sp * level, sp * vector[1] + cp * level
+    vector[0], vector[1], vector[2] = ch * right + sh * ahead, ch * ahead - sh * right, up
+
+
+@compiled
+def _place_antenna(plant: Plant, pieces: Floats) -> None:
+    """Write the antenna's position and velocity against the reference point, in n."""
+    gnss, truth = plant.gnss, plant.truth
+    arm, moving = gnss.antenna_n, gnss.antenna_velocity_n
+    for i in range(3):
+        arm[i] = gnss.lever_arm_b[i]
+        moving[i] = 0.0
+    _turn(truth, arm)
+    index = motion.piece_of(plant, plant.epoch)
+    if index < 0:
+        return
+    end = motion.begin_of(plant, plant.epoch) + 1.0 / plant.piece_epochs
+    for i in range(3):
+        one, two = (i + 1) % 3, (i + 2) % 3
+        rate_one = motion.value(pieces[index], motion.RATE + one, end)
+        rate_two = motion.value(pieces[index], motion.RATE + two, end)
+        moving[i] = rate_one * gnss.lever_arm_b[two] - rate_two * gnss.lever_arm_b[one]
+    _turn(truth, moving)
+    north = earth.ROTATION_RATE * math.cos(truth.latitude)
+    up = earth.ROTATION_RATE * math.sin(truth.latitude)
+    moving[0] -= north * arm[2] - up * arm[1]
+    moving[1] -= up * arm[0]
+    moving[2] += north * arm[0]
+
+
+@compiled
+def measure(plant: Plant, pieces: Floats, contract: Contract) -> None:
     """Measure at the end of this epoch; keep the payloads until they are due."""
     gnss, truth = plant.gnss, plant.truth
     gnss.waiting = True
@@ -74,6 +117,10 @@ def measure(plant: Plant, contract: Contract) -> None:
         up += gnss.correlated[2]
     wrong = gnss.fault_position
     east, north, up = east + wrong[0], north + wrong[1], up + wrong[2]
+    if gnss.has_lever_arm:
+        _place_antenna(plant, pieces)
+        arm = gnss.antenna_n
+        east, north, up = east + arm[0], north + arm[1], up + arm[2]
     latitude = math.degrees(truth.latitude + north / gnss.north_m_per_rad) * share
     longitude = math.degrees(truth.longitude + east / gnss.east_m_per_rad) * share
     message = contract.gnss_latitude
@@ -87,6 +134,9 @@ def measure(plant: Plant, contract: Contract) -> None:
     east, north, up = noise * normal(gnss, 0), noise * normal(gnss, 0), noise * normal(gnss, 0)
     wrong = gnss.fault_velocity
     east, north, up = east + wrong[0], north + wrong[1], up + wrong[2]
+    if gnss.has_lever_arm:
+        moving = gnss.antenna_velocity_n
+        east, north, up = east + moving[0], north + moving[1], up + moving[2]
     velocity = truth.velocity_n
     gnss.word[_HEIGHT] = encode(word, vertical.velocity_up, (velocity[2] + up) * share)
     level = contract.gnss_velocity

@@ -19,7 +19,7 @@ LATENCY_CAPACITY = 32
 FAULT_CAPACITY = 32
 """The most faults of the hardware that can be present or planned at a time."""
 
-OUTAGE_CAPACITY = 32
+OUTAGE_CAPACITY = 256
 """The most outages of the GNSS receiver."""
 
 MOTION_CHANNELS, MOTION_TERMS = 15, 8
@@ -252,6 +252,10 @@ class GnssState(Record):
     correlated_share: F8  #: of them that is left at the next fix
     correlated: Annotated[Floats, 3]  #: m, east, north, up
     correlated_begun: Bool  #: whether they have been drawn
+    has_lever_arm: Bool  #: whether the antenna is away from the reference point
+    lever_arm_b: Annotated[Floats, 3]  #: m, from there to the antenna
+    antenna_n: Annotated[Floats, 3]  #: m, the same in n, scratch
+    antenna_velocity_n: Annotated[Floats, 3]  #: m/s, of the antenna against there, scratch
     outage_count: I8
     outage_first: Annotated[Integers, OUTAGE_CAPACITY]  #: epoch
     outage_last: Annotated[Integers, OUTAGE_CAPACITY]  #: epoch

@@ -139,6 +139,7 @@ class GnssSettings:
     correlated_noise: float = 0.0  # m, of the position, first-order Gauss-Markov
     correlation_epochs: float = 1.0  # its time constant
     outages: tuple[tuple[int, int], ...] = ()
+    lever_arm_b: tuple[float, float, float] = (0.0, 0.0, 0.0)  # m, to the antenna
 
 
 @dataclass(frozen=True)
@@ -358,6 +359,8 @@ def _fill_receiver(gnss: GnssState, settings: GnssSettings, seed: np.random.Seed
     gnss.position_sigma = math.hypot(settings.position_noise, settings.correlated_noise)
     gnss.correlated_noise = settings.correlated_noise
     gnss.correlated_share = math.exp(-settings.interval_epochs / settings.correlation_epochs)
+    gnss.lever_arm_b[:] = settings.lever_arm_b
+    gnss.has_lever_arm = any(settings.lever_arm_b)
     gnss.outage_count = len(settings.outages)
     for k, (first, last) in enumerate(settings.outages):
         gnss.outage_first[k], gnss.outage_last[k] = first, last

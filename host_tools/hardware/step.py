@@ -189,7 +189,7 @@ def readmission_word(plant: Plant, message: MessageSignals) -> np.uint64:
 
 
 @compiled
-def _send(plant: Plant, contract: Contract, outbox: FrameArray) -> int:
+def _send(plant: Plant, pieces: Floats, contract: Contract, outbox: FrameArray) -> int:
     """Write the epoch's frames; the status of the outer axis is always the last."""
     _send_sync(plant, contract, outbox[0])
     count = 1
@@ -214,7 +214,7 @@ def _send(plant: Plant, contract: Contract, outbox: FrameArray) -> int:
         fill(outbox[count], altimeter.message, altitude_word(plant, altimeter), plant.epoch)
         count += 1
     if gnss.measures(plant):
-        gnss.measure(plant, contract)
+        gnss.measure(plant, pieces, contract)
     if gnss.is_due(plant):
         count = gnss.send(plant, contract, outbox, count)
     if odometer.measures(plant):
@@ -316,6 +316,6 @@ def hardware_step(
     _receive(plant, record, inbox, count)
     advance(plant, pieces, record)
     note_truth(plant, pieces)
-    sent = _send(plant, record, outbox)
+    sent = _send(plant, pieces, record, outbox)
     plant.epoch += 1
     return sent

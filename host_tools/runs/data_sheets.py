@@ -34,6 +34,7 @@ _LEAST_SLOPE_PPM = 3.0
 _LEAST_FILTER_SLOPE_PPM = 0.1
 _LEAST_GYRO_BIAS_SIGMA_DPH = 0.05
 _LEAST_ACCELEROMETER_BIAS_SIGMA_UG = 50.0
+_LEAST_ALTIMETER_BIAS_SIGMA_M = 10.0
 _REPEATS_WITHIN = 3.0  # standard deviations
 
 
@@ -147,4 +148,13 @@ def estimator_settings(scenario: Scenario) -> EstimatorSettings | None:
         gate=table.gate,
         level_sigma=firmware.level_error_sigma_arcsec * ARCSEC,
         heading_sigma=firmware.heading_error_sigma_arcsec * ARCSEC,
+        **_altimeter(scenario),
     )
+
+
+def _altimeter(scenario: Scenario) -> dict[str, float]:
+    """Return what the firmware knows of the altimeter."""
+    if scenario.altimeter is None:
+        return {}
+    bias = max(_LEAST_ALTIMETER_BIAS_SIGMA_M, abs(scenario.altimeter.bias_m))
+    return {"altimeter_sigma": scenario.altimeter.noise_m, "altimeter_bias_sigma": bias}

@@ -60,7 +60,7 @@ def _pass_up(plant: Plant, pieces: Floats, state: Ram, contract: Contract) -> No
         intake.keep_altitude(assembly, altimeter, altitude_word(plant, altimeter))
     if receiver.measures(plant):
         note_truth(plant, pieces)
-        receiver.measure(plant, contract)
+        receiver.measure(plant, pieces, contract)
     if receiver.is_due(plant):
         for part in range(gnss.FRAMES):
             gnss.keep(state.gnss, part, plant.gnss.word[part])

@@ -29,6 +29,7 @@ from rrins.host_tools.motion.build import build
 from rrins.host_tools.motion.mounting import mounted
 from rrins.host_tools.motion.trajectory import ATTITUDE, PLACE, Trajectory
 from rrins.host_tools.runs.data_sheets import estimator_settings, redundancy_settings
+from rrins.host_tools.runs.tunnels import outages
 from rrins.host_tools.scenario.fault_tables import FaultOnWire
 from rrins.host_tools.scenario.geometry import AxesDeg
 from rrins.host_tools.scenario.motion import Motion
@@ -44,6 +45,7 @@ from rrins.host_tools.scenario.tables import (
 )
 from rrins.host_tools.wire.wire import Wire
 
+_NO_ARM = (0.0, 0.0, 0.0)
 _ATTITUDE_STREAM = 11  # independent of the hardware's own draws with the same seed
 
 
@@ -83,6 +85,7 @@ def firmware_settings(scenario: Scenario) -> firmware.Settings:
         scheme=scenario.scheme,
         altimeter=scenario.altimeter is not None,
         gnss_interval_s=0.0 if scenario.gnss is None else 1 / scenario.gnss.rate_hz,
+        gnss_lever_arm_m=_NO_ARM if scenario.gnss is None else scenario.gnss.lever_arm_m,
         odometer=_nominal_odometer(scenario),
         calibration=_calibration(settings.calibration, len(gyros), len(accelerometers)),
         redundancy=redundancy_settings(scenario),
@@ -353,10 +356,8 @@ def _gnss(scenario: Scenario) -> hardware.GnssSettings | None:
         velocity_noise=gnss.velocity_noise_mps,
         correlated_noise=gnss.position_correlated_noise_m,
         correlation_epochs=gnss.position_correlation_s * rate_hz,
-        outages=tuple(
-            (round(outage.at_s * rate_hz), round((outage.at_s + outage.for_s) * rate_hz))
-            for outage in gnss.outages
-        ),
+        outages=outages(scenario, trajectory_of(scenario)),
+        lever_arm_b=gnss.lever_arm_m,
     )
 
 

@@ -56,6 +56,7 @@ from rrins.host_tools.scenario.tables import (
     Site,
     Thermal,
     TomlTable,
+    Tunnel,
     Turntable,
     ZeroVelocity,
     each,
@@ -134,8 +135,13 @@ class Scenario(TomlTable):
                 origin = f', of sensors = "{self.sensors}"' if is_given else ""
                 _check_count(f"{kind}.{key}", value, count, origin)
         self._check_faults()
-        if self.altimeter is not None and self.firmware.height_channel != "damped":
-            raise ValueError('altimeter: is used with firmware.height_channel = "damped" only')
+        channel = self.firmware.height_channel
+        is_measured = self.estimator.enabled and channel == "free"
+        if self.altimeter is not None and channel != "damped" and not is_measured:
+            raise ValueError(
+                'altimeter: is used with firmware.height_channel = "damped", or with "free" and '
+                "estimator.enabled"
+            )
         if self.gnss is not None and self.gnss.latency_s >= 1 / self.gnss.rate_hz:
             raise ValueError(
                 f"gnss.latency_s: {self.gnss.latency_s:g} s, but the next fix comes after "
@@ -403,7 +409,8 @@ def parse(table: Mapping[str, Any], name: str, folder: Path = Path()) -> Scenari
 
 def _find_files(table: dict[str, Any], folder: Path) -> None:
     """Make the files that a scenario names relative to the folder that it stands in."""
-    for section, key in (("firmware", "calibration"), ("motion", "path")):
+    named = (("firmware", "calibration"), ("motion", "path"), ("gnss", "tunnel_map"))
+    for section, key in named:
         values = table.get(section)
         if isinstance(values, dict) and isinstance(values.get(key), str):
             table[section] = values | {key: str(folder / values[key])}
@@ -477,6 +484,7 @@ def _keys(location: tuple[int | str, ...], root: type[BaseModel]) -> list[str]:
         "gnss": Gnss,
         "odometer": Odometer,
         "outages": Outage,
+        "tunnels": Tunnel,
         "readmit": Readmission,
         "zero_velocity": ZeroVelocity,
     }

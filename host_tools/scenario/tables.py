@@ -196,7 +196,7 @@ class Thermal(TomlTable):
 
 
 class Altimeter(TomlTable):
-    """A barometric altimeter for `height_channel = "damped"`; fitted if the table is present."""
+    """A barometric altimeter; fitted if the table is present."""
 
     bias_m: float = Field(default=0.0, ge=-1000, le=1000)
     noise_m: float = Field(default=0.0, ge=0, le=100)
@@ -208,6 +208,19 @@ class Outage(TomlTable):
     at_s: float = Field(ge=0, le=LONGEST_S)
     """Since power-on, as of faults."""
     for_s: float = Field(gt=0, le=LONGEST_S)
+
+
+class Tunnel(TomlTable):
+    """A stretch of the vehicle's way without a fix, m from where its motion begins."""
+
+    from_m: float = Field(ge=0, le=1e7)
+    to_m: float = Field(gt=0, le=1e7)
+
+    @model_validator(mode="after")
+    def _in_order(self) -> Tunnel:
+        if self.to_m <= self.from_m:
+            raise ValueError(f"to_m: {self.to_m:g}, but from_m is {self.from_m:g}")
+        return self
 
 
 class Gnss(TomlTable):
@@ -222,7 +235,14 @@ class Gnss(TomlTable):
     position_correlation_s: float = Field(default=60.0, ge=0.1, le=100_000)
     """Its time constant."""
     latency_s: float = Field(default=0.1, ge=0, lt=1)
+    lever_arm_m: tuple[_Arm, _Arm, _Arm] = (0.0, 0.0, 0.0)
+    """In the body frame, from the reference point to the antenna."""
     outages: tuple[Outage, ...] = Field(default=(), max_length=OUTAGE_CAPACITY)
+    tunnels: tuple[Tunnel, ...] = Field(default=(), max_length=OUTAGE_CAPACITY)
+    tunnel_map: str | None = Field(default=None, min_length=1)
+    """GeoJSON file, relative to the scenario's folder: no fix inside its polygons, on its lines."""
+    tunnel_width_m: float = Field(default=20.0, gt=0, le=1000)
+    """Of the lines."""
 
 
 class ZeroVelocity(TomlTable):

@@ -8,6 +8,7 @@ from rrins.firmware_py.core import earth, strapdown
 from rrins.firmware_py.core.estimator_records import (
     ATTITUDE,
     BIASES,
+    CORRECTIONS,
     HEIGHT,
     LATITUDE,
     LONGITUDE,
@@ -58,18 +59,21 @@ def apply(state: Ram) -> None:
     estimator, ins, x = state.estimator, state.ins, state.estimator.x
     _note(state)
     strapdown.turn(ins, x[:3])
+    number = estimator.corrections % CORRECTIONS
+    estimator.corrections += 1
+    estimator.correction_epoch[number] = state.epoch
     for i in range(3):
         ins.velocity_n[i] += x[VELOCITY + i]
         estimator.velocity_n[i] += x[VELOCITY + i]
-        estimator.correction[3 + i] = x[VELOCITY + i]
-        estimator.correction[i] = x[LATITUDE + i]
+        estimator.correction[number, 3 + i] = x[VELOCITY + i]
+        estimator.correction[number, i] = x[LATITUDE + i]
     ins.latitude += x[LATITUDE]
     ins.longitude = earth.wrapped(ins.longitude + x[LONGITUDE])
     ins.height += x[HEIGHT]
     estimator.latitude += x[LATITUDE]
     estimator.longitude = earth.wrapped(estimator.longitude + x[LONGITUDE])
     estimator.height += x[HEIGHT]
-    estimator.correction_epoch = state.epoch
+    estimator.height_sum -= estimator.heights * x[HEIGHT]
     gyros, accelerometers = int(state.gyros.count), int(state.accelerometers.count)
     for k in range(gyros):
         estimator.gyro_bias[k] += x[BIASES + k]
@@ -78,5 +82,7 @@ def apply(state: Ram) -> None:
     if state.odometer.interval_epochs > 0:
         for i in range(ODOMETER_STATES):
             estimator.odometer[i] += x[BIASES + gyros + accelerometers + i]
+    if estimator.altimeter:
+        estimator.altimeter_bias += x[estimator.altimeter_state]
     for i in range(estimator.states):
         x[i] = 0.0

@@ -110,6 +110,10 @@ def begin(state: Ram) -> None:
         for i in range(ODOMETER_STATES):
             estimator.odometer[i] = 0.0
             P[first + i, first + i] = estimator.odometer_sigma[i] ** 2
+    if estimator.altimeter:
+        at = estimator.altimeter_state
+        estimator.altimeter_bias = 0.0
+        P[at, at] = estimator.altimeter_bias_sigma**2
     measurements.begin(estimator, state.epoch)
     wheels.begin(state)
 
@@ -164,6 +168,7 @@ def _finish_second(state: Ram) -> None:
     estimator.epochs = 0
     estimator.stage = _TRANSITION
     propagation.close(estimator)
+    measurements.finish_second(state)
     _stand_here(state)
     measurements.stand(state)
     wheels.finish_second(state)

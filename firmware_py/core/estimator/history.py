@@ -11,6 +11,7 @@ from rrins.firmware_py.core.estimator_records import (
     HEIGHT,
     LATITUDE,
     LONGITUDE,
+    ODOMETER_STATES,
     VELOCITY,
 )
 from rrins.firmware_py.core.memory import Ram
@@ -50,6 +51,15 @@ def note(state: Ram) -> None:
     for k in range(state.accelerometers.count):
         second.bias[1, k] = estimator.accelerometer_bias[k] + estimator.x[first + k]
         second.bias_sigma[1, k] = sigma[first + k]
+    if state.odometer.interval_epochs > 0:
+        first += int(state.accelerometers.count)
+        for i in range(ODOMETER_STATES):
+            second.odometer[i] = estimator.odometer[i] + estimator.x[first + i]
+            second.odometer_sigma[i] = sigma[first + i]
+    if estimator.altimeter:
+        at = estimator.altimeter_state
+        second.altimeter_bias = estimator.altimeter_bias + estimator.x[at]
+        second.altimeter_bias_sigma = sigma[at]
     _note_sources(state)
     estimator.history_count += 1
 

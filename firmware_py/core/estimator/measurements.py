@@ -8,11 +8,15 @@ between counts. Groves (2nd ed., 2013), section 14.3.
 from __future__ import annotations
 
 from rrins.dbc.compilation import compiled
-from rrins.firmware_py.core import earth
+from rrins.dbc.record import Floats
+from rrins.firmware_py.core import antenna, earth
 from rrins.firmware_py.core.estimator import covariance, wheels
 from rrins.firmware_py.core.estimator_records import (
     AIDS,
+    ATTITUDE,
     COMPONENTS,
+    CORRECTIONS,
+    HEIGHT,
     LATITUDE,
     MOST_DISTRUST,
     TRACK_EPOCHS,
@@ -20,7 +24,7 @@ from rrins.firmware_py.core.estimator_records import (
     Aid,
     Estimator,
 )
-from rrins.firmware_py.core.memory import Gnss, Ram
+from rrins.firmware_py.core.memory import ANTENNA_EPOCHS, Ram
 from rrins.firmware_py.core.modes import Mode
 
 _FIX = (1 << 2 * COMPONENTS) - 1
@@ -30,10 +34,13 @@ _LEVEL = 3
 
 _ZERO_VELOCITY, _KNOWN_POSITION = int(Aid.ZERO_VELOCITY), int(Aid.KNOWN_POSITION)
 _GNSS_POSITION, _GNSS_VELOCITY = int(Aid.GNSS_POSITION), int(Aid.GNSS_VELOCITY)
-_ODOMETER = int(Aid.ODOMETER)
+_ODOMETER, _ALTIMETER = int(Aid.ODOMETER), int(Aid.ALTIMETER)
 
 _LEAST_POSITION_SIGMA, _LEAST_VELOCITY_SIGMA = 0.01, 0.002
 """m, m/s: a receiver that promises more is not believed."""
+
+_LEAST_HEIGHT_SIGMA = 0.1
+"""m, of a mean height: wind and a passing lorry move the pressure by a pascal."""
 
 
 @compiled
@@ -42,7 +49,11 @@ def begin(estimator: Estimator, epoch: int) -> None:
     estimator.waiting = 0
     estimator.aided_epoch = -1
     estimator.track_first = epoch
-    estimator.correction_epoch = epoch
+    estimator.heights = 0
+    estimator.height_sum = 0.0
+    estimator.height_epochs = 0
+    for k in range(CORRECTIONS):
+        estimator.correction_epoch[k] = -1
     for aid in range(AIDS):
         source = estimator.sources[aid]
         source.used = 0
@@ -64,11 +75,23 @@ def note(estimator: Estimator, state: Ram) -> None:
     is_free = estimator.waiting >> (COMPONENTS * _GNSS_POSITION) & _FIX == 0
     oldest = max(estimator.track_first, state.epoch - TRACK_EPOCHS + 1)
     if gnss.fresh and is_free and gnss.epoch >= oldest:
-        _take_fix(estimator, gnss)
+        _take_fix(state)
+    if estimator.altimeter and state.assembly.altimeter_received:
+        estimator.heights += 1
+        estimator.height_sum += state.assembly.altimeter_height - ins.height
+        estimator.height_epochs += state.epoch - estimator.epoch
 
 
 @compiled
-def _take_fix(estimator: Estimator, gnss: Gnss) -> None:
+def _take_fix(state: Ram) -> None:
+    estimator, gnss, place = state.estimator, state.gnss, state.antenna
+    if place.present:
+        if not antenna.is_known(place, gnss.epoch):
+            return
+        dt = state.parameters.period_ns * 1e-9
+        antenna.velocity(place, gnss.epoch, dt, estimator.fix_lever_velocity_n)
+        for i in range(3):
+            estimator.fix_lever_n[i] = place.lever_n[gnss.epoch % ANTENNA_EPOCHS, i]
     estimator.fix_epoch = gnss.epoch
     estimator.fix_position[0] = gnss.latitude
     estimator.fix_position[1] = gnss.longitude
@@ -95,6 +118,22 @@ def stand(state: Ram) -> None:
         estimator.waiting |= components << (COMPONENTS * _ZERO_VELOCITY)
     if is_aligning:
         estimator.waiting |= components << (COMPONENTS * _KNOWN_POSITION)
+
+
+@compiled
+def finish_second(state: Ram) -> None:
+    """Let the mean of the second's heights wait as a measurement; begin the next second."""
+    estimator = state.estimator
+    if estimator.heights > 0:
+        dt = state.parameters.period_ns * 1e-9
+        mean_epochs = estimator.height_epochs / estimator.heights
+        estimator.height_difference = estimator.height_sum / estimator.heights
+        estimator.height_count = estimator.heights
+        estimator.height_after_s = (mean_epochs - estimator.second_epochs) * dt
+        estimator.waiting |= 1 << (COMPONENTS * _ALTIMETER)
+    estimator.heights = 0
+    estimator.height_sum = 0.0
+    estimator.height_epochs = 0
 
 
 @compiled
@@ -152,10 +191,17 @@ def _innovation(state: Ram, aid: int, component: int) -> tuple[float, float]:
         return -estimator.velocity_n[component], sigma
     if aid == _GNSS_VELOCITY:
         estimator.row[VELOCITY + component] = 1.0
-        navigated = _past(estimator, 3 + component)
+        navigated = _past(estimator, 3 + component) + estimator.fix_lever_velocity_n[component]
+        _turn(estimator, estimator.fix_lever_velocity_n, component)
         return estimator.fix_velocity_n[component] - navigated, estimator.fix_sigma[1]
     if aid == _ODOMETER:
         return wheels.innovation(state, component)
+    if aid == _ALTIMETER:
+        estimator.row[HEIGHT] = 1.0
+        estimator.row[VELOCITY + 2] = estimator.height_after_s
+        estimator.row[estimator.altimeter_state] = 1.0
+        sigma = max(estimator.altimeter_sigma / estimator.height_count**0.5, _LEAST_HEIGHT_SIGMA)
+        return estimator.height_difference - estimator.altimeter_bias, sigma
     metres = 1.0
     if component == 0:
         metres = estimator.north_radius
@@ -173,19 +219,29 @@ def _innovation(state: Ram, aid: int, component: int) -> tuple[float, float]:
     if component == 1:
         difference = earth.wrapped(difference)
     seconds = (estimator.fix_epoch - estimator.epoch) * parameters.period_ns * 1e-9
-    along = VELOCITY + 2
+    axis = 2
     if component == 0:
-        along = VELOCITY + 1
+        axis = 1
     elif component == 1:
-        along = VELOCITY
-    estimator.row[along] = seconds
-    return difference * metres, estimator.fix_sigma[0]
+        axis = 0
+    estimator.row[VELOCITY + axis] = seconds
+    _turn(estimator, estimator.fix_lever_n, axis)
+    return difference * metres - estimator.fix_lever_n[axis], estimator.fix_sigma[0]
+
+
+@compiled
+def _turn(estimator: Estimator, vector_n: Floats, axis: int) -> None:
+    """Write what the attitude does to a component of a body's vector: ``attitude x vector``."""
+    one, two = (axis + 1) % 3, (axis + 2) % 3
+    estimator.row[ATTITUDE + one] = vector_n[two]
+    estimator.row[ATTITUDE + two] = -vector_n[one]
 
 
 @compiled
 def _past(estimator: Estimator, component: int) -> float:
     """Return a component of the navigation when the fix was valid, as corrected since."""
     value = estimator.track[estimator.fix_epoch % TRACK_EPOCHS, component]
-    if estimator.fix_epoch <= estimator.correction_epoch:
-        value += estimator.correction[component]
+    for k in range(CORRECTIONS):
+        if estimator.fix_epoch <= estimator.correction_epoch[k]:
+            value += estimator.correction[k, component]
     return float(value)

@@ -162,6 +162,9 @@ def add_noise(state: Ram) -> None:
             variance = estimator.white_variance[kind, k] * dt
             covariance.add_along(P, into, estimator.direction, variance)
             P[first + k, first + k] += estimator.walk_variance[kind, k] * dt
+    if estimator.altimeter:
+        at = estimator.altimeter_state
+        P[at, at] += estimator.altimeter_walk_variance * dt
     angle = estimator.slope_variance[0] * SCALE_TURN * estimator.turned[DONE]
     for i in range(3):
         P[ATTITUDE + i, ATTITUDE + i] += angle

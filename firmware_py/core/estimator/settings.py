@@ -50,6 +50,12 @@ class EstimatorSettings(BaseModel):
         rad, of each angle between y of the body and the vehicle's forward axis. 1°: by eye.
     slip_sigma : float
         m/s, of the velocity across the forward axis. 5 cm/s: what tyres and springs let through.
+    altimeter_sigma : float
+        m, of each height of the altimeter.
+    altimeter_bias_sigma : float
+        m, of its bias at the beginning. 10 m: by an air pressure that is not that of the day.
+    altimeter_walk : float
+        m/√s, of the bias. 1/60: a metre in an hour, by the weather.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
@@ -66,6 +72,9 @@ class EstimatorSettings(BaseModel):
     odometer_scale_sigma: float = Field(default=0.01, gt=0)
     mounting_sigma: float = Field(default=math.radians(1.0), gt=0)
     slip_sigma: float = Field(default=0.05, gt=0)
+    altimeter_sigma: float = Field(default=0.5, ge=0)
+    altimeter_bias_sigma: float = Field(default=10.0, gt=0)
+    altimeter_walk: float = Field(default=1 / 60, gt=0)
 
 
 def _bias_sigma(sheet: DataSheet) -> float:
@@ -76,6 +85,17 @@ def _fused(fusion: Fusion) -> float:
     """Return how much of one sensor's error a component of the fused vector has, at most."""
     gain = np.linalg.pinv(fusion.H[: int(fusion.count)])
     return float(np.sqrt(np.max(np.sum(gain**2, axis=1))))
+
+
+def take_altimeter(state: Ram) -> None:
+    """Let the filter measure by the altimeter what a damped height channel would follow.
+
+    Beside the filter, that channel turns biases of a milli-g into metres that no measurement of the
+    filter explains.
+    """
+    if state.parameters.height_channel != strapdown.HEIGHT_HELD:
+        state.parameters.height_channel = strapdown.HEIGHT_FREE
+        state.estimator.altimeter = True
 
 
 def set_up(state: Ram, settings: EstimatorSettings, rate_hz: int) -> None:
@@ -90,6 +110,12 @@ def set_up(state: Ram, settings: EstimatorSettings, rate_hz: int) -> None:
         estimator.states += ODOMETER_STATES
     estimator.odometer_sigma[:] = settings.odometer_scale_sigma, *2 * (settings.mounting_sigma,)
     estimator.slip_sigma = settings.slip_sigma
+    if estimator.altimeter:
+        estimator.altimeter_state = estimator.states
+        estimator.states += 1
+    estimator.altimeter_sigma = settings.altimeter_sigma
+    estimator.altimeter_bias_sigma = settings.altimeter_bias_sigma
+    estimator.altimeter_walk_variance = settings.altimeter_walk**2
     estimator.vertical = parameters.height_channel == strapdown.HEIGHT_FREE
     estimator.zero_velocity_sigma = settings.zero_velocity_sigma
     estimator.velocity_sigma = settings.zero_velocity_sigma

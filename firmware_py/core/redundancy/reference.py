@@ -6,6 +6,7 @@ A GNSS fix arrives after the fact; the velocity that was navigated is looked up 
 from __future__ import annotations
 
 from rrins.dbc.compilation import compiled
+from rrins.firmware_py.core import antenna
 from rrins.firmware_py.core.memory import Ram
 from rrins.firmware_py.core.redundancy import blocks
 from rrins.firmware_py.core.redundancy_records import VELOCITY_EPOCHS
@@ -46,8 +47,24 @@ def follow(state: Ram) -> None:
             bank.fix_velocity_n[i] = gnss.velocity_n[i]
     if bank.fix_waits and bank.fix_epoch <= last:
         bank.fix_waits = False
-        if bank.fix_epoch >= max(bank.velocity_first, last - VELOCITY_EPOCHS + 1):
+        is_known = bank.fix_epoch >= max(bank.velocity_first, last - VELOCITY_EPOCHS + 1)
+        if is_known and _refer(state):
             _keep(state)
+
+
+@compiled
+def _refer(state: Ram) -> bool:
+    """Refer the fix to the reference point; return whether the antenna's place was known."""
+    bank, place = state.redundancy.bank, state.antenna
+    if not place.present:
+        return True
+    if not antenna.is_known(place, bank.fix_epoch):
+        return False
+    dt = state.parameters.period_ns * 1e-9
+    antenna.velocity(place, bank.fix_epoch, dt, place.velocity_n)
+    for i in range(2):
+        bank.fix_velocity_n[i] -= place.velocity_n[i]
+    return True
 
 
 @compiled

@@ -8,7 +8,14 @@ import numpy as np
 import pytest
 
 from rrins.host_tools.hardware.faults import EVERY, HardwareFault
-from rrins.host_tools.hardware.settings import GnssSettings, PlannedFault
+from rrins.host_tools.hardware.settings import (
+    GnssSettings,
+    MotionPieces,
+    PlannedFault,
+    body_to_navigation,
+)
+from rrins.host_tools.motion.drive import synthetic_drive
+from rrins.host_tools.motion.trajectory import ATTITUDE
 
 GROUP = ("GNSS_TIME", "GNSS_LATITUDE", "GNSS_LONGITUDE", "GNSS_HEIGHT", "GNSS_VELOCITY")
 METRES_PER_DEG = 111_035  # of latitude at 40°, WGS-84
@@ -146,3 +153,20 @@ def test_a_receiver_that_is_lost_has_no_fix(tools):
     found = faulty(tools, PlannedFault(HardwareFault.GNSS_LOST, EVERY, 50, 130))
     qualities = [group["GNSS_TIME"]["quality"] for group in found.values()]
     assert qualities == [2, 2, 2, 0, 0, 0, 0, 2, 2, 2]
+
+
+def test_it_measures_where_its_antenna_is(tools):
+    """Beside numpy: the arm turned by the attitude, and how that changes."""
+    base = np.array([math.radians(40), math.radians(116), 40.0, 0.0, 0.0, 0.7])
+    drive, arm = synthetic_drive(60, 5, base, 5_000_000), np.array([0.8, -2.5, 1.4])
+    motion = MotionPieces(drive.pieces, drive.knot_ns // 5_000_000, 0)
+    receivers = [GnssSettings(interval_epochs=20, lever_arm_b=b) for b in ((0, 0, 0), tuple(arm))]
+    centre, antenna = (groups(tools.Bench(gnss=r, motion=motion), 12_000) for r in receivers)
+    found = east_north_up(antenna.values()) - east_north_up(centre.values())
+    rows = drive.at(np.array([(k + np.array([-1, 0, 1])) for k in antenna]).ravel() * 0.005)
+    placed = np.array([body_to_navigation(*angles) @ arm for angles in rows[:, ATTITUDE]])
+    placed = placed.reshape(-1, 3, 3)
+    moving = (placed[:, 2] - placed[:, 0]) / 0.01
+    assert np.abs(moving).max() > 0.5
+    np.testing.assert_allclose(found[:, :3], placed[:, 1], atol=3e-3)  # the frames' millimetre
+    np.testing.assert_allclose(found[1:, 3:], moving[1:], atol=1e-3)

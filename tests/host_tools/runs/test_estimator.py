@@ -210,3 +210,41 @@ def test_a_wheel_that_stands_keeps_the_navigation_where_it_is():
 
     aided = worst_m(odometer={}, estimator={"enabled": True})
     assert aided < 1.0 < worst_m()
+
+
+def worst_of_drive(knows_arm=True, **changes):
+    """Return the largest level and height errors, m, of an aided drive, after its beginning."""
+    scenario = rrins.load_scenario(
+        "drive_rotating", duration_s=150, estimator={"enabled": True}, **TACTICAL | changes
+    )
+    settings = firmware_settings(scenario)
+    if not knows_arm:
+        settings = settings.model_copy(update={"gnss_lever_arm_m": (0.0, 0.0, 0.0)})
+    run = FastRun.of(settings, hardware_settings(scenario), scenario.rate_hz)
+    track = run.run(150 * scenario.rate_hz)
+    east = (track.navigation["longitude"] - track.truth["longitude"]) * np.cos(
+        track.truth["latitude"]
+    )
+    north = track.navigation["latitude"] - track.truth["latitude"]
+    level = np.hypot(east, north).max() * SEMI_MAJOR_AXIS
+    height = np.abs(track.navigation["height"] - track.truth["height"]).max()
+    return level, height
+
+
+def test_a_lever_arm_of_the_antenna_costs_nothing_where_it_is_known():
+    free = {"altimeter": None, "firmware": {"height_channel": "free"}}
+    centre = worst_of_drive(**free, gnss={})
+    arm = {"lever_arm_m": (0.5, -2.5, 1.5)}
+    known = worst_of_drive(**free, gnss=arm)
+    unknown = worst_of_drive(knows_arm=False, **free, gnss=arm)
+    print(f"\nat the centre {centre}, known {known}, unknown {unknown} m")
+    assert known == pytest.approx(centre, abs=0.05)
+    assert unknown[0] > 2.0
+
+
+def test_the_altimeter_holds_the_height_in_spite_of_biases_of_a_milli_g():
+    altimeter = {"bias_m": 5, "noise_m": 0.5}
+    level, height = worst_of_drive(altimeter=altimeter, odometer={})
+    print(f"\nlevel {level:.2f} m, height {height:.2f} m")
+    assert height < 0.5
+    assert level < 5.0

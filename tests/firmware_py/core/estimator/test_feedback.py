@@ -55,8 +55,8 @@ def test_every_error_is_added_and_cleared(tools, state):
     assert estimator.gyro_bias[:4] == pytest.approx(1e-7 + x[BIASES : BIASES + 4])
     assert estimator.accelerometer_bias[:4] == pytest.approx(x[BIASES + 4 : BIASES + 8])
     assert estimator.odometer == pytest.approx(x[BIASES + 8 :])
-    assert estimator.correction == pytest.approx([1e-6, -2e-6, 3.0, *v])
-    assert estimator.correction_epoch == 77
+    assert estimator.correction[0] == pytest.approx([1e-6, -2e-6, 3.0, *v])
+    assert (estimator.correction_epoch[0], estimator.corrections) == (77, 1)
     assert not estimator.x.any()
 
 

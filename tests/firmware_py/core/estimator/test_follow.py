@@ -169,7 +169,7 @@ def test_velocity_and_position_are_known_for_its_time_only(make_bench):
     assert before == 2 * [2 * (round(FINE_S) - 1)]
     for _ in range(2 * RATE_HZ):
         bench.step()
-    assert [int(sources[aid].used) for aid in Aid] == [*before, 0, 0, 0]
+    assert [int(sources[aid].used) for aid in Aid] == [*before, 0, 0, 0, 0]
 
 
 def test_it_levels_a_vehicle_that_is_given_a_wrong_level(make_bench):

@@ -7,10 +7,13 @@ import math
 import numpy as np
 import pytest
 
+from rrins.firmware_py.core import antenna
 from rrins.firmware_py.core.estimator import measurements
 from rrins.firmware_py.core.estimator_records import (
+    ATTITUDE,
     BIASES,
     COMPONENTS,
+    CORRECTIONS,
     HEIGHT,
     LATITUDE,
     LONGITUDE,
@@ -177,12 +180,18 @@ def test_the_navigation_of_the_past_is_taken_as_corrected_since(state):
     fix(state, FIX_EPOCH, PLACE, VELOCITY_N)
     put(state, STAND + 10, PLACE, VELOCITY_N)
     estimator = state.estimator
-    estimator.correction[:] = 2.0 / NORTH, -3.0 / EAST, 1.5, 0.1, 0.2, -0.3
-    estimator.correction_epoch = FIX_EPOCH - 1  # the track has it already
+    last, before = 1, 0
+    estimator.correction[last] = 2.0 / NORTH, -3.0 / EAST, 1.5, 0.1, 0.2, -0.3
+    estimator.correction_epoch[last] = FIX_EPOCH - 1  # the track has it already
     assert [row[0] for row in innovations(state).values()] == pytest.approx(6 * [0.0], abs=1e-9)
-    estimator.correction_epoch = FIX_EPOCH  # at its end, behind the track
+    estimator.correction_epoch[last] = FIX_EPOCH  # at its end, behind the track
     expected = [-2.0, 3.0, -1.5, -0.1, -0.2, 0.3]
     assert [row[0] for row in innovations(state).values()] == pytest.approx(expected, abs=1e-8)
+    estimator.correction[before] = estimator.correction[last]
+    estimator.correction_epoch[before] = FIX_EPOCH
+    estimator.correction_epoch[last] = FIX_EPOCH + 200
+    twice = [2 * value for value in expected]
+    assert [row[0] for row in innovations(state).values()] == pytest.approx(twice, abs=1e-8)
 
 
 def test_longitudes_are_compared_across_the_antimeridian(state):
@@ -283,6 +292,94 @@ def test_it_begins_with_nothing_waiting_and_nothing_counted(state):
         source.squares = 3.0
     measurements.begin.py_func(estimator, 123)
     assert scalars(state) == []
-    assert (estimator.track_first, estimator.correction_epoch) == (123, 123)
+    assert estimator.track_first == 123
+    assert list(estimator.correction_epoch) == CORRECTIONS * [-1]
     for source in estimator.sources:
         assert source.used == source.rejected == source.rejected_in_a_row == source.squares == 0
+
+
+ARM_B = np.array([0.5, -2.0, 1.5])
+RATE_N = np.array([0.1, -0.2, 0.5])
+
+
+def arm_at(tools, epoch):
+    """Return the arm in n of a body that turns steadily."""
+    return tools.exponential(RATE_N * (epoch - FIX_EPOCH) * 0.005) @ ARM_B
+
+
+def turning(tools, state, first=FIX_EPOCH - 50, last=STAND):
+    """Let the antenna turn with a body, over some epochs."""
+    state.antenna.present, state.antenna.lever_arm_b[:] = True, ARM_B
+    state.modes.mode = Mode.NAVIGATION_ROTATING
+    for epoch in range(first, last + 1):
+        state.epoch = epoch
+        state.ins.C_s_n[:] = tools.exponential(RATE_N * (epoch - FIX_EPOCH) * 0.005)
+        state.C_s_b[:] = np.eye(3)
+        antenna.follow.py_func(state)
+
+
+def test_a_fix_of_an_antenna_away_is_referred_to_the_reference_point(tools, state):
+    turning(tools, state)
+    put(state, FIX_EPOCH, PLACE, VELOCITY_N)
+    moving = np.cross(RATE_N, ARM_B)
+    east, north, up = ARM_B
+    fix(state, FIX_EPOCH, PLACE + np.array([north / NORTH, east / EAST, up]), VELOCITY_N + moving)
+    put(state, STAND, PLACE, VELOCITY_N)
+    found = innovations(state)
+    assert [row[0] for row in found.values()] == pytest.approx(6 * [0.0], abs=1e-4)
+    # A small turn of the attitude moves the antenna: by differences.
+    for k, axis in enumerate((1, 0, 2)):
+        for aid, vector, place in (
+            (Aid.GNSS_POSITION, ARM_B, k),
+            (Aid.GNSS_VELOCITY, moving, axis),
+        ):
+            row = found[aid, place][2][ATTITUDE : ATTITUDE + 3]
+            turned = [(tools.exponential(1e-6 * one) @ vector)[axis] for one in np.eye(3)]
+            expected = (np.array(turned) - vector[axis]) / 1e-6
+            assert row == pytest.approx(expected, abs=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("first", "last", "exact"),
+    [(-50, 50, True), (-50, 1, True), (-50, 0, False), (0, 50, False), (0, 0, None)],
+)
+def test_the_antennas_velocity_is_of_the_epochs_around(tools, state, first, last, exact):
+    turning(tools, state, FIX_EPOCH + first, FIX_EPOCH + last)
+    assert antenna.is_known.py_func(state.antenna, FIX_EPOCH)
+    assert not antenna.is_known.py_func(state.antenna, FIX_EPOCH + last + 1)
+    assert not antenna.is_known.py_func(state.antenna, FIX_EPOCH + first - 1)
+    out = np.zeros(3)
+    antenna.velocity.py_func(state.antenna, FIX_EPOCH, 0.005, out)
+    expected = np.zeros(3) if exact is None else np.cross(RATE_N, ARM_B)
+    # Without an epoch on one side it is of half an epoch beside: half a period of acceleration.
+    assert out == pytest.approx(expected, abs=1e-4 if exact else 2e-3)
+
+
+def test_a_fix_from_before_the_antennas_place_was_known_does_not_wait(tools, state):
+    turning(tools, state, STAND - 10, STAND + 100)
+    fix(state, STAND - 11, PLACE, VELOCITY_N)
+    put(state, STAND + 100, PLACE, VELOCITY_N)
+    assert scalars(state) == []
+
+
+def test_the_mean_of_a_seconds_heights_is_a_measurement(kit):
+    state = make_state(kit, altimeter=True, height_channel="damped")
+    estimator, bias = state.estimator, state.estimator.altimeter_state
+    assert (estimator.states, bias) == (STATES + 1, STATES)
+    estimator.altimeter_bias = 2.0
+    for k in range(1, estimator.second_epochs + 1):
+        state.assembly.altimeter_received = k % 20 == 0
+        state.assembly.altimeter_height = PLACE[2] + 2.5 + 0.1 * (-1) ** (k // 20)
+        put(state, STAND + k, PLACE, VELOCITY_N)
+    measurements.finish_second.py_func(state)
+    assert scalars(state) == [(Aid.ALTIMETER, 0)]
+    estimator.row[:] = 0.0
+    value, sigma = measurements._innovation.py_func(state, int(Aid.ALTIMETER), 0)
+    assert (value, sigma) == pytest.approx((0.5, 0.5 / math.sqrt(10)))
+    row = {k: estimator.row[k] for k in np.flatnonzero(estimator.row)}
+    # Its mean time is that of the epochs 20, 40, … 200 of 200.
+    assert row == pytest.approx({HEIGHT: 1.0, VELOCITY + 2: -0.45, bias: 1.0})
+    assert (estimator.heights, estimator.height_sum, estimator.height_epochs) == (0, 0.0, 0)
+    estimator.waiting = 0
+    measurements.finish_second.py_func(state)
+    assert scalars(state) == []
