@@ -11,8 +11,9 @@
 What the command line does, these do as well: `load_scenario`, `simulate` and `rehearse` run a
 scenario; `record`, `replay` and `open_log` handle logs of the bus; `open_diagnostics` and
 `open_faults` talk to a rehearsal under way; `analyse_scheme` and `search_schemes` look at rotation
-schemes; `load_motion` and `reproduce` look at recorded motion and at the paper. Tests get the
-fixtures `rrins_bench`, `rrins_bus`, `rrins_firmware` and `rrins_hardware` from the pytest plugin.
+schemes; `load_motion` and `reproduce` look at recorded motion and at the paper; `Campaign` runs a
+scenario thousands of times. Tests get the fixtures `rrins_bench`, `rrins_bus`, `rrins_firmware` and
+`rrins_hardware` from the pytest plugin.
 
 Units stand at the end of a name (``_deg``, ``_dph``, ``_ug``, ``_s``); frames are those of
 `docs/conventions.md`. Importing this package is quick: whatever is heavy (numba, xarray, pandas,
@@ -25,6 +26,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Final
 
 if TYPE_CHECKING:
+    from rrins.campaign import Campaign as Campaign
     from rrins.host_tools.errors import RehearsalError as RehearsalError
     from rrins.host_tools.errors import ScenarioError as ScenarioError
     from rrins.host_tools.scenario.scenario import Scenario as Scenario
@@ -67,10 +69,12 @@ _HOMES: Final = {
     "search_schemes": "rrins.schemes",
     "load_motion": "rrins.motion",
     "reproduce": "rrins.paper",
+    "Campaign": "rrins.campaign",
 }
 
 __all__ = [
     "BusLog",
+    "Campaign",
     "RehearsalError",
     "Run",
     "Scenario",

@@ -54,6 +54,7 @@ _PLAN = {
     "scheme": _Entry("scheme", "Analyse, compare and search rotation schemes."),
     "redundancy": _Entry("redundancy", "Show which faults redundant sensors can find."),
     "motion": _Entry("motion", "Check recorded vehicle motion; export true motion."),
+    "campaign": _Entry("campaign", "Run a scenario thousands of times, with other values each."),
     "reproduce": _Entry("reproduce", "Run the paper's experiments."),
 }
 _SECTIONS: Final = {"Run": _RUN, "Look": _LOOK, "Plan": _PLAN}

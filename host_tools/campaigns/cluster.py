@@ -1,0 +1,141 @@
+"""Runs chunks on a Dask cluster: by address, by scheduler file, or one on this machine.
+
+Dask hands a chunk on when its worker is gone, a few times; then it comes back as lost.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import queue
+import warnings
+from collections.abc import Sequence
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+from rrins.host_tools.campaigns.engines import AHEAD, Done, missing, taken
+from rrins.host_tools.campaigns.errors import CampaignError
+from rrins.host_tools.campaigns.row import Row, Work, rows_of
+from rrins.host_tools.errors import RehearsalError
+
+_CONNECT_S = 30
+_FEWEST_AHEAD = 4
+
+
+def _run(work: Work, runs: tuple[int, ...]) -> list[Row]:
+    """Run a chunk on a worker, under a name that its dashboard shows."""
+    return rows_of(work, runs)
+
+
+class Cluster:
+    """Runs chunks on a Dask cluster.
+
+    Parameters
+    ----------
+    work : Work
+    address : str, optional
+        Of the scheduler, such as ``tcp://10.0.0.1:8786``.
+    scheduler_file : Path, optional
+        That the scheduler wrote.
+    workers : int, optional
+        Of a cluster on this machine, where neither is given.
+
+    Raises
+    ------
+    CampaignError
+        When `distributed` is missing, or no scheduler answers.
+    """
+
+    def __init__(
+        self,
+        work: Work,
+        address: str | None = None,
+        scheduler_file: Path | None = None,
+        workers: int | None = None,
+    ) -> None:
+        try:
+            distributed: Any = import_module("distributed")
+        except ImportError as error:
+            raise missing("distributed", "dask") from error
+        self._work = work
+        self._local: Any = None
+        self._lost_words = distributed.scheduler.KilledWorker
+        self._cancelled = (
+            distributed.client.FutureCancelledError,
+            distributed.CancelledError,
+            distributed.comm.CommClosedError,
+        )
+        logging.getLogger("distributed").setLevel(logging.ERROR)
+        where = address or (f"of {scheduler_file}" if scheduler_file else "on this machine")
+        try:
+            if address is None and scheduler_file is None:
+                self._local = distributed.LocalCluster(
+                    n_workers=workers, threads_per_worker=1, dashboard_address=None
+                )
+                address = self._local.scheduler_address
+            file = None if scheduler_file is None else str(scheduler_file)
+            self._client: Any = distributed.Client(
+                address, scheduler_file=file, timeout=_CONNECT_S, set_as_default=False
+            )
+        except (OSError, ValueError, TimeoutError) as error:
+            raise CampaignError(f"Dask scheduler {where}: does not answer: {error}") from error
+        self._where = where
+        self._done: queue.SimpleQueue[tuple[tuple[int, ...], Any]] = queue.SimpleQueue()
+        self._under_way: dict[tuple[int, ...], Any] = {}
+
+    def room(self) -> int:
+        """Return how many more chunks it takes now; workers may come and go."""
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            workers = self._client.scheduler_info(n_workers=-1)["workers"].values()
+        threads = sum(int(worker["nthreads"]) for worker in workers)
+        return max(_FEWEST_AHEAD, AHEAD * threads) - len(self._under_way)
+
+    def submit(self, runs: Sequence[int]) -> None:
+        """Take a chunk."""
+        chunk = tuple(runs)
+        future = self._client.submit(_run, self._work, chunk, pure=False)
+        self._under_way[chunk] = future
+        future.add_done_callback(lambda done: self._done.put((chunk, done)))
+
+    def wait(self, timeout_s: float) -> list[Done]:
+        """Return the chunks that are done or lost, after waiting for one at most this long.
+
+        Raises
+        ------
+        CampaignError
+            When a worker refuses the work, or the scheduler is gone.
+        """
+        if self._client.status not in ("running", "connecting"):
+            raise CampaignError(f"Dask scheduler {self._where}: is gone; the same command goes on")
+        return taken(self._done, timeout_s, self._take)
+
+    def _take(self, runs: tuple[int, ...], future: Any) -> Done:
+        self._under_way.pop(runs, None)
+        try:
+            rows = future.result(timeout=_CONNECT_S)
+        except self._lost_words as error:
+            return Done(runs, [], " ".join(str(error).split())[:200])
+        except self._cancelled as error:
+            raise CampaignError(
+                f"Dask scheduler {self._where}: is gone; the same command goes on"
+            ) from error
+        except RehearsalError:
+            raise
+        except Exception as error:  # whatever a worker of other libraries raises
+            raise CampaignError(f"Dask worker: {type(error).__name__}: {error}") from error
+        finally:
+            future.release()
+        return Done(runs, rows)
+
+    def close(self) -> list[Done]:
+        """Let go of what is under way and of the cluster; return nothing."""
+        with contextlib.suppress(Exception):
+            self._client.cancel(list(self._under_way.values()), force=True)
+        with contextlib.suppress(Exception):
+            self._client.close(timeout=5)
+        if self._local is not None:
+            with contextlib.suppress(Exception):
+                self._local.close(timeout=10)
+        return []

@@ -1,0 +1,237 @@
+"""What a key is varied by, as a person writes it: ``normal(0, 0.1)``, ``list(1, 2, 5)``, ….
+
+Every distribution is a function of one number in (0, 1), its quantile: so that one set of points,
+drawn at random, by Latin hypercube or by Sobol's sequence, serves them all.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+from rrins.host_tools.campaigns.errors import CampaignError
+
+Value = float | int | str | bool
+"""What a key of a scenario is set to."""
+
+_CALL = re.compile(r"\s*(\w+)\s*\(([^()]*)\)\s*(.*)\Z", re.DOTALL)
+_CORRELATED = re.compile(r"correlated\s*\(?\s*([-+.\deE]+)\s*\)?\Z")
+_NUMBER_OF_VALUES: Final = {"normal": 2, "uniform": 2, "truncated": 4, "steps": 3}
+_KINDS: Final = (*_NUMBER_OF_VALUES, "list")
+_MOST_STEPS = 100_000
+
+
+def cumulative_normal(z: float) -> float:
+    """Return the probability that a standard normal number is below `z`."""
+    return 0.5 * math.erfc(-z / math.sqrt(2.0))
+
+
+def normal_quantile(probability: float) -> float:
+    """Return the standard normal number below which another one is with a probability."""
+    from scipy.special import ndtri
+
+    return float(ndtri(probability))
+
+
+@dataclass(frozen=True)
+class Distribution:
+    """What a key is drawn from.
+
+    Attributes
+    ----------
+    kind : {"normal", "uniform", "truncated", "list"}
+    values : tuple
+        Mean and standard deviation; lower and upper limit; mean, standard deviation of the normal
+        distribution and its limits; or the values that are equally likely.
+    is_common : bool
+        Whether all sensors get one value; else each its own.
+    correlation : float
+        Between the values of two sensors.
+    """
+
+    kind: str
+    values: tuple[Value, ...]
+    is_common: bool = False
+    correlation: float = 0.0
+
+    def quantile(self, probability: float) -> Value:
+        """Return the value below which another one is with a probability between 0 and 1."""
+        if self.kind == "list":
+            return self.values[min(int(probability * len(self.values)), len(self.values) - 1)]
+        first, second, *limits = self._numbers
+        if self.kind == "uniform":
+            return first + (second - first) * probability
+        if self.kind == "normal":
+            return first + second * normal_quantile(probability)
+        low, high = (cumulative_normal((limit - first) / second) for limit in limits)
+        z = normal_quantile(low + (high - low) * probability)
+        return min(max(first + second * z, limits[0]), limits[1])
+
+    @property
+    def _numbers(self) -> tuple[float, ...]:
+        return tuple(float(value) for value in self.values)
+
+    @property
+    def is_numeric(self) -> bool:
+        """Whether its values are numbers."""
+        return all(isinstance(v, float | int) and not isinstance(v, bool) for v in self.values)
+
+    @property
+    def levels(self) -> tuple[Value, ...]:
+        """What a sweep sets the key to: all values of a list, else low and high.
+
+        Low and high are the limits of a uniform distribution, else one standard deviation from the
+        median.
+        """
+        if self.kind == "list":
+            return self.values
+        if self.kind == "uniform":
+            return self.values
+        return self.quantile(cumulative_normal(-1.0)), self.quantile(cumulative_normal(1.0))
+
+    @property
+    def nominal(self) -> Value:
+        """What a sweep of another key leaves the key at: the median, the first of a list."""
+        return self.values[0] if self.kind == "list" else self.quantile(0.5)
+
+    @property
+    def moments(self) -> tuple[float, float]:
+        """Mean and standard deviation."""
+        if self.kind == "normal":
+            mean, spread = self._numbers
+            return mean, spread
+        if self.kind == "uniform":
+            low, high = self._numbers
+            return (low + high) / 2.0, (high - low) / math.sqrt(12.0)
+        if self.kind == "list":
+            values = self._numbers
+            mean = sum(values) / len(values)
+            return mean, math.sqrt(sum((v - mean) ** 2 for v in values) / len(values))
+        from scipy.stats import truncnorm
+
+        mean, spread, low, high = self._numbers
+        z = ((low - mean) / spread, (high - mean) / spread)
+        return (
+            float(truncnorm.mean(*z, loc=mean, scale=spread)),
+            float(truncnorm.std(*z, loc=mean, scale=spread)),
+        )
+
+    def text(self) -> str:
+        """Return it as a person writes it."""
+        words = [f"{self.kind}({', '.join(_written(v) for v in self.values)})"]
+        if self.is_common:
+            words.append("common")
+        if self.correlation:
+            words.append(f"correlated {self.correlation:g}")
+        return " ".join(words)
+
+
+def _written(value: Value) -> str:
+    if isinstance(value, bool):
+        return str(value).lower()
+    return value if isinstance(value, str) else repr(value)
+
+
+def _value(text: str) -> Value:
+    """Return a number, a truth value or a word."""
+    word = text.strip().strip("\"'")
+    if word in ("true", "false"):
+        return word == "true"
+    for kind in (int, float):
+        try:
+            return kind(word)
+        except ValueError:
+            continue
+    return word
+
+
+def is_distribution(text: object) -> bool:
+    """Return whether a value of a table is the text of a distribution."""
+    found = _CALL.match(text) if isinstance(text, str) else None
+    return found is not None and found[1] in _KINDS
+
+
+def parse(key: str, text: str) -> Distribution:
+    """Return the distribution that a text describes.
+
+    Parameters
+    ----------
+    key : str
+        What errors name.
+    text : str
+        ``normal(mean, σ)``, ``uniform(low, high)``, ``truncated(mean, σ, low, high)``,
+        ``list(value, …)`` or ``steps(first, last, number)``; behind it ``common`` (one value for
+        all sensors) or ``correlated ρ`` (between sensors).
+
+    Raises
+    ------
+    CampaignError
+    """
+    found = _CALL.match(text)
+    if found is None or found[1] not in _KINDS:
+        raise CampaignError(
+            f"{key}: {text.strip()!r} is no distribution; there are normal(mean, σ), "
+            "uniform(low, high), truncated(mean, σ, low, high), list(…), steps(first, last, number)"
+        )
+    kind, inside, behind = found[1], found[2], found[3].strip()
+    values = tuple(_value(part) for part in inside.split(",")) if inside.strip() else ()
+    is_common, correlation = _suffix(key, behind)
+    if kind != "list":
+        values = _checked(key, kind, values)
+    if not values:
+        raise CampaignError(f"{key}: list() is empty")
+    if kind == "steps":
+        kind, values = "list", _steps(key, values)
+    return Distribution(kind, values, is_common, correlation)
+
+
+def _suffix(key: str, text: str) -> tuple[bool, float]:
+    if text in ("", "each", "common"):
+        return text == "common", 0.0
+    found = _CORRELATED.match(text)
+    try:
+        correlation = float(found[1]) if found else math.nan
+    except ValueError:
+        correlation = math.nan
+    if not -1.0 < correlation < 1.0:
+        raise CampaignError(
+            f"{key}: {text!r} behind the distribution; there are `common` and `correlated ρ` "
+            "with -1 < ρ < 1"
+        )
+    return False, correlation
+
+
+def _checked(key: str, kind: str, values: Sequence[Value]) -> tuple[Value, ...]:
+    """Return the numbers of a distribution; its parameters make sense."""
+    wanted = _NUMBER_OF_VALUES[kind]
+    if len(values) != wanted:
+        raise CampaignError(f"{key}: {kind} takes {wanted} numbers, not {len(values)}")
+    for value in values:
+        if isinstance(value, str | bool) or not math.isfinite(value):
+            raise CampaignError(f"{key}: {value!r} in {kind}() is no number")
+    numbers = tuple(float(value) for value in values)
+    if kind in ("normal", "truncated") and numbers[1] <= 0:
+        raise CampaignError(f"{key}: the standard deviation in {kind}() must be above 0")
+    low, high = numbers[-2:] if kind == "truncated" else numbers[:2]
+    if kind in ("uniform", "truncated") and low >= high:
+        raise CampaignError(f"{key}: the lower limit in {kind}() must be below the upper")
+    if kind == "truncated":
+        mean, spread, low, high = numbers
+        inside = cumulative_normal((high - mean) / spread) - cumulative_normal(
+            (low - mean) / spread
+        )
+        if inside < 1e-9:
+            raise CampaignError(f"{key}: nothing of the normal distribution lies within {low:g} …")
+    return tuple(values)
+
+
+def _steps(key: str, values: Sequence[Value]) -> tuple[Value, ...]:
+    """Return equally spaced numbers."""
+    first, last, number = (float(value) for value in values)
+    count = int(number)
+    if count != number or not 2 <= count <= _MOST_STEPS:
+        raise CampaignError(f"{key}: the number of steps() is a whole number from 2 on")
+    return tuple(first + (last - first) * k / (count - 1) for k in range(count))

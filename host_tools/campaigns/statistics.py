@@ -1,0 +1,149 @@
+"""Figures of many runs, each with the interval that it is known by.
+
+Percentiles are order statistics; their bootstrap intervals are exact, without resampling: the
+index of a resampled order statistic is distributed as a beta variable (Efron, *The Jackknife, the
+Bootstrap and Other Resampling Plans*, SIAM 1982; Hutson and Ernst, "The exact bootstrap mean and
+variance of an L-estimator", J. R. Stat. Soc. B 62 (2000)). Other figures are resampled.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from typing import Final
+
+import numpy as np
+
+from rrins.dbc.record import Floats
+from rrins.host_tools.files import JsonObject
+
+CONFIDENCE: Final = 0.95
+PERCENTILES: Final = (5.0, 50.0, 90.0, 95.0, 99.0)
+
+_RESAMPLES = 1000
+_MOST_AT_ONCE = 1 << 20  # numbers
+_FEWEST_BEYOND = 4.0
+"""Runs beyond a percentile, from which on its interval means something."""
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A figure and its interval of 95 % confidence; infinite where the runs are too few.
+
+    Attributes
+    ----------
+    value, low, high : float
+    """
+
+    value: float
+    low: float
+    high: float
+
+    @property
+    def half_width(self) -> float:
+        """Half of the interval's width."""
+        return 0.5 * (self.high - self.low)
+
+    def values(self) -> JsonObject:
+        """Return the figure as plain values; null for infinity and where there is none."""
+        return {key: value if math.isfinite(value) else None for key, value in asdict(self).items()}
+
+
+NOTHING: Final = Estimate(math.nan, -math.inf, math.inf)
+
+
+def percentile(values: Floats, percent: float) -> Estimate:
+    """Return a percentile of values, the smallest that so many of 100 do not exceed."""
+    from scipy.special import betaincinv
+
+    known = np.sort(values[np.isfinite(values)])
+    count = len(known)
+    if count == 0:
+        return NOTHING
+    share = percent / 100.0
+    k = min(max(math.ceil(share * count - 1e-9), 1), count)
+    value = float(known[k - 1])
+    if count * min(share, 1.0 - share) < _FEWEST_BEYOND:
+        return Estimate(value, -math.inf, math.inf)
+    tail = 0.5 * (1.0 - CONFIDENCE)
+    places = betaincinv(k, count - k + 1, (tail, 1.0 - tail))
+    low, high = (min(max(math.ceil(count * float(p)), 1), count) for p in places)
+    return Estimate(value, float(known[low - 1]), float(known[high - 1]))
+
+
+def resampled(
+    values: Floats, figure: Callable[[Floats], Floats], seed: int = 0, fewest: int = 8
+) -> Estimate:
+    """Return a figure of values with its bootstrap interval (percentiles of resamples).
+
+    Parameters
+    ----------
+    values : array, shape (n,)
+    figure : callable
+        From an array of shape (m, n) the m figures of its rows.
+    """
+    known = values[np.isfinite(values)]
+    count = len(known)
+    if count == 0:
+        return NOTHING
+    value = float(figure(known[None, :])[0])
+    if count < fewest:
+        return Estimate(value, -math.inf, math.inf)
+    rng = np.random.default_rng([seed, count])
+    rows = max(1, _MOST_AT_ONCE // count)
+    found = [
+        figure(known[rng.integers(count, size=(min(rows, _RESAMPLES - at), count))])
+        for at in range(0, _RESAMPLES, rows)
+    ]
+    tail = 50.0 * (1.0 - CONFIDENCE)
+    low, high = np.percentile(np.concatenate(found), (tail, 100.0 - tail))
+    return Estimate(value, float(low), float(high))
+
+
+def mean(values: Floats) -> Estimate:
+    """Return the mean."""
+    return resampled(values, lambda rows: np.mean(rows, axis=1))
+
+
+def sigma(values: Floats) -> Estimate:
+    """Return the standard deviation."""
+    return resampled(values, _deviations)
+
+
+def _deviations(rows: Floats) -> Floats:
+    if rows.shape[1] < 2:
+        return np.full(len(rows), np.nan)
+    deviations: Floats = np.std(rows, axis=1, ddof=1)
+    return deviations
+
+
+def cep50(radial: Floats) -> Estimate:
+    """Return the circular error probable: the radius about the truth that half do not exceed."""
+    return percentile(radial, 50.0)
+
+
+def r95(radial: Floats) -> Estimate:
+    """Return the radius about the truth that 95 of 100 do not exceed."""
+    return percentile(radial, 95.0)
+
+
+FIGURES: Final[dict[str, Callable[[Floats], Estimate]]] = {
+    "mean": mean,
+    "sigma": sigma,
+    "median": lambda values: percentile(values, 50.0),
+}
+"""Figures by name; percentiles are ``p95`` and the like."""
+
+
+def figure_of(name: str) -> Callable[[Floats], Estimate] | None:
+    """Return the figure of a name; None if there is none."""
+    if name in FIGURES:
+        return FIGURES[name]
+    try:
+        percent = float(name.removeprefix("p")) if name.startswith("p") else math.nan
+    except ValueError:
+        return None
+    if not 0.0 < percent < 100.0:
+        return None
+    return lambda values: percentile(values, percent)

@@ -1,0 +1,319 @@
+"""The folder of a campaign: what it is, and its rows in Parquet parts that are whole.
+
+::
+
+    _manifest.json         what decides about the rows; readers of Parquet pass it over
+    part-00000000.parquet  some rows; the number is that of the first of its runs
+    _report/               what `report` writes
+    _reruns/17/            a run that was run again with everything kept
+
+A part is written under another name and renamed, so that it is there whole or not at all. What is
+left to do is what is planned less what is stored.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import json
+import math
+import os
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import IO, TYPE_CHECKING, Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rrins.host_tools.campaigns import design
+from rrins.host_tools.campaigns.definition import Definition
+from rrins.host_tools.campaigns.errors import CampaignError
+from rrins.host_tools.campaigns.row import OK, OUTPUTS, SERIES, Row, times_of
+from rrins.host_tools.campaigns.sources import sources_digest, versions
+from rrins.host_tools.files import JsonObject, write_whole
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+MANIFEST: Final = "_manifest.json"
+REPORT: Final = "_report"
+RERUNS: Final = "_reruns"
+_LOCK: Final = ".lock"
+_FORMAT: Final = 1
+
+
+def schema_of(definition: Definition) -> pa.Schema:
+    """Return the columns of a campaign's table."""
+    import pyarrow as pa
+
+    fields = [pa.field("run", pa.int64()), pa.field("seed", pa.int64())]
+    for one in definition.plan.inputs:
+        is_number = one.distribution.is_numeric
+        fields.append(pa.field(one.column, pa.float64() if is_number else pa.string()))
+    fields += [pa.field("status", pa.string()), pa.field("error", pa.string())]
+    fields += [pa.field(name, pa.float64()) for name in OUTPUTS]
+    fields += [pa.field(name, pa.list_(pa.float32())) for name in SERIES]
+    return pa.schema([*fields, pa.field("wall_s", pa.float64())])
+
+
+class Store:
+    """The folder of a campaign.
+
+    Parameters
+    ----------
+    folder : Path
+    definition : Definition
+    """
+
+    def __init__(self, folder: Path, definition: Definition) -> None:
+        self.folder = folder
+        self.definition = definition
+        self.schema = schema_of(definition)
+
+    @classmethod
+    def open(cls, folder: Path) -> Store:
+        """Return the store of a folder that has one.
+
+        Raises
+        ------
+        CampaignError
+        """
+        return cls(folder, Definition.of(read_manifest(folder)["campaign"]))
+
+    @classmethod
+    def create(cls, folder: Path, definition: Definition) -> Store:
+        """Return the store of a campaign: a new one, or the one that it goes on with.
+
+        More runs than before are welcome where the design leaves those before as they are.
+
+        Raises
+        ------
+        CampaignError
+            When the folder has another campaign, or cannot be written.
+        """
+        store = cls(folder, definition)
+        store.make_folder(folder)
+        if (folder / MANIFEST).exists():
+            store._check(read_manifest(folder))
+        elif any(folder.glob("*.parquet")):
+            raise CampaignError(f"{folder}: has Parquet files without {MANIFEST}; name another")
+        store._write_manifest({})
+        return store
+
+    @staticmethod
+    def make_folder(folder: Path) -> None:
+        """Make a folder.
+
+        Raises
+        ------
+        CampaignError
+        """
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise CampaignError(f"{folder}: cannot be made: {error.strerror}") from error
+
+    def _check(self, manifest: JsonObject) -> None:
+        """Refuse to go on with a campaign that is another one."""
+        mine = self._manifest({})
+        before, now = dict(manifest["campaign"]), dict(mine["campaign"])
+        runs, wanted = before.pop("runs"), now.pop("runs")
+        for key in before:
+            if before[key] != now[key]:
+                raise CampaignError(
+                    f"{self.folder}: has a campaign with another {key}; name another folder"
+                )
+        if wanted < runs:
+            raise CampaignError(f"{self.folder}: has a campaign of {runs} runs, not {wanted}")
+        if wanted > runs and self.definition.design not in design.EXTENDABLE:
+            raise CampaignError(
+                f"{self.folder}: a design {self.definition.design} of {runs} runs cannot grow"
+            )
+        for key in ("sources", "versions", "schema"):
+            if manifest[key] != mine[key]:
+                raise CampaignError(
+                    f"{self.folder}: its rows come of other {key} "
+                    f"({_difference(manifest[key], mine[key])}); name another folder"
+                )
+
+    def _manifest(self, more: JsonObject) -> JsonObject:
+        return {
+            "format": _FORMAT,
+            "campaign": self.definition.values(),
+            "sources": sources_digest(),
+            "versions": versions(),
+            "schema": {field.name: str(field.type) for field in self.schema},
+            "times_s": times_of(self.definition.scenario),
+        } | more
+
+    def _write_manifest(self, more: JsonObject) -> None:
+        text = json.dumps(self._manifest(more), indent=1, ensure_ascii=False)
+        write_whole(self.folder / MANIFEST, lambda file: _write(file, text + "\n"))
+
+    def note_end(self, runs: int, words: str) -> None:
+        """Note that a campaign is complete before its last run."""
+        self._write_manifest({"stopped_at": runs, "until": words})
+
+    @property
+    def stopped_at(self) -> int | None:
+        """The number of runs with which it was narrow enough; None if it goes to its end."""
+        found = read_manifest(self.folder).get("stopped_at")
+        return None if found is None else int(found)
+
+    @contextmanager
+    def locked(self) -> Iterator[None]:
+        """Let nobody else write to the folder.
+
+        Raises
+        ------
+        CampaignError
+            When somebody does.
+        """
+        path = self.folder / _LOCK
+        try:
+            file = path.open("w")
+        except OSError as error:
+            raise CampaignError(f"{path}: cannot be written: {error.strerror}") from error
+        with file:
+            try:
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except OSError as error:
+                raise CampaignError(f"{self.folder}: another campaign writes there") from error
+            for left in self.folder.glob(".part-*"):  # of a client that was killed
+                left.unlink(missing_ok=True)
+            yield
+
+    def parts(self) -> list[Path]:
+        """Return the parts, in order."""
+        return sorted(self.folder.glob("part-*.parquet"))
+
+    def stored(self) -> NDArray[np.int64]:
+        """Return the numbers of the runs that are stored, sorted.
+
+        Raises
+        ------
+        CampaignError
+            When a part is unreadable, or a run is there twice.
+        """
+        columns = [self._read(path, ["run"])["run"].to_numpy() for path in self.parts()]
+        runs = np.sort(np.concatenate([np.zeros(0, np.int64), *columns]))
+        double = runs[:-1][runs[1:] == runs[:-1]]
+        if len(double):
+            raise CampaignError(f"{self.folder}: has run {double[0]} twice")
+        return runs
+
+    def values(self, column: str) -> dict[int, float]:
+        """Return a column of the runs that came to their end, by run."""
+        found: dict[int, float] = {}
+        for path in self.parts():
+            table = self._read(path, ["run", "status", column])
+            rows = zip(*(table[name].to_pylist() for name in table.column_names), strict=True)
+            found |= {
+                run: value if status == OK and value is not None else math.nan
+                for run, status, value in rows
+            }
+        return found
+
+    def table(self, columns: Sequence[str] | None = None) -> pa.Table:
+        """Return the rows in order of their runs.
+
+        Raises
+        ------
+        CampaignError
+        """
+        import pyarrow as pa
+
+        names = None if columns is None else list(dict.fromkeys(["run", *columns]))
+        tables = [self._read(path, names) for path in self.parts()]
+        schema = self.schema if names is None else pa.schema([self.schema.field(n) for n in names])
+        table = pa.concat_tables([schema.empty_table(), *tables])
+        return table.sort_by("run")
+
+    def _read(self, path: Path, columns: Sequence[str] | None) -> pa.Table:
+        import pyarrow as pa
+        from pyarrow import parquet
+
+        try:
+            return parquet.ParquetFile(path).read(columns=columns)
+        except (OSError, pa.ArrowException) as error:
+            raise CampaignError(
+                f"{path}: cannot be read: {error}; delete it to run it again"
+            ) from (error)
+
+    def write(self, rows: Sequence[Row]) -> None:
+        """Write rows as a part; after that they are stored whatever comes.
+
+        Raises
+        ------
+        CampaignError
+            When they cannot be written.
+        """
+        import pyarrow as pa
+        from pyarrow import parquet
+
+        if not rows:
+            return
+        inorder = sorted(rows, key=lambda row: row["run"])
+        arrays = [
+            pa.array([_cell(row.get(field.name), field) for row in inorder], type=field.type)
+            for field in self.schema
+        ]
+        path = self.folder / f"part-{inorder[0]['run']:08d}.parquet"
+        part = path.with_name(f".{path.stem}.{os.getpid()}")
+        try:
+            with part.open("wb") as file:
+                parquet.write_table(pa.Table.from_arrays(arrays, schema=self.schema), file)
+                file.flush()
+                os.fsync(file.fileno())
+            part.replace(path)
+        except OSError as error:
+            raise CampaignError(
+                f"{path}: cannot be written: {error.strerror or error}; what is stored stays, "
+                "the same command goes on"
+            ) from error
+        finally:
+            part.unlink(missing_ok=True)
+
+
+def _cell(value: Any, field: pa.Field) -> Any:
+    """Return a value as its column holds it."""
+    import pyarrow as pa
+
+    if value is not None and pa.types.is_string(field.type) and not isinstance(value, str):
+        return str(value)
+    return value
+
+
+def _write(file: IO[str], text: str) -> None:
+    file.write(text)
+
+
+def _difference(before: Any, now: Any) -> str:
+    if not isinstance(before, dict):
+        return f"{before}, here {now}"
+    keys = [key for key in (before | now) if before.get(key) != now.get(key)]
+    return f"{keys[0]} {before.get(keys[0])}, here {now.get(keys[0])}"
+
+
+def is_campaign(folder: Path) -> bool:
+    """Return whether a folder has a campaign."""
+    return (folder / MANIFEST).is_file()
+
+
+def read_manifest(folder: Path) -> JsonObject:
+    """Return what a campaign's folder says of itself.
+
+    Raises
+    ------
+    CampaignError
+    """
+    path = folder / MANIFEST
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError as error:
+        raise CampaignError(f"{folder}: has no campaign: there is no {MANIFEST}") from error
+    except (OSError, ValueError) as error:
+        raise CampaignError(f"{path}: cannot be read: {error}") from error
+    if not isinstance(found, dict) or found.get("format") != _FORMAT:
+        raise CampaignError(f"{path}: is not of this version of rrins")
+    return found

@@ -1,0 +1,96 @@
+"""When there are runs enough: ``p95 of horizontal_error_m within 10 %``."""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass
+
+from rrins.dbc.record import Floats
+from rrins.host_tools.campaigns.errors import CampaignError
+from rrins.host_tools.campaigns.row import OUTPUTS
+from rrins.host_tools.campaigns.statistics import Estimate, figure_of
+
+FEWEST = 50
+"""Runs with which a criterion is looked at first."""
+
+_GROWTH = 1.05
+"""From one look to the next."""
+
+_SENTENCE = re.compile(r"\s*(?:(\w[\w.]*)\s+of\s+)?(\w+)\s+within\s+([\d.eE+-]+)\s*(%?)\s*\Z")
+_SHORT = {"cep": ("median", "horizontal_error_m"), "cep50": ("median", "horizontal_error_m"),
+          "r95": ("p95", "horizontal_error_m")}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Until:
+    """A figure of a column, and how narrow its interval of 95 % confidence is to be.
+
+    Attributes
+    ----------
+    text : str
+        As a person wrote it.
+    figure, column : str
+    limit : float
+        Half of the interval's width at most; in units of the column, or of the figure.
+    is_share : bool
+        Whether of the figure.
+    """
+
+    text: str
+    figure: str
+    column: str
+    limit: float
+    is_share: bool
+
+    @classmethod
+    def parse(cls, text: str) -> Until:
+        """Return the criterion of a sentence.
+
+        Raises
+        ------
+        CampaignError
+        """
+        found = _SENTENCE.match(text)
+        if found is None:
+            raise CampaignError(
+                f'until {text!r}: is no criterion such as "p95 of horizontal_error_m within 10 %"'
+            )
+        figure, column, number, percent = found.groups()
+        if figure is None:
+            figure, column = _SHORT.get(column.lower(), ("", column))
+        if figure_of(figure) is None:
+            raise CampaignError(
+                f"until {text!r}: there are p1 … p99, median, mean, sigma, cep, r95"
+            )
+        if column not in OUTPUTS:
+            raise CampaignError(
+                f"until {text!r}: no output {column}; there are {', '.join(OUTPUTS)}"
+            )
+        try:
+            limit = float(number) * (0.01 if percent else 1.0)
+        except ValueError:
+            limit = math.nan
+        if not 0.0 < limit < math.inf:
+            raise CampaignError(f"until {text!r}: {number} is no width")
+        return cls(text, figure, column, limit, bool(percent))
+
+    def estimate(self, values: Floats) -> Estimate:
+        """Return the figure of some values."""
+        figure = figure_of(self.figure)
+        assert figure is not None
+        return figure(values)
+
+    def holds(self, values: Floats) -> bool:
+        """Return whether the interval is narrow enough."""
+        found = self.estimate(values)
+        limit = self.limit * abs(found.value) if self.is_share else self.limit
+        return found.half_width <= limit
+
+    @staticmethod
+    def is_due(runs: int) -> bool:
+        """Return whether the criterion is looked at with so many runs."""
+        if runs < FEWEST:
+            return False
+        step = math.floor(math.log(runs / FEWEST) / math.log(_GROWTH) + 1e-9)
+        return math.ceil(FEWEST * _GROWTH**step - 1e-9) == runs

@@ -1,0 +1,57 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from rrins.host_tools.campaigns.distributions import parse
+from rrins.host_tools.campaigns.errors import CampaignError
+
+LAWS = {
+    "normal(2, 0.5)": stats.norm(2, 0.5),
+    "uniform(-1, 3)": stats.uniform(-1, 4),
+    "truncated(1, 2, 0, 4)": stats.truncnorm(-0.5, 1.5, loc=1, scale=2),
+}
+
+
+@pytest.mark.parametrize("text", LAWS)
+def test_quantiles_and_moments_are_those_of_the_law(text):
+    found, law = parse("key", text), LAWS[text]
+    at = np.linspace(0.01, 0.99, 33)
+    assert [found.quantile(p) for p in at] == pytest.approx(list(law.ppf(at)), abs=1e-9)
+    assert found.moments == pytest.approx((law.mean(), law.std()))
+
+
+def test_a_list_is_equally_likely_and_keeps_its_kinds():
+    found = parse("key", "list(16-position, 8-position, 3, 2.5, true)")
+    assert [found.quantile((k + 0.5) / 5) for k in range(5)] == list(found.values)
+    assert found.values == ("16-position", "8-position", 3, 2.5, True)
+    assert parse("key", "steps(0, 10, 5)").values == (0, 2.5, 5, 7.5, 10)
+
+
+@pytest.mark.parametrize(
+    "text", ["normal(0, 0.1)", "uniform(1, 2) common", "list(1, a) correlated 0.5"]
+)
+def test_its_text_says_the_same(text):
+    assert parse("key", parse("key", text).text()) == parse("key", text)
+
+
+@pytest.mark.parametrize(
+    ("text", "why"),
+    [
+        ("gauss(0, 1)", "no distribution"),
+        ("0.5", "no distribution"),
+        ("normal(0)", "takes 2"),
+        ("normal(0, -1)", "above 0"),
+        ("normal(0, x)", "no number"),
+        ("uniform(2, 1)", "below"),
+        ("truncated(0, 1, 50, 60)", "nothing"),
+        ("list()", "empty"),
+        ("steps(0, 1, 1)", "whole number"),
+        ("normal(0, 1) correlated 1.5", "-1 < ρ < 1"),
+    ],
+)
+def test_what_is_none_is_refused(text, why):
+    with pytest.raises(CampaignError, match=why) as refused:
+        parse("gyros.bias_dph", text)
+    assert "gyros.bias_dph" in str(refused.value)

@@ -1,0 +1,61 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from rrins.host_tools.campaigns.errors import CampaignError
+from rrins.host_tools.campaigns.statistics import mean, percentile, sigma
+from rrins.host_tools.campaigns.until import Until
+
+
+def test_the_interval_of_a_percentile_is_that_of_resampling():
+    values = np.random.default_rng(1).rayleigh(size=300)
+    found = percentile(values, 95)
+    resamples = np.random.default_rng(2).choice(values, (20_000, 300))
+    order = np.sort(resamples, axis=1)[:, 284]
+    low, high = np.percentile(order, (2.5, 97.5), method="inverted_cdf")
+    assert (found.low, found.high) == pytest.approx((low, high), rel=0.02)
+    assert found.value == np.sort(values)[284]
+
+
+@pytest.mark.parametrize(
+    ("figure", "truth"),
+    [
+        (lambda v: percentile(v, 50), np.sqrt(2 * np.log(2))),
+        (lambda v: percentile(v, 95), np.sqrt(2 * np.log(20))),
+        (mean, np.sqrt(np.pi / 2)),
+        (sigma, np.sqrt(2 - np.pi / 2)),
+    ],
+)
+def test_intervals_have_the_truth_as_often_as_they_promise(figure, truth):
+    found = [figure(np.random.default_rng(k).rayleigh(size=200)) for k in range(60)]
+    inside = sum(one.low <= truth <= one.high for one in found)
+    assert 51 <= inside <= 60
+
+
+def test_too_few_runs_have_no_interval():
+    assert percentile(np.arange(20.0), 95).half_width == np.inf
+    assert np.isnan(percentile(np.zeros(0), 50).value)
+    assert percentile(np.arange(20.0), 95).values()["high"] is None
+
+
+def test_it_stops_with_little_more_than_the_fewest_runs():
+    criterion = Until.parse("p95 of horizontal_error_m within 10 %")
+    for seed in range(8):
+        values = np.random.default_rng(seed).rayleigh(size=2000)
+        fewest = next(n for n in range(50, 2000) if criterion.holds(values[:n]))
+        stopped = next(
+            n for n in range(50, 2000) if Until.is_due(n) and criterion.holds(values[:n])
+        )
+        assert fewest <= stopped <= 1.2 * fewest
+
+
+@pytest.mark.parametrize("text", ["cep within 5 m%", "p95 of height within 3", "p0 of x within 1"])
+def test_a_sentence_that_is_none_is_refused(text):
+    with pytest.raises(CampaignError, match="until"):
+        Until.parse(text)
+
+
+def test_short_words():
+    assert Until.parse("r95 within 5 %").column == "horizontal_error_m"
+    assert Until.parse("median of height_error_m within 2.5").limit == 2.5

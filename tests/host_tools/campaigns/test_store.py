@@ -1,0 +1,80 @@
+from __future__ import annotations
+
+import json
+
+import duckdb
+import pandas as pd
+import pytest
+
+from rrins.host_tools.campaigns.definition import Wishes, load
+from rrins.host_tools.campaigns.errors import CampaignError
+from rrins.host_tools.campaigns.store import MANIFEST, Store
+
+
+def campaign(**wishes):
+    vary = {"gyros.bias_dph": "normal(0, 1)", "firmware.scheme": "list(16-position, 8-position)"}
+    return load("rimu_rotating", Wishes(**{"runs": 10, "vary": vary, **wishes}))
+
+
+def row(definition, run, **more):
+    point = {one.column: value for one, value in definition.plan.point(run).items()}
+    return {"run": run, "seed": run, "status": "ok", "wall_s": 0.1, **point, **more}
+
+
+@pytest.fixture
+def store(tmp_path):
+    return Store.create(tmp_path / "c", campaign())
+
+
+def test_rows_come_back_in_order_of_runs(store):
+    for runs in ((7, 3), (0, 1)):
+        store.write([row(store.definition, run, horizontal_error_m=run / 3) for run in runs])
+    assert store.stored().tolist() == [0, 1, 3, 7]
+    table = store.table()
+    assert table["horizontal_error_m"].to_pylist() == [0, 1 / 3, 1, 7 / 3]
+    assert set(table["firmware.scheme"].to_pylist()) <= {"16-position", "8-position"}
+    assert store.values("horizontal_error_m") == {0: 0, 1: 1 / 3, 3: 1, 7: 7 / 3}
+
+
+def test_others_read_the_folder_as_it_is(store):
+    store.write([row(store.definition, run, horizontal_error_m=1.0) for run in range(10)])
+    store.make_folder(store.folder / "_report")
+    assert len(pd.read_parquet(store.folder)) == 10
+    counted = duckdb.sql(f"select sum(horizontal_error_m) from '{store.folder}/*.parquet'")
+    assert counted.fetchall() == [(10.0,)]
+
+
+def test_another_campaign_is_refused_in_one_line(store):
+    others = {"seed": 2, "duration_s": 9.0, "vary": {}, "design": "sobol", "runs": 5}
+    for key, value in others.items():
+        with pytest.raises(CampaignError, match=r"^[^\n]*another|runs, not") as refused:
+            Store.create(store.folder, campaign(**{key: value}))
+        assert "\n" not in str(refused.value)
+    assert Store.create(store.folder, campaign(runs=20)).definition.runs == 20
+    manifest = json.loads((store.folder / MANIFEST).read_text())
+    manifest["sources"] = "of before"
+    (store.folder / MANIFEST).write_text(json.dumps(manifest))
+    with pytest.raises(CampaignError, match="other sources"):
+        Store.create(store.folder, campaign(runs=20))
+
+
+def test_a_hypercube_cannot_grow(tmp_path):
+    Store.create(tmp_path, campaign(design="lhs"))
+    with pytest.raises(CampaignError, match="cannot grow"):
+        Store.create(tmp_path, campaign(design="lhs", runs=20))
+
+
+def test_two_clients_do_not_write_to_one_folder(store):
+    with store.locked(), pytest.raises(CampaignError, match="another campaign writes"):
+        store.locked().__enter__()
+
+
+def test_a_part_that_is_damaged_or_double_is_named(store):
+    store.write([row(store.definition, 0)])
+    part = store.parts()[0]
+    part.with_name("part-00000009.parquet").write_bytes(part.read_bytes())
+    with pytest.raises(CampaignError, match="run 0 twice"):
+        store.stored()
+    part.write_bytes(b"PAR1 no more")
+    with pytest.raises(CampaignError, match=r"part-00000000.*delete it"):
+        store.stored()
