@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 from rrins.host_tools.files import JsonObject
 from rrins.host_tools.runs.display import RunDisplay
 from rrins.host_tools.runs.keeping import place_for
+from rrins.host_tools.runs.program import Program
 from rrins.host_tools.runs.run import BusOptions, Plan, RunResult
 from rrins.host_tools.runs.run import rehearse as rehearse_plan
 from rrins.host_tools.runs.run import simulate as simulate_scenario
@@ -209,6 +210,7 @@ def rehearse(
     bitrate: int | None = None,
     record: str | Path | None = None,
     progress: bool | None = None,
+    program: str | None = None,
     **changes: object,
 ) -> Run:
     """Run a scenario as two processes on one bus.
@@ -225,6 +227,8 @@ def rehearse(
         Log of the bus; its ending chooses the format.
     progress : bool, optional
         Whether to show progress; in a terminal or notebook by default.
+    program : str, optional
+        Your own navigation computer: a program, or its command line.
     **changes
         Keys of the scenario, as in `load_scenario`.
 
@@ -238,7 +242,13 @@ def rehearse(
     with tempfile.TemporaryDirectory(prefix="rrins-") as folder:
         file = Path(folder) / f"{Path(name).stem}.toml"
         file.write_text(loaded.toml(), encoding="utf-8")
-        plan = Plan(str(file), loaded, bus=BusOptions(interface, channel, bitrate), speed=speed)
+        plan = Plan(
+            str(file),
+            loaded,
+            bus=BusOptions(interface, channel, bitrate),
+            speed=speed,
+            firmware=None if program is None else Program.parse(program),
+        )
         with _display(loaded, progress) as display:
             path = None if record is None else Path(record)
             result = rehearse_plan(plan, display, record=path, name=name)

@@ -28,7 +28,7 @@ enum {
     DATAGRAM_LIMIT = 65536,
     SEND_BUFFER = 4 * 1024 * 1024,
     BACKLOG_LIMIT = 4 * 1024 * 1024,
-    RETRY_MS = 20
+    RETRY_NS = 20000000
 };
 
 struct header {
@@ -65,11 +65,21 @@ struct rrins_bus {
     uint8_t buffer[DATAGRAM_LIMIT + 1];
 };
 
-static int64_t now_ms(void)
+static int64_t now_ns(void)
 {
     struct timespec now;
     clock_gettime(CLOCK_MONOTONIC, &now);
-    return (int64_t)now.tv_sec * 1000 + now.tv_nsec / 1000000;
+    return (int64_t)now.tv_sec * 1000000000 + now.tv_nsec;
+}
+
+/* Wait until a socket is ready, for at most left_ns. */
+static int ready(int socket, short events, int64_t left_ns)
+{
+    struct pollfd wait = {.fd = socket, .events = events};
+    struct timespec left = {0, 0};
+    if (left_ns > 0)
+        left = (struct timespec){(time_t)(left_ns / 1000000000), (long)(left_ns % 1000000000)};
+    return ppoll(&wait, 1, &left, NULL);
 }
 
 static void say(char *reason, size_t size, const char *format, ...)
@@ -138,12 +148,12 @@ static int connect_once(const struct sockaddr_un *address, char *reason, size_t 
     return end;
 }
 
-static int connect_until(const char *path, int64_t deadline_ms, char *reason, size_t size)
+static int connect_until(const char *path, int64_t deadline_ns, char *reason, size_t size)
 {
     struct sockaddr_un address = {.sun_family = AF_UNIX};
     snprintf(address.sun_path, sizeof address.sun_path, "%s", path);
     for (;;) {
-        const struct timespec pause = {0, RETRY_MS * 1000000};
+        const struct timespec pause = {0, RETRY_NS};
         int end = connect_once(&address, reason, size);
         if (end >= 0 || errno == 0)
             return end;
@@ -151,7 +161,7 @@ static int connect_until(const char *path, int64_t deadline_ms, char *reason, si
             say(reason, size, "cannot attach at %s: %s", path, strerror(errno));
             return -1;
         }
-        if (now_ms() >= deadline_ms) {
+        if (now_ns() >= deadline_ns) {
             say(reason, size, "nobody hosts a bus at %s", path);
             return -1;
         }
@@ -213,13 +223,11 @@ static int send_hello(int end, const char *name, unsigned wishes)
     return 0;
 }
 
-static bool is_welcome(struct rrins_bus *bus, int64_t deadline_ms, char *reason, size_t size)
+static bool is_welcome(struct rrins_bus *bus, int64_t deadline_ns, char *reason, size_t size)
 {
-    struct pollfd wait = {.fd = bus->socket, .events = POLLIN};
     struct header head;
-    int64_t left = deadline_ms - now_ms();
     ssize_t came;
-    if (poll(&wait, 1, left > 0 ? (int)left : 0) <= 0) {
+    if (ready(bus->socket, POLLIN, deadline_ns - now_ns()) <= 0) {
         say(reason, size, "the host of channel %s does not answer", bus->channel);
         return false;
     }
@@ -243,7 +251,7 @@ struct rrins_bus *rrins_bus_attach(const char *channel, const char *name, unsign
                                    int timeout_ms, char *reason, size_t size)
 {
     char path[108];
-    int64_t deadline_ms = now_ms() + timeout_ms;
+    int64_t deadline_ns = now_ns() + (int64_t)timeout_ms * 1000000;
     struct rrins_bus *bus = calloc(1, sizeof *bus);
     if (bus == NULL) {
         say(reason, size, "no memory for a bus");
@@ -253,7 +261,7 @@ struct rrins_bus *rrins_bus_attach(const char *channel, const char *name, unsign
     snprintf(bus->channel, sizeof bus->channel, "%s", channel);
     if (socket_path(channel, path, sizeof path, reason, size) != 0)
         goto failed;
-    bus->socket = connect_until(path, deadline_ms, reason, size);
+    bus->socket = connect_until(path, deadline_ns, reason, size);
     if (bus->socket < 0)
         goto failed;
     if (send_hello(bus->socket, name, wishes) != 0) {
@@ -261,7 +269,7 @@ struct rrins_bus *rrins_bus_attach(const char *channel, const char *name, unsign
             strerror(errno));
         goto failed;
     }
-    if (!is_welcome(bus, deadline_ms, reason, size))
+    if (!is_welcome(bus, deadline_ns, reason, size))
         goto failed;
     return bus;
 failed:
@@ -327,12 +335,11 @@ static int take(struct rrins_bus *bus, const uint8_t *bytes, size_t size, struct
     return 1;
 }
 
-int rrins_bus_receive(struct rrins_bus *bus, struct rrins_batch *batch, int timeout_ms)
+int rrins_bus_receive(struct rrins_bus *bus, struct rrins_batch *batch, int64_t timeout_ns)
 {
-    int64_t deadline_ms = timeout_ms < 0 ? -1 : now_ms() + timeout_ms;
+    int64_t deadline_ns = timeout_ns < 0 ? -1 : now_ns() + timeout_ns;
     for (;;) {
-        struct pollfd wait = {.fd = bus->socket, .events = POLLIN};
-        int64_t left;
+        int64_t left_ns;
         ssize_t came;
         int is_batch;
         if (bus->first != NULL) {
@@ -344,14 +351,14 @@ int rrins_bus_receive(struct rrins_bus *bus, struct rrins_batch *batch, int time
         } else {
             if (bus->has_ended)
                 return -1;
-            came = read_datagram(bus, timeout_ms < 0 ? 0 : MSG_DONTWAIT);
+            came = read_datagram(bus, timeout_ns < 0 ? 0 : MSG_DONTWAIT);
             if (came < 0)
                 return -1;
             if (came == 0) {
-                left = deadline_ms - now_ms();
-                if (left <= 0)
+                left_ns = deadline_ns - now_ns();
+                if (left_ns <= 0)
                     return 0;
-                (void)poll(&wait, 1, (int)left);
+                (void)ready(bus->socket, POLLIN, left_ns);
                 continue;
             }
             is_batch = take(bus, bus->buffer, (size_t)came, batch);
@@ -407,7 +414,6 @@ int rrins_bus_send(struct rrins_bus *bus, const struct rrins_frame *frames, size
     parts[1].iov_base = (void *)(uintptr_t)(count > 0 ? frames : NONE);
     memcpy(head.magic, MAGIC, sizeof head.magic);
     while (!bus->has_ended) {
-        struct pollfd wait = {.fd = bus->socket, .events = POLLOUT | POLLIN};
         if (sendmsg(bus->socket, &message, MSG_DONTWAIT | MSG_NOSIGNAL) >= 0)
             return 0;
         if (errno != EAGAIN && errno != EINTR) {
@@ -415,7 +421,7 @@ int rrins_bus_send(struct rrins_bus *bus, const struct rrins_frame *frames, size
             return ended(bus, "its host no longer accepts data from this end");
         }
         keep_arrivals(bus);
-        (void)poll(&wait, 1, RETRY_MS);
+        (void)ready(bus->socket, POLLOUT | POLLIN, RETRY_NS);
     }
     return -1;
 }

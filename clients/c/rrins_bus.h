@@ -57,11 +57,11 @@ struct rrins_bus *rrins_bus_attach(const char *channel, const char *name, unsign
                                    int timeout_ms, char *reason, size_t size);
 
 /*
- * Receive the next batch, waiting up to timeout_ms; -1 waits for ever.
+ * Receive the next batch, waiting up to timeout_ns; -1 waits for ever.
  *
  * Returns 1 with a batch, 0 when the time is over, -1 when the bus has ended: rrins_bus_reason.
  */
-int rrins_bus_receive(struct rrins_bus *bus, struct rrins_batch *batch, int timeout_ms);
+int rrins_bus_receive(struct rrins_bus *bus, struct rrins_batch *batch, int64_t timeout_ns);
 
 /*
  * Send a batch; with closes_epoch it is the last of this sender in this epoch.

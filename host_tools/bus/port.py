@@ -145,6 +145,7 @@ class BatchPort:
         self._address = address
         self._foreign_senders = foreign_senders
         self._other = "hardware" if side == "firmware" else "firmware"
+        self._attach_s = _ATTACH_S
         self._is_host = side == "hardware"
         self._bus = self._host() if self._is_host else self._attach(side, attach_wait_s)
 
@@ -171,10 +172,10 @@ class BatchPort:
         self._bus.limit_others()  # what they sent before would be in the sides' way
         for name in (*others, self._other):
             try:
-                self._bus.wait_for(name, _ATTACH_S)
+                self._bus.wait_for(name, self._attach_s)
             except can.CanError as error:
                 raise SideLostError(
-                    f"bus {self._address}: no {name} attached within {_ATTACH_S:.0f} s"
+                    f"bus {self._address}: no {name} attached within {self._attach_s:.0f} s"
                 ) from error
         self._bus.require([self._other])
 

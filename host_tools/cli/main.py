@@ -35,6 +35,7 @@ _RUN = {
     "simulate": _Entry("run", "Run firmware and hardware in one process, without a bus."),
     "firmware": _Entry("run", "Run the navigation computer alone."),
     "hardware": _Entry("run", "Run the emulated RIMU and turntable alone."),
+    "setup": _Entry("setup", "Show what a navigation computer of your own is set up with."),
     "inject": _Entry("inject", "Inject a fault into a running rehearsal."),
     "scenarios": _Entry("scenarios", "List or show the built-in scenarios."),
     "bench": _Entry("bench", "Measure what a rehearsal costs on this machine."),

@@ -111,6 +111,15 @@ _json_option = click.option("--json", "as_json", is_flag=True, help="Print one J
 @timestamps_option
 @serial_options
 @_foreign_option
+@click.option("--firmware", "program", help="Your own program as the firmware.")
+@click.option(
+    "--patience",
+    "patience_s",
+    type=NumberRange(min=0),
+    default=10.0,
+    show_default=True,
+    help="Longest silence of your program; 0 waits for ever, as for a debugger.",
+)
 @_json_option
 @click.pass_obj
 def rehearse(
@@ -128,6 +137,8 @@ def rehearse(
     record: Path | None,
     timestamps: Literal["bus", "unix"],
     foreign_senders: bool,
+    program: str | None,
+    patience_s: float,
     as_json: bool,
     **serial: Any,
 ) -> None:
@@ -140,6 +151,7 @@ def rehearse(
     from rrins.host_tools.runs import run
     from rrins.host_tools.runs.job import REALTIME
     from rrins.host_tools.runs.picture_loading import PictureLoading
+    from rrins.host_tools.runs.program import Program
     from rrins.host_tools.runs.starting import Forks
 
     loaded = load(scenario, duration_s=duration_s, seed=seed)
@@ -154,6 +166,8 @@ def rehearse(
         settings_of(serial),
         foreign_senders,
         timestamps,
+        None if program is None else Program.parse(program),
+        patience_s,
     )
     if limit_s is not None:
         plan = run.fit(plan, limit_s)
@@ -292,6 +306,8 @@ def firmware(attach_wait: float, **options: Any) -> None:
 @_side_options
 @_foreign_option
 @click.option("--await-peer", multiple=True, hidden=True)
+@click.option("--follow", hidden=True)
+@click.option("--patience", "patience_s", type=float, default=0.0, hidden=True)
 def hardware(await_peer: tuple[str, ...], **options: Any) -> None:
     """Run the emulated RIMU and turntable alone; it hosts the embedded bus.
 

@@ -5,13 +5,15 @@ from __future__ import annotations
 import math
 from contextlib import ExitStack
 
-from rrins.host_tools.bus.port import open_port
+from rrins.host_tools.bus.port import BatchPort, MessagePort, open_port
 from rrins.host_tools.files import JsonObject
 from rrins.host_tools.hardware.loop import Hardware
 from rrins.host_tools.hardware.loop import run_lockstep as run_hardware_lockstep
 from rrins.host_tools.hardware.loop import run_realtime as run_hardware_realtime
 from rrins.host_tools.hardware.memory import Sensors, Truth
 from rrins.host_tools.hardware.settings import DPH, UG
+from rrins.host_tools.runs.followed_port import Watch, open_followed_port
+from rrins.host_tools.runs.follower import Follower, follower_of
 from rrins.host_tools.runs.job import Job, prepare, settle
 from rrins.host_tools.runs.notices import bus_notices
 from rrins.host_tools.runs.pipe import ReportPipe
@@ -45,6 +47,13 @@ def _biases(sensors: Sensors, unit: float) -> list[float]:
     return (increments[: int(sensors["count"])] / unit).tolist()
 
 
+def _open(job: Job, follower: Follower | None) -> BatchPort | MessagePort:
+    if follower is None or job.follow is None:
+        return open_port(job.address, "hardware", foreign_senders=job.foreign_senders)
+    watch = Watch(job.follow, follower, job.patience_s, job.scenario.rate_hz)
+    return open_followed_port(job.address, watch, job.foreign_senders)
+
+
 def run_hardware(job: Job) -> JsonObject:
     """Run the hardware to the end of the scenario, which shuts the firmware down.
 
@@ -65,6 +74,7 @@ def run_hardware(job: Job) -> JsonObject:
     log_every = keep_every(scenario.epochs, scenario.rate_hz)
     every = math.gcd(log_every, job.report_every)
     truth = hardware.truth
+    follower = None if job.follow is None else follower_of(job.folder)
 
     def on_epoch(epoch: int) -> None:
         if epoch % log_every == 0:
@@ -77,8 +87,10 @@ def run_hardware(job: Job) -> JsonObject:
                 latitude=float(truth["latitude"][0]),
                 longitude=float(truth["longitude"][0]),
             )
+            if follower is not None:
+                report.send("progress", side="firmware", **follower.progress(epoch))
 
-    port = open_port(job.address, "hardware", foreign_senders=job.foreign_senders)
+    port = _open(job, follower)
     epochs = scenario.epochs + 1  # the last one shuts the firmware down
     notices = ExitStack()
     try:
@@ -96,6 +108,10 @@ def run_hardware(job: Job) -> JsonObject:
         file.close()
         port.close()
         notices.close()
+        if follower is not None:
+            follower.close()
+            told = follower.summary(int(hardware.plant[0]["epoch"]) - 1)
+            report.send("summary", side="firmware", program=job.follow, **told)
         statistics = {"lateness_us": lateness.summary(), "bus": port.statistics()}
         summary = hardware_summary(hardware) | statistics
         report.send("summary", side="hardware", **summary)

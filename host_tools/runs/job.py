@@ -59,6 +59,10 @@ class Job:
         File of the firmware's parameter memory.
     foreign_senders : bool
         Whether the hardware lets others on the embedded bus send what is the sides'.
+    follow : str or None
+        Name of the user's own program that is the firmware: the hardware follows it by its frames.
+    patience_s : float
+        Longest silence of that program; 0 waits for ever.
     """
 
     scenario: Scenario
@@ -72,6 +76,8 @@ class Job:
     serial: SerialSettings = NO_LINES
     parameters: Path | None = None
     foreign_senders: bool = False
+    follow: str | None = None
+    patience_s: float = 0.0
 
     @property
     def is_realtime(self) -> bool:

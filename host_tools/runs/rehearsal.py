@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import selectors
 import signal
@@ -24,6 +25,7 @@ from rrins.host_tools.recording.note import Note
 from rrins.host_tools.runs.job import REALTIME
 from rrins.host_tools.runs.outcome import Outcome
 from rrins.host_tools.runs.pipe import ReportReader
+from rrins.host_tools.runs.program import Program, end_session, last_words
 from rrins.host_tools.runs.starting import Fork, start_program
 from rrins.host_tools.scenario.scenario import Scenario
 
@@ -37,6 +39,7 @@ _GRACE_S = 5.0
 _BUS_ENDS_S = 60.0  # to write what was received before that
 _ATTACH_WAIT_S = 300.0  # the first start compiles
 _POLL_S = 0.2
+_SENT = " it sent "  # what the bus's host says of who does not speak as it does
 CHANNEL = "rrins"
 """What the channels of rehearsals are called, with a number behind it."""
 
@@ -68,6 +71,10 @@ class WatchedSide:
         Why it failed: `message`, `exit_status`.
     is_made_to_end : bool
         Whether it did not heed that it was asked to end.
+    program : Program or None
+        The user's own, which reports nothing itself.
+    ended_by_itself : bool
+        Whether it had ended before it was asked to.
     """
 
     name: str
@@ -79,23 +86,26 @@ class WatchedSide:
     epoch: int = 0
     is_open: bool = True
     is_made_to_end: bool = False
+    program: Program | None = None
+    ended_by_itself: bool = False
 
     def read(self) -> list[JsonObject]:
-        """Read the pipe; keep summary, error and epoch."""
+        """Read the pipe."""
         data = os.read(self.pipe, 65536)
         if not data:
             self.is_open = False
             return []
-        reports = self.reader.feed(data)
-        for report in reports:
-            kind = report["kind"]
-            if kind == "summary":
-                self.summary = {k: v for k, v in report.items() if k not in ("kind", "side")}
-            elif kind == "error":
-                self.error = report
-            elif kind == "progress":
-                self.epoch = int(report["epoch"])
-        return reports
+        return self.reader.feed(data)
+
+    def keep(self, report: JsonObject) -> None:
+        """Keep summary, error and epoch of a report of this side."""
+        kind = report["kind"]
+        if kind == "summary":
+            self.summary = {k: v for k, v in report.items() if k not in ("kind", "side")}
+        elif kind == "error":
+            self.error = report
+        elif kind == "progress":
+            self.epoch = int(report["epoch"])
 
     @property
     def killed_by(self) -> signal.Signals | None:
@@ -106,7 +116,8 @@ class WatchedSide:
 
     def end(self) -> None:
         """Terminate the process; kill it if it does not end."""
-        if self.process.poll() is None:
+        self.ended_by_itself = self.process.poll() is not None
+        if not self.ended_by_itself:
             self.process.terminate()
             self.process.send_signal(signal.SIGCONT)
             try:
@@ -115,6 +126,8 @@ class WatchedSide:
                 self.is_made_to_end = True
                 self.process.kill()
                 self.process.wait()
+        if self.program is not None:
+            end_session(self.process.pid)
 
 
 class Rehearsal:
@@ -140,6 +153,10 @@ class Rehearsal:
         Starts a side.
     timestamps : {"bus", "unix"}
         Time of the recorded frames, as of `Recorder`.
+    firmware : Program, optional
+        The user's own program as the firmware.
+    patience_s : float
+        Longest silence of that program; 0 waits for ever.
     """
 
     def __init__(
@@ -155,6 +172,8 @@ class Rehearsal:
         hardware_options: tuple[str, ...] = (),
         start: Start = start_program,
         timestamps: Literal["bus", "unix"] = "bus",
+        firmware: Program | None = None,
+        patience_s: float = 10.0,
     ) -> None:
         self._name = name
         self._scenario = scenario
@@ -167,6 +186,10 @@ class Rehearsal:
         self._hardware_options = hardware_options
         self._start_process = start
         self._timestamps = timestamps
+        self._program = firmware
+        self._patience_s = patience_s
+        self._misfit = ""  # what the bus has said of a program that it does not understand
+        self._has_started = False
         self._recorder: recorder.Recorder | None = None
         self._started_ns: int | None = None
         self._ended_ns = 0
@@ -211,15 +234,40 @@ class Rehearsal:
             words += ["--attach-wait", str(_ATTACH_WAIT_S), *self._firmware_options]
         else:
             words += self._hardware_options
+            if self._program is not None:
+                words += ["--follow", self._program.name, "--patience", f"{self._patience_s:g}"]
             if self._record is not None and self._address.is_embedded:
                 words += ["--await-peer", recorder.NAME]
         if self._speed != REALTIME and self._address.is_embedded:
             words += ["--core", str(self._core)]
+        program = self._program if name == "firmware" else None
         try:
-            process = self._start_process(words, write_end)
+            if program is None:
+                process = self._start_process(words, write_end)
+            else:
+                process = self._start_program(program, write_end)
+        except BaseException:
+            os.close(read_end)
+            raise
         finally:
             os.close(write_end)
-        return WatchedSide(name, process, read_end)
+        return WatchedSide(name, process, read_end, program=program)
+
+    def _start_program(self, program: Program, write_end: int) -> subprocess.Popen[bytes]:
+        """Start the user's program; the end of the pipe is its end."""
+        is_realtime = self._speed == REALTIME
+        process = program.start(
+            self._scenario,
+            self._address,
+            "1" if is_realtime else "max",
+            _ATTACH_WAIT_S,
+            self._folder,
+            (write_end,),
+        )
+        if not is_realtime and self._address.is_embedded:
+            with contextlib.suppress(ProcessLookupError):  # it has ended, which will be noticed
+                os.sched_setaffinity(process.pid, {self._core})
+        return process
 
     def _follow(self, on_report: OnReport, stop: threading.Event) -> None:
         """Hand on reports until both sides have closed their pipes, one has failed, or `stop`."""
@@ -230,14 +278,25 @@ class Rehearsal:
                 for key, _ in selector.select(_POLL_S):
                     side = key.data
                     for report in side.read():
+                        self._keep(report)
                         self._note(report, on_report)
                         on_report(report)
                     if not side.is_open:
                         selector.unregister(side.pipe)
                         side.process.wait()
-                        if side.process.returncode != 0:
+                        if side.process.returncode != 0 or self._came_too_early(side):
                             self._let_other_end(side)
                             return
+
+    def _keep(self, report: JsonObject) -> None:
+        """Keep a report for the side that it is about."""
+        for side in self._sides:
+            if side.name == report["side"]:
+                side.keep(report)
+
+    def _came_too_early(self, side: WatchedSide) -> bool:
+        """Return whether the user's program ended well, but before the rehearsal began."""
+        return side.program is not None and not self._has_started
 
     def _let_other_end(self, failed: WatchedSide) -> None:
         """Give the remaining side a moment to notice and report it."""
@@ -262,10 +321,19 @@ class Rehearsal:
             )
             if self._recorder.kept_words is not None:
                 on_report({"kind": "note", "side": "hardware", "text": self._recorder.kept_words})
+        elif report["kind"] == "note" and _SENT in report["text"]:
+            self._note_misfit(report["text"])
         elif report["kind"] == "started":
+            self._has_started = True
             self._started_ns = time.monotonic_ns()
         elif report["kind"] == "summary":
             self._ended_ns = time.monotonic_ns()
+
+    def _note_misfit(self, text: str) -> None:
+        """Keep what the bus says of the user's program, if it is about that."""
+        for side in self._sides:
+            if side.program is not None and f"process {side.process.pid}" in text:
+                self._misfit = text.partition(_SENT)[2]
 
     def _drain(self, on_report: OnReport) -> None:
         """Read the last reports of processes that have ended."""
@@ -273,6 +341,7 @@ class Rehearsal:
         for side in self._sides:
             while side.is_open:
                 for report in side.read():
+                    self._keep(report)
                     on_report(report)
             os.close(side.pipe)
         self._ended_ns = ended_ns
@@ -300,14 +369,16 @@ class Rehearsal:
 
     def _failure(self) -> RehearsalError | None:
         """Return why the rehearsal failed: the side that was killed before the one that noticed."""
+        own = self._failure_of_program()
+        if own is not None:
+            return own
         failed = [side for side in self._sides if side.process.returncode != 0]
-        rate_hz = self._scenario.rate_hz
         for side in failed:
             if side.killed_by is not None:
                 name = side.killed_by.name
-                at = f"after {side.epoch / rate_hz:.0f} s of simulated time"
                 return SideLostError(
-                    f"the {side.name} process {side.process.pid} was killed by {name} {at}"
+                    f"the {side.name} process {side.process.pid} was killed by {name} "
+                    f"{self._after(side)}"
                 )
         for side in failed:
             if side.error:
@@ -322,6 +393,32 @@ class Rehearsal:
             return SideLostError(f"the {side.name} process ended with status {status}")
         if self._recorder is not None and self._recorder.failure is not None:
             return RecordError(f"recording {self._record}: {self._recorder.failure}")
+        return None
+
+    def _after(self, side: WatchedSide) -> str:
+        return f"after {side.epoch / self._scenario.rate_hz:.0f} s of simulated time"
+
+    def _failure_of_program(self) -> RehearsalError | None:
+        """Return how the user's program failed, if it did: killed, ended, not understood."""
+        hardware, firmware = self._sides if len(self._sides) == 2 else (None, None)
+        if hardware is None or firmware is None or firmware.program is None:
+            return None
+        if hardware.process.returncode == 0:
+            return None  # the scenario has come to its end
+        name, status = firmware.program.name, firmware.process.returncode
+        if firmware.killed_by is not None:
+            signal_name = firmware.killed_by.name
+            return SideLostError(f"{name} was killed by {signal_name} {self._after(firmware)}")
+        if self._misfit:
+            return SideLostError(f"{name} speaks another language than the bus: {self._misfit}")
+        if hardware.error and hardware.error["message"].startswith(f"{name} "):
+            return SideLostError(hardware.error["message"])  # it hangs, or floods
+        if firmware.ended_by_itself:
+            said = last_words(self._folder)
+            when = self._after(firmware) if self._has_started else "before it was on the bus"
+            return SideLostError(
+                f"{name} ended with status {status} {when}" + (f": {said}" if said else "")
+            )
         return None
 
     def _outcome(self, failure: RehearsalError | None) -> Outcome:

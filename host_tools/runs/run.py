@@ -29,6 +29,7 @@ from rrins.host_tools.runs.fast import FastRun
 from rrins.host_tools.runs.job import check_code_folder, prepare_firmware, prepare_hardware
 from rrins.host_tools.runs.outcome import Outcome
 from rrins.host_tools.runs.parity_log import Parities, take_parities
+from rrins.host_tools.runs.program import Program
 from rrins.host_tools.runs.rehearsal import (
     CHANNEL,
     Interrupted,
@@ -236,6 +237,10 @@ class Plan:
         Whether others on the embedded bus may send what the contract gives to a side.
     timestamps : {"bus", "unix"}
         Time of the frames in a recording.
+    firmware : Program or None
+        The user's own program as the firmware.
+    patience_s : float
+        Longest silence of that program in wall clock time; 0 waits for ever.
     """
 
     name: str
@@ -246,6 +251,8 @@ class Plan:
     serial: SerialSettings = NO_LINES
     foreign_senders: bool = False
     timestamps: Literal["bus", "unix"] = "bus"
+    firmware: Program | None = None
+    patience_s: float = 10.0
 
     def lasting(self, duration_s: float) -> Plan:
         """Return the same with another duration."""
@@ -272,6 +279,8 @@ class Plan:
             ("--foreign-senders",) if self.foreign_senders else (),
             start,
             self.timestamps,
+            self.firmware,
+            self.patience_s,
         )
 
 

@@ -30,7 +30,7 @@ from rrins.host_tools.scenario.scenario import Scenario
 
 def frames_lost(firmware: JsonObject, hardware: JsonObject) -> int | None:
     """Return the frames that one side sent and the other did not get; None if a side is mute."""
-    if not firmware or not hardware:
+    if not firmware or not hardware or "frames_received" not in firmware:
         return None
     up = int(hardware["frames_sent"]) - int(firmware["frames_received"])
     down = int(firmware["frames_sent"]) - int(hardware["frames_received"])
@@ -205,6 +205,19 @@ def _keys_of(calibration: JsonObject) -> str:
     return "; ".join(tables) or "holds nothing"
 
 
+def _hash_words(sha256: str | None) -> str:
+    return "" if sha256 is None else f"; navigation sha256 {sha256[:16]}…"
+
+
+def _late_line(summary: JsonObject) -> list[str]:
+    """Return how often the user's own program answered late."""
+    program, faults = summary["firmware"].get("program"), summary["hardware"].get("faults", {})
+    late, missing = faults.get("counter_errors", 0), faults.get("missing_commands", 0)
+    if program is None or not (late or missing):
+        return []
+    return [f"{program} answered late: {late} commands of another epoch, {missing} missing"]
+
+
 def lines_of(summary: JsonObject) -> list[str]:
     """Return the lines below the table: how the run went."""
     firmware = summary["firmware"]
@@ -212,9 +225,10 @@ def lines_of(summary: JsonObject) -> list[str]:
         f"{summary['epochs']} epochs in {summary['wall_s']:.1f} s: "
         f"{summary['epochs_per_s']:.0f} epochs/s, "
         f"{summary['epochs_per_s'] / summary['rate_hz']:.0f} times real time; "
-        f"{summary['frames_lost']} frames lost, {summary['overruns']} overruns",
-        f"initial attitude {summary['initial_attitude']}, height {summary['height_channel']}; "
-        f"navigation sha256 {(summary['navigation_sha256'] or '-')[:16]}…",
+        + ("" if summary["frames_lost"] is None else f"{summary['frames_lost']} frames lost, ")
+        + f"{summary['overruns']} overruns",
+        f"initial attitude {summary['initial_attitude']}, height {summary['height_channel']}"
+        + _hash_words(summary["navigation_sha256"]),
     ]
     if summary["given_attitude_error_arcsec"] is not None:
         lines.append(given_attitude.words(summary["given_attitude_error_arcsec"]))
@@ -241,6 +255,7 @@ def lines_of(summary: JsonObject) -> list[str]:
     if faults:
         counted = ", ".join(f"{name} {count}" for name, count in faults.items())
         lines.append(f"faults counted by the firmware: {counted}")
+    lines += _late_line(summary)
     lines += table_lines(firmware)
     lines += bridging_lines(firmware)
     return lines

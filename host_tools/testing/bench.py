@@ -11,12 +11,14 @@ import can
 
 from rrins.host_tools.diag.target import Target
 from rrins.host_tools.diag.tester import Tester
+from rrins.host_tools.runs.program import Program
 from rrins.host_tools.runs.results import east_north_m
 from rrins.host_tools.scenario.scenario import Scenario
 from rrins.host_tools.testing.diagnostics import BenchTarget, BenchTransport
 from rrins.host_tools.testing.errors import BenchError
 from rrins.host_tools.testing.expectation import Expectation, Where, in_words
 from rrins.host_tools.testing.faults import BenchFaults
+from rrins.host_tools.testing.processes import OwnProgram
 from rrins.host_tools.testing.realtime import RealtimeExecution
 from rrins.host_tools.testing.recording import (
     Contract,
@@ -30,7 +32,7 @@ from rrins.host_tools.testing.states import EastNorthPair, NavigationFix, TrueSt
 from rrins.host_tools.testing.virtual_bus import VirtualTimeBus
 from rrins.host_tools.testing.virtual_time import DirectExecution, Execution, LockstepExecution
 
-Maker = Callable[[Scenario, FrameRing, Path, float, bool], Execution]
+Maker = Callable[[Scenario, FrameRing, Path, float, bool, OwnProgram | None], Execution]
 
 WAYS: dict[str, Maker] = {
     "direct": lambda scenario, ring, *_: DirectExecution(scenario, ring),
@@ -57,6 +59,8 @@ class Bench:
     foreign_senders : bool
         Whether clients that a test attaches may send what the contract gives to a side. In real
         time the bench itself is such a client.
+    program : str, optional
+        The user's program, or its command line, as the firmware: always a process of its own.
 
     Attributes
     ----------
@@ -71,16 +75,20 @@ class Bench:
         way: str = "direct",
         patience_s: float = 60.0,
         foreign_senders: bool = True,
+        program: str | None = None,
     ) -> None:
         if way not in WAYS:
             raise BenchError(f"way {way!r} is not one of {', '.join(WAYS)}")
+        if program is not None and way == "direct":
+            way = "lockstep"  # another program is a process
+        own = None if program is None else OwnProgram(Program.parse(program), scenario)
         self.scenario = scenario
         self.way = way
         self._bus: can.BusABC | None = None
         self._attached: list[VirtualTimeBus] = []
         self._ring = FrameRing()
         self._execution = WAYS[way](
-            scenario, self._ring, scenario_file, patience_s, foreign_senders
+            scenario, self._ring, scenario_file, patience_s, foreign_senders, own
         )
         self._contract = Contract()
         self._sender = FrameSender(self._execution, self._ring, self._contract)

@@ -37,6 +37,7 @@ class BenchFactory(Protocol):
         *,
         way: str | None = None,
         foreign_senders: bool = True,
+        program: str | None = None,
         **overrides: Any,
     ) -> Bench:
         """Return a bench, at power-on.
@@ -50,6 +51,9 @@ class BenchFactory(Protocol):
             That of ``--rrins-way`` by default.
         foreign_senders : bool
             Whether clients that the test attaches may send what the contract gives to a side.
+        program : str, optional
+            Your own navigation computer, a program or its command line; that of
+            ``--rrins-firmware`` by default. It runs in lockstep where the way is ``"direct"``.
         **overrides
             Top-level keys of the scenario; a dict is merged into the scenario's table.
         """
@@ -63,6 +67,11 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         choices=("direct", "lockstep", "realtime"),
         default="direct",
         help="how benches run unless a test sets it (default: direct)",
+    )
+    group.addoption(
+        "--rrins-firmware",
+        metavar="PROGRAM",
+        help="your own program as the firmware of all benches (default: the project's)",
     )
     group.addoption(
         "--rrins-log-dir",
@@ -154,12 +163,18 @@ def rrins_bench(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Benc
         *,
         way: str | None = None,
         foreign_senders: bool = True,
+        program: str | None = None,
         **overrides: Any,
     ) -> Bench:
         file = tmp_path / f"scenario-{len(benches) + 1}.toml"
         checked = prepare_scenario(scenario, overrides, file, request.path.parent)
         bench = Bench(
-            checked, file, way or options.rrins_way, options.rrins_patience, foreign_senders
+            checked,
+            file,
+            way or options.rrins_way,
+            options.rrins_patience,
+            foreign_senders,
+            program or options.rrins_firmware,
         )
         benches.append(bench)
         ends.callback(bench.close)

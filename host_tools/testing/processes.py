@@ -12,15 +12,18 @@ import subprocess
 import sys
 import threading
 import time
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
 import can
 
 from rrins.host_tools.bus.interface import RrinsBus
-from rrins.host_tools.bus.port import Side
+from rrins.host_tools.bus.port import EMBEDDED, Address, Side
 from rrins.host_tools.interruption import INTERRUPTED
 from rrins.host_tools.runs.pipe import ReportReader
+from rrins.host_tools.runs.program import Program, end_session, said_path
+from rrins.host_tools.scenario.scenario import Scenario
 from rrins.host_tools.testing.errors import BenchError
 
 _GRACE_S = 5.0
@@ -46,6 +49,34 @@ def shared_core() -> int:
     return cores[-1 - int(worker) % len(cores)] if worker.isdigit() else cores[-1]
 
 
+@dataclass(frozen=True)
+class OwnProgram:
+    """The user's program as the firmware of a bench.
+
+    Attributes
+    ----------
+    program : Program
+    scenario : Scenario
+    """
+
+    program: Program
+    scenario: Scenario
+
+    @staticmethod
+    def folder(scenario_file: Path) -> Path:
+        """Return where its set-up goes, and what it prints."""
+        return scenario_file.with_suffix(".firmware")
+
+    def start(
+        self, scenario_file: Path, channel: str, speed: str, keep_open: tuple[int, ...]
+    ) -> subprocess.Popen[bytes]:
+        """Start the program on a channel of the embedded bus."""
+        folder = self.folder(scenario_file)
+        folder.mkdir(parents=True, exist_ok=True)
+        address = Address(EMBEDDED, channel)
+        return self.program.start(self.scenario, address, speed, _ATTACH_S, folder, keep_open)
+
+
 class SideProcess:
     """The process of one side. It exits by itself soon after this process has ended.
 
@@ -59,6 +90,8 @@ class SideProcess:
         Real time or lockstep.
     *options : str
         More options of the side's command.
+    own : OwnProgram, optional
+        The user's program instead; it has no other options.
 
     Attributes
     ----------
@@ -72,8 +105,10 @@ class SideProcess:
         channel: str,
         speed: Literal["1", "max"],
         *options: str,
+        own: OwnProgram | None = None,
     ) -> None:
         self.side = side
+        self._own = own
         self._said = scenario_file.with_suffix(f".{side}.txt")
         self._reader = ReportReader()
         self._error = ""
@@ -85,6 +120,10 @@ class SideProcess:
             os.set_blocking(self._pipe, False)
             with contextlib.suppress(PermissionError):  # user limit reached: keep the default size
                 fcntl.fcntl(self._pipe, fcntl.F_SETPIPE_SZ, _PIPE_BYTES)
+            if own is not None:
+                self.process = own.start(scenario_file, channel, speed, (write_end,))
+                self._said = said_path(own.folder(scenario_file))
+                return
             with self._said.open("wb") as said:
                 self.process = subprocess.Popen(
                     [*command, *options],
@@ -99,7 +138,8 @@ class SideProcess:
 
     @property
     def _name(self) -> str:
-        return f"the {self.side} process {self.process.pid}"
+        what = self._own.program.name if self._own is not None else f"the {self.side}"
+        return f"{what} process {self.process.pid}"
 
     def poll(self) -> int | None:
         """Read the reports of the process; return its exit status, None while it runs."""
@@ -167,6 +207,8 @@ class SideProcess:
                 self.process.kill()
                 self.process.wait()
                 ends = (*ends, -signal.SIGKILL)
+        if self._own is not None:
+            end_session(self.process.pid)
         self.poll()
         words = "" if self.process.returncode in ends else self.failure()
         if self._pipe >= 0:

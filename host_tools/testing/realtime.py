@@ -14,7 +14,7 @@ from rrins.host_tools.bus.interface import RrinsBus
 from rrins.host_tools.bus.port import Side
 from rrins.host_tools.scenario.scenario import Scenario
 from rrins.host_tools.testing.errors import BenchError
-from rrins.host_tools.testing.processes import SideProcess, fresh_channel
+from rrins.host_tools.testing.processes import OwnProgram, SideProcess, fresh_channel
 from rrins.host_tools.testing.recording import FrameRing, Sender, messages_of
 from rrins.host_tools.testing.virtual_time import START_S, Execution
 
@@ -36,6 +36,8 @@ class RealtimeExecution(Execution):
         Longest silence of the bus; 0 waits forever.
     foreign_senders : bool
         Whether this process may send what the contract gives to a side.
+    own : OwnProgram, optional
+        The user's program as the firmware.
     """
 
     def __init__(
@@ -45,6 +47,7 @@ class RealtimeExecution(Execution):
         scenario_file: Path,
         patience_s: float,
         foreign_senders: bool = True,
+        own: OwnProgram | None = None,
     ) -> None:
         super().__init__(scenario, ring)
         self._patience_s = patience_s
@@ -58,9 +61,14 @@ class RealtimeExecution(Execution):
             self.hardware_side = self._start("hardware", scenario_file, *options)
             # The firmware initializes in the meantime, and waits for the bus.
             wait = ("--attach-wait", str(START_S))
-            self.side = self._start("firmware", scenario_file, *wait)
+            if own is None:
+                self.side = self._start("firmware", scenario_file, *wait)
+            else:
+                self.side = SideProcess("firmware", scenario_file, self.channel, "1", own=own)
+                self._ends.callback(self._stop, self.side)
             self.hardware_side.wait_until_ready(START_S)
-            self.side.wait_until_ready(START_S)
+            if own is None:  # another program comes when it comes: the hardware waits for it
+                self.side.wait_until_ready(START_S)
             self._bus = self._open(_OBSERVER)
             self._last_ns = time.monotonic_ns()
         except BaseException:

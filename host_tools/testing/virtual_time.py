@@ -26,6 +26,7 @@ from rrins.host_tools.runs.settings import firmware_settings, hardware_settings,
 from rrins.host_tools.scenario.scenario import Scenario
 from rrins.host_tools.testing.errors import BenchError
 from rrins.host_tools.testing.processes import (
+    OwnProgram,
     SideProcess,
     attach_to_own,
     fresh_channel,
@@ -217,6 +218,8 @@ class LockstepExecution(_Virtual):
         Longest silence of the firmware; 0 waits forever.
     foreign_senders : bool
         Whether clients of the bus may send what the contract gives to a side.
+    own : OwnProgram, optional
+        The user's program as the firmware.
     """
 
     def __init__(
@@ -226,6 +229,7 @@ class LockstepExecution(_Virtual):
         scenario_file: Path,
         patience_s: float,
         foreign_senders: bool = True,
+        own: OwnProgram | None = None,
     ) -> None:
         super().__init__(scenario, ring)
         self._patience_s = patience_s
@@ -243,8 +247,13 @@ class LockstepExecution(_Virtual):
             self._ends.callback(self.host.shutdown)
             core = shared_core()
             options = ("--core", str(core), "--attach-wait", str(START_S))
-            self.side = SideProcess("firmware", scenario_file, self.channel, "max", *options)
+            self.side = SideProcess(
+                "firmware", scenario_file, self.channel, "max", *options, own=own
+            )
             self._ends.callback(self._stop)
+            if own is not None:
+                with contextlib.suppress(ProcessLookupError):
+                    os.sched_setaffinity(self.side.process.pid, {core})
             prepare_hardware(scenario)  # while the firmware initializes
             self._await_firmware()
             os.sched_setaffinity(0, {core})

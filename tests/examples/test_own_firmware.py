@@ -1,0 +1,103 @@
+"""The C firmware navigates as ours does; its intake is fuzzed. At length: RRINS_OWN_FIRMWARE=1.
+
+The two are compared by what the bus carries: positions in steps of 1e-9 deg, 0.1 mm.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rrins.dbc.record import Records
+from rrins.firmware_py.core.memory import NavigationOutput
+from rrins.host_tools.runs import run
+from rrins.host_tools.runs.display import RunDisplay
+from rrins.host_tools.runs.program import Program
+from rrins.host_tools.runs.results import east_north_m
+from rrins.host_tools.scenario.scenario import load
+from rrins.host_tools.terminal import new_console
+
+IS_FULL = "RRINS_OWN_FIRMWARE" in os.environ
+DURATION_S = 1600.0 if IS_FULL else 20.0
+FRAMES = 1_000_000 if IS_FULL else 50_000
+LIMIT_M = 1e-3
+
+
+def largest_difference_m(
+    ours: Records[NavigationOutput], theirs: Records[NavigationOutput]
+) -> float:
+    """Return the largest horizontal distance of two navigations in common epochs."""
+    _, i, j = np.intersect1d(ours["epoch"], theirs["epoch"], return_indices=True)
+    assert len(i) >= 0.9 * len(ours) > 0
+    a, b = ours[i], theirs[j]
+    east, north = east_north_m(
+        b["latitude"], b["longitude"], a["latitude"], a["longitude"], a["height"]
+    )
+    return float(np.hypot(east, north).max())
+
+
+@pytest.mark.timeout(1200)
+@pytest.mark.parametrize(
+    "name",
+    [
+        "ideal",
+        "rimu_rotating",
+        "drive_strapdown",
+        pytest.param(
+            "rimu_strapdown_self_aligned",
+            marks=pytest.mark.skipif(not IS_FULL, reason="RRINS_OWN_FIRMWARE is not set"),
+        ),
+    ],
+)
+def test_it_navigates_as_ours_within_a_millimetre(name: str, own_firmware: Path) -> None:
+    scenario = load(name, duration_s=DURATION_S)
+    program = Program.parse(str(own_firmware))
+    plan = run.Plan(name, scenario, run.Overrides(DURATION_S), firmware=program)
+    with RunDisplay(scenario, new_console(stderr=True), quiet=True) as display:
+        theirs = run.rehearse(plan, display)
+        ours = run.simulate(name, scenario, display)
+    theirs.check()
+    assert not any(theirs.summary["firmware"]["faults"].values())
+    assert theirs.summary["firmware"]["program"] == "own_firmware"
+    assert largest_difference_m(ours.navigation, theirs.navigation) < LIMIT_M
+    assert theirs.summary["hardware"]["faults"]["missing_commands"] == 0
+
+
+def test_random_frames_do_it_no_harm(own_firmware: Path, make_firmware) -> None:
+    said = make_firmware(own_firmware.parent, "fuzz", f"FRAMES={FRAMES}")
+    navigated = int(re.findall(r"(\d+) epochs navigated", said)[0])
+    assert navigated > FRAMES // 10  # in every mode, not in the self-test alone
+
+
+def test_a_wrong_set_up_is_one_line(own_firmware: Path, tmp_path: Path) -> None:
+    for text, words in (
+        ("rrins-setup 2\n", "not a set-up of version 1"),
+        ("rrins-setup 1\nlatitude_deg north\n", "line 2: latitude_deg: not as it should be"),
+        ("rrins-setup 1\nrate_hz 200\n", "not a whole set-up"),
+    ):
+        (tmp_path / "setup.txt").write_text(text)
+        done = subprocess.run(
+            [own_firmware, "--setup", tmp_path / "setup.txt"],
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        assert done.returncode == 1
+        assert done.stderr == f"own_firmware: {tmp_path / 'setup.txt'}: {words}\n"
+
+
+def test_a_strangers_test_runs_with_it(own_firmware: Path, rrins_bench) -> None:
+    bench = rrins_bench("rimu_rotating", program=str(own_firmware), firmware={"alignment_s": 1})
+    assert bench.way == "lockstep"
+    bench.expect("FIRMWARE_STATUS", within=5, where={"mode": "NAVIGATION_ROTATING"})
+    bench.inject("drop", message="SENSOR_3")
+    bench.expect("FIRMWARE_STATUS", within=0.5, where={"usable_sensors": 3})
+    bench.advance(5)
+    assert bench.mode == "NAVIGATION_ROTATING"
+    assert bench.fault_counters["missing_frames"] > 0
+    assert abs(bench.errors_m().east) < 1
