@@ -28,6 +28,7 @@ from rrins.host_tools.testing.errors import BenchError
 
 _GRACE_S = 5.0
 _ATTACH_S = 30.0
+_HOST_COMPILES_S = 300.0  # before it answers who calls
 _POLL_S = 0.2
 _PIPE_BYTES = 1024 * 1024  # room for hours of unread reports
 _ASKED_TO_END = (0, INTERRUPTED, -signal.SIGTERM)  # shut down, or stopped by a signal
@@ -74,7 +75,9 @@ class OwnProgram:
         folder = self.folder(scenario_file)
         folder.mkdir(parents=True, exist_ok=True)
         address = Address(EMBEDDED, channel)
-        return self.program.start(self.scenario, address, speed, _ATTACH_S, folder, keep_open)
+        return self.program.start(
+            self.scenario, address, speed, _HOST_COMPILES_S, folder, keep_open
+        )
 
 
 class SideProcess:
