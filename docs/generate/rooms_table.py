@@ -46,6 +46,7 @@ GUIDES = {
     "host_tools/scenario": "scenarios.md",
     "host_tools/serial": "serial.md",
     "host_tools/testing": "testing.md",
+    "host_tools/vehicle": "vehicle.md",
     "host_tools/wire": "faults.md",
 }
 """The page on what a room does, where there is one."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import keyword
 import logging
 import sys
 from collections.abc import Sequence
@@ -44,6 +45,7 @@ _LOOK = {
     "monitor": _Entry("monitor", "Watch the decoded bus in the terminal."),
     "diag": _Entry("diag.diag", "Diagnose the navigation computer over UDS."),
     "record": _Entry("record", "Record a bus to a log file."),
+    "import": _Entry("import_vehicle", "Make the recording of a real vehicle a log."),
     "replay": _Entry("replay", "Replay a log onto a bus or through the firmware."),
     "export": _Entry("export", "Write a log as Parquet or CSV tables."),
     "increments": _Entry("increments", "Write fused increments and truth for other navigators."),
@@ -73,7 +75,8 @@ class _Group(Group):
         """Import a command from its module and return it."""
         if cmd_name not in _COMMANDS:
             return None
-        command = getattr(import_module(f"{__package__}.{_COMMANDS[cmd_name].module}"), cmd_name)
+        name = f"{cmd_name}_" if keyword.iskeyword(cmd_name) else cmd_name
+        command = getattr(import_module(f"{__package__}.{_COMMANDS[cmd_name].module}"), name)
         assert isinstance(command, click.Command)
         return command
 

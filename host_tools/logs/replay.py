@@ -16,6 +16,7 @@ from rrins.host_tools.logs.comparison import Comparison, Sent
 from rrins.host_tools.logs.epochs import EpochFinder, LogSteps
 from rrins.host_tools.logs.frame_steps import NO_EPOCH, NO_STEP
 from rrins.host_tools.logs.reader import Log
+from rrins.host_tools.logs.reference_truth import ReferenceTruth
 from rrins.host_tools.logs.renavigation import Answers, Renavigation, check_rate
 from rrins.host_tools.logs.truth import RecomputedTruth
 from rrins.host_tools.recording.errors import RecordError
@@ -83,15 +84,19 @@ class _Run:
         self._parity = ParityLog(self.firmware.ram, folder, scenario.duration_s)
         self._estimates = EstimatorLog(self.firmware.ram, folder, scenario.duration_s)
         self.renavigation = Renavigation(self.firmware, error_ppm, is_lockstep, self._note_seconds)
-        recorded = None if log.note is None else log.note.loaded_scenario(log.path)
-        self.truth = (
-            None
-            if folder is None
-            else RecomputedTruth(recorded or scenario, self._truth_file, log_every)
-        )
+        self.truth = None if folder is None else self._truth_of(log, log_every)
         self.finder = EpochFinder()
         self.first_epoch = self.last_epoch = NO_EPOCH
         self._answered_until_s = self._heard_until_s = 0.0
+
+    def _truth_of(self, log: Log, log_every: int) -> RecomputedTruth | ReferenceTruth:
+        """Return the truth of a rehearsal, repeated, or of a vehicle, as somebody else found it."""
+        note = log.note
+        if note is not None and note.origin == "vehicle":
+            path = None if note.truth is None else log.path.with_name(note.truth)
+            return ReferenceTruth(path, self._scenario, self._truth_file, log_every)
+        recorded = None if note is None else note.loaded_scenario(log.path)
+        return RecomputedTruth(recorded or self._scenario, self._truth_file, log_every)
 
     def _note_seconds(self) -> None:
         for log in (self._parity, self._estimates):

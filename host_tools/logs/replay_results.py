@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import IO
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rrins.dbc.record import Records
 from rrins.firmware_py.core.memory import NavigationOutput
@@ -15,6 +16,7 @@ from rrins.host_tools.files import JsonObject, write_whole
 from rrins.host_tools.logs.reader import Log
 from rrins.host_tools.logs.replay import Replayed
 from rrins.host_tools.runs.estimator_log import take_estimates
+from rrins.host_tools.runs.estimator_summary import estimator_lines
 from rrins.host_tools.runs.keeping import place_for
 from rrins.host_tools.runs.outcome import Outcome
 from rrins.host_tools.runs.parity_log import take_parities
@@ -89,10 +91,47 @@ def _summary_of(
         "navigation_sha256": sha256,
         "no_truth": replayed.why_no_truth,
         "unanswered_s": round(replayed.unanswered_s, 3),
+        "rms_error": rms_of(errors),
     }
     comparison = replayed.comparison
     summary["comparison"] = None if comparison is None else comparison.summary()
     return summary
+
+
+_RMS = {
+    "position_m": {"east": "position_east_m", "north": "position_north_m", "up": "height_m"},
+    "velocity_mps": {"east": "velocity_east_mps", "north": "velocity_north_mps"},
+    "attitude_deg": {"roll": "roll_deg", "pitch": "pitch_deg", "heading": "heading_deg"},
+}
+
+
+def rms_of(errors: Errors) -> JsonObject | None:
+    """Return the root mean squares of the errors over the navigation; None without a truth.
+
+    What the truth does not say, such as an attitude, is null.
+    """
+    if not len(errors):
+        return None
+    return {
+        kind: {side: _rms(getattr(errors, name)) for side, name in names.items()}
+        for kind, names in _RMS.items()
+    }
+
+
+def _rms(values: NDArray[np.float64]) -> float | None:
+    found = float(np.sqrt(np.mean(np.square(values))))
+    return float(f"{found:.6g}") if np.isfinite(found) else None
+
+
+def _rms_line(rms: JsonObject) -> str:
+    place, velocity, angles = (tuple(rms[kind].values()) for kind in _RMS)
+    text = (
+        f"rms error: east {place[0]:.3g} m, north {place[1]:.3g} m, up {place[2]:.3g} m; "
+        f"{velocity[0]:.3g} m/s, {velocity[1]:.3g} m/s"
+    )
+    if None not in angles:
+        text += f"; roll {angles[0]:.3g}°, pitch {angles[1]:.3g}°, heading {angles[2]:.3g}°"
+    return text
 
 
 def _write_navigation(
@@ -143,6 +182,9 @@ def print_replay(summary: JsonObject, paths: list[Path]) -> None:
         f"navigation sha256 {summary['navigation_sha256'][:16]}…"
         + _same_or_not(summary["navigation_sha256"], recording["navigation_sha256"]),
     ]
+    if recording["rms_error"] is not None:
+        lines.append(_rms_line(recording["rms_error"]))
+    lines.extend(estimator_lines(summary["estimator"]))
     if recording["no_truth"] is not None:
         lines.append(f"no error statistics without a truth: {recording['no_truth']}")
     if recording["first_epoch"] > 0:

@@ -54,4 +54,6 @@ def _files_of(path: Path) -> list[str]:
         note = None
     parts = () if note is None else note.parts
     names = {path.name, path_beside(path).name, *(part.file for part in parts)}
+    if note is not None and note.truth is not None:
+        names.add(note.truth)
     return sorted(name for name in names if (path.parent / name).exists())

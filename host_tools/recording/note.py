@@ -53,6 +53,10 @@ class Note(BaseModel):
     speed: float | Literal["max"] | None = None
     """Speed of the rehearsal; 1 is real time, anything else lockstep."""
     navigation_sha256: str | None = None
+    origin: Literal["vehicle"] | None = None
+    """Where it is not of a rehearsal: a real vehicle, whose truth no hardware can repeat."""
+    truth: str | None = None
+    """CSV file beside the note with the truth, for a recording of a vehicle."""
 
     @field_validator("parts")
     @classmethod
@@ -60,6 +64,11 @@ class Note(BaseModel):
         if len({part.file for part in parts}) < len(parts):
             raise ValueError("a file is named twice")
         return parts
+
+    @field_validator("truth")
+    @classmethod
+    def _truth_is_name(cls, name: str | None) -> str | None:
+        return None if name is None else Part(file=name).file
 
     @property
     def is_lockstep(self) -> bool:

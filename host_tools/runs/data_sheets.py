@@ -131,6 +131,11 @@ def redundancy_settings(scenario: Scenario) -> RedundancySettings | None:
     )
 
 
+def _told(said_arcsec: float | None, drawn_arcsec: float) -> float:
+    """Return what is told of a given angle, rad: what the scenario says, else what it draws."""
+    return (drawn_arcsec if said_arcsec is None else said_arcsec) * ARCSEC
+
+
 def estimator_settings(scenario: Scenario) -> EstimatorSettings | None:
     """Return the set-up of the firmware's estimator for a scenario; None where it has none."""
     table = scenario.estimator
@@ -146,8 +151,8 @@ def estimator_settings(scenario: Scenario) -> EstimatorSettings | None:
         zero_velocity_sigma=table.zero_velocity_sigma_mps,
         position_sigma=table.position_sigma_m,
         gate=table.gate,
-        level_sigma=firmware.level_error_sigma_arcsec * ARCSEC,
-        heading_sigma=firmware.heading_error_sigma_arcsec * ARCSEC,
+        level_sigma=_told(table.level_sigma_arcsec, firmware.level_error_sigma_arcsec),
+        heading_sigma=_told(table.heading_sigma_arcsec, firmware.heading_error_sigma_arcsec),
         **_altimeter(scenario),
     )
 

@@ -370,6 +370,10 @@ class Estimator(TomlTable):
     """Of the position where navigation begins, each component."""
     gate: float = Field(default=5.0, gt=1, le=100)
     """Standard deviations beyond which a measurement is not used."""
+    level_sigma_arcsec: float | None = Field(default=None, ge=0, le=36_000)
+    """Of a given roll and pitch; by default what `[firmware]` draws for them."""
+    heading_sigma_arcsec: float | None = Field(default=None, ge=0, le=36_000)
+    """Of a given heading; by default what `[firmware]` draws for it."""
 
     @model_validator(mode="after")
     def _whole(self) -> Estimator:

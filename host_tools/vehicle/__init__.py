@@ -1,0 +1,1 @@
+"""Recordings of real vehicles: read, put on the firmware's epochs, written as a bus recording."""
