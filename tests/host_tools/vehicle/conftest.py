@@ -27,7 +27,7 @@ DRIVE = {
 @dataclass(frozen=True)
 class Drive:
     folder: Path
-    truth: np.ndarray  # week, seconds, latitude, longitude, height, v ned, roll, pitch, yaw
+    truth: np.ndarray  # week, seconds, latitude, longitude, height, velocity, roll, pitch, yaw
 
 
 def _with_fixes(folder, truth):
