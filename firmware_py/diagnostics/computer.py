@@ -81,6 +81,8 @@ class Computer:
     period_ns : int
     gravity : float
         At the place where navigation starts, m/s².
+    calibration_record : bytearray
+        What a calibration on the table has recorded; see `diagnostics.calibration_record`.
     """
 
     def __init__(
@@ -95,6 +97,7 @@ class Computer:
         self.faults = faults
         self.period_ns = int(ram[0].parameters.period_ns)
         self.gravity = 0.0
+        self.calibration_record = bytearray()
         self._file = b""
         self._filed: image.Parameters | None = None  # the stored ones that are in the file
         self._mode = ram["modes"]["mode"]

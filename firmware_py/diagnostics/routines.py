@@ -8,9 +8,11 @@ from functools import cached_property
 
 from rrins.dbc.contract import SENSOR_GROUPS
 from rrins.dbc.values import AxisState
+from rrins.firmware_py.core.memory import SCHEME_CAPACITY
 from rrins.firmware_py.core.modes import FirmwareFault, Mode
 from rrins.firmware_py.core.redundancy_records import TEST_LEAST_S, TEST_LONGEST_S, SensorKind
 from rrins.firmware_py.diagnostics.access import UNLOCKED, Access
+from rrins.firmware_py.diagnostics.calibration_record import CalibrationEnd
 from rrins.firmware_py.diagnostics.codecs import Field, Layout
 from rrins.firmware_py.diagnostics.redundancy_identifiers import READMISSION
 
@@ -178,6 +180,41 @@ ROUTINES = (
         (
             _STATE,
             *READMISSION,
+        ),
+        can_stop=True,
+    ),
+    Routine(
+        0x0209,
+        "table_calibration",
+        "Turns the table through a scheme and records the sums of every second, which a tool reads "
+        "from 0x20000000 while they grow. In STANDBY, with the vehicle at rest; both axes turn to "
+        "where position `first` begins, first. Stores nothing. Fails if the mode is left, an axis "
+        "does not follow or is commanded otherwise, a sensor fails, or the base moves. If stopped, "
+        "and at the end, both axes hold.",
+        (
+            Field("positions", "u8", minimum=1, maximum=SCHEME_CAPACITY),
+            Field("first", "u8", minimum=0, maximum=SCHEME_CAPACITY - 1, text="counted from 0"),
+            Field("turn_rate_dps", "f64", "°/s", minimum=0.01, maximum=60.0),
+            Field("stand_s", "f64", "s", minimum=0.0, maximum=3600.0, text="after each turn"),
+            Field("axis", "u8", "", SCHEME_CAPACITY, choices=AxisName, text="by position"),
+            Field(
+                "angle_deg",
+                "f64",
+                "°",
+                SCHEME_CAPACITY,
+                minimum=-720.0,
+                maximum=720.0,
+                text="by position",
+            ),
+        ),
+        (
+            _STATE,
+            Field("end", "u8", choices=CalibrationEnd),
+            Field("sensor", "u8", text="that has failed, from 1"),
+            Field("position", "u8", text="counted from 0"),
+            Field("seconds", "u32", text="recorded so far"),
+            Field("second_bytes", "u16", "bytes"),
+            Field("period_ns", "u32", "ns", text="of an epoch"),
         ),
         can_stop=True,
     ),

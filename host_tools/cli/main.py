@@ -37,6 +37,7 @@ _RUN = {
     "firmware": _Entry("run", "Run the navigation computer alone."),
     "hardware": _Entry("run", "Run the emulated RIMU and turntable alone."),
     "setup": _Entry("setup", "Show what a navigation computer of your own is set up with."),
+    "calibrate": _Entry("calibrate", "Calibrate a unit's sensors on its own table."),
     "inject": _Entry("inject", "Inject a fault into a running rehearsal."),
     "scenarios": _Entry("scenarios", "List or show the built-in scenarios."),
     "bench": _Entry("bench", "Measure what a rehearsal costs on this machine."),

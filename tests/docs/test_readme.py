@@ -36,6 +36,7 @@ MAKE, FIRST, MORE, RUNNING, BESIDE, VCAN, ALONE = (
 SHORT = {
     "rrins reproduce": "rrins reproduce scheme --seeds 1",
     "rrins motion export drive drive.pos": "rrins motion export drive drive.pos --duration 60",
+    "rrins calibrate": "rrins calibrate --rate 20 --stand 1",
     "rrins scheme search": "rrins scheme search --positions 8",
 }
 """What takes minutes, shorter."""

@@ -6,6 +6,7 @@ import numpy as np
 
 from rrins.firmware_py.diagnostics import table
 from rrins.firmware_py.diagnostics.access import MESSAGE_CAPACITY
+from rrins.firmware_py.diagnostics.calibration_record import RECORD_ADDRESS
 from rrins.firmware_py.diagnostics.codecs import LengthError, ValueRangeError, Values
 from rrins.firmware_py.diagnostics.computer import Computer
 from rrins.firmware_py.diagnostics.data_identifier import DataIdentifier
@@ -51,12 +52,17 @@ class Data:
         return did if did is not None and self._computer.has(did) else None
 
     def read_memory(self, server: Server, data: bytes) -> bytes:
-        """Read the RAM image (0x23)."""
+        """Read the RAM image, or the record of a calibration (0x23)."""
         require(len(data) >= 3, Code.INCORRECT_MESSAGE_LENGTH)
         start, size = address_and_size(data)
-        is_there = size > 0 and start + size <= len(self._memory)
-        require(is_there, Code.REQUEST_OUT_OF_RANGE)
+        record = self._computer.calibration_record
+        is_record = start >= RECORD_ADDRESS
+        start -= RECORD_ADDRESS if is_record else 0
+        length = len(record) if is_record else len(self._memory)
+        require(size > 0 and start + size <= length, Code.REQUEST_OUT_OF_RANGE)
         require(1 + size <= MESSAGE_CAPACITY, Code.RESPONSE_TOO_LONG)
+        if is_record:
+            return bytes(record[start : start + size])
         return self._memory[start : start + size].tobytes()
 
     def write(self, server: Server, data: bytes) -> Later:

@@ -13,6 +13,7 @@ from rrins.firmware_py.diagnostics.server import Handler, Part, Server
 from rrins.firmware_py.diagnostics.services import programmes
 from rrins.firmware_py.diagnostics.services.calibration import CalibrationProgramme
 from rrins.firmware_py.diagnostics.services.programmes import Programme
+from rrins.firmware_py.diagnostics.services.table_calibration import TableCalibration
 
 _START, _STOP = 0x01, 0x02
 
@@ -27,6 +28,7 @@ class Routines(Part):
             programmes.AxisTurn(computer),
             programmes.Rotation(computer),
             CalibrationProgramme(computer),
+            TableCalibration(computer),
             programmes.RestoreSetUp(computer),
             programmes.Standby(computer),
             programmes.ReadmitSensor(computer),

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from rrins.firmware_py.core.calibration import ARCSEC
 from rrins.firmware_py.core.settings import Scheme
-from rrins.host_tools.calibration.estimation import ARCSEC, estimate
+from rrins.host_tools.calibration.estimation import estimate
 from rrins.host_tools.calibration.monte_carlo import errors_of, run
 from rrins.host_tools.calibration.observability import LIMITS
 from rrins.host_tools.calibration.seconds import Seconds

@@ -1,0 +1,66 @@
+"""The calibration file of an estimate: TOML as the firmware loads it, σ and origin as comments."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from rrins.dbc.record import Floats
+from rrins.firmware_py.core.calibration import ARCSEC
+from rrins.host_tools.calibration.estimation import (
+    ACCELEROMETER_UNITS,
+    GYRO_UNITS,
+    Estimate,
+    SensorsEstimate,
+)
+
+KEYS = {
+    "gyros": (
+        "bias_dph",
+        "scale_error_ppm",
+        "asymmetric_scale_error_ppm",
+        "installation_u_arcsec",
+        "installation_v_arcsec",
+    ),
+    "accelerometers": (
+        "bias_ug",
+        "scale_error_ppm",
+        "asymmetric_scale_error_ppm",
+        "installation_u_arcsec",
+        "installation_v_arcsec",
+    ),
+}
+"""Keys of a calibration file, in the order of the constants."""
+
+
+def both(found: Estimate) -> Iterator[tuple[str, SensorsEstimate, Floats]]:
+    """Yield name, estimate and units of gyros and of accelerometers."""
+    yield "gyros", found.gyros, GYRO_UNITS
+    yield "accelerometers", found.accelerometers, ACCELEROMETER_UNITS
+
+
+def to_toml(found: Estimate, origin: Sequence[str]) -> str:
+    """Return the file.
+
+    Parameters
+    ----------
+    found : Estimate
+    origin : sequence of str
+        How it was obtained, a comment each.
+    """
+    return "\n".join((*(f"# {line}" for line in origin), *_tables(found))) + "\n"
+
+
+def _tables(found: Estimate) -> Iterator[str]:
+    heading = found.base_sigma[2] / ARCSEC
+    squareness, sigma_of_it = found.epsilon / ARCSEC, found.epsilon_sigma / ARCSEC
+    yield f"# axes out of square by {squareness:.2f}″ (σ {sigma_of_it:.2f}″)"
+    yield f"# base's azimuth known to {heading:.0f}″"
+    for name, one, units in both(found):
+        yield f"\n[{name}]"
+        for k, key in enumerate(KEYS[name]):
+            values = ", ".join(f"{value:.6g}" for value in one.constants[:, k] / units[k])
+            sigma = np.sqrt((one.sigma[:, k] ** 2).mean()) / units[k]
+            each = ", ".join(f"{value:.2g}" for value in one.sigma[:, k] / units[k])
+            yield f"{key} = [{values}]  # σ {each}; rms {sigma:.2g}"

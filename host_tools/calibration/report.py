@@ -1,0 +1,133 @@
+"""The report of a calibration: one self-contained HTML page, its picture, and the file."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from importlib import metadata
+from pathlib import Path
+from typing import IO
+
+import numpy as np
+
+from rrins.dbc.record import Floats
+from rrins.firmware_py.core.calibration import ARCSEC
+from rrins.host_tools.calibration.estimation import Estimate, Unit
+from rrins.host_tools.calibration.file import KEYS, both, to_toml
+from rrins.host_tools.calibration.observability import LIMITS
+from rrins.host_tools.calibration.pictures import residuals_figure
+from rrins.host_tools.drawing.page import base64_of, environment, png_of
+from rrins.host_tools.files import JsonObject, keep, replacing, write_whole
+
+REPORT, PICTURE, FILE = "report.html", "residuals.png", "calibration.toml"
+
+_ROWS = (("bias", 0), ("λ", 1), ("μ", 2), ("δu", 3), ("δv", 4))
+_UNITS = {
+    "gyros": ("°/h", "ppm", "ppm", "″", "″"),
+    "accelerometers": ("µg", "ppm", "ppm", "″", "″"),
+}
+
+
+def kinds_of(found: Estimate) -> list[JsonObject]:
+    """Return what the tables show of gyros and of accelerometers."""
+    kinds = []
+    for limits, (name, one, units) in zip(LIMITS, both(found), strict=True):
+        values, sigma = one.constants / units, one.sigma / units
+        rows = [
+            {
+                "name": word,
+                "unit": _UNITS[name][k],
+                "cells": [
+                    (f"{v:.4g}", f"{s:.2g}") for v, s in zip(values[:, k], sigma[:, k], strict=True)
+                ],
+                "sigma": f"{np.sqrt((sigma[:, k] ** 2).mean()):.2g}",
+                "wanted": f"{limits[k]:g}",
+            }
+            for word, k in _ROWS
+        ]
+        kinds.append(
+            {
+                "name": name,
+                "count": len(values),
+                "unit": _UNITS[name][0],
+                "rows": rows,
+                "before": _rms(one.before / units[0]),
+                "after": _rms(one.after / units[0]),
+            }
+        )
+    return kinds
+
+
+def _rms(values: Floats) -> list[str]:
+    return [f"{value:.3g}" for value in np.sqrt(np.nanmean(values**2, axis=0))]
+
+
+def result_of(found: Estimate) -> JsonObject:
+    """Return a calibration as one JSON object: values and σ by the keys of the file."""
+    result: JsonObject = {
+        "seconds": len(found.seconds),
+        "duration_s": found.seconds.total_s,
+        "base_sigma_arcsec": (found.base_sigma / ARCSEC).tolist(),
+        "squareness_arcsec": found.epsilon / ARCSEC,
+        "squareness_sigma_arcsec": found.epsilon_sigma / ARCSEC,
+    }
+    for name, one, units in both(found):
+        result[name] = {
+            key: {
+                "value": (one.constants[:, k] / units[k]).tolist(),
+                "sigma": (one.sigma[:, k] / units[k]).tolist(),
+            }
+            for k, key in enumerate(KEYS[name])
+        } | {
+            "residual_before_rms": np.sqrt(np.nanmean((one.before / units[0]) ** 2, 0)).tolist(),
+            "residual_after_rms": np.sqrt(np.nanmean((one.after / units[0]) ** 2, 0)).tolist(),
+        }
+    return result
+
+
+def write(
+    folder: Path,
+    unit: Unit,
+    found: Estimate,
+    title: str,
+    origin: Sequence[str],
+    verified: str = "",
+) -> list[Path]:
+    """Write report, picture and calibration file to a folder; return their paths in this order.
+
+    Former ones of other content are moved into the folder `previous`.
+
+    Raises
+    ------
+    RehearsalError
+        When they cannot be written.
+    """
+    picture = png_of(residuals_figure(found))
+    base = [f"{value / ARCSEC:.2g}" for value in found.base_sigma[:2]]
+    page = (
+        environment("rrins.host_tools.calibration")
+        .get_template("report.html.j2")
+        .render(
+            title=title,
+            origin=origin,
+            kinds=kinds_of(found),
+            image=base64_of(picture),
+            base=[*base, f"{found.base_sigma[2] / ARCSEC:.0f}"],
+            squareness=f"{found.epsilon / ARCSEC:.2f}",
+            squareness_sigma=f"{found.epsilon_sigma / ARCSEC:.2f}",
+            gravity=f"{unit.site.force_n[2]:.6f}",
+            verified=verified,
+            version=f"rrins {metadata.version('rrins')}",
+        )
+    )
+    paths = [folder / name for name in (REPORT, PICTURE, FILE)]
+    if paths[0].exists() and paths[0].read_bytes() != page.encode():
+        keep(folder, (REPORT, PICTURE, FILE))
+    for path, text in ((paths[0], page), (paths[2], to_toml(found, origin))):
+
+        def write_text(file: IO[str], text: str = text) -> None:
+            file.write(text)
+
+        write_whole(path, write_text)
+    with replacing(paths[1]) as part:
+        part.write_bytes(picture)
+    return paths

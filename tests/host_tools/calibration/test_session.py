@@ -1,0 +1,140 @@
+"""Calibrations of emulated units over the bus: the routine, its guards, going on, storing."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rrins.firmware_py.core.calibration import load
+from rrins.firmware_py.core.modes import Mode
+from rrins.firmware_py.core.settings import Scheme, Turn
+from rrins.firmware_py.diagnostics import calibration_image
+from rrins.host_tools.calibration import session
+from rrins.host_tools.calibration.emulated import EmulatedUnit
+from rrins.host_tools.calibration.monte_carlo import errors_of
+from rrins.host_tools.calibration.report import write
+from rrins.host_tools.calibration.routine import told_unit
+from rrins.host_tools.calibration.session import Recording
+from rrins.host_tools.calibration.table import record
+from rrins.host_tools.calibration.unit import drawn_unit, unit_of
+from rrins.host_tools.diag import tester as diagnostic
+from rrins.host_tools.errors import CalibrationRecordError
+from rrins.host_tools.scenario.scenario import Scenario
+from rrins.host_tools.scenario.schemes import SCHEMES
+
+FAST = Scheme(turns=SCHEMES["calibration"], turn_rate_dps=30.0, stand_s=1.0)
+SHORT = Scheme(
+    turns=(
+        Turn(axis="outer", angle_deg=90),
+        Turn(axis="inner", angle_deg=90),
+        Turn(axis="outer", angle_deg=-90),
+        Turn(axis="inner", angle_deg=-90),
+    ),
+    turn_rate_dps=30.0,
+    stand_s=1.0,
+)
+
+
+def ignore(seconds: float, position: int) -> None:
+    pass
+
+
+def talk_to(unit: EmulatedUnit) -> diagnostic.Tester:
+    return diagnostic.Tester(unit.target(), is_securing=True)
+
+
+def failing(**fault: object) -> EmulatedUnit:
+    keys = drawn_unit(1).model_dump(exclude_defaults=True)
+    return EmulatedUnit(Scenario.model_validate(keys | {"faults": [{"at_s": 8.0, **fault}]}))
+
+
+def test_a_calibration_is_stored_and_lasts(tmp_path: Path) -> None:
+    scenario = drawn_unit(1)
+    unit = EmulatedUnit(scenario)
+    with talk_to(unit) as tester:
+        told = told_unit(tester, (scenario.rimu.gyros, scenario.rimu.accelerometers))
+        np.testing.assert_allclose(told.C_b_n, unit_of(scenario).C_b_n, atol=1e-12)
+        found = session.checked(told, Recording(FAST).run(tester, ignore))
+        assert unit.firmware.mode == Mode.STANDBY
+        former = session.push(tester, found)
+        stored = calibration_image.decode(tester.pull())
+        session.restore(tester, former)
+        assert tester.pull() == former
+    for errors in errors_of(scenario, found):
+        assert (np.abs(errors.error / errors.sigma) < 5).all()
+    report, picture, file = write(tmp_path, told, found, "test", ["by a test"])
+    loaded = load(file, 4, 4)
+    biases = [values["bias_dph"] for values in stored.values() if "bias_dph" in values]
+    np.testing.assert_allclose(loaded.gyros.bias_dph, biases, atol=1e-12)
+    assert report.read_text().count("data:image/png;base64") == 1
+    assert picture.stat().st_size > 1000
+
+
+def test_the_routine_records_what_the_bare_table_does() -> None:
+    scenario = drawn_unit(4, noise=0.0)
+    with talk_to(EmulatedUnit(scenario)) as tester:
+        over_bus = Recording(SHORT).run(tester, ignore)
+    bare = record(scenario, SHORT)
+    assert abs(over_bus.total_s - bare.total_s) < 0.1
+    np.testing.assert_allclose(over_bus.turn.sum(axis=0), bare.turn.sum(axis=0), atol=1e-7)
+    np.testing.assert_allclose(
+        over_bus.accelerometer.sum(axis=0) / over_bus.total_s,
+        bare.accelerometer.sum(axis=0) / bare.total_s,
+        atol=0.02,
+    )
+
+
+@pytest.mark.parametrize(
+    ("fault", "words"),
+    [
+        ({"kind": "axis_stall", "axis": "outer"}, "an axis of the table does not follow"),
+        ({"kind": "gyro_absent", "sensor": 2}, "gyro 2 failed"),
+        ({"kind": "accelerometer_stuck", "sensor": 3}, "accelerometer 3 failed"),
+    ],
+)
+def test_a_fault_in_the_middle_ends_it(fault: dict[str, object], words: str) -> None:
+    unit = failing(**fault)
+    with talk_to(unit) as tester:
+        before = tester.pull()
+        with pytest.raises(CalibrationRecordError, match=f"{words}; the unit keeps its old"):
+            Recording(FAST).run(tester, ignore)
+        assert tester.pull() == before
+    assert unit.firmware.mode == Mode.STANDBY
+    assert unit.firmware.ram[0].parameters.turn_rate_dps == 2.0
+
+
+def test_an_operator_who_navigates_ends_it() -> None:
+    unit = EmulatedUnit(drawn_unit(1))
+
+    def navigate(seconds: float, position: int) -> None:
+        unit.firmware.ram[0].modes.requested = 3
+
+    with (
+        talk_to(unit) as tester,
+        pytest.raises(CalibrationRecordError, match="the unit left STANDBY"),
+    ):
+        Recording(FAST).run(tester, navigate)
+
+
+def test_it_goes_on_from_where_it_stopped(tmp_path: Path) -> None:
+    path = tmp_path / session.RECORD
+    scenario = drawn_unit(1)
+    reached = [0]
+
+    def note(seconds: float, position: int) -> None:
+        reached[0] = position
+
+    unit = EmulatedUnit(scenario)
+    with talk_to(unit) as tester, pytest.raises(KeyboardInterrupt):
+        Recording(SHORT, path).run(tester, note, lambda: reached[0] >= 2)
+    assert unit.firmware.mode == Mode.STANDBY
+    resumed = Recording.resumed(SHORT, path)
+    assert resumed.first >= 2
+    with talk_to(EmulatedUnit(scenario)) as tester:
+        seconds = resumed.run(tester, note)
+    assert sorted(set(seconds.position.tolist())) == [0, 1, 2, 3]
+    np.testing.assert_allclose(seconds.turn[:, :2].sum(axis=0), 0.0, atol=1e-6)
+    resumed.discard()
+    assert Recording.resumed(SHORT, path).first == 0
