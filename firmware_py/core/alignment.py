@@ -1,5 +1,6 @@
 """Initial attitude: given, or by coarse self-alignment at standstill.
 
+For a vehicle that moves: `inertial_alignment`.
 At standstill the mean specific force points up and the mean angular rate is the Earth's; the two
 give the attitude (TRIAD). Groves (2nd ed., 2013), sections 5.6.1 and 5.6.2.
 """
@@ -14,7 +15,9 @@ from rrins.firmware_py.core import earth
 from rrins.firmware_py.core.attitude import cross
 from rrins.firmware_py.core.memory import Alignment
 
-_FORCE_TOLERANCE = 0.02  # of gravity; beyond, the vehicle moves or an accelerometer is faulty
+FORCE_TOLERANCE = 0.02
+"""Of gravity; beyond, an accelerometer is faulty, or the vehicle moves more than it may."""
+
 _SMALLEST_HORIZONTAL = 1e-3  # of the Earth's rate; below, north is undefined
 
 
@@ -24,7 +27,10 @@ def begin(alignment: Alignment) -> None:
     alignment.epochs = 0
     alignment.done = False
     alignment.failed = False
+    alignment.velocity_sigma = 0.0
+    alignment.position_sigma = 0.0
     for i in range(3):
+        alignment.noise_sigma[i] = 0.0
         alignment.dtheta_s[i] = 0.0
         alignment.dv_s[i] = 0.0
         alignment.angle_sum[i] = 0.0
@@ -66,7 +72,7 @@ def find(alignment: Alignment, dt: float, gravity: float, work: Floats) -> None:
     for i in range(3):
         up_s[i] = alignment.dv_s[i]
     length = _normalise(up_s)
-    if not abs(length - gravity * seconds) < _FORCE_TOLERANCE * gravity * seconds:
+    if not abs(length - gravity * seconds) < FORCE_TOLERANCE * gravity * seconds:
         alignment.failed = True
         return
     cross(east_s, alignment.dtheta_s, up_s)

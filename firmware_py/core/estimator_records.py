@@ -31,6 +31,10 @@ ESTIMATOR_HISTORY_S = 32
 """Seconds of what was estimated that are kept."""
 
 
+NEVER = -3
+"""No epoch, nor the one before or after any."""
+
+
 class Aid(IntEnum):
     """What the navigation is aided by."""
 
@@ -171,6 +175,7 @@ class Estimator(Record):
     sources: Annotated[Records[Source], AIDS]  #: by `Aid`
     # What is told.
     aligned_epochs: I8  #: length of the last fine alignment, so far
+    aligned_epoch: I8  #: of it, the last one; `NEVER`: none
     history: Annotated[Records[EstimatorSecond], ESTIMATOR_HISTORY_S]  #: by `history_count`
     history_count: I8  #: seconds noted
     transmissions: I8

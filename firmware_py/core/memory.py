@@ -24,7 +24,7 @@ from rrins.dbc.record import (
 )
 from rrins.firmware_py.core.diagnostic_records import DiagnosticState
 from rrins.firmware_py.core.encoder_records import Encoders
-from rrins.firmware_py.core.estimator_records import Estimator
+from rrins.firmware_py.core.estimator_records import TRACK_EPOCHS, Estimator
 from rrins.firmware_py.core.redundancy_records import Redundancy
 from rrins.firmware_py.core.troubles import Source
 
@@ -48,9 +48,9 @@ class Parameters(Record):
     latitude: F8  #: rad, where navigation starts
     longitude: F8  #: rad, where navigation starts
     height: F8  #: m, where navigation starts
-    C_b_n: Annotated[Floats, (3, 3)]  #: initial attitude, unless self-aligned
-    self_aligned: Bool  #: whether the alignment finds the initial attitude
-    alignment_epochs: I8  #: length of the alignment
+    C_b_n: Annotated[Floats, (3, 3)]  #: initial attitude, if given
+    initial_attitude: I8  #: an `InitialAttitude`
+    alignment_epochs: I8  #: length of the alignment, at least
     height_channel: I8  #: `HEIGHT_HELD`, `HEIGHT_DAMPED` or `HEIGHT_FREE` of `strapdown`
     altimeter: Bool  #: whether one is fitted
     bridge_epochs: I8  #: longest gap in the sensor frames that is bridged
@@ -238,6 +238,46 @@ class Alignment(Record):
     angle_sum: Annotated[Floats, 3]  #: rad, Σ over epochs of the angle so far
     angle_moment: Annotated[Floats, 3]  #: rad, Σ of epoch number times the angle so far
     C_s_n: Annotated[Floats, (3, 3)]  #: attitude of the sensors, once found
+    noise_sigma: Annotated[Floats, 3]  #: rad, about east, north, up: what motion and noise left
+    velocity_sigma: F8  #: m/s, of each component at its end; 0: the vehicle stands
+    position_sigma: F8  #: m, likewise
+
+
+class InertialAlignment(Record):
+    """Coarse alignment of a vehicle that moves: what the sensors felt beside what they should have.
+
+    Frame s0 is that of the sensors when it began, i the Earth's axes then; neither turns. Sums are
+    over samples, weighted with the time since then, and with its square.
+    """
+
+    first_epoch: I8  #: that was felt; -1: none yet
+    left_out: I8  #: sensors left out then, one bit each, accelerometers above gyros
+    q_s_s0: Annotated[Floats, 4]  #: attitude of the sensors, scalar first
+    C_s_s0: Annotated[Floats, (3, 3)]  #: the same as a matrix
+    felt_s0: Annotated[Floats, 3]  #: m/s, integral of the specific force
+    moment_s0: Annotated[Floats, 3]  #: m, integral of time times specific force
+    track: Annotated[Floats, (TRACK_EPOCHS, 6)]  #: both after each epoch, a ring
+    expected_i: Annotated[Floats, 3]  #: m/s, integral of the specific force, by what is known
+    fixes: I8  #: used so far
+    fix_epoch: I8  #: at whose end the last one was valid
+    fix_place: Annotated[Floats, 3]  #: its latitude, longitude (rad), height (m)
+    fix_velocity_i: Annotated[Floats, 3]  #: m/s, its velocity over ground
+    fix_rate_i: Annotated[Floats, 3]  #: m/s², specific force at constant velocity over ground
+    samples: I8
+    weight: Annotated[Floats, 2]
+    felt_sum: Annotated[Floats, (2, 3)]
+    expected_sum: Annotated[Floats, (2, 3)]
+    moment_sum: Annotated[Floats, (2, 3)]
+    product: Annotated[Floats, (2, 3, 3)]  #: expected times felt
+    moment_product: Annotated[Floats, (2, 3, 3)]  #: expected times moment
+    expected_product: Annotated[Floats, (2, 3, 3)]
+    felt_square: Annotated[Floats, 2]
+    C_s0_i: Annotated[Floats, (3, 3)]  #: once found
+    C_n_i: Annotated[Floats, (3, 3)]  #: scratch
+    work: Annotated[Floats, (5, 3, 3)]  #: scratch
+    work_q: Annotated[Floats, (3, 4)]  #: scratch
+    davenport: Annotated[Floats, (4, 4)]  #: scratch
+    eigenvectors: Annotated[Floats, (4, 4)]  #: scratch
 
 
 class Ins(Record):
@@ -355,6 +395,7 @@ class Ram(Record):
     dtheta_s: Annotated[Floats, 3]  #: rad, fused
     dv_s: Annotated[Floats, 3]  #: m/s, fused
     alignment: Alignment
+    inertial_alignment: InertialAlignment
     ins: Ins
     C_s_b: Annotated[Floats, (3, 3)]  #: of the table, from the encoders
     C_b_n: Annotated[Floats, (3, 3)]  #: attitude of the body

@@ -6,11 +6,12 @@ mode                   transitions to
 POWER_ON               SELF_TEST, in the first epoch
 SELF_TEST              STANDBY, when SYNC, all sensors but those that redundancy left out, and both
                        axes were sound for half a second; FAULT (SELF_TEST_FAILED) after ten seconds
-STANDBY                ALIGNMENT, on the request to align or to navigate
+STANDBY                ALIGNMENT, on the request to align or to navigate, once the axes stand
 ALIGNMENT              when done and navigation is requested: FINE_ALIGNMENT if the estimator has
                        one, else NAVIGATION_*; FAULT (ALIGNMENT_FAILED)
 FINE_ALIGNMENT         NAVIGATION_*, after its time, or once the heading is known well enough;
-                       FAULT, as from NAVIGATION_*
+                       STANDBY, on the request to align, which begins anew; FAULT, as from
+                       NAVIGATION_*
 NAVIGATION_STRAPDOWN   NAVIGATION_ROTATING, on request, or to try an axis again
 NAVIGATION_ROTATING    NAVIGATION_STRAPDOWN, on request or when an axis does not follow
 any NAVIGATION_*       FAULT (SENSORS_LOST) when too few sensors were usable for longer than the
@@ -30,7 +31,7 @@ from enum import IntEnum
 
 from rrins.dbc.compilation import compiled
 from rrins.dbc.values import AxisState
-from rrins.firmware_py.core import alignment, sequencer, strapdown
+from rrins.firmware_py.core import alignment, inertial_alignment, sequencer, strapdown
 from rrins.firmware_py.core.memory import INNER, OUTER, Ins, Modes, Ram
 
 
@@ -75,6 +76,12 @@ SELF_TEST_LIMIT_S = 10.0
 _UNSOUND = 10
 """Sound epochs that one without a frame takes back: a bus may lose one of a hundred frames."""
 
+_STANDS_DPS = 0.05
+"""°/s, of an axis that stands."""
+
+_PATIENCE_S = 10.0
+"""An axis that does not stand by then never will."""
+
 _AFTER_STANDBY = (Mode.ALIGNMENT, Mode.NAVIGATION_STRAPDOWN, Mode.NAVIGATION_ROTATING)
 _NAVIGATION = (Mode.NAVIGATION_STRAPDOWN, Mode.NAVIGATION_ROTATING)
 _INERTIAL = (Mode.NAVIGATION_STRAPDOWN, Mode.NAVIGATION_ROTATING, Mode.FINE_ALIGNMENT)
@@ -95,6 +102,7 @@ def enter(state: Ram, mode: int) -> None:
         modes.fault = FirmwareFault.NONE
     if mode == Mode.ALIGNMENT:
         alignment.begin(state.alignment)
+        inertial_alignment.begin(state.inertial_alignment)
     if mode == Mode.NAVIGATION_ROTATING and before == Mode.FINE_ALIGNMENT:
         pass  # it turns already
     elif mode == Mode.NAVIGATION_ROTATING or (mode == Mode.FINE_ALIGNMENT and _will_rotate(modes)):
@@ -186,6 +194,8 @@ def follow_request(state: Ram) -> None:
         return
     elif request == ModeRequest.ALIGN:
         modes.pending = Mode.ALIGNMENT
+        if modes.mode == Mode.FINE_ALIGNMENT:
+            enter(state, Mode.STANDBY)
     elif request in (ModeRequest.NAVIGATE_STRAPDOWN, ModeRequest.NAVIGATE_ROTATING):
         rotating = request == ModeRequest.NAVIGATE_ROTATING
         modes.pending = Mode.NAVIGATION_ROTATING if rotating else Mode.NAVIGATION_STRAPDOWN
@@ -195,7 +205,11 @@ def follow_request(state: Ram) -> None:
 
 @compiled
 def standby(state: Ram) -> None:
-    """Start the alignment when alignment or navigation is requested."""
+    """Start the alignment when alignment or navigation is requested, and the axes stand."""
+    rates, seconds = state.assembly.encoder_rate_dps, state.parameters.period_ns * 1e-9
+    turns = abs(rates[INNER]) > _STANDS_DPS or abs(rates[OUTER]) > _STANDS_DPS
+    if turns and state.modes.epochs * seconds < _PATIENCE_S:
+        return
     if state.modes.pending in _AFTER_STANDBY:
         enter(state, Mode.ALIGNMENT)
 

@@ -20,6 +20,7 @@ from rrins.firmware_py.core.calibration import (
 from rrins.firmware_py.core.estimator import settings as estimator
 from rrins.firmware_py.core.estimator.settings import EstimatorSettings
 from rrins.firmware_py.core.fusion import GAIN_LIMIT, WEIGHT_RATIO_LIMIT
+from rrins.firmware_py.core.initial_attitude import InitialAttitude
 from rrins.firmware_py.core.memory import (
     INNER,
     OUTER,
@@ -114,7 +115,9 @@ class Settings(_Checked):
     accelerometer_axes_deg: tuple[tuple[float, float], ...]
     gyro_weights: tuple[float, ...]
     accelerometer_weights: tuple[float, ...]
-    initial_attitude: Literal["given", "self-aligned"]
+    initial_attitude: Literal[
+        "given", "self-aligned", "self-aligned-swaying", "self-aligned-moving"
+    ]
     alignment_s: float
     height_channel: Literal["held", "damped", "free"]
     bridge_s: float
@@ -194,7 +197,8 @@ def power_on(settings: Settings, contract: Records[Contract]) -> Records[Ram]:
         math.radians(settings.heading_deg),
     )
     parameters.angle_span_deg = span_of(contract[0].axis_inner_status.encoder_angle_deg)
-    parameters.self_aligned = settings.initial_attitude == "self-aligned"
+    source = settings.initial_attitude.upper().replace("-", "_")
+    parameters.initial_attitude = InitialAttitude[source]
     parameters.alignment_epochs = max(1, round(settings.alignment_s * rate_hz))
     parameters.height_channel = _HEIGHT_CHANNELS[settings.height_channel]
     if settings.estimator is not None and settings.altimeter:

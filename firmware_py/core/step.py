@@ -21,6 +21,7 @@ from rrins.firmware_py.core import (
     earth,
     encoders,
     gnss,
+    inertial_alignment,
     intake,
     modes,
     monitor,
@@ -37,6 +38,7 @@ from rrins.firmware_py.core.estimator import feedback
 from rrins.firmware_py.core.estimator import follow as estimator
 from rrins.firmware_py.core.estimator_records import ATTITUDE
 from rrins.firmware_py.core.fusion import compensate, fuse
+from rrins.firmware_py.core.initial_attitude import InitialAttitude
 from rrins.firmware_py.core.memory import INNER, OUTER, Fusion, Ram
 from rrins.firmware_py.core.modes import FirmwareFault, Mode
 from rrins.firmware_py.core.redundancy import bank, repair
@@ -135,14 +137,34 @@ def _doubts(state: Ram) -> bool:
 
 
 @compiled
+def _align_in_motion(state: Ram) -> None:
+    """Align a vehicle that moves, until the attitude is known; go on while nobody wants it."""
+    may_ask = inertial_alignment.follow(state)
+    is_due = state.alignment.epochs >= state.parameters.alignment_epochs and not _doubts(state)
+    if not may_ask or not is_due:
+        return
+    inertial_alignment.find(state)
+    if state.alignment.failed:
+        modes.fail(state, FirmwareFault.ALIGNMENT_FAILED)
+    elif state.alignment.done and state.modes.pending != Mode.ALIGNMENT:
+        inertial_alignment.write_attitude(state)
+        fine = state.estimator.fine_epochs > 0
+        modes.enter(state, Mode.FINE_ALIGNMENT if fine else state.modes.pending)
+        inertial_alignment.set_in_motion(state)
+
+
+@compiled
 def _align(state: Ram, contract: Contract) -> None:
     parameters, work = state.parameters, state.ins.work
+    if inertial_alignment.is_wanted(state):
+        _align_in_motion(state)
+        return
     finished = state.alignment.done or state.alignment.failed
     if not finished:
         alignment.accumulate(state.alignment, state.dtheta_s, state.dv_s)
         if state.alignment.epochs < parameters.alignment_epochs or _doubts(state):
             return
-        if parameters.self_aligned:
+        if parameters.initial_attitude == InitialAttitude.SELF_ALIGNED:
             gravity = earth.gravity(parameters.latitude, parameters.height)
             alignment.find(state.alignment, parameters.period_ns * 1e-9, gravity, work)
         else:
@@ -278,6 +300,7 @@ def compute(state: Ram, contract: Contract, compares: bool | None, estimates: bo
         navigates = modes.is_inertial(state) and not state.ins.first
         mode = state.modes.mode
         aligns = mode == Mode.ALIGNMENT or mode == Mode.FINE_ALIGNMENT
+        aligns = aligns and not inertial_alignment.is_wanted(state)
         redundancy.watch(state, navigates, aligns)
     if estimates is not None and state.faults.consecutive_bridged == 0:
         feedback.compensate(state)

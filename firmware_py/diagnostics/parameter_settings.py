@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping
 
 from rrins.dbc.contract import SENSOR_GROUPS
 from rrins.firmware_py.core.calibration import AccelerometerCalibration, GyroCalibration, each
+from rrins.firmware_py.core.initial_attitude import InitialAttitude
 from rrins.firmware_py.core.settings import Settings, check_weights
 from rrins.firmware_py.diagnostics.calibration_image import Parameters
 from rrins.firmware_py.diagnostics.codecs import Values
@@ -16,7 +17,6 @@ from rrins.firmware_py.diagnostics.parameters import (
     GYRO_CALIBRATIONS,
     SETTINGS,
     HeightChannel,
-    InitialAttitude,
 )
 
 _NUMBER = {parameter.name: parameter.number for parameter in SETTINGS}

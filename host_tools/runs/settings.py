@@ -269,10 +269,14 @@ def _motion(scenario: Scenario) -> hardware.MotionPieces | None:
     trajectory = trajectory_of(scenario)
     if trajectory is None:
         return None
+    begins_s = scenario.motion.begins_s
+    epoch = scenario.navigation_epoch
+    if begins_s is not None:
+        epoch = round(begins_s * scenario.rate_hz)
     return hardware.MotionPieces(
         pieces=trajectory.pieces,
         piece_epochs=trajectory.knot_ns // scenario.period_ns,
-        start_epoch=scenario.navigation_epoch,
+        start_epoch=epoch,
         loop_from=trajectory.loop_from,
     )
 

@@ -14,10 +14,11 @@ SWAY_S = 1800.0
 
 _KEYS = {
     "stationary": frozenset[str](),
-    "drive": frozenset({"duration_s", "seed"}),
+    "drive": frozenset({"duration_s", "begins_s", "seed"}),
     "sway": frozenset(
         {
             "duration_s",
+            "begins_s",
             "seed",
             "wave_spectrum",
             "wave_height_m",
@@ -29,6 +30,7 @@ _KEYS = {
     "file": frozenset(
         {
             "duration_s",
+            "begins_s",
             "path",
             "irregularities",
             "speed_limit_mps",
@@ -53,6 +55,9 @@ class Motion(BaseModel):
     duration_s: float | None = Field(default=None, ge=30, le=43_200)
     """Length of a drive (default 2500); period after which sway repeats (1800); part of a recording
     to use (all)."""
+    begins_s: float | None = Field(default=None, ge=-43_200, le=43_200)
+    """When it begins, after power-on of the hardware; negative: it is under way by then. Default:
+    with navigation."""
     seed: int = Field(default=1, ge=0)
     """Selects the route of a drive, or the phases of the waves."""
 

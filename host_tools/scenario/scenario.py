@@ -153,6 +153,8 @@ class Scenario(TomlTable):
                 f"odometer.latency_s: {odometer.latency_s:g} s, but the next count comes after "
                 f"{1 / odometer.rate_hz:g} s"
             )
+        if self.firmware.initial_attitude == "self-aligned-moving" and self.gnss is None:
+            raise ValueError('firmware.initial_attitude: "self-aligned-moving" needs a [gnss]')
         moves = self.motion.kind in ("drive", "file")
         if moves and self.firmware.height_channel == "held":
             raise ValueError(

@@ -276,7 +276,11 @@ class Odometer(TomlTable):
 class Firmware(TomlTable):
     """Settings of the navigation computer."""
 
-    initial_attitude: Literal["given", "self-aligned"] = "given"
+    initial_attitude: Literal[
+        "given", "self-aligned", "self-aligned-swaying", "self-aligned-moving"
+    ] = "given"
+    """Self-aligned at standstill, of a vehicle that sways about its place, or one that moves and
+    has GNSS."""
     roll_error_arcsec: float = Field(default=0.0, ge=-36_000, le=36_000)
     """Of the given attitude, as are all of these errors: given minus true."""
     pitch_error_arcsec: float = Field(default=0.0, ge=-36_000, le=36_000)

@@ -90,13 +90,17 @@ def begin(state: Ram) -> None:
     _stand_here(state)
     estimator.epochs = 0
     estimator.stage = _MEASUREMENTS
+    coarse = state.alignment
+    velocity_sigma = max(estimator.velocity_sigma, coarse.velocity_sigma)
+    position_sigma = max(estimator.position_sigma, coarse.position_sigma)
     for i in range(3):
-        P[ATTITUDE + i, ATTITUDE + i] = (doubt * estimator.attitude_sigma[i]) ** 2
-        P[VELOCITY + i, VELOCITY + i] = estimator.velocity_sigma**2
-    P[LATITUDE, LATITUDE] = (estimator.position_sigma / estimator.north_radius) ** 2
-    P[LONGITUDE, LONGITUDE] = (estimator.position_sigma / estimator.east_radius) ** 2
+        variance = estimator.attitude_sigma[i] ** 2 + coarse.noise_sigma[i] ** 2
+        P[ATTITUDE + i, ATTITUDE + i] = doubt * doubt * variance
+        P[VELOCITY + i, VELOCITY + i] = velocity_sigma**2
+    P[LATITUDE, LATITUDE] = (position_sigma / estimator.north_radius) ** 2
+    P[LONGITUDE, LONGITUDE] = (position_sigma / estimator.east_radius) ** 2
     if estimator.vertical:
-        P[HEIGHT, HEIGHT] = estimator.position_sigma**2
+        P[HEIGHT, HEIGHT] = position_sigma**2
     else:
         P[VELOCITY + 2, VELOCITY + 2] = 0.0
     for k in range(gyros):

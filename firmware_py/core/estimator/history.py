@@ -11,6 +11,7 @@ from rrins.firmware_py.core.estimator_records import (
     HEIGHT,
     LATITUDE,
     LONGITUDE,
+    NEVER,
     ODOMETER_STATES,
     VELOCITY,
 )
@@ -24,8 +25,10 @@ def count_alignment(state: Ram) -> None:
     estimator = state.estimator
     if not estimator.running:
         estimator.aligned_epochs = 0
+        estimator.aligned_epoch = NEVER
     if state.modes.mode == Mode.FINE_ALIGNMENT:
         estimator.aligned_epochs += 1
+        estimator.aligned_epoch = state.epoch
 
 
 @compiled

@@ -24,6 +24,7 @@ from rrins.firmware_py.core.estimator_records import (
     Aid,
     Estimator,
 )
+from rrins.firmware_py.core.initial_attitude import InitialAttitude
 from rrins.firmware_py.core.memory import ANTENNA_EPOCHS, Ram
 from rrins.firmware_py.core.modes import Mode
 
@@ -112,7 +113,9 @@ def stand(state: Ram) -> None:
     There the position is known, too.
     """
     estimator = state.estimator
-    is_aligning = state.modes.mode == Mode.FINE_ALIGNMENT
+    has_just_aligned = state.epoch - estimator.aligned_epoch <= 1  # its last epoch ends the mode
+    is_aligning = state.modes.mode == Mode.FINE_ALIGNMENT or has_just_aligned
+    is_aligning = is_aligning and not _is_moving(state)
     components = _EVERY if estimator.vertical else _LEVEL
     if is_aligning or state.zero_velocity.standing:
         estimator.waiting |= components << (COMPONENTS * _ZERO_VELOCITY)
@@ -134,6 +137,30 @@ def finish_second(state: Ram) -> None:
     estimator.heights = 0
     estimator.height_sum = 0.0
     estimator.height_epochs = 0
+
+
+@compiled
+def _is_moving(state: Ram) -> bool:
+    return bool(state.parameters.initial_attitude == InitialAttitude.SELF_ALIGNED_MOVING)
+
+
+@compiled
+def _standing_sigma(state: Ram) -> float:
+    """Return the noise of zero velocity, m/s, of each component.
+
+    A vehicle that sways has that with which it swayed in the coarse alignment, unless the operator
+    says how still it stands.
+    """
+    sigma = state.alignment.velocity_sigma
+    if state.zero_velocity.standing:
+        sigma = state.zero_velocity.velocity_sigma
+    return float(max(state.estimator.zero_velocity_sigma, sigma))
+
+
+@compiled
+def _place_sigma(state: Ram) -> float:
+    """Return the noise of a known position, m, of each component: also of a vehicle that sways."""
+    return float(max(state.estimator.position_sigma, state.alignment.position_sigma))
 
 
 @compiled
@@ -185,10 +212,7 @@ def _innovation(state: Ram, aid: int, component: int) -> tuple[float, float]:
     estimator, parameters = state.estimator, state.parameters
     if aid == _ZERO_VELOCITY:
         estimator.row[VELOCITY + component] = 1.0
-        sigma = estimator.zero_velocity_sigma
-        if state.zero_velocity.standing:
-            sigma = max(sigma, state.zero_velocity.velocity_sigma)
-        return -estimator.velocity_n[component], sigma
+        return -estimator.velocity_n[component], _standing_sigma(state)
     if aid == _GNSS_VELOCITY:
         estimator.row[VELOCITY + component] = 1.0
         navigated = _past(estimator, 3 + component) + estimator.fix_lever_velocity_n[component]
@@ -214,7 +238,7 @@ def _innovation(state: Ram, aid: int, component: int) -> tuple[float, float]:
             difference = earth.wrapped(parameters.longitude - estimator.longitude)
         elif component == 2:
             difference = parameters.height - estimator.height
-        return difference * metres, estimator.position_sigma
+        return difference * metres, _place_sigma(state)
     difference = estimator.fix_position[component] - _past(estimator, component)
     if component == 1:
         difference = earth.wrapped(difference)

@@ -13,7 +13,8 @@ from pydantic import BaseModel, ConfigDict, Field
 from rrins.firmware_py.core import earth, strapdown
 from rrins.firmware_py.core.calibration import ARCSEC
 from rrins.firmware_py.core.data_sheet import FLICKER_S, DataSheet
-from rrins.firmware_py.core.estimator_records import BIASES, ODOMETER_STATES
+from rrins.firmware_py.core.estimator_records import BIASES, NEVER, ODOMETER_STATES
+from rrins.firmware_py.core.initial_attitude import InitialAttitude
 from rrins.firmware_py.core.memory import Fusion, Ram
 
 _LEAST_LEVEL = 1.0 * ARCSEC
@@ -102,6 +103,7 @@ def set_up(state: Ram, settings: EstimatorSettings, rate_hz: int) -> None:
     """Fill in the estimator of a RAM image whose parameters and sensors are filled in."""
     estimator, parameters = state.estimator, state.parameters
     estimator.enabled = True
+    estimator.aligned_epoch = NEVER
     estimator.fine_epochs = round(settings.fine_alignment_s * rate_hz)
     estimator.heading_sigma_enough = settings.heading_sigma_enough
     estimator.second_epochs = rate_hz
@@ -136,10 +138,11 @@ def _attitude_sigma(state: Ram, settings: EstimatorSettings) -> tuple[float, flo
     """Return the standard deviations of the attitude at the beginning, in n.
 
     A self-aligned attitude has the errors of the sensors' biases and noise: the level as
-    accelerometers by gravity, the heading as gyros by the Earth's horizontal rate.
+    accelerometers by gravity, the heading as gyros by the Earth's horizontal rate. Of one that
+    moves, the alignment itself finds what gyros and motion leave of the heading.
     """
     parameters = state.parameters
-    if not parameters.self_aligned:
+    if parameters.initial_attitude == InitialAttitude.GIVEN:
         level = max(settings.level_sigma, _LEAST_LEVEL)
         return level, level, max(settings.heading_sigma, _LEAST_HEADING)
     seconds = parameters.alignment_epochs * parameters.period_ns * 1e-9
@@ -147,7 +150,9 @@ def _attitude_sigma(state: Ram, settings: EstimatorSettings) -> tuple[float, flo
     horizontal = earth.RATE * math.cos(parameters.latitude)
     force = _bias_sigma(settings.accelerometers) * _fused(state.accelerometers)
     force_noise = max(settings.accelerometers.white_noise, default=0.0) / math.sqrt(seconds)
+    level = max(math.hypot(force, force_noise) / gravity, _LEAST_LEVEL)
+    if parameters.initial_attitude != InitialAttitude.SELF_ALIGNED:
+        return level, level, _LEAST_HEADING
     rate = _bias_sigma(settings.gyros) * _fused(state.gyros)
     rate_noise = max(settings.gyros.white_noise, default=0.0) / math.sqrt(seconds)
-    level = max(math.hypot(force, force_noise) / gravity, _LEAST_LEVEL)
     return level, level, max(math.hypot(rate, rate_noise) / horizontal, _LEAST_HEADING)

@@ -24,6 +24,7 @@ CHANGES = {  # what a request does at once; all others leave the mode
     (Mode.SHUTDOWN, ModeRequest.STANDBY): Mode.SHUTDOWN,
     (STRAPDOWN, ModeRequest.NAVIGATE_ROTATING): ROTATING,
     (ROTATING, ModeRequest.NAVIGATE_STRAPDOWN): STRAPDOWN,
+    (Mode.FINE_ALIGNMENT, ModeRequest.ALIGN): Mode.STANDBY,
 }
 
 
@@ -148,6 +149,18 @@ def test_alignment_alone_waits_for_the_request_to_navigate(tools, rotating):
     asked = ModeRequest.NAVIGATE_ROTATING if rotating else ModeRequest.NAVIGATE_STRAPDOWN
     bench.step(request=asked)
     assert bench.mode == (ROTATING if rotating else STRAPDOWN)
+
+
+def test_an_alignment_waits_for_axes_that_still_turn_but_not_for_ever(tools):
+    bench = in_mode(tools.Bench(rate_hz=50), Mode.STANDBY)
+    bench.state.modes.pending = Mode.ALIGNMENT
+    bench.state.assembly.encoder_rate_dps[1] = -1.0
+    for _ in range(20):
+        modes.standby(bench.state)
+        assert bench.mode == Mode.STANDBY
+    bench.state.modes.epochs = 10 * 50
+    modes.standby(bench.state)
+    assert bench.mode == Mode.ALIGNMENT
 
 
 def test_alignment_takes_its_time(tools):

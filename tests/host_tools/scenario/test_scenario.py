@@ -24,6 +24,7 @@ NAMED = (
     "drive_aided",
     "drive_outage",
     "ship_moored",
+    "drive_begun",
 )
 
 

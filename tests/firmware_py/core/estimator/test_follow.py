@@ -128,15 +128,17 @@ def test_it_begins_with_what_is_known(make_bench, kit):
     ("request_", "end", "command"),
     [
         (ModeRequest.STANDBY, Mode.STANDBY, AxisCommand.HOLD),
+        (ModeRequest.ALIGN, Mode.ALIGNMENT, AxisCommand.HOLD),
         (ModeRequest.SHUTDOWN, Mode.SHUTDOWN, AxisCommand.OFF),
     ],
 )
-def test_standby_and_shutdown_end_it(make_bench, request_, end, command):
+def test_standby_alignment_and_shutdown_end_it(make_bench, request_, end, command):
     bench = make_bench()
     bench.run_to(Mode.FINE_ALIGNMENT, ModeRequest.NAVIGATE_ROTATING)
     assert bench.state.estimator.running
     bench.step()
     bench.step(request=request_)
+    bench.step()  # ALIGNMENT comes after STANDBY, once the axes stand
     assert bench.mode == end
     assert list(bench.state.sequencer.command) == 2 * [command]
     assert not bench.state.estimator.running
@@ -165,8 +167,8 @@ def test_velocity_and_position_are_known_for_its_time_only(make_bench):
         bench.step()
     sources = bench.state.estimator.sources
     before = [int(sources[aid].used) for aid in (Aid.ZERO_VELOCITY, Aid.KNOWN_POSITION)]
-    # Held height: two level components at the end of each second but the last, which ends the mode.
-    assert before == 2 * [2 * (round(FINE_S) - 1)]
+    # Held height: two level components at the end of each second, the last one too.
+    assert before == 2 * [2 * round(FINE_S)]
     for _ in range(2 * RATE_HZ):
         bench.step()
     assert [int(sources[aid].used) for aid in Aid] == [*before, 0, 0, 0, 0]

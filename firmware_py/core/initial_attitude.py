@@ -1,0 +1,14 @@
+"""Where the initial attitude comes from."""
+
+from __future__ import annotations
+
+from enum import IntEnum
+
+
+class InitialAttitude(IntEnum):
+    """Source of the initial attitude."""
+
+    GIVEN = 0
+    SELF_ALIGNED = 1  # at standstill
+    SELF_ALIGNED_SWAYING = 2  # about a known position
+    SELF_ALIGNED_MOVING = 3  # with GNSS
