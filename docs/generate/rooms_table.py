@@ -33,6 +33,7 @@ GUIDES = {
     "host_tools/bus": "bus.md",
     "host_tools/calibration": "calibration.md",
     "host_tools/campaigns": "campaigns.md",
+    "host_tools/dashboard": "dashboard.md",
     "host_tools/diag": "diag.md",
     "host_tools/experiments": "experiments/index.md",
     "host_tools/hardware": "error-model.md",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import time
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import click
 
@@ -19,34 +19,84 @@ from rrins.host_tools.cli.options import json_option
 from rrins.host_tools.cli.output import print_note
 from rrins.host_tools.interruption import heed_sigterm
 
+if TYPE_CHECKING:
+    from rrins.host_tools.logs.reader import Log
+
 
 @click.command()
 @log_argument
-@click.argument("folder", metavar="OUT_DIR", type=click.Path(file_okay=False, path_type=Path))
+@click.argument("out", metavar="OUT", type=click.Path(path_type=Path))
 @click.option(
     "--format",
     "file_format",
-    type=click.Choice(["parquet", "csv"]),
+    type=click.Choice(["parquet", "csv", "mcap"]),
     default="parquet",
     show_default=True,
-    help="Table format.",
+    help="Tables, or one MCAP file for Foxglove and others.",
 )
 @log_channel_option
 @json_option
 def export(
     log: Path,
-    folder: Path,
-    file_format: Literal["parquet", "csv"],
+    out: Path,
+    file_format: Literal["parquet", "csv", "mcap"],
     log_channel: str | None,
     as_json: bool,
 ) -> None:
-    """Write the log FILE to OUT_DIR as tables, one per message."""
-    from rrins.host_tools.logs import tables
+    """Write the log FILE as tables, one per message, into the folder OUT; or as MCAP to OUT."""
     from rrins.host_tools.logs.reader import Log
-    from rrins.host_tools.logs.signals import message_names
 
     heed_sigterm()
     source = Log(log, log_channel)
+    if file_format == "mcap":
+        _export_mcap(source, out, as_json)
+    else:
+        _export_tables(source, out, file_format, as_json)
+
+
+def _export_mcap(source: Log, path: Path, as_json: bool) -> None:
+    from rrins.host_tools.dashboard.mcap_file import export_mcap
+
+    if path.is_dir():
+        raise click.UsageError(f"{path} is a folder; --format mcap writes a file")
+    begun = time.monotonic()
+    with reading_progress("exporting", source.size, as_json) as on_progress:
+        exported = export_mcap(source, path, on_progress)
+    wall_s = time.monotonic() - begun
+    print_reading(source)
+    _print_skipped(source.path, exported.wrong_length, exported.unknown)
+    if as_json:
+        summary = {
+            "file": str(path),
+            "format": "mcap",
+            "frames": source.frames,
+            "messages": exported.messages,
+            "unknown": exported.unknown,
+            "wrong_length": exported.wrong_length,
+            "wall_s": round(wall_s, 3),
+        }
+        click.echo(json.dumps(summary))
+        return
+    for topic, count in exported.messages.items():
+        click.echo(f"{count:>10}  {topic}")
+    click.echo(f"{source.frames} frames in {wall_s:.1f} s: {path}")
+
+
+def _print_skipped(log: Path, wrong_length: int, unknown: int) -> None:
+    if wrong_length:
+        print_note(f"{log}: {wrong_length} frames of the wrong length were skipped")
+    if unknown:
+        print_note(f"{log}: {unknown} frames are not in the DBC and were skipped")
+
+
+def _export_tables(
+    source: Log, folder: Path, file_format: Literal["parquet", "csv"], as_json: bool
+) -> None:
+    from rrins.host_tools.logs import tables
+    from rrins.host_tools.logs.signals import message_names
+
+    if folder.is_file():
+        raise click.UsageError(f"{folder} is a file; tables need a folder")
     begun = time.monotonic()
     with reading_progress("exporting", source.size, as_json) as on_progress:
         exported = tables.export(source, folder, file_format, on_progress)
@@ -57,10 +107,7 @@ def export(
         if exported.left != 1:
             left, remain = f"{exported.left} tables", "remain"
         print_note(f"{folder}: {left} of another export {remain} there")
-    if exported.wrong_length:
-        print_note(f"{log}: {exported.wrong_length} frames of the wrong length were skipped")
-    if exported.unknown:
-        print_note(f"{log}: {exported.unknown} frames are not in the DBC and were skipped")
+    _print_skipped(source.path, exported.wrong_length, exported.unknown)
     rows = {name: exported.rows[name] for name in message_names() if name in exported.rows}
     if as_json:
         summary = {

@@ -44,11 +44,12 @@ _RUN = {
 }
 _LOOK = {
     "monitor": _Entry("monitor", "Watch the decoded bus in the terminal."),
+    "dashboard": _Entry("dashboard", "Show a rehearsal or a log in a browser."),
     "diag": _Entry("diag.diag", "Diagnose the navigation computer over UDS."),
     "record": _Entry("record", "Record a bus to a log file."),
     "import": _Entry("import_vehicle", "Make the recording of a real vehicle a log."),
     "replay": _Entry("replay", "Replay a log onto a bus or through the firmware."),
-    "export": _Entry("export", "Write a log as Parquet or CSV tables."),
+    "export": _Entry("export", "Write a log as Parquet or CSV tables, or as MCAP."),
     "increments": _Entry("increments", "Write fused increments and truth for other navigators."),
     "plot": _Entry("plot", "Plot signals of a log over time."),
     "socketcand": _Entry("socketcand", "Serve the embedded bus to socketcand clients."),

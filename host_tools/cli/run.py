@@ -85,6 +85,9 @@ _foreign_option = click.option(
     is_flag=True,
     help="On the embedded bus, let anybody send what the contract gives to a side; for tests.",
 )
+_steer_option = click.option(
+    "--steer", type=click.Path(dir_okay=False, path_type=Path), hidden=True
+)
 _json_option = click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 
 
@@ -120,6 +123,7 @@ _json_option = click.option("--json", "as_json", is_flag=True, help="Print one J
     show_default=True,
     help="Longest silence of your program; 0 waits for ever, as for a debugger.",
 )
+@_steer_option
 @_json_option
 @click.pass_obj
 def rehearse(
@@ -139,6 +143,7 @@ def rehearse(
     foreign_senders: bool,
     program: str | None,
     patience_s: float,
+    steer: Path | None,
     as_json: bool,
     **serial: Any,
 ) -> None:
@@ -168,6 +173,7 @@ def rehearse(
         timestamps,
         None if program is None else Program.parse(program),
         patience_s,
+        steer,
     )
     if limit_s is not None:
         plan = run.fit(plan, limit_s)
@@ -305,6 +311,7 @@ def firmware(attach_wait: float, **options: Any) -> None:
 @click.command()
 @_side_options
 @_foreign_option
+@_steer_option
 @click.option("--await-peer", multiple=True, hidden=True)
 @click.option("--follow", hidden=True)
 @click.option("--patience", "patience_s", type=float, default=0.0, hidden=True)

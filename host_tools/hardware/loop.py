@@ -124,15 +124,19 @@ def run_lockstep(
     speed: float | None = None,
     every: int = 0,
     on_epoch: Callable[[int], None] | None = None,
+    wait_for: Callable[[int], None] | None = None,
 ) -> None:
     """Run `epochs` epochs in lockstep, at most `speed` times as fast as real time.
 
-    `on_epoch` is called with the epoch whenever that is a multiple of `every`.
+    `on_epoch` is called with the epoch whenever that is a multiple of `every`. `wait_for` takes the
+    place of `speed`: it is called with each epoch and returns when that is due.
     """
     start_ns = time.monotonic_ns()
     count = 0
     for epoch in range(epochs):
-        if speed is not None:
+        if wait_for is not None:
+            wait_for(epoch)
+        elif speed is not None:
             _wait_until(start_ns + round(epoch * hardware.period_ns / speed))
         frames, sent = hardware.open_epoch(epoch, hardware.inbox, count)
         port.send(frames, sent, epoch, epoch * hardware.period_ns)

@@ -22,7 +22,7 @@ NAME = "monitor"
 """Name of a monitor on the embedded bus."""
 
 _POLL_S = 0.1
-_REST_S = 0.004  # between two reads: waking up for each datagram would delay its sender
+_REST_S = 0.004
 _CAPACITY = 4096
 _ASK_S = 0.5
 _ATTACH_S = 2.0
@@ -35,6 +35,10 @@ class Receiver:
     ----------
     address : Address
     watch : Watch
+    name : str, optional
+        Of this observer on the embedded bus.
+    rest_s : float, optional
+        Between two reads; waking up for each datagram would delay its sender.
 
     Raises
     ------
@@ -42,20 +46,24 @@ class Receiver:
         If the bus cannot be opened.
     """
 
-    def __init__(self, address: Address, watch: Watch) -> None:
+    def __init__(
+        self, address: Address, watch: Watch, name: str = NAME, rest_s: float = _REST_S
+    ) -> None:
         self._address = address
         self._watch = watch
+        self._name = name
+        self._rest_s = rest_s
         self._frames = frame_array(_CAPACITY)
         self._next_question = 0.0
         self._stop = threading.Event()
         self._bus = self._open()
-        self._thread = threading.Thread(target=self._run, name=NAME, daemon=True)
+        self._thread = threading.Thread(target=self._run, name=name, daemon=True)
         self._thread.start()
 
     def _open(self) -> can.BusABC:
         options: dict[str, str | float] = {}
         if self._address.is_embedded:
-            options = {"name": NAME, "role": "observer", "host": "never"}
+            options = {"name": self._name, "role": "observer", "host": "never"}
             options["attach_timeout"] = _ATTACH_S
         return open_bus(self._address, **options)
 
@@ -79,7 +87,7 @@ class Receiver:
             add(frames, batch.count, batch.time_ns)
             batch = bus.recv_batch(frames, 0.0)
         self._watch.note_refused(bus.refused)
-        self._stop.wait(_REST_S)
+        self._stop.wait(self._rest_s)
 
     def _ask(self, bus: RrinsBus) -> None:
         """Ask the host now and then what it has refused; it answers among the frames."""

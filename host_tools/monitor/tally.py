@@ -334,6 +334,26 @@ def count_frames(tallies: Records[Tally], frames: FrameArray, count: int, time_n
         _count_frame(tally, frames[k], time_ns)
 
 
+@compiled
+def count_timed_frames(tallies: Records[Tally], frames: FrameArray, times_ns: Integers) -> None:
+    """Process frames that have a bus time each, in order of time, as those of a recording.
+
+    Parameters
+    ----------
+    tallies : ndarray
+        Array of one record, see `tally_of`.
+    frames : FrameArray, shape (n,)
+    times_ns : array of int, shape (n,)
+    """
+    tally = tallies[0]
+    for k in range(len(frames)):
+        if not tally.is_started:
+            tally.is_started = 1
+            _set_clock(tally, times_ns[k])
+        tally.now_ns = max(tally.now_ns, times_ns[k])
+        _count_frame(tally, frames[k], times_ns[k])
+
+
 STANDARD_IDENTIFIER = 0x7FF
 """Mask of an 11-bit identifier."""
 

@@ -6,18 +6,49 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
+
+import numpy as np
 
 from rrins.dbc.codec import load
 from rrins.dbc.frame import FrameArray, frame_array
+from rrins.dbc.record import Floats, Integers, Records
 from rrins.host_tools.bus.guard import NOTHING_REFUSED, Refused
 from rrins.host_tools.monitor.state import WINDOW_NS, BusState, Mark, Times
-from rrins.host_tools.monitor.tally import Tally, count_frames, reset_counts, tally_of
+from rrins.host_tools.monitor.tally import (
+    Tally,
+    count_frames,
+    count_timed_frames,
+    reset_counts,
+    tally_of,
+)
 
 _MARKS = 16
 _MARK_STEP_NS = WINDOW_NS // 8
 _SPEED_MARKS = 64
 _SPEED_NS = 1_000_000_000  # shortest wall clock time over which the speed is taken
+
+
+@dataclass(frozen=True)
+class Latest:
+    """The latest values of some signals.
+
+    Attributes
+    ----------
+    now_ns : int
+        Bus time.
+    heard_ns : int
+        Wall clock time of the last frame.
+    busy_ns : int
+        For how long the wire was busy since the start.
+    values : array, shape (n,)
+        In the units of the DBC; NaN for a signal that was not on the bus yet.
+    """
+
+    now_ns: int
+    heard_ns: int
+    busy_ns: int
+    values: Floats
 
 
 class Watch:
@@ -65,6 +96,25 @@ class Watch:
             count_frames(self._tallies, frames, count, time_ns)
             self._heard_ns = self._clock()
 
+    def add_timed_frames(self, frames: FrameArray, times_ns: Integers) -> None:
+        """Add the frames of a recording, in order of their times."""
+        with self._lock:
+            count_timed_frames(self._tallies, frames, times_ns)
+            self._heard_ns = self._clock()
+
+    def memory(self) -> Records[Tally]:
+        """Return a copy of all that is known of the frames so far."""
+        with self._lock:
+            return self._tallies.copy()
+
+    def restore(self, memory: Records[Tally]) -> None:
+        """Go back, or ahead, to what `memory` returned."""
+        with self._lock:
+            self._tallies[:] = memory
+            self._marks.clear()
+            self._speed_marks.clear()
+            self._origin = self._mark_of(self._tallies[0])
+
     def end(self, reason: str) -> None:
         """Record that the bus has ended, and why."""
         self._ended = reason
@@ -89,6 +139,26 @@ class Watch:
             self._gaps = 0
             self._marks.clear()
             self._origin = self._mark_of(self._tallies[0])
+
+    def latest(self, rows: Integers) -> Latest:
+        """Return the latest values of some signals; quicker than a snapshot.
+
+        Parameters
+        ----------
+        rows : array, shape (n,)
+            Rows of the signals in the codec's table.
+
+        """
+        with self._lock:
+            tally = self._tallies[0]
+            now_ns, busy_ns = int(tally["now_ns"]), int(tally["load"]["busy_ns"])
+            heard_ns = self._heard_ns
+            signals = tally["signals"]
+            raw = signals["raw"][rows]
+            has_value = signals["low"][rows] <= signals["high"][rows]
+        layouts = self._codec.signals[rows]
+        values = raw * layouts["scale"] + layouts["offset"]
+        return Latest(now_ns, heard_ns, busy_ns, np.where(has_value, values, np.nan))
 
     def state(self) -> BusState:
         """Return a snapshot; rates are taken since an earlier call, or the start."""

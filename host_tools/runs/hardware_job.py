@@ -20,6 +20,7 @@ from rrins.host_tools.runs.pipe import ReportPipe
 from rrins.host_tools.runs.realtime import LatenessHistogram
 from rrins.host_tools.runs.samples import TRUTH_SAMPLES, SampleBuffer, SampleFile, keep_every
 from rrins.host_tools.runs.settings import hardware_settings, scenario_wire
+from rrins.host_tools.runs.steering import SteeredPace
 from rrins.host_tools.wire.wire import Wire
 
 
@@ -102,7 +103,12 @@ def run_hardware(job: Job) -> JsonObject:
         if job.is_realtime:
             run_hardware_realtime(hardware, port, lateness, epochs, every, on_epoch)
         else:
-            run_hardware_lockstep(hardware, port, epochs, job.speed, every, on_epoch)
+            wait_for = None
+            if job.steer is not None:
+                wait_for = notices.enter_context(
+                    SteeredPace(job.steer, scenario.period_ns)
+                ).wait_for
+            run_hardware_lockstep(hardware, port, epochs, job.speed, every, on_epoch, wait_for)
     finally:
         rows.flush()
         file.close()

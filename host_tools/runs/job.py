@@ -63,6 +63,8 @@ class Job:
         Name of the user's own program that is the firmware: the hardware follows it by its frames.
     patience_s : float
         Longest silence of that program; 0 waits for ever.
+    steer : Path or None
+        File by which somebody steers how fast the hardware goes (`rrins.host_tools.runs.steering`).
     """
 
     scenario: Scenario
@@ -78,6 +80,7 @@ class Job:
     foreign_senders: bool = False
     follow: str | None = None
     patience_s: float = 0.0
+    steer: Path | None = None
 
     @property
     def is_realtime(self) -> bool:

@@ -241,6 +241,8 @@ class Plan:
         The user's own program as the firmware.
     patience_s : float
         Longest silence of that program in wall clock time; 0 waits for ever.
+    steer : Path, optional
+        File by which somebody steers how fast it goes (`rrins.host_tools.runs.steering`).
     """
 
     name: str
@@ -253,6 +255,7 @@ class Plan:
     timestamps: Literal["bus", "unix"] = "bus"
     firmware: Program | None = None
     patience_s: float = 10.0
+    steer: Path | None = None
 
     def lasting(self, duration_s: float) -> Plan:
         """Return the same with another duration."""
@@ -261,6 +264,10 @@ class Plan:
             scenario=self.scenario.model_copy(update={"duration_s": duration_s}),
             overrides=replace(self.overrides, duration_s=duration_s),
         )
+
+    def _hardware_options(self) -> tuple[str, ...]:
+        foreign = ("--foreign-senders",) if self.foreign_senders else ()
+        return foreign if self.steer is None else (*foreign, "--steer", str(self.steer))
 
     def rehearsal(
         self, address: Address, folder: Path, record: Path | None, start: Start
@@ -276,7 +283,7 @@ class Plan:
             folder,
             record,
             arguments_of(self.serial),
-            ("--foreign-senders",) if self.foreign_senders else (),
+            self._hardware_options(),
             start,
             self.timestamps,
             self.firmware,

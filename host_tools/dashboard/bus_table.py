@@ -1,0 +1,120 @@
+"""The slow part of what a browser gets: vitals, sensors, troubles, the table of messages."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+from rrins.host_tools.files import JsonObject
+from rrins.host_tools.monitor.redundancy import RedundancyVitals
+from rrins.host_tools.monitor.state import BusState
+from rrins.host_tools.monitor.tally import LEVELS
+from rrins.host_tools.monitor.troubles import troubles_of
+from rrins.host_tools.monitor.vitals import Vitals, vitals_of
+from rrins.host_tools.monitor.wording import value_with_unit
+
+SOUND, SUSPECT, EXCLUDED, ABSENT, SATURATED = "sound", "suspect", "excluded", "absent", "saturated"
+"""States of a sensor."""
+
+_ABSENT_BIT: Final = {"gyros": 4, "accelerometers": 8}
+_SATURATED_BIT: Final = {"gyros": 1, "accelerometers": 2}
+
+
+def state_of(state: BusState, counts: dict[str, int]) -> JsonObject:
+    """Return the state of a bus for the page.
+
+    Parameters
+    ----------
+    state : BusState
+    counts : dict of str to int
+        Number of gyros and accelerometers.
+    """
+    vitals = vitals_of(state)
+    return {
+        "time_s": state.time_s,
+        "quiet_s": state.times.quiet_s,
+        "speed": state.times.speed,
+        "gaps": state.times.gaps,
+        "load": state.load,
+        "peak_load": state.peak_load,
+        "rate_hz": state.rate_hz,
+        "frames": state.frames,
+        **vitals.as_dict(),
+        "sensors": {kind: sensor_states(state, vitals, kind, n) for kind, n in counts.items()},
+        "troubles": troubles_of(state, vitals),
+        "messages": [
+            [
+                message.hexadecimal,
+                message.label,
+                _rounded(message.rate_hz),
+                _rounded(message.age_s),
+                message.errors,
+                _flags(message.is_silent, message.has_recent_errors, message.is_sound_or_unknown),
+                message.data.hex(),
+            ]
+            for message in state.messages
+        ],
+    }
+
+
+def _rounded(value: float | None) -> float | None:
+    """Return a number with four figures."""
+    return None if value is None or not math.isfinite(value) else float(f"{value:.4g}")
+
+
+def _flags(is_silent: bool, has_recent_errors: bool, is_sound: bool) -> int:
+    return is_silent | has_recent_errors << 1 | (not is_sound) << 2
+
+
+def sensor_states(state: BusState, vitals: Vitals, kind: str, count: int) -> list[str]:
+    """Return the state of each sensor of a kind, `gyros` or `accelerometers`."""
+    return [_sensor_state(state, vitals.redundancy[kind], kind, k) for k in range(1, count + 1)]
+
+
+def _sensor_state(
+    state: BusState, redundancy: RedundancyVitals | None, kind: str, number: int
+) -> str:
+    group = f"SENSOR_{number}"
+    message = state.message(group)
+    status = int(state.value(group, "status") or 0) if message is not None else 0
+    if redundancy is not None and number in redundancy.excluded:
+        return EXCLUDED
+    if message is None or message.is_silent or status & _ABSENT_BIT[kind]:
+        return ABSENT
+    if status & _SATURATED_BIT[kind]:
+        return SATURATED
+    if redundancy is not None and redundancy.alarm and redundancy.suspect in (None, number):
+        return SUSPECT
+    return SOUND
+
+
+def message_of(state: BusState, name: str, signal: str | None, level: int) -> JsonObject | None:
+    """Return a message with its signals, and one of them over time; None if it was not seen.
+
+    Parameters
+    ----------
+    state : BusState
+    name : str
+    signal : str or None
+        The signal over time.
+    level : int
+        See `BusState.history`.
+    """
+    if state.message(name) is None:
+        return None
+    message = state.message(name)
+    assert message is not None
+    signals = state.signals(name)
+    names = [one.name for one in signals]
+    return {
+        "name": name,
+        "text": state.description(message),
+        "signals": [
+            [one.name, value_with_unit(one), one.low, one.high, one.unit, one.comment]
+            for one in signals
+        ],
+        "signal": signal if signal in names else None,
+        "over_time": state.history(name, signal, min(max(level, 0), LEVELS - 1))
+        if signal is not None and signal in names
+        else None,
+    }

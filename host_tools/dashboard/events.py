@@ -1,0 +1,228 @@
+"""Events in words: what has changed on the bus that a person wants to know."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Final, Literal
+
+import numpy as np
+
+from rrins.dbc.codec import load
+from rrins.dbc.record import Floats
+
+Weight = Literal["note", "good", "warning", "bad", "order"]
+"""How an event is shown; `order` is what somebody asked for."""
+
+MOST: Final = 500
+"""Events that are kept."""
+
+_UNKNOWN: Final = -1.0  # value of a signal that was not on the bus yet; no other is negative
+_STATUS, _FAULTS, _TABLE = "FIRMWARE_STATUS", "FIRMWARE_FAULTS", "TABLE_STATUS"
+_KINDS: Final = {"gyro": "GYRO_REDUNDANCY", "accelerometer": "ACCELEROMETER_REDUNDANCY"}
+_OF_KIND = ("alarm", "excluded", "repairing", "isolated", "how", "suspect", "parity_ratio")
+_AXES = ("inner", "outer")
+_SOURCES = ("gnss", "odometer", "altimeter")
+
+SIGNALS: Final = {
+    f"{message}.{signal}": (message, signal)
+    for message, signals in (
+        (_STATUS, ("mode", "fault", "sync_lost", "usable_sensors", "scheme_cycle")),
+        (_STATUS, tuple(f"axis_{axis}_not_following" for axis in _AXES)),
+        *((message, _OF_KIND) for message in _KINDS.values()),
+        (_TABLE, tuple(f"axis_{axis}_source" for axis in _AXES)),
+        (_TABLE, tuple(f"axis_{axis}_abandoned" for axis in _AXES)),
+        ("READMISSION_STATUS", ("state", "kind", "sensor", "refusal")),
+        ("AIDING_STATUS", _SOURCES),
+        ("BRIDGING", ("degraded",)),
+        ("FAULT_STATUS", ("active_faults",)),
+        ("HARDWARE_FAULT_STATUS", ("active_faults",)),
+        (_FAULTS, ("overruns",)),
+    )
+    for signal in signals
+}
+"""Signals from which events are made."""
+
+_MODES: Final = {
+    "SELF_TEST": ("self-test", "note"),
+    "STANDBY": ("standby", "note"),
+    "ALIGNMENT": ("alignment begins", "note"),
+    "FINE_ALIGNMENT": ("fine alignment begins", "note"),
+    "NAVIGATION_STRAPDOWN": ("navigation without rotation", "good"),
+    "NAVIGATION_ROTATING": ("navigation with rotation", "good"),
+    "SHUTDOWN": ("shut down", "note"),
+}
+
+
+@dataclass(frozen=True)
+class Event:
+    """Something that happened.
+
+    Attributes
+    ----------
+    time_s : float
+        Bus time.
+    text : str
+    weight : str
+        See `Weight`.
+    """
+
+    time_s: float
+    text: str
+    weight: Weight
+
+
+class EventLog:
+    """Makes events of what changes.
+
+    Attributes
+    ----------
+    events : list of Event
+        In order; the oldest are dropped.
+    count : int
+        Of all so far.
+    """
+
+    def __init__(self) -> None:
+        self.events: list[Event] = []
+        self.count = 0
+        self._codec = load()
+        self._before = np.full(len(SIGNALS), _UNKNOWN)
+        self._now: dict[str, float] = {}
+
+    def add(self, time_s: float, text: str, weight: Weight = "note") -> Event:
+        """Append an event."""
+        event = Event(time_s, text, weight)
+        self.events.append(event)
+        self.count += 1
+        if len(self.events) > MOST:
+            del self.events[0]
+        return event
+
+    def follow(self, time_s: float, values: Floats) -> list[Event]:
+        """Compare the values of `SIGNALS` with those before; return the new events."""
+        known = np.nan_to_num(values, nan=_UNKNOWN)
+        if np.array_equal(known, self._before):
+            return []
+        old = dict(zip(SIGNALS, self._before.tolist(), strict=True))
+        self._before = known
+        self._now = dict(zip(SIGNALS, known.tolist(), strict=True))
+        return [self.add(time_s, text, weight) for text, weight in self._changes(old)]
+
+    def _changes(self, old: dict[str, float]) -> Iterator[tuple[str, Weight]]:
+        yield from self._of_mode(old)
+        for kind, message in _KINDS.items():
+            yield from self._of_redundancy(kind, message, old)
+        yield from self._of_table(old)
+        yield from self._of_readmission(old)
+        yield from self._of_aiding(old)
+        yield from self._of_faults(old)
+
+    def _has_changed(self, key: str, old: dict[str, float]) -> bool:
+        return 0 <= self._now[key] != old[key]
+
+    def _rises(self, key: str, old: dict[str, float]) -> bool:
+        return self._now[key] > max(old[key], 0.0)
+
+    def _falls(self, key: str, old: dict[str, float]) -> bool:
+        return 0 <= self._now[key] < old[key]
+
+    def _word(self, key: str) -> str:
+        """Return a value by its name in the DBC."""
+        value = self._now[key]
+        return self._codec.choices(*SIGNALS[key]).get(int(value)) or f"{value:g}"
+
+    def _of_mode(self, old: dict[str, float]) -> Iterator[tuple[str, Weight]]:
+        if self._has_changed(f"{_STATUS}.mode", old):
+            mode = self._word(f"{_STATUS}.mode")
+            if mode == "FAULT":
+                yield f"mode FAULT: {self._word(f'{_STATUS}.fault')}", "bad"
+            elif mode in _MODES:
+                text, weight = _MODES[mode]
+                yield text, "good" if weight == "good" else "note"
+        if self._rises(f"{_STATUS}.sync_lost", old):
+            yield "SYNC is lost: the firmware runs on its own clock", "bad"
+        elif self._falls(f"{_STATUS}.sync_lost", old):
+            yield "SYNC is back", "good"
+        if self._rises(f"{_STATUS}.scheme_cycle", old):
+            yield (
+                f"cycle {self._now[f'{_STATUS}.scheme_cycle']:.0f} of the scheme is complete",
+                "note",
+            )
+
+    def _of_redundancy(
+        self, kind: str, message: str, old: dict[str, float]
+    ) -> Iterator[tuple[str, Weight]]:
+        now = self._now
+        excluded, was = (max(0, int(one[f"{message}.excluded"])) for one in (now, old))
+        if self._rises(f"{message}.alarm", old):
+            ratio = now[f"{message}.parity_ratio"]
+            parity = f": parity {ratio:.2f} × its threshold" if ratio > 1 else ""
+            yield f"the {kind}s disagree{parity}", "warning"
+        elif self._falls(f"{message}.alarm", old) and excluded == was:
+            yield f"the {kind}s agree again", "good"
+        for sensor in range(1, 17):
+            bit = 1 << (sensor - 1)
+            if excluded & bit and not was & bit:
+                is_last = now[f"{message}.isolated"] == sensor
+                how = f", found by {self._word(f'{message}.how')}" if is_last else ""
+                yield f"{kind} {sensor} left out{how}", "bad"
+            elif was & bit and not excluded & bit:
+                yield f"{kind} {sensor} is back in use", "good"
+        if self._rises(f"{message}.repairing", old):
+            yield "the navigation is being repaired from before the fault", "note"
+        elif self._falls(f"{message}.repairing", old):
+            yield "the navigation is repaired", "good"
+
+    def _of_table(self, old: dict[str, float]) -> Iterator[tuple[str, Weight]]:
+        for axis in _AXES:
+            lags = f"{_STATUS}.axis_{axis}_not_following"
+            if self._rises(lags, old):
+                yield f"the {axis} axis does not follow its command", "bad"
+            elif self._falls(lags, old):
+                yield f"the {axis} axis follows again", "good"
+            source = f"{_TABLE}.axis_{axis}_source"
+            if self._has_changed(source, old) and (self._now[source] or old[source] > 0):
+                word = self._word(source)
+                is_sound = word == "ENCODER"
+                text = f"angle of the {axis} axis from: {word}"
+                yield text, "good" if is_sound else "warning"
+            if self._rises(f"{_TABLE}.axis_{axis}_abandoned", old):
+                yield f"the {axis} axis did not follow in any try: rotation abandoned", "bad"
+
+    def _of_readmission(self, old: dict[str, float]) -> Iterator[tuple[str, Weight]]:
+        key = "READMISSION_STATUS.state"
+        if self._has_changed(key, old) and self._now[key]:
+            kind = self._word("READMISSION_STATUS.kind").lower()
+            sensor = int(self._now["READMISSION_STATUS.sensor"])
+            state = self._word(key)
+            refusal = self._now["READMISSION_STATUS.refusal"]
+            why = f" ({self._word('READMISSION_STATUS.refusal')})" if refusal else ""
+            yield f"readmission of {kind} {sensor}: {state}{why}", "note"
+
+    def _of_aiding(self, old: dict[str, float]) -> Iterator[tuple[str, Weight]]:
+        for source in _SOURCES:
+            key = f"AIDING_STATUS.{source}"
+            if self._has_changed(key, old) and (self._now[key] or old[key] > 0):
+                word = self._word(key)
+                yield f"{source}: {word.lower()}", "warning" if word == "LOST" else "good"
+        if self._rises("BRIDGING.degraded", old):
+            yield "the navigation is degraded: much sensor data was bridged", "warning"
+
+    def _of_faults(self, old: dict[str, float]) -> Iterator[tuple[str, Weight]]:
+        for key, where in (
+            ("FAULT_STATUS.active_faults", "on the wire"),
+            ("HARDWARE_FAULT_STATUS.active_faults", "of the hardware"),
+        ):
+            if not self._has_changed(key, old):
+                continue
+            count = int(self._now[key])
+            if count:
+                yield f"{count} fault{'' if count == 1 else 's'} {where} active", "warning"
+            elif old[key] > 0:
+                yield f"no fault {where} is active any more", "good"
+        if self._rises(f"{_FAULTS}.overruns", old):
+            yield (
+                f"the firmware missed deadlines: {self._now[f'{_FAULTS}.overruns']:.0f}",
+                "warning",
+            )

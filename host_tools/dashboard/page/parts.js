@@ -1,0 +1,69 @@
+// Small pieces of the page: elements, numbers in words, colours of the theme.
+
+export const $ = (id) => document.getElementById(id);
+
+export function element(tag, attributes = {}, ...children) {
+  const made = document.createElement(tag);
+  for (const [name, value] of Object.entries(attributes)) {
+    if (name.startsWith("on")) made.addEventListener(name.slice(2), value);
+    else if (name === "class") made.className = value;
+    else if (value === true) made.setAttribute(name, "");
+    else if (value !== false && value != null) made.setAttribute(name, value);
+  }
+  made.append(...children);
+  return made;
+}
+
+export function setText(node, text) {
+  if (node.textContent !== text) node.textContent = text;
+}
+
+export const colour = (name) =>
+  getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
+
+// A length in the unit that fits: 3.1 mm, 12.4 m, 2.21 km.
+export function length(metres) {
+  if (metres == null || Number.isNaN(metres)) return "–";
+  const size = Math.abs(metres);
+  if (size >= 1000) return `${(metres / 1000).toPrecision(3)} km`;
+  if (size < 0.1 && size > 0) return `${(metres * 1000).toPrecision(3)} mm`;
+  return `${metres.toPrecision(3)} m`;
+}
+
+// Seconds as a clock: 93.4 s, 12:05.1, 1:02:45.
+export function clock(seconds, decimals = 1) {
+  if (seconds == null) return "–";
+  if (seconds < 100) return `${seconds.toFixed(decimals)} s`;
+  const whole = Math.floor(seconds);
+  const h = Math.floor(whole / 3600);
+  const m = Math.floor((whole % 3600) / 60);
+  const two = (n) => String(n).padStart(2, "0");
+  const s = h ? two(whole % 60) : (seconds % 60).toFixed(decimals).padStart(decimals ? 3 + decimals : 2, "0");
+  return h ? `${h}:${two(m)}:${s}` : `${m}:${s}`;
+}
+
+export function figures(value, digits = 4) {
+  if (value == null || Number.isNaN(value)) return "–";
+  if (value === 0) return "0";
+  const size = Math.abs(value);
+  if (size >= 1e6 || size < 1e-4) return value.toExponential(2);
+  const decimals = Math.max(0, digits - 1 - Math.floor(Math.log10(size)));
+  return value.toFixed(Math.min(decimals, 6));
+}
+
+const UNITS = [
+  ["_deg_per_sqrt_h", "°/√h"], ["_ug_per_sqrt_hz", "µg/√Hz"], ["_dph_per_min", "°/h per min"],
+  ["_ug_per_min", "µg per min"], ["_dph", "°/h"], ["_dps", "°/s"], ["_mps", "m/s"], ["_ug", "µg"],
+  ["_percent", "%"], ["_ppm", "ppm"], ["_arcsec", "″"], ["_deg", "°"], ["_ms", "ms"], ["_m", "m"], ["_s", "s"],
+];
+
+// A key of a scenario as words with its unit: "bias / (°/h)".
+export function keyWords(key) {
+  for (const [ending, unit] of UNITS) {
+    if (key.endsWith(ending)) {
+      const words = key.slice(0, -ending.length).replaceAll("_", " ");
+      return `${words || "for"} / ${unit.includes("/") || unit.includes(" ") ? `(${unit})` : unit}`;
+    }
+  }
+  return key.replaceAll("_", " ");
+}

@@ -1,0 +1,220 @@
+"""The server: the page, its socket, nothing else."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+import signal
+import socket
+from collections.abc import AsyncIterator, Callable
+from typing import Final
+from urllib.parse import parse_qs
+
+import uvicorn
+from starlette.applications import Starlette
+from starlette.requests import Request
+from starlette.responses import Response
+from starlette.routing import Route, WebSocketRoute
+from starlette.websockets import WebSocket, WebSocketDisconnect, WebSocketState
+
+from rrins.host_tools.dashboard.browsers import Browser
+from rrins.host_tools.dashboard.errors import DashboardError
+from rrins.host_tools.dashboard.feed import Feed
+from rrins.host_tools.dashboard.guarding import HEADERS, Guard, shown
+from rrins.host_tools.dashboard.orders import LONGEST, parse_order
+from rrins.host_tools.dashboard.page_files import page_files
+
+SOCKET: Final = "/feed"
+MOST_BROWSERS: Final = 32
+MOST_WRONG: Final = 20
+"""Wrong messages after which a browser is let go."""
+
+_PATIENCE_S: Final = 30.0  # with a browser that takes nothing
+_POLICY, _TRY_LATER, _GOING = 1008, 1013, 1001
+
+_log: Final = logging.getLogger("rrins.dashboard")
+
+
+def application(feed: Feed, guard: Guard) -> Starlette:
+    """Return the server's application."""
+    files = page_files()
+
+    async def page(request: Request) -> Response:
+        why = guard.refuses_host(request.headers.get("host"))
+        if why is not None:
+            _log.warning("%s refused: %s", shown(request.url.path), why)
+            return Response("not here\n", 421, HEADERS)
+        file = files.get(request.scope["path"])
+        if file is None:
+            _log.warning("%s refused: there is no such file", shown(request.scope["path"]))
+            return Response("there is no such file\n", 404, HEADERS)
+        headers = HEADERS | {"Content-Type": file.kind, "Vary": "Accept-Encoding"}
+        if "gzip" in request.headers.get("accept-encoding", ""):
+            return Response(file.packed, headers=headers | {"Content-Encoding": "gzip"})
+        return Response(file.content, headers=headers)
+
+    async def browse(websocket: WebSocket) -> None:
+        await _browse(websocket, feed, guard)
+
+    @contextlib.asynccontextmanager
+    async def feeding(app: Starlette) -> AsyncIterator[None]:
+        task = asyncio.create_task(feed.run())
+        task.add_done_callback(_tell_failure)
+        try:
+            yield
+        finally:
+            task.cancel()
+
+    routes = [WebSocketRoute(SOCKET, browse), Route("/{path:path}", page)]
+    return Starlette(routes=routes, lifespan=feeding)
+
+
+def _tell_failure(task: asyncio.Task[None]) -> None:
+    if not task.cancelled() and task.exception() is not None:
+        _log.error("the feed has failed", exc_info=task.exception())
+
+
+async def _browse(websocket: WebSocket, feed: Feed, guard: Guard) -> None:
+    host = websocket.headers.get("host")
+    why = guard.refuses_host(host) or guard.refuses_origin(websocket.headers.get("origin"), host)
+    if why is None and feed.browsers >= MOST_BROWSERS:
+        why = f"{MOST_BROWSERS} browsers look on already"
+    if why is not None:
+        _log.warning("socket refused: %s", why)
+        await websocket.close(_POLICY)
+        return
+    token = parse_qs(websocket.url.query).get("token", [None])[0]
+    browser = Browser(guard.may_control(token))
+    if not browser.may_control and feed.may_control:
+        _log.warning("a page without the token may only look on")
+    await websocket.accept()
+    feed.enter(browser)
+    sending = asyncio.create_task(_send(websocket, browser))
+    try:
+        await _receive(websocket, browser, feed)
+    finally:
+        feed.leave(browser)
+        sending.cancel()
+        with contextlib.suppress(asyncio.CancelledError):
+            await sending
+
+
+async def _send(websocket: WebSocket, browser: Browser) -> None:
+    """Send what is put into a browser's queue; let it go when it takes nothing for long."""
+    with contextlib.suppress(WebSocketDisconnect, RuntimeError, OSError):
+        while not browser.is_stuck:
+            message = await browser.next_message()
+            sent = (
+                websocket.send_bytes(message)
+                if isinstance(message, bytes)
+                else websocket.send_text(message)
+            )
+            try:
+                await asyncio.wait_for(sent, _PATIENCE_S)
+            except TimeoutError:
+                _log.warning("a browser took nothing for %g s and is let go", _PATIENCE_S)
+                break
+        await websocket.close(_TRY_LATER)
+
+
+async def _receive(websocket: WebSocket, browser: Browser, feed: Feed) -> None:
+    """Take a browser's orders until it leaves, or has sent too much that is none."""
+    wrong = 0
+    orders: set[asyncio.Task[None]] = set()
+    try:
+        while wrong < MOST_WRONG:
+            received = await websocket.receive()
+            if received["type"] == "websocket.disconnect":
+                return
+            try:
+                text = received.get("text")
+                if text is None:
+                    raise DashboardError("bytes, where an order is JSON")
+                order = parse_order(text)
+            except DashboardError as error:
+                wrong += 1
+                _log.warning("a message refused: %s", shown(error))
+                continue
+            task = asyncio.create_task(feed.carry_out(browser, order))
+            orders.add(task)
+            task.add_done_callback(orders.discard)
+            if len(orders) > MOST_WRONG:
+                _log.warning("a browser gave too many orders at once and is let go")
+                break
+        if websocket.application_state is not WebSocketState.DISCONNECTED:
+            with contextlib.suppress(RuntimeError):
+                await websocket.close(_POLICY)
+    except WebSocketDisconnect:
+        return
+
+
+def bound(host: str, port: int) -> socket.socket:
+    """Return a socket that listens.
+
+    Raises
+    ------
+    DashboardError
+        When the address cannot be had.
+    """
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    listening = socket.socket(family, socket.SOCK_STREAM)
+    listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    try:
+        listening.bind((host, port))
+        listening.listen(64)
+    except OSError as error:
+        listening.close()
+        raise DashboardError(
+            f"--host {host} --port {port}: cannot be had: {error.strerror or error}; "
+            "name another --port"
+        ) from error
+    return listening
+
+
+def url_of(listening: socket.socket, guard: Guard) -> str:
+    """Return the address of the page; the token stands where browsers do not send it."""
+    host, port = listening.getsockname()[:2]
+    host = f"[{host}]" if ":" in host else host
+    token = "" if guard.token is None else f"#{guard.token}"
+    return f"http://{host}:{port}/{token}"
+
+
+class _Server(uvicorn.Server):
+    """A server that leaves signals to the command."""
+
+    @contextlib.contextmanager
+    def capture_signals(self):  # type: ignore[no-untyped-def]
+        """Leave the signals alone."""
+        yield
+
+
+def serve(
+    feed: Feed, guard: Guard, listening: socket.socket, on_serving: Callable[[], None]
+) -> None:
+    """Serve until SIGINT or SIGTERM, which are the end that is meant for it."""
+    config = uvicorn.Config(
+        application(feed, guard),
+        log_config=None,
+        log_level="warning",
+        access_log=False,
+        server_header=False,
+        ws="websockets-sansio",
+        ws_max_size=LONGEST,
+        ws_per_message_deflate=False,
+        ws_max_queue=8,
+        timeout_graceful_shutdown=1,
+        lifespan="on",
+    )
+    server = _Server(config)
+
+    def stop() -> None:
+        server.should_exit = True
+
+    async def run() -> None:
+        for number in (signal.SIGINT, signal.SIGTERM):
+            asyncio.get_running_loop().add_signal_handler(number, stop)
+        on_serving()
+        await server.serve(sockets=[listening])
+
+    asyncio.run(run())

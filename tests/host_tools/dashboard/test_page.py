@@ -1,0 +1,235 @@
+"""The page in a real browser. RRINS_WRITE_DOCS=1 keeps the pictures of the guide."""
+
+from __future__ import annotations
+
+import io
+import os
+import signal
+import struct
+import time
+from urllib.parse import urlsplit
+
+import numpy as np
+import pytest
+from PIL import Image
+
+pytestmark = pytest.mark.slow
+
+LARGE = {"width": 1920, "height": 1080}
+
+
+def pixels(picture):
+    return np.asarray(Image.open(io.BytesIO(picture)).convert("RGB"), dtype=np.int16)
+
+
+def changed(before, after):
+    """Return the share of the pixels that differ."""
+    a, b = pixels(before), pixels(after)
+    return 1.0 if a.shape != b.shape else float(np.mean(np.abs(a - b).max(axis=2) > 12))
+
+
+def until(is_so, seconds=60, rest=time.sleep):
+    end = time.monotonic() + seconds
+    while not is_so():
+        assert time.monotonic() < end, "it never came to be"
+        rest(0.1)
+
+
+def seconds_of(text):
+    """Return a time of the page in seconds: 12.5 s, 3:05.1, 1:02:03."""
+    total = 0.0
+    for part in text.removesuffix(" s").split(":"):
+        total = 60 * total + float(part)
+    return total
+
+
+def navigating(open_page, served, **options):
+    seen = open_page(served.url, **options)
+    seen.wait("body[data-phase=running]")
+    seen.wait("body[data-mode=NAVIGATION_ROTATING]")
+    return seen
+
+
+def test_the_page_lives_and_asks_nobody_else(open_page, rehearsal):
+    seen = navigating(open_page, rehearsal)
+    until(lambda: seen.text("#angles").startswith("inner") and "–" not in seen.text("#angles"))
+    names = ("#plot-position", "#plot-angles", "#plot-parity", "#scene")
+    before, angles = {name: seen.picture(name) for name in names}, seen.text("#angles")
+    until(lambda: seen.text("#angles") != angles)
+    until(lambda: all(changed(before[name], seen.picture(name)) > 0.001 for name in names))
+    assert seen.text("#title") == "Four gyros on a ship at her moorings"
+    assert seen.page.locator(".chip").count() == 8
+    assert "SYNC" in seen.text("#tab-bus")
+    own = urlsplit(rehearsal.url).netloc
+    assert {urlsplit(url).netloc for url in seen.requests} == {own}
+    assert seen.complaints == []
+
+
+def test_a_fault_by_form_shows_everywhere_and_goes_again(open_page, rehearsal):
+    seen, beside = navigating(open_page, rehearsal), navigating(open_page, rehearsal)
+    page = seen.page
+    page.keyboard.press("f")
+    page.select_option("#fault-kind", "gyro_bias")
+    page.fill("input[name=sensor]", "3")
+    page.fill("input[name=bias_dph]", "20")
+    page.click("#inject")
+    seen.wait(".answer.done")
+    assert "gyro_bias (sensor 3, bias_dph 20) since" in seen.text(".answer.done")
+    for one in (seen, beside):
+        one.wait('.chip[data-sensor^="G"][data-state="suspect"]')
+        one.wait("#events li:has-text('the gyros disagree')")
+    parity = seen.page.locator("#plot-parity .legend b").first
+    until(lambda: float(parity.inner_text()) > 1)
+    page.keyboard.press("w")
+    assert "the gyros disagree" in seen.text("#tab-troubles")
+    page.keyboard.press("c")
+    page.click("#read-codes")
+    seen.wait("#tab-codes .answer.done")
+    assert seen.page.locator("#tab-codes summary").count() > 0
+    page.keyboard.press("f")
+    page.click("text=Clear all faults")
+    seen.wait(".answer.done:has-text('all faults are removed')")
+    page.fill("input[name=sensor]", "9")
+    page.click("#inject")
+    seen.wait(".answer.refused:has-text('no such axis or sensor')")
+    assert seen.complaints == beside.complaints == []
+
+
+def test_pause_and_speed_are_confirmed(open_page, rehearsal):
+    seen = navigating(open_page, rehearsal)
+    page = seen.page
+    page.keyboard.press("p")
+    seen.wait("body[data-phase=paused]")
+    until(lambda: seen.text("#speed") == "paused")
+    time_then = seen.text("#time")
+    page.keyboard.press("f")
+    page.click("#inject")
+    seen.wait(".answer.refused:has-text('the rehearsal is paused')")
+    assert seen.text("#time") == time_then
+    page.keyboard.press("p")
+    seen.wait("body[data-phase=running]")
+    page.select_option("#drive select", "5")
+    seen.wait("#events li:has-text('running at 5 × real time')")
+    page.select_option("#drive select", "10")
+    seen.wait("#events li:has-text('running at 10 × real time')")
+
+
+def test_a_page_that_is_opened_late_has_the_history(open_page, rehearsal):
+    seen = navigating(open_page, rehearsal)
+    until(lambda: seconds_of(seen.text("#time")) > 30)
+    histories = []
+
+    def keep(payload):
+        if isinstance(payload, bytes) and payload[0] == 2:
+            histories.append(payload)
+
+    seen.page.on("websocket", lambda socket: socket.on("framereceived", keep))
+    seen.page.reload()
+    until(lambda: histories, rest=lambda s: seen.page.wait_for_timeout(1000 * s))  # hears meanwhile
+    columns, count = struct.unpack_from("<2xHI", histories[0])
+    times = np.frombuffer(histories[0], "<f8", count, 8)
+    assert columns > 30
+    assert count > 50
+    assert times[0] < 5
+    assert times[-1] > 30
+    seen.wait("#events li:has-text('navigation with rotation')")
+
+
+def test_keys_and_themes(open_page, rehearsal):
+    seen = navigating(open_page, rehearsal, color_scheme="light")
+    page = seen.page
+    light = pixels(seen.picture("#plot-angles")).mean()
+    page.keyboard.press("t")
+    assert pixels(seen.picture("#plot-angles")).mean() < light - 80
+    page.keyboard.press("3")
+    assert page.get_attribute("[data-span=Infinity]", "aria-pressed") == "true"
+    page.keyboard.press("Space")
+    assert page.get_attribute("#hold", "aria-pressed") == "true"
+    page.keyboard.press("Space")
+    page.keyboard.press("b")
+    page.click("#tab-bus td:has-text('GYRO_REDUNDANCY')")
+    page.click("#tab-bus .detail td:has-text('parity_ratio')")
+    seen.wait(".over-time:not([hidden])")
+    page.keyboard.press("?")
+    seen.wait("dialog[open]")
+    assert seen.complaints == []
+
+
+def test_stop_and_start_again(open_page, serving, scenario):
+    with serving(scenario, "--speed", "0", "--duration", "3000") as served:
+        seen = navigating(open_page, served)
+        seen.page.click("text=Stop")
+        seen.wait("body[data-phase=ended]")
+        assert "stopped; position error at the end" in seen.text("#banner")
+        seen.page.click("text=Start")
+        seen.wait("body[data-phase=running]")
+        seen.wait("body[data-mode=NAVIGATION_ROTATING]")
+        assert seen.complaints == []
+
+
+def test_a_server_that_is_killed_is_missed(open_page, serving, recording):
+    with serving(recording) as served:
+        seen = open_page(served.url)
+        seen.wait("body[data-link=up]")
+        served.process.send_signal(signal.SIGKILL)
+        served.process.wait()
+        seen.wait("body[data-link=lost]")
+        assert "The server does not answer" in seen.text("#banner")
+
+
+def test_a_recording_is_played_back(open_page, serving, recording):
+    with serving(recording, "--speed", "5") as served:
+        seen = open_page(served.url)
+        seen.wait("body[data-phase=running]")
+        time_then = seen.text("#time")
+        until(lambda: seen.text("#time") != time_then)
+        seen.page.click("#events li:has-text('the gyros disagree')")
+        seen.wait('.chip[data-state="suspect"]')
+        seen.page.keyboard.press("p")
+        seen.wait("body[data-phase=paused]")
+        at_s = seconds_of(seen.text("#time"))
+        assert 20 < at_s < 45
+        seen.page.keyboard.press("ArrowLeft")
+        until(lambda: seconds_of(seen.text("#time")) < at_s - 5)
+        assert not seen.page.is_visible("#drive")
+        assert seen.complaints == []
+
+
+WRITES = pytest.mark.skipif(
+    os.environ.get("RRINS_WRITE_DOCS") != "1", reason="writes the pictures of the guide"
+)
+
+
+@WRITES
+def test_pictures_of_the_guide(open_page, serving, tmp_path, pictures):
+    def keep(page, name):
+        picture = Image.open(io.BytesIO(page.screenshot())).convert("RGB")
+        palette = picture.quantize(200, method=Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE)
+        palette.save(pictures / name, optimize=True)
+        assert (pictures / name).stat().st_size < 300_000
+
+    log = tmp_path / "bus.blf"
+    with serving("rimu_rotating", "--speed", "20", "--record", log, folder=tmp_path) as served:
+        seen = navigating(open_page, served, color_scheme="light", viewport=LARGE)
+        page = seen.page
+        until(lambda: seconds_of(seen.text("#time")) > 460, 120)
+        page.keyboard.press("f")
+        page.fill("input[name=bias_dph]", "20")
+        page.click("#inject")
+        seen.wait('.chip[data-state="excluded"]')
+        until(lambda: seconds_of(seen.text("#time")) > 590, 120)
+        page.keyboard.press("3")
+        time.sleep(1)
+        keep(page, "dashboard.png")
+        page.keyboard.press("t")
+        page.keyboard.press("b")
+        page.set_viewport_size({"width": 1280, "height": 800})
+        time.sleep(1)
+        keep(page, "dashboard_dark.png")
+        page.click("text=Stop")
+        seen.wait("body[data-phase=ended]")
+    with serving(log, folder=tmp_path) as served:
+        seen = open_page(served.url, color_scheme="light", viewport=LARGE)
+        seen.page.click("#events li:has-text('left out')")
+        time.sleep(2)
+        keep(seen.page, "dashboard_playback.png")

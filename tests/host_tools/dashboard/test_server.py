@@ -1,0 +1,262 @@
+"""The server as others reach it: what it serves, to whom, and what it refuses."""
+
+from __future__ import annotations
+
+import http.client
+import json
+import socket
+import struct
+import time
+from urllib.parse import urlsplit
+
+import pytest
+from websockets.exceptions import ConnectionClosed, InvalidStatus
+from websockets.sync.client import connect
+
+
+def address(served):
+    parts = urlsplit(served.url)
+    return parts.hostname, parts.port
+
+
+def get(served, path, **headers):
+    connection = http.client.HTTPConnection(*address(served), timeout=10)
+    connection.putrequest("GET", path, "Host" in headers, skip_accept_encoding=True)
+    for name, value in headers.items():
+        connection.putheader(name.replace("_", "-"), value)
+    connection.endheaders()
+    answer = connection.getresponse()
+    body = answer.read()
+    connection.close()
+    return answer, body
+
+
+def feed(served, origin=None, query="", **options):
+    host, port = address(served)
+    return connect(
+        f"ws://{host}:{port}/feed{query}",
+        origin=origin or f"http://{host}:{port}",
+        max_size=None,
+        compression=None,
+        **options,
+    )
+
+
+def answer_to(client, **order):
+    """Give an order; return its answer."""
+    client.send(json.dumps({"id": 5, **order}))
+    while True:
+        message = client.recv(timeout=30)
+        if isinstance(message, str) and json.loads(message).get("id") == 5:
+            return json.loads(message)
+
+
+def send_until_closed(client, messages):
+    for message in messages:
+        client.send(message)
+    while True:
+        client.recv(timeout=10)
+
+
+def rows(client, seconds):
+    """Return sequence numbers and times of the rows that come."""
+    found = []
+    until = time.monotonic() + seconds
+    while (left_s := until - time.monotonic()) > 0:
+        try:
+            message = client.recv(timeout=left_s)
+        except TimeoutError:
+            break
+        if isinstance(message, bytes) and message[0] == 1:
+            found.append(struct.unpack_from("<4xId", message))
+    return found
+
+
+def state(client):
+    """Return the next state of the bus."""
+    while True:
+        message = client.recv(timeout=30)
+        if isinstance(message, str) and '"kind":"state"' in message[:20]:
+            return json.loads(message)
+
+
+def said(served, words):
+    """Wait for a line of the log."""
+    until = time.monotonic() + 10
+    while time.monotonic() < until:
+        lines = [line for line in served.said if words in line]
+        if lines:
+            return lines
+        time.sleep(0.02)
+    raise AssertionError(f"{words!r} was never said: {served.said[-5:]}")
+
+
+@pytest.fixture(scope="module")
+def playing(serving, recording):
+    with serving(recording) as served:
+        yield served
+
+
+def test_what_the_page_needs_is_served_packed_and_guarded(playing):
+    answer, body = get(playing, "/")
+    assert answer.status == 200
+    assert b"RRINS" in body
+    policy = answer.headers["Content-Security-Policy"]
+    assert "default-src 'none'" in policy
+    assert "unsafe" not in policy
+    assert answer.headers["X-Content-Type-Options"] == "nosniff"
+    plain, _ = get(playing, "/main.js")
+    packed, body = get(playing, "/main.js", Accept_Encoding="gzip")
+    assert plain.headers["Content-Encoding"] is None
+    assert packed.headers["Content-Encoding"] == "gzip"
+    assert body[:2] == b"\x1f\x8b"
+
+
+@pytest.mark.parametrize(
+    "path",
+    [
+        "/../../../../etc/passwd",
+        "/..%2f..%2f..%2fetc/passwd",
+        "/%2e%2e/%2e%2e/server.py",
+        "/carried/../../server.py",
+        "/carried//three.core.min.js",
+        "//etc/passwd",
+        "/carried/LICENSE.three%00.js",
+        "/server.py",
+        "/index.html%00",
+        "/feed",
+        "/main.js?x=/etc/passwd%0d%0aInjected:%20yes",
+    ],
+)
+def test_tricks_with_paths_find_nothing(playing, path):
+    answer, body = get(playing, path)
+    if path.startswith("/main.js?"):
+        assert answer.status == 200
+    else:
+        assert answer.status == 404
+        assert body == b"there is no such file\n"
+    assert "Injected" not in answer.headers
+
+
+def test_a_name_that_others_let_point_here_is_refused(playing):
+    answer, body = get(playing, "/", Host="evil.example:80")
+    assert (answer.status, body) == (421, b"not here\n")
+    assert said(playing, "evil.example") == ["rrins: '/' refused: Host 'evil.example:80'"]
+
+
+@pytest.mark.parametrize("origin", ["http://evil.example", "null", "http://127.0.0.1:1"])
+def test_the_socket_is_refused_to_pages_of_others(playing, origin):
+    with pytest.raises(InvalidStatus, match="403"):
+        feed(playing, origin)
+    said(playing, f"socket refused: Origin '{origin}'")
+
+
+def test_ten_thousand_messages_that_are_no_orders(playing):
+    wrong = ["", "{", "[]", '{"id": 1}', "\x00" * 100, "x" * 4000, '{"id":1,"order":"' + "a" * 99]
+    for _ in range(20):
+        messages = [wrong[k % len(wrong)] if k % 9 else b"\xff\xfe" for k in range(500)]
+        with feed(playing) as client, pytest.raises(ConnectionClosed):
+            send_until_closed(client, messages)
+    lines = said(playing, "a message refused")
+    assert 200 <= len(lines) <= 20 * 20
+    assert not any("Traceback" in line for line in playing.said)
+    with feed(playing) as client:
+        assert answer_to(client, order="pause")["is_done"]
+        assert answer_to(client, order="play")["is_done"]
+
+
+def test_a_message_that_is_too_long_ends_the_connection(playing):
+    with feed(playing) as client, pytest.raises(ConnectionClosed):
+        send_until_closed(client, ["x" * 1_000_000])
+    assert get(playing, "/")[0].status == 200
+
+
+def test_an_order_that_is_not_for_a_recording_is_refused(playing):
+    with feed(playing) as client:
+        answer = answer_to(client, order="inject", fault={"kind": "cut"})
+    assert answer["is_done"] is False
+    assert answer["text"] == "inject: not for this source"
+
+
+def test_elsewhere_only_a_page_with_the_token_gives_orders(serving, recording):
+    with serving(recording, "--host", "0.0.0.0") as served:
+        token = urlsplit(served.url).fragment
+        served.url = served.url.replace("0.0.0.0", "127.0.0.1")
+        for query in ("", "?token=wrong"):
+            with feed(served, query=query) as client:
+                hello = json.loads(client.recv(timeout=10))
+                assert (hello["may_control"], hello["orders"]) == (False, [])
+                answer = answer_to(client, order="pause")
+                assert (answer["is_done"], answer["text"]) == (False, "this page may only look on")
+        assert len(said(served, "order pause refused")) == 2
+        with feed(served, query=f"?token={token}") as client:
+            assert answer_to(client, order="pause")["is_done"]
+        assert not any(token in line for line in served.said[1:])
+
+
+def test_a_playback_goes_where_it_is_told(playing):
+    with feed(playing) as client:
+        hello = json.loads(client.recv(timeout=10))
+        assert hello["last_s"] == pytest.approx(62, abs=0.5)
+        assert answer_to(client, order="pause")["is_done"]
+        for wanted_s in (50.0, 12.0, 30.5):
+            assert (
+                answer_to(client, order="seek", time_s=wanted_s)["text"] == f"at {wanted_s:.2f} s"
+            )
+            found = rows(client, 0.4)
+            assert found[-1][1] == pytest.approx(wanted_s, abs=0.006)
+            errors = {label: count for _, label, _, _, count, *_ in state(client)["messages"]}
+            assert errors["SYNC"] == 0  # each frame was counted once
+        answer_to(client, order="speed", speed=5)
+        found = rows(client, 1.0)
+        assert found[-1][1] - found[0][1] == pytest.approx(5, rel=0.4)
+
+
+def test_a_browser_that_stops_reading_holds_nobody(rehearsal):
+    host, port = address(rehearsal)
+    stuck = socket.create_connection((host, port))
+    stuck.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+    stuck.sendall(
+        f"GET /feed HTTP/1.1\r\nHost: {host}:{port}\r\nOrigin: http://{host}:{port}\r\n"
+        "Upgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Version: 13\r\n"
+        "Sec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\n\r\n".encode()
+    )
+    with stuck, feed(rehearsal) as one, feed(rehearsal) as other:
+        begun = time.monotonic()
+        while not rows(one, 0.5):  # both sides start
+            assert time.monotonic() < begun + 60
+        begun = time.monotonic()
+        found = rows(one, 2.0)
+        hz = len(found) / (time.monotonic() - begun)
+        assert hz > 10  # 30 on an idle machine
+        sequences = [sequence for sequence, _ in found]
+        assert sequences == sorted(set(sequences))
+        assert len(rows(other, 0.5)) > 0
+
+
+def test_without_its_packages_the_command_says_which(monkeypatch):
+    from click.testing import CliRunner
+
+    from rrins.host_tools.cli import dashboard
+    from rrins.host_tools.cli.main import rrins
+
+    monkeypatch.setattr(dashboard, "_NEEDED", ("starlette", "no_such_package"))
+    done = CliRunner().invoke(rrins, ["dashboard"])
+    assert done.exit_code == 1
+    assert "the dashboard needs no_such_package; pip install 'rrins[web]'" in done.output
+
+
+@pytest.mark.parametrize(
+    ("arguments", "status", "says"),
+    [
+        (["no_such_scenario"], 3, "no_such_scenario"),
+        (["nothing.blf"], 6, "nothing.blf"),
+        (["--channel", "nowhere"], 4, "bus rrins:nowhere: not running"),
+        (["--host", "203.0.113.1", "--port", "1"], 1, "--host 203.0.113.1 --port 1: cannot be had"),
+    ],
+)
+def test_what_cannot_be_shown_is_said_in_one_line(start, arguments, status, says):
+    running = start("dashboard", "--port", "0", *arguments)
+    assert running.finish()[0] == status
+    (line,) = [line for line in running.said if line.startswith("rrins: ")]
+    assert says in line
