@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -23,6 +25,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from rrins.host_tools.bus.port import Address
+    from rrins.host_tools.logs.beside import Navigated
     from rrins.host_tools.logs.comparison import Comparison
     from rrins.host_tools.logs.reader import Log
     from rrins.host_tools.scenario.scenario import Scenario
@@ -52,6 +55,19 @@ _ITSELF = ":itself"
     help="Feed the log to the firmware in lockstep, without a bus.",
 )
 @click.option(
+    "--set",
+    "settings",
+    multiple=True,
+    metavar="KEY=VALUE",
+    help="Change a key of the scenario for --firmware, such as estimator.gate=4; repeatable.",
+)
+@click.option(
+    "--beside",
+    multiple=True,
+    metavar="'KEY=VALUE …'",
+    help="Navigate once more with these settings on top, beside each other; repeatable.",
+)
+@click.option(
     "--compare",
     is_flag=False,
     flag_value=_ITSELF,
@@ -76,6 +92,8 @@ def replay(
     loop: bool,
     only: tuple[str, ...],
     through_firmware: bool,
+    settings: tuple[str, ...],
+    beside: tuple[str, ...],
     compare: str | None,
     out: Path | None,
     log_channel: str | None,
@@ -84,13 +102,17 @@ def replay(
     """Replay the log FILE onto a bus, or through the firmware.
 
     --firmware feeds the recorded frames to the firmware, configured by SCENARIO or, by default, as
-    it was during the recording. `replay FILE --compare OTHER` compares two logs. The exit status
+    it was during the recording; --set changes keys of it, --beside navigates once more with others.
+    `replay FILE --compare OTHER` compares two logs. The exit status
     is 10 if they differ.
     """
     heed_sigterm()
     other = None if compare in (None, _ITSELF) else Path(str(compare))
     if through_firmware or compare == _ITSELF:
-        _navigate_again(log, scenario, out, compare is not None, other, as_json, log_channel)
+        comparing = (compare is not None, other)
+        _navigate_again(log, scenario, settings, beside, out, comparing, as_json, log_channel)
+    elif settings or beside:
+        raise click.UsageError("--set and --beside are for --firmware")
     elif scenario is not None:
         raise click.UsageError(f"scenario {scenario}: only --firmware accepts a scenario")
     elif other is not None:
@@ -165,28 +187,45 @@ def _speed_of(text: str) -> float | None:
 def _navigate_again(
     path: Path,
     name: str | None,
+    settings: tuple[str, ...],
+    besides: tuple[str, ...],
     out: Path | None,
-    with_comparison: bool,
-    other: Path | None,
+    comparing: tuple[bool, Path | None],
     as_json: bool,
     log_channel: str | None,
 ) -> None:
-    """Feed the frames of a log to the firmware."""
+    """Feed the frames of a log to the firmware, and again for each of `besides`."""
+    from rrins.host_tools.logs import beside
     from rrins.host_tools.logs.reader import Log
     from rrins.host_tools.logs.replay import replay
     from rrins.host_tools.logs.replay_results import print_replay, write_replay
     from rrins.host_tools.runs.job import prepare_firmware
+    from rrins.host_tools.runs.results import write_summary
     from rrins.host_tools.runs.run import folder_of
+    from rrins.host_tools.terminal import print_table
 
     log = Log(path, log_channel)
     name, scenario = scenario_of(log, name, f"rrins replay {path} SCENARIO --firmware")
+    scenario = beside.varied(scenario, settings)
+    variants = [(text, beside.varied(scenario, text.split())) for text in besides]
+    with_comparison, other = comparing
     against = None if other is None else Log(other)
     folder = folder_of(out, path.name)
     prepare_firmware(scenario)
     with reading_progress("navigating", log.size, as_json) as on_progress:
         replayed = replay(log, scenario, folder, with_comparison, against, on_progress)
     print_reading(log)
-    summary, paths = write_replay(folder, name, scenario, log, replayed, print_note)
+    first, paths = write_replay(folder, name, scenario, log, replayed, print_note)
+    summary = first.summary
+    if variants:
+        first = replace(first, label=" ".join(settings) or first.label)
+        found = [first, *_variants(path, name, variants, folder, as_json, log_channel)]
+        title = f"{scenario.title or name}, replayed from {path.name}"
+        paths.append(beside.write_picture(found, folder, title))
+        summary["beside"] = beside.summary_of(found)
+        write_summary(folder / "summary.json", summary)
+        if not as_json:
+            print_table(beside.table_of(found))
     if as_json:
         click.echo(json.dumps(summary))
     else:
@@ -195,6 +234,31 @@ def _navigate_again(
         _judge(replayed.comparison, as_json)
     if not summary["firmware"]["epochs_navigated"]:
         raise FirmwareFaultError("the firmware never navigated; is it the log's scenario?")
+
+
+def _variants(
+    path: Path,
+    name: str,
+    variants: list[tuple[str, Scenario]],
+    folder: Path,
+    as_json: bool,
+    log_channel: str | None,
+) -> Iterator[Navigated]:
+    """Yield a log navigated with other settings; the results of each go into a folder."""
+    from rrins.host_tools.logs.reader import Log
+    from rrins.host_tools.logs.replay import replay
+    from rrins.host_tools.logs.replay_results import write_replay
+    from rrins.host_tools.runs.job import prepare_firmware
+
+    for number, (label, scenario) in enumerate(variants, 1):
+        below = folder / f"beside-{number}"
+        below.mkdir(exist_ok=True)
+        prepare_firmware(scenario)
+        log = Log(path, log_channel)
+        with reading_progress(label, log.size, as_json) as on_progress:
+            replayed = replay(log, scenario, below, on_progress=on_progress)
+        navigated, _ = write_replay(below, name, scenario, log, replayed, print_note)
+        yield replace(navigated, label=label)
 
 
 def scenario_of(log: Log, name: str | None, example: str) -> tuple[str, Scenario]:

@@ -254,8 +254,10 @@ class Tester(Closing):
 
     # ---- memory, reset
 
-    def read_memory(self, address: int, size: int) -> bytes:
-        """Return bytes of the RAM image."""
+    def read_memory(
+        self, address: int, size: int, on_read: Callable[[int], None] = lambda size: None
+    ) -> bytes:
+        """Return bytes of the RAM image; `on_read` hears how many have come so far."""
         parts = []
         for start in range(address, address + size, _LONGEST):
             length = min(_LONGEST, address + size - start)
@@ -267,6 +269,7 @@ class Tester(Closing):
                 advice=_range_advice("see `rrins diag memory list`"),
             )
             parts.append(bytes(response.service_data.memory_block))
+            on_read(start + length - address)
         return b"".join(parts)
 
     def reset(self, kind: int) -> None:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from rrins.dbc.record import Records
 from rrins.firmware_py.core.memory import NavigationOutput
 from rrins.host_tools.files import JsonObject, write_whole
+from rrins.host_tools.logs.beside import Navigated
 from rrins.host_tools.logs.reader import Log
 from rrins.host_tools.logs.replay import Replayed
 from rrins.host_tools.runs.estimator_log import take_estimates
@@ -47,8 +48,8 @@ def write_replay(
     log: Log,
     replayed: Replayed,
     on_note: Callable[[str], None],
-) -> tuple[JsonObject, list[Path]]:
-    """Write the results of a replay to a folder; return the summary and the paths.
+) -> tuple[Navigated, list[Path]]:
+    """Write the results of a replay to a folder; return them and the paths.
 
     The samples that it left there become tables and pictures: the navigation, and, where the truth
     is known, its errors as after a simulation. `on_note` hears what became of an earlier result.
@@ -66,11 +67,12 @@ def write_replay(
     if note is not None:
         on_note(note)
     paths = _write_navigation(folder, navigation, scenario.rate_hz, title)
+    navigated = Navigated("as it is", summary, navigation, errors)
     if len(errors):
         written = write_results(folder, summary, errors, title, parities, estimates)
-        return summary, [*paths, *written]
+        return navigated, [*paths, *written]
     write_summary(folder / "summary.json", summary)
-    return summary, [*paths, folder / "summary.json"]
+    return navigated, [*paths, folder / "summary.json"]
 
 
 def _summary_of(

@@ -16,6 +16,7 @@ from rrins.host_tools.diag import ram
 from rrins.host_tools.diag.tester import Tester
 from rrins.host_tools.errors import DiagError
 from rrins.host_tools.files import JsonObject
+from rrins.host_tools.terminal import new_console, progress_line
 
 _MOST_VALUES = 16  # values of an array
 
@@ -63,7 +64,8 @@ def read_memory(
     """Read part of the RAM image.
 
     PATH is a region or a field in it (sequencer.target_angle_deg.0); ADDRESS is an offset (0x16B1)
-    and needs --size. More than 4000 bytes take several requests, each at a different epoch.
+    and needs --size. More than 4000 bytes take several requests, each at a different epoch: all of
+    `ram` takes minutes in real time, so read the region that is wanted (`rrins diag memory list`).
     """
     address = _number(where)
     if (address is None) != (size is None):
@@ -77,7 +79,11 @@ def read_memory(
             raise click.UsageError(str(error)) from error
         name, address, length = part.name, part.address, part.size
     assert address is not None
-    data = tester.read_memory(address, length)
+    with progress_line(new_console(stderr=True), as_json) as progress:
+        task = progress.add_task(f"reading {name}", total=length)
+        data = tester.read_memory(
+            address, length, lambda done: progress.update(task, completed=done)
+        )
     if out is not None:
         _write(out, data)
     summary: JsonObject = {"address": address, "size": length, "hex": data.hex()}

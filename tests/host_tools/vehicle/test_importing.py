@@ -8,8 +8,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
 from rrins.dbc.codec import load
+from rrins.host_tools.cli.main import rrins
 from rrins.host_tools.logs.reader import Log
 from rrins.host_tools.logs.replay import replay
 from rrins.host_tools.recording.note import read_note
@@ -161,6 +163,45 @@ def test_the_command_imports_and_replays(drive, tmp_path, run):
     assert again["recording"]["no_truth"] is None
     assert again["recording"]["rms_error"]["position_m"]["east"] < 1.0
     assert json.loads((tmp_path / "out" / "summary.json").read_text()) == again
+
+
+def test_aided_stands_beside_unaided(imported, tmp_path, run):
+    out = tmp_path / "out"
+    words = ("replay", imported.file, "--firmware", "--out", out)
+    found = run(
+        *words, "--set", "estimator.gate=6", "--beside", "estimator.enabled=false estimator.gate=7"
+    )
+    aided, unaided = found["beside"]
+    assert aided["settings"] == "estimator.gate=6"
+    assert aided["is_error"]
+    assert aided["rms_level_m"] < unaided["rms_level_m"]
+    assert unaided["estimator"] is None
+    assert unaided["navigation_sha256"] != found["navigation_sha256"]
+    assert (out / "beside.png").stat().st_size > 10_000
+    alone = json.loads((out / "beside-1" / "summary.json").read_text())
+    assert alone["navigation_sha256"] == unaided["navigation_sha256"]
+    assert (
+        run(*words, "--set", "estimator.enabled=false")["navigation_sha256"]
+        == (unaided["navigation_sha256"])
+    )
+
+
+@pytest.mark.parametrize(
+    ("setting", "words"),
+    [
+        ("estimator.gate", "not KEY=VALUE"),
+        ("estimator.gatw=3", "did you mean gate"),
+        ("rate_hz=200", "a recording has its own rate"),
+    ],
+)
+def test_a_setting_that_is_none_is_told(imported, setting, words):
+    ended = CliRunner().invoke(
+        rrins, ["replay", str(imported.file), "--firmware", "--set", setting]
+    )
+    assert ended.exit_code == 3
+    assert words in ended.stderr
+    ended = CliRunner().invoke(rrins, ["replay", str(imported.file), "--set", setting])
+    assert ended.exit_code == 2
 
 
 @pytest.mark.skipif(not DATA, reason="set RRINS_VEHICLE_DATA to NaveGo's examples/synthetic-data")
