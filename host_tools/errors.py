@@ -11,6 +11,7 @@
     ├── DifferenceError       two recordings, or a recording and its replay, differ
     ├── InjectionError        a fault that cannot be commanded live
     ├── MotionError           a motion that is missing, refused or impossible
+    ├── ConformanceError      a program that does not do what it owes
     ├── ParameterFileError    a parameter memory that cannot be used
     ├── DiagError             a failure of the diagnostic tool
     │   ├── NoAnswerError             nobody answers its requests
@@ -51,6 +52,12 @@ class FirmwareFaultError(RehearsalError):
     """The run ended with the firmware in mode FAULT."""
 
     exit_status = 8
+
+
+class ConformanceError(RehearsalError):
+    """A navigation computer that does not do what one on this bus owes."""
+
+    exit_status = 13
 
 
 class ParameterFileError(RehearsalError):

@@ -7,7 +7,9 @@ import re
 import shutil
 import signal
 import subprocess
+import sys
 from collections.abc import Callable
+from pathlib import Path
 
 import pytest
 from hypothesis import settings
@@ -58,3 +60,42 @@ def gallia() -> Callable[..., str]:
         return said
 
     return scan
+
+
+OWN_FIRMWARE = Path(__file__).parents[1] / "examples" / "own_firmware"
+SANITIZED = "-O1 -g -fsanitize=address,undefined,float-cast-overflow -fno-sanitize-recover=all"
+
+
+@pytest.fixture(scope="session")
+def make_firmware() -> Callable[..., str]:
+    """Return a function that runs make for the C firmware, with its products in a folder."""
+    for tool in ("gcc", "make"):
+        if shutil.which(tool) is None:
+            pytest.skip(f"{tool} is not installed")
+
+    def make(folder: Path, *words: str, sources: Path = OWN_FIRMWARE) -> str:
+        root = OWN_FIRMWARE.parents[1]
+        done = subprocess.run(
+            [
+                *("make", "-C", str(sources), f"PYTHON={sys.executable}", f"CFLAGS={SANITIZED}"),
+                *(f"DBC={root / 'dbc' / 'rrins.dbc'}", f"CLIENT={root / 'clients' / 'c'}"),
+                *(f"BUILD={folder / 'build'}", f"PROGRAM={folder / 'own_firmware'}", *words),
+            ],
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        assert done.returncode == 0, done.stdout + done.stderr
+        return done.stdout
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def own_firmware(
+    make_firmware: Callable[..., str], tmp_path_factory: pytest.TempPathFactory
+) -> Path:
+    """Return the C firmware: warnings are errors, the sanitizers end it at the first fault."""
+    folder = tmp_path_factory.mktemp("own_firmware")
+    make_firmware(folder, str(folder / "own_firmware"))
+    return folder / "own_firmware"

@@ -40,6 +40,7 @@ _RUN = {
     "calibrate": _Entry("calibrate", "Calibrate a unit's sensors on its own table."),
     "inject": _Entry("inject", "Inject a fault into a running rehearsal."),
     "scenarios": _Entry("scenarios", "List or show the built-in scenarios."),
+    "conform": _Entry("conform", "Check a navigation computer of your own, rule by rule."),
     "bench": _Entry("bench", "Measure what a rehearsal costs on this machine."),
 }
 _LOOK = {

@@ -37,6 +37,7 @@ from rrins.host_tools.wire.wire import Wire
 
 START_S = 120.0
 """Longest startup of a side; the first one compiles."""
+_PROGRAM_S = 30.0  # of the user's program, of which nothing is compiled
 _POLL_S = 0.5
 _TRUTHS = 256  # epochs whose truth is kept
 _DRAIN_EVERY = 2000  # epochs
@@ -255,16 +256,16 @@ class LockstepExecution(_Virtual):
                 with contextlib.suppress(ProcessLookupError):
                     os.sched_setaffinity(self.side.process.pid, {core})
             prepare_hardware(scenario)  # while the firmware initializes
-            self._await_firmware()
+            self._await_firmware(START_S if own is None else _PROGRAM_S)
             os.sched_setaffinity(0, {core})
             self._ends.callback(os.sched_setaffinity, 0, self._cores)
         except BaseException:
             self.close()
             raise
 
-    def _await_firmware(self) -> None:
+    def _await_firmware(self, patience_s: float) -> None:
         """Serve the bus until the firmware is on it."""
-        deadline = time.monotonic() + START_S
+        deadline = time.monotonic() + patience_s
         while True:
             try:
                 self.host.wait_for("firmware", _POLL_S)
@@ -272,7 +273,7 @@ class LockstepExecution(_Virtual):
                 if self.side.poll() is not None:
                     raise BenchError(self.side.failure()) from None
                 if time.monotonic() > deadline:
-                    raise BenchError(f"no firmware attached within {START_S:g} s") from None
+                    raise BenchError(f"no firmware attached within {patience_s:g} s") from None
             else:
                 self.host.require(["firmware"])
                 return

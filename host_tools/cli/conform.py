@@ -1,0 +1,78 @@
+"""`rrins conform`: what a navigation computer on this bus owes, checked on a program."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import click
+
+from rrins.host_tools.errors import ConformanceError
+
+_MARKS = {"passed": "ok", "failed": "FAILED", "skipped": "-"}
+_FILE = click.Path(dir_okay=False, path_type=Path)
+
+
+@click.command()
+@click.argument("program", required=False)
+@click.option("--only", multiple=True, metavar="CHECK", help="Try this check only; repeatable.")
+@click.option("--list", "is_list", is_flag=True, help="List the checks with their rules.")
+@click.option("--junit", type=_FILE, help="Write JUnit XML to this file.")
+@click.option("--html", type=_FILE, help="Write a page to this file.")
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
+def conform(
+    program: str | None,
+    only: tuple[str, ...],
+    is_list: bool,
+    junit: Path | None,
+    html: Path | None,
+    as_json: bool,
+) -> None:
+    """Check that PROGRAM does what a navigation computer on this bus owes.
+
+    PROGRAM is called as by `rrins rehearse --firmware`. Without it the project's own firmware is
+    checked.
+    """
+    from rrins.host_tools.conformance import report
+    from rrins.host_tools.conformance.suite import chosen, conform
+    from rrins.host_tools.runs.program import Program
+
+    checks = chosen(only)
+    if is_list:
+        for check in checks:
+            click.echo(f"{check.name}\n    {check.rule} docs/{check.page}")
+        return
+    name = "rrins firmware" if program is None else Program.parse(program).name
+    findings = []
+    for finding in conform(program, checks):
+        findings.append(finding)
+        if not as_json:
+            mark = _MARKS[finding.outcome]
+            click.echo(f"{mark:>6}  {finding.check.name}  ({finding.seconds:.1f} s)")
+            for line in finding.text.splitlines():
+                click.echo(f"          {line}")
+            if finding.outcome == "failed":
+                click.echo(f"          rule: {finding.check.rule} docs/{finding.check.page}")
+    words = report.words_of(findings)
+    if junit is not None:
+        report.write_junit(junit, name, findings)
+    if html is not None:
+        report.write_page(html, name, findings)
+    if as_json:
+        rows = [
+            {
+                "check": one.check.name,
+                "rule": one.check.rule,
+                "page": one.check.page,
+                "outcome": one.outcome,
+                "text": one.text,
+                "seconds": round(one.seconds, 3),
+            }
+            for one in findings
+        ]
+        click.echo(json.dumps({"program": name, "checks": rows}))
+    else:
+        click.echo(f"{name}: {words} in {sum(one.seconds for one in findings):.0f} s")
+    failed = [one.check.name for one in findings if one.outcome == "failed"]
+    if failed:
+        raise ConformanceError(f"{name} does not conform: {', '.join(failed)}")
