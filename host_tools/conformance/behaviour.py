@@ -8,6 +8,7 @@ import can
 
 from rrins.host_tools.conformance.check import NotApplicableError, Subject, expect_mode
 from rrins.host_tools.testing.bench import Bench
+from rrins.host_tools.testing.expectation import Where
 
 _COMMANDS = ("AXIS_INNER_COMMAND", "AXIS_OUTER_COMMAND")
 _MODULUS = 15
@@ -92,7 +93,7 @@ def axis_fault(subject: Subject) -> None:
     """An axis that stands still while it should turn, for 20 s."""
     bench = subject.navigating()
     bench.inject("axis_stall", axis="inner", for_s=20.0)
-    where = {"mode": "NAVIGATION_STRAPDOWN", "axis_inner_not_following": 1}
+    where: Where = {"mode": "NAVIGATION_STRAPDOWN", "axis_inner_not_following": 1}
     bench.expect("FIRMWARE_STATUS", within=8, where=where)
     bench.expect("AXIS_INNER_COMMAND", within=0.05, where={"command": "HOLD"})
     bench.advance(1)
@@ -104,7 +105,7 @@ def axis_silent(subject: Subject) -> None:
     """An axis whose status does not come for longer than `axis_silence_s`."""
     bench = subject.navigating()
     bench.inject("drop", message="AXIS_OUTER_STATUS", for_s=1.5)
-    where = {"mode": "NAVIGATION_STRAPDOWN", "axis_outer_not_following": 1}
+    where: Where = {"mode": "NAVIGATION_STRAPDOWN", "axis_outer_not_following": 1}
     bench.expect("FIRMWARE_STATUS", within=1.5, where=where)
 
 
