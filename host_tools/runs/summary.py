@@ -215,7 +215,9 @@ def _late_line(summary: JsonObject) -> list[str]:
     late, missing = faults.get("counter_errors", 0), faults.get("missing_commands", 0)
     if program is None or not (late or missing):
         return []
-    return [f"{program} answered late: {late} commands of another epoch, {missing} missing"]
+    stalls = faults.get("overruns", 0)
+    own = f"; the hardware itself was late {stalls} times" if stalls else ""
+    return [f"{program} answered late: {late} commands of another epoch, {missing} missing{own}"]
 
 
 def lines_of(summary: JsonObject) -> list[str]:
