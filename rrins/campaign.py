@@ -8,8 +8,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
 from rrins.host_tools.campaigns import running
+from rrins.host_tools.campaigns.comparison import Comparison, compare
 from rrins.host_tools.campaigns.definition import Wishes, load
 from rrins.host_tools.campaigns.rerun import rerun as rerun_run
+from rrins.host_tools.campaigns.row import MAIN
 from rrins.host_tools.campaigns.statistics import PERCENTILES, percentile
 from rrins.host_tools.campaigns.store import Store
 from rrins.host_tools.campaigns.summary import SHOWN, Outcomes, circles
@@ -182,6 +184,39 @@ class Campaign:
 
         found = circles(Outcomes(self.store))
         return pd.DataFrame({name: one.values() for name, one in found.items()}).T
+
+    def sensitivity(self, output: str | None = None) -> pd.DataFrame:
+        """Return which input matters: a row for each input, the largest first.
+
+        For a campaign of design ``saltelli`` Sobol's indices of an output, by default the
+        horizontal error: `first` and `total`. Else linear shares in the variance of an output, by
+        default the position to the east: `share`, `low`, `high`, `sigma`.
+
+        Raises
+        ------
+        RehearsalError
+        """
+        import pandas as pd
+
+        from rrins.host_tools.campaigns import sensitivity
+
+        if self.store.definition.design == "saltelli":
+            indices = sensitivity.sobol_indices(self.store, output or MAIN)
+            rows = {one.name: (one.first.value, one.total.value) for one in indices}
+            return pd.DataFrame.from_dict(rows, orient="index", columns=["first", "total"])
+        shares = sensitivity.linear_shares(self.store, output or sensitivity.LINEAR_OUTPUTS[0])
+        found = {one.name: one.share.values() | {"sigma": one.sigma} for one in shares}
+        return pd.DataFrame.from_dict(found, orient="index").rename(columns={"value": "share"})
+
+    def compare(self, other: Campaign, output: str = MAIN) -> Comparison:
+        """Return how an output differs from that of another campaign, with a test."""
+        return compare(self.store, other.store, output)
+
+    def report(self, out: str | Path | None = None) -> list[Path]:
+        """Write the HTML report and its pictures; return their paths, the report first."""
+        from rrins.host_tools.campaigns.report import write
+
+        return write(self.store, None if out is None else Path(out))
 
     def rerun(self, run: int, *, bus: bool = False, record: str | Path | None = None) -> Run:
         """Run one of its runs again, with everything kept; as two processes on a bus if wanted.

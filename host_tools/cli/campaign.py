@@ -22,7 +22,7 @@ _NOT_SAME = "NOT as in the table of runs: other sources, libraries or another pr
 
 @click.command()
 @click.argument("source")
-@click.argument("action", nargs=-1, metavar="[rerun RUN]")
+@click.argument("action", nargs=-1, metavar="[rerun RUN|report|sensitivity|compare FOLDER]")
 @click.option("--runs", type=click.IntRange(1, 100_000_000), help="Number of runs.  [default: 100]")
 @click.option("--seed", type=click.IntRange(0), help="Root of all that is drawn.  [default: 1]")
 @click.option(
@@ -94,7 +94,9 @@ def campaign(
     SOURCE is a campaign's TOML file, a scenario, or the folder of a campaign, which goes on. What
     is stored is not run again, whatever stopped the campaign.
 
-    `rerun RUN` runs one of its runs again and keeps everything of it.
+    `rerun RUN` runs one of its runs again and keeps everything of it. `report` writes an HTML page
+    with pictures, `sensitivity` says which input matters, `compare FOLDER` whether another
+    campaign differs by more than chance.
     """
     from rrins.host_tools.campaigns.store import Store, is_campaign
 
@@ -112,7 +114,18 @@ def campaign(
     if len(action) == 2 and action[0] == "rerun" and action[1].isdecimal():
         _rerun(store, int(action[1]), options, out if is_campaign(folder) else None, as_json)
         return
-    raise click.UsageError(f"{' '.join(action)!r}: behind SOURCE there is `rerun RUN`.")
+    from rrins.host_tools.cli import campaign_actions as actions
+
+    match action:
+        case ("report",):
+            actions.write_report(store, out if is_campaign(folder) else None, as_json)
+        case ("sensitivity",):
+            actions.show_sensitivity(store, as_json)
+        case ("compare", other):
+            actions.show_comparison(store, Path(other), as_json)
+        case _:
+            known = "`rerun RUN`, `report`, `sensitivity` and `compare FOLDER`"
+            raise click.UsageError(f"{' '.join(action)!r}: behind SOURCE there are {known}.")
 
 
 def _refuse_changes(*options: Any) -> None:
@@ -217,11 +230,9 @@ def _run(store: Store, options: dict[str, Any], as_json: bool) -> None:
     if store.stopped_at is not None and until is not None:
         text = f"{until.text}: after {store.stopped_at} runs"
         shown.print(text, highlight=False, soft_wrap=True)
-    shown.print(
-        f"{run_now} runs in {progress.wall_s:.1f} s, {progress.rate:.3g} runs/s; {store.folder}",
-        highlight=False,
-        soft_wrap=True,
-    )
+    shown.print(str(store.folder), highlight=False, soft_wrap=True)
+    text = f"{run_now} runs in {progress.wall_s:.1f} s, {progress.rate:.3g} runs/s"
+    console.print(text, highlight=False, soft_wrap=True)
 
 
 def _rerun(

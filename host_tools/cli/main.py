@@ -61,6 +61,7 @@ _PLAN = {
     "redundancy": _Entry("redundancy", "Show which faults redundant sensors can find."),
     "motion": _Entry("motion", "Check recorded vehicle motion; export true motion."),
     "campaign": _Entry("campaign", "Run a scenario thousands of times, with other values each."),
+    "covariance": _Entry("covariance", "Analyse how each error source acts on the position."),
     "reproduce": _Entry("reproduce", "Run the paper's experiments."),
 }
 _SECTIONS: Final = {"Run": _RUN, "Look": _LOOK, "Plan": _PLAN}

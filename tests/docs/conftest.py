@@ -33,6 +33,10 @@ class Desk:
             case ["sleep", seconds]:
                 self.bench.advance(float(seconds))
                 return ""
+            case ["rrins", ("campaign" | "covariance") as tool, *rest]:
+                ended = CliRunner().invoke(rrins, [tool, *rest], prog_name="rrins")
+                assert ended.exit_code == 0, ended.output
+                return "" if "rerun" in rest else ended.stdout  # of a run: how fast it was
             case ["rrins", ("diag" | "inject" | "redundancy") as tool, *rest]:
                 ended = CliRunner().invoke(rrins, [tool, *rest], prog_name="rrins")
                 if ended.exception and not isinstance(ended.exception, SystemExit):

@@ -1,0 +1,129 @@
+"""The report of a campaign: one self-contained HTML page, and its pictures beside it."""
+
+from __future__ import annotations
+
+import shlex
+from importlib import metadata
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from rrins.host_tools.campaigns import sensitivity, summary
+from rrins.host_tools.campaigns.row import MAIN
+from rrins.host_tools.campaigns.statistics import mean, percentile, sigma
+from rrins.host_tools.campaigns.store import REPORT, Store
+from rrins.host_tools.drawing.page import base64_of, environment, png_of
+from rrins.host_tools.files import replacing, write_whole
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+NAME = "report.html"
+_WORST = 10
+
+
+def write(store: Store, folder: Path | None = None) -> list[Path]:
+    """Write report and pictures of what is stored; return their paths, the report first.
+
+    Raises
+    ------
+    RehearsalError
+        When there is nothing to report, or it cannot be written.
+    """
+    folder = folder or store.folder / REPORT
+    outcomes = summary.Outcomes(store)
+    store.make_folder(folder)
+    shares = {
+        name: found
+        for name in sensitivity.LINEAR_OUTPUTS
+        if (found := sensitivity.linear_shares(store, name))
+    }
+    is_saltelli = store.definition.design == "saltelli"
+    indices = sensitivity.sobol_indices(store, MAIN) if is_saltelli else []
+    pictures = {
+        name: (caption, png_of(drawn))
+        for name, (caption, drawn) in _drawn(store, outcomes, shares, indices).items()
+    }
+    text = _page(store, outcomes, shares, indices, pictures)
+    paths = [folder / NAME]
+    write_whole(paths[0], lambda file: _put(file, text))
+    for name, (_, data) in pictures.items():
+        path = folder / f"{name}.png"
+        with replacing(path) as part:
+            part.write_bytes(data)
+        paths.append(path)
+    return paths
+
+
+def _put(file: Any, text: str) -> None:
+    file.write(text)
+
+
+def _drawn(
+    store: Store,
+    outcomes: summary.Outcomes,
+    shares: dict[str, list[sensitivity.Share]],
+    indices: list[sensitivity.Index],
+) -> dict[str, tuple[str, Figure]]:
+    """Return the pictures by name, with their captions."""
+    from rrins.host_tools.campaigns import pictures
+
+    drawn: dict[str, tuple[str, Figure]] = {}
+    radial = outcomes[MAIN]
+    if np.isfinite(radial).any():
+        bands = pictures.draw_bands(*pictures.series_of(store))
+        drawn["over_time"] = ("Errors over time: percentiles of the runs.", bands)
+        caption = "How many of the runs end with at most this horizontal error."
+        drawn["distribution"] = (caption, pictures.draw_distribution(radial))
+        ends = pictures.draw_ends(outcomes["position_east_m"], outcomes["position_north_m"])
+        drawn["ends"] = ("Where the runs end.", ends)
+    if shares:
+        caption = "Linear shares in the variance, with 95 % intervals."
+        drawn["shares"] = (caption, pictures.draw_shares(shares))
+    if indices:
+        drawn["sobol"] = (f"Sobol's indices of {MAIN}.", pictures.draw_indices(indices))
+    inputs = pictures.draw_inputs(store)
+    if inputs is not None:
+        caption = "What the inputs were; dotted: what normal ones are drawn from."
+        drawn["inputs"] = (caption, inputs)
+    return drawn
+
+
+def _page(
+    store: Store,
+    outcomes: summary.Outcomes,
+    shares: dict[str, list[sensitivity.Share]],
+    indices: list[sensitivity.Index],
+    pictures: dict[str, tuple[str, bytes]],
+) -> str:
+    templates = environment("rrins.host_tools.campaigns")
+    templates.filters["shown"] = summary.shown
+    rows = [
+        (name, [mean(values), sigma(values), percentile(values, 50.0), percentile(values, 95.0)])
+        for name in outcomes.known()
+        for values in [outcomes[name]]
+    ]
+    definition = store.definition
+    return templates.get_template("report.html.j2").render(
+        definition=definition,
+        title=definition.title or definition.name,
+        version=f"rrins {metadata.version('rrins')}",
+        stored=outcomes.stored,
+        failed=outcomes.failed,
+        stopped_at=store.stopped_at,
+        reasons=summary.reasons(store),
+        figures=rows,
+        circles=summary.circles(outcomes),
+        shares=shares,
+        indices=indices,
+        worst=_worst(store),
+        folder=shlex.quote(str(store.folder)),
+        images={name: (caption, base64_of(data)) for name, (caption, data) in pictures.items()},
+    )
+
+
+def _worst(store: Store) -> list[tuple[int, float]]:
+    """Return the runs with the largest horizontal error, and that."""
+    found = [(run, value) for run, value in store.values(MAIN).items() if np.isfinite(value)]
+    return sorted(found, key=lambda one: -one[1])[:_WORST]
