@@ -193,6 +193,9 @@ class BusState:
         self._tally = tally
         self._mark = mark
         self.times = times
+        signals = tally["signals"]
+        self._raw, self._low, self._high = (signals[name] for name in ("raw", "low", "high"))
+        self._scale, self._offset = codec.signals["scale"], codec.signals["offset"]
         self._names = [message.name for message in codec.database.messages]
         found = [self._message(place) for place in range(int(tally["count"]))]
         seen = [message for message in found if message is not None]
@@ -331,14 +334,19 @@ class BusState:
 
     def value(self, message: str, signal: str) -> float | None:
         """Return the value of a signal; None before it was seen on the bus."""
-        return self.signal(message, signal).value
+        row = self._codec.signal_index(message, signal)
+        if self._low[row] > self._high[row]:
+            return None
+        return _scaled(int(self._raw[row]), float(self._scale[row]), float(self._offset[row]))
 
     def text(self, message: str, signal: str) -> str | None:
         """Return a signal's value by its name in the value table, or as a number."""
-        state = self.signal(message, signal)
-        if state.text is None and state.value is not None:
-            return f"{state.value:.{state.decimals}f}"
-        return state.text
+        value = self.value(message, signal)
+        if value is None:
+            return None
+        row = self._codec.signal_index(message, signal)
+        name = self._codec.choices(message, signal).get(int(self._raw[row]))
+        return name or f"{value:.{decimals_of(float(self._scale[row]))}f}"
 
     def growth(self, message: str, signal: str) -> float:
         """Return how much a signal's value has changed recently."""
@@ -384,7 +392,11 @@ class BusState:
 def _physical(signal: SignalTally, raw: int) -> float:
     """Return a value in its unit, without the rounding noise of a scale such as 0.001."""
     layout = signal.signal
-    return float(f"{raw * float(layout.scale) + float(layout.offset):.13g}")
+    return _scaled(raw, float(layout.scale), float(layout.offset))
+
+
+def _scaled(raw: int, scale: float, offset: float) -> float:
+    return float(f"{raw * scale + offset:.13g}")
 
 
 def _rate(entry: TallyEntry, before: TallyEntry) -> float | None:
