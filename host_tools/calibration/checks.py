@@ -16,6 +16,13 @@ from rrins.host_tools.calibration.model import Axes
 from rrins.host_tools.calibration.observability import unseen
 
 _LEAST_SIGMAS = 8.0
+_OF_NEIGHBOURS = 12.0
+"""Times what means of 20 s differ by from the next: in-run instability wanders that far."""
+
+_WANDERS, _WANDERS_SIGMAS = 2.5, 20.0
+"""But no further than so many times `_LEAST`, or the noise."""
+
+_LEAST_BATCHES = 4
 _LEAST = (0.5 * DPH, 40.0 * UG)
 """Below this a mean residual is the sensors' in-run instability; rad/s, m/s²."""
 
@@ -59,13 +66,27 @@ def batches(one: SensorsEstimate, found: Estimate) -> tuple[Floats, Floats, Floa
     return means, times, noise / np.sqrt(np.maximum(used, 1))
 
 
+def wandering(one: SensorsEstimate, found: Estimate) -> Floats:
+    """Return by how much each bias wanders beyond the noise, rms, shape (m,); rad/s or m/s²."""
+    means, _, noise = batches(one, found)
+    if not len(means):
+        return np.zeros(one.constants.shape[0])
+    beyond: Floats = np.sqrt(np.maximum(0.0, (means**2).mean(axis=0) - (noise**2).mean(axis=0)))
+    return beyond
+
+
 def _changed(
     kind: str, one: SensorsEstimate, axes: Axes, found: Estimate, least: float
 ) -> str | None:
     means, times, noise = batches(one, found)
-    if not len(means):
+    if len(means) < _LEAST_BATCHES:
         return None
-    ratio = np.abs(means) / np.maximum(_LEAST_SIGMAS * noise, least)
+    neighbours = _OF_MEDIAN * np.median(np.abs(np.diff(means, axis=0)), axis=0) / np.sqrt(2.0)
+    wandering = np.minimum(
+        _OF_NEIGHBOURS * neighbours, np.maximum(_WANDERS_SIGMAS * noise, _WANDERS * least)
+    )
+    limit = np.maximum(np.maximum(_LEAST_SIGMAS * noise, wandering), least)
+    ratio = np.abs(means) / limit
     k, sensor = np.unravel_index(int(np.argmax(ratio)), ratio.shape)
     if ratio[k, sensor] < 1.0:
         return None

@@ -14,6 +14,7 @@ from rrins.host_tools.cli import scheme_tables
 from rrins.host_tools.cli.group import Group
 from rrins.host_tools.cli.numbers import NumberRange
 from rrins.host_tools.cli.options import json_option, together
+from rrins.host_tools.cli.scheme_afterwards import afterwards
 from rrins.host_tools.cli.scheme_observability import observability, search_for_calibration
 from rrins.host_tools.closing import Closing
 from rrins.host_tools.errors import RehearsalError
@@ -81,6 +82,7 @@ def scheme() -> None:
 
 
 scheme.add_command(observability)
+scheme.add_command(afterwards)
 
 
 @scheme.command("list")

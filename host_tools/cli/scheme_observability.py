@@ -128,7 +128,8 @@ def _label(geometry: str | None) -> str:
 
 
 @contextmanager
-def _stopping() -> Iterator[threading.Event]:
+def stopping() -> Iterator[threading.Event]:
+    """Give an event that Ctrl-C sets; raise KeyboardInterrupt at the end if it was."""
     with as_event() as stop:
         yield stop
         if stop.is_set():
@@ -136,7 +137,7 @@ def _stopping() -> Iterator[threading.Event]:
 
 
 def _tried(scheme: Scheme, seeds: range, rimu: JsonObject) -> tuple[Errors, Errors]:
-    with progress_line(new_console(stderr=True)) as progress, _stopping() as stop:
+    with progress_line(new_console(stderr=True)) as progress, stopping() as stop:
         task = progress.add_task("calibrating", total=len(seeds))
         return run(scheme, seeds, rimu, lambda: progress.advance(task), stop)
 

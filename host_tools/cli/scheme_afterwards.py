@@ -1,0 +1,98 @@
+"""`rrins scheme afterwards`: how a unit navigates after a calibration by a scheme."""
+
+from __future__ import annotations
+
+import json
+
+import click
+import numpy as np
+from rich.table import Table
+
+from rrins.host_tools.calibration.afterwards import CASES, VARIANTS, Afterwards, navigate
+from rrins.host_tools.cli.numbers import NumberRange
+from rrins.host_tools.cli.options import json_option
+from rrins.host_tools.cli.scheme_observability import number, stopping
+from rrins.host_tools.files import JsonObject
+from rrins.host_tools.rotation.inputs import scheme_of
+from rrins.host_tools.terminal import new_console, print_table, progress_line
+
+_THREE_HOURS_S = 10_800.0
+
+
+@click.command("afterwards")
+@click.argument("name", metavar="SCHEME", default="calibration")
+@click.option(
+    "--case",
+    type=click.Choice(list(CASES)),
+    default="rotating",
+    show_default=True,
+    help="Three hours on the turning table, or the drive of the paper's 4.5, both ways.",
+)
+@click.option("--runs", type=click.IntRange(1, 10_000), default=10, show_default=True)
+@click.option("--seed", type=click.IntRange(0), default=1, show_default=True, help="Of the first.")
+@click.option(
+    "--duration", "duration_s", type=NumberRange(0, min_open=True), help="Navigate so long, s."
+)
+@json_option
+def afterwards(
+    name: str, case: str, runs: int, seed: int, duration_s: float | None, as_json: bool
+) -> None:
+    """Calibrate emulated units by a scheme, navigate with them, and show what it brings.
+
+    Units with drawn errors and the prototype's white noise; the attitude is given. Each navigates
+    uncalibrated, calibrated, with perfect constants (what noise alone leaves), and calibrated
+    without noise (what the constants leave).
+    """
+    scheme = scheme_of(name).scheme
+    if duration_s is None and case == "rotating":
+        duration_s = _THREE_HOURS_S
+    with progress_line(new_console(stderr=True)) as progress, stopping() as stop:
+        task = progress.add_task("navigating", total=runs)
+        seeds = range(seed, seed + runs)
+        found = navigate(case, scheme, seeds, duration_s, lambda: progress.advance(task), stop)
+    if as_json:
+        click.echo(json.dumps({"scheme": name, "runs": runs, "cases": [_object(a) for a in found]}))
+        return
+    console = new_console()
+    print_table(_table(found, runs), console)
+    for line in _lines(found):
+        console.print(line, highlight=False, soft_wrap=True)
+
+
+def _table(found: tuple[Afterwards, ...], runs: int) -> Table:
+    table = Table(title=f"Position error, median of {runs} units / m", title_justify="left")
+    table.add_column("")
+    for variant in VARIANTS:
+        table.add_column(variant, justify="right")
+    for one in found:
+        for word, values in (("largest", one.largest_m), ("at the end", one.end_m)):
+            cells = [number(value) for value in np.median(values, axis=0)]
+            table.add_row(f"{one.scenario}, {word}", *cells)
+    return table
+
+
+def _lines(found: tuple[Afterwards, ...]) -> list[str]:
+    lines = []
+    for one in found:
+        over = one.over_floor
+        lines.append(
+            f"{one.scenario}: calibrated over perfect constants, largest error: median "
+            f"{np.median(over):.3f}, {over.min():.2f} to {over.max():.2f}"
+        )
+    if len(found) == 2:
+        better = int((found[1].end_m[:, 1] < found[0].end_m[:, 1]).sum())
+        lines.append(
+            f"calibrated, {found[1].scenario} ends nearer than {found[0].scenario} for {better} of "
+            f"{len(found[0].end_m)} units"
+        )
+    return lines
+
+
+def _object(one: Afterwards) -> JsonObject:
+    keys = [variant.replace(", ", "_").replace(" ", "_") for variant in VARIANTS]
+    return {
+        "scenario": one.scenario,
+        "largest_m": dict(zip(keys, one.largest_m.T.tolist(), strict=True)),
+        "end_m": dict(zip(keys, one.end_m.T.tolist(), strict=True)),
+        "median_over_floor": float(np.median(one.over_floor)),
+    }
