@@ -17,7 +17,7 @@ import click
 from rich.console import Console
 from rich.table import Table
 
-from rrins.host_tools.benchmarks import compute, fast_path, floor, rehearsals
+from rrins.host_tools.benchmarks import compute, estimator, fast_path, floor, rehearsals
 from rrins.host_tools.benchmarks.messages import MessageLockstep
 from rrins.host_tools.bus.datagram import FRAME_SIZE, HEADER_SIZE
 from rrins.host_tools.closing import Closing
@@ -54,6 +54,8 @@ class Effort:
         Epochs of one run.
     step_samples, frames, bus_frames : int
         Calls of a step; frames through cantools; frames through python-can's buses.
+    pyins_s : float
+        Simulated seconds through pyins' filter.
     realtime_s : float
         Duration at each rate.
     cold : bool
@@ -67,6 +69,7 @@ class Effort:
     floor_epochs: int
     message_epochs: int
     step_samples: int
+    pyins_s: float
     frames: int
     bus_frames: int
     realtime_s: float
@@ -86,6 +89,7 @@ NORMAL = Effort(
     floor_epochs=20_000,
     message_epochs=1000,
     step_samples=40_000,
+    pyins_s=10.0,
     frames=4000,
     bus_frames=4200,
     realtime_s=10.0,
@@ -99,6 +103,7 @@ QUICK = Effort(
     floor_epochs=8000,
     message_epochs=300,
     step_samples=8000,
+    pyins_s=3.0,
     frames=800,
     bus_frames=1400,
     realtime_s=2.0,
@@ -222,6 +227,7 @@ def _run_compute(effort: Effort) -> Result:
         "fast_path_us_per_epoch": fast.plain,
         "fast_path_comparing_us_per_epoch": fast.comparing,
         "navigation_step_us": fast_path.navigation_step_us(effort.step_samples),
+        **estimator.measure(effort.step_samples, effort.pyins_s),
         "timer_overhead_us": compute.timer_overhead_ns() / 1000,
         **compute.codec(steps.frames),
         "cantools_us_per_frame": compute.cantools(steps.frames[: effort.frames]),
@@ -344,6 +350,20 @@ def _table_of_costs(result: Result) -> Table:
     for side in ("firmware", "hardware"):
         step = result[f"{side}_step_us"]
         table.add_row(f"{side}'s step, per call", f"{step['median']:.2f}", f"p99 {step['p99']:.2f}")
+    for label, name in (
+        ("step at 400 Hz, no filter", "plain"),
+        ("with the filter", "filter"),
+        ("with filter, bank and a fault", "filter_bank_faults"),
+    ):
+        step = result["estimator_step_us"][name]
+        spread = f"p99 {step['p99']:.2f}, {step['overruns']} overruns"
+        table.add_row(label, f"{step['median']:.2f}", spread)
+    theirs = result["pyins_filter_us"]
+    if theirs is None:
+        table.add_row("pyins' filter, per epoch", "-", result["pyins_filter_reason"])
+    else:
+        ratio = f"{result['pyins_over_step']:.0f} × the step with the filter"
+        table.add_row("pyins' filter, per epoch", f"{theirs:.0f}", ratio)
     for label, key in (("codec", "codec_us_per_frame"), ("cantools", "cantools_us_per_frame")):
         for way in ("decode", "encode"):
             table.add_row(f"{label}: {way} per sensor frame", f"{result[key][way]:.3f}", "")

@@ -18,6 +18,7 @@ KEYS = {
     "python_can_epochs_per_s", "direct_epochs_per_s",
     "firmware_step_us", "hardware_step_us", "timer_overhead_us",
     "fast_path_us_per_epoch", "fast_path_comparing_us_per_epoch", "navigation_step_us",
+    "estimator_step_us", "pyins_filter_us", "pyins_filter_reason", "pyins_over_step",
     "codec_us_per_frame", "crc_us_per_frame", "cantools_us_per_frame",
     "virtual", "virtual_reason", "udp_multicast", "udp_multicast_reason",
     "lateness_us", "lateness_while_read_us", "start_to_first_epoch_s",
@@ -42,6 +43,13 @@ def assert_costs(result):
     assert result["fast_path_us_per_epoch"] > 0
     assert result["fast_path_comparing_us_per_epoch"] > 0
     assert result["navigation_step_us"] > 0
+    for case in ("plain", "filter", "filter_bank_faults"):
+        step = result["estimator_step_us"][case]
+        assert 0 < step["median"] <= step["p99"] <= step["max"]
+        assert step["p99"] < result["estimator_step_us"]["half_period_us"]
+    assert (result["pyins_filter_us"] is None) == isinstance(result["pyins_filter_reason"], str)
+    if result["pyins_filter_us"] is not None:
+        assert result["pyins_over_step"] > 20
     for codec in ("codec", "cantools"):
         cost = result[f"{codec}_us_per_frame"]
         assert cost["decode"] > 0
@@ -72,7 +80,7 @@ def assert_lateness(result):
 def test_a_quick_bench_measures_everything(monkeypatch):
     short = dataclasses.replace(
         suite.QUICK, lockstep_s=40.0, direct_s=20.0, floor_epochs=3000, message_epochs=100,
-        step_samples=2000, frames=200, bus_frames=420, realtime_s=1.6,
+        step_samples=2000, pyins_s=1.5, frames=200, bus_frames=420, realtime_s=1.6,
     )  # fmt: skip
     monkeypatch.setattr(suite, "QUICK", short)
     ended = CliRunner().invoke(rrins, ["bench", "--quick", "--json"])
