@@ -18,6 +18,7 @@ from textual.widgets import Input
 
 from rrins.host_tools.bus.port import Address
 from rrins.host_tools.monitor.banner import banner, notices
+from rrins.host_tools.monitor.estimates import Estimates
 from rrins.host_tools.monitor.listing import message_rows
 from rrins.host_tools.monitor.orders import ORDERS
 from rrins.host_tools.monitor.plot import HEIGHT as PLOT_HEIGHT
@@ -78,6 +79,7 @@ class MonitorApp(App[None]):
         Binding("f", "freeze", show=False),
         Binding("t", "troubles", show=False),
         Binding("r", "redundancy", show=False),
+        Binding("e", "estimator", show=False),
         Binding("z", "zero", show=False),
         Binding("q", "quit", show=False),
         Binding("ctrl+c", "quit", show=False, priority=True),
@@ -94,6 +96,7 @@ class MonitorApp(App[None]):
         self._refresh_hz = refresh_hz
         self._frozen = False
         self._level = 0
+        self._estimates = Estimates()
         self._plots: list[tuple[str, str]] = []
         self._state = watch.state()
         self._troubles: list[str] = []
@@ -144,6 +147,7 @@ class MonitorApp(App[None]):
         """Take a snapshot of the bus and show it."""
         if not self._frozen:
             self._state = self._watch.state()
+            self._estimates.note(self._state)
         self._show()
 
     def _show(self) -> None:
@@ -214,6 +218,11 @@ class MonitorApp(App[None]):
         """Show what is known of redundant sensors."""
         width = self.size.width
         self.push_screen(Page(lambda: redundancy_page(self._state, self._level, width)))
+
+    def action_estimator(self) -> None:
+        """Show what the estimator knows, by what it is aided, and what it found of the sensors."""
+        width = self.size.width
+        self.push_screen(Page(lambda: self._estimates.page(self._state, self._level, width)))
 
     def action_freeze(self) -> None:
         """Freeze the screen, or resume."""

@@ -91,6 +91,37 @@ def test_everything_is_on_the_first_screen(bus, size):
 
 
 @pytest.mark.parametrize("size", SIZES)
+def test_the_page_on_the_estimator(bus, size):
+    async def none(app, press):
+        assert "it runs none, or not yet" in await press("e")
+        assert "SYNC" in await press("escape")
+
+    run(bus, size, none)
+
+    async def all_of_it(app, press):
+        for k in range(3):  # another source and sensor each time
+            at = 2.0 + k
+            bus.send("ESTIMATOR_STATUS", at, k, aided_by=0b1100, rejecting=0b10000, used=30)
+            bus.send("ESTIMATOR_SOURCE", at, k, source=2 + k, used=10 + k, rejected=k, nis=1.25)
+            bus.send("ESTIMATOR_ATTITUDE", at, k, east_sigma=12.5, north_sigma=12.1, up_sigma=455)
+            bus.send("ESTIMATOR_POSITION", at, k, east_sigma=0.5 + k, north_sigma=0.25)
+            bus.send("ESTIMATOR_GYRO", at, k, sensor=1 + k, bias=0.5 - k, bias_sigma=0.01)
+            bus.send("AIDING_STATUS", at, k, gnss="LOST", gnss_age=7.5, gnss_losses=2)
+            app.look()
+        text = await press("e")
+        assert "σ attitude      east 12.5″, north 12.1″, up 455.0″" in text
+        assert "aided by        GNSS position, GNSS velocity" in text
+        assert "rejecting       odometer" in text
+        assert "GNSS velocity   11 used, 1 rejected, NIS 1.25" in text
+        assert "GNSS            LOST, the latest 7.5 s old, lost 2 times" in text
+        assert "gyro 1          +0.5000 ± 0.0100 °/h" in text
+        assert "gyro 3          -1.5000 ± 0.0100 °/h" in text
+        assert "SYNC" in await press("escape")
+
+    run(bus, size, all_of_it)
+
+
+@pytest.mark.parametrize("size", SIZES)
 def test_the_page_on_redundancy(bus, size):
     async def none(app, press):
         assert "compares no sensors" in await press("r")

@@ -1,0 +1,113 @@
+"""The estimator, as the navigation computer reports it: a page of the monitor.
+
+Source, gyro and accelerometer of the estimator's messages are another one each second, so the page
+keeps what it has seen of each.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from rrins.dbc.codec import load
+from rrins.host_tools.monitor.plot import plot
+from rrins.host_tools.monitor.state import BusState
+from rrins.host_tools.monitor.wording import NOTHING, age_words, clipped
+
+_STATUS, _SOURCE, _AIDING = "ESTIMATOR_STATUS", "ESTIMATOR_SOURCE", "AIDING_STATUS"
+_POSITION = "ESTIMATOR_POSITION"
+_SIGMAS = (
+    ("attitude", "ESTIMATOR_ATTITUDE", "″", "{:.1f}"),
+    ("velocity", "ESTIMATOR_VELOCITY", " m/s", "{:.4f}"),
+    ("position", _POSITION, " m", "{:.2f}"),
+)
+_SENSORS = (
+    ("gyro", "ESTIMATOR_GYRO", "°/h", "{:+.4f}"),
+    ("accelerometer", "ESTIMATOR_ACCELEROMETER", "µg", "{:+.2f}"),
+)
+
+
+class Estimates:
+    """What has been reported of each source and each sensor."""
+
+    def __init__(self) -> None:
+        self._sources: dict[int, tuple[int, int, float]] = {}  # used, rejected, NIS
+        self._biases: dict[tuple[str, int], tuple[float, float]] = {}  # bias, σ
+        self._names = load().choices(_SOURCE, "source")
+
+    def note(self, state: BusState) -> None:
+        """Keep what the last messages say."""
+        if _heard(state, _SOURCE):
+            used, rejected = (int(state.value(_SOURCE, name) or 0) for name in ("used", "rejected"))
+            nis = state.value(_SOURCE, "nis") or 0.0
+            self._sources[int(state.value(_SOURCE, "source") or 0)] = used, rejected, nis
+        for _, message, _, _ in _SENSORS:
+            if _heard(state, message):
+                sensor = int(state.value(message, "sensor") or 0)
+                bias, sigma = (state.value(message, name) or 0.0 for name in ("bias", "bias_sigma"))
+                self._biases[message, sensor] = bias, sigma
+
+    def page(self, state: BusState, level: int, width: int) -> str:
+        """Return the page; `level` is the time span of its plots."""
+        self.note(state)
+        lines = ["ESTIMATOR"]
+        if not _heard(state, _STATUS):
+            lines.append("  The firmware does not report any: it runs none, or not yet.")
+            return "\n".join(clipped(line, width) for line in lines)
+        status = state.message(_STATUS)
+        if status is not None and status.is_silent:
+            lines.append(f"  SILENT for {age_words(status.age_s)}")
+        lines += [*_sigma_lines(state), *self._source_lines(state), *_receiver_lines(state)]
+        lines += self._sensor_lines()
+        for side in ("east_sigma", "north_sigma"):
+            lines += ["", *plot(state, _POSITION, side, level, width).plain.splitlines()]
+        return "\n".join(clipped(line, width) for line in lines)
+
+    def _source_lines(self, state: BusState) -> Iterator[str]:
+        for title, signal in (("aided by", "aided_by"), ("rejecting", "rejecting")):
+            bits = int(state.value(_STATUS, signal) or 0)
+            named = [_words(name) for number, name in self._names.items() if bits >> number & 1]
+            yield f"  {title:<14}  {', '.join(reversed(named)) or 'nothing'}"
+        for number, (used, rejected, nis) in sorted(self._sources.items()):
+            if used or rejected:
+                name = _words(self._names.get(number, str(number)))
+                yield f"  {name:<14}  {used} used, {rejected} rejected, NIS {nis:.2f}"
+
+    def _sensor_lines(self) -> Iterator[str]:
+        for name, message, unit, form in _SENSORS:
+            for (of, sensor), (bias, sigma) in sorted(self._biases.items()):
+                if of == message:
+                    spread = form.replace("+", "").format(sigma)
+                    yield f"  {f'{name} {sensor}':<16}{form.format(bias)} ± {spread} {unit}"
+
+
+def _heard(state: BusState, name: str) -> bool:
+    return state.message(name) is not None and state.value(name, "crc") is not None
+
+
+def _words(name: str) -> str:
+    return name.lower().replace("_", " ").replace("gnss", "GNSS")
+
+
+def _sigma_lines(state: BusState) -> Iterator[str]:
+    for what, message, unit, form in _SIGMAS:
+        if _heard(state, message):
+            parts = (
+                f"{side} {form.format(state.value(message, f'{side}_sigma') or 0.0)}{unit}"
+                for side in ("east", "north", "up")
+            )
+            yield f"  {f'σ {what}':<14}  {', '.join(parts)}"
+
+
+def _receiver_lines(state: BusState) -> Iterator[str]:
+    """Yield whether fixes and distances come, and how often they stopped."""
+    if not _heard(state, _AIDING):
+        return
+    for source in ("gnss", "odometer"):
+        there = state.text(_AIDING, source) or NOTHING
+        if there == "NONE":
+            continue
+        age = state.value(_AIDING, f"{source}_age") or 0.0
+        losses = int(state.value(_AIDING, f"{source}_losses") or 0)
+        yield f"  {_words(source):<14}  {there}, the latest {age:.1f} s old, lost {losses} times"
+    if state.value(_AIDING, "standing"):
+        yield "  the operator says that the vehicle stands"
