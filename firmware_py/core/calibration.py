@@ -197,7 +197,7 @@ def largest_gain(H: NDArray[np.float64], weights: tuple[float, ...]) -> float:
     return float(np.abs(np.linalg.pinv(root[:, None] * H) * root).max())
 
 
-def _transverse(
+def transverse(
     axes_deg: tuple[tuple[float, float], ...],
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return U and V, shape (m, 3) each: the directions of growing α and β. Paper, (11)."""
@@ -226,7 +226,7 @@ def fill(
 
     du = each(sensors.installation_u_arcsec, count) * ARCSEC
     dv = each(sensors.installation_v_arcsec, count) * ARCSEC
-    U, V = _transverse(axes_deg)
+    U, V = transverse(axes_deg)
     # h' = h - δu v - δv u, paper (13)
     fusion.H[:count] = input_axes(axes_deg) - du[:, None] * V - dv[:, None] * U
     fusion.bias_increment[:count] = each(sensors.bias, count) * unit * dt

@@ -39,6 +39,8 @@ class DataSheet(BaseModel):
         of the limit by default.
     slope_sigma : float
         Standard deviation of scale factor and installation errors together.
+    scale_sigma, asymmetry_sigma, installation_sigma : float
+        1, 1, rad: standard deviation of each.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
@@ -55,3 +57,6 @@ class DataSheet(BaseModel):
     force_limit: float = 0.0
     bias_sigma: float | None = None
     slope_sigma: float = 3 * PPM
+    scale_sigma: float = 30 * PPM
+    asymmetry_sigma: float = 15 * PPM
+    installation_sigma: float = 10 * ARCSEC

@@ -11,8 +11,16 @@ from rrins.dbc.compilation import compiled
 from rrins.dbc.contract import Contract
 from rrins.dbc.e2e import fill
 from rrins.dbc.frame import FrameArray
-from rrins.firmware_py.core.calibration import DPH, UG
-from rrins.firmware_py.core.estimator_records import AIDS, ESTIMATOR_HISTORY_S
+from rrins.firmware_py.core.calibration import DPH, PPM, UG
+from rrins.firmware_py.core.estimator_records import (
+    AIDS,
+    ESTIMATOR_HISTORY_S,
+    PITCH,
+    SCALE,
+    SENSOR_CONSTANTS,
+    YAW,
+    EstimatorSecond,
+)
 from rrins.firmware_py.core.memory import Ram
 
 _FRAMES = 7
@@ -31,7 +39,7 @@ def is_known(state: Ram) -> bool:
 def send(state: Ram, contract: Contract, outbox: FrameArray, count: int) -> int:
     """Append the frames of the estimator; return the new number of frames.
 
-    Source, gyro and accelerometer are another one each time.
+    Source, gyro, accelerometer and constant are another one each time.
     """
     estimator = state.estimator
     last = estimator.history[(estimator.history_count - 1) % ESTIMATOR_HISTORY_S]
@@ -87,4 +95,48 @@ def send(state: Ram, contract: Contract, outbox: FrameArray, count: int) -> int:
     fill(outbox[count + 6], accelerometer.message, word, counter)
 
     estimator.transmissions += 1
-    return count + _FRAMES
+    return _send_optional(state, last, contract, outbox, count + _FRAMES, counter)
+
+
+@compiled
+def _send_optional(
+    state: Ram,
+    last: EstimatorSecond,
+    contract: Contract,
+    outbox: FrameArray,
+    count: int,
+    counter: int,
+) -> int:
+    """Append what is estimated of the odometer, the altimeter and a sensor's constants, if any."""
+    if state.odometer.interval_epochs > 0:
+        scale, mounting = contract.estimator_odometer, contract.estimator_mounting
+        word = encode(np.uint64(0), scale.scale_error, last.odometer[SCALE] / PPM)
+        word = encode(word, scale.scale_sigma, last.odometer_sigma[SCALE] / PPM)
+        fill(outbox[count], scale.message, word, counter)
+        word = encode(np.uint64(0), mounting.yaw, math.degrees(last.odometer[YAW]))
+        word = encode(word, mounting.pitch, math.degrees(last.odometer[PITCH]))
+        word = encode(word, mounting.yaw_sigma, math.degrees(last.odometer_sigma[YAW]))
+        word = encode(word, mounting.pitch_sigma, math.degrees(last.odometer_sigma[PITCH]))
+        fill(outbox[count + 1], mounting.message, word, counter)
+        count += 2
+    if state.estimator.altimeter:
+        altimeter = contract.estimator_altimeter
+        word = encode(np.uint64(0), altimeter.bias, last.altimeter_bias)
+        word = encode(word, altimeter.bias_sigma, last.altimeter_bias_sigma)
+        fill(outbox[count], altimeter.message, word, counter)
+        count += 1
+    if state.estimator.constants:
+        constant, gyros = contract.estimator_constant, int(state.gyros.count)
+        sensors = gyros + int(state.accelerometers.count)
+        error, k = counter // sensors % SENSOR_CONSTANTS, counter % sensors
+        kind = 0 if k < gyros else 1
+        k -= kind * gyros
+        row = SENSOR_CONSTANTS * kind + error
+        word = pack(np.uint64(0), constant.error, error)
+        word = pack(word, constant.kind, kind)
+        word = pack(word, constant.sensor, k + 1)
+        word = encode(word, constant.value, last.constant[row, k] / PPM)
+        word = encode(word, constant.sigma, last.constant_sigma[row, k] / PPM)
+        fill(outbox[count], constant.message, word, counter)
+        count += 1
+    return count

@@ -13,15 +13,24 @@ ATTITUDE, VELOCITY, LATITUDE, LONGITUDE, HEIGHT, BIASES = 0, 3, 6, 7, 8, 9
 of the sensors about the axes of n (rad); velocity_n (m/s); latitude, longitude (rad); height (m);
 the biases of gyros (rad/s), then of accelerometers (m/s²), along each input axis; where there is
 an odometer, its scale error (1) and by how much the vehicle's forward axis points to the right and
-up of y of the body (rad); where the altimeter is a measurement, its bias (m)."""
+up of y of the body (rad); where the altimeter is a measurement, its bias (m); where they are
+estimated, the sensors' scale factors, asymmetries and installation errors, each of gyros, then of
+accelerometers."""
 
 ODOMETER_STATES = 3
 SCALE, YAW, PITCH = 0, 1, 2
 """Place of each in the odometer's group."""
 
-STATE_CAPACITY = BIASES + 2 * SENSOR_GROUPS + ODOMETER_STATES + 1
+SENSOR_CONSTANTS = 4
+SCALE_FACTOR, ASYMMETRY, ACROSS_U, ACROSS_V = 0, 1, 2, 3
+"""λ, μ (1), δu, δv (rad) of a sensor besides its bias, in this order. Paper, (13), (16), (17)."""
+
+STATE_CAPACITY = BIASES + 2 * (1 + SENSOR_CONSTANTS) * SENSOR_GROUPS + ODOMETER_STATES + 1
 RESPONSE_STATES = 14
 """States and inputs of `transition.fill`."""
+
+PRESENT, DONE = 0, 1
+"""Place of the present second's sums, and of those of the second that is worked on."""
 
 TRACK_EPOCHS = 4096
 """Epochs of the navigation that are kept, for measurements of the past; 2 s at 2 kHz."""
@@ -77,6 +86,8 @@ class EstimatorSecond(Record):
     position_sigma: Annotated[Floats, 3]  #: m, east, north, up
     bias: Annotated[Floats, (2, SENSOR_GROUPS)]  #: rad/s of gyros, m/s² of accelerometers
     bias_sigma: Annotated[Floats, (2, SENSOR_GROUPS)]  #: rad/s, m/s²
+    constant: Annotated[Floats, (2 * SENSOR_CONSTANTS, SENSOR_GROUPS)]  #: as in `Estimator`
+    constant_sigma: Annotated[Floats, (2 * SENSOR_CONSTANTS, SENSOR_GROUPS)]  #: 1, 1, rad, rad
     odometer: Annotated[Floats, ODOMETER_STATES]  #: as in `Estimator`
     odometer_sigma: Annotated[Floats, ODOMETER_STATES]  #: 1, rad, rad
     altimeter_bias: F8  #: m
@@ -117,10 +128,15 @@ class Estimator(Record):
     white_variance: Annotated[Floats, (2, SENSOR_GROUPS)]  #: rad²/s, m²/s³
     walk_variance: Annotated[Floats, (2, SENSOR_GROUPS)]  #: (rad/s)²/s, (m/s²)²/s
     slope_variance: Annotated[Floats, 2]  #: of scale factors and installation, dimensionless
+    constant_sigma: Annotated[Floats, 2 * SENSOR_CONSTANTS]  #: 1, 1, rad, rad, at the beginning
+    transverse: Annotated[Floats, (2, SENSOR_GROUPS, 2, 3)]  #: u and v of each sensor
     # What the compensation removes.
     gyro_bias: Annotated[Floats, SENSOR_GROUPS]  #: rad/s
     accelerometer_bias: Annotated[Floats, SENSOR_GROUPS]  #: m/s²
     odometer: Annotated[Floats, ODOMETER_STATES]  #: scale error, and direction of the forward axis
+    constants: Bool  #: whether scale factors and installation errors are states
+    constants_state: I8  #: the first of them
+    constant: Annotated[Floats, (2 * SENSOR_CONSTANTS, SENSOR_GROUPS)]  #: of gyros, accelerometers
     altimeter: Bool  #: whether it is a measurement
     altimeter_state: I8  #: of its bias
     altimeter_bias: F8  #: m
@@ -132,6 +148,8 @@ class Estimator(Record):
     way_n: Annotated[Floats, (2, 3)]  #: m, integral of the velocity
     attitude_s: Annotated[Floats, (2, 3, 3)]  #: s, integral of C_s_n
     turned: Annotated[Floats, 2]  #: rad, amount of the turn
+    moved_s: Annotated[Floats, (2, 2, 3, 3, 3)]  #: rad, m/s, integral of C_s_n times the increments
+    size_s: Annotated[Floats, (2, 2, SENSOR_GROUPS, 3, 3)]  #: the same, amounts along input axes
     seconds: Annotated[Floats, 2]
     # The navigation at the end of the epoch at which the filter stands, as corrected since.
     velocity_n: Annotated[Floats, 3]  #: m/s
@@ -180,8 +198,8 @@ class Estimator(Record):
     history_count: I8  #: seconds noted
     transmissions: I8
     # Scratch.
-    transition: Annotated[Floats, (STATE_CAPACITY, STATE_CAPACITY)]
-    work: Annotated[Floats, (STATE_CAPACITY, STATE_CAPACITY)]
+    transition: Annotated[Floats, (BIASES, STATE_CAPACITY)]  #: the others last
+    work: Annotated[Floats, (BIASES, STATE_CAPACITY)]
     row: Annotated[Floats, STATE_CAPACITY]
     gain: Annotated[Floats, STATE_CAPACITY]
     response: Annotated[Floats, (RESPONSE_STATES, RESPONSE_STATES)]

@@ -246,7 +246,8 @@ def power_on(settings: Settings, contract: Records[Contract]) -> Records[Ram]:
         resolutions = (float(sensor.gyro_dtheta.scale), float(sensor.accelerometer_dv.scale))
         redundancy.set_up(state, settings.redundancy, rate_hz, resolutions)
     if settings.estimator is not None:
-        estimator.set_up(state, settings.estimator, rate_hz)
+        axes = settings.gyro_axes_deg, settings.accelerometer_axes_deg
+        estimator.set_up(state, settings.estimator, rate_hz, axes)
     state.dispatch = intake.dispatch_table(contract)
     state.epoch = -1
     clock.power_on(state.clock, parameters.period_ns)

@@ -16,7 +16,7 @@ from rrins.firmware_py.core.memory import INNER, OUTER, FaultCounters, Ram
 from rrins.firmware_py.core.modes import navigating
 from rrins.firmware_py.core.redundancy_records import Parity, Readmission
 
-OUTBOX_CAPACITY = 28
+OUTBOX_CAPACITY = 32
 """Most frames that one step sends, with room to spare."""
 
 _NS_PER_MS = 1_000_000

@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 from rrins.dbc.record import Floats, Records
 from rrins.dbc.values import AxisCommand
 from rrins.firmware_py.core import clock, earth
-from rrins.firmware_py.core.calibration import ARCSEC, DPH, UG
+from rrins.firmware_py.core.calibration import ARCSEC, DPH, PPM, UG
 from rrins.firmware_py.core.diagnostic_records import RoutineRequest
+from rrins.firmware_py.core.estimator_records import PITCH, SCALE, SENSOR_CONSTANTS, YAW
 from rrins.firmware_py.core.memory import Clock, Ram
 from rrins.firmware_py.core.modes import Mode
 from rrins.firmware_py.core.redundancy_records import SensorKind
@@ -22,6 +23,7 @@ from rrins.firmware_py.diagnostics import calibration_image as image
 from rrins.firmware_py.diagnostics import table
 from rrins.firmware_py.diagnostics.codecs import Value, Values
 from rrins.firmware_py.diagnostics.data_identifier import DataIdentifier
+from rrins.firmware_py.diagnostics.estimator_identifiers import CONSTANTS
 from rrins.firmware_py.diagnostics.fault_memory import FaultMemory
 from rrins.firmware_py.diagnostics.parameter_memory import ParameterMemory
 from rrins.firmware_py.diagnostics.parameters import PARAMETERS
@@ -40,6 +42,9 @@ IDENTITY = {
 # Not compiled: passing a record across costs more than the computation.
 _error_ppm: Callable[[Clock, int], float] = getattr(clock.error_ppm, "py_func", clock.error_ppm)
 
+_DEGREE = math.radians(1.0)
+_MOUNTING = slice(YAW, PITCH + 1)
+
 _PARAMETER_NUMBERS = frozenset(parameter.number for parameter in PARAMETERS)
 
 AXIS_MODES = (Mode.STANDBY, Mode.FAULT, Mode.NAVIGATION_STRAPDOWN)
@@ -47,22 +52,33 @@ AXIS_MODES = (Mode.STANDBY, Mode.FAULT, Mode.NAVIGATION_STRAPDOWN)
 
 
 def _last(
-    found: NDArray[np.void], name: str, unit: float, kind: int | None = None
+    found: NDArray[np.void], name: str, unit: float, part: int | slice | None = None
 ) -> Callable[[], Value]:
-    """Return what reads what the last second came to: each sensor's, of a kind where there are two.
+    """Return what reads what the last second came to, or the part of a kind, of a row.
 
     `found` is a record with a history.
     """
     count, seconds = found["history_count"], found["history"][name]
-    if kind is not None:
-        seconds = seconds[:, :, kind]
+    if part is not None:
+        seconds = seconds[:, :, part]
     capacity = seconds.shape[1]
 
     def read() -> Value:
-        values: Floats = seconds[0, (count.item() - 1) % capacity] / unit
-        return tuple(values.tolist())
+        values = (seconds[0, (count.item() - 1) % capacity] / unit).tolist()
+        return tuple(values) if isinstance(values, list) else values
 
     return read
+
+
+def _constants(estimator: NDArray[np.void]) -> dict[str, Callable[[], Value]]:
+    """Return the getters of the constants that are estimated of each sensor."""
+    found = {}
+    for kind in SensorKind:
+        for error, (name, unit) in enumerate(CONSTANTS):
+            row, whose = SENSOR_CONSTANTS * kind + error, kind.name.lower()
+            found[f"{whose}_{name}"] = _last(estimator, "constant", unit, row)
+            found[f"{whose}_{name}_sigma"] = _last(estimator, "constant_sigma", unit, row)
+    return found
 
 
 class Computer:
@@ -144,6 +160,13 @@ class Computer:
             "estimated_bias_ug": _last(estimator, "bias", UG, SensorKind.ACCELEROMETER),
             "estimated_bias_sigma_ug": _last(estimator, "bias_sigma", UG, SensorKind.ACCELEROMETER),
             "nis": self._nis,
+            **_constants(estimator),
+            "odometer_scale_ppm": _last(estimator, "odometer", PPM, SCALE),
+            "odometer_scale_sigma_ppm": _last(estimator, "odometer_sigma", PPM, SCALE),
+            "mounting_deg": _last(estimator, "odometer", _DEGREE, _MOUNTING),
+            "mounting_sigma_deg": _last(estimator, "odometer_sigma", _DEGREE, _MOUNTING),
+            "altimeter_bias_m": _last(estimator, "altimeter_bias", 1.0),
+            "altimeter_bias_sigma_m": _last(estimator, "altimeter_bias_sigma", 1.0),
             "operation_cycles": lambda: faults.operation_cycles,
             "length": lambda: len(self.calibration_file()),
             "file_crc32": lambda: zlib.crc32(self.calibration_file()),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from rrins.dbc.contract import SENSOR_GROUPS
+from rrins.firmware_py.core.calibration import ARCSEC, PPM
 from rrins.firmware_py.core.estimator_records import AIDS, Aid
 from rrins.firmware_py.diagnostics.codecs import Field
 from rrins.firmware_py.diagnostics.data_identifier import DataIdentifier
@@ -24,6 +25,30 @@ def _biases(number: int, one: str, unit: str, suffix: str) -> DataIdentifier:
                 text="along the input axis, beyond what calibration removes",
             ),
             Field(f"estimated_bias_sigma_{suffix}", "f32", unit, SENSOR_GROUPS),
+        ),
+    )
+
+
+CONSTANTS = (
+    ("scale_ppm", PPM),
+    ("asymmetry_ppm", PPM),
+    ("installation_u_arcsec", ARCSEC),
+    ("installation_v_arcsec", ARCSEC),
+)
+"""Names and units of what is estimated of a sensor besides its bias, in the order of `constant`."""
+
+_UNITS = {PPM: "ppm", ARCSEC: "″"}
+
+
+def _constants(number: int, one: str) -> DataIdentifier:
+    return DataIdentifier(
+        number,
+        f"estimator_{one}_constants",
+        f"Scale factors and installation errors that the estimator finds of each {one}.",
+        tuple(
+            Field(f"{one}_{name}{suffix}", "f32", _UNITS[unit], SENSOR_GROUPS, text=text)
+            for name, unit in CONSTANTS
+            for suffix, text in (("", "beyond what calibration removes"), ("_sigma", ""))
         ),
     )
 
@@ -79,5 +104,26 @@ ESTIMATOR = (
     ),
     _biases(0x0228, "gyro", "°/h", "dph"),
     _biases(0x0229, "accelerometer", "µg", "ug"),
+    _constants(0x022A, "gyro"),
+    _constants(0x022B, "accelerometer"),
+    DataIdentifier(
+        0x022C,
+        "estimator_aids",
+        "What the estimator finds of odometer and altimeter, where they are fitted.",
+        (
+            Field("odometer_scale_ppm", "f32", "ppm", text="what it counts too little"),
+            Field("odometer_scale_sigma_ppm", "f32", "ppm"),
+            Field(
+                "mounting_deg",
+                "f32",
+                "°",
+                2,
+                text="by how much the forward axis points right of and above y of the body",
+            ),
+            Field("mounting_sigma_deg", "f32", "°", 2),
+            Field("altimeter_bias_m", "f32", "m"),
+            Field("altimeter_bias_sigma_m", "f32", "m"),
+        ),
+    ),
 )
 """The estimator."""

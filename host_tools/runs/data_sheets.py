@@ -53,6 +53,18 @@ def _slope_sigma(table: Gyros | Accelerometers, least_ppm: float = _LEAST_SLOPE_
     return max(least_ppm * PPM, math.sqrt(scale * PPM**2 + installed * ARCSEC**2))
 
 
+def _sigmas(table: Gyros | Accelerometers) -> dict[str, float]:
+    """Return the standard deviations of scale factors and installation errors, each by itself."""
+    scale = math.sqrt(_mean_square(table.scale_error_ppm, table.scale_repeatability_ppm))
+    asymmetry = math.sqrt(_mean_square(table.asymmetric_scale_error_ppm))
+    both = _mean_square(table.installation_u_arcsec, table.installation_v_arcsec)
+    return {
+        "scale_sigma": max(_LEAST_SCALE_PPM, scale) * PPM,
+        "asymmetry_sigma": max(_LEAST_ASYMMETRY_PPM, asymmetry) * PPM,
+        "installation_sigma": max(_LEAST_INSTALLATION_ARCSEC, math.sqrt(both / 2)) * ARCSEC,
+    }
+
+
 def _limits(table: Gyros | Accelerometers) -> dict[str, float]:
     """Return the limits of the errors that both kinds have."""
     repeat = _REPEATS_WITHIN * _largest(table.scale_repeatability_ppm)
@@ -65,6 +77,7 @@ def _limits(table: Gyros | Accelerometers) -> dict[str, float]:
         "asymmetry_limit": max(_LEAST_ASYMMETRY_PPM, asymmetry) * PPM,
         "installation_limit": max(_LEAST_INSTALLATION_ARCSEC, installation) * ARCSEC,
         "slope_sigma": _slope_sigma(table),
+        **_sigmas(table),
     }
 
 
@@ -146,6 +159,7 @@ def estimator_settings(scenario: Scenario) -> EstimatorSettings | None:
     return EstimatorSettings(
         gyros=_gyros(scenario).model_copy(update={"slope_sigma": slope}),
         accelerometers=_accelerometers(scenario),
+        constants=table.constants,
         fine_alignment_s=table.fine_alignment_s,
         heading_sigma_enough=table.heading_sigma_enough_arcsec * ARCSEC,
         zero_velocity_sigma=table.zero_velocity_sigma_mps,

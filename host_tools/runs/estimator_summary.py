@@ -10,17 +10,37 @@ from typing import IO
 import numpy as np
 from numpy.typing import NDArray
 
-from rrins.firmware_py.core.calibration import ARCSEC, DPH, UG
-from rrins.firmware_py.core.estimator_records import ESTIMATOR_HISTORY_S, Aid, EstimatorSecond
+from rrins.firmware_py.core.calibration import ARCSEC, DPH, PPM, UG
+from rrins.firmware_py.core.estimator_records import (
+    ESTIMATOR_HISTORY_S,
+    PITCH,
+    SCALE,
+    SENSOR_CONSTANTS,
+    YAW,
+    Aid,
+    EstimatorSecond,
+)
 from rrins.firmware_py.core.memory import Fusion, Ram
 from rrins.host_tools.files import JsonObject, write_whole
 
 _UNITS = {"gyros": ("dph", DPH), "accelerometers": ("ug", UG)}
 _AXES = ("x", "y", "z")
+CONSTANTS = {
+    "scale_error_ppm": PPM,
+    "asymmetric_scale_error_ppm": PPM,
+    "installation_u_arcsec": ARCSEC,
+    "installation_v_arcsec": ARCSEC,
+}
+"""What may be estimated of a sensor besides its bias, by a scenario's keys, in the order of
+`rrins.firmware_py.core.estimator_records.SCALE_FACTOR` and those after it."""
 
 
 def _numbers(values: NDArray[np.float64]) -> list[float]:
     return [float(f"{value:.7g}") for value in np.asarray(values).tolist()]
+
+
+def _number(value: float) -> float:
+    return float(f"{float(value):.7g}")
 
 
 def _sensors(state: Ram, second: EstimatorSecond, kind: int, fusion: Fusion) -> JsonObject:
@@ -35,7 +55,57 @@ def _sensors(state: Ram, second: EstimatorSecond, kind: int, fusion: Fusion) -> 
         f"fused_bias_{suffix}": _numbers(gain @ bias),
         f"calibrated_{suffix}": _numbers(fusion["bias_increment"][:count] / dt / unit),
         "gain": gain.tolist(),
+        "constants": _constants(state, second, kind, count),
+        "calibrated": {
+            "scale_error_ppm": _numbers(fusion["scale_error"][:count] / PPM),
+            "asymmetric_scale_error_ppm": _numbers(fusion["asymmetric_scale_error"][:count] / PPM),
+            "installation_u_arcsec": _numbers(_installed(state, fusion, kind, 1)),
+            "installation_v_arcsec": _numbers(_installed(state, fusion, kind, 0)),
+        },
     }
+
+
+def _installed(state: Ram, fusion: Fusion, kind: int, across: int) -> NDArray[np.float64]:
+    """Return the calibrated installation angles: the axes are h - δu v - δv u. Paper, (13)."""
+    axes = state.estimator["transverse"][kind, : int(fusion.count), across]
+    return -np.einsum("ki,ki->k", fusion["H"][: int(fusion.count)], axes) / ARCSEC
+
+
+def _constants(
+    state: Ram, second: EstimatorSecond, kind: int, count: int
+) -> dict[str, JsonObject] | None:
+    """Return scale factors and installation errors of a kind; None where they are no states."""
+    if not state.estimator.constants:
+        return None
+    found = {}
+    for error, (name, unit) in enumerate(CONSTANTS.items()):
+        row = SENSOR_CONSTANTS * kind + error
+        found[name] = {
+            "estimated": _numbers(second["constant"][row, :count] / unit),
+            "sigma": _numbers(second["constant_sigma"][row, :count] / unit),
+        }
+    return found
+
+
+def _odometer(state: Ram, second: EstimatorSecond) -> JsonObject | None:
+    """Return scale and mounting of the odometer; None without one."""
+    if not state.odometer.interval_epochs:
+        return None
+    units = np.array([PPM, math.radians(1), math.radians(1)])
+    found, sigma = second["odometer"] / units, second["odometer_sigma"] / units
+    names = {"scale_ppm": SCALE, "yaw_deg": YAW, "pitch_deg": PITCH}
+    return {
+        name: {"estimated": _number(found[at]), "sigma": _number(sigma[at])}
+        for name, at in names.items()
+    } | {"metres_per_pulse": float(state.odometer["metres_per_pulse"])}
+
+
+def _altimeter(state: Ram, second: EstimatorSecond) -> JsonObject | None:
+    """Return the altimeter's bias; None where it is no measurement."""
+    if not state.estimator.altimeter:
+        return None
+    bias, sigma = second["altimeter_bias"], second["altimeter_bias_sigma"]
+    return {"bias_m": {"estimated": _number(bias), "sigma": _number(sigma)}}
 
 
 def estimator_summary(state: Ram) -> JsonObject | None:
@@ -59,6 +129,8 @@ def estimator_summary(state: Ram) -> JsonObject | None:
         "fine_alignment_s": round(int(estimator.aligned_epochs) * seconds, 3),
         "sigma": None,
         "sensors": None,
+        "odometer": None,
+        "altimeter": None,
         "sources": sources,
     }
     if not estimator.history_count:
@@ -69,6 +141,8 @@ def estimator_summary(state: Ram) -> JsonObject | None:
         "velocity_mps": _numbers(second["velocity_sigma"]),
         "position_m": _numbers(second["position_sigma"]),
     }
+    found["odometer"] = _odometer(state, second)
+    found["altimeter"] = _altimeter(state, second)
     fusions = (state.gyros, state.accelerometers)
     found["sensors"] = {
         name: _sensors(state, second, kind, fusions[kind]) for kind, name in enumerate(_UNITS)
@@ -99,8 +173,46 @@ def beside_truth(estimator: JsonObject | None, biases: JsonObject | None) -> Jso
             true = np.array(biases[f"{name}_{suffix}"]) - calibrated
             kind[f"true_bias_{suffix}"] = _numbers(true)
             kind[f"true_fused_bias_{suffix}"] = _numbers(gain @ true)
+        if kind["constants"] is not None:
+            kind["constants"] = {
+                key: found | {"true": _less(biases, name, key, kind["calibrated"][key])}
+                for key, found in kind["constants"].items()
+            }
+        kind.pop("calibrated")
         sensors[name] = kind
-    return estimator | {"sensors": sensors}
+    odometer, altimeter = _aids_beside_truth(estimator, biases)
+    return estimator | {"sensors": sensors, "odometer": odometer, "altimeter": altimeter}
+
+
+def _less(
+    biases: JsonObject | None, name: str, key: str, calibrated: list[float]
+) -> list[float] | None:
+    """Return the true errors of a kind beyond what calibration removes."""
+    known = (biases or {}).get(name)
+    return None if known is None else _numbers(np.array(known[key]) - calibrated)
+
+
+def _aids_beside_truth(
+    estimator: JsonObject, biases: JsonObject | None
+) -> tuple[JsonObject | None, JsonObject | None]:
+    """Return what was estimated of odometer and altimeter, with the truth."""
+    odometer, altimeter = estimator["odometer"], estimator["altimeter"]
+    if odometer is not None:
+        nominal, true = odometer["metres_per_pulse"], {}
+        if biases and "odometer" in biases:
+            x, y, z = biases["odometer"]["forward_b"]
+            scale = biases["odometer"]["metres_per_pulse"] / nominal - 1
+            yaw, pitch = math.degrees(x / y), math.degrees(z / y)
+            true = {"scale_ppm": scale / PPM, "yaw_deg": yaw, "pitch_deg": pitch}
+        odometer = {
+            key: found | {"true": _number(true[key]) if true else None}
+            for key, found in odometer.items()
+            if key != "metres_per_pulse"
+        }
+    if altimeter is not None:
+        known = (biases or {}).get("altimeter_m")
+        altimeter = {"bias_m": altimeter["bias_m"] | {"true": known}}
+    return odometer, altimeter
 
 
 def estimator_lines(estimator: JsonObject | None) -> list[str]:
@@ -143,6 +255,17 @@ def sensor_rows(estimator: JsonObject | None) -> list[list[str]]:
         for k, bias in enumerate(kind[f"fused_bias_{suffix}"]):
             known = None if fused is None else fused[k]
             rows.append([f"fused {name} {_AXES[k]}", suffix, *_cells(bias, None, known)])
+        for key, found in (kind["constants"] or {}).items():
+            what, _, unit = key.rpartition("_")
+            for k, value in enumerate(found["estimated"]):
+                known = None if found["true"] is None else found["true"][k]
+                cells = _cells(value, found["sigma"][k], known)
+                rows.append([f"{one} {k + 1} {what.replace('_', ' ')}", unit, *cells])
+    for name in ("odometer", "altimeter"):
+        for key, found in (estimator[name] or {}).items():
+            what, _, unit = key.rpartition("_")
+            cells = _cells(found["estimated"], found["sigma"], found["true"])
+            rows.append([f"{name} {what}", unit, *cells])
     return rows
 
 

@@ -5,13 +5,15 @@ from __future__ import annotations
 import math
 from contextlib import ExitStack
 
+import numpy as np
+
 from rrins.host_tools.bus.port import BatchPort, MessagePort, open_port
 from rrins.host_tools.files import JsonObject
 from rrins.host_tools.hardware.loop import Hardware
 from rrins.host_tools.hardware.loop import run_lockstep as run_hardware_lockstep
 from rrins.host_tools.hardware.loop import run_realtime as run_hardware_realtime
 from rrins.host_tools.hardware.memory import Sensors, Truth
-from rrins.host_tools.hardware.settings import DPH, UG
+from rrins.host_tools.hardware.settings import ARCSEC, DPH, PPM, UG
 from rrins.host_tools.runs.followed_port import Watch, open_followed_port
 from rrins.host_tools.runs.follower import Follower, follower_of
 from rrins.host_tools.runs.job import Job, prepare, settle
@@ -38,6 +40,13 @@ def hardware_summary(hardware: Hardware) -> JsonObject:
         "biases": {
             "gyros_dph": _biases(plant["gyros"], dt * DPH),
             "accelerometers_ug": _biases(plant["accelerometers"], dt * UG),
+            "gyros": _constants(plant["gyros"]),
+            "accelerometers": _constants(plant["accelerometers"]),
+            "odometer": {
+                "metres_per_pulse": float(plant["odometer"]["metres_per_pulse"]),
+                "forward_b": plant["odometer"]["forward_b"].tolist(),
+            },
+            "altimeter_m": float(plant["altimeter"]["bias"]),
         },
     }
 
@@ -46,6 +55,20 @@ def _biases(sensors: Sensors, unit: float) -> list[float]:
     """Return the sensors' biases at the end of the run, with drift and faults."""
     increments = sensors["bias_increment"] + sensors["fault_bias_increment"]
     return (increments[: int(sensors["count"])] / unit).tolist()
+
+
+def _constants(sensors: Sensors) -> JsonObject:
+    """Return scale factors and installation errors at the end of the run, by a scenario's keys."""
+    count = int(sensors["count"])
+    scale = sensors["scale_error"] + sensors["fault_scale_error"]
+    # The derivatives of the axis h' by δu and δv are -v and -u, of length 1 and across it.
+    angles = np.einsum("ki,kai->ka", sensors["axis"], sensors["axis_by_angle"]) / ARCSEC
+    return {
+        "scale_error_ppm": (scale[:count] / PPM).tolist(),
+        "asymmetric_scale_error_ppm": (sensors["asymmetric_scale_error"][:count] / PPM).tolist(),
+        "installation_u_arcsec": angles[:count, 0].tolist(),
+        "installation_v_arcsec": angles[:count, 1].tolist(),
+    }
 
 
 def _open(job: Job, follower: Follower | None) -> BatchPort | MessagePort:

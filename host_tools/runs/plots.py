@@ -20,7 +20,8 @@ from rrins.host_tools.drawing.style import (
     new_figure,
     quantity,
 )
-from rrins.host_tools.files import replacing
+from rrins.host_tools.files import JsonObject, replacing
+from rrins.host_tools.runs.constants_plot import draw_constants
 from rrins.host_tools.runs.estimator_plot import draw_estimates
 from rrins.host_tools.runs.parity_log import Parities
 from rrins.host_tools.runs.parity_plot import draw_parity
@@ -135,11 +136,12 @@ def write_plots(
     parities: Parities,
     rate_hz: int,
     estimates: Records[EstimatorSecond] | None = None,
+    estimator: JsonObject | None = None,
 ) -> list[Path]:
     """Write the pictures of a run into a folder; return their paths, none for an empty run.
 
     `parities` are those of redundant sensors, empty where none are compared; `estimates` what the
-    estimator knew, if there was one.
+    estimator knew, if there was one, and `estimator` what the summary says of it.
 
     Raises
     ------
@@ -155,6 +157,9 @@ def write_plots(
     begin_epoch = float(errors.epoch[0]) - float(errors.time_s[0]) * rate_hz
     if estimates is not None and len(estimates):
         figures["estimator.png"] = draw_estimates(estimates, errors, begin_epoch, rate_hz, title)
+    sensors = None if estimator is None else estimator["sensors"]
+    if estimator is not None and sensors and sensors["gyros"]["constants"]:
+        figures["estimated_sensors.png"] = draw_constants(estimator, title)
     if parities:
         figures["parity.png"] = draw_parity(parities, begin_epoch, rate_hz, title)
     paths = []

@@ -119,8 +119,9 @@ def write_results(
     )
 
     write_summary(folder / "summary.json", summary)  # what is smallest is there on a full disk
-    paths = write_plots(folder, errors, title, parities or {}, summary["rate_hz"], estimates)
-    rows = sensor_rows(summary["estimator"])
+    rate_hz, estimator = summary["rate_hz"], summary["estimator"]
+    paths = write_plots(folder, errors, title, parities or {}, rate_hz, estimates, estimator)
+    rows = sensor_rows(estimator)
     if rows:
         write_sensors(folder / "estimated_sensors.csv", rows)
         paths.append(folder / "estimated_sensors.csv")

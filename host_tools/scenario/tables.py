@@ -366,6 +366,8 @@ class Estimator(TomlTable):
     enabled: bool = False
     fine_alignment_s: float = Field(default=0.0, ge=0, le=86_400)
     """Between the alignment and navigation, while the table turns; 0: none."""
+    constants: bool = False
+    """Estimate scale factors, asymmetries and installation errors, too, not only biases."""
     heading_sigma_enough_arcsec: float = Field(default=0.0, ge=0, le=36_000)
     """Ends the fine alignment before its time once the heading is known this well; 0: never."""
     zero_velocity_sigma_mps: float = Field(default=0.002, gt=0, le=10)
@@ -383,6 +385,8 @@ class Estimator(TomlTable):
     def _whole(self) -> Estimator:
         if self.fine_alignment_s > 0 and not self.enabled:
             raise ValueError("fine_alignment_s: needs enabled = true")
+        if self.constants and not self.enabled:
+            raise ValueError("constants: needs enabled = true")
         return self
 
 

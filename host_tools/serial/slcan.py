@@ -51,6 +51,17 @@ def line_load(scenario: Scenario, side: Side) -> LineLoad:
     return LineLoad(round(own), round(others + own_frames * _ACKNOWLEDGEMENT_BYTES))
 
 
+def _is_estimated(scenario: Scenario, what: str) -> bool:
+    """Return whether the firmware sends what the estimator knows of something."""
+    fitted = {
+        "ODOMETER": scenario.odometer is not None,
+        "MOUNTING": scenario.odometer is not None,
+        "ALTIMETER": scenario.altimeter is not None,
+        "CONSTANT": scenario.estimator.constants,
+    }
+    return scenario.estimator.enabled and fitted.get(what, True)
+
+
 def _sent_by(scenario: Scenario, side: Side) -> tuple[float, float]:
     """Return the bytes and frames per second that a side sends."""
     groups = max(len(scenario.rimu.gyros), len(scenario.rimu.accelerometers))
@@ -68,7 +79,7 @@ def _sent_by(scenario: Scenario, side: Side) -> tuple[float, float]:
             continue  # only while there are faults
         if message.name == "ALTIMETER" and scenario.altimeter is None:
             continue
-        if stem == "ESTIMATOR" and not scenario.estimator.enabled:
+        if stem == "ESTIMATOR" and not _is_estimated(scenario, number):
             continue
         if message.name == "ZERO_VELOCITY" and not scenario.zero_velocity:
             continue

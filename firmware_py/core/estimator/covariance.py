@@ -34,6 +34,40 @@ def propagate(P: Floats, n: int, transition: Floats, work: Floats) -> None:
 
 
 @compiled
+def propagate_moving(P: Floats, n: int, moving: int, transition: Floats, work: Floats) -> None:
+    """Replace P by ``Φ P Φᵀ`` where only the first states move: the others' rows are those of I.
+
+    Parameters
+    ----------
+    P : array, shape (at least n, at least n)
+    n, moving : int
+        States, and how many of them move.
+    transition : array, shape (moving, at least n)
+        Their rows of Φ.
+    work : array, shape (moving, at least n)
+        Scratch.
+    """
+    for i in range(moving):
+        for k in range(n):
+            work[i, k] = 0.0
+        for j in range(n):
+            factor = transition[i, j]
+            if factor != 0.0:
+                for k in range(n):
+                    work[i, k] += factor * P[j, k]
+    for i in range(moving):
+        for k in range(i + 1):
+            total = 0.0
+            for j in range(n):
+                total += work[i, j] * transition[k, j]
+            P[i, k] = total
+            P[k, i] = total
+        for k in range(moving, n):
+            P[i, k] = work[i, k]
+            P[k, i] = work[i, k]
+
+
+@compiled
 def add_along(P: Floats, first: int, direction: Floats, variance: float) -> None:
     """Add the noise of some variance along a direction, shape (3,), of three states."""
     for i in range(3):

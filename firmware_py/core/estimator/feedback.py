@@ -5,6 +5,7 @@ from __future__ import annotations
 from rrins.dbc.compilation import compiled
 from rrins.dbc.record import Floats
 from rrins.firmware_py.core import earth, strapdown
+from rrins.firmware_py.core.estimator import constants
 from rrins.firmware_py.core.estimator_records import (
     ATTITUDE,
     BIASES,
@@ -13,6 +14,7 @@ from rrins.firmware_py.core.estimator_records import (
     LATITUDE,
     LONGITUDE,
     ODOMETER_STATES,
+    SENSOR_CONSTANTS,
     VELOCITY,
 )
 from rrins.firmware_py.core.memory import Fusion, Ram
@@ -20,13 +22,19 @@ from rrins.firmware_py.core.memory import Fusion, Ram
 
 @compiled
 def compensate(state: Ram) -> None:
-    """Remove the estimated biases from the fused vectors of this epoch.
+    """Remove the estimated errors of the sensors from the fused vectors of this epoch.
 
     Not from the sensors: what the redundancy has learned of them stays as it is.
     """
     estimator, dt = state.estimator, state.parameters.period_ns * 1e-9
     _remove(state.gyros, estimator.gyro_bias, state.dtheta_s, dt)
     _remove(state.accelerometers, estimator.accelerometer_bias, state.dv_s, dt)
+    if estimator.constants:
+        fusion, fused = state.gyros, state.dtheta_s
+        for kind in range(2):
+            if kind == 1:
+                fusion, fused = state.accelerometers, state.dv_s
+            constants.remove(estimator, fusion, kind, fused)
 
 
 @compiled
@@ -40,7 +48,11 @@ def _remove(fusion: Fusion, bias: Floats, fused: Floats, dt: float) -> None:
 
 @compiled
 def _note(state: Ram) -> None:
-    """Note what is about to change, for filters of the redundancy that look at the past."""
+    """Note what is about to change, for filters of the redundancy that look at the past.
+
+    Changes of scale factors and installation errors are left out: they are small once a source
+    aids the navigation, and the filters' thresholds have room for them.
+    """
     estimator, x = state.estimator, state.estimator.x
     gyros, accelerometers = int(state.gyros.count), int(state.accelerometers.count)
     for i in range(3):
@@ -82,6 +94,13 @@ def apply(state: Ram) -> None:
     if state.odometer.interval_epochs > 0:
         for i in range(ODOMETER_STATES):
             estimator.odometer[i] += x[BIASES + gyros + accelerometers + i]
+    if estimator.constants:
+        for error in range(SENSOR_CONSTANTS):
+            for k in range(gyros):
+                estimator.constant[error, k] += x[constants.state_of(state, error, 0, k)]
+            for k in range(accelerometers):
+                at = constants.state_of(state, error, 1, k)
+                estimator.constant[SENSOR_CONSTANTS + error, k] += x[at]
     if estimator.altimeter:
         estimator.altimeter_bias += x[estimator.altimeter_state]
     for i in range(estimator.states):

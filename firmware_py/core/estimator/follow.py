@@ -11,7 +11,14 @@ import math
 
 from rrins.dbc.compilation import compiled
 from rrins.firmware_py.core import earth, modes
-from rrins.firmware_py.core.estimator import feedback, history, measurements, propagation, wheels
+from rrins.firmware_py.core.estimator import (
+    constants,
+    feedback,
+    history,
+    measurements,
+    propagation,
+    wheels,
+)
 from rrins.firmware_py.core.estimator_records import (
     ATTITUDE,
     BIASES,
@@ -19,6 +26,7 @@ from rrins.firmware_py.core.estimator_records import (
     LATITUDE,
     LONGITUDE,
     ODOMETER_STATES,
+    SENSOR_CONSTANTS,
     STATE_CAPACITY,
     VELOCITY,
     Estimator,
@@ -53,6 +61,8 @@ def follow(state: Ram) -> None:
         return
     dt = state.parameters.period_ns * 1e-9
     propagation.note(estimator, state.ins, state.dtheta_s, state.dv_s, dt)
+    if estimator.constants:
+        constants.note(state)
     wheels.note(state, dt)
     measurements.note(estimator, state)
     estimator.epochs += 1
@@ -114,12 +124,27 @@ def begin(state: Ram) -> None:
         for i in range(ODOMETER_STATES):
             estimator.odometer[i] = 0.0
             P[first + i, first + i] = estimator.odometer_sigma[i] ** 2
+    if estimator.constants:
+        _forget_constants(state)
     if estimator.altimeter:
         at = estimator.altimeter_state
         estimator.altimeter_bias = 0.0
         P[at, at] = estimator.altimeter_bias_sigma**2
     measurements.begin(estimator, state.epoch)
     wheels.begin(state)
+
+
+@compiled
+def _forget_constants(state: Ram) -> None:
+    estimator = state.estimator
+    constants.forget(estimator)
+    for error in range(SENSOR_CONSTANTS):
+        for k in range(state.gyros.count):
+            at = constants.state_of(state, error, 0, k)
+            estimator.P[at, at] = estimator.constant_sigma[error] ** 2
+        for k in range(state.accelerometers.count):
+            at = constants.state_of(state, error, 1, k)
+            estimator.P[at, at] = estimator.constant_sigma[SENSOR_CONSTANTS + error] ** 2
 
 
 @compiled

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from rrins.dbc.compilation import compiled
+from rrins.firmware_py.core.estimator import constants
 from rrins.firmware_py.core.estimator_records import (
     AIDS,
     ATTITUDE,
@@ -13,6 +14,7 @@ from rrins.firmware_py.core.estimator_records import (
     LONGITUDE,
     NEVER,
     ODOMETER_STATES,
+    SENSOR_CONSTANTS,
     VELOCITY,
 )
 from rrins.firmware_py.core.memory import Ram
@@ -63,8 +65,26 @@ def note(state: Ram) -> None:
         at = estimator.altimeter_state
         second.altimeter_bias = estimator.altimeter_bias + estimator.x[at]
         second.altimeter_bias_sigma = sigma[at]
+    if estimator.constants:
+        _note_constants(state)
     _note_sources(state)
     estimator.history_count += 1
+
+
+@compiled
+def _note_constants(state: Ram) -> None:
+    estimator = state.estimator
+    second = estimator.history[estimator.history_count % ESTIMATOR_HISTORY_S]
+    count = int(state.gyros.count)
+    for kind in range(2):
+        if kind == 1:
+            count = int(state.accelerometers.count)
+        for error in range(SENSOR_CONSTANTS):
+            row = SENSOR_CONSTANTS * kind + error
+            for k in range(count):
+                at = constants.state_of(state, error, kind, k)
+                second.constant[row, k] = estimator.constant[row, k] + estimator.x[at]
+                second.constant_sigma[row, k] = estimator.sigma[at]
 
 
 @compiled

@@ -6,20 +6,23 @@ from rrins.dbc.compilation import compiled
 from rrins.dbc.record import Floats
 from rrins.firmware_py.core import earth
 from rrins.firmware_py.core.data_sheet import SCALE_TURN
-from rrins.firmware_py.core.estimator import covariance, transition
+from rrins.firmware_py.core.estimator import constants, covariance, transition
 from rrins.firmware_py.core.estimator_records import (
     ATTITUDE,
     BIASES,
+    DONE,
     HEIGHT,
     LATITUDE,
     LONGITUDE,
+    PRESENT,
+    SENSOR_CONSTANTS,
     VELOCITY,
     Estimator,
 )
 from rrins.firmware_py.core.memory import Fusion, Ins, Ram
 
-PRESENT, DONE = 0, 1
-"""Place of the present second's sums, and of those of the second that is worked on."""
+LEAST_WALK, HOUR_S = 1e-4, 3600.0
+"""Of a constant's sigma, in an hour: P must not become singular."""
 
 _GRAVITY_GRADIENT = 2.0 * earth.GRAVITY_EQUATOR / earth.SEMI_MAJOR_AXIS
 """1/s²: gravity falls with the height. Groves (2nd ed., 2013), (14.64)."""
@@ -47,6 +50,8 @@ def close(estimator: Estimator) -> None:
     """Put the sums of the present second aside, and begin the next."""
     estimator.turned[DONE], estimator.turned[PRESENT] = estimator.turned[PRESENT], 0.0
     estimator.seconds[DONE], estimator.seconds[PRESENT] = estimator.seconds[PRESENT], 0.0
+    if estimator.constants:
+        constants.close(estimator)
     for i in range(3):
         estimator.force_n[DONE, i], estimator.force_n[PRESENT, i] = (
             estimator.force_n[PRESENT, i],
@@ -73,7 +78,7 @@ def fill(state: Ram) -> None:
         ins.height,
         vertical,
     )
-    for i in range(estimator.states):
+    for i in range(BIASES):
         for k in range(estimator.states):
             matrix[i, k] = 1.0 if i == k else 0.0
     for i in range(ATTITUDE + 6):
@@ -98,6 +103,12 @@ def fill(state: Ram) -> None:
             _along(estimator, fusion, k)
             for i in range(BIASES):
                 matrix[i, first + k] = -_input(estimator, i, column)
+            if estimator.constants:
+                for error in range(SENSOR_CONSTANTS):
+                    constants.write_direction(estimator, fusion, kind, error, k)
+                    at = constants.state_of(state, error, kind, k)
+                    for i in range(BIASES):
+                        matrix[i, at] = -_input(estimator, i, column)
 
 
 @compiled
@@ -130,19 +141,20 @@ def _input(estimator: Estimator, state: int, column: int) -> float:
 def propagate_state(estimator: Estimator) -> None:
     """Carry the errors over the second."""
     n, x = estimator.states, estimator.x
-    for i in range(n):
+    for i in range(BIASES):
         total = 0.0
         for k in range(n):
             total += estimator.transition[i, k] * x[k]
         estimator.gain[i] = total
-    for i in range(n):
+    for i in range(BIASES):
         x[i] = estimator.gain[i]
 
 
 @compiled
 def propagate_covariance(estimator: Estimator) -> None:
     """Carry P over the second, without noise."""
-    covariance.propagate(estimator.P, estimator.states, estimator.transition, estimator.work)
+    n, matrix = estimator.states, estimator.transition
+    covariance.propagate_moving(estimator.P, n, BIASES, matrix, estimator.work)
 
 
 @compiled
@@ -162,6 +174,11 @@ def add_noise(state: Ram) -> None:
             variance = estimator.white_variance[kind, k] * dt
             covariance.add_along(P, into, estimator.direction, variance)
             P[first + k, first + k] += estimator.walk_variance[kind, k] * dt
+            if estimator.constants:
+                for error in range(SENSOR_CONSTANTS):
+                    at = constants.state_of(state, error, kind, k)
+                    sigma = LEAST_WALK * estimator.constant_sigma[SENSOR_CONSTANTS * kind + error]
+                    P[at, at] += sigma * sigma * dt / HOUR_S
     if estimator.altimeter:
         at = estimator.altimeter_state
         P[at, at] += estimator.altimeter_walk_variance * dt

@@ -11,9 +11,16 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
 from rrins.firmware_py.core import earth, strapdown
-from rrins.firmware_py.core.calibration import ARCSEC
+from rrins.firmware_py.core.calibration import ARCSEC, transverse
 from rrins.firmware_py.core.data_sheet import FLICKER_S, DataSheet
-from rrins.firmware_py.core.estimator_records import BIASES, NEVER, ODOMETER_STATES
+from rrins.firmware_py.core.estimator.propagation import HOUR_S, LEAST_WALK
+from rrins.firmware_py.core.estimator_records import (
+    BIASES,
+    NEVER,
+    ODOMETER_STATES,
+    SENSOR_CONSTANTS,
+    STATE_CAPACITY,
+)
 from rrins.firmware_py.core.initial_attitude import InitialAttitude
 from rrins.firmware_py.core.memory import Fusion, Ram
 
@@ -21,10 +28,11 @@ _LEAST_LEVEL = 1.0 * ARCSEC
 _LEAST_HEADING = 10.0 * ARCSEC
 """Of a given attitude: less is not to be had from outside."""
 
-_LEAST_WALK = 1e-4
-"""Of a bias' sigma, in an hour: P must not become singular."""
+_LEAST_SLOPE = 1e-7
+"""Of scale factors and installation, where they are states: what they change by as it turns."""
 
-_HOUR_S = 3600.0
+Axes = tuple[tuple[float, float], ...]
+"""Design directions of the input axes, °, as in `rrins.firmware_py.core.settings.Settings`."""
 
 
 class EstimatorSettings(BaseModel):
@@ -33,6 +41,8 @@ class EstimatorSettings(BaseModel):
     Attributes
     ----------
     gyros, accelerometers : DataSheet
+    constants : bool
+        Whether scale factor, asymmetry and installation errors of each sensor are states.
     fine_alignment_s : float
         Length of the fine alignment; 0: none.
     heading_sigma_enough : float
@@ -63,6 +73,7 @@ class EstimatorSettings(BaseModel):
 
     gyros: DataSheet
     accelerometers: DataSheet
+    constants: bool = False
     fine_alignment_s: float = Field(default=0.0, ge=0)
     heading_sigma_enough: float = Field(default=0.0, ge=0)
     zero_velocity_sigma: float = Field(default=0.002, gt=0)
@@ -99,8 +110,13 @@ def take_altimeter(state: Ram) -> None:
         state.estimator.altimeter = True
 
 
-def set_up(state: Ram, settings: EstimatorSettings, rate_hz: int) -> None:
-    """Fill in the estimator of a RAM image whose parameters and sensors are filled in."""
+def set_up(
+    state: Ram, settings: EstimatorSettings, rate_hz: int, axes_deg: tuple[Axes, Axes]
+) -> None:
+    """Fill in the estimator of a RAM image whose parameters and sensors are filled in.
+
+    `axes_deg` are those of gyros and of accelerometers.
+    """
     estimator, parameters = state.estimator, state.parameters
     estimator.enabled = True
     estimator.aligned_epoch = NEVER
@@ -130,8 +146,32 @@ def set_up(state: Ram, settings: EstimatorSettings, rate_hz: int) -> None:
         count = len(sheet.white_noise)
         estimator.white_variance[kind, :count] = np.square(sheet.white_noise)
         walk = np.square(sheet.bias_instability) / FLICKER_S + np.square(sheet.rate_random_walk)
-        estimator.walk_variance[kind, :count] = walk + (_LEAST_WALK * sigma) ** 2 / _HOUR_S
+        estimator.walk_variance[kind, :count] = walk + (LEAST_WALK * sigma) ** 2 / HOUR_S
+    if settings.constants:
+        _set_up_constants(state, settings, axes_deg)
     estimator.attitude_sigma[:] = _attitude_sigma(state, settings)
+
+
+def _set_up_constants(state: Ram, settings: EstimatorSettings, axes_deg: tuple[Axes, Axes]) -> None:
+    """Make scale factors and installation errors states."""
+    estimator = state.estimator
+    estimator.constants = True
+    estimator.constants_state = estimator.states
+    counts = int(state.gyros.count) + int(state.accelerometers.count)
+    estimator.states += SENSOR_CONSTANTS * counts
+    assert estimator.states <= STATE_CAPACITY
+    for kind, sheet in enumerate((settings.gyros, settings.accelerometers)):
+        U, V = transverse(axes_deg[kind])
+        estimator.transverse[kind, : len(U), 0] = U
+        estimator.transverse[kind, : len(V), 1] = V
+        first = SENSOR_CONSTANTS * kind
+        estimator.constant_sigma[first : first + SENSOR_CONSTANTS] = (
+            sheet.scale_sigma,
+            sheet.asymmetry_sigma,
+            sheet.installation_sigma,
+            sheet.installation_sigma,
+        )
+        estimator.slope_variance[kind] = _LEAST_SLOPE**2
 
 
 def _attitude_sigma(state: Ram, settings: EstimatorSettings) -> tuple[float, float, float]:
@@ -148,11 +188,18 @@ def _attitude_sigma(state: Ram, settings: EstimatorSettings) -> tuple[float, flo
     seconds = parameters.alignment_epochs * parameters.period_ns * 1e-9
     gravity = earth.gravity(float(parameters.latitude), float(parameters.height))
     horizontal = earth.RATE * math.cos(parameters.latitude)
-    force = _bias_sigma(settings.accelerometers) * _fused(state.accelerometers)
+    askew, turned = 0.0, 0.0
+    if settings.constants:
+        askew = gravity * settings.accelerometers.installation_sigma
+        turned = earth.RATE * math.hypot(
+            settings.gyros.installation_sigma, settings.gyros.scale_sigma
+        )
+    force = math.hypot(_bias_sigma(settings.accelerometers), askew)
+    force *= _fused(state.accelerometers)
     force_noise = max(settings.accelerometers.white_noise, default=0.0) / math.sqrt(seconds)
     level = max(math.hypot(force, force_noise) / gravity, _LEAST_LEVEL)
     if parameters.initial_attitude != InitialAttitude.SELF_ALIGNED:
         return level, level, _LEAST_HEADING
-    rate = _bias_sigma(settings.gyros) * _fused(state.gyros)
+    rate = math.hypot(_bias_sigma(settings.gyros), turned) * _fused(state.gyros)
     rate_noise = max(settings.gyros.white_noise, default=0.0) / math.sqrt(seconds)
     return level, level, max(math.hypot(rate, rate_noise) / horizontal, _LEAST_HEADING)

@@ -5,13 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rrins.firmware_py.core.calibration import ARCSEC, DPH, UG
+from rrins.firmware_py.core.calibration import ARCSEC, DPH, PPM, UG
 from rrins.firmware_py.core.data_sheet import DataSheet
 from rrins.firmware_py.core.estimator.settings import EstimatorSettings
 from rrins.firmware_py.core.estimator_records import AIDS, ESTIMATOR_HISTORY_S, Aid
 from rrins.firmware_py.core.modes import Mode, ModeRequest
+from rrins.firmware_py.core.settings import OdometerSettings
 from rrins.firmware_py.core.transmit import OUTBOX_CAPACITY
 from rrins.firmware_py.diagnostics import table
+from rrins.firmware_py.diagnostics.estimator_identifiers import CONSTANTS
 
 FINE_S = 4
 
@@ -28,14 +30,22 @@ def sheet(white_noise: float, bias_limit: float) -> DataSheet:
 
 
 SETTINGS = EstimatorSettings(
-    gyros=sheet(1e-6, 10 * DPH), accelerometers=sheet(1e-4, 0.01), fine_alignment_s=FINE_S
+    gyros=sheet(1e-6, 10 * DPH),
+    accelerometers=sheet(1e-4, 0.01),
+    fine_alignment_s=FINE_S,
+    constants=True,
 )
+FITTED = {
+    "odometer": OdometerSettings(interval_s=0.1, metres_per_pulse=0.01),
+    "altimeter": True,
+    "height_channel": "damped",
+}
 
 
 @pytest.fixture(scope="module")
 def bench(tools):
     """A computer in the middle of its fine alignment, and the frames of the last four seconds."""
-    bench = tools.Bench(estimator=SETTINGS)
+    bench = tools.Bench(estimator=SETTINGS, **FITTED)
     bench.run_to(Mode.FINE_ALIGNMENT, ModeRequest.NAVIGATE_STRAPDOWN)
     bench.sent = []
     for _ in range(FINE_S * 200 + 10 * 200):
@@ -103,6 +113,31 @@ def test_sensors_and_sources_come_one_after_another(bench):
     assert sources == [k % AIDS for k in range(len(sources))]
 
 
+def test_every_constant_comes_in_its_turn(bench):
+    sent = values_of(bench, "ESTIMATOR_CONSTANT")
+    found = [(int(one["error"]), int(one["kind"]), int(one["sensor"])) for one in sent]
+    order = [(error, kind, k) for error in range(4) for kind in (0, 1) for k in range(1, 5)]
+    assert found == [order[k % 32] for k in range(len(found))]
+    assert len(found) > 9
+    error, kind, sensor = found[-1]
+    second, row = last(bench), 4 * kind + error
+    sigma = second["constant_sigma"][row, sensor - 1] / PPM
+    assert sent[-1]["sigma"] == pytest.approx(sigma, rel=0.05)
+    assert sigma > 1
+
+
+def test_what_is_found_of_odometer_and_altimeter_is_told(bench):
+    second = last(bench)
+    scale, mounting = (
+        values_of(bench, name)[-1] for name in ("ESTIMATOR_ODOMETER", "ESTIMATOR_MOUNTING")
+    )
+    assert scale["scale_sigma"] == pytest.approx(10_000, rel=1e-3)  # 1 %
+    assert mounting["yaw_sigma"] == mounting["pitch_sigma"] == pytest.approx(1.0)
+    altimeter = values_of(bench, "ESTIMATOR_ALTIMETER")[-1]
+    expected = second["altimeter_bias"], second["altimeter_bias_sigma"]
+    assert (altimeter["bias"], altimeter["bias_sigma"]) == pytest.approx(expected, abs=0.2)
+
+
 def test_what_aids_is_told_while_it_does(bench):
     statuses = values_of(bench, "ESTIMATOR_STATUS")
     standing = 1 << Aid.ZERO_VELOCITY | 1 << Aid.KNOWN_POSITION
@@ -136,3 +171,14 @@ def test_a_tool_reads_them(bench):
     assert read("estimator_gyros")["estimated_bias_dph"] == pytest.approx(second["bias"][0] / DPH)
     sigma = read("estimator_accelerometers")["estimated_bias_sigma_ug"]
     assert sigma == pytest.approx(second["bias_sigma"][1] / UG)
+    aids = read("estimator_aids")
+    assert aids["odometer_scale_sigma_ppm"] == pytest.approx(1e4, rel=1e-3)
+    assert aids["mounting_sigma_deg"] == pytest.approx((1.0, 1.0))
+    assert aids["altimeter_bias_sigma_m"] == pytest.approx(second["altimeter_bias_sigma"])
+    for kind, one in enumerate(("gyro", "accelerometer")):
+        constants = read(f"estimator_{one}_constants")
+        for error, (name, unit) in enumerate(CONSTANTS):
+            row = 4 * kind + error
+            value, sigma = constants[f"{one}_{name}"], constants[f"{one}_{name}_sigma"]
+            assert value == pytest.approx(second["constant"][row] / unit)
+            assert sigma == pytest.approx(second["constant_sigma"][row] / unit)

@@ -133,3 +133,74 @@ def test_a_very_long_run_is_thinned(tmp_path):
     assert list(found["epoch"]) == list(range(0, 2000, 10))
     assert found["bias"].shape == (200, 2, SENSOR_GROUPS)
     assert list(tmp_path.iterdir()) == []
+
+
+SCHEME = [
+    ("outer", 360), ("inner", 90), ("outer", -360), ("inner", 90), ("outer", 360), ("inner", 90),
+    ("outer", -360), ("inner", -270), ("outer", 90), ("inner", 360), ("outer", -180),
+    ("inner", -360), ("outer", 90),
+]  # fmt: skip
+CYCLE_S = sum(abs(angle) / 2 + 10 for _, angle in SCHEME)
+
+
+def askew(seed=3, ppm=50, arcsec=30, **noise):
+    """Return sensors with errors of all kinds."""
+    rng = np.random.default_rng(seed)
+    tables = {}
+    for kind, key, bias in (("gyros", "bias_dph", 0.1), ("accelerometers", "bias_ug", 50)):
+        tables[kind] = {
+            key: list(bias * rng.standard_normal(4)),
+            "scale_error_ppm": list(ppm * rng.standard_normal(4)),
+            "asymmetric_scale_error_ppm": list(ppm / 5 * rng.standard_normal(4)),
+            "installation_u_arcsec": list(arcsec * rng.standard_normal(4)),
+            "installation_v_arcsec": list(arcsec * rng.standard_normal(4)),
+        }
+    return tables
+
+
+@pytest.fixture(scope="module")
+def found():
+    """A round of a scheme that shows every error, and a while of navigation."""
+    return rrins.simulate(
+        "rimu_rotating_aligned",
+        duration_s=600,
+        firmware={"scheme": [{"axis": axis, "angle_deg": angle} for axis, angle in SCHEME]},
+        estimator={"enabled": True, "constants": True, "fine_alignment_s": CYCLE_S},
+        **askew(),
+    )._result
+
+
+def test_with_all_errors_as_states_a_round_of_a_scheme_finds_them(found):
+    worst = found.summary["max_abs_position_error_m"]
+    print(f"\n{worst}")
+    assert np.hypot(worst["east"], worst["north"]) < 10.0
+    sensors = found.summary["estimator"]["sensors"]
+    for kind in sensors.values():
+        asymmetry = kind["constants"]["asymmetric_scale_error_ppm"]
+        off = np.subtract(asymmetry["estimated"], asymmetry["true"])
+        assert np.abs(off).max() < 3.0
+        for name, one in kind["constants"].items():
+            off = np.subtract(one["estimated"], one["true"]) / one["sigma"]
+            assert np.abs(off).max() < 4.0, name
+
+
+def test_what_was_found_of_each_sensor_is_written_beside_the_truth(found, tmp_path):
+    paths = found.write(tmp_path)
+    assert tmp_path / "estimated_sensors.png" in paths
+    with (tmp_path / "estimated_sensors.csv").open() as file:
+        rows = {row["sensor"]: row for row in csv.DictReader(file)}
+    row = rows["gyro 2 scale error"]
+    expected = askew()["gyros"]["scale_error_ppm"][1]
+    assert (row["unit"], float(row["true"])) == ("ppm", pytest.approx(expected, abs=1e-3))
+    row = rows["accelerometer 4 installation v"]
+    expected = askew()["accelerometers"]["installation_v_arcsec"][3]
+    assert (row["unit"], float(row["true"])) == ("arcsec", pytest.approx(expected, abs=1e-3))
+    assert len(rows) == 2 * (5 * 4 + 3)
+
+
+def test_odometer_and_altimeter_are_told_beside_the_truth():
+    summary = rrins.simulate("drive_aided", duration_s=120).summary["estimator"]
+    for name, one in (summary["odometer"] | summary["altimeter"]).items():
+        assert abs(one["estimated"] - one["true"]) < 4 * one["sigma"], name
+    assert summary["odometer"]["scale_ppm"]["true"] == pytest.approx(-1996, abs=1)
+    assert summary["odometer"]["yaw_deg"]["true"] == pytest.approx(0.5, abs=1e-3)

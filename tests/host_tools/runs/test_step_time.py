@@ -82,3 +82,34 @@ def test_neither_filters_nor_repair_make_an_epoch_overrun(costs_us):
     assert len(costs_us["with a repair"]) >= 1
     assert max(costs_us["with a repair"]) < PERIOD_US
     assert max(costs_us["with filters"]) < PERIOD_US
+
+
+ALIGNED_S, LATER_S = 20.0, 40.0
+
+
+def test_with_every_error_of_every_sensor_a_state_too():
+    """49 states, redundancy and GNSS; beside it the filter of biases alone."""
+    for constants in (False, True):
+        estimator = {"enabled": True, "fine_alignment_s": ALIGNED_S, "constants": constants}
+        changes = NOISE | {"gnss": {}, "odometer": {}, "redundancy": {"enabled": True}}
+        scenario = load("drive_rotating", rate_hz=RATE_HZ, estimator=estimator, **changes)
+        firmware = Firmware(firmware_settings(scenario))
+        hardware = Hardware(hardware_settings(scenario))
+        step, took_us = firmware.step_whole, []
+
+        def timed(*frames, step=step, took_us=took_us):
+            begun_ns = time.thread_time_ns()
+            sent = step(*frames)
+            took_us.append((time.thread_time_ns() - begun_ns) / 1000)
+            return sent
+
+        firmware.step_whole = timed
+        count = 0
+        for epoch in range(int(LATER_S * RATE_HZ)):
+            count = exchange_epoch(hardware, firmware, epoch, count)
+        state = firmware.ram[0].estimator
+        assert state.running
+        assert state.states == 9 + 8 + 3 + 1 + 32 * constants
+        median, p99, most = np.percentile(took_us[int(BEGIN_S * RATE_HZ) :], (50, 99, 100))
+        print(f"\nconstants {constants}: {median:.1f}, p99 {p99:.1f}, max {most:.1f} us")
+        assert p99 < 0.5 * PERIOD_US
