@@ -12,6 +12,8 @@ from mcap.reader import make_reader
 from rrins.host_tools.cli.main import rrins
 from rrins.host_tools.dashboard.mcap_file import attitude_quaternion
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def exported(recording, tmp_path_factory):
