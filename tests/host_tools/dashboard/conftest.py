@@ -153,7 +153,7 @@ class Seen:
         self.page.on("pageerror", lambda error: self.complaints.append(str(error)))
         self.page.on("request", lambda request: self.requests.append(request.url))
         self.page.on("websocket", lambda socket: self.requests.append(socket.url))
-        self.page.goto(url)
+        self.page.goto(url, wait_until="commit", timeout=120_000)
 
     def _hear(self, message):
         if message.type in ("error", "warning") and "GPU stall" not in message.text:
