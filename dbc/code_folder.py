@@ -30,6 +30,7 @@ from rrins.dbc.compile_events import heed_signals
 _log = logging.getLogger(__name__)
 
 _ROOMS = ("dbc", "firmware_py/core", "host_tools/hardware", "host_tools/wire")
+_FILES = ("firmware_py/exchange.py",)
 _COMPILER = (numba.__version__, llvmlite.__version__, np.__version__, sys.version)
 _KEPT = 4
 """Folders of former sources to keep, for a return to those sources."""
@@ -54,10 +55,10 @@ def _digest() -> str:
     """Return a digest of the compiler and of the sources of all rooms with compiled code."""
     digest = hashlib.sha256(repr(_COMPILER).encode())
     root = Path(__file__).parent.parent
-    for room in _ROOMS:
-        for path in sorted((root / room).rglob("*.py")):
-            digest.update(str(path.relative_to(root)).encode())
-            digest.update(path.read_bytes())
+    paths = [path for room in _ROOMS for path in sorted((root / room).rglob("*.py"))]
+    for path in (*paths, *(root / file for file in _FILES)):
+        digest.update(str(path.relative_to(root)).encode())
+        digest.update(path.read_bytes())
     return digest.hexdigest()[:16]
 
 

@@ -15,11 +15,12 @@ from typing import Protocol
 import numpy as np
 
 from rrins.dbc.contract import load_contract
+from rrins.dbc.direct import NOTHING, WORDS, Direct
 from rrins.dbc.frame import FrameArray, frame_array
-from rrins.dbc.record import Floats
+from rrins.dbc.record import Floats, Records, Words
+from rrins.firmware_py.core.clock import own_clock_ns
 from rrins.firmware_py.core.modes import Mode
 from rrins.firmware_py.core.settings import Settings, power_on
-from rrins.firmware_py.core.step import firmware_step
 from rrins.firmware_py.core.trace import NavigationTrace
 from rrins.firmware_py.core.transmit import OUTBOX_CAPACITY
 from rrins.firmware_py.diagnostics.fault_memory import CAPACITY as FAULT_CAPACITY
@@ -28,13 +29,14 @@ from rrins.firmware_py.diagnostics.parameter_memory import ParameterMemory
 from rrins.firmware_py.diagnostics.regions import CALIBRATION_CAPACITY
 from rrins.firmware_py.diagnostics.store import Stores, open_stores
 from rrins.firmware_py.diagnostics.writer import ThreadWriter
+from rrins.firmware_py.exchange import Exchange, exchange_record, run_epochs
 
 INBOX_CAPACITY = 4096
 """Frames by which the loop can fall behind without losing any."""
 
-_NAVIGATION_MODES = (int(Mode.NAVIGATION_STRAPDOWN), int(Mode.NAVIGATION_ROTATING))
 _SHUTDOWN = int(Mode.SHUTDOWN)
-_PPM = 1_000_000
+_NO_SOCKET = Direct.zeros()
+_NO_WORDS: Words = np.zeros(0, dtype=np.uint64)
 
 
 class Port(Protocol):
@@ -48,6 +50,12 @@ class Port(Protocol):
 
     def receive(self, into: FrameArray, timeout_ns: int) -> int:
         """Wait for frames for at most `timeout_ns`; return their number."""
+
+    def lend(self, direct: Records[Direct]) -> bool:
+        """Tell compiled code of the other side's socket; return False if it is not to use it."""
+
+    def take_back(self, direct: Records[Direct], words: Words) -> None:
+        """Go on where compiled code has left off."""
 
 
 class Lateness(Protocol):
@@ -93,6 +101,7 @@ class Firmware:
         self.frames_received = 0
         self.frames_sent = 0
         self.sync_id = int(self.contract[0].sync.message.can_id)
+        self._one_epoch = exchange_record()
         # Views into the RAM image: reading one costs less than finding its field each time.
         self._mode = self.ram["modes"]["mode"]
         self._epoch = self.ram["epoch"]
@@ -124,10 +133,26 @@ class Firmware:
         Returns the number of frames in `outbox`, and the index of the first frame of the inbox that
         belongs to a later epoch.
         """
+        self._sync_arrival_ns[0] = sync_arrival_ns
+        sent = self.exchange(inbox, start, count, self._one_epoch, _NO_SOCKET, _NO_WORDS)
+        return sent, int(self._consumed[0])
+
+    def exchange(
+        self,
+        inbox: FrameArray,
+        start: int,
+        count: int,
+        exchange: Records[Exchange],
+        direct: Records[Direct],
+        words: Words,
+    ) -> int:
+        """Run epochs as `run_epochs` does; return how many frames of `outbox` are to be sent.
+
+        `NOTHING` if there are none.
+        """
         if self.diagnostics.reset_due:
             self.diagnostics.restart()
-        self._sync_arrival_ns[0] = sync_arrival_ns
-        sent = firmware_step(
+        run_epochs(
             self.ram,
             self.contract,
             inbox,
@@ -136,15 +161,23 @@ class Firmware:
             self.outbox,
             self.compares,
             self.estimates,
+            self.trace.room,
+            exchange,
+            direct,
+            words,
         )
-        if self._mode.item() in _NAVIGATION_MODES:
-            self.trace.add(self.ram)
-        consumed = int(self._consumed[0])
+        done = exchange[0]
+        self.trace.add(int(done.rows))
+        self.frames_received += int(done.received)
+        self.frames_sent += int(done.sent)
+        sent = int(done.to_send)
+        if sent == NOTHING:
+            return sent
         if self._attention.item() or self.diagnostics.is_awake:
+            consumed = int(self._consumed[0])
             sent = self.diagnostics.run(inbox, start, consumed, self.outbox, sent)
-        self.frames_received += consumed - start
         self.frames_sent += sent
-        return sent, consumed
+        return sent
 
     def close(self) -> None:
         """Switch off, after storing the non-volatile memories."""
@@ -172,11 +205,6 @@ def open_memories(path: Path) -> Stores:
     return open_stores(path, CALIBRATION_CAPACITY, FAULT_CAPACITY)
 
 
-def own_clock_ns(nominal_ns: int, clock_error_ppm: float) -> int:
-    """Return the reading, after `nominal_ns`, of a clock that runs fast by `clock_error_ppm`."""
-    return nominal_ns + nominal_ns * round(clock_error_ppm * 1000) // (1000 * _PPM)
-
-
 def run_lockstep(
     firmware: Firmware,
     port: Port,
@@ -188,14 +216,25 @@ def run_lockstep(
 
     `on_epoch` is called with the epoch whenever that is a multiple of `every`.
     """
-    arrivals = 0
+    exchange = exchange_record(clock_error_ppm, every)
+    state = exchange[0]
+    direct, words = Direct.zeros(), np.zeros(WORDS, dtype=np.uint64)
     while not firmware.is_shut_down:
-        count = port.receive_epoch(firmware.inbox)
-        arrival_ns = own_clock_ns(arrivals * firmware.period_ns, clock_error_ppm)
-        arrivals += 1
-        sent = firmware.step_whole(firmware.inbox, count, arrival_ns)
+        arrivals = int(state.arrivals)
+        sent = NOTHING
+        state.goes_on = not firmware.diagnostics.is_awake and port.lend(direct)
+        if state.goes_on:
+            sent = firmware.exchange(firmware.inbox, 0, NOTHING, exchange, direct, words)
+            port.take_back(direct, words)
+        if state.arrivals == arrivals:
+            count = port.receive_epoch(firmware.inbox)
+            nominal_ns = arrivals * firmware.period_ns
+            arrival_ns = own_clock_ns(nominal_ns, clock_error_ppm)
+            state.arrivals += 1
+            sent = firmware.step_whole(firmware.inbox, count, arrival_ns)
         epoch = firmware.epoch
-        port.send(firmware.outbox, sent, epoch, epoch * firmware.period_ns)
+        if sent != NOTHING:
+            port.send(firmware.outbox, sent, epoch, epoch * firmware.period_ns)
         if on_epoch is not None and epoch % every == 0:
             on_epoch(epoch)
 

@@ -6,7 +6,7 @@ import hashlib
 from collections.abc import Callable
 
 from rrins.dbc.record import Records
-from rrins.firmware_py.core.memory import NavigationOutput, Ram
+from rrins.firmware_py.core.memory import NavigationOutput
 
 _CHUNK = 4096
 
@@ -33,11 +33,15 @@ class NavigationTrace:
         self.epochs = 0
         """Rows added so far."""
 
-    def add(self, ram: Records[Ram]) -> None:
-        """Add the navigation output of a RAM image."""
-        self._rows[self._count] = ram["navigation"][0]
-        self._count += 1
-        self.epochs += 1
+    @property
+    def room(self) -> Records[NavigationOutput]:
+        """Where the next rows are to be written; there is room for one at least."""
+        return self._rows[self._count :]
+
+    def add(self, count: int) -> None:
+        """Add the first rows that were written to `room`, oldest first."""
+        self._count += count
+        self.epochs += count
         if self._count == _CHUNK:
             self.flush()
 

@@ -64,6 +64,9 @@ RECEIVE_OWN: Final = 4
 IN_STEP: Final = 8
 """Flag of a `HELLO`: the bus is to be ahead of the peer by some ten datagrams at most."""
 
+HOST: Final = 0
+"""Node number of the host."""
+
 MAX_DATAGRAM: Final = 65_536
 MAX_FRAMES: Final = (MAX_DATAGRAM - HEADER_SIZE) // FRAME_SIZE
 MAX_FD_FRAMES: Final = (MAX_DATAGRAM - HEADER_SIZE) // FD_FRAME_SIZE
@@ -157,6 +160,11 @@ def _stranger(magic: bytes) -> str:
     if magic.startswith(_NAME) and version.isdigit() and int(version) != VERSION:
         return f"a datagram of version {version.decode()} of the protocol; this is {VERSION}"
     return "a datagram of another program"
+
+
+def first_word(kind: int, flags: int) -> int:
+    """Return the first eight bytes of a header without its count, as a little-endian number."""
+    return MAGIC | kind << 8 * KIND_OFFSET | flags << 8 * FLAGS_OFFSET
 
 
 def put_header(

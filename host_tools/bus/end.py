@@ -33,6 +33,16 @@ class BusEnd(Protocol):
     def receive(self, buffer: bytearray, timeout: float | None) -> int:
         """Receive one datagram into `buffer` and return its size, 0 when the time is over."""
 
+    def direct_ends(self) -> tuple[int, int, int] | None:
+        """Return socket, door and number of the only other end, for compiled code.
+
+        The door is a descriptor that can be read while this end has something else to do; -1 if it
+        never has. None while compiled code is not to exchange datagrams by itself.
+        """
+
+    def go_on(self, left_over: memoryview, time_ns: int) -> None:
+        """Go on after compiled code: with a datagram that it left, and its last batch's time."""
+
     def close(self) -> None:
         """Leave the bus; what was sent still arrives."""
 

@@ -220,6 +220,36 @@ class Hub:
                     return 0
                 wait = _seconds_left(deadline)
 
+    def direct_ends(self) -> tuple[int, int, int] | None:
+        """Return the socket of the only peer, the door and the peer's number, for compiled code.
+
+        None while there are more peers, or something waits.
+        """
+        if self._backlog or self._receive_own:
+            return None
+        return self._relay.direct_ends()
+
+    def go_on(self, left_over: memoryview, time_ns: int) -> None:
+        """Take what compiled code has received and not used as if it had just come.
+
+        Parameters
+        ----------
+        left_over : memoryview
+        time_ns : int
+            Of the last batch that compiled code has sent.
+        """
+        self._served_ns = _now()
+        if time_ns:
+            self._relay.note_time(time_ns)
+        if not left_over:
+            return
+        with self._receive_lock:
+            buffer = self._room()
+            buffer[: len(left_over)] = left_over
+            size = self._relay.take_left_over(buffer, len(left_over))
+            if size:
+                self._keep(memoryview(buffer)[:size])
+
     def serve(self, patience: float) -> None:
         """Relay, without taking part, until the last peer has left.
 

@@ -10,8 +10,10 @@ from collections.abc import Iterable, Sequence
 from typing import Any, Final, Literal
 
 import can
+import numpy as np
 from can.typechecking import AutoDetectedConfig, CanFilters
 
+from rrins.dbc.direct import Direct
 from rrins.dbc.frame import FrameArray, frame_array
 from rrins.host_tools.bus import channel as channels
 from rrins.host_tools.bus import datagram
@@ -418,6 +420,40 @@ class RrinsBus(can.BusABC):
             raise self._translated(error) from error
         finally:
             self._send_lock.release()
+
+    def lend(self, direct: Direct) -> bool:
+        """Tell compiled code of the one other end's socket, for whole epochs without Python.
+
+        Nobody else may use this object until `take_back`. Returns False, and lends nothing, while
+        more than one other end is attached or something waits to be received.
+        """
+        if self._next < self._count or self._unix is not None:
+            return False
+        ends = self._wire.direct_ends()
+        if ends is None:
+            return False
+        direct.fd, direct.door, other = ends
+        direct.opening = np.uint64(datagram.first_word(datagram.FRAMES, datagram.CLOSES_EPOCH))
+        direct.own = np.uint64(self._number)
+        direct.other = np.uint64(other)
+        direct.time_ns = 0
+        direct.left_over = 0
+        return True
+
+    def take_back(self, left_over: memoryview, time_ns: int) -> None:
+        """Go on after compiled code.
+
+        Parameters
+        ----------
+        left_over : memoryview
+            A datagram that it has received and leaves to Python; empty for none.
+        time_ns : int
+            Of the last batch that it has sent; 0 for none.
+        """
+        try:
+            self._wire.go_on(left_over, time_ns)
+        except BusError as error:
+            raise self._translated(error) from error
 
     def require(self, names: Iterable[str]) -> None:
         """Let sending and receiving fail once one of these peers has left; for a host only.

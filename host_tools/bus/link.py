@@ -141,6 +141,22 @@ class Link:
         except OSError as error:
             raise self._why_lost() from error
 
+    def direct_ends(self) -> tuple[int, int, int] | None:
+        """Return the socket for compiled code, no door, and the host's number.
+
+        None while something waits to be received.
+        """
+        if self._backlog or self._end_reason or self._is_closed:
+            return None
+        return self._end.fileno(), -1, datagram.HOST
+
+    def go_on(self, left_over: memoryview, time_ns: int) -> None:
+        """Keep a datagram that compiled code has received and not used."""
+        data = bytes(left_over)
+        if data and not self._is_end(bytearray(data), len(data)):
+            self._backlog.append(data)
+            self._backlog_bytes += len(data)
+
     def _send_slowly(self, view: memoryview, timeout: float | None) -> None:
         """Wait for room, and receive meanwhile: two nodes that both send would never get any."""
         deadline = None if timeout is None else _now() + int(timeout * 1e9)

@@ -15,9 +15,12 @@ from typing import Any, Literal
 import can
 import numpy as np
 
+from rrins.dbc import direct as direct_exchange
 from rrins.dbc.contract import load_contract
+from rrins.dbc.direct import Direct
 from rrins.dbc.e2e import fill
 from rrins.dbc.frame import EFF_FLAG, ERR_FLAG, RTR_FLAG, Frame, FrameArray, frame_array
+from rrins.dbc.record import Records, Words
 from rrins.host_tools.bus.batch import Batch
 from rrins.host_tools.bus.channel import NoHostError
 from rrins.host_tools.bus.guard import BusSummary
@@ -202,6 +205,25 @@ class BatchPort:
         """Wait up to `timeout_ns` for frames; return the number received, possibly 0."""
         batch = self._receive(into, timeout_ns * 1e-9)
         return 0 if batch is None else batch.count
+
+    def lend(self, direct: Records[Direct]) -> bool:
+        """Tell compiled code of the other side's socket.
+
+        Returns False while it is not to use it: somebody else is on the bus, or something waits.
+        """
+        return direct_exchange.AVAILABLE and self._bus.lend(direct[0])
+
+    def take_back(self, direct: Records[Direct], words: Words) -> None:
+        """Go on where compiled code has left off.
+
+        Parameters
+        ----------
+        direct : Records[Direct]
+        words : array
+            Begins with what compiled code has received and not used.
+        """
+        lent = direct[0]
+        self._bus.take_back(words.view(np.uint8).data[: int(lent.left_over)], int(lent.time_ns))
 
     def dismiss(self) -> None:
         """Allow the other side to leave; do not treat it as a fault."""
@@ -391,6 +413,13 @@ class MessagePort:
                 break
             message = self._receive(0.0)
         return count
+
+    def lend(self, direct: Records[Direct]) -> bool:
+        """Return False: every frame goes through python-can."""
+        return False
+
+    def take_back(self, direct: Records[Direct], words: Words) -> None:
+        """Do nothing: nothing is lent."""
 
     def dismiss(self) -> None:
         """Do nothing: such a bus does not notice when a side leaves."""

@@ -214,6 +214,34 @@ class Relay:
         if not size:
             self._drop(peer, "has disappeared")
             return 0
+        return self._pass_on(peer, buffer, size, is_third)
+
+    def direct_ends(self) -> tuple[int, int, int] | None:
+        """Return the socket of the only peer, the door and the peer's number, for compiled code.
+
+        None while there is no single peer, or something waits for it. The peer must be a side: what
+        it sends is not looked at.
+        """
+        if len(self.receivers) != 1 or self.lost or self.stuck or not self.origin_ns:
+            return None
+        peer = self.receivers[0]
+        if peer.info.name not in SIDES or peer.receive_own or peer.queue:
+            return None
+        return peer.fd, self._always.fileno(), peer.number
+
+    def note_time(self, time_ns: int) -> None:
+        """Take note of the time of the host's last batch, which compiled code has sent."""
+        with self.lock:
+            self._bus_time = time_ns
+            self._timekeeper = None
+
+    def take_left_over(self, buffer: bytearray, size: int) -> int:
+        """Relay a datagram of the only peer that compiled code has received; return its size."""
+        with self.lock:
+            return self._pass_on(self.receivers[0], buffer, size, is_third=False)
+
+    def _pass_on(self, peer: Peer, buffer: bytearray, size: int, is_third: bool) -> int:
+        """Relay a datagram of a peer, if it may; return the size of what is left of it."""
         try:
             kind, flags, count, sender, _, time_ns = datagram.parse(buffer, size)
             if kind == datagram.BYE:

@@ -179,6 +179,11 @@ class HardwareFaultServer(FaultServer):
             changes += [at for at in (first, last + 1) if at > epoch and first <= last]
         return min(changes)
 
+    @property
+    def report_epoch(self) -> int:
+        """The first epoch in which `report` has something to say."""
+        return 0 if self._answers else self._due
+
     def report(self, epoch: int, frames: FrameArray, count: int) -> int:
         """Append a report to the first `count` frames of an epoch, if one is due.
 

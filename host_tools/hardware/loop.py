@@ -10,19 +10,25 @@ import time
 from collections.abc import Callable
 from typing import Protocol, cast
 
+import numpy as np
+
 from rrins.dbc.contract import load_contract
+from rrins.dbc.direct import NOTHING, WORDS, Direct
 from rrins.dbc.frame import FrameArray, frame_array
-from rrins.dbc.record import Records
+from rrins.dbc.record import Records, Words
+from rrins.host_tools.hardware.exchange import Exchange, run_epochs
 from rrins.host_tools.hardware.fault_server import REPORT_CAPACITY, HardwareFaultServer
 from rrins.host_tools.hardware.memory import Truth
 from rrins.host_tools.hardware.settings import Settings, pieces_of, power_on
-from rrins.host_tools.hardware.step import OUTBOX_CAPACITY, hardware_step
+from rrins.host_tools.hardware.step import OUTBOX_CAPACITY
 
 INBOX_CAPACITY = 4096
 """Most frames received within one epoch."""
 
 _FAREWELL_NS = 3_000_000_000  # for late last epochs of the firmware
 _START_DELAY_NS = 50_000_000  # so that all is settled when the first epoch is due
+_NO_SOCKET = Direct.zeros()
+_NO_WORDS: Words = np.zeros(0, dtype=np.uint64)
 
 
 class Port(Protocol):
@@ -43,9 +49,19 @@ class Port(Protocol):
     def has_other(self) -> bool:
         """Return whether the other side is known to be still connected."""
 
+    def lend(self, direct: Records[Direct]) -> bool:
+        """Tell compiled code of the other side's socket; return False if it is not to use it."""
+
+    def take_back(self, direct: Records[Direct], words: Words) -> None:
+        """Go on where compiled code has left off."""
+
 
 class FrameFilter(Protocol):
     """Filter on the frames between the two sides, such as the wire model."""
+
+    @property
+    def is_clear(self) -> bool:
+        """Whether all frames pass as they are until the other side asks for something else."""
 
     def up(self, frames: FrameArray, count: int, epoch: int) -> tuple[FrameArray, int]:
         """Return what the firmware gets, given what the hardware sends in an epoch."""
@@ -89,10 +105,27 @@ class Hardware:
         self.period_ns = int(self.plant[0].period_ns)
         self.frames_received = 0
         self.frames_sent = 0
+        self._one_epoch = Exchange.zeros()
 
     def step(self, inbox: FrameArray, count: int) -> int:
         """Run one epoch on the first `count` frames; return the number in `outbox`."""
-        return hardware_step(self.plant, self.pieces, self.contract, inbox, count, self.outbox)
+        self._one_epoch[0].count = count
+        self.exchange(inbox, self._one_epoch, _NO_SOCKET, _NO_WORDS)
+        return int(self._one_epoch[0].to_send)
+
+    def exchange(
+        self,
+        inbox: FrameArray,
+        exchange: Records[Exchange],
+        direct: Records[Direct],
+        words: Words,
+    ) -> None:
+        """Run epochs as `run_epochs` does."""
+        run_epochs(
+            self.plant, self.pieces, self.contract, inbox, self.outbox, exchange, direct, words
+        )
+        self.frames_received += int(exchange[0].received)
+        self.frames_sent += int(exchange[0].sent)
 
     def open_epoch(self, epoch: int, frames: FrameArray, count: int) -> tuple[FrameArray, int]:
         """Run an epoch on the frames of the previous one; return the frames for the firmware.
@@ -101,14 +134,51 @@ class Hardware:
         """
         self.fault_server.receive(frames, count)
         if self.wire is None:
-            passed, sent = self.outbox, self.step(frames, count)
-        else:
-            if epoch > 0:
-                frames, count = self.wire.down(frames, count, epoch - 1)
-            passed, sent = self.wire.up(self.outbox, self.step(frames, count), epoch)
-        sent = self.fault_server.report(epoch, passed, sent)
-        self.frames_sent += sent
-        return passed, sent
+            return self.outbox, self._report(epoch, self.outbox, self.step(frames, count))
+        if epoch > 0:
+            frames, count = self.wire.down(frames, count, epoch - 1)
+        passed, sent = self.wire.up(self.outbox, self.step(frames, count), epoch)
+        return passed, self._report(epoch, passed, sent)
+
+    def _report(self, epoch: int, frames: FrameArray, count: int) -> int:
+        """Append a report of faults if one is due; return the frames that are to be sent."""
+        count = self.fault_server.report(epoch, frames, count)
+        self.frames_sent += count
+        return count
+
+    @property
+    def epoch(self) -> int:
+        """The next epoch."""
+        return int(self.plant[0].epoch)
+
+    @property
+    def is_undisturbed(self) -> bool:
+        """Whether all frames pass as they are."""
+        return self.wire is None or self.wire.is_clear
+
+    def open_alone(
+        self,
+        exchange: Records[Exchange],
+        direct: Records[Direct],
+        words: Words,
+        count: int,
+        awaits: bool,
+    ) -> int:
+        """Run epochs with the firmware as long as nothing asks for Python.
+
+        Begins with `count` frames in the inbox, or awaits them. Returns the number of frames of
+        `outbox` that are to be sent; `NOTHING` if there are none.
+        """
+        state = exchange[0]
+        state.goes_on = True
+        state.count = count
+        state.awaits = awaits
+        state.report_epoch = self.fault_server.report_epoch
+        self.exchange(self.inbox, exchange, direct, words)
+        sent = int(state.to_send)
+        if sent == NOTHING:
+            return sent
+        return self._report(self.epoch - 1, self.outbox, sent)
 
 
 def _wait_until(deadline_ns: int) -> None:
@@ -132,18 +202,37 @@ def run_lockstep(
     place of `speed`: it is called with each epoch and returns when that is due.
     """
     start_ns = time.monotonic_ns()
-    count = 0
-    for epoch in range(epochs):
-        if wait_for is not None:
-            wait_for(epoch)
-        elif speed is not None:
-            _wait_until(start_ns + round(epoch * hardware.period_ns / speed))
-        frames, sent = hardware.open_epoch(epoch, hardware.inbox, count)
-        port.send(frames, sent, epoch, epoch * hardware.period_ns)
-        if on_epoch is not None and epoch % every == 0:
-            on_epoch(epoch)
+    exchange, direct, words = Exchange.zeros(), Direct.zeros(), np.zeros(WORDS, dtype=np.uint64)
+    exchange[0].epochs = epochs
+    exchange[0].every = every
+    is_free = speed is None and wait_for is None
+    epoch, count, awaits = 0, 0, False
+    while epoch < epochs or awaits:
+        if is_free and hardware.is_undisturbed and port.lend(direct):
+            before = epoch, awaits
+            sent = hardware.open_alone(exchange, direct, words, count, awaits)
+            port.take_back(direct, words)
+            epoch, count, awaits = hardware.epoch, int(exchange[0].count), bool(exchange[0].awaits)
+            if before != (epoch, awaits):
+                if sent != NOTHING:
+                    port.send(hardware.outbox, sent, epoch - 1, (epoch - 1) * hardware.period_ns)
+                    awaits = True
+                if on_epoch is not None and awaits and (epoch - 1) % every == 0:
+                    on_epoch(epoch - 1)
+                continue
+        if not awaits:
+            if wait_for is not None:
+                wait_for(epoch)
+            elif speed is not None:
+                _wait_until(start_ns + round(epoch * hardware.period_ns / speed))
+            frames, sent = hardware.open_epoch(epoch, hardware.inbox, count)
+            port.send(frames, sent, epoch, epoch * hardware.period_ns)
+            if on_epoch is not None and epoch % every == 0:
+                on_epoch(epoch)
+            epoch += 1
         count = port.receive_epoch(hardware.inbox)
         hardware.frames_received += count
+        awaits = False
 
 
 def run_realtime(

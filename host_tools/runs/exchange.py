@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from rrins.dbc.frame import FrameArray
-from rrins.firmware_py.loop import Firmware, own_clock_ns
+from rrins.firmware_py.core.clock import own_clock_ns
+from rrins.firmware_py.loop import Firmware
 from rrins.host_tools.hardware.loop import Hardware
 
 

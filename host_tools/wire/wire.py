@@ -110,6 +110,11 @@ class Wire:
         """Whether frames pass as they are: no timing, and no fault now or to come."""
         return self._model is None and self.faults.is_idle()
 
+    @property
+    def is_clear(self) -> bool:
+        """Whether all frames pass as they are until a fault is put in."""
+        return self.is_ideal and not self.fault_server.is_awake
+
     def up(self, frames: FrameArray, count: int, epoch: int) -> tuple[FrameArray, int]:
         """Return the frames that the firmware receives in an epoch, given the hardware's."""
         acts = self.faults.acts(epoch)

@@ -1,0 +1,130 @@
+"""Batches of frames to and from a socket, in compiled code.
+
+While only the two sides are on the embedded bus, a side need not ask Python for every epoch: its
+compiled shell exchanges datagrams with the other one's socket. What else may come, a guest or a
+word of the host, is left to Python. A datagram is a header of four 64-bit words, as
+`rrins.host_tools.bus.datagram` lays it out, and two words for each frame.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+import numpy as np
+from numba import config
+from numba.core import types
+
+from rrins.dbc.compilation import compiled
+from rrins.dbc.frame import FrameArray
+from rrins.dbc.record import I8, U8, Record, Words
+
+AVAILABLE = not config.DISABLE_JIT  # type: ignore[attr-defined]
+"""Whether code is compiled, and so can call the kernel."""
+
+WORDS = 8193
+"""Room for the longest datagram, and for a byte that gives away a longer one."""
+
+NOTHING = -1
+"""What `receive` returns when Python is to see to it."""
+
+_HEADER_WORDS = 4
+_COUNT_BIT = np.uint64(48)
+_LENGTH_BIT = np.uint64(32)
+_LOW = np.uint64(0xFFFF_FFFF)
+_LONGEST = np.uint64(8)
+
+_PATIENCE_MS = 200
+"""After which Python may look for a signal that came just before the wait."""
+
+_POLLIN = 1
+_EVENTS_BIT, _REVENTS_BIT = 32, 48  # of struct pollfd, as one word
+_MSG_DONTWAIT, _MSG_NOSIGNAL = 0x40, 0x4000
+
+_poll: Any = types.ExternalFunction("poll", types.int32(types.uintp, types.uint64, types.int32))
+_recv: Any = types.ExternalFunction(
+    "recv", types.intp(types.int32, types.uintp, types.uintp, types.int32)
+)
+_send: Any = types.ExternalFunction(
+    "send", types.intp(types.int32, types.uintp, types.uintp, types.int32)
+)
+
+
+class Direct(Record):
+    """The other side's socket, and what a datagram to it says."""
+
+    fd: I8
+    door: I8  #: descriptor that is readable while the host of the bus has something to do; or -1
+    opening: U8  #: first word of the header of a batch without frames that closes an epoch
+    own: U8  #: second word of a datagram sent: the node number
+    other: U8  #: the same of a datagram received
+    time_ns: I8  #: of the last batch sent
+    left_over: I8  #: bytes of a datagram that was received and is not such a batch; 0: none
+    polled: Annotated[Words, 2]  #: scratch
+
+
+@compiled
+def send(
+    direct: Direct, words: Words, frames: FrameArray, count: int, epoch: int, time_ns: int
+) -> bool:
+    """Send the first `count` frames, which close an epoch; return whether the socket took them.
+
+    Parameters
+    ----------
+    direct : Direct
+    words : array, shape (WORDS,)
+        Scratch.
+    frames : FrameArray
+    count, epoch, time_ns : int
+    """
+    words[0] = direct.opening | np.uint64(count) << _COUNT_BIT
+    words[1] = direct.own
+    words[2] = np.uint64(epoch)
+    words[3] = np.uint64(time_ns)
+    for k in range(count):
+        frame, at = frames[k], _HEADER_WORDS + 2 * k
+        words[at] = np.uint64(frame.can_id) | np.uint64(frame.length) << _LENGTH_BIT
+        words[at + 1] = frame["data"]
+    direct.time_ns = time_ns
+    size = 8 * (_HEADER_WORDS + 2 * count)
+    return bool(_send(direct.fd, words.ctypes.data, size, _MSG_DONTWAIT | _MSG_NOSIGNAL) == size)
+
+
+@compiled
+def receive(direct: Direct, words: Words, frames: FrameArray) -> int:
+    """Wait for a batch that closes an epoch; return the number of its frames, or `NOTHING`.
+
+    With `NOTHING` Python is to receive next, and to begin with what is left over.
+
+    Parameters
+    ----------
+    direct : Direct
+    words : array, shape (WORDS,)
+        Holds what is left over.
+    frames : FrameArray
+        Takes the frames.
+    """
+    polled = direct.polled
+    polled[0] = np.uint64(direct.fd) | np.uint64(_POLLIN << _EVENTS_BIT)
+    polled[1] = np.uint64(direct.door & 0xFFFF_FFFF) | np.uint64(_POLLIN << _EVENTS_BIT)
+    if _poll(polled.ctypes.data, 2, _PATIENCE_MS) < 1 or polled[1] >> _REVENTS_BIT != 0:
+        return NOTHING
+    size = _recv(direct.fd, words.ctypes.data, words.size * 8 - 7, _MSG_DONTWAIT)
+    if size <= 0:
+        return NOTHING
+    direct.left_over = size
+    count = (size // 8 - _HEADER_WORDS) // 2
+    is_whole = size == 8 * (_HEADER_WORDS + 2 * count) and 0 <= count <= len(frames)
+    if not is_whole or words[0] != direct.opening | np.uint64(count) << _COUNT_BIT:
+        return NOTHING
+    if words[1] != direct.other:
+        return NOTHING
+    for k in range(count):
+        frame, at = frames[k], _HEADER_WORDS + 2 * k
+        length = words[at] >> _LENGTH_BIT & np.uint64(0xFF)
+        if length > _LONGEST:
+            return NOTHING
+        frame.can_id = words[at] & _LOW
+        frame.length = length
+        frame["data"] = words[at + 1]
+    direct.left_over = 0
+    return count
