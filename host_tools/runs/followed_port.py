@@ -10,7 +10,9 @@ from typing import Final
 
 import can
 
+from rrins.dbc.direct import Direct
 from rrins.dbc.frame import FrameArray
+from rrins.dbc.record import Records
 from rrins.host_tools.bus.batch import Batch
 from rrins.host_tools.bus.port import Address, BatchPort, MessagePort
 from rrins.host_tools.errors import SideLostError
@@ -139,6 +141,10 @@ class FollowedBatchPort(BatchPort):
         except SideLostError as error:
             raise self._watch.stays_away(error) from error
         self._watch.begin()
+
+    def lend(self, direct: Records[Direct]) -> bool:
+        """Return False: all that the program sends is looked at."""
+        return False
 
     def send(self, frames: FrameArray, count: int, epoch: int, time_ns: int) -> None:
         """Send an epoch's frames and close the epoch."""
