@@ -45,7 +45,6 @@ class Progress:
         Chunks that were run again as their worker was gone.
     values : array of float
         The figure that is watched, of the runs of now that came to their end.
-    wall_s : float
     """
 
     planned: int
@@ -58,7 +57,7 @@ class Progress:
 
     @property
     def wall_s(self) -> float:
-        """Since its beginning."""
+        """Seconds since its beginning."""
         return time.monotonic() - self.begin
 
     @property

@@ -34,34 +34,29 @@ def _still_navigates(bench: Bench) -> None:
     assert abs(north) < _LIMIT_M, f"{north:.3g} m off to the north"
 
 
+def _not_used(subject: Subject, counter: str, fault: str, **how: float) -> None:
+    """Check that frames with a fault count as lost, and in a counter."""
+    bench = subject.navigating()
+    before = _counter(bench, counter)
+    bench.inject(fault, message=_SENSOR, **how)
+    _lost(bench, 4)
+    assert _counter(bench, counter) > before, f"{counter} does not count them"
+    _still_navigates(bench)
+
+
 def wrong_crc(subject: Subject) -> None:
     """Frames whose CRC does not hold."""
-    bench = subject.navigating()
-    before = _counter(bench, "crc_errors")
-    bench.inject("corrupt", message=_SENSOR)
-    _lost(bench, 4)
-    assert _counter(bench, "crc_errors") > before, "crc_errors does not count them"
-    _still_navigates(bench)
+    _not_used(subject, "crc_errors", "corrupt")
 
 
 def late_frames(subject: Subject) -> None:
     """Frames that come an epoch late, with the counter of their own epoch."""
-    bench = subject.navigating()
-    before = _counter(bench, "counter_errors")
-    bench.inject("delay", message=_SENSOR, delay_s=0.005)
-    _lost(bench, 4)
-    assert _counter(bench, "counter_errors") > before, "counter_errors does not count them"
-    _still_navigates(bench)
+    _not_used(subject, "counter_errors", "delay", delay_s=0.005)
 
 
 def stale_counter(subject: Subject) -> None:
     """Frames that repeat the counter and contents of an earlier epoch."""
-    bench = subject.navigating()
-    before = _counter(bench, "counter_errors")
-    bench.inject("stale", message=_SENSOR)
-    _lost(bench, 4)
-    assert _counter(bench, "counter_errors") > before, "counter_errors does not count them"
-    _still_navigates(bench)
+    _not_used(subject, "counter_errors", "stale")
 
 
 def repeated_frames(subject: Subject) -> None:
