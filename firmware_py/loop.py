@@ -133,6 +133,7 @@ class Firmware:
         Returns the number of frames in `outbox`, and the index of the first frame of the inbox that
         belongs to a later epoch.
         """
+        self._restart_if_due()
         self._sync_arrival_ns[0] = sync_arrival_ns
         sent = self.exchange(inbox, start, count, self._one_epoch, _NO_SOCKET, _NO_WORDS)
         return sent, int(self._consumed[0])
@@ -150,8 +151,7 @@ class Firmware:
 
         `NOTHING` if there are none.
         """
-        if self.diagnostics.reset_due:
-            self.diagnostics.restart()
+        self._restart_if_due()
         run_epochs(
             self.ram,
             self.contract,
@@ -178,6 +178,10 @@ class Firmware:
             sent = self.diagnostics.run(inbox, start, consumed, self.outbox, sent)
         self.frames_sent += sent
         return sent
+
+    def _restart_if_due(self) -> None:
+        if self.diagnostics.reset_due:
+            self.diagnostics.restart()
 
     def close(self) -> None:
         """Switch off, after storing the non-volatile memories."""

@@ -21,7 +21,7 @@ from typing import Final
 from rrins.host_tools.bus.channel import HostedError
 from rrins.host_tools.bus.datagram import receive_buffer
 from rrins.host_tools.bus.end import BusTimeoutError
-from rrins.host_tools.bus.guard import BusSummary
+from rrins.host_tools.bus.guard import SIDES, BusSummary
 from rrins.host_tools.bus.peer import PeerInfo, check_name
 from rrins.host_tools.bus.relay import TIMED_OUT, Relay
 from rrins.host_tools.errors import BusError
@@ -223,11 +223,17 @@ class Hub:
     def direct_ends(self) -> tuple[int, int, int] | None:
         """Return the socket of the only peer, the door and the peer's number, for compiled code.
 
-        None while there are more peers, or something waits.
+        None while there are more peers, or something waits. The peer must be a side: what it sends
+        is not looked at.
         """
-        if self._backlog or self._receive_own:
+        relay = self._relay
+        if self._backlog or self._receive_own or len(relay.receivers) != 1:
             return None
-        return self._relay.direct_ends()
+        peer = relay.receivers[0]
+        is_free = not (relay.lost or relay.stuck or peer.queue or peer.receive_own)
+        if not is_free or not relay.origin_ns or peer.info.name not in SIDES:
+            return None
+        return peer.fd, relay.door, peer.number
 
     def go_on(self, left_over: memoryview, time_ns: int) -> None:
         """Take what compiled code has received and not used as if it had just come.
@@ -249,6 +255,20 @@ class Hub:
             size = self._relay.take_left_over(buffer, len(left_over))
             if size:
                 self._keep(memoryview(buffer)[:size])
+
+    def rest(self, seconds: float) -> None:
+        """Serve the channel for some time; what arrives is kept for `receive`.
+
+        Raises
+        ------
+        BusError
+            If the hub is closed, or a required peer has left.
+        """
+        deadline = _deadline(seconds)
+        with self._receive_lock:
+            while left := _seconds_left(deadline):
+                self._relay.check()
+                self._drive(left)
 
     def serve(self, patience: float) -> None:
         """Relay, without taking part, until the last peer has left.

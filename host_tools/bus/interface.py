@@ -6,7 +6,7 @@ import logging
 import os
 import threading
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import Any, Final, Literal
 
 import can
@@ -19,11 +19,11 @@ from rrins.host_tools.bus import channel as channels
 from rrins.host_tools.bus import datagram
 from rrins.host_tools.bus.batch import Batch, bytes_of
 from rrins.host_tools.bus.end import BusEnd, BusTimeoutError
-from rrins.host_tools.bus.guard import NOTHING_REFUSED, BusSummary, Refused
+from rrins.host_tools.bus.guard import NOTHING_REFUSED, Refused
+from rrins.host_tools.bus.hosting import Hosting
 from rrins.host_tools.bus.hub import Hub
 from rrins.host_tools.bus.launch import attach
 from rrins.host_tools.bus.message import get_message, put_message
-from rrins.host_tools.bus.peer import PeerInfo
 from rrins.host_tools.bus.unix_time import UnixTime
 from rrins.host_tools.errors import BusError
 
@@ -39,7 +39,7 @@ ANSWER_S = 10.0
 """Seconds within which a host must answer a new peer."""
 
 
-class RrinsBus(can.BusABC):
+class RrinsBus(Hosting, can.BusABC):
     """One end of an embedded virtual CAN bus between the processes of one machine.
 
     The bus is ordered and lossless. A `node` that does not receive stops it after some thousand
@@ -374,34 +374,6 @@ class RrinsBus(can.BusABC):
     def _detect_available_configs() -> Sequence[AutoDetectedConfig]:
         return [{"interface": "rrins", "channel": name} for name in channels.detect()]
 
-    @property
-    def peers(self) -> tuple[PeerInfo, ...]:
-        """Names, processes and roles of the attached peers; for a host only."""
-        return self._hosted().peers
-
-    def wait_for(self, name: str, timeout: float | None = None) -> PeerInfo:
-        """Serve the channel until a peer of that name is attached; for a host only.
-
-        What arrives meanwhile is received afterwards.
-
-        Raises
-        ------
-        can.CanTimeoutError
-            If no peer of that name has attached within `timeout` seconds.
-        """
-        try:
-            return self._hosted().wait_for(name, timeout)
-        except BusError as error:
-            raise self._translated(error) from error
-
-    def statistics(self) -> BusSummary:
-        """Return what the host did not let through, and from whom; for a host only."""
-        return self._hosted().statistics()
-
-    def limit_others(self) -> None:
-        """Hold third parties to their share of frames before the first epoch, too; for a host."""
-        self._hosted().limit_others()
-
     def ask_refused(self, timeout: float | None = None) -> None:
         """Ask the host how many frames it has refused; `refused` has the answer, once received.
 
@@ -454,29 +426,6 @@ class RrinsBus(can.BusABC):
             self._wire.go_on(left_over, time_ns)
         except BusError as error:
             raise self._translated(error) from error
-
-    def require(self, names: Iterable[str]) -> None:
-        """Let sending and receiving fail once one of these peers has left; for a host only.
-
-        Replaces what was required before, and forgives what was lost.
-
-        Raises
-        ------
-        can.CanOperationError
-            If one of them is not attached now; later it names the one that has left.
-        """
-        try:
-            self._hosted().require(names)
-        except BusError as error:
-            raise can.CanOperationError(str(error)) from error
-        self._is_lost = False
-
-    def _hosted(self) -> Hub:
-        if self._hub is None:
-            raise can.CanOperationError(
-                f"only the host of channel {self.channel!r} sees its peers: process {self.host_pid}"
-            )
-        return self._hub
 
     def _begin_send(self, timeout: float | None) -> None:
         if not self._send_lock.acquire(timeout=-1 if timeout is None else max(0.0, timeout)):

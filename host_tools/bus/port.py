@@ -225,6 +225,16 @@ class BatchPort:
         lent = direct[0]
         self._bus.take_back(words.view(np.uint8).data[: int(lent.left_over)], int(lent.time_ns))
 
+    def rest(self, seconds: float) -> None:
+        """Wait, and serve the bus meanwhile if this side hosts it."""
+        if not self._is_host:
+            time.sleep(seconds)
+            return
+        try:
+            self._bus.rest(seconds)
+        except can.CanError as error:
+            raise self._closed(error) from error
+
     def dismiss(self) -> None:
         """Allow the other side to leave; do not treat it as a fault."""
         if self._is_host:
@@ -420,6 +430,10 @@ class MessagePort:
 
     def take_back(self, direct: Records[Direct], words: Words) -> None:
         """Do nothing: nothing is lent."""
+
+    def rest(self, seconds: float) -> None:
+        """Wait."""
+        time.sleep(seconds)
 
     def dismiss(self) -> None:
         """Do nothing: such a bus does not notice when a side leaves."""

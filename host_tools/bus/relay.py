@@ -216,18 +216,10 @@ class Relay:
             return 0
         return self._pass_on(peer, buffer, size, is_third)
 
-    def direct_ends(self) -> tuple[int, int, int] | None:
-        """Return the socket of the only peer, the door and the peer's number, for compiled code.
-
-        None while there is no single peer, or something waits for it. The peer must be a side: what
-        it sends is not looked at.
-        """
-        if len(self.receivers) != 1 or self.lost or self.stuck or not self.origin_ns:
-            return None
-        peer = self.receivers[0]
-        if peer.info.name not in SIDES or peer.receive_own or peer.queue:
-            return None
-        return peer.fd, self._always.fileno(), peer.number
+    @property
+    def door(self) -> int:
+        """Descriptor that is readable while something may be served besides a peer's datagram."""
+        return self._always.fileno()
 
     def note_time(self, time_ns: int) -> None:
         """Take note of the time of the host's last batch, which compiled code has sent."""

@@ -129,7 +129,7 @@ def run_hardware(job: Job) -> JsonObject:
             wait_for = None
             if job.steer is not None:
                 wait_for = notices.enter_context(
-                    SteeredPace(job.steer, scenario.period_ns)
+                    SteeredPace(job.steer, scenario.period_ns, rest=port.rest)
                 ).wait_for
             run_hardware_lockstep(hardware, port, epochs, job.speed, every, on_epoch, wait_for)
     finally:

@@ -101,7 +101,7 @@ def scenario(tmp_path_factory):
     return path
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="package")
 def rehearsal(scenario):
     """Return a dashboard that rehearses; tests may share it, and leave it running."""
     with _serving(scenario, "--speed", "10") as served:

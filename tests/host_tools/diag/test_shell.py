@@ -86,6 +86,8 @@ def test_identifiers_routines_and_fields_are_completed():
     assert completions("did", "write", "alignment", "method=") == [
         "method=GIVEN",
         "method=SELF_ALIGNED",
+        "method=SELF_ALIGNED_SWAYING",
+        "method=SELF_ALIGNED_MOVING",
     ]
     assert completions("routine", "start", "al") == ["alignment"]
     assert completions("routine", "start", "go_to_axis_angle", "axis=") == [

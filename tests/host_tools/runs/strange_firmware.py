@@ -13,7 +13,7 @@ import sys
 import time
 
 HEADER = struct.Struct("<4sBBHIIQq")
-HELLO, FRAMES, EXCLUSIVE, CLOSES = 1, 5, 2, 1
+HELLO, BYE, FRAMES, EXCLUSIVE, CLOSES = 1, 4, 5, 2, 1
 AXES = (0x020, 0x021)
 
 
@@ -44,7 +44,13 @@ def answer(epochs: int) -> tuple[socket.socket, int]:
     """Close so many epochs with frames that are no use."""
     end, number = attach()
     for _ in range(epochs):
-        _, _, _, _, _, _, epoch, time_ns = HEADER.unpack_from(end.recv(65537))
+        try:
+            batch = end.recv(65537)
+        except ConnectionResetError:
+            batch = b""
+        if not batch or batch[4] == BYE:
+            sys.exit(0)
+        _, _, _, _, _, _, epoch, time_ns = HEADER.unpack_from(batch)
         end.send(HEADER.pack(b"RRB1", FRAMES, CLOSES, 2, number, 0, epoch, time_ns) + frames(epoch))
     return end, number
 
