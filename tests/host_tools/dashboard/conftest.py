@@ -101,9 +101,9 @@ def scenario(tmp_path_factory):
     return path
 
 
-@pytest.fixture(scope="package")
+@pytest.fixture(scope="module")
 def rehearsal(scenario):
-    """Return a dashboard that rehearses; tests may share it, and leave it running."""
+    """Return a dashboard that rehearses for ten minutes; the tests of a file share it."""
     with _serving(scenario, "--speed", "10") as served:
         yield served
 
@@ -160,7 +160,15 @@ class Seen:
             self.complaints.append(message.text)
 
     def wait(self, selector, timeout_s=60):
-        self.page.wait_for_selector(selector, timeout=1000 * timeout_s, state="attached")
+        from playwright.sync_api import TimeoutError as Waited
+
+        try:
+            self.page.wait_for_selector(selector, timeout=1000 * timeout_s, state="attached")
+        except Waited:
+            state = self.page.evaluate("({...document.body.dataset})")
+            raise AssertionError(
+                f"no {selector}: {state}, banner {self.text('#banner')!r}, {self.complaints}"
+            ) from None
 
     def text(self, selector):
         return self.page.inner_text(selector)

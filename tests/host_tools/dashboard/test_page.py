@@ -45,8 +45,8 @@ def seconds_of(text):
 
 def navigating(open_page, served, **options):
     seen = open_page(served.url, **options)
-    seen.wait("body[data-phase=running]")
-    seen.wait("body[data-mode=NAVIGATION_ROTATING]")
+    seen.wait("body[data-phase=running]", 150)  # it may compile
+    seen.wait("body[data-mode=NAVIGATION_ROTATING]", 150)
     return seen
 
 

@@ -47,7 +47,7 @@ class World:
             yield client
 
 
-@pytest.fixture(scope="package")
+@pytest.fixture(scope="session")
 def rehearsal(tmp_path_factory):
     """A rehearsal that navigates; it is the same one for all tests."""
     folder = tmp_path_factory.mktemp("world")
