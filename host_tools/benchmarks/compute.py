@@ -17,12 +17,11 @@ from rrins.dbc.e2e import MessageLayout, crc_holds
 from rrins.dbc.frame import FrameArray, frame_array
 from rrins.dbc.record import Floats, Integers, Records
 from rrins.firmware_py.core.modes import Mode
-from rrins.firmware_py.core.step import firmware_step
 from rrins.firmware_py.loop import Firmware
+from rrins.host_tools.benchmarks.timed_epochs import timed_epochs, timer_overhead_ns
 from rrins.host_tools.bus.port import message_of_frame
 from rrins.host_tools.files import JsonObject
 from rrins.host_tools.hardware.loop import Hardware
-from rrins.host_tools.hardware.step import hardware_step
 from rrins.host_tools.runs.settings import firmware_settings, hardware_settings
 from rrins.host_tools.scenario.scenario import Scenario
 
@@ -34,12 +33,6 @@ _LOSS_WAIT_S = 0.05
 _SILENCE_S = 0.2
 
 Figures = dict[str, float]
-
-
-def timer_overhead_ns() -> int:
-    """Return the duration of an empty measurement."""
-    readings = [(time.perf_counter_ns(), time.perf_counter_ns()) for _ in range(2000)]
-    return round(statistics.median(end - start for start, end in readings))
 
 
 @dataclass(frozen=True)
@@ -66,46 +59,21 @@ def steps(scenario: Scenario, samples: int) -> StepTimes:
     """
     firmware = Firmware(firmware_settings(scenario))
     hardware = Hardware(hardware_settings(scenario))
-    overhead_ns = timer_overhead_ns()
     sensor_id = load().frame_id(_SENSOR)
     rates = hardware.plant["axis"]["rate"]
     frames = frame_array(samples)
     took_ns = np.zeros((2, samples), dtype=np.int64)
-    clock = time.perf_counter_ns
-    arrival_ns = firmware.ram["clock"]["sync_arrival_ns"]
-    taken, down = 0, 0
-    for epoch in range(scenario.epochs):
-        arrival_ns[0] = epoch * firmware.period_ns
-        begin = clock()
-        up = hardware_step(
-            hardware.plant,
-            hardware.pieces,
-            hardware.contract,
-            firmware.outbox,
-            down,
-            hardware.outbox,
-        )
-        middle = clock()
-        down = firmware_step(
-            firmware.ram,
-            firmware.contract,
-            hardware.outbox,
-            0,
-            up,
-            firmware.outbox,
-            firmware.compares,
-            firmware.estimates,
-        )
-        end = clock()
+    taken = 0
+    for timed in timed_epochs(firmware, hardware, scenario.epochs, time.perf_counter_ns):
         if firmware.mode == Mode.NAVIGATION_ROTATING and rates.any():
-            sent = hardware.outbox[:up]
+            sent = hardware.outbox[: timed.up]
             frames[taken] = sent[sent["can_id"] == sensor_id][0]
-            took_ns[:, taken] = end - middle, middle - begin
+            took_ns[:, taken] = timed.firmware_ns, timed.hardware_ns
             taken += 1
             if taken == samples:
                 break
     assert taken == samples, "the scenario does not turn for so many epochs"
-    ours, theirs = (_spread_us(row - overhead_ns) for row in took_ns)
+    ours, theirs = (_spread_us(row - timer_overhead_ns()) for row in took_ns)
     return StepTimes(ours, theirs, frames)
 
 

@@ -6,8 +6,8 @@ it is not installed, its figure is null and a reason says so.
 
 from __future__ import annotations
 
+import itertools
 import math
-import statistics
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -16,11 +16,10 @@ from typing import Any
 import numpy as np
 
 from rrins.dbc.record import Integers
-from rrins.firmware_py.core.step import firmware_step
 from rrins.firmware_py.loop import Firmware
+from rrins.host_tools.benchmarks.timed_epochs import timed_epochs, timer_overhead_ns
 from rrins.host_tools.files import JsonObject
 from rrins.host_tools.hardware.loop import Hardware
-from rrins.host_tools.hardware.step import hardware_step
 from rrins.host_tools.runs.fused import FusedTrack, fused_of_scenario
 from rrins.host_tools.runs.settings import firmware_settings, hardware_settings
 from rrins.host_tools.scenario.scenario import Scenario, load
@@ -72,8 +71,7 @@ def steps_us(samples: int) -> JsonObject:
     machine does is not in them. `overruns` counts those beyond a period.
     """
     found: JsonObject = {}
-    readings = [(time.thread_time_ns(), time.thread_time_ns()) for _ in range(2000)]
-    overhead_ns = round(statistics.median(end - begin for begin, end in readings))
+    overhead_ns = timer_overhead_ns(time.thread_time_ns)
     for case in CASES:
         took_ns = _took_ns(scenario_of(case, 30 + samples / RATE_HZ), samples) - overhead_ns
         median, p99 = np.percentile(took_ns, (50, 99)) / 1000
@@ -92,38 +90,9 @@ def _took_ns(scenario: Scenario, samples: int) -> Integers:
     """Return how long each call of the firmware's step took, in navigation."""
     firmware = Firmware(firmware_settings(scenario))
     hardware = Hardware(hardware_settings(scenario))
-    arrival_ns = firmware.ram["clock"]["sync_arrival_ns"]
-    took_ns = np.zeros(samples, dtype=np.int64)
-    clock = time.thread_time_ns
-    taken = down = 0
-    for epoch in range(scenario.epochs):
-        arrival_ns[0] = epoch * firmware.period_ns
-        up = hardware_step(
-            hardware.plant,
-            hardware.pieces,
-            hardware.contract,
-            firmware.outbox,
-            down,
-            hardware.outbox,
-        )
-        begin = clock()
-        down = firmware_step(
-            firmware.ram,
-            firmware.contract,
-            hardware.outbox,
-            0,
-            up,
-            firmware.outbox,
-            firmware.compares,
-            firmware.estimates,
-        )
-        end = clock()
-        if epoch > scenario.navigation_epoch:
-            took_ns[taken] = end - begin
-            taken += 1
-            if taken == samples:
-                break
-    return took_ns[:taken]
+    timed = timed_epochs(firmware, hardware, scenario.epochs, time.thread_time_ns)
+    navigating = (one.firmware_ns for one in timed if one.epoch > scenario.navigation_epoch)
+    return np.fromiter(itertools.islice(navigating, samples), np.int64)
 
 
 def pyins_us(duration_s: float) -> tuple[float | None, str | None]:

@@ -11,7 +11,7 @@ import numpy as np
 from rrins.firmware_py.core import strapdown
 from rrins.firmware_py.core.memory import Ins
 from rrins.firmware_py.core.strapdown import HEIGHT_HELD
-from rrins.host_tools.benchmarks.compute import timer_overhead_ns
+from rrins.host_tools.benchmarks.timed_epochs import timer_overhead_ns
 from rrins.host_tools.runs.fast import FastRun
 from rrins.host_tools.runs.settings import firmware_settings, hardware_settings
 from rrins.host_tools.scenario.scenario import load

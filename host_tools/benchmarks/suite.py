@@ -19,6 +19,7 @@ from rich.table import Table
 
 from rrins.host_tools.benchmarks import compute, estimator, fast_path, floor, rehearsals
 from rrins.host_tools.benchmarks.messages import MessageLockstep
+from rrins.host_tools.benchmarks.timed_epochs import timer_overhead_ns
 from rrins.host_tools.bus.datagram import FRAME_SIZE, HEADER_SIZE
 from rrins.host_tools.closing import Closing
 from rrins.host_tools.files import JsonObject
@@ -228,7 +229,7 @@ def _run_compute(effort: Effort) -> Result:
         "fast_path_comparing_us_per_epoch": fast.comparing,
         "navigation_step_us": fast_path.navigation_step_us(effort.step_samples),
         **estimator.measure(effort.step_samples, effort.pyins_s),
-        "timer_overhead_us": compute.timer_overhead_ns() / 1000,
+        "timer_overhead_us": timer_overhead_ns() / 1000,
         **compute.codec(steps.frames),
         "cantools_us_per_frame": compute.cantools(steps.frames[: effort.frames]),
         **buses,
