@@ -136,7 +136,7 @@ class Firmware:
         self._restart_if_due()
         self._sync_arrival_ns[0] = sync_arrival_ns
         sent = self.exchange(inbox, start, count, self._one_epoch, _NO_SOCKET, _NO_WORDS)
-        return sent, int(self._consumed[0])
+        return sent, self._consumed.item()
 
     def exchange(
         self,
@@ -166,15 +166,14 @@ class Firmware:
             direct,
             words,
         )
-        done = exchange[0]
-        self.trace.add(int(done.rows))
-        self.frames_received += int(done.received)
-        self.frames_sent += int(done.sent)
-        sent = int(done.to_send)
+        self.trace.add(exchange["rows"].item())
+        self.frames_received += exchange["received"].item()
+        self.frames_sent += exchange["sent"].item()
+        sent: int = exchange["to_send"].item()
         if sent == NOTHING:
             return sent
         if self._attention.item() or self.diagnostics.is_awake:
-            consumed = int(self._consumed[0])
+            consumed = self._consumed.item()
             sent = self.diagnostics.run(inbox, start, consumed, self.outbox, sent)
         self.frames_sent += sent
         return sent

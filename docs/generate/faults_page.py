@@ -85,20 +85,41 @@ class _Run:
         self.firmware = Firmware(firmware_settings(self.scenario))
         wire = scenario_wire(self.scenario)
         self.hardware = Hardware(hardware_settings(self.scenario), wire)
-        self.navigation: list[tuple[float, ...]] = []
+        ram, plant = self.firmware.ram, self.hardware.plant
+        self._counters = {
+            f"{side} {name}": record[name]
+            for side, names, record in (
+                ("firmware", _FIRMWARE_COUNTERS, ram["faults"]),
+                ("hardware", _HARDWARE_COUNTERS, plant["counters"]),
+            )
+            for name in names
+        }
+        self._signs = (
+            *self._counters.values(),
+            ram["modes"]["mode"],
+            ram["diagnostics"]["troubles"]["status"],
+            ram["sequencer"]["not_following"],
+        )
+        self._bridged = ram["faults"]["consecutive_bridged"]
 
     def counters(self) -> dict[str, int]:
-        ours, theirs = self.firmware.ram[0]["faults"], self.hardware.plant[0]["counters"]
-        return {f"firmware {name}": int(ours[name]) for name in _FIRMWARE_COUNTERS} | {
-            f"hardware {name}": int(theirs[name]) for name in _HARDWARE_COUNTERS
-        }
+        return {name: int(count[0]) for name, count in self._counters.items()}
 
-    def signs(self) -> tuple[Any, ...]:
+    def signs(self) -> list[bytes]:
         """Return everything that can reveal the fault."""
-        state = self.firmware.ram[0]
-        failed = state["diagnostics"]["troubles"]["status"] & Status.TEST_FAILED
-        not_following = state["sequencer"]["not_following"]
-        return self.counters(), self.firmware.mode, failed.tobytes(), not_following.tobytes()
+        *others, status, not_following = self._signs
+        failed = status & Status.TEST_FAILED
+        return [*(one.tobytes() for one in others), failed.tobytes(), not_following.tobytes()]
+
+    @property
+    def bridged(self) -> int:
+        """Epochs bridged without a break up to now."""
+        return int(self._bridged[0])
+
+    def navigation(self) -> tuple[float, ...]:
+        """Return the values of `_OUTPUT`, as last navigated."""
+        output = self.firmware.ram[0]["navigation"]
+        return tuple(float(output[name]) for name in _OUTPUT)
 
     def troubles(self) -> list[str]:
         """Return the names of the trouble codes that are confirmed."""
@@ -110,25 +131,23 @@ class _Run:
         count = 0
         for epoch in range(self.scenario.epochs):
             count = exchange_epoch(self.hardware, self.firmware, epoch, count)
-            output = self.firmware.ram[0]["navigation"]
-            self.navigation.append(tuple(float(output[name]) for name in _OUTPUT))
             yield epoch
 
 
-def observe(case: Case, reference: _Run) -> Row:
-    """Run a fault and return its result."""
+def observe(case: Case, reference: list[tuple[float, ...]]) -> Row:
+    """Run a fault and return its result; `reference` navigates without, an item per epoch."""
     run = _Run([{"at_s": AT_S} | case.fault], case.modelled)
     first = round(AT_S * run.scenario.rate_hz)
     before: dict[str, int] = {}
-    signs: tuple[Any, ...] = ()
+    signs: list[bytes] = []
     found: int | None = None
     worst = 0
     for epoch in run.epochs():
         if epoch == first - 1:
             before, signs = run.counters(), run.signs()
         elif epoch >= first:
-            if run.firmware.mode is not Mode.FAULT:
-                worst = max(worst, int(run.firmware.ram[0]["faults"]["consecutive_bridged"]))
+            if run.bridged > worst and run.firmware.mode is not Mode.FAULT:
+                worst = run.bridged
             if found is None and run.signs() != signs:
                 found = epoch - first
     after = run.counters()
@@ -148,12 +167,11 @@ def observe(case: Case, reference: _Run) -> Row:
     )
 
 
-def _differences(run: _Run, reference: _Run) -> tuple[float, float]:
+def _differences(run: _Run, reference: list[tuple[float, ...]]) -> tuple[float, float]:
     """Return the errors of the last position, m, and attitude, °."""
     epoch = int(run.firmware.ram[0]["navigation"]["epoch"])
-    (lat, lon, *ours), (true_lat, true_lon, *theirs) = (
-        side.navigation[epoch] for side in (run, reference)
-    )
+    lat, lon, *ours = run.navigation()
+    true_lat, true_lon, *theirs = reference[epoch]
     east, north = east_north_m(lat, lon, true_lat, true_lon, 40.0)
     angles = [math.remainder(a - b, math.tau) for a, b in zip(ours, theirs, strict=True)]
     return float(np.hypot(east, north)), math.degrees(max(map(abs, angles)))
@@ -161,9 +179,8 @@ def _differences(run: _Run, reference: _Run) -> tuple[float, float]:
 
 def rows() -> list[Row]:
     """Return the rows of all cases, those on the wire first."""
-    reference = _Run([], modelled=False)
-    for _ in reference.epochs():
-        pass
+    sound = _Run([], modelled=False)
+    reference = [sound.navigation() for _ in sound.epochs()]
     return [observe(case, reference) for case in (*ON_WIRE, *OF_HARDWARE)]
 
 

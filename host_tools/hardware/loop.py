@@ -106,12 +106,15 @@ class Hardware:
         self.frames_received = 0
         self.frames_sent = 0
         self._one_epoch = Exchange.zeros()
+        # Views: reading one costs less than finding its field each time.
+        self._count, self._to_send = self._one_epoch["count"], self._one_epoch["to_send"]
+        self._epoch = self.plant["epoch"]
 
     def step(self, inbox: FrameArray, count: int) -> int:
         """Run one epoch on the first `count` frames; return the number in `outbox`."""
-        self._one_epoch[0].count = count
+        self._count[0] = count
         self.exchange(inbox, self._one_epoch, _NO_SOCKET, _NO_WORDS)
-        return int(self._one_epoch[0].to_send)
+        return int(self._to_send.item())
 
     def exchange(
         self,
@@ -124,8 +127,8 @@ class Hardware:
         run_epochs(
             self.plant, self.pieces, self.contract, inbox, self.outbox, exchange, direct, words
         )
-        self.frames_received += int(exchange[0].received)
-        self.frames_sent += int(exchange[0].sent)
+        self.frames_received += exchange["received"].item()
+        self.frames_sent += exchange["sent"].item()
 
     def open_epoch(self, epoch: int, frames: FrameArray, count: int) -> tuple[FrameArray, int]:
         """Run an epoch on the frames of the previous one; return the frames for the firmware.
@@ -149,7 +152,7 @@ class Hardware:
     @property
     def epoch(self) -> int:
         """The next epoch."""
-        return int(self.plant[0].epoch)
+        return int(self._epoch.item())
 
     @property
     def is_undisturbed(self) -> bool:
