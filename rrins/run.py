@@ -211,6 +211,7 @@ def rehearse(
     record: str | Path | None = None,
     progress: bool | None = None,
     program: str | None = None,
+    hardware: str | None = None,
     **changes: object,
 ) -> Run:
     """Run a scenario as two processes on one bus.
@@ -229,6 +230,8 @@ def rehearse(
         Whether to show progress; in a terminal or notebook by default.
     program : str, optional
         Your own navigation computer: a program, or its command line.
+    hardware : str, optional
+        Your own sensors and table: a program, or its command line.
     **changes
         Keys of the scenario, as in `load_scenario`.
 
@@ -248,6 +251,7 @@ def rehearse(
             bus=BusOptions(interface, channel, bitrate),
             speed=speed,
             firmware=None if program is None else Program.parse(program),
+            hardware=None if hardware is None else Program.parse(hardware),
         )
         with _display(loaded, progress) as display:
             path = None if record is None else Path(record)

@@ -6,6 +6,7 @@ from collections.abc import Iterable
 
 import can
 
+from rrins.host_tools.bus.end import BusTimeoutError
 from rrins.host_tools.bus.guard import BusSummary
 from rrins.host_tools.bus.hub import Hub
 from rrins.host_tools.bus.peer import PeerInfo
@@ -21,7 +22,11 @@ class Hosting:
     _is_lost: bool
 
     def _translated(self, error: BusError) -> can.CanError:
-        raise NotImplementedError
+        """Return python-can's exception for an error; the bus has ended but after a timeout."""
+        if isinstance(error, BusTimeoutError):
+            return can.CanTimeoutError(str(error))
+        self._is_lost = True
+        return can.CanOperationError(str(error))
 
     @property
     def peers(self) -> tuple[PeerInfo, ...]:

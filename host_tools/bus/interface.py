@@ -18,7 +18,7 @@ from rrins.dbc.frame import FrameArray, frame_array
 from rrins.host_tools.bus import channel as channels
 from rrins.host_tools.bus import datagram
 from rrins.host_tools.bus.batch import Batch, bytes_of
-from rrins.host_tools.bus.end import BusEnd, BusTimeoutError
+from rrins.host_tools.bus.end import BusEnd
 from rrins.host_tools.bus.guard import NOTHING_REFUSED, Refused
 from rrins.host_tools.bus.hosting import Hosting
 from rrins.host_tools.bus.hub import Hub
@@ -467,9 +467,3 @@ class RrinsBus(Hosting, can.BusABC):
         self.refused = Refused(frames, text)
         if kind == datagram.NOTE:
             _log.warning("channel %s: %s", self.channel, text)
-
-    def _translated(self, error: BusError) -> can.CanError:
-        if isinstance(error, BusTimeoutError):
-            return can.CanTimeoutError(str(error))
-        self._is_lost = True
-        return can.CanOperationError(str(error))

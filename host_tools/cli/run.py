@@ -115,6 +115,7 @@ _json_option = click.option("--json", "as_json", is_flag=True, help="Print one J
 @serial_options
 @_foreign_option
 @click.option("--firmware", "program", help="Your own program as the firmware.")
+@click.option("--hardware", "model", help="Your own program as the sensors and the table.")
 @click.option(
     "--patience",
     "patience_s",
@@ -142,6 +143,7 @@ def rehearse(
     timestamps: Literal["bus", "unix"],
     foreign_senders: bool,
     program: str | None,
+    model: str | None,
     patience_s: float,
     steer: Path | None,
     as_json: bool,
@@ -174,6 +176,7 @@ def rehearse(
         None if program is None else Program.parse(program),
         patience_s,
         steer,
+        None if model is None else Program.parse(model),
     )
     if limit_s is not None:
         plan = run.fit(plan, limit_s)
@@ -315,12 +318,16 @@ def firmware(attach_wait: float, **options: Any) -> None:
 @click.option("--await-peer", multiple=True, hidden=True)
 @click.option("--follow", hidden=True)
 @click.option("--patience", "patience_s", type=float, default=0.0, hidden=True)
-def hardware(await_peer: tuple[str, ...], **options: Any) -> None:
+@click.option("--program", help="Your own program as the sensors and the table.")
+def hardware(await_peer: tuple[str, ...], program: str | None, **options: Any) -> None:
     """Run the emulated RIMU and turntable alone; it hosts the embedded bus.
 
     SCENARIO is as for `rrins rehearse`, rimu_rotating by default, and the same on both sides.
     """
-    _run_side("hardware", await_peers=await_peer, **options)
+    from rrins.host_tools.runs.program import Program
+
+    model = None if program is None else Program.parse(program)
+    _run_side("hardware", await_peers=await_peer, program=model, **options)
 
 
 def _run_side(

@@ -1,12 +1,10 @@
-"""Checks of what a navigation computer does: start-up, modes, commands, axes, diagnostics."""
+"""Checks of what a navigation computer does: start-up, modes, commands, axes."""
 
 from __future__ import annotations
 
 import time
 
-import can
-
-from rrins.host_tools.conformance.check import NotApplicableError, Subject, expect_mode
+from rrins.host_tools.conformance.check import Subject, expect_mode
 from rrins.host_tools.testing.bench import Bench
 from rrins.host_tools.testing.expectation import Where
 
@@ -107,34 +105,3 @@ def axis_silent(subject: Subject) -> None:
     bench.inject("drop", message="AXIS_OUTER_STATUS", for_s=1.5)
     where: Where = {"mode": "NAVIGATION_STRAPDOWN", "axis_outer_not_following": 1}
     bench.expect("FIRMWARE_STATUS", within=1.5, where=where)
-
-
-def uds(subject: Subject) -> None:
-    """TesterPresent, a session, an unknown service."""
-    bench = subject.bench(navigate_at_s=3600)
-    expect_mode(bench, "STANDBY", 2)
-    bench.send_frame(_diagnostic(bytes([0x02, 0x3E, 0x00])))
-    bench.advance(0.5)
-    if not bench.messages("DIAG_RESPONSE"):
-        raise NotApplicableError("it has no UDS: nothing answers TesterPresent")
-    answers = [_answer(bench, request) for request in (b"\x3e\x00", b"\x10\x01", b"\xba\x00")]
-    assert answers[0][:2] == b"\x7e\x00", f"TesterPresent is answered by {answers[0].hex(' ')}"
-    assert answers[1][:2] == b"\x50\x01", f"the default session is answered {answers[1].hex(' ')}"
-    assert answers[2] == b"\x7f\xba\x11", f"an unknown service is answered {answers[2].hex(' ')}"
-
-
-def _diagnostic(single: bytes) -> can.Message:
-    """Return a request to the computer: an ISO-TP single frame, padded."""
-    return can.Message(arbitration_id=0x7E0, is_extended_id=False, data=single.ljust(8, b"\xaa"))
-
-
-def _answer(bench: Bench, request: bytes) -> bytes:
-    """Return the answer to a request; both fit into a single frame, else its first bytes."""
-    seen = len(bench.messages("DIAG_RESPONSE"))
-    bench.send_frame(_diagnostic(bytes([len(request)]) + request))
-    bench.advance(0.5)
-    answers = list(bench.messages("DIAG_RESPONSE"))[seen:]
-    assert answers, f"no answer to {request.hex(' ')} within 0.5 s"
-    last = answers[-1]
-    payload = bytes(int(last[f"byte_{k}"]) for k in range(1, 8))
-    return payload[: int(last["length_or_index"])]

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Final
 
-from rrins.host_tools.conformance import behaviour, clock, frames_in
+from rrins.host_tools.conformance import behaviour, clock, diagnostics, frames_in
 from rrins.host_tools.conformance.check import Check, Finding, NotApplicableError, Subject
 from rrins.host_tools.conformance.navigation import DURATION_S, LIMIT_M, SCENARIOS, navigation
 from rrins.host_tools.errors import RehearsalError
@@ -140,9 +140,30 @@ CHECKS: Final = (
     ),
     Check(
         "uds",
-        "Where there is UDS: TesterPresent, the default session, an unknown service are answered.",
-        "diagnostics.md",
-        behaviour.uds,
+        "Where there is UDS: TesterPresent and the default session are answered, what cannot be by "
+        "the negative response of ISO 14229-1, functional requests of that kind not at all.",
+        "diagnostics.md#sessions-and-security",
+        diagnostics.basics,
+    ),
+    Check(
+        "uds-sessions",
+        "A session other than the default one ends 5 s after the last request; TesterPresent keeps "
+        "it. SecurityAccess is refused in the default session.",
+        "diagnostics.md#sessions-and-security",
+        diagnostics.sessions,
+    ),
+    Check(
+        "uds-security",
+        "A key without a seed and a wrong key are refused, and after the third there is no seed.",
+        "diagnostics.md#sessions-and-security",
+        diagnostics.security,
+    ),
+    Check(
+        "uds-trouble-codes",
+        "The loss of SYNC makes a trouble code's test fail; clearing removes the code once it is "
+        "over.",
+        "diagnostics.md#trouble-codes",
+        diagnostics.trouble_codes,
     ),
     Check(
         "clock-error",

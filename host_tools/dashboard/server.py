@@ -7,7 +7,7 @@ import contextlib
 import logging
 import signal
 import socket
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator, Callable, Iterator
 from typing import Final
 from urllib.parse import parse_qs
 
@@ -184,7 +184,7 @@ class _Server(uvicorn.Server):
     """A server that leaves signals to the command."""
 
     @contextlib.contextmanager
-    def capture_signals(self):  # type: ignore[no-untyped-def]
+    def capture_signals(self) -> Iterator[None]:
         """Leave the signals alone."""
         yield
 

@@ -18,6 +18,7 @@ from rrins.host_tools.runs.followed_port import Watch, open_followed_port
 from rrins.host_tools.runs.follower import Follower, follower_of
 from rrins.host_tools.runs.job import Job, prepare, settle
 from rrins.host_tools.runs.notices import bus_notices
+from rrins.host_tools.runs.own_hardware import OwnHardware, ProgramLink
 from rrins.host_tools.runs.pipe import ReportPipe
 from rrins.host_tools.runs.realtime import LatenessHistogram
 from rrins.host_tools.runs.samples import TRUTH_SAMPLES, SampleBuffer, SampleFile, keep_every
@@ -78,6 +79,15 @@ def _open(job: Job, follower: Follower | None) -> BatchPort | MessagePort:
     return open_followed_port(job.address, watch, job.foreign_senders)
 
 
+def _hardware(job: Job) -> Hardware:
+    """Return the emulated hardware, or the user's program beside it."""
+    settings, wire = hardware_settings(job.scenario), scenario_wire(job.scenario, is_live=True)
+    if job.program is None:
+        return Hardware(settings, wire)
+    link = ProgramLink(job.program, job.scenario, job.folder, job.patience_s)
+    return OwnHardware(settings, wire, link)
+
+
 def run_hardware(job: Job) -> JsonObject:
     """Run the hardware to the end of the scenario, which shuts the firmware down.
 
@@ -91,7 +101,7 @@ def run_hardware(job: Job) -> JsonObject:
     report = ReportPipe(job.report_fd)
     scenario = job.scenario
     prepare(report, "hardware", scenario)
-    hardware = Hardware(hardware_settings(scenario), scenario_wire(scenario, is_live=True))
+    hardware = _hardware(job)
     file = SampleFile(job.log_path(TRUTH_SAMPLES))
     rows = SampleBuffer(Truth, file)
     lateness = LatenessHistogram(scenario.period_ns)
@@ -121,6 +131,8 @@ def run_hardware(job: Job) -> JsonObject:
         notices.enter_context(bus_notices(report, "hardware"))
         report.send("ready", side="hardware")
         permitted = settle(job)
+        if isinstance(hardware, OwnHardware):
+            notices.enter_context(hardware.link).begin()
         port.meet(job.await_peers)
         report.send("started", side="hardware", **permitted)
         if job.is_realtime:

@@ -20,6 +20,7 @@ from rrins.host_tools.errors import RehearsalError
 from rrins.host_tools.hardware.loop import Hardware
 from rrins.host_tools.injection.messages import fault_commands
 from rrins.host_tools.runs.pipe import ReportPipe
+from rrins.host_tools.runs.program import Program
 from rrins.host_tools.runs.realtime import enter_realtime
 from rrins.host_tools.runs.settings import firmware_settings, hardware_settings, scenario_wire
 from rrins.host_tools.scenario.fault_tables import FaultOfSensor, FaultOnWire
@@ -62,7 +63,9 @@ class Job:
     follow : str or None
         Name of the user's own program that is the firmware: the hardware follows it by its frames.
     patience_s : float
-        Longest silence of that program; 0 waits for ever.
+        Longest silence of a program of the user's; 0 waits for ever.
+    program : Program or None
+        The user's own program in the place of the sensors and the table.
     steer : Path or None
         File by which somebody steers how fast the hardware goes (`rrins.host_tools.runs.steering`).
     """
@@ -80,6 +83,7 @@ class Job:
     foreign_senders: bool = False
     follow: str | None = None
     patience_s: float = 0.0
+    program: Program | None = None
     steer: Path | None = None
 
     @property

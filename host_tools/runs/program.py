@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Final
 
 from rrins.host_tools.bus.channel import socket_path
-from rrins.host_tools.bus.port import Address
+from rrins.host_tools.bus.port import Address, Side
 from rrins.host_tools.errors import RehearsalError
 from rrins.host_tools.runs.setup_file import write_setup
 from rrins.host_tools.scenario.scenario import Scenario
@@ -76,6 +76,7 @@ class Program:
         attach_wait_s: float,
         folder: Path,
         keep_open: Sequence[int] = (),
+        side: Side = "firmware",
     ) -> subprocess.Popen[bytes]:
         """Start the program, in a session of its own.
 
@@ -89,16 +90,19 @@ class Program:
         attach_wait_s : float
             How long it is to wait for the bus.
         folder : Path
-            Where its set-up goes (`setup.txt`), and what it prints (`firmware.txt`).
+            Where its set-up goes (`setup.txt`), and what it prints (`firmware.txt`, or
+            `hardware.txt`).
         keep_open : sequence of int
             Descriptors that it inherits.
+        side : {"firmware", "hardware"}
+            In whose place it is.
 
         Raises
         ------
         RehearsalError
             If it cannot be started.
         """
-        setup, said = folder / "setup.txt", said_path(folder)
+        setup, said = folder / "setup.txt", said_path(folder, side)
         write_setup(setup, scenario)
         channel = str(socket_path(address.channel)) if address.is_embedded else address.channel
         words = [
@@ -120,16 +124,17 @@ class Program:
             raise RehearsalError(f"{self.words[0]}: cannot be started: {error.strerror}") from error
 
 
-def said_path(folder: Path) -> Path:
+def said_path(folder: Path, side: Side = "firmware") -> Path:
     """Return the file of what a program prints."""
-    return folder / "firmware.txt"
+    return folder / f"{side}.txt"
 
 
-def last_words(folder: Path) -> str:
+def last_words(folder: Path, side: Side = "firmware") -> str:
     """Return the last line that a program has printed; empty if there is none."""
+    path = said_path(folder, side)
     try:
-        with said_path(folder).open("rb") as file:
-            file.seek(max(0, said_path(folder).stat().st_size - SAID_BYTES))
+        with path.open("rb") as file:
+            file.seek(max(0, path.stat().st_size - SAID_BYTES))
             lines = file.read().decode(errors="replace").strip().splitlines()
     except OSError:
         return ""

@@ -28,6 +28,7 @@ from rrins.host_tools.runs.estimator_log import take_estimates
 from rrins.host_tools.runs.fast import FastRun
 from rrins.host_tools.runs.job import check_code_folder, prepare_firmware, prepare_hardware
 from rrins.host_tools.runs.outcome import Outcome
+from rrins.host_tools.runs.own_hardware import check_faults
 from rrins.host_tools.runs.parity_log import Parities, take_parities
 from rrins.host_tools.runs.program import Program
 from rrins.host_tools.runs.rehearsal import (
@@ -240,9 +241,11 @@ class Plan:
     firmware : Program or None
         The user's own program as the firmware.
     patience_s : float
-        Longest silence of that program in wall clock time; 0 waits for ever.
+        Longest silence of a program of the user's in wall clock time; 0 waits for ever.
     steer : Path, optional
         File by which somebody steers how fast it goes (`rrins.host_tools.runs.steering`).
+    hardware : Program or None
+        The user's own program as the sensors and the table.
     """
 
     name: str
@@ -256,6 +259,7 @@ class Plan:
     firmware: Program | None = None
     patience_s: float = 10.0
     steer: Path | None = None
+    hardware: Program | None = None
 
     def lasting(self, duration_s: float) -> Plan:
         """Return the same with another duration."""
@@ -266,8 +270,12 @@ class Plan:
         )
 
     def _hardware_options(self) -> tuple[str, ...]:
-        foreign = ("--foreign-senders",) if self.foreign_senders else ()
-        return foreign if self.steer is None else (*foreign, "--steer", str(self.steer))
+        options = ["--foreign-senders"] if self.foreign_senders else []
+        if self.steer is not None:
+            options += ["--steer", str(self.steer)]
+        if self.hardware is not None:
+            options += ["--program", str(self.hardware), "--patience", f"{self.patience_s:g}"]
+        return tuple(options)
 
     def rehearsal(
         self, address: Address, folder: Path, record: Path | None, start: Start
@@ -302,6 +310,8 @@ def check(plan: Plan, record: Path | None = None) -> Address:
     if record is not None:
         check_path(record)
     check_files(plan.scenario)
+    if plan.hardware is not None:
+        check_faults(plan.hardware, plan.scenario)
     check_code_folder()
     address = plan.bus.address()
     slcan.refuse_one_for_two(address)

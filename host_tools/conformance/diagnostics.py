@@ -1,0 +1,218 @@
+"""Checks of UDS (ISO 14229-1) where a navigation computer has it, frame by frame."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import can
+
+from rrins.dbc.codec import load
+from rrins.host_tools.conformance.check import NotApplicableError, Subject, expect_mode
+from rrins.host_tools.testing.bench import Bench
+
+_ANSWER_S: Final = 0.5
+_S3_S: Final = 5.0
+_LOSS_S: Final = 4.0
+_FRAME: Final = 8
+_PAUSE_S: Final = 0.1
+_SINGLE, _FIRST, _CONSECUTIVE = 0, 1, 2
+_KINDS: Final = {"SINGLE": 0, "FIRST": 1, "CONSECUTIVE": 2, "FLOW_CONTROL": 3}
+_GO_ON: Final = bytes([0x30, 0x00, 0x00])
+_TESTER_PRESENT: Final = b"\x3e\x00"
+_DEFAULT: Final = b"\x10\x01"
+_EXTENDED: Final = b"\x10\x03"
+_SEED: Final = b"\x27\x01"
+_CLEAR: Final = b"\x14\xff\xff\xff"
+_COUNT_FAILED: Final = b"\x19\x01\x01"
+_LIST_CONFIRMED: Final = b"\x19\x02\x08"
+
+
+class _Tool:
+    """A diagnostic tool on a bench.
+
+    Raises
+    ------
+    NotApplicableError
+        If nothing answers TesterPresent.
+    """
+
+    def __init__(self, bench: Bench) -> None:
+        self._bench = bench
+        self._ids = {
+            name: load().database.get_message_by_name(name).frame_id
+            for name in ("DIAG_REQUEST", "DIAG_FUNCTIONAL")
+        }
+        if self.ask(_TESTER_PRESENT) is None:
+            raise NotApplicableError("it has no UDS: nothing answers TesterPresent")
+
+    def _send(self, data: bytes, name: str = "DIAG_REQUEST") -> None:
+        frame = data.ljust(8, b"\xaa")
+        self._bench.send_frame(
+            can.Message(arbitration_id=self._ids[name], is_extended_id=False, data=frame)
+        )
+
+    def rest(self, seconds: float) -> None:
+        """Let time pass without a request."""
+        self._bench.advance(seconds)
+
+    def ask(self, request: bytes, name: str = "DIAG_REQUEST") -> bytes | None:
+        """Return the whole answer to a request; None without one."""
+        begin = len(self._bench.messages("DIAG_RESPONSE"))
+        if len(request) < _FRAME:
+            self._send(bytes([len(request)]) + request, name)
+        else:  # two frames suffice for all that is asked here
+            self._send(bytes([_FIRST << 4, len(request)]) + request[:6])
+            self._bench.advance(_PAUSE_S)
+            flow = self._since(begin)
+            assert flow, f"no flow control for {request.hex(' ')}"
+            begin = len(self._bench.messages("DIAG_RESPONSE"))
+            self._send(bytes([_CONSECUTIVE << 4 | 1]) + request[6:])
+        self._bench.advance(_ANSWER_S)
+        frames = self._since(begin)
+        while frames and frames[0][0] >> 4 == _SINGLE and frames[0][3:4] == b"\x78":
+            del frames[0]  # it takes longer
+        if not frames:
+            return None
+        kind, low = frames[0][0] >> 4, frames[0][0] & 0x0F
+        if kind == _SINGLE:
+            return frames[0][1 : 1 + low]
+        assert kind == _FIRST, f"an answer to {request.hex(' ')} begins with a frame of type {kind}"
+        length = low << 8 | frames[0][1]
+        begin = len(self._bench.messages("DIAG_RESPONSE"))
+        self._send(_GO_ON)
+        self._bench.advance(_ANSWER_S + length * 1e-3)
+        payload = frames[0][2:]
+        for number, frame in enumerate(self._since(begin), 1):
+            assert frame[0] == _CONSECUTIVE << 4 | number & 0x0F, (
+                f"frame {number} of an answer to {request.hex(' ')} begins with {frame[0]:#04x}"
+            )
+            payload += frame[1:]
+        assert len(payload) >= length, (
+            f"{len(payload)} of {length} bytes of an answer to {request.hex(' ')} came"
+        )
+        return payload[:length]
+
+    def _since(self, begin: int) -> list[bytes]:
+        return [
+            bytes(
+                [
+                    _KINDS.get(str(one["frame_type"]), 15) << 4 | int(one["length_or_index"]),
+                    *(int(one[f"byte_{k}"]) for k in range(1, 8)),
+                ]
+            )
+            for one in self._bench.messages("DIAG_RESPONSE")[begin:]
+        ]
+
+    def expect(self, request: bytes, *beginnings: bytes, why: str = "") -> bytes:
+        """Return the answer to a request, which begins as one of these.
+
+        Raises
+        ------
+        AssertionError
+            If it does not.
+        """
+        answer = self.ask(request)
+        wanted = " or ".join(one.hex(" ") for one in beginnings)
+        came = "nothing" if answer is None else answer.hex(" ")
+        context = f" ({why})" if why else ""
+        assert answer is not None, f"{request.hex(' ')} is not answered{context}: {wanted} is due"
+        assert answer.startswith(beginnings), (
+            f"{request.hex(' ')} is answered by {came}{context}, not by {wanted}"
+        )
+        return answer
+
+
+def _in_standby(subject: Subject) -> _Tool:
+    bench = subject.bench(navigate_at_s=3600)
+    expect_mode(bench, "STANDBY", 2)
+    return _Tool(bench)
+
+
+def _enter_extended(tool: _Tool) -> None:
+    answer = tool.ask(_EXTENDED)
+    if answer == b"\x7f\x10\x12":
+        raise NotApplicableError("it has no extended session")
+    assert answer is not None, "the extended session is not answered"
+    assert answer[:2] == b"\x50\x03", f"the extended session is answered by {answer.hex(' ')}"
+
+
+def basics(subject: Subject) -> None:
+    """TesterPresent, the default session, and each request that cannot be."""
+    tool = _in_standby(subject)
+    tool.expect(_TESTER_PRESENT, b"\x7e\x00")
+    tool.expect(_DEFAULT, b"\x50\x01")
+    tool.expect(b"\xba\x00", b"\x7f\xba\x11", why="an unknown service")
+    tool.expect(b"\x10\x7d", b"\x7f\x10\x12", why="an unknown session")
+    tool.expect(b"\x10", b"\x7f\x10\x13", why="a request that is too short")
+    tool.expect(b"\x22\xfe\x00", b"\x7f\x22\x31", b"\x7f\x22\x11", why="an unknown identifier")
+    silent = tool.ask(b"\x3e\x80")
+    assert silent is None, f"TesterPresent that asks for no answer has {silent!r}"
+    functional = tool.ask(_TESTER_PRESENT, "DIAG_FUNCTIONAL")
+    assert functional == b"\x7e\x00", f"a functional TesterPresent is answered by {functional!r}"
+    unknown = tool.ask(b"\xba\x00", "DIAG_FUNCTIONAL")
+    assert unknown is None, f"an unknown functional service is answered by {unknown!r}"
+
+
+def sessions(subject: Subject) -> None:
+    """SecurityAccess only in the extended session, which TesterPresent keeps and silence ends."""
+    tool = _in_standby(subject)
+    _enter_extended(tool)
+    tool.expect(_DEFAULT, b"\x50\x01")
+    tool.expect(_SEED, b"\x7f\x27\x7f", b"\x7f\x27\x7e", why="in the default session")
+    _enter_extended(tool)
+    for _ in range(4):
+        tool.rest(_S3_S / 2)
+        tool.expect(_TESTER_PRESENT, b"\x7e\x00")
+    tool.expect(_SEED, b"\x67\x01", why="the session was kept by TesterPresent")
+    tool.rest(_S3_S + 0.5)
+    tool.expect(_SEED, b"\x7f\x27\x7f", b"\x7f\x27\x7e", why=f"{_S3_S:g} s after the last request")
+
+
+def security(subject: Subject) -> None:
+    """A key without a seed, wrong keys, and the delay after the third."""
+    tool = _in_standby(subject)
+    _enter_extended(tool)
+    answer = tool.ask(_SEED)
+    assert answer is not None, "the request for a seed is not answered"
+    if answer in (b"\x7f\x27\x11", b"\x7f\x27\x12"):
+        raise NotApplicableError("it has no SecurityAccess")
+    assert answer[:2] == b"\x67\x01", f"the request for a seed is answered by {answer.hex(' ')}"
+    assert any(answer[2:]), "it is unlocked without a key: its seed is zero"
+    _enter_extended(tool)
+    tool.expect(b"\x27\x02\x01", b"\x7f\x27\x24", b"\x7f\x27\x13", why="a key without a seed")
+    refused = []
+    for _ in range(3):
+        tool.expect(_SEED, b"\x67\x01")
+        refused.append(tool.ask(b"\x27\x02" + bytes(8)))
+    assert refused[:2] == [b"\x7f\x27\x35"] * 2, f"a wrong key is answered by {refused[0]!r}"
+    assert refused[2] == b"\x7f\x27\x36", f"the third wrong key is answered by {refused[2]!r}"
+    tool.expect(_SEED, b"\x7f\x27\x37", why="after three wrong keys")
+
+
+def trouble_codes(subject: Subject) -> None:
+    """A fault has a code whose test has failed, until it is gone and cleared."""
+    bench = subject.navigating()
+    tool = _Tool(bench)
+    before = tool.ask(_COUNT_FAILED)
+    if before in (None, b"\x7f\x19\x11", b"\x7f\x19\x12"):
+        raise NotApplicableError("it does not count trouble codes")
+    assert before is not None
+    assert before[:2] == b"\x59\x01", f"the count is answered by {before.hex(' ')}"
+    failed = int.from_bytes(before[4:6], "big")
+    assert failed == 0, f"{failed} tests have failed without a fault"
+    bench.inject("drop", message="SYNC", for_s=_LOSS_S)
+    bench.expect("FIRMWARE_STATUS", within=_LOSS_S, where={"sync_lost": 1})
+    bench.advance(_LOSS_S / 2)
+    count = int.from_bytes(tool.expect(_COUNT_FAILED, b"\x59\x01")[4:6], "big")
+    assert count, "the loss of SYNC makes no test of a trouble code fail"
+    listed = tool.expect(_LIST_CONFIRMED, b"\x59\x02")
+    assert len(listed) >= 7, "the loss of SYNC has no confirmed trouble code"
+    assert (len(listed) - 3) % 4 == 0, f"a list of trouble codes has {len(listed)} bytes"
+    bench.advance(_LOSS_S)
+    bench.expect("FIRMWARE_STATUS", within=0.5, where={"sync_lost": 0})
+    bench.advance(3)
+    tool.expect(_CLEAR, b"\x54")
+    bench.advance(1)
+    after = tool.expect(_LIST_CONFIRMED, b"\x59\x02")
+    left = after[3:].hex(" ")
+    assert not left, f"after clearing codes are confirmed: {left}"
