@@ -21,6 +21,7 @@ from numba.core.caching import (
     UserProvidedCacheLocator,
 )
 from numba.core.registry import cpu_target
+from numba.core.runtime.nrt import rtsys
 from numba.core.serialize import dumps
 
 from rrins.dbc.code_folder import CodeFolder, code_folder, name_of_code
@@ -34,6 +35,11 @@ _DAMAGE = (pickle.UnpicklingError, ImportError, AttributeError, RuntimeError, Ty
 
 _known: dict[tuple[Path, str], Part] = {}
 """The parts that this process has, by folder and file."""
+
+
+def prepare_loading() -> None:
+    """Have what machine code needs that is loaded; the compiler, a third of a second, is not."""
+    rtsys.initialize(cpu_target.target_context)
 
 
 class _Locator(UserProvidedCacheLocator):
@@ -119,7 +125,8 @@ class CodeCache(FunctionCache):
         """Return the whole of a signature; None if it is to be compiled."""
         with signals_deferred():
             try:
-                return self._numba.load_overload(signature, target)
+                prepare_loading()
+                return self._numba._load_overload(signature, target)
             except _DAMAGE:
                 self._files.discard(self._numba._index_key(signature, target.codegen()))
                 return None

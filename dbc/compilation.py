@@ -8,10 +8,12 @@
 from __future__ import annotations
 
 import functools
+import inspect
 from collections.abc import Callable
 from typing import Any, TypeVar, cast
 
 import numba
+import numpy as np
 from numba.core import types
 from numba.core.compiler import Compiler, Flags, compile_extra
 from numba.core.compiler_lock import global_compiler_lock
@@ -20,6 +22,7 @@ from numba.core.event import trigger_event
 from numba.core.registry import CPUDispatcher
 from numba.core.sigutils import normalize_signature
 from numba.core.typing.templates import make_concrete_template
+from numba.np import numpy_support
 
 from rrins.dbc.code_cache import CodeCache
 from rrins.dbc.code_folder import CodeFolder
@@ -30,6 +33,19 @@ _Kinds = tuple[Any, ...]
 
 # numba writes the type of each argument out for each of its passes, whether anyone reads it or not.
 setattr(types.Record, "__repr__", functools.cache(types.Record.__repr__))  # noqa: B010
+
+# numba makes the type of a record anew for each record that contains one: a thousand for sixty.
+_any_struct_type = numpy_support.from_struct_dtype
+_record_type = functools.cache(_any_struct_type)
+
+
+def _struct_type(dtype: np.dtype[np.void]) -> types.Record:
+    """Return numba's type of a struct; one of ours is made once."""
+    is_ours = dtype.type is np.record and not dtype.isalignedstruct
+    return (_record_type if is_ours else _any_struct_type)(dtype)
+
+
+setattr(numpy_support, "from_struct_dtype", _struct_type)  # noqa: B010
 
 
 class _Compiler(_FunctionCompiler):
@@ -72,10 +88,17 @@ class Function(CPUDispatcher):
     def __init__(self, function: Any, folder: CodeFolder | None, options: dict[str, Any]) -> None:
         # No wrapper for callers in C: there are none, and it is a tenth of the work.
         chosen = {"nopython": True, "boundscheck": None, "no_cfunc_wrapper": True, **options}
+        function.__signature__ = inspect.signature(function)  # numba asks for it four times
         super().__init__(function, targetoptions=chosen)
-        self._cache = CodeCache(function, folder)
+        del self._cache  # numba's, which keeps nothing
+        self._folder = folder
         self._compiler = _Compiler(function, self.targetdescr, chosen, {}, Compiler)
         self._parts: dict[_Kinds, tuple[object, Part]] = {}
+
+    @functools.cached_property
+    def _cache(self) -> CodeCache:
+        """Made when code is asked for: of most functions it never is."""
+        return CodeCache(self.py_func, self._folder)
 
     def get_call_template(self, args: Any, kws: Any) -> Any:
         """Return what types a call from compiled code; compile the part that it calls."""

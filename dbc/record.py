@@ -18,7 +18,10 @@ at fixed offsets. So ``state.clock.synchronised`` costs nothing and is still typ
 
 from __future__ import annotations
 
+import functools
+import sys
 from collections.abc import Iterator, Sequence
+from types import CodeType
 from typing import (
     TYPE_CHECKING,
     Annotated,
@@ -30,7 +33,6 @@ from typing import (
     cast,
     get_args,
     get_origin,
-    get_type_hints,
     overload,
 )
 
@@ -84,8 +86,11 @@ class Record:
     dtype: ClassVar[np.dtype[np.void]]
 
     def __init_subclass__(cls) -> None:
-        hints = get_type_hints(cls, include_extras=True)
-        fields = [_field(cls, name, hints[name]) for name in cls.__annotations__]
+        module = vars(sys.modules[cls.__module__])
+        fields = [
+            _field(cls, name, eval(_code_of(hint), module) if isinstance(hint, str) else hint)
+            for name, hint in cls.__annotations__.items()
+        ]
         cls.dtype = np.dtype((np.record, fields), align=False)
 
     @classmethod
@@ -148,6 +153,12 @@ else:
 
     class Records(Generic[R]):
         """An array of records: an index selects a record, a name that field of all records."""
+
+
+@functools.cache
+def _code_of(annotation: str) -> CodeType:
+    """Return the code of an annotation: a thousand fields share a few dozen."""
+    return compile(annotation, "<annotation>", "eval")
 
 
 _Field = tuple[str, str | np.dtype[np.generic], tuple[int, ...]]

@@ -13,7 +13,7 @@ import click
 from rrins.host_tools.cli.completion import complete_messages
 from rrins.host_tools.cli.numbers import BIT_RATE, NumberRange
 from rrins.host_tools.monitor.opening import opening_screen
-from rrins.host_tools.monitor.orders import ORDERS
+from rrins.host_tools.monitor.sort_orders import ORDERS
 
 if TYPE_CHECKING:
     from rrins.host_tools.bus.port import Address

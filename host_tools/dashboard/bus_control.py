@@ -17,7 +17,7 @@ from rrins.firmware_py.diagnostics import table
 from rrins.firmware_py.diagnostics.routines import Routine
 from rrins.host_tools.bus.port import Address, message_of_frame, open_bus
 from rrins.host_tools.dashboard.errors import DashboardError
-from rrins.host_tools.dashboard.orders import Order
+from rrins.host_tools.dashboard.page_orders import Order
 from rrins.host_tools.diag.target import Target
 from rrins.host_tools.diag.tester import Tester, TroubleReport
 from rrins.host_tools.diag.values import to_json

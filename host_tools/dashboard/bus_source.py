@@ -13,7 +13,7 @@ from rrins.host_tools.bus.port import Address
 from rrins.host_tools.dashboard.bus_control import BusControl
 from rrins.host_tools.dashboard.child import ChildRehearsal, Start
 from rrins.host_tools.dashboard.errors import DashboardError
-from rrins.host_tools.dashboard.orders import OF_BUS, OF_REHEARSAL, Order
+from rrins.host_tools.dashboard.page_orders import OF_BUS, OF_REHEARSAL, Order
 from rrins.host_tools.dashboard.source import described
 from rrins.host_tools.dashboard.view import View
 from rrins.host_tools.errors import BusError, RehearsalError

@@ -13,8 +13,8 @@ from rrins.host_tools.dashboard.browsers import Browser
 from rrins.host_tools.dashboard.bus_table import message_of
 from rrins.host_tools.dashboard.events import Event
 from rrins.host_tools.dashboard.fault_forms import fault_forms
-from rrins.host_tools.dashboard.orders import Order
 from rrins.host_tools.dashboard.packing import packed_history, packed_row
+from rrins.host_tools.dashboard.page_orders import Order
 from rrins.host_tools.dashboard.quantities import NAMES
 from rrins.host_tools.dashboard.source import Source
 from rrins.host_tools.dashboard.view import View

@@ -13,7 +13,7 @@ import numpy as np
 from rrins.dbc.frame import Frame, FrameArray
 from rrins.dbc.record import Integers, Records
 from rrins.host_tools.dashboard.errors import DashboardError
-from rrins.host_tools.dashboard.orders import OF_RECORDING, Order
+from rrins.host_tools.dashboard.page_orders import OF_RECORDING, Order
 from rrins.host_tools.dashboard.source import described
 from rrins.host_tools.dashboard.view import View
 from rrins.host_tools.files import JsonObject

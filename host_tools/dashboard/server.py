@@ -22,8 +22,8 @@ from rrins.host_tools.dashboard.browsers import Browser
 from rrins.host_tools.dashboard.errors import DashboardError
 from rrins.host_tools.dashboard.feed import Feed
 from rrins.host_tools.dashboard.guarding import HEADERS, Guard, shown
-from rrins.host_tools.dashboard.orders import LONGEST, parse_order
 from rrins.host_tools.dashboard.page_files import page_files
+from rrins.host_tools.dashboard.page_orders import LONGEST, parse_order
 
 SOCKET: Final = "/feed"
 MOST_BROWSERS: Final = 32

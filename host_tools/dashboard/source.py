@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Protocol
 
-from rrins.host_tools.dashboard.orders import Order
+from rrins.host_tools.dashboard.page_orders import Order
 from rrins.host_tools.dashboard.view import View, scheme_angles
 from rrins.host_tools.files import JsonObject
 from rrins.host_tools.scenario.scenario import Scenario

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from rrins.host_tools.monitor.orders import ORDERS
+from rrins.host_tools.monitor.sort_orders import ORDERS
 from rrins.host_tools.monitor.state import PROTECTION, BusState, MessageState
 
 _SortKey = float | tuple[bool, list[tuple[int, str]]]

@@ -17,7 +17,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from rrins.host_tools.hardware import faults
-from rrins.host_tools.redundancy.kinds import KINDS, Kind
+from rrins.host_tools.redundancy.sensor_kinds import KINDS, Kind
 from rrins.host_tools.redundancy.theory import LEARNED_S
 from rrins.host_tools.runs.fast import FastRun
 from rrins.host_tools.runs.settings import firmware_settings, hardware_settings

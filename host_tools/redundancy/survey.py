@@ -13,8 +13,8 @@ import numpy as np
 from rrins.dbc.record import Floats
 from rrins.host_tools.files import JsonObject
 from rrins.host_tools.redundancy.candidates import Candidate
-from rrins.host_tools.redundancy.kinds import KINDS, Kind
 from rrins.host_tools.redundancy.monte_carlo import Delays, Fault, Trials, run_trials
+from rrins.host_tools.redundancy.sensor_kinds import KINDS, Kind
 from rrins.host_tools.redundancy.theory import HALF, LEARNED_S, MOST, WAYS, Finder
 
 WITHIN_S = (10, 60, 600)

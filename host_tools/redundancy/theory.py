@@ -24,8 +24,8 @@ from rrins.firmware_py.core.redundancy import isolation
 from rrins.firmware_py.core.redundancy import parity as parities
 from rrins.firmware_py.core.redundancy_records import FINE_LEVELS, SECOND_LEVELS, Parity
 from rrins.firmware_py.loop import Firmware
-from rrins.host_tools.redundancy.kinds import Kind
 from rrins.host_tools.redundancy.mean_path import follow
+from rrins.host_tools.redundancy.sensor_kinds import Kind
 from rrins.host_tools.runs.settings import firmware_settings
 from rrins.host_tools.scenario.scenario import Scenario
 

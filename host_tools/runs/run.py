@@ -446,7 +446,7 @@ def simulate(
     folder : Path, optional
         Where the sides put their samples as they run.
     with_frames : bool
-        Whether frames are passed even where nothing needs them: faults on the wire and serial
+        Whether frames are passed even if nothing requires them; faults on the wire and serial
         lines do.
     serial : SerialSettings
         The firmware's NMEA output.

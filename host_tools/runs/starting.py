@@ -22,8 +22,8 @@ import threading
 from collections.abc import Callable, Iterator, Sequence
 
 from numba.core.dispatcher import Dispatcher
-from numba.core.registry import cpu_target
 
+from rrins.dbc.code_cache import prepare_loading
 from rrins.dbc.codec import unpack
 from rrins.dbc.compile_events import signals_deferred
 from rrins.dbc.contract import load_contract
@@ -175,6 +175,5 @@ def _load_what_all_code_needs() -> None:
     """Load what compiled functions of either side need first: half of what a side would load."""
     with signals_deferred():
         if isinstance(unpack, Dispatcher):  # else NUMBA_DISABLE_JIT=1
-            cpu_target.typing_context.refresh()
-            cpu_target.target_context.refresh()
+            prepare_loading()
         load_contract()

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 @dataclass(frozen=True)
 class NavigationFix:
-    """Where the firmware says to be: the last NAV_* frames."""
+    """The position, velocity and attitude of the last NAV_* frames."""
 
     time_s: float
     lat_deg: float

@@ -193,6 +193,7 @@ try:
         print("had it")
 except KeyboardInterrupt:
     print("waited")
+signal.setitimer(signal.ITIMER_REAL, 0.0)
 """
 
 

@@ -20,13 +20,13 @@ from rrins.host_tools.bus.port import Address
 from rrins.host_tools.monitor.banner import banner, notices
 from rrins.host_tools.monitor.estimates import Estimates
 from rrins.host_tools.monitor.listing import message_rows
-from rrins.host_tools.monitor.orders import ORDERS
 from rrins.host_tools.monitor.plot import HEIGHT as PLOT_HEIGHT
 from rrins.host_tools.monitor.plot import SPANS, plot
 from rrins.host_tools.monitor.receiver import Receiver
 from rrins.host_tools.monitor.redundancy import redundancy_page
 from rrins.host_tools.monitor.screen.pages import HELP, Page
 from rrins.host_tools.monitor.screen.panes import Detail, Lines, MessageTable
+from rrins.host_tools.monitor.sort_orders import ORDERS
 from rrins.host_tools.monitor.state import BusState
 from rrins.host_tools.monitor.troubles import troubles_of
 from rrins.host_tools.monitor.vitals import vitals_of

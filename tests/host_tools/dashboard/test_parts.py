@@ -20,9 +20,9 @@ from rrins.host_tools.dashboard.fault_forms import fault_forms
 from rrins.host_tools.dashboard.feed import as_json
 from rrins.host_tools.dashboard.guarding import Guard
 from rrins.host_tools.dashboard.history import History
-from rrins.host_tools.dashboard.orders import parse_order
 from rrins.host_tools.dashboard.packing import packed_history, packed_row
 from rrins.host_tools.dashboard.page_files import page_files
+from rrins.host_tools.dashboard.page_orders import parse_order
 from rrins.host_tools.dashboard.quantities import NAMES, Quantities, SchemeAngles
 from rrins.host_tools.dashboard.truth import Truth
 from rrins.host_tools.dashboard.view import scheme_angles

@@ -8,8 +8,8 @@ import threading
 import pytest
 
 from rrins.host_tools.redundancy.candidates import candidates_of
-from rrins.host_tools.redundancy.kinds import KINDS
 from rrins.host_tools.redundancy.monte_carlo import Delays, Fault, run_trials
+from rrins.host_tools.redundancy.sensor_kinds import KINDS
 from rrins.host_tools.redundancy.theory import HALF, Finder
 
 GYROS, ACCELEROMETERS = KINDS

@@ -9,7 +9,7 @@ import pytest
 
 from rrins.firmware_py.core.redundancy import settings
 from rrins.host_tools.redundancy.candidates import candidates_of
-from rrins.host_tools.redundancy.kinds import KINDS
+from rrins.host_tools.redundancy.sensor_kinds import KINDS
 from rrins.host_tools.redundancy.theory import HALF, MOST, Finder
 from rrins.host_tools.scenario.scenario import Scenario
 
