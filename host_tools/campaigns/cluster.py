@@ -57,7 +57,7 @@ class Cluster:
         try:
             distributed: Any = import_module("distributed")
         except ImportError as error:
-            raise missing("distributed", "dask") from error
+            raise missing("distributed") from error
         self._work = work
         self._local: Any = None
         self._lost_words = distributed.scheduler.KilledWorker

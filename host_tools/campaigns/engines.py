@@ -129,6 +129,6 @@ def taken(
         return found
 
 
-def missing(package: str, extra: str) -> CampaignError:
+def missing(package: str) -> CampaignError:
     """Return the error that says how a package is to be had."""
-    return CampaignError(f"needs {package}: pip install 'rrins[{extra}]'")
+    return CampaignError(f"needs {package}: pip install {package}")

@@ -123,7 +123,7 @@ def dashboard(
 def _check_packages() -> None:
     missing = [name for name in _NEEDED if importlib.util.find_spec(name) is None]
     if missing:
-        raise RehearsalError(f"the dashboard needs {', '.join(missing)}; pip install 'rrins[web]'")
+        raise RehearsalError(f"the dashboard needs more packages: pip install {' '.join(missing)}")
 
 
 def _is_log(what: str) -> bool:
