@@ -8,9 +8,11 @@ from typing import Final
 import can
 
 from rrins.dbc.frame import EFF_FLAG, ERR_FLAG, RTR_FLAG
-from rrins.host_tools.bus.datagram import FD_FRAME_SIZE, FRAME_SIZE
+from rrins.host_tools.bus.datagram import CLASSIC_PAYLOAD, FD_FRAME_SIZE, FRAME_SIZE
 
-_CLASSIC: Final = struct.Struct("<IB3x8s")
+CLASSIC: Final = struct.Struct("<IB3x8s")
+"""A classic frame: identifier with its flags, length, payload."""
+
 _FD: Final = struct.Struct("<IBB2x64s")
 _EXTENDED_MASK: Final = 0x1FFF_FFFF
 _STANDARD_MASK: Final = 0x7FF
@@ -18,11 +20,16 @@ _BITRATE_SWITCH: Final = 0x01  # flags of struct canfd_frame
 _ERROR_STATE: Final = 0x02
 _FD_FORMAT: Final = 0x04
 
-_unpack = _CLASSIC.unpack_from
+_unpack = CLASSIC.unpack_from
 _unpack_fd = _FD.unpack_from
 
 
-def put_message(buffer: bytearray, offset: int, message: can.Message) -> int:
+def is_classic(message: can.Message) -> bool:
+    """Return whether a message fits a classic frame."""
+    return not message.is_fd and message.dlc <= CLASSIC_PAYLOAD
+
+
+def put_message(buffer: bytearray | memoryview, offset: int, message: can.Message) -> int:
     """Write a message as a frame and return the size of the frame.
 
     Raises
@@ -42,7 +49,7 @@ def put_message(buffer: bytearray, offset: int, message: can.Message) -> int:
     if length > (64 if message.is_fd else 8):
         raise ValueError(f"a payload of {length} bytes does not fit a frame: {message}")
     if not message.is_fd:
-        _CLASSIC.pack_into(buffer, offset, can_id, length, data)
+        CLASSIC.pack_into(buffer, offset, can_id, length, data)
         return FRAME_SIZE
     flags = _FD_FORMAT
     if message.bitrate_switch:

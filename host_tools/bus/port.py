@@ -21,10 +21,12 @@ from rrins.dbc.direct import Direct
 from rrins.dbc.e2e import fill
 from rrins.dbc.frame import EFF_FLAG, ERR_FLAG, RTR_FLAG, Frame, FrameArray, frame_array
 from rrins.dbc.record import Records, Words
-from rrins.host_tools.bus.batch import Batch
+from rrins.host_tools.bus.batch import Batch, bytes_of
 from rrins.host_tools.bus.channel import NoHostError
+from rrins.host_tools.bus.datagram import FRAME_SIZE
 from rrins.host_tools.bus.guard import BusSummary
 from rrins.host_tools.bus.interface import ANSWER_S, RrinsBus
+from rrins.host_tools.bus.message import CLASSIC, is_classic, put_message
 from rrins.host_tools.errors import BusError, SideLostError
 
 Side = Literal["firmware", "hardware"]
@@ -278,12 +280,9 @@ def frame_of_message(frame: Frame, message: can.Message) -> None:
 
 def message_of_frame(frame: Frame, timestamp: float = 0.0) -> can.Message:
     """Return the python-can message of a data frame with a standard identifier."""
-    length = int(frame["length"])
+    can_id, length, data = CLASSIC.unpack(frame.tobytes())
     return can.Message(
-        timestamp=timestamp,
-        arbitration_id=int(frame["can_id"]),
-        is_extended_id=False,
-        data=int(frame["data"]).to_bytes(8, "little")[:length],
+        timestamp=timestamp, arbitration_id=can_id, is_extended_id=False, data=data[:length]
     )
 
 
@@ -360,9 +359,11 @@ class MessagePort:
 
     def send(self, frames: FrameArray, count: int, epoch: int, time_ns: int) -> None:
         """Send an epoch's frames; the last one closes the epoch."""
-        for k in range(count):
-            if not frames[k]["can_id"] & ERR_FLAG:  # error frames are never sent
-                self._send(message_of_frame(frames[k]))
+        for can_id, length, data in CLASSIC.iter_unpack(frames[:count].tobytes()):
+            if not can_id & ERR_FLAG:  # error frames are never sent
+                self._send(
+                    can.Message(arbitration_id=can_id, is_extended_id=False, data=data[:length])
+                )
 
     def _send(self, message: can.Message) -> None:
         try:
@@ -390,6 +391,7 @@ class MessagePort:
             If nothing arrives for half a minute.
         """
         count = 0
+        room, bytes_into = len(into), bytes_of(into)
         deadline_ns = time.monotonic_ns() + _LOCKSTEP_PATIENCE_NS
         while True:
             message = self._receive(_POLL_S)
@@ -400,14 +402,14 @@ class MessagePort:
                         f"bus {self._address}: {self._other} has been silent for {patience_s} s"
                     )
                 continue
-            if message.is_fd:
+            if not is_classic(message):
                 continue
             is_last = message.arbitration_id == self._others_last
-            if count < len(into):
+            if count < room:
                 count += 1
             elif not is_last:
                 continue  # a flood: there is no room, but for the frame that closes the epoch
-            frame_of_message(into[count - 1], message)
+            put_message(bytes_into, (count - 1) * FRAME_SIZE, message)
             if is_last:
                 return count
 
@@ -415,11 +417,14 @@ class MessagePort:
         """Wait up to `timeout_ns` for a frame; return the number of all frames received by then."""
         count = 0
         message = self._receive(timeout_ns * 1e-9)
-        while message is not None and count < len(into):
-            if not message.is_fd:
-                frame_of_message(into[count], message)
+        if message is None:
+            return count
+        room, bytes_into = len(into), bytes_of(into)
+        while message is not None and count < room:
+            if is_classic(message):
+                put_message(bytes_into, count * FRAME_SIZE, message)
                 count += 1
-            if count == len(into):
+            if count == room:
                 break
             message = self._receive(0.0)
         return count

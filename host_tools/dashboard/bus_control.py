@@ -94,7 +94,7 @@ class BusControl:
         if wanted == "navigate":
             return self._navigate()
         rotation = routine_named("rotation")
-        with Tester(Target(*self._target())) as tester:
+        with Tester(Target(*self._target()), is_securing=True) as tester:
             if wanted == "standby":
                 tester.start(routine_named("standby"), {})
             elif wanted == "rotation":

@@ -76,11 +76,13 @@ class Served:
 
 
 @contextmanager
-def _serving(*arguments, folder=None):
-    """Run a dashboard with channels of its own."""
-    with tempfile.TemporaryDirectory(prefix="rrins-") as runtime:
+def _serving(*arguments, folder=None, runtime=None):
+    """Run a dashboard with channels of its own, or with those of another one's folder."""
+    with tempfile.TemporaryDirectory(prefix="rrins-") as own:
+        runtime = runtime or own
         environment = os.environ | {"XDG_RUNTIME_DIR": runtime}
-        served = Served([str(one) for one in arguments], folder or runtime, environment)
+        served = Served([str(one) for one in arguments], folder or own, environment)
+        served.runtime = runtime
         try:
             yield served
         finally:

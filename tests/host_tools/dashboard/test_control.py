@@ -1,0 +1,59 @@
+"""A rehearsal that somebody else runs: watched only, or, with `--control`, given orders."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+
+from tests.host_tools.dashboard.test_server import answer_to, feed, state
+
+pytestmark = pytest.mark.slow
+
+
+def modes_until(client, mode):
+    """Wait for a mode of the firmware."""
+    for _ in range(300):
+        if (state(client)["firmware"] or {}).get("mode") == mode:
+            return
+    raise AssertionError(f"never {mode}")
+
+
+@pytest.fixture(scope="module")
+def attached(rehearsal, serving):
+    """Return a second dashboard, attached to the bus of the first with `--control`."""
+    with feed(rehearsal) as client:
+        modes_until(client, "NAVIGATION_ROTATING")
+    with serving("--channel", "rrins0", "--control", runtime=rehearsal.runtime) as served:
+        yield served
+
+
+def test_a_fault_is_put_in_listed_and_removed_on_an_attached_bus(attached):
+    with feed(attached) as client:
+        hello = json.loads(client.recv(timeout=30))
+        assert hello["may_control"]
+        assert {"inject", "mode", "clear_codes"} <= set(hello["orders"])
+        assert not {"stop", "pause", "speed"} & set(hello["orders"])  # these are its starter's
+        fault = {"kind": "gyro_bias", "sensor": 2, "bias_dph": 5.0}
+        given = answer_to(client, order="inject", fault=fault)
+        assert given["is_done"], given
+        assert given["text"].startswith("gyro_bias")
+        gone = answer_to(client, order="remove", fault=fault)
+        assert gone["is_done"], gone
+        assert not answer_to(client, order="stop")["is_done"]
+
+
+def test_modes_are_requested_on_an_attached_bus(attached):
+    with feed(attached) as client:
+        for mode, reported in (
+            ("no rotation", "NAVIGATION_STRAPDOWN"),
+            ("rotation", "NAVIGATION_ROTATING"),
+            ("standby", "STANDBY"),
+        ):
+            answer = answer_to(client, order="mode", mode=mode)
+            assert answer["is_done"], answer["text"]
+            modes_until(client, reported)
+        answer = answer_to(client, order="mode", mode="navigate")
+        assert answer["is_done"], answer
+        refused = answer_to(client, order="mode", mode="navigate")
+        assert "goes from STANDBY only" in refused["text"]
