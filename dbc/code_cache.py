@@ -59,6 +59,14 @@ class _Locator(UserProvidedCacheLocator):
         return cls(function, file)
 
 
+def stamp_of(function: Any) -> object:
+    """Return numba's stamp of a function's source file: its content, or when it was written.
+
+    To be asked for when the function is made: the file may change afterwards.
+    """
+    return _Locator(function, function.__code__.co_filename).get_source_stamp()
+
+
 class _Results(CompileResultCacheImpl):
     """Turns compiled functions into what can be pickled, and back."""
 
@@ -109,16 +117,18 @@ class CodeCache(FunctionCache):
     Parameters
     ----------
     function : function
+    stamp : object
+        What `stamp_of` said of the function.
     folder : CodeFolder or None
         Where the code is kept; the user's with None.
     """
 
     _impl_class = _Results
 
-    def __init__(self, function: Any, folder: CodeFolder | None) -> None:
+    def __init__(self, function: Any, stamp: object, folder: CodeFolder | None) -> None:
         FunctionCache.__init__(self, function)
         self._numba: Any = super()
-        self._files = _Files(function, self._impl.locator.get_source_stamp(), folder)
+        self._files = _Files(function, stamp, folder)
         self._cache_file = self._files
 
     def load_overload(self, signature: Any, target: Any) -> Any:

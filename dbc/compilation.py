@@ -24,7 +24,7 @@ from numba.core.sigutils import normalize_signature
 from numba.core.typing.templates import make_concrete_template
 from numba.np import numpy_support
 
-from rrins.dbc.code_cache import CodeCache
+from rrins.dbc.code_cache import CodeCache, stamp_of
 from rrins.dbc.code_folder import CodeFolder
 from rrins.dbc.code_library import Part, PartLibrary, WholeLibrary, collector_paused
 
@@ -91,14 +91,14 @@ class Function(CPUDispatcher):
         function.__signature__ = inspect.signature(function)  # numba asks for it four times
         super().__init__(function, targetoptions=chosen)
         del self._cache  # numba's, which keeps nothing
-        self._folder = folder
+        self._stamp, self._folder = stamp_of(function), folder
         self._compiler = _Compiler(function, self.targetdescr, chosen, {}, Compiler)
         self._parts: dict[_Kinds, tuple[object, Part]] = {}
 
     @functools.cached_property
     def _cache(self) -> CodeCache:
         """Made when code is asked for: of most functions it never is."""
-        return CodeCache(self.py_func, self._folder)
+        return CodeCache(self.py_func, self._stamp, self._folder)
 
     def get_call_template(self, args: Any, kws: Any) -> Any:
         """Return what types a call from compiled code; compile the part that it calls."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import os
 import subprocess
 import sys
@@ -45,6 +46,35 @@ def test_a_function_is_compiled_once_for_each_signature(folder):
     assert start(folder, argument=5.0) == (2.5, 0)
     assert start(folder, square) == (25, 1)
     assert len(list(folder.path.glob("*.code"))) == 3
+
+
+PLUS = """
+from pathlib import Path
+from rrins.dbc.code_folder import CodeFolder
+from rrins.dbc.compilation import compiled_with
+NUMBER = {number}
+@compiled_with(CodeFolder(Path({folder!r})))
+def plus(x):
+    return x + NUMBER
+"""
+
+
+def test_code_of_a_source_that_changed_since_it_was_imported_is_not_that_of_the_new_one(
+    folder, tmp_path
+):
+    path = tmp_path / "plus.py"
+
+    def imported(number):
+        path.write_text(PLUS.format(number=number, folder=str(folder.path)))
+        spec = importlib.util.spec_from_file_location("plus", path)
+        module = importlib.util.module_from_spec(spec)
+        exec(compile(path.read_text(), path, "exec"), vars(module))
+        return module.plus
+
+    old = imported(1)
+    new = imported(2)
+    assert (old(10), new(10)) == (11, 12)
+    assert (imported(1)(10), imported(2)(10)) == (11, 12)
 
 
 def code_of(folder, name):
