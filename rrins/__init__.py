@@ -11,7 +11,8 @@
 What the command line does, these do as well: `load_scenario`, `simulate` and `rehearse` run a
 scenario; `record`, `replay` and `open_log` handle logs of the bus; `open_diagnostics` and
 `open_faults` talk to a rehearsal under way; `analyse_scheme` and `search_schemes` look at rotation
-schemes; `load_motion` and `reproduce` look at recorded motion and at the paper; `Campaign` runs a
+schemes; `load_motion` and `reproduce` look at recorded motion and at the paper; `write_increments`
+and `import_recording` exchange increments with other navigators and vehicles; `Campaign` runs a
 scenario thousands of times. Tests get the fixtures `rrins_bench`, `rrins_bus`, `rrins_firmware` and
 `rrins_hardware` from the pytest plugin.
 
@@ -46,6 +47,8 @@ if TYPE_CHECKING:
     from rrins.schemes import SchemeAnalysis as SchemeAnalysis
     from rrins.schemes import analyse_scheme as analyse_scheme
     from rrins.schemes import search_schemes as search_schemes
+    from rrins.vehicle import import_recording as import_recording
+    from rrins.vehicle import write_increments as write_increments
 
     __version__: str
 
@@ -68,6 +71,8 @@ _HOMES: Final = {
     "analyse_scheme": "rrins.schemes",
     "search_schemes": "rrins.schemes",
     "load_motion": "rrins.motion",
+    "write_increments": "rrins.vehicle",
+    "import_recording": "rrins.vehicle",
     "reproduce": "rrins.paper",
     "Campaign": "rrins.campaign",
 }
@@ -82,6 +87,7 @@ __all__ = [
     "SchemeAnalysis",
     "__version__",
     "analyse_scheme",
+    "import_recording",
     "load_motion",
     "load_scenario",
     "open_diagnostics",
@@ -94,6 +100,7 @@ __all__ = [
     "scenario_names",
     "search_schemes",
     "simulate",
+    "write_increments",
 ]
 
 

@@ -128,7 +128,7 @@ def _place(recording: VehicleRecording, time_s: float, is_as_said: bool) -> tupl
     if is_as_said and said.place is not None:
         return said.place, said.place_sigma or 1.0
     if fixes is None:
-        raise VehicleError("import: no position to begin with: give GNSS fixes, or [site]")
+        raise VehicleError("import: no position to begin with: give GNSS fixes")
     k = int(np.argmin(np.abs(fixes.time_s - time_s)))
     return fixes.place[k], float(np.max(fixes.place_sigma[k]))
 
