@@ -47,6 +47,9 @@ SETTLED_S = 10
 """Seconds after a stop in which nothing is learned or concluded, and before a start in which
 nothing is learned: a vehicle pitches by less than counts as motion and more than a sensor errs."""
 
+LATE_S = 32
+"""Seconds after which something is learned: so long, a fault is not learned before it shows."""
+
 NOISE_S = 32
 """Window of the test of the variance, s."""
 
@@ -146,10 +149,11 @@ class Learner(Record):
 class Sums(Record):
     """Sums since the beginning: the difference of two is that of a window."""
 
-    parity: Annotated[Floats, SENSOR_GROUPS]  #: of what is not learned, along each sensor's axis
+    residual: Annotated[Floats, SENSOR_GROUPS]  #: along each sensor's axis
+    regressors: Annotated[Floats, REGRESSORS]
+    parity: Annotated[Floats, SENSOR_GROUPS]  #: of what had not been learned before
     leverage: F8  #: of what was learned, in variances of a second, until learning last stopped
-    stretch: F8  #: the same since then, the deviation: what was learned errs alike
-    stretches: I8  #: how often something was learned
+    stretch: F8  #: the same since then, the deviation: as if it erred by the same
     vector: Annotated[Floats, 3]  #: fused less expected at standstill
     vector_leverage: F8
     standing: I8  #: seconds at standstill
@@ -215,11 +219,18 @@ class Parity(Record):
     # Of whole seconds.
     seconds: I8  #: in the sums
     uncertain: F8  #: variance of what was expected of the last second, in its noise's
+    window_sum: Annotated[Floats, (SECOND_LEVELS, SENSOR_GROUPS)]  #: of what is not learned
+    window_spread: Annotated[Floats, SECOND_LEVELS]  #: variance of what was expected of them
+    window_uncertain: Annotated[Floats, SECOND_LEVELS]  #: of the sums, beyond their noise's
+    settled: I8  #: seconds that have been learned, or not
+    learned: I8  #: the last of them that was learned
+    learned_regressors: Annotated[Floats, REGRESSORS]  #: their sum until then
     now: Sums
     fine: Annotated[Records[Sums], FINE_CAPACITY]
     coarse: Annotated[Records[Sums], COARSE_CAPACITY]
     squares: Annotated[Floats, (NOISE_S, SENSOR_GROUPS)]  #: normalised squares, a ring
-    parity: Learner
+    parity: Learner  #: late, and not while a test is pending
+    ahead: Learner  #: at once and always: what the tests of whole seconds fit besides a step
     expected: Learner
     late_vector: Annotated[Floats, (SETTLED_S, 3)]  #: of the last seconds at standstill, a ring
     late_regressors: Annotated[Floats, (SETTLED_S, REGRESSORS)]
@@ -253,6 +264,8 @@ class Parity(Record):
     # Scratch.
     matrix: Annotated[Floats, (SENSOR_GROUPS, SENSOR_GROUPS + 1)]
     score: Annotated[Floats, SENSOR_GROUPS]
+    late_residual: Annotated[Floats, SENSOR_GROUPS]
+    late_second: Annotated[Floats, REGRESSORS]
 
 
 class Repair(Record):

@@ -79,8 +79,7 @@ def follow(
         if step != 0.0:
             for level in range(SECOND_LEVELS):
                 if windows.is_due(parity, level):
-                    begin = windows.begin_of(parity, level)
-                    total = parity.now.parity[sensor] - begin.parity[sensor]
+                    total = parity.window_sum[level, sensor]
                     variance = windows.variance_of(parity, level, sensor)
                     alone[second, level] = total / math.sqrt(variance) if variance > 0.0 else 0.0
                 elif second > 0:

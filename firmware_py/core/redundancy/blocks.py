@@ -9,6 +9,7 @@ from __future__ import annotations
 from rrins.dbc.compilation import compiled
 from rrins.dbc.record import Floats
 from rrins.firmware_py.core.memory import Fusion, Ins
+from rrins.firmware_py.core.redundancy import windows
 from rrins.firmware_py.core.redundancy_records import (
     BLOCK_FLOATS,
     BLOCK_OTHERS,
@@ -25,10 +26,7 @@ ATTITUDE, TURNED = 7, 16
 
 UNCERTAIN = 17
 """Variance of what was not known of the parity of gyros and of accelerometers, in a second's noise;
-so large that sums over seconds are right, although it errs alike in all of them."""
-
-_COHERENT_S = 3.0
-"""Seconds over which it errs alike while it is learned: the table turns. Else since then."""
+see `windows.uncertain_second`."""
 
 BEGUN, MEASURED_AFTER, MEASURED, VARIANCE = 19, 20, 21, 23
 """The last epoch before the block; the reference's time of validity in it (s), reference less
@@ -126,6 +124,5 @@ def place(repair: Repair, index: int) -> int:
 def note_uncertain(repair: Repair, gyros: Parity, accelerometers: Parity) -> None:
     """Note in the block that was closed last what was not known of the parities."""
     at = place(repair, repair.count - 1) + repair.stride - OTHERS + UNCERTAIN
-    repair.blocks[at] = gyros.uncertain * (_COHERENT_S + 2.0 * gyros.frozen)
-    alike = _COHERENT_S + 2.0 * accelerometers.frozen
-    repair.blocks[at + 1] = accelerometers.uncertain * alike
+    repair.blocks[at] = windows.uncertain_second(gyros)
+    repair.blocks[at + 1] = windows.uncertain_second(accelerometers)

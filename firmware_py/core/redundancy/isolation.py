@@ -42,12 +42,11 @@ def by_parity(parity: Parity, count: int) -> int:
     for level in range(SECOND_LEVELS):
         if not windows.is_due(parity, level):
             continue
-        begin = windows.begin_of(parity, level)
         best, first, second = -1, 0.0, 0.0
         for i in range(count):
             if parity.projector[i, i] <= CHECKED_FROM:
                 continue
-            total = parity.now.parity[i] - begin.parity[i]
+            total = parity.window_sum[level, i]
             score = total * total / windows.variance_of(parity, level, i)
             if score > first:
                 best, first, second = i, score, first
@@ -61,7 +60,7 @@ def by_parity(parity: Parity, count: int) -> int:
 @compiled
 def _own_variance(parity: Parity, level: int, sensor: int) -> float:
     """Return the variance of a sensor's own noise over a window, with what was learned of it."""
-    learned = windows.uncertainty_of(parity, level)
+    learned = parity.window_uncertain[level]
     return (
         parity.white_variance[sensor] * (1 << level)
         + parity.drift_variance[sensor, level]
@@ -73,11 +72,10 @@ def _own_variance(parity: Parity, level: int, sensor: int) -> float:
 @compiled
 def left_by_motion(parity: Parity, count: int, level: int) -> float:
     """Return the chi-square that no motion of the vehicle explains: that of the parity."""
-    begin = windows.begin_of(parity, level)
     total = 0.0
     for i in range(count):
         if parity.sensors >> i & 1:
-            along = parity.now.parity[i] - begin.parity[i]
+            along = parity.window_sum[level, i]
             total += along * along / _own_variance(parity, level, i)
     return total
 
@@ -121,7 +119,7 @@ def _residuals(parity: Parity, fusion: Fusion, level: int) -> None:
     last = parity.matrix.shape[1] - 1
     for i in range(fusion.count):
         if parity.sensors >> i & 1:
-            total = parity.now.parity[i] - begin.parity[i]
+            total = parity.window_sum[level, i]
             for axis in range(3):
                 total += fusion.H[i, axis] * (parity.now.vector[axis] - begin.vector[axis])
             parity.matrix[n, last] = total

@@ -49,6 +49,18 @@ def leverage(learner: Learner, regressors: Floats, count: int) -> float:
 
 
 @compiled
+def spread(learner: Learner, begin: Floats, end: Floats, count: int) -> float:
+    """Return the variance of what is expected between two sums of regressors."""
+    total = 0.0
+    for k in range(count):
+        projected = 0.0
+        for j in range(count):
+            projected += learner.covariance[k, j] * (end[j] - begin[j])
+        total += (end[k] - begin[k]) * projected
+    return total
+
+
+@compiled
 def learn(learner: Learner, innovations: Floats, rows: int, variance: float, count: int) -> None:
     """Learn from a second's innovations, one per row; `variance` is what `leverage` returned."""
     scale = 1.0 / (1.0 + variance)

@@ -63,7 +63,8 @@ def compare(parity: Parity, fusion: Fusion, sensors: int, second_epochs: int, wo
     for i in range(count):
         if parity.projector[i, i] > CHECKED_FROM:
             unit = min(unit, parity.second_variance[i])
-    learning.forget_all(parity.parity, unit)
+    for learner in (parity.parity, parity.ahead):
+        learning.forget_all(learner, unit)
     learning.forget_all(parity.expected, parity.vector_variance)
     begin_again(parity)
 
@@ -121,6 +122,10 @@ def begin_again(parity: Parity) -> None:
     parity.suspect = -1
     begin_second(parity)
     clear_levels(parity)
+    parity.settled = 0
+    parity.learned = 0
+    for k in range(parity.learned_regressors.shape[0]):
+        parity.learned_regressors[k] = 0.0
     _clear(parity.now)
     _clear(parity.fine[0])  # where the first windows begin
     _clear(parity.coarse[0])
@@ -130,11 +135,13 @@ def begin_again(parity: Parity) -> None:
 def _clear(sums: Sums) -> None:
     sums.leverage = 0.0
     sums.stretch = 0.0
-    sums.stretches = 0
     sums.vector_leverage = 0.0
     sums.standing = 0
     for i in range(sums.parity.shape[0]):
         sums.parity[i] = 0.0
+        sums.residual[i] = 0.0
+    for k in range(sums.regressors.shape[0]):
+        sums.regressors[k] = 0.0
     for i in range(3):
         sums.vector[i] = 0.0
 

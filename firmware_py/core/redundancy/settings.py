@@ -146,7 +146,7 @@ def _set_parity(
     parity["epoch_factor"] = epoch_factor(allowed, directions, rate_hz)
     parity["noise_limit"] = noise_limit(allowed, directions)
     parity["kept"]["unit"] = 1.0
-    for learner in (parity["parity"], parity["expected"]):
+    for learner in (parity["parity"], parity["ahead"], parity["expected"]):
         _set_learner(learner, sheet, has_force)
 
 

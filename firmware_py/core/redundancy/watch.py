@@ -215,8 +215,7 @@ def _begun_s(parity: Parity) -> float:
     for level in range(SECOND_LEVELS):
         if not windows.is_due(parity, level):
             continue
-        begin = windows.begin_of(parity, level)
-        total = parity.now.parity[suspect] - begin.parity[suspect]
+        total = parity.window_sum[level, suspect]
         variance = windows.variance_of(parity, level, suspect)
         if total * total > best * variance:
             best, seconds = total * total / variance, float(1 << level)

@@ -17,6 +17,7 @@ from rrins.firmware_py.core.redundancy_records import (
     COARSE_S,
     FINE_CAPACITY,
     FINE_LEVELS,
+    LATE_S,
     NOISE_S,
     SECOND_LEVELS,
     Parity,
@@ -27,6 +28,9 @@ _MUCH_LEARNED = 0.1
 """Variance of what a second taught, in variances of its noise, from which on open windows that are
 shorter begin again: their sums are of what was not learned before."""
 
+_MOST_FITTED = 0.75
+"""Share of a step's information that may go to what is learned at once."""
+
 _LEARNS_BELOW = 0.6
 """Share of the threshold above which nothing is learned: a test is pending."""
 
@@ -35,11 +39,13 @@ _LEARNS_BELOW = 0.6
 def _keep(sums: Sums, now: Sums, count: int) -> None:
     for i in range(count):
         sums.parity[i] = now.parity[i]
+        sums.residual[i] = now.residual[i]
+    for k in range(now.regressors.shape[0]):
+        sums.regressors[k] = now.regressors[k]
     for i in range(3):
         sums.vector[i] = now.vector[i]
     sums.leverage = now.leverage
     sums.stretch = now.stretch
-    sums.stretches = now.stretches
     sums.vector_leverage = now.vector_leverage
     sums.standing = now.standing
 
@@ -48,8 +54,6 @@ def _keep(sums: Sums, now: Sums, count: int) -> None:
 def keep(parity: Parity, count: int) -> None:
     """Keep the sums as the begin of later windows."""
     _keep(parity.fine[parity.seconds % FINE_CAPACITY], parity.now, count)
-    if parity.seconds % COARSE_S == 0:
-        _keep(parity.coarse[parity.seconds // COARSE_S % COARSE_CAPACITY], parity.now, count)
 
 
 @compiled
@@ -72,35 +76,155 @@ def is_due(parity: Parity, level: int) -> bool:
 @compiled
 def close_second(parity: Parity, count: int, regressors: int) -> float:
     """Add a second to the sums, test, and learn; return the largest parity over its threshold."""
-    learner = parity.parity
-    uncertain = learning.leverage(learner, parity.regressors, regressors)
-    for i in range(count):
-        known = learning.expected(learner, i, parity.regressors, regressors)
-        parity.residual[i] -= known  # the innovation from here on
-        parity.now.parity[i] += parity.residual[i]
-    parity.uncertain = uncertain
-    parity.now.stretch += math.sqrt(uncertain)
+    learner, now = parity.parity, parity.now
     parity.seconds += 1
-    _note_squares(parity, count, uncertain)
+    _learn_ahead(parity, count, regressors)
+    uncertain = learning.leverage(learner, parity.regressors, regressors)
+    for k in range(regressors):
+        now.regressors[k] += parity.regressors[k]
+    for i in range(count):
+        now.residual[i] += parity.residual[i]
+        known = learning.expected(learner, i, parity.regressors, regressors)
+        parity.residual[i] -= known  # what is not learned from here on
+    parity.uncertain = uncertain
+    _sum_windows(parity, count, regressors)
+    _fit_steps(parity, count, regressors)
     largest, noise = _largest(parity, count), _noise(parity, count)
-    if largest < _LEARNS_BELOW and noise < 1.0:
-        learning.learn(learner, parity.residual, count, uncertain, regressors)
-        learning.age(learner, regressors)
-        parity.now.leverage += parity.now.stretch**2
-        parity.now.stretch = 0.0
-        parity.now.stretches += 1
-        parity.frozen = 0
-        parity.learning = learner.seconds >= LEARNED_S
-        if uncertain > _MUCH_LEARNED:
-            clear_levels(parity)
-    else:
-        parity.frozen += 1
+    sound = largest < _LEARNS_BELOW and noise < 1.0
+    parity.frozen = 0 if sound else parity.frozen + 1
+    _settle(parity, count, regressors, sound)
     return max(largest, noise)
 
 
 @compiled
+def _late_s(parity: Parity) -> int:
+    """Return after how many seconds something is learned; in the beginning there are fewer."""
+    return 1 + min(LATE_S - 1, int(parity.seconds) // 4)
+
+
+@compiled
+def _settle(parity: Parity, count: int, regressors: int, sound: bool) -> None:
+    """Learn from a second that is some time ago if nothing is suspicious since."""
+    second = int(parity.seconds) - _late_s(parity)
+    if second <= parity.settled:
+        return
+    learner, now = parity.parity, parity.now
+    residual, difference = parity.late_residual, parity.late_second
+    before = parity.fine[(second - 1) % FINE_CAPACITY]
+    end = parity.fine[second % FINE_CAPACITY]
+    for k in range(regressors):
+        difference[k] = end.regressors[k] - before.regressors[k]
+    uncertain = learning.leverage(learner, difference, regressors)
+    now.stretch += math.sqrt(uncertain)
+    for i in range(count):
+        known = learning.expected(learner, i, difference, regressors)
+        residual[i] = end.residual[i] - before.residual[i] - known
+        now.parity[i] += residual[i]
+    parity.settled = second
+    if sound:
+        learning.learn(learner, residual, count, uncertain, regressors)
+        learning.age(learner, regressors)
+        now.leverage += now.stretch**2
+        now.stretch = 0.0
+        for k in range(regressors):
+            parity.learned_regressors[k] = end.regressors[k]
+        parity.learned = second
+        parity.learning = learner.seconds >= LEARNED_S
+        if uncertain > _MUCH_LEARNED:
+            clear_levels(parity)
+    for i in range(count):
+        end.parity[i] = now.parity[i]
+    end.leverage = now.leverage
+    end.stretch = now.stretch
+    if second % COARSE_S == 0:
+        _keep(parity.coarse[second // COARSE_S % COARSE_CAPACITY], end, count)
+
+
+@compiled
+def _learn_ahead(parity: Parity, count: int, regressors: int) -> None:
+    """Learn from the present second, whatever it shows; note its squares."""
+    learner, residual = parity.ahead, parity.late_residual
+    for i in range(count):
+        known = learning.expected(learner, i, parity.regressors, regressors)
+        residual[i] = parity.residual[i] - known
+    uncertain = learning.leverage(learner, parity.regressors, regressors)
+    _note_squares(parity, count, uncertain)
+    learning.learn(learner, residual, count, uncertain, regressors)
+    learning.age(learner, regressors)
+
+
+@compiled
+def _sum_windows(parity: Parity, count: int, regressors: int) -> None:
+    """Sum what is not learned over the windows that end now; note how uncertain it is.
+
+    Since something was learned last, as uncertain as the sum of the regressors: what a turn of the
+    table brings goes with the next ones. Before, innovations are independent.
+    """
+    learner, now = parity.parity, parity.now
+    settled = parity.fine[parity.settled % FINE_CAPACITY]
+    difference = parity.late_second
+    for level in range(SECOND_LEVELS):
+        if not is_due(parity, level):
+            continue
+        begin, second = begin_of(parity, level), parity.seconds - (1 << level)
+        since, learned_since, before = settled, parity.learned_regressors, 0.0
+        if second >= parity.settled:
+            since = begin
+        if second >= parity.learned:
+            learned_since = begin.regressors
+        else:
+            before = now.leverage - begin.leverage - begin.stretch**2
+        for k in range(regressors):
+            difference[k] = now.regressors[k] - since.regressors[k]
+        for i in range(count):
+            total = now.residual[i] - since.residual[i]
+            total -= learning.expected(learner, i, difference, regressors)
+            if second < parity.settled:
+                total += now.parity[i] - begin.parity[i]
+            parity.window_sum[level, i] = total
+        spread = before + learning.spread(learner, learned_since, now.regressors, regressors)
+        parity.window_spread[level] = spread
+        parity.window_uncertain[level] = spread
+
+
+@compiled
+def _fit_steps(parity: Parity, count: int, regressors: int) -> None:
+    """Fit a step to each window that ends now, with what sound sensors put there, where better.
+
+    With the coefficients c and covariance P that were learned up to now, as if there were no step,
+    least squares give the step ``(r - c s) / (w - s P s)`` for the sums r of the parity and s of
+    the regressors over w seconds, and its variance ``1 / (w - s P s)``. Willsky and Jones, *IEEE
+    Transactions on Automatic Control* 21 (1976) 108.
+    """
+    learner, now, difference = parity.ahead, parity.now, parity.late_second
+    for level in range(SECOND_LEVELS):
+        if not is_due(parity, level):
+            continue
+        begin, seconds = begin_of(parity, level), float(1 << level)
+        learned = learning.spread(learner, begin.regressors, now.regressors, regressors)
+        if learned > _MOST_FITTED * seconds:
+            continue
+        larger = seconds / (seconds - learned)
+        drift = 0.0
+        for i in range(count):
+            if parity.projector[i, i] > CHECKED_FROM:
+                variance = parity.variance[i, level] / parity.second_variance[i]
+                drift = max(drift, variance - seconds)
+        uncertain = learned * larger + drift * (larger**2 - 1.0)
+        if uncertain >= parity.window_uncertain[level]:
+            continue
+        parity.window_uncertain[level] = uncertain
+        for k in range(regressors):
+            difference[k] = now.regressors[k] - begin.regressors[k]
+        for i in range(count):
+            total = now.residual[i] - begin.residual[i]
+            total -= learning.expected(learner, i, difference, regressors)
+            parity.window_sum[level, i] = larger * total
+
+
+@compiled
 def _note_squares(parity: Parity, count: int, uncertain: float) -> None:
-    """Note the normalised squares of a second.
+    """Note the normalised squares of a second's innovations.
 
     What is not learned yet errs alike from second to second, and not like noise: such a second
     counts as no more than a usual one.
@@ -108,7 +232,7 @@ def _note_squares(parity: Parity, count: int, uncertain: float) -> None:
     alike = min(parity.frozen + 1, NOISE_S)
     for i in range(count):
         variance = parity.second_variance[i] * (1.0 + uncertain * alike) + parity.drift_second[i]
-        square = parity.residual[i] ** 2 / variance if variance > 0.0 else 0.0
+        square = parity.late_residual[i] ** 2 / variance if variance > 0.0 else 0.0
         if uncertain > _MUCH_LEARNED:
             square = min(square, 1.0)
         parity.squares[parity.seconds % NOISE_S, i] = square
@@ -131,23 +255,24 @@ def _noise(parity: Parity, count: int) -> float:
 
 
 @compiled
-def uncertainty_of(parity: Parity, level: int) -> float:
-    """Return how uncertain a level's window is by what was learned, in variances of a second.
-
-    What was learned errs alike in all seconds between two in which something was learned, and
-    independently before and after.
-    """
-    now, begin = parity.now, begin_of(parity, level)
-    if now.stretches == begin.stretches:
-        return float((now.stretch - begin.stretch) ** 2)
-    return float(now.leverage - begin.leverage + now.stretch**2 - begin.stretch**2)
+def variance_of(parity: Parity, level: int, sensor: int) -> float:
+    """Return the variance of a sensor's parity over a level's window that ends now."""
+    uncertain = parity.window_uncertain[level]
+    return float(parity.variance[sensor, level] + uncertain * parity.second_variance[sensor])
 
 
 @compiled
-def variance_of(parity: Parity, level: int, sensor: int) -> float:
-    """Return the variance of a sensor's parity over a level's window that ends now."""
-    uncertain = uncertainty_of(parity, level)
-    return parity.variance[sensor, level] + uncertain * parity.second_variance[sensor]
+def uncertain_second(parity: Parity) -> float:
+    """Return the variance of what is not known of a second, in its noise's, as if it were noise.
+
+    So large that sums over the seconds since learning stopped are right.
+    """
+    largest = float(parity.uncertain)
+    for level in range(SECOND_LEVELS):
+        seconds = 1 << level
+        if seconds <= parity.frozen + _late_s(parity) and is_due(parity, level):
+            largest = max(largest, parity.window_spread[level] / seconds)
+    return largest
 
 
 @compiled
@@ -157,11 +282,10 @@ def _largest(parity: Parity, count: int) -> float:
     for level in range(SECOND_LEVELS):
         if not is_due(parity, level):
             continue
-        begin = begin_of(parity, level)
         for i in range(count):
             if parity.projector[i, i] <= CHECKED_FROM:
                 continue
-            total = parity.now.parity[i] - begin.parity[i]
+            total = parity.window_sum[level, i]
             variance = variance_of(parity, level, i)
             ratio = math.sqrt(total * total / variance) / parity.second_factor
             if ratio > largest:

@@ -23,7 +23,8 @@ def close():
     fusion["weight"][:4] = 1.0
     parity = np.zeros(1, Parity.dtype)[0]
     parity["white_variance"][:4] = 1.0
-    parity["parity"]["prior"][:2] = 0.25
+    for learner in ("parity", "ahead"):
+        parity[learner]["prior"][:2] = 0.25
     parity["second_factor"] = settings.second_factor(0.01, 1)
     parity["noise_limit"] = settings.noise_limit(0.01, 1)
     parities.compare(parity, fusion, 0b1111, 200, np.empty((3, 3)))
