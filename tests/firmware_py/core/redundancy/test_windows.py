@@ -37,6 +37,7 @@ def close():
         parities.begin_second(parity)
         return ratio
 
+    closer.parity = parity
     return closer
 
 
@@ -53,3 +54,27 @@ def test_a_new_direction_is_learned_even_while_noise_is_on_the_large_side(close)
     for k in range(64):
         rate = k / 64
         assert close(1.5 * (-1) ** k + 3.0 * rate, rate) < 1.0
+
+
+def test_a_step_is_fitted_to_a_window_as_by_least_squares(close):
+    """With a constant and a slope of variance 1, in variances of a second's noise."""
+    random = np.random.default_rng(2)
+    rates = np.sin(0.3 * np.arange(150))
+    step = np.arange(150) >= 118
+    seen = random.normal(size=150) + 0.4 + 0.7 * rates + step
+    for deviations, rate in zip(seen, rates, strict=True):
+        close(deviations, rate)
+    X = np.column_stack([np.ones(150), rates, step])
+    covariance = np.linalg.inv(X.T @ X + np.diag([1.0, 1.0, 0.0]))
+    fitted = close.parity["window_sum"][5, :4] / np.sqrt(close.parity["second_variance"][:4])
+    assert fitted == pytest.approx(32 * (covariance @ X.T @ seen)[2])
+    assert close.parity["window_uncertain"][5] + 32 == pytest.approx(32**2 * covariance[2, 2])
+
+
+def test_a_step_is_not_learned_for_half_a_minute(close):
+    for _ in range(150):
+        close(0.0)
+    for _ in range(31):
+        close(2.5)
+    assert close.parity["parity"]["coefficients"][0, 0] == 0.0
+    assert close.parity["ahead"]["coefficients"][0, 0] > 0.0
