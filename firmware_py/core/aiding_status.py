@@ -25,7 +25,7 @@ def has_any(state: Ram) -> bool:
     """Return whether there is anything to tell."""
     if state.gnss.interval_epochs > 0 or state.odometer.interval_epochs > 0:
         return True
-    return state.zero_velocity.counter > 0
+    return state.zero_velocity.counter > 0 or state.estimator.detects_standing
 
 
 @compiled
@@ -47,6 +47,8 @@ def word(state: Ram, message: MessageSignals) -> np.uint64:
     comes = monitor.altimeter_silence <= monitor.patience_epochs
     payload = pack(payload, message.altimeter, _state(state.parameters.altimeter, comes))
     payload = pack(payload, message.standing, state.zero_velocity.standing)
+    payload = pack(payload, message.detected, state.estimator.standing)
+    payload = encode(payload, message.gate_openings, state.estimator.reopenings)
     payload = encode(payload, message.gnss_losses, gnss.losses)
     payload = encode(payload, message.odometer_losses, odometer.losses)
     payload = encode(payload, message.gnss_age, gnss.age_epochs * seconds)

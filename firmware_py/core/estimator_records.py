@@ -13,19 +13,26 @@ ATTITUDE, VELOCITY, LATITUDE, LONGITUDE, HEIGHT, BIASES = 0, 3, 6, 7, 8, 9
 of the sensors about the axes of n (rad); velocity_n (m/s); latitude, longitude (rad); height (m);
 the biases of gyros (rad/s), then of accelerometers (m/s²), along each input axis; where there is
 an odometer, its scale error (1) and by how much the vehicle's forward axis points to the right and
-up of y of the body (rad); where the altimeter is a measurement, its bias (m); where they are
-estimated, the sensors' scale factors, asymmetries and installation errors, each of gyros, then of
-accelerometers."""
+up of y of the body (rad); where the altimeter is a measurement, its bias (m); where the vehicle
+sways about a known place, of its way from there to the east, then to the north, the integral (m s)
+and the way (m); where they are estimated, the sensors' scale factors, asymmetries and installation
+errors, each of gyros, then of accelerometers."""
 
 ODOMETER_STATES = 3
 SCALE, YAW, PITCH = 0, 1, 2
 """Place of each in the odometer's group."""
 
+SWAY_STATES = 4
+SWAY_EAST, SWAY_NORTH = 0, 2
+"""Place of each pair in the group of the sway."""
+
 SENSOR_CONSTANTS = 4
 SCALE_FACTOR, ASYMMETRY, ACROSS_U, ACROSS_V = 0, 1, 2, 3
 """λ, μ (1), δu, δv (rad) of a sensor besides its bias, in this order. Paper, (13), (16), (17)."""
 
-STATE_CAPACITY = BIASES + 2 * (1 + SENSOR_CONSTANTS) * SENSOR_GROUPS + ODOMETER_STATES + 1
+STATE_CAPACITY = (
+    BIASES + 2 * (1 + SENSOR_CONSTANTS) * SENSOR_GROUPS + ODOMETER_STATES + 1 + SWAY_STATES
+)
 RESPONSE_STATES = 14
 """States and inputs of `transition.fill`."""
 
@@ -119,6 +126,7 @@ class Estimator(Record):
     # The data sheets.
     attitude_sigma: Annotated[Floats, 3]  #: rad, at the beginning, in n
     velocity_sigma: F8  #: m/s, at the beginning
+    start_sigma: F8  #: m, of the position at the beginning
     odometer_sigma: Annotated[Floats, ODOMETER_STATES]  #: 1, rad, rad
     slip_sigma: F8  #: m/s, of the velocity across the vehicle's forward axis
     altimeter_sigma: F8  #: m, of a height
@@ -140,6 +148,24 @@ class Estimator(Record):
     altimeter: Bool  #: whether it is a measurement
     altimeter_state: I8  #: of its bias
     altimeter_bias: F8  #: m
+    sway: Bool  #: whether the vehicle sways about a known place
+    sway_state: I8  #: of the first of its states
+    sway_way: Annotated[Floats, SWAY_STATES]  #: m s, m, east; the same north
+    sway_transition: Annotated[Floats, (2, 2)]  #: of a pair of them, over a second
+    sway_spread: Annotated[Floats, (2, 2)]  #: that the second adds to a pair's covariance, for 1 m²
+    # Standing, as the sensors feel it.
+    detects_standing: Bool
+    standing: Bool  #: for `STEADY_S` of `standstill`, up to the end of the last second
+    steady_s: I8  #: seconds without a change of force or attitude
+    felt_n: Annotated[Floats, 3]  #: m/s, sum of the increments of the second
+    felt_square: F8  #: m²/s², sum of their squares
+    body_n: Annotated[Floats, (3, 3)]  #: C_b_n at the end of the second before
+    # A filter that rejects everything.
+    others_used: I8  #: scalars of aids that do not come from the receiver
+    locked_s: I8  #: seconds in which the receiver was rejected, and nothing else helped
+    excess: F8  #: largest square of a rejected innovation of the second over that of the filter
+    reopened: Bool  #: in the last second
+    reopenings: I8  #: since the filter began
     # The present second, and the one that is worked on.
     epochs: I8  #: of the present second
     epoch: I8  #: at whose end the filter stands

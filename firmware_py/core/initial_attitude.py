@@ -12,3 +12,4 @@ class InitialAttitude(IntEnum):
     SELF_ALIGNED = 1  # at standstill
     SELF_ALIGNED_SWAYING = 2  # about a known position
     SELF_ALIGNED_MOVING = 3  # with GNSS
+    TRANSFERRED = 4  # with velocity and position, by another unit of a vehicle that moves

@@ -49,6 +49,7 @@ class Parameters(Record):
     longitude: F8  #: rad, where navigation starts
     height: F8  #: m, where navigation starts
     C_b_n: Annotated[Floats, (3, 3)]  #: initial attitude, if given
+    velocity_n: Annotated[Floats, 3]  #: m/s, initial velocity, if transferred
     initial_attitude: I8  #: an `InitialAttitude`
     alignment_epochs: I8  #: length of the alignment, at least
     height_channel: I8  #: `HEIGHT_HELD`, `HEIGHT_DAMPED` or `HEIGHT_FREE` of `strapdown`

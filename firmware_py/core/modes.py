@@ -32,6 +32,7 @@ from enum import IntEnum
 from rrins.dbc.compilation import compiled
 from rrins.dbc.values import AxisState
 from rrins.firmware_py.core import alignment, inertial_alignment, sequencer, strapdown
+from rrins.firmware_py.core.initial_attitude import InitialAttitude
 from rrins.firmware_py.core.memory import INNER, OUTER, Ins, Modes, Ram
 
 
@@ -120,6 +121,16 @@ def enter(state: Ram, mode: int) -> None:
             parameters.longitude,
             parameters.height,
         )
+        if parameters.initial_attitude == InitialAttitude.TRANSFERRED:
+            for i in range(3):
+                state.ins.velocity_n[i] = parameters.velocity_n[i]
+
+
+@compiled
+def begins_in_motion(state: Ram) -> bool:
+    """Return whether the vehicle may move before navigation begins."""
+    transferred = state.parameters.initial_attitude == InitialAttitude.TRANSFERRED
+    return bool(transferred or inertial_alignment.is_wanted(state))
 
 
 @compiled

@@ -55,8 +55,10 @@ _GNSS_LOST = 1 << AidingFault.GNSS_LOST
 _ODOMETER_LOST = 1 << AidingFault.ODOMETER_LOST
 _GNSS_REJECTED = 1 << AidingFault.GNSS_REJECTED
 _ODOMETER_REJECTED = 1 << AidingFault.ODOMETER_REJECTED
+_ALTIMETER_REJECTED = 1 << AidingFault.ALTIMETER_REJECTED
+_GATE_OPENED = 1 << AidingFault.GATE_OPENED
 _BY_POSITION, _BY_VELOCITY = int(Aid.GNSS_POSITION), int(Aid.GNSS_VELOCITY)
-_BY_ODOMETER = int(Aid.ODOMETER)
+_BY_ODOMETER, _BY_ALTIMETER = int(Aid.ODOMETER), int(Aid.ALTIMETER)
 
 _NOT_FOLLOWING, _DRIVE = int(AxisFault.NOT_FOLLOWING), int(AxisFault.DRIVE)
 _ENCODER, _LIMIT = int(AxisFault.ENCODER), int(AxisFault.LIMIT)
@@ -192,12 +194,16 @@ def _look_at_aiding(state: Ram, monitor: DiagnosticState) -> None:
             failing |= _ODOMETER_LOST
     estimator = state.estimator
     if estimator.running:
-        tested |= _GNSS_REJECTED | _ODOMETER_REJECTED
+        tested |= _GNSS_REJECTED | _ODOMETER_REJECTED | _ALTIMETER_REJECTED | _GATE_OPENED
         position = estimator.sources[_BY_POSITION].distrust
         if max(position, estimator.sources[_BY_VELOCITY].distrust) >= NO_TRUST:
             failing |= _GNSS_REJECTED
         if estimator.sources[_BY_ODOMETER].distrust >= NO_TRUST:
             failing |= _ODOMETER_REJECTED
+        if estimator.sources[_BY_ALTIMETER].distrust >= NO_TRUST:
+            failing |= _ALTIMETER_REJECTED
+        if estimator.reopened:
+            failing |= _GATE_OPENED
     monitor.failing[_AIDING] = failing
     monitor.tested[_AIDING] = tested
 

@@ -116,8 +116,10 @@ class Settings(_Checked):
     gyro_weights: tuple[float, ...]
     accelerometer_weights: tuple[float, ...]
     initial_attitude: Literal[
-        "given", "self-aligned", "self-aligned-swaying", "self-aligned-moving"
+        "given", "self-aligned", "self-aligned-swaying", "self-aligned-moving", "transferred"
     ]
+    velocity_n_mps: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """At the beginning of navigation, if the attitude is transferred."""
     alignment_s: float
     height_channel: Literal["held", "damped", "free"]
     bridge_s: float
@@ -196,6 +198,7 @@ def power_on(settings: Settings, contract: Records[Contract]) -> Records[Ram]:
         math.radians(settings.pitch_deg),
         math.radians(settings.heading_deg),
     )
+    parameters.velocity_n[:] = settings.velocity_n_mps
     parameters.angle_span_deg = span_of(contract[0].axis_inner_status.encoder_angle_deg)
     source = settings.initial_attitude.upper().replace("-", "_")
     parameters.initial_attitude = InitialAttitude[source]

@@ -169,7 +169,7 @@ def _align(state: Ram, contract: Contract) -> None:
             alignment.find(state.alignment, parameters.period_ns * 1e-9, gravity, work)
         else:
             alignment.set_given(state.alignment, parameters.C_b_n, state.C_s_b)
-        if state.alignment.done:
+        if state.alignment.done and parameters.initial_attitude != InitialAttitude.TRANSFERRED:
             resolution = contract.sensor[0].gyro_dtheta.scale
             alignment.apply_held_back(state.alignment, resolution, work)
     if state.alignment.failed:
@@ -300,7 +300,7 @@ def compute(state: Ram, contract: Contract, compares: bool | None, estimates: bo
         navigates = modes.is_inertial(state) and not state.ins.first
         mode = state.modes.mode
         aligns = mode == Mode.ALIGNMENT or mode == Mode.FINE_ALIGNMENT
-        aligns = aligns and not inertial_alignment.is_wanted(state)
+        aligns = aligns and not modes.begins_in_motion(state)
         redundancy.watch(state, navigates, aligns)
     if estimates is not None and state.faults.consecutive_bridged == 0:
         feedback.compensate(state)

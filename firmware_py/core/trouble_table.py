@@ -379,6 +379,21 @@ def _aiding_troubles() -> Iterator[Trouble]:
             _PLAUSIBILITY,
             "the odometer contradicts the navigation; it is not used",
         ),
+        (
+            AidingFault.ALTIMETER_REJECTED,
+            "altimeter",
+            0x1401,
+            _PLAUSIBILITY,
+            "the altimeter contradicts the navigation; it is not used",
+        ),
+        (
+            AidingFault.GATE_OPENED,
+            "gnss",
+            0x1402,
+            _PERFORMANCE,
+            "the navigation rejected all fixes for 120 s, and nothing else aided it: it doubts "
+            "itself, and takes them again",
+        ),
     ):
         yield Trouble(
             _number(_CHASSIS, part, failure),

@@ -119,6 +119,8 @@ class AidingFault(IntEnum):
     ODOMETER_LOST = 1
     GNSS_REJECTED = 2
     ODOMETER_REJECTED = 3
+    ALTIMETER_REJECTED = 4
+    GATE_OPENED = 5
 
 
 @dataclass(frozen=True)

@@ -116,18 +116,20 @@ def _has_screen() -> bool:
 def _print_once(
     address: Address, watch: Watch, needle: str, order: str, as_json: bool, for_s: float
 ) -> None:
+    from rrins.host_tools.monitor.estimates import Estimates
     from rrins.host_tools.monitor.once import as_dict, table_of
     from rrins.host_tools.monitor.receiver import Receiver
 
-    receiver = Receiver(address, watch)
+    receiver, estimates = Receiver(address, watch), Estimates()
     try:
         until_s = time.monotonic() + for_s
         while time.monotonic() < until_s and not watch.has_ended:
             time.sleep(_POLL_S)
+            estimates.note(watch.state())
         state = watch.state()
     finally:
         receiver.close()
     if as_json:
-        click.echo(json.dumps(as_dict(str(address), state, needle, order)))
+        click.echo(json.dumps(as_dict(str(address), state, needle, order, estimates)))
     else:
         click.echo("\n".join(table_of(str(address), state, needle, order)))

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from rrins.dbc.codec import load
+from rrins.host_tools.files import JsonObject
 from rrins.host_tools.monitor.plot import plot
 from rrins.host_tools.monitor.state import BusState
 from rrins.host_tools.monitor.wording import NOTHING, age_words, clipped
@@ -24,6 +25,13 @@ _SENSORS = (
     ("gyro", "ESTIMATOR_GYRO", "°/h", "{:+.4f}"),
     ("accelerometer", "ESTIMATOR_ACCELEROMETER", "µg", "{:+.2f}"),
 )
+_KEYS = {
+    "attitude": "attitude_arcsec",
+    "velocity": "velocity_mps",
+    "position": "position_m",
+    "gyro": "dph",
+    "accelerometer": "ug",
+}
 
 
 class Estimates:
@@ -46,6 +54,47 @@ class Estimates:
                 bias, sigma = (state.value(message, name) or 0.0 for name in ("bias", "bias_sigma"))
                 self._biases[message, sensor] = bias, sigma
 
+    def as_dict(self, state: BusState) -> JsonObject | None:
+        """Return the same for JSON; None where the firmware reports nothing.
+
+        Keys with a unit at their end are in that unit; `sources` and `sensors` are what was seen
+        so far.
+        """
+        self.note(state)
+        if not _heard(state, _STATUS):
+            return None
+        sigma = {}
+        for what, message, _, _ in _SIGMAS:
+            if _heard(state, message):
+                sides = ("east", "north", "up")
+                sigma[_KEYS[what]] = [state.value(message, f"{side}_sigma") for side in sides]
+        sensors: JsonObject = {}
+        for name, message, _, _ in _SENSORS:
+            sensors[f"{name}s"] = {
+                sensor: {f"bias_{_KEYS[name]}": bias, f"sigma_{_KEYS[name]}": spread}
+                for (of, sensor), (bias, spread) in sorted(self._biases.items())
+                if of == message
+            }
+        return {
+            "aided_by": self._named(state, "aided_by"),
+            "rejecting": self._named(state, "rejecting"),
+            "sigma": sigma,
+            "sources": {
+                self._names.get(number, str(number)).lower(): {
+                    "used": used,
+                    "rejected": rejected,
+                    "nis": nis,
+                }
+                for number, (used, rejected, nis) in sorted(self._sources.items())
+            },
+            "aiding": _aiding(state),
+            "sensors": sensors,
+        }
+
+    def _named(self, state: BusState, signal: str) -> list[str]:
+        bits = int(state.value(_STATUS, signal) or 0)
+        return [name.lower() for number, name in sorted(self._names.items()) if bits >> number & 1]
+
     def page(self, state: BusState, level: int, width: int) -> str:
         """Return the page; `level` is the time span of its plots."""
         self.note(state)
@@ -64,9 +113,8 @@ class Estimates:
 
     def _source_lines(self, state: BusState) -> Iterator[str]:
         for title, signal in (("aided by", "aided_by"), ("rejecting", "rejecting")):
-            bits = int(state.value(_STATUS, signal) or 0)
-            named = [_words(name) for number, name in self._names.items() if bits >> number & 1]
-            yield f"  {title:<14}  {', '.join(reversed(named)) or 'nothing'}"
+            named = [_words(name) for name in self._named(state, signal)]
+            yield f"  {title:<14}  {', '.join(named) or 'nothing'}"
         for number, (used, rejected, nis) in sorted(self._sources.items()):
             if used or rejected:
                 name = _words(self._names.get(number, str(number)))
@@ -111,3 +159,24 @@ def _receiver_lines(state: BusState) -> Iterator[str]:
         yield f"  {_words(source):<14}  {there}, the latest {age:.1f} s old, lost {losses} times"
     if state.value(_AIDING, "standing"):
         yield "  the operator says that the vehicle stands"
+    if state.value(_AIDING, "detected"):
+        yield "  the sensors say that the vehicle stands"
+    openings = int(state.value(_AIDING, "gate_openings") or 0)
+    if openings:
+        yield f"  took fixes again after it had rejected all for 120 s, {openings} times"
+
+
+def _aiding(state: BusState) -> JsonObject | None:
+    """Return which sources come, by AIDING_STATUS; None without one."""
+    if not _heard(state, _AIDING):
+        return None
+    found: JsonObject = {}
+    for source in ("gnss", "odometer", "altimeter"):
+        found[source] = {"state": state.text(_AIDING, source)}
+    for source in ("gnss", "odometer"):
+        found[source]["age_s"] = state.value(_AIDING, f"{source}_age")
+        found[source]["losses"] = state.value(_AIDING, f"{source}_losses")
+    for said in ("standing", "detected"):
+        found[said] = bool(state.value(_AIDING, said))
+    found["gate_openings"] = int(state.value(_AIDING, "gate_openings") or 0)
+    return found

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from rrins.host_tools.files import JsonObject
 from rrins.host_tools.monitor.banner import banner, notices
+from rrins.host_tools.monitor.estimates import Estimates
 from rrins.host_tools.monitor.listing import MessageRow, message_rows
 from rrins.host_tools.monitor.redundancy import redundancy_words
 from rrins.host_tools.monitor.state import BusState, MessageState
@@ -34,9 +35,19 @@ def table_of(bus: str, state: BusState, needle: str = "", order: str = "id") -> 
     return [line.rstrip() for line in lines]
 
 
-def as_dict(bus: str, state: BusState, needle: str = "", order: str = "id") -> JsonObject:
-    """Return the state for JSON; times and rates are in bus time, except `quiet_s`."""
+def as_dict(
+    bus: str,
+    state: BusState,
+    needle: str = "",
+    order: str = "id",
+    estimates: Estimates | None = None,
+) -> JsonObject:
+    """Return the state for JSON; times and rates are in bus time, except `quiet_s`.
+
+    `estimates` has noted earlier states, with the estimator's other sources and sensors.
+    """
     vitals = vitals_of(state)
+    estimates = estimates or Estimates()
     return {
         "bus": bus,
         "time_s": state.time_s,
@@ -53,6 +64,7 @@ def as_dict(bus: str, state: BusState, needle: str = "", order: str = "id") -> J
         "peak_load": state.peak_load,
         **vitals.as_dict(),
         "troubles": troubles_of(state, vitals),
+        "estimator": estimates.as_dict(state),
         "messages": [_message(state, row) for row in message_rows(state, needle, order)],
     }
 

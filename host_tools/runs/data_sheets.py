@@ -163,10 +163,13 @@ def estimator_settings(scenario: Scenario) -> EstimatorSettings | None:
         fine_alignment_s=table.fine_alignment_s,
         heading_sigma_enough=table.heading_sigma_enough_arcsec * ARCSEC,
         zero_velocity_sigma=table.zero_velocity_sigma_mps,
+        detects_standing=table.detects_standing,
         position_sigma=table.position_sigma_m,
         gate=table.gate,
         level_sigma=_told(table.level_sigma_arcsec, firmware.level_error_sigma_arcsec),
         heading_sigma=_told(table.heading_sigma_arcsec, firmware.heading_error_sigma_arcsec),
+        velocity_sigma=firmware.velocity_error_sigma_mps,
+        start_sigma=firmware.position_error_sigma_m,
         **_altimeter(scenario),
     )
 

@@ -127,6 +127,7 @@ def estimator_summary(state: Ram) -> JsonObject | None:
     found: JsonObject = {
         "aided_by": [name for name, source in sources.items() if source["used"]],
         "fine_alignment_s": round(int(estimator.aligned_epochs) * seconds, 3),
+        "gate_openings": int(estimator.reopenings),
         "sigma": None,
         "sensors": None,
         "odometer": None,
@@ -225,6 +226,11 @@ def estimator_lines(estimator: JsonObject | None) -> list[str]:
         for name, source in estimator["sources"].items()
     )
     lines = [f"aided by {counts}" if counts else "estimator: nothing aided the navigation"]
+    if estimator["gate_openings"]:
+        lines.append(
+            f"estimator: rejected all fixes for 120 s, then took them again, "
+            f"{estimator['gate_openings']} times"
+        )
     sigma = estimator["sigma"]
     if sigma is not None:
         level = math.hypot(*sigma["attitude_arcsec"][:2])

@@ -277,17 +277,21 @@ class Firmware(TomlTable):
     """Settings of the navigation computer."""
 
     initial_attitude: Literal[
-        "given", "self-aligned", "self-aligned-swaying", "self-aligned-moving"
+        "given", "self-aligned", "self-aligned-swaying", "self-aligned-moving", "transferred"
     ] = "given"
     """Self-aligned at standstill, of a vehicle that sways about its place, or one that moves and
-    has GNSS."""
+    has GNSS. Transferred: another unit's, with velocity and position, also of a vehicle that
+    moves."""
     roll_error_arcsec: float = Field(default=0.0, ge=-36_000, le=36_000)
-    """Of the given attitude, as are all of these errors: given minus true."""
+    """Of the given or transferred attitude, as are all of these errors: given minus true."""
     pitch_error_arcsec: float = Field(default=0.0, ge=-36_000, le=36_000)
     heading_error_arcsec: float = Field(default=0.0, ge=-36_000, le=36_000)
     level_error_sigma_arcsec: float = Field(default=0.0, ge=0, le=36_000)
     """Standard deviation of what a run draws for roll and pitch, on top."""
     heading_error_sigma_arcsec: float = Field(default=0.0, ge=0, le=36_000)
+    velocity_error_sigma_mps: float = Field(default=0.0, ge=0, le=100)
+    """The same of each component of a transferred velocity."""
+    position_error_sigma_m: float = Field(default=0.0, ge=0, le=10_000)
     alignment_s: float = Field(default=2.0, gt=0, le=86_400)
     height_channel: Literal["held", "damped", "free"] = "held"
     """`damped` follows the altimeter, or the initial height if there is none."""
@@ -323,8 +327,16 @@ class Firmware(TomlTable):
 
     @model_validator(mode="after")
     def _consistent(self) -> Firmware:
-        if self.has_attitude_error and self.initial_attitude != "given":
-            raise ValueError('errors of the attitude are for initial_attitude = "given" only')
+        source = self.initial_attitude
+        if self.has_attitude_error and source not in ("given", "transferred"):
+            raise ValueError(
+                'errors of the attitude are for initial_attitude = "given" or "transferred" only'
+            )
+        has_motion_error = self.velocity_error_sigma_mps > 0 or self.position_error_sigma_m > 0
+        if has_motion_error and source != "transferred":
+            raise ValueError(
+                'errors of velocity and position are for initial_attitude = "transferred" only'
+            )
         return self
 
 
@@ -372,6 +384,8 @@ class Estimator(TomlTable):
     """Ends the fine alignment before its time once the heading is known this well; 0: never."""
     zero_velocity_sigma_mps: float = Field(default=0.002, gt=0, le=10)
     """Of the velocity of a vehicle that stands, each component."""
+    detects_standing: bool = False
+    """Find standing by the sensors themselves, and take it for zero velocity."""
     position_sigma_m: float = Field(default=0.02, gt=0, le=1000)
     """Of the position where navigation begins, each component."""
     gate: float = Field(default=5.0, gt=1, le=100)
@@ -387,6 +401,8 @@ class Estimator(TomlTable):
             raise ValueError("fine_alignment_s: needs enabled = true")
         if self.constants and not self.enabled:
             raise ValueError("constants: needs enabled = true")
+        if self.detects_standing and not self.enabled:
+            raise ValueError("detects_standing: needs enabled = true")
         return self
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from rrins.dbc.compilation import compiled
 from rrins.dbc.record import Floats
 from rrins.firmware_py.core import earth, strapdown
-from rrins.firmware_py.core.estimator import constants
+from rrins.firmware_py.core.estimator import constants, sway
 from rrins.firmware_py.core.estimator_records import (
     ATTITUDE,
     BIASES,
@@ -103,5 +103,7 @@ def apply(state: Ram) -> None:
                 estimator.constant[SENSOR_CONSTANTS + error, k] += x[at]
     if estimator.altimeter:
         estimator.altimeter_bias += x[estimator.altimeter_state]
+    if estimator.sway:
+        sway.carry(estimator)
     for i in range(estimator.states):
         x[i] = 0.0

@@ -15,8 +15,11 @@ from rrins.firmware_py.core.estimator import (
     constants,
     feedback,
     history,
+    lockout,
     measurements,
     propagation,
+    standstill,
+    sway,
     wheels,
 )
 from rrins.firmware_py.core.estimator_records import (
@@ -64,6 +67,7 @@ def follow(state: Ram) -> None:
     if estimator.constants:
         constants.note(state)
     wheels.note(state, dt)
+    standstill.note(state)
     measurements.note(estimator, state)
     estimator.epochs += 1
     if estimator.epochs == estimator.second_epochs:
@@ -102,7 +106,7 @@ def begin(state: Ram) -> None:
     estimator.stage = _MEASUREMENTS
     coarse = state.alignment
     velocity_sigma = max(estimator.velocity_sigma, coarse.velocity_sigma)
-    position_sigma = max(estimator.position_sigma, coarse.position_sigma)
+    position_sigma = max(estimator.start_sigma, coarse.position_sigma)
     for i in range(3):
         variance = estimator.attitude_sigma[i] ** 2 + coarse.noise_sigma[i] ** 2
         P[ATTITUDE + i, ATTITUDE + i] = doubt * doubt * variance
@@ -130,8 +134,12 @@ def begin(state: Ram) -> None:
         at = estimator.altimeter_state
         estimator.altimeter_bias = 0.0
         P[at, at] = estimator.altimeter_bias_sigma**2
+    if estimator.sway:
+        sway.begin(estimator, position_sigma)
     measurements.begin(estimator, state.epoch)
     wheels.begin(state)
+    standstill.begin(state)
+    lockout.begin(estimator)
 
 
 @compiled
@@ -191,6 +199,7 @@ def _finish_second(state: Ram) -> None:
     estimator = state.estimator
     while estimator.stage <= _NOISE or estimator.waiting != 0:
         _work(state)
+    lockout.follow(state)
     for i in range(estimator.states):
         estimator.sigma[i] = math.sqrt(max(0.0, estimator.P[i, i]))
     history.note(state)
@@ -199,6 +208,7 @@ def _finish_second(state: Ram) -> None:
     propagation.close(estimator)
     measurements.finish_second(state)
     _stand_here(state)
+    standstill.finish_second(state)
     measurements.stand(state)
     wheels.finish_second(state)
 
@@ -213,6 +223,8 @@ def _work(state: Ram) -> None:
         feedback.apply(state)
     elif estimator.stage == _COVARIANCE:
         propagation.propagate_covariance(estimator)
+        if estimator.sway:
+            sway.propagate(estimator, state.alignment.position_sigma)
     elif estimator.stage == _NOISE:
         propagation.add_noise(state)
         if estimator.doubts:

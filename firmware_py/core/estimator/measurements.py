@@ -19,6 +19,8 @@ from rrins.firmware_py.core.estimator_records import (
     HEIGHT,
     LATITUDE,
     MOST_DISTRUST,
+    SWAY_EAST,
+    SWAY_NORTH,
     TRACK_EPOCHS,
     VELOCITY,
     Aid,
@@ -27,6 +29,9 @@ from rrins.firmware_py.core.estimator_records import (
 from rrins.firmware_py.core.initial_attitude import InitialAttitude
 from rrins.firmware_py.core.memory import ANTENNA_EPOCHS, Ram
 from rrins.firmware_py.core.modes import Mode
+
+_MOVING = int(InitialAttitude.SELF_ALIGNED_MOVING)
+_TRANSFERRED = int(InitialAttitude.TRANSFERRED)
 
 _FIX = (1 << 2 * COMPONENTS) - 1
 _EVERY = (1 << COMPONENTS) - 1
@@ -108,16 +113,18 @@ def _take_fix(state: Ram) -> None:
 
 @compiled
 def stand(state: Ram) -> None:
-    """Know the velocity where the operator says that the vehicle stands, and in the fine alignment.
+    """Know the velocity where the vehicle stands: so says the operator, or the fine alignment.
 
-    There the position is known, too.
+    There the position is known, too; of a vehicle that sways, it says what is to say of the
+    velocity. The sensors may find standing themselves (`standstill`).
     """
     estimator = state.estimator
     has_just_aligned = state.epoch - estimator.aligned_epoch <= 1  # its last epoch ends the mode
     is_aligning = state.modes.mode == Mode.FINE_ALIGNMENT or has_just_aligned
     is_aligning = is_aligning and not _is_moving(state)
     components = _EVERY if estimator.vertical else _LEVEL
-    if is_aligning or state.zero_velocity.standing:
+    stands = state.zero_velocity.standing or estimator.standing
+    if stands or (is_aligning and not estimator.sway):
         estimator.waiting |= components << (COMPONENTS * _ZERO_VELOCITY)
     if is_aligning:
         estimator.waiting |= components << (COMPONENTS * _KNOWN_POSITION)
@@ -141,7 +148,8 @@ def finish_second(state: Ram) -> None:
 
 @compiled
 def _is_moving(state: Ram) -> bool:
-    return bool(state.parameters.initial_attitude == InitialAttitude.SELF_ALIGNED_MOVING)
+    method = state.parameters.initial_attitude
+    return method in (_MOVING, _TRANSFERRED)
 
 
 @compiled
@@ -159,7 +167,7 @@ def _standing_sigma(state: Ram) -> float:
 
 @compiled
 def _place_sigma(state: Ram) -> float:
-    """Return the noise of a known position, m, of each component: also of a vehicle that sways."""
+    """Return the noise of a known height, m: also of a vehicle that sways."""
     return float(max(state.estimator.position_sigma, state.alignment.position_sigma))
 
 
@@ -194,6 +202,8 @@ def _judge(estimator: Estimator, aid: int, innovation: float, sigma: float, epoc
         source.rejected += 1
         source.rejected_in_a_row += 1
         source.distrust = min(MOST_DISTRUST, source.distrust + 3)
+        known = max(expected - sigma * sigma, 1e-9 * expected)
+        estimator.excess = max(estimator.excess, innovation * innovation / known)
         return
     covariance.update(x, P, n, estimator.gain, innovation, expected)
     estimator.aided_epoch = epoch
@@ -238,7 +248,14 @@ def _innovation(state: Ram, aid: int, component: int) -> tuple[float, float]:
             difference = earth.wrapped(parameters.longitude - estimator.longitude)
         elif component == 2:
             difference = parameters.height - estimator.height
-        return difference * metres, _place_sigma(state)
+        if component == 2:
+            return difference, _place_sigma(state)
+        away = 0.0
+        if estimator.sway:
+            at = (SWAY_NORTH if component == 0 else SWAY_EAST) + 1
+            estimator.row[estimator.sway_state + at] = -1.0
+            away = estimator.sway_way[at]
+        return difference * metres + away, estimator.position_sigma
     difference = estimator.fix_position[component] - _past(estimator, component)
     if component == 1:
         difference = earth.wrapped(difference)

@@ -13,6 +13,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from rrins.firmware_py.core import earth, strapdown
 from rrins.firmware_py.core.calibration import ARCSEC, transverse
 from rrins.firmware_py.core.data_sheet import FLICKER_S, DataSheet
+from rrins.firmware_py.core.estimator import sway
 from rrins.firmware_py.core.estimator.propagation import HOUR_S, LEAST_WALK
 from rrins.firmware_py.core.estimator_records import (
     BIASES,
@@ -20,6 +21,7 @@ from rrins.firmware_py.core.estimator_records import (
     ODOMETER_STATES,
     SENSOR_CONSTANTS,
     STATE_CAPACITY,
+    SWAY_STATES,
 )
 from rrins.firmware_py.core.initial_attitude import InitialAttitude
 from rrins.firmware_py.core.memory import Fusion, Ram
@@ -49,6 +51,9 @@ class EstimatorSettings(BaseModel):
         rad; the fine alignment ends before its time once the heading is known this well; 0: never.
     zero_velocity_sigma : float
         m/s, of each component while the vehicle stands. 2 mm/s: nobody moves in it, no wind.
+    detects_standing : bool
+        Whether the sensors may find themselves that the vehicle stands. Off: a unit that is tried
+        at rest would never be without aid.
     position_sigma : float
         m, of each component of the position where navigation begins. 2 cm: it does not move.
     gate : float
@@ -61,6 +66,9 @@ class EstimatorSettings(BaseModel):
         rad, of each angle between y of the body and the vehicle's forward axis. 1°: by eye.
     slip_sigma : float
         m/s, of the velocity across the forward axis. 5 cm/s: what tyres and springs let through.
+    velocity_sigma, start_sigma : float
+        m/s, m, of each component of velocity and position at the beginning; at least those of a
+        vehicle that stands.
     altimeter_sigma : float
         m, of each height of the altimeter.
     altimeter_bias_sigma : float
@@ -77,6 +85,7 @@ class EstimatorSettings(BaseModel):
     fine_alignment_s: float = Field(default=0.0, ge=0)
     heading_sigma_enough: float = Field(default=0.0, ge=0)
     zero_velocity_sigma: float = Field(default=0.002, gt=0)
+    detects_standing: bool = False
     position_sigma: float = Field(default=0.02, gt=0)
     gate: float = Field(default=5.0, gt=1)
     level_sigma: float = Field(default=0.0, ge=0)
@@ -84,6 +93,8 @@ class EstimatorSettings(BaseModel):
     odometer_scale_sigma: float = Field(default=0.01, gt=0)
     mounting_sigma: float = Field(default=math.radians(1.0), gt=0)
     slip_sigma: float = Field(default=0.05, gt=0)
+    velocity_sigma: float = Field(default=0.0, ge=0)
+    start_sigma: float = Field(default=0.0, ge=0)
     altimeter_sigma: float = Field(default=0.5, ge=0)
     altimeter_bias_sigma: float = Field(default=10.0, gt=0)
     altimeter_walk: float = Field(default=1 / 60, gt=0)
@@ -131,12 +142,19 @@ def set_up(
     if estimator.altimeter:
         estimator.altimeter_state = estimator.states
         estimator.states += 1
+    if parameters.initial_attitude == InitialAttitude.SELF_ALIGNED_SWAYING:
+        estimator.sway = True
+        estimator.sway_state = estimator.states
+        estimator.states += SWAY_STATES
+        sway.set_up(estimator)
+    estimator.detects_standing = settings.detects_standing
     estimator.altimeter_sigma = settings.altimeter_sigma
     estimator.altimeter_bias_sigma = settings.altimeter_bias_sigma
     estimator.altimeter_walk_variance = settings.altimeter_walk**2
     estimator.vertical = parameters.height_channel == strapdown.HEIGHT_FREE
     estimator.zero_velocity_sigma = settings.zero_velocity_sigma
-    estimator.velocity_sigma = settings.zero_velocity_sigma
+    estimator.velocity_sigma = max(settings.zero_velocity_sigma, settings.velocity_sigma)
+    estimator.start_sigma = max(settings.position_sigma, settings.start_sigma)
     estimator.position_sigma = settings.position_sigma
     estimator.gate = settings.gate
     for kind, sheet in enumerate((settings.gyros, settings.accelerometers)):
@@ -182,7 +200,7 @@ def _attitude_sigma(state: Ram, settings: EstimatorSettings) -> tuple[float, flo
     moves, the alignment itself finds what gyros and motion leave of the heading.
     """
     parameters = state.parameters
-    if parameters.initial_attitude == InitialAttitude.GIVEN:
+    if parameters.initial_attitude in (InitialAttitude.GIVEN, InitialAttitude.TRANSFERRED):
         level = max(settings.level_sigma, _LEAST_LEVEL)
         return level, level, max(settings.heading_sigma, _LEAST_HEADING)
     seconds = parameters.alignment_epochs * parameters.period_ns * 1e-9

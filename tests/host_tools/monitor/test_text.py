@@ -8,6 +8,7 @@ import can
 import pytest
 
 from rrins.host_tools.monitor import banner as banners
+from rrins.host_tools.monitor.estimates import Estimates
 from rrins.host_tools.monitor.listing import message_rows
 from rrins.host_tools.monitor.once import as_dict, table_of
 from rrins.host_tools.monitor.plot import HEIGHT, LEVELS, ROWS, columns_of, curve, plot
@@ -195,6 +196,28 @@ def test_a_plot_says_what_it_shows(state):
     assert max(shown[-1]) == LEVELS - 1
 
 
+def test_json_has_what_the_estimator_reports(played):
+    estimates = Estimates()
+    for k in range(2):  # another source and sensor each time
+        at = 2.0 + k
+        played.send("ESTIMATOR_STATUS", at, k, aided_by=0b1100, rejecting=0b10000)
+        played.send("ESTIMATOR_SOURCE", at, k, source=2 + k, used=10 + k, rejected=k, nis=1.25)
+        played.send("ESTIMATOR_ATTITUDE", at, k, east_sigma=12.5, north_sigma=12.1, up_sigma=455)
+        played.send("ESTIMATOR_GYRO", at, k, sensor=1 + k, bias=0.5 - k, bias_sigma=0.01)
+        played.send("AIDING_STATUS", at, k, gnss="LOST", gnss_age=7.5, detected=1, gate_openings=2)
+        estimates.note(played.watch.state())
+    found = as_dict("bus", played.watch.state(), estimates=estimates)["estimator"]
+    assert found["aided_by"] == ["gnss_position", "gnss_velocity"]
+    assert found["rejecting"] == ["odometer"]
+    assert found["sigma"] == {"attitude_arcsec": pytest.approx([12.5, 12.1, 455])}
+    assert found["sources"]["gnss_position"] == {"used": 10, "rejected": 0, "nis": 1.25}
+    assert found["sources"]["gnss_velocity"]["used"] == 11
+    assert found["sensors"]["gyros"][1] == {"bias_dph": 0.5, "sigma_dph": pytest.approx(0.01)}
+    assert found["aiding"]["gnss"] == {"state": "LOST", "age_s": 7.5, "losses": 0}
+    assert found["aiding"]["detected"]
+    assert found["aiding"]["gate_openings"] == 2
+
+
 def test_the_table_for_pipes(state):
     lines = table_of("rrins:rrins0", state, "sensor_")
     text = "\n".join(lines)
@@ -211,6 +234,7 @@ def test_json_for_scripts(state):
     assert found["bus"] == "rrins:rrins0"
     assert found["frames"] == state.frames
     assert found["firmware"]["mode"] == "STANDBY"
+    assert found["estimator"] is None
     axis = next(m for m in found["messages"] if m["name"] == "AXIS_INNER_STATUS")
     assert axis["rate_hz"] == pytest.approx(200)
     assert axis["signals"]["state"]["text"] == "MOVING"

@@ -112,6 +112,47 @@ def test_the_heading_is_as_good_as_the_gyros_noise_allows():
     assert low < nees[2] < high
 
 
+def least_heading_sigma(attitudes, bias_sigma, white_noise):
+    """Return the least sigma of the heading at the end that any estimator could have, rad.
+
+    With a level that is known without noise. Each second's turn about east is the Earth's by the
+    heading's error, the bias and noise; about north the last two; about up the heading goes with
+    the bias. Cramér and Rao's bound, of the heading at the end and the fused bias.
+    """
+    horizontal = RATE * math.cos(math.radians(40.3554))
+    information = np.diag([0.0, *3 * (bias_sigma**-2,)])
+    since = np.zeros(3)  # what a bias has turned the heading by, from then to the end
+    for C_s_n in attitudes[::-1]:
+        east = np.array([horizontal, *(C_s_n[0] - horizontal * since)])
+        north = np.array([0.0, *C_s_n[1]])
+        information += (np.outer(east, east) + np.outer(north, north)) / white_noise**2
+        since = since + C_s_n[2]
+    return math.sqrt(np.linalg.inv(information)[0, 0])
+
+
+@pytest.mark.parametrize("heading_deg", [0, 60])
+def test_no_estimator_could_know_the_heading_much_better(heading_deg):
+    scenario = rrins.load_scenario(
+        "rimu_rotating_aligned",
+        duration_s=1,
+        body={"heading_deg": heading_deg},
+        estimator={"enabled": True, "fine_alignment_s": FINE_S},
+        **PROTOTYPE,
+    )
+    run = fast_run(scenario)
+    estimator, ins, attitudes = run.ram[0].estimator, run.ram[0].ins, []
+    while not len(run.run(run.every).navigation):
+        if estimator.running:
+            attitudes.append(np.array(ins.C_s_n))
+            biases = float(estimator.bias_sigma[0]) * math.sqrt(3) / 2
+    sigma = float(estimator.sigma[ATTITUDE + 2])
+    least = least_heading_sigma(
+        np.array(attitudes), biases, math.radians(WALK_DEG_PER_SQRT_H) / 60 * math.sqrt(3) / 2
+    )
+    print(f"\nsigma {sigma / ARCSEC:.0f}″, {sigma / least:.3f} of the least")
+    assert 0.99 < sigma / least < 1.1
+
+
 OUTAGES = {  # seconds: median of the largest error, m, with GNSS alone and with an odometer
     "prototype": (PROTOTYPE, {60: (1.8, 0.6), 120: (6.0, 1.5), 300: (45.0, 2.0)}),
     "tactical": (TACTICAL, {60: (9.0, 0.7), 120: (32.0, 1.6), 300: (280.0, 2.0)}),
@@ -210,6 +251,59 @@ def test_a_source_that_lies_is_not_believed_and_told(kind):
     print(f"\n{kind}: {worst_m:.2f} m")
     assert worst_m < 2.0
     assert told == {(kind.split("_")[0], True)}
+
+
+def test_a_filter_that_trusts_a_wrong_heading_finds_back_to_its_fixes():
+    wrong = {"heading_error_arcsec": 18_000}  # and sigma says 10″
+    run = fast_run(
+        rrins.load_scenario(
+            "drive_rotating",
+            duration_s=360,
+            altimeter=None,
+            firmware={"height_channel": "free"} | wrong,
+            gnss={},
+            estimator={"enabled": True, "heading_sigma_arcsec": 10},
+            **PROTOTYPE,
+        )
+    )
+    openings, level_m = [], []
+    for _ in range(360):
+        track = run.run(run.every)
+        if len(track.navigation):
+            navigation, truth = track.navigation[-1], track.truth[-1]
+            east = (navigation["longitude"] - truth["longitude"]) * math.cos(truth["latitude"])
+            north = navigation["latitude"] - truth["latitude"]
+            level_m.append(math.hypot(east, north) * SEMI_MAJOR_AXIS)
+            openings.append(int(run.ram[0].estimator.reopenings))
+    heading = abs(attitude_error(track.navigation[-1], track.truth[-1])[2])
+    print(f"\nbefore {max(level_m):.0f} m, {math.degrees(heading):.3f}° and {level_m[-1]:.2f} m")
+    assert openings[-1] == 1
+    assert 120 < openings.index(1) < 300
+    assert max(level_m[-30:]) < 5.0 < max(level_m)
+    assert math.degrees(heading) < 0.5
+
+
+def test_the_sensors_find_themselves_that_the_car_stands():
+    run = fast_run(
+        rrins.load_scenario(
+            "drive_rotating",
+            duration_s=250,
+            altimeter=None,
+            firmware={"height_channel": "free"},
+            gnss={},
+            estimator={"enabled": True, "detects_standing": True},
+            **TACTICAL,
+        )
+    )
+    stands, found = [], []
+    for _ in range(250):
+        track = run.run(run.every)
+        for truth in track.truth[-1:]:
+            stands.append(math.hypot(*truth["velocity_n"]) < 0.1)
+            found.append(bool(run.ram[0].estimator.standing))
+    print(f"\nstands {sum(stands)} s, found {sum(found)} s")
+    assert not any(one and not other for one, other in zip(found, stands, strict=True))
+    assert sum(found) > 0.5 * sum(stands)
 
 
 def test_a_wheel_that_stands_keeps_the_navigation_where_it_is():

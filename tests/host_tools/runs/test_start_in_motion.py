@@ -114,6 +114,66 @@ def test_a_unit_that_is_switched_on_in_a_moving_car_finds_heading_and_place():
     assert max(worst_m) < 10.0
 
 
+def transferred(errors, seed=0, **changes):
+    """Return navigation and truth of a drive under way whose beginning another unit has told."""
+    firmware = {
+        "initial_attitude": "transferred",
+        "alignment_s": 2,
+        "height_channel": "free",
+        "scheme": "16-position",
+        **errors,
+    }
+    motion = {"kind": "drive", "duration_s": 900, "begins_s": -60, "seed": 4}
+    scenario = rrins.load_scenario(
+        "drive_begun",
+        seed=seed,
+        duration_s=60,
+        motion=motion,
+        firmware=firmware,
+        **{"gnss": None, "odometer": None} | changes,
+    )
+    rows = first_seconds(fast_run(scenario), 60)
+    return (np.array([row[k] for row in rows]) for k in (0, 1))
+
+
+def test_a_start_by_transfer_is_the_truth_of_its_epoch():
+    navigation, truth = transferred({}, sensors="ideal", estimator={"enabled": False})
+    assert math.hypot(*truth["velocity_n"][0]) > 5.0
+    off = np.abs(navigation["velocity_n"] - truth["velocity_n"])
+    north = np.abs(navigation["latitude"] - truth["latitude"]) * SEMI_MAJOR_AXIS
+    print(f"\nvelocity {off[0].max():.1e} m/s, north {north[0]:.1e} m at first, {north[-1]:.1e} m")
+    assert off[0].max() < 1e-3
+    assert north.max() < 1.0
+
+
+def test_a_start_by_transfer_is_as_good_as_the_other_unit_and_fixes_mend_it():
+    errors = {
+        "heading_error_sigma_arcsec": 1800,
+        "level_error_sigma_arcsec": 180,
+        "velocity_error_sigma_mps": 0.5,
+        "position_error_sigma_m": 20,
+    }
+    found = []
+    for seed in range(SEEDS):
+        navigation, truth = transferred(errors, seed, gnss={}, **PROTOTYPE)
+        north = (navigation["latitude"] - truth["latitude"]) * SEMI_MAJOR_AXIS
+        speed = (navigation["velocity_n"] - truth["velocity_n"])[:, 1]
+        headings = [attitude_error(navigation[k], truth[k])[2] / ARCSEC for k in (0, -1)]
+        found.append((north[0], north[-1], speed[0], speed[-1], *headings))
+    first_m, last_m, first_mps, last_mps, _, heading = np.abs(found).T
+    print(f"\n{found}")
+    assert 1.0 < first_m.mean() < 60
+    assert 0.05 < first_mps.mean() < 1.5
+    assert last_m.max() < 3.0
+    assert last_mps.max() < 0.1
+    assert heading.max() < 900
+
+
+def test_errors_of_a_transferred_motion_are_for_a_transfer():
+    with pytest.raises((ValidationError, rrins.ScenarioError), match="transferred"):
+        rrins.load_scenario("drive_begun", firmware={"velocity_error_sigma_mps": 0.5})
+
+
 def test_fixes_are_needed_to_align_in_motion():
     with pytest.raises(rrins.ScenarioError, match=r'"self-aligned-moving" needs a \[gnss\]'):
         rrins.load_scenario("drive_begun", gnss=None)

@@ -1,0 +1,96 @@
+"""A filter that its own gate locks out: it rejects all fixes, and nothing else helps.
+
+Its P promises more than it keeps, so it would go on without aid for ever. After two minutes in
+which positions and velocities were rejected, P is made as large as the innovations say, and the
+filter goes on with the receiver. It tells so, for it cannot know which of the two was wrong. Where
+velocities agree, as of a receiver that has jumped, or of a car that stops, these minutes wait.
+"""
+
+from __future__ import annotations
+
+import math
+
+from rrins.dbc.compilation import compiled
+from rrins.firmware_py.core.estimator_records import (
+    BIASES,
+    NO_TRUST,
+    VELOCITY,
+    Aid,
+    Estimator,
+)
+from rrins.firmware_py.core.memory import Ram
+
+PATIENCE_S = 120
+"""Jumps and pulls of a receiver last shorter, as a rule; the navigation stays useful meanwhile."""
+
+_LARGEST_ATTITUDE = 0.2
+"""rad, of attitude's sigma: the filter is linear."""
+
+_ZERO_VELOCITY, _KNOWN_POSITION = int(Aid.ZERO_VELOCITY), int(Aid.KNOWN_POSITION)
+_GNSS_POSITION, _GNSS_VELOCITY = int(Aid.GNSS_POSITION), int(Aid.GNSS_VELOCITY)
+_ODOMETER = int(Aid.ODOMETER)
+
+
+@compiled
+def begin(estimator: Estimator) -> None:
+    """Begin with the filter."""
+    estimator.others_used = 0
+    estimator.locked_s = 0
+    estimator.excess = 0.0
+    estimator.reopened = False
+    estimator.reopenings = 0
+
+
+@compiled
+def follow(state: Ram) -> None:
+    """Close a second; open the gate after too many of them."""
+    estimator = state.estimator
+    excess = estimator.excess
+    estimator.excess = 0.0
+    estimator.reopened = False
+    position, velocity = estimator.sources[_GNSS_POSITION], estimator.sources[_GNSS_VELOCITY]
+    if _is_helped(estimator) or position.distrust < NO_TRUST:
+        estimator.locked_s = 0
+    elif state.gnss.available and velocity.distrust >= NO_TRUST:
+        estimator.locked_s += 1
+    if estimator.locked_s >= PATIENCE_S and excess > 1.0:
+        _open(state, math.sqrt(excess))
+        estimator.locked_s = 0
+        estimator.reopened = True
+        estimator.reopenings += 1
+
+
+@compiled
+def _is_helped(estimator: Estimator) -> bool:
+    """Return whether something else aided the level navigation in the second."""
+    odometer = estimator.sources[_ODOMETER]
+    used = estimator.sources[_ZERO_VELOCITY].used + estimator.sources[_KNOWN_POSITION].used
+    if odometer.distrust < NO_TRUST:
+        used += odometer.used
+    helped = used != estimator.others_used
+    estimator.others_used = used
+    return bool(helped)
+
+
+@compiled
+def _open(state: Ram, factor: float) -> None:
+    """Multiply the sigmas by a factor: correlations stay; biases no further than at the beginning.
+
+    ``D P D`` with a diagonal D is as definite as P.
+    """
+    estimator, P, scale = state.estimator, state.estimator.P, state.estimator.gain
+    gyros, accelerometers = int(state.gyros.count), int(state.accelerometers.count)
+    for i in range(estimator.states):
+        scale[i] = 1.0
+        sigma = math.sqrt(max(P[i, i], 1e-30))
+        if i < VELOCITY:
+            scale[i] = max(1.0, min(factor, _LARGEST_ATTITUDE / sigma))
+        elif i < BIASES:
+            scale[i] = factor
+        elif i < BIASES + gyros:
+            scale[i] = max(1.0, min(factor, estimator.bias_sigma[0] / sigma))
+        elif i < BIASES + gyros + accelerometers:
+            scale[i] = max(1.0, min(factor, estimator.bias_sigma[1] / sigma))
+    for i in range(estimator.states):
+        for k in range(estimator.states):
+            P[i, k] *= scale[i] * scale[k]
