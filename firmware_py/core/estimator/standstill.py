@@ -1,6 +1,6 @@
 """Standing, as the sensors feel it: neither force nor attitude changes, and the speed is near zero.
 
-Skog, Handel, Nilsson and Rantakokko, "Zero-velocity detection: an algorithm evaluation", *IEEE
+Skog, Händel, Nilsson and Rantakokko, "Zero-velocity detection: an algorithm evaluation", *IEEE
 Trans. Biomedical Engineering* 57 (2010) 2657: the variance of the specific force, and the rate. In
 axes that do not turn with the table, both are those of the vehicle. A vehicle that glides at a
 constant velocity feels the same, so the navigation must know that it is slow.
