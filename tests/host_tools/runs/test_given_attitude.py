@@ -58,7 +58,9 @@ def test_a_pitch_beyond_the_vertical_is_the_same_attitude_over_the_top():
 
 def test_errors_of_a_self_aligned_attitude_are_refused():
     for keys in ({"heading_error_arcsec": 1}, {"level_error_sigma_arcsec": 1}):
-        with pytest.raises(ValidationError, match='for initial_attitude = "given" or "transferred" only'):
+        with pytest.raises(
+            ValidationError, match='for initial_attitude = "given" or "transferred" only'
+        ):
             scenario_of(**firmware(initial_attitude="self-aligned", **keys))
 
 
