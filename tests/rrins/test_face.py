@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from types import ModuleType
 
 import pytest
 
 import rrins
+from rrins.__main__ import main
 
 
 def test_every_name_is_there_and_explains_itself():
@@ -32,3 +34,18 @@ def test_importing_it_is_quick_and_brings_nothing_heavy():
     )
     heavy = {"numba", "numpy", "xarray", "pandas", "matplotlib", "can", "pydantic", "scipy"}
     assert not heavy & set(done.stdout.split())
+
+
+class _Interrupted(ModuleType):
+    """A module that Ctrl-C interrupts as it is imported."""
+
+    def __getattr__(self, name):
+        raise KeyboardInterrupt
+
+
+def test_ctrl_c_while_the_command_is_imported_is_one_line(monkeypatch, capsys):
+    name = "rrins.host_tools.cli.main"
+    monkeypatch.setitem(sys.modules, name, _Interrupted(name))
+    with pytest.raises(SystemExit, match="130"):
+        main()
+    assert capsys.readouterr().err == "rrins: stopped by the user\n"
