@@ -47,8 +47,10 @@ class Campaign:
         ``random``, ``lhs``, ``sobol``, ``saltelli``, ``grid`` or ``one-at-a-time``.
     out : str or Path, optional
         Folder; ``out/campaigns/NAME`` without it.
+    duration_s : float, optional
+        Other than the scenario's or the file's.
     **changes
-        Keys that all runs have, as in `load_scenario`; for a campaign's file `duration_s` alone.
+        Keys that all runs have, as in `load_scenario`; not for a campaign's file.
 
     Raises
     ------
@@ -73,9 +75,9 @@ class Campaign:
         correlate: Sequence[tuple[str, str, float]] = (),
         design: str | None = None,
         out: str | Path | None = None,
+        duration_s: float | None = None,
         **changes: object,
     ) -> None:
-        duration_s = changes.pop("duration_s", None)
         named: str | Mapping[str, Any] | Scenario = (
             str(source) if isinstance(source, Path) else source
         )
@@ -83,7 +85,7 @@ class Campaign:
             runs=runs,
             seed=seed,
             design=design,
-            duration_s=None if duration_s is None else float(duration_s),  # type: ignore[arg-type]
+            duration_s=duration_s,
             vary=vary or {},
             correlate=correlate,
             faults=faults,

@@ -9,6 +9,7 @@ import numpy as np
 
 from rrins.dbc.frame import frame_array
 from rrins.firmware_py.diagnostics import table
+from rrins.firmware_py.diagnostics.store import Stores
 from rrins.firmware_py.loop import Firmware
 from rrins.host_tools.diag.connection import LibraryConnection
 from rrins.host_tools.diag.target import Target
@@ -30,11 +31,18 @@ class EmulatedUnit:
         Its operator asks for nothing; hardware faults are taken over.
     on_time : callable, optional
         Called with the simulated time, s, now and then.
+    stores : Stores, optional
+        Memories of the computer that last; without them all is lost when it is switched off.
     """
 
-    def __init__(self, scenario: Scenario, on_time: Callable[[float], None] | None = None) -> None:
+    def __init__(
+        self,
+        scenario: Scenario,
+        on_time: Callable[[float], None] | None = None,
+        stores: Stores | None = None,
+    ) -> None:
         self.scenario = scenario
-        self.firmware = Firmware(firmware_settings(scenario))
+        self.firmware = Firmware(firmware_settings(scenario), stores=stores)
         self.hardware = Hardware(replace(hardware_settings(scenario), requests=()))
         self._on_time = on_time
         self._inbox = frame_array(INBOX_CAPACITY)

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import logging
 import math
 from collections.abc import Callable
-from typing import cast
+from typing import Final, cast
+
+import can
 
 from rrins.firmware_py.core.memory import SCHEME_CAPACITY
 from rrins.firmware_py.core.modes import Mode
@@ -17,12 +20,13 @@ from rrins.host_tools.calibration.estimation import Unit
 from rrins.host_tools.calibration.model import Axes, Site
 from rrins.host_tools.calibration.seconds import Seconds, of_bytes
 from rrins.host_tools.diag.tester import Tester
-from rrins.host_tools.errors import CalibrationRecordError
+from rrins.host_tools.errors import CalibrationRecordError, RehearsalError
 from rrins.host_tools.hardware.settings import body_to_navigation
 from rrins.host_tools.scenario.geometry import AxesDeg
 
 _ROUTINE = table.routine("table_calibration")
 _LOOK_S = 2.0
+_log: Final = logging.getLogger(__name__)
 
 _WORDS = {
     CalibrationEnd.MODE_LEFT: "the unit left STANDBY",
@@ -118,8 +122,8 @@ class RoutineRun:
         try:
             if self._results()["state"] == RoutineState.RUNNING:
                 self._tester.stop(_ROUTINE)
-        except Exception:  # noqa: BLE001, S110 - what was raised before is told
-            pass
+        except (RehearsalError, can.CanError) as error:
+            _log.warning("calibration: the unit could not be told to stop: %s", error)
 
     def require_done(self, end: CalibrationEnd) -> None:
         """Raise `CalibrationRecordError` unless the routine came to its end."""

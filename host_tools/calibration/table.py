@@ -83,7 +83,7 @@ def _turn(
 ) -> int:
     """Turn through positions; return the rows written."""
     plant, state, record = plants[0], ram[0], contract[0]
-    count: int = np.int64(0)  # type: ignore[assignment]  # a literal 0 would be another type
+    count = 0
     for position in range(len(axes)):
         if axes[position] >= 0:
             axis = plant.axis[axes[position]]

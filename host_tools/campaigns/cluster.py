@@ -5,14 +5,13 @@ Dask hands a chunk on when its worker is gone, a few times; then it comes back a
 
 from __future__ import annotations
 
-import contextlib
 import logging
 import queue
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from rrins.host_tools.campaigns.engines import AHEAD, Done, missing, taken
 from rrins.host_tools.campaigns.errors import CampaignError
@@ -21,6 +20,7 @@ from rrins.host_tools.errors import RehearsalError
 
 _CONNECT_S = 30
 _FEWEST_AHEAD = 4
+_log: Final = logging.getLogger(__name__)
 
 
 def _run(work: Work, runs: tuple[int, ...]) -> list[Row]:
@@ -131,11 +131,15 @@ class Cluster:
 
     def close(self) -> list[Done]:
         """Let go of what is under way and of the cluster; return nothing."""
-        with contextlib.suppress(Exception):
-            self._client.cancel(list(self._under_way.values()), force=True)
-        with contextlib.suppress(Exception):
-            self._client.close(timeout=5)
+        self._end(lambda: self._client.cancel(list(self._under_way.values()), force=True))
+        self._end(lambda: self._client.close(timeout=5))
         if self._local is not None:
-            with contextlib.suppress(Exception):
-                self._local.close(timeout=10)
+            self._end(lambda: self._local.close(timeout=10))
         return []
+
+    def _end(self, call: Callable[[], object]) -> None:
+        """Call what lets go of something; a scheduler that is gone has let go already."""
+        try:
+            call()
+        except (OSError, TimeoutError, RuntimeError, ValueError, *self._cancelled) as error:
+            _log.debug("Dask scheduler %s: %s", self._where, error)

@@ -136,7 +136,7 @@ def analyse(definition: Definition) -> Analysis:
     scenario = definition.scenario
     check(scenario)
     sources = sources_of(definition)
-    model = _Model(scenario, path_of(scenario))
+    model = Model(scenario, path_of(scenario))
     mean = np.zeros((model.count + 1, 2))
     results = []
     for one in sources.constants:
@@ -182,15 +182,27 @@ class _Sensors:
         }[effect]()
 
 
-class _Model:
-    """The linear error model of a path."""
+class Model:
+    """The linear error model of a path.
 
-    def __init__(self, scenario: Scenario, path: Path) -> None:
+    Parameters
+    ----------
+    scenario : Scenario
+    path : Path
+    axes : dict, optional
+        Input axes of `gyros` and `accelerometers`, other than the scenario's; of equal weight.
+    """
+
+    def __init__(
+        self, scenario: Scenario, path: Path, axes: dict[str, AxesDeg] | None = None
+    ) -> None:
         self.path = path
         self.count = len(path.latitude)
         self._scenario = scenario
         rimu, firmware = scenario.rimu, scenario.firmware
         self._sensors = {
+            kind: _Sensors(of, np.ones(len(of))) for kind, of in (axes or {}).items()
+        } or {
             "gyros": _Sensors(rimu.gyros, _weights(firmware.gyro_weights, rimu.gyros)),
             "accelerometers": _Sensors(
                 rimu.accelerometers,

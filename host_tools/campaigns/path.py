@@ -72,6 +72,20 @@ def path_of(scenario: Scenario) -> Path:
     return _path(truth)
 
 
+def path_along(truth: Records[Truth], angles: Floats) -> Path:
+    """Return the path of a vehicle's truth, every `INTERVAL_S`, with other angles of the table.
+
+    Parameters
+    ----------
+    truth : Records[Truth]
+    angles : array, shape (n, 2)
+        Inner and outer, rad.
+    """
+    turned = truth.copy()
+    turned["axis_angle"] = angles
+    return _path(turned)
+
+
 def _path(truth: Records[Truth]) -> Path:
     middle = 0.5 * (truth["latitude"][1:] + truth["latitude"][:-1])
     height = 0.5 * (truth["height"][1:] + truth["height"][:-1])

@@ -11,7 +11,7 @@ from rrins.dbc.record import Floats
 from rrins.host_tools.campaigns.distributions import cumulative_normal
 from rrins.host_tools.campaigns.row import OK, SERIES
 from rrins.host_tools.campaigns.sensitivity import Index, Share
-from rrins.host_tools.campaigns.statistics import cep50, percentile, r95
+from rrins.host_tools.campaigns.statistics import Estimate, cep50, percentile, r95
 from rrins.host_tools.campaigns.store import Store, read_manifest
 from rrins.host_tools.campaigns.summary import shown
 from rrins.host_tools.drawing.style import EAST, LINES, SINCE_NAVIGATION, finish, new_figure
@@ -127,7 +127,7 @@ def _panels(figure: Figure, count: int) -> list[Axes]:
     return [row[0] for row in panels]
 
 
-def _bars(axes: Axes, names: list[str], groups: list[list], labels: list[str]) -> None:  # type: ignore[type-arg]
+def _bars(axes: Axes, names: list[str], groups: list[list[Estimate]], labels: list[str]) -> None:
     height = 0.8 / len(groups)
     for number, (group, label) in enumerate(zip(groups, labels, strict=True)):
         at = np.arange(len(names)) + (number - (len(groups) - 1) / 2) * height

@@ -3,17 +3,22 @@
 from __future__ import annotations
 
 import shlex
+from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rrins.host_tools.campaigns import sensitivity, summary
+from rrins.host_tools.campaigns import covariance_report, sensitivity, summary
+from rrins.host_tools.campaigns.covariance import Analysis, analyse
+from rrins.host_tools.campaigns.covariance_report import Beside
+from rrins.host_tools.campaigns.errors import CampaignError
 from rrins.host_tools.campaigns.row import MAIN
 from rrins.host_tools.campaigns.statistics import mean, percentile, sigma
 from rrins.host_tools.campaigns.store import REPORT, Store
 from rrins.host_tools.drawing.page import base64_of, environment, png_of
+from rrins.host_tools.errors import RehearsalError
 from rrins.host_tools.files import replacing, write_whole
 
 if TYPE_CHECKING:
@@ -41,11 +46,12 @@ def write(store: Store, folder: Path | None = None) -> list[Path]:
     }
     is_saltelli = store.definition.design == "saltelli"
     indices = sensitivity.sobol_indices(store, MAIN) if is_saltelli else []
+    linear = _linear(store)
     pictures = {
         name: (caption, png_of(drawn))
-        for name, (caption, drawn) in _drawn(store, outcomes, shares, indices).items()
+        for name, (caption, drawn) in _drawn(store, outcomes, shares, indices, linear).items()
     }
-    text = _page(store, outcomes, shares, indices, pictures)
+    text = _page(store, outcomes, shares, indices, linear, pictures)
     paths = [folder / NAME]
     write_whole(paths[0], lambda file: _put(file, text))
     for name, (_, data) in pictures.items():
@@ -54,6 +60,53 @@ def write(store: Store, folder: Path | None = None) -> list[Path]:
             part.write_bytes(data)
         paths.append(path)
     return paths
+
+
+@dataclass(frozen=True)
+class _Linear:
+    """The linear covariance analysis of the campaign's scenario, or why there is none."""
+
+    analysis: Analysis | None = None
+    beside: Beside | None = None
+    why_not: str = ""
+
+    @property
+    def rows(self) -> list[tuple[str, ...]]:
+        """Return the table: source, σ east and north at the end, largest on the way, share."""
+        if self.analysis is None:
+            return []
+        figures = [
+            (one.name, *one.end, one.largest, f"{self.analysis.share(one):.1%}")
+            for one in self.analysis.sources
+        ]
+        east, north = self.analysis.sigma[-1].tolist()
+        figures.append(("all", east, north, float(self.analysis.sigma.max()), ""))
+        rows = [
+            tuple(cell if isinstance(cell, str) else summary.shown(cell) for cell in row)
+            for row in figures
+        ]
+        return rows if self.beside is None else [*rows, tuple(self.beside.cells())]
+
+    @property
+    def words(self) -> str:
+        """Return whether analysis and runs agree, and what the analysis leaves out."""
+        if self.analysis is None:
+            return self.why_not
+        lines = [] if self.beside is None else [self.beside.words(self.analysis)]
+        if self.analysis.left_out:
+            lines.append(f"not considered: {', '.join(self.analysis.left_out)}")
+        return "; ".join(lines)
+
+
+def _linear(store: Store) -> _Linear:
+    try:
+        analysis = analyse(store.definition)
+    except RehearsalError as error:
+        return _Linear(why_not=str(error))
+    try:
+        return _Linear(analysis, covariance_report.beside_runs(store))
+    except CampaignError:  # too few runs for an interval: the analysis stands alone
+        return _Linear(analysis)
 
 
 def _put(file: Any, text: str) -> None:
@@ -65,6 +118,7 @@ def _drawn(
     outcomes: summary.Outcomes,
     shares: dict[str, list[sensitivity.Share]],
     indices: list[sensitivity.Index],
+    linear: _Linear,
 ) -> dict[str, tuple[str, Figure]]:
     """Return the pictures by name, with their captions."""
     from rrins.host_tools.campaigns import pictures
@@ -83,6 +137,9 @@ def _drawn(
         drawn["shares"] = (caption, pictures.draw_shares(shares))
     if indices:
         drawn["sobol"] = (f"Sobol's indices of {MAIN}.", pictures.draw_indices(indices))
+    if linear.analysis is not None:
+        caption = "σ of the position: linear covariance analysis, its sources, and the runs."
+        drawn["covariance"] = (caption, covariance_report.draw(linear.analysis, linear.beside))
     inputs = pictures.draw_inputs(store)
     if inputs is not None:
         caption = "What the inputs were; dotted: what normal ones are drawn from."
@@ -95,6 +152,7 @@ def _page(
     outcomes: summary.Outcomes,
     shares: dict[str, list[sensitivity.Share]],
     indices: list[sensitivity.Index],
+    linear: _Linear,
     pictures: dict[str, tuple[str, bytes]],
 ) -> str:
     templates = environment("rrins.host_tools.campaigns")
@@ -117,6 +175,7 @@ def _page(
         circles=summary.circles(outcomes),
         shares=shares,
         indices=indices,
+        linear=linear,
         worst=_worst(store),
         folder=shlex.quote(str(store.folder)),
         images={name: (caption, base64_of(data)) for name, (caption, data) in pictures.items()},

@@ -17,10 +17,12 @@ from typing import Any, Final, cast
 
 import numpy as np
 
+from rrins.dbc.contract import load_contract
 from rrins.dbc.record import Records
-from rrins.firmware_py.core.memory import NavigationOutput
+from rrins.firmware_py.core.calibration import Calibration
+from rrins.firmware_py.core.memory import NavigationOutput, Ram
 from rrins.firmware_py.core.modes import FirmwareFault
-from rrins.firmware_py.core.settings import Settings
+from rrins.firmware_py.core.settings import Settings, power_on
 from rrins.firmware_py.loop import Firmware
 from rrins.host_tools.campaigns.definition import Definition
 from rrins.host_tools.campaigns.errors import CampaignError
@@ -81,14 +83,34 @@ def times_of(scenario: Scenario) -> list[float]:
     return [scenario.duration_s * k / (TIMES - 1) for k in range(TIMES)]
 
 
-class _Stopped(Exception):  # noqa: N818 - no error: the run is not wanted any more
-    pass
+class Stopped(Exception):  # noqa: N818 - no error
+    """The run is not wanted any more."""
+
+
+_ALIKE: Final[dict[str, Any]] = {
+    "redundancy": None,
+    "estimator": None,
+    "calibration": Calibration(),
+    "calibration_file": None,
+    **dict.fromkeys(("latitude_deg", "longitude_deg", "height_m"), 0.0),
+    **dict.fromkeys(("roll_deg", "pitch_deg", "heading_deg"), 0.0),
+}
+"""What the diagnostics of a firmware do not look at when they are set up."""
 
 
 @lru_cache(maxsize=2)
-def _switched_on(settings: Settings) -> Firmware:
-    """Return a firmware whose memory is copied, never run: most runs set it up alike."""
-    return Firmware(settings)
+def _with_diagnostics(settings: Settings) -> Records[Ram]:
+    return Firmware(settings).ram
+
+
+def switched_on(settings: Settings) -> Records[Ram]:
+    """Return the memory of a firmware at power-on; its diagnostics are set up once for all runs.
+
+    Making the diagnostics' objects takes longer than all else that happens at power-on.
+    """
+    ram = power_on(settings, load_contract())
+    ram["diagnostics"] = _with_diagnostics(settings.model_copy(update=_ALIKE))["diagnostics"]
+    return ram
 
 
 @dataclass(frozen=True)
@@ -100,12 +122,32 @@ class _End:
     errors: Errors
 
 
-def _run(scenario: Scenario, should_stop: Callable[[], bool]) -> _End:
-    """Run a scenario without frames, as fast as it goes."""
-    every = keep_every(scenario.epochs, scenario.rate_hz)
+def run_fast(
+    scenario: Scenario,
+    firmware: Settings,
+    every: int,
+    should_stop: Callable[[], bool] = lambda: False,
+) -> tuple[Records[Ram], Errors]:
+    """Run a scenario without frames; return the firmware's memory, and the errors.
+
+    Parameters
+    ----------
+    scenario : Scenario
+    firmware : Settings
+        Of its firmware.
+    every : int
+        Epochs between errors.
+    should_stop : callable
+        Looked at now and then.
+
+    Raises
+    ------
+    Stopped
+        When `should_stop` says so before the end.
+    """
     settings = hardware_settings(scenario)
     both = FastRun(
-        _switched_on(firmware_settings(scenario)).ram.copy(),
+        switched_on(firmware),
         hardware.power_on(settings),
         hardware.pieces_of(settings),
         every,
@@ -114,7 +156,7 @@ def _run(scenario: Scenario, should_stop: Callable[[], bool]) -> _End:
     left = scenario.epochs + 1
     while left:
         if should_stop():
-            raise _Stopped
+            raise Stopped
         part = min(left, _PART_S * scenario.rate_hz)
         track = both.run(part)
         navigation.append(track.navigation)
@@ -125,9 +167,15 @@ def _run(scenario: Scenario, should_stop: Callable[[], bool]) -> _End:
         cast(Records[Truth], np.concatenate(truth)),
         scenario.rate_hz,
     )
-    state = both.ram[0]
-    fault = FirmwareFault(int(state.modes.fault)).name
-    return _End(fault, redundancy_summary(state), errors)
+    return both.ram, errors
+
+
+def _run(scenario: Scenario, should_stop: Callable[[], bool]) -> _End:
+    """Run a scenario without frames, as fast as it goes."""
+    every = keep_every(scenario.epochs, scenario.rate_hz)
+    ram, errors = run_fast(scenario, firmware_settings(scenario), every, should_stop)
+    fault = FirmwareFault(int(ram[0].modes.fault)).name
+    return _End(fault, redundancy_summary(ram[0]), errors)
 
 
 def _run_with_frames(scenario: Scenario, should_stop: Callable[[], bool]) -> _End:
@@ -135,7 +183,7 @@ def _run_with_frames(scenario: Scenario, should_stop: Callable[[], bool]) -> _En
     with tempfile.TemporaryDirectory(prefix="rrins-") as folder:
         outcome = run_direct(scenario, Path(folder), should_stop=should_stop)
         if should_stop():
-            raise _Stopped
+            raise Stopped
         errors = read_errors(Path(folder), scenario.rate_hz)
     return _End(outcome.firmware["fault"], outcome.firmware["redundancy"], errors)
 
@@ -194,7 +242,7 @@ def row_of(
 
     Raises
     ------
-    _Stopped
+    Stopped
         When `should_stop` says so before its end.
     """
     begin = time.monotonic()
@@ -203,7 +251,7 @@ def row_of(
     row |= {one.column: value for one, value in plan.point(run).items()}
     try:
         row |= _came_out(definition.scenario_of(run), should_stop)
-    except _Stopped:
+    except Stopped:
         raise
     except Exception as error:  # noqa: BLE001 - a run that breaks is a row with its reason
         why = str(error) if isinstance(error, RehearsalError) else repr(error)
@@ -267,7 +315,7 @@ def _place() -> str:
 def _definition_of(work: Work) -> Definition:
     work.check()
     definition = Definition.of(json.loads(work.text))
-    definition.plan  # noqa: B018 - once, not in every thread
+    _ = definition.plan  # once, not in every thread
     return definition
 
 
@@ -290,7 +338,7 @@ def rows_of(
     for run in runs:
         try:
             rows.append(row_of(definition, run, should_stop))
-        except _Stopped:
+        except Stopped:
             break
     return rows
 

@@ -15,6 +15,7 @@ from rrins.host_tools.cli.group import Group
 from rrins.host_tools.cli.numbers import NumberRange
 from rrins.host_tools.cli.options import json_option, together
 from rrins.host_tools.cli.scheme_afterwards import afterwards
+from rrins.host_tools.cli.scheme_drive import compare_turning
 from rrins.host_tools.cli.scheme_observability import observability, search_for_calibration
 from rrins.host_tools.closing import Closing
 from rrins.host_tools.errors import RehearsalError
@@ -174,11 +175,23 @@ def analyse_scheme(
 
 @scheme.command("compare")
 @click.argument("names", metavar="SCHEME…", nargs=-1, required=True)
+@click.option(
+    "--case",
+    type=click.Choice(["cycle", "drive"]),
+    default="cycle",
+    show_default=True,
+    help="A cycle at standstill, or the paper's drive: a vehicle that turns.",
+)
+@click.option(
+    "--routes", type=click.IntRange(1, 1000), default=4, show_default=True, help="Of the drive."
+)
 @_rimu_options
 @_rate_options
 @json_option
 def compare_schemes(
     names: tuple[str, ...],
+    case: str,
+    routes: int,
     geometry: str | None,
     errors: str | None,
     fused: bool,
@@ -187,8 +200,17 @@ def compare_schemes(
     stand_s: float | None,
     as_json: bool,
 ) -> None:
-    """Compare schemes: residual and peak errors, time, axis travel and range."""
+    """Compare schemes: residual and peak errors, time, axis travel and range.
+
+    With --case drive: σ of the position at the end of the drive, with constants as --errors has
+    them, with those that a calibration leaves, and with white noise; each scheme as it is, and with
+    the vehicle's heading isolated by the inner axis.
+    """
     rimu = rimu_of(geometry, errors, fused, earth_latitude_deg)
+    if case == "drive":
+        named = [scheme_of(name, turn_rate_dps, stand_s) for name in names]
+        compare_turning(named, rimu, routes, as_json)
+        return
     compared = [
         _compared(scheme_of(name, turn_rate_dps, stand_s), rimu, earth_latitude_deg)
         for name in names

@@ -83,5 +83,8 @@ class ConstantSet:
 SETS: Final = tuple(ConstantSet(*pair) for pair in product((0.0, 50.0), (0.0, 10.0, 60.0)))
 """The sets that the report compares."""
 
+WORST: Final = SETS[5]
+"""The set with the largest constants: what a unit is calibrated of."""
+
 REFERENCE: Final = SETS[4]
 """The set that represents the prototype where a single one is needed: table 2's bounds, 10″."""

@@ -12,7 +12,7 @@ from typing import Final
 
 import numpy as np
 
-from rrins.host_tools.experiments.constants import SETS, ConstantSet
+from rrins.host_tools.experiments.constants import SETS, WORST, ConstantSet
 from rrins.host_tools.experiments.figures import draw_bands, draw_track
 from rrins.host_tools.experiments.fleet import Fleet
 from rrins.host_tools.experiments.sections import (
@@ -46,12 +46,15 @@ _VARIANTS: Final[dict[str, dict[str, float | str | dict[str, str]]]] = {
         "firmware__alignment_s": 60,
     },
 }
+CASES: Final = (*((constants, False) for constants in SETS), (WORST, True))
+"""Sets of constants, and whether the unit is calibrated on its table before it drives."""
+
 _IDEAL: Final[dict[str, dict[str, float]]] = {"gyros": {}, "accelerometers": {}}
 
 
 def runs_of(seeds: int, with_motion: bool) -> int:
     """Return how many runs the section takes."""
-    return 2 * seeds * len(SETS) + 2 * len(_VARIANTS) + (8 if with_motion else 4)
+    return 2 * seeds * len(CASES) + 2 * len(_VARIANTS) + (8 if with_motion else 4)
 
 
 def _end_m(errors: Errors) -> float:
@@ -59,7 +62,7 @@ def _end_m(errors: Errors) -> float:
 
 
 def _distributions(
-    constants: ConstantSet, seeds: int, fleet: Fleet
+    constants: ConstantSet, is_calibrated: bool, seeds: int, fleet: Fleet
 ) -> tuple[Distribution, Distribution, Distribution]:
     """Return the end point errors strapdown and rotating, and their ratio."""
     ends, papers = [], []
@@ -71,7 +74,9 @@ def _distributions(
             constants.drawn(scenario.varied(motion__seed=seed), seed)
             for seed in range(1, seeds + 1)
         ]
-        ends.append(np.array([_end_m(errors) for errors in fleet.run_all(jobs, _SAMPLE_S)]))
+        found = fleet.calibrate(jobs) if is_calibrated else None
+        outcomes = fleet.run_all(jobs, _SAMPLE_S, found)
+        ends.append(np.array([_end_m(errors) for errors in outcomes]))
     return (
         Distribution.of(ends[0], papers[0]),
         Distribution.of(ends[1], papers[1]),
@@ -245,25 +250,23 @@ def reproduce(fleet: Fleet, seeds: int, motion: Path | None) -> Section:
     bands = {}
     spreads = []
     held = False
-    for constants in SETS:
-        strapdown, rotating, ratio = _distributions(constants, seeds, fleet)
-        bands[constants.words] = (strapdown, rotating)
-        spreads.append((constants.words, (strapdown, rotating, ratio)))
+    for constants, is_calibrated in CASES:
+        strapdown, rotating, ratio = _distributions(constants, is_calibrated, seeds, fleet)
+        case = f"{constants.words}, calibrated" if is_calibrated else constants.words
+        bands[case] = (strapdown, rotating)
+        spreads.append((case, (strapdown, rotating, ratio)))
         for words, unit, one in (
             ("end point error, strapdown", "m", strapdown),
             ("end point error, rotating", "m", rotating),
             ("strapdown over rotating", "1", ratio),
         ):
             section.rows.append(
-                FigureRow(
-                    EXPERIMENT, constants.words, words, unit, one.paper, one.median, one.words()
-                )
+                FigureRow(EXPERIMENT, case, words, unit, one.paper, one.median, one.words())
             )
         if strapdown.holds and rotating.holds and ratio.holds:
             held = True
             section.findings.append(
-                f"With {constants.words} the paper's end points and their ratio lie in "
-                f"{ratio.spread_words}."
+                f"With {case} the paper's end points and their ratio lie in {ratio.spread_words}."
             )
     section.grids.append(
         PictureGrid(

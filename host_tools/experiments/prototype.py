@@ -12,7 +12,8 @@ from typing import Final
 import numpy as np
 
 from rrins.dbc.record import Floats
-from rrins.host_tools.experiments.constants import REFERENCE, SETS, ConstantSet
+from rrins.host_tools.experiments.calibrated import switched_on
+from rrins.host_tools.experiments.constants import REFERENCE, SETS, WORST, ConstantSet
 from rrins.host_tools.experiments.figures import draw_bands, draw_pair
 from rrins.host_tools.experiments.fleet import Fleet, run
 from rrins.host_tools.experiments.sections import (
@@ -37,14 +38,17 @@ _LARGER = ConstantSet(50.0, 10.0, biases=8.0)
 
 @dataclass(frozen=True)
 class PrototypeCase:
-    """A set of constants and the attitude initialisation."""
+    """A set of constants, the attitude initialisation, and whether the unit is calibrated."""
 
     constants: ConstantSet
     initial_attitude: str = "given"
+    is_calibrated: bool = False
 
     @property
     def words(self) -> str:
         """The case in words."""
+        if self.is_calibrated:
+            return f"{self.constants.words}, calibrated"
         if self.initial_attitude == "given":
             return self.constants.words
         return f"{self.constants.words}, {self.initial_attitude}"
@@ -54,6 +58,7 @@ CASES: Final = (
     *(PrototypeCase(constants) for constants in SETS),
     PrototypeCase(ConstantSet(50.0, 10.0), "self-aligned"),
     PrototypeCase(_LARGER),
+    PrototypeCase(WORST, is_calibrated=True),
 )
 
 
@@ -105,12 +110,12 @@ class VariantOutcome:
 def _outcome(case: PrototypeCase, seeds: int, fleet: Fleet) -> VariantOutcome:
     strapdown, rotating = _scenarios(case)
     numbers = range(1, seeds + 1)
-    standing = _largest(
-        fleet.run_all([case.constants.drawn(strapdown, seed) for seed in numbers], _SAMPLE_S)
-    )
-    turning = _largest(
-        fleet.run_all([case.constants.drawn(rotating, seed) for seed in numbers], _SAMPLE_S)
-    )
+    pairs = [[case.constants.drawn(one, seed) for seed in numbers] for one in (strapdown, rotating)]
+    found = None
+    if case.is_calibrated:
+        pairs = [[switched_on(one) for one in drawn] for drawn in pairs]
+        found = fleet.calibrate(pairs[0])
+    standing, turning = (_largest(fleet.run_all(drawn, _SAMPLE_S, found)) for drawn in pairs)
     at_rest, in_turn = _paper(strapdown), _paper(rotating)
 
     def pair(values: Floats, paper: tuple[float, ...]) -> tuple[Distribution, Distribution]:

@@ -18,7 +18,7 @@ from rrins.host_tools.files import JsonObject, text_of
 from rrins.host_tools.rotation.errors import sensors_of
 from rrins.host_tools.rotation.merit import SensorSet
 from rrins.host_tools.runs.settings import hardware_settings
-from rrins.host_tools.scenario.geometry import GEOMETRIES
+from rrins.host_tools.scenario.geometry import GEOMETRIES, AxesDeg
 from rrins.host_tools.scenario.scenario import Scenario, first_line
 from rrins.host_tools.scenario.schemes import SCHEMES
 from rrins.host_tools.scenario.tables import each
@@ -58,12 +58,14 @@ class NamedScheme:
 class NamedRimu:
     """A RIMU with its errors, and the name of its geometry.
 
-    `errors` holds the tables `gyros` and `accelerometers` with a scenario's keys.
+    `errors` holds the tables `gyros` and `accelerometers` with a scenario's keys, `axes_deg` the
+    input axes of gyros and accelerometers.
     """
 
     geometry: str
     rimu: SensorSet
     errors: JsonObject
+    axes_deg: tuple[AxesDeg, AxesDeg]
 
 
 def scheme_of(
@@ -147,6 +149,7 @@ def rimu_of(
                 include=set(PAPER_ERRORS["accelerometers"])
             ),
         },
+        axes_deg=(scenario.rimu.gyros, scenario.rimu.accelerometers),
     )
 
 

@@ -143,6 +143,8 @@ def scenario_wire(scenario: Scenario, is_live: bool = False) -> Wire | None:
     faults = tuple(
         fault.fault(scenario.rate_hz) for fault in scenario.faults if isinstance(fault, FaultOnWire)
     )
+    if not faults and scenario.bus.bitrate is None and not is_live:
+        return None
     wire = Wire(scenario.period_ns, faults, scenario.seed, scenario.bus.bitrate)
     return None if wire.is_ideal and not is_live else wire
 

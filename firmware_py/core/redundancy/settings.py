@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import cache
 from statistics import NormalDist
 
 import numpy as np
@@ -64,6 +65,7 @@ def _beyond(u: float) -> float:
     return 2.0 * NormalDist().cdf(-u)
 
 
+@cache
 def second_factor(allowed: float, directions: int) -> float:
     """Return the threshold of windows from 1 to 1024 s, in standard deviations."""
 
@@ -74,6 +76,7 @@ def second_factor(allowed: float, directions: int) -> float:
     return factor_of(rate, allowed)
 
 
+@cache
 def epoch_factor(allowed: float, directions: int, rate_hz: int) -> float:
     """Return the threshold of shorter windows, which do not overlap, in standard deviations."""
     return factor_of(lambda u: _SECONDS_PER_1000_H * 2 * rate_hz * directions * _beyond(u), allowed)

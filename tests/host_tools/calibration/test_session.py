@@ -7,10 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rrins.firmware_py.core.calibration import load
+from rrins.firmware_py.core.calibration import DPH, load
 from rrins.firmware_py.core.modes import Mode
 from rrins.firmware_py.core.settings import Scheme, Turn
 from rrins.firmware_py.diagnostics import calibration_image
+from rrins.firmware_py.loop import open_memories
 from rrins.host_tools.calibration import session
 from rrins.host_tools.calibration.emulated import EmulatedUnit
 from rrins.host_tools.calibration.monte_carlo import errors_of
@@ -70,6 +71,25 @@ def test_a_calibration_is_stored_and_lasts(tmp_path: Path) -> None:
     np.testing.assert_allclose(loaded.gyros.bias_dph, biases, atol=1e-12)
     assert report.read_text().count("data:image/png;base64") == 1
     assert picture.stat().st_size > 1000
+
+
+def test_what_was_pushed_is_there_and_in_use_after_a_power_cycle(tmp_path: Path) -> None:
+    scenario = drawn_unit(1)
+    found = session.checked(unit_of(scenario), record(scenario, FAST))
+    path = tmp_path / "parameters.bin"
+    unit = EmulatedUnit(scenario, stores=open_memories(path))
+    with talk_to(unit) as tester:
+        empty = tester.pull()
+        session.push(tester, found)
+        pushed = tester.pull()
+    assert pushed != empty
+    unit.firmware.close()
+    again = EmulatedUnit(scenario, stores=open_memories(path))
+    with talk_to(again) as tester:
+        assert tester.pull() == pushed
+    biases = again.firmware.settings.calibration.gyros.bias_dph
+    np.testing.assert_allclose(biases, found.gyros.constants[:, 0] / DPH, rtol=1e-5)
+    again.firmware.close()
 
 
 def test_the_routine_records_what_the_bare_table_does() -> None:

@@ -20,7 +20,9 @@ VARY = {"gyros.bias_dph": "normal(0, 1)", "site.height_m": "uniform(0, 12)"}
 
 def filled(folder, outputs, **wishes):
     """Return a campaign whose outputs are functions of a run's point and its noise."""
-    definition = load("rimu_rotating", Wishes(**{"runs": 400, "vary": VARY, **wishes}))
+    definition = load(
+        "rimu_rotating", Wishes(**{"runs": 400, "vary": VARY, "duration_s": 60, **wishes})
+    )
     store = Store.create(folder, definition)
     rows = []
     for run in range(definition.runs):
@@ -103,10 +105,18 @@ def test_the_report_is_one_page_with_its_pictures_inside(store):
     paths = report.write(store)
     text = paths[0].read_text()
     names = {path.stem for path in paths[1:]}
-    assert names == {"over_time", "distribution", "ends", "shares", "inputs"}
+    assert names == {"over_time", "distribution", "ends", "shares", "covariance", "inputs"}
     assert text.count('src="data:image/png;base64,') == len(names)
     assert not re.search(r'(src|href)="(?!data:)', text)
     errors = store.values("horizontal_error_m")
     worst = max(errors, key=errors.get)
     assert f"rerun {worst}</code>" in text
     assert "normal(0, 1)" in text
+
+
+def test_the_report_says_whether_runs_and_linear_analysis_agree(store):
+    """Of runs that are a formula the analysis knows nothing; of height as an input neither."""
+    text = report.write(store)[0].read_text()
+    assert "the analysis does NOT lie in the intervals of the 400 runs" in text
+    assert "not considered: site.height_m" in text
+    assert "<td>gyros.bias_dph</td>" in text

@@ -1,0 +1,29 @@
+"""How a run of a campaign is set up: quicker than a firmware by itself, the same to the byte."""
+
+from __future__ import annotations
+
+import pytest
+
+from rrins.firmware_py.core.calibration import Calibration
+from rrins.firmware_py.loop import Firmware
+from rrins.host_tools.campaigns.row import switched_on
+from rrins.host_tools.runs.settings import firmware_settings
+from rrins.host_tools.scenario.scenario import load
+
+
+@pytest.mark.parametrize(
+    ("name", "keys"),
+    [
+        ("rimu_rotating", {"sensors": "prototype", "gyros__scale_error_ppm": 40.0}),
+        ("rimu_rotating_aligned", {"body__heading_deg": 30.0}),
+        ("drive_rotating", {"rate_hz": 50, "gnss": {}}),
+        ("imu_strapdown", {"site__latitude_deg": -20.0}),
+    ],
+)
+def test_the_memory_at_power_on_is_that_of_a_firmware(name, keys):
+    switched_on(firmware_settings(load(name)))  # what is kept of another run does no harm
+    settings = firmware_settings(load(name).varied(**keys))
+    count = len(settings.gyro_axes_deg)
+    gyros = Calibration().gyros.model_copy(update={"bias_dph": (0.5,) * count})
+    settings = settings.model_copy(update={"calibration": Calibration(gyros=gyros)})
+    assert switched_on(settings).tobytes() == Firmware(settings).ram.tobytes()
