@@ -80,10 +80,13 @@ def _lines(found: tuple[Afterwards, ...]) -> list[str]:
             f"{np.median(over):.3f}, {over.min():.2f} to {over.max():.2f}"
         )
     if len(found) == 2:
-        better = int((found[1].end_m[:, 1] < found[0].end_m[:, 1]).sum())
+        _, calibrated, perfect, _ = (found[1].end_m < found[0].end_m).T
+        further = int((~calibrated).sum())
+        of_noise = int((~calibrated & ~perfect).sum())
         lines.append(
-            f"calibrated, {found[1].scenario} ends nearer than {found[0].scenario} for {better} of "
-            f"{len(found[0].end_m)} units"
+            f"calibrated, {found[1].scenario} ends nearer than {found[0].scenario} for "
+            f"{calibrated.sum()} of {len(calibrated)} units; of the other {further}, {of_noise} "
+            "end further off with perfect constants too: it is the noise"
         )
     return lines
 
