@@ -134,6 +134,12 @@ def test_each_set_of_constants_has_its_distribution(reproduced):
             assert re.search(r"lies (inside|below|above).*; \d of 2 below it", row["note"])
     for constants in SETS:
         assert len(rows_of(printed, "drive", constants.words)) == 3
+    calibrated = rows_of(printed, "drive", "50 ppm, 60″, calibrated")
+    uncalibrated = rows_of(printed, "drive", "50 ppm, 60″")
+    assert len(calibrated) == 3
+    for way in ("strapdown", "rotating"):
+        name = f"end point error, {way}"
+        assert calibrated[name]["ours"] < 0.2 * uncalibrated[name]["ours"]
 
 
 def test_ideal_sensors_hold_on_the_drive(reproduced):
