@@ -72,7 +72,7 @@ def _signal(signal: Signal) -> str:
         comment += f" {names}."
     return (
         f"| `{signal.name}` | {signal.start}-{last}{sign} | {signal.unit or ''} "
-        f"| {signal.scale:g} | {signal.minimum:.10g} … {signal.maximum:.10g} | {comment} |"
+        f"| {signal.scale!r} | {signal.minimum:.10g} … {signal.maximum:.10g} | {comment} |"
     )
 
 

@@ -88,6 +88,7 @@ def test_identifiers_routines_and_fields_are_completed():
         "method=SELF_ALIGNED",
         "method=SELF_ALIGNED_SWAYING",
         "method=SELF_ALIGNED_MOVING",
+        "method=TRANSFERRED",
     ]
     assert completions("routine", "start", "al") == ["alignment"]
     assert completions("routine", "start", "go_to_axis_angle", "axis=") == [
