@@ -126,9 +126,13 @@ def recording(scenario, tmp_path_factory):
     return log
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def chromium():
-    """Return a Chromium; skip without one, unless it is required."""
+    """Return a Chromium; skip without one, unless it is required.
+
+    Playwright leaves an event loop running in this thread, in which `asyncio.run` then fails: it
+    ends with the file.
+    """
     if CHROMIUM is None:
         if os.environ.get("RRINS_REQUIRE_BROWSER") == "1":
             pytest.fail("there is no chromium")
