@@ -83,7 +83,7 @@ def times_of(scenario: Scenario) -> list[float]:
     return [scenario.duration_s * k / (TIMES - 1) for k in range(TIMES)]
 
 
-class Stopped(Exception):  # noqa: N818 - no error
+class RunStoppedError(Exception):
     """The run is not wanted any more."""
 
 
@@ -142,7 +142,7 @@ def run_fast(
 
     Raises
     ------
-    Stopped
+    RunStoppedError
         When `should_stop` says so before the end.
     """
     settings = hardware_settings(scenario)
@@ -156,7 +156,7 @@ def run_fast(
     left = scenario.epochs + 1
     while left:
         if should_stop():
-            raise Stopped
+            raise RunStoppedError
         part = min(left, _PART_S * scenario.rate_hz)
         track = both.run(part)
         navigation.append(track.navigation)
@@ -183,7 +183,7 @@ def _run_with_frames(scenario: Scenario, should_stop: Callable[[], bool]) -> _En
     with tempfile.TemporaryDirectory(prefix="rrins-") as folder:
         outcome = run_direct(scenario, Path(folder), should_stop=should_stop)
         if should_stop():
-            raise Stopped
+            raise RunStoppedError
         errors = read_errors(Path(folder), scenario.rate_hz)
     return _End(outcome.firmware["fault"], outcome.firmware["redundancy"], errors)
 
@@ -242,7 +242,7 @@ def row_of(
 
     Raises
     ------
-    Stopped
+    RunStoppedError
         When `should_stop` says so before its end.
     """
     begin = time.monotonic()
@@ -251,7 +251,7 @@ def row_of(
     row |= {one.column: value for one, value in plan.point(run).items()}
     try:
         row |= _came_out(definition.scenario_of(run), should_stop)
-    except Stopped:
+    except RunStoppedError:
         raise
     except Exception as error:  # noqa: BLE001 - a run that breaks is a row with its reason
         why = str(error) if isinstance(error, RehearsalError) else repr(error)
@@ -338,7 +338,7 @@ def rows_of(
     for run in runs:
         try:
             rows.append(row_of(definition, run, should_stop))
-        except Stopped:
+        except RunStoppedError:
             break
     return rows
 

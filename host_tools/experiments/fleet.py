@@ -43,7 +43,7 @@ def run(
 
     Raises
     ------
-    Stopped
+    RunStoppedError
         When `should_stop` says so before the end.
     """
     scenario = scenario.model_copy(update={"redundancy": Redundancy(enabled=False)})

@@ -11,7 +11,7 @@ import subprocess
 import sys
 import tempfile
 import threading
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -44,7 +44,9 @@ def _own_channels(monkeypatch):
     folder = tempfile.mkdtemp(prefix="rrins-")
     monkeypatch.setenv("XDG_RUNTIME_DIR", folder)
     yield
-    shutil.rmtree(folder, ignore_errors=True)  # a host that ends removes its files meanwhile
+    while Path(folder).exists():
+        with suppress(FileNotFoundError):  # a host that ends removes its own files meanwhile
+            shutil.rmtree(folder)
 
 
 class Running:

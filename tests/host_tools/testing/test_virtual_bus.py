@@ -59,7 +59,9 @@ def test_a_tester_finds_what_is_wrong(rrins_bench, way):
     bench.advance(0.5)
     with bench.tester(is_securing=True) as tester:
         found = {one.trouble.name for one in tester.troubles(0x08)}
-        assert found - ({"overrun"} if way == "realtime" else set()) == {"sensor_3_silent"}
+        late = tester.read([table.identifier("fault_counters")])["fault_counters"]["overruns"] > 0
+        assert not late or way == "realtime"
+        assert found == {"sensor_3_silent"} | ({"overrun"} if late else set())
         bridge = table.identifier("bridge")
         tester.write(bridge, {"bridge_s": 0.3})
         assert tester.read([bridge]) == {"bridge": {"bridge_s": 0.3}}
