@@ -135,6 +135,9 @@ FIGURES: Final[dict[str, Callable[[Floats], Estimate]]] = {
 }
 """Figures by name; percentiles are ``p95`` and the like."""
 
+RESAMPLED: Final = frozenset({"mean", "sigma"})
+"""Figures whose interval takes resampling."""
+
 
 def figure_of(name: str) -> Callable[[Floats], Estimate] | None:
     """Return the figure of a name; None if there is none."""

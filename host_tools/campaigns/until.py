@@ -1,4 +1,9 @@
-"""When there are runs enough: ``p95 of horizontal_error_m within 10 %``."""
+"""When there are runs enough: ``p95 of horizontal_error_m within 10 %``.
+
+The rule is that of Chow and Robbins ("On the asymptotic theory of fixed-width sequential confidence
+intervals for the mean", Ann. Math. Statist. 36 (1965), 457): stop with the first number of runs at
+which the interval is narrow enough.
+"""
 
 from __future__ import annotations
 
@@ -9,13 +14,13 @@ from dataclasses import dataclass
 from rrins.dbc.record import Floats
 from rrins.host_tools.campaigns.errors import CampaignError
 from rrins.host_tools.campaigns.row import OUTPUTS
-from rrins.host_tools.campaigns.statistics import Estimate, figure_of
+from rrins.host_tools.campaigns.statistics import RESAMPLED, Estimate, figure_of
 
 FEWEST = 50
 """Runs with which a criterion is looked at first."""
 
-_GROWTH = 1.05
-"""From one look to the next."""
+_GROWTH = 1.01
+"""From one look to the next, of figures whose interval is resampled."""
 
 _SENTENCE = re.compile(r"\s*(?:(\w[\w.]*)\s+of\s+)?(\w+)\s+within\s+([\d.eE+-]+)\s*(%?)\s*\Z")
 _SHORT = {"cep": ("median", "horizontal_error_m"), "cep50": ("median", "horizontal_error_m"),
@@ -87,10 +92,14 @@ class Until:
         limit = self.limit * abs(found.value) if self.is_share else self.limit
         return found.half_width <= limit
 
-    @staticmethod
-    def is_due(runs: int) -> bool:
-        """Return whether the criterion is looked at with so many runs."""
+    def is_due(self, runs: int) -> bool:
+        """Return whether the criterion is looked at with so many runs.
+
+        That of a percentile at each run: its interval is exact, quick, and changes in steps.
+        """
         if runs < FEWEST:
             return False
+        if self.figure not in RESAMPLED:
+            return True
         step = math.floor(math.log(runs / FEWEST) / math.log(_GROWTH) + 1e-9)
         return math.ceil(FEWEST * _GROWTH**step - 1e-9) == runs
