@@ -134,14 +134,14 @@ class Refusal(IntEnum):
 class Learner(Record):
     """What sound sensors put into the parity, learned: linear in the regressors.
 
-    `covariance` times the variance of a second's sum is the covariance of a row of `coefficients`.
+    `covariance` times `unit` is the covariance of a row of `coefficients`.
     """
 
     coefficients: Annotated[Floats, (SENSOR_GROUPS, REGRESSORS)]
     covariance: Annotated[Floats, (REGRESSORS, REGRESSORS)]
     prior: Annotated[Floats, REGRESSORS]  #: variances while nothing is known
     walk: Annotated[Floats, REGRESSORS]  #: growth of the variances in a second
-    unit: F8  #: variance of a second's sum
+    unit: F8  #: variance of a second's sum, as `learning.noise` takes it
     gain: Annotated[Floats, REGRESSORS]  #: scratch
     seconds: I8  #: learned
 
@@ -152,7 +152,7 @@ class Sums(Record):
     residual: Annotated[Floats, SENSOR_GROUPS]  #: along each sensor's axis
     regressors: Annotated[Floats, REGRESSORS]
     parity: Annotated[Floats, SENSOR_GROUPS]  #: of what had not been learned before
-    leverage: F8  #: of what was learned, in variances of a second, until learning last stopped
+    leverage: F8  #: of what was learned, in its learner's unit, until learning last stopped
     stretch: F8  #: the same since then, the deviation: as if it erred by the same
     vector: Annotated[Floats, 3]  #: fused less expected at standstill
     vector_leverage: F8
@@ -187,6 +187,7 @@ class Parity(Record):
     white_variance: Annotated[Floats, SENSOR_GROUPS]  #: of a sum over 1 s
     quantisation_variance: F8  #: of any sum
     drift_variance: Annotated[Floats, (SENSOR_GROUPS, SECOND_LEVELS)]  #: of a window's sum
+    instability_variance: Annotated[Floats, SENSOR_GROUPS]  #: of the bias instability
     expected_variance: Annotated[Floats, SECOND_LEVELS]  #: of the expectation at standstill
     tilt_error: F8  #: of a second's expectation, as the velocity's error implies
     standing_limit: F8  #: of a second's sum, a difference beyond means motion
@@ -199,7 +200,9 @@ class Parity(Record):
     projector: Annotated[Floats, (SENSOR_GROUPS, SENSOR_GROUPS)]  #: I - H G
     leave_out: Annotated[Floats, (SENSOR_GROUPS, 3)]  #: by its residual, the vector without it
     second_variance: Annotated[Floats, SENSOR_GROUPS]  #: of a parity's sum over 1 s
+    learning_variance: Annotated[Floats, SENSOR_GROUPS]  #: the same, as its learner takes it
     vector_variance: F8  #: of the fused vector's sum over 1 s, the largest
+    vector_learning_variance: F8  #: the same, as its learner takes it
     variance: Annotated[Floats, (SENSOR_GROUPS, SECOND_LEVELS)]  #: of a parity over a window
     drift_second: Annotated[Floats, SENSOR_GROUPS]  #: of a parity's drift over 1 s
     epoch_variance: Annotated[Floats, (SENSOR_GROUPS, EPOCH_LEVELS)]
@@ -218,10 +221,10 @@ class Parity(Record):
     level_regressors: Annotated[Floats, (EPOCH_LEVELS, REGRESSORS)]
     # Of whole seconds.
     seconds: I8  #: in the sums
-    uncertain: F8  #: variance of what was expected of the last second, in its noise's
+    uncertain: F8  #: variance of what was expected of the last second, in its learner's unit
     window_sum: Annotated[Floats, (SECOND_LEVELS, SENSOR_GROUPS)]  #: of what is not learned
     window_spread: Annotated[Floats, SECOND_LEVELS]  #: variance of what was expected of them
-    window_uncertain: Annotated[Floats, SECOND_LEVELS]  #: of the sums, beyond their noise's
+    window_uncertain: Annotated[Floats, SECOND_LEVELS]  #: of the sums, beyond their noise
     settled: I8  #: seconds that have been learned, or not
     learned: I8  #: the last of them that was learned
     learned_regressors: Annotated[Floats, REGRESSORS]  #: their sum until then

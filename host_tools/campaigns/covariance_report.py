@@ -134,6 +134,7 @@ def draw(analysis: Analysis, beside: Beside | None = None) -> Figure:
             axes.plot(analysis.times_s, one.sigma[:, side], **line, label=one.name)
         finish(axes, f"σ {_SIDES[side]} / m")
         axes.set_ylim(bottom=0)
-    panels[0].legend(loc="upper left", fontsize="small", framealpha=0.85)
+    lines, names = panels[0].get_legend_handles_labels()
+    figure.legend(lines, names, loc="outside upper left", ncols=2, frameon=False, fontsize="small")
     panels[1].set_xlabel(SINCE_NAVIGATION)
     return figure

@@ -242,8 +242,8 @@ def _propagate(state: Ram, one: Hypothesis, block: Floats, share: float) -> None
             for k in range(3):
                 noise[i] += bank.attitude_s[i, k] * parity.leave_out[sensor, k] / dt
         uncertain = block[others + blocks.UNCERTAIN + kind]
-        variance = parity.second_variance[sensor] * (1.0 + uncertain) * share
-        covariance.add_along(one.P, into, noise, variance)
+        learned = parity.learning_variance[sensor] * uncertain
+        covariance.add_along(one.P, into, noise, (parity.second_variance[sensor] + learned) * share)
 
 
 @compiled

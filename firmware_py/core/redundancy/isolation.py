@@ -65,7 +65,7 @@ def _own_variance(parity: Parity, level: int, sensor: int) -> float:
         parity.white_variance[sensor] * (1 << level)
         + parity.drift_variance[sensor, level]
         + parity.quantisation_variance
-        + learned * parity.second_variance[sensor]
+        + learned * parity.learning_variance[sensor]
     )
 
 
@@ -89,8 +89,8 @@ def _covariance(parity: Parity, fusion: Fusion, level: int) -> int:
     begin = windows.begin_of(parity, level)
     seconds = 1 << level
     alike = min(parity.frozen + 1, seconds)
-    own = (parity.now.vector_leverage - begin.vector_leverage) * alike * parity.vector_variance
-    common = parity.expected_variance[level] + own
+    own = (parity.now.vector_leverage - begin.vector_leverage) * alike
+    common = parity.expected_variance[level] + own * parity.vector_learning_variance
     common += (parity.tilt_error * seconds) ** 2
     matrix = parity.matrix
     n = 0

@@ -2,7 +2,7 @@
 
 A Kalman filter whose states are the coefficients, each a random walk with a ceiling on its
 variance; Gelb (ed.), *Applied Optimal Estimation* (1974), chapter 4. Variances are in units of
-that of a second's sum, so that one covariance serves all rows.
+the noise of a second's sum, so that one covariance serves all rows.
 """
 
 from __future__ import annotations
@@ -13,8 +13,20 @@ from rrins.firmware_py.core.redundancy_records import REGRESSORS, Learner
 
 
 @compiled
+def noise(learner: Learner, white: float, instability: float) -> float:
+    """Return the variance of a second's sum that the learner is to take for white noise.
+
+    Bias instability of variance B² has the spectrum B²/(2 π f) (IEEE Std 952-1997, annex C). White
+    noise R and a walk of the bias, q in a second, have R + q/(2 π f)², which is nowhere less if
+    R q ≥ B⁴/4: so what is learned is never less certain than it is said to be.
+    """
+    walk = learner.walk[0]
+    return max(white, 0.25 * instability**2 / walk) if walk > 0.0 else white
+
+
+@compiled
 def forget_all(learner: Learner, unit: float) -> None:
-    """Start anew, with nothing learned; `unit` is the variance of a second's sum."""
+    """Start anew, with nothing learned; `unit` is the `noise` of a second's sum."""
     learner.seconds = 0
     learner.unit = unit
     for k in range(REGRESSORS):

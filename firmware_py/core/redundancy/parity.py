@@ -59,13 +59,13 @@ def compare(parity: Parity, fusion: Fusion, sensors: int, second_epochs: int, wo
         parity.levels += 1
     _set_variances(parity, count, second_epochs)
     _set_vector_variance(parity, fusion)
-    unit = parity.vector_variance
+    unit = parity.vector_learning_variance
     for i in range(count):
         if parity.projector[i, i] > CHECKED_FROM:
-            unit = min(unit, parity.second_variance[i])
+            unit = min(unit, parity.learning_variance[i])
     for learner in (parity.parity, parity.ahead):
         learning.forget_all(learner, unit)
-    learning.forget_all(parity.expected, parity.vector_variance)
+    learning.forget_all(parity.expected, parity.vector_learning_variance)
     begin_again(parity)
 
 
@@ -82,25 +82,31 @@ def spares(parity: Parity, fusion: Fusion, sensor: int) -> bool:
 def _set_vector_variance(parity: Parity, fusion: Fusion) -> None:
     """Find the largest variance of the fused vector's sum over a second."""
     parity.vector_variance = 0.0
+    parity.vector_learning_variance = 0.0
     for axis in range(3):
-        total = 0.0
+        total, unstable = 0.0, 0.0
         for j in range(fusion.count):
-            variance = parity.white_variance[j] + parity.quantisation_variance
-            total += fusion.gain[axis, j] ** 2 * variance
+            share = fusion.gain[axis, j] ** 2
+            total += share * (parity.white_variance[j] + parity.quantisation_variance)
+            unstable += share * parity.instability_variance[j]
         parity.vector_variance = max(parity.vector_variance, total)
+        learned = learning.noise(parity.expected, total, unstable)
+        parity.vector_learning_variance = max(parity.vector_learning_variance, learned)
 
 
 @compiled
 def _set_variances(parity: Parity, count: int, second_epochs: int) -> None:
     """Find the variance of each parity, for each window."""
     for i in range(count):
-        squares, white = 0.0, 0.0
+        squares, white, unstable = 0.0, 0.0, 0.0
         for j in range(count):
             share = parity.projector[i, j] ** 2
             squares += share
             white += share * parity.white_variance[j]
+            unstable += share * parity.instability_variance[j]
         counts = squares * parity.quantisation_variance
         parity.second_variance[i] = white + counts
+        parity.learning_variance[i] = learning.noise(parity.parity, white + counts, unstable)
         for level in range(SECOND_LEVELS):
             drift = 0.0
             for j in range(count):
@@ -246,12 +252,12 @@ def _test_levels(parity: Parity, count: int, regressors: int) -> float:
 
 @compiled
 def _over_threshold(parity: Parity, level: int, count: int, uncertain: float) -> float:
-    """Return a level's largest parity over its threshold; `uncertain`: variances of a second."""
+    """Return a level's largest parity over its threshold; `uncertain` in the learner's unit."""
     largest = 0.0
     for i in range(count):
         if parity.projector[i, i] <= CHECKED_FROM:
             continue
-        variance = parity.epoch_variance[i, level] + uncertain * parity.second_variance[i]
+        variance = parity.epoch_variance[i, level] + uncertain * parity.learning_variance[i]
         if variance > 0.0:
             largest = max(largest, parity.level_sum[level, i] ** 2 / variance)
     return math.sqrt(largest) / parity.epoch_factor

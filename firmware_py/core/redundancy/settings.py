@@ -137,6 +137,7 @@ def _set_parity(
     for k in range(count):
         parity["white_variance"][k] = sheet.white_noise[k] ** 2 + counts
         parity["drift_variance"][k] = _drift_variance(sheet, k)
+        parity["instability_variance"][k] = sheet.bias_instability[k] ** 2
     parity["quantisation_variance"] = counts
     bias = sheet.bias_limit / 3.0 if sheet.bias_sigma is None else sheet.bias_sigma
     parity["bias_variance"] = bias**2

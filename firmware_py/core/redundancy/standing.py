@@ -88,7 +88,7 @@ def expect_constant(state: Ram) -> None:
 @compiled
 def forget(parity: Parity) -> None:
     """Forget what was learned of the expectation, which is another one from now on."""
-    learning.forget_all(parity.expected, parity.vector_variance)
+    learning.forget_all(parity.expected, parity.vector_learning_variance)
     parity.now.standing = 0
 
 

@@ -103,6 +103,19 @@ def _late_s(parity: Parity) -> int:
 
 
 @compiled
+def _is_much(parity: Parity, uncertain: float, count: int) -> bool:
+    """Return whether what was not known of a second counts beside its noise."""
+    for i in range(count):
+        noise = _MUCH_LEARNED * parity.second_variance[i]
+        if (
+            parity.projector[i, i] > CHECKED_FROM
+            and uncertain * parity.learning_variance[i] > noise
+        ):
+            return True
+    return False
+
+
+@compiled
 def _settle(parity: Parity, count: int, regressors: int, sound: bool) -> None:
     """Learn from a second that is some time ago if nothing is suspicious since."""
     second = int(parity.seconds) - _late_s(parity)
@@ -130,7 +143,7 @@ def _settle(parity: Parity, count: int, regressors: int, sound: bool) -> None:
             parity.learned_regressors[k] = end.regressors[k]
         parity.learned = second
         parity.learning = learner.seconds >= LEARNED_S
-        if uncertain > _MUCH_LEARNED:
+        if _is_much(parity, uncertain, count):
             clear_levels(parity)
     for i in range(count):
         end.parity[i] = now.parity[i]
@@ -208,8 +221,8 @@ def _fit_steps(parity: Parity, count: int, regressors: int) -> None:
         drift = 0.0
         for i in range(count):
             if parity.projector[i, i] > CHECKED_FROM:
-                variance = parity.variance[i, level] / parity.second_variance[i]
-                drift = max(drift, variance - seconds)
+                variance = parity.variance[i, level] - seconds * parity.second_variance[i]
+                drift = max(drift, variance / parity.learning_variance[i])
         uncertain = learned * larger + drift * (larger**2 - 1.0)
         if uncertain >= parity.window_uncertain[level]:
             continue
@@ -230,10 +243,12 @@ def _note_squares(parity: Parity, count: int, uncertain: float) -> None:
     counts as no more than a usual one.
     """
     alike = min(parity.frozen + 1, NOISE_S)
+    is_much = _is_much(parity, uncertain, count)
     for i in range(count):
-        variance = parity.second_variance[i] * (1.0 + uncertain * alike) + parity.drift_second[i]
+        variance = parity.second_variance[i] + parity.drift_second[i]
+        variance += parity.learning_variance[i] * uncertain * alike
         square = parity.late_residual[i] ** 2 / variance if variance > 0.0 else 0.0
-        if uncertain > _MUCH_LEARNED:
+        if is_much:
             square = min(square, 1.0)
         parity.squares[parity.seconds % NOISE_S, i] = square
 
@@ -258,14 +273,14 @@ def _noise(parity: Parity, count: int) -> float:
 def variance_of(parity: Parity, level: int, sensor: int) -> float:
     """Return the variance of a sensor's parity over a level's window that ends now."""
     uncertain = parity.window_uncertain[level]
-    return float(parity.variance[sensor, level] + uncertain * parity.second_variance[sensor])
+    return float(parity.variance[sensor, level] + uncertain * parity.learning_variance[sensor])
 
 
 @compiled
 def uncertain_second(parity: Parity) -> float:
-    """Return the variance of what is not known of a second, in its noise's, as if it were noise.
+    """Return the variance of what is not known of a second, as if it were noise.
 
-    So large that sums over the seconds since learning stopped are right.
+    In the learner's unit. So large that sums over the seconds since learning stopped are right.
     """
     largest = float(parity.uncertain)
     for level in range(SECOND_LEVELS):

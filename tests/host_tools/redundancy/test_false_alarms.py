@@ -70,3 +70,17 @@ def test_no_alarm_and_no_exclusion(case, preset, lost):
     with ThreadPoolExecutor(len(os.sched_getaffinity(0))) as pool:
         found = [one for some in pool.map(alarms, range(count)) for one in some]
     assert not found
+
+
+DRIFTING = (1979581211180794, 8179580094388716, 971401794217820, 4469205749140996,
+            5305432217000799, 3390592603297051)  # fmt: skip
+"""Seeds with which bias instability looked like a scale factor while the table first turned."""
+
+
+@pytest.mark.parametrize("seed", DRIFTING)
+def test_drift_that_is_larger_than_noise_is_not_learned_as_a_scale_factor(seed):
+    table = load("rimu_rotating").model_dump(exclude_unset=True)
+    table |= {"sensors": "prototype", "seed": seed, "duration_s": 600.0}
+    found = run_without_frames(Scenario.model_validate(table)).firmware["redundancy"]
+    assert found["accelerometers"]["alarm_s"] is None
+    assert found["gyros"]["alarm_s"] is None
