@@ -99,3 +99,24 @@ def own_firmware(
     folder = tmp_path_factory.mktemp("own_firmware")
     make_firmware(folder, str(folder / "own_firmware"))
     return folder / "own_firmware"
+
+
+@pytest.fixture(scope="session")
+def largest_difference_m() -> Callable[..., float]:
+    """Return what finds the largest horizontal distance of two navigations in common epochs."""
+    import numpy as np
+
+    from rrins.dbc.record import Records
+    from rrins.firmware_py.core.memory import NavigationOutput
+    from rrins.host_tools.runs.results import east_north_m
+
+    def difference_m(ours: Records[NavigationOutput], theirs: Records[NavigationOutput]) -> float:
+        _, i, j = np.intersect1d(ours["epoch"], theirs["epoch"], return_indices=True)
+        assert len(i) >= 0.9 * len(ours) > 0
+        a, b = ours[i], theirs[j]
+        east, north = east_north_m(
+            b["latitude"], b["longitude"], a["latitude"], a["longitude"], a["height"]
+        )
+        return float(np.hypot(east, north).max())
+
+    return difference_m

@@ -8,17 +8,14 @@ from __future__ import annotations
 import os
 import re
 import subprocess
+from collections.abc import Callable
 from pathlib import Path
 
-import numpy as np
 import pytest
 
-from rrins.dbc.record import Records
-from rrins.firmware_py.core.memory import NavigationOutput
 from rrins.host_tools.runs import run
 from rrins.host_tools.runs.display import RunDisplay
 from rrins.host_tools.runs.program import Program
-from rrins.host_tools.runs.results import east_north_m
 from rrins.host_tools.scenario.scenario import load
 from rrins.host_tools.terminal import new_console
 
@@ -26,19 +23,6 @@ IS_FULL = "RRINS_OWN_FIRMWARE" in os.environ
 DURATION_S = 1600.0 if IS_FULL else 20.0
 FRAMES = 1_000_000 if IS_FULL else 50_000
 LIMIT_M = 1e-3
-
-
-def largest_difference_m(
-    ours: Records[NavigationOutput], theirs: Records[NavigationOutput]
-) -> float:
-    """Return the largest horizontal distance of two navigations in common epochs."""
-    _, i, j = np.intersect1d(ours["epoch"], theirs["epoch"], return_indices=True)
-    assert len(i) >= 0.9 * len(ours) > 0
-    a, b = ours[i], theirs[j]
-    east, north = east_north_m(
-        b["latitude"], b["longitude"], a["latitude"], a["longitude"], a["height"]
-    )
-    return float(np.hypot(east, north).max())
 
 
 @pytest.mark.timeout(1200)
@@ -54,7 +38,9 @@ def largest_difference_m(
         ),
     ],
 )
-def test_it_navigates_as_ours_within_a_millimetre(name: str, own_firmware: Path) -> None:
+def test_it_navigates_as_ours_within_a_millimetre(
+    name: str, own_firmware: Path, largest_difference_m: Callable[..., float]
+) -> None:
     scenario = load(name, duration_s=DURATION_S)
     program = Program.parse(str(own_firmware))
     plan = run.Plan(name, scenario, run.Overrides(DURATION_S), firmware=program)

@@ -1,7 +1,7 @@
 """gallia, a scanner by others, at a firmware whose time is virtual: all there can be is tried.
 
-With RRINS_SCAN_ALL set, all 65,536 routines are tried, too, which takes some minutes. On a real
-vcan0: `tests/socketcan`.
+With RRINS_SCAN_ALL set, all 65,536 identifiers and routines, which takes some minutes; else those
+of the ranges that are in use. On a real vcan0: `tests/socketcan`.
 """
 
 from __future__ import annotations
@@ -21,7 +21,10 @@ from rrins.firmware_py.diagnostics import table
 from rrins.host_tools.diag.connection import Connection
 from rrins.host_tools.diag.tester import Tester as Tool
 
-ROUTINES = ("0x0000", "0xffff" if "RRINS_SCAN_ALL" in os.environ else "0x03ff")
+ALL = ((0x0000, 0xFFFF),)
+IS_FULL = "RRINS_SCAN_ALL" in os.environ
+IDENTIFIERS = ALL if IS_FULL else ((0x0000, 0x13FF), (0xF000, 0xFFFF))
+ROUTINES = ALL if IS_FULL else ((0x0000, 0x03FF),)
 
 RESPONSE_PENDING = b"\x78"
 
@@ -75,21 +78,30 @@ def numbers(pattern: str, said: str) -> set[int]:
     return {int(found, 16) for found in re.findall(pattern, said)}
 
 
-def test_of_all_identifiers_there_are_those_of_the_table_only(scan, tester):
-    there = {did.number for did in tester.has(table.IDENTIFIERS)}
-    said = scan("identifiers", "--start", "0x0000", "--end", "0xffff")
-    assert len(re.findall(r"requestOutOfRange", said)) == 0x10000 - len(there)
+@pytest.mark.parametrize(("first", "last"), IDENTIFIERS)
+def test_of_all_identifiers_there_are_those_of_the_table_only(scan, tester, first, last):
+    known = {did.number for did in tester.has(table.IDENTIFIERS)}
+    there = {number for number in known if first <= number <= last}
+    said = scan("identifiers", "--start", hex(first), "--end", hex(last))
+    assert len(re.findall(r"requestOutOfRange", said)) == last - first + 1 - len(there)
     assert numbers(r"(0x[0-9a-fA-F]+): .*Response", said) == there
     assert "Abnormal replies: 0" in said
     assert "Timeouts: 0" in said
 
 
-def test_of_all_routines_there_are_those_of_the_table_only(scan):
+@pytest.mark.parametrize(("first", "last"), ROUTINES)
+def test_of_all_routines_there_are_those_of_the_table_only(scan, first, last):
     """They are locked, which is said of those that there are only."""
-    first, last = ROUTINES
     said = scan(
-        *("identifiers", "--service", "0x31", "--sessions", "3", "--start", first, "--end", last)
+        *("identifiers", "--service", "0x31", "--sessions", "3"),
+        *("--start", hex(first), "--end", hex(last)),
     )
     assert "Timeouts: 0" in said
     there = {routine.number for routine in table.ROUTINES}
     assert numbers(r"(0x[0-9a-fA-F]+): .*[sS]ecurityAccessDenied", said) == there
+
+
+def test_the_ranges_that_are_tried_hold_the_whole_table():
+    for tried, numbered in ((IDENTIFIERS, table.IDENTIFIERS), (ROUTINES, table.ROUTINES)):
+        for one in numbered:
+            assert any(first <= one.number <= last for first, last in tried)

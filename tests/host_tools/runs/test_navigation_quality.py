@@ -1,10 +1,13 @@
-"""How well it navigates: the figures that the scheme is judged by, run directly."""
+"""How well it navigates: the figures that the scheme is judged by.
+
+Without frames, which is the same to the bit: `test_fast.py`.
+"""
 
 from __future__ import annotations
 
 import pytest
 
-from rrins.host_tools.runs.direct import run_direct
+from rrins.host_tools.runs.direct import run_without_frames
 from rrins.host_tools.runs.results import read_errors
 from rrins.host_tools.scenario.scenario import Scenario, load
 
@@ -17,7 +20,7 @@ def largest(tmp_path_factory):
         key = scenario.model_dump_json()
         if key not in found:
             folder = tmp_path_factory.mktemp("run")
-            firmware = run_direct(scenario, folder).firmware
+            firmware = run_without_frames(scenario, folder).firmware
             assert firmware["fault"] == "NONE"
             found[key] = read_errors(folder, scenario.rate_hz).largest()
         return found[key]
@@ -93,7 +96,7 @@ def test_noise_makes_the_error_grow_and_the_seed_repeats_it(tmp_path):
     digests = []
     for seed in (1, 1, 2):
         scenario = variant(duration_s=20, gyros=noisy, seed=seed)
-        firmware = run_direct(scenario).firmware
+        firmware = run_without_frames(scenario).firmware
         digests.append(firmware["navigation_sha256"])
     assert digests[0] == digests[1] != digests[2]
 
@@ -107,7 +110,7 @@ def test_a_self_aligned_start_carries_the_known_heading_error(tmp_path):
         gyros={"bias_dph": [0.01, 0.0, 0.0]},
         firmware={"initial_attitude": "self-aligned", "alignment_s": 120},
     )
-    run_direct(scenario, tmp_path)
+    run_without_frames(scenario, tmp_path)
     error_deg = read_errors(tmp_path, 200).heading_deg[0]
     earth_dph = 15.041
     expected_deg = 0.01 / (earth_dph * 0.7620) * 57.2958  # cos(40.3554°)
@@ -121,7 +124,7 @@ def test_a_scheme_that_never_turns_back_goes_on_through_the_wrap_of_the_encoder(
         turntable={"inner": {"rate_limit_dps": 60}, "outer": {"rate_limit_dps": 60}},
         firmware={"scheme": "8-position", "turn_rate_dps": 30, "stand_s": 3.5},
     )
-    firmware = run_direct(scenario, tmp_path).firmware
+    firmware = run_without_frames(scenario, tmp_path).firmware
     errors = read_errors(tmp_path, 50)
     assert errors.inner_deg.max() > 32 * 360
     assert firmware["mode"] == "SHUTDOWN"
@@ -136,6 +139,6 @@ def test_rotation_can_be_left_and_taken_up_again():
         {"at_s": 10, "request": "NAVIGATE_STRAPDOWN"},
         {"at_s": 12, "request": "NAVIGATE_ROTATING"},
     ]
-    firmware = run_direct(variant(duration_s=60, operator=operator)).firmware
+    firmware = run_without_frames(variant(duration_s=60, operator=operator)).firmware
     assert firmware["axes_not_following"] == [False, False]
     assert firmware["fault"] == "NONE"
