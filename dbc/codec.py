@@ -180,6 +180,7 @@ class Codec:
         self.database = database
         self._message_rows: dict[str, int] = {}
         self._signal_rows: dict[tuple[str, str], int] = {}
+        self._choices: dict[tuple[str, str], Mapping[int, str]] = {}
         signals: list[tuple[object, ...]] = []
         messages: list[tuple[object, ...]] = []
         for message in database.messages:
@@ -268,8 +269,12 @@ class Codec:
     def choices(self, message: str, signal: str) -> Mapping[int, str]:
         """Return a signal's value table, raw value to name."""
         self.signal_index(message, signal)
-        choices = self.database.get_message_by_name(message).get_signal_by_name(signal).choices
-        return {int(raw): str(name) for raw, name in (choices or {}).items()}
+        found = self._choices.get((message, signal))
+        if found is None:
+            choices = self.database.get_message_by_name(message).get_signal_by_name(signal).choices
+            found = {int(raw): str(name) for raw, name in (choices or {}).items()}
+            self._choices[message, signal] = found
+        return found
 
 
 @functools.cache

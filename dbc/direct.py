@@ -27,7 +27,11 @@ WORDS = 8193
 NOTHING = -1
 """What `receive` returns when Python is to see to it."""
 
+TIME_WORD = 3
+"""The word of a header with the time of the batch, ns."""
+
 _HEADER_WORDS = 4
+_CLOSES_EPOCH = np.uint64(1 << 40)
 _COUNT_BIT = np.uint64(48)
 _LENGTH_BIT = np.uint64(32)
 _LOW = np.uint64(0xFFFF_FFFF)
@@ -112,11 +116,40 @@ def receive(direct: Direct, words: Words, frames: FrameArray) -> int:
     if size <= 0:
         return NOTHING
     direct.left_over = size
-    count = (size // 8 - _HEADER_WORDS) // 2
-    is_whole = size == 8 * (_HEADER_WORDS + 2 * count) and 0 <= count <= len(frames)
-    if not is_whole or words[0] != direct.opening | np.uint64(count) << _COUNT_BIT:
+    count = _frames_in(size)
+    if words[0] != direct.opening | np.uint64(count) << _COUNT_BIT or words[1] != direct.other:
         return NOTHING
-    if words[1] != direct.other:
+    return _unpack(direct, words, frames, count)
+
+
+@compiled
+def take(direct: Direct, words: Words, frames: FrameArray) -> int:
+    """Take a batch of any sender that is there already; return as `receive` does.
+
+    Its time is `words[TIME_WORD]`.
+    """
+    size = _recv(direct.fd, words.ctypes.data, words.size * 8 - 7, _MSG_DONTWAIT)
+    if size <= 0:
+        return NOTHING
+    direct.left_over = size
+    count = _frames_in(size)
+    if words[0] | _CLOSES_EPOCH != direct.opening | np.uint64(count) << _COUNT_BIT:
+        return NOTHING
+    if words[1] > _LOW:
+        return NOTHING
+    return _unpack(direct, words, frames, count)
+
+
+@compiled
+def _frames_in(size: int) -> int:
+    """Return how many frames a datagram of a size has, 0 to 65535."""
+    return max(0, (size // 8 - _HEADER_WORDS) // 2)
+
+
+@compiled
+def _unpack(direct: Direct, words: Words, frames: FrameArray, count: int) -> int:
+    """Take the frames of a datagram of `direct.left_over` bytes; return as `receive` does."""
+    if direct.left_over != 8 * (_HEADER_WORDS + 2 * count) or count > len(frames):
         return NOTHING
     for k in range(count):
         frame, at = frames[k], _HEADER_WORDS + 2 * k

@@ -31,15 +31,8 @@ def state_of(state: BusState, counts: dict[str, int]) -> JsonObject:
     """
     vitals = vitals_of(state)
     return {
-        "time_s": state.time_s,
-        "quiet_s": state.times.quiet_s,
         "speed": state.times.speed,
-        "gaps": state.times.gaps,
-        "load": state.load,
-        "peak_load": state.peak_load,
-        "rate_hz": state.rate_hz,
-        "frames": state.frames,
-        **vitals.as_dict(),
+        "firmware": None if vitals.firmware is None else vars(vitals.firmware),
         "sensors": {kind: sensor_states(state, vitals, kind, n) for kind, n in counts.items()},
         "troubles": troubles_of(state, vitals),
         "messages": [

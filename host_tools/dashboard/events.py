@@ -87,8 +87,8 @@ class EventLog:
         self.events: list[Event] = []
         self.count = 0
         self._codec = load()
-        self._before = np.full(len(SIGNALS), _UNKNOWN)
-        self._now: dict[str, float] = {}
+        self._octets = b""
+        self._now = dict.fromkeys(SIGNALS, _UNKNOWN)
 
     def add(self, time_s: float, text: str, weight: Weight = "note") -> Event:
         """Append an event."""
@@ -101,12 +101,13 @@ class EventLog:
 
     def follow(self, time_s: float, values: Floats) -> list[Event]:
         """Compare the values of `SIGNALS` with those before; return the new events."""
-        known = np.nan_to_num(values, nan=_UNKNOWN)
-        if np.array_equal(known, self._before):
+        octets = values.tobytes()
+        if octets == self._octets:
             return []
-        old = dict(zip(SIGNALS, self._before.tolist(), strict=True))
-        self._before = known
-        self._now = dict(zip(SIGNALS, known.tolist(), strict=True))
+        self._octets = octets
+        old = self._now
+        known = np.where(np.isnan(values), _UNKNOWN, values).tolist()
+        self._now = dict(zip(SIGNALS, known, strict=True))
         return [self.add(time_s, text, weight) for text, weight in self._changes(old)]
 
     def _changes(self, old: dict[str, float]) -> Iterator[tuple[str, Weight]]:

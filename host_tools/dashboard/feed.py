@@ -30,7 +30,11 @@ _log: Final = logging.getLogger("rrins.dashboard")
 
 def as_json(kind: str, values: JsonObject) -> str:
     """Return a message of a kind; NaN and infinity become null."""
-    return json.dumps({"kind": kind} | _finite(values), separators=(",", ":"), allow_nan=False)
+    told = {"kind": kind} | values
+    try:
+        return json.dumps(told, separators=(",", ":"), allow_nan=False)
+    except ValueError:
+        return json.dumps(_finite(told), separators=(",", ":"), allow_nan=False)
 
 
 def _finite(value: Any) -> Any:
@@ -151,19 +155,26 @@ class Feed:
             browser.put(message)
 
     def _tell_state(self, view: View) -> None:
-        state, values = view.state()
-        status = as_json("status", self.source.status() | {"browsers": self.browsers})
+        state = view.state(any(browser.shown[1] for browser in self._browsers))
         if not self._browsers:
             return
-        told = as_json("state", values)
+        self._tell_status()
+        told = as_json("state", view.told(state))
         for browser in self._browsers:
             browser.put_latest("state", told)
-            browser.put_latest("status", status)
             name, signal, level = browser.shown
             if name is not None:
                 found = message_of(state, name, signal, level)
                 if found is not None:
                     browser.put_latest("message", as_json("message", found))
+
+    def _tell_status(self) -> None:
+        """Tell how the source is, once it has changed."""
+        status = as_json("status", self.source.status())
+        if status != self._status:
+            self._status = status
+            for browser in self._browsers:
+                browser.put_latest("status", status)
 
     # ---- orders
 

@@ -66,6 +66,7 @@ NAMES: Final = (*_SIGNALS, *ERRORS, *_PLACES, *_GOALS, *_OF_BUS)
 """The columns, in the order in which they are sent; each name ends with its unit, if it has one."""
 
 _PLACE_OF: Final = {name: place for place, name in enumerate(NAMES)}
+_FIRMWARE_LOAD, _HEIGHT = _PLACE_OF["firmware_load_percent"], _PLACE_OF["height_m"]
 _EPOCHS: Final = 1 << 24  # of SYNC
 _NAV_EPOCHS: Final = 4096  # of the navigation output
 
@@ -129,13 +130,13 @@ class Quantities:
             Values of `SAMPLED`.
         bus_load_percent, lateness_ms : float
         """
-        found = dict(zip(SAMPLED, sampled.tolist(), strict=True))
-        row = np.full(len(NAMES), np.nan)
-        row[: len(_SIGNALS)] = sampled[: len(_SIGNALS)]
-        if not found["firmware_load_percent"]:  # a loop without a clock
-            row[_PLACE_OF["firmware_load_percent"]] = math.nan
-        self._follow(found)
         first = len(_SIGNALS)
+        found = dict(zip(_NEEDED, sampled[first:].tolist(), strict=True))
+        row = np.full(len(NAMES), np.nan)
+        row[:first] = sampled[:first]
+        if not row[_FIRMWARE_LOAD]:  # a loop without a clock
+            row[_FIRMWARE_LOAD] = math.nan
+        self._follow(found, float(row[_HEIGHT]))
         row[first : first + len(self._errors)] = self._errors
         if self._scheme is not None:
             goal = _PLACE_OF[_GOALS[0]]
@@ -144,7 +145,7 @@ class Quantities:
         row[_PLACE_OF["lateness_ms"]] = lateness_ms
         return row
 
-    def _follow(self, found: dict[str, float]) -> None:
+    def _follow(self, found: dict[str, float], height_m: float) -> None:
         """Compute errors and places of a new output; both halves must be of the same epoch."""
         at = found["latitude_epoch"]
         if math.isnan(at) or at != found["longitude_epoch"] or math.isnan(found["sync_epoch"]):
@@ -157,7 +158,7 @@ class Quantities:
         latitude, longitude = (math.radians(found[f"{n}_deg"]) for n in ("latitude", "longitude"))
         if self._truth is None:
             self._origin = self._origin or (latitude, longitude)
-            east, north = east_north_m(latitude, longitude, *self._origin, found["height_m"])
+            east, north = east_north_m(latitude, longitude, *self._origin, height_m)
             self._errors[len(ERRORS) : len(ERRORS) + 2] = east, north
             return
         truth = self._truth.at(epoch)
@@ -167,7 +168,7 @@ class Quantities:
         moved = self._truth.moved(truth)
         self._errors[:] = (
             *error,
-            found["height_m"] - height,
+            height_m - height,
             *(velocity - truth.velocity_n),
             *(moved[0] + error[0], moved[1] + error[1]),
             *moved,

@@ -15,7 +15,8 @@ import uvicorn
 from starlette.applications import Starlette
 from starlette.requests import Request
 from starlette.responses import Response
-from starlette.routing import Route, WebSocketRoute
+from starlette.routing import Route
+from starlette.types import ASGIApp, Receive, Scope, Send
 from starlette.websockets import WebSocket, WebSocketDisconnect, WebSocketState
 
 from rrins.host_tools.dashboard.browsers import Browser
@@ -36,8 +37,21 @@ _POLICY, _TRY_LATER, _GOING = 1008, 1013, 1001
 _log: Final = logging.getLogger("rrins.dashboard")
 
 
-def application(feed: Feed, guard: Guard) -> Starlette:
+def application(feed: Feed, guard: Guard) -> ASGIApp:
     """Return the server's application."""
+    pages = _pages(feed, guard)
+
+    async def serve_one(scope: Scope, receive: Receive, send: Send) -> None:
+        if scope["type"] == "websocket" and scope["path"] == SOCKET:
+            await _browse(WebSocket(scope, receive, send), send, feed, guard)
+        else:
+            await pages(scope, receive, send)
+
+    return serve_one
+
+
+def _pages(feed: Feed, guard: Guard) -> Starlette:
+    """Return the application that serves the files, and runs the feed."""
     files = page_files()
 
     async def page(request: Request) -> Response:
@@ -54,9 +68,6 @@ def application(feed: Feed, guard: Guard) -> Starlette:
             return Response(file.packed, headers=headers | {"Content-Encoding": "gzip"})
         return Response(file.content, headers=headers)
 
-    async def browse(websocket: WebSocket) -> None:
-        await _browse(websocket, feed, guard)
-
     @contextlib.asynccontextmanager
     async def feeding(app: Starlette) -> AsyncIterator[None]:
         task = asyncio.create_task(feed.run())
@@ -66,8 +77,7 @@ def application(feed: Feed, guard: Guard) -> Starlette:
         finally:
             task.cancel()
 
-    routes = [WebSocketRoute(SOCKET, browse), Route("/{path:path}", page)]
-    return Starlette(routes=routes, lifespan=feeding)
+    return Starlette(routes=[Route("/{path:path}", page)], lifespan=feeding)
 
 
 def _tell_failure(task: asyncio.Task[None]) -> None:
@@ -75,7 +85,7 @@ def _tell_failure(task: asyncio.Task[None]) -> None:
         _log.error("the feed has failed", exc_info=task.exception())
 
 
-async def _browse(websocket: WebSocket, feed: Feed, guard: Guard) -> None:
+async def _browse(websocket: WebSocket, send: Send, feed: Feed, guard: Guard) -> None:
     host = websocket.headers.get("host")
     why = guard.refuses_host(host) or guard.refuses_origin(websocket.headers.get("origin"), host)
     if why is None and feed.browsers >= MOST_BROWSERS:
@@ -90,7 +100,7 @@ async def _browse(websocket: WebSocket, feed: Feed, guard: Guard) -> None:
         _log.warning("a page without the token may only look on")
     await websocket.accept()
     feed.enter(browser)
-    sending = asyncio.create_task(_send(websocket, browser))
+    sending = asyncio.create_task(_send(websocket, send, browser))
     try:
         await _receive(websocket, browser, feed)
     finally:
@@ -100,18 +110,19 @@ async def _browse(websocket: WebSocket, feed: Feed, guard: Guard) -> None:
             await sending
 
 
-async def _send(websocket: WebSocket, browser: Browser) -> None:
-    """Send what is put into a browser's queue; let it go when it takes nothing for long."""
+async def _send(websocket: WebSocket, send: Send, browser: Browser) -> None:
+    """Send what is put into a browser's queue; let it go when it takes nothing for long.
+
+    `send` is the server's own: it is called some thirty times a second for each browser, and the
+    layers of Starlette between add nothing to it.
+    """
     with contextlib.suppress(WebSocketDisconnect, RuntimeError, OSError):
         while not browser.is_stuck:
             message = await browser.next_message()
-            sent = (
-                websocket.send_bytes(message)
-                if isinstance(message, bytes)
-                else websocket.send_text(message)
-            )
+            kind = "bytes" if isinstance(message, bytes) else "text"
             try:
-                await asyncio.wait_for(sent, _PATIENCE_S)
+                async with asyncio.timeout(_PATIENCE_S):
+                    await send({"type": "websocket.send", kind: message})
             except TimeoutError:
                 _log.warning("a browser took nothing for %g s and is let go", _PATIENCE_S)
                 break

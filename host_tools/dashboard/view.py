@@ -83,7 +83,8 @@ class View:
         if latest.now_ns == self._looked_ns:
             return False
         self._looked_ns = latest.now_ns
-        sampled, of_events = np.split(latest.values, [len(self._sampled)])
+        sampled = latest.values[: len(self._sampled)]
+        of_events = latest.values[len(self._sampled) :]
         lateness = self._lateness_ms(latest.heard_ns - latest.now_ns)
         self.time_s = latest.now_ns / 1e9
         self.row = self._quantities.row(sampled, self._load_percent(latest), lateness)
@@ -120,8 +121,12 @@ class View:
         seen = [n for n in range(1, _MOST_SENSORS + 1) if state.message(f"SENSOR_{n}") is not None]
         return dict.fromkeys(("gyros", "accelerometers"), max(seen, default=0))
 
-    def state(self) -> tuple[BusState, JsonObject]:
-        """Return a snapshot of the bus, and what the page gets of it."""
-        state = self.watch.state()
+    def state(self, has_histories: bool) -> BusState:
+        """Return a snapshot of the bus; see `Watch.state`."""
+        state = self.watch.state(has_histories)
         self._speed = state.times.speed
-        return state, state_of(state, self.sensor_counts(state))
+        return state
+
+    def told(self, state: BusState) -> JsonObject:
+        """Return what the page gets of a snapshot."""
+        return state_of(state, self.sensor_counts(state))

@@ -11,11 +11,14 @@ import threading
 import time
 
 import can
+import numpy as np
 
+from rrins.dbc.direct import AVAILABLE, WORDS, Direct
 from rrins.dbc.frame import frame_array
 from rrins.host_tools.bus.interface import RrinsBus
 from rrins.host_tools.bus.port import Address, frame_of_message, open_bus
 from rrins.host_tools.errors import BusError
+from rrins.host_tools.monitor.tally import MOST_AT_ONCE, count_waiting
 from rrins.host_tools.monitor.watch import Watch
 
 NAME = "monitor"
@@ -54,6 +57,12 @@ class Receiver:
         self._name = name
         self._rest_s = rest_s
         self._frames = frame_array(_CAPACITY)
+        self._lent, self._words = Direct.zeros(), np.zeros(WORDS, dtype=np.uint64)
+        self._left_over = self._lent["left_over"]
+        self._is_lent = False  # the socket, to compiled code
+        if AVAILABLE:  # compile now: there is no socket yet
+            self._lent[0].fd = -1
+            count_waiting(watch.memory(), self._lent, self._words, self._frames)
         self._next_question = 0.0
         self._stop = threading.Event()
         self._bus = self._open()
@@ -79,21 +88,40 @@ class Receiver:
                     return
 
     def _receive_batches(self, bus: RrinsBus) -> None:
-        """Wait for a batch, receive all pending ones, and pause."""
+        """Receive all pending batches, wait for one if there are none, and pause."""
         self._ask(bus)
+        if not (self._is_lent and self._take_waiting(bus)):
+            self._receive_slowly(bus)
+        self._watch.note_refused(bus.refused)
+        self._stop.wait(self._rest_s)
+
+    def _receive_slowly(self, bus: RrinsBus) -> None:
+        """Wait for a batch and receive it, and what follows until compiled code may go on."""
         frames, add = self._frames, self._watch.add_frames
         batch = bus.recv_batch(frames, _POLL_S)
         while batch is not None and not self._stop.is_set():
             add(frames, batch.count, batch.time_ns)
-            batch = bus.recv_batch(frames, 0.0)
-        self._watch.note_refused(bus.refused)
-        self._stop.wait(self._rest_s)
+            self._is_lent = AVAILABLE and bus.lend(self._lent[0])
+            batch = None if self._is_lent else bus.recv_batch(frames, 0.0)
+
+    def _take_waiting(self, bus: RrinsBus) -> bool:
+        """Receive pending batches in compiled code; return False if Python is to go on."""
+        lent, words = self._lent, self._words
+        taken = batches = self._watch.add_waiting(lent, words, self._frames)
+        while batches == MOST_AT_ONCE and not self._stop.is_set():
+            batches = self._watch.add_waiting(lent, words, self._frames)
+        left_over = int(self._left_over[0])
+        if left_over:
+            bus.take_back(words.view(np.uint8).data[:left_over], 0)
+            self._is_lent = False
+        return taken > 0 and not left_over
 
     def _ask(self, bus: RrinsBus) -> None:
         """Ask the host now and then what it has refused; it answers among the frames."""
         now = time.monotonic()
         if now >= self._next_question:
             self._next_question = now + _ASK_S
+            self._is_lent = False  # a send may take in what waits
             with contextlib.suppress(can.CanTimeoutError):  # the bus is held up: asked later
                 bus.ask_refused(0.0)
 
@@ -111,6 +139,7 @@ class Receiver:
         if self._address.is_embedded:
             try:
                 self._bus = self._open()
+                self._is_lent = False
             except BusError:
                 pass
             else:

@@ -7,7 +7,7 @@ in a rehearsal. Rates are taken over at least the last `WINDOW_NS`.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 from rrins.dbc.codec import Codec
 from rrins.dbc.record import Integers, Records
@@ -170,6 +170,27 @@ def decimals_of(scale: float) -> int:
     return max(0, math.ceil(-math.log10(abs(scale)) - 1e-9))
 
 
+@dataclass(slots=True)
+class _Entry:
+    """What a snapshot needs of a `TallyEntry`."""
+
+    is_known: int
+    can_id: int
+    length: int
+    data: int
+    is_sound: int
+    count: int
+    crc_errors: int
+    lost: int
+    out_of_turn: int
+    first_ns: int
+    last_ns: int
+    period_ns: float
+
+
+_ENTRY = tuple(field.name for field in fields(_Entry))
+
+
 class BusState:
     """A snapshot.
 
@@ -197,7 +218,12 @@ class BusState:
         self._raw, self._low, self._high = (signals[name] for name in ("raw", "low", "high"))
         self._scale, self._offset = codec.signals["scale"], codec.signals["offset"]
         self._names = [message.name for message in codec.database.messages]
-        found = [self._message(place) for place in range(int(tally["count"]))]
+        entries, before = (
+            _rows_of(one, int(tally["count"])) for one in (tally["entries"], mark.entries)
+        )
+        found = [
+            self._message(*one) for one in zip(range(len(entries)), entries, before, strict=True)
+        ]
         seen = [message for message in found if message is not None]
         seen.sort(key=lambda m: (m.is_extended, m.identifier, m.is_remote))
         self.messages = tuple(seen)
@@ -259,34 +285,30 @@ class BusState:
 
     # ---- messages
 
-    def _message(self, place: int) -> MessageState | None:
-        entry = self._tally["entries"][place]
-        count = int(entry["count"])
-        if count == 0:
+    def _message(self, place: int, entry: _Entry, before: _Entry) -> MessageState | None:
+        if entry.count == 0:
             return None
-        before = self._mark.entries[place]
-        identifier, is_extended, is_remote = identifier_of(int(entry["can_id"]))
-        age_ns = self.times.now_ns - int(entry["last_ns"])
-        period_ns = float(entry["period_ns"])
-        is_silent = 0 < SILENT_PERIODS * period_ns < age_ns and age_ns > SILENT_NS
-        length = 0 if is_remote else int(entry["length"])
+        identifier, is_extended, is_remote = identifier_of(entry.can_id)
+        age_ns = self.times.now_ns - entry.last_ns
+        is_silent = 0 < SILENT_PERIODS * entry.period_ns < age_ns and age_ns > SILENT_NS
+        length = 0 if is_remote else entry.length
         return MessageState(
-            name=self._names[place] if entry["is_known"] else None,
+            name=self._names[place] if entry.is_known else None,
             identifier=identifier,
             is_extended=is_extended,
             is_remote=is_remote,
-            data=int(entry["data"]).to_bytes(8, "little")[:length],
-            is_sound=bool(entry["is_sound"]),
-            count=count,
+            data=entry.data.to_bytes(8, "little")[:length],
+            is_sound=bool(entry.is_sound),
+            count=entry.count,
             rate_hz=0.0 if is_silent else _rate(entry, before),
             age_s=age_ns / 1e9,
-            period_s=period_ns / 1e9 if period_ns > 0 else None,
-            lost=int(entry["lost"]),
-            out_of_turn=int(entry["out_of_turn"]),
-            crc_errors=int(entry["crc_errors"]),
-            recent_lost=int(entry["lost"]) - int(before["lost"]),
-            recent_out_of_turn=int(entry["out_of_turn"]) - int(before["out_of_turn"]),
-            recent_crc_errors=int(entry["crc_errors"]) - int(before["crc_errors"]),
+            period_s=entry.period_ns / 1e9 if entry.period_ns > 0 else None,
+            lost=entry.lost,
+            out_of_turn=entry.out_of_turn,
+            crc_errors=entry.crc_errors,
+            recent_lost=entry.lost - before.lost,
+            recent_out_of_turn=entry.out_of_turn - before.out_of_turn,
+            recent_crc_errors=entry.crc_errors - before.crc_errors,
             is_silent=is_silent,
         )
 
@@ -375,7 +397,8 @@ class BusState:
             `BINS` pairs; None for bins without frames.
         """
         assert 0 <= level < LEVELS
-        row = self._tally["signals"][self._codec.signal_index(message, signal)]
+        index = self._codec.signal_index(message, signal)
+        row, past = self._tally["signals"][index], self._tally["histories"][index]
         newest_kept = int(self._tally["entries"][self._codec.message_index(message)]["bin"][level])
         newest = self.times.now_ns // BIN_NS[level]
         bins: list[tuple[float, float] | None] = []
@@ -383,8 +406,8 @@ class BusState:
             if not newest_kept - BINS < number <= newest_kept:
                 bins.append(None)
                 continue
-            low = int(row["history_low"][level, number % BINS])
-            high = int(row["history_high"][level, number % BINS])
+            low = int(past["low"][level, number % BINS])
+            high = int(past["high"][level, number % BINS])
             bins.append((_physical(row, low), _physical(row, high)) if low <= high else None)
         return bins
 
@@ -399,16 +422,22 @@ def _scaled(raw: int, scale: float, offset: float) -> float:
     return float(f"{raw * scale + offset:.13g}")
 
 
-def _rate(entry: TallyEntry, before: TallyEntry) -> float | None:
+def _rows_of(entries: Records[TallyEntry], count: int) -> list[_Entry]:
+    """Return the first entries with Python's numbers: numpy takes a record apart but slowly."""
+    columns = (entries[name][:count].tolist() for name in _ENTRY)
+    return [_Entry(*values) for values in zip(*columns, strict=True)]
+
+
+def _rate(entry: _Entry, before: _Entry) -> float | None:
     """Return frames per second: number of intervals over the time from first to last frame."""
-    intervals = int(entry["count"]) - int(before["count"])
-    since_ns = int(before["last_ns"])
-    if not before["count"]:
+    intervals = entry.count - before.count
+    since_ns = before.last_ns
+    if not before.count:
         intervals -= 1
-        since_ns = int(entry["first_ns"])
+        since_ns = entry.first_ns
         if intervals == 0:
             return None
     if intervals == 0:
         return 0.0
-    gone_ns = int(entry["last_ns"]) - since_ns
+    gone_ns = entry.last_ns - since_ns
     return intervals / gone_ns * 1e9 if gone_ns > 0 else None

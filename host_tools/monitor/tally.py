@@ -9,15 +9,16 @@ Times are bus time, the timestamps of the bus in integer nanoseconds.
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, cast
 
 import numpy as np
 
 from rrins.dbc.codec import Codec, SignalLayout, unpack
 from rrins.dbc.compilation import compiled
+from rrins.dbc.direct import NOTHING, TIME_WORD, Direct, take
 from rrins.dbc.e2e import COUNTER_MODULUS, MessageLayout, counter_of, crc_holds
 from rrins.dbc.frame import EFF_FLAG, ERR_FLAG, RTR_FLAG, Frame, FrameArray
-from rrins.dbc.record import F8, I8, U1, U4, U8, Integers, Record, Records, Shorts
+from rrins.dbc.record import F8, I8, U1, U4, U8, Integers, Record, Records, Shorts, Words
 from rrins.host_tools.wire.bits import INTERMISSION_BITS, frame_bits
 from rrins.host_tools.wire.load import occupy
 
@@ -44,6 +45,9 @@ EMPTY_LOW = 2**63 - 1
 
 EMPTY_HIGH = -(2**63)
 """High end of an empty range of raw values."""
+
+MOST_AT_ONCE = 64
+"""Batches that are processed before others may look at the tally."""
 
 _INDEX = 2048  # of the hash table, a power of two well above ENTRIES
 _NONE = -1
@@ -85,8 +89,13 @@ class SignalTally(Record):
     raw: I8  #: of the last sound frame
     low: I8
     high: I8
-    history_low: Annotated[Integers, (LEVELS, BINS)]
-    history_high: Annotated[Integers, (LEVELS, BINS)]
+
+
+class SignalHistory(Record):
+    """Smallest and largest raw value of a signal in each bin."""
+
+    low: Annotated[Integers, (LEVELS, BINS)]
+    high: Annotated[Integers, (LEVELS, BINS)]
 
 
 class LoadWindow(Record):
@@ -117,6 +126,22 @@ class Tally(Record):
     index: Annotated[Shorts, _INDEX]
     entries: Annotated[Records[TallyEntry], ENTRIES]
     signals: Annotated[Records[SignalTally], SIGNALS]  #: in the order of the codec's
+    histories: Annotated[Records[SignalHistory], SIGNALS]  #: last: by far the largest
+
+
+def _head_of(tallies: np.dtype[np.void]) -> np.dtype[np.void]:
+    """Return the type of the fields before the last one, `histories`."""
+    fields = [(name, tallies[name]) for name in (tallies.names or ())[:-1]]
+    return np.dtype((np.record, fields))
+
+
+_HEAD = _head_of(Tally.dtype)
+
+
+def head_of(tallies: Records[Tally]) -> Records[Tally]:
+    """Return a copy without the histories, which are most of its bytes."""
+    octets = tallies.view(np.uint8)[: _HEAD.itemsize]
+    return cast("Records[Tally]", octets.copy().view(_HEAD))
 
 
 def tally_of(codec: Codec, bitrate: int) -> Records[Tally]:
@@ -166,10 +191,9 @@ def reset_counts(tallies: Records[Tally]) -> None:
     tally["load"]["busy_ns"] = tally["load"]["worst_window_busy_ns"] = 0
     for name in ("count", "sound_count", "crc_errors", "lost", "out_of_turn"):
         tally["entries"][name] = 0
-    for name in ("low", "history_low"):
-        tally["signals"][name] = EMPTY_LOW
-    for name in ("high", "history_high"):
-        tally["signals"][name] = EMPTY_HIGH
+    for name in ("signals", "histories"):
+        tally[name]["low"] = EMPTY_LOW
+        tally[name]["high"] = EMPTY_HIGH
 
 
 @compiled
@@ -205,12 +229,12 @@ def _set_clock(tally: Tally, time_ns: int) -> None:
         entry.counter = _NONE
         for level in range(LEVELS):
             entry.bin[level] = _NONE
-    for row in range(len(tally.signals)):
-        signal = tally.signals[row]
+    for row in range(len(tally.histories)):
+        history = tally.histories[row]
         for level in range(LEVELS):
             for place in range(BINS):
-                signal.history_low[level, place] = EMPTY_LOW
-                signal.history_high[level, place] = EMPTY_HIGH
+                history.low[level, place] = EMPTY_LOW
+                history.high[level, place] = EMPTY_HIGH
 
 
 @compiled
@@ -253,8 +277,8 @@ def _clear_bins(tally: Tally, entry: TallyEntry, level: int, newest: int) -> Non
     first = max(entry.bin[level] + 1, newest - BINS + 1)
     for number in range(first, newest + 1):
         for row in range(entry.first_signal, entry.first_signal + entry.signals):
-            tally.signals[row].history_low[level, number % BINS] = EMPTY_LOW
-            tally.signals[row].history_high[level, number % BINS] = EMPTY_HIGH
+            tally.histories[row].low[level, number % BINS] = EMPTY_LOW
+            tally.histories[row].high[level, number % BINS] = EMPTY_HIGH
     entry.bin[level] = newest
 
 
@@ -270,10 +294,11 @@ def _update_values(tally: Tally, entry: TallyEntry, time_ns: int) -> None:
         signal.raw = raw
         signal.low = min(signal.low, raw)
         signal.high = max(signal.high, raw)
+        history = tally.histories[row]
         for level in range(LEVELS):
             place = entry.bin[level] % BINS
-            signal.history_low[level, place] = min(signal.history_low[level, place], raw)
-            signal.history_high[level, place] = max(signal.history_high[level, place], raw)
+            history.low[level, place] = min(history.low[level, place], raw)
+            history.high[level, place] = max(history.high[level, place], raw)
 
 
 @compiled
@@ -352,6 +377,32 @@ def count_timed_frames(tallies: Records[Tally], frames: FrameArray, times_ns: In
             _set_clock(tally, times_ns[k])
         tally.now_ns = max(tally.now_ns, times_ns[k])
         _count_frame(tally, frames[k], times_ns[k])
+
+
+@compiled
+def count_waiting(
+    tallies: Records[Tally], lent: Records[Direct], words: Words, frames: FrameArray
+) -> int:
+    """Process the batches that wait at a socket, at most `MOST_AT_ONCE`; return how many.
+
+    Parameters
+    ----------
+    tallies : ndarray
+        Array of one record, see `tally_of`.
+    lent : ndarray
+        Array of one record: the socket.
+    words : array, shape (rrins.dbc.direct.WORDS,)
+        Holds what is left to Python.
+    frames : FrameArray
+        Scratch.
+    """
+    times_ns = words.view(np.int64)
+    for batches in range(MOST_AT_ONCE):
+        count = take(lent[0], words, frames)
+        if count == NOTHING:
+            return batches
+        count_frames(tallies, frames, count, times_ns[TIME_WORD])
+    return MOST_AT_ONCE
 
 
 STANDARD_IDENTIFIER = 0x7FF

@@ -10,15 +10,18 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rrins.dbc.codec import load
+from rrins.dbc.codec import Codec, load
+from rrins.dbc.direct import Direct
 from rrins.dbc.frame import FrameArray, frame_array
-from rrins.dbc.record import Floats, Integers, Records
+from rrins.dbc.record import Floats, Integers, Records, Words
 from rrins.host_tools.bus.guard import NOTHING_REFUSED, Refused
 from rrins.host_tools.monitor.state import WINDOW_NS, BusState, Mark, Times
 from rrins.host_tools.monitor.tally import (
     Tally,
     count_frames,
     count_timed_frames,
+    count_waiting,
+    head_of,
     reset_counts,
     tally_of,
 )
@@ -51,6 +54,23 @@ class Latest:
     values: Floats
 
 
+class _Glance:
+    """Reads a few values of a tally again and again: numpy finds a record's field but slowly."""
+
+    def __init__(self, codec: Codec, tallies: Records[Tally]) -> None:
+        self._now, self._busy = tallies["now_ns"], tallies["load"]["busy_ns"]
+        signals = tallies["signals"][0]
+        self._raw, self._low, self._high = (signals[name] for name in ("raw", "low", "high"))
+        self._scale = codec.signals["scale"].copy()
+        self._offset = codec.signals["offset"].copy()
+
+    def at(self, rows: Integers, heard_ns: int) -> Latest:
+        """Return the values of signals, by their rows in the codec's table."""
+        values = self._raw[rows] * self._scale[rows] + self._offset[rows]
+        values[self._low[rows] > self._high[rows]] = np.nan
+        return Latest(int(self._now[0]), heard_ns, int(self._busy[0]), values)
+
+
 class Watch:
     """Statistics of the frames of a bus.
 
@@ -78,6 +98,7 @@ class Watch:
         self._clock = clock
         self._lock = threading.Lock()
         self._tallies = tally_of(self._codec, bitrate or self._codec.bits_per_s)
+        self._glance = _Glance(self._codec, self._tallies)
         self._heard_ns = clock()
         self._ended: str | None = None
         self._refused = NOTHING_REFUSED
@@ -95,6 +116,24 @@ class Watch:
         with self._lock:
             count_frames(self._tallies, frames, count, time_ns)
             self._heard_ns = self._clock()
+
+    def add_waiting(self, lent: Records[Direct], words: Words, frames: FrameArray) -> int:
+        """Add the batches that wait at a socket, at most `MOST_AT_ONCE`; return how many.
+
+        Parameters
+        ----------
+        lent : ndarray
+            Array of one record: the socket.
+        words : array, shape (rrins.dbc.direct.WORDS,)
+            Holds what is left to Python.
+        frames : FrameArray
+            Scratch.
+        """
+        with self._lock:
+            batches = count_waiting(self._tallies, lent, words, frames)
+            if batches:
+                self._heard_ns = self._clock()
+        return batches
 
     def add_timed_frames(self, frames: FrameArray, times_ns: Integers) -> None:
         """Add the frames of a recording, in order of their times."""
@@ -150,20 +189,18 @@ class Watch:
 
         """
         with self._lock:
-            tally = self._tallies[0]
-            now_ns, busy_ns = int(tally["now_ns"]), int(tally["load"]["busy_ns"])
-            heard_ns = self._heard_ns
-            signals = tally["signals"]
-            raw = signals["raw"][rows]
-            has_value = signals["low"][rows] <= signals["high"][rows]
-        layouts = self._codec.signals[rows]
-        values = raw * layouts["scale"] + layouts["offset"]
-        return Latest(now_ns, heard_ns, busy_ns, np.where(has_value, values, np.nan))
+            return self._glance.at(rows, self._heard_ns)
 
-    def state(self) -> BusState:
-        """Return a snapshot; rates are taken since an earlier call, or the start."""
+    def state(self, has_histories: bool = True) -> BusState:
+        """Return a snapshot; rates are taken since an earlier call, or the start.
+
+        Parameters
+        ----------
+        has_histories : bool
+            Whether `BusState.history` can be asked; a snapshot without takes half the time.
+        """
         with self._lock:
-            tally = self._tallies.copy()[0]
+            tally = (self._tallies.copy() if has_histories else head_of(self._tallies))[0]
             heard_ns = self._heard_ns
             wall_ns = self._clock()
         quiet_ns = max(0, wall_ns - heard_ns)

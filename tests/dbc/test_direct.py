@@ -92,6 +92,43 @@ def test_whatever_else_comes_is_left_to_python_whole(line, data):
     assert room.tobytes()[: lent.left_over] == data
 
 
+TAKEN = {
+    "closes an epoch": written(ONE, OTHER, 3, 15),
+    "does not close an epoch": written(ONE, OTHER + 5, 3, 15, flags=0),
+    "of a clock before zero": written(ONE, OWN, 3, -15),
+    "without frames": written(ONE[:0], OTHER, 3, 15),
+}
+
+
+@pytest.mark.parametrize("data", TAKEN.values(), ids=TAKEN)
+def test_an_observer_takes_the_batches_of_anybody(line, data):
+    lent, other = line
+    other.send(data)
+    room, taken = words(), frame_array(64)
+    count = direct.take(lent, room, taken)
+    assert taken[:count].tobytes() == data[datagram.HEADER_SIZE :]
+    assert int(np.int64(room[direct.TIME_WORD])) == datagram.time_of(bytearray(data))
+    assert lent.left_over == 0
+    assert direct.take(lent, room, taken) == NOTHING  # and does not wait
+    assert lent.left_over == 0
+
+
+@pytest.mark.parametrize(
+    "data",
+    [
+        written(ONE, OTHER, 1, 1, flags=datagram.UNSTAMPED),
+        written(frame_array(3), OTHER, 1, 1, kind=datagram.FRAMES_FD),
+        *(LEFT_TO_PYTHON[what] for what in list(LEFT_TO_PYTHON)[2:]),
+    ],
+)
+def test_an_observer_leaves_all_else_to_python_whole(line, data):
+    lent, other = line
+    other.send(data)
+    room = words()
+    assert direct.take(lent, room, frame_array(64)) == NOTHING
+    assert room.tobytes()[: lent.left_over] == data
+
+
 def test_an_end_or_an_open_door_is_left_to_python(line):
     lent, other = line
     guest, door = socket.socketpair()

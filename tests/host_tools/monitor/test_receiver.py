@@ -9,10 +9,12 @@ from concurrent.futures import ThreadPoolExecutor
 import can
 import pytest
 
+from rrins.dbc.direct import AVAILABLE
 from rrins.dbc.frame import frame_array
 from rrins.host_tools.bus.interface import RrinsBus
 from rrins.host_tools.bus.port import Address
 from rrins.host_tools.errors import BusError
+from rrins.host_tools.monitor import receiver as receiver_module
 from rrins.host_tools.monitor.banner import notices
 from rrins.host_tools.monitor.once import as_dict
 from rrins.host_tools.monitor.receiver import NAME, Receiver
@@ -29,6 +31,7 @@ class NotedWatch(Watch):
 
     def __init__(self, **options):
         super().__init__(**options)
+        self.waiting = 0
         self.open = threading.Event()
         self.open.set()
         self._changed = threading.Condition()
@@ -37,6 +40,13 @@ class NotedWatch(Watch):
         self.open.wait()
         super().add_frames(frames, count, time_ns)
         self._notify()
+
+    def add_waiting(self, lent, words, frames):
+        self.open.wait()
+        batches = super().add_waiting(lent, words, frames)
+        self.waiting += batches
+        self._notify()
+        return batches
 
     def end(self, reason):
         super().end(reason)
@@ -101,6 +111,23 @@ def test_it_takes_every_frame_with_its_bus_time(host, watch, attach):
     watch.wait_for(lambda state: state.time_s == 499 * 0.005)
     assert watch.state().frames == sum(1 + epoch % 3 for epoch in range(500))
     assert watch.state().times.gaps == 0
+
+
+def test_compiled_code_takes_the_same_as_python(host, attach, monkeypatch):
+    watches = []
+    for is_compiled in (True, False):
+        monkeypatch.setattr(receiver_module, "AVAILABLE", is_compiled and AVAILABLE)
+        watch = NotedWatch()
+        receiver = attach(host, watch)
+        for epoch in range(300):
+            host.send_batch(**batch(epoch, epoch % 4))
+        watch.wait_for(lambda state: state.time_s == 299 * 0.005)
+        receiver.close()
+        watches.append(watch)
+    compiled, python = (watch.memory() for watch in watches)
+    assert compiled.tobytes() == python.tobytes()
+    assert watches[0].waiting > 0 or not AVAILABLE  # batches that no call of Python has taken
+    assert watches[1].waiting == 0
 
 
 def test_it_says_why_the_bus_ended(host, watch, attach):

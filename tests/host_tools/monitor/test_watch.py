@@ -322,3 +322,12 @@ def test_growth_is_that_of_the_window(played):
             assert state.growth("FIRMWARE_FAULTS", "missing_frames") == pytest.approx(25, abs=4)
     assert state.value("FIRMWARE_FAULTS", "missing_frames") == 50
     assert state.growth("FIRMWARE_FAULTS", "missing_frames") == 0
+
+
+def test_a_snapshot_without_histories_says_the_same_of_all_else(played):
+    regular(played, "SYNC", 0, 900)
+    whole, light = played.watch.state(), played.watch.state(has_histories=False)
+    assert light.messages == whole.messages
+    assert light.signals("SYNC") == whole.signals("SYNC")
+    assert (light.frames, light.time_s) == (whole.frames, whole.time_s)
+    assert any(whole.history("SYNC", "epoch", 0))
