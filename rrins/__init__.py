@@ -10,10 +10,13 @@
 
 What the command line does, these do as well: `load_scenario`, `simulate` and `rehearse` run a
 scenario; `record`, `replay` and `open_log` handle logs of the bus; `open_diagnostics` and
-`open_faults` talk to a rehearsal under way; `analyse_scheme` and `search_schemes` look at rotation
-schemes; `load_motion` and `reproduce` look at recorded motion and at the paper; `write_increments`
-and `import_recording` exchange increments with other navigators and vehicles; `Campaign` runs a
-scenario thousands of times. Tests get the fixtures `rrins_bench`, `rrins_bus`, `rrins_firmware` and
+`open_faults` talk to a rehearsal under way, `open_dashboard` shows one in a browser;
+`analyse_scheme`, `compare_schemes`, `search_schemes` and `observe_scheme` look at rotation schemes,
+`load_motion` and `check_motion` at motion, `reproduce` at the paper; `write_increments` and
+`import_recording` exchange increments with other navigators and vehicles; `Campaign` runs a
+scenario thousands of times, `analyse_covariance` needs no run; `study_redundancy` says which faults
+are found, `calibrate` finds the constants of a unit, `conform` checks somebody's firmware, `bench`
+this machine. Tests get the fixtures `rrins_bench`, `rrins_bus`, `rrins_firmware` and
 `rrins_hardware` from the pytest plugin.
 
 Units stand at the end of a name (``_deg``, ``_dph``, ``_ug``, ``_s``); frames are those of
@@ -27,7 +30,15 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Final
 
 if TYPE_CHECKING:
+    from rrins.benchmarks import bench as bench
+    from rrins.calibration import UnitCalibration as UnitCalibration
+    from rrins.calibration import calibrate as calibrate
     from rrins.campaign import Campaign as Campaign
+    from rrins.conformance import Conformance as Conformance
+    from rrins.conformance import conform as conform
+    from rrins.covariance import CovarianceAnalysis as CovarianceAnalysis
+    from rrins.covariance import analyse_covariance as analyse_covariance
+    from rrins.dashboard import open_dashboard as open_dashboard
     from rrins.host_tools.errors import RehearsalError as RehearsalError
     from rrins.host_tools.errors import ScenarioError as ScenarioError
     from rrins.host_tools.scenario.scenario import Scenario as Scenario
@@ -37,15 +48,21 @@ if TYPE_CHECKING:
     from rrins.log import BusLog as BusLog
     from rrins.log import open_log as open_log
     from rrins.log import replay as replay
+    from rrins.motion import check_motion as check_motion
     from rrins.motion import load_motion as load_motion
     from rrins.paper import reproduce as reproduce
+    from rrins.redundancy import RedundancyStudy as RedundancyStudy
+    from rrins.redundancy import study_redundancy as study_redundancy
     from rrins.run import Run as Run
     from rrins.run import rehearse as rehearse
     from rrins.run import simulate as simulate
     from rrins.scenarios import load_scenario as load_scenario
     from rrins.scenarios import scenario_names as scenario_names
     from rrins.schemes import SchemeAnalysis as SchemeAnalysis
+    from rrins.schemes import SchemeObservability as SchemeObservability
     from rrins.schemes import analyse_scheme as analyse_scheme
+    from rrins.schemes import compare_schemes as compare_schemes
+    from rrins.schemes import observe_scheme as observe_scheme
     from rrins.schemes import search_schemes as search_schemes
     from rrins.vehicle import import_recording as import_recording
     from rrins.vehicle import write_increments as write_increments
@@ -75,21 +92,48 @@ _HOMES: Final = {
     "import_recording": "rrins.vehicle",
     "reproduce": "rrins.paper",
     "Campaign": "rrins.campaign",
+    "CovarianceAnalysis": "rrins.covariance",
+    "analyse_covariance": "rrins.covariance",
+    "RedundancyStudy": "rrins.redundancy",
+    "study_redundancy": "rrins.redundancy",
+    "UnitCalibration": "rrins.calibration",
+    "calibrate": "rrins.calibration",
+    "Conformance": "rrins.conformance",
+    "conform": "rrins.conformance",
+    "bench": "rrins.benchmarks",
+    "open_dashboard": "rrins.dashboard",
+    "compare_schemes": "rrins.schemes",
+    "observe_scheme": "rrins.schemes",
+    "SchemeObservability": "rrins.schemes",
+    "check_motion": "rrins.motion",
 }
 
 __all__ = [
     "BusLog",
     "Campaign",
+    "Conformance",
+    "CovarianceAnalysis",
+    "RedundancyStudy",
     "RehearsalError",
     "Run",
     "Scenario",
     "ScenarioError",
     "SchemeAnalysis",
+    "SchemeObservability",
+    "UnitCalibration",
     "__version__",
+    "analyse_covariance",
     "analyse_scheme",
+    "bench",
+    "calibrate",
+    "check_motion",
+    "compare_schemes",
+    "conform",
     "import_recording",
     "load_motion",
     "load_scenario",
+    "observe_scheme",
+    "open_dashboard",
     "open_diagnostics",
     "open_faults",
     "open_log",
@@ -100,6 +144,7 @@ __all__ = [
     "scenario_names",
     "search_schemes",
     "simulate",
+    "study_redundancy",
     "write_increments",
 ]
 

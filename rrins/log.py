@@ -6,7 +6,7 @@ import html
 from collections.abc import Iterator
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -51,6 +51,7 @@ class BusLog:
 
     def __init__(self, path: Path, channel: str | None = None) -> None:
         self.path = path
+        self._channel = channel
         self._log = Log(path, channel)
 
     @cached_property
@@ -120,6 +121,25 @@ class BusLog:
         frames, time_s = self._frames[message]
         columns = {one.column: one.values(frames["data"]) for one in signals_of(message)}
         return pd.DataFrame(columns, index=pd.Index(time_s, name="time_s"))
+
+    def export(
+        self, to: str | Path, kind: Literal["parquet", "csv", "mcap"] = "parquet"
+    ) -> dict[str, int]:
+        """Write tables into a folder, one per message, or one MCAP file; return rows by name.
+
+        Raises
+        ------
+        RecordError
+            When the log cannot be read, or the files not be written.
+        """
+        log = Log(self.path, self._channel)
+        if kind == "mcap":
+            from rrins.host_tools.dashboard.mcap_file import export_mcap
+
+            return dict(export_mcap(log, Path(to)).messages)
+        from rrins.host_tools.logs import tables
+
+        return dict(tables.export(log, Path(to), kind).rows)
 
     def __iter__(self) -> Iterator[str]:
         return iter(self.signals)

@@ -2,13 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
+from rrins.host_tools.calibration.observability import LIMITS, Observability, observe
+from rrins.host_tools.calibration.turning_vehicle import compare as compare_turning
+from rrins.host_tools.calibration.unit import drawn_unit, unit_of
+from rrins.host_tools.files import JsonObject
 from rrins.host_tools.rotation.analysis import Variation, analyse
+from rrins.host_tools.rotation.comparison import compared
 from rrins.host_tools.rotation.enumeration import Limits
-from rrins.host_tools.rotation.inputs import NamedRimu, NamedScheme, rimu_of, scheme_of
+from rrins.host_tools.rotation.inputs import (
+    NamedRimu,
+    NamedScheme,
+    rimu_of,
+    rimu_table,
+    scheme_of,
+)
 from rrins.host_tools.rotation.search import SearchResult, search
 from rrins.notebook import let_figures_show
 
@@ -132,3 +144,137 @@ def search_schemes(
     rimu = rimu_of(geometry, errors)
     beside = scheme_of(reference, limits.turn_rate_dps, limits.stand_s)
     return search(limits, rimu.rimu, beside.scheme, top)
+
+
+def compare_schemes(
+    schemes: Sequence[str],
+    case: Literal["cycle", "drive"] = "cycle",
+    geometry: str | None = None,
+    errors: str | None = None,
+    *,
+    turn_rate_dps: float | None = None,
+    stand_s: float | None = None,
+    routes: int = 4,
+) -> pd.DataFrame:
+    """Compare schemes: over a cycle at standstill, or in a vehicle that turns.
+
+    Parameters
+    ----------
+    schemes : sequence of str
+        Built in, or TOML files.
+    case : {"cycle", "drive"}
+        The drive is that of the paper's section 4.5.
+    geometry, errors, turn_rate_dps, stand_s
+        As in `analyse_scheme`.
+    routes : int
+        Of the drive.
+
+    Returns
+    -------
+    pandas.DataFrame
+        A row for each scheme. Of a cycle: what is left of each error of gyros (rad) and
+        accelerometers (m/s), root of the sum of squares over sensors and axes, the largest within
+        it, and the velocity error. Of the drive: σ of the position at its end, m, rms over the
+        routes, of each scheme as it is and with the vehicle's heading isolated by the inner axis.
+
+    Raises
+    ------
+    RehearsalError
+        One line: what is wrong.
+    """
+    import pandas as pd
+
+    rimu = rimu_of(geometry, errors)
+    named = [scheme_of(name, turn_rate_dps, stand_s) for name in schemes]
+    if case == "drive":
+        pairs = [(one.name, one.scheme) for one in named]
+        seeds = range(1, routes + 1)
+        found = compare_turning(pairs, rimu.axes_deg, rimu.errors, seeds, lambda: None)
+        rows = [one.values() for one in found]
+    else:
+        rows = [_compared_row(compared(one, rimu)) for one in named]
+    return pd.DataFrame(rows).set_index("scheme")
+
+
+def _compared_row(one: JsonObject) -> JsonObject:
+    row: JsonObject = {"scheme": one["scheme"]["name"], "cycle_s": one["scheme"]["cycle_s"]}
+    for kind, errors in one["errors"].items():
+        for error, found in errors.items():
+            row[f"{kind} {error}, left"] = found["residual"]
+            row[f"{kind} {error}, largest"] = found["excursion"]
+    for key in ("velocity_error_rms_mps", "velocity_error_growth_mps_per_h"):
+        row[key] = one[key]
+    return row
+
+
+_CONSTANTS = ("bias", "scale_ppm", "asymmetric_ppm", "u_arcsec", "v_arcsec")
+
+
+class SchemeObservability:
+    """What a cycle of a scheme shows of the sensors' constants, on a unit at rest.
+
+    Attributes
+    ----------
+    name : str
+    observability : Observability
+        With `unseen`, the directions that it does not show.
+    """
+
+    def __init__(self, name: str, observability: Observability) -> None:
+        self.name, self.observability = name, observability
+
+    @cached_property
+    def sigma(self) -> pd.DataFrame:
+        """σ of each constant, rms over the sensors, and what is wanted; biases in °/h and µg."""
+        import pandas as pd
+
+        rows = [
+            {"kind": kind, "constant": constant, "sigma": sigma, "wanted": wanted}
+            for number, kind in enumerate(("gyro", "accelerometer"))
+            for constant, sigma, wanted in zip(
+                _CONSTANTS, self.observability.rms[number], LIMITS[number], strict=True
+            )
+        ]
+        return pd.DataFrame(rows)
+
+    def __repr__(self) -> str:
+        unseen = len(self.observability.unseen)
+        words = f"{unseen} directions unseen" if unseen else "shows all constants"
+        seconds = self.observability.duration_s
+        return f"<rrins.SchemeObservability {self.name}: {words}, {seconds:.0f} s>"
+
+    def _repr_html_(self) -> str:
+        return f"<p>{self!r}</p>".replace("<rrins", "rrins").replace(">:", ":") + (
+            self.sigma.to_html(index=False)
+        )
+
+
+def observe_scheme(
+    scheme: str = "calibration",
+    geometry: str | None = None,
+    *,
+    gyro_noise_deg_per_sqrt_h: float = 0.005,
+    accelerometer_noise_ug_per_sqrt_hz: float = 10.0,
+    turn_rate_dps: float | None = None,
+    stand_s: float | None = None,
+) -> SchemeObservability:
+    """Return which constants of the sensors a cycle shows, to what standard deviation.
+
+    Parameters
+    ----------
+    scheme, geometry, turn_rate_dps, stand_s
+        As in `analyse_scheme`.
+    gyro_noise_deg_per_sqrt_h, accelerometer_noise_ug_per_sqrt_hz : float
+        White noise.
+
+    Raises
+    ------
+    RehearsalError
+        One line: what is wrong.
+    """
+    named = scheme_of(scheme, turn_rate_dps, stand_s)
+    unit = unit_of(drawn_unit(1, rimu_table(geometry or "tetrahedron")))
+    found = observe(
+        named.scheme, unit, gyro_noise_deg_per_sqrt_h, accelerometer_noise_ug_per_sqrt_hz
+    )
+    return SchemeObservability(named.name, found)

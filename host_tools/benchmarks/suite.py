@@ -286,11 +286,16 @@ def measure(effort: Effort, display: BenchDisplay) -> Result:
     return result
 
 
-def bench(quick: bool, as_json: bool) -> None:
-    """Run `rrins bench`."""
+def measured(quick: bool) -> Result:
+    """Measure everything, with progress on standard error."""
     effort = QUICK if quick else NORMAL
     with BenchDisplay(new_console(stderr=True), effort.steps) as display:
-        result = measure(effort, display)
+        return measure(effort, display)
+
+
+def bench(quick: bool, as_json: bool) -> None:
+    """Run `rrins bench`."""
+    result = measured(quick)
     if as_json:
         click.echo(json.dumps(result))
     else:

@@ -59,17 +59,7 @@ def conform(
     if html is not None:
         report.write_page(html, name, findings)
     if as_json:
-        rows = [
-            {
-                "check": one.check.name,
-                "rule": one.check.rule,
-                "page": one.check.page,
-                "outcome": one.outcome,
-                "text": one.text,
-                "seconds": round(one.seconds, 3),
-            }
-            for one in findings
-        ]
+        rows = report.rows_of(findings)
         click.echo(json.dumps({"program": name, "checks": rows}))
     else:
         click.echo(f"{name}: {words} in {sum(one.seconds for one in findings):.0f} s")

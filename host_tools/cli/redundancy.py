@@ -81,7 +81,7 @@ def redundancy(
     """
     from rrins.host_tools.cli import redundancy_tables as tables
     from rrins.host_tools.interruption import as_event
-    from rrins.host_tools.redundancy.candidates import candidates_of
+    from rrins.host_tools.redundancy.candidates import candidates_of, title_of
     from rrins.host_tools.redundancy.report import write
     from rrins.host_tools.redundancy.survey import Study
     from rrins.host_tools.terminal import new_console, print_table, progress_line
@@ -106,8 +106,7 @@ def redundancy(
                 study.run(runs, seed, stop)
             if stop.is_set():
                 raise KeyboardInterrupt
-    title = "sensors of " + (scenario or f"the preset {preset or 'prototype'}")
-    paths = write(out, study, runs, title)
+    paths = write(out, study, runs, title_of(scenario, preset))
     if as_json:
         result = {"runs": runs, "seed": seed} | study.values()
         click.echo(json.dumps(result | {"report": str(paths[0]), "picture": str(paths[1])}))

@@ -19,11 +19,10 @@ from rrins.host_tools.cli.scheme_drive import compare_turning
 from rrins.host_tools.cli.scheme_observability import observability, search_for_calibration
 from rrins.host_tools.closing import Closing
 from rrins.host_tools.errors import RehearsalError
-from rrins.host_tools.files import JsonObject
 from rrins.host_tools.rotation.analysis import analyse
+from rrins.host_tools.rotation.comparison import compared, scheme_object, travel_object
 from rrins.host_tools.rotation.enumeration import Limits
-from rrins.host_tools.rotation.inputs import NamedRimu, NamedScheme, rimu_of, scheme_of
-from rrins.host_tools.rotation.merit import velocity_error
+from rrins.host_tools.rotation.inputs import NamedRimu, rimu_of, scheme_of
 from rrins.host_tools.rotation.search import search
 from rrins.host_tools.rotation.travel import travel_of
 from rrins.host_tools.scenario.schemes import SCHEMES
@@ -93,9 +92,7 @@ def list_schemes(as_json: bool) -> None:
     named = [scheme_of(name) for name in SCHEMES]
     if as_json:
         objects = [
-            scheme_tables.scheme_object(one)
-            | {"travel": scheme_tables.travel_object(travel_of(one.scheme))}
-            for one in named
+            scheme_object(one) | {"travel": travel_object(travel_of(one.scheme))} for one in named
         ]
         click.echo(json.dumps({"schemes": objects}))
         return
@@ -211,8 +208,8 @@ def compare_schemes(
         named = [scheme_of(name, turn_rate_dps, stand_s) for name in names]
         compare_turning(named, rimu, routes, as_json)
         return
-    compared = [
-        _compared(scheme_of(name, turn_rate_dps, stand_s), rimu, earth_latitude_deg)
+    rows = [
+        compared(scheme_of(name, turn_rate_dps, stand_s), rimu, earth_latitude_deg)
         for name in names
     ]
     if as_json:
@@ -221,12 +218,12 @@ def compare_schemes(
             "errors": rimu.errors,
             "projection": _projection(fused),
             "earth_latitude_deg": earth_latitude_deg,
-            "schemes": compared,
+            "schemes": rows,
         }
         click.echo(json.dumps(result))
         return
     console = new_console()
-    for table in scheme_tables.comparison_tables(compared):
+    for table in scheme_tables.comparison_tables(rows):
         print_table(table, console)
     console.print(
         "left: root of the sum of squares over all sensors, and its axes; "
@@ -234,13 +231,6 @@ def compare_schemes(
         highlight=False,
         soft_wrap=True,
     )
-
-
-def _compared(named: NamedScheme, rimu: NamedRimu, latitude_deg: float | None) -> JsonObject:
-    both = (rimu.rimu.gyros, rimu.rimu.accelerometers)
-    variation = analyse(named.scheme, *both, earth_latitude_deg=latitude_deg)
-    velocity = velocity_error(named.scheme, rimu.rimu)
-    return scheme_tables.comparison_object(named, variation, velocity)
 
 
 @scheme.command("search")

@@ -5,16 +5,15 @@ from __future__ import annotations
 import numpy as np
 from rich.table import Table
 
-from rrins.dbc.record import Floats
 from rrins.firmware_py.core.settings import Scheme
 from rrins.host_tools.files import JsonObject
 from rrins.host_tools.rotation.analysis import Integrals, Variation
 from rrins.host_tools.rotation.closed_form import EQUATIONS
+from rrins.host_tools.rotation.comparison import magnitudes_left, scheme_object, travel_object
 from rrins.host_tools.rotation.errors import ERRORS
 from rrins.host_tools.rotation.inputs import NamedRimu, NamedScheme
-from rrins.host_tools.rotation.merit import VelocityError
 from rrins.host_tools.rotation.search import Candidate, SearchResult
-from rrins.host_tools.rotation.travel import AxisTravel, Travel, travel_of
+from rrins.host_tools.rotation.travel import AxisTravel, travel_of
 
 _PREFIXES = ((1.0, 1.0, ""), (1e-3, 1e3, "m"), (1e-6, 1e6, "µ"), (0.0, 1e9, "n"))
 _COLUMNS_PER_TABLE = 4
@@ -26,38 +25,6 @@ def value_text(value: float, unit: str) -> str:
         return "0"
     factor, prefix = next((f, p) for above, f, p in _PREFIXES if abs(value) >= above)
     return f"{value * factor:.3g} {prefix}{unit}"
-
-
-def scheme_object(named: NamedScheme) -> JsonObject:
-    """Return a scheme for JSON."""
-    scheme = named.scheme
-    return {
-        "name": named.name,
-        "turns": [turn.model_dump() for turn in scheme.turns],
-        "turn_rate_dps": scheme.turn_rate_dps,
-        "stand_s": scheme.stand_s,
-        "cycle_s": scheme.cycle_s,
-    }
-
-
-def travel_object(travel: Travel) -> JsonObject:
-    """Return the travel of both axes for JSON, deg."""
-
-    def axis(one: AxisTravel) -> dict[str, float]:
-        return {
-            "forward_deg": one.forward_deg,
-            "backward_deg": one.backward_deg,
-            "lowest_deg": one.lowest_deg,
-            "highest_deg": one.highest_deg,
-            "net_deg": one.net_deg,
-            "reversals": one.reversals,
-        }
-
-    return {
-        "inner": axis(travel.inner),
-        "outer": axis(travel.outer),
-        "returns": travel.returns,
-    }
 
 
 def analysis_object(named: NamedScheme, rimu: NamedRimu, variation: Variation) -> JsonObject:
@@ -119,16 +86,10 @@ def all_sensors_table(variation: Variation) -> Table:
         cells = [
             value_text(float(value), integrals.sensors.unit)
             for integrals in (variation.gyros, variation.accelerometers)
-            for value in _left(integrals)[:, k].max(axis=0)
+            for value in magnitudes_left(integrals)[:, k].max(axis=0)
         ]
         table.add_row(error, *cells)
     return table
-
-
-def _left(integrals: Integrals) -> Floats:
-    """Return the magnitudes of the residuals, 0 where they are negligible."""
-    left: Floats = np.where(integrals.vanishes, 0.0, np.abs(integrals.residual))
-    return left
 
 
 def cycle_line(scheme: Scheme) -> str:
@@ -146,35 +107,6 @@ def _range(axis: AxisTravel) -> str:
     if axis.range_deg == 0:
         return "no turn"
     return f"{axis.lowest_deg:g} to {axis.highest_deg:g}°"
-
-
-def comparison_object(
-    named: NamedScheme, variation: Variation, velocity: VelocityError
-) -> JsonObject:
-    """Return one scheme of a comparison for JSON.
-
-    `residual` is the root of the sum of squares over sensors and axes, `excursion` the largest on
-    any axis of any sensor, per kind of sensor and error.
-    """
-    errors: JsonObject = {}
-    for integrals in (variation.gyros, variation.accelerometers):
-        left = _left(integrals)
-        errors[integrals.sensors.kind] = {
-            error: {
-                "unit": integrals.sensors.unit,
-                "residual": float(np.linalg.norm(left[:, k])),
-                "excursion": float(integrals.excursion[:, k].max()),
-                "axes_left": [axis for j, axis in enumerate("xyz") if np.any(left[:, k, j] > 0)],
-            }
-            for k, error in enumerate(ERRORS)
-        }
-    return {
-        "scheme": scheme_object(named),
-        "errors": errors,
-        "travel": travel_object(travel_of(named.scheme)),
-        "velocity_error_rms_mps": velocity.rms_mps,
-        "velocity_error_growth_mps_per_h": velocity.growth_mps_per_h,
-    }
 
 
 def comparison_tables(compared: list[JsonObject]) -> list[Table]:

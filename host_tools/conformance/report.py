@@ -10,7 +10,7 @@ from typing import IO
 from xml.etree import ElementTree
 
 from rrins.host_tools.conformance.check import Finding
-from rrins.host_tools.files import write_whole
+from rrins.host_tools.files import JsonObject, write_whole
 
 _STYLE = """
 body { font-family: sans-serif; margin: 2em auto; max-width: 60em; color: #222; }
@@ -33,6 +33,21 @@ def words_of(findings: Sequence[Finding]) -> str:
 
 def _printable(text: str) -> str:
     return "".join(one if one.isprintable() or one == "\n" else "?" for one in text)
+
+
+def rows_of(findings: Sequence[Finding]) -> list[JsonObject]:
+    """Return the findings as plain values, an object each."""
+    return [
+        {
+            "check": one.check.name,
+            "rule": one.check.rule,
+            "page": one.check.page,
+            "outcome": one.outcome,
+            "text": one.text,
+            "seconds": round(one.seconds, 3),
+        }
+        for one in findings
+    ]
 
 
 def write_junit(path: Path, name: str, findings: Sequence[Finding]) -> None:

@@ -7,6 +7,8 @@ import contextlib
 import logging
 import signal
 import socket
+import sys
+import threading
 from collections.abc import AsyncIterator, Callable, Iterator
 from typing import Final
 from urllib.parse import parse_qs
@@ -32,6 +34,7 @@ MOST_WRONG: Final = 20
 """Wrong messages after which a browser is let go."""
 
 _PATIENCE_S: Final = 30.0  # with a browser that takes nothing
+_SWITCH_S: Final = 0.0005
 _POLICY, _TRY_LATER, _GOING = 1008, 1013, 1001
 
 _log: Final = logging.getLogger("rrins.dashboard")
@@ -204,6 +207,51 @@ def serve(
     feed: Feed, guard: Guard, listening: socket.socket, on_serving: Callable[[], None]
 ) -> None:
     """Serve until SIGINT or SIGTERM, which are the end that is meant for it."""
+    server = _server(feed, guard)
+
+    def stop() -> None:
+        server.should_exit = True
+
+    async def run() -> None:
+        for number in (signal.SIGINT, signal.SIGTERM):
+            asyncio.get_running_loop().add_signal_handler(number, stop)
+        on_serving()
+        await server.serve(sockets=[listening])
+
+    with _quick_switches():
+        asyncio.run(run())
+
+
+@contextlib.contextmanager
+def serving(feed: Feed, guard: Guard, listening: socket.socket) -> Iterator[None]:
+    """Serve in a thread until the block ends."""
+    server = _server(feed, guard)
+    thread = threading.Thread(
+        target=lambda: asyncio.run(server.serve(sockets=[listening])),
+        name="dashboard",
+        daemon=True,
+    )
+    with _quick_switches():
+        thread.start()
+        try:
+            yield
+        finally:
+            server.should_exit = True
+            thread.join()
+
+
+@contextlib.contextmanager
+def _quick_switches() -> Iterator[None]:
+    """Let threads take turns more often: frames are received while the same interpreter serves."""
+    before = sys.getswitchinterval()
+    sys.setswitchinterval(_SWITCH_S)
+    try:
+        yield
+    finally:
+        sys.setswitchinterval(before)
+
+
+def _server(feed: Feed, guard: Guard) -> _Server:
     config = uvicorn.Config(
         application(feed, guard),
         log_config=None,
@@ -217,15 +265,4 @@ def serve(
         timeout_graceful_shutdown=1,
         lifespan="on",
     )
-    server = _Server(config)
-
-    def stop() -> None:
-        server.should_exit = True
-
-    async def run() -> None:
-        for number in (signal.SIGINT, signal.SIGTERM):
-            asyncio.get_running_loop().add_signal_handler(number, stop)
-        on_serving()
-        await server.serve(sockets=[listening])
-
-    asyncio.run(run())
+    return _Server(config)

@@ -98,6 +98,11 @@ def candidates_of(
     return found
 
 
+def title_of(scenario: str | None, preset: str | None) -> str:
+    """Return whose sensors are studied, in words."""
+    return "sensors of " + (scenario or f"the preset {preset or 'prototype'}")
+
+
 def _short(name: str) -> str:
     return Path(name).stem if name.endswith(".toml") else name
 

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from pathlib import Path
 from types import ModuleType
 
+import click
 import pytest
 
 import rrins
 from rrins.__main__ import main
+from rrins.host_tools.cli.main import rrins as command
 
 
 def test_every_name_is_there_and_explains_itself():
@@ -49,3 +52,24 @@ def test_ctrl_c_while_the_command_is_imported_is_one_line(monkeypatch, capsys):
     with pytest.raises(SystemExit, match="130"):
         main()
     assert capsys.readouterr().err == "rrins: stopped by the user\n"
+
+
+CALLS = {
+    "rehearse": "rehearse", "simulate": "simulate", "calibrate": "calibrate",
+    "inject": "open_faults", "scenarios": "scenario_names", "conform": "conform", "bench": "bench",
+    "dashboard": "open_dashboard", "diag": "open_diagnostics", "record": "record",
+    "import": "import_recording", "replay": "replay", "export": "open_log",
+    "increments": "write_increments", "plot": "open_log", "scheme": "analyse_scheme",
+    "redundancy": "study_redundancy", "motion": "load_motion", "campaign": "Campaign",
+    "covariance": "analyse_covariance", "reproduce": "reproduce",
+}  # fmt: skip
+PROCESSES = {"firmware", "hardware", "setup", "monitor", "socketcand", "slcan"}
+"""A side by itself, a terminal's screen, and ways onto the bus for other programs."""
+
+
+def test_whatever_the_command_does_is_a_call_that_the_page_explains():
+    page = (Path(__file__).parents[2] / "docs" / "python.md").read_text(encoding="utf-8")
+    assert set(command.list_commands(click.Context(command))) == set(CALLS) | PROCESSES
+    for call in CALLS.values():
+        assert call in rrins.__all__
+        assert f"rrins.{call}" in page

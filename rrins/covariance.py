@@ -1,0 +1,113 @@
+"""The linear covariance analysis from Python: σ of the position over time, source by source."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rrins.campaign import Campaign
+from rrins.host_tools.campaigns import covariance_report as report
+from rrins.host_tools.campaigns.covariance import Analysis, analyse
+from rrins.host_tools.campaigns.store import is_campaign
+from rrins.notebook import let_figures_show
+from rrins.scenarios import load_scenario
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
+
+    from rrins.host_tools.scenario.scenario import Scenario
+
+
+class CovarianceAnalysis:
+    """σ of the position over time, of all error sources and of each.
+
+    Attributes
+    ----------
+    analysis : Analysis
+        Arrays: `times_s`, `mean`, `sigma`, and each of `sources`.
+    runs : Beside or None
+        What the runs of a campaign say, where it has some.
+    """
+
+    def __init__(self, analysis: Analysis, runs: report.Beside | None) -> None:
+        self.analysis, self.runs = analysis, runs
+
+    @cached_property
+    def sources(self) -> pd.DataFrame:
+        """σ at the end to the east and north, the largest on the way (m), and the share of each."""
+        import pandas as pd
+
+        rows = self.analysis.values()["sources"]
+        return pd.DataFrame(rows).set_index("name")
+
+    @cached_property
+    def sigma(self) -> pd.DataFrame:
+        """σ of the position over `time_s`, m: columns `east_m` and `north_m`."""
+        import pandas as pd
+
+        index = pd.Index(self.analysis.times_s, name="time_s")
+        return pd.DataFrame(self.analysis.sigma, index, ["east_m", "north_m"])
+
+    @property
+    def agrees(self) -> bool | None:
+        """Whether the analysis lies in the intervals of the runs; None where there are none."""
+        return None if self.runs is None else self.runs.agrees(self.analysis)
+
+    def plot(self) -> Figure:
+        """Draw σ over time: of all, of the largest sources, and of the runs."""
+        let_figures_show()
+        return report.draw(self.analysis, self.runs)
+
+    def save(self, folder: str | Path) -> list[Path]:
+        """Write `covariance.csv` and `covariance.png` into a folder; return their paths."""
+        return report.write(self.analysis, Path(folder), self.runs)
+
+    def __repr__(self) -> str:
+        east, north = self.analysis.sigma[-1]
+        end_s = self.analysis.times_s[-1]
+        sigma = f"σ {east:.3g} m east, {north:.3g} m north"
+        return f"<rrins.CovarianceAnalysis after {end_s:g} s: {sigma}>"
+
+    def _repr_html_(self) -> str:
+        return f"<p>{self!r}</p>".replace("<rrins", "rrins").replace(">:", ":") + (
+            self.sources.to_html()
+        )
+
+
+def analyse_covariance(
+    source: str | Path | Mapping[str, Any] | Scenario | Campaign,
+    *,
+    vary: Mapping[str, str] | None = None,
+    duration_s: float | None = None,
+    **changes: object,
+) -> CovarianceAnalysis:
+    """Return σ of the position over time and the share of each error source, without runs.
+
+    Parameters
+    ----------
+    source
+        A scenario as in `load_scenario`, a campaign's TOML file, its folder, or a `Campaign`; the
+        last two with their runs beside the analysis.
+    vary : mapping of str to str, optional
+        As `Campaign` takes it.
+    duration_s : float, optional
+        Other than the scenario's or the file's.
+    **changes
+        Keys of the scenario, as in `load_scenario`.
+
+    Raises
+    ------
+    RehearsalError
+        One line: what is wrong, or what cannot be analysed.
+    """
+    if isinstance(source, str | Path) and is_campaign(Path(source)):
+        source = Campaign.open(source)
+    if isinstance(source, Campaign):
+        store = source.store
+        return CovarianceAnalysis(analyse(store.definition), report.beside_runs(store))
+    named = load_scenario(source, **changes) if changes else source
+    campaign = Campaign(named, vary=vary, duration_s=duration_s, design="random")
+    return CovarianceAnalysis(analyse(campaign.store.definition), None)

@@ -1,0 +1,118 @@
+"""Studies from Python: as tables and figures, the same as the command line's."""
+
+from __future__ import annotations
+
+import json
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+import rrins
+from rrins.host_tools.cli.main import rrins as command
+
+
+def said(*words):
+    ended = CliRunner().invoke(command, [*words, "--json"])
+    assert ended.exit_code == 0, ended.output
+    return json.loads(ended.stdout)
+
+
+def test_the_covariance_of_a_scenario(tmp_path):
+    found = rrins.analyse_covariance("rimu_rotating", duration_s=60, sensors="prototype")
+    printed = said("covariance", "rimu_rotating", "--duration", "60", "--set", "sensors=prototype")
+    assert found.sources["share"].to_dict() == {
+        one["name"]: one["share"] for one in printed["sources"]
+    }
+    assert found.sources["share"].sum() == pytest.approx(1.0)
+    assert found.sigma["east_m"].iloc[-1] == printed["sigma_m"]["east"]
+    assert found.sigma.index[-1] == 60
+    assert found.agrees is None
+    assert found.plot().axes[0].get_ylabel() == "σ east / m"
+    assert "share" in found._repr_html_()
+    assert [path.name for path in found.save(tmp_path)] == ["covariance.csv", "covariance.png"]
+
+
+def test_the_covariance_beside_the_runs_of_a_campaign(tmp_path):
+    campaign = rrins.Campaign(
+        "rimu_rotating", runs=20, duration_s=10, out=tmp_path / "runs", sensors="prototype"
+    )
+    campaign.run(workers=1, progress=False)
+    found = rrins.analyse_covariance(campaign)
+    assert found.agrees is not None
+    assert rrins.analyse_covariance(campaign.folder).agrees == found.agrees
+
+
+def test_what_redundant_sensors_find(tmp_path):
+    found = rrins.study_redundancy(
+        geometries=["tetrahedron", "dodecahedron"], gyro_steps_dph=[1, 10], runs=0
+    )
+    printed = said(
+        *("redundancy", "--rimu", "tetrahedron", "--rimu", "dodecahedron", "--runs", "0"),
+        *("--gyro", "1", "--gyro", "10", "--out", str(tmp_path)),
+    )
+    assert found.values["candidates"] == printed["candidates"]
+    assert set(found.smallest["geometry"]) == {"tetrahedron", "dodecahedron"}
+    gyros = found.delays[found.delays["kind"] == "gyros"]
+    assert set(gyros["fault"]) == {1, 10}
+    alarms = gyros[(gyros["way"] == "alarm") & (gyros["geometry"] == "tetrahedron")]
+    assert np.all(np.diff(alarms.sort_values("fault")["theory_half_s"]) < 0)
+    assert found.plot().axes
+    assert found.save(tmp_path / "own")[0].read_text().lower().startswith("<!doctype html>")
+
+
+def test_a_unit_calibrated(tmp_path):
+    found = rrins.calibrate(folder=tmp_path, turn_rate_dps=30, stand_s=0.5)
+    assert found.file.name == "calibration.toml"
+    assert found.report.exists()
+    assert found.verified == ""
+    sensors = found.constants.groupby(["kind", "constant"])["sensor"].max()
+    assert set(sensors) == {4}
+    bias = found.constants[found.constants["constant"] == "bias_dph"]
+    assert bias["value"].tolist() == found.values["gyros"]["bias_dph"]["value"]
+    assert (found.constants["sigma"] > 0).all()
+    again = rrins.simulate(
+        "rimu_rotating", duration_s=1, calibration=str(found.file), progress=False
+    )
+    assert again.summary["firmware"]["calibration"]["file"]
+    assert found.plot().axes
+
+
+def test_the_conformance_of_a_firmware(tmp_path):
+    found = rrins.conform(only=["start-up"])
+    assert found.failed == []
+    assert found.checks["outcome"].tolist() == ["passed"]
+    found.write_junit(tmp_path / "junit.xml")
+    found.write_page(tmp_path / "page.html")
+    assert ElementTree.parse(tmp_path / "junit.xml").getroot().tag == "testsuites"
+    assert "start-up" in (tmp_path / "page.html").read_text()
+    with pytest.raises(rrins.RehearsalError, match="no check"):
+        rrins.conform(only=["start"])
+
+
+def test_schemes_side_by_side():
+    cycle = rrins.compare_schemes(["16-position", "8-position"])
+    printed = said("scheme", "compare", "16-position", "8-position")["schemes"]
+    assert cycle.index.tolist() == ["16-position", "8-position"]
+    rms = [one["velocity_error_rms_mps"] for one in printed]
+    assert cycle["velocity_error_rms_mps"].tolist() == rms
+    assert cycle["gyro bias, left"].tolist() == [0, 0]
+
+
+def test_what_a_scheme_shows():
+    shown, hidden = rrins.observe_scheme("calibration"), rrins.observe_scheme("16-position")
+    assert "shows all constants" in repr(shown)
+    assert hidden.observability.unseen
+    assert (shown.sigma["sigma"] < 2 * shown.sigma["wanted"]).all()
+
+
+def test_motion_saved_is_read_and_checked(tmp_path):
+    motion = rrins.load_motion("drive", duration_s=60)
+    motion.save(tmp_path / "drive.csv", rate_hz=20)
+    checked = rrins.check_motion(tmp_path / "drive.csv")
+    assert checked["rate_hz"] == pytest.approx(20)
+    assert checked["irregularities"] == []
+    assert motion.plot().axes
+    with pytest.raises(rrins.RehearsalError):
+        motion.save(tmp_path / "drive.kml")
