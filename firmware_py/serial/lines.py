@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
-from datetime import datetime
 
 from rrins.firmware_py.loop import Firmware
 from rrins.firmware_py.serial.console import Console
-from rrins.firmware_py.serial.nmea import DEFAULT_UTC, SENTENCES, Fix, encode, fix_of
-from rrins.firmware_py.serial.port import PortName, SerialPort, SerialPortError, open_port
+from rrins.firmware_py.serial.nmea import Fix, encode, fix_of
+from rrins.firmware_py.serial.port import SerialPort, SerialPortError, open_port
+from rrins.firmware_py.serial.settings import SerialSettings
 
 CONSOLE_HZ = 50
 """How often the console polls for input."""
@@ -23,32 +22,6 @@ Note = Callable[[str], None]
 
 LineStatistics = dict[str, str | int]
 """Port and counters of a serial line."""
-
-
-@dataclass(frozen=True)
-class SerialSettings:
-    """The serial lines to open.
-
-    Attributes
-    ----------
-    nmea, console : PortName or None
-    nmea_rate_hz : int
-        Sets of sentences a second; the firmware's rate is a multiple of it.
-    nmea_sentences : tuple of str
-        Names in `rrins.firmware_py.serial.nmea.SENTENCES`.
-    utc : datetime
-        UTC of epoch 0.
-    """
-
-    nmea: PortName | None = None
-    nmea_rate_hz: int = 1
-    nmea_sentences: tuple[str, ...] = tuple(SENTENCES)
-    utc: datetime = DEFAULT_UTC
-    console: PortName | None = None
-
-
-NO_LINES = SerialSettings()
-"""No serial lines."""
 
 
 class NmeaOutput:

@@ -13,20 +13,18 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from datetime import UTC, datetime, timedelta
+from datetime import datetime, timedelta
 
 from rrins.dbc.record import Records
 from rrins.firmware_py.core.memory import Ram
 from rrins.firmware_py.core.modes import Mode
+from rrins.firmware_py.serial.settings import DEFAULT_UTC, SENTENCE_NAMES
 
 TALKER = "IN"
 """Integrated navigation."""
 
 KNOT = 1852.0 / 3600.0
 """A knot in m/s."""
-
-DEFAULT_UTC = datetime(2026, 1, 1, tzinfo=UTC)
-"""Default UTC of epoch 0."""
 
 _NAVIGATION = (int(Mode.NAVIGATION_STRAPDOWN), int(Mode.NAVIGATION_ROTATING))
 _MINUTE_STEPS = 10_000_000  # 1e-7 minutes of arc: 0.19 mm
@@ -200,20 +198,12 @@ def tnthtm(fix: Fix) -> str:
     return f"PTNTHTM,{_bearing(fix.heading_deg)},,{pitch},N,{roll},N,,"
 
 
-SENTENCES: dict[str, Callable[[Fix], str]] = {
-    "PASHR": pashr,
-    "TNTHTM": tnthtm,
-    "HDT": hdt,
-    "GGA": gga,
-    "RMC": rmc,
-}
-"""By name, in the order in which they are sent.
-
-gpsd treats the sentences with one time of day as a cycle, and reports a position when the last
-sentence of a cycle arrives; so GGA and RMC come together at the end.
-"""
+SENTENCES: dict[str, Callable[[Fix], str]] = dict(
+    zip(SENTENCE_NAMES, (pashr, tnthtm, hdt, gga, rmc), strict=True)
+)
+"""By name, in the order in which they are sent."""
 
 
-def encode(fix: Fix, names: tuple[str, ...] = tuple(SENTENCES)) -> list[bytes]:
+def encode(fix: Fix, names: tuple[str, ...] = SENTENCE_NAMES) -> list[bytes]:
     """Return the named sentences of a fix, ready to send."""
     return [sentence(make(fix)) for name, make in SENTENCES.items() if name in names]

@@ -18,7 +18,6 @@ from rrins.host_tools.cli.output import print_note
 from rrins.host_tools.cli.serial_options import nmea_options, serial_options, settings_of
 from rrins.host_tools.errors import RehearsalError
 from rrins.host_tools.interruption import INTERRUPTED, heed_sigterm
-from rrins.host_tools.scenario.scenario import Scenario, load
 
 if TYPE_CHECKING:
     from rrins.host_tools.bus.port import Side
@@ -26,6 +25,7 @@ if TYPE_CHECKING:
     from rrins.host_tools.runs.display import RunDisplay
     from rrins.host_tools.runs.run import RunResult
     from rrins.host_tools.runs.starting import Command
+    from rrins.host_tools.scenario.scenario import Scenario
 
 DEFAULT_SCENARIO = "rimu_rotating"
 
@@ -160,6 +160,7 @@ def rehearse(
     from rrins.host_tools.runs.picture_loading import PictureLoading
     from rrins.host_tools.runs.program import Program
     from rrins.host_tools.runs.starting import Forks
+    from rrins.host_tools.scenario.scenario import load
 
     loaded = load(scenario, duration_s=duration_s, seed=seed)
     heed_sigterm()
@@ -217,6 +218,7 @@ def simulate(
     rimu_rotating.
     """
     from rrins.host_tools.runs import run
+    from rrins.host_tools.scenario.scenario import load
 
     loaded = load(scenario, duration_s=duration_s, seed=seed)
     heed_sigterm()
@@ -346,6 +348,7 @@ def _run_side(
     from rrins.host_tools.runs.job import REALTIME, Job
     from rrins.host_tools.runs.pipe import NoteHandler, ReportPipe
     from rrins.host_tools.runs.side import address_of, check_line, run_side
+    from rrins.host_tools.scenario.scenario import load
 
     report_fd = job["report_fd"]
     heed_sigterm()

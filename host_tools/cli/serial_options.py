@@ -7,9 +7,8 @@ from typing import Any
 
 import click
 
-from rrins.firmware_py.serial.lines import SerialSettings
-from rrins.firmware_py.serial.nmea import DEFAULT_UTC, SENTENCES
 from rrins.firmware_py.serial.port import PortName, SerialPortError, parse_port
+from rrins.firmware_py.serial.settings import DEFAULT_UTC, SENTENCE_NAMES, SerialSettings
 from rrins.host_tools.cli.options import together
 
 NMEA_BAUD = 38400
@@ -73,8 +72,8 @@ class _Sentences(click.ParamType[tuple[str, ...]]):
             return value
         names = tuple(str(value).upper().replace(" ", "").split(","))
         for name in names:
-            if name not in SENTENCES:
-                self.fail(f"{name!r} is not one of {', '.join(SENTENCES)}", param, ctx)
+            if name not in SENTENCE_NAMES:
+                self.fail(f"{name!r} is not one of {', '.join(SENTENCE_NAMES)}", param, ctx)
         return names
 
 
@@ -95,7 +94,7 @@ nmea_options = together(
     click.option(
         "--nmea-sentences",
         type=_Sentences(),
-        default=",".join(SENTENCES),
+        default=",".join(SENTENCE_NAMES),
         show_default=True,
         help="Sentences in a set.",
     ),

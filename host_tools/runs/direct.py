@@ -13,7 +13,7 @@ from pathlib import Path
 
 from rrins.firmware_py.core.trace import NavigationTrace
 from rrins.firmware_py.loop import Firmware
-from rrins.firmware_py.serial.lines import NO_LINES, SerialSettings
+from rrins.firmware_py.serial.settings import NO_LINES, SerialSettings
 from rrins.host_tools.files import JsonObject
 from rrins.host_tools.hardware.loop import Hardware
 from rrins.host_tools.hardware.memory import Truth

@@ -14,7 +14,7 @@ from rrins.dbc.frame import frame_array
 from rrins.dbc.values import FaultAction
 from rrins.firmware_py.core.step import parts_beside
 from rrins.firmware_py.loop import Firmware
-from rrins.firmware_py.serial.lines import NO_LINES, SerialSettings
+from rrins.firmware_py.serial.settings import NO_LINES, SerialSettings
 from rrins.host_tools.bus.port import Address, frame_of_message
 from rrins.host_tools.errors import RehearsalError
 from rrins.host_tools.hardware.loop import Hardware

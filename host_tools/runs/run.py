@@ -13,7 +13,7 @@ from rrins.dbc.compile_events import compiling_watched
 from rrins.dbc.record import Records
 from rrins.firmware_py.core.estimator_records import EstimatorSecond
 from rrins.firmware_py.core.memory import NavigationOutput
-from rrins.firmware_py.serial.lines import NO_LINES, SerialSettings
+from rrins.firmware_py.serial.settings import NO_LINES, SerialSettings
 from rrins.host_tools import interruption
 from rrins.host_tools.bus.channel import HostedError, Reservation
 from rrins.host_tools.bus.port import EMBEDDED, Address

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from rrins.firmware_py.serial.lines import SerialSettings
+from rrins.firmware_py.serial.settings import SerialSettings
 
 
 def arguments_of(settings: SerialSettings) -> tuple[str, ...]:

@@ -6,8 +6,9 @@ import math
 from collections.abc import Callable
 
 from rrins.firmware_py.loop import Firmware
-from rrins.firmware_py.serial.lines import Note, SerialLines, SerialSettings
+from rrins.firmware_py.serial.lines import Note, SerialLines
 from rrins.firmware_py.serial.port import SerialPortError
+from rrins.firmware_py.serial.settings import SerialSettings
 from rrins.host_tools.errors import RehearsalError
 
 

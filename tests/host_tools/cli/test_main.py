@@ -48,6 +48,8 @@ def test_help_shows_each_command_in_one_line():
 
 def test_help_and_completion_start_at_once():
     assert not started("--help") & {"numpy", "numba", "can", "cantools", "pydantic"}
+    for name in ("rehearse", "simulate", "hardware", "campaign", "conform"):
+        assert not started(name, "--help") & {"numpy", "numba", "can", "cantools", "pydantic"}
     assert not started("monitor", "--help") & {"numpy", "numba", "can", "cantools", "textual"}
     found = ShellComplete(cli.rrins, {}, "rrins", "_RRINS_COMPLETE").get_completions([], "re")
     assert [item.value for item in found] == [
@@ -151,7 +153,7 @@ def test_a_dbc_that_cannot_serve_is_one_line(monkeypatch):
     def broken(*_, **__):
         raise codec.ContractError("the DBC has no message SYNC")
 
-    monkeypatch.setattr("rrins.host_tools.cli.run.load", broken)
+    monkeypatch.setattr("rrins.host_tools.scenario.scenario.load", broken)
     ended = CliRunner().invoke(cli.rrins, ["simulate"])
     assert ended.exit_code == 1
     assert ended.stderr == "rrins: the DBC has no message SYNC\n"

@@ -16,8 +16,9 @@ import pytest
 
 from rrins.firmware_py.core.modes import Mode
 from rrins.firmware_py.loop import Firmware
-from rrins.firmware_py.serial.lines import SerialLines, SerialSettings
+from rrins.firmware_py.serial.lines import SerialLines
 from rrins.firmware_py.serial.port import parse_port
+from rrins.firmware_py.serial.settings import SerialSettings
 from rrins.host_tools.runs.settings import firmware_settings
 from rrins.host_tools.scenario import scenario as scenarios
 

@@ -15,10 +15,9 @@ from click.testing import CliRunner
 
 from rrins.firmware_py.core.memory import NavigationOutput
 from rrins.firmware_py.loop import Firmware
-from rrins.firmware_py.serial.lines import NO_LINES, SerialSettings
-from rrins.firmware_py.serial.nmea import DEFAULT_UTC
 from rrins.firmware_py.serial.nmea import SENTENCES as ALL_SENTENCES
 from rrins.firmware_py.serial.port import parse_port
+from rrins.firmware_py.serial.settings import DEFAULT_UTC, NO_LINES, SerialSettings
 from rrins.host_tools.cli.main import rrins
 from rrins.host_tools.cli.serial_options import serial_options, settings_of
 from rrins.host_tools.errors import RehearsalError
