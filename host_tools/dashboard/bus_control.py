@@ -30,6 +30,10 @@ from rrins.host_tools.scenario.scenario import fault_of
 _REMEMBERED: Final = Status.TEST_FAILED | Status.PENDING | Status.CONFIRMED
 _RECORDS: Final = {FIRST_SNAPSHOT: "first", LATEST_SNAPSHOT: "latest"}
 _MOST_WITH_FRAMES: Final = 12  # codes whose freeze frames are read at once
+_PARITY: Final = {
+    "gyro_parity": ("gyros", "dph"),
+    "accelerometer_parity": ("accelerometers", "ug"),
+}
 _ANSWER_S: Final = 5.0
 _LOOK_S: Final = 0.05
 _SEND_S: Final = 2.0
@@ -70,6 +74,8 @@ class BusControl:
             if order.order == "clear_codes":
                 tester.clear()
                 return {"text": "the trouble codes are cleared", "codes": []}
+            if order.order == "read_residuals":
+                return _residuals(tester)
             return self._codes(tester)
 
     def _target(self) -> tuple[str, str, int | None]:
@@ -132,6 +138,19 @@ class BusControl:
         count = len(codes)
         text = f"{count} trouble code{'' if count == 1 else 's'}" if count else "no trouble codes"
         return {"text": text, "codes": codes}
+
+
+def _residuals(tester: Tester) -> JsonObject:
+    """Return the parity residual of each sensor with its threshold: means of the last second."""
+    read = tester.read([table.identifier(name) for name in _PARITY])
+    found = {}
+    for name, (kind, unit) in _PARITY.items():
+        values = to_json(table.identifier(name).layout, read[name])
+        pairs = zip(
+            values[f"parity_residual_{unit}"], values[f"parity_threshold_{unit}"], strict=True
+        )
+        found[kind] = list(pairs)
+    return {"text": "residuals of the last second", "residuals": found}
 
 
 def _no_request() -> can.Message:

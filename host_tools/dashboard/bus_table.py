@@ -34,6 +34,7 @@ def state_of(state: BusState, counts: dict[str, int]) -> JsonObject:
         "speed": state.times.speed,
         "firmware": None if vitals.firmware is None else vars(vitals.firmware),
         "sensors": {kind: sensor_states(state, vitals, kind, n) for kind, n in counts.items()},
+        "parity": {kind: _parity(vitals.redundancy[kind]) for kind in counts},
         "troubles": troubles_of(state, vitals),
         "messages": [
             [
@@ -62,6 +63,13 @@ def _flags(is_silent: bool, has_recent_errors: bool, is_sound: bool) -> int:
 def sensor_states(state: BusState, vitals: Vitals, kind: str, count: int) -> list[str]:
     """Return the state of each sensor of a kind, `gyros` or `accelerometers`."""
     return [_sensor_state(state, vitals.redundancy[kind], kind, k) for k in range(1, count + 1)]
+
+
+def _parity(redundancy: RedundancyVitals | None) -> tuple[float, int, int] | None:
+    """Return parity over threshold, the sensor it points at (0: none), its window in s."""
+    if redundancy is None or not redundancy.redundancy_left:
+        return None
+    return redundancy.parity_ratio, redundancy.suspect or 0, redundancy.window_s
 
 
 def _sensor_state(

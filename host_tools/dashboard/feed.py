@@ -14,7 +14,7 @@ from rrins.host_tools.dashboard.bus_table import message_of
 from rrins.host_tools.dashboard.events import Event
 from rrins.host_tools.dashboard.fault_forms import fault_forms
 from rrins.host_tools.dashboard.packing import packed_history, packed_row
-from rrins.host_tools.dashboard.page_orders import Order
+from rrins.host_tools.dashboard.page_orders import READING, Order
 from rrins.host_tools.dashboard.quantities import NAMES
 from rrins.host_tools.dashboard.source import Source
 from rrins.host_tools.dashboard.view import View
@@ -200,7 +200,7 @@ class Feed:
         self._answer(browser, order, True, text)
         if answer:
             self._tell_all(as_json("report", answer))
-        if self.source.kind != "recording" and text and order.order != "read_codes":
+        if self.source.kind != "recording" and text and order.order not in READING:
             view = self.source.view
             view.log.add(view.time_s, text, "order")
 

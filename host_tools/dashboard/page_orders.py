@@ -16,6 +16,7 @@ Kind = Literal[
     "mode",
     "read_codes",
     "clear_codes",
+    "read_residuals",
     "start",
     "stop",
     "pause",
@@ -29,9 +30,13 @@ LONGEST: Final = 4096
 """Characters of a message from a page."""
 
 OF_BUS: Final = frozenset(
-    {"inject", "remove", "list_faults", "clear_faults", "mode", "read_codes", "clear_codes"}
+    {"inject", "remove", "list_faults", "clear_faults", "mode"}
+    | {"read_codes", "clear_codes", "read_residuals"}
 )
 """Orders that go onto a bus."""
+
+READING: Final = frozenset({"list_faults", "read_codes", "read_residuals"})
+"""Orders that change nothing."""
 
 OF_REHEARSAL: Final = OF_BUS | {"start", "stop", "pause", "speed"}
 """Orders to a rehearsal that the dashboard has started."""

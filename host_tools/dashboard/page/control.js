@@ -1,8 +1,9 @@
 // Orders: start, pause, speed, stop; faults by form; modes; trouble codes. Each shows its answer.
 
-import { $, clock, element, keyWords } from "./parts.js";
+import { $, clock, element, figures, keyWords } from "./parts.js";
 
 const SPEEDS = [["¼ ×", 0.25], ["1 ×", 1], ["2 ×", 2], ["5 ×", 5], ["10 ×", 10], ["50 ×", 50], ["max", 0]];
+const AGAIN_MS = 2000; // between two readings of the residuals
 const MODES = [["standby", "Standby"], ["navigate", "Navigate again"], ["rotation", "Start rotation"], ["no rotation", "Stop rotation"]];
 
 function groupOf(kind) {
@@ -184,9 +185,10 @@ export class Control {
   report(report) {
     if (report.faults) this.showFaults(report.faults);
     if (report.codes) this.showCodes(report.codes);
+    if (report.residuals) this.showResiduals(report.residuals);
   }
 
-  // ---- trouble codes
+  // ---- trouble codes, residuals
 
   buildCodes() {
     const tab = $("tab-codes");
@@ -201,11 +203,44 @@ export class Control {
       this.codeAnswer.textContent = `${answer.is_done ? "✓" : "✗"} ${answer.text}`;
     };
     const buttons = element("div", { class: "row" },
-      element("button", { class: "main", onclick: () => ask("read_codes"), disabled: !may, id: "read-codes" }, "Read"),
-      element("button", { class: "danger", onclick: () => ask("clear_codes"), disabled: !may }, "Clear"));
+      element("button", { class: "main", onclick: () => ask("read_codes"), disabled: !may, id: "read-codes" }, "Read trouble codes"),
+      element("button", { class: "danger", onclick: () => ask("clear_codes"), disabled: !may }, "Clear"),
+      element("button", { class: "main", onclick: () => ask("read_residuals"), disabled: !may, id: "read-residuals" }, "Read residuals"));
+    this.again = element("input", { type: "checkbox", disabled: !may, id: "again" });
+    this.residuals = element("div");
+    buttons.append(element("label", { title: "while this tab is open" }, this.again, ` each ${AGAIN_MS / 1000} s`));
     const why = may ? [] : [element("p", {}, "Codes are read over the bus, which this page may only look at.")];
-    tab.replaceChildren(element("div", { class: "stack" }, buttons, this.codeAnswer, ...why, this.codeList));
+    tab.replaceChildren(element("div", { class: "stack" }, buttons, this.codeAnswer, ...why, this.residuals, this.codeList));
     if (this.codes) this.showCodes(this.codes);
+  }
+
+  // The residuals again and again, if that is asked for and somebody sees them.
+  async keepReading() {
+    const now = Date.now();
+    if (!this.again?.checked || $("tab-codes").hidden || document.hidden || now < (this.readAgainMs ?? 0)) return;
+    this.readAgainMs = Infinity;
+    const answer = await this.feed.order("read_residuals");
+    this.readAgainMs = Date.now() + AGAIN_MS;
+    if (answer.is_done) return;
+    this.again.checked = false;
+    this.codeAnswer.className = "answer refused";
+    this.codeAnswer.textContent = `✗ ${answer.text}`;
+  }
+
+  showResiduals(residuals) {
+    const rows = [];
+    for (const [kind, letter, unit] of [["gyros", "G", "°/h"], ["accelerometers", "A", "µg"]])
+      residuals[kind].forEach(([residual, threshold], k) => {
+        if (!threshold) return;
+        const bar = element("i");
+        bar.style.width = `${Math.min(100, (50 * Math.abs(residual)) / threshold)}%`;
+        rows.push(element("tr", { class: Math.abs(residual) > threshold ? "trouble" : "" }, element("td", {}, `${letter}${k + 1}`),
+          element("td", { class: "n" }, `${figures(residual, 3)} ${unit}`), element("td", { class: "n" }, `± ${figures(threshold, 3)} ${unit}`),
+          element("td", { class: "wide" }, element("i", { class: "bar" }, bar))));
+      });
+    const head = element("tr", {}, ...["sensor", "residual", "threshold", ""].map((text, k) => element("th", { class: k % 3 ? "n" : "" }, text)));
+    this.residuals.replaceChildren(rows.length ? element("table", { id: "residuals" }, element("thead", {}, head), element("tbody", {}, ...rows))
+      : element("p", {}, "No sensor is compared with others."));
   }
 
   showCodes(codes) {
@@ -251,8 +286,24 @@ export class Control {
   }
 }
 
+// Nine figures of a number above one, such as a latitude; four of a smaller one.
+function shortened(value) {
+  if (typeof value !== "number" || Number.isInteger(value)) return String(value);
+  return String(Number(value.toPrecision(Math.abs(value) >= 1 ? 9 : 4)));
+}
+
+// A list, with equal values in a row counted: 0.16, 0.2, 0 × 12.
+function listed(values) {
+  const runs = [];
+  for (const text of values.map(shortened)) {
+    if (runs.at(-1)?.text === text) runs.at(-1).count++;
+    else runs.push({ text, count: 1 });
+  }
+  return runs.map(({ text, count }) => (count > 1 ? `${text} × ${count}` : text)).join(", ");
+}
+
 function frameWords(frame) {
   return Object.entries(frame)
-    .map(([name, values]) => `${name}: ${Object.entries(values).map(([key, value]) => `${key} ${Array.isArray(value) ? `[${value.join(", ")}]` : value}`).join(", ")}`)
+    .map(([name, values]) => `${name}: ${Object.entries(values).map(([key, value]) => `${key} ${Array.isArray(value) ? `[${listed(value)}]` : shortened(value)}`).join(", ")}`)
     .join("\n");
 }

@@ -6,17 +6,17 @@ import { Feed } from "./feed.js";
 import { Map2d } from "./map.js";
 import { $, clock, element, figures, length, setText } from "./parts.js";
 import { Plots, SPANS } from "./plots.js";
-import { Scene } from "./scene.js";
 import { Store } from "./store.js";
+import { Turntable } from "./turntable.js";
 
 const PLOT_MS = 100;
 const MAP_MS = 250;
-const TABS = [["bus", "Bus", "b"], ["control", "Faults & modes", "f"], ["codes", "Trouble codes", "c"], ["troubles", "Now", "w"]];
+const TABS = [["bus", "Bus", "b"], ["control", "Faults & modes", "f"], ["codes", "Diagnosis", "c"], ["troubles", "Now", "w"]];
 const SIGNS = { bad: "✕", warning: "!", good: "✓", order: "»", note: "·" };
 const FIRST_GEOMETRY = [[180, 0], [70.5288, 0], [70.5288, 120], [70.5288, 240]];
 
 const store = new Store();
-const scene = new Scene();
+const turntable = new Turntable();
 const plots = new Plots(store);
 const map = new Map2d(store);
 let hello = null;
@@ -65,7 +65,7 @@ function begin(message) {
   const kinds = { rehearsal: "rehearsal on", bus: "watching", recording: "recording" };
   setText($("where"), `${kinds[hello.source]} ${hello.bus}${hello.may_control ? "" : ", looking on"}`);
   document.title = `${scenario?.title || hello.bus} – RRINS`;
-  scene.setGeometry(scenario?.gyros_deg ?? FIRST_GEOMETRY, scenario?.accelerometers_deg ?? FIRST_GEOMETRY);
+  turntable.setGeometry(scenario?.gyros_deg ?? FIRST_GEOMETRY, scenario?.accelerometers_deg ?? FIRST_GEOMETRY);
   table.clear();
   control.begin(hello);
   chipStates = "";
@@ -76,7 +76,7 @@ function begin(message) {
 function takeRow(time, row) {
   const value = (name) => row[store.place[name]];
   const pose = { inner: value("inner_deg"), outer: value("outer_deg"), roll: value("roll_deg"), pitch: value("pitch_deg"), heading: value("heading_deg") };
-  scene.setPose(pose);
+  turntable.setPose(pose);
   const angle = (degrees) => (Number.isNaN(degrees) ? "–" : `${degrees.toFixed(2)}°`);
   setText($("angles"), `inner ${angle(pose.inner)}  outer ${angle(pose.outer)}`);
   setText($("time"), clock(time));
@@ -94,11 +94,12 @@ function dirty() {
 }
 
 function frame(nowMs) {
-  scene.draw();
+  turntable.draw();
   if (isDirty && nowMs - plottedMs >= PLOT_MS && !document.hidden) {
     plottedMs = nowMs;
     isDirty = false;
     if (!plots.isHeld) plots.draw();
+    if (!turntable.isAsked) requestAnimationFrame(() => turntable.load()); // these are on the screen
     if (nowMs - mappedMs >= MAP_MS) {
       mappedMs = nowMs;
       map.draw(plots.playedTo ?? Infinity);
@@ -113,8 +114,10 @@ requestAnimationFrame(frame);
 let chipStates = "";
 function takeState(state) {
   table.update(state.messages);
-  scene.setStates(state.sensors);
+  turntable.setStates(state.sensors);
   showChips(state.sensors);
+  showParity(state.parity);
+  control.keepReading();
   const firmware = state.firmware;
   const mode = firmware ? firmware.mode.replaceAll("_", " ").toLowerCase() : "–";
   setText($("mode"), firmware?.mode === "FAULT" ? `FAULT: ${firmware.fault}` : mode);
@@ -134,9 +137,23 @@ function showChips(sensors) {
   const chips = [];
   for (const [kind, letter] of [["gyros", "G"], ["accelerometers", "A"]])
     sensors[kind].forEach((state, k) =>
-      chips.push(element("div", { class: "chip", "data-state": state, "data-sensor": `${letter}${k + 1}` }, element("b", {}, `${letter}${k + 1}`), state)));
+      chips.push(element("div", { class: "chip", "data-state": state, "data-sensor": `${letter}${k + 1}` }, element("b", {}, `${letter}${k + 1}`), state, element("i", { class: "bar" }, element("i")))));
   $("chips").replaceChildren(...chips);
   $("chips").style.gridTemplateColumns = `repeat(${Math.min(8, Math.max(4, sensors.gyros.length))}, minmax(0, 1fr))`;
+}
+
+// How far each sensor is from being suspected: the parity, by the one sensor it points at the most.
+function showParity(parity) {
+  for (const [kind, letter] of [["gyros", "G"], ["accelerometers", "A"]]) {
+    const [ratio, suspect, seconds] = parity[kind] ?? [0, 0, 0];
+    const chips = document.querySelectorAll(`.chip[data-sensor^="${letter}"]`);
+    chips.forEach((chip, k) => {
+      const isIt = suspect === k + 1;
+      chip.lastChild.hidden = !parity[kind];
+      chip.lastChild.firstChild.style.width = `${isIt ? Math.min(100, 50 * ratio) : 0}%`;
+      chip.title = isIt ? `the parity in ${seconds} s, ${ratio.toFixed(2)} × its threshold, points at this one the most; the mark is the threshold` : "";
+    });
+  }
 }
 
 function showTroubles(troubles) {
@@ -208,7 +225,7 @@ function setTheme(theme) {
   try {
     localStorage.setItem("rrins-theme", theme);
   } catch { /* a browser that keeps nothing */ }
-  scene.build();
+  turntable.restyle();
   plots.restyle();
   map.draw(plots.playedTo ?? Infinity);
 }
@@ -222,11 +239,11 @@ $("theme").onclick = toggleTheme;
 $("help-button").onclick = () => $("help").showModal();
 
 document.addEventListener("keydown", (event) => {
-  if (event.target.matches("input, select, textarea") || event.ctrlKey || event.metaKey || event.altKey) return;
+  if (event.target.matches("input:not([type=checkbox]), select, textarea") || (event.key === " " && event.target.matches("input, button, summary")) || event.ctrlKey || event.metaKey || event.altKey) return;
   const span = SPANS[Number(event.key) - 1];
   const tab = TABS.find(([, , key]) => key === event.key);
   const actions = {
-    " ": () => plots.hold(), t: toggleTheme, r: () => scene.resetView(), p: () => control.togglePause(), "?": () => $("help").showModal(),
+    " ": () => plots.hold(), t: toggleTheme, r: () => turntable.resetView(), p: () => control.togglePause(), "?": () => $("help").showModal(),
     ArrowLeft: () => status.at_s != null && control.seek(status.at_s - 10), ArrowRight: () => status.at_s != null && control.seek(status.at_s + 10),
   };
   if (span) plots.setSpan(span[1]);

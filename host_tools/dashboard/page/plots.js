@@ -30,9 +30,9 @@ export const PLOTS = [
       line("outer_goal_deg", "", "north", "dotted", { step: true, thin: true })], note: "dotted: position of the scheme",
   },
   {
-    id: "parity", title: "Parity / threshold", unit: "", empty: "The firmware compares no sensors", least: [0, 1.25], threshold: 1,
-    lines: [line("gyro_parity", "gyros", "east", "solid", { step: true }),
-      line("accelerometer_parity", "accelerometers", "north", "dashed", { step: true })],
+    id: "parity", title: "Parity / threshold", unit: "", note: "→ the sensor it points at, window", empty: "The firmware compares no sensors", least: [0, 1.25], threshold: 1,
+    lines: [line("gyro_parity", "gyros", "east", "solid", { step: true, points: ["G", "gyro_suspect", "gyro_window_log2"] }),
+      line("accelerometer_parity", "accelerometers", "north", "dashed", { step: true, points: ["A", "accelerometer_suspect", "accelerometer_window_log2"] })],
   },
   {
     id: "load", title: "Load", unit: "%", empty: "", least: [0, 10],
@@ -190,6 +190,14 @@ class Plot {
     this.showValues(this.chart.cursor.left >= 0 ? this.chart.cursor.idx : null);
   }
 
+  // The sensor at which a parity points the most, and its window: → G3, 64 s.
+  pointed({ points }, time) {
+    if (!points || time == null) return "";
+    const { store } = this.board;
+    const [sensor, power] = points.slice(1).map((name) => store.column(name)[store.at(time)]);
+    return sensor ? ` → ${points[0]}${sensor}, ${2 ** power} s` : "";
+  }
+
   // Values at the cursor, or the latest.
   showValues(place) {
     const data = this.chart.data;
@@ -198,7 +206,7 @@ class Plot {
       const column = data[k + 1];
       let at = place ?? column.length - 1;
       if (place == null && this.board.playedTo != null) at = Math.min(at, this.board.store.at(this.board.playedTo) - this.board.store.at(data[0][0]));
-      node.textContent = figures(column[at]);
+      node.textContent = figures(column[at]) + this.pointed(this.spec.lines[k], data[0][at]);
     });
   }
 }

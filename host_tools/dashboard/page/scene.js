@@ -185,8 +185,8 @@ export class Scene {
     this.isDirty = true;
   }
 
-  setGeometry(gyros, accelerometers) {
-    this.axes = { gyros, accelerometers };
+  setGeometry(axes) {
+    this.axes = axes;
     this.build();
   }
 

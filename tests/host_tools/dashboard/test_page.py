@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import os
+import re
 import signal
 import struct
 import time
@@ -79,13 +80,17 @@ def test_a_fault_by_form_shows_everywhere_and_goes_again(open_page, rehearsal):
         one.wait('.chip[data-sensor^="G"][data-state="suspect"]')
         one.wait("#events li:has-text('the gyros disagree')")
     parity = seen.page.locator("#plot-parity .legend b").first
-    until(lambda: float(parity.inner_text()) > 1)
+    until(lambda: float(parity.inner_text().split()[0]) > 1)
+    assert re.search(r"→ G[1-4], \d+ s$", parity.inner_text())
     page.keyboard.press("w")
     assert "the gyros disagree" in seen.text("#tab-troubles")
     page.keyboard.press("c")
     page.click("#read-codes")
-    seen.wait("#tab-codes .answer.done")
-    assert seen.page.locator("#tab-codes summary").count() > 0
+    seen.wait("#tab-codes summary")
+    page.check("#again")  # of the residuals: of four gyros all are as large
+    for gyro in range(1, 5):
+        seen.wait(f"#residuals tr.trouble:has-text('G{gyro}')")
+    assert page.locator("#residuals tr:has-text('A1'):not(.trouble)").count() == 1
     page.keyboard.press("f")
     page.click("text=Clear all faults")
     seen.wait(".answer.done:has-text('all faults are removed')")
