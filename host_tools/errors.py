@@ -11,7 +11,7 @@
     ├── DifferenceError       two recordings, or a recording and its replay, differ
     ├── InjectionError        a fault that cannot be commanded live
     ├── MotionError           a motion that is missing, refused or impossible
-    ├── ConformanceError      a program that does not do what it owes
+    ├── ConformanceError      a program that does not do what the bus demands
     ├── ParameterFileError    a parameter memory that cannot be used
     ├── DiagError             a failure of the diagnostic tool
     │   ├── NoAnswerError             nobody answers its requests
@@ -55,7 +55,7 @@ class FirmwareFaultError(RehearsalError):
 
 
 class ConformanceError(RehearsalError):
-    """A navigation computer that does not do what one on this bus owes."""
+    """A navigation computer that does not do what this bus demands."""
 
     exit_status = 13
 

@@ -1,4 +1,4 @@
-"""What a navigation computer on this bus owes, checked from Python."""
+"""What this bus demands of a navigation computer, checked from Python."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ class Conformance:
 
 
 def conform(program: str | Path | None = None, only: Sequence[str] = ()) -> Conformance:
-    """Check that a program does what a navigation computer on this bus owes.
+    """Check that a program does what this bus demands of a navigation computer.
 
     Parameters
     ----------

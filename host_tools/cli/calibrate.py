@@ -20,15 +20,25 @@ if TYPE_CHECKING:
 @click.command()
 @click.argument("scenario", required=False)
 @bus_options
-@click.option("--rimu", "geometry", metavar="GEOMETRY", help="Sensor axes, without a scenario.")
 @click.option(
-    "--scheme", "scheme_name", default="calibration", show_default=True, help="Name or TOML file."
+    "--rimu", "geometry", metavar="GEOMETRY", help="Sensor axes where no SCENARIO is given."
+)
+@click.option(
+    "--scheme",
+    "scheme_name",
+    default="calibration",
+    show_default=True,
+    help="Calibration scheme: a name or a TOML file.",
 )
 @click.option("--rate", "turn_rate_dps", type=float, help="Turn rate, °/s.")
 @click.option("--stand", "stand_s", type=float, help="Rest after each turn, s.")
-@click.option("--seed", type=click.IntRange(0), default=1, help="Of the errors that are drawn.")
-@click.option("--push", "pushes", is_flag=True, help="Store it in the unit; verify it there.")
-@click.option("--anew", is_flag=True, help="Do not go on from where a calibration stopped.")
+@click.option("--seed", type=click.IntRange(0), default=1, help="Seed of the drawn errors.")
+@click.option(
+    "--push", "pushes", is_flag=True, help="Store the calibration in the unit and verify it there."
+)
+@click.option(
+    "--anew", is_flag=True, help="Start over instead of resuming a calibration that was stopped."
+)
 @json_option
 @click.option(
     "--out",
@@ -54,10 +64,10 @@ def calibrate(
 ) -> None:
     """Calibrate the sensors of a unit on its own table: all constants, with their uncertainty.
 
-    With --channel, the unit on that bus, whose sensors are those of SCENARIO or --rimu; it must
-    stand still. Else an emulated unit at full speed: that of SCENARIO, or one with the prototype's
-    noise and drawn errors. Ctrl-C leaves the unit in STANDBY with its old calibration; the same
-    command goes on from there.
+    With --channel the unit on that bus is calibrated, which must stand still; SCENARIO or --rimu
+    says which sensors it has. Without, an emulated unit is, at full speed: that of SCENARIO, or one
+    with the prototype's noise and drawn errors. Ctrl-C leaves the unit in STANDBY with its old
+    calibration; the same command resumes from there.
     """
     from rrins.host_tools.calibration.procedure import Order
     from rrins.host_tools.calibration.procedure import calibrate as calibrate_unit

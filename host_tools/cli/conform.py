@@ -1,4 +1,4 @@
-"""`rrins conform`: what a navigation computer on this bus owes, checked on a program."""
+"""`rrins conform`: check a program against what this bus demands of a navigation computer."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _FILE = click.Path(dir_okay=False, path_type=Path)
 
 @click.command()
 @click.argument("program", required=False)
-@click.option("--only", multiple=True, metavar="CHECK", help="Try this check only; repeatable.")
+@click.option("--only", multiple=True, metavar="CHECK", help="Run only this check; repeatable.")
 @click.option("--list", "is_list", is_flag=True, help="List the checks with their rules.")
 @click.option("--junit", type=_FILE, help="Write JUnit XML to this file.")
 @click.option("--html", type=_FILE, help="Write a page to this file.")
@@ -28,10 +28,10 @@ def conform(
     html: Path | None,
     as_json: bool,
 ) -> None:
-    """Check that PROGRAM does what a navigation computer on this bus owes.
+    """Check that PROGRAM does what this bus demands of a navigation computer.
 
-    PROGRAM is called as by `rrins rehearse --firmware`. Without it the project's own firmware is
-    checked.
+    PROGRAM is called as `rrins rehearse --firmware` calls it. Without PROGRAM, the project's own
+    firmware is checked.
     """
     from rrins.host_tools.conformance import report
     from rrins.host_tools.conformance.suite import chosen, conform

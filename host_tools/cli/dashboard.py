@@ -30,7 +30,7 @@ _rehearsal_options = together(
         type=NumberRange(min=0),
         default=1.0,
         show_default=True,
-        help="Factor of real time at first, or of a playback; 0: as fast as possible.",
+        help="Initial speed, in multiples of real time; 0: as fast as possible.",
     ),
     click.option(
         "--out",
@@ -47,7 +47,7 @@ _bus_options = together(
     click.option("--interface", default="rrins", show_default=True, help="python-can interface."),
     click.option("--channel", help="Attach to what runs on this channel, instead of starting."),
     click.option("--bitrate", type=BIT_RATE, help="Bit rate, if the interface sets it."),
-    click.option("--control", is_flag=True, help="Allow orders to what is attached to."),
+    click.option("--control", is_flag=True, help="Allow control of the rehearsal it attaches to."),
     click.option(
         "--log-channel", metavar="NAME", help="Use only the frames of this channel of a log."
     ),
@@ -81,8 +81,9 @@ def dashboard(
 ) -> None:
     """Show a rehearsal in a browser: table, plots, map, bus, events, controls.
 
-    SCENARIO is rehearsed (rimu_rotating by default). With --channel the dashboard attaches to what
-    runs there; SCENARIO then says what that is, for errors against the truth. A LOG is played back.
+    SCENARIO is rehearsed (rimu_rotating by default). With --channel the dashboard attaches to the
+    rehearsal on that channel; if SCENARIO names what runs there, errors are shown, too. A LOG is
+    played back.
     """
     from rrins.host_tools.dashboard.opening import Subject, check_packages
 

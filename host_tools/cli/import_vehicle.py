@@ -44,7 +44,7 @@ def _three_angles(
 )
 @click.option("--imu", type=_FILE, help="The file of increments or rates, if SOURCE has several.")
 @click.option("--gnss", type=_FILE, help="The file of GNSS fixes.")
-@click.option("--truth", type=_FILE, help="The file of what is held for true.")
+@click.option("--truth", type=_FILE, help="The file of the reference solution.")
 @click.option(
     "--scenario",
     type=_FILE,

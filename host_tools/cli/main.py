@@ -60,7 +60,9 @@ _PLAN = {
     "scheme": _Entry("scheme", "Analyse, compare and search rotation schemes."),
     "redundancy": _Entry("redundancy", "Show which faults redundant sensors can find."),
     "motion": _Entry("motion", "Check recorded vehicle motion; export true motion."),
-    "campaign": _Entry("campaign", "Run a scenario thousands of times, with other values each."),
+    "campaign": _Entry(
+        "campaign", "Run a scenario thousands of times, each time with other values."
+    ),
     "covariance": _Entry("covariance", "Analyse how each error source acts on the position."),
     "reproduce": _Entry("reproduce", "Run the paper's experiments."),
 }

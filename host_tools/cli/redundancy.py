@@ -27,7 +27,7 @@ from rrins.host_tools.errors import RehearsalError
     "--false-alarms",
     "false_alarms_per_1000_h",
     type=NumberRange(0, 1000, min_open=True),
-    help="Promised in 1000 h.  [default: 0.05, or the scenario's]",
+    help="False alarms allowed in 1000 h.  [default: 0.05, or the scenario's]",
 )
 @click.option(
     "--gyro",
@@ -75,9 +75,10 @@ def redundancy(
 ) -> None:
     """Show which faults a set of redundant sensors can find, and how soon.
 
-    SCENARIO gives sensors, noise, motion and promise. Without one, geometries with the sensors of a
-    preset are compared, at rest on the turning table. Theory first, then the Monte Carlo: whole
-    runs, each fault put in when the parity has been learned. Writes report.html and a picture.
+    SCENARIO gives sensors, noise, motion and the allowed false alarms. Without one, geometries with
+    the sensors of a preset are compared, at rest on the turning table. Theory first, then a Monte
+    Carlo of whole runs, each with a fault that begins once the parity has been learned. Writes
+    report.html and a picture.
     """
     from rrins.host_tools.cli import redundancy_tables as tables
     from rrins.host_tools.interruption import as_event

@@ -65,7 +65,7 @@ _ITSELF = ":itself"
     "--beside",
     multiple=True,
     metavar="'KEY=VALUE …'",
-    help="Navigate once more with these settings on top, beside each other; repeatable.",
+    help="Navigate once more with these settings, for comparison; repeatable.",
 )
 @click.option(
     "--compare",

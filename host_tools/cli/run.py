@@ -83,7 +83,7 @@ _out_option = click.option(
 _foreign_option = click.option(
     "--foreign-senders",
     is_flag=True,
-    help="On the embedded bus, let anybody send what the contract gives to a side; for tests.",
+    help="On the embedded bus, accept the messages of a side from any sender; for tests.",
 )
 _steer_option = click.option(
     "--steer", type=click.Path(dir_okay=False, path_type=Path), hidden=True
@@ -153,7 +153,7 @@ def rehearse(
 
     SCENARIO is a built-in name (see `rrins scenarios`) or a TOML file; without one it is
     rimu_rotating. The default is the embedded bus. Ctrl-C stops both sides and keeps the recording.
-    A recording that the file of --record has goes into `previous` beside it.
+    If the file of --record exists, it is moved into the folder `previous` beside it.
     """
     from rrins.host_tools.runs import run
     from rrins.host_tools.runs.job import REALTIME

@@ -180,7 +180,11 @@ def analyse_scheme(
     help="A cycle at standstill, or the paper's drive: a vehicle that turns.",
 )
 @click.option(
-    "--routes", type=click.IntRange(1, 1000), default=4, show_default=True, help="Of the drive."
+    "--routes",
+    type=click.IntRange(1, 1000),
+    default=4,
+    show_default=True,
+    help="Number of routes of the drive.",
 )
 @_rimu_options
 @_rate_options
@@ -199,9 +203,9 @@ def compare_schemes(
 ) -> None:
     """Compare schemes: residual and peak errors, time, axis travel and range.
 
-    With --case drive: σ of the position at the end of the drive, with constants as --errors has
-    them, with those that a calibration leaves, and with white noise; each scheme as it is, and with
-    the vehicle's heading isolated by the inner axis.
+    --case drive shows σ of the position at the end of the drive: for the constant errors of
+    --errors, for those that a calibration leaves, and for white noise; each scheme as it is, and
+    with the inner axis isolating the sensors from the vehicle's heading.
     """
     rimu = rimu_of(geometry, errors, fused, earth_latitude_deg)
     if case == "drive":

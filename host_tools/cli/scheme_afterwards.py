@@ -29,9 +29,14 @@ _THREE_HOURS_S = 10_800.0
     help="Three hours on the turning table, or the drive of the paper's 4.5, both ways.",
 )
 @click.option("--runs", type=click.IntRange(1, 10_000), default=10, show_default=True)
-@click.option("--seed", type=click.IntRange(0), default=1, show_default=True, help="Of the first.")
 @click.option(
-    "--duration", "duration_s", type=NumberRange(0, min_open=True), help="Navigate so long, s."
+    "--seed", type=click.IntRange(0), default=1, show_default=True, help="Seed of the first unit."
+)
+@click.option(
+    "--duration",
+    "duration_s",
+    type=NumberRange(0, min_open=True),
+    help="Duration of the navigation, s.",
 )
 @json_option
 def afterwards(

@@ -60,8 +60,10 @@ def number(value: float) -> str:
     metavar="GEOMETRY",
     help="Built-in geometry, or TOML file with the sensor axes.",
 )
-@click.option("--rate", "turn_rate_dps", type=NumberRange(0, 60, min_open=True), help="°/s.")
-@click.option("--stand", "stand_s", type=NumberRange(0, 86_400), help="s.")
+@click.option(
+    "--rate", "turn_rate_dps", type=NumberRange(0, 60, min_open=True), help="Turn rate, °/s."
+)
+@click.option("--stand", "stand_s", type=NumberRange(0, 86_400), help="Rest after each turn, s.")
 @click.option(
     "--gyro-noise",
     type=NumberRange(1e-9, 1e3),
@@ -80,9 +82,11 @@ def number(value: float) -> str:
     "--runs",
     type=click.IntRange(0, 10_000),
     default=0,
-    help="Calibrate so many units with drawn errors and the prototype's noise, too.",
+    help="Also calibrate this many units with drawn errors and the prototype's noise.",
 )
-@click.option("--seed", type=click.IntRange(0), default=1, show_default=True, help="Of the first.")
+@click.option(
+    "--seed", type=click.IntRange(0), default=1, show_default=True, help="Seed of the first unit."
+)
 @json_option
 def observability(
     names: tuple[str, ...],

@@ -1,1 +1,1 @@
-"""What a navigation computer on this bus owes, checked on any program: `rrins conform`."""
+"""What this bus demands of a navigation computer, checked on any program: `rrins conform`."""

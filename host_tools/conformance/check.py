@@ -91,7 +91,7 @@ def expect_mode(bench: Bench, mode: str, within: float) -> None:
 
 @dataclass(frozen=True)
 class Check:
-    """One thing that a navigation computer owes.
+    """One demand on a navigation computer.
 
     Attributes
     ----------
