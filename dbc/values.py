@@ -11,6 +11,7 @@ class AxisCommand(IntEnum):
     OFF = 0
     HOLD = 1
     POSITION = 2
+    FOLLOW = 3
 
 
 class AxisState(IntEnum):

@@ -41,6 +41,8 @@ class DataSheet(BaseModel):
         Standard deviation of scale factor and installation errors together.
     scale_sigma, asymmetry_sigma, installation_sigma : float
         1, 1, rad: standard deviation of each.
+    force_sigma : float
+        rad/s per m/s², of gyros: standard deviation.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
@@ -60,3 +62,4 @@ class DataSheet(BaseModel):
     scale_sigma: float = 30 * PPM
     asymmetry_sigma: float = 15 * PPM
     installation_sigma: float = 10 * ARCSEC
+    force_sigma: float = 0.0

@@ -58,6 +58,8 @@ class Parameters(Record):
     turn_rate_dps: F8  #: at which the scheme turns the axes
     axis_acceleration_dps2: F8  #: of the axes' drives
     axis_rise_s: F8  #: time in which an axis reaches that acceleration
+    isolate_heading: Bool  #: whether the inner axis takes the vehicle's turn out
+    isolation_rate_dps: F8  #: at which the inner axis turns at most when it does
     position_count: I8  #: positions of the rotation scheme
     position_axis: Annotated[Integers, SCHEME_CAPACITY]  #: axis that turns: `INNER` or `OUTER`
     position_turn_deg: Annotated[Floats, SCHEME_CAPACITY]  #: signed
@@ -314,6 +316,19 @@ class Bridging(Record):
     transmissions: I8  #: of BRIDGING, for its counter
 
 
+class Isolation(Record):
+    """What the inner axis is told while it takes the vehicle's turn out."""
+
+    known: Bool  #: whether `heading` is
+    begun: Bool  #: whether `wanted_deg` is
+    heading: F8  #: rad, of the body an epoch ago
+    turned: F8  #: rad, by which the vehicle has turned about up, without dropped whole turns
+    cosine: F8  #: of the outer axis' angle
+    wanted_deg: F8  #: angle of the inner axis that would isolate ideally
+    angle_deg: F8  #: angle that it is told, within the limits of its drive
+    rate_dps: F8  #: of that angle
+
+
 class Sequencer(Record):
     """The rotation scheme's progress and the commands to the axes."""
 
@@ -332,6 +347,7 @@ class Sequencer(Record):
     tries: I8  #: since the interruption
     abandoned: Annotated[Bytes, 2]  #: whether an axis did not follow in any try, 0 or 1
     interruptions: Annotated[Integers, 2]  #: by each axis, since power-on
+    isolation: Isolation
 
 
 class Modes(Record):

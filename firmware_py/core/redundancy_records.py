@@ -140,6 +140,7 @@ class Learner(Record):
     coefficients: Annotated[Floats, (SENSOR_GROUPS, REGRESSORS)]
     covariance: Annotated[Floats, (REGRESSORS, REGRESSORS)]
     prior: Annotated[Floats, REGRESSORS]  #: variances while nothing is known
+    usual: Annotated[Floats, REGRESSORS]  #: variances among sound sensors, no larger than `prior`
     walk: Annotated[Floats, REGRESSORS]  #: growth of the variances in a second
     unit: F8  #: variance of a second's sum, as `learning.noise` takes it
     gain: Annotated[Floats, REGRESSORS]  #: scratch
@@ -237,7 +238,7 @@ class Parity(Record):
     expected: Learner
     late_vector: Annotated[Floats, (SETTLED_S, 3)]  #: of the last seconds at standstill, a ring
     late_regressors: Annotated[Floats, (SETTLED_S, REGRESSORS)]
-    kept: Learner  #: how certain the parity was when a sensor was last left out
+    kept: Learner  #: what was known when a sensor was last left out, less what was taken off
     peak: F8  #: the largest parity over its threshold of shorter windows in the present second
     history: Annotated[Records[ParitySecond], HISTORY_S]  #: a ring, by `history_count`
     history_count: I8  #: seconds noted

@@ -1,9 +1,9 @@
 """The rotation scheme: commands the turntable's axes and watches that they follow.
 
 One axis turns at a time; a position is one turn and the dwell after it (paper, section 3 and
-table 1). An axis that does not follow interrupts the scheme. Once both stand, it is tried again
-after 1, 2, 4, … s: the turn is completed at the cost of the dwell after it, so that the scheme
-stays on time.
+table 1). With an isolated heading the inner axis turns besides, see `isolation`. An axis that does
+not follow interrupts the scheme. Once both stand, it is tried again after 1, 2, 4, … s: the turn is
+completed at the cost of the dwell after it, so that the scheme stays on time.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from rrins.dbc.values import AxisCommand, AxisState
 from rrins.firmware_py.core.memory import INNER, OUTER, Assembly, Parameters, Sequencer
 
 _OFF, _HOLD, _POSITION = int(AxisCommand.OFF), int(AxisCommand.HOLD), int(AxisCommand.POSITION)
+_FOLLOW = int(AxisCommand.FOLLOW)
 _AT_ZERO_DEG = 0.01
 _SETTLE_S = 10.0
 _AXIS_FAULT, _STANDS = int(AxisState.FAULT), int(AxisState.HOLDING)
@@ -73,13 +74,34 @@ def switch_off(sequencer: Sequencer) -> None:
 
 
 @compiled
+def is_isolating(sequencer: Sequencer) -> bool:
+    """Return whether the inner axis takes the vehicle's turn out."""
+    return bool(sequencer.command[INNER] == _FOLLOW)
+
+
+@compiled
+def _isolate(sequencer: Sequencer, angle_deg: float) -> None:
+    """Command the inner axis, which stands at an angle, to follow from now on."""
+    isolation = sequencer.isolation
+    isolation.begun = False
+    isolation.angle_deg = angle_deg
+    isolation.rate_dps = 0.0
+    sequencer.command[INNER] = _FOLLOW
+
+
+@compiled
 def _enter(sequencer: Sequencer, parameters: Parameters) -> None:
     """Command the turn of the current position."""
     sequencer.epochs = 0
     sequencer.turn_begun = 0
     for axis in range(2):
         sequencer.start_angle_deg[axis] = sequencer.target_angle_deg[axis]
-        sequencer.command[axis] = _POSITION
+        if axis == OUTER or not parameters.isolate_heading:
+            sequencer.command[axis] = _POSITION
+    if parameters.isolate_heading and not is_isolating(sequencer):
+        sequencer.isolation.known = False
+        sequencer.isolation.turned = 0.0
+        _isolate(sequencer, sequencer.target_angle_deg[INNER])
     turning = parameters.position_axis[sequencer.position]
     turn_deg = parameters.position_turn_deg[sequencer.position]
     sequencer.target_angle_deg[turning] += turn_deg
@@ -178,11 +200,35 @@ def resume(sequencer: Sequencer, parameters: Parameters, assembly: Assembly) -> 
         encoder = assembly.encoder_angle_deg[axis]
         sequencer.start_angle_deg[axis] = unwrapped(encoder, target, parameters.angle_span_deg)
         sequencer.command[axis] = _POSITION
+    if parameters.isolate_heading and not sequencer.homing:
+        now_deg = unwrapped(
+            assembly.encoder_angle_deg[INNER],
+            sequencer.isolation.angle_deg,
+            parameters.angle_span_deg,
+        )
+        sequencer.start_angle_deg[INNER] = sequencer.target_angle_deg[INNER]
+        _isolate(sequencer, now_deg)
+
+
+@compiled
+def commanded_angle_deg(sequencer: Sequencer, axis: int) -> float:
+    """Return the angle that an axis is told."""
+    if axis == INNER and is_isolating(sequencer):
+        return sequencer.isolation.angle_deg
+    return sequencer.target_angle_deg[axis]
 
 
 @compiled
 def expected_angle_deg(sequencer: Sequencer, parameters: Parameters, axis: int) -> float:
-    """Return the expected angle of an axis: ramp up, turn at the full rate, ramp down.
+    """Return the expected angle of an axis."""
+    if axis == INNER and is_isolating(sequencer):
+        return sequencer.isolation.angle_deg
+    return scheme_angle_deg(sequencer, parameters, axis)
+
+
+@compiled
+def scheme_angle_deg(sequencer: Sequencer, parameters: Parameters, axis: int) -> float:
+    """Return the angle that the scheme wants: ramp up, turn at the full rate, ramp down.
 
     A finite rise time of the acceleration delays the turn by half that time.
     """

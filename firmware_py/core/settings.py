@@ -58,6 +58,8 @@ class Scheme(_Checked):
     turns: tuple[Turn, ...] = Field(min_length=1, max_length=SCHEME_CAPACITY)
     turn_rate_dps: float = Field(default=2.0, gt=0, le=60)
     stand_s: float = Field(default=10.0, ge=0, le=86400)
+    isolate_heading: bool = False
+    """Whether the inner axis takes the vehicle's turn out, too."""
 
     def position_s(self, turn: Turn) -> float:
         """Return the duration of a position, s: its turn at the full rate, and the dwell."""
@@ -125,6 +127,8 @@ class Settings(_Checked):
     bridge_s: float
     axis_acceleration_dps2: float
     axis_rise_s: float = 0.0
+    isolation_rate_dps: float = Field(default=30.0, gt=0, le=60)
+    """At most, of the inner axis while it takes the vehicle's turn out."""
     encoder_step_deg: float = 0.0
     follow_tolerance_deg: float
     axis_silence_s: float
@@ -214,6 +218,8 @@ def power_on(settings: Settings, contract: Records[Contract]) -> Records[Ram]:
     parameters.bridge_epochs = round(settings.bridge_s * rate_hz)
     parameters["axis_acceleration_dps2"] = settings.axis_acceleration_dps2
     parameters.axis_rise_s = settings.axis_rise_s
+    parameters.isolate_heading = settings.scheme.isolate_heading
+    parameters["isolation_rate_dps"] = settings.isolation_rate_dps
     resolution_deg = float(contract[0].axis_inner_status.encoder_angle_deg.scale)
     state.encoders.step_deg = max(settings.encoder_step_deg, resolution_deg)
     parameters.follow_tolerance_deg = settings.follow_tolerance_deg

@@ -23,6 +23,7 @@ from rrins.firmware_py.core import (
     gnss,
     inertial_alignment,
     intake,
+    isolation,
     modes,
     monitor,
     odometer,
@@ -253,6 +254,8 @@ def _run_mode(state: Ram, contract: Contract) -> None:
         _rotate(state)
     elif state.sequencer.interrupted:
         modes.resume_rotation(state)
+    if state.parameters.isolate_heading and modes.is_inertial(state):
+        isolation.follow(state)
     if state.modes.mode == Mode.FINE_ALIGNMENT and mode == Mode.FINE_ALIGNMENT:
         _finish_alignment(state)
 

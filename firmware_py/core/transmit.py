@@ -11,7 +11,7 @@ from rrins.dbc.compilation import compiled
 from rrins.dbc.contract import Contract, MessageSignals
 from rrins.dbc.e2e import MessageLayout, fill
 from rrins.dbc.frame import FrameArray
-from rrins.firmware_py.core import aiding_status, bridging, clock, estimator_frames
+from rrins.firmware_py.core import aiding_status, bridging, clock, estimator_frames, sequencer
 from rrins.firmware_py.core.memory import INNER, OUTER, FaultCounters, Ram
 from rrins.firmware_py.core.modes import navigating
 from rrins.firmware_py.core.redundancy_records import Parity, Readmission
@@ -192,8 +192,12 @@ def axis_command_word(state: Ram, message: MessageSignals, axis: int) -> np.uint
     """Return the payload of an axis' command."""
     running = state.sequencer
     word = pack(np.uint64(0), message.command, running.command[axis])
-    word = encode_wrapped(word, message.target_angle_deg, running.target_angle_deg[axis])
-    return encode(word, message.rate_limit_dps, state.parameters.turn_rate_dps)
+    target_deg = sequencer.commanded_angle_deg(running, axis)
+    word = encode_wrapped(word, message.target_angle_deg, target_deg)
+    rate_dps = state.parameters.turn_rate_dps
+    if axis == INNER and sequencer.is_isolating(running):
+        rate_dps = state.parameters.isolation_rate_dps
+    return encode(word, message.rate_limit_dps, rate_dps)
 
 
 @compiled

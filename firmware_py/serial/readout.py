@@ -10,7 +10,7 @@ from rrins.firmware_py.core import clock
 from rrins.firmware_py.core.memory import INNER, OUTER
 from rrins.firmware_py.core.modes import FirmwareFault, Mode
 from rrins.firmware_py.core.redundancy_records import ReadmissionState, Refusal, SensorKind
-from rrins.firmware_py.core.sequencer import expected_angle_deg
+from rrins.firmware_py.core.sequencer import commanded_angle_deg, expected_angle_deg
 from rrins.firmware_py.loop import Firmware
 
 _NAVIGATION = (Mode.NAVIGATION_STRAPDOWN, Mode.NAVIGATION_ROTATING)
@@ -99,7 +99,7 @@ def axes(firmware: Firmware) -> list[str]:
         goal = ""
         if running.running:
             expected = expected_angle_deg(running, parameters, axis)
-            goal = f"{running.target_angle_deg[axis]:+.3f}, {expected:+.3f}"
+            goal = f"{commanded_angle_deg(running, axis):+.3f}, {expected:+.3f}"
         lines.append(f"{name}  {angle:+11.5f}  {rate:+11.5f}  {is_state:<8}  {command:<8}  {goal}")
     lost = [f"the {name} axis did not follow" for name, axis in _AXES if _lags(firmware, axis)]
     return lines + lost

@@ -34,11 +34,14 @@ RATE_HZ = 50
 _SAMPLE_S = 10.0
 _THREADS = 2
 
+_ISOLATED = ", isolated"
+
 CASES = {
     "rotating": ("rimu_rotating",),
-    "drive": ("drive_strapdown", "drive_rotating"),
+    "drive": ("drive_strapdown", "drive_rotating", f"drive_rotating{_ISOLATED}"),
 }
-"""Scenarios that are navigated: three hours on the turning table; the paper's drive, 4.5."""
+"""Scenarios that are navigated: three hours on the turning table; the paper's drive, 4.5, also with
+the vehicle's heading isolated by the inner axis."""
 
 VARIANTS = ("uncalibrated", "calibrated", "perfect constants", "calibrated, no noise")
 
@@ -105,7 +108,9 @@ def _scenario(name: str, unit: Scenario, seed: int, duration_s: float | None) ->
         keys["motion__seed"] = seed
     if duration_s is not None:
         keys["duration_s"] = duration_s
-    return load(name).varied(**keys)
+    if name.endswith(_ISOLATED):
+        keys["firmware__isolate_heading"] = True
+    return load(name.removesuffix(_ISOLATED)).varied(**keys)
 
 
 def _silent(scenario: Scenario) -> Scenario:

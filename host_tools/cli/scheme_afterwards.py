@@ -84,12 +84,12 @@ def _lines(found: tuple[Afterwards, ...]) -> list[str]:
             f"{one.scenario}: calibrated over perfect constants, largest error: median "
             f"{np.median(over):.3f}, {over.min():.2f} to {over.max():.2f}"
         )
-    if len(found) == 2:
-        _, calibrated, perfect, _ = (found[1].end_m < found[0].end_m).T
+    for one in found[1:]:
+        _, calibrated, perfect, _ = (one.end_m < found[0].end_m).T
         further = int((~calibrated).sum())
         of_noise = int((~calibrated & ~perfect).sum())
         lines.append(
-            f"calibrated, {found[1].scenario} ends nearer than {found[0].scenario} for "
+            f"calibrated, {one.scenario} ends nearer than {found[0].scenario} for "
             f"{calibrated.sum()} of {len(calibrated)} units; of the other {further}, {of_noise} "
             "end further off with perfect constants too: it is the noise"
         )

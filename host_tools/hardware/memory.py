@@ -124,6 +124,9 @@ class TurntableAxis(Record):
     profile_ramp: I8  #: epochs of each ramp
     profile_cruise: I8  #: epochs
     profile_epoch: I8  #: epochs driven so far
+    # Following a target that moves.
+    is_following: Bool  #: whether it did in the epoch before
+    followed: F8  #: rad, the target of the epoch before
     # Braking: the remaining acceleration fades, then the rate goes to zero.
     brake_acceleration: F8  #: rad/s², still fading
     brake_rate: F8  #: rad/s, when the rate begins to fall to zero

@@ -6,6 +6,9 @@ trapezoid is averaged over the epochs that the acceleration needs to rise, and c
 as long. The drive's rate is linear in time within each epoch. A new command brakes first: at
 constant deceleration, or, if the jerk is limited, with a rate that is a cubic in time.
 
+FOLLOW makes the drive keep up with a target that moves from epoch to epoch, within the limits of
+rate and acceleration. An axis with limited jerk brakes instead.
+
 The load follows the drive: stiction holds it until the drive has wound up by a given angle, and
 the ripple of gears and motor is added, a function of the angle.
 """
@@ -21,6 +24,7 @@ from rrins.host_tools.hardware.memory import TurntableAxis
 _ROUNDING = 1e-9  # epochs: tolerance for a time that is a whole number of epochs
 _SLOWEST = 1e-9  # rad/s: with a rate limit of zero a turn would never end
 _CATCH_UP_S = 0.05  # time constant of the load coming free
+_KEEP_UP_S = 0.05  # time constant in which a small deviation from a moving target fades
 _FREE = 1e-3  # of the stiction: the load has caught up
 
 
@@ -143,6 +147,31 @@ def _brake(axis: TurntableAxis, dt: float) -> None:
 
 
 @compiled
+def _keep_up(axis: TurntableAxis, dt: float) -> None:
+    """Follow the moving target for an epoch: at its rate, and so that the deviation fades.
+
+    From far away the drive closes in as fast as half its acceleration can brake.
+    """
+    target_before = axis.followed if axis.is_following else axis.target
+    deviation = target_before - axis.drive_angle
+    closing = min(
+        abs(deviation) / max(_KEEP_UP_S, 4.0 * dt),
+        math.sqrt(axis.acceleration_limit * abs(deviation)),
+    )
+    rate = (axis.target - target_before) / dt + math.copysign(closing, deviation)
+    limit = min(axis.rate_limit, axis.commanded_rate)
+    rate = min(limit, max(-limit, rate))
+    before, change = axis.drive_rate, axis.acceleration_limit * dt
+    axis.drive_rate = min(before + change, max(before - change, rate))
+    axis.drive_angle += 0.5 * (before + axis.drive_rate) * dt
+    stands = axis.drive_rate == 0.0 and before == 0.0
+    axis.state = AxisState.HOLDING if stands else AxisState.MOVING
+    axis.profile_end = math.nan  # matches no target: afterwards the axis brakes and replans
+    axis.followed = axis.target
+    axis.is_following = True
+
+
+@compiled
 def _run_away(axis: TurntableAxis, dt: float) -> None:
     """Turn at the rate of the runaway, whatever is commanded."""
     step = axis.acceleration_limit * dt
@@ -184,6 +213,9 @@ def advance(axis: TurntableAxis, dt: float) -> None:
     """
     axis.angle_before = axis.angle
     axis.rate_before = axis.rate
+    follows = axis.command == AxisCommand.FOLLOW and axis.ramp_smoothing <= 1
+    if not follows or axis.blocked or axis.runaway:
+        axis.is_following = False
     if axis.blocked:  # stops at once, and restarts when released
         axis.rate_before = 0.0
         axis.rate = 0.0
@@ -195,6 +227,11 @@ def advance(axis: TurntableAxis, dt: float) -> None:
     rate_before = axis.drive_rate
     if axis.runaway:
         _run_away(axis, dt)
+        axis.drive_acceleration = (axis.drive_rate - rate_before) / dt
+        _follow(axis, dt)
+        return
+    if follows:
+        _keep_up(axis, dt)
         axis.drive_acceleration = (axis.drive_rate - rate_before) / dt
         _follow(axis, dt)
         return

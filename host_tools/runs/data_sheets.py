@@ -103,6 +103,7 @@ def _gyros(scenario: Scenario) -> DataSheet:
         bias_limit=bias * DPH,
         bias_sigma=max(_LEAST_GYRO_BIAS_SIGMA_DPH, math.sqrt(square)) * DPH,
         force_limit=max(0.1, _largest(gyros.g_sensitivity_dph_per_g)) * DPH / STANDARD_GRAVITY,
+        force_sigma=math.sqrt(_mean_square(gyros.g_sensitivity_dph_per_g)) * DPH / STANDARD_GRAVITY,
         **_limits(gyros),
     )
 

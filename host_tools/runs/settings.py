@@ -64,7 +64,7 @@ def firmware_settings(scenario: Scenario) -> firmware.Settings:
     MotionError
         When a recorded motion cannot be used.
     """
-    settings = scenario.firmware
+    settings, table = scenario.firmware, scenario.turntable
     gyros, accelerometers = scenario.rimu.gyros, scenario.rimu.accelerometers
     return firmware.Settings(
         rate_hz=scenario.rate_hz,
@@ -80,10 +80,8 @@ def firmware_settings(scenario: Scenario) -> firmware.Settings:
         bridge_s=settings.bridge_s,
         axis_acceleration_dps2=scenario.axis_acceleration_dps2,
         axis_rise_s=scenario.axis_rise_s,
-        encoder_step_deg=max(
-            _drive(axis).encoder_step_deg
-            for axis in (scenario.turntable.inner, scenario.turntable.outer)
-        ),
+        isolation_rate_dps=table.inner.rate_limit_dps,
+        encoder_step_deg=max(_drive(axis).encoder_step_deg for axis in (table.inner, table.outer)),
         follow_tolerance_deg=settings.follow_tolerance_deg,
         axis_silence_s=settings.axis_silence_s,
         gyro_consistency_dph=settings.gyro_consistency_dph,

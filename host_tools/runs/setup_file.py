@@ -59,6 +59,8 @@ def _lines(settings: Settings) -> list[str]:
         f"stand_s {float(scheme.stand_s)!r}",
         *(f"turn {turn.axis} {float(turn.angle_deg)!r}" for turn in scheme.turns),
     ]
+    if scheme.isolate_heading:
+        lines.append(f"isolation_rate_dps {settings.isolation_rate_dps!r}")
     odometer = settings.odometer
     if odometer is not None:
         lever = " ".join(repr(part) for part in odometer.lever_arm_m)

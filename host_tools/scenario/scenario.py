@@ -174,12 +174,7 @@ class Scenario(TomlTable):
                 f"{settle_s:.3g} s after a turn without ramps would (turn rate / acceleration, "
                 "acceleration / jerk)"
             )
-        for name, axis in (("inner", self.turntable.inner), ("outer", self.turntable.outer)):
-            if self.mode == "rotating" and axis.rate_limit_dps < self.firmware.turn_rate_dps:
-                raise ValueError(
-                    f"turntable.{name}.rate_limit_dps: {axis.rate_limit_dps:g}, below the "
-                    f"scheme's {self.firmware.turn_rate_dps:g}"
-                )
+        self.turntable.check(self.mode == "rotating", self.firmware)
         times = [request.at_s for request in self.operator]
         if times != sorted(times):
             raise ValueError("operator: the requests are not in order of time")
@@ -258,7 +253,10 @@ class Scenario(TomlTable):
         scheme = self.firmware.scheme
         turns = SCHEMES[scheme] if isinstance(scheme, str) else scheme
         return rrins.firmware_py.core.settings.Scheme(
-            turns=turns, turn_rate_dps=self.firmware.turn_rate_dps, stand_s=self.firmware.stand_s
+            turns=turns,
+            turn_rate_dps=self.firmware.turn_rate_dps,
+            stand_s=self.firmware.stand_s,
+            isolate_heading=self.firmware.isolate_heading,
         )
 
     @property

@@ -185,6 +185,20 @@ class Turntable(TomlTable):
     """Of the inner axis."""
     wobble_per_turn: float = Field(default=1.0, gt=0, le=100)
 
+    def check(self, rotates: bool, firmware: Firmware) -> None:
+        """Raise ValueError unless both axes can do what the firmware will tell them."""
+        for name, axis in (("inner", self.inner), ("outer", self.outer)):
+            if rotates and axis.rate_limit_dps < firmware.turn_rate_dps:
+                raise ValueError(
+                    f"turntable.{name}.rate_limit_dps: {axis.rate_limit_dps:g}, below the "
+                    f"scheme's {firmware.turn_rate_dps:g}"
+                )
+        if firmware.isolate_heading and self.inner.jerk_limit_dps3 is not None:
+            raise ValueError(
+                "firmware.isolate_heading: an inner axis with jerk_limit_dps3 follows no angle "
+                "that moves"
+            )
+
 
 class Thermal(TomlTable):
     """Temperature of the sensors above that of their calibration."""
@@ -303,6 +317,8 @@ class Firmware(TomlTable):
     ) = "16-position"
     turn_rate_dps: float = Field(default=2.0, ge=0.01, le=60)
     stand_s: float = Field(default=10.0, ge=0, le=86_400)
+    isolate_heading: bool = False
+    """Whether the inner axis takes the vehicle's turn out, too."""
     gyro_weights: PerSensor = 1.0
     accelerometer_weights: PerSensor = 1.0
     clock_error_ppm: float = Field(default=0.0, ge=-1000, le=1000)

@@ -110,13 +110,34 @@ def copy(learner: Learner, other: Learner) -> None:
 
 
 @compiled
+def confine(learner: Learner, count: int) -> None:
+    """Expect of each coefficient what is usual of sound sensors, no longer its limit.
+
+    The prior of variance p becomes one of variance u as if zero had been measured of the
+    coefficient with the variance ``u p / (p - u)``: the product of two normal densities.
+    """
+    covariance = learner.covariance
+    for j in range(count):
+        limit, usual = learner.prior[j] / learner.unit, learner.usual[j] / learner.unit
+        if usual >= limit:
+            continue
+        scale = 1.0 / (covariance[j, j] + usual * limit / (limit - usual))
+        for k in range(count):
+            learner.gain[k] = covariance[k, j]
+        for i in range(learner.coefficients.shape[0]):
+            value = learner.coefficients[i, j]
+            for k in range(count):
+                learner.coefficients[i, k] -= learner.gain[k] * scale * value
+        for k in range(count):
+            for m in range(count):
+                covariance[k, m] -= learner.gain[k] * learner.gain[m] * scale
+
+
+@compiled
 def resume(learner: Learner, other: Learner, seconds: float) -> None:
-    """Know as well as another learner did some seconds ago, that all coefficients are zero."""
+    """Know as well as another learner did some seconds ago."""
     copy(learner, other)
     for k in range(REGRESSORS):
         missing = learner.prior[k] - learner.covariance[k, k] * learner.unit
         if missing > 0.0:
             learner.covariance[k, k] += min(missing, learner.walk[k] * seconds) / learner.unit
-    for i in range(learner.coefficients.shape[0]):
-        for k in range(REGRESSORS):
-            learner.coefficients[i, k] = 0.0

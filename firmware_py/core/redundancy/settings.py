@@ -114,6 +114,12 @@ def _set_learner(learner: Learner, sheet: DataSheet, has_force: bool) -> None:
     prior[1:4] = slope
     prior[4:ABSOLUTE] = sheet.force_limit**2 if has_force else 0.0
     prior[ABSOLUTE:] = sheet.asymmetry_limit**2
+    usual = learner["usual"]
+    usual[0] = prior[0]
+    usual[1:4] = sheet.scale_sigma**2 + sheet.installation_sigma**2
+    usual[4:ABSOLUTE] = sheet.force_sigma**2 if has_force else 0.0
+    usual[ABSOLUTE:] = sheet.asymmetry_sigma**2
+    usual[:] = np.minimum(usual, prior)
     walk[:] = prior * 1e-9
     drift = max(sheet.bias_instability) ** 2 / FLICKER_S + max(sheet.rate_random_walk) ** 2
     warm = max(sheet.temperature_drift)

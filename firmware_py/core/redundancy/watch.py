@@ -227,17 +227,21 @@ def _leave_out(state: Ram, parity: Parity, fusion: Fusion, sensor: int, how: int
     """Leave a sensor out from now on if it can be spared, and order the repair of the history.
 
     What was learned of the parity is taken off the other sensors from now on, so that without it
-    they give what all gave. Not what little was learned since power-on: it may be of the fault.
+    they give what all gave: what is usual of sound sensors, for nothing is learned of it any more.
+    Not what little was learned since power-on: it may be of the fault.
     """
     redundancy = state.redundancy
     if not parities.spares(parity, fusion, sensor):
         return
+    learning.copy(parity.kept, parity.parity)
     if parity.learning:
+        learning.confine(parity.parity, ABSOLUTE + int(fusion.count))
         for k in range(fusion.count):
             for j in range(parity.correction.shape[1]):
-                parity.correction[k, j] += parity.parity.coefficients[k, j]
+                taken_off = parity.parity.coefficients[k, j]
+                parity.correction[k, j] += taken_off
+                parity.kept.coefficients[k, j] -= taken_off
         parity.corrected = True
-    learning.copy(parity.kept, parity.parity)
     seconds = _begun_s(parity)
     if how == _REFERENCE:
         parity.alarm_epoch = redundancy.bank.doubt_since[parity.kind]

@@ -40,7 +40,7 @@ export class BusTable {
 
   addRow(identifier, label) {
     const row = element("tr", { onclick: () => this.show({ name: label }), tabindex: 0 },
-      ...HEAD.map(([, kind], k) => element("td", { class: k === 5 || k === 0 ? "hex" : kind })));
+      ...HEAD.map(([, kind], k) => element("td", { class: k === 5 || k === 0 ? "hex" : kind, title: k === 1 ? label : null })));
     row.onkeydown = (event) => event.key === "Enter" && this.show({ name: label });
     this.rows.set(identifier + label, row);
     const all = [...this.rows.keys()].sort();

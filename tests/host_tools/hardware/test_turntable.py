@@ -16,6 +16,7 @@ from rrins.host_tools.hardware.memory import MOTION_CHANNELS, MOTION_TERMS, OUTE
 
 DT = 0.005
 OFF, HOLD, POSITION = AxisCommand.OFF, AxisCommand.HOLD, AxisCommand.POSITION
+FOLLOW = AxisCommand.FOLLOW
 
 
 def new_axis(rate_limit=0.5, acceleration_limit=0.2):
@@ -238,3 +239,62 @@ def test_commands_and_states_are_those_of_the_dbc(tools):
         states = tools.codec.choices(f"AXIS_{name}_STATUS", "state")
         assert {int(c): c.name for c in AxisCommand} == commands
         assert {int(s): s.name for s in AxisState} == states
+
+
+def test_a_target_that_moves_is_followed_without_lag():
+    axis = new_axis(0.5, 0.2)
+    log = []
+    for k in range(1, 4001):
+        target = 0.3 * DT * k
+        turntable.command(axis, FOLLOW, target, 1.0)
+        advance(axis)
+        log.append(axis["angle"] - target)
+    assert np.abs(log).max() < 0.3**2 / 0.2  # behind while it speeds up
+    assert np.abs(log[-1000:]).max() < 1e-6
+    assert axis["state"] == AxisState.MOVING
+
+
+@settings(max_examples=50)
+@given(LIMITS, st.lists(st.floats(-3, 3), min_size=1, max_size=8), st.floats(0.05, 2.0))
+def test_whatever_is_to_be_followed_the_limits_hold(limits, targets, commanded):
+    axis = new_axis(*limits)
+    for target in targets:
+        for _ in range(100):
+            turntable.command(axis, FOLLOW, target, commanded)
+            advance(axis)
+            assert abs(axis["rate"]) <= commanded * (1 + 1e-9)
+
+
+@pytest.mark.slow
+def test_a_target_that_jumps_is_reached_and_kept():
+    axis = new_axis(0.5, 0.2)
+    turntable.command(axis, FOLLOW, 1.0, 1.0)
+    angles = []
+    for _ in range(4000):
+        advance(axis)
+        angles.append(axis["angle"])
+    assert max(angles) < 1.0 + 1e-3
+    assert angles[-1] == pytest.approx(1.0, abs=1e-9)
+
+
+def test_after_following_an_axis_brakes_and_turns_to_its_position():
+    axis = new_axis(0.5, 0.2)
+    for k in range(1000):
+        turntable.command(axis, FOLLOW, 0.3 * DT * k, 1.0)
+        advance(axis)
+    turntable.command(axis, POSITION, 0.2, 1.0)
+    advance(axis)
+    assert axis["state"] == AxisState.BRAKING
+    run_until(axis, AxisState.HOLDING)
+    run_until(axis, AxisState.MOVING)
+    run_until(axis, AxisState.HOLDING)
+    assert axis["angle"] == 0.2
+
+
+def test_an_axis_with_limited_jerk_follows_nothing():
+    axis = new_axis()
+    axis["ramp_smoothing"] = 20
+    turntable.command(axis, FOLLOW, 1.0, 1.0)
+    advance(axis)
+    assert axis["angle"] == 0
+    assert axis["state"] == AxisState.HOLDING

@@ -101,6 +101,10 @@ SCENARIOS = {
         "firmware": {"clock_error_ppm": 300},
     },
     "requests of the operator": OPERATOR | QUICK_TABLE,
+    "isolated heading": MOVING
+    | OPERATOR
+    | QUICK_TABLE
+    | {"firmware": MOVING["firmware"] | QUICK_TABLE["firmware"] | {"isolate_heading": True}},
 }
 
 

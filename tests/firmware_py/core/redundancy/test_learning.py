@@ -58,3 +58,22 @@ def test_what_was_learned_becomes_less_certain_up_to_the_prior(samples):
     for _ in range(1000):
         learning.age(learner, COUNT)
     assert learner["covariance"][0, 0] == pytest.approx(100.0, abs=0.5)
+
+
+def test_confined_it_is_what_a_narrower_prior_would_have_given(samples):
+    X, Y = (half[:4] for half in samples)  # fewer than coefficients: the prior counts
+    limits, usual = np.array([4.0, 9.0, 1.0, 25.0, 100.0]), np.array([4.0, 1.0, 0.0, 2.5, 0.1])
+    learner = new_learner(limits)
+    learner["usual"][:COUNT] = usual
+    learn(learner, X, Y)
+    learning.confine(learner, COUNT)
+    varies = usual > 0  # a coefficient of variance zero is none
+    information = X[:, varies].T @ X[:, varies] + np.diag(1 / usual[varies])
+    expected = np.zeros((COUNT, ROWS))
+    expected[varies] = np.linalg.solve(information, X[:, varies].T @ Y)
+    found = learner["coefficients"][:ROWS, :COUNT]
+    assert found == pytest.approx(expected.T, rel=1e-9, abs=1e-12)
+    covariance = np.zeros((COUNT, COUNT))
+    covariance[np.ix_(varies, varies)] = np.linalg.inv(information)
+    found = learner["covariance"][:COUNT, :COUNT]
+    assert found == pytest.approx(covariance, rel=1e-8, abs=1e-12)
