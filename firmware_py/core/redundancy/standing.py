@@ -13,15 +13,16 @@ from rrins.dbc.compilation import compiled
 from rrins.dbc.record import Floats
 from rrins.firmware_py.core import earth
 from rrins.firmware_py.core.attitude import cross
+from rrins.firmware_py.core.estimator_records import BIASES
 from rrins.firmware_py.core.memory import INNER, OUTER, Fusion, Ram
 from rrins.firmware_py.core.redundancy import learning
-from rrins.firmware_py.core.redundancy_records import SETTLED_S, Parity
+from rrins.firmware_py.core.redundancy_records import ACCELEROMETERS, SETTLED_S, Parity
 
 _STANDS_BELOW = 3.0
 """m/s, largest velocity that may be an error of the navigation at standstill."""
 
 _WITHIN = 3.0
-"""Standard deviations by which an attitude that is estimated may still change."""
+"""Standard deviations by which what is estimated may still change."""
 
 
 @compiled
@@ -90,6 +91,31 @@ def forget(parity: Parity) -> None:
     """Forget what was learned of the expectation, which is another one from now on."""
     learning.forget_all(parity.expected, parity.vector_learning_variance)
     parity.now.standing = 0
+
+
+@compiled
+def expect_aligned(state: Ram) -> None:
+    """Know of the constants of the expectation what the estimator knows of the biases.
+
+    It has taken them out in the fine alignment: what is left is of the size of their deviation.
+    """
+    estimator, first = state.estimator, BIASES
+    parity, fusion = state.redundancy.gyros, state.gyros
+    for kind in range(2):
+        if kind == ACCELEROMETERS:
+            parity, fusion = state.redundancy.accelerometers, state.accelerometers
+        largest = 0.0
+        for axis in range(3):
+            total = 0.0
+            for i in range(fusion.count):
+                for j in range(fusion.count):
+                    share = fusion.gain[axis, i] * fusion.gain[axis, j]
+                    total += share * estimator.P[first + i, first + j]
+            largest = max(largest, total)
+        learner = parity.expected
+        known = _WITHIN * _WITHIN * largest / learner.unit
+        learner.covariance[0, 0] = min(learner.covariance[0, 0], known)
+        first += int(fusion.count)
 
 
 @compiled

@@ -333,6 +333,8 @@ def watch(state: Ram, navigating: bool, aligning: bool) -> None:
         redundancy.moved = False
         standing.forget(redundancy.gyros)
         standing.forget(redundancy.accelerometers)
+        if navigating and redundancy.navigated and state.estimator.running:
+            standing.expect_aligned(state)
     redundancy.navigated = navigating
     redundancy.aligning = aligning
     redundancy.expected_known = False

@@ -76,7 +76,6 @@ def test_a_gyro_that_fails_in_the_fine_alignment_is_left_out_and_does_no_harm(se
     assert math.hypot(worst["east"], worst["north"]) < 2.0
 
 
-@pytest.mark.xfail(strict=True, reason="what is expected at standstill is learned anew just then")
 def test_a_gyro_that_fails_just_after_the_fine_alignment_is_named():
     fault = {"kind": "gyro_bias", "sensor": 2, "bias_dph": 10, "at_s": 465}
     summary = rrins.simulate("rimu_rotating_aligned", duration_s=120, faults=(fault,)).summary
