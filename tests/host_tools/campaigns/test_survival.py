@@ -18,7 +18,7 @@ from rrins.host_tools.campaigns.definition import Wishes, load
 from rrins.host_tools.campaigns.row import Work, rows_of
 from rrins.host_tools.campaigns.store import Store
 
-RUNS = 240
+RUNS = 480  # more than the workers take at once
 VARY = {"gyros.scale_error_ppm": "normal(0, 50)"}
 OPTIONS = ("rimu_rotating", f"--runs={RUNS}", "--duration=10", "--set=sensors=prototype", "--json")
 VARIED = ("--vary", "gyros.scale_error_ppm=normal(0, 50)", "--out", "c", "--workers=2")

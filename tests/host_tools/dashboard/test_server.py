@@ -239,10 +239,10 @@ def test_a_browser_that_stops_reading_holds_nobody(rehearsal):
 def test_without_its_packages_the_command_says_which(monkeypatch):
     from click.testing import CliRunner
 
-    from rrins.host_tools.cli import dashboard
     from rrins.host_tools.cli.main import rrins
+    from rrins.host_tools.dashboard import opening
 
-    monkeypatch.setattr(dashboard, "_NEEDED", ("starlette", "no_such_package"))
+    monkeypatch.setattr(opening, "_NEEDED", ("starlette", "no_such_package"))
     done = CliRunner().invoke(rrins, ["dashboard"])
     assert done.exit_code == 1
     assert "the dashboard needs more packages: pip install no_such_package\n" in done.output
