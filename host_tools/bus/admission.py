@@ -7,6 +7,7 @@ import logging
 import os
 import select
 import socket
+from collections import Counter
 from typing import Final, NamedTuple
 
 from rrins.host_tools.bus import datagram
@@ -62,6 +63,7 @@ class Admission:
         self._listener_fd = self._listener.fileno()
         self._poll = poll
         self._callers: dict[int, socket.socket] = {}
+        self._processes: dict[int, int] = {}  # of each caller
         self._buffer = datagram.receive_buffer()
         self._is_paused = False
         poll.register(self._listener_fd, select.EPOLLIN)
@@ -133,6 +135,7 @@ class Admission:
             if len(self._callers) >= _MOST_CALLERS:
                 self._make_room()
             self._callers[end.fileno()] = end
+            self._processes[end.fileno()] = pid
             self._poll.register(end.fileno(), select.EPOLLIN)
 
     def reopen(self) -> None:
@@ -155,21 +158,29 @@ class Admission:
         for end in self._callers.values():
             end.close()
         self._callers.clear()
+        self._processes.clear()
 
     def _make_room(self) -> None:
-        """Disconnect the caller that has waited longest and said nothing yet."""
+        """Disconnect a caller that has said nothing yet.
+
+        The one that has waited longest, of the process that calls most often: a process that only
+        calls takes nobody's place but its own.
+        """
         said = select.poll()
         for fd in self._callers:
             said.register(fd, select.POLLIN)
         speaking = {fd for fd, _ in said.poll(0)}
-        for fd, end in self._callers.items():
-            if fd not in speaking:
-                self._forget(fd)
-                refuse(end, f"{_MOST_CALLERS} others call, and this one said nothing")
-                return
+        silent = [fd for fd in self._callers if fd not in speaking]
+        if not silent:
+            return
+        calls = Counter(self._processes[fd] for fd in silent)
+        first = max(silent, key=lambda fd: calls[self._processes[fd]])
+        end = self._callers[first]
+        self._forget(first)
+        refuse(end, f"{_MOST_CALLERS} others call, and this one said nothing")
 
     def _forget(self, fd: int) -> None:
-        del self._callers[fd]
+        del self._callers[fd], self._processes[fd]
         self._poll.unregister(fd)
 
 

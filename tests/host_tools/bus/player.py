@@ -7,6 +7,7 @@ python-can is the answer ``{"error": "class: text"}``.
 from __future__ import annotations
 
 import json
+import socket
 import sys
 from typing import Any
 
@@ -14,6 +15,7 @@ import can
 import numpy as np
 
 from rrins.dbc.frame import frame_array
+from rrins.host_tools.bus.channel import connect
 from rrins.host_tools.bus.interface import RrinsBus
 
 
@@ -21,10 +23,15 @@ class Player:
     """The methods a test can call."""
 
     bus: RrinsBus
+    calls: list[socket.socket]
 
     def open(self, **arguments: Any) -> int:
         self.bus = RrinsBus(**arguments)
         return self.bus.host_pid
+
+    def call(self, channel: str, count: int) -> None:
+        """Connect, and say nothing."""
+        self.calls = [connect(channel, 20.0) for _ in range(count)]
 
     def close(self) -> None:
         self.bus.shutdown()

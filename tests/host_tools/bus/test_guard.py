@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import contextlib
 import logging
+import select
 import time
 from collections.abc import Callable, Iterator
+from typing import Any
 
 import can
 import pytest
 
 from rrins.dbc.codec import load
 from rrins.dbc.frame import ERR_FLAG, frame_array
+from rrins.host_tools.bus import datagram
+from rrins.host_tools.bus.channel import connect
 from rrins.host_tools.bus.guard import BURST, FRAMES_PER_EPOCH, LARGEST_BATCH
 from rrins.host_tools.bus.interface import RrinsBus
 
@@ -287,10 +292,6 @@ def test_a_peer_that_waits_may_leave(host: RrinsBus, firmware: RrinsBus, other: 
 
 
 def test_callers_that_say_nothing_do_not_keep_others_out(host: RrinsBus, attach_to: Attach) -> None:
-    import contextlib
-
-    from rrins.host_tools.bus.channel import connect
-
     with contextlib.ExitStack() as stack:
         for _ in range(100):
             stack.enter_context(connect("test", 1.0))
@@ -298,3 +299,18 @@ def test_callers_that_say_nothing_do_not_keep_others_out(host: RrinsBus, attach_
         start = time.monotonic()
         attach_to(host, "late")
         assert time.monotonic() - start < 4.0
+
+
+def test_a_process_that_calls_and_calls_takes_nobodys_place(host: RrinsBus, player: Any) -> None:
+    with connect("test", 5.0) as slow:  # a side that a busy machine stops before it says who it is
+        heard(host)
+        player.tell("call", channel="test", count=200)
+        while not select.select([player.process.stdout], [], [], 0.0)[0]:
+            heard(host)
+        for _ in range(200):
+            heard(host)
+        slow.send(datagram.control(datagram.HELLO, "slow"))
+        heard(host)
+        assert [peer.name for peer in host.peers] == ["slow"]
+    while host.peers:
+        heard(host)
