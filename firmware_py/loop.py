@@ -133,7 +133,7 @@ class Firmware:
         Returns the number of frames in `outbox`, and the index of the first frame of the inbox that
         belongs to a later epoch.
         """
-        self._restart_if_due()
+        self.restart_if_due()
         self._sync_arrival_ns[0] = sync_arrival_ns
         sent = self.exchange(inbox, start, count, self._one_epoch, _NO_SOCKET, _NO_WORDS)
         return sent, self._consumed.item()
@@ -151,7 +151,7 @@ class Firmware:
 
         `NOTHING` if there are none.
         """
-        self._restart_if_due()
+        self.restart_if_due()
         run_epochs(
             self.ram,
             self.contract,
@@ -166,6 +166,25 @@ class Firmware:
             direct,
             words,
         )
+        return self.settle(exchange, inbox, start)
+
+    def settle(self, exchange: Records[Exchange], inbox: FrameArray, start: int) -> int:
+        """Account for what `run_epochs` did, and run the diagnostics of its last epoch, if any.
+
+        Parameters
+        ----------
+        exchange : Records[Exchange]
+            What it has done.
+        inbox : FrameArray
+            Of the last epoch.
+        start : int
+            The first frame of `inbox` that belongs to it.
+
+        Returns
+        -------
+        int
+            How many frames of `outbox` are to be sent; `NOTHING` if there are none.
+        """
         self.trace.add(exchange["rows"].item())
         self.frames_received += exchange["received"].item()
         self.frames_sent += exchange["sent"].item()
@@ -178,7 +197,8 @@ class Firmware:
         self.frames_sent += sent
         return sent
 
-    def _restart_if_due(self) -> None:
+    def restart_if_due(self) -> None:
+        """Restart the computer if diagnostics have asked for a reset."""
         if self.diagnostics.reset_due:
             self.diagnostics.restart()
 

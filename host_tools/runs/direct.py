@@ -1,11 +1,12 @@
 """The direct shell: both sides in one process, no bus.
 
-`run_direct` passes the same frames as a bus would; `run_without_frames` the same payloads, in one
-compiled loop, several times faster. The navigation is the same to the bit.
+`run_direct` passes the same frames as a bus would; `run_without_frames` the same payloads, which is
+faster. The navigation is the same to the bit.
 """
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable
 from contextlib import closing
@@ -18,7 +19,7 @@ from rrins.host_tools.files import JsonObject
 from rrins.host_tools.hardware.loop import Hardware
 from rrins.host_tools.hardware.memory import Truth
 from rrins.host_tools.runs.estimator_log import EstimatorLog
-from rrins.host_tools.runs.exchange import exchange_epoch
+from rrins.host_tools.runs.exchange import DirectExchange
 from rrins.host_tools.runs.fast import FastRun
 from rrins.host_tools.runs.firmware_job import firmware_progress, firmware_summary
 from rrins.host_tools.runs.hardware_job import hardware_summary
@@ -79,15 +80,16 @@ def run_direct(
     truth_rows = SampleBuffer(Truth, truth_file)
     firmware = Firmware(firmware_settings(scenario), NavigationTrace(log_every, navigation.append))
     hardware = Hardware(hardware_settings(scenario), scenario_wire(scenario))
-    truth = hardware.truth
     error_ppm = scenario.firmware.clock_error_ppm
+    sides = DirectExchange(hardware, firmware, truth_rows, log_every, error_ppm)
     lines = open_lines(serial, firmware, on_note)
     lines_every = lines.every
     progress_every = _PROGRESS_S * scenario.rate_hz
     parity = ParityLog(firmware.ram, folder, scenario.duration_s)
     estimates = EstimatorLog(firmware.ram, folder, scenario.duration_s)
+    every = math.gcd(lines_every, parity.every, estimates.every, progress_every)
     start = time.monotonic()
-    count = 0
+    epoch = -1
     with (
         closing(truth_file),
         closing(navigation),
@@ -96,10 +98,8 @@ def run_direct(
         closing(estimates),
     ):
         try:
-            for epoch in range(scenario.epochs + 1):
-                count = exchange_epoch(hardware, firmware, epoch, count, error_ppm)
-                if epoch % log_every == 0:
-                    truth_rows.append(truth)
+            while epoch < scenario.epochs:
+                epoch = sides.run(scenario.epochs + 1, every)
                 if lines_every and epoch % lines_every == 0:
                     lines.run(epoch)
                 if parity.every and epoch % parity.every == 0:

@@ -1,11 +1,25 @@
-"""An epoch exchange: the hardware opens an epoch, the firmware steps, its frames go back."""
+"""An epoch exchange: the hardware opens an epoch, the firmware steps, its frames go back.
+
+`exchange_epoch` runs one from Python. `DirectExchange` runs one after the other in compiled code,
+and is back in Python for whatever asks for it: diagnostics, a report, a log.
+"""
 
 from __future__ import annotations
 
+from rrins.dbc.compilation import compiled_with
+from rrins.dbc.contract import Contract
 from rrins.dbc.frame import FrameArray
+from rrins.dbc.record import F8, I8, Floats, Record, Records
 from rrins.firmware_py.core.clock import own_clock_ns
+from rrins.firmware_py.core.memory import NavigationOutput, Ram
+from rrins.firmware_py.core.modes import navigating
+from rrins.firmware_py.core.step import firmware_step
+from rrins.firmware_py.exchange import exchange_record
 from rrins.firmware_py.loop import Firmware
 from rrins.host_tools.hardware.loop import Hardware
+from rrins.host_tools.hardware.memory import Plant, Truth
+from rrins.host_tools.hardware.step import hardware_step
+from rrins.host_tools.runs.samples import SampleBuffer
 
 
 def exchange_epoch(
@@ -44,3 +58,138 @@ def answer_epoch(
     """
     arrival_ns = own_clock_ns(epoch * firmware.period_ns, clock_error_ppm)
     return firmware.step_whole(frames, count, arrival_ns)
+
+
+class _Between(Record):
+    """What `DirectExchange` and its compiled part tell each other."""
+
+    count: I8  #: frames in the firmware's outbox
+    until: I8  #: epoch that is not run any more
+    every: I8  #: epochs that are a multiple of this are the last of a call; 0: none
+    truth_every: I8  #: epochs that are a multiple of this are kept of the truth
+    clock_error_ppm: F8  #: of the firmware's clock
+    navigation_rows: I8  #: navigation outputs that were written
+    truth_rows: I8  #: truths that were written
+    used: I8  #: frames that the firmware used
+    up: I8  #: frames that the hardware sent
+    down: I8  #: frames that the firmware sent, but for those of the last epoch
+
+
+@compiled_with(nogil=True)
+def _exchange_epochs(
+    plants: Records[Plant],
+    pieces: Floats,
+    ram: Records[Ram],
+    contract: Records[Contract],
+    up: FrameArray,
+    down: FrameArray,
+    compares: bool | None,
+    estimates: bool | None,
+    navigation: Records[NavigationOutput],
+    truth: Records[Truth],
+    betweens: Records[_Between],
+) -> None:
+    """Run epochs of both sides until one asks for Python, is due, or has filled a buffer."""
+    plant, state, between = plants[0], ram[0], betweens[0]
+    between.navigation_rows = between.truth_rows = 0
+    between.used = between.up = between.down = 0
+    while True:
+        epoch = plant.epoch
+        sent = hardware_step(plants, pieces, contract, down, between.count, up)
+        state.clock.sync_arrival_ns = own_clock_ns(epoch * plant.period_ns, between.clock_error_ppm)
+        state.clock.is_whole = True
+        between.count = firmware_step(ram, contract, up, 0, sent, down, compares, estimates)
+        between.up += sent
+        between.used += state.consumed
+        if navigating(state):
+            navigation[between.navigation_rows] = state.navigation
+            between.navigation_rows += 1
+        if epoch % between.truth_every == 0:
+            truth[between.truth_rows] = plant.truth
+            between.truth_rows += 1
+        is_full = between.navigation_rows == len(navigation) or between.truth_rows == len(truth)
+        is_due = between.every > 0 and epoch % between.every == 0
+        is_last = plant.epoch >= between.until
+        if is_full or is_due or is_last or state.diagnostics.attention:
+            return
+        between.down += between.count
+
+
+class DirectExchange:
+    """Both sides in one process, epoch after epoch.
+
+    Parameters
+    ----------
+    hardware : Hardware
+    firmware : Firmware
+        Both just switched on.
+    truth : SampleBuffer
+        Takes the truth of the epochs that are a multiple of `truth_every`.
+    truth_every : int
+    clock_error_ppm : float
+        By how much the firmware's clock runs fast.
+    """
+
+    def __init__(
+        self,
+        hardware: Hardware,
+        firmware: Firmware,
+        truth: SampleBuffer[Truth],
+        truth_every: int,
+        clock_error_ppm: float = 0.0,
+    ) -> None:
+        self._hardware, self._firmware = hardware, firmware
+        self._truth = truth
+        self._between = _Between.zeros()
+        self._between[0].truth_every = truth_every
+        self._between[0].clock_error_ppm = clock_error_ppm
+        self._result = exchange_record()
+
+    def run(self, until: int, every: int) -> int:
+        """Run one epoch or more; return the last one.
+
+        Parameters
+        ----------
+        until : int
+            Epoch that is not run any more; more than the next one.
+        every : int
+            An epoch that is a multiple of this is the last one of a call; 0: none is.
+        """
+        hardware, firmware, between = self._hardware, self._firmware, self._between[0]
+        firmware.restart_if_due()
+        until = min(until, hardware.fault_server.report_epoch)
+        epoch = hardware.epoch
+        is_left_alone = hardware.is_undisturbed and not firmware.diagnostics.is_awake
+        if not is_left_alone or epoch >= until:
+            between.count = exchange_epoch(
+                hardware, firmware, epoch, int(between.count), float(between.clock_error_ppm)
+            )
+            if epoch % between.truth_every == 0:
+                self._truth.append(hardware.truth)
+            return epoch
+        between.until, between.every = until, every
+        _exchange_epochs(
+            hardware.plant,
+            hardware.pieces,
+            firmware.ram,
+            firmware.contract,
+            hardware.outbox,
+            firmware.outbox,
+            firmware.compares,
+            firmware.estimates,
+            firmware.trace.room,
+            self._truth.room,
+            self._between,
+        )
+        self._settle()
+        return hardware.epoch - 1
+
+    def _settle(self) -> None:
+        """Account for what the compiled part did, and let diagnostics see its last epoch."""
+        hardware, between, result = self._hardware, self._between[0], self._result[0]
+        self._truth.add(int(between.truth_rows))
+        result.rows, result.received = between.navigation_rows, between.used
+        result.sent, result.to_send = between.down, between.count
+        between.count = self._firmware.settle(self._result, hardware.outbox, 0)
+        hardware.frames_sent += int(between.up)
+        hardware.frames_received += int(between.down + between.count)

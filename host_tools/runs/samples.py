@@ -128,10 +128,19 @@ class SampleBuffer(Generic[_R]):
         self._count = 0
         self._file = file
 
+    @property
+    def room(self) -> Records[_R]:
+        """Where the next samples are to be written; there is room for one at least."""
+        return self._samples[self._count :]
+
     def append(self, sample: Records[_R]) -> None:
         """Keep a copy of an array of one record."""
         self._samples[self._count] = sample[0]
-        self._count += 1
+        self.add(1)
+
+    def add(self, count: int) -> None:
+        """Keep the first samples that were written to `room`."""
+        self._count += count
         if self._count == len(self._samples):
             self.flush()
 
