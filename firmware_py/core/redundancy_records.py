@@ -22,19 +22,21 @@ class SensorKind(IntEnum):
     ACCELEROMETER = ACCELEROMETERS
 
 
-SECOND_LEVELS = 11
-"""Windows of 1, 2, 4, … 1024 s."""
+WINDOWS_S = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256, 384, 512, 768, 1024)
+"""Windows of whole seconds: a step shows best in the one that began when it came."""
+
+SECOND_LEVELS = len(WINDOWS_S)
 
 EPOCH_LEVELS = 10
 """Windows of 1, 2, 4, … epochs that are shorter than a second, at most."""
 
-FINE_LEVELS, FINE_CAPACITY = 8, 129
+FINE_LEVELS, FINE_CAPACITY = WINDOWS_S.index(128) + 1, 129
 """Windows of up to 128 s begin at any second."""
 
 COARSE_S, COARSE_CAPACITY = 16, 65
 """Longer windows begin at multiples of this time."""
 
-LONGEST_S = 1 << (SECOND_LEVELS - 1)
+LONGEST_S = WINDOWS_S[-1]
 """Longest window, s."""
 
 ABSOLUTE = 7

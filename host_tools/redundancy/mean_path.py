@@ -18,6 +18,7 @@ from rrins.firmware_py.core.redundancy_records import (
     FINE_LEVELS,
     SECOND_LEVELS,
     SETTLED_S,
+    WINDOWS_S,
     Parity,
 )
 
@@ -85,7 +86,7 @@ def follow(
                 elif second > 0:
                     alone[second, level] = alone[second - 1, level]
             for level in range(FINE_LEVELS):
-                if parity.now.standing >= (1 << level) + SETTLED_S:
+                if parity.now.standing >= WINDOWS_S[level] + SETTLED_S:
                     _note_standing(parity, fusion, sensor, level, at_rest[second, level])
         windows.keep(parity, count)
         parities.begin_second(parity)

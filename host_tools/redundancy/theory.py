@@ -22,15 +22,15 @@ from scipy.special import ndtr
 from rrins.dbc.record import Floats
 from rrins.firmware_py.core.redundancy import isolation
 from rrins.firmware_py.core.redundancy import parity as parities
-from rrins.firmware_py.core.redundancy_records import FINE_LEVELS, SECOND_LEVELS, Parity
+from rrins.firmware_py.core.redundancy_records import FINE_LEVELS, SECOND_LEVELS, WINDOWS_S, Parity
 from rrins.firmware_py.loop import Firmware
 from rrins.host_tools.redundancy.mean_path import follow
 from rrins.host_tools.redundancy.sensor_kinds import Kind
 from rrins.host_tools.runs.settings import firmware_settings
 from rrins.host_tools.scenario.scenario import Scenario
 
-LEARNED_S = 1000
-"""For how long the parity has been learned when the fault comes, s."""
+LEARNED_S = 2000
+"""For how long the parity has been learned when the fault comes, s: over a cycle of a scheme."""
 
 HORIZON_S = 1200
 """Longest delay that is looked for, s."""
@@ -38,7 +38,7 @@ HORIZON_S = 1200
 _PARTS = 4
 """Times of a second at which chances are computed, after the first."""
 
-_MINUTE = 6  # level of the window of 64 s
+_MINUTE = WINDOWS_S.index(64)  # level
 
 HALF, MOST = 0.5, 0.95
 """Probabilities for which delays and smallest faults are given."""
@@ -112,7 +112,7 @@ class Finder:
     def significance(self, sensor: int) -> Floats:
         """Return what a step of one unit puts into each window, in standard deviations."""
         deviation = np.sqrt(self._learned.variance[sensor])
-        signal = self.share[sensor] * self.kind.si * 2.0 ** np.arange(SECOND_LEVELS)
+        signal = self.share[sensor] * self.kind.si * np.array(WINDOWS_S)
         return np.asarray(
             np.divide(signal, deviation, where=deviation > 0, out=np.zeros_like(signal))
         )
@@ -120,7 +120,7 @@ class Finder:
     def own_noise(self, sensor: int) -> float:
         """Return the variance of a sensor's own sum over a minute."""
         drift = float(self._learned.drift_variance[sensor, _MINUTE])
-        return float(self._learned.white_variance[sensor]) * (1 << _MINUTE) + drift
+        return float(self._learned.white_variance[sensor]) * WINDOWS_S[_MINUTE] + drift
 
     @functools.cached_property
     def rivals(self) -> Floats:

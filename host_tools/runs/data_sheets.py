@@ -26,6 +26,7 @@ from rrins.host_tools.scenario.scenario import Scenario
 from rrins.host_tools.scenario.tables import Accelerometers, Gyros, PerSensor, Thermal, each
 
 _LEAST_GYRO_BIAS_DPH = 10.0
+_LEAST_FORCE_DPH_PER_G = 0.01
 _LEAST_ACCELEROMETER_BIAS_UG = 1000.0
 _LEAST_SCALE_PPM = 1.0
 _LEAST_ASYMMETRY_PPM = 1.0
@@ -91,6 +92,7 @@ def _gyros(scenario: Scenario) -> DataSheet:
     bias = max(_LEAST_GYRO_BIAS_DPH, _largest(gyros.bias_dph) + repeat)
     per_k = gyros.bias_temperature_dph_per_k
     square = _mean_square(gyros.bias_dph, gyros.bias_repeatability_dph, gyros.bias_instability_dph)
+    force = max(_LEAST_FORCE_DPH_PER_G, _largest(gyros.g_sensitivity_dph_per_g))
     walk = gyros.rate_random_walk_dph_per_sqrt_h
     return DataSheet(
         white_noise=tuple(
@@ -102,7 +104,7 @@ def _gyros(scenario: Scenario) -> DataSheet:
         temperature_s=scenario.thermal.time_constant_s,
         bias_limit=bias * DPH,
         bias_sigma=max(_LEAST_GYRO_BIAS_SIGMA_DPH, math.sqrt(square)) * DPH,
-        force_limit=max(0.1, _largest(gyros.g_sensitivity_dph_per_g)) * DPH / STANDARD_GRAVITY,
+        force_limit=force * DPH / STANDARD_GRAVITY,
         force_sigma=math.sqrt(_mean_square(gyros.g_sensitivity_dph_per_g)) * DPH / STANDARD_GRAVITY,
         **_limits(gyros),
     )

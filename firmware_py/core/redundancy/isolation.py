@@ -18,6 +18,7 @@ from rrins.firmware_py.core.redundancy_records import (
     FINE_LEVELS,
     SECOND_LEVELS,
     SETTLED_S,
+    WINDOWS_S,
     Parity,
 )
 
@@ -62,7 +63,7 @@ def _own_variance(parity: Parity, level: int, sensor: int) -> float:
     """Return the variance of a sensor's own noise over a window, with what was learned of it."""
     learned = parity.window_uncertain[level]
     return (
-        parity.white_variance[sensor] * (1 << level)
+        parity.white_variance[sensor] * WINDOWS_S[level]
         + parity.drift_variance[sensor, level]
         + parity.quantisation_variance
         + learned * parity.learning_variance[sensor]
@@ -87,7 +88,7 @@ def _covariance(parity: Parity, fusion: Fusion, level: int) -> int:
     Each sensor's own noise, and what is not known of the expectation, alike in all directions.
     """
     begin = windows.begin_of(parity, level)
-    seconds = 1 << level
+    seconds = WINDOWS_S[level]
     alike = min(parity.frozen + 1, seconds)
     own = (parity.now.vector_leverage - begin.vector_leverage) * alike
     common = parity.expected_variance[level] + own * parity.vector_learning_variance
@@ -217,7 +218,7 @@ def _standing(parity: Parity, fusion: Fusion) -> int:
         return -1
     factor = parity.second_factor**2
     for level in range(FINE_LEVELS):
-        if not windows.is_due(parity, level) or parity.now.standing < (1 << level) + SETTLED_S:
+        if not windows.is_due(parity, level) or parity.now.standing < WINDOWS_S[level] + SETTLED_S:
             continue
         left = math.inf
         if parity.redundant:

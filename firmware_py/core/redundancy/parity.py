@@ -20,6 +20,7 @@ from rrins.firmware_py.core.redundancy_records import (
     ABSOLUTE,
     EPOCH_LEVELS,
     SECOND_LEVELS,
+    WINDOWS_S,
     Parity,
     Sums,
 )
@@ -111,7 +112,7 @@ def _set_variances(parity: Parity, count: int, second_epochs: int) -> None:
             drift = 0.0
             for j in range(count):
                 drift += parity.projector[i, j] ** 2 * parity.drift_variance[j, level]
-            parity.variance[i, level] = white * (1 << level) + counts + drift
+            parity.variance[i, level] = white * WINDOWS_S[level] + counts + drift
             if level == 0:
                 parity.drift_second[i] = drift
         for level in range(EPOCH_LEVELS):

@@ -24,15 +24,16 @@ from rrins.firmware_py.core.redundancy_records import (
     ABSOLUTE,
     ACCELEROMETERS,
     NOISE_S,
-    SECOND_LEVELS,
+    WINDOWS_S,
     Learner,
     Parity,
     Redundancy,
 )
 
 _SECONDS_PER_1000_H = 3.6e6
-_TESTS = 6
-"""Families of tests that share the promise: two kinds of sensors, three each."""
+_KINDS = 2
+SECONDS_SHARE, EPOCHS_SHARE, NOISE_SHARE = 0.8, 0.1, 0.1
+"""Shares of a kind's half of the promise: small faults take long windows, and need most of it."""
 
 _EXPECTED_GYRO = 0.02 * DPH
 _EXPECTED_ACCELEROMETER = 1.5e-4 * STANDARD_GRAVITY
@@ -70,7 +71,7 @@ def second_factor(allowed: float, directions: int) -> float:
     """Return the threshold of windows from 1 to 1024 s, in standard deviations."""
 
     def rate(u: float) -> float:
-        windows = sum(min(1.0, u * u / (1 << level)) for level in range(SECOND_LEVELS))
+        windows = sum(min(1.0, u * u / window_s) for window_s in WINDOWS_S)
         return _SECONDS_PER_1000_H * windows * directions * _beyond(u)
 
     return factor_of(rate, allowed)
@@ -99,9 +100,9 @@ def _drift_variance(sheet: DataSheet, sensor: int) -> NDArray[np.float64]:
     Bias instability by its Allan variance and the logarithm of the time since it was learned;
     IEEE Std 952-1997, annex C.
     """
-    w = 2.0 ** np.arange(SECOND_LEVELS)
-    flicker = (2.0 / math.pi) * sheet.bias_instability[sensor] ** 2
-    flicker = flicker * (np.log(np.maximum(FLICKER_S / w, 1.0)) + 1.5)
+    w = np.array(WINDOWS_S, dtype=float)
+    instability = (2.0 / math.pi) * sheet.bias_instability[sensor] ** 2
+    flicker = instability * (np.log(np.maximum(FLICKER_S / w, 1.0)) + 1.5)
     walk = sheet.rate_random_walk[sensor] ** 2 * (w / 3.0 + FLICKER_S / 4)
     warm = sheet.temperature_drift[sensor] * np.minimum(1.0, 2.0 * w / sheet.temperature_s)
     return np.asarray((flicker + walk + warm**2) * w * w)
@@ -137,7 +138,7 @@ def _set_parity(
     standing: float,
     has_force: bool,
 ) -> None:
-    allowed = settings.false_alarms_per_1000_h / _TESTS
+    allowed = settings.false_alarms_per_1000_h / _KINDS
     directions = max(1, count - 3)
     counts = resolution**2 / 6.0  # of a sum; as noise, too, for what is learned is not exact
     for k in range(count):
@@ -148,13 +149,13 @@ def _set_parity(
     bias = sheet.bias_limit / 3.0 if sheet.bias_sigma is None else sheet.bias_sigma
     parity["bias_variance"] = bias**2
     parity["slope_variance"] = sheet.slope_sigma**2
-    windows = 2.0 ** np.arange(SECOND_LEVELS)
-    parity["expected_variance"][:] = (expected * windows) ** 2
+    lengths_s = np.array(WINDOWS_S, dtype=float)
+    parity["expected_variance"][:] = (expected * lengths_s) ** 2
     noise = max(sheet.white_noise) + resolution
     parity["standing_limit"] = standing + 6.0 * noise
-    parity["second_factor"] = second_factor(allowed, directions)
-    parity["epoch_factor"] = epoch_factor(allowed, directions, rate_hz)
-    parity["noise_limit"] = noise_limit(allowed, directions)
+    parity["second_factor"] = second_factor(SECONDS_SHARE * allowed, directions)
+    parity["epoch_factor"] = epoch_factor(EPOCHS_SHARE * allowed, directions, rate_hz)
+    parity["noise_limit"] = noise_limit(NOISE_SHARE * allowed, directions)
     parity["kept"]["unit"] = 1.0
     for learner in (parity["parity"], parity["ahead"], parity["expected"]):
         _set_learner(learner, sheet, has_force)

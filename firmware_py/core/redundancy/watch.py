@@ -28,6 +28,7 @@ from rrins.firmware_py.core.redundancy_records import (
     ABSOLUTE,
     ACCELEROMETERS,
     SECOND_LEVELS,
+    WINDOWS_S,
     Found,
     Parity,
 )
@@ -218,7 +219,7 @@ def _begun_s(parity: Parity) -> float:
         total = parity.window_sum[level, suspect]
         variance = windows.variance_of(parity, level, suspect)
         if total * total > best * variance:
-            best, seconds = total * total / variance, float(1 << level)
+            best, seconds = total * total / variance, float(WINDOWS_S[level])
     return seconds
 
 

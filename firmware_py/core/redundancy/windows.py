@@ -20,6 +20,7 @@ from rrins.firmware_py.core.redundancy_records import (
     LATE_S,
     NOISE_S,
     SECOND_LEVELS,
+    WINDOWS_S,
     Parity,
     Sums,
 )
@@ -59,7 +60,7 @@ def keep(parity: Parity, count: int) -> None:
 @compiled
 def begin_of(parity: Parity, level: int) -> Sums:
     """Return the sums where the window of a level that ends now begins."""
-    begin = parity.seconds - (1 << level)
+    begin = parity.seconds - WINDOWS_S[level]
     if level < FINE_LEVELS:
         return parity.fine[begin % FINE_CAPACITY]
     return parity.coarse[begin // COARSE_S % COARSE_CAPACITY]
@@ -68,7 +69,7 @@ def begin_of(parity: Parity, level: int) -> Sums:
 @compiled
 def is_due(parity: Parity, level: int) -> bool:
     """Return whether a window of a level ends now."""
-    if parity.seconds < 1 << level:
+    if parity.seconds < WINDOWS_S[level]:
         return False
     return level < FINE_LEVELS or parity.seconds % COARSE_S == 0
 
@@ -179,7 +180,7 @@ def _sum_windows(parity: Parity, count: int, regressors: int) -> None:
     for level in range(SECOND_LEVELS):
         if not is_due(parity, level):
             continue
-        begin, second = begin_of(parity, level), parity.seconds - (1 << level)
+        begin, second = begin_of(parity, level), parity.seconds - WINDOWS_S[level]
         since, learned_since, before = settled, parity.learned_regressors, 0.0
         if second >= parity.settled:
             since = begin
@@ -213,7 +214,7 @@ def _fit_steps(parity: Parity, count: int, regressors: int) -> None:
     for level in range(SECOND_LEVELS):
         if not is_due(parity, level):
             continue
-        begin, seconds = begin_of(parity, level), float(1 << level)
+        begin, seconds = begin_of(parity, level), float(WINDOWS_S[level])
         learned = learning.spread(learner, begin.regressors, now.regressors, regressors)
         if learned > _MOST_FITTED * seconds:
             continue
@@ -284,7 +285,7 @@ def uncertain_second(parity: Parity) -> float:
     """
     largest = float(parity.uncertain)
     for level in range(SECOND_LEVELS):
-        seconds = 1 << level
+        seconds = WINDOWS_S[level]
         if seconds <= parity.frozen + _late_s(parity) and is_due(parity, level):
             largest = max(largest, parity.window_spread[level] / seconds)
     return largest
@@ -306,5 +307,5 @@ def _largest(parity: Parity, count: int) -> float:
             if ratio > largest:
                 largest = ratio
                 parity.suspect = i
-                parity.window_s = float(1 << level)
+                parity.window_s = float(WINDOWS_S[level])
     return largest

@@ -10,7 +10,7 @@ import pytest
 from rrins.host_tools.redundancy.candidates import candidates_of
 from rrins.host_tools.redundancy.monte_carlo import Delays, Fault, run_trials
 from rrins.host_tools.redundancy.sensor_kinds import KINDS
-from rrins.host_tools.redundancy.theory import HALF, Finder
+from rrins.host_tools.redundancy.theory import HALF, LEARNED_S, Finder
 
 GYROS, ACCELEROMETERS = KINDS
 FOUR = (0, 1, 2, 3)
@@ -28,7 +28,7 @@ def test_each_fault_is_found_and_the_right_sensor_named():
     done = []
     trials = run_trials(candidate.scenario, tried, 2, on_done=lambda: done.append(1))
     assert (len(done), trials.alarms) == (2, 0)
-    assert trials.sound_h == pytest.approx(2 * 1000 / 3600)
+    assert trials.sound_h == pytest.approx(2 * LEARNED_S / 3600)
     for fault in tried:
         delays = trials.delays[fault]
         assert (delays.right, delays.wrong) == (2, 0)  # at rest; in motion nobody is named

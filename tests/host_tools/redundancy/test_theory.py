@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from rrins.firmware_py.core.redundancy import settings
+from rrins.firmware_py.core.redundancy_records import WINDOWS_S
 from rrins.host_tools.redundancy.candidates import candidates_of
 from rrins.host_tools.redundancy.sensor_kinds import KINDS
 from rrins.host_tools.redundancy.theory import HALF, MOST, Finder
@@ -37,10 +38,14 @@ def tetrahedron():
 
 
 def test_thresholds_are_those_of_the_firmware(tetrahedron):
-    allowed = PROMISE / 6
-    assert tetrahedron.second_factor == settings.second_factor(allowed, 1)
-    assert tetrahedron.epoch_factor == settings.epoch_factor(allowed, 1, 200)
-    assert tetrahedron.noise_limit == settings.noise_limit(allowed, 1)
+    assert 2 * (settings.SECONDS_SHARE + settings.EPOCHS_SHARE + settings.NOISE_SHARE) == 2.0
+    seconds, epochs, noise = (
+        PROMISE / 2 * share
+        for share in (settings.SECONDS_SHARE, settings.EPOCHS_SHARE, settings.NOISE_SHARE)
+    )
+    assert tetrahedron.second_factor == settings.second_factor(seconds, 1)
+    assert tetrahedron.epoch_factor == settings.epoch_factor(epochs, 1, 200)
+    assert tetrahedron.noise_limit == settings.noise_limit(noise, 1)
 
 
 @pytest.mark.parametrize("within_s", [10, 60])
@@ -50,7 +55,7 @@ def test_white_noise_sets_the_smallest_fault(tetrahedron, within_s, probability,
 
     The last test comes half a second before the end on average, when a window may not be full.
     """
-    windows = [1 << level for level in range(8)]
+    windows = [w for w in WINDOWS_S if w <= 128]
     signal = max(min(w, within_s - 0.5) / math.sqrt(w) for w in windows)
     expected = (tetrahedron.second_factor + further) * NOISE / 0.5 / signal
     found = tetrahedron.smallest(0, within_s, "alarm", probability)

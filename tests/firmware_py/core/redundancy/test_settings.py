@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rrins.firmware_py.core.redundancy import settings
-from rrins.firmware_py.core.redundancy_records import NOISE_S, SECOND_LEVELS
+from rrins.firmware_py.core.redundancy_records import NOISE_S, WINDOWS_S
 
 
 @pytest.mark.parametrize("factor", [settings.second_factor, settings.noise_limit])
@@ -29,8 +29,7 @@ def test_noise_alarms_as_often_as_promised():
     noise = random.normal(size=seconds)
     sums = np.concatenate([[0.0], np.cumsum(noise)])
     alarms = 0
-    for level in range(SECOND_LEVELS):
-        w = 1 << level
+    for w in WINDOWS_S:
         beyond = np.abs(sums[w:] - sums[:-w]) > factor * np.sqrt(w)
         alarms += int(np.count_nonzero(beyond & ~np.roll(beyond, 1)))
     promised = allowed * seconds / 3.6e6

@@ -9,7 +9,7 @@ from rrins.firmware_py.core.calibration import input_axes
 from rrins.firmware_py.core.memory import Fusion
 from rrins.firmware_py.core.redundancy import parity as parities
 from rrins.firmware_py.core.redundancy import settings, windows
-from rrins.firmware_py.core.redundancy_records import ABSOLUTE, Parity
+from rrins.firmware_py.core.redundancy_records import ABSOLUTE, WINDOWS_S, Parity
 
 TETRAHEDRON_DEG = ((180.0, 0.0), *((np.degrees(np.arccos(1 / 3)), 120.0 * k) for k in range(3)))
 
@@ -66,9 +66,10 @@ def test_a_step_is_fitted_to_a_window_as_by_least_squares(close):
         close(deviations, rate)
     X = np.column_stack([np.ones(150), rates, step])
     covariance = np.linalg.inv(X.T @ X + np.diag([1.0, 1.0, 0.0]))
-    fitted = close.parity["window_sum"][5, :4] / np.sqrt(close.parity["second_variance"][:4])
+    level = WINDOWS_S.index(32)
+    fitted = close.parity["window_sum"][level, :4] / np.sqrt(close.parity["second_variance"][:4])
     assert fitted == pytest.approx(32 * (covariance @ X.T @ seen)[2])
-    assert close.parity["window_uncertain"][5] + 32 == pytest.approx(32**2 * covariance[2, 2])
+    assert close.parity["window_uncertain"][level] + 32 == pytest.approx(32**2 * covariance[2, 2])
 
 
 def test_a_step_is_not_learned_for_half_a_minute(close):
