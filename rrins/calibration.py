@@ -87,6 +87,7 @@ def calibrate(
     seed: int = 1,
     push: bool = False,
     anew: bool = False,
+    temperature_c: float | None = None,
 ) -> UnitCalibration:
     """Calibrate the sensors of a unit on its own table: all constants, with their uncertainty.
 
@@ -112,6 +113,8 @@ def calibrate(
         Whether to store the calibration in the unit, and to verify it there.
     anew : bool
         Whether to begin anew where a calibration was stopped.
+    temperature_c : float, optional
+        How warm the sensors are, °C; stored with the calibration.
 
     Raises
     ------
@@ -131,5 +134,6 @@ def calibrate(
         seed,
         push,
         anew,
+        temperature_c,
     )
     return UnitCalibration(calibrate_unit(order))

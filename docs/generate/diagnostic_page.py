@@ -94,7 +94,8 @@ def _identifier(did: DataIdentifier) -> Iterator[str]:
 
 
 def _is_like_the_one_before(did: DataIdentifier) -> bool:
-    return did.name.endswith("_calibration") and "_1_" not in did.name
+    is_of_sensor = did.name.endswith(("_calibration", "_calibration_sigma"))
+    return is_of_sensor and "_1_" not in did.name
 
 
 def _identifiers() -> Iterator[str]:

@@ -15,11 +15,21 @@
     position_y_mm = 0
     position_z_mm = 0
 
-The keys are those of a scenario's tables; missing keys are zero.
+    [calibrated]                            # when, and how warm the sensors were
+    date_utc = 2026-11-23T08:05:00Z
+    temperature_c = 22.5
+
+    [gyros.sigma]                           # standard deviations, by the keys of the constants
+    bias_dph = 0.013
+    scale_error_ppm = [1.9, 2.0, 1.9, 2.1]
+
+The keys of the constants are those of a scenario's tables; missing keys are zero. A date, a
+temperature or a table of standard deviations that is missing is not known.
 """
 
 from __future__ import annotations
 
+import datetime
 import difflib
 import math
 import tomllib
@@ -28,7 +38,7 @@ from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import AwareDatetime, BaseModel, ConfigDict, Field, ValidationError
 
 from rrins.firmware_py.core.memory import Fusion
 
@@ -54,12 +64,46 @@ PerSensor = float | tuple[float, ...]
 
 _Small = Annotated[float, Field(ge=-100_000, le=100_000)]  # a tenth; half a turn and more
 _SmallPerSensor = _Small | tuple[_Small, ...]
+_Sigma = Annotated[float, Field(ge=0, le=100_000)]
+_SigmaPerSensor = _Sigma | tuple[_Sigma, ...]
+_FIRST_DATE = datetime.datetime.fromtimestamp(1, datetime.UTC)
+_LAST_DATE = datetime.datetime.fromtimestamp((1 << 32) - 1, datetime.UTC)
 _Distance = Annotated[float, Field(ge=-1000, le=1000)]
 _DistancePerSensor = _Distance | tuple[_Distance, ...]
 
 
 class CalibrationError(Exception):
     """An unreadable or invalid calibration file; the message gives file and reason in one line."""
+
+
+class Origin(BaseModel):
+    """When a calibration was made, and how warm the sensors were; None: not known."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    date_utc: Annotated[AwareDatetime, Field(ge=_FIRST_DATE, le=_LAST_DATE)] | None = None
+    temperature_c: Annotated[float, Field(ge=-100, le=200)] | None = None
+
+
+class _Sigmas(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    scale_error_ppm: _SigmaPerSensor = 0.0
+    asymmetric_scale_error_ppm: _SigmaPerSensor = 0.0
+    installation_u_arcsec: _SigmaPerSensor = 0.0
+    installation_v_arcsec: _SigmaPerSensor = 0.0
+
+
+class GyroSigmas(_Sigmas):
+    """Standard deviations of the calibrated errors of the gyros."""
+
+    bias_dph: _SigmaPerSensor = 0.0
+
+
+class AccelerometerSigmas(_Sigmas):
+    """Standard deviations of the calibrated errors of the accelerometers."""
+
+    bias_ug: _SigmaPerSensor = 0.0
 
 
 class _Sensors(BaseModel):
@@ -80,6 +124,7 @@ class GyroCalibration(_Sensors):
     """Calibrated errors of the gyros. Paper, (16)."""
 
     bias_dph: PerSensor = 0.0
+    sigma: GyroSigmas | None = None
 
     @property
     def bias(self) -> PerSensor:
@@ -94,6 +139,7 @@ class AccelerometerCalibration(_Sensors):
     position_x_mm: _DistancePerSensor = 0.0
     position_y_mm: _DistancePerSensor = 0.0
     position_z_mm: _DistancePerSensor = 0.0
+    sigma: AccelerometerSigmas | None = None
 
     @property
     def bias(self) -> PerSensor:
@@ -106,6 +152,7 @@ class Calibration(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
+    calibrated: Origin = Origin()
     gyros: GyroCalibration = Field(default=GyroCalibration())
     accelerometers: AccelerometerCalibration = Field(default=AccelerometerCalibration())
 
@@ -121,7 +168,9 @@ class Calibration(BaseModel):
             ("accelerometers", self.accelerometers, accelerometers),
         )
         for kind, table, count in tables:
-            for key, value in table.model_dump().items():
+            sigma = {} if table.sigma is None else table.sigma.model_dump()
+            values = table.model_dump() | {f"sigma.{key}": value for key, value in sigma.items()}
+            for key, value in values.items():
                 if isinstance(value, tuple) and len(value) != count:
                     raise CalibrationError(f"{kind}.{key}: {len(value)} values for {count} sensors")
         return self
@@ -164,10 +213,14 @@ def _first_fault(error: ValidationError) -> str:
     if first["type"] != "extra_forbidden":
         return f"{where}: {first['msg'][0].lower()}{first['msg'][1:]}, got {first['input']!r}"
     tables: dict[str, type[BaseModel]] = {
+        "": Calibration,
+        "calibrated": Origin,
         "gyros": GyroCalibration,
+        "gyros.sigma": GyroSigmas,
         "accelerometers": AccelerometerCalibration,
+        "accelerometers.sigma": AccelerometerSigmas,
     }
-    known = tables.get(path[0], Calibration) if len(path) > 1 else Calibration
+    known = tables.get(".".join(path[:-1]), Calibration)
     near = difflib.get_close_matches(path[-1], known.model_fields, 1)
     return f"{where}: no such key" + (f", did you mean {near[0]}?" if near else "")
 

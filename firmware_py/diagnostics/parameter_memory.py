@@ -124,8 +124,11 @@ class ParameterMemory:
         return not job.failed
 
     def change(self, parameters: Mapping[int, Values]) -> WriteJob:
-        """Start storing parameters in addition to the others; `finish` completes it."""
-        return self.replace(self.stored | dict(parameters))
+        """Start storing parameters in addition to the others; `finish` completes it.
+
+        What they make unknown of the calibration's origin changes with them.
+        """
+        return self.replace(self.stored | set_up.with_origin(self.effective(), parameters))
 
     def close(self) -> None:
         """Wait until everything is stored, then release the store."""

@@ -2,11 +2,19 @@
 
 from __future__ import annotations
 
+import datetime
 import functools
 from collections.abc import Iterator, Mapping
 
 from rrins.dbc.contract import SENSOR_GROUPS
-from rrins.firmware_py.core.calibration import AccelerometerCalibration, GyroCalibration, each
+from rrins.firmware_py.core.calibration import (
+    AccelerometerCalibration,
+    AccelerometerSigmas,
+    GyroCalibration,
+    GyroSigmas,
+    Origin,
+    each,
+)
 from rrins.firmware_py.core.initial_attitude import InitialAttitude
 from rrins.firmware_py.core.settings import Settings, check_weights
 from rrins.firmware_py.diagnostics.calibration_image import Parameters
@@ -14,7 +22,10 @@ from rrins.firmware_py.diagnostics.codecs import Values
 from rrins.firmware_py.diagnostics.data_identifier import DataIdentifier
 from rrins.firmware_py.diagnostics.parameters import (
     ACCELEROMETER_CALIBRATIONS,
+    ACCELEROMETER_SIGMAS,
+    CALIBRATED,
     GYRO_CALIBRATIONS,
+    GYRO_SIGMAS,
     SETTINGS,
     HeightChannel,
 )
@@ -37,10 +48,24 @@ _NAMED = (
 )
 _WEIGHTS = ("gyro_weights", "accelerometer_weights")
 _KINDS = ("gyros", "accelerometers")  # fields of the calibration
+_LASTING = (
+    "scale_error_ppm",
+    "asymmetric_scale_error_ppm",
+    "installation_u_arcsec",
+    "installation_v_arcsec",
+)
+"""Constants that a calibration is about; a bias is found anew after each power-up."""
+
+_UNKNOWN: Values = {"date_utc_s": 0, "temperature_known": 0, "temperature_c": 0.0}
 
 _Table = tuple[DataIdentifier, ...]
 _Sensors = GyroCalibration | AccelerometerCalibration
 _Axes = tuple[tuple[float, float], ...]
+
+_SIGMAS: dict[str, tuple[_Table, type[GyroSigmas] | type[AccelerometerSigmas]]] = {
+    "gyros": (GYRO_SIGMAS, GyroSigmas),
+    "accelerometers": (ACCELEROMETER_SIGMAS, AccelerometerSigmas),
+}
 
 
 @functools.lru_cache(maxsize=8)
@@ -63,6 +88,71 @@ def parameters_of(settings: Settings) -> Parameters:
         }
         for index, parameter in enumerate(table[: len(axes)]):
             found[parameter.number] = {name: column[index] for name, column in columns.items()}
+    for kind, (_, sensors, axes) in zip(_KINDS, _calibrations_of(settings), strict=True):
+        found |= _sigmas_of(kind, sensors, len(axes))
+    found[CALIBRATED.number] = _values_of(settings.calibration.calibrated)
+    return found
+
+
+def _sigmas_of(kind: str, sensors: _Sensors, count: int) -> Parameters:
+    table = _SIGMAS[kind][0][:count]
+    known = {} if sensors.sigma is None else sensors.sigma.model_dump()
+    columns = {f.name: each(known.get(f.name, 0.0), count).tolist() for f in table[0].fields}
+    return {
+        parameter.number: {name: column[index] for name, column in columns.items()}
+        for index, parameter in enumerate(table)
+    }
+
+
+def _values_of(origin: Origin) -> Values:
+    """Return when and how warm as the values of a parameter."""
+    values = dict(_UNKNOWN)
+    if origin.date_utc is not None:
+        values["date_utc_s"] = int(origin.date_utc.timestamp())
+    if origin.temperature_c is not None:
+        values |= {"temperature_known": 1, "temperature_c": origin.temperature_c}
+    return values
+
+
+def _origin_of(values: Values) -> Origin:
+    """Return when and how warm of the values of a parameter."""
+    seconds, temperature_c = values["date_utc_s"], values["temperature_c"]
+    assert isinstance(seconds, int)
+    assert isinstance(temperature_c, float)
+    date = datetime.datetime.fromtimestamp(seconds, datetime.UTC) if seconds else None
+    is_known = bool(values["temperature_known"])
+    return Origin(date_utc=date, temperature_c=temperature_c if is_known else None)
+
+
+def with_origin(before: Mapping[int, Values], parameters: Mapping[int, Values]) -> Parameters:
+    """Return changes of parameters, with what they make unknown of the calibration's origin.
+
+    Where a scale factor or the installation of a sensor changes, and nothing says how well it is
+    known, and since when, it is not known any more.
+
+    Parameters
+    ----------
+    before : dict
+        All parameters of the computer.
+    parameters : dict
+        What changes.
+    """
+    found: Parameters = dict(parameters)
+    pairs = (
+        *zip(GYRO_CALIBRATIONS, GYRO_SIGMAS, strict=True),
+        *zip(ACCELEROMETER_CALIBRATIONS, ACCELEROMETER_SIGMAS, strict=True),
+    )
+    for constants, sigma in pairs:
+        values = parameters.get(constants.number)
+        former = before.get(constants.number)
+        if values is None or former is None:
+            continue
+        if all(values[name] == former[name] for name in _LASTING):
+            continue
+        if sigma.number not in parameters:
+            found[sigma.number] = dict.fromkeys((field.name for field in sigma.fields), 0.0)
+        if CALIBRATED.number not in parameters:
+            found[CALIBRATED.number] = dict(_UNKNOWN)
     return found
 
 
@@ -110,14 +200,32 @@ def changed(settings: Settings, parameters: Mapping[int, Values]) -> Settings:
             weights = parameters[_NUMBER[name]]["weights"]
             assert isinstance(weights, tuple)
             changes[name] = weights[: len(getattr(settings, name))]
-    kinds = {}
+    kinds: dict[str, object] = {}
     own = parameters_of(settings)
     for kind, (table, sensors, axes) in zip(_KINDS, _calibrations_of(settings), strict=True):
-        used = table[: len(axes)]
-        if any(parameter.number in parameters for parameter in used):
-            rows = [parameters.get(p.number, own[p.number]) for p in used]
-            columns = {f.name: tuple(row[f.name] for row in rows) for f in table[0].fields}
+        sigmas, sigma_model = _SIGMAS[kind]
+        columns = _columns(table[: len(axes)], parameters, own)
+        known = _columns(sigmas[: len(axes)], parameters, own)
+        if known:
+            columns["sigma"] = sigma_model.model_validate(known) if _any(known) else None
+        if columns:
             kinds[kind] = sensors.model_copy(update=columns)
+    if CALIBRATED.number in parameters:
+        kinds["calibrated"] = _origin_of(parameters[CALIBRATED.number])
     if kinds:
         changes["calibration"] = settings.calibration.model_copy(update=kinds)
     return settings.model_copy(update=changes)
+
+
+def _columns(
+    table: _Table, parameters: Mapping[int, Values], own: Mapping[int, Values]
+) -> dict[str, object]:
+    """Return each field's values by sensor, where one of the sensors' parameters is given."""
+    if not any(parameter.number in parameters for parameter in table):
+        return {}
+    rows = [parameters.get(parameter.number, own[parameter.number]) for parameter in table]
+    return {field.name: tuple(row[field.name] for row in rows) for field in table[0].fields}
+
+
+def _any(columns: Mapping[str, object]) -> bool:
+    return any(isinstance(values, tuple) and any(values) for values in columns.values())

@@ -76,6 +76,22 @@ def _calibration(
     )
 
 
+def _sigma(base: int, index: int, sensor: str, bias: str, unit: str) -> DataIdentifier:
+    errors = (
+        (bias, unit),
+        ("scale_error_ppm", "ppm"),
+        ("asymmetric_scale_error_ppm", "ppm"),
+        ("installation_u_arcsec", "″"),
+        ("installation_v_arcsec", "″"),
+    )
+    return _parameter(
+        base + index,
+        f"{sensor}_{index}_calibration_sigma",
+        f"Standard deviations of the calibrated errors of {sensor} {index}; 0: not known.",
+        *(Field(name, "f64", of, minimum=0.0, maximum=1e5) for name, of in errors),
+    )
+
+
 _POSITION = tuple(
     Field(
         f"position_{axis}_mm",
@@ -145,6 +161,23 @@ SETTINGS = (
 )
 """Settings of the navigation computer."""
 
+CALIBRATED = _parameter(
+    0x1300,
+    "calibrated",
+    "When the sensors were calibrated, and how warm they were then.",
+    Field(
+        "date_utc_s",
+        "u32",
+        "s",
+        minimum=0,
+        maximum=(1 << 32) - 1,
+        text="since 1970-01-01 UTC; 0: not known",
+    ),
+    Field("temperature_known", "u8", minimum=0, maximum=1),
+    Field("temperature_c", "f64", "°C", minimum=-100.0, maximum=200.0),
+)
+"""Origin of the calibration."""
+
 GYRO_CALIBRATIONS = tuple(
     _calibration(0x1100, index, "gyro", "bias_dph", "°/h", 10_000.0)
     for index in range(1, SENSOR_GROUPS + 1)
@@ -157,5 +190,22 @@ ACCELEROMETER_CALIBRATIONS = tuple(
 )
 """Calibration of each accelerometer."""
 
-PARAMETERS = (*SETTINGS, *GYRO_CALIBRATIONS, *ACCELEROMETER_CALIBRATIONS)
+GYRO_SIGMAS = tuple(
+    _sigma(0x1180, index, "gyro", "bias_dph", "°/h") for index in range(1, SENSOR_GROUPS + 1)
+)
+"""How well each gyro's calibration is known."""
+
+ACCELEROMETER_SIGMAS = tuple(
+    _sigma(0x1280, index, "accelerometer", "bias_ug", "µg") for index in range(1, SENSOR_GROUPS + 1)
+)
+"""How well each accelerometer's calibration is known."""
+
+PARAMETERS = (
+    *SETTINGS,
+    *GYRO_CALIBRATIONS,
+    *GYRO_SIGMAS,
+    *ACCELEROMETER_CALIBRATIONS,
+    *ACCELEROMETER_SIGMAS,
+    CALIBRATED,
+)
 """All parameters."""

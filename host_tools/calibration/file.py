@@ -1,4 +1,4 @@
-"""The calibration file of an estimate: TOML as the firmware loads it, σ and origin as comments."""
+"""The calibration file of an estimate: TOML as the firmware loads it, with σ, date, temperature."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from rrins.dbc.record import Floats
-from rrins.firmware_py.core.calibration import ARCSEC
+from rrins.firmware_py.core.calibration import ARCSEC, Origin
 from rrins.host_tools.calibration.estimation import (
     ACCELEROMETER_UNITS,
     GYRO_UNITS,
@@ -40,27 +40,47 @@ def both(found: Estimate) -> Iterator[tuple[str, SensorsEstimate, Floats]]:
     yield "accelerometers", found.accelerometers, ACCELEROMETER_UNITS
 
 
-def to_toml(found: Estimate, origin: Sequence[str]) -> str:
+UNKNOWN = Origin()
+
+
+def to_toml(found: Estimate, how: Sequence[str], origin: Origin = UNKNOWN) -> str:
     """Return the file.
 
     Parameters
     ----------
     found : Estimate
-    origin : sequence of str
+    how : sequence of str
         How it was obtained, a comment each.
+    origin : Origin
+        When, and how warm the sensors were.
     """
-    return "\n".join((*(f"# {line}" for line in origin), *_tables(found))) + "\n"
+    lines = (*(f"# {line}" for line in how), *_notes(found), *_calibrated(origin), *_tables(found))
+    return "\n".join(lines) + "\n"
 
 
-def _tables(found: Estimate) -> Iterator[str]:
+def _calibrated(origin: Origin) -> Iterator[str]:
+    yield "\n[calibrated]"
+    if origin.date_utc is not None:
+        yield f"date_utc = {origin.date_utc:%Y-%m-%dT%H:%M:%SZ}"
+    if origin.temperature_c is not None:
+        yield f"temperature_c = {origin.temperature_c!r}"
+
+
+def _notes(found: Estimate) -> Iterator[str]:
     heading = found.base_sigma[2] / ARCSEC
     squareness, sigma_of_it = found.epsilon / ARCSEC, found.epsilon_sigma / ARCSEC
     yield f"# axes out of square by {squareness:.2f}″ (σ {sigma_of_it:.2f}″)"
     yield f"# base's azimuth known to {heading:.0f}″"
+
+
+def _tables(found: Estimate) -> Iterator[str]:
     for name, one, units in both(found):
         yield f"\n[{name}]"
         for k, key in enumerate(KEYS[name]):
             values = ", ".join(f"{value:.6g}" for value in one.constants[:, k] / units[k])
-            sigma = np.sqrt((one.sigma[:, k] ** 2).mean()) / units[k]
-            each = ", ".join(f"{value:.2g}" for value in one.sigma[:, k] / units[k])
-            yield f"{key} = [{values}]  # σ {each}; rms {sigma:.2g}"
+            yield f"{key} = [{values}]"
+        yield f"\n[{name}.sigma]"
+        for k, key in enumerate(KEYS[name]):
+            each = ", ".join(f"{value:.3g}" for value in one.sigma[:, k] / units[k])
+            rms = np.sqrt((one.sigma[:, k] ** 2).mean()) / units[k]
+            yield f"{key} = [{each}]  # rms {rms:.2g}"

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+from rrins.firmware_py.core.calibration import Origin
 from rrins.firmware_py.core.settings import Scheme
 from rrins.host_tools.calibration import session
 from rrins.host_tools.calibration.emulated import EmulatedUnit
@@ -50,6 +51,8 @@ class Order:
         Whether to store the calibration in the unit, and to verify it there.
     anew : bool
         Whether to begin anew where a calibration was stopped.
+    temperature_c : float, optional
+        How warm the sensors are, °C, where somebody knows: the bus does not say.
     """
 
     folder: Path
@@ -64,6 +67,7 @@ class Order:
     seed: int = 1
     pushes: bool = False
     anew: bool = False
+    temperature_c: float | None = None
 
     @property
     def is_attached(self) -> bool:
@@ -115,10 +119,11 @@ def calibrate(order: Order, note: Callable[[str], None] = lambda line: None) -> 
         unit = told_unit(tester, (known.rimu.gyros, known.rimu.accelerometers))
         work = _Work(tester, unit, named, order.folder)
         found = work.record(order.anew, note)
-        verified = work.push(found) if order.pushes else ""
+        origin = session.origin_now(order.temperature_c)
+        verified = work.push(found, origin) if order.pushes else ""
     name = _name(order, known)
-    origin = session.origin_of(name, named.name, named.scheme, found)
-    files = write(order.folder, unit, found, name, origin, verified)
+    how = session.how_of(name, named.name, named.scheme, found, origin)
+    files = write(order.folder, unit, found, name, how, verified, origin)
     is_drawn = order.scenario is None and not order.is_attached
     errors = [one.rms.tolist() for one in errors_of(known, found)] if is_drawn else None
     return Calibrated(found, verified, files, errors)
@@ -164,9 +169,9 @@ class _Work:
 
             return recording.run(self._tester, advance, stop.is_set)
 
-    def push(self, found: Estimate) -> str:
+    def push(self, found: Estimate, origin: Origin) -> str:
         """Store, restart, calibrate once more in short; put the former back if they disagree."""
-        former = session.push(self._tester, found)
+        former = session.push(self._tester, found, origin)
         try:
             scheme = session.verification(self._named.scheme)
             seconds = self._follow("verifying", session.Recording(scheme))

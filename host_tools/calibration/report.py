@@ -10,9 +10,9 @@ from typing import IO
 import numpy as np
 
 from rrins.dbc.record import Floats
-from rrins.firmware_py.core.calibration import ARCSEC
+from rrins.firmware_py.core.calibration import ARCSEC, Origin
 from rrins.host_tools.calibration.estimation import Estimate, Unit
-from rrins.host_tools.calibration.file import KEYS, both, to_toml
+from rrins.host_tools.calibration.file import KEYS, UNKNOWN, both, to_toml
 from rrins.host_tools.calibration.observability import LIMITS
 from rrins.host_tools.calibration.pictures import residuals_figure
 from rrins.host_tools.drawing.page import base64_of, environment, png_of
@@ -89,8 +89,9 @@ def write(
     unit: Unit,
     found: Estimate,
     title: str,
-    origin: Sequence[str],
+    how: Sequence[str],
     verified: str = "",
+    origin: Origin = UNKNOWN,
 ) -> list[Path]:
     """Write report, picture and calibration file to a folder; return their paths in this order.
 
@@ -108,7 +109,7 @@ def write(
         .get_template("report.html.j2")
         .render(
             title=title,
-            origin=origin,
+            origin=how,
             kinds=kinds_of(found),
             image=base64_of(picture),
             base=[*base, f"{found.base_sigma[2] / ARCSEC:.0f}"],
@@ -122,7 +123,7 @@ def write(
     paths = [folder / name for name in (REPORT, PICTURE, FILE)]
     if paths[0].exists() and paths[0].read_bytes() != page.encode():
         keep(folder, (REPORT, PICTURE, FILE))
-    for path, text in ((paths[0], page), (paths[2], to_toml(found, origin))):
+    for path, text in ((paths[0], page), (paths[2], to_toml(found, how, origin))):
 
         def write_text(file: IO[str], text: str = text) -> None:
             file.write(text)

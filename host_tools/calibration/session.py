@@ -11,13 +11,14 @@ import numpy as np
 
 from rrins.dbc.record import Floats
 from rrins.firmware_py.core import earth
+from rrins.firmware_py.core.calibration import Origin
 from rrins.firmware_py.core.settings import Scheme
 from rrins.firmware_py.diagnostics import calibration_image
 from rrins.firmware_py.diagnostics.calibration_record import CalibrationEnd
 from rrins.host_tools.calibration import seconds as records
 from rrins.host_tools.calibration.checks import trouble_of, wandering
 from rrins.host_tools.calibration.estimation import Estimate, SensorsEstimate, Unit, estimate
-from rrins.host_tools.calibration.file import to_toml
+from rrins.host_tools.calibration.file import UNKNOWN, to_toml
 from rrins.host_tools.calibration.routine import RoutineRun
 from rrins.host_tools.calibration.seconds import Seconds
 from rrins.host_tools.diag import calibration_file
@@ -149,21 +150,33 @@ def checked(unit: Unit, seconds: Seconds) -> Estimate:
     return found
 
 
-def origin_of(unit_name: str, scheme_name: str, scheme: Scheme, found: Estimate) -> list[str]:
+def origin_now(temperature_c: float | None = None) -> Origin:
+    """Return the origin of a calibration that ends now."""
+    now = datetime.datetime.now(datetime.UTC).replace(microsecond=0)
+    return Origin(date_utc=now, temperature_c=temperature_c)
+
+
+def how_of(
+    unit_name: str, scheme_name: str, scheme: Scheme, found: Estimate, origin: Origin
+) -> list[str]:
     """Return how a calibration was obtained, in lines."""
-    now = datetime.datetime.now(datetime.UTC).strftime("%Y-%m-%d %H:%M UTC")
+    when = "" if origin.date_utc is None else f", {origin.date_utc:%Y-%m-%d %H:%M} UTC"
+    warm = "" if origin.temperature_c is None else f", sensors at {origin.temperature_c:g} °C"
     return [
-        f"rrins calibrate, {now}: {unit_name}",
+        f"rrins calibrate{when}{warm}: {unit_name}",
         f"least squares over {found.seconds.total_s:.0f} s on the table, scheme {scheme_name} at "
         f"{scheme.turn_rate_dps:g} °/s, {scheme.stand_s:g} s at rest after each turn",
     ]
 
 
-def push(tester: Tester, found: Estimate) -> bytes:
-    """Write the constants into the parameter memory, and restart; return the former file."""
+def push(tester: Tester, found: Estimate, origin: Origin = UNKNOWN) -> bytes:
+    """Write the constants into the parameter memory, and restart; return the former file.
+
+    With them goes how well they are known, when they were found, and how warm the sensors were.
+    """
     former = tester.pull()
     current = calibration_image.decode(former)
-    wanted = calibration_file.from_toml(to_toml(found, ()), current)
+    wanted = calibration_file.from_toml(to_toml(found, (), origin), current)
     # Positions of the accelerometers are not estimated: they stay as they are.
     for number, values in wanted.items():
         for name in values:

@@ -39,6 +39,13 @@ if TYPE_CHECKING:
 @click.option(
     "--anew", is_flag=True, help="Start over instead of resuming a calibration that was stopped."
 )
+@click.option(
+    "--temperature",
+    "temperature_c",
+    type=click.FloatRange(-100, 200),
+    metavar="°C",
+    help="How warm the sensors are; stored with the calibration.",
+)
 @json_option
 @click.option(
     "--out",
@@ -59,6 +66,7 @@ def calibrate(
     seed: int,
     pushes: bool,
     anew: bool,
+    temperature_c: float | None,
     as_json: bool,
     out: Path,
 ) -> None:
@@ -75,7 +83,7 @@ def calibrate(
 
     order = Order(
         out, scenario, interface, channel, bitrate, geometry, scheme_name, turn_rate_dps, stand_s,
-        seed, pushes, anew,
+        seed, pushes, anew, temperature_c,
     )  # fmt: skip
     _print(calibrate_unit(order, print_note), as_json)
 

@@ -8,6 +8,13 @@ per sensor; omitted keys are zero. ``[settings.NAME]`` holds a parameter of the 
     bias_dph = [0.1, 0.11, 0.12, 0.13]
     scale_error_ppm = 0
 
+    [gyros.sigma]                           # standard deviations; omitted: not known
+    scale_error_ppm = 1.9
+
+    [calibrated]                            # omitted: not known
+    date_utc = 2026-11-23T08:05:00Z
+    temperature_c = 22.5
+
     [settings.bridge]
     bridge_s = 0.1
 
@@ -17,6 +24,7 @@ A ``.rrca`` file holds the raw bytes as the computer stores them
 
 from __future__ import annotations
 
+import datetime
 import os
 import tempfile
 import tomllib
@@ -29,7 +37,10 @@ from rrins.firmware_py.diagnostics.codecs import Field, Value, ValueRangeError, 
 from rrins.firmware_py.diagnostics.data_identifier import DataIdentifier
 from rrins.firmware_py.diagnostics.parameters import (
     ACCELEROMETER_CALIBRATIONS,
+    ACCELEROMETER_SIGMAS,
+    CALIBRATED,
     GYRO_CALIBRATIONS,
+    GYRO_SIGMAS,
     SETTINGS,
 )
 from rrins.host_tools.diag.values import limits_of
@@ -40,6 +51,9 @@ TOML, RAW = ".toml", ".rrca"
 """Extensions of the two file formats."""
 
 _SENSORS = {"gyros": GYRO_CALIBRATIONS, "accelerometers": ACCELEROMETER_CALIBRATIONS}
+_SIGMAS = {"gyros": GYRO_SIGMAS, "accelerometers": ACCELEROMETER_SIGMAS}
+_SIGMA, _CALIBRATED = "sigma", "calibrated"
+_DATE, _TEMPERATURE = "date_utc", "temperature_c"
 _BY_NAME = {did.name: did for did in SETTINGS}
 
 
@@ -60,19 +74,43 @@ def to_toml(parameters: Mapping[int, Values], with_settings: bool) -> str:
 
 
 def _tables(parameters: Mapping[int, Values], with_settings: bool) -> Iterator[str]:
+    yield from _calibrated(parameters.get(CALIBRATED.number, {}))
     for name, dids in _SENSORS.items():
-        numbers = _present(dids, parameters)
         yield f"[{name}]"
-        for field in dids[0].fields:
-            values = ", ".join(_float(parameters[number][field.name]) for number in numbers)
-            yield f"{field.name} = [{values}]"
+        yield from _lists(dids, parameters)
         yield ""
+        sigmas = _SIGMAS[name]
+        if any(any(parameters[n].values()) for n in _present(sigmas, parameters)):
+            yield f"[{name}.{_SIGMA}]"
+            yield from _lists(sigmas, parameters)
+            yield ""
     for did in SETTINGS if with_settings else ():
         if did.number in parameters:
             yield f"[settings.{did.name}]"
             for field in did.fields:
                 yield f"{field.name} = {_literal(field, parameters[did.number][field.name])}"
             yield ""
+
+
+def _lists(dids: Sequence[DataIdentifier], parameters: Mapping[int, Values]) -> Iterator[str]:
+    numbers = _present(dids, parameters)
+    for field in dids[0].fields:
+        values = ", ".join(_float(parameters[number][field.name]) for number in numbers)
+        yield f"{field.name} = [{values}]"
+
+
+def _calibrated(values: Mapping[str, Value]) -> Iterator[str]:
+    seconds, temperature_c = values.get("date_utc_s", 0), values.get(_TEMPERATURE, 0.0)
+    if not seconds and not values.get("temperature_known"):
+        return
+    yield f"[{_CALIBRATED}]"
+    if seconds:
+        assert isinstance(seconds, int)
+        date = datetime.datetime.fromtimestamp(seconds, datetime.UTC)
+        yield f"{_DATE} = {date:%Y-%m-%dT%H:%M:%SZ}"
+    if values.get("temperature_known"):
+        yield f"{_TEMPERATURE} = {_float(temperature_c)}"
+    yield ""
 
 
 def _float(value: Value) -> str:
@@ -115,14 +153,20 @@ def from_toml(text: str, current: Mapping[int, Values]) -> Parameters:
 
 
 def _changed(tables: JsonObject, current: Mapping[int, Values]) -> Parameters:
-    known = (*_SENSORS, "settings")
+    known = (*_SENSORS, _CALIBRATED, "settings")
     _require_keys(tables, known, "the file")
     if not tables:
         raise _Wrong(f"empty; allowed: {', '.join(known)}")
     parameters = {number: dict(values) for number, values in current.items()}
     for name, dids in _SENSORS.items():
         if name in tables:
-            _change_sensors(parameters, _table(tables[name], name), name, dids)
+            given = _table(tables[name], name)
+            constants = {key: value for key, value in given.items() if key != _SIGMA}
+            _change_sensors(parameters, constants, name, dids)
+            where = f"{name}.{_SIGMA}"
+            _change_sensors(parameters, _table(given.get(_SIGMA, {}), where), where, _SIGMAS[name])
+    if any(name in tables for name in (*_SENSORS, _CALIBRATED)):
+        _change_origin(parameters, _table(tables.get(_CALIBRATED, {}), _CALIBRATED))
     settings = _table(tables.get("settings", {}), "settings")
     _require_keys(settings, _BY_NAME, "settings")
     for name, values in settings.items():
@@ -140,6 +184,24 @@ def _require_keys(table: JsonObject, known: Collection[str], where: str) -> None
     odd = [key for key in table if key not in known]
     if odd:
         raise _Wrong(f"{where}: unknown key {odd[0]}; allowed: {', '.join(known)}")
+
+
+def _change_origin(parameters: Parameters, given: JsonObject) -> None:
+    """Take when and how warm; what is not given is not known."""
+    if CALIBRATED.number not in parameters:
+        return
+    _require_keys(given, (_DATE, _TEMPERATURE), _CALIBRATED)
+    values: Values = {"date_utc_s": 0, "temperature_known": 0, _TEMPERATURE: 0.0}
+    if _DATE in given:
+        date, where = given[_DATE], f"{_CALIBRATED}.{_DATE}"
+        if not isinstance(date, datetime.datetime) or date.tzinfo is None:
+            raise _Wrong(f"{where}: {date!r} is no time with its zone, as 2026-11-23T08:05:00Z is")
+        values["date_utc_s"] = _checked(CALIBRATED.fields[0], int(date.timestamp()), where)
+    if _TEMPERATURE in given:
+        where = f"{_CALIBRATED}.{_TEMPERATURE}"
+        values["temperature_known"] = 1
+        values[_TEMPERATURE] = _checked(CALIBRATED.fields[2], given[_TEMPERATURE], where)
+    parameters[CALIBRATED.number] = values
 
 
 def _change_sensors(

@@ -16,7 +16,12 @@ from rrins.firmware_py.diagnostics import access, table
 from rrins.firmware_py.diagnostics.codecs import Value, Values
 from rrins.firmware_py.diagnostics.data_identifier import DataIdentifier
 from rrins.firmware_py.diagnostics.identifiers import IOControl
-from rrins.firmware_py.diagnostics.parameters import ACCELEROMETER_CALIBRATIONS, GYRO_CALIBRATIONS
+from rrins.firmware_py.diagnostics.parameters import (
+    ACCELEROMETER_CALIBRATIONS,
+    ACCELEROMETER_SIGMAS,
+    GYRO_CALIBRATIONS,
+    GYRO_SIGMAS,
+)
 from rrins.firmware_py.diagnostics.regions import CALIBRATION_ADDRESS, CALIBRATION_CAPACITY
 from rrins.firmware_py.diagnostics.responses import Code
 from rrins.firmware_py.diagnostics.routines import Routine
@@ -102,7 +107,12 @@ class Tester(Closing):
         gyros, accelerometers = sensors["gyros"], sensors["accelerometers"]
         assert isinstance(gyros, int)
         assert isinstance(accelerometers, int)
-        absent = {*GYRO_CALIBRATIONS[gyros:], *ACCELEROMETER_CALIBRATIONS[accelerometers:]}
+        absent = {
+            *GYRO_CALIBRATIONS[gyros:],
+            *GYRO_SIGMAS[gyros:],
+            *ACCELEROMETER_CALIBRATIONS[accelerometers:],
+            *ACCELEROMETER_SIGMAS[accelerometers:],
+        }
         return [did for did in dids if did not in absent]
 
     def read(self, dids: Sequence[DataIdentifier]) -> dict[str, Values]:

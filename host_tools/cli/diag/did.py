@@ -11,7 +11,12 @@ from rrins.firmware_py.diagnostics import table
 from rrins.firmware_py.diagnostics.codecs import Values
 from rrins.firmware_py.diagnostics.data_identifier import DataIdentifier
 from rrins.firmware_py.diagnostics.identifiers import IOControl
-from rrins.firmware_py.diagnostics.parameters import ACCELEROMETER_CALIBRATIONS, GYRO_CALIBRATIONS
+from rrins.firmware_py.diagnostics.parameters import (
+    ACCELEROMETER_CALIBRATIONS,
+    ACCELEROMETER_SIGMAS,
+    GYRO_CALIBRATIONS,
+    GYRO_SIGMAS,
+)
 from rrins.host_tools.cli.diag.arguments import CONTROLLABLE, IDENTIFIER, WRITABLE, complete_values
 from rrins.host_tools.cli.diag.options import with_securing_tester, with_tester
 from rrins.host_tools.cli.diag.output import (
@@ -45,10 +50,21 @@ def did() -> None:
 
 def _sensor_of(one: DataIdentifier) -> int | None:
     """Return the sensor that an identifier calibrates; None for other identifiers."""
-    for calibrations in (GYRO_CALIBRATIONS, ACCELEROMETER_CALIBRATIONS):
-        if one in calibrations:
-            return calibrations.index(one) + 1
+    for group in (
+        GYRO_CALIBRATIONS,
+        GYRO_SIGMAS,
+        ACCELEROMETER_CALIBRATIONS,
+        ACCELEROMETER_SIGMAS,
+    ):
+        if one in group:
+            return group.index(one) + 1
     return None
+
+
+def _group_of(one: DataIdentifier) -> str:
+    """Return the number of the first sensor's identifier, with n for the sensor."""
+    base = one.number - 1
+    return f"0x{one.number >> 8:02X}nn" if base & 0xFF == 0 else f"0x{base:04X}+n"
 
 
 def _rights(one: DataIdentifier) -> str:
@@ -98,8 +114,9 @@ def list_identifiers(
         grid = new_table(("number", "identifier", "", "description"))
         for one in chosen:
             if _sensor_of(one) == 1:
-                name, text = one.name.replace("_1_", "_n_"), one.text.replace(" 1 ", " n ")
-                grid.add_row(f"0x{one.number >> 8:02X}nn", name, _rights(one), text)
+                name = one.name.replace("_1_", "_n_")
+                text = one.text.replace(" 1 ", " n ").replace(" 1;", " n;")
+                grid.add_row(_group_of(one), name, _rights(one), text)
             elif _sensor_of(one) is None:
                 grid.add_row(f"0x{one.number:04X}", one.name, _rights(one), one.text)
         print_table(grid)

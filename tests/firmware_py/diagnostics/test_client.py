@@ -63,7 +63,12 @@ def refusal(call, *arguments, **named):
 
 def test_every_identifier_that_this_computer_has_is_read(navigating):
     _, client = navigating
-    groups = {f"{kind}_{k}_calibration" for kind in ("gyro", "accelerometer") for k in range(5, 17)}
+    groups = {
+        f"{kind}_{k}_calibration{of}"
+        for kind in ("gyro", "accelerometer")
+        for k in range(5, 17)
+        for of in ("", "_sigma")
+    }
     for did in table.IDENTIFIERS:
         if did.name in groups:
             assert refusal(client.read_data_by_identifier, did.number) == 0x31

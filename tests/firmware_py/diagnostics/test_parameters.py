@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import datetime
 import zlib
 
 import pytest
@@ -10,6 +11,8 @@ from rrins.firmware_py.core.calibration import (
     AccelerometerCalibration,
     Calibration,
     GyroCalibration,
+    GyroSigmas,
+    Origin,
 )
 from rrins.firmware_py.core.settings import power_on
 from rrins.firmware_py.core.troubles import Status
@@ -22,6 +25,13 @@ from rrins.firmware_py.diagnostics.parameters import PARAMETERS
 from rrins.firmware_py.loop import Firmware, open_memories
 
 BRIDGE = table.identifier("bridge").number
+GYRO = table.identifier("gyro_1_calibration").number
+SIGMA = table.identifier("gyro_1_calibration_sigma").number
+CALIBRATED = table.identifier("calibrated").number
+WHEN = {"date_utc_s": 1_795_421_100, "temperature_known": 1, "temperature_c": 22.5}
+ORIGIN = Origin(
+    date_utc=datetime.datetime(2026, 11, 23, 8, 5, tzinfo=datetime.UTC), temperature_c=22.5
+)
 START = table.identifier("start_position").number
 
 
@@ -194,15 +204,52 @@ def test_every_setting_goes_through_the_parameters_and_back(tools, contract):
         heading_deg=33.0,
         alignment_s=12.5,
         calibration=Calibration(
-            gyros=GyroCalibration(bias_dph=(0.1, 0.2, 0.3, 0.4), scale_error_ppm=5.0),
+            calibrated=ORIGIN,
+            gyros=GyroCalibration(
+                bias_dph=(0.1, 0.2, 0.3, 0.4),
+                scale_error_ppm=5.0,
+                sigma=GyroSigmas(bias_dph=0.01, scale_error_ppm=(1.0, 2.0, 3.0, 4.0)),
+            ),
             accelerometers=AccelerometerCalibration(bias_ug=50.0, installation_u_arcsec=7.0),
         ),
     )
     parameters = set_up.parameters_of(settings)
     again = set_up.changed(tools.settings(), parameters)
     assert set_up.parameters_of(again) == parameters
+    assert again.calibration.calibrated == ORIGIN
     assert power_on(again, contract).tobytes() == power_on(settings, contract).tobytes()
     assert image.decode(image.encode(parameters)) == parameters
+
+
+def test_what_is_written_by_hand_is_of_unknown_origin(computer):
+    """A scale factor is not what was calibrated any more; a bias changes with each power-up."""
+    firmware = computer()
+    memory = firmware.diagnostics.parameters
+    sigma = {field.name: 2.0 for field in table.identifier(SIGMA).fields}
+    constants = memory.value(GYRO) | {"scale_error_ppm": 5.0}
+    assert memory.finish(memory.change({GYRO: constants, SIGMA: sigma, CALIBRATED: WHEN}))
+    write(firmware, GYRO, **(constants | {"bias_dph": 9.0}))
+    assert memory.stored[CALIBRATED] == WHEN
+    assert memory.stored[SIGMA] == sigma
+    write(firmware, GYRO, **(constants | {"scale_error_ppm": 6.0}))
+    assert memory.stored[CALIBRATED]["date_utc_s"] == 0
+    assert memory.stored[CALIBRATED]["temperature_known"] == 0
+    assert not any(memory.stored[SIGMA].values())
+    firmware.close()
+
+
+def test_a_memory_from_before_there_was_an_origin_is_read(computer):
+    firmware = computer()
+    write(firmware, GYRO, **(firmware.diagnostics.parameters.value(GYRO) | {"bias_dph": 9.0}))
+    assert set(firmware.diagnostics.parameters.stored) == {GYRO}
+    firmware.close()
+    firmware = computer()
+    assert state_of(firmware)["state"] == 1
+    assert troubles(firmware) == set()
+    assert firmware.settings.calibration.gyros.bias_dph == (9.0, 0.0, 0.0, 0.0)
+    assert firmware.settings.calibration.calibrated == Origin()
+    assert firmware.settings.calibration.gyros.sigma is None
+    firmware.close()
 
 
 def test_every_parameter_at_its_limits_gives_a_computer_that_starts(tools, contract):

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import datetime
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from rrins.firmware_py.core.calibration import DPH, load
+from rrins.firmware_py.core.calibration import ARCSEC, DPH, PPM, Origin, load
 from rrins.firmware_py.core.modes import Mode
 from rrins.firmware_py.core.settings import Scheme, Turn
 from rrins.firmware_py.diagnostics import calibration_image
+from rrins.firmware_py.diagnostics.parameters import GYRO_CALIBRATIONS
 from rrins.firmware_py.loop import open_memories
 from rrins.host_tools.calibration import session
 from rrins.host_tools.calibration.emulated import EmulatedUnit
@@ -35,6 +37,16 @@ SHORT = Scheme(
     ),
     turn_rate_dps=30.0,
     stand_s=1.0,
+)
+
+ORIGIN = Origin(
+    date_utc=datetime.datetime(2026, 11, 23, 8, 5, tzinfo=datetime.UTC), temperature_c=22.5
+)
+LASTING = (
+    ("scale_error_ppm", PPM),
+    ("asymmetric_scale_error_ppm", PPM),
+    ("installation_u_arcsec", ARCSEC),
+    ("installation_v_arcsec", ARCSEC),
 )
 
 
@@ -67,7 +79,7 @@ def test_a_calibration_is_stored_and_lasts(tmp_path: Path) -> None:
         assert (np.abs(errors.error / errors.sigma) < 5).all()
     report, picture, file = write(tmp_path, told, found, "test", ["by a test"])
     loaded = load(file, 4, 4)
-    biases = [values["bias_dph"] for values in stored.values() if "bias_dph" in values]
+    biases = [stored[did.number]["bias_dph"] for did in GYRO_CALIBRATIONS[:4]]
     np.testing.assert_allclose(loaded.gyros.bias_dph, biases, atol=1e-12)
     assert report.read_text().count("data:image/png;base64") == 1
     assert picture.stat().st_size > 1000
@@ -80,7 +92,7 @@ def test_what_was_pushed_is_there_and_in_use_after_a_power_cycle(tmp_path: Path)
     unit = EmulatedUnit(scenario, stores=open_memories(path))
     with talk_to(unit) as tester:
         empty = tester.pull()
-        session.push(tester, found)
+        session.push(tester, found, ORIGIN)
         pushed = tester.pull()
     assert pushed != empty
     unit.firmware.close()
@@ -89,7 +101,31 @@ def test_what_was_pushed_is_there_and_in_use_after_a_power_cycle(tmp_path: Path)
         assert tester.pull() == pushed
     biases = again.firmware.settings.calibration.gyros.bias_dph
     np.testing.assert_allclose(biases, found.gyros.constants[:, 0] / DPH, rtol=1e-5)
+    calibration = again.firmware.settings.calibration
+    assert calibration.calibrated == ORIGIN
+    for kind, sensors in (
+        (calibration.gyros, found.gyros),
+        (calibration.accelerometers, found.accelerometers),
+    ):
+        assert kind.sigma is not None
+        for k, (key, unit) in enumerate(LASTING, 1):
+            np.testing.assert_allclose(
+                getattr(kind.sigma, key), sensors.sigma[:, k] / unit, rtol=5e-3
+            )
     again.firmware.close()
+
+
+def test_the_file_says_when_how_warm_and_how_well(tmp_path: Path) -> None:
+    scenario = drawn_unit(1)
+    told, found = unit_of(scenario), session.checked(unit_of(scenario), record(scenario, FAST))
+    how = session.how_of("box 7", "calibration", FAST, found, ORIGIN)
+    assert how[0] == "rrins calibrate, 2026-11-23 08:05 UTC, sensors at 22.5 °C: box 7"
+    *_, file = write(tmp_path, told, found, "test", how, origin=ORIGIN)
+    loaded = load(file, 4, 4)
+    assert loaded.calibrated == ORIGIN
+    assert loaded.gyros.sigma is not None
+    sigma = found.gyros.sigma[:, 1] / PPM
+    np.testing.assert_allclose(loaded.gyros.sigma.scale_error_ppm, sigma, rtol=5e-3)
 
 
 def test_the_routine_records_what_the_bare_table_does() -> None:

@@ -12,7 +12,9 @@ from rrins.firmware_py.diagnostics import calibration_image as image
 from rrins.firmware_py.diagnostics.codecs import Values
 from rrins.firmware_py.diagnostics.parameters import (
     ACCELEROMETER_CALIBRATIONS,
+    CALIBRATED,
     GYRO_CALIBRATIONS,
+    GYRO_SIGMAS,
     SETTINGS,
 )
 from rrins.host_tools.diag import calibration_file
@@ -54,6 +56,25 @@ def test_a_table_of_sensors_is_whole_and_others_stay(computer, tmp_path):
     assert stored[0x1004] == {"bridge_s": 1.0}
 
 
+def test_when_how_warm_and_how_well_go_with_the_constants(computer, tmp_path):
+    file = tmp_path / "box7.toml"
+    known = "[calibrated]\ndate_utc = 2026-11-23T09:05:00+01:00\ntemperature_c = 22.5\n"
+    file.write_text(f"{known}[gyros]\nscale_error_ppm = 5\n[gyros.sigma]\nbias_dph = [1,2,3,4]\n")
+    assert computer.type("calibration", "push", str(file), "--security").status == 0
+    when = {"date_utc_s": 1_795_421_100, "temperature_known": 1, "temperature_c": 22.5}
+    assert computer.stored[CALIBRATED.number] == when
+    assert [computer.stored[did.number]["bias_dph"] for did in GYRO_SIGMAS[:4]] == [1, 2, 3, 4]
+    pulled = tmp_path / "pulled.toml"
+    computer.type("calibration", "pull", str(pulled))
+    assert tomllib.loads(pulled.read_text())["calibrated"]["temperature_c"] == 22.5
+    assert "date_utc = 2026-11-23T08:05:00Z" in pulled.read_text()
+    # Other constants without a date are not those of the former date.
+    file.write_text("[gyros]\nscale_error_ppm = 5\n")
+    assert computer.type("calibration", "push", str(file), "--security").status == 0
+    assert computer.stored[CALIBRATED.number]["date_utc_s"] == 0
+    assert not any(computer.stored[GYRO_SIGMAS[0].number].values())
+
+
 @pytest.mark.parametrize(
     ("text", "said"),
     [
@@ -66,6 +87,12 @@ def test_a_table_of_sensors_is_whole_and_others_stay(computer, tmp_path):
         ("[gyros]\nbias_dph = 'much'\n", "gyros.bias_dph: 'much' is invalid"),
         ("[gyros]\nbias_dph = nan\n", "gyros.bias_dph"),
         ("gyros = 3\n", "gyros is not a table"),
+        ("[gyros.sigma]\nbias_dph = -1\n", "allowed: 0 … 100000 °/h"),
+        ("[gyros]\nsigma = 1\n", "gyros.sigma is not a table"),
+        ("[calibrated]\ndate = 1\n", "calibrated: unknown key date"),
+        ("[calibrated]\ndate_utc = 2026-11-23\n", "is no time with its zone"),
+        ("[calibrated]\ndate_utc = 1969-11-23T08:05:00Z\n", "calibrated.date_utc"),
+        ("[calibrated]\ntemperature_c = 300\n", "allowed: -100 … 200 °C"),
         ("[settings]\nbridge = 3\n", "settings.bridge is not a table"),
         ("[settings.bridges]\n", "settings: unknown key bridges"),
         ("[settings.alignment]\nmethod = 'SELF'\n", "allowed: GIVEN, SELF_ALIGNED"),
@@ -137,7 +164,12 @@ def values_of(did) -> st.SearchStrategy[Values]:
     return st.fixed_dictionaries({field.name: value_of(field) for field in did.fields})
 
 
-DIDS = (*SETTINGS, *GYRO_CALIBRATIONS[:5], *ACCELEROMETER_CALIBRATIONS[:3])
+DIDS = (
+    *SETTINGS,
+    *GYRO_CALIBRATIONS[:5],
+    *GYRO_SIGMAS[:5],
+    *ACCELEROMETER_CALIBRATIONS[:3],
+)
 
 
 @given(st.fixed_dictionaries({did.number: values_of(did) for did in DIDS}))

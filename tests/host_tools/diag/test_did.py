@@ -21,7 +21,12 @@ def test_reading_gives_the_values_of_the_ram_image(computer):
 
 def test_all_that_the_computer_has(computer):
     found = computer.type("did", "read", "--all", "--json").json
-    absent = {f"{kind}_{k}_calibration" for kind in ("gyro", "accelerometer") for k in range(5, 17)}
+    absent = {
+        f"{kind}_{k}_calibration{of}"
+        for kind in ("gyro", "accelerometer")
+        for k in range(5, 17)
+        for of in ("", "_sigma")
+    }
     assert set(found) == {did.name for did in table.IDENTIFIERS} - absent
 
 
