@@ -40,6 +40,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import AwareDatetime, BaseModel, ConfigDict, Field, ValidationError
 
+from rrins.firmware_py.core.calibration_records import CalibrationInUse
 from rrins.firmware_py.core.memory import Fusion
 
 STANDARD_GRAVITY = 9.80665
@@ -265,6 +266,15 @@ def transverse(
 def each(value: PerSensor, count: int) -> NDArray[np.float64]:
     """Return a value for each of `count` sensors, shape (count,)."""
     return np.broadcast_to(np.asarray(value, dtype=float), (count,))
+
+
+def fill_origin(record: CalibrationInUse, origin: Origin) -> None:
+    """Fill in when the sensors were calibrated, and how warm they were."""
+    if origin.date_utc is not None:
+        record.date_utc_s = int(origin.date_utc.timestamp())
+    if origin.temperature_c is not None:
+        record.temperature_known = True
+        record.temperature_c = origin.temperature_c
 
 
 def fill(

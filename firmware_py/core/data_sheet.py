@@ -43,6 +43,9 @@ class DataSheet(BaseModel):
         1, 1, rad: standard deviation of each.
     force_sigma : float
         rad/s per m/s², of gyros: standard deviation.
+    scale_stability : float
+        1, standard deviation of what a scale factor changes by from one power-up to the next, and
+        over 10 K.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
@@ -63,3 +66,4 @@ class DataSheet(BaseModel):
     asymmetry_sigma: float = 15 * PPM
     installation_sigma: float = 10 * ARCSEC
     force_sigma: float = 0.0
+    scale_stability: float = 0.0

@@ -22,6 +22,7 @@ from rrins.dbc.record import (
     Shorts,
     Words,
 )
+from rrins.firmware_py.core.calibration_records import CalibrationInUse
 from rrins.firmware_py.core.diagnostic_records import DiagnosticState
 from rrins.firmware_py.core.encoder_records import Encoders
 from rrins.firmware_py.core.estimator_records import TRACK_EPOCHS, Estimator
@@ -430,6 +431,7 @@ class Ram(Record):
     bridging: Bridging
     redundancy: Redundancy
     estimator: Estimator
+    calibration: CalibrationInUse
 
 
 def blank_ram() -> Records[Ram]:

@@ -11,6 +11,7 @@ import numpy as np
 from rrins.dbc.compilation import compiled
 from rrins.dbc.values import AxisState
 from rrins.firmware_py.core import bridging, consistency, senders, trouble_table
+from rrins.firmware_py.core.calibration_records import DriftState
 from rrins.firmware_py.core.diagnostic_records import ATTENTION_TROUBLES, DiagnosticState, Snapshot
 from rrins.firmware_py.core.encoder_records import AngleSource
 from rrins.firmware_py.core.estimator_records import NO_TRUST, Aid
@@ -88,6 +89,9 @@ _ACCELEROMETERS_INCONSISTENT = 1 << SystemFault.ACCELEROMETERS_INCONSISTENT
 
 _GYROS_NOT_REDUNDANT = 1 << SystemFault.GYROS_NOT_REDUNDANT
 _ACCELEROMETERS_NOT_REDUNDANT = 1 << SystemFault.ACCELEROMETERS_NOT_REDUNDANT
+_GYROS_DRIFTED = 1 << SystemFault.GYRO_CALIBRATION_DRIFTED
+_ACCELEROMETERS_DRIFTED = 1 << SystemFault.ACCELEROMETER_CALIBRATION_DRIFTED
+_KEPT, _DRIFTED = int(DriftState.KEPT), int(DriftState.DRIFTED)
 _GYRO_LEFT_OUT = int(Kind.GYRO_LEFT_OUT)
 _ACCELEROMETER_LEFT_OUT = int(Kind.ACCELEROMETER_LEFT_OUT)
 
@@ -246,6 +250,14 @@ def _look_at_parities(state: Ram, monitor: DiagnosticState) -> tuple[int, int]:
         failing |= _GYROS_NOT_REDUNDANT
     if accelerometers.excluded != 0 and not accelerometers.redundant:
         failing |= _ACCELEROMETERS_NOT_REDUNDANT
+    if state.calibration.gyros.state >= _KEPT:
+        tested |= _GYROS_DRIFTED
+        if state.calibration.gyros.state == _DRIFTED:
+            failing |= _GYROS_DRIFTED
+    if state.calibration.accelerometers.state >= _KEPT:
+        tested |= _ACCELEROMETERS_DRIFTED
+        if state.calibration.accelerometers.state == _DRIFTED:
+            failing |= _ACCELEROMETERS_DRIFTED
     return failing, tested | failing
 
 

@@ -31,6 +31,7 @@ from rrins.firmware_py.core.memory import (
     Ram,
     blank_ram,
 )
+from rrins.firmware_py.core.redundancy import drift_settings as drift
 from rrins.firmware_py.core.redundancy import settings as redundancy
 from rrins.firmware_py.core.redundancy.settings import RedundancySettings
 
@@ -249,11 +250,14 @@ def power_on(settings: Settings, contract: Records[Contract]) -> Records[Ram]:
         settings.calibration.accelerometers,
         len(settings.accelerometer_axes_deg),
     )
+    calibration.fill_origin(state.calibration, settings.calibration.calibrated)
     redundancy.blank(state)
     if settings.redundancy is not None:
         sensor = contract[0].sensor[0]
         resolutions = (float(sensor.gyro_dtheta.scale), float(sensor.accelerometer_dv.scale))
         redundancy.set_up(state, settings.redundancy, rate_hz, resolutions)
+        axes = settings.gyro_axes_deg, settings.accelerometer_axes_deg
+        drift.set_up(state, settings.calibration, settings.redundancy, axes)
     if settings.estimator is not None:
         axes = settings.gyro_axes_deg, settings.accelerometer_axes_deg
         estimator.set_up(state, settings.estimator, rate_hz, axes)

@@ -269,6 +269,20 @@ _SYSTEM = (
         _ONCE,
         "so many accelerometers are left out that a fault of another cannot show",
     ),
+    (
+        SystemFault.GYRO_CALIBRATION_DRIFTED,
+        0x1100,
+        _COMPARISON,
+        _ONCE,
+        "scale factors or installation of the gyros are not as they were calibrated",
+    ),
+    (
+        SystemFault.ACCELEROMETER_CALIBRATION_DRIFTED,
+        0x1200,
+        _COMPARISON,
+        _ONCE,
+        "scale factors or installation of the accelerometers are not as they were calibrated",
+    ),
 )
 
 

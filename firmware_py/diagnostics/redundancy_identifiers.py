@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from rrins.dbc.contract import SENSOR_GROUPS
-from rrins.firmware_py.core.calibration import DPH, UG
+from rrins.firmware_py.core.calibration import DPH, PPM, UG
+from rrins.firmware_py.core.calibration_records import DriftState
 from rrins.firmware_py.core.redundancy_records import (
     BEFORE_S,
     Found,
@@ -130,6 +131,62 @@ PARITY_BEFORE = {
 }
 """In the freeze frames of the trouble codes of a kind's redundancy."""
 
+
+def _drift(kind: str, one: str) -> tuple[Field, ...]:
+    source = f"calibration.{kind}"
+    return (
+        Field(f"{one}_drift", "u8", choices=DriftState, source=f"{source}.state"),
+        Field(
+            f"{one}_drift_sigma",
+            "f32",
+            source=f"{source}.distance",
+            text="distance of what the parity has learned from what was calibrated, σ",
+        ),
+        Field(f"{one}_limit_sigma", "f32", source=f"{source}.limit", text="of that distance"),
+        Field(
+            f"{one}_drift_ppm",
+            "f32",
+            "ppm",
+            source=f"{source}.change",
+            factor=1.0 / PPM,
+            text="if it is of one sensor; 1 ppm of scale factor or 0.2″ of installation",
+        ),
+        Field(
+            f"{one}_told",
+            "u8",
+            source=f"{source}.told",
+            text="directions x, y, z of the sensor frame of which the parity tells, one bit each",
+        ),
+        Field(
+            f"{one}_drift_epoch",
+            "i64",
+            source=f"{source}.since_epoch",
+            text="in which the drift was last found; 0: never",
+        ),
+    )
+
+
+CALIBRATION_STATUS = DataIdentifier(
+    0x0210,
+    "calibration_status",
+    "The calibration in use: when it was made, how warm the sensors were, and whether the parity "
+    "has found that scale factors or installation have drifted since.",
+    (
+        Field(
+            "date_utc_s",
+            "u32",
+            "s",
+            source="calibration.date_utc_s",
+            text="since 1970-01-01 UTC; 0: not known",
+        ),
+        Field("temperature_known", "u8", source="calibration.temperature_known"),
+        Field("temperature_c", "f32", "°C", source="calibration.temperature_c"),
+        *_drift("gyros", "gyro"),
+        *_drift("accelerometers", "accelerometer"),
+    ),
+)
+"""The calibration in use."""
+
 REDUNDANCY = (
     _parity(0x0221, "gyros", "gyro", "°/h"),
     _parity(0x0222, "accelerometers", "accelerometer", "µg"),
@@ -143,5 +200,6 @@ REDUNDANCY = (
             *READMISSION,
         ),
     ),
+    CALIBRATION_STATUS,
 )
 """Redundancy."""

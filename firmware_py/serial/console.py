@@ -227,6 +227,7 @@ READOUTS: dict[str, Callable[[Firmware], list[str]]] = {
     "axes": readout.axes,
     "faults": readout.faults,
     "redundancy": readout.redundancy,
+    "calibration": readout.calibration,
 }
 """Commands that only read, by name."""
 
@@ -237,6 +238,7 @@ _HELP = (
     "axes          angle, rate, state and command of the turntable's axes",
     "faults        counters since power-on",
     "redundancy    parity of the sensors, which are left out, the test of one",
+    "calibration   when the sensors were calibrated, and whether that still holds",
     "version       firmware version",
     "mode NAME     request standby, align, strapdown or rotating",
     "readmit gyro|accelerometer NUMBER [anew]",

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import math
+import time
 
 from rrins.dbc.contract import SENSOR_GROUPS
 from rrins.dbc.values import AxisCommand, AxisState
 from rrins.firmware_py.core import clock
+from rrins.firmware_py.core.calibration import PPM
+from rrins.firmware_py.core.calibration_records import DriftState
 from rrins.firmware_py.core.memory import INNER, OUTER
 from rrins.firmware_py.core.modes import FirmwareFault, Mode
 from rrins.firmware_py.core.redundancy_records import ReadmissionState, Refusal, SensorKind
@@ -118,6 +121,25 @@ def faults(firmware: Firmware) -> list[str]:
         f"{'fault':<20} {FirmwareFault(int(state.modes.fault)).name}",
         *(f"{name:<20} {int(counters[name])}" for name in names),
     ]
+
+
+def calibration(firmware: Firmware) -> list[str]:
+    """Return when the sensors were calibrated, how warm they were, and whether that holds."""
+    own = firmware.ram[0].calibration
+    date_s = int(own.date_utc_s)
+    made = time.strftime("%Y-%m-%d %H:%M UTC", time.gmtime(date_s)) if date_s else "not known"
+    warm = f"{own.temperature_c:.1f} deg C" if own.temperature_known else "not known"
+    lines = [f"calibrated   {made}", f"temperature  {warm}"]
+    for name, kind in (("gyros", own.gyros), ("accelerometers", own.accelerometers)):
+        found = DriftState(int(kind.state))
+        words = found.name.lower().replace("_", " ")
+        if found in (DriftState.KEPT, DriftState.DRIFTED):
+            told = "".join(axis for k, axis in enumerate("xyz") if kind.told >> k & 1)
+            words += f", {kind.distance:.1f} sigma of {kind.limit:.1f}, seen along {told}"
+        if found == DriftState.DRIFTED:
+            words += f", {kind.change / PPM:.1f} ppm"
+        lines.append(f"{name:<14} {words}")
+    return lines
 
 
 def redundancy(firmware: Firmware) -> list[str]:

@@ -37,6 +37,7 @@ _LEAST_GYRO_BIAS_SIGMA_DPH = 0.05
 _LEAST_ACCELEROMETER_BIAS_SIGMA_UG = 50.0
 _LEAST_ALTIMETER_BIAS_SIGMA_M = 10.0
 _REPEATS_WITHIN = 3.0  # standard deviations
+_TEMPERATURES_K = 10.0  # that a scale factor is used over
 
 
 def _largest(*values: PerSensor) -> float:
@@ -69,7 +70,8 @@ def _sigmas(table: Gyros | Accelerometers) -> dict[str, float]:
 def _limits(table: Gyros | Accelerometers) -> dict[str, float]:
     """Return the limits of the errors that both kinds have."""
     repeat = _REPEATS_WITHIN * _largest(table.scale_repeatability_ppm)
-    warm = _largest(table.scale_temperature_ppm_per_k) * 10
+    warm = _largest(table.scale_temperature_ppm_per_k) * _TEMPERATURES_K
+    again = math.sqrt(_mean_square(table.scale_repeatability_ppm))
     scale = max(_LEAST_SCALE_PPM, _largest(table.scale_error_ppm) + repeat + warm)
     installation = _largest(table.installation_u_arcsec, table.installation_v_arcsec)
     asymmetry = _largest(table.asymmetric_scale_error_ppm)
@@ -78,6 +80,7 @@ def _limits(table: Gyros | Accelerometers) -> dict[str, float]:
         "asymmetry_limit": max(_LEAST_ASYMMETRY_PPM, asymmetry) * PPM,
         "installation_limit": max(_LEAST_INSTALLATION_ARCSEC, installation) * ARCSEC,
         "slope_sigma": _slope_sigma(table),
+        "scale_stability": math.hypot(again, warm) * PPM,
         **_sigmas(table),
     }
 

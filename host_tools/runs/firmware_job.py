@@ -12,6 +12,7 @@ from rrins.host_tools.bus.port import open_port
 from rrins.host_tools.errors import ParameterFileError
 from rrins.host_tools.files import JsonObject
 from rrins.host_tools.runs.bridging_summary import bridging_summary
+from rrins.host_tools.runs.calibration_summary import calibrated_summary
 from rrins.host_tools.runs.estimator_log import EstimatorLog
 from rrins.host_tools.runs.estimator_summary import estimator_summary
 from rrins.host_tools.runs.job import Job, prepare, settle
@@ -52,6 +53,7 @@ def firmware_summary(firmware: Firmware) -> JsonObject:
         "frames_received": firmware.frames_received,
         "frames_sent": firmware.frames_sent,
         "calibration": _calibration_used(firmware),
+        "calibrated": calibrated_summary(firmware.ram),
         "clock_jumps": int(state["clock"]["jumps"]),
         "redundancy": redundancy_summary(state),
         "estimator": estimator_summary(state),

@@ -11,6 +11,7 @@ from rrins.firmware_py.core.estimator_records import EstimatorSecond
 from rrins.host_tools.files import JsonObject
 from rrins.host_tools.runs import given_attitude
 from rrins.host_tools.runs.bridging_summary import bridging_lines
+from rrins.host_tools.runs.calibration_summary import calibrated_lines
 from rrins.host_tools.runs.estimator_summary import (
     beside_truth,
     estimator_lines,
@@ -239,6 +240,7 @@ def lines_of(summary: JsonObject) -> list[str]:
     calibration = firmware.get("calibration")
     if calibration is not None:
         lines.append(f"calibration {calibration['file']}: {_keys_of(calibration)}")
+    lines += calibrated_lines(firmware.get("calibrated"))
     paper_s = (summary["paper"] or {}).get("duration_s")
     if paper_s not in (None, summary["duration_s"]):
         lines.append(

@@ -14,6 +14,7 @@ from rrins.firmware_py.core.memory import Fusion, Ram
 from rrins.firmware_py.core.redundancy import (
     bank,
     blocks,
+    drift,
     isolation,
     learning,
     readmission,
@@ -380,6 +381,11 @@ def watch(state: Ram, navigating: bool, aligning: bool) -> None:
             measured = assembly.accelerometer_dv
         saturated = unusable & ~absent
         _judge(state, parity, fusion, controlled, stuck, absent, saturated, measured)
+        if redundancy.epochs == 0:
+            compared = state.calibration.gyros
+            if kind == ACCELEROMETERS:
+                compared = state.calibration.accelerometers
+            drift.compare(compared, parity, fusion, state.epoch)
     if redundancy.epochs == 0:
         redundancy.known_epochs = 0
     if navigating:

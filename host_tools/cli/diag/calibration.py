@@ -1,4 +1,4 @@
-"""`rrins diag calibration`: pull and push the calibration file."""
+"""`rrins diag calibration`: pull and push the calibration file; its age, and its drift."""
 
 from __future__ import annotations
 
@@ -10,19 +10,20 @@ import click
 
 from rrins.firmware_py.diagnostics import calibration_image
 from rrins.firmware_py.diagnostics.calibration_image import ImageError, Parameters
+from rrins.firmware_py.diagnostics.redundancy_identifiers import CALIBRATION_STATUS
 from rrins.host_tools.cli.diag.options import with_securing_tester, with_tester
 from rrins.host_tools.cli.diag.output import print_json, print_line
 from rrins.host_tools.cli.group import Group
 from rrins.host_tools.cli.options import json_option
 from rrins.host_tools.cli.output import print_note
-from rrins.host_tools.diag import calibration_file
+from rrins.host_tools.diag import calibration_file, calibration_status
 from rrins.host_tools.diag.tester import Tester
 from rrins.host_tools.errors import DiagError
 
 
 @click.group(cls=Group)
 def calibration() -> None:
-    """Pull or push the calibration file."""
+    """Pull or push the calibration file, or show its age and whether it still holds."""
 
 
 class _File(click.Path):
@@ -89,6 +90,23 @@ def push(tester: Tester, file: Path, as_json: bool) -> None:
         raise DiagError("calibration push: the computer now holds other values; push again")
     _print_summary("pushed", file, pushed, parameters, as_json)
     print_note("takes effect at the next reset (`rrins diag reset`)")
+
+
+@calibration.command()
+@json_option
+@with_tester
+def show(tester: Tester, as_json: bool) -> None:
+    """Show when the sensors were calibrated, how long ago, and whether the constants have drifted.
+
+    The age is by this computer's clock: the navigation computer has none.
+    """
+    values = tester.read([CALIBRATION_STATUS])[CALIBRATION_STATUS.name]
+    status = calibration_status.status_of(values)
+    if as_json:
+        print_json(status)
+        return
+    for line in calibration_status.lines(status):
+        print_line(line)
 
 
 def _print_summary(

@@ -7,6 +7,7 @@ import pytest
 import udsoncan
 
 from rrins.dbc.contract import SENSOR_GROUPS
+from rrins.firmware_py.core.calibration_records import DriftState
 from rrins.firmware_py.core.modes import Mode, ModeRequest
 from rrins.firmware_py.core.redundancy.settings import DataSheet, RedundancySettings
 from rrins.firmware_py.core.redundancy_records import (
@@ -15,6 +16,7 @@ from rrins.firmware_py.core.redundancy_records import (
     Refusal,
     SensorKind,
 )
+from rrins.firmware_py.core.troubles import Status
 from rrins.firmware_py.diagnostics import table
 
 DPH = np.radians(1.0) / 3600
@@ -192,3 +194,31 @@ def test_a_damaged_message_orders_nothing(faulty, tools):
     faulty.bench.step([frame, *faulty.bench.frames()])
     assert faulty.state.faults.crc_errors == before + 1
     assert faulty.state.redundancy.readmission.state == ReadmissionState.NONE
+
+
+@pytest.mark.parametrize("kind", ["gyro", "accelerometer"])
+def test_constants_that_drift_set_the_code_of_their_kind(faulty, kind):
+    drift = faulty.bench.ram[0].calibration[f"{kind}s"]
+    drift["state"], drift["distance"], drift["limit"], drift["change"] = (
+        DriftState.DRIFTED,
+        9,
+        5,
+        5e-5,
+    )
+    name = f"{kind}_calibration_drifted"
+
+    def failed():
+        faults = faulty.bench.firmware.diagnostics.faults
+        return {trouble.name for trouble, _ in faults.by_mask(Status.TEST_FAILED)}
+
+    assert name not in failed()
+    faulty.bench.step()
+    faulty.bench.step()
+    assert name in failed()
+    found = read(faulty, "calibration_status")
+    assert (found[f"{kind}_drift"], found[f"{kind}_drift_sigma"]) == ("DRIFTED", 9.0)
+    assert found[f"{kind}_drift_ppm"] == pytest.approx(50.0)
+    drift["state"] = DriftState.KEPT
+    for _ in range(3 * 200):
+        faulty.bench.step()
+    assert name not in failed()
