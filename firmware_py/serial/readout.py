@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import datetime
 import math
-import time
 
 from rrins.dbc.contract import SENSOR_GROUPS
 from rrins.dbc.values import AxisCommand, AxisState
@@ -127,7 +127,8 @@ def calibration(firmware: Firmware) -> list[str]:
     """Return when the sensors were calibrated, how warm they were, and whether that holds."""
     own = firmware.ram[0].calibration
     date_s = int(own.date_utc_s)
-    made = time.strftime("%Y-%m-%d %H:%M UTC", time.gmtime(date_s)) if date_s else "not known"
+    date = datetime.datetime.fromtimestamp(date_s, datetime.UTC)
+    made = f"{date:%Y-%m-%d %H:%M} UTC" if date_s else "not known"
     warm = f"{own.temperature_c:.1f} deg C" if own.temperature_known else "not known"
     lines = [f"calibrated   {made}", f"temperature  {warm}"]
     for name, kind in (("gyros", own.gyros), ("accelerometers", own.accelerometers)):
