@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import datetime
 import tomllib
 
 import pytest
@@ -68,6 +69,19 @@ def test_when_how_warm_and_how_well_go_with_the_constants(computer, tmp_path):
     computer.type("calibration", "pull", str(pulled))
     assert tomllib.loads(pulled.read_text())["calibrated"]["temperature_c"] == 22.5
     assert "date_utc = 2026-11-23T08:05:00Z" in pulled.read_text()
+    # In use after a reset; the age is by this computer's clock.
+    assert computer.type("calibration", "show").out.startswith("calibrated at an unknown date\n")
+    assert computer.type("reset").status == 0
+    shown = computer.type("calibration", "show", "--json").json
+    assert (shown["date_utc"], shown["temperature_c"]) == ("2026-11-23T08:05:00Z", 22.5)
+    age_s = datetime.datetime.now(datetime.UTC).timestamp() - 1_795_421_100
+    assert shown["age_days"] == pytest.approx(age_s / 86_400, abs=0.06)
+    assert shown["gyros"]["state"] == "not_compared"
+    assert shown["gyros"]["drift_ppm"] is None
+    said = computer.type("calibration", "show").out.splitlines()
+    assert said[0].startswith("calibrated on 2026-11-23, ")
+    assert said[0].endswith(" days ago, at 22.5 °C")
+    assert said[1] == "gyros: not compared with their calibration"
     # Other constants without a date are not those of the former date.
     file.write_text("[gyros]\nscale_error_ppm = 5\n")
     assert computer.type("calibration", "push", str(file), "--security").status == 0
