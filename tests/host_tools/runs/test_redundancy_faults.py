@@ -225,6 +225,7 @@ def random_fault(number):
 
 
 @pytest.mark.skipif("RRINS_FAULT_RUNS" not in os.environ, reason="RRINS_FAULT_RUNS is not set")
+@pytest.mark.timeout(0)
 @pytest.mark.parametrize(
     ("scenario", "changes"),
     [
