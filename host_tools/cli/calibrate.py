@@ -20,9 +20,7 @@ if TYPE_CHECKING:
 @click.command()
 @click.argument("scenario", required=False)
 @bus_options
-@click.option(
-    "--rimu", "geometry", metavar="GEOMETRY", help="Sensor axes where no SCENARIO is given."
-)
+@click.option("--rimu", "geometry", metavar="GEOMETRY", help="Sensor axes if no SCENARIO is given.")
 @click.option(
     "--scheme",
     "scheme_name",
@@ -44,7 +42,7 @@ if TYPE_CHECKING:
     "temperature_c",
     type=click.FloatRange(-100, 200),
     metavar="°C",
-    help="How warm the sensors are; stored with the calibration.",
+    help="Temperature of the sensors; stored with the calibration.",
 )
 @json_option
 @click.option(
@@ -72,9 +70,9 @@ def calibrate(
 ) -> None:
     """Calibrate the sensors of a unit on its own table: all constants, with their uncertainty.
 
-    With --channel the unit on that bus is calibrated, which must stand still; SCENARIO or --rimu
-    says which sensors it has. Without, an emulated unit is, at full speed: that of SCENARIO, or one
-    with the prototype's noise and drawn errors. Ctrl-C leaves the unit in STANDBY with its old
+    With --channel, calibrate the unit on that bus, which must stand still; SCENARIO or --rimu names
+    its sensors. Otherwise calibrate an emulated unit at full speed: that of SCENARIO, or one with
+    the prototype's noise and drawn errors. Ctrl-C leaves the unit in STANDBY with its old
     calibration; the same command resumes from there.
     """
     from rrins.host_tools.calibration.procedure import Order

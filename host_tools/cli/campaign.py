@@ -24,20 +24,20 @@ _NOT_SAME = "NOT as in the table of runs: other sources, libraries or another pr
 @click.argument("source")
 @click.argument("action", nargs=-1, metavar="[rerun RUN|report|sensitivity|compare FOLDER]")
 @click.option("--runs", type=click.IntRange(1, 100_000_000), help="Number of runs.  [default: 100]")
-@click.option("--seed", type=click.IntRange(0), help="Root of all that is drawn.  [default: 1]")
+@click.option("--seed", type=click.IntRange(0), help="Root seed of all draws.  [default: 1]")
 @click.option(
     "--vary",
     metavar="'KEY=DISTRIBUTION'",
     multiple=True,
-    help="Key of the scenario and what it is drawn from; several are possible.",
+    help="Draw a key of the scenario from this distribution; repeatable.",
 )
-@click.option("--set", "fixed", metavar="KEY=VALUE", multiple=True, help="Key that all runs have.")
+@click.option("--set", "fixed", metavar="KEY=VALUE", multiple=True, help="Set a key in all runs.")
 @click.option(
     "--fault",
     "faults",
     metavar="'KEY=VALUE, …'",
     multiple=True,
-    help="Fault in every run; values may be distributions, `size` is that of any kind.",
+    help="Fault in every run; values may be distributions; `size` fits every kind of fault.",
 )
 @click.option(
     "--correlate", metavar="'KEY, KEY = ρ'", multiple=True, help="Correlation of two inputs."
@@ -45,20 +45,29 @@ _NOT_SAME = "NOT as in the table of runs: other sources, libraries or another pr
 @click.option(
     "--design",
     type=click.Choice(["random", "lhs", "sobol", "saltelli", "grid", "one-at-a-time"]),
-    help="How points are drawn.  [default: random]",
-)
-@click.option("--duration", "duration_s", type=NumberRange(0, min_open=True), help="s")
-@click.option(
-    "--until", metavar="CRITERION", help='Enough, e.g. "p95 of horizontal_error_m within 10 %".'
+    help="Design of the sample.  [default: random]",
 )
 @click.option(
-    "--workers", metavar="N|ADDRESS", help="Number, or Dask scheduler.  [default: processors]"
+    "--duration",
+    "duration_s",
+    type=NumberRange(0, min_open=True),
+    help="Navigate for this many seconds.",
 )
 @click.option(
-    "--engine", type=click.Choice(["threads", "processes", "dask"]), help="Who runs them."
+    "--until",
+    metavar="CRITERION",
+    help='Stop early, e.g. at "p95 of horizontal_error_m within 10 %".',
 )
 @click.option(
-    "--scheduler-file", type=click.Path(path_type=Path), help="File that a Dask scheduler wrote."
+    "--workers",
+    metavar="N|ADDRESS",
+    help="Number of workers, or a Dask scheduler.  [default: processors]",
+)
+@click.option(
+    "--engine", type=click.Choice(["threads", "processes", "dask"]), help="Kind of workers."
+)
+@click.option(
+    "--scheduler-file", type=click.Path(path_type=Path), help="Scheduler file written by Dask."
 )
 @click.option(
     "--silence",
@@ -66,16 +75,18 @@ _NOT_SAME = "NOT as in the table of runs: other sources, libraries or another pr
     type=NumberRange(1, 1e6),
     default=600,
     show_default=True,
-    help="Longest time without a word of any worker, s.",
+    help="Give up after this many seconds without a result.",
 )
 @click.option(
     "--out",
     type=click.Path(file_okay=False, path_type=Path),
     help="Folder of the campaign.  [default: out/campaigns/NAME]",
 )
-@click.option("--bus", "on_bus", is_flag=True, help="rerun: as two processes on the embedded bus.")
+@click.option("--bus", "on_bus", is_flag=True, help="rerun: use two processes on the embedded bus.")
 @click.option(
-    "--record", type=click.Path(dir_okay=False, path_type=Path), help="rerun: log of the bus."
+    "--record",
+    type=click.Path(dir_okay=False, path_type=Path),
+    help="rerun: record the bus to this file.",
 )
 @json_option
 def campaign(
@@ -89,14 +100,14 @@ def campaign(
     as_json: bool,
     **options: Any,
 ) -> None:
-    """Run a scenario thousands of times, each time with other values.
+    """Run a scenario thousands of times, each time with different values.
 
-    SOURCE is a campaign's TOML file, a scenario, or the folder of a campaign, which goes on. What
-    is stored is not run again, whatever stopped the campaign.
+    SOURCE is a campaign's TOML file, a scenario, or the folder of a campaign to resume. Stored runs
+    are not repeated, whatever stopped the campaign.
 
-    `rerun RUN` runs one of its runs again and keeps everything of it. `report` writes an HTML page
-    with pictures, `sensitivity` says which input matters, `compare FOLDER` whether another
-    campaign differs by more than chance.
+    `rerun RUN` repeats one run and keeps all its results. `report` writes an HTML page with plots,
+    `sensitivity` shows which input matters, `compare FOLDER` tests whether another campaign differs
+    significantly.
     """
     from rrins.host_tools.campaigns.store import Store, is_campaign
 

@@ -14,10 +14,17 @@ from rrins.host_tools.cli.options import json_option
 @click.command()
 @click.argument("source")
 @click.option(
-    "--vary", metavar="'KEY=DISTRIBUTION'", multiple=True, help="As `rrins campaign` has it."
+    "--vary", metavar="'KEY=DISTRIBUTION'", multiple=True, help="As for `rrins campaign`."
 )
-@click.option("--set", "fixed", metavar="KEY=VALUE", multiple=True, help="Key of the scenario.")
-@click.option("--duration", "duration_s", type=NumberRange(0, min_open=True), help="s")
+@click.option(
+    "--set", "fixed", metavar="KEY=VALUE", multiple=True, help="Set a key of the scenario."
+)
+@click.option(
+    "--duration",
+    "duration_s",
+    type=NumberRange(0, min_open=True),
+    help="Navigate for this many seconds.",
+)
 @click.option(
     "--out",
     type=click.Path(file_okay=False, path_type=Path),
@@ -34,8 +41,8 @@ def covariance(
 ) -> None:
     """Analyse σ of the position over time, and the share of each error source.
 
-    SOURCE is a scenario, a campaign's TOML file, or the folder of a campaign, whose runs then stand
-    beside the analysis. No run is made but one for the path.
+    SOURCE is a scenario, a campaign's TOML file, or the folder of a campaign, whose runs are then
+    compared with the analysis. Only one run is made, for the trajectory.
     """
     from rich.table import Table
 

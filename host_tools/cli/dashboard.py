@@ -60,7 +60,7 @@ _bus_options = together(
 @_bus_options
 @click.option("--host", default="127.0.0.1", show_default=True, help="Address to serve at.")
 @click.option(
-    "--port", type=click.IntRange(0, 65535), default=_PORT, show_default=True, help="0: any."
+    "--port", type=click.IntRange(0, 65535), default=_PORT, show_default=True, help="Port; 0: any."
 )
 @click.option("--open", "opens", is_flag=True, help="Open the page in a browser.")
 def dashboard(

@@ -40,15 +40,15 @@ def _three_angles(
     "--format",
     "kind",
     type=click.Choice(["csv", "kf-gins", "navego"]),
-    help="Format of SOURCE.  [default: by what it holds]",
+    help="Format of SOURCE.  [default: detected]",
 )
-@click.option("--imu", type=_FILE, help="The file of increments or rates, if SOURCE has several.")
-@click.option("--gnss", type=_FILE, help="The file of GNSS fixes.")
-@click.option("--truth", type=_FILE, help="The file of the reference solution.")
+@click.option("--imu", type=_FILE, help="File of increments or rates, if SOURCE has several.")
+@click.option("--gnss", type=_FILE, help="File of GNSS fixes.")
+@click.option("--truth", type=_FILE, help="File of the reference solution.")
 @click.option(
     "--scenario",
     type=_FILE,
-    help="TOML file with keys of a scenario, on top of what SOURCE says.",
+    help="TOML file with keys of a scenario, which override SOURCE.",
 )
 @click.option(
     "--start",
@@ -57,12 +57,14 @@ def _three_angles(
     metavar="S",
     help="When navigation begins, by the clock of SOURCE; the vehicle must stand.",
 )
-@click.option("--duration", "duration_s", type=float, metavar="S", help="How long it navigates.")
+@click.option(
+    "--duration", "duration_s", type=float, metavar="S", help="Navigate for this many seconds."
+)
 @click.option(
     "--attitude",
     callback=_three_angles,
     metavar="ROLL,PITCH,HEADING",
-    help="At the beginning, °.  [default: as SOURCE says, else found from the data]",
+    help="Initial attitude, °.  [default: from SOURCE, or found from the data]",
 )
 @json_option
 def import_(
@@ -78,9 +80,9 @@ def import_(
     attitude: tuple[float, float, float] | None,
     as_json: bool,
 ) -> None:
-    """Make the recording of a real vehicle, SOURCE, the recording of a bus, LOG.
+    """Convert SOURCE, the recording of a real vehicle, into LOG, the recording of a bus.
 
-    SOURCE is a folder or a file: CSV as `rrins increments` writes it, a configuration of KF-GINS,
+    SOURCE is a folder or a file: CSV as written by `rrins increments`, a KF-GINS configuration,
     or .mat structures of NaveGo. `rrins replay LOG --firmware` navigates it.
     """
     import numpy as np

@@ -43,7 +43,7 @@ if TYPE_CHECKING:
     type=NumberRange(0, min_open=True),
     help="Length of the navigation, s.  [default: as in the scenario]",
 )
-@click.option("--scenario", "name", metavar="NAME", help="Of a LOG whose note names none.")
+@click.option("--scenario", "name", metavar="NAME", help="Scenario of a LOG whose note names none.")
 @log_channel_option
 @json_option
 def increments(

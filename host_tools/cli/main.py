@@ -48,7 +48,7 @@ _LOOK = {
     "dashboard": _Entry("dashboard", "Show a rehearsal or a log in a browser."),
     "diag": _Entry("diag.diag", "Diagnose the navigation computer over UDS."),
     "record": _Entry("record", "Record a bus to a log file."),
-    "import": _Entry("import_vehicle", "Make the recording of a real vehicle a log."),
+    "import": _Entry("import_vehicle", "Convert the recording of a real vehicle to a log."),
     "replay": _Entry("replay", "Replay a log onto a bus or through the firmware."),
     "export": _Entry("export", "Write a log as Parquet or CSV tables, or as MCAP."),
     "increments": _Entry("increments", "Write fused increments and truth for other navigators."),
@@ -60,9 +60,7 @@ _PLAN = {
     "scheme": _Entry("scheme", "Analyse, compare and search rotation schemes."),
     "redundancy": _Entry("redundancy", "Show which faults redundant sensors can find."),
     "motion": _Entry("motion", "Check recorded vehicle motion; export true motion."),
-    "campaign": _Entry(
-        "campaign", "Run a scenario thousands of times, each time with other values."
-    ),
+    "campaign": _Entry("campaign", "Run a scenario thousands of times with different values."),
     "covariance": _Entry("covariance", "Analyse how each error source acts on the position."),
     "reproduce": _Entry("reproduce", "Run the paper's experiments."),
 }

@@ -20,9 +20,9 @@ from rrins.host_tools.errors import RehearsalError
     "geometries",
     metavar="GEOMETRY",
     multiple=True,
-    help="Built-in geometry, or TOML file with the sensor axes; several are compared.",
+    help="Built-in geometry, or TOML file with the sensor axes; repeat to compare.",
 )
-@click.option("--preset", metavar="NAME", help="Sensors, as `sensors` of a scenario.")
+@click.option("--preset", metavar="NAME", help="Sensor preset, as for `sensors` in a scenario.")
 @click.option(
     "--false-alarms",
     "false_alarms_per_1000_h",
@@ -34,14 +34,14 @@ from rrins.host_tools.errors import RehearsalError
     "gyro_dph",
     type=NumberRange(1e-6, 1e6),
     multiple=True,
-    help="Step of a gyro to try, °/h; several are possible.",
+    help="Step of a gyro to try, °/h; repeatable.",
 )
 @click.option(
     "--accelerometer",
     "accelerometer_ug",
     type=NumberRange(1e-3, 1e7),
     multiple=True,
-    help="Step of an accelerometer to try, µg; several are possible.",
+    help="Step of an accelerometer to try, µg; repeatable.",
 )
 @click.option(
     "--runs",

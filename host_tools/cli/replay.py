@@ -102,9 +102,9 @@ def replay(
     """Replay the log FILE onto a bus, or through the firmware.
 
     --firmware feeds the recorded frames to the firmware, configured by SCENARIO or, by default, as
-    it was during the recording; --set changes keys of it, --beside navigates once more with others.
-    `replay FILE --compare OTHER` compares two logs. The exit status
-    is 10 if they differ.
+    it was during the recording. --set changes keys of the scenario; --beside navigates once more
+    with other settings. `replay FILE --compare OTHER` compares two logs. The exit status is 10 if
+    they differ.
     """
     heed_sigterm()
     other = None if compare in (None, _ITSELF) else Path(str(compare))

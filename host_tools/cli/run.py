@@ -122,7 +122,7 @@ _json_option = click.option("--json", "as_json", is_flag=True, help="Print one J
     type=NumberRange(min=0),
     default=10.0,
     show_default=True,
-    help="Longest silence of your program; 0 waits for ever, as for a debugger.",
+    help="Longest silence of your program; 0 waits forever, for debugging.",
 )
 @_steer_option
 @_json_option

@@ -27,8 +27,8 @@ def scenarios(context: click.Context) -> None:
 def show_scenario(name: str, as_json: bool) -> None:
     """Print the TOML of a scenario, to copy and edit.
 
-    With --json: every key with its value, defaults included, and what the firmware fuses the
-    sensors with (H, weights, calibration) in all digits.
+    With --json: every key with its value, defaults included, and the firmware's H, weights and
+    calibration to the last digit.
     """
     if not as_json:
         click.echo(text_of(name), nl=False)

@@ -244,7 +244,7 @@ def compare_schemes(
     type=click.Choice(["navigation", "calibration"]),
     default="navigation",
     show_default=True,
-    help="Calibration: the constants of the sensors shown best by quarter turns.",
+    help="Calibration: find the quarter turns that show the sensors' constants best.",
 )
 @click.option(
     "--time",

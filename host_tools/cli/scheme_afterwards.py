@@ -42,11 +42,11 @@ _THREE_HOURS_S = 10_800.0
 def afterwards(
     name: str, case: str, runs: int, seed: int, duration_s: float | None, as_json: bool
 ) -> None:
-    """Calibrate emulated units by a scheme, navigate with them, and show what it brings.
+    """Calibrate emulated units by a scheme, navigate with them, and show the benefit.
 
-    Units with drawn errors and the prototype's white noise; the attitude is given. Each navigates
-    uncalibrated, calibrated, with perfect constants (what noise alone leaves), and calibrated
-    without noise (what the constants leave).
+    The units have drawn errors and the prototype's white noise; the attitude is given. Each
+    navigates uncalibrated, calibrated, with perfect constants (the effect of noise alone), and
+    calibrated without noise (the effect of the remaining errors of the constants).
     """
     scheme = scheme_of(name).scheme
     if duration_s is None and case == "rotating":

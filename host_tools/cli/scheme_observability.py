@@ -99,9 +99,9 @@ def observability(
     seed: int,
     as_json: bool,
 ) -> None:
-    """Show which constants of the sensors a cycle shows, to what standard deviation.
+    """Show which constants of the sensors a cycle makes observable, and their standard deviations.
 
-    For a unit at rest with sensors of white noise. With --runs, a Monte Carlo beside it: whole
+    The unit is at rest, and its sensors have white noise. --runs adds a Monte Carlo: complete
     calibrations of emulated units.
     """
     unit, rimu = unit_for(geometry)
