@@ -10,6 +10,7 @@ import numpy as np
 
 from rrins.dbc.codec import load
 from rrins.dbc.record import Floats
+from rrins.host_tools.monitor.how_found import FOUND_BY
 
 Weight = Literal["note", "good", "warning", "bad", "order"]
 """How an event is shown; `order` is what somebody asked for."""
@@ -166,7 +167,8 @@ class EventLog:
             bit = 1 << (sensor - 1)
             if excluded & bit and not was & bit:
                 is_last = now[f"{message}.isolated"] == sensor
-                how = f", found by {self._word(f'{message}.how')}" if is_last else ""
+                word = self._word(f"{message}.how")
+                how = f", found by {FOUND_BY.get(word, word)}" if is_last else ""
                 yield f"{kind} {sensor} left out{how}", "bad"
             elif was & bit and not excluded & bit:
                 yield f"{kind} {sensor} is back in use", "good"

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+from rrins.host_tools.monitor.how_found import FOUND_BY
 from rrins.host_tools.monitor.plot import plot
 from rrins.host_tools.monitor.state import BusState
 from rrins.host_tools.monitor.wording import NOTHING, age_words, clipped
@@ -114,7 +115,8 @@ def redundancy_troubles(kinds: dict[str, RedundancyVitals | None]) -> Iterator[s
         if found.alarm:
             yield f"the {name} disagree: one of them fails, and it is not known which"
         for sensor in found.excluded:
-            how = f", found by {found.how}" if sensor == found.isolated and found.how else ""
+            is_last = sensor == found.isolated and found.how
+            how = f", found by {FOUND_BY.get(found.how, found.how)}" if is_last else ""
             yield f"{one} {sensor} is left out{how}"
         if found.excluded and not found.redundancy_left:
             yield f"no redundancy is left among the {name}"
@@ -183,7 +185,9 @@ def _details(found: RedundancyVitals) -> Iterator[str]:
         suspect = NOTHING if found.suspect is None else str(found.suspect)
         yield f"  window            {found.window_s} s"
         yield f"  suspect           {suspect}{'  ALARM' if found.alarm else ''}"
-    last = "" if found.how is None else f" (the last, {found.isolated}, by {found.how})"
+    last = (
+        "" if found.how is None else f" ({found.isolated} by {FOUND_BY.get(found.how, found.how)})"
+    )
     yield f"  left out          {left_out}{last}"
     left = "yes" if found.redundancy_left else "NO: a fault of another would not show"
     yield f"  redundancy left   {left}"

@@ -5,6 +5,7 @@ from __future__ import annotations
 from rrins.firmware_py.core.memory import Ram
 from rrins.firmware_py.core.redundancy_records import Found, Parity, Readmission, Refusal
 from rrins.host_tools.files import JsonObject
+from rrins.host_tools.monitor.how_found import FOUND_BY
 
 KINDS = ("gyros", "accelerometers")
 
@@ -68,7 +69,7 @@ def redundancy_lines(redundancy: JsonObject | None) -> list[str]:
         one = name.removesuffix("s")
         if kind["isolated_s"] is not None:
             text = f"{one} {kind['sensor']} left out at {kind['isolated_s']:.3f} s"
-            text += f" (found by {_HOW[kind['how']]}, alarm at {kind['alarm_s']:.3f} s)"
+            text += f" (found by {FOUND_BY[kind['how'].upper()]}, alarm at {kind['alarm_s']:.3f} s)"
             if kind["repaired"] is not None:
                 text += f", navigation repaired from {kind['repaired']:.0f} s on"
             if not kind["redundancy_left"]:
@@ -96,13 +97,4 @@ _REFUSED = {
     "missing": "it is absent too often",
     "stuck": "it repeats itself",
     "set_changed": "another sensor was excluded or came back meanwhile",
-}
-_HOW = {
-    "parity": "comparison with the others",
-    "full_scale": "its end of range, where the others measure little",
-    "standing": "comparison with encoders, Earth rate and gravity",
-    "stuck": "its repeated increments",
-    "absent": "its flag",
-    "reference": "a reference of velocity",
-    "operator": "the operator",
 }

@@ -175,7 +175,7 @@ def test_a_fault_that_is_found_and_repaired_in_words():
         4.0,
         **{f"{kind}alarm": 0, f"{kind}excluded": 4, f"{kind}isolated": 3, f"{kind}how": 1},
     )
-    assert told == ["gyro 3 left out, found by PARITY"]
+    assert told == ["gyro 3 left out, found by comparison with the others"]
     assert followed(log, 5.0, **{f"{kind}repairing": 1}) == [
         "the navigation is being repaired from before the fault"
     ]
