@@ -116,10 +116,15 @@ def redundancy_troubles(kinds: dict[str, RedundancyVitals | None]) -> Iterator[s
             yield f"the {name} disagree: one of them fails, and it is not known which"
         for sensor in found.excluded:
             is_last = sensor == found.isolated and found.how
-            how = f", found by {FOUND_BY.get(found.how, found.how)}" if is_last else ""
-            yield f"{one} {sensor} is left out{how}"
+            yield f"{one} {sensor} is left out" + (f", found {_how(found)}" if is_last else "")
         if found.excluded and not found.redundancy_left:
             yield f"no redundancy is left among the {name}"
+
+
+def _how(found: RedundancyVitals) -> str:
+    """Return how the sensor was found that was left out last."""
+    how = found.how or NOTHING
+    return f"by {FOUND_BY.get(how, how)}"
 
 
 def redundancy_words(
@@ -185,9 +190,7 @@ def _details(found: RedundancyVitals) -> Iterator[str]:
         suspect = NOTHING if found.suspect is None else str(found.suspect)
         yield f"  window            {found.window_s} s"
         yield f"  suspect           {suspect}{'  ALARM' if found.alarm else ''}"
-    last = (
-        "" if found.how is None else f" ({found.isolated} by {FOUND_BY.get(found.how, found.how)})"
-    )
+    last = f" (the last, {found.isolated}, {_how(found)})" if found.how else ""
     yield f"  left out          {left_out}{last}"
     left = "yes" if found.redundancy_left else "NO: a fault of another would not show"
     yield f"  redundancy left   {left}"

@@ -146,7 +146,7 @@ def test_the_page_on_redundancy(bus, size):
         assert "window            16 s" in text
         assert "suspect           3" in text
         assert "GYRO_REDUNDANCY.parity_ratio  now 0.50" in text
-        assert "left out          1 (the last, 1, by ABSENT)" in text
+        assert "left out          1 (the last, 1, by its flag)" in text
         assert "NO: a fault of another would not show" in text
         assert "READMISSION  gyro 4 TESTING, compared for 0 of 60 s" in text
         assert "SYNC" in await press("r")
