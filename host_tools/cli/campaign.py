@@ -225,7 +225,7 @@ def _run(store: Store, options: dict[str, Any], as_json: bool) -> None:
             )
 
         def compiling(functions: int) -> None:
-            line.update(task, description=f"compiling: {functions} functions")
+            line.update(task, description=f"compiling functions: {functions}")
 
         progress = running.run(store, workers, until, options["silence_s"], show, compiling, stop)
     run_now = progress.stored - progress.begun_with

@@ -30,6 +30,7 @@ class RunDisplay:
     def __init__(self, scenario: Scenario, console: Console, quiet: bool = False) -> None:
         self._scenario = scenario
         self._console = console
+        self._is_quiet = quiet
         self._is_sparse = not console.is_terminal and not quiet
         self._shown = 0
         self._noted: set[str] = set()
@@ -68,11 +69,11 @@ class RunDisplay:
 
     def compiling(self, side: str, functions: int) -> None:
         """Show that a side compiles, and how many functions it has begun."""
-        if not self._compiling and self._is_sparse:
+        if not self._compiling and not self._is_quiet:
             self._console.print("compiling; later starts load what is compiled now")
         self._compiling[side] = functions
         counts = ", ".join(f"{side} {count}" for side, count in sorted(self._compiling.items()))
-        self._progress.update(self._task, description=f"compiling: {counts} functions")
+        self._progress.update(self._task, description=f"compiling functions: {counts}")
 
     def report(self, report: JsonObject) -> None:
         """Show a report of one of the sides (see `rrins.host_tools.runs.pipe`)."""

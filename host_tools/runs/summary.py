@@ -83,7 +83,8 @@ def summarise(
         "epochs": epochs,
         "wall_s": round(wall_s, 3),
         "epochs_per_s": round(epochs / wall_s, 1) if wall_s > 0 else 0.0,
-        "frames_lost": frames_lost(firmware, hardware),
+        # A run that is stopped leaves frames under way, and the last ones uncounted.
+        "frames_lost": frames_lost(firmware, hardware) if stopped is None else None,
         "overruns": overruns,
         "stall": stall_before_fault(firmware, hardware, until_s, scenario.firmware.bridge_s),
         **errors.largest(),
@@ -222,6 +223,19 @@ def _late_line(summary: JsonObject) -> list[str]:
     return [f"{program} answered late: {late} commands of another epoch, {missing} missing{own}"]
 
 
+def _duration_line(summary: JsonObject) -> list[str]:
+    """Return how long was navigated, where the scenario or the paper has another duration."""
+    seconds, words = summary["duration_s"], f"over {summary['duration_s']:g} s"
+    epochs = summary["firmware"].get("epochs_navigated")
+    if summary["stopped"] is not None and epochs is not None:
+        seconds = epochs / summary["rate_hz"]
+        words = f"over {seconds:g} s of {summary['duration_s']:g} s"
+    paper_s = (summary["paper"] or {}).get("duration_s")
+    if paper_s not in (None, seconds):
+        return [f"{words}; the paper's figures are over {paper_s:g} s"]
+    return [words] if seconds != summary["duration_s"] else []
+
+
 def lines_of(summary: JsonObject) -> list[str]:
     """Return the lines below the table: how the run went."""
     firmware = summary["firmware"]
@@ -241,11 +255,7 @@ def lines_of(summary: JsonObject) -> list[str]:
     if calibration is not None:
         lines.append(f"calibration {calibration['file']}: {_keys_of(calibration)}")
     lines += calibrated_lines(firmware.get("calibrated"))
-    paper_s = (summary["paper"] or {}).get("duration_s")
-    if paper_s not in (None, summary["duration_s"]):
-        lines.append(
-            f"over {summary['duration_s']:g} s; the paper's figures are over {paper_s:g} s"
-        )
+    lines += _duration_line(summary)
     for side in ("firmware", "hardware"):
         lateness = summary[side].get("lateness_us", {})
         if lateness.get("epochs"):

@@ -110,6 +110,23 @@ def test_progress_elsewhere_is_a_line_now_and_then(capsys):
     assert re.match(r" 50 %  fault \(sensors lost\)  \d+ s .*× real time  position 12 of 16$", half)
 
 
+@pytest.mark.parametrize("is_terminal", [True, False])
+@pytest.mark.parametrize("is_quiet", [True, False])
+def test_that_only_the_first_start_compiles_is_said_once(is_terminal, is_quiet):
+    screen = Screen()
+    console = Console(file=screen, width=80, force_terminal=is_terminal)
+    with RunDisplay(load("rimu_rotating"), console, is_quiet) as display:
+        for functions in (1, 2):
+            for side in ("firmware", "hardware"):
+                display.report({"kind": "compiling", "side": side, "functions": functions})
+        display._progress.refresh()
+    note = "compiling; later starts load what is compiled now"
+    lines = [line.strip() for line in screen.lines()]
+    assert lines.count(note) == (not is_quiet)
+    count = "compiling functions: firmware 2, hardware 2"
+    assert any(line.startswith(count) for line in lines) == (is_terminal and not is_quiet)
+
+
 @pytest.mark.parametrize("first", ["firmware", "hardware"])
 def test_progress_shows_the_latest_error_whichever_side_reports_first(first):
     shown = io.StringIO()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import signal
 import subprocess
 import time
@@ -53,12 +54,16 @@ def test_ctrl_c_stops_both_sides_and_keeps_what_was_recorded(start, assert_gone,
     command.wait_for_line("10 %")
     children = command.children().values()
     command.process.send_signal(signal.SIGINT)
-    status, _ = command.finish()
+    status, out = command.finish()
     assert status == 130
     assert command.said[-1] == "rrins: stopped by the user"
     assert_gone(children)
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())
     assert not summary["completed"]
+    assert summary["frames_lost"] is None, "frames that were under way are not lost"
+    assert "frames lost" not in out
+    (seconds,) = re.findall(r"^over (\S+) s of 1600 s$", out, re.MULTILINE)
+    assert 100 < float(seconds) < 1600
     previous = tmp_path / "previous" / "bus.log"
     assert f"rrins: the recording that was {record} is kept in {previous}" in command.said
     with can.LogReader(record) as log:
