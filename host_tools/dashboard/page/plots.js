@@ -43,11 +43,12 @@ export const PLOTS = [
 
 export const SPANS = [["1 min", 60], ["10 min", 600], ["whole run", Infinity]];
 
-// 0:50, 1:40, 1:02:30
-function minutes(seconds) {
-  const two = (n) => String(Math.round(n)).padStart(2, "0");
-  const [h, m] = [Math.floor(seconds / 3600), Math.floor((seconds % 3600) / 60)];
-  return h ? `${h}:${two(m)}:${two(seconds % 60)}` : `${m}:${two(seconds % 60)}`;
+// 0:50, 1:40, 1:02:30, 1:02:30.5
+function minutes(seconds, decimals = 0) {
+  const rounded = Number(seconds.toFixed(decimals));
+  const [h, m] = [Math.floor(rounded / 3600), Math.floor((rounded % 3600) / 60)];
+  const s = (rounded % 60).toFixed(decimals).padStart(decimals ? 3 + decimals : 2, "0");
+  return h ? `${h}:${String(m).padStart(2, "0")}:${s}` : `${m}:${s}`;
 }
 
 function range(least) {
@@ -96,7 +97,7 @@ class Plot {
     const hasMs = (u) => Boolean(u.data?.[spec.lines.length]?.some((v) => v != null));
     const axis = { stroke: colour("soft"), font: "11px system-ui, sans-serif", ticks: { stroke: colour("grid"), size: 4 }, grid: { stroke: colour("grid"), width: 1 } };
     const axes = [
-      { ...axis, size: 22, incrs: STEPS_S, values: (u, splits) => splits.map((s) => (splits.at(-1) < 100 ? clock(s, splits[1] - splits[0] < 1 ? 1 : 0) : minutes(s))) },
+      { ...axis, size: 22, incrs: STEPS_S, values: (u, splits) => splits.map((s) => (splits.at(-1) < 100 ? clock(s, splits[1] - splits[0] < 1 ? 1 : 0) : minutes(s, splits[1] - splits[0] < 1 ? 1 : 0))) },
       { ...axis, size: 56, gap: 3, space: 24, values: (u, splits) => splits.map((s) => figures(s, 3).replace(/\.?0+$/, (z, at, text) => (text.includes(".") && !text.includes("e") ? "" : z))) },
     ];
     if (spec.lines.some((one) => one.scale === "ms"))
