@@ -84,7 +84,7 @@ def test_a_client_that_is_killed_goes_on(tmp_path, table):
 @pytest.mark.slow
 def test_a_worker_that_is_killed_is_replaced(tmp_path, table):
     process = begin(tmp_path, "--engine=processes")
-    wait_for(tmp_path, RUNS // 8, process)
+    wait_for(tmp_path, 1, process)  # nearly all of the work is still to be done
     listed = Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split()
     workers = [pid for pid in listed if b"spawn_main" in Path(f"/proc/{pid}/cmdline").read_bytes()]
     assert len(workers) == 2
