@@ -31,9 +31,7 @@ alignment_s = 0.5
 HEARTBEAT = 0x701
 NAVIGATION = ("NAV_LATITUDE", "NAV_LONGITUDE", "NAV_HEIGHT", "NAV_VELOCITY", "NAV_ATTITUDE")
 PATIENCE_S = 20
-ABSENT = (
-    2 * 12 * 2
-)  # calibration and its sigma, of 12 gyros and 12 accelerometers that are not there
+ABSENT = 2 * 12 * 2  # calibration and its sigma, of 12 gyros and 12 accelerometers
 
 
 class Codec(udsoncan.DidCodec):
