@@ -88,6 +88,7 @@ def calibrate(
     push: bool = False,
     anew: bool = False,
     temperature_c: float | None = None,
+    timeout_s: float | None = None,
 ) -> UnitCalibration:
     """Calibrate the sensors of a unit on its own table: all constants, with their uncertainty.
 
@@ -115,6 +116,8 @@ def calibrate(
         Whether to begin anew where a calibration was stopped.
     temperature_c : float, optional
         How warm the sensors are, °C; stored with the calibration.
+    timeout_s : float, optional
+        Longest wait for a response of a unit on a slow bus; 2 s by default.
 
     Raises
     ------
@@ -135,5 +138,6 @@ def calibrate(
         push,
         anew,
         temperature_c,
+        timeout_s,
     )
     return UnitCalibration(calibrate_unit(order))

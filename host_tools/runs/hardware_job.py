@@ -24,6 +24,7 @@ from rrins.host_tools.runs.realtime import LatenessHistogram
 from rrins.host_tools.runs.samples import TRUTH_SAMPLES, SampleBuffer, SampleFile, keep_every
 from rrins.host_tools.runs.settings import hardware_settings, scenario_wire
 from rrins.host_tools.runs.steering import SteeredPace
+from rrins.host_tools.runs.typed_numbers import typed_numbers
 from rrins.host_tools.wire.wire import Wire
 
 
@@ -55,7 +56,7 @@ def hardware_summary(hardware: Hardware) -> JsonObject:
 def _biases(sensors: Sensors, unit: float) -> list[float]:
     """Return the sensors' biases at the end of the run, with drift and faults."""
     increments = sensors["bias_increment"] + sensors["fault_bias_increment"]
-    return (increments[: int(sensors["count"])] / unit).tolist()
+    return typed_numbers(increments[: int(sensors["count"])] / unit)
 
 
 def _constants(sensors: Sensors) -> JsonObject:
@@ -65,10 +66,12 @@ def _constants(sensors: Sensors) -> JsonObject:
     # The derivatives of the axis h' by δu and δv are -v and -u, of length 1 and across it.
     angles = np.einsum("ki,kai->ka", sensors["axis"], sensors["axis_by_angle"]) / ARCSEC
     return {
-        "scale_error_ppm": (scale[:count] / PPM).tolist(),
-        "asymmetric_scale_error_ppm": (sensors["asymmetric_scale_error"][:count] / PPM).tolist(),
-        "installation_u_arcsec": angles[:count, 0].tolist(),
-        "installation_v_arcsec": angles[:count, 1].tolist(),
+        "scale_error_ppm": typed_numbers(scale[:count] / PPM),
+        "asymmetric_scale_error_ppm": typed_numbers(
+            sensors["asymmetric_scale_error"][:count] / PPM
+        ),
+        "installation_u_arcsec": typed_numbers(angles[:count, 0]),
+        "installation_v_arcsec": typed_numbers(angles[:count, 1]),
     }
 
 
@@ -79,12 +82,12 @@ def _open(job: Job, follower: Follower | None) -> BatchPort | MessagePort:
     return open_followed_port(job.address, watch, job.foreign_senders)
 
 
-def _hardware(job: Job) -> Hardware:
+def _hardware(job: Job, report: ReportPipe) -> Hardware:
     """Return the emulated hardware, or the user's program beside it."""
     settings, wire = hardware_settings(job.scenario), scenario_wire(job.scenario, is_live=True)
     if job.program is None:
         return Hardware(settings, wire)
-    link = ProgramLink(job.program, job.scenario, job.folder, job.patience_s)
+    link = ProgramLink(job.program, job.scenario, job.folder, job.patience_s, report)
     return OwnHardware(settings, wire, link)
 
 
@@ -101,7 +104,7 @@ def run_hardware(job: Job) -> JsonObject:
     report = ReportPipe(job.report_fd)
     scenario = job.scenario
     prepare(report, "hardware", scenario)
-    hardware = _hardware(job)
+    hardware = _hardware(job, report)
     file = SampleFile(job.log_path(TRUTH_SAMPLES))
     rows = SampleBuffer(Truth, file)
     lateness = LatenessHistogram(scenario.period_ns)

@@ -34,7 +34,8 @@ from rrins.host_tools.hardware.loop import Hardware
 from rrins.host_tools.hardware.settings import Settings
 from rrins.host_tools.hardware.step import OUTBOX_CAPACITY
 from rrins.host_tools.runs.notices import LOGGER
-from rrins.host_tools.runs.program import Program, end_session, last_words
+from rrins.host_tools.runs.pipe import ReportPipe
+from rrins.host_tools.runs.program import Program, last_words
 from rrins.host_tools.scenario.fault_tables import FaultOnWire
 from rrins.host_tools.scenario.scenario import Scenario
 from rrins.host_tools.wire.wire import Wire
@@ -88,16 +89,23 @@ class ProgramLink(Closing):
         Where its set-up goes, and what it prints (`hardware.txt`).
     patience_s : float
         Longest silence in wall clock time; 0 waits for ever.
-
+    report : ReportPipe
+        To the rehearsal, without which nothing is waited for.
     """
 
     def __init__(
-        self, program: Program, scenario: Scenario, folder: Path | None, patience_s: float
+        self,
+        program: Program,
+        scenario: Scenario,
+        folder: Path | None,
+        patience_s: float,
+        report: ReportPipe,
     ) -> None:
         self._program = program
         self._name = program.name
         self._scenario = scenario
         self._patience_s = patience_s
+        self._report = report
         self._epoch: int | None = None
         self._frames = frame_array(_LARGEST)
         self._ends = ExitStack()
@@ -152,7 +160,11 @@ class ProgramLink(Closing):
         return f"after {self._epoch / self._scenario.rate_hz:.0f} s of simulated time"
 
     def _check_process(self) -> None:
-        """Raise if the program has ended, with its last words, or was not understood."""
+        """Raise if the program has ended, with its last words, or was not understood.
+
+        Likewise if the rehearsal has ended.
+        """
+        self._report.check_read()
         if self._misfits.text:
             raise SideLostError(
                 f"{self._name} speaks another language than the bus: {self._misfits.text}"
@@ -217,7 +229,7 @@ class ProgramLink(Closing):
     def _end_program(self) -> None:
         self._bus.shutdown()  # which tells it that all is over
         self._await_end()
-        end_session(self._process.pid)
+        self._process.end_session()
         self._process.wait()
 
     def close(self) -> None:
@@ -253,10 +265,9 @@ class OwnHardware(Hardware):
             dtype=np.uint32,
         )
 
-    @property
-    def is_undisturbed(self) -> bool:
-        """Whether all frames pass as they are: never, the program is asked in each epoch."""
-        return False
+    def undisturbed_until(self, epoch: int) -> int:
+        """Return `epoch`: the program is asked in each."""
+        return epoch
 
     def step(self, inbox: FrameArray, count: int) -> int:
         """Run one epoch on the first `count` frames; return the number in `outbox`."""

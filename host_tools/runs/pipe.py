@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import logging
 import os
+import select
 import sys
 
 from rrins.host_tools.bus.channel import HostedError
@@ -40,6 +41,20 @@ class ReportPipe:
     def is_read(self) -> bool:
         """Whether a rehearsal reads what is sent."""
         return self._fd is not None
+
+    def check_read(self) -> None:
+        """Check that a rehearsal that is to read what is sent still runs.
+
+        Raises
+        ------
+        BrokenPipeError
+            When it is gone.
+        """
+        if self._fd is not None:
+            poller = select.poll()
+            poller.register(self._fd, 0)  # of a pipe that nobody can read, the error comes anyway
+            if poller.poll(0):
+                raise BrokenPipeError("the rehearsal has ended")
 
     def note(self, side: str, text: str) -> None:
         """Tell the user something: through the rehearsal, or else on standard error."""

@@ -12,19 +12,78 @@ import shlex
 import shutil
 import signal
 import subprocess
+import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import IO, Final
 
 from rrins.host_tools.bus.channel import socket_path
 from rrins.host_tools.bus.port import Address, Side
 from rrins.host_tools.errors import RehearsalError
+from rrins.host_tools.runs import guard
 from rrins.host_tools.runs.setup_file import write_setup
 from rrins.host_tools.scenario.scenario import Scenario
 
 SAID_BYTES: Final = 4096
 """Of what a program has printed last, read for the reason of its end."""
+GRACE_S: Final = 5.0
+"""For a process to end after SIGTERM, before it gets SIGKILL."""
+
+
+class ProgramProcess(subprocess.Popen[bytes]):
+    """The process of a program, in a session of its own.
+
+    A guard ends the session if this process is gone before it could do so itself.
+
+    Parameters
+    ----------
+    words : sequence of str
+        The program and its options.
+    output : file
+        For what it prints.
+    keep_open : sequence of int
+        Descriptors that it inherits.
+
+    Raises
+    ------
+    OSError
+        If it cannot be started.
+    """
+
+    def __init__(self, words: Sequence[str], output: IO[bytes], keep_open: Sequence[int]) -> None:
+        super().__init__(
+            words,
+            stdin=subprocess.DEVNULL,
+            stdout=output,
+            stderr=output,
+            pass_fds=keep_open,
+            start_new_session=True,
+        )
+        try:
+            self._guard = subprocess.Popen(
+                [sys.executable, "-I", "-S", guard.__file__, str(self.pid), f"{GRACE_S:g}"],
+                stdin=subprocess.PIPE,
+                stdout=subprocess.DEVNULL,
+                stderr=subprocess.DEVNULL,
+                start_new_session=True,
+            )
+        except BaseException:
+            self._kill_session()
+            self.wait()
+            raise
+
+    def _kill_session(self) -> None:
+        with contextlib.suppress(ProcessLookupError, PermissionError):
+            os.killpg(self.pid, signal.SIGKILL)
+
+    def end_session(self) -> None:
+        """Kill what the program has left running in its session. Idempotent."""
+        if self._guard.returncode is not None:
+            return  # its number may be another's now
+        self._kill_session()
+        self._guard.kill()
+        self._guard.communicate()
 
 
 @dataclass(frozen=True)
@@ -77,8 +136,8 @@ class Program:
         folder: Path,
         keep_open: Sequence[int] = (),
         side: Side = "firmware",
-    ) -> subprocess.Popen[bytes]:
-        """Start the program, in a session of its own.
+    ) -> ProgramProcess:
+        """Start the program, in a session of its own, which ends with this process.
 
         Parameters
         ----------
@@ -112,14 +171,7 @@ class Program:
         ]
         try:
             with said.open("wb") as output:
-                return subprocess.Popen(
-                    words,
-                    stdin=subprocess.DEVNULL,
-                    stdout=output,
-                    stderr=output,
-                    pass_fds=keep_open,
-                    start_new_session=True,
-                )
+                return ProgramProcess(words, output, keep_open)
         except OSError as error:
             raise RehearsalError(f"{self.words[0]}: cannot be started: {error.strerror}") from error
 
@@ -139,9 +191,3 @@ def last_words(folder: Path, side: Side = "firmware") -> str:
     except OSError:
         return ""
     return "".join(one for one in lines[-1] if one.isprintable()) if lines else ""
-
-
-def end_session(pid: int) -> None:
-    """Kill what a program has left running in its session."""
-    with contextlib.suppress(ProcessLookupError, PermissionError):
-        os.killpg(pid, signal.SIGKILL)

@@ -25,7 +25,7 @@ from rrins.host_tools.recording.note import Note
 from rrins.host_tools.runs.job import REALTIME
 from rrins.host_tools.runs.outcome import Outcome
 from rrins.host_tools.runs.pipe import ReportReader
-from rrins.host_tools.runs.program import Program, end_session, last_words
+from rrins.host_tools.runs.program import GRACE_S, Program, ProgramProcess, last_words
 from rrins.host_tools.runs.starting import Fork, start_program
 from rrins.host_tools.scenario.scenario import Scenario
 
@@ -35,7 +35,6 @@ OnReport = Callable[[JsonObject], None]
 Start = Callable[[Sequence[str], int], Fork | subprocess.Popen[bytes]]
 """Starts a side by the words behind `rrins`, with a descriptor for its reports."""
 
-_GRACE_S = 5.0
 _BUS_ENDS_S = 60.0  # to write what was received before that
 _ATTACH_WAIT_S = 300.0  # the first start compiles
 _POLL_S = 0.2
@@ -121,13 +120,13 @@ class WatchedSide:
             self.process.terminate()
             self.process.send_signal(signal.SIGCONT)
             try:
-                self.process.wait(_GRACE_S)
+                self.process.wait(GRACE_S)
             except subprocess.TimeoutExpired:
                 self.is_made_to_end = True
                 self.process.kill()
                 self.process.wait()
-        if self.program is not None:
-            end_session(self.process.pid)
+        if isinstance(self.process, ProgramProcess):
+            self.process.end_session()
 
 
 class Rehearsal:
@@ -253,7 +252,7 @@ class Rehearsal:
             os.close(write_end)
         return WatchedSide(name, process, read_end, program=program)
 
-    def _start_program(self, program: Program, write_end: int) -> subprocess.Popen[bytes]:
+    def _start_program(self, program: Program, write_end: int) -> ProgramProcess:
         """Start the user's program; the end of the pipe is its end."""
         is_realtime = self._speed == REALTIME
         process = program.start(
@@ -303,7 +302,7 @@ class Rehearsal:
         for side in self._sides:
             if side is not failed:
                 try:
-                    side.process.wait(_GRACE_S if self._address.is_embedded else 0.0)
+                    side.process.wait(GRACE_S if self._address.is_embedded else 0.0)
                 except subprocess.TimeoutExpired:
                     side.process.terminate()
 
@@ -358,7 +357,7 @@ class Rehearsal:
     def _close_recorder(self) -> None:
         if self._recorder is None or self._record is None:
             return
-        self._recorder.close(_BUS_ENDS_S if self._address.is_embedded else _GRACE_S)
+        self._recorder.close(_BUS_ENDS_S if self._address.is_embedded else GRACE_S)
         for side in self._sides:
             if side.name == "firmware" and side.summary:
                 sha256 = side.summary.get("navigation_sha256")

@@ -22,11 +22,10 @@ from rrins.host_tools.bus.interface import RrinsBus
 from rrins.host_tools.bus.port import EMBEDDED, Address, Side
 from rrins.host_tools.interruption import INTERRUPTED
 from rrins.host_tools.runs.pipe import ReportReader
-from rrins.host_tools.runs.program import Program, end_session, said_path
+from rrins.host_tools.runs.program import GRACE_S, Program, ProgramProcess, said_path
 from rrins.host_tools.scenario.scenario import Scenario
 from rrins.host_tools.testing.errors import BenchError
 
-_GRACE_S = 5.0
 _ATTACH_S = 30.0
 _HOST_COMPILES_S = 300.0  # before it answers who calls
 _POLL_S = 0.2
@@ -70,7 +69,7 @@ class OwnProgram:
 
     def start(
         self, scenario_file: Path, channel: str, speed: str, keep_open: tuple[int, ...]
-    ) -> subprocess.Popen[bytes]:
+    ) -> ProgramProcess:
         """Start the program on a channel of the embedded bus."""
         folder = self.folder(scenario_file)
         folder.mkdir(parents=True, exist_ok=True)
@@ -116,6 +115,7 @@ class SideProcess:
         self._reader = ReportReader()
         self._error = ""
         self._is_ready = False
+        self.process: subprocess.Popen[bytes]
         self._pipe, write_end = os.pipe()
         command = [sys.executable, "-m", "rrins", side, str(scenario_file)]
         command += ["--channel", channel, "--speed", speed, "--report-fd", str(write_end)]
@@ -182,7 +182,7 @@ class SideProcess:
     def failure(self) -> str:
         """Return how the process ended, in words; wait briefly for its end."""
         try:
-            status = self.process.wait(_GRACE_S)
+            status = self.process.wait(GRACE_S)
         except subprocess.TimeoutExpired:
             return f"{self._name} has left the bus but not ended"
         self.poll()
@@ -205,13 +205,13 @@ class SideProcess:
             self.process.terminate()
             self.process.send_signal(signal.SIGCONT)
             try:
-                self.process.wait(_GRACE_S)
+                self.process.wait(GRACE_S)
             except subprocess.TimeoutExpired:
                 self.process.kill()
                 self.process.wait()
                 ends = (*ends, -signal.SIGKILL)
-        if self._own is not None:
-            end_session(self.process.pid)
+        if isinstance(self.process, ProgramProcess):
+            self.process.end_session()
         self.poll()
         words = "" if self.process.returncode in ends else self.failure()
         if self._pipe >= 0:

@@ -87,6 +87,7 @@ def main() -> None:
         answer(100)
     elif kind == "hangs":
         with answer(100):
+            print("no pulse", flush=True)
             time.sleep(60)
     elif kind == "floods":
         answer(100, 1000)

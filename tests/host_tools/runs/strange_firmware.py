@@ -70,6 +70,7 @@ def main() -> None:
         end, _ = answer(100)
         if os.fork() == 0:  # a child that it leaves behind
             signal.signal(signal.SIGTERM, signal.SIG_IGN)
+        print("no pulse", flush=True)
         time.sleep(1000)
     elif kind == "floods":
         end, number = answer(100)

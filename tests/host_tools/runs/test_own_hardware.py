@@ -15,6 +15,7 @@ from rrins.host_tools.errors import RehearsalError, SideLostError
 from rrins.host_tools.runs import run
 from rrins.host_tools.runs.display import RunDisplay
 from rrins.host_tools.runs.own_hardware import ProgramLink
+from rrins.host_tools.runs.pipe import ReportPipe
 from rrins.host_tools.runs.program import Program
 from rrins.host_tools.scenario.scenario import load
 from rrins.host_tools.terminal import new_console
@@ -44,7 +45,7 @@ def rehearsed(words: str, name: str, folder: Path, patience_s: float = 1.0) -> r
 def exchange_with(program: Program, folder: Path) -> None:
     """Exchange epochs with a program until it fails."""
     nothing = frame_array(1)
-    with ProgramLink(program, load("ideal"), folder, patience_s=0.5) as link:
+    with ProgramLink(program, load("ideal"), folder, 0.5, ReportPipe(None)) as link:
         link.begin()
         for epoch in itertools.count():
             link.exchange(nothing, 0, epoch, epoch * 5_000_000)
@@ -66,7 +67,7 @@ def test_the_emulation_as_a_program_navigates_as_it_does_itself(tmp_path: Path) 
         ("dies", "{} was killed by SIGSEGV after 0 s of simulated time"),
         ("leaves", "{} ended with status 0 after 0 s of simulated time"),
         ("hangs", "{} has not closed its epoch for 0.5 s, in epoch 100: it hangs"),
-        ("floods", "{} floods the bus: more than 28 frames in epoch 0"),
+        ("floods", "{} floods the bus: more than 36 frames in epoch 0"),
         (
             "version",
             "{} speaks another language than the bus: a datagram of version 2 of the protocol; "

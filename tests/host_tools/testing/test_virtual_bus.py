@@ -62,13 +62,11 @@ def test_a_tester_finds_what_is_wrong(rrins_bench, way):
     bench.inject("silence", message="SENSOR_3")
     bench.advance(0.5)
     with bench.tester(is_securing=True) as tester:
-        before = overruns(tester)
-        bench.advance(1.0)  # until an overrun of just now is a trouble code, too
         found = {one.trouble.name for one in tester.troubles(0x08)}
         after = overruns(tester)
         assert after == 0 or way == "realtime"
         assert found - {"overrun"} == {"sensor_3_silent"}
-        assert (before > 0) <= ("overrun" in found) <= (after > 0)
+        assert ("overrun" in found) <= (after > 0)  # those of the start are counted only
         bridge = table.identifier("bridge")
         tester.write(bridge, {"bridge_s": 0.3})
         assert tester.read([bridge]) == {"bridge": {"bridge_s": 0.3}}
