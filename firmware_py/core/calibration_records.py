@@ -24,6 +24,19 @@ class DriftState(IntEnum):
     DRIFTED = 3
 
 
+class DriftSize(IntEnum):
+    """How far a kind has drifted, in words of the bus; the DBC's value table of `drift`."""
+
+    NOT = 0
+    BELOW_10_PPM = 1
+    FROM_10_TO_20_PPM = 2
+    FROM_20_TO_40_PPM = 3
+    FROM_40_TO_80_PPM = 4
+    FROM_80_TO_160_PPM = 5
+    FROM_160_TO_320_PPM = 6
+    ABOVE_320_PPM = 7
+
+
 class Drift(Record):
     """What the parity has learned of a kind of sensors, compared with their calibration."""
 

@@ -31,6 +31,7 @@ class CalibrationEnd(IntEnum):
     GYRO_FAILED = 6
     ACCELEROMETER_FAILED = 7
     BASE_MOVED = 8
+    SESSION_ENDED = 9
 
 
 HEAD = (

@@ -16,7 +16,7 @@ from rrins.host_tools.calibration.report import write
 from rrins.host_tools.calibration.routine import told_unit
 from rrins.host_tools.calibration.seconds import Seconds
 from rrins.host_tools.calibration.unit import drawn_unit
-from rrins.host_tools.diag.target import Target
+from rrins.host_tools.diag.target import DEFAULT_TIMEOUT_S, Target
 from rrins.host_tools.diag.tester import Tester
 from rrins.host_tools.errors import CalibrationRecordError, RehearsalError
 from rrins.host_tools.interruption import as_event
@@ -53,6 +53,8 @@ class Order:
         Whether to begin anew where a calibration was stopped.
     temperature_c : float, optional
         How warm the sensors are, °C, where somebody knows: the bus does not say.
+    timeout_s : float, optional
+        Longest wait for a response of a unit that is there, in place of `DEFAULT_TIMEOUT_S`.
     """
 
     folder: Path
@@ -68,6 +70,7 @@ class Order:
     pushes: bool = False
     anew: bool = False
     temperature_c: float | None = None
+    timeout_s: float | None = None
 
     @property
     def is_attached(self) -> bool:
@@ -117,8 +120,8 @@ def calibrate(order: Order, note: Callable[[str], None] = lambda line: None) -> 
     _make(order.folder)
     with Tester(_target(order, known), is_securing=True) as tester:
         unit = told_unit(tester, (known.rimu.gyros, known.rimu.accelerometers))
-        work = _Work(tester, unit, named, order.folder)
-        found = work.record(order.anew, note)
+        work = _Work(tester, unit, named, order.folder, note)
+        found = work.record(order.anew)
         origin = session.origin_now(order.temperature_c)
         verified = work.push(found, origin) if order.pushes else ""
     name = _name(order, known)
@@ -131,7 +134,8 @@ def calibrate(order: Order, note: Callable[[str], None] = lambda line: None) -> 
 
 def _target(order: Order, known: Scenario) -> Target:
     if order.is_attached:
-        return Target(order.interface, order.channel, order.bitrate)
+        timeout_s = order.timeout_s or DEFAULT_TIMEOUT_S
+        return Target(order.interface, order.channel, order.bitrate, timeout_s=timeout_s)
     return EmulatedUnit(known).target()
 
 
@@ -144,16 +148,24 @@ def _name(order: Order, known: Scenario) -> str:
 class _Work:
     """The steps of a calibration, with progress on standard error."""
 
-    def __init__(self, tester: Tester, unit: Unit, named: NamedScheme, folder: Path) -> None:
+    def __init__(
+        self,
+        tester: Tester,
+        unit: Unit,
+        named: NamedScheme,
+        folder: Path,
+        note: Callable[[str], None],
+    ) -> None:
         self._tester, self._unit, self._named, self._folder = tester, unit, named, folder
+        self._note = note
 
-    def record(self, anew: bool, note: Callable[[str], None]) -> Estimate:
+    def record(self, anew: bool) -> Estimate:
         path = self._folder / session.RECORD
         if anew:
             path.unlink(missing_ok=True)
         recording = session.Recording.resumed(self._named.scheme, path)
         if recording.first:
-            note(f"going on with position {recording.first + 1}; --anew begins anew")
+            self._note(f"going on with position {recording.first + 1}; --anew begins anew")
         seconds = self._follow("calibrating", recording)
         recording.discard()
         return session.checked(self._unit, seconds)
@@ -167,7 +179,12 @@ class _Work:
                 state = (f"position {position + 1} of {positions}",)
                 progress.update(task, completed=seconds, state=state)
 
-            return recording.run(self._tester, advance, stop.is_set)
+            return recording.run(self._tester, advance, stop.is_set, self._silent)
+
+    def _silent(self, position: int) -> None:
+        self._note(
+            f"the unit heard nothing of this tool for 5 s; going on with position {position + 1}"
+        )
 
     def push(self, found: Estimate, origin: Origin) -> str:
         """Store, restart, calibrate once more in short; put the former back if they disagree."""

@@ -17,6 +17,7 @@ from rrins.host_tools.calibration.observability import LIMITS
 from rrins.host_tools.calibration.pictures import residuals_figure
 from rrins.host_tools.drawing.page import base64_of, environment, png_of
 from rrins.host_tools.files import JsonObject, keep, replacing, write_whole
+from rrins.host_tools.runs.typed_numbers import typed_number, typed_numbers
 
 REPORT, PICTURE, FILE = "report.html", "residuals.png", "calibration.toml"
 
@@ -65,16 +66,16 @@ def result_of(found: Estimate) -> JsonObject:
     """Return a calibration as one JSON object: values and σ by the keys of the file."""
     result: JsonObject = {
         "seconds": len(found.seconds),
-        "duration_s": found.seconds.total_s,
-        "base_sigma_arcsec": (found.base_sigma / ARCSEC).tolist(),
-        "squareness_arcsec": found.epsilon / ARCSEC,
-        "squareness_sigma_arcsec": found.epsilon_sigma / ARCSEC,
+        "duration_s": typed_number(found.seconds.total_s),
+        "base_sigma_arcsec": typed_numbers(found.base_sigma / ARCSEC),
+        "squareness_arcsec": typed_number(found.epsilon / ARCSEC),
+        "squareness_sigma_arcsec": typed_number(found.epsilon_sigma / ARCSEC),
     }
     for name, one, units in both(found):
         result[name] = {
             key: {
-                "value": (one.constants[:, k] / units[k]).tolist(),
-                "sigma": (one.sigma[:, k] / units[k]).tolist(),
+                "value": typed_numbers(one.constants[:, k] / units[k]),
+                "sigma": typed_numbers(one.sigma[:, k] / units[k]),
             }
             for k, key in enumerate(KEYS[name])
         } | {

@@ -29,10 +29,12 @@ _LOOK_S = 2.0
 _log: Final = logging.getLogger(__name__)
 
 _WORDS = {
+    CalibrationEnd.STOPPED: "another tool stopped it",
     CalibrationEnd.MODE_LEFT: "the unit left STANDBY",
     CalibrationEnd.AXIS_NOT_FOLLOWING: "an axis of the table does not follow",
     CalibrationEnd.AXIS_TAKEN: "something else commands the table",
     CalibrationEnd.BASE_MOVED: "the base moves",
+    CalibrationEnd.SESSION_ENDED: "the unit heard nothing of this tool for 5 s, time after time",
 }
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import datetime
+from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -34,6 +35,9 @@ _HARD = 1
 _SETTLE_S = 3.0
 _AGREE_RMS, _AGREE_MOST = 1.6, 6.0
 """Of the differences of two calibrations over their σ."""
+
+_TRIES = 3
+"""At one position, before a unit that does not hear this tool in time is given up."""
 
 OnProgress = Callable[[float, int], None]
 """Called with the seconds recorded and the position, from 0."""
@@ -73,8 +77,15 @@ class Recording:
         found, note = records.load(path)
         if note.get("scheme") != scheme.model_dump(mode="json") or not len(found):
             return cls(scheme, path)
-        last = int(found.position[-1])
-        return cls(scheme, path, found.where(found.position < last), last)
+        recording = cls(scheme, path, found)
+        recording.go_back()
+        return recording
+
+    def go_back(self) -> None:
+        """Forget the position that was under way: it comes next."""
+        if self.seconds is not None and len(self.seconds):
+            self.first = int(self.seconds.position[-1])
+            self.seconds = self.seconds.where(self.seconds.position < self.first)
 
     def add(self, more: Seconds) -> None:
         """Add new seconds."""
@@ -96,8 +107,13 @@ class Recording:
         tester: Tester,
         on_progress: OnProgress,
         should_stop: Callable[[], bool] = lambda: False,
+        on_silence: Callable[[int], None] = lambda position: None,
     ) -> Seconds:
         """Record on a unit until the scheme is over.
+
+        A unit that hears nothing of this tool for 5 s, because the host or the bus stood still,
+        ends its routine. `on_silence` is then called with a position, from 0, and recording goes on
+        with that.
 
         Raises
         ------
@@ -106,13 +122,33 @@ class Recording:
         KeyboardInterrupt
             When `should_stop` says so; what was recorded is kept, and the unit is in STANDBY.
         """
-        routine = RoutineRun(tester, self.scheme, self.first)
+        tries = Counter[int]()
+        while True:
+            routine = RoutineRun(tester, self.scheme, self.first)
+            end = self._follow(routine, on_progress, should_stop)
+            if end == CalibrationEnd.STOPPED and should_stop():
+                raise KeyboardInterrupt
+            if end != CalibrationEnd.SESSION_ENDED:
+                break
+            self.go_back()
+            tries[self.first] += 1
+            if tries[self.first] == _TRIES:
+                break
+            on_silence(self.first)
+        if end not in (CalibrationEnd.DONE, CalibrationEnd.STOPPED, CalibrationEnd.SESSION_ENDED):
+            self.discard()  # the unit found something wrong with what it recorded
+        routine.require_done(end)
+        assert self.seconds is not None
+        return self.seconds
+
+    def _follow(
+        self, routine: RoutineRun, on_progress: OnProgress, should_stop: Callable[[], bool]
+    ) -> CalibrationEnd:
+        """Add what a routine records until it ends, and keep it; return why it ended."""
         kept_s = 0.0
-        parts: list[Seconds] = []
 
         def take(more: Seconds) -> None:
             nonlocal kept_s
-            parts.append(more)
             self.add(more)
             assert self.seconds is not None
             total_s = self.seconds.total_s
@@ -123,16 +159,9 @@ class Recording:
 
         routine.start()
         try:
-            end = routine.follow(take, should_stop)
+            return routine.follow(take, should_stop)
         finally:
             self.keep()
-        if end == CalibrationEnd.STOPPED and should_stop():
-            raise KeyboardInterrupt
-        if end != CalibrationEnd.DONE and end != CalibrationEnd.STOPPED:
-            self.discard()  # the unit found something wrong with what it recorded
-        routine.require_done(end)
-        assert self.seconds is not None
-        return self.seconds
 
 
 def checked(unit: Unit, seconds: Seconds) -> Estimate:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from rrins.host_tools.cli.numbers import NumberRange
 from rrins.host_tools.cli.options import bus_options, json_option
 
 if TYPE_CHECKING:
@@ -20,6 +21,13 @@ if TYPE_CHECKING:
 @click.command()
 @click.argument("scenario", required=False)
 @bus_options
+@click.option(
+    "--timeout",
+    "timeout_s",
+    type=NumberRange(min=0, min_open=True),
+    metavar="SECONDS",
+    help="Response timeout of a unit on a slow bus.",
+)
 @click.option("--rimu", "geometry", metavar="GEOMETRY", help="Sensor axes if no SCENARIO is given.")
 @click.option(
     "--scheme",
@@ -57,6 +65,7 @@ def calibrate(
     interface: str,
     channel: str | None,
     bitrate: int | None,
+    timeout_s: float | None,
     geometry: str | None,
     scheme_name: str,
     turn_rate_dps: float | None,
@@ -81,7 +90,7 @@ def calibrate(
 
     order = Order(
         out, scenario, interface, channel, bitrate, geometry, scheme_name, turn_rate_dps, stand_s,
-        seed, pushes, anew, temperature_c,
+        seed, pushes, anew, temperature_c, timeout_s,
     )  # fmt: skip
     _print(calibrate_unit(order, print_note), as_json)
 

@@ -80,6 +80,10 @@ class Programme:
         """End early."""
         self.state = RoutineState.STOPPED
 
+    def end_with_session(self) -> None:
+        """End early, because the session of the tool has ended."""
+        self.stop()
+
     def work(self) -> None:
         """Do one epoch's work, while it runs."""
 

@@ -51,7 +51,7 @@ class Routines(Part):
         if session == Session.DEFAULT:
             for programme in self._programmes.values():
                 if programme.is_running and programme.ends_with_session:
-                    programme.stop()
+                    programme.end_with_session()
 
     def power_on(self) -> None:
         """Forget all results."""

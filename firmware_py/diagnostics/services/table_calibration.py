@@ -129,6 +129,11 @@ class TableCalibration(Programme):
         self._end = CalibrationEnd.STOPPED
         self._release()
 
+    def end_with_session(self) -> None:
+        """End early, because the session of the tool has ended; both axes hold."""
+        self.stop()
+        self._end = CalibrationEnd.SESSION_ENDED
+
     def forget(self) -> None:
         """Return to the state after power-on."""
         super().forget()

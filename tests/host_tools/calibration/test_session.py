@@ -63,6 +63,11 @@ def failing(**fault: object) -> EmulatedUnit:
     return EmulatedUnit(Scenario.model_validate(keys | {"faults": [{"at_s": 8.0, **fault}]}))
 
 
+def pass_unheard(unit: EmulatedUnit, seconds: float) -> None:
+    for _ in range(round(seconds * unit.scenario.rate_hz)):
+        unit.step()
+
+
 def test_a_calibration_is_stored_and_lasts(tmp_path: Path) -> None:
     scenario = drawn_unit(1)
     unit = EmulatedUnit(scenario)
@@ -194,3 +199,46 @@ def test_it_goes_on_from_where_it_stopped(tmp_path: Path) -> None:
     np.testing.assert_allclose(seconds.turn[:, :2].sum(axis=0), 0.0, atol=1e-6)
     resumed.discard()
     assert Recording.resumed(SHORT, path).first == 0
+
+
+def test_a_host_that_stands_still_for_some_seconds_goes_on(tmp_path: Path) -> None:
+    unit = EmulatedUnit(drawn_unit(1))
+    repeated: list[int] = []
+
+    def stand_still_once(seconds: float, position: int) -> None:
+        if position == 2 and not repeated:
+            pass_unheard(unit, 5.5)
+
+    with talk_to(unit) as tester:
+        recording = Recording(SHORT, tmp_path / session.RECORD)
+        seconds = recording.run(tester, stand_still_once, on_silence=repeated.append)
+    assert repeated == [2]
+    assert sorted(set(seconds.position.tolist())) == [0, 1, 2, 3]
+    assert abs(seconds.total_s - record(drawn_unit(1), SHORT).total_s) < 0.1
+    np.testing.assert_allclose(seconds.turn[:, :2].sum(axis=0), 0.0, atol=1e-6)
+
+
+def test_a_host_that_stands_still_always_is_told(tmp_path: Path) -> None:
+    unit = EmulatedUnit(drawn_unit(1))
+
+    def stand_still(seconds: float, position: int) -> None:
+        pass_unheard(unit, 5.5)
+
+    with (
+        talk_to(unit) as tester,
+        pytest.raises(CalibrationRecordError, match="heard nothing of this tool for 5 s"),
+    ):
+        Recording(SHORT, tmp_path / session.RECORD).run(tester, stand_still)
+    assert unit.firmware.mode == Mode.STANDBY
+    assert (tmp_path / session.RECORD).exists()
+
+
+def test_another_tool_that_stops_it_is_told() -> None:
+    unit = EmulatedUnit(drawn_unit(1))
+
+    def stop(seconds: float, position: int) -> None:
+        unit.send(bytes.fromhex("04 31 02 02 09 CC CC CC"))
+        pass_unheard(unit, 0.5)
+
+    with talk_to(unit) as tester, pytest.raises(CalibrationRecordError, match="another tool"):
+        Recording(SHORT).run(tester, stop)
