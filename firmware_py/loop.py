@@ -118,7 +118,7 @@ class Firmware:
     @property
     def epoch(self) -> int:
         """The epoch of the last step."""
-        return int(self._epoch[0])
+        return int(self._epoch.item())
 
     @property
     def is_shut_down(self) -> bool:
@@ -240,20 +240,21 @@ def run_lockstep(
     `on_epoch` is called with the epoch whenever that is a multiple of `every`.
     """
     exchange = exchange_record(clock_error_ppm, every)
-    state = exchange[0]
+    arrivals, goes_on = exchange["arrivals"], exchange["goes_on"]  # views, as in `Firmware`
     direct, words = Direct.zeros(), np.zeros(WORDS, dtype=np.uint64)
     while not firmware.is_shut_down:
-        arrivals = int(state.arrivals)
+        arrived = arrivals.item()
         sent = NOTHING
-        state.goes_on = not firmware.diagnostics.is_awake and port.lend(direct)
-        if state.goes_on:
+        is_lent = not firmware.diagnostics.is_awake and port.lend(direct)
+        goes_on[0] = is_lent
+        if is_lent:
             sent = firmware.exchange(firmware.inbox, 0, NOTHING, exchange, direct, words)
             port.take_back(direct, words)
-        if state.arrivals == arrivals:
+        if arrivals.item() == arrived:
             count = port.receive_epoch(firmware.inbox)
-            nominal_ns = arrivals * firmware.period_ns
+            nominal_ns = arrived * firmware.period_ns
             arrival_ns = own_clock_ns(nominal_ns, clock_error_ppm)
-            state.arrivals += 1
+            arrivals[0] = arrived + 1
             sent = firmware.step_whole(firmware.inbox, count, arrival_ns)
         epoch = firmware.epoch
         if sent != NOTHING:

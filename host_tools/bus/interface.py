@@ -428,6 +428,8 @@ class RrinsBus(Hosting, can.BusABC):
             raise self._translated(error) from error
 
     def _begin_send(self, timeout: float | None) -> None:
+        if self._send_lock.acquire(blocking=False):
+            return
         if not self._send_lock.acquire(timeout=-1 if timeout is None else max(0.0, timeout)):
             raise can.CanTimeoutError(f"another thread is sending on {self.channel_info}")
 

@@ -20,6 +20,8 @@ _BITRATE_SWITCH: Final = 0x01  # flags of struct canfd_frame
 _ERROR_STATE: Final = 0x02
 _FD_FORMAT: Final = 0x04
 
+_PAYLOAD: Final = 8  # offset in a frame
+_unpack_head = struct.Struct("<IB").unpack_from
 _unpack = CLASSIC.unpack_from
 _unpack_fd = _FD.unpack_from
 
@@ -44,7 +46,9 @@ def put_message(buffer: bytearray | memoryview, offset: int, message: can.Messag
         can_id |= RTR_FLAG
     if message.is_error_frame:
         can_id |= ERR_FLAG
-    data = b"" if message.is_remote_frame else bytes(message.data)
+    data = b"" if message.is_remote_frame else message.data
+    if type(data) is not bytearray:  # what python-can makes of it; it packs as it is
+        data = bytes(data)
     length = message.dlc if message.is_remote_frame else len(data)
     if length > (64 if message.is_fd else 8):
         raise ValueError(f"a payload of {length} bytes does not fit a frame: {message}")
@@ -64,6 +68,14 @@ def get_message(
     buffer: bytearray, offset: int, is_fd: bool, timestamp: float, channel: str, is_rx: bool
 ) -> can.Message:
     """Return the frame at `offset` as a message."""
+    if not is_fd:
+        can_id, length = _unpack_head(buffer, offset)
+        if can_id <= _STANDARD_MASK:  # as nearly all are: no flags to look at
+            start = offset + _PAYLOAD
+            data = buffer[start : start + length]
+            return can.Message(
+                timestamp, can_id, False, False, False, channel, length, data, False, is_rx
+            )
     if is_fd:
         can_id, length, flags, data = _unpack_fd(buffer, offset)
     else:

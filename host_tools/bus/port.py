@@ -39,6 +39,7 @@ _ANNOUNCE_NS = 200_000_000
 _LOCKSTEP_PATIENCE_NS = 30_000_000_000
 _POLL_S = 0.2
 _RETRY_S = 0.02
+_NO_FRAMES = frame_array(0)
 _KEPT_FREE = 1024  # room for the frames of a side, whatever others send
 
 
@@ -313,6 +314,8 @@ class MessagePort:
         self._heartbeat_id = int(self._heartbeat.can_id)
         self._held: can.Message | None = None
         self._is_broken = False
+        self._into: FrameArray = _NO_FRAMES  # the array of the last `receive_epoch`, as bytes
+        self._into_bytes = bytes_of(_NO_FRAMES)
         self._bus = open_bus(address) if bus is None else bus
 
     def meet(self, others: tuple[str, ...] = ()) -> None:
@@ -361,9 +364,7 @@ class MessagePort:
         """Send an epoch's frames; the last one closes the epoch."""
         for can_id, length, data in CLASSIC.iter_unpack(frames[:count].tobytes()):
             if not can_id & ERR_FLAG:  # error frames are never sent
-                self._send(
-                    can.Message(arbitration_id=can_id, is_extended_id=False, data=data[:length])
-                )
+                self._send(can.Message(0.0, can_id, False, data=data[:length]))
 
     def _send(self, message: can.Message) -> None:
         try:
@@ -391,7 +392,9 @@ class MessagePort:
             If nothing arrives for half a minute.
         """
         count = 0
-        room, bytes_into = len(into), bytes_of(into)
+        if into is not self._into:
+            self._into, self._into_bytes = into, bytes_of(into)
+        room, bytes_into = len(into), self._into_bytes
         deadline_ns = time.monotonic_ns() + _LOCKSTEP_PATIENCE_NS
         while True:
             message = self._receive(_POLL_S)

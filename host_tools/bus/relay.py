@@ -164,9 +164,9 @@ class Relay:
         """
         if self.stuck:
             return self.step_aside(wait)
-        if wait > 0 and not wait_readable(self._all.fileno(), wait):
-            return TIMED_OUT
         events = self._all.poll(0 if wait > 0 else wait, 1)
+        if not events and wait > 0 and wait_readable(self._all.fileno(), wait):
+            events = self._all.poll(0, 1)
         if not events:
             return TIMED_OUT
         with self.lock:

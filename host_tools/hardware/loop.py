@@ -18,6 +18,7 @@ from rrins.dbc.frame import FrameArray, frame_array
 from rrins.dbc.record import Records, Words
 from rrins.host_tools.hardware.exchange import Exchange, run_epochs
 from rrins.host_tools.hardware.fault_server import REPORT_CAPACITY, HardwareFaultServer
+from rrins.host_tools.hardware.faults import NEVER
 from rrins.host_tools.hardware.memory import Truth
 from rrins.host_tools.hardware.settings import Settings, pieces_of, power_on
 from rrins.host_tools.hardware.step import OUTBOX_CAPACITY
@@ -59,9 +60,8 @@ class Port(Protocol):
 class FrameFilter(Protocol):
     """Filter on the frames between the two sides, such as the wire model."""
 
-    @property
-    def is_clear(self) -> bool:
-        """Whether all frames pass as they are until the other side asks for something else."""
+    def clear_until(self, epoch: int) -> int:
+        """Return the epoch up to which all frames pass, if the other side asks for nothing else."""
 
     def up(self, frames: FrameArray, count: int, epoch: int) -> tuple[FrameArray, int]:
         """Return what the firmware gets, given what the hardware sends in an epoch."""
@@ -154,10 +154,9 @@ class Hardware:
         """The next epoch."""
         return int(self._epoch.item())
 
-    @property
-    def is_undisturbed(self) -> bool:
-        """Whether all frames pass as they are."""
-        return self.wire is None or self.wire.is_clear
+    def undisturbed_until(self, epoch: int) -> int:
+        """Return the epoch up to which all frames pass as they are; `epoch` if not even in that."""
+        return NEVER if self.wire is None else self.wire.clear_until(epoch)
 
     def open_alone(
         self,
@@ -206,13 +205,14 @@ def run_lockstep(
     """
     start_ns = time.monotonic_ns()
     exchange, direct, words = Exchange.zeros(), Direct.zeros(), np.zeros(WORDS, dtype=np.uint64)
-    exchange[0].epochs = epochs
     exchange[0].every = every
     is_free = speed is None and wait_for is None
     epoch, count, awaits = 0, 0, False
     while epoch < epochs or awaits:
-        if is_free and hardware.is_undisturbed and port.lend(direct):
+        until = hardware.undisturbed_until(epoch) if is_free else epoch
+        if until > epoch and port.lend(direct):
             before = epoch, awaits
+            exchange[0].epochs = min(epochs, until)
             sent = hardware.open_alone(exchange, direct, words, count, awaits)
             port.take_back(direct, words)
             epoch, count, awaits = hardware.epoch, int(exchange[0].count), bool(exchange[0].awaits)

@@ -79,9 +79,10 @@ def run_direct(
     truth_file = SampleFile(None if folder is None else folder / TRUTH_SAMPLES)
     truth_rows = SampleBuffer(Truth, truth_file)
     firmware = Firmware(firmware_settings(scenario), NavigationTrace(log_every, navigation.append))
-    hardware = Hardware(hardware_settings(scenario), scenario_wire(scenario))
+    wire = scenario_wire(scenario)
+    hardware = Hardware(hardware_settings(scenario), wire)
     error_ppm = scenario.firmware.clock_error_ppm
-    sides = DirectExchange(hardware, firmware, truth_rows, log_every, error_ppm)
+    sides = DirectExchange(hardware, firmware, truth_rows, log_every, error_ppm, wire)
     lines = open_lines(serial, firmware, on_note)
     lines_every = lines.every
     progress_every = _PROGRESS_S * scenario.rate_hz

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from rrins.dbc.compilation import compiled_with
 from rrins.dbc.contract import Contract
-from rrins.dbc.frame import FrameArray
+from rrins.dbc.frame import FrameArray, frame_array
 from rrins.dbc.record import F8, I8, Floats, Record, Records
 from rrins.firmware_py.core.clock import own_clock_ns
 from rrins.firmware_py.core.memory import NavigationOutput, Ram
@@ -20,6 +20,12 @@ from rrins.host_tools.hardware.loop import Hardware
 from rrins.host_tools.hardware.memory import Plant, Truth
 from rrins.host_tools.hardware.step import hardware_step
 from rrins.host_tools.runs.samples import SampleBuffer
+from rrins.host_tools.wire.faults import ANY_IDENTIFIER, Node
+from rrins.host_tools.wire.losses import Loss, lose, may_lose
+from rrins.host_tools.wire.wire import Wire
+
+_ANY_NODE, _FIRMWARE, _HARDWARE = int(Node.ANY), int(Node.FIRMWARE), int(Node.HARDWARE)
+_NO_LOSSES = Loss.zeros(0)
 
 
 def exchange_epoch(
@@ -71,7 +77,7 @@ class _Between(Record):
     navigation_rows: I8  #: navigation outputs that were written
     truth_rows: I8  #: truths that were written
     used: I8  #: frames that the firmware used
-    up: I8  #: frames that the hardware sent
+    up: I8  #: frames that the firmware received
     down: I8  #: frames that the firmware sent, but for those of the last epoch
 
 
@@ -87,6 +93,8 @@ def _exchange_epochs(
     estimates: bool | None,
     navigation: Records[NavigationOutput],
     truth: Records[Truth],
+    losses: Records[Loss],
+    heard: FrameArray,
     betweens: Records[_Between],
 ) -> None:
     """Run epochs of both sides until one asks for Python, is due, or has filled a buffer."""
@@ -95,10 +103,17 @@ def _exchange_epochs(
     between.used = between.up = between.down = 0
     while True:
         epoch = plant.epoch
-        sent = hardware_step(plants, pieces, contract, down, between.count, up)
+        count = between.count
+        if len(losses) > 0 and epoch > 0:
+            count = lose(losses, _FIRMWARE, _ANY_NODE, ANY_IDENTIFIER, down, count, down)
+        sent = hardware_step(plants, pieces, contract, down, count, up)
+        arrived = up
+        if len(losses) > 0:
+            arrived = heard
+            sent = lose(losses, _HARDWARE, _ANY_NODE, ANY_IDENTIFIER, up, sent, heard)
         state.clock.sync_arrival_ns = own_clock_ns(epoch * plant.period_ns, between.clock_error_ppm)
         state.clock.is_whole = True
-        between.count = firmware_step(ram, contract, up, 0, sent, down, compares, estimates)
+        between.count = firmware_step(ram, contract, arrived, 0, sent, down, compares, estimates)
         between.up += sent
         between.used += state.consumed
         if navigating(state):
@@ -110,7 +125,8 @@ def _exchange_epochs(
         is_full = between.navigation_rows == len(navigation) or between.truth_rows == len(truth)
         is_due = between.every > 0 and epoch % between.every == 0
         is_last = plant.epoch >= between.until
-        if is_full or is_due or is_last or state.diagnostics.attention:
+        is_short = not may_lose(losses, len(up) + len(down))
+        if is_full or is_due or is_last or is_short or state.diagnostics.attention:
             return
         between.down += between.count
 
@@ -128,6 +144,8 @@ class DirectExchange:
     truth_every : int
     clock_error_ppm : float
         By how much the firmware's clock runs fast.
+    wire : Wire, optional
+        That of the hardware.
     """
 
     def __init__(
@@ -137,7 +155,10 @@ class DirectExchange:
         truth: SampleBuffer[Truth],
         truth_every: int,
         clock_error_ppm: float = 0.0,
+        wire: Wire | None = None,
     ) -> None:
+        self._wire = wire
+        self._heard = frame_array(len(hardware.outbox))
         self._hardware, self._firmware = hardware, firmware
         self._truth = truth
         self._between = _Between.zeros()
@@ -157,10 +178,11 @@ class DirectExchange:
         """
         hardware, firmware, between = self._hardware, self._firmware, self._between[0]
         firmware.restart_if_due()
+        wire, epoch = self._wire, hardware.epoch
         until = min(until, hardware.fault_server.report_epoch)
-        epoch = hardware.epoch
-        is_left_alone = hardware.is_undisturbed and not firmware.diagnostics.is_awake
-        if not is_left_alone or epoch >= until:
+        if wire is not None:
+            until = min(until, wire.loses_until(epoch))
+        if firmware.diagnostics.is_awake or epoch >= until:
             between.count = exchange_epoch(
                 hardware, firmware, epoch, int(between.count), float(between.clock_error_ppm)
             )
@@ -179,8 +201,12 @@ class DirectExchange:
             firmware.estimates,
             firmware.trace.room,
             self._truth.room,
+            _NO_LOSSES if wire is None else wire.faults.losses(epoch),
+            self._heard,
             self._between,
         )
+        if wire is not None:
+            wire.faults.settle_losses()
         self._settle()
         return hardware.epoch - 1
 

@@ -14,6 +14,7 @@ from rrins.dbc.codec import to_raw
 from rrins.dbc.frame import FrameArray
 from rrins.dbc.values import FaultAction, FaultRefusal
 from rrins.host_tools.hardware.fault_protocol import ActiveFault, FaultServer, largest_of
+from rrins.host_tools.hardware.faults import NEVER
 from rrins.host_tools.wire.faults import (
     ANY_IDENTIFIER,
     MOST_BABBLE,
@@ -53,6 +54,12 @@ class WireFaultServer(FaultServer):
     def is_awake(self) -> bool:
         """Whether there is something to report, even though no fault acts now."""
         return bool(self._answers or self._reported)
+
+    def quiet_until(self, epoch: int, active: list[WireFault]) -> int:
+        """Return the epoch in which a report is due, as long as the same faults act."""
+        if self._answers or active != self._reported:
+            return epoch
+        return self._due if active else NEVER
 
     def receive(self, frames: FrameArray, count: int, epoch: int) -> None:
         """Execute the commands among the frames received in an epoch."""

@@ -18,6 +18,10 @@ import numpy as np
 from rrins.dbc.codec import load
 from rrins.dbc.e2e import COUNTER_MODULUS, counter_of, protect
 from rrins.dbc.frame import FrameArray, frame_array
+from rrins.dbc.record import Records
+from rrins.host_tools.hardware.faults import NEVER
+from rrins.host_tools.wire.losses import CAPACITY as LOSSES
+from rrins.host_tools.wire.losses import Draws, Loss
 
 
 class FaultKind(IntEnum):
@@ -121,8 +125,16 @@ class WireFault:
 
 
 _Held = dict[int, FrameArray]
-_Entry = tuple[WireFault, np.random.Generator, _Held]
-"""A fault, its random numbers, the frames that it holds by identifier."""
+
+
+@dataclass(frozen=True)
+class _Entry:
+    """A fault, its random numbers, the frames that it holds by identifier."""
+
+    fault: WireFault
+    draws: Draws
+    held: _Held
+
 
 _Delayed = tuple[int, int, FrameArray]
 """The epoch in which a frame is due, its number among those delayed, the frame."""
@@ -150,6 +162,8 @@ class WireFaults:
         self._number = 0
         self._delayed: dict[Node, list[_Delayed]] = {Node.HARDWARE: [], Node.FIRMWARE: []}
         self._sequence = itertools.count()
+        self._losses = Loss.zeros(LOSSES)
+        self._losing: list[_Entry] = []  # whose draws are in `_losses`
         self._copies: _Held = {}  # by identity: the copies that DUPLICATE made in this epoch
         self._messages = {  # those that have a counter
             int(row.can_id): row for row in load().messages if row.data_id
@@ -162,7 +176,7 @@ class WireFaults:
         """Inject a fault."""
         random = np.random.default_rng([self._seed, self._number])
         self._number += 1
-        self._faults.append((fault, random, {}))
+        self._faults.append(_Entry(fault, Draws(random), {}))
 
     def renew(self, fault: WireFault) -> bool:
         """Inject a fault that begins at once and replaces an identical active one.
@@ -173,8 +187,8 @@ class WireFaults:
         kept = [
             entry
             for entry in self._faults
-            if not entry[0].is_over(epoch)
-            and not (entry[0].is_active(epoch) and entry[0].identity == fault.identity)
+            if not entry.fault.is_over(epoch)
+            and not (entry.fault.is_active(epoch) and entry.fault.identity == fault.identity)
         ]
         if len(kept) >= CAPACITY:
             return False
@@ -187,8 +201,8 @@ class WireFaults:
         meant = (kind, node, identifier)
         left, ended = [], 0
         for entry in self._faults:
-            if entry[0].identity[:3] == meant:
-                ended += not entry[0].is_over(epoch)
+            if entry.fault.identity[:3] == meant:
+                ended += not entry.fault.is_over(epoch)
             else:
                 left.append(entry)
         self._faults = left
@@ -204,8 +218,12 @@ class WireFaults:
 
     def active(self, epoch: int) -> list[WireFault]:
         """Return the faults that act in an epoch, and drop those that are over."""
-        self._faults = [entry for entry in self._faults if not entry[0].is_over(epoch)]
-        return [entry[0] for entry in self._faults if entry[0].is_active(epoch)]
+        self._faults = [entry for entry in self._faults if not entry.fault.is_over(epoch)]
+        return self.acting(epoch)
+
+    def acting(self, epoch: int) -> list[WireFault]:
+        """Return the faults that act in an epoch."""
+        return [entry.fault for entry in self._faults if entry.fault.is_active(epoch)]
 
     def apply(
         self, sender: Node, frames: FrameArray, count: int, epoch: int, out: FrameArray
@@ -214,17 +232,56 @@ class WireFaults:
         passing = _each(frames[:count].copy())
         self._copies.clear()
         for entry in self._faults:
-            if entry[0].is_active(epoch):
+            if entry.fault.is_active(epoch):
                 passing = self._hit(entry, sender, passing, epoch)[: len(out)]
         passing = [*self._due(sender, epoch), *passing][: len(out)]
         for k, frame in enumerate(passing):
             out[k] = frame[0]
         return len(passing)
 
+    def loses_until(self, epoch: int) -> int:
+        """Return the epoch up to which the same faults act as in this one, and only lose frames.
+
+        Returns `epoch` if other faults act.
+        """
+        until, acting = NEVER, 0
+        for fault in (entry.fault for entry in self._faults):
+            if fault.is_active(epoch):
+                acting += 1
+                if self._has_timing or fault.kind not in _SILENT or acting > LOSSES:
+                    return epoch
+                if fault.last_epoch >= 0:
+                    until = min(until, fault.last_epoch + 1)
+            elif not fault.is_over(epoch):
+                until = min(until, fault.first_epoch)
+        return epoch if any(self._delayed.values()) else until
+
+    def losses(self, epoch: int) -> Records[Loss]:
+        """Return the faults that act in an epoch, of which `loses_until` says that they only lose.
+
+        `settle_losses` is due before anything else is asked of the faults.
+        """
+        self._losing = [entry for entry in self._faults if entry.fault.is_active(epoch)]
+        losses = self._losses[: len(self._losing)]
+        for loss, entry in zip(losses, self._losing, strict=True):
+            loss.node, loss.identifier = entry.fault.node, entry.fault.identifier
+            loss.is_cut = entry.fault.kind == FaultKind.CUT
+            loss.probability = entry.fault.probability
+            entry.draws.look(loss.draws)
+            loss.used = loss.lost = 0
+        return losses
+
+    def settle_losses(self) -> None:
+        """Account for what was lost since `losses`."""
+        for loss, entry in zip(self._losses, self._losing, strict=False):
+            entry.draws.use(int(loss.used))
+            self._count(int(loss.lost))
+        self._losing = []
+
     def acts(self, epoch: int) -> bool:
         """Return whether anything happens to frames in an epoch."""
         return any(self._delayed.values()) or any(
-            entry[0].is_active(epoch) for entry in self._faults
+            entry.fault.is_active(epoch) for entry in self._faults
         )
 
     def _due(self, sender: Node, epoch: int) -> _Passing:
@@ -236,9 +293,9 @@ class WireFaults:
         return due
 
     def _hit(self, entry: _Entry, sender: Node, passing: _Passing, epoch: int) -> _Passing:
-        fault, random, _ = entry
+        fault, draws = entry.fault, entry.draws
         if fault.kind == FaultKind.REORDER:
-            return self._reorder(fault, random, sender, passing)
+            return self._reorder(fault, draws.random, sender, passing)
         if fault.kind == FaultKind.BABBLE:
             return (
                 passing
@@ -250,7 +307,7 @@ class WireFaults:
             hit = fault.means(sender, int(frame["can_id"][0]))
             if fault.kind == FaultKind.DUPLICATE and id(frame) in self._copies:
                 hit = False  # or a dozen such faults would make thousands of one frame
-            if hit and random.random() < fault.probability:
+            if hit and draws.draw() < fault.probability:
                 left.extend(self._affect(entry, sender, frame, epoch))
             else:
                 left.append(frame)
@@ -267,7 +324,7 @@ class WireFaults:
     def _affect(
         self, entry: _Entry, sender: Node, frame: FrameArray, epoch: int
     ) -> Iterator[FrameArray]:
-        fault, random, held = entry
+        fault, random, held = entry.fault, entry.draws.random, entry.held
         kind = fault.kind
         by_model = (FaultKind.CORRUPT_WIRE, FaultKind.BUS_OFF, FaultKind.CUT)
         if self._has_timing and kind in by_model:

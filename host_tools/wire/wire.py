@@ -110,10 +110,22 @@ class Wire:
         """Whether frames pass as they are: no timing, and no fault now or to come."""
         return self._model is None and self.faults.is_idle()
 
-    @property
-    def is_clear(self) -> bool:
-        """Whether all frames pass as they are until a fault is put in."""
-        return self.is_ideal and not self.fault_server.is_awake
+    def clear_until(self, epoch: int) -> int:
+        """Return the epoch up to which all frames pass as they are, if no fault is put in."""
+        return epoch if self.faults.acting(epoch) else self.loses_until(epoch)
+
+    def loses_until(self, epoch: int) -> int:
+        """Return the epoch up to which frames pass or are lost by the same faults, with no report.
+
+        Until then compiled code may take the place of `up` and `down`, see `losses`; in `epoch` it
+        may not if that is what is returned.
+        """
+        if self._model is not None:
+            return epoch
+        until = self.faults.loses_until(epoch)
+        if until <= epoch:
+            return epoch
+        return min(until, self.fault_server.quiet_until(epoch, self.faults.acting(epoch)))
 
     def up(self, frames: FrameArray, count: int, epoch: int) -> tuple[FrameArray, int]:
         """Return the frames that the firmware receives in an epoch, given the hardware's."""

@@ -155,12 +155,18 @@ def test_scapy_reads_and_writes() -> None:
     config = pytest.importorskip("scapy.config")
     config.conf.contribs["CANSocket"] = {"use-python-can": True}
     from scapy.contrib.cansocket_python_can import PythonCANSocket
+    from scapy.layers.can import CAN
 
     options = {"interface": "rrins", "channel": CHANNEL, "host": "never", "role": "observer"}
     with PythonCANSocket(**options) as end:
         packet = end.sniff(count=2, timeout=PATIENCE_S)[-1]
         assert packet.identifier == STATUS.frame_id
         assert STATUS.decode(bytes(packet.data))["encoder_angle_deg"] == 90
+        with RrinsBus(CHANNEL, host="never", role="observer") as reader:
+            end.send(CAN(identifier=0x555, length=2, data=b"\x01\x02"))
+            heard = iter(lambda: reader.recv(PATIENCE_S), None)
+            message = next(one for one in heard if one.arbitration_id == 0x555)
+    assert message.data == b"\x01\x02"
 
 
 @pytest.mark.usefixtures("traffic")

@@ -174,6 +174,30 @@ def test_what_is_no_batch_is_not_sent(host: RrinsBus, frames: Any, count: int) -
     host.send_batch(numbered(1), 1)
 
 
+@pytest.mark.parametrize("payload", [bytearray(b"\1\2\3"), b"\1\2\3", [1, 2, 3]])
+@pytest.mark.parametrize("can_id", [0, 0x7FF, 0x800, 0x1FFF_FFFF])
+def test_a_message_arrives_as_it_was_and_is_its_receivers_own(
+    host: RrinsBus, attach_to: Attach, payload: Any, can_id: int
+) -> None:
+    peer = attach_to(host)
+    sent = can.Message(arbitration_id=can_id, is_extended_id=can_id > 0x7FF)
+    sent.data, sent.dlc = payload, 3
+    peer.send(sent)
+    host.send(sent)
+    for received in (host.recv(5.0), peer.recv(5.0)):
+        assert received is not None
+        expected = can.Message(
+            arbitration_id=can_id,
+            is_extended_id=can_id > 0x7FF,
+            data=b"\1\2\3",
+            channel=host.channel,
+        )
+        assert received.equals(expected, timestamp_delta=None)
+        assert isinstance(received.data, bytearray)
+        received.data[0] = 9  # nobody else's
+    assert list(payload) == [1, 2, 3]
+
+
 def test_a_message_of_nine_bytes_is_not_sent(host: RrinsBus) -> None:
     with pytest.raises(ValueError, match="9 bytes"):
         host.send(can.Message(data=bytes(9)), 1.0)
