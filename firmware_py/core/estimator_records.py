@@ -185,10 +185,8 @@ class Estimator(Record):
     north_radius: F8  #: m, of the meridian and the height
     east_radius: F8  #: m, times the cosine of the latitude
     # The navigation of each epoch, a ring, and what has been added to it since.
-    track: Annotated[Floats, (TRACK_EPOCHS, 9)]  #: latitude, longitude, height, velocity_n, way_b
+    track: Annotated[Floats, (TRACK_EPOCHS, 6)]  #: latitude, longitude, height, velocity_n
     track_first: I8  #: epoch
-    way_b: Annotated[Floats, 3]  #: m, of the odometer's wheel, since the filter began
-    lever_n: Annotated[Floats, 3]  #: m, from the reference point to the wheel
     correction: Annotated[Floats, (CORRECTIONS, 6)]  #: the last ones, in the order of the track
     correction_epoch: Annotated[Integers, CORRECTIONS]  #: at whose end each was made; -1: none
     corrections: I8  #: made so far

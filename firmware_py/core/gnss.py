@@ -8,15 +8,12 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from rrins.dbc.codec import decode, span_of, unpack
 from rrins.dbc.compilation import compiled
 from rrins.dbc.contract import Contract
-from rrins.dbc.e2e import COUNTER_MODULUS, counter_of, crc_holds
 from rrins.dbc.frame import Frame
-from rrins.firmware_py.core import frame_checks
-from rrins.firmware_py.core.memory import Gnss, Ram
+from rrins.firmware_py.core import frame_checks, frame_groups
+from rrins.firmware_py.core.memory import Ram
 from rrins.firmware_py.core.troubles import Source
 
 FRAMES = 5
@@ -34,13 +31,6 @@ LOST_INTERVALS = 3
 
 
 @compiled
-def begin(state: Ram) -> None:
-    """Open the next epoch with no frame received."""
-    state.gnss.arrived = 0
-    state.gnss.refused = False
-
-
-@compiled
 def receive(state: Ram, contract: Contract, frame: Frame, part: int) -> None:
     """Process a frame of a group."""
     message = contract.gnss_time.message
@@ -52,24 +42,11 @@ def receive(state: Ram, contract: Contract, frame: Frame, part: int) -> None:
         message = contract.gnss_height.message
     elif part == _VELOCITY:
         message = contract.gnss_velocity.message
-    if not crc_holds(frame, message):
+    found = frame_groups.receive(state.gnss, frame, message, part, state.epoch)
+    if found == frame_groups.WRONG_CRC:
         frame_checks.crc_error(state, _FROM_GNSS)
-        return
-    word = frame["data"]
-    if counter_of(word) != state.epoch % COUNTER_MODULUS:
+    elif found == frame_groups.WRONG_COUNTER:
         frame_checks.counter_error(state, _FROM_GNSS)
-    elif state.gnss.arrived >> part & 1:
-        frame_checks.counter_error(state, _FROM_GNSS)
-        state.gnss.refused |= state.gnss.word[part] != word
-    else:
-        keep(state.gnss, part, word)
-
-
-@compiled
-def keep(gnss: Gnss, part: int, word: np.uint64) -> None:
-    """Store the payload of a frame until the epoch is closed."""
-    gnss.arrived |= 1 << part
-    gnss.word[part] = word
 
 
 @compiled

@@ -17,7 +17,16 @@ from rrins.dbc.contract import SENSOR_GROUPS, Contract, MessageSignals
 from rrins.dbc.e2e import COUNTER_MODULUS, MessageLayout, counter_of, crc_holds
 from rrins.dbc.frame import Frame, FrameArray
 from rrins.dbc.record import Records
-from rrins.firmware_py.core import clock, frame_checks, gnss, odometer, senders, zero_velocity
+from rrins.firmware_py.core import (
+    clock,
+    frame_checks,
+    frame_groups,
+    gnss,
+    master,
+    odometer,
+    senders,
+    zero_velocity,
+)
 from rrins.firmware_py.core.diagnostic_records import ATTENTION_FRAMES
 from rrins.firmware_py.core.memory import INNER, OUTER, Assembly, Ram
 from rrins.firmware_py.core.troubles import Source
@@ -25,6 +34,7 @@ from rrins.firmware_py.core.troubles import Source
 _NOTHING, _SYNC, _MODE_COMMAND, _ALTIMETER, _AXIS, _DIAGNOSTIC, _SENSOR = 0, 1, 2, 3, 4, 8, 16
 _READMISSION, _ODOMETER, _ZERO_VELOCITY = 9, 10, 11
 _GNSS = _SENSOR + SENSOR_GROUPS
+_MASTER = _GNSS + gnss.FRAMES
 
 _FROM_SYNC, _FROM_COMMAND = int(Source.SYNC), int(Source.MODE_COMMAND)
 _FROM_AXES, _FROM_SENSORS = int(Source.AXIS_INNER), int(Source.SENSOR_1)
@@ -63,6 +73,8 @@ def dispatch_table(contract: Records[Contract]) -> NDArray[np.int16]:
     parts = ("gnss_time", "gnss_latitude", "gnss_longitude", "gnss_height", "gnss_velocity")
     for part, name in enumerate(parts):
         table[record[name].message.can_id] = _GNSS + part
+    for part, name in enumerate(master.MESSAGES):
+        table[record[f"master_{name}"].message.can_id] = _MASTER + part
     assert record.sync.epoch.length == _EPOCH_BITS
     return table
 
@@ -76,7 +88,8 @@ def begin(state: Ram) -> None:
     if state.clock.far_epoch > 0:
         state.clock.far_epoch += 1
     senders.begin(state)
-    gnss.begin(state)
+    frame_groups.begin(state.gnss)
+    frame_groups.begin(state.master)
     odometer.begin(state)
     assembly = state.assembly
     assembly.received = 0
@@ -122,8 +135,10 @@ def receive(state: Ram, contract: Contract, inbox: FrameArray, start: int, count
             _receive_axis(state, contract, frame, kind - _AXIS)
         elif kind < _GNSS:
             _receive_sensor(state, contract, frame, kind - _SENSOR)
-        else:
+        elif kind < _MASTER:
             gnss.receive(state, contract, frame, kind - _GNSS)
+        else:
+            master.receive(state, contract, frame, kind - _MASTER)
     return count
 
 

@@ -27,6 +27,7 @@ from rrins.firmware_py.core.diagnostic_records import DiagnosticState
 from rrins.firmware_py.core.encoder_records import Encoders
 from rrins.firmware_py.core.estimator_records import TRACK_EPOCHS, Estimator
 from rrins.firmware_py.core.redundancy_records import Redundancy
+from rrins.firmware_py.core.transfer_records import Master, Transfer
 from rrins.firmware_py.core.troubles import Source
 
 SCHEME_CAPACITY = 64
@@ -37,6 +38,9 @@ HEARD_SOURCES = int(Source.SYNC) + 1
 
 ANTENNA_EPOCHS = 2048
 """Epochs of the antenna's place that are kept, for fixes of the past; 2 s at 1 kHz."""
+
+WHEEL_EPOCHS = 4096
+"""Epochs of the wheel's way that are kept, for counts of the past; 2 s at 2 kHz."""
 
 INNER, OUTER = 0, 1
 """Index of an axis in arrays over the two axes."""
@@ -50,7 +54,6 @@ class Parameters(Record):
     longitude: F8  #: rad, where navigation starts
     height: F8  #: m, where navigation starts
     C_b_n: Annotated[Floats, (3, 3)]  #: initial attitude, if given
-    velocity_n: Annotated[Floats, 3]  #: m/s, initial velocity, if transferred
     initial_attitude: I8  #: an `InitialAttitude`
     alignment_epochs: I8  #: length of the alignment, at least
     height_channel: I8  #: `HEIGHT_HELD`, `HEIGHT_DAMPED` or `HEIGHT_FREE` of `strapdown`
@@ -180,6 +183,21 @@ class Odometer(Record):
     epoch_before: I8  #: of the count before it, where the latest distance begins
     distance: F8  #: m, the latest
     travelled: F8  #: m, sum of all distances since power-on
+
+
+class Wheel(Record):
+    """The odometer's wheel: its way by the navigation, since the strapdown began."""
+
+    way_b: Annotated[Floats, 3]  #: m, along the axes of the body
+    attitude_b: Annotated[Floats, (3, 3)]  #: s, integral of C_b_n
+    lever_n: Annotated[Floats, 3]  #: m, from the reference point to the wheel
+    turned_b: F8  #: rad, to the right
+    track: Annotated[Floats, (WHEEL_EPOCHS, 13)]  #: way_b, attitude_b, turned_b by epoch, a ring
+    first: I8  #: epoch from which on the ring is whole
+    last: I8  #: epoch, of the ring
+    moved_n: Annotated[Floats, 3]  #: m, in this epoch, scratch
+    right_n: Annotated[Floats, 3]  #: before this epoch, scratch
+    C_b_n: Annotated[Floats, (3, 3)]  #: at the end of the last epoch
 
 
 class ZeroVelocity(Record):
@@ -404,8 +422,10 @@ class Ram(Record):
     heard: Heard
     assembly: Assembly
     gnss: Gnss
+    master: Master
     antenna: Antenna
     odometer: Odometer
+    wheel: Wheel
     zero_velocity: ZeroVelocity
     gyros: Fusion
     accelerometers: Fusion
@@ -415,6 +435,8 @@ class Ram(Record):
     alignment: Alignment
     inertial_alignment: InertialAlignment
     ins: Ins
+    transfer: Transfer
+    carried: Ins  #: from the latest transfer on
     C_s_b: Annotated[Floats, (3, 3)]  #: of the table, from the encoders
     C_b_n: Annotated[Floats, (3, 3)]  #: attitude of the body
     navigation: NavigationOutput

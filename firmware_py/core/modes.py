@@ -31,8 +31,7 @@ from enum import IntEnum
 
 from rrins.dbc.compilation import compiled
 from rrins.dbc.values import AxisState
-from rrins.firmware_py.core import alignment, inertial_alignment, sequencer, strapdown
-from rrins.firmware_py.core.initial_attitude import InitialAttitude
+from rrins.firmware_py.core import alignment, inertial_alignment, sequencer, strapdown, transfer
 from rrins.firmware_py.core.memory import INNER, OUTER, Ins, Modes, Ram
 
 
@@ -104,6 +103,7 @@ def enter(state: Ram, mode: int) -> None:
     if mode == Mode.ALIGNMENT:
         alignment.begin(state.alignment)
         inertial_alignment.begin(state.inertial_alignment)
+        transfer.begin(state.transfer)
     if mode == Mode.NAVIGATION_ROTATING and before == Mode.FINE_ALIGNMENT:
         pass  # it turns already
     elif mode == Mode.NAVIGATION_ROTATING or (mode == Mode.FINE_ALIGNMENT and _will_rotate(modes)):
@@ -121,16 +121,12 @@ def enter(state: Ram, mode: int) -> None:
             parameters.longitude,
             parameters.height,
         )
-        if parameters.initial_attitude == InitialAttitude.TRANSFERRED:
-            for i in range(3):
-                state.ins.velocity_n[i] = parameters.velocity_n[i]
 
 
 @compiled
 def begins_in_motion(state: Ram) -> bool:
     """Return whether the vehicle may move before navigation begins."""
-    transferred = state.parameters.initial_attitude == InitialAttitude.TRANSFERRED
-    return bool(transferred or inertial_alignment.is_wanted(state))
+    return bool(transfer.is_wanted(state) or inertial_alignment.is_wanted(state))
 
 
 @compiled

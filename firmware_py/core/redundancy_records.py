@@ -55,7 +55,7 @@ LATE_S = 32
 NOISE_S = 32
 """Window of the test of the variance, s."""
 
-BLOCK_FLOATS = 81920
+BLOCK_FLOATS = 98304
 """Memory for the blocks of one second from which the history is repaired, numbers."""
 
 HISTORY_S = 32
@@ -67,7 +67,7 @@ TEST_LEAST_S, TEST_LONGEST_S = 10, 3600
 BEFORE_S = 5
 """Seconds before an alarm that its freeze frames have."""
 
-BLOCK_OTHERS = 36
+BLOCK_OTHERS = 53
 """Numbers of a block that are not by sensor, see `redundancy.blocks`."""
 
 BANK_SENSORS = 4
@@ -78,6 +78,10 @@ BANK_CAPACITY = BANK_SENSORS * BANK_SENSORS + 1
 
 FILTER_STATES, NAVIGATION_STATES = 12, 14
 """States of a filter, and of the navigation's error, see `estimator.transition`."""
+
+BANK_STATES = FILTER_STATES + 2
+"""States of the bank's filters: those, then the odometer's scale (1), and by how much the vehicle's
+forward axis points to the right of y of the body (rad)."""
 
 VELOCITY_EPOCHS = 2048
 """Epochs of which the velocity is kept: two seconds, the oldest that a fix may be."""
@@ -300,8 +304,9 @@ class Hypothesis(Record):
     """A filter without a sensor, or one of each kind, and how well it explains the reference."""
 
     sensor: Annotated[Integers, 2]  #: by kind, -1: leaves none out
-    x: Annotated[Floats, FILTER_STATES]
-    P: Annotated[Floats, (FILTER_STATES, FILTER_STATES)]
+    x: Annotated[Floats, BANK_STATES]
+    P: Annotated[Floats, (BANK_STATES, BANK_STATES)]
+    reached: F8  #: share of the present block
     squares: F8  #: sum of the squares of normalised innovations
     score: F8  #: the same plus the logarithms of their variances: minus twice the likelihood's
 
@@ -321,6 +326,9 @@ class Bank(Record):
     found_kind: I8  #: of that sensor
     count: I8  #: filters
     measurements: I8  #: taken by each filter
+    measuring: Bool  #: whether all filters have reached the odometer's stretch of the block
+    fits: Bool  #: whether that agrees with any of them
+    slips_until: I8  #: block: before it, the odometer is not used
     filters: Annotated[Records[Hypothesis], BANK_CAPACITY]
     # The reference.
     velocity_n: Annotated[Floats, (VELOCITY_EPOCHS, 2)]  #: of the navigation, by epoch, a ring
@@ -330,13 +338,23 @@ class Bank(Record):
     fix_epoch: I8  #: at whose end it was valid
     fix_velocity_n: Annotated[Floats, 2]
     fix_variance: F8
+    count_waits: Bool  #: of the odometer
+    count_epoch: I8  #: at whose end it was valid
+    count_travelled: F8  #: m, then
+    count_gaps: I8  #: of the odometer, then
+    stretch_epoch: I8  #: at whose end the stretch up to the next count begins; -1: nowhere
+    stretch_travelled: F8  #: m, then
+    stretch_gaps: I8  #: then
     # Scratch.
     response: Annotated[Floats, (NAVIGATION_STATES, NAVIGATION_STATES)]
-    transition: Annotated[Floats, (FILTER_STATES, FILTER_STATES)]
-    work: Annotated[Floats, (FILTER_STATES, FILTER_STATES)]
-    gain: Annotated[Floats, FILTER_STATES]
+    transition: Annotated[Floats, (FILTER_STATES, BANK_STATES)]  #: the last columns are zero
+    work: Annotated[Floats, (BANK_STATES, BANK_STATES)]
+    row: Annotated[Floats, BANK_STATES]
+    gain: Annotated[Floats, BANK_STATES]
     attitude_s: Annotated[Floats, (3, 3)]
     inputs: Annotated[Floats, (5, 3)]
+    attitude_b: Annotated[Floats, (3, 3)]
+    way_b: Annotated[Floats, 3]
 
 
 class Readmission(Record):

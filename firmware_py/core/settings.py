@@ -10,7 +10,7 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 from rrins.dbc.codec import span_of
 from rrins.dbc.contract import SENSOR_GROUPS, Contract
 from rrins.dbc.record import Records
-from rrins.firmware_py.core import calibration, clock, intake, size_effect, strapdown
+from rrins.firmware_py.core import calibration, clock, intake, size_effect, strapdown, transfer
 from rrins.firmware_py.core.attitude import matrix_of_euler
 from rrins.firmware_py.core.calibration import (
     AccelerometerCalibration,
@@ -121,8 +121,6 @@ class Settings(_Checked):
     initial_attitude: Literal[
         "given", "self-aligned", "self-aligned-swaying", "self-aligned-moving", "transferred"
     ]
-    velocity_n_mps: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """At the beginning of navigation, if the attitude is transferred."""
     alignment_s: float
     height_channel: Literal["held", "damped", "free"]
     bridge_s: float
@@ -203,7 +201,6 @@ def power_on(settings: Settings, contract: Records[Contract]) -> Records[Ram]:
         math.radians(settings.pitch_deg),
         math.radians(settings.heading_deg),
     )
-    parameters.velocity_n[:] = settings.velocity_n_mps
     parameters.angle_span_deg = span_of(contract[0].axis_inner_status.encoder_angle_deg)
     source = settings.initial_attitude.upper().replace("-", "_")
     parameters.initial_attitude = InitialAttitude[source]
@@ -215,6 +212,7 @@ def power_on(settings: Settings, contract: Records[Contract]) -> Records[Ram]:
     state.gnss.interval_epochs = round(settings.gnss_interval_s * rate_hz)
     state.antenna.lever_arm_b[:] = settings.gnss_lever_arm_m
     state.antenna.present = any(settings.gnss_lever_arm_m)
+    state.transfer.last = transfer.NEVER
     _fill_odometer(state.odometer, settings.odometer, rate_hz)
     parameters.bridge_epochs = round(settings.bridge_s * rate_hz)
     parameters["axis_acceleration_dps2"] = settings.axis_acceleration_dps2

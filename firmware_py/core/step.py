@@ -24,6 +24,7 @@ from rrins.firmware_py.core import (
     inertial_alignment,
     intake,
     isolation,
+    master,
     modes,
     monitor,
     odometer,
@@ -32,6 +33,8 @@ from rrins.firmware_py.core import (
     size_effect,
     strapdown,
     stuck,
+    transfer,
+    wheel,
     zero_velocity,
 )
 from rrins.firmware_py.core.attitude import euler_of_matrix, gimbal_matrix, multiply_transposed
@@ -155,8 +158,26 @@ def _align_in_motion(state: Ram) -> None:
 
 
 @compiled
+def _align_by_transfer(state: Ram) -> None:
+    """Wait for a transfer; begin with it after the alignment's time."""
+    state.alignment.epochs += 1
+    has_come = transfer.carry(state)
+    if state.alignment.epochs < state.parameters.alignment_epochs or _doubts(state):
+        return
+    state.alignment.done = has_come
+    if has_come and state.modes.pending != Mode.ALIGNMENT:
+        transfer.write_attitude(state)
+        fine = state.estimator.fine_epochs > 0
+        modes.enter(state, Mode.FINE_ALIGNMENT if fine else state.modes.pending)
+        transfer.set_in_motion(state)
+
+
+@compiled
 def _align(state: Ram, contract: Contract) -> None:
     parameters, work = state.parameters, state.ins.work
+    if transfer.is_wanted(state):
+        _align_by_transfer(state)
+        return
     if inertial_alignment.is_wanted(state):
         _align_in_motion(state)
         return
@@ -170,7 +191,7 @@ def _align(state: Ram, contract: Contract) -> None:
             alignment.find(state.alignment, parameters.period_ns * 1e-9, gravity, work)
         else:
             alignment.set_given(state.alignment, parameters.C_b_n, state.C_s_b)
-        if state.alignment.done and parameters.initial_attitude != InitialAttitude.TRANSFERRED:
+        if state.alignment.done:
             resolution = contract.sensor[0].gyro_dtheta.scale
             alignment.apply_held_back(state.alignment, resolution, work)
     if state.alignment.failed:
@@ -284,6 +305,7 @@ def compute(state: Ram, contract: Contract, compares: bool | None, estimates: bo
     """
     intake.close(state)
     gnss.close(state, contract)
+    master.close(state, contract)
     odometer.close(state, contract.odometer)
     zero_velocity.close(state)
     clock.advance(state.clock)
@@ -307,8 +329,11 @@ def compute(state: Ram, contract: Contract, compares: bool | None, estimates: bo
         redundancy.watch(state, navigates, aligns)
     if estimates is not None and state.faults.consecutive_bridged == 0:
         feedback.compensate(state)
+    if transfer.is_wanted(state):
+        transfer.note(state)
     _run_mode(state, contract)
     antenna.follow(state)
+    wheel.follow(state)
     if estimates is not None:
         estimator.follow(state)
 

@@ -12,8 +12,10 @@ from rrins.dbc.contract import Contract, MessageSignals
 from rrins.dbc.e2e import MessageLayout, fill
 from rrins.dbc.frame import FrameArray
 from rrins.firmware_py.core import aiding_status, bridging, clock, estimator_frames, sequencer
+from rrins.firmware_py.core.calibration_records import Drift
 from rrins.firmware_py.core.memory import INNER, OUTER, FaultCounters, Ram
 from rrins.firmware_py.core.modes import navigating
+from rrins.firmware_py.core.redundancy import drift
 from rrins.firmware_py.core.redundancy_records import Parity, Readmission
 
 OUTBOX_CAPACITY = 32
@@ -74,7 +76,9 @@ def _faults(counters: FaultCounters, message: MessageSignals) -> np.uint64:
 
 
 @compiled
-def _redundancy(parity: Parity, repairing: bool, message: MessageSignals) -> np.uint64:
+def _redundancy(
+    parity: Parity, compared: Drift, repairing: bool, message: MessageSignals
+) -> np.uint64:
     word = pack(np.uint64(0), message.alarm, parity.alarm)
     word = pack(word, message.redundant, parity.redundant)
     word = pack(word, message.repairing, repairing)
@@ -87,7 +91,8 @@ def _redundancy(parity: Parity, repairing: bool, message: MessageSignals) -> np.
     word = pack(word, message.window_log2, level)
     word = pack(word, message.suspect, parity.suspect + 1)
     word = pack(word, message.how, parity.how)
-    return pack(word, message.isolated, parity.isolated + 1)
+    word = pack(word, message.isolated, parity.isolated + 1)
+    return pack(word, message.drift, drift.size_of(compared))
 
 
 @compiled
@@ -105,12 +110,13 @@ def _readmission(readmission: Readmission, message: MessageSignals) -> np.uint64
 @compiled
 def _redundancies(state: Ram, contract: Contract, outbox: FrameArray, count: int) -> int:
     """Append the frames of the redundancy; return the new number of frames."""
-    redundancy = state.redundancy
+    redundancy, calibration = state.redundancy, state.calibration
     active, kind = redundancy.repair.active, redundancy.repair.kind
     gyros, accelerometers = contract.gyro_redundancy, contract.accelerometer_redundancy
-    word = _redundancy(redundancy.gyros, active and kind == 0, gyros)
+    word = _redundancy(redundancy.gyros, calibration.gyros, active and kind == 0, gyros)
     fill(outbox[count], gyros.message, word, redundancy.transmissions)
-    word = _redundancy(redundancy.accelerometers, active and kind == 1, accelerometers)
+    parity, compared = redundancy.accelerometers, calibration.accelerometers
+    word = _redundancy(parity, compared, active and kind == 1, accelerometers)
     fill(outbox[count + 1], accelerometers.message, word, redundancy.transmissions)
     if redundancy.readmission.sensor > 0:
         message = contract.readmission_status

@@ -446,6 +446,28 @@ NAVIGATION = (
             Field("silent_epochs", "u32", "epochs", source="zero_velocity.silent_epochs"),
         ),
     ),
+    DataIdentifier(
+        0x0409,
+        "master",
+        "The master unit of a transferred start, and its latest transfer.",
+        (
+            Field("valid", "u8", source="master.valid", text="as last received"),
+            Field("transfers", "u32", source="master.transfers"),
+            Field("too_old", "u32", source="master.too_old", text="not used"),
+            Field("age_epochs", "u32", "epochs", source="master.age_epochs"),
+            Field("silent_epochs", "u32", "epochs", source="master.silent_epochs"),
+            Field("roll_deg", "f64", "°", source="master.roll", factor=_DEG),
+            Field("pitch_deg", "f64", "°", source="master.pitch", factor=_DEG),
+            Field("heading_deg", "f64", "°", source="master.heading", factor=_DEG),
+            Field("latitude_deg", "f64", "°", source="master.latitude", factor=_DEG),
+            Field("longitude_deg", "f64", "°", source="master.longitude", factor=_DEG),
+            Field("height_m", "f64", "m", source="master.height"),
+            *(
+                Field(f"velocity_{name}_mps", "f64", "m/s", source=f"master.velocity_n.{k}")
+                for k, name in enumerate(("east", "north", "up"))
+            ),
+        ),
+    ),
 )
 """Navigation."""
 

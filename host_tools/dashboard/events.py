@@ -11,6 +11,7 @@ import numpy as np
 from rrins.dbc.codec import load
 from rrins.dbc.record import Floats
 from rrins.host_tools.monitor.how_found import FOUND_BY
+from rrins.host_tools.monitor.redundancy import drift_words
 
 Weight = Literal["note", "good", "warning", "bad", "order"]
 """How an event is shown; `order` is what somebody asked for."""
@@ -21,7 +22,7 @@ MOST: Final = 500
 _UNKNOWN: Final = -1.0  # value of a signal that was not on the bus yet; no other is negative
 _STATUS, _FAULTS, _TABLE = "FIRMWARE_STATUS", "FIRMWARE_FAULTS", "TABLE_STATUS"
 _KINDS: Final = {"gyro": "GYRO_REDUNDANCY", "accelerometer": "ACCELEROMETER_REDUNDANCY"}
-_OF_KIND = ("alarm", "excluded", "repairing", "isolated", "how", "suspect", "parity_ratio")
+_OF_KIND = ("alarm", "excluded", "repairing", "isolated", "how", "suspect", "parity_ratio", "drift")
 _AXES = ("inner", "outer")
 _SOURCES = ("gnss", "odometer", "altimeter")
 
@@ -176,6 +177,11 @@ class EventLog:
             yield "the navigation is being repaired from before the fault", "note"
         elif self._falls(f"{message}.repairing", old):
             yield "the navigation is repaired", "good"
+        drift = f"{message}.drift"
+        if now[drift] > 0 >= old[drift]:
+            yield drift_words(kind, self._word(drift)), "warning"
+        elif now[drift] == 0 < old[drift]:
+            yield f"{kind} calibration: no drift is reported any more", "good"
 
     def _of_table(self, old: dict[str, float]) -> Iterator[tuple[str, Weight]]:
         for axis in _AXES:

@@ -5,11 +5,14 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Iterable, Mapping, Sequence
 
+import numpy as np
+
 from rrins.firmware_py.diagnostics.codecs import Field, Layout, Value, ValueRangeError, Values
 from rrins.host_tools.files import JsonObject
 
 _REPEATED = 3  # from this many equal values at the end, show only one
 _DIGITS = {"f32": 7, "f64": 10}
+_JSON_DIGITS = 15  # of an f64: a typed number comes back as it was typed
 
 
 class AssignmentError(ValueError):
@@ -49,9 +52,22 @@ def limits_of(field: Field) -> str:
 def to_json(layout: Layout, values: Mapping[str, Value]) -> JsonObject:
     """Return values for JSON: names for numbers that have one, lists for arrays."""
     named = layout.named(dict(values))
-    return {
-        name: list(value) if isinstance(value, tuple) else value for name, value in named.items()
-    }
+    return {field.name: _json_value(field, named[field.name]) for field in layout.fields}
+
+
+def _json_value(field: Field, value: Value) -> str | float | list[float | str]:
+    if isinstance(value, tuple):
+        return [_short(field, one) for one in value]
+    return _short(field, value)
+
+
+def _short(field: Field, value: float | str) -> float | str:
+    """Return 0.11 for the f32 next to it, and an f64 without what conversions of units add."""
+    if isinstance(value, str) or not field.is_float:
+        return value
+    if field.format == "f32":
+        return float(str(np.float32(value)))
+    return float(f"{value:.{_JSON_DIGITS}g}")
 
 
 def parse_values(

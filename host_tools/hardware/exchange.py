@@ -19,7 +19,7 @@ class Exchange(Record):
 
     goes_on: Bool  #: whether epochs may be exchanged without Python
     awaits: Bool  #: whether the firmware has still to answer the last epoch
-    epochs: I8  #: of the run
+    epochs: I8  #: that may be exchanged
     every: I8  #: epochs after which Python is due; 0: never
     report_epoch: I8  #: in which Python is to report faults
     count: I8  #: frames of the inbox that the next step takes

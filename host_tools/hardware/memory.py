@@ -20,7 +20,7 @@ FAULT_CAPACITY = 32
 """The most faults of the hardware that can be present or planned at a time."""
 
 OUTAGE_CAPACITY = 256
-"""The most outages of the GNSS receiver."""
+"""The most outages of the GNSS receiver, and of the master unit."""
 
 MOTION_CHANNELS, MOTION_TERMS = 15, 8
 """Channels and polynomial terms of a piece of motion, see `rrins.host_tools.hardware.motion`."""
@@ -274,6 +274,29 @@ class GnssState(Record):
     noise_has_spare: Annotated[Bytes, 1]  #: 0 or 1
 
 
+class MasterState(Record):
+    """The master unit, see `rrins.host_tools.hardware.master`."""
+
+    present: Bool  #: whether there is one
+    interval_epochs: I8  #: between transfers
+    latency_epochs: I8  #: from validity to the frames, less than the interval
+    north_m_per_rad: F8  #: of latitude, for the error
+    east_m_per_rad: F8  #: of longitude
+    attitude_error: Annotated[Floats, 3]  #: rad, of roll, pitch, heading
+    velocity_error: Annotated[Floats, 3]  #: m/s, east, north, up
+    position_error: Annotated[Floats, 3]  #: m, east, north, up
+    level_sigma_arcsec: F8  #: as it tells it
+    heading_sigma_arcsec: F8  #: as it tells it
+    velocity_sigma: F8  #: m/s, as it tells it
+    position_sigma: F8  #: m, as it tells it
+    outage_count: I8
+    outage_first: Annotated[Integers, OUTAGE_CAPACITY]  #: epoch
+    outage_last: Annotated[Integers, OUTAGE_CAPACITY]  #: epoch
+    waiting: Bool  #: whether there is anything to send
+    epoch: I8  #: at whose end it is valid
+    word: Annotated[Words, 8]  #: payloads of the group
+
+
 class OdometerState(Record):
     """The odometer, see `rrins.host_tools.hardware.odometer`."""
 
@@ -336,6 +359,7 @@ class Plant(Record):
     thermal: Temperature
     altimeter: AltimeterState
     gnss: GnssState
+    master: MasterState
     odometer: OdometerState
     faults: PlannedFaults
     axis: Annotated[Records[TurntableAxis], 2]  #: by `INNER` and `OUTER`

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from rrins.dbc.record import Records
 from rrins.host_tools.hardware import earth, faults
 from rrins.host_tools.hardware.faults import HardwareFault
+from rrins.host_tools.hardware.master_settings import MasterSettings, fill_master
 from rrins.host_tools.hardware.memory import (
     FLICKER_POLES,
     INNER,
@@ -220,6 +221,7 @@ class Settings:
     thermal: ThermalSettings = ThermalSettings()
     altimeter: AltimeterSettings | None = None
     gnss: GnssSettings | None = None
+    master: MasterSettings | None = None
     odometer: OdometerSettings | None = None
     motion: MotionPieces | None = None
     faults: tuple[PlannedFault, ...] = ()
@@ -436,6 +438,7 @@ def power_on(settings: Settings) -> Records[Plant]:
     _fill_drive(plant.axis[OUTER], settings.outer, dt)
     _fill_surroundings(plant, settings, altimeter_seed)
     _fill_gnss(plant, settings, gnss_seed)
+    fill_master(plant.master, settings.master, latitude, settings.height_m)
     _fill_odometer(plant.odometer, settings.odometer, odometer_seed)
     plant.drift_epochs = max(1, round(DRIFT_S * settings.rate_hz))
     truth = plant.truth

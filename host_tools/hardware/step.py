@@ -19,6 +19,7 @@ from rrins.dbc.record import Floats, Records
 from rrins.host_tools.hardware import (
     faults,
     gnss,
+    master,
     motion,
     odometer,
     sensors,
@@ -29,7 +30,7 @@ from rrins.host_tools.hardware import (
 from rrins.host_tools.hardware.memory import INNER, OUTER, Plant, TurntableAxis, WaitingCommand
 from rrins.host_tools.hardware.noise import normal
 
-OUTBOX_CAPACITY = 32
+OUTBOX_CAPACITY = 40
 """Most frames that one step sends, with room to spare."""
 
 COMMAND_DELAY = 2
@@ -217,6 +218,10 @@ def _send(plant: Plant, pieces: Floats, contract: Contract, outbox: FrameArray) 
         gnss.measure(plant, pieces, contract)
     if gnss.is_due(plant):
         count = gnss.send(plant, contract, outbox, count)
+    if master.measures(plant):
+        master.measure(plant, contract)
+    if master.is_due(plant):
+        count = master.send(plant, contract, outbox, count)
     if odometer.measures(plant):
         odometer.measure(plant, contract.odometer)
     if odometer.is_due(plant):

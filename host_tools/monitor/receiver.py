@@ -28,6 +28,7 @@ _POLL_S = 0.1
 _REST_S = 0.004
 _CAPACITY = 4096
 _ASK_S = 0.5
+_FIRST_ATTACH_S = 10.0  # a host on a busy machine may still be starting
 _ATTACH_S = 2.0
 
 
@@ -65,15 +66,15 @@ class Receiver:
             count_waiting(watch.memory(), self._lent, self._words, self._frames)
         self._next_question = 0.0
         self._stop = threading.Event()
-        self._bus = self._open()
+        self._bus = self._open(_FIRST_ATTACH_S)
         self._thread = threading.Thread(target=self._run, name=name, daemon=True)
         self._thread.start()
 
-    def _open(self) -> can.BusABC:
+    def _open(self, attach_timeout: float = _ATTACH_S) -> can.BusABC:
         options: dict[str, str | float] = {}
         if self._address.is_embedded:
             options = {"name": self._name, "role": "observer", "host": "never"}
-            options["attach_timeout"] = _ATTACH_S
+            options["attach_timeout"] = attach_timeout
         return open_bus(self._address, **options)
 
     def _run(self) -> None:

@@ -39,6 +39,8 @@ class RedundancyVitals:
     redundancy_left: bool
     standing: bool
     repairing: bool
+    drift: str | None
+    """How far the calibration has drifted: a value of the DBC."""
     age_s: float
     is_silent: bool
 
@@ -81,6 +83,7 @@ def redundancy_of(state: BusState, kind: str) -> RedundancyVitals | None:
         redundancy_left=bool(number("redundant")),
         standing=bool(number("standing")),
         repairing=bool(number("repairing")),
+        drift=state.text(name, "drift") if number("drift") else None,
         age_s=message.age_s,
         is_silent=message.is_silent,
     )
@@ -119,6 +122,17 @@ def redundancy_troubles(kinds: dict[str, RedundancyVitals | None]) -> Iterator[s
             yield f"{one} {sensor} is left out" + (f", found {_how(found)}" if is_last else "")
         if found.excluded and not found.redundancy_left:
             yield f"no redundancy is left among the {name}"
+        if found.drift:
+            yield drift_words(one, found.drift)
+
+
+def drift_words(one: str, size: str) -> str:
+    """Return that a calibration has drifted, by a size of the DBC, in words."""
+    return f"{one} calibration drifted: {_extent(size)}, if it is one {one}"
+
+
+def _extent(size: str) -> str:
+    return size.lower().replace("_", " ")
 
 
 def _how(found: RedundancyVitals) -> str:
@@ -148,6 +162,8 @@ def _kind_words(found: RedundancyVitals) -> str:
         words = f"{parity}  suspect {suspect}  {words}"
     if found.alarm:
         words += "  ALARM"
+    if found.drift:
+        words += f"  calibration DRIFTED {_extent(found.drift)}"
     if found.repairing:
         words += "  repairing the navigation"
     if found.is_silent:
@@ -196,6 +212,8 @@ def _details(found: RedundancyVitals) -> Iterator[str]:
     yield f"  redundancy left   {left}"
     against = "encoders, Earth rate and gravity, too" if found.standing else "the others only"
     yield f"  compared with     {against}"
+    if found.drift:
+        yield f"  calibration       DRIFTED: {_extent(found.drift)}, if it is one sensor"
     if found.repairing:
         yield "  the navigation is being repaired from before the fault"
     if found.is_silent:

@@ -150,9 +150,16 @@ def redundancy_settings(scenario: Scenario) -> RedundancySettings | None:
     )
 
 
-def _told(said_arcsec: float | None, drawn_arcsec: float) -> float:
-    """Return what is told of a given angle, rad: what the scenario says, else what it draws."""
-    return (drawn_arcsec if said_arcsec is None else said_arcsec) * ARCSEC
+def attitude_sigmas(scenario: Scenario) -> tuple[float, float]:
+    """Return what is told of a given or transferred attitude: sigma of level and heading, rad.
+
+    What the scenario says of them, else what it draws.
+    """
+    said, drawn = scenario.estimator, scenario.firmware
+    level, heading = said.level_sigma_arcsec, said.heading_sigma_arcsec
+    level = drawn.level_error_sigma_arcsec if level is None else level
+    heading = drawn.heading_error_sigma_arcsec if heading is None else heading
+    return level * ARCSEC, heading * ARCSEC
 
 
 def estimator_settings(scenario: Scenario) -> EstimatorSettings | None:
@@ -160,7 +167,7 @@ def estimator_settings(scenario: Scenario) -> EstimatorSettings | None:
     table = scenario.estimator
     if not table.enabled:
         return None
-    firmware = scenario.firmware
+    level_sigma, heading_sigma = attitude_sigmas(scenario)
     slope = _slope_sigma(scenario.gyros, _LEAST_FILTER_SLOPE_PPM)
     return EstimatorSettings(
         gyros=_gyros(scenario).model_copy(update={"slope_sigma": slope}),
@@ -172,10 +179,8 @@ def estimator_settings(scenario: Scenario) -> EstimatorSettings | None:
         detects_standing=table.detects_standing,
         position_sigma=table.position_sigma_m,
         gate=table.gate,
-        level_sigma=_told(table.level_sigma_arcsec, firmware.level_error_sigma_arcsec),
-        heading_sigma=_told(table.heading_sigma_arcsec, firmware.heading_error_sigma_arcsec),
-        velocity_sigma=firmware.velocity_error_sigma_mps,
-        start_sigma=firmware.position_error_sigma_m,
+        level_sigma=level_sigma,
+        heading_sigma=heading_sigma,
         **_altimeter(scenario),
     )
 

@@ -14,15 +14,17 @@ from rrins.dbc.compilation import compiled, compiled_with
 from rrins.dbc.compiled_beside import Beside, array_of, compiled_beside
 from rrins.dbc.contract import Contract, load_contract
 from rrins.dbc.record import Floats, Records
-from rrins.firmware_py.core import clock, gnss, intake, odometer, zero_velocity
+from rrins.firmware_py.core import clock, frame_groups, gnss, intake, odometer, zero_velocity
 from rrins.firmware_py.core import settings as firmware
 from rrins.firmware_py.core.memory import INNER, OUTER, NavigationOutput, Ram
 from rrins.firmware_py.core.modes import navigating
 from rrins.firmware_py.core.step import compute, output
 from rrins.firmware_py.core.step import parts_beside as step_parts_beside
+from rrins.firmware_py.core.transfer_records import MASTER_FRAMES
 from rrins.firmware_py.core.transmit import axis_command_word
 from rrins.firmware_py.loop import Firmware
 from rrins.host_tools.hardware import gnss as receiver
+from rrins.host_tools.hardware import master as other_unit
 from rrins.host_tools.hardware import odometer as wheel
 from rrins.host_tools.hardware import settings as hardware
 from rrins.host_tools.hardware import standing
@@ -63,7 +65,13 @@ def _pass_up(plant: Plant, pieces: Floats, state: Ram, contract: Contract) -> No
         receiver.measure(plant, pieces, contract)
     if receiver.is_due(plant):
         for part in range(gnss.FRAMES):
-            gnss.keep(state.gnss, part, plant.gnss.word[part])
+            frame_groups.keep(state.gnss, part, plant.gnss.word[part])
+    if other_unit.measures(plant):
+        note_truth(plant, pieces)
+        other_unit.measure(plant, contract)
+    if other_unit.is_due(plant):
+        for part in range(MASTER_FRAMES):
+            frame_groups.keep(state.master, part, plant.master.word[part])
     if wheel.measures(plant):
         wheel.measure(plant, contract.odometer)
     if wheel.is_due(plant):

@@ -11,10 +11,8 @@ import numpy as np
 
 import rrins.firmware_py.core.settings as firmware
 import rrins.host_tools.hardware.settings as hardware
-from rrins.dbc.record import Floats
 from rrins.firmware_py.core import calibration
 from rrins.firmware_py.core.calibration import Calibration, CalibrationError
-from rrins.firmware_py.core.earth import SEMI_MAJOR_AXIS
 from rrins.firmware_py.core.modes import ModeRequest
 from rrins.firmware_py.core.redundancy_records import SensorKind
 from rrins.host_tools.errors import ScenarioError
@@ -29,8 +27,9 @@ from rrins.host_tools.hardware.settings import (
 )
 from rrins.host_tools.motion.build import build
 from rrins.host_tools.motion.mounting import mounted
-from rrins.host_tools.motion.trajectory import ATTITUDE, PLACE, VELOCITY_N, Trajectory
+from rrins.host_tools.motion.trajectory import ATTITUDE, PLACE, Trajectory
 from rrins.host_tools.runs.data_sheets import estimator_settings, redundancy_settings
+from rrins.host_tools.runs.master import master_settings
 from rrins.host_tools.runs.tunnels import outages
 from rrins.host_tools.scenario.fault_tables import FaultOnWire
 from rrins.host_tools.scenario.geometry import AxesDeg
@@ -48,10 +47,7 @@ from rrins.host_tools.scenario.tables import (
 from rrins.host_tools.wire.wire import Wire
 
 _NO_ARM = (0.0, 0.0, 0.0)
-_ATTITUDE_STREAM, _TRANSFER_STREAM = (
-    11,
-    12,
-)  # independent of the hardware's own draws with the same seed
+_ATTITUDE_STREAM = 11  # independent of the hardware's own draws with the same seed
 
 
 def firmware_settings(scenario: Scenario) -> firmware.Settings:
@@ -69,7 +65,6 @@ def firmware_settings(scenario: Scenario) -> firmware.Settings:
     return firmware.Settings(
         rate_hz=scenario.rate_hz,
         **asdict(given_pose(scenario)),
-        velocity_n_mps=given_velocity_n(scenario),
         gyro_axes_deg=gyros,
         accelerometer_axes_deg=accelerometers,
         gyro_weights=each(settings.gyro_weights, len(gyros)),
@@ -301,15 +296,10 @@ class Pose:
 
 def first_pose(scenario: Scenario) -> Pose:
     """Return the initial position and attitude of the vehicle."""
-    return _pose(scenario, 0.0)
-
-
-def _pose(scenario: Scenario, time_s: float) -> Pose:
-    """Return position and attitude at a time since the motion began."""
     trajectory = trajectory_of(scenario)
     if trajectory is None:
         return Pose(**scenario.site.model_dump(), **scenario.body.model_dump())
-    first = trajectory.at(np.array([time_s]))[0]
+    first = trajectory.at(np.zeros(1))[0]
     latitude, longitude, height = first[PLACE]
     roll, pitch, heading = first[ATTITUDE]
     return Pose(
@@ -335,53 +325,13 @@ def attitude_error_deg(scenario: Scenario) -> tuple[float, float, float]:
     return roll, pitch, heading
 
 
-def _transferred_s(scenario: Scenario) -> float:
-    """Return when the strapdown begins, in time since the motion began."""
-    begins_s = scenario.motion.begins_s
-    if begins_s is None:
-        return 0.0
-    fine_s = scenario.estimator.fine_alignment_s
-    since = scenario.navigation_epoch - round(fine_s * scenario.rate_hz)
-    return (since - round(begins_s * scenario.rate_hz)) / scenario.rate_hz
-
-
-def _transfer_errors(scenario: Scenario) -> tuple[Floats, Floats]:
-    """Return the errors of a transferred velocity (m/s) and position (m), east, north, up."""
-    table = scenario.firmware
-    drawn = np.random.default_rng([scenario.seed, _TRANSFER_STREAM]).standard_normal((2, 3))
-    return table.velocity_error_sigma_mps * drawn[0], table.position_error_sigma_m * drawn[1]
-
-
-def given_velocity_n(scenario: Scenario) -> tuple[float, float, float]:
-    """Return the velocity (m/s) with which navigation begins: 0 unless it is transferred."""
-    if scenario.firmware.initial_attitude != "transferred":
-        return 0.0, 0.0, 0.0
-    trajectory, velocity_n = trajectory_of(scenario), _transfer_errors(scenario)[0]
-    if trajectory is not None:
-        begin = np.array([_transferred_s(scenario)])
-        velocity_n = velocity_n + trajectory.at(begin)[0][VELOCITY_N]
-    east, north, up = velocity_n.tolist()
-    return east, north, up
-
-
-def _transferred_pose(scenario: Scenario) -> Pose:
-    """Return where navigation begins, with the errors of a transferred position."""
-    pose = _pose(scenario, _transferred_s(scenario))
-    east, north, up = _transfer_errors(scenario)[1].tolist()
-    per_m = math.degrees(1 / SEMI_MAJOR_AXIS)
-    return replace(
-        pose,
-        latitude_deg=pose.latitude_deg + north * per_m,
-        longitude_deg=pose.longitude_deg + east * per_m / math.cos(math.radians(pose.latitude_deg)),
-        height_m=pose.height_m + up,
-    )
-
-
 def given_pose(scenario: Scenario) -> Pose:
-    """Return the initial position and attitude that the firmware is given."""
-    is_transferred = scenario.firmware.initial_attitude == "transferred"
-    pose = _transferred_pose(scenario) if is_transferred else first_pose(scenario)
-    if not scenario.firmware.has_attitude_error:
+    """Return the initial position and attitude that the firmware is set up with.
+
+    A transferred attitude is not: the master unit sends it.
+    """
+    pose, table = first_pose(scenario), scenario.firmware
+    if not table.has_attitude_error or table.initial_attitude == "transferred":
         return pose
     roll, pitch, heading = attitude_error_deg(scenario)
     return replace(
@@ -488,6 +438,7 @@ def hardware_settings(scenario: Scenario) -> hardware.Settings:
             else hardware.AltimeterSettings(altimeter.bias_m, altimeter.noise_m)
         ),
         gnss=_gnss(scenario),
+        master=master_settings(scenario, attitude_error_deg(scenario)),
         odometer=_odometer(scenario),
         motion=_motion(scenario),
         faults=tuple(

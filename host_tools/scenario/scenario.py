@@ -45,6 +45,7 @@ from rrins.host_tools.scenario.tables import (
     Firmware,
     Gnss,
     Gyros,
+    Master,
     Odometer,
     OperatorRequest,
     Outage,
@@ -88,6 +89,7 @@ class Scenario(TomlTable):
     altimeter: Altimeter | None = None
     gnss: Gnss | None = None
     odometer: Odometer | None = None
+    master: Master | None = None
     turntable: Turntable = Turntable()
     motion: Motion = Motion()
     firmware: Firmware = Firmware()
@@ -142,17 +144,16 @@ class Scenario(TomlTable):
                 'altimeter: is used with firmware.height_channel = "damped", or with "free" and '
                 "estimator.enabled"
             )
-        if self.gnss is not None and self.gnss.latency_s >= 1 / self.gnss.rate_hz:
-            raise ValueError(
-                f"gnss.latency_s: {self.gnss.latency_s:g} s, but the next fix comes after "
-                f"{1 / self.gnss.rate_hz:g} s"
-            )
-        odometer = self.odometer
-        if odometer is not None and odometer.latency_s >= 1 / odometer.rate_hz:
-            raise ValueError(
-                f"odometer.latency_s: {odometer.latency_s:g} s, but the next count comes after "
-                f"{1 / odometer.rate_hz:g} s"
-            )
+        for name, unit, what in (
+            ("gnss", self.gnss, "fix"),
+            ("odometer", self.odometer, "count"),
+            ("master", self.master, "transfer"),
+        ):
+            if unit is not None and unit.latency_s >= 1 / unit.rate_hz:
+                late = f"{name}.latency_s: {unit.latency_s:g} s, but the next {what} comes after"
+                raise ValueError(f"{late} {1 / unit.rate_hz:g} s")
+        if self.master is not None and self.firmware.initial_attitude != "transferred":
+            raise ValueError('master: needs firmware.initial_attitude = "transferred"')
         if self.firmware.initial_attitude == "self-aligned-moving" and self.gnss is None:
             raise ValueError('firmware.initial_attitude: "self-aligned-moving" needs a [gnss]')
         moves = self.motion.kind in ("drive", "file")
@@ -482,6 +483,7 @@ def _keys(location: tuple[int | str, ...], root: type[BaseModel]) -> list[str]:
     of = {"operator": OperatorRequest, "turns": turn, "scheme": turn, "altimeter": Altimeter}
     of |= {
         "gnss": Gnss,
+        "master": Master,
         "odometer": Odometer,
         "outages": Outage,
         "tunnels": Tunnel,

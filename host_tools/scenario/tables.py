@@ -217,7 +217,7 @@ class Altimeter(TomlTable):
 
 
 class Outage(TomlTable):
-    """A time without a fix."""
+    """A time without a fix, or without a transfer."""
 
     at_s: float = Field(ge=0, le=LONGEST_S)
     """Since power-on, as of faults."""
@@ -257,6 +257,16 @@ class Gnss(TomlTable):
     """GeoJSON file, relative to the scenario's folder: no fix inside its polygons, on its lines."""
     tunnel_width_m: float = Field(default=20.0, gt=0, le=1000)
     """Of the lines."""
+
+
+class Master(TomlTable):
+    """The master unit of a transferred start."""
+
+    rate_hz: Annotated[int, Field(ge=1, le=10)] = 1
+    latency_s: float = Field(default=0.1, ge=0, lt=1)
+    """From the time of validity to the frames on the bus."""
+    outages: tuple[Outage, ...] = Field(default=(), max_length=OUTAGE_CAPACITY)
+    """Times in which it has nothing valid to send."""
 
 
 class ZeroVelocity(TomlTable):

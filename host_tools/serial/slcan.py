@@ -91,6 +91,10 @@ def _sent_by(scenario: Scenario, side: Side) -> tuple[float, float]:
             if scenario.gnss is None:
                 continue
             cycle_ms = 1000 // scenario.gnss.rate_hz
+        if stem == "MASTER":
+            if scenario.firmware.initial_attitude != "transferred":
+                continue
+            cycle_ms = 1000 // (1 if scenario.master is None else scenario.master.rate_hz)
         if message.name == "ODOMETER":
             if scenario.odometer is None:
                 continue

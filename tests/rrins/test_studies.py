@@ -44,6 +44,7 @@ def test_the_covariance_beside_the_runs_of_a_campaign(tmp_path):
     assert rrins.analyse_covariance(campaign.folder).agrees == found.agrees
 
 
+@pytest.mark.slow
 def test_what_redundant_sensors_find(tmp_path):
     found = rrins.study_redundancy(
         geometries=["tetrahedron", "dodecahedron"], gyro_steps_dph=[1, 10], runs=0

@@ -11,30 +11,7 @@ from rrins.dbc.record import Floats
 
 
 @compiled
-def propagate(P: Floats, n: int, transition: Floats, work: Floats) -> None:
-    """Replace P by ``Φ P Φᵀ``, in the first n rows and columns. Zeros of Φ cost nothing."""
-    for i in range(n):
-        for k in range(n):
-            work[i, k] = 0.0
-        for j in range(n):
-            factor = transition[i, j]
-            if factor != 0.0:
-                for k in range(n):
-                    work[i, k] += factor * P[j, k]
-    for i in range(n):
-        for k in range(i + 1):
-            P[i, k] = 0.0
-        for j in range(n):
-            factor = work[i, j]
-            if factor != 0.0:
-                for k in range(i + 1):
-                    P[i, k] += factor * transition[k, j]
-        for k in range(i):
-            P[k, i] = P[i, k]
-
-
-@compiled
-def propagate_moving(P: Floats, n: int, moving: int, transition: Floats, work: Floats) -> None:
+def propagate(P: Floats, n: int, moving: int, transition: Floats, work: Floats) -> None:
     """Replace P by ``Φ P Φᵀ`` where only the first states move: the others' rows are those of I.
 
     Parameters

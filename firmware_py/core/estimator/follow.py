@@ -66,7 +66,6 @@ def follow(state: Ram) -> None:
     propagation.note(estimator, state.ins, state.dtheta_s, state.dv_s, dt)
     if estimator.constants:
         constants.note(state)
-    wheels.note(state, dt)
     standstill.note(state)
     measurements.note(estimator, state)
     estimator.epochs += 1

@@ -77,7 +77,6 @@ def note(estimator: Estimator, state: Ram) -> None:
     row[0], row[1], row[2] = ins.latitude, ins.longitude, ins.height
     for i in range(3):
         row[3 + i] = ins.velocity_n[i]
-        row[6 + i] = estimator.way_b[i]
     is_free = estimator.waiting >> (COMPONENTS * _GNSS_POSITION) & _FIX == 0
     oldest = max(estimator.track_first, state.epoch - TRACK_EPOCHS + 1)
     if gnss.fresh and is_free and gnss.epoch >= oldest:

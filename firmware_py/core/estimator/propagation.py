@@ -154,7 +154,7 @@ def propagate_state(estimator: Estimator) -> None:
 def propagate_covariance(estimator: Estimator) -> None:
     """Carry P over the second, without noise."""
     n, matrix = estimator.states, estimator.transition
-    covariance.propagate_moving(estimator.P, n, BIASES, matrix, estimator.work)
+    covariance.propagate(estimator.P, n, BIASES, matrix, estimator.work)
 
 
 @compiled

@@ -11,7 +11,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
 from rrins.firmware_py.core import earth, strapdown
-from rrins.firmware_py.core.calibration import ARCSEC, transverse
+from rrins.firmware_py.core.calibration import transverse
 from rrins.firmware_py.core.data_sheet import FLICKER_S, DataSheet
 from rrins.firmware_py.core.estimator import sway
 from rrins.firmware_py.core.estimator.propagation import HOUR_S, LEAST_WALK
@@ -23,12 +23,9 @@ from rrins.firmware_py.core.estimator_records import (
     STATE_CAPACITY,
     SWAY_STATES,
 )
-from rrins.firmware_py.core.initial_attitude import InitialAttitude
+from rrins.firmware_py.core.initial_attitude import LEAST_HEADING, LEAST_LEVEL, InitialAttitude
 from rrins.firmware_py.core.memory import Fusion, Ram
-
-_LEAST_LEVEL = 1.0 * ARCSEC
-_LEAST_HEADING = 10.0 * ARCSEC
-"""Of a given attitude: less is not to be had from outside."""
+from rrins.firmware_py.core.wheel import MOUNTING_SIGMA, SCALE_SIGMA, SLIP_SIGMA
 
 _LEAST_SLOPE = 1e-7
 """Of scale factors and installation, where they are states: what they change by as it turns."""
@@ -66,9 +63,6 @@ class EstimatorSettings(BaseModel):
         rad, of each angle between y of the body and the vehicle's forward axis. 1°: by eye.
     slip_sigma : float
         m/s, of the velocity across the forward axis. 5 cm/s: what tyres and springs let through.
-    velocity_sigma, start_sigma : float
-        m/s, m, of each component of velocity and position at the beginning; at least those of a
-        vehicle that stands.
     altimeter_sigma : float
         m, of each height of the altimeter.
     altimeter_bias_sigma : float
@@ -90,11 +84,9 @@ class EstimatorSettings(BaseModel):
     gate: float = Field(default=5.0, gt=1)
     level_sigma: float = Field(default=0.0, ge=0)
     heading_sigma: float = Field(default=0.0, ge=0)
-    odometer_scale_sigma: float = Field(default=0.01, gt=0)
-    mounting_sigma: float = Field(default=math.radians(1.0), gt=0)
-    slip_sigma: float = Field(default=0.05, gt=0)
-    velocity_sigma: float = Field(default=0.0, ge=0)
-    start_sigma: float = Field(default=0.0, ge=0)
+    odometer_scale_sigma: float = Field(default=SCALE_SIGMA, gt=0)
+    mounting_sigma: float = Field(default=MOUNTING_SIGMA, gt=0)
+    slip_sigma: float = Field(default=SLIP_SIGMA, gt=0)
     altimeter_sigma: float = Field(default=0.5, ge=0)
     altimeter_bias_sigma: float = Field(default=10.0, gt=0)
     altimeter_walk: float = Field(default=1 / 60, gt=0)
@@ -153,8 +145,8 @@ def set_up(
     estimator.altimeter_walk_variance = settings.altimeter_walk**2
     estimator.vertical = parameters.height_channel == strapdown.HEIGHT_FREE
     estimator.zero_velocity_sigma = settings.zero_velocity_sigma
-    estimator.velocity_sigma = max(settings.zero_velocity_sigma, settings.velocity_sigma)
-    estimator.start_sigma = max(settings.position_sigma, settings.start_sigma)
+    estimator.velocity_sigma = settings.zero_velocity_sigma
+    estimator.start_sigma = settings.position_sigma
     estimator.position_sigma = settings.position_sigma
     estimator.gate = settings.gate
     for kind, sheet in enumerate((settings.gyros, settings.accelerometers)):
@@ -201,8 +193,8 @@ def _attitude_sigma(state: Ram, settings: EstimatorSettings) -> tuple[float, flo
     """
     parameters = state.parameters
     if parameters.initial_attitude in (InitialAttitude.GIVEN, InitialAttitude.TRANSFERRED):
-        level = max(settings.level_sigma, _LEAST_LEVEL)
-        return level, level, max(settings.heading_sigma, _LEAST_HEADING)
+        level = max(settings.level_sigma, LEAST_LEVEL)
+        return level, level, max(settings.heading_sigma, LEAST_HEADING)
     seconds = parameters.alignment_epochs * parameters.period_ns * 1e-9
     gravity = earth.gravity(float(parameters.latitude), float(parameters.height))
     horizontal = earth.RATE * math.cos(parameters.latitude)
@@ -215,9 +207,9 @@ def _attitude_sigma(state: Ram, settings: EstimatorSettings) -> tuple[float, flo
     force = math.hypot(_bias_sigma(settings.accelerometers), askew)
     force *= _fused(state.accelerometers)
     force_noise = max(settings.accelerometers.white_noise, default=0.0) / math.sqrt(seconds)
-    level = max(math.hypot(force, force_noise) / gravity, _LEAST_LEVEL)
+    level = max(math.hypot(force, force_noise) / gravity, LEAST_LEVEL)
     if parameters.initial_attitude != InitialAttitude.SELF_ALIGNED:
-        return level, level, _LEAST_HEADING
+        return level, level, LEAST_HEADING
     rate = math.hypot(_bias_sigma(settings.gyros), turned) * _fused(state.gyros)
     rate_noise = max(settings.gyros.white_noise, default=0.0) / math.sqrt(seconds)
-    return level, level, max(math.hypot(rate, rate_noise) / horizontal, _LEAST_HEADING)
+    return level, level, max(math.hypot(rate, rate_noise) / horizontal, LEAST_HEADING)

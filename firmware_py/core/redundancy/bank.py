@@ -3,7 +3,8 @@
 Four sensors of a kind have one parity, which cannot tell. While its alarm lasts, filters of the
 navigation's error run over the stored seconds, from before the alarm: each leaves one sensor out,
 one leaves none out. While both kinds have an alarm, each leaves out a pair: two faults at once may
-look most like that of a third sensor. The reference is a velocity, once a second. The likelihood of
+look most like that of a third sensor. References are a velocity and a stretch of the odometer, each
+once a second. The likelihood of
 a hypothesis is that of its filter's innovations (Magill, *IEEE Transactions on Automatic Control*
 10, 1965; Groves, 2nd ed., 2013, section 17.4). A few of these steps run in an epoch.
 """
@@ -15,7 +16,7 @@ import math
 from rrins.dbc.compilation import compiled
 from rrins.dbc.contract import SENSOR_GROUPS
 from rrins.dbc.record import Floats
-from rrins.firmware_py.core import strapdown
+from rrins.firmware_py.core import strapdown, wheel
 from rrins.firmware_py.core.data_sheet import SCALE_TURN
 from rrins.firmware_py.core.estimator import covariance, transition
 from rrins.firmware_py.core.estimator.transition import (
@@ -31,6 +32,7 @@ from rrins.firmware_py.core.redundancy.isolation import RATIO
 from rrins.firmware_py.core.redundancy_records import (
     ACCELEROMETERS,
     BANK_SENSORS,
+    BANK_STATES,
     GYROS,
     Bank,
     Hypothesis,
@@ -49,6 +51,17 @@ it now and then."""
 
 _WAIT_S = 3
 """Seconds that a block waits for its reference: the latency of a receiver, and a block."""
+
+SCALE, YAW = FILTER_SIZE, FILTER_SIZE + 1
+"""States of the odometer."""
+
+_OUTLIER = 16.0
+"""Square of a normalised innovation beyond which a stretch does not agree with a filter: it counts
+that much against it, and no more."""
+
+_SLIPS_S = 30
+"""Seconds for which no stretch is used once one agrees with no filter: the wheel slips, or is
+locked, or points elsewhere, whichever sensor fails."""
 
 _REST = 5.0
 """Largest deviation of the innovations' squares, standard deviations of chi-square."""
@@ -76,18 +89,50 @@ def follow(state: Ram) -> None:
         block = repair.blocks[at : at + repair.stride]
         others = repair.stride - blocks.OTHERS
         is_due = bank.at + _WAIT_S < repair.count
-        if block[others + blocks.VARIANCE] == 0.0 and bank.turn == 0 and not is_due:
+        begins = bank.turn == 0 and not bank.measuring
+        if begins and not is_due and _waits(state, block):
             return
-        _take(state, bank.filters[bank.turn], block)
+        if not bank.measuring:
+            _approach(state, bank.filters[bank.turn], block)
+        else:
+            _pass(state, bank.filters[bank.turn], block)
         bank.turn += 1
-        if bank.turn == bank.count:
-            bank.turn = 0
-            bank.at += 1
-            if block[others + blocks.VARIANCE] > 0.0:
-                bank.measurements += 2
-                bank.found = _decide(bank)
-                if bank.found > 0:
-                    return
+        if bank.turn < bank.count:
+            continue
+        bank.turn = 0
+        bank.measuring = not bank.measuring and block[others + blocks.DISTANCE_VARIANCE] > 0.0
+        if bank.measuring:
+            _watch_wheel(bank)
+            continue
+        measured = 2 * ((block[others + blocks.VARIANCE] > 0.0) + bank.fits)
+        bank.at += 1
+        bank.fits = False
+        if measured > 0:
+            bank.measurements += measured
+            bank.found = _decide(bank)
+            if bank.found > 0:
+                return
+
+
+@compiled
+def _watch_wheel(bank: Bank) -> None:
+    """Distrust the odometer for a while if what it says of this block agrees with no filter."""
+    if not bank.fits and bank.at >= bank.slips_until:
+        bank.slips_until = bank.at + _SLIPS_S
+        for index in range(bank.count):
+            bank.filters[index].P[SCALE, SCALE] += wheel.SCALE_SIGMA**2
+            bank.filters[index].P[YAW, YAW] += wheel.MOUNTING_SIGMA**2
+
+
+@compiled
+def _waits(state: Ram, block: Floats) -> bool:
+    """Return whether a reference of this block may still come."""
+    others = state.redundancy.repair.stride - blocks.OTHERS
+    fix, stretch = block[others + blocks.VARIANCE], block[others + blocks.DISTANCE_VARIANCE]
+    has_odometer = state.odometer.interval_epochs > 0
+    if state.gnss.interval_epochs > 0 or not has_odometer:
+        return bool(fix == 0.0 or (has_odometer and stretch == 0.0))
+    return bool(stretch == 0.0)
 
 
 @compiled
@@ -139,6 +184,9 @@ def _begin(state: Ram, doubts: int) -> None:
     bank.at = max(bank.first, repair.count - _BEFORE_S, repair.count - repair.capacity + 2)
     bank.turn = 0
     bank.measurements = 0
+    bank.measuring = False
+    bank.fits = False
+    bank.slips_until = 0
     bank.filters[0].sensor[GYROS] = -1
     bank.filters[0].sensor[ACCELEROMETERS] = -1
     bank.count = 1
@@ -155,10 +203,12 @@ def _begin(state: Ram, doubts: int) -> None:
         one = bank.filters[index]
         one.squares = 0.0
         one.score = 0.0
-        for i in range(FILTER_SIZE):
+        for i in range(BANK_STATES):
             one.x[i] = 0.0
-            for k in range(FILTER_SIZE):
+            for k in range(BANK_STATES):
                 one.P[i, k] = 0.0
+        one.P[SCALE, SCALE] = wheel.SCALE_SIGMA**2
+        one.P[YAW, YAW] = wheel.MOUNTING_SIGMA**2
         for i in range(3):
             one.P[ATTITUDE + i, ATTITUDE + i] = _LEVEL**2
             one.P[VELOCITY + i, VELOCITY + i] = _VELOCITY**2
@@ -168,33 +218,104 @@ def _begin(state: Ram, doubts: int) -> None:
 
 
 @compiled
-def _take(state: Ram, one: Hypothesis, block: Floats) -> None:
-    """Take a block: propagate to the time of the reference, measure, propagate to the end."""
+def _share(block: Floats, others: int, after: int, variance: int) -> float:
+    """Return the share of a block up to the time of a reference in it; 1 where there is none."""
+    if block[others + variance] == 0.0:
+        return 1.0
+    return float(min(1.0, block[others + after] / block[others + blocks.TIME]))
+
+
+@compiled
+def _approach(state: Ram, one: Hypothesis, block: Floats) -> None:
+    """Take a block up to its stretch, or all of it if there is none, and compare that."""
     bank, others = state.redundancy.bank, state.redundancy.repair.stride - blocks.OTHERS
-    variance = block[others + blocks.VARIANCE]
     for i in range(FILTER_SIZE):  # in the order of the states
         one.x[i] -= block[others + blocks.FED_BACK + i]
-    share = 1.0
-    if variance > 0.0:
-        share = min(1.0, block[others + blocks.MEASURED_AFTER] / block[others + blocks.TIME])
-    for part in range(2):
-        if share > 0.0:
-            _propagate(state, one, block, share)
-        if part == 0 and variance > 0.0:
-            for i in range(2):
-                innovation, expected = covariance.measure(
-                    one.x,
-                    one.P,
-                    VELOCITY + i,
-                    block[others + blocks.MEASURED + i],
-                    variance,
-                    bank.gain,
-                    bank.work,
-                )
-                square = innovation * innovation / expected
-                one.squares += square
-                one.score += square + math.log(expected)
-        share = 1.0 - share
+    fix_at = _share(block, others, blocks.MEASURED_AFTER, blocks.VARIANCE)
+    stretch_at = _share(block, others, blocks.STRETCH_AFTER, blocks.DISTANCE_VARIANCE)
+    one.reached = 0.0
+    if fix_at <= stretch_at and block[others + blocks.VARIANCE] > 0.0:
+        _reach(state, one, block, fix_at)
+        _measure_velocity(state, one, block)
+    _reach(state, one, block, stretch_at)
+    if block[others + blocks.DISTANCE_VARIANCE] > 0.0 and bank.at >= bank.slips_until:
+        bank.fits |= _measure_stretch(state, one, block, False)
+
+
+@compiled
+def _pass(state: Ram, one: Hypothesis, block: Floats) -> None:
+    """Measure the stretch of a block if it is used, and take the rest of the block."""
+    bank, others = state.redundancy.bank, state.redundancy.repair.stride - blocks.OTHERS
+    if bank.fits:
+        _measure_stretch(state, one, block, True)
+    fix_at = _share(block, others, blocks.MEASURED_AFTER, blocks.VARIANCE)
+    if fix_at > one.reached and block[others + blocks.VARIANCE] > 0.0:
+        _reach(state, one, block, fix_at)
+        _measure_velocity(state, one, block)
+    _reach(state, one, block, 1.0)
+
+
+@compiled
+def _reach(state: Ram, one: Hypothesis, block: Floats, share: float) -> None:
+    """Propagate a filter to a share of the block."""
+    if share > one.reached:
+        _propagate(state, one, block, share - one.reached)
+        one.reached = share
+
+
+@compiled
+def _measure_velocity(state: Ram, one: Hypothesis, block: Floats) -> None:
+    bank, others = state.redundancy.bank, state.redundancy.repair.stride - blocks.OTHERS
+    for i in range(2):
+        innovation, expected = covariance.measure(
+            one.x,
+            one.P,
+            VELOCITY + i,
+            block[others + blocks.MEASURED + i],
+            block[others + blocks.VARIANCE],
+            bank.gain,
+            bank.work,
+        )
+        square = innovation * innovation / expected
+        one.squares += square
+        one.score += square + math.log(expected)
+
+
+@compiled
+def _measure_stretch(state: Ram, one: Hypothesis, block: Floats, uses: bool) -> bool:
+    """Compare the way along and across the vehicle's forward axis with the odometer's.
+
+    Returns whether both agree. With `uses` the filter takes them as measurements.
+    """
+    bank, others = state.redundancy.bank, state.redundancy.repair.stride - blocks.OTHERS
+    seconds, row, fits = block[others + blocks.STRETCH_S], bank.row, True
+    for i in range(3):
+        bank.way_b[i] = block[others + blocks.STRETCH_WAY + i]
+        for k in range(3):
+            integral = block[others + blocks.STRETCH_ATTITUDE + 3 * i + k]
+            bank.attitude_b[i, k] = integral / seconds
+    for axis in (wheel.FORWARD_AXIS, wheel.RIGHT_AXIS):
+        for i in range(BANK_STATES):
+            row[i] = 0.0
+        wheel.fill_row(row, ATTITUDE, VELOCITY, bank.attitude_b, bank.way_b, seconds, axis)
+        innovation = -bank.way_b[axis]
+        variance = block[others + blocks.SLIP_VARIANCE]
+        if axis == wheel.FORWARD_AXIS:
+            row[SCALE] = -block[others + blocks.TRAVELLED]
+            innovation += block[others + blocks.TRAVELLED]
+            variance = block[others + blocks.DISTANCE_VARIANCE]
+        else:
+            row[YAW] = -bank.way_b[wheel.FORWARD_AXIS]
+        for i in range(BANK_STATES):
+            innovation -= row[i] * one.x[i]
+        expected = covariance.expect(one.P, BANK_STATES, row, variance, bank.gain)
+        square = innovation * innovation / expected
+        fits = fits and square < _OUTLIER
+        if uses:
+            covariance.update(one.x, one.P, BANK_STATES, bank.gain, innovation, expected)
+            one.squares += min(_OUTLIER, square)
+            one.score += min(_OUTLIER, square) + math.log(expected)
+    return fits
 
 
 @compiled
@@ -228,8 +349,9 @@ def _propagate(state: Ram, one: Hypothesis, block: Floats, share: float) -> None
         bank.gain[i] = total
     for i in range(FILTER_SIZE):
         one.x[i] = bank.gain[i]
-    covariance.propagate(one.P, FILTER_SIZE, bank.transition, bank.work)
+    covariance.propagate(one.P, BANK_STATES, FILTER_SIZE, bank.transition, bank.work)
     _add_noise(state, one, block[others + blocks.TURNED], share)
+    one.P[SCALE, SCALE] += wheel.SCALE_WALK**2 * dt
     parity, into = state.redundancy.gyros, ATTITUDE
     for kind in range(2):
         if kind == ACCELEROMETERS:

@@ -36,6 +36,16 @@ FED_BACK = 24
 """What the estimator has added to the navigation: attitude and velocity in n, and to the rates and
 the specific force in s; three numbers each. By these the free navigation would be off."""
 
+STRETCH_AFTER, STRETCH_S, TRAVELLED = 36, 37, 38
+"""Between two counts of the odometer about a second apart: the middle's time in the block (s), the
+time (s), and the distance (m)."""
+
+STRETCH_WAY, STRETCH_ATTITUDE = 39, 42
+"""By the navigation: the wheel's way along the body's axes (m), and the integral of C_b_n (s)."""
+
+DISTANCE_VARIANCE, SLIP_VARIANCE = 51, 52
+"""Of the distance and of the way across (m²); 0: no stretch."""
+
 OTHERS = BLOCK_OTHERS
 
 

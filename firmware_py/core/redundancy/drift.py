@@ -15,13 +15,15 @@ from __future__ import annotations
 import math
 
 from rrins.dbc.compilation import compiled
-from rrins.firmware_py.core.calibration_records import Drift, DriftState
+from rrins.firmware_py.core.calibration_records import Drift, DriftSize, DriftState
 from rrins.firmware_py.core.memory import Fusion
 from rrins.firmware_py.core.redundancy.parity import CHECKED_FROM, LEARNED_S
 from rrins.firmware_py.core.redundancy_records import ABSOLUTE, Learner, Parity
 
 _LEARNING, _KEPT = int(DriftState.LEARNING), int(DriftState.KEPT)
 _DRIFTED = int(DriftState.DRIFTED)
+_LARGEST = int(DriftSize.ABOVE_320_PPM)
+_SMALLEST = 10e-6  # from which on a drift is not of the smallest size; each size ends at its double
 _SLOPE = 1  # first regressor of the own vector
 _TOLD = 0.25
 """Share of the prior's variance below which the parity tells something of a direction."""
@@ -112,3 +114,15 @@ def compare(drift: Drift, parity: Parity, fusion: Fusion, epoch: int) -> None:
         drift.state = _DRIFTED
     else:
         drift.state = _KEPT if drift.told != 0 else _LEARNING
+
+
+@compiled
+def size_of(drift: Drift) -> int:
+    """Return the `DriftSize` of what was found last."""
+    if drift.state != _DRIFTED:
+        return 0
+    size, bound = 1, _SMALLEST
+    while size < _LARGEST and drift.change >= bound:
+        size += 1
+        bound *= 2.0
+    return size

@@ -61,6 +61,16 @@ function range(least) {
   };
 }
 
+// Points further outside than the view is wide move to its edge: along a line out to them, a dash would
+// be drawn a hundred thousand times.
+export function farEnds(times, low, high) {
+  const last = times.length - 1;
+  const ends = [];
+  if (last > 0 && times[0] < 2 * low - high) ends.push({ at: 0, next: 1, time: low });
+  if (last > 0 && times[last] > 2 * high - low) ends.push({ at: last, next: last - 1, time: high });
+  return ends.map((end) => ({ ...end, share: (end.time - times[end.at]) / (times[end.next] - times[end.at]) }));
+}
+
 class Plot {
   constructor(spec, board) {
     this.spec = spec;
@@ -171,17 +181,24 @@ class Plot {
     const from = Math.max(0, store.at(low) - 1);
     const to = Math.min(store.times.length, store.at(high) + 1);
     const times = store.times.slice(from, to);
+    const ends = farEnds(times, low, high);
     let isEmpty = true;
     let hasSigma = false;
     const data = [times];
     for (const one of this.spec.lines) {
       let column = store.column(one.column).slice(from, to);
       if (one.factor) column = column.map((v) => (v == null ? null : v * one.factor));
+      for (const { at, next, share } of ends) {
+        const [from, to] = [column[at], column[next]];
+        if (one.step) column[at] = at ? to : from;
+        else if (from != null && to != null) column[at] = from + (to - from) * share;
+      }
       const has = column.some((v) => v != null);
       if (one.band) hasSigma ||= has;
       else if (has) isEmpty = false;
       data.push(column);
     }
+    for (const { at, time } of ends) times[at] = time;
     this.empty.hidden = !isEmpty || !this.spec.empty;
     this.note.textContent = this.spec.note ?? (hasSigma ? this.spec.sigma ?? "" : "");
     this.chart.batch(() => {

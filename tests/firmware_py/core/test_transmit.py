@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 
 from rrins.dbc.e2e import COUNTER_MODULUS, crc_holds
+from rrins.firmware_py.core.calibration_records import DriftSize, DriftState
 from rrins.firmware_py.core.modes import Mode, ModeRequest
+from rrins.firmware_py.core.redundancy.settings import DataSheet, RedundancySettings
 from rrins.firmware_py.core.transmit import OUTBOX_CAPACITY, transmit
 
 CYCLIC = {"HEARTBEAT_FIRMWARE", "FIRMWARE_STATUS", "FIRMWARE_FAULTS"}
@@ -194,6 +196,49 @@ def test_fault_counters_stay_at_their_largest(tools, navigating):
     for name in names:
         row = tools.codec.signals[tools.codec.signal_index("FIRMWARE_FAULTS", name)]
         assert faults[name] == row["raw_maximum"], name
+
+
+def test_the_sizes_of_a_drift_are_those_of_the_dbc(tools):
+    for message in ("GYRO_REDUNDANCY", "ACCELEROMETER_REDUNDANCY"):
+        choices = tools.codec.choices(message, "drift")
+        assert {int(size): size.name for size in DriftSize} == choices
+
+
+def sizes_told(tools, bench):
+    """Return the sizes of the drifts that are sent next, of gyros and accelerometers."""
+    while True:
+        sent = dict(map(tools.decode, bench.step()))
+        if "GYRO_REDUNDANCY" in sent:
+            names = ("GYRO_REDUNDANCY", "ACCELEROMETER_REDUNDANCY")
+            return [DriftSize(int(sent[name]["drift"])).name for name in names]
+
+
+def test_a_drift_is_told_by_its_size(tools):
+    four = (0.0,) * 4
+    sheet = DataSheet(
+        white_noise=(1e-4,) * 4,
+        bias_instability=four,
+        rate_random_walk=four,
+        temperature_drift=four,
+        bias_limit=1.0,
+    )
+    bench = tools.Bench(redundancy=RedundancySettings(gyros=sheet, accelerometers=sheet))
+    gyros, accelerometers = (
+        bench.state["calibration"]["gyros"],
+        bench.state["calibration"]["accelerometers"],
+    )
+    for state in DriftState:  # only what is found to have drifted, however much has been learned
+        gyros["state"], gyros["change"] = int(state), 50e-6
+        size = "FROM_40_TO_80_PPM" if state == DriftState.DRIFTED else "NOT"
+        assert sizes_told(tools, bench) == [size, "NOT"]
+    accelerometers["state"] = int(DriftState.DRIFTED)
+    for name in [size.name for size in DriftSize][1:]:
+        bounds = [1e-6 * float(word) for word in name.split("_") if word.isdigit()]
+        low, high = bounds[0], bounds[-1]
+        inside = {"BELOW": (0.0, 0.999 * low), "ABOVE": (1.001 * high, 1.0)}
+        for change in inside.get(name.split("_")[0], (1.001 * low, 0.999 * high)):
+            accelerometers["change"] = change
+            assert sizes_told(tools, bench) == ["FROM_40_TO_80_PPM", name]
 
 
 def test_axis_commands_carry_the_scheme(tools, navigating):

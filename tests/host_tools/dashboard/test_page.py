@@ -197,7 +197,18 @@ def test_a_recording_is_played_back(open_page, serving, recording):
         seen.page.keyboard.press("ArrowLeft")
         until(lambda: seconds_of(seen.text("#time")) < at_s - 5)
         assert not seen.page.is_visible("#drive")
+        assert _far_ends(seen, [0, 10, 11, 1000], 9.5, 11.5) == [
+            {"at": 0, "next": 1, "time": 9.5, "share": 0.95},
+            {"at": 3, "next": 2, "time": 11.5, "share": pytest.approx(988.5 / 989)},
+        ]
+        assert _far_ends(seen, [8, 10, 11, 13], 9.5, 11.5) == []
         assert seen.complaints == []
+
+
+def _far_ends(seen, *arguments):
+    """Return which points a plot moves to its edge: dashes on a line far outside take seconds."""
+    call = "arguments => import('./plots.js').then(page => page.farEnds(...arguments))"
+    return seen.page.evaluate(call, list(arguments))
 
 
 WRITES = pytest.mark.skipif(

@@ -187,6 +187,18 @@ def test_a_fault_that_is_found_and_repaired_in_words():
     ]
 
 
+def test_a_calibration_that_has_drifted_in_words():
+    log = EventLog()
+    drift = "ACCELEROMETER_REDUNDANCY__drift"
+    assert followed(log, 1.0, **{drift: 0}) == []
+    told = ["accelerometer calibration drifted: from 10 to 20 ppm, if it is one accelerometer"]
+    assert followed(log, 2.0, **{drift: 2}) == told
+    assert log.events[-1].weight == "warning"
+    assert followed(log, 3.0, **{drift: 3}) == []  # once, however the estimate goes on
+    told = ["accelerometer calibration: no drift is reported any more"]
+    assert followed(log, 4.0, **{drift: 0}) == told
+
+
 def test_a_long_log_forgets_its_beginning():
     log = EventLog()
     for k in range(events.MOST + 10):

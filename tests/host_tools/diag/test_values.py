@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rrins.firmware_py.diagnostics import table
-from rrins.firmware_py.diagnostics.codecs import Field
-from rrins.host_tools.diag.values import AssignmentError, parse_values, value_text
+from rrins.firmware_py.diagnostics.codecs import Field, Layout
+from rrins.host_tools.diag.values import AssignmentError, parse_values, to_json, value_text
 
 ANY_FIELD = st.sampled_from([f for did in table.IDENTIFIERS for f in did.fields])
 
@@ -45,3 +45,19 @@ def test_equal_values_at_the_end_are_shown_once():
     row = Field("row", "f64", count=6)
     assert value_text(row, (1.0, 2.5, 0.0, 0.0, 0.0, 0.0)) == "1, 2.5, 0 (×4)"
     assert value_text(row, (1.0, 2.0, 3.0, 4.0, 5.0, 5.0)) == "1, 2, 3, 4, 5, 5"
+
+
+@given(st.decimals(-(10**6), 10**6, places=2).map(float))
+def test_json_has_numbers_as_they_were_typed(number):
+    """An f32 has seven digits at least; a product with a unit is a few parts in 1e16 off."""
+    layout = Layout((Field("short", "f32"), Field("long", "f64", count=2), Field("count", "u8")))
+    typed = float(f"{number:.6g}")
+    long = (number, number * 1e-9 / 1e-9)
+    read = layout.decode(layout.encode({"short": typed, "long": long, "count": 7}))
+    assert to_json(layout, read) == {"short": typed, "long": [number, number], "count": 7}
+
+
+def test_json_of_what_is_no_number():
+    layout = Layout((Field("short", "f32", count=2), Field("name", "ascii", count=3)))
+    found = to_json(layout, {"short": (float("inf"), -0.0), "name": "abc"})
+    assert found == {"short": [float("inf"), 0.0], "name": "abc"}

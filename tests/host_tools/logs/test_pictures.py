@@ -186,6 +186,18 @@ def test_any_name_and_any_time_are_drawn(tmp_path, monkeypatch, name, time_s):
     assert Path("x.png").stat().st_size > 1000
 
 
+@pytest.mark.parametrize("time_s", [1e15, 1e300])
+def test_times_that_no_clock_has_are_one_line(tmp_path, time_s):
+    path = tmp_path / "far.log"
+    path.write_text(f"({time_s:.0f}.5) can0 010#0000000000000000\n")
+    result = call("plot", path, "SYNC.epoch", "--out", tmp_path / "x.png")
+    assert (result.exit_code, result.stderr) == (
+        6,
+        f"rrins: {path}: 1 line is not a frame; skipped\n",
+    )
+    assert not (tmp_path / "x.png").exists()
+
+
 @pytest.mark.parametrize(
     ("parts", "words"),
     [

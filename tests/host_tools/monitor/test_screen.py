@@ -131,6 +131,7 @@ def test_the_page_on_redundancy(bus, size):
     for k in range(3):
         ratio = (0.25, 1.5, 0.5)[k]
         values = {"redundant": 1, "parity_ratio": ratio, "window_log2": 4, "suspect": 3}
+        values |= {"drift": "ABOVE_320_PPM"}
         bus.send("GYRO_REDUNDANCY", 2.0 + k, k, **values)
     bus.send("ACCELEROMETER_REDUNDANCY", 4.0, 0, excluded=1, isolated=1, how="ABSENT")
     bus.send("READMISSION_STATUS", 4.0, 0, state="TESTING", kind="GYRO", sensor=4, test_s=60)
@@ -145,6 +146,7 @@ def test_the_page_on_redundancy(bus, size):
         assert largest.index("|") < largest.rindex("#")
         assert "window            16 s" in text
         assert "suspect           3" in text
+        assert text.count("calibration       DRIFTED: above 320 ppm, if it is one sensor") == 1
         assert "GYRO_REDUNDANCY.parity_ratio  now 0.50" in text
         assert "left out          1 (the last, 1, by its flag)" in text
         assert "NO: a fault of another would not show" in text

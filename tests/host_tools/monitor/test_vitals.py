@@ -47,7 +47,7 @@ def test_redundant_sensors_as_they_are_reported(played):
     for k in range(4):
         played.send(
             "GYRO_REDUNDANCY", 1.0 * k, k, alarm=1, redundant=1, parity_ratio=2.5 - k / 2,
-            window_log2=3, suspect=2, standing=1,
+            window_log2=3, suspect=2, standing=1, drift=4,
         )  # fmt: skip
         played.send(
             "ACCELEROMETER_REDUNDANCY", 1.0 * k, k, excluded=0b100, isolated=3, how="STUCK",
@@ -63,6 +63,7 @@ def test_redundant_sensors_as_they_are_reported(played):
     assert (gyros.parity_ratio, gyros.largest_ratio) == pytest.approx((1.0, 2.5))
     assert (gyros.window_s, gyros.suspect, gyros.excluded) == (8, 2, ())
     assert (gyros.how, gyros.isolated, gyros.redundancy_left) == (None, None, True)
+    assert (gyros.drift, accelerometers.drift) == ("FROM_40_TO_80_PPM", None)
     assert (accelerometers.excluded, accelerometers.isolated) == ((3,), 3)
     assert (accelerometers.how, accelerometers.redundancy_left) == ("STUCK", False)
     readmission = vitals.readmission
@@ -70,6 +71,7 @@ def test_redundant_sensors_as_they_are_reported(played):
     assert (readmission.kind, readmission.sensor, readmission.passed_s) == ("accelerometer", 3, 4)
     assert troubles_of(state, vitals) == [
         "the gyros disagree: one of them fails, and it is not known which",
+        "gyro calibration drifted: from 40 to 80 ppm, if it is one gyro",
         "accelerometer 3 is left out, found by its repeated increments",
         "no redundancy is left among the accelerometers",
     ]
@@ -93,6 +95,29 @@ def test_a_gyro_that_is_left_out(rehearsed):
         "gyro 2 is left out, found by comparison with encoders, Earth rate and gravity" in troubles
     )
     assert "no redundancy is left among the gyros" in troubles
+
+
+def test_a_calibration_that_has_drifted(rehearsed, tmp_path):
+    """250 ppm of one gyro are found by the parity while the table turns."""
+    calibration = tmp_path / "calibration.toml"
+    calibration.write_text(
+        "[gyros.sigma]\nscale_error_ppm = 2.0\nasymmetric_scale_error_ppm = 3.5\n"
+        "installation_u_arcsec = 0.45\ninstallation_v_arcsec = 0.36\n",
+        encoding="utf-8",
+    )
+
+    def drive(bench):
+        navigate(bench, 175)
+
+    gyros = {"angle_random_walk_deg_per_sqrt_h": 0.005, "scale_error_ppm": [0.0, 250.0, 0.0, 0.0]}
+    firmware = QUICK | {"calibration": str(calibration)}
+    bus = rehearsed(drive, rate_hz=50, firmware=firmware, gyros=gyros, accelerometers={})
+    vitals = vitals_of(bus.state)
+    assert vitals.redundancy["gyros"].drift == "FROM_160_TO_320_PPM"
+    assert vitals.redundancy["accelerometers"].drift is None
+    assert troubles_of(bus.state, vitals) == [
+        "gyro calibration drifted: from 160 to 320 ppm, if it is one gyro"
+    ]
 
 
 def test_before_anything_was_on_the_bus(played):

@@ -120,7 +120,7 @@ def test_a_channel_may_have_any_name(tmp_path, read, ending, channel):
 
 def test_mf4_without_asammdf_is_one_line(monkeypatch, tmp_path):
     monkeypatch.setitem(sys.modules, "asammdf", None)
-    with pytest.raises(RecordError, match=r"bus\.mf4: \.mf4 needs asammdf: pip install"):
+    with pytest.raises(RecordError, match=r"bus\.mf4: \.mf4 needs asammdf: pip install asammdf$"):
         open_writer(tmp_path / "bus.mf4")
 
 

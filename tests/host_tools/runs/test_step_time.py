@@ -31,10 +31,15 @@ NOISE = {
 def costs_us():
     """Return the time of each epoch's step from `BEGIN_S` on: all, with filters, with a repair.
 
-    A drive with GNSS velocity, in which a gyro fails, is found by it, and is undone.
+    A drive with GNSS and odometer, in which a gyro fails, is found by it, and is undone.
     """
     fault = {"kind": "gyro_bias", "sensor": 2, "bias_dph": 10, "at_s": FAULT_S}
-    changes = NOISE | {"gnss": {}, "redundancy": {"enabled": True}, "faults": [fault]}
+    changes = NOISE | {
+        "gnss": {},
+        "odometer": {},
+        "redundancy": {"enabled": True},
+        "faults": [fault],
+    }
     scenario = load("drive_rotating", rate_hz=RATE_HZ, **changes)
     firmware = Firmware(firmware_settings(scenario))
     hardware = Hardware(hardware_settings(scenario))

@@ -60,6 +60,39 @@ def test_lockstep_paced_lockstep_and_direct_are_the_same(run, scenario):
     assert all(way["frames_lost"] == 0 for way in ways.values())
 
 
+FAULTS = """
+[[faults]]
+kind = "drop"
+probability = 0.1
+at_s = 1.5
+for_s = 0.7
+[[faults]]
+kind = "corrupt"
+probability = 0.2
+at_s = 2.5
+for_s = 0.5
+[[faults]]
+kind = "silence"
+message = "SENSOR_2"
+at_s = 3
+for_s = 0.2
+"""
+
+
+def test_faults_on_the_wire_are_the_same_in_lockstep_paced_and_directly(run, scenario):
+    scenario.write_text(SCENARIO + FAULTS, encoding="utf-8")
+    ways = [
+        run("simulate", scenario),
+        run("rehearse", scenario),
+        run("rehearse", scenario, "--speed", 4),
+    ]
+    assert len({way["navigation_sha256"] for way in ways}) == 1
+    first, *others = [[way[side]["faults"] for side in ("firmware", "hardware")] for way in ways]
+    assert first[0]["missing_frames"] > 100
+    assert first[1]["missing_commands"] > 10
+    assert others == [first, first]
+
+
 def test_real_time_is_the_same_as_long_as_no_deadline_was_missed(run, start, scenario):
     reference = run("simulate", scenario)
     for _ in range(5):

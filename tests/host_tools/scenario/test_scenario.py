@@ -122,6 +122,11 @@ def test_a_printed_scenario_loads_from_a_file_as_the_same(name, write):
             "duration_s = 1\n[firmware]\nturn_rate_dps = 1e-300",
             ["firmware.turn_rate_dps", "greater than or equal to 0.01"],
         ),
+        (
+            "duration_s = 1\n[firmware]\nturn_rate_dps = 1e300",
+            ["firmware.turn_rate_dps", "less than or equal to"],
+        ),
+        ("duration_s = 1\nrate_hz = 1e300", ["rate_hz", "1e+300"]),
         (f"duration_s = 1\ntitle = '{'x' * 100_000}'", ["title", "at most 200 characters"]),
         (
             'duration_s = 1\n[[operator]]\nat_s = 1\nrequest = "FLY"',

@@ -171,6 +171,7 @@ def test_what_is_found_is_fed_back_and_the_filter_begins_without(tools, kit):
 
 
 def test_only_what_moves_is_propagated_and_to_the_bit():
+    """As if all moved."""
     rng = np.random.default_rng(1)
     n, moving = 20, 9
     whole = np.eye(n)
@@ -179,7 +180,7 @@ def test_only_what_moves_is_propagated_and_to_the_bit():
     P = root @ root.T
     P = (P + P.T) / 2
     one, two = P.copy(), P.copy()
-    covariance.propagate.py_func(one, n, whole, np.zeros((n, n)))
-    covariance.propagate_moving.py_func(two, n, moving, whole[:moving], np.zeros((moving, n)))
+    covariance.propagate.py_func(one, n, n, whole, np.zeros((n, n)))
+    covariance.propagate.py_func(two, n, moving, whole[:moving], np.zeros((moving, n)))
     assert one.tobytes() == two.tobytes()
     assert two == pytest.approx(whole @ P @ whole.T)

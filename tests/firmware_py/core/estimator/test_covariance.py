@@ -20,7 +20,7 @@ def test_it_propagates_as_matrices_do():
     P = random_covariance(12, 2)
     transition = np.eye(12) + 0.1 * rng.standard_normal((12, 12)) * (rng.random((12, 12)) < 0.3)
     expected = transition @ P @ transition.T
-    covariance.propagate(P, 12, transition, np.zeros((12, 12)))
+    covariance.propagate(P, 12, 12, transition, np.zeros((12, 12)))
     assert expected == pytest.approx(P, rel=1e-13)
     assert np.array_equal(P, P.T)
 
@@ -44,7 +44,7 @@ def test_it_stays_positive_where_the_prior_is_a_million_times_as_uncertain():
     turn = np.eye(3) + np.diag([0.1, 0.1], 1)
     for k in range(300):
         covariance.measure(x, P, k % 3, 1.0, 1e-6, gain, work)
-        covariance.propagate(P, len(P), turn, work)
+        covariance.propagate(P, len(P), len(P), turn, work)
         assert np.linalg.eigvalsh(P / np.sqrt(np.outer(np.diag(P), np.diag(P))))[0] > -1e-12
         assert np.array_equal(P, P.T)
 
@@ -106,7 +106,7 @@ def test_ten_thousand_measurements_of_tiny_variances_leave_it_positive():
         if k % 10 == 9:
             truth = transition @ truth / 2
             x[:] = transition @ x / 2
-            covariance.propagate(P, n, transition / 2, work)
+            covariance.propagate(P, n, n, transition / 2, work)
             P[np.diag_indices(n)] += walk
         if k % 100 == 99:
             sigma = np.sqrt(np.diag(P))

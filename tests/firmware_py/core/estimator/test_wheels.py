@@ -7,7 +7,6 @@ import math
 import numpy as np
 import pytest
 
-from rrins.firmware_py.core import strapdown
 from rrins.firmware_py.core.estimator import wheels
 from rrins.firmware_py.core.estimator_records import (
     ATTITUDE,
@@ -15,11 +14,11 @@ from rrins.firmware_py.core.estimator_records import (
     COMPONENTS,
     PITCH,
     SCALE,
-    TRACK_EPOCHS,
     VELOCITY,
     YAW,
     Aid,
 )
+from rrins.firmware_py.core.memory import WHEEL_EPOCHS
 
 ODOMETER = BIASES + 8
 STATES = ODOMETER + 3
@@ -43,7 +42,7 @@ def attitude(tools):
 def state(kit, attitude):
     state = kit.state(odometer=kit.ODOMETER)
     estimator = state.estimator
-    estimator.C_b_n[:] = attitude
+    state.wheel.C_b_n[:] = attitude
     estimator.stretch_s = SECONDS
     estimator.stretch_m = TRAVELLED
     estimator.stretch_b[:] = attitude.T @ VELOCITY_N * SECONDS
@@ -98,34 +97,6 @@ def test_the_noise_is_that_of_intervals_pulses_and_slip(state):
         assert sigma == pytest.approx(0.05 * SECONDS)
 
 
-def stand(tools, state, rate_b, velocity_n):
-    """Let a vehicle turn about its axes at a rate, and note its wheel's way over a second."""
-    dt = 0.005
-    C_b_n = tools.exponential([0.0, 0.0, 0.3])
-    strapdown.initialise.py_func(state.ins, C_b_n, 0.7, 2.0, 40.0)
-    state.C_s_b = np.eye(3)
-    wheels.begin.py_func(state)
-    step = tools.exponential(np.array(rate_b) * dt)
-    for _ in range(200):
-        C_b_n = C_b_n @ step
-        state.ins.C_s_n = C_b_n
-        state.ins.velocity_n[:] = velocity_n
-        wheels.note.py_func(state, dt)
-    return C_b_n
-
-
-def test_the_way_is_the_velocity_along_the_body(tools, state):
-    C_b_n = stand(tools, state, (0, 0, 0), (3.0, 4.0, 0.0))
-    assert state.estimator.way_b == pytest.approx(C_b_n.T @ [3.0, 4.0, 0.0], abs=1e-12)
-
-
-def test_the_wheel_moves_where_the_vehicle_turns_on_the_spot(tools, state):
-    """2 m to the right of the centre at 0.5 rad/s to the left: 1 m/s forward."""
-    state.odometer.lever_arm_b = 2.0, 0.0, 0.0
-    stand(tools, state, (0, 0, 0.5), (0, 0, 0))
-    assert state.estimator.way_b == pytest.approx([0.0, 1.0, 0.0], abs=3e-3)
-
-
 class Stretches:
     """Counts of an odometer, one call each second."""
 
@@ -133,7 +104,7 @@ class Stretches:
         self.state, self.estimator, self.odometer = state, state.estimator, state.odometer
         self.odometer.available = True
         wheels.begin.py_func(state)
-        self.estimator.track_first = 0
+        state.wheel.first, state.wheel.last = 0, 2000
 
     def second(self, epoch, travelled, way_b, gaps=0, age=5):
         """Finish a second at an epoch, with a count an age (epochs) before."""
@@ -141,7 +112,7 @@ class Stretches:
         self.odometer.epoch = epoch - age
         self.odometer.travelled = travelled
         self.odometer.gaps = gaps
-        self.estimator.track[(epoch - age) % TRACK_EPOCHS, 6:] = way_b
+        self.state.wheel.track[(epoch - age) % WHEEL_EPOCHS, :3] = way_b
         self.estimator.waiting = 0
         wheels.finish_second.py_func(self.state)
         return int(self.estimator.waiting) >> WAITING & 0b111

@@ -7,9 +7,9 @@ import math
 import numpy as np
 import pytest
 
-from rrins.firmware_py.core import earth, strapdown
+from rrins.firmware_py.core import earth, strapdown, wheel
 from rrins.firmware_py.core.calibration import DPH, UG, input_axes
-from rrins.firmware_py.core.memory import blank_ram
+from rrins.firmware_py.core.memory import WHEEL_EPOCHS, blank_ram
 from rrins.firmware_py.core.redundancy import bank, blocks, reference
 
 RATE_HZ, SECONDS, BEGINS_S = 100, 160, 60
@@ -183,6 +183,94 @@ def test_six_sensors_are_left_to_their_parity():
     assert not state.redundancy.bank.active
 
 
+SPEED, TURN_DPS = 15.0, 6.0
+"""Of a car that speeds up and brakes by a third, and turns to and fro."""
+
+SCALE, YAW, HEADING = 0.01, math.radians(-1.0), math.radians(70.0)
+
+
+def odometer_history(kind, sensor, value, seed=1, slips=(), outside=()):
+    """Return a history as `history` does, of a car whose odometer shows the fault.
+
+    In the seconds of `slips` its wheel slips; in those `outside` no count came.
+    """
+    ram = history(kind, sensor, value, seed, reference_of=sensor)
+    state = ram[0]
+    state.odometer.interval_epochs = 10
+    repair = state.redundancy.repair
+    stride, rng = int(repair.stride), np.random.default_rng(seed + 100)
+    heading = HEADING
+    for second in range(SECONDS):
+        block = repair.blocks[second * stride : (second + 1) * stride][stride - blocks.OTHERS :]
+        error_n = np.append(block[blocks.MEASURED : blocks.MEASURED + 2], 0.0)
+        block[blocks.VARIANCE] = 0.0
+        if second in outside:
+            continue
+        speed = SPEED * (1.0 + math.sin(second / 7.0) / 3.0)
+        turned = math.radians(TURN_DPS) * math.sin(second / 11.0)
+        heading += turned
+        forward_n = np.array([math.sin(heading), math.cos(heading), 0.0])
+        right_n = np.array([math.cos(heading), -math.sin(heading), 0.0])
+        track_n = forward_n * math.cos(YAW) + right_n * math.sin(YAW)
+        navigated_n = speed * track_n - error_n
+        C_b_n = np.column_stack([right_n, forward_n, [0.0, 0.0, 1.0]])
+        way_b = C_b_n.T @ navigated_n
+        travelled = speed / (1.0 + SCALE) + 0.02 * rng.standard_normal()
+        if second in slips:
+            travelled *= 1.3
+        slip = wheel.slip_sigma.py_func(travelled, way_b, turned, 1.0)
+        block[blocks.STRETCH_AFTER] = 1.0
+        block[blocks.STRETCH_S] = 1.0
+        block[blocks.TRAVELLED] = travelled
+        block[blocks.STRETCH_WAY : blocks.STRETCH_WAY + 3] = way_b
+        block[blocks.STRETCH_ATTITUDE : blocks.STRETCH_ATTITUDE + 9] = C_b_n.ravel()
+        block[blocks.DISTANCE_VARIANCE] = 0.02**2 + SIGMA**2  # that of the history, too
+        block[blocks.SLIP_VARIANCE] = slip**2 + SIGMA**2
+    return ram
+
+
+LARGE_FAULTS = [("gyros", 50 * DPH), ("accelerometers", 5000 * UG)]
+
+
+@pytest.mark.parametrize("slips", [(), range(58, 63)], ids=["rolls", "slips"])
+@pytest.mark.parametrize("sensor", range(4))
+@pytest.mark.parametrize(("kind", "value"), LARGE_FAULTS)
+def test_the_sensor_that_the_odometer_blames_is_found(kind, value, sensor, slips):
+    """By a wheel of unknown scale and mounting, also where it slips as the fault begins."""
+    found, at = decide(odometer_history(kind, sensor, value, slips=slips), kind)
+    assert found == sensor
+    assert BEGINS_S < at < BEGINS_S + 60
+
+
+def test_an_odometer_that_was_silent_as_the_fault_began_tells_once_it_is_back():
+    silent = range(BEGINS_S - 10, BEGINS_S + 20)
+    found, at = decide(odometer_history("gyros", 2, 10 * DPH, outside=silent), "gyros")
+    assert found == 2
+    assert BEGINS_S + 20 <= at < BEGINS_S + 80
+
+
+def test_a_wheel_that_always_slips_decides_nothing():
+    ram = odometer_history("gyros", 2, 10 * DPH, slips=range(0, SECONDS, 2))
+    assert decide(ram, "gyros") == (-1, SECONDS)
+
+
+def test_fix_and_stretch_of_a_second_are_measured_in_the_order_of_their_times():
+    """Whichever comes first: a filter of linear errors knows the same after both."""
+    scores = []
+    for early in (blocks.MEASURED_AFTER, blocks.STRETCH_AFTER):
+        ram = odometer_history("gyros", 2, 0.0)
+        repair = ram[0].redundancy.repair
+        stride = int(repair.stride)
+        for second in range(SECONDS):
+            block = repair.blocks[second * stride : (second + 1) * stride][stride - blocks.OTHERS :]
+            block[blocks.VARIANCE] = SIGMA**2
+            block[early] = 0.999
+        assert decide(ram, "gyros") == (-1, SECONDS)
+        scores.append([one.score for one in ram[0].redundancy.bank.filters[:5]])
+        assert ram[0].redundancy.bank.measurements == 4 * SECONDS
+    assert scores[0] == pytest.approx(scores[1], rel=1e-2)
+
+
 class Reference:
     """A RAM image that is navigated epoch by epoch; its velocity is the number of the epoch."""
 
@@ -241,3 +329,71 @@ def test_a_fix_from_before_navigation_is_not_compared():
     bench.run(1, fix=900)
     bench.run(300)
     assert [bench.of(index)[0] for index in range(3)] == [0, 0, 0]
+
+
+class Counts:
+    """A RAM image whose wheel goes 0.1 m an epoch ahead, and an odometer that counts."""
+
+    def __init__(self):
+        self.bench = Reference()
+        self.state = self.bench.state
+        odometer = self.state.odometer
+        odometer.interval_epochs = 10
+        self.state.wheel.first, self.state.wheel.last = 1000, 1000
+        self.state.wheel.C_b_n[:] = np.eye(3)
+        odometer.metres_per_pulse = 0.01
+
+    def run(self, epochs, age=3, gaps=0):
+        state, odometer = self.state, self.state.odometer
+        for _ in range(epochs):
+            epoch = int(state.epoch)
+            state.wheel.last = epoch - 1
+            row = state.wheel.track[(epoch - 1) % WHEEL_EPOCHS]
+            row[:] = 0.0
+            row[1] = 0.1 * epoch
+            row[3] = row[7] = row[11] = epoch / RATE_HZ
+            odometer.fresh = epoch % 10 == 0
+            if odometer.fresh:
+                odometer.epoch, odometer.gaps = epoch - age, gaps
+                odometer.travelled = 0.099 * (epoch - age)
+            self.bench.run(1)
+
+    def stretches(self):
+        """Return, for each block that has one: its index, middle, length, distance, way, mean."""
+        repair, found = self.state.redundancy.repair, []
+        for index in range(repair.count):
+            block = self.bench.of(index)[2]
+            if block[blocks.DISTANCE_VARIANCE] > 0:
+                way = block[blocks.STRETCH_WAY : blocks.STRETCH_WAY + 3]
+                mean = block[blocks.STRETCH_ATTITUDE : blocks.STRETCH_ATTITUDE + 9].reshape(3, 3)
+                middle = block[blocks.BEGUN] + block[blocks.STRETCH_AFTER] * RATE_HZ
+                length = float(block[blocks.STRETCH_S])
+                found.append((index, float(middle), length, float(block[blocks.TRAVELLED])))
+                assert way == pytest.approx([0, 10 * length, 0])
+                assert mean == pytest.approx(np.eye(3) * length)
+        return found
+
+
+@pytest.mark.parametrize("age", [0, 3, 120])
+def test_a_stretch_of_the_odometer_is_kept_in_the_block_of_its_middle(age):
+    counts = Counts()
+    counts.run(600, age)
+    begins = 1000 + (10 - age % 10) % 10 if age else 1000
+    first = max(0, -(-(1000 - begins) // 10))
+    found = counts.stretches()
+    assert len(found) >= 3
+    for index, middle, length, travelled in found:
+        assert length == pytest.approx(1.0)
+        assert travelled == pytest.approx(9.9)
+        assert 999 + 100 * index < middle <= 999 + 100 * (index + 1)
+    assert [index for index, *_ in found] == list(range(found[0][0], found[0][0] + len(found)))
+    assert found[0][0] == first
+
+
+def test_a_stretch_over_a_gap_is_not_kept():
+    counts = Counts()
+    counts.run(250)
+    counts.run(100, gaps=1)
+    counts.run(250, gaps=1)
+    middles = [middle for _, middle, *_ in counts.stretches()]
+    assert middles == pytest.approx([1057, 1157, 1297, 1397, 1497])  # none over 1207 to 1247

@@ -1,0 +1,51 @@
+"""The set-up of the emulated master unit, and how it fills the record."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from rrins.host_tools.hardware import earth
+from rrins.host_tools.hardware.memory import OUTAGE_CAPACITY, MasterState
+
+
+@dataclass(frozen=True)
+class MasterSettings:
+    """The master unit; `outages` are the first and the last epoch of each."""
+
+    interval_epochs: int
+    latency_epochs: int = 0
+    attitude_error: tuple[float, float, float] = (0.0, 0.0, 0.0)  # rad, roll, pitch, heading
+    velocity_error: tuple[float, float, float] = (0.0, 0.0, 0.0)  # m/s, east, north, up
+    position_error: tuple[float, float, float] = (0.0, 0.0, 0.0)  # m, east, north, up
+    level_sigma: float = 0.0  # rad, as it tells it
+    heading_sigma: float = 0.0  # rad, as it tells it
+    velocity_sigma: float = 0.0  # m/s, as it tells it
+    position_sigma: float = 0.0  # m, as it tells it
+    outages: tuple[tuple[int, int], ...] = ()
+
+
+def fill_master(
+    master: MasterState, settings: MasterSettings | None, latitude: float, height: float
+) -> None:
+    """Fill in the master unit of a plant at a latitude (rad) and a height (m); None: no master."""
+    if settings is None:
+        return
+    assert 0 <= settings.latency_epochs < settings.interval_epochs
+    assert len(settings.outages) <= OUTAGE_CAPACITY
+    master.present = True
+    master.interval_epochs = settings.interval_epochs
+    master.latency_epochs = settings.latency_epochs
+    meridian, prime_vertical = earth.curvature_radii(latitude)
+    master.north_m_per_rad = meridian + height
+    master.east_m_per_rad = (prime_vertical + height) * math.cos(latitude)
+    master.attitude_error[:] = settings.attitude_error
+    master.velocity_error[:] = settings.velocity_error
+    master.position_error[:] = settings.position_error
+    master.level_sigma_arcsec = math.degrees(settings.level_sigma) * 3600
+    master.heading_sigma_arcsec = math.degrees(settings.heading_sigma) * 3600
+    master.velocity_sigma = settings.velocity_sigma
+    master.position_sigma = settings.position_sigma
+    master.outage_count = len(settings.outages)
+    for k, (first, last) in enumerate(settings.outages):
+        master.outage_first[k], master.outage_last[k] = first, last
