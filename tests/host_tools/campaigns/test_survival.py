@@ -8,7 +8,6 @@ import resource
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pyarrow.parquet as pq
@@ -22,7 +21,24 @@ RUNS = 480  # more than the workers take at once
 VARY = {"gyros.scale_error_ppm": "normal(0, 50)"}
 OPTIONS = ("rimu_rotating", f"--runs={RUNS}", "--duration=10", "--set=sensors=prototype", "--json")
 VARIED = ("--vary", "gyros.scale_error_ppm=normal(0, 50)", "--out", "c", "--workers=2")
-COMMAND = (sys.executable, "-m", "rrins", "campaign", *OPTIONS, *VARIED)
+COMMAND = ("campaign", *OPTIONS, *VARIED)
+PAUSES = """
+import os, signal
+from rrins.host_tools.campaigns.store import Store
+from rrins.host_tools.cli.main import main
+
+write, runs = Store.write, {runs}
+
+def write_and_pause(store, rows):
+    global runs
+    write(store, rows)
+    if runs <= len(store.stored()):
+        runs = {never}
+        os.kill(os.getpid(), signal.SIGSTOP)
+
+Store.write = write_and_pause
+main()
+"""
 
 
 @pytest.fixture(scope="module")
@@ -34,20 +50,24 @@ def table():
     return store, {row["run"]: row for row in rows_of(Work.of(definition), range(0, RUNS, 7))}
 
 
-def begin(folder, *more, **keywords):
+def begin(folder, *more, entry=("-m", "rrins"), **keywords):
+    command = [sys.executable, *entry, *COMMAND, *more]
     return subprocess.Popen(
-        [*COMMAND, *more], cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, **keywords
+        command, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, **keywords
     )
+
+
+def begin_and_pause(folder, runs, *more):
+    """Begin a campaign that the kernel stops as soon as it has stored so many runs."""
+    pauses = PAUSES.format(runs=runs, never=RUNS + 1)
+    process = begin(folder, *more, entry=("-c", pauses))
+    ended = os.waitid(os.P_PID, process.pid, os.WSTOPPED | os.WEXITED | os.WNOWAIT)
+    assert ended.si_code == os.CLD_STOPPED, process.communicate()
+    return process
 
 
 def stored(folder):
     return sum(pq.read_metadata(path).num_rows for path in (folder / "c").glob("part-*"))
-
-
-def wait_for(folder, runs, process):
-    while stored(folder) < runs:
-        assert process.poll() is None, process.communicate()
-        time.sleep(0.02)
 
 
 def check_whole(folder, table):
@@ -71,8 +91,7 @@ def go_on(folder, *more):
 
 @pytest.mark.slow
 def test_a_client_that_is_killed_goes_on(tmp_path, table):
-    process = begin(tmp_path, "--engine=processes")
-    wait_for(tmp_path, RUNS // 3, process)
+    process = begin_and_pause(tmp_path, RUNS // 3, "--engine=processes")
     process.kill()
     process.communicate()
     before = stored(tmp_path)
@@ -83,12 +102,12 @@ def test_a_client_that_is_killed_goes_on(tmp_path, table):
 
 @pytest.mark.slow
 def test_a_worker_that_is_killed_is_replaced(tmp_path, table):
-    process = begin(tmp_path, "--engine=processes")
-    wait_for(tmp_path, 1, process)  # nearly all of the work is still to be done
+    process = begin_and_pause(tmp_path, 1, "--engine=processes")
     listed = Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split()
     workers = [pid for pid in listed if b"spawn_main" in Path(f"/proc/{pid}/cmdline").read_bytes()]
     assert len(workers) == 2
     os.kill(int(workers[0]), signal.SIGKILL)
+    process.send_signal(signal.SIGCONT)
     out, err = process.communicate(timeout=200)
     assert process.returncode == 0, err
     assert json.loads(out)["lost_chunks"] >= 1
@@ -97,9 +116,9 @@ def test_a_worker_that_is_killed_is_replaced(tmp_path, table):
 
 @pytest.mark.slow
 def test_ctrl_c_keeps_what_is_done(tmp_path, table):
-    process = begin(tmp_path)
-    wait_for(tmp_path, RUNS // 8, process)
+    process = begin_and_pause(tmp_path, RUNS // 8)
     process.send_signal(signal.SIGINT)
+    process.send_signal(signal.SIGCONT)
     _, err = process.communicate(timeout=60)
     assert process.returncode == 130
     assert err.decode().startswith("rrins: stopped by the user: ")
