@@ -91,7 +91,7 @@ class Running:
         finally:
             os.kill(firmware, signal.SIGCONT)
 
-    def finish(self, timeout=60):
+    def finish(self, timeout=150):
         """Wait for the end; return (exit status, standard output)."""
         out, err = self.process.communicate(timeout=timeout)
         self.said += err.splitlines()

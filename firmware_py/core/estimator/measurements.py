@@ -10,7 +10,7 @@ from __future__ import annotations
 from rrins.dbc.compilation import compiled
 from rrins.dbc.record import Floats
 from rrins.firmware_py.core import antenna, earth
-from rrins.firmware_py.core.estimator import covariance, wheels
+from rrins.firmware_py.core.estimator import covariance, standstill, wheels
 from rrins.firmware_py.core.estimator_records import (
     AIDS,
     ATTITUDE,
@@ -26,12 +26,8 @@ from rrins.firmware_py.core.estimator_records import (
     Aid,
     Estimator,
 )
-from rrins.firmware_py.core.initial_attitude import InitialAttitude
 from rrins.firmware_py.core.memory import ANTENNA_EPOCHS, Ram
 from rrins.firmware_py.core.modes import Mode
-
-_MOVING = int(InitialAttitude.SELF_ALIGNED_MOVING)
-_TRANSFERRED = int(InitialAttitude.TRANSFERRED)
 
 _FIX = (1 << 2 * COMPONENTS) - 1
 _EVERY = (1 << COMPONENTS) - 1
@@ -120,7 +116,7 @@ def stand(state: Ram) -> None:
     estimator = state.estimator
     has_just_aligned = state.epoch - estimator.aligned_epoch <= 1  # its last epoch ends the mode
     is_aligning = state.modes.mode == Mode.FINE_ALIGNMENT or has_just_aligned
-    is_aligning = is_aligning and not _is_moving(state)
+    is_aligning = is_aligning and not standstill.may_move(state)
     components = _EVERY if estimator.vertical else _LEVEL
     stands = state.zero_velocity.standing or estimator.standing
     if stands or (is_aligning and not estimator.sway):
@@ -143,12 +139,6 @@ def finish_second(state: Ram) -> None:
     estimator.heights = 0
     estimator.height_sum = 0.0
     estimator.height_epochs = 0
-
-
-@compiled
-def _is_moving(state: Ram) -> bool:
-    method = state.parameters.initial_attitude
-    return method in (_MOVING, _TRANSFERRED)
 
 
 @compiled

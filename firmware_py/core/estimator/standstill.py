@@ -3,7 +3,8 @@
 Skog, Händel, Nilsson and Rantakokko, "Zero-velocity detection: an algorithm evaluation", *IEEE
 Trans. Biomedical Engineering* 57 (2010) 2657: the variance of the specific force, and the rate. In
 axes that do not turn with the table, both are those of the vehicle. A vehicle that glides at a
-constant velocity feels the same, so the navigation must know that it is slow.
+constant velocity feels the same, so the navigation must know that it is slow. Looked for where the
+settings say so, and in the fine alignment of a vehicle that may move: there it is what aids.
 """
 
 from __future__ import annotations
@@ -13,7 +14,9 @@ import math
 from rrins.dbc.compilation import compiled
 from rrins.firmware_py.core.attitude import multiply_transposed
 from rrins.firmware_py.core.estimator_records import VELOCITY
+from rrins.firmware_py.core.initial_attitude import InitialAttitude
 from rrins.firmware_py.core.memory import Ram
+from rrins.firmware_py.core.modes import Mode
 
 STEADY_S = 2
 """Seconds in a row without a change, after which the vehicle stands."""
@@ -34,6 +37,22 @@ _SLOW, _KNOWN = 0.1, 0.3
 """m/s: the speed of a vehicle that may stand, and how well it has to be known."""
 
 _SPEED_SIGMAS = 3.0
+
+_MOVING = int(InitialAttitude.SELF_ALIGNED_MOVING)
+_TRANSFERRED = int(InitialAttitude.TRANSFERRED)
+
+
+@compiled
+def may_move(state: Ram) -> bool:
+    """Return whether the vehicle may move while it aligns."""
+    method = state.parameters.initial_attitude
+    return method in (_MOVING, _TRANSFERRED)
+
+
+@compiled
+def _is_looked_for(state: Ram) -> bool:
+    is_aligning = state.modes.mode == Mode.FINE_ALIGNMENT
+    return state.estimator.detects_standing or (is_aligning and may_move(state))
 
 
 @compiled
@@ -58,7 +77,7 @@ def _begin_second(state: Ram) -> None:
 def note(state: Ram) -> None:
     """Add an epoch's velocity change."""
     estimator, C_s_n, dv_s = state.estimator, state.ins.C_s_n, state.dv_s
-    if not estimator.detects_standing:
+    if not _is_looked_for(state):
         return
     for i in range(3):
         felt = C_s_n[i, 0] * dv_s[0] + C_s_n[i, 1] * dv_s[1] + C_s_n[i, 2] * dv_s[2]
@@ -70,7 +89,8 @@ def note(state: Ram) -> None:
 def finish_second(state: Ram) -> None:
     """Judge the second that ends with this epoch; the filter stands at its end."""
     estimator = state.estimator
-    if not estimator.detects_standing:
+    if not _is_looked_for(state):
+        estimator.standing = False
         return
     is_steady = _force_is_steady(state) and _attitude_is_steady(state) and _is_slow(state)
     estimator.steady_s = estimator.steady_s + 1 if is_steady else 0

@@ -85,7 +85,8 @@ def test_a_gyro_that_fails_just_after_the_fine_alignment_is_named():
 
 def aligned(seed, seconds):
     """Return the attitude's error after a fine alignment, and the filter's sigma, rad."""
-    estimator = {"enabled": True, "fine_alignment_s": seconds}
+    built_in = rrins.load_scenario("rimu_rotating_aligned").estimator
+    estimator = built_in.model_dump(exclude_unset=True) | {"fine_alignment_s": seconds}
     random = np.random.default_rng(seed)  # any heading, and tilts of up to 5°
     roll, pitch = random.uniform(-5, 5, 2)
     body = {"roll_deg": roll, "pitch_deg": pitch, "heading_deg": random.uniform(-180, 180)}

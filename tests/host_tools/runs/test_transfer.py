@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 import rrins
-from rrins.firmware_py.core.attitude import matrix_of_euler
 from rrins.firmware_py.core.earth import SEMI_MAJOR_AXIS
+from rrins.firmware_py.core.estimator_records import ATTITUDE, Aid
 from rrins.host_tools.runs.fast import FastRun
+from rrins.host_tools.runs.results import compare
 from rrins.host_tools.runs.settings import firmware_settings, hardware_settings
 
 ARCSEC = math.radians(1 / 3600)
@@ -35,6 +36,10 @@ def written(scenario, folder):
     return path
 
 
+def turns_arcsec(errors):
+    return np.array([errors.turn_east_arcsec, errors.turn_north_arcsec, errors.turn_up_arcsec])
+
+
 @pytest.mark.parametrize("latency_s", [0.0, 0.5, 0.95])
 def test_a_latency_costs_nothing_in_a_curve(latency_s):
     scenario = scenario_of(master={"latency_s": latency_s})
@@ -42,10 +47,7 @@ def test_a_latency_costs_nothing_in_a_curve(latency_s):
     track = run.run(scenario.navigation_epoch + 40)
     first, true = track.navigation[0], track.truth[0]
     assert first["epoch"] <= scenario.navigation_epoch + 10
-    matrices = np.zeros((2, 3, 3))
-    for C_b_n, row in zip(matrices, (first, true), strict=True):
-        matrix_of_euler(C_b_n, float(row["roll"]), float(row["pitch"]), float(row["heading"]))
-    off = np.abs(matrices[1] @ matrices[0].T - np.eye(3)).max() / ARCSEC
+    off = np.abs(turns_arcsec(compare(track.navigation, track.truth, scenario.rate_hz))[:, 0]).max()
     velocity = np.abs(first["velocity_n"] - true["velocity_n"]).max()
     north, east = (
         (float(first[name]) - float(true[name])) * SEMI_MAJOR_AXIS
@@ -92,6 +94,42 @@ def test_every_way_is_the_same(run, tmp_path):
     assert len({way["navigation_sha256"] for way in ways}) == 1
     assert ways[0]["firmware"]["epochs_navigated"] >= 6 * scenario.rate_hz - 10
     assert ways[0]["estimator"] == ways[2]["estimator"]
+
+
+def test_a_fine_alignment_after_it_finds_that_the_vehicle_stands():
+    errors = {"level": 300.0, "heading": 1800.0}  # ″
+    seconds = 400
+    scenario = rrins.load_scenario(
+        "rimu_rotating_aligned",
+        duration_s=1,
+        seed=3,
+        sensors="prototype",
+        body={"roll_deg": 3, "pitch_deg": -4, "heading_deg": 20},
+        estimator={"enabled": True, "fine_alignment_s": seconds},
+        master={"latency_s": 0.3},
+        firmware={
+            "initial_attitude": "transferred",
+            "alignment_s": 5,
+            "scheme": "16-position",
+            "turn_rate_dps": 2,
+            "stand_s": 10,
+            "velocity_error_sigma_mps": 0.1,
+            **{f"{name}_error_sigma_arcsec": sigma for name, sigma in errors.items()},
+        },
+    )
+    run = FastRun.of(firmware_settings(scenario), hardware_settings(scenario))
+    track = run.run(scenario.epochs)
+    estimator = run.ram[0].estimator
+    begun_s = track.navigation["epoch"][0] / scenario.rate_hz
+    assert begun_s == pytest.approx(5 + 1 + seconds, abs=0.1)  # 1 s: the next valid one
+    assert estimator.sources[int(Aid.ZERO_VELOCITY)].used > 1.9 * seconds  # east and north
+    assert not estimator.standing  # it ends with the mode
+    sigma = np.array(estimator.sigma[ATTITUDE : ATTITUDE + 3]) / ARCSEC
+    off = turns_arcsec(compare(track.navigation, track.truth, scenario.rate_hz))[:, 0]
+    print(f"\nafter {seconds} s: {off.round(1)}″, sigma {sigma.round(1)}″")
+    assert sigma[:2].max() < 0.02 * errors["level"]
+    assert sigma[2] < 0.5 * errors["heading"]
+    assert np.all(np.abs(off) < 3 * sigma)
 
 
 def test_a_master_is_for_a_start_by_transfer():
