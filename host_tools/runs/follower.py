@@ -13,8 +13,8 @@ import numpy as np
 
 from rrins.dbc.codec import load, to_physical, unpack
 from rrins.dbc.contract import load_contract
-from rrins.dbc.e2e import crc_holds
-from rrins.dbc.frame import FrameArray
+from rrins.dbc.e2e import crc_holds, fill
+from rrins.dbc.frame import FrameArray, frame_array
 from rrins.firmware_py.core.memory import NavigationOutput
 from rrins.firmware_py.core.modes import FirmwareFault, Mode
 from rrins.host_tools.files import JsonObject
@@ -174,7 +174,20 @@ class Follower:
         self._file.close()
 
 
+def _prepare() -> None:
+    """Let a spare follower take one frame of each kind, so that all code is compiled or loaded."""
+    contract = load_contract()[0]
+    frames = frame_array(len(_PARTS) + 2)
+    for frame, name in zip(frames, ("firmware_status", "firmware_faults", *_PARTS), strict=True):
+        fill(frame, getattr(contract, name).message, np.uint64(0), 0)
+    Follower(None).take(frames, len(frames), 0)
+
+
 def follower_of(folder: Path | None) -> Follower:
-    """Return a follower that writes its samples where the firmware's own would be."""
-    load()  # the DBC, before time is real
+    """Return a follower that writes its samples where the firmware's own would be.
+
+    What it needs is there after that: nothing is left to compile while time is real.
+    """
+    load()
+    _prepare()
     return Follower(None if folder is None else folder / NAVIGATION_SAMPLES)
