@@ -19,9 +19,13 @@ from rrins.host_tools.motion.trajectory import OMEGA_IB_B
 from rrins.host_tools.runs.settings import first_pose, trajectory_of
 from rrins.host_tools.scenario.scenario import Scenario
 from rrins.host_tools.scenario.tables import each
+from rrins.host_tools.wire.timing import bit_time_ns
 
 _AZIMUTH_LIMIT_DEG = 0.05
 _SYNTHETIC_LIMIT_DPS = 150.0  # no drive and no ship turns faster: 60° in a wave of 3 s
+_FRAME_BITS = 123
+"""Of a frame of 8 bytes with its intermission and half of the stuff bits that it can have."""
+
 _PER_PIECE = 4  # instants of a motion that are looked at
 
 
@@ -33,7 +37,12 @@ def warnings_of(scenario: Scenario) -> list[str]:
     MotionError
         When a recorded motion cannot be used.
     """
-    found = (_ranges(scenario), _fastest_turn(scenario), _short_alignment(scenario))
+    found = (
+        _ranges(scenario),
+        _fastest_turn(scenario),
+        _short_alignment(scenario),
+        _slow_wire(scenario),
+    )
     return [line for line in found if line is not None]
 
 
@@ -120,4 +129,36 @@ def _short_alignment(scenario: Scenario) -> str | None:
         f"self-alignment of {scenario.firmware.alignment_s:g} s: noise and counting of the gyros "
         f"alone leave an azimuth error of {math.degrees(error):.2g}° (1 σ), which becomes about "
         f"{off_km:.2g} km over {scenario.duration_s:g} s; a longer firmware.alignment_s helps"
+    )
+
+
+def frames_at_once(scenario: Scenario) -> int:
+    """Return how many frames the hardware sends in its fullest epoch, heartbeats aside."""
+    sent = ["sync", "mode_command", "axis_inner_status", "axis_outer_status"]
+    groups = {
+        "gnss_": scenario.gnss is not None,
+        "master_": scenario.firmware.initial_attitude == "transferred",
+        "odometer": scenario.odometer is not None,
+        "altimeter": scenario.altimeter is not None,
+        "zero_velocity": bool(scenario.zero_velocity),
+    }
+    names = load_contract()[0].dtype.names or ()
+    for prefix, is_there in groups.items():
+        sent += [name for name in names if is_there and name.startswith(prefix)]
+    return len(sent) + max(len(scenario.rimu.gyros), len(scenario.rimu.accelerometers))
+
+
+def _slow_wire(scenario: Scenario) -> str | None:
+    bitrate, period_ns = scenario.bus.bitrate, scenario.period_ns
+    if bitrate is None:
+        return None
+    count = frames_at_once(scenario)
+    needed_ns, deadline_ns = count * _FRAME_BITS * bit_time_ns(bitrate), period_ns // 2
+    if needed_ns <= deadline_ns:
+        return None
+    return (
+        f"at bus.bitrate = {bitrate} the hardware's {count} frames of one epoch take "
+        f"{needed_ns / 1e6:.1f} ms, and the firmware uses what comes within "
+        f"{deadline_ns / 1e6:.3g} ms (half a period at rate_hz = {scenario.rate_hz}): "
+        "the last of them will be late"
     )

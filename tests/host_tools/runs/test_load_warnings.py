@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
+from rrins import simulate
 from rrins.host_tools.cli.main import rrins
 from rrins.host_tools.runs.load_warnings import azimuth_error, warnings_of
 from rrins.host_tools.scenario.scenario import Scenario, load, names
@@ -46,6 +47,29 @@ def test_a_vehicle_that_turns_faster_than_the_gyros_measure():
     (line,) = warnings_of(scenario(gyros={"range_dps": 20}, **tables))
     assert "the vehicle turns at up to 26.1°/s and the table at 2°/s" in line
     assert "measure up to 20°/s at rate_hz = 200" in line
+
+
+@pytest.mark.parametrize(
+    ("name", "bitrate", "rate_hz", "frames"),
+    [
+        ("rimu_rotating", 500_000, 200, None),
+        ("rimu_rotating", 250_000, 200, 8),
+        ("drive_aided", 1_000_000, 200, None),
+        ("drive_aided", 500_000, 200, 15),
+        ("drive_aided", 500_000, 100, None),
+    ],
+)
+def test_a_wire_too_slow_for_what_an_epoch_sends_is_told_and_loses_frames(
+    name, bitrate, rate_hz, frames
+):
+    ranges = {"gyros": {"range_dps": 150}, "accelerometers": {"range_g": 10}}
+    wanted = load(name, duration_s=3).varied(rate_hz=rate_hz, bus={"bitrate": bitrate}, **ranges)
+    lines = warnings_of(wanted)
+    faults = simulate(wanted).summary["firmware"]["faults"]
+    assert (faults["counter_errors"] > 0) == (frames is not None)
+    assert len(lines) == (frames is not None)
+    for line in lines:
+        assert f"bus.bitrate = {bitrate} the hardware's {frames} frames of one epoch take" in line
 
 
 def test_a_self_alignment_that_is_too_short():
