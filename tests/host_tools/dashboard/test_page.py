@@ -37,7 +37,7 @@ def until(is_so, seconds=60, rest=time.sleep):
 
 
 def ask(page, button, answer):
-    """Click until the answer is one, as somebody does whose machine stood still; return them all."""
+    """Click until it is done, as one does whose machine stood still; return the answers."""
     answers = []
     for _ in range(4):
         page.click(button)

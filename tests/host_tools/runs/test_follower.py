@@ -26,7 +26,8 @@ follower = follower_of(None)
 compiled = []
 with compiling_watched(compiled.append):
     follower.take(frames, len(frames), 0)
-print(json.dumps([compiled, follower.frames, follower.summary(0)["epochs_navigated"]]))
+summary = follower.summary(0)
+print(json.dumps([compiled, summary["frames_sent"], summary["epochs_navigated"]]))
 """
 
 
