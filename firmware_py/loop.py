@@ -295,11 +295,13 @@ class _Intake:
     def gather_until(self, deadline_ns: int, grace_ns: int) -> int:
         """Gather frames until the deadline, then until the epoch is complete or the grace is over.
 
-        Returns how late after the deadline its wait ended.
+        The grace begins with the deadline; after a stall, for which the other side may have stood
+        still, too, when the loop goes on. Returns how late after the deadline its wait ended.
         """
         late_ns = self._gather(deadline_ns)
         if grace_ns and not self._is_whole():
-            self._gather(deadline_ns + grace_ns, until_whole=True)
+            since_ns = deadline_ns + (late_ns if late_ns > grace_ns else 0)
+            self._gather(since_ns + grace_ns, until_whole=True)
         return late_ns
 
     def _is_whole(self) -> bool:
@@ -352,8 +354,9 @@ def run_realtime(
     """Run by the firmware's own clock until shut down.
 
     The deadline of an epoch is half a period after its SYNC is expected. The loop waits for late
-    frames for one more period, unless SYNC is lost. A step that misses its deadline by more than a
-    period is an overrun: its axis commands may not arrive in time.
+    frames for one more period, after a stall from when it goes on, unless SYNC is lost. A step that
+    misses its deadline by more than a period is an overrun: its axis commands may not arrive in
+    time.
     """
     clock = _OwnClock(clock_error_ppm)
     intake = _Intake(firmware, port, clock)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import re
 import shutil
@@ -24,6 +25,13 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
 
 # What tests start writes bytecode: without, each process compiles all modules for half a second.
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+
+
+def pytest_collection_finish() -> None:
+    """Spare the garbage collector all modules and tests: they stay until the end."""
+    gc.collect()
+    gc.freeze()
+
 
 _UNEXPLAINED = re.compile(
     r"Traceback|needs to be investigated|Mamma mia|Retries exceeded|: timeout\b", re.IGNORECASE

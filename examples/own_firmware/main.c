@@ -117,11 +117,14 @@ static bool run_realtime(struct port *port)
         const struct clock *clock = &firmware.clock;
         bool is_followed = clock->synchronised && !clock->lost;
         size_t consumed, sent;
-        int64_t begin_ns;
+        int64_t begin_ns, late_ns, grace_ns = period_ns;
         count = gather(port, (size_t)count, deadline_ns, false);
-        firmware.faults.overruns += clock->synchronised && now_ns() - deadline_ns > period_ns;
+        late_ns = now_ns() - deadline_ns;
+        firmware.faults.overruns += clock->synchronised && late_ns > period_ns;
+        if (late_ns > period_ns) /* a stall: the other side may have stood still, too */
+            grace_ns += late_ns;
         if (count >= 0 && is_followed && !is_in(RRINS_AXIS_OUTER_STATUS_FRAME_ID, (size_t)count))
-            count = gather(port, (size_t)count, deadline_ns + period_ns, true);
+            count = gather(port, (size_t)count, deadline_ns + grace_ns, true);
         if (count < 0)
             return false;
         begin_ns = now_ns();

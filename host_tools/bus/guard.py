@@ -18,7 +18,6 @@ import time
 from collections.abc import Iterable
 from typing import Final, NamedTuple, TypedDict
 
-from rrins.dbc.codec import load
 from rrins.dbc.frame import ERR_FLAG
 from rrins.host_tools.bus import datagram
 from rrins.host_tools.bus.peer import Peer
@@ -80,6 +79,8 @@ class _Owned(NamedTuple):
 @functools.cache
 def _owned() -> dict[int, _Owned]:
     """Return the messages of the contract that one of the sides sends, by identifier."""
+    from rrins.dbc.codec import load  # half a second, for which a bus without sides does not wait
+
     return {
         message.frame_id: _Owned(message.name, side)
         for message in load().database.messages
@@ -125,6 +126,8 @@ class Guard:
         """Take note of who is on the bus, the host among them."""
         self._sides = tuple(side for side in SIDES if side in names)
         self.is_on = bool(self._sides)
+        if self.is_on:
+            _owned()  # before epochs follow each other
 
     @property
     def has_hardware(self) -> bool:

@@ -352,6 +352,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     )
     parser.add_argument("channel", help="name or path of the channel")
     channel = parser.parse_args(arguments).channel
+    sys.modules.setdefault("asammdf", None)  # type: ignore[arg-type]  # python-can would import it
     # The process that was started ends at once, so whoever started it is not left with a child.
     if os.fork():
         return 0

@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 
 from rrins.dbc.frame import Frame
+from rrins.firmware_py import loop
 from rrins.firmware_py.core.clock import own_clock_ns
 from rrins.firmware_py.core.modes import Mode, ModeRequest
-from rrins.firmware_py.loop import Firmware, run_lockstep
+from rrins.firmware_py.loop import Firmware, run_lockstep, run_realtime
+from rrins.host_tools.runs.realtime import LatenessHistogram
 
 
 class ScriptedPort:
@@ -33,6 +35,56 @@ class ScriptedPort:
 
     def send(self, frames, count, epoch, time_ns):
         self.sent.append((epoch, time_ns, frames[:count].tobytes()))
+
+
+class TimedPort:
+    """A port in virtual time: the bench sends each period, and later what it was kept from."""
+
+    PERIOD_NS = 5_000_000
+
+    def __init__(self, bench, epochs, stall_ns, at_epoch, behind_ns):
+        """Let both stand still in `at_epoch`; the bench goes on `behind_ns` after the firmware."""
+        self.now_ns = 0
+        self.stall_ns = self.PERIOD_NS * at_epoch, self.PERIOD_NS * at_epoch + stall_ns
+        self.arrivals = []
+        for epoch in range(epochs):
+            due_ns, last = (epoch + 1) * self.PERIOD_NS, epoch >= epochs - 10
+            if self.stall_ns[0] <= due_ns < self.stall_ns[1]:
+                due_ns = self.stall_ns[1] + behind_ns + (due_ns - self.stall_ns[0]) // 100
+            request = ModeRequest.SHUTDOWN if last else ModeRequest.NAVIGATE_STRAPDOWN
+            self.arrivals.append((due_ns, np.array(bench.frames(epoch, request), Frame.dtype)))
+
+    def receive(self, into, timeout_ns):
+        end_ns = self.now_ns + timeout_ns
+        if self.arrivals and self.arrivals[0][0] <= end_ns:
+            due_ns, frames = self.arrivals.pop(0)
+            self._wait_until(max(self.now_ns, due_ns))
+            into[: len(frames)] = frames
+            return len(frames)
+        self._wait_until(end_ns)
+        return 0
+
+    def _wait_until(self, time_ns):
+        begin_ns, end_ns = self.stall_ns
+        is_stalled = self.now_ns < end_ns and time_ns >= begin_ns
+        self.now_ns = max(time_ns, end_ns) if is_stalled else time_ns
+
+    def send(self, frames, count, epoch, time_ns):
+        self.now_ns += 10_000  # a step takes its time, too
+
+
+@pytest.mark.parametrize("behind_ns", [0, 4_000_000])
+def test_a_stall_of_both_sides_costs_no_frame(tools, monkeypatch, behind_ns):
+    port = TimedPort(tools.Bench(), 400, 40_000_000, 200, behind_ns)
+    monkeypatch.setattr(loop.time, "monotonic_ns", lambda: port.now_ns)
+    firmware = Firmware(tools.settings())
+    lateness = LatenessHistogram(port.PERIOD_NS)
+    run_realtime(firmware, port, lateness)
+    faults = firmware.ram[0]["faults"]
+    assert firmware.mode == Mode.SHUTDOWN
+    assert 35 < max(stall["late_ms"] for stall in lateness.summary()["stalls"]) < 45
+    assert faults["overruns"] > 3
+    assert faults["missing_frames"] == faults["bridged_epochs"] == 0
 
 
 def run(tools, batches, **arguments):
