@@ -6,6 +6,8 @@ import logging
 import os
 import select
 import signal
+import subprocess
+import sys
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -270,3 +272,10 @@ def test_many_start_one_hub_which_ends_with_them(start_player: StartPlayer) -> N
         assert select.select([hub], [], [], 5.0)[0]
     finally:
         os.close(hub)
+
+
+def test_a_hub_loads_only_what_it_needs() -> None:
+    """Whoever connects first waits for it: the DBC and the compiler are for the two sides."""
+    look = "import sys, rrins.host_tools.bus.hub; print(*sys.modules)"
+    done = subprocess.run([sys.executable, "-c", look], capture_output=True, text=True, check=True)
+    assert not {"can", "cantools", "numba"} & set(done.stdout.split())
