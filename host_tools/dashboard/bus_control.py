@@ -37,6 +37,7 @@ _PARITY: Final = {
 _ANSWER_S: Final = 5.0
 _LOOK_S: Final = 0.05
 _SEND_S: Final = 2.0
+_COUNTERS: Final = (0, 5, 10)  # a frame with the counter of the operator's last is not used
 
 
 def routine_named(name: str) -> Routine:
@@ -114,21 +115,25 @@ class BusControl:
         before = self._mode()
         if before != "STANDBY":
             raise DashboardError(f"navigate: goes from STANDBY only; the mode is {before}")
+        for counter in _COUNTERS:
+            self._send(_no_request(counter))
+            until = time.monotonic() + _ANSWER_S / len(_COUNTERS)
+            while time.monotonic() < until:
+                mode = self._mode()
+                if mode != before:
+                    return f"the mode is {mode}"
+                time.sleep(_LOOK_S)
+        raise DashboardError(f"navigate: no change of mode within {_ANSWER_S:g} s")
+
+    def _send(self, message: can.Message) -> None:
         options = {"host": "never", "name": "dashboard", "role": "observer"}
         bus = open_bus(self._address, **(options if self._address.is_embedded else {}))
         try:
-            bus.send(_no_request(), timeout=_SEND_S)
+            bus.send(message, timeout=_SEND_S)
         except can.CanError as error:
             raise BusError(f"bus {self._address}: {error}") from error
         finally:
             bus.shutdown()
-        until = time.monotonic() + _ANSWER_S
-        while time.monotonic() < until:
-            mode = self._mode()
-            if mode != before:
-                return f"the mode is {mode}"
-            time.sleep(_LOOK_S)
-        raise DashboardError(f"navigate: no change of mode within {_ANSWER_S:g} s")
 
     def _codes(self, tester: Tester) -> JsonObject:
         found = tester.troubles(_REMEMBERED)
@@ -153,11 +158,11 @@ def _residuals(tester: Tester) -> JsonObject:
     return {"text": "residuals of the last second", "residuals": found}
 
 
-def _no_request() -> can.Message:
+def _no_request(counter: int) -> can.Message:
     """Return a MODE_COMMAND that asks for nothing."""
     message = load_contract()[0]["mode_command"]
     frames = frame_array(1)
-    fill(frames[0], message.message, np.uint64(0), 0)
+    fill(frames[0], message.message, np.uint64(0), counter)
     return message_of_frame(frames[0])
 
 

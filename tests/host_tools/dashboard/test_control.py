@@ -6,6 +6,10 @@ import json
 
 import pytest
 
+from rrins.host_tools.bus.port import Address
+from rrins.host_tools.dashboard import bus_control
+from rrins.host_tools.dashboard.bus_control import BusControl
+from rrins.host_tools.dashboard.page_orders import Order
 from tests.host_tools.dashboard.test_server import answer_to, feed, state
 
 pytestmark = pytest.mark.slow
@@ -78,6 +82,28 @@ def test_modes_are_requested_on_an_attached_bus(attached):
             assert answer["is_done"], answer["text"]
             modes_until(client, reported)
         answer = answer_to(client, order="mode", mode="navigate")
-        assert answer["is_done"], answer
+        assert answer["is_done"], answer["text"]
         refused = answer_to(client, order="mode", mode="navigate")
         assert "goes from STANDBY only" in refused["text"]
+
+
+@pytest.mark.parametrize("last_counter", range(15))
+def test_navigate_is_heard_whatever_the_counter_of_the_operators_last_command(
+    monkeypatch, last_counter
+):
+    """A frame with the same counter as the one before is a repetition, which E2E forbids to use."""
+    modes = ["STANDBY"]
+
+    class Bus:
+        def send(self, message, timeout):
+            if message.data[1] & 0xF != last_counter:
+                modes.append("ALIGNMENT")
+
+        def shutdown(self):
+            pass
+
+    control = BusControl(Address("rrins", "nowhere"), lambda: modes[-1])
+    monkeypatch.setattr(bus_control, "open_bus", lambda *_, **__: Bus())
+    monkeypatch.setattr(bus_control, "_ANSWER_S", 0.3)
+    answer = control.carry_out(Order(order="mode", id=1, mode="navigate"))
+    assert answer == {"text": "the mode is ALIGNMENT"}
