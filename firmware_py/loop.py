@@ -34,6 +34,11 @@ from rrins.firmware_py.exchange import Exchange, exchange_record, run_epochs
 INBOX_CAPACITY = 4096
 """Frames by which the loop can fall behind without losing any."""
 
+_GRACE_SLICES = 4
+"""Of the wait for a late epoch: a slice that ends late by half its length shows a stall."""
+_GRACES_AT_MOST = 4
+"""A machine that is always late would else wait for ever for a bus that is gone."""
+
 _SHUTDOWN = int(Mode.SHUTDOWN)
 _NO_SOCKET = Direct.zeros()
 _NO_WORDS: Words = np.zeros(0, dtype=np.uint64)
@@ -295,14 +300,22 @@ class _Intake:
     def gather_until(self, deadline_ns: int, grace_ns: int) -> int:
         """Gather frames until the deadline, then until the epoch is complete or the grace is over.
 
-        The grace begins with the deadline; after a stall, for which the other side may have stood
-        still, too, when the loop goes on. Returns how late after the deadline its wait ended.
+        The grace is a time in which the machine ran: it begins anew after a stall, for which the
+        other side may have stood still, too. Returns how late after the deadline its wait ended.
         """
         late_ns = self._gather(deadline_ns)
-        if grace_ns and not self._is_whole():
-            since_ns = deadline_ns + (late_ns if late_ns > grace_ns else 0)
-            self._gather(since_ns + grace_ns, until_whole=True)
+        if grace_ns:
+            self._wait_in_slices(grace_ns // _GRACE_SLICES)
         return late_ns
+
+    def _wait_in_slices(self, slice_ns: int) -> None:
+        """Gather frames until the epoch is complete, or all slices of the grace were on time."""
+        on_time = 0
+        for _ in range(_GRACES_AT_MOST * _GRACE_SLICES):
+            if on_time == _GRACE_SLICES or self._is_whole():
+                return
+            late_ns = self._gather(self._clock.now_ns() + slice_ns, until_whole=True)
+            on_time = 0 if 2 * late_ns > slice_ns else on_time + 1
 
     def _is_whole(self) -> bool:
         return bool(np.any(self._ids[: self.count] == self._last_id))
@@ -354,9 +367,8 @@ def run_realtime(
     """Run by the firmware's own clock until shut down.
 
     The deadline of an epoch is half a period after its SYNC is expected. The loop waits for late
-    frames for one more period, after a stall from when it goes on, unless SYNC is lost. A step that
-    misses its deadline by more than a period is an overrun: its axis commands may not arrive in
-    time.
+    frames for one more period without a stall, unless SYNC is lost. A step that misses its deadline
+    by more than a period is an overrun: its axis commands may not arrive in time.
     """
     clock = _OwnClock(clock_error_ppm)
     intake = _Intake(firmware, port, clock)

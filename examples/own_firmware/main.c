@@ -18,6 +18,7 @@
 #include "rrins.h"
 
 enum { INBOX = 8192, FIFO_PRIORITY = 50, HELLO_NS = 200000000 };
+enum { GRACE_SLICES = 4, GRACES_AT_MOST = 4 }; /* of the wait for a late epoch */
 
 struct options {
     const char *setup, *interface, *channel, *speed;
@@ -92,6 +93,25 @@ static long gather(struct port *port, size_t count, int64_t deadline_ns, bool un
     return (long)count;
 }
 
+/*
+ * Gather frames for a period, or until the epoch is whole; -1 at the end of the bus. A slice that
+ * ends late shows a stall, for which the other side may have stood still, too: the wait begins
+ * anew, but not for ever.
+ */
+static long wait_for_late_frames(struct port *port, long count, int64_t period_ns)
+{
+    int64_t slice_ns = period_ns / GRACE_SLICES;
+    int on_time = 0;
+    for (int k = 0; k < GRACES_AT_MOST * GRACE_SLICES && on_time < GRACE_SLICES; k++) {
+        int64_t end_ns = now_ns() + slice_ns;
+        if (count < 0 || is_in(RRINS_AXIS_OUTER_STATUS_FRAME_ID, (size_t)count))
+            break;
+        count = gather(port, (size_t)count, end_ns, true);
+        on_time = now_ns() - end_ns > slice_ns / 2 ? 0 : on_time + 1;
+    }
+    return count;
+}
+
 /* Keep the arrival of the first SYNC in the inbox, if there is one. */
 static void note_sync(size_t count)
 {
@@ -117,14 +137,11 @@ static bool run_realtime(struct port *port)
         const struct clock *clock = &firmware.clock;
         bool is_followed = clock->synchronised && !clock->lost;
         size_t consumed, sent;
-        int64_t begin_ns, late_ns, grace_ns = period_ns;
+        int64_t begin_ns;
         count = gather(port, (size_t)count, deadline_ns, false);
-        late_ns = now_ns() - deadline_ns;
-        firmware.faults.overruns += clock->synchronised && late_ns > period_ns;
-        if (late_ns > period_ns) /* a stall: the other side may have stood still, too */
-            grace_ns += late_ns;
-        if (count >= 0 && is_followed && !is_in(RRINS_AXIS_OUTER_STATUS_FRAME_ID, (size_t)count))
-            count = gather(port, (size_t)count, deadline_ns + grace_ns, true);
+        firmware.faults.overruns += clock->synchronised && now_ns() - deadline_ns > period_ns;
+        if (is_followed)
+            count = wait_for_late_frames(port, count, period_ns);
         if (count < 0)
             return false;
         begin_ns = now_ns();

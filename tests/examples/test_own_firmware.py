@@ -1,5 +1,7 @@
 """The C firmware navigates as ours does; its intake is fuzzed. At length: RRINS_OWN_FIRMWARE=1.
 
+In real time, bind the test to one core (`taskset -c 1 pytest …`): docs/own-firmware.md says why.
+
 The two are compared by what the bus carries: positions in steps of 1e-9 deg, 0.1 mm.
 """
 
@@ -52,6 +54,23 @@ def test_it_navigates_as_ours_within_a_millimetre(
     assert theirs.summary["firmware"]["program"] == "own_firmware"
     assert largest_difference_m(ours.navigation, theirs.navigation) < LIMIT_M
     assert theirs.summary["hardware"]["faults"]["missing_commands"] == 0
+
+
+@pytest.mark.skipif(not IS_FULL, reason="RRINS_OWN_FIRMWARE is not set")
+@pytest.mark.timeout(2000)
+@pytest.mark.parametrize("name", ["ideal", "rimu_rotating"])
+def test_in_real_time_it_navigates_as_ours(
+    name: str, own_firmware: Path, largest_difference_m: Callable[..., float]
+) -> None:
+    scenario = load(name, duration_s=DURATION_S)
+    program = Program.parse(str(own_firmware))
+    plan = run.Plan(name, scenario, run.Overrides(DURATION_S), speed=1.0, firmware=program)
+    with RunDisplay(scenario, new_console(stderr=True), quiet=True) as display:
+        theirs = run.rehearse(plan, display)
+        ours = run.simulate(name, scenario, display)
+    theirs.check()
+    assert theirs.summary["firmware"]["faults"]["bridged_epochs"] == 0, "the machine stood still"
+    assert largest_difference_m(ours.navigation, theirs.navigation) < LIMIT_M
 
 
 def test_random_frames_do_it_no_harm(own_firmware: Path, make_firmware) -> None:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from rrins.dbc.frame import Frame
 from rrins.firmware_py import loop
@@ -38,52 +40,86 @@ class ScriptedPort:
 
 
 class TimedPort:
-    """A port in virtual time: the bench sends each period, and later what it was kept from."""
+    """A port in virtual time, on a machine that stands still at times; the bench has a core of it.
 
-    PERIOD_NS = 5_000_000
+    The bench sends an epoch each period; what a stall kept it from, it sends when it goes on.
+    """
 
-    def __init__(self, bench, epochs, stall_ns, at_epoch, behind_ns):
-        """Let both stand still in `at_epoch`; the bench goes on `behind_ns` after the firmware."""
+    PERIOD_NS, WORK_NS = 5_000_000, 300_000
+
+    def __init__(self, bench, epochs, stalls, behind_ns):
+        """Let both stand still for each `(begin_ns, length_ns)`, the bench `behind_ns` longer."""
         self.now_ns = 0
-        self.stall_ns = self.PERIOD_NS * at_epoch, self.PERIOD_NS * at_epoch + stall_ns
+        self.stalls = [(begin, begin + length) for begin, length in stalls]
         self.arrivals = []
+        sent_ns = 0
         for epoch in range(epochs):
-            due_ns, last = (epoch + 1) * self.PERIOD_NS, epoch >= epochs - 10
-            if self.stall_ns[0] <= due_ns < self.stall_ns[1]:
-                due_ns = self.stall_ns[1] + behind_ns + (due_ns - self.stall_ns[0]) // 100
+            sent_ns = self._awake(max(sent_ns, (epoch + 1) * self.PERIOD_NS))
+            sent_ns = self._after(sent_ns, sent_ns + self.WORK_NS, behind_ns)
+            last = epoch >= epochs - 10
             request = ModeRequest.SHUTDOWN if last else ModeRequest.NAVIGATE_STRAPDOWN
-            self.arrivals.append((due_ns, np.array(bench.frames(epoch, request), Frame.dtype)))
+            self.arrivals.append((sent_ns, np.array(bench.frames(epoch, request), Frame.dtype)))
+
+    def _after(self, begin_ns, end_ns, behind_ns=0):
+        """Return when what works from begin to end has ended, on this machine."""
+        for stall_ns, on_ns in self.stalls:
+            if begin_ns <= stall_ns < end_ns:
+                end_ns += on_ns - stall_ns + behind_ns
+        return end_ns
+
+    def _awake(self, due_ns):
+        """Return when what is due then is noticed."""
+        return max([due_ns, *(on for stall, on in self.stalls if stall <= due_ns < on)])
 
     def receive(self, into, timeout_ns):
         end_ns = self.now_ns + timeout_ns
         if self.arrivals and self.arrivals[0][0] <= end_ns:
             due_ns, frames = self.arrivals.pop(0)
-            self._wait_until(max(self.now_ns, due_ns))
+            self.now_ns = self._awake(max(self.now_ns, due_ns))
             into[: len(frames)] = frames
             return len(frames)
-        self._wait_until(end_ns)
+        self.now_ns = self._awake(end_ns)
         return 0
 
-    def _wait_until(self, time_ns):
-        begin_ns, end_ns = self.stall_ns
-        is_stalled = self.now_ns < end_ns and time_ns >= begin_ns
-        self.now_ns = max(time_ns, end_ns) if is_stalled else time_ns
-
     def send(self, frames, count, epoch, time_ns):
-        self.now_ns += 10_000  # a step takes its time, too
+        self.now_ns = self._after(self.now_ns, self.now_ns + 10_000)  # a step takes its time, too
+
+
+def run_with_stalls(tools, stalls, behind_ns=0, epochs=400):
+    """Run in real time on a machine that stands still; return the firmware and its lateness."""
+    with pytest.MonkeyPatch.context() as patch:
+        port = TimedPort(tools.Bench(), epochs, stalls, behind_ns)
+        patch.setattr(loop.time, "monotonic_ns", lambda: port.now_ns)
+        firmware = Firmware(tools.settings())
+        lateness = LatenessHistogram(port.PERIOD_NS)
+        run_realtime(firmware, port, lateness)
+    assert firmware.mode == Mode.SHUTDOWN
+    return firmware, lateness
 
 
 @pytest.mark.parametrize("behind_ns", [0, 4_000_000])
-def test_a_stall_of_both_sides_costs_no_frame(tools, monkeypatch, behind_ns):
-    port = TimedPort(tools.Bench(), 400, 40_000_000, 200, behind_ns)
-    monkeypatch.setattr(loop.time, "monotonic_ns", lambda: port.now_ns)
-    firmware = Firmware(tools.settings())
-    lateness = LatenessHistogram(port.PERIOD_NS)
-    run_realtime(firmware, port, lateness)
+def test_a_stall_of_both_sides_costs_no_frame(tools, behind_ns):
+    firmware, lateness = run_with_stalls(tools, [(1_000_000_000, 40_000_000)], behind_ns)
     faults = firmware.ram[0]["faults"]
-    assert firmware.mode == Mode.SHUTDOWN
     assert 35 < max(stall["late_ms"] for stall in lateness.summary()["stalls"]) < 45
     assert faults["overruns"] > 3
+    assert faults["missing_frames"] == faults["bridged_epochs"] == 0
+
+
+STALL = st.tuples(st.integers(0, 8_000_000), st.integers(500_000, 12_000_000))
+"""How long after the last one it begins, and how long it lasts, in ns."""
+
+
+@given(stalls=st.lists(STALL, min_size=1, max_size=12))
+@settings(max_examples=100)
+def test_whatever_the_stalls_of_both_sides_no_frame_is_lost(tools, stalls):
+    begins_ns, times_ns = 1_000_000_000, []
+    for pause_ns, length_ns in stalls:
+        begins_ns += pause_ns
+        times_ns.append((begins_ns, length_ns))
+        begins_ns += length_ns
+    firmware, _ = run_with_stalls(tools, times_ns, epochs=320)
+    faults = firmware.ram[0]["faults"]
     assert faults["missing_frames"] == faults["bridged_epochs"] == 0
 
 
