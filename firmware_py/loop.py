@@ -37,7 +37,7 @@ INBOX_CAPACITY = 4096
 _GRACE_SLICES = 4
 """Of the wait for a late epoch: a slice that ends late by half its length shows a stall."""
 _GRACES_AT_MOST = 4
-"""A machine that is always late would else wait for ever for a bus that is gone."""
+"""Otherwise a machine that is always late would wait forever for a bus that is gone."""
 
 _SHUTDOWN = int(Mode.SHUTDOWN)
 _NO_SOCKET = Direct.zeros()

@@ -110,15 +110,16 @@ STALL = st.tuples(st.integers(0, 8_000_000), st.integers(500_000, 12_000_000))
 """How long after the last one it begins, and how long it lasts, in ns."""
 
 
+@pytest.mark.slow
 @given(stalls=st.lists(STALL, min_size=1, max_size=12))
 @settings(max_examples=100)
 def test_whatever_the_stalls_of_both_sides_no_frame_is_lost(tools, stalls):
-    begins_ns, times_ns = 1_000_000_000, []
+    begins_ns, times_ns = 650_000_000, []  # soon after the navigation begins
     for pause_ns, length_ns in stalls:
         begins_ns += pause_ns
         times_ns.append((begins_ns, length_ns))
         begins_ns += length_ns
-    firmware, _ = run_with_stalls(tools, times_ns, epochs=320)
+    firmware, _ = run_with_stalls(tools, times_ns, epochs=200)
     faults = firmware.ram[0]["faults"]
     assert faults["missing_frames"] == faults["bridged_epochs"] == 0
 
