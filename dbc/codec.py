@@ -19,9 +19,9 @@ from cantools.database import Message, Signal
 from cantools.database.can import Database
 from cantools.errors import Error as CantoolsError
 
-from rrins.dbc.compilation import compiled, compiled_with
+from rrins.compiled.compilation import compiled, compiled_with
+from rrins.compiled.record import F8, I8, U1, Record, Whole
 from rrins.dbc.e2e import MessageLayout
-from rrins.dbc.record import F8, I8, U1, Record, Whole
 
 
 class SignalLayout(Record):

@@ -15,9 +15,9 @@ from typing import TYPE_CHECKING, cast, overload
 
 import numpy as np
 
+from rrins.compiled.record import Record, Records
 from rrins.dbc.codec import Codec, ContractError, SignalLayout, load
 from rrins.dbc.e2e import MessageLayout
-from rrins.dbc.record import Record, Records
 
 SENSOR_GROUPS = 16
 """Sensor groups with frames in the DBC: the most sensors of one kind that a RIMU can have."""

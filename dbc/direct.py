@@ -14,9 +14,9 @@ import numpy as np
 from numba import config
 from numba.core import types
 
-from rrins.dbc.compilation import compiled
+from rrins.compiled.compilation import compiled
+from rrins.compiled.record import I8, U8, Record, Words
 from rrins.dbc.frame import FrameArray
-from rrins.dbc.record import I8, U8, Record, Words
 
 AVAILABLE = not config.DISABLE_JIT  # type: ignore[attr-defined]
 """Whether code is compiled, and so can call the kernel."""

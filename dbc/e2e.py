@@ -12,9 +12,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from rrins.dbc.compilation import compiled
+from rrins.compiled.compilation import compiled
+from rrins.compiled.record import I8, U2, U4, Record
 from rrins.dbc.frame import Frame
-from rrins.dbc.record import I8, U2, U4, Record
 
 COUNTER_MODULUS = 15
 """The counter runs from 0 to 14; profile 1 reserves 15 for 'invalid'."""

@@ -5,7 +5,7 @@ The eight payload bytes are one little-endian 64-bit word, so that a signal is a
 
 from __future__ import annotations
 
-from rrins.dbc.record import U1, U4, U8, Record, Records
+from rrins.compiled.record import U1, U4, U8, Record, Records
 
 
 class Frame(Record):

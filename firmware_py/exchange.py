@@ -5,14 +5,14 @@ Python is back for whatever asks for it: diagnostics, a task that is due, a bus 
 
 from __future__ import annotations
 
-from rrins.dbc.compilation import compiled_with
+from rrins.compiled.compilation import compiled_with
+from rrins.compiled.record import F8, I8, Bool, Record, Records, Words
 from rrins.dbc.contract import Contract
 from rrins.dbc.direct import NOTHING, Direct, receive, send
 from rrins.dbc.frame import FrameArray
-from rrins.dbc.record import F8, I8, Bool, Record, Records, Words
-from rrins.firmware_py.core.clock import own_clock_ns
-from rrins.firmware_py.core.memory import NavigationOutput, Ram
-from rrins.firmware_py.core.modes import Mode, navigating
+from rrins.firmware_py.core.frames_in.clock import own_clock_ns
+from rrins.firmware_py.core.modes.modes import Mode, navigating
+from rrins.firmware_py.core.records.memory import NavigationOutput, Ram
 from rrins.firmware_py.core.step import firmware_step
 
 

@@ -14,15 +14,15 @@ from typing import Protocol
 
 import numpy as np
 
+from rrins.compiled.record import Floats, Records, Words
 from rrins.dbc.contract import load_contract
 from rrins.dbc.direct import NOTHING, WORDS, Direct
 from rrins.dbc.frame import FrameArray, frame_array
-from rrins.dbc.record import Floats, Records, Words
-from rrins.firmware_py.core.clock import own_clock_ns
-from rrins.firmware_py.core.modes import Mode
+from rrins.firmware_py.core.frames_in.clock import own_clock_ns
+from rrins.firmware_py.core.frames_out.transmit import OUTBOX_CAPACITY
+from rrins.firmware_py.core.modes.modes import Mode
+from rrins.firmware_py.core.navigation.trace import NavigationTrace
 from rrins.firmware_py.core.settings import Settings, power_on
-from rrins.firmware_py.core.trace import NavigationTrace
-from rrins.firmware_py.core.transmit import OUTBOX_CAPACITY
 from rrins.firmware_py.diagnostics.fault_memory import CAPACITY as FAULT_CAPACITY
 from rrins.firmware_py.diagnostics.node import Diagnostics
 from rrins.firmware_py.diagnostics.parameter_memory import ParameterMemory

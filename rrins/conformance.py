@@ -11,7 +11,7 @@ from rrins.host_tools.conformance import report
 from rrins.host_tools.conformance.check import Finding
 from rrins.host_tools.conformance.suite import chosen
 from rrins.host_tools.conformance.suite import conform as try_checks
-from rrins.host_tools.runs.program import Program
+from rrins.host_tools.runs.programs.program import Program
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rrins.dbc.record import Floats, Integers, Records
-from rrins.firmware_py.core.memory import NavigationOutput
-from rrins.firmware_py.core.modes import Mode
+from rrins.compiled.record import Floats, Integers, Records
+from rrins.firmware_py.core.modes.modes import Mode
+from rrins.firmware_py.core.records.memory import NavigationOutput
 from rrins.host_tools.errors import RehearsalError
 from rrins.host_tools.hardware.memory import Truth
 from rrins.host_tools.motion.trajectory import ATTITUDE, PLACE, VELOCITY_N, Trajectory

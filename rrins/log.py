@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
+from rrins.compiled.record import Floats
 from rrins.dbc.frame import FrameArray
-from rrins.dbc.record import Floats
 from rrins.host_tools.files import JsonObject
 from rrins.host_tools.logs.reader import Log
 from rrins.host_tools.logs.signals import (

@@ -13,12 +13,12 @@ from typing import TYPE_CHECKING
 
 from rrins.host_tools.files import JsonObject
 from rrins.host_tools.runs.display import RunDisplay
-from rrins.host_tools.runs.keeping import place_for
-from rrins.host_tools.runs.program import Program
+from rrins.host_tools.runs.programs.program import Program
+from rrins.host_tools.runs.results.keeping import place_for
+from rrins.host_tools.runs.results.summary import cells_of, lines_of
 from rrins.host_tools.runs.run import BusOptions, Plan, RunResult
 from rrins.host_tools.runs.run import rehearse as rehearse_plan
 from rrins.host_tools.runs.run import simulate as simulate_scenario
-from rrins.host_tools.runs.summary import cells_of, lines_of
 from rrins.host_tools.scenario.scenario import Scenario
 from rrins.host_tools.terminal import new_console
 from rrins.notebook import is_notebook, let_figures_show
@@ -91,7 +91,7 @@ class Run:
         """Return the errors as a table over `time_s`, a column each, units in the names."""
         import pandas as pd
 
-        from rrins.host_tools.runs.results import columns_of
+        from rrins.host_tools.runs.results.results import columns_of
 
         columns = columns_of(self._result.errors)
         time_s = columns.pop("time_s")
@@ -105,7 +105,7 @@ class Run:
         figure : matplotlib.figure.Figure, optional
             To draw into; a new one without it.
         """
-        from rrins.host_tools.runs.plots import draw_errors
+        from rrins.host_tools.runs.results.plots import draw_errors
 
         let_figures_show()
         return draw_errors(self._result.errors, self._result.title, figure)
@@ -118,7 +118,7 @@ class Run:
         axes : matplotlib.axes.Axes, optional
             To draw into; those of a new figure without it.
         """
-        from rrins.host_tools.runs.plots import draw_track
+        from rrins.host_tools.runs.results.plots import draw_track
 
         let_figures_show()
         return draw_track(self._result.errors, self._result.title, axes)

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rrins.host_tools.runs.fused import fused_of_scenario
-from rrins.host_tools.runs.navigator_files import Format, Frame, Written, write
 from rrins.host_tools.vehicle import importing, reading
+from rrins.host_tools.vehicle.fused import fused_of_scenario
 from rrins.host_tools.vehicle.importing import Imported
+from rrins.host_tools.vehicle.navigator_files import Format, Frame, Written, write
 from rrins.scenarios import load_scenario
 
 if TYPE_CHECKING:

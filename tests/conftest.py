@@ -114,9 +114,9 @@ def largest_difference_m() -> Callable[..., float]:
     """Return what finds the largest horizontal distance of two navigations in common epochs."""
     import numpy as np
 
-    from rrins.dbc.record import Records
-    from rrins.firmware_py.core.memory import NavigationOutput
-    from rrins.host_tools.runs.results import east_north_m
+    from rrins.compiled.record import Records
+    from rrins.firmware_py.core.records.memory import NavigationOutput
+    from rrins.host_tools.runs.results.results import east_north_m
 
     def difference_m(ours: Records[NavigationOutput], theirs: Records[NavigationOutput]) -> float:
         _, i, j = np.intersect1d(ours["epoch"], theirs["epoch"], return_indices=True)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 
-from rrins.firmware_py.core.troubles import AGING_CYCLES, Trouble
+from rrins.firmware_py.core.records.troubles import AGING_CYCLES, Trouble
 from rrins.firmware_py.diagnostics import access, table
 from rrins.firmware_py.diagnostics.codecs import Field
 from rrins.firmware_py.diagnostics.data_identifier import DataIdentifier
@@ -165,7 +165,8 @@ def _memory() -> Iterator[str]:
     names = ", ".join(f"`{region.name}`" for region in table.regions()[1:])
     yield (
         "ReadMemoryByAddress reads the RAM image, a packed little-endian record "
-        "(`firmware_py/core/memory.py`); an address is an offset into it. Its parts, in order, are "
+        "(`firmware_py/core/records/memory.py`); an address is an offset into it. "
+        "Its parts, in order, are "
         f"{names}; their offsets depend on the firmware version (`table.regions()`)."
     )
     yield (

@@ -15,14 +15,18 @@ import numpy as np
 from generate.fault_cases import OF_HARDWARE, ON_WIRE, Case
 from generate.faults_page_text import AT_S, BETWEEN, HEAD
 from generate.redundancy_faults import section
-from rrins.firmware_py.core.modes import FirmwareFault, Mode
-from rrins.firmware_py.core.trouble_table import TROUBLES
-from rrins.firmware_py.core.troubles import Status
+from rrins.firmware_py.core.modes.modes import FirmwareFault, Mode
+from rrins.firmware_py.core.records.trouble_table import TROUBLES
+from rrins.firmware_py.core.records.troubles import Status
 from rrins.firmware_py.loop import Firmware
 from rrins.host_tools.hardware.loop import Hardware
 from rrins.host_tools.runs.exchange import exchange_epoch
-from rrins.host_tools.runs.results import east_north_m
-from rrins.host_tools.runs.settings import firmware_settings, hardware_settings, scenario_wire
+from rrins.host_tools.runs.results.results import east_north_m
+from rrins.host_tools.runs.set_up.settings import (
+    firmware_settings,
+    hardware_settings,
+    scenario_wire,
+)
 from rrins.host_tools.scenario.scenario import Scenario
 
 _BITRATE = 1_000_000

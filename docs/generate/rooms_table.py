@@ -20,7 +20,7 @@ _BEGIN = "<!-- rooms: from pyproject.toml, by `make docs` -->\n"
 _END = "<!-- end of rooms -->\n"
 _PACKAGE = "rrins."
 _FACE = ("", "`rrins/`", "The public face: what a script, a notebook or a plug-in imports", "all")
-_BOTTOM = "rrins.dbc"
+_BOTTOM = ("rrins.dbc", "rrins.compiled")
 _MOST_NAMES = 4
 """The longest list of rooms that is written out."""
 
@@ -30,6 +30,7 @@ GUIDES = {
     "firmware_py/diagnostics": "diagnostics.md",
     "firmware_py/serial": "serial.md",
     "host_tools/benchmarks": "bench.md",
+    "host_tools/bridges": "attach.md",
     "host_tools/bus": "bus.md",
     "host_tools/conformance": "own-firmware.md",
     "host_tools/calibration": "calibration.md",
@@ -70,7 +71,7 @@ def levels() -> list[list[str]]:
         for container in ("rrins.host_tools", "rrins.firmware_py")
         for layer in stacks[container]
     ]
-    return [*found, [_BOTTOM]]
+    return [*found, *([room] for room in _BOTTOM)]
 
 
 def _matches(room: str, pattern: str) -> bool:
@@ -90,7 +91,8 @@ def _is_forbidden(importer: str, imported: str) -> bool:
 
 def _path_of(room: str) -> Path:
     """Return the folder or the file of a room."""
-    folder = ROOT / room.removeprefix(_PACKAGE).replace(".", "/")
+    name = room if room == "rrins.compiled" else room.removeprefix(_PACKAGE)
+    folder = ROOT / name.replace(".", "/")
     return folder if folder.is_dir() else folder.with_suffix(".py")
 
 

@@ -7,21 +7,16 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
+from rrins.compiled.record import Records
 from rrins.dbc.codec import span_of
 from rrins.dbc.contract import SENSOR_GROUPS, Contract
-from rrins.dbc.record import Records
-from rrins.firmware_py.core import calibration, clock, intake, size_effect, strapdown, transfer
-from rrins.firmware_py.core.attitude import matrix_of_euler
-from rrins.firmware_py.core.calibration import (
-    AccelerometerCalibration,
-    Calibration,
-    GyroCalibration,
-)
 from rrins.firmware_py.core.estimator import settings as estimator
 from rrins.firmware_py.core.estimator.settings import EstimatorSettings
-from rrins.firmware_py.core.fusion import GAIN_LIMIT, WEIGHT_RATIO_LIMIT
-from rrins.firmware_py.core.initial_attitude import InitialAttitude
-from rrins.firmware_py.core.memory import (
+from rrins.firmware_py.core.frames_in import clock, intake
+from rrins.firmware_py.core.maths.attitude import matrix_of_euler
+from rrins.firmware_py.core.navigation import strapdown, transfer
+from rrins.firmware_py.core.records.initial_attitude import InitialAttitude
+from rrins.firmware_py.core.records.memory import (
     INNER,
     OUTER,
     SCHEME_CAPACITY,
@@ -34,6 +29,13 @@ from rrins.firmware_py.core.memory import (
 from rrins.firmware_py.core.redundancy import drift_settings as drift
 from rrins.firmware_py.core.redundancy import settings as redundancy
 from rrins.firmware_py.core.redundancy.settings import RedundancySettings
+from rrins.firmware_py.core.sensors import calibration, size_effect
+from rrins.firmware_py.core.sensors.calibration import (
+    AccelerometerCalibration,
+    Calibration,
+    GyroCalibration,
+)
+from rrins.firmware_py.core.sensors.fusion import GAIN_LIMIT, WEIGHT_RATIO_LIMIT
 
 _HEIGHT_CHANNELS = {
     "held": strapdown.HEIGHT_HELD,

@@ -8,47 +8,41 @@ from __future__ import annotations
 
 import numpy as np
 
-from rrins.dbc.compilation import compiled
-from rrins.dbc.compiled_beside import Beside, array_of
+from rrins.compiled.compilation import compiled
+from rrins.compiled.compiled_beside import Beside, array_of
+from rrins.compiled.record import Records
 from rrins.dbc.contract import Contract
 from rrins.dbc.frame import Frame, FrameArray
-from rrins.dbc.record import Records
-from rrins.firmware_py.core import (
-    alignment,
-    antenna,
-    bridging,
-    clock,
-    earth,
-    encoders,
-    gnss,
-    inertial_alignment,
-    intake,
-    isolation,
-    master,
-    modes,
-    monitor,
-    odometer,
-    routine_requests,
-    sequencer,
-    size_effect,
-    strapdown,
-    stuck,
-    transfer,
-    wheel,
-    zero_velocity,
-)
-from rrins.firmware_py.core.attitude import euler_of_matrix, gimbal_matrix, multiply_transposed
+from rrins.firmware_py.core.aiding import antenna, wheel
 from rrins.firmware_py.core.estimator import feedback
 from rrins.firmware_py.core.estimator import follow as estimator
-from rrins.firmware_py.core.estimator_records import ATTITUDE
-from rrins.firmware_py.core.fusion import compensate, fuse
-from rrins.firmware_py.core.initial_attitude import InitialAttitude
-from rrins.firmware_py.core.memory import INNER, OUTER, Fusion, Ram
-from rrins.firmware_py.core.modes import FirmwareFault, Mode
+from rrins.firmware_py.core.frames_in import clock, gnss, intake, master, odometer, zero_velocity
+from rrins.firmware_py.core.frames_out.transmit import transmit
+from rrins.firmware_py.core.maths import earth
+from rrins.firmware_py.core.maths.attitude import (
+    euler_of_matrix,
+    gimbal_matrix,
+    multiply_transposed,
+)
+from rrins.firmware_py.core.modes import modes, routine_requests
+from rrins.firmware_py.core.modes.modes import FirmwareFault, Mode
+from rrins.firmware_py.core.monitoring import monitor, stuck
+from rrins.firmware_py.core.navigation import (
+    alignment,
+    bridging,
+    inertial_alignment,
+    strapdown,
+    transfer,
+)
+from rrins.firmware_py.core.records.estimator_records import ATTITUDE
+from rrins.firmware_py.core.records.initial_attitude import InitialAttitude
+from rrins.firmware_py.core.records.memory import INNER, OUTER, Fusion, Ram
+from rrins.firmware_py.core.records.redundancy_records import Parity
 from rrins.firmware_py.core.redundancy import bank, repair
 from rrins.firmware_py.core.redundancy import watch as redundancy
-from rrins.firmware_py.core.redundancy_records import Parity
-from rrins.firmware_py.core.transmit import transmit
+from rrins.firmware_py.core.sensors import size_effect
+from rrins.firmware_py.core.sensors.fusion import compensate, fuse
+from rrins.firmware_py.core.turntable import encoders, isolation, sequencer
 
 _DOUBT_NS = 15_000_000_000
 """Longest time that an alignment waits for a suspicion to be settled."""

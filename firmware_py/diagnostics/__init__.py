@@ -2,7 +2,7 @@
 
 `table` is the one place where identifiers, routines, trouble codes, memory regions, sessions and
 negative responses are described; the server, clients, the docs and the tests read it. Faults are
-found, debounced and kept by the compiled step: `rrins.firmware_py.core.monitor`.
+found, debounced and kept by the compiled step: `rrins.firmware_py.core.monitoring.monitor`.
 
 ========================  ==========================================================================
 table                     what there is to read, write, start and find: no behaviour

@@ -9,8 +9,8 @@ from enum import IntEnum
 
 import numpy as np
 
-from rrins.firmware_py.core.memory import INNER, OUTER, Ram
-from rrins.firmware_py.core.table_sums import ORIENTATIONS, TURNS, TableSums
+from rrins.firmware_py.core.records.memory import INNER, OUTER, Ram
+from rrins.firmware_py.core.turntable.table_sums import ORIENTATIONS, TURNS, TableSums
 
 RECORD_ADDRESS = 0x2000_0000
 """Where ReadMemoryByAddress reads the record."""

@@ -10,15 +10,16 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from rrins.dbc.record import Floats, Records
+from rrins.compiled.record import Floats, Records
 from rrins.dbc.values import AxisCommand
-from rrins.firmware_py.core import clock, earth
-from rrins.firmware_py.core.calibration import ARCSEC, DPH, PPM, UG
-from rrins.firmware_py.core.diagnostic_records import RoutineRequest
-from rrins.firmware_py.core.estimator_records import PITCH, SCALE, SENSOR_CONSTANTS, YAW
-from rrins.firmware_py.core.memory import Clock, Ram
-from rrins.firmware_py.core.modes import Mode
-from rrins.firmware_py.core.redundancy_records import SensorKind
+from rrins.firmware_py.core.frames_in import clock
+from rrins.firmware_py.core.maths import earth
+from rrins.firmware_py.core.modes.modes import Mode
+from rrins.firmware_py.core.records.diagnostic_records import RoutineRequest
+from rrins.firmware_py.core.records.estimator_records import PITCH, SCALE, SENSOR_CONSTANTS, YAW
+from rrins.firmware_py.core.records.memory import Clock, Ram
+from rrins.firmware_py.core.records.redundancy_records import SensorKind
+from rrins.firmware_py.core.sensors.calibration import ARCSEC, DPH, PPM, UG
 from rrins.firmware_py.diagnostics import calibration_image as image
 from rrins.firmware_py.diagnostics import table
 from rrins.firmware_py.diagnostics.codecs import Value, Values

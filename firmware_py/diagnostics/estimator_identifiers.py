@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from rrins.dbc.contract import SENSOR_GROUPS
-from rrins.firmware_py.core.calibration import ARCSEC, PPM
-from rrins.firmware_py.core.estimator_records import AIDS, Aid
+from rrins.firmware_py.core.records.estimator_records import AIDS, Aid
+from rrins.firmware_py.core.sensors.calibration import ARCSEC, PPM
 from rrins.firmware_py.diagnostics.codecs import Field
 from rrins.firmware_py.diagnostics.data_identifier import DataIdentifier
 

@@ -13,16 +13,16 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from rrins.compiled.record import Records
 from rrins.dbc.codec import load
 from rrins.dbc.contract import Contract
-from rrins.dbc.record import Records
-from rrins.firmware_py.core import consistency
-from rrins.firmware_py.core.diagnostic_records import Snapshot, TroubleMemory
-from rrins.firmware_py.core.memory import Ram
-from rrins.firmware_py.core.monitor import COUNTER_CEILING, COUNTER_ONE
-from rrins.firmware_py.core.redundancy_records import ParityBefore
-from rrins.firmware_py.core.trouble_table import FIRST, PARITY_KIND, TROUBLES
-from rrins.firmware_py.core.troubles import (
+from rrins.firmware_py.core.monitoring import consistency
+from rrins.firmware_py.core.monitoring.monitor import COUNTER_CEILING, COUNTER_ONE
+from rrins.firmware_py.core.records.diagnostic_records import Snapshot, TroubleMemory
+from rrins.firmware_py.core.records.memory import Ram
+from rrins.firmware_py.core.records.redundancy_records import ParityBefore
+from rrins.firmware_py.core.records.trouble_table import FIRST, PARITY_KIND, TROUBLES
+from rrins.firmware_py.core.records.troubles import (
     AGING_CYCLES,
     ALL_GROUPS,
     CLEARED_STATUS,

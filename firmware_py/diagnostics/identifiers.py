@@ -7,8 +7,8 @@ from enum import IntEnum
 
 from rrins.dbc.contract import SENSOR_GROUPS
 from rrins.dbc.values import AxisCommand, AxisState
-from rrins.firmware_py.core.encoder_records import AngleSource
-from rrins.firmware_py.core.modes import FirmwareFault, Mode, ModeRequest
+from rrins.firmware_py.core.modes.modes import FirmwareFault, Mode, ModeRequest
+from rrins.firmware_py.core.records.encoder_records import AngleSource
 from rrins.firmware_py.diagnostics.access import UNLOCKED, Session
 from rrins.firmware_py.diagnostics.codecs import Field
 from rrins.firmware_py.diagnostics.data_identifier import DataIdentifier

@@ -8,11 +8,11 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from rrins.compiled.record import Records
 from rrins.dbc.contract import Contract
 from rrins.dbc.frame import FrameArray, frame_array
-from rrins.dbc.record import Records
-from rrins.firmware_py.core.diagnostic_records import ATTENTION_FRAMES, ATTENTION_TROUBLES
-from rrins.firmware_py.core.memory import Ram
+from rrins.firmware_py.core.records.diagnostic_records import ATTENTION_FRAMES, ATTENTION_TROUBLES
+from rrins.firmware_py.core.records.memory import Ram
 from rrins.firmware_py.core.settings import power_on
 from rrins.firmware_py.diagnostics import access, table
 from rrins.firmware_py.diagnostics.computer import Computer

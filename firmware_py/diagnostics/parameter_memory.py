@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from rrins.firmware_py.core.records.troubles import SystemFault
 from rrins.firmware_py.core.settings import Settings
-from rrins.firmware_py.core.troubles import SystemFault
 from rrins.firmware_py.diagnostics import calibration_image as image
 from rrins.firmware_py.diagnostics import parameter_settings as set_up
 from rrins.firmware_py.diagnostics.calibration_image import ImageError, Parameters

@@ -7,7 +7,8 @@ import functools
 from collections.abc import Iterator, Mapping
 
 from rrins.dbc.contract import SENSOR_GROUPS
-from rrins.firmware_py.core.calibration import (
+from rrins.firmware_py.core.records.initial_attitude import InitialAttitude
+from rrins.firmware_py.core.sensors.calibration import (
     AccelerometerCalibration,
     AccelerometerSigmas,
     GyroCalibration,
@@ -15,7 +16,6 @@ from rrins.firmware_py.core.calibration import (
     Origin,
     each,
 )
-from rrins.firmware_py.core.initial_attitude import InitialAttitude
 from rrins.firmware_py.core.settings import Settings, check_weights
 from rrins.firmware_py.diagnostics.calibration_image import Parameters
 from rrins.firmware_py.diagnostics.codecs import Values

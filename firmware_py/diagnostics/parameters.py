@@ -9,7 +9,7 @@ from __future__ import annotations
 from enum import IntEnum
 
 from rrins.dbc.contract import SENSOR_GROUPS
-from rrins.firmware_py.core.initial_attitude import InitialAttitude
+from rrins.firmware_py.core.records.initial_attitude import InitialAttitude
 from rrins.firmware_py.diagnostics.access import ANYWHERE, UNLOCKED
 from rrins.firmware_py.diagnostics.codecs import Field
 from rrins.firmware_py.diagnostics.data_identifier import DataIdentifier

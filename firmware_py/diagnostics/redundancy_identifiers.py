@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from rrins.dbc.contract import SENSOR_GROUPS
-from rrins.firmware_py.core.calibration import DPH, PPM, UG
-from rrins.firmware_py.core.calibration_records import DriftState
-from rrins.firmware_py.core.redundancy_records import (
+from rrins.firmware_py.core.records.calibration_records import DriftState
+from rrins.firmware_py.core.records.redundancy_records import (
     BEFORE_S,
     Found,
     ReadmissionState,
     Refusal,
     SensorKind,
 )
+from rrins.firmware_py.core.sensors.calibration import DPH, PPM, UG
 from rrins.firmware_py.diagnostics.codecs import Field
 from rrins.firmware_py.diagnostics.data_identifier import DataIdentifier
 

@@ -8,9 +8,13 @@ from functools import cached_property
 
 from rrins.dbc.contract import SENSOR_GROUPS
 from rrins.dbc.values import AxisState
-from rrins.firmware_py.core.memory import SCHEME_CAPACITY
-from rrins.firmware_py.core.modes import FirmwareFault, Mode
-from rrins.firmware_py.core.redundancy_records import TEST_LEAST_S, TEST_LONGEST_S, SensorKind
+from rrins.firmware_py.core.modes.modes import FirmwareFault, Mode
+from rrins.firmware_py.core.records.memory import SCHEME_CAPACITY
+from rrins.firmware_py.core.records.redundancy_records import (
+    TEST_LEAST_S,
+    TEST_LONGEST_S,
+    SensorKind,
+)
 from rrins.firmware_py.diagnostics.access import UNLOCKED, Access
 from rrins.firmware_py.diagnostics.calibration_record import CalibrationEnd
 from rrins.firmware_py.diagnostics.codecs import Field, Layout

@@ -15,8 +15,8 @@ from collections.abc import Iterable, Mapping
 from typing import Protocol, TypeVar
 
 from rrins.dbc.codec import load
-from rrins.firmware_py.core.trouble_table import TROUBLES
-from rrins.firmware_py.core.troubles import SNAPSHOT_IDENTIFIERS, Trouble
+from rrins.firmware_py.core.records.trouble_table import TROUBLES
+from rrins.firmware_py.core.records.troubles import SNAPSHOT_IDENTIFIERS, Trouble
 from rrins.firmware_py.diagnostics.codecs import Field, Layout
 from rrins.firmware_py.diagnostics.data_identifier import DataIdentifier
 from rrins.firmware_py.diagnostics.identifiers import READINGS
@@ -160,7 +160,7 @@ SNAPSHOT = tuple(IDENTIFIER_BY_NAME[name] for name in SNAPSHOT_IDENTIFIERS)
 @functools.cache
 def regions() -> tuple[Region, ...]:
     """Return the memory regions that can be read: the RAM image and its parts."""
-    from rrins.firmware_py.core.memory import Ram
+    from rrins.firmware_py.core.records.memory import Ram
 
     return regions_of(Ram.dtype)
 

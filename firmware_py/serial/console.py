@@ -12,8 +12,8 @@ from importlib import metadata
 from typing import Protocol
 
 from rrins.dbc.contract import SENSOR_GROUPS
-from rrins.firmware_py.core.modes import Mode, ModeRequest
-from rrins.firmware_py.core.redundancy_records import (
+from rrins.firmware_py.core.modes.modes import Mode, ModeRequest
+from rrins.firmware_py.core.records.redundancy_records import (
     ReadmissionOrder,
     ReadmissionState,
     SensorKind,

@@ -15,9 +15,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import datetime, timedelta
 
-from rrins.dbc.record import Records
-from rrins.firmware_py.core.memory import Ram
-from rrins.firmware_py.core.modes import Mode
+from rrins.compiled.record import Records
+from rrins.firmware_py.core.modes.modes import Mode
+from rrins.firmware_py.core.records.memory import Ram
 from rrins.firmware_py.serial.settings import DEFAULT_UTC, SENTENCE_NAMES
 
 TALKER = "IN"

@@ -7,13 +7,13 @@ import math
 
 from rrins.dbc.contract import SENSOR_GROUPS
 from rrins.dbc.values import AxisCommand, AxisState
-from rrins.firmware_py.core import clock
-from rrins.firmware_py.core.calibration import PPM
-from rrins.firmware_py.core.calibration_records import DriftState
-from rrins.firmware_py.core.memory import INNER, OUTER
-from rrins.firmware_py.core.modes import FirmwareFault, Mode
-from rrins.firmware_py.core.redundancy_records import ReadmissionState, Refusal, SensorKind
-from rrins.firmware_py.core.sequencer import commanded_angle_deg, expected_angle_deg
+from rrins.firmware_py.core.frames_in import clock
+from rrins.firmware_py.core.modes.modes import FirmwareFault, Mode
+from rrins.firmware_py.core.records.calibration_records import DriftState
+from rrins.firmware_py.core.records.memory import INNER, OUTER
+from rrins.firmware_py.core.records.redundancy_records import ReadmissionState, Refusal, SensorKind
+from rrins.firmware_py.core.sensors.calibration import PPM
+from rrins.firmware_py.core.turntable.sequencer import commanded_angle_deg, expected_angle_deg
 from rrins.firmware_py.loop import Firmware
 
 _NAVIGATION = (Mode.NAVIGATION_STRAPDOWN, Mode.NAVIGATION_ROTATING)

@@ -11,18 +11,18 @@ from dataclasses import dataclass
 import can
 import numpy as np
 
+from rrins.compiled.compilation import compiled
+from rrins.compiled.record import Floats, Integers, Records
 from rrins.dbc.codec import SignalLayout, decode, encode, load
-from rrins.dbc.compilation import compiled
 from rrins.dbc.e2e import MessageLayout, crc_holds
 from rrins.dbc.frame import FrameArray, frame_array
-from rrins.dbc.record import Floats, Integers, Records
-from rrins.firmware_py.core.modes import Mode
+from rrins.firmware_py.core.modes.modes import Mode
 from rrins.firmware_py.loop import Firmware
 from rrins.host_tools.benchmarks.timed_epochs import timed_epochs, timer_overhead_ns
 from rrins.host_tools.bus.port import message_of_frame
 from rrins.host_tools.files import JsonObject
 from rrins.host_tools.hardware.loop import Hardware
-from rrins.host_tools.runs.settings import firmware_settings, hardware_settings
+from rrins.host_tools.runs.set_up.settings import firmware_settings, hardware_settings
 from rrins.host_tools.scenario.scenario import Scenario
 
 _SENSOR = "SENSOR_1"

@@ -15,14 +15,14 @@ from typing import Any
 
 import numpy as np
 
-from rrins.dbc.record import Integers
+from rrins.compiled.record import Integers
 from rrins.firmware_py.loop import Firmware
 from rrins.host_tools.benchmarks.timed_epochs import timed_epochs, timer_overhead_ns
 from rrins.host_tools.files import JsonObject
 from rrins.host_tools.hardware.loop import Hardware
-from rrins.host_tools.runs.fused import FusedTrack, fused_of_scenario
-from rrins.host_tools.runs.settings import firmware_settings, hardware_settings
+from rrins.host_tools.runs.set_up.settings import firmware_settings, hardware_settings
 from rrins.host_tools.scenario.scenario import Scenario, load
+from rrins.host_tools.vehicle.fused import FusedTrack, fused_of_scenario
 
 SCENARIO = "drive_aided"
 RATE_HZ = 400

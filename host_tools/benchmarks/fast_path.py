@@ -8,12 +8,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rrins.firmware_py.core import strapdown
-from rrins.firmware_py.core.memory import Ins
-from rrins.firmware_py.core.strapdown import HEIGHT_HELD
+from rrins.firmware_py.core.navigation import strapdown
+from rrins.firmware_py.core.navigation.strapdown import HEIGHT_HELD
+from rrins.firmware_py.core.records.memory import Ins
 from rrins.host_tools.benchmarks.timed_epochs import timer_overhead_ns
 from rrins.host_tools.runs.fast import FastRun
-from rrins.host_tools.runs.settings import firmware_settings, hardware_settings
+from rrins.host_tools.runs.set_up.settings import firmware_settings, hardware_settings
 from rrins.host_tools.scenario.scenario import load
 from rrins.host_tools.scenario.tables import Redundancy
 
@@ -56,7 +56,7 @@ def us_per_epoch(epochs: int) -> FastPathTimes:
 
 
 def navigation_step_us(samples: int) -> float:
-    """Return the median µs of one call of `rrins.firmware_py.core.strapdown.update` from Python."""
+    """Return the median µs of one call of `strapdown.update` from Python."""
     array = Ins.zeros()
     ins = array[0]
     strapdown.initialise(ins, np.eye(3), 0.7, 2.0, 40.0)

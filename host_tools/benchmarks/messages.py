@@ -18,8 +18,8 @@ from rrins.host_tools.closing import Closing
 from rrins.host_tools.errors import SideLostError
 from rrins.host_tools.hardware.loop import Hardware
 from rrins.host_tools.hardware.loop import run_lockstep as run_hardware_lockstep
-from rrins.host_tools.runs.job import prepare_firmware, prepare_hardware
-from rrins.host_tools.runs.settings import firmware_settings, hardware_settings
+from rrins.host_tools.runs.set_up.settings import firmware_settings, hardware_settings
+from rrins.host_tools.runs.sides.job import prepare_firmware, prepare_hardware
 from rrins.host_tools.scenario.scenario import Scenario, load
 
 _GRACE_S = 5.0

@@ -16,10 +16,10 @@ from rrins.host_tools.benchmarks.reading import reading
 from rrins.host_tools.bus.port import EMBEDDED, Address
 from rrins.host_tools.errors import RehearsalError
 from rrins.host_tools.files import JsonObject
-from rrins.host_tools.runs.job import REALTIME
-from rrins.host_tools.runs.outcome import Outcome
 from rrins.host_tools.runs.rehearsal import OnReport, Rehearsal
-from rrins.host_tools.runs.summary import frames_lost
+from rrins.host_tools.runs.results.outcome import Outcome
+from rrins.host_tools.runs.results.summary import frames_lost
+from rrins.host_tools.runs.sides.job import REALTIME
 from rrins.host_tools.scenario.scenario import Scenario, load, text_of
 
 _FIRST_EPOCH = "running"  # printed by `rrins rehearse` when the hardware opens the first epoch

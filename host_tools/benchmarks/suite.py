@@ -24,7 +24,7 @@ from rrins.host_tools.bus.datagram import FRAME_SIZE, HEADER_SIZE
 from rrins.host_tools.closing import Closing
 from rrins.host_tools.files import JsonObject
 from rrins.host_tools.runs.direct import run_direct
-from rrins.host_tools.runs.job import prepare_firmware, prepare_hardware
+from rrins.host_tools.runs.sides.job import prepare_firmware, prepare_hardware
 from rrins.host_tools.scenario.scenario import load
 from rrins.host_tools.terminal import new_console, print_table, progress_line
 

@@ -23,7 +23,6 @@ module         noun
 `ownership`    whose a place is, and who is at the other end
 `datagram`     the wire format
 `pace`         how fast time passes on the bus
-`socketcand`   the bus for programs that know neither us nor python-can
 =============  ===================================================================
 
 The host is not a thread: the bus moves while its host sends or receives, so a host that is stopped

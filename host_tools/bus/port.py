@@ -15,12 +15,12 @@ from typing import Any, Literal
 import can
 import numpy as np
 
+from rrins.compiled.record import Records, Words
 from rrins.dbc import direct as direct_exchange
 from rrins.dbc.contract import load_contract
 from rrins.dbc.direct import Direct
 from rrins.dbc.e2e import fill
 from rrins.dbc.frame import EFF_FLAG, ERR_FLAG, RTR_FLAG, Frame, FrameArray, frame_array
-from rrins.dbc.record import Records, Words
 from rrins.host_tools.bus.batch import Batch, bytes_of
 from rrins.host_tools.bus.channel import NoHostError
 from rrins.host_tools.bus.datagram import FRAME_SIZE

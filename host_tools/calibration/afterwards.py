@@ -12,8 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rrins.dbc.record import Floats
-from rrins.firmware_py.core.calibration import Calibration
+from rrins.compiled.record import Floats
+from rrins.firmware_py.core.sensors.calibration import Calibration
 from rrins.firmware_py.core.settings import Scheme
 from rrins.host_tools.calibration.estimation import (
     ACCELEROMETER_UNITS,
@@ -25,8 +25,8 @@ from rrins.host_tools.calibration.table import record
 from rrins.host_tools.calibration.unit import drawn_unit, true_constants, unit_of
 from rrins.host_tools.files import JsonObject
 from rrins.host_tools.runs.fast import FastRun
-from rrins.host_tools.runs.results import compare
-from rrins.host_tools.runs.settings import firmware_settings, hardware_settings
+from rrins.host_tools.runs.results.results import compare
+from rrins.host_tools.runs.set_up.settings import firmware_settings, hardware_settings
 from rrins.host_tools.scenario.scenario import Scenario, load
 from rrins.host_tools.scenario.tables import Redundancy
 

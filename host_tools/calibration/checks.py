@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from rrins.dbc.record import Floats
-from rrins.firmware_py.core.calibration import DPH, UG
+from rrins.compiled.record import Floats
+from rrins.firmware_py.core.sensors.calibration import DPH, UG
 from rrins.host_tools.calibration.estimation import Estimate, SensorsEstimate, Unit
 from rrins.host_tools.calibration.model import Axes
 from rrins.host_tools.calibration.observability import unseen

@@ -16,7 +16,7 @@ from rrins.host_tools.diag.target import Target
 from rrins.host_tools.diag.transport import DiagnosticFrame, request_message
 from rrins.host_tools.hardware.loop import INBOX_CAPACITY, Hardware
 from rrins.host_tools.runs.exchange import answer_epoch
-from rrins.host_tools.runs.settings import firmware_settings, hardware_settings
+from rrins.host_tools.runs.set_up.settings import firmware_settings, hardware_settings
 from rrins.host_tools.scenario.scenario import Scenario
 
 _READY_S = 2.0

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rrins.dbc.record import Floats
-from rrins.firmware_py.core.calibration import ARCSEC, DPH, PPM, UG
+from rrins.compiled.record import Floats
+from rrins.firmware_py.core.sensors.calibration import ARCSEC, DPH, PPM, UG
 from rrins.host_tools.calibration.model import (
     BASE,
     CONSTANTS,

@@ -6,8 +6,8 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from rrins.dbc.record import Floats
-from rrins.firmware_py.core.calibration import ARCSEC, Origin
+from rrins.compiled.record import Floats
+from rrins.firmware_py.core.sensors.calibration import ARCSEC, Origin
 from rrins.host_tools.calibration.estimation import (
     ACCELEROMETER_UNITS,
     GYRO_UNITS,

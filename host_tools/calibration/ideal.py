@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from rrins.dbc.record import Floats
+from rrins.compiled.record import Floats
 from rrins.firmware_py.core.settings import Scheme
 from rrins.host_tools.calibration.seconds import Seconds
 from rrins.host_tools.rotation.kinematics import INNER, OUTER, Leg, legs_of

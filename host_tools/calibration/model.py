@@ -20,8 +20,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rrins.dbc.record import Floats
-from rrins.firmware_py.core import earth
+from rrins.compiled.record import Floats
+from rrins.firmware_py.core.maths import earth
 from rrins.host_tools.calibration.seconds import Seconds
 from rrins.host_tools.scenario.geometry import AxesDeg
 

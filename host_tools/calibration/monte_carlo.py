@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rrins.dbc.record import Floats
+from rrins.compiled.record import Floats
 from rrins.firmware_py.core.settings import Scheme
 from rrins.host_tools.calibration.estimation import (
     ACCELEROMETER_UNITS,

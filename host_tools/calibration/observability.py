@@ -12,8 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rrins.dbc.record import Floats
-from rrins.firmware_py.core.calibration import UG
+from rrins.compiled.record import Floats
+from rrins.firmware_py.core.sensors.calibration import UG
 from rrins.firmware_py.core.settings import Scheme
 from rrins.host_tools.calibration.estimation import (
     Unit,

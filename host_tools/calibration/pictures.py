@@ -6,8 +6,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from rrins.dbc.record import Floats
-from rrins.firmware_py.core.calibration import DPH, UG
+from rrins.compiled.record import Floats
+from rrins.firmware_py.core.sensors.calibration import DPH, UG
 from rrins.host_tools.calibration.estimation import Estimate
 from rrins.host_tools.drawing.style import LINES, finish, give_title, new_figure, quantity
 

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from rrins.firmware_py.core.calibration import Origin
+from rrins.firmware_py.core.sensors.calibration import Origin
 from rrins.firmware_py.core.settings import Scheme
 from rrins.host_tools.calibration import session
 from rrins.host_tools.calibration.emulated import EmulatedUnit

@@ -9,15 +9,15 @@ from typing import IO
 
 import numpy as np
 
-from rrins.dbc.record import Floats
-from rrins.firmware_py.core.calibration import ARCSEC, Origin
+from rrins.compiled.record import Floats
+from rrins.firmware_py.core.sensors.calibration import ARCSEC, Origin
 from rrins.host_tools.calibration.estimation import Estimate, Unit
 from rrins.host_tools.calibration.file import KEYS, UNKNOWN, both, to_toml
 from rrins.host_tools.calibration.observability import LIMITS
 from rrins.host_tools.calibration.pictures import residuals_figure
 from rrins.host_tools.drawing.page import base64_of, environment, png_of
 from rrins.host_tools.files import JsonObject, keep, replacing, write_whole
-from rrins.host_tools.runs.typed_numbers import typed_number, typed_numbers
+from rrins.host_tools.runs.set_up.typed_numbers import typed_number, typed_numbers
 
 REPORT, PICTURE, FILE = "report.html", "residuals.png", "calibration.toml"
 

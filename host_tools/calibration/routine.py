@@ -9,8 +9,8 @@ from typing import Final, cast
 
 import can
 
-from rrins.firmware_py.core.memory import SCHEME_CAPACITY
-from rrins.firmware_py.core.modes import Mode
+from rrins.firmware_py.core.modes.modes import Mode
+from rrins.firmware_py.core.records.memory import SCHEME_CAPACITY
 from rrins.firmware_py.core.settings import Scheme
 from rrins.firmware_py.diagnostics import table
 from rrins.firmware_py.diagnostics.calibration_record import RECORD_ADDRESS, CalibrationEnd

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rrins.dbc.record import Floats
-from rrins.firmware_py.core.memory import SCHEME_CAPACITY
+from rrins.compiled.record import Floats
+from rrins.firmware_py.core.records.memory import SCHEME_CAPACITY
 from rrins.firmware_py.core.settings import Scheme, Turn
 from rrins.host_tools.calibration.estimation import Unit, normal_equations, scales
 from rrins.host_tools.calibration.ideal import of_leg

@@ -10,7 +10,7 @@ from typing import IO
 import numpy as np
 from numpy.typing import NDArray
 
-from rrins.dbc.record import Floats
+from rrins.compiled.record import Floats
 from rrins.firmware_py.diagnostics.calibration_record import fields
 from rrins.host_tools.errors import CalibrationRecordError
 from rrins.host_tools.files import text_of, write_whole
@@ -33,9 +33,9 @@ class Seconds:
     angles_deg : array, shape (n, 2)
         Inner and outer encoder at the end.
     orientation : array, shape (n, 8)
-        s; `rrins.firmware_py.core.table_sums.ORIENTATIONS`.
+        s; `rrins.firmware_py.core.turntable.table_sums.ORIENTATIONS`.
     turn : array, shape (n, 4)
-        rad; `rrins.firmware_py.core.table_sums.TURNS`.
+        rad; `rrins.firmware_py.core.turntable.table_sums.TURNS`.
     gyro : array, shape (n, m)
         rad, along the input axes.
     accelerometer : array, shape (n, k)

@@ -10,9 +10,9 @@ from pathlib import Path
 
 import numpy as np
 
-from rrins.dbc.record import Floats
-from rrins.firmware_py.core import earth
-from rrins.firmware_py.core.calibration import Origin
+from rrins.compiled.record import Floats
+from rrins.firmware_py.core.maths import earth
+from rrins.firmware_py.core.sensors.calibration import Origin
 from rrins.firmware_py.core.settings import Scheme
 from rrins.firmware_py.diagnostics import calibration_image
 from rrins.firmware_py.diagnostics.calibration_record import CalibrationEnd

@@ -10,21 +10,22 @@ from dataclasses import replace
 
 import numpy as np
 
-from rrins.dbc.compilation import compiled, compiled_with
+from rrins.compiled.compilation import compiled, compiled_with
+from rrins.compiled.record import Floats, Integers, Records
 from rrins.dbc.contract import Contract, load_contract
-from rrins.dbc.record import Floats, Integers, Records
 from rrins.dbc.values import AxisCommand
-from rrins.firmware_py.core import intake, table_sums
 from rrins.firmware_py.core import settings as firmware
-from rrins.firmware_py.core.memory import INNER, OUTER, Ram
+from rrins.firmware_py.core.frames_in import intake
+from rrins.firmware_py.core.records.memory import INNER, OUTER, Ram
 from rrins.firmware_py.core.settings import Scheme
-from rrins.firmware_py.core.table_sums import TableSums
+from rrins.firmware_py.core.turntable import table_sums
+from rrins.firmware_py.core.turntable.table_sums import TableSums
 from rrins.host_tools.calibration.seconds import Seconds, decode, row_size
 from rrins.host_tools.hardware import settings as hardware
 from rrins.host_tools.hardware import turntable
 from rrins.host_tools.hardware.memory import Plant
 from rrins.host_tools.hardware.step import advance, axis_word, group_word
-from rrins.host_tools.runs.settings import firmware_settings, hardware_settings
+from rrins.host_tools.runs.set_up.settings import firmware_settings, hardware_settings
 from rrins.host_tools.scenario.scenario import Scenario
 
 _POSITION = int(AxisCommand.POSITION)

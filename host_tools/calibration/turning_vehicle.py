@@ -13,7 +13,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from rrins.dbc.record import Floats, Records
+from rrins.compiled.record import Floats, Records
 from rrins.firmware_py.core.settings import Scheme
 from rrins.host_tools.calibration.estimation import ACCELEROMETER_UNITS, GYRO_UNITS
 from rrins.host_tools.calibration.file import KEYS
@@ -26,7 +26,7 @@ from rrins.host_tools.hardware.memory import INNER, OUTER, Truth
 from rrins.host_tools.hardware.settings import DEG_PER_SQRT_H, UG
 from rrins.host_tools.rotation.kinematics import legs_of
 from rrins.host_tools.runs.fast import FastRun
-from rrins.host_tools.runs.settings import firmware_settings, hardware_settings
+from rrins.host_tools.runs.set_up.settings import firmware_settings, hardware_settings
 from rrins.host_tools.scenario.geometry import AxesDeg
 from rrins.host_tools.scenario.scenario import Scenario, load
 from rrins.host_tools.scenario.tables import each

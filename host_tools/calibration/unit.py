@@ -6,13 +6,13 @@ import math
 
 import numpy as np
 
-from rrins.dbc.record import Floats
-from rrins.firmware_py.core.calibration import ARCSEC, DPH, PPM, UG
+from rrins.compiled.record import Floats
+from rrins.firmware_py.core.sensors.calibration import ARCSEC, DPH, PPM, UG
 from rrins.host_tools.calibration.estimation import Unit
 from rrins.host_tools.calibration.model import Axes, Site
 from rrins.host_tools.files import JsonObject
 from rrins.host_tools.hardware.settings import body_to_navigation
-from rrins.host_tools.runs.settings import given_pose
+from rrins.host_tools.runs.set_up.settings import given_pose
 from rrins.host_tools.scenario.scenario import Scenario, parse
 from rrins.host_tools.scenario.tables import each
 

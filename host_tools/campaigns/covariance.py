@@ -23,7 +23,7 @@ from typing import Final
 
 import numpy as np
 
-from rrins.dbc.record import Floats
+from rrins.compiled.record import Floats
 from rrins.host_tools.campaigns.definition import Definition
 from rrins.host_tools.campaigns.error_sources import Constant, Process, Sources, White, sources_of
 from rrins.host_tools.campaigns.errors import CampaignError

@@ -20,7 +20,7 @@ from rrins.host_tools.files import JsonObject, replacing, write_whole
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from rrins.dbc.record import Floats
+    from rrins.compiled.record import Floats
 
 _COLUMNS = ("position_east_m", "position_north_m")
 _SIDES = ("east", "north")

@@ -8,7 +8,7 @@ from typing import Final, Literal
 
 import numpy as np
 
-from rrins.dbc.record import Floats
+from rrins.compiled.record import Floats
 from rrins.host_tools.campaigns.definition import Definition
 from rrins.host_tools.campaigns.inputs import Input
 from rrins.host_tools.hardware.memory import FLICKER_POLES

@@ -10,7 +10,7 @@ from typing import Any, get_args
 import numpy as np
 from pydantic import BaseModel
 
-from rrins.dbc.record import Floats
+from rrins.compiled.record import Floats
 from rrins.host_tools.campaigns.distributions import (
     Distribution,
     Value,

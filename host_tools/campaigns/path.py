@@ -6,12 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rrins.dbc.record import Floats, Records
+from rrins.compiled.record import Floats, Records
 from rrins.host_tools.campaigns.errors import CampaignError
 from rrins.host_tools.hardware.earth import curvature_radii, normal_gravity, rotation_n
 from rrins.host_tools.hardware.memory import INNER, OUTER, Truth
 from rrins.host_tools.runs.fast import FastRun
-from rrins.host_tools.runs.settings import firmware_settings, hardware_settings
+from rrins.host_tools.runs.set_up.settings import firmware_settings, hardware_settings
 from rrins.host_tools.scenario.scenario import Scenario
 
 INTERVAL_S = 0.5

@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
-from rrins.dbc.record import Floats
+from rrins.compiled.record import Floats
 from rrins.host_tools.campaigns.distributions import cumulative_normal
 from rrins.host_tools.campaigns.row import OK, SERIES
 from rrins.host_tools.campaigns.sensitivity import Index, Share

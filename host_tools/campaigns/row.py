@@ -17,11 +17,11 @@ from typing import Any, Final, cast
 
 import numpy as np
 
+from rrins.compiled.record import Records
 from rrins.dbc.contract import load_contract
-from rrins.dbc.record import Records
-from rrins.firmware_py.core.calibration import Calibration
-from rrins.firmware_py.core.memory import NavigationOutput, Ram
-from rrins.firmware_py.core.modes import FirmwareFault
+from rrins.firmware_py.core.modes.modes import FirmwareFault
+from rrins.firmware_py.core.records.memory import NavigationOutput, Ram
+from rrins.firmware_py.core.sensors.calibration import Calibration
 from rrins.firmware_py.core.settings import Settings, power_on
 from rrins.firmware_py.loop import Firmware
 from rrins.host_tools.campaigns.definition import Definition
@@ -33,10 +33,14 @@ from rrins.host_tools.hardware import settings as hardware
 from rrins.host_tools.hardware.memory import Truth
 from rrins.host_tools.runs.direct import run_direct
 from rrins.host_tools.runs.fast import FastRun
-from rrins.host_tools.runs.redundancy_summary import redundancy_summary
-from rrins.host_tools.runs.results import Errors, compare, read_errors
-from rrins.host_tools.runs.samples import keep_every
-from rrins.host_tools.runs.settings import firmware_settings, hardware_settings, scenario_wire
+from rrins.host_tools.runs.results.redundancy_summary import redundancy_summary
+from rrins.host_tools.runs.results.results import Errors, compare, read_errors
+from rrins.host_tools.runs.results.samples import keep_every
+from rrins.host_tools.runs.set_up.settings import (
+    firmware_settings,
+    hardware_settings,
+    scenario_wire,
+)
 from rrins.host_tools.scenario.scenario import Scenario
 
 Row = dict[str, Any]

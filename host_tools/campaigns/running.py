@@ -8,15 +8,15 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from rrins.dbc.compile_events import compiling_watched
+from rrins.compiled.compile_events import compiling_watched
 from rrins.host_tools.campaigns.conduct import Conductor, Progress
 from rrins.host_tools.campaigns.engines import ENGINES, Engine, Threads, processors
 from rrins.host_tools.campaigns.errors import CampaignError
 from rrins.host_tools.campaigns.row import MAIN, Work, rows_of
 from rrins.host_tools.campaigns.store import Store
 from rrins.host_tools.campaigns.until import Until
-from rrins.host_tools.runs.job import check_code_folder
-from rrins.host_tools.runs.settings import check_files
+from rrins.host_tools.runs.set_up.settings import check_files
+from rrins.host_tools.runs.sides.job import check_code_folder
 
 _ADDRESS = re.compile(r"[a-z]+://.+|[\w.-]+:\d+\Z")
 

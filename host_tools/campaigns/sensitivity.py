@@ -15,7 +15,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from rrins.dbc.record import Floats
+from rrins.compiled.record import Floats
 from rrins.host_tools.campaigns.engines import missing
 from rrins.host_tools.campaigns.errors import CampaignError
 from rrins.host_tools.campaigns.row import OK

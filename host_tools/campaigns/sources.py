@@ -16,6 +16,7 @@ import numpy as np
 
 _ROOMS: Final = (
     "dbc",
+    "rrins/compiled",
     "firmware_py",
     "host_tools/campaigns",
     "host_tools/hardware",

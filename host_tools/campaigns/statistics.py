@@ -15,7 +15,7 @@ from typing import Final
 
 import numpy as np
 
-from rrins.dbc.record import Floats
+from rrins.compiled.record import Floats
 from rrins.host_tools.files import JsonObject
 
 CONFIDENCE: Final = 0.95

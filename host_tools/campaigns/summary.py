@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 from rich.table import Table
 
-from rrins.dbc.record import Floats
+from rrins.compiled.record import Floats
 from rrins.host_tools.campaigns.row import OK
 from rrins.host_tools.campaigns.statistics import (
     PERCENTILES,

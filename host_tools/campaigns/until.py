@@ -11,7 +11,7 @@ import math
 import re
 from dataclasses import dataclass
 
-from rrins.dbc.record import Floats
+from rrins.compiled.record import Floats
 from rrins.host_tools.campaigns.errors import CampaignError
 from rrins.host_tools.campaigns.row import OUTPUTS
 from rrins.host_tools.campaigns.statistics import RESAMPLED, Estimate, figure_of

@@ -251,7 +251,7 @@ def _rerun(
 ) -> None:
     from rrins.host_tools.campaigns.rerun import rerun
     from rrins.host_tools.runs.display import RunDisplay
-    from rrins.host_tools.runs.summary import lines_of, table_of
+    from rrins.host_tools.runs.results.summary import lines_of, table_of
     from rrins.host_tools.terminal import new_console, print_table
 
     console = new_console(stderr=True)

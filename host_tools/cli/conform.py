@@ -35,7 +35,7 @@ def conform(
     """
     from rrins.host_tools.conformance import report
     from rrins.host_tools.conformance.suite import chosen, conform
-    from rrins.host_tools.runs.program import Program
+    from rrins.host_tools.runs.programs.program import Program
 
     checks = chosen(only)
     if is_list:

@@ -16,7 +16,7 @@ from rrins.host_tools.cli.output import print_note
 from rrins.host_tools.interruption import heed_sigterm
 
 if TYPE_CHECKING:
-    from rrins.host_tools.runs.navigator_files import Format, Written
+    from rrins.host_tools.vehicle.navigator_files import Format, Written
 
 
 @click.command()
@@ -81,9 +81,9 @@ def _of_scenario(
     frame: Literal["b", "s"],
     as_json: bool,
 ) -> Written:
-    from rrins.host_tools.runs.fused import fused_of_scenario
-    from rrins.host_tools.runs.navigator_files import write
     from rrins.host_tools.scenario.scenario import load
+    from rrins.host_tools.vehicle.fused import fused_of_scenario
+    from rrins.host_tools.vehicle.navigator_files import write
 
     scenario = load(source)
     if duration_s is not None:
@@ -105,7 +105,7 @@ def _of_log(
     from rrins.host_tools.cli.replay import scenario_of
     from rrins.host_tools.logs.fused_log import FusedLog
     from rrins.host_tools.logs.reader import Log
-    from rrins.host_tools.runs.navigator_files import write
+    from rrins.host_tools.vehicle.navigator_files import write
 
     log = Log(path, log_channel)
     _, scenario = scenario_of(log, name, f"rrins increments {path} OUT_DIR --scenario SCENARIO")

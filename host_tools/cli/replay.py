@@ -199,9 +199,9 @@ def _navigate_again(
     from rrins.host_tools.logs.reader import Log
     from rrins.host_tools.logs.replay import replay
     from rrins.host_tools.logs.replay_results import print_replay, write_replay
-    from rrins.host_tools.runs.job import prepare_firmware
-    from rrins.host_tools.runs.results import write_summary
+    from rrins.host_tools.runs.results.results import write_summary
     from rrins.host_tools.runs.run import folder_of
+    from rrins.host_tools.runs.sides.job import prepare_firmware
     from rrins.host_tools.terminal import print_table
 
     log = Log(path, log_channel)
@@ -248,7 +248,7 @@ def _variants(
     from rrins.host_tools.logs.reader import Log
     from rrins.host_tools.logs.replay import replay
     from rrins.host_tools.logs.replay_results import write_replay
-    from rrins.host_tools.runs.job import prepare_firmware
+    from rrins.host_tools.runs.sides.job import prepare_firmware
 
     for number, (label, scenario) in enumerate(variants, 1):
         below = folder / f"beside-{number}"

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from rrins.host_tools.files import JsonObject
     from rrins.host_tools.runs.display import RunDisplay
     from rrins.host_tools.runs.run import RunResult
-    from rrins.host_tools.runs.starting import Command
+    from rrins.host_tools.runs.sides.starting import Command
     from rrins.host_tools.scenario.scenario import Scenario
 
 DEFAULT_SCENARIO = "rimu_rotating"
@@ -156,10 +156,10 @@ def rehearse(
     If the file of --record exists, it is moved into the folder `previous` beside it.
     """
     from rrins.host_tools.runs import run
-    from rrins.host_tools.runs.job import REALTIME
-    from rrins.host_tools.runs.picture_loading import PictureLoading
-    from rrins.host_tools.runs.program import Program
-    from rrins.host_tools.runs.starting import Forks
+    from rrins.host_tools.runs.programs.program import Program
+    from rrins.host_tools.runs.results.picture_loading import PictureLoading
+    from rrins.host_tools.runs.sides.job import REALTIME
+    from rrins.host_tools.runs.sides.starting import Forks
     from rrins.host_tools.scenario.scenario import load
 
     loaded = load(scenario, duration_s=duration_s, seed=seed)
@@ -235,7 +235,7 @@ def _nothing() -> None:
 
 def _warn(scenario: Scenario) -> None:
     """Say what the scenario will not do as one may expect."""
-    from rrins.host_tools.runs.load_warnings import warnings_of
+    from rrins.host_tools.runs.set_up.load_warnings import warnings_of
 
     for warning in warnings_of(scenario):
         print_note(f"warning: {warning}")
@@ -251,8 +251,8 @@ def _display(scenario: Scenario, quiet: bool) -> RunDisplay:
 
 def _finish(result: RunResult, folder: Path, as_json: bool) -> None:
     """Write and show the results, then raise the error of the run, if any."""
-    from rrins.host_tools.runs.keeping import place_for
-    from rrins.host_tools.runs.summary import lines_of, table_of
+    from rrins.host_tools.runs.results.keeping import place_for
+    from rrins.host_tools.runs.results.summary import lines_of, table_of
     from rrins.host_tools.terminal import new_console, print_table
 
     paths: list[Path] = []
@@ -326,7 +326,7 @@ def hardware(await_peer: tuple[str, ...], program: str | None, **options: Any) -
 
     SCENARIO is as for `rrins rehearse`, rimu_rotating by default, and the same on both sides.
     """
-    from rrins.host_tools.runs.program import Program
+    from rrins.host_tools.runs.programs.program import Program
 
     model = None if program is None else Program.parse(program)
     _run_side("hardware", await_peers=await_peer, program=model, **options)
@@ -345,9 +345,9 @@ def _run_side(
     log: Path | None,
     **job: Any,
 ) -> None:
-    from rrins.host_tools.runs.job import REALTIME, Job
-    from rrins.host_tools.runs.pipe import NoteHandler, ReportPipe
+    from rrins.host_tools.runs.results.pipe import NoteHandler, ReportPipe
     from rrins.host_tools.runs.side import address_of, check_line, run_side
+    from rrins.host_tools.runs.sides.job import REALTIME, Job
     from rrins.host_tools.scenario.scenario import load
 
     report_fd = job["report_fd"]

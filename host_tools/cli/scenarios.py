@@ -33,7 +33,7 @@ def show_scenario(name: str, as_json: bool) -> None:
     if not as_json:
         click.echo(text_of(name), nl=False)
         return
-    from rrins.host_tools.runs.fusion_set_up import fusion_set_up
+    from rrins.host_tools.runs.set_up.fusion_set_up import fusion_set_up
 
     scenario = load(name)
     shown = {"scenario": scenario.model_dump(mode="json"), "fusion": fusion_set_up(scenario)}

@@ -11,7 +11,7 @@ import click
 import numpy as np
 from rich.table import Table
 
-from rrins.dbc.record import Floats
+from rrins.compiled.record import Floats
 from rrins.firmware_py.core.settings import Scheme
 from rrins.host_tools.calibration.estimation import Unit
 from rrins.host_tools.calibration.monte_carlo import Errors, run

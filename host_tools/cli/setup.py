@@ -17,6 +17,6 @@ def setup(scenario: str) -> None:
 
     `rrins rehearse --firmware PROGRAM` gives it to PROGRAM as a file.
     """
-    from rrins.host_tools.runs.setup_file import setup_text
+    from rrins.host_tools.runs.set_up.setup_file import setup_text
 
     click.echo(setup_text(load(scenario)), nl=False)

@@ -22,7 +22,7 @@ def slcan(channel: str, link: Path | None) -> None:
     For programs with a fixed list of interfaces: open the port it prints, at any baud rate and bit
     rate. One program at a time; start one for each. It ends with the bus or on Ctrl-C.
     """
-    from rrins.host_tools.serial.slcan_bus import serve
+    from rrins.host_tools.bridges.slcan_bus import serve
 
     def on_ready(port: str) -> None:
         click.echo(

@@ -29,7 +29,7 @@ def socketcand(channel: str, port: int, host: str, timestamps: Literal["bus", "u
     Anyone on this machine can connect while it runs; a beacon on UDP port 42000 shows them where.
     It ends with the bus or on Ctrl-C.
     """
-    from rrins.host_tools.bus.socketcand import serve
+    from rrins.host_tools.bridges.socketcand import serve
 
     def on_ready(taken: int) -> None:
         click.echo(f"rrins: channel {channel!r} is on {host} port {taken}; Ctrl-C stops", err=True)

@@ -16,9 +16,9 @@ from rrins.dbc.frame import Frame, frame_array
 from rrins.host_tools.bus.interface import RrinsBus
 from rrins.host_tools.conformance.check import SCENARIO, Subject
 from rrins.host_tools.hardware.loop import Hardware
-from rrins.host_tools.runs.job import prepare_hardware
-from rrins.host_tools.runs.program import Program
-from rrins.host_tools.runs.settings import hardware_settings
+from rrins.host_tools.runs.programs.program import Program
+from rrins.host_tools.runs.set_up.settings import hardware_settings
+from rrins.host_tools.runs.sides.job import prepare_hardware
 from rrins.host_tools.scenario.scenario import Scenario
 from rrins.host_tools.testing.processes import OwnProgram, SideProcess, fresh_channel
 from rrins.host_tools.testing.scenarios import prepare_scenario

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rrins.host_tools.conformance.check import Subject
-from rrins.host_tools.runs.results import east_north_m
+from rrins.host_tools.runs.results.results import east_north_m
 from rrins.host_tools.testing.bench import Bench
 
 SCENARIOS: Final = (

@@ -12,7 +12,7 @@ import numpy as np
 from rrins.dbc.contract import load_contract
 from rrins.dbc.e2e import fill
 from rrins.dbc.frame import frame_array
-from rrins.firmware_py.core.troubles import FIRST_SNAPSHOT, LATEST_SNAPSHOT, Status
+from rrins.firmware_py.core.records.troubles import FIRST_SNAPSHOT, LATEST_SNAPSHOT, Status
 from rrins.firmware_py.diagnostics import table
 from rrins.firmware_py.diagnostics.routines import Routine
 from rrins.host_tools.bus.port import Address, message_of_frame, open_bus

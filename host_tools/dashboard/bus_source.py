@@ -21,7 +21,7 @@ from rrins.host_tools.files import JsonObject
 from rrins.host_tools.monitor.receiver import Receiver
 from rrins.host_tools.monitor.vitals import STATUS
 from rrins.host_tools.monitor.watch import Watch
-from rrins.host_tools.runs.steering import PAUSED, UNLIMITED, Helm
+from rrins.host_tools.runs.sides.steering import PAUSED, UNLIMITED, Helm
 from rrins.host_tools.scenario.scenario import Scenario
 
 NAME: Final = "dashboard"

@@ -8,8 +8,8 @@ from typing import Final, Literal
 
 import numpy as np
 
+from rrins.compiled.record import Floats
 from rrins.dbc.codec import load
-from rrins.dbc.record import Floats
 from rrins.host_tools.monitor.how_found import FOUND_BY
 from rrins.host_tools.monitor.redundancy import drift_words
 

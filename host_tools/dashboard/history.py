@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from rrins.dbc.record import Floats
+from rrins.compiled.record import Floats
 
 _CAPACITY = 2400
 _RECENT = 700

@@ -10,8 +10,8 @@ from typing import Final
 
 import numpy as np
 
+from rrins.compiled.record import Integers, Records
 from rrins.dbc.frame import Frame, FrameArray
-from rrins.dbc.record import Integers, Records
 from rrins.host_tools.dashboard.errors import DashboardError
 from rrins.host_tools.dashboard.page_orders import OF_RECORDING, Order
 from rrins.host_tools.dashboard.source import described

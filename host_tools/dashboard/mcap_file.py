@@ -16,8 +16,8 @@ from typing import IO, Any, Final
 
 import numpy as np
 
+from rrins.compiled.record import Integers, Words
 from rrins.dbc.codec import load
-from rrins.dbc.record import Integers, Words
 from rrins.host_tools.dashboard import events
 from rrins.host_tools.dashboard.quantities import rows_of
 from rrins.host_tools.logs.reader import Log, Piece

@@ -18,8 +18,8 @@ from rrins.host_tools.errors import RehearsalError
 from rrins.host_tools.recording.formats import ending_of
 from rrins.host_tools.runs.rehearsal import default_address, free_channel
 from rrins.host_tools.runs.run import Overrides
-from rrins.host_tools.runs.settings import check_files
-from rrins.host_tools.runs.steering import UNLIMITED
+from rrins.host_tools.runs.set_up.settings import check_files
+from rrins.host_tools.runs.sides.steering import UNLIMITED
 from rrins.host_tools.scenario.scenario import load
 
 DEFAULT_SCENARIO: Final = "rimu_rotating"

@@ -18,7 +18,7 @@ from typing import Final
 
 import numpy as np
 
-from rrins.dbc.record import Floats
+from rrins.compiled.record import Floats
 
 ROW: Final = 1
 HISTORY: Final = 2

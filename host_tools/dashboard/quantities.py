@@ -8,10 +8,10 @@ from typing import Final
 
 import numpy as np
 
+from rrins.compiled.record import Floats, Integers
 from rrins.dbc.codec import load
-from rrins.dbc.record import Floats, Integers
 from rrins.host_tools.dashboard.truth import Truth
-from rrins.host_tools.runs.results import east_north_m
+from rrins.host_tools.runs.results.results import east_north_m
 
 _SIGNALS: Final = {
     "inner_deg": ("AXIS_INNER_STATUS", "encoder_angle_deg"),

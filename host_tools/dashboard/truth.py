@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rrins.dbc.record import Floats
+from rrins.compiled.record import Floats
 from rrins.host_tools.motion.trajectory import PLACE, VELOCITY_N
-from rrins.host_tools.runs.results import east_north_m
-from rrins.host_tools.runs.settings import first_pose, trajectory_of
+from rrins.host_tools.runs.results.results import east_north_m
+from rrins.host_tools.runs.set_up.settings import first_pose, trajectory_of
 from rrins.host_tools.scenario.scenario import Scenario
 
 

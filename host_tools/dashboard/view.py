@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from rrins.dbc.record import Floats
+from rrins.compiled.record import Floats
 from rrins.host_tools.dashboard import events, quantities
 from rrins.host_tools.dashboard.bus_table import state_of
 from rrins.host_tools.dashboard.history import History

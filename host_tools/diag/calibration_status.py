@@ -5,7 +5,7 @@ from __future__ import annotations
 import datetime
 from collections.abc import Iterator, Mapping
 
-from rrins.firmware_py.core.calibration_records import DriftState
+from rrins.firmware_py.core.records.calibration_records import DriftState
 from rrins.firmware_py.diagnostics.codecs import Value
 from rrins.host_tools.files import JsonObject
 

@@ -10,8 +10,8 @@ from typing import Any
 
 from udsoncan import DataFormatIdentifier, Dtc, MemoryLocation
 
-from rrins.firmware_py.core.modes import Mode
-from rrins.firmware_py.core.troubles import ALL_GROUPS, ALL_RECORDS, Trouble
+from rrins.firmware_py.core.modes.modes import Mode
+from rrins.firmware_py.core.records.troubles import ALL_GROUPS, ALL_RECORDS, Trouble
 from rrins.firmware_py.diagnostics import access, table
 from rrins.firmware_py.diagnostics.codecs import Value, Values
 from rrins.firmware_py.diagnostics.data_identifier import DataIdentifier

@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from rrins.firmware_py.core.calibration import Calibration
+from rrins.firmware_py.core.sensors.calibration import Calibration
 from rrins.firmware_py.core.settings import Scheme
 from rrins.host_tools.calibration.afterwards import calibration_of
 from rrins.host_tools.calibration.estimation import estimate

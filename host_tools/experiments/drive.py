@@ -25,8 +25,8 @@ from rrins.host_tools.experiments.sections import (
 )
 from rrins.host_tools.experiments.variants import with_closest
 from rrins.host_tools.motion.trajectory import PLACE
-from rrins.host_tools.runs.results import Errors, east_north_m
-from rrins.host_tools.runs.settings import trajectory_of
+from rrins.host_tools.runs.results.results import Errors, east_north_m
+from rrins.host_tools.runs.set_up.settings import trajectory_of
 from rrins.host_tools.scenario.scenario import Scenario, load
 
 EXPERIMENT: Final = "drive"

@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
-from rrins.dbc.record import Floats
+from rrins.compiled.record import Floats
 from rrins.host_tools.drawing.style import (
     EAST,
     LINES,
@@ -18,8 +18,8 @@ from rrins.host_tools.drawing.style import (
     quantity,
 )
 from rrins.host_tools.experiments.sections import Distribution
-from rrins.host_tools.runs.plots import scale_of
-from rrins.host_tools.runs.results import Errors
+from rrins.host_tools.runs.results.plots import scale_of
+from rrins.host_tools.runs.results.results import Errors
 
 _POINTS = 2000
 

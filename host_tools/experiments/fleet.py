@@ -11,13 +11,13 @@ from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from itertools import repeat
 
-from rrins.firmware_py.core.calibration import Calibration
+from rrins.firmware_py.core.sensors.calibration import Calibration
 from rrins.host_tools.campaigns.engines import processors
 from rrins.host_tools.campaigns.row import run_fast
 from rrins.host_tools.experiments.calibrated import calibrated
-from rrins.host_tools.runs.results import Errors
-from rrins.host_tools.runs.samples import keep_every
-from rrins.host_tools.runs.settings import firmware_settings, scenario_wire
+from rrins.host_tools.runs.results.results import Errors
+from rrins.host_tools.runs.results.samples import keep_every
+from rrins.host_tools.runs.set_up.settings import firmware_settings, scenario_wire
 from rrins.host_tools.scenario.scenario import Scenario
 from rrins.host_tools.scenario.tables import Redundancy
 

@@ -11,7 +11,7 @@ from typing import Final
 
 import numpy as np
 
-from rrins.dbc.record import Floats
+from rrins.compiled.record import Floats
 from rrins.host_tools.experiments.calibrated import switched_on
 from rrins.host_tools.experiments.constants import REFERENCE, SETS, WORST, ConstantSet
 from rrins.host_tools.experiments.figures import draw_bands, draw_pair
@@ -24,7 +24,7 @@ from rrins.host_tools.experiments.sections import (
     Section,
     figure,
 )
-from rrins.host_tools.runs.results import Errors
+from rrins.host_tools.runs.results.results import Errors
 from rrins.host_tools.scenario.scenario import Scenario, load
 
 EXPERIMENT: Final = "experiment"

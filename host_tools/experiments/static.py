@@ -13,7 +13,7 @@ from rrins.host_tools.experiments.figures import draw_pair
 from rrins.host_tools.experiments.fleet import Fleet
 from rrins.host_tools.experiments.sections import FigureRow, Picture, Section
 from rrins.host_tools.experiments.variants import with_closest
-from rrins.host_tools.runs.results import Errors
+from rrins.host_tools.runs.results.results import Errors
 from rrins.host_tools.scenario.scenario import Scenario, load
 
 VARIANT_RATE_HZ: Final = 50

@@ -5,11 +5,11 @@ Python is back for whatever asks for it: a report of faults, a log, a bus with g
 
 from __future__ import annotations
 
-from rrins.dbc.compilation import compiled_with
+from rrins.compiled.compilation import compiled_with
+from rrins.compiled.record import I8, Bool, Floats, Record, Records, Words
 from rrins.dbc.contract import Contract
 from rrins.dbc.direct import NOTHING, Direct, receive, send
 from rrins.dbc.frame import FrameArray
-from rrins.dbc.record import I8, Bool, Floats, Record, Records, Words
 from rrins.host_tools.hardware.memory import Plant
 from rrins.host_tools.hardware.step import hardware_step
 

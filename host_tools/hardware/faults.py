@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from enum import IntEnum
 
-from rrins.dbc.compilation import compiled
+from rrins.compiled.compilation import compiled
 from rrins.dbc.contract import SENSOR_GROUPS
 from rrins.host_tools.hardware.memory import (
     FAULT_CAPACITY,

@@ -17,12 +17,12 @@ import math
 
 import numpy as np
 
+from rrins.compiled.compilation import compiled
+from rrins.compiled.record import Floats
 from rrins.dbc.codec import encode, pack, unwrapped
-from rrins.dbc.compilation import compiled
 from rrins.dbc.contract import Contract
 from rrins.dbc.e2e import fill
 from rrins.dbc.frame import FrameArray
-from rrins.dbc.record import Floats
 from rrins.host_tools.hardware import earth, motion
 from rrins.host_tools.hardware.memory import GnssState, Plant, Truth
 from rrins.host_tools.hardware.noise import normal

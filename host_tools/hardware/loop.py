@@ -12,10 +12,10 @@ from typing import Protocol, cast
 
 import numpy as np
 
+from rrins.compiled.record import Records, Words
 from rrins.dbc.contract import load_contract
 from rrins.dbc.direct import NOTHING, WORDS, Direct
 from rrins.dbc.frame import FrameArray, frame_array
-from rrins.dbc.record import Records, Words
 from rrins.host_tools.hardware.exchange import Exchange, run_epochs
 from rrins.host_tools.hardware.fault_server import REPORT_CAPACITY, HardwareFaultServer
 from rrins.host_tools.hardware.faults import NEVER

@@ -12,8 +12,8 @@ import math
 
 import numpy as np
 
+from rrins.compiled.compilation import compiled
 from rrins.dbc.codec import encode, encode_wrapped, pack, unwrapped
-from rrins.dbc.compilation import compiled
 from rrins.dbc.contract import Contract
 from rrins.dbc.e2e import fill
 from rrins.dbc.frame import FrameArray

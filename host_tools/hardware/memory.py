@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Annotated
 
+from rrins.compiled.record import F8, I8, U4, Bool, Bytes, Floats, Integers, Record, Records, Words
 from rrins.dbc.contract import SENSOR_GROUPS
-from rrins.dbc.record import F8, I8, U4, Bool, Bytes, Floats, Integers, Record, Records, Words
 
 INNER, OUTER = 0, 1
 """Index of an axis in arrays over the two axes."""

@@ -10,8 +10,8 @@ from __future__ import annotations
 
 import math
 
-from rrins.dbc.compilation import compiled
-from rrins.dbc.record import Floats
+from rrins.compiled.compilation import compiled
+from rrins.compiled.record import Floats
 from rrins.host_tools.hardware.memory import MOTION_TERMS, Plant
 
 RATE, FORCE, POSITION, VELOCITY, ATTITUDE = 0, 3, 6, 9, 12

@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from rrins.dbc.compilation import compiled
+from rrins.compiled.compilation import compiled
 from rrins.host_tools.hardware.memory import (
     AltimeterState,
     GnssState,

@@ -16,10 +16,10 @@ import math
 
 import numpy as np
 
+from rrins.compiled.compilation import compiled
+from rrins.compiled.record import Floats
 from rrins.dbc.codec import pack
-from rrins.dbc.compilation import compiled
 from rrins.dbc.contract import MessageSignals
-from rrins.dbc.record import Floats
 from rrins.host_tools.hardware import earth, motion
 from rrins.host_tools.hardware.memory import OdometerState, Plant
 from rrins.host_tools.hardware.noise import normal

@@ -15,8 +15,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from rrins.dbc.compilation import compiled
-from rrins.dbc.record import Floats
+from rrins.compiled.compilation import compiled
+from rrins.compiled.record import Floats
 from rrins.host_tools.hardware.memory import FLICKER_POLES, LATENCY_CAPACITY, Sensors
 from rrins.host_tools.hardware.noise import normal
 

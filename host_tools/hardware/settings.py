@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rrins.dbc.record import Records
+from rrins.compiled.record import Records
 from rrins.host_tools.hardware import earth, faults
 from rrins.host_tools.hardware.faults import HardwareFault
 from rrins.host_tools.hardware.master_settings import MasterSettings, fill_master

@@ -15,7 +15,7 @@ with Δω from the rates at the ends of two epochs, so that a rate that jumps is
 
 from __future__ import annotations
 
-from rrins.dbc.compilation import compiled
+from rrins.compiled.compilation import compiled
 from rrins.host_tools.hardware.memory import Plant
 
 

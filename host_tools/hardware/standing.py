@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from rrins.compiled.compilation import compiled
 from rrins.dbc.codec import encode, pack
-from rrins.dbc.compilation import compiled
 from rrins.dbc.contract import MessageSignals
 from rrins.host_tools.hardware.memory import Plant
 

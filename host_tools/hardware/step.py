@@ -10,12 +10,12 @@ import math
 
 import numpy as np
 
+from rrins.compiled.compilation import compiled
+from rrins.compiled.record import Floats, Records
 from rrins.dbc.codec import decode, encode, encode_wrapped, pack, span_of, unpack, unwrapped
-from rrins.dbc.compilation import compiled
 from rrins.dbc.contract import Contract, MessageSignals
 from rrins.dbc.e2e import COUNTER_MODULUS, MessageLayout, counter_of, crc_holds, fill
 from rrins.dbc.frame import Frame, FrameArray
-from rrins.dbc.record import Floats, Records
 from rrins.host_tools.hardware import (
     faults,
     gnss,

@@ -15,8 +15,8 @@ from __future__ import annotations
 
 import math
 
-from rrins.dbc.compilation import compiled
-from rrins.dbc.record import Floats
+from rrins.compiled.compilation import compiled
+from rrins.compiled.record import Floats
 from rrins.host_tools.hardware import motion, size_effect
 from rrins.host_tools.hardware.memory import INNER, OUTER, Plant, TableErrors, TurntableAxis
 

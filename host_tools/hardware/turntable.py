@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import math
 
-from rrins.dbc.compilation import compiled
+from rrins.compiled.compilation import compiled
 from rrins.dbc.values import AxisCommand, AxisState
 from rrins.host_tools.hardware.memory import TurntableAxis
 

@@ -13,7 +13,7 @@ from itertools import tee
 import numpy as np
 from numpy.typing import NDArray
 
-from rrins.dbc.record import Integers
+from rrins.compiled.record import Integers
 from rrins.host_tools.logs.comparison import BEFORE_SYNC, Comparison, Sent, joined, nothing_sent
 from rrins.host_tools.logs.epochs import EpochFinder, LogSteps
 from rrins.host_tools.logs.frame_steps import NO_EPOCH

@@ -13,8 +13,8 @@ import numpy as np
 from matplotlib.figure import Figure
 from rich.table import Table
 
-from rrins.dbc.record import Floats, Records
-from rrins.firmware_py.core.memory import NavigationOutput
+from rrins.compiled.record import Floats, Records
+from rrins.firmware_py.core.records.memory import NavigationOutput
 from rrins.host_tools.drawing.style import (
     LINES,
     SINCE_NAVIGATION,
@@ -26,7 +26,7 @@ from rrins.host_tools.drawing.style import (
 from rrins.host_tools.errors import ScenarioError
 from rrins.host_tools.files import JsonObject
 from rrins.host_tools.logs.pictures import save
-from rrins.host_tools.runs.results import Errors, east_north_m
+from rrins.host_tools.runs.results.results import Errors, east_north_m
 from rrins.host_tools.scenario.scenario import Scenario
 
 _POINTS = 4000

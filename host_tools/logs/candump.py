@@ -10,9 +10,9 @@ from typing import Protocol
 
 import numpy as np
 
-from rrins.dbc.compilation import compiled
+from rrins.compiled.compilation import compiled
+from rrins.compiled.record import Bytes, Floats, Integers
 from rrins.dbc.frame import EFF_FLAG, ERR_FLAG, RTR_FLAG, Frame, FrameArray, frame_array
-from rrins.dbc.record import Bytes, Floats, Integers
 
 _BLOCK = 1 << 21  # bytes
 _SHORTEST_LINE = 12  # "(0) a 000#\n" and one

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from rrins.compiled.record import Integers
 from rrins.dbc.frame import Frame, FrameArray, frame_array
-from rrins.dbc.record import Integers
 from rrins.host_tools.files import JsonObject
 from rrins.host_tools.logs.signals import (
     SignalOfMessage,

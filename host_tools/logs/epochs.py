@@ -18,11 +18,11 @@ from itertools import chain
 import numpy as np
 from numpy.typing import NDArray
 
+from rrins.compiled.record import Floats, Integers, Records
 from rrins.dbc.codec import load
 from rrins.dbc.contract import load_contract
 from rrins.dbc.e2e import MessageLayout
 from rrins.dbc.frame import Frame, FrameArray
-from rrins.dbc.record import Floats, Integers, Records
 from rrins.host_tools.logs.frame_steps import (
     IDENTIFIERS,
     NO_EPOCH,

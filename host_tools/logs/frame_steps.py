@@ -5,13 +5,13 @@ from __future__ import annotations
 from enum import IntEnum
 from typing import Annotated
 
+from rrins.compiled.compilation import compiled
+from rrins.compiled.record import I8, U1, Bytes, Integers, Record, Records
 from rrins.dbc.codec import unpack
-from rrins.dbc.compilation import compiled
 from rrins.dbc.contract import Contract, MessageSignals, load_contract
 from rrins.dbc.e2e import COUNTER_MODULUS, MessageLayout, counter_of, crc_holds
 from rrins.dbc.frame import Frame, FrameArray
-from rrins.dbc.record import I8, U1, Bytes, Integers, Record, Records
-from rrins.firmware_py.core.intake import ADOPT_BEYOND
+from rrins.firmware_py.core.frames_in.intake import ADOPT_BEYOND
 
 IDENTIFIERS = 2048
 

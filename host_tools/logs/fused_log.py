@@ -9,19 +9,19 @@ from typing import cast
 
 import numpy as np
 
-from rrins.dbc.record import Record, Records
-from rrins.firmware_py.core.memory import NavigationOutput
-from rrins.firmware_py.core.modes import Mode
+from rrins.compiled.record import Record, Records
+from rrins.firmware_py.core.modes.modes import Mode
+from rrins.firmware_py.core.records.memory import NavigationOutput
 from rrins.firmware_py.loop import Firmware
 from rrins.host_tools.hardware.memory import Truth
 from rrins.host_tools.logs.epochs import EpochFinder
 from rrins.host_tools.logs.reader import Log
 from rrins.host_tools.logs.renavigation import Renavigation, check_rate
 from rrins.host_tools.logs.truth import RecomputedTruth
-from rrins.host_tools.runs.fused import PIECE_S, FusedIncrements, FusedTrack, note_increments
-from rrins.host_tools.runs.samples import SampleBuffer, SampleFile
-from rrins.host_tools.runs.settings import firmware_settings
+from rrins.host_tools.runs.results.samples import SampleBuffer, SampleFile
+from rrins.host_tools.runs.set_up.settings import firmware_settings
 from rrins.host_tools.scenario.scenario import Scenario
+from rrins.host_tools.vehicle.fused import PIECE_S, FusedIncrements, FusedTrack, note_increments
 
 _NAVIGATING = (int(Mode.NAVIGATION_STRAPDOWN), int(Mode.NAVIGATION_ROTATING))
 _NAMES = ("increments", "navigation", "truth")

@@ -13,8 +13,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from rrins.dbc.record import Floats, Records
-from rrins.firmware_py.core.memory import NavigationOutput
+from rrins.compiled.record import Floats, Records
+from rrins.firmware_py.core.records.memory import NavigationOutput
 from rrins.host_tools.drawing.style import (
     LINES,
     SINCE_NAVIGATION,
@@ -27,7 +27,7 @@ from rrins.host_tools.logs.series import Contents, Series
 from rrins.host_tools.logs.signals import Numbers
 from rrins.host_tools.recording.errors import RecordError
 from rrins.host_tools.recording.mf4 import is_simulated
-from rrins.host_tools.runs.results import east_north_m
+from rrins.host_tools.runs.results.results import east_north_m
 
 _PREFIXED = ("rad", "m/s", "m", "s")
 _PREFIXES = ((2e3, 1e-3, "k"), (0.2, 1.0, ""), (2e-4, 1e3, "m"), (2e-7, 1e6, "µ"), (0.0, 1e9, "n"))

@@ -13,9 +13,9 @@ from itertools import pairwise
 import can
 import numpy as np
 
+from rrins.compiled.record import Integers
 from rrins.dbc.codec import load
 from rrins.dbc.frame import ERR_FLAG, Frame, FrameArray, frame_array
-from rrins.dbc.record import Integers
 from rrins.host_tools.bus.guard import LARGEST_BATCH
 from rrins.host_tools.bus.interface import RrinsBus
 from rrins.host_tools.bus.port import Address, open_bus

@@ -12,8 +12,8 @@ from typing import IO, TYPE_CHECKING
 import can
 import numpy as np
 
+from rrins.compiled.record import Bytes, Floats
 from rrins.dbc.frame import EFF_FLAG, ERR_FLAG, RTR_FLAG, FrameArray, frame_array
-from rrins.dbc.record import Bytes, Floats
 from rrins.host_tools.logs.candump import ByteStream, Candump
 from rrins.host_tools.logs.unpacking import Unpacked
 from rrins.host_tools.recording.errors import RecordError

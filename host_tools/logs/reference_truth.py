@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline, CubicSpline
 
-from rrins.dbc.record import Floats, Integers, Records
-from rrins.firmware_py.core.earth import radii
+from rrins.compiled.record import Floats, Integers, Records
+from rrins.firmware_py.core.maths.earth import radii
 from rrins.host_tools.hardware.memory import Truth
 from rrins.host_tools.logs.epochs import LogSteps
-from rrins.host_tools.runs.samples import SampleFile
+from rrins.host_tools.runs.results.samples import SampleFile
 from rrins.host_tools.scenario.scenario import Scenario
 from rrins.host_tools.vehicle.csv_folder import read_truth
 from rrins.host_tools.vehicle.recording import Reference

@@ -7,13 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rrins.compiled.record import Integers
 from rrins.dbc.codec import unpack
 from rrins.dbc.contract import load_contract
 from rrins.dbc.e2e import crc_holds
 from rrins.dbc.frame import Frame, FrameArray, frame_array
-from rrins.dbc.record import Integers
-from rrins.firmware_py.core.clock import own_clock_ns
-from rrins.firmware_py.core.transmit import OUTBOX_CAPACITY
+from rrins.firmware_py.core.frames_in.clock import own_clock_ns
+from rrins.firmware_py.core.frames_out.transmit import OUTBOX_CAPACITY
 from rrins.firmware_py.loop import INBOX_CAPACITY, Firmware
 from rrins.host_tools.logs.epochs import LogSteps
 from rrins.host_tools.logs.frame_steps import NO_STEP

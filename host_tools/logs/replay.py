@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from rrins.dbc.codec import load
-from rrins.firmware_py.core.trace import NavigationTrace
+from rrins.firmware_py.core.navigation.trace import NavigationTrace
 from rrins.firmware_py.loop import Firmware
 from rrins.host_tools.files import JsonObject
 from rrins.host_tools.logs.alignment import OnProgress, PendingFrames, compare_blocks, firmware_of
@@ -20,11 +20,16 @@ from rrins.host_tools.logs.reference_truth import ReferenceTruth
 from rrins.host_tools.logs.renavigation import Answers, Renavigation, check_rate
 from rrins.host_tools.logs.truth import RecomputedTruth
 from rrins.host_tools.recording.errors import RecordError
-from rrins.host_tools.runs.estimator_log import EstimatorLog
-from rrins.host_tools.runs.firmware_job import firmware_summary
-from rrins.host_tools.runs.parity_log import ParityLog
-from rrins.host_tools.runs.samples import NAVIGATION_SAMPLES, TRUTH_SAMPLES, SampleFile, keep_every
-from rrins.host_tools.runs.settings import firmware_settings
+from rrins.host_tools.runs.results.estimator_log import EstimatorLog
+from rrins.host_tools.runs.results.parity_log import ParityLog
+from rrins.host_tools.runs.results.samples import (
+    NAVIGATION_SAMPLES,
+    TRUTH_SAMPLES,
+    SampleFile,
+    keep_every,
+)
+from rrins.host_tools.runs.set_up.settings import firmware_settings
+from rrins.host_tools.runs.sides.firmware_job import firmware_summary
 from rrins.host_tools.scenario.scenario import Scenario
 
 
@@ -41,7 +46,7 @@ class Replayed:
     Attributes
     ----------
     firmware : dict
-        `rrins.host_tools.runs.firmware_job.firmware_summary`.
+        `rrins.host_tools.runs.sides.firmware_job.firmware_summary`.
     steps : int
     first_epoch, last_epoch : int
         Of the log; `NO_EPOCH` where it has no SYNC.

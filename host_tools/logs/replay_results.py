@@ -10,20 +10,20 @@ from typing import IO
 import numpy as np
 from numpy.typing import NDArray
 
-from rrins.dbc.record import Records
-from rrins.firmware_py.core.memory import NavigationOutput
+from rrins.compiled.record import Records
+from rrins.firmware_py.core.records.memory import NavigationOutput
 from rrins.host_tools.files import JsonObject, write_whole
 from rrins.host_tools.logs.beside import Navigated
 from rrins.host_tools.logs.reader import Log
 from rrins.host_tools.logs.replay import Replayed
-from rrins.host_tools.runs.estimator_log import take_estimates
-from rrins.host_tools.runs.estimator_summary import estimator_lines
-from rrins.host_tools.runs.keeping import place_for
-from rrins.host_tools.runs.outcome import Outcome
-from rrins.host_tools.runs.parity_log import take_parities
-from rrins.host_tools.runs.results import Errors, read_errors, write_summary
-from rrins.host_tools.runs.samples import NAVIGATION_SAMPLES, TRUTH_SAMPLES, read_samples
-from rrins.host_tools.runs.summary import summarise, table_of, write_results
+from rrins.host_tools.runs.results.estimator_log import take_estimates
+from rrins.host_tools.runs.results.estimator_summary import estimator_lines
+from rrins.host_tools.runs.results.keeping import place_for
+from rrins.host_tools.runs.results.outcome import Outcome
+from rrins.host_tools.runs.results.parity_log import take_parities
+from rrins.host_tools.runs.results.results import Errors, read_errors, write_summary
+from rrins.host_tools.runs.results.samples import NAVIGATION_SAMPLES, TRUTH_SAMPLES, read_samples
+from rrins.host_tools.runs.results.summary import summarise, table_of, write_results
 from rrins.host_tools.scenario.scenario import Scenario
 from rrins.host_tools.terminal import new_console, print_table
 

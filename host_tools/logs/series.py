@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from rrins.compiled.record import Floats
 from rrins.dbc.codec import load
 from rrins.dbc.frame import FrameArray
-from rrins.dbc.record import Floats
 from rrins.host_tools.logs.reader import Log
 from rrins.host_tools.logs.signals import Numbers, SignalOfMessage, name_of_identifier
 

@@ -12,11 +12,11 @@ from fnmatch import fnmatchcase
 import numpy as np
 from numpy.typing import NDArray
 
+from rrins.compiled.compilation import compiled
+from rrins.compiled.record import Floats, Integers, Records, Words
 from rrins.dbc.codec import SignalLayout, load, to_physical, unpack
-from rrins.dbc.compilation import compiled
 from rrins.dbc.e2e import MessageLayout, crc_holds
 from rrins.dbc.frame import Frame, FrameArray
-from rrins.dbc.record import Floats, Integers, Records, Words
 from rrins.host_tools.recording.errors import RecordError
 
 Numbers = Floats | Integers

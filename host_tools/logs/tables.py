@@ -14,9 +14,9 @@ import pyarrow as pa
 import pyarrow.csv
 import pyarrow.parquet
 
+from rrins.compiled.record import Floats, Integers, Words
 from rrins.dbc.codec import load
 from rrins.dbc.frame import Frame, FrameArray
-from rrins.dbc.record import Floats, Integers, Words
 from rrins.host_tools.logs.frame_steps import NO_EPOCH, epochs_by_sync
 from rrins.host_tools.logs.reader import Log, Piece
 from rrins.host_tools.logs.signals import (

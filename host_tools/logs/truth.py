@@ -16,8 +16,8 @@ from rrins.host_tools.hardware.loop import Hardware
 from rrins.host_tools.hardware.memory import Truth
 from rrins.host_tools.logs.epochs import LogSteps
 from rrins.host_tools.logs.frame_steps import IDENTIFIERS, NO_STEP
-from rrins.host_tools.runs.samples import SampleBuffer, SampleFile
-from rrins.host_tools.runs.settings import hardware_settings, scenario_wire
+from rrins.host_tools.runs.results.samples import SampleBuffer, SampleFile
+from rrins.host_tools.runs.set_up.settings import hardware_settings, scenario_wire
 from rrins.host_tools.scenario.scenario import Scenario
 
 # Sent by the hardware on his behalf.

@@ -9,8 +9,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, fields
 
+from rrins.compiled.record import Integers, Records
 from rrins.dbc.codec import Codec
-from rrins.dbc.record import Integers, Records
 from rrins.host_tools.bus.guard import NOTHING_REFUSED, Refused
 from rrins.host_tools.monitor.tally import (
     BIN_NS,

@@ -13,12 +13,12 @@ from typing import Annotated, cast
 
 import numpy as np
 
+from rrins.compiled.compilation import compiled
+from rrins.compiled.record import F8, I8, U1, U4, U8, Integers, Record, Records, Shorts, Words
 from rrins.dbc.codec import Codec, SignalLayout, unpack
-from rrins.dbc.compilation import compiled
 from rrins.dbc.direct import NOTHING, TIME_WORD, Direct, take
 from rrins.dbc.e2e import COUNTER_MODULUS, MessageLayout, counter_of, crc_holds
 from rrins.dbc.frame import EFF_FLAG, ERR_FLAG, RTR_FLAG, Frame, FrameArray
-from rrins.dbc.record import F8, I8, U1, U4, U8, Integers, Record, Records, Shorts, Words
 from rrins.host_tools.wire.bits import INTERMISSION_BITS, frame_bits
 from rrins.host_tools.wire.load import occupy
 

@@ -10,10 +10,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from rrins.compiled.record import Floats, Integers, Records, Words
 from rrins.dbc.codec import Codec, load
 from rrins.dbc.direct import Direct
 from rrins.dbc.frame import FrameArray, frame_array
-from rrins.dbc.record import Floats, Integers, Records, Words
 from rrins.host_tools.bus.guard import NOTHING_REFUSED, Refused
 from rrins.host_tools.monitor.state import WINDOW_NS, BusState, Mark, Times
 from rrins.host_tools.monitor.tally import (

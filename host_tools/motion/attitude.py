@@ -17,7 +17,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from rrins.dbc.record import Floats
+from rrins.compiled.record import Floats
 from rrins.host_tools.motion.bridges import covered, held_angles
 from rrins.host_tools.motion.local import Local
 from rrins.host_tools.motion.recording import Recording

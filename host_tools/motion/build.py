@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rrins.dbc.record import Floats
+from rrins.compiled.record import Floats
 from rrins.host_tools.motion.bridges import begins_or_ends_in_motion
 from rrins.host_tools.motion.drive import synthetic_drive
 from rrins.host_tools.motion.limits import refuse_impossible

@@ -11,7 +11,7 @@ from typing import TextIO
 
 import numpy as np
 
-from rrins.dbc.record import Floats
+from rrins.compiled.record import Floats
 from rrins.host_tools.motion.csv_text import EXPORTED_ONLY
 from rrins.host_tools.motion.errors import MotionError
 from rrins.host_tools.motion.table import ATTITUDE, PLACE, TIME, VELOCITY

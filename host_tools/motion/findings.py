@@ -7,7 +7,7 @@ from dataclasses import asdict
 
 import numpy as np
 
-from rrins.dbc.record import Floats
+from rrins.compiled.record import Floats
 from rrins.host_tools.files import JsonObject
 from rrins.host_tools.motion.bridges import angle_gaps
 from rrins.host_tools.motion.mending import interval_of

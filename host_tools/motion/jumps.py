@@ -18,7 +18,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from rrins.dbc.record import Floats, Integers
+from rrins.compiled.record import Floats, Integers
 from rrins.host_tools.motion.local import Local
 from rrins.host_tools.motion.recording import Recording
 

@@ -23,7 +23,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.polynomial import chebyshev
 
-from rrins.dbc.record import Floats
+from rrins.compiled.record import Floats
 from rrins.host_tools.hardware import earth
 from rrins.host_tools.motion.spline import derivative, horner, monomials_of
 from rrins.host_tools.motion.trajectory import (

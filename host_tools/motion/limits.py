@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from rrins.dbc.record import Floats, Integers
+from rrins.compiled.record import Floats, Integers
 from rrins.host_tools.motion.errors import MotionError
 from rrins.host_tools.motion.recording import Recording
 from rrins.host_tools.motion.trajectory import (

@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from rrins.dbc.record import Floats
+from rrins.compiled.record import Floats
 from rrins.host_tools.motion.errors import MotionError
 from rrins.host_tools.motion.jumps import find_jumps
 from rrins.host_tools.motion.recording import Irregularity, Recording

@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from rrins.dbc.record import Floats
+from rrins.compiled.record import Floats
 from rrins.host_tools.hardware.settings import body_to_navigation
 from rrins.host_tools.motion.kinematics import NODES, interpolated
 from rrins.host_tools.motion.spline import horner

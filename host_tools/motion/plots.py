@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from rrins.dbc.record import Floats
+from rrins.compiled.record import Floats
 from rrins.host_tools.drawing.style import LINES, finish, give_title, new_figure, quantity
 from rrins.host_tools.motion.errors import MotionError
 from rrins.host_tools.motion.local import Local

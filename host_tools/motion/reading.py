@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from rrins.dbc.record import Floats
+from rrins.compiled.record import Floats
 from rrins.host_tools.motion.csv_text import read_csv
 from rrins.host_tools.motion.errors import MotionError
 from rrins.host_tools.motion.pos_text import read_pos

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from rrins.dbc.record import Floats, Integers
+from rrins.compiled.record import Floats, Integers
 from rrins.host_tools.motion.errors import MotionError
 
 

@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rrins.dbc.record import Floats, Integers
+from rrins.compiled.record import Floats, Integers
 from rrins.host_tools.motion.attitude import fit_angles, track_attitude
 from rrins.host_tools.motion.bridges import edge_velocities, long_gaps, run_s, runs
 from rrins.host_tools.motion.kinematics import Path, trajectory_of

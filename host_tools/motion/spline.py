@@ -24,7 +24,7 @@ from fractions import Fraction
 
 import numpy as np
 
-from rrins.dbc.record import Floats, Integers
+from rrins.compiled.record import Floats, Integers
 
 DEGREE = 5
 ORDER = DEGREE + 1

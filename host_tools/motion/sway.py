@@ -24,7 +24,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from rrins.dbc.record import Floats
+from rrins.compiled.record import Floats
 from rrins.host_tools.hardware.settings import STANDARD_GRAVITY
 from rrins.host_tools.motion.errors import MotionError
 from rrins.host_tools.motion.kinematics import Path, trajectory_of

@@ -11,9 +11,9 @@ import math
 
 import numpy as np
 
-from rrins.dbc.compilation import compiled
+from rrins.compiled.compilation import compiled
+from rrins.compiled.record import Bytes, Floats, Integers
 from rrins.dbc.frame import EFF_FLAG, Frame, FrameArray
-from rrins.dbc.record import Bytes, Floats, Integers
 
 ASC, TRC, CSV = 0, 1, 2
 """Formats: Vector ASCII with hexadecimal numbers and absolute times, PEAK, python-can's CSV."""

@@ -21,8 +21,8 @@ import numpy as np
 from can.util import channel2int
 from numpy.typing import NDArray
 
+from rrins.compiled.record import Bytes, Floats
 from rrins.dbc.frame import EFF_FLAG, FrameArray, frame_array
-from rrins.dbc.record import Bytes, Floats
 from rrins.host_tools.recording.errors import RecordError
 from rrins.host_tools.recording.mf4_blocks import check_blocks
 

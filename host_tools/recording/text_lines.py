@@ -19,8 +19,8 @@ from typing import IO, Final
 import numpy as np
 from can.io.trc import TRCFileVersion, TRCReader
 
+from rrins.compiled.record import Bytes, Floats, Integers
 from rrins.dbc.frame import FrameArray, frame_array
-from rrins.dbc.record import Bytes, Floats, Integers
 from rrins.host_tools.recording import frame_lines
 from rrins.host_tools.recording.frame_lines import (
     BUS,

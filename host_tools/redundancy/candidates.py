@@ -10,7 +10,7 @@ from typing import Any, Final
 from rrins.host_tools.errors import ScenarioError
 from rrins.host_tools.files import JsonObject
 from rrins.host_tools.rotation.inputs import rimu_table
-from rrins.host_tools.runs.settings import check_files
+from rrins.host_tools.runs.set_up.settings import check_files
 from rrins.host_tools.scenario import presets, scenario
 from rrins.host_tools.scenario.geometry import GEOMETRIES
 from rrins.host_tools.scenario.scenario import Scenario

@@ -8,12 +8,10 @@ from __future__ import annotations
 
 import math
 
-from rrins.dbc.compilation import compiled
-from rrins.dbc.record import Floats
-from rrins.firmware_py.core.memory import Fusion
-from rrins.firmware_py.core.redundancy import isolation, standing, windows
-from rrins.firmware_py.core.redundancy import parity as parities
-from rrins.firmware_py.core.redundancy_records import (
+from rrins.compiled.compilation import compiled
+from rrins.compiled.record import Floats
+from rrins.firmware_py.core.records.memory import Fusion
+from rrins.firmware_py.core.records.redundancy_records import (
     ABSOLUTE,
     FINE_LEVELS,
     SECOND_LEVELS,
@@ -21,6 +19,8 @@ from rrins.firmware_py.core.redundancy_records import (
     WINDOWS_S,
     Parity,
 )
+from rrins.firmware_py.core.redundancy import isolation, standing, windows
+from rrins.firmware_py.core.redundancy import parity as parities
 
 
 @compiled

@@ -20,7 +20,7 @@ from rrins.host_tools.hardware import faults
 from rrins.host_tools.redundancy.sensor_kinds import KINDS, Kind
 from rrins.host_tools.redundancy.theory import LEARNED_S
 from rrins.host_tools.runs.fast import FastRun
-from rrins.host_tools.runs.settings import firmware_settings, hardware_settings
+from rrins.host_tools.runs.set_up.settings import firmware_settings, hardware_settings
 from rrins.host_tools.scenario.scenario import Scenario
 
 PATIENCE_S = 600

@@ -10,7 +10,7 @@ from typing import Self
 
 import numpy as np
 
-from rrins.dbc.record import Floats
+from rrins.compiled.record import Floats
 from rrins.host_tools.files import JsonObject
 from rrins.host_tools.redundancy.candidates import Candidate
 from rrins.host_tools.redundancy.monte_carlo import Delays, Fault, Trials, run_trials

@@ -19,14 +19,19 @@ from typing import Final
 import numpy as np
 from scipy.special import ndtr
 
-from rrins.dbc.record import Floats
+from rrins.compiled.record import Floats
+from rrins.firmware_py.core.records.redundancy_records import (
+    FINE_LEVELS,
+    SECOND_LEVELS,
+    WINDOWS_S,
+    Parity,
+)
 from rrins.firmware_py.core.redundancy import isolation
 from rrins.firmware_py.core.redundancy import parity as parities
-from rrins.firmware_py.core.redundancy_records import FINE_LEVELS, SECOND_LEVELS, WINDOWS_S, Parity
 from rrins.firmware_py.loop import Firmware
 from rrins.host_tools.redundancy.mean_path import follow
 from rrins.host_tools.redundancy.sensor_kinds import Kind
-from rrins.host_tools.runs.settings import firmware_settings
+from rrins.host_tools.runs.set_up.settings import firmware_settings
 from rrins.host_tools.scenario.scenario import Scenario
 
 LEARNED_S = 2000

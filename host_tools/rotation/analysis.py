@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from rrins.dbc.record import Floats
+from rrins.compiled.record import Floats
 from rrins.firmware_py.core.settings import Scheme
 from rrins.host_tools.hardware.earth import ROTATION_RATE
 from rrins.host_tools.hardware.settings import STANDARD_GRAVITY

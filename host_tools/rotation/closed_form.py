@@ -19,7 +19,7 @@ from typing import Final
 
 import numpy as np
 
-from rrins.dbc.record import Floats
+from rrins.compiled.record import Floats
 from rrins.host_tools.rotation import harmonics
 from rrins.host_tools.rotation.errors import BIAS, ERRORS, MEASF, MEIE, MESSF, Sensors
 from rrins.host_tools.rotation.kinematics import INNER, Leg, attitude, rotation_x, rotation_z

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from rrins.dbc.record import Floats
+from rrins.compiled.record import Floats
 from rrins.host_tools.files import JsonObject
 from rrins.host_tools.rotation.analysis import Integrals, Variation, analyse
 from rrins.host_tools.rotation.errors import ERRORS

@@ -18,7 +18,7 @@ from typing import Final, Literal
 
 import numpy as np
 
-from rrins.dbc.record import Floats
+from rrins.compiled.record import Floats
 from rrins.host_tools.hardware.sensors import input_axis, transverse_axes
 from rrins.host_tools.hardware.settings import SensorErrors
 

@@ -12,7 +12,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from rrins.dbc.record import Floats
+from rrins.compiled.record import Floats
 from rrins.firmware_py.core.settings import Scheme, Turn
 from rrins.host_tools.rotation.analysis import VANISHES, grid_of, running_integral
 from rrins.host_tools.rotation.enumeration import SENSE, Moves, angles

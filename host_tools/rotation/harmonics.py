@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from rrins.dbc.record import Floats
+from rrins.compiled.record import Floats
 from rrins.host_tools.rotation.kinematics import cos_sin
 
 _FLAT = 1e-14

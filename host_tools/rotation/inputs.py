@@ -17,7 +17,7 @@ from rrins.host_tools.errors import ScenarioError
 from rrins.host_tools.files import JsonObject, text_of
 from rrins.host_tools.rotation.errors import sensors_of
 from rrins.host_tools.rotation.merit import SensorSet
-from rrins.host_tools.runs.settings import hardware_settings
+from rrins.host_tools.runs.set_up.settings import hardware_settings
 from rrins.host_tools.scenario.geometry import GEOMETRIES, AxesDeg
 from rrins.host_tools.scenario.scenario import Scenario, first_line
 from rrins.host_tools.scenario.schemes import SCHEMES

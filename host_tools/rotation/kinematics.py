@@ -12,7 +12,7 @@ from typing import Final, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from rrins.dbc.record import Floats
+from rrins.compiled.record import Floats
 from rrins.firmware_py.core.settings import Scheme
 
 INNER: Final = 0

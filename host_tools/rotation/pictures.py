@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from rrins.dbc.record import Floats
+from rrins.compiled.record import Floats
 from rrins.host_tools.drawing.style import LINES, give_title, new_figure, quantity
 from rrins.host_tools.files import replacing
 from rrins.host_tools.rotation.analysis import Integrals, Variation

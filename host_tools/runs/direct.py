@@ -12,27 +12,31 @@ from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
 
-from rrins.firmware_py.core.trace import NavigationTrace
+from rrins.firmware_py.core.navigation.trace import NavigationTrace
 from rrins.firmware_py.loop import Firmware
 from rrins.firmware_py.serial.settings import NO_LINES, SerialSettings
 from rrins.host_tools.files import JsonObject
 from rrins.host_tools.hardware.loop import Hardware
 from rrins.host_tools.hardware.memory import Truth
-from rrins.host_tools.runs.estimator_log import EstimatorLog
 from rrins.host_tools.runs.exchange import DirectExchange
 from rrins.host_tools.runs.fast import FastRun
-from rrins.host_tools.runs.firmware_job import firmware_progress, firmware_summary
-from rrins.host_tools.runs.hardware_job import hardware_summary
-from rrins.host_tools.runs.outcome import Outcome
-from rrins.host_tools.runs.parity_log import ParityLog
-from rrins.host_tools.runs.samples import (
+from rrins.host_tools.runs.results.estimator_log import EstimatorLog
+from rrins.host_tools.runs.results.outcome import Outcome
+from rrins.host_tools.runs.results.parity_log import ParityLog
+from rrins.host_tools.runs.results.samples import (
     NAVIGATION_SAMPLES,
     TRUTH_SAMPLES,
     SampleBuffer,
     SampleFile,
     keep_every,
 )
-from rrins.host_tools.runs.settings import firmware_settings, hardware_settings, scenario_wire
+from rrins.host_tools.runs.set_up.settings import (
+    firmware_settings,
+    hardware_settings,
+    scenario_wire,
+)
+from rrins.host_tools.runs.sides.firmware_job import firmware_progress, firmware_summary
+from rrins.host_tools.runs.sides.hardware_job import hardware_summary
 from rrins.host_tools.scenario.scenario import Scenario
 from rrins.host_tools.serial.lines import open_lines
 

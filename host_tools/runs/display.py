@@ -8,7 +8,7 @@ from typing import Self
 from rich.console import Console
 
 from rrins.host_tools.files import JsonObject
-from rrins.host_tools.runs.results import east_north_m
+from rrins.host_tools.runs.results.results import east_north_m
 from rrins.host_tools.scenario.scenario import Scenario
 from rrins.host_tools.terminal import progress_line
 
@@ -76,7 +76,7 @@ class RunDisplay:
         self._progress.update(self._task, description=f"compiling functions: {counts}")
 
     def report(self, report: JsonObject) -> None:
-        """Show a report of one of the sides (see `rrins.host_tools.runs.pipe`)."""
+        """Show a report of one of the sides (see `rrins.host_tools.runs.results.pipe`)."""
         kind = report["kind"]
         if kind == "preparing" and report["side"] == "firmware":
             self.say("preparing")

@@ -6,20 +6,20 @@ and is back in Python for whatever asks for it: diagnostics, a report, a log.
 
 from __future__ import annotations
 
-from rrins.dbc.compilation import compiled_with
+from rrins.compiled.compilation import compiled_with
+from rrins.compiled.record import F8, I8, Floats, Record, Records
 from rrins.dbc.contract import Contract
 from rrins.dbc.frame import FrameArray, frame_array
-from rrins.dbc.record import F8, I8, Floats, Record, Records
-from rrins.firmware_py.core.clock import own_clock_ns
-from rrins.firmware_py.core.memory import NavigationOutput, Ram
-from rrins.firmware_py.core.modes import navigating
+from rrins.firmware_py.core.frames_in.clock import own_clock_ns
+from rrins.firmware_py.core.modes.modes import navigating
+from rrins.firmware_py.core.records.memory import NavigationOutput, Ram
 from rrins.firmware_py.core.step import firmware_step
 from rrins.firmware_py.exchange import exchange_record
 from rrins.firmware_py.loop import Firmware
 from rrins.host_tools.hardware.loop import Hardware
 from rrins.host_tools.hardware.memory import Plant, Truth
 from rrins.host_tools.hardware.step import hardware_step
-from rrins.host_tools.runs.samples import SampleBuffer
+from rrins.host_tools.runs.results.samples import SampleBuffer
 from rrins.host_tools.wire.faults import ANY_IDENTIFIER, Node
 from rrins.host_tools.wire.losses import Loss, lose, may_lose
 from rrins.host_tools.wire.wire import Wire

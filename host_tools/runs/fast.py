@@ -10,18 +10,25 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Self
 
-from rrins.dbc.compilation import compiled, compiled_with
-from rrins.dbc.compiled_beside import Beside, array_of, compiled_beside
+from rrins.compiled.compilation import compiled, compiled_with
+from rrins.compiled.compiled_beside import Beside, array_of, compiled_beside
+from rrins.compiled.record import Floats, Records
 from rrins.dbc.contract import Contract, load_contract
-from rrins.dbc.record import Floats, Records
-from rrins.firmware_py.core import clock, frame_groups, gnss, intake, odometer, zero_velocity
 from rrins.firmware_py.core import settings as firmware
-from rrins.firmware_py.core.memory import INNER, OUTER, NavigationOutput, Ram
-from rrins.firmware_py.core.modes import navigating
+from rrins.firmware_py.core.frames_in import (
+    clock,
+    frame_groups,
+    gnss,
+    intake,
+    odometer,
+    zero_velocity,
+)
+from rrins.firmware_py.core.frames_out.transmit import axis_command_word
+from rrins.firmware_py.core.modes.modes import navigating
+from rrins.firmware_py.core.records.memory import INNER, OUTER, NavigationOutput, Ram
+from rrins.firmware_py.core.records.transfer_records import MASTER_FRAMES
 from rrins.firmware_py.core.step import compute, output
 from rrins.firmware_py.core.step import parts_beside as step_parts_beside
-from rrins.firmware_py.core.transfer_records import MASTER_FRAMES
-from rrins.firmware_py.core.transmit import axis_command_word
 from rrins.firmware_py.loop import Firmware
 from rrins.host_tools.hardware import gnss as receiver
 from rrins.host_tools.hardware import master as other_unit

@@ -22,11 +22,11 @@ from rrins.host_tools.files import JsonObject
 from rrins.host_tools.recording import recorder
 from rrins.host_tools.recording.errors import RecordError
 from rrins.host_tools.recording.note import Note
-from rrins.host_tools.runs.job import REALTIME
-from rrins.host_tools.runs.outcome import Outcome
-from rrins.host_tools.runs.pipe import ReportReader
-from rrins.host_tools.runs.program import GRACE_S, Program, ProgramProcess, last_words
-from rrins.host_tools.runs.starting import Fork, start_program
+from rrins.host_tools.runs.programs.program import GRACE_S, Program, ProgramProcess, last_words
+from rrins.host_tools.runs.results.outcome import Outcome
+from rrins.host_tools.runs.results.pipe import ReportReader
+from rrins.host_tools.runs.sides.job import REALTIME
+from rrins.host_tools.runs.sides.starting import Fork, start_program
 from rrins.host_tools.scenario.scenario import Scenario
 
 OnReport = Callable[[JsonObject], None]

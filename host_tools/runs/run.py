@@ -9,12 +9,13 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal
 
-from rrins.dbc.compile_events import compiling_watched
-from rrins.dbc.record import Records
-from rrins.firmware_py.core.estimator_records import EstimatorSecond
-from rrins.firmware_py.core.memory import NavigationOutput
+from rrins.compiled.compile_events import compiling_watched
+from rrins.compiled.record import Records
+from rrins.firmware_py.core.records.estimator_records import EstimatorSecond
+from rrins.firmware_py.core.records.memory import NavigationOutput
 from rrins.firmware_py.serial.settings import NO_LINES, SerialSettings
 from rrins.host_tools import interruption
+from rrins.host_tools.bridges import slcan
 from rrins.host_tools.bus.channel import HostedError, Reservation
 from rrins.host_tools.bus.port import EMBEDDED, Address
 from rrins.host_tools.errors import FirmwareFaultError, RehearsalError
@@ -24,13 +25,9 @@ from rrins.host_tools.recording.errors import RecordError
 from rrins.host_tools.recording.formats import check_path
 from rrins.host_tools.runs.direct import run_direct, run_without_frames
 from rrins.host_tools.runs.display import RunDisplay
-from rrins.host_tools.runs.estimator_log import take_estimates
 from rrins.host_tools.runs.fast import FastRun
-from rrins.host_tools.runs.job import check_code_folder, prepare_firmware, prepare_hardware
-from rrins.host_tools.runs.outcome import Outcome
-from rrins.host_tools.runs.own_hardware import check_faults
-from rrins.host_tools.runs.parity_log import Parities, take_parities
-from rrins.host_tools.runs.program import Program
+from rrins.host_tools.runs.programs.own_hardware import check_faults
+from rrins.host_tools.runs.programs.program import Program
 from rrins.host_tools.runs.rehearsal import (
     CHANNEL,
     Interrupted,
@@ -39,19 +36,22 @@ from rrins.host_tools.runs.rehearsal import (
     Start,
     default_address,
 )
-from rrins.host_tools.runs.results import Errors, compare, read_samples_of
-from rrins.host_tools.runs.samples import SamplesError
-from rrins.host_tools.runs.settings import (
+from rrins.host_tools.runs.results.estimator_log import take_estimates
+from rrins.host_tools.runs.results.outcome import Outcome
+from rrins.host_tools.runs.results.parity_log import Parities, take_parities
+from rrins.host_tools.runs.results.results import Errors, compare, read_samples_of
+from rrins.host_tools.runs.results.samples import SamplesError
+from rrins.host_tools.runs.results.stalls import stall_words
+from rrins.host_tools.runs.results.summary import summarise, write_results
+from rrins.host_tools.runs.set_up.settings import (
     check_files,
     firmware_settings,
     hardware_settings,
     scenario_wire,
 )
-from rrins.host_tools.runs.stalls import stall_words
-from rrins.host_tools.runs.starting import start_program
-from rrins.host_tools.runs.summary import summarise, write_results
+from rrins.host_tools.runs.sides.job import check_code_folder, prepare_firmware, prepare_hardware
+from rrins.host_tools.runs.sides.starting import start_program
 from rrins.host_tools.scenario.scenario import Scenario
-from rrins.host_tools.serial import slcan
 from rrins.host_tools.serial.arguments import arguments_of
 from rrins.host_tools.terminal import new_console
 
@@ -243,7 +243,7 @@ class Plan:
     patience_s : float
         Longest silence of a program of the user's in wall clock time; 0 waits for ever.
     steer : Path, optional
-        File by which somebody steers how fast it goes (`rrins.host_tools.runs.steering`).
+        File by which somebody steers how fast it goes (`rrins.host_tools.runs.sides.steering`).
     hardware : Program or None
         The user's own program as the sensors and the table.
     """
@@ -392,7 +392,7 @@ def rehearse(
     name : str, optional
         What the scenario is called in the results; the plan's without it.
     start : callable, optional
-        Starts a side (`rrins.host_tools.runs.starting`).
+        Starts a side (`rrins.host_tools.runs.sides.starting`).
     on_started : callable, optional
         Called when both sides run.
 

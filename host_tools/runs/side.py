@@ -5,14 +5,14 @@ from __future__ import annotations
 import contextlib
 from pathlib import Path
 
+from rrins.host_tools.bridges import slcan
 from rrins.host_tools.bus.port import Address, Side
 from rrins.host_tools.files import JsonObject
-from rrins.host_tools.runs.firmware_job import run_firmware
-from rrins.host_tools.runs.hardware_job import run_hardware
-from rrins.host_tools.runs.job import Job
-from rrins.host_tools.runs.pipe import ReportPipe
 from rrins.host_tools.runs.rehearsal import default_address
-from rrins.host_tools.serial import slcan
+from rrins.host_tools.runs.results.pipe import ReportPipe
+from rrins.host_tools.runs.sides.firmware_job import run_firmware
+from rrins.host_tools.runs.sides.hardware_job import run_hardware
+from rrins.host_tools.runs.sides.job import Job
 
 
 def address_of(interface: str, channel: str | None, bitrate: int | None) -> Address:

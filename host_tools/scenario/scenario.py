@@ -1,7 +1,7 @@
 """A scenario: one TOML file that says what is rehearsed, for both sides.
 
 `Scenario` is the file as a person writes it, checked; its tables are in `scenario.tables`.
-`rrins.host_tools.runs.settings` makes of it what each side is set up with.
+`rrins.host_tools.runs.set_up.settings` makes of it what each side is set up with.
 """
 
 from __future__ import annotations

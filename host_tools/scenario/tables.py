@@ -8,11 +8,11 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-import rrins.firmware_py.core.calibration
+import rrins.firmware_py.core.sensors.calibration
 import rrins.firmware_py.core.settings
 from rrins.dbc.contract import SENSOR_GROUPS
-from rrins.firmware_py.core.fusion import CONDITION_LIMIT
-from rrins.firmware_py.core.redundancy_records import TEST_LEAST_S, TEST_LONGEST_S
+from rrins.firmware_py.core.records.redundancy_records import TEST_LEAST_S, TEST_LONGEST_S
+from rrins.firmware_py.core.sensors.fusion import CONDITION_LIMIT
 from rrins.host_tools.hardware.memory import OUTAGE_CAPACITY, READMISSION_CAPACITY
 from rrins.host_tools.scenario.geometry import GEOMETRIES, AxesDeg
 
@@ -465,8 +465,8 @@ class Paper(TomlTable):
 
 def _check_span(name: str, axes_deg: AxesDeg) -> None:
     """Raise ValueError unless the firmware can fuse the sensors to a vector."""
-    H = rrins.firmware_py.core.calibration.input_axes(axes_deg)
-    condition = rrins.firmware_py.core.calibration.condition_number(H)
+    H = rrins.firmware_py.core.sensors.calibration.input_axes(axes_deg)
+    condition = rrins.firmware_py.core.sensors.calibration.condition_number(H)
     if condition <= CONDITION_LIMIT:
         return
     first, second, third = np.linalg.svd(H, compute_uv=False)

@@ -1,1 +1,1 @@
-"""Serial lines on the host: options of the firmware's lines, and slcan adapters."""
+"""Serial lines on the host: options of the firmware's lines."""

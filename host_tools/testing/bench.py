@@ -11,8 +11,8 @@ import can
 
 from rrins.host_tools.diag.target import Target
 from rrins.host_tools.diag.tester import Tester
-from rrins.host_tools.runs.program import Program
-from rrins.host_tools.runs.results import east_north_m
+from rrins.host_tools.runs.programs.program import Program
+from rrins.host_tools.runs.results.results import east_north_m
 from rrins.host_tools.scenario.scenario import Scenario
 from rrins.host_tools.testing.diagnostics import BenchTarget, BenchTransport
 from rrins.host_tools.testing.errors import BenchError

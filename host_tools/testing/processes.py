@@ -21,8 +21,8 @@ import can
 from rrins.host_tools.bus.interface import RrinsBus
 from rrins.host_tools.bus.port import EMBEDDED, Address, Side
 from rrins.host_tools.interruption import INTERRUPTED
-from rrins.host_tools.runs.pipe import ReportReader
-from rrins.host_tools.runs.program import GRACE_S, Program, ProgramProcess, said_path
+from rrins.host_tools.runs.programs.program import GRACE_S, Program, ProgramProcess, said_path
+from rrins.host_tools.runs.results.pipe import ReportReader
 from rrins.host_tools.scenario.scenario import Scenario
 from rrins.host_tools.testing.errors import BenchError
 

@@ -14,10 +14,10 @@ import numpy as np
 from cantools.errors import Error as CantoolsError
 from numpy.typing import NDArray
 
+from rrins.compiled.record import Integers
 from rrins.dbc.codec import load
 from rrins.dbc.e2e import COUNTER_MODULUS, crc_holds, fill
 from rrins.dbc.frame import Frame, FrameArray, frame_array
-from rrins.dbc.record import Integers
 from rrins.host_tools.bus.message import get_message
 from rrins.host_tools.testing.errors import BenchError
 

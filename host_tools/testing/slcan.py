@@ -19,8 +19,8 @@ from collections.abc import Callable
 from types import FrameType
 from typing import NoReturn, Self
 
+from rrins.host_tools.bridges.adapter import Adapter
 from rrins.host_tools.closing import Closing
-from rrins.host_tools.serial.adapter import Adapter
 
 
 class PortAdapter(Adapter):

@@ -21,8 +21,12 @@ from rrins.host_tools.hardware.fault_server import HardwareFaultServer
 from rrins.host_tools.hardware.loop import INBOX_CAPACITY, Hardware
 from rrins.host_tools.hardware.memory import Truth
 from rrins.host_tools.runs.exchange import answer_epoch
-from rrins.host_tools.runs.job import prepare_hardware
-from rrins.host_tools.runs.settings import firmware_settings, hardware_settings, scenario_wire
+from rrins.host_tools.runs.set_up.settings import (
+    firmware_settings,
+    hardware_settings,
+    scenario_wire,
+)
+from rrins.host_tools.runs.sides.job import prepare_hardware
 from rrins.host_tools.scenario.scenario import Scenario
 from rrins.host_tools.testing.errors import BenchError
 from rrins.host_tools.testing.processes import (

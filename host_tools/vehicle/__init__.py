@@ -1,1 +1,1 @@
-"""Recordings of real vehicles: read, put on the firmware's epochs, written as a bus recording."""
+"""Recordings of real vehicles as bus recordings, and increments for other navigators."""

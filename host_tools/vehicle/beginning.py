@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rrins.dbc.record import Floats
+from rrins.compiled.record import Floats
 from rrins.host_tools.vehicle.errors import VehicleError
 from rrins.host_tools.vehicle.recording import Fixes, VehicleRecording
 

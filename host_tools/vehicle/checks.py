@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from rrins.dbc.record import Floats
+from rrins.compiled.record import Floats
 from rrins.host_tools.vehicle.errors import VehicleError
 
 

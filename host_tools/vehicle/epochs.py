@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rrins.dbc.record import Floats, Integers
+from rrins.compiled.record import Floats, Integers
 from rrins.host_tools.vehicle.errors import VehicleError
 from rrins.host_tools.vehicle.recording import Fixes, Increments
 

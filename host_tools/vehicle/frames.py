@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from rrins.compiled.compilation import compiled
+from rrins.compiled.record import Floats, Integers, Records
 from rrins.dbc.codec import encode, pack
-from rrins.dbc.compilation import compiled
 from rrins.dbc.contract import Contract
 from rrins.dbc.e2e import fill
 from rrins.dbc.frame import FrameArray
-from rrins.dbc.record import Floats, Integers, Records
 from rrins.dbc.values import AxisState
 
 MOST_FRAMES = 28

@@ -11,10 +11,10 @@ from typing import IO
 
 import numpy as np
 
+from rrins.compiled.record import Floats, Integers
 from rrins.dbc.codec import load
 from rrins.dbc.contract import SENSOR_GROUPS, load_contract
 from rrins.dbc.frame import FrameArray, frame_array
-from rrins.dbc.record import Floats, Integers
 from rrins.host_tools.files import write_whole
 from rrins.host_tools.motion.table import ATTITUDE, PLACE, TIME, VELOCITY
 from rrins.host_tools.recording.earlier import keep_earlier

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from rrins.dbc.record import Floats
+from rrins.compiled.record import Floats
 from rrins.host_tools.vehicle.checks import finite, increasing, located, on_earth
 from rrins.host_tools.vehicle.recording import (
     FRD_TO_RFU,

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from rrins.dbc.record import Floats
+from rrins.compiled.record import Floats
 
 FRD_TO_RFU = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 """Turns axes forward, right, down into right, forward, up, and north, east, down into ENU."""

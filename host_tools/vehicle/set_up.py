@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from rrins.dbc.record import Floats
+from rrins.compiled.record import Floats
 from rrins.host_tools import files
 from rrins.host_tools.errors import ScenarioError
 from rrins.host_tools.scenario.geometry import AxesDeg

@@ -22,7 +22,7 @@ nobody: the other's frame goes through. Senders of the same frame superpose, and
 
 from __future__ import annotations
 
-from rrins.dbc.compilation import compiled
+from rrins.compiled.compilation import compiled
 from rrins.host_tools.wire.bits import (
     ACK_DELIMITER_BITS,
     EOF_BITS,

@@ -15,7 +15,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from rrins.dbc.compilation import compiled
+from rrins.compiled.compilation import compiled
 from rrins.dbc.frame import EFF_FLAG, RTR_FLAG
 
 INTERMISSION_BITS = 3

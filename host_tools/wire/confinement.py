@@ -30,8 +30,8 @@ from __future__ import annotations
 
 from enum import IntEnum
 
-from rrins.dbc.compilation import compiled
-from rrins.dbc.record import I8, Record
+from rrins.compiled.compilation import compiled
+from rrins.compiled.record import I8, Record
 
 ERROR_FLAG_BITS = 6
 """Length of one node's error flag, active or passive."""

@@ -15,10 +15,10 @@ from enum import IntEnum
 
 import numpy as np
 
+from rrins.compiled.record import Records
 from rrins.dbc.codec import load
 from rrins.dbc.e2e import COUNTER_MODULUS, counter_of, protect
 from rrins.dbc.frame import FrameArray, frame_array
-from rrins.dbc.record import Records
 from rrins.host_tools.hardware.faults import NEVER
 from rrins.host_tools.wire.losses import CAPACITY as LOSSES
 from rrins.host_tools.wire.losses import Draws, Loss

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Protocol
 
-from rrins.dbc.compilation import compiled
+from rrins.compiled.compilation import compiled
 
 
 class Load(Protocol):

@@ -6,9 +6,9 @@ from typing import Annotated
 
 import numpy as np
 
-from rrins.dbc.compilation import compiled_with
+from rrins.compiled.compilation import compiled_with
+from rrins.compiled.record import F8, I8, Bool, Floats, Record, Records
 from rrins.dbc.frame import FrameArray
-from rrins.dbc.record import F8, I8, Bool, Floats, Record, Records
 
 CAPACITY = 8
 """Most faults of a call."""

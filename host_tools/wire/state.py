@@ -6,9 +6,9 @@ from typing import Annotated
 
 import numpy as np
 
-from rrins.dbc.compilation import compiled
+from rrins.compiled.compilation import compiled
+from rrins.compiled.record import I8, U1, U4, U8, Record, Records
 from rrins.dbc.frame import EFF_FLAG, ERR_FLAG, Frame, FrameArray
-from rrins.dbc.record import I8, U1, U4, U8, Record, Records
 from rrins.host_tools.wire.bits import arbitration_key
 from rrins.host_tools.wire.confinement import Confinement
 

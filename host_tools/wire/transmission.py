@@ -9,9 +9,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from rrins.dbc.compilation import compiled
+from rrins.compiled.compilation import compiled
+from rrins.compiled.record import Records
 from rrins.dbc.frame import FrameArray
-from rrins.dbc.record import Records
 from rrins.host_tools.wire.arbitration import SENT, UNACKNOWLEDGED, settle
 from rrins.host_tools.wire.bits import INTERMISSION_BITS
 from rrins.host_tools.wire.confinement import (

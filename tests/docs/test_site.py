@@ -27,6 +27,8 @@ def modules() -> set[str]:
         for path in (ROOT / room).rglob("*.py")
     ]
     names = {".".join(("rrins", *path.relative_to(ROOT).with_suffix("").parts)) for path in paths}
+    paths = (ROOT / "rrins" / "compiled").rglob("*.py")
+    names |= {".".join(path.relative_to(ROOT).with_suffix("").parts) for path in paths}
     return {name.removesuffix(".__init__") for name in names}
 
 

@@ -15,7 +15,7 @@ import pytest
 
 from rrins.host_tools.runs import run
 from rrins.host_tools.runs.display import RunDisplay
-from rrins.host_tools.runs.program import Program
+from rrins.host_tools.runs.programs.program import Program
 from rrins.host_tools.scenario.scenario import load
 from rrins.host_tools.terminal import new_console
 

@@ -14,10 +14,11 @@ from rrins.dbc import codec
 from rrins.dbc.contract import load_contract
 from rrins.dbc.e2e import protect
 from rrins.dbc.frame import Frame, frame_array
-from rrins.firmware_py.core import earth, strapdown
-from rrins.firmware_py.core.calibration import input_axes
-from rrins.firmware_py.core.memory import Ins as InsRecord
-from rrins.firmware_py.core.modes import Mode
+from rrins.firmware_py.core.maths import earth
+from rrins.firmware_py.core.modes.modes import Mode
+from rrins.firmware_py.core.navigation import strapdown
+from rrins.firmware_py.core.records.memory import Ins as InsRecord
+from rrins.firmware_py.core.sensors.calibration import input_axes
 from rrins.firmware_py.core.settings import Scheme, Settings, Turn
 from rrins.firmware_py.diagnostics.store import Stores
 from rrins.firmware_py.loop import Firmware

@@ -9,10 +9,10 @@ from hypothesis import strategies as st
 
 from rrins.dbc.frame import Frame
 from rrins.firmware_py import loop
-from rrins.firmware_py.core.clock import own_clock_ns
-from rrins.firmware_py.core.modes import Mode, ModeRequest
+from rrins.firmware_py.core.frames_in.clock import own_clock_ns
+from rrins.firmware_py.core.modes.modes import Mode, ModeRequest
 from rrins.firmware_py.loop import Firmware, run_lockstep, run_realtime
-from rrins.host_tools.runs.realtime import LatenessHistogram
+from rrins.host_tools.runs.sides.realtime import LatenessHistogram
 
 
 class ScriptedPort:

@@ -31,8 +31,12 @@ from rrins.host_tools.logs.reader import Log, Piece
 from rrins.host_tools.recording.note import Note, write_note
 from rrins.host_tools.recording.recorder import NAME, Recorder, add_result
 from rrins.host_tools.runs.direct import run_without_frames
-from rrins.host_tools.runs.results import read_errors
-from rrins.host_tools.runs.settings import firmware_settings, hardware_settings, scenario_wire
+from rrins.host_tools.runs.results.results import read_errors
+from rrins.host_tools.runs.set_up.settings import (
+    firmware_settings,
+    hardware_settings,
+    scenario_wire,
+)
 from rrins.host_tools.scenario.scenario import Scenario
 
 COMMAND = (sys.executable, "-m", "rrins")

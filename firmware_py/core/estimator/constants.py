@@ -12,9 +12,9 @@ of both kinds is a turn of their frame: it cannot be found, and does no harm to 
 
 from __future__ import annotations
 
-from rrins.dbc.compilation import compiled
-from rrins.dbc.record import Floats
-from rrins.firmware_py.core.estimator_records import (
+from rrins.compiled.compilation import compiled
+from rrins.compiled.record import Floats
+from rrins.firmware_py.core.records.estimator_records import (
     ACROSS_U,
     ACROSS_V,
     ASYMMETRY,
@@ -24,7 +24,7 @@ from rrins.firmware_py.core.estimator_records import (
     SENSOR_CONSTANTS,
     Estimator,
 )
-from rrins.firmware_py.core.memory import Fusion, Ram
+from rrins.firmware_py.core.records.memory import Fusion, Ram
 
 
 @compiled

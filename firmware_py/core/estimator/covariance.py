@@ -6,8 +6,8 @@ symmetric sums are formed, so the covariance stays symmetric, and positive in sp
 
 from __future__ import annotations
 
-from rrins.dbc.compilation import compiled
-from rrins.dbc.record import Floats
+from rrins.compiled.compilation import compiled
+from rrins.compiled.record import Floats
 
 
 @compiled

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from rrins.dbc.compilation import compiled
-from rrins.dbc.record import Floats
-from rrins.firmware_py.core import earth, strapdown
+from rrins.compiled.compilation import compiled
+from rrins.compiled.record import Floats
 from rrins.firmware_py.core.estimator import constants, sway
-from rrins.firmware_py.core.estimator_records import (
+from rrins.firmware_py.core.maths import earth
+from rrins.firmware_py.core.navigation import strapdown
+from rrins.firmware_py.core.records.estimator_records import (
     ATTITUDE,
     BIASES,
     CORRECTIONS,
@@ -17,7 +18,7 @@ from rrins.firmware_py.core.estimator_records import (
     SENSOR_CONSTANTS,
     VELOCITY,
 )
-from rrins.firmware_py.core.memory import Fusion, Ram
+from rrins.firmware_py.core.records.memory import Fusion, Ram
 
 
 @compiled

@@ -9,8 +9,7 @@ from __future__ import annotations
 
 import math
 
-from rrins.dbc.compilation import compiled
-from rrins.firmware_py.core import earth, modes
+from rrins.compiled.compilation import compiled
 from rrins.firmware_py.core.estimator import (
     constants,
     feedback,
@@ -22,7 +21,9 @@ from rrins.firmware_py.core.estimator import (
     sway,
     wheels,
 )
-from rrins.firmware_py.core.estimator_records import (
+from rrins.firmware_py.core.maths import earth
+from rrins.firmware_py.core.modes import modes
+from rrins.firmware_py.core.records.estimator_records import (
     ATTITUDE,
     BIASES,
     HEIGHT,
@@ -34,7 +35,7 @@ from rrins.firmware_py.core.estimator_records import (
     VELOCITY,
     Estimator,
 )
-from rrins.firmware_py.core.memory import Ram
+from rrins.firmware_py.core.records.memory import Ram
 
 _TRANSITION, _COVARIANCE, _NOISE, _MEASUREMENTS = 1, 2, 3, 4
 """The pieces of work, in order."""

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from rrins.dbc.compilation import compiled
+from rrins.compiled.compilation import compiled
 from rrins.firmware_py.core.estimator import constants
-from rrins.firmware_py.core.estimator_records import (
+from rrins.firmware_py.core.modes.modes import Mode
+from rrins.firmware_py.core.records.estimator_records import (
     AIDS,
     ATTITUDE,
     BIASES,
@@ -17,8 +18,7 @@ from rrins.firmware_py.core.estimator_records import (
     SENSOR_CONSTANTS,
     VELOCITY,
 )
-from rrins.firmware_py.core.memory import Ram
-from rrins.firmware_py.core.modes import Mode
+from rrins.firmware_py.core.records.memory import Ram
 
 
 @compiled

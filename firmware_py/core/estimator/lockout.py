@@ -10,15 +10,15 @@ from __future__ import annotations
 
 import math
 
-from rrins.dbc.compilation import compiled
-from rrins.firmware_py.core.estimator_records import (
+from rrins.compiled.compilation import compiled
+from rrins.firmware_py.core.records.estimator_records import (
     BIASES,
     NO_TRUST,
     VELOCITY,
     Aid,
     Estimator,
 )
-from rrins.firmware_py.core.memory import Ram
+from rrins.firmware_py.core.records.memory import Ram
 
 PATIENCE_S = 120
 """Jumps and pulls of a receiver last shorter, as a rule; the navigation stays useful meanwhile."""

@@ -7,11 +7,13 @@ between counts. Groves (2nd ed., 2013), section 14.3.
 
 from __future__ import annotations
 
-from rrins.dbc.compilation import compiled
-from rrins.dbc.record import Floats
-from rrins.firmware_py.core import antenna, earth
+from rrins.compiled.compilation import compiled
+from rrins.compiled.record import Floats
+from rrins.firmware_py.core.aiding import antenna
 from rrins.firmware_py.core.estimator import covariance, standstill, wheels
-from rrins.firmware_py.core.estimator_records import (
+from rrins.firmware_py.core.maths import earth
+from rrins.firmware_py.core.modes.modes import Mode
+from rrins.firmware_py.core.records.estimator_records import (
     AIDS,
     ATTITUDE,
     COMPONENTS,
@@ -26,8 +28,7 @@ from rrins.firmware_py.core.estimator_records import (
     Aid,
     Estimator,
 )
-from rrins.firmware_py.core.memory import ANTENNA_EPOCHS, Ram
-from rrins.firmware_py.core.modes import Mode
+from rrins.firmware_py.core.records.memory import ANTENNA_EPOCHS, Ram
 
 _FIX = (1 << 2 * COMPONENTS) - 1
 _EVERY = (1 << COMPONENTS) - 1

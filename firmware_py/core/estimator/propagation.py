@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from rrins.dbc.compilation import compiled
-from rrins.dbc.record import Floats
-from rrins.firmware_py.core import earth
-from rrins.firmware_py.core.data_sheet import SCALE_TURN
+from rrins.compiled.compilation import compiled
+from rrins.compiled.record import Floats
 from rrins.firmware_py.core.estimator import constants, covariance, transition
-from rrins.firmware_py.core.estimator_records import (
+from rrins.firmware_py.core.maths import earth
+from rrins.firmware_py.core.records.estimator_records import (
     ATTITUDE,
     BIASES,
     DONE,
@@ -19,7 +18,8 @@ from rrins.firmware_py.core.estimator_records import (
     VELOCITY,
     Estimator,
 )
-from rrins.firmware_py.core.memory import Fusion, Ins, Ram
+from rrins.firmware_py.core.records.memory import Fusion, Ins, Ram
+from rrins.firmware_py.core.sensors.data_sheet import SCALE_TURN
 
 LEAST_WALK, HOUR_S = 1e-4, 3600.0
 """Of a constant's sigma, in an hour: P must not become singular."""

@@ -10,12 +10,12 @@ import math
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
-from rrins.firmware_py.core import earth, strapdown
-from rrins.firmware_py.core.calibration import transverse
-from rrins.firmware_py.core.data_sheet import FLICKER_S, DataSheet
+from rrins.firmware_py.core.aiding.wheel import MOUNTING_SIGMA, SCALE_SIGMA, SLIP_SIGMA
 from rrins.firmware_py.core.estimator import sway
 from rrins.firmware_py.core.estimator.propagation import HOUR_S, LEAST_WALK
-from rrins.firmware_py.core.estimator_records import (
+from rrins.firmware_py.core.maths import earth
+from rrins.firmware_py.core.navigation import strapdown
+from rrins.firmware_py.core.records.estimator_records import (
     BIASES,
     NEVER,
     ODOMETER_STATES,
@@ -23,9 +23,14 @@ from rrins.firmware_py.core.estimator_records import (
     STATE_CAPACITY,
     SWAY_STATES,
 )
-from rrins.firmware_py.core.initial_attitude import LEAST_HEADING, LEAST_LEVEL, InitialAttitude
-from rrins.firmware_py.core.memory import Fusion, Ram
-from rrins.firmware_py.core.wheel import MOUNTING_SIGMA, SCALE_SIGMA, SLIP_SIGMA
+from rrins.firmware_py.core.records.initial_attitude import (
+    LEAST_HEADING,
+    LEAST_LEVEL,
+    InitialAttitude,
+)
+from rrins.firmware_py.core.records.memory import Fusion, Ram
+from rrins.firmware_py.core.sensors.calibration import transverse
+from rrins.firmware_py.core.sensors.data_sheet import FLICKER_S, DataSheet
 
 _LEAST_SLOPE = 1e-7
 """Of scale factors and installation, where they are states: what they change by as it turns."""

@@ -11,12 +11,12 @@ from __future__ import annotations
 
 import math
 
-from rrins.dbc.compilation import compiled
-from rrins.firmware_py.core.attitude import multiply_transposed
-from rrins.firmware_py.core.estimator_records import VELOCITY
-from rrins.firmware_py.core.initial_attitude import InitialAttitude
-from rrins.firmware_py.core.memory import Ram
-from rrins.firmware_py.core.modes import Mode
+from rrins.compiled.compilation import compiled
+from rrins.firmware_py.core.maths.attitude import multiply_transposed
+from rrins.firmware_py.core.modes.modes import Mode
+from rrins.firmware_py.core.records.estimator_records import VELOCITY
+from rrins.firmware_py.core.records.initial_attitude import InitialAttitude
+from rrins.firmware_py.core.records.memory import Ram
 
 STEADY_S = 2
 """Seconds in a row without a change, after which the vehicle stands."""

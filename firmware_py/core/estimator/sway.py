@@ -13,9 +13,9 @@ import math
 
 import numpy as np
 
-from rrins.dbc.compilation import compiled
-from rrins.dbc.record import Floats
-from rrins.firmware_py.core.estimator_records import (
+from rrins.compiled.compilation import compiled
+from rrins.compiled.record import Floats
+from rrins.firmware_py.core.records.estimator_records import (
     LATITUDE,
     LONGITUDE,
     SWAY_EAST,

@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import math
 
-from rrins.dbc.compilation import compiled
-from rrins.dbc.record import Floats
-from rrins.firmware_py.core import earth
+from rrins.compiled.compilation import compiled
+from rrins.compiled.record import Floats
+from rrins.firmware_py.core.maths import earth
 
 ATTITUDE, VELOCITY, TURN, CHANGE, LATITUDE, LONGITUDE = 0, 3, 6, 9, 12, 13
 """First state of each group. `TURN` and `CHANGE` are inputs: a turn (rad) and a velocity change

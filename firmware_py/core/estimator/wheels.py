@@ -6,9 +6,10 @@ its wheel by the navigation, along the body's axes. Groves (2nd ed., 2013), sect
 
 from __future__ import annotations
 
-from rrins.dbc.compilation import compiled
-from rrins.firmware_py.core import wheel
-from rrins.firmware_py.core.estimator_records import (
+from rrins.compiled.compilation import compiled
+from rrins.firmware_py.core.aiding import wheel
+from rrins.firmware_py.core.aiding.wheel import FORWARD_AXIS, RIGHT_AXIS, UP_AXIS
+from rrins.firmware_py.core.records.estimator_records import (
     ATTITUDE,
     BIASES,
     COMPONENTS,
@@ -19,8 +20,7 @@ from rrins.firmware_py.core.estimator_records import (
     Aid,
     Estimator,
 )
-from rrins.firmware_py.core.memory import WHEEL_EPOCHS, Ram
-from rrins.firmware_py.core.wheel import FORWARD_AXIS, RIGHT_AXIS, UP_AXIS
+from rrins.firmware_py.core.records.memory import WHEEL_EPOCHS, Ram
 
 _ODOMETER = int(Aid.ODOMETER)
 

@@ -13,11 +13,10 @@ from __future__ import annotations
 
 import math
 
-from rrins.dbc.compilation import compiled
+from rrins.compiled.compilation import compiled
+from rrins.compiled.record import Floats
 from rrins.dbc.contract import SENSOR_GROUPS
-from rrins.dbc.record import Floats
-from rrins.firmware_py.core import strapdown, wheel
-from rrins.firmware_py.core.data_sheet import SCALE_TURN
+from rrins.firmware_py.core.aiding import wheel
 from rrins.firmware_py.core.estimator import covariance, transition
 from rrins.firmware_py.core.estimator.transition import (
     ATTITUDE,
@@ -26,10 +25,9 @@ from rrins.firmware_py.core.estimator.transition import (
     TURN,
     VELOCITY,
 )
-from rrins.firmware_py.core.memory import Ram
-from rrins.firmware_py.core.redundancy import blocks
-from rrins.firmware_py.core.redundancy.isolation import RATIO
-from rrins.firmware_py.core.redundancy_records import (
+from rrins.firmware_py.core.navigation import strapdown
+from rrins.firmware_py.core.records.memory import Ram
+from rrins.firmware_py.core.records.redundancy_records import (
     ACCELEROMETERS,
     BANK_SENSORS,
     BANK_STATES,
@@ -38,6 +36,9 @@ from rrins.firmware_py.core.redundancy_records import (
     Hypothesis,
     Parity,
 )
+from rrins.firmware_py.core.redundancy import blocks
+from rrins.firmware_py.core.redundancy.isolation import RATIO
+from rrins.firmware_py.core.sensors.data_sheet import SCALE_TURN
 
 STEPS_PER_EPOCH = 8
 """Filters that take a block in one epoch, at most: as many as a hundred seconds in a second."""

@@ -6,17 +6,17 @@ set of sensors: by the repair, and by the bank of filters.
 
 from __future__ import annotations
 
-from rrins.dbc.compilation import compiled
-from rrins.dbc.record import Floats
-from rrins.firmware_py.core.memory import Fusion, Ins
-from rrins.firmware_py.core.redundancy import windows
-from rrins.firmware_py.core.redundancy_records import (
+from rrins.compiled.compilation import compiled
+from rrins.compiled.record import Floats
+from rrins.firmware_py.core.records.memory import Fusion, Ins
+from rrins.firmware_py.core.records.redundancy_records import (
     BLOCK_FLOATS,
     BLOCK_OTHERS,
     LONGEST_S,
     Parity,
     Repair,
 )
+from rrins.firmware_py.core.redundancy import windows
 
 FORCE, WAY, TIME = 0, 3, 6
 """Integrals of the specific force (m/s) and of the velocity (m), in n, and the time, s."""

@@ -14,11 +14,11 @@ from __future__ import annotations
 
 import math
 
-from rrins.dbc.compilation import compiled
-from rrins.firmware_py.core.calibration_records import Drift, DriftSize, DriftState
-from rrins.firmware_py.core.memory import Fusion
+from rrins.compiled.compilation import compiled
+from rrins.firmware_py.core.records.calibration_records import Drift, DriftSize, DriftState
+from rrins.firmware_py.core.records.memory import Fusion
+from rrins.firmware_py.core.records.redundancy_records import ABSOLUTE, Learner, Parity
 from rrins.firmware_py.core.redundancy.parity import CHECKED_FROM, LEARNED_S
-from rrins.firmware_py.core.redundancy_records import ABSOLUTE, Learner, Parity
 
 _LEARNING, _KEPT = int(DriftState.LEARNING), int(DriftState.KEPT)
 _DRIFTED = int(DriftState.DRIFTED)

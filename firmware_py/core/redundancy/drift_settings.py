@@ -6,8 +6,11 @@ import math
 
 import numpy as np
 
-from rrins.dbc.record import Floats
-from rrins.firmware_py.core.calibration import (
+from rrins.compiled.record import Floats
+from rrins.firmware_py.core.records.calibration_records import Drift
+from rrins.firmware_py.core.records.memory import Ram
+from rrins.firmware_py.core.redundancy.settings import RedundancySettings, factor_of
+from rrins.firmware_py.core.sensors.calibration import (
     ARCSEC,
     PPM,
     AccelerometerCalibration,
@@ -17,10 +20,7 @@ from rrins.firmware_py.core.calibration import (
     input_axes,
     transverse,
 )
-from rrins.firmware_py.core.calibration_records import Drift
-from rrins.firmware_py.core.data_sheet import FLICKER_S, DataSheet
-from rrins.firmware_py.core.memory import Ram
-from rrins.firmware_py.core.redundancy.settings import RedundancySettings, factor_of
+from rrins.firmware_py.core.sensors.data_sheet import FLICKER_S, DataSheet
 
 _LOOKS_IN_1000_H = 3.6e6 / FLICKER_S
 """How often what was learned is another: as often as a bias has walked by its own size."""

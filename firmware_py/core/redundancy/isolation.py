@@ -10,17 +10,17 @@ from __future__ import annotations
 
 import math
 
-from rrins.dbc.compilation import compiled
-from rrins.firmware_py.core.memory import Fusion
-from rrins.firmware_py.core.redundancy import windows
-from rrins.firmware_py.core.redundancy.parity import CHECKED_FROM
-from rrins.firmware_py.core.redundancy_records import (
+from rrins.compiled.compilation import compiled
+from rrins.firmware_py.core.records.memory import Fusion
+from rrins.firmware_py.core.records.redundancy_records import (
     FINE_LEVELS,
     SECOND_LEVELS,
     SETTLED_S,
     WINDOWS_S,
     Parity,
 )
+from rrins.firmware_py.core.redundancy import windows
+from rrins.firmware_py.core.redundancy.parity import CHECKED_FROM
 
 RATIO = 2.0 * math.log(1e4)
 """Twice the logarithm of the likelihood ratio that decides."""

@@ -7,9 +7,9 @@ the noise of a second's sum, so that one covariance serves all rows.
 
 from __future__ import annotations
 
-from rrins.dbc.compilation import compiled
-from rrins.dbc.record import Floats
-from rrins.firmware_py.core.redundancy_records import REGRESSORS, Learner
+from rrins.compiled.compilation import compiled
+from rrins.compiled.record import Floats
+from rrins.firmware_py.core.records.redundancy_records import REGRESSORS, Learner
 
 
 @compiled

@@ -11,12 +11,10 @@ from __future__ import annotations
 
 import math
 
-from rrins.dbc.compilation import compiled
-from rrins.dbc.record import Floats
-from rrins.firmware_py.core import fusion as least_squares
-from rrins.firmware_py.core.memory import Fusion
-from rrins.firmware_py.core.redundancy import learning
-from rrins.firmware_py.core.redundancy_records import (
+from rrins.compiled.compilation import compiled
+from rrins.compiled.record import Floats
+from rrins.firmware_py.core.records.memory import Fusion
+from rrins.firmware_py.core.records.redundancy_records import (
     ABSOLUTE,
     EPOCH_LEVELS,
     SECOND_LEVELS,
@@ -24,6 +22,8 @@ from rrins.firmware_py.core.redundancy_records import (
     Parity,
     Sums,
 )
+from rrins.firmware_py.core.redundancy import learning
+from rrins.firmware_py.core.sensors import fusion as least_squares
 
 LEARNED_S = 10
 """Seconds to learn from before windows shorter than a second are tested."""

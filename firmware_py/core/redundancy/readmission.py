@@ -13,12 +13,10 @@ from __future__ import annotations
 
 import math
 
-from rrins.dbc.compilation import compiled
-from rrins.dbc.record import Floats
-from rrins.firmware_py.core.memory import Fusion, Ram
-from rrins.firmware_py.core.redundancy import learning
-from rrins.firmware_py.core.redundancy.parity import CHECKED_FROM
-from rrins.firmware_py.core.redundancy_records import (
+from rrins.compiled.compilation import compiled
+from rrins.compiled.record import Floats
+from rrins.firmware_py.core.records.memory import Fusion, Ram
+from rrins.firmware_py.core.records.redundancy_records import (
     ABSOLUTE,
     ACCELEROMETERS,
     TEST_LEAST_S,
@@ -29,6 +27,8 @@ from rrins.firmware_py.core.redundancy_records import (
     ReadmissionState,
     Refusal,
 )
+from rrins.firmware_py.core.redundancy import learning
+from rrins.firmware_py.core.redundancy.parity import CHECKED_FROM
 
 _STOP = int(ReadmissionOrder.STOP)
 _RETURNING = -1  # until the sensors are compared, later in the same epoch

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 
-from rrins.dbc.compilation import compiled
+from rrins.compiled.compilation import compiled
 from rrins.dbc.contract import SENSOR_GROUPS
+from rrins.firmware_py.core.records.redundancy_records import BEFORE_S, HISTORY_S, Parity
 from rrins.firmware_py.core.redundancy import windows
 from rrins.firmware_py.core.redundancy.parity import CHECKED_FROM
-from rrins.firmware_py.core.redundancy_records import BEFORE_S, HISTORY_S, Parity
 
 
 @compiled

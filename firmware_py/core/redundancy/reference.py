@@ -6,12 +6,12 @@ the way of the odometer's wheel between two counts.
 
 from __future__ import annotations
 
-from rrins.dbc.compilation import compiled
-from rrins.dbc.record import Floats
-from rrins.firmware_py.core import antenna, wheel
-from rrins.firmware_py.core.memory import WHEEL_EPOCHS, Ram
+from rrins.compiled.compilation import compiled
+from rrins.compiled.record import Floats
+from rrins.firmware_py.core.aiding import antenna, wheel
+from rrins.firmware_py.core.records.memory import WHEEL_EPOCHS, Ram
+from rrins.firmware_py.core.records.redundancy_records import VELOCITY_EPOCHS, Repair
 from rrins.firmware_py.core.redundancy import blocks
-from rrins.firmware_py.core.redundancy_records import VELOCITY_EPOCHS, Repair
 
 _LEAST_SIGMA = 0.01
 """m/s, of a component: a receiver that promises more is not believed."""

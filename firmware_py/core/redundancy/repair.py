@@ -9,14 +9,15 @@ the square of a turn of less than a thousandth.
 
 from __future__ import annotations
 
-from rrins.dbc.compilation import compiled
-from rrins.dbc.record import Floats
-from rrins.firmware_py.core import earth, strapdown
+from rrins.compiled.compilation import compiled
+from rrins.compiled.record import Floats
 from rrins.firmware_py.core.estimator import transition
 from rrins.firmware_py.core.estimator.transition import CHANGE, LATITUDE, LONGITUDE, TURN, VELOCITY
-from rrins.firmware_py.core.memory import Ram
+from rrins.firmware_py.core.maths import earth
+from rrins.firmware_py.core.navigation import strapdown
+from rrins.firmware_py.core.records.memory import Ram
+from rrins.firmware_py.core.records.redundancy_records import NAVIGATION_STATES, Repair
 from rrins.firmware_py.core.redundancy import blocks
-from rrins.firmware_py.core.redundancy_records import NAVIGATION_STATES, Repair
 
 _BLOCKS_PER_EPOCH = 32
 _SHARE_MORE, _SECONDS_MORE = 0.5, 4

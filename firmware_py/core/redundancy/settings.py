@@ -17,10 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
 
-from rrins.firmware_py.core.calibration import DPH, STANDARD_GRAVITY
-from rrins.firmware_py.core.data_sheet import FLICKER_S, DataSheet
-from rrins.firmware_py.core.memory import Ram
-from rrins.firmware_py.core.redundancy_records import (
+from rrins.firmware_py.core.records.memory import Ram
+from rrins.firmware_py.core.records.redundancy_records import (
     ABSOLUTE,
     ACCELEROMETERS,
     NOISE_S,
@@ -29,6 +27,8 @@ from rrins.firmware_py.core.redundancy_records import (
     Parity,
     Redundancy,
 )
+from rrins.firmware_py.core.sensors.calibration import DPH, STANDARD_GRAVITY
+from rrins.firmware_py.core.sensors.data_sheet import FLICKER_S, DataSheet
 
 _SECONDS_PER_1000_H = 3.6e6
 _KINDS = 2

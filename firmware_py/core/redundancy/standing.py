@@ -9,14 +9,14 @@ from __future__ import annotations
 
 import math
 
-from rrins.dbc.compilation import compiled
-from rrins.dbc.record import Floats
-from rrins.firmware_py.core import earth
-from rrins.firmware_py.core.attitude import cross
-from rrins.firmware_py.core.estimator_records import BIASES
-from rrins.firmware_py.core.memory import INNER, OUTER, Fusion, Ram
+from rrins.compiled.compilation import compiled
+from rrins.compiled.record import Floats
+from rrins.firmware_py.core.maths import earth
+from rrins.firmware_py.core.maths.attitude import cross
+from rrins.firmware_py.core.records.estimator_records import BIASES
+from rrins.firmware_py.core.records.memory import INNER, OUTER, Fusion, Ram
+from rrins.firmware_py.core.records.redundancy_records import ACCELEROMETERS, SETTLED_S, Parity
 from rrins.firmware_py.core.redundancy import learning
-from rrins.firmware_py.core.redundancy_records import ACCELEROMETERS, SETTLED_S, Parity
 
 _STANDS_BELOW = 3.0
 """m/s, largest velocity that may be an error of the navigation at standstill."""

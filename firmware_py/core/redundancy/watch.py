@@ -6,11 +6,19 @@ the rest once a second, kind after kind.
 
 from __future__ import annotations
 
-from rrins.dbc.compilation import compiled
-from rrins.dbc.record import Floats
-from rrins.firmware_py.core import alignment
+from rrins.compiled.compilation import compiled
+from rrins.compiled.record import Floats
 from rrins.firmware_py.core.estimator import follow as estimator
-from rrins.firmware_py.core.memory import Fusion, Ram
+from rrins.firmware_py.core.navigation import alignment
+from rrins.firmware_py.core.records.memory import Fusion, Ram
+from rrins.firmware_py.core.records.redundancy_records import (
+    ABSOLUTE,
+    ACCELEROMETERS,
+    SECOND_LEVELS,
+    WINDOWS_S,
+    Found,
+    Parity,
+)
 from rrins.firmware_py.core.redundancy import (
     bank,
     blocks,
@@ -25,14 +33,6 @@ from rrins.firmware_py.core.redundancy import (
     windows,
 )
 from rrins.firmware_py.core.redundancy import parity as parities
-from rrins.firmware_py.core.redundancy_records import (
-    ABSOLUTE,
-    ACCELEROMETERS,
-    SECOND_LEVELS,
-    WINDOWS_S,
-    Found,
-    Parity,
-)
 
 _STANDING, _PARITY = int(Found.STANDING), int(Found.PARITY)
 _STUCK, _ABSENT = int(Found.STUCK), int(Found.ABSENT)

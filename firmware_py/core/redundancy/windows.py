@@ -9,10 +9,8 @@ from __future__ import annotations
 
 import math
 
-from rrins.dbc.compilation import compiled
-from rrins.firmware_py.core.redundancy import learning
-from rrins.firmware_py.core.redundancy.parity import CHECKED_FROM, LEARNED_S, clear_levels
-from rrins.firmware_py.core.redundancy_records import (
+from rrins.compiled.compilation import compiled
+from rrins.firmware_py.core.records.redundancy_records import (
     COARSE_CAPACITY,
     COARSE_S,
     FINE_CAPACITY,
@@ -24,6 +22,8 @@ from rrins.firmware_py.core.redundancy_records import (
     Parity,
     Sums,
 )
+from rrins.firmware_py.core.redundancy import learning
+from rrins.firmware_py.core.redundancy.parity import CHECKED_FROM, LEARNED_S, clear_levels
 
 _MUCH_LEARNED = 0.1
 """Variance of what a second taught, in variances of its noise, from which on open windows that are

@@ -12,12 +12,12 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from rrins.compiled.record import Floats
 from rrins.dbc.contract import SENSOR_GROUPS
-from rrins.dbc.record import Floats
 from rrins.dbc.values import AxisState
-from rrins.firmware_py.core import earth
-from rrins.firmware_py.core.calibration import DPH, UG
-from rrins.firmware_py.core.modes import Mode
+from rrins.firmware_py.core.maths import earth
+from rrins.firmware_py.core.modes.modes import Mode
+from rrins.firmware_py.core.sensors.calibration import DPH, UG
 from rrins.firmware_py.diagnostics import table
 from rrins.firmware_py.diagnostics.calibration_image import Parameters
 from rrins.firmware_py.diagnostics.codecs import Value, ValueRangeError, Values

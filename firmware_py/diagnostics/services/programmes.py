@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from rrins.dbc.values import AxisState
-from rrins.firmware_py.core.diagnostic_records import RoutineRequest
-from rrins.firmware_py.core.modes import FirmwareFault, Mode
-from rrins.firmware_py.core.redundancy_records import (
+from rrins.firmware_py.core.modes.modes import FirmwareFault, Mode
+from rrins.firmware_py.core.records.diagnostic_records import RoutineRequest
+from rrins.firmware_py.core.records.redundancy_records import (
     Readmission,
     ReadmissionOrder,
     ReadmissionState,

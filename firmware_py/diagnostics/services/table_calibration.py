@@ -13,12 +13,13 @@ from typing import cast
 
 import numpy as np
 
-from rrins.dbc.record import Floats
+from rrins.compiled.record import Floats
 from rrins.dbc.values import AxisCommand
-from rrins.firmware_py.core import earth, sequencer, table_sums
-from rrins.firmware_py.core.memory import INNER, OUTER
-from rrins.firmware_py.core.modes import Mode
-from rrins.firmware_py.core.table_sums import TableSums
+from rrins.firmware_py.core.maths import earth
+from rrins.firmware_py.core.modes.modes import Mode
+from rrins.firmware_py.core.records.memory import INNER, OUTER
+from rrins.firmware_py.core.turntable import sequencer, table_sums
+from rrins.firmware_py.core.turntable.table_sums import TableSums
 from rrins.firmware_py.diagnostics.calibration_record import (
     AT_REST,
     CalibrationEnd,

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 
-from rrins.firmware_py.core.trouble_table import PARITY_KIND
-from rrins.firmware_py.core.troubles import (
+from rrins.firmware_py.core.records.trouble_table import PARITY_KIND
+from rrins.firmware_py.core.records.troubles import (
     ALL_RECORDS,
     FIRST_SNAPSHOT,
     FORMAT_IDENTIFIER,

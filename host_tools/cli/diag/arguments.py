@@ -9,7 +9,7 @@ from typing import Any, Generic, Protocol, TypeVar
 import click
 from click.shell_completion import CompletionItem
 
-from rrins.firmware_py.core.troubles import Trouble
+from rrins.firmware_py.core.records.troubles import Trouble
 from rrins.firmware_py.diagnostics import table
 from rrins.firmware_py.diagnostics.codecs import Field
 from rrins.firmware_py.diagnostics.data_identifier import DataIdentifier

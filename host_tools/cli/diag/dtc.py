@@ -8,8 +8,8 @@ import click
 import numpy as np
 from rich.table import Table
 
-from rrins.firmware_py.core.redundancy_records import BEFORE_S
-from rrins.firmware_py.core.troubles import (
+from rrins.firmware_py.core.records.redundancy_records import BEFORE_S
+from rrins.firmware_py.core.records.troubles import (
     ALL_GROUPS,
     FIRST_SNAPSHOT,
     LATEST_SNAPSHOT,

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 
 import click
 
-from rrins.firmware_py.core.troubles import Status
+from rrins.firmware_py.core.records.troubles import Status
 from rrins.firmware_py.diagnostics import access, table
 from rrins.firmware_py.diagnostics.access import Session
 from rrins.firmware_py.diagnostics.identifiers import IDENTIFICATION

@@ -9,9 +9,9 @@ import pytest
 from pydantic import ValidationError
 
 from rrins.dbc.contract import SENSOR_GROUPS
-from rrins.firmware_py.core import strapdown
-from rrins.firmware_py.core.calibration import input_axes
-from rrins.firmware_py.core.memory import INNER, OUTER, Ram, blank_ram
+from rrins.firmware_py.core.navigation import strapdown
+from rrins.firmware_py.core.records.memory import INNER, OUTER, Ram, blank_ram
+from rrins.firmware_py.core.sensors.calibration import input_axes
 from rrins.firmware_py.core.settings import Scheme, Turn, power_on
 
 FLAT = ((90.0, 0.0), (90.0, 120.0), (89.99, 240.0), (0.0, 0.0))

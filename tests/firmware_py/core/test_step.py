@@ -11,7 +11,7 @@ import sys
 import numpy as np
 import pytest
 
-from rrins.firmware_py.core.modes import FirmwareFault, Mode, ModeRequest
+from rrins.firmware_py.core.modes.modes import FirmwareFault, Mode, ModeRequest
 
 STRAPDOWN = Mode.NAVIGATION_STRAPDOWN
 
@@ -181,7 +181,7 @@ BOTH_SIDES = """
 import sys
 from rrins.firmware_py.loop import Firmware
 from rrins.host_tools.hardware.loop import Hardware
-from rrins.host_tools.runs.settings import firmware_settings, hardware_settings
+from rrins.host_tools.runs.set_up.settings import firmware_settings, hardware_settings
 from rrins.host_tools.scenario.scenario import Scenario
 scenario = Scenario.model_validate({
     "mode": "rotating", "duration_s": 1, "rate_hz": 50, "navigate_at_s": 0.1,

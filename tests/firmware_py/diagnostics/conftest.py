@@ -12,7 +12,7 @@ from udsoncan.client import Client
 from udsoncan.connections import BaseConnection
 
 from rrins.dbc.frame import frame_array
-from rrins.firmware_py.core.modes import Mode, ModeRequest
+from rrins.firmware_py.core.modes.modes import Mode, ModeRequest
 from rrins.firmware_py.diagnostics import table
 from rrins.firmware_py.diagnostics.access import key_of
 

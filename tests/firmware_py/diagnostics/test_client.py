@@ -9,9 +9,9 @@ import udsoncan
 from udsoncan import DataFormatIdentifier, MemoryLocation
 from udsoncan.exceptions import NegativeResponseException
 
-from rrins.firmware_py.core.memory import Ram
-from rrins.firmware_py.core.modes import FirmwareFault, Mode
-from rrins.firmware_py.core.troubles import CLEARED_STATUS
+from rrins.firmware_py.core.modes.modes import FirmwareFault, Mode
+from rrins.firmware_py.core.records.memory import Ram
+from rrins.firmware_py.core.records.troubles import CLEARED_STATUS
 from rrins.firmware_py.diagnostics import calibration_image as image
 from rrins.firmware_py.diagnostics import table
 from rrins.firmware_py.diagnostics.regions import CALIBRATION_ADDRESS, CALIBRATION_CAPACITY

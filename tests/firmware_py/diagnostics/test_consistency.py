@@ -7,9 +7,9 @@ import math
 import numpy as np
 import pytest
 
-from rrins.firmware_py.core.calibration import DPH, UG
-from rrins.firmware_py.core.modes import Mode
-from rrins.firmware_py.core.troubles import Status
+from rrins.firmware_py.core.modes.modes import Mode
+from rrins.firmware_py.core.records.troubles import Status
+from rrins.firmware_py.core.sensors.calibration import DPH, UG
 from rrins.firmware_py.diagnostics import table
 
 CUBE_AND_DIAGONALS_DEG = (

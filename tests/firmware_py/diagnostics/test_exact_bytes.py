@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from rrins.firmware_py.core.modes import Mode
+from rrins.firmware_py.core.modes.modes import Mode
 
 # What every session answers.
 DEFAULT = {

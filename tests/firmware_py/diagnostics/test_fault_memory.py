@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rrins.firmware_py.core.modes import Mode, ModeRequest
-from rrins.firmware_py.core.troubles import AGING_CYCLES, CLEARED_STATUS, Status
+from rrins.firmware_py.core.modes.modes import Mode, ModeRequest
+from rrins.firmware_py.core.records.troubles import AGING_CYCLES, CLEARED_STATUS, Status
 from rrins.firmware_py.diagnostics import table
 from rrins.firmware_py.diagnostics.fault_memory import FaultMemory
 from rrins.firmware_py.loop import open_memories

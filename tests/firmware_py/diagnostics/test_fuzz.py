@@ -12,7 +12,7 @@ from collections import Counter
 
 import pytest
 
-from rrins.firmware_py.core.modes import Mode
+from rrins.firmware_py.core.modes.modes import Mode
 from rrins.firmware_py.diagnostics import calibration_image as image
 from rrins.firmware_py.diagnostics import table
 from rrins.firmware_py.diagnostics.access import key_of

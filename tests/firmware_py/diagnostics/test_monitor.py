@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from rrins.dbc.frame import ERR_FLAG, frame_array
-from rrins.firmware_py.core.modes import FirmwareFault, Mode, ModeRequest
+from rrins.firmware_py.core.modes.modes import FirmwareFault, Mode, ModeRequest
+from rrins.firmware_py.core.records.troubles import Status, SystemFault
 from rrins.firmware_py.core.settings import OdometerSettings
-from rrins.firmware_py.core.troubles import Status, SystemFault
 from rrins.firmware_py.diagnostics import table
 from rrins.firmware_py.diagnostics.fault_memory import FaultMemory
 from rrins.firmware_py.diagnostics.parameter_memory import ParameterMemory

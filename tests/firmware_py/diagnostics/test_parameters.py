@@ -7,7 +7,8 @@ import zlib
 
 import pytest
 
-from rrins.firmware_py.core.calibration import (
+from rrins.firmware_py.core.records.troubles import Status
+from rrins.firmware_py.core.sensors.calibration import (
     AccelerometerCalibration,
     Calibration,
     GyroCalibration,
@@ -15,7 +16,6 @@ from rrins.firmware_py.core.calibration import (
     Origin,
 )
 from rrins.firmware_py.core.settings import power_on
-from rrins.firmware_py.core.troubles import Status
 from rrins.firmware_py.diagnostics import calibration_image as image
 from rrins.firmware_py.diagnostics import parameter_settings as set_up
 from rrins.firmware_py.diagnostics import table

@@ -7,16 +7,16 @@ import pytest
 import udsoncan
 
 from rrins.dbc.contract import SENSOR_GROUPS
-from rrins.firmware_py.core.calibration_records import DriftState
-from rrins.firmware_py.core.modes import Mode, ModeRequest
-from rrins.firmware_py.core.redundancy.settings import DataSheet, RedundancySettings
-from rrins.firmware_py.core.redundancy_records import (
+from rrins.firmware_py.core.modes.modes import Mode, ModeRequest
+from rrins.firmware_py.core.records.calibration_records import DriftState
+from rrins.firmware_py.core.records.redundancy_records import (
     BEFORE_S,
     ReadmissionState,
     Refusal,
     SensorKind,
 )
-from rrins.firmware_py.core.troubles import Status
+from rrins.firmware_py.core.records.troubles import Status
+from rrins.firmware_py.core.redundancy.settings import DataSheet, RedundancySettings
 from rrins.firmware_py.diagnostics import table
 
 DPH = np.radians(1.0) / 3600

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from rrins.firmware_py.core.modes import Mode, ModeRequest
+from rrins.firmware_py.core.modes.modes import Mode, ModeRequest
 from rrins.firmware_py.diagnostics.access import Session, key_of
 
 WRONG_KEY = "2702" + "00" * 8

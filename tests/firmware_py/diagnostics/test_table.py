@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rrins.firmware_py.core.diagnostic_records import Snapshot
-from rrins.firmware_py.core.memory import Ram
-from rrins.firmware_py.core.trouble_table import FIRST, TROUBLES
-from rrins.firmware_py.core.troubles import Kind
+from rrins.firmware_py.core.records.diagnostic_records import Snapshot
+from rrins.firmware_py.core.records.memory import Ram
+from rrins.firmware_py.core.records.trouble_table import FIRST, TROUBLES
+from rrins.firmware_py.core.records.troubles import Kind
 from rrins.firmware_py.diagnostics import table
 from rrins.firmware_py.diagnostics.codecs import Field, Layout, LengthError, ValueRangeError
 from rrins.firmware_py.diagnostics.responses import MEANINGS, Code

@@ -6,7 +6,7 @@ import itertools
 
 import pytest
 
-from rrins.firmware_py.core.modes import Mode
+from rrins.firmware_py.core.modes.modes import Mode
 from rrins.firmware_py.diagnostics import access
 from rrins.firmware_py.diagnostics.transport import slots_per_epoch
 

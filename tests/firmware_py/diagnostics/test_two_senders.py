@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rrins.dbc.frame import Frame
-from rrins.firmware_py.core.troubles import Status
+from rrins.firmware_py.core.records.troubles import Status
 from rrins.firmware_py.diagnostics import table
 
 FAILED = Status.TEST_FAILED

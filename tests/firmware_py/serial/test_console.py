@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rrins.firmware_py.core.modes import FirmwareFault, Mode, ModeRequest, fail
+from rrins.firmware_py.core.modes.modes import FirmwareFault, Mode, ModeRequest, fail
 from rrins.firmware_py.serial.console import PROMPT, READOUTS, Console
 from rrins.firmware_py.serial.line_editor import LONGEST_LINE, LineEditor
 

@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rrins.firmware_py.core.modes import FirmwareFault, Mode, ModeRequest, fail
+from rrins.firmware_py.core.modes.modes import FirmwareFault, Mode, ModeRequest, fail
 from rrins.firmware_py.serial import nmea
 
 NOON = datetime(2026, 8, 1, 12, 34, 56, 250_000, tzinfo=UTC)

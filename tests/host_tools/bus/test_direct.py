@@ -16,7 +16,11 @@ from rrins.host_tools.bus import datagram
 from rrins.host_tools.bus.port import Address, BatchPort
 from rrins.host_tools.hardware.loop import Hardware
 from rrins.host_tools.hardware.loop import run_lockstep as run_hardware
-from rrins.host_tools.runs.settings import firmware_settings, hardware_settings, scenario_wire
+from rrins.host_tools.runs.set_up.settings import (
+    firmware_settings,
+    hardware_settings,
+    scenario_wire,
+)
 
 pytestmark = pytest.mark.skipif(not direct.AVAILABLE, reason="nothing is compiled")
 

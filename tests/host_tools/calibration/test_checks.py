@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rrins.firmware_py.core.calibration import ARCSEC, DPH, UG
+from rrins.firmware_py.core.sensors.calibration import ARCSEC, DPH, UG
 from rrins.firmware_py.core.settings import Scheme
 from rrins.host_tools.calibration.checks import trouble_of
 from rrins.host_tools.calibration.estimation import estimate

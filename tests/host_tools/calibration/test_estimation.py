@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rrins.firmware_py.core.calibration import ARCSEC
+from rrins.firmware_py.core.sensors.calibration import ARCSEC
 from rrins.firmware_py.core.settings import Scheme
 from rrins.host_tools.calibration.estimation import estimate
 from rrins.host_tools.calibration.monte_carlo import errors_of, run

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from rrins.firmware_py.core.calibration import DPH, UG
+from rrins.firmware_py.core.sensors.calibration import DPH, UG
 from rrins.firmware_py.core.settings import Scheme
 from rrins.host_tools.calibration.estimation import estimate
 from rrins.host_tools.calibration.observability import LIMITS, observe

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rrins.firmware_py.core.calibration import ARCSEC, DPH, PPM, Origin, load
-from rrins.firmware_py.core.modes import Mode
+from rrins.firmware_py.core.modes.modes import Mode
+from rrins.firmware_py.core.sensors.calibration import ARCSEC, DPH, PPM, Origin, load
 from rrins.firmware_py.core.settings import Scheme, Turn
 from rrins.firmware_py.diagnostics import calibration_image
 from rrins.firmware_py.diagnostics.parameters import GYRO_CALIBRATIONS

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from rrins.firmware_py.core.calibration import Calibration
+from rrins.firmware_py.core.sensors.calibration import Calibration
 from rrins.firmware_py.loop import Firmware
 from rrins.host_tools.campaigns.row import switched_on
-from rrins.host_tools.runs.settings import firmware_settings
+from rrins.host_tools.runs.set_up.settings import firmware_settings
 from rrins.host_tools.scenario.scenario import load
 
 

@@ -326,7 +326,7 @@ def test_values_of_signals_are_the_latest_and_none_before_the_first():
     assert np.isnan(watch.latest(rows).values).all()
     scenario = Scenario(duration_s=1)
     from rrins.host_tools.hardware.loop import Hardware
-    from rrins.host_tools.runs.settings import hardware_settings
+    from rrins.host_tools.runs.set_up.settings import hardware_settings
 
     hardware = Hardware(hardware_settings(scenario))
     inbox = frame_array(0)

@@ -7,7 +7,7 @@ import os
 import numpy as np
 import pytest
 
-from rrins.firmware_py.core.memory import Ram
+from rrins.firmware_py.core.records.memory import Ram
 from rrins.firmware_py.diagnostics import table
 from rrins.firmware_py.diagnostics.access import Session
 from rrins.host_tools.diag.transport import request_message

@@ -11,7 +11,7 @@ from numba import njit
 
 from rrins.host_tools.hardware.sensors import drift, measure
 from rrins.host_tools.hardware.settings import power_on
-from rrins.host_tools.runs.settings import hardware_settings
+from rrins.host_tools.runs.set_up.settings import hardware_settings
 from rrins.host_tools.scenario.scenario import Scenario
 
 RATE_HZ = 50

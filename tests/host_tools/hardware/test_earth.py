@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rrins.firmware_py.core import earth as firmware_earth
+from rrins.firmware_py.core.maths import earth as firmware_earth
 from rrins.host_tools.hardware import earth
 
 LATITUDES = st.floats(-math.pi / 2, math.pi / 2)

@@ -10,9 +10,9 @@ import pytest
 from rrins.dbc.frame import frame_array
 from rrins.host_tools.bus.port import Address, BatchPort
 from rrins.host_tools.hardware.loop import Hardware, run_realtime
-from rrins.host_tools.runs.job import prepare_hardware
-from rrins.host_tools.runs.realtime import LatenessHistogram
-from rrins.host_tools.runs.settings import hardware_settings
+from rrins.host_tools.runs.set_up.settings import hardware_settings
+from rrins.host_tools.runs.sides.job import prepare_hardware
+from rrins.host_tools.runs.sides.realtime import LatenessHistogram
 from rrins.host_tools.scenario.scenario import Scenario
 from rrins.host_tools.testing.processes import fresh_channel
 

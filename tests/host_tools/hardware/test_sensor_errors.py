@@ -14,7 +14,7 @@ from rrins.dbc.frame import frame_array
 from rrins.host_tools.hardware.loop import Hardware
 from rrins.host_tools.hardware.sensors import measure
 from rrins.host_tools.hardware.settings import SensorErrors, SensorSet, power_on
-from rrins.host_tools.runs.settings import hardware_settings
+from rrins.host_tools.runs.set_up.settings import hardware_settings
 from rrins.host_tools.scenario.scenario import Scenario
 
 FINE = 1e-12  # a count so small that what is measured can be read from the counts

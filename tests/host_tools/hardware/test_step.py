@@ -298,7 +298,7 @@ import hashlib
 from rrins.dbc.frame import frame_array
 from rrins.host_tools.hardware.loop import Hardware
 from rrins.host_tools.hardware.turntable import command
-from rrins.host_tools.runs.settings import hardware_settings
+from rrins.host_tools.runs.set_up.settings import hardware_settings
 from rrins.host_tools.scenario.scenario import Scenario
 scenario = Scenario.model_validate({
     "duration_s": 1, "rate_hz": 200,

@@ -17,7 +17,11 @@ from rrins.host_tools.hardware.loop import Hardware
 from rrins.host_tools.injection.client import FaultClient
 from rrins.host_tools.injection.errors import InjectionError
 from rrins.host_tools.injection.messages import fault_commands
-from rrins.host_tools.runs.settings import firmware_settings, hardware_settings, scenario_wire
+from rrins.host_tools.runs.set_up.settings import (
+    firmware_settings,
+    hardware_settings,
+    scenario_wire,
+)
 from rrins.host_tools.scenario.fault_tables import KINDS
 from rrins.host_tools.scenario.scenario import Scenario, fault_of
 from rrins.host_tools.testing.errors import BenchError

@@ -7,8 +7,8 @@ import pytest
 
 from rrins.host_tools.logs.fused_log import FusedLog
 from rrins.host_tools.logs.reader import Log
-from rrins.host_tools.runs.fused import fused_of_scenario
-from rrins.host_tools.runs.navigator_files import write
+from rrins.host_tools.vehicle.fused import fused_of_scenario
+from rrins.host_tools.vehicle.navigator_files import write
 
 
 def test_a_log_gives_the_same_files_as_its_scenario(recordings, tmp_path):

@@ -12,7 +12,7 @@ import pytest
 
 from rrins.dbc.codec import load
 from rrins.dbc.frame import frame_array
-from rrins.firmware_py.core.redundancy_records import Found
+from rrins.firmware_py.core.records.redundancy_records import Found
 from rrins.firmware_py.loop import Firmware
 from rrins.firmware_py.loop import run_lockstep as run_firmware
 from rrins.host_tools.bus.port import Address, MessagePort
@@ -24,8 +24,8 @@ from rrins.host_tools.logs.replay import firmware_messages, replay
 from rrins.host_tools.recording.errors import RecordError
 from rrins.host_tools.recording.formats import READ, open_writer
 from rrins.host_tools.runs.direct import run_direct, run_without_frames
-from rrins.host_tools.runs.results import read_errors
-from rrins.host_tools.runs.settings import firmware_settings, hardware_settings
+from rrins.host_tools.runs.results.results import read_errors
+from rrins.host_tools.runs.set_up.settings import firmware_settings, hardware_settings
 from rrins.host_tools.scenario.scenario import load as load_scenario
 
 SOAK = bool(os.environ.get("RRINS_SOAK"))

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from numba import njit
 
-from rrins.firmware_py.core import strapdown
-from rrins.firmware_py.core.earth import radii
-from rrins.firmware_py.core.memory import Ins
+from rrins.firmware_py.core.maths.earth import radii
+from rrins.firmware_py.core.navigation import strapdown
+from rrins.firmware_py.core.records.memory import Ins
 from rrins.host_tools.hardware.settings import body_to_navigation
 from rrins.host_tools.motion.build import build, load_recording
 from rrins.host_tools.motion.export import write_motion

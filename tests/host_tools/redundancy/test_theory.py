@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
+from rrins.firmware_py.core.records.redundancy_records import WINDOWS_S
 from rrins.firmware_py.core.redundancy import settings
-from rrins.firmware_py.core.redundancy_records import WINDOWS_S
 from rrins.host_tools.redundancy.candidates import candidates_of
 from rrins.host_tools.redundancy.sensor_kinds import KINDS
 from rrins.host_tools.redundancy.theory import HALF, MOST, Finder

@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rrins.firmware_py.core.trace import NavigationTrace
+from rrins.firmware_py.core.navigation.trace import NavigationTrace
 from rrins.firmware_py.loop import Firmware
 from rrins.host_tools.hardware.loop import Hardware
-from rrins.host_tools.runs.bridging_summary import bridging_lines
 from rrins.host_tools.runs.exchange import answer_epoch
-from rrins.host_tools.runs.firmware_job import firmware_summary
-from rrins.host_tools.runs.results import compare
-from rrins.host_tools.runs.settings import firmware_settings, hardware_settings
+from rrins.host_tools.runs.results.bridging_summary import bridging_lines
+from rrins.host_tools.runs.results.results import compare
+from rrins.host_tools.runs.set_up.settings import firmware_settings, hardware_settings
+from rrins.host_tools.runs.sides.firmware_job import firmware_summary
 from rrins.host_tools.scenario.scenario import Scenario
 
 

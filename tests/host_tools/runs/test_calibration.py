@@ -9,7 +9,7 @@ import pytest
 
 from rrins.host_tools.errors import ScenarioError
 from rrins.host_tools.runs.direct import run_direct
-from rrins.host_tools.runs.settings import firmware_settings
+from rrins.host_tools.runs.set_up.settings import firmware_settings
 from rrins.host_tools.scenario.scenario import Scenario, load
 
 CONSTANTS = {

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import rrins
-from rrins.host_tools.runs.calibration_summary import calibrated_lines
+from rrins.host_tools.runs.results.calibration_summary import calibrated_lines
 
 SIGMA = {
     "gyros": {

@@ -9,7 +9,7 @@ import signal
 
 import pytest
 
-from rrins.dbc.code_folder import code_folder
+from rrins.compiled.code_folder import code_folder
 
 
 @pytest.fixture

@@ -14,9 +14,9 @@ import pytest
 from scipy.stats import chi2
 
 import rrins
-from rrins.firmware_py.core.attitude import matrix_of_euler
-from rrins.firmware_py.core.earth import RATE, SEMI_MAJOR_AXIS
-from rrins.firmware_py.core.estimator_records import (
+from rrins.firmware_py.core.maths.attitude import matrix_of_euler
+from rrins.firmware_py.core.maths.earth import RATE, SEMI_MAJOR_AXIS
+from rrins.firmware_py.core.records.estimator_records import (
     ATTITUDE,
     LATITUDE,
     LONGITUDE,
@@ -24,7 +24,7 @@ from rrins.firmware_py.core.estimator_records import (
     Aid,
 )
 from rrins.host_tools.runs.fast import FastRun
-from rrins.host_tools.runs.settings import firmware_settings, hardware_settings
+from rrins.host_tools.runs.set_up.settings import firmware_settings, hardware_settings
 
 SEEDS = int(os.environ.get("RRINS_SEEDS", "5"))
 FINE_S = float(os.environ.get("RRINS_FINE_S", "400"))

@@ -9,12 +9,12 @@ import pytest
 
 import rrins
 from rrins.dbc.contract import SENSOR_GROUPS
-from rrins.firmware_py.core.estimator_records import ESTIMATOR_HISTORY_S
-from rrins.firmware_py.core.memory import blank_ram
+from rrins.firmware_py.core.records.estimator_records import ESTIMATOR_HISTORY_S
+from rrins.firmware_py.core.records.memory import blank_ram
 from rrins.host_tools.hardware.settings import body_to_navigation
-from rrins.host_tools.runs.estimator_log import EstimatorLog, take_estimates
-from rrins.host_tools.runs.estimator_plot import draw_estimates
-from rrins.host_tools.runs.estimator_summary import estimator_lines
+from rrins.host_tools.runs.results.estimator_log import EstimatorLog, take_estimates
+from rrins.host_tools.runs.results.estimator_plot import draw_estimates
+from rrins.host_tools.runs.results.estimator_summary import estimator_lines
 
 RATE_HZ, FINE_S, DURATION_S = 200, 200, 60
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import pytest
 
-from rrins.firmware_py.core.memory import Ram
+from rrins.firmware_py.core.records.memory import Ram
 from rrins.host_tools.hardware import settings as hardware
 from rrins.host_tools.hardware.memory import Plant
 from rrins.host_tools.runs.fast import FastRun
-from rrins.host_tools.runs.settings import firmware_settings, hardware_settings
+from rrins.host_tools.runs.set_up.settings import firmware_settings, hardware_settings
 from rrins.host_tools.scenario.scenario import load
 
 CHANGES = {"duration_s": 20, "seed": 5}

@@ -14,8 +14,8 @@ from rrins.host_tools.hardware.loop import Hardware
 from rrins.host_tools.runs.direct import run_direct, run_without_frames
 from rrins.host_tools.runs.exchange import exchange_epoch
 from rrins.host_tools.runs.fast import FastRun
-from rrins.host_tools.runs.samples import NAVIGATION_SAMPLES, TRUTH_SAMPLES, read_samples
-from rrins.host_tools.runs.settings import firmware_settings, hardware_settings
+from rrins.host_tools.runs.results.samples import NAVIGATION_SAMPLES, TRUTH_SAMPLES, read_samples
+from rrins.host_tools.runs.set_up.settings import firmware_settings, hardware_settings
 from rrins.host_tools.scenario.scenario import Scenario
 
 QUICK_TABLE = {
@@ -183,7 +183,7 @@ def test_calibrated_it_navigates_to_the_same_bytes(tmp_path):
 
 
 def test_the_logs_agree_with_the_truth_of_the_same_epochs(tmp_path):
-    from rrins.firmware_py.core.memory import NavigationOutput
+    from rrins.firmware_py.core.records.memory import NavigationOutput
     from rrins.host_tools.hardware.memory import Truth
 
     scenario = scenario_of(MOVING)

@@ -12,7 +12,7 @@ import pytest
 from click.testing import CliRunner
 
 from rrins.host_tools.cli import main as cli
-from rrins.host_tools.runs.samples import NAVIGATION_SAMPLES, TRUTH_SAMPLES
+from rrins.host_tools.runs.results.samples import NAVIGATION_SAMPLES, TRUTH_SAMPLES
 
 SHORT = ("rimu_rotating", "--duration", "3", "--out", "out")
 

@@ -11,7 +11,7 @@ from rrins.host_tools.errors import ScenarioError
 from rrins.host_tools.hardware.memory import FAULT_CAPACITY
 from rrins.host_tools.hardware.settings import power_on
 from rrins.host_tools.runs.direct import run_direct
-from rrins.host_tools.runs.settings import firmware_settings, hardware_settings
+from rrins.host_tools.runs.set_up.settings import firmware_settings, hardware_settings
 from rrins.host_tools.scenario.scenario import Scenario, fault_of, load
 
 BEGIN_S = 3.0  # of navigation

@@ -14,10 +14,10 @@ from scipy.io import loadmat
 from scipy.spatial.transform import Rotation
 
 from rrins.host_tools.errors import FirmwareFaultError, RehearsalError
-from rrins.host_tools.runs.body_increments import Derotator
-from rrins.host_tools.runs.fused import FusedIncrements, fused_of_scenario
-from rrins.host_tools.runs.navigator_files import forward_right_down, write
 from rrins.host_tools.scenario.scenario import Scenario
+from rrins.host_tools.vehicle.body_increments import Derotator
+from rrins.host_tools.vehicle.fused import FusedIncrements, fused_of_scenario
+from rrins.host_tools.vehicle.navigator_files import forward_right_down, write
 
 OMEGA = 7.292115e-5
 DT = 0.005

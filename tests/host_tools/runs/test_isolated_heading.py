@@ -7,7 +7,7 @@ import pytest
 
 from rrins.host_tools.hardware.memory import INNER, OUTER, Truth
 from rrins.host_tools.runs.direct import run_direct, run_without_frames
-from rrins.host_tools.runs.samples import TRUTH_SAMPLES, read_samples
+from rrins.host_tools.runs.results.samples import TRUTH_SAMPLES, read_samples
 from rrins.host_tools.scenario.scenario import Scenario, ScenarioError
 
 RATE_HZ, DURATION_S = 200, 90

@@ -10,8 +10,8 @@ import pytest
 from rrins.host_tools.hardware.memory import Truth
 from rrins.host_tools.motion.trajectory import ATTITUDE, PLACE, VELOCITY_N
 from rrins.host_tools.runs.direct import run_without_frames
-from rrins.host_tools.runs.samples import TRUTH_SAMPLES, read_samples
-from rrins.host_tools.runs.settings import trajectory_of
+from rrins.host_tools.runs.results.samples import TRUTH_SAMPLES, read_samples
+from rrins.host_tools.runs.set_up.settings import trajectory_of
 from rrins.host_tools.scenario.scenario import Scenario
 
 RECORDED = Path(__file__).parents[4] / "shared" / "data" / "drive_0708" / "gnss.pos"
@@ -150,7 +150,7 @@ def test_an_altimeters_bias_is_the_heights_and_its_noise_is_smoothed(fly):
 
 def test_an_altimeter_that_was_silent_is_believed_gently_again(fly, tmp_path):
     from rrins.host_tools.runs.direct import run_direct
-    from rrins.host_tools.runs.results import read_errors
+    from rrins.host_tools.runs.results.results import read_errors
 
     silent = {"kind": "drop", "message": "ALTIMETER", "at_s": 100, "for_s": 300}
     scenario = moving(

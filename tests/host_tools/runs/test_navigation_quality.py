@@ -8,7 +8,7 @@ from __future__ import annotations
 import pytest
 
 from rrins.host_tools.runs.direct import run_without_frames
-from rrins.host_tools.runs.results import read_errors
+from rrins.host_tools.runs.results.results import read_errors
 from rrins.host_tools.scenario.scenario import Scenario, load
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rrins.host_tools.runs.settings import firmware_settings
+from rrins.host_tools.runs.set_up.settings import firmware_settings
 from rrins.host_tools.scenario.scenario import Scenario
 
 POSITIONS = {

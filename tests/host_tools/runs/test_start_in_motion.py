@@ -13,12 +13,12 @@ import pytest
 from pydantic import ValidationError
 
 import rrins
-from rrins.firmware_py.core.attitude import matrix_of_euler
-from rrins.firmware_py.core.earth import RATE, SEMI_MAJOR_AXIS
-from rrins.firmware_py.core.estimator_records import ATTITUDE
-from rrins.firmware_py.core.modes import Mode
+from rrins.firmware_py.core.maths.attitude import matrix_of_euler
+from rrins.firmware_py.core.maths.earth import RATE, SEMI_MAJOR_AXIS
+from rrins.firmware_py.core.modes.modes import Mode
+from rrins.firmware_py.core.records.estimator_records import ATTITUDE
 from rrins.host_tools.runs.fast import FastRun
-from rrins.host_tools.runs.settings import firmware_settings, hardware_settings
+from rrins.host_tools.runs.set_up.settings import firmware_settings, hardware_settings
 
 SEEDS = int(os.environ.get("RRINS_SEEDS", "3"))
 ARCSEC = math.radians(1 / 3600)

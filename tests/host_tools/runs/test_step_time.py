@@ -14,7 +14,7 @@ import pytest
 from rrins.firmware_py.loop import Firmware
 from rrins.host_tools.hardware.loop import Hardware
 from rrins.host_tools.runs.exchange import exchange_epoch
-from rrins.host_tools.runs.settings import firmware_settings, hardware_settings
+from rrins.host_tools.runs.set_up.settings import firmware_settings, hardware_settings
 from rrins.host_tools.scenario.scenario import load
 
 RATE_HZ = 400

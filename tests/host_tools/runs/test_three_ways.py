@@ -13,7 +13,7 @@ from rrins.host_tools.bus.port import Address, MessagePort
 from rrins.host_tools.hardware.loop import Hardware
 from rrins.host_tools.hardware.loop import run_lockstep as run_hardware
 from rrins.host_tools.runs.direct import run_direct
-from rrins.host_tools.runs.settings import firmware_settings, hardware_settings
+from rrins.host_tools.runs.set_up.settings import firmware_settings, hardware_settings
 from rrins.host_tools.scenario.scenario import Scenario
 
 SENSORS_LOST = 8  # exit status

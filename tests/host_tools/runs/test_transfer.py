@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 import rrins
-from rrins.firmware_py.core.earth import SEMI_MAJOR_AXIS
-from rrins.firmware_py.core.estimator_records import ATTITUDE, Aid
+from rrins.firmware_py.core.maths.earth import SEMI_MAJOR_AXIS
+from rrins.firmware_py.core.records.estimator_records import ATTITUDE, Aid
 from rrins.host_tools.runs.fast import FastRun
-from rrins.host_tools.runs.results import compare
-from rrins.host_tools.runs.settings import firmware_settings, hardware_settings
+from rrins.host_tools.runs.results.results import compare
+from rrins.host_tools.runs.set_up.settings import firmware_settings, hardware_settings
 
 ARCSEC = math.radians(1 / 3600)
 TURN_S = 258.0

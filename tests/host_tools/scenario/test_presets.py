@@ -6,7 +6,7 @@ import pytest
 
 from rrins.host_tools.errors import ScenarioError
 from rrins.host_tools.experiments.fleet import run
-from rrins.host_tools.runs.settings import hardware_settings
+from rrins.host_tools.runs.set_up.settings import hardware_settings
 from rrins.host_tools.scenario import presets
 from rrins.host_tools.scenario.geometry import GEOMETRIES
 from rrins.host_tools.scenario.scenario import Scenario, load

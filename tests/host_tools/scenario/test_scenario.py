@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from rrins.host_tools.errors import ScenarioError
 from rrins.host_tools.hardware.settings import DPH, UG
-from rrins.host_tools.runs.settings import hardware_settings
+from rrins.host_tools.runs.set_up.settings import hardware_settings
 from rrins.host_tools.scenario import scenario as scenarios
 
 NAMED = (

@@ -14,12 +14,12 @@ from datetime import UTC, datetime, timedelta
 import numpy as np
 import pytest
 
-from rrins.firmware_py.core.modes import Mode
+from rrins.firmware_py.core.modes.modes import Mode
 from rrins.firmware_py.loop import Firmware
 from rrins.firmware_py.serial.lines import SerialLines
 from rrins.firmware_py.serial.port import parse_port
 from rrins.firmware_py.serial.settings import SerialSettings
-from rrins.host_tools.runs.settings import firmware_settings
+from rrins.host_tools.runs.set_up.settings import firmware_settings
 from rrins.host_tools.scenario import scenario as scenarios
 
 GPSD = shutil.which("gpsd") or shutil.which("gpsd", path="/usr/sbin:/sbin")

@@ -13,7 +13,7 @@ import pynmea2
 import pytest
 from click.testing import CliRunner
 
-from rrins.firmware_py.core.memory import NavigationOutput
+from rrins.firmware_py.core.records.memory import NavigationOutput
 from rrins.firmware_py.loop import Firmware
 from rrins.firmware_py.serial.nmea import SENTENCES as ALL_SENTENCES
 from rrins.firmware_py.serial.port import parse_port
@@ -22,8 +22,8 @@ from rrins.host_tools.cli.main import rrins
 from rrins.host_tools.cli.serial_options import serial_options, settings_of
 from rrins.host_tools.errors import RehearsalError
 from rrins.host_tools.runs.direct import run_direct
-from rrins.host_tools.runs.samples import read_samples
-from rrins.host_tools.runs.settings import firmware_settings
+from rrins.host_tools.runs.results.samples import read_samples
+from rrins.host_tools.runs.set_up.settings import firmware_settings
 from rrins.host_tools.scenario import scenario as scenarios
 from rrins.host_tools.serial.arguments import arguments_of
 from rrins.host_tools.serial.lines import Tasks, open_lines

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rrins.host_tools.runs.fused import fused_of_scenario
-from rrins.host_tools.runs.navigator_files import write
 from rrins.host_tools.scenario.scenario import Scenario
+from rrins.host_tools.vehicle.fused import fused_of_scenario
+from rrins.host_tools.vehicle.navigator_files import write
 
 DRIVE = {
     "mode": "strapdown",

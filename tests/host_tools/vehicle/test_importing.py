@@ -15,7 +15,7 @@ from rrins.host_tools.cli.main import rrins
 from rrins.host_tools.logs.reader import Log
 from rrins.host_tools.logs.replay import replay
 from rrins.host_tools.recording.note import read_note
-from rrins.host_tools.runs.results import read_errors
+from rrins.host_tools.runs.results.results import read_errors
 from rrins.host_tools.vehicle import beginning, importing, reading
 from rrins.host_tools.vehicle.errors import VehicleError
 

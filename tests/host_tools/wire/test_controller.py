@@ -5,11 +5,15 @@ from __future__ import annotations
 import pytest
 
 from rrins.dbc.frame import ERR_FLAG, frame_array
-from rrins.firmware_py.core.troubles import Status
+from rrins.firmware_py.core.records.troubles import Status
 from rrins.firmware_py.loop import Firmware
 from rrins.host_tools.hardware.loop import Hardware
 from rrins.host_tools.runs.exchange import exchange_epoch
-from rrins.host_tools.runs.settings import firmware_settings, hardware_settings, scenario_wire
+from rrins.host_tools.runs.set_up.settings import (
+    firmware_settings,
+    hardware_settings,
+    scenario_wire,
+)
 from rrins.host_tools.scenario.scenario import load
 from rrins.host_tools.wire.controller import ControllerWatch
 from rrins.host_tools.wire.timing import WireModel

@@ -11,7 +11,11 @@ from rrins.firmware_py.loop import Firmware
 from rrins.host_tools.hardware.loop import Hardware
 from rrins.host_tools.runs.direct import run_direct
 from rrins.host_tools.runs.exchange import exchange_epoch
-from rrins.host_tools.runs.settings import firmware_settings, hardware_settings, scenario_wire
+from rrins.host_tools.runs.set_up.settings import (
+    firmware_settings,
+    hardware_settings,
+    scenario_wire,
+)
 from rrins.host_tools.scenario.scenario import load
 from rrins.host_tools.wire.faults import ANY_IDENTIFIER, FaultKind, Node, WireFault, WireFaults
 from rrins.host_tools.wire.losses import lose

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rrins.firmware_py.core.calibration import DPH, UG
-from rrins.firmware_py.core.data_sheet import DataSheet
 from rrins.firmware_py.core.estimator.settings import EstimatorSettings
+from rrins.firmware_py.core.sensors.calibration import DPH, UG
+from rrins.firmware_py.core.sensors.data_sheet import DataSheet
 from rrins.firmware_py.core.settings import OdometerSettings, power_on
 
 GYROS = DataSheet(

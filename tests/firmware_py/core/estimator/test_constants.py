@@ -7,9 +7,10 @@ import math
 import numpy as np
 import pytest
 
-from rrins.firmware_py.core import earth, strapdown
 from rrins.firmware_py.core.estimator import constants, covariance, feedback, follow, propagation
-from rrins.firmware_py.core.estimator_records import (
+from rrins.firmware_py.core.maths import earth
+from rrins.firmware_py.core.navigation import strapdown
+from rrins.firmware_py.core.records.estimator_records import (
     ACROSS_U,
     ACROSS_V,
     ASYMMETRY,
@@ -21,7 +22,7 @@ from rrins.firmware_py.core.estimator_records import (
     SENSOR_CONSTANTS,
     VELOCITY,
 )
-from rrins.firmware_py.core.memory import Ins
+from rrins.firmware_py.core.records.memory import Ins
 
 DT, EPOCHS = 0.005, 200
 PLACE = (math.radians(47.0), 0.2, 300.0)

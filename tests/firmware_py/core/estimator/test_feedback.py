@@ -7,9 +7,9 @@ import math
 import numpy as np
 import pytest
 
-from rrins.firmware_py.core import strapdown
 from rrins.firmware_py.core.estimator import feedback
-from rrins.firmware_py.core.estimator_records import (
+from rrins.firmware_py.core.navigation import strapdown
+from rrins.firmware_py.core.records.estimator_records import (
     ATTITUDE,
     BIASES,
     HEIGHT,

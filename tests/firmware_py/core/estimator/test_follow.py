@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from rrins.dbc.values import AxisCommand
-from rrins.firmware_py.core.estimator_records import (
+from rrins.firmware_py.core.modes.modes import Mode, ModeRequest
+from rrins.firmware_py.core.records.estimator_records import (
     ATTITUDE,
     BIASES,
     LATITUDE,
@@ -16,7 +17,6 @@ from rrins.firmware_py.core.estimator_records import (
     VELOCITY,
     Aid,
 )
-from rrins.firmware_py.core.modes import Mode, ModeRequest
 
 RATE_HZ = 50
 FINE_S = 4.0

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rrins.firmware_py.core.estimator import lockout
-from rrins.firmware_py.core.estimator_records import BIASES, MOST_DISTRUST, VELOCITY, Aid
+from rrins.firmware_py.core.records.estimator_records import BIASES, MOST_DISTRUST, VELOCITY, Aid
 
 STATES = BIASES + 8
 

@@ -7,9 +7,10 @@ import math
 import numpy as np
 import pytest
 
-from rrins.firmware_py.core import antenna
+from rrins.firmware_py.core.aiding import antenna
 from rrins.firmware_py.core.estimator import measurements
-from rrins.firmware_py.core.estimator_records import (
+from rrins.firmware_py.core.modes.modes import Mode
+from rrins.firmware_py.core.records.estimator_records import (
     ATTITUDE,
     BIASES,
     COMPONENTS,
@@ -21,7 +22,6 @@ from rrins.firmware_py.core.estimator_records import (
     VELOCITY,
     Aid,
 )
-from rrins.firmware_py.core.modes import Mode
 
 STATES = BIASES + 8
 STAND, FIX_EPOCH = 5000, 4930

@@ -7,9 +7,10 @@ import math
 import numpy as np
 import pytest
 
-from rrins.firmware_py.core import earth, strapdown
 from rrins.firmware_py.core.estimator import propagation
-from rrins.firmware_py.core.estimator_records import (
+from rrins.firmware_py.core.maths import earth
+from rrins.firmware_py.core.navigation import strapdown
+from rrins.firmware_py.core.records.estimator_records import (
     ATTITUDE,
     BIASES,
     HEIGHT,
@@ -17,7 +18,7 @@ from rrins.firmware_py.core.estimator_records import (
     LONGITUDE,
     VELOCITY,
 )
-from rrins.firmware_py.core.memory import Ins
+from rrins.firmware_py.core.records.memory import Ins
 
 DT, EPOCHS = 0.005, 200
 PLACE = (math.radians(47.0), 0.2, 300.0)

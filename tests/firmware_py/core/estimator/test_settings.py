@@ -7,9 +7,9 @@ import math
 import numpy as np
 import pytest
 
-from rrins.firmware_py.core import earth
-from rrins.firmware_py.core.calibration import ARCSEC, DPH, UG
-from rrins.firmware_py.core.estimator_records import BIASES, ODOMETER_STATES
+from rrins.firmware_py.core.maths import earth
+from rrins.firmware_py.core.records.estimator_records import BIASES, ODOMETER_STATES
+from rrins.firmware_py.core.sensors.calibration import ARCSEC, DPH, UG
 
 LATITUDE = math.radians(40.0)
 TETRAHEDRON = math.sqrt(3) / 2

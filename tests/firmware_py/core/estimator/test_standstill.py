@@ -7,9 +7,9 @@ import math
 import numpy as np
 import pytest
 
-from rrins.firmware_py.core.attitude import matrix_of_euler
 from rrins.firmware_py.core.estimator import standstill
-from rrins.firmware_py.core.estimator_records import VELOCITY
+from rrins.firmware_py.core.maths.attitude import matrix_of_euler
+from rrins.firmware_py.core.records.estimator_records import VELOCITY
 
 DT, GRAVITY = 0.005, 9.8
 RATE_HZ = 200

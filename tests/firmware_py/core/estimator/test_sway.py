@@ -7,7 +7,7 @@ import pytest
 from scipy.linalg import expm
 
 from rrins.firmware_py.core.estimator import sway
-from rrins.firmware_py.core.estimator_records import LATITUDE, LONGITUDE, SWAY_NORTH
+from rrins.firmware_py.core.records.estimator_records import LATITUDE, LONGITUDE, SWAY_NORTH
 
 SIGMA = 0.3
 

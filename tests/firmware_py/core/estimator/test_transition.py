@@ -7,9 +7,10 @@ import math
 import numpy as np
 import pytest
 
-from rrins.firmware_py.core import earth, strapdown
 from rrins.firmware_py.core.estimator import transition
-from rrins.firmware_py.core.memory import Ins
+from rrins.firmware_py.core.maths import earth
+from rrins.firmware_py.core.navigation import strapdown
+from rrins.firmware_py.core.records.memory import Ins
 
 LATITUDE, LONGITUDE, HEIGHT = math.radians(47.0), 0.2, 300.0
 DT, STEPS = 0.01, 100

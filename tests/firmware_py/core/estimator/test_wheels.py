@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from rrins.firmware_py.core.estimator import wheels
-from rrins.firmware_py.core.estimator_records import (
+from rrins.firmware_py.core.records.estimator_records import (
     ATTITUDE,
     BIASES,
     COMPONENTS,
@@ -18,7 +18,7 @@ from rrins.firmware_py.core.estimator_records import (
     YAW,
     Aid,
 )
-from rrins.firmware_py.core.memory import WHEEL_EPOCHS
+from rrins.firmware_py.core.records.memory import WHEEL_EPOCHS
 
 ODOMETER = BIASES + 8
 STATES = ODOMETER + 3

@@ -7,10 +7,12 @@ import math
 import numpy as np
 import pytest
 
-from rrins.firmware_py.core import earth, strapdown, wheel
-from rrins.firmware_py.core.calibration import DPH, UG, input_axes
-from rrins.firmware_py.core.memory import WHEEL_EPOCHS, blank_ram
+from rrins.firmware_py.core.aiding import wheel
+from rrins.firmware_py.core.maths import earth
+from rrins.firmware_py.core.navigation import strapdown
+from rrins.firmware_py.core.records.memory import WHEEL_EPOCHS, blank_ram
 from rrins.firmware_py.core.redundancy import bank, blocks, reference
+from rrins.firmware_py.core.sensors.calibration import DPH, UG, input_axes
 
 RATE_HZ, SECONDS, BEGINS_S = 100, 160, 60
 SIGMA = 0.05

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from rrins.firmware_py.core.records.redundancy_records import REGRESSORS, Learner
 from rrins.firmware_py.core.redundancy import learning
-from rrins.firmware_py.core.redundancy_records import REGRESSORS, Learner
 
 COUNT, ROWS = 5, 2
 

@@ -7,10 +7,10 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from rrins.firmware_py.core.calibration import input_axes
-from rrins.firmware_py.core.memory import Fusion, Ram
+from rrins.firmware_py.core.records.memory import Fusion, Ram
+from rrins.firmware_py.core.records.redundancy_records import ABSOLUTE, Parity
 from rrins.firmware_py.core.redundancy import parity as parities
-from rrins.firmware_py.core.redundancy_records import ABSOLUTE, Parity
+from rrins.firmware_py.core.sensors.calibration import input_axes
 
 ANGLES_DEG = st.tuples(st.floats(0, 180), st.floats(0, 360))
 TETRAHEDRON_DEG = ((180.0, 0.0), *((np.degrees(np.arccos(1 / 3)), 120.0 * k) for k in range(3)))

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rrins.firmware_py.core import strapdown
-from rrins.firmware_py.core.memory import blank_ram
+from rrins.firmware_py.core.navigation import strapdown
+from rrins.firmware_py.core.records.memory import blank_ram
 from rrins.firmware_py.core.redundancy import blocks, repair
 
 SECONDS, GRAVITY = 120, 9.81

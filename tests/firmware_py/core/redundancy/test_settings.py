@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from rrins.firmware_py.core.records.redundancy_records import NOISE_S, WINDOWS_S
 from rrins.firmware_py.core.redundancy import settings
-from rrins.firmware_py.core.redundancy_records import NOISE_S, WINDOWS_S
 
 
 @pytest.mark.parametrize("factor", [settings.second_factor, settings.noise_limit])

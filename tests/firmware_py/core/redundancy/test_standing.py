@@ -7,10 +7,10 @@ import math
 import numpy as np
 import pytest
 
-from rrins.firmware_py.core.calibration import DPH, input_axes
-from rrins.firmware_py.core.memory import Fusion
+from rrins.firmware_py.core.records.memory import Fusion
+from rrins.firmware_py.core.records.redundancy_records import ABSOLUTE, SETTLED_S, Parity
 from rrins.firmware_py.core.redundancy import learning, standing
-from rrins.firmware_py.core.redundancy_records import ABSOLUTE, SETTLED_S, Parity
+from rrins.firmware_py.core.sensors.calibration import DPH, input_axes
 
 TETRAHEDRON_DEG = ((180.0, 0.0), *((np.degrees(np.arccos(1 / 3)), 120.0 * k) for k in range(3)))
 NOISE = 0.3 * DPH  # of a second

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rrins.firmware_py.core.calibration import input_axes
-from rrins.firmware_py.core.memory import Fusion
+from rrins.firmware_py.core.records.memory import Fusion
+from rrins.firmware_py.core.records.redundancy_records import ABSOLUTE, WINDOWS_S, Parity
 from rrins.firmware_py.core.redundancy import parity as parities
 from rrins.firmware_py.core.redundancy import settings, windows
-from rrins.firmware_py.core.redundancy_records import ABSOLUTE, WINDOWS_S, Parity
+from rrins.firmware_py.core.sensors.calibration import input_axes
 
 TETRAHEDRON_DEG = ((180.0, 0.0), *((np.degrees(np.arccos(1 / 3)), 120.0 * k) for k in range(3)))
 

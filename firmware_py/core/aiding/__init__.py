@@ -1,0 +1,1 @@
+"""Lever arms: antenna and wheel."""

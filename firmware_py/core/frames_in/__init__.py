@@ -1,0 +1,1 @@
+"""Frames in: what is taken from each message, its checks, groups, senders and clock."""

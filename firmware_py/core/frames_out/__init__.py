@@ -1,0 +1,1 @@
+"""Frames out: status, navigation and the estimator's results."""

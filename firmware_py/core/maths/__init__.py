@@ -1,0 +1,1 @@
+"""Attitude, the Earth, and Wahba's problem."""

@@ -1,0 +1,1 @@
+"""Modes, their transitions, and the routines that tools request."""

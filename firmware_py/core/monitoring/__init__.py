@@ -1,0 +1,1 @@
+"""Monitors of the computer: parity of the sensors, stuck sensors, trouble codes."""

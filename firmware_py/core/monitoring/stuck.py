@@ -1,0 +1,114 @@
+"""Finds sensors that repeat the same increment for long while the others vary.
+
+Whether a sensor repeats itself is seen in what it sends. The increment expected of it by the others
+is the fused vector along its input axis. A sensor is stuck if this has changed by more than
+quantisation explains while its increment stayed constant, and at least two others have moved: a
+vector cannot change along a single axis of four, but the noise of one sensor can look so.
+The fused vector depends on the set of sensors: epochs that lack one do not count, and when one
+drops out for longer, or returns, all tests restart.
+Three sensors are always consistent: there a sensor is stuck that repeats a nonzero increment while
+another changes by several counts from epoch to epoch.
+"""
+
+from __future__ import annotations
+
+from rrins.compiled.compilation import compiled
+from rrins.compiled.record import Floats
+from rrins.firmware_py.core.records.diagnostic_records import Repetition
+from rrins.firmware_py.core.records.memory import Fusion
+
+_VARIED_COUNTS = 4.0
+_CHANGED_COUNTS = 8.0
+_REDUNDANT_FROM = 4
+_WITNESSES = 2
+_PATIENCE_EPOCHS = 10  # of lost frames in a row
+
+
+@compiled
+def follow(repetition: Repetition, count: int, measured: Floats, usable: int) -> None:
+    """Note what usable sensors send, before anything is made of it."""
+    repetition.lacking = repetition.lacking + 1 if usable != repetition.compared else 0
+    if repetition.lacking > 0:
+        lost = usable & repetition.compared == usable
+        if lost and repetition.lacking <= _PATIENCE_EPOCHS:
+            return
+        repetition.lacking = 0
+        repetition.unchanged[:] = 0
+        repetition.varied = 0
+        repetition.compared = usable
+    repetition.largest_change = 0.0
+    for k in range(count):
+        if usable >> k & 1 == 0:
+            continue
+        change = abs(measured[k] - repetition.last[k])
+        repetition.last[k] = measured[k]
+        if change != 0.0:
+            repetition.largest_change = max(repetition.largest_change, change)
+            repetition.unchanged[k] = 0
+        else:
+            repetition.unchanged[k] += 1
+
+
+@compiled
+def _expected(fusion: Fusion, vector_s: Floats, sensor: int) -> float:
+    """Return the component of the fused vector along a sensor's input axis."""
+    return (
+        fusion.H[sensor, 0] * vector_s[0]
+        + fusion.H[sensor, 1] * vector_s[1]
+        + fusion.H[sensor, 2] * vector_s[2]
+    )
+
+
+@compiled
+def _with_witnesses(repetition: Repetition, standing: int, count: int) -> int:
+    """Return the standing sensors whose expectation varied, with enough others that moved."""
+    stuck = 0
+    for k in range(count):
+        if (standing & repetition.varied) >> k & 1 == 0:
+            continue
+        witnesses = 0
+        for j in range(count):
+            moved = abs(repetition.last[j] - repetition.reference[k, j])
+            if repetition.compared >> j & 1 and moved > _VARIED_COUNTS * repetition.resolution:
+                witnesses += 1
+        if witnesses >= _WITNESSES:
+            stuck |= 1 << k
+    return stuck
+
+
+@compiled
+def judge(repetition: Repetition, fusion: Fusion, vector_s: Floats, epochs: int) -> None:
+    """Set `stuck`: the sensors that repeat themselves wrongly, one bit each.
+
+    `epochs` is how long a sensor must repeat itself, an even number.
+    """
+    if repetition.lacking > 0:
+        return
+    usable = repetition.compared
+    standing = used = 0
+    for k in range(fusion.count):
+        if usable >> k & 1 == 0:
+            continue
+        used += 1
+        unchanged = repetition.unchanged[k]
+        if unchanged == 0:
+            repetition.varied &= ~(1 << k)
+        elif 2 * unchanged == epochs:
+            repetition.expected[k] = _expected(fusion, vector_s, k)
+            for j in range(fusion.count):
+                repetition.reference[k, j] = repetition.last[j]
+        elif 2 * unchanged > epochs:
+            difference = _expected(fusion, vector_s, k) - repetition.expected[k]
+            if abs(difference) > _VARIED_COUNTS * repetition.resolution:
+                repetition.varied |= 1 << k
+            if unchanged >= epochs:
+                standing |= 1 << k
+    repetition.stuck = 0
+    if standing == 0:
+        return
+    if used >= _REDUNDANT_FROM:
+        repetition.stuck = _with_witnesses(repetition, standing, fusion.count)
+    elif repetition.largest_change > _CHANGED_COUNTS * repetition.resolution:
+        for k in range(fusion.count):
+            if standing >> k & 1 and repetition.last[k] != 0.0:
+                repetition.stuck |= 1 << k

@@ -1,0 +1,123 @@
+"""Initial attitude: given, or by coarse self-alignment at standstill.
+
+For a vehicle that moves: `inertial_alignment`.
+At standstill the mean specific force points up and the mean angular rate is the Earth's; the two
+give the attitude (TRIAD). Groves (2nd ed., 2013), sections 5.6.1 and 5.6.2.
+"""
+
+from __future__ import annotations
+
+import math
+
+from rrins.compiled.compilation import compiled
+from rrins.compiled.record import Floats
+from rrins.firmware_py.core.maths import earth
+from rrins.firmware_py.core.maths.attitude import cross
+from rrins.firmware_py.core.records.memory import Alignment
+
+FORCE_TOLERANCE = 0.02
+"""Of gravity; beyond, an accelerometer is faulty, or the vehicle moves more than it may."""
+
+_SMALLEST_HORIZONTAL = 1e-3  # of the Earth's rate; below, north is undefined
+
+
+@compiled
+def begin(alignment: Alignment) -> None:
+    """Start a new alignment."""
+    alignment.epochs = 0
+    alignment.done = False
+    alignment.failed = False
+    alignment.velocity_sigma = 0.0
+    alignment.position_sigma = 0.0
+    for i in range(3):
+        alignment.noise_sigma[i] = 0.0
+        alignment.dtheta_s[i] = 0.0
+        alignment.dv_s[i] = 0.0
+        alignment.angle_sum[i] = 0.0
+        alignment.angle_moment[i] = 0.0
+
+
+@compiled
+def accumulate(alignment: Alignment, dtheta_s: Floats, dv_s: Floats) -> None:
+    """Add one epoch's increments at standstill, each of shape (3,)."""
+    alignment.epochs += 1
+    for i in range(3):
+        alignment.dtheta_s[i] += dtheta_s[i]
+        alignment.dv_s[i] += dv_s[i]
+        alignment.angle_sum[i] += alignment.dtheta_s[i]
+        alignment.angle_moment[i] += alignment.epochs * alignment.dtheta_s[i]
+
+
+@compiled
+def set_given(alignment: Alignment, C_b_n: Floats, C_s_b: Floats) -> None:
+    """Finish with a given body attitude, turned through the table's angles."""
+    for i in range(3):
+        for j in range(3):
+            alignment.C_s_n[i, j] = (
+                C_b_n[i, 0] * C_s_b[0, j] + C_b_n[i, 1] * C_s_b[1, j] + C_b_n[i, 2] * C_s_b[2, j]
+            )
+    alignment.done = True
+
+
+@compiled
+def find(alignment: Alignment, dt: float, gravity: float, work: Floats) -> None:
+    """Find the attitude from the increments added so far.
+
+    `alignment.done` or `alignment.failed` is the outcome; it fails when the mean specific force
+    differs from gravity, or when the Earth's rate has no horizontal component to find north.
+    `work` is scratch of shape (at least 3, 3).
+    """
+    seconds = alignment.epochs * dt
+    east_s, north_s, up_s = work[0], work[1], work[2]
+    for i in range(3):
+        up_s[i] = alignment.dv_s[i]
+    length = _normalise(up_s)
+    if not abs(length - gravity * seconds) < FORCE_TOLERANCE * gravity * seconds:
+        alignment.failed = True
+        return
+    cross(east_s, alignment.dtheta_s, up_s)
+    if not _normalise(east_s) > _SMALLEST_HORIZONTAL * earth.RATE * seconds:
+        alignment.failed = True
+        return
+    cross(north_s, up_s, east_s)
+    for i in range(3):
+        alignment.C_s_n[0, i] = east_s[i]
+        alignment.C_s_n[1, i] = north_s[i]
+        alignment.C_s_n[2, i] = up_s[i]
+    alignment.done = True
+
+
+@compiled
+def _normalise(v: Floats) -> float:
+    """Normalise a vector in place; return its former length."""
+    length = math.sqrt(v[0] ** 2 + v[1] ** 2 + v[2] ** 2)
+    if length > 0.0:
+        for i in range(3):
+            v[i] /= length
+    return length
+
+
+@compiled
+def apply_held_back(alignment: Alignment, resolution: float, work: Floats) -> None:
+    """Correct the attitude for the fraction of a count that the gyros retain at the end.
+
+    Counted angles scatter about the true ones by up to half a count; the attitude must start on
+    the line through their scatter, or the last deviation remains as a tilt (1e-9 rad is a
+    centimetre after half a Schuler period). At standstill the line is the least squares fit of the
+    summed angles over the epochs; the correction is limited to one count, `resolution` in rad, so
+    that neither noise nor motion can do harm. `work` is scratch of shape (at least 2, 3).
+    """
+    n = alignment.epochs
+    if n < 3:
+        return
+    held_back_s, row_n = work[0], work[1]
+    for i in range(3):
+        mean = alignment.angle_sum[i] / n
+        slope = (alignment.angle_moment[i] - mean * n * (n + 1) / 2.0) / (n * (n * n - 1) / 12.0)
+        on_line = mean + slope * (n - 1) / 2.0
+        difference = alignment.dtheta_s[i] - on_line
+        held_back_s[i] = min(resolution, max(-resolution, difference))
+    for i in range(3):
+        cross(row_n, alignment.C_s_n[i], held_back_s)
+        for j in range(3):
+            alignment.C_s_n[i, j] += row_n[j]

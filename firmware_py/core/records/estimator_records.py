@@ -1,0 +1,231 @@
+"""Records of the estimator: an error-state Kalman filter beside the strapdown navigation."""
+
+from __future__ import annotations
+
+from enum import IntEnum
+from typing import Annotated
+
+from rrins.compiled.record import F8, I8, Bool, Floats, Integers, Record, Records
+from rrins.dbc.contract import SENSOR_GROUPS
+
+ATTITUDE, VELOCITY, LATITUDE, LONGITUDE, HEIGHT, BIASES = 0, 3, 6, 7, 8, 9
+"""First state of each group. An error is what has to be added to the navigation: attitude, a turn
+of the sensors about the axes of n (rad); velocity_n (m/s); latitude, longitude (rad); height (m);
+the biases of gyros (rad/s), then of accelerometers (m/s²), along each input axis; where there is
+an odometer, its scale error (1) and by how much the vehicle's forward axis points to the right and
+up of y of the body (rad); where the altimeter is a measurement, its bias (m); where the vehicle
+sways about a known place, of its way from there to the east, then to the north, the integral (m s)
+and the way (m); where they are estimated, the sensors' scale factors, asymmetries and installation
+errors, each of gyros, then of accelerometers."""
+
+ODOMETER_STATES = 3
+SCALE, YAW, PITCH = 0, 1, 2
+"""Place of each in the odometer's group."""
+
+SWAY_STATES = 4
+SWAY_EAST, SWAY_NORTH = 0, 2
+"""Place of each pair in the group of the sway."""
+
+SENSOR_CONSTANTS = 4
+SCALE_FACTOR, ASYMMETRY, ACROSS_U, ACROSS_V = 0, 1, 2, 3
+"""λ, μ (1), δu, δv (rad) of a sensor besides its bias, in this order. Paper, (13), (16), (17)."""
+
+STATE_CAPACITY = (
+    BIASES + 2 * (1 + SENSOR_CONSTANTS) * SENSOR_GROUPS + ODOMETER_STATES + 1 + SWAY_STATES
+)
+RESPONSE_STATES = 14
+"""States and inputs of `transition.fill`."""
+
+PRESENT, DONE = 0, 1
+"""Place of the present second's sums, and of those of the second that is worked on."""
+
+TRACK_EPOCHS = 4096
+"""Epochs of the navigation that are kept, for measurements of the past; 2 s at 2 kHz."""
+
+
+ESTIMATOR_HISTORY_S = 32
+"""Seconds of what was estimated that are kept."""
+
+
+NEVER = -3
+"""No epoch, nor the one before or after any."""
+
+
+class Aid(IntEnum):
+    """What the navigation is aided by."""
+
+    ZERO_VELOCITY = 0
+    KNOWN_POSITION = 1
+    GNSS_POSITION = 2
+    GNSS_VELOCITY = 3
+    ODOMETER = 4
+    ALTIMETER = 5
+
+
+AIDS = len(Aid)
+MOST_DISTRUST, NO_TRUST = 30, 10
+"""Largest `Source.distrust`, and from where on a source counts as rejected."""
+
+COMPONENTS = 3
+"""Scalars of one measurement, at most."""
+
+
+CORRECTIONS = 4
+"""Feedbacks that are kept, one a second: a fix may be 2 s old, and wait for another second."""
+
+
+class Source(Record):
+    """How the measurements of one kind fared since navigation or fine alignment began."""
+
+    used: I8  #: scalars
+    rejected: I8  #: scalars that failed the gate
+    rejected_in_a_row: I8  #: of these, without one that passed
+    distrust: I8  #: rises by 3 with each that is rejected, falls by 1 with each that is used
+    squares: F8  #: sum of the innovations' squares over their variance, of those used
+
+
+class EstimatorSecond(Record):
+    """What the filter knows at the end of a second, and how its measurements fared until then."""
+
+    epoch: I8  #: its last
+    attitude_sigma: Annotated[Floats, 3]  #: rad, about east, north, up
+    velocity_sigma: Annotated[Floats, 3]  #: m/s, east, north, up
+    position_sigma: Annotated[Floats, 3]  #: m, east, north, up
+    bias: Annotated[Floats, (2, SENSOR_GROUPS)]  #: rad/s of gyros, m/s² of accelerometers
+    bias_sigma: Annotated[Floats, (2, SENSOR_GROUPS)]  #: rad/s, m/s²
+    constant: Annotated[Floats, (2 * SENSOR_CONSTANTS, SENSOR_GROUPS)]  #: as in `Estimator`
+    constant_sigma: Annotated[Floats, (2 * SENSOR_CONSTANTS, SENSOR_GROUPS)]  #: 1, 1, rad, rad
+    odometer: Annotated[Floats, ODOMETER_STATES]  #: as in `Estimator`
+    odometer_sigma: Annotated[Floats, ODOMETER_STATES]  #: 1, rad, rad
+    altimeter_bias: F8  #: m
+    altimeter_bias_sigma: F8  #: m
+    aided_by: I8  #: in this second, one bit each `Aid`
+    rejecting: I8  #: whose last scalar failed the gate, one bit each `Aid`
+    used: Annotated[Integers, AIDS]  #: as in `Source`
+    rejected: Annotated[Integers, AIDS]  #: as in `Source`
+    squares: Annotated[Floats, AIDS]  #: as in `Source`
+
+
+class Estimator(Record):
+    """An error-state Kalman filter, updated once a second, one piece of work in an epoch."""
+
+    enabled: Bool
+    running: Bool  #: since the strapdown runs
+    begins_anew: Bool  #: a sensor was left out: what was found with it counts no more
+    fine_epochs: I8  #: length of the fine alignment; 0: none
+    heading_sigma_enough: F8  #: rad, ends the fine alignment before; 0: never
+    second_epochs: I8
+    states: I8  #: used of the capacity
+    vertical: Bool  #: whether the vertical channel is free
+    zero_velocity_sigma: F8  #: m/s, of each component at standstill
+    position_sigma: F8  #: m, of each component of a known position
+    fed_back: Annotated[Floats, 12]  #: to attitude, velocity, rates, force since the last block
+    aided_epoch: I8  #: of the last measurement that was used
+    doubts: Bool  #: a sensor was left out: what was found with it counts less
+    gate: F8  #: standard deviations of an innovation that is used
+    # The data sheets.
+    attitude_sigma: Annotated[Floats, 3]  #: rad, at the beginning, in n
+    velocity_sigma: F8  #: m/s, at the beginning
+    start_sigma: F8  #: m, of the position at the beginning
+    odometer_sigma: Annotated[Floats, ODOMETER_STATES]  #: 1, rad, rad
+    slip_sigma: F8  #: m/s, of the velocity across the vehicle's forward axis
+    altimeter_sigma: F8  #: m, of a height
+    altimeter_bias_sigma: F8  #: m, at the beginning
+    altimeter_walk_variance: F8  #: m²/s, of the bias
+    bias_sigma: Annotated[Floats, 2]  #: rad/s, m/s², of each gyro and accelerometer
+    white_variance: Annotated[Floats, (2, SENSOR_GROUPS)]  #: rad²/s, m²/s³
+    walk_variance: Annotated[Floats, (2, SENSOR_GROUPS)]  #: (rad/s)²/s, (m/s²)²/s
+    slope_variance: Annotated[Floats, 2]  #: of scale factors and installation, dimensionless
+    constant_sigma: Annotated[Floats, 2 * SENSOR_CONSTANTS]  #: 1, 1, rad, rad, at the beginning
+    transverse: Annotated[Floats, (2, SENSOR_GROUPS, 2, 3)]  #: u and v of each sensor
+    # What the compensation removes.
+    gyro_bias: Annotated[Floats, SENSOR_GROUPS]  #: rad/s
+    accelerometer_bias: Annotated[Floats, SENSOR_GROUPS]  #: m/s²
+    odometer: Annotated[Floats, ODOMETER_STATES]  #: scale error, and direction of the forward axis
+    constants: Bool  #: whether scale factors and installation errors are states
+    constants_state: I8  #: the first of them
+    constant: Annotated[Floats, (2 * SENSOR_CONSTANTS, SENSOR_GROUPS)]  #: of gyros, accelerometers
+    altimeter: Bool  #: whether it is a measurement
+    altimeter_state: I8  #: of its bias
+    altimeter_bias: F8  #: m
+    sway: Bool  #: whether the vehicle sways about a known place
+    sway_state: I8  #: of the first of its states
+    sway_way: Annotated[Floats, SWAY_STATES]  #: m s, m, east; the same north
+    sway_transition: Annotated[Floats, (2, 2)]  #: of a pair of them, over a second
+    sway_spread: Annotated[Floats, (2, 2)]  #: that the second adds to a pair's covariance, for 1 m²
+    # Standing, as the sensors feel it.
+    detects_standing: Bool
+    standing: Bool  #: for `STEADY_S` of `standstill`, up to the end of the last second
+    steady_s: I8  #: seconds without a change of force or attitude
+    felt_n: Annotated[Floats, 3]  #: m/s, sum of the increments of the second
+    felt_square: F8  #: m²/s², sum of their squares
+    body_n: Annotated[Floats, (3, 3)]  #: C_b_n at the end of the second before
+    # A filter that rejects everything.
+    others_used: I8  #: scalars of aids that do not come from the receiver
+    locked_s: I8  #: seconds in which the receiver was rejected, and nothing else helped
+    excess: F8  #: largest square of a rejected innovation of the second over that of the filter
+    reopened: Bool  #: in the last second
+    reopenings: I8  #: since the filter began
+    # The present second, and the one that is worked on.
+    epochs: I8  #: of the present second
+    epoch: I8  #: at whose end the filter stands
+    stage: I8  #: next piece of work
+    force_n: Annotated[Floats, (2, 3)]  #: m/s, integral of the specific force
+    way_n: Annotated[Floats, (2, 3)]  #: m, integral of the velocity
+    attitude_s: Annotated[Floats, (2, 3, 3)]  #: s, integral of C_s_n
+    turned: Annotated[Floats, 2]  #: rad, amount of the turn
+    moved_s: Annotated[Floats, (2, 2, 3, 3, 3)]  #: rad, m/s, integral of C_s_n times the increments
+    size_s: Annotated[Floats, (2, 2, SENSOR_GROUPS, 3, 3)]  #: the same, amounts along input axes
+    seconds: Annotated[Floats, 2]
+    # The navigation at the end of the epoch at which the filter stands, as corrected since.
+    velocity_n: Annotated[Floats, 3]  #: m/s
+    latitude: F8  #: rad
+    longitude: F8  #: rad
+    height: F8  #: m
+    north_radius: F8  #: m, of the meridian and the height
+    east_radius: F8  #: m, times the cosine of the latitude
+    # The navigation of each epoch, a ring, and what has been added to it since.
+    track: Annotated[Floats, (TRACK_EPOCHS, 6)]  #: latitude, longitude, height, velocity_n
+    track_first: I8  #: epoch
+    correction: Annotated[Floats, (CORRECTIONS, 6)]  #: the last ones, in the order of the track
+    correction_epoch: Annotated[Integers, CORRECTIONS]  #: at whose end each was made; -1: none
+    corrections: I8  #: made so far
+    # The filter.
+    x: Annotated[Floats, STATE_CAPACITY]
+    P: Annotated[Floats, (STATE_CAPACITY, STATE_CAPACITY)]
+    sigma: Annotated[Floats, STATE_CAPACITY]  #: after the last second's measurements
+    # Measurements that wait, one bit each scalar.
+    waiting: I8
+    fix_epoch: I8  #: at whose end the fix was valid
+    fix_position: Annotated[Floats, 3]  #: latitude, longitude (rad), height (m)
+    fix_velocity_n: Annotated[Floats, 3]  #: m/s
+    fix_sigma: Annotated[Floats, 2]  #: m, m/s
+    fix_lever_n: Annotated[Floats, 3]  #: m, from the reference point to the antenna
+    fix_lever_velocity_n: Annotated[Floats, 3]  #: m/s, of the antenna against that
+    heights: I8  #: of the altimeter in the present second
+    height_sum: F8  #: m, of these, less the navigation's
+    height_epochs: I8  #: sum of their epochs since the filter's
+    height_difference: F8  #: m, mean of the second before, that waits
+    height_count: I8  #: of its heights
+    height_after_s: F8  #: from where the filter stands to its mean time; negative
+    odometer_epoch: I8  #: at whose end the stretch that waits, or the next one, begins; -1: nowhere
+    odometer_gaps: I8  #: of the odometer, then
+    odometer_travelled: F8  #: m, then
+    stretch_m: F8  #: that waits
+    stretch_s: F8
+    stretch_b: Annotated[Floats, 3]  #: m, the same by the navigation
+    sources: Annotated[Records[Source], AIDS]  #: by `Aid`
+    # What is told.
+    aligned_epochs: I8  #: length of the last fine alignment, so far
+    aligned_epoch: I8  #: of it, the last one; `NEVER`: none
+    history: Annotated[Records[EstimatorSecond], ESTIMATOR_HISTORY_S]  #: by `history_count`
+    history_count: I8  #: seconds noted
+    transmissions: I8
+    # Scratch.
+    transition: Annotated[Floats, (BIASES, STATE_CAPACITY)]  #: the others last
+    work: Annotated[Floats, (BIASES, STATE_CAPACITY)]
+    row: Annotated[Floats, STATE_CAPACITY]
+    gain: Annotated[Floats, STATE_CAPACITY]
+    response: Annotated[Floats, (RESPONSE_STATES, RESPONSE_STATES)]
+    direction: Annotated[Floats, 3]
+    C_b_n: Annotated[Floats, (3, 3)]

@@ -1,0 +1,1 @@
+"""Commands the turntable and reads its encoders."""

@@ -1,0 +1,1 @@
+"""Ways for other tools to the bus: socketcand and slcan servers."""

@@ -1,0 +1,1 @@
+"""Users' own programs in place of a side, and what follows them."""

@@ -1,0 +1,193 @@
+"""The user's own program as a side of a rehearsal: how it is called, and how it ended.
+
+It is given what `docs/own-firmware.md` says: the bus, the speed, a file with its set-up. It reports
+nothing but what it sends on the bus; what it prints goes into a file.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import shlex
+import shutil
+import signal
+import subprocess
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import IO, Final
+
+from rrins.host_tools.bus.channel import socket_path
+from rrins.host_tools.bus.port import Address, Side
+from rrins.host_tools.errors import RehearsalError
+from rrins.host_tools.runs.programs import guard
+from rrins.host_tools.runs.set_up.setup_file import write_setup
+from rrins.host_tools.scenario.scenario import Scenario
+
+SAID_BYTES: Final = 4096
+"""Of what a program has printed last, read for the reason of its end."""
+GRACE_S: Final = 5.0
+"""For a process to end after SIGTERM, before it gets SIGKILL."""
+
+
+class ProgramProcess(subprocess.Popen[bytes]):
+    """The process of a program, in a session of its own.
+
+    A guard ends the session if this process is gone before it could do so itself.
+
+    Parameters
+    ----------
+    words : sequence of str
+        The program and its options.
+    output : file
+        For what it prints.
+    keep_open : sequence of int
+        Descriptors that it inherits.
+
+    Raises
+    ------
+    OSError
+        If it cannot be started.
+    """
+
+    def __init__(self, words: Sequence[str], output: IO[bytes], keep_open: Sequence[int]) -> None:
+        super().__init__(
+            words,
+            stdin=subprocess.DEVNULL,
+            stdout=output,
+            stderr=output,
+            pass_fds=keep_open,
+            start_new_session=True,
+        )
+        try:
+            self._guard = subprocess.Popen(
+                [sys.executable, "-I", "-S", guard.__file__, str(self.pid), f"{GRACE_S:g}"],
+                stdin=subprocess.PIPE,
+                stdout=subprocess.DEVNULL,
+                stderr=subprocess.DEVNULL,
+                start_new_session=True,
+            )
+        except BaseException:
+            self._kill_session()
+            self.wait()
+            raise
+
+    def _kill_session(self) -> None:
+        with contextlib.suppress(ProcessLookupError, PermissionError):
+            os.killpg(self.pid, signal.SIGKILL)
+
+    def end_session(self) -> None:
+        """Kill what the program has left running in its session. Idempotent."""
+        if self._guard.returncode is not None:
+            return  # its number may be another's now
+        self._kill_session()
+        self._guard.kill()
+        self._guard.communicate()
+
+
+@dataclass(frozen=True)
+class Program:
+    """A program and the words that it is always called with.
+
+    Attributes
+    ----------
+    words : tuple of str
+        The program, as a path, and its own options.
+    """
+
+    words: tuple[str, ...]
+
+    @classmethod
+    def parse(cls, text: str) -> Program:
+        """Return the program of a command line, such as ``"./own_firmware --verbose"``.
+
+        Raises
+        ------
+        RehearsalError
+            If there is no such program, or it cannot be executed.
+        """
+        try:
+            words = shlex.split(text)
+        except ValueError as error:
+            raise RehearsalError(f"{text}: not a command line: {error}") from error
+        if not words:
+            raise RehearsalError("no program is named")
+        found = shutil.which(words[0])
+        if found is None:
+            why = "is not executable" if Path(words[0]).exists() else "there is no such program"
+            raise RehearsalError(f"{words[0]}: {why}")
+        return cls((str(Path(found).absolute()), *words[1:]))
+
+    @property
+    def name(self) -> str:
+        """What the program is called."""
+        return Path(self.words[0]).name
+
+    def __str__(self) -> str:
+        return shlex.join(self.words)
+
+    def start(
+        self,
+        scenario: Scenario,
+        address: Address,
+        speed: str,
+        attach_wait_s: float,
+        folder: Path,
+        keep_open: Sequence[int] = (),
+        side: Side = "firmware",
+    ) -> ProgramProcess:
+        """Start the program, in a session of its own, which ends with this process.
+
+        Parameters
+        ----------
+        scenario : Scenario
+        address : Address
+            The bus; of the embedded one the program is given the socket's path.
+        speed : str
+            ``"1"`` is real time, anything else lockstep.
+        attach_wait_s : float
+            How long it is to wait for the bus.
+        folder : Path
+            Where its set-up goes (`setup.txt`), and what it prints (`firmware.txt`, or
+            `hardware.txt`).
+        keep_open : sequence of int
+            Descriptors that it inherits.
+        side : {"firmware", "hardware"}
+            In whose place it is.
+
+        Raises
+        ------
+        RehearsalError
+            If it cannot be started.
+        """
+        setup, said = folder / "setup.txt", said_path(folder, side)
+        write_setup(setup, scenario)
+        channel = str(socket_path(address.channel)) if address.is_embedded else address.channel
+        words = [
+            *self.words,
+            *("--setup", str(setup), "--interface", address.interface, "--channel", channel),
+            *("--speed", "1" if speed == "1" else "max", "--attach-wait", f"{attach_wait_s:g}"),
+        ]
+        try:
+            with said.open("wb") as output:
+                return ProgramProcess(words, output, keep_open)
+        except OSError as error:
+            raise RehearsalError(f"{self.words[0]}: cannot be started: {error.strerror}") from error
+
+
+def said_path(folder: Path, side: Side = "firmware") -> Path:
+    """Return the file of what a program prints."""
+    return folder / f"{side}.txt"
+
+
+def last_words(folder: Path, side: Side = "firmware") -> str:
+    """Return the last line that a program has printed; empty if there is none."""
+    path = said_path(folder, side)
+    try:
+        with path.open("rb") as file:
+            file.seek(max(0, path.stat().st_size - SAID_BYTES))
+            lines = file.read().decode(errors="replace").strip().splitlines()
+    except OSError:
+        return ""
+    return "".join(one for one in lines[-1] if one.isprintable()) if lines else ""

@@ -1,0 +1,1 @@
+"""Results of a run: logs, summaries, plots."""

@@ -1,0 +1,95 @@
+"""The picture of the estimator: the navigation's errors inside three times what it promises."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from rrins.compiled.record import Records
+from rrins.firmware_py.core.records.estimator_records import EstimatorSecond
+from rrins.firmware_py.core.sensors.calibration import ARCSEC
+from rrins.host_tools.drawing.style import (
+    LINES,
+    SINCE_NAVIGATION,
+    finish,
+    give_title,
+    new_figure,
+    quantity,
+)
+from rrins.host_tools.runs.results.results import Errors
+
+_POINTS = 4000
+_SIGMAS = 3.0
+_SIDES = ("east", "north", "up")
+
+_Vector = NDArray[np.float64]
+
+
+def draw_estimates(
+    seconds: Records[EstimatorSecond], errors: Errors, begin_epoch: float, rate_hz: int, title: str
+) -> Figure:
+    """Return errors of attitude, velocity and position in n over time, in bands of ±3σ.
+
+    Before navigation, in the fine alignment, there are bands alone.
+
+    Parameters
+    ----------
+    seconds : array of `EstimatorSecond`
+        Not empty.
+    errors : Errors
+    begin_epoch : float
+        When navigation began.
+    rate_hz : int
+    title : str
+    """
+    thin = seconds[:: max(1, len(seconds) // _POINTS)]
+    time_s = (thin["epoch"] - begin_epoch) / rate_hz
+    panels: list[tuple[str, str, _Vector, _Vector]] = []
+    for what, unit, sigma, found in (
+        (
+            "attitude error\nabout {}",
+            "″",
+            thin["attitude_sigma"] / ARCSEC,
+            (errors.turn_east_arcsec, errors.turn_north_arcsec, errors.turn_up_arcsec),
+        ),
+        (
+            "velocity error\n{}",
+            "mm/s",
+            thin["velocity_sigma"] * 1e3,
+            (errors.velocity_east_mps * 1e3, errors.velocity_north_mps * 1e3, None),
+        ),
+        (
+            "position error\n{}",
+            "m",
+            thin["position_sigma"],
+            (errors.position_east_m, errors.position_north_m, errors.height_m),
+        ),
+    ):
+        for k, values in enumerate(found):
+            if values is not None and (sigma[:, k].any() or k < 2):
+                panels.append((what.format(_SIDES[k]), unit, sigma[:, k], values))
+    figure = new_figure(9.0, 1.7 * len(panels) + 0.6)
+    rows = figure.subplots(len(panels), 1, sharex=True)
+    give_title(figure, f"{title}\nerrors (line) and ±3σ of the estimator (band)")
+    for axes, (label, unit, sigma, values) in zip(rows, panels, strict=True):
+        _draw(axes, time_s, sigma, errors, values)
+        finish(axes, quantity(label, unit), zero_line=True)
+    rows[-1].set_xlabel(SINCE_NAVIGATION)
+    figure.align_ylabels()
+    return figure
+
+
+def _draw(axes: Axes, time_s: _Vector, sigma: _Vector, errors: Errors, values: _Vector) -> None:
+    band = _SIGMAS * sigma
+    axes.fill_between(time_s, -band, band, color="0.87", linewidth=0)
+    for side in (-band, band):
+        axes.plot(time_s, side, color="0.35", linewidth=0.8)
+    every = slice(None, None, max(1, len(errors) // _POINTS))
+    axes.plot(errors.time_s[every], values[every], **LINES[0])
+    in_navigation = band[time_s >= 0]
+    largest = float(np.max(np.abs(values), initial=0.0))
+    limit = 1.15 * max(float(np.max(in_navigation, initial=0.0)), largest)
+    if limit > 0:  # the fine alignment begins far outside
+        axes.set_ylim(-limit, limit)

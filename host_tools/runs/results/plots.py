@@ -1,0 +1,173 @@
+"""Pictures of a run; lines differ by dash as well as by colour, so grey tells them apart."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from rrins.compiled.record import Records
+from rrins.firmware_py.core.records.estimator_records import EstimatorSecond
+from rrins.host_tools.drawing.style import (
+    EAST,
+    NORTH,
+    SINCE_NAVIGATION,
+    finish,
+    give_title,
+    new_figure,
+    quantity,
+)
+from rrins.host_tools.files import JsonObject, replacing
+from rrins.host_tools.runs.results.constants_plot import draw_constants
+from rrins.host_tools.runs.results.estimator_plot import draw_estimates
+from rrins.host_tools.runs.results.parity_log import Parities
+from rrins.host_tools.runs.results.parity_plot import draw_parity
+from rrins.host_tools.runs.results.results import Errors, Vector
+
+_SCALES = ((2e3, 1e-3, "k"), (0.2, 1.0, ""), (2e-4, 1e3, "m"), (0.0, 1e6, "µ"))
+_POINTS = 4000
+
+
+def scale_of(*values: Vector) -> tuple[float, str]:
+    """Return the factor and the prefix that make the largest value easy to read."""
+    largest = max(float(np.max(np.abs(value), initial=0.0)) for value in values)
+    for above, factor, prefix in _SCALES:
+        if largest > above:
+            return factor, prefix
+    return 1.0, ""
+
+
+def _thin(errors: Errors) -> slice:
+    return slice(None, None, max(1, len(errors) // _POINTS))
+
+
+def _pair(axes: Axes, errors: Errors, kind: str, unit: str, label: str) -> None:
+    """Draw the east and the north error of a kind over time."""
+    east = getattr(errors, f"{kind}_east_{unit}")
+    north = getattr(errors, f"{kind}_north_{unit}")
+    shown = "m/s" if unit == "mps" else unit
+    factor, prefix = scale_of(east, north)
+    thin = _thin(errors)
+    for values, style, name in ((east, EAST, "east"), (north, NORTH, "north")):
+        largest = float(np.max(np.abs(values))) * factor
+        axes.plot(
+            errors.time_s[thin],
+            values[thin] * factor,
+            label=f"{name} (largest {largest:.3g} {prefix}{shown})",
+            **style,
+        )
+    finish(axes, quantity(label, f"{prefix}{shown}"), zero_line=True)
+    _legend_above(axes)
+
+
+def _legend_above(axes: Axes) -> None:
+    """Put a legend where no curve is, above them all."""
+    axes.legend(loc="upper left", frameon=False, ncols=2, fontsize="small")
+    low, high = axes.get_ylim()
+    axes.set_ylim(low, high + 0.18 * (high - low))
+
+
+def draw_errors(errors: Errors, title: str, figure: Figure | None = None) -> Figure:
+    """Return position and velocity errors over time, and the table's angles if it turned.
+
+    Drawn into `figure` if there is one.
+    """
+    turned = bool(np.ptp(errors.inner_deg) > 0 or np.ptp(errors.outer_deg) > 0)
+    rows = 3 if turned else 2
+    figure = figure or new_figure(9.0, 2.6 * rows)
+    axes = figure.subplots(rows, 1, sharex=True)
+    give_title(figure, title)
+    _pair(axes[0], errors, "position", "m", "position error")
+    _pair(axes[1], errors, "velocity", "mps", "velocity error")
+    if turned:
+        thin = _thin(errors)
+        time_s = errors.time_s[thin]
+        axes[2].plot(time_s, errors.inner_deg[thin], label="inner axis", **EAST)
+        axes[2].plot(time_s, errors.outer_deg[thin], label="outer axis", **NORTH)
+        finish(axes[2], "turntable angle\n/ °", zero_line=True)
+        axes[2].set_yticks(np.arange(-180, 721, 180))
+        _legend_above(axes[2])
+    axes[-1].set_xlabel(SINCE_NAVIGATION)
+    figure.align_ylabels()
+    return figure
+
+
+def draw_track(errors: Errors, title: str, axes: Axes | None = None) -> Axes:
+    """Draw the horizontal position error as a track seen from above; return its axes."""
+    axes = axes or new_figure(6.0, 5.6).subplots()
+    factor, prefix = scale_of(errors.position_east_m, errors.position_north_m)
+    thin = _thin(errors)
+    east = errors.position_east_m[thin] * factor
+    north = errors.position_north_m[thin] * factor
+    axes.plot(east, north, **EAST)
+    axes.plot(east[:1], north[:1], "o", color="black", markersize=6, label="start")
+    end = np.hypot(errors.position_east_m[-1], errors.position_north_m[-1]) * factor
+    axes.plot(
+        errors.position_east_m[-1:] * factor,
+        errors.position_north_m[-1:] * factor,
+        "s",
+        markerfacecolor="white",
+        markeredgecolor="black",
+        markersize=7,
+        label=f"end, {end:.3g} {prefix}m off, after {errors.time_s[-1]:.0f} s",
+    )
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.set_xlabel(f"position error east / {prefix}m")
+    axes.set_ylabel(f"position error north / {prefix}m")
+    axes.grid(True, color="0.88", linewidth=0.6)
+    axes.legend(loc="best", frameon=False, fontsize="small")
+    give_title(axes, title)
+    return axes
+
+
+def _track_figure(errors: Errors, title: str) -> Figure:
+    figure = new_figure(6.0, 5.6)
+    draw_track(errors, title, figure.subplots())
+    return figure
+
+
+def write_plots(
+    folder: Path,
+    errors: Errors,
+    title: str,
+    parities: Parities,
+    rate_hz: int,
+    estimates: Records[EstimatorSecond] | None = None,
+    estimator: JsonObject | None = None,
+) -> list[Path]:
+    """Write the pictures of a run into a folder; return their paths, none for an empty run.
+
+    `parities` are those of redundant sensors, empty where none are compared; `estimates` what the
+    estimator knew, if there was one, and `estimator` what the summary says of it.
+
+    Raises
+    ------
+    RehearsalError
+        When one cannot be written.
+    """
+    if len(errors) < 2:
+        return []
+    figures = {
+        "navigation_errors.png": draw_errors(errors, title),
+        "horizontal_track.png": _track_figure(errors, title),
+    }
+    begin_epoch = float(errors.epoch[0]) - float(errors.time_s[0]) * rate_hz
+    if estimates is not None and len(estimates):
+        figures["estimator.png"] = draw_estimates(estimates, errors, begin_epoch, rate_hz, title)
+    sensors = None if estimator is None else estimator["sensors"]
+    if estimator is not None and sensors and sensors["gyros"]["constants"]:
+        figures["estimated_sensors.png"] = draw_constants(estimator, title)
+    if parities:
+        figures["parity.png"] = draw_parity(parities, begin_epoch, rate_hz, title)
+    paths = []
+    for name, figure in figures.items():
+        path = folder / name
+        drawn = io.BytesIO()
+        figure.savefig(drawn, format="png")
+        with replacing(path) as part:
+            part.write_bytes(drawn.getvalue())
+        paths.append(path)
+    return paths

@@ -1,0 +1,193 @@
+"""What the firmware knows of its sensors: the data sheet that a scenario's errors imply.
+
+Noise, drift and temperature are taken as they are; of the constant errors only the limits, which
+are those of the worst sensor, and no less than what the best sensors have.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from rrins.firmware_py.core.estimator.settings import EstimatorSettings
+from rrins.firmware_py.core.redundancy.settings import RedundancySettings
+from rrins.firmware_py.core.sensors.data_sheet import DataSheet
+from rrins.host_tools.hardware.settings import (
+    ARCSEC,
+    DEG_PER_SQRT_H,
+    DPH,
+    PPM,
+    SQRT_H,
+    STANDARD_GRAVITY,
+    UG,
+)
+from rrins.host_tools.scenario.scenario import Scenario
+from rrins.host_tools.scenario.tables import Accelerometers, Gyros, PerSensor, Thermal, each
+
+_LEAST_GYRO_BIAS_DPH = 10.0
+_LEAST_FORCE_DPH_PER_G = 0.01
+_LEAST_ACCELEROMETER_BIAS_UG = 1000.0
+_LEAST_SCALE_PPM = 1.0
+_LEAST_ASYMMETRY_PPM = 1.0
+_LEAST_INSTALLATION_ARCSEC = 0.2
+_LEAST_SLOPE_PPM = 3.0
+_LEAST_FILTER_SLOPE_PPM = 0.1
+_LEAST_GYRO_BIAS_SIGMA_DPH = 0.05
+_LEAST_ACCELEROMETER_BIAS_SIGMA_UG = 50.0
+_LEAST_ALTIMETER_BIAS_SIGMA_M = 10.0
+_REPEATS_WITHIN = 3.0  # standard deviations
+_TEMPERATURES_K = 10.0  # that a scale factor is used over
+
+
+def _largest(*values: PerSensor) -> float:
+    return max(float(np.max(np.abs(value))) for value in values)
+
+
+def _mean_square(*values: PerSensor) -> float:
+    return sum(float(np.mean(np.square(value))) for value in values)
+
+
+def _slope_sigma(table: Gyros | Accelerometers, least_ppm: float = _LEAST_SLOPE_PPM) -> float:
+    """Return how much a component is off by scale factors and installation, all in all."""
+    scale = _mean_square(table.scale_error_ppm, table.scale_repeatability_ppm)
+    installed = _mean_square(table.installation_u_arcsec, table.installation_v_arcsec)
+    return max(least_ppm * PPM, math.sqrt(scale * PPM**2 + installed * ARCSEC**2))
+
+
+def _sigmas(table: Gyros | Accelerometers) -> dict[str, float]:
+    """Return the standard deviations of scale factors and installation errors, each by itself."""
+    scale = math.sqrt(_mean_square(table.scale_error_ppm, table.scale_repeatability_ppm))
+    asymmetry = math.sqrt(_mean_square(table.asymmetric_scale_error_ppm))
+    both = _mean_square(table.installation_u_arcsec, table.installation_v_arcsec)
+    return {
+        "scale_sigma": max(_LEAST_SCALE_PPM, scale) * PPM,
+        "asymmetry_sigma": max(_LEAST_ASYMMETRY_PPM, asymmetry) * PPM,
+        "installation_sigma": max(_LEAST_INSTALLATION_ARCSEC, math.sqrt(both / 2)) * ARCSEC,
+    }
+
+
+def _limits(table: Gyros | Accelerometers) -> dict[str, float]:
+    """Return the limits of the errors that both kinds have."""
+    repeat = _REPEATS_WITHIN * _largest(table.scale_repeatability_ppm)
+    warm = _largest(table.scale_temperature_ppm_per_k) * _TEMPERATURES_K
+    again = math.sqrt(_mean_square(table.scale_repeatability_ppm))
+    scale = max(_LEAST_SCALE_PPM, _largest(table.scale_error_ppm) + repeat + warm)
+    installation = _largest(table.installation_u_arcsec, table.installation_v_arcsec)
+    asymmetry = _largest(table.asymmetric_scale_error_ppm)
+    return {
+        "scale_limit": scale * PPM,
+        "asymmetry_limit": max(_LEAST_ASYMMETRY_PPM, asymmetry) * PPM,
+        "installation_limit": max(_LEAST_INSTALLATION_ARCSEC, installation) * ARCSEC,
+        "slope_sigma": _slope_sigma(table),
+        "scale_stability": math.hypot(again, warm) * PPM,
+        **_sigmas(table),
+    }
+
+
+def _drift(per_k: PerSensor, thermal: Thermal, count: int, unit: float) -> tuple[float, ...]:
+    return tuple(abs(v) * abs(thermal.warm_up_k) * unit for v in each(per_k, count))
+
+
+def _gyros(scenario: Scenario) -> DataSheet:
+    gyros, count = scenario.gyros, len(scenario.rimu.gyros)
+    repeat = _REPEATS_WITHIN * _largest(gyros.bias_repeatability_dph)
+    bias = max(_LEAST_GYRO_BIAS_DPH, _largest(gyros.bias_dph) + repeat)
+    per_k = gyros.bias_temperature_dph_per_k
+    square = _mean_square(gyros.bias_dph, gyros.bias_repeatability_dph, gyros.bias_instability_dph)
+    force = max(_LEAST_FORCE_DPH_PER_G, _largest(gyros.g_sensitivity_dph_per_g))
+    walk = gyros.rate_random_walk_dph_per_sqrt_h
+    return DataSheet(
+        white_noise=tuple(
+            v * DEG_PER_SQRT_H for v in each(gyros.angle_random_walk_deg_per_sqrt_h, count)
+        ),
+        bias_instability=tuple(v * DPH for v in each(gyros.bias_instability_dph, count)),
+        rate_random_walk=tuple(v * DPH / SQRT_H for v in each(walk, count)),
+        temperature_drift=_drift(per_k, scenario.thermal, count, DPH),
+        temperature_s=scenario.thermal.time_constant_s,
+        bias_limit=bias * DPH,
+        bias_sigma=max(_LEAST_GYRO_BIAS_SIGMA_DPH, math.sqrt(square)) * DPH,
+        force_limit=force * DPH / STANDARD_GRAVITY,
+        force_sigma=math.sqrt(_mean_square(gyros.g_sensitivity_dph_per_g)) * DPH / STANDARD_GRAVITY,
+        **_limits(gyros),
+    )
+
+
+def _accelerometers(scenario: Scenario) -> DataSheet:
+    sensors, count = scenario.accelerometers, len(scenario.rimu.accelerometers)
+    repeat = _REPEATS_WITHIN * _largest(sensors.bias_repeatability_ug)
+    bias = max(_LEAST_ACCELEROMETER_BIAS_UG, _largest(sensors.bias_ug) + repeat)
+    per_k = sensors.bias_temperature_ug_per_k
+    square = _mean_square(
+        sensors.bias_ug, sensors.bias_repeatability_ug, sensors.bias_instability_ug
+    )
+    return DataSheet(
+        white_noise=tuple(v * UG for v in each(sensors.white_noise_ug_per_sqrt_hz, count)),
+        bias_instability=tuple(v * UG for v in each(sensors.bias_instability_ug, count)),
+        rate_random_walk=tuple(
+            v * UG / SQRT_H for v in each(sensors.random_walk_ug_per_sqrt_h, count)
+        ),
+        temperature_drift=_drift(per_k, scenario.thermal, count, UG),
+        temperature_s=scenario.thermal.time_constant_s,
+        bias_limit=bias * UG,
+        bias_sigma=max(_LEAST_ACCELEROMETER_BIAS_SIGMA_UG, math.sqrt(square)) * UG,
+        **_limits(sensors),
+    )
+
+
+def redundancy_settings(scenario: Scenario) -> RedundancySettings | None:
+    """Return the set-up of the firmware's redundancy for a scenario; None where it compares none.
+
+    Of a unit without redundant sensors there is nothing to compare.
+    """
+    rimu = scenario.rimu
+    if not scenario.redundancy.enabled or max(len(rimu.gyros), len(rimu.accelerometers)) <= 3:
+        return None
+    return RedundancySettings(
+        false_alarms_per_1000_h=scenario.redundancy.false_alarms_per_1000_h,
+        gyros=_gyros(scenario),
+        accelerometers=_accelerometers(scenario),
+    )
+
+
+def attitude_sigmas(scenario: Scenario) -> tuple[float, float]:
+    """Return what is told of a given or transferred attitude: sigma of level and heading, rad.
+
+    What the scenario says of them, else what it draws.
+    """
+    said, drawn = scenario.estimator, scenario.firmware
+    level, heading = said.level_sigma_arcsec, said.heading_sigma_arcsec
+    level = drawn.level_error_sigma_arcsec if level is None else level
+    heading = drawn.heading_error_sigma_arcsec if heading is None else heading
+    return level * ARCSEC, heading * ARCSEC
+
+
+def estimator_settings(scenario: Scenario) -> EstimatorSettings | None:
+    """Return the set-up of the firmware's estimator for a scenario; None where it has none."""
+    table = scenario.estimator
+    if not table.enabled:
+        return None
+    level_sigma, heading_sigma = attitude_sigmas(scenario)
+    slope = _slope_sigma(scenario.gyros, _LEAST_FILTER_SLOPE_PPM)
+    return EstimatorSettings(
+        gyros=_gyros(scenario).model_copy(update={"slope_sigma": slope}),
+        accelerometers=_accelerometers(scenario),
+        constants=table.constants,
+        fine_alignment_s=table.fine_alignment_s,
+        heading_sigma_enough=table.heading_sigma_enough_arcsec * ARCSEC,
+        zero_velocity_sigma=table.zero_velocity_sigma_mps,
+        detects_standing=table.detects_standing,
+        position_sigma=table.position_sigma_m,
+        gate=table.gate,
+        level_sigma=level_sigma,
+        heading_sigma=heading_sigma,
+        **_altimeter(scenario),
+    )
+
+
+def _altimeter(scenario: Scenario) -> dict[str, float]:
+    """Return what the firmware knows of the altimeter."""
+    if scenario.altimeter is None:
+        return {}
+    bias = max(_LEAST_ALTIMETER_BIAS_SIGMA_M, abs(scenario.altimeter.bias_m))
+    return {"altimeter_sigma": scenario.altimeter.noise_m, "altimeter_bias_sigma": bias}

@@ -1,0 +1,1 @@
+"""The two processes of a rehearsal: start, real time, the loop of each."""

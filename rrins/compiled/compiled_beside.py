@@ -1,0 +1,117 @@
+"""Compiles parts in a second process, while this one compiles the rest."""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import os
+import signal
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numba
+import numpy as np
+from numba.core import types
+from numba.core.event import Event, Listener, _registered, install_listener
+
+from rrins.compiled.code_folder import code_folder, forget_claims
+from rrins.compiled.compilation import Function
+from rrins.compiled.record import Record
+
+_SCALARS = {bool: types.boolean, int: types.int64, float: types.float64}
+_PR_SET_PDEATHSIG = 1  # linux/prctl.h
+_FIRST_OTHER_FD = 3
+
+
+@dataclass(frozen=True)
+class Beside:
+    """A function that compiled code calls, and the types of its arguments.
+
+    Attributes
+    ----------
+    function : function
+        A compiled one.
+    arguments : tuple
+        For each a class of records, a dtype, bool, int, float, or a type of numba.
+    """
+
+    function: Callable[..., object]
+    arguments: tuple[Any, ...]
+
+    def compile(self) -> None:
+        """Compile it, unless its code is there."""
+        if isinstance(self.function, Function):
+            self.function.part(tuple(_kind(argument) for argument in self.arguments))
+
+
+def _kind(argument: Any) -> Any:
+    if isinstance(argument, type) and issubclass(argument, Record):
+        return numba.from_dtype(argument.dtype)
+    if isinstance(argument, np.dtype):
+        return numba.from_dtype(argument)
+    return _SCALARS.get(argument, argument)
+
+
+def array_of(kind: Any, dimensions: int = 1) -> Any:
+    """Return numba's type of a contiguous array of records or numbers."""
+    return types.Array(_kind(kind), dimensions, "C")
+
+
+class _Helper(Listener):
+    """A fork of this process, made when the first function is compiled."""
+
+    def __init__(self, wanted: Sequence[Beside]) -> None:
+        self._wanted = wanted
+        self._pid: int | None = None
+
+    def on_start(self, event: Event) -> None:
+        """Fork, once."""
+        if self._pid is None:
+            self._pid = os.fork()
+            if self._pid == 0:
+                _compile_and_exit(self._wanted)
+
+    def on_end(self, event: Event) -> None:
+        """Do nothing."""
+
+    def end(self) -> None:
+        """Stop it."""
+        if self._pid is not None:
+            os.kill(self._pid, signal.SIGKILL)
+            os.waitpid(self._pid, 0)
+
+
+@contextlib.contextmanager
+def compiled_beside(*wanted: Beside) -> Iterator[None]:
+    """Have parts compiled in a second process, in their order, while this one compiles others.
+
+    Whatever goes wrong there is done here instead, when the part is needed. A process with more
+    than one thread cannot be forked safely; it does all alone.
+    """
+    is_able = threading.active_count() == 1 and (os.cpu_count() or 1) > 1
+    if not is_able or code_folder() is None:
+        yield
+        return
+    helper = _Helper(wanted)
+    with install_listener("numba:compile", helper):
+        try:
+            yield
+        finally:
+            helper.end()
+
+
+def _compile_and_exit(wanted: Sequence[Beside]) -> None:
+    """Be the helper: silent, without what it inherited, and gone with its parent."""
+    try:
+        _registered.clear()  # nobody is to be told of what is compiled here
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, signal.SIG_DFL)
+        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+        os.closerange(_FIRST_OTHER_FD, os.sysconf("SC_OPEN_MAX"))
+        forget_claims()
+        for each in wanted:
+            each.compile()
+    finally:
+        os._exit(0)

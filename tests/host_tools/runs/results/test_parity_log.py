@@ -1,0 +1,100 @@
+"""Parity and residuals of a run: every second is written down, and drawn."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import rrins
+from rrins.firmware_py.core.records.memory import blank_ram
+from rrins.firmware_py.core.records.redundancy_records import ACCELEROMETERS, GYROS, HISTORY_S
+from rrins.host_tools.runs.results.parity_log import ParityLog, take_parities
+from rrins.host_tools.runs.results.parity_plot import draw_parity
+
+RATE_HZ, DURATION_S, FAULT_S = 200, 70, 43
+DPH = np.radians(1.0) / 3600
+FAULT = {"kind": "gyro_bias", "sensor": 2, "bias_dph": 100, "at_s": FAULT_S}
+
+
+@pytest.fixture(scope="module")
+def runs():
+    """The same run in one loop, and by frames."""
+    changes = {"duration_s": DURATION_S, "redundancy": {"enabled": True}, "faults": [FAULT]}
+    changes |= {"sensors": "prototype", "gyros": {}, "accelerometers": {}}
+    return [rrins.simulate("rimu_rotating", frames=way, **changes)._result for way in (False, True)]
+
+
+def test_every_second_is_there_whichever_way_it_was_run(runs):
+    fast, frames = (run.parities for run in runs)
+    for kind in ("gyros", "accelerometers"):
+        uneven = np.diff(fast[kind]["epoch"]) != RATE_HZ  # navigation begins seconds of its own
+        assert np.count_nonzero(uneven) <= 1
+        assert len(fast[kind]) > DURATION_S
+        assert fast[kind].tobytes() == frames[kind].tobytes()
+
+
+def test_the_fault_is_in_it(runs):
+    seconds = runs[0].parities["gyros"]
+    before = seconds["epoch"] < FAULT_S * RATE_HZ
+    assert np.all(seconds["sensors"][before] == 0b1111)
+    assert np.all(seconds["ratio"][before] < 1)
+    at = int(np.argmax(np.abs(seconds["residual"][:, 0])))
+    assert 0 <= seconds["epoch"][at] - FAULT_S * RATE_HZ <= 2 * RATE_HZ
+    assert seconds["ratio"][at] > 1
+    # On a tetrahedron a quarter of a fault is in each residual, and noise beside it.
+    residual_dph = np.abs(seconds["residual"][at, :4]) / DPH
+    assert residual_dph == pytest.approx(25, abs=3)  # the whole second
+    assert np.all(residual_dph > seconds["threshold"][at, :4] / DPH)
+    assert np.all(seconds["sensors"][at + 1 :] == 0b1101)
+    assert not seconds["threshold"][at + 1 :].any()  # three are never compared
+
+
+def test_the_picture_is_written(runs, tmp_path):
+    assert tmp_path / "parity.png" in runs[0].write(tmp_path)
+    assert (tmp_path / "parity.png").stat().st_size > 10_000
+    figure = draw_parity(runs[0].parities, 0.0, RATE_HZ, "a title")
+    assert [axes.get_ylabel() for axes in figure.axes] == [
+        "gyro parity\n/ threshold",
+        "gyro residuals\n/ (°/h)",
+        "accelerometer parity\n/ threshold",
+        "accelerometer residuals\n/ µg",
+    ]
+    words = [text.get_text() for text in figure.axes[0].texts]
+    assert words == ["gyro 2\nleft out"]
+
+
+def test_without_redundancy_there_is_none(tmp_path):
+    run = rrins.simulate("ideal", duration_s=5, redundancy={"enabled": False})._result
+    assert run.parities == {}
+    assert not [path for path in run.write(tmp_path) if path.name == "parity.png"]
+
+
+def noted(state, kind, seconds):
+    """Note seconds as the firmware does."""
+    parity = state.redundancy.accelerometers if kind == ACCELEROMETERS else state.redundancy.gyros
+    for second in seconds:
+        row = parity.history[int(parity.history_count) % HISTORY_S]
+        row["epoch"] = second
+        row["ratio"] = 2.0 if second == 1234 else 0.5
+        parity["history_count"] += 1
+
+
+def test_a_very_long_run_is_thinned_but_for_alarms(tmp_path):
+    ram = blank_ram()
+    state = ram[0]
+    state.redundancy["enabled"] = True
+    state.redundancy["second_epochs"] = 10
+    log = ParityLog(ram, tmp_path, 1_000_000)
+    assert log.every == 160
+    for begin in range(0, 2000, 16):
+        noted(state, GYROS, range(begin, begin + 16))
+        noted(state, ACCELEROMETERS, range(begin, begin + 16))
+        log.run()
+    state.redundancy.gyros["history_count"] = 0  # a reset
+    noted(state, GYROS, range(5000, 5001))
+    log.run()
+    log.close()
+    found = take_parities(tmp_path)
+    assert list(found["gyros"]["epoch"]) == [*sorted([*range(0, 2000, 10), 1234]), 5000]
+    assert len(found["accelerometers"]) == 201
+    assert list(tmp_path.iterdir()) == []

@@ -1,0 +1,303 @@
+"""Compiled code between runs: kept, healed, and not torn by Ctrl-C."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import subprocess
+import sys
+from concurrent.futures import ThreadPoolExecutor
+
+import numba
+import pytest
+
+from rrins.compiled.code_folder import CodeFolder
+from rrins.compiled.compilation import compiled_with
+from rrins.compiled.compile_events import compiling_watched
+
+pytestmark = pytest.mark.skipif(numba.config.DISABLE_JIT, reason="nothing is compiled")
+
+
+def half(x):
+    return x / 2
+
+
+def square(x):
+    return x * x
+
+
+@pytest.fixture
+def folder(tmp_path):
+    return CodeFolder(tmp_path / "rrins" / "0123456789abcdef")
+
+
+def start(folder, function=half, argument=5):
+    """Return the result of a function as a new process gets it, and how many were compiled."""
+    counts = [0]
+    with compiling_watched(counts.append):
+        result = compiled_with(CodeFolder(folder.path))(function)(argument)
+    return result, counts[-1]
+
+
+def test_a_function_is_compiled_once_for_each_signature(folder):
+    assert start(folder) == (2.5, 1)
+    assert start(folder) == (2.5, 0)
+    assert start(folder, argument=5.0) == (2.5, 1)
+    assert start(folder, argument=5.0) == (2.5, 0)
+    assert start(folder, square) == (25, 1)
+    assert len(list(folder.path.glob("*.code"))) == 3
+
+
+PLUS = """
+from pathlib import Path
+from rrins.compiled.code_folder import CodeFolder
+from rrins.compiled.compilation import compiled_with
+NUMBER = {number}
+@compiled_with(CodeFolder(Path({folder!r})))
+def plus(x):
+    return x + NUMBER
+"""
+
+
+def test_code_of_a_source_that_changed_since_it_was_imported_is_not_that_of_the_new_one(
+    folder, tmp_path
+):
+    path = tmp_path / "plus.py"
+
+    def imported(number):
+        path.write_text(PLUS.format(number=number, folder=str(folder.path)))
+        spec = importlib.util.spec_from_file_location("plus", path)
+        module = importlib.util.module_from_spec(spec)
+        exec(compile(path.read_text(), path, "exec"), vars(module))
+        return module.plus
+
+    old = imported(1)
+    new = imported(2)
+    assert (old(10), new(10)) == (11, 12)
+    assert (imported(1)(10), imported(2)(10)) == (11, 12)
+
+
+def code_of(folder, name):
+    (path,) = folder.path.glob(f"*{name}*.code")
+    return path
+
+
+@pytest.mark.parametrize("share", [0.0, 0.001, 0.5, 0.999])
+def test_code_cut_short_is_compiled_anew(folder, caplog, share):
+    start(folder)
+    path = code_of(folder, "half")
+    os.truncate(path, int(path.stat().st_size * share))
+    assert start(folder) == (2.5, 1)
+    assert start(folder) == (2.5, 0)
+    assert len(caplog.records) == 1
+
+
+def test_flipped_bits_are_never_run(folder, caplog):
+    start(folder)
+    path = code_of(folder, "half")
+    whole = path.read_bytes()
+    step = len(whole) // 12
+    for byte in range(0, len(whole), step):
+        path.write_bytes(whole[:byte] + bytes([whole[byte] ^ 0x10]) + whole[byte + 1 :])
+        assert start(folder) == (2.5, 1), byte
+    assert len(caplog.records) == len(range(0, len(whole), step))
+
+
+def test_exchanged_code_is_not_run(folder):
+    start(folder)
+    start(folder, square)
+    one, other = code_of(folder, "half"), code_of(folder, "square")
+    first, second = one.read_bytes(), other.read_bytes()
+    one.write_bytes(second)
+    other.write_bytes(first)
+    assert start(folder) == (2.5, 1)
+    assert start(folder, square) == (25, 1)
+
+
+def test_a_file_that_was_written_wrong_is_compiled_anew(folder, caplog):
+    start(folder)
+    folder.save(code_of(folder, "half").name, b"no pickle, but with its checksum")
+    assert start(folder) == (2.5, 1)
+    assert start(folder) == (2.5, 0)
+    assert len(caplog.records) == 1
+
+
+SCRIPT = """
+import sys
+from pathlib import Path
+from rrins.compiled.code_folder import CodeFolder
+from rrins.compiled.compilation import compiled_with
+keep = compiled_with(CodeFolder(Path(sys.argv[1])))
+@keep
+def inner(x):
+    return x + 1
+@keep
+def outer(x):
+    return inner(x) + inner(x + 0.5)
+print(inner(4), outer(1.0) + 2)
+"""
+
+
+def run(script, *arguments):
+    return subprocess.run(
+        [sys.executable, script, *map(str, arguments)],
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=100,
+    )
+
+
+def test_processes_that_start_at_once_do_not_disturb_each_other(folder, tmp_path):
+    script = tmp_path / "script.py"
+    script.write_text(SCRIPT)
+    with ThreadPoolExecutor(2) as pool:
+        for done in pool.map(lambda _: run(script, folder.path), range(2)):
+            assert (done.returncode, done.stderr) == (0, "")
+            assert done.stdout == "5 6.5\n"
+
+
+INTERRUPTED_AT_MANY_INSTANTS = """
+import signal, sys
+from pathlib import Path
+from rrins.compiled import compile_events
+from rrins.compiled.code_folder import CodeFolder
+from rrins.compiled.compilation import compiled_with
+keep = compiled_with(CodeFolder(Path(sys.argv[1])))
+# A timer's signal in the place of Ctrl-C: it comes when it is wanted.
+compile_events._SIGNALS = (signal.SIGALRM,)
+signal.signal(signal.SIGALRM, signal.default_int_handler)
+stopped = 0
+for k in range(40):
+    @keep
+    def inner(x):
+        return x * k + 1
+    @keep
+    def outer(x):
+        return inner(x) + k
+    try:
+        signal.setitimer(signal.ITIMER_REAL, 0.001 + 0.003 * k)
+        outer(1)
+        signal.pause()
+    except KeyboardInterrupt:
+        stopped += 1
+print(stopped)
+"""
+
+
+def test_ctrl_c_while_compiling_stops_without_a_traceback(folder, tmp_path):
+    script = tmp_path / "script.py"
+    script.write_text(INTERRUPTED_AT_MANY_INSTANTS)
+    done = run(script, folder.path)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout == "40\n"
+
+
+PARTS = """
+import sys
+from rrins.compiled.compilation import compiled
+from rrins.compiled.compile_events import compiling_watched
+@compiled
+def deepest(x):
+    return x + 0.5
+@compiled
+def inner(x):
+    return deepest(x) * 2
+@compiled
+def other(x):
+    return deepest(x) * 3
+@compiled
+def outer(x):
+    return inner(x) + other(x)
+counts = [0]
+with compiling_watched(counts.append):
+    value = globals()[sys.argv[1]](1.0)
+print(value, counts[-1])
+"""
+
+
+@pytest.fixture
+def parts(tmp_path, monkeypatch):
+    """Return what calls a function of `PARTS` in a new process: its value, and what it compiled."""
+    monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    script = tmp_path / "script.py"
+    script.write_text(PARTS)
+
+    def call(name):
+        done = run(script, name)
+        assert done.returncode == 0, done.stderr
+        value, count = done.stdout.split()
+        return float(value), int(count)
+
+    return call
+
+
+def test_parts_are_compiled_once_for_all_callers(parts):
+    assert parts("outer") == (7.5, 4)  # deepest, inner, other and outer
+    assert parts("outer") == (7.5, 0)
+    assert parts("inner") == (3.0, 1)  # as a whole, from the part it calls
+    assert parts("inner") == (3.0, 0)
+
+
+def test_a_damaged_part_is_compiled_anew_with_who_calls_it(parts, tmp_path):
+    assert parts("inner") == (3.0, 2)
+    folder = CodeFolder(next((tmp_path / "cache" / "rrins").iterdir()))
+    path = code_of(folder, "deepest.part")
+    os.truncate(path, path.stat().st_size // 2)
+    assert parts("outer") == (7.5, 4)
+
+
+def test_what_is_compiled_with_numba_alone_calls_our_functions(folder):
+    @compiled_with(folder)
+    def deepest(x):
+        return x + 0.5
+
+    @compiled_with(folder)
+    def inner(x):
+        return deepest(x) * 2
+
+    @numba.njit
+    def outer(x):
+        return inner(x) + 1
+
+    assert outer(1.0) == 4.0
+
+
+BESIDE = """
+import os, sys, time
+from pathlib import Path
+from rrins.compiled.code_folder import code_folder
+from rrins.compiled.compilation import compiled
+from rrins.compiled.compile_events import compiling_watched
+from rrins.compiled.compiled_beside import Beside, compiled_beside
+@compiled
+def inner(x):
+    return x + 0.5
+@compiled
+def other(x):
+    return x * 2
+@compiled
+def outer(x):
+    return inner(x) + other(x)
+counts = [0]
+with compiling_watched(counts.append), compiled_beside(Beside(other, (float,))):
+    inner(1.0)
+    while not list(code_folder().path.glob("*.other.part-*.code")):
+        time.sleep(0.01)
+    value = outer(1.0)
+try:
+    os.waitpid(-1, 0)
+except ChildProcessError:
+    print(value, counts[-1])
+"""
+
+
+def test_a_second_process_compiles_parts_and_is_gone_with_the_block(tmp_path, monkeypatch):
+    monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    script = tmp_path / "script.py"
+    script.write_text(BESIDE)
+    done = run(script)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout == "3.5 3\n"  # inner as a whole and as a part, and outer; not the other
