@@ -6,6 +6,7 @@ import io
 import logging
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 from typing import IO, TYPE_CHECKING
 
@@ -16,17 +17,18 @@ from rrins.compiled.record import Bytes, Floats
 from rrins.dbc.frame import EFF_FLAG, ERR_FLAG, RTR_FLAG, FrameArray, frame_array
 from rrins.host_tools.logs.candump import ByteStream, Candump
 from rrins.host_tools.logs.unpacking import Unpacked
+from rrins.host_tools.recording.blf import Run
 from rrins.host_tools.recording.errors import RecordError
 from rrins.host_tools.recording.formats import check_readable, ending_of, open_reader
-from rrins.host_tools.recording.frame_lines import NO_CHANNEL
 from rrins.host_tools.recording.mf4 import read_data_frames
 from rrins.host_tools.recording.note import Note, read_note
-from rrins.host_tools.recording.text_lines import BlockRead, Parsed, TextLines
+from rrins.host_tools.recording.text_lines import TextLines
 
 if TYPE_CHECKING:
     from can.typechecking import Channel
 
 _PIECE = 65_536
+_AT_ONCE = 64  # messages
 _LINE = 42  # bytes of a candump line
 _MOST_CHANNELS = 256
 _MOST_NAMED = 10  # channels in a message
@@ -238,11 +240,8 @@ class Log:
         damaged = 0
         messages = _Messages(reader, lines)
         for message in messages:
-            collector.take(lines)
-            if message is None:
-                pass
-            elif isinstance(message, Parsed):
-                collector.add_parsed(message)
+            if isinstance(message, Run):
+                collector.add_run(message)
             elif message.is_fd or message.dlc == len(message.data) > _PAYLOAD:
                 self.passed_over += 1
             elif min(message.dlc, _PAYLOAD) != len(message.data) and not message.is_remote_frame:
@@ -251,7 +250,6 @@ class Log:
                 collector.add(message)
             if len(collector) >= size:
                 yield collector.block()
-        collector.take(lines)
         yield collector.block()
         if damaged:
             self._add_damage(
@@ -296,7 +294,7 @@ class _Messages:
         Why reading stopped early.
     """
 
-    def __init__(self, reader: Iterable[can.Message | Parsed], lines: TextLines | None) -> None:
+    def __init__(self, reader: Iterable[can.Message | Run], lines: TextLines | None) -> None:
         self._reader = reader
         self._lines = lines
         self._warnings = _WarningCounter()
@@ -310,22 +308,17 @@ class _Messages:
             return self._warnings.count
         return self._lines.bad_lines + self._lines.frames - self._count
 
-    def __iter__(self) -> Iterator[can.Message | Parsed | None]:
-        """Yield the messages, and None where only lines that needed no reader have been read."""
+    def __iter__(self) -> Iterator[can.Message | Run]:
         messages = iter(self._reader)
         first: Exception | None = None
         failed_at = 0
         while True:
-            try:
-                with self._warnings:
-                    message = next(messages, None)
-            except BlockRead:
-                assert self._lines is not None
-                self._lines.begin_again()
-                messages = iter(self._reader)
-                yield None
-                continue
-            except Exception as error:  # noqa: BLE001 - third-party readers on arbitrary bytes
+            some, error = self._next_of(messages)
+            self._count += len(some)
+            yield from some
+            if error is None and len(some) < _AT_ONCE:
+                break
+            if error is not None:
                 first = first or error
                 if self._lines is None or self._lines.frames == failed_at:  # not due to a line
                     self.failure = error
@@ -333,13 +326,21 @@ class _Messages:
                 failed_at = self._lines.frames
                 self._lines.begin_again()
                 messages = iter(self._reader)
-                continue
-            if message is None:
-                break
-            self._count += 1
-            yield message
-        if not self._count and not (self._lines is not None and self._lines.parsed):
+        if not self._count:
             self.failure = first
+
+    def _next_of(
+        self, messages: Iterator[can.Message | Run]
+    ) -> tuple[list[can.Message | Run], Exception | None]:
+        """Return the next messages, and why there are no more."""
+        some: list[can.Message | Run] = []
+        try:
+            with self._warnings:
+                for message in islice(messages, _AT_ONCE):
+                    some.append(message)  # noqa: PERF402 - keeps those before an error
+        except Exception as error:  # noqa: BLE001 - third-party readers on arbitrary bytes
+            return some, error
+        return some, None
 
 
 class _WarningCounter(logging.Handler):
@@ -423,22 +424,14 @@ class _FrameCollector:
         names = [*self._numbers, *[""] * (number + 1 - len(self._numbers))]
         return names[number]
 
-    def take(self, lines: TextLines | None) -> None:
-        """Add the frames that came before the message at hand and needed no reader."""
-        parsed = None if lines is None else lines.take()
-        if parsed is not None:
-            self.add_parsed(parsed)
-
-    def add_parsed(self, parsed: Parsed) -> None:
-        """Add frames that needed no reader."""
+    def add_run(self, run: Run) -> None:
+        """Add frames that are arrays already."""
         self._finish_messages()
-        places = parsed.channels - NO_CHANNEL
-        numbers = np.zeros(int(places.max()) + 1, dtype=np.uint8)
-        for place in np.flatnonzero(np.bincount(places)).tolist():
-            number = place + NO_CHANNEL
-            numbers[place] = self._number_of_name("" if number == NO_CHANNEL else str(number))
-        self._done.append((parsed.frames, parsed.time_s, numbers[places]))
-        self._done_frames += len(parsed.frames)
+        numbers = np.zeros(int(run.channels.max()) + 1, dtype=np.uint8)
+        for channel in np.flatnonzero(np.bincount(run.channels)).tolist():
+            numbers[channel] = self._number_of_name(str(channel))
+        self._done.append((run.frames, run.time_s, numbers[run.channels]))
+        self._done_frames += len(run.frames)
 
     def _finish_messages(self) -> None:
         """Turn the messages so far into arrays."""
