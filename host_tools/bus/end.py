@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import select
-from typing import Protocol
+import time
+from collections import deque
+from typing import Final, Protocol
 
 from rrins.host_tools.errors import BusError
+
+now: Final = time.monotonic_ns
 
 _SELECT_LIMIT = 1024  # FD_SETSIZE
 
@@ -45,6 +49,45 @@ class BusEnd(Protocol):
 
     def close(self) -> None:
         """Leave the bus; what was sent still arrives."""
+
+
+class Backlog:
+    """Datagrams that an end has taken in and not received yet.
+
+    Attributes
+    ----------
+    size : int
+        Bytes.
+    """
+
+    def __init__(self) -> None:
+        self._kept: deque[bytes] = deque()
+        self.size = 0
+
+    def __bool__(self) -> bool:
+        return bool(self._kept)
+
+    def keep(self, datagram: bytes | memoryview) -> None:
+        """Append a datagram."""
+        self._kept.append(bytes(datagram))
+        self.size += len(datagram)
+
+    def pop(self, buffer: bytearray) -> int:
+        """Move the oldest datagram into `buffer`; return its size."""
+        kept = self._kept.popleft()
+        self.size -= len(kept)
+        buffer[: len(kept)] = kept
+        return len(kept)
+
+
+def deadline_of(timeout: float | None) -> int | None:
+    """Return the monotonic time in ns at which a time in seconds is over; None for never."""
+    return None if timeout is None else now() + int(timeout * 1e9)
+
+
+def seconds_left(deadline: int | None) -> float:
+    """Return the seconds to a deadline, -1 if there is none."""
+    return -1.0 if deadline is None else max(0.0, (deadline - now()) / 1e9)
 
 
 def wait_readable(fd: int, timeout: float) -> bool:

@@ -13,14 +13,12 @@ import argparse
 import os
 import sys
 import threading
-import time
-from collections import deque
 from collections.abc import Iterable, Sequence
 from typing import Final
 
 from rrins.host_tools.bus.channel import HostedError
 from rrins.host_tools.bus.datagram import receive_buffer
-from rrins.host_tools.bus.end import BusTimeoutError
+from rrins.host_tools.bus.end import Backlog, BusTimeoutError, deadline_of, now, seconds_left
 from rrins.host_tools.bus.guard import SIDES, BusSummary
 from rrins.host_tools.bus.peer import PeerInfo, check_name
 from rrins.host_tools.bus.relay import TIMED_OUT, Relay
@@ -35,8 +33,6 @@ READY: Final = "ready"
 _UNSERVED_NS: Final = 10_000_000
 _BRIEF_STEPS: Final = 64
 _PATIENCE_S: Final = 10.0
-
-_now: Final = time.monotonic_ns
 
 
 class Hub:
@@ -88,9 +84,8 @@ class Hub:
         self._lock = self._relay.lock
         self._receive_lock = threading.Lock()
         self._buffer = bytearray()  # made when it is first needed
-        self._backlog: deque[bytes] = deque()  # what the host has not received yet
-        self._backlog_bytes = 0
-        self._served_ns = _now()
+        self._backlog = Backlog()
+        self._served_ns = now()
 
     @property
     def peers(self) -> tuple[PeerInfo, ...]:
@@ -141,13 +136,13 @@ class Hub:
         BusTimeoutError
             If no peer of that name has attached within `timeout` seconds.
         """
-        deadline = _deadline(timeout)
+        deadline = deadline_of(timeout)
         self._serve_briefly()  # who has gone is not to be found
         while True:
             for info in self.peers:
                 if info.name == name:
                     return info
-            left = _seconds_left(deadline)
+            left = seconds_left(deadline)
             with self._receive_lock:
                 self._relay.check()
                 if self._drive(left) == TIMED_OUT and left == 0.0:
@@ -166,7 +161,7 @@ class Hub:
             If the hub is closed, or a required peer has left.
         """
         relay = self._relay
-        if _now() - self._served_ns > _UNSERVED_NS:
+        if now() - self._served_ns > _UNSERVED_NS:
             self._serve_briefly()
         deadline: int | None = None
         is_waiting = False
@@ -177,13 +172,13 @@ class Hub:
                 if not relay.stuck:
                     relay.send(datagram)
                     if self._receive_own:
-                        self._keep(datagram)
+                        self._backlog.keep(datagram)
                         relay.wake()
                     return
             if not is_waiting:
                 is_waiting = True
-                deadline = _deadline(timeout)
-            left = _seconds_left(deadline)
+                deadline = deadline_of(timeout)
+            left = seconds_left(deadline)
             if relay.step_aside(left) == TIMED_OUT and left == 0.0:
                 raise BusTimeoutError(
                     f"channel {self._channel!r} is held up by "
@@ -205,12 +200,12 @@ class Hub:
         """
         with self._receive_lock:
             relay = self._relay
-            self._served_ns = now = _now()
-            deadline = None if timeout is None else now + int(timeout * 1e9)
+            self._served_ns = now()
+            deadline = deadline_of(timeout)
             wait = -1.0 if timeout is None else max(timeout, 0.0)
             while True:
                 if self._backlog:
-                    return self._pop_kept(buffer)
+                    return self._backlog.pop(buffer)
                 if relay.lost or relay.is_closed:
                     relay.check()
                 size = self._step(buffer, wait)
@@ -218,7 +213,7 @@ class Hub:
                     return size
                 if size == TIMED_OUT and wait == 0.0:
                     return 0
-                wait = _seconds_left(deadline)
+                wait = seconds_left(deadline)
 
     def direct_ends(self) -> tuple[int, int, int] | None:
         """Return the socket of the only peer, the door and the peer's number, for compiled code.
@@ -244,7 +239,7 @@ class Hub:
         time_ns : int
             Of the last batch that compiled code has sent.
         """
-        self._served_ns = _now()
+        self._served_ns = now()
         if time_ns:
             self._relay.note_time(time_ns)
         if not left_over:
@@ -254,7 +249,7 @@ class Hub:
             buffer[: len(left_over)] = left_over
             size = self._relay.take_left_over(buffer, len(left_over))
             if size:
-                self._keep(memoryview(buffer)[:size])
+                self._backlog.keep(memoryview(buffer)[:size])
 
     def rest(self, seconds: float) -> None:
         """Serve the channel for some time; what arrives is kept for `receive`.
@@ -264,9 +259,9 @@ class Hub:
         BusError
             If the hub is closed, or a required peer has left.
         """
-        deadline = _deadline(seconds)
+        deadline = deadline_of(seconds)
         with self._receive_lock:
-            while left := _seconds_left(deadline):
+            while left := seconds_left(deadline):
                 self._relay.check()
                 self._drive(left)
 
@@ -279,10 +274,10 @@ class Hub:
             Seconds to wait for the first peer.
         """
         buffer = self._room()
-        deadline = _deadline(patience)
+        deadline = deadline_of(patience)
         relay = self._relay
-        while not relay.has_had_company and _seconds_left(deadline):
-            self._step(buffer, _seconds_left(deadline))
+        while not relay.has_had_company and seconds_left(deadline):
+            self._step(buffer, seconds_left(deadline))
         while relay.has_company or self._step(buffer, 0.0) != TIMED_OUT:
             self._step(buffer, -1.0 if relay.has_company else 0.0)
 
@@ -300,18 +295,18 @@ class Hub:
 
     def _drive(self, wait: float) -> int:
         """Serve one event and keep the datagram that comes with it."""
-        if self._backlog_bytes > self._queue_limit:
+        if self._backlog.size > self._queue_limit:
             # The host does not receive. It is a node as well, so the bus waits for it.
             return self._relay.step_aside(wait)
         buffer = self._room()
         size = self._step(buffer, wait)
         if size > 0:
-            self._keep(memoryview(buffer)[:size])
+            self._backlog.keep(memoryview(buffer)[:size])
         return size
 
     def _serve_briefly(self) -> None:
         """Serve a host that only sends, unless another thread receives and so serves already."""
-        self._served_ns = _now()
+        self._served_ns = now()
         if self._receive_lock.acquire(blocking=False):
             try:
                 for _ in range(_BRIEF_STEPS):
@@ -324,25 +319,6 @@ class Hub:
         if not self._buffer:
             self._buffer = receive_buffer()
         return self._buffer
-
-    def _keep(self, view: memoryview) -> None:
-        self._backlog.append(bytes(view))
-        self._backlog_bytes += len(view)
-
-    def _pop_kept(self, buffer: bytearray) -> int:
-        kept = self._backlog.popleft()
-        self._backlog_bytes -= len(kept)
-        buffer[: len(kept)] = kept
-        return len(kept)
-
-
-def _deadline(timeout: float | None) -> int | None:
-    return None if timeout is None else _now() + int(timeout * 1e9)
-
-
-def _seconds_left(deadline: int | None) -> float:
-    """Return the seconds to a deadline, -1 if there is none."""
-    return -1.0 if deadline is None else max(0.0, (deadline - _now()) / 1e9)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

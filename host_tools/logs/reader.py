@@ -14,7 +14,8 @@ import can
 import numpy as np
 
 from rrins.compiled.record import Bytes, Floats
-from rrins.dbc.frame import EFF_FLAG, ERR_FLAG, RTR_FLAG, FrameArray, frame_array
+from rrins.dbc.frame import FrameArray, frame_array
+from rrins.host_tools.bus.message import identifier_of
 from rrins.host_tools.logs.candump import ByteStream, Candump
 from rrins.host_tools.logs.unpacking import Unpacked
 from rrins.host_tools.recording.blf import Run
@@ -392,16 +393,8 @@ class _FrameCollector:
 
     def add(self, message: can.Message) -> None:
         """Add a classic message."""
-        identifier = message.arbitration_id
-        length = len(message.data)
-        if message.is_extended_id or message.is_remote_frame or message.is_error_frame:
-            identifier |= EFF_FLAG if message.is_extended_id else 0
-            if message.is_remote_frame:
-                identifier |= RTR_FLAG
-                length = message.dlc
-            if message.is_error_frame:
-                identifier |= ERR_FLAG
-        self._identifiers.append(identifier)
+        length = message.dlc if message.is_remote_frame else len(message.data)
+        self._identifiers.append(identifier_of(message))
         self._lengths.append(min(length, _PAYLOAD))
         self._times_s.append(message.timestamp)
         self._channels.append(self._number_of(message.channel))
