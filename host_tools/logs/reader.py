@@ -16,12 +16,11 @@ import numpy as np
 from rrins.compiled.record import Bytes, Floats
 from rrins.dbc.frame import FrameArray, frame_array
 from rrins.host_tools.bus.message import identifier_of
-from rrins.host_tools.logs.candump import ByteStream, Candump
+from rrins.host_tools.logs.candump import Candump
 from rrins.host_tools.logs.unpacking import Unpacked
 from rrins.host_tools.recording.blf import Run
 from rrins.host_tools.recording.errors import RecordError
 from rrins.host_tools.recording.formats import check_readable, ending_of, open_reader
-from rrins.host_tools.recording.mf4 import read_data_frames
 from rrins.host_tools.recording.note import Note, read_note
 from rrins.host_tools.recording.text_lines import TextLines
 
@@ -138,7 +137,7 @@ class Log:
         Parameters
         ----------
         size : int
-            Approximate frames per piece; more for `.mf4`, where small pieces are slow.
+            Approximate frames per piece.
 
         Raises
         ------
@@ -198,9 +197,7 @@ class Log:
         stream: IO[bytes] = raw if unpacked is None else io.BufferedReader(unpacked)
         try:
             if ending == ".log":
-                yield from self._candump(path, _LimitedStream(stream, size * _LINE))
-            elif ending == ".mf4":
-                yield from self._mf4(path, raw, size)
+                yield from self._candump(path, Candump(stream, size * _LINE))
             else:
                 yield from self._by_message(path, stream, unpacked, size)
         except Exception:  # how readers report truncated content
@@ -209,8 +206,7 @@ class Log:
         if unpacked is not None and unpacked.failure is not None:
             self._add_damage(path, f"is cut off after {self._read} frames, {unpacked.failure}")
 
-    def _candump(self, path: Path, stream: ByteStream) -> Iterator[_Block]:
-        candump = Candump(stream)
+    def _candump(self, path: Path, candump: Candump) -> Iterator[_Block]:
         try:
             for block in candump:
                 yield _Block(*block, candump.channel)
@@ -222,15 +218,6 @@ class Log:
         if count:
             lines = "1 line is not a frame" if count == 1 else f"{count} lines are not frames"
             self._add_damage(path, f"{lines}; skipped")
-
-    def _mf4(self, path: Path, raw: IO[bytes], size: int) -> Iterator[_Block]:
-        has_read = False
-        for frames, time_s, channels, passed_over in read_data_frames(path, _PIECE):
-            has_read = True
-            self.passed_over += passed_over
-            yield _Block(frames, time_s, channels, str)
-        if not has_read:
-            yield from self._by_message(path, raw, None, size)
 
     def _by_message(
         self, path: Path, stream: IO[bytes], unpacked: Unpacked | None, size: int
@@ -272,18 +259,6 @@ class Log:
             self._add_damage(path, f"is cut off after {self._read} frames")
         elif reader.file_size == _BLF_HEADER and reader.object_count == 0:
             self._add_damage(path, f"was not closed; it ends after {self._read} frames")
-
-
-class _LimitedStream:
-    """A stream that limits the bytes returned per read."""
-
-    def __init__(self, stream: IO[bytes], most: int) -> None:
-        self._stream = stream
-        self._most = most
-
-    def read(self, size: int) -> bytes:
-        """Read up to the limit."""
-        return self._stream.read(min(size, self._most))
 
 
 class _Messages:

@@ -20,7 +20,7 @@ from can.util import channel2int
 from rrins.host_tools.recording.asc import AscLines
 from rrins.host_tools.recording.blf import BlfReader, Run
 from rrins.host_tools.recording.errors import RecordError
-from rrins.host_tools.recording.mf4 import Mf4Writer, is_simulated
+from rrins.host_tools.recording.mf4 import Mf4Writer, is_simulated, open_mf4_reader
 from rrins.host_tools.recording.text_lines import CsvLines, TextLines, TrcLines
 
 WRITTEN = (".asc", ".blf", ".csv", ".db", ".log", ".mf4", ".trc", ".txt")
@@ -190,7 +190,9 @@ def open_reader(
     """
     ending, _ = ending_of(path)
     reader: Callable[..., Iterable[can.Message]] = MESSAGE_READERS[ending]
-    if ending in (".db", ".mf4"):
+    if ending == ".mf4":
+        return open_mf4_reader(path), None
+    if ending == ".db":
         return reader(path), None
     if ending == ".blf":
         return BlfReader(cast(BinaryIO, stream)), None

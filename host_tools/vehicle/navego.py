@@ -36,19 +36,19 @@ class _Structure:
         self.fields = set(value._fieldnames)
         self._value = value
 
-    def vector(self, name: str) -> Floats:
-        """Return a field as a vector."""
+    def _array(self, name: str) -> Floats:
         try:
-            return np.asarray(getattr(self._value, name), dtype=np.float64).reshape(-1)
+            return np.asarray(getattr(self._value, name), dtype=np.float64)
         except (TypeError, ValueError) as error:
             raise located(self.path, f"{self.name}.{name}: not numbers") from error
 
+    def vector(self, name: str) -> Floats:
+        """Return a field as a vector."""
+        return self._array(name).reshape(-1)
+
     def columns(self, name: str, rows: int) -> Floats:
         """Return a field of three columns, shape (rows, 3)."""
-        try:
-            found = np.asarray(getattr(self._value, name), dtype=np.float64)
-        except (TypeError, ValueError) as error:
-            raise located(self.path, f"{self.name}.{name}: not numbers") from error
+        found = self._array(name)
         if found.shape != (rows, 3):
             shape = " × ".join(map(str, found.shape))
             raise located(self.path, f"{self.name}.{name}: {shape}, {rows} × 3 expected")
