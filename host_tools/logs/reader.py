@@ -14,7 +14,7 @@ import can
 import numpy as np
 
 from rrins.compiled.record import Bytes, Floats
-from rrins.dbc.frame import FrameArray, frame_array
+from rrins.dbc.frame import Frame, FrameArray, frame_array
 from rrins.host_tools.bus.message import identifier_of
 from rrins.host_tools.logs.candump import Candump
 from rrins.host_tools.logs.unpacking import Unpacked
@@ -354,26 +354,19 @@ class _FrameCollector:
         self._numbers: dict[str, int] = {}
         self._done: list[tuple[FrameArray, Floats, Bytes]] = []
         self._done_frames = 0
-        self._clear()
+        self._rows: list[tuple[int, int, int, float, int]] = []
 
     def __len__(self) -> int:
-        return self._done_frames + len(self._words)
-
-    def _clear(self) -> None:
-        self._identifiers: list[int] = []
-        self._lengths: list[int] = []
-        self._times_s: list[float] = []
-        self._channels: list[int] = []
-        self._words: list[int] = []
+        return self._done_frames + len(self._rows)
 
     def add(self, message: can.Message) -> None:
         """Add a classic message."""
         length = message.dlc if message.is_remote_frame else len(message.data)
-        self._identifiers.append(identifier_of(message))
-        self._lengths.append(min(length, _PAYLOAD))
-        self._times_s.append(message.timestamp)
-        self._channels.append(self._number_of(message.channel))
-        self._words.append(int.from_bytes(message.data, "little"))
+        word = int.from_bytes(message.data, "little")
+        channel = self._number_of(message.channel)
+        self._rows.append(
+            (identifier_of(message), min(length, _PAYLOAD), word, message.timestamp, channel)
+        )
 
     def _number_of(self, channel: Channel | None) -> int:
         if channel is None:
@@ -398,32 +391,29 @@ class _FrameCollector:
         numbers = np.zeros(int(run.channels.max()) + 1, dtype=np.uint8)
         for channel in np.flatnonzero(np.bincount(run.channels)).tolist():
             numbers[channel] = self._number_of_name(str(channel))
-        self._done.append((run.frames, run.time_s, numbers[run.channels]))
-        self._done_frames += len(run.frames)
+        self._add(run.frames, run.time_s, numbers[run.channels])
 
     def _finish_messages(self) -> None:
         """Turn the messages so far into arrays."""
-        if not self._words:
+        if not self._rows:
             return
-        frames = frame_array(len(self._words))
-        frames["can_id"] = self._identifiers
-        frames["length"] = self._lengths
-        frames["data"] = self._words
-        times_s = np.array(self._times_s, dtype=np.float64)
-        self._done.append((frames, times_s, np.array(self._channels, dtype=np.uint8)))
+        frames = frame_array(len(self._rows))
+        frames["can_id"], frames["length"], frames["data"], times_s, channels = zip(
+            *self._rows, strict=True
+        )
+        self._rows.clear()
+        self._add(frames, np.array(times_s), np.array(channels, dtype=np.uint8))
+
+    def _add(self, frames: FrameArray, time_s: Floats, channels: Bytes) -> None:
+        self._done.append((frames, time_s, channels))
         self._done_frames += len(frames)
-        self._clear()
 
     def block(self) -> _Block:
         """Return the collected frames and start over."""
         self._finish_messages()
-        done, count = self._done, self._done_frames
+        done = self._done or [(frame_array(0), np.zeros(0), np.zeros(0, dtype=np.uint8))]
         self._done, self._done_frames = [], 0
-        frames, times_s, channels = frame_array(count), np.zeros(count), np.zeros(count, np.uint8)
-        at = 0
-        for some_frames, some_times_s, some_channels in done:
-            end = at + len(some_frames)
-            frames[at:end], times_s[at:end] = some_frames, some_times_s
-            channels[at:end] = some_channels
-            at = end
-        return _Block(frames, times_s, channels, self._name_of)
+        frames, times_s, channels = zip(*done, strict=True)
+        return _Block(
+            Frame.joined(frames), np.concatenate(times_s), np.concatenate(channels), self._name_of
+        )
