@@ -111,7 +111,8 @@ def drop_jumps(recording: Recording, speed_limit: float) -> None:
     while len(breaks):
         first, breaks = int(breaks[0]), breaks[1:]
         back = motion.goes_on_at(first, breaks)
-        off = motion.misfit(np.full(len(every) - first, first - 1), every[first:])
+        last = first + 1 if back is None else back
+        off = motion.misfit(np.full(last - first, first - 1), every[first:last])
         if back is None:
             raise recording.fail(
                 f"position jumps by {off[0]:.3g} m and does not return; correct it, cut the file "
