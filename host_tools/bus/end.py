@@ -32,10 +32,24 @@ class BusEnd(Protocol):
         """Unix time of the bus's time 0 in nanoseconds; 0 if this end has not been told."""
 
     def send(self, datagram: memoryview, timeout: float | None) -> None:
-        """Put one datagram on the bus, waiting for room if need be."""
+        """Put one datagram on the bus, waiting while a node holds it up.
+
+        Raises
+        ------
+        BusTimeoutError
+            If the bus was held up all the time; nothing was sent.
+        BusError
+            If the bus has come to its end for this end.
+        """
 
     def receive(self, buffer: bytearray, timeout: float | None) -> int:
-        """Receive one datagram into `buffer` and return its size, 0 when the time is over."""
+        """Receive one datagram into `buffer` and return its size, 0 when the time is over.
+
+        Raises
+        ------
+        BusError
+            If the bus has come to its end for this end, and all that came before is received.
+        """
 
     def direct_ends(self) -> tuple[int, int, int] | None:
         """Return socket, door and number of the only other end, for compiled code.

@@ -36,22 +36,12 @@ _PATIENCE_S: Final = 10.0
 
 
 class Hub:
-    """The host of a channel, and a participant of it: node 0.
+    """The host of a channel, and a participant of it: node 0. A `BusEnd`.
 
     Parameters
     ----------
-    channel : str
-        Name or path of the channel.
-    name : str
-        What the host calls itself.
-    exclusive : bool
-        Whether no peer may carry the name of the host.
-    receive_own : bool
-        Whether the host receives what it has sent.
-    queue_limit : int
-        Bytes that may wait for an observer before it is cut off.
-    foreign_senders : bool
-        Whether anybody may send what the contract gives to one of the two sides.
+    channel, name, exclusive, receive_own, queue_limit, foreign_senders
+        As of `RrinsBus`.
 
     Raises
     ------
@@ -107,15 +97,7 @@ class Hub:
         return self._relay.guard.statistics()
 
     def require(self, names: Iterable[str]) -> None:
-        """Make the host's sending and receiving fail once one of these peers has left.
-
-        Replaces what was required before, and forgives what was lost.
-
-        Raises
-        ------
-        BusError
-            If one of them is not attached now.
-        """
+        """Make sending and receiving fail once one of these peers has left; see `RrinsBus`."""
         with self._lock:
             required: dict[int, str] = {}
             for name in names:
@@ -127,15 +109,7 @@ class Hub:
             self._relay.lost = ""
 
     def wait_for(self, name: str, timeout: float | None) -> PeerInfo:
-        """Serve the channel until a peer of that name is attached.
-
-        What arrives meanwhile is kept for `receive`.
-
-        Raises
-        ------
-        BusTimeoutError
-            If no peer of that name has attached within `timeout` seconds.
-        """
+        """Serve the channel until a peer of that name is attached; see `RrinsBus`."""
         deadline = deadline_of(timeout)
         self._serve_briefly()  # who has gone is not to be found
         while True:
@@ -151,15 +125,7 @@ class Hub:
                     )
 
     def send(self, datagram: memoryview, timeout: float | None) -> None:
-        """Send a datagram to all peers, waiting while a node holds up the bus.
-
-        Raises
-        ------
-        BusTimeoutError
-            If the bus was held up all the time; nothing was sent.
-        BusError
-            If the hub is closed, or a required peer has left.
-        """
+        """Send a datagram to all peers, waiting while a node holds up the bus."""
         relay = self._relay
         if now() - self._served_ns > _UNSERVED_NS:
             self._serve_briefly()
@@ -186,18 +152,7 @@ class Hub:
                 )
 
     def receive(self, buffer: bytearray, timeout: float | None) -> int:
-        """Receive the next datagram of a peer, relayed to the others already.
-
-        Returns
-        -------
-        int
-            Its size in `buffer`, or 0 when the time is over.
-
-        Raises
-        ------
-        BusError
-            If the hub is closed, or a required peer has left.
-        """
+        """Receive the next datagram of a peer, relayed to the others already."""
         with self._receive_lock:
             relay = self._relay
             self._served_ns = now()
@@ -231,14 +186,7 @@ class Hub:
         return peer.fd, relay.door, peer.number
 
     def go_on(self, left_over: memoryview, time_ns: int) -> None:
-        """Take what compiled code has received and not used as if it had just come.
-
-        Parameters
-        ----------
-        left_over : memoryview
-        time_ns : int
-            Of the last batch that compiled code has sent.
-        """
+        """Take what compiled code has received and not used as if it had just come."""
         self._served_ns = now()
         if time_ns:
             self._relay.note_time(time_ns)
@@ -252,13 +200,7 @@ class Hub:
                 self._backlog.keep(memoryview(buffer)[:size])
 
     def rest(self, seconds: float) -> None:
-        """Serve the channel for some time; what arrives is kept for `receive`.
-
-        Raises
-        ------
-        BusError
-            If the hub is closed, or a required peer has left.
-        """
+        """Serve the channel for some time; what arrives is kept for `receive`."""
         deadline = deadline_of(seconds)
         with self._receive_lock:
             while left := seconds_left(deadline):
@@ -266,13 +208,7 @@ class Hub:
                 self._drive(left)
 
     def serve(self, patience: float) -> None:
-        """Relay, without taking part, until the last peer has left.
-
-        Parameters
-        ----------
-        patience : float
-            Seconds to wait for the first peer.
-        """
+        """Relay until the last peer has left; `patience`: seconds to wait for the first."""
         buffer = self._room()
         deadline = deadline_of(patience)
         relay = self._relay

@@ -26,20 +26,14 @@ _ASIDE_MS: Final = 20
 
 
 class Link:
-    """A connection to the host of a channel.
+    """A connection to the host of a channel. A `BusEnd`.
 
     Parameters
     ----------
-    channel : str
-        Name or path of the channel.
-    name : str
-        What this end calls itself.
+    channel, name, exclusive, receive_own, in_step
+        As of `RrinsBus`.
     is_observer : bool
         Whether this end may be cut off rather than slow the bus.
-    exclusive : bool
-        Whether nobody else may carry the same name.
-    receive_own : bool
-        Whether this end receives what it has sent.
     timeout : float
         Seconds that the host has to answer.
 
@@ -126,15 +120,7 @@ class Link:
         return bool(self._end_reason)
 
     def send(self, view: memoryview, timeout: float | None) -> None:
-        """Send a datagram, waiting while a node holds up the bus.
-
-        Raises
-        ------
-        BusTimeoutError
-            If the bus was held up all the time; nothing was sent.
-        BusError
-            If the host is gone, or has cut this end off.
-        """
+        """Send a datagram, waiting while a node holds up the bus."""
         try:
             self._end.send(view, socket.MSG_DONTWAIT)
         except BlockingIOError:
@@ -213,18 +199,7 @@ class Link:
         return None
 
     def receive(self, buffer: bytearray, timeout: float | None) -> int:
-        """Receive the next datagram.
-
-        Returns
-        -------
-        int
-            Its size in `buffer`, or 0 when the time is over.
-
-        Raises
-        ------
-        BusError
-            If the host is gone, or has cut this end off, and all that came before is received.
-        """
+        """Receive the next datagram."""
         with self._receive_lock:
             if self._backlog:
                 return self._backlog.pop(buffer)

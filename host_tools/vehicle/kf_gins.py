@@ -190,10 +190,6 @@ def read_configuration(path: Path, truth: Path | None = None) -> VehicleRecordin
         its folder and the one above, and beside it.
     truth : Path, optional
         By default ``truth.nav`` beside the IMU file, if it is there.
-
-    Raises
-    ------
-    VehicleError
     """
     found = _configuration(path)
     imu, gnss = found.file("imupath"), found.file("gnsspath")

@@ -189,19 +189,7 @@ def _one(kind: str, where: Path, found: list[_Structure]) -> _Structure | None:
 def read(
     where: Path, imu: Path | None = None, gnss: Path | None = None, truth: Path | None = None
 ) -> VehicleRecording:
-    """Return the recording in a folder of `.mat` files, or in one file.
-
-    Parameters
-    ----------
-    where : Path
-        Folder or file.
-    imu, gnss, truth : Path, optional
-        Files to take these from, where the folder has several or none.
-
-    Raises
-    ------
-    VehicleError
-    """
+    """Return the recording in a folder of `.mat` files, or in one file; see `reading.read`."""
     paths = sorted(where.glob("*.mat")) if where.is_dir() else [where]
     given = {"imu": imu, "gnss": gnss, "truth": truth}
     found: dict[str, list[_Structure]] = {kind: [] for kind in given}
