@@ -64,7 +64,7 @@ def redundancy_of(state: BusState, kind: str) -> RedundancyVitals | None:
     """Return what was last reported of a kind, `gyros` or `accelerometers`; None for nothing."""
     name = MESSAGES[kind]
     message = state.message(name)
-    if message is None or state.value(name, "crc") is None:
+    if message is None or not state.has_values(name):
         return None
 
     def number(signal: str) -> int:
@@ -91,7 +91,7 @@ def redundancy_of(state: BusState, kind: str) -> RedundancyVitals | None:
 
 def readmission_of(state: BusState) -> ReadmissionVitals | None:
     """Return what has become of the last order to readmit a sensor; None without one."""
-    if state.message(READMISSION) is None or state.value(READMISSION, "crc") is None:
+    if not state.has_values(READMISSION):
         return None
 
     def number(signal: str) -> float:

@@ -9,7 +9,7 @@ from rrins.host_tools.monitor.state import BusState, MessageState
 from rrins.host_tools.monitor.vitals import AXES, Vitals
 from rrins.host_tools.monitor.wording import age_words, rate_words
 from rrins.host_tools.monitor.words import WITHOUT_ENCODER, abandoned_words
-from rrins.host_tools.wire.faults import FaultKind
+from rrins.host_tools.wire.fault_kinds import FaultKind
 
 HIGH_LOAD = 0.8
 """Fraction of the bus time, or of the firmware's period, above which load is a trouble."""
