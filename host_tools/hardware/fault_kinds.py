@@ -96,15 +96,16 @@ class NumberedKind(IntEnum):
     parameter: Parameter | None
 
     def __new__(cls, *entry: Any) -> Self:
-        """Return the next kind, from what `_describe` accepts."""
+        """Return the next kind: its part for the hardware, its effect, its parameter if any."""
         number = len(cls.__members__) + 1
         kind = int.__new__(cls, number)
         kind._value_ = number
         kind._describe(*entry)
         return kind
 
-    def _describe(self, effect: str, parameter: Parameter | None = None) -> None:
-        self.effect, self.parameter = effect, parameter
+    def _describe(self, effect: str, *parameter: Any) -> None:
+        self.effect = effect
+        self.parameter = Parameter(*parameter) if parameter else None
 
     @property
     def word(self) -> str:
@@ -112,8 +113,9 @@ class NumberedKind(IntEnum):
         return self.name.lower()
 
 
-_SCALE = Parameter("scale_ppm", "ppm", 10_000.0, -1e6, 1e6, PPM)
-_SHIFT = Parameter("shift_arcsec", "″", 60.0, -3600, 3600, ARCSEC)
+_AXIS, _GYRO, _ACCELEROMETER, _ODOMETER, _GNSS, _POSITION = Part
+_SCALE = ("scale_ppm", "ppm", 10_000.0, -1e6, 1e6, PPM)
+_SHIFT = ("shift_arcsec", "″", 60.0, -3600, 3600, ARCSEC)
 _REPEATS = "the sensor repeats the last increment"
 _BIAS, _RAMP, _NOISE = "additional bias", "a bias that grows from zero", "additional white noise"
 _SCALES = "error of the scale factor"
@@ -130,87 +132,51 @@ class HardwareFault(NumberedKind):
 
     part: Part
 
-    AXIS_STALL = Part.AXIS, "an axis stops"
-    AXIS_RUNAWAY = (
-        Part.AXIS,
-        "an axis turns, whatever the command",
-        Parameter("rate_dps", "°/s", 5.0, -60, 60, math.radians(1)),
-    )
-    ENCODER_STUCK = Part.AXIS, "the encoder repeats the last angle"
-    ENCODER_OFFSET = (
-        Part.AXIS,
-        "the encoder reads too high",
-        Parameter("offset_deg", "°", 1.0, -180, 180),
-    )
-    GYRO_STUCK = Part.GYRO, _REPEATS
-    GYRO_BIAS = Part.GYRO, _BIAS, Parameter("bias_dph", "°/h", 10.0, -1e6, 1e6, DPH)
-    GYRO_NOISE = (
-        Part.GYRO,
-        _NOISE,
-        Parameter("angle_random_walk_deg_per_sqrt_h", "°/√h", 1.0, 0, 1e4, DEG_PER_SQRT_H),
-    )
-    GYRO_ABSENT = Part.GYRO, _ABSENT
-    ACCELEROMETER_STUCK = Part.ACCELEROMETER, _REPEATS
-    ACCELEROMETER_BIAS = (
-        Part.ACCELEROMETER,
-        _BIAS,
-        Parameter("bias_ug", "µg", 1000.0, -1e7, 1e7, UG),
-    )
-    ACCELEROMETER_NOISE = (
-        Part.ACCELEROMETER,
-        _NOISE,
-        Parameter("white_noise_ug_per_sqrt_hz", "µg/√Hz", 1000.0, 0, 1e6, UG),
-    )
-    ACCELEROMETER_ABSENT = Part.ACCELEROMETER, _ABSENT
-    GYRO_RAMP = (
-        Part.GYRO,
-        _RAMP,
-        Parameter("bias_dph_per_min", "°/h per minute", 1.0, -1e6, 1e6, DPH / 60),
-    )
-    GYRO_SCALE = Part.GYRO, _SCALES, _SCALE
-    GYRO_SHIFT_U = Part.GYRO, _TURNS_U, _SHIFT
-    GYRO_SHIFT_V = Part.GYRO, _TURNS_V, _SHIFT
-    GYRO_DEAD = Part.GYRO, _DEAD
-    GYRO_FULL_SCALE = Part.GYRO, _END
-    ACCELEROMETER_RAMP = (
-        Part.ACCELEROMETER,
-        _RAMP,
-        Parameter("bias_ug_per_min", "µg per minute", 100.0, -1e7, 1e7, UG / 60),
-    )
-    ACCELEROMETER_SCALE = Part.ACCELEROMETER, _SCALES, _SCALE
-    ACCELEROMETER_SHIFT_U = Part.ACCELEROMETER, _TURNS_U, _SHIFT
-    ACCELEROMETER_SHIFT_V = Part.ACCELEROMETER, _TURNS_V, _SHIFT
-    ACCELEROMETER_DEAD = Part.ACCELEROMETER, _DEAD
-    ACCELEROMETER_FULL_SCALE = Part.ACCELEROMETER, _END
-    ENCODER_SLIP = (
-        Part.AXIS,
-        "the encoder misses a share of each turn",
-        Parameter("slip_percent", "%", 1.0, -100, 100, 0.01),
-    )
-    ODOMETER_SLIP = (
-        Part.ODOMETER,
-        "the wheel turns more than the vehicle moves",
-        Parameter("slip_percent", "%", 10.0, -100, 1000, 0.01),
-    )
-    ODOMETER_LOCK = Part.ODOMETER, "the wheel stands, whatever the vehicle does"
-    ODOMETER_LOST = Part.ODOMETER, "the odometer does not count, and says so"
-    GNSS_JUMP = (
-        Part.GNSS_POSITION,
-        "positions are off",
-        Parameter("jump_m", "m", 100.0, -1e5, 1e5),
-    )
-    GNSS_PULL = (
-        Part.GNSS_POSITION,
-        "positions are led away, and velocities with them",
-        Parameter("pull_mps", "m/s", 1.0, -100, 100),
-    )
-    GNSS_LOST = Part.GNSS, "the receiver has no fix"
+    # Part, effect; key, unit, default, minimum, maximum and SI unit of the parameter.
+    # fmt: off
+    AXIS_STALL = _AXIS, "an axis stops"
+    AXIS_RUNAWAY = (_AXIS, "an axis turns, whatever the command",
+        "rate_dps", "°/s", 5.0, -60, 60, math.radians(1))
+    ENCODER_STUCK = _AXIS, "the encoder repeats the last angle"
+    ENCODER_OFFSET = _AXIS, "the encoder reads too high", "offset_deg", "°", 1.0, -180, 180
+    GYRO_STUCK = _GYRO, _REPEATS
+    GYRO_BIAS = _GYRO, _BIAS, "bias_dph", "°/h", 10.0, -1e6, 1e6, DPH
+    GYRO_NOISE = (_GYRO, _NOISE,
+        "angle_random_walk_deg_per_sqrt_h", "°/√h", 1.0, 0, 1e4, DEG_PER_SQRT_H)
+    GYRO_ABSENT = _GYRO, _ABSENT
+    ACCELEROMETER_STUCK = _ACCELEROMETER, _REPEATS
+    ACCELEROMETER_BIAS = _ACCELEROMETER, _BIAS, "bias_ug", "µg", 1000.0, -1e7, 1e7, UG
+    ACCELEROMETER_NOISE = (_ACCELEROMETER, _NOISE,
+        "white_noise_ug_per_sqrt_hz", "µg/√Hz", 1000.0, 0, 1e6, UG)
+    ACCELEROMETER_ABSENT = _ACCELEROMETER, _ABSENT
+    GYRO_RAMP = _GYRO, _RAMP, "bias_dph_per_min", "°/h per minute", 1.0, -1e6, 1e6, DPH / 60
+    GYRO_SCALE = _GYRO, _SCALES, *_SCALE
+    GYRO_SHIFT_U = _GYRO, _TURNS_U, *_SHIFT
+    GYRO_SHIFT_V = _GYRO, _TURNS_V, *_SHIFT
+    GYRO_DEAD = _GYRO, _DEAD
+    GYRO_FULL_SCALE = _GYRO, _END
+    ACCELEROMETER_RAMP = (_ACCELEROMETER, _RAMP,
+        "bias_ug_per_min", "µg per minute", 100.0, -1e7, 1e7, UG / 60)
+    ACCELEROMETER_SCALE = _ACCELEROMETER, _SCALES, *_SCALE
+    ACCELEROMETER_SHIFT_U = _ACCELEROMETER, _TURNS_U, *_SHIFT
+    ACCELEROMETER_SHIFT_V = _ACCELEROMETER, _TURNS_V, *_SHIFT
+    ACCELEROMETER_DEAD = _ACCELEROMETER, _DEAD
+    ACCELEROMETER_FULL_SCALE = _ACCELEROMETER, _END
+    ENCODER_SLIP = (_AXIS, "the encoder misses a share of each turn",
+        "slip_percent", "%", 1.0, -100, 100, 0.01)
+    ODOMETER_SLIP = (_ODOMETER, "the wheel turns more than the vehicle moves",
+        "slip_percent", "%", 10.0, -100, 1000, 0.01)
+    ODOMETER_LOCK = _ODOMETER, "the wheel stands, whatever the vehicle does"
+    ODOMETER_LOST = _ODOMETER, "the odometer does not count, and says so"
+    GNSS_JUMP = _POSITION, "positions are off", "jump_m", "m", 100.0, -1e5, 1e5
+    GNSS_PULL = (_POSITION, "positions are led away, and velocities with them",
+        "pull_mps", "m/s", 1.0, -100, 100)
+    GNSS_LOST = _GNSS, "the receiver has no fix"
+    # fmt: on
 
-    def _describe(  # type: ignore[override]
-        self, part: Part, effect: str, parameter: Parameter | None = None
-    ) -> None:
+    def _describe(self, part: Any, *entry: Any) -> None:
         self.part = part
-        super()._describe(effect, parameter)
+        super()._describe(*entry)
 
     @property
     def target(self) -> Target | None:

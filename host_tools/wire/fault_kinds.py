@@ -8,24 +8,21 @@ from __future__ import annotations
 
 from rrins.host_tools.hardware.fault_kinds import NumberedKind, Parameter
 
+_BIT = ("bit", "bit of the payload", None, 0, 63, 1.0, True)
+_FRAMES = ("frames_per_epoch", "frames", 20, 1, 200, 1.0, True)
+
 
 class FaultKind(NumberedKind):
     """The kinds, as `kind` of FAULT_COMMAND; append new ones."""
 
     DROP = "frames are lost"
-    DELAY = "frames arrive late", Parameter("delay_s", "s", 0.01, 0.001, 60)
+    DELAY = "frames arrive late", "delay_s", "s", 0.01, 0.001, 60
     DUPLICATE = "frames arrive twice; each further `duplicate` adds one copy"
     REORDER = "an epoch's frames arrive in a different order"
     CORRUPT_WIRE = "a bit error that the controllers' CRC-15 detects"
-    CORRUPT = (
-        "a bit error that only the end-to-end CRC detects",
-        Parameter("bit", "bit of the payload", None, 0, 63, is_whole=True),
-    )
+    CORRUPT = "a bit error that only the end-to-end CRC detects", *_BIT
     WRONG_COUNTER = "a counter that is one too high, with a correct CRC"
-    BABBLE = (
-        "a node keeps sending the identifier of the highest priority",
-        Parameter("frames_per_epoch", "frames", 20, 1, 200, is_whole=True),
-    )
+    BABBLE = "a node keeps sending the identifier of the highest priority", *_FRAMES
     SILENCE = "frames are lost"
     BUS_OFF = "a node's controller is bus-off"
     CUT = "no node receives any frame"
