@@ -88,31 +88,30 @@ def test_frames_are_three_bits_apart():
     assert bus.run() == [(0x10, first, 0), (0x20, second, 0)]
 
 
-def test_the_strongest_identifier_of_all_nodes_goes_first():
+@pytest.mark.parametrize(
+    ("submitted", "order"),  # node, identifier and time
+    [
+        ([(0, 0x300, 0), (0, 0x100, 0), (1, 0x200, 0), (1, 0, 0)], [0, 0x100, 0x200, 0x300]),
+        (  # standard data wins against remote, and that against extended
+            [
+                (0, 0x100 << 18 | EFF_FLAG, 0),
+                (1, 0x100 | RTR_FLAG, 0),
+                (2, 0x101, 0),
+                (0, 0x100, 0),
+            ],
+            [0x100, 0x100 | RTR_FLAG, 0x100 << 18 | EFF_FLAG, 0x101],
+        ),
+        ([(0, 0x7FF, 0), (1, 0, 1)], [0x7FF, 0]),  # a transmission is not interrupted
+    ],
+)
+def test_the_strongest_identifier_of_all_nodes_goes_first(submitted, order):
     bus = Bus()
-    bus.submit(0, (0x300, b""), (0x100, b""))
-    bus.submit(1, (0x200, b""), (0x000, b""))
-    assert [(can_id, node) for can_id, _, node in bus.run()] == [
-        (0x000, 1),
-        (0x100, 0),
-        (0x200, 1),
-        (0x300, 0),
-    ]
-
-
-def test_standard_data_wins_against_remote_and_that_against_extended():
-    bus = Bus()
-    order = [0x100, 0x100 | RTR_FLAG, 0x100 << 18 | EFF_FLAG, 0x101]
-    for node, place in ((0, 2), (1, 1), (2, 3), (0, 0)):
-        bus.submit(node, (order[place], b""))
-    assert [row[0] for row in bus.run()] == order
-
-
-def test_a_transmission_is_not_interrupted():
-    bus = Bus()
-    bus.submit(0, (0x7FF, b"12345678"))
-    bus.submit(1, (0x000, b""), at=1)
-    assert [row[0] for row in bus.run()] == [0x7FF, 0x000]
+    for node, can_id, at in submitted:
+        bus.submit(node, (can_id, b""), at=at)
+    rows = bus.run()
+    assert [can_id for can_id, _, _ in rows] == order
+    senders = {can_id: node for node, can_id, _ in submitted}
+    assert [node for _, _, node in rows] == [senders[can_id] for can_id in order]
 
 
 def test_equal_identifiers_of_a_node_stay_in_order():
