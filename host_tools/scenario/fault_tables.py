@@ -35,12 +35,18 @@ class _Fault(TomlTable):
     @model_validator(mode="before")
     @classmethod
     def _has_keys_of_its_kind(cls, data: Any) -> Any:
-        for key in set(data) - set(cls.model_fields) if isinstance(data, dict) else ():
-            kinds = [kind for kind, table in KINDS.items() if key in table.model_fields]
-            if kinds:
-                others = ", ".join(kinds[:5]) + (" …" if len(kinds) > 5 else "")
+        """Refuse keys of other kinds; older recordings have some, with their defaults."""
+        if not isinstance(data, dict):
+            return data
+        own = dict(data)
+        for key in data.keys() - cls.model_fields.keys():
+            fields = {k: t.model_fields[key] for k, t in KINDS.items() if key in t.model_fields}
+            if any(data[key] == field.default for field in fields.values()):
+                del own[key]
+            elif fields:
+                others = ", ".join([*fields][:5]) + (" …" if len(fields) > 5 else "")
                 raise ValueError(f"{key}: does not apply to {data['kind']}, only to {others}")
-        return data
+        return own
 
     def epochs(self, rate_hz: int) -> tuple[int, int]:
         """Return the first and the last epoch; -1 as the last means to the end."""

@@ -245,6 +245,8 @@ def test_a_key_of_another_kind_is_refused():
     ):
         with pytest.raises(ScenarioError, match=words):
             fault_of(fault)
+    kept = {"kind": "gyro_stuck", "bias_dph": 10.0, "scale_ppm": 10_000.0}  # an older recording
+    assert "bias_dph" not in fault_of(kept).model_dump()
 
 
 @pytest.mark.slow
