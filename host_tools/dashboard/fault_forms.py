@@ -7,8 +7,8 @@ from typing import Any, Final, get_args
 from rrins.host_tools.files import JsonObject
 from rrins.host_tools.hardware.fault_values import VALUES
 from rrins.host_tools.hardware.faults import HardwareFault
+from rrins.host_tools.hardware.tables import TomlTable
 from rrins.host_tools.scenario.fault_tables import KINDS, FaultOnWire
-from rrins.host_tools.scenario.tables import TomlTable
 
 _OF_KIND: Final = {
     "delay_s": ("delay",),

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 
 from rrins.host_tools.hardware.faults import HardwareFault
-from rrins.host_tools.hardware.settings import ARCSEC, DEG_PER_SQRT_H, DPH, PPM, UG
+from rrins.host_tools.hardware.units import ARCSEC, DEG_PER_SQRT_H, DPH, PPM, UG
 
 
 @dataclass(frozen=True)

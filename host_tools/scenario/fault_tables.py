@@ -14,7 +14,8 @@ from rrins.host_tools.hardware.fault_values import VALUES, FaultValue
 from rrins.host_tools.hardware.faults import ALWAYS, EVERY, HardwareFault, cycle_of
 from rrins.host_tools.hardware.memory import INNER, OUTER
 from rrins.host_tools.hardware.settings import PlannedFault
-from rrins.host_tools.scenario.tables import LONGEST_S, TomlTable
+from rrins.host_tools.hardware.tables import TomlTable
+from rrins.host_tools.scenario.tables import LONGEST_S
 from rrins.host_tools.wire.faults import ANY_IDENTIFIER, FaultKind, Node, WireFault
 
 

@@ -21,6 +21,16 @@ import rrins.firmware_py.core.settings
 from rrins.host_tools import files
 from rrins.host_tools.errors import ScenarioError
 from rrins.host_tools.hardware.memory import FAULT_CAPACITY, STANDING_CAPACITY
+from rrins.host_tools.hardware.tables import (
+    Accelerometers,
+    Altimeter,
+    Gyros,
+    Odometer,
+    PerSensor,
+    Thermal,
+    TomlTable,
+    Turntable,
+)
 from rrins.host_tools.scenario import presets
 from rrins.host_tools.scenario.fault_tables import (
     KINDS,
@@ -37,29 +47,22 @@ from rrins.host_tools.scenario.schemes import SCHEMES
 from rrins.host_tools.scenario.tables import (
     LONGEST_S,
     MOST_LETTERS,
-    Accelerometers,
-    Altimeter,
     Body,
     Bus,
     Estimator,
     Firmware,
     Gnss,
-    Gyros,
     Master,
-    Odometer,
     OperatorRequest,
     Outage,
     Paper,
-    PerSensor,
     Readmission,
     Redundancy,
     Rimu,
     Site,
-    Thermal,
-    TomlTable,
     Tunnel,
-    Turntable,
     ZeroVelocity,
+    check_turntable,
     each,
 )
 
@@ -175,7 +178,7 @@ class Scenario(TomlTable):
                 f"{settle_s:.3g} s after a turn without ramps would (turn rate / acceleration, "
                 "acceleration / jerk)"
             )
-        self.turntable.check(self.mode == "rotating", self.firmware)
+        check_turntable(self.turntable, self.mode == "rotating", self.firmware)
         times = [request.at_s for request in self.operator]
         if times != sorted(times):
             raise ValueError("operator: the requests are not in order of time")
