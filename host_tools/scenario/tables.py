@@ -109,11 +109,14 @@ class Gnss(GnssReceiver):
     """A GNSS receiver, and where it has no fix; fitted if the table is present."""
 
     outages: tuple[Outage, ...] = Field(default=(), max_length=OUTAGE_CAPACITY)
+    """Times without a fix: `[{ at_s = 100, for_s = 30 }]`, s since power-on."""
     tunnels: tuple[Tunnel, ...] = Field(default=(), max_length=OUTAGE_CAPACITY)
+    """Stretches of the route without a fix: `[{ from_m = 1200, to_m = 1500 }]`, distance driven
+    since the motion began."""
     tunnel_map: str | None = Field(default=None, min_length=1)
-    """GeoJSON file, relative to the scenario's folder: no fix inside its polygons, on its lines."""
+    """No fix inside its polygons or on its lines."""
     tunnel_width_m: float = Field(default=20.0, gt=0, le=1000)
-    """Of the lines."""
+    """Width of the lines."""
 
 
 class Master(Periodic):
@@ -124,7 +127,8 @@ class Master(Periodic):
     latency_s: float = Field(default=0.1, ge=0, lt=1)
     """From the time of validity to the frames on the bus; less than the interval."""
     outages: tuple[Outage, ...] = Field(default=(), max_length=OUTAGE_CAPACITY)
-    """Times in which it has nothing valid to send."""
+    """Times in which nothing that it sends is valid: `[{ at_s = 0, for_s = 30 }]`, s since
+    power-on."""
 
 
 class ZeroVelocity(TomlTable):
