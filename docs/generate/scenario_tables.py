@@ -9,7 +9,6 @@ from __future__ import annotations
 import ast
 import functools
 import inspect
-import re
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any, get_args
@@ -157,9 +156,9 @@ def page(text: str) -> str:
     """Return the page `text` with the tables of today."""
     for name, table in tables().items():
         begin, end = f"<!-- keys: {name}; by `make docs` -->", f"<!-- end of {name} -->"
-        place = re.compile(rf"{re.escape(begin)}.*?{re.escape(end)}", re.DOTALL)
-        text, count = place.subn(lambda _, t=table: f"{begin}\n\n{t}\n{end}", text)  # type: ignore[misc]
-        assert count == 1, f"{PAGE}: no place for {name}"
+        before, rest = text.split(begin)
+        _, after = rest.split(end)
+        text = f"{before}{begin}\n\n{table}\n{end}{after}"
     return text
 
 

@@ -141,15 +141,9 @@ class ZeroVelocity(TomlTable):
     """How still it stands: standard deviation of each component of its velocity."""
 
 
-class Firmware(TomlTable):
+class Firmware(rrins.firmware_py.core.settings.Keys, TomlTable):
     """Settings of the navigation computer."""
 
-    initial_attitude: Literal[
-        "given", "self-aligned", "self-aligned-swaying", "self-aligned-moving", "transferred"
-    ] = "given"
-    """Self-aligned at standstill, of a vehicle that sways about its place, or one that moves and
-    has GNSS. Transferred: another unit's, with velocity and position, also of a vehicle that
-    moves."""
     roll_error_arcsec: float = Field(default=0.0, ge=-36_000, le=36_000)
     """Of the given or transferred attitude, as are all of these errors: given minus true."""
     pitch_error_arcsec: float = Field(default=0.0, ge=-36_000, le=36_000)
@@ -160,9 +154,6 @@ class Firmware(TomlTable):
     velocity_error_sigma_mps: float = Field(default=0.0, ge=0, le=100)
     """The same of each component of a transferred velocity."""
     position_error_sigma_m: float = Field(default=0.0, ge=0, le=10_000)
-    alignment_s: float = Field(default=2.0, gt=0, le=86_400)
-    height_channel: Literal["held", "damped", "free"] = "held"
-    """`damped` follows the altimeter, or the initial height if there is none."""
     calibration: str | None = Field(default=None, min_length=1)
     """TOML file of calibrated errors, relative to the scenario's folder."""
     scheme: (
@@ -176,24 +167,12 @@ class Firmware(TomlTable):
     gyro_weights: PerSensor = 1.0
     accelerometer_weights: PerSensor = 1.0
     clock_error_ppm: float = Field(default=0.0, ge=-1000, le=1000)
-    bridge_s: float = Field(default=0.1, ge=0, le=10)
-    follow_tolerance_deg: float = Field(default=5.0, gt=0, le=180)
-    axis_silence_s: float = Field(default=1.0, gt=0, le=60)
-    gyro_consistency_dph: float = Field(default=50.0, ge=0.001, le=1e6)
-    accelerometer_consistency_ug: float = Field(default=5000.0, ge=0.1, le=1e7)
 
     @property
     def has_attitude_error(self) -> bool:
         """Whether the given attitude is off."""
-        return any(
-            (
-                self.roll_error_arcsec,
-                self.pitch_error_arcsec,
-                self.heading_error_arcsec,
-                self.level_error_sigma_arcsec,
-                self.heading_error_sigma_arcsec,
-            )
-        )
+        fixed = self.roll_error_arcsec, self.pitch_error_arcsec, self.heading_error_arcsec
+        return any((*fixed, self.level_error_sigma_arcsec, self.heading_error_sigma_arcsec))
 
     @model_validator(mode="after")
     def _consistent(self) -> Firmware:
@@ -267,12 +246,9 @@ class Estimator(TomlTable):
 
     @model_validator(mode="after")
     def _whole(self) -> Estimator:
-        if self.fine_alignment_s > 0 and not self.enabled:
-            raise ValueError("fine_alignment_s: needs enabled = true")
-        if self.constants and not self.enabled:
-            raise ValueError("constants: needs enabled = true")
-        if self.detects_standing and not self.enabled:
-            raise ValueError("detects_standing: needs enabled = true")
+        for key in ("fine_alignment_s", "constants", "detects_standing"):
+            if getattr(self, key) and not self.enabled:
+                raise ValueError(f"{key}: needs enabled = true")
         return self
 
 

@@ -45,24 +45,17 @@ def firmware_settings(scenario: Scenario) -> firmware.Settings:
     settings, table = scenario.firmware, scenario.turntable
     gyros, accelerometers = scenario.rimu.gyros, scenario.rimu.accelerometers
     return firmware.Settings(
+        **settings.model_dump(include=set(firmware.Keys.model_fields)),
         rate_hz=scenario.rate_hz,
         **asdict(given_pose(scenario)),
         gyro_axes_deg=gyros,
         accelerometer_axes_deg=accelerometers,
         gyro_weights=each(settings.gyro_weights, len(gyros)),
         accelerometer_weights=each(settings.accelerometer_weights, len(accelerometers)),
-        initial_attitude=settings.initial_attitude,
-        alignment_s=settings.alignment_s,
-        height_channel=settings.height_channel,
-        bridge_s=settings.bridge_s,
         axis_acceleration_dps2=scenario.axis_acceleration_dps2,
         axis_rise_s=scenario.axis_rise_s,
         isolation_rate_dps=table.inner.rate_limit_dps,
         encoder_step_deg=max(table.inner.encoder_step_deg, table.outer.encoder_step_deg),
-        follow_tolerance_deg=settings.follow_tolerance_deg,
-        axis_silence_s=settings.axis_silence_s,
-        gyro_consistency_dph=settings.gyro_consistency_dph,
-        accelerometer_consistency_ug=settings.accelerometer_consistency_ug,
         scheme=scenario.scheme,
         altimeter=scenario.altimeter is not None,
         gnss_interval_s=0.0 if scenario.gnss is None else 1 / scenario.gnss.rate_hz,
@@ -190,28 +183,22 @@ def first_pose(scenario: Scenario) -> Pose:
         return Pose(**scenario.site.model_dump(), **scenario.body.model_dump())
     first = trajectory.at(np.zeros(1))[0]
     latitude, longitude, height = first[PLACE]
-    roll, pitch, heading = first[ATTITUDE]
+    roll, pitch, heading = map(math.degrees, first[ATTITUDE])
     return Pose(
-        latitude_deg=math.degrees(latitude),
-        longitude_deg=math.degrees(longitude),
-        height_m=float(height),
-        roll_deg=math.degrees(roll),
-        pitch_deg=math.degrees(pitch),
-        heading_deg=math.degrees(heading),
+        math.degrees(latitude), math.degrees(longitude), float(height), roll, pitch, heading
     )
 
 
 def attitude_error_deg(scenario: Scenario) -> tuple[float, float, float]:
     """Return the errors of the given roll, pitch and heading, with what the run draws."""
-    firmware_table = scenario.firmware
-    drawn = np.random.default_rng([scenario.seed, _ATTITUDE_STREAM]).standard_normal(3)
-    errors = (
-        firmware_table.roll_error_arcsec + firmware_table.level_error_sigma_arcsec * drawn[0],
-        firmware_table.pitch_error_arcsec + firmware_table.level_error_sigma_arcsec * drawn[1],
-        firmware_table.heading_error_arcsec + firmware_table.heading_error_sigma_arcsec * drawn[2],
+    table = scenario.firmware
+    drawn = np.random.default_rng([scenario.seed, _ATTITUDE_STREAM]).standard_normal(3).tolist()
+    level, heading = table.level_error_sigma_arcsec, table.heading_error_sigma_arcsec
+    return (
+        (table.roll_error_arcsec + level * drawn[0]) / 3600,
+        (table.pitch_error_arcsec + level * drawn[1]) / 3600,
+        (table.heading_error_arcsec + heading * drawn[2]) / 3600,
     )
-    roll, pitch, heading = (float(error) / 3600 for error in errors)
-    return roll, pitch, heading
 
 
 def given_pose(scenario: Scenario) -> Pose:
