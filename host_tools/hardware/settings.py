@@ -20,6 +20,7 @@ from rrins.host_tools.hardware.memory import (
     MOTION_CHANNELS,
     MOTION_TERMS,
     OPERATOR_CAPACITY,
+    OUTAGE_CAPACITY,
     OUTER,
     STANDING_CAPACITY,
     GnssState,
@@ -237,6 +238,7 @@ def _fill_gnss(gnss: GnssState, settings: Settings, seed: np.random.SeedSequence
     gnss.position_sigma = math.hypot(table.position_noise_m, table.position_correlated_noise_m)
     correlation_epochs = table.position_correlation_s * rate_hz
     gnss.correlated_share = math.exp(-gnss.interval_epochs / correlation_epochs)
+    assert len(settings.gnss_outages) <= OUTAGE_CAPACITY
     gnss.outage_count = len(settings.gnss_outages)
     for k, (first, last) in enumerate(settings.gnss_outages):
         gnss.outage_first[k], gnss.outage_last[k] = first, last
