@@ -33,6 +33,7 @@ docs: $(VENV)/installed-dev
 	cd docs && ../$(RUN) generate.diagnostic_page > diagnostic-table.md
 	cd docs && ../$(RUN) generate.faults_page > faults.md
 	cd docs && ../$(RUN) generate.rooms_table
+	cd docs && ../$(RUN) generate.scenario_tables
 	RRINS_WRITE_DOCS=1 $(RUN) pytest -q tests/docs
 
 docs-site: $(VENV)/installed-docs

@@ -102,7 +102,26 @@ class OdometerSettings(_Checked):
     """From the reference point to the wheel's contact, in the body frame."""
 
 
-class Settings(_Checked):
+class Keys(_Checked):
+    """What a scenario's table `[firmware]` says in the same words as the firmware's set-up."""
+
+    initial_attitude: Literal[
+        "given", "self-aligned", "self-aligned-swaying", "self-aligned-moving", "transferred"
+    ] = "given"
+    """Self-aligned at standstill, of a vehicle that sways about its place, or one that moves and
+    has GNSS. Transferred: another unit's, with velocity and position, also of a vehicle that
+    moves."""
+    alignment_s: float = Field(default=2.0, gt=0, le=86_400)
+    height_channel: Literal["held", "damped", "free"] = "held"
+    """`damped` follows the altimeter, or the initial height if there is none."""
+    bridge_s: float = Field(default=0.1, ge=0, le=10)
+    follow_tolerance_deg: float = Field(default=5.0, gt=0, le=180)
+    axis_silence_s: float = Field(default=1.0, gt=0, le=60)
+    gyro_consistency_dph: float = Field(default=50.0, ge=0.001, le=1e6)
+    accelerometer_consistency_ug: float = Field(default=5000.0, ge=0.1, le=1e7)
+
+
+class Settings(Keys):
     """The firmware's set-up; angles in degrees as a person writes them.
 
     `gyro_axes_deg` and `accelerometer_axes_deg` are the design directions of the input axes:
@@ -120,21 +139,11 @@ class Settings(_Checked):
     accelerometer_axes_deg: tuple[tuple[float, float], ...]
     gyro_weights: tuple[float, ...]
     accelerometer_weights: tuple[float, ...]
-    initial_attitude: Literal[
-        "given", "self-aligned", "self-aligned-swaying", "self-aligned-moving", "transferred"
-    ]
-    alignment_s: float
-    height_channel: Literal["held", "damped", "free"]
-    bridge_s: float
     axis_acceleration_dps2: float
     axis_rise_s: float = 0.0
     isolation_rate_dps: float = Field(default=30.0, gt=0, le=60)
     """At most, of the inner axis while it takes the vehicle's turn out."""
     encoder_step_deg: float = 0.0
-    follow_tolerance_deg: float
-    axis_silence_s: float
-    gyro_consistency_dph: float
-    accelerometer_consistency_ug: float
     scheme: Scheme
     altimeter: bool = False
     gnss_interval_s: float = Field(default=0.0, ge=0, le=10)

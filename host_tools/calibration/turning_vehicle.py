@@ -23,7 +23,7 @@ from rrins.host_tools.campaigns.error_sources import Constant, Effect, White
 from rrins.host_tools.campaigns.path import INTERVAL_S, path_along
 from rrins.host_tools.files import JsonObject
 from rrins.host_tools.hardware.memory import INNER, OUTER, Truth
-from rrins.host_tools.hardware.settings import DEG_PER_SQRT_H, UG
+from rrins.host_tools.hardware.units import DEG_PER_SQRT_H, UG
 from rrins.host_tools.rotation.kinematics import legs_of
 from rrins.host_tools.runs.fast import FastRun
 from rrins.host_tools.runs.set_up.settings import firmware_settings, hardware_settings

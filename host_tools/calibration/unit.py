@@ -7,14 +7,13 @@ import math
 import numpy as np
 
 from rrins.compiled.record import Floats
-from rrins.firmware_py.core.sensors.calibration import ARCSEC, DPH, PPM, UG
 from rrins.host_tools.calibration.estimation import Unit
 from rrins.host_tools.calibration.model import Axes, Site
 from rrins.host_tools.files import JsonObject
 from rrins.host_tools.hardware.settings import body_to_navigation
+from rrins.host_tools.hardware.units import in_si
 from rrins.host_tools.runs.set_up.settings import given_pose
 from rrins.host_tools.scenario.scenario import Scenario, parse
-from rrins.host_tools.scenario.tables import each
 
 LARGEST_BIAS_DPH, LARGEST_BIAS_UG = 10.0, 3000.0
 SCALE_PPM, INSTALLATION_ARCSEC = 50.0, 30.0
@@ -24,6 +23,13 @@ TILT_ARCSEC, HEADING_DEG = 412.5, 1.0
 SQUARE_ARCSEC = 30.0
 """By how much the axes are out of square."""
 
+_CONSTANTS = (
+    "bias",
+    "scale_error",
+    "asymmetric_scale_error",
+    "installation_u",
+    "installation_v",
+)
 _STREAM = 14
 
 
@@ -105,21 +111,12 @@ def true_constants(scenario: Scenario) -> tuple[Floats, Floats]:
     Shapes (m, 5), (k, 5). What a run draws on top is not in them.
     """
     found = []
-    for table, bias, unit, axes in (
-        (scenario.gyros, scenario.gyros.bias_dph, DPH, scenario.rimu.gyros),
-        (
-            scenario.accelerometers,
-            scenario.accelerometers.bias_ug,
-            UG,
-            scenario.rimu.accelerometers,
-        ),
+    for table, axes in (
+        (scenario.gyros, scenario.rimu.gyros),
+        (scenario.accelerometers, scenario.rimu.accelerometers),
     ):
-        columns = (
-            (bias, unit),
-            (table.scale_error_ppm, PPM),
-            (table.asymmetric_scale_error_ppm, PPM),
-            (table.installation_u_arcsec, ARCSEC),
-            (table.installation_v_arcsec, ARCSEC),
+        values = in_si(table)
+        found.append(
+            np.column_stack([np.broadcast_to(values[name], len(axes)) for name in _CONSTANTS])
         )
-        found.append(np.column_stack([np.multiply(each(v, len(axes)), u) for v, u in columns]))
     return found[0], found[1]

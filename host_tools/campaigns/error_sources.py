@@ -12,12 +12,11 @@ from rrins.compiled.record import Floats
 from rrins.host_tools.campaigns.definition import Definition
 from rrins.host_tools.campaigns.inputs import Input
 from rrins.host_tools.hardware.memory import FLICKER_POLES
-from rrins.host_tools.hardware.settings import (
+from rrins.host_tools.hardware.settings import FLICKER_RATIO, FLICKER_SHORTEST_S
+from rrins.host_tools.hardware.units import (
     ARCSEC,
     DEG_PER_SQRT_H,
     DPH,
-    FLICKER_RATIO,
-    FLICKER_SHORTEST_S,
     PPM,
     SQRT_H,
     STANDARD_GRAVITY,

@@ -21,8 +21,9 @@ from rrins.host_tools.campaigns.distributions import (
 from rrins.host_tools.campaigns.errors import CampaignError
 from rrins.host_tools.files import JsonObject
 from rrins.host_tools.hardware.fault_kinds import HardwareFault
+from rrins.host_tools.hardware.tables import Accelerometers, Gyros
 from rrins.host_tools.scenario.scenario import Scenario
-from rrins.host_tools.scenario.tables import Accelerometers, Firmware, Gyros
+from rrins.host_tools.scenario.tables import Firmware
 
 _TABLES: dict[str, type[BaseModel]] = {
     "gyros": Gyros,

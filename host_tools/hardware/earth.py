@@ -40,6 +40,12 @@ def curvature_radii(latitude: _Real) -> tuple[_Real, _Real]:
     return (a * b) ** 2 / norm**3, a * a / norm
 
 
+def metres_per_rad(latitude: float, height: float) -> tuple[float, float]:
+    """Return the way north and the way east, m, of a rad of latitude and of longitude."""
+    meridian, prime_vertical = curvature_radii(latitude)
+    return meridian + height, (prime_vertical + height) * math.cos(latitude)
+
+
 def curvature_slopes(latitude: _Real) -> tuple[_Real, _Real]:
     """Return the derivatives of both radii of curvature with respect to latitude, m/rad."""
     a, b = EQUATORIAL_RADIUS, POLAR_RADIUS

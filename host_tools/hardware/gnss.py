@@ -51,7 +51,7 @@ def _has_fix(gnss: GnssState, epoch: int) -> bool:
 def _correlate(gnss: GnssState) -> None:
     """Let the errors that last go on to this fix."""
     share = gnss.correlated_share if gnss.correlated_begun else 0.0
-    drive = gnss.correlated_noise * math.sqrt(1.0 - share * share)
+    drive = gnss.position_correlated_noise * math.sqrt(1.0 - share * share)
     for i in range(3):
         gnss.correlated[i] = share * gnss.correlated[i] + drive * normal(gnss, 0)
     gnss.correlated_begun = True
@@ -74,7 +74,7 @@ def _place_antenna(plant: Plant, pieces: Floats) -> None:
     gnss, truth = plant.gnss, plant.truth
     arm, moving = gnss.antenna_n, gnss.antenna_velocity_n
     for i in range(3):
-        arm[i] = gnss.lever_arm_b[i]
+        arm[i] = gnss.lever_arm[i]
         moving[i] = 0.0
     _turn(truth, arm)
     index = motion.piece_of(plant, plant.epoch)
@@ -85,7 +85,7 @@ def _place_antenna(plant: Plant, pieces: Floats) -> None:
         one, two = (i + 1) % 3, (i + 2) % 3
         rate_one = motion.value(pieces[index], motion.RATE + one, end)
         rate_two = motion.value(pieces[index], motion.RATE + two, end)
-        moving[i] = rate_one * gnss.lever_arm_b[two] - rate_two * gnss.lever_arm_b[one]
+        moving[i] = rate_one * gnss.lever_arm[two] - rate_two * gnss.lever_arm[one]
     _turn(truth, moving)
     north = earth.ROTATION_RATE * math.cos(truth.latitude)
     up = earth.ROTATION_RATE * math.sin(truth.latitude)
@@ -111,7 +111,7 @@ def measure(plant: Plant, pieces: Floats, contract: Contract) -> None:
         word = encode(word, time.velocity_sigma, gnss.velocity_noise)
     gnss.word[_TIME] = word
     share = 1.0 if has_fix else 0.0
-    if gnss.correlated_noise > 0.0:
+    if gnss.position_correlated_noise > 0.0:
         _correlate(gnss)
         east, north = east + gnss.correlated[0], north + gnss.correlated[1]
         up += gnss.correlated[2]

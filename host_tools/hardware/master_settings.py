@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from rrins.host_tools.hardware import earth
 from rrins.host_tools.hardware.memory import OUTAGE_CAPACITY, MasterState
+from rrins.host_tools.hardware.units import fill
 
 
 @dataclass(frozen=True)
@@ -34,18 +35,10 @@ def fill_master(
     assert 0 <= settings.latency_epochs < settings.interval_epochs
     assert len(settings.outages) <= OUTAGE_CAPACITY
     master.present = True
-    master.interval_epochs = settings.interval_epochs
-    master.latency_epochs = settings.latency_epochs
-    meridian, prime_vertical = earth.curvature_radii(latitude)
-    master.north_m_per_rad = meridian + height
-    master.east_m_per_rad = (prime_vertical + height) * math.cos(latitude)
-    master.attitude_error[:] = settings.attitude_error
-    master.velocity_error[:] = settings.velocity_error
-    master.position_error[:] = settings.position_error
+    fill(master, vars(settings))
+    master.north_m_per_rad, master.east_m_per_rad = earth.metres_per_rad(latitude, height)
     master.level_sigma_arcsec = math.degrees(settings.level_sigma) * 3600
     master.heading_sigma_arcsec = math.degrees(settings.heading_sigma) * 3600
-    master.velocity_sigma = settings.velocity_sigma
-    master.position_sigma = settings.position_sigma
     master.outage_count = len(settings.outages)
     for k, (first, last) in enumerate(settings.outages):
         master.outage_first[k], master.outage_last[k] = first, last

@@ -37,13 +37,13 @@ class Sensors(Record):
     asymmetric_scale_error: Annotated[Floats, SENSOR_GROUPS]  #: μ, a share of 1
     bias_increment: Annotated[Floats, SENSOR_GROUPS]  #: b dt, drift included
     noise_increment: Annotated[Floats, SENSOR_GROUPS]  #: standard deviation per epoch
-    force_coefficient: Annotated[Floats, SENSOR_GROUPS]  #: rad/s per m/s² along the input axis
+    g_sensitivity: Annotated[Floats, SENSOR_GROUPS]  #: rad/s per m/s² along the input axis
     displaced: Bool  #: whether any accelerometer is away from the reference point
     position_s: Annotated[Floats, (SENSOR_GROUPS, 3)]  #: m, from the reference point
     arm_increment: Annotated[Floats, SENSOR_GROUPS]  #: m/s, size effect of the epoch
     range_increment: F8  #: range × dt
-    dead_increment: Annotated[Floats, SENSOR_GROUPS]  #: dead zone × dt
-    resolution_increment: F8  #: of the sensor itself; 0: finer than the frame's
+    dead_zone_increment: Annotated[Floats, SENSOR_GROUPS]  #: dead zone × dt
+    resolution: F8  #: increment, of the sensor itself; 0: finer than the frame's
     resolution_remainder: Annotated[Floats, SENSOR_GROUPS]  #: increment carried to the next epoch
     # Bandwidth and latency
     lags: Bool  #: whether there is any
@@ -58,8 +58,8 @@ class Sensors(Record):
     drifts: Bool  #: whether anything does
     constant_bias_increment: Annotated[Floats, SENSOR_GROUPS]  #: constant part of the bias
     constant_scale_error: Annotated[Floats, SENSOR_GROUPS]  #: constant part of λ
-    temperature_bias_increment: Annotated[Floats, SENSOR_GROUPS]  #: increment per K
-    temperature_scale: Annotated[Floats, SENSOR_GROUPS]  #: λ per K
+    bias_temperature_increment: Annotated[Floats, SENSOR_GROUPS]  #: increment per K
+    scale_temperature: Annotated[Floats, SENSOR_GROUPS]  #: λ per K
     flicker_decay: Annotated[Floats, FLICKER_POLES]  #: share kept from one update to the next
     flicker_drive: Annotated[Floats, (SENSOR_GROUPS, FLICKER_POLES)]  #: increment, deviation
     flicker_state: Annotated[Floats, (SENSOR_GROUPS, FLICKER_POLES)]  #: increment
@@ -216,7 +216,7 @@ class TableErrors(Record):
     """Alignment errors of the axes relative to each other."""
 
     is_crooked: Bool  #: whether any of the following is not zero
-    tilt: F8  #: rad, of the inner axis from the right angle to the outer, about y
+    non_orthogonality: F8  #: rad, of the inner axis from the right angle to the outer, about y
     wobble: F8  #: rad, of the inner axis
     wobble_per_turn: F8  #: periods
 
@@ -224,7 +224,7 @@ class TableErrors(Record):
 class Temperature(Record):
     """The sensors' temperature over time since power-on."""
 
-    offset: F8  #: K, of the surroundings above the calibration temperature
+    ambient_offset: F8  #: K, of the surroundings above the calibration temperature
     warm_up: F8  #: K, final self-heating of the sensors above the surroundings
     time_constant: F8  #: s, of warming up
 
@@ -251,12 +251,12 @@ class GnssState(Record):
     north_m_per_rad: F8  #: of latitude, for the noise
     east_m_per_rad: F8  #: of longitude
     position_sigma: F8  #: m, of all errors, as the receiver tells it
-    correlated_noise: F8  #: m, standard deviation of the errors that last
+    position_correlated_noise: F8  #: m, standard deviation of the errors that last
     correlated_share: F8  #: of them that is left at the next fix
     correlated: Annotated[Floats, 3]  #: m, east, north, up
     correlated_begun: Bool  #: whether they have been drawn
     has_lever_arm: Bool  #: whether the antenna is away from the reference point
-    lever_arm_b: Annotated[Floats, 3]  #: m, from there to the antenna
+    lever_arm: Annotated[Floats, 3]  #: m, from there to the antenna, in the body frame
     antenna_n: Annotated[Floats, 3]  #: m, the same in n, scratch
     antenna_velocity_n: Annotated[Floats, 3]  #: m/s, of the antenna against there, scratch
     outage_count: I8
@@ -307,7 +307,7 @@ class OdometerState(Record):
     noise: F8  #: m/s, standard deviation of the mean speed over an interval
     forward_b: Annotated[Floats, 3]  #: the vehicle's forward axis in the body frame, of length 1
     has_lever_arm: Bool  #: whether the wheel is away from the reference point
-    lever_arm_b: Annotated[Floats, 3]  #: m, from the reference point to the wheel's contact
+    lever_arm: Annotated[Floats, 3]  #: m, from there to the wheel's contact, in the body frame
     speed: F8  #: m/s, of the wheel at the end of the epoch
     rolled: F8  #: m, since the last count
     counted: F8  #: pulses since power-on, with their fraction

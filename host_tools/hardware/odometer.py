@@ -47,7 +47,7 @@ def _speed(odometer: OdometerState, piece: Floats, u: float) -> float:
     speed += north * motion.value(piece, motion.VELOCITY + 1, u)
     speed += up * motion.value(piece, motion.VELOCITY + 2, u)
     if odometer.has_lever_arm:  # a · (ω x l) = ω · (l x a)
-        lx, ly, lz = odometer.lever_arm_b[0], odometer.lever_arm_b[1], odometer.lever_arm_b[2]
+        lx, ly, lz = odometer.lever_arm[0], odometer.lever_arm[1], odometer.lever_arm[2]
         latitude = motion.value(piece, motion.POSITION, u)
         north_rate = earth.ROTATION_RATE * math.cos(latitude)
         up_rate = earth.ROTATION_RATE * math.sin(latitude)

@@ -75,7 +75,7 @@ def _lagged(sensors: Sensors, k: int, x: float) -> float:
 @compiled
 def _analog(sensors: Sensors, k: int, x: float, force: float) -> float:
     """Return the output of sensor `k` for the input `x`, before its range. Paper, (16), (17)."""
-    if abs(x) < sensors.dead_increment[k]:
+    if abs(x) < sensors.dead_zone_increment[k]:
         x = 0.0
     scale = 1.0 + sensors.scale_error[k] + sensors.fault_scale_error[k]
     if x > 0.0:
@@ -83,7 +83,7 @@ def _analog(sensors: Sensors, k: int, x: float, force: float) -> float:
     elif x < 0.0:
         scale -= sensors.asymmetric_scale_error[k]
     measured = scale * x + sensors.bias_increment[k] + sensors.fault_bias_increment[k]
-    measured += sensors.force_coefficient[k] * force
+    measured += sensors.g_sensitivity[k] * force
     noise, more = sensors.noise_increment[k], sensors.fault_noise_increment[k]
     if more > 0.0:
         noise = math.sqrt(noise * noise + more * more)
@@ -95,10 +95,10 @@ def _analog(sensors: Sensors, k: int, x: float, force: float) -> float:
 @compiled
 def _resolved(sensors: Sensors, k: int, measured: float) -> float:
     """Return whole steps of the sensor's resolution; the remainder is carried over."""
-    wanted = sensors.resolution_remainder[k] + measured / sensors.resolution_increment
+    wanted = sensors.resolution_remainder[k] + measured / sensors.resolution
     steps = np.rint(wanted)
     sensors.resolution_remainder[k] = wanted - steps
-    return steps * sensors.resolution_increment
+    return steps * sensors.resolution
 
 
 @compiled
@@ -137,7 +137,7 @@ def measure(sensors: Sensors, true_s: Floats, dv_s: Floats, unit: float, largest
         if abs(measured) > limit:
             sensors.saturated |= 1 << k
             measured = limit if measured > 0.0 else -limit
-        if sensors.resolution_increment > 0.0:
+        if sensors.resolution > 0.0:
             measured = _resolved(sensors, k, measured)
         wanted = sensors.remainder[k] + measured / unit
         count = int(np.rint(wanted))
@@ -163,7 +163,7 @@ def drift(sensors: Sensors, warmer: float) -> None:
         K, above the calibration temperature.
     """
     for k in range(sensors.count):
-        bias = sensors.constant_bias_increment[k] + warmer * sensors.temperature_bias_increment[k]
+        bias = sensors.constant_bias_increment[k] + warmer * sensors.bias_temperature_increment[k]
         for p in range(FLICKER_POLES):
             if sensors.flicker_drive[k, p] > 0.0:
                 sensors.flicker_state[k, p] *= sensors.flicker_decay[p]
@@ -174,5 +174,5 @@ def drift(sensors: Sensors, warmer: float) -> None:
             bias += sensors.walk_state[k]
         sensors.bias_increment[k] = bias
         sensors.scale_error[k] = (
-            sensors.constant_scale_error[k] + warmer * sensors.temperature_scale[k]
+            sensors.constant_scale_error[k] + warmer * sensors.scale_temperature[k]
         )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,13 +31,18 @@ from rrins.host_tools.hardware.memory import (
 )
 from rrins.host_tools.hardware.motion import set_rest
 from rrins.host_tools.hardware.sensors import axis_by_angle, installed_axis
-from rrins.host_tools.hardware.units import ARCSEC as ARCSEC
-from rrins.host_tools.hardware.units import DEG_PER_SQRT_H as DEG_PER_SQRT_H
-from rrins.host_tools.hardware.units import DPH as DPH
-from rrins.host_tools.hardware.units import PPM as PPM
-from rrins.host_tools.hardware.units import SQRT_H as SQRT_H
-from rrins.host_tools.hardware.units import STANDARD_GRAVITY as STANDARD_GRAVITY
-from rrins.host_tools.hardware.units import UG as UG
+from rrins.host_tools.hardware.tables import (
+    Accelerometers,
+    Altimeter,
+    Axis,
+    GnssReceiver,
+    Gyros,
+    Odometer,
+    Periodic,
+    Thermal,
+    Turntable,
+)
+from rrins.host_tools.hardware.units import fill, in_si
 
 DRIFT_S = 1.0
 """Interval between updates of the drifting errors, s."""
@@ -44,117 +50,6 @@ DRIFT_S = 1.0
 FLICKER_SHORTEST_S = 2.0
 FLICKER_RATIO = 8.0
 """Shortest time constant of a sensor's bias instability, and the ratio from one to the next."""
-
-
-@dataclass(frozen=True)
-class SensorErrors:
-    """Errors of one sensor in SI units. Paper, (16), (17), and further data sheet values."""
-
-    bias: float = 0.0  # rad/s or m/s²
-    scale_error: float = 0.0  # λ
-    asymmetric_scale_error: float = 0.0  # μ
-    delta_u: float = 0.0  # rad
-    delta_v: float = 0.0  # rad
-    white_noise: float = 0.0  # rad/√s or m/s/√s
-    bias_instability: float = 0.0  # rad/s or m/s², the coefficient B of IEEE 952
-    rate_random_walk: float = 0.0  # rad/s/√s or m/s²/√s
-    bias_repeatability: float = 0.0  # rad/s or m/s², standard deviation over power-ups
-    scale_repeatability: float = 0.0
-    temperature_bias: float = 0.0  # rad/s/K or m/s²/K
-    temperature_scale: float = 0.0  # 1/K
-    force_coefficient: float = 0.0  # rad/s per m/s²; gyros only
-    dead_zone: float = 0.0  # rad/s or m/s²
-    position_x: float = 0.0  # m, in the sensor frame from the reference point; accelerometers only
-    position_y: float = 0.0  # m
-    position_z: float = 0.0  # m
-
-
-@dataclass(frozen=True)
-class SensorSet:
-    """The sensors of one kind: design directions (α, β) in rad, errors, what they have in common.
-
-    In SI units; `bandwidth_hz` None for one without a limit, `resolution` (rad or m/s) 0 for one
-    as fine as the frame's.
-    """
-
-    axes: tuple[tuple[float, float], ...]
-    errors: tuple[SensorErrors, ...]
-    measuring_range: float
-    bandwidth_hz: float | None = None
-    latency_s: float = 0.0
-    resolution: float = 0.0
-
-
-@dataclass(frozen=True)
-class Drive:
-    """One axis of the turntable: limits, encoder and imperfections."""
-
-    rate_limit_dps: float
-    acceleration_limit_dps2: float
-    encoder_step_deg: float
-    jerk_limit_dps3: float | None = None
-    encoder_offset_deg: float = 0.0
-    ripple_deg: float = 0.0
-    ripple_per_turn: float = 1.0
-    stiction_deg: float = 0.0
-    run_out_m: float = 0.0
-
-
-@dataclass(frozen=True)
-class TableGeometry:
-    """Alignment errors of the axes relative to each other, in rad."""
-
-    tilt: float = 0.0
-    wobble: float = 0.0
-    wobble_per_turn: float = 1.0
-
-
-@dataclass(frozen=True)
-class ThermalSettings:
-    """Temperature of the sensors above that of calibration, K, and how they warm up."""
-
-    offset: float = 0.0
-    warm_up: float = 0.0
-    time_constant_s: float = 600.0
-
-
-@dataclass(frozen=True)
-class AltimeterSettings:
-    """The barometric altimeter, m."""
-
-    bias: float = 0.0
-    noise: float = 0.0
-
-
-@dataclass(frozen=True)
-class GnssSettings:
-    """The GNSS receiver; `outages` are the first and the last epoch of each."""
-
-    interval_epochs: int
-    latency_epochs: int = 0
-    position_noise: float = 0.0  # m, white
-    velocity_noise: float = 0.0  # m/s, white
-    correlated_noise: float = 0.0  # m, of the position, first-order Gauss-Markov
-    correlation_epochs: float = 1.0  # its time constant
-    outages: tuple[tuple[int, int], ...] = ()
-    lever_arm_b: tuple[float, float, float] = (0.0, 0.0, 0.0)  # m, to the antenna
-
-
-@dataclass(frozen=True)
-class OdometerSettings:
-    """The odometer; `lever_arm_b` from the reference point to the wheel's contact.
-
-    `mounting` is heading and pitch of the vehicle's forward axis in the body frame, rad, as those
-    of a body in the navigation frame.
-    """
-
-    interval_epochs: int
-    latency_epochs: int = 0
-    metres_per_pulse: float = 0.002  # as the data sheet says
-    scale_error: float = 0.0  # a share of 1: what it counts too much
-    noise: float = 0.0  # m/s, of the mean speed over an interval
-    mounting: tuple[float, float] = (0.0, 0.0)
-    lever_arm_b: tuple[float, float, float] = (0.0, 0.0, 0.0)  # m
 
 
 @dataclass(frozen=True)
@@ -204,126 +99,109 @@ class Settings:
     roll_deg: float
     pitch_deg: float
     heading_deg: float
-    gyros: SensorSet
-    accelerometers: SensorSet
-    inner: Drive
-    outer: Drive
+    gyro_axes_deg: tuple[tuple[float, float], ...]
+    """Design directions of the input axes: polar angle and azimuth."""
+    accelerometer_axes_deg: tuple[tuple[float, float], ...]
+    gyros: Gyros
+    accelerometers: Accelerometers
+    turntable: Turntable
+    thermal: Thermal
     requests: tuple[tuple[int, int], ...]
     """The operator's requests, (epoch, `mode_request`), in order of time."""
     readmissions: tuple[tuple[int, int, int, int, int], ...] = ()
     """Orders to readmit a sensor, (epoch, kind, sensor from 1, anew, test_s), in order of time."""
     standing: tuple[tuple[int, int, float], ...] = ()
     """When the operator says that the vehicle stands: (first, last epoch, sigma in m/s)."""
-    table: TableGeometry = TableGeometry()
-    thermal: ThermalSettings = ThermalSettings()
-    altimeter: AltimeterSettings | None = None
-    gnss: GnssSettings | None = None
+    altimeter: Altimeter | None = None
+    gnss: GnssReceiver | None = None
+    gnss_outages: tuple[tuple[int, int], ...] = ()
+    """First and last epoch of each time without a fix."""
     master: MasterSettings | None = None
-    odometer: OdometerSettings | None = None
+    odometer: Odometer | None = None
     motion: MotionPieces | None = None
     faults: tuple[PlannedFault, ...] = ()
 
 
-def _power_up_values(sensors: SensorSet, seed: np.random.SeedSequence) -> NDArray[np.float64]:
-    """Return the sensors' bias and scale factor error of this power-up, shape (m, 2)."""
-    drawn = np.random.default_rng(seed).standard_normal((len(sensors.errors), 2))
-    constant = [(e.bias, e.scale_error) for e in sensors.errors]
-    spread = [(e.bias_repeatability, e.scale_repeatability) for e in sensors.errors]
-    return np.asarray(np.array(constant) + drawn * np.array(spread))
-
-
 def _fill_sensors(
-    record: Sensors, sensors: SensorSet, dt: float, seed: np.random.SeedSequence
+    record: Sensors,
+    table: Gyros | Accelerometers,
+    axes_deg: tuple[tuple[float, float], ...],
+    dt: float,
+    seed: np.random.SeedSequence,
 ) -> None:
-    count = len(sensors.axes)
+    """Fill the sensors of a kind: what `fill` copies by its name, and what takes more."""
+    count, values = len(axes_deg), in_si(table)
     record.count = count
-    record.range_increment = sensors.measuring_range * dt
-    streams = seed.generate_state(count, dtype=np.uint64)
-    powered_up = _power_up_values(sensors, seed.spawn(1)[0])
-    for k, ((alpha, beta), errors) in enumerate(zip(sensors.axes, sensors.errors, strict=True)):
-        bias, scale_error = powered_up[k]
-        record.axis[k] = installed_axis(alpha, beta, errors.delta_u, errors.delta_v)
+    record.noise_state[:count] = seed.generate_state(count, dtype=np.uint64)
+    drawn = np.random.default_rng(seed.spawn(1)[0]).standard_normal((count, 2))
+    values["bias"] = values["bias"] + drawn[:, 0] * values["bias_repeatability"]
+    values["scale_error"] = values["scale_error"] + drawn[:, 1] * values["scale_repeatability"]
+    fill(record, values, dt, count)
+    record.constant_bias_increment[:] = record.bias_increment
+    record.constant_scale_error[:] = record.scale_error
+    record.noise_increment[:count] = values["white_noise"] * math.sqrt(dt)
+    delta_u = np.broadcast_to(values["installation_u"], count)
+    delta_v = np.broadcast_to(values["installation_v"], count)
+    for k, (alpha, beta) in enumerate(np.radians(axes_deg)):
+        record.axis[k] = installed_axis(alpha, beta, delta_u[k], delta_v[k])
         record.mounted_axis[k] = record.axis[k]
         record.axis_by_angle[k] = axis_by_angle(alpha, beta)
-        record.scale_error[k] = record.constant_scale_error[k] = scale_error
-        record.asymmetric_scale_error[k] = errors.asymmetric_scale_error
-        record.bias_increment[k] = record.constant_bias_increment[k] = bias * dt
-        record.noise_increment[k] = errors.white_noise * math.sqrt(dt)
-        record.force_coefficient[k] = errors.force_coefficient
-        record.dead_increment[k] = errors.dead_zone * dt
-        record.noise_state[k] = streams[k]
-        record.position_s[k] = errors.position_x, errors.position_y, errors.position_z
+    for i, name in enumerate(("position_x", "position_y", "position_z")):
+        record.position_s[:count, i] = values.get(name, 0.0)
     record.displaced = bool(record.position_s.any())
-    record.resolution_increment = sensors.resolution
-    _fill_lag(record, sensors, dt)
-    _fill_drift(record, sensors, dt)
+    _fill_lag(record, table.bandwidth_hz, values["latency"] / dt, dt)
+    _fill_drift(record, values, dt)
 
 
-def _fill_lag(record: Sensors, sensors: SensorSet, dt: float) -> None:
-    """Fill bandwidth (first order, time constant 1 / (2π f)) and latency."""
-    if sensors.bandwidth_hz is not None:
-        epochs = 2 * math.pi * sensors.bandwidth_hz * dt  # of an epoch, in time constants
+def _fill_lag(record: Sensors, bandwidth_hz: float | None, latency: float, dt: float) -> None:
+    """Fill bandwidth (first order, time constant 1 / (2π f)) and latency, in epochs."""
+    if bandwidth_hz is not None:
+        epochs = 2 * math.pi * bandwidth_hz * dt  # of an epoch, in time constants
         record.lag_share = math.exp(-epochs)
         record.lag_mean = -math.expm1(-epochs) / epochs
-    epochs = sensors.latency_s / dt
-    whole = math.floor(epochs + 1e-9)
+    whole = math.floor(latency + 1e-9)
     assert whole < LATENCY_CAPACITY - 1
     record.latency_epochs = whole
-    record.latency_fraction = max(0.0, epochs - whole)
-    record.lags = sensors.bandwidth_hz is not None or sensors.latency_s > 0
+    record.latency_fraction = max(0.0, latency - whole)
+    record.lags = bandwidth_hz is not None or latency > 0
 
 
-def _fill_drift(record: Sensors, sensors: SensorSet, dt: float) -> None:
+def _fill_drift(record: Sensors, values: dict[str, Any], dt: float) -> None:
     """Fill the drifting errors, for steps of `DRIFT_S`.
 
     Bias instability of coefficient B has the two-sided density B²/(2π f) of the rate (IEEE Std 952,
     annex C). Processes with the variance B² ln r / π each, their time constants a ratio r apart,
     add up to it between the shortest and the longest; they start at zero.
     """
+    count = record.count
     variance = math.log(FLICKER_RATIO) / math.pi
     constants_s = FLICKER_SHORTEST_S * FLICKER_RATIO ** np.arange(FLICKER_POLES)
     decay = np.exp(-DRIFT_S / constants_s)
     record.flicker_decay = decay
-    for k, errors in enumerate(sensors.errors):
-        spread = errors.bias_instability * math.sqrt(variance)
-        record.flicker_drive[k] = spread * np.sqrt(1 - decay**2) * dt
-        record.walk_drive[k] = errors.rate_random_walk * math.sqrt(DRIFT_S) * dt
-        record.temperature_bias_increment[k] = errors.temperature_bias * dt
-        record.temperature_scale[k] = errors.temperature_scale
-    record.drifts = any(
-        e.bias_instability or e.rate_random_walk or e.temperature_bias or e.temperature_scale
-        for e in sensors.errors
-    )
+    spread = np.broadcast_to(values["bias_instability"] * math.sqrt(variance), count)
+    record.flicker_drive[:count] = spread[:, None] * np.sqrt(1 - decay**2) * dt
+    record.walk_drive[:count] = values["rate_random_walk"] * math.sqrt(DRIFT_S) * dt
+    drifting = ("bias_instability", "rate_random_walk", "bias_temperature", "scale_temperature")
+    record.drifts = any(np.any(values[name]) for name in drifting)
 
 
-def _fill_drive(axis: TurntableAxis, drive: Drive, dt: float) -> None:
-    axis.rate_limit = math.radians(drive.rate_limit_dps)
-    axis.acceleration_limit = math.radians(drive.acceleration_limit_dps2)
-    if drive.jerk_limit_dps3 is not None:
-        rise_s = drive.acceleration_limit_dps2 / drive.jerk_limit_dps3
-        axis.ramp_smoothing = math.ceil(rise_s / dt - 1e-9)
-    axis.encoder_step_deg = drive.encoder_step_deg
-    axis.encoder_offset_deg = drive.encoder_offset_deg
-    axis.ripple = math.radians(drive.ripple_deg)
-    axis.ripple_per_turn = drive.ripple_per_turn
-    axis.stiction = math.radians(drive.stiction_deg)
-    axis.sticks = drive.stiction_deg > 0
-    axis.run_out = drive.run_out_m
+def _fill_axis(axis: TurntableAxis, table: Axis, dt: float) -> None:
+    fill(axis, in_si(table))
+    axis.ramp_smoothing = math.ceil(table.rise_s / dt - 1e-9)
+    axis.encoder_step_deg = table.encoder_step_deg
+    axis.encoder_offset_deg = table.encoder_offset_deg
+    axis.sticks = table.stiction_arcsec > 0
 
 
 def _fill_surroundings(plant: Plant, settings: Settings, seed: np.random.SeedSequence) -> None:
     table = plant.table
-    table.tilt, table.wobble = settings.table.tilt, settings.table.wobble
-    table.wobble_per_turn = settings.table.wobble_per_turn
-    table.is_crooked = settings.table.tilt != 0 or settings.table.wobble != 0
-    plant.thermal.offset = settings.thermal.offset
-    plant.thermal.warm_up = settings.thermal.warm_up
-    plant.thermal.time_constant = settings.thermal.time_constant_s
+    fill(table, in_si(settings.turntable))
+    table.is_crooked = table.non_orthogonality != 0 or table.wobble != 0
+    fill(plant.thermal, in_si(settings.thermal))
     if settings.altimeter is not None:
-        altimeter = plant.altimeter
-        altimeter.fitted = True
-        altimeter.bias, altimeter.noise = settings.altimeter.bias, settings.altimeter.noise
-        altimeter.noise_state[0] = seed.generate_state(1, dtype=np.uint64)[0]
+        plant.altimeter.fitted = True
+        fill(plant.altimeter, in_si(settings.altimeter))
+        plant.altimeter.noise_state[0] = seed.generate_state(1, dtype=np.uint64)[0]
     plant.faults.changes_at = faults.NEVER
     for fault in settings.faults:
         faults.put(
@@ -337,51 +215,46 @@ def _fill_surroundings(plant: Plant, settings: Settings, seed: np.random.SeedSeq
         )
 
 
-def _fill_gnss(plant: Plant, settings: Settings, seed: np.random.SeedSequence) -> None:
-    if settings.gnss is None:
+def _fill_aid(
+    record: GnssState | OdometerState, table: Periodic, rate_hz: int, seed: np.random.SeedSequence
+) -> None:
+    """Fill what the receiver and the odometer have in common."""
+    record.fitted = True
+    fill(record, in_si(table))
+    record.interval_epochs = table.interval_epochs(rate_hz)
+    record.latency_epochs = table.latency_epochs(rate_hz)
+    record.has_lever_arm = bool(record.lever_arm.any())
+    record.noise_state[0] = seed.generate_state(1, dtype=np.uint64)[0]
+
+
+def _fill_gnss(gnss: GnssState, settings: Settings, seed: np.random.SeedSequence) -> None:
+    table, rate_hz = settings.gnss, settings.rate_hz
+    if table is None:
         return
-    latitude, height = math.radians(settings.latitude_deg), settings.height_m
-    meridian, prime_vertical = earth.curvature_radii(latitude)
-    plant.gnss.north_m_per_rad = meridian + height
-    plant.gnss.east_m_per_rad = (prime_vertical + height) * math.cos(latitude)
-    _fill_receiver(plant.gnss, settings.gnss, seed)
-
-
-def _fill_receiver(gnss: GnssState, settings: GnssSettings, seed: np.random.SeedSequence) -> None:
-    assert 0 <= settings.latency_epochs < settings.interval_epochs
-    assert len(settings.outages) <= OUTAGE_CAPACITY
-    gnss.fitted = True
-    gnss.interval_epochs = settings.interval_epochs
-    gnss.latency_epochs = settings.latency_epochs
-    gnss.position_noise = settings.position_noise
-    gnss.velocity_noise = settings.velocity_noise
-    gnss.position_sigma = math.hypot(settings.position_noise, settings.correlated_noise)
-    gnss.correlated_noise = settings.correlated_noise
-    gnss.correlated_share = math.exp(-settings.interval_epochs / settings.correlation_epochs)
-    gnss.lever_arm_b[:] = settings.lever_arm_b
-    gnss.has_lever_arm = any(settings.lever_arm_b)
-    gnss.outage_count = len(settings.outages)
-    for k, (first, last) in enumerate(settings.outages):
+    _fill_aid(gnss, table, rate_hz, seed)
+    gnss.north_m_per_rad, gnss.east_m_per_rad = earth.metres_per_rad(
+        math.radians(settings.latitude_deg), settings.height_m
+    )
+    gnss.position_sigma = math.hypot(table.position_noise_m, table.position_correlated_noise_m)
+    correlation_epochs = table.position_correlation_s * rate_hz
+    gnss.correlated_share = math.exp(-gnss.interval_epochs / correlation_epochs)
+    assert len(settings.gnss_outages) <= OUTAGE_CAPACITY
+    gnss.outage_count = len(settings.gnss_outages)
+    for k, (first, last) in enumerate(settings.gnss_outages):
         gnss.outage_first[k], gnss.outage_last[k] = first, last
-    gnss.noise_state[0] = seed.generate_state(1, dtype=np.uint64)[0]
 
 
 def _fill_odometer(
-    odometer: OdometerState, settings: OdometerSettings | None, seed: np.random.SeedSequence
+    odometer: OdometerState, settings: Settings, seed: np.random.SeedSequence
 ) -> None:
-    if settings is None:
+    table = settings.odometer
+    if table is None:
         return
-    assert 0 <= settings.latency_epochs < settings.interval_epochs
-    odometer.fitted = True
-    odometer.interval_epochs = settings.interval_epochs
-    odometer.latency_epochs = settings.latency_epochs
-    odometer.metres_per_pulse = settings.metres_per_pulse / (1 + settings.scale_error)
-    odometer.noise = settings.noise
-    heading, pitch = settings.mounting
-    odometer.forward_b = body_to_navigation(0.0, pitch, heading)[:, 1]
-    odometer.lever_arm_b[:] = settings.lever_arm_b
-    odometer.has_lever_arm = any(settings.lever_arm_b)
-    odometer.noise_state[0] = seed.generate_state(1, dtype=np.uint64)[0]
+    _fill_aid(odometer, table, settings.rate_hz, seed)
+    values = in_si(table)
+    odometer.metres_per_pulse = values["pulse"] / (1 + values["scale_error"])
+    mounting = body_to_navigation(0.0, values["mounting_pitch"], values["mounting_heading"])
+    odometer.forward_b = mounting[:, 1]
 
 
 def _fill_motion(plant: Plant, motion: MotionPieces | None) -> None:
@@ -429,14 +302,20 @@ def power_on(settings: Settings) -> Records[Plant]:
     plant.specific_force_b = C_n_b @ np.array([0.0, 0.0, gravity])
     seeds = np.random.SeedSequence(settings.seed).spawn(5)
     gyro_seed, accelerometer_seed, altimeter_seed, gnss_seed, odometer_seed = seeds
-    _fill_sensors(plant.gyros, settings.gyros, dt, gyro_seed)
-    _fill_sensors(plant.accelerometers, settings.accelerometers, dt, accelerometer_seed)
-    _fill_drive(plant.axis[INNER], settings.inner, dt)
-    _fill_drive(plant.axis[OUTER], settings.outer, dt)
+    _fill_sensors(plant.gyros, settings.gyros, settings.gyro_axes_deg, dt, gyro_seed)
+    _fill_sensors(
+        plant.accelerometers,
+        settings.accelerometers,
+        settings.accelerometer_axes_deg,
+        dt,
+        accelerometer_seed,
+    )
+    _fill_axis(plant.axis[INNER], settings.turntable.inner, dt)
+    _fill_axis(plant.axis[OUTER], settings.turntable.outer, dt)
     _fill_surroundings(plant, settings, altimeter_seed)
-    _fill_gnss(plant, settings, gnss_seed)
+    _fill_gnss(plant.gnss, settings, gnss_seed)
     fill_master(plant.master, settings.master, latitude, settings.height_m)
-    _fill_odometer(plant.odometer, settings.odometer, odometer_seed)
+    _fill_odometer(plant.odometer, settings, odometer_seed)
     plant.drift_epochs = max(1, round(DRIFT_S * settings.rate_hz))
     truth = plant.truth
     truth.latitude = latitude

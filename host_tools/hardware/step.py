@@ -269,7 +269,7 @@ def advance(plant: Plant, pieces: Floats, contract: Contract) -> None:
 @compiled
 def _drift(plant: Plant, dt: float) -> None:
     thermal = plant.thermal
-    warmer = thermal.offset
+    warmer = thermal.ambient_offset
     if thermal.warm_up != 0.0:
         warmer += thermal.warm_up * (1.0 - math.exp(-plant.epoch * dt / thermal.time_constant))
     if plant.gyros.drifts:

@@ -63,7 +63,7 @@ def _tilt(table: TableErrors, inner: float) -> tuple[float, float, float, float]
     """Return the inner axis' small rotation about x and y, and its derivative by the angle."""
     n = table.wobble_per_turn
     cosine, sine = table.wobble * math.cos(n * inner), table.wobble * math.sin(n * inner)
-    return cosine, table.tilt + sine, -n * sine, n * cosine
+    return cosine, table.non_orthogonality + sine, -n * sine, n * cosine
 
 
 @compiled

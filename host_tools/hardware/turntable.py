@@ -3,8 +3,9 @@
 A turn is a trapezoid of the rate in whole epochs: ramp, cruise, ramp. Its peak rate is chosen so
 that the turn ends exactly on the target, never above the limits. If the jerk is limited, the
 trapezoid is averaged over the epochs that the acceleration needs to rise, and cruises for at least
-as long. The drive's rate is linear in time within each epoch. A new command brakes first: at
-constant deceleration, or, if the jerk is limited, with a rate that is a cubic in time.
+as long. The drive's rate is linear in time within each epoch. A new target, or a rate lower than
+the turn's, brakes first: at constant deceleration, or, if the jerk is limited, with a rate that is
+a cubic in time.
 
 FOLLOW makes the drive keep up with a target that moves from epoch to epoch, within the limits of
 rate and acceleration. An axis with limited jerk brakes instead.
@@ -22,6 +23,7 @@ from rrins.dbc.values import AxisCommand, AxisState
 from rrins.host_tools.hardware.memory import TurntableAxis
 
 _ROUNDING = 1e-9  # epochs: tolerance for a time that is a whole number of epochs
+_SAME_RATE = 1.0 + 1e-6  # a turn planned for a rate exceeds it by rounding at most
 _SLOWEST = 1e-9  # rad/s: with a rate limit of zero a turn would never end
 _CATCH_UP_S = 0.05  # time constant of the load coming free
 _KEEP_UP_S = 0.05  # time constant in which a small deviation from a moving target fades
@@ -72,6 +74,15 @@ def _trapezoid(axis: TurntableAxis, epoch: int, dt: float) -> tuple[float, float
     if left >= ramp:
         return axis.profile_start + peak * dt * (epoch - 0.5 * ramp), peak
     return axis.profile_end - peak * dt * left * left / (2.0 * ramp), peak * left / ramp
+
+
+@compiled
+def _serves(axis: TurntableAxis) -> bool:
+    """Return whether the planned turn is what is commanded: its target, and no faster from now."""
+    if axis.command != AxisCommand.POSITION or axis.target != axis.profile_end:
+        return False
+    slows_down = axis.profile_epoch >= axis.profile_ramp + axis.profile_cruise
+    return slows_down or abs(axis.profile_rate) <= axis.commanded_rate * _SAME_RATE
 
 
 @compiled
@@ -235,7 +246,7 @@ def advance(axis: TurntableAxis, dt: float) -> None:
         axis.drive_acceleration = (axis.drive_rate - rate_before) / dt
         _follow(axis, dt)
         return
-    if axis.state == AxisState.MOVING and (not wanted or axis.target != axis.profile_end):
+    if axis.state == AxisState.MOVING and not _serves(axis):
         _begin_brake(axis, dt)
     elif axis.state in (AxisState.HOLDING, AxisState.OFF):
         if wanted and axis.target != axis.drive_angle:

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from rrins.compiled.record import Floats
-from rrins.host_tools.hardware.settings import STANDARD_GRAVITY
+from rrins.host_tools.hardware.units import STANDARD_GRAVITY
 from rrins.host_tools.motion.errors import MotionError
 from rrins.host_tools.motion.kinematics import Path, trajectory_of
 from rrins.host_tools.motion.local import Local

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from rrins.host_tools.hardware.fault_kinds import HardwareFault
-from rrins.host_tools.hardware.settings import DPH, UG
+from rrins.host_tools.hardware.units import DPH, UG
 
 
 @dataclass(frozen=True)

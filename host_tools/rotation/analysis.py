@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from rrins.compiled.record import Floats
 from rrins.firmware_py.core.settings import Scheme
 from rrins.host_tools.hardware.earth import ROTATION_RATE
-from rrins.host_tools.hardware.settings import STANDARD_GRAVITY
+from rrins.host_tools.hardware.units import STANDARD_GRAVITY
 from rrins.host_tools.rotation import closed_form, harmonics
 from rrins.host_tools.rotation.errors import ERRORS, Kind, Sensors, error_rates
 from rrins.host_tools.rotation.kinematics import (

@@ -20,7 +20,8 @@ import numpy as np
 
 from rrins.compiled.record import Floats
 from rrins.host_tools.hardware.sensors import input_axis, transverse_axes
-from rrins.host_tools.hardware.settings import SensorErrors
+from rrins.host_tools.hardware.tables import Accelerometers, Gyros
+from rrins.host_tools.hardware.units import in_si
 
 Kind = Literal["gyro", "accelerometer"]
 
@@ -75,7 +76,7 @@ class Sensors:
 def sensors_of(
     kind: Kind,
     axes_deg: tuple[tuple[float, float], ...],
-    errors: tuple[SensorErrors, ...],
+    errors: Gyros | Accelerometers,
     fused: bool = False,
     weights: tuple[float, ...] | None = None,
 ) -> Sensors:
@@ -86,7 +87,7 @@ def sensors_of(
     kind : "gyro" or "accelerometer"
     axes_deg : pairs of floats
         Polar angle from z_s and azimuth from x_s of each input axis. Paper, figure 1.
-    errors : SensorErrors of each sensor
+    errors : Gyros or Accelerometers
         Noise is ignored.
     fused : bool
         Whether an error is weighted by its share in the weighted least-squares solution (54)
@@ -98,15 +99,17 @@ def sensors_of(
     H = _without_dust(np.array([input_axis(alpha, beta) for alpha, beta in angles]))
     pairs = _without_dust(np.array([transverse_axes(alpha, beta) for alpha, beta in angles]))
     u, v = pairs[:, 0], pairs[:, 1]
-    delta_u = np.array([e.delta_u for e in errors])
-    delta_v = np.array([e.delta_v for e in errors])
+    values = {
+        name: np.full(len(H), value) for name, value in in_si(errors).items() if value is not None
+    }
+    delta_u, delta_v = values["installation_u"], values["installation_v"]
     return Sensors(
         kind=kind,
         H=H,
         projection=_without_dust(_gain(H, weights).T) if fused else H,
-        bias=np.array([e.bias for e in errors]),
-        scale_error=np.array([e.scale_error for e in errors]),
-        asymmetric_scale_error=np.array([e.asymmetric_scale_error for e in errors]),
+        bias=values["bias"],
+        scale_error=values["scale_error"],
+        asymmetric_scale_error=values["asymmetric_scale_error"],
         axis_error=-(delta_u[:, None] * v + delta_v[:, None] * u),
     )
 

@@ -17,7 +17,6 @@ from rrins.host_tools.errors import ScenarioError
 from rrins.host_tools.files import JsonObject, text_of
 from rrins.host_tools.rotation.errors import sensors_of
 from rrins.host_tools.rotation.merit import SensorSet
-from rrins.host_tools.runs.set_up.settings import hardware_settings
 from rrins.host_tools.scenario.geometry import GEOMETRIES, AxesDeg
 from rrins.host_tools.scenario.scenario import Scenario, first_line
 from rrins.host_tools.scenario.schemes import SCHEMES
@@ -178,15 +177,12 @@ def rimu_table(geometry: str) -> JsonObject:
 def _rimu(scenario: Scenario, fused: bool, earth_latitude_deg: float | None) -> SensorSet:
     axes = (scenario.rimu.gyros, scenario.rimu.accelerometers)
     weights = (scenario.firmware.gyro_weights, scenario.firmware.accelerometer_weights)
-    hardware = hardware_settings(scenario)
     return SensorSet(
-        gyros=sensors_of(
-            "gyro", axes[0], hardware.gyros.errors, fused, each(weights[0], len(axes[0]))
-        ),
+        gyros=sensors_of("gyro", axes[0], scenario.gyros, fused, each(weights[0], len(axes[0]))),
         accelerometers=sensors_of(
             "accelerometer",
             axes[1],
-            hardware.accelerometers.errors,
+            scenario.accelerometers,
             fused,
             each(weights[1], len(axes[1])),
         ),

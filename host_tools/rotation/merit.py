@@ -19,7 +19,7 @@ import numpy as np
 
 from rrins.compiled.record import Floats
 from rrins.firmware_py.core.settings import Scheme
-from rrins.host_tools.hardware.settings import STANDARD_GRAVITY
+from rrins.host_tools.hardware.units import STANDARD_GRAVITY
 from rrins.host_tools.rotation.analysis import (
     SPECIFIC_FORCE_B,
     earth_rate_b,

@@ -14,7 +14,8 @@ from rrins.dbc.contract import SENSOR_GROUPS
 from rrins.host_tools.hardware.fault_kinds import EVERY, HardwareFault, Parameter, Target
 from rrins.host_tools.hardware.faults import ALWAYS, cycle_of
 from rrins.host_tools.hardware.settings import PlannedFault
-from rrins.host_tools.scenario.tables import LONGEST_S, TomlTable
+from rrins.host_tools.hardware.tables import TomlTable
+from rrins.host_tools.scenario.tables import LONGEST_S
 from rrins.host_tools.wire.fault_kinds import FaultKind, to_number
 from rrins.host_tools.wire.faults import ANY_IDENTIFIER, Node, WireFault
 

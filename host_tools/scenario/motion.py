@@ -7,7 +7,7 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-from rrins.host_tools.hardware.settings import STANDARD_GRAVITY
+from rrins.host_tools.hardware.units import STANDARD_GRAVITY
 
 DRIVE_S = 2500.0
 SWAY_S = 1800.0

@@ -21,6 +21,16 @@ import rrins.firmware_py.core.settings
 from rrins.host_tools import files
 from rrins.host_tools.errors import ScenarioError
 from rrins.host_tools.hardware.memory import FAULT_CAPACITY, STANDING_CAPACITY
+from rrins.host_tools.hardware.tables import (
+    Accelerometers,
+    Altimeter,
+    Gyros,
+    Odometer,
+    PerSensor,
+    Thermal,
+    TomlTable,
+    Turntable,
+)
 from rrins.host_tools.scenario import presets
 from rrins.host_tools.scenario.fault_tables import (
     KINDS,
@@ -34,29 +44,22 @@ from rrins.host_tools.scenario.schemes import SCHEMES
 from rrins.host_tools.scenario.tables import (
     LONGEST_S,
     MOST_LETTERS,
-    Accelerometers,
-    Altimeter,
     Body,
     Bus,
     Estimator,
     Firmware,
     Gnss,
-    Gyros,
     Master,
-    Odometer,
     OperatorRequest,
     Outage,
     Paper,
-    PerSensor,
     Readmission,
     Redundancy,
     Rimu,
     Site,
-    Thermal,
-    TomlTable,
     Tunnel,
-    Turntable,
     ZeroVelocity,
+    check_turntable,
     each,
 )
 
@@ -159,20 +162,17 @@ class Scenario(TomlTable):
                 'firmware.height_channel: "held" is for a vehicle that keeps its height; a '
                 f'motion.kind = "{self.motion.kind}" needs "damped" with an [altimeter], or "free"'
             )
-        _check_weights("gyro_weights", self.firmware.gyro_weights, self.rimu.gyros)
-        _check_weights(
-            "accelerometer_weights",
-            self.firmware.accelerometer_weights,
-            self.rimu.accelerometers,
-        )
-        settle_s = self.settle_s
-        if self.mode == "rotating" and self.firmware.stand_s < settle_s:
+        firmware, rimu, settle_s = self.firmware, self.rimu, self.settle_s
+        _check_weights("gyro_weights", firmware.gyro_weights, rimu.gyros)
+        weights = firmware.accelerometer_weights
+        _check_weights("accelerometer_weights", weights, rimu.accelerometers)
+        if self.mode == "rotating" and firmware.stand_s < settle_s:
             raise ValueError(
-                f"firmware.stand_s: {self.firmware.stand_s:g} s, but an axis comes to rest "
+                f"firmware.stand_s: {firmware.stand_s:g} s, but an axis comes to rest "
                 f"{settle_s:.3g} s after a turn without ramps would (turn rate / acceleration, "
                 "acceleration / jerk)"
             )
-        self.turntable.check(self.mode == "rotating", self.firmware)
+        check_turntable(self.turntable, self.mode == "rotating", firmware)
         times = [request.at_s for request in self.operator]
         if times != sorted(times):
             raise ValueError("operator: the requests are not in order of time")

@@ -17,7 +17,7 @@ from rrins.host_tools.drawing.style import (
     new_figure,
     quantity,
 )
-from rrins.host_tools.hardware.settings import DPH, UG
+from rrins.host_tools.hardware.units import DPH, UG
 from rrins.host_tools.runs.results.parity_log import Parities
 
 _UNITS = {"gyros": ("gyro", DPH, "°/h"), "accelerometers": ("accelerometer", UG, "µg")}

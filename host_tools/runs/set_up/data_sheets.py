@@ -7,37 +7,38 @@ are those of the worst sensor, and no less than what the best sensors have.
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
 from rrins.firmware_py.core.estimator.settings import EstimatorSettings
 from rrins.firmware_py.core.redundancy.settings import RedundancySettings
 from rrins.firmware_py.core.sensors.data_sheet import DataSheet
-from rrins.host_tools.hardware.settings import (
-    ARCSEC,
-    DEG_PER_SQRT_H,
-    DPH,
-    PPM,
-    SQRT_H,
-    STANDARD_GRAVITY,
-    UG,
-)
+from rrins.host_tools.hardware.tables import Accelerometers, Gyros, PerSensor, Thermal
+from rrins.host_tools.hardware.units import ARCSEC, PPM, SQRT_H, STANDARD_GRAVITY, by_name
 from rrins.host_tools.scenario.scenario import Scenario
-from rrins.host_tools.scenario.tables import Accelerometers, Gyros, PerSensor, Thermal, each
+from rrins.host_tools.scenario.tables import each
 
-_LEAST_GYRO_BIAS_DPH = 10.0
 _LEAST_FORCE_DPH_PER_G = 0.01
-_LEAST_ACCELEROMETER_BIAS_UG = 1000.0
 _LEAST_SCALE_PPM = 1.0
 _LEAST_ASYMMETRY_PPM = 1.0
 _LEAST_INSTALLATION_ARCSEC = 0.2
 _LEAST_SLOPE_PPM = 3.0
 _LEAST_FILTER_SLOPE_PPM = 0.1
-_LEAST_GYRO_BIAS_SIGMA_DPH = 0.05
-_LEAST_ACCELEROMETER_BIAS_SIGMA_UG = 50.0
 _LEAST_ALTIMETER_BIAS_SIGMA_M = 10.0
 _REPEATS_WITHIN = 3.0  # standard deviations
 _TEMPERATURES_K = 10.0  # that a scale factor is used over
+
+
+class _Leasts(NamedTuple):
+    """What the best sensors have, in the unit of the table's bias."""
+
+    bias: float
+    bias_sigma: float
+
+
+_GYROS = _Leasts(bias=10.0, bias_sigma=0.05)
+_ACCELEROMETERS = _Leasts(bias=1000.0, bias_sigma=50.0)
 
 
 def _largest(*values: PerSensor) -> float:
@@ -85,54 +86,52 @@ def _limits(table: Gyros | Accelerometers) -> dict[str, float]:
     }
 
 
-def _drift(per_k: PerSensor, thermal: Thermal, count: int, unit: float) -> tuple[float, ...]:
-    return tuple(abs(v) * abs(thermal.warm_up_k) * unit for v in each(per_k, count))
+def _data_sheet(
+    table: Gyros | Accelerometers, count: int, thermal: Thermal, leasts: _Leasts
+) -> DataSheet:
+    """Return the data sheet of the sensors of a kind; sums are formed in the table's own units."""
+    keys = by_name(table)
+    value = {name: value for name, (value, _) in keys.items()}
+    unit = keys["bias"][1]
+
+    def each_in_si(name: str) -> tuple[float, ...]:
+        value, si = keys[name]
+        return tuple(v * si for v in each(value, count))
+
+    repeat = _REPEATS_WITHIN * _largest(value["bias_repeatability"])
+    square = _mean_square(value["bias"], value["bias_repeatability"], value["bias_instability"])
+    force = value.get("g_sensitivity")
+    of_force = (
+        {}
+        if force is None
+        else {
+            "force_limit": max(_LEAST_FORCE_DPH_PER_G, _largest(force)) * unit / STANDARD_GRAVITY,
+            "force_sigma": math.sqrt(_mean_square(force)) * unit / STANDARD_GRAVITY,
+        }
+    )
+    return DataSheet(
+        white_noise=each_in_si("white_noise"),
+        bias_instability=each_in_si("bias_instability"),
+        rate_random_walk=tuple(v * unit / SQRT_H for v in each(value["rate_random_walk"], count)),
+        temperature_drift=tuple(
+            abs(v) * abs(thermal.warm_up_k) * unit for v in each(value["bias_temperature"], count)
+        ),
+        temperature_s=thermal.time_constant_s,
+        bias_limit=max(leasts.bias, _largest(value["bias"]) + repeat) * unit,
+        bias_sigma=max(leasts.bias_sigma, math.sqrt(square)) * unit,
+        **of_force,
+        **_limits(table),
+    )
 
 
 def _gyros(scenario: Scenario) -> DataSheet:
-    gyros, count = scenario.gyros, len(scenario.rimu.gyros)
-    repeat = _REPEATS_WITHIN * _largest(gyros.bias_repeatability_dph)
-    bias = max(_LEAST_GYRO_BIAS_DPH, _largest(gyros.bias_dph) + repeat)
-    per_k = gyros.bias_temperature_dph_per_k
-    square = _mean_square(gyros.bias_dph, gyros.bias_repeatability_dph, gyros.bias_instability_dph)
-    force = max(_LEAST_FORCE_DPH_PER_G, _largest(gyros.g_sensitivity_dph_per_g))
-    walk = gyros.rate_random_walk_dph_per_sqrt_h
-    return DataSheet(
-        white_noise=tuple(
-            v * DEG_PER_SQRT_H for v in each(gyros.angle_random_walk_deg_per_sqrt_h, count)
-        ),
-        bias_instability=tuple(v * DPH for v in each(gyros.bias_instability_dph, count)),
-        rate_random_walk=tuple(v * DPH / SQRT_H for v in each(walk, count)),
-        temperature_drift=_drift(per_k, scenario.thermal, count, DPH),
-        temperature_s=scenario.thermal.time_constant_s,
-        bias_limit=bias * DPH,
-        bias_sigma=max(_LEAST_GYRO_BIAS_SIGMA_DPH, math.sqrt(square)) * DPH,
-        force_limit=force * DPH / STANDARD_GRAVITY,
-        force_sigma=math.sqrt(_mean_square(gyros.g_sensitivity_dph_per_g)) * DPH / STANDARD_GRAVITY,
-        **_limits(gyros),
-    )
+    count = len(scenario.rimu.gyros)
+    return _data_sheet(scenario.gyros, count, scenario.thermal, _GYROS)
 
 
 def _accelerometers(scenario: Scenario) -> DataSheet:
-    sensors, count = scenario.accelerometers, len(scenario.rimu.accelerometers)
-    repeat = _REPEATS_WITHIN * _largest(sensors.bias_repeatability_ug)
-    bias = max(_LEAST_ACCELEROMETER_BIAS_UG, _largest(sensors.bias_ug) + repeat)
-    per_k = sensors.bias_temperature_ug_per_k
-    square = _mean_square(
-        sensors.bias_ug, sensors.bias_repeatability_ug, sensors.bias_instability_ug
-    )
-    return DataSheet(
-        white_noise=tuple(v * UG for v in each(sensors.white_noise_ug_per_sqrt_hz, count)),
-        bias_instability=tuple(v * UG for v in each(sensors.bias_instability_ug, count)),
-        rate_random_walk=tuple(
-            v * UG / SQRT_H for v in each(sensors.random_walk_ug_per_sqrt_h, count)
-        ),
-        temperature_drift=_drift(per_k, scenario.thermal, count, UG),
-        temperature_s=scenario.thermal.time_constant_s,
-        bias_limit=bias * UG,
-        bias_sigma=max(_LEAST_ACCELEROMETER_BIAS_SIGMA_UG, math.sqrt(square)) * UG,
-        **_limits(sensors),
-    )
+    count = len(scenario.rimu.accelerometers)
+    return _data_sheet(scenario.accelerometers, count, scenario.thermal, _ACCELEROMETERS)
 
 
 def redundancy_settings(scenario: Scenario) -> RedundancySettings | None:

@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, TypedDict
 
 import numpy as np
 
-from rrins.host_tools.hardware.settings import ARCSEC, body_to_navigation
+from rrins.host_tools.hardware.settings import body_to_navigation
+from rrins.host_tools.hardware.units import ARCSEC
 from rrins.host_tools.runs.set_up.settings import Pose, first_pose, given_pose
 from rrins.host_tools.scenario.scenario import Scenario
 

@@ -10,11 +10,7 @@ from rrins.compiled.record import Floats
 from rrins.dbc.contract import load_contract
 from rrins.firmware_py.core.sensors.calibration import input_axes
 from rrins.host_tools.hardware import earth
-from rrins.host_tools.hardware.settings import (
-    ARCSEC,
-    DEG_PER_SQRT_H,
-    STANDARD_GRAVITY,
-)
+from rrins.host_tools.hardware.units import ARCSEC, DEG_PER_SQRT_H, STANDARD_GRAVITY
 from rrins.host_tools.motion.trajectory import OMEGA_IB_B
 from rrins.host_tools.runs.set_up.settings import first_pose, trajectory_of
 from rrins.host_tools.scenario.scenario import Scenario

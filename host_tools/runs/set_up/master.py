@@ -26,15 +26,14 @@ def master_settings(
     if table.initial_attitude != "transferred":
         return None
     master = scenario.master or Master()
-    interval_epochs = round(rate_hz / master.rate_hz)
     drawn = np.random.default_rng([scenario.seed, _STREAM]).standard_normal((2, 3))
     east, north, up = (table.position_error_sigma_m * drawn[1]).tolist()
     east_mps, north_mps, up_mps = (table.velocity_error_sigma_mps * drawn[0]).tolist()
     roll, pitch, heading = (math.radians(error) for error in attitude_error_deg)
     level_sigma, heading_sigma = attitude_sigmas(scenario)
     return MasterSettings(
-        interval_epochs=interval_epochs,
-        latency_epochs=min(round(master.latency_s * rate_hz), interval_epochs - 1),
+        interval_epochs=master.interval_epochs(rate_hz),
+        latency_epochs=master.latency_epochs(rate_hz),
         attitude_error=(roll, pitch, heading),
         velocity_error=(east_mps, north_mps, up_mps),
         position_error=(east, north, up),

@@ -13,7 +13,7 @@ from rrins.host_tools.hardware.loop import Hardware
 from rrins.host_tools.hardware.loop import run_lockstep as run_hardware_lockstep
 from rrins.host_tools.hardware.loop import run_realtime as run_hardware_realtime
 from rrins.host_tools.hardware.memory import Sensors, Truth
-from rrins.host_tools.hardware.settings import ARCSEC, DPH, PPM, UG
+from rrins.host_tools.hardware.units import ARCSEC, DPH, PPM, UG
 from rrins.host_tools.runs.programs.followed_port import Watch, open_followed_port
 from rrins.host_tools.runs.programs.follower import Follower, follower_of
 from rrins.host_tools.runs.programs.notices import bus_notices

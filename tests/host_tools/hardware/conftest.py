@@ -14,20 +14,15 @@ from rrins.dbc.e2e import protect
 from rrins.dbc.frame import Frame, frame_array
 from rrins.host_tools.hardware.loop import Hardware
 from rrins.host_tools.hardware.memory import Plant
-from rrins.host_tools.hardware.settings import Drive, SensorErrors, SensorSet, Settings
+from rrins.host_tools.hardware.settings import Settings
+from rrins.host_tools.hardware.tables import Accelerometers, Gyros, Thermal, Turntable
 
 CODEC = codec.load()
-TETRAHEDRON = ((math.pi, 0.0), *((math.acos(1 / 3), math.radians(b)) for b in (0, 120, 240)))
-
-
-def make_sensors(axes: Any = TETRAHEDRON, measuring_range: float = 1e3, **errors: Any) -> SensorSet:
-    """Return sensors that all have the same errors."""
-    same = tuple(SensorErrors(**errors) for _ in axes)
-    return SensorSet(axes=tuple(axes), errors=same, measuring_range=measuring_range)
+TETRAHEDRON_DEG = ((180.0, 0.0), *((math.degrees(math.acos(1 / 3)), b) for b in (0, 120, 240)))
+WIDE = {"range_dps": 60_000.0}, {"range_g": 100.0}
 
 
 def make_settings(**changes: Any) -> Settings:
-    drive = Drive(rate_limit_dps=30.0, acceleration_limit_dps2=10.0, encoder_step_deg=360 / 2**24)
     values: dict[str, Any] = {
         "rate_hz": 200,
         "seed": 1,
@@ -37,10 +32,12 @@ def make_settings(**changes: Any) -> Settings:
         "roll_deg": 0.0,
         "pitch_deg": 0.0,
         "heading_deg": 0.0,
-        "gyros": make_sensors(),
-        "accelerometers": make_sensors(),
-        "inner": drive,
-        "outer": drive,
+        "gyro_axes_deg": TETRAHEDRON_DEG,
+        "accelerometer_axes_deg": TETRAHEDRON_DEG,
+        "gyros": Gyros(**WIDE[0]),
+        "accelerometers": Accelerometers(**WIDE[1]),
+        "turntable": Turntable(),
+        "thermal": Thermal(),
         "requests": (),
     }
     return Settings(**values | changes)
@@ -120,9 +117,8 @@ def tools() -> SimpleNamespace:
         command=make_command,
         decode=decode_frame,
         frame=make_frame,
-        sensors=make_sensors,
         settings=make_settings,
-        tetrahedron=TETRAHEDRON,
+        tetrahedron_deg=TETRAHEDRON_DEG,
     )
 
 

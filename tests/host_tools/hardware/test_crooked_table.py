@@ -23,7 +23,7 @@ def table_of(tilt=0.0, wobble=0.0, per_turn=1.0):
     plant = np.zeros(1, dtype=Plant.dtype)[0]
     plant["omega_ib_b"], plant["specific_force_b"] = OMEGA_B, FORCE_B
     table = plant["table"]
-    table["tilt"], table["wobble"], table["wobble_per_turn"] = tilt, wobble, per_turn
+    table["non_orthogonality"], table["wobble"], table["wobble_per_turn"] = tilt, wobble, per_turn
     table["is_crooked"] = tilt != 0 or wobble != 0
     return plant
 
@@ -34,7 +34,7 @@ def attitude(plant, inner, outer):
     phase = table["wobble_per_turn"] * inner
     e = [
         table["wobble"] * math.cos(phase),
-        table["tilt"] + table["wobble"] * math.sin(phase),
+        table["non_orthogonality"] + table["wobble"] * math.sin(phase),
         0.0,
     ]
     about_x, about_z = Rotation.from_rotvec([outer, 0, 0]), Rotation.from_rotvec([0, 0, inner])

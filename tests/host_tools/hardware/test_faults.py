@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 
@@ -10,6 +12,9 @@ from rrins.host_tools.hardware.fault_kinds import HardwareFault
 from rrins.host_tools.hardware.memory import FAULT_CAPACITY
 from rrins.host_tools.hardware.sensors import installed_axis, measure
 from rrins.host_tools.hardware.settings import PlannedFault, power_on
+from rrins.host_tools.hardware.tables import Accelerometers, Gyros
+from rrins.host_tools.hardware.units import ARCSEC
+from rrins.host_tools.hardware.units import STANDARD_GRAVITY as G
 
 
 def test_faults_put_in_and_taken_out_while_it_runs(plant):
@@ -51,9 +56,12 @@ DT = 0.005
 
 def increments(tools, kind, value=0.0, epochs=1, cycle=faults.ALWAYS, of="gyros", **errors):
     """Return what the sensor makes of `INPUT` in each epoch of a fault, and its flags."""
-    sensor = tools.sensors([(ALPHA, BETA)], RANGE / DT, **errors)
+    axes = {f"{of[:-1]}_axes_deg": [tuple(np.degrees((ALPHA, BETA)))]}
+    table = Gyros if of == "gyros" else Accelerometers
+    wide = {"range_dps": math.degrees(RANGE / DT)} if of == "gyros" else {"range_g": RANGE / DT / G}
+    sensors = {of: table(**wide | errors)}
     planned = PlannedFault(HardwareFault[f"{of[:-1].upper()}_{kind}"], 0, 0, -1, value, cycle)
-    plant = power_on(tools.settings(**{of: sensor}, faults=(planned,)))[0]
+    plant = power_on(tools.settings(**axes | sensors, faults=(planned,)))[0]
     found, flags = [], 0
     for epoch in range(epochs):
         plant["epoch"] = epoch
@@ -83,8 +91,14 @@ def test_what_a_failing_sensor_reads(tools, of, kind, value, expected, flag):
 
 
 def test_a_shift_adds_to_the_installation_error_and_ends_with_it(tools):
-    cycle = (4, 2)
-    found, _ = increments(tools, "SHIFT_U", 1e-3, 6, cycle, delta_u=2e-3, delta_v=-1e-3)
+    cycle, installed = (
+        (4, 2),
+        {
+            "installation_u_arcsec": 2e-3 / ARCSEC,
+            "installation_v_arcsec": -1e-3 / ARCSEC,
+        },
+    )
+    found, _ = increments(tools, "SHIFT_U", 1e-3, 6, cycle, **installed)
     shifted, sound = (installed_axis(ALPHA, BETA, u, -1e-3) @ INPUT for u in (3e-3, 2e-3))
     expected = [shifted, shifted, sound, sound, shifted, shifted]
     np.testing.assert_allclose(found, expected, atol=2e-12)

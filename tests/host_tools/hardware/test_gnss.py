@@ -9,15 +9,16 @@ import pytest
 
 from rrins.host_tools.hardware.fault_kinds import EVERY, HardwareFault
 from rrins.host_tools.hardware.settings import (
-    GnssSettings,
     MotionPieces,
     PlannedFault,
     body_to_navigation,
 )
+from rrins.host_tools.hardware.tables import GnssReceiver
 from rrins.host_tools.motion.drive import synthetic_drive
 from rrins.host_tools.motion.trajectory import ATTITUDE
 
 GROUP = ("GNSS_TIME", "GNSS_LATITUDE", "GNSS_LONGITUDE", "GNSS_HEIGHT", "GNSS_VELOCITY")
+IDEAL = {"rate_hz": 1, "position_noise_m": 0, "velocity_noise_mps": 0}
 METRES_PER_DEG = 111_035  # of latitude at 40°, WGS-84
 
 
@@ -32,12 +33,18 @@ def groups(bench, epochs):
     return found
 
 
+def every_epoch(**keys):
+    """Return a receiver far faster than a scenario may have."""
+    values = IDEAL | {"rate_hz": 200, "latency_s": 0.0} | keys
+    return GnssReceiver.model_construct(**values)
+
+
 def test_without_a_receiver_nothing_is_sent(tools):
     assert groups(tools.Bench(), 450) == {}
 
 
 def test_a_fix_is_one_group_some_epochs_after_it_was_valid(tools):
-    bench = tools.Bench(gnss=GnssSettings(interval_epochs=200, latency_epochs=20))
+    bench = tools.Bench(gnss=GnssReceiver(**IDEAL, latency_s=0.1))
     found = groups(bench, 650)
     assert list(found) == [20, 220, 420, 620]
     for epoch, group in found.items():
@@ -52,7 +59,7 @@ def test_a_fix_is_one_group_some_epochs_after_it_was_valid(tools):
 
 
 def test_its_noise_is_as_set_and_told(tools):
-    receiver = GnssSettings(interval_epochs=1, position_noise=1.5, velocity_noise=0.05)
+    receiver = every_epoch(position_noise_m=1.5, velocity_noise_mps=0.05)
     found = groups(tools.Bench(gnss=receiver), 2000).values()
     assert {frame["GNSS_TIME"]["position_sigma"] for frame in found} == {1.5}
     assert {frame["GNSS_TIME"]["velocity_sigma"] for frame in found} == {0.05}
@@ -72,12 +79,12 @@ def test_its_noise_is_as_set_and_told(tools):
 
 
 def test_in_an_outage_the_groups_go_on_without_a_fix(tools):
-    settings = {"interval_epochs": 10, "velocity_noise": 0.05}
-    whole = groups(tools.Bench(gnss=GnssSettings(**settings)), 200)
-    broken = groups(tools.Bench(gnss=GnssSettings(**settings, outages=((50, 79),))), 200)
+    receiver = GnssReceiver(rate_hz=10, position_noise_m=0, latency_s=0)
+    broken = groups(tools.Bench(gnss=receiver, gnss_outages=((60, 99),)), 240)
+    whole = groups(tools.Bench(gnss=receiver), 240)
     assert list(whole) == list(broken)
     for epoch, group in broken.items():
-        if 50 <= epoch <= 79:
+        if 60 <= epoch <= 99:
             assert group["GNSS_TIME"]["quality"] == 0
             assert group["GNSS_VELOCITY"]["velocity_east"] == 0
         else:
@@ -103,7 +110,7 @@ def east_north_up(frames):
 
 
 def test_errors_that_last_are_of_first_order(tools):
-    receiver = GnssSettings(interval_epochs=1, correlated_noise=3.0, correlation_epochs=4.0)
+    receiver = every_epoch(position_correlated_noise_m=3.0, position_correlation_s=0.02)
     found = groups(tools.Bench(gnss=receiver), 6000).values()
     assert {frame["GNSS_TIME"]["position_sigma"] for frame in found} == {3.0}
     off = east_north_up(found)
@@ -117,13 +124,13 @@ def test_errors_that_last_are_of_first_order(tools):
 
 
 def test_what_it_tells_is_the_sum_of_both(tools):
-    settings = {"interval_epochs": 1, "position_noise": 3.0, "correlated_noise": 4.0}
-    found = groups(tools.Bench(gnss=GnssSettings(**settings)), 3).values()
+    receiver = every_epoch(position_noise_m=3.0, position_correlated_noise_m=4.0)
+    found = groups(tools.Bench(gnss=receiver), 3).values()
     assert {frame["GNSS_TIME"]["position_sigma"] for frame in found} == {5.0}
 
 
 def faulty(tools, *planned):
-    bench = tools.Bench(gnss=GnssSettings(interval_epochs=20), faults=planned)
+    bench = tools.Bench(gnss=GnssReceiver(**IDEAL | {"rate_hz": 10}, latency_s=0), faults=planned)
     return groups(bench, 200)
 
 
@@ -160,7 +167,10 @@ def test_it_measures_where_its_antenna_is(tools):
     base = np.array([math.radians(40), math.radians(116), 40.0, 0.0, 0.0, 0.7])
     drive, arm = synthetic_drive(60, 5, base, 5_000_000), np.array([0.8, -2.5, 1.4])
     motion = MotionPieces(drive.pieces, drive.knot_ns // 5_000_000, 0)
-    receivers = [GnssSettings(interval_epochs=20, lever_arm_b=b) for b in ((0, 0, 0), tuple(arm))]
+    receivers = [
+        GnssReceiver(**IDEAL | {"rate_hz": 10}, latency_s=0, lever_arm_m=b)
+        for b in ((0, 0, 0), tuple(arm))
+    ]
     centre, antenna = (groups(tools.Bench(gnss=r, motion=motion), 12_000) for r in receivers)
     found = east_north_up(antenna.values()) - east_north_up(centre.values())
     rows = drive.at(np.array([(k + np.array([-1, 0, 1])) for k in antenna]).ravel() * 0.005)

@@ -10,15 +10,16 @@ import pytest
 from rrins.host_tools.hardware.fault_kinds import EVERY, HardwareFault
 from rrins.host_tools.hardware.settings import (
     MotionPieces,
-    OdometerSettings,
     PlannedFault,
     body_to_navigation,
 )
+from rrins.host_tools.hardware.tables import Odometer
 from rrins.host_tools.motion.drive import synthetic_drive
 from rrins.host_tools.motion.mounting import mounted
 from rrins.host_tools.motion.trajectory import ATTITUDE, VELOCITY_N
 
 BASE = np.array([math.radians(40), math.radians(116), 40.0, 0.0, 0.0, 0.7])
+IDEAL = {"rate_hz": 10, "pulse_mm": 1, "noise_mps": 0}
 PERIOD_NS, RATE_HZ, LENGTH_S = 5_000_000, 200, 60
 
 
@@ -56,7 +57,7 @@ def test_without_one_nothing_is_sent(tools):
 
 
 def test_a_count_is_sent_some_epochs_after_it_held(tools, vehicle):
-    odometer = OdometerSettings(interval_epochs=20, latency_epochs=3, metres_per_pulse=0.001)
+    odometer = Odometer(**IDEAL, latency_s=0.015)
     bench = tools.Bench(odometer=odometer, motion=moving(vehicle))
     found = counts(bench, LENGTH_S * RATE_HZ)
     assert list(found) == list(range(3, LENGTH_S * RATE_HZ, 20))
@@ -70,12 +71,12 @@ def test_a_count_is_sent_some_epochs_after_it_held(tools, vehicle):
 
 def test_mounting_lever_arm_and_scale_count(tools, vehicle):
     heading, pitch, arm = 0.03, -0.02, (0.8, -1.5, -0.4)
-    odometer = OdometerSettings(
-        interval_epochs=20,
-        metres_per_pulse=0.001,
-        scale_error=0.01,
-        mounting=(heading, pitch),
-        lever_arm_b=arm,
+    odometer = Odometer(
+        **IDEAL,
+        scale_error_ppm=10_000,
+        mounting_heading_deg=math.degrees(heading),
+        mounting_pitch_deg=math.degrees(pitch),
+        lever_arm_m=arm,
     )
     body = mounted(vehicle, heading, pitch)
     found = counts(tools.Bench(odometer=odometer, motion=moving(body)), LENGTH_S * RATE_HZ)
@@ -88,11 +89,10 @@ def test_mounting_lever_arm_and_scale_count(tools, vehicle):
 
 
 def test_its_noise_is_as_set_and_none_where_it_stands(tools, vehicle):
-    settings = {"interval_epochs": 20, "metres_per_pulse": 1e-5}
-    noisy = OdometerSettings(**settings, noise=0.02)
+    keys = IDEAL | {"pulse_mm": 0.01}
     frames = [
         counts(tools.Bench(odometer=odometer, motion=moving(vehicle)), LENGTH_S * RATE_HZ)
-        for odometer in (OdometerSettings(**settings), noisy)
+        for odometer in (Odometer(**keys), Odometer(**keys | {"noise_mps": 0.02}))
     ]
     ideal, real = (np.diff([f["pulses"] for f in found.values()]) * 1e-5 for found in frames)
     moves = np.abs(ideal) > 0.01 * 0.1
@@ -106,7 +106,7 @@ def test_its_noise_is_as_set_and_none_where_it_stands(tools, vehicle):
 def ways(tools, vehicle, kind=None, value=0.0):
     """Return validity and the distances between counts, with a fault from 30 s to 40 s."""
     faults = () if kind is None else (PlannedFault(kind, EVERY, 6001, 8000, value),)
-    odometer = OdometerSettings(interval_epochs=200, metres_per_pulse=0.001)
+    odometer = Odometer(**IDEAL | {"rate_hz": 1})
     bench = tools.Bench(odometer=odometer, motion=moving(vehicle), faults=faults)
     found = counts(bench, 9001).values()
     valid = [frame["valid"] for frame in found]

@@ -13,7 +13,18 @@ from hypothesis import strategies as st
 from rrins.dbc.frame import frame_array
 from rrins.host_tools.hardware.loop import Hardware
 from rrins.host_tools.hardware.sensors import measure
-from rrins.host_tools.hardware.settings import SensorErrors, SensorSet, power_on
+from rrins.host_tools.hardware.settings import power_on
+from rrins.host_tools.hardware.tables import (
+    Accelerometers,
+    Altimeter,
+    Axis,
+    GnssReceiver,
+    Gyros,
+    Odometer,
+    Thermal,
+    Turntable,
+)
+from rrins.host_tools.hardware.units import ARCSEC, DEG_PER_SQRT_H, DPH, UNITS, in_si, split
 from rrins.host_tools.runs.set_up.settings import hardware_settings
 from rrins.host_tools.scenario.scenario import Scenario
 
@@ -29,16 +40,11 @@ def settings_of(**tables):
     return hardware_settings(Scenario.model_validate(values))
 
 
-def one_sensor(tools, rate_hz=200, common=None, **errors):
+def one_sensor(tools, rate_hz=200, **keys):
     """Return a sensor along x, made as the hardware makes it."""
-    sensors = SensorSet(
-        axes=((math.pi / 2, 0.0),),
-        errors=(SensorErrors(**errors),),
-        measuring_range=1e3,
-        **common or {},
-    )
-    made = power_on(tools.settings(rate_hz=rate_hz, gyros=sensors))
-    return made[0]["gyros"].copy()
+    gyros = Gyros(**{"range_dps": 60_000.0} | keys)
+    made = tools.settings(rate_hz=rate_hz, gyro_axes_deg=((90.0, 0.0),), gyros=gyros)
+    return power_on(made)[0]["gyros"].copy()
 
 
 def outputs(sensor, inputs, force=NO_FORCE):
@@ -53,53 +59,74 @@ def outputs(sensor, inputs, force=NO_FORCE):
 # Units
 
 
-def test_every_key_of_the_gyros_reaches_the_hardware_in_si():
-    keys = {
-        "bias_dph": 1, "bias_repeatability_dph": 2, "bias_instability_dph": 3,
-        "bias_temperature_dph_per_k": 4, "angle_random_walk_deg_per_sqrt_h": 5,
-        "rate_random_walk_dph_per_sqrt_h": 6, "g_sensitivity_dph_per_g": 7, "dead_zone_dph": 8,
-        "scale_error_ppm": 9, "asymmetric_scale_error_ppm": 10, "installation_u_arcsec": 11,
-        "installation_v_arcsec": 12, "scale_repeatability_ppm": 13,
-        "scale_temperature_ppm_per_k": 14,
-    }  # fmt: skip
-    gyros = settings_of(
-        gyros=keys | {"resolution_arcsec": 2, "range_dps": 90, "bandwidth_hz": 7, "latency_ms": 3}
-    ).gyros
-    dph, arcsec = math.pi / 180 / 3600, math.pi / 180 / 3600
-    expected = {
-        "bias": 1 * dph, "bias_repeatability": 2 * dph, "bias_instability": 3 * dph,
-        "temperature_bias": 4 * dph, "white_noise": 5 * math.pi / 180 / math.sqrt(3600),
-        "rate_random_walk": 6 * dph / math.sqrt(3600), "force_coefficient": 7 * dph / G,
-        "dead_zone": 8 * dph, "scale_error": 9e-6, "asymmetric_scale_error": 10e-6,
-        "delta_u": 11 * arcsec, "delta_v": 12 * arcsec, "scale_repeatability": 13e-6,
-        "temperature_scale": 14e-6, "position_x": 0, "position_y": 0, "position_z": 0,
-    }  # fmt: skip
-    for errors in gyros.errors:
-        assert vars(errors) == pytest.approx(expected)
-    assert gyros.resolution == pytest.approx(2 * arcsec)
-    assert gyros.measuring_range == pytest.approx(math.pi / 2)
-    assert (gyros.bandwidth_hz, gyros.latency_s) == (7, pytest.approx(0.003))
+RAD, G_PER_MICRO = math.pi / 180, 9.80665e-6
+IN_SI = {
+    "deg": RAD, "dps": RAD, "dps2": RAD, "dps3": RAD, "arcsec": RAD / 3600,
+    "deg_per_sqrt_h": RAD / math.sqrt(3600), "dph": RAD / 3600, "dph_per_k": RAD / 3600,
+    "dph_per_g": RAD / 3600 / G, "dph_per_sqrt_h": RAD / 3600 / math.sqrt(3600), "g": G,
+    "ug": G_PER_MICRO, "ug_per_k": G_PER_MICRO, "ug_per_sqrt_hz": G_PER_MICRO,
+    "ug_per_sqrt_h": G_PER_MICRO / math.sqrt(3600), "ppm": 1e-6, "ppm_per_k": 1e-6,
+    "um": 1e-6, "um_per_s": 1e-6, "mm": 1e-3, "ms": 1e-3,
+    "hz": 1, "k": 1, "m": 1, "mps": 1, "s": 1,
+}  # fmt: skip
 
 
-def test_every_key_of_the_accelerometers_reaches_the_hardware_in_si():
-    keys = {
-        "bias_ug": 1, "bias_repeatability_ug": 2, "bias_instability_ug": 3,
-        "bias_temperature_ug_per_k": 4, "white_noise_ug_per_sqrt_hz": 5,
-        "random_walk_ug_per_sqrt_h": 6, "dead_zone_ug": 8,
-        "position_x_mm": 10, "position_y_mm": -20, "position_z_mm": 30,
-    }  # fmt: skip
-    made = settings_of(accelerometers=keys | {"resolution_um_per_s": 3, "range_g": 5})
-    ug = 9.80665e-6
-    expected = {
-        "bias": 1 * ug, "bias_repeatability": 2 * ug, "bias_instability": 3 * ug,
-        "temperature_bias": 4 * ug, "white_noise": 5 * ug, "rate_random_walk": 6 * ug / 60,
-        "dead_zone": 8 * ug, "position_x": 0.01, "position_y": -0.02, "position_z": 0.03,
-    }  # fmt: skip
-    for errors in made.accelerometers.errors:
-        values = {key: value for key, value in vars(errors).items() if value}
-        assert values == pytest.approx(expected)
-    assert made.accelerometers.resolution == pytest.approx(3e-6)
-    assert made.accelerometers.measuring_range == pytest.approx(5 * G)
+def test_units_in_si():
+    assert {name: unit.si for name, unit in UNITS.items()} == pytest.approx(IN_SI)
+
+
+def test_values_of_a_table_in_si():
+    values = in_si(Gyros(bias_dph=(1, 2), angle_random_walk_deg_per_sqrt_h=5, range_dps=90))
+    assert values["bias"] == pytest.approx(np.array([1, 2]) * RAD / 3600)
+    assert values["white_noise"] == pytest.approx(5 * RAD / 60)
+    assert values["range"] == pytest.approx(math.pi / 2)
+    assert values["bandwidth"] is None
+    walk = in_si(Accelerometers(random_walk_ug_per_sqrt_h=6))["rate_random_walk"]
+    assert walk == pytest.approx(6 * G_PER_MICRO / 60)
+
+
+FITTED = {"altimeter": Altimeter(), "gnss": GnssReceiver(), "odometer": Odometer()}
+KEYS = [
+    *((name, key) for name, table in (
+        ("gyros", Gyros()), ("accelerometers", Accelerometers()), ("thermal", Thermal()),
+        ("turntable", Turntable()), *FITTED.items(),
+    ) for key in type(table).model_fields if not isinstance(getattr(table, key), Axis)),
+    *((axis, key) for axis in ("inner", "outer") for key in Axis.model_fields),
+]  # fmt: skip
+
+
+def power_on_with(tools, name, **keys):
+    """Return the memory after power-on with some keys of a table, all others by default."""
+    if name in ("inner", "outer"):
+        name, keys = "turntable", {name: Axis(**keys)}
+    base = getattr(tools.settings(**FITTED), name)
+    return power_on(tools.settings(**FITTED | {name: type(base)(**keys)})).tobytes()
+
+
+@pytest.mark.parametrize(("name", "key"), KEYS)
+def test_no_key_is_lost_on_the_way_to_the_memory(tools, name, key):
+    others = {"lever_arm_m": (1, 2, 3), "encoder_bits": 10, "rate_hz": 2, "jerk_limit_dps3": 2}
+    value = others.get(key, 0.5)
+    assert power_on_with(tools, name, **{key: value}) != power_on_with(tools, name)
+
+
+@pytest.mark.parametrize(
+    ("key", "name", "symbol"),
+    [("bias_temperature_dph_per_k", "bias_temperature", "°/h/K"), ("range_g", "range", "g"),
+     ("resolution_um_per_s", "resolution", "µm/s"), ("ripple_per_turn", "ripple_per_turn", "")],
+)  # fmt: skip
+def test_the_end_of_a_name_is_its_unit(key, name, symbol):
+    found, unit = split(key)
+    assert (found, unit.symbol) == (name, symbol)
+
+
+def test_a_list_has_a_value_for_each_sensor(tools):
+    gyros = Gyros(dead_zone_dph=(1, 2, 3, 4), g_sensitivity_dph_per_g=5)
+    found = power_on(tools.settings(gyros=gyros))[0].gyros
+    dph = math.pi / 180 / 3600
+    expected = np.array([1, 2, 3, 4]) * dph / 200
+    assert found.dead_zone_increment[:5] == pytest.approx([*expected, 0])
+    assert found.g_sensitivity[:5] == pytest.approx([5 * dph / G] * 4 + [0])
 
 
 # Power-up
@@ -222,7 +249,7 @@ def test_g_sensitivity_is_a_bias_for_each_g_along_the_axis():
 
 def test_a_step_follows_the_first_order_response(tools):
     rate_hz, bandwidth_hz, rate = 200, 8.0, 0.3
-    sensor = one_sensor(tools, rate_hz, {"bandwidth_hz": bandwidth_hz})
+    sensor = one_sensor(tools, rate_hz, bandwidth_hz=bandwidth_hz)
     time_s = np.arange(1, 101) / rate_hz
     angle = np.cumsum(outputs(sensor, np.full(100, rate / rate_hz)))
     constant_s = 1 / (2 * math.pi * bandwidth_hz)
@@ -231,14 +258,14 @@ def test_a_step_follows_the_first_order_response(tools):
 
 
 def test_a_sensor_faster_than_the_epochs_still_lags_by_its_time_constant(tools):
-    sensor = one_sensor(tools, 50, {"bandwidth_hz": 150})
+    sensor = one_sensor(tools, 50, bandwidth_hz=150)
     angle = outputs(sensor, np.full(50, 0.01)).sum()
     assert 50 * 0.01 - angle == pytest.approx(0.01 * 50 / (2 * math.pi * 150))
 
 
 def test_at_its_bandwidth_a_sine_is_3_db_down_and_an_eighth_of_a_turn_late(tools):
     rate_hz, bandwidth_hz, cycles = 1000, 10, 60
-    sensor = one_sensor(tools, rate_hz, {"bandwidth_hz": bandwidth_hz})
+    sensor = one_sensor(tools, rate_hz, bandwidth_hz=bandwidth_hz)
     phase = 2 * math.pi * bandwidth_hz / rate_hz * np.arange(cycles * rate_hz // bandwidth_hz + 1)
     passed = outputs(sensor, np.diff(1e-3 * np.sin(phase)))
     settled = slice(len(passed) // 2, None)
@@ -252,9 +279,9 @@ INPUTS = st.lists(st.floats(-1e-3, 1e-3), min_size=1, max_size=60)
 
 
 @settings(max_examples=40)
-@given(INPUTS, st.floats(0.5, 500), st.floats(0, 0.024))
-def test_neither_bandwidth_nor_latency_loses_an_increment(tools, inputs, bandwidth_hz, latency_s):
-    sensor = one_sensor(tools, 200, {"bandwidth_hz": bandwidth_hz, "latency_s": latency_s})
+@given(INPUTS, st.floats(0.5, 500), st.floats(0, 24))
+def test_neither_bandwidth_nor_latency_loses_an_increment(tools, inputs, bandwidth_hz, latency_ms):
+    sensor = one_sensor(tools, 200, bandwidth_hz=bandwidth_hz, latency_ms=latency_ms)
     settling = int(200 * 25 / (2 * math.pi * bandwidth_hz)) + 10
     passed = outputs(sensor, [*inputs, *[0.0] * settling])
     assert passed.sum() == pytest.approx(sum(inputs), abs=1e-11)
@@ -263,14 +290,14 @@ def test_neither_bandwidth_nor_latency_loses_an_increment(tools, inputs, bandwid
 @pytest.mark.parametrize(("epochs", "shares"), [(0.25, [0.75, 0.25]), (3.0, [0, 0, 0, 1]),
                                                 (2.5, [0, 0, 0.5, 0.5])])  # fmt: skip
 def test_latency_counts_in_parts_of_an_epoch(tools, epochs, shares):
-    sensor = one_sensor(tools, 200, {"latency_s": epochs / 200})
+    sensor = one_sensor(tools, 200, latency_ms=epochs * 5)
     passed = outputs(sensor, [1e-3, 0, 0, 0, 0, 0])
     assert passed[: len(shares)] == pytest.approx(np.array(shares) * 1e-3)
     assert passed[len(shares) :] == pytest.approx(0)
 
 
 def test_the_longest_latency_fits_at_the_highest_rate(tools):
-    sensor = one_sensor(tools, 1000, {"latency_s": 0.025})
+    sensor = one_sensor(tools, 1000, latency_ms=25)
     passed = outputs(sensor, [1e-3, *[0.0] * 40])
     assert np.flatnonzero(passed).tolist() == [25]
 
@@ -280,7 +307,7 @@ def test_the_longest_latency_fits_at_the_highest_rate(tools):
 
 @pytest.mark.parametrize("sign", [1, -1])
 def test_a_dead_zone_swallows_what_is_smaller(tools, sign):
-    sensor = one_sensor(tools, 200, dead_zone=0.2, bias=0.02)
+    sensor = one_sensor(tools, 200, dead_zone_dph=0.2 / DPH, bias_dph=0.02 / DPH)
     passed = outputs(sensor, [sign * 0.00099, sign * 0.00101, sign * 0.5])
     assert passed == pytest.approx([1e-4, 1e-4 + sign * 0.00101, 1e-4 + sign * 0.5])
 
@@ -289,7 +316,7 @@ def test_a_dead_zone_swallows_what_is_smaller(tools, sign):
 @given(st.lists(st.floats(-1e-4, 1e-4), min_size=1, max_size=100))
 def test_a_coarse_resolution_comes_in_steps_and_loses_nothing(tools, inputs):
     step = 3e-5
-    sensor = one_sensor(tools, 200, {"resolution": step})
+    sensor = one_sensor(tools, 200, resolution_arcsec=step / ARCSEC)
     passed = outputs(sensor, inputs)
     assert passed / step == pytest.approx(np.rint(passed / step), abs=1e-6)
     assert np.abs(np.cumsum(passed) - np.cumsum(inputs)).max() <= step / 2 * (1 + 1e-6)
@@ -305,7 +332,9 @@ def test_a_stuck_sensor_repeats_itself_and_goes_on_where_it_would_be(tools):
 
 
 def test_noise_of_a_fault_adds_to_the_sensors_own_as_variances(tools):
-    sensor = one_sensor(tools, 200, white_noise=3e-6 * math.sqrt(200))
+    sensor = one_sensor(
+        tools, 200, angle_random_walk_deg_per_sqrt_h=3e-6 * math.sqrt(200) / DEG_PER_SQRT_H
+    )
     sensor["fault_noise_increment"][0] = 4e-6
     passed = outputs(sensor, np.zeros(6000))
     assert passed.std() == pytest.approx(5e-6, rel=4 / math.sqrt(12000))

@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from rrins.host_tools.hardware import truth
 from rrins.host_tools.hardware.memory import INNER, MOTION_CHANNELS, MOTION_TERMS, OUTER, Plant
+from rrins.host_tools.hardware.tables import Accelerometers
 
 NO_MOTION = np.zeros((1, MOTION_CHANNELS, MOTION_TERMS))
 XYZ = np.eye(3)
@@ -102,7 +103,7 @@ PLACE = st.tuples(*[st.floats(-0.2, 0.2)] * 3)
 def test_both_axes_and_the_vehicle_together(place, omega_b, inner, outer, rates, tilt):
     # The reference: positions of the point in inertial space, differentiated numerically.
     plant = block_of([place] * 3, omega_b)
-    plant["table"]["tilt"], plant["table"]["is_crooked"] = tilt, tilt != 0
+    plant["table"]["non_orthogonality"], plant["table"]["is_crooked"] = tilt, tilt != 0
     moves = ((inner, *rates[::2]), (outer, *rates[1::2]))
 
     def at(t):
@@ -159,10 +160,10 @@ def test_what_the_bus_carries_holds_it(tools):
     position = 0.06
     rows = []
     for arm in (position, 0.0):
-        accelerometers = tools.sensors(
-            axes=((math.pi / 2, 0.0), (math.pi / 2, math.pi / 2), (0.0, 0.0)), position_x=arm
+        bench = tools.Bench(
+            accelerometer_axes_deg=((90.0, 0.0), (90.0, 90.0), (0.0, 0.0)),
+            accelerometers=Accelerometers(position_x_mm=arm * 1e3),
         )
-        bench = tools.Bench(accelerometers=accelerometers)
         sums = [0.0]
         for _ in range(1200):
             frames = bench.commanded_step(inner={"target_deg": 3600.0, "rate_dps": 20.0})

@@ -15,6 +15,7 @@ from rrins.dbc.frame import EFF_FLAG
 from rrins.dbc.values import AxisState
 from rrins.host_tools.hardware import earth
 from rrins.host_tools.hardware.step import OUTBOX_CAPACITY
+from rrins.host_tools.hardware.tables import Accelerometers, Gyros
 
 DELAY = 2  # epochs from a command's own to the one it takes effect in: the DBC's comment
 GYRO, ACCELEROMETER = "gyro_dtheta", "accelerometer_dv"
@@ -27,7 +28,7 @@ def names_of(tools, frames):
 
 def fan(count):
     """Return so many directions that span the space."""
-    return tuple((0.3 + 0.15 * k, 2.4 * k) for k in range(count))
+    return tuple((17.0 + 8.6 * k, 137.5 * k) for k in range(count))
 
 
 def test_sync_opens_an_epoch_and_the_outer_axis_closes_it(tools):
@@ -102,9 +103,7 @@ def test_the_counts_add_up_to_the_true_increments(tools):
 def test_any_number_of_sensors_and_those_that_are_absent_say_so(
     tools, gyros, accelerometers, statuses
 ):
-    bench = tools.Bench(
-        gyros=tools.sensors(fan(gyros)), accelerometers=tools.sensors(fan(accelerometers))
-    )
+    bench = tools.Bench(gyro_axes_deg=fan(gyros), accelerometer_axes_deg=fan(accelerometers))
     frames = bench.raw_step()
     assert len(frames) <= OUTBOX_CAPACITY
     sent = dict(map(tools.decode, frames))
@@ -117,18 +116,20 @@ def test_any_number_of_sensors_and_those_that_are_absent_say_so(
 
 @pytest.mark.parametrize(
     ("gyro_range", "accelerometer_range", "status"),
-    [(1e-6, 1e3, 1), (1e3, 1e-3, 2), (1e-6, 1e-3, 3)],
+    [(1e-4, 1e2, 1), (1e4, 1e-4, 2), (1e-4, 1e-4, 3)],
 )
 def test_saturated_sensors_say_so(tools, gyro_range, accelerometer_range, status):
     bench = tools.Bench(
-        gyros=tools.sensors(measuring_range=gyro_range),
-        accelerometers=tools.sensors(measuring_range=accelerometer_range),
+        gyros=Gyros(range_dps=gyro_range),
+        accelerometers=Accelerometers(range_g=accelerometer_range),
     )
     assert bench.step()["SENSOR_1"]["status"] == status
 
 
 def test_an_absent_accelerometer_beside_a_saturated_gyro(tools):
-    bench = tools.Bench(gyros=tools.sensors(fan(4), 1e-6), accelerometers=tools.sensors(fan(3)))
+    bench = tools.Bench(
+        gyro_axes_deg=fan(4), gyros=Gyros(range_dps=1e-4), accelerometer_axes_deg=fan(3)
+    )
     status = bench.step()["SENSOR_4"]["status"]
     choices = tools.codec.choices("SENSOR_4", "status")
     assert choices[status] == "ACCELEROMETER_ABSENT_GYRO_SATURATED"
@@ -277,8 +278,8 @@ def test_the_heartbeat_comes_once_a_second(tools):
 def noisy(tools, seed=1):
     bench = tools.Bench(
         seed=seed,
-        gyros=tools.sensors(white_noise=1e-5, bias=1e-6),
-        accelerometers=tools.sensors(white_noise=1e-3, scale_error=1e-4),
+        gyros=Gyros(angle_random_walk_deg_per_sqrt_h=0.03, bias_dph=0.2),
+        accelerometers=Accelerometers(white_noise_ug_per_sqrt_hz=100, scale_error_ppm=100),
     )
     sent = b""
     for _ in range(50):

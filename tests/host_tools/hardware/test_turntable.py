@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from numba import njit
 
@@ -104,19 +104,26 @@ def test_the_papers_half_turn_takes_90_seconds_and_the_ramp(sign):
 
 @pytest.mark.slow
 @settings(max_examples=40)
+@example(limits=(2.0, 20.0), epochs=40, target=1.5, what=POSITION)  # the same target, more slowly
 @given(LIMITS, st.integers(1, 400), st.floats(-3, 3), st.sampled_from([POSITION, HOLD, OFF]))
 def test_a_new_command_amid_a_turn_brakes_within_the_limits(limits, epochs, target, what):
     axis = new_axis(*limits)
     turntable.command(axis, POSITION, 1.5, 2.0)
     for _ in range(epochs):
         advance(axis)
-    moving = axis["state"] == AxisState.MOVING
+    goes_on = what == POSITION and target == 1.5 and limits[0] <= 1.0
+    moving = axis["state"] == AxisState.MOVING and not goes_on
+    fastest = max(1.0, abs(axis["rate"]))
     turntable.command(axis, what, target, 1.0)
     advance(axis)
-    if moving and axis["rate_before"] != 0:
+    if moving and abs(axis["rate_before"]) > 1.0:
+        assert abs(axis["rate"]) < abs(axis["rate_before"])
+    if moving and axis["rate_before"] != 0 and (what != POSITION or target != 1.5):
         assert axis["state"] in (AxisState.BRAKING, AxisState.OFF, AxisState.HOLDING)
     end = AxisState.OFF if what == OFF else AxisState.HOLDING
     for _ in range(200_000):
+        assert abs(axis["rate"]) <= fastest * (1 + 1e-9)
+        fastest = max(1.0, abs(axis["rate"]))  # above the new limit it only slows down
         if (
             axis["rate"] == 0
             and axis["state"] == end
@@ -127,6 +134,41 @@ def test_a_new_command_amid_a_turn_brakes_within_the_limits(limits, epochs, targ
     assert axis["state"] == end
     if what == POSITION:
         assert axis["angle"] == target
+
+
+@pytest.mark.parametrize("smoothing", [0, 20])
+def test_a_lower_rate_for_the_same_target_is_obeyed_amid_the_turn(smoothing):
+    axis = new_axis(2.0, 4.0)
+    axis["ramp_smoothing"] = smoothing
+    turntable.command(axis, POSITION, 6.0, 2.0)
+    for _ in range(250):
+        turntable.advance(axis, DT)
+    assert axis["rate"] == pytest.approx(2.0)
+    turntable.command(axis, POSITION, 6.0, 0.5)
+    rates, states = [], []
+    for _ in range(3000):
+        turntable.advance(axis, DT)
+        rates.append(float(axis["rate"]))
+        states.append(AxisState(int(axis["state"])))
+    slow = next(k for k, rate in enumerate(rates) if rate <= 0.5)
+    assert slow * DT < 1.5 * 2.0 / 4.0
+    assert max(rates[slow:]) == pytest.approx(0.5)
+    assert np.abs(np.diff(rates)).max() <= 4.0 * DT * (1 + 1e-9) * (1.5 if smoothing else 1)
+    assert axis["angle"] == 6.0
+    assert states[-1] == AxisState.HOLDING
+
+
+@pytest.mark.parametrize("rate", [0.3, 0.5, 2.0])
+def test_a_turn_goes_on_if_the_new_rate_allows_it(rate):
+    once, again = new_axis(), new_axis()
+    for axis in (once, again):
+        turntable.command(axis, POSITION, 0.4, 0.3)
+    for k in range(500):
+        if k == 100:
+            turntable.command(again, POSITION, 0.4, rate)
+        advance(once)
+        advance(again)
+        assert once["angle"] == again["angle"]
 
 
 def test_braking_takes_no_longer_than_the_deceleration_allows():

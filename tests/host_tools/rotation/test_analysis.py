@@ -11,13 +11,14 @@ from hypothesis import strategies as st
 
 from rrins.firmware_py.core.settings import Scheme, Turn
 from rrins.host_tools.hardware.earth import ROTATION_RATE
-from rrins.host_tools.hardware.settings import DPH, STANDARD_GRAVITY, SensorErrors
+from rrins.host_tools.hardware.tables import Accelerometers, Gyros
+from rrins.host_tools.hardware.units import DPH, STANDARD_GRAVITY
 from rrins.host_tools.rotation.analysis import analyse
 from rrins.host_tools.rotation.errors import BIAS, ERRORS, MEASF, MEIE, MESSF, sensors_of
 from rrins.host_tools.scenario.geometry import GEOMETRIES
 from rrins.host_tools.scenario.schemes import SCHEMES
 
-from .conftest import of_paper, paper_rimu
+from .conftest import of_paper, paper_rimu, si_sensors
 
 X, Y, Z = range(3)
 SIXTEEN = Scheme(turns=SCHEMES["16-position"])
@@ -77,14 +78,7 @@ def test_an_error_that_is_zero_throughout_leaves_nothing():
 
 directions = st.tuples(st.floats(0, 180), st.floats(-180, 180))
 small = st.floats(-1e-3, 1e-3).filter(lambda value: value == 0 or abs(value) > 1e-9)
-random_errors = st.builds(
-    SensorErrors,
-    bias=small,
-    scale_error=small,
-    asymmetric_scale_error=small,
-    delta_u=small,
-    delta_v=small,
-)
+random_errors = st.tuples(*[small] * 5)
 
 
 @pytest.mark.slow
@@ -96,9 +90,9 @@ random_errors = st.builds(
     stand_s=st.floats(0, 100),
 )
 def test_the_papers_result_holds_for_any_sensor_and_timing(axes, data, turn_rate_dps, stand_s):
-    errors = [data.draw(random_errors) for _ in axes]
+    errors = list(zip(*(data.draw(random_errors) for _ in axes), strict=True))
     chosen = Scheme(turns=SCHEMES["16-position"], turn_rate_dps=turn_rate_dps, stand_s=stand_s)
-    kinds = [sensors_of(kind, axes, errors) for kind in ("gyro", "accelerometer")]
+    kinds = [si_sensors(kind, axes, *errors) for kind in ("gyro", "accelerometer")]
     variation = analyse(chosen, *kinds)
     # An axis within 1e-9 of a plane of symmetry feels almost nothing, and rounding shows.
     assert ratio(variation.gyros).max() < 1e-9
@@ -135,7 +129,7 @@ def test_numbers_and_closed_form_agree_for_any_scheme(
     turns, axis, errors, latitude_deg, turn_rate_dps
 ):
     chosen = scheme(*turns, turn_rate_dps=turn_rate_dps, stand_s=3)
-    kinds = [sensors_of(kind, (axis,), (errors,)) for kind in ("gyro", "accelerometer")]
+    kinds = [si_sensors(kind, (axis,), *errors) for kind in ("gyro", "accelerometer")]
     variation = analyse(chosen, *kinds, earth_latitude_deg=latitude_deg)
     for integrals in (variation.gyros, variation.accelerometers):
         largest = integrals.excursion.max(axis=-1, keepdims=True)
@@ -203,8 +197,8 @@ def test_a_bias_that_stands_grows_with_time():
     bias = 0.1 * DPH
     variation = analyse(
         scheme(("inner", 0), stand_s=100),
-        sensors_of("gyro", ((0, 0), (90, 0)), (SensorErrors(bias=bias),) * 2),
-        sensors_of("accelerometer", ((0, 0),), (SensorErrors(scale_error=1e-4),)),
+        sensors_of("gyro", ((0, 0), (90, 0)), Gyros(bias_dph=0.1)),
+        sensors_of("accelerometer", ((0, 0),), Accelerometers(scale_error_ppm=100)),
     )
     assert variation.gyros.residual[:, BIAS] == pytest.approx(
         np.array([[0, 0, 100 * bias], [100 * bias, 0, 0]])
@@ -218,7 +212,7 @@ def test_the_largest_excursion_lies_within_a_turn():
     """A bias along x in an inner turn: b sin(Ωt)/Ω on x, largest at 90° though both ends are 0."""
     variation = analyse(
         scheme(("inner", 180), stand_s=0, turn_rate_dps=7),
-        sensors_of("gyro", ((90, 0),), (SensorErrors(bias=1e-6),)),
+        sensors_of("gyro", ((90, 0),), Gyros(bias_dph=1e-6 / DPH)),
         of_paper("accelerometer", ((0, 0),)),
     )
     rate = math.radians(7)
@@ -231,7 +225,7 @@ def test_a_turning_point_between_samples_is_found():
     """The same, turned so that the largest value falls between two of the sampled angles."""
     variation = analyse(
         scheme(("inner", 180), stand_s=0, turn_rate_dps=7),
-        sensors_of("gyro", ((90, 34.56789),), (SensorErrors(bias=1e-6),)),
+        sensors_of("gyro", ((90, 34.56789),), Gyros(bias_dph=1e-6 / DPH)),
         of_paper("accelerometer", ((0, 0),)),
     )
     rate, beta = math.radians(7), math.radians(34.56789)
@@ -250,9 +244,9 @@ def gimbal(inner_deg, outer_deg):
 def test_the_whole_measurement_equation_gives_the_same(kind):
     """(16), (17) summed step by step, C_s_b differenced for the rate; the table as it is driven."""
     axes = GEOMETRIES["tetrahedron"]
-    one = SensorErrors(3e-7, 5e-5, -3e-5, 4e-5, -6e-5)
+    bias, symmetric, asymmetric = errors = 3e-7, 5e-5, -3e-5
     turns = (("inner", 90), ("outer", -120), ("inner", -45), ("outer", 200))
-    sensors = [sensors_of(k, axes, (one,) * 4) for k in ("gyro", "accelerometer")]
+    sensors = [si_sensors(k, axes, *errors, 4e-5, -6e-5) for k in ("gyro", "accelerometer")]
     variation = analyse(scheme(*turns, turn_rate_dps=5, stand_s=2), *sensors)
     dt, inner, outer = 0.01, 0.0, 0.0
     total = np.zeros((4, 3))
@@ -271,8 +265,8 @@ def test_the_whole_measurement_equation_gives_the_same(kind):
             else:
                 felt = STANDARD_GRAVITY * middle[2]
             along = true_axis @ felt
-            scale = 1 + one.scale_error + one.asymmetric_scale_error * np.sign(along)
-            error = scale * along + one.bias - h @ felt
+            scale = 1 + symmetric + asymmetric * np.sign(along)
+            error = scale * along + bias - h @ felt
             total += error[:, None] * (h @ middle.T) * dt
     integrals = variation.gyros if kind == "gyro" else variation.accelerometers
     ours = integrals.residual.sum(axis=1)

@@ -10,12 +10,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy import cos, sign, sin
 
-from rrins.host_tools.hardware.settings import STANDARD_GRAVITY as G
-from rrins.host_tools.hardware.settings import SensorErrors
+from rrins.host_tools.hardware.units import STANDARD_GRAVITY as G
 from rrins.host_tools.rotation.analysis import SPECIFIC_FORCE_B
 from rrins.host_tools.rotation.closed_form import leg_integral
-from rrins.host_tools.rotation.errors import BIAS, MEASF, MEIE, MESSF, sensors_of
+from rrins.host_tools.rotation.errors import BIAS, MEASF, MEIE, MESSF
 from rrins.host_tools.rotation.kinematics import INNER, OUTER, Leg
+
+from .conftest import si_sensors
 
 NO_FIELD = np.zeros(3)
 RATE = math.radians(2.0)
@@ -117,8 +118,7 @@ def integral_over_turn(integrand, turn_deg):
 @pytest.mark.parametrize(("alpha_deg", "beta_deg"), [(70.53, 120.0), (130.0, -35.0)])
 @pytest.mark.parametrize(("kind", "error", "axis", "equation"), CASES)
 def test_each_equation_of_the_paper(kind, error, axis, equation, alpha_deg, beta_deg, turn_deg):
-    one = SensorErrors(bias=1.0, scale_error=1.0, asymmetric_scale_error=1.0)
-    sensors = sensors_of(kind, ((alpha_deg, beta_deg),), (one,))
+    sensors = si_sensors(kind, ((alpha_deg, beta_deg),), bias=1.0, scale=1.0, asymmetric=1.0)
     field = NO_FIELD if kind == "gyro" else SPECIFIC_FORCE_B
     leg = Leg(1, axis, (0.0, 0.0), turn_deg, math.radians(turn_deg) / RATE)
     expected = integral_over_turn(
@@ -136,10 +136,8 @@ def test_each_equation_of_the_paper(kind, error, axis, equation, alpha_deg, beta
 )
 def test_an_installation_error_is_the_change_of_the_axis(alpha_deg, beta_deg, delta, start):
     """(34): in first order, an axis h' with no error sees (h' - h) x more than h."""
-    sensors = sensors_of(
-        "accelerometer",
-        ((alpha_deg, beta_deg),),
-        (SensorErrors(delta_u=delta[0], delta_v=delta[1]),),
+    sensors = si_sensors(
+        "accelerometer", ((alpha_deg, beta_deg),), delta_u=delta[0], delta_v=delta[1]
     )
     leg = Leg(1, None, start, 0.0, 5.0)
     inner, outer = np.radians(start)

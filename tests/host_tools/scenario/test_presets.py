@@ -6,6 +6,7 @@ import pytest
 
 from rrins.host_tools.errors import ScenarioError
 from rrins.host_tools.experiments.fleet import run
+from rrins.host_tools.hardware.settings import power_on
 from rrins.host_tools.runs.set_up.settings import hardware_settings
 from rrins.host_tools.scenario import presets
 from rrins.host_tools.scenario.geometry import GEOMETRIES
@@ -45,9 +46,9 @@ def test_a_preset_fits_every_geometry_of_its_count(name, geometry, write):
         count = len(GEOMETRIES[geometry])
         assert f'4 values for {count} sensors, of sensors = "prototype"' in message
         return
-    made = hardware_settings(load(write(text)))
-    assert len(made.gyros.errors) == len(GEOMETRIES[geometry])
-    assert (name == "ideal") == (made.gyros.errors[0].white_noise == 0)
+    sensors = power_on(hardware_settings(load(write(text))))[0].gyros
+    assert sensors.count == len(GEOMETRIES[geometry])
+    assert (name == "ideal") == (sensors.noise_increment[0] == 0)
 
 
 def test_the_prototype_is_table_2():

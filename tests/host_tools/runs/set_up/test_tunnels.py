@@ -24,7 +24,7 @@ def found(scenario):
     """Return the first and the last time without a fix, since navigation begins."""
     settings = hardware_settings(scenario)
     begin, rate = scenario.navigation_epoch, scenario.rate_hz
-    return [((a - begin) / rate, (b - begin) / rate) for a, b in settings.gnss.outages]
+    return [((a - begin) / rate, (b - begin) / rate) for a, b in settings.gnss_outages]
 
 
 @pytest.fixture(scope="module")
