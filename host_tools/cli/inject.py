@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-import json
-
 import click
 
-from rrins.host_tools.bus.port import EMBEDDED
 from rrins.host_tools.cli.completion import complete_messages
-from rrins.host_tools.cli.options import bus_options, json_option
-from rrins.host_tools.cli.output import print_note
+from rrins.host_tools.cli.options import (
+    Bus,
+    bus_option,
+    flag,
+    json_option,
+    option,
+)
+from rrins.host_tools.cli.output import print_note, print_results
 from rrins.host_tools.files import JsonObject
 from rrins.host_tools.injection.client import FaultClient
 from rrins.host_tools.injection.fault_report import (
@@ -20,7 +23,6 @@ from rrins.host_tools.injection.fault_report import (
 )
 from rrins.host_tools.injection.messages import LiveFault
 
-_DEFAULT_CHANNEL = "rrins0"
 _CLEAR, _LIST = "clear", "list"
 _STEPS = {
     "delay_s": "a whole number of epochs",
@@ -30,48 +32,42 @@ _STEPS = {
 
 @click.command()
 @click.argument("kind", metavar="KIND|clear|list")
-@click.option(
+@option(
     "--message",
-    help="Wire: message concerned, such as SENSOR_3.  [default: all]",
+    "Wire: message concerned, such as SENSOR_3.  [default: all]",
     shell_complete=complete_messages,
 )
-@click.option("--node", help="Wire: sender concerned: any, firmware or hardware.  [default: any]")
-@click.option("--delay", "delay_s", type=float, help="For delay, s.")
-@click.option("--frames-per-epoch", type=int, help="For babble: number of frames.")
-@click.option("--bit", type=int, help="For corrupt: bit of the payload.  [default: random]")
-@click.option("--probability", type=float, help="Wire: fraction of the frames affected.")
-@click.option("--axis", help="Axis that fails: inner or outer.")
-@click.option("--sensor", type=int, help="Gyro or accelerometer that fails.  [default: all]")
-@click.option("--rate-dps", type=float, help="For axis_runaway, °/s.")
-@click.option("--offset-deg", type=float, help="For encoder_offset, °.")
-@click.option("--slip-percent", type=float, help="For encoder_slip and odometer_slip, %.")
-@click.option("--bias-dph", type=float, help="For gyro_bias, °/h.")
-@click.option("--bias-ug", type=float, help="For accelerometer_bias, µg.")
-@click.option("--angle-random-walk-deg-per-sqrt-h", type=float, help="For gyro_noise, °/√h.")
-@click.option("--white-noise-ug-per-sqrt-hz", type=float, help="For accelerometer_noise, µg/√Hz.")
-@click.option("--bias-dph-per-min", type=float, help="For gyro_ramp, °/h per minute.")
-@click.option("--bias-ug-per-min", type=float, help="For accelerometer_ramp, µg per minute.")
-@click.option("--scale-ppm", type=float, help="For …_scale, ppm.")
-@click.option("--shift-arcsec", type=float, help="For …_shift_u and …_shift_v, ″.")
-@click.option(
-    "--direction", help="For gnss_jump and gnss_pull: east, north or up.  [default: east]"
-)
-@click.option("--jump-m", type=float, help="For gnss_jump, m.")
-@click.option("--pull-mps", type=float, help="For gnss_pull, m/s.")
-@click.option("--period", "period_s", type=float, help="Hardware: intermittent, period in s.")
-@click.option("--duty", type=float, help="Share of the period with the fault.  [default: 0.5]")
-@click.option(
-    "--for", "for_s", type=float, help="Duration in simulated seconds.  [default: until removed]"
-)
-@click.option("--remove", is_flag=True, help="Remove the fault.")
-@bus_options
+@option("--node", "Wire: sender concerned: any, firmware or hardware.  [default: any]")
+@option("--delay delay_s", "For delay, s.", float)
+@option("--frames-per-epoch", "For babble: number of frames.", int)
+@option("--bit", "For corrupt: bit of the payload.  [default: random]", int)
+@option("--probability", "Wire: fraction of the frames affected.", float)
+@option("--axis", "Axis that fails: inner or outer.")
+@option("--sensor", "Gyro or accelerometer that fails.  [default: all]", int)
+@option("--rate-dps", "For axis_runaway, °/s.", float)
+@option("--offset-deg", "For encoder_offset, °.", float)
+@option("--slip-percent", "For encoder_slip and odometer_slip, %.", float)
+@option("--bias-dph", "For gyro_bias, °/h.", float)
+@option("--bias-ug", "For accelerometer_bias, µg.", float)
+@option("--angle-random-walk-deg-per-sqrt-h", "For gyro_noise, °/√h.", float)
+@option("--white-noise-ug-per-sqrt-hz", "For accelerometer_noise, µg/√Hz.", float)
+@option("--bias-dph-per-min", "For gyro_ramp, °/h per minute.", float)
+@option("--bias-ug-per-min", "For accelerometer_ramp, µg per minute.", float)
+@option("--scale-ppm", "For …_scale, ppm.", float)
+@option("--shift-arcsec", "For …_shift_u and …_shift_v, ″.", float)
+@option("--direction", "For gnss_jump and gnss_pull: east, north or up.  [default: east]")
+@option("--jump-m", "For gnss_jump, m.", float)
+@option("--pull-mps", "For gnss_pull, m/s.", float)
+@option("--period period_s", "Hardware: intermittent, period in s.", float)
+@option("--duty", "Share of the period with the fault.  [default: 0.5]", float)
+@option("--for for_s", "Duration in simulated seconds.  [default: until removed]", float)
+@flag("--remove", "Remove the fault.")
+@bus_option
 @json_option
 def inject(
     kind: str,
     remove: bool,
-    interface: str,
-    channel: str | None,
-    bitrate: int | None,
+    bus: Bus,
     as_json: bool,
     **keys: str | float | None,
 ) -> None:
@@ -86,7 +82,6 @@ def inject(
 
     `clear` removes all faults; `list` shows the active ones and when they began.
     """
-    from rrins.host_tools.runs.rehearsal import default_address
     from rrins.host_tools.scenario.scenario import fault_of
 
     given = {key: value for key, value in keys.items() if value is not None}
@@ -97,16 +92,14 @@ def inject(
         fault = None
     else:
         fault = fault_of({"kind": kind} | given)
-    if channel is None and interface == EMBEDDED:
-        channel = _DEFAULT_CHANNEL
-    with FaultClient(default_address(interface, channel, bitrate)) as client:
+    with FaultClient(bus.address()) as client:
         if fault is None:
             text, values = _clear(client) if kind == _CLEAR else _list(client)
         elif remove:
             text, values = _remove(client, fault)
         else:
             text, values = _inject(client, fault)
-    click.echo(json.dumps(values) if as_json else text)
+    print_results(as_json, values, [text])
 
 
 _Outcome = tuple[str, JsonObject]

@@ -9,6 +9,7 @@ import click
 from rrins.host_tools.cli.completion import complete_scenarios
 from rrins.host_tools.cli.group import Group
 from rrins.host_tools.cli.options import json_option
+from rrins.host_tools.cli.output import print_json
 from rrins.host_tools.scenario.scenario import Scenario, load, names, text_of
 
 
@@ -37,7 +38,7 @@ def show_scenario(name: str, as_json: bool) -> None:
 
     scenario = load(name)
     shown = {"scenario": scenario.model_dump(mode="json"), "fusion": fusion_set_up(scenario)}
-    click.echo(json.dumps(shown))
+    print_json(shown)
 
 
 @scenarios.command("schema")

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import click
 
-from rrins.host_tools.cli.completion import complete_scenarios
+from rrins.host_tools.cli.options import scenario_argument
 from rrins.host_tools.scenario.scenario import load
 
 
 @click.command()
-@click.argument(
-    "scenario", default="rimu_rotating", metavar="[SCENARIO]", shell_complete=complete_scenarios
-)
+@scenario_argument
 def setup(scenario: str) -> None:
     """Show the set-up of SCENARIO's navigation computer: a key and its values on each line.
 

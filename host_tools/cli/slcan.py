@@ -6,16 +6,14 @@ from pathlib import Path
 
 import click
 
+from rrins.host_tools.cli.options import PATH, embedded_channel_option, option
+from rrins.host_tools.cli.output import print_note
 from rrins.host_tools.interruption import heed_sigterm
 
 
 @click.command()
-@click.option("--channel", default="rrins0", show_default=True, help="Channel of the embedded bus.")
-@click.option(
-    "--link",
-    type=click.Path(path_type=Path),
-    help="Symbolic link to the pseudo-terminal, for a name that stays the same.",
-)
+@embedded_channel_option
+@option("--link", "Symbolic link to the pseudo-terminal, for a name that stays the same.", PATH)
 def slcan(channel: str, link: Path | None) -> None:
     """Serve the embedded bus as a serial CAN adapter (slcan, LAWICEL) on a pseudo-terminal.
 
@@ -25,13 +23,11 @@ def slcan(channel: str, link: Path | None) -> None:
     from rrins.host_tools.bridges.slcan_bus import serve
 
     def on_ready(port: str) -> None:
-        click.echo(
-            f"rrins: channel {channel!r} is an slcan adapter on {port}; Ctrl-C stops", err=True
-        )
+        print_note(f"channel {channel!r} is an slcan adapter on {port}; Ctrl-C stops")
 
     def on_end(lost: int) -> None:
         if lost:
-            click.echo(f"rrins: {lost} frames were lost: the program read too slowly", err=True)
+            print_note(f"{lost} frames were lost: the program read too slowly")
 
     heed_sigterm()
-    click.echo(f"rrins: {serve(channel, link, on_ready=on_ready, on_end=on_end)}", err=True)
+    print_note(serve(channel, link, on_ready=on_ready, on_end=on_end))

@@ -6,22 +6,15 @@ from typing import Literal
 
 import click
 
-from rrins.host_tools.cli.options import timestamps_option
+from rrins.host_tools.cli.options import PORT, embedded_channel_option, option, timestamps_option
+from rrins.host_tools.cli.output import print_note
 from rrins.host_tools.interruption import heed_sigterm
 
 
 @click.command()
-@click.option("--channel", default="rrins0", show_default=True, help="Channel of the embedded bus.")
-@click.option(
-    "--port",
-    type=click.IntRange(0, 65535),
-    default=29536,
-    show_default=True,
-    help="TCP port; 0 picks a free one.",
-)
-@click.option(
-    "--host", default="127.0.0.1", show_default=True, help="Loopback address to listen on."
-)
+@embedded_channel_option
+@option("--port", "TCP port; 0 picks a free one.", PORT, 29536)
+@option("--host", "Loopback address to listen on.", None, "127.0.0.1")
 @timestamps_option
 def socketcand(channel: str, port: int, host: str, timestamps: Literal["bus", "unix"]) -> None:
     """Serve the embedded bus to socketcand clients such as SavvyCAN.
@@ -32,8 +25,7 @@ def socketcand(channel: str, port: int, host: str, timestamps: Literal["bus", "u
     from rrins.host_tools.bridges.socketcand import serve
 
     def on_ready(taken: int) -> None:
-        click.echo(f"rrins: channel {channel!r} is on {host} port {taken}; Ctrl-C stops", err=True)
+        print_note(f"channel {channel!r} is on {host} port {taken}; Ctrl-C stops")
 
     heed_sigterm()
-    reason = serve(channel, host, port, timestamps=timestamps, on_ready=on_ready)
-    click.echo(f"rrins: {reason}", err=True)
+    print_note(serve(channel, host, port, timestamps=timestamps, on_ready=on_ready))
