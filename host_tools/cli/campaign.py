@@ -212,4 +212,4 @@ def _rerun(
     if again.is_same is not None:
         parts.append("as in the table of runs, to the bit" if again.is_same else _NOT_SAME)
     more = {"run": run, "folder": str(again.folder), "same_as_row": again.is_same}
-    print_results(as_json, summary | more, [*parts, str(again.folder)])
+    print_results(as_json, {**summary, **more}, [*parts, str(again.folder)])

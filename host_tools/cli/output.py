@@ -6,10 +6,10 @@ import itertools
 import json
 import os
 import threading
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -27,13 +27,13 @@ def print_note(text: str) -> None:
     click.echo(f"rrins: {text}", err=True)
 
 
-def print_json(values: JsonObject | list[JsonObject]) -> None:
+def print_json(values: Mapping[str, Any] | list[JsonObject]) -> None:
     """Print a JSON value on one line."""
     click.echo(json.dumps(values))
 
 
 def print_results(
-    as_json: bool, values: JsonObject | list[JsonObject], parts: Iterable[Table | str]
+    as_json: bool, values: Mapping[str, Any] | list[JsonObject], parts: Iterable[Table | str]
 ) -> None:
     """Print one JSON object, or the tables and lines for people."""
     if as_json:
