@@ -213,31 +213,28 @@ class Tester(Closing):
 
     # ---- trouble codes
 
+    def _dtcs(self, what: str, call: Callable[[], Any]) -> list[Dtc]:
+        response = self.conversation.request(what, table.service(0x19).access, call)
+        return list(response.service_data.dtcs)
+
     def troubles(self, mask: int) -> list[TroubleReport]:
         """Return the trouble codes with any of these status bits set."""
-        response = self.conversation.request(
-            "dtc read",
-            table.service(0x19).access,
-            lambda: self._client.get_dtc_by_status_mask(mask),
-        )
-        return [_trouble_report(dtc) for dtc in response.service_data.dtcs]
+        dtcs = self._dtcs("dtc read", lambda: self._client.get_dtc_by_status_mask(mask))
+        return [_trouble_report(dtc) for dtc in dtcs]
 
     def all_troubles(self) -> list[TroubleReport]:
         """Return all trouble codes that the computer supports."""
-        response = self.conversation.request(
-            "dtc read", table.service(0x19).access, self._client.get_supported_dtc
-        )
-        return [_trouble_report(dtc) for dtc in response.service_data.dtcs]
+        return [
+            _trouble_report(dtc) for dtc in self._dtcs("dtc read", self._client.get_supported_dtc)
+        ]
 
     def snapshots(self, number: int) -> dict[int, dict[str, Values]]:
         """Return a trouble code's freeze frames: values by record number and identifier."""
-        response = self.conversation.request(
-            f"dtc 0x{number:06X}",
-            table.service(0x19).access,
-            lambda: self._client.get_dtc_snapshot_by_dtc_number(number, ALL_RECORDS),
-        )
         found: dict[int, dict[str, Values]] = {}
-        for dtc in response.service_data.dtcs:
+        for dtc in self._dtcs(
+            f"dtc 0x{number:06X}",
+            lambda: self._client.get_dtc_snapshot_by_dtc_number(number, ALL_RECORDS),
+        ):
             for snapshot in dtc.snapshots:
                 name = table.identifier(snapshot.did).name
                 found.setdefault(snapshot.record_number, {})[name] = snapshot.data
@@ -245,13 +242,11 @@ class Tester(Closing):
 
     def extended_data(self, number: int) -> Values:
         """Return a trouble code's counters."""
-        response = self.conversation.request(
-            f"dtc 0x{number:06X}",
-            table.service(0x19).access,
-            lambda: self._client.get_dtc_extended_data_by_dtc_number(number, ALL_RECORDS),
-        )
         found: Values = {}
-        for dtc in response.service_data.dtcs:
+        for dtc in self._dtcs(
+            f"dtc 0x{number:06X}",
+            lambda: self._client.get_dtc_extended_data_by_dtc_number(number, ALL_RECORDS),
+        ):
             for record in dtc.extended_data:
                 found |= table.EXTENDED_DATA[record.record_number].decode(record.raw_data)
         return found
