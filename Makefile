@@ -4,7 +4,7 @@ PYTHON ?= python3.11
 VENV ?= .venv
 RUN = $(VENV)/bin/python -m
 
-.PHONY: rehearsal quick test check docs docs-site clean
+.PHONY: rehearsal quick test check docs docs-site changelog clean
 
 # One cycle of the rotation scheme. Bytecode of all libraries takes longer than the run: it is last.
 rehearsal: $(VENV)/installed
@@ -58,6 +58,9 @@ $(VENV)/bytecode: $(VENV)/installed
 $(VENV)/installed-docs: pyproject.toml | $(VENV)/bin/python
 	$(VENV)/bin/pip install --quiet --disable-pip-version-check --no-compile --editable '.[docs]'
 	touch $@ $(VENV)/installed
+
+changelog: $(VENV)/installed-dev
+	$(RUN) towncrier build --yes --version "$$($(VENV)/bin/python -c 'import rrins; print(rrins.__version__)')"
 
 clean:
 	rm -rf $(VENV) out build dist docs/_build
