@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import asdict
 
 import numpy as np
 from rich.table import Table
@@ -44,21 +45,9 @@ def analysis_object(named: NamedScheme, rimu: NamedRimu, variation: Variation) -
         largest = integrals.excursion.max(axis=-1)
         for row in integrals.residual_rows():
             whole = float(largest[row.sensor - 1, ERRORS.index(row.error)])
-            rows.append(
-                {
-                    "sensor_kind": row.sensor_kind,
-                    "sensor": row.sensor,
-                    "error": row.error,
-                    "axis": row.axis,
-                    "unit": row.unit,
-                    "residual": row.residual,
-                    "closed_form": row.closed_form,
-                    "excursion": row.excursion,
-                    "residual_ratio": abs(row.residual) / whole if whole else 0.0,
-                    "vanishes": row.vanishes,
-                    "equations": EQUATIONS[row.sensor_kind, row.error],
-                }
-            )
+            ratio = abs(row.residual) / whole if whole else 0.0
+            equations = EQUATIONS[row.sensor_kind, row.error]
+            rows.append(asdict(row) | {"residual_ratio": ratio, "equations": equations})
     return {
         "scheme": scheme_object(named),
         "geometry": rimu.geometry,

@@ -11,7 +11,14 @@ from typing import Any
 from udsoncan import DataFormatIdentifier, Dtc, MemoryLocation
 
 from rrins.firmware_py.core.modes.modes import Mode
-from rrins.firmware_py.core.records.troubles import ALL_GROUPS, ALL_RECORDS, Trouble
+from rrins.firmware_py.core.records.troubles import (
+    ALL_GROUPS,
+    ALL_RECORDS,
+    FIRST_SNAPSHOT,
+    LATEST_SNAPSHOT,
+    Status,
+    Trouble,
+)
 from rrins.firmware_py.diagnostics import access, table
 from rrins.firmware_py.diagnostics.codecs import Value, Values
 from rrins.firmware_py.diagnostics.data_identifier import DataIdentifier
@@ -28,7 +35,9 @@ from rrins.firmware_py.diagnostics.routines import Routine
 from rrins.host_tools.closing import Closing
 from rrins.host_tools.diag.conversation import LOST_SESSION, Conversation
 from rrins.host_tools.diag.target import Target
+from rrins.host_tools.diag.values import to_json
 from rrins.host_tools.errors import DiagError
+from rrins.host_tools.files import JsonObject
 
 MOST_AT_ONCE = 16
 """Most data identifiers in one request."""
@@ -41,6 +50,12 @@ _LOST_TRANSFER = (
     Code.CONDITIONS_NOT_CORRECT,  # another transfer is under way
     Code.WRONG_BLOCK_SEQUENCE_COUNTER,
 )
+
+REMEMBERED = Status.TEST_FAILED | Status.PENDING | Status.CONFIRMED
+"""Status bits of a trouble code that has something to tell."""
+
+RECORDS = {FIRST_SNAPSHOT: "first", LATEST_SNAPSHOT: "latest"}
+"""Names of the records of freeze frames."""
 
 Advice = Callable[[int], str]
 """Returns what to do about a negative response."""
@@ -62,6 +77,16 @@ class TroubleReport:
     trouble: Trouble | None
     number: int
     status: int
+
+    @property
+    def code(self) -> str:
+        """The code as in SAE J2012, or the number."""
+        return self.trouble.code if self.trouble else f"0x{self.number:06X}"
+
+    @property
+    def status_bits(self) -> list[str]:
+        """Names of the status bits that are set."""
+        return [bit.name.lower() for bit in Status if self.status & bit]
 
 
 class Tester(Closing):
@@ -213,7 +238,7 @@ class Tester(Closing):
 
     # ---- trouble codes
 
-    def _dtcs(self, what: str, call: Callable[[], Any]) -> list[Dtc]:
+    def _dtcs(self, what: str, call: Callable[[], Any]) -> list[Any]:
         response = self.conversation.request(what, table.service(0x19).access, call)
         return list(response.service_data.dtcs)
 
@@ -239,6 +264,16 @@ class Tester(Closing):
                 name = table.identifier(snapshot.did).name
                 found.setdefault(snapshot.record_number, {})[name] = snapshot.data
         return found
+
+    def freeze_frames(self, number: int) -> JsonObject:
+        """Return a trouble code's freeze frames for JSON, ``first`` and ``latest``."""
+        return {
+            RECORDS.get(record, str(record)): {
+                name: to_json(table.identifier(name).layout, values)
+                for name, values in frame.items()
+            }
+            for record, frame in self.snapshots(number).items()
+        }
 
     def extended_data(self, number: int) -> Values:
         """Return a trouble code's counters."""

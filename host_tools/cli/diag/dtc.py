@@ -12,7 +12,6 @@ from rrins.firmware_py.core.records.redundancy_records import BEFORE_S
 from rrins.firmware_py.core.records.troubles import (
     ALL_GROUPS,
     FIRST_SNAPSHOT,
-    LATEST_SNAPSHOT,
     Status,
     Trouble,
 )
@@ -26,21 +25,14 @@ from rrins.host_tools.cli.diag.output import grid, paragraph
 from rrins.host_tools.cli.group import Group
 from rrins.host_tools.cli.options import flag, json_option
 from rrins.host_tools.cli.output import print_json, print_results
-from rrins.host_tools.diag.tester import Tester, TroubleReport
-from rrins.host_tools.diag.values import to_json, value_text
+from rrins.host_tools.diag.tester import RECORDS, REMEMBERED, Tester, TroubleReport
+from rrins.host_tools.diag.values import value_text
 from rrins.host_tools.files import JsonObject
-
-_REMEMBERED = Status.TEST_FAILED | Status.PENDING | Status.CONFIRMED
-_RECORDS = {FIRST_SNAPSHOT: "first", LATEST_SNAPSHOT: "latest"}
 
 
 @click.group(cls=Group)
 def dtc() -> None:
     """Read and clear diagnostic trouble codes."""
-
-
-def _bits(status: int) -> list[str]:
-    return [bit.name.lower() for bit in Status if status & bit]
 
 
 def _status_text(status: int) -> str:
@@ -55,32 +47,22 @@ def _status_text(status: int) -> str:
     return "\n".join([now, ", ".join(marks)]).rstrip()
 
 
-def _code(found: TroubleReport) -> str:
-    return found.trouble.code if found.trouble else f"0x{found.number:06X}"
-
-
 def _name(found: TroubleReport) -> str:
     return found.trouble.name if found.trouble else "not in this tool's table"
 
 
 def _trouble_object(tester: Tester, found: TroubleReport, with_frames: bool) -> JsonObject:
     result: JsonObject = {
-        "code": _code(found),
+        "code": found.code,
         "number": f"0x{found.number:06X}",
         "name": found.trouble.name if found.trouble else None,
         "text": found.trouble.text if found.trouble else None,
         "status": found.status,
-        "status_bits": _bits(found.status),
+        "status_bits": found.status_bits,
     }
     if with_frames:
         result |= tester.extended_data(found.number)
-        result["freeze_frames"] = {
-            _RECORDS.get(record, str(record)): {
-                name: to_json(table.identifier(name).layout, values)
-                for name, values in frame.items()
-            }
-            for record, frame in tester.snapshots(found.number).items()
-        }
+        result["freeze_frames"] = tester.freeze_frames(found.number)
     return result
 
 
@@ -112,7 +94,7 @@ def read_troubles(
     if trouble is not None:
         found = [_find_trouble(tester, trouble)]
     else:
-        found = tester.all_troubles() if all_of_them else tester.troubles(_REMEMBERED)
+        found = tester.all_troubles() if all_of_them else tester.troubles(REMEMBERED)
     in_detail = freeze_frames or trouble is not None
     if as_json:
         print_json([_trouble_object(tester, one, in_detail) for one in found])
@@ -126,7 +108,7 @@ def read_troubles(
         rows = grid("code", "trouble", "status")
         for one in found:
             text = f"\n{one.trouble.text}" if one.trouble else ""
-            rows.add_row(_code(one), _name(one) + text, _status_text(one.status))
+            rows.add_row(one.code, _name(one) + text, _status_text(one.status))
         parts.append(rows)
     print_results(False, [], parts)
 
@@ -134,11 +116,11 @@ def read_troubles(
 def _details(tester: Tester, found: TroubleReport) -> Iterator[Table | str]:
     extended = tester.extended_data(found.number)
     frames = tester.snapshots(found.number)
-    yield f"{_code(found)} {_name(found)} (0x{found.number:06X})"
+    yield f"{found.code} {_name(found)} (0x{found.number:06X})"
     if found.trouble:
         yield paragraph(found.trouble.text)
         yield paragraph(f"fails after / passes after: {found.trouble.debounce}")
-    bits = (bit.replace("_", " ") for bit in _bits(found.status))
+    bits = (bit.replace("_", " ") for bit in found.status_bits)
     yield paragraph(f"status 0x{found.status:02X}: {', '.join(bits)}")
     counters = (f"{name.replace('_', ' ')} {value}" for name, value in extended.items())
     yield paragraph(", ".join(counters))
@@ -147,7 +129,7 @@ def _details(tester: Tester, found: TroubleReport) -> Iterator[Table | str]:
 
 
 def _freeze_frames(frames: dict[int, dict[str, Values]]) -> Table:
-    headings = [_RECORDS.get(record, str(record)) for record in frames]
+    headings = [RECORDS.get(record, str(record)) for record in frames]
     first = frames.get(FIRST_SNAPSHOT)
     if first and len(frames) > 1 and all(frame == first for frame in frames.values()):
         frames, headings = {FIRST_SNAPSHOT: first}, ["first and latest"]
