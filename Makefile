@@ -28,6 +28,7 @@ check: $(VENV)/installed-dev
 	$(VENV)/bin/codespell
 
 docs: $(VENV)/installed-dev
+	cd docs && ../$(RUN) generate.fault_numbers
 	cd docs && ../$(RUN) generate.contract_page > bus-contract.md
 	cd docs && ../$(RUN) generate.diagnostic_page > diagnostic-table.md
 	cd docs && ../$(RUN) generate.faults_page > faults.md

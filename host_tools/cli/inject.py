@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
+from typing import get_args
+
 import click
 
 from rrins.host_tools.cli.completion import complete_messages
-from rrins.host_tools.cli.options import (
-    Bus,
-    bus_option,
-    flag,
-    json_option,
-    option,
-)
+from rrins.host_tools.cli.options import Bus, Command, bus_option, flag, json_option, option
 from rrins.host_tools.cli.output import print_note, print_results
 from rrins.host_tools.files import JsonObject
+from rrins.host_tools.hardware.fault_kinds import HardwareFault
 from rrins.host_tools.injection.client import FaultClient
 from rrins.host_tools.injection.fault_report import (
     ActiveFault,
@@ -22,73 +19,67 @@ from rrins.host_tools.injection.fault_report import (
     fault_words,
 )
 from rrins.host_tools.injection.messages import LiveFault
+from rrins.host_tools.scenario.fault_tables import KINDS
+from rrins.host_tools.wire.fault_kinds import FaultKind
 
 _CLEAR, _LIST = "clear", "list"
+_MOST_NAMED = 4  # kinds in the help of an option
 _STEPS = {
     "delay_s": "a whole number of epochs",
     "probability": "the nearest value a command can carry",
 }
 
 
-@click.command()
+def _options(command: Command) -> Command:
+    """Add an option for each key that a fault can have in a scenario, but `at_s`."""
+    keys: dict[str, list[str]] = {}
+    for kind, table in KINDS.items():
+        for key in table.model_fields:
+            keys.setdefault(key, []).append(kind)
+    del keys["kind"], keys["at_s"]
+    keys["for_s"] = keys.pop("for_s")  # the last
+    for key, kinds in reversed(keys.items()):
+        field = KINDS[kinds[0]].model_fields[key]
+        of = f"For {', '.join(kinds)}: " if len(kinds) <= _MOST_NAMED else ""
+        numbers = [number for number in (int, float) if _is_of(field.annotation, number)]
+        command = option(
+            f"--{key.removesuffix('_s').replace('_', '-')} {key}",
+            f"{of}{field.description}",
+            numbers[0] if numbers else None,
+            shell_complete=complete_messages if key == "message" else None,
+        )(command)
+    return command
+
+
+def _is_of(annotation: object, number: type) -> bool:
+    return annotation is number or number in get_args(annotation)
+
+
+_HELP = f"""Inject a fault into a running rehearsal, or remove it.
+
+Faults on the wire: {", ".join(kind.word for kind in FaultKind)}.
+
+Hardware faults: {", ".join(kind.word for kind in HardwareFault)}.
+
+`clear` removes all faults; `list` shows the active ones and when they began.
+"""
+
+
+@click.command(help=_HELP)
 @click.argument("kind", metavar="KIND|clear|list")
-@option(
-    "--message",
-    "Wire: message concerned, such as SENSOR_3.  [default: all]",
-    shell_complete=complete_messages,
-)
-@option("--node", "Wire: sender concerned: any, firmware or hardware.  [default: any]")
-@option("--delay delay_s", "For delay, s.", float)
-@option("--frames-per-epoch", "For babble: number of frames.", int)
-@option("--bit", "For corrupt: bit of the payload.  [default: random]", int)
-@option("--probability", "Wire: fraction of the frames affected.", float)
-@option("--axis", "Axis that fails: inner or outer.")
-@option("--sensor", "Gyro or accelerometer that fails.  [default: all]", int)
-@option("--rate-dps", "For axis_runaway, °/s.", float)
-@option("--offset-deg", "For encoder_offset, °.", float)
-@option("--slip-percent", "For encoder_slip and odometer_slip, %.", float)
-@option("--bias-dph", "For gyro_bias, °/h.", float)
-@option("--bias-ug", "For accelerometer_bias, µg.", float)
-@option("--angle-random-walk-deg-per-sqrt-h", "For gyro_noise, °/√h.", float)
-@option("--white-noise-ug-per-sqrt-hz", "For accelerometer_noise, µg/√Hz.", float)
-@option("--bias-dph-per-min", "For gyro_ramp, °/h per minute.", float)
-@option("--bias-ug-per-min", "For accelerometer_ramp, µg per minute.", float)
-@option("--scale-ppm", "For …_scale, ppm.", float)
-@option("--shift-arcsec", "For …_shift_u and …_shift_v, ″.", float)
-@option("--direction", "For gnss_jump and gnss_pull: east, north or up.  [default: east]")
-@option("--jump-m", "For gnss_jump, m.", float)
-@option("--pull-mps", "For gnss_pull, m/s.", float)
-@option("--period period_s", "Hardware: intermittent, period in s.", float)
-@option("--duty", "Share of the period with the fault.  [default: 0.5]", float)
-@option("--for for_s", "Duration in simulated seconds.  [default: until removed]", float)
+@_options
 @flag("--remove", "Remove the fault.")
 @bus_option
 @json_option
-def inject(
-    kind: str,
-    remove: bool,
-    bus: Bus,
-    as_json: bool,
-    **keys: str | float | None,
-) -> None:
-    """Inject a fault into a running rehearsal, or remove it.
-
-    Faults on the wire: drop, delay, duplicate, reorder, corrupt_wire, corrupt, wrong_counter,
-    babble, silence, bus_off, cut, stale.
-
-    Hardware faults: axis_stall, axis_runaway, encoder_stuck, encoder_offset, encoder_slip; gyro_ or
-    accelerometer_ with stuck, dead, absent, full_scale, bias, ramp, noise, scale, shift_u or
-    shift_v; odometer_slip, odometer_lock, odometer_lost; gnss_jump, gnss_pull, gnss_lost.
-
-    `clear` removes all faults; `list` shows the active ones and when they began.
-    """
+def inject(kind: str, remove: bool, bus: Bus, as_json: bool, **keys: str | float | None) -> None:
+    """Inject a fault into a running rehearsal, or remove it."""
     from rrins.host_tools.scenario.scenario import fault_of
 
     given = {key: value for key, value in keys.items() if value is not None}
     if kind in (_CLEAR, _LIST):
         if given or remove:
-            option = "--remove" if remove else f"--{next(iter(given)).replace('_', '-')}"
-            raise click.UsageError(f"{kind} does not accept fault options such as {option}")
+            word = "--remove" if remove else f"--{next(iter(given)).replace('_', '-')}"
+            raise click.UsageError(f"{kind} does not accept fault options such as {word}")
         fault = None
     else:
         fault = fault_of({"kind": kind} | given)
