@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from typing import Any
 
 from rich.cells import cell_len
 from rich.console import Console, ConsoleOptions, RenderResult
@@ -22,6 +23,23 @@ def new_console(*, stderr: bool = False, highlight: bool = True) -> Console:
     Brackets are no markup and words between colons no pictures.
     """
     return Console(stderr=stderr, highlight=highlight, markup=False, emoji=False)
+
+
+def new_table(title: str | None, *headings: str, **options: Any) -> Table:
+    """Return an empty table: words in the first column, numbers in the others.
+
+    Parameters
+    ----------
+    title : str, optional
+    *headings : str
+        One for each column.
+    **options : optional
+        As for `rich.table.Table`.
+    """
+    table = Table(title=title, title_justify="left", **options)
+    for number, heading in enumerate(headings):
+        table.add_column(heading, justify="right" if number else "left", no_wrap=True)
+    return table
 
 
 def print_table(table: Table, console: Console | None = None) -> None:

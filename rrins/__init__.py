@@ -24,129 +24,16 @@ Units stand at the end of a name (``_deg``, ``_dph``, ``_ug``, ``_s``); frames a
 matplotlib) comes with the first call that needs it. xarray and pandas belong to the extra `data`.
 """
 
-from __future__ import annotations
-
 from importlib import import_module
-from typing import TYPE_CHECKING, Final
 
-if TYPE_CHECKING:
-    from rrins.benchmarks import bench as bench
-    from rrins.calibration import UnitCalibration as UnitCalibration
-    from rrins.calibration import calibrate as calibrate
-    from rrins.campaign import Campaign as Campaign
-    from rrins.conformance import Conformance as Conformance
-    from rrins.conformance import conform as conform
-    from rrins.covariance import CovarianceAnalysis as CovarianceAnalysis
-    from rrins.covariance import analyse_covariance as analyse_covariance
-    from rrins.dashboard import open_dashboard as open_dashboard
-    from rrins.host_tools.errors import RehearsalError as RehearsalError
-    from rrins.host_tools.errors import ScenarioError as ScenarioError
-    from rrins.host_tools.scenario.scenario import Scenario as Scenario
-    from rrins.live import open_diagnostics as open_diagnostics
-    from rrins.live import open_faults as open_faults
-    from rrins.live import record as record
-    from rrins.log import BusLog as BusLog
-    from rrins.log import open_log as open_log
-    from rrins.log import replay as replay
-    from rrins.motion import check_motion as check_motion
-    from rrins.motion import load_motion as load_motion
-    from rrins.paper import reproduce as reproduce
-    from rrins.redundancy import RedundancyStudy as RedundancyStudy
-    from rrins.redundancy import study_redundancy as study_redundancy
-    from rrins.run import Run as Run
-    from rrins.run import rehearse as rehearse
-    from rrins.run import simulate as simulate
-    from rrins.scenarios import load_scenario as load_scenario
-    from rrins.scenarios import scenario_names as scenario_names
-    from rrins.schemes import SchemeAnalysis as SchemeAnalysis
-    from rrins.schemes import SchemeObservability as SchemeObservability
-    from rrins.schemes import analyse_scheme as analyse_scheme
-    from rrins.schemes import compare_schemes as compare_schemes
-    from rrins.schemes import observe_scheme as observe_scheme
-    from rrins.schemes import search_schemes as search_schemes
-    from rrins.vehicle import import_recording as import_recording
-    from rrins.vehicle import write_increments as write_increments
+# By the loader: pathlib would take longer to import than all else here.
+_STUB = __spec__.loader.get_data(f"{__file__}i").decode()
+_HOMES = dict(
+    reversed(line.split()[1:4:2]) for line in _STUB.splitlines() if line.startswith("from ")
+)
+"""Module of each name, from the stub that type checkers and editors read."""
 
-    __version__: str
-
-_HOMES: Final = {
-    "RehearsalError": "rrins.host_tools.errors",
-    "ScenarioError": "rrins.host_tools.errors",
-    "Scenario": "rrins.host_tools.scenario.scenario",
-    "load_scenario": "rrins.scenarios",
-    "scenario_names": "rrins.scenarios",
-    "Run": "rrins.run",
-    "simulate": "rrins.run",
-    "rehearse": "rrins.run",
-    "BusLog": "rrins.log",
-    "open_log": "rrins.log",
-    "replay": "rrins.log",
-    "record": "rrins.live",
-    "open_diagnostics": "rrins.live",
-    "open_faults": "rrins.live",
-    "SchemeAnalysis": "rrins.schemes",
-    "analyse_scheme": "rrins.schemes",
-    "search_schemes": "rrins.schemes",
-    "load_motion": "rrins.motion",
-    "write_increments": "rrins.vehicle",
-    "import_recording": "rrins.vehicle",
-    "reproduce": "rrins.paper",
-    "Campaign": "rrins.campaign",
-    "CovarianceAnalysis": "rrins.covariance",
-    "analyse_covariance": "rrins.covariance",
-    "RedundancyStudy": "rrins.redundancy",
-    "study_redundancy": "rrins.redundancy",
-    "UnitCalibration": "rrins.calibration",
-    "calibrate": "rrins.calibration",
-    "Conformance": "rrins.conformance",
-    "conform": "rrins.conformance",
-    "bench": "rrins.benchmarks",
-    "open_dashboard": "rrins.dashboard",
-    "compare_schemes": "rrins.schemes",
-    "observe_scheme": "rrins.schemes",
-    "SchemeObservability": "rrins.schemes",
-    "check_motion": "rrins.motion",
-}
-
-__all__ = [
-    "BusLog",
-    "Campaign",
-    "Conformance",
-    "CovarianceAnalysis",
-    "RedundancyStudy",
-    "RehearsalError",
-    "Run",
-    "Scenario",
-    "ScenarioError",
-    "SchemeAnalysis",
-    "SchemeObservability",
-    "UnitCalibration",
-    "__version__",
-    "analyse_covariance",
-    "analyse_scheme",
-    "bench",
-    "calibrate",
-    "check_motion",
-    "compare_schemes",
-    "conform",
-    "import_recording",
-    "load_motion",
-    "load_scenario",
-    "observe_scheme",
-    "open_dashboard",
-    "open_diagnostics",
-    "open_faults",
-    "open_log",
-    "record",
-    "rehearse",
-    "replay",
-    "reproduce",
-    "scenario_names",
-    "search_schemes",
-    "simulate",
-    "study_redundancy",
-    "write_increments",
-]
+__all__ = sorted([*_HOMES, "__version__"])
 
 
 def __getattr__(name: str) -> object:

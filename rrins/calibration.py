@@ -10,7 +10,7 @@ from rrins.host_tools.calibration.procedure import Calibrated, Order
 from rrins.host_tools.calibration.procedure import calibrate as calibrate_unit
 from rrins.host_tools.calibration.report import result_of
 from rrins.host_tools.files import JsonObject
-from rrins.notebook import let_figures_show
+from rrins.notebook import html_of, let_figures_show
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -68,9 +68,7 @@ class UnitCalibration:
         return f"<rrins.UnitCalibration {self.file}: {seconds:.0f} s on the table>"
 
     def _repr_html_(self) -> str:
-        return f"<p>{self!r}</p>".replace("<rrins", "rrins").replace(">:", ":") + (
-            self.constants.to_html(index=False)
-        )
+        return html_of(self, self.constants, has_index=False)
 
 
 def calibrate(

@@ -12,6 +12,7 @@ from rrins.host_tools.conformance.check import Finding
 from rrins.host_tools.conformance.suite import chosen
 from rrins.host_tools.conformance.suite import conform as try_checks
 from rrins.host_tools.runs.programs.program import Program
+from rrins.notebook import html_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -54,9 +55,7 @@ class Conformance:
         return f"<rrins.Conformance {self.program}: {report.words_of(self.findings)}>"
 
     def _repr_html_(self) -> str:
-        return f"<p>{self!r}</p>".replace("<rrins", "rrins").replace(">:", ":") + (
-            self.checks.to_html(index=False)
-        )
+        return html_of(self, self.checks, has_index=False)
 
 
 def conform(program: str | Path | None = None, only: Sequence[str] = ()) -> Conformance:

@@ -11,7 +11,7 @@ from rrins.campaign import Campaign
 from rrins.host_tools.campaigns import covariance_report as report
 from rrins.host_tools.campaigns.covariance import Analysis, analyse
 from rrins.host_tools.campaigns.store import is_campaign
-from rrins.notebook import let_figures_show
+from rrins.notebook import html_of, let_figures_show
 from rrins.scenarios import load_scenario
 
 if TYPE_CHECKING:
@@ -72,9 +72,7 @@ class CovarianceAnalysis:
         return f"<rrins.CovarianceAnalysis after {end_s:g} s: {sigma}>"
 
     def _repr_html_(self) -> str:
-        return f"<p>{self!r}</p>".replace("<rrins", "rrins").replace(">:", ":") + (
-            self.sources.to_html()
-        )
+        return html_of(self, self.sources)
 
 
 def analyse_covariance(

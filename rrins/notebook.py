@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+import html
 import sys
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 def is_notebook() -> bool:
@@ -16,3 +21,9 @@ def let_figures_show() -> None:
         import matplotlib.pyplot as plt
 
         assert plt
+
+
+def html_of(result: object, table: pd.DataFrame, has_index: bool = True) -> str:
+    """Return what a notebook shows of a result: its words and a table."""
+    words = html.escape(repr(result).strip("<>"))
+    return f"<p>{words}</p>{table.to_html(index=has_index)}"

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from rrins.host_tools.files import JsonObject
 from rrins.host_tools.redundancy.candidates import candidates_of, title_of
 from rrins.host_tools.redundancy.survey import Study
-from rrins.notebook import let_figures_show
+from rrins.notebook import html_of, let_figures_show
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -111,9 +111,7 @@ class RedundancyStudy:
         return f"<rrins.RedundancyStudy {names}: {self.title}, {self.runs} runs>"
 
     def _repr_html_(self) -> str:
-        return f"<p>{self!r}</p>".replace("<rrins", "rrins").replace(">:", ":") + (
-            self.smallest.to_html(index=False)
-        )
+        return html_of(self, self.smallest, has_index=False)
 
 
 def study_redundancy(

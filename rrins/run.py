@@ -11,11 +11,11 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rrins.host_tools.files import JsonObject
 from rrins.host_tools.runs.display import RunDisplay
 from rrins.host_tools.runs.programs.program import Program
 from rrins.host_tools.runs.results.keeping import place_for
 from rrins.host_tools.runs.results.summary import cells_of, lines_of
+from rrins.host_tools.runs.results.summary_types import Summary
 from rrins.host_tools.runs.run import BusOptions, Plan, RunResult
 from rrins.host_tools.runs.run import rehearse as rehearse_plan
 from rrins.host_tools.runs.run import simulate as simulate_scenario
@@ -42,7 +42,7 @@ class Run:
     name : str
         Of the scenario.
     scenario : Scenario
-    summary : dict
+    summary : Summary
         What `rrins simulate --json` prints.
     """
 
@@ -50,7 +50,7 @@ class Run:
         self._result = result
         self.name = result.name
         self.scenario = result.scenario
-        self.summary: JsonObject = result.summary
+        self.summary: Summary = result.summary
 
     @cached_property
     def errors(self) -> xr.Dataset:

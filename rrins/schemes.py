@@ -22,7 +22,7 @@ from rrins.host_tools.rotation.inputs import (
     scheme_of,
 )
 from rrins.host_tools.rotation.search import SearchResult, search
-from rrins.notebook import let_figures_show
+from rrins.notebook import html_of, let_figures_show
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -75,7 +75,7 @@ class SchemeAnalysis:
 
     def _repr_html_(self) -> str:
         table = self.residuals[~self.residuals["vanishes"]]
-        return f"<p>{self!r}</p>".replace("<rrins", "rrins").replace(">:", ":") + table.to_html()
+        return html_of(self, table)
 
 
 def analyse_scheme(
@@ -244,9 +244,7 @@ class SchemeObservability:
         return f"<rrins.SchemeObservability {self.name}: {words}, {seconds:.0f} s>"
 
     def _repr_html_(self) -> str:
-        return f"<p>{self!r}</p>".replace("<rrins", "rrins").replace(">:", ":") + (
-            self.sigma.to_html(index=False)
-        )
+        return html_of(self, self.sigma, has_index=False)
 
 
 def observe_scheme(

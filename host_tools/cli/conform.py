@@ -2,24 +2,24 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import click
 
+from rrins.host_tools.cli.options import FILE, flag, json_option, many, option
+from rrins.host_tools.cli.output import print_results
 from rrins.host_tools.errors import ConformanceError
 
 _MARKS = {"passed": "ok", "failed": "FAILED", "skipped": "-"}
-_FILE = click.Path(dir_okay=False, path_type=Path)
 
 
 @click.command()
 @click.argument("program", required=False)
-@click.option("--only", multiple=True, metavar="CHECK", help="Run only this check; repeatable.")
-@click.option("--list", "is_list", is_flag=True, help="List the checks with their rules.")
-@click.option("--junit", type=_FILE, help="Write JUnit XML to this file.")
-@click.option("--html", type=_FILE, help="Write a page to this file.")
-@click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
+@many("--only", "Run only this check; repeatable.", "CHECK")
+@flag("--list is_list", "List the checks with their rules.")
+@option("--junit", "Write JUnit XML to this file.", FILE)
+@option("--html", "Write a page to this file.", FILE)
+@json_option
 def conform(
     program: str | None,
     only: tuple[str, ...],
@@ -58,11 +58,9 @@ def conform(
         report.write_junit(junit, name, findings)
     if html is not None:
         report.write_page(html, name, findings)
-    if as_json:
-        rows = report.rows_of(findings)
-        click.echo(json.dumps({"program": name, "checks": rows}))
-    else:
-        click.echo(f"{name}: {words} in {sum(one.seconds for one in findings):.0f} s")
+    result = {"program": name, "checks": report.rows_of(findings)}
+    seconds = sum(one.seconds for one in findings)
+    print_results(as_json, result, [f"{name}: {words} in {seconds:.0f} s"])
     failed = [one.check.name for one in findings if one.outcome == "failed"]
     if failed:
         raise ConformanceError(f"{name} does not conform: {', '.join(failed)}")

@@ -2,34 +2,26 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import click
 
-from rrins.host_tools.cli.numbers import NumberRange
-from rrins.host_tools.cli.options import json_option
+from rrins.host_tools.cli.options import (
+    FOLDER,
+    duration_option,
+    json_option,
+    many,
+    option,
+)
+from rrins.host_tools.cli.output import print_results
 
 
 @click.command()
 @click.argument("source")
-@click.option(
-    "--vary", metavar="'KEY=DISTRIBUTION'", multiple=True, help="As for `rrins campaign`."
-)
-@click.option(
-    "--set", "fixed", metavar="KEY=VALUE", multiple=True, help="Set a key of the scenario."
-)
-@click.option(
-    "--duration",
-    "duration_s",
-    type=NumberRange(0, min_open=True),
-    help="Navigate for this many seconds.",
-)
-@click.option(
-    "--out",
-    type=click.Path(file_okay=False, path_type=Path),
-    help="Folder for covariance.csv and covariance.png.",
-)
+@many("--vary", "As for `rrins campaign`.", "'KEY=DISTRIBUTION'")
+@many("--set fixed", "Set a key of the scenario.", "KEY=VALUE")
+@duration_option
+@option("--out", "Folder for covariance.csv and covariance.png.", FOLDER)
 @json_option
 def covariance(
     source: str,
@@ -44,15 +36,13 @@ def covariance(
     SOURCE is a scenario, a campaign's TOML file, or the folder of a campaign, whose runs are then
     compared with the analysis. Only one run is made, for the trajectory.
     """
-    from rich.table import Table
-
     from rrins.host_tools.campaigns import covariance_report as report
     from rrins.host_tools.campaigns import words
     from rrins.host_tools.campaigns.covariance import analyse
     from rrins.host_tools.campaigns.definition import Wishes, load
     from rrins.host_tools.campaigns.store import Store, is_campaign
     from rrins.host_tools.campaigns.summary import shown
-    from rrins.host_tools.terminal import new_console, print_table
+    from rrins.host_tools.terminal import new_table
 
     if is_campaign(Path(source)):
         if vary or fixed or duration_s is not None:
@@ -70,29 +60,19 @@ def covariance(
         definition = load(source, wishes)
         beside = None
     analysis = analyse(definition)
-    paths = [] if out is None else report.write(analysis, out, beside)
-    if as_json:
-        runs = {} if beside is None else {"runs": beside.values()}
-        files = {"files": [str(path) for path in paths]}
-        click.echo(json.dumps(analysis.values() | runs | files))
-        return
+    paths = [] if out is None else [str(path) for path in report.write(analysis, out, beside)]
     title = f"σ of the position after {analysis.times_s[-1]:g} s / m"
-    table = Table(title=title, title_justify="left")
-    table.add_column("error source", no_wrap=True)
-    for name in ("east", "north", "largest on the way", "share"):
-        table.add_column(name, justify="right")
+    table = new_table(title, "error source", "east", "north", "largest on the way", "share")
     for one in analysis.sources:
         figures = [shown(value) for value in (*one.end, one.largest)]
         table.add_row(one.name, *figures, f"{analysis.share(one):.1%}")
     table.add_section()
     total = [shown(value) for value in (*analysis.sigma[-1], analysis.sigma.max())]
     table.add_row("all", *total, "")
-    if beside is not None:
-        table.add_row(*beside.cells())
-    console = new_console()
-    print_table(table, console)
+    result = analysis.values()
     lines = [f"not considered: {', '.join(analysis.left_out)}"] if analysis.left_out else []
     if beside is not None:
+        table.add_row(*beside.cells())
+        result["runs"] = beside.values()
         lines.append(beside.words(analysis))
-    for text in (*lines, *map(str, paths)):
-        console.print(text, highlight=False, soft_wrap=True)
+    print_results(as_json, result | {"files": paths}, [table, *lines, *paths])

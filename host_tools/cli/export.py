@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
@@ -13,10 +12,9 @@ from rrins.host_tools.cli.log_files import (
     log_argument,
     log_channel_option,
     print_reading,
-    reading_progress,
 )
-from rrins.host_tools.cli.options import json_option
-from rrins.host_tools.cli.output import print_note
+from rrins.host_tools.cli.options import PATH, json_option, option
+from rrins.host_tools.cli.output import counting, print_note, print_results
 from rrins.host_tools.interruption import heed_sigterm
 
 if TYPE_CHECKING:
@@ -25,14 +23,12 @@ if TYPE_CHECKING:
 
 @click.command()
 @log_argument
-@click.argument("out", metavar="OUT", type=click.Path(path_type=Path))
-@click.option(
-    "--format",
-    "file_format",
-    type=click.Choice(["parquet", "csv", "mcap"]),
-    default="parquet",
-    show_default=True,
-    help="Tables, or one MCAP file for Foxglove and others.",
+@click.argument("out", metavar="OUT", type=PATH)
+@option(
+    "--format file_format",
+    "Tables, or one MCAP file for Foxglove and others.",
+    ("parquet", "csv", "mcap"),
+    "parquet",
 )
 @log_channel_option
 @json_option
@@ -60,26 +56,23 @@ def _export_mcap(source: Log, path: Path, as_json: bool) -> None:
     if path.is_dir():
         raise click.UsageError(f"{path} is a folder; --format mcap writes a file")
     begun = time.monotonic()
-    with reading_progress("exporting", source.size, as_json) as on_progress:
+    with counting("exporting", source.size, as_json) as on_progress:
         exported = export_mcap(source, path, on_progress)
     wall_s = time.monotonic() - begun
     print_reading(source)
     _print_skipped(source.path, exported.wrong_length, exported.unknown)
-    if as_json:
-        summary = {
-            "file": str(path),
-            "format": "mcap",
-            "frames": source.frames,
-            "messages": exported.messages,
-            "unknown": exported.unknown,
-            "wrong_length": exported.wrong_length,
-            "wall_s": round(wall_s, 3),
-        }
-        click.echo(json.dumps(summary))
-        return
-    for topic, count in exported.messages.items():
-        click.echo(f"{count:>10}  {topic}")
-    click.echo(f"{source.frames} frames in {wall_s:.1f} s: {path}")
+    summary = {
+        "file": str(path),
+        "format": "mcap",
+        "frames": source.frames,
+        "messages": exported.messages,
+        "unknown": exported.unknown,
+        "wrong_length": exported.wrong_length,
+        "wall_s": round(wall_s, 3),
+    }
+    lines = [f"{count:>10}  {topic}" for topic, count in exported.messages.items()]
+    lines.append(f"{source.frames} frames in {wall_s:.1f} s: {path}")
+    print_results(as_json, summary, lines)
 
 
 def _print_skipped(log: Path, wrong_length: int, unknown: int) -> None:
@@ -98,7 +91,7 @@ def _export_tables(
     if folder.is_file():
         raise click.UsageError(f"{folder} is a file; tables need a folder")
     begun = time.monotonic()
-    with reading_progress("exporting", source.size, as_json) as on_progress:
+    with counting("exporting", source.size, as_json) as on_progress:
         exported = tables.export(source, folder, file_format, on_progress)
     wall_s = time.monotonic() - begun
     print_reading(source)
@@ -109,18 +102,16 @@ def _export_tables(
         print_note(f"{folder}: {left} of another export {remain} there")
     _print_skipped(source.path, exported.wrong_length, exported.unknown)
     rows = {name: exported.rows[name] for name in message_names() if name in exported.rows}
-    if as_json:
-        summary = {
-            "folder": str(folder),
-            "format": file_format,
-            "frames": source.frames,
-            "rows": rows,
-            "unknown": exported.unknown,
-            "wrong_length": exported.wrong_length,
-            "wall_s": round(wall_s, 3),
-        }
-        click.echo(json.dumps(summary))
-        return
-    for name, count in rows.items():
-        click.echo(f"{count:>10}  {folder / f'{name}.{file_format}'}")
-    click.echo(f"{source.frames} frames in {wall_s:.1f} s, {source.frames / wall_s:.0f} frames/s")
+    summary = {
+        "folder": str(folder),
+        "format": file_format,
+        "frames": source.frames,
+        "rows": rows,
+        "unknown": exported.unknown,
+        "wrong_length": exported.wrong_length,
+        "wall_s": round(wall_s, 3),
+    }
+    lines = [f"{count:>10}  {folder / f'{name}.{file_format}'}" for name, count in rows.items()]
+    speed = source.frames / wall_s
+    lines.append(f"{source.frames} frames in {wall_s:.1f} s, {speed:.0f} frames/s")
+    print_results(as_json, summary, lines)

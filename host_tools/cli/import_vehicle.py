@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from rrins.host_tools.cli.options import json_option
-from rrins.host_tools.cli.output import print_note
+from rrins.host_tools.cli.options import PATH, json_option, option
+from rrins.host_tools.cli.output import print_note, print_results
 from rrins.host_tools.interruption import heed_sigterm
 
 if TYPE_CHECKING:
-    from rrins.host_tools.vehicle.importing import Imported
     from rrins.host_tools.vehicle.reading import Format
-
-_FILE = click.Path(path_type=Path)
 
 
 def _three_angles(
@@ -34,51 +30,39 @@ def _three_angles(
 
 
 @click.command("import")
-@click.argument("source", type=_FILE)
-@click.argument("log", type=_FILE)
-@click.option(
-    "--format",
-    "kind",
-    type=click.Choice(["csv", "kf-gins", "navego"]),
-    help="Format of SOURCE.  [default: detected]",
+@click.argument("source", type=PATH)
+@click.argument("log", type=PATH)
+@option("--format kind", "Format of SOURCE.  [default: detected]", ("csv", "kf-gins", "navego"))
+@option("--imu", "File of increments or rates, if SOURCE has several.", PATH)
+@option("--gnss", "File of GNSS fixes.", PATH)
+@option("--truth", "File of the reference solution.", PATH)
+@option(
+    "--scenario own_scenario", "TOML file with keys of a scenario, which override SOURCE.", PATH
 )
-@click.option("--imu", type=_FILE, help="File of increments or rates, if SOURCE has several.")
-@click.option("--gnss", type=_FILE, help="File of GNSS fixes.")
-@click.option("--truth", type=_FILE, help="File of the reference solution.")
-@click.option(
-    "--scenario",
-    type=_FILE,
-    help="TOML file with keys of a scenario, which override SOURCE.",
-)
-@click.option(
-    "--start",
-    "start_s",
-    type=float,
+@option(
+    "--start start_s",
+    "When navigation begins, by the clock of SOURCE; the vehicle must stand.",
+    float,
     metavar="S",
-    help="When navigation begins, by the clock of SOURCE; the vehicle must stand.",
 )
-@click.option(
-    "--duration", "duration_s", type=float, metavar="S", help="Navigate for this many seconds."
-)
-@click.option(
+@option("--duration duration_s", "Navigate for this many seconds.", float, metavar="S")
+@option(
     "--attitude",
+    "Initial attitude, °.  [default: from SOURCE, or found from the data]",
     callback=_three_angles,
     metavar="ROLL,PITCH,HEADING",
-    help="Initial attitude, °.  [default: from SOURCE, or found from the data]",
 )
 @json_option
 def import_(
     source: Path,
     log: Path,
+    attitude: tuple[float, float, float] | None,
+    as_json: bool,
     kind: Format | None,
     imu: Path | None,
     gnss: Path | None,
     truth: Path | None,
-    scenario: Path | None,
-    start_s: float | None,
-    duration_s: float | None,
-    attitude: tuple[float, float, float] | None,
-    as_json: bool,
+    **settings: Any,
 ) -> None:
     """Convert SOURCE, the recording of a real vehicle, into LOG, the recording of a bus.
 
@@ -97,34 +81,26 @@ def import_(
         imported = importing.write(
             recording,
             log,
-            scenario,
-            start_s,
-            duration_s,
-            None if attitude is None else np.radians(attitude),
-            lambda done, total: progress.update(task, completed=done, total=total),
+            **settings,
+            attitude=None if attitude is None else np.radians(attitude),
+            on_epochs=lambda done, total: progress.update(task, completed=done, total=total),
         )
     for note in imported.notes:
         print_note(note)
-    _print(imported, as_json)
-
-
-def _print(imported: Imported, as_json: bool) -> None:
     scenario = imported.scenario
-    if as_json:
-        summary = {
-            "file": str(imported.file),
-            "truth": None if imported.truth is None else str(imported.truth),
-            "rate_hz": scenario.rate_hz,
-            "duration_s": round(scenario.duration_s, 3),
-            "frames": imported.frames,
-            "fixes": imported.fixes,
-            "notes": list(imported.notes),
-        }
-        click.echo(json.dumps(summary))
-        return
-    click.echo(
+    summary = {
+        "file": str(imported.file),
+        "truth": None if imported.truth is None else str(imported.truth),
+        "rate_hz": scenario.rate_hz,
+        "duration_s": round(scenario.duration_s, 3),
+        "frames": imported.frames,
+        "fixes": imported.fixes,
+        "notes": list(imported.notes),
+    }
+    text = (
         f"{imported.file}: {scenario.duration_s:.1f} s at {scenario.rate_hz} Hz, "
         f"{len(scenario.rimu.gyros)} gyros and {len(scenario.rimu.accelerometers)} "
         f"accelerometers, {imported.fixes} fixes, {'with' if imported.truth else 'without'} truth"
     )
-    click.echo(f"navigate it: rrins replay {imported.file} --firmware")
+    hint = f"navigate it: rrins replay {imported.file} --firmware"
+    print_results(as_json, summary, [text, hint])

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Callable
 from typing import get_args
 
 import click
 
-from rrins.host_tools.bus.port import EMBEDDED
 from rrins.host_tools.cli.completion import complete_messages
-from rrins.host_tools.cli.options import bus_options, json_option
-from rrins.host_tools.cli.output import print_note
+from rrins.host_tools.cli.options import Bus, Command, bus_option, flag, json_option, option
+from rrins.host_tools.cli.output import print_note, print_results
 from rrins.host_tools.files import JsonObject
 from rrins.host_tools.hardware.fault_kinds import HardwareFault
 from rrins.host_tools.injection.client import FaultClient
@@ -25,7 +22,6 @@ from rrins.host_tools.injection.messages import LiveFault
 from rrins.host_tools.scenario.fault_tables import KINDS
 from rrins.host_tools.wire.fault_kinds import FaultKind
 
-_DEFAULT_CHANNEL = "rrins0"
 _CLEAR, _LIST = "clear", "list"
 _MOST_NAMED = 4  # kinds in the help of an option
 _STEPS = {
@@ -34,7 +30,7 @@ _STEPS = {
 }
 
 
-def _options(command: Callable[..., None]) -> Callable[..., None]:
+def _options(command: Command) -> Command:
     """Add an option for each key that a fault can have in a scenario, but `at_s`."""
     keys: dict[str, list[str]] = {}
     for kind, table in KINDS.items():
@@ -46,11 +42,10 @@ def _options(command: Callable[..., None]) -> Callable[..., None]:
         field = KINDS[kinds[0]].model_fields[key]
         of = f"For {', '.join(kinds)}: " if len(kinds) <= _MOST_NAMED else ""
         numbers = [number for number in (int, float) if _is_of(field.annotation, number)]
-        command = click.option(
-            f"--{key.removesuffix('_s').replace('_', '-')}",
-            key,
-            type=numbers[0] if numbers else str,
-            help=f"{of}{field.description}",
+        command = option(
+            f"--{key.removesuffix('_s').replace('_', '-')} {key}",
+            f"{of}{field.description}",
+            numbers[0] if numbers else None,
             shell_complete=complete_messages if key == "message" else None,
         )(command)
     return command
@@ -73,40 +68,29 @@ Hardware faults: {", ".join(kind.word for kind in HardwareFault)}.
 @click.command(help=_HELP)
 @click.argument("kind", metavar="KIND|clear|list")
 @_options
-@click.option("--remove", is_flag=True, help="Remove the fault.")
-@bus_options
+@flag("--remove", "Remove the fault.")
+@bus_option
 @json_option
-def inject(
-    kind: str,
-    remove: bool,
-    interface: str,
-    channel: str | None,
-    bitrate: int | None,
-    as_json: bool,
-    **keys: str | float | None,
-) -> None:
+def inject(kind: str, remove: bool, bus: Bus, as_json: bool, **keys: str | float | None) -> None:
     """Inject a fault into a running rehearsal, or remove it."""
-    from rrins.host_tools.runs.rehearsal import default_address
     from rrins.host_tools.scenario.scenario import fault_of
 
     given = {key: value for key, value in keys.items() if value is not None}
     if kind in (_CLEAR, _LIST):
         if given or remove:
-            option = "--remove" if remove else f"--{next(iter(given)).replace('_', '-')}"
-            raise click.UsageError(f"{kind} does not accept fault options such as {option}")
+            word = "--remove" if remove else f"--{next(iter(given)).replace('_', '-')}"
+            raise click.UsageError(f"{kind} does not accept fault options such as {word}")
         fault = None
     else:
         fault = fault_of({"kind": kind} | given)
-    if channel is None and interface == EMBEDDED:
-        channel = _DEFAULT_CHANNEL
-    with FaultClient(default_address(interface, channel, bitrate)) as client:
+    with FaultClient(bus.address()) as client:
         if fault is None:
             text, values = _clear(client) if kind == _CLEAR else _list(client)
         elif remove:
             text, values = _remove(client, fault)
         else:
             text, values = _inject(client, fault)
-    click.echo(json.dumps(values) if as_json else text)
+    print_results(as_json, values, [text])
 
 
 _Outcome = tuple[str, JsonObject]

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
+from rrins.host_tools.cli.options import PATH, option
 from rrins.host_tools.cli.output import print_note
 
 if TYPE_CHECKING:
@@ -16,22 +14,10 @@ if TYPE_CHECKING:
 
 _MOST_NAMED = 10  # channels in one line
 
-log_argument = click.argument("log", metavar="FILE", type=click.Path(path_type=Path))
-log_channel_option = click.option(
-    "--log-channel",
-    metavar="NAME",
-    help="Use only the frames of this channel of FILE.  [default: all]",
+log_argument = click.argument("log", metavar="FILE", type=PATH)
+log_channel_option = option(
+    "--log-channel", "Use only the frames of this channel of FILE.  [default: all]", metavar="NAME"
 )
-
-
-@contextmanager
-def reading_progress(what: str, size: int, quiet: bool = False) -> Iterator[Callable[[int], None]]:
-    """Show the progress of reading a log; yield a callback for the bytes read so far."""
-    from rrins.host_tools.terminal import new_console, progress_line
-
-    with progress_line(new_console(stderr=True), quiet) as progress:
-        task = progress.add_task(what, total=size)
-        yield lambda position: progress.update(task, completed=position)
 
 
 def print_reading(log: Log) -> None:

@@ -36,7 +36,7 @@ _RUN = {
     "simulate": _Entry("run", "Run firmware and hardware in one process, without a bus."),
     "firmware": _Entry("run", "Run the navigation computer alone."),
     "hardware": _Entry("run", "Run the emulated RIMU and turntable alone."),
-    "setup": _Entry("setup", "Show what a navigation computer of your own is set up with."),
+    "setup": _Entry("scenarios", "Show what a navigation computer of your own is set up with."),
     "calibrate": _Entry("calibrate", "Calibrate a unit's sensors on its own table."),
     "inject": _Entry("inject", "Inject a fault into a running rehearsal."),
     "scenarios": _Entry("scenarios", "List or show the built-in scenarios."),
@@ -53,8 +53,8 @@ _LOOK = {
     "export": _Entry("export", "Write a log as Parquet or CSV tables, or as MCAP."),
     "increments": _Entry("increments", "Write fused increments and truth for other navigators."),
     "plot": _Entry("plot", "Plot signals of a log over time."),
-    "socketcand": _Entry("socketcand", "Serve the embedded bus to socketcand clients."),
-    "slcan": _Entry("slcan", "Serve the embedded bus as an slcan adapter."),
+    "socketcand": _Entry("bridges", "Serve the embedded bus to socketcand clients."),
+    "slcan": _Entry("bridges", "Serve the embedded bus as an slcan adapter."),
 }
 _PLAN = {
     "scheme": _Entry("scheme", "Analyse, compare and search rotation schemes."),

@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
 from rrins.host_tools.cli.group import Group
-from rrins.host_tools.cli.numbers import NumberRange
-from rrins.host_tools.cli.options import json_option
-from rrins.host_tools.cli.output import print_note
+from rrins.host_tools.cli.options import FILE, FOLDER, PATH, Number, json_option, option
+from rrins.host_tools.cli.output import print_note, print_results
 
 if TYPE_CHECKING:
     from rrins.host_tools.motion.trajectory import Trajectory
     from rrins.host_tools.scenario.motion import Motion
+
+_PERIOD_NS = 5_000_000
+"""Sampling period of a motion without a scenario."""
 
 _FILE_ENDINGS = (".csv", ".pos")
 
@@ -41,30 +42,17 @@ def _setting(**keys: str | float | None) -> Motion:
 
 
 @motion.command()
-@click.argument("file", type=click.Path(path_type=Path))
-@click.option("--speed-limit", type=float, help="Speed that the vehicle cannot exceed, m/s.")
-@click.option(
-    "--jerk-density",
-    type=float,
-    help="Jerk density, (m/s³)/√Hz; a higher one follows the file more closely.",
+@click.argument("file", type=PATH)
+@option("--speed-limit speed_limit_mps", "Speed that the vehicle cannot exceed, m/s.", float)
+@option(
+    "--jerk-density jerk_density_mps3_per_sqrt_hz",
+    "Jerk density, (m/s³)/√Hz; a higher one follows the file more closely.",
+    float,
 )
-@click.option(
-    "--duration", "duration_s", type=float, help="Use only this many seconds of the file."
-)
-@click.option(
-    "--out",
-    type=click.Path(file_okay=False, path_type=Path),
-    help="Folder for the plot.  [default: out/motion]",
-)
+@option("--duration duration_s", "Use only this many seconds of the file.", float)
+@option("--out", "Folder for the plot.  [default: out/motion]", FOLDER)
 @json_option
-def check(
-    file: Path,
-    speed_limit: float | None,
-    jerk_density: float | None,
-    duration_s: float | None,
-    out: Path | None,
-    as_json: bool,
-) -> None:
+def check(file: Path, out: Path | None, as_json: bool, **keys: float | None) -> None:
     """Check a recorded motion (.csv or .pos).
 
     Reports duration, rate and speeds, irregular lines and how they are handled, and how far the
@@ -73,13 +61,7 @@ def check(
     from rrins.host_tools.motion import build, plots
     from rrins.host_tools.motion.findings import findings, table
 
-    setting = _setting(
-        kind="file",
-        path=str(file),
-        speed_limit_mps=speed_limit,
-        jerk_density_mps3_per_sqrt_hz=jerk_density,
-        duration_s=duration_s,
-    )
+    setting = _setting(kind="file", path=str(file), **keys)
     recording = build.load_recording(setting, Path())
     smoothed = build.follow(recording, setting, _PERIOD_NS)
     found = findings(recording, smoothed)
@@ -87,14 +69,7 @@ def check(
     picture = folder / f"{file.stem}.png"
     plots.save(plots.draw_check(recording, smoothed), picture)
     found["picture"] = str(picture)
-    if as_json:
-        click.echo(json.dumps(found, allow_nan=False))
-    else:
-        click.echo("\n".join([*table(found), f"{'picture':<16} {picture}"]))
-
-
-_PERIOD_NS = 5_000_000
-"""Sampling period of a motion without a scenario."""
+    print_results(as_json, found, [*table(found), f"{'picture':<16} {picture}"])
 
 
 def _trajectory(source: str, keys: dict[str, str | float | None]) -> Trajectory:
@@ -104,11 +79,10 @@ def _trajectory(source: str, keys: dict[str, str | float | None]) -> Trajectory:
     from rrins.host_tools.scenario.scenario import load
     from rrins.host_tools.scenario.tables import Body, Site
 
-    if source in ("drive", "sway"):
-        setting = _setting(kind=source, **keys)
-        trajectory = build(setting, Site(), Body(), _PERIOD_NS, Path())
-    elif Path(source).suffix.lower() in _FILE_ENDINGS:
-        setting = _setting(kind="file", path=source, **keys)
+    is_file = Path(source).suffix.lower() in _FILE_ENDINGS
+    if is_file or source in ("drive", "sway"):
+        kind = {"kind": "file", "path": source} if is_file else {"kind": source}
+        setting = _setting(**kind, **keys)
         trajectory = build(setting, Site(), Body(), _PERIOD_NS, Path())
     else:
         loaded = load(source)
@@ -120,27 +94,12 @@ def _trajectory(source: str, keys: dict[str, str | float | None]) -> Trajectory:
 
 @motion.command()
 @click.argument("source", metavar="SCENARIO|FILE|drive|sway")
-@click.argument("out", type=click.Path(dir_okay=False, path_type=Path), metavar="OUT.csv|OUT.pos")
-@click.option(
-    "--rate",
-    "rate_hz",
-    type=NumberRange(0.1, 1000),
-    default=10.0,
-    show_default=True,
-    help="Rows per second.",
-)
-@click.option("--duration", "duration_s", type=NumberRange(0.1, 86_400), help="Duration, s.")
-@click.option("--seed", type=click.IntRange(0), help="Seed of drive or sway.")
-@click.option(
-    "--irregularities",
-    type=click.Choice(["mend", "refuse"]),
-    help="Mend or refuse irregular lines of a file.",
-)
-@click.option(
-    "--picture",
-    type=click.Path(dir_okay=False, path_type=Path),
-    help="Plot the motion to this PNG file.",
-)
+@click.argument("out", type=FILE, metavar="OUT.csv|OUT.pos")
+@option("--rate rate_hz", "Rows per second.", Number(0.1, 1000), 10.0)
+@option("--duration duration_s", "Duration, s.", Number(0.1, 86_400))
+@option("--seed", "Seed of drive or sway.", click.IntRange(0))
+@option("--irregularities", "Mend or refuse irregular lines of a file.", ("mend", "refuse"))
+@option("--picture", "Plot the motion to this PNG file.", FILE)
 def export(
     source: str,
     out: Path,

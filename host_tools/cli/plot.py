@@ -10,29 +10,24 @@ from rrins.host_tools.cli.log_files import (
     log_argument,
     log_channel_option,
     print_reading,
-    reading_progress,
 )
+from rrins.host_tools.cli.options import FILE, flag, option
+from rrins.host_tools.cli.output import counting
 from rrins.host_tools.interruption import heed_sigterm
 
 
 @click.command()
 @log_argument
 @click.argument("signals", metavar="SIGNAL...", nargs=-1)
-@click.option(
-    "--from", "from_s", type=float, metavar="S", help="Start, in seconds after the first frame."
-)
-@click.option(
-    "--to", "to_s", type=float, metavar="S", help="End, in seconds after the first frame."
-)
-@click.option(
+@option("--from from_s", "Start, in seconds after the first frame.", float, metavar="S")
+@option("--to to_s", "End, in seconds after the first frame.", float, metavar="S")
+@option(
     "--out",
-    type=click.Path(dir_okay=False, path_type=Path),
-    help="Plot file: .png, .svg or .pdf.  [default: name of FILE with .png, in this folder]",
+    "Plot file: .png, .svg or .pdf.  [default: name of FILE with .png, in this folder]",
+    FILE,
 )
 @log_channel_option
-@click.option(
-    "--list", "as_list", is_flag=True, help="List the messages and signals in the log instead."
-)
+@flag("--list as_list", "List the messages and signals in the log instead.")
 def plot(
     log: Path,
     signals: tuple[str, ...],
@@ -63,7 +58,7 @@ def _list_contents(path: Path, log_channel: str | None) -> None:
     from rrins.host_tools.logs.signals import message_names, signals_of
 
     log = Log(path, log_channel)
-    with reading_progress("reading", log.size) as on_progress:
+    with counting("reading", log.size) as on_progress:
         _, contents = gather(log, (), on_progress=on_progress)
     print_reading(log)
     duration_s = contents.last_s - contents.first_s
@@ -99,7 +94,7 @@ def _draw(
 
     signals = find_signals(words)
     log = Log(path, log_channel)
-    with reading_progress("reading", log.size) as on_progress:
+    with counting("reading", log.size) as on_progress:
         series, contents = gather(log, signals, from_s, to_s, on_progress)
     print_reading(log)
     absent = [one.signal.full_name for one in series if not one.frames]

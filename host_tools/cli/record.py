@@ -2,50 +2,51 @@
 
 from __future__ import annotations
 
-import json
 import time
 from pathlib import Path
 from typing import Literal
 
 import click
 
-from rrins.host_tools.cli.numbers import NumberRange
-from rrins.host_tools.cli.options import bus_options, json_option, timestamps_option
-from rrins.host_tools.cli.output import print_note
+from rrins.host_tools.cli.options import (
+    FILE,
+    POSITIVE,
+    Bus,
+    bus_option,
+    json_option,
+    option,
+    timestamps_option,
+)
+from rrins.host_tools.cli.output import print_note, print_results
 from rrins.host_tools.interruption import as_event
 
 _POLL_S = 0.1
 
 
 @click.command()
-@click.argument("path", metavar="FILE", type=click.Path(dir_okay=False, path_type=Path))
-@bus_options
-@click.option(
-    "--rotate-size",
-    "rotate_mb",
-    type=NumberRange(min=0, min_open=True),
+@click.argument("path", metavar="FILE", type=FILE)
+@bus_option
+@option(
+    "--rotate-size rotate_mb",
+    "Start a new file at the next SYNC once a file exceeds this size in megabytes.",
+    POSITIVE,
     metavar="MB",
-    help="Start a new file at the next SYNC once a file exceeds this size in megabytes.",
 )
-@click.option(
-    "--for",
-    "for_s",
-    type=NumberRange(min=0, min_open=True),
+@option(
+    "--for for_s",
+    "Stop after this many seconds of bus time.  [default: until Ctrl-C or the bus ends]",
+    POSITIVE,
     metavar="S",
-    help="Stop after this many seconds of bus time.  [default: until Ctrl-C or the bus ends]",
 )
-@click.option(
+@option(
     "--lossless/--observer",
-    default=None,
-    help="Whether the embedded bus waits for the recorder.  [default: wait, except in real time]",
+    "Whether the embedded bus waits for the recorder.  [default: wait, except in real time]",
 )
 @timestamps_option
 @json_option
 def record(
     path: Path,
-    interface: str,
-    channel: str | None,
-    bitrate: int | None,
+    bus: Bus,
     rotate_mb: float | None,
     for_s: float | None,
     lossless: bool | None,
@@ -61,9 +62,8 @@ def record(
     from rrins.host_tools.recording.errors import RecordError
     from rrins.host_tools.recording.formats import check_path
     from rrins.host_tools.recording.recorder import Recorder, waits_for_recorder
-    from rrins.host_tools.runs.side import address_of
 
-    address = address_of(interface, channel, bitrate)
+    address = bus.address()
     rotate_bytes = None if rotate_mb is None else round(rotate_mb * 1e6)
     with as_event() as stop:
         if lossless is None:
@@ -86,18 +86,16 @@ def record(
     if recorder.failure is not None:
         raise RecordError(f"recording {path}: {recorder.failure}")
     parts = [part.file for part in recorder.note.parts]
-    if as_json:
-        summary = {
-            "file": str(path),
-            "parts": parts,
-            "frames": recorder.frames,
-            "duration_s": round(recorder.duration_s, 6),
-            "time": recorder.note.time,
-        }
-        click.echo(json.dumps(summary))
-    else:
-        files = f" in {len(parts)} files" if len(parts) > 1 else ""
-        click.echo(
-            f"{path}: {recorder.frames} frames{files}, {recorder.duration_s:.3f} s of "
-            f"{recorder.note.time or 'no'} time"
-        )
+    summary = {
+        "file": str(path),
+        "parts": parts,
+        "frames": recorder.frames,
+        "duration_s": round(recorder.duration_s, 6),
+        "time": recorder.note.time,
+    }
+    files = f" in {len(parts)} files" if len(parts) > 1 else ""
+    text = (
+        f"{path}: {recorder.frames} frames{files}, {recorder.duration_s:.3f} s of "
+        f"{recorder.note.time or 'no'} time"
+    )
+    print_results(as_json, summary, [text])

@@ -2,65 +2,43 @@
 
 from __future__ import annotations
 
-import json
-import os
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
-from rrins.host_tools.cli.numbers import NumberRange
-from rrins.host_tools.cli.options import json_option
-from rrins.host_tools.errors import RehearsalError
+from rrins.host_tools.cli.options import FOLDER, Number, json_option, many, option, seed_option
+from rrins.host_tools.cli.output import make_folder, print_results, stopping
+
+if TYPE_CHECKING:
+    from rich.table import Table
 
 
 @click.command()
 @click.argument("scenario", required=False)
-@click.option(
-    "--rimu",
-    "geometries",
-    metavar="GEOMETRY",
-    multiple=True,
-    help="Built-in geometry, or TOML file with the sensor axes; repeat to compare.",
+@many(
+    "--rimu geometries",
+    "Built-in geometry, or TOML file with the sensor axes; repeat to compare.",
+    "GEOMETRY",
 )
-@click.option("--preset", metavar="NAME", help="Sensor preset, as for `sensors` in a scenario.")
-@click.option(
-    "--false-alarms",
-    "false_alarms_per_1000_h",
-    type=NumberRange(0, 1000, min_open=True),
-    help="False alarms allowed in 1000 h.  [default: 0.05, or the scenario's]",
+@option("--preset", "Sensor preset, as for `sensors` in a scenario.", metavar="NAME")
+@option(
+    "--false-alarms false_alarms_per_1000_h",
+    "False alarms allowed in 1000 h.  [default: 0.05, or the scenario's]",
+    Number(0, 1000, min_open=True),
 )
-@click.option(
-    "--gyro",
-    "gyro_dph",
-    type=NumberRange(1e-6, 1e6),
-    multiple=True,
-    help="Step of a gyro to try, °/h; repeatable.",
+@many("--gyro gyro_dph", "Step of a gyro to try, °/h; repeatable.", kind=Number(1e-6, 1e6))
+@many(
+    "--accelerometer accelerometer_ug",
+    "Step of an accelerometer to try, µg; repeatable.",
+    kind=Number(1e-3, 1e7),
 )
-@click.option(
-    "--accelerometer",
-    "accelerometer_ug",
-    type=NumberRange(1e-3, 1e7),
-    multiple=True,
-    help="Step of an accelerometer to try, µg; repeatable.",
+@option(
+    "--runs", "Number of runs of the Monte Carlo; 0: theory alone.", click.IntRange(0, 100_000), 20
 )
-@click.option(
-    "--runs",
-    type=click.IntRange(0, 100_000),
-    default=20,
-    show_default=True,
-    help="Number of runs of the Monte Carlo; 0: theory alone.",
-)
-@click.option(
-    "--seed", type=click.IntRange(0), default=1, show_default=True, help="Seed of the first run."
-)
+@seed_option("the first run")
 @json_option
-@click.option(
-    "--out",
-    type=click.Path(file_okay=False, path_type=Path),
-    default=Path("out/redundancy"),
-    show_default=True,
-    help="Folder for the report and its picture.",
-)
+@option("--out", "Folder for the report and its picture.", FOLDER, Path("out/redundancy"))
 def redundancy(
     scenario: str | None,
     geometries: tuple[str, ...],
@@ -81,56 +59,35 @@ def redundancy(
     report.html and a picture.
     """
     from rrins.host_tools.cli import redundancy_tables as tables
-    from rrins.host_tools.interruption import as_event
     from rrins.host_tools.redundancy.candidates import candidates_of, title_of
     from rrins.host_tools.redundancy.report import write
     from rrins.host_tools.redundancy.survey import Study
-    from rrins.host_tools.terminal import new_console, print_table, progress_line
+    from rrins.host_tools.terminal import new_console, progress_line
 
     candidates = candidates_of(scenario, geometries, preset, false_alarms_per_1000_h)
-    _make(out)
+    make_folder(out)
     sizes = {"gyros": sorted(set(gyro_dph)), "accelerometers": sorted(set(accelerometer_ug))}
-    console = new_console(stderr=True)
-    with progress_line(console) as progress:
-        total = Study.steps(len(candidates), runs)
-        task = progress.add_task("preparing", total=total)
-        done = 0
+    with progress_line(new_console(stderr=True)) as progress:
+        task = progress.add_task("preparing", total=Study.steps(len(candidates), runs))
 
         def advance(what: str) -> None:
-            nonlocal done
-            done += 1
-            progress.update(task, completed=done, description=what)
+            progress.update(task, advance=1, description=what)
 
         study = Study(candidates, sizes, advance)
         if runs:
-            with as_event() as stop:
+            with stopping() as stop:
                 study.run(runs, seed, stop)
-            if stop.is_set():
-                raise KeyboardInterrupt
-    paths = write(out, study, runs, title_of(scenario, preset))
-    if as_json:
-        result = {"runs": runs, "seed": seed} | study.values()
-        click.echo(json.dumps(result | {"report": str(paths[0]), "picture": str(paths[1])}))
-        return
-    shown = new_console()
-    for number in range(2):
-        print_table(tables.smallest_table(study, number), shown)
+    report, picture = map(str, write(out, study, runs, title_of(scenario, preset)))
+    parts: list[Table | str] = [tables.smallest_table(study, number) for number in range(2)]
     if len(study.surveys) > 1:
-        for number in range(2):
-            print_table(tables.side_by_side_table(study, number), shown)
+        parts += [tables.side_by_side_table(study, number) for number in range(2)]
     else:
         (survey,) = study.surveys
-        for one in survey.sets:
-            for group in one.groups if study.sizes[one.kind.name] else ():
-                print_table(tables.delay_table(study, survey, one, group), shown)
-    for line in (*tables.false_alarm_lines(study), *(str(path) for path in paths)):
-        shown.print(line, highlight=False, soft_wrap=True)
-
-
-def _make(folder: Path) -> None:
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise RehearsalError(f"--out {folder}: cannot be created: {error.strerror}") from error
-    if not os.access(folder, os.W_OK | os.X_OK):
-        raise RehearsalError(f"--out {folder}: cannot be written to")
+        parts += [
+            tables.delay_table(study, survey, one, group)
+            for one in survey.sets
+            if study.sizes[one.kind.name]
+            for group in one.groups
+        ]
+    result = {"runs": runs, "seed": seed, "report": report, "picture": picture} | study.values()
+    print_results(as_json, result, [*parts, *tables.false_alarm_lines(study), report, picture])

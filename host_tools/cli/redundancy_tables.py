@@ -12,6 +12,7 @@ from rrins.host_tools.redundancy.monte_carlo import Delays
 from rrins.host_tools.redundancy.report import WORDS, pair, shown
 from rrins.host_tools.redundancy.survey import WITHIN_S, Group, Set, Study, Survey
 from rrins.host_tools.redundancy.theory import HALF, MOST, WAYS
+from rrins.host_tools.terminal import new_table
 
 _HEAD_LETTERS = 13
 
@@ -28,15 +29,17 @@ def _head(survey: Survey, one: Set, group: Group) -> str:
     return "\n".join(lines)
 
 
+def _columns(study: Study, number: int) -> list[tuple[Survey, Set, Group]]:
+    """Return the groups of a kind of all sets of sensors."""
+    return [(s, s.sets[number], group) for s in study.surveys for group in s.sets[number].groups]
+
+
 def smallest_table(study: Study, number: int) -> Table:
     """Return the smallest faults of a kind, a column for each set of sensors."""
     kind = study.surveys[0].sets[number].kind
     title = f"Smallest step of {kind.name} found / ({kind.unit}), by theory: half / 95 %"
-    table = Table(title=title, title_justify="left")
-    table.add_column("known, within")
-    columns = [(s, s.sets[number], group) for s in study.surveys for group in s.sets[number].groups]
-    for survey, one, group in columns:
-        table.add_column(_head(survey, one, group), justify="right")
+    columns = _columns(study, number)
+    table = new_table(title, "known, within", *(_head(*column) for column in columns))
     for way in WAYS:
         for within_s in WITHIN_S:
             cells = (pair(*group.smallest[way][within_s]) for _, _, group in columns)
@@ -50,12 +53,10 @@ def side_by_side_table(study: Study, number: int) -> Table:
     kind = study.surveys[0].sets[number].kind
     has_runs = study.surveys[0].trials is not None
     title = f"Half of the steps of {kind.name} are known after / s"
-    table = Table(title=title + (": theory / runs" if has_runs else ", by theory"))
-    table.title_justify = "left"
-    table.add_column(f"known, step / ({kind.unit})")
-    columns = [(s, s.sets[number], group) for s in study.surveys for group in s.sets[number].groups]
-    for survey, one, group in columns:
-        table.add_column(_head(survey, one, group), justify="right")
+    title += ": theory / runs" if has_runs else ", by theory"
+    columns = _columns(study, number)
+    heads = (_head(*column) for column in columns)
+    table = new_table(title, f"known, step / ({kind.unit})", *heads)
     sizes = study.sizes[kind.name]
     for way in WAYS:
         for size in sizes:
@@ -73,18 +74,16 @@ def delay_table(study: Study, survey: Survey, one: Set, group: Group) -> Table:
     """Return the delays of a group of sensors: theory, and the runs' beside it."""
     names = f", {one.kind.one} {group.words}" if len(one.groups) > 1 else ""
     title = f"{survey.candidate.name}{names}: delay / s after a step, half / 95 %"
-    table = Table(title=title, title_justify="left")
-    table.add_column(f"{one.kind.one[:_HEAD_LETTERS]}\n/ ({one.kind.unit})", justify="right")
     sizes = study.sizes[one.kind.name]
     tried = [survey.tried(one, group, size) for size in sizes]
     ways = [way for way in WAYS if _is_ever_found(group, tried, way)]
+    heads = []
     for way in ways:
         words = WORDS[way].replace(", ", ",\n")
-        table.add_column(f"{words}:\ntheory", justify="right")
-        if any(tried):
-            table.add_column("runs", justify="right")
-    if any(tried):
-        table.add_column("wrong", justify="right")
+        heads += [f"{words}:\ntheory", *(["runs"] if any(tried) else [])]
+    heads += ["wrong"] if any(tried) else []
+    table = new_table(title, f"{one.kind.one[:_HEAD_LETTERS]}\n/ ({one.kind.unit})", *heads)
+    table.columns[0].justify = "right"
     for size, delays in zip(sizes, tried, strict=True):
         at = int(abs(group.sizes - size).argmin())
         cells = []

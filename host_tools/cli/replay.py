@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -14,10 +13,18 @@ from rrins.host_tools.cli.log_files import (
     log_argument,
     log_channel_option,
     print_reading,
-    reading_progress,
 )
-from rrins.host_tools.cli.options import bus_options, json_option
-from rrins.host_tools.cli.output import print_note
+from rrins.host_tools.cli.options import (
+    FOLDER,
+    Bus,
+    Speed,
+    bus_option,
+    flag,
+    json_option,
+    many,
+    option,
+)
+from rrins.host_tools.cli.output import counting, print_json, print_note, print_results
 from rrins.host_tools.errors import FirmwareFaultError
 from rrins.host_tools.interruption import heed_sigterm
 
@@ -36,36 +43,25 @@ _ITSELF = ":itself"
 @click.command()
 @log_argument
 @click.argument("scenario", required=False)
-@bus_options
-@click.option("--speed", default="1", show_default=True, metavar="N|max", help="1: real time.")
-@click.option(
-    "--times", type=click.IntRange(1), default=1, show_default=True, help="Number of replays."
-)
-@click.option("--loop", is_flag=True, help="Repeat until Ctrl-C.")
-@click.option(
+@bus_option
+@option("--speed", "1: real time.", Speed(1e-6), "1", metavar="N|max")
+@option("--times", "Number of replays.", click.IntRange(1), 1)
+@flag("--loop", "Repeat until Ctrl-C.")
+@many(
     "--only",
-    multiple=True,
-    metavar="WHAT",
-    help="Send only hardware, firmware, a message or a pattern such as 'SENSOR_*'; repeatable.",
+    "Send only hardware, firmware, a message or a pattern such as 'SENSOR_*'; repeatable.",
+    "WHAT",
 )
-@click.option(
-    "--firmware",
-    "through_firmware",
-    is_flag=True,
-    help="Feed the log to the firmware in lockstep, without a bus.",
+@flag("--firmware through_firmware", "Feed the log to the firmware in lockstep, without a bus.")
+@many(
+    "--set settings",
+    "Change a key of the scenario for --firmware, such as estimator.gate=4; repeatable.",
+    "KEY=VALUE",
 )
-@click.option(
-    "--set",
-    "settings",
-    multiple=True,
-    metavar="KEY=VALUE",
-    help="Change a key of the scenario for --firmware, such as estimator.gate=4; repeatable.",
-)
-@click.option(
+@many(
     "--beside",
-    multiple=True,
-    metavar="'KEY=VALUE …'",
-    help="Navigate once more with these settings, for comparison; repeatable.",
+    "Navigate once more with these settings, for comparison; repeatable.",
+    "'KEY=VALUE …'",
 )
 @click.option(
     "--compare",
@@ -74,20 +70,14 @@ _ITSELF = ":itself"
     metavar="[OTHER]",
     help="Report the first epoch and signal that differ from the recording, or from OTHER.",
 )
-@click.option(
-    "--out",
-    type=click.Path(file_okay=False, path_type=Path),
-    help="Folder for the results of --firmware.  [default: out/FILE]",
-)
+@option("--out", "Folder for the results of --firmware.  [default: out/FILE]", FOLDER)
 @log_channel_option
 @json_option
 def replay(
     log: Path,
     scenario: str | None,
-    interface: str,
-    channel: str | None,
-    bitrate: int | None,
-    speed: str,
+    bus: Bus,
+    speed: float | None,
     times: int,
     loop: bool,
     only: tuple[str, ...],
@@ -118,17 +108,14 @@ def replay(
     elif other is not None:
         _compare(log, other, as_json, log_channel)
     else:
-        from rrins.host_tools.runs.side import address_of
-
-        address = address_of(interface, channel, bitrate)
-        _play(log, address, as_json, speed, times, loop, only, log_channel)
+        _play(log, bus.address(), as_json, speed, times, loop, only, log_channel)
 
 
 def _play(
     path: Path,
     address: Address,
     as_json: bool,
-    speed: str,
+    factor: float | None,
     times: int,
     loop: bool,
     only: tuple[str, ...],
@@ -140,7 +127,6 @@ def _play(
     from rrins.host_tools.recording.errors import RecordError
 
     identifiers = identifiers_of(only)
-    factor = _speed_of(speed)
     log = Log(path, log_channel)
     playback = Playback(address, factor, identifiers)
     pace = "as fast as possible" if factor is None else f"{factor:g} × real time"
@@ -164,24 +150,10 @@ def _play(
             f"{played.frames} frames sent in {played.wall_s:.1f} s, "
             f"the latest {played.latest_s * 1000:.1f} ms late"
         )
-        click.echo(json.dumps(summary) if as_json else text)
+        print_results(as_json, summary, [text])
     print_reading(log)
     if not played.frames:
         raise RecordError(f"{path}: no frame matches --only")
-
-
-def _speed_of(text: str) -> float | None:
-    if text == "max":
-        return None
-    try:
-        speed = float(text)
-    except ValueError:
-        speed = 0.0
-    if not 1e-6 <= speed < 1e9:
-        raise click.BadParameter(
-            f"{text!r} is neither a number of at least 1e-6 nor 'max'", param_hint="--speed"
-        )
-    return speed
 
 
 def _navigate_again(
@@ -212,7 +184,7 @@ def _navigate_again(
     against = None if other is None else Log(other)
     folder = folder_of(out, path.name)
     prepare_firmware(scenario)
-    with reading_progress("navigating", log.size, as_json) as on_progress:
+    with counting("navigating", log.size, as_json) as on_progress:
         replayed = replay(log, scenario, folder, with_comparison, against, on_progress)
     print_reading(log)
     first, paths = write_replay(folder, name, scenario, log, replayed, print_note)
@@ -227,7 +199,7 @@ def _navigate_again(
         if not as_json:
             print_table(beside.table_of(found))
     if as_json:
-        click.echo(json.dumps(summary))
+        print_json(summary)
     else:
         print_replay(summary, paths)
     if replayed.comparison is not None:
@@ -255,7 +227,7 @@ def _variants(
         below.mkdir(exist_ok=True)
         prepare_firmware(scenario)
         log = Log(path, log_channel)
-        with reading_progress(label, log.size, as_json) as on_progress:
+        with counting(label, log.size, as_json) as on_progress:
             replayed = replay(log, scenario, below, on_progress=on_progress)
         navigated, _ = write_replay(below, name, scenario, log, replayed, print_note)
         yield replace(navigated, label=label)
@@ -286,12 +258,12 @@ def _compare(ours: Path, theirs: Path, as_json: bool, log_channel: str | None) -
     from rrins.host_tools.logs.reader import Log
 
     left, right = Log(ours, log_channel), Log(theirs)
-    with reading_progress("comparing", left.size + right.size, as_json) as on_progress:
+    with counting("comparing", left.size + right.size, as_json) as on_progress:
         comparison = compare_logs(left, right, on_progress)
     print_reading(left)
     print_reading(right)
     if as_json:
-        click.echo(json.dumps(comparison.summary()))
+        print_json(comparison.summary())
     _judge(comparison, as_json)
 
 
@@ -304,23 +276,18 @@ def _judge(comparison: Comparison, as_json: bool) -> None:
         If there are any.
     """
     from rrins.host_tools.recording.errors import DifferenceError
-    from rrins.host_tools.terminal import print_table
 
-    if comparison.first is None:
-        if not as_json:
-            click.echo(comparison.text())
-        return
+    differs = comparison.first is not None
     if not as_json:
-        print_table(_table_of(comparison))
-    raise DifferenceError(comparison.text())
+        print_results(False, {}, [_table_of(comparison) if differs else comparison.text()])
+    if differs:
+        raise DifferenceError(comparison.text())
 
 
 def _table_of(comparison: Comparison) -> Table:
-    from rich.table import Table
+    from rrins.host_tools.terminal import new_table
 
-    table = Table(title="Differences", title_justify="left")
-    for column in ("signal", "from epoch", "frames", "max difference"):
-        table.add_column(column, justify="left" if column == "signal" else "right", no_wrap=True)
+    table = new_table("Differences", "signal", "from epoch", "frames", "max difference")
     for row in comparison.summary()["signals"]:
         apart = "" if row["largest"] is None else f"{row['largest']:.3g} {row['unit']}"
         epoch = "before SYNC" if row["first_epoch"] is None else str(row["first_epoch"])

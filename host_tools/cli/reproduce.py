@@ -2,25 +2,22 @@
 
 from __future__ import annotations
 
-import json
-import os
 from pathlib import Path
 
 import click
 from rich.table import Table
 
-from rrins.host_tools.errors import RehearsalError
+from rrins.host_tools.cli.options import FOLDER, flag, option
+from rrins.host_tools.cli.output import make_folder, print_results
 from rrins.host_tools.experiments.paper import EXPERIMENTS, reproduce_sections, runs_of
 from rrins.host_tools.experiments.report import table_3, write
 from rrins.host_tools.experiments.sections import FigureRow, Section, figure
-from rrins.host_tools.terminal import new_console, print_table, progress_line
+from rrins.host_tools.terminal import new_console, new_table, progress_line
 
 
 def _table_3(sections: list[Section]) -> Table:
-    table = Table(title="Table 3: ours, the paper's, the ratio", title_justify="left")
-    table.add_column("")
-    for name in ("4.3 east", "4.3 north", "4.4 east", "4.4 north", "4.5 end"):
-        table.add_column(name, justify="right", no_wrap=True)
+    heads = ("4.3 east", "4.3 north", "4.4 east", "4.4 north", "4.5 end")
+    table = new_table("Table 3: ours, the paper's, the ratio", "", *heads)
     for name, cells in table_3(sections):
         shown = ("" if row is None else _beside(row) for row in cells)
         table.add_row(name, *shown, end_section=True)
@@ -36,28 +33,14 @@ def _beside(row: FigureRow) -> str:
 @click.argument(
     "experiment", type=click.Choice((*EXPERIMENTS, "all")), default="all", metavar="[EXPERIMENT]"
 )
-@click.option(
-    "--seeds",
-    type=click.IntRange(1, 100_000),
-    default=20,
-    show_default=True,
-    help="Number of noise seeds.",
-)
-@click.option(
+@option("--seeds", "Number of noise seeds.", click.IntRange(1, 100_000), 20)
+@option(
     "--motion",
-    type=click.Path(exists=True, dir_okay=False, path_type=Path),
-    help="Recorded motion for `drive`, in addition to the synthetic one: .csv or .pos.",
+    "Recorded motion for `drive`, in addition to the synthetic one: .csv or .pos.",
+    click.Path(exists=True, dir_okay=False, path_type=Path),
 )
-@click.option(
-    "--out",
-    type=click.Path(file_okay=False, path_type=Path),
-    default=Path("out/reproduce"),
-    show_default=True,
-    help="Folder for the report and its plots.",
-)
-@click.option(
-    "--json", "as_json", is_flag=True, help="Print one JSON object with the rows of the report."
-)
+@option("--out", "Folder for the report and its plots.", FOLDER, Path("out/reproduce"))
+@flag("--json as_json", "Print one JSON object with the rows of the report.")
 def reproduce(experiment: str, seeds: int, motion: Path | None, out: Path, as_json: bool) -> None:
     """Run the paper's experiments and compare the results with its figures.
 
@@ -65,12 +48,7 @@ def reproduce(experiment: str, seeds: int, motion: Path | None, out: Path, as_js
     (4.5) or all. Writes report.html and plots.
     """
     which = EXPERIMENTS if experiment == "all" else (experiment,)
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise RehearsalError(f"--out {out}: cannot be created: {error.strerror}") from error
-    if not os.access(out, os.W_OK | os.X_OK):
-        raise RehearsalError(f"--out {out}: cannot be written to")
+    make_folder(out)
     console = new_console(stderr=True)
     with progress_line(console) as progress:
         total = runs_of(which, seeds, motion)
@@ -85,19 +63,12 @@ def reproduce(experiment: str, seeds: int, motion: Path | None, out: Path, as_js
         def say(name: str) -> None:
             progress.update(task, description=name)
             if not console.is_terminal:
-                console.print(f"{name} …", highlight=False, soft_wrap=True)
+                click.echo(f"{name} …", err=True)
 
         sections = reproduce_sections(which, seeds, motion, advance, say)
         paths = write(out, sections)
-    if as_json:
-        rows = [row.values() for section in sections for row in section.rows]
-        click.echo(json.dumps({"seeds": seeds, "rows": rows, "report": str(paths[0])}))
-        return
-    shown = new_console()
-    if table_3(sections):
-        print_table(_table_3(sections), shown)
-    for section in sections:
-        for line in section.findings:
-            shown.print(f"{section.experiment}: {line}", highlight=False, soft_wrap=True)
-    for path in paths:
-        shown.print(f"  {path}", highlight=False, soft_wrap=True)
+    findings = [f"{one.experiment}: {line}" for one in sections for line in one.findings]
+    tables = [_table_3(sections)] if table_3(sections) else []
+    rows = [row.values() for section in sections for row in section.rows]
+    result = {"seeds": seeds, "rows": rows, "report": str(paths[0])}
+    print_results(as_json, result, [*tables, *findings, *(f"  {path}" for path in paths)])

@@ -2,152 +2,129 @@
 
 from __future__ import annotations
 
-import json
 import logging
 import sys
-from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from rrins.host_tools.cli.completion import complete_scenarios
-from rrins.host_tools.cli.numbers import BIT_RATE, NumberRange
-from rrins.host_tools.cli.options import timestamps_option
-from rrins.host_tools.cli.output import print_note
-from rrins.host_tools.cli.serial_options import nmea_options, serial_options, settings_of
+from rrins.host_tools.cli.options import (
+    FILE,
+    FOLDER,
+    NOT_NEGATIVE,
+    POSITIVE,
+    Bus,
+    Speed,
+    bitrate_option,
+    flag,
+    free_duration_option,
+    gathered,
+    interface_option,
+    json_option,
+    noise_seed_option,
+    option,
+    record_option,
+    results_option,
+    scenario_argument,
+    timestamps_option,
+    together,
+)
+from rrins.host_tools.cli.output import print_note, print_results
+from rrins.host_tools.cli.serial_options import nmea_options, serial_options
 from rrins.host_tools.errors import RehearsalError
 from rrins.host_tools.interruption import INTERRUPTED, heed_sigterm
 
 if TYPE_CHECKING:
+    from rich.table import Table
+
+    from rrins.firmware_py.serial.settings import SerialSettings
     from rrins.host_tools.bus.port import Side
-    from rrins.host_tools.files import JsonObject
     from rrins.host_tools.runs.display import RunDisplay
+    from rrins.host_tools.runs.programs.program import Program
     from rrins.host_tools.runs.run import RunResult
     from rrins.host_tools.runs.sides.starting import Command
     from rrins.host_tools.scenario.scenario import Scenario
 
-DEFAULT_SCENARIO = "rimu_rotating"
+
+@dataclass(frozen=True)
+class Selection:
+    """The scenario that the options select."""
+
+    scenario: str
+    duration_s: float | None
+    seed: int | None
+
+    def load(self) -> Scenario:
+        """Return the scenario."""
+        from rrins.host_tools.scenario.scenario import load
+
+        return load(self.scenario, duration_s=self.duration_s, seed=self.seed)
 
 
-class _Speed(click.ParamType[float | None]):
-    """1 for real time; another factor, or `max`, for lockstep."""
-
-    name = "1|N|max"
-
-    def convert(
-        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
-    ) -> float | None:
-        if value == "max" or value is None:
-            return None
-        try:
-            speed = float(value)
-        except ValueError:
-            self.fail(f"{value!r} is neither a number nor 'max'", param, ctx)
-        if not 0 < speed < 1e9:
-            self.fail(f"{value} is not greater than 0", param, ctx)
-        return speed
-
-
-def _options(*options: Callable[..., Any]) -> Callable[..., Any]:
-    """Return one decorator that applies several."""
-
-    def decorate(command: Callable[..., Any]) -> Callable[..., Any]:
-        for option in reversed(options):
-            command = option(command)
-        return command
-
-    return decorate
-
-
-_scenario_options = _options(
-    click.argument(
-        "scenario",
-        default=DEFAULT_SCENARIO,
-        metavar="[SCENARIO]",
-        shell_complete=complete_scenarios,
-    ),
-    click.option("--duration", "duration_s", type=float, help="Navigate for this many seconds."),
-    click.option("--seed", type=int, help="Seed of the sensor noise."),
+_scenario_options = gathered(
+    "selection", Selection, scenario_argument, free_duration_option, noise_seed_option
 )
-_bus_options = _options(
-    click.option("--interface", default="rrins", show_default=True, help="python-can interface."),
-    click.option("--channel", help="Channel of the interface, such as vcan0."),
-    click.option("--bitrate", type=BIT_RATE, help="Bit rate, if the interface sets it."),
+_bus_options = gathered(
+    "bus",
+    Bus,
+    interface_option,
+    option("--channel", "Channel of the interface, such as vcan0."),
+    bitrate_option,
 )
-_out_option = click.option(
-    "--out",
-    type=click.Path(file_okay=False, path_type=Path),
-    help="Folder for the results.  [default: out/SCENARIO]",
-)
-_foreign_option = click.option(
+_foreign_option = flag(
     "--foreign-senders",
-    is_flag=True,
-    help="On the embedded bus, accept the messages of a side from any sender; for tests.",
+    "On the embedded bus, accept the messages of a side from any sender; for tests.",
 )
-_steer_option = click.option(
-    "--steer", type=click.Path(dir_okay=False, path_type=Path), hidden=True
-)
-_json_option = click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
+_steer_option = click.option("--steer", type=FILE, hidden=True)
+
+
+def _program(_: click.Context, __: click.Parameter, text: str | None) -> Program | None:
+    """Return the program that an option names."""
+    from rrins.host_tools.runs.programs.program import Program
+
+    return None if text is None else Program.parse(text)
 
 
 @click.command()
 @_scenario_options
-@click.option(
-    "--speed",
-    type=_Speed(),
-    default="max",
-    show_default=True,
-    help="1: real time; N: up to N times real time; max: as fast as possible.",
+@option(
+    "--speed", "1: real time; N: up to N times real time; max: as fast as possible.", Speed(), "max"
 )
 @_bus_options
-@click.option(
-    "--limit",
-    "limit_s",
-    type=NumberRange(min=0, min_open=True),
-    help="Limit the run to this many seconds, in whole cycles of the scheme.",
+@option(
+    "--limit limit_s",
+    "Limit the run to this many seconds, in whole cycles of the scheme.",
+    POSITIVE,
 )
-@_out_option
-@click.option(
-    "--record", type=click.Path(dir_okay=False, path_type=Path), help="Record the bus to this file."
-)
+@results_option
+@record_option
 @timestamps_option
 @serial_options
 @_foreign_option
-@click.option("--firmware", "program", help="Your own program as the firmware.")
-@click.option("--hardware", "model", help="Your own program as the sensors and the table.")
-@click.option(
-    "--patience",
-    "patience_s",
-    type=NumberRange(min=0),
-    default=10.0,
-    show_default=True,
-    help="Longest silence of your program; 0 waits forever, for debugging.",
+@option("--firmware", "Your own program as the firmware.", callback=_program)
+@option("--hardware", "Your own program as the sensors and the table.", callback=_program)
+@option(
+    "--patience patience_s",
+    "Longest silence of your program; 0 waits forever, for debugging.",
+    NOT_NEGATIVE,
+    10.0,
 )
 @_steer_option
-@_json_option
+@json_option
 @click.pass_obj
 def rehearse(
     command: Command | None,
     /,
-    scenario: str,
-    duration_s: float | None,
-    seed: int | None,
+    selection: Selection,
     speed: float | None,
-    interface: str,
-    channel: str | None,
-    bitrate: int | None,
+    bus: Bus,
     limit_s: float | None,
     out: Path | None,
     record: Path | None,
-    timestamps: Literal["bus", "unix"],
-    foreign_senders: bool,
-    program: str | None,
-    model: str | None,
-    patience_s: float,
-    steer: Path | None,
     as_json: bool,
-    **serial: Any,
+    **settings: Any,
 ) -> None:
     """Run firmware and hardware as two processes on one bus.
 
@@ -156,33 +133,20 @@ def rehearse(
     If the file of --record exists, it is moved into the folder `previous` beside it.
     """
     from rrins.host_tools.runs import run
-    from rrins.host_tools.runs.programs.program import Program
     from rrins.host_tools.runs.results.picture_loading import PictureLoading
     from rrins.host_tools.runs.sides.job import REALTIME
     from rrins.host_tools.runs.sides.starting import Forks
-    from rrins.host_tools.scenario.scenario import load
 
-    loaded = load(scenario, duration_s=duration_s, seed=seed)
+    loaded = selection.load()
     heed_sigterm()
     _warn(loaded)
-    plan = run.Plan(
-        scenario,
-        loaded,
-        run.Overrides(duration_s, seed),
-        run.BusOptions(interface, channel, bitrate),
-        speed,
-        settings_of(serial),
-        foreign_senders,
-        timestamps,
-        None if program is None else Program.parse(program),
-        patience_s,
-        steer,
-        None if model is None else Program.parse(model),
-    )
+    overrides = run.Overrides(selection.duration_s, selection.seed)
+    options = run.BusOptions(bus.interface, bus.channel, bus.bitrate)
+    plan = run.Plan(selection.scenario, loaded, overrides, options, speed, **settings)
     if limit_s is not None:
         plan = run.fit(plan, limit_s)
     run.check(plan, record)
-    folder = run.folder_of(out, scenario)
+    folder = run.folder_of(out, selection.scenario)
     # The forks come first: the display may have a thread.
     with (
         Forks(command) as forks,
@@ -190,7 +154,7 @@ def rehearse(
         PictureLoading() as pictures,
     ):
         # In real time a recorder in this process must not wait for an import.
-        on_started = pictures.begin if speed != REALTIME else _nothing
+        on_started = pictures.begin if speed != REALTIME else lambda: None
         result = run.rehearse(
             plan, display, folder, record, start=forks.start, on_started=on_started
         )
@@ -199,18 +163,12 @@ def rehearse(
 
 @click.command()
 @_scenario_options
-@_out_option
+@results_option
 @nmea_options
-@click.option("--frames", is_flag=True, help="Exchange CAN frames even if nothing requires them.")
-@_json_option
+@flag("--frames", "Exchange CAN frames even if nothing requires them.")
+@json_option
 def simulate(
-    scenario: str,
-    duration_s: float | None,
-    seed: int | None,
-    out: Path | None,
-    frames: bool,
-    as_json: bool,
-    **serial: Any,
+    selection: Selection, out: Path | None, frames: bool, as_json: bool, serial: SerialSettings
 ) -> None:
     """Run both sides in one process, without a bus: same steps, same navigation.
 
@@ -218,23 +176,18 @@ def simulate(
     rimu_rotating.
     """
     from rrins.host_tools.runs import run
-    from rrins.host_tools.scenario.scenario import load
 
-    loaded = load(scenario, duration_s=duration_s, seed=seed)
+    loaded = selection.load()
     heed_sigterm()
     _warn(loaded)
-    folder = run.folder_of(out, scenario)
+    folder = run.folder_of(out, selection.scenario)
     with _display(loaded, as_json) as display:
-        result = run.simulate(scenario, loaded, display, folder, frames, settings_of(serial))
+        result = run.simulate(selection.scenario, loaded, display, folder, frames, serial)
     _finish(result, folder, as_json)
 
 
-def _nothing() -> None:
-    """Do nothing."""
-
-
 def _warn(scenario: Scenario) -> None:
-    """Say what the scenario will not do as one may expect."""
+    """Print warnings about settings that may surprise."""
     from rrins.host_tools.runs.set_up.load_warnings import warnings_of
 
     for warning in warnings_of(scenario):
@@ -253,7 +206,6 @@ def _finish(result: RunResult, folder: Path, as_json: bool) -> None:
     """Write and show the results, then raise the error of the run, if any."""
     from rrins.host_tools.runs.results.keeping import place_for
     from rrins.host_tools.runs.results.summary import lines_of, table_of
-    from rrins.host_tools.terminal import new_console, print_table
 
     paths: list[Path] = []
     failure: RehearsalError | None = None
@@ -265,29 +217,23 @@ def _finish(result: RunResult, folder: Path, as_json: bool) -> None:
         paths = result.write(place)
     except RehearsalError as error:
         failure = error
-    if as_json:
-        click.echo(json.dumps(summary))
-    else:
-        console = new_console()
-        if len(result.errors):
-            print_table(table_of(summary), console)
-        for line in lines_of(summary) if summary["epochs"] else ():
-            console.print(line, highlight=False, soft_wrap=True)
-        for path in paths if summary["epochs"] else ():
-            console.print(f"  {path}", highlight=False, soft_wrap=True)
+    parts: list[Table | str] = []
+    if len(result.errors) and not as_json:
+        parts.append(table_of(summary))
+    if summary["epochs"]:
+        parts += [*lines_of(summary), *(f"  {path}" for path in paths)]
+    print_results(as_json, summary, parts)
     if failure is not None and result.failure is None:
         raise failure
     result.check()
 
 
-_side_options = _options(
+_side_options = together(
     _scenario_options,
-    click.option(
-        "--speed", type=_Speed(), default="1", show_default=True, help="Must match the other side."
-    ),
+    option("--speed", "Must match the other side.", Speed(), "1"),
     _bus_options,
-    _json_option,
-    click.option("--log", type=click.Path(file_okay=False, path_type=Path), hidden=True),
+    json_option,
+    click.option("--log", "folder", type=FOLDER, hidden=True),
     click.option("--report-fd", type=int, hidden=True),
     click.option("--core", type=int, hidden=True),
 )
@@ -297,58 +243,47 @@ _side_options = _options(
 @_side_options
 @serial_options
 @click.option(
-    "--attach-wait", type=float, default=0.0, help="Wait up to this many seconds for the bus."
+    "--attach-wait",
+    "attach_wait_s",
+    type=float,
+    default=0.0,
+    help="Wait up to this many seconds for the bus.",
 )
-@click.option(
+@option(
     "--parameters",
-    type=click.Path(dir_okay=False, path_type=Path),
-    help="Parameter memory; created if missing. Its values override the scenario's.",
+    "Parameter memory; created if missing. Its values override the scenario's.",
+    FILE,
 )
-def firmware(attach_wait: float, **options: Any) -> None:
+def firmware(**options: Any) -> None:
     """Run the navigation computer alone, on the hardware's bus.
 
     SCENARIO is as for `rrins rehearse`, rimu_rotating by default, and the same on both sides.
     """
-    serial = settings_of(options)
-    _run_side("firmware", attach_wait_s=attach_wait, serial=serial, **options)
+    _run_side("firmware", **options)
 
 
 @click.command()
 @_side_options
 @_foreign_option
 @_steer_option
-@click.option("--await-peer", multiple=True, hidden=True)
+@click.option("--await-peer", "await_peers", multiple=True, hidden=True)
 @click.option("--follow", hidden=True)
 @click.option("--patience", "patience_s", type=float, default=0.0, hidden=True)
-@click.option("--program", help="Your own program as the sensors and the table.")
-def hardware(await_peer: tuple[str, ...], program: str | None, **options: Any) -> None:
+@option("--program", "Your own program as the sensors and the table.", callback=_program)
+def hardware(**options: Any) -> None:
     """Run the emulated RIMU and turntable alone; it hosts the embedded bus.
 
     SCENARIO is as for `rrins rehearse`, rimu_rotating by default, and the same on both sides.
     """
-    from rrins.host_tools.runs.programs.program import Program
-
-    model = None if program is None else Program.parse(program)
-    _run_side("hardware", await_peers=await_peer, program=model, **options)
+    _run_side("hardware", **options)
 
 
 def _run_side(
-    side: Side,
-    scenario: str,
-    duration_s: float | None,
-    seed: int | None,
-    speed: float | None,
-    interface: str,
-    channel: str | None,
-    bitrate: int | None,
-    as_json: bool,
-    log: Path | None,
-    **job: Any,
+    side: Side, selection: Selection, speed: float | None, bus: Bus, as_json: bool, **job: Any
 ) -> None:
     from rrins.host_tools.runs.results.pipe import NoteHandler, ReportPipe
-    from rrins.host_tools.runs.side import address_of, check_line, run_side
+    from rrins.host_tools.runs.side import check_line, run_side
     from rrins.host_tools.runs.sides.job import REALTIME, Job
-    from rrins.host_tools.scenario.scenario import load
 
     report_fd = job["report_fd"]
     heed_sigterm()
@@ -359,15 +294,18 @@ def _run_side(
         of_code.propagate = False
         of_code.addHandler(NoteHandler(ReportPipe(report_fd), side))
     try:
-        loaded = load(scenario, duration_s=duration_s, seed=seed)
-        address = address_of(interface, channel, bitrate)
-        own = Job(loaded, address, speed, log, **job)
+        loaded = selection.load()
+        address = bus.address()
+        own = Job(loaded, address, speed, **job)
         check_line(side, own)
         if report_fd is None:
             _warn(loaded)
             kind = "real time" if speed == REALTIME else "lockstep"
-            click.echo(f"rrins: {side} on {address}, {kind}; Ctrl-C stops", err=True)
-        _show_side(run_side(side, own), as_json, report_fd)
+            print_note(f"{side} on {address}, {kind}; Ctrl-C stops")
+        summary = run_side(side, own)
+        if as_json or report_fd is None:
+            lines = (f"{key:>18}: {value}" for key, value in summary.items())
+            print_results(as_json, summary, lines)
     except RehearsalError as error:
         if report_fd is None:
             raise
@@ -379,12 +317,3 @@ def _run_side(
         if report_fd is None:
             raise
         sys.exit(INTERRUPTED)
-
-
-def _show_side(summary: JsonObject, as_json: bool, report_fd: int | None) -> None:
-    """Print a side's summary, unless it goes to a rehearsal."""
-    if as_json:
-        click.echo(json.dumps(summary))
-    elif report_fd is None:
-        for key, value in summary.items():
-            click.echo(f"{key:>18}: {value}")

@@ -1,4 +1,4 @@
-"""`rrins scenarios`: the built-in scenarios."""
+"""`rrins scenarios` and `rrins setup`: scenarios, and the set-up of their computer."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ import click
 
 from rrins.host_tools.cli.completion import complete_scenarios
 from rrins.host_tools.cli.group import Group
-from rrins.host_tools.cli.options import json_option
+from rrins.host_tools.cli.options import json_option, scenario_argument
+from rrins.host_tools.cli.output import print_json
 from rrins.host_tools.scenario.scenario import Scenario, load, names, text_of
 
 
@@ -37,10 +38,22 @@ def show_scenario(name: str, as_json: bool) -> None:
 
     scenario = load(name)
     shown = {"scenario": scenario.model_dump(mode="json"), "fusion": fusion_set_up(scenario)}
-    click.echo(json.dumps(shown))
+    print_json(shown)
 
 
 @scenarios.command("schema")
 def show_schema() -> None:
     """Print the JSON schema of scenarios: keys, limits, defaults."""
     click.echo(json.dumps(Scenario.model_json_schema(), indent=2))
+
+
+@click.command()
+@scenario_argument
+def setup(scenario: str) -> None:
+    """Show the set-up of SCENARIO's navigation computer: a key and its values on each line.
+
+    `rrins rehearse --firmware PROGRAM` gives it to PROGRAM as a file.
+    """
+    from rrins.host_tools.runs.set_up.setup_file import setup_text
+
+    click.echo(setup_text(load(scenario)), nl=False)

@@ -2,22 +2,38 @@
 
 from __future__ import annotations
 
-import json
 import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 
 import click
+from rich.table import Table
 
-from rrins.firmware_py.core.settings import Scheme
 from rrins.host_tools.calibration.search import SearchLimits
-from rrins.host_tools.cli import scheme_tables
+from rrins.host_tools.calibration.turning_vehicle import compare
+from rrins.host_tools.cli import scheme_tables as tables
 from rrins.host_tools.cli.group import Group
-from rrins.host_tools.cli.numbers import NumberRange
-from rrins.host_tools.cli.options import json_option, together
+from rrins.host_tools.cli.options import (
+    FILE,
+    FOLDER,
+    NOT_NEGATIVE,
+    Number,
+    flag,
+    gathered,
+    json_option,
+    option,
+    rimu_option,
+)
+from rrins.host_tools.cli.output import make_folder, print_results, stepping
 from rrins.host_tools.cli.scheme_afterwards import afterwards
-from rrins.host_tools.cli.scheme_drive import compare_turning
-from rrins.host_tools.cli.scheme_observability import observability, search_for_calibration
-from rrins.host_tools.closing import Closing
+from rrins.host_tools.cli.scheme_observability import (
+    RateOptions,
+    observability,
+    rate_options,
+    search_for_calibration,
+)
 from rrins.host_tools.errors import RehearsalError
 from rrins.host_tools.rotation.analysis import analyse
 from rrins.host_tools.rotation.comparison import compared, scheme_object, travel_object
@@ -26,49 +42,44 @@ from rrins.host_tools.rotation.inputs import NamedRimu, rimu_of, scheme_of
 from rrins.host_tools.rotation.search import search
 from rrins.host_tools.rotation.travel import travel_of
 from rrins.host_tools.scenario.schemes import SCHEMES
-from rrins.host_tools.terminal import new_console, print_table, progress_line
+from rrins.host_tools.terminal import new_console, progress_line
 
 _REFERENCE = "16-position"
 _CALIBRATION = "calibration"
 _WAIT_S = 2.0
 
 
-_rimu_options = together(
-    click.option(
-        "--rimu",
-        "geometry",
-        metavar="GEOMETRY",
-        help="Built-in geometry, or TOML file with the sensor axes.",
+@dataclass(frozen=True)
+class RimuOptions:
+    """The sensors and their errors as the options name them."""
+
+    geometry: str | None
+    errors: str | None
+    fused: bool
+    earth_latitude_deg: float | None
+
+    def load(self) -> NamedRimu:
+        """Return the sensors."""
+        return rimu_of(self.geometry, self.errors, self.fused, self.earth_latitude_deg)
+
+    @property
+    def projection(self) -> str:
+        """Which axes the errors are projected on."""
+        return "fused" if self.fused else "single sensor"
+
+
+_rimu_options = gathered(
+    "sensors",
+    RimuOptions,
+    rimu_option,
+    option(
+        "--errors", "TOML file with [gyros] and [accelerometers].  [default: paper]", metavar="FILE"
     ),
-    click.option(
-        "--errors",
-        metavar="FILE",
-        help="TOML file with [gyros] and [accelerometers].  [default: paper]",
-    ),
-    click.option(
-        "--fused",
-        is_flag=True,
-        help="Weight each sensor by its share in the fused solution.",
-    ),
-    click.option(
-        "--latitude",
-        "earth_latitude_deg",
-        type=NumberRange(-90, 90),
-        help="Include the Earth's rotation rate at this latitude, °.",
-    ),
-)
-_rate_options = together(
-    click.option(
-        "--rate",
-        "turn_rate_dps",
-        type=NumberRange(0, 60, min_open=True),
-        help="Turn rate, °/s.  [default: 2, or the file's]",
-    ),
-    click.option(
-        "--stand",
-        "stand_s",
-        type=NumberRange(0, 86_400),
-        help="Dwell after each turn, s.  [default: 10, or the file's]",
+    flag("--fused", "Weight each sensor by its share in the fused solution."),
+    option(
+        "--latitude earth_latitude_deg",
+        "Include the Earth's rotation rate at this latitude, °.",
+        Number(-90, 90),
     ),
 )
 
@@ -90,35 +101,24 @@ scheme.add_command(afterwards)
 def list_schemes(as_json: bool) -> None:
     """List the built-in schemes, one per line."""
     named = [scheme_of(name) for name in SCHEMES]
-    if as_json:
-        objects = [
-            scheme_object(one) | {"travel": travel_object(travel_of(one.scheme))} for one in named
-        ]
-        click.echo(json.dumps({"schemes": objects}))
-        return
-    for one in named:
-        click.echo(f"{one.name:<24}{scheme_tables.turns_text(one.scheme)}")
+    objects = [
+        scheme_object(one) | {"travel": travel_object(travel_of(one.scheme))} for one in named
+    ]
+    lines = (f"{one.name:<24}{tables.turns_text(one.scheme)}" for one in named)
+    print_results(as_json, {"schemes": objects}, lines)
 
 
 @scheme.command("analyse")
 @click.argument("name", metavar="SCHEME")
 @_rimu_options
-@_rate_options
-@click.option("--sensor", type=click.IntRange(1), help="Sensor to print and plot.  [default: 3]")
+@rate_options
+@option("--sensor", "Sensor to print and plot.  [default: 3]", click.IntRange(1))
 @json_option
-@click.option(
-    "--out",
-    type=click.Path(file_okay=False, path_type=Path),
-    help="Folder for the plots.  [default: out/scheme/SCHEME]",
-)
+@option("--out", "Folder for the plots.  [default: out/scheme/SCHEME]", FOLDER)
 def analyse_scheme(
     name: str,
-    geometry: str | None,
-    errors: str | None,
-    fused: bool,
-    earth_latitude_deg: float | None,
-    turn_rate_dps: float | None,
-    stand_s: float | None,
+    sensors: RimuOptions,
+    rate: RateOptions,
     sensor: int | None,
     as_json: bool,
     out: Path | None,
@@ -128,77 +128,56 @@ def analyse_scheme(
     Errors are integrated in the body frame: gyros in rad, accelerometers in m/s. Plots figures 7
     and 8 of the paper for one sensor.
     """
-    named = scheme_of(name, turn_rate_dps, stand_s)
-    rimu = rimu_of(geometry, errors, fused, earth_latitude_deg)
+    named, rimu = rate.scheme(name), sensors.load()
     shown = _sensor(rimu, sensor)
     variation = analyse(
         named.scheme,
         rimu.rimu.gyros,
         rimu.rimu.accelerometers,
-        earth_latitude_deg=earth_latitude_deg,
+        earth_latitude_deg=sensors.earth_latitude_deg,
     )
-    folder = _folder(out if out is not None else Path("out") / "scheme" / named.name)
+    folder = make_folder(out if out is not None else Path("out") / "scheme" / named.name)
     from rrins.host_tools.rotation import pictures  # takes half a second to import
 
-    paths = pictures.write(folder, variation, shown, named.name, rimu.geometry)
-    if as_json:
-        result = scheme_tables.analysis_object(named, rimu, variation)
-        result |= {"projection": _projection(fused), "pictures": [str(path) for path in paths]}
-        click.echo(json.dumps(result))
-        return
-    console = new_console()
-    console.print(
-        f"{named.name} on {rimu.geometry}, projection: {_projection(fused)}", soft_wrap=True
-    )
-    console.print(scheme_tables.cycle_line(named.scheme), highlight=False, soft_wrap=True)
-    for integrals in (variation.gyros, variation.accelerometers):
-        if shown <= len(integrals.sensors):
-            print_table(scheme_tables.sensor_table(integrals, shown), console)
-    print_table(scheme_tables.all_sensors_table(variation), console)
-    console.print(
-        "left: after one cycle, 0 below 1e-9 of the largest; largest: within the cycle",
-        highlight=False,
-        soft_wrap=True,
-    )
-    if not travel_of(named.scheme).returns:
-        console.print(
-            "the sensors do not return to their start: the next cycle differs",
-            highlight=False,
-            soft_wrap=True,
-        )
-    for path in paths:
-        console.print(str(path), highlight=False, soft_wrap=True)
+    paths = [
+        str(path) for path in pictures.write(folder, variation, shown, named.name, rimu.geometry)
+    ]
+
+    def parts() -> Iterator[Table | str]:
+        yield f"{named.name} on {rimu.geometry}, projection: {sensors.projection}"
+        yield tables.cycle_line(named.scheme)
+        for integrals in (variation.gyros, variation.accelerometers):
+            if shown <= len(integrals.sensors):
+                yield tables.sensor_table(integrals, shown)
+        yield tables.all_sensors_table(variation)
+        yield "left: after one cycle, 0 below 1e-9 of the largest; largest: within the cycle"
+        if not travel_of(named.scheme).returns:
+            yield "the sensors do not return to their start: the next cycle differs"
+        yield from paths
+
+    result = tables.analysis_object(named, rimu, variation)
+    result |= {"projection": sensors.projection, "pictures": paths}
+    print_results(as_json, result, parts())
 
 
 @scheme.command("compare")
 @click.argument("names", metavar="SCHEME…", nargs=-1, required=True)
-@click.option(
+@option(
     "--case",
-    type=click.Choice(["cycle", "drive"]),
-    default="cycle",
-    show_default=True,
-    help="A cycle at standstill, or the paper's drive: a vehicle that turns.",
+    "A cycle at standstill, or the paper's drive: a vehicle that turns.",
+    ("cycle", "drive"),
+    "cycle",
 )
-@click.option(
-    "--routes",
-    type=click.IntRange(1, 1000),
-    default=4,
-    show_default=True,
-    help="Number of routes of the drive.",
-)
+@option("--routes", "Number of routes of the drive.", click.IntRange(1, 1000), 4)
 @_rimu_options
-@_rate_options
+@rate_options
 @json_option
 def compare_schemes(
     names: tuple[str, ...],
     case: str,
     routes: int,
-    geometry: str | None,
-    errors: str | None,
-    fused: bool,
-    earth_latitude_deg: float | None,
-    turn_rate_dps: float | None,
-    stand_s: float | None,
+    sensors: RimuOptions,
+    rate: RateOptions,
     as_json: bool,
 ) -> None:
     """Compare schemes: residual and peak errors, time, axis travel and range.
@@ -207,89 +186,56 @@ def compare_schemes(
     --errors, for those that a calibration leaves, and for white noise; each scheme as it is, and
     with the inner axis isolating the sensors from the vehicle's heading.
     """
-    rimu = rimu_of(geometry, errors, fused, earth_latitude_deg)
+    rimu = sensors.load()
+    named = [rate.scheme(name) for name in names]
     if case == "drive":
-        named = [scheme_of(name, turn_rate_dps, stand_s) for name in names]
-        compare_turning(named, rimu, routes, as_json)
+        schemes = [(one.name, one.scheme) for one in named]
+        with stepping("driving", routes) as step:
+            seeds = range(1, routes + 1)
+            found = [
+                one.values() for one in compare(schemes, rimu.axes_deg, rimu.errors, seeds, step)
+            ]
+        result = {"case": "drive", "geometry": rimu.geometry, "routes": routes, "schemes": found}
+        print_results(as_json, result, [tables.drive_table(found, routes)])
         return
-    rows = [
-        compared(scheme_of(name, turn_rate_dps, stand_s), rimu, earth_latitude_deg)
-        for name in names
-    ]
-    if as_json:
-        result = {
-            "geometry": rimu.geometry,
-            "errors": rimu.errors,
-            "projection": _projection(fused),
-            "earth_latitude_deg": earth_latitude_deg,
-            "schemes": rows,
-        }
-        click.echo(json.dumps(result))
-        return
-    console = new_console()
-    for table in scheme_tables.comparison_tables(rows):
-        print_table(table, console)
-    console.print(
+    rows = [compared(one, rimu, sensors.earth_latitude_deg) for one in named]
+    result = {
+        "geometry": rimu.geometry,
+        "errors": rimu.errors,
+        "projection": sensors.projection,
+        "earth_latitude_deg": sensors.earth_latitude_deg,
+        "schemes": rows,
+    }
+    note = (
         "left: root of the sum of squares over all sensors, and its axes; "
-        "largest: of any sensor on any axis",
-        highlight=False,
-        soft_wrap=True,
+        "largest: of any sensor on any axis"
     )
+    print_results(as_json, result, [*tables.comparison_tables(rows), note])
 
 
 @scheme.command("search")
-@click.option(
-    "--for",
-    "purpose",
-    type=click.Choice(["navigation", "calibration"]),
-    default="navigation",
-    show_default=True,
-    help="Calibration: find the quarter turns that show the sensors' constants best.",
+@option(
+    "--for purpose",
+    "Calibration: find the quarter turns that show the sensors' constants best.",
+    ("navigation", "calibration"),
+    "navigation",
 )
-@click.option(
-    "--time",
-    "time_s",
-    type=NumberRange(0, 86_400, min_open=True),
-    default=1720.0,
-    show_default=True,
-    help="Longest cycle of a calibration, s.",
+@option(
+    "--time time_s",
+    "Longest cycle of a calibration, s.",
+    Number(0, 86_400, min_open=True),
+    1720.0,
 )
-@click.option("--positions", type=int, default=16, show_default=True, help="Half turns per cycle.")
-@click.option(
-    "--inner-range",
-    "inner_range_deg",
-    type=NumberRange(0),
-    default=720.0,
-    show_default=True,
-    help="Largest range of the inner axis, °.",
-)
-@click.option(
-    "--outer-range",
-    "outer_range_deg",
-    type=NumberRange(0),
-    default=360.0,
-    show_default=True,
-    help="Largest range of the outer axis, °.",
-)
-@click.option("--slip-ring", is_flag=True, help="Let the inner axis rotate without limit.")
-@click.option(
-    "--loose", is_flag=True, help="Half turns in any order, at most two in a row on one axis."
-)
+@option("--positions", "Half turns per cycle.", int, 16)
+@option("--inner-range inner_range_deg", "Largest range of the inner axis, °.", NOT_NEGATIVE, 720.0)
+@option("--outer-range outer_range_deg", "Largest range of the outer axis, °.", NOT_NEGATIVE, 360.0)
+@flag("--slip-ring", "Let the inner axis rotate without limit.")
+@flag("--loose", "Half turns in any order, at most two in a row on one axis.")
 @_rimu_options
-@_rate_options
-@click.option(
-    "--top",
-    type=click.IntRange(1, 100),
-    default=5,
-    show_default=True,
-    help="Number of schemes to list.",
-)
+@rate_options
+@option("--top", "Number of schemes to list.", click.IntRange(1, 100), 5)
 @json_option
-@click.option(
-    "--save",
-    type=click.Path(dir_okay=False, path_type=Path),
-    help="Write the best scheme to this TOML file.",
-)
+@option("--save", "Write the best scheme to this TOML file.", FILE)
 def search_schemes(
     purpose: str,
     time_s: float,
@@ -298,12 +244,8 @@ def search_schemes(
     outer_range_deg: float,
     slip_ring: bool,
     loose: bool,
-    geometry: str | None,
-    errors: str | None,
-    fused: bool,
-    earth_latitude_deg: float | None,
-    turn_rate_dps: float | None,
-    stand_s: float | None,
+    sensors: RimuOptions,
+    rate: RateOptions,
     top: int,
     as_json: bool,
     save: Path | None,
@@ -315,90 +257,58 @@ def search_schemes(
     as TOML for a scenario.
     """
     if purpose == "calibration":
-        begin = scheme_of(_CALIBRATION, turn_rate_dps, stand_s).scheme
+        begin = rate.scheme(_CALIBRATION).scheme
         most = SearchLimits(
             time_s, begin.turn_rate_dps, begin.stand_s, inner_range_deg, outer_range_deg
         )
-        _search_for_calibration(most, geometry, begin, as_json, save)
-        return
-    rimu = rimu_of(geometry, errors, fused, earth_latitude_deg)
-    reference = scheme_of(_REFERENCE, turn_rate_dps, stand_s)
-    limits = Limits(
-        positions,
-        inner_range_deg,
-        outer_range_deg,
-        slip_ring,
-        loose,
-        reference.scheme.turn_rate_dps,
-        reference.scheme.stand_s,
-    )
-    with _LateProgress() as progress:
-        found = search(limits, rimu.rimu, reference.scheme, top, progress.report)
-    if save is not None:
-        _save(save, scheme_tables.toml_of(found.best[0].scheme))
-    if as_json:
+        with _late_progress() as report:
+            best, result, parts = search_for_calibration(most, sensors.geometry, begin, report)
+    else:
+        rimu, reference = sensors.load(), rate.scheme(_REFERENCE).scheme
+        limits = Limits(
+            positions, inner_range_deg, outer_range_deg, slip_ring, loose,
+            reference.turn_rate_dps, reference.stand_s,
+        )  # fmt: skip
+        with _late_progress() as report:
+            found = search(limits, rimu.rimu, reference, top, report)
+        best = found.best[0].scheme
+        parts = [tables.search_table(found, "table 1"), tables.verdict(found, "table 1")]
         result = {
             "limits": vars(limits),
             "geometry": rimu.geometry,
             "errors": rimu.errors,
-            "projection": _projection(fused),
+            "projection": sensors.projection,
             "count": found.count,
-            "best": [scheme_tables.candidate_object(one) for one in found.best],
-            "reference": {"name": _REFERENCE} | scheme_tables.candidate_object(found.reference),
+            "best": [tables.candidate_object(one) for one in found.best],
+            "reference": {"name": _REFERENCE} | tables.candidate_object(found.reference),
             "better_than_reference": found.better,
             "equal_to_reference": found.equal,
-            "toml": scheme_tables.toml_of(found.best[0].scheme),
         }
-        click.echo(json.dumps(result))
-        return
-    console = new_console()
-    print_table(scheme_tables.search_table(found, "table 1"), console)
-    console.print(scheme_tables.verdict(found, "table 1"), highlight=False, soft_wrap=True)
-    click.echo(f"\n{scheme_tables.toml_of(found.best[0].scheme)}", nl=False)
-
-
-def _search_for_calibration(
-    limits: SearchLimits, geometry: str | None, begin: Scheme, as_json: bool, save: Path | None
-) -> None:
-    with _LateProgress() as progress:
-        found, result, printed = search_for_calibration(limits, geometry, begin, progress.report)
-    text = scheme_tables.toml_of(found.scheme)
+    text = tables.toml_of(best)
     if save is not None:
-        _save(save, text)
-    if as_json:
-        click.echo(json.dumps(result | {"toml": text}))
-        return
-    console = new_console()
-    for part in printed:
-        if isinstance(part, str):
-            console.print(part, highlight=False, soft_wrap=True)
-        else:
-            print_table(part, console)
-    click.echo(f"\n{text}", nl=False)
+        try:
+            save.write_text(text, encoding="utf-8")
+        except OSError as error:
+            raise RehearsalError(f"--save {save}: cannot be written: {error.strerror}") from error
+    print_results(as_json, result | {"toml": text}, [*parts, f"\n{text.rstrip()}"])
 
 
-class _LateProgress(Closing):
-    """A progress bar on standard error that appears only if the work takes a while."""
+@contextmanager
+def _late_progress() -> Iterator[Callable[[int, int], None]]:
+    """Give a callback for a progress bar that appears only if the work takes a while."""
+    progress, begun = progress_line(new_console(stderr=True)), time.monotonic()
+    task = progress.add_task("searching")
 
-    def __init__(self) -> None:
-        self._progress = progress_line(new_console(stderr=True))
-        self._task = self._progress.add_task("searching")
-        self._begun = time.monotonic()
-
-    def close(self) -> None:
-        """Remove it from the terminal."""
-        self._progress.stop()
-
-    def report(self, done: int, total: int) -> None:
-        """Update the progress."""
+    def report(done: int, total: int) -> None:
         state = (f"{done} of {total} schemes",)
-        self._progress.update(self._task, completed=done, total=total, state=state)
-        if time.monotonic() - self._begun > _WAIT_S:
-            self._progress.start()
+        progress.update(task, completed=done, total=total, state=state)
+        if time.monotonic() - begun > _WAIT_S:
+            progress.start()
 
-
-def _projection(fused: bool) -> str:
-    return "fused" if fused else "single sensor"
+    try:
+        yield report
+    finally:
+        progress.stop()
 
 
 def _sensor(rimu: NamedRimu, sensor: int | None) -> int:
@@ -408,18 +318,3 @@ def _sensor(rimu: NamedRimu, sensor: int | None) -> int:
     if sensor > most:
         raise RehearsalError(f"--sensor {sensor}: {rimu.geometry} has {most} sensors of each kind")
     return sensor
-
-
-def _folder(folder: Path) -> Path:
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise RehearsalError(f"--out {folder}: cannot be created: {error.strerror}") from error
-    return folder
-
-
-def _save(path: Path, text: str) -> None:
-    try:
-        path.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise RehearsalError(f"--save {path}: cannot be written: {error.strerror}") from error

@@ -2,42 +2,37 @@
 
 from __future__ import annotations
 
-import json
-
 import click
 import numpy as np
 from rich.table import Table
 
 from rrins.host_tools.calibration.afterwards import CASES, VARIANTS, Afterwards, navigate
-from rrins.host_tools.cli.numbers import NumberRange
-from rrins.host_tools.cli.options import json_option
-from rrins.host_tools.cli.scheme_observability import number, stopping
+from rrins.host_tools.cli.options import (
+    duration_option,
+    json_option,
+    option,
+    seed_option,
+)
+from rrins.host_tools.cli.output import print_results, stepping, stopping
+from rrins.host_tools.cli.scheme_observability import number
 from rrins.host_tools.files import JsonObject
 from rrins.host_tools.rotation.inputs import scheme_of
-from rrins.host_tools.terminal import new_console, print_table, progress_line
+from rrins.host_tools.terminal import new_table
 
 _THREE_HOURS_S = 10_800.0
 
 
 @click.command("afterwards")
 @click.argument("name", metavar="SCHEME", default="calibration")
-@click.option(
+@option(
     "--case",
-    type=click.Choice(list(CASES)),
-    default="rotating",
-    show_default=True,
-    help="Three hours on the turning table, or the drive of the paper's 4.5, both ways.",
+    "Three hours on the turning table, or the drive of the paper's 4.5, both ways.",
+    tuple(CASES),
+    "rotating",
 )
-@click.option("--runs", type=click.IntRange(1, 10_000), default=10, show_default=True)
-@click.option(
-    "--seed", type=click.IntRange(0), default=1, show_default=True, help="Seed of the first unit."
-)
-@click.option(
-    "--duration",
-    "duration_s",
-    type=NumberRange(0, min_open=True),
-    help="Duration of the navigation, s.",
-)
+@option("--runs", "Number of units.", click.IntRange(1, 10_000), 10)
+@seed_option("the first unit")
+@duration_option
 @json_option
 def afterwards(
     name: str, case: str, runs: int, seed: int, duration_s: float | None, as_json: bool
@@ -51,24 +46,14 @@ def afterwards(
     scheme = scheme_of(name).scheme
     if duration_s is None and case == "rotating":
         duration_s = _THREE_HOURS_S
-    with progress_line(new_console(stderr=True)) as progress, stopping() as stop:
-        task = progress.add_task("navigating", total=runs)
-        seeds = range(seed, seed + runs)
-        found = navigate(case, scheme, seeds, duration_s, lambda: progress.advance(task), stop)
-    if as_json:
-        click.echo(json.dumps({"scheme": name, "runs": runs, "cases": [_object(a) for a in found]}))
-        return
-    console = new_console()
-    print_table(_table(found, runs), console)
-    for line in _lines(found):
-        console.print(line, highlight=False, soft_wrap=True)
+    with stepping("navigating", runs) as step, stopping() as stop:
+        found = navigate(case, scheme, range(seed, seed + runs), duration_s, step, stop)
+    result = {"scheme": name, "runs": runs, "cases": [_object(one) for one in found]}
+    print_results(as_json, result, [_table(found, runs), *_lines(found)])
 
 
 def _table(found: tuple[Afterwards, ...], runs: int) -> Table:
-    table = Table(title=f"Position error, median of {runs} units / m", title_justify="left")
-    table.add_column("")
-    for variant in VARIANTS:
-        table.add_column(variant, justify="right")
+    table = new_table(f"Position error, median of {runs} units / m", "", *VARIANTS)
     for one in found:
         for word, values in (("largest", one.largest_m), ("at the end", one.end_m)):
             cells = [number(value) for value in np.median(values, axis=0)]

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import json
-import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from dataclasses import dataclass
 
 import click
 import numpy as np
@@ -16,15 +14,21 @@ from rrins.firmware_py.core.settings import Scheme
 from rrins.host_tools.calibration.estimation import Unit
 from rrins.host_tools.calibration.monte_carlo import Errors, run
 from rrins.host_tools.calibration.observability import LIMITS, Observability, observe
-from rrins.host_tools.calibration.search import Found, SearchLimits, search
+from rrins.host_tools.calibration.search import SearchLimits, search
 from rrins.host_tools.calibration.unit import drawn_unit, unit_of
-from rrins.host_tools.cli.numbers import NumberRange
-from rrins.host_tools.cli.options import json_option
+from rrins.host_tools.cli.options import (
+    Number,
+    gathered,
+    json_option,
+    option,
+    rimu_option,
+    seed_option,
+)
+from rrins.host_tools.cli.output import print_results, stepping, stopping
 from rrins.host_tools.files import JsonObject
-from rrins.host_tools.interruption import as_event
-from rrins.host_tools.rotation.inputs import rimu_table, scheme_of
+from rrins.host_tools.rotation.inputs import NamedScheme, rimu_table, scheme_of
 from rrins.host_tools.scenario.geometry import GEOMETRIES
-from rrins.host_tools.terminal import new_console, print_table, progress_line
+from rrins.host_tools.terminal import new_table
 
 ROWS = (
     ("bias", "°/h", "µg"),
@@ -41,7 +45,35 @@ GAUGE = (
 )
 
 
-def unit_for(geometry: str | None) -> tuple[Unit, JsonObject]:
+@dataclass(frozen=True)
+class RateOptions:
+    """Turn rate and dwell in place of a scheme's own."""
+
+    turn_rate_dps: float | None
+    stand_s: float | None
+
+    def scheme(self, name: str) -> NamedScheme:
+        """Return a scheme by its name or file."""
+        return scheme_of(name, self.turn_rate_dps, self.stand_s)
+
+
+rate_options = gathered(
+    "rate",
+    RateOptions,
+    option(
+        "--rate turn_rate_dps",
+        "Turn rate, °/s.  [default: 2, or the file's]",
+        Number(0, 60, min_open=True),
+    ),
+    option(
+        "--stand stand_s",
+        "Dwell after each turn, s.  [default: 10, or the file's]",
+        Number(0, 86_400),
+    ),
+)
+
+
+def _unit_for(geometry: str | None) -> tuple[Unit, JsonObject]:
     """Return a unit of a geometry, and the table `[rimu]` of it."""
     table = rimu_table(geometry or "tetrahedron")
     return unit_of(drawn_unit(1, table)), table
@@ -54,45 +86,23 @@ def number(value: float) -> str:
 
 @click.command("observability")
 @click.argument("names", metavar="SCHEME…", nargs=-1, required=True)
-@click.option(
-    "--rimu",
-    "geometry",
-    metavar="GEOMETRY",
-    help="Built-in geometry, or TOML file with the sensor axes.",
-)
-@click.option(
-    "--rate", "turn_rate_dps", type=NumberRange(0, 60, min_open=True), help="Turn rate, °/s."
-)
-@click.option("--stand", "stand_s", type=NumberRange(0, 86_400), help="Rest after each turn, s.")
-@click.option(
-    "--gyro-noise",
-    type=NumberRange(1e-9, 1e3),
-    default=0.005,
-    show_default=True,
-    help="White noise, °/√h.",
-)
-@click.option(
-    "--accelerometer-noise",
-    type=NumberRange(1e-9, 1e6),
-    default=10.0,
-    show_default=True,
-    help="White noise, µg/√Hz.",
-)
-@click.option(
+@rimu_option
+@rate_options
+@option("--gyro-noise", "White noise, °/√h.", Number(1e-9, 1e3), 0.005)
+@option("--accelerometer-noise", "White noise, µg/√Hz.", Number(1e-9, 1e6), 10.0)
+@option(
     "--runs",
-    type=click.IntRange(0, 10_000),
-    default=0,
-    help="Also calibrate this many units with drawn errors and the prototype's noise.",
+    "Also calibrate this many units with drawn errors and the prototype's noise.",
+    click.IntRange(0, 10_000),
+    0,
+    show_default=False,
 )
-@click.option(
-    "--seed", type=click.IntRange(0), default=1, show_default=True, help="Seed of the first unit."
-)
+@seed_option("the first unit")
 @json_option
 def observability(
     names: tuple[str, ...],
     geometry: str | None,
-    turn_rate_dps: float | None,
-    stand_s: float | None,
+    rate: RateOptions,
     gyro_noise: float,
     accelerometer_noise: float,
     runs: int,
@@ -104,63 +114,43 @@ def observability(
     The unit is at rest, and its sensors have white noise. --runs adds a Monte Carlo: complete
     calibrations of emulated units.
     """
-    unit, rimu = unit_for(geometry)
-    objects = []
-    console = new_console()
+    unit, rimu = _unit_for(geometry)
+    label, objects = _label(geometry), []
+    parts: list[Table | str] = []
     for name in names:
-        named = scheme_of(name, turn_rate_dps, stand_s)
+        named = rate.scheme(name)
         found = observe(named.scheme, unit, gyro_noise, accelerometer_noise)
         tried = None
         if runs and not found.unseen:
-            tried = _tried(named.scheme, range(seed, seed + runs), rimu)
-        label = _label(geometry)
-        if as_json:
-            objects.append(_object(named.name, label, found, tried))
-            continue
+            with stepping("calibrating", runs) as step, stopping() as stop:
+                tried = run(named.scheme, range(seed, seed + runs), rimu, step, stop)
+        objects.append(_object(named.name, label, found, tried))
         title = f"{named.name} on {label}, {found.duration_s:.0f} s"
-        print_table(_table(title, found, tried), console)
-        for line in _lines(found, runs, tried):
-            console.print(line, highlight=False, soft_wrap=True)
-    if as_json:
-        click.echo(json.dumps({"schemes": objects, "gauge": GAUGE}))
-        return
-    console.print(f"not seen by any scheme: {GAUGE}", highlight=False, soft_wrap=True)
+        parts += [_table(title, found, tried), *_lines(found, runs, tried)]
+    parts.append(f"not seen by any scheme: {GAUGE}")
+    print_results(as_json, {"schemes": objects, "gauge": GAUGE}, parts)
 
 
 def _label(geometry: str | None) -> str:
     return geometry or next(iter(GEOMETRIES))
 
 
-@contextmanager
-def stopping() -> Iterator[threading.Event]:
-    """Give an event that Ctrl-C sets; raise KeyboardInterrupt at the end if it was."""
-    with as_event() as stop:
-        yield stop
-        if stop.is_set():
-            raise KeyboardInterrupt
-
-
-def _tried(scheme: Scheme, seeds: range, rimu: JsonObject) -> tuple[Errors, Errors]:
-    with progress_line(new_console(stderr=True)) as progress, stopping() as stop:
-        task = progress.add_task("calibrating", total=len(seeds))
-        return run(scheme, seeds, rimu, lambda: progress.advance(task), stop)
-
-
 def _table(title: str, found: Observability, tried: tuple[Errors, Errors] | None) -> Table:
-    table = Table(title=title, title_justify="left")
-    table.add_column("constant")
-    for which in ("gyros", "accel."):
-        for head in (f"{which} σ", "wanted", *(("error", "error/σ") if tried else ()), "unit"):
-            table.add_column(head, justify="left" if head == "unit" else "right")
+    more = ("error", "error/σ") if tried else ()
+    heads = [
+        head for which in ("gyros", "accel.") for head in (f"{which} σ", "wanted", *more, "unit")
+    ]
+    table = new_table(title, "constant", *heads)
+    for column in table.columns:
+        if column.header == "unit":
+            column.justify = "left"
     for row, (word, *units) in enumerate(ROWS):
         cells = [word]
         for kind in (0, 1):
             cells += [number(found.rms[kind][row]), number(LIMITS[kind][row])]
             if tried:
-                cells += [
-                    number(tried[kind].median_rms[row]),
-                    f"{tried[kind].normalised[row]:.2f}",
-                ]
+                one = tried[kind]
+                cells += [number(one.median_rms[row]), f"{one.normalised[row]:.2f}"]
             cells.append(units[kind])
         table.add_row(*cells)
     return table
@@ -221,17 +211,16 @@ def search_for_calibration(
     geometry: str | None,
     begin: Scheme,
     on_progress: Callable[[int, int], None],
-) -> tuple[Found, JsonObject, Iterator[Table | str]]:
+) -> tuple[Scheme, JsonObject, list[Table | str]]:
     """Search for a scheme of calibration; return it, its JSON object, and what to print."""
-    unit, _ = unit_for(geometry)
+    unit, _ = _unit_for(geometry)
     found = search(unit, limits, begin, on_progress=on_progress)
     shown = observe(found.scheme, unit)
     label = _label(geometry)
-
-    def printed() -> Iterator[Table | str]:
-        yield _table(f"best found on {label}, {shown.duration_s:.0f} s", shown, None)
-        yield from _lines(shown, 0, None)
-        yield f"{found.merit:.2f} of what is wanted; less is better"
-
     result = _object("best", label, shown, None) | {"limits": vars(limits), "merit": found.merit}
-    return found, result, printed()
+    parts: list[Table | str] = [
+        _table(f"best found on {label}, {shown.duration_s:.0f} s", shown, None),
+        *_lines(shown, 0, None),
+        f"{found.merit:.2f} of what is wanted; less is better",
+    ]
+    return found.scheme, result, parts

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import asdict
+
 import numpy as np
 from rich.table import Table
 
 from rrins.firmware_py.core.settings import Scheme
+from rrins.host_tools.cli.scheme_observability import number
 from rrins.host_tools.files import JsonObject
 from rrins.host_tools.rotation.analysis import Integrals, Variation
 from rrins.host_tools.rotation.closed_form import EQUATIONS
@@ -14,9 +18,16 @@ from rrins.host_tools.rotation.errors import ERRORS
 from rrins.host_tools.rotation.inputs import NamedRimu, NamedScheme
 from rrins.host_tools.rotation.search import Candidate, SearchResult
 from rrins.host_tools.rotation.travel import AxisTravel, travel_of
+from rrins.host_tools.terminal import new_table
 
 _PREFIXES = ((1.0, 1.0, ""), (1e-3, 1e3, "m"), (1e-6, 1e6, "µ"), (0.0, 1e9, "n"))
 _COLUMNS_PER_TABLE = 4
+_DRIVE_COLUMNS = {
+    "constants_m": "constants",
+    "calibrated_m": "calibrated",
+    "noise_m": "white noise",
+    "calibrated_with_noise_m": "calibrated, noise",
+}
 
 
 def value_text(value: float, unit: str) -> str:
@@ -34,21 +45,9 @@ def analysis_object(named: NamedScheme, rimu: NamedRimu, variation: Variation) -
         largest = integrals.excursion.max(axis=-1)
         for row in integrals.residual_rows():
             whole = float(largest[row.sensor - 1, ERRORS.index(row.error)])
-            rows.append(
-                {
-                    "sensor_kind": row.sensor_kind,
-                    "sensor": row.sensor,
-                    "error": row.error,
-                    "axis": row.axis,
-                    "unit": row.unit,
-                    "residual": row.residual,
-                    "closed_form": row.closed_form,
-                    "excursion": row.excursion,
-                    "residual_ratio": abs(row.residual) / whole if whole else 0.0,
-                    "vanishes": row.vanishes,
-                    "equations": EQUATIONS[row.sensor_kind, row.error],
-                }
-            )
+            ratio = abs(row.residual) / whole if whole else 0.0
+            equations = EQUATIONS[row.sensor_kind, row.error]
+            rows.append(asdict(row) | {"residual_ratio": ratio, "equations": equations})
     return {
         "scheme": scheme_object(named),
         "geometry": rimu.geometry,
@@ -62,11 +61,8 @@ def analysis_object(named: NamedScheme, rimu: NamedRimu, variation: Variation) -
 def sensor_table(integrals: Integrals, sensor: int) -> Table:
     """Return the residual and the peak of each error of one sensor."""
     kind, unit = integrals.sensors.kind, integrals.sensors.unit
-    table = Table(title=f"{kind} {sensor}, in the body frame", title_justify="left")
-    table.add_column("error", no_wrap=True)
-    for what in ("left", "largest"):
-        for axis in "xyz":
-            table.add_column(f"{what} {axis}", justify="right", no_wrap=True)
+    heads = (f"{what} {axis}" for what in ("left", "largest") for axis in "xyz")
+    table = new_table(f"{kind} {sensor}, in the body frame", "error", *heads)
     vanishes = integrals.vanishes
     for k, error in enumerate(ERRORS):
         left = np.where(vanishes, 0.0, integrals.residual)[sensor - 1, k]
@@ -77,11 +73,8 @@ def sensor_table(integrals: Integrals, sensor: int) -> Table:
 
 def all_sensors_table(variation: Variation) -> Table:
     """Return the largest residual of any sensor, per error and axis."""
-    table = Table(title="largest left by any sensor", title_justify="left")
-    table.add_column("error", no_wrap=True)
-    for kind in ("gyro", "accel."):
-        for axis in "xyz":
-            table.add_column(f"{kind} {axis}", justify="right", no_wrap=True)
+    heads = (f"{kind} {axis}" for kind in ("gyro", "accel.") for axis in "xyz")
+    table = new_table("largest left by any sensor", "error", *heads)
     for k, error in enumerate(ERRORS):
         cells = [
             value_text(float(value), integrals.sensors.unit)
@@ -118,10 +111,7 @@ def comparison_tables(compared: list[JsonObject]) -> list[Table]:
 
 
 def _comparison_table(compared: list[JsonObject]) -> Table:
-    table = Table()
-    table.add_column("", no_wrap=True)
-    for one in compared:
-        table.add_column(one["scheme"]["name"], justify="right", overflow="fold")
+    table = new_table(None, "", *(one["scheme"]["name"] for one in compared))
     for what, key in (("left", "residual"), ("largest", "excursion")):
         for kind, label in (("gyro", "gyro"), ("accelerometer", "accel.")):
             for error in ERRORS:
@@ -155,6 +145,15 @@ def _error_cell(error: JsonObject, key: str) -> str:
     return f"{text} ({''.join(error['axes_left'])})" if key == "residual" and error[key] else text
 
 
+def drive_table(found: Sequence[JsonObject], routes: int) -> Table:
+    """Return σ of the position at the end of the drive, a row for each scheme."""
+    title = f"σ of the position at the end of the drive, rms of {routes} routes / m"
+    table = new_table(title, "", *_DRIVE_COLUMNS.values())
+    for one in found:
+        table.add_row(one["scheme"], *(number(one[key]) for key in _DRIVE_COLUMNS))
+    return table
+
+
 def candidate_object(candidate: Candidate) -> JsonObject:
     """Return a scheme found by a search, for JSON."""
     return {
@@ -171,11 +170,10 @@ def candidate_object(candidate: Candidate) -> JsonObject:
 
 def search_table(found: SearchResult, reference: str) -> Table:
     """Return the best schemes and the reference."""
-    table = Table(title=f"best of {found.count} schemes", title_justify="left")
-    table.add_column("", no_wrap=True)
-    table.add_column("turns, I inner, O outer", overflow="fold")
-    for heading in ("left", "velocity rms", "inner", "outer", "rev."):
-        table.add_column(heading, justify="right", no_wrap=True)
+    heads = ("turns, I inner, O outer", "left", "velocity rms", "inner", "outer", "rev.")
+    table = new_table(f"best of {found.count} schemes", "", *heads)
+    turns = table.columns[1]
+    turns.justify, turns.no_wrap, turns.overflow = "left", False, "fold"
     rows = [(str(k), one) for k, one in enumerate(found.best, start=1)]
     for k, (label, one) in enumerate([*rows, (reference, found.reference)]):
         if k == len(rows):

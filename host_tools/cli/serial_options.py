@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from datetime import UTC, datetime
-from typing import Any
 
 import click
 
 from rrins.firmware_py.serial.port import PortName, SerialPortError, parse_port
 from rrins.firmware_py.serial.settings import DEFAULT_UTC, SENTENCE_NAMES, SerialSettings
-from rrins.host_tools.cli.options import together
+from rrins.host_tools.cli.options import gathered, option, together
 
 NMEA_BAUD = 38400
 """That of NMEA 0183-HS; the standard 4800 is too slow for a set at 2 Hz."""
@@ -77,49 +76,22 @@ class _Sentences(click.ParamType[tuple[str, ...]]):
         return names
 
 
-nmea_options = together(
-    click.option(
+_nmea = together(
+    option(
         "--nmea",
-        type=_Port(NMEA_BAUD, takes_files=True),
-        help="NMEA 0183 output to DEVICE[:BAUD], pty[:LINK] or file:PATH.",
+        "NMEA 0183 output to DEVICE[:BAUD], pty[:LINK] or file:PATH.",
+        _Port(NMEA_BAUD, takes_files=True),
     ),
-    click.option(
-        "--nmea-rate",
-        "nmea_rate_hz",
-        type=click.IntRange(1, 10),
-        default=1,
-        show_default=True,
-        help="Sets of sentences per second.",
-    ),
-    click.option(
-        "--nmea-sentences",
-        type=_Sentences(),
-        default=",".join(SENTENCE_NAMES),
-        show_default=True,
-        help="Sentences in a set.",
-    ),
-    click.option(
-        "--utc",
-        type=_Utc(),
-        default=f"{DEFAULT_UTC:%Y-%m-%dT%H:%M:%SZ}",
-        show_default=True,
-        help="UTC time of epoch 0, for NMEA.",
-    ),
+    option("--nmea-rate nmea_rate_hz", "Sets of sentences per second.", click.IntRange(1, 10), 1),
+    option("--nmea-sentences", "Sentences in a set.", _Sentences(), ",".join(SENTENCE_NAMES)),
+    option("--utc", "UTC time of epoch 0, for NMEA.", _Utc(), f"{DEFAULT_UTC:%Y-%m-%dT%H:%M:%SZ}"),
 )
+_console = option(
+    "--console",
+    "Text console on DEVICE[:BAUD] or pty[:LINK].",
+    _Port(CONSOLE_BAUD, takes_files=False),
+)
+nmea_options = gathered("serial", SerialSettings, _nmea)
 """The options of the NMEA output."""
-
-serial_options = together(
-    nmea_options,
-    click.option(
-        "--console",
-        type=_Port(CONSOLE_BAUD, takes_files=False),
-        help="Text console on DEVICE[:BAUD] or pty[:LINK].",
-    ),
-)
+serial_options = gathered("serial", SerialSettings, _nmea, _console)
 """The options of the NMEA output and of the console."""
-
-
-def settings_of(options: dict[str, Any]) -> SerialSettings:
-    """Remove the serial options from `options` and return them as settings."""
-    names = ("nmea", "nmea_rate_hz", "nmea_sentences", "utc", "console")
-    return SerialSettings(**{name: options.pop(name) for name in names if name in options})

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from typing import Any, Final
+from typing import Final
 
 import can
 import numpy as np
@@ -12,14 +12,14 @@ import numpy as np
 from rrins.dbc.contract import load_contract
 from rrins.dbc.e2e import fill
 from rrins.dbc.frame import frame_array
-from rrins.firmware_py.core.records.troubles import FIRST_SNAPSHOT, LATEST_SNAPSHOT, Status
+from rrins.firmware_py.core.records.troubles import Status
 from rrins.firmware_py.diagnostics import table
 from rrins.firmware_py.diagnostics.routines import Routine
 from rrins.host_tools.bus.port import Address, message_of_frame, open_bus
 from rrins.host_tools.dashboard.errors import DashboardError
 from rrins.host_tools.dashboard.page_orders import Order
 from rrins.host_tools.diag.target import Target
-from rrins.host_tools.diag.tester import Tester, TroubleReport
+from rrins.host_tools.diag.tester import REMEMBERED, Tester, TroubleReport
 from rrins.host_tools.diag.values import to_json
 from rrins.host_tools.errors import BusError
 from rrins.host_tools.files import JsonObject
@@ -27,8 +27,6 @@ from rrins.host_tools.injection.client import FaultClient
 from rrins.host_tools.injection.fault_report import FaultReport, fault_keys, fault_words
 from rrins.host_tools.scenario.scenario import fault_of
 
-_REMEMBERED: Final = Status.TEST_FAILED | Status.PENDING | Status.CONFIRMED
-_RECORDS: Final = {FIRST_SNAPSHOT: "first", LATEST_SNAPSHOT: "latest"}
 _MOST_WITH_FRAMES: Final = 12  # codes whose freeze frames are read at once
 _PARITY: Final = {
     "gyro_parity": ("gyros", "dph"),
@@ -136,7 +134,7 @@ class BusControl:
             bus.shutdown()
 
     def _codes(self, tester: Tester) -> JsonObject:
-        found = tester.troubles(_REMEMBERED)
+        found = tester.troubles(REMEMBERED)
         codes = [
             _code(tester, one, with_frames=k < _MOST_WITH_FRAMES) for k, one in enumerate(found)
         ]
@@ -176,19 +174,12 @@ def _faults(report: FaultReport) -> JsonObject:
 
 
 def _code(tester: Tester, found: TroubleReport, with_frames: bool) -> JsonObject:
-    frames: dict[str, Any] = {}
-    if with_frames:
-        for record, frame in tester.snapshots(found.number).items():
-            frames[_RECORDS.get(record, str(record))] = {
-                name: to_json(table.identifier(name).layout, values)
-                for name, values in frame.items()
-            }
     trouble = found.trouble
     return {
-        "code": trouble.code if trouble else f"0x{found.number:06X}",
+        "code": found.code,
         "name": trouble.name if trouble else "not in this table",
         "text": trouble.text if trouble else "",
         "is_failed": bool(found.status & Status.TEST_FAILED),
-        "status": [bit.name.lower() for bit in Status if found.status & bit],
-        "freeze_frames": frames,
+        "status": found.status_bits,
+        "freeze_frames": tester.freeze_frames(found.number) if with_frames else {},
     }

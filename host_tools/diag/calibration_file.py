@@ -25,8 +25,6 @@ A ``.rrca`` file holds the raw bytes as the computer stores them
 from __future__ import annotations
 
 import datetime
-import os
-import tempfile
 import tomllib
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
@@ -44,8 +42,8 @@ from rrins.firmware_py.diagnostics.parameters import (
     SETTINGS,
 )
 from rrins.host_tools.diag.values import limits_of
-from rrins.host_tools.errors import CalibrationFileError
-from rrins.host_tools.files import LARGEST_TOML, JsonObject, content_of
+from rrins.host_tools.errors import CalibrationFileError, RehearsalError
+from rrins.host_tools.files import LARGEST_TOML, JsonObject, content_of, replacing
 
 TOML, RAW = ".toml", ".rrca"
 """Extensions of the two file formats."""
@@ -308,16 +306,7 @@ def write(path: Path, data: bytes, may_replace: bool) -> None:
     if path.exists() and not may_replace:
         raise CalibrationFileError(f"{path}: already exists; use --force to replace it")
     try:
-        handle, name = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
-        try:
-            with os.fdopen(handle, "wb") as file:
-                file.write(data)
-                file.flush()
-                os.fsync(file.fileno())
-            Path(name).chmod(0o644)
-            Path(name).replace(path)
-        except BaseException:
-            Path(name).unlink()
-            raise
-    except OSError as error:
-        raise CalibrationFileError(f"{path}: cannot be written: {error.strerror}") from error
+        with replacing(path) as part, part.open("wb") as file:
+            file.write(data)
+    except RehearsalError as error:
+        raise CalibrationFileError(str(error)) from error

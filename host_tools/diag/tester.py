@@ -11,7 +11,14 @@ from typing import Any
 from udsoncan import DataFormatIdentifier, Dtc, MemoryLocation
 
 from rrins.firmware_py.core.modes.modes import Mode
-from rrins.firmware_py.core.records.troubles import ALL_GROUPS, ALL_RECORDS, Trouble
+from rrins.firmware_py.core.records.troubles import (
+    ALL_GROUPS,
+    ALL_RECORDS,
+    FIRST_SNAPSHOT,
+    LATEST_SNAPSHOT,
+    Status,
+    Trouble,
+)
 from rrins.firmware_py.diagnostics import access, table
 from rrins.firmware_py.diagnostics.codecs import Value, Values
 from rrins.firmware_py.diagnostics.data_identifier import DataIdentifier
@@ -28,7 +35,9 @@ from rrins.firmware_py.diagnostics.routines import Routine
 from rrins.host_tools.closing import Closing
 from rrins.host_tools.diag.conversation import LOST_SESSION, Conversation
 from rrins.host_tools.diag.target import Target
+from rrins.host_tools.diag.values import to_json
 from rrins.host_tools.errors import DiagError
+from rrins.host_tools.files import JsonObject
 
 MOST_AT_ONCE = 16
 """Most data identifiers in one request."""
@@ -41,6 +50,12 @@ _LOST_TRANSFER = (
     Code.CONDITIONS_NOT_CORRECT,  # another transfer is under way
     Code.WRONG_BLOCK_SEQUENCE_COUNTER,
 )
+
+REMEMBERED = Status.TEST_FAILED | Status.PENDING | Status.CONFIRMED
+"""Status bits of a trouble code that has something to tell."""
+
+RECORDS = {FIRST_SNAPSHOT: "first", LATEST_SNAPSHOT: "latest"}
+"""Names of the records of freeze frames."""
 
 Advice = Callable[[int], str]
 """Returns what to do about a negative response."""
@@ -62,6 +77,16 @@ class TroubleReport:
     trouble: Trouble | None
     number: int
     status: int
+
+    @property
+    def code(self) -> str:
+        """The code as in SAE J2012, or the number."""
+        return self.trouble.code if self.trouble else f"0x{self.number:06X}"
+
+    @property
+    def status_bits(self) -> list[str]:
+        """Names of the status bits that are set."""
+        return [bit.name.lower() for bit in Status if self.status & bit]
 
 
 class Tester(Closing):
@@ -213,45 +238,50 @@ class Tester(Closing):
 
     # ---- trouble codes
 
+    def _dtcs(self, what: str, call: Callable[[], Any]) -> list[Any]:
+        response = self.conversation.request(what, table.service(0x19).access, call)
+        return list(response.service_data.dtcs)
+
     def troubles(self, mask: int) -> list[TroubleReport]:
         """Return the trouble codes with any of these status bits set."""
-        response = self.conversation.request(
-            "dtc read",
-            table.service(0x19).access,
-            lambda: self._client.get_dtc_by_status_mask(mask),
-        )
-        return [_trouble_report(dtc) for dtc in response.service_data.dtcs]
+        dtcs = self._dtcs("dtc read", lambda: self._client.get_dtc_by_status_mask(mask))
+        return [_trouble_report(dtc) for dtc in dtcs]
 
     def all_troubles(self) -> list[TroubleReport]:
         """Return all trouble codes that the computer supports."""
-        response = self.conversation.request(
-            "dtc read", table.service(0x19).access, self._client.get_supported_dtc
-        )
-        return [_trouble_report(dtc) for dtc in response.service_data.dtcs]
+        return [
+            _trouble_report(dtc) for dtc in self._dtcs("dtc read", self._client.get_supported_dtc)
+        ]
 
     def snapshots(self, number: int) -> dict[int, dict[str, Values]]:
         """Return a trouble code's freeze frames: values by record number and identifier."""
-        response = self.conversation.request(
-            f"dtc 0x{number:06X}",
-            table.service(0x19).access,
-            lambda: self._client.get_dtc_snapshot_by_dtc_number(number, ALL_RECORDS),
-        )
         found: dict[int, dict[str, Values]] = {}
-        for dtc in response.service_data.dtcs:
+        for dtc in self._dtcs(
+            f"dtc 0x{number:06X}",
+            lambda: self._client.get_dtc_snapshot_by_dtc_number(number, ALL_RECORDS),
+        ):
             for snapshot in dtc.snapshots:
                 name = table.identifier(snapshot.did).name
                 found.setdefault(snapshot.record_number, {})[name] = snapshot.data
         return found
 
+    def freeze_frames(self, number: int) -> JsonObject:
+        """Return a trouble code's freeze frames for JSON, ``first`` and ``latest``."""
+        return {
+            RECORDS.get(record, str(record)): {
+                name: to_json(table.identifier(name).layout, values)
+                for name, values in frame.items()
+            }
+            for record, frame in self.snapshots(number).items()
+        }
+
     def extended_data(self, number: int) -> Values:
         """Return a trouble code's counters."""
-        response = self.conversation.request(
-            f"dtc 0x{number:06X}",
-            table.service(0x19).access,
-            lambda: self._client.get_dtc_extended_data_by_dtc_number(number, ALL_RECORDS),
-        )
         found: Values = {}
-        for dtc in response.service_data.dtcs:
+        for dtc in self._dtcs(
+            f"dtc 0x{number:06X}",
+            lambda: self._client.get_dtc_extended_data_by_dtc_number(number, ALL_RECORDS),
+        ):
             for record in dtc.extended_data:
                 found |= table.EXTENDED_DATA[record.record_number].decode(record.raw_data)
         return found

@@ -80,7 +80,7 @@ def _summary_of(
 ) -> JsonObject:
     """Return the summary of a run, including what is known about the recording."""
     outcome = Outcome(replayed.firmware, wall_s=replayed.wall_s)
-    summary = summarise(name, scenario, "replay", outcome, errors)
+    summary: JsonObject = {**summarise(name, scenario, "replay", outcome, errors)}
     summary["epochs"] = replayed.steps
     summary["epochs_per_s"] = round(replayed.steps / max(replayed.wall_s, 1e-9), 1)
     sha256 = None if log.note is None else log.note.navigation_sha256

@@ -43,6 +43,7 @@ from rrins.host_tools.runs.results.results import Errors, compare, read_samples_
 from rrins.host_tools.runs.results.samples import SamplesError
 from rrins.host_tools.runs.results.stalls import stall_words
 from rrins.host_tools.runs.results.summary import summarise, write_results
+from rrins.host_tools.runs.results.summary_types import AnySummary, Summary
 from rrins.host_tools.runs.set_up.settings import (
     check_files,
     firmware_settings,
@@ -87,7 +88,7 @@ class RunResult:
 
     name: str
     scenario: Scenario
-    summary: JsonObject
+    summary: Summary
     errors: Errors
     navigation: Records[NavigationOutput]
     truth: Records[Truth]
@@ -134,7 +135,7 @@ class RunResult:
             raise FirmwareFaultError(f"the firmware ended in FAULT: {fault}{why}")
 
 
-def _reason(firmware: JsonObject) -> str:
+def _reason(firmware: AnySummary) -> str:
     fault = firmware.get("fault", "NONE")
     if fault != "NONE":
         return f": {fault}"

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-import json
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
+
+import tomli_w
 
 from rrins.host_tools.errors import ScenarioError
 from rrins.host_tools.files import JsonObject
@@ -70,24 +71,17 @@ def merged(table: ScenarioTable, overrides: ScenarioTable) -> JsonObject:
 
 
 def toml_text(table: ScenarioTable) -> str:
-    """Return a table as TOML, one line per key; keys with the value None are omitted."""
-    return "".join(
-        f"{json.dumps(key)} = {_value(value)}\n"
-        for key, value in table.items()
-        if value is not None
-    )
+    """Return a table as TOML; keys with the value None are omitted."""
+    try:
+        return tomli_w.dumps(_plain(table))
+    except TypeError as error:
+        raise ScenarioError(f"a scenario cannot contain such a value: {error}") from error
 
 
-def _value(value: object) -> str:
+def _plain(value: Any) -> Any:
+    """Return a value with dicts for mappings and text for paths, without None."""
     if isinstance(value, Mapping):
-        pairs = (f"{json.dumps(k)} = {_value(v)}" for k, v in value.items() if v is not None)
-        return "{" + ", ".join(pairs) + "}"
+        return {key: _plain(one) for key, one in value.items() if one is not None}
     if isinstance(value, list | tuple):
-        return "[" + ", ".join(_value(member) for member in value) + "]"
-    if isinstance(value, Path):
-        value = str(value)
-    if not isinstance(value, bool | int | float | str):
-        raise ScenarioError(
-            f"a scenario cannot contain a value of type {type(value).__name__}: {value!r}"
-        )
-    return json.dumps(value)
+        return [_plain(one) for one in value]
+    return str(value) if isinstance(value, Path) else value

@@ -35,9 +35,7 @@ def code_of(page: Path) -> list[str]:
 def names_of(path: Path) -> set[str]:
     """Return the names that a module defines at its top, or imports."""
     found: set[str] = set()
-    body = ast.parse(path.read_text(encoding="utf-8")).body
-    under_if = [inner for node in body if isinstance(node, ast.If) for inner in node.body]
-    for node in [*body, *under_if]:
+    for node in ast.parse(path.read_text(encoding="utf-8")).body:
         match node:
             case ast.FunctionDef(name=name) | ast.ClassDef(name=name):
                 found.add(name)
@@ -59,7 +57,8 @@ def is_there(name: str) -> bool:
         elif (place / f"{part}.py").is_file():
             place /= f"{part}.py"
         else:
-            return part in names_of(place if place.is_file() else place / "__init__.py")
+            files = [place] if place.is_file() else place.glob("__init__.py*")
+            return any(part in names_of(file) for file in files)
     return True
 
 

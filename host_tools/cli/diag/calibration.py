@@ -12,10 +12,9 @@ from rrins.firmware_py.diagnostics import calibration_image
 from rrins.firmware_py.diagnostics.calibration_image import ImageError, Parameters
 from rrins.firmware_py.diagnostics.redundancy_identifiers import CALIBRATION_STATUS
 from rrins.host_tools.cli.diag.options import with_securing_tester, with_tester
-from rrins.host_tools.cli.diag.output import print_json, print_line
 from rrins.host_tools.cli.group import Group
-from rrins.host_tools.cli.options import json_option
-from rrins.host_tools.cli.output import print_note
+from rrins.host_tools.cli.options import flag, json_option
+from rrins.host_tools.cli.output import print_note, print_results
 from rrins.host_tools.diag import calibration_file, calibration_status
 from rrins.host_tools.diag.tester import Tester
 from rrins.host_tools.errors import DiagError
@@ -53,8 +52,8 @@ def _decoded(file: bytes) -> Parameters:
 
 @calibration.command()
 @click.argument("file", type=_File())
-@click.option("--settings", is_flag=True, help="Include the settings in a .toml file.")
-@click.option("--force", is_flag=True, help="Overwrite an existing file.")
+@flag("--settings", "Include the settings in a .toml file.")
+@flag("--force", "Overwrite an existing file.")
 @json_option
 @with_tester
 def pull(tester: Tester, file: Path, settings: bool, force: bool, as_json: bool) -> None:
@@ -102,27 +101,13 @@ def show(tester: Tester, as_json: bool) -> None:
     """
     values = tester.read([CALIBRATION_STATUS])[CALIBRATION_STATUS.name]
     status = calibration_status.status_of(values)
-    if as_json:
-        print_json(status)
-        return
-    for line in calibration_status.lines(status):
-        print_line(line)
+    print_results(as_json, status, calibration_status.lines(status))
 
 
 def _print_summary(
     done: str, file: Path, data: bytes, parameters: Parameters, as_json: bool
 ) -> None:
-    if as_json:
-        print_json(
-            {
-                "file": str(file),
-                done: len(data),
-                "crc32": f"{zlib.crc32(data):08X}",
-                "parameters": len(parameters),
-            }
-        )
-    else:
-        print_line(
-            f"{done}: {len(parameters)} parameters, {len(data)} bytes, CRC {zlib.crc32(data):08X}; "
-            f"{file}"
-        )
+    crc = f"{zlib.crc32(data):08X}"
+    result = {"file": str(file), done: len(data), "crc32": crc, "parameters": len(parameters)}
+    text = f"{done}: {len(parameters)} parameters, {len(data)} bytes, CRC {crc}; {file}"
+    print_results(as_json, result, [text])

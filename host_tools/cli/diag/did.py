@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import click
+from rich.table import Table
 
 from rrins.firmware_py.diagnostics import table
 from rrins.firmware_py.diagnostics.codecs import Values
@@ -19,18 +20,10 @@ from rrins.firmware_py.diagnostics.parameters import (
 )
 from rrins.host_tools.cli.diag.arguments import CONTROLLABLE, IDENTIFIER, WRITABLE, complete_values
 from rrins.host_tools.cli.diag.options import with_securing_tester, with_tester
-from rrins.host_tools.cli.diag.output import (
-    field_rows,
-    new_table,
-    print_json,
-    print_line,
-    print_paragraph,
-    print_table,
-)
+from rrins.host_tools.cli.diag.output import grid, paragraph, value_grid
 from rrins.host_tools.cli.group import Group
-from rrins.host_tools.cli.numbers import NumberRange
-from rrins.host_tools.cli.options import json_option
-from rrins.host_tools.cli.output import print_note
+from rrins.host_tools.cli.options import NOT_NEGATIVE, flag, json_option, option
+from rrins.host_tools.cli.output import print_note, print_results
 from rrins.host_tools.diag.tester import Tester
 from rrins.host_tools.diag.values import AssignmentError, limits_of, parse_values, to_json
 from rrins.host_tools.files import JsonObject
@@ -94,8 +87,8 @@ def _description(one: DataIdentifier) -> JsonObject:
 
 @did.command("list")
 @click.argument("which", type=IDENTIFIER, required=False, metavar="[IDENTIFIER]")
-@click.option("--writable", is_flag=True, help="List only writable identifiers.")
-@click.option("--controllable", is_flag=True, help="List only controllable identifiers.")
+@flag("--writable", "List only writable identifiers.")
+@flag("--controllable", "List only controllable identifiers.")
 @json_option
 def list_identifiers(
     which: DataIdentifier | None, writable: bool, controllable: bool, as_json: bool
@@ -106,59 +99,48 @@ def list_identifiers(
         for one in ([which] if which else table.IDENTIFIERS)
         if (one.write or not writable) and (one.control or not controllable)
     ]
-    if as_json:
-        print_json([_description(one) for one in chosen])
-    elif which is not None:
-        _print_description(which)
-    else:
-        grid = new_table(("number", "identifier", "", "description"))
-        for one in chosen:
-            if _sensor_of(one) == 1:
-                name = one.name.replace("_1_", "_n_")
-                text = one.text.replace(" 1 ", " n ").replace(" 1;", " n;")
-                grid.add_row(_group_of(one), name, _rights(one), text)
-            elif _sensor_of(one) is None:
-                grid.add_row(f"0x{one.number:04X}", one.name, _rights(one), one.text)
-        print_table(grid)
-        print_line("r read, w write, c control; n from 1 to 16, nn the same in hexadecimal")
+    parts = _description_parts(which) if which is not None else _list_parts(chosen)
+    print_results(as_json, [_description(one) for one in chosen], parts)
 
 
-def _print_description(one: DataIdentifier) -> None:
-    print_paragraph(f"0x{one.number:04X} {one.name}: {one.text}", indent="")
-    for word, right in (("read", one.read), ("write", one.write), ("control", one.control)):
+def _list_parts(chosen: Sequence[DataIdentifier]) -> Iterator[Table | str]:
+    table = grid("number", "identifier", "", "description")
+    for one in chosen:
+        if _sensor_of(one) == 1:
+            name = one.name.replace("_1_", "_n_")
+            text = one.text.replace(" 1 ", " n ").replace(" 1;", " n;")
+            table.add_row(_group_of(one), name, _rights(one), text)
+        elif _sensor_of(one) is None:
+            table.add_row(f"0x{one.number:04X}", one.name, _rights(one), one.text)
+    yield table
+    yield "r read, w write, c control; n from 1 to 16, nn the same in hexadecimal"
+
+
+def _description_parts(one: DataIdentifier) -> Iterator[Table | str]:
+    yield paragraph(f"0x{one.number:04X} {one.name}: {one.text}", indent="")
+    for word in ("read", "write", "control"):
+        right = getattr(one, word)
         if right is not None:
-            print_line(f"{word}: {right}")
-    grid = new_table(("field", "type", "allowed", ""))
+            yield f"{word}: {right}"
+    table = grid("field", "type", "allowed", "")
     for field in one.fields:
         kind = field.format + (f"[{field.count}]" if field.count > 1 else "")
-        grid.add_row(field.name, kind, limits_of(field) or field.unit, field.text)
-    print_table(grid)
+        table.add_row(field.name, kind, limits_of(field) or field.unit, field.text)
+    yield table
 
 
 def print_values(dids: Sequence[DataIdentifier], found: dict[str, Values], as_json: bool) -> None:
     """Show the values of identifiers."""
-    if as_json:
-        print_json({one.name: to_json(one.layout, found[one.name]) for one in dids})
-        return
-    grid = new_table(("identifier", "field", "value", "unit"))
-    for one in dids:
-        name = one.name
-        for field, value, unit in field_rows(one.fields, found[one.name]):
-            grid.add_row(name, field, value, unit)
-            name = ""
-    print_table(grid)
+    values = {one.name: to_json(one.layout, found[one.name]) for one in dids}
+    rows = ((one.name, one.fields, found[one.name]) for one in dids)
+    print_results(as_json, values, [value_grid(("identifier", "field"), rows)])
 
 
 @did.command("read")
 @click.argument("dids", type=IDENTIFIER, nargs=-1, metavar="[IDENTIFIER]...")
-@click.option("--all", "all_of_them", is_flag=True, help="Read all identifiers of this computer.")
-@click.option(
-    "--every",
-    "every_s",
-    type=NumberRange(min=0),
-    help="Repeat every so many seconds until Ctrl-C.",
-)
-@click.option("--times", type=click.IntRange(1), help="Number of reads, instead of until Ctrl-C.")
+@flag("--all all_of_them", "Read all identifiers of this computer.")
+@option("--every every_s", "Repeat every so many seconds until Ctrl-C.", NOT_NEGATIVE)
+@option("--times", "Number of reads, instead of until Ctrl-C.", click.IntRange(1))
 @json_option
 @with_tester
 def read_identifiers(
@@ -218,7 +200,7 @@ def _blank(one: DataIdentifier) -> Values:
 @click.argument("did", type=CONTROLLABLE, metavar="IDENTIFIER")
 @click.argument("how", type=click.Choice(tuple(_CONTROLS)))
 @click.argument("texts", nargs=-1, metavar="[FIELD=VALUE]...", shell_complete=complete_values)
-@click.option("--for", "for_s", type=NumberRange(min=0), help="Keep control for this many seconds.")
+@option("--for for_s", "Keep control for this many seconds.", NOT_NEGATIVE)
 @json_option
 @with_securing_tester
 def control_identifier(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import click
 import numpy as np
@@ -12,7 +12,6 @@ from rrins.firmware_py.core.records.redundancy_records import BEFORE_S
 from rrins.firmware_py.core.records.troubles import (
     ALL_GROUPS,
     FIRST_SNAPSHOT,
-    LATEST_SNAPSHOT,
     Status,
     Trouble,
 )
@@ -22,30 +21,18 @@ from rrins.firmware_py.diagnostics.data_identifier import DataIdentifier
 from rrins.firmware_py.diagnostics.redundancy_identifiers import PARITY_BEFORE
 from rrins.host_tools.cli.diag.arguments import TROUBLE
 from rrins.host_tools.cli.diag.options import with_tester
-from rrins.host_tools.cli.diag.output import (
-    new_table,
-    print_json,
-    print_line,
-    print_paragraph,
-    print_table,
-)
+from rrins.host_tools.cli.diag.output import grid, paragraph
 from rrins.host_tools.cli.group import Group
-from rrins.host_tools.cli.options import json_option
-from rrins.host_tools.diag.tester import Tester, TroubleReport
-from rrins.host_tools.diag.values import to_json, value_text
+from rrins.host_tools.cli.options import flag, json_option
+from rrins.host_tools.cli.output import print_json, print_results
+from rrins.host_tools.diag.tester import RECORDS, REMEMBERED, Tester, TroubleReport
+from rrins.host_tools.diag.values import value_text
 from rrins.host_tools.files import JsonObject
-
-_REMEMBERED = Status.TEST_FAILED | Status.PENDING | Status.CONFIRMED
-_RECORDS = {FIRST_SNAPSHOT: "first", LATEST_SNAPSHOT: "latest"}
 
 
 @click.group(cls=Group)
 def dtc() -> None:
     """Read and clear diagnostic trouble codes."""
-
-
-def _bits(status: int) -> list[str]:
-    return [bit.name.lower() for bit in Status if status & bit]
 
 
 def _status_text(status: int) -> str:
@@ -60,32 +47,22 @@ def _status_text(status: int) -> str:
     return "\n".join([now, ", ".join(marks)]).rstrip()
 
 
-def _code(found: TroubleReport) -> str:
-    return found.trouble.code if found.trouble else f"0x{found.number:06X}"
-
-
 def _name(found: TroubleReport) -> str:
     return found.trouble.name if found.trouble else "not in this tool's table"
 
 
 def _trouble_object(tester: Tester, found: TroubleReport, with_frames: bool) -> JsonObject:
     result: JsonObject = {
-        "code": _code(found),
+        "code": found.code,
         "number": f"0x{found.number:06X}",
         "name": found.trouble.name if found.trouble else None,
         "text": found.trouble.text if found.trouble else None,
         "status": found.status,
-        "status_bits": _bits(found.status),
+        "status_bits": found.status_bits,
     }
     if with_frames:
         result |= tester.extended_data(found.number)
-        result["freeze_frames"] = {
-            _RECORDS.get(record, str(record)): {
-                name: to_json(table.identifier(name).layout, values)
-                for name, values in frame.items()
-            }
-            for record, frame in tester.snapshots(found.number).items()
-        }
+        result["freeze_frames"] = tester.freeze_frames(found.number)
     return result
 
 
@@ -99,10 +76,8 @@ def _find_trouble(tester: Tester, trouble: Trouble) -> TroubleReport:
 
 @dtc.command("read")
 @click.argument("trouble", type=TROUBLE, required=False, metavar="[TROUBLE]")
-@click.option(
-    "--all", "all_of_them", is_flag=True, help="Read all supported codes, passed or failed."
-)
-@click.option("--freeze-frames", is_flag=True, help="Include the freeze frames.")
+@flag("--all all_of_them", "Read all supported codes, passed or failed.")
+@flag("--freeze-frames", "Include the freeze frames.")
 @json_option
 @with_tester
 def read_troubles(
@@ -119,74 +94,73 @@ def read_troubles(
     if trouble is not None:
         found = [_find_trouble(tester, trouble)]
     else:
-        found = tester.all_troubles() if all_of_them else tester.troubles(_REMEMBERED)
+        found = tester.all_troubles() if all_of_them else tester.troubles(REMEMBERED)
     in_detail = freeze_frames or trouble is not None
     if as_json:
         print_json([_trouble_object(tester, one, in_detail) for one in found])
         return
+    parts: list[Table | str] = []
     if not found:
-        print_line("no trouble codes")
-        return
-    if in_detail:
+        parts.append("no trouble codes")
+    elif in_detail:
+        parts += [part for one in found for part in _details(tester, one)]
+    else:
+        rows = grid("code", "trouble", "status")
         for one in found:
-            _print_details(tester, one)
-        return
-    grid = new_table(("code", "trouble", "status"))
-    for one in found:
-        text = f"\n{one.trouble.text}" if one.trouble else ""
-        grid.add_row(_code(one), _name(one) + text, _status_text(one.status))
-    print_table(grid)
+            text = f"\n{one.trouble.text}" if one.trouble else ""
+            rows.add_row(one.code, _name(one) + text, _status_text(one.status))
+        parts.append(rows)
+    print_results(False, [], parts)
 
 
-def _print_details(tester: Tester, found: TroubleReport) -> None:
+def _details(tester: Tester, found: TroubleReport) -> Iterator[Table | str]:
     extended = tester.extended_data(found.number)
     frames = tester.snapshots(found.number)
-    print_line(f"{_code(found)} {_name(found)} (0x{found.number:06X})")
+    yield f"{found.code} {_name(found)} (0x{found.number:06X})"
     if found.trouble:
-        print_paragraph(found.trouble.text)
-        print_paragraph(f"fails after / passes after: {found.trouble.debounce}")
-    bits = (bit.replace("_", " ") for bit in _bits(found.status))
-    print_paragraph(f"status 0x{found.status:02X}: {', '.join(bits)}")
-    print_paragraph(
-        ", ".join(f"{name.replace('_', ' ')} {value}" for name, value in extended.items())
-    )
+        yield paragraph(found.trouble.text)
+        yield paragraph(f"fails after / passes after: {found.trouble.debounce}")
+    bits = (bit.replace("_", " ") for bit in found.status_bits)
+    yield paragraph(f"status 0x{found.status:02X}: {', '.join(bits)}")
+    counters = (f"{name.replace('_', ' ')} {value}" for name, value in extended.items())
+    yield paragraph(", ".join(counters))
     if frames:
-        _print_freeze_frames(frames)
+        yield _freeze_frames(frames)
 
 
-def _print_freeze_frames(frames: dict[int, dict[str, Values]]) -> None:
-    headings = [_RECORDS.get(record, str(record)) for record in frames]
+def _freeze_frames(frames: dict[int, dict[str, Values]]) -> Table:
+    headings = [RECORDS.get(record, str(record)) for record in frames]
     first = frames.get(FIRST_SNAPSHOT)
     if first and len(frames) > 1 and all(frame == first for frame in frames.values()):
         frames, headings = {FIRST_SNAPSHOT: first}, ["first and latest"]
-    grid = new_table(("freeze frame", "field", *headings, "unit"))
+    shown = grid("freeze frame", "field", *headings, "unit")
     for did in table.SNAPSHOT:
         name = did.name
         for field in did.fields:
             values = [value_text(field, frame[did.name][field.name]) for frame in frames.values()]
-            grid.add_row(name, field.name, *values, field.unit)
+            shown.add_row(name, field.name, *values, field.unit)
             name = ""
     for did in PARITY_BEFORE.values():
         if all(did.name in frame for frame in frames.values()):
-            _add_parity(grid, did, list(frames.values()))
-    print_table(grid)
+            _add_parity(shown, did, list(frames.values()))
+    return shown
 
 
-def _add_parity(grid: Table, did: DataIdentifier, frames: Sequence[Mapping[str, Values]]) -> None:
+def _add_parity(shown: Table, did: DataIdentifier, frames: Sequence[Mapping[str, Values]]) -> None:
     """Add what the parity was in each of the seconds before the alarm."""
     alarm, ratio, residual = did.fields
     values = [value_text(alarm, frame[did.name][alarm.name]) for frame in frames]
-    grid.add_row(did.name, alarm.name, *values, alarm.unit)
+    shown.add_row(did.name, alarm.name, *values, alarm.unit)
     for k in range(BEFORE_S):
         before = f"{BEFORE_S - k} s before"
         ratios = [f"{_numbers(frame, did, ratio)[k]:.2f}" for frame in frames]
-        grid.add_row("", f"{before}: {ratio.name}", *ratios, ratio.unit)
+        shown.add_row("", f"{before}: {ratio.name}", *ratios, ratio.unit)
         texts = []
         for frame in frames:
             seconds = np.reshape(_numbers(frame, did, residual), (BEFORE_S, -1))
             sensors = int(np.max(np.flatnonzero(seconds.any(axis=0)), initial=0)) + 1
             texts.append("  ".join(f"{value:.3g}" for value in seconds[k, :sensors]))
-        grid.add_row("", f"{before}: {residual.name}", *texts, residual.unit)
+        shown.add_row("", f"{before}: {residual.name}", *texts, residual.unit)
 
 
 def _numbers(frame: Mapping[str, Values], did: DataIdentifier, field: Field) -> tuple[float, ...]:
@@ -206,7 +180,4 @@ def clear_troubles(tester: Tester, trouble: Trouble | None, as_json: bool) -> No
     """
     tester.clear(ALL_GROUPS if trouble is None else _find_trouble(tester, trouble).number)
     cleared = "all" if trouble is None else trouble.name
-    if as_json:
-        print_json({"cleared": cleared})
-    else:
-        print_line(f"cleared: {cleared}")
+    print_results(as_json, {"cleared": cleared}, [f"cleared: {cleared}"])

@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import click
+from rich.table import Table
 
-from rrins.firmware_py.diagnostics import table
+from rrins.firmware_py.diagnostics import table as diagnostic_table
 from rrins.host_tools.cli.diag.arguments import complete_memory
 from rrins.host_tools.cli.diag.options import with_tester
-from rrins.host_tools.cli.diag.output import new_table, print_json, print_line, print_table
+from rrins.host_tools.cli.diag.output import grid
 from rrins.host_tools.cli.group import Group
-from rrins.host_tools.cli.options import json_option
+from rrins.host_tools.cli.options import FILE, flag, json_option, option
+from rrins.host_tools.cli.output import counting, print_results
 from rrins.host_tools.diag import ram
 from rrins.host_tools.diag.tester import Tester
 from rrins.host_tools.errors import DiagError
 from rrins.host_tools.files import JsonObject
-from rrins.host_tools.terminal import new_console, progress_line
 
 _MOST_VALUES = 16  # values of an array
 
@@ -30,16 +32,12 @@ def memory() -> None:
 @json_option
 def list_regions(as_json: bool) -> None:
     """List the regions. Needs no bus."""
-    regions = table.regions()
-    if as_json:
-        print_json(
-            [{"name": one.name, "address": one.address, "size": one.size} for one in regions]
-        )
-        return
-    grid = new_table(("region", "address", "size"))
+    regions = diagnostic_table.regions()
+    table = grid("region", "address", "size")
     for one in regions:
-        grid.add_row(one.name, f"0x{one.address:06X}", str(one.size))
-    print_table(grid)
+        table.add_row(one.name, f"0x{one.address:06X}", str(one.size))
+    values = [{"name": one.name, "address": one.address, "size": one.size} for one in regions]
+    print_results(as_json, values, [table])
 
 
 def _number(text: str) -> int | None:
@@ -51,11 +49,9 @@ def _number(text: str) -> int | None:
 
 @memory.command("read")
 @click.argument("where", metavar="PATH|ADDRESS", shell_complete=complete_memory)
-@click.option("--size", type=click.IntRange(1), help="Number of bytes to read from ADDRESS.")
-@click.option("--hex", "as_hex", is_flag=True, help="Show bytes, not fields.")
-@click.option(
-    "--out", type=click.Path(dir_okay=False, path_type=Path), help="Write the bytes to a new file."
-)
+@option("--size", "Number of bytes to read from ADDRESS.", click.IntRange(1))
+@flag("--hex as_hex", "Show bytes, not fields.")
+@option("--out", "Write the bytes to a new file.", FILE)
 @json_option
 @with_tester
 def read_memory(
@@ -79,27 +75,23 @@ def read_memory(
             raise click.UsageError(str(error)) from error
         name, address, length = part.name, part.address, part.size
     assert address is not None
-    with progress_line(new_console(stderr=True), as_json) as progress:
-        task = progress.add_task(f"reading {name}", total=length)
-        data = tester.read_memory(
-            address, length, lambda done: progress.update(task, completed=done)
-        )
+    with counting(f"reading {name}", length, as_json) as on_progress:
+        data = tester.read_memory(address, length, on_progress)
     if out is not None:
         _write(out, data)
     summary: JsonObject = {"address": address, "size": length, "hex": data.hex()}
     fields = dict(ram.leaves(part, data)) if part is not None else {}
-    if as_json:
-        print_json({name: summary | {"fields": fields}})
-    elif out is not None:
-        print_line(f"{length} bytes from 0x{address:06X} written to {out}")
+    parts: Sequence[Table | str]
+    if out is not None:
+        parts = [f"{length} bytes from 0x{address:06X} written to {out}"]
     elif as_hex or part is None:
-        for text in ram.dump(address, data):
-            print_line(text)
+        parts = list(ram.dump(address, data))
     else:
-        grid = new_table(("field", "value"))
+        rows = grid("field", "value")
         for path, value in fields.items():
-            grid.add_row(path, _value_text(value))
-        print_table(grid)
+            rows.add_row(path, _value_text(value))
+        parts = [rows]
+    print_results(as_json, {name: summary | {"fields": fields}}, parts)
 
 
 def _value_text(value: object) -> str:

@@ -11,8 +11,16 @@ from typing import Any
 import click
 
 from rrins.firmware_py.diagnostics.access import DEFAULT_SECRET
-from rrins.host_tools.cli.numbers import NumberRange
-from rrins.host_tools.cli.options import Command, Option, bus_options, together
+from rrins.host_tools.cli.options import (
+    FILE,
+    POSITIVE,
+    Command,
+    Option,
+    bus_options,
+    flag,
+    option,
+    together,
+)
 from rrins.host_tools.diag.target import DEFAULT_TIMEOUT_S, Target
 from rrins.host_tools.diag.tester import Tester
 from rrins.host_tools.errors import DiagError
@@ -22,30 +30,22 @@ _LARGEST_SECRET = 1 << 16  # bytes
 
 _bus_options = together(
     bus_options,
-    click.option(
+    option(
         "--transport",
-        type=click.Choice(("library", "kernel")),
-        default="library",
-        show_default=True,
-        help="ISO-TP by can-isotp on any bus, or by kernel sockets on socketcan.",
+        "ISO-TP by can-isotp on any bus, or by kernel sockets on socketcan.",
+        ("library", "kernel"),
+        "library",
     ),
-    click.option(
-        "--timeout",
-        "timeout_s",
-        type=NumberRange(min=0, min_open=True),
-        default=DEFAULT_TIMEOUT_S,
-        show_default=True,
-        help="Response timeout in seconds.",
-    ),
+    option("--timeout timeout_s", "Response timeout in seconds.", POSITIVE, DEFAULT_TIMEOUT_S),
 )
 _BUS_NAMES = ("interface", "channel", "bitrate", "transport", "timeout_s")
 _security_options = together(
-    click.option("--security", is_flag=True, help="Unlock protected services (SecurityAccess)."),
-    click.option(
+    flag("--security", "Unlock protected services (SecurityAccess)."),
+    option(
         "--secret-file",
-        type=click.Path(dir_okay=False, path_type=Path),
+        "File with the computer's secret, if not the default.",
+        FILE,
         envvar="RRINS_SECRET_FILE",
-        help="File with the computer's secret, if not the default.",
     ),
 )
 

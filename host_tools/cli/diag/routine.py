@@ -9,10 +9,10 @@ from rrins.firmware_py.diagnostics.codecs import Values
 from rrins.firmware_py.diagnostics.routines import Routine, RoutineState
 from rrins.host_tools.cli.diag.arguments import ROUTINE, STOPPABLE, complete_arguments
 from rrins.host_tools.cli.diag.options import with_securing_tester
-from rrins.host_tools.cli.diag.output import field_rows, new_table, print_json, print_table
+from rrins.host_tools.cli.diag.output import grid, value_grid
 from rrins.host_tools.cli.group import Group
-from rrins.host_tools.cli.numbers import NumberRange
-from rrins.host_tools.cli.options import json_option
+from rrins.host_tools.cli.options import POSITIVE, flag, json_option, option
+from rrins.host_tools.cli.output import print_results
 from rrins.host_tools.diag.tester import Tester
 from rrins.host_tools.diag.values import AssignmentError, limits_of, parse_values, to_json
 from rrins.host_tools.errors import RoutineFailedError
@@ -29,53 +29,36 @@ def routine() -> None:
 @json_option
 def list_routines(as_json: bool) -> None:
     """List the routines and their arguments. Needs no bus."""
-    if as_json:
-        print_json(
-            [
-                {
-                    "number": f"0x{one.number:04X}",
-                    "name": one.name,
-                    "text": one.text,
-                    "access": str(one.access),
-                    "can_stop": one.can_stop,
-                    "arguments": {field.name: limits_of(field) for field in one.arguments},
-                    "results": [field.name for field in one.results],
-                }
-                for one in table.ROUTINES
-            ]
-        )
-        return
-    grid = new_table(("number", "routine", "arguments", "description"))
+    values = [
+        {
+            "number": f"0x{one.number:04X}",
+            "name": one.name,
+            "text": one.text,
+            "access": str(one.access),
+            "can_stop": one.can_stop,
+            "arguments": {field.name: limits_of(field) for field in one.arguments},
+            "results": [field.name for field in one.results],
+        }
+        for one in table.ROUTINES
+    ]
+    rows = grid("number", "routine", "arguments", "description")
     for one in table.ROUTINES:
         arguments = "\n".join(f"{field.name}: {limits_of(field)}" for field in one.arguments)
-        grid.add_row(f"0x{one.number:04X}", one.name, arguments, one.text)
-    print_table(grid)
+        rows.add_row(f"0x{one.number:04X}", one.name, arguments, one.text)
+    print_results(as_json, values, [rows])
 
 
 def _print_results(one: Routine, results: Values, as_json: bool) -> None:
-    if as_json:
-        print_json({one.name: to_json(one.result_layout, results)})
-        return
-    grid = new_table(("routine", "result", "value", "unit"))
-    name = one.name
-    for field, value, unit in field_rows(one.results, results):
-        grid.add_row(name, field, value, unit)
-        name = ""
-    print_table(grid)
+    values = {one.name: to_json(one.result_layout, results)}
+    shown = value_grid(("routine", "result"), [(one.name, one.results, results)])
+    print_results(as_json, values, [shown])
 
 
 @routine.command("start")
 @click.argument("routine", type=ROUTINE)
 @click.argument("texts", nargs=-1, metavar="[ARGUMENT=VALUE]...", shell_complete=complete_arguments)
-@click.option(
-    "--wait", is_flag=True, help="Wait until it ends; exit with status 24 unless it is done."
-)
-@click.option(
-    "--limit",
-    "limit_s",
-    type=NumberRange(min=0, min_open=True),
-    help="Longest wait, in seconds of the computer's time.",
-)
+@flag("--wait", "Wait until it ends; exit with status 24 unless it is done.")
+@option("--limit limit_s", "Longest wait, in seconds of the computer's time.", POSITIVE)
 @json_option
 @with_securing_tester
 def start_routine(

@@ -12,10 +12,9 @@ from rrins.firmware_py.diagnostics.access import Session
 from rrins.firmware_py.diagnostics.identifiers import IDENTIFICATION
 from rrins.host_tools.cli.diag.did import print_values
 from rrins.host_tools.cli.diag.options import with_securing_tester, with_tester
-from rrins.host_tools.cli.diag.output import new_table, print_json, print_line, print_table
-from rrins.host_tools.cli.numbers import NumberRange
-from rrins.host_tools.cli.options import json_option
-from rrins.host_tools.cli.output import print_note
+from rrins.host_tools.cli.diag.output import grid
+from rrins.host_tools.cli.options import NOT_NEGATIVE, json_option, option
+from rrins.host_tools.cli.output import print_note, print_results
 from rrins.host_tools.diag.tester import Tester
 from rrins.host_tools.diag.values import to_json
 from rrins.host_tools.errors import DiagError, NoAnswerError
@@ -41,23 +40,18 @@ def identify(tester: Tester, as_json: bool) -> None:
     failed = len(tester.troubles(Status.TEST_FAILED))
     confirmed = len(tester.troubles(Status.CONFIRMED))
     is_same = found["table_version"]["table_crc32"] == table.crc32()
-    if as_json:
-        summary: JsonObject = {one.name: to_json(one.layout, found[one.name]) for one in dids}
-        print_json(
-            summary
-            | {
-                "table_is_this_tools": is_same,
-                "troubles_failed_now": failed,
-                "troubles_confirmed": confirmed,
-            }
-        )
-    else:
-        named = {one.name: one.layout.named(found[one.name]) for one in dids}
-        grid = new_table(("", ""), heading=False)
-        for label, value in _identity_rows(named):
-            grid.add_row(label, value)
-        grid.add_row("trouble codes", f"{failed} failed now, {confirmed} confirmed")
-        print_table(grid)
+    summary: JsonObject = {one.name: to_json(one.layout, found[one.name]) for one in dids} | {
+        "table_is_this_tools": is_same,
+        "troubles_failed_now": failed,
+        "troubles_confirmed": confirmed,
+    }
+    rows = grid("", "", heading=False)
+    for label, value in _identity_rows(
+        {one.name: one.layout.named(found[one.name]) for one in dids}
+    ):
+        rows.add_row(label, value)
+    rows.add_row("trouble codes", f"{failed} failed now, {confirmed} confirmed")
+    print_results(as_json, summary, [rows])
     if not is_same:
         print_note(
             "the computer's diagnostic table differs from this tool's: identifiers may differ in "
@@ -82,9 +76,7 @@ def _identity_rows(named: Mapping[str, JsonObject]) -> Iterator[tuple[str, str]]
 
 @click.command()
 @click.argument("name", type=click.Choice(_SESSIONS), required=False)
-@click.option(
-    "--for", "for_s", type=NumberRange(min=0), help="Keep the session for this many seconds."
-)
+@option("--for for_s", "Keep the session for this many seconds.", NOT_NEGATIVE)
 @json_option
 @with_securing_tester
 def session(tester: Tester, name: str | None, for_s: float | None, as_json: bool) -> None:
@@ -101,12 +93,9 @@ def session(tester: Tester, name: str | None, for_s: float | None, as_json: bool
         tester.conversation.pass_time(for_s)
     did = table.identifier("active_session")
     active = did.layout.named(tester.read([did])[did.name])["session"]
-    if as_json:
-        print_json(
-            {"session": active, "unlocked": tester.conversation.is_unlocked, "s3_ms": access.S3_MS}
-        )
-    else:
-        print_line(f"session {active}" + (", unlocked" if tester.conversation.is_unlocked else ""))
+    is_unlocked = tester.conversation.is_unlocked
+    result = {"session": active, "unlocked": is_unlocked, "s3_ms": access.S3_MS}
+    print_results(as_json, result, [f"session {active}{', unlocked' if is_unlocked else ''}"])
 
 
 @click.command()

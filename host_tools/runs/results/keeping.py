@@ -11,6 +11,7 @@ import json
 from pathlib import Path
 
 from rrins.host_tools.files import JsonObject, keep, make_folder
+from rrins.host_tools.runs.results.summary_types import AnySummary
 
 STOPPED = "stopped"
 
@@ -28,7 +29,7 @@ _SAME = ("navigation_sha256", "scenario")
 """What two runs have in common when the later one may take the earlier one's place."""
 
 
-def place_for(folder: Path, summary: JsonObject) -> tuple[Path, str | None]:
+def place_for(folder: Path, summary: AnySummary) -> tuple[Path, str | None]:
     """Return where a run writes its results, and a line if a finished one is kept.
 
     Parameters

@@ -17,6 +17,7 @@ from rrins.firmware_py.core.records.memory import NavigationOutput
 from rrins.host_tools.files import JsonObject, write_whole
 from rrins.host_tools.hardware.memory import INNER, OUTER, Truth
 from rrins.host_tools.runs.results.samples import NAVIGATION_SAMPLES, TRUTH_SAMPLES, read_samples
+from rrins.host_tools.runs.results.summary_types import AnySummary
 
 Vector = NDArray[np.float64]
 _T = TypeVar("_T", float, Vector)
@@ -212,7 +213,7 @@ def write_errors(path: Path, errors: Errors) -> None:
     write_whole(path, write)
 
 
-def write_summary(path: Path, summary: JsonObject) -> None:
+def write_summary(path: Path, summary: AnySummary) -> None:
     """Write a summary as JSON."""
 
     def write(file: IO[str]) -> None:

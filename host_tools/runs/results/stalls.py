@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from rrins.host_tools.files import JsonObject
+from rrins.host_tools.runs.results.summary_types import StallSummary
 
 _AFTERMATH_S = 1.0  # by then a stall has shown in the firmware
 
@@ -42,7 +43,7 @@ def _led_to(stall: JsonObject, navigated_until_s: float | None, bridge_s: float)
     return bool(stall["at_s"] - _AFTERMATH_S <= navigated_until_s <= end_s)
 
 
-def stall_words(stall: JsonObject) -> str:
+def stall_words(stall: StallSummary) -> str:
     """Return what a person reads of a stall."""
     return (
         f"the {stall['side']} was {stall['late_ms']:.0f} ms late at {stall['at_s']:.1f} s: the "

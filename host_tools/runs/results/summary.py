@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import cast
 
 from rich.table import Table
 
@@ -22,6 +23,7 @@ from rrins.host_tools.runs.results.parity_log import Parities
 from rrins.host_tools.runs.results.redundancy_summary import redundancy_lines
 from rrins.host_tools.runs.results.results import Errors, write_errors, write_summary
 from rrins.host_tools.runs.results.stalls import stall_before_fault
+from rrins.host_tools.runs.results.summary_types import AnySummary, Summary
 from rrins.host_tools.runs.results.table_summary import table_lines
 from rrins.host_tools.runs.set_up import given_attitude
 from rrins.host_tools.runs.set_up.load_warnings import warnings_of
@@ -52,7 +54,7 @@ def summarise(
     outcome: Outcome,
     errors: Errors,
     stopped: str | None = None,
-) -> JsonObject:
+) -> Summary:
     """Return the summary object of a run.
 
     Parameters
@@ -66,7 +68,7 @@ def summarise(
     overruns = firmware.get("lateness_us", {}).get("overruns", 0)
     overruns += hardware.get("lateness_us", {}).get("overruns", 0)
     until_s = float(errors.epoch[-1]) / scenario.rate_hz if len(errors) else None
-    return {
+    summary = {
         "scenario": name,
         "title": scenario.title,
         "completed": stopped is None,
@@ -96,11 +98,12 @@ def summarise(
         "firmware": firmware,
         "hardware": hardware,
     }
+    return cast(Summary, summary)  # a test compares the keys
 
 
 def write_results(
     folder: Path,
-    summary: JsonObject,
+    summary: AnySummary,
     errors: Errors,
     title: str,
     parities: Parities | None = None,
@@ -143,7 +146,7 @@ def _shown(value: float | None, unit: str) -> str:
     return f"{value:.3g} {unit}"
 
 
-def cells_of(summary: JsonObject) -> list[list[str]]:
+def cells_of(summary: AnySummary) -> list[list[str]]:
     """Return the cells of the table of a run: its head, then a row for each kind of error."""
     paper = summary["paper"] or {}
     rows = [["largest error", "east", "north", *(["paper, east", "paper, north"] if paper else [])]]
@@ -157,7 +160,7 @@ def cells_of(summary: JsonObject) -> list[list[str]]:
     return rows
 
 
-def table_of(summary: JsonObject) -> Table:
+def table_of(summary: AnySummary) -> Table:
     """Return the table that a person sees at the end of a run."""
     head, *rows = cells_of(summary)
     table = Table(title=summary["title"] or summary["scenario"], title_justify="left")
@@ -212,7 +215,7 @@ def _hash_words(sha256: str | None) -> str:
     return "" if sha256 is None else f"; navigation sha256 {sha256[:16]}…"
 
 
-def _late_line(summary: JsonObject) -> list[str]:
+def _late_line(summary: AnySummary) -> list[str]:
     """Return how often the user's own program answered late."""
     program, faults = summary["firmware"].get("program"), summary["hardware"].get("faults", {})
     late, missing = faults.get("counter_errors", 0), faults.get("missing_commands", 0)
@@ -223,7 +226,7 @@ def _late_line(summary: JsonObject) -> list[str]:
     return [f"{program} answered late: {late} commands of another epoch, {missing} missing{own}"]
 
 
-def _duration_line(summary: JsonObject) -> list[str]:
+def _duration_line(summary: AnySummary) -> list[str]:
     """Return how long was navigated, where the scenario or the paper has another duration."""
     seconds, words = summary["duration_s"], f"over {summary['duration_s']:g} s"
     epochs = summary["firmware"].get("epochs_navigated")
@@ -236,7 +239,7 @@ def _duration_line(summary: JsonObject) -> list[str]:
     return [words] if seconds != summary["duration_s"] else []
 
 
-def lines_of(summary: JsonObject) -> list[str]:
+def lines_of(summary: AnySummary) -> list[str]:
     """Return the lines below the table: how the run went."""
     firmware = summary["firmware"]
     lines = [

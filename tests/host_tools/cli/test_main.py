@@ -13,7 +13,7 @@ from click.testing import CliRunner
 
 from rrins.dbc import codec
 from rrins.host_tools.cli import main as cli
-from rrins.host_tools.cli.run import DEFAULT_SCENARIO
+from rrins.host_tools.cli.options import DEFAULT_SCENARIO
 
 CONTEXT = click.Context(cli.rrins)
 

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 import pytest
 from click.testing import CliRunner
 
-from rrins.host_tools import interruption
+from rrins.host_tools.cli import output
 from rrins.host_tools.cli.main import rrins
 
 
@@ -54,7 +54,7 @@ def test_ctrl_c_ends_it_in_one_line(run, tmp_path, monkeypatch):
         stop.set()
         yield stop
 
-    monkeypatch.setattr(interruption, "as_event", pressed)
+    monkeypatch.setattr(output, "as_event", pressed)
     message = run("--rimu", "cone", "--gyro", "50", "--runs", "3", status=130)
     assert message == "rrins: stopped by the user\n"
     assert not (tmp_path / "out" / "redundancy" / "report.html").exists()

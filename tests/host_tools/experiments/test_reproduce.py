@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from rrins.host_tools.cli import reproduce as command
+from rrins.host_tools.cli import output
 from rrins.host_tools.cli.main import rrins
 from rrins.host_tools.experiments.constants import SETS
 from rrins.host_tools.experiments.fleet import Fleet, run
@@ -260,7 +260,7 @@ def test_wrong_use_ends_at_once(start, arguments, status, words):
 
 def test_a_folder_that_cannot_be_written_to_is_told_before_anything_is_run(monkeypatch, tmp_path):
     forbidden = SimpleNamespace(access=lambda path, mode: False, W_OK=os.W_OK, X_OK=os.X_OK)
-    monkeypatch.setattr(command, "os", forbidden)  # the tests may run as root
+    monkeypatch.setattr(output, "os", forbidden)  # the tests may run as root
     result = CliRunner().invoke(rrins, ["reproduce", "static", "--out", str(tmp_path)])
     assert result.exit_code == 1
     assert result.stderr.strip() == f"rrins: --out {tmp_path}: cannot be written to"

@@ -19,7 +19,7 @@ from rrins.firmware_py.serial.nmea import SENTENCES as ALL_SENTENCES
 from rrins.firmware_py.serial.port import parse_port
 from rrins.firmware_py.serial.settings import DEFAULT_UTC, NO_LINES, SerialSettings
 from rrins.host_tools.cli.main import rrins
-from rrins.host_tools.cli.serial_options import serial_options, settings_of
+from rrins.host_tools.cli.serial_options import serial_options
 from rrins.host_tools.errors import RehearsalError
 from rrins.host_tools.runs.direct import run_direct
 from rrins.host_tools.runs.results.samples import read_samples
@@ -193,9 +193,8 @@ def test_wrong_options_are_wrong_use(options, words):
 def test_the_firmware_of_a_rehearsal_gets_the_same_lines(lines):
     @click.command()
     @serial_options
-    def command(**options):
-        assert settings_of(options) == lines
-        assert not options
+    def command(serial):
+        assert serial == lines
 
     result = CliRunner().invoke(command, arguments_of(lines), catch_exceptions=False)
     assert result.exit_code == 0, result.output
