@@ -51,7 +51,6 @@ class Field:
     format : str
         ``u8`` … ``i64``, ``f32``, ``f64`` (IEEE 754) or ``ascii`` (`count` characters, filled up
         with spaces).
-    unit : str
     count : int
         Number of consecutive values.
     minimum, maximum : float or None
@@ -64,7 +63,6 @@ class Field:
         Multiplies the value in the RAM image, such as 180/π.
     offset : int
         Added to an integer in the RAM image, such as 1 where it counts from 0.
-    text : str
     """
 
     name: str

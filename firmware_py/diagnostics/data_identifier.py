@@ -16,11 +16,6 @@ class DataIdentifier:
 
     Attributes
     ----------
-    number : int
-    name : str
-    text : str
-    fields : tuple of Field
-    read : Access
     write : Access or None
         None when it cannot be written.
     control : Access or None

@@ -47,9 +47,6 @@ class Diagnostics:
 
     Parameters
     ----------
-    ram : Records[Ram]
-    contract : Records[Contract]
-    parameters : ParameterMemory
     fault_store : TwoCopyStore, optional
         Stores the trouble codes across power-off.
     secret : bytes
@@ -63,9 +60,6 @@ class Diagnostics:
         Whether `run` must be called even without a diagnostic frame.
     reset_due : bool
         Whether `restart` must be called before the next step.
-    server : Server
-    faults : FaultMemory
-    parameters : ParameterMemory
     """
 
     def __init__(

@@ -60,7 +60,6 @@ class FieldReader:
     ----------
     array : array of one record
         Views are created once: reading one costs less than finding its field each time.
-    fields : iterable of Field
     special : dict
         Getters of the fields that have no source in the record.
     """

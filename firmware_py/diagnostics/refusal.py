@@ -9,12 +9,7 @@ from rrins.firmware_py.diagnostics.responses import Code
 
 
 class RefusalError(Exception):
-    """A service refuses a request: a negative response.
-
-    Attributes
-    ----------
-    code : Code
-    """
+    """A service refuses a request: a negative response."""
 
     def __init__(self, code: Code) -> None:
         super().__init__(code.name)

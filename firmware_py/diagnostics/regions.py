@@ -24,7 +24,6 @@ class Region:
 
     Attributes
     ----------
-    name : str
     address, size : int
         In bytes.
     access : Access

@@ -70,10 +70,8 @@ class Service:
     ----------
     number : int
         The service identifier.
-    name : str
     access : Access
         Of the service as a whole; an identifier or routine may require more.
-    text : str
     subfunctions : dict of int to str
         Empty when the service has no sub-function.
     only_in : dict of int to Access

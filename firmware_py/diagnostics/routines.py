@@ -44,16 +44,12 @@ class Routine:
 
     Attributes
     ----------
-    number : int
-    name : str
-    text : str
     arguments : tuple of Field
         Of startRoutine.
     results : tuple of Field
         In the responses to all three sub-functions, after the routine's number.
     can_stop : bool
         Whether stopRoutine is supported.
-    access : Access
     """
 
     number: int

@@ -54,7 +54,6 @@ class Afterwards:
 
     Attributes
     ----------
-    scenario : str
     largest_m, end_m : array, shape (n, 4)
         Largest and last horizontal position error, by `VARIANTS`.
     """

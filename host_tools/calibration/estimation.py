@@ -45,8 +45,6 @@ class Unit:
 
     Attributes
     ----------
-    gyros, accelerometers : Axes
-    site : Site
     C_b_n : array, shape (3, 3)
         Attitude of the base, roughly: where the iteration begins.
     """
@@ -85,7 +83,6 @@ class Estimate:
 
     Attributes
     ----------
-    gyros, accelerometers : SensorsEstimate
     C_b_n : array, shape (3, 3)
     base_sigma : array, shape (3,)
         Of the base's attitude about x, y, z of b, rad.
@@ -244,7 +241,6 @@ def normal_equations(
 
     Parameters
     ----------
-    unit : Unit
     seconds : Seconds
         Of which only the table's motion counts.
     gyro_noise, accelerometer_noise : array, shapes (m,), (k,)

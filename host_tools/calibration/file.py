@@ -48,7 +48,6 @@ def to_toml(found: Estimate, how: Sequence[str], origin: Origin = UNKNOWN) -> st
 
     Parameters
     ----------
-    found : Estimate
     how : sequence of str
         How it was obtained, a comment each.
     origin : Origin

@@ -89,8 +89,6 @@ def run(
 
     Parameters
     ----------
-    scheme : Scheme
-    seeds : sequence of int
     rimu : dict, optional
         The table `[rimu]` of a scenario.
     on_done : callable

@@ -74,8 +74,6 @@ class Observability:
         °/h or µg, ppm, ppm, ″, ″; as `CONSTANTS` are ordered.
     base_sigma : array, shape (4,)
         Base about x, y, z of b and the axes' squareness, ″.
-    unseen : tuple of Direction
-    duration_s : float
     """
 
     gyro_sigma: Floats
@@ -171,8 +169,6 @@ def observe(
 
     Parameters
     ----------
-    scheme : Scheme
-    unit : Unit
     gyro_noise, accelerometer_noise : float
         White noise, °/√h and µg/√Hz; the prototype's by default.
     """

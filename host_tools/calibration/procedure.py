@@ -35,8 +35,6 @@ class Order:
         For the calibration file and the report.
     scenario : str, optional
         Whose unit; without it an emulated one with the prototype's noise and drawn errors.
-    interface : str
-    channel : str, optional
     bitrate : int, optional
         Bus of a unit that is there; without a channel one is emulated.
     geometry : str, optional
@@ -84,10 +82,8 @@ class Calibrated:
 
     Attributes
     ----------
-    estimate : Estimate
     verified : str
         What the second run said, where it was pushed.
-    files : list of Path
     errors : list of list of float, optional
         Of gyros and accelerometers, the rms of each constant's true error, where it is known.
     """
@@ -103,7 +99,6 @@ def calibrate(order: Order, note: Callable[[str], None] = lambda line: None) -> 
 
     Parameters
     ----------
-    order : Order
     note : callable
         Called with a line that a person should read.
 

@@ -39,7 +39,6 @@ class SearchLimits:
     ----------
     duration_s : float
         Of a cycle, at most.
-    turn_rate_dps, stand_s : float
     inner_range_deg, outer_range_deg : float
         Largest range of each axis.
     """
@@ -184,11 +183,8 @@ def search(
 
     Parameters
     ----------
-    unit : Unit
-    limits : SearchLimits
     begin : Scheme
         Whole quarter turns; where the search begins, as far as it fits the limits.
-    tries, seed : int
     on_progress : callable, optional
         Receives the number of tries done and the total.
 

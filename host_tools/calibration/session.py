@@ -49,7 +49,6 @@ class Recording:
 
     Parameters
     ----------
-    scheme : Scheme
     path : Path, optional
         Where they are kept, to go on from.
     seconds : Seconds, optional

@@ -45,7 +45,6 @@ class Turning:
 
     Attributes
     ----------
-    name : str
     constants : array
         That the constants give which a table of errors has as σ.
     calibrated : array

@@ -136,10 +136,8 @@ class Rehearsal:
     ----------
     name : str
         Scenario, as given on the command line: the sides load it themselves.
-    scenario : Scenario
     overrides : sequence of str
         Command-line options by which the scenario differs from its file.
-    address : Address
     speed : float or None
         See `rrins.host_tools.runs.jobs.Job`.
     folder : Path

@@ -5,13 +5,12 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
 from rrins.compiled.compile_events import compiling_watched
 from rrins.compiled.record import Records
-from rrins.firmware_py.core.records.estimator_records import EstimatorSecond
 from rrins.firmware_py.core.records.memory import NavigationOutput
 from rrins.firmware_py.serial.settings import NO_LINES, SerialSettings
 from rrins.host_tools import interruption
@@ -36,11 +35,10 @@ from rrins.host_tools.runs.rehearsal import (
     Start,
     default_address,
 )
-from rrins.host_tools.runs.results.estimator_log import take_estimates
 from rrins.host_tools.runs.results.outcome import Outcome
-from rrins.host_tools.runs.results.parity_log import Parities, take_parities
 from rrins.host_tools.runs.results.results import Errors, compare, read_samples_of
 from rrins.host_tools.runs.results.samples import SamplesError
+from rrins.host_tools.runs.results.seconds_log import Seconds, take_seconds
 from rrins.host_tools.runs.results.stalls import stall_words
 from rrins.host_tools.runs.results.summary import summarise, write_results
 from rrins.host_tools.runs.set_up.settings import (
@@ -68,7 +66,6 @@ class RunResult:
     ----------
     name : str
         Of the scenario.
-    scenario : Scenario
     summary : dict
         One object with the same keys whichever way it was run; see `docs/scenarios.md`.
     errors : Errors
@@ -79,10 +76,8 @@ class RunResult:
         In the same epochs.
     failure : RehearsalError or None
         Why the run did not come to its end, or went wrong beside it.
-    parities : dict of array of `ParitySecond`
-        Parity and residuals of the sensors that are compared, by kind.
-    estimates : array of `EstimatorSecond`
-        What the estimator knew, second by second; empty without one.
+    seconds : Seconds
+        Parity and residuals of the sensors that are compared, and what the estimator knew.
     """
 
     name: str
@@ -92,8 +87,7 @@ class RunResult:
     navigation: Records[NavigationOutput]
     truth: Records[Truth]
     failure: RehearsalError | None
-    parities: Parities = field(default_factory=dict)
-    estimates: Records[EstimatorSecond] = field(default_factory=lambda: EstimatorSecond.zeros(0))
+    seconds: Seconds
 
     @property
     def title(self) -> str:
@@ -108,9 +102,7 @@ class RunResult:
         RehearsalError
             When one cannot be written.
         """
-        return write_results(
-            folder, self.summary, self.errors, self.title, self.parities, self.estimates
-        )
+        return write_results(folder, self.summary, self.errors, self.title, self.seconds)
 
     def check(self) -> None:
         """Raise what went wrong.
@@ -149,10 +141,8 @@ def _result(
     navigation, truth = read_samples_of(folder)
     errors = compare(navigation, truth, scenario.rate_hz)
     summary = summarise(name, scenario, way, outcome, errors, stopped)
-    parities, estimates = take_parities(folder), take_estimates(folder)
-    return RunResult(
-        name, scenario, summary, errors, navigation, truth, outcome.failure, parities, estimates
-    )
+    seconds = take_seconds(folder)
+    return RunResult(name, scenario, summary, errors, navigation, truth, outcome.failure, seconds)
 
 
 def folder_of(out: Path | None, name: str) -> Path:
@@ -228,8 +218,6 @@ class Plan:
         Built-in scenario or file: both sides load it themselves.
     scenario : Scenario
         The same, with `overrides` applied.
-    overrides : Overrides
-    bus : BusOptions
     speed : float or None
         1.0 is real time, another factor limits lockstep, None is as fast as it goes.
     serial : SerialSettings
@@ -382,7 +370,6 @@ def rehearse(
 
     Parameters
     ----------
-    plan : Plan
     display : RunDisplay
         Shows progress; entered.
     folder : Path, optional
@@ -440,7 +427,6 @@ def simulate(
     ----------
     name : str
         Of the scenario.
-    scenario : Scenario
     display : RunDisplay
         Shows progress; entered.
     folder : Path, optional

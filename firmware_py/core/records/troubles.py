@@ -167,12 +167,8 @@ class Trouble:
     ----------
     number : int
         Three bytes.
-    name : str
-    text : str
-    kind : Kind
     bit : int
         Of the kind's word.
-    debounce : Debounce
     group : int
         Its sensor group, from 0; -1 for none. The firmware has the trouble codes of the groups in
         its set-up.

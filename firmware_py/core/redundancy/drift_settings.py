@@ -53,7 +53,6 @@ def axis_variances(
 
     Parameters
     ----------
-    axes_deg : tuple
     sensors : GyroCalibration or AccelerometerCalibration
     stability : float
         1, standard deviation of what a scale factor changes by, of the data sheet.

@@ -26,15 +26,10 @@ _GRACE_S = 10.0
 class Programme:
     """A routine at work.
 
-    Parameters
-    ----------
-    computer : Computer
-
     Attributes
     ----------
     routine : Routine
         Of the table.
-    state : RoutineState
     ends_with_session : bool
         Whether it stops when the tool's session ends.
     """

@@ -23,7 +23,6 @@ class _Notices(logging.Handler):
 
     Parameters
     ----------
-    report : ReportPipe
     side : str
         Whose process this is.
     """

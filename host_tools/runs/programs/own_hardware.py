@@ -83,8 +83,6 @@ class ProgramLink(Closing):
 
     Parameters
     ----------
-    program : Program
-    scenario : Scenario
     folder : Path or None
         Where its set-up goes, and what it prints (`hardware.txt`).
     patience_s : float
@@ -251,7 +249,6 @@ class OwnHardware(Hardware):
     ----------
     settings : Settings
         Of the emulation beside it: truth and operator.
-    wire : Wire or None
     link : ProgramLink
         Begun before the first step.
     """

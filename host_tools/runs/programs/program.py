@@ -141,7 +141,6 @@ class Program:
 
         Parameters
         ----------
-        scenario : Scenario
         address : Address
             The bus; of the embedded one the program is given the socket's path.
         speed : str

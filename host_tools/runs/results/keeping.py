@@ -18,6 +18,9 @@ SUMMARY = "summary.json"
 _RESULTS = (
     "navigation_errors.png",
     "horizontal_track.png",
+    "estimator.png",
+    "estimated_sensors.png",
+    "estimated_sensors.csv",
     "parity.png",
     "errors.csv",
     "navigation.csv",

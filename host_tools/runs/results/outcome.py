@@ -18,7 +18,6 @@ class Outcome:
         Summary of each side; empty for one that could not give any.
     wall_s : float
         Seconds that the run took.
-    failure : RehearsalError or None
     """
 
     firmware: JsonObject = field(default_factory=dict)

@@ -83,13 +83,7 @@ class ReportPipe:
 
 
 class NoteHandler(logging.Handler):
-    """Hands what is logged to the rehearsal, as notes.
-
-    Parameters
-    ----------
-    report : ReportPipe
-    side : str
-    """
+    """Hands what is logged to the rehearsal, as notes."""
 
     def __init__(self, report: ReportPipe, side: str) -> None:
         super().__init__()

@@ -42,7 +42,6 @@ class Job:
 
     Attributes
     ----------
-    scenario : Scenario
     address : Address
         The bus.
     speed : float or None
