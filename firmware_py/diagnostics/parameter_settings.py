@@ -26,6 +26,7 @@ from rrins.firmware_py.diagnostics.parameters import (
     CALIBRATED,
     GYRO_CALIBRATIONS,
     GYRO_SIGMAS,
+    LASTING,
     SETTINGS,
     HeightChannel,
 )
@@ -48,12 +49,7 @@ _NAMED = (
 )
 _WEIGHTS = ("gyro_weights", "accelerometer_weights")
 _KINDS = ("gyros", "accelerometers")  # fields of the calibration
-_LASTING = (
-    "scale_error_ppm",
-    "asymmetric_scale_error_ppm",
-    "installation_u_arcsec",
-    "installation_v_arcsec",
-)
+_LASTING = tuple(name for name, *_ in LASTING)
 """Constants that a calibration is about; a bias is found anew after each power-up."""
 
 _UNKNOWN: Values = {"date_utc_s": 0, "temperature_known": 0, "temperature_c": 0.0}

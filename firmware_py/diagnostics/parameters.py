@@ -34,7 +34,7 @@ def _weights(number: int, sensors: str) -> DataIdentifier:
         Field("weights", "f64", "", SENSOR_GROUPS, minimum=1e-9, maximum=1e9))  # fmt: skip
 
 
-_ERRORS = (
+LASTING = (
     ("scale_error_ppm", "ppm", 1e5, "scale factor error"),
     ("asymmetric_scale_error_ppm", "ppm", 1e5,
         "scale factor error that changes sign with the input"),
@@ -47,7 +47,7 @@ _ERRORS = (
 def _calibration(
     base: int, index: int, sensor: str, bias: str, unit: str, limit: float, *more: Field
 ) -> DataIdentifier:
-    errors = ((bias, unit, limit, "bias"), *_ERRORS)
+    errors = ((bias, unit, limit, "bias"), *LASTING)
     return _parameter(base + index, f"{sensor}_{index}_calibration",
         f"Errors of {sensor} {index} that the firmware removes from its increments.",
         *(Field(name, "f64", of, minimum=-most, maximum=most, text=text)
@@ -56,7 +56,7 @@ def _calibration(
 
 
 def _sigma(base: int, index: int, sensor: str, bias: str, unit: str) -> DataIdentifier:
-    errors = ((bias, unit), *(error[:2] for error in _ERRORS))
+    errors = ((bias, unit), *(error[:2] for error in LASTING))
     return _parameter(base + index, f"{sensor}_{index}_calibration_sigma",
         f"Standard deviations of the calibrated errors of {sensor} {index}; 0: not known.",
         *(Field(name, "f64", of, minimum=0.0, maximum=1e5) for name, of in errors))  # fmt: skip

@@ -269,11 +269,10 @@ class Plan:
         self, address: Address, folder: Path, record: Path | None, start: Start
     ) -> Rehearsal:
         """Return the rehearsal, ready to run."""
-        options = self.overrides.options()
         return Rehearsal(
             self.name,
             self.scenario,
-            options,
+            self.overrides.options(),
             address,
             self.speed,
             folder,

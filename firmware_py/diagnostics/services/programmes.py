@@ -41,6 +41,7 @@ class Programme:
         self.computer = computer
         self.routine = table.routine(self.name)
         self.state = RoutineState.NEVER_STARTED
+        self._waits = False  # for the step that handles a request
         sourced = [field for field in self.routine.results if field.source]
         self._reader = FieldReader(computer.ram, sourced)
 
@@ -84,7 +85,7 @@ class Programme:
 
     def is_settled(self) -> bool:
         """Return whether the response to a request can be given."""
-        return True
+        return not self._waits
 
     def results(self) -> Values:
         """Return the results so far."""
@@ -98,10 +99,6 @@ class _Requesting(Programme):
     modes_to_start: tuple[Mode, ...] = ()
     running = Mode.STANDBY
 
-    def __init__(self, computer: Computer) -> None:
-        super().__init__(computer)
-        self._waits = False
-
     def may_start(self) -> bool:
         """Return whether the mode allows it."""
         return self.computer.mode in self.modes_to_start
@@ -114,14 +111,9 @@ class _Requesting(Programme):
 
     def work(self) -> None:
         """Do one epoch's work, while it runs."""
-        if self._waits:  # the step has handled the request by now
-            self._waits = False
+        self._waits = False  # the step has handled the request by now
         if self.computer.mode != self.running:
             self.state = self.ended()
-
-    def is_settled(self) -> bool:
-        """Return whether the response to a request can be given."""
-        return not self._waits
 
     def ended(self) -> RoutineState:
         """Return the outcome once the mode has changed."""
@@ -212,10 +204,6 @@ class ReadmitSensor(Programme):
 
     name = "readmit_sensor"
 
-    def __init__(self, computer: Computer) -> None:
-        super().__init__(computer)
-        self._waits = False
-
     @property
     def _readmission(self) -> Readmission:
         return self.computer.state.redundancy.readmission
@@ -249,10 +237,6 @@ class ReadmitSensor(Programme):
         """Do one epoch's work, while it runs."""
         self._waits = False  # the step has handled the order by now
         self.state = _OUTCOMES[ReadmissionState(int(self._readmission.state))]
-
-    def is_settled(self) -> bool:
-        """Return whether the response to a request can be given."""
-        return not self._waits
 
 
 _OUTCOMES = {
