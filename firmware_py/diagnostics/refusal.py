@@ -18,15 +18,10 @@ class RefusalError(Exception):
 
 @dataclass(frozen=True)
 class Later:
-    """A response that is not ready yet.
+    """A response that is not ready yet."""
 
-    Attributes
-    ----------
-    poll : callable
-        Returns the positive response's data once it is ready, None before; raises `RefusalError`
-        if the service refuses.
-    """
-
+    #: returns the positive response's data once it is ready, None before; raises `RefusalError` if
+    #: the service refuses
     poll: Callable[[], bytes | None]
 
 

@@ -64,25 +64,14 @@ MEANINGS = {
 
 @dataclass(frozen=True)
 class Service:
-    """A service that the firmware supports.
+    """A service that the firmware supports."""
 
-    Attributes
-    ----------
-    number : int
-        The service identifier.
-    access : Access
-        Of the service as a whole; an identifier or routine may require more.
-    subfunctions : dict of int to str
-        Empty when the service has no sub-function.
-    only_in : dict of int to Access
-        Sub-functions that require more than the service.
-    """
-
-    number: int
+    number: int  #: the service identifier
     name: str
-    access: Access
+    access: Access  #: of the service as a whole; an identifier or routine may require more
     text: str
-    subfunctions: dict[int, str]
+    subfunctions: dict[int, str]  #: empty when the service has no sub-function
+    #: Sub-functions that require more than the service
     only_in: dict[int, Access] = field(default_factory=dict)
 
     @property

@@ -40,24 +40,15 @@ class AxisName(IntEnum):
 
 @dataclass(frozen=True)
 class Routine:
-    """A routine of RoutineControl (0x31).
-
-    Attributes
-    ----------
-    arguments : tuple of Field
-        Of startRoutine.
-    results : tuple of Field
-        In the responses to all three sub-functions, after the routine's number.
-    can_stop : bool
-        Whether stopRoutine is supported.
-    """
+    """A routine of RoutineControl (0x31)."""
 
     number: int
     name: str
     text: str
-    arguments: tuple[Field, ...]
+    arguments: tuple[Field, ...]  #: of startRoutine
+    #: in the responses to all three sub-functions, after the routine's number
     results: tuple[Field, ...]
-    can_stop: bool
+    can_stop: bool  #: whether stopRoutine is supported
     access: Access = UNLOCKED
 
     @cached_property

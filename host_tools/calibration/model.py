@@ -135,13 +135,7 @@ def _table_turn(seconds: Seconds, epsilon: float) -> tuple[Floats, Floats]:
 
 @dataclass(frozen=True)
 class Inputs:
-    """What a kind of sensors is given: n vectors in sensor axes, and derivatives by `BASE`.
-
-    Attributes
-    ----------
-    x : array, shape (n, 3)
-    by_base : array, shape (n, 3, 4)
-    """
+    """What a kind of sensors is given: n vectors in sensor axes, and derivatives by `BASE`."""
 
     x: Floats
     by_base: Floats

@@ -50,17 +50,11 @@ DEG_PER_SQRT_H = math.radians(1.0) / 60.0
 
 @dataclass(frozen=True)
 class Direction:
-    """A combination of unknowns that a scheme does not show.
+    """A combination of unknowns that a scheme does not show."""
 
-    Attributes
-    ----------
-    sigma : float
-        Share of what uncalibrated sensors have in it that is left; 1: nothing is gained.
-    parts : tuple of (str, float)
-        The unknowns with the largest shares: name, share of the direction's square.
-    """
-
+    #: share of what uncalibrated sensors have in it that is left; 1: nothing is gained
     sigma: float
+    #: the unknowns with the largest shares: name, share of the direction's square
     parts: tuple[tuple[str, float], ...]
 
 
@@ -72,13 +66,11 @@ class Observability:
     ----------
     gyro_sigma, accelerometer_sigma : array, shapes (m, 5), (k, 5)
         °/h or µg, ppm, ppm, ″, ″; as `CONSTANTS` are ordered.
-    base_sigma : array, shape (4,)
-        Base about x, y, z of b and the axes' squareness, ″.
     """
 
     gyro_sigma: Floats
     accelerometer_sigma: Floats
-    base_sigma: Floats
+    base_sigma: Floats  #: base about x, y, z of b and the axes' squareness, ″
     unseen: tuple[Direction, ...]
     duration_s: float
 

@@ -37,13 +37,11 @@ class SearchLimits:
 
     Attributes
     ----------
-    duration_s : float
-        Of a cycle, at most.
     inner_range_deg, outer_range_deg : float
         Largest range of each axis.
     """
 
-    duration_s: float = 1720.0
+    duration_s: float = 1720.0  #: of a cycle, at most
     turn_rate_dps: float = 2.0
     stand_s: float = 10.0
     inner_range_deg: float = 720.0

@@ -24,34 +24,19 @@ class Seconds:
 
     Attributes
     ----------
-    epoch : array, shape (n,)
-        The last epoch of each.
-    duration_s : array, shape (n,)
-    position : array, shape (n,)
-        Of the scheme, from 0.
     gyro_usable, accelerometer_usable : bool array, shapes (n, m), (n, k)
-    angles_deg : array, shape (n, 2)
-        Inner and outer encoder at the end.
-    orientation : array, shape (n, 8)
-        s; `rrins.firmware_py.core.turntable.table_sums.ORIENTATIONS`.
-    turn : array, shape (n, 4)
-        rad; `rrins.firmware_py.core.turntable.table_sums.TURNS`.
-    gyro : array, shape (n, m)
-        rad, along the input axes.
-    accelerometer : array, shape (n, k)
-        m/s, along the input axes.
     """
 
-    epoch: Floats
+    epoch: Floats  #: the last epoch of each
     duration_s: Floats
-    position: NDArray[np.int_]
+    position: NDArray[np.int_]  #: of the scheme, from 0
     gyro_usable: NDArray[np.bool_]
     accelerometer_usable: NDArray[np.bool_]
-    angles_deg: Floats
-    orientation: Floats
-    turn: Floats
-    gyro: Floats
-    accelerometer: Floats
+    angles_deg: Floats  #: inner and outer encoder at the end
+    orientation: Floats  #: s; `rrins.firmware_py.core.turntable.table_sums.ORIENTATIONS`.
+    turn: Floats  #: rad; `rrins.firmware_py.core.turntable.table_sums.TURNS`.
+    gyro: Floats  #: rad, along the input axes
+    accelerometer: Floats  #: m/s, along the input axes
 
     def __len__(self) -> int:
         return len(self.duration_s)

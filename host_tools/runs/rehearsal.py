@@ -66,33 +66,19 @@ def free_channel() -> str:
 
 @dataclass
 class WatchedSide:
-    """One side's process, and what it has reported.
-
-    Attributes
-    ----------
-    summary : dict
-        Its last words; empty until then.
-    error : dict
-        Why it failed: `message`, `exit_status`.
-    is_made_to_end : bool
-        Whether it did not heed that it was asked to end.
-    program : Program or None
-        The user's own, which reports nothing itself.
-    ended_by_itself : bool
-        Whether it had ended before it was asked to.
-    """
+    """One side's process, and what it has reported."""
 
     name: str
     process: Fork | subprocess.Popen[bytes]
     pipe: int
     reader: ReportReader = field(default_factory=ReportReader)
-    summary: JsonObject = field(default_factory=dict)
-    error: JsonObject = field(default_factory=dict)
+    summary: JsonObject = field(default_factory=dict)  #: its last words; empty until then
+    error: JsonObject = field(default_factory=dict)  #: why it failed: `message`, `exit_status`
     epoch: int = 0
     is_open: bool = True
-    is_made_to_end: bool = False
-    program: Program | None = None
-    ended_by_itself: bool = False
+    is_made_to_end: bool = False  #: whether it did not heed that it was asked to end
+    program: Program | None = None  #: the user's own, which reports nothing itself
+    ended_by_itself: bool = False  #: whether it had ended before it was asked to
 
     def read(self) -> list[JsonObject]:
         """Read the pipe."""
@@ -141,41 +127,23 @@ class Rehearsal:
 
     Attributes
     ----------
-    name : str
-        Scenario, as given on the command line: the sides load it themselves.
-    overrides : sequence of str
-        Command-line options by which the scenario differs from its file.
-    speed : float or None
-        See `rrins.host_tools.runs.sides.job.Job`.
-    folder : Path
-        Where the sides put their logs.
-    record : Path, optional
-        File to record the bus to.
     firmware_options, hardware_options : sequence of str
         Command-line options for one side alone.
-    start : callable
-        Starts a side.
-    timestamps : {"bus", "unix"}
-        Time of the recorded frames, as of `Recorder`.
-    program : Program, optional
-        The user's own program as the firmware.
-    patience_s : float
-        Longest silence of that program; 0 waits for ever.
     """
 
-    name: str
+    name: str  #: scenario, as given on the command line: the sides load it themselves
     scenario: Scenario
-    overrides: tuple[str, ...]
+    overrides: tuple[str, ...]  #: Command-line options by which the scenario differs from its file
     address: Address
-    speed: float | None
-    folder: Path
-    record: Path | None = None
+    speed: float | None  #: see `rrins.host_tools.runs.sides.job.Job`.
+    folder: Path  #: where the sides put their logs
+    record: Path | None = None  #: file to record the bus to
     firmware_options: tuple[str, ...] = ()
     hardware_options: tuple[str, ...] = ()
-    start: Start = start_program
-    timestamps: Literal["bus", "unix"] = "bus"
-    program: Program | None = None
-    patience_s: float = 10.0
+    start: Start = start_program  #: starts a side
+    timestamps: Literal["bus", "unix"] = "bus"  #: time of the recorded frames, as of `Recorder`
+    program: Program | None = None  #: the user's own program as the firmware
+    patience_s: float = 10.0  #: longest silence of that program; 0 waits for ever
 
     def __post_init__(self) -> None:
         self._misfit = ""  # what the bus has said of a program that it does not understand

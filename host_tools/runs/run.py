@@ -60,33 +60,17 @@ _BEFORE_START = ("compiling", "note")
 
 @dataclass(frozen=True)
 class RunResult:
-    """What a run left.
+    """What a run left."""
 
-    Attributes
-    ----------
-    name : str
-        Of the scenario.
-    summary : dict
-        One object with the same keys whichever way it was run; see `docs/scenarios.md`.
-    errors : Errors
-        Navigation minus truth.
-    navigation : array of `NavigationOutput`
-        At 10 Hz or less.
-    truth : array of `Truth`
-        In the same epochs.
-    failure : RehearsalError or None
-        Why the run did not come to its end, or went wrong beside it.
-    seconds : Seconds
-        Parity and residuals of the sensors that are compared, and what the estimator knew.
-    """
-
-    name: str
+    name: str  #: of the scenario
     scenario: Scenario
+    #: one object with the same keys whichever way it was run; see `docs/scenarios.md`.
     summary: JsonObject
-    errors: Errors
-    navigation: Records[NavigationOutput]
-    truth: Records[Truth]
-    failure: RehearsalError | None
+    errors: Errors  #: navigation minus truth
+    navigation: Records[NavigationOutput]  #: at 10 Hz or less
+    truth: Records[Truth]  #: in the same epochs
+    failure: RehearsalError | None  #: why the run did not come to its end, or went wrong beside it
+    #: parity and residuals of the sensors that are compared, and what the estimator knew
     seconds: Seconds
 
     @property
@@ -210,44 +194,24 @@ class BusOptions:
 
 @dataclass(frozen=True)
 class Plan:
-    """What is to be rehearsed, and how.
+    """What is to be rehearsed, and how."""
 
-    Attributes
-    ----------
-    name : str
-        Built-in scenario or file: both sides load it themselves.
-    scenario : Scenario
-        The same, with `overrides` applied.
-    speed : float or None
-        1.0 is real time, another factor limits lockstep, None is as fast as it goes.
-    serial : SerialSettings
-        The firmware's serial lines.
-    foreign_senders : bool
-        Whether others on the embedded bus may send what the contract gives to a side.
-    timestamps : {"bus", "unix"}
-        Time of the frames in a recording.
-    firmware : Program or None
-        The user's own program as the firmware.
-    patience_s : float
-        Longest silence of a program of the user's in wall clock time; 0 waits for ever.
-    steer : Path, optional
-        File by which somebody steers how fast it goes (`rrins.host_tools.runs.sides.steering`).
-    hardware : Program or None
-        The user's own program as the sensors and the table.
-    """
-
-    name: str
-    scenario: Scenario
+    name: str  #: Built-in scenario or file: both sides load it themselves
+    scenario: Scenario  #: the same, with `overrides` applied
     overrides: Overrides = Overrides()
     bus: BusOptions = BusOptions()
+    #: 1.0 is real time, another factor limits lockstep, None is as fast as it goes
     speed: float | None = None
-    serial: SerialSettings = NO_LINES
+    serial: SerialSettings = NO_LINES  #: the firmware's serial lines
+    #: whether others on the embedded bus may send what the contract gives to a side
     foreign_senders: bool = False
-    timestamps: Literal["bus", "unix"] = "bus"
-    firmware: Program | None = None
+    timestamps: Literal["bus", "unix"] = "bus"  #: time of the frames in a recording
+    firmware: Program | None = None  #: the user's own program as the firmware
+    #: longest silence of a program of the user's in wall clock time; 0 waits for ever
     patience_s: float = 10.0
+    #: file by which somebody steers how fast it goes (`rrins.host_tools.runs.sides.steering`).
     steer: Path | None = None
-    hardware: Program | None = None
+    hardware: Program | None = None  #: the user's own program as the sensors and the table
 
     def lasting(self, duration_s: float) -> Plan:
         """Return the same with another duration."""

@@ -88,15 +88,9 @@ class ProgramProcess(subprocess.Popen[bytes]):
 
 @dataclass(frozen=True)
 class Program:
-    """A program and the words that it is always called with.
+    """A program and the words that it is always called with."""
 
-    Attributes
-    ----------
-    words : tuple of str
-        The program, as a path, and its own options.
-    """
-
-    words: tuple[str, ...]
+    words: tuple[str, ...]  #: the program, as a path, and its own options
 
     @classmethod
     def parse(cls, text: str) -> Program:

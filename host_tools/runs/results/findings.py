@@ -42,21 +42,13 @@ _REFUSED = {
 
 @dataclass(frozen=True)
 class Finding:
-    """Something that the firmware may find out.
+    """Something that the firmware may find out."""
 
-    Attributes
-    ----------
-    key : str
-        In the firmware's part of the summary.
-    read : callable
-        Returns its value; None where there is nothing to find out.
-    lines : callable
-        Yields the lines for a person from the firmware's part of the summary, any key of which a
-        user's own program may leave out.
-    """
-
-    key: str
+    key: str  #: in the firmware's part of the summary
+    #: returns its value; None where there is nothing to find out
     read: Callable[[Records[Ram]], JsonObject | None]
+    #: yields the lines for a person from the firmware's part of the summary, any key of which a
+    #: user's own program may leave out
     lines: Callable[[JsonObject], Iterator[str]]
 
 
