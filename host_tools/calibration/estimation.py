@@ -46,7 +46,7 @@ class Unit:
     gyros: Axes
     accelerometers: Axes
     site: Site
-    C_b_n: Floats  #: attitude of the base, roughly: where the iteration begins
+    C_b_n: Floats  #: shape (3, 3); attitude of the base, roughly: where the iteration begins
 
 
 @dataclass(frozen=True)
@@ -66,7 +66,7 @@ class SensorsEstimate:
     sigma: Floats
     before: Floats
     after: Floats
-    noise: Floats  #: standard deviation of a sum over a second, rad/s or m/s²
+    noise: Floats  #: shape (m,); standard deviation of a sum over a second, rad/s or m/s²
 
 
 @dataclass(frozen=True)
@@ -81,12 +81,13 @@ class Estimate:
 
     gyros: SensorsEstimate
     accelerometers: SensorsEstimate
-    C_b_n: Floats
-    base_sigma: Floats  #: of the base's attitude about x, y, z of b, rad
+    C_b_n: Floats  #: shape (3, 3)
+    base_sigma: Floats  #: shape (3,); of the base's attitude about x, y, z of b, rad
     epsilon: float
     epsilon_sigma: float
     seconds: Seconds  #: what it is of
-    covariance: Floats  #: constants of the gyros, of the accelerometers, then base and ε; SI units
+    #: shape (p, p); constants of the gyros, of the accelerometers, then base and ε; SI units
+    covariance: Floats
 
 
 class _Kind:

@@ -137,8 +137,8 @@ def _table_turn(seconds: Seconds, epsilon: float) -> tuple[Floats, Floats]:
 class Inputs:
     """What a kind of sensors is given: n vectors in sensor axes, and derivatives by `BASE`."""
 
-    x: Floats
-    by_base: Floats
+    x: Floats  #: shape (n, 3)
+    by_base: Floats  #: shape (n, 3, 4)
 
 
 def inputs(seconds: Seconds, site: Site, C_b_n: Floats, epsilon: float) -> tuple[Inputs, Inputs]:

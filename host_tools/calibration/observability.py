@@ -70,7 +70,7 @@ class Observability:
 
     gyro_sigma: Floats
     accelerometer_sigma: Floats
-    base_sigma: Floats  #: base about x, y, z of b and the axes' squareness, ″
+    base_sigma: Floats  #: shape (4,); base about x, y, z of b and the axes' squareness, ″
     unseen: tuple[Direction, ...]
     duration_s: float
 

@@ -27,16 +27,17 @@ class Seconds:
     gyro_usable, accelerometer_usable : bool array, shapes (n, m), (n, k)
     """
 
-    epoch: Floats  #: the last epoch of each
-    duration_s: Floats
-    position: NDArray[np.int_]  #: of the scheme, from 0
+    epoch: Floats  #: shape (n,); the last epoch of each
+    duration_s: Floats  #: shape (n,)
+    position: NDArray[np.int_]  #: shape (n,); of the scheme, from 0
     gyro_usable: NDArray[np.bool_]
     accelerometer_usable: NDArray[np.bool_]
-    angles_deg: Floats  #: inner and outer encoder at the end
-    orientation: Floats  #: s; `rrins.firmware_py.core.turntable.table_sums.ORIENTATIONS`.
-    turn: Floats  #: rad; `rrins.firmware_py.core.turntable.table_sums.TURNS`.
-    gyro: Floats  #: rad, along the input axes
-    accelerometer: Floats  #: m/s, along the input axes
+    angles_deg: Floats  #: shape (n, 2); inner and outer encoder at the end
+    #: shape (n, 8); s; `rrins.firmware_py.core.turntable.table_sums.ORIENTATIONS`.
+    orientation: Floats
+    turn: Floats  #: shape (n, 4); rad; `rrins.firmware_py.core.turntable.table_sums.TURNS`.
+    gyro: Floats  #: shape (n, m); rad, along the input axes
+    accelerometer: Floats  #: shape (n, k); m/s, along the input axes
 
     def __len__(self) -> int:
         return len(self.duration_s)
