@@ -215,7 +215,7 @@ def push(tester: Tester, found: Estimate, origin: Origin = UNKNOWN) -> bytes:
     stored = calibration_image.decode(tester.pull())
     if any(stored[number] != values for number, values in wanted.items()):
         restore(tester, former)
-        raise CalibrationRecordError("calibration: the unit holds other values than were written")
+        raise CalibrationRecordError("calibration: what is read back differs from what was written")
     return former
 
 

@@ -22,7 +22,15 @@ from rrins.host_tools.files import JsonObject
 from rrins.host_tools.recording import recorder
 from rrins.host_tools.recording.errors import RecordError
 from rrins.host_tools.recording.note import Note
-from rrins.host_tools.runs.programs.program import GRACE_S, Program, ProgramProcess, last_words
+from rrins.host_tools.runs.programs.program import (
+    GRACE_S,
+    Program,
+    ProgramProcess,
+    end_error,
+    last_words,
+    misfit_error,
+    misfit_of,
+)
 from rrins.host_tools.runs.results.outcome import Outcome
 from rrins.host_tools.runs.results.pipe import ReportReader
 from rrins.host_tools.runs.sides.job import REALTIME
@@ -38,7 +46,6 @@ Start = Callable[[Sequence[str], int], Fork | subprocess.Popen[bytes]]
 _BUS_ENDS_S = 60.0  # to write what was received before that
 _ATTACH_WAIT_S = 300.0  # the first start compiles
 _POLL_S = 0.2
-_SENT = " it sent "  # what the bus's host says of who does not speak as it does
 CHANNEL = "rrins"
 """What the channels of rehearsals are called, with a number behind it."""
 
@@ -272,19 +279,15 @@ class Rehearsal:
             )
             if self._recorder.kept_words is not None:
                 on_report({"kind": "note", "side": "hardware", "text": self._recorder.kept_words})
-        elif report["kind"] == "note" and _SENT in report["text"]:
-            self._note_misfit(report["text"])
+        elif report["kind"] == "note":
+            for side in self._sides:
+                if side.program is not None:
+                    self._misfit = misfit_of(report["text"], side.process.pid) or self._misfit
         elif report["kind"] == "started":
             self._has_started = True
             self._started_ns = time.monotonic_ns()
         elif report["kind"] == "summary":
             self._ended_ns = time.monotonic_ns()
-
-    def _note_misfit(self, text: str) -> None:
-        """Keep what the bus says of the user's program, if it is about that."""
-        for side in self._sides:
-            if side.program is not None and f"process {side.process.pid}" in text:
-                self._misfit = text.partition(_SENT)[2]
 
     def _drain(self, on_report: OnReport) -> None:
         """Read the last reports of processes that have ended."""
@@ -354,18 +357,15 @@ class Rehearsal:
             return None  # the scenario has come to its end
         name, status = firmware.program.name, firmware.process.returncode
         if firmware.killed_by is not None:
-            signal_name = firmware.killed_by.name
-            return SideLostError(f"{name} was killed by {signal_name} {self._after(firmware)}")
+            return end_error(name, -firmware.killed_by, self._after(firmware), "")
         if self._misfit:
-            return SideLostError(f"{name} speaks another language than the bus: {self._misfit}")
+            return misfit_error(name, self._misfit)
         if hardware.error and hardware.error["message"].startswith(f"{name} "):
             return SideLostError(hardware.error["message"])  # it hangs, or floods
         if firmware.ended_by_itself:
             said = last_words(self.folder)
             when = self._after(firmware) if self._has_started else "before it was on the bus"
-            return SideLostError(
-                f"{name} ended with status {status} {when}" + (f": {said}" if said else "")
-            )
+            return end_error(name, status or 0, when, said)
         return None
 
     def _outcome(self, failure: RehearsalError | None) -> Outcome:

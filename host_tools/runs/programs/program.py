@@ -20,7 +20,7 @@ from typing import IO, Final
 
 from rrins.host_tools.bus.channel import socket_path
 from rrins.host_tools.bus.port import Address, Side
-from rrins.host_tools.errors import RehearsalError
+from rrins.host_tools.errors import RehearsalError, SideLostError
 from rrins.host_tools.runs.programs import guard
 from rrins.host_tools.runs.set_up.setup_file import write_setup
 from rrins.host_tools.scenario.scenario import Scenario
@@ -167,6 +167,23 @@ class Program:
                 return ProgramProcess(words, output, keep_open)
         except OSError as error:
             raise RehearsalError(f"{self.words[0]}: cannot be started: {error.strerror}") from error
+
+
+def misfit_of(notice: str, pid: int) -> str:
+    """Return what the bus does not understand of a process; empty if a notice is about others."""
+    return notice.partition(" it sent ")[2] if f"process {pid}" in notice else ""
+
+
+def misfit_error(name: str, misfit: str) -> SideLostError:
+    """Return the error of a program that the bus does not understand."""
+    return SideLostError(f"{name} does not follow the protocol of the bus: {misfit}")
+
+
+def end_error(name: str, status: int, when: str, said: str) -> SideLostError:
+    """Return the error of a program that has ended, from its exit status and last words."""
+    if status < 0:
+        return SideLostError(f"{name} was killed by {signal.Signals(-status).name} {when}")
+    return SideLostError(f"{name} ended with status {status} {when}" + (said and f": {said}"))
 
 
 def said_path(folder: Path, side: Side = "firmware") -> Path:

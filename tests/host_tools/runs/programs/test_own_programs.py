@@ -57,12 +57,12 @@ def rehearsed(kind: str, folder: Path, duration_s: float = 2.0) -> run.RunResult
         ),
         (
             "version",
-            "{} speaks another language than the bus: a datagram of version 2 of the protocol; "
+            "{} does not follow the protocol of the bus: a datagram of version 2 of the protocol; "
             "this is 1",
         ),
         (
             "garbage",
-            "{} speaks another language than the bus: a datagram of 10 bytes, shorter or longer "
+            "{} does not follow the protocol of the bus: a datagram of 10 bytes, shorter or longer "
             "than any",
         ),
     ],
