@@ -156,11 +156,7 @@ def _calibrations_of(settings: Settings) -> Iterator[tuple[_Table, _Sensors, _Ax
     """Yield, for each kind of sensor, its parameters, its calibration and its input axes."""
     calibration = settings.calibration
     yield GYRO_CALIBRATIONS, calibration.gyros, settings.gyro_axes_deg
-    yield (
-        ACCELEROMETER_CALIBRATIONS,
-        calibration.accelerometers,
-        settings.accelerometer_axes_deg,
-    )
+    yield (ACCELEROMETER_CALIBRATIONS, calibration.accelerometers, settings.accelerometer_axes_deg)
 
 
 def unusable(settings: Settings, parameters: Mapping[int, Values]) -> set[int]:

@@ -54,7 +54,7 @@ EXTENDED_DATA: Mapping[int, Layout] = {
             Field("aging", "u8", text="operation cycles without the fault"),
             Field("fault_detection_counter", "i8", text="-128 passed, 127 failed"),
         )
-    ),
+    )
 }
 """Extended data records of a trouble code, by record number."""
 

@@ -15,11 +15,7 @@ import numpy as np
 from rrins.compiled.record import Floats
 from rrins.firmware_py.core.sensors.calibration import Calibration
 from rrins.firmware_py.core.settings import Scheme
-from rrins.host_tools.calibration.estimation import (
-    ACCELEROMETER_UNITS,
-    GYRO_UNITS,
-    estimate,
-)
+from rrins.host_tools.calibration.estimation import ACCELEROMETER_UNITS, GYRO_UNITS, estimate
 from rrins.host_tools.calibration.file import KEYS
 from rrins.host_tools.calibration.table import record
 from rrins.host_tools.calibration.unit import drawn_unit, true_constants, unit_of

@@ -15,11 +15,7 @@ import numpy as np
 from rrins.compiled.record import Floats
 from rrins.firmware_py.core.sensors.calibration import UG
 from rrins.firmware_py.core.settings import Scheme
-from rrins.host_tools.calibration.estimation import (
-    Unit,
-    normal_equations,
-    scales,
-)
+from rrins.host_tools.calibration.estimation import Unit, normal_equations, scales
 from rrins.host_tools.calibration.ideal import seconds_of
 from rrins.host_tools.calibration.model import BASE, CONSTANTS
 
@@ -37,10 +33,7 @@ _UNCALIBRATED_BASE_ARCSEC = 3600.0
 _UNSEEN = 0.5
 """A direction is not seen if a scheme leaves this share of what uncalibrated sensors have."""
 
-LIMITS = (
-    np.array([0.012, 2.2, 4.5, 0.6, 0.6]),
-    np.array([0.8, 0.8, 1.2, 0.25, 0.2]),
-)
+LIMITS = (np.array([0.012, 2.2, 4.5, 0.6, 0.6]), np.array([0.8, 0.8, 1.2, 0.25, 0.2]))
 """What a calibration of half an hour with the prototype's noise is to reach; °/h or µg, ppm, ppm,
 ″, ″; root mean squares over the sensors."""
 

@@ -194,11 +194,7 @@ class FastRun:
     """
 
     def __init__(
-        self,
-        ram: Records[Ram],
-        plant: Records[Plant],
-        pieces: Floats,
-        every: int = 1,
+        self, ram: Records[Ram], plant: Records[Plant], pieces: Floats, every: int = 1
     ) -> None:
         self.contract = load_contract()
         self.ram, self.plant, self.pieces = ram, plant, pieces

@@ -175,14 +175,7 @@ class Trouble:
         return f"{'PCBU'[high >> 14]}{high & 0x3FFF:04X}-{failure:02X}"
 
 
-SNAPSHOT_IDENTIFIERS = (
-    "epoch",
-    "mode",
-    "axis_angles",
-    "position",
-    "velocity",
-    "attitude",
-)
+SNAPSHOT_IDENTIFIERS = ("epoch", "mode", "axis_angles", "position", "velocity", "attitude")
 """Names of the data identifiers in a freeze frame."""
 
 FIRST_SNAPSHOT, LATEST_SNAPSHOT = 0x01, 0x02
