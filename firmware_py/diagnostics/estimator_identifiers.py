@@ -1,4 +1,4 @@
-"""What data identifiers tell of the estimator."""
+"""Data identifiers of the estimator."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the firmware's loop calls between two steps: frames in, frames out, and the memories."""
+"""Diagnostics between two steps of the firmware: frames in, frames out, and the memories."""
 
 from __future__ import annotations
 
@@ -130,7 +130,7 @@ class Diagnostics:
 
     @property
     def writer(self) -> Writer:
-        """What writes both memories."""
+        """Writer of both memories."""
         return self._writer
 
     @writer.setter

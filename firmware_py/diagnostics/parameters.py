@@ -41,7 +41,7 @@ LASTING = (
     ("installation_u_arcsec", "″", 36_000.0, "installation error, paper (13)"),
     ("installation_v_arcsec", "″", 36_000.0, "installation error, paper (13)"),
 )  # fmt: skip
-"""What is calibrated of a sensor besides its bias: name, unit, limit, text."""
+"""Calibrated errors of a sensor besides its bias: name, unit, limit, text."""
 
 
 def _calibration(

@@ -1,4 +1,4 @@
-"""What data identifiers, freeze frames and routines tell of redundant sensors."""
+"""Redundant sensors in data identifiers, freeze frames and routines."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What services return to the server besides a response."""
+"""Outcomes of a service other than a response: refusals and promises."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class Later:
 
 
 Answer = bytes | Later
-"""What a service returns: the data of its positive response, or a promise of it."""
+"""Result of a service: the data of its positive response, or a promise of it."""
 
 
 def require(holds: bool, code: Code) -> None:

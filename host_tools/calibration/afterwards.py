@@ -1,4 +1,4 @@
-"""What a calibration brings: drawn units navigate uncalibrated, calibrated, and as good as can be.
+"""Benefit of a calibration: drawn units navigate uncalibrated, calibrated, and ideally calibrated.
 
 The attitude is given and the axes are square: what is left is the constants' and the noise's.
 """
@@ -46,7 +46,7 @@ _NOISE = ("angle_random_walk_deg_per_sqrt_h", "white_noise_ug_per_sqrt_hz")
 
 @dataclass(frozen=True)
 class Afterwards:
-    """What n units were off by, in a scenario.
+    """Navigation errors of n units in a scenario.
 
     Attributes
     ----------

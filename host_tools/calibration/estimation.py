@@ -41,7 +41,7 @@ ACCELEROMETER_UNITS = np.array([UG, PPM, PPM, ARCSEC, ARCSEC])
 
 @dataclass(frozen=True)
 class Unit:
-    """What is known of a unit before its calibration."""
+    """Prior knowledge of a unit before its calibration."""
 
     gyros: Axes
     accelerometers: Axes

@@ -1,4 +1,4 @@
-"""What a scheme shows of the constants: to what standard deviation, and what it cannot see.
+"""Observability of the constants with a scheme: standard deviations, and unseen directions.
 
 Linear covariance analysis: the information of a cycle about all unknowns, with the sensors' white
 noise. A direction of which nothing is known yet has a standard deviation from before, `PRIOR`:
@@ -26,7 +26,7 @@ _PRIOR_UG = 1e5
 _PRIOR_BASE_ARCSEC = 10 * 3600.0
 
 UNCALIBRATED = np.array([10.0, 50.0, 50.0, 30.0, 30.0])
-"""What sensors err by before a calibration, in the units of `PRIOR`; accelerometers 3 mg."""
+"""Errors of sensors before a calibration, in the units of `PRIOR`; accelerometers 3 mg."""
 
 _UNCALIBRATED_UG = 3000.0
 _UNCALIBRATED_BASE_ARCSEC = 3600.0
@@ -34,7 +34,7 @@ _UNSEEN = 0.5
 """A direction is not seen if a scheme leaves this share of what uncalibrated sensors have."""
 
 LIMITS = (np.array([0.012, 2.2, 4.5, 0.6, 0.6]), np.array([0.8, 0.8, 1.2, 0.25, 0.2]))
-"""What a calibration of half an hour with the prototype's noise is to reach; °/h or µg, ppm, ppm,
+"""To be reached by a calibration of half an hour with the prototype's noise; °/h or µg, ppm, ppm,
 ″, ″; root mean squares over the sensors."""
 
 DEG_PER_SQRT_H = math.radians(1.0) / 60.0
@@ -53,7 +53,7 @@ class Direction:
 
 @dataclass(frozen=True)
 class Observability:
-    """What a scheme shows.
+    """Observability with a scheme.
 
     Attributes
     ----------

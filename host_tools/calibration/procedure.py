@@ -27,7 +27,7 @@ from rrins.host_tools.terminal import new_console, progress_line
 
 @dataclass(frozen=True)
 class Order:
-    """What is to be calibrated, and how.
+    """A calibration to run.
 
     Attributes
     ----------
@@ -61,7 +61,7 @@ class Order:
 
 @dataclass(frozen=True)
 class Calibrated:
-    """What came of a calibration."""
+    """Results of a calibration."""
 
     estimate: Estimate
     verified: str  #: what the second run said, where it was pushed

@@ -33,7 +33,7 @@ Move = tuple[int, int]
 
 @dataclass(frozen=True)
 class SearchLimits:
-    """What a scheme may use.
+    """Limits of a scheme.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""What was recorded on the table: rows of sums over a second, from the firmware or a simulation."""
+"""Records of the table: rows of sums over a second, from the firmware or a simulation."""
 
 from __future__ import annotations
 

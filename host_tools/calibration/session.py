@@ -28,7 +28,7 @@ from rrins.host_tools.errors import CalibrationRecordError
 from rrins.host_tools.files import JsonObject
 
 RECORD = "record.json"
-"""What was recorded so far, in the output folder: there until the calibration is done."""
+"""Record in the output folder, there until the calibration is done."""
 
 _KEEP_EVERY_S = 60.0
 _HARD = 1

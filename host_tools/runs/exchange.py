@@ -65,7 +65,7 @@ def answer_epoch(
 
 
 class _Between(Record):
-    """What `DirectExchange` and its compiled part tell each other."""
+    """Values that `DirectExchange` and its compiled part exchange."""
 
     count: I8  #: frames in the firmware's outbox
     until: I8  #: epoch that is not run any more

@@ -176,7 +176,7 @@ def parts_beside(contract: Records[Contract], compares: bool | None) -> tuple[Be
 
 @dataclass(frozen=True)
 class Track:
-    """What came out of a run: the same epochs of navigation and truth, oldest first."""
+    """Results of a run: the same epochs of navigation and truth, oldest first."""
 
     navigation: Records[NavigationOutput]
     truth: Records[Truth]

@@ -47,7 +47,7 @@ _BUS_ENDS_S = 60.0  # to write what was received before that
 _ATTACH_WAIT_S = 300.0  # the first start compiles
 _POLL_S = 0.2
 CHANNEL = "rrins"
-"""What the channels of rehearsals are called, with a number behind it."""
+"""Name of the channels of rehearsals; a number follows."""
 
 
 _ERRORS: dict[int, type[RehearsalError]] = {

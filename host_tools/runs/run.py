@@ -60,7 +60,7 @@ _BEFORE_START = ("compiling", "note")
 
 @dataclass(frozen=True)
 class RunResult:
-    """What a run left."""
+    """Results of a run."""
 
     name: str  #: of the scenario
     scenario: Scenario
@@ -75,7 +75,7 @@ class RunResult:
 
     @property
     def title(self) -> str:
-        """What stands above the tables and pictures of the run."""
+        """Title of the tables and pictures of the run."""
         return self.scenario.title or self.name
 
     def write(self, folder: Path) -> list[Path]:
@@ -154,7 +154,7 @@ def _samples_in(folder: Path | None) -> AbstractContextManager[str]:
 
 @dataclass(frozen=True)
 class Overrides:
-    """What differs from the scenario's file."""
+    """Differences from the scenario's file."""
 
     duration_s: float | None = None
     seed: int | None = None
@@ -184,7 +184,7 @@ class BusOptions:
 
     @contextmanager
     def reserved(self) -> Iterator[Address]:
-        """Give the bus that is meant; a free channel is nobody else's until the end."""
+        """Give the bus that is meant; a free channel stays reserved until the end."""
         if not self.is_free_to_choose:
             yield self.address()
             return
@@ -194,7 +194,7 @@ class BusOptions:
 
 @dataclass(frozen=True)
 class Plan:
-    """What is to be rehearsed, and how."""
+    """A rehearsal to run: scenario, bus, speed, programs."""
 
     name: str  #: Built-in scenario or file: both sides load it themselves
     scenario: Scenario  #: the same, with `overrides` applied

@@ -1,4 +1,4 @@
-"""What the routines do; `calibration` has a file of its own."""
+"""The routines at work; `calibration` has a file of its own."""
 
 from __future__ import annotations
 

@@ -32,7 +32,7 @@ _MODES, _FAULTS = len(Mode), len(FirmwareFault)
 
 
 class Followed(Record):
-    """What a firmware has told."""
+    """State of a firmware as its frames report it."""
 
     frames: I8  #: received so far
     mode: I8  #: a `Mode`

@@ -115,7 +115,7 @@ class Program:
 
     @property
     def name(self) -> str:
-        """What the program is called."""
+        """Name of the program's file."""
         return Path(self.words[0]).name
 
     def __str__(self) -> str:

@@ -170,7 +170,7 @@ def beside_truth(estimator: JsonObject | None, biases: JsonObject | None) -> Jso
         `estimator_summary`.
     biases : dict or None
         True biases of each kind, as `rrins.host_tools.runs.sides.hardware_job.hardware_summary` has
-        them; None where nobody knows them: the truth is null then.
+        them; None where they are unknown: the truth is null then.
     """
     if estimator is None or estimator["sensors"] is None:
         return estimator

@@ -1,4 +1,4 @@
-"""What the firmware finds out in a run: each finding's key in the summary, value and words."""
+"""Findings of the firmware in a run: for each its key in the summary, its value, its words."""
 
 from __future__ import annotations
 

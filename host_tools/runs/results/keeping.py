@@ -28,7 +28,7 @@ _RESULTS = (
     SUMMARY,
 )
 _SAME = ("navigation_sha256", "scenario")
-"""What two runs have in common when the later one may take the earlier one's place."""
+"""Keys that are equal in two runs of which the later may replace the earlier."""
 
 
 def place_for(folder: Path, summary: JsonObject) -> tuple[Path, str | None]:

@@ -1,4 +1,4 @@
-"""What both sides of a run say at its end."""
+"""Results of both sides at the end of a run."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a side tells the rehearsal that started it: one JSON object a line, over a pipe."""
+"""Reports of a side to the rehearsal that started it: one JSON object a line, over a pipe."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the firmware keeps of every second, such as its parity, written down as a run goes."""
+"""Logs of the seconds that the firmware keeps, of parity and estimator, written as a run goes."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _ESTIMATES = "estimator.samples"
 
 @dataclass(frozen=True)
 class Seconds:
-    """What was written down, oldest first; empty where the firmware kept nothing."""
+    """The seconds of a run, oldest first; empty where the firmware kept none."""
 
     parities: Parities = field(default_factory=dict)
     estimates: Records[EstimatorSecond] = field(default_factory=lambda: EstimatorSecond.zeros(0))

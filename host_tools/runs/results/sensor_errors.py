@@ -1,4 +1,4 @@
-"""What a run tells of its sensors: kinds and errors, with key, size and label of each."""
+"""Sensor errors in the results of a run: key, size and label of each."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ CONSTANTS = (
     SensorError("installation_u_arcsec", ARCSEC, "installation δu", "″"),
     SensorError("installation_v_arcsec", ARCSEC, "installation δv", "″"),
 )
-"""What may be estimated of a sensor besides its bias, in the order of
+"""Errors of a sensor that may be estimated besides its bias, in the order of
 `rrins.firmware_py.core.records.estimator_records.SCALE_FACTOR` and those after it."""
 
 Estimated = tuple[SensorError, list[float], list[float], list[float] | None]

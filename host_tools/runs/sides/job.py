@@ -38,7 +38,7 @@ _ATTENTIVE_SPEED = 20.0  # up to which a report comes every simulated second
 
 @dataclass(frozen=True)
 class Job:
-    """What a side does."""
+    """The job of one side's process."""
 
     scenario: Scenario
     address: Address  #: the bus
