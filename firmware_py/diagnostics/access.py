@@ -72,17 +72,10 @@ def key_of(seed: bytes, secret: bytes = DEFAULT_SECRET) -> bytes:
 
 @dataclass(frozen=True, repr=False)
 class Access:
-    """The conditions under which a request is allowed.
-
-    Attributes
-    ----------
-    sessions : frozenset of Session
-    secured : bool
-        Whether SecurityAccess is required.
-    """
+    """The conditions under which a request is allowed."""
 
     sessions: frozenset[Session]
-    secured: bool = False
+    secured: bool = False  #: whether SecurityAccess is required
 
     def allows_in(self, session: Session) -> bool:
         """Return whether a session allows it."""

@@ -46,37 +46,23 @@ class Field:
 
     Attributes
     ----------
-    name : str
-        With its unit as suffix where that is in doubt.
-    format : str
-        ``u8`` … ``i64``, ``f32``, ``f64`` (IEEE 754) or ``ascii`` (`count` characters, filled up
-        with spaces).
-    unit : str
-    count : int
-        Number of consecutive values.
     minimum, maximum : float or None
         Limits of the value, inclusive, written and read.
-    choices : enumeration or None
-        Names of the numbers; no other number may be written.
-    source : str
-        Where the firmware reads it: a path in the RAM image; empty when it is stored elsewhere.
-    factor : float
-        Multiplies the value in the RAM image, such as 180/π.
-    offset : int
-        Added to an integer in the RAM image, such as 1 where it counts from 0.
-    text : str
     """
 
-    name: str
+    name: str  #: with its unit as suffix where that is in doubt
+    #: ``u8`` … ``i64``, ``f32``, ``f64`` (IEEE 754) or ``ascii`` (`count` characters, filled up
+    #: with spaces)
     format: Format
     unit: str = ""
-    count: int = 1
+    count: int = 1  #: number of consecutive values
     minimum: float | None = None
     maximum: float | None = None
-    choices: type[IntEnum] | None = None
+    choices: type[IntEnum] | None = None  #: names of the numbers; no other number may be written
+    #: where the firmware reads it: a path in the RAM image; empty when it is stored elsewhere
     source: str = ""
-    factor: float = 1.0
-    offset: int = 0
+    factor: float = 1.0  #: multiplies the value in the RAM image, such as 180/π
+    offset: int = 0  #: added to an integer in the RAM image, such as 1 where it counts from 0
     text: str = ""
 
     @property

@@ -88,15 +88,11 @@ class Computer:
 
     Parameters
     ----------
-    ram : Records[Ram]
-    parameters : ParameterMemory
-    faults : FaultMemory
     session : callable
         Returns the active session.
 
     Attributes
     ----------
-    period_ns : int
     gravity : float
         At the place where navigation starts, m/s².
     calibration_record : bytearray

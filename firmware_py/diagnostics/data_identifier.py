@@ -12,27 +12,15 @@ from rrins.firmware_py.diagnostics.codecs import Layout, Values
 
 @dataclass(frozen=True)
 class DataIdentifier:
-    """A data identifier (DID).
-
-    Attributes
-    ----------
-    number : int
-    name : str
-    text : str
-    fields : tuple of Field
-    read : Access
-    write : Access or None
-        None when it cannot be written.
-    control : Access or None
-        None without input-output control; the control state has the same fields.
-    """
+    """A data identifier (DID)."""
 
     number: int
     name: str
     text: str
     fields: tuple[_Field, ...]
     read: Access = ANYWHERE
-    write: Access | None = None
+    write: Access | None = None  #: None when it cannot be written
+    #: None without input-output control; the control state has the same fields
     control: Access | None = None
 
     @cached_property

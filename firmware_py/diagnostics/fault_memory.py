@@ -57,7 +57,6 @@ class FaultMemory:
     ----------
     ram : Records[Ram]
         As `rrins.firmware_py.core.settings.power_on` makes it.
-    contract : Records[Contract]
 
     Attributes
     ----------

@@ -26,7 +26,6 @@ def accepted(data: bytes, missing: int | None, awaits_flow_control: bool) -> byt
 
     Parameters
     ----------
-    data : bytes
     missing : int or None
         Bytes still missing from the message being received; None when none is being received.
     awaits_flow_control : bool

@@ -1,4 +1,4 @@
-"""What the firmware's loop calls between two steps: frames in, frames out, and the memories."""
+"""Diagnostics between two steps of the firmware: frames in, frames out, and the memories."""
 
 from __future__ import annotations
 
@@ -47,9 +47,6 @@ class Diagnostics:
 
     Parameters
     ----------
-    ram : Records[Ram]
-    contract : Records[Contract]
-    parameters : ParameterMemory
     fault_store : TwoCopyStore, optional
         Stores the trouble codes across power-off.
     secret : bytes
@@ -63,9 +60,6 @@ class Diagnostics:
         Whether `run` must be called even without a diagnostic frame.
     reset_due : bool
         Whether `restart` must be called before the next step.
-    server : Server
-    faults : FaultMemory
-    parameters : ParameterMemory
     """
 
     def __init__(
@@ -136,7 +130,7 @@ class Diagnostics:
 
     @property
     def writer(self) -> Writer:
-        """What writes both memories."""
+        """Writer of both memories."""
         return self._writer
 
     @writer.setter

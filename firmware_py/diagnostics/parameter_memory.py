@@ -46,7 +46,6 @@ class ParameterMemory:
         How often it had been written by then.
     faults : int
         Bits of `SystemFault`.
-    writer : Writer
 
     Raises
     ------

@@ -26,6 +26,7 @@ from rrins.firmware_py.diagnostics.parameters import (
     CALIBRATED,
     GYRO_CALIBRATIONS,
     GYRO_SIGMAS,
+    LASTING,
     SETTINGS,
     HeightChannel,
 )
@@ -48,12 +49,7 @@ _NAMED = (
 )
 _WEIGHTS = ("gyro_weights", "accelerometer_weights")
 _KINDS = ("gyros", "accelerometers")  # fields of the calibration
-_LASTING = (
-    "scale_error_ppm",
-    "asymmetric_scale_error_ppm",
-    "installation_u_arcsec",
-    "installation_v_arcsec",
-)
+_LASTING = tuple(name for name, *_ in LASTING)
 """Constants that a calibration is about; a bias is found anew after each power-up."""
 
 _UNKNOWN: Values = {"date_utc_s": 0, "temperature_known": 0, "temperature_c": 0.0}
@@ -160,11 +156,7 @@ def _calibrations_of(settings: Settings) -> Iterator[tuple[_Table, _Sensors, _Ax
     """Yield, for each kind of sensor, its parameters, its calibration and its input axes."""
     calibration = settings.calibration
     yield GYRO_CALIBRATIONS, calibration.gyros, settings.gyro_axes_deg
-    yield (
-        ACCELEROMETER_CALIBRATIONS,
-        calibration.accelerometers,
-        settings.accelerometer_axes_deg,
-    )
+    yield (ACCELEROMETER_CALIBRATIONS, calibration.accelerometers, settings.accelerometer_axes_deg)
 
 
 def unusable(settings: Settings, parameters: Mapping[int, Values]) -> set[int]:

@@ -10,16 +10,8 @@ from numpy.typing import NDArray
 
 from rrins.firmware_py.diagnostics.codecs import Field, Value, Values
 
-_LIMITS = {
-    "u8": (0, 0xFF),
-    "u16": (0, 0xFFFF),
-    "u24": (0, 0xFFFFFF),
-    "u32": (0, 0xFFFF_FFFF),
-    "u64": (0, (1 << 64) - 1),
-    "i8": (-(1 << 7), (1 << 7) - 1),
-    "i16": (-(1 << 15), (1 << 15) - 1),
-    "i32": (-(1 << 31), (1 << 31) - 1),
-    "i64": (-(1 << 63), (1 << 63) - 1),
+_LIMITS = {f"u{bits}": (0, (1 << bits) - 1) for bits in (8, 16, 24, 32, 64)} | {
+    f"i{bits}": (-(1 << bits - 1), (1 << bits - 1) - 1) for bits in (8, 16, 32, 64)
 }
 _FLOATS = {"f32": np.float32, "f64": np.float64}
 
@@ -60,7 +52,6 @@ class FieldReader:
     ----------
     array : array of one record
         Views are created once: reading one costs less than finding its field each time.
-    fields : iterable of Field
     special : dict
         Getters of the fields that have no source in the record.
     """

@@ -1,4 +1,4 @@
-"""What services return to the server besides a response."""
+"""Outcomes of a service other than a response: refusals and promises."""
 
 from __future__ import annotations
 
@@ -9,12 +9,7 @@ from rrins.firmware_py.diagnostics.responses import Code
 
 
 class RefusalError(Exception):
-    """A service refuses a request: a negative response.
-
-    Attributes
-    ----------
-    code : Code
-    """
+    """A service refuses a request: a negative response."""
 
     def __init__(self, code: Code) -> None:
         super().__init__(code.name)
@@ -23,20 +18,15 @@ class RefusalError(Exception):
 
 @dataclass(frozen=True)
 class Later:
-    """A response that is not ready yet.
+    """A response that is not ready yet."""
 
-    Attributes
-    ----------
-    poll : callable
-        Returns the positive response's data once it is ready, None before; raises `RefusalError`
-        if the service refuses.
-    """
-
+    #: returns the positive response's data once it is ready, None before; raises `RefusalError` if
+    #: the service refuses
     poll: Callable[[], bytes | None]
 
 
 Answer = bytes | Later
-"""What a service returns: the data of its positive response, or a promise of it."""
+"""Result of a service: the data of its positive response, or a promise of it."""
 
 
 def require(holds: bool, code: Code) -> None:

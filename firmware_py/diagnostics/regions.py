@@ -24,20 +24,15 @@ class Region:
 
     Attributes
     ----------
-    name : str
     address, size : int
         In bytes.
-    access : Access
-        Of ReadMemoryByAddress.
-    dtype : dtype
-        Of the contents, little-endian.
     """
 
     name: str
     address: int
     size: int
-    access: Access
-    dtype: np.dtype[np.generic]
+    access: Access  #: of ReadMemoryByAddress
+    dtype: np.dtype[np.generic]  #: of the contents, little-endian
 
 
 def regions_of(ram: np.dtype[np.void]) -> tuple[Region, ...]:

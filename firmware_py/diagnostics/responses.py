@@ -64,27 +64,14 @@ MEANINGS = {
 
 @dataclass(frozen=True)
 class Service:
-    """A service that the firmware supports.
+    """A service that the firmware supports."""
 
-    Attributes
-    ----------
-    number : int
-        The service identifier.
-    name : str
-    access : Access
-        Of the service as a whole; an identifier or routine may require more.
-    text : str
-    subfunctions : dict of int to str
-        Empty when the service has no sub-function.
-    only_in : dict of int to Access
-        Sub-functions that require more than the service.
-    """
-
-    number: int
+    number: int  #: the service identifier
     name: str
-    access: Access
+    access: Access  #: of the service as a whole; an identifier or routine may require more
     text: str
-    subfunctions: dict[int, str]
+    subfunctions: dict[int, str]  #: empty when the service has no sub-function
+    #: Sub-functions that require more than the service
     only_in: dict[int, Access] = field(default_factory=dict)
 
     @property
@@ -94,116 +81,50 @@ class Service:
 
 
 SERVICES = (
-    Service(
-        0x10,
-        "DiagnosticSessionControl",
-        ANYWHERE,
+    Service(0x10, "DiagnosticSessionControl", ANYWHERE,
         "Changes the session; the programming session can only be entered from the extended one. "
         "Every change locks the computer again; in the default session, everything held for the "
         "tool is released.",
-        {0x01: "default", 0x02: "programming", 0x03: "extended"},
-        {0x02: EXTENDED},
-    ),
-    Service(
-        0x11,
-        "ECUReset",
-        EXTENDED,
+        {0x01: "default", 0x02: "programming", 0x03: "extended"}, {0x02: EXTENDED}),
+    Service(0x11, "ECUReset", EXTENDED,
         "Restarts the computer once the response has been sent. A hard reset reads the parameter "
         "memory again and begins an operation cycle; a soft reset does neither.",
-        {0x01: "hardReset", 0x03: "softReset"},
-    ),
-    Service(
-        0x14,
-        "ClearDiagnosticInformation",
-        ANYWHERE,
-        "Clears one trouble code, or all (0xFFFFFF), with their freeze frames.",
-        {},
-    ),
-    Service(
-        0x19,
-        "ReadDTCInformation",
-        ANYWHERE,
+        {0x01: "hardReset", 0x03: "softReset"}),
+    Service(0x14, "ClearDiagnosticInformation", ANYWHERE,
+        "Clears one trouble code, or all (0xFFFFFF), with their freeze frames.", {}),
+    Service(0x19, "ReadDTCInformation", ANYWHERE,
         "Reads trouble codes, their freeze frames and their counters.",
-        {
-            0x01: "reportNumberOfDTCByStatusMask",
-            0x02: "reportDTCByStatusMask",
-            0x03: "reportDTCSnapshotIdentification",
-            0x04: "reportDTCSnapshotRecordByDTCNumber",
-            0x06: "reportDTCExtDataRecordByDTCNumber",
-            0x0A: "reportSupportedDTC",
-            0x14: "reportDTCFaultDetectionCounter",
-        },
-    ),
+        {0x01: "reportNumberOfDTCByStatusMask", 0x02: "reportDTCByStatusMask",
+         0x03: "reportDTCSnapshotIdentification", 0x04: "reportDTCSnapshotRecordByDTCNumber",
+         0x06: "reportDTCExtDataRecordByDTCNumber", 0x0A: "reportSupportedDTC",
+         0x14: "reportDTCFaultDetectionCounter"}),
     Service(0x22, "ReadDataByIdentifier", ANYWHERE, "Reads up to 16 identifiers at once.", {}),
-    Service(
-        0x23,
-        "ReadMemoryByAddress",
-        EXTENDED,
-        "Reads the RAM image; an address is an offset into it.",
-        {},
-    ),
-    Service(
-        0x27,
-        "SecurityAccess",
-        EXTENDED,
+    Service(0x23, "ReadMemoryByAddress", EXTENDED,
+        "Reads the RAM image; an address is an offset into it.", {}),
+    Service(0x27, "SecurityAccess", EXTENDED,
         "Unlocks requests that change the computer. After three wrong keys, no seed for 10 s.",
-        {0x01: "requestSeed", 0x02: "sendKey"},
-    ),
-    Service(
-        0x28,
-        "CommunicationControl",
-        EXTENDED,
+        {0x01: "requestSeed", 0x02: "sendKey"}),
+    Service(0x28, "CommunicationControl", EXTENDED,
         "Stops or resumes the cyclic messages: normal messages (type 0x01: status, faults, "
         "navigation), network management (0x02: heartbeat), or both (0x03). The axis commands are "
         "always sent.",
-        {0x00: "enableRxAndTx", 0x01: "enableRxAndDisableTx"},
-    ),
-    Service(
-        0x2E,
-        "WriteDataByIdentifier",
-        EXTENDED,
-        "Writes a parameter to the parameter memory; it takes effect at the next reset.",
-        {},
-    ),
-    Service(
-        0x2F,
-        "InputOutputControlByIdentifier",
-        EXTENDED,
-        "Takes control of an output from the navigation computer, or returns it.",
-        {},
-    ),
-    Service(
-        0x31,
-        "RoutineControl",
-        EXTENDED,
-        "Starts and stops routines, and reads their results.",
-        {0x01: "startRoutine", 0x02: "stopRoutine", 0x03: "requestRoutineResults"},
-    ),
-    Service(
-        0x34,
-        "RequestDownload",
-        PROGRAMMING,
-        "Begins the download (push) of a calibration file.",
-        {},
-    ),
-    Service(
-        0x35, "RequestUpload", EXTENDED, "Begins the upload (pull) of the calibration file.", {}
-    ),
+        {0x00: "enableRxAndTx", 0x01: "enableRxAndDisableTx"}),
+    Service(0x2E, "WriteDataByIdentifier", EXTENDED,
+        "Writes a parameter to the parameter memory; it takes effect at the next reset.", {}),
+    Service(0x2F, "InputOutputControlByIdentifier", EXTENDED,
+        "Takes control of an output from the navigation computer, or returns it.", {}),
+    Service(0x31, "RoutineControl", EXTENDED, "Starts and stops routines, and reads their results.",
+        {0x01: "startRoutine", 0x02: "stopRoutine", 0x03: "requestRoutineResults"}),
+    Service(0x34, "RequestDownload", PROGRAMMING,
+        "Begins the download (push) of a calibration file.", {}),
+    Service(0x35, "RequestUpload", EXTENDED, "Begins the upload (pull) of the calibration file.",
+        {}),
     Service(0x36, "TransferData", EXTENDED, "Transfers a block of the file.", {}),
-    Service(
-        0x37,
-        "RequestTransferExit",
-        EXTENDED,
+    Service(0x37, "RequestTransferExit", EXTENDED,
         "Ends a transfer, with the CRC-32 of all data; a calibration file is checked and stored.",
-        {},
-    ),
+        {}),
     Service(0x3E, "TesterPresent", ANYWHERE, "Keeps the session alive.", {0x00: "zeroSubFunction"}),
-    Service(
-        0x85,
-        "ControlDTCSetting",
-        EXTENDED,
-        "Stops or resumes the setting of trouble codes.",
-        {0x01: "on", 0x02: "off"},
-    ),
-)
+    Service(0x85, "ControlDTCSetting", EXTENDED, "Stops or resumes the setting of trouble codes.",
+        {0x01: "on", 0x02: "off"}),
+)  # fmt: skip
 """The services, by number."""

@@ -78,8 +78,6 @@ class Server:
 
     Attributes
     ----------
-    session : Session
-    is_unlocked : bool
     reset_wanted : Reset or None
         Requested by ECUReset; due once the response has been sent.
     now_ns : int

@@ -159,7 +159,6 @@ class TwoCopyStore:
 
     Parameters
     ----------
-    medium : StorageMedium
     capacity : int
         Largest image, bytes.
     """

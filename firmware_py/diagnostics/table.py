@@ -12,7 +12,7 @@ from __future__ import annotations
 import functools
 import zlib
 from collections.abc import Iterable, Mapping
-from typing import Protocol, TypeVar
+from typing import Any, Protocol, TypeVar
 
 from rrins.dbc.codec import load
 from rrins.firmware_py.core.records.trouble_table import TROUBLES
@@ -54,7 +54,7 @@ EXTENDED_DATA: Mapping[int, Layout] = {
             Field("aging", "u8", text="operation cycles without the fault"),
             Field("fault_detection_counter", "i8", text="-128 passed, 127 failed"),
         )
-    ),
+    )
 }
 """Extended data records of a trouble code, by record number."""
 
@@ -76,29 +76,22 @@ class _Numbered(Protocol):
 _T = TypeVar("_T", bound=_Numbered)
 
 
-def _by_number(things: Iterable[_T]) -> dict[int, _T]:
-    found: dict[int, _T] = {}
+def _by(key: str, things: Iterable[_T]) -> dict[Any, _T]:
+    found: dict[Any, _T] = {}
     for thing in things:
-        assert thing.number not in found, f"{thing.name}: its number is taken"
-        found[thing.number] = thing
+        value = getattr(thing, key)
+        assert value not in found, f"{thing.name}: its {key} is taken"
+        found[value] = thing
     return found
 
 
-def _by_name(things: Iterable[_T]) -> dict[str, _T]:
-    found: dict[str, _T] = {}
-    for thing in things:
-        assert thing.name not in found, f"{thing.name}: the name is taken"
-        found[thing.name] = thing
-    return found
-
-
-IDENTIFIER_BY_NUMBER = _by_number(IDENTIFIERS)
-IDENTIFIER_BY_NAME = _by_name(IDENTIFIERS)
-ROUTINE_BY_NUMBER = _by_number(ROUTINES)
-ROUTINE_BY_NAME = _by_name(ROUTINES)
-TROUBLE_BY_NUMBER = _by_number(TROUBLES)
-TROUBLE_BY_NAME = _by_name(TROUBLES)
-SERVICE_BY_NUMBER = _by_number(SERVICES)
+IDENTIFIER_BY_NUMBER: dict[int, DataIdentifier] = _by("number", IDENTIFIERS)
+IDENTIFIER_BY_NAME: dict[str, DataIdentifier] = _by("name", IDENTIFIERS)
+ROUTINE_BY_NUMBER: dict[int, Routine] = _by("number", ROUTINES)
+ROUTINE_BY_NAME: dict[str, Routine] = _by("name", ROUTINES)
+TROUBLE_BY_NUMBER: dict[int, Trouble] = _by("number", TROUBLES)
+TROUBLE_BY_NAME: dict[str, Trouble] = _by("name", TROUBLES)
+SERVICE_BY_NUMBER: dict[int, Service] = _by("number", SERVICES)
 
 
 def _find(kind: str, which: int | str, numbers: Mapping[int, _T], names: Mapping[str, _T]) -> _T:
@@ -110,46 +103,22 @@ def _find(kind: str, which: int | str, numbers: Mapping[int, _T], names: Mapping
 
 
 def identifier(which: int | str) -> DataIdentifier:
-    """Return a data identifier by number or name.
-
-    Raises
-    ------
-    UnknownError
-        When the table has no such entry.
-    """
+    """Return a data identifier by number or name; `UnknownError` is raised without one."""
     return _find("data identifier", which, IDENTIFIER_BY_NUMBER, IDENTIFIER_BY_NAME)
 
 
 def routine(which: int | str) -> Routine:
-    """Return a routine by number or name.
-
-    Raises
-    ------
-    UnknownError
-        When the table has no such entry.
-    """
+    """Return a routine by number or name; `UnknownError` is raised without one."""
     return _find("routine", which, ROUTINE_BY_NUMBER, ROUTINE_BY_NAME)
 
 
 def trouble(which: int | str) -> Trouble:
-    """Return a trouble code by number or name.
-
-    Raises
-    ------
-    UnknownError
-        When the table has no such entry.
-    """
+    """Return a trouble code by number or name; `UnknownError` is raised without one."""
     return _find("trouble code", which, TROUBLE_BY_NUMBER, TROUBLE_BY_NAME)
 
 
 def service(number: int) -> Service:
-    """Return a service by its identifier.
-
-    Raises
-    ------
-    UnknownError
-        When the table has no such entry.
-    """
+    """Return a service by its identifier; `UnknownError` is raised without one."""
     return _find("service", number, SERVICE_BY_NUMBER, {})
 
 

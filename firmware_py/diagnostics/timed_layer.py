@@ -19,12 +19,7 @@ _NS_PER_S = 1_000_000_000
 
 
 class LayerClock:
-    """The time of a layer, set by its caller.
-
-    Attributes
-    ----------
-    now_ns : int
-    """
+    """The time of a layer, set by its caller."""
 
     def __init__(self) -> None:
         self.now_ns = 0
@@ -61,7 +56,6 @@ class TimedLayer(isotp.TransportLayerLogic):
 
     Parameters
     ----------
-    clock : LayerClock
     separation_ns : int
         Minimum time between consecutive frames.
     receive : callable

@@ -60,9 +60,7 @@ class Transport:
             receive=self._next_message,
             txfn=lambda message: self._sent.append(bytes(message.data)),
             address=isotp.Address(
-                isotp.AddressingMode.Normal_11bits,
-                txid=table.response_id(),
-                rxid=self._request_id,
+                isotp.AddressingMode.Normal_11bits, txid=table.response_id(), rxid=self._request_id
             ),
             error_handler=lambda error: None,
             params={

@@ -1,4 +1,4 @@
-"""What a calibration brings: drawn units navigate uncalibrated, calibrated, and as good as can be.
+"""Benefit of a calibration: drawn units navigate uncalibrated, calibrated, and ideally calibrated.
 
 The attitude is given and the axes are square: what is left is the constants' and the noise's.
 """
@@ -15,11 +15,7 @@ import numpy as np
 from rrins.compiled.record import Floats
 from rrins.firmware_py.core.sensors.calibration import Calibration
 from rrins.firmware_py.core.settings import Scheme
-from rrins.host_tools.calibration.estimation import (
-    ACCELEROMETER_UNITS,
-    GYRO_UNITS,
-    estimate,
-)
+from rrins.host_tools.calibration.estimation import ACCELEROMETER_UNITS, GYRO_UNITS, estimate
 from rrins.host_tools.calibration.file import KEYS
 from rrins.host_tools.calibration.table import record
 from rrins.host_tools.calibration.unit import drawn_unit, true_constants, unit_of
@@ -50,11 +46,10 @@ _NOISE = ("angle_random_walk_deg_per_sqrt_h", "white_noise_ug_per_sqrt_hz")
 
 @dataclass(frozen=True)
 class Afterwards:
-    """What n units were off by, in a scenario.
+    """Navigation errors of n units in a scenario.
 
     Attributes
     ----------
-    scenario : str
     largest_m, end_m : array, shape (n, 4)
         Largest and last horizontal position error, by `VARIANTS`.
     """

@@ -1,4 +1,4 @@
-"""What would spoil a calibration without anyone noticing: found in its residuals.
+"""Checks of a calibration's residuals for faults that would spoil it unnoticed.
 
 Between positions, the mean residual of a sensor is noise if the base rests and the constants are
 constant. A tilt of the base shows in all accelerometers as a vector does; a sensor that changes, in

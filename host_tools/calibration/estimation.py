@@ -41,20 +41,12 @@ ACCELEROMETER_UNITS = np.array([UG, PPM, PPM, ARCSEC, ARCSEC])
 
 @dataclass(frozen=True)
 class Unit:
-    """What is known of a unit before its calibration.
-
-    Attributes
-    ----------
-    gyros, accelerometers : Axes
-    site : Site
-    C_b_n : array, shape (3, 3)
-        Attitude of the base, roughly: where the iteration begins.
-    """
+    """Prior knowledge of a unit before its calibration."""
 
     gyros: Axes
     accelerometers: Axes
     site: Site
-    C_b_n: Floats
+    C_b_n: Floats  #: shape (3, 3); attitude of the base, roughly: where the iteration begins
 
 
 @dataclass(frozen=True)
@@ -68,15 +60,13 @@ class SensorsEstimate:
     before, after : array, shape (n, m)
         What the sensors measured less what was expected with design constants, and with those
         found; the same base. rad/s or m/s²; NaN where a second does not count.
-    noise : array, shape (m,)
-        Standard deviation of a sum over a second, rad/s or m/s².
     """
 
     constants: Floats
     sigma: Floats
     before: Floats
     after: Floats
-    noise: Floats
+    noise: Floats  #: shape (m,); standard deviation of a sum over a second, rad/s or m/s²
 
 
 @dataclass(frozen=True)
@@ -85,25 +75,18 @@ class Estimate:
 
     Attributes
     ----------
-    gyros, accelerometers : SensorsEstimate
-    C_b_n : array, shape (3, 3)
-    base_sigma : array, shape (3,)
-        Of the base's attitude about x, y, z of b, rad.
     epsilon, epsilon_sigma : float
         The inner axis out of square, rad.
-    seconds : Seconds
-        What it is of.
-    covariance : array, shape (p, p)
-        Constants of the gyros, of the accelerometers, then base and ε; SI units.
     """
 
     gyros: SensorsEstimate
     accelerometers: SensorsEstimate
-    C_b_n: Floats
-    base_sigma: Floats
+    C_b_n: Floats  #: shape (3, 3)
+    base_sigma: Floats  #: shape (3,); of the base's attitude about x, y, z of b, rad
     epsilon: float
     epsilon_sigma: float
-    seconds: Seconds
+    seconds: Seconds  #: what it is of
+    #: shape (p, p); constants of the gyros, of the accelerometers, then base and ε; SI units
     covariance: Floats
 
 
@@ -244,7 +227,6 @@ def normal_equations(
 
     Parameters
     ----------
-    unit : Unit
     seconds : Seconds
         Of which only the table's motion counts.
     gyro_noise, accelerometer_noise : array, shapes (m,), (k,)

@@ -14,23 +14,9 @@ from rrins.host_tools.calibration.estimation import (
     Estimate,
     SensorsEstimate,
 )
+from rrins.host_tools.runs.results.sensor_errors import CONSTANTS, KINDS
 
-KEYS = {
-    "gyros": (
-        "bias_dph",
-        "scale_error_ppm",
-        "asymmetric_scale_error_ppm",
-        "installation_u_arcsec",
-        "installation_v_arcsec",
-    ),
-    "accelerometers": (
-        "bias_ug",
-        "scale_error_ppm",
-        "asymmetric_scale_error_ppm",
-        "installation_u_arcsec",
-        "installation_v_arcsec",
-    ),
-}
+KEYS = {name: (bias.key, *(one.key for one in CONSTANTS)) for name, bias in KINDS.items()}
 """Keys of a calibration file, in the order of the constants."""
 
 
@@ -48,7 +34,6 @@ def to_toml(found: Estimate, how: Sequence[str], origin: Origin = UNKNOWN) -> st
 
     Parameters
     ----------
-    found : Estimate
     how : sequence of str
         How it was obtained, a comment each.
     origin : Origin

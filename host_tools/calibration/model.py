@@ -1,4 +1,4 @@
-r"""What sound sensors measure in a second on a table at rest, and its derivatives.
+r"""Model of the sound sensors' sums over a second on a table at rest, with derivatives.
 
 The base is at rest with the attitude ``C_b_n``; ``C_s_b = Rx(αO) E Rz(αI)``, where E = Ry(ε) is by
 how much the inner axis is out of square. Over a second
@@ -135,16 +135,10 @@ def _table_turn(seconds: Seconds, epsilon: float) -> tuple[Floats, Floats]:
 
 @dataclass(frozen=True)
 class Inputs:
-    """What a kind of sensors is given: n vectors in sensor axes, and derivatives by `BASE`.
+    """Inputs of a kind of sensors: n vectors in sensor axes, and derivatives by `BASE`."""
 
-    Attributes
-    ----------
-    x : array, shape (n, 3)
-    by_base : array, shape (n, 3, 4)
-    """
-
-    x: Floats
-    by_base: Floats
+    x: Floats  #: shape (n, 3)
+    by_base: Floats  #: shape (n, 3, 4)
 
 
 def inputs(seconds: Seconds, site: Site, C_b_n: Floats, epsilon: float) -> tuple[Inputs, Inputs]:

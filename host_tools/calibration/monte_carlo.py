@@ -27,7 +27,7 @@ _THREADS = 4
 
 @dataclass(frozen=True)
 class Errors:
-    """What calibrations of n units left of the constants of m sensors of a kind.
+    """Errors that calibrations of n units left in the constants of m sensors of a kind.
 
     Attributes
     ----------
@@ -89,8 +89,6 @@ def run(
 
     Parameters
     ----------
-    scheme : Scheme
-    seeds : sequence of int
     rimu : dict, optional
         The table `[rimu]` of a scenario.
     on_done : callable

@@ -1,4 +1,4 @@
-"""What a scheme shows of the constants: to what standard deviation, and what it cannot see.
+"""Observability of the constants with a scheme: standard deviations, and unseen directions.
 
 Linear covariance analysis: the information of a cycle about all unknowns, with the sensors' white
 noise. A direction of which nothing is known yet has a standard deviation from before, `PRIOR`:
@@ -15,11 +15,7 @@ import numpy as np
 from rrins.compiled.record import Floats
 from rrins.firmware_py.core.sensors.calibration import UG
 from rrins.firmware_py.core.settings import Scheme
-from rrins.host_tools.calibration.estimation import (
-    Unit,
-    normal_equations,
-    scales,
-)
+from rrins.host_tools.calibration.estimation import Unit, normal_equations, scales
 from rrins.host_tools.calibration.ideal import seconds_of
 from rrins.host_tools.calibration.model import BASE, CONSTANTS
 
@@ -30,18 +26,15 @@ _PRIOR_UG = 1e5
 _PRIOR_BASE_ARCSEC = 10 * 3600.0
 
 UNCALIBRATED = np.array([10.0, 50.0, 50.0, 30.0, 30.0])
-"""What sensors err by before a calibration, in the units of `PRIOR`; accelerometers 3 mg."""
+"""Errors of sensors before a calibration, in the units of `PRIOR`; accelerometers 3 mg."""
 
 _UNCALIBRATED_UG = 3000.0
 _UNCALIBRATED_BASE_ARCSEC = 3600.0
 _UNSEEN = 0.5
 """A direction is not seen if a scheme leaves this share of what uncalibrated sensors have."""
 
-LIMITS = (
-    np.array([0.012, 2.2, 4.5, 0.6, 0.6]),
-    np.array([0.8, 0.8, 1.2, 0.25, 0.2]),
-)
-"""What a calibration of half an hour with the prototype's noise is to reach; °/h or µg, ppm, ppm,
+LIMITS = (np.array([0.012, 2.2, 4.5, 0.6, 0.6]), np.array([0.8, 0.8, 1.2, 0.25, 0.2]))
+"""To be reached by a calibration of half an hour with the prototype's noise; °/h or µg, ppm, ppm,
 ″, ″; root mean squares over the sensors."""
 
 DEG_PER_SQRT_H = math.radians(1.0) / 60.0
@@ -50,37 +43,27 @@ DEG_PER_SQRT_H = math.radians(1.0) / 60.0
 
 @dataclass(frozen=True)
 class Direction:
-    """A combination of unknowns that a scheme does not show.
+    """A combination of unknowns that a scheme does not show."""
 
-    Attributes
-    ----------
-    sigma : float
-        Share of what uncalibrated sensors have in it that is left; 1: nothing is gained.
-    parts : tuple of (str, float)
-        The unknowns with the largest shares: name, share of the direction's square.
-    """
-
+    #: share of what uncalibrated sensors have in it that is left; 1: nothing is gained
     sigma: float
+    #: the unknowns with the largest shares: name, share of the direction's square
     parts: tuple[tuple[str, float], ...]
 
 
 @dataclass(frozen=True)
 class Observability:
-    """What a scheme shows.
+    """Observability with a scheme.
 
     Attributes
     ----------
     gyro_sigma, accelerometer_sigma : array, shapes (m, 5), (k, 5)
         °/h or µg, ppm, ppm, ″, ″; as `CONSTANTS` are ordered.
-    base_sigma : array, shape (4,)
-        Base about x, y, z of b and the axes' squareness, ″.
-    unseen : tuple of Direction
-    duration_s : float
     """
 
     gyro_sigma: Floats
     accelerometer_sigma: Floats
-    base_sigma: Floats
+    base_sigma: Floats  #: shape (4,); base about x, y, z of b and the axes' squareness, ″
     unseen: tuple[Direction, ...]
     duration_s: float
 
@@ -171,8 +154,6 @@ def observe(
 
     Parameters
     ----------
-    scheme : Scheme
-    unit : Unit
     gyro_noise, accelerometer_noise : float
         White noise, °/√h and µg/√Hz; the prototype's by default.
     """

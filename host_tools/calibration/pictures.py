@@ -19,10 +19,7 @@ def residuals_figure(found: Estimate) -> Figure:
     panels = figure.subplots(2, 2, sharex=True)
     minutes = np.cumsum(found.seconds.duration_s) / 60.0
     for column, (name, one, unit, text) in enumerate(
-        (
-            ("gyro", found.gyros, DPH, "°/h"),
-            ("accelerometer", found.accelerometers, UG, "µg"),
-        )
+        (("gyro", found.gyros, DPH, "°/h"), ("accelerometer", found.accelerometers, UG, "µg"))
     ):
         for row, (values, when) in enumerate(((one.before, "before"), (one.after, "after"))):
             axes = panels[row, column]

@@ -27,49 +27,30 @@ from rrins.host_tools.terminal import new_console, progress_line
 
 @dataclass(frozen=True)
 class Order:
-    """What is to be calibrated, and how.
+    """A calibration to run.
 
     Attributes
     ----------
-    folder : Path
-        For the calibration file and the report.
-    scenario : str, optional
-        Whose unit; without it an emulated one with the prototype's noise and drawn errors.
-    interface : str
-    channel : str, optional
-    bitrate : int, optional
-        Bus of a unit that is there; without a channel one is emulated.
-    geometry : str, optional
-        Of the sensors, without a scenario.
-    scheme : str
-        Built in, or a TOML file.
     turn_rate_dps, stand_s : float, optional
         In place of the scheme's own.
-    seed : int
-        Of the errors that are drawn.
-    pushes : bool
-        Whether to store the calibration in the unit, and to verify it there.
-    anew : bool
-        Whether to begin anew where a calibration was stopped.
-    temperature_c : float, optional
-        How warm the sensors are, °C, where somebody knows: the bus does not say.
-    timeout_s : float, optional
-        Longest wait for a response of a unit that is there, in place of `DEFAULT_TIMEOUT_S`.
     """
 
-    folder: Path
+    folder: Path  #: for the calibration file and the report
+    #: whose unit; without it an emulated one with the prototype's noise and drawn errors
     scenario: str | None = None
     interface: str = "rrins"
     channel: str | None = None
-    bitrate: int | None = None
-    geometry: str | None = None
-    scheme: str = "calibration"
+    bitrate: int | None = None  #: bus of a unit that is there; without a channel one is emulated
+    geometry: str | None = None  #: of the sensors, without a scenario
+    scheme: str = "calibration"  #: built in, or a TOML file
     turn_rate_dps: float | None = None
     stand_s: float | None = None
-    seed: int = 1
-    pushes: bool = False
-    anew: bool = False
+    seed: int = 1  #: of the errors that are drawn
+    pushes: bool = False  #: whether to store the calibration in the unit, and to verify it there
+    anew: bool = False  #: whether to begin anew where a calibration was stopped
+    #: how warm the sensors are, °C, where somebody knows: the bus does not say
     temperature_c: float | None = None
+    #: longest wait for a response of a unit that is there, in place of `DEFAULT_TIMEOUT_S`
     timeout_s: float | None = None
 
     @property
@@ -80,21 +61,12 @@ class Order:
 
 @dataclass(frozen=True)
 class Calibrated:
-    """What came of a calibration.
-
-    Attributes
-    ----------
-    estimate : Estimate
-    verified : str
-        What the second run said, where it was pushed.
-    files : list of Path
-    errors : list of list of float, optional
-        Of gyros and accelerometers, the rms of each constant's true error, where it is known.
-    """
+    """Results of a calibration."""
 
     estimate: Estimate
-    verified: str
+    verified: str  #: what the second run said, where it was pushed
     files: list[Path]
+    #: of gyros and accelerometers, the rms of each constant's true error, where it is known
     errors: list[list[float]] | None
 
 
@@ -103,7 +75,6 @@ def calibrate(order: Order, note: Callable[[str], None] = lambda line: None) -> 
 
     Parameters
     ----------
-    order : Order
     note : callable
         Called with a line that a person should read.
 

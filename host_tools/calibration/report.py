@@ -17,15 +17,13 @@ from rrins.host_tools.calibration.observability import LIMITS
 from rrins.host_tools.calibration.pictures import residuals_figure
 from rrins.host_tools.drawing.page import base64_of, environment, png_of
 from rrins.host_tools.files import JsonObject, keep, replacing, write_whole
+from rrins.host_tools.runs.results.sensor_errors import CONSTANTS, KINDS
 from rrins.host_tools.runs.set_up.typed_numbers import typed_number, typed_numbers
 
 REPORT, PICTURE, FILE = "report.html", "residuals.png", "calibration.toml"
 
 _ROWS = (("bias", 0), ("λ", 1), ("μ", 2), ("δu", 3), ("δv", 4))
-_UNITS = {
-    "gyros": ("°/h", "ppm", "ppm", "″", "″"),
-    "accelerometers": ("µg", "ppm", "ppm", "″", "″"),
-}
+_UNITS = {name: (bias.unit, *(one.unit for one in CONSTANTS)) for name, bias in KINDS.items()}
 
 
 def kinds_of(found: Estimate) -> list[JsonObject]:

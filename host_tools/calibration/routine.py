@@ -45,7 +45,6 @@ class RoutineRun:
     ----------
     tester : Tester
         Allowed to unlock the unit.
-    scheme : Scheme
     first : int
         The position to begin with, from 0.
 

@@ -33,18 +33,15 @@ Move = tuple[int, int]
 
 @dataclass(frozen=True)
 class SearchLimits:
-    """What a scheme may use.
+    """Limits of a scheme.
 
     Attributes
     ----------
-    duration_s : float
-        Of a cycle, at most.
-    turn_rate_dps, stand_s : float
     inner_range_deg, outer_range_deg : float
         Largest range of each axis.
     """
 
-    duration_s: float = 1720.0
+    duration_s: float = 1720.0  #: of a cycle, at most
     turn_rate_dps: float = 2.0
     stand_s: float = 10.0
     inner_range_deg: float = 720.0
@@ -184,11 +181,8 @@ def search(
 
     Parameters
     ----------
-    unit : Unit
-    limits : SearchLimits
     begin : Scheme
         Whole quarter turns; where the search begins, as far as it fits the limits.
-    tries, seed : int
     on_progress : callable, optional
         Receives the number of tries done and the total.
 

@@ -1,4 +1,4 @@
-"""What was recorded on the table: rows of sums over a second, from the firmware or a simulation."""
+"""Records of the table: rows of sums over a second, from the firmware or a simulation."""
 
 from __future__ import annotations
 
@@ -24,34 +24,20 @@ class Seconds:
 
     Attributes
     ----------
-    epoch : array, shape (n,)
-        The last epoch of each.
-    duration_s : array, shape (n,)
-    position : array, shape (n,)
-        Of the scheme, from 0.
     gyro_usable, accelerometer_usable : bool array, shapes (n, m), (n, k)
-    angles_deg : array, shape (n, 2)
-        Inner and outer encoder at the end.
-    orientation : array, shape (n, 8)
-        s; `rrins.firmware_py.core.turntable.table_sums.ORIENTATIONS`.
-    turn : array, shape (n, 4)
-        rad; `rrins.firmware_py.core.turntable.table_sums.TURNS`.
-    gyro : array, shape (n, m)
-        rad, along the input axes.
-    accelerometer : array, shape (n, k)
-        m/s, along the input axes.
     """
 
-    epoch: Floats
-    duration_s: Floats
-    position: NDArray[np.int_]
+    epoch: Floats  #: shape (n,); the last epoch of each
+    duration_s: Floats  #: shape (n,)
+    position: NDArray[np.int_]  #: shape (n,); of the scheme, from 0
     gyro_usable: NDArray[np.bool_]
     accelerometer_usable: NDArray[np.bool_]
-    angles_deg: Floats
+    angles_deg: Floats  #: shape (n, 2); inner and outer encoder at the end
+    #: shape (n, 8); s; `rrins.firmware_py.core.turntable.table_sums.ORIENTATIONS`.
     orientation: Floats
-    turn: Floats
-    gyro: Floats
-    accelerometer: Floats
+    turn: Floats  #: shape (n, 4); rad; `rrins.firmware_py.core.turntable.table_sums.TURNS`.
+    gyro: Floats  #: shape (n, m); rad, along the input axes
+    accelerometer: Floats  #: shape (n, k); m/s, along the input axes
 
     def __len__(self) -> int:
         return len(self.duration_s)

@@ -28,7 +28,7 @@ from rrins.host_tools.errors import CalibrationRecordError
 from rrins.host_tools.files import JsonObject
 
 RECORD = "record.json"
-"""What was recorded so far, in the output folder: there until the calibration is done."""
+"""Record in the output folder, there until the calibration is done."""
 
 _KEEP_EVERY_S = 60.0
 _HARD = 1
@@ -49,7 +49,6 @@ class Recording:
 
     Parameters
     ----------
-    scheme : Scheme
     path : Path, optional
         Where they are kept, to go on from.
     seconds : Seconds, optional
@@ -216,7 +215,7 @@ def push(tester: Tester, found: Estimate, origin: Origin = UNKNOWN) -> bytes:
     stored = calibration_image.decode(tester.pull())
     if any(stored[number] != values for number, values in wanted.items()):
         restore(tester, former)
-        raise CalibrationRecordError("calibration: the unit holds other values than were written")
+        raise CalibrationRecordError("calibration: what is read back differs from what was written")
     return former
 
 

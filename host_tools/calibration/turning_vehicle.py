@@ -41,23 +41,12 @@ _ACROSS = 0.05  # of the cosine of the outer angle: the inner axis is level, its
 
 @dataclass(frozen=True)
 class Turning:
-    """σ of the position at the end of n routes, m, shape (n,).
-
-    Attributes
-    ----------
-    name : str
-    constants : array
-        That the constants give which a table of errors has as σ.
-    calibrated : array
-        That the constants give which a calibration is to leave, `LIMITS`.
-    noise : array
-        That the prototype's white noise gives.
-    """
+    """σ of the position at the end of n routes, m, shape (n,)."""
 
     name: str
-    constants: Floats
-    calibrated: Floats
-    noise: Floats
+    constants: Floats  #: that the constants give which a table of errors has as σ
+    calibrated: Floats  #: that the constants give which a calibration is to leave, `LIMITS`
+    noise: Floats  #: that the prototype's white noise gives
 
     def values(self) -> JsonObject:
         """Return the root mean squares over the routes, m."""

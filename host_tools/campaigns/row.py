@@ -33,7 +33,7 @@ from rrins.host_tools.hardware import settings as hardware
 from rrins.host_tools.hardware.memory import Truth
 from rrins.host_tools.runs.direct import run_direct
 from rrins.host_tools.runs.fast import FastRun
-from rrins.host_tools.runs.results.redundancy_summary import redundancy_summary
+from rrins.host_tools.runs.results.findings import redundancy_summary
 from rrins.host_tools.runs.results.results import Errors, compare, read_errors
 from rrins.host_tools.runs.results.samples import keep_every
 from rrins.host_tools.runs.set_up.settings import (
@@ -179,7 +179,7 @@ def _run(scenario: Scenario, should_stop: Callable[[], bool]) -> _End:
     every = keep_every(scenario.epochs, scenario.rate_hz)
     ram, errors = run_fast(scenario, firmware_settings(scenario), every, should_stop)
     fault = FirmwareFault(int(ram[0].modes.fault)).name
-    return _End(fault, redundancy_summary(ram[0]), errors)
+    return _End(fault, redundancy_summary(ram), errors)
 
 
 def _run_with_frames(scenario: Scenario, should_stop: Callable[[], bool]) -> _End:

@@ -20,14 +20,8 @@ from rrins.host_tools.logs.reference_truth import ReferenceTruth
 from rrins.host_tools.logs.renavigation import Answers, Renavigation, check_rate
 from rrins.host_tools.logs.truth import RecomputedTruth
 from rrins.host_tools.recording.errors import RecordError
-from rrins.host_tools.runs.results.estimator_log import EstimatorLog
-from rrins.host_tools.runs.results.parity_log import ParityLog
-from rrins.host_tools.runs.results.samples import (
-    NAVIGATION_SAMPLES,
-    TRUTH_SAMPLES,
-    SampleFile,
-    keep_every,
-)
+from rrins.host_tools.runs.results.samples import keep_every, sample_files
+from rrins.host_tools.runs.results.seconds_log import SecondsLog
 from rrins.host_tools.runs.set_up.settings import firmware_settings
 from rrins.host_tools.runs.sides.firmware_job import firmware_summary
 from rrins.host_tools.scenario.scenario import Scenario
@@ -77,8 +71,7 @@ class _Run:
         self, log: Log, scenario: Scenario, folder: Path | None, on_progress: OnProgress
     ) -> None:
         log_every = keep_every(scenario.epochs, scenario.rate_hz)
-        self._navigation_file = SampleFile(None if folder is None else folder / NAVIGATION_SAMPLES)
-        self._truth_file = SampleFile(None if folder is None else folder / TRUTH_SAMPLES)
+        self._navigation_file, self._truth_file = sample_files(folder)
         self._log = log
         self._scenario = scenario
         self._on_progress = on_progress
@@ -86,8 +79,7 @@ class _Run:
         self.firmware = Firmware(settings, NavigationTrace(log_every, self._navigation_file.append))
         is_lockstep = log.note is not None and log.note.is_lockstep
         error_ppm = scenario.firmware.clock_error_ppm
-        self._parity = ParityLog(self.firmware.ram, folder, scenario.duration_s)
-        self._estimates = EstimatorLog(self.firmware.ram, folder, scenario.duration_s)
+        self._seconds = SecondsLog(self.firmware.ram, folder, scenario.duration_s)
         self.renavigation = Renavigation(self.firmware, error_ppm, is_lockstep, self._note_seconds)
         self.truth = None if folder is None else self._truth_of(log, log_every)
         self.finder = EpochFinder()
@@ -104,9 +96,8 @@ class _Run:
         return RecomputedTruth(recorded or self._scenario, self._truth_file, log_every)
 
     def _note_seconds(self) -> None:
-        for log in (self._parity, self._estimates):
-            if log.every and self.renavigation.steps % log.every == 0:
-                log.run()
+        if self._seconds.every and self.renavigation.steps % self._seconds.every == 0:
+            self._seconds.run()
 
     @property
     def unanswered_s(self) -> float:
@@ -140,9 +131,8 @@ class _Run:
     def close(self) -> JsonObject:
         """Close the files; return the firmware's summary."""
         summary = firmware_summary(self.firmware)
-        for log in (self._parity, self._estimates):
-            log.run()
-            log.close()
+        self._seconds.run()
+        self._seconds.close()
         if self.truth is not None:
             self.truth.close()
         self._truth_file.close()

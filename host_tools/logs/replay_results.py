@@ -16,13 +16,12 @@ from rrins.host_tools.files import JsonObject, write_whole
 from rrins.host_tools.logs.beside import Navigated
 from rrins.host_tools.logs.reader import Log
 from rrins.host_tools.logs.replay import Replayed
-from rrins.host_tools.runs.results.estimator_log import take_estimates
-from rrins.host_tools.runs.results.estimator_summary import estimator_lines
+from rrins.host_tools.runs.results.estimates import estimator_lines
 from rrins.host_tools.runs.results.keeping import place_for
 from rrins.host_tools.runs.results.outcome import Outcome
-from rrins.host_tools.runs.results.parity_log import take_parities
 from rrins.host_tools.runs.results.results import Errors, read_errors, write_summary
 from rrins.host_tools.runs.results.samples import NAVIGATION_SAMPLES, TRUTH_SAMPLES, read_samples
+from rrins.host_tools.runs.results.seconds_log import take_seconds
 from rrins.host_tools.runs.results.summary import summarise, table_of, write_results
 from rrins.host_tools.scenario.scenario import Scenario
 from rrins.host_tools.terminal import new_console, print_table
@@ -60,7 +59,7 @@ def write_replay(
     errors = read_errors(folder, scenario.rate_hz)
     for file in (NAVIGATION_SAMPLES, TRUTH_SAMPLES):
         (folder / file).unlink(missing_ok=True)
-    parities, estimates = take_parities(folder), take_estimates(folder)
+    seconds = take_seconds(folder)
     summary = _summary_of(name, scenario, log, replayed, errors)
     title = f"{scenario.title or name}, replayed from {log.path.name}"
     folder, note = place_for(folder, summary)
@@ -69,7 +68,7 @@ def write_replay(
     paths = _write_navigation(folder, navigation, scenario.rate_hz, title)
     navigated = Navigated("as it is", summary, navigation, errors)
     if len(errors):
-        written = write_results(folder, summary, errors, title, parities, estimates)
+        written = write_results(folder, summary, errors, title, seconds)
         return navigated, [*paths, *written]
     write_summary(folder / "summary.json", summary)
     return navigated, [*paths, folder / "summary.json"]
@@ -186,7 +185,7 @@ def print_replay(summary: JsonObject, paths: list[Path]) -> None:
     ]
     if recording["rms_error"] is not None:
         lines.append(_rms_line(recording["rms_error"]))
-    lines.extend(estimator_lines(summary["estimator"]))
+    lines.extend(estimator_lines(summary["firmware"]))
     if recording["no_truth"] is not None:
         lines.append(f"no error statistics without a truth: {recording['no_truth']}")
     if recording["first_epoch"] > 0:

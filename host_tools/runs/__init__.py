@@ -1,1 +1,1 @@
-"""What runs a scenario: settings for both sides, processes, the direct ways, results."""
+"""Runs a scenario: settings for both sides, processes, the direct ways, results."""

@@ -20,7 +20,6 @@ class RunDisplay:
 
     Parameters
     ----------
-    scenario : Scenario
     console : rich.console.Console
         On standard error, so that standard output is free for results.
     quiet : bool

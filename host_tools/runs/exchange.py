@@ -35,10 +35,8 @@ def exchange_epoch(
 
     Parameters
     ----------
-    hardware : Hardware
     firmware : Firmware
         Its `outbox` has the frames that the hardware gets.
-    epoch : int
     count : int
         How many these are: what the exchange before returned; 0 in the first epoch.
     clock_error_ppm : float
@@ -67,7 +65,7 @@ def answer_epoch(
 
 
 class _Between(Record):
-    """What `DirectExchange` and its compiled part tell each other."""
+    """Values that `DirectExchange` and its compiled part exchange."""
 
     count: I8  #: frames in the firmware's outbox
     until: I8  #: epoch that is not run any more
@@ -136,12 +134,10 @@ class DirectExchange:
 
     Parameters
     ----------
-    hardware : Hardware
     firmware : Firmware
         Both just switched on.
     truth : SampleBuffer
         Takes the truth of the epochs that are a multiple of `truth_every`.
-    truth_every : int
     clock_error_ppm : float
         By how much the firmware's clock runs fast.
     wire : Wire, optional

@@ -142,10 +142,8 @@ def run_epochs(
     ----------
     plants, pieces, ram, contract, compares, estimates
         As `hardware_step` and `firmware_step` take them.
-    epochs : int
     every : int
         Epochs that are a multiple of this and navigated are written down.
-    navigation : Records[NavigationOutput]
     truth : Records[Truth]
         Room for a row for each epoch that can be written down.
 
@@ -178,13 +176,7 @@ def parts_beside(contract: Records[Contract], compares: bool | None) -> tuple[Be
 
 @dataclass(frozen=True)
 class Track:
-    """What came out of a run: the same epochs of navigation and truth, oldest first.
-
-    Attributes
-    ----------
-    navigation : Records[NavigationOutput]
-    truth : Records[Truth]
-    """
+    """Results of a run: the same epochs of navigation and truth, oldest first."""
 
     navigation: Records[NavigationOutput]
     truth: Records[Truth]
@@ -195,8 +187,6 @@ class FastRun:
 
     Parameters
     ----------
-    ram : Records[Ram]
-    plant : Records[Plant]
     pieces : array, shape (n, 15, 8)
         The vehicle's motion.
     every : int
@@ -204,11 +194,7 @@ class FastRun:
     """
 
     def __init__(
-        self,
-        ram: Records[Ram],
-        plant: Records[Plant],
-        pieces: Floats,
-        every: int = 1,
+        self, ram: Records[Ram], plant: Records[Plant], pieces: Floats, every: int = 1
     ) -> None:
         self.contract = load_contract()
         self.ram, self.plant, self.pieces = ram, plant, pieces

@@ -22,7 +22,15 @@ from rrins.host_tools.files import JsonObject
 from rrins.host_tools.recording import recorder
 from rrins.host_tools.recording.errors import RecordError
 from rrins.host_tools.recording.note import Note
-from rrins.host_tools.runs.programs.program import GRACE_S, Program, ProgramProcess, last_words
+from rrins.host_tools.runs.programs.program import (
+    GRACE_S,
+    Program,
+    ProgramProcess,
+    end_error,
+    last_words,
+    misfit_error,
+    misfit_of,
+)
 from rrins.host_tools.runs.results.outcome import Outcome
 from rrins.host_tools.runs.results.pipe import ReportReader
 from rrins.host_tools.runs.sides.job import REALTIME
@@ -38,9 +46,14 @@ Start = Callable[[Sequence[str], int], Fork | subprocess.Popen[bytes]]
 _BUS_ENDS_S = 60.0  # to write what was received before that
 _ATTACH_WAIT_S = 300.0  # the first start compiles
 _POLL_S = 0.2
-_SENT = " it sent "  # what the bus's host says of who does not speak as it does
 CHANNEL = "rrins"
-"""What the channels of rehearsals are called, with a number behind it."""
+"""Name of the channels of rehearsals; a number follows."""
+
+
+_ERRORS: dict[int, type[RehearsalError]] = {
+    kind.exit_status: kind for kind in (BusError, SideLostError)
+}
+"""The errors that a side can report, by exit status; all others are plain."""
 
 
 class Interrupted(RehearsalError):  # noqa: N818 - no error: the user asked for it
@@ -60,33 +73,19 @@ def free_channel() -> str:
 
 @dataclass
 class WatchedSide:
-    """One side's process, and what it has reported.
-
-    Attributes
-    ----------
-    summary : dict
-        Its last words; empty until then.
-    error : dict
-        Why it failed: `message`, `exit_status`.
-    is_made_to_end : bool
-        Whether it did not heed that it was asked to end.
-    program : Program or None
-        The user's own, which reports nothing itself.
-    ended_by_itself : bool
-        Whether it had ended before it was asked to.
-    """
+    """One side's process, and what it has reported."""
 
     name: str
     process: Fork | subprocess.Popen[bytes]
     pipe: int
     reader: ReportReader = field(default_factory=ReportReader)
-    summary: JsonObject = field(default_factory=dict)
-    error: JsonObject = field(default_factory=dict)
+    summary: JsonObject = field(default_factory=dict)  #: its last words; empty until then
+    error: JsonObject = field(default_factory=dict)  #: why it failed: `message`, `exit_status`
     epoch: int = 0
     is_open: bool = True
-    is_made_to_end: bool = False
-    program: Program | None = None
-    ended_by_itself: bool = False
+    is_made_to_end: bool = False  #: whether it did not heed that it was asked to end
+    program: Program | None = None  #: the user's own, which reports nothing itself
+    ended_by_itself: bool = False  #: whether it had ended before it was asked to
 
     def read(self) -> list[JsonObject]:
         """Read the pipe."""
@@ -129,64 +128,31 @@ class WatchedSide:
             self.process.end_session()
 
 
+@dataclass
 class Rehearsal:
     """Starts both sides, follows them, and stops both in every case.
 
-    Parameters
+    Attributes
     ----------
-    name : str
-        Scenario, as given on the command line: the sides load it themselves.
-    scenario : Scenario
-    overrides : sequence of str
-        Command-line options by which the scenario differs from its file.
-    address : Address
-    speed : float or None
-        See `rrins.host_tools.runs.jobs.Job`.
-    folder : Path
-        Where the sides put their logs.
-    record : Path, optional
-        File to record the bus to.
     firmware_options, hardware_options : sequence of str
         Command-line options for one side alone.
-    start : callable
-        Starts a side.
-    timestamps : {"bus", "unix"}
-        Time of the recorded frames, as of `Recorder`.
-    firmware : Program, optional
-        The user's own program as the firmware.
-    patience_s : float
-        Longest silence of that program; 0 waits for ever.
     """
 
-    def __init__(
-        self,
-        name: str,
-        scenario: Scenario,
-        overrides: tuple[str, ...],
-        address: Address,
-        speed: float | None,
-        folder: Path,
-        record: Path | None = None,
-        firmware_options: tuple[str, ...] = (),
-        hardware_options: tuple[str, ...] = (),
-        start: Start = start_program,
-        timestamps: Literal["bus", "unix"] = "bus",
-        firmware: Program | None = None,
-        patience_s: float = 10.0,
-    ) -> None:
-        self._name = name
-        self._scenario = scenario
-        self._overrides = overrides
-        self._address = address
-        self._speed = speed
-        self._folder = folder
-        self._record = record
-        self._firmware_options = firmware_options
-        self._hardware_options = hardware_options
-        self._start_process = start
-        self._timestamps = timestamps
-        self._program = firmware
-        self._patience_s = patience_s
+    name: str  #: scenario, as given on the command line: the sides load it themselves
+    scenario: Scenario
+    overrides: tuple[str, ...]  #: Command-line options by which the scenario differs from its file
+    address: Address
+    speed: float | None  #: see `rrins.host_tools.runs.sides.job.Job`.
+    folder: Path  #: where the sides put their logs
+    record: Path | None = None  #: file to record the bus to
+    firmware_options: tuple[str, ...] = ()
+    hardware_options: tuple[str, ...] = ()
+    start: Start = start_program  #: starts a side
+    timestamps: Literal["bus", "unix"] = "bus"  #: time of the recorded frames, as of `Recorder`
+    program: Program | None = None  #: the user's own program as the firmware
+    patience_s: float = 10.0  #: longest silence of that program; 0 waits for ever
+
+    def __post_init__(self) -> None:
         self._misfit = ""  # what the bus has said of a program that it does not understand
         self._has_started = False
         self._recorder: recorder.Recorder | None = None
@@ -222,27 +188,28 @@ class Rehearsal:
     def _start(self, name: str) -> WatchedSide:
         read_end, write_end = os.pipe()
         words = [
-            *(name, self._name, *self._overrides),
-            *("--interface", self._address.interface, "--channel", self._address.channel),
-            *("--speed", "max" if self._speed is None else f"{self._speed:.12g}"),
-            *("--log", str(self._folder)),
+            *(name, self.name, *self.overrides),
+            *("--interface", self.address.interface, "--channel", self.address.channel),
+            *("--speed", "max" if self.speed is None else f"{self.speed:.12g}"),
+            *("--log", str(self.folder)),
         ]
-        if self._address.bitrate is not None:
-            words += ["--bitrate", str(self._address.bitrate)]
+        if self.address.bitrate is not None:
+            words += ["--bitrate", str(self.address.bitrate)]
         if name == "firmware":
-            words += ["--attach-wait", str(_ATTACH_WAIT_S), *self._firmware_options]
+            words += ["--attach-wait", str(_ATTACH_WAIT_S), *self.firmware_options]
         else:
-            words += self._hardware_options
-            if self._program is not None:
-                words += ["--follow", self._program.name, "--patience", f"{self._patience_s:g}"]
-            if self._record is not None and self._address.is_embedded:
+            words += self.hardware_options
+            if self.program is not None:
+                words += ["--follow", self.program.name, "--patience", f"{self.patience_s:g}"]
+            if self.record is not None and self.address.is_embedded:
                 words += ["--await-peer", recorder.NAME]
-        if self._speed != REALTIME and self._address.is_embedded:
+        if self.speed != REALTIME and self.address.is_embedded:
             words += ["--core", str(self._core)]
-        program = self._program if name == "firmware" else None
+        program = self.program if name == "firmware" else None
+        process: Fork | subprocess.Popen[bytes]
         try:
             if program is None:
-                process = self._start_process(words, write_end)
+                process = self.start(words, write_end)
             else:
                 process = self._start_program(program, write_end)
         except BaseException:
@@ -254,16 +221,12 @@ class Rehearsal:
 
     def _start_program(self, program: Program, write_end: int) -> ProgramProcess:
         """Start the user's program; the end of the pipe is its end."""
-        is_realtime = self._speed == REALTIME
+        is_realtime = self.speed == REALTIME
+        speed = "1" if is_realtime else "max"
         process = program.start(
-            self._scenario,
-            self._address,
-            "1" if is_realtime else "max",
-            _ATTACH_WAIT_S,
-            self._folder,
-            (write_end,),
+            self.scenario, self.address, speed, _ATTACH_WAIT_S, self.folder, (write_end,)
         )
-        if not is_realtime and self._address.is_embedded:
+        if not is_realtime and self.address.is_embedded:
             with contextlib.suppress(ProcessLookupError):  # it has ended, which will be noticed
                 os.sched_setaffinity(process.pid, {self._core})
         return process
@@ -302,37 +265,29 @@ class Rehearsal:
         for side in self._sides:
             if side is not failed:
                 try:
-                    side.process.wait(GRACE_S if self._address.is_embedded else 0.0)
+                    side.process.wait(GRACE_S if self.address.is_embedded else 0.0)
                 except subprocess.TimeoutExpired:
                     side.process.terminate()
 
     def _note(self, report: JsonObject, on_report: OnReport) -> None:
         if report["side"] != "hardware":
             return
-        if report["kind"] == "ready" and self._record is not None:
-            lossless = self._speed != REALTIME
+        if report["kind"] == "ready" and self.record is not None:
+            note, lossless = self._note_of_recording(), self.speed != REALTIME
             self._recorder = recorder.Recorder(
-                self._record,
-                self._address,
-                lossless,
-                self._note_of_recording(),
-                timestamps=self._timestamps,
+                self.record, self.address, lossless, note, timestamps=self.timestamps
             )
             if self._recorder.kept_words is not None:
                 on_report({"kind": "note", "side": "hardware", "text": self._recorder.kept_words})
-        elif report["kind"] == "note" and _SENT in report["text"]:
-            self._note_misfit(report["text"])
+        elif report["kind"] == "note":
+            for side in self._sides:
+                if side.program is not None:
+                    self._misfit = misfit_of(report["text"], side.process.pid) or self._misfit
         elif report["kind"] == "started":
             self._has_started = True
             self._started_ns = time.monotonic_ns()
         elif report["kind"] == "summary":
             self._ended_ns = time.monotonic_ns()
-
-    def _note_misfit(self, text: str) -> None:
-        """Keep what the bus says of the user's program, if it is about that."""
-        for side in self._sides:
-            if side.program is not None and f"process {side.process.pid}" in text:
-                self._misfit = text.partition(_SENT)[2]
 
     def _drain(self, on_report: OnReport) -> None:
         """Read the last reports of processes that have ended."""
@@ -347,22 +302,22 @@ class Rehearsal:
 
     def _note_of_recording(self) -> Note:
         return Note(
-            interface=self._address.interface,
-            channel=self._address.channel,
-            scenario_name=self._name,
-            scenario=self._scenario.model_dump(mode="json"),
-            speed="max" if self._speed is None else self._speed,
+            interface=self.address.interface,
+            channel=self.address.channel,
+            scenario_name=self.name,
+            scenario=self.scenario.model_dump(mode="json"),
+            speed="max" if self.speed is None else self.speed,
         )
 
     def _close_recorder(self) -> None:
-        if self._recorder is None or self._record is None:
+        if self._recorder is None or self.record is None:
             return
-        self._recorder.close(_BUS_ENDS_S if self._address.is_embedded else GRACE_S)
+        self._recorder.close(_BUS_ENDS_S if self.address.is_embedded else GRACE_S)
         for side in self._sides:
             if side.name == "firmware" and side.summary:
                 sha256 = side.summary.get("navigation_sha256")
                 try:
-                    recorder.add_result(self._record, self._recorder.note, sha256)
+                    recorder.add_result(self.record, self._recorder.note, sha256)
                 except RecordError as error:
                     self._recorder.failure = self._recorder.failure or f"its note: {error}"
 
@@ -374,28 +329,24 @@ class Rehearsal:
         failed = [side for side in self._sides if side.process.returncode != 0]
         for side in failed:
             if side.killed_by is not None:
-                name = side.killed_by.name
                 return SideLostError(
-                    f"the {side.name} process {side.process.pid} was killed by {name} "
-                    f"{self._after(side)}"
+                    f"the {side.name} process {side.process.pid} was killed by "
+                    f"{side.killed_by.name} {self._after(side)}"
                 )
         for side in failed:
             if side.error:
-                kinds: dict[int, type[RehearsalError]]
-                kinds = {BusError.exit_status: BusError, SideLostError.exit_status: SideLostError}
-                kind = kinds.get(side.error["exit_status"], RehearsalError)
-                if side.error["channel_is_hosted"]:
-                    kind = embedded.HostedError
+                kind = _ERRORS.get(side.error["exit_status"], RehearsalError)
+                kind = embedded.HostedError if side.error["channel_is_hosted"] else kind
                 return kind(side.error["message"])
         for side in failed:
             status = side.process.returncode
             return SideLostError(f"the {side.name} process ended with status {status}")
         if self._recorder is not None and self._recorder.failure is not None:
-            return RecordError(f"recording {self._record}: {self._recorder.failure}")
+            return RecordError(f"recording {self.record}: {self._recorder.failure}")
         return None
 
     def _after(self, side: WatchedSide) -> str:
-        return f"after {side.epoch / self._scenario.rate_hz:.0f} s of simulated time"
+        return f"after {side.epoch / self.scenario.rate_hz:.0f} s of simulated time"
 
     def _failure_of_program(self) -> RehearsalError | None:
         """Return how the user's program failed, if it did: killed, ended, not understood."""
@@ -406,18 +357,15 @@ class Rehearsal:
             return None  # the scenario has come to its end
         name, status = firmware.program.name, firmware.process.returncode
         if firmware.killed_by is not None:
-            signal_name = firmware.killed_by.name
-            return SideLostError(f"{name} was killed by {signal_name} {self._after(firmware)}")
+            return end_error(name, -firmware.killed_by, self._after(firmware), "")
         if self._misfit:
-            return SideLostError(f"{name} speaks another language than the bus: {self._misfit}")
+            return misfit_error(name, self._misfit)
         if hardware.error and hardware.error["message"].startswith(f"{name} "):
             return SideLostError(hardware.error["message"])  # it hangs, or floods
         if firmware.ended_by_itself:
-            said = last_words(self._folder)
+            said = last_words(self.folder)
             when = self._after(firmware) if self._has_started else "before it was on the bus"
-            return SideLostError(
-                f"{name} ended with status {status} {when}" + (f": {said}" if said else "")
-            )
+            return end_error(name, status or 0, when, said)
         return None
 
     def _outcome(self, failure: RehearsalError | None) -> Outcome:

@@ -5,13 +5,12 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
 from rrins.compiled.compile_events import compiling_watched
 from rrins.compiled.record import Records
-from rrins.firmware_py.core.records.estimator_records import EstimatorSecond
 from rrins.firmware_py.core.records.memory import NavigationOutput
 from rrins.firmware_py.serial.settings import NO_LINES, SerialSettings
 from rrins.host_tools import interruption
@@ -36,11 +35,10 @@ from rrins.host_tools.runs.rehearsal import (
     Start,
     default_address,
 )
-from rrins.host_tools.runs.results.estimator_log import take_estimates
 from rrins.host_tools.runs.results.outcome import Outcome
-from rrins.host_tools.runs.results.parity_log import Parities, take_parities
 from rrins.host_tools.runs.results.results import Errors, compare, read_samples_of
 from rrins.host_tools.runs.results.samples import SamplesError
+from rrins.host_tools.runs.results.seconds_log import Seconds, take_seconds
 from rrins.host_tools.runs.results.stalls import stall_words
 from rrins.host_tools.runs.results.summary import summarise, write_results
 from rrins.host_tools.runs.results.summary_types import AnySummary, Summary
@@ -63,42 +61,22 @@ _BEFORE_START = ("compiling", "note")
 
 @dataclass(frozen=True)
 class RunResult:
-    """What a run left.
+    """Results of a run."""
 
-    Attributes
-    ----------
-    name : str
-        Of the scenario.
-    scenario : Scenario
-    summary : dict
-        One object with the same keys whichever way it was run; see `docs/scenarios.md`.
-    errors : Errors
-        Navigation minus truth.
-    navigation : array of `NavigationOutput`
-        At 10 Hz or less.
-    truth : array of `Truth`
-        In the same epochs.
-    failure : RehearsalError or None
-        Why the run did not come to its end, or went wrong beside it.
-    parities : dict of array of `ParitySecond`
-        Parity and residuals of the sensors that are compared, by kind.
-    estimates : array of `EstimatorSecond`
-        What the estimator knew, second by second; empty without one.
-    """
-
-    name: str
+    name: str  #: of the scenario
     scenario: Scenario
+    #: one object with the same keys whichever way it was run; see `docs/scenarios.md`.
     summary: Summary
-    errors: Errors
-    navigation: Records[NavigationOutput]
-    truth: Records[Truth]
-    failure: RehearsalError | None
-    parities: Parities = field(default_factory=dict)
-    estimates: Records[EstimatorSecond] = field(default_factory=lambda: EstimatorSecond.zeros(0))
+    errors: Errors  #: navigation minus truth
+    navigation: Records[NavigationOutput]  #: at 10 Hz or less
+    truth: Records[Truth]  #: in the same epochs
+    failure: RehearsalError | None  #: why the run did not come to its end, or went wrong beside it
+    #: parity and residuals of the sensors that are compared, and what the estimator knew
+    seconds: Seconds
 
     @property
     def title(self) -> str:
-        """What stands above the tables and pictures of the run."""
+        """Title of the tables and pictures of the run."""
         return self.scenario.title or self.name
 
     def write(self, folder: Path) -> list[Path]:
@@ -109,9 +87,7 @@ class RunResult:
         RehearsalError
             When one cannot be written.
         """
-        return write_results(
-            folder, self.summary, self.errors, self.title, self.parities, self.estimates
-        )
+        return write_results(folder, self.summary, self.errors, self.title, self.seconds)
 
     def check(self) -> None:
         """Raise what went wrong.
@@ -150,10 +126,8 @@ def _result(
     navigation, truth = read_samples_of(folder)
     errors = compare(navigation, truth, scenario.rate_hz)
     summary = summarise(name, scenario, way, outcome, errors, stopped)
-    parities, estimates = take_parities(folder), take_estimates(folder)
-    return RunResult(
-        name, scenario, summary, errors, navigation, truth, outcome.failure, parities, estimates
-    )
+    seconds = take_seconds(folder)
+    return RunResult(name, scenario, summary, errors, navigation, truth, outcome.failure, seconds)
 
 
 def folder_of(out: Path | None, name: str) -> Path:
@@ -181,7 +155,7 @@ def _samples_in(folder: Path | None) -> AbstractContextManager[str]:
 
 @dataclass(frozen=True)
 class Overrides:
-    """What differs from the scenario's file."""
+    """Differences from the scenario's file."""
 
     duration_s: float | None = None
     seed: int | None = None
@@ -211,7 +185,7 @@ class BusOptions:
 
     @contextmanager
     def reserved(self) -> Iterator[Address]:
-        """Give the bus that is meant; a free channel is nobody else's until the end."""
+        """Give the bus that is meant; a free channel stays reserved until the end."""
         if not self.is_free_to_choose:
             yield self.address()
             return
@@ -221,46 +195,24 @@ class BusOptions:
 
 @dataclass(frozen=True)
 class Plan:
-    """What is to be rehearsed, and how.
+    """A rehearsal to run: scenario, bus, speed, programs."""
 
-    Attributes
-    ----------
-    name : str
-        Built-in scenario or file: both sides load it themselves.
-    scenario : Scenario
-        The same, with `overrides` applied.
-    overrides : Overrides
-    bus : BusOptions
-    speed : float or None
-        1.0 is real time, another factor limits lockstep, None is as fast as it goes.
-    serial : SerialSettings
-        The firmware's serial lines.
-    foreign_senders : bool
-        Whether others on the embedded bus may send what the contract gives to a side.
-    timestamps : {"bus", "unix"}
-        Time of the frames in a recording.
-    firmware : Program or None
-        The user's own program as the firmware.
-    patience_s : float
-        Longest silence of a program of the user's in wall clock time; 0 waits for ever.
-    steer : Path, optional
-        File by which somebody steers how fast it goes (`rrins.host_tools.runs.sides.steering`).
-    hardware : Program or None
-        The user's own program as the sensors and the table.
-    """
-
-    name: str
-    scenario: Scenario
+    name: str  #: Built-in scenario or file: both sides load it themselves
+    scenario: Scenario  #: the same, with `overrides` applied
     overrides: Overrides = Overrides()
     bus: BusOptions = BusOptions()
+    #: 1.0 is real time, another factor limits lockstep, None is as fast as it goes
     speed: float | None = None
-    serial: SerialSettings = NO_LINES
+    serial: SerialSettings = NO_LINES  #: the firmware's serial lines
+    #: whether others on the embedded bus may send what the contract gives to a side
     foreign_senders: bool = False
-    timestamps: Literal["bus", "unix"] = "bus"
-    firmware: Program | None = None
+    timestamps: Literal["bus", "unix"] = "bus"  #: time of the frames in a recording
+    firmware: Program | None = None  #: the user's own program as the firmware
+    #: longest silence of a program of the user's in wall clock time; 0 waits for ever
     patience_s: float = 10.0
+    #: file by which somebody steers how fast it goes (`rrins.host_tools.runs.sides.steering`).
     steer: Path | None = None
-    hardware: Program | None = None
+    hardware: Program | None = None  #: the user's own program as the sensors and the table
 
     def lasting(self, duration_s: float) -> Plan:
         """Return the same with another duration."""
@@ -282,11 +234,10 @@ class Plan:
         self, address: Address, folder: Path, record: Path | None, start: Start
     ) -> Rehearsal:
         """Return the rehearsal, ready to run."""
-        options = self.overrides.options()
         return Rehearsal(
             self.name,
             self.scenario,
-            options,
+            self.overrides.options(),
             address,
             self.speed,
             folder,
@@ -383,7 +334,6 @@ def rehearse(
 
     Parameters
     ----------
-    plan : Plan
     display : RunDisplay
         Shows progress; entered.
     folder : Path, optional
@@ -441,7 +391,6 @@ def simulate(
     ----------
     name : str
         Of the scenario.
-    scenario : Scenario
     display : RunDisplay
         Shows progress; entered.
     folder : Path, optional

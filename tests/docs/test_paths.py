@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import builtins
 import functools
 import re
 from pathlib import Path
@@ -40,7 +41,8 @@ def names_of(path: Path) -> set[str]:
             case ast.FunctionDef(name=name) | ast.ClassDef(name=name):
                 found.add(name)
             case ast.Assign(targets=targets):
-                found |= {target.id for target in targets if isinstance(target, ast.Name)}
+                inside = (one for target in targets for one in ast.walk(target))
+                found |= {one.id for one in inside if isinstance(one, ast.Name)}
             case ast.AnnAssign(target=ast.Name(id=name)):
                 found.add(name)
             case ast.ImportFrom(names=aliases):
@@ -87,3 +89,24 @@ def test_names_of_the_recipes_are_somewhere_in_the_code():
     assert len(named) > 30
     for name in named:
         assert set(name.split(".")) <= words, name
+
+
+_RAISES = re.compile(r"^( +)Raises\n\1------\n((?:\1[\w. ]+.*\n)+)", re.MULTILINE)
+_CLASS = re.compile(r"^ *class (\w+)", re.MULTILINE)
+_IMPORT = re.compile(r"^ *(?:from|import) .*", re.MULTILINE)
+
+
+def test_docstrings_name_what_is_there():
+    folders = ("dbc", "firmware_py", "host_tools", "rrins/compiled")
+    paths = [path for folder in folders for path in (ROOT / folder).rglob("*.py")]
+    texts = {path: path.read_text("utf-8") for path in (*paths, *(ROOT / "rrins").glob("*.py"))}
+    ours = {name for text in texts.values() for name in _CLASS.findall(text)}
+    missing = set()
+    for path, text in texts.items():
+        known = ours | vars(builtins).keys() | set(re.findall(r"\w+", str(_IMPORT.findall(text))))
+        names = {name for name in _CODE.findall(text) if _NAME.fullmatch(name)}
+        missing |= {(path.name, name) for name in names if not is_there(name)}
+        for indent, entries in _RAISES.findall(text):
+            raised = re.findall(rf"^{indent}([\w.]+)$", entries, re.MULTILINE)
+            missing |= {(path.name, name) for name in raised if name.split(".")[0] not in known}
+    assert not missing

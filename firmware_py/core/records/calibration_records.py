@@ -38,7 +38,7 @@ class DriftSize(IntEnum):
 
 
 class Drift(Record):
-    """What the parity has learned of a kind of sensors, compared with their calibration."""
+    """Comparison of what the parity has learned of a kind of sensors with their calibration."""
 
     known: Bool  #: whether it is known how well they were calibrated
     axis_variance: Annotated[Floats, (SENSOR_GROUPS, 3, 3)]  #: of h (1 + λ), that may be

@@ -13,7 +13,7 @@ from rrins.firmware_py.core.records.troubles import Kind
 
 
 class RoutineRequest(IntEnum):
-    """What a routine requests of the mode logic; handled in the next step."""
+    """Requests of routines to the mode logic; handled in the next step."""
 
     NONE = 0
     STANDBY = 1
@@ -72,7 +72,7 @@ class TroubleMemory(Record):
 
 
 class Repetition(Record):
-    """What tells whether sensors of one kind repeat themselves; see `stuck`."""
+    """State of the test whether sensors of one kind repeat themselves; see `stuck`."""
 
     resolution: F8  #: of the frames, rad or m/s
     largest_change: F8  #: from the previous epoch to this

@@ -52,7 +52,7 @@ NEVER = -3
 
 
 class Aid(IntEnum):
-    """What the navigation is aided by."""
+    """Sources that aid the navigation."""
 
     ZERO_VELOCITY = 0
     KNOWN_POSITION = 1
@@ -85,7 +85,7 @@ class Source(Record):
 
 
 class EstimatorSecond(Record):
-    """What the filter knows at the end of a second, and how its measurements fared until then."""
+    """Estimates at the end of a second, and how the measurements fared until then."""
 
     epoch: I8  #: its last
     attitude_sigma: Annotated[Floats, 3]  #: rad, about east, north, up

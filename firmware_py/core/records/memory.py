@@ -201,7 +201,7 @@ class Wheel(Record):
 
 
 class ZeroVelocity(Record):
-    """What the operator says of the vehicle's standing."""
+    """The operator's message that the vehicle stands."""
 
     counter: I8  #: of the last frame, plus 1; 0: none received yet
     heard: Bool  #: whether a frame came in this epoch
@@ -336,7 +336,7 @@ class Bridging(Record):
 
 
 class Isolation(Record):
-    """What the inner axis is told while it takes the vehicle's turn out."""
+    """Command of the inner axis while it takes the vehicle's turn out."""
 
     known: Bool  #: whether `heading` is
     begun: Bool  #: whether `wanted_deg` is

@@ -43,7 +43,7 @@ ABSOLUTE = 7
 """First regressor that is an absolute value; before: time, own and other vector increment."""
 
 REGRESSORS = ABSOLUTE + SENSOR_GROUPS
-"""What the parity of sound sensors may depend on."""
+"""Number of regressors of the parity of sound sensors."""
 
 SETTLED_S = 10
 """Seconds after a stop in which nothing is learned or concluded, and before a start in which
@@ -101,7 +101,7 @@ class Found(IntEnum):
 
 
 class ReadmissionOrder(IntEnum):
-    """What the operator orders of a sensor that is left out; the DBC's value table of `order`."""
+    """Orders of the operator about a sensor that is left out; the DBC's value table of `order`."""
 
     NONE = 0
     TEST = 1
@@ -138,7 +138,7 @@ class Refusal(IntEnum):
 
 
 class Learner(Record):
-    """What sound sensors put into the parity, learned: linear in the regressors.
+    """Parity of sound sensors as it was learned: linear in the regressors.
 
     `covariance` times `unit` is the covariance of a row of `coefficients`.
     """
@@ -167,7 +167,7 @@ class Sums(Record):
 
 
 class ParitySecond(Record):
-    """What a second came to; means over it, in rad/s or m/s²."""
+    """Results of a second; means over it, in rad/s or m/s²."""
 
     epoch: I8  #: its last
     sensors: I8  #: compared, one bit each

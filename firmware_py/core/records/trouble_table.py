@@ -52,33 +52,19 @@ _SOURCES: tuple[tuple[Source, str, int, str], ...] = (
     (Source.ODOMETER, "odometer", 0x1403, "ODOMETER"),
 )
 
+_ONCE = Debounce(events=1)
+
 _FRAMES = {
-    Kind.SILENT: (
-        "silent",
-        _MISSING_MESSAGE,
-        Debounce(fail_s=0.1),
-        "no {message} frames arrive, although others do",
-    ),
-    Kind.STALE: (
-        "stale",
-        _INVALID,
-        Debounce(fail_s=0.05),
-        "{message} frames belong to an earlier epoch",
-    ),
+    Kind.SILENT: ("silent", _MISSING_MESSAGE, Debounce(fail_s=0.1),
+        "no {message} frames arrive, although others do"),
+    Kind.STALE: ("stale", _INVALID, Debounce(fail_s=0.05),
+        "{message} frames belong to an earlier epoch"),
     Kind.CRC: ("crc", _PROTECTION, Debounce(events=5), "{message} frames have a wrong CRC"),
-    Kind.COUNTER: (
-        "counter",
-        _COUNTER,
-        Debounce(events=5),
-        "{message} frames have a wrong or repeated counter",
-    ),
-    Kind.TWO_SENDERS: (
-        "two_senders",
-        _COMPARISON,
-        Debounce(events=5),
-        "two senders send {message}: of frames that disagree about an epoch, none is used",
-    ),
-}
+    Kind.COUNTER: ("counter", _COUNTER, Debounce(events=5),
+        "{message} frames have a wrong or repeated counter"),
+    Kind.TWO_SENDERS: ("two_senders", _COMPARISON, Debounce(events=5),
+        "two senders send {message}: of frames that disagree about an epoch, none is used"),
+}  # fmt: skip
 
 _SILENT_OF = {
     Source.ALTIMETER: Debounce(fail_s=0.5),
@@ -86,7 +72,7 @@ _SILENT_OF = {
     Source.MODE_COMMAND: Debounce(fail_s=1.0),
     Source.GNSS: Debounce(fail_s=0.5),
     Source.ODOMETER: Debounce(fail_s=0.5),
-}
+}  # fmt: skip
 _FITTED = {
     Source.ALTIMETER: (0, "altimeter"),
     Source.GNSS: (0, "gnss"),
@@ -96,209 +82,102 @@ _TEXTS = {
     (Kind.SILENT, Source.SYNC): "no SYNC arrives: the loop runs on its own clock",
     (Kind.SILENT, Source.MODE_COMMAND): "the operator's MODE_COMMAND has stopped arriving",
     (Kind.SILENT, Source.GNSS): "no whole group of GNSS frames arrives",
-    (
-        Kind.TWO_SENDERS,
-        Source.SYNC,
-    ): "two senders send SYNC: the one that continues the count is used",
-}
+    (Kind.TWO_SENDERS, Source.SYNC):
+        "two senders send SYNC: the one that continues the count is used",
+}  # fmt: skip
 
 _SENSING = (
     ("absent", _NO_SIGNAL, Debounce(fail_s=0.1), "is flagged as absent"),
     ("saturated", _ABOVE_RANGE, Debounce(fail_s=0.05), "exceeds its measuring range"),
-    (
-        "stuck",
-        _STUCK_IN_RANGE,
-        Debounce(fail_s=0.5),
-        "has repeated the same increment for at least 2 s, while the others vary",
-    ),
-)
+    ("stuck", _STUCK_IN_RANGE, Debounce(fail_s=0.5),
+        "has repeated the same increment for at least 2 s, while the others vary"),
+    ("left_out", _PLAUSIBILITY, _ONCE, "is faulty, and left out of the navigation"),
+)  # fmt: skip
+_SENSORS = (
+    ("gyro", 0x1101,
+        (Kind.GYRO_ABSENT, Kind.GYRO_SATURATED, Kind.GYRO_STUCK, Kind.GYRO_LEFT_OUT)),
+    ("accelerometer", 0x1201,
+        (Kind.ACCELEROMETER_ABSENT, Kind.ACCELEROMETER_SATURATED, Kind.ACCELEROMETER_STUCK,
+        Kind.ACCELEROMETER_LEFT_OUT)),
+)  # fmt: skip
 
 _AXIS = (
-    (
-        AxisFault.NOT_FOLLOWING,
-        "not_following",
-        _NOT_REACHABLE,
-        Debounce(events=1),
-        "does not follow its command",
-    ),
+    (AxisFault.NOT_FOLLOWING, "not_following", _NOT_REACHABLE, _ONCE,
+        "does not follow its command"),
     (AxisFault.DRIVE, "drive", _INTERNAL, Debounce(fail_s=0.05), "reports a drive fault"),
-    (
-        AxisFault.ENCODER,
-        "encoder",
-        _PLAUSIBILITY,
-        Debounce(events=1),
-        "has an encoder that contradicts the gyros: its angle is corrected, or not used",
-    ),
-    (
-        AxisFault.LIMIT,
-        "limit",
-        _ABOVE_RANGE,
-        Debounce(fail_s=0.1),
-        "turns faster than any command allows",
-    ),
-    (
-        AxisFault.ABANDONED,
-        "abandoned",
-        _PERFORMANCE,
-        Debounce(events=1),
-        "did not follow in any of 8 tries: the rotation is not taken up again",
-    ),
-)
-
-_ONCE = Debounce(events=1)
+    (AxisFault.ENCODER, "encoder", _PLAUSIBILITY, _ONCE,
+        "has an encoder that contradicts the gyros: its angle is corrected, or not used"),
+    (AxisFault.LIMIT, "limit", _ABOVE_RANGE, Debounce(fail_s=0.1),
+        "turns faster than any command allows"),
+    (AxisFault.ABANDONED, "abandoned", _PERFORMANCE, _ONCE,
+        "did not follow in any of 8 tries: the rotation is not taken up again"),
+)  # fmt: skip
 
 _SYSTEM = (
-    (
-        SystemFault.OVERRUN,
-        0x1003,
-        _PERFORMANCE,
-        Debounce(events=3, pass_s=10.0),
-        "epochs began more than a period late",
-    ),
-    (
-        SystemFault.BUS_LOAD,
-        _NETWORK | 0x1003,
-        _PERFORMANCE,
-        Debounce(fail_s=1.0),
-        "the bus load exceeds 80 %, averaged over 0.25 s",
-    ),
-    (
-        SystemFault.ERROR_PASSIVE,
-        _NETWORK | 0x1004,
-        _UNEXPECTED,
-        _ONCE,
-        "the CAN controller is error-passive",
-    ),
+    (SystemFault.OVERRUN, 0x1003, _PERFORMANCE, Debounce(events=3, pass_s=10.0),
+        "epochs began more than a period late"),
+    (SystemFault.BUS_LOAD, _NETWORK | 0x1003, _PERFORMANCE, Debounce(fail_s=1.0),
+        "the bus load exceeds 80 %, averaged over 0.25 s"),
+    (SystemFault.ERROR_PASSIVE, _NETWORK | 0x1004, _UNEXPECTED, _ONCE,
+        "the CAN controller is error-passive"),
     (SystemFault.BUS_OFF, _NETWORK | 0x1004, _BUS_OFF, _ONCE, "the CAN controller is bus-off"),
-    (
-        SystemFault.PARAMETER_COPY_DAMAGED,
-        0x1005,
-        _PARAMETER_MEMORY,
-        _ONCE,
-        "one copy of the parameter memory is damaged; the other is used",
-    ),
-    (
-        SystemFault.PARAMETERS_LOST,
-        0x1005,
-        _DATA_MEMORY,
-        _ONCE,
-        "both copies of the parameter memory are damaged; the set-up values are used",
-    ),
-    (
-        SystemFault.PARAMETER_OUT_OF_LIMITS,
-        0x1005,
-        _CONFIGURATION,
-        _ONCE,
-        "the parameter memory has a value beyond its limits; the set-up value is used",
-    ),
+    (SystemFault.PARAMETER_COPY_DAMAGED, 0x1005, _PARAMETER_MEMORY, _ONCE,
+        "one copy of the parameter memory is damaged; the other is used"),
+    (SystemFault.PARAMETERS_LOST, 0x1005, _DATA_MEMORY, _ONCE,
+        "both copies of the parameter memory are damaged; the set-up values are used"),
+    (SystemFault.PARAMETER_OUT_OF_LIMITS, 0x1005, _CONFIGURATION, _ONCE,
+        "the parameter memory has a value beyond its limits; the set-up value is used"),
     (SystemFault.SELF_TEST_FAILED, 0x1006, _INTERNAL, _ONCE, "the self-test failed"),
-    (
-        SystemFault.ALIGNMENT_FAILED,
-        0x1007,
-        _PLAUSIBILITY,
-        _ONCE,
-        "the alignment found no attitude: the vehicle moves, or a sensor is faulty",
-    ),
-    (
-        SystemFault.ALIGNMENT_NOT_CONVERGED,
-        0x1007,
-        _PERFORMANCE,
-        _ONCE,
-        "the alignment has taken more than twice its time",
-    ),
-    (
-        SystemFault.SENSORS_LOST,
-        0x1008,
-        _NO_SIGNAL,
-        _ONCE,
-        "too few sensors were usable for longer than the bridging limit",
-    ),
-    (
-        SystemFault.NAVIGATION_IMPLAUSIBLE,
-        0x1008,
-        _PLAUSIBILITY,
-        _ONCE,
-        "the navigation solution is impossible for a vehicle",
-    ),
-    (
-        SystemFault.NAVIGATION_BRIDGED,
-        0x1008,
-        _PERFORMANCE,
-        _ONCE,
-        "more than 1 s of the last 100 s was bridged: the navigation is degraded",
-    ),
-    (
-        SystemFault.CLOCK_JUMP,
-        _NETWORK | 0x1001,
-        _PLAUSIBILITY,
-        Debounce(events=1, pass_s=10.0),
-        "SYNC jumped in epoch or time",
-    ),
-    (
-        SystemFault.CLOCK_OFF_NOMINAL,
-        _NETWORK | 0x1001,
-        _PERFORMANCE,
-        Debounce(fail_s=5.0),
-        "the period of SYNC deviates by more than 300 ppm",
-    ),
-    (
-        SystemFault.GYROS_INCONSISTENT,
-        0x1100,
-        _PLAUSIBILITY,
-        Debounce(fail_s=5.0),
-        "the gyros disagree: one of them is faulty",
-    ),
-    (
-        SystemFault.ACCELEROMETERS_INCONSISTENT,
-        0x1200,
-        _PLAUSIBILITY,
-        Debounce(fail_s=5.0),
-        "the accelerometers disagree: one of them is faulty",
-    ),
-    (
-        SystemFault.GYROS_NOT_REDUNDANT,
-        0x1100,
-        _PERFORMANCE,
-        _ONCE,
-        "so many gyros are left out that a fault of another cannot show",
-    ),
-    (
-        SystemFault.ACCELEROMETERS_NOT_REDUNDANT,
-        0x1200,
-        _PERFORMANCE,
-        _ONCE,
-        "so many accelerometers are left out that a fault of another cannot show",
-    ),
-    (
-        SystemFault.GYRO_CALIBRATION_DRIFTED,
-        0x1100,
-        _COMPARISON,
-        _ONCE,
-        "scale factors or installation of the gyros are not as they were calibrated",
-    ),
-    (
-        SystemFault.ACCELEROMETER_CALIBRATION_DRIFTED,
-        0x1200,
-        _COMPARISON,
-        _ONCE,
-        "scale factors or installation of the accelerometers are not as they were calibrated",
-    ),
-)
+    (SystemFault.ALIGNMENT_FAILED, 0x1007, _PLAUSIBILITY, _ONCE,
+        "the alignment found no attitude: the vehicle moves, or a sensor is faulty"),
+    (SystemFault.ALIGNMENT_NOT_CONVERGED, 0x1007, _PERFORMANCE, _ONCE,
+        "the alignment has taken more than twice its time"),
+    (SystemFault.SENSORS_LOST, 0x1008, _NO_SIGNAL, _ONCE,
+        "too few sensors were usable for longer than the bridging limit"),
+    (SystemFault.NAVIGATION_IMPLAUSIBLE, 0x1008, _PLAUSIBILITY, _ONCE,
+        "the navigation solution is impossible for a vehicle"),
+    (SystemFault.NAVIGATION_BRIDGED, 0x1008, _PERFORMANCE, _ONCE,
+        "more than 1 s of the last 100 s was bridged: the navigation is degraded"),
+    (SystemFault.CLOCK_JUMP, _NETWORK | 0x1001, _PLAUSIBILITY, Debounce(events=1, pass_s=10.0),
+        "SYNC jumped in epoch or time"),
+    (SystemFault.CLOCK_OFF_NOMINAL, _NETWORK | 0x1001, _PERFORMANCE, Debounce(fail_s=5.0),
+        "the period of SYNC deviates by more than 300 ppm"),
+    (SystemFault.GYROS_INCONSISTENT, 0x1100, _PLAUSIBILITY, Debounce(fail_s=5.0),
+        "the gyros disagree: one of them is faulty"),
+    (SystemFault.ACCELEROMETERS_INCONSISTENT, 0x1200, _PLAUSIBILITY, Debounce(fail_s=5.0),
+        "the accelerometers disagree: one of them is faulty"),
+    (SystemFault.GYROS_NOT_REDUNDANT, 0x1100, _PERFORMANCE, _ONCE,
+        "so many gyros are left out that a fault of another cannot show"),
+    (SystemFault.ACCELEROMETERS_NOT_REDUNDANT, 0x1200, _PERFORMANCE, _ONCE,
+        "so many accelerometers are left out that a fault of another cannot show"),
+    (SystemFault.GYRO_CALIBRATION_DRIFTED, 0x1100, _COMPARISON, _ONCE,
+        "scale factors or installation of the gyros are not as they were calibrated"),
+    (SystemFault.ACCELEROMETER_CALIBRATION_DRIFTED, 0x1200, _COMPARISON, _ONCE,
+        "scale factors or installation of the accelerometers are not as they were calibrated"),
+)  # fmt: skip
+
+_AIDING = (
+    (AidingFault.GNSS_LOST, "gnss", 0x1402, _NO_SIGNAL, "the GNSS receiver has no fix"),
+    (AidingFault.ODOMETER_LOST, "odometer", 0x1403, _NO_SIGNAL, "the odometer does not count"),
+    (AidingFault.GNSS_REJECTED, "gnss", 0x1402, _PLAUSIBILITY,
+        "the fixes contradict the navigation; they are not used"),
+    (AidingFault.ODOMETER_REJECTED, "odometer", 0x1403, _PLAUSIBILITY,
+        "the odometer contradicts the navigation; it is not used"),
+    (AidingFault.ALTIMETER_REJECTED, "altimeter", 0x1401, _PLAUSIBILITY,
+        "the altimeter contradicts the navigation; it is not used"),
+    (AidingFault.GATE_OPENED, "gnss", 0x1402, _PERFORMANCE,
+        "the navigation rejected all fixes for 120 s, and nothing else aided it: it doubts itself, "
+        "and takes them again"),
+)  # fmt: skip
 
 
 def _frame_troubles() -> Iterator[Trouble]:
     for kind, (name, failure, debounce, text) in _FRAMES.items():
         for group in range(SENSOR_GROUPS):
             message = f"SENSOR_{group + 1}"
-            yield Trouble(
-                _number(_NETWORK, 0x1101 + group, failure),
-                f"sensor_{group + 1}_{name}",
-                text.format(message=message),
-                kind,
-                Source.SENSOR_1 + group,
-                debounce,
-                group,
-            )
+            number, stem = _number(_NETWORK, 0x1101 + group, failure), f"sensor_{group + 1}_{name}"
+            words, bit = text.format(message=message), Source.SENSOR_1 + group
+            yield Trouble(number, stem, words, kind, bit, debounce, group)
         for source, stem, part, message in _SOURCES:
             if kind == Kind.STALE and source > Source.ALTIMETER:
                 continue  # never stale: a repeated frame has a wrong counter
@@ -316,123 +195,33 @@ def _frame_troubles() -> Iterator[Trouble]:
 
 
 def _sensor_troubles() -> Iterator[Trouble]:
-    for first, part, sensor in (
-        (Kind.GYRO_ABSENT, 0x1101, "gyro"),
-        (Kind.ACCELEROMETER_ABSENT, 0x1201, "accelerometer"),
-    ):
-        for offset, (name, failure, debounce, text) in enumerate(_SENSING):
+    for sensor, part, kinds in _SENSORS:
+        for kind, (name, failure, debounce, text) in zip(kinds, _SENSING, strict=True):
             for group in range(SENSOR_GROUPS):
-                yield Trouble(
-                    _number(_CHASSIS, part + group, failure),
-                    f"{sensor}_{group + 1}_{name}",
-                    f"{sensor} {group + 1} {text}",
-                    Kind(first + offset),
-                    group,
-                    debounce,
-                    group,
-                    sensor,
-                )
-
-
-def _left_out_troubles() -> Iterator[Trouble]:
-    for kind, part, sensor in (
-        (Kind.GYRO_LEFT_OUT, 0x1101, "gyro"),
-        (Kind.ACCELEROMETER_LEFT_OUT, 0x1201, "accelerometer"),
-    ):
-        for group in range(SENSOR_GROUPS):
-            yield Trouble(
-                _number(_CHASSIS, part + group, _PLAUSIBILITY),
-                f"{sensor}_{group + 1}_left_out",
-                f"{sensor} {group + 1} is faulty, and left out of the navigation",
-                kind,
-                group,
-                _ONCE,
-                group,
-                sensor,
-            )
+                number = _number(_CHASSIS, part + group, failure)
+                stem, words = f"{sensor}_{group + 1}_{name}", f"{sensor} {group + 1} {text}"
+                yield Trouble(number, stem, words, kind, group, debounce, group, sensor)
 
 
 def _other_troubles() -> Iterator[Trouble]:
     for fault, name, failure, debounce, text in _AXIS:
         for axis, which in enumerate(("inner", "outer")):
-            yield Trouble(
-                _number(_CHASSIS, 0x1301 + axis, failure),
-                f"axis_{which}_{name}",
-                f"the {which} axis {text}",
-                Kind.AXIS,
-                fault + axis,
-                debounce,
-            )
+            number, words = _number(_CHASSIS, 0x1301 + axis, failure), f"the {which} axis {text}"
+            stem = f"axis_{which}_{name}"
+            yield Trouble(number, stem, words, Kind.AXIS, fault + axis, debounce)
     for system, part, failure, debounce, text in _SYSTEM:
-        base = 0 if part & _NETWORK else _CHASSIS
-        yield Trouble(
-            _number(base, part, failure),
-            system.name.lower(),
-            text,
-            Kind.SYSTEM,
-            system,
-            debounce,
-        )
+        number = _number(0 if part & _NETWORK else _CHASSIS, part, failure)
+        yield Trouble(number, system.name.lower(), text, Kind.SYSTEM, system, debounce)
 
 
 def _aiding_troubles() -> Iterator[Trouble]:
-    for fault, needs, part, failure, text in (
-        (AidingFault.GNSS_LOST, "gnss", 0x1402, _NO_SIGNAL, "the GNSS receiver has no fix"),
-        (AidingFault.ODOMETER_LOST, "odometer", 0x1403, _NO_SIGNAL, "the odometer does not count"),
-        (
-            AidingFault.GNSS_REJECTED,
-            "gnss",
-            0x1402,
-            _PLAUSIBILITY,
-            "the fixes contradict the navigation; they are not used",
-        ),
-        (
-            AidingFault.ODOMETER_REJECTED,
-            "odometer",
-            0x1403,
-            _PLAUSIBILITY,
-            "the odometer contradicts the navigation; it is not used",
-        ),
-        (
-            AidingFault.ALTIMETER_REJECTED,
-            "altimeter",
-            0x1401,
-            _PLAUSIBILITY,
-            "the altimeter contradicts the navigation; it is not used",
-        ),
-        (
-            AidingFault.GATE_OPENED,
-            "gnss",
-            0x1402,
-            _PERFORMANCE,
-            "the navigation rejected all fixes for 120 s, and nothing else aided it: it doubts "
-            "itself, and takes them again",
-        ),
-    ):
-        yield Trouble(
-            _number(_CHASSIS, part, failure),
-            fault.name.lower(),
-            text,
-            Kind.AIDING,
-            fault,
-            _ONCE,
-            0,
-            needs,
-        )
+    for fault, needs, part, failure, text in _AIDING:
+        number = _number(_CHASSIS, part, failure)
+        yield Trouble(number, fault.name.lower(), text, Kind.AIDING, fault, _ONCE, 0, needs)
 
 
-def _in_order() -> tuple[Trouble, ...]:
-    troubles = [
-        *_frame_troubles(),
-        *_sensor_troubles(),
-        *_left_out_troubles(),
-        *_other_troubles(),
-        *_aiding_troubles(),
-    ]
-    return tuple(sorted(troubles, key=lambda trouble: (trouble.kind, trouble.bit)))
-
-
-TROUBLES = _in_order()
+_ALL = (*_frame_troubles(), *_sensor_troubles(), *_other_troubles(), *_aiding_troubles())
+TROUBLES = tuple(sorted(_ALL, key=lambda trouble: (trouble.kind, trouble.bit)))
 """All trouble codes, ordered by kind and bit, as in the RAM image."""
 
 _PARITY_SYSTEM = {

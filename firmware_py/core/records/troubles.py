@@ -131,19 +131,11 @@ class Debounce:
 
     A fault detection counter goes up in each epoch with the fault and down in each without it; at
     127 the test has failed, at -128 it has passed. At the onset of a fault it is at least 0.
-
-    Attributes
-    ----------
-    fail_s : float
-        How long a fault must last; 0 if `events` is given.
-    events : int
-        Alternatively, the number of epochs with the fault.
-    pass_s : float
-        How long the fault must be absent, from a counter of 127 to 0, and from 0 to -128.
     """
 
-    fail_s: float = 0.0
-    events: int = 0
+    fail_s: float = 0.0  #: how long a fault must last; 0 if `events` is given
+    events: int = 0  #: alternatively, the number of epochs with the fault
+    #: how long the fault must be absent, from a counter of 127 to 0, and from 0 to -128
     pass_s: float = 1.0
 
     def fail_epochs(self, rate_hz: float) -> float:
@@ -161,33 +153,19 @@ class Debounce:
 
 @dataclass(frozen=True)
 class Trouble:
-    """A trouble code.
+    """A trouble code."""
 
-    Attributes
-    ----------
-    number : int
-        Three bytes.
-    name : str
-    text : str
-    kind : Kind
-    bit : int
-        Of the kind's word.
-    debounce : Debounce
-    group : int
-        Its sensor group, from 0; -1 for none. The firmware has the trouble codes of the groups in
-        its set-up.
-    needs : str
-        "gyro" or "accelerometer" if the group must have one; a source of aiding if one
-        must be fitted: "altimeter", "gnss" or "odometer".
-    """
-
-    number: int
+    number: int  #: three bytes
     name: str
     text: str
     kind: Kind
-    bit: int
+    bit: int  #: of the kind's word
     debounce: Debounce
+    #: its sensor group, from 0; -1 for none. The firmware has the trouble codes of the groups in
+    #: its set-up.
     group: int = -1
+    #: "gyro" or "accelerometer" if the group must have one; a source of aiding if one must be
+    #: fitted: "altimeter", "gnss" or "odometer"
     needs: str = ""
 
     @property
@@ -197,14 +175,7 @@ class Trouble:
         return f"{'PCBU'[high >> 14]}{high & 0x3FFF:04X}-{failure:02X}"
 
 
-SNAPSHOT_IDENTIFIERS = (
-    "epoch",
-    "mode",
-    "axis_angles",
-    "position",
-    "velocity",
-    "attitude",
-)
+SNAPSHOT_IDENTIFIERS = ("epoch", "mode", "axis_angles", "position", "velocity", "attitude")
 """Names of the data identifiers in a freeze frame."""
 
 FIRST_SNAPSHOT, LATEST_SNAPSHOT = 0x01, 0x02

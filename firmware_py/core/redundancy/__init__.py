@@ -1,1 +1,1 @@
-"""What redundant sensors are for: to find the one that fails, leave it out, and lose nothing."""
+"""Redundant sensors: finds the one that fails, and leaves it out without loss."""

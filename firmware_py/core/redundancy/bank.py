@@ -68,7 +68,7 @@ _REST = 5.0
 """Largest deviation of the innovations' squares, standard deviations of chi-square."""
 
 _LEVEL, _HEADING, _VELOCITY = 1e-3, 1e-2, 30.0
-"""What is not known of the navigation at the beginning: rad, rad, m/s."""
+"""Uncertainty of the navigation at the beginning: rad, rad, m/s."""
 
 
 @compiled

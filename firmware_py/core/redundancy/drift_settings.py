@@ -53,7 +53,6 @@ def axis_variances(
 
     Parameters
     ----------
-    axes_deg : tuple
     sensors : GyroCalibration or AccelerometerCalibration
     stability : float
         1, standard deviation of what a scale factor changes by, of the data sheet.
@@ -104,9 +103,5 @@ def set_up(
     allowed = settings.false_alarms_per_1000_h
     _set_drift(own["gyros"], axes[0], calibration.gyros, settings.gyros, allowed)
     _set_drift(
-        own["accelerometers"],
-        axes[1],
-        calibration.accelerometers,
-        settings.accelerometers,
-        allowed,
+        own["accelerometers"], axes[1], calibration.accelerometers, settings.accelerometers, allowed
     )

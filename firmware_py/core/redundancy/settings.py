@@ -39,7 +39,7 @@ _EXPECTED_GYRO = 0.02 * DPH
 _EXPECTED_ACCELEROMETER = 1.5e-4 * STANDARD_GRAVITY
 _STANDING_DPS = 0.02
 _STANDING_MPS2 = 0.05
-"""What the expectation at standstill is off by: attitude of 5', tilt of 30"; and what is motion."""
+"""Errors of the expectation at standstill: attitude of 5', tilt of 30"; and what is motion."""
 
 
 class RedundancySettings(BaseModel):

@@ -19,12 +19,7 @@ MOST_IDENTIFIERS = 16
 
 
 class Data:
-    """The services that read and write data.
-
-    Parameters
-    ----------
-    computer : Computer
-    """
+    """The services that read and write data."""
 
     def __init__(self, computer: Computer) -> None:
         self._computer = computer

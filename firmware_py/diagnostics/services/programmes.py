@@ -1,4 +1,4 @@
-"""What the routines do; `calibration` has a file of its own."""
+"""The routines at work; `calibration` has a file of its own."""
 
 from __future__ import annotations
 
@@ -26,15 +26,10 @@ _GRACE_S = 10.0
 class Programme:
     """A routine at work.
 
-    Parameters
-    ----------
-    computer : Computer
-
     Attributes
     ----------
     routine : Routine
         Of the table.
-    state : RoutineState
     ends_with_session : bool
         Whether it stops when the tool's session ends.
     """
@@ -46,6 +41,7 @@ class Programme:
         self.computer = computer
         self.routine = table.routine(self.name)
         self.state = RoutineState.NEVER_STARTED
+        self._waits = False  # for the step that handles a request
         sourced = [field for field in self.routine.results if field.source]
         self._reader = FieldReader(computer.ram, sourced)
 
@@ -89,7 +85,7 @@ class Programme:
 
     def is_settled(self) -> bool:
         """Return whether the response to a request can be given."""
-        return True
+        return not self._waits
 
     def results(self) -> Values:
         """Return the results so far."""
@@ -103,10 +99,6 @@ class _Requesting(Programme):
     modes_to_start: tuple[Mode, ...] = ()
     running = Mode.STANDBY
 
-    def __init__(self, computer: Computer) -> None:
-        super().__init__(computer)
-        self._waits = False
-
     def may_start(self) -> bool:
         """Return whether the mode allows it."""
         return self.computer.mode in self.modes_to_start
@@ -119,14 +111,9 @@ class _Requesting(Programme):
 
     def work(self) -> None:
         """Do one epoch's work, while it runs."""
-        if self._waits:  # the step has handled the request by now
-            self._waits = False
+        self._waits = False  # the step has handled the request by now
         if self.computer.mode != self.running:
             self.state = self.ended()
-
-    def is_settled(self) -> bool:
-        """Return whether the response to a request can be given."""
-        return not self._waits
 
     def ended(self) -> RoutineState:
         """Return the outcome once the mode has changed."""
@@ -217,10 +204,6 @@ class ReadmitSensor(Programme):
 
     name = "readmit_sensor"
 
-    def __init__(self, computer: Computer) -> None:
-        super().__init__(computer)
-        self._waits = False
-
     @property
     def _readmission(self) -> Readmission:
         return self.computer.state.redundancy.readmission
@@ -254,10 +237,6 @@ class ReadmitSensor(Programme):
         """Do one epoch's work, while it runs."""
         self._waits = False  # the step has handled the order by now
         self.state = _OUTCOMES[ReadmissionState(int(self._readmission.state))]
-
-    def is_settled(self) -> bool:
-        """Return whether the response to a request can be given."""
-        return not self._waits
 
 
 _OUTCOMES = {

@@ -48,7 +48,6 @@ class Lock(Part):
 
     Parameters
     ----------
-    secret : bytes
     random_bytes : callable
         Returns the given number of unpredictable bytes.
     """

@@ -20,11 +20,7 @@ from rrins.firmware_py.core.modes.modes import Mode
 from rrins.firmware_py.core.records.memory import INNER, OUTER
 from rrins.firmware_py.core.turntable import sequencer, table_sums
 from rrins.firmware_py.core.turntable.table_sums import TableSums
-from rrins.firmware_py.diagnostics.calibration_record import (
-    AT_REST,
-    CalibrationEnd,
-    record_of,
-)
+from rrins.firmware_py.diagnostics.calibration_record import AT_REST, CalibrationEnd, record_of
 from rrins.firmware_py.diagnostics.codecs import Value, Values
 from rrins.firmware_py.diagnostics.computer import Computer
 from rrins.firmware_py.diagnostics.routines import RoutineState

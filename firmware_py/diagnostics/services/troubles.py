@@ -39,7 +39,6 @@ class Troubles:
 
     Parameters
     ----------
-    computer : Computer
     on_clear : callable
         Called when trouble codes have been cleared.
     """

@@ -32,7 +32,6 @@ class Watch:
     ----------
     name : str
         What the program is called.
-    follower : Follower
     patience_s : float
         Longest silence in wall clock time; 0 waits for ever.
     rate_hz : int
@@ -116,8 +115,6 @@ class FollowedBatchPort(BatchPort):
 
     Parameters
     ----------
-    address : Address
-    watch : Watch
     foreign_senders : bool
         As of `BatchPort`.
     """
@@ -176,13 +173,7 @@ class FollowedBatchPort(BatchPort):
 
 
 class FollowedMessagePort(MessagePort):
-    """The hardware on any python-can bus, with a watch on the firmware.
-
-    Parameters
-    ----------
-    address : Address
-    watch : Watch
-    """
+    """The hardware on any python-can bus, with a watch on the firmware."""
 
     def __init__(self, address: Address, watch: Watch, bus: can.BusABC | None = None) -> None:
         self._watch = watch

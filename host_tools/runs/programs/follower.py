@@ -22,13 +22,7 @@ from rrins.firmware_py.core.records.memory import NavigationOutput
 from rrins.host_tools.files import JsonObject
 from rrins.host_tools.runs.results.samples import NAVIGATION_SAMPLES, SampleBuffer, SampleFile
 
-_COUNTERS: Final = (
-    "crc_errors",
-    "counter_errors",
-    "missing_frames",
-    "bridged_epochs",
-    "overruns",
-)
+_COUNTERS: Final = ("crc_errors", "counter_errors", "missing_frames", "bridged_epochs", "overruns")
 _AXIS_COMMANDS: Final = 2  # what comes in every epoch
 
 _LATITUDE, _LONGITUDE, _VELOCITY, _HEIGHT, _ATTITUDE = range(5)
@@ -38,7 +32,7 @@ _MODES, _FAULTS = len(Mode), len(FirmwareFault)
 
 
 class Followed(Record):
-    """What a firmware has told."""
+    """State of a firmware as its frames report it."""
 
     frames: I8  #: received so far
     mode: I8  #: a `Mode`

@@ -1,4 +1,4 @@
-"""What the host of the embedded bus says about others on it, for the user of a rehearsal."""
+"""Notices of the embedded bus's host about other peers, for the user of a rehearsal."""
 
 from __future__ import annotations
 
@@ -23,7 +23,6 @@ class _Notices(logging.Handler):
 
     Parameters
     ----------
-    report : ReportPipe
     side : str
         Whose process this is.
     """

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import contextlib
 import logging
-import signal
 import subprocess
 import tempfile
 import time
@@ -34,13 +33,18 @@ from rrins.host_tools.hardware.loop import Hardware
 from rrins.host_tools.hardware.settings import Settings
 from rrins.host_tools.hardware.step import OUTBOX_CAPACITY
 from rrins.host_tools.runs.programs.notices import LOGGER
-from rrins.host_tools.runs.programs.program import Program, last_words
+from rrins.host_tools.runs.programs.program import (
+    Program,
+    end_error,
+    last_words,
+    misfit_error,
+    misfit_of,
+)
 from rrins.host_tools.runs.results.pipe import ReportPipe
 from rrins.host_tools.scenario.fault_tables import FaultOnWire
 from rrins.host_tools.scenario.scenario import Scenario
 from rrins.host_tools.wire.wire import Wire
 
-_SENT: Final = " it sent "  # what the bus says of who does not speak as it does
 _ATTACH_S: Final = 30.0
 _LOOK_S: Final = 0.2  # between two looks whether the program still runs
 _END_S: Final = 2.0  # for the program to end after the bus has
@@ -68,14 +72,12 @@ class _Misfits(logging.Handler):
 
     def __init__(self, pid: int) -> None:
         super().__init__(logging.WARNING)
-        self._process = f"process {pid}"
+        self._pid = pid
         self.text = ""
 
     def emit(self, record: logging.LogRecord) -> None:
         """Keep the reason."""
-        text = record.getMessage()
-        if self._process in text and _SENT in text:
-            self.text = text.partition(_SENT)[2]
+        self.text = misfit_of(record.getMessage(), self._pid) or self.text
 
 
 class ProgramLink(Closing):
@@ -83,8 +85,6 @@ class ProgramLink(Closing):
 
     Parameters
     ----------
-    program : Program
-    scenario : Scenario
     folder : Path or None
         Where its set-up goes, and what it prints (`hardware.txt`).
     patience_s : float
@@ -166,20 +166,11 @@ class ProgramLink(Closing):
         """
         self._report.check_read()
         if self._misfits.text:
-            raise SideLostError(
-                f"{self._name} speaks another language than the bus: {self._misfits.text}"
-            )
+            raise misfit_error(self._name, self._misfits.text)
         status = self._process.poll()
-        if status is None:
-            return
-        if status < 0:
-            raise SideLostError(
-                f"{self._name} was killed by {signal.Signals(-status).name} {self._when}"
-            )
-        said = last_words(self._folder, "hardware")
-        raise SideLostError(
-            f"{self._name} ended with status {status} {self._when}" + (f": {said}" if said else "")
-        )
+        if status is not None:
+            said = last_words(self._folder, "hardware")
+            raise end_error(self._name, status, self._when, said)
 
     def exchange(
         self, frames: FrameArray, count: int, epoch: int, time_ns: int
@@ -251,7 +242,6 @@ class OwnHardware(Hardware):
     ----------
     settings : Settings
         Of the emulation beside it: truth and operator.
-    wire : Wire or None
     link : ProgramLink
         Begun before the first step.
     """

@@ -20,7 +20,7 @@ from typing import IO, Final
 
 from rrins.host_tools.bus.channel import socket_path
 from rrins.host_tools.bus.port import Address, Side
-from rrins.host_tools.errors import RehearsalError
+from rrins.host_tools.errors import RehearsalError, SideLostError
 from rrins.host_tools.runs.programs import guard
 from rrins.host_tools.runs.set_up.setup_file import write_setup
 from rrins.host_tools.scenario.scenario import Scenario
@@ -88,15 +88,9 @@ class ProgramProcess(subprocess.Popen[bytes]):
 
 @dataclass(frozen=True)
 class Program:
-    """A program and the words that it is always called with.
+    """A program and the words that it is always called with."""
 
-    Attributes
-    ----------
-    words : tuple of str
-        The program, as a path, and its own options.
-    """
-
-    words: tuple[str, ...]
+    words: tuple[str, ...]  #: the program, as a path, and its own options
 
     @classmethod
     def parse(cls, text: str) -> Program:
@@ -121,7 +115,7 @@ class Program:
 
     @property
     def name(self) -> str:
-        """What the program is called."""
+        """Name of the program's file."""
         return Path(self.words[0]).name
 
     def __str__(self) -> str:
@@ -141,7 +135,6 @@ class Program:
 
         Parameters
         ----------
-        scenario : Scenario
         address : Address
             The bus; of the embedded one the program is given the socket's path.
         speed : str
@@ -174,6 +167,23 @@ class Program:
                 return ProgramProcess(words, output, keep_open)
         except OSError as error:
             raise RehearsalError(f"{self.words[0]}: cannot be started: {error.strerror}") from error
+
+
+def misfit_of(notice: str, pid: int) -> str:
+    """Return what the bus does not understand of a process; empty if a notice is about others."""
+    return notice.partition(" it sent ")[2] if f"process {pid}" in notice else ""
+
+
+def misfit_error(name: str, misfit: str) -> SideLostError:
+    """Return the error of a program that the bus does not understand."""
+    return SideLostError(f"{name} does not follow the protocol of the bus: {misfit}")
+
+
+def end_error(name: str, status: int, when: str, said: str) -> SideLostError:
+    """Return the error of a program that has ended, from its exit status and last words."""
+    if status < 0:
+        return SideLostError(f"{name} was killed by {signal.Signals(-status).name} {when}")
+    return SideLostError(f"{name} ended with status {status} {when}" + (said and f": {said}"))
 
 
 def said_path(folder: Path, side: Side = "firmware") -> Path:

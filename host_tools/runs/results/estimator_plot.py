@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from rrins.compiled.record import Records
 from rrins.firmware_py.core.records.estimator_records import EstimatorSecond
-from rrins.firmware_py.core.sensors.calibration import ARCSEC
 from rrins.host_tools.drawing.style import (
     LINES,
     SINCE_NAVIGATION,
@@ -18,6 +17,7 @@ from rrins.host_tools.drawing.style import (
     new_figure,
     quantity,
 )
+from rrins.host_tools.runs.results.estimates import BANDS
 from rrins.host_tools.runs.results.results import Errors
 
 _POINTS = 4000
@@ -38,38 +38,18 @@ def draw_estimates(
     ----------
     seconds : array of `EstimatorSecond`
         Not empty.
-    errors : Errors
     begin_epoch : float
         When navigation began.
-    rate_hz : int
-    title : str
     """
     thin = seconds[:: max(1, len(seconds) // _POINTS)]
     time_s = (thin["epoch"] - begin_epoch) / rate_hz
     panels: list[tuple[str, str, _Vector, _Vector]] = []
-    for what, unit, sigma, found in (
-        (
-            "attitude error\nabout {}",
-            "″",
-            thin["attitude_sigma"] / ARCSEC,
-            (errors.turn_east_arcsec, errors.turn_north_arcsec, errors.turn_up_arcsec),
-        ),
-        (
-            "velocity error\n{}",
-            "mm/s",
-            thin["velocity_sigma"] * 1e3,
-            (errors.velocity_east_mps * 1e3, errors.velocity_north_mps * 1e3, None),
-        ),
-        (
-            "position error\n{}",
-            "m",
-            thin["position_sigma"],
-            (errors.position_east_m, errors.position_north_m, errors.height_m),
-        ),
-    ):
-        for k, values in enumerate(found):
-            if values is not None and (sigma[:, k].any() or k < 2):
-                panels.append((what.format(_SIDES[k]), unit, sigma[:, k], values))
+    for band in BANDS:
+        sigma = thin[band.sigma] / band.size * band.factor
+        for k, name in enumerate(band.errors):
+            if sigma[:, k].any() or k < 2:
+                values = getattr(errors, name) * band.factor
+                panels.append((band.label.format(_SIDES[k]), band.unit, sigma[:, k], values))
     figure = new_figure(9.0, 1.7 * len(panels) + 0.6)
     rows = figure.subplots(len(panels), 1, sharex=True)
     give_title(figure, f"{title}\nerrors (line) and ±3σ of the estimator (band)")

@@ -19,6 +19,9 @@ SUMMARY = "summary.json"
 _RESULTS = (
     "navigation_errors.png",
     "horizontal_track.png",
+    "estimator.png",
+    "estimated_sensors.png",
+    "estimated_sensors.csv",
     "parity.png",
     "errors.csv",
     "navigation.csv",
@@ -26,7 +29,7 @@ _RESULTS = (
     SUMMARY,
 )
 _SAME = ("navigation_sha256", "scenario")
-"""What two runs have in common when the later one may take the earlier one's place."""
+"""Keys that are equal in two runs of which the later may replace the earlier."""
 
 
 def place_for(folder: Path, summary: AnySummary) -> tuple[Path, str | None]:

@@ -1,4 +1,4 @@
-"""What both sides of a run say at its end."""
+"""Results of both sides at the end of a run."""
 
 from __future__ import annotations
 
@@ -16,12 +16,9 @@ class Outcome:
     ----------
     firmware, hardware : dict
         Summary of each side; empty for one that could not give any.
-    wall_s : float
-        Seconds that the run took.
-    failure : RehearsalError or None
     """
 
     firmware: JsonObject = field(default_factory=dict)
     hardware: JsonObject = field(default_factory=dict)
-    wall_s: float = 0.0
+    wall_s: float = 0.0  #: seconds that the run took
     failure: RehearsalError | None = None

@@ -17,10 +17,9 @@ from rrins.host_tools.drawing.style import (
     new_figure,
     quantity,
 )
-from rrins.host_tools.hardware.units import DPH, UG
-from rrins.host_tools.runs.results.parity_log import Parities
+from rrins.host_tools.runs.results.seconds_log import Parities
+from rrins.host_tools.runs.results.sensor_errors import KINDS
 
-_UNITS = {"gyros": ("gyro", DPH, "°/h"), "accelerometers": ("accelerometer", UG, "µg")}
 _LEAST_RATIO = 0.01
 _MOST_LEGENDS = 8
 
@@ -36,8 +35,6 @@ def draw_parity(parities: Parities, begin_epoch: float, rate_hz: int, title: str
         Seconds of each kind; not empty.
     begin_epoch : float
         When navigation began.
-    rate_hz : int
-    title : str
     """
     figure = new_figure(9.0, 4.6 * len(parities))
     panels = figure.subplots(2 * len(parities), 1, sharex=True, squeeze=False)[:, 0]
@@ -52,7 +49,7 @@ def draw_parity(parities: Parities, begin_epoch: float, rate_hz: int, title: str
 
 
 def _draw_ratio(axes: Axes, kind: str, time_s: _Vector, seconds: Records[ParitySecond]) -> None:
-    one, _, _ = _UNITS[kind]
+    one = kind.removesuffix("s")
     compared = seconds["threshold"].any(axis=1)
     ratio = np.where(compared, np.maximum(seconds["ratio"], 2 * _LEAST_RATIO), np.nan)
     axes.plot(time_s, ratio, label="largest of all windows", **LINES[0])
@@ -88,7 +85,7 @@ def _changes(one: str, time_s: _Vector, sensors: NDArray[np.int64]) -> list[tupl
 
 
 def _draw_residuals(axes: Axes, kind: str, time_s: _Vector, seconds: Records[ParitySecond]) -> None:
-    one, size, unit = _UNITS[kind]
+    one, (_, size, _, unit) = kind.removesuffix("s"), KINDS[kind]
     residual, threshold = seconds["residual"] / size, seconds["threshold"] / size
     used = np.flatnonzero(threshold.any(axis=0))
     residual = np.where(threshold > 0, residual, np.nan)

@@ -1,4 +1,4 @@
-"""Loads what pictures need while the sides of a rehearsal run: nobody waits for it afterwards."""
+"""Loads the plotting libraries while the sides of a rehearsal run, to save the wait afterwards."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a side tells the rehearsal that started it: one JSON object a line, over a pipe."""
+"""Reports of a side to the rehearsal that started it: one JSON object a line, over a pipe."""
 
 from __future__ import annotations
 
@@ -83,13 +83,7 @@ class ReportPipe:
 
 
 class NoteHandler(logging.Handler):
-    """Hands what is logged to the rehearsal, as notes.
-
-    Parameters
-    ----------
-    report : ReportPipe
-    side : str
-    """
+    """Hands what is logged to the rehearsal, as notes."""
 
     def __init__(self, report: ReportPipe, side: str) -> None:
         super().__init__()

@@ -9,8 +9,6 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from rrins.compiled.record import Records
-from rrins.firmware_py.core.records.estimator_records import EstimatorSecond
 from rrins.host_tools.drawing.style import (
     EAST,
     NORTH,
@@ -20,12 +18,13 @@ from rrins.host_tools.drawing.style import (
     new_figure,
     quantity,
 )
-from rrins.host_tools.files import JsonObject, replacing
-from rrins.host_tools.runs.results.constants_plot import draw_constants
+from rrins.host_tools.files import replacing
 from rrins.host_tools.runs.results.estimator_plot import draw_estimates
-from rrins.host_tools.runs.results.parity_log import Parities
 from rrins.host_tools.runs.results.parity_plot import draw_parity
 from rrins.host_tools.runs.results.results import Errors, Vector
+from rrins.host_tools.runs.results.seconds_log import Seconds
+from rrins.host_tools.runs.results.sensors_plot import draw_constants
+from rrins.host_tools.runs.results.summary_types import AnySummary
 
 _SCALES = ((2e3, 1e-3, "k"), (0.2, 1.0, ""), (2e-4, 1e3, "m"), (0.0, 1e6, "µ"))
 _POINTS = 4000
@@ -53,12 +52,8 @@ def _pair(axes: Axes, errors: Errors, kind: str, unit: str, label: str) -> None:
     thin = _thin(errors)
     for values, style, name in ((east, EAST, "east"), (north, NORTH, "north")):
         largest = float(np.max(np.abs(values))) * factor
-        axes.plot(
-            errors.time_s[thin],
-            values[thin] * factor,
-            label=f"{name} (largest {largest:.3g} {prefix}{shown})",
-            **style,
-        )
+        label_of_line = f"{name} (largest {largest:.3g} {prefix}{shown})"
+        axes.plot(errors.time_s[thin], values[thin] * factor, label=label_of_line, **style)
     finish(axes, quantity(label, f"{prefix}{shown}"), zero_line=True)
     _legend_above(axes)
 
@@ -130,18 +125,9 @@ def _track_figure(errors: Errors, title: str) -> Figure:
 
 
 def write_plots(
-    folder: Path,
-    errors: Errors,
-    title: str,
-    parities: Parities,
-    rate_hz: int,
-    estimates: Records[EstimatorSecond] | None = None,
-    estimator: JsonObject | None = None,
+    folder: Path, errors: Errors, title: str, rate_hz: int, seconds: Seconds, summary: AnySummary
 ) -> list[Path]:
     """Write the pictures of a run into a folder; return their paths, none for an empty run.
-
-    `parities` are those of redundant sensors, empty where none are compared; `estimates` what the
-    estimator knew, if there was one, and `estimator` what the summary says of it.
 
     Raises
     ------
@@ -155,19 +141,16 @@ def write_plots(
         "horizontal_track.png": _track_figure(errors, title),
     }
     begin_epoch = float(errors.epoch[0]) - float(errors.time_s[0]) * rate_hz
-    if estimates is not None and len(estimates):
+    estimates, estimator = seconds.estimates, summary["estimator"]
+    if len(estimates):
         figures["estimator.png"] = draw_estimates(estimates, errors, begin_epoch, rate_hz, title)
-    sensors = None if estimator is None else estimator["sensors"]
-    if estimator is not None and sensors and sensors["gyros"]["constants"]:
+    if estimator and estimator["sensors"] and estimator["sensors"]["gyros"]["constants"]:
         figures["estimated_sensors.png"] = draw_constants(estimator, title)
-    if parities:
-        figures["parity.png"] = draw_parity(parities, begin_epoch, rate_hz, title)
-    paths = []
+    if seconds.parities:
+        figures["parity.png"] = draw_parity(seconds.parities, begin_epoch, rate_hz, title)
     for name, figure in figures.items():
-        path = folder / name
         drawn = io.BytesIO()
         figure.savefig(drawn, format="png")
-        with replacing(path) as part:
+        with replacing(folder / name) as part:
             part.write_bytes(drawn.getvalue())
-        paths.append(path)
-    return paths
+    return [folder / name for name in figures]

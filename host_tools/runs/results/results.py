@@ -1,10 +1,10 @@
-"""What a run came to: errors against the truth, as numbers, a table of rows and a summary."""
+"""Results of a run: errors against the truth, as numbers, a table of rows and a summary."""
 
 from __future__ import annotations
 
 import csv
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import IO, TypeVar
 
@@ -60,24 +60,18 @@ class Errors:
 
     def largest(self) -> JsonObject:
         """Return the figures that people ask for first, by their names in the summary."""
+        names = ("velocity_error_mps", "position_error_m")
         if not len(self):
-            return {
-                "max_abs_velocity_error_mps": None,
-                "max_abs_position_error_m": None,
-                "end_position_error_m": None,
+            return {f"max_abs_{name}": None for name in names} | {"end_position_error_m": None}
+        found: JsonObject = {}
+        for name in names:
+            what, unit = name.split("_error_")
+            sides = {side: getattr(self, f"{what}_{side}_{unit}") for side in ("east", "north")}
+            found[f"max_abs_{name}"] = {
+                side: float(np.max(np.abs(values))) for side, values in sides.items()
             }
         end = np.hypot(self.position_east_m[-1], self.position_north_m[-1])
-        return {
-            "max_abs_velocity_error_mps": {
-                "east": float(np.max(np.abs(self.velocity_east_mps))),
-                "north": float(np.max(np.abs(self.velocity_north_mps))),
-            },
-            "max_abs_position_error_m": {
-                "east": float(np.max(np.abs(self.position_east_m))),
-                "north": float(np.max(np.abs(self.position_north_m))),
-            },
-            "end_position_error_m": float(end),
-        }
+        return found | {"end_position_error_m": float(end)}
 
 
 def _angle_deg(difference: Vector) -> Vector:
@@ -122,13 +116,8 @@ def compare(navigation: Records[NavigationOutput], truth: Records[Truth], rate_h
     nav, true = in_common(navigation, truth)
     epochs = nav["epoch"]
     if len(epochs):
-        east, north = east_north_m(
-            nav["latitude"],
-            nav["longitude"],
-            true["latitude"],
-            true["longitude"],
-            true["height"],
-        )
+        here, there = ((log["latitude"], log["longitude"]) for log in (nav, true))
+        east, north = east_north_m(*here, *there, true["height"])
     else:
         east = north = np.zeros(0)
     first = epochs[0] if len(epochs) else 0
@@ -178,36 +167,29 @@ def in_common(
     return navigation[ours], truth[theirs]
 
 
-_COLUMNS = (
-    ("time_s", "%.3f"),
-    ("position_east_m", "%.6g"),
-    ("position_north_m", "%.6g"),
-    ("height_m", "%.6g"),
-    ("velocity_east_mps", "%.6g"),
-    ("velocity_north_mps", "%.6g"),
-    ("roll_deg", "%.6g"),
-    ("pitch_deg", "%.6g"),
-    ("heading_deg", "%.6g"),
-    ("inner_deg", "%.6f"),
-    ("outer_deg", "%.6f"),
-)
+_FORMATS = {"time_s": "%.3f", "inner_deg": "%.6f", "outer_deg": "%.6f"}
+_COLUMNS = {
+    field.name: _FORMATS.get(field.name, "%.6g")
+    for field in fields(Errors)
+    if field.name != "epoch" and not field.name.startswith("turn_")
+}
 
 
 def columns_of(errors: Errors) -> dict[str, NDArray[np.float64] | NDArray[np.int64]]:
     """Return the errors as columns, units in their names."""
-    return {"epoch": errors.epoch} | {name: getattr(errors, name) for name, _ in _COLUMNS}
+    return {"epoch": errors.epoch} | {name: getattr(errors, name) for name in _COLUMNS}
 
 
 def write_errors(path: Path, errors: Errors) -> None:
     """Write the errors as a CSV file with a column for each, units in the names."""
-    names = list(columns_of(errors))
-    columns = [errors.epoch.tolist()]
-    for name, spec in _COLUMNS:
-        columns.append([spec % value for value in getattr(errors, name).tolist()])
+    columns = [
+        [_COLUMNS.get(name, "%d") % value for value in values.tolist()]
+        for name, values in columns_of(errors).items()
+    ]
 
     def write(file: IO[str]) -> None:
         writer = csv.writer(file)
-        writer.writerow(names)
+        writer.writerow(columns_of(errors))
         writer.writerows(zip(*columns, strict=True))
 
     write_whole(path, write)

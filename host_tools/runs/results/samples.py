@@ -114,13 +114,25 @@ class RingReader:
         return numbers
 
 
+def sample_files(folder: Path | None) -> tuple[SampleFile, SampleFile]:
+    """Return the files of navigation and truth in a folder; without one, samples are dropped.
+
+    Raises
+    ------
+    SamplesError
+        When one cannot be made.
+    """
+    names = (NAVIGATION_SAMPLES, TRUTH_SAMPLES)
+    navigation, truth = (SampleFile(None if folder is None else folder / name) for name in names)
+    return navigation, truth
+
+
 class SampleBuffer(Generic[_R]):
     """Samples collected in fixed memory and handed to a file now and then.
 
     Parameters
     ----------
     kind : type of Record
-    file : SampleFile
     """
 
     def __init__(self, kind: type[_R], file: SampleFile) -> None:

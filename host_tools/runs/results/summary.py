@@ -7,24 +7,14 @@ from typing import cast
 
 from rich.table import Table
 
-from rrins.compiled.record import Records
-from rrins.firmware_py.core.records.estimator_records import EstimatorSecond
 from rrins.host_tools.files import JsonObject
-from rrins.host_tools.runs.results.bridging_summary import bridging_lines
-from rrins.host_tools.runs.results.calibration_summary import calibrated_lines
-from rrins.host_tools.runs.results.estimator_summary import (
-    beside_truth,
-    estimator_lines,
-    sensor_rows,
-    write_sensors,
-)
+from rrins.host_tools.runs.results.estimates import beside_truth, sensor_rows, write_sensors
+from rrins.host_tools.runs.results.findings import finding_lines
 from rrins.host_tools.runs.results.outcome import Outcome
-from rrins.host_tools.runs.results.parity_log import Parities
-from rrins.host_tools.runs.results.redundancy_summary import redundancy_lines
 from rrins.host_tools.runs.results.results import Errors, write_errors, write_summary
+from rrins.host_tools.runs.results.seconds_log import Seconds
 from rrins.host_tools.runs.results.stalls import stall_before_fault
 from rrins.host_tools.runs.results.summary_types import AnySummary, Summary
-from rrins.host_tools.runs.results.table_summary import table_lines
 from rrins.host_tools.runs.set_up import given_attitude
 from rrins.host_tools.runs.set_up.load_warnings import warnings_of
 from rrins.host_tools.runs.set_up.settings import trajectory_of
@@ -59,7 +49,6 @@ def summarise(
 
     Parameters
     ----------
-    outcome : Outcome
     stopped : str, optional
         Why the run did not come to its end.
     """
@@ -102,17 +91,9 @@ def summarise(
 
 
 def write_results(
-    folder: Path,
-    summary: AnySummary,
-    errors: Errors,
-    title: str,
-    parities: Parities | None = None,
-    estimates: Records[EstimatorSecond] | None = None,
+    folder: Path, summary: AnySummary, errors: Errors, title: str, seconds: Seconds
 ) -> list[Path]:
     """Write pictures, errors and summary of a run into a folder; return their paths.
-
-    `parities` are those of redundant sensors, if any are compared; `estimates` what the estimator
-    knew, if there was one.
 
     Raises
     ------
@@ -124,9 +105,8 @@ def write_results(
     )
 
     write_summary(folder / "summary.json", summary)  # what is smallest is there on a full disk
-    rate_hz, estimator = summary["rate_hz"], summary["estimator"]
-    paths = write_plots(folder, errors, title, parities or {}, rate_hz, estimates, estimator)
-    rows = sensor_rows(estimator)
+    paths = write_plots(folder, errors, title, summary["rate_hz"], seconds, summary)
+    rows = sensor_rows(summary["estimator"])
     if rows:
         write_sensors(folder / "estimated_sensors.csv", rows)
         paths.append(folder / "estimated_sensors.csv")
@@ -257,14 +237,12 @@ def lines_of(summary: AnySummary) -> list[str]:
     calibration = firmware.get("calibration")
     if calibration is not None:
         lines.append(f"calibration {calibration['file']}: {_keys_of(calibration)}")
-    lines += calibrated_lines(firmware.get("calibrated"))
     lines += _duration_line(summary)
     for side in ("firmware", "hardware"):
         lateness = summary[side].get("lateness_us", {})
         if lateness.get("epochs"):
             lines.append(_lateness_line(side, lateness))
-    lines.extend(estimator_lines(summary["estimator"]))
-    lines.extend(redundancy_lines(summary["redundancy"]))
+    lines += finding_lines(firmware)
     wire = summary["hardware"].get("wire")
     if wire:
         lines.append(_wire_line(wire))
@@ -273,7 +251,4 @@ def lines_of(summary: AnySummary) -> list[str]:
     if faults:
         counted = ", ".join(f"{name} {count}" for name, count in faults.items())
         lines.append(f"faults counted by the firmware: {counted}")
-    lines += _late_line(summary)
-    lines += table_lines(firmware)
-    lines += bridging_lines(firmware)
-    return lines
+    return lines + _late_line(summary)

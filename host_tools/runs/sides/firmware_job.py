@@ -2,24 +2,19 @@
 
 from __future__ import annotations
 
+from contextlib import ExitStack, closing
+
 from rrins.firmware_py.core.modes.modes import FirmwareFault, Mode
 from rrins.firmware_py.core.navigation.trace import NavigationTrace
 from rrins.firmware_py.diagnostics.store import StoreError
-from rrins.firmware_py.loop import Firmware, open_memories
-from rrins.firmware_py.loop import run_lockstep as run_firmware_lockstep
-from rrins.firmware_py.loop import run_realtime as run_firmware_realtime
+from rrins.firmware_py.loop import Firmware, open_memories, run_lockstep, run_realtime
 from rrins.host_tools.bus.port import open_port
 from rrins.host_tools.errors import ParameterFileError
 from rrins.host_tools.files import JsonObject
-from rrins.host_tools.runs.results.bridging_summary import bridging_summary
-from rrins.host_tools.runs.results.calibration_summary import calibrated_summary
-from rrins.host_tools.runs.results.estimator_log import EstimatorLog
-from rrins.host_tools.runs.results.estimator_summary import estimator_summary
-from rrins.host_tools.runs.results.parity_log import ParityLog
+from rrins.host_tools.runs.results.findings import FINDINGS
 from rrins.host_tools.runs.results.pipe import ReportPipe
-from rrins.host_tools.runs.results.redundancy_summary import redundancy_summary
 from rrins.host_tools.runs.results.samples import NAVIGATION_SAMPLES, SampleFile, keep_every
-from rrins.host_tools.runs.results.table_summary import encoder_summary
+from rrins.host_tools.runs.results.seconds_log import SecondsLog
 from rrins.host_tools.runs.set_up.settings import firmware_settings
 from rrins.host_tools.runs.sides.job import Job, prepare, settle
 from rrins.host_tools.runs.sides.realtime import LatenessHistogram
@@ -38,27 +33,23 @@ _COUNTERS = (
 def firmware_summary(firmware: Firmware) -> JsonObject:
     """Return the firmware's summary of a run, in plain values."""
     state = firmware.ram[0]
+    sequencer = state.sequencer
     return {
         "mode": firmware.mode.name,
-        "fault": FirmwareFault(int(state["modes"]["fault"])).name,
+        "fault": FirmwareFault(int(state.modes.fault)).name,
         "epoch": firmware.epoch,
         "epochs_navigated": firmware.trace.epochs,
         "navigation_sha256": firmware.trace.sha256(),
-        "scheme_cycles": int(state["sequencer"]["cycle"]),
-        "axes_not_following": [bool(flag) for flag in state["sequencer"]["not_following"]],
-        "axis_interruptions": [int(count) for count in state["sequencer"]["interruptions"]],
-        "axes_abandoned": [bool(flag) for flag in state["sequencer"]["abandoned"]],
-        "encoders": encoder_summary(state),
-        "bridging": bridging_summary(state),
+        "scheme_cycles": int(sequencer.cycle),
+        "axes_not_following": [bool(flag) for flag in sequencer.not_following],
+        "axis_interruptions": [int(count) for count in sequencer.interruptions],
+        "axes_abandoned": [bool(flag) for flag in sequencer.abandoned],
         "frames_received": firmware.frames_received,
         "frames_sent": firmware.frames_sent,
         "calibration": _calibration_used(firmware),
-        "calibrated": calibrated_summary(firmware.ram),
-        "clock_jumps": int(state["clock"]["jumps"]),
-        "redundancy": redundancy_summary(state),
-        "estimator": estimator_summary(state),
-        "faults": {name: int(state["faults"][name]) for name in _COUNTERS},
-    }
+        "clock_jumps": int(state.clock.jumps),
+        "faults": {name: int(state.faults[name]) for name in _COUNTERS},
+    } | {finding.key: finding.read(firmware.ram) for finding in FINDINGS}
 
 
 def _calibration_used(firmware: Firmware) -> JsonObject | None:
@@ -108,59 +99,35 @@ def run_firmware(job: Job) -> JsonObject:
     report = ReportPipe(job.report_fd)
     scenario = job.scenario
     prepare(report, "firmware", scenario)
-    rows = SampleFile(job.log_path(NAVIGATION_SAMPLES))
-    trace = NavigationTrace(keep_every(scenario.epochs, scenario.rate_hz), rows.append)
-    firmware = _open_firmware(job, trace)
-    lateness = LatenessHistogram(scenario.period_ns)
+    with ExitStack() as ends:
+        rows = ends.enter_context(closing(SampleFile(job.log_path(NAVIGATION_SAMPLES))))
+        trace = NavigationTrace(keep_every(scenario.epochs, scenario.rate_hz), rows.append)
+        firmware = ends.enter_context(closing(_open_firmware(job, trace)))
+        lateness = LatenessHistogram(scenario.period_ns)
 
-    def progress(epoch: int) -> None:
-        report.send("progress", side="firmware", **firmware_progress(firmware))
+        def progress(epoch: int) -> None:
+            report.send("progress", side="firmware", **firmware_progress(firmware))
 
-    lines = open_lines(job.serial, firmware, lambda text: report.note("firmware", text))
-    parity = ParityLog(firmware.ram, job.folder, scenario.duration_s)
-    estimates = EstimatorLog(firmware.ram, job.folder, scenario.duration_s)
-    tasks = Tasks(
-        (job.report_every, progress),
-        (lines.every, lines.run),
-        (parity.every, parity.run),
-        (estimates.every, estimates.run),
-    )
-    summary: JsonObject = {}
-    try:
+        lines = open_lines(job.serial, firmware, lambda text: report.note("firmware", text))
+        ends.callback(lines.close)
+        seconds = SecondsLog(firmware.ram, job.folder, scenario.duration_s)
+        ends.callback(seconds.close)
+        tasks = Tasks(
+            (job.report_every, progress), (lines.every, lines.run), (seconds.every, seconds.run)
+        )
         permitted = settle(job)  # locking memory takes long: before anyone waits for us
-        port = open_port(job.address, "firmware", job.attach_wait_s)
-    except BaseException:
-        lines.close()
-        parity.close()
-        estimates.close()
-        firmware.close()
-        raise
-    try:
-        report.send("ready", side="firmware", **permitted)
-        if job.is_realtime:
-            run_firmware_realtime(
-                firmware,
-                port,
-                lateness,
-                scenario.firmware.clock_error_ppm,
-                tasks.every,
-                tasks.run,
-            )
-        else:
-            port.meet()
-            run_firmware_lockstep(
-                firmware, port, scenario.firmware.clock_error_ppm, tasks.every, tasks.run
-            )
-    finally:
-        summary = firmware_summary(firmware) | {"lateness_us": lateness.summary()}
-        summary |= lines.statistics()
-        lines.close()
-        rows.close()
-        parity.run()
-        parity.close()
-        estimates.run()
-        estimates.close()
-        port.close()
-        firmware.close()
-        report.send("summary", side="firmware", **summary)
+        port = ends.enter_context(closing(open_port(job.address, "firmware", job.attach_wait_s)))
+        error_ppm = scenario.firmware.clock_error_ppm
+        try:
+            report.send("ready", side="firmware", **permitted)
+            if job.is_realtime:
+                run_realtime(firmware, port, lateness, error_ppm, tasks.every, tasks.run)
+            else:
+                port.meet()
+                run_lockstep(firmware, port, error_ppm, tasks.every, tasks.run)
+        finally:
+            seconds.run()
+            summary = firmware_summary(firmware) | {"lateness_us": lateness.summary()}
+            summary |= lines.statistics()
+            ends.callback(lambda: report.send("summary", side="firmware", **summary))
     return summary

@@ -37,56 +37,30 @@ _ATTENTIVE_SPEED = 20.0  # up to which a report comes every simulated second
 
 @dataclass(frozen=True)
 class Job:
-    """What a side does.
-
-    Attributes
-    ----------
-    scenario : Scenario
-    address : Address
-        The bus.
-    speed : float or None
-        `REALTIME`, a factor for lockstep, or None for lockstep as fast as it goes.
-    folder : Path or None
-        Where the log goes.
-    report_fd : int or None
-        Pipe to the rehearsal.
-    core : int or None
-        Processor to stay on. Two processes that wait for each other are several times faster on
-        one than on two.
-    attach_wait_s : float
-        How long the firmware waits for the bus to come up.
-    await_peers : tuple of str
-        Other peers of the embedded bus without which the hardware does not begin.
-    serial : SerialSettings
-        The firmware's serial lines.
-    parameters : Path or None
-        File of the firmware's parameter memory.
-    foreign_senders : bool
-        Whether the hardware lets others on the embedded bus send what is the sides'.
-    follow : str or None
-        Name of the user's own program that is the firmware: the hardware follows it by its frames.
-    patience_s : float
-        Longest silence of a program of the user's; 0 waits for ever.
-    program : Program or None
-        The user's own program in the place of the sensors and the table.
-    steer : Path or None
-        File that sets how fast the hardware goes (`rrins.host_tools.runs.sides.steering`).
-    """
+    """The job of one side's process."""
 
     scenario: Scenario
-    address: Address
+    address: Address  #: the bus
+    #: `REALTIME`, a factor for lockstep, or None for lockstep as fast as it goes
     speed: float | None
-    folder: Path | None = None
-    report_fd: int | None = None
+    folder: Path | None = None  #: where the log goes
+    report_fd: int | None = None  #: pipe to the rehearsal
+    #: processor to stay on. Two processes that wait for each other are several times faster on one
+    #: than on two.
     core: int | None = None
-    attach_wait_s: float = 0.0
+    attach_wait_s: float = 0.0  #: how long the firmware waits for the bus to come up
+    #: other peers of the embedded bus without which the hardware does not begin
     await_peers: tuple[str, ...] = ()
-    serial: SerialSettings = NO_LINES
-    parameters: Path | None = None
+    serial: SerialSettings = NO_LINES  #: the firmware's serial lines
+    parameters: Path | None = None  #: file of the firmware's parameter memory
+    #: whether the hardware lets others on the embedded bus send what is the sides'
     foreign_senders: bool = False
+    #: name of the user's own program that is the firmware: the hardware follows it by its frames
     follow: str | None = None
-    patience_s: float = 0.0
+    patience_s: float = 0.0  #: longest silence of a program of the user's; 0 waits for ever
+    #: the user's own program in the place of the sensors and the table
     program: Program | None = None
+    #: file that sets how fast the hardware goes (`rrins.host_tools.runs.sides.steering`).
     steer: Path | None = None
 
     @property

@@ -53,7 +53,6 @@ class Helm(_Mapped):
 
     Parameters
     ----------
-    path : Path
     speed : float
         At the beginning.
 
@@ -80,7 +79,6 @@ class SteeredPace(_Mapped):
 
     Parameters
     ----------
-    path : Path
     period_ns : int
         Of the epochs.
     clock : callable

@@ -77,16 +77,7 @@ FRAME_FAULTS = {
         ),
         10,
     ),
-    "crc": (
-        lambda tools, bench: (
-            lambda frames: [
-                *frames[:2],
-                harmed(frames[2]),
-                *frames[3:],
-            ]
-        ),
-        5,
-    ),
+    "crc": (lambda tools, bench: lambda frames: [*frames[:2], harmed(frames[2]), *frames[3:]], 5),
     "counter": (lambda tools, bench: lambda frames: [*frames, frames[2]], 5),
 }
 

@@ -9,7 +9,7 @@ from rrins.firmware_py.core.navigation.trace import NavigationTrace
 from rrins.firmware_py.loop import Firmware
 from rrins.host_tools.hardware.loop import Hardware
 from rrins.host_tools.runs.exchange import answer_epoch
-from rrins.host_tools.runs.results.bridging_summary import bridging_lines
+from rrins.host_tools.runs.results.findings import finding_lines
 from rrins.host_tools.runs.results.results import compare
 from rrins.host_tools.runs.set_up.settings import firmware_settings, hardware_settings
 from rrins.host_tools.runs.sides.firmware_job import firmware_summary
@@ -47,7 +47,7 @@ def test_frames_that_keep_being_lost_are_told_as_a_degraded_navigation(lost):
     gaps = summary["bridging"]
     assert gaps["bridged_s"] == pytest.approx(errors.time_s[-1] * lost / 40, rel=0.1)
     assert gaps["degraded"] == (lost > 1)
-    assert bool(bridging_lines(summary)) == (lost > 1)
+    assert bool(finding_lines(summary)) == (lost > 1)
     worst = max(np.abs(e).max() for e in (errors.roll_deg, errors.pitch_deg, errors.heading_deg))
     assert gaps["attitude_uncertainty_arcsec"] > 0.5 * worst * 3600
 
@@ -60,4 +60,4 @@ def test_a_sound_run_says_nothing():
         False,
         0,
     )
-    assert not bridging_lines(summary)
+    assert not finding_lines(summary)

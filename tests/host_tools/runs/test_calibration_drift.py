@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import rrins
-from rrins.host_tools.runs.results.calibration_summary import calibrated_lines
+from rrins.host_tools.runs.results.findings import FINDINGS
 
 SIGMA = {
     "gyros": {
@@ -106,7 +106,7 @@ def test_a_gyro_that_has_drifted_is_reported(tmp_path, sensor):
         assert 0 < gyros["drifted_s"] < 1600
         assert state_of(run, "accelerometers")["state"] == "kept"
         assert run.summary["redundancy"]["gyros"]["alarm_s"] is None
-        origin, line = calibrated_lines(run.summary["firmware"]["calibrated"])
+        origin, line = FINDINGS[0].lines(run.summary["firmware"])
         assert origin.startswith("sensors calibrated on 2026-11-01, ")
         assert origin.endswith(" days ago, at 22.5 °C")
         assert line.startswith("gyros: ")

@@ -8,13 +8,9 @@ import numpy as np
 import pytest
 
 import rrins
-from rrins.dbc.contract import SENSOR_GROUPS
-from rrins.firmware_py.core.records.estimator_records import ESTIMATOR_HISTORY_S
-from rrins.firmware_py.core.records.memory import blank_ram
 from rrins.host_tools.hardware.settings import body_to_navigation
-from rrins.host_tools.runs.results.estimator_log import EstimatorLog, take_estimates
+from rrins.host_tools.runs.results.estimates import estimator_lines
 from rrins.host_tools.runs.results.estimator_plot import draw_estimates
-from rrins.host_tools.runs.results.estimator_summary import estimator_lines
 
 RATE_HZ, FINE_S, DURATION_S = 200, 200, 60
 
@@ -29,7 +25,7 @@ def runs():
 
 
 def test_every_second_is_there_whichever_way_it_was_run(runs):
-    fast, frames = (run.estimates for run in runs)
+    fast, frames = (run.seconds.estimates for run in runs)
     assert len(fast) >= FINE_S + DURATION_S - 2
     assert set(np.diff(fast["epoch"])) == {RATE_HZ}
     assert fast.tobytes() == frames.tobytes()
@@ -44,10 +40,10 @@ def test_the_summary_says_what_aided(runs):
     assert 2 * (FINE_S - 2) <= used <= 2 * FINE_S  # the height is held
     assert found["sources"]["zero_velocity"]["rejected"] == 0
     assert found["sigma"]["position_m"][2] == 0
-    lines = estimator_lines(found)
+    lines = list(estimator_lines(runs[0].summary["firmware"]))
     assert f"aided by zero velocity: {used} used, 0 rejected" in lines[0]
     assert f"fine alignment {FINE_S} s" in lines[1]
-    assert estimator_lines(None) == []
+    assert list(estimator_lines({})) == []
 
 
 def test_what_is_seen_of_the_biases_is_the_fused_part(runs):
@@ -68,7 +64,7 @@ def test_what_is_seen_of_the_biases_is_the_fused_part(runs):
 
 def test_errors_are_inside_three_sigma(runs):
     run = runs[0]
-    seconds, errors = run.estimates, run.errors
+    seconds, errors = run.seconds.estimates, run.errors
     position = np.interp(errors.epoch, seconds["epoch"], seconds["position_sigma"][:, 1])
     assert np.all(np.abs(errors.position_north_m) <= 3 * position)
     up = np.interp(errors.epoch, seconds["epoch"], seconds["attitude_sigma"][:, 2])
@@ -97,7 +93,7 @@ def test_picture_and_table_are_written(runs, tmp_path):
     assert [row["sensor"] for row in rows][:5] == [*(f"gyro {k}" for k in range(1, 5)), _X]
     assert float(rows[0]["true"]) == pytest.approx(0.1)
     run = runs[0]
-    figure = draw_estimates(run.estimates, run.errors, 0.0, RATE_HZ, "a title")
+    figure = draw_estimates(run.seconds.estimates, run.errors, 0.0, RATE_HZ, "a title")
     labels = [axes.get_ylabel() for axes in figure.axes]
     assert len(labels) == 7  # the vertical is held
     assert labels[0] == "attitude error\nabout east\n/ ″"
@@ -110,29 +106,9 @@ _X = "fused gyros x"
 def test_without_an_estimator_there_is_none(tmp_path):
     run = rrins.simulate("ideal", duration_s=5)._result
     assert run.summary["estimator"] is None
-    assert len(run.estimates) == 0
+    assert len(run.seconds.estimates) == 0
     names = {path.name for path in run.write(tmp_path)}
     assert not names & {"estimator.png", "estimated_sensors.csv"}
-
-
-def test_a_very_long_run_is_thinned(tmp_path):
-    ram = blank_ram()
-    estimator = ram[0].estimator
-    estimator["enabled"] = True
-    estimator["second_epochs"] = 10
-    log = EstimatorLog(ram, tmp_path, 1_000_000)
-    assert log.every == ESTIMATOR_HISTORY_S // 2 * 10
-    for begin in range(0, 2000, 16):
-        for second in range(begin, begin + 16):
-            row = estimator.history[int(estimator.history_count) % ESTIMATOR_HISTORY_S]
-            row["epoch"] = second
-            estimator["history_count"] += 1
-        log.run()
-    log.close()
-    found = take_estimates(tmp_path)
-    assert list(found["epoch"]) == list(range(0, 2000, 10))
-    assert found["bias"].shape == (200, 2, SENSOR_GROUPS)
-    assert list(tmp_path.iterdir()) == []
 
 
 SCHEME = [

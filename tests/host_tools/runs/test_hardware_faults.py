@@ -94,11 +94,7 @@ def test_a_stall_shorter_than_the_tolerance_is_caught_up(fly):
 WRONG_ENCODERS = {
     # fault, what is used at the end, and in °: the largest error of the heading until it is found
     "jump": ({"kind": "encoder_offset", "offset_deg": 1.5}, "corrected", 1e-4),
-    "jump beyond the tolerance": (
-        {"kind": "encoder_offset", "offset_deg": 10},
-        "corrected",
-        1e-4,
-    ),
+    "jump beyond the tolerance": ({"kind": "encoder_offset", "offset_deg": 10}, "corrected", 1e-4),
     "jump and back": (
         {"kind": "encoder_offset", "offset_deg": -0.05, "for_s": 10},
         "encoder",

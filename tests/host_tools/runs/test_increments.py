@@ -145,11 +145,7 @@ def test_forward_right_down():
 
 def test_rows_begin_with_the_initial_state_and_have_times_of_power_on(tmp_path):
     result = written(tmp_path / "deep" / "er", TURNING)
-    assert [path.name for path in result.files] == [
-        "increments.csv",
-        "truth.csv",
-        "navigation.csv",
-    ]
+    assert [path.name for path in result.files] == ["increments.csv", "truth.csv", "navigation.csv"]
     tables = [read(path) for path in result.files]
     assert {len(table) for table in tables} == {60 * 200 + 1} == {result.rows}
     for table in tables:

@@ -90,8 +90,7 @@ def test_of_both_kinds_at_once_each_is_found():
 
 def test_a_second_fault_is_told_but_the_last_three_are_kept():
     run = simulate(
-        {"kind": "gyro_bias", "sensor": 3},
-        {"kind": "gyro_bias", "sensor": 2, "at_s": AT_S + 60},
+        {"kind": "gyro_bias", "sensor": 3}, {"kind": "gyro_bias", "sensor": 2, "at_s": AT_S + 60}
     )
     gyros = run.summary["redundancy"]["gyros"]
     assert gyros["excluded"] == [3]

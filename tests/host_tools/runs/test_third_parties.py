@@ -50,9 +50,7 @@ def alone() -> str:
     ids=lambda roles: roles[0],
 )
 def test_a_rehearsal_at_full_speed_navigates_as_if_alone(
-    run_beside: Callable[..., Any],
-    alone: str,
-    roles: tuple[str, ...],
+    run_beside: Callable[..., Any], alone: str, roles: tuple[str, ...]
 ) -> None:
     summary, said = run_beside(roles)
     assert summary["completed"]

@@ -70,7 +70,7 @@ def test_the_emulation_as_a_program_navigates_as_it_does_itself(tmp_path: Path) 
         ("floods", "{} floods the bus: more than 36 frames in epoch 0"),
         (
             "version",
-            "{} speaks another language than the bus: a datagram of version 2 of the protocol; "
+            "{} does not follow the protocol of the bus: a datagram of version 2 of the protocol; "
             "this is 1",
         ),
     ],

@@ -51,18 +51,15 @@ def rehearsed(kind: str, folder: Path, duration_s: float = 2.0) -> run.RunResult
         ("dies", "{} was killed by SIGSEGV after 0 s of simulated time"),
         ("leaves", "{} ended with status 0 after 0 s of simulated time"),
         ("hangs", "{} has not closed its epoch for 1 s, in epoch 100 (0.500 s): it hangs"),
-        (
-            "floods",
-            "{} floods the bus: more than 25000 frames in a second, in epoch 100 (0.500 s)",
-        ),
+        ("floods", "{} floods the bus: more than 25000 frames in a second, in epoch 100 (0.500 s)"),
         (
             "version",
-            "{} speaks another language than the bus: a datagram of version 2 of the protocol; "
+            "{} does not follow the protocol of the bus: a datagram of version 2 of the protocol; "
             "this is 1",
         ),
         (
             "garbage",
-            "{} speaks another language than the bus: a datagram of 10 bytes, shorter or longer "
+            "{} does not follow the protocol of the bus: a datagram of 10 bytes, shorter or longer "
             "than any",
         ),
     ],

@@ -13,7 +13,8 @@ from rrins.host_tools.runs.results.keeping import place_for
 @pytest.fixture
 def folder(tmp_path):
     (tmp_path / "summary.json").write_text(json.dumps(summary()))
-    (tmp_path / "errors.csv").write_text("the first")
+    for name in ("errors.csv", "estimator.png", "estimated_sensors.csv"):
+        (tmp_path / name).write_text("the first")
     (tmp_path / "notes.txt").write_text("of a person")
     return tmp_path
 
@@ -38,7 +39,7 @@ def test_another_finished_run_moves_the_first_aside_and_nothing_else(folder):
     assert place == folder
     assert note == f"the run that had finished in {folder} is kept in {folder / 'previous'}"
     kept = {path.name for path in (folder / "previous").iterdir()}
-    assert kept == {"summary.json", "errors.csv"}
+    assert kept == {"summary.json", "errors.csv", "estimator.png", "estimated_sensors.csv"}
     assert {path.name for path in folder.iterdir()} == {"notes.txt", "previous"}
 
 

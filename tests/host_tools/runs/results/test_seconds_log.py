@@ -1,4 +1,4 @@
-"""Parity and residuals of a run: every second is written down, and drawn."""
+"""Parity, residuals and estimates of a run: every second is written down, and drawn."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ import pytest
 
 import rrins
 from rrins.firmware_py.core.records.memory import blank_ram
-from rrins.firmware_py.core.records.redundancy_records import ACCELEROMETERS, GYROS, HISTORY_S
-from rrins.host_tools.runs.results.parity_log import ParityLog, take_parities
+from rrins.firmware_py.core.records.redundancy_records import HISTORY_S
 from rrins.host_tools.runs.results.parity_plot import draw_parity
+from rrins.host_tools.runs.results.seconds_log import SecondsLog, take_seconds
 
 RATE_HZ, DURATION_S, FAULT_S = 200, 70, 43
 DPH = np.radians(1.0) / 3600
@@ -25,7 +25,7 @@ def runs():
 
 
 def test_every_second_is_there_whichever_way_it_was_run(runs):
-    fast, frames = (run.parities for run in runs)
+    fast, frames = (run.seconds.parities for run in runs)
     for kind in ("gyros", "accelerometers"):
         uneven = np.diff(fast[kind]["epoch"]) != RATE_HZ  # navigation begins seconds of its own
         assert np.count_nonzero(uneven) <= 1
@@ -34,7 +34,7 @@ def test_every_second_is_there_whichever_way_it_was_run(runs):
 
 
 def test_the_fault_is_in_it(runs):
-    seconds = runs[0].parities["gyros"]
+    seconds = runs[0].seconds.parities["gyros"]
     before = seconds["epoch"] < FAULT_S * RATE_HZ
     assert np.all(seconds["sensors"][before] == 0b1111)
     assert np.all(seconds["ratio"][before] < 1)
@@ -52,7 +52,7 @@ def test_the_fault_is_in_it(runs):
 def test_the_picture_is_written(runs, tmp_path):
     assert tmp_path / "parity.png" in runs[0].write(tmp_path)
     assert (tmp_path / "parity.png").stat().st_size > 10_000
-    figure = draw_parity(runs[0].parities, 0.0, RATE_HZ, "a title")
+    figure = draw_parity(runs[0].seconds.parities, 0.0, RATE_HZ, "a title")
     assert [axes.get_ylabel() for axes in figure.axes] == [
         "gyro parity\n/ threshold",
         "gyro residuals\n/ (°/h)",
@@ -65,36 +65,40 @@ def test_the_picture_is_written(runs, tmp_path):
 
 def test_without_redundancy_there_is_none(tmp_path):
     run = rrins.simulate("ideal", duration_s=5, redundancy={"enabled": False})._result
-    assert run.parities == {}
+    assert run.seconds.parities == {}
     assert not [path for path in run.write(tmp_path) if path.name == "parity.png"]
 
 
-def noted(state, kind, seconds):
+def note(rings, seconds):
     """Note seconds as the firmware does."""
-    parity = state.redundancy.accelerometers if kind == ACCELEROMETERS else state.redundancy.gyros
-    for second in seconds:
-        row = parity.history[int(parity.history_count) % HISTORY_S]
-        row["epoch"] = second
-        row["ratio"] = 2.0 if second == 1234 else 0.5
-        parity["history_count"] += 1
+    for ring in rings:
+        for second in seconds:
+            row = ring.history[int(ring.history_count) % HISTORY_S]
+            row["epoch"] = second
+            if "ratio" in row.dtype.names:
+                row["ratio"] = 2.0 if second == 1234 else 0.5
+            ring["history_count"] += 1
 
 
 def test_a_very_long_run_is_thinned_but_for_alarms(tmp_path):
     ram = blank_ram()
-    state = ram[0]
-    state.redundancy["enabled"] = True
-    state.redundancy["second_epochs"] = 10
-    log = ParityLog(ram, tmp_path, 1_000_000)
+    redundancy, estimator = ram[0].redundancy, ram[0].estimator
+    for record in (redundancy, estimator):
+        record["enabled"] = True
+        record["second_epochs"] = 10
+    rings = (redundancy.gyros, redundancy.accelerometers, estimator)
+    log = SecondsLog(ram, tmp_path, 1_000_000)
     assert log.every == 160
     for begin in range(0, 2000, 16):
-        noted(state, GYROS, range(begin, begin + 16))
-        noted(state, ACCELEROMETERS, range(begin, begin + 16))
+        note(rings, range(begin, begin + 16))
         log.run()
-    state.redundancy.gyros["history_count"] = 0  # a reset
-    noted(state, GYROS, range(5000, 5001))
+    redundancy.gyros["history_count"] = 0  # a reset
+    note(rings[:1], range(5000, 5001))
     log.run()
     log.close()
-    found = take_parities(tmp_path)
-    assert list(found["gyros"]["epoch"]) == [*sorted([*range(0, 2000, 10), 1234]), 5000]
-    assert len(found["accelerometers"]) == 201
+    found = take_seconds(tmp_path)
+    tenths = [*range(0, 2000, 10)]
+    assert list(found.parities["gyros"]["epoch"]) == [*sorted([*tenths, 1234]), 5000]
+    assert len(found.parities["accelerometers"]) == 201
+    assert list(found.estimates["epoch"]) == tenths
     assert list(tmp_path.iterdir()) == []

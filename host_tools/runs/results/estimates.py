@@ -1,15 +1,17 @@
-"""What a run's summary says of the estimator: sigmas, biases beside the truth, what aided it."""
+"""The estimator in a run's summary: sigmas, biases compared with the truth, what aided it."""
 
 from __future__ import annotations
 
 import csv
 import math
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import IO
+from typing import IO, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rrins.compiled.record import Records
 from rrins.firmware_py.core.records.estimator_records import (
     ESTIMATOR_HISTORY_S,
     PITCH,
@@ -20,19 +22,33 @@ from rrins.firmware_py.core.records.estimator_records import (
     EstimatorSecond,
 )
 from rrins.firmware_py.core.records.memory import Fusion, Ram
-from rrins.firmware_py.core.sensors.calibration import ARCSEC, DPH, PPM, UG
+from rrins.firmware_py.core.sensors.calibration import ARCSEC, PPM
 from rrins.host_tools.files import JsonObject, write_whole
+from rrins.host_tools.runs.results.sensor_errors import CONSTANTS, KINDS, estimated
 
-_UNITS = {"gyros": ("dph", DPH), "accelerometers": ("ug", UG)}
 _AXES = ("x", "y", "z")
-CONSTANTS = {
-    "scale_error_ppm": PPM,
-    "asymmetric_scale_error_ppm": PPM,
-    "installation_u_arcsec": ARCSEC,
-    "installation_v_arcsec": ARCSEC,
-}
-"""What may be estimated of a sensor besides its bias, by a scenario's keys, in the order of
-`rrins.firmware_py.core.records.estimator_records.SCALE_FACTOR` and those after it."""
+
+
+class Band(NamedTuple):
+    """A part of the navigation of which the estimator knows the standard deviation."""
+
+    key: str  #: in the summary
+    sigma: str  #: field of `EstimatorSecond`, along east, north and up
+    size: float  #: of the key's unit, SI
+    label: str  #: of its panels
+    unit: str  #: of its panels
+    factor: float  #: from the unit of its errors to that of the panels
+    errors: tuple[str, ...]  #: of `Errors`, along east, north and up
+
+
+BANDS = (
+    Band("attitude_arcsec", "attitude_sigma", ARCSEC, "attitude error\nabout {}", "″", 1.0,
+        ("turn_east_arcsec", "turn_north_arcsec", "turn_up_arcsec")),
+    Band("velocity_mps", "velocity_sigma", 1.0, "velocity error\n{}", "mm/s", 1e3,
+        ("velocity_east_mps", "velocity_north_mps")),
+    Band("position_m", "position_sigma", 1.0, "position error\n{}", "m", 1.0,
+        ("position_east_m", "position_north_m", "height_m")),
+)  # fmt: skip
 
 
 def _numbers(values: NDArray[np.float64]) -> list[float]:
@@ -45,23 +61,25 @@ def _number(value: float) -> float:
 
 def _sensors(state: Ram, second: EstimatorSecond, kind: int, fusion: Fusion) -> JsonObject:
     """Return the biases of a kind; the fused ones are those of the vector that is navigated."""
-    suffix, unit = tuple(_UNITS.values())[kind]
+    bias_of = tuple(KINDS.values())[kind]
     count, dt = int(fusion.count), int(state.parameters.period_ns) * 1e-9
-    bias = second["bias"][kind, :count] / unit
+    bias, unit = second["bias"][kind, :count] / bias_of.size, bias_of.key.removeprefix("bias_")
     gain = fusion["gain"][:, :count]
+    calibrated = (
+        fusion["scale_error"][:count] / PPM,
+        fusion["asymmetric_scale_error"][:count] / PPM,
+        _installed(state, fusion, kind, 1),
+        _installed(state, fusion, kind, 0),
+    )
+    keys = [constant.key for constant in CONSTANTS]
     return {
-        f"bias_{suffix}": _numbers(bias),
-        f"sigma_{suffix}": _numbers(second["bias_sigma"][kind, :count] / unit),
-        f"fused_bias_{suffix}": _numbers(gain @ bias),
-        f"calibrated_{suffix}": _numbers(fusion["bias_increment"][:count] / dt / unit),
+        f"bias_{unit}": _numbers(bias),
+        f"sigma_{unit}": _numbers(second["bias_sigma"][kind, :count] / bias_of.size),
+        f"fused_bias_{unit}": _numbers(gain @ bias),
+        f"calibrated_{unit}": _numbers(fusion["bias_increment"][:count] / dt / bias_of.size),
         "gain": gain.tolist(),
-        "constants": _constants(state, second, kind, count),
-        "calibrated": {
-            "scale_error_ppm": _numbers(fusion["scale_error"][:count] / PPM),
-            "asymmetric_scale_error_ppm": _numbers(fusion["asymmetric_scale_error"][:count] / PPM),
-            "installation_u_arcsec": _numbers(_installed(state, fusion, kind, 1)),
-            "installation_v_arcsec": _numbers(_installed(state, fusion, kind, 0)),
-        },
+        "constants": _constants(second, kind, count) if state.estimator.constants else None,
+        "calibrated": dict(zip(keys, map(_numbers, calibrated), strict=True)),
     }
 
 
@@ -71,20 +89,16 @@ def _installed(state: Ram, fusion: Fusion, kind: int, across: int) -> NDArray[np
     return -np.einsum("ki,ki->k", fusion["H"][: int(fusion.count)], axes) / ARCSEC
 
 
-def _constants(
-    state: Ram, second: EstimatorSecond, kind: int, count: int
-) -> dict[str, JsonObject] | None:
-    """Return scale factors and installation errors of a kind; None where they are no states."""
-    if not state.estimator.constants:
-        return None
-    found = {}
-    for error, (name, unit) in enumerate(CONSTANTS.items()):
-        row = SENSOR_CONSTANTS * kind + error
-        found[name] = {
-            "estimated": _numbers(second["constant"][row, :count] / unit),
-            "sigma": _numbers(second["constant_sigma"][row, :count] / unit),
+def _constants(second: EstimatorSecond, kind: int, count: int) -> JsonObject:
+    """Return scale factors and installation errors of a kind."""
+    rows = enumerate(CONSTANTS, SENSOR_CONSTANTS * kind)
+    return {
+        constant.key: {
+            "estimated": _numbers(second["constant"][row, :count] / constant.size),
+            "sigma": _numbers(second["constant_sigma"][row, :count] / constant.size),
         }
-    return found
+        for row, constant in rows
+    }
 
 
 def _odometer(state: Ram, second: EstimatorSecond) -> JsonObject | None:
@@ -108,11 +122,12 @@ def _altimeter(state: Ram, second: EstimatorSecond) -> JsonObject | None:
     return {"bias_m": {"estimated": _number(bias), "sigma": _number(sigma)}}
 
 
-def estimator_summary(state: Ram) -> JsonObject | None:
+def estimator_summary(ram: Records[Ram]) -> JsonObject | None:
     """Return what the estimator knows at the end of its last second; None without one.
 
     Without a second that it ended, sigma and sensors are null.
     """
+    state = ram[0]
     estimator = state.estimator
     if not estimator.enabled:
         return None
@@ -137,16 +152,11 @@ def estimator_summary(state: Ram) -> JsonObject | None:
     if not estimator.history_count:
         return found
     second = estimator.history[(int(estimator.history_count) - 1) % ESTIMATOR_HISTORY_S]
-    found["sigma"] = {
-        "attitude_arcsec": _numbers(second["attitude_sigma"] / ARCSEC),
-        "velocity_mps": _numbers(second["velocity_sigma"]),
-        "position_m": _numbers(second["position_sigma"]),
-    }
+    found["sigma"] = {band.key: _numbers(second[band.sigma] / band.size) for band in BANDS}
     found["odometer"] = _odometer(state, second)
     found["altimeter"] = _altimeter(state, second)
-    fusions = (state.gyros, state.accelerometers)
     found["sensors"] = {
-        name: _sensors(state, second, kind, fusions[kind]) for kind, name in enumerate(_UNITS)
+        name: _sensors(state, second, kind, state[name]) for kind, name in enumerate(KINDS)
     }
     return found
 
@@ -160,26 +170,26 @@ def beside_truth(estimator: JsonObject | None, biases: JsonObject | None) -> Jso
         `estimator_summary`.
     biases : dict or None
         True biases of each kind, as `rrins.host_tools.runs.sides.hardware_job.hardware_summary` has
-        them; None where nobody knows them: the truth is null then.
+        them; None where they are unknown: the truth is null then.
     """
     if estimator is None or estimator["sensors"] is None:
         return estimator
     sensors: JsonObject = {}
-    for name, (suffix, _) in _UNITS.items():
-        kind = dict(estimator["sensors"][name])
+    for name, (key, *_) in KINDS.items():
+        kind, unit = dict(estimator["sensors"][name]), key.removeprefix("bias_")
         gain = np.array(kind.pop("gain"))
-        calibrated = np.array(kind.pop(f"calibrated_{suffix}"))
-        kind[f"true_bias_{suffix}"] = kind[f"true_fused_bias_{suffix}"] = None
+        calibrated = kind.pop("calibrated")
+        calibrated_bias = kind.pop(f"calibrated_{unit}")
+        true = None
         if biases:
-            true = np.array(biases[f"{name}_{suffix}"]) - calibrated
-            kind[f"true_bias_{suffix}"] = _numbers(true)
-            kind[f"true_fused_bias_{suffix}"] = _numbers(gain @ true)
+            true = np.array(biases[f"{name}_{unit}"]) - calibrated_bias
+        kind[f"true_{key}"] = None if true is None else _numbers(true)
+        kind[f"true_fused_{key}"] = None if true is None else _numbers(gain @ true)
         if kind["constants"] is not None:
             kind["constants"] = {
-                key: found | {"true": _less(biases, name, key, kind["calibrated"][key])}
+                key: found | {"true": _less(biases, name, key, calibrated[key])}
                 for key, found in kind["constants"].items()
             }
-        kind.pop("calibrated")
         sensors[name] = kind
     odometer, altimeter = _aids_beside_truth(estimator, biases)
     return estimator | {"sensors": sensors, "odometer": odometer, "altimeter": altimeter}
@@ -216,18 +226,19 @@ def _aids_beside_truth(
     return odometer, altimeter
 
 
-def estimator_lines(estimator: JsonObject | None) -> list[str]:
-    """Return the lines of the summary for a person; none without an estimator."""
+def estimator_lines(firmware: JsonObject) -> Iterator[str]:
+    """Yield the lines for a person, from the firmware's part of the summary."""
+    estimator = firmware.get("estimator")
     if estimator is None:
-        return []
+        return
     counts = "; ".join(
         f"{name.replace('_', ' ').replace('gnss', 'GNSS')}: {source['used']} used, "
         f"{source['rejected']} rejected"
         for name, source in estimator["sources"].items()
     )
-    lines = [f"aided by {counts}" if counts else "estimator: nothing aided the navigation"]
+    yield f"aided by {counts}" if counts else "estimator: nothing aided the navigation"
     if estimator["gate_openings"]:
-        lines.append(
+        yield (
             f"estimator: rejected all fixes for 120 s, then took them again, "
             f"{estimator['gate_openings']} times"
         )
@@ -235,11 +246,10 @@ def estimator_lines(estimator: JsonObject | None) -> list[str]:
     if sigma is not None:
         level = math.hypot(*sigma["attitude_arcsec"][:2])
         position = math.hypot(*sigma["position_m"][:2])
-        lines.append(
+        yield (
             f"estimator: fine alignment {estimator['fine_alignment_s']:g} s; at the end σ of level "
             f"{level:.3g}″, heading {sigma['attitude_arcsec'][2]:.3g}″, position {position:.3g} m"
         )
-    return lines
 
 
 def sensor_rows(estimator: JsonObject | None) -> list[list[str]]:
@@ -251,27 +261,40 @@ def sensor_rows(estimator: JsonObject | None) -> list[list[str]]:
     if estimator is None or estimator["sensors"] is None:
         return []
     rows = [["sensor", "unit", "estimated", "sigma", "true", "estimated_less_true"]]
-    for name, (suffix, _) in _UNITS.items():
+    for name, (bias, *_) in KINDS.items():
         kind, one = estimator["sensors"][name], name.removesuffix("s")
-        true, sigma = kind[f"true_bias_{suffix}"], kind[f"sigma_{suffix}"]
-        for k, bias in enumerate(kind[f"bias_{suffix}"]):
-            known = None if true is None else true[k]
-            rows.append([f"{one} {k + 1}", suffix, *_cells(bias, sigma[k], known)])
-        fused = kind[f"true_fused_bias_{suffix}"]
-        for k, bias in enumerate(kind[f"fused_bias_{suffix}"]):
-            known = None if fused is None else fused[k]
-            rows.append([f"fused {name} {_AXES[k]}", suffix, *_cells(bias, None, known)])
-        for key, found in (kind["constants"] or {}).items():
-            what, _, unit = key.rpartition("_")
-            for k, value in enumerate(found["estimated"]):
-                known = None if found["true"] is None else found["true"][k]
-                cells = _cells(value, found["sigma"][k], known)
-                rows.append([f"{one} {k + 1} {what.replace('_', ' ')}", unit, *cells])
+        of_each = [
+            row
+            for error, values, sigma, true in estimated(name, kind)
+            for row in _rows(f"{one} {{}}", error.key, values, sigma, true)
+        ]
+        count = len(kind[bias])
+        fused, true = kind[f"fused_{bias}"], kind[f"true_fused_{bias}"]
+        of_vector = _rows(f"fused {name} {{}}", bias, fused, None, true, _AXES)
+        rows += [*of_each[:count], *of_vector, *of_each[count:]]
     for name in ("odometer", "altimeter"):
         for key, found in (estimator[name] or {}).items():
             what, _, unit = key.rpartition("_")
             cells = _cells(found["estimated"], found["sigma"], found["true"])
             rows.append([f"{name} {what}", unit, *cells])
+    return rows
+
+
+def _rows(
+    what: str,
+    key: str,
+    values: list[float],
+    sigma: list[float] | None,
+    true: list[float] | None,
+    axes: Sequence[str] = (),
+) -> list[list[str]]:
+    """Return the rows of an error, one for each sensor or axis."""
+    error, _, unit = key.rpartition("_")
+    words = "" if error == "bias" else f" {error.replace('_', ' ')}"
+    rows = []
+    for k, value in enumerate(values):
+        cells = _cells(value, sigma[k] if sigma else None, true[k] if true else None)
+        rows.append([what.format(axes[k] if axes else k + 1) + words, unit, *cells])
     return rows
 
 
