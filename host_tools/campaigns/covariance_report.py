@@ -9,11 +9,11 @@ from typing import IO, TYPE_CHECKING
 
 import numpy as np
 
-from rrins.host_tools.campaigns.covariance import Analysis
 from rrins.host_tools.campaigns.errors import CampaignError
 from rrins.host_tools.campaigns.statistics import Estimate, sigma
 from rrins.host_tools.campaigns.store import Store
 from rrins.host_tools.campaigns.summary import Outcomes, shown
+from rrins.host_tools.covariance.analysis import Analysis
 from rrins.host_tools.drawing.page import png_of
 from rrins.host_tools.files import JsonObject, replacing, write_whole
 

@@ -16,6 +16,7 @@ from rrins.host_tools.campaigns.design import Plan
 from rrins.host_tools.campaigns.distributions import is_distribution
 from rrins.host_tools.campaigns.errors import CampaignError
 from rrins.host_tools.campaigns.inputs import changed, correlation_of, inputs_of
+from rrins.host_tools.covariance.sources import Varied
 from rrins.host_tools.errors import ScenarioError
 from rrins.host_tools.files import JsonObject
 from rrins.host_tools.scenario.scenario import Scenario, first_line, parse, text_of
@@ -94,6 +95,13 @@ class Definition:
         factor = correlation_of(inputs, {(a, b): value for a, b, value in self.correlate})
         designs.check(self.design, inputs, factor, self.runs)
         return Plan(self.design, inputs, factor, self.runs, self.seed)
+
+    def varied(self) -> list[Varied]:
+        """Return what varies, for a covariance analysis."""
+        return [
+            Varied(one.key, one.sensor, one.distribution.moments, one.distribution.correlation)
+            for one in self.plan.inputs
+        ]
 
     def scenario_of(self, run: int) -> Scenario:
         """Return the scenario of a run.

@@ -12,6 +12,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
+import numpy as np
+
 from rrins.host_tools.campaigns.errors import CampaignError
 
 Value = float | int | str | bool
@@ -81,14 +83,8 @@ class Distribution:
 
     @property
     def levels(self) -> tuple[Value, ...]:
-        """What a sweep sets the key to: all values of a list, else low and high.
-
-        Low and high are the limits of a uniform distribution, else one standard deviation from the
-        median.
-        """
-        if self.kind == "list":
-            return self.values
-        if self.kind == "uniform":
+        """The values of a sweep: a list's own, the limits of a uniform distribution, else ± 1 σ."""
+        if self.kind in ("list", "uniform"):
             return self.values
         return self.quantile(cumulative_normal(-1.0)), self.quantile(cumulative_normal(1.0))
 
@@ -99,25 +95,20 @@ class Distribution:
 
     @property
     def moments(self) -> tuple[float, float]:
-        """Mean and standard deviation."""
-        if self.kind == "normal":
-            mean, spread = self._numbers
-            return mean, spread
-        if self.kind == "uniform":
-            low, high = self._numbers
-            return (low + high) / 2.0, (high - low) / math.sqrt(12.0)
+        """Mean and standard deviation; NaN for words."""
+        if not self.is_numeric:
+            return math.nan, math.nan
         if self.kind == "list":
-            values = self._numbers
-            mean = sum(values) / len(values)
-            return mean, math.sqrt(sum((v - mean) ** 2 for v in values) / len(values))
+            return float(np.mean(self._numbers)), float(np.std(self._numbers))
+        first, second, *limits = self._numbers
+        if self.kind == "uniform":
+            return (first + second) / 2.0, (second - first) / math.sqrt(12.0)
+        if self.kind == "normal":
+            return first, second
         from scipy.stats import truncnorm
 
-        mean, spread, low, high = self._numbers
-        z = ((low - mean) / spread, (high - mean) / spread)
-        return (
-            float(truncnorm.mean(*z, loc=mean, scale=spread)),
-            float(truncnorm.std(*z, loc=mean, scale=spread)),
-        )
+        cut = truncnorm(*((limit - first) / second for limit in limits), first, second)
+        return float(cut.mean()), float(cut.std())
 
     def text(self) -> str:
         """Return it as a person writes it."""

@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rrins.host_tools.campaigns import covariance_report, sensitivity, summary
-from rrins.host_tools.campaigns.covariance import Analysis, analyse
 from rrins.host_tools.campaigns.covariance_report import Beside
 from rrins.host_tools.campaigns.errors import CampaignError
 from rrins.host_tools.campaigns.row import MAIN
 from rrins.host_tools.campaigns.statistics import mean, percentile, sigma
 from rrins.host_tools.campaigns.store import REPORT, Store
+from rrins.host_tools.covariance.analysis import Analysis, analyse
 from rrins.host_tools.drawing.page import base64_of, environment, png_of
 from rrins.host_tools.errors import RehearsalError
 from rrins.host_tools.files import replacing, write_whole
@@ -100,7 +100,7 @@ class _Linear:
 
 def _linear(store: Store) -> _Linear:
     try:
-        analysis = analyse(store.definition)
+        analysis = analyse(store.definition.scenario, store.definition.varied())
     except RehearsalError as error:
         return _Linear(why_not=str(error))
     try:

@@ -48,10 +48,10 @@ def covariance(
 
     from rrins.host_tools.campaigns import covariance_report as report
     from rrins.host_tools.campaigns import words
-    from rrins.host_tools.campaigns.covariance import analyse
     from rrins.host_tools.campaigns.definition import Wishes, load
     from rrins.host_tools.campaigns.store import Store, is_campaign
     from rrins.host_tools.campaigns.summary import shown
+    from rrins.host_tools.covariance.analysis import analyse
     from rrins.host_tools.terminal import new_console, print_table
 
     if is_campaign(Path(source)):
@@ -69,7 +69,7 @@ def covariance(
         )
         definition = load(source, wishes)
         beside = None
-    analysis = analyse(definition)
+    analysis = analyse(definition.scenario, definition.varied())
     paths = [] if out is None else report.write(analysis, out, beside)
     if as_json:
         runs = {} if beside is None else {"runs": beside.values()}
