@@ -59,7 +59,7 @@ def conform(
     if html is not None:
         report.write_page(html, name, findings)
     if as_json:
-        rows = report.rows_of(findings)
+        rows = [one.values() for one in findings]
         click.echo(json.dumps({"program": name, "checks": rows}))
     else:
         click.echo(f"{name}: {words} in {sum(one.seconds for one in findings):.0f} s")

@@ -14,7 +14,7 @@ from rrins.dbc.contract import load_contract
 from rrins.dbc.e2e import COUNTER_MODULUS, counter_of, crc_holds
 from rrins.dbc.frame import Frame, frame_array
 from rrins.host_tools.bus.interface import RrinsBus
-from rrins.host_tools.conformance.check import SCENARIO, Subject
+from rrins.host_tools.conformance.check import SCENARIO, Subject, check
 from rrins.host_tools.hardware.loop import Hardware
 from rrins.host_tools.runs.programs.program import Program
 from rrins.host_tools.runs.set_up.settings import hardware_settings
@@ -46,14 +46,9 @@ class _Heard:
     is_lost: bool = False
 
 
+@check("firmware.md#clock")
 def clock_error(subject: Subject) -> None:
-    """Run in real time with a slow hardware; the program follows it, in one of three tries.
-
-    Raises
-    ------
-    AssertionError
-        If its commands come late, or it does not learn the period.
-    """
+    """In real time a clock error of 200 ppm is learned, and commands are in time."""
     for _ in range(_TRIES - 1):
         with contextlib.suppress(_LateError):
             _try(subject)
