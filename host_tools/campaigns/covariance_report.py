@@ -14,8 +14,8 @@ from rrins.host_tools.campaigns.statistics import Estimate, sigma
 from rrins.host_tools.campaigns.store import Store
 from rrins.host_tools.campaigns.summary import Outcomes, shown
 from rrins.host_tools.covariance.analysis import Analysis
-from rrins.host_tools.drawing.page import png_of
-from rrins.host_tools.files import JsonObject, replacing, write_whole
+from rrins.host_tools.drawing.page import png_of, write_png
+from rrins.host_tools.files import JsonObject, write_whole
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -103,9 +103,7 @@ def write(analysis: Analysis, folder: Path, beside: Beside | None = None) -> lis
     Store.make_folder(folder)
     paths = [folder / "covariance.csv", folder / "covariance.png"]
     write_whole(paths[0], lambda file: _write_rows(file, analysis))
-    picture = png_of(draw(analysis, beside))
-    with replacing(paths[1]) as part:
-        part.write_bytes(picture)
+    write_png(paths[1], png_of(draw(analysis, beside)))
     return paths
 
 

@@ -20,7 +20,7 @@ import os
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,13 +30,13 @@ from rrins.host_tools.campaigns.definition import Definition
 from rrins.host_tools.campaigns.errors import CampaignError
 from rrins.host_tools.campaigns.row import OK, OUTPUTS, SERIES, Row, times_of
 from rrins.host_tools.campaigns.sources import sources_digest, versions
-from rrins.host_tools.files import JsonObject, write_whole
+from rrins.host_tools.files import JsonObject, write_text
 
 if TYPE_CHECKING:
     import pyarrow as pa
 
 MANIFEST: Final = "_manifest.json"
-REPORT: Final = "_report"
+REPORTS: Final = "_report"
 RERUNS: Final = "_reruns"
 _LOCK: Final = ".lock"
 _FORMAT: Final = 1
@@ -148,7 +148,7 @@ class Store:
 
     def _write_manifest(self, more: JsonObject) -> None:
         text = json.dumps(self._manifest(more), indent=1, ensure_ascii=False)
-        write_whole(self.folder / MANIFEST, lambda file: _write(file, text + "\n"))
+        write_text(self.folder / MANIFEST, text + "\n")
 
     def note_end(self, runs: int, words: str) -> None:
         """Note that a campaign is complete before its last run."""
@@ -282,10 +282,6 @@ def _cell(value: Any, field: pa.Field) -> Any:
     if value is not None and pa.types.is_string(field.type) and not isinstance(value, str):
         return str(value)
     return value
-
-
-def _write(file: IO[str], text: str) -> None:
-    file.write(text)
 
 
 def _difference(before: Any, now: Any) -> str:

@@ -79,6 +79,11 @@ def figures_of(values: Floats) -> dict[str, Estimate]:
     return {"mean": mean(values), "sigma": sigma(values)} | named
 
 
+def shown_figures(values: Floats) -> tuple[Estimate, ...]:
+    """Return what tables show of a column: mean, standard deviation, median, 95th percentile."""
+    return mean(values), sigma(values), percentile(values, 50.0), percentile(values, 95.0)
+
+
 def circles(outcomes: Outcomes) -> dict[str, Estimate]:
     """Return CEP50 and R95 of the horizontal error at the end, m."""
     radial = outcomes["horizontal_error_m"]
@@ -138,9 +143,7 @@ def table_of(store: Store) -> Table:
     for name in ("mean", "σ", "median", "p95"):
         table.add_column(name, justify="right")
     for name in outcomes.known():
-        values = outcomes[name]
-        row = (mean(values), sigma(values), percentile(values, 50.0), percentile(values, 95.0))
-        table.add_row(name, *(with_interval(one) for one in row))
+        table.add_row(name, *map(with_interval, shown_figures(outcomes[name])))
     return table
 
 
