@@ -132,7 +132,7 @@ def sobol_indices(store: Store, output: str) -> list[Index]:
     try:
         sobol: Any = import_module("SALib.analyze.sobol")
     except ImportError as error:
-        raise missing("SALib") from error
+        raise missing("SALib", "campaign") from error
     names = [one.column for one in plan.inputs] + [NOISE]
     values = store.values(output)
     blocks = [
