@@ -120,16 +120,6 @@ def _deviation(values: Floats, axis: int) -> Floats:
     return np.asarray(np.std(values, axis=axis, ddof=1))
 
 
-def cep50(radial: Floats) -> Estimate:
-    """Return the circular error probable: the radius about the truth that half do not exceed."""
-    return percentile(radial, 50.0)
-
-
-def r95(radial: Floats) -> Estimate:
-    """Return the radius about the truth that 95 of 100 do not exceed."""
-    return percentile(radial, 95.0)
-
-
 FIGURES: Final[dict[str, Callable[[Floats], Estimate]]] = {
     "mean": mean,
     "sigma": sigma,

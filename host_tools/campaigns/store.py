@@ -204,15 +204,11 @@ class Store:
 
     def values(self, column: str) -> dict[int, float]:
         """Return a column of the runs that came to their end, by run."""
-        found: dict[int, float] = {}
-        for path in self.parts():
-            table = self._read(path, ["run", "status", column])
-            rows = zip(*(table[name].to_pylist() for name in table.column_names), strict=True)
-            found |= {
-                run: value if status == OK and value is not None else math.nan
-                for run, status, value in rows
-            }
-        return found
+        rows = self.table(["status", column]).to_pylist()
+        return {
+            row["run"]: math.nan if row["status"] != OK or row[column] is None else row[column]
+            for row in rows
+        }
 
     def table(self, columns: Sequence[str] | None = None) -> pa.Table:
         """Return the rows in order of their runs.

@@ -13,10 +13,8 @@ from rrins.host_tools.campaigns.row import OK
 from rrins.host_tools.campaigns.statistics import (
     PERCENTILES,
     Estimate,
-    cep50,
     mean,
     percentile,
-    r95,
     sigma,
 )
 from rrins.host_tools.campaigns.store import Store
@@ -85,9 +83,9 @@ def shown_figures(values: Floats) -> tuple[Estimate, ...]:
 
 
 def circles(outcomes: Outcomes) -> dict[str, Estimate]:
-    """Return CEP50 and R95 of the horizontal error at the end, m."""
+    """Return CEP50 and R95, m: radii about the truth that 50 and 95 % of the runs end within."""
     radial = outcomes["horizontal_error_m"]
-    return {"cep50_m": cep50(radial), "r95_m": r95(radial)}
+    return {"cep50_m": percentile(radial, 50.0), "r95_m": percentile(radial, 95.0)}
 
 
 def values_of(store: Store) -> JsonObject:

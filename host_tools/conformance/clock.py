@@ -9,7 +9,7 @@ from typing import Final
 
 import can
 
-from rrins.dbc.codec import decode, unpack
+from rrins.dbc.codec import decode
 from rrins.dbc.contract import load_contract
 from rrins.dbc.e2e import COUNTER_MODULUS, counter_of, crc_holds
 from rrins.dbc.frame import Frame, frame_array
@@ -43,7 +43,6 @@ class _Heard:
 
     commands: set[int] = field(default_factory=set)  # epochs whose commands came in time
     error_ppm: list[float] = field(default_factory=list)
-    is_lost: bool = False
 
 
 @check("firmware.md#clock")
@@ -91,13 +90,7 @@ def _try(subject: Subject) -> None:
 
 
 def _await(bus: RrinsBus, side: SideProcess) -> None:
-    """Wait until the program is on the bus.
-
-    Raises
-    ------
-    AssertionError
-        If it has ended, or does not come.
-    """
+    """Wait until the program is on the bus; AssertionError if it ends, or does not come."""
     deadline = time.monotonic() + _START_S
     while time.monotonic() < deadline:
         with contextlib.suppress(can.CanTimeoutError):
@@ -144,4 +137,3 @@ def _take(heard: _Heard, frame: Frame, now: int) -> None:
         status = contract.firmware_status
         if crc_holds(frame, status.message):
             heard.error_ppm.append(decode(frame["data"], status.clock_error_ppm))
-            heard.is_lost = bool(unpack(frame["data"], status.sync_lost))

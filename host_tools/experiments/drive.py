@@ -132,18 +132,11 @@ QUANTITIES: Final = tuple(
 
 def _rows(case: str, runs: Mapping[str, Errors], note: str, has_paper: bool) -> list[FigureRow]:
     """Return a row for each quantity of a case, of its run of each way."""
-    return [
-        FigureRow(
-            EXPERIMENT,
-            case,
-            one.words,
-            one.unit,
-            one.paper if has_paper else None,
-            one.of(runs[one.way]),
-            note,
-        )
-        for one in QUANTITIES
-    ]
+    rows = []
+    for one in QUANTITIES:
+        paper, ours = one.paper if has_paper else None, one.of(runs[one.way])
+        rows.append(FigureRow(EXPERIMENT, case, one.words, one.unit, paper, ours, note))
+    return rows
 
 
 def _variants(fleet: Fleet) -> dict[str, list[FigureRow]]:
