@@ -48,7 +48,8 @@ def _navigation(subject: Subject, name: str) -> None:
         f"{len(theirs)} NAV_ frames of each kind in {DURATION_S:g} s, not {len(ours)}"
     )
     places = np.radians(np.column_stack([theirs[:, :2], ours[:, :2]])).T
-    distance = np.hypot(*east_north_m(*places, np.zeros(len(ours))))
+    east, north = east_north_m(places[0], places[1], places[2], places[3], np.zeros(len(ours)))
+    distance = np.hypot(east, north)
     worst = int(np.argmax(distance))
     assert distance[worst] <= LIMIT_M, (
         f"position {distance[worst]:.3g} m from the reference at {ours[worst, 4]:.1f} s, "

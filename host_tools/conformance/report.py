@@ -17,7 +17,7 @@ _OUTCOMES = ("passed", "failed", "skipped")
 
 def words_of(findings: Sequence[Finding]) -> str:
     """Return how many checks had which outcome."""
-    counts = Counter(one.outcome for one in findings)
+    counts = Counter[str](one.outcome for one in findings)
     return ", ".join(f"{counts[one]} {one}" for one in _OUTCOMES if counts[one])
 
 
@@ -27,7 +27,7 @@ def _printable(text: str) -> str:
 
 def write_junit(path: Path, name: str, findings: Sequence[Finding]) -> None:
     """Write the findings as JUnit XML."""
-    counts = Counter(one.outcome for one in findings)
+    counts = Counter[str](one.outcome for one in findings)
     root = ElementTree.Element("testsuites")
     suite = ElementTree.SubElement(
         root,
