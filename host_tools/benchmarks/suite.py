@@ -40,7 +40,7 @@ _WAYS = {
     "python_can": "lockstep, python-can",
     "direct": "direct, no bus",
 }
-"""What exchanges epochs: key of the result, and label."""
+"""Ways to exchange epochs: key of the result, and label."""
 
 Result = JsonObject
 """The result, as printed by `rrins bench --json`."""

@@ -21,7 +21,7 @@ from rrins.host_tools.campaigns.until import Until
 from rrins.host_tools.runs.rehearsal import Interrupted
 
 CHUNK_S = 4.0
-"""How long a chunk should take: what a crash costs at most, for each worker."""
+"""Duration of a chunk: the most that a crash costs, for each worker."""
 
 MOST_OF_CHUNK = 256
 _POLL_S = 0.2
@@ -31,7 +31,7 @@ _MOST_LOSSES = 3
 
 @dataclass
 class Progress:
-    """How far a campaign is.
+    """The progress of a campaign.
 
     Attributes
     ----------

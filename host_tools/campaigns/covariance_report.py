@@ -29,7 +29,7 @@ _MOST_SOURCES = 5
 
 @dataclass(frozen=True)
 class Beside:
-    """What the runs of a campaign say of σ at the end.
+    """σ of the runs of a campaign.
 
     Attributes
     ----------
@@ -74,7 +74,7 @@ class Beside:
 
 
 def beside_runs(store: Store) -> Beside:
-    """Return what a campaign's runs say.
+    """Return σ of a campaign's runs.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""What a campaign is: a scenario, what varies of it, how many runs; from a TOML file or options."""
+"""The definition of a campaign: scenario, variations, runs; from a TOML file or options."""
 
 from __future__ import annotations
 
@@ -156,7 +156,7 @@ def _checked(table: JsonObject) -> Scenario:
 
 @dataclass(frozen=True)
 class Wishes:
-    """What options of the command line, or keywords in Python, change of a file."""
+    """Options of the command line, or keywords in Python, that override a file."""
 
     runs: int | None = None
     seed: int | None = None

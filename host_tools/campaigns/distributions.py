@@ -1,4 +1,4 @@
-"""What a key is varied by, as a person writes it: ``normal(0, 0.1)``, ``list(1, 2, 5)``, ….
+"""Distributions of a key, as a person writes them: ``normal(0, 0.1)``, ``list(1, 2, 5)``, ….
 
 Every distribution is a function of one number in (0, 1), its quantile: so that one set of points,
 drawn at random, by Latin hypercube or by Sobol's sequence, serves them all.
@@ -17,7 +17,7 @@ import numpy as np
 from rrins.host_tools.campaigns.errors import CampaignError
 
 Value = float | int | str | bool
-"""What a key of a scenario is set to."""
+"""A value of a scenario's key."""
 
 _CALL = re.compile(r"\s*(\w+)\s*\(([^()]*)\)\s*(.*)\Z", re.DOTALL)
 _CORRELATED = re.compile(r"correlated\s*\(?\s*([-+.\deE]+)\s*\)?\Z")
@@ -40,7 +40,7 @@ def normal_quantile(probability: float) -> float:
 
 @dataclass(frozen=True)
 class Distribution:
-    """What a key is drawn from.
+    """The distribution of a key.
 
     Attributes
     ----------
@@ -90,7 +90,7 @@ class Distribution:
 
     @property
     def nominal(self) -> Value:
-        """What a sweep of another key leaves the key at: the median, the first of a list."""
+        """The value while another key is swept: the median, the first of a list."""
         return self.values[0] if self.kind == "list" else self.quantile(0.5)
 
     @property
@@ -164,7 +164,7 @@ def parse(key: str, text: str) -> Distribution:
     found = _CALL.match(text)
     if found is None or found[1] not in _KINDS:
         raise CampaignError(
-            f"{key}: {text.strip()!r} is no distribution; there are normal(mean, σ), "
+            f"{key}: {text.strip()!r} is not a distribution; known are normal(mean, σ), "
             "uniform(low, high), truncated(mean, σ, low, high), list(…), steps(first, last, number)"
         )
     kind, inside, behind = found[1], found[2], found[3].strip()
@@ -202,7 +202,7 @@ def _checked(key: str, kind: str, values: Sequence[Value]) -> tuple[Value, ...]:
         raise CampaignError(f"{key}: {kind} takes {wanted} numbers, not {len(values)}")
     for value in values:
         if isinstance(value, str | bool) or not math.isfinite(value):
-            raise CampaignError(f"{key}: {value!r} in {kind}() is no number")
+            raise CampaignError(f"{key}: {value!r} in {kind}() is not a number")
     numbers = tuple(float(value) for value in values)
     if kind in ("normal", "truncated") and numbers[1] <= 0:
         raise CampaignError(f"{key}: the standard deviation in {kind}() must be above 0")

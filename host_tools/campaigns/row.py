@@ -101,7 +101,7 @@ _ALIKE: Final[dict[str, Any]] = {
     **dict.fromkeys(("latitude_deg", "longitude_deg", "height_m"), 0.0),
     **dict.fromkeys(("roll_deg", "pitch_deg", "heading_deg"), 0.0),
 }
-"""What the diagnostics of a firmware do not look at when they are set up."""
+"""Settings that a firmware's diagnostics do not use when they are set up."""
 
 
 @lru_cache(maxsize=2)
@@ -252,7 +252,7 @@ def _came_out(scenario: Scenario, should_stop: Callable[[], bool]) -> Row:
 
 @dataclass(frozen=True)
 class Work:
-    """What a worker needs to know: the campaign, and which sources it is meant for."""
+    """The work of a worker: the campaign, and the sources that it is meant for."""
 
     text: str
     sources: str

@@ -23,7 +23,7 @@ _ADDRESS = re.compile(r"[a-z]+://.+|[\w.-]+:\d+\Z")
 
 @dataclass(frozen=True)
 class Workers:
-    """Who runs a campaign.
+    """The workers of a campaign.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""Which input matters: linear shares of the variance, and Sobol's indices.
+"""Sensitivity to the inputs: linear shares of the variance, and Sobol's indices.
 
 A linear share of an input is ``b cov(x, y) / var(y)``, with b its coefficient in the regression of
 the output on all inputs; for independent inputs the square of the standardised coefficient. What

@@ -162,12 +162,12 @@ class Store:
 
     @contextmanager
     def locked(self) -> Iterator[None]:
-        """Let nobody else write to the folder.
+        """Keep other processes from writing to the folder.
 
         Raises
         ------
         CampaignError
-            When somebody does.
+            When another process writes to it.
         """
         path = self.folder / _LOCK
         try:
@@ -303,7 +303,7 @@ def read_manifest(folder: Path) -> JsonObject:
     try:
         found = json.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError as error:
-        raise CampaignError(f"{folder}: has no campaign: there is no {MANIFEST}") from error
+        raise CampaignError(f"{folder}: not a campaign folder: {MANIFEST} is missing") from error
     except (OSError, ValueError) as error:
         raise CampaignError(f"{path}: cannot be read: {error}") from error
     if not isinstance(found, dict) or found.get("format") != _FORMAT:

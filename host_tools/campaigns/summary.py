@@ -1,4 +1,4 @@
-"""What a campaign came to: how many runs, and the figures of its outputs with their intervals."""
+"""Results of a campaign: the number of runs, and figures of its outputs with their intervals."""
 
 from __future__ import annotations
 
@@ -89,7 +89,7 @@ def circles(outcomes: Outcomes) -> dict[str, Estimate]:
 
 
 def values_of(store: Store) -> JsonObject:
-    """Return what a campaign came to, as plain values."""
+    """Return the results of a campaign, as plain values."""
     outcomes = Outcomes(store)
     return {
         "folder": str(store.folder),

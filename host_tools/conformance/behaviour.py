@@ -97,7 +97,7 @@ def _request(bench: Bench, request: str, mode: str) -> None:
 
 @check("firmware.md#rotation-scheme")
 def axis_fault(subject: Subject) -> None:
-    """An axis that does not follow is told and both hold; the rotation is tried again."""
+    """An axis that does not follow is reported and both hold; the rotation is tried again."""
     bench = subject.navigating()
     bench.inject("axis_stall", axis="inner", for_s=20.0)
     where: Where = {"mode": "NAVIGATION_STRAPDOWN", "axis_inner_not_following": 1}

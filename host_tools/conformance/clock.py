@@ -25,7 +25,7 @@ from rrins.host_tools.testing.scenarios import prepare_scenario
 
 ERROR_PPM: Final = 200.0
 SECONDS: Final = 8.0
-_TOLD_PPM: Final = 50.0  # of 127, the most that the field holds
+_REPORTED_PPM: Final = 50.0  # of 127, the most that the field holds
 _DELAY: Final = 2  # epochs until a command takes effect
 _IN_TIME: Final = 0.9  # of the epochs
 _TRIES: Final = 3  # the machine has others to serve: what is late once need not be the program's
@@ -39,7 +39,7 @@ class _LateError(AssertionError):
 
 @dataclass
 class _Heard:
-    """What the program has sent."""
+    """Frames of the program."""
 
     commands: set[int] = field(default_factory=set)  # epochs whose commands came in time
     error_ppm: list[float] = field(default_factory=list)
@@ -80,10 +80,10 @@ def _try(subject: Subject) -> None:
             f"commands in time in {in_time:.1%} of the epochs, with a clock error of "
             f"{ERROR_PPM:g} ppm"
         )
-    told = sorted(heard.error_ppm[-10:])
-    assert told, "no FIRMWARE_STATUS in real time"
-    middle = told[len(told) // 2]
-    if middle < _TOLD_PPM:
+    reported = sorted(heard.error_ppm[-10:])
+    assert reported, "no FIRMWARE_STATUS in real time"
+    middle = reported[len(reported) // 2]
+    if middle < _REPORTED_PPM:
         raise _LateError(
             f"clock_error_ppm is {middle:g} after {SECONDS:g} s, with an error of {ERROR_PPM:g} ppm"
         )

@@ -179,7 +179,7 @@ def uds_sessions(subject: Subject) -> None:
 
 @check("diagnostics.md#sessions-and-security")
 def uds_security(subject: Subject) -> None:
-    """A key without a seed and a wrong key are refused, and after the third there is no seed."""
+    """A key without a seed and a wrong key are refused, and after the third no seed is given."""
     tool = _in_standby(subject)
     _enter_extended(tool)
     answer = tool.ask(_SEED)

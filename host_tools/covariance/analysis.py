@@ -41,7 +41,7 @@ _HORIZONTAL = slice(0, 2)
 
 @dataclass(frozen=True)
 class SourceResult:
-    """What an error source does.
+    """The effect of an error source.
 
     Attributes
     ----------

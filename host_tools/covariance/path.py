@@ -20,7 +20,7 @@ INTERVAL_S = 0.5
 
 @dataclass(frozen=True)
 class Path:
-    """What the sensors go through, in n intervals of `INTERVAL_S`.
+    """Motion of the sensors, in n intervals of `INTERVAL_S`.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""The report of a study: one self-contained HTML page, and the picture beside it."""
+"""The report of a study: one self-contained HTML page, and its picture."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ WORDS = {
     "standing": "which, at rest",
     "parity": "which, in motion",
 }
-"""What is known of a fault, in a table; the keys are `theory.WAYS`."""
+"""Words of a table for knowledge about a fault; the keys are `theory.WAYS`."""
 
 
 def shown(value: float | None, beyond: str = "–") -> str:

@@ -1,4 +1,4 @@
-"""What several sets of sensors can find, side by side: figures for tables, pictures, `--json`."""
+"""Sets of sensors side by side: figures for tables, pictures, `--json`."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ class Set:
 
 @dataclass
 class Survey:
-    """What is known of a candidate.
+    """Figures of a candidate.
 
     Attributes
     ----------
