@@ -128,7 +128,7 @@ def keep(folder: Path, names: Sequence[str]) -> Path:
 
 
 def make_folder(path: Path) -> None:
-    """Make a folder if it is not there.
+    """Make a folder, and those above it, if they are not there.
 
     Raises
     ------
@@ -136,6 +136,6 @@ def make_folder(path: Path) -> None:
         When it cannot be made.
     """
     try:
-        path.mkdir(exist_ok=True)
+        path.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise RehearsalError(f"{path}: cannot be made: {error.strerror}") from error

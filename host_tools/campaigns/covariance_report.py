@@ -15,7 +15,7 @@ from rrins.host_tools.campaigns.store import Store
 from rrins.host_tools.campaigns.summary import Outcomes, shown
 from rrins.host_tools.covariance.analysis import Analysis
 from rrins.host_tools.drawing.page import png_of, write_png
-from rrins.host_tools.files import JsonObject, write_whole
+from rrins.host_tools.files import JsonObject, make_folder, write_whole
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -100,7 +100,7 @@ def write(analysis: Analysis, folder: Path, beside: Beside | None = None) -> lis
     RehearsalError
         When they cannot be written.
     """
-    Store.make_folder(folder)
+    make_folder(folder)
     paths = [folder / "covariance.csv", folder / "covariance.png"]
     write_whole(paths[0], lambda file: _write_rows(file, analysis))
     write_png(paths[1], png_of(draw(analysis, beside)))

@@ -17,6 +17,7 @@ from rrins.host_tools.campaigns.store import REPORTS, Store
 from rrins.host_tools.covariance.analysis import Analysis, analyse
 from rrins.host_tools.drawing.page import write_report
 from rrins.host_tools.errors import RehearsalError
+from rrins.host_tools.files import make_folder
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -34,7 +35,7 @@ def write(store: Store, folder: Path | None = None) -> list[Path]:
     """
     folder = folder or store.folder / REPORTS
     definition, outcomes = store.definition, summary.Outcomes(store)
-    store.make_folder(folder)
+    make_folder(folder)
     shares = {
         name: found
         for name in sensitivity.LINEAR_OUTPUTS

@@ -9,7 +9,7 @@ from pathlib import Path
 from rrins.host_tools.campaigns.errors import CampaignError
 from rrins.host_tools.campaigns.row import Row
 from rrins.host_tools.campaigns.store import RERUNS, Store
-from rrins.host_tools.files import write_text
+from rrins.host_tools.files import make_folder, write_text
 from rrins.host_tools.runs.display import RunDisplay
 from rrins.host_tools.runs.run import Plan, RunResult, rehearse, simulate
 from rrins.host_tools.scenario.scenario import Scenario
@@ -83,7 +83,7 @@ def rerun(
         raise CampaignError(f"rerun {run}: the runs are 0 to {runs - 1}")
     scenario = store.definition.scenario_of(run)
     folder = folder or store.folder / RERUNS / str(run)
-    store.make_folder(folder)
+    make_folder(folder)
     file = folder / SCENARIO
     write_text(file, scenario.toml())
     with make_display(scenario) as display:

@@ -30,7 +30,7 @@ from rrins.host_tools.campaigns.definition import Definition
 from rrins.host_tools.campaigns.errors import CampaignError
 from rrins.host_tools.campaigns.row import OK, OUTPUTS, SERIES, Row, times_of
 from rrins.host_tools.campaigns.sources import sources_digest, versions
-from rrins.host_tools.files import JsonObject, write_text
+from rrins.host_tools.files import JsonObject, make_folder, write_text
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -92,26 +92,13 @@ class Store:
             When the folder has another campaign, or cannot be written.
         """
         store = cls(folder, definition)
-        store.make_folder(folder)
+        make_folder(folder)
         if (folder / MANIFEST).exists():
             store._check(read_manifest(folder))
         elif any(folder.glob("*.parquet")):
             raise CampaignError(f"{folder}: has Parquet files without {MANIFEST}; name another")
         store._write_manifest({})
         return store
-
-    @staticmethod
-    def make_folder(folder: Path) -> None:
-        """Make a folder.
-
-        Raises
-        ------
-        CampaignError
-        """
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise CampaignError(f"{folder}: cannot be made: {error.strerror}") from error
 
     def _check(self, manifest: JsonObject) -> None:
         """Refuse to go on with a campaign that is another one."""
