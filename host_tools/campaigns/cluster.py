@@ -126,7 +126,9 @@ class Cluster:
             rows = future.result(timeout=_CONNECT_S)
         except self._lost_words as error:
             return Done(runs, [], " ".join(str(error).split())[:200])
-        except self._cancelled as error:
+        except (*self._cancelled, TimeoutError) as error:
+            if self._local is not None:  # its scheduler is here: the rows went with a worker
+                return Done(runs, [], f"{type(error).__name__}: {error}"[:200])
             raise CampaignError(
                 f"Dask scheduler {self._where}: is gone; the same command goes on"
             ) from error
