@@ -95,6 +95,18 @@ def write_whole(path: Path, write: Callable[[IO[str]], None]) -> None:
         write(file)
 
 
+def write_text(path: Path, text: str) -> None:
+    """Write a text as a file that is there whole or not at all.
+
+    Raises
+    ------
+    RehearsalError
+        When it cannot be written.
+    """
+    with replacing(path) as part, part.open("w", encoding="utf-8", newline="") as file:
+        file.write(text)
+
+
 def keep(folder: Path, names: Sequence[str]) -> Path:
     """Move files of a folder into its folder `previous`, in place of those there; return that.
 
@@ -116,7 +128,7 @@ def keep(folder: Path, names: Sequence[str]) -> Path:
 
 
 def make_folder(path: Path) -> None:
-    """Make a folder if it is not there.
+    """Make a folder, and those above it, if they are not there.
 
     Raises
     ------
@@ -124,6 +136,6 @@ def make_folder(path: Path) -> None:
         When it cannot be made.
     """
     try:
-        path.mkdir(exist_ok=True)
+        path.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise RehearsalError(f"{path}: cannot be made: {error.strerror}") from error

@@ -41,7 +41,7 @@ class Conformance:
         """A row for each check: `check`, `rule`, `page`, `outcome`, `text`, `seconds`."""
         import pandas as pd
 
-        return pd.DataFrame(report.rows_of(self.findings))
+        return pd.DataFrame([one.values() for one in self.findings])
 
     def write_page(self, path: str | Path) -> None:
         """Write the report as a page."""

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 from rrins.campaign import Campaign
 from rrins.host_tools.campaigns import covariance_report as report
-from rrins.host_tools.campaigns.covariance import Analysis, analyse
 from rrins.host_tools.campaigns.store import is_campaign
+from rrins.host_tools.covariance.analysis import Analysis, analyse
 from rrins.notebook import html_of, let_figures_show
 from rrins.scenarios import load_scenario
 
@@ -104,8 +104,12 @@ def analyse_covariance(
     if isinstance(source, str | Path) and is_campaign(Path(source)):
         source = Campaign.open(source)
     if isinstance(source, Campaign):
-        store = source.store
-        return CovarianceAnalysis(analyse(store.definition), report.beside_runs(store))
+        return CovarianceAnalysis(_analyse(source), report.beside_runs(source.store))
     named = load_scenario(source, **changes) if changes else source
     campaign = Campaign(named, vary=vary, duration_s=duration_s, design="random")
-    return CovarianceAnalysis(analyse(campaign.store.definition), None)
+    return CovarianceAnalysis(_analyse(campaign), None)
+
+
+def _analyse(campaign: Campaign) -> Analysis:
+    definition = campaign.store.definition
+    return analyse(definition.scenario, definition.varied())

@@ -35,6 +35,7 @@ GUIDES = {
     "host_tools/conformance": "own-firmware.md",
     "host_tools/calibration": "calibration.md",
     "host_tools/campaigns": "campaigns.md",
+    "host_tools/covariance": "covariance.md",
     "host_tools/dashboard": "dashboard.md",
     "host_tools/diag": "diag.md",
     "host_tools/experiments": "experiments/index.md",

@@ -6,13 +6,12 @@ import statistics
 import threading
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import can
 import numpy as np
 
 from rrins.compiled.compilation import compiled
-from rrins.compiled.record import Floats, Integers, Records
+from rrins.compiled.record import Floats, Records
 from rrins.dbc.codec import SignalLayout, decode, encode, load
 from rrins.dbc.e2e import MessageLayout, crc_holds
 from rrins.dbc.frame import FrameArray, frame_array
@@ -35,27 +34,17 @@ _SILENCE_S = 0.2
 Figures = dict[str, float]
 
 
-@dataclass(frozen=True)
-class StepTimes:
-    """Timing of single calls of both steps.
-
-    Attributes
-    ----------
-    firmware_us, hardware_us : dict
-        `median` and `p99` of a call in microseconds, with the timer overhead subtracted.
-    frames : array of dtype `rrins.dbc.frame.Frame`
-        The frames of sensor group 1 in the same epochs.
-    """
-
-    firmware_us: Figures
-    hardware_us: Figures
-    frames: FrameArray
-
-
-def steps(scenario: Scenario, samples: int) -> StepTimes:
+def steps(scenario: Scenario, samples: int) -> tuple[JsonObject, FrameArray]:
     """Measure both steps over `samples` epochs, while navigating with the table turning.
 
     Each step is called from Python, as its shell does; the two feed each other.
+
+    Returns
+    -------
+    dict
+        `median` and `p99` µs of a call of each side, without the timer's overhead.
+    array of dtype `rrins.dbc.frame.Frame`
+        The frames of sensor group 1 in the same epochs.
     """
     firmware = Firmware(firmware_settings(scenario))
     hardware = Hardware(hardware_settings(scenario))
@@ -73,13 +62,9 @@ def steps(scenario: Scenario, samples: int) -> StepTimes:
             if taken == samples:
                 break
     assert taken == samples, "the scenario does not turn for so many epochs"
-    ours, theirs = (_spread_us(row - timer_overhead_ns()) for row in took_ns)
-    return StepTimes(ours, theirs, frames)
-
-
-def _spread_us(took_ns: Integers) -> Figures:
-    median, p99 = np.percentile(took_ns, (50, 99)) / 1000
-    return {"median": float(median), "p99": float(p99)}
+    spread_us = np.percentile(took_ns - timer_overhead_ns(), (50, 99), axis=1).T / 1000
+    ours, theirs = ({"median": float(a), "p99": float(b)} for a, b in spread_us)
+    return {"firmware_step_us": ours, "hardware_step_us": theirs}, frames
 
 
 @compiled
@@ -152,26 +137,20 @@ def python_can(interface: str, frames: FrameArray) -> tuple[Figures | None, str 
 
     Returns
     -------
-    tuple
+    dict or None
         `us_per_frame`, to send and receive a frame if an epoch's frames are sent and then
         received; `lost_share` of frames if one thread sends without pause while another receives.
-        Or None and the reason why the bus is unavailable here.
+    str or None
+        Why the bus is unavailable here.
     """
     try:
-        with (
-            _open(interface) as sender,
-            _open(interface) as receiver,
-        ):
+        with _open(interface) as sender, _open(interface) as receiver:
             messages = [message_of_frame(frame) for frame in frames]
             if not _arrives(sender, receiver, messages[0]):
                 return None, "no frame arrives"
-            us_per_frame = _us_per_frame(
-                lambda: _exchange(sender, receiver, messages), len(messages)
-            )
-            return {
-                "us_per_frame": us_per_frame,
-                "lost_share": _lost_share(sender, receiver, messages),
-            }, None
+            took_us = _us_per_frame(lambda: _exchange(sender, receiver, messages), len(messages))
+            lost_share = _lost_share(sender, receiver, messages)
+            return {"us_per_frame": took_us, "lost_share": lost_share}, None
     except (can.CanError, OSError, ImportError) as error:
         return None, " ".join(str(error).split())
 

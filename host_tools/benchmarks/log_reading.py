@@ -1,4 +1,4 @@
-"""How fast logs are read, beside python-can: ``python -m rrins.host_tools.benchmarks.log_reading``.
+"""Speed of reading logs and of python-can: ``python -m rrins.host_tools.benchmarks.log_reading``.
 
 Writes a log of each format, reads it with `rrins.host_tools.logs.reader.Log` and with python-can's
 own reader in turn, and prints thousands of frames a second: the best of three.

@@ -17,7 +17,7 @@ _AGAIN_S = 0.05
 
 @dataclass
 class Count:
-    """How often every identifier has been read."""
+    """Number of times that every identifier has been read."""
 
     times: int = 0
 

@@ -8,7 +8,6 @@ import subprocess
 import sys
 import time
 from contextlib import nullcontext
-from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 
@@ -36,82 +35,64 @@ def _rehearse(
     return Rehearsal(name, scenario, options, address, speed, folder).run(watch)
 
 
-class _Sections:
-    """Records when the hardware reports an epoch, from the first to the last."""
-
-    def __init__(self) -> None:
-        self._marks: list[tuple[int, int]] = []
-
-    def collect(self, report: JsonObject) -> None:
-        if report["kind"] == "progress" and report["side"] == "hardware":
-            self._marks.append((report["epoch"], time.monotonic_ns()))
-
-    def per_s(self) -> list[float]:
-        return [
-            (last - first) / ((end_ns - start_ns) * 1e-9)
-            for (first, start_ns), (last, end_ns) in pairwise(self._marks)
-        ]
-
-
-@dataclass(frozen=True)
-class Lockstep:
-    """A rehearsal in lockstep.
-
-    Attributes
-    ----------
-    epochs_per_s : list of float
-        Speed in each section between two hardware reports, from the first epoch to the last.
-    frames_lost : int
-    """
-
-    epochs_per_s: list[float]
-    frames_lost: int
-
-
-def lockstep(name: str, duration_s: float, channel: str, folder: Path) -> Lockstep:
+def lockstep(name: str, duration_s: float, channel: str, folder: Path) -> tuple[list[float], int]:
     """Rehearse as fast as possible; `duration_s` is simulated time, longer than a section (10 s).
+
+    Returns
+    -------
+    list of float
+        Epochs per second of each section between two hardware reports, from the first epoch on.
+    int
+        Frames lost.
 
     Raises
     ------
     RehearsalError
         If the rehearsal fails.
     """
-    sections = _Sections()
+    marks: list[tuple[int, int]] = []
+
+    def watch(report: JsonObject) -> None:
+        if report["kind"] == "progress" and report["side"] == "hardware":
+            marks.append((report["epoch"], time.monotonic_ns()))
+
     scenario = load(name, duration_s=duration_s)
-    outcome = _rehearse(name, scenario, channel, None, folder, sections.collect)
+    outcome = _rehearse(name, scenario, channel, None, folder, watch)
     if outcome.failure is not None:
         raise outcome.failure
     lost = frames_lost(outcome.firmware, outcome.hardware)
     assert lost is not None
-    return Lockstep(sections.per_s(), lost)
-
-
-@dataclass(frozen=True)
-class Realtime:
-    """A real-time rehearsal: lateness of the firmware's loop (µs), and the scheduling permitted."""
-
-    lateness_us: JsonObject
-    sched_fifo: bool
-    memory_locked: bool
+    speeds = [
+        (last - first) / ((end_ns - start_ns) * 1e-9)
+        for (first, start_ns), (last, end_ns) in pairwise(marks)
+    ]
+    return speeds, lost
 
 
 def realtime(
     name: str, rate_hz: int, seconds: float, channel: str, folder: Path, is_read: bool = False
-) -> Realtime:
+) -> tuple[JsonObject, JsonObject]:
     """Rehearse in real time for `seconds` at `rate_hz`.
 
     With `is_read` a diagnostic tool repeatedly reads every identifier meanwhile.
+
+    Returns
+    -------
+    dict
+        Lateness of the firmware's loop, µs.
+    dict
+        Whether ``sched_fifo`` and ``memory_locked`` were permitted.
 
     Raises
     ------
     RehearsalError
         If the rehearsal fails.
     """
-    permitted: JsonObject = {}
+    permitted: JsonObject = dict.fromkeys(("sched_fifo", "memory_locked"), False)
 
     def watch(report: JsonObject) -> None:
         if report["kind"] == "ready" and report["side"] == "firmware":
-            permitted.update(report)
+            permitted.update({key: bool(report.get(key)) for key in permitted})
 
     text = text_of(name)
     for key, value in (("rate_hz", rate_hz), ("alignment_s", _ALIGNMENT_S)):
@@ -127,11 +108,7 @@ def realtime(
         lateness |= {"times_read": count.times}
     if outcome.failure is not None and lateness["epochs"] < _ENOUGH * scenario.epochs:
         raise outcome.failure
-    return Realtime(
-        lateness | {"completed": outcome.failure is None},
-        bool(permitted.get("sched_fifo")),
-        bool(permitted.get("memory_locked")),
-    )
+    return lateness | {"completed": outcome.failure is None}, permitted
 
 
 def start_s(name: str, channel: str, folder: Path, cache: Path | None) -> float:

@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import importlib.metadata
-import json
 import os
 import platform
 import statistics
 import tempfile
 import time
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Self
 
-import click
 from rich.console import Console
 from rich.table import Table
 
@@ -35,46 +34,34 @@ RATES_HZ = (200, 400, 1000)
 READ_RATE_HZ = 400
 """Rate of the rehearsal that a diagnostic tool reads meanwhile."""
 
+_WAYS = {
+    "floor": "floor: bare bytes",
+    "lockstep": "lockstep",
+    "python_can": "lockstep, python-can",
+    "direct": "direct, no bus",
+}
+"""Ways to exchange epochs: key of the result, and label."""
+
 Result = JsonObject
 """The result, as printed by `rrins bench --json`."""
 
 
 @dataclass(frozen=True)
 class Effort:
-    """Extent of the measurements.
+    """Extent of the measurements."""
 
-    Attributes
-    ----------
-    rounds : int
-        Rehearsals in lockstep.
-    repetitions : int
-        How often everything compared with lockstep runs before and after each of them.
-    lockstep_s, direct_s : float
-        Simulated seconds of one run.
-    floor_epochs, message_epochs : int
-        Epochs of one run.
-    step_samples, frames, bus_frames : int
-        Calls of a step; frames through cantools; frames through python-can's buses.
-    pyins_s : float
-        Simulated seconds through pyins' filter.
-    realtime_s : float
-        Duration at each rate.
-    cold : bool
-        Whether to measure a cold start, which compiles.
-    """
-
-    rounds: int
-    repetitions: int
-    lockstep_s: float
-    direct_s: float
-    floor_epochs: int
-    message_epochs: int
-    step_samples: int
-    pyins_s: float
-    frames: int
-    bus_frames: int
-    realtime_s: float
-    cold: bool
+    rounds: int = 3  # rehearsals in lockstep
+    repetitions: int = 1  # of everything compared with lockstep, before and after each of them
+    lockstep_s: float = 150.0  # simulated, of one run
+    direct_s: float = 300.0
+    floor_epochs: int = 20_000  # of one run
+    message_epochs: int = 1000
+    step_samples: int = 40_000  # calls of a step
+    pyins_s: float = 10.0  # simulated, through pyins' filter
+    frames: int = 4000  # through cantools
+    bus_frames: int = 4200  # through python-can's buses
+    realtime_s: float = 10.0  # at each rate
+    cold: bool = True  # whether to measure a cold start, which compiles
 
     @property
     def steps(self) -> int:
@@ -82,20 +69,7 @@ class Effort:
         return 4 + self.rounds + len(RATES_HZ) + self.cold
 
 
-NORMAL = Effort(
-    rounds=3,
-    repetitions=1,
-    lockstep_s=150.0,
-    direct_s=300.0,
-    floor_epochs=20_000,
-    message_epochs=1000,
-    step_samples=40_000,
-    pyins_s=10.0,
-    frames=4000,
-    bus_frames=4200,
-    realtime_s=10.0,
-    cold=True,
-)
+NORMAL = Effort()
 QUICK = Effort(
     rounds=1,
     repetitions=2,
@@ -138,32 +112,6 @@ class BenchDisplay(Closing):
             self._console.print(text, highlight=False, soft_wrap=True)
 
 
-@dataclass
-class _Rounds:
-    """Every sample in epochs per second, and the frames lost in lockstep."""
-
-    floor: list[float] = field(default_factory=list)
-    lockstep: list[float] = field(default_factory=list)
-    python_can: list[float] = field(default_factory=list)
-    direct: list[float] = field(default_factory=list)
-    frames_lost: int = 0
-
-    def result(self) -> Result:
-        rates = {
-            "floor_epochs_per_s": self.floor,
-            "lockstep_epochs_per_s": self.lockstep,
-            "python_can_epochs_per_s": self.python_can,
-            "direct_epochs_per_s": self.direct,
-        }
-        result: Result = {key: statistics.median(values) for key, values in rates.items()}
-        ratio = result["floor_epochs_per_s"] / result["lockstep_epochs_per_s"]
-        return result | {
-            "lockstep_over_floor": ratio,
-            "frames_lost": self.frames_lost,
-            "samples": rates,
-        }
-
-
 def _machine() -> Result:
     return {
         "python": platform.python_version(),
@@ -187,9 +135,12 @@ def _datagram_bytes() -> tuple[int, int]:
 
 
 def _run_rounds(effort: Effort, channel: str, folder: Path, display: BenchDisplay) -> Result:
+    """Measure the ways that exchange epochs, in turn, so that all see the same load."""
     up, down = _datagram_bytes()
     direct = load(SCENARIO, duration_s=effort.direct_s)
-    rounds = _Rounds()
+    samples: dict[str, list[float]] = {f"{way}_epochs_per_s": [] for way in _WAYS}
+    of_floor, of_lockstep, of_python_can, of_direct = samples.values()
+    frames_lost = 0
     sections = 2 * effort.repetitions * effort.rounds
     with MessageLockstep(
         SCENARIO, f"{channel}-messages", effort.message_epochs, sections
@@ -197,41 +148,41 @@ def _run_rounds(effort: Effort, channel: str, folder: Path, display: BenchDispla
 
         def compare() -> None:
             for _ in range(effort.repetitions):
-                rounds.python_can.append(
-                    messages.run_section()
-                )  # the first one waits for the start
-                rounds.floor.append(floor.measure(up, down, effort.floor_epochs))
+                of_python_can.append(messages.run_section())  # the first one waits for the start
+                of_floor.append(floor.measure(up, down, effort.floor_epochs))
                 outcome = run_direct(direct)
-                hardware, seconds = outcome.hardware, outcome.wall_s
-                rounds.direct.append(hardware["epochs"] / seconds)
+                of_direct.append(outcome.hardware["epochs"] / outcome.wall_s)
 
         for number in range(effort.rounds):
             display.step(f"floor, lockstep, python-can, direct: {number + 1} of {effort.rounds}")
             compare()
-            rehearsed = rehearsals.lockstep(SCENARIO, effort.lockstep_s, channel, folder)
-            rounds.lockstep += rehearsed.epochs_per_s
-            rounds.frames_lost += rehearsed.frames_lost
+            speeds, lost = rehearsals.lockstep(SCENARIO, effort.lockstep_s, channel, folder)
+            of_lockstep += speeds
+            frames_lost += lost
             compare()
-    return rounds.result() | {"floor_datagram_bytes": {"up": up, "down": down}}
+    medians = {key: statistics.median(values) for key, values in samples.items()}
+    return medians | {
+        "lockstep_over_floor": medians["floor_epochs_per_s"] / medians["lockstep_epochs_per_s"],
+        "frames_lost": frames_lost,
+        "samples": samples,
+        "floor_datagram_bytes": {"up": up, "down": down},
+    }
 
 
 def _run_compute(effort: Effort) -> Result:
-    steps = compute.steps(load(SCENARIO), effort.step_samples)
-    fast = fast_path.us_per_epoch(effort.step_samples)
+    steps, frames = compute.steps(load(SCENARIO), effort.step_samples)
     buses: Result = {}
     for interface in ("virtual", "udp_multicast"):
-        figures, reason = compute.python_can(interface, steps.frames[: effort.bus_frames])
+        figures, reason = compute.python_can(interface, frames[: effort.bus_frames])
         buses |= {interface: figures, f"{interface}_reason": reason}
     return {
-        "firmware_step_us": steps.firmware_us,
-        "hardware_step_us": steps.hardware_us,
-        "fast_path_us_per_epoch": fast.plain,
-        "fast_path_comparing_us_per_epoch": fast.comparing,
+        **steps,
+        **fast_path.us_per_epoch(effort.step_samples),
         "navigation_step_us": fast_path.navigation_step_us(effort.step_samples),
         **estimator.measure(effort.step_samples, effort.pyins_s),
         "timer_overhead_us": timer_overhead_ns() / 1000,
-        **compute.codec(steps.frames),
-        "cantools_us_per_frame": compute.cantools(steps.frames[: effort.frames]),
+        **compute.codec(frames),
+        "cantools_us_per_frame": compute.cantools(frames[: effort.frames]),
         **buses,
     }
 
@@ -269,18 +220,16 @@ def measure(effort: Effort, display: BenchDisplay) -> Result:
         lateness: Result = {}
         for rate_hz in RATES_HZ:
             display.step(f"real time at {rate_hz} Hz, {effort.realtime_s:g} s")
-            run = rehearsals.realtime(SCENARIO, rate_hz, effort.realtime_s, channel, folder)
-            lateness[str(rate_hz)] = run.lateness_us
-            result["machine"] |= {
-                "sched_fifo": run.sched_fifo,
-                "memory_locked": run.memory_locked,
-            }
+            lateness[str(rate_hz)], permitted = rehearsals.realtime(
+                SCENARIO, rate_hz, effort.realtime_s, channel, folder
+            )
+            result["machine"] |= permitted
         result["lateness_us"] = lateness
         display.step(f"the same at {READ_RATE_HZ} Hz, reading every identifier repeatedly")
-        run = rehearsals.realtime(
+        while_read, _ = rehearsals.realtime(
             SCENARIO, READ_RATE_HZ, effort.realtime_s, channel, folder, is_read=True
         )
-        result["lateness_while_read_us"] = {str(READ_RATE_HZ): run.lateness_us}
+        result["lateness_while_read_us"] = {str(READ_RATE_HZ): while_read}
         result["start_to_first_epoch_s"] = _run_starts(effort, channel, folder, display)
     result["wall_s"] = round(time.monotonic() - start_s, 1)
     return result
@@ -291,15 +240,6 @@ def measured(quick: bool) -> Result:
     effort = QUICK if quick else NORMAL
     with BenchDisplay(new_console(stderr=True), effort.steps) as display:
         return measure(effort, display)
-
-
-def bench(quick: bool, as_json: bool) -> None:
-    """Run `rrins bench`."""
-    result = measured(quick)
-    if as_json:
-        click.echo(json.dumps(result))
-    else:
-        print_result(result, new_console())
 
 
 def print_result(result: Result, console: Console) -> None:
@@ -321,24 +261,26 @@ def print_result(result: Result, console: Console) -> None:
         console.print(line, highlight=False, soft_wrap=True)
 
 
+def _table(title: str, headings: Sequence[str], rows: Iterable[Sequence[str]]) -> Table:
+    """Return a table: words in the first column, numbers in the others."""
+    table = Table(title=title, title_justify="left")
+    for heading in headings:
+        is_first = heading == headings[0]
+        table.add_column(heading, no_wrap=is_first, justify="left" if is_first else "right")
+    for row in rows:
+        table.add_row(*row)
+    return table
+
+
 def _table_of_speeds(result: Result) -> Table:
-    table = Table(title="Epochs per second", title_justify="left")
-    table.add_column("way", no_wrap=True)
-    for heading in ("median", "slowest", "fastest", "samples", "floor / way"):
-        table.add_column(heading, justify="right")
-    for label, key in (
-        ("floor: bare bytes", "floor_epochs_per_s"),
-        ("lockstep", "lockstep_epochs_per_s"),
-        ("lockstep, python-can", "python_can_epochs_per_s"),
-        ("direct, no bus", "direct_epochs_per_s"),
-    ):
-        samples = result["samples"][key]
-        table.add_row(
-            label,
-            *(f"{value:,.0f}" for value in (result[key], min(samples), max(samples))),
-            str(len(samples)),
-            f"{result['floor_epochs_per_s'] / result[key]:.2f}",
-        )
+    rows = []
+    for way, label in _WAYS.items():
+        samples, median = result["samples"][f"{way}_epochs_per_s"], result[f"{way}_epochs_per_s"]
+        figures = [f"{value:,.0f}" for value in (median, min(samples), max(samples))]
+        ratio = f"{result['floor_epochs_per_s'] / median:.2f}"
+        rows.append([label, *figures, str(len(samples)), ratio])
+    headings = ("way", "median", "slowest", "fastest", "samples", "floor / way")
+    table = _table("Epochs per second", headings, rows)
     table.caption = f"{result['frames_lost']} frames lost in lockstep"
     return table
 
@@ -348,56 +290,53 @@ def _table_of_costs(result: Result) -> Table:
     table.add_column("what", no_wrap=True)
     table.add_column("µs", justify="right")
     table.add_column("")
-    fast = result["fast_path_us_per_epoch"]
-    table.add_row("fast path, per epoch of both sides", f"{fast:.2f}", "8 noisy sensors")
-    comparing = result["fast_path_comparing_us_per_epoch"]
-    table.add_row("the same, sensors compared", f"{comparing:.2f}", f"{comparing / fast:.2f} ×")
-    table.add_row("navigation alone, per call", f"{result['navigation_step_us']:.2f}", "")
+    for what, value, digits, note in _costs(result):
+        table.add_row(what, "-" if value is None else f"{value:.{digits}f}", note)
+    return table
+
+
+def _costs(result: Result) -> Iterator[tuple[str, float | None, int, str]]:
+    """Yield the rows of the costs: what, µs, digits behind the point, a note."""
+    fast, comparing = (result[f"fast_path{one}_us_per_epoch"] for one in ("", "_comparing"))
+    yield "fast path, per epoch of both sides", fast, 2, "8 noisy sensors"
+    yield "the same, sensors compared", comparing, 2, f"{comparing / fast:.2f} ×"
+    yield "navigation alone, per call", result["navigation_step_us"], 2, ""
     for side in ("firmware", "hardware"):
         step = result[f"{side}_step_us"]
-        table.add_row(f"{side}'s step, per call", f"{step['median']:.2f}", f"p99 {step['p99']:.2f}")
+        yield f"{side}'s step, per call", step["median"], 2, f"p99 {step['p99']:.2f}"
     for label, name in (
         ("step at 400 Hz, no filter", "plain"),
         ("with the filter", "filter"),
         ("with filter, bank and a fault", "filter_bank_faults"),
     ):
         step = result["estimator_step_us"][name]
-        spread = f"p99 {step['p99']:.2f}, {step['overruns']} overruns"
-        table.add_row(label, f"{step['median']:.2f}", spread)
-    theirs = result["pyins_filter_us"]
-    if theirs is None:
-        table.add_row("pyins' filter, per epoch", "-", result["pyins_filter_reason"])
-    else:
-        ratio = f"{result['pyins_over_step']:.0f} × the step with the filter"
-        table.add_row("pyins' filter, per epoch", f"{theirs:.0f}", ratio)
-    for label, key in (("codec", "codec_us_per_frame"), ("cantools", "cantools_us_per_frame")):
-        for way in ("decode", "encode"):
-            table.add_row(f"{label}: {way} per sensor frame", f"{result[key][way]:.3f}", "")
-    table.add_row("CRC check per sensor frame", f"{result['crc_us_per_frame']:.3f}", "")
+        yield label, step["median"], 2, f"p99 {step['p99']:.2f}, {step['overruns']} overruns"
+    ratio = result["pyins_over_step"]
+    note = result["pyins_filter_reason"] or f"{ratio:.0f} × the step with the filter"
+    yield "pyins' filter, per epoch", result["pyins_filter_us"], 0, note
+    for codec in ("codec", "cantools"):
+        for way, value in result[f"{codec}_us_per_frame"].items():
+            yield f"{codec}: {way} per sensor frame", value, 3, ""
+    yield "CRC check per sensor frame", result["crc_us_per_frame"], 3, ""
     for interface in ("virtual", "udp_multicast"):
-        figures = result[interface]
-        label = f"python-can {interface}, per frame"
+        figures, label = result[interface], f"python-can {interface}, per frame"
         if figures is None:
-            table.add_row(label, "-", result[f"{interface}_reason"])
+            yield label, None, 0, result[f"{interface}_reason"]
         else:
             lost = f"{100 * figures['lost_share']:.1f} % lost at full speed"
-            table.add_row(label, f"{figures['us_per_frame']:.1f}", lost)
-    return table
+            yield label, figures["us_per_frame"], 1, lost
 
 
 def _table_of_lateness(result: Result) -> Table:
-    table = Table(title="Lateness of the firmware's loop in real time, µs", title_justify="left")
-    for heading in ("rate", "p50", "p99", "p99.9", "max", "overruns", "epochs"):
-        table.add_column(heading, justify="right")
-    rows = [(f"{rate_hz} Hz", row) for rate_hz, row in result["lateness_us"].items()]
-    rows += [
-        (f"{rate_hz} Hz, every identifier read {row['times_read']} times", row)
-        for rate_hz, row in result["lateness_while_read_us"].items()
+    named = [(f"{rate_hz} Hz", one) for rate_hz, one in result["lateness_us"].items()]
+    named += [
+        (f"{rate_hz} Hz, every identifier read {one['times_read']} times", one)
+        for rate_hz, one in result["lateness_while_read_us"].items()
     ]
-    for what, lateness in rows:
-        figures = [f"{lateness[key]:.0f}" for key in ("p50", "p99", "p999", "max")]
-        counts = [str(lateness[key]) for key in ("overruns", "epochs")]
-        table.add_row(what, *figures, *counts)
-        if not lateness["completed"]:
-            table.caption = "a run was aborted near its end (fewer epochs)"
+    keys = ("p50", "p99", "p999", "max", "overruns", "epochs")
+    rows = [[what, *(f"{one[key]:.0f}" for key in keys)] for what, one in named]
+    headings = ("rate", "p50", "p99", "p99.9", "max", "overruns", "epochs")
+    table = _table("Lateness of the firmware's loop in real time, µs", headings, rows)
+    if not all(one["completed"] for _, one in named):
+        table.caption = "a run was aborted near its end (fewer epochs)"
     return table

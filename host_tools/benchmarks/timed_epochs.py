@@ -14,7 +14,7 @@ from rrins.host_tools.hardware.step import hardware_step
 
 
 class TimedEpoch(NamedTuple):
-    """How long the steps of an epoch took.
+    """Durations of the steps of an epoch.
 
     Attributes
     ----------

@@ -18,7 +18,8 @@ from rrins.host_tools.calibration.seconds import Seconds
 from rrins.host_tools.calibration.unit import drawn_unit
 from rrins.host_tools.diag.target import DEFAULT_TIMEOUT_S, Target
 from rrins.host_tools.diag.tester import Tester
-from rrins.host_tools.errors import CalibrationRecordError, RehearsalError
+from rrins.host_tools.errors import CalibrationRecordError
+from rrins.host_tools.files import make_folder
 from rrins.host_tools.interruption import as_event
 from rrins.host_tools.rotation.inputs import NamedScheme, rimu_table, scheme_of
 from rrins.host_tools.scenario.scenario import Scenario, load
@@ -88,7 +89,7 @@ def calibrate(order: Order, note: Callable[[str], None] = lambda line: None) -> 
     named = scheme_of(order.scheme, order.turn_rate_dps, order.stand_s)
     table = rimu_table(order.geometry or "tetrahedron")
     known = load(order.scenario) if order.scenario else drawn_unit(order.seed, table)
-    _make(order.folder)
+    make_folder(order.folder)
     with Tester(_target(order, known), is_securing=True) as tester:
         unit = told_unit(tester, (known.rimu.gyros, known.rimu.accelerometers))
         work = _Work(tester, unit, named, order.folder, note)
@@ -183,10 +184,3 @@ def _expected_s(scheme: Scheme) -> float:
     """Return about how much will be recorded."""
     turning = sum(turn.angle_deg != 0 for turn in scheme.turns)
     return scheme.cycle_s + 0.7 * turning
-
-
-def _make(folder: Path) -> None:
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise RehearsalError(f"--out {folder}: cannot be created: {error.strerror}") from error

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from importlib import metadata
 from pathlib import Path
-from typing import IO
 
 import numpy as np
 
@@ -15,12 +13,12 @@ from rrins.host_tools.calibration.estimation import Estimate, Unit
 from rrins.host_tools.calibration.file import KEYS, UNKNOWN, both, to_toml
 from rrins.host_tools.calibration.observability import LIMITS
 from rrins.host_tools.calibration.pictures import residuals_figure
-from rrins.host_tools.drawing.page import base64_of, environment, png_of
-from rrins.host_tools.files import JsonObject, keep, replacing, write_whole
+from rrins.host_tools.drawing.page import REPORT, write_report
+from rrins.host_tools.files import JsonObject, write_text
 from rrins.host_tools.runs.results.sensor_errors import CONSTANTS, KINDS
 from rrins.host_tools.runs.set_up.typed_numbers import typed_number, typed_numbers
 
-REPORT, PICTURE, FILE = "report.html", "residuals.png", "calibration.toml"
+PICTURE, FILE = "residuals.png", "calibration.toml"
 
 _ROWS = (("bias", 0), ("λ", 1), ("μ", 2), ("δu", 3), ("δv", 4))
 _UNITS = {name: (bias.unit, *(one.unit for one in CONSTANTS)) for name, bias in KINDS.items()}
@@ -101,33 +99,20 @@ def write(
     RehearsalError
         When they cannot be written.
     """
-    picture = png_of(residuals_figure(found))
     base = [f"{value / ARCSEC:.2g}" for value in found.base_sigma[:2]]
-    page = (
-        environment("rrins.host_tools.calibration")
-        .get_template("report.html.j2")
-        .render(
-            title=title,
-            origin=how,
-            kinds=kinds_of(found),
-            image=base64_of(picture),
-            base=[*base, f"{found.base_sigma[2] / ARCSEC:.0f}"],
-            squareness=f"{found.epsilon / ARCSEC:.2f}",
-            squareness_sigma=f"{found.epsilon_sigma / ARCSEC:.2f}",
-            gravity=f"{unit.site.force_n[2]:.6f}",
-            verified=verified,
-            version=f"rrins {metadata.version('rrins')}",
-        )
+    paths = write_report(
+        folder,
+        "rrins.host_tools.calibration",
+        {"residuals": residuals_figure(found)},
+        keeps=(REPORT, PICTURE, FILE),
+        title=title,
+        origin=how,
+        kinds=kinds_of(found),
+        base=[*base, f"{found.base_sigma[2] / ARCSEC:.0f}"],
+        squareness=f"{found.epsilon / ARCSEC:.2f}",
+        squareness_sigma=f"{found.epsilon_sigma / ARCSEC:.2f}",
+        gravity=f"{unit.site.force_n[2]:.6f}",
+        verified=verified,
     )
-    paths = [folder / name for name in (REPORT, PICTURE, FILE)]
-    if paths[0].exists() and paths[0].read_bytes() != page.encode():
-        keep(folder, (REPORT, PICTURE, FILE))
-    for path, text in ((paths[0], page), (paths[2], to_toml(found, how, origin))):
-
-        def write_text(file: IO[str], text: str = text) -> None:
-            file.write(text)
-
-        write_whole(path, write_text)
-    with replacing(paths[1]) as part:
-        part.write_bytes(picture)
-    return paths
+    write_text(folder / FILE, to_toml(found, how, origin))
+    return [*paths, folder / FILE]

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +12,7 @@ from numpy.typing import NDArray
 from rrins.compiled.record import Floats
 from rrins.firmware_py.diagnostics.calibration_record import fields
 from rrins.host_tools.errors import CalibrationRecordError
-from rrins.host_tools.files import text_of, write_whole
+from rrins.host_tools.files import text_of, write_text
 
 _LARGEST = 1 << 28  # bytes of a record
 
@@ -123,11 +122,7 @@ def save(path: Path, seconds: Seconds, note: dict[str, object]) -> None:
         When it cannot be written.
     """
     columns = {name: values.tolist() for name, values in vars(seconds).items()}
-
-    def write(file: IO[str]) -> None:
-        json.dump({"note": note, "seconds": columns}, file)
-
-    write_whole(path, write)
+    write_text(path, json.dumps({"note": note, "seconds": columns}))
 
 
 def load(path: Path) -> tuple[Seconds, dict[str, object]]:

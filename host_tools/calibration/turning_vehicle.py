@@ -18,9 +18,9 @@ from rrins.firmware_py.core.settings import Scheme
 from rrins.host_tools.calibration.estimation import ACCELEROMETER_UNITS, GYRO_UNITS
 from rrins.host_tools.calibration.file import KEYS
 from rrins.host_tools.calibration.observability import LIMITS
-from rrins.host_tools.campaigns.covariance import Model
-from rrins.host_tools.campaigns.error_sources import Constant, Effect, White
-from rrins.host_tools.campaigns.path import INTERVAL_S, path_along
+from rrins.host_tools.covariance.analysis import Model
+from rrins.host_tools.covariance.path import INTERVAL_S, path_along
+from rrins.host_tools.covariance.sources import Constant, Effect, White
 from rrins.host_tools.files import JsonObject
 from rrins.host_tools.hardware.memory import INNER, OUTER, Truth
 from rrins.host_tools.hardware.units import DEG_PER_SQRT_H, UG

@@ -1,6 +1,7 @@
-"""Runs chunks on a Dask cluster: by address, by scheduler file, or one on this machine.
+"""Runs chunks on a Dask cluster: by address, by scheduler file, or processes of this machine.
 
-Dask hands a chunk on when its worker is gone, a few times; then it comes back as lost.
+A cluster of others hands a chunk on when its worker is gone, a few times; then it comes back as
+lost. Here it comes back at once, and the worker is replaced.
 """
 
 from __future__ import annotations
@@ -8,22 +9,25 @@ from __future__ import annotations
 import logging
 import queue
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
 from typing import Any, Final
 
-from rrins.host_tools.campaigns.engines import AHEAD, Done, missing, taken
+from rrins.host_tools.campaigns.engines import AHEAD, Chunk, Done, missing, taken
 from rrins.host_tools.campaigns.errors import CampaignError
 from rrins.host_tools.campaigns.row import Row, Work, rows_of
 from rrins.host_tools.errors import RehearsalError
 
 _CONNECT_S = 30
+_IGNORE_CTRL_C = "import signal\nsignal.signal(signal.SIGINT, signal.SIG_IGN)\n"
+"""Run by each worker of this machine: Ctrl-C is the client's to handle."""
+
 _FEWEST_AHEAD = 4
 _log: Final = logging.getLogger(__name__)
 
 
-def _run(work: Work, runs: tuple[int, ...]) -> list[Row]:
+def _run(work: Work, runs: Chunk) -> list[Row]:
     """Run a chunk on a worker, under a name that its dashboard shows."""
     return rows_of(work, runs)
 
@@ -39,7 +43,7 @@ class Cluster:
     scheduler_file : Path, optional
         That the scheduler wrote.
     workers : int, optional
-        Of a cluster on this machine, where neither is given.
+        Processes of this machine, where neither is given.
 
     Raises
     ------
@@ -57,7 +61,7 @@ class Cluster:
         try:
             distributed: Any = import_module("distributed")
         except ImportError as error:
-            raise missing("distributed") from error
+            raise missing("distributed", "dask") from error
         self._work = work
         self._local: Any = None
         self._lost_words = distributed.scheduler.KilledWorker
@@ -71,7 +75,13 @@ class Cluster:
         try:
             if address is None and scheduler_file is None:
                 self._local = distributed.LocalCluster(
-                    n_workers=workers, threads_per_worker=1, dashboard_address=None
+                    n_workers=workers,
+                    threads_per_worker=1,
+                    memory_limit=0,
+                    dashboard_address=None,
+                    silence_logs=logging.CRITICAL,
+                    preload=_IGNORE_CTRL_C,
+                    scheduler_kwargs={"allowed_failures": 0},  # the client hands out again
                 )
                 address = self._local.scheduler_address
             file = None if scheduler_file is None else str(scheduler_file)
@@ -81,8 +91,8 @@ class Cluster:
         except (OSError, ValueError, TimeoutError) as error:
             raise CampaignError(f"Dask scheduler {where}: does not answer: {error}") from error
         self._where = where
-        self._done: queue.SimpleQueue[tuple[tuple[int, ...], Any]] = queue.SimpleQueue()
-        self._under_way: dict[tuple[int, ...], Any] = {}
+        self._done: queue.SimpleQueue[tuple[Chunk, Any]] = queue.SimpleQueue()
+        self._under_way: dict[Chunk, Any] = {}
 
     def room(self) -> int:
         """Return how many more chunks it takes now; workers may come and go."""
@@ -92,9 +102,8 @@ class Cluster:
         threads = sum(int(worker["nthreads"]) for worker in workers)
         return max(_FEWEST_AHEAD, AHEAD * threads) - len(self._under_way)
 
-    def submit(self, runs: Sequence[int]) -> None:
+    def submit(self, chunk: Chunk) -> None:
         """Take a chunk."""
-        chunk = tuple(runs)
         future = self._client.submit(_run, self._work, chunk, pure=False)
         self._under_way[chunk] = future
         future.add_done_callback(lambda done: self._done.put((chunk, done)))
@@ -111,13 +120,15 @@ class Cluster:
             raise CampaignError(f"Dask scheduler {self._where}: is gone; the same command goes on")
         return taken(self._done, timeout_s, self._take)
 
-    def _take(self, runs: tuple[int, ...], future: Any) -> Done:
+    def _take(self, runs: Chunk, future: Any) -> Done:
         self._under_way.pop(runs, None)
         try:
             rows = future.result(timeout=_CONNECT_S)
         except self._lost_words as error:
             return Done(runs, [], " ".join(str(error).split())[:200])
-        except self._cancelled as error:
+        except (*self._cancelled, TimeoutError) as error:
+            if self._local is not None:  # its scheduler is here: the rows went with a worker
+                return Done(runs, [], f"{type(error).__name__}: {error}"[:200])
             raise CampaignError(
                 f"Dask scheduler {self._where}: is gone; the same command goes on"
             ) from error

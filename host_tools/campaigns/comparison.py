@@ -13,11 +13,10 @@ import numpy as np
 from rrins.compiled.record import Floats
 from rrins.host_tools.campaigns.errors import CampaignError
 from rrins.host_tools.campaigns.row import OK
-from rrins.host_tools.campaigns.statistics import Estimate, percentile
+from rrins.host_tools.campaigns.statistics import Estimate, percentile, resampled
 from rrins.host_tools.campaigns.store import Store
 from rrins.host_tools.files import JsonObject
 
-_RESAMPLES = 1000
 _FEWEST = 8
 
 
@@ -96,17 +95,12 @@ def _by_run(store: Store, output: str) -> dict[int, tuple[int, float]]:
 
 
 def _ratio(a: Floats, b: Floats, percent: float, is_paired: bool) -> Estimate:
-    """Return the ratio of a percentile, second over first, with its bootstrap interval."""
-    rng = np.random.default_rng([0, len(a), len(b)])
-    found = []
-    for _ in range(_RESAMPLES):
-        at = rng.integers(len(a), size=len(a))
-        to = at if is_paired else rng.integers(len(b), size=len(b))
-        found.append(_quantile(b[to], percent) / _quantile(a[at], percent))
-    low, high = np.percentile(found, (2.5, 97.5))
-    value = _quantile(b, percent) / _quantile(a, percent)
-    return Estimate(float(value), float(low), float(high))
+    """Return the ratio of a percentile, second over first."""
 
+    def ratio(a: Floats, b: Floats, axis: int) -> Floats:
+        first, second = (
+            np.percentile(one, percent, method="inverted_cdf", axis=axis) for one in (a, b)
+        )
+        return np.divide(second, first)
 
-def _quantile(values: Floats, percent: float) -> float:
-    return float(np.percentile(values, percent, method="inverted_cdf"))
+    return resampled(ratio, a, b, is_paired=is_paired)

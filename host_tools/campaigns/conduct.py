@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from rrins.host_tools.campaigns.engines import Done, Engine
+from rrins.host_tools.campaigns.engines import Chunk, Done, Engine
 from rrins.host_tools.campaigns.errors import CampaignError
 from rrins.host_tools.campaigns.row import FAILED, MAIN, OK, Row
 from rrins.host_tools.campaigns.store import Store
@@ -21,7 +21,7 @@ from rrins.host_tools.campaigns.until import Until
 from rrins.host_tools.runs.rehearsal import Interrupted
 
 CHUNK_S = 4.0
-"""How long a chunk should take: what a crash costs at most, for each worker."""
+"""Duration of a chunk: the most that a crash costs, for each worker."""
 
 MOST_OF_CHUNK = 256
 _POLL_S = 0.2
@@ -31,7 +31,7 @@ _MOST_LOSSES = 3
 
 @dataclass
 class Progress:
-    """How far a campaign is.
+    """The progress of a campaign.
 
     Attributes
     ----------
@@ -115,7 +115,7 @@ class Conductor:
         is_left = np.ones(runs, bool)
         is_left[stored[stored < runs]] = False
         self._left = deque(_stretches(is_left))
-        self._again: deque[tuple[int, ...]] = deque()
+        self._again: deque[Chunk] = deque()
         self.progress = Progress(runs, len(stored), len(stored))
         self._prefix = _Prefix(store, until) if until is not None else None
 
@@ -167,7 +167,7 @@ class Conductor:
     def _is_enough(self) -> bool:
         return self._prefix is not None and self._prefix.end is not None
 
-    def _next_chunk(self) -> tuple[int, ...]:
+    def _next_chunk(self) -> Chunk:
         """Return the runs to hand out next; none if all are handed out."""
         if self._again:
             return self._again.popleft()

@@ -9,13 +9,13 @@ from typing import IO, TYPE_CHECKING
 
 import numpy as np
 
-from rrins.host_tools.campaigns.covariance import Analysis
 from rrins.host_tools.campaigns.errors import CampaignError
 from rrins.host_tools.campaigns.statistics import Estimate, sigma
 from rrins.host_tools.campaigns.store import Store
 from rrins.host_tools.campaigns.summary import Outcomes, shown
-from rrins.host_tools.drawing.page import png_of
-from rrins.host_tools.files import JsonObject, replacing, write_whole
+from rrins.host_tools.covariance.analysis import Analysis
+from rrins.host_tools.drawing.page import png_of, write_png
+from rrins.host_tools.files import JsonObject, make_folder, write_whole
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -29,7 +29,7 @@ _MOST_SOURCES = 5
 
 @dataclass(frozen=True)
 class Beside:
-    """What the runs of a campaign say of σ at the end.
+    """σ of the runs of a campaign.
 
     Attributes
     ----------
@@ -74,7 +74,7 @@ class Beside:
 
 
 def beside_runs(store: Store) -> Beside:
-    """Return what a campaign's runs say.
+    """Return σ of a campaign's runs.
 
     Raises
     ------
@@ -100,12 +100,10 @@ def write(analysis: Analysis, folder: Path, beside: Beside | None = None) -> lis
     RehearsalError
         When they cannot be written.
     """
-    Store.make_folder(folder)
+    make_folder(folder)
     paths = [folder / "covariance.csv", folder / "covariance.png"]
     write_whole(paths[0], lambda file: _write_rows(file, analysis))
-    picture = png_of(draw(analysis, beside))
-    with replacing(paths[1]) as part:
-        part.write_bytes(picture)
+    write_png(paths[1], png_of(draw(analysis, beside)))
     return paths
 
 

@@ -1,10 +1,11 @@
-"""What a campaign is: a scenario, what varies of it, how many runs; from a TOML file or options."""
+"""The definition of a campaign: scenario, variations, runs; from a TOML file or options."""
 
 from __future__ import annotations
 
+import json
 import tomllib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,7 @@ from rrins.host_tools.campaigns.design import Plan
 from rrins.host_tools.campaigns.distributions import is_distribution
 from rrins.host_tools.campaigns.errors import CampaignError
 from rrins.host_tools.campaigns.inputs import changed, correlation_of, inputs_of
+from rrins.host_tools.covariance.sources import Varied
 from rrins.host_tools.errors import ScenarioError
 from rrins.host_tools.files import JsonObject
 from rrins.host_tools.scenario.scenario import Scenario, first_line, parse, text_of
@@ -95,6 +97,13 @@ class Definition:
         designs.check(self.design, inputs, factor, self.runs)
         return Plan(self.design, inputs, factor, self.runs, self.seed)
 
+    def varied(self) -> list[Varied]:
+        """Return what varies, for a covariance analysis."""
+        return [
+            Varied(one.key, one.sensor, one.distribution.moments, one.distribution.correlation)
+            for one in self.plan.inputs
+        ]
+
     def scenario_of(self, run: int) -> Scenario:
         """Return the scenario of a run.
 
@@ -124,35 +133,18 @@ class Definition:
         return replace(self, runs=runs)
 
     def values(self) -> JsonObject:
-        """Return all that decides about the rows, as plain values."""
-        return {
-            "name": self.name,
-            "title": self.title,
-            "scenario": self.scenario.toml(),
-            "runs": self.runs,
-            "seed": self.seed,
-            "design": self.design,
-            "vary": dict(self.vary),
-            "correlate": [list(one) for one in self.correlate],
-            "faults": [dict(one) for one in self.faults],
-        }
+        """Return all that decides about the rows, as JSON has it."""
+        values = {one.name: getattr(self, one.name) for one in fields(self)}
+        found: JsonObject = json.loads(json.dumps(values | {"scenario": self.scenario.toml()}))
+        return found
 
     @classmethod
     def of(cls, values: JsonObject) -> Definition:
         """Return what `values` gave."""
-        table = tomllib.loads(values["scenario"])
+        scenario = _checked(tomllib.loads(values["scenario"]))
         correlate = tuple((str(a), str(b), float(value)) for a, b, value in values["correlate"])
-        return cls(
-            name=values["name"],
-            title=values["title"],
-            scenario=_checked(table),
-            runs=values["runs"],
-            seed=values["seed"],
-            design=values["design"],
-            vary=values["vary"],
-            correlate=correlate,
-            faults=tuple(values["faults"]),
-        )
+        tuples = {"correlate": correlate, "faults": tuple(values["faults"])}
+        return cls(**{**values, "scenario": scenario, **tuples})
 
 
 def _checked(table: JsonObject) -> Scenario:
@@ -164,7 +156,7 @@ def _checked(table: JsonObject) -> Scenario:
 
 @dataclass(frozen=True)
 class Wishes:
-    """What options of the command line, or keywords in Python, change of a file."""
+    """Options of the command line, or keywords in Python, that override a file."""
 
     runs: int | None = None
     seed: int | None = None
@@ -192,10 +184,12 @@ def load(source: str | Mapping[str, Any] | Scenario, wishes: Wishes | None = Non
     """
     wishes = wishes or Wishes()
     file, scenario, name = _read(source)
+    plain = ("runs", "seed", "design", "duration_s", "title")
+    wished = {key: value for key in plain if (value := getattr(wishes, key)) is not None}
+    file = file.model_copy(update=wished)
     settings = dict(file.set) | dict(wishes.set)
-    duration_s = wishes.duration_s if wishes.duration_s is not None else file.duration_s
-    if duration_s is not None:
-        settings["duration_s"] = duration_s
+    if file.duration_s is not None:
+        settings["duration_s"] = file.duration_s
     if settings:
         scenario = scenario.varied(**{k.replace(".", "__"): v for k, v in settings.items()})
     vary = dict(file.vary) | dict(wishes.vary)
@@ -203,11 +197,11 @@ def load(source: str | Mapping[str, Any] | Scenario, wishes: Wishes | None = Non
     pairs = [(*one.between, one.value) for one in file.correlate]
     definition = Definition(
         name=name,
-        title=wishes.title if wishes.title is not None else file.title or scenario.title,
+        title=file.title or scenario.title if wishes.title is None else wishes.title,
         scenario=scenario,
-        runs=file.runs if wishes.runs is None else wishes.runs,
-        seed=file.seed if wishes.seed is None else wishes.seed,
-        design=file.design if wishes.design is None else wishes.design,
+        runs=file.runs,
+        seed=file.seed,
+        design=file.design,
         vary=vary,
         correlate=(*pairs, *wishes.correlate),
         faults=tuple(faults),

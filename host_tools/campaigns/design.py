@@ -1,4 +1,4 @@
-"""Which point of the inputs' space a run is, and which noise it has: all from root seed and number.
+"""The point and the noise of each run: they follow from root seed and number alone.
 
 A run is addressed, not streamed: its point follows from the root seed and its number alone, so the
 same run comes out of any worker, in any order. Run *i* belongs to a *block*: runs of one block

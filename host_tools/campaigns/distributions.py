@@ -1,4 +1,4 @@
-"""What a key is varied by, as a person writes it: ``normal(0, 0.1)``, ``list(1, 2, 5)``, ….
+"""Distributions of a key, as a person writes them: ``normal(0, 0.1)``, ``list(1, 2, 5)``, ….
 
 Every distribution is a function of one number in (0, 1), its quantile: so that one set of points,
 drawn at random, by Latin hypercube or by Sobol's sequence, serves them all.
@@ -12,10 +12,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
+import numpy as np
+
 from rrins.host_tools.campaigns.errors import CampaignError
 
 Value = float | int | str | bool
-"""What a key of a scenario is set to."""
+"""A value of a scenario's key."""
 
 _CALL = re.compile(r"\s*(\w+)\s*\(([^()]*)\)\s*(.*)\Z", re.DOTALL)
 _CORRELATED = re.compile(r"correlated\s*\(?\s*([-+.\deE]+)\s*\)?\Z")
@@ -38,7 +40,7 @@ def normal_quantile(probability: float) -> float:
 
 @dataclass(frozen=True)
 class Distribution:
-    """What a key is drawn from.
+    """The distribution of a key.
 
     Attributes
     ----------
@@ -81,43 +83,32 @@ class Distribution:
 
     @property
     def levels(self) -> tuple[Value, ...]:
-        """What a sweep sets the key to: all values of a list, else low and high.
-
-        Low and high are the limits of a uniform distribution, else one standard deviation from the
-        median.
-        """
-        if self.kind == "list":
-            return self.values
-        if self.kind == "uniform":
+        """The values of a sweep: a list's own, the limits of a uniform distribution, else ± 1 σ."""
+        if self.kind in ("list", "uniform"):
             return self.values
         return self.quantile(cumulative_normal(-1.0)), self.quantile(cumulative_normal(1.0))
 
     @property
     def nominal(self) -> Value:
-        """What a sweep of another key leaves the key at: the median, the first of a list."""
+        """The value while another key is swept: the median, the first of a list."""
         return self.values[0] if self.kind == "list" else self.quantile(0.5)
 
     @property
     def moments(self) -> tuple[float, float]:
-        """Mean and standard deviation."""
-        if self.kind == "normal":
-            mean, spread = self._numbers
-            return mean, spread
-        if self.kind == "uniform":
-            low, high = self._numbers
-            return (low + high) / 2.0, (high - low) / math.sqrt(12.0)
+        """Mean and standard deviation; NaN for words."""
+        if not self.is_numeric:
+            return math.nan, math.nan
         if self.kind == "list":
-            values = self._numbers
-            mean = sum(values) / len(values)
-            return mean, math.sqrt(sum((v - mean) ** 2 for v in values) / len(values))
+            return float(np.mean(self._numbers)), float(np.std(self._numbers))
+        first, second, *limits = self._numbers
+        if self.kind == "uniform":
+            return (first + second) / 2.0, (second - first) / math.sqrt(12.0)
+        if self.kind == "normal":
+            return first, second
         from scipy.stats import truncnorm
 
-        mean, spread, low, high = self._numbers
-        z = ((low - mean) / spread, (high - mean) / spread)
-        return (
-            float(truncnorm.mean(*z, loc=mean, scale=spread)),
-            float(truncnorm.std(*z, loc=mean, scale=spread)),
-        )
+        cut = truncnorm(*((limit - first) / second for limit in limits), first, second)
+        return float(cut.mean()), float(cut.std())
 
     def text(self) -> str:
         """Return it as a person writes it."""
@@ -173,7 +164,7 @@ def parse(key: str, text: str) -> Distribution:
     found = _CALL.match(text)
     if found is None or found[1] not in _KINDS:
         raise CampaignError(
-            f"{key}: {text.strip()!r} is no distribution; there are normal(mean, σ), "
+            f"{key}: {text.strip()!r} is not a distribution; known are normal(mean, σ), "
             "uniform(low, high), truncated(mean, σ, low, high), list(…), steps(first, last, number)"
         )
     kind, inside, behind = found[1], found[2], found[3].strip()
@@ -211,7 +202,7 @@ def _checked(key: str, kind: str, values: Sequence[Value]) -> tuple[Value, ...]:
         raise CampaignError(f"{key}: {kind} takes {wanted} numbers, not {len(values)}")
     for value in values:
         if isinstance(value, str | bool) or not math.isfinite(value):
-            raise CampaignError(f"{key}: {value!r} in {kind}() is no number")
+            raise CampaignError(f"{key}: {value!r} in {kind}() is not a number")
     numbers = tuple(float(value) for value in values)
     if kind in ("normal", "truncated") and numbers[1] <= 0:
         raise CampaignError(f"{key}: the standard deviation in {kind}() must be above 0")

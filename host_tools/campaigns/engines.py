@@ -1,4 +1,4 @@
-"""What runs chunks of a campaign: threads of this process, processes, or a Dask cluster.
+"""Engines that run chunks of a campaign: threads of this process, or a Dask cluster.
 
 An engine takes chunks and gives them back when they are done, in any order. It holds few at a time:
 who submits looks at `room` before.
@@ -9,7 +9,7 @@ from __future__ import annotations
 import os
 import queue
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Final, Protocol, TypeVar
@@ -21,7 +21,7 @@ ENGINES: Final = ("threads", "processes", "dask")
 AHEAD: Final = 2
 """Chunks per worker that wait or run."""
 
-_Chunk = tuple[int, ...]
+Chunk = tuple[int, ...]
 _Future = TypeVar("_Future")
 
 
@@ -37,7 +37,7 @@ class Done:
         Why the worker is gone that had it; the chunk is to be run again.
     """
 
-    runs: tuple[int, ...]
+    runs: Chunk
     rows: list[Row]
     lost: str | None = None
 
@@ -48,7 +48,7 @@ class Engine(Protocol):
     def room(self) -> int:
         """Return how many more chunks it takes now."""
 
-    def submit(self, runs: Sequence[int]) -> None:
+    def submit(self, chunk: Chunk) -> None:
         """Take a chunk."""
 
     def wait(self, timeout_s: float) -> list[Done]:
@@ -83,18 +83,15 @@ class Threads:
         self._workers = workers
         self._stop = threading.Event()
         self._pool = ThreadPoolExecutor(workers, thread_name_prefix="rrins-campaign")
-        self._done: queue.SimpleQueue[tuple[tuple[int, ...], Future[list[Row]]]] = (
-            queue.SimpleQueue()
-        )
+        self._done: queue.SimpleQueue[tuple[Chunk, Future[list[Row]]]] = queue.SimpleQueue()
         self._under_way = 0
 
     def room(self) -> int:
         """Return how many more chunks it takes now."""
         return AHEAD * self._workers - self._under_way
 
-    def submit(self, runs: Sequence[int]) -> None:
+    def submit(self, chunk: Chunk) -> None:
         """Take a chunk."""
-        chunk = tuple(runs)
         future = self._pool.submit(rows_of, self._work, chunk, self._stop.is_set)
         future.add_done_callback(lambda done: self._done.put((chunk, done)))
         self._under_way += 1
@@ -103,7 +100,7 @@ class Threads:
         """Return the chunks that are done, after waiting for one at most this long."""
         return taken(self._done, timeout_s, self._take)
 
-    def _take(self, runs: tuple[int, ...], future: Future[list[Row]]) -> Done:
+    def _take(self, runs: Chunk, future: Future[list[Row]]) -> Done:
         self._under_way -= 1
         return Done(runs, [] if future.cancelled() else future.result())
 
@@ -115,9 +112,9 @@ class Threads:
 
 
 def taken(
-    source: queue.SimpleQueue[tuple[_Chunk, _Future]],
+    source: queue.SimpleQueue[tuple[Chunk, _Future]],
     timeout_s: float,
-    take: Callable[[_Chunk, _Future], Done],
+    take: Callable[[Chunk, _Future], Done],
 ) -> list[Done]:
     """Return all that a queue has, after waiting for the first at most this long."""
     found: list[Done] = []
@@ -129,6 +126,6 @@ def taken(
         return found
 
 
-def missing(package: str) -> CampaignError:
-    """Return the error that says how a package is to be had."""
-    return CampaignError(f"needs {package}: pip install {package}")
+def missing(package: str, extra: str) -> CampaignError:
+    """Return the error that names a missing package and the extra that installs it."""
+    return CampaignError(f"needs {package}: pip install 'rrins[{extra}]'")

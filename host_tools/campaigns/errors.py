@@ -1,4 +1,4 @@
-"""What goes wrong with a campaign."""
+"""The exception of campaigns."""
 
 from __future__ import annotations
 

@@ -182,7 +182,7 @@ def changed(
     CampaignError
         When a place is not there.
     """
-    table: JsonObject = _mutable(scenario.model_dump(exclude_unset=True))
+    table: JsonObject = scenario.model_dump(mode="json", exclude_unset=True)
     if more:
         table["faults"] = [*table.get("faults", []), *(dict(fault) for fault in more)]
     for one, value in values.items():
@@ -197,12 +197,6 @@ def changed(
         if f"faults.{number}.kind" in varied:
             _drop_of_other_kinds(fault)
     return table
-
-
-def _mutable(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {key: _mutable(one) for key, one in value.items()}
-    return [_mutable(one) for one in value] if isinstance(value, list | tuple) else value
 
 
 def _set(table: Any, path: Sequence[str], value: Value, key: str) -> None:

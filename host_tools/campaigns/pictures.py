@@ -11,7 +11,7 @@ from rrins.compiled.record import Floats
 from rrins.host_tools.campaigns.distributions import cumulative_normal
 from rrins.host_tools.campaigns.row import OK, SERIES
 from rrins.host_tools.campaigns.sensitivity import Index, Share
-from rrins.host_tools.campaigns.statistics import Estimate, cep50, percentile, r95
+from rrins.host_tools.campaigns.statistics import Estimate, percentile
 from rrins.host_tools.campaigns.store import Store, read_manifest
 from rrins.host_tools.campaigns.summary import shown
 from rrins.host_tools.drawing.style import EAST, LINES, SINCE_NAVIGATION, finish, new_figure
@@ -84,7 +84,8 @@ def draw_ends(east: Floats, north: Floats) -> Figure:
     axes = figure.subplots()
     axes.plot(east[:_MOST_POINTS], north[:_MOST_POINTS], ".", ms=3, color=EAST["color"], alpha=0.5)
     radial = np.hypot(east, north)
-    for name, radius, line in (("CEP50", cep50(radial), LINES[1]), ("R95", r95(radial), LINES[2])):
+    for name, percent, line in (("CEP50", 50.0, LINES[1]), ("R95", 95.0, LINES[2])):
+        radius = percentile(radial, percent)
         style = {key: line[key] for key in ("linestyle", "linewidth")}
         label = f"{name}: {shown(radius.value)} m"
         axes.add_patch(

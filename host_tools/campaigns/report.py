@@ -4,27 +4,24 @@ from __future__ import annotations
 
 import shlex
 from dataclasses import dataclass
-from importlib import metadata
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from rrins.host_tools.campaigns import covariance_report, sensitivity, summary
-from rrins.host_tools.campaigns.covariance import Analysis, analyse
 from rrins.host_tools.campaigns.covariance_report import Beside
 from rrins.host_tools.campaigns.errors import CampaignError
 from rrins.host_tools.campaigns.row import MAIN
-from rrins.host_tools.campaigns.statistics import mean, percentile, sigma
-from rrins.host_tools.campaigns.store import REPORT, Store
-from rrins.host_tools.drawing.page import base64_of, environment, png_of
+from rrins.host_tools.campaigns.store import REPORTS, Store
+from rrins.host_tools.covariance.analysis import Analysis, analyse
+from rrins.host_tools.drawing.page import write_report
 from rrins.host_tools.errors import RehearsalError
-from rrins.host_tools.files import replacing, write_whole
+from rrins.host_tools.files import make_folder
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-NAME = "report.html"
 _WORST = 10
 
 
@@ -36,30 +33,38 @@ def write(store: Store, folder: Path | None = None) -> list[Path]:
     RehearsalError
         When there is nothing to report, or it cannot be written.
     """
-    folder = folder or store.folder / REPORT
-    outcomes = summary.Outcomes(store)
-    store.make_folder(folder)
+    folder = folder or store.folder / REPORTS
+    definition, outcomes = store.definition, summary.Outcomes(store)
+    make_folder(folder)
     shares = {
         name: found
         for name in sensitivity.LINEAR_OUTPUTS
         if (found := sensitivity.linear_shares(store, name))
     }
-    is_saltelli = store.definition.design == "saltelli"
+    is_saltelli = definition.design == "saltelli"
     indices = sensitivity.sobol_indices(store, MAIN) if is_saltelli else []
     linear = _linear(store)
-    pictures = {
-        name: (caption, png_of(drawn))
-        for name, (caption, drawn) in _drawn(store, outcomes, shares, indices, linear).items()
-    }
-    text = _page(store, outcomes, shares, indices, linear, pictures)
-    paths = [folder / NAME]
-    write_whole(paths[0], lambda file: _put(file, text))
-    for name, (_, data) in pictures.items():
-        path = folder / f"{name}.png"
-        with replacing(path) as part:
-            part.write_bytes(data)
-        paths.append(path)
-    return paths
+    drawn = _drawn(store, outcomes, shares, indices, linear)
+    return write_report(
+        folder,
+        "rrins.host_tools.campaigns",
+        {name: picture for name, (_, picture) in drawn.items()},
+        filters={"shown": summary.shown},
+        captions={name: caption for name, (caption, _) in drawn.items()},
+        definition=definition,
+        title=definition.title or definition.name,
+        stored=outcomes.stored,
+        failed=outcomes.failed,
+        stopped_at=store.stopped_at,
+        reasons=summary.reasons(store),
+        figures=[(name, summary.shown_figures(outcomes[name])) for name in outcomes.known()],
+        circles=summary.circles(outcomes),
+        shares=shares,
+        indices=indices,
+        linear=linear,
+        worst=_worst(store),
+        folder=shlex.quote(str(store.folder)),
+    )
 
 
 @dataclass(frozen=True)
@@ -100,17 +105,13 @@ class _Linear:
 
 def _linear(store: Store) -> _Linear:
     try:
-        analysis = analyse(store.definition)
+        analysis = analyse(store.definition.scenario, store.definition.varied())
     except RehearsalError as error:
         return _Linear(why_not=str(error))
     try:
         return _Linear(analysis, covariance_report.beside_runs(store))
     except CampaignError:  # too few runs for an interval: the analysis stands alone
         return _Linear(analysis)
-
-
-def _put(file: Any, text: str) -> None:
-    file.write(text)
 
 
 def _drawn(
@@ -145,41 +146,6 @@ def _drawn(
         caption = "What the inputs were; dotted: what normal ones are drawn from."
         drawn["inputs"] = (caption, inputs)
     return drawn
-
-
-def _page(
-    store: Store,
-    outcomes: summary.Outcomes,
-    shares: dict[str, list[sensitivity.Share]],
-    indices: list[sensitivity.Index],
-    linear: _Linear,
-    pictures: dict[str, tuple[str, bytes]],
-) -> str:
-    templates = environment("rrins.host_tools.campaigns")
-    templates.filters["shown"] = summary.shown
-    rows = [
-        (name, [mean(values), sigma(values), percentile(values, 50.0), percentile(values, 95.0)])
-        for name in outcomes.known()
-        for values in [outcomes[name]]
-    ]
-    definition = store.definition
-    return templates.get_template("report.html.j2").render(
-        definition=definition,
-        title=definition.title or definition.name,
-        version=f"rrins {metadata.version('rrins')}",
-        stored=outcomes.stored,
-        failed=outcomes.failed,
-        stopped_at=store.stopped_at,
-        reasons=summary.reasons(store),
-        figures=rows,
-        circles=summary.circles(outcomes),
-        shares=shares,
-        indices=indices,
-        linear=linear,
-        worst=_worst(store),
-        folder=shlex.quote(str(store.folder)),
-        images={name: (caption, base64_of(data)) for name, (caption, data) in pictures.items()},
-    )
 
 
 def _worst(store: Store) -> list[tuple[int, float]]:

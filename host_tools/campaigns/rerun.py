@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO
 
 from rrins.host_tools.campaigns.errors import CampaignError
 from rrins.host_tools.campaigns.row import Row
 from rrins.host_tools.campaigns.store import RERUNS, Store
-from rrins.host_tools.files import write_whole
+from rrins.host_tools.files import make_folder, write_text
 from rrins.host_tools.runs.display import RunDisplay
 from rrins.host_tools.runs.run import Plan, RunResult, rehearse, simulate
 from rrins.host_tools.scenario.scenario import Scenario
@@ -84,9 +83,9 @@ def rerun(
         raise CampaignError(f"rerun {run}: the runs are 0 to {runs - 1}")
     scenario = store.definition.scenario_of(run)
     folder = folder or store.folder / RERUNS / str(run)
-    store.make_folder(folder)
+    make_folder(folder)
     file = folder / SCENARIO
-    write_whole(file, lambda out: _put(out, scenario.toml()))
+    write_text(file, scenario.toml())
     with make_display(scenario) as display:
         if on_bus or record is not None:
             result = rehearse(Plan(str(file), scenario), display, folder, record)
@@ -97,10 +96,6 @@ def rerun(
         raise result.failure
     row = row_stored(store, run)
     return Rerun(folder, result, row, _is_same(row, result))
-
-
-def _put(out: IO[str], text: str) -> None:
-    out.write(text)
 
 
 def _is_same(row: Row | None, result: RunResult) -> bool | None:

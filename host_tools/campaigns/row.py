@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 import os
 import socket
 import tempfile
@@ -13,11 +12,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, Final, cast
+from typing import Any, Final, NamedTuple, cast
 
 import numpy as np
 
-from rrins.compiled.record import Records
+from rrins.compiled.record import Floats, Records
 from rrins.dbc.contract import load_contract
 from rrins.firmware_py.core.modes.modes import FirmwareFault
 from rrins.firmware_py.core.records.memory import NavigationOutput, Ram
@@ -49,29 +48,32 @@ Row = dict[str, Any]
 TIMES: Final = 61
 """Instants, evenly over the navigation, at which a row has its errors."""
 
+_ERRORS: Final[dict[str, Callable[[Errors], float]]] = {
+    "horizontal_error_m": lambda e: np.hypot(e.position_east_m[-1], e.position_north_m[-1]),
+    "position_east_m": lambda e: e.position_east_m[-1],
+    "position_north_m": lambda e: e.position_north_m[-1],
+    "height_error_m": lambda e: e.height_m[-1],
+    "velocity_east_mps": lambda e: e.velocity_east_mps[-1],
+    "velocity_north_mps": lambda e: e.velocity_north_mps[-1],
+    "roll_error_arcsec": lambda e: 3600.0 * e.roll_deg[-1],
+    "pitch_error_arcsec": lambda e: 3600.0 * e.pitch_deg[-1],
+    "heading_error_arcsec": lambda e: 3600.0 * e.heading_deg[-1],
+    "max_horizontal_error_m": lambda e: _radial(e).max(),
+    "max_abs_east_m": lambda e: np.abs(e.position_east_m).max(),
+    "max_abs_north_m": lambda e: np.abs(e.position_north_m).max(),
+    "max_velocity_error_mps": lambda e: np.hypot(e.velocity_east_mps, e.velocity_north_mps).max(),
+    "rms_horizontal_error_m": lambda e: np.sqrt(np.mean(_radial(e) * _radial(e))),
+}
+"""Figures of a run's errors, at its end unless the name says otherwise."""
+
+_FINDINGS: Final = {"alarm_s": "alarm_s", "left_out_s": "isolated_s", "left_out": "sensor"}
+"""When redundancy raised an alarm for a kind of sensors, left one out, and which one."""
+
 OUTPUTS: Final = (
-    "horizontal_error_m",
-    "position_east_m",
-    "position_north_m",
-    "height_error_m",
-    "velocity_east_mps",
-    "velocity_north_mps",
-    "roll_error_arcsec",
-    "pitch_error_arcsec",
-    "heading_error_arcsec",
-    "max_horizontal_error_m",
-    "max_abs_east_m",
-    "max_abs_north_m",
-    "max_velocity_error_mps",
-    "rms_horizontal_error_m",
-    "gyro_alarm_s",
-    "gyro_left_out_s",
-    "gyro_left_out",
-    "accelerometer_alarm_s",
-    "accelerometer_left_out_s",
-    "accelerometer_left_out",
+    *_ERRORS,
+    *(f"{kind}_{name}" for kind in ("gyro", "accelerometer") for name in _FINDINGS),
 )
-"""What comes out of a run, at its end unless the name says otherwise."""
+"""Columns of a row's results."""
 
 SERIES: Final = ("east_over_time_m", "north_over_time_m")
 MAIN: Final = "horizontal_error_m"
@@ -99,7 +101,7 @@ _ALIKE: Final[dict[str, Any]] = {
     **dict.fromkeys(("latitude_deg", "longitude_deg", "height_m"), 0.0),
     **dict.fromkeys(("roll_deg", "pitch_deg", "heading_deg"), 0.0),
 }
-"""What the diagnostics of a firmware do not look at when they are set up."""
+"""Settings that a firmware's diagnostics do not use when they are set up."""
 
 
 @lru_cache(maxsize=2)
@@ -117,10 +119,7 @@ def switched_on(settings: Settings) -> Records[Ram]:
     return ram
 
 
-@dataclass(frozen=True)
-class _End:
-    """What a run came to: the firmware's fault, what redundancy found, and the errors."""
-
+class _End(NamedTuple):
     fault: str
     redundancy: JsonObject | None
     errors: Errors
@@ -175,15 +174,12 @@ def run_fast(
 
 
 def _run(scenario: Scenario, should_stop: Callable[[], bool]) -> _End:
-    """Run a scenario without frames, as fast as it goes."""
-    every = keep_every(scenario.epochs, scenario.rate_hz)
-    ram, errors = run_fast(scenario, firmware_settings(scenario), every, should_stop)
-    fault = FirmwareFault(int(ram[0].modes.fault)).name
-    return _End(fault, redundancy_summary(ram), errors)
-
-
-def _run_with_frames(scenario: Scenario, should_stop: Callable[[], bool]) -> _End:
-    """Run a scenario that needs frames: one with faults on the wire, or a bit rate."""
+    """Run a scenario without frames, or with them if it has a wire: faults on it, or a bit rate."""
+    if scenario_wire(scenario) is None:
+        every = keep_every(scenario.epochs, scenario.rate_hz)
+        ram, errors = run_fast(scenario, firmware_settings(scenario), every, should_stop)
+        fault = FirmwareFault(int(ram[0].modes.fault)).name
+        return _End(fault, redundancy_summary(ram), errors)
     with tempfile.TemporaryDirectory(prefix="rrins-") as folder:
         outcome = run_direct(scenario, Path(folder), should_stop=should_stop)
         if should_stop():
@@ -192,38 +188,16 @@ def _run_with_frames(scenario: Scenario, should_stop: Callable[[], bool]) -> _En
     return _End(outcome.firmware["fault"], outcome.firmware["redundancy"], errors)
 
 
-def _outputs(errors: Errors) -> Row:
-    """Return the figures of a run's errors."""
-    east, north = errors.position_east_m, errors.position_north_m
-    radial = np.hypot(east, north)
-    speed = np.hypot(errors.velocity_east_mps, errors.velocity_north_mps)
-    return {
-        "horizontal_error_m": float(radial[-1]),
-        "position_east_m": float(east[-1]),
-        "position_north_m": float(north[-1]),
-        "height_error_m": float(errors.height_m[-1]),
-        "velocity_east_mps": float(errors.velocity_east_mps[-1]),
-        "velocity_north_mps": float(errors.velocity_north_mps[-1]),
-        "roll_error_arcsec": 3600.0 * float(errors.roll_deg[-1]),
-        "pitch_error_arcsec": 3600.0 * float(errors.pitch_deg[-1]),
-        "heading_error_arcsec": 3600.0 * float(errors.heading_deg[-1]),
-        "max_horizontal_error_m": float(radial.max()),
-        "max_abs_east_m": float(np.abs(east).max()),
-        "max_abs_north_m": float(np.abs(north).max()),
-        "max_velocity_error_mps": float(speed.max()),
-        "rms_horizontal_error_m": math.sqrt(float(np.mean(radial * radial))),
-    }
+def _radial(errors: Errors) -> Floats:
+    return np.hypot(errors.position_east_m, errors.position_north_m)
 
 
 def _findings(redundancy: JsonObject | None) -> Row:
-    """Return when a sensor of each kind alarmed and was left out, and which."""
-    row: Row = {}
-    for kind, found in (redundancy or {}).items():
-        one = kind.removesuffix("s")
-        row[f"{one}_alarm_s"] = found["alarm_s"]
-        row[f"{one}_left_out_s"] = found["isolated_s"]
-        row[f"{one}_left_out"] = found["sensor"]
-    return row
+    return {
+        f"{kind.removesuffix('s')}_{name}": found[key]
+        for kind, found in (redundancy or {}).items()
+        for name, key in _FINDINGS.items()
+    }
 
 
 def _series(errors: Errors, duration_s: float) -> Row:
@@ -264,11 +238,11 @@ def row_of(
 
 
 def _came_out(scenario: Scenario, should_stop: Callable[[], bool]) -> Row:
-    way = _run if scenario_wire(scenario) is None else _run_with_frames
-    end = way(scenario, should_stop)
+    end = _run(scenario, should_stop)
     row = _findings(end.redundancy)
     if len(end.errors):
-        row |= _outputs(end.errors) | _series(end.errors, scenario.duration_s)
+        row |= {name: float(figure(end.errors)) for name, figure in _ERRORS.items()}
+        row |= _series(end.errors, scenario.duration_s)
     if end.fault != FirmwareFault.NONE.name:
         return row | {"status": FAULT, "error": f"the firmware ended in FAULT: {end.fault}"}
     if not len(end.errors):
@@ -278,7 +252,7 @@ def _came_out(scenario: Scenario, should_stop: Callable[[], bool]) -> Row:
 
 @dataclass(frozen=True)
 class Work:
-    """What a worker needs to know: the campaign, and which sources it is meant for."""
+    """The work of a worker: the campaign, and the sources that it is meant for."""
 
     text: str
     sources: str
@@ -291,28 +265,25 @@ class Work:
         return cls(text, sources_digest(), tuple(sorted(versions().items())))
 
     def check(self) -> None:
-        """Refuse a worker whose rows would not be ours.
+        """Refuse a worker whose rows would differ.
 
         Raises
         ------
         CampaignError
         """
+        place = f"worker {socket.gethostname()}, process {os.getpid()}"
         if self.sources != sources_digest():
             raise CampaignError(
-                f"worker {_place()}: has other sources ({sources_digest()}, here {self.sources}); "
+                f"{place}: has other sources ({sources_digest()}, here {self.sources}); "
                 "install the same wheel there"
             )
         mine = versions()
         for name, version in self.versions:
             if mine.get(name) != version:
                 raise CampaignError(
-                    f"worker {_place()}: has {name} {mine.get(name)}, here it is {version}; "
+                    f"{place}: has {name} {mine.get(name)}, here it is {version}; "
                     "install the same there"
                 )
-
-
-def _place() -> str:
-    return f"{socket.gethostname()}, process {os.getpid()}"
 
 
 @lru_cache(maxsize=4)

@@ -23,7 +23,7 @@ _ADDRESS = re.compile(r"[a-z]+://.+|[\w.-]+:\d+\Z")
 
 @dataclass(frozen=True)
 class Workers:
-    """Who runs a campaign.
+    """The workers of a campaign.
 
     Attributes
     ----------
@@ -88,10 +88,6 @@ class Workers:
         """
         if self.engine == "threads":
             return Threads(work, self.count)
-        if self.engine == "processes":
-            from rrins.host_tools.campaigns.processes import Processes
-
-            return Processes(work, self.count)
         from rrins.host_tools.campaigns.cluster import Cluster
 
         return Cluster(work, self.address, self.scheduler_file, self.count)

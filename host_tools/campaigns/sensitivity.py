@@ -1,4 +1,4 @@
-"""Which input matters: linear shares of the variance, and Sobol's indices.
+"""Sensitivity to the inputs: linear shares of the variance, and Sobol's indices.
 
 A linear share of an input is ``b cov(x, y) / var(y)``, with b its coefficient in the regression of
 the output on all inputs; for independent inputs the square of the standardised coefficient. What
@@ -132,7 +132,7 @@ def sobol_indices(store: Store, output: str) -> list[Index]:
     try:
         sobol: Any = import_module("SALib.analyze.sobol")
     except ImportError as error:
-        raise missing("SALib") from error
+        raise missing("SALib", "campaign") from error
     names = [one.column for one in plan.inputs] + [NOISE]
     values = store.values(output)
     blocks = [

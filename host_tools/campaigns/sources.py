@@ -1,4 +1,4 @@
-"""What decides about a row besides its numbers: the sources, and the libraries they run on."""
+"""Sources and libraries that a row depends on, besides its numbers."""
 
 from __future__ import annotations
 

@@ -22,6 +22,7 @@ CONFIDENCE: Final = 0.95
 PERCENTILES: Final = (5.0, 50.0, 90.0, 95.0, 99.0)
 
 _RESAMPLES = 1000
+_FEWEST = 8
 _MOST_AT_ONCE = 1 << 20  # numbers
 _FEWEST_BEYOND = 4.0
 """Runs beyond a percentile, from which on its interval means something."""
@@ -72,60 +73,51 @@ def percentile(values: Floats, percent: float) -> Estimate:
     return Estimate(value, float(known[low - 1]), float(known[high - 1]))
 
 
-def resampled(
-    values: Floats, figure: Callable[[Floats], Floats], seed: int = 0, fewest: int = 8
-) -> Estimate:
-    """Return a figure of values with its bootstrap interval (percentiles of resamples).
+def resampled(figure: Callable[..., Floats], *samples: Floats, is_paired: bool = False) -> Estimate:
+    """Return a figure of samples with its bootstrap interval (percentiles of resamples).
 
     Parameters
     ----------
-    values : array, shape (n,)
     figure : callable
-        From an array of shape (m, n) the m figures of its rows.
+        Of one array per sample, along `axis`.
+    *samples : array, shape (n,)
+    is_paired : bool
+        Whether values of one place belong together.
     """
-    known = values[np.isfinite(values)]
-    count = len(known)
-    if count == 0:
-        return NOTHING
-    value = float(figure(known[None, :])[0])
-    if count < fewest:
+    from scipy.stats import bootstrap
+
+    count = sum(map(len, samples))
+    value = float(figure(*samples, axis=-1))
+    if min(map(len, samples)) < _FEWEST:
         return Estimate(value, -math.inf, math.inf)
-    rng = np.random.default_rng([seed, count])
-    rows = max(1, _MOST_AT_ONCE // count)
-    found = [
-        figure(known[rng.integers(count, size=(min(rows, _RESAMPLES - at), count))])
-        for at in range(0, _RESAMPLES, rows)
-    ]
-    tail = 50.0 * (1.0 - CONFIDENCE)
-    low, high = np.percentile(np.concatenate(found), (tail, 100.0 - tail))
+    low, high = bootstrap(
+        samples,
+        figure,
+        n_resamples=_RESAMPLES,
+        batch=max(1, _MOST_AT_ONCE // count),
+        vectorized=True,
+        paired=is_paired,
+        confidence_level=CONFIDENCE,
+        method="percentile",
+        rng=np.random.default_rng([0, *map(len, samples)]),
+    ).confidence_interval
     return Estimate(value, float(low), float(high))
 
 
 def mean(values: Floats) -> Estimate:
     """Return the mean."""
-    return resampled(values, lambda rows: np.mean(rows, axis=1))
+    known = values[np.isfinite(values)]
+    return resampled(np.mean, known) if len(known) else NOTHING
 
 
 def sigma(values: Floats) -> Estimate:
     """Return the standard deviation."""
-    return resampled(values, _deviations)
+    known = values[np.isfinite(values)]
+    return resampled(_deviation, known) if len(known) > 1 else NOTHING
 
 
-def _deviations(rows: Floats) -> Floats:
-    if rows.shape[1] < 2:
-        return np.full(len(rows), np.nan)
-    deviations: Floats = np.std(rows, axis=1, ddof=1)
-    return deviations
-
-
-def cep50(radial: Floats) -> Estimate:
-    """Return the circular error probable: the radius about the truth that half do not exceed."""
-    return percentile(radial, 50.0)
-
-
-def r95(radial: Floats) -> Estimate:
-    """Return the radius about the truth that 95 of 100 do not exceed."""
-    return percentile(radial, 95.0)
+def _deviation(values: Floats, axis: int) -> Floats:
+    return np.asarray(np.std(values, axis=axis, ddof=1))
 
 
 FIGURES: Final[dict[str, Callable[[Floats], Estimate]]] = {

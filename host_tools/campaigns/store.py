@@ -20,7 +20,7 @@ import os
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,13 +30,13 @@ from rrins.host_tools.campaigns.definition import Definition
 from rrins.host_tools.campaigns.errors import CampaignError
 from rrins.host_tools.campaigns.row import OK, OUTPUTS, SERIES, Row, times_of
 from rrins.host_tools.campaigns.sources import sources_digest, versions
-from rrins.host_tools.files import JsonObject, write_whole
+from rrins.host_tools.files import JsonObject, make_folder, write_text
 
 if TYPE_CHECKING:
     import pyarrow as pa
 
 MANIFEST: Final = "_manifest.json"
-REPORT: Final = "_report"
+REPORTS: Final = "_report"
 RERUNS: Final = "_reruns"
 _LOCK: Final = ".lock"
 _FORMAT: Final = 1
@@ -92,26 +92,13 @@ class Store:
             When the folder has another campaign, or cannot be written.
         """
         store = cls(folder, definition)
-        store.make_folder(folder)
+        make_folder(folder)
         if (folder / MANIFEST).exists():
             store._check(read_manifest(folder))
         elif any(folder.glob("*.parquet")):
             raise CampaignError(f"{folder}: has Parquet files without {MANIFEST}; name another")
         store._write_manifest({})
         return store
-
-    @staticmethod
-    def make_folder(folder: Path) -> None:
-        """Make a folder.
-
-        Raises
-        ------
-        CampaignError
-        """
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise CampaignError(f"{folder}: cannot be made: {error.strerror}") from error
 
     def _check(self, manifest: JsonObject) -> None:
         """Refuse to go on with a campaign that is another one."""
@@ -148,7 +135,7 @@ class Store:
 
     def _write_manifest(self, more: JsonObject) -> None:
         text = json.dumps(self._manifest(more), indent=1, ensure_ascii=False)
-        write_whole(self.folder / MANIFEST, lambda file: _write(file, text + "\n"))
+        write_text(self.folder / MANIFEST, text + "\n")
 
     def note_end(self, runs: int, words: str) -> None:
         """Note that a campaign is complete before its last run."""
@@ -162,12 +149,12 @@ class Store:
 
     @contextmanager
     def locked(self) -> Iterator[None]:
-        """Let nobody else write to the folder.
+        """Keep other processes from writing to the folder.
 
         Raises
         ------
         CampaignError
-            When somebody does.
+            When another process writes to it.
         """
         path = self.folder / _LOCK
         try:
@@ -204,15 +191,11 @@ class Store:
 
     def values(self, column: str) -> dict[int, float]:
         """Return a column of the runs that came to their end, by run."""
-        found: dict[int, float] = {}
-        for path in self.parts():
-            table = self._read(path, ["run", "status", column])
-            rows = zip(*(table[name].to_pylist() for name in table.column_names), strict=True)
-            found |= {
-                run: value if status == OK and value is not None else math.nan
-                for run, status, value in rows
-            }
-        return found
+        rows = self.table(["status", column]).to_pylist()
+        return {
+            row["run"]: math.nan if row["status"] != OK or row[column] is None else row[column]
+            for row in rows
+        }
 
     def table(self, columns: Sequence[str] | None = None) -> pa.Table:
         """Return the rows in order of their runs.
@@ -284,10 +267,6 @@ def _cell(value: Any, field: pa.Field) -> Any:
     return value
 
 
-def _write(file: IO[str], text: str) -> None:
-    file.write(text)
-
-
 def _difference(before: Any, now: Any) -> str:
     if not isinstance(before, dict):
         return f"{before}, here {now}"
@@ -311,7 +290,7 @@ def read_manifest(folder: Path) -> JsonObject:
     try:
         found = json.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError as error:
-        raise CampaignError(f"{folder}: has no campaign: there is no {MANIFEST}") from error
+        raise CampaignError(f"{folder}: not a campaign folder: {MANIFEST} is missing") from error
     except (OSError, ValueError) as error:
         raise CampaignError(f"{path}: cannot be read: {error}") from error
     if not isinstance(found, dict) or found.get("format") != _FORMAT:

@@ -1,4 +1,4 @@
-"""What a campaign came to: how many runs, and the figures of its outputs with their intervals."""
+"""Results of a campaign: the number of runs, and figures of its outputs with their intervals."""
 
 from __future__ import annotations
 
@@ -13,10 +13,8 @@ from rrins.host_tools.campaigns.row import OK
 from rrins.host_tools.campaigns.statistics import (
     PERCENTILES,
     Estimate,
-    cep50,
     mean,
     percentile,
-    r95,
     sigma,
 )
 from rrins.host_tools.campaigns.store import Store
@@ -79,14 +77,19 @@ def figures_of(values: Floats) -> dict[str, Estimate]:
     return {"mean": mean(values), "sigma": sigma(values)} | named
 
 
+def shown_figures(values: Floats) -> tuple[Estimate, ...]:
+    """Return what tables show of a column: mean, standard deviation, median, 95th percentile."""
+    return mean(values), sigma(values), percentile(values, 50.0), percentile(values, 95.0)
+
+
 def circles(outcomes: Outcomes) -> dict[str, Estimate]:
-    """Return CEP50 and R95 of the horizontal error at the end, m."""
+    """Return CEP50 and R95, m: radii about the truth that 50 and 95 % of the runs end within."""
     radial = outcomes["horizontal_error_m"]
-    return {"cep50_m": cep50(radial), "r95_m": r95(radial)}
+    return {"cep50_m": percentile(radial, 50.0), "r95_m": percentile(radial, 95.0)}
 
 
 def values_of(store: Store) -> JsonObject:
-    """Return what a campaign came to, as plain values."""
+    """Return the results of a campaign, as plain values."""
     outcomes = Outcomes(store)
     return {
         "folder": str(store.folder),
@@ -138,9 +141,7 @@ def table_of(store: Store) -> Table:
     for name in ("mean", "σ", "median", "p95"):
         table.add_column(name, justify="right")
     for name in outcomes.known():
-        values = outcomes[name]
-        row = (mean(values), sigma(values), percentile(values, 50.0), percentile(values, 95.0))
-        table.add_row(name, *(with_interval(one) for one in row))
+        table.add_row(name, *map(with_interval, shown_figures(outcomes[name])))
     return table
 
 

@@ -59,7 +59,8 @@ class Until:
         found = _SENTENCE.match(text)
         if found is None:
             raise CampaignError(
-                f'until {text!r}: is no criterion such as "p95 of horizontal_error_m within 10 %"'
+                f"until {text!r}: is not a criterion such as "
+                '"p95 of horizontal_error_m within 10 %"'
             )
         figure, column, number, percent = found.groups()
         if figure is None:
@@ -77,7 +78,7 @@ class Until:
         except ValueError:
             limit = math.nan
         if not 0.0 < limit < math.inf:
-            raise CampaignError(f"until {text!r}: {number} is no width")
+            raise CampaignError(f"until {text!r}: {number} is not a width")
         return cls(text, figure, column, limit, bool(percent))
 
     def estimate(self, values: Floats) -> Estimate:

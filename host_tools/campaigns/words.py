@@ -1,4 +1,4 @@
-"""What a campaign is told on the command line, as plain values."""
+"""Options of a campaign on the command line, as plain values."""
 
 from __future__ import annotations
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+
 import click
 
 from rrins.host_tools.cli.options import flag, json_option
@@ -13,7 +15,12 @@ from rrins.host_tools.interruption import heed_sigterm
 @flag("--quick", "Fewer samples, no cold start: about 20 s.")
 def bench(as_json: bool, quick: bool) -> None:
     """Measure what a rehearsal costs on this machine: speed, steps, codec, lateness, startup."""
-    from rrins.host_tools.benchmarks import suite
+    from rrins.host_tools.benchmarks.suite import measured, print_result
+    from rrins.host_tools.terminal import new_console
 
     heed_sigterm()
-    suite.bench(quick, as_json)
+    result = measured(quick)
+    if as_json:
+        click.echo(json.dumps(result))
+    else:
+        print_result(result, new_console())

@@ -38,10 +38,10 @@ def covariance(
     """
     from rrins.host_tools.campaigns import covariance_report as report
     from rrins.host_tools.campaigns import words
-    from rrins.host_tools.campaigns.covariance import analyse
     from rrins.host_tools.campaigns.definition import Wishes, load
     from rrins.host_tools.campaigns.store import Store, is_campaign
     from rrins.host_tools.campaigns.summary import shown
+    from rrins.host_tools.covariance.analysis import analyse
     from rrins.host_tools.terminal import new_table
 
     if is_campaign(Path(source)):
@@ -59,7 +59,7 @@ def covariance(
         )
         definition = load(source, wishes)
         beside = None
-    analysis = analyse(definition)
+    analysis = analyse(definition.scenario, definition.varied())
     paths = [] if out is None else [str(path) for path in report.write(analysis, out, beside)]
     title = f"σ of the position after {analysis.times_s[-1]:g} s / m"
     table = new_table(title, "error source", "east", "north", "largest on the way", "share")

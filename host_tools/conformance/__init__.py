@@ -1,1 +1,1 @@
-"""What this bus demands of a navigation computer, checked on any program: `rrins conform`."""
+"""The demands of this bus on a navigation computer, checked on any program: `rrins conform`."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 
-from rrins.host_tools.conformance.check import Subject, expect_mode
+from rrins.host_tools.conformance.check import Subject, check, expect_mode
 from rrins.host_tools.testing.bench import Bench
 from rrins.host_tools.testing.expectation import Where
 
@@ -13,8 +13,9 @@ _MODULUS = 15
 _END_S = 5.0
 
 
+@check("firmware.md#modes")
 def start_up(subject: Subject) -> None:
-    """Heartbeat, status, self-test, standby."""
+    """Heartbeat and status come at their cycle times; STANDBY after a self-test of 0.5 s."""
     bench = subject.bench(navigate_at_s=3600)
     bench.expect("HEARTBEAT_FIRMWARE", within=1.5)
     bench.expect("FIRMWARE_STATUS", within=0.3)
@@ -24,8 +25,12 @@ def start_up(subject: Subject) -> None:
     bench.expect_not("NAV_LATITUDE", within=0.5)
 
 
+@check("firmware.md#modes")
 def self_test(subject: Subject) -> None:
-    """A sensor that is absent from power-on."""
+    """A sensor that is absent ends the self-test in FAULT (SELF_TEST_FAILED) after 10 s.
+
+    A request for STANDBY begins it anew.
+    """
     faults = [{"kind": "gyro_absent", "sensor": 1, "at_s": 0.0}]
     bench = subject.bench(faults=faults, redundancy={"enabled": False})
     where = {"mode": "FAULT", "fault": "SELF_TEST_FAILED"}
@@ -36,8 +41,9 @@ def self_test(subject: Subject) -> None:
     expect_mode(bench, "STANDBY", 2)
 
 
+@check("firmware.md#frames-out")
 def commands(subject: Subject) -> None:
-    """A command for each axis in each epoch, with its counter; the outer axis' is the last."""
+    """A command for each axis in every epoch, with the epoch as its counter."""
     bench = subject.navigating()
     first = {name: len(bench.messages(name)) for name in _COMMANDS}
     begin = round(bench.time_s * bench.scenario.rate_hz)
@@ -52,8 +58,9 @@ def commands(subject: Subject) -> None:
         assert all(one["crc_holds"] for one in came), f"{name} has a wrong CRC"
 
 
+@check("firmware.md#modes")
 def modes(subject: Subject) -> None:
-    """All modes in turn, on request."""
+    """Every mode is reached on request; ALIGN alone waits; no NAV_ frames but in navigation."""
     bench = subject.bench(navigate_at_s=3600)
     expect_mode(bench, "STANDBY", 2)
     _request(bench, "ALIGN", "ALIGNMENT")
@@ -69,8 +76,9 @@ def modes(subject: Subject) -> None:
     bench.expect_not("NAV_LATITUDE", within=0.5)
 
 
+@check("firmware.md#modes")
 def shutdown(subject: Subject) -> None:
-    """SHUTDOWN switches the axes off, and the program ends."""
+    """SHUTDOWN switches both axes OFF, and the program ends with status 0."""
     bench = subject.navigating()
     process = bench.process
     bench.send("MODE_COMMAND", mode_request="SHUTDOWN")
@@ -87,8 +95,9 @@ def _request(bench: Bench, request: str, mode: str) -> None:
     expect_mode(bench, mode, 2)
 
 
+@check("firmware.md#rotation-scheme")
 def axis_fault(subject: Subject) -> None:
-    """An axis that stands still while it should turn, for 20 s."""
+    """An axis that does not follow is reported and both hold; the rotation is tried again."""
     bench = subject.navigating()
     bench.inject("axis_stall", axis="inner", for_s=20.0)
     where: Where = {"mode": "NAVIGATION_STRAPDOWN", "axis_inner_not_following": 1}
@@ -99,8 +108,9 @@ def axis_fault(subject: Subject) -> None:
     expect_mode(bench, "NAVIGATION_ROTATING", 30)
 
 
+@check("firmware.md#rotation-scheme")
 def axis_silent(subject: Subject) -> None:
-    """An axis whose status does not come for longer than `axis_silence_s`."""
+    """An axis that is silent for longer than `axis_silence_s` does not follow."""
     bench = subject.navigating()
     bench.inject("drop", message="AXIS_OUTER_STATUS", for_s=1.5)
     where: Where = {"mode": "NAVIGATION_STRAPDOWN", "axis_outer_not_following": 1}

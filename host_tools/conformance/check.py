@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from rrins.host_tools.closing import Closing
+from rrins.host_tools.files import JsonObject
 from rrins.host_tools.testing.bench import Bench
 from rrins.host_tools.testing.scenarios import prepare_scenario
 
@@ -18,9 +19,6 @@ PATIENCE_S = 10.0
 
 SCENARIO = "rimu_rotating"
 _ALIGNMENT_S = 1.0
-
-Changes = dict[str, Any]
-"""Keys of a scenario that differ."""
 
 
 class NotApplicableError(Exception):
@@ -52,7 +50,7 @@ class Subject(Closing):
         """Return a bench with the project's firmware in this process, at power-on."""
         return self._bench("direct", None, scenario, overrides)
 
-    def _bench(self, way: str, program: str | None, scenario: str, changes: Changes) -> Bench:
+    def _bench(self, way: str, program: str | None, scenario: str, changes: JsonObject) -> Bench:
         self._ends.close()
         file = self.folder / f"scenario-{next(self._numbers)}.toml"
         changes = {"firmware": {"alignment_s": _ALIGNMENT_S}} | changes
@@ -98,9 +96,9 @@ class Check:
     name : str
         Short, of letters and hyphens.
     rule : str
-        What is owed, one sentence.
+        The demand, in sentences.
     page : str
-        Where that is written: page and anchor in the docs.
+        Page and anchor in the docs that state it.
     run : callable
         Tries it on a `Subject`; raises AssertionError when it does not hold.
     """
@@ -111,9 +109,20 @@ class Check:
     run: Callable[[Subject], None]
 
 
+def check(page: str) -> Callable[[Callable[[Subject], None]], Check]:
+    """Return a decorator that makes a check of a function: its name, and its docstring as rule."""
+
+    def make(run: Callable[[Subject], None]) -> Check:
+        return Check(
+            run.__name__.replace("_", "-"), " ".join((run.__doc__ or "").split()), page, run
+        )
+
+    return make
+
+
 @dataclass(frozen=True)
 class Finding:
-    """What came of a check.
+    """The result of a check.
 
     Attributes
     ----------
@@ -122,7 +131,6 @@ class Finding:
     text : str
         Why it failed or was skipped, possibly several lines.
     seconds : float
-        That it took.
     """
 
     check: Check
@@ -134,3 +142,12 @@ class Finding:
     def line(self) -> str:
         """The first line of `text`."""
         return self.text.partition("\n")[0]
+
+    def values(self) -> JsonObject:
+        """Return the finding as plain values."""
+        named = {"check": self.check.name, "rule": self.check.rule, "page": self.check.page}
+        return named | {
+            "outcome": self.outcome,
+            "text": self.text,
+            "seconds": round(self.seconds, 3),
+        }

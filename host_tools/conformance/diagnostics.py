@@ -7,7 +7,7 @@ from typing import Final
 import can
 
 from rrins.dbc.codec import load
-from rrins.host_tools.conformance.check import NotApplicableError, Subject, expect_mode
+from rrins.host_tools.conformance.check import NotApplicableError, Subject, check, expect_mode
 from rrins.host_tools.testing.bench import Bench
 
 _ANSWER_S: Final = 0.5
@@ -136,8 +136,13 @@ def _enter_extended(tool: _Tool) -> None:
     assert answer[:2] == b"\x50\x03", f"the extended session is answered by {answer.hex(' ')}"
 
 
-def basics(subject: Subject) -> None:
-    """TesterPresent, the default session, and each request that cannot be."""
+@check("diagnostics.md#sessions-and-security")
+def uds(subject: Subject) -> None:
+    """Where there is UDS, TesterPresent and the default session are answered.
+
+    What cannot be is answered by the negative response of ISO 14229-1, functional requests of
+    that kind not at all.
+    """
     tool = _in_standby(subject)
     tool.expect(_TESTER_PRESENT, b"\x7e\x00")
     tool.expect(_DEFAULT, b"\x50\x01")
@@ -153,8 +158,12 @@ def basics(subject: Subject) -> None:
     assert unknown is None, f"an unknown functional service is answered by {unknown!r}"
 
 
-def sessions(subject: Subject) -> None:
-    """SecurityAccess only in the extended session, which TesterPresent keeps and silence ends."""
+@check("diagnostics.md#sessions-and-security")
+def uds_sessions(subject: Subject) -> None:
+    """A session other than the default one ends 5 s after the last request.
+
+    TesterPresent keeps it. SecurityAccess is refused in the default session.
+    """
     tool = _in_standby(subject)
     _enter_extended(tool)
     tool.expect(_DEFAULT, b"\x50\x01")
@@ -168,8 +177,9 @@ def sessions(subject: Subject) -> None:
     tool.expect(_SEED, b"\x7f\x27\x7f", b"\x7f\x27\x7e", why=f"{_S3_S:g} s after the last request")
 
 
-def security(subject: Subject) -> None:
-    """A key without a seed, wrong keys, and the delay after the third."""
+@check("diagnostics.md#sessions-and-security")
+def uds_security(subject: Subject) -> None:
+    """A key without a seed and a wrong key are refused, and after the third no seed is given."""
     tool = _in_standby(subject)
     _enter_extended(tool)
     answer = tool.ask(_SEED)
@@ -189,8 +199,12 @@ def security(subject: Subject) -> None:
     tool.expect(_SEED, b"\x7f\x27\x37", why="after three wrong keys")
 
 
-def trouble_codes(subject: Subject) -> None:
-    """A fault has a code whose test has failed, until it is gone and cleared."""
+@check("diagnostics.md#trouble-codes")
+def uds_trouble_codes(subject: Subject) -> None:
+    """The loss of SYNC makes a trouble code's test fail.
+
+    Clearing removes the code once it is over.
+    """
     bench = subject.navigating()
     tool = _Tool(bench)
     before = tool.ask(_COUNT_FAILED)

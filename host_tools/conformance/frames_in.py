@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import can
 
-from rrins.host_tools.conformance.check import Subject
+from rrins.host_tools.conformance.check import Subject, check
 from rrins.host_tools.testing.bench import Bench
 
 _SENSOR = "SENSOR_2"
@@ -44,23 +44,27 @@ def _not_used(subject: Subject, counter: str, fault: str, **how: float) -> None:
     _still_navigates(bench)
 
 
+@check("firmware.md#frames-in")
 def wrong_crc(subject: Subject) -> None:
-    """Frames whose CRC does not hold."""
+    """A frame with a wrong CRC is counted and never used."""
     _not_used(subject, "crc_errors", "corrupt")
 
 
+@check("firmware.md#frames-in")
 def late_frames(subject: Subject) -> None:
-    """Frames that come an epoch late, with the counter of their own epoch."""
+    """A frame of another epoch is counted and never used."""
     _not_used(subject, "counter_errors", "delay", delay_s=0.005)
 
 
+@check("firmware.md#frames-in")
 def stale_counter(subject: Subject) -> None:
-    """Frames that repeat the counter and contents of an earlier epoch."""
+    """A frame that repeats an earlier counter is counted and never used."""
     _not_used(subject, "counter_errors", "stale")
 
 
+@check("firmware.md#frames-in")
 def repeated_frames(subject: Subject) -> None:
-    """Frames that come twice in an epoch."""
+    """A second frame of its message in the epoch is counted and never used."""
     bench = subject.navigating()
     before = _counter(bench, "counter_errors")
     bench.inject("duplicate", message=_SENSOR)
@@ -70,8 +74,9 @@ def repeated_frames(subject: Subject) -> None:
     _still_navigates(bench)
 
 
+@check("firmware.md#two-senders-of-one-message")
 def disagreeing_frames(subject: Subject) -> None:
-    """A second sender of a message: both frames are right and say something else."""
+    """Of two frames that disagree about an epoch neither is used."""
     bench = subject.navigating()
     for _ in range(40):  # just before the hardware's own frame of the same epoch
         bench.send(_SENSOR, gyro_dtheta=_WRONG_DATA * 4e-9 / 2, status=0)
@@ -82,8 +87,9 @@ def disagreeing_frames(subject: Subject) -> None:
     _still_navigates(bench)
 
 
+@check("firmware.md#fusion")
 def gap_bridged(subject: Subject) -> None:
-    """No sensor frames for 50 ms."""
+    """A gap in the sensor data up to `bridge_s` is bridged, and its epochs are counted."""
     bench = subject.navigating()
     before = _counter(bench, "bridged_epochs")
     for number in range(1, 5):
@@ -94,8 +100,9 @@ def gap_bridged(subject: Subject) -> None:
     _still_navigates(bench)
 
 
+@check("firmware.md#fusion")
 def gap_too_long(subject: Subject) -> None:
-    """No sensor frames for longer than `bridge_s`."""
+    """A longer gap ends navigation in FAULT (SENSORS_LOST), which sends no NAV_ frames."""
     bench = subject.navigating()
     for number in range(1, 5):
         bench.inject("drop", message=f"SENSOR_{number}", for_s=0.5)
@@ -104,16 +111,18 @@ def gap_too_long(subject: Subject) -> None:
     bench.expect_not("NAV_LATITUDE", within=0.5)
 
 
+@check("firmware.md#fusion")
 def three_sensors(subject: Subject) -> None:
-    """One sensor of a tetrahedron is gone: three span space."""
+    """With three of four sensors navigation goes on."""
     bench = subject.navigating()
     bench.inject("gyro_absent", sensor=1)
     bench.expect("FIRMWARE_STATUS", within=0.5, where={"usable_sensors": 3})
     _still_navigates(bench)
 
 
+@check("firmware.md#clock")
 def sync_lost(subject: Subject) -> None:
-    """No SYNC for 200 ms, then again."""
+    """`sync_lost` after 10 epochs without SYNC, cleared by the next; navigation goes on."""
     bench = subject.navigating()
     bench.inject("drop", message="SYNC", for_s=0.2)
     bench.expect("FIRMWARE_STATUS", within=0.3, where={"sync_lost": 1})
@@ -121,16 +130,18 @@ def sync_lost(subject: Subject) -> None:
     _still_navigates(bench)
 
 
+@check("firmware.md#frames-in")
 def overload(subject: Subject) -> None:
-    """A node that sends 200 frames of the highest priority in every epoch."""
+    """A second of 200 strange frames an epoch does navigation no harm."""
     bench = subject.navigating()
     bench.inject("babble", frames_per_epoch=200, for_s=1.0)
     bench.advance(1.2)
     _still_navigates(bench)
 
 
+@check("firmware.md#frames-in")
 def strange_frames(subject: Subject) -> None:
-    """Frames that are not of the contract: unknown, extended, remote, short."""
+    """Unknown, extended and remote frames are ignored; a short one counts as a wrong CRC."""
     bench = subject.navigating()
     before = dict(bench.fault_counters)
     for message in (

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rrins.host_tools.conformance.check import Subject
+from rrins.host_tools.conformance.check import Check, Subject
 from rrins.host_tools.runs.results.results import east_north_m
 from rrins.host_tools.testing.bench import Bench
 
@@ -29,27 +30,25 @@ LIMIT_MPS: Final = 0.005
 _AS_IT_IS: Final[dict[str, Any]] = {"firmware": {}, "duration_s": 3600.0}
 
 
-def navigation(subject: Subject, name: str) -> None:
-    """Compare position and velocity of a short run, frame by frame.
+def check_of(scenario: str) -> Check:
+    """Return the check of a short run of a scenario."""
+    rule = (
+        f"Over {DURATION_S:g} s of `{scenario}` the position is within {LIMIT_M:g} m of the "
+        "reference."
+    )
+    name = f"navigation-{scenario.replace('_', '-')}"
+    return Check(name, rule, "firmware.md#strapdown", partial(_navigation, name=scenario))
 
-    Raises
-    ------
-    AssertionError
-        If they differ by more than the limits, or the program does not navigate.
-    """
+
+def _navigation(subject: Subject, name: str) -> None:
+    """Compare position and velocity, frame by frame."""
     ours = _navigated(subject.reference(name, **_AS_IT_IS))
     theirs = _navigated(subject.bench(name, **_AS_IT_IS))
     assert len(theirs) == len(ours), (
         f"{len(theirs)} NAV_ frames of each kind in {DURATION_S:g} s, not {len(ours)}"
     )
-    latitude, longitude = np.radians(ours[:, 0]), np.radians(ours[:, 1])
-    east, north = east_north_m(
-        np.radians(theirs[:, 0]),
-        np.radians(theirs[:, 1]),
-        latitude,
-        longitude,
-        np.zeros(len(ours)),
-    )
+    places = np.radians(np.column_stack([theirs[:, :2], ours[:, :2]])).T
+    east, north = east_north_m(places[0], places[1], places[2], places[3], np.zeros(len(ours)))
     distance = np.hypot(east, north)
     worst = int(np.argmax(distance))
     assert distance[worst] <= LIMIT_M, (

@@ -6,6 +6,7 @@ can be added.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -48,8 +49,6 @@ _VARIANTS: Final[dict[str, dict[str, float | str | dict[str, str]]]] = {
 }
 CASES: Final = (*((constants, False) for constants in SETS), (WORST, True))
 """Sets of constants, and whether the unit is calibrated on its table before it drives."""
-
-_IDEAL: Final[dict[str, dict[str, float]]] = {"gyros": {}, "accelerometers": {}}
 
 
 def runs_of(seeds: int, with_motion: bool) -> int:
@@ -131,12 +130,26 @@ QUANTITIES: Final = tuple(
 )
 
 
-def _variants(fleet: Fleet) -> dict[str, dict[str, Errors]]:
-    """Run route 1 with other choices where the paper is silent; errors by variant and way."""
+def _rows(case: str, runs: Mapping[str, Errors], note: str, has_paper: bool) -> list[FigureRow]:
+    """Return a row for each quantity of a case, of its run of each way."""
+    rows = []
+    for one in QUANTITIES:
+        paper, ours = one.paper if has_paper else None, one.of(runs[one.way])
+        rows.append(FigureRow(EXPERIMENT, case, one.words, one.unit, paper, ours, note))
+    return rows
+
+
+def _variants(fleet: Fleet) -> dict[str, list[FigureRow]]:
+    """Run route 1 with other choices where the paper is silent; rows by variant."""
     scenarios = [load(name).varied(rate_hz=RATE_HZ) for name in _NAMES]
     jobs = [one.varied(**changes) for changes in _VARIANTS.values() for one in scenarios]
     outcomes = iter(fleet.run_all(jobs))
-    return {variant: {way: next(outcomes) for way in _WAYS} for variant in _VARIANTS}
+    return {
+        variant: _rows(
+            f"route 1: {variant}", {way: next(outcomes) for way in _WAYS}, "variant", True
+        )
+        for variant in _VARIANTS
+    }
 
 
 def _single(
@@ -144,87 +157,43 @@ def _single(
     fleet: Fleet,
     motion: Path | None,
     slug: str,
-    variants: dict[str, dict[str, Errors]],
+    variants: dict[str, list[FigureRow]],
 ) -> None:
     """Run a motion once with the paper's constants and once with ideal sensors."""
     case = "route 1" if motion is None else motion.name
     scenarios = [_on(load(name), motion) for name in _NAMES]
-    ideal = [scenario.varied(**_IDEAL) for scenario in scenarios]
+    ideal = [scenario.varied(gyros={}, accelerometers={}) for scenario in scenarios]
     outcomes = fleet.run_all([*scenarios, *ideal])
+    runs = dict(zip(_WAYS, outcomes, strict=False))
     first = scenarios[0]
     note = f"{first.duration_s:g} s, {first.rate_hz} Hz, attitude given"
-    rows = [
-        FigureRow(
-            EXPERIMENT,
-            case,
-            quantity.words,
-            quantity.unit,
-            quantity.paper if motion is None else None,
-            quantity.of(outcomes[_WAYS.index(quantity.way)]),
-            note,
-        )
-        for quantity in QUANTITIES
-    ]
-    values = {
-        name: [quantity.of(one[quantity.way]) for quantity in QUANTITIES]
-        for name, one in variants.items()
-    }
-    section.rows.extend(with_closest(rows, values))
+    section.rows.extend(with_closest(_rows(case, runs, note, motion is None), variants))
+    note = "quantisation and CRC as usual; limit 0.5 m"
     for way, errors in zip(_WAYS, outcomes[2:], strict=True):
         largest = float(np.max(np.hypot(errors.position_east_m, errors.position_north_m)))
         words = f"largest position error, ideal sensors, {way}"
-        section.rows.append(
-            FigureRow(
-                EXPERIMENT,
-                case,
-                words,
-                "m",
-                None,
-                largest,
-                "quantisation and CRC as usual; limit 0.5 m",
-            )
-        )
-    section.pictures.append(_picture(scenarios[0], outcomes[0], outcomes[1], case, slug))
+        section.rows.append(FigureRow(EXPERIMENT, case, words, "m", None, largest, note))
+    section.pictures.append(_picture(first, runs, case, slug))
 
 
-def _add_variants(section: Section, variants: dict[str, dict[str, Errors]]) -> None:
+def _add_variants(section: Section, variants: dict[str, list[FigureRow]]) -> None:
     """Add the rows of the variants and a finding about them."""
-    for name, outcomes in variants.items():
-        for quantity in QUANTITIES:
-            value = quantity.of(outcomes[quantity.way])
-            case = f"route 1: {name}"
-            section.rows.append(
-                FigureRow(
-                    EXPERIMENT,
-                    case,
-                    quantity.words,
-                    quantity.unit,
-                    quantity.paper,
-                    value,
-                    "variant",
-                )
-            )
-    words = [
-        f"{name}: {figure(_end_m(variants[name]['strapdown']))} m strapdown, "
-        f"{figure(_end_m(variants[name]['rotating']))} m rotating"
-        for name in variants
-    ]
+    words = []
+    for name, rows in variants.items():
+        section.rows.extend(rows)
+        ends = {row.quantity: figure(row.ours) for row in rows if row.unit == "m"}
+        strapdown, rotating = (ends[f"end point error, {way}"] for way in _WAYS)
+        words.append(f"{name}: {strapdown} m strapdown, {rotating} m rotating")
     section.findings.append(f"End points on route 1 with other choices: {'; '.join(words)}.")
 
 
-def _picture(
-    scenario: Scenario, strapdown: Errors, rotating: Errors, case: str, slug: str
-) -> Picture:
+def _picture(scenario: Scenario, runs: Mapping[str, Errors], case: str, slug: str) -> Picture:
     trajectory = trajectory_of(scenario)
     assert trajectory is not None
-    latitude, longitude, height = trajectory.at(strapdown.time_s)[:, PLACE].T
+    latitude, longitude, height = trajectory.at(runs["strapdown"].time_s)[:, PLACE].T
     east, north = east_north_m(latitude, longitude, latitude[0], longitude[0], height)
-    tracks = {"strapdown": strapdown, "rotating": rotating}
-    return Picture(
-        slug,
-        f"{case}: the vehicle's track and the position errors.",
-        draw_track(east, north, tracks),
-    )
+    caption = f"{case}: the vehicle's track and the position errors."
+    return Picture(slug, caption, draw_track(east, north, runs))
 
 
 def reproduce(fleet: Fleet, seeds: int, motion: Path | None) -> Section:

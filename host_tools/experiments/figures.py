@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -102,7 +104,7 @@ def draw_bands(
     return figure
 
 
-def draw_track(true_east_m: Floats, true_north_m: Floats, tracks: dict[str, Errors]) -> Figure:
+def draw_track(true_east_m: Floats, true_north_m: Floats, tracks: Mapping[str, Errors]) -> Figure:
     """Plot the vehicle's track, and the position errors of several runs over time."""
     figure = new_figure(10.0, 4.4)
     way, over_time = figure.subplots(1, 2)

@@ -34,6 +34,13 @@ RATE_HZ: Final = 50
 _SAMPLE_S = 1.0
 _SIDES = ("east", "north")
 _LARGER = ConstantSet(50.0, 10.0, biases=8.0)
+_QUANTITIES: Final = {
+    "strapdown": ("largest position error, strapdown", "m"),
+    "rotating": ("largest position error, rotating", "m"),
+    "ratio": ("strapdown over rotating", "1"),
+}
+Outcome = dict[str, tuple[Distribution, Distribution]]
+"""The distributions of a case, east and north, of each of `_QUANTITIES`."""
 
 
 @dataclass(frozen=True)
@@ -86,58 +93,44 @@ def _largest(outcomes: list[Errors]) -> Floats:
     )
 
 
-def _paper(scenario: Scenario) -> tuple[float, float]:
+def _paper(scenario: Scenario) -> Floats:
+    """Return the paper's largest position errors, east and north, m."""
     assert scenario.paper is not None
     position = scenario.paper.max_abs_position_error_m
     assert position is not None
-    return position.east, position.north
+    return np.array([position.east, position.north])
 
 
-@dataclass(frozen=True)
-class VariantOutcome:
-    """The distributions of a case, east and north."""
-
-    strapdown: tuple[Distribution, Distribution]
-    rotating: tuple[Distribution, Distribution]
-    ratio: tuple[Distribution, Distribution]
-
-    @property
-    def holds(self) -> bool:
-        """Whether both of the paper's ratios lie in the band."""
-        return all(one.holds for one in self.ratio)
+def _holds(outcome: Outcome) -> bool:
+    """Return whether both of the paper's ratios lie in the band."""
+    return all(one.holds for one in outcome["ratio"])
 
 
-def _outcome(case: PrototypeCase, seeds: int, fleet: Fleet) -> VariantOutcome:
-    strapdown, rotating = _scenarios(case)
+def _outcome(case: PrototypeCase, seeds: int, fleet: Fleet) -> Outcome:
+    scenarios = _scenarios(case)
     numbers = range(1, seeds + 1)
-    pairs = [[case.constants.drawn(one, seed) for seed in numbers] for one in (strapdown, rotating)]
+    pairs = [[case.constants.drawn(one, seed) for seed in numbers] for one in scenarios]
     found = None
     if case.is_calibrated:
         pairs = [[switched_on(one) for one in drawn] for drawn in pairs]
         found = fleet.calibrate(pairs[0])
     standing, turning = (_largest(fleet.run_all(drawn, _SAMPLE_S, found)) for drawn in pairs)
-    at_rest, in_turn = _paper(strapdown), _paper(rotating)
+    at_rest, in_turn = map(_paper, scenarios)
+    return {
+        key: (Distribution.of(ours[:, 0], paper[0]), Distribution.of(ours[:, 1], paper[1]))
+        for key, ours, paper in (
+            ("strapdown", standing, at_rest),
+            ("rotating", turning, in_turn),
+            ("ratio", standing / turning, at_rest / in_turn),
+        )
+    }
 
-    def pair(values: Floats, paper: tuple[float, ...]) -> tuple[Distribution, Distribution]:
-        return Distribution.of(values[:, 0], paper[0]), Distribution.of(values[:, 1], paper[1])
 
-    ratios = (at_rest[0] / in_turn[0], at_rest[1] / in_turn[1])
-    return VariantOutcome(
-        pair(standing, at_rest), pair(turning, in_turn), pair(standing / turning, ratios)
-    )
-
-
-def _figure_rows(
-    case: PrototypeCase, outcome: VariantOutcome, larger: VariantOutcome
-) -> list[FigureRow]:
+def _figure_rows(case: PrototypeCase, outcome: Outcome, larger: Outcome) -> list[FigureRow]:
     """Return the rows of a case; rows that differ also state the result with larger biases."""
     rows = []
-    for words, unit, pair, other in (
-        ("largest position error, strapdown", "m", outcome.strapdown, larger.strapdown),
-        ("largest position error, rotating", "m", outcome.rotating, larger.rotating),
-        ("strapdown over rotating", "1", outcome.ratio, larger.ratio),
-    ):
-        for side, one, of_larger in zip(_SIDES, pair, other, strict=True):
+    for key, (words, unit) in _QUANTITIES.items():
+        for side, one, of_larger in zip(_SIDES, outcome[key], larger[key], strict=True):
             quantity = f"{words}, {side}"
             row = FigureRow(
                 EXPERIMENT, case.words, quantity, unit, one.paper, one.median, one.words()
@@ -149,33 +142,28 @@ def _figure_rows(
     return rows
 
 
-def _grid(outcomes: dict[PrototypeCase, VariantOutcome]) -> PictureGrid:
-    quantities = ("strapdown", "rotating", "strapdown / rotating")
-    units = (" / m", " / m", "")
+def _grid(outcomes: dict[PrototypeCase, Outcome]) -> PictureGrid:
+    quantities = (("strapdown", " / m"), ("rotating", " / m"), ("strapdown / rotating", ""))
     return PictureGrid(
         f"Largest position errors: median and {_spread_words(outcomes)}",
+        tuple(f"{words}, {side}{unit}" for words, unit in quantities for side in _SIDES),
         tuple(
-            f"{words}, {side}{unit}"
-            for words, unit in zip(quantities, units, strict=True)
-            for side in _SIDES
-        ),
-        tuple(
-            (case.words, (*outcome.strapdown, *outcome.rotating, *outcome.ratio))
+            (case.words, tuple(one for pair in outcome.values() for one in pair))
             for case, outcome in outcomes.items()
         ),
     )
 
 
-def _finding(outcomes: dict[PrototypeCase, VariantOutcome]) -> str:
-    holding = [case.words for case, outcome in outcomes.items() if outcome.holds]
+def _finding(outcomes: dict[PrototypeCase, Outcome]) -> str:
+    holding = [case.words for case, outcome in outcomes.items() if _holds(outcome)]
     words = _spread_words(outcomes)
     if not holding:
         return f"For no set do both of the paper's ratios lie in {words}."
     return f"Both of the paper's ratios lie in {words} with: {'; '.join(holding)}."
 
 
-def _spread_words(outcomes: dict[PrototypeCase, VariantOutcome]) -> str:
-    return next(iter(outcomes.values())).ratio[0].spread_words
+def _spread_words(outcomes: dict[PrototypeCase, Outcome]) -> str:
+    return next(iter(outcomes.values()))["ratio"][0].spread_words
 
 
 def reproduce(fleet: Fleet, seeds: int) -> Section:
@@ -202,42 +190,30 @@ def reproduce(fleet: Fleet, seeds: int) -> Section:
     section.grids.append(_grid(outcomes))
     section.findings.append(_finding(outcomes))
     section.findings.append(_size(outcomes))
-    bands = {case.words: outcome.ratio for case, outcome in outcomes.items()}
-    section.pictures.append(
-        Picture(
-            "figure_4_4_ratio",
-            "Gain from rotation (strapdown over rotating) for each set of constants.",
-            draw_bands(
-                bands,
-                (
-                    "position error east: strapdown / rotating",
-                    "position error north: strapdown / rotating",
-                ),
-                "Gain from rotation, by σ of scale factor and installation errors",
-            ),
-        )
+    bands = {case.words: outcome["ratio"] for case, outcome in outcomes.items()}
+    east, north = (f"position error {side}: strapdown / rotating" for side in _SIDES)
+    drawn = draw_bands(
+        bands,
+        (east, north),
+        "Gain from rotation, by σ of scale factor and installation errors",
     )
-    strapdown, rotating = _scenarios(CASES[0])
-    constants = REFERENCE
-    pair = [run(constants.drawn(s, 1), _SAMPLE_S) for s in (strapdown, rotating)]
-    section.pictures.append(
-        Picture(
-            "figure_12",
-            f"Seed 1 of the set {constants.words}: strapdown (left), rotating (right).",
-            draw_pair((pair[0], "strapdown"), (pair[1], "rotating")),
-        )
-    )
+    caption = "Gain from rotation (strapdown over rotating) for each set of constants."
+    section.pictures.append(Picture("figure_4_4_ratio", caption, drawn))
+    first, second = (run(REFERENCE.drawn(s, 1), _SAMPLE_S) for s in _scenarios(CASES[0]))
+    drawn = draw_pair((first, "strapdown"), (second, "rotating"))
+    caption = f"Seed 1 of the set {REFERENCE.words}: strapdown (left), rotating (right)."
+    section.pictures.append(Picture("figure_12", caption, drawn))
     return section
 
 
-def _size(outcomes: dict[PrototypeCase, VariantOutcome]) -> str:
+def _size(outcomes: dict[PrototypeCase, Outcome]) -> str:
     """Describe the size of the paper's errors relative to those of table 2."""
     usual, larger = outcomes[PrototypeCase(REFERENCE)], outcomes[PrototypeCase(_LARGER)]
-    factors = [one.paper / one.median for one in usual.strapdown if one.paper]
+    factors = [one.paper / one.median for one in usual["strapdown"] if one.paper]
     before, inside = _errors_inside(usual), _errors_inside(larger)
     text = (
         f"The paper's strapdown errors are {figure(factors[0])} (east) and {figure(factors[1])} "
-        f"(north) times the median of {len(usual.strapdown[0].values)} seeds with "
+        f"(north) times the median of {len(usual['strapdown'][0].values)} seeds with "
         f"{REFERENCE.words}. Of its four position errors {before} lie in {_spread_words(outcomes)} "
         f"with {REFERENCE.words}, and {inside} with {_LARGER.words}."
     )
@@ -250,6 +226,6 @@ def _size(outcomes: dict[PrototypeCase, VariantOutcome]) -> str:
     )
 
 
-def _errors_inside(outcome: VariantOutcome) -> int:
+def _errors_inside(outcome: Outcome) -> int:
     """Return how many of the paper's four position errors lie in the spread."""
-    return sum(one.holds for pair in (outcome.strapdown, outcome.rotating) for one in pair)
+    return sum(one.holds for pair in (outcome["strapdown"], outcome["rotating"]) for one in pair)

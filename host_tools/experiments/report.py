@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from importlib import metadata
 from pathlib import Path
-from typing import IO, Final
+from typing import Final
 
-from rrins.host_tools.drawing.page import base64_of, environment, png_of
+from rrins.host_tools.drawing.page import REPORT, write_report
 from rrins.host_tools.experiments.constants import REFERENCE
 from rrins.host_tools.experiments.sections import BAND_SEEDS, FigureRow, Section, figure
-from rrins.host_tools.files import keep, replacing, write_whole
 from rrins.host_tools.scenario.schemes import SCHEMES
 
-NAME = "report.html"
 _SCHEME = "16-position"
 
 _STATIC = tuple(f"largest position error, {side}" for side in ("east", "north"))
@@ -58,11 +55,13 @@ def write(folder: Path, sections: list[Section]) -> list[Path]:
 
     A report of other content that is there is moved into the folder `previous`; it holds its plots.
     """
-    pictures = {p.name: png_of(p.figure) for section in sections for p in section.pictures}
-    templates = environment("rrins.host_tools.experiments")
-    templates.filters["figure"] = figure
     rows_3 = table_3(sections)
-    text = templates.get_template("report.html.j2").render(
+    return write_report(
+        folder,
+        "rrins.host_tools.experiments",
+        {one.name: one.figure for section in sections for one in section.pictures},
+        keeps=(REPORT,),
+        filters={"figure": figure},
         sections=sections,
         table_3=rows_3,
         differing=[(name, row) for name, cells in rows_3 for row in cells if row and row.differs],
@@ -70,20 +69,4 @@ def write(folder: Path, sections: list[Section]) -> list[Path]:
         seeds=max(section.seeds for section in sections),
         band_seeds=BAND_SEEDS,
         table_1=_table_1() if any(s.experiment == "scheme" for s in sections) else [],
-        images={name: base64_of(data) for name, data in pictures.items()},
-        version=f"rrins {metadata.version('rrins')}",
     )
-
-    def write_text(file: IO[str]) -> None:
-        file.write(text)
-
-    paths = [folder / NAME]
-    if paths[0].exists() and paths[0].read_bytes() != text.encode():
-        keep(folder, (NAME,))
-    write_whole(paths[0], write_text)
-    for name, data in pictures.items():
-        path = folder / f"{name}.png"
-        with replacing(path) as part:
-            part.write_bytes(data)
-        paths.append(path)
-    return paths

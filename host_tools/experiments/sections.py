@@ -93,7 +93,7 @@ class Distribution:
 
     @property
     def below(self) -> int | None:
-        """How many of the values are below the paper's."""
+        """Number of values below the paper's."""
         if self.paper is None:
             return None
         return int(np.sum(np.asarray(self.values) < self.paper))
@@ -106,7 +106,7 @@ class Distribution:
 
     @property
     def spread_words(self) -> str:
-        """What `spread` is, with the number of seeds."""
+        """The kind of `spread`, with the number of seeds."""
         count = len(self.values)
         if count >= BAND_SEEDS:
             return f"the 5-95 % band of {count} seeds"
@@ -180,12 +180,12 @@ class Section:
     seeds: int = 0
     """Over how many seeds its medians and spreads are; 0 for none."""
     settings: list[str] = field(default_factory=list)
-    """What was run: attitude, duration, rate, seeds."""
+    """Attitude, duration, rate, seeds of the runs."""
     open_points: list[str] = field(default_factory=list)
-    """What the paper leaves open, and our choice."""
+    """Points that the paper leaves open, and our choice."""
     findings: list[str] = field(default_factory=list)
     rows: list[FigureRow] = field(default_factory=list)
     open_rows: int | None = None
-    """How many rows the page shows before the rest is unfolded; None for all."""
+    """Rows that the page shows before the rest is unfolded; None for all."""
     grids: list[PictureGrid] = field(default_factory=list)
     pictures: list[Picture] = field(default_factory=list)

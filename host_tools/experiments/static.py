@@ -6,7 +6,7 @@ of a case stands beside each that differs by more than a factor of two.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Final
 
 from rrins.host_tools.experiments.figures import draw_pair
@@ -17,6 +17,7 @@ from rrins.host_tools.runs.results.results import Errors
 from rrins.host_tools.scenario.scenario import Scenario, load
 
 VARIANT_RATE_HZ: Final = 50
+Changes = dict[str, float | str]
 
 QUANTITIES: Final = (
     ("max_abs_position_error_m", "east", "largest position error, east", "m"),
@@ -26,47 +27,34 @@ QUANTITIES: Final = (
 )
 
 
-@dataclass(frozen=True)
-class Variant:
-    """A different choice for something that the paper leaves open."""
-
-    words: str
-    changes: dict[str, float | str] = field(default_factory=dict)
-
-
-_SELF_ALIGNED: Final[dict[str, float | str]] = {
+_SELF_ALIGNED: Final[Changes] = {
     "firmware__initial_attitude": "self-aligned",
     "firmware__alignment_s": 60,
 }
-STRAPDOWN_VARIANTS: Final = (
-    Variant("attitude self-aligned", _SELF_ALIGNED),
-    Variant("heading 45°", {"body__heading_deg": 45}),
-    Variant("heading 90°", {"body__heading_deg": 90}),
-    Variant("heading 270°", {"body__heading_deg": 270}),
-    Variant("3600 s", {"duration_s": 3600}),
-    Variant("attitude self-aligned, 3600 s", _SELF_ALIGNED | {"duration_s": 3600}),
-    Variant("latitude 30°", {"site__latitude_deg": 30.0}),
-)
-ROTATING_VARIANTS: Final = (
-    Variant("turning at 3 °/s", {"firmware__turn_rate_dps": 3}),
-    Variant("turning at 3.5 °/s", {"firmware__turn_rate_dps": 3.5}),
-    Variant("turning at 4 °/s", {"firmware__turn_rate_dps": 4}),
-    Variant("turning at 6 °/s", {"firmware__turn_rate_dps": 6}),
-    Variant(
-        "turning at 3 °/s, standing 1 s",
-        {"firmware__turn_rate_dps": 3, "firmware__stand_s": 1},
-    ),
-    Variant(
-        "turning at 6 °/s, standing 1 s",
-        {"firmware__turn_rate_dps": 6, "firmware__stand_s": 1},
-    ),
-    Variant("standing 1 s", {"firmware__stand_s": 1}),
-    Variant("standing 30 s", {"firmware__stand_s": 30}),
-    Variant("heading 90°", {"body__heading_deg": 90}),
-    Variant("one cycle, 1600 s", {"duration_s": 1600}),
-    Variant("attitude self-aligned", _SELF_ALIGNED),
-    Variant("8-position scheme", {"firmware__scheme": "8-position"}),
-)
+STRAPDOWN_VARIANTS: Final[dict[str, Changes]] = {
+    "attitude self-aligned": _SELF_ALIGNED,
+    "heading 45°": {"body__heading_deg": 45},
+    "heading 90°": {"body__heading_deg": 90},
+    "heading 270°": {"body__heading_deg": 270},
+    "3600 s": {"duration_s": 3600},
+    "attitude self-aligned, 3600 s": _SELF_ALIGNED | {"duration_s": 3600},
+    "latitude 30°": {"site__latitude_deg": 30.0},
+}
+ROTATING_VARIANTS: Final[dict[str, Changes]] = {
+    "turning at 3 °/s": {"firmware__turn_rate_dps": 3},
+    "turning at 3.5 °/s": {"firmware__turn_rate_dps": 3.5},
+    "turning at 4 °/s": {"firmware__turn_rate_dps": 4},
+    "turning at 6 °/s": {"firmware__turn_rate_dps": 6},
+    "turning at 3 °/s, standing 1 s": {"firmware__turn_rate_dps": 3, "firmware__stand_s": 1},
+    "turning at 6 °/s, standing 1 s": {"firmware__turn_rate_dps": 6, "firmware__stand_s": 1},
+    "standing 1 s": {"firmware__stand_s": 1},
+    "standing 30 s": {"firmware__stand_s": 30},
+    "heading 90°": {"body__heading_deg": 90},
+    "one cycle, 1600 s": {"duration_s": 1600},
+    "attitude self-aligned": _SELF_ALIGNED,
+    "8-position scheme": {"firmware__scheme": "8-position"},
+}
+"""Different choices for something that the paper leaves open."""
 
 
 @dataclass(frozen=True)
@@ -77,7 +65,7 @@ class Simulation:
     title: str
     figure: str
     scenarios: tuple[str, ...]
-    variants: tuple[Variant, ...]
+    variants: dict[str, Changes]
     open_points: tuple[str, ...]
 
 
@@ -119,50 +107,17 @@ def runs_of(simulation: Simulation) -> int:
     return len(simulation.scenarios) * (1 + len(simulation.variants))
 
 
-def _largest_error(errors: Errors, key: str, side: str) -> float:
-    return float(errors.largest()[key][side])
-
-
-def _figure_rows(
-    simulation: Simulation, name: str, scenario: Scenario, main: Errors, varied: list[Errors]
+def _rows(
+    experiment: str, case: str, scenario: Scenario, errors: Errors, note: str
 ) -> list[FigureRow]:
     assert scenario.paper is not None
-    settings = (
-        f"{scenario.duration_s:g} s, attitude {scenario.firmware.initial_attitude}, "
-        f"height {scenario.firmware.height_channel}"
-    )
     rows = []
     for key, side, words, unit in QUANTITIES:
         table = getattr(scenario.paper, key)
         paper = None if table is None else float(getattr(table, side))
-        ours = _largest_error(main, key, side)
-        rows.append(FigureRow(simulation.experiment, name, words, unit, paper, ours, settings))
-    values = {
-        variant.words: [_largest_error(errors, key, side) for key, side, *_ in QUANTITIES]
-        for variant, errors in zip(simulation.variants, varied, strict=True)
-    }
-    return with_closest(rows, values)
-
-
-def _variant_rows(
-    simulation: Simulation, name: str, scenario: Scenario, varied: list[Errors]
-) -> list[FigureRow]:
-    """Return the rows of the variants, one for each of its figures."""
-    assert scenario.paper is not None
-    tables = {key: getattr(scenario.paper, key) for key, *_ in QUANTITIES}
-    return [
-        FigureRow(
-            simulation.experiment,
-            f"{name}: {variant.words}",
-            words,
-            unit,
-            None if tables[key] is None else float(getattr(tables[key], side)),
-            _largest_error(errors, key, side),
-            "variant",
-        )
-        for variant, errors in zip(simulation.variants, varied, strict=True)
-        for key, side, words, unit in QUANTITIES
-    ]
+        ours = float(errors.largest()[key][side])
+        rows.append(FigureRow(experiment, case, words, unit, paper, ours, note))
+    return rows
 
 
 def simulate(simulation: Simulation, fleet: Fleet) -> Section:
@@ -170,20 +125,28 @@ def simulate(simulation: Simulation, fleet: Fleet) -> Section:
     section = Section(simulation.experiment, simulation.title)
     section.open_points.extend(simulation.open_points)
     scenarios = {name: load(name) for name in simulation.scenarios}
-    slow: dict[str, float | str] = {"rate_hz": VARIANT_RATE_HZ}
-    jobs = [
-        scenario.varied(**changes)
-        for scenario in scenarios.values()
-        for changes in ({}, *(slow | variant.changes for variant in simulation.variants))
-    ]
+    slow: Changes = {"rate_hz": VARIANT_RATE_HZ}
+    changes = ({}, *(slow | one for one in simulation.variants.values()))
+    jobs = [scenario.varied(**one) for scenario in scenarios.values() for one in changes]
     outcomes = iter(fleet.run_all(jobs))
     main: dict[str, Errors] = {}
     variants: list[FigureRow] = []
     for name, scenario in scenarios.items():
         main[name] = next(outcomes)
-        varied = [next(outcomes) for _ in simulation.variants]
-        section.rows.extend(_figure_rows(simulation, name, scenario, main[name], varied))
-        variants.extend(_variant_rows(simulation, name, scenario, varied))
+        note = (
+            f"{scenario.duration_s:g} s, attitude {scenario.firmware.initial_attitude}, "
+            f"height {scenario.firmware.height_channel}"
+        )
+        rows = _rows(section.experiment, name, scenario, main[name], note)
+        varied = {
+            words: _rows(
+                section.experiment, f"{name}: {words}", scenario, next(outcomes), "variant"
+            )
+            for words in simulation.variants
+        }
+        section.rows.extend(with_closest(rows, varied))
+        for one in varied.values():
+            variants.extend(one)
     section.rows.extend(variants)
     first = next(iter(scenarios.values()))
     section.settings.append(

@@ -42,7 +42,7 @@ def closest(
 
 
 def with_closest(
-    rows: Sequence[FigureRow], variants: Mapping[str, Sequence[float]]
+    rows: Sequence[FigureRow], variants: Mapping[str, Sequence[FigureRow]]
 ) -> list[FigureRow]:
     """Return the rows of a case; the note of each that differs also states the closest variant.
 
@@ -50,26 +50,28 @@ def with_closest(
     ----------
     rows : sequence of FigureRow
         All figures of the case.
-    variants : mapping of str to sequence of float
-        For each variant its figure of each row.
+    variants : mapping of str to sequence of FigureRow
+        The same figures of each variant.
     """
     known = [k for k, row in enumerate(rows) if row.paper and row.ours is not None]
     if not known:
         return list(rows)
+
+    def figures(of: Sequence[FigureRow]) -> list[float]:
+        return [of[k].ours or 0.0 for k in known]
+
     paper = [rows[k].paper or 0.0 for k in known]
-    ours = [rows[k].ours or 0.0 for k in known]
-    name = closest(paper, ours, {one: [v[k] for k in known] for one, v in variants.items()})
+    name = closest(paper, figures(rows), {one: figures(of) for one, of in variants.items()})
     over = f"{len(variants)} variants over the {len(known)} figures of this case"
-    told = list(rows)
+    noted = list(rows)
     for k, row in enumerate(rows):
         if not row.differs:
             continue
-        if name is None:
-            words = f"none of {over} is closer"
-        else:
-            value = variants[name][k]
+        words = f"none of {over} is closer"
+        if name is not None:
             assert row.paper
+            value = variants[name][k].ours or 0.0
             words = f"closest of {over}: {name}, {figure(value)} {row.unit} "
             words += f"(ratio {figure(value / row.paper)})"
-        told[k] = replace(row, note=f"{row.note}; {words}")
-    return told
+        noted[k] = replace(row, note=f"{row.note}; {words}")
+    return noted

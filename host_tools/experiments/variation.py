@@ -37,17 +37,10 @@ def _figure_rows(geometry: str, variation: Variation) -> list[FigureRow]:
             )
             if leaves_z:
                 note += "; per the paper a part remains"
-            rows.append(
-                FigureRow(
-                    EXPERIMENT,
-                    f"{geometry}, {kind} {SENSOR}, {row.error}",
-                    f"left after {SCHEME} on {row.axis} of the body",
-                    unit,
-                    None if leaves_z else 0.0,
-                    row.residual,
-                    note,
-                )
-            )
+            case = f"{geometry}, {kind} {SENSOR}, {row.error}"
+            left = f"left after {SCHEME} on {row.axis} of the body"
+            paper = None if leaves_z else 0.0
+            rows.append(FigureRow(EXPERIMENT, case, left, unit, paper, row.residual, note))
     return rows
 
 

@@ -1,1 +1,1 @@
-"""What redundant sensors can find: by theory, and by a Monte Carlo of whole runs beside it."""
+"""Faults that redundant sensors can find: by theory, and by a Monte Carlo of whole runs."""

@@ -1,4 +1,4 @@
-"""What the firmware's own tests see of a fault without noise: their mean.
+"""Means of the firmware's own tests under a fault, without noise.
 
 The parity of a step on one sensor is put through the firmware's learning and its windows, as sound
 sensors would be. So what the mean loses to learning, and when learning stops, is the firmware's.

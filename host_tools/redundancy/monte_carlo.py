@@ -59,7 +59,7 @@ class Fault:
 
 @dataclass
 class Delays:
-    """How long each run took to find a fault, s; infinity where it did not in `PATIENCE_S`.
+    """Time that each run took to find a fault, s; infinity where it did not in `PATIENCE_S`.
 
     Attributes
     ----------
@@ -85,7 +85,7 @@ class Delays:
 
 @dataclass
 class Trials:
-    """What the runs of a scenario gave.
+    """Results of the runs of a scenario.
 
     Attributes
     ----------
@@ -103,7 +103,7 @@ class Trials:
 
 @dataclass(frozen=True)
 class _Found:
-    """What a run found of a fault: delays in s, the sensor that was left out, from 0, or -1."""
+    """A fault as a run found it: delays in s, the sensor that was left out, from 0, or -1."""
 
     alarm_s: float
     isolated_s: float

@@ -1,27 +1,22 @@
-"""The report of a study: one self-contained HTML page, and the picture beside it."""
+"""The report of a study: one self-contained HTML page, and its picture."""
 
 from __future__ import annotations
 
 import math
-from importlib import metadata
 from pathlib import Path
-from typing import IO
 
-from rrins.host_tools.drawing.page import base64_of, environment, png_of
-from rrins.host_tools.files import keep, replacing, write_whole
+from rrins.host_tools.drawing.page import REPORT, write_report
 from rrins.host_tools.redundancy.monte_carlo import PATIENCE_S
 from rrins.host_tools.redundancy.pictures import delays_figure, label_of
 from rrins.host_tools.redundancy.survey import WITHIN_S, Study
 from rrins.host_tools.redundancy.theory import HALF, LEARNED_S, MOST, WAYS
-
-NAME, PICTURE = "report.html", "delays.png"
 
 WORDS = {
     "alarm": "one fails",
     "standing": "which, at rest",
     "parity": "which, in motion",
 }
-"""What is known of a fault, in a table; the keys are `theory.WAYS`."""
+"""Words of a table for knowledge about a fault; the keys are `theory.WAYS`."""
 
 
 def shown(value: float | None, beyond: str = "–") -> str:
@@ -45,13 +40,15 @@ def write(folder: Path, study: Study, runs: int, title: str) -> list[Path]:
 
     Raises
     ------
-    OSError
+    RehearsalError
         When they cannot be written.
     """
-    picture = png_of(delays_figure(study.surveys))
-    templates = environment("rrins.host_tools.redundancy")
-    templates.filters["shown"] = shown
-    text = templates.get_template("report.html.j2").render(
+    return write_report(
+        folder,
+        "rrins.host_tools.redundancy",
+        {"delays": delays_figure(study.surveys)},
+        keeps=(REPORT,),
+        filters={"shown": shown},
         title=title,
         surveys=study.surveys,
         sizes=study.sizes,
@@ -65,17 +62,4 @@ def write(folder: Path, study: Study, runs: int, title: str) -> list[Path]:
         pair=pair,
         label_of=label_of,
         at=lambda group, size: int(abs(group.sizes - size).argmin()),
-        image=base64_of(picture),
-        version=f"rrins {metadata.version('rrins')}",
     )
-
-    def write_text(file: IO[str]) -> None:
-        file.write(text)
-
-    page, drawn = folder / NAME, folder / PICTURE
-    if page.exists() and page.read_bytes() != text.encode():
-        keep(folder, (NAME,))
-    write_whole(page, write_text)
-    with replacing(drawn) as part:
-        part.write_bytes(picture)
-    return [page, drawn]

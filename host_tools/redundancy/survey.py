@@ -1,4 +1,4 @@
-"""What several sets of sensors can find, side by side: figures for tables, pictures, `--json`."""
+"""Sets of sensors side by side: figures for tables, pictures, `--json`."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import math
 import threading
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Self
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -73,7 +73,7 @@ class Set:
 
 @dataclass
 class Survey:
-    """What is known of a candidate.
+    """Figures of a candidate.
 
     Attributes
     ----------
@@ -116,39 +116,35 @@ class _Part:
 
     finder: Finder
     sensors: tuple[int, ...]
-    smallest: dict[str, dict[int, Pair]]
 
-    @property
+    @cached_property
     def noisiest(self) -> int:
         """The sensor for which a group's figures hold."""
         return max(self.sensors, key=self.finder.own_noise)
 
-    @classmethod
-    def of(cls, finder: Finder, sensors: tuple[int, ...]) -> Self:
-        """Return a group with the smallest faults."""
-        part = cls(finder, sensors, {})
-        return cls(finder, sensors, _smallest(finder, part.noisiest))
-
-
-def _smallest(finder: Finder, sensor: int) -> dict[str, dict[int, Pair]]:
-    return {
-        way: {
-            within_s: (
-                finder.smallest(sensor, within_s, way, HALF),
-                finder.smallest(sensor, within_s, way, MOST),
-            )
-            for within_s in WITHIN_S
+    @cached_property
+    def smallest(self) -> dict[str, dict[int, Pair]]:
+        """The smallest faults, as in `Group`."""
+        find = partial(self.finder.smallest, self.noisiest)
+        return {
+            way: {
+                within_s: (find(within_s, way, HALF), find(within_s, way, MOST))
+                for within_s in WITHIN_S
+            }
+            for way in WAYS
         }
-        for way in WAYS
-    }
 
-
-def _delays(finder: Finder, sensor: int, sizes: Floats) -> dict[str, Floats]:
-    chances = [finder.chances(sensor, float(size)) for size in sizes]
-    return {
-        way: np.array([[one.delay_s(way, p) for p in (HALF, MOST)] for one in chances])
-        for way in WAYS
-    }
+    def group(self, tried: Sequence[float]) -> Group:
+        """Return the group with the delays of the faults to try, and of a curve about them."""
+        curve = np.geomspace(tried[0] / 2, tried[-1] * 2, _CURVE_POINTS) if tried else np.zeros(0)
+        sizes = np.union1d(curve, np.asarray(tried))
+        chances = [self.finder.chances(self.noisiest, float(size)) for size in sizes]
+        delays = {
+            way: np.array([[one.delay_s(way, p) for p in (HALF, MOST)] for one in chances])
+            for way in WAYS
+        }
+        share = float(self.finder.share[self.noisiest])
+        return Group(self.sensors, share, self.smallest, sizes, delays)
 
 
 def round_sizes(smallest: float) -> tuple[float, ...]:
@@ -185,25 +181,26 @@ class Study:
         on_step: Callable[[str], None] = lambda what: None,
     ) -> None:
         self._on_step = on_step
-        parts: list[dict[str, list[_Part]]] = []
-        for candidate in candidates:
-            parts.append({})
+        parts: dict[tuple[int, str], list[_Part]] = {}
+        for number, candidate in enumerate(candidates):
             for kind in KINDS:
                 finder = Finder(candidate.scenario, kind)
-                parts[-1][kind.name] = [_Part.of(finder, group) for group in _groups(finder)]
+                parts[number, kind.name] = [_Part(finder, group) for group in _groups(finder)]
                 on_step(f"theory of {candidate.name}")
         self.sizes = {
             kind.name: tuple(
-                sizes.get(kind.name) or _sizes(p for one in parts for p in one[kind.name])
+                sizes.get(kind.name)
+                or _sizes(p for (_, name), of in parts.items() if name == kind.name for p in of)
             )
             for kind in KINDS
         }
         self.surveys = []
-        for candidate, of_kind in zip(candidates, parts, strict=True):
+        for number, candidate in enumerate(candidates):
             sets = []
             for kind in KINDS:
-                groups = tuple(self._group(part) for part in of_kind[kind.name])
-                sets.append(Set(kind, of_kind[kind.name][0].finder, groups))
+                of_kind = parts[number, kind.name]
+                groups = tuple(part.group(self.sizes[kind.name]) for part in of_kind)
+                sets.append(Set(kind, of_kind[0].finder, groups))
                 on_step(f"theory of {candidate.name}")
             self.surveys.append(Survey(candidate, tuple(sets)))
 
@@ -211,14 +208,6 @@ class Study:
     def steps(candidates: int, runs: int) -> int:
         """Return how often `on_step` is called for a study of so many candidates."""
         return candidates * (2 * len(KINDS) + runs)
-
-    def _group(self, part: _Part) -> Group:
-        finder, tried = part.finder, self.sizes[part.finder.kind.name]
-        curve = np.geomspace(tried[0] / 2, tried[-1] * 2, _CURVE_POINTS) if tried else np.zeros(0)
-        sizes = np.union1d(curve, np.asarray(tried))
-        delays = _delays(finder, part.noisiest, sizes)
-        share = float(finder.share[part.noisiest])
-        return Group(part.sensors, share, part.smallest, sizes, delays)
 
     def run(self, runs: int, seed: int, stop: threading.Event) -> None:
         """Let a Monte Carlo try each fault."""

@@ -1,4 +1,4 @@
-"""What a set of sensors can find, computed: no run, no random numbers.
+"""Faults that a set of sensors can find, computed: no run, no random numbers.
 
 The mean of each test is that of `mean_path`; its noise has a standard deviation of one. A fault is
 found with at least the probability of the one test that finds it best, so the delays are upper
@@ -49,7 +49,7 @@ HALF, MOST = 0.5, 0.95
 """Probabilities for which delays and smallest faults are given."""
 
 WAYS: Final = ("alarm", "standing", "parity")
-"""What may be known of a fault: that there is one; of which sensor, standing; by the parity alone.
+"""Knowledge about a fault: that there is one; of which sensor, standing; by the parity alone.
 
 The first and the last need no reference: they hold in motion, too.
 """

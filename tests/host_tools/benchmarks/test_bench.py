@@ -6,6 +6,7 @@ import dataclasses
 import io
 import json
 
+import numpy as np
 from click.testing import CliRunner
 from rich.console import Console
 
@@ -37,25 +38,20 @@ def assert_speeds(result):
 
 
 def assert_costs(result):
-    for side in ("firmware", "hardware"):
-        step = result[f"{side}_step_us"]
-        assert 0 < step["median"] <= step["p99"]
-    assert result["fast_path_us_per_epoch"] > 0
-    assert result["fast_path_comparing_us_per_epoch"] > 0
-    assert result["navigation_step_us"] > 0
-    for case in ("plain", "filter", "filter_bank_faults"):
-        step = result["estimator_step_us"][case]
-        assert 0 < step["median"] <= step["p99"] <= step["max"]
-        assert step["p99"] < result["estimator_step_us"]["half_period_us"]
+    keys = ("fast_path", "fast_path_comparing")
+    costs = [result[f"{key}_us_per_epoch"] for key in keys]
+    costs += [result["navigation_step_us"], result["crc_us_per_frame"]]
+    for codec in ("codec", "cantools"):
+        costs += [result[f"{codec}_us_per_frame"][way] for way in ("decode", "encode")]
+    assert min(costs) > 0
+    assert result["cantools_us_per_frame"]["decode"] > result["codec_us_per_frame"]["decode"]
+    cases = [result["estimator_step_us"][one] for one in ("plain", "filter", "filter_bank_faults")]
+    for step in (result["firmware_step_us"], result["hardware_step_us"], *cases):
+        assert 0 < step["median"] <= step["p99"] <= step.get("max", np.inf)
+    assert max(one["p99"] for one in cases) < result["estimator_step_us"]["half_period_us"]
     assert (result["pyins_filter_us"] is None) == isinstance(result["pyins_filter_reason"], str)
     if result["pyins_filter_us"] is not None:
         assert result["pyins_over_step"] > 20
-    for codec in ("codec", "cantools"):
-        cost = result[f"{codec}_us_per_frame"]
-        assert cost["decode"] > 0
-        assert cost["encode"] > 0
-    assert result["cantools_us_per_frame"]["decode"] > result["codec_us_per_frame"]["decode"]
-    assert result["crc_us_per_frame"] > 0
     assert result["virtual"]["lost_share"] == 0
     for interface in ("virtual", "udp_multicast"):
         figures, reason = result[interface], result[f"{interface}_reason"]

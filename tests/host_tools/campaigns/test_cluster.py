@@ -123,6 +123,12 @@ def test_what_they_cannot_mean(words):
         Workers.of(*words)
 
 
+def test_without_dask_one_line_names_the_extra(monkeypatch):
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    with pytest.raises(CampaignError, match=r"^needs distributed: pip install 'rrins\[dask\]'$"):
+        Workers.of("2", "processes").start(Work.of(campaign()))
+
+
 def test_a_scheduler_that_is_not_there(tmp_path):
     with pytest.raises(CampaignError, match="is not there"):
         Workers.of(scheduler_file=tmp_path / "none.json")

@@ -57,10 +57,10 @@ def begin(folder, *more, entry=("-m", "rrins"), **keywords):
     )
 
 
-def begin_and_pause(folder, runs, *more):
+def begin_and_pause(folder, runs, *more, **keywords):
     """Begin a campaign that the kernel stops as soon as it has stored so many runs."""
     pauses = PAUSES.format(runs=runs, never=RUNS + 1)
-    process = begin(folder, *more, entry=("-c", pauses))
+    process = begin(folder, *more, entry=("-c", pauses), **keywords)
     ended = os.waitid(os.P_PID, process.pid, os.WSTOPPED | os.WEXITED | os.WNOWAIT)
     assert ended.si_code == os.CLD_STOPPED, process.communicate()
     return process
@@ -103,7 +103,8 @@ def test_a_client_that_is_killed_goes_on(tmp_path, table):
 @pytest.mark.slow
 def test_a_worker_that_is_killed_is_replaced(tmp_path, table):
     process = begin_and_pause(tmp_path, 1, "--engine=processes")
-    listed = Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split()
+    threads = Path(f"/proc/{process.pid}/task").glob("*/children")
+    listed = [pid for one in threads for pid in one.read_text().split()]
     workers = [pid for pid in listed if b"spawn_main" in Path(f"/proc/{pid}/cmdline").read_bytes()]
     assert len(workers) == 2
     os.kill(int(workers[0]), signal.SIGKILL)
@@ -124,6 +125,17 @@ def test_ctrl_c_keeps_what_is_done(tmp_path, table):
     assert err.decode().startswith("rrins: stopped by the user: ")
     assert go_on(tmp_path)["stored"] == RUNS
     check_whole(tmp_path, table)
+
+
+@pytest.mark.slow
+def test_ctrl_c_in_a_terminal_reaches_workers_too_and_gives_one_line(tmp_path):
+    process = begin_and_pause(tmp_path, 1, "--engine=processes", start_new_session=True)
+    os.killpg(process.pid, signal.SIGINT)
+    process.send_signal(signal.SIGCONT)
+    _, err = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert err.decode().startswith("rrins: stopped by the user: ")
+    assert len(err.splitlines()) == 1
 
 
 @pytest.mark.slow

@@ -18,7 +18,7 @@ from rrins.host_tools.conformance.suite import CHECKS, chosen, conform
 
 IS_FULL = "RRINS_CONFORM" in os.environ
 MUTANTS = Path(__file__).with_name("mutants")
-STRANGE = Path(__file__).parents[1] / "runs" / "strange_firmware.py"
+STRANGE = Path(__file__).parents[1] / "runs" / "programs" / "strange_firmware.py"
 SOURCES = Path(__file__).parents[3] / "examples" / "own_firmware"
 FOUND_BY = {
     "axes-held-at-shutdown": "shutdown",

@@ -290,7 +290,8 @@ def test_at_standstill_the_errors_do_not_hang_on_the_rate(name):
 
 def test_a_fleet_keeps_its_order_and_its_runs_apart():
     scenarios = [
-        load("rimu_rotating").varied(duration_s=20 + 10 * k, rate_hz=50, seed=k) for k in range(6)
+        load("experiment_rotating").varied(duration_s=20 + 10 * k, rate_hz=50, seed=k)
+        for k in range(6)
     ]
     done = []
     together = Fleet(lambda: done.append(1)).run_all(scenarios, 1.0)
@@ -299,13 +300,4 @@ def test_a_fleet_keeps_its_order_and_its_runs_apart():
     for one, other in zip(together, alone, strict=True):
         assert np.array_equal(one.position_east_m, other.position_east_m)
         assert np.array_equal(one.heading_deg, other.heading_deg)
-
-
-def test_noisy_runs_side_by_side_are_those_alone():
-    scenarios = [
-        load("experiment_rotating").varied(duration_s=60, rate_hz=50, seed=k) for k in range(4)
-    ]
-    together = Fleet().run_all(scenarios * 2, 1.0)
-    for k in range(4):
-        assert np.array_equal(together[k].position_east_m, together[k + 4].position_east_m)
-    assert not np.array_equal(together[0].position_east_m, together[1].position_east_m)
+    assert not np.array_equal(alone[0].position_east_m, alone[1].position_east_m[: len(alone[0])])

@@ -67,13 +67,12 @@ def test_few_seeds_have_a_range_and_no_percentiles():
 
 
 def test_a_figure_outside_is_told_by_its_multiple_of_the_limit():
-    assert (
-        "lies below, 0.492 of the lower limit; 0 of 3" in Distribution.of([61, 70, 217], 30).words()
-    )
-    assert (
-        "lies above, 2 times the upper limit; 3 of 3" in Distribution.of([61, 70, 217], 434).words()
-    )
-    assert "lies inside; 1 of 3" in Distribution.of([61, 70, 217], 70).words()
+    for paper, words in (
+        (30, "lies below, 0.492 of the lower limit; 0 of 3"),
+        (434, "lies above, 2 times the upper limit; 3 of 3"),
+        (70, "lies inside; 1 of 3"),
+    ):
+        assert words in Distribution.of([61, 70, 217], paper).words()
 
 
 def test_a_distribution_without_a_figure_of_the_paper():

@@ -18,16 +18,16 @@ as covariances; the sources are independent, so their variances add up.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
 from rrins.compiled.record import Floats
-from rrins.host_tools.campaigns.definition import Definition
-from rrins.host_tools.campaigns.error_sources import Constant, Process, Sources, White, sources_of
-from rrins.host_tools.campaigns.errors import CampaignError
-from rrins.host_tools.campaigns.path import INTERVAL_S, Path, cross_matrices, path_of
+from rrins.host_tools.covariance.path import INTERVAL_S, Path, cross_matrices, path_of
+from rrins.host_tools.covariance.sources import Constant, Process, Varied, White, sources_of
+from rrins.host_tools.errors import RehearsalError
 from rrins.host_tools.files import JsonObject
 from rrins.host_tools.hardware.sensors import input_axis, transverse_axes
 from rrins.host_tools.scenario.geometry import AxesDeg
@@ -41,7 +41,7 @@ _HORIZONTAL = slice(0, 2)
 
 @dataclass(frozen=True)
 class SourceResult:
-    """What an error source does.
+    """The effect of an error source.
 
     Attributes
     ----------
@@ -112,30 +112,26 @@ class Analysis:
         }
 
 
-def check(scenario: Scenario) -> None:
-    """Refuse what the analysis does not know.
+def analyse(scenario: Scenario, varied: Sequence[Varied] = ()) -> Analysis:
+    """Return the covariance analysis of a scenario.
 
-    Raises
-    ------
-    CampaignError
-    """
-    if scenario.estimator.enabled:
-        raise CampaignError("covariance: is for navigation without the estimator")
-    if scenario.firmware.height_channel == "free":
-        raise CampaignError('covariance: is for a height_channel that is "held" or "damped"')
-
-
-def analyse(definition: Definition) -> Analysis:
-    """Return the covariance analysis of a campaign, or of a scenario with what it draws itself.
+    Parameters
+    ----------
+    scenario : Scenario
+        With what it draws itself.
+    varied : sequence of Varied, optional
+        The inputs of a campaign.
 
     Raises
     ------
     RehearsalError
-        When the analysis does not know the scenario, or it does not navigate.
+        When the analysis does not cover the scenario, or it does not navigate.
     """
-    scenario = definition.scenario
-    check(scenario)
-    sources = sources_of(definition)
+    if scenario.estimator.enabled:
+        raise RehearsalError("covariance: is for navigation without the estimator")
+    if scenario.firmware.height_channel == "free":
+        raise RehearsalError('covariance: is for a height_channel that is "held" or "damped"')
+    sources = sources_of(scenario, varied)
     model = Model(scenario, path_of(scenario))
     mean = np.zeros((model.count + 1, 2))
     results = []
@@ -152,11 +148,8 @@ def analyse(definition: Definition) -> Analysis:
     results = [one for one in results if one.sigma.any()]
     variance = sum((one.sigma**2 for one in results), np.zeros_like(mean))
     results.sort(key=lambda one: -float((one.sigma[-1] ** 2).sum()))
-    return Analysis(model.path.times_s, mean, np.sqrt(variance), results, _names(sources))
-
-
-def _names(sources: Sources) -> list[str]:
-    return sorted(set(sources.left_out))
+    left_out = sorted(set(sources.left_out))
+    return Analysis(model.path.times_s, mean, np.sqrt(variance), results, left_out)
 
 
 class _Sensors:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rrins.compiled.record import Floats, Records
-from rrins.host_tools.campaigns.errors import CampaignError
+from rrins.host_tools.errors import RehearsalError
 from rrins.host_tools.hardware.earth import curvature_radii, normal_gravity, rotation_n
 from rrins.host_tools.hardware.memory import INNER, OUTER, Truth
 from rrins.host_tools.runs.fast import FastRun
@@ -20,7 +20,7 @@ INTERVAL_S = 0.5
 
 @dataclass(frozen=True)
 class Path:
-    """What the sensors go through, in n intervals of `INTERVAL_S`.
+    """Motion of the sensors, in n intervals of `INTERVAL_S`.
 
     Attributes
     ----------
@@ -59,7 +59,7 @@ def path_of(scenario: Scenario) -> Path:
 
     Raises
     ------
-    CampaignError
+    RehearsalError
         When the scenario does not navigate from its beginning to its end.
     """
     clean = scenario.model_copy(update={"faults": ()})
@@ -68,7 +68,7 @@ def path_of(scenario: Scenario) -> Path:
     truth = run.run(clean.epochs).truth
     wanted = int(scenario.duration_s / INTERVAL_S)
     if len(truth) < min(wanted, 4):
-        raise CampaignError("the scenario does not navigate to its end")
+        raise RehearsalError("covariance: the scenario does not navigate to its end")
     return _path(truth)
 
 

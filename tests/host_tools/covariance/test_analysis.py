@@ -5,10 +5,10 @@ import math
 import numpy as np
 import pytest
 
-from rrins.host_tools.campaigns.covariance import analyse
 from rrins.host_tools.campaigns.definition import Wishes, load
-from rrins.host_tools.campaigns.errors import CampaignError
 from rrins.host_tools.campaigns.row import Work, rows_of
+from rrins.host_tools.covariance.analysis import analyse
+from rrins.host_tools.errors import RehearsalError
 
 G, RADIUS = 9.80, 6.37e6
 SCHULER = math.sqrt(G / RADIUS)
@@ -16,27 +16,26 @@ SCHULER = math.sqrt(G / RADIUS)
 
 def analysis(scenario="ideal", duration_s=600, **keys):
     vary = {key.replace("__", "."): text for key, text in keys.items()}
-    return analyse(load(scenario, Wishes(duration_s=duration_s, vary=vary, runs=1)))
+    definition = load(scenario, Wishes(duration_s=duration_s, vary=vary, runs=1))
+    return analyse(definition.scenario, definition.varied())
 
 
 def standing(**settings):
-    """Return the ideal sensors at rest on a table that does not turn, facing north."""
+    """Analyse the ideal sensors at rest on a table that does not turn, facing north."""
     base = {"mode": "strapdown", "rimu.geometry": "orthogonal", "duration_s": 1200.0}
-    return load("ideal", Wishes(set={**base, **settings}))
+    return analyse(load("ideal", Wishes(set={**base, **settings})).scenario)
 
 
 def test_an_accelerometer_bias_swings_with_schuler():
     bias = 1e-4 * G
-    found = analyse(standing(**{"accelerometers.bias_repeatability_ug": 100.0}))
+    found = standing(**{"accelerometers.bias_repeatability_ug": 100.0})
     expected = bias / SCHULER**2 * (1 - np.cos(SCHULER * found.times_s))
     assert found.sigma[:, 0] == pytest.approx(expected, abs=0.01 * expected.max())
 
 
 def test_white_gyro_noise_walks():
     """Velocity error g ∫φ, position error g ∫∫φ: for short times variance g² N² t⁵ / 20."""
-    found = analyse(
-        standing(**{"gyros.angle_random_walk_deg_per_sqrt_h": 0.005, "duration_s": 200.0})
-    )
+    found = standing(**{"gyros.angle_random_walk_deg_per_sqrt_h": 0.005, "duration_s": 200.0})
     N = math.radians(0.005) / 60
     expected = G * N * found.times_s**2.5 / math.sqrt(20)
     assert found.sigma[-1] == pytest.approx([expected[-1]] * 2, rel=0.02)
@@ -73,12 +72,12 @@ def test_each_constant_gives_what_a_run_with_it_gives(key):
     wishes = Wishes(duration_s=300, runs=1, vary=drawn, set={"redundancy.enabled": False})
     definition = load("ideal", wishes)
     row, *_ = rows_of(Work.of(definition), [0])
-    found = analyse(definition).mean[-1]
+    found = analyse(definition.scenario, definition.varied()).mean[-1]
     assert row["status"] == "ok"
     at_end = (row["position_east_m"], row["position_north_m"])
     assert found == pytest.approx(at_end, rel=0.02, abs=0.01 * np.hypot(*at_end) + 0.002)
 
 
 def test_what_it_does_not_know_is_refused():
-    with pytest.raises(CampaignError, match="estimator"):
-        analyse(load("rimu_rotating_aligned", Wishes()))
+    with pytest.raises(RehearsalError, match="estimator"):
+        analyse(load("rimu_rotating_aligned", Wishes()).scenario)

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Final, Literal
+from typing import Final, Literal, NamedTuple
 
 import numpy as np
 
 from rrins.compiled.record import Floats
-from rrins.host_tools.campaigns.definition import Definition
-from rrins.host_tools.campaigns.inputs import Input
 from rrins.host_tools.hardware.memory import FLICKER_POLES
 from rrins.host_tools.hardware.settings import FLICKER_RATIO, FLICKER_SHORTEST_S
 from rrins.host_tools.hardware.units import (
@@ -65,6 +64,18 @@ _ATTITUDE: Final = {
     "firmware.heading_error_arcsec": 2,
 }
 """Errors of the given attitude, and which angle they are of."""
+
+
+class Varied(NamedTuple):
+    """A key of the scenario that varies from run to run."""
+
+    key: str
+    sensor: int | None
+    """From 1; None: the value is that of all."""
+    moments: tuple[float, float]
+    """Mean and standard deviation."""
+    correlation: float
+    """Between the values of two sensors."""
 
 
 @dataclass(frozen=True)
@@ -135,11 +146,10 @@ class Sources:
     left_out: list[str] = field(default_factory=list)
 
 
-def sources_of(definition: Definition) -> Sources:
-    """Return the error sources of a campaign's runs."""
-    scenario = definition.scenario
-    by_key: dict[str, list[Input]] = {}
-    for one in definition.plan.inputs:
+def sources_of(scenario: Scenario, varied: Sequence[Varied] = ()) -> Sources:
+    """Return the error sources of a scenario of which some keys vary from run to run."""
+    by_key: dict[str, list[Varied]] = {}
+    for one in varied:
         by_key.setdefault(one.key, []).append(one)
     sources = Sources()
     for key, (effect, unit) in _CONSTANTS.items():
@@ -176,7 +186,7 @@ def _values(scenario: Scenario, key: str) -> Floats:
 
 
 def _constant(
-    scenario: Scenario, key: str, effect: Effect, unit: float, inputs: list[Input]
+    scenario: Scenario, key: str, effect: Effect, unit: float, inputs: list[Varied]
 ) -> Constant | None:
     values = _values(scenario, key) * unit
     count = len(values)
@@ -186,7 +196,7 @@ def _constant(
     for one in inputs:
         if is_drawn:
             continue
-        centre, spread = (moment * unit for moment in one.distribution.moments)
+        centre, spread = (moment * unit for moment in one.moments)
         at = slice(None) if one.sensor is None else slice(one.sensor - 1, one.sensor)
         mean[at] = centre
         covariance[at, at] = spread**2
@@ -195,7 +205,7 @@ def _constant(
             if one.sensor and other.sensor and one != other and not is_drawn:
                 a, b = one.sensor - 1, other.sensor - 1
                 both = math.sqrt(covariance[a, a] * covariance[b, b])
-                covariance[a, b] = one.distribution.correlation * both
+                covariance[a, b] = one.correlation * both
     if not mean.any() and not covariance.any():
         return None
     return Constant(key, _kind(key), effect, mean, covariance)
@@ -209,7 +219,7 @@ def _instability(key: str, spread: Floats) -> Process:
     return Process(key, _kind(key), decay_s, drive)
 
 
-def _add_attitude(sources: Sources, scenario: Scenario, by_key: dict[str, list[Input]]) -> None:
+def _add_attitude(sources: Sources, scenario: Scenario, by_key: dict[str, list[Varied]]) -> None:
     """Add the errors of the attitude that the firmware is given."""
     firmware = scenario.firmware
     if firmware.initial_attitude != "given":
@@ -221,7 +231,7 @@ def _add_attitude(sources: Sources, scenario: Scenario, by_key: dict[str, list[I
     for key, angle in _ATTITUDE.items():
         mean[angle] = getattr(firmware, key.partition(".")[2]) * ARCSEC
         for one in by_key.pop(key, []):
-            centre, spread = one.distribution.moments
+            centre, spread = one.moments
             mean[angle], varied[angle] = centre * ARCSEC, spread * ARCSEC
     if mean.any() or sigmas.any() or varied.any():
         sources.attitude["firmware: given attitude"] = (mean, np.diag(sigmas**2 + varied**2))

@@ -1,0 +1,1 @@
+"""Linear covariance analysis: σ of the position over time and each source's share, without runs."""
