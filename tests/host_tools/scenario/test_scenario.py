@@ -9,7 +9,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rrins.host_tools.errors import ScenarioError
-from rrins.host_tools.hardware.settings import DPH, UG
 from rrins.host_tools.runs.set_up.settings import hardware_settings
 from rrins.host_tools.scenario import scenario as scenarios
 
@@ -164,16 +163,6 @@ def test_no_file_raises_anything_else(tmp_path_factory, data):
     path.write_bytes(data)
     with pytest.raises(ScenarioError):
         scenarios.load(str(path))
-
-
-def test_units_of_data_sheets_reach_the_hardware_in_si():
-    settings = hardware_settings(scenarios.load("rimu_rotating"))
-    assert [e.bias for e in settings.gyros.errors] == pytest.approx(
-        [0.1 * DPH, 0.11 * DPH, 0.12 * DPH, 0.13 * DPH]
-    )
-    assert settings.accelerometers.errors[3].bias == pytest.approx(65 * UG)
-    assert pytest.approx(9.80665e-6) == UG
-    assert pytest.approx(4.84813681109536e-6) == DPH
 
 
 def test_one_number_stands_for_every_sensor(write):
