@@ -16,7 +16,7 @@ from rrins.host_tools.runs.results.estimator_log import EstimatorLog, take_estim
 from rrins.host_tools.runs.results.estimator_plot import draw_estimates
 from rrins.host_tools.runs.results.estimator_summary import estimator_lines
 
-RATE_HZ, FINE_S, DURATION_S = 200, 200, 60
+RATE_HZ, FINE_S, DURATION_S = 200, 120, 30
 
 
 @pytest.fixture(scope="module")
