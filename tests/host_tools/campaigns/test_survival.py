@@ -87,7 +87,8 @@ def check_whole(folder, table):
 def test_whatever_ends_it_it_goes_on_until_every_run_is_there_once(tmp_path, table):
     # A disk that is full: a limit on the size of files, writing fails in the same call.
     limit = functools.partial(resource.setrlimit, resource.RLIMIT_FSIZE, (20_000, 20_000))
-    process = begin(tmp_path, preexec_fn=limit)
+    no_bytecode = os.environ | {"PYTHONDONTWRITEBYTECODE": "1"}  # Python would cut it short
+    process = begin(tmp_path, preexec_fn=limit, env=no_bytecode)
     _, err = process.communicate(timeout=200)
     assert process.returncode == 1
     assert b"cannot be written" in err.splitlines()[-1]
