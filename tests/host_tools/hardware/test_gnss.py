@@ -161,7 +161,7 @@ def test_it_measures_where_its_antenna_is(tools):
     drive, arm = synthetic_drive(60, 5, base, 5_000_000), np.array([0.8, -2.5, 1.4])
     motion = MotionPieces(drive.pieces, drive.knot_ns // 5_000_000, 0)
     receivers = [GnssSettings(interval_epochs=20, lever_arm_b=b) for b in ((0, 0, 0), tuple(arm))]
-    centre, antenna = (groups(tools.Bench(gnss=r, motion=motion), 6000) for r in receivers)
+    centre, antenna = (groups(tools.Bench(gnss=r, motion=motion), 12_000) for r in receivers)
     found = east_north_up(antenna.values()) - east_north_up(centre.values())
     rows = drive.at(np.array([(k + np.array([-1, 0, 1])) for k in antenna]).ravel() * 0.005)
     placed = np.array([body_to_navigation(*angles) @ arm for angles in rows[:, ATTITUDE]])
