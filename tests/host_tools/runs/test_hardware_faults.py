@@ -191,7 +191,7 @@ def test_a_sound_encoder_is_never_blamed(fly, name, motion):
     tables = {"motion": {"kind": motion}}
     if motion == "drive":
         tables |= {"altimeter": {}, "firmware": {"height_channel": "damped"}}
-    scenario = scenario_with(duration_s=900, mode="rotating", **tables)
+    scenario = scenario_with(duration_s=450, mode="rotating", **tables)
     firmware, _ = fly(scenario.varied(**FAR_FROM_IDEAL[name]))
     assert firmware["encoders"] == {"inner": None, "outer": None}
 
