@@ -4,7 +4,7 @@ PYTHON ?= python3.11
 VENV ?= .venv
 RUN = $(VENV)/bin/python -m
 
-.PHONY: rehearsal quick test check docs docs-site clean
+.PHONY: rehearsal quick test check docs docs-site changelog clean
 
 # One cycle of the rotation scheme. Bytecode of all libraries takes longer than the run: it is last.
 rehearsal: $(VENV)/installed
@@ -28,6 +28,7 @@ check: $(VENV)/installed-dev
 	$(VENV)/bin/codespell
 
 docs: $(VENV)/installed-dev
+	cd docs && ../$(RUN) generate.fault_numbers
 	cd docs && ../$(RUN) generate.contract_page > bus-contract.md
 	cd docs && ../$(RUN) generate.diagnostic_page > diagnostic-table.md
 	cd docs && ../$(RUN) generate.faults_page > faults.md
@@ -58,6 +59,9 @@ $(VENV)/bytecode: $(VENV)/installed
 $(VENV)/installed-docs: pyproject.toml | $(VENV)/bin/python
 	$(VENV)/bin/pip install --quiet --disable-pip-version-check --no-compile --editable '.[docs]'
 	touch $@ $(VENV)/installed
+
+changelog: $(VENV)/installed-dev
+	$(RUN) towncrier build --yes --version "$$($(VENV)/bin/python -c 'import rrins; print(rrins.__version__)')"
 
 clean:
 	rm -rf $(VENV) out build dist docs/_build

@@ -12,6 +12,6 @@ Frames and conventions
   epoch's time. Latitude, longitude in rad, height in m above the WGS-84 ellipsoid.
 - SI units and radians inside; a suffix names any other unit (``_deg``, ``_dps``).
 
-All state is one record (`core.memory`); a step takes an array of one such record. This package
-imports `rrins.dbc` and never `rrins.host_tools`.
+All state is one record (`core.records.memory`); a step takes an array of one such record. This
+package imports `rrins.dbc` and never `rrins.host_tools`.
 """

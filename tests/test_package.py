@@ -6,6 +6,7 @@ import json
 import os
 import subprocess
 import sys
+import sysconfig
 import tarfile
 import zipfile
 from pathlib import Path
@@ -116,3 +117,13 @@ def test_the_plugin_and_the_bus_work_in_a_user_s_folder(own_folder):
         check=False,
     )
     assert done.returncode == 0, done.stdout + done.stderr
+
+
+def test_editors_find_an_editable_install():
+    site = Path(sysconfig.get_path("purelib"))
+    (direct,) = site.glob("rrins-*.dist-info/direct_url.json")
+    if not json.loads(direct.read_text()).get("dir_info", {}).get("editable"):
+        pytest.skip("not an editable install")
+    paths = [line for file in site.glob("*rrins*.pth") for line in file.read_text().splitlines()]
+    assert paths, "no static path: mypy and editors would not find the package"
+    assert all((Path(path) / "rrins" / "py.typed").is_file() for path in paths)

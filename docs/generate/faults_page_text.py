@@ -2,8 +2,42 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
+from rrins.host_tools.hardware.fault_kinds import HardwareFault, Parameter
+from rrins.host_tools.wire.fault_kinds import FaultKind
+
 AT_S = 23.0
 """Start of every fault in the tables, after power-on: 20 s into navigation."""
+
+
+def _number(value: float) -> str:
+    return f"{value:g}".replace("e+0", "e")
+
+
+def kinds_table(kinds: Sequence[FaultKind | HardwareFault]) -> str:
+    """Return the table of the kinds; those that only differ in their part share a row."""
+    rows: dict[tuple[str, str, Parameter | None], list[str]] = {}
+    for kind in kinds:
+        target = kind.target if isinstance(kind, HardwareFault) else None
+        key = "" if target is None else f"`{target.key}`"
+        rows.setdefault((kind.effect, key, kind.parameter), []).append(f"`{kind.word}`")
+    lines = ["| kind | effect | keys | default | allowed |", "|---|---|---|---|---|"]
+    for (effect, target_key, parameter), names in rows.items():
+        default = allowed = ""
+        keys = [target_key] if target_key else []
+        if parameter is not None:
+            keys.append(f"`{parameter.key}`")
+            unit = "" if parameter.is_whole else f" {parameter.unit}"
+            default = (
+                "random" if parameter.default is None else f"{_number(parameter.default)}{unit}"
+            )
+            allowed = f"{_number(parameter.minimum)} to {_number(parameter.maximum)}"
+        lines.append(
+            f"| {', '.join(names)} | {effect} | {', '.join(keys)} | {default} | {allowed} |"
+        )
+    return "\n".join(lines)
+
 
 HEAD = f"""# Faults
 
@@ -66,19 +100,7 @@ be restored. A real turntable ignores them.
 
 ## On the wire
 
-| kind | effect | keys |
-|---|---|---|
-| `drop`, `silence` | frames are lost | |
-| `delay` | frames arrive late | `delay_s` |
-| `duplicate` | frames arrive twice; each further `duplicate` adds one copy | |
-| `reorder` | an epoch's frames arrive in a different order | |
-| `corrupt_wire` | a bit error that the controllers' CRC-15 detects | |
-| `corrupt` | a bit error that only the end-to-end CRC detects | `bit` |
-| `wrong_counter` | a counter that is one too high, with a correct CRC | |
-| `stale` | the frame that was sent when the fault began is repeated | |
-| `babble` | a node keeps sending the identifier of the highest priority | `frames_per_epoch` |
-| `bus_off` | a node's controller is bus-off | |
-| `cut` | no node receives any frame | |
+{kinds_table(tuple(FaultKind))}
 
 If the wire's timing is modelled (`[bus] bitrate`), `corrupt_wire` causes an error frame and a
 retransmission; on the ideal wire it has no effect. `message` and `node` select the affected frames,
@@ -86,31 +108,7 @@ by default all. `probability` is the share of these frames that is affected.
 
 ## Of the hardware
 
-| kind | effect | keys |
-|---|---|---|
-| `axis_stall` | an axis stops | `axis` |
-| `axis_runaway` | an axis turns, whatever the command | `axis`, `rate_dps` |
-| `encoder_stuck` | the encoder repeats the last angle | `axis` |
-| `encoder_offset` | the encoder reads too high | `axis`, `offset_deg` |
-| `encoder_slip` | the encoder misses a share of each turn | `axis`, `slip_percent` |
-| `gyro_stuck`, `accelerometer_stuck` | the sensor repeats the last increment | `sensor` |
-| `gyro_bias` | additional bias | `sensor`, `bias_dph` |
-| `accelerometer_bias` | additional bias | `sensor`, `bias_ug` |
-| `gyro_noise` | additional white noise | `sensor`, `angle_random_walk_deg_per_sqrt_h` |
-| `accelerometer_noise` | additional white noise | `sensor`, `white_noise_ug_per_sqrt_hz` |
-| `gyro_ramp` | a bias that grows from zero | `sensor`, `bias_dph_per_min` |
-| `accelerometer_ramp` | a bias that grows from zero | `sensor`, `bias_ug_per_min` |
-| `gyro_scale`, `accelerometer_scale` | error of the scale factor | `sensor`, `scale_ppm` |
-| `…_shift_u`, `…_shift_v` of either | the mount turns, by δu or δv | `sensor`, `shift_arcsec` |
-| `gyro_dead`, `accelerometer_dead` | the sensor reads zero | `sensor` |
-| `gyro_full_scale`, `accelerometer_full_scale` | the end of the range, flagged | `sensor` |
-| `gyro_absent`, `accelerometer_absent` | the sensor is flagged as absent | `sensor` |
-| `odometer_slip` | the wheel turns more than the vehicle moves | `slip_percent` |
-| `odometer_lock` | the wheel stands, whatever the vehicle does | |
-| `odometer_lost` | the odometer does not count, and says so | |
-| `gnss_jump` | positions are off | `direction`, `jump_m` |
-| `gnss_pull` | positions are led away, and velocities with them | `direction`, `pull_mps` |
-| `gnss_lost` | the receiver has no fix | |
+{kinds_table(sorted(HardwareFault, key=lambda kind: kind.part))}
 
 Faults of the odometer and of GNSS need an `[odometer]` or a `[gnss]` in the scenario. `direction`
 is `"east"` (the default), `"north"` or `"up"`; faults in several directions add up. `sensor` counts

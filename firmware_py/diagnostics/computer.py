@@ -29,13 +29,14 @@ from rrins.firmware_py.diagnostics.fault_memory import FaultMemory
 from rrins.firmware_py.diagnostics.parameter_memory import ParameterMemory
 from rrins.firmware_py.diagnostics.parameters import PARAMETERS
 from rrins.firmware_py.diagnostics.reader import FieldReader
+from rrins.firmware_py.version import VERSION
 
 IDENTITY = {
     "supplier": "RRINS project",
     "serial_number": "0000000001",
     "hardware_number": "emulated",
     "software_number": "rrins-firmware",
-    "software_version": "0.1.0",
+    "software_version": VERSION,
     "system_name": "RRINS navigation computer",
 }
 """The computer's identification data."""

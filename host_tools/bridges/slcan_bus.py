@@ -9,7 +9,6 @@ from __future__ import annotations
 import functools
 import logging
 import select
-import struct
 from collections.abc import Callable
 from pathlib import Path
 from typing import Final
@@ -33,7 +32,6 @@ _log: Final = logging.getLogger(__name__)
 _IDLE_S: Final = 0.05  # between looks whether a program has opened the port
 _SEND_S: Final = 0.1
 _READ_BYTES: Final = 4096
-_FRAME: Final = struct.Struct("<IB3x8s")
 _NS_PER_MS: Final = 1_000_000
 
 
@@ -55,16 +53,13 @@ def datagram_of(command: bytes, sender: int) -> memoryview:
     end = 9 if is_extended else 4
     can_id = int(command[1:end], 16) & (0x1FFF_FFFF if is_extended else 0x7FF)
     can_id |= (EFF_FLAG if is_extended else 0) | (RTR_FLAG if is_remote else 0)
-    out = bytearray(datagram.HEADER_SIZE + datagram.FRAME_SIZE)
-    datagram.put_header(out, datagram.FRAMES, datagram.UNSTAMPED, 1, sender, 0, 0)
     payload = bytes.fromhex(command[end + 1 :].decode())
-    _FRAME.pack_into(out, datagram.HEADER_SIZE, can_id, int(command[end : end + 1]), payload)
-    return memoryview(out)
+    return datagram.of_one_frame(sender, can_id, int(command[end : end + 1]), payload)
 
 
 @functools.lru_cache(4096)
 def _command(raw: bytes) -> bytes:
-    return command_of(*_FRAME.unpack(raw))
+    return command_of(*datagram.CLASSIC.unpack(raw))
 
 
 class _Bridge:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import struct
 from typing import Final
 
 from rrins.dbc.frame import EFF_FLAG, ERR_FLAG, RTR_FLAG
@@ -12,7 +11,6 @@ from rrins.host_tools.bus import datagram
 _EXTENDED_MASK: Final = 0x1FFF_FFFF
 _STANDARD_MASK: Final = 0x7FF
 _HEX: Final = re.compile(r"-?[0-9A-Fa-f]{1,16}")
-_FRAME: Final = struct.Struct("<IB3x8s")
 
 
 class CommandError(Exception):
@@ -52,10 +50,7 @@ def frame_of(words: list[str], sender: int) -> memoryview:
     if length > datagram.CLASSIC_PAYLOAD or len(words) != 2 + length:
         raise CommandError(f"a frame of length {length} with {len(words) - 2} bytes")
     data = bytes(number_of(word, 8) for word in words[2:])
-    out = bytearray(datagram.HEADER_SIZE + datagram.FRAME_SIZE)
-    datagram.put_header(out, datagram.FRAMES, datagram.UNSTAMPED, 1, sender, 0, 0)
-    _FRAME.pack_into(out, datagram.HEADER_SIZE, can_id, length, data)
-    return memoryview(out)
+    return datagram.of_one_frame(sender, can_id, length, data)
 
 
 def _line(stamp: str, can_id: int, length: int, data: bytes) -> str:
@@ -74,6 +69,6 @@ def text_of(batch: bytes, time_ns: int, wanted: set[int] | None = None) -> bytes
     """Return the frames of a batch, all or those wanted, with its time in nanoseconds."""
     seconds, microseconds = divmod(max(0, time_ns) // 1000, 1_000_000)
     stamp = f"{seconds}.{microseconds:06d}"
-    frames = _FRAME.iter_unpack(memoryview(batch)[datagram.HEADER_SIZE :])
+    frames = datagram.CLASSIC.iter_unpack(memoryview(batch)[datagram.HEADER_SIZE :])
     lines = [_line(stamp, *frame) for frame in frames if wanted is None or frame[0] in wanted]
     return "".join(lines).encode()

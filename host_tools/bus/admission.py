@@ -23,13 +23,7 @@ _MOST_CALLERS: Final = 64
 
 
 def notice(deed: str) -> dict[str, str]:
-    """Return the attribute of a log record that tells the user of a rehearsal what others do.
-
-    Parameters
-    ----------
-    deed : str
-        What somebody does to the bus: the same for each time.
-    """
+    """Return the attribute of a log record that tells the user of a rehearsal what others do."""
     return {"deed": deed}
 
 
@@ -50,11 +44,6 @@ class Admission:
         Name or path of the channel to host.
     poll : select.epoll
         Where the hub waits; the door registers its sockets there.
-
-    Raises
-    ------
-    BusError
-        If the channel is hosted by another process, or its place is not safe.
     """
 
     def __init__(self, channel: str, poll: select.epoll) -> None:

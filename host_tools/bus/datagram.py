@@ -36,7 +36,9 @@ _NAME: Final = b"RRB"
 MAGIC: Final = int.from_bytes(_NAME + str(VERSION).encode(), "little")
 HEADER: Final = struct.Struct("<IBBHIIQq")
 HEADER_SIZE: Final = HEADER.size
-FRAME_SIZE: Final = 16
+CLASSIC: Final = struct.Struct("<IB3x8s")
+"""A classic frame: identifier with its flags, length, payload."""
+FRAME_SIZE: Final = CLASSIC.size
 FD_FRAME_SIZE: Final = 72
 
 HELLO: Final = 1
@@ -183,6 +185,14 @@ def put_header(
         raise ValueError(
             f"epoch {epoch} must fit 64 bits unsigned and time_ns {time_ns} 64 bits signed"
         ) from error
+
+
+def of_one_frame(sender: int, can_id: int, length: int, data: bytes) -> memoryview:
+    """Return a datagram with one classic frame, which the host is to timestamp."""
+    out = bytearray(HEADER_SIZE + FRAME_SIZE)
+    put_header(out, FRAMES, UNSTAMPED, 1, sender, 0, 0)
+    CLASSIC.pack_into(out, HEADER_SIZE, can_id, length, data)
+    return memoryview(out)
 
 
 def time_of(view: bytearray | memoryview) -> int:

@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import select
-from typing import Protocol
+import time
+from collections import deque
+from typing import Final, Protocol
 
 from rrins.host_tools.errors import BusError
+
+now: Final = time.monotonic_ns
 
 _SELECT_LIMIT = 1024  # FD_SETSIZE
 
@@ -28,10 +32,24 @@ class BusEnd(Protocol):
         """Unix time of the bus's time 0 in nanoseconds; 0 if this end has not been told."""
 
     def send(self, datagram: memoryview, timeout: float | None) -> None:
-        """Put one datagram on the bus, waiting for room if need be."""
+        """Put one datagram on the bus, waiting while a node holds it up.
+
+        Raises
+        ------
+        BusTimeoutError
+            If the bus was held up all the time; nothing was sent.
+        BusError
+            If the bus has come to its end for this end.
+        """
 
     def receive(self, buffer: bytearray, timeout: float | None) -> int:
-        """Receive one datagram into `buffer` and return its size, 0 when the time is over."""
+        """Receive one datagram into `buffer` and return its size, 0 when the time is over.
+
+        Raises
+        ------
+        BusError
+            If the bus has come to its end for this end, and all that came before is received.
+        """
 
     def direct_ends(self) -> tuple[int, int, int] | None:
         """Return socket, door and number of the only other end, for compiled code.
@@ -45,6 +63,45 @@ class BusEnd(Protocol):
 
     def close(self) -> None:
         """Leave the bus; what was sent still arrives."""
+
+
+class Backlog:
+    """Datagrams that an end has taken in and not received yet.
+
+    Attributes
+    ----------
+    size : int
+        Bytes.
+    """
+
+    def __init__(self) -> None:
+        self._kept: deque[bytes] = deque()
+        self.size = 0
+
+    def __bool__(self) -> bool:
+        return bool(self._kept)
+
+    def keep(self, datagram: bytes | memoryview) -> None:
+        """Append a datagram."""
+        self._kept.append(bytes(datagram))
+        self.size += len(datagram)
+
+    def pop(self, buffer: bytearray) -> int:
+        """Move the oldest datagram into `buffer`; return its size."""
+        kept = self._kept.popleft()
+        self.size -= len(kept)
+        buffer[: len(kept)] = kept
+        return len(kept)
+
+
+def deadline_of(timeout: float | None) -> int | None:
+    """Return the monotonic time in ns at which a time in seconds is over; None for never."""
+    return None if timeout is None else now() + int(timeout * 1e9)
+
+
+def seconds_left(deadline: int | None) -> float:
+    """Return the seconds to a deadline, -1 if there is none."""
+    return -1.0 if deadline is None else max(0.0, (deadline - now()) / 1e9)
 
 
 def wait_readable(fd: int, timeout: float) -> bool:

@@ -13,14 +13,12 @@ import argparse
 import os
 import sys
 import threading
-import time
-from collections import deque
 from collections.abc import Iterable, Sequence
 from typing import Final
 
 from rrins.host_tools.bus.channel import HostedError
 from rrins.host_tools.bus.datagram import receive_buffer
-from rrins.host_tools.bus.end import BusTimeoutError
+from rrins.host_tools.bus.end import Backlog, BusTimeoutError, deadline_of, now, seconds_left
 from rrins.host_tools.bus.guard import SIDES, BusSummary
 from rrins.host_tools.bus.peer import PeerInfo, check_name
 from rrins.host_tools.bus.relay import TIMED_OUT, Relay
@@ -36,26 +34,14 @@ _UNSERVED_NS: Final = 10_000_000
 _BRIEF_STEPS: Final = 64
 _PATIENCE_S: Final = 10.0
 
-_now: Final = time.monotonic_ns
-
 
 class Hub:
-    """The host of a channel, and a participant of it: node 0.
+    """The host of a channel, and a participant of it: node 0. A `BusEnd`.
 
     Parameters
     ----------
-    channel : str
-        Name or path of the channel.
-    name : str
-        What the host calls itself.
-    exclusive : bool
-        Whether no peer may carry the name of the host.
-    receive_own : bool
-        Whether the host receives what it has sent.
-    queue_limit : int
-        Bytes that may wait for an observer before it is cut off.
-    foreign_senders : bool
-        Whether anybody may send what the contract gives to one of the two sides.
+    channel, name, exclusive, receive_own, queue_limit, foreign_senders
+        As of `RrinsBus`.
 
     Raises
     ------
@@ -88,9 +74,8 @@ class Hub:
         self._lock = self._relay.lock
         self._receive_lock = threading.Lock()
         self._buffer = bytearray()  # made when it is first needed
-        self._backlog: deque[bytes] = deque()  # what the host has not received yet
-        self._backlog_bytes = 0
-        self._served_ns = _now()
+        self._backlog = Backlog()
+        self._served_ns = now()
 
     @property
     def peers(self) -> tuple[PeerInfo, ...]:
@@ -112,15 +97,7 @@ class Hub:
         return self._relay.guard.statistics()
 
     def require(self, names: Iterable[str]) -> None:
-        """Make the host's sending and receiving fail once one of these peers has left.
-
-        Replaces what was required before, and forgives what was lost.
-
-        Raises
-        ------
-        BusError
-            If one of them is not attached now.
-        """
+        """Make sending and receiving fail once one of these peers has left; see `RrinsBus`."""
         with self._lock:
             required: dict[int, str] = {}
             for name in names:
@@ -132,22 +109,14 @@ class Hub:
             self._relay.lost = ""
 
     def wait_for(self, name: str, timeout: float | None) -> PeerInfo:
-        """Serve the channel until a peer of that name is attached.
-
-        What arrives meanwhile is kept for `receive`.
-
-        Raises
-        ------
-        BusTimeoutError
-            If no peer of that name has attached within `timeout` seconds.
-        """
-        deadline = _deadline(timeout)
+        """Serve the channel until a peer of that name is attached; see `RrinsBus`."""
+        deadline = deadline_of(timeout)
         self._serve_briefly()  # who has gone is not to be found
         while True:
             for info in self.peers:
                 if info.name == name:
                     return info
-            left = _seconds_left(deadline)
+            left = seconds_left(deadline)
             with self._receive_lock:
                 self._relay.check()
                 if self._drive(left) == TIMED_OUT and left == 0.0:
@@ -156,17 +125,9 @@ class Hub:
                     )
 
     def send(self, datagram: memoryview, timeout: float | None) -> None:
-        """Send a datagram to all peers, waiting while a node holds up the bus.
-
-        Raises
-        ------
-        BusTimeoutError
-            If the bus was held up all the time; nothing was sent.
-        BusError
-            If the hub is closed, or a required peer has left.
-        """
+        """Send a datagram to all peers, waiting while a node holds up the bus."""
         relay = self._relay
-        if _now() - self._served_ns > _UNSERVED_NS:
+        if now() - self._served_ns > _UNSERVED_NS:
             self._serve_briefly()
         deadline: int | None = None
         is_waiting = False
@@ -177,13 +138,13 @@ class Hub:
                 if not relay.stuck:
                     relay.send(datagram)
                     if self._receive_own:
-                        self._keep(datagram)
+                        self._backlog.keep(datagram)
                         relay.wake()
                     return
             if not is_waiting:
                 is_waiting = True
-                deadline = _deadline(timeout)
-            left = _seconds_left(deadline)
+                deadline = deadline_of(timeout)
+            left = seconds_left(deadline)
             if relay.step_aside(left) == TIMED_OUT and left == 0.0:
                 raise BusTimeoutError(
                     f"channel {self._channel!r} is held up by "
@@ -191,26 +152,15 @@ class Hub:
                 )
 
     def receive(self, buffer: bytearray, timeout: float | None) -> int:
-        """Receive the next datagram of a peer, relayed to the others already.
-
-        Returns
-        -------
-        int
-            Its size in `buffer`, or 0 when the time is over.
-
-        Raises
-        ------
-        BusError
-            If the hub is closed, or a required peer has left.
-        """
+        """Receive the next datagram of a peer, relayed to the others already."""
         with self._receive_lock:
             relay = self._relay
-            self._served_ns = now = _now()
-            deadline = None if timeout is None else now + int(timeout * 1e9)
+            self._served_ns = now()
+            deadline = deadline_of(timeout)
             wait = -1.0 if timeout is None else max(timeout, 0.0)
             while True:
                 if self._backlog:
-                    return self._pop_kept(buffer)
+                    return self._backlog.pop(buffer)
                 if relay.lost or relay.is_closed:
                     relay.check()
                 size = self._step(buffer, wait)
@@ -218,7 +168,7 @@ class Hub:
                     return size
                 if size == TIMED_OUT and wait == 0.0:
                     return 0
-                wait = _seconds_left(deadline)
+                wait = seconds_left(deadline)
 
     def direct_ends(self) -> tuple[int, int, int] | None:
         """Return the socket of the only peer, the door and the peer's number, for compiled code.
@@ -236,15 +186,8 @@ class Hub:
         return peer.fd, relay.door, peer.number
 
     def go_on(self, left_over: memoryview, time_ns: int) -> None:
-        """Take what compiled code has received and not used as if it had just come.
-
-        Parameters
-        ----------
-        left_over : memoryview
-        time_ns : int
-            Of the last batch that compiled code has sent.
-        """
-        self._served_ns = _now()
+        """Take what compiled code has received and not used as if it had just come."""
+        self._served_ns = now()
         if time_ns:
             self._relay.note_time(time_ns)
         if not left_over:
@@ -254,35 +197,23 @@ class Hub:
             buffer[: len(left_over)] = left_over
             size = self._relay.take_left_over(buffer, len(left_over))
             if size:
-                self._keep(memoryview(buffer)[:size])
+                self._backlog.keep(memoryview(buffer)[:size])
 
     def rest(self, seconds: float) -> None:
-        """Serve the channel for some time; what arrives is kept for `receive`.
-
-        Raises
-        ------
-        BusError
-            If the hub is closed, or a required peer has left.
-        """
-        deadline = _deadline(seconds)
+        """Serve the channel for some time; what arrives is kept for `receive`."""
+        deadline = deadline_of(seconds)
         with self._receive_lock:
-            while left := _seconds_left(deadline):
+            while left := seconds_left(deadline):
                 self._relay.check()
                 self._drive(left)
 
     def serve(self, patience: float) -> None:
-        """Relay, without taking part, until the last peer has left.
-
-        Parameters
-        ----------
-        patience : float
-            Seconds to wait for the first peer.
-        """
+        """Relay until the last peer has left; `patience`: seconds to wait for the first."""
         buffer = self._room()
-        deadline = _deadline(patience)
+        deadline = deadline_of(patience)
         relay = self._relay
-        while not relay.has_had_company and _seconds_left(deadline):
-            self._step(buffer, _seconds_left(deadline))
+        while not relay.has_had_company and seconds_left(deadline):
+            self._step(buffer, seconds_left(deadline))
         while relay.has_company or self._step(buffer, 0.0) != TIMED_OUT:
             self._step(buffer, -1.0 if relay.has_company else 0.0)
 
@@ -300,18 +231,18 @@ class Hub:
 
     def _drive(self, wait: float) -> int:
         """Serve one event and keep the datagram that comes with it."""
-        if self._backlog_bytes > self._queue_limit:
+        if self._backlog.size > self._queue_limit:
             # The host does not receive. It is a node as well, so the bus waits for it.
             return self._relay.step_aside(wait)
         buffer = self._room()
         size = self._step(buffer, wait)
         if size > 0:
-            self._keep(memoryview(buffer)[:size])
+            self._backlog.keep(memoryview(buffer)[:size])
         return size
 
     def _serve_briefly(self) -> None:
         """Serve a host that only sends, unless another thread receives and so serves already."""
-        self._served_ns = _now()
+        self._served_ns = now()
         if self._receive_lock.acquire(blocking=False):
             try:
                 for _ in range(_BRIEF_STEPS):
@@ -324,25 +255,6 @@ class Hub:
         if not self._buffer:
             self._buffer = receive_buffer()
         return self._buffer
-
-    def _keep(self, view: memoryview) -> None:
-        self._backlog.append(bytes(view))
-        self._backlog_bytes += len(view)
-
-    def _pop_kept(self, buffer: bytearray) -> int:
-        kept = self._backlog.popleft()
-        self._backlog_bytes -= len(kept)
-        buffer[: len(kept)] = kept
-        return len(kept)
-
-
-def _deadline(timeout: float | None) -> int | None:
-    return None if timeout is None else _now() + int(timeout * 1e9)
-
-
-def _seconds_left(deadline: int | None) -> float:
-    """Return the seconds to a deadline, -1 if there is none."""
-    return -1.0 if deadline is None else max(0.0, (deadline - _now()) / 1e9)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -7,37 +7,33 @@ import os
 import select
 import socket
 import threading
-import time
-from collections import deque
 from typing import Final
 
 from rrins.host_tools.bus import datagram
 from rrins.host_tools.bus.channel import NoHostError, connect
-from rrins.host_tools.bus.end import BusTimeoutError, wait_readable
+from rrins.host_tools.bus.end import (
+    Backlog,
+    BusTimeoutError,
+    deadline_of,
+    now,
+    wait_readable,
+)
 from rrins.host_tools.bus.peer import check_name, widen
 from rrins.host_tools.errors import BusError
 
 _BACKLOG_LIMIT: Final = 4 * 1024 * 1024
 _ASIDE_MS: Final = 20
 
-_now: Final = time.monotonic_ns
-
 
 class Link:
-    """A connection to the host of a channel.
+    """A connection to the host of a channel. A `BusEnd`.
 
     Parameters
     ----------
-    channel : str
-        Name or path of the channel.
-    name : str
-        What this end calls itself.
+    channel, name, exclusive, receive_own, in_step
+        As of `RrinsBus`.
     is_observer : bool
         Whether this end may be cut off rather than slow the bus.
-    exclusive : bool
-        Whether nobody else may carry the same name.
-    receive_own : bool
-        Whether this end receives what it has sent.
     timeout : float
         Seconds that the host has to answer.
 
@@ -74,8 +70,7 @@ class Link:
         self._end_reason = ""
         self._is_closed = False
         self._receive_lock = threading.Lock()
-        self._backlog: deque[bytes] = deque()  # received while waiting for room to send
-        self._backlog_bytes = 0
+        self._backlog = Backlog()  # received while waiting for room to send
         flags = (
             (datagram.OBSERVER if is_observer else 0)
             | (datagram.EXCLUSIVE if exclusive else 0)
@@ -125,15 +120,7 @@ class Link:
         return bool(self._end_reason)
 
     def send(self, view: memoryview, timeout: float | None) -> None:
-        """Send a datagram, waiting while a node holds up the bus.
-
-        Raises
-        ------
-        BusTimeoutError
-            If the bus was held up all the time; nothing was sent.
-        BusError
-            If the host is gone, or has cut this end off.
-        """
+        """Send a datagram, waiting while a node holds up the bus."""
         try:
             self._end.send(view, socket.MSG_DONTWAIT)
         except BlockingIOError:
@@ -154,17 +141,16 @@ class Link:
         """Keep a datagram that compiled code has received and not used."""
         data = bytes(left_over)
         if data and not self._is_end(bytearray(data), len(data)):
-            self._backlog.append(data)
-            self._backlog_bytes += len(data)
+            self._backlog.keep(data)
 
     def _send_slowly(self, view: memoryview, timeout: float | None) -> None:
         """Wait for room, and receive meanwhile: two nodes that both send would never get any."""
-        deadline = None if timeout is None else _now() + int(timeout * 1e9)
+        deadline = deadline_of(timeout)
         poll = select.poll()
         poll.register(self._end, select.POLLOUT)
         while True:
-            wait = None if deadline is None else max(0, deadline - _now()) / 1e6
-            if self._backlog_bytes < _BACKLOG_LIMIT:
+            wait = None if deadline is None else max(0, deadline - now()) / 1e6
+            if self._backlog.size < _BACKLOG_LIMIT:
                 is_drained = self._drain()
                 poll.modify(self._end, select.POLLOUT | (select.POLLIN if is_drained else 0))
                 # Another thread receives: leave it to that one, and look again a little later.
@@ -190,12 +176,11 @@ class Link:
         if not self._receive_lock.acquire(blocking=False):
             return False
         try:
-            while self._backlog_bytes < _BACKLOG_LIMIT and not self._end_reason:
+            while self._backlog.size < _BACKLOG_LIMIT and not self._end_reason:
                 data = self._receive_now(socket.MSG_DONTWAIT)
                 if data is None:
                     break
-                self._backlog.append(data)
-                self._backlog_bytes += len(data)
+                self._backlog.keep(data)
         finally:
             self._receive_lock.release()
         return True
@@ -214,33 +199,19 @@ class Link:
         return None
 
     def receive(self, buffer: bytearray, timeout: float | None) -> int:
-        """Receive the next datagram.
-
-        Returns
-        -------
-        int
-            Its size in `buffer`, or 0 when the time is over.
-
-        Raises
-        ------
-        BusError
-            If the host is gone, or has cut this end off, and all that came before is received.
-        """
+        """Receive the next datagram."""
         with self._receive_lock:
             if self._backlog:
-                kept = self._backlog.popleft()
-                self._backlog_bytes -= len(kept)
-                buffer[: len(kept)] = kept
-                return len(kept)
+                return self._backlog.pop(buffer)
             if self._end_reason:
                 raise BusError(self._end_reason)
             flags = 0 if timeout is None else socket.MSG_DONTWAIT
-            deadline = None if timeout is None else _now() + int(timeout * 1e9)
+            deadline = deadline_of(timeout)
             while True:
                 try:
                     size = self._end.recv_into(buffer, 0, flags)
                 except BlockingIOError:
-                    left = (deadline or 0) - _now()
+                    left = (deadline or 0) - now()
                     if left <= 0 or not wait_readable(self._end.fileno(), left * 1e-9):
                         return 0
                     continue

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import struct
+from collections.abc import Iterator
 from typing import Final
 
 import can
 
-from rrins.dbc.frame import EFF_FLAG, ERR_FLAG, RTR_FLAG
-from rrins.host_tools.bus.datagram import CLASSIC_PAYLOAD, FD_FRAME_SIZE, FRAME_SIZE
-
-CLASSIC: Final = struct.Struct("<IB3x8s")
-"""A classic frame: identifier with its flags, length, payload."""
+from rrins.dbc.frame import EFF_FLAG, ERR_FLAG, RTR_FLAG, FrameArray
+from rrins.host_tools.bus.datagram import CLASSIC, CLASSIC_PAYLOAD, FD_FRAME_SIZE, FRAME_SIZE
 
 _FD: Final = struct.Struct("<IBB2x64s")
 _EXTENDED_MASK: Final = 0x1FFF_FFFF
@@ -31,6 +29,18 @@ def is_classic(message: can.Message) -> bool:
     return not message.is_fd and message.dlc <= CLASSIC_PAYLOAD
 
 
+def identifier_of(message: can.Message) -> int:
+    """Return the identifier of a message with its flags."""
+    can_id = message.arbitration_id
+    if message.is_extended_id:
+        can_id |= EFF_FLAG
+    if message.is_remote_frame:
+        can_id |= RTR_FLAG
+    if message.is_error_frame:
+        can_id |= ERR_FLAG
+    return can_id
+
+
 def put_message(buffer: bytearray | memoryview, offset: int, message: can.Message) -> int:
     """Write a message as a frame and return the size of the frame.
 
@@ -39,13 +49,7 @@ def put_message(buffer: bytearray | memoryview, offset: int, message: can.Messag
     ValueError
         If the message does not fit a frame.
     """
-    can_id = message.arbitration_id
-    if message.is_extended_id:
-        can_id |= EFF_FLAG
-    if message.is_remote_frame:
-        can_id |= RTR_FLAG
-    if message.is_error_frame:
-        can_id |= ERR_FLAG
+    can_id = identifier_of(message)
     data = b"" if message.is_remote_frame else message.data
     if type(data) is not bytearray:  # what python-can makes of it; it packs as it is
         data = bytes(data)
@@ -98,3 +102,10 @@ def get_message(
         bitrate_switch=bool(flags & _BITRATE_SWITCH),
         error_state_indicator=bool(flags & _ERROR_STATE),
     )
+
+
+def messages_of(frames: FrameArray, time_s: float, channel: str) -> Iterator[can.Message]:
+    """Yield the frames of an array as messages of one time."""
+    buffer = bytearray(frames.tobytes())
+    for offset in range(0, len(buffer), FRAME_SIZE):
+        yield get_message(buffer, offset, False, time_s, channel, True)

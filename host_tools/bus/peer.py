@@ -41,19 +41,7 @@ class PeerInfo:
 
 
 class Peer:
-    """An attached process: its socket, its wishes and what waits for it.
-
-    Parameters
-    ----------
-    end : socket.socket
-        The hub's end of the connection, non-blocking.
-    number : int
-        Node number.
-    name : str
-        What the peer calls itself.
-    flags : int
-        The flags of its `datagram.HELLO`.
-    """
+    """An attached process: its socket, its wishes by its `datagram.HELLO`, what waits for it."""
 
     __slots__ = (
         "allowance",
@@ -63,7 +51,6 @@ class Peer:
         "fd",
         "info",
         "is_observer",
-        "leaving",
         "number",
         "queue",
         "queued",
@@ -86,7 +73,6 @@ class Peer:
         )
         self.queue: deque[bytes] = deque()  # of an observer that lags, or of a peer's last word
         self.queued = 0  # bytes in the queue
-        self.leaving = False
         self.allowance = 0  # frames that a third party may send now, and
         self.epoch = 0  # the epoch for which that was reckoned; see `guard`
 
@@ -106,13 +92,7 @@ def widen(end: socket.socket) -> None:
 
 
 def check_name(name: str) -> str:
-    """Return `name` if a peer may carry it.
-
-    Raises
-    ------
-    BusError
-        If it may not.
-    """
+    """Return `name` if a peer may carry it; else raise `BusError`."""
     if not _NAME.fullmatch(name):
         raise BusError(f"{name!r} is not a valid node name: use 1 to 64 visible ASCII characters")
     return name

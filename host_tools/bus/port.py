@@ -20,13 +20,13 @@ from rrins.dbc import direct as direct_exchange
 from rrins.dbc.contract import load_contract
 from rrins.dbc.direct import Direct
 from rrins.dbc.e2e import fill
-from rrins.dbc.frame import EFF_FLAG, ERR_FLAG, RTR_FLAG, Frame, FrameArray, frame_array
+from rrins.dbc.frame import ERR_FLAG, Frame, FrameArray, frame_array
 from rrins.host_tools.bus.batch import Batch, bytes_of
 from rrins.host_tools.bus.channel import NoHostError
-from rrins.host_tools.bus.datagram import FRAME_SIZE
+from rrins.host_tools.bus.datagram import CLASSIC, FRAME_SIZE
 from rrins.host_tools.bus.guard import BusSummary
 from rrins.host_tools.bus.interface import ANSWER_S, RrinsBus
-from rrins.host_tools.bus.message import CLASSIC, is_classic, put_message
+from rrins.host_tools.bus.message import identifier_of, is_classic, put_message
 from rrins.host_tools.errors import BusError, SideLostError
 
 Side = Literal["firmware", "hardware"]
@@ -149,27 +149,16 @@ class BatchPort:
         foreign_senders: bool = False,
     ) -> None:
         self._address = address
-        self._foreign_senders = foreign_senders
         self._other = "hardware" if side == "firmware" else "firmware"
         self._attach_s = _ATTACH_S
         self._is_host = side == "hardware"
-        self._bus = self._host() if self._is_host else self._attach(side, attach_wait_s)
-
-    def _host(self) -> RrinsBus:
-        bus = open_bus(
-            self._address,
-            name="hardware",
-            exclusive=True,
-            host="here",
-            foreign_senders=self._foreign_senders,
-        )
+        wishes: dict[str, Any] = {"name": side, "exclusive": True}
+        if self._is_host:
+            bus = open_bus(address, host="here", foreign_senders=foreign_senders, **wishes)
+        else:
+            bus = open_when_there(address, attach_wait_s, host="never", **wishes)
         assert isinstance(bus, RrinsBus)
-        return bus
-
-    def _attach(self, side: Side, wait_s: float) -> RrinsBus:
-        bus = open_when_there(self._address, wait_s, name=side, exclusive=True, host="never")
-        assert isinstance(bus, RrinsBus)
-        return bus
+        self._bus = bus
 
     def meet(self, others: tuple[str, ...] = ()) -> None:
         """Wait until the other side and all named others have attached."""
@@ -267,14 +256,7 @@ class BatchPort:
 
 def frame_of_message(frame: Frame, message: can.Message) -> None:
     """Write a classic python-can message into a frame."""
-    identifier = message.arbitration_id
-    if message.is_extended_id:
-        identifier |= EFF_FLAG
-    if message.is_remote_frame:
-        identifier |= RTR_FLAG
-    if message.is_error_frame:
-        identifier |= ERR_FLAG
-    frame["can_id"] = identifier
+    frame["can_id"] = identifier_of(message)
     frame["length"] = min(message.dlc, 8)
     frame["data"] = int.from_bytes(message.data[:8], "little")
 

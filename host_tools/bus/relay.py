@@ -48,16 +48,10 @@ class Relay:
 
     Parameters
     ----------
-    channel : str
-        Name or path of the channel.
     host : PeerInfo
         Who hosts it.
-    exclusive : bool
-        Whether no peer may carry the name of the host.
-    queue_limit : int
-        Bytes that may wait for an observer before it is cut off.
-    foreign_senders : bool
-        Whether anybody may send what the contract gives to a side.
+    channel, exclusive, queue_limit, foreign_senders
+        As of `RrinsBus`.
 
     Attributes
     ----------
@@ -75,11 +69,6 @@ class Relay:
         Unix time of time 0 of the host's batches; 0 until it has sent one.
     guard : Guard
         What third parties may do, and what they were refused.
-
-    Raises
-    ------
-    BusError
-        If another process hosts the channel, or its place is not safe.
     """
 
     def __init__(

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from typing import Final
 
+from rrins.host_tools.bus.datagram import HOST
 from rrins.host_tools.bus.end import BusEnd
 
 EARLIEST_NS: Final = 1_000_000_000_000_000_000
 """Time from which on a bus keeps Unix time itself: 9 September 2001. Simulated time is smaller."""
-
-HOST: Final = 0
-"""Node number of the host."""
 
 
 class UnixTime:

@@ -20,8 +20,7 @@ from rrins.host_tools.campaigns.distributions import (
 )
 from rrins.host_tools.campaigns.errors import CampaignError
 from rrins.host_tools.files import JsonObject
-from rrins.host_tools.hardware.fault_values import VALUES
-from rrins.host_tools.hardware.faults import HardwareFault
+from rrins.host_tools.hardware.fault_kinds import HardwareFault
 from rrins.host_tools.scenario.scenario import Scenario
 from rrins.host_tools.scenario.tables import Accelerometers, Firmware, Gyros
 
@@ -240,9 +239,8 @@ def _set_sensor(
 
 def _value_key(fault: JsonObject) -> str | None:
     """Return what the value of a fault's kind is called; None for a kind that has none."""
-    hardware = HardwareFault.__members__.get(str(fault.get("kind", "")).upper())
-    described = None if hardware is None else VALUES.get(hardware)
-    return None if described is None else described.key
+    kind = HardwareFault.__members__.get(str(fault.get("kind", "")).upper())
+    return None if kind is None or kind.parameter is None else kind.parameter.key
 
 
 def _name_size(fault: JsonObject) -> None:
@@ -256,5 +254,6 @@ def _name_size(fault: JsonObject) -> None:
 
 def _drop_of_other_kinds(fault: JsonObject) -> None:
     """Drop the values that only other kinds than the one drawn have."""
-    for key in {value.key for value in VALUES.values()} - {_value_key(fault)}:
+    keys = {kind.parameter.key for kind in HardwareFault if kind.parameter is not None}
+    for key in keys - {_value_key(fault)}:
         fault.pop(key, None)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
+from typing import get_args
 
 import click
 
@@ -11,6 +13,7 @@ from rrins.host_tools.cli.completion import complete_messages
 from rrins.host_tools.cli.options import bus_options, json_option
 from rrins.host_tools.cli.output import print_note
 from rrins.host_tools.files import JsonObject
+from rrins.host_tools.hardware.fault_kinds import HardwareFault
 from rrins.host_tools.injection.client import FaultClient
 from rrins.host_tools.injection.fault_report import (
     ActiveFault,
@@ -19,50 +22,57 @@ from rrins.host_tools.injection.fault_report import (
     fault_words,
 )
 from rrins.host_tools.injection.messages import LiveFault
+from rrins.host_tools.scenario.fault_tables import KINDS
+from rrins.host_tools.wire.fault_kinds import FaultKind
 
 _DEFAULT_CHANNEL = "rrins0"
 _CLEAR, _LIST = "clear", "list"
+_MOST_NAMED = 4  # kinds in the help of an option
 _STEPS = {
     "delay_s": "a whole number of epochs",
     "probability": "the nearest value a command can carry",
 }
 
 
-@click.command()
+def _options(command: Callable[..., None]) -> Callable[..., None]:
+    """Add an option for each key that a fault can have in a scenario, but `at_s`."""
+    keys: dict[str, list[str]] = {}
+    for kind, table in KINDS.items():
+        for key in table.model_fields:
+            keys.setdefault(key, []).append(kind)
+    del keys["kind"], keys["at_s"]
+    keys["for_s"] = keys.pop("for_s")  # the last
+    for key, kinds in reversed(keys.items()):
+        field = KINDS[kinds[0]].model_fields[key]
+        of = f"For {', '.join(kinds)}: " if len(kinds) <= _MOST_NAMED else ""
+        numbers = [number for number in (int, float) if _is_of(field.annotation, number)]
+        command = click.option(
+            f"--{key.removesuffix('_s').replace('_', '-')}",
+            key,
+            type=numbers[0] if numbers else str,
+            help=f"{of}{field.description}",
+            shell_complete=complete_messages if key == "message" else None,
+        )(command)
+    return command
+
+
+def _is_of(annotation: object, number: type) -> bool:
+    return annotation is number or number in get_args(annotation)
+
+
+_HELP = f"""Inject a fault into a running rehearsal, or remove it.
+
+Faults on the wire: {", ".join(kind.word for kind in FaultKind)}.
+
+Hardware faults: {", ".join(kind.word for kind in HardwareFault)}.
+
+`clear` removes all faults; `list` shows the active ones and when they began.
+"""
+
+
+@click.command(help=_HELP)
 @click.argument("kind", metavar="KIND|clear|list")
-@click.option(
-    "--message",
-    help="Wire: message concerned, such as SENSOR_3.  [default: all]",
-    shell_complete=complete_messages,
-)
-@click.option("--node", help="Wire: sender concerned: any, firmware or hardware.  [default: any]")
-@click.option("--delay", "delay_s", type=float, help="For delay, s.")
-@click.option("--frames-per-epoch", type=int, help="For babble: number of frames.")
-@click.option("--bit", type=int, help="For corrupt: bit of the payload.  [default: random]")
-@click.option("--probability", type=float, help="Wire: fraction of the frames affected.")
-@click.option("--axis", help="Axis that fails: inner or outer.")
-@click.option("--sensor", type=int, help="Gyro or accelerometer that fails.  [default: all]")
-@click.option("--rate-dps", type=float, help="For axis_runaway, °/s.")
-@click.option("--offset-deg", type=float, help="For encoder_offset, °.")
-@click.option("--slip-percent", type=float, help="For encoder_slip and odometer_slip, %.")
-@click.option("--bias-dph", type=float, help="For gyro_bias, °/h.")
-@click.option("--bias-ug", type=float, help="For accelerometer_bias, µg.")
-@click.option("--angle-random-walk-deg-per-sqrt-h", type=float, help="For gyro_noise, °/√h.")
-@click.option("--white-noise-ug-per-sqrt-hz", type=float, help="For accelerometer_noise, µg/√Hz.")
-@click.option("--bias-dph-per-min", type=float, help="For gyro_ramp, °/h per minute.")
-@click.option("--bias-ug-per-min", type=float, help="For accelerometer_ramp, µg per minute.")
-@click.option("--scale-ppm", type=float, help="For …_scale, ppm.")
-@click.option("--shift-arcsec", type=float, help="For …_shift_u and …_shift_v, ″.")
-@click.option(
-    "--direction", help="For gnss_jump and gnss_pull: east, north or up.  [default: east]"
-)
-@click.option("--jump-m", type=float, help="For gnss_jump, m.")
-@click.option("--pull-mps", type=float, help="For gnss_pull, m/s.")
-@click.option("--period", "period_s", type=float, help="Hardware: intermittent, period in s.")
-@click.option("--duty", type=float, help="Share of the period with the fault.  [default: 0.5]")
-@click.option(
-    "--for", "for_s", type=float, help="Duration in simulated seconds.  [default: until removed]"
-)
+@_options
 @click.option("--remove", is_flag=True, help="Remove the fault.")
 @bus_options
 @json_option
@@ -75,17 +85,7 @@ def inject(
     as_json: bool,
     **keys: str | float | None,
 ) -> None:
-    """Inject a fault into a running rehearsal, or remove it.
-
-    Faults on the wire: drop, delay, duplicate, reorder, corrupt_wire, corrupt, wrong_counter,
-    babble, silence, bus_off, cut, stale.
-
-    Hardware faults: axis_stall, axis_runaway, encoder_stuck, encoder_offset, encoder_slip; gyro_ or
-    accelerometer_ with stuck, dead, absent, full_scale, bias, ramp, noise, scale, shift_u or
-    shift_v; odometer_slip, odometer_lock, odometer_lost; gnss_jump, gnss_pull, gnss_lost.
-
-    `clear` removes all faults; `list` shows the active ones and when they began.
-    """
+    """Inject a fault into a running rehearsal, or remove it."""
     from rrins.host_tools.runs.rehearsal import default_address
     from rrins.host_tools.scenario.scenario import fault_of
 

@@ -10,8 +10,7 @@ import numpy as np
 
 from rrins.compiled.record import Floats
 from rrins.dbc.codec import load
-from rrins.host_tools.monitor.how_found import FOUND_BY
-from rrins.host_tools.monitor.redundancy import drift_words
+from rrins.host_tools.monitor.words import FOUND_BY, abandoned_words, drift_words
 
 Weight = Literal["note", "good", "warning", "bad", "order"]
 """How an event is shown; `order` is what somebody asked for."""
@@ -197,7 +196,7 @@ class EventLog:
                 text = f"angle of the {axis} axis from: {word}"
                 yield text, "good" if is_sound else "warning"
             if self._rises(f"{_TABLE}.axis_{axis}_abandoned", old):
-                yield f"the {axis} axis did not follow in any try: rotation abandoned", "bad"
+                yield abandoned_words(axis), "bad"
 
     def _of_readmission(self, old: dict[str, float]) -> Iterator[tuple[str, Weight]]:
         key = "READMISSION_STATUS.state"

@@ -11,29 +11,15 @@ from collections.abc import Mapping
 from rrins.dbc.decimals import from_decimal, to_decimal
 from rrins.dbc.frame import FrameArray
 from rrins.dbc.values import FaultAction, FaultRefusal
+from rrins.host_tools.hardware.fault_kinds import EVERY, HardwareFault, Part
 from rrins.host_tools.hardware.fault_protocol import ANSWERS, ActiveFault, FaultServer, largest_of
-from rrins.host_tools.hardware.fault_values import VALUES
-from rrins.host_tools.hardware.faults import (
-    ALWAYS,
-    EVERY,
-    NEVER,
-    HardwareFault,
-    cycle_of,
-    has_direction,
-    is_of_aiding,
-    is_of_axis,
-    is_of_gyros,
-    put,
-    remove,
-)
+from rrins.host_tools.hardware.faults import ALWAYS, NEVER, cycle_of, put, remove
 from rrins.host_tools.hardware.memory import FAULT_CAPACITY, Plant
 
 REPORT_CAPACITY = 3 * FAULT_CAPACITY + ANSWERS
 """Number of frames in the longest report."""
 
 _NS_PER_S = 1_000_000_000
-_AXES = 2
-_DIRECTIONS = 3
 
 
 class HardwareFaultServer(FaultServer):
@@ -91,7 +77,8 @@ class HardwareFaultServer(FaultServer):
             if (self._faults.kind[k], self._faults.target[k]) == (kind, target):
                 self._faults.last_epoch[k] = epoch - 1
         last = epoch + duration_epochs - 1 if duration_epochs else -1
-        si = value * VALUES[HardwareFault(kind)].unit if kind in VALUES else 0.0
+        parameter = HardwareFault(kind).parameter
+        si = 0.0 if parameter is None else value * parameter.si
         self._due = 0
         if put(self._plant, kind, target, epoch, last, si, cycle):
             return FaultRefusal.NONE
@@ -100,24 +87,22 @@ class HardwareFaultServer(FaultServer):
     def _refusal_of_target(self, kind: int, target: int) -> FaultRefusal:
         if kind not in set(HardwareFault):
             return FaultRefusal.UNKNOWN
-        if is_of_axis(kind):
-            is_there = 0 <= target < _AXES
-        elif is_of_aiding(kind):
-            is_of_gnss = kind > HardwareFault.ODOMETER_LOST
-            source = self._plant.gnss if is_of_gnss else self._plant.odometer
-            known = range(_DIRECTIONS) if has_direction(kind) else (EVERY,)
-            is_there = bool(source.fitted) and target in known
-        else:
-            sensors = self._plant.gyros if is_of_gyros(kind) else self._plant.accelerometers
+        part, key = HardwareFault(kind).part, HardwareFault(kind).target
+        plant = self._plant
+        sensors = {Part.GYRO: plant.gyros, Part.ACCELEROMETER: plant.accelerometers}.get(part)
+        if sensors is not None:
             is_there = EVERY <= target < sensors.count
+        else:
+            aiding = {Part.ODOMETER: plant.odometer, Part.AXIS: None}.get(part, plant.gnss)
+            is_fitted = aiding is None or bool(aiding.fitted)
+            is_there = is_fitted and target in (range(len(key.names)) if key else (EVERY,))
         return FaultRefusal.NONE if is_there else FaultRefusal.NO_SUCH_TARGET
 
     @staticmethod
     def _refusal_of_value(kind: int, value: float) -> FaultRefusal:
-        limits = VALUES.get(HardwareFault(kind))
-        if limits is not None and not limits.minimum <= value <= limits.maximum:
-            return FaultRefusal.OUT_OF_RANGE
-        return FaultRefusal.NONE
+        limits = HardwareFault(kind).parameter
+        is_possible = limits is None or limits.minimum <= value <= limits.maximum
+        return FaultRefusal.NONE if is_possible else FaultRefusal.OUT_OF_RANGE
 
     def remove(self, kind: int, target: int) -> FaultRefusal:
         """Remove the faults of a kind and target, including planned ones."""
@@ -203,8 +188,8 @@ class HardwareFaultServer(FaultServer):
         faults = self._faults
         kind = HardwareFault(int(faults.kind[row]))
         digits, exponent = 0, 0
-        if kind in VALUES:
-            value = float(faults.value[row]) / VALUES[kind].unit
+        if kind.parameter is not None:
+            value = float(faults.value[row]) / kind.parameter.si
             digits, exponent = to_decimal(value, self._active.value, self._active.exponent)
         period, on = int(faults.period_epochs[row]), int(faults.on_epochs[row])
         raws = {

@@ -8,10 +8,12 @@ re-evaluated only in epochs in which a fault comes or goes, or changes as a ramp
 from __future__ import annotations
 
 import math
-from enum import IntEnum
+
+import numpy as np
 
 from rrins.compiled.compilation import compiled
 from rrins.dbc.contract import SENSOR_GROUPS
+from rrins.host_tools.hardware.fault_kinds import EVERY, HardwareFault, Part
 from rrins.host_tools.hardware.memory import (
     FAULT_CAPACITY,
     INNER,
@@ -24,100 +26,12 @@ from rrins.host_tools.hardware.memory import (
 NEVER = 1 << 62
 """An epoch that is never reached."""
 
-EVERY = -1
-"""Target that means all sensors."""
+_PART_OF = np.array([-1, *(kind.part for kind in HardwareFault)])
+"""By kind."""
 
-
-class HardwareFault(IntEnum):
-    """Kinds of fault, as `kind` of HARDWARE_FAULT_COMMAND; the value of each, in SI units.
-
-    AXIS_STALL: an axis stops (no value). AXIS_RUNAWAY: it turns at the value, rad/s.
-    ENCODER_STUCK: its encoder repeats the last angle. ENCODER_OFFSET: its encoder reads too much
-    by the value, °. ENCODER_SLIP: its encoder misses this share of what it turns, for good.
-    GYRO_STUCK, ACCELEROMETER_STUCK: repeats its last increment. GYRO_BIAS, ACCELEROMETER_BIAS:
-    additional bias, rad/s or m/s². GYRO_NOISE, ACCELEROMETER_NOISE: additional white noise, rad/√s
-    or m/s/√s. GYRO_ABSENT, ACCELEROMETER_ABSENT: flagged as absent. RAMP: a bias that grows from
-    zero, rad/s² or m/s³. SCALE: additional error of the scale factor. SHIFT_U, SHIFT_V: the mount
-    turns, additional installation angle δu or δv, rad. DEAD: reads zero. FULL_SCALE: reads the end
-    of its range, flagged as saturated.
-
-    ODOMETER_SLIP: the wheel turns more than the vehicle moves, by this share. ODOMETER_LOCK: the
-    wheel stands. ODOMETER_LOST: it does not count. GNSS_JUMP: positions are off by the value, m.
-    GNSS_PULL: they are led away at the value, m/s, and velocities with them. GNSS_LOST: no fix.
-
-    Kinds of sensors have the same faults in the same order, in two blocks each.
-    """
-
-    AXIS_STALL = 1
-    AXIS_RUNAWAY = 2
-    ENCODER_STUCK = 3
-    ENCODER_OFFSET = 4
-    GYRO_STUCK = 5
-    GYRO_BIAS = 6
-    GYRO_NOISE = 7
-    GYRO_ABSENT = 8
-    ACCELEROMETER_STUCK = 9
-    ACCELEROMETER_BIAS = 10
-    ACCELEROMETER_NOISE = 11
-    ACCELEROMETER_ABSENT = 12
-    GYRO_RAMP = 13
-    GYRO_SCALE = 14
-    GYRO_SHIFT_U = 15
-    GYRO_SHIFT_V = 16
-    GYRO_DEAD = 17
-    GYRO_FULL_SCALE = 18
-    ACCELEROMETER_RAMP = 19
-    ACCELEROMETER_SCALE = 20
-    ACCELEROMETER_SHIFT_U = 21
-    ACCELEROMETER_SHIFT_V = 22
-    ACCELEROMETER_DEAD = 23
-    ACCELEROMETER_FULL_SCALE = 24
-    ENCODER_SLIP = 25
-    ODOMETER_SLIP = 26
-    ODOMETER_LOCK = 27
-    ODOMETER_LOST = 28
-    GNSS_JUMP = 29
-    GNSS_PULL = 30
-    GNSS_LOST = 31
-
-
-_STUCK, _BIAS, _NOISE, _ABSENT = 0, 1, 2, 3  # of a sensor, the first block of its kind
-_RAMP, _SCALE, _SHIFT_U, _SHIFT_V, _DEAD, _FULL_SCALE = 4, 5, 6, 7, 8, 9  # the second
-_FIRST_BLOCK, _SECOND_BLOCK = 4, 6  # faults in each
-
-
-@compiled
-def is_of_axis(kind: int) -> bool:
-    """Return whether an axis has faults of this kind, not a sensor."""
-    return kind < HardwareFault.GYRO_STUCK or kind == HardwareFault.ENCODER_SLIP
-
-
-@compiled
-def is_of_aiding(kind: int) -> bool:
-    """Return whether a source of aiding has faults of this kind."""
-    return kind > HardwareFault.ENCODER_SLIP
-
-
-@compiled
-def has_direction(kind: int) -> bool:
-    """Return whether the target of a kind of fault is a direction: 0 east, 1 north, 2 up."""
-    return kind in (HardwareFault.GNSS_JUMP, HardwareFault.GNSS_PULL)
-
-
-@compiled
-def is_of_gyros(kind: int) -> bool:
-    """Return whether gyros have faults of this kind of fault of sensors."""
-    if kind < HardwareFault.GYRO_RAMP:
-        return kind < HardwareFault.ACCELEROMETER_STUCK
-    return kind < HardwareFault.ACCELEROMETER_RAMP
-
-
-@compiled
-def _effect_of(kind: int) -> int:
-    """Return what a kind of fault of sensors does, for either kind of sensor."""
-    if kind < HardwareFault.GYRO_RAMP:
-        return (kind - HardwareFault.GYRO_STUCK) % _FIRST_BLOCK
-    return _FIRST_BLOCK + (kind - HardwareFault.GYRO_RAMP) % _SECOND_BLOCK
+_AS_OF_GYROS = (HardwareFault[kind.name.replace("ACCELEROMETER", "GYRO")] for kind in HardwareFault)
+_EFFECT_OF = np.array([0, *_AS_OF_GYROS])
+"""By kind: the kind itself, or that of gyros with the same effect."""
 
 
 @compiled
@@ -161,7 +75,7 @@ def _set_axis(axis: TurntableAxis, kind: int, value: float) -> None:
         axis.encoder_stuck = True
     elif kind == HardwareFault.ENCODER_SLIP:
         axis.encoder_slip += value
-    else:
+    elif kind == HardwareFault.ENCODER_OFFSET:
         axis.encoder_error_deg += value
 
 
@@ -180,37 +94,37 @@ def _set_aiding(plant: Plant, kind: int, target: int, value: float, age_s: float
     elif kind == HardwareFault.GNSS_PULL:
         gnss.fault_position[target] += value * age_s
         gnss.fault_velocity[target] += value
-    else:
+    elif kind == HardwareFault.GNSS_LOST:
         gnss.lost = True
 
 
 @compiled
 def _set_sensors(
-    sensors: Sensors, what: int, target: int, value: float, dt: float, age_s: float
+    sensors: Sensors, kind: int, target: int, value: float, dt: float, age_s: float
 ) -> None:
-    """Set a fault of sensors that began `age_s` before the middle of the epoch."""
+    """Set a fault of sensors, by the kind of gyros, `age_s` before the middle of the epoch."""
     for k in range(sensors.count):
         if target not in (k, EVERY):
             continue
-        if what == _STUCK:
+        if kind == HardwareFault.GYRO_STUCK:
             sensors.stuck |= 1 << k
-        elif what == _BIAS:
+        elif kind == HardwareFault.GYRO_BIAS:
             sensors.fault_bias_increment[k] += value * dt
-        elif what == _NOISE:
+        elif kind == HardwareFault.GYRO_NOISE:
             before = sensors.fault_noise_increment[k]
             sensors.fault_noise_increment[k] = math.sqrt(before * before + value * value * dt)
-        elif what == _ABSENT:
+        elif kind == HardwareFault.GYRO_ABSENT:
             sensors.absent |= 1 << k
-        elif what == _RAMP:
+        elif kind == HardwareFault.GYRO_RAMP:
             sensors.fault_bias_increment[k] += value * age_s * dt
-        elif what == _SCALE:
+        elif kind == HardwareFault.GYRO_SCALE:
             sensors.fault_scale_error[k] += value
-        elif what == _DEAD:
+        elif kind == HardwareFault.GYRO_DEAD:
             sensors.dead |= 1 << k
-        elif what == _FULL_SCALE:
+        elif kind == HardwareFault.GYRO_FULL_SCALE:
             sensors.full_scale |= 1 << k
-        else:
-            turned = sensors.axis_by_angle[k, what - _SHIFT_U]
+        elif kind in (HardwareFault.GYRO_SHIFT_U, HardwareFault.GYRO_SHIFT_V):
+            turned = sensors.axis_by_angle[k, kind - HardwareFault.GYRO_SHIFT_U]
             for i in range(3):
                 sensors.axis[k, i] += value * turned[i]
 
@@ -241,20 +155,18 @@ def apply(plant: Plant) -> None:
             if not is_on:
                 continue
         kind, target, value = faults.kind[k], faults.target[k], faults.value[k]
-        if is_of_axis(kind):
-            _set_axis(plant.axis[target], kind, value)
-            continue
-        if is_of_aiding(kind):
-            if kind == HardwareFault.GNSS_PULL:
-                faults.changes_at = min(faults.changes_at, plant.epoch + 1)
-            _set_aiding(plant, kind, target, value, (plant.epoch - first + 1) * dt)
-            continue
-        what = _effect_of(kind)
-        if what == _RAMP:
+        part, effect = _PART_OF[kind], _EFFECT_OF[kind]
+        if effect in (HardwareFault.GYRO_RAMP, HardwareFault.GNSS_PULL):  # grow
             faults.changes_at = min(faults.changes_at, plant.epoch + 1)
-        age_s = (plant.epoch - first + 0.5) * dt
-        sensors = plant.gyros if is_of_gyros(kind) else plant.accelerometers
-        _set_sensors(sensors, what, target, value, dt, age_s)
+        age = plant.epoch - first  # epochs
+        if part == Part.AXIS:
+            _set_axis(plant.axis[target], kind, value)
+        elif part == Part.GYRO:
+            _set_sensors(plant.gyros, effect, target, value, dt, (age + 0.5) * dt)
+        elif part == Part.ACCELEROMETER:
+            _set_sensors(plant.accelerometers, effect, target, value, dt, (age + 0.5) * dt)
+        else:
+            _set_aiding(plant, kind, target, value, (age + 1) * dt)
 
 
 ALWAYS = (0, 0)

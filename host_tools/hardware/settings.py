@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from rrins.compiled.record import Records
 from rrins.host_tools.hardware import earth, faults
-from rrins.host_tools.hardware.faults import HardwareFault
+from rrins.host_tools.hardware.fault_kinds import HardwareFault
 from rrins.host_tools.hardware.master_settings import MasterSettings, fill_master
 from rrins.host_tools.hardware.memory import (
     FLICKER_POLES,
@@ -30,16 +30,13 @@ from rrins.host_tools.hardware.memory import (
 )
 from rrins.host_tools.hardware.motion import set_rest
 from rrins.host_tools.hardware.sensors import axis_by_angle, installed_axis
-
-STANDARD_GRAVITY = 9.80665
-"""m/s²: the g of µg and of an accelerometer's range (ISO 80000-3)."""
-
-DPH = math.radians(1) / 3600  # rad/s
-UG = 1e-6 * STANDARD_GRAVITY  # m/s²
-ARCSEC = math.radians(1) / 3600  # rad
-PPM = 1e-6
-DEG_PER_SQRT_H = math.radians(1) / 60  # rad/√s
-SQRT_H = 60.0  # √s
+from rrins.host_tools.hardware.units import ARCSEC as ARCSEC
+from rrins.host_tools.hardware.units import DEG_PER_SQRT_H as DEG_PER_SQRT_H
+from rrins.host_tools.hardware.units import DPH as DPH
+from rrins.host_tools.hardware.units import PPM as PPM
+from rrins.host_tools.hardware.units import SQRT_H as SQRT_H
+from rrins.host_tools.hardware.units import STANDARD_GRAVITY as STANDARD_GRAVITY
+from rrins.host_tools.hardware.units import UG as UG
 
 DRIFT_S = 1.0
 """Interval between updates of the drifting errors, s."""

@@ -7,9 +7,8 @@ from enum import IntEnum
 from typing import Literal
 
 import can
-import numpy as np
 
-from rrins.dbc.codec import load, to_physical, unpack
+from rrins.dbc.codec import load, to_physical
 from rrins.dbc.contract import MessageSignals, load_contract
 from rrins.dbc.decimals import from_decimal
 from rrins.dbc.e2e import crc_holds
@@ -17,16 +16,16 @@ from rrins.dbc.frame import frame_array
 from rrins.dbc.values import FaultRefusal
 from rrins.host_tools.bus.port import frame_of_message
 from rrins.host_tools.files import JsonObject
-from rrins.host_tools.hardware.fault_values import VALUES
-from rrins.host_tools.hardware.faults import (
+from rrins.host_tools.hardware.fault_kinds import (
+    TARGETS,
     HardwareFault,
-    has_direction,
-    is_of_aiding,
-    is_of_axis,
+    NumberedKind,
+    Parameter,
 )
+from rrins.host_tools.hardware.fault_protocol import unpacked
 from rrins.host_tools.injection.messages import LiveFault
-from rrins.host_tools.scenario.fault_tables import DIRECTIONS
-from rrins.host_tools.wire.faults import ANY_IDENTIFIER, FaultKind, Node
+from rrins.host_tools.wire.fault_kinds import FaultKind, from_number
+from rrins.host_tools.wire.faults import ANY_IDENTIFIER, Node
 
 Place = Literal["wire", "hardware"]
 Raws = dict[str, int]
@@ -35,6 +34,8 @@ Raws = dict[str, int]
 FaultKeys = dict[str, str | int | float]
 """The keys of a fault in a scenario's `[[faults]]`."""
 
+_NAMING = {"kind", "message", "node", *(target.key for target in TARGETS.values())}
+_MILLISECONDS_HZ = 1000
 _PREFIX: dict[Place, str] = {"wire": "", "hardware": "hardware_"}
 
 
@@ -66,7 +67,7 @@ class ActiveFault:
 
 def fault_keys(fault: LiveFault) -> FaultKeys:
     """Return the keys that identify a fault: its kind and what fails."""
-    keys = fault.model_dump(include={"kind", "message", "node", "axis", "sensor", "direction"})
+    keys = fault.model_dump(include=_NAMING)
     return {key: value for key, value in keys.items() if value not in (None, "any")}
 
 
@@ -174,12 +175,7 @@ class FaultReader:
         frame_of_message(self._frame[0], message)
         if not crc_holds(self._frame[0], layout.message):
             return None
-        word = np.uint64(self._frame[0]["data"])
-        raws = {
-            name: int(unpack(word, layout[name]))
-            for name in layout.dtype.names or ()
-            if name != "message"
-        }
+        raws = unpacked(layout, self._frame[0]["data"])
         if part == "status":
             return self._answer(place, raws)
         if raws["number"] == 0 and part == "active":
@@ -216,13 +212,10 @@ class FaultReader:
             keys["message"] = _message_name(active["identifier"])
         if active["node"] != Node.ANY:
             keys["node"] = _name(Node, active["node"])
-        parameter = active["parameter"]
-        if active["kind"] == FaultKind.DELAY:
-            keys["delay_s"] = parameter / 1000
-        elif active["kind"] == FaultKind.BABBLE:
-            keys["frames_per_epoch"] = parameter
-        elif active["kind"] == FaultKind.CORRUPT and parameter:
-            keys["bit"] = parameter - 1
+        parameter = _parameter_of(FaultKind, active["kind"])
+        value = from_number(parameter, active["parameter"], _MILLISECONDS_HZ)
+        if parameter is not None and value is not None:
+            keys[parameter.key] = value
         probability = float(to_physical(active["probability"], self._probability))
         if probability < 1:
             keys["probability"] = round(probability, 6)
@@ -230,18 +223,21 @@ class FaultReader:
 
 
 def _hardware_keys(active: Raws) -> FaultKeys:
-    keys: FaultKeys = {"kind": _name(HardwareFault, active["kind"])}
-    target = active["target"]
-    if is_of_axis(active["kind"]):
-        keys["axis"] = {1: "inner", 2: "outer"}.get(target, str(target))
-    elif has_direction(active["kind"]):
-        keys["direction"] = dict(enumerate(DIRECTIONS, 1)).get(target, str(target))
-    elif target and not is_of_aiding(active["kind"]):
-        keys["sensor"] = target
-    value = VALUES.get(active["kind"])  # type: ignore[call-overload]
-    if value is not None:
-        keys[value.key] = from_decimal(active["value"], active["exponent"])
+    kind, target = active["kind"], active["target"]
+    keys: FaultKeys = {"kind": _name(HardwareFault, kind)}
+    key = HardwareFault(kind).target if kind in set(HardwareFault) else None
+    if key is not None and key.names:
+        keys[key.key] = dict(enumerate(key.names, 1)).get(target, str(target))
+    elif key is not None and target:
+        keys[key.key] = target
+    parameter = _parameter_of(HardwareFault, kind)
+    if parameter is not None:
+        keys[parameter.key] = from_decimal(active["value"], active["exponent"])
     return keys
+
+
+def _parameter_of(kinds: type[NumberedKind], number: int) -> Parameter | None:
+    return kinds(number).parameter if number in set(kinds) else None
 
 
 def _name(table: type[IntEnum], raw: int) -> str:

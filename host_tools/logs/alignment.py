@@ -14,7 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rrins.compiled.record import Integers
-from rrins.host_tools.logs.comparison import BEFORE_SYNC, Comparison, Sent, joined, nothing_sent
+from rrins.host_tools.logs.comparison import (
+    BEFORE_SYNC,
+    Comparison,
+    Sent,
+    joined,
+    nothing_sent,
+    occurrences,
+)
 from rrins.host_tools.logs.epochs import EpochFinder, LogSteps
 from rrins.host_tools.logs.frame_steps import NO_EPOCH
 from rrins.host_tools.logs.reader import Log, Piece
@@ -69,13 +76,7 @@ class PendingFrames:
     def before_sync(self) -> Sent:
         """Return the frames before the first SYNC; the n-th frame of each message has key n."""
         found = joined(self._before)
-        identifiers = found.frames["can_id"].astype(np.int64)
-        order = np.argsort(identifiers, kind="stable")
-        ordered = identifiers[order]
-        begins = np.r_[True, ordered[1:] != ordered[:-1]] if len(ordered) else np.zeros(0, bool)
-        starts = np.maximum.accumulate(np.where(begins, np.arange(len(ordered)), 0))
-        turn = np.empty_like(identifiers)
-        turn[order] = np.arange(len(ordered)) - starts
+        turn = occurrences(found.frames["can_id"].astype(np.int64))
         return Sent(found.frames, BEFORE_SYNC + turn, found.epoch)
 
 

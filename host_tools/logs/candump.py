@@ -6,7 +6,7 @@ This is ten times faster than parsing line by line, and a damaged line loses onl
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Protocol
+from typing import IO
 
 import numpy as np
 
@@ -229,15 +229,14 @@ def _parse_lines(
     return at
 
 
-class ByteStream(Protocol):
-    """A source of bytes."""
-
-    def read(self, size: int, /) -> bytes:
-        """Return up to `size` bytes; none at the end."""
-
-
 class Candump:
     """Reads a candump log.
+
+    Parameters
+    ----------
+    stream : binary file
+    block : int
+        Bytes to read at once.
 
     Attributes
     ----------
@@ -247,8 +246,9 @@ class Candump:
         CAN FD frames, which are skipped.
     """
 
-    def __init__(self, stream: ByteStream) -> None:
+    def __init__(self, stream: IO[bytes], block: int = _BLOCK) -> None:
         self._stream = stream
+        self._block = min(block, _BLOCK)
         self._known = np.zeros((_CHANNELS, _CHANNEL_BYTES), dtype=np.uint8)
         self.bad_lines = 0
         self.fd_frames = 0
@@ -260,7 +260,7 @@ class Candump:
     def __iter__(self) -> Iterator[Block]:
         """Yield the frames, their times and their channel numbers in log order."""
         rest = self._stream.read(len(_BOM)).removeprefix(_BOM)
-        while block := self._stream.read(_BLOCK):
+        while block := self._stream.read(self._block):
             text = rest + block
             read, found = self._parse(text)
             rest = text[read:]

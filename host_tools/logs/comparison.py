@@ -302,11 +302,15 @@ def _identities(sent: Sent) -> Integers:
     """Return a number for each frame that encodes its key, its message and its occurrence."""
     identifiers = sent.frames["can_id"].astype(np.int64)
     base = (sent.key << _KEY_SHIFT) | (identifiers << _IDENTIFIER_SHIFT)
-    order = np.argsort(base, kind="stable")
-    ordered = base[order]
-    begins = np.r_[True, ordered[1:] != ordered[:-1]] if len(ordered) else np.zeros(0, bool)
-    starts = np.maximum.accumulate(np.where(begins, np.arange(len(ordered)), 0))
-    turn = np.minimum(np.arange(len(ordered)) - starts, _MOST_ALIKE)
-    found = np.empty_like(base)
-    found[order] = ordered + turn
+    return base + np.minimum(occurrences(base), _MOST_ALIKE)
+
+
+def occurrences(numbers: Integers) -> Integers:
+    """Return how often each number has occurred before."""
+    order = np.argsort(numbers, kind="stable")
+    ordered = numbers[order]
+    begins = np.diff(ordered, prepend=ordered[:1] - 1) != 0
+    found = np.empty_like(numbers)
+    places = np.arange(len(ordered))
+    found[order] = places - np.maximum.accumulate(np.where(begins, places, 0))
     return found

@@ -18,13 +18,13 @@ from rrins.dbc.codec import load
 from rrins.dbc.frame import ERR_FLAG, Frame, FrameArray, frame_array
 from rrins.host_tools.bus.guard import LARGEST_BATCH
 from rrins.host_tools.bus.interface import RrinsBus
+from rrins.host_tools.bus.message import messages_of
 from rrins.host_tools.bus.port import Address, open_bus
 from rrins.host_tools.errors import BusError
 from rrins.host_tools.logs.reader import Log, Piece
 from rrins.host_tools.logs.signals import did_you_mean, message_names
 from rrins.host_tools.logs.truth import hardware_identifiers
 from rrins.host_tools.recording.errors import RecordError
-from rrins.host_tools.recording.recorder import messages_of
 
 NAME = "replay"
 """Name of a replay on the embedded bus."""

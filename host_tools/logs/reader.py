@@ -6,6 +6,7 @@ import io
 import logging
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 from typing import IO, TYPE_CHECKING
 
@@ -13,20 +14,21 @@ import can
 import numpy as np
 
 from rrins.compiled.record import Bytes, Floats
-from rrins.dbc.frame import EFF_FLAG, ERR_FLAG, RTR_FLAG, FrameArray, frame_array
-from rrins.host_tools.logs.candump import ByteStream, Candump
+from rrins.dbc.frame import Frame, FrameArray, frame_array
+from rrins.host_tools.bus.message import identifier_of
+from rrins.host_tools.logs.candump import Candump
 from rrins.host_tools.logs.unpacking import Unpacked
+from rrins.host_tools.recording.blf import Run
 from rrins.host_tools.recording.errors import RecordError
 from rrins.host_tools.recording.formats import check_readable, ending_of, open_reader
-from rrins.host_tools.recording.frame_lines import NO_CHANNEL
-from rrins.host_tools.recording.mf4 import read_data_frames
 from rrins.host_tools.recording.note import Note, read_note
-from rrins.host_tools.recording.text_lines import BlockRead, Parsed, TextLines
+from rrins.host_tools.recording.text_lines import TextLines
 
 if TYPE_CHECKING:
     from can.typechecking import Channel
 
 _PIECE = 65_536
+_AT_ONCE = 64  # messages
 _LINE = 42  # bytes of a candump line
 _MOST_CHANNELS = 256
 _MOST_NAMED = 10  # channels in a message
@@ -135,7 +137,7 @@ class Log:
         Parameters
         ----------
         size : int
-            Approximate frames per piece; more for `.mf4`, where small pieces are slow.
+            Approximate frames per piece.
 
         Raises
         ------
@@ -195,9 +197,7 @@ class Log:
         stream: IO[bytes] = raw if unpacked is None else io.BufferedReader(unpacked)
         try:
             if ending == ".log":
-                yield from self._candump(path, _LimitedStream(stream, size * _LINE))
-            elif ending == ".mf4":
-                yield from self._mf4(path, raw, size)
+                yield from self._candump(path, Candump(stream, size * _LINE))
             else:
                 yield from self._by_message(path, stream, unpacked, size)
         except Exception:  # how readers report truncated content
@@ -206,8 +206,7 @@ class Log:
         if unpacked is not None and unpacked.failure is not None:
             self._add_damage(path, f"is cut off after {self._read} frames, {unpacked.failure}")
 
-    def _candump(self, path: Path, stream: ByteStream) -> Iterator[_Block]:
-        candump = Candump(stream)
+    def _candump(self, path: Path, candump: Candump) -> Iterator[_Block]:
         try:
             for block in candump:
                 yield _Block(*block, candump.channel)
@@ -220,15 +219,6 @@ class Log:
             lines = "1 line is not a frame" if count == 1 else f"{count} lines are not frames"
             self._add_damage(path, f"{lines}; skipped")
 
-    def _mf4(self, path: Path, raw: IO[bytes], size: int) -> Iterator[_Block]:
-        has_read = False
-        for frames, time_s, channels, passed_over in read_data_frames(path, _PIECE):
-            has_read = True
-            self.passed_over += passed_over
-            yield _Block(frames, time_s, channels, str)
-        if not has_read:
-            yield from self._by_message(path, raw, None, size)
-
     def _by_message(
         self, path: Path, stream: IO[bytes], unpacked: Unpacked | None, size: int
     ) -> Iterator[_Block]:
@@ -238,11 +228,8 @@ class Log:
         damaged = 0
         messages = _Messages(reader, lines)
         for message in messages:
-            collector.take(lines)
-            if message is None:
-                pass
-            elif isinstance(message, Parsed):
-                collector.add_parsed(message)
+            if isinstance(message, Run):
+                collector.add_run(message)
             elif message.is_fd or message.dlc == len(message.data) > _PAYLOAD:
                 self.passed_over += 1
             elif min(message.dlc, _PAYLOAD) != len(message.data) and not message.is_remote_frame:
@@ -251,7 +238,6 @@ class Log:
                 collector.add(message)
             if len(collector) >= size:
                 yield collector.block()
-        collector.take(lines)
         yield collector.block()
         if damaged:
             self._add_damage(
@@ -275,18 +261,6 @@ class Log:
             self._add_damage(path, f"was not closed; it ends after {self._read} frames")
 
 
-class _LimitedStream:
-    """A stream that limits the bytes returned per read."""
-
-    def __init__(self, stream: IO[bytes], most: int) -> None:
-        self._stream = stream
-        self._most = most
-
-    def read(self, size: int) -> bytes:
-        """Read up to the limit."""
-        return self._stream.read(min(size, self._most))
-
-
 class _Messages:
     """Messages from python-can's reader, resumed after unreadable lines of text logs.
 
@@ -296,7 +270,7 @@ class _Messages:
         Why reading stopped early.
     """
 
-    def __init__(self, reader: Iterable[can.Message | Parsed], lines: TextLines | None) -> None:
+    def __init__(self, reader: Iterable[can.Message | Run], lines: TextLines | None) -> None:
         self._reader = reader
         self._lines = lines
         self._warnings = _WarningCounter()
@@ -310,22 +284,17 @@ class _Messages:
             return self._warnings.count
         return self._lines.bad_lines + self._lines.frames - self._count
 
-    def __iter__(self) -> Iterator[can.Message | Parsed | None]:
-        """Yield the messages, and None where only lines that needed no reader have been read."""
+    def __iter__(self) -> Iterator[can.Message | Run]:
         messages = iter(self._reader)
         first: Exception | None = None
         failed_at = 0
         while True:
-            try:
-                with self._warnings:
-                    message = next(messages, None)
-            except BlockRead:
-                assert self._lines is not None
-                self._lines.begin_again()
-                messages = iter(self._reader)
-                yield None
-                continue
-            except Exception as error:  # noqa: BLE001 - third-party readers on arbitrary bytes
+            some, error = self._next_of(messages)
+            self._count += len(some)
+            yield from some
+            if error is None and len(some) < _AT_ONCE:
+                break
+            if error is not None:
                 first = first or error
                 if self._lines is None or self._lines.frames == failed_at:  # not due to a line
                     self.failure = error
@@ -333,13 +302,21 @@ class _Messages:
                 failed_at = self._lines.frames
                 self._lines.begin_again()
                 messages = iter(self._reader)
-                continue
-            if message is None:
-                break
-            self._count += 1
-            yield message
-        if not self._count and not (self._lines is not None and self._lines.parsed):
+        if not self._count:
             self.failure = first
+
+    def _next_of(
+        self, messages: Iterator[can.Message | Run]
+    ) -> tuple[list[can.Message | Run], Exception | None]:
+        """Return the next messages, and why there are no more."""
+        some: list[can.Message | Run] = []
+        try:
+            with self._warnings:
+                for message in islice(messages, _AT_ONCE):
+                    some.append(message)  # noqa: PERF402 - keeps those before an error
+        except Exception as error:  # noqa: BLE001 - third-party readers on arbitrary bytes
+            return some, error
+        return some, None
 
 
 class _WarningCounter(logging.Handler):
@@ -377,34 +354,19 @@ class _FrameCollector:
         self._numbers: dict[str, int] = {}
         self._done: list[tuple[FrameArray, Floats, Bytes]] = []
         self._done_frames = 0
-        self._clear()
+        self._rows: list[tuple[int, int, int, float, int]] = []
 
     def __len__(self) -> int:
-        return self._done_frames + len(self._words)
-
-    def _clear(self) -> None:
-        self._identifiers: list[int] = []
-        self._lengths: list[int] = []
-        self._times_s: list[float] = []
-        self._channels: list[int] = []
-        self._words: list[int] = []
+        return self._done_frames + len(self._rows)
 
     def add(self, message: can.Message) -> None:
         """Add a classic message."""
-        identifier = message.arbitration_id
-        length = len(message.data)
-        if message.is_extended_id or message.is_remote_frame or message.is_error_frame:
-            identifier |= EFF_FLAG if message.is_extended_id else 0
-            if message.is_remote_frame:
-                identifier |= RTR_FLAG
-                length = message.dlc
-            if message.is_error_frame:
-                identifier |= ERR_FLAG
-        self._identifiers.append(identifier)
-        self._lengths.append(min(length, _PAYLOAD))
-        self._times_s.append(message.timestamp)
-        self._channels.append(self._number_of(message.channel))
-        self._words.append(int.from_bytes(message.data, "little"))
+        length = message.dlc if message.is_remote_frame else len(message.data)
+        word = int.from_bytes(message.data, "little")
+        channel = self._number_of(message.channel)
+        self._rows.append(
+            (identifier_of(message), min(length, _PAYLOAD), word, message.timestamp, channel)
+        )
 
     def _number_of(self, channel: Channel | None) -> int:
         if channel is None:
@@ -423,46 +385,35 @@ class _FrameCollector:
         names = [*self._numbers, *[""] * (number + 1 - len(self._numbers))]
         return names[number]
 
-    def take(self, lines: TextLines | None) -> None:
-        """Add the frames that came before the message at hand and needed no reader."""
-        parsed = None if lines is None else lines.take()
-        if parsed is not None:
-            self.add_parsed(parsed)
-
-    def add_parsed(self, parsed: Parsed) -> None:
-        """Add frames that needed no reader."""
+    def add_run(self, run: Run) -> None:
+        """Add frames that are arrays already."""
         self._finish_messages()
-        places = parsed.channels - NO_CHANNEL
-        numbers = np.zeros(int(places.max()) + 1, dtype=np.uint8)
-        for place in np.flatnonzero(np.bincount(places)).tolist():
-            number = place + NO_CHANNEL
-            numbers[place] = self._number_of_name("" if number == NO_CHANNEL else str(number))
-        self._done.append((parsed.frames, parsed.time_s, numbers[places]))
-        self._done_frames += len(parsed.frames)
+        numbers = np.zeros(int(run.channels.max()) + 1, dtype=np.uint8)
+        for channel in np.flatnonzero(np.bincount(run.channels)).tolist():
+            numbers[channel] = self._number_of_name(str(channel))
+        self._add(run.frames, run.time_s, numbers[run.channels])
 
     def _finish_messages(self) -> None:
         """Turn the messages so far into arrays."""
-        if not self._words:
+        if not self._rows:
             return
-        frames = frame_array(len(self._words))
-        frames["can_id"] = self._identifiers
-        frames["length"] = self._lengths
-        frames["data"] = self._words
-        times_s = np.array(self._times_s, dtype=np.float64)
-        self._done.append((frames, times_s, np.array(self._channels, dtype=np.uint8)))
+        frames = frame_array(len(self._rows))
+        frames["can_id"], frames["length"], frames["data"], times_s, channels = zip(
+            *self._rows, strict=True
+        )
+        self._rows.clear()
+        self._add(frames, np.array(times_s), np.array(channels, dtype=np.uint8))
+
+    def _add(self, frames: FrameArray, time_s: Floats, channels: Bytes) -> None:
+        self._done.append((frames, time_s, channels))
         self._done_frames += len(frames)
-        self._clear()
 
     def block(self) -> _Block:
         """Return the collected frames and start over."""
         self._finish_messages()
-        done, count = self._done, self._done_frames
+        done = self._done or [(frame_array(0), np.zeros(0), np.zeros(0, dtype=np.uint8))]
         self._done, self._done_frames = [], 0
-        frames, times_s, channels = frame_array(count), np.zeros(count), np.zeros(count, np.uint8)
-        at = 0
-        for some_frames, some_times_s, some_channels in done:
-            end = at + len(some_frames)
-            frames[at:end], times_s[at:end] = some_frames, some_times_s
-            channels[at:end] = some_channels
-            at = end
-        return _Block(frames, times_s, channels, self._name_of)
+        frames, times_s, channels = zip(*done, strict=True)
+        return _Block(
+            Frame.joined(frames), np.concatenate(times_s), np.concatenate(channels), self._name_of
+        )

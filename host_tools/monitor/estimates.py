@@ -44,12 +44,12 @@ class Estimates:
 
     def note(self, state: BusState) -> None:
         """Keep what the last messages say."""
-        if _heard(state, _SOURCE):
+        if state.has_values(_SOURCE):
             used, rejected = (int(state.value(_SOURCE, name) or 0) for name in ("used", "rejected"))
             nis = state.value(_SOURCE, "nis") or 0.0
             self._sources[int(state.value(_SOURCE, "source") or 0)] = used, rejected, nis
         for _, message, _, _ in _SENSORS:
-            if _heard(state, message):
+            if state.has_values(message):
                 sensor = int(state.value(message, "sensor") or 0)
                 bias, sigma = (state.value(message, name) or 0.0 for name in ("bias", "bias_sigma"))
                 self._biases[message, sensor] = bias, sigma
@@ -61,11 +61,11 @@ class Estimates:
         so far.
         """
         self.note(state)
-        if not _heard(state, _STATUS):
+        if not state.has_values(_STATUS):
             return None
         sigma = {}
         for what, message, _, _ in _SIGMAS:
-            if _heard(state, message):
+            if state.has_values(message):
                 sides = ("east", "north", "up")
                 sigma[_KEYS[what]] = [state.value(message, f"{side}_sigma") for side in sides]
         sensors: JsonObject = {}
@@ -99,7 +99,7 @@ class Estimates:
         """Return the page; `level` is the time span of its plots."""
         self.note(state)
         lines = ["ESTIMATOR"]
-        if not _heard(state, _STATUS):
+        if not state.has_values(_STATUS):
             lines.append("  The firmware does not report any: it runs none, or not yet.")
             return "\n".join(clipped(line, width) for line in lines)
         status = state.message(_STATUS)
@@ -128,17 +128,13 @@ class Estimates:
                     yield f"  {f'{name} {sensor}':<16}{form.format(bias)} ± {spread} {unit}"
 
 
-def _heard(state: BusState, name: str) -> bool:
-    return state.message(name) is not None and state.value(name, "crc") is not None
-
-
 def _words(name: str) -> str:
     return name.lower().replace("_", " ").replace("gnss", "GNSS")
 
 
 def _sigma_lines(state: BusState) -> Iterator[str]:
     for what, message, unit, form in _SIGMAS:
-        if _heard(state, message):
+        if state.has_values(message):
             parts = (
                 f"{side} {form.format(state.value(message, f'{side}_sigma') or 0.0)}{unit}"
                 for side in ("east", "north", "up")
@@ -148,7 +144,7 @@ def _sigma_lines(state: BusState) -> Iterator[str]:
 
 def _receiver_lines(state: BusState) -> Iterator[str]:
     """Yield whether fixes and distances come, and how often they stopped."""
-    if not _heard(state, _AIDING):
+    if not state.has_values(_AIDING):
         return
     for source in ("gnss", "odometer"):
         there = state.text(_AIDING, source) or NOTHING
@@ -168,7 +164,7 @@ def _receiver_lines(state: BusState) -> Iterator[str]:
 
 def _aiding(state: BusState) -> JsonObject | None:
     """Return which sources come, by AIDING_STATUS; None without one."""
-    if not _heard(state, _AIDING):
+    if not state.has_values(_AIDING):
         return None
     found: JsonObject = {}
     for source in ("gnss", "odometer", "altimeter"):

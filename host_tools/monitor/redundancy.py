@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from rrins.host_tools.monitor.how_found import FOUND_BY
 from rrins.host_tools.monitor.plot import plot
 from rrins.host_tools.monitor.state import BusState
 from rrins.host_tools.monitor.wording import NOTHING, age_words, clipped
+from rrins.host_tools.monitor.words import FOUND_BY, drift_words, extent_words
 
 MESSAGES = {"gyros": "GYRO_REDUNDANCY", "accelerometers": "ACCELEROMETER_REDUNDANCY"}
 """Message of each kind of sensors."""
@@ -64,7 +64,7 @@ def redundancy_of(state: BusState, kind: str) -> RedundancyVitals | None:
     """Return what was last reported of a kind, `gyros` or `accelerometers`; None for nothing."""
     name = MESSAGES[kind]
     message = state.message(name)
-    if message is None or state.value(name, "crc") is None:
+    if message is None or not state.has_values(name):
         return None
 
     def number(signal: str) -> int:
@@ -91,7 +91,7 @@ def redundancy_of(state: BusState, kind: str) -> RedundancyVitals | None:
 
 def readmission_of(state: BusState) -> ReadmissionVitals | None:
     """Return what has become of the last order to readmit a sensor; None without one."""
-    if state.message(READMISSION) is None or state.value(READMISSION, "crc") is None:
+    if not state.has_values(READMISSION):
         return None
 
     def number(signal: str) -> float:
@@ -126,15 +126,6 @@ def redundancy_troubles(kinds: dict[str, RedundancyVitals | None]) -> Iterator[s
             yield drift_words(one, found.drift)
 
 
-def drift_words(one: str, size: str) -> str:
-    """Return that a calibration has drifted, by a size of the DBC, in words."""
-    return f"{one} calibration drifted: {_extent(size)}, if it is one {one}"
-
-
-def _extent(size: str) -> str:
-    return size.lower().replace("_", " ")
-
-
 def _how(found: RedundancyVitals) -> str:
     """Return how the sensor was found that was left out last."""
     how = found.how or NOTHING
@@ -163,7 +154,7 @@ def _kind_words(found: RedundancyVitals) -> str:
     if found.alarm:
         words += "  ALARM"
     if found.drift:
-        words += f"  calibration DRIFTED {_extent(found.drift)}"
+        words += f"  calibration DRIFTED {extent_words(found.drift)}"
     if found.repairing:
         words += "  repairing the navigation"
     if found.is_silent:
@@ -213,7 +204,7 @@ def _details(found: RedundancyVitals) -> Iterator[str]:
     against = "encoders, Earth rate and gravity, too" if found.standing else "the others only"
     yield f"  compared with     {against}"
     if found.drift:
-        yield f"  calibration       DRIFTED: {_extent(found.drift)}, if it is one sensor"
+        yield f"  calibration       DRIFTED: {extent_words(found.drift)}, if it is one sensor"
     if found.repairing:
         yield "  the navigation is being repaired from before the fault"
     if found.is_silent:

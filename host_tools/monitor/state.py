@@ -316,6 +316,10 @@ class BusState:
         """Return a message of the DBC; None if it was not seen on the bus."""
         return self._by_name.get(name)
 
+    def has_values(self, name: str) -> bool:
+        """Return whether a sound frame of a message of the DBC was on the bus."""
+        return name in self._by_name and self.value(name, "crc") is not None
+
     def description(self, message: MessageState) -> str:
         """Return sender and receivers of a message; the payload length if not in the DBC."""
         if message.name is None:

@@ -8,7 +8,8 @@ from rrins.host_tools.monitor.redundancy import redundancy_troubles
 from rrins.host_tools.monitor.state import BusState, MessageState
 from rrins.host_tools.monitor.vitals import AXES, Vitals
 from rrins.host_tools.monitor.wording import age_words, rate_words
-from rrins.host_tools.wire.faults import FaultKind
+from rrins.host_tools.monitor.words import WITHOUT_ENCODER, abandoned_words
+from rrins.host_tools.wire.fault_kinds import FaultKind
 
 HIGH_LOAD = 0.8
 """Fraction of the bus time, or of the firmware's period, above which load is a trouble."""
@@ -30,11 +31,6 @@ _EVENTS = (  # not periodic, so never silent
     "BRIDGING",
 )
 _TABLE = "TABLE_STATUS"
-_WITHOUT_ENCODER = {
-    "CORRECTED": "its angle is corrected",
-    "GYROS": "the gyros' angle is used",
-    "COMMAND": "the commanded angle is used",
-}
 _NAVIGATION_PREFIX = "NAV_"  # sent in navigation only
 _SENSOR_PREFIX = "SENSOR_"
 _DIAGNOSIS = (0x7DF, *range(0x7E0, 0x7F0))  # ISO 15765-4, identifiers of diagnostic requests
@@ -89,10 +85,10 @@ def _axis_troubles(vitals: Vitals) -> Iterator[str]:
 def _encoder_troubles(state: BusState) -> Iterator[str]:
     for name in AXES:
         source = state.text(_TABLE, f"axis_{name}_source")
-        if source in _WITHOUT_ENCODER:
-            yield f"the {name} encoder contradicts the gyros: {_WITHOUT_ENCODER[source]}"
+        if source in WITHOUT_ENCODER:
+            yield f"the {name} encoder contradicts the gyros: {WITHOUT_ENCODER[source]}"
         if state.text(_TABLE, f"axis_{name}_abandoned") == "1":
-            yield f"the {name} axis did not follow in any try: rotation abandoned"
+            yield abandoned_words(name)
 
 
 def _sensor_troubles(state: BusState, vitals: Vitals) -> Iterator[str]:

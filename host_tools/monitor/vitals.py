@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import asdict, dataclass
+from typing import Any, get_type_hints
 
 from rrins.host_tools.files import JsonObject
 from rrins.host_tools.monitor.redundancy import (
@@ -102,48 +104,41 @@ def vitals_of(state: BusState) -> Vitals:
     )
 
 
-def _number(state: BusState, message: str, signal: str) -> float:
-    value = state.value(message, signal)
-    assert value is not None, f"{message} was on the bus"
-    return value
-
-
-def _has_values(state: BusState, message: str) -> bool:
-    return state.message(message) is not None and state.value(message, "crc") is not None
-
-
 def _is_silent(state: BusState, message: str) -> bool:
     found = state.message(message)
     return found is not None and found.is_silent
 
 
+def _signal(state: BusState, message: str, name: str, kind: Callable[[Any], Any] = float) -> Any:
+    """Return the value of a signal that was on the bus, or its name for `str`."""
+    value = state.text(message, name) if kind is str else state.value(message, name)
+    assert value is not None, f"{message} was on the bus"
+    return kind(value)
+
+
+_FIRMWARE = get_type_hints(FirmwareVitals)
+"""Type of each signal of FIRMWARE_STATUS, and of age and silence."""
+
+
 def _firmware(state: BusState) -> FirmwareVitals | None:
     message = state.message(STATUS)
-    if message is None or not _has_values(state, STATUS):
+    if message is None or not state.has_values(STATUS):
         return None
-    return FirmwareVitals(
-        mode=state.text(STATUS, "mode") or "",
-        fault=state.text(STATUS, "fault") or "",
-        scheme_position=int(_number(state, STATUS, "scheme_position")),
-        scheme_cycle=int(_number(state, STATUS, "scheme_cycle")),
-        usable_sensors=int(_number(state, STATUS, "usable_sensors")),
-        load_percent=_number(state, STATUS, "load_percent"),
-        sync_lost=bool(_number(state, STATUS, "sync_lost")),
-        clock_error_ppm=_number(state, STATUS, "clock_error_ppm"),
-        age_s=message.age_s,
-        is_silent=message.is_silent,
-    )
+    values: dict[str, Any] = {"age_s": message.age_s, "is_silent": message.is_silent}
+    signals = _FIRMWARE.keys() - values.keys()
+    values |= {name: _signal(state, STATUS, name, _FIRMWARE[name]) for name in signals}
+    return FirmwareVitals(**values)
 
 
 def _axis(state: BusState, axis: str) -> AxisVitals | None:
     name = f"AXIS_{axis.upper()}_STATUS"
-    if not _has_values(state, name):
+    if not state.has_values(name):
         return None
     lags = state.value(STATUS, f"axis_{axis}_not_following")
     return AxisVitals(
-        state=state.text(name, "state") or "",
-        angle_deg=_number(state, name, "encoder_angle_deg"),
-        rate_dps=_number(state, name, "encoder_rate_dps"),
+        state=_signal(state, name, "state", str),
+        angle_deg=_signal(state, name, "encoder_angle_deg"),
+        rate_dps=_signal(state, name, "encoder_rate_dps"),
         follows=None if lags is None else not lags,
         is_silent=_is_silent(state, name),
     )
@@ -164,18 +159,18 @@ _NAVIGATION = {
 
 def _navigation(state: BusState) -> NavigationVitals | None:
     messages = set(_NAVIGATION.values())
-    if not all(_has_values(state, message) for message in messages):
+    if not all(state.has_values(message) for message in messages):
         return None
-    values = {signal: _number(state, message, signal) for signal, message in _NAVIGATION.items()}
+    values = {signal: _signal(state, message, signal) for signal, message in _NAVIGATION.items()}
     return NavigationVitals(
         **values, is_silent=any(_is_silent(state, message) for message in messages)
     )
 
 
 def _counters(state: BusState) -> dict[str, Counter] | None:
-    if not _has_values(state, FAULTS):
+    if not state.has_values(FAULTS):
         return None
     return {
-        name: Counter(int(_number(state, FAULTS, name)), round(state.growth(FAULTS, name)))
+        name: Counter(_signal(state, FAULTS, name, int), round(state.growth(FAULTS, name)))
         for name in COUNTERS
     }

@@ -1,16 +1,11 @@
-"""Finds impossible samples in a recorded motion and drops them or refuses the file."""
+"""Drops samples that a recorded motion can do without, or refuses the file."""
 
 from __future__ import annotations
 
-from bisect import bisect_left
-from itertools import pairwise
-
 import numpy as np
-from numpy.typing import NDArray
 
-from rrins.compiled.record import Floats
 from rrins.host_tools.motion.errors import MotionError
-from rrins.host_tools.motion.jumps import find_jumps
+from rrins.host_tools.motion.jumps import drop_jumps
 from rrins.host_tools.motion.recording import Irregularity, Recording
 from rrins.host_tools.scenario.motion import Motion
 
@@ -19,94 +14,47 @@ LEAST_SPAN_S = 2.0
 LONGEST_SPAN_S = 43_200.0
 LONGEST_GAP_S = 600.0
 LONGEST_INTERVAL_S = 10.0
-_STRAY = 5  # samples: at most this many beyond a gap count as a clock error
 _LEAST_SHARE = 1 / 3  # share of the lines that must be usable
-
-
-def _increasing(times: Floats) -> NDArray[np.bool_]:
-    """Return which samples to keep so that times increase and as few as possible are lost.
-
-    The longest strictly increasing subsequence, by patience sorting.
-    """
-    if (np.diff(times) > 0).all():
-        return np.ones(len(times), dtype=bool)
-    ends: list[float] = []  # the smallest final time of a subsequence of each length
-    samples: list[int] = []
-    before = np.full(len(times), -1)
-    for k, time in enumerate(times.tolist()):
-        at = bisect_left(ends, time)
-        if at > 0:
-            before[k] = samples[at - 1]
-        if at == len(ends):
-            ends.append(time)
-            samples.append(k)
-        elif time < ends[at]:
-            ends[at], samples[at] = time, k
-    kept = np.zeros(len(times), dtype=bool)
-    k = samples[-1]
-    while k >= 0:
-        kept[k] = True
-        k = int(before[k])
-    return kept
-
-
-def _order(recording: Recording) -> None:
-    """Drop lines whose time does not increase."""
-    times, lines = recording.time_s, recording.line
-    kept = _increasing(times)
-    places = np.flatnonzero(kept)
-    for k in np.flatnonzero(~kept).tolist():
-        at = int(np.searchsorted(places, k))
-        around = places[max(at - 1, 0) : at + 1]
-        if (times[around] == times[k]).any():
-            recording.report(k, "repeated_time", "duplicate time")
-        elif at and times[k] < times[around[0]]:
-            text = f"{times[around[0]] - times[k]:.6g} s before that of line {lines[around[0]]}"
-            recording.report(k, "backward_time", f"time is {text}")
-        else:
-            text = f"{times[k] - times[around[-1]]:.6g} s after that of line {lines[around[-1]]}"
-            recording.report(k, "backward_time", f"time is {text}")
-    recording.keep(kept)
 
 
 def _cut(recording: Recording, duration_s: float) -> None:
     """Keep only the beginning of the file; what comes after it neither counts nor is reported."""
-    kept = recording.time_s <= recording.time_s[0] + duration_s
-    if kept.all():
+    within = np.flatnonzero(recording.time_s <= recording.time_s[0] + duration_s)
+    count = int(within[-1]) + 1
+    if count == len(recording):
         return
-    after = int(recording.line[~kept].min())
+    after = int(recording.line[count])
     beyond = {i.line for i in recording.irregularities if i.line >= after}
     beyond.difference_update(recording.line.tolist())  # only their velocity or attitude is bad
-    recording.lines -= len(beyond) + int((~kept).sum())
+    recording.lines -= len(beyond) + len(recording) - count
     recording.irregularities[:] = [i for i in recording.irregularities if i.line < after]
-    recording.keep(kept)
+    recording.keep(np.arange(len(recording)) < count)
 
 
-def _stray(recording: Recording) -> None:
-    """Drop the few stray samples beyond a gap too long to bridge, or give up."""
-    long = np.flatnonzero(np.diff(recording.time_s) > LONGEST_GAP_S)
-    if not len(long):
-        return
-    count = len(recording)
-    bounds = [0, *(long + 1), count]
-    first, last = max(pairwise(bounds), key=lambda run: run[1] - run[0])
-    if count - (last - first) > _STRAY:
-        at = int(long[0])
-        gap = recording.time_s[at + 1] - recording.time_s[at]
+def _order(recording: Recording) -> None:
+    """Drop lines with the time of the line before; raise if a time goes back."""
+    steps = np.diff(recording.time_s, prepend=-np.inf)
+    for k in np.flatnonzero(steps < 0).tolist():
         raise recording.fail(
-            f"gap of {gap:.6g} s, longer than the {LONGEST_GAP_S:g} s that can be bridged",
-            int(recording.line[at + 1]),
+            f"time is {-steps[k]:.6g} s before that of line {recording.line[k - 1]}; "
+            "correct or delete the wrong one of the two, or sort the lines",
+            int(recording.line[k]),
         )
-    kept = np.zeros(count, dtype=bool)
-    kept[first:last] = True
-    for k in np.flatnonzero(~kept).tolist():
-        recording.report(k, "gap", f"time is more than {LONGEST_GAP_S:g} s away from the others")
-    recording.keep(kept)
+    for k in np.flatnonzero(steps == 0).tolist():
+        recording.report(k, "repeated_time", "duplicate time")
+    recording.keep(steps > 0)
 
 
 def _gaps(recording: Recording, interval_s: float) -> None:
-    """Report where samples are missing, unless dropped lines explain it."""
+    """Report where samples are missing, unless dropped lines explain it; raise if for too long."""
     times = recording.time_s
+    longest = int(np.argmax(np.diff(times)))
+    if times[longest + 1] - times[longest] > LONGEST_GAP_S:
+        raise recording.fail(
+            f"gap of {times[longest + 1] - times[longest]:.6g} s, longer than the "
+            f"{LONGEST_GAP_S:g} s that can be bridged; delete the lines on one side of it",
+            int(recording.line[longest + 1]),
+        )
     reported = np.unique([irregular.line for irregular in recording.irregularities])
     for k in np.flatnonzero(np.diff(times) > 1.5 * interval_s).tolist():
         gap = times[k + 1] - times[k]
@@ -147,7 +95,9 @@ def interval_of(recording: Recording) -> float:
 
 
 def mend(recording: Recording, motion: Motion) -> None:
-    """Drop impossible samples; report each in `Recording.irregularities`, in line order.
+    """Drop repeated times and positions that are off for a while.
+
+    Each is reported in `Recording.irregularities`, in line order.
 
     Parameters
     ----------
@@ -159,16 +109,15 @@ def mend(recording: Recording, motion: Motion) -> None:
     Raises
     ------
     MotionError
-        If the remainder is not a motion.
+        If times go back, positions jump for good, a gap is too long, or too little is left.
     """
     if len(recording):
-        _order(recording)
         if motion.duration_s is not None:
             _cut(recording, motion.duration_s)
-        _stray(recording)
+        _order(recording)
     _check_size(recording)
     _gaps(recording, interval_of(recording))
-    find_jumps(recording, motion.speed_limit_mps)
+    drop_jumps(recording, motion.speed_limit_mps)
     _check_size(recording)
     recording.irregularities.sort(key=lambda irregular: irregular.line)
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -17,9 +18,6 @@ from rrins.host_tools.motion.recording import Recording
 from rrins.host_tools.motion.smoothing import Smoothed
 from rrins.host_tools.motion.trajectory import ATTITUDE, PLACE, VELOCITY_N, Trajectory
 
-_DrawPanel = Callable[[Axes, Floats, Floats], None]
-
-_FIRST, _SECOND, _THIRD = LINES[:3]
 _POINTS = 5000
 _SINCE_MOTION = "time since the motion began / s"
 _PREFIXES = ((0.2, 1.0, ""), (2e-4, 1e3, "m"), (0.0, 1e6, "µ"))
@@ -41,7 +39,7 @@ def _over_ground(state: Floats) -> Floats:
 def _track(axes: Axes, ground: Floats) -> None:
     factor, unit = (1e-3, "km") if np.ptp(ground[:, :2], axis=0).max() > 3000 else (1.0, "m")
     east, north = ground[:, 0] * factor, ground[:, 1] * factor
-    axes.plot(east, north, color=_FIRST["color"], linewidth=1.0)
+    axes.plot(east, north, color=LINES[0]["color"], linewidth=1.0)
     axes.plot(east[:1], north[:1], "o", color="black", markersize=6, label="begin")
     axes.plot(
         east[-1:],
@@ -59,38 +57,34 @@ def _track(axes: Axes, ground: Floats) -> None:
     axes.legend(loc="best", frameon=False, fontsize="small")
 
 
-def _speed(axes: Axes, times: Floats, state: Floats) -> None:
-    axes.plot(times, np.linalg.norm(state[:, VELOCITY_N], axis=1), **_FIRST)
-    finish(axes, quantity("speed", "m/s"))
+@dataclass(frozen=True)
+class _Panel:
+    """What a panel shows: its quantity and unit, its lines' values in columns, their names."""
+
+    what: str
+    unit: str
+    values: Callable[[Floats], Floats]
+    names: tuple[str | None, ...] = (None,)
+
+    def draw(self, axes: Axes, times: Floats, state: Floats) -> None:
+        for name, column, style in zip(self.names, self.values(state).T, LINES, strict=False):
+            axes.plot(times, column, label=name, **style)
+        finish(axes, quantity(self.what, self.unit))
+        if len(self.names) > 1:
+            _legend(axes, len(self.names))
 
 
-def _height(axes: Axes, times: Floats, state: Floats) -> None:
-    axes.plot(times, state[:, PLACE][:, 2], **_FIRST)
-    finish(axes, quantity("height", "m"))
-
-
-def _roll_and_pitch(axes: Axes, times: Floats, state: Floats) -> None:
-    angles = np.degrees(state[:, ATTITUDE])
-    axes.plot(times, angles[:, 1], label="pitch", **_FIRST)
-    axes.plot(times, angles[:, 0], label="roll", **_SECOND)
-    finish(axes, quantity("roll, pitch", "°"))
-    _legend(axes, 2)
-
-
-def _heading(axes: Axes, times: Floats, state: Floats) -> None:
-    axes.plot(times, np.degrees(state[:, ATTITUDE][:, 2]), **_FIRST)
-    finish(axes, quantity("heading", "°"))
-
-
-def _offsets(axes: Axes, times: Floats, state: Floats) -> None:
-    ground = _over_ground(state)
-    for column, name, style in zip(ground.T, ("east", "north", "up"), _STYLES, strict=True):
-        axes.plot(times, column, label=name, **style)
-    finish(axes, quantity("from calm water", "m"))
-    _legend(axes, 3)
-
-
-_STYLES = (_FIRST, _SECOND, _THIRD)
+_AXES = ("east", "north", "up")
+_ANGLES = (
+    _Panel("roll, pitch", "°", lambda s: np.degrees(s[:, ATTITUDE][:, 1::-1]), ("pitch", "roll")),
+    _Panel("heading", "°", lambda s: np.degrees(s[:, ATTITUDE][:, 2:])),
+)
+_DRIVE = (
+    _Panel("speed", "m/s", lambda s: np.linalg.norm(s[:, VELOCITY_N], axis=1)[:, None]),
+    _Panel("height", "m", lambda s: s[:, PLACE][:, 2:]),
+    *_ANGLES,
+)
+_SWAY = (_Panel("from calm water", "m", _over_ground, _AXES), *_ANGLES)
 
 
 def _sampled(trajectory: Trajectory, end_s: float) -> tuple[Floats, Floats]:
@@ -98,15 +92,13 @@ def _sampled(trajectory: Trajectory, end_s: float) -> tuple[Floats, Floats]:
     return times, trajectory.at(times)
 
 
-def _draw_panels(
-    trajectory: Trajectory, end_s: float, title: str, draw: Sequence[_DrawPanel]
-) -> Figure:
+def _draw_sway(trajectory: Trajectory, end_s: float, title: str) -> Figure:
     times, state = _sampled(trajectory, end_s)
-    figure = new_figure(9.0, 1.9 * len(draw))
+    figure = new_figure(9.0, 1.9 * len(_SWAY))
     give_title(figure, title)
-    panels = figure.subplots(len(draw), 1, sharex=True)
-    for axes, draw_panel in zip(panels, draw, strict=True):
-        draw_panel(axes, times, state)
+    panels = figure.subplots(len(_SWAY), 1, sharex=True)
+    for axes, panel in zip(panels, _SWAY, strict=True):
+        panel.draw(axes, times, state)
     panels[-1].set_xlabel(_SINCE_MOTION)
     figure.align_ylabels()
     return figure
@@ -115,20 +107,19 @@ def _draw_panels(
 def draw_motion(trajectory: Trajectory, title: str) -> Figure:
     """Plot track, speed, height and attitude over time; for sway, the first five minutes."""
     if trajectory.loop_from is not None:
-        end_s = min(trajectory.duration_s, 300.0)
-        return _draw_panels(trajectory, end_s, title, (_offsets, _roll_and_pitch, _heading))
+        return _draw_sway(trajectory, min(trajectory.duration_s, 300.0), title)
     times, state = _sampled(trajectory, trajectory.duration_s)
     figure = new_figure(11.0, 7.0)
     give_title(figure, title)
     grid = figure.add_gridspec(4, 2, width_ratios=(4, 6))
     _track(figure.add_subplot(grid[:, 0]), _over_ground(state))
-    panel = None
-    for k, draw in enumerate((_speed, _height, _roll_and_pitch, _heading)):
-        panel = figure.add_subplot(grid[k, 1], sharex=panel)
-        draw(panel, times, state)
-        panel.tick_params(labelbottom=k == 3)
-    assert panel is not None
-    panel.set_xlabel(_SINCE_MOTION)
+    axes = None
+    for k, panel in enumerate(_DRIVE):
+        axes = figure.add_subplot(grid[k, 1], sharex=axes)
+        panel.draw(axes, times, state)
+        axes.tick_params(labelbottom=k == 3)
+    assert axes is not None
+    axes.set_xlabel(_SINCE_MOTION)
     return figure
 
 
@@ -141,17 +132,16 @@ def draw_check(recording: Recording, smoothed: Smoothed) -> Figure:
     grid = figure.add_gridspec(6, 2, width_ratios=(4, 6))
     _track(figure.add_subplot(grid[:, 0]), _over_ground(state))
     panels = [figure.add_subplot(grid[k, 1]) for k in range(6)]
-    for axes, draw in zip(panels, (_speed, _height, _roll_and_pitch, _heading), strict=False):
-        draw(axes, times, state)
+    for axes, panel in zip(panels, _DRIVE, strict=False):
+        panel.draw(axes, times, state)
     speed, position, velocity = panels[0], panels[4], panels[5]
-    names = ("east", "north", "up")
     for axes, values, what, unit in (
         (position, residuals.position, "position,\nsmoothed - file", "m"),
         (velocity, residuals.velocity, "velocity,\nsmoothed - file", "m/s"),
     ):
         largest = float(np.max(np.abs(values), initial=0.0))
         factor, prefix = next((f, p) for above, f, p in _PREFIXES if largest >= above)
-        for column, name, style in zip(values.T, names, _STYLES, strict=True):
+        for column, name, style in zip(values.T, _AXES, LINES, strict=False):
             rms = float(np.sqrt(np.mean(np.square(column)))) * factor if len(column) else 0.0
             label = f"{name} (rms {rms:.2g} {prefix}{unit})"
             thin = style | {"linewidth": 0.6}

@@ -22,7 +22,7 @@ class Irregularity:
         Line of the file, from 1.
     kind : str
         `columns`, `not_a_number`, `out_of_range`, `no_solution`, `repeated_time`,
-        `backward_time`, `gap`, `jump` or `motion` (begins or ends in motion).
+        `gap`, `jump` or `motion` (begins or ends in motion).
     text : str
         Description.
     mended : str

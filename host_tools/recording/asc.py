@@ -12,11 +12,9 @@ from collections.abc import Iterator
 from decimal import Decimal
 from typing import IO
 
-import numpy as np
 from can.util import dlc2len
 
-from rrins.host_tools.recording import frame_lines
-from rrins.host_tools.recording.text_lines import Layout, TextLines
+from rrins.host_tools.recording.text_lines import TextLines
 
 _FLAGS = re.IGNORECASE | re.ASCII
 _BASE = re.compile(r"base\s+(hex|dec)\b(\s+timestamps\s+(absolute|relative))?", _FLAGS)
@@ -28,6 +26,11 @@ _FRAME = re.compile(
     r"(r(\s.*)?|d\s+(?P<length>[\dA-F])(?P<data>(\s.*)?))$",
     _FLAGS,
 )
+_USUAL = re.compile(  # as python-can writes it
+    r"\s*\d+\.\d+\s+\d+\s+([\dA-F]{1,7}|1[\dA-F]{7})x?\s+[RT]x\s+"
+    r"d\s+(?P<length>[0-8])(?P<data>(\s[\dA-F]{2})*)\s*\n",
+    _FLAGS,
+)
 _ERROR_FRAME = re.compile(r"\s+\d+\s+ErrorFrame\b", _FLAGS)
 _FD_FRAME = re.compile(r"\s+CANFD\s+\d+\s+(Rx|Tx|TxRq)\s", _FLAGS)
 _J1939 = re.compile(r"\s+\d+\s+J1939", _FLAGS)
@@ -35,7 +38,6 @@ _EVENT = re.compile(r"(\s+CAN)?(\s+\d+)?\s+(?![\dA-F]+\b)[A-Z_]{2}", _FLAGS)  # 
 _HEADER = re.compile(r"[A-Z_]{2}", _FLAGS)
 _DIRECTION = re.compile(r"\s(Rx|Tx|TxRq)\s", re.ASCII)
 _BYTES = 8
-_LAYOUT = Layout(frame_lines.ASC, np.zeros(0, dtype=np.int64))
 _LARGEST_IDENTIFIER = 0x1FFF_FFFF
 
 
@@ -54,12 +56,12 @@ class AscLines(TextLines):
         super().begin_again()
         self._is_headed = False
 
-    def layout(self) -> Layout | None:
-        """Return how frames look; times that count from the line before are summed up here."""
-        return _LAYOUT if self._base == 16 and not self._is_relative else None
-
     def _sound(self) -> Iterator[str]:
-        for line in self._others():
+        for line in self._all():
+            if self._is_usual(line):
+                self.frames += 1
+                yield line
+                continue
             text = line.strip()
             if not text or text.startswith("//"):
                 continue
@@ -78,6 +80,13 @@ class AscLines(TextLines):
                     self._is_headed = True
                 self.frames += 1
                 yield f"{time}{rest}\n"
+
+    def _is_usual(self, line: str) -> bool:
+        """Return whether a line can be passed on as it is."""
+        if not self._is_headed or self._base != 16 or self._is_relative:
+            return False
+        usual = _USUAL.fullmatch(line)
+        return usual is not None and len(usual["data"]) == 3 * int(usual["length"])
 
     def _read_header(self, text: str) -> None:
         """Parse a line without a time."""

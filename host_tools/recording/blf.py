@@ -9,14 +9,15 @@ import re
 import struct
 import zlib
 from collections.abc import Generator, Iterator
+from dataclasses import dataclass
 
 import can
 import numpy as np
 import numpy.typing as npt
 from can.io.blf import BLFParseError
 
-from rrins.dbc.frame import EFF_FLAG, RTR_FLAG, frame_array
-from rrins.host_tools.recording.text_lines import Parsed
+from rrins.compiled.record import Floats, Integers
+from rrins.dbc.frame import EFF_FLAG, RTR_FLAG, FrameArray, frame_array
 
 _HEADER = struct.Struct("<4sHHLL")  # signature, header's size, its version, size, type
 _CONTAINER = struct.Struct("<H14x")  # compression
@@ -50,10 +51,19 @@ _REMOTE = 0x80
 _MASKS = np.array([(1 << 8 * length) - 1 for length in range(9)], dtype=np.uint64)
 
 
+@dataclass(frozen=True)
+class Run:
+    """Consecutive frames, with their times in s and their channels' numbers."""
+
+    frames: FrameArray
+    time_s: Floats
+    channels: Integers
+
+
 class BlfReader(can.BLFReader):
     """python-can's reader with limits to the sizes that a file states, and faster.
 
-    It yields messages and, for runs of classic frames that are as usual, `Parsed`.
+    It yields messages and, for runs of classic frames that are as usual, `Run`.
 
     Raises
     ------
@@ -61,7 +71,7 @@ class BlfReader(can.BLFReader):
         While it is read: if a size is beyond its limit, or zero.
     """
 
-    def __iter__(self) -> Generator[can.Message | Parsed, None, None]:  # type: ignore[override]
+    def __iter__(self) -> Generator[can.Message | Run, None, None]:  # type: ignore[override]
         while header := self.file.read(_HEADER.size):
             signature, _, _, size, kind = _HEADER.unpack(header)
             if signature != _SIGNATURE:
@@ -73,12 +83,12 @@ class BlfReader(can.BLFReader):
                 yield from self._parse_container(_unpacked(content))
         self.stop()
 
-    def _parse_container(self, data: bytes) -> Iterator[can.Message | Parsed]:  # type: ignore[override]
+    def _parse_container(self, data: bytes) -> Iterator[can.Message | Run]:  # type: ignore[override]
         yield from super()._parse_container(data)
         if len(self._tail) >= _HEADER.size and self._tail.startswith(_SIGNATURE):
             _check_size(_HEADER.unpack_from(self._tail)[3], _LARGEST_OBJECT)
 
-    def _parse_data(self, data: bytes) -> Iterator[can.Message | Parsed]:  # type: ignore[override]
+    def _parse_data(self, data: bytes) -> Iterator[can.Message | Run]:  # type: ignore[override]
         empty = _empty_object(data)
         if empty is not None:
             data = data[:empty]
@@ -86,7 +96,7 @@ class BlfReader(can.BLFReader):
         while True:
             begin, run = _run(data, at)
             if len(run):
-                yield self._parsed(run)
+                yield self._frames_of(run)
                 at = begin + run.nbytes
             end = _next_run(data, at)
             try:
@@ -109,7 +119,7 @@ class BlfReader(can.BLFReader):
         finally:
             self._pos += begin
 
-    def _parsed(self, run: npt.NDArray[np.void]) -> Parsed:
+    def _frames_of(self, run: npt.NDArray[np.void]) -> Run:
         """Return the frames of a run."""
         frames = frame_array(len(run))
         identifiers, is_remote = run["id"], (run["flags"] & _REMOTE) != 0
@@ -119,7 +129,7 @@ class BlfReader(can.BLFReader):
         frames["data"] = np.where(is_remote, np.uint64(0), run["data"] & _MASKS[frames["length"]])
         per_s = np.where(run["unit"] == _TENS_OF_US, 1e5, 1e9)
         time_s = run["time"] / per_s + self.start_timestamp
-        return Parsed(frames, time_s, run["channel"].astype(np.int64))
+        return Run(frames, time_s, run["channel"].astype(np.int64))
 
 
 def _run(data: bytes, at: int) -> tuple[int, npt.NDArray[np.void]]:

@@ -18,10 +18,10 @@ from can.io.player import MESSAGE_READERS
 from can.util import channel2int
 
 from rrins.host_tools.recording.asc import AscLines
-from rrins.host_tools.recording.blf import BlfReader
+from rrins.host_tools.recording.blf import BlfReader, Run
 from rrins.host_tools.recording.errors import RecordError
-from rrins.host_tools.recording.mf4 import Mf4Writer, is_simulated
-from rrins.host_tools.recording.text_lines import CsvLines, Parsed, TextLines, TrcLines
+from rrins.host_tools.recording.mf4 import Mf4Writer, is_simulated, open_mf4_reader
+from rrins.host_tools.recording.text_lines import CsvLines, TextLines, TrcLines
 
 WRITTEN = (".asc", ".blf", ".csv", ".db", ".log", ".mf4", ".trc", ".txt")
 """Suffixes that can be recorded."""
@@ -182,7 +182,7 @@ _LINES: dict[str, type[TextLines]] = {".asc": AscLines, ".csv": CsvLines, ".trc"
 
 def open_reader(
     path: Path, stream: IO[bytes]
-) -> tuple[Iterable[can.Message | Parsed], TextLines | None]:
+) -> tuple[Iterable[can.Message | Run], TextLines | None]:
     """Return a reader of a log, an iterator of messages, and its source of lines.
 
     `stream` is the uncompressed content. The lines are None if the reader reads `stream` directly.
@@ -190,14 +190,13 @@ def open_reader(
     """
     ending, _ = ending_of(path)
     reader: Callable[..., Iterable[can.Message]] = MESSAGE_READERS[ending]
-    if ending in (".db", ".mf4"):
+    if ending == ".mf4":
+        return open_mf4_reader(path), None
+    if ending == ".db":
         return reader(path), None
     if ending == ".blf":
         return BlfReader(cast(BinaryIO, stream)), None
     if ending not in _TEXT:
         return reader(stream), None
     lines = _LINES[ending](stream)
-    parser = reader(lines)
-    if isinstance(lines, TrcLines) and isinstance(parser, can.TRCReader):
-        lines.reader = parser
-    return parser, lines
+    return reader(lines), lines

@@ -2,7 +2,7 @@
 
 python-can's own writer passes asammdf one frame at a time, 14,000 per second, and counts time from
 the moment of writing. This one writes 300,000 per second and keeps simulated time exact.
-python-can's `MF4Reader` reads it.
+python-can's reader reads it.
 """
 
 from __future__ import annotations
@@ -10,19 +10,16 @@ from __future__ import annotations
 import gc
 import logging
 import sys
-from collections.abc import Iterator
 from datetime import UTC, datetime
 from pathlib import Path
 from types import ModuleType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import can
 import numpy as np
 from can.util import channel2int
-from numpy.typing import NDArray
 
-from rrins.compiled.record import Bytes, Floats
-from rrins.dbc.frame import EFF_FLAG, FrameArray, frame_array
+from rrins.compiled.record import Bytes
 from rrins.host_tools.recording.errors import RecordError
 from rrins.host_tools.recording.mf4_blocks import check_blocks
 
@@ -32,7 +29,6 @@ if TYPE_CHECKING:
 _BATCH = 4096
 _COMPRESSED = 2  # transposed and deflated
 _RECORD_BYTES = 28
-_PAYLOAD = 8  # bytes of a full classic frame
 _SHORTEST = 168  # bytes of the two blocks at the start of every file
 
 
@@ -180,15 +176,11 @@ def is_simulated(time_s: float) -> bool:
     return not _EARLIEST_UNIX_S <= time_s < _LATEST_UNIX_S
 
 
-Block = tuple[FrameArray, Floats, Bytes, int]
-"""Classic frames, their times and channels, and the number of skipped CAN FD frames."""
+def open_mf4_reader(path: Path) -> can.MF4Reader:
+    """Return python-can's reader of an MF4 file, once its blocks are known to have an end.
 
-
-def read_data_frames(path: Path, capacity: int) -> Iterator[Block]:
-    """Yield the data frames of an MF4 file, `capacity` at a time.
-
-    Handles files with one group of data frames and no other frames, as written by `Mf4Writer`;
-    yields nothing for others, which python-can reads.
+    asammdf also logs its errors with tracebacks, and its half-initialised objects complain again on
+    deletion. Both are silenced here: the exception says enough.
 
     Raises
     ------
@@ -200,78 +192,15 @@ def read_data_frames(path: Path, capacity: int) -> Iterator[Block]:
     if len(begin) < _SHORTEST or not begin.startswith((b"MDF ", b"UnFinMF ")):
         raise RecordError(f"{path}: not an MF4 file")
     check_blocks(path)
-    with _opened(path) as mdf:
-        group = _only_group(mdf)
-        if group is None:
-            return
-        begun_s = mdf.header.start_time.timestamp()
-        total = mdf.groups[group].channel_group.cycles_nr
-        for offset in range(0, total, capacity):
-            found = mdf.get(
-                "CAN_DataFrame", group, record_offset=offset, record_count=capacity, raw=False
-            )
-            if not len(found.samples):
-                raise RecordError(f"{path}: holds fewer frames than it states")
-            is_classic = _is_classic(found.samples)
-            samples = found.samples[is_classic]
-            time_s = found.timestamps[is_classic] + begun_s
-            channels = samples["CAN_DataFrame.BusChannel"].astype(np.uint8)
-            passed_over = int(np.count_nonzero(~is_classic))
-            yield _frames_of(samples), time_s, channels, passed_over
-
-
-def _opened(path: Path) -> Any:
-    """Open an MF4 file for reading.
-
-    asammdf also logs its errors with tracebacks, and its half-initialised objects complain again on
-    deletion. Both are silenced here: the exception says enough.
-    """
-    asammdf = _asammdf()
+    _asammdf()
     logging.getLogger("asammdf").setLevel(logging.CRITICAL)
     hook, sys.unraisablehook = sys.unraisablehook, lambda _: None
     try:
         try:
-            return asammdf.MDF(path)
+            return can.MF4Reader(path)
         except Exception as error:  # noqa: BLE001 - a damaged file can raise anything
             text = " ".join(str(error).split()) or type(error).__name__
         gc.collect()
     finally:
         sys.unraisablehook = hook
     raise RecordError(f"{path}: cannot be read as MF4 ({text})")
-
-
-def _only_group(mdf: Any) -> int | None:
-    """Return the only group with frames, if its record layout is supported here."""
-    used = [
-        (index, {channel.name for channel in group.channels})
-        for index, group in enumerate(mdf.groups)
-        if group.channel_group.cycles_nr
-    ]
-    if len(used) != 1 or "CAN_DataFrame.DataBytes" not in used[0][1]:
-        return None
-    index = used[0][0]
-    first = mdf.get("CAN_DataFrame", index, record_offset=0, record_count=1, raw=False).samples
-    names = first.dtype.names or ()
-    data = first.dtype["CAN_DataFrame.DataBytes"] if "CAN_DataFrame.DataBytes" in names else None
-    is_plain = data is not None and data.base == np.uint8 and data.shape in ((8,), (64,))
-    has_all = {"CAN_DataFrame.IDE", "CAN_DataFrame.BusChannel"} <= set(names)
-    return index if is_plain and has_all else None
-
-
-def _is_classic(samples: NDArray[np.void]) -> NDArray[np.bool_]:
-    """Return which frames are not CAN FD, by their flag if there is one."""
-    is_short = np.asarray(samples["CAN_DataFrame.DataLength"] <= _PAYLOAD)
-    if "CAN_DataFrame.EDL" not in (samples.dtype.names or ()):
-        return is_short
-    return is_short & (samples["CAN_DataFrame.EDL"] == 0)
-
-
-def _frames_of(samples: NDArray[np.void]) -> FrameArray:
-    frames = frame_array(len(samples))
-    extended = samples["CAN_DataFrame.IDE"].astype(bool)
-    identifiers = samples["CAN_DataFrame.ID"].astype(np.uint32) & np.uint32(0x1FFF_FFFF)
-    frames["can_id"] = identifiers | np.where(extended, np.uint32(EFF_FLAG), np.uint32(0))
-    frames["length"] = samples["CAN_DataFrame.DataLength"]
-    payload = np.ascontiguousarray(samples["CAN_DataFrame.DataBytes"][:, :8])
-    frames["data"] = payload.view("<u8")[:, 0]
-    return frames

@@ -7,7 +7,6 @@ import logging
 import os
 import threading
 import time
-from collections.abc import Iterator
 from os.path import samestat
 from pathlib import Path
 from typing import IO, Literal
@@ -15,8 +14,9 @@ from typing import IO, Literal
 import can
 
 from rrins.dbc.codec import load
-from rrins.dbc.frame import EFF_FLAG, ERR_FLAG, RTR_FLAG, FrameArray, frame_array
+from rrins.dbc.frame import frame_array
 from rrins.host_tools.bus.interface import RrinsBus
+from rrins.host_tools.bus.message import messages_of
 from rrins.host_tools.bus.pace import runs_ahead
 from rrins.host_tools.bus.port import Address, open_bus
 from rrins.host_tools.errors import BusError
@@ -39,30 +39,6 @@ _SIZE_EVERY = 128  # frames between checks of the size
 _SYNC_PATIENCE = 4096  # frames past the size limit that a part waits for a SYNC to end at
 _CUT_OFF = "cut off"
 _log = logging.getLogger(__name__)
-
-
-def messages_of(
-    frames: FrameArray, time_s: float, channel: str, first: int = 0
-) -> Iterator[can.Message]:
-    """Yield classic frames as python-can messages."""
-    rows = zip(
-        frames["can_id"][first:].tolist(),
-        frames["length"][first:].tolist(),
-        frames["data"][first:].tolist(),
-        strict=True,
-    )
-    for identifier, length, word in rows:
-        is_remote = bool(identifier & RTR_FLAG)
-        yield can.Message(
-            timestamp=time_s,
-            arbitration_id=identifier & 0x1FFF_FFFF,
-            is_extended_id=bool(identifier & EFF_FLAG),
-            is_remote_frame=is_remote,
-            is_error_frame=bool(identifier & ERR_FLAG),
-            dlc=length,
-            data=None if is_remote else word.to_bytes(8, "little")[:length],
-            channel=channel,
-        )
 
 
 class _EmbeddedSource:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, Final
 
-from rrins.host_tools.hardware.faults import HardwareFault
+from rrins.host_tools.hardware.fault_kinds import HardwareFault
 from rrins.host_tools.hardware.settings import DPH, UG
 
 

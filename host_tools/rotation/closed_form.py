@@ -21,7 +21,7 @@ import numpy as np
 
 from rrins.compiled.record import Floats
 from rrins.host_tools.rotation import harmonics
-from rrins.host_tools.rotation.errors import BIAS, ERRORS, MEASF, MEIE, MESSF, Sensors
+from rrins.host_tools.rotation.errors import BIAS, ERRORS, MEASF, MEIE, MESSF, Sensors, error_rates
 from rrins.host_tools.rotation.kinematics import INNER, Leg, attitude, rotation_x, rotation_z
 
 EQUATIONS: Final = MappingProxyType(
@@ -58,33 +58,11 @@ def cycle_integral(legs: tuple[Leg, ...], sensors: Sensors, field_b: Floats) -> 
 
 def leg_integral(leg: Leg, sensors: Sensors, field_b: Floats) -> Floats:
     """Return the integral of each error over one leg, shape (m, 4, 3), rad or m/s."""
-    result = np.empty((len(sensors), len(ERRORS), 3))
-    for i in range(len(sensors)):
-        result[i] = (
-            _standing(leg, sensors, i, field_b)
-            if leg.axis is None
-            else _turning(leg, sensors, i, field_b)
-        )
-    return result
-
-
-def _rates(sensors: Sensors, i: int, felt: float, felt_by_error: float) -> Floats:
-    """Return the four errors along a sensor's axis, given its inputs h x and (h' - h) x."""
-    rates = np.empty(len(ERRORS))
-    rates[BIAS] = sensors.bias[i]
-    rates[MESSF] = sensors.scale_error[i] * felt
-    rates[MEASF] = sensors.asymmetric_scale_error[i] * abs(felt)
-    rates[MEIE] = felt_by_error
-    return rates
-
-
-def _standing(leg: Leg, sensors: Sensors, i: int, field_b: Floats) -> Floats:
-    C_s_b = attitude(*leg.start_deg)
-    field_s = field_b @ C_s_b
-    rates = _rates(
-        sensors, i, float(sensors.H[i] @ field_s), float(sensors.axis_error[i] @ field_s)
-    )
-    return np.outer(rates, C_s_b @ sensors.projection[i]) * leg.duration_s
+    if leg.axis is None:
+        C_s_b = attitude(*leg.start_deg)[None]
+        standing: Floats = error_rates(sensors, C_s_b, field_b @ C_s_b)[0] * leg.duration_s
+        return standing
+    return np.array([_turning(leg, sensors, i, field_b) for i in range(len(sensors))])
 
 
 def _turning(leg: Leg, sensors: Sensors, i: int, field_b: Floats) -> Floats:

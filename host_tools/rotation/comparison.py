@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
+
 import numpy as np
 
 from rrins.compiled.record import Floats
@@ -10,7 +12,7 @@ from rrins.host_tools.rotation.analysis import Integrals, Variation, analyse
 from rrins.host_tools.rotation.errors import ERRORS
 from rrins.host_tools.rotation.inputs import NamedRimu, NamedScheme
 from rrins.host_tools.rotation.merit import VelocityError, velocity_error
-from rrins.host_tools.rotation.travel import AxisTravel, Travel, travel_of
+from rrins.host_tools.rotation.travel import Travel, travel_of
 
 
 def compared(
@@ -65,22 +67,7 @@ def scheme_object(named: NamedScheme) -> JsonObject:
 
 def travel_object(travel: Travel) -> JsonObject:
     """Return the travel of both axes for JSON, deg."""
-
-    def axis(one: AxisTravel) -> dict[str, float]:
-        return {
-            "forward_deg": one.forward_deg,
-            "backward_deg": one.backward_deg,
-            "lowest_deg": one.lowest_deg,
-            "highest_deg": one.highest_deg,
-            "net_deg": one.net_deg,
-            "reversals": one.reversals,
-        }
-
-    return {
-        "inner": axis(travel.inner),
-        "outer": axis(travel.outer),
-        "returns": travel.returns,
-    }
+    return asdict(travel) | {"returns": travel.returns}
 
 
 def magnitudes_left(integrals: Integrals) -> Floats:

@@ -23,6 +23,7 @@ _Cases = NDArray[np.int_]
 
 _ATTITUDES = 4
 _MOVES = 4
+_MOMENTS = ("step", "slope", "sum_s", "sum_ts", "sum_ss")
 
 
 class HalfTurns:
@@ -127,22 +128,9 @@ def _integrals(leg: Leg, rimu: SensorSet) -> Floats:
 
 def _stacked(legs: list[Moments]) -> Moments:
     """Return legs of one duration as one table, arrays of shape (legs, channels)."""
-    return Moments(
-        duration_s=legs[0].duration_s,
-        step=np.stack([leg.step for leg in legs]),
-        slope=np.stack([leg.slope for leg in legs]),
-        sum_s=np.stack([leg.sum_s for leg in legs]),
-        sum_ts=np.stack([leg.sum_ts for leg in legs]),
-        sum_ss=np.stack([leg.sum_ss for leg in legs]),
-    )
+    arrays = {name: np.stack([getattr(leg, name) for leg in legs]) for name in _MOMENTS}
+    return Moments(legs[0].duration_s, **arrays)
 
 
 def _chosen(table: Moments, cases: _Cases) -> Moments:
-    return Moments(
-        duration_s=table.duration_s,
-        step=table.step[cases],
-        slope=table.slope[cases],
-        sum_s=table.sum_s[cases],
-        sum_ts=table.sum_ts[cases],
-        sum_ss=table.sum_ss[cases],
-    )
+    return Moments(table.duration_s, **{name: getattr(table, name)[cases] for name in _MOMENTS})

@@ -1,30 +1,52 @@
-"""The tables `[[faults]]` of a scenario: faults on the wire and of the hardware."""
+"""The tables `[[faults]]` of a scenario, made from the kinds of fault of hardware and wire."""
 
 from __future__ import annotations
 
 import difflib
-from collections.abc import Mapping
-from typing import Annotated, Any, Final, Literal, get_args
+from functools import reduce
+from operator import or_
+from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import Field, create_model, model_validator
 
 from rrins.dbc.codec import load as load_codec
 from rrins.dbc.contract import SENSOR_GROUPS
-from rrins.host_tools.hardware.fault_values import VALUES, FaultValue
-from rrins.host_tools.hardware.faults import ALWAYS, EVERY, HardwareFault, cycle_of
-from rrins.host_tools.hardware.memory import INNER, OUTER
+from rrins.host_tools.hardware.fault_kinds import EVERY, HardwareFault, Parameter, Target
+from rrins.host_tools.hardware.faults import ALWAYS, cycle_of
 from rrins.host_tools.hardware.settings import PlannedFault
 from rrins.host_tools.scenario.tables import LONGEST_S, TomlTable
-from rrins.host_tools.wire.faults import ANY_IDENTIFIER, FaultKind, Node, WireFault
+from rrins.host_tools.wire.fault_kinds import FaultKind, to_number
+from rrins.host_tools.wire.faults import ANY_IDENTIFIER, Node, WireFault
 
 
-class _Timed(TomlTable):
-    """When a fault is present."""
+class _Fault(TomlTable):
+    """When a fault is present, and the value of its kind's parameter."""
 
+    kind: str
     at_s: float = Field(default=0.0, ge=0, le=LONGEST_S)
     """After power-on of the hardware."""
-    for_s: float | None = Field(default=None, gt=0, le=LONGEST_S)
-    """Duration; to the end by default."""
+    for_s: float | None = Field(
+        default=None,
+        gt=0,
+        le=LONGEST_S,
+        description="Duration in simulated seconds.  [default: until removed]",
+    )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _has_keys_of_its_kind(cls, data: Any) -> Any:
+        """Refuse keys of other kinds; older recordings have some, with their defaults."""
+        if not isinstance(data, dict):
+            return data
+        own = dict(data)
+        for key in data.keys() - cls.model_fields.keys():
+            fields = {k: t.model_fields[key] for k, t in KINDS.items() if key in t.model_fields}
+            if any(data[key] == field.default for field in fields.values()):
+                del own[key]
+            elif fields:
+                others = ", ".join([*fields][:5]) + (" …" if len(fields) > 5 else "")
+                raise ValueError(f"{key}: does not apply to {data['kind']}, only to {others}")
+        return own
 
     def epochs(self, rate_hz: int) -> tuple[int, int]:
         """Return the first and the last epoch; -1 as the last means to the end."""
@@ -33,65 +55,41 @@ class _Timed(TomlTable):
             return first, -1
         return first, first + max(1, round(self.for_s * rate_hz)) - 1
 
-    def _refuse_keys_of_other_kinds(self, kind: str, keys: Mapping[str, tuple[str, ...]]) -> None:
-        """Raise if a key is given that does not apply to the kind; `keys` has the kinds of each."""
-        for key, kinds in keys.items():
-            if key not in self.model_fields_set or kind in kinds:
-                continue
-            if getattr(self, key) != type(self).model_fields[key].default:
-                raise ValueError(f"{key}: does not apply to {kind}, only to {', '.join(kinds)}")
 
-
-class FaultOnWire(_Timed):
+class FaultOnWire(_Fault):
     """A fault on the wire."""
 
-    kind: Literal[
-        "drop",
-        "delay",
-        "duplicate",
-        "reorder",
-        "corrupt_wire",
-        "corrupt",
-        "wrong_counter",
-        "babble",
-        "silence",
-        "bus_off",
-        "cut",
-        "stale",
-    ]
-    message: str | None = None
-    """Message concerned; by default all messages of the node."""
-    node: Literal["any", "firmware", "hardware"] = "any"
-    probability: float = Field(default=1.0, gt=0, le=1)
-    delay_s: float = Field(default=0.01, gt=0, le=60)
-    frames_per_epoch: int = Field(default=20, ge=1, le=200)
-    bit: int | None = Field(default=None, ge=0, le=63)
+    message: str | None = Field(
+        default=None, description="Wire: message concerned, such as SENSOR_3.  [default: all]"
+    )
+    node: Literal["any", "firmware", "hardware"] = Field(
+        default="any",
+        description="Wire: sender concerned: any, firmware or hardware.  [default: any]",
+    )
+    probability: float = Field(
+        default=1.0, gt=0, le=1, description="Wire: fraction of the frames affected."
+    )
 
     @model_validator(mode="after")
-    def _known(self) -> FaultOnWire:
+    def _known(self) -> Self:
         if self.message is not None and self.message not in _message_names():
             near = difflib.get_close_matches(self.message, _message_names(), 1)
             hint = f", did you mean {near[0]}?" if near else ""
             raise ValueError(f"message: the DBC has no {self.message}{hint}")
         return self
 
-    @model_validator(mode="after")
-    def _fitting(self) -> FaultOnWire:
-        of = {"delay_s": ("delay",), "frames_per_epoch": ("babble",), "bit": ("corrupt",)}
-        self._refuse_keys_of_other_kinds(self.kind, of)
-        return self
+    @property
+    def wire_kind(self) -> FaultKind:
+        """The kind, as the wire knows it."""
+        return FaultKind[self.kind.upper()]
 
     def fault(self, rate_hz: int) -> WireFault:
         """Return the fault, its times in epochs."""
         first, last = self.epochs(rate_hz)
-        kind = FaultKind[self.kind.upper()]
-        parameter = {
-            FaultKind.DELAY: max(1, round(self.delay_s * rate_hz)),
-            FaultKind.BABBLE: self.frames_per_epoch,
-            FaultKind.CORRUPT: 0 if self.bit is None else self.bit + 1,
-        }.get(kind, 0)
+        parameter = self.wire_kind.parameter
+        value = None if parameter is None else getattr(self, parameter.key)
         return WireFault(
-            kind=kind,
+            kind=self.wire_kind,
             node=Node[self.node.upper()],
             identifier=(
                 ANY_IDENTIFIER if self.message is None else load_codec().frame_id(self.message)
@@ -99,7 +97,7 @@ class FaultOnWire(_Timed):
             first_epoch=first,
             last_epoch=last,
             probability=self.probability,
-            parameter=parameter,
+            parameter=to_number(parameter, value, rate_hz),
         )
 
 
@@ -107,26 +105,18 @@ def _message_names() -> list[str]:
     return [message.name for message in load_codec().database.messages]
 
 
-def _limited(kind: HardwareFault, default: float) -> Any:
-    """Return the field of a kind's value."""
-    return Field(default=default, ge=VALUES[kind].minimum, le=VALUES[kind].maximum)
-
-
-class FaultOfHardware(_Timed):
+class FaultOfHardware(_Fault):
     """A failure of the hardware."""
 
-    kind: str
-    period_s: float | None = Field(default=None, gt=0, le=LONGEST_S)
-    """Of an intermittent fault."""
-    duty: float = Field(default=0.5, gt=0, lt=1)
-    """Share of the period in which it is present, from its beginning."""
+    period_s: float | None = Field(
+        default=None, gt=0, le=LONGEST_S, description="Hardware: intermittent, period in s."
+    )
+    duty: float = Field(
+        default=0.5, gt=0, lt=1, description="Share of the period with the fault.  [default: 0.5]"
+    )
 
     @model_validator(mode="after")
-    def _fitting(self) -> FaultOfHardware:
-        own: dict[str, tuple[str, ...]] = {}
-        for kind, value in VALUES.items():
-            own[value.key] = (*own.get(value.key, ()), kind.name.lower())
-        self._refuse_keys_of_other_kinds(self.kind, own)
+    def _intermittent(self) -> Self:
         if self.period_s is None and self.duty != type(self).model_fields["duty"].default:
             raise ValueError("duty: needs period_s")
         return self
@@ -138,19 +128,23 @@ class FaultOfHardware(_Timed):
 
     @property
     def target(self) -> int:
-        """Index of the axis or the sensor; `EVERY` for all sensors of the kind."""
-        raise NotImplementedError
+        """Index of the axis, the sensor or the direction; `EVERY` for all and for one thing."""
+        key = self.hardware_kind.target
+        found = None if key is None else getattr(self, key.key)
+        if key is None or found is None:
+            return EVERY
+        return key.names.index(found) if key.names else int(found) - 1
 
     @property
     def value(self) -> float:
         """The kind's value, in the unit of its key; 0 for a kind that has none."""
-        described: FaultValue | None = VALUES.get(self.hardware_kind)
-        return 0.0 if described is None else float(getattr(self, described.key))
+        parameter = self.hardware_kind.parameter
+        return 0.0 if parameter is None else float(getattr(self, parameter.key))
 
     def planned(self, rate_hz: int) -> PlannedFault:
         """Return the fault, its times in epochs, its value in SI units."""
         kind = self.hardware_kind
-        value = self.value * VALUES[kind].unit if kind in VALUES else 0.0
+        value = 0.0 if kind.parameter is None else self.value * kind.parameter.si
         return PlannedFault(kind, self.target, *self.epochs(rate_hz), value, self.cycle(rate_hz))
 
     def cycle(self, rate_hz: int) -> tuple[int, int]:
@@ -160,123 +154,51 @@ class FaultOfHardware(_Timed):
         return cycle_of(self.period_s, self.duty, 1_000_000_000 // rate_hz)
 
 
-class FaultOfAxis(FaultOfHardware):
-    """An axis of the turntable that fails."""
-
-    kind: Literal["axis_stall", "axis_runaway", "encoder_stuck", "encoder_offset", "encoder_slip"]
-    axis: Literal["inner", "outer"]
-    rate_dps: float = _limited(HardwareFault.AXIS_RUNAWAY, 5.0)
-    """Of a runaway."""
-    offset_deg: float = _limited(HardwareFault.ENCODER_OFFSET, 1.0)
-    """By which the encoder reads too high."""
-    slip_percent: float = _limited(HardwareFault.ENCODER_SLIP, 1.0)
-    """Share of the turning that the encoder misses."""
-
-    @property
-    def target(self) -> int:
-        """Index of the axis."""
-        return INNER if self.axis == "inner" else OUTER
+def _field_of_target(target: Target) -> Any:
+    if not target.names:
+        text = "Gyro or accelerometer that fails, from 1.  [default: all]"
+        return int | None, Field(default=None, ge=1, le=SENSOR_GROUPS, description=text)
+    default = ... if target.is_needed else target.default
+    text = f"{target.key}: {', '.join(target.names)}."
+    text += "" if target.is_needed else f"  [default: {default}]"
+    return Literal[target.names], Field(default=default, description=text)
 
 
-class FaultOfSensor(FaultOfHardware):
-    """A gyro or an accelerometer that fails."""
-
-    kind: Literal[
-        "gyro_stuck",
-        "gyro_bias",
-        "gyro_noise",
-        "gyro_absent",
-        "gyro_ramp",
-        "gyro_scale",
-        "gyro_shift_u",
-        "gyro_shift_v",
-        "gyro_dead",
-        "gyro_full_scale",
-        "accelerometer_stuck",
-        "accelerometer_bias",
-        "accelerometer_noise",
-        "accelerometer_absent",
-        "accelerometer_ramp",
-        "accelerometer_scale",
-        "accelerometer_shift_u",
-        "accelerometer_shift_v",
-        "accelerometer_dead",
-        "accelerometer_full_scale",
-    ]
-    sensor: int | None = Field(default=None, ge=1, le=SENSOR_GROUPS)
-    """From 1; all sensors of the kind by default."""
-    bias_dph: float = _limited(HardwareFault.GYRO_BIAS, 10.0)
-    bias_ug: float = _limited(HardwareFault.ACCELEROMETER_BIAS, 1000.0)
-    angle_random_walk_deg_per_sqrt_h: float = _limited(HardwareFault.GYRO_NOISE, 1.0)
-    white_noise_ug_per_sqrt_hz: float = _limited(HardwareFault.ACCELEROMETER_NOISE, 1000.0)
-    bias_dph_per_min: float = _limited(HardwareFault.GYRO_RAMP, 1.0)
-    bias_ug_per_min: float = _limited(HardwareFault.ACCELEROMETER_RAMP, 100.0)
-    scale_ppm: float = _limited(HardwareFault.GYRO_SCALE, 10_000.0)
-    """Additional error of the scale factor, of either kind of sensor."""
-    shift_arcsec: float = _limited(HardwareFault.GYRO_SHIFT_U, 60.0)
-    """Additional installation angle, of either kind of sensor."""
-
-    @property
-    def target(self) -> int:
-        """Index of the sensor; `EVERY` for all of the kind."""
-        return EVERY if self.sensor is None else self.sensor - 1
+def _field_of_parameter(parameter: Parameter) -> Any:
+    number = int if parameter.is_whole else float
+    default = parameter.default
+    return number if default is not None else number | None, Field(
+        default=default,
+        ge=parameter.minimum,
+        le=parameter.maximum,
+        description=f"{parameter.unit}.",
+    )
 
 
-class FaultOfOdometer(FaultOfHardware):
-    """An odometer that fails."""
-
-    kind: Literal["odometer_slip", "odometer_lock", "odometer_lost"]
-    slip_percent: float = _limited(HardwareFault.ODOMETER_SLIP, 10.0)
-    """By which the wheel turns more than the vehicle moves."""
-
-    @property
-    def target(self) -> int:
-        """`EVERY`: it is one thing."""
-        return EVERY
-
-
-DIRECTIONS = ("east", "north", "up")
-"""Of a wrong position, by the target of its fault."""
-
-
-class FaultOfGnss(FaultOfHardware):
-    """A GNSS receiver that fails, or is deceived."""
-
-    kind: Literal["gnss_jump", "gnss_pull", "gnss_lost"]
-    direction: Literal["east", "north", "up"] | None = None
-    """Of a jump or a pull; by default east."""
-    jump_m: float = _limited(HardwareFault.GNSS_JUMP, 100.0)
-    """By which positions are off."""
-    pull_mps: float = _limited(HardwareFault.GNSS_PULL, 1.0)
-    """At which positions, and velocities with them, are led away."""
-
-    @model_validator(mode="before")
-    @classmethod
-    def _with_direction(cls, data: Any) -> Any:
-        if isinstance(data, dict) and data.get("kind") in ("gnss_jump", "gnss_pull"):
-            return {"direction": "east"} | data
-        return data
-
-    @model_validator(mode="after")
-    def _without_direction(self) -> FaultOfGnss:
-        self._refuse_keys_of_other_kinds(self.kind, {"direction": ("gnss_jump", "gnss_pull")})
-        return self
-
-    @property
-    def target(self) -> int:
-        """Index of the direction; `EVERY` for a fault that has none."""
-        return EVERY if self.direction is None else DIRECTIONS.index(self.direction)
+def _tables() -> dict[str, type[FaultOnWire] | type[FaultOfHardware]]:
+    """Return the table of each kind; kinds with the same keys share one."""
+    alike: dict[Any, list[str]] = {}
+    for kind in (*FaultKind, *HardwareFault):
+        target = kind.target if isinstance(kind, HardwareFault) else None
+        alike.setdefault((type(kind), target, kind.parameter), []).append(kind.word)
+    found: dict[str, type[FaultOnWire] | type[FaultOfHardware]] = {}
+    for (of, target, parameter), words in alike.items():
+        fields: dict[str, Any] = {"kind": (Literal[tuple(words)], ...)}
+        if target is not None:
+            fields[target.key] = _field_of_target(target)
+        if parameter is not None:
+            fields[parameter.key] = _field_of_parameter(parameter)
+        base: Any = FaultOnWire if of is FaultKind else FaultOfHardware
+        table = create_model(f"{base.__name__}_{words[0]}", __base__=base, **fields)
+        found |= dict.fromkeys(words, table)
+    return {kind.word: found[kind.word] for kind in (*FaultKind, *HardwareFault)}
 
 
-AnyFault = Annotated[
-    FaultOnWire | FaultOfAxis | FaultOfSensor | FaultOfOdometer | FaultOfGnss,
-    Field(discriminator="kind"),
-]
-"""Any fault; `kind` tells them apart."""
-
-KINDS: Final[dict[str, type[TomlTable]]] = {
-    kind: table
-    for table in (FaultOnWire, FaultOfAxis, FaultOfSensor, FaultOfOdometer, FaultOfGnss)
-    for kind in get_args(table.model_fields["kind"].annotation)
-}
+KINDS: Final = _tables()
 """The table that each kind of fault has."""
+
+if TYPE_CHECKING:
+    AnyFault = FaultOnWire | FaultOfHardware
+else:
+    AnyFault = Annotated[reduce(or_, KINDS.values()), Field(discriminator="kind")]
+"""Any fault; `kind` tells them apart."""

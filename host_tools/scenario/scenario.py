@@ -25,10 +25,7 @@ from rrins.host_tools.scenario import presets
 from rrins.host_tools.scenario.fault_tables import (
     KINDS,
     AnyFault,
-    FaultOfGnss,
     FaultOfHardware,
-    FaultOfOdometer,
-    FaultOfSensor,
     FaultOnWire,
 )
 from rrins.host_tools.scenario.geometry import AxesDeg
@@ -190,23 +187,24 @@ class Scenario(TomlTable):
     def _check_faults(self) -> None:
         """Raise ValueError for faults that the hardware cannot have."""
         counts = {"gyro": len(self.rimu.gyros), "accelerometer": len(self.rimu.accelerometers)}
+        of_hardware = [fault for fault in self.faults if isinstance(fault, FaultOfHardware)]
         for number, fault in enumerate(self.faults, 1):
-            if isinstance(fault, FaultOfSensor) and fault.sensor is not None:
-                count = counts[fault.kind.partition("_")[0]]
-                if fault.sensor > count:
-                    raise ValueError(f"faults.{number}.sensor: sensor {fault.sensor} of {count}")
-            if isinstance(fault, FaultOfOdometer) and self.odometer is None:
-                raise ValueError(f"faults.{number}.kind: {fault.kind} needs an [odometer]")
-            if isinstance(fault, FaultOfGnss) and self.gnss is None:
-                raise ValueError(f"faults.{number}.kind: {fault.kind} needs a [gnss]")
+            if not isinstance(fault, FaultOfHardware):
+                continue
+            part = fault.hardware_kind.part.name.partition("_")[0].lower()
+            if part in counts and fault.target >= counts[part]:
+                sensor = f"sensor {fault.target + 1} of {counts[part]}"
+                raise ValueError(f"faults.{number}.sensor: {sensor}")
+            if part in ("odometer", "gnss") and getattr(self, part) is None:
+                needed = "an [odometer]" if part == "odometer" else "a [gnss]"
+                raise ValueError(f"faults.{number}.kind: {fault.kind} needs {needed}")
         for number, order in enumerate(self.redundancy.readmit, 1):
             if order.sensor > counts[order.kind]:
                 where = f"redundancy.readmit.{number}.sensor"
                 raise ValueError(f"{where}: sensor {order.sensor} of {counts[order.kind]}")
-        of_hardware = sum(not isinstance(fault, FaultOnWire) for fault in self.faults)
-        if of_hardware > FAULT_CAPACITY:
+        if len(of_hardware) > FAULT_CAPACITY:
             raise ValueError(
-                f"faults: {of_hardware} of the hardware itself, {FAULT_CAPACITY} at most"
+                f"faults: {len(of_hardware)} of the hardware itself, {FAULT_CAPACITY} at most"
             )
 
     def varied(self, **changes: Any) -> Scenario:

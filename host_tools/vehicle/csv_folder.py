@@ -152,12 +152,7 @@ def read_truth(path: Path) -> Reference:
 
 
 def read(imu: Path, gnss: Path | None, truth: Path | None) -> VehicleRecording:
-    """Return the recording in CSV files.
-
-    Raises
-    ------
-    VehicleError
-    """
+    """Return the recording in CSV files; see `reading.read`."""
     increments, along_body = read_increments(imu)
     return VehicleRecording(
         name=imu.parent.name or imu.stem,

@@ -15,13 +15,13 @@ from rrins.compiled.record import Floats, Integers
 from rrins.dbc.codec import load
 from rrins.dbc.contract import SENSOR_GROUPS, load_contract
 from rrins.dbc.frame import FrameArray, frame_array
+from rrins.host_tools.bus.message import messages_of
 from rrins.host_tools.files import write_whole
 from rrins.host_tools.motion.table import ATTITUDE, PLACE, TIME, VELOCITY
 from rrins.host_tools.recording.earlier import keep_earlier
 from rrins.host_tools.recording.errors import RecordError
 from rrins.host_tools.recording.formats import READ, check_path, ending_of, open_writer
 from rrins.host_tools.recording.note import Note, Part, write_note
-from rrins.host_tools.recording.recorder import messages_of
 from rrins.host_tools.scenario.scenario import Scenario
 from rrins.host_tools.vehicle import beginning, epochs, frames, set_up
 from rrins.host_tools.vehicle.epochs import Epochs

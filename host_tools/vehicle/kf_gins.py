@@ -10,11 +10,12 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 
+from rrins.compiled.record import Floats
 from rrins.host_tools import files
 from rrins.host_tools.vehicle.checks import finite, increasing, located, numbers, on_earth
 from rrins.host_tools.vehicle.recording import (
@@ -86,28 +87,33 @@ def _configuration(path: Path) -> _Configuration:
     return found
 
 
+def _table(path: Path, names: str, count: int, time: int, what: str) -> Floats:
+    """Return a file's numbers: at least `count` columns, of which number `time` is the time."""
+    table = numbers(path)
+    if table.shape[1] < count:
+        raise located(path, f"{table.shape[1]} columns, {count} expected: {names}")
+    increasing(path, table[:, time])
+    finite(path, what, table[:, time + 1 : count])
+    return table
+
+
+def _place(path: Path, columns: Floats) -> Floats:
+    """Return latitude, longitude (rad), height of columns in ° and m."""
+    place = np.column_stack([np.radians(columns[:, :2]), columns[:, 2]])
+    on_earth(path, place)
+    return place
+
+
 def read_imu(path: Path) -> Increments:
     """Return the increments of an IMU file: seconds, Δθ (3), Δv (3), further columns unused."""
-    table = numbers(path)
-    if table.shape[1] < 7:
-        raise located(path, f"{table.shape[1]} columns, 7 expected: seconds, Δθ (3), Δv (3)")
-    increasing(path, table[:, 0])
-    finite(path, "an increment", table[:, 1:7])
+    table = _table(path, "seconds, Δθ (3), Δv (3)", 7, 0, "an increment")
     return Increments(table[:, 0], table[:, 1:4] @ FRD_TO_RFU.T, table[:, 4:7] @ FRD_TO_RFU.T)
 
 
 def read_gnss(path: Path) -> Fixes:
     """Return the fixes of a GNSS file of 7 columns, or of 13 with velocities."""
-    table = numbers(path)
-    if table.shape[1] < 7:
-        raise located(
-            path,
-            f"{table.shape[1]} columns, 7 expected: seconds, latitude, longitude, height, σ (3)",
-        )
-    increasing(path, table[:, 0])
-    finite(path, "a position", table[:, 1:7])
-    place = np.column_stack([np.radians(table[:, 1:3]), table[:, 3]])
-    on_earth(path, place)
+    table = _table(path, "seconds, latitude, longitude, height, σ (3)", 7, 0, "a position")
+    place = _place(path, table[:, 1:4])
     velocity = velocity_sigma = None
     if table.shape[1] >= 13:
         finite(path, "a velocity", table[:, 7:13])
@@ -119,14 +125,13 @@ def read_gnss(path: Path) -> Fixes:
 
 def read_nav(path: Path) -> Reference:
     """Return the states of a navigation file of 11 columns: week, seconds, and so on."""
-    table = numbers(path)
-    if table.shape[1] < 11:
-        raise located(path, f"{table.shape[1]} columns, 11 expected: week, seconds, state (9)")
-    increasing(path, table[:, 1])
-    finite(path, "a state", table[:, 2:11])
-    place = np.column_stack([np.radians(table[:, 2:4]), table[:, 4]])
-    on_earth(path, place)
-    return Reference(table[:, 1], place, table[:, 5:8] @ FRD_TO_RFU.T, np.radians(table[:, 8:11]))
+    table = _table(path, "week, seconds, state (9)", 11, 1, "a state")
+    return Reference(
+        table[:, 1],
+        _place(path, table[:, 2:5]),
+        table[:, 5:8] @ FRD_TO_RFU.T,
+        np.radians(table[:, 8:11]),
+    )
 
 
 def _mean(values: Sequence[float]) -> float:
@@ -185,10 +190,6 @@ def read_configuration(path: Path, truth: Path | None = None) -> VehicleRecordin
         its folder and the one above, and beside it.
     truth : Path, optional
         By default ``truth.nav`` beside the IMU file, if it is there.
-
-    Raises
-    ------
-    VehicleError
     """
     found = _configuration(path)
     imu, gnss = found.file("imupath"), found.file("gnsspath")
@@ -197,15 +198,7 @@ def read_configuration(path: Path, truth: Path | None = None) -> VehicleRecordin
     fixes = read_gnss(gnss)
     lever = found.numbers("antlever", 3)
     if lever is not None:
-        arm = FRD_TO_RFU @ np.array(lever)
-        fixes = Fixes(
-            fixes.time_s,
-            fixes.place,
-            fixes.place_sigma,
-            fixes.velocity_n,
-            fixes.velocity_sigma,
-            arm,
-        )
+        fixes = replace(fixes, lever_arm_b=FRD_TO_RFU @ np.array(lever))
     gyros, accelerometers = _noises(found)
     end = found.number("endtime")
     return VehicleRecording(

@@ -36,19 +36,19 @@ class _Structure:
         self.fields = set(value._fieldnames)
         self._value = value
 
-    def vector(self, name: str) -> Floats:
-        """Return a field as a vector."""
+    def _array(self, name: str) -> Floats:
         try:
-            return np.asarray(getattr(self._value, name), dtype=np.float64).reshape(-1)
+            return np.asarray(getattr(self._value, name), dtype=np.float64)
         except (TypeError, ValueError) as error:
             raise located(self.path, f"{self.name}.{name}: not numbers") from error
 
+    def vector(self, name: str) -> Floats:
+        """Return a field as a vector."""
+        return self._array(name).reshape(-1)
+
     def columns(self, name: str, rows: int) -> Floats:
         """Return a field of three columns, shape (rows, 3)."""
-        try:
-            found = np.asarray(getattr(self._value, name), dtype=np.float64)
-        except (TypeError, ValueError) as error:
-            raise located(self.path, f"{self.name}.{name}: not numbers") from error
+        found = self._array(name)
         if found.shape != (rows, 3):
             shape = " × ".join(map(str, found.shape))
             raise located(self.path, f"{self.name}.{name}: {shape}, {rows} × 3 expected")
@@ -189,19 +189,7 @@ def _one(kind: str, where: Path, found: list[_Structure]) -> _Structure | None:
 def read(
     where: Path, imu: Path | None = None, gnss: Path | None = None, truth: Path | None = None
 ) -> VehicleRecording:
-    """Return the recording in a folder of `.mat` files, or in one file.
-
-    Parameters
-    ----------
-    where : Path
-        Folder or file.
-    imu, gnss, truth : Path, optional
-        Files to take these from, where the folder has several or none.
-
-    Raises
-    ------
-    VehicleError
-    """
+    """Return the recording in a folder of `.mat` files, or in one file; see `reading.read`."""
     paths = sorted(where.glob("*.mat")) if where.is_dir() else [where]
     given = {"imu": imu, "gnss": gnss, "truth": truth}
     found: dict[str, list[_Structure]] = {kind: [] for kind in given}

@@ -181,9 +181,9 @@ class _ColumnFile:
         self._writer: pa.csv.CSVWriter | pa.parquet.ParquetWriter | None = None
 
     def _open(self, schema: pa.Schema) -> pa.csv.CSVWriter | pa.parquet.ParquetWriter:
-        if self._ending == "parquet":
+        if self._ending == ".parquet":
             return pa.parquet.ParquetWriter(str(self._path), schema)
-        if self._ending == "csv":
+        if self._ending == ".csv":
             options = pa.csv.WriteOptions(quoting_style="none")
         else:
             options = pa.csv.WriteOptions(include_header=False, delimiter=" ", quoting_style="none")
@@ -248,32 +248,13 @@ class _PsinsFile:
 
 
 _StatesOf = Callable[[Piece, States], Columns]
-_TEXTS: Final[dict[str, tuple[str, Callable[[Piece], Columns], str, str, str, _StatesOf]]] = {
-    "csv": ("increments.csv", _increments, "truth.csv", "navigation.csv", "csv", _states),
-    "parquet": (
-        "increments.parquet",
-        _increments,
-        "truth.parquet",
-        "navigation.parquet",
-        "parquet",
-        _states,
-    ),
-    "pyins": (
-        "imu.csv",
-        _pyins_imu,
-        "trajectory.csv",
-        "navigation.csv",
-        "csv",
-        _pyins_trajectory,
-    ),
-    "kf-gins": ("imu.txt", _kf_gins_imu, "truth.nav", "navigation.nav", "txt", _kf_gins_states),
+_TEXTS: Final[dict[str, tuple[str, str, str, Callable[[Piece], Columns], _StatesOf]]] = {
+    "csv": ("increments.csv", "truth.csv", "navigation.csv", _increments, _states),
+    "parquet": ("increments.parquet", "truth.parquet", "navigation.parquet", _increments, _states),
+    "pyins": ("imu.csv", "trajectory.csv", "navigation.csv", _pyins_imu, _pyins_trajectory),
+    "kf-gins": ("imu.txt", "truth.nav", "navigation.nav", _kf_gins_imu, _kf_gins_states),
 }
-"""By format: increments and their columns, truth, navigation, kind of file, columns of states."""
-
-
-def _true_states(columns: _StatesOf, piece: Piece) -> Columns:
-    assert piece.truth is not None
-    return columns(piece, piece.truth)
+"""By format: increments, truth and navigation; columns of increments and of states."""
 
 
 def _opened(
@@ -288,14 +269,19 @@ def _opened(
     paths: list[Path] = []
     if kind == "psins":
         return [_PsinsFile(part_of("trj.mat"))], paths
-    increments, increment_columns, truth, navigation, ending, states = _TEXTS[kind]
-    writers: list[_Writer] = [_ColumnFile(part_of(increments), ending, increment_columns)]
+    increments, truth, navigation, columns, states = _TEXTS[kind]
+
+    def of_truth(piece: Piece) -> Columns:
+        assert piece.truth is not None
+        return states(piece, piece.truth)
+
+    def of_navigation(piece: Piece) -> Columns:
+        return states(piece, piece.navigation)
+
+    files = [(increments, columns), (navigation, of_navigation)]
     if has_truth:
-        true = part_of(truth)
-        writers.append(_ColumnFile(true, ending, lambda piece: _true_states(states, piece)))
-    ours = part_of(navigation)
-    writers.append(_ColumnFile(ours, ending, lambda piece: states(piece, piece.navigation)))
-    return writers, paths
+        files.insert(1, (truth, of_truth))
+    return [_ColumnFile(part_of(name), Path(name).suffix, of) for name, of in files], paths
 
 
 def _pieces(tracks: Iterable[FusedTrack], period_ns: int, frame: Frame) -> Iterator[Piece]:

@@ -6,8 +6,6 @@ From SOF to the last bit of the CRC sequence a bit of the other value follows ev
 Dominant is 0, recessive is 1. A data length code is the number of payload bytes, 0 to 8; the codes
 9 to 15 that also mean eight bytes are not sent. Frames are told by the fields of `Frame`:
 `can_id` with the flags of SocketCAN, `length`, and `data` with the first payload byte lowest.
-
-`frame_bits` is quick and works on whole bytes; `bit_sequence` says the same bit by bit.
 """
 
 from __future__ import annotations
@@ -197,38 +195,3 @@ def agreed_bits(
         last = bit
         bits += 1
     return int(bits)
-
-
-def crc15(bits: list[int]) -> int:
-    """Return the CRC of a sequence of bits (Bosch 1991, part A, 3.1.1), polynomial 0x4599."""
-    crc = 0
-    for bit in bits:
-        feedback = bit ^ (crc >> (_CRC_BITS - 1))
-        crc = (crc << 1 & _CRC_MASK) ^ (_CRC_POLYNOMIAL if feedback else 0)
-    return crc
-
-
-def _digits(value: int, width: int) -> list[int]:
-    return [value >> place & 1 for place in range(width - 1, -1, -1)]
-
-
-def bit_sequence(can_id: int, length: int, data: int) -> list[int]:
-    """Return the bits of a frame from SOF to the end of EOF as its transmitter sends them.
-
-    The ACK slot is recessive, as a transmitter sends it; a receiver makes it dominant.
-    """
-    width = _EXTENDED_HEADER_BITS if can_id & EFF_FLAG else _STANDARD_HEADER_BITS
-    bits = _digits(int(_header(can_id, length)), width)
-    if not can_id & RTR_FLAG:
-        for byte in int(data).to_bytes(8, "little")[:length]:
-            bits += _digits(byte, 8)
-    bits += _digits(crc15(bits), _CRC_BITS)
-    wire: list[int] = []
-    run = 0
-    for bit in bits:
-        run = run + 1 if wire and bit == wire[-1] else 1
-        wire.append(bit)
-        if run == _STUFF_AFTER:
-            wire.append(1 - bit)
-            run = 1
-    return wire + [1] * _TAIL_BITS

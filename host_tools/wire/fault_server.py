@@ -15,20 +15,13 @@ from rrins.dbc.frame import FrameArray
 from rrins.dbc.values import FaultAction, FaultRefusal
 from rrins.host_tools.hardware.fault_protocol import ActiveFault, FaultServer, largest_of
 from rrins.host_tools.hardware.faults import NEVER
-from rrins.host_tools.wire.faults import (
-    ANY_IDENTIFIER,
-    MOST_BABBLE,
-    FaultKind,
-    Node,
-    WireFault,
-    WireFaults,
-)
+from rrins.host_tools.wire.fault_kinds import FaultKind
+from rrins.host_tools.wire.faults import ANY_IDENTIFIER, Node, WireFault, WireFaults
 
 SHARE_STEPS = 10_000
 """The parameter of the action SHARE that means all frames."""
 
 _MOST_IDENTIFIERS = 2048
-_BITS = 64
 
 _Frames = tuple[FaultKind, Node, int]
 
@@ -84,7 +77,7 @@ class WireFaultServer(FaultServer):
             kind = FaultKind(raws["kind"])
         except ValueError:
             return FaultRefusal.UNKNOWN
-        if kind == FaultKind.NONE or action == FaultAction.NONE:
+        if action == FaultAction.NONE:
             return FaultRefusal.UNKNOWN
         identifier, parameter = raws["identifier"], raws["parameter"]
         is_there = identifier < _MOST_IDENTIFIERS or identifier == ANY_IDENTIFIER
@@ -104,18 +97,13 @@ class WireFaultServer(FaultServer):
         self, meant: _Frames, parameter: int, duration_ms: int, epoch: int
     ) -> FaultRefusal:
         probability = self._shares.pop(meant, 1.0)
-        kind = meant[0]
-        if kind == FaultKind.DELAY:
-            parameter = self._epochs(parameter)
-        elif kind == FaultKind.BABBLE:
-            if parameter > MOST_BABBLE:
-                return FaultRefusal.OUT_OF_RANGE
-            parameter = max(1, parameter)
-        elif kind == FaultKind.CORRUPT:
-            if parameter > _BITS:
-                return FaultRefusal.OUT_OF_RANGE
-        else:
+        limits = meant[0].parameter
+        if limits is None:
             parameter = 0
+        elif not limits.is_whole:
+            parameter = self._epochs(parameter)
+        elif parameter > limits.maximum - limits.minimum + 1:
+            return FaultRefusal.OUT_OF_RANGE
         last = epoch + self._epochs(duration_ms) - 1 if duration_ms else -1
         return self.inject(WireFault(*meant, epoch, last, probability, parameter))
 
@@ -153,7 +141,7 @@ class WireFaultServer(FaultServer):
 
     def _told(self, fault: WireFault) -> ActiveFault:
         parameter = fault.parameter
-        if fault.kind == FaultKind.DELAY:
+        if fault.kind.parameter is not None and not fault.kind.parameter.is_whole:
             longest = largest_of(self._active, "parameter")
             parameter = min(longest, self._milliseconds(parameter))
         raws = {

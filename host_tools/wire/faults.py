@@ -20,36 +20,9 @@ from rrins.dbc.codec import load
 from rrins.dbc.e2e import COUNTER_MODULUS, counter_of, protect
 from rrins.dbc.frame import FrameArray, frame_array
 from rrins.host_tools.hardware.faults import NEVER
+from rrins.host_tools.wire.fault_kinds import FaultKind
 from rrins.host_tools.wire.losses import CAPACITY as LOSSES
 from rrins.host_tools.wire.losses import Draws, Loss
-
-
-class FaultKind(IntEnum):
-    """Kinds of faults; the DBC's value table of `kind` in FAULT_COMMAND.
-
-    DROP a frame is lost. DELAY it comes some epochs later. DUPLICATE it comes twice; each further
-    fault of the kind adds one copy. REORDER the
-    epoch's frames come in another order. CORRUPT_WIRE a bit is wrong and the controllers' CRC-15
-    catches it: an error frame, and the frame is sent again. CORRUPT a bit is wrong after that: the
-    end-to-end CRC has to catch it. WRONG_COUNTER the CRC is right, the counter is not. BABBLE a
-    node sends the most urgent identifier all the time. SILENCE a node or message says nothing.
-    BUS_OFF a node's controller is off the bus. CUT nobody hears anybody. STALE the frame that was
-    sent when the fault began comes again and again.
-    """
-
-    NONE = 0
-    DROP = 1
-    DELAY = 2
-    DUPLICATE = 3
-    REORDER = 4
-    CORRUPT_WIRE = 5
-    CORRUPT = 6
-    WRONG_COUNTER = 7
-    BABBLE = 8
-    SILENCE = 9
-    BUS_OFF = 10
-    CUT = 11
-    STALE = 12
 
 
 class Node(IntEnum):
@@ -68,9 +41,6 @@ BABBLE_IDENTIFIER = 0x001
 
 CAPACITY = 127
 """Most faults at a time; a scenario has at most 100."""
-
-MOST_BABBLE = 200
-"""Most frames per epoch of a babbling node."""
 
 _SILENT = (FaultKind.DROP, FaultKind.SILENCE, FaultKind.BUS_OFF, FaultKind.CUT)
 
@@ -91,7 +61,7 @@ class WireFault:
     probability : float
         Share of the frames, or of the epochs for REORDER, that it hits.
     parameter : int
-        Epochs of DELAY; frames an epoch of BABBLE; bit of CORRUPT plus one, 0 for a random bit.
+        See `rrins.host_tools.wire.fault_kinds.to_number`.
     """
 
     kind: FaultKind

@@ -19,10 +19,10 @@ import numpy as np
 from rrins.dbc.codec import load
 from rrins.dbc.frame import FrameArray, frame_array
 from rrins.host_tools.wire.controller import ControllerWatch
+from rrins.host_tools.wire.fault_kinds import FaultKind
 from rrins.host_tools.wire.fault_server import WireFaultServer
 from rrins.host_tools.wire.faults import (
     ANY_IDENTIFIER,
-    FaultKind,
     Node,
     WireFault,
     WireFaults,

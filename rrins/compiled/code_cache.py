@@ -24,7 +24,7 @@ from numba.core.registry import cpu_target
 from numba.core.runtime.nrt import rtsys
 from numba.core.serialize import dumps
 
-from rrins.compiled.code_folder import CodeFolder, code_folder, name_of_code
+from rrins.compiled.code_folder import CodeFolder, code_folder, name_of_code, sources
 from rrins.compiled.code_library import Part, PartLibrary
 from rrins.compiled.compile_events import signals_deferred
 
@@ -59,14 +59,6 @@ class _Locator(UserProvidedCacheLocator):
         return cls(function, file)
 
 
-def stamp_of(function: Any) -> object:
-    """Return numba's stamp of a function's source file: its content, or when it was written.
-
-    To be asked for when the function is made: the file may change afterwards.
-    """
-    return _Locator(function, function.__code__.co_filename).get_source_stamp()
-
-
 class _Results(CompileResultCacheImpl):
     """Turns compiled functions into what can be pickled, and back."""
 
@@ -78,7 +70,9 @@ class _Files(IndexDataCacheFile):
 
     def __init__(self, function: Any, stamp: object, folder: CodeFolder | None) -> None:
         self._name = f"{function.__module__}.{function.__name__}".removeprefix("rrins.")
-        self._stamp = stamp
+        # The folder's name stands for the content of all files, unless one was written since.
+        is_known = sources().is_as_digested(function.__code__.co_filename, stamp)
+        self._stamp = None if is_known else stamp
         self._given = folder
 
     @property
@@ -118,7 +112,7 @@ class CodeCache(FunctionCache):
     ----------
     function : function
     stamp : object
-        What `stamp_of` said of the function.
+        `rrins.compiled.sources.stamp_of` its file, from when the function was made.
     folder : CodeFolder or None
         Where the code is kept; the user's with None.
     """

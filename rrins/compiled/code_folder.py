@@ -26,11 +26,10 @@ import numba
 import numpy as np
 
 from rrins.compiled.compile_events import heed_signals
+from rrins.compiled.sources import PACKAGE, Sources
 
 _log = logging.getLogger(__name__)
 
-_ROOMS = ("compiled", "dbc", "firmware_py/core", "host_tools/hardware", "host_tools/wire")
-_FILES = ("firmware_py/exchange.py",)
 _COMPILER = (numba.__version__, llvmlite.__version__, np.__version__, sys.version)
 _KEPT = 4
 """Folders of former sources to keep, for a return to those sources."""
@@ -51,17 +50,6 @@ class CodeFolderError(Exception):
     """The folder of compiled code is not its user's alone."""
 
 
-def _digest() -> str:
-    """Return a digest of the compiler and of the sources of all rooms with compiled code."""
-    digest = hashlib.sha256(repr(_COMPILER).encode())
-    root = Path(__file__).parent.parent
-    paths = [path for room in _ROOMS for path in sorted((root / room).rglob("*.py"))]
-    for path in (*paths, *(root / file for file in _FILES)):
-        digest.update(str(path.relative_to(root)).encode())
-        digest.update(path.read_bytes())
-    return digest.hexdigest()[:16]
-
-
 def _base() -> Path:
     """Return where the folders are.
 
@@ -75,13 +63,24 @@ def _base() -> Path:
 
 
 @functools.cache
+def sources() -> Sources:
+    """Return the sources of this package; facts about them are kept where the folders are."""
+    place = hashlib.sha256(os.fsencode(PACKAGE)).hexdigest()[:8]
+    try:
+        return Sources(memory=_base() / f"sources-{place}.json")
+    except RuntimeError:
+        return Sources()
+
+
+@functools.cache
 def code_folder() -> CodeFolder | None:
     """Return the folder of these sources, by `NUMBA_CACHE_DIR` or `XDG_CACHE_HOME` if one is set.
 
     None if the user has no home.
     """
     try:
-        return CodeFolder(_base() / _digest())
+        key = repr((*_COMPILER, sources().digest))
+        return CodeFolder(_base() / hashlib.sha256(key.encode()).hexdigest()[:16])
     except RuntimeError:
         return None
 

@@ -24,9 +24,10 @@ from numba.core.sigutils import normalize_signature
 from numba.core.typing.templates import make_concrete_template
 from numba.np import numpy_support
 
-from rrins.compiled.code_cache import CodeCache, stamp_of
+from rrins.compiled.code_cache import CodeCache
 from rrins.compiled.code_folder import CodeFolder
 from rrins.compiled.code_library import Part, PartLibrary, WholeLibrary, collector_paused
+from rrins.compiled.sources import stamp_of
 
 _F = TypeVar("_F", bound=Callable[..., object])
 _Kinds = tuple[Any, ...]
@@ -91,7 +92,7 @@ class Function(CPUDispatcher):
         function.__signature__ = inspect.signature(function)  # numba asks for it four times
         super().__init__(function, targetoptions=chosen)
         del self._cache  # numba's, which keeps nothing
-        self._stamp, self._folder = stamp_of(function), folder
+        self._stamp, self._folder = stamp_of(function.__code__.co_filename), folder
         self._compiler = _Compiler(function, self.targetdescr, chosen, {}, Compiler)
         self._parts: dict[_Kinds, tuple[object, Part]] = {}
 

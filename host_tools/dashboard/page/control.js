@@ -6,14 +6,6 @@ const SPEEDS = [["¼ ×", 0.25], ["1 ×", 1], ["2 ×", 2], ["5 ×", 5], ["10 ×"
 const AGAIN_MS = 2000; // between two readings of the residuals
 const MODES = [["standby", "Standby"], ["navigate", "Navigate again"], ["rotation", "Start rotation"], ["no rotation", "Stop rotation"]];
 
-function groupOf(kind) {
-  if (kind.startsWith("gyro")) return "gyros";
-  if (kind.startsWith("accelerometer")) return "accelerometers";
-  if (/^(axis|encoder)/.test(kind)) return "turntable";
-  if (/^(gnss|odometer|altimeter)/.test(kind)) return "aiding";
-  return "on the wire";
-}
-
 export class Control {
   constructor(feed) {
     this.feed = feed;
@@ -108,9 +100,9 @@ export class Control {
       return;
     }
     const groups = new Map();
-    for (const kind of Object.keys(this.hello.forms)) {
-      if (!groups.has(groupOf(kind))) groups.set(groupOf(kind), []);
-      groups.get(groupOf(kind)).push(kind);
+    for (const [kind, { group }] of Object.entries(this.hello.forms)) {
+      if (!groups.has(group)) groups.set(group, []);
+      groups.get(group).push(kind);
     }
     const order = ["gyros", "accelerometers", "turntable", "aiding", "on the wire"];
     this.kindChoice = element("select", { id: "fault-kind", onchange: () => this.buildFields() },
@@ -136,7 +128,7 @@ export class Control {
 
   buildFields() {
     this.fields.replaceChildren();
-    for (const field of this.hello.forms[this.kindChoice.value]) {
+    for (const field of this.hello.forms[this.kindChoice.value].fields) {
       const place = this.newInput(field);
       place.name = field.key;
       this.fields.append(element("label", {}, keyWords(field.key), place));

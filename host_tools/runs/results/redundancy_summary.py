@@ -5,7 +5,7 @@ from __future__ import annotations
 from rrins.firmware_py.core.records.memory import Ram
 from rrins.firmware_py.core.records.redundancy_records import Found, Parity, Readmission, Refusal
 from rrins.host_tools.files import JsonObject
-from rrins.host_tools.monitor.how_found import FOUND_BY
+from rrins.host_tools.monitor.words import FOUND_BY, NOT_READMITTED
 
 KINDS = ("gyros", "accelerometers")
 
@@ -80,21 +80,11 @@ def redundancy_lines(redundancy: JsonObject | None) -> list[str]:
                 f"{one} {kind['readmitted']} in use again from {kind['readmitted_s']:.3f} s on"
             )
         if kind["readmission_refused"] is not None:
-            lines.append(f"{one} not readmitted: {_REFUSED[kind['readmission_refused']]}")
+            refusal = NOT_READMITTED[kind["readmission_refused"].upper()]
+            lines.append(f"{one} not readmitted: {refusal}")
         if kind["unresolved_s"] is not None:
             lines.append(
                 f"one of the {name} fails since {kind['unresolved_s']:.3f} s: unknown which, or "
                 "none can be spared; all in use"
             )
     return lines
-
-
-_REFUSED = {
-    "not_left_out": "it is in use",
-    "not_comparable": "no other sensor depends on it",
-    "parity": "it differs from the others",
-    "limits": "its bias is far beyond its data sheet",
-    "missing": "it is absent too often",
-    "stuck": "it repeats itself",
-    "set_changed": "another sensor was excluded or came back meanwhile",
-}

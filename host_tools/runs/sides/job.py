@@ -27,8 +27,7 @@ from rrins.host_tools.runs.set_up.settings import (
     scenario_wire,
 )
 from rrins.host_tools.runs.sides.realtime import enter_realtime
-from rrins.host_tools.scenario.fault_tables import FaultOfSensor, FaultOnWire
-from rrins.host_tools.scenario.scenario import Scenario
+from rrins.host_tools.scenario.scenario import Scenario, fault_of
 
 REALTIME = 1.0
 """The speed that means real time: both sides by their own clocks, not in lockstep."""
@@ -145,9 +144,8 @@ def prepare_hardware(scenario: Scenario) -> None:
     """
     aside = Hardware(hardware_settings(scenario), scenario_wire(scenario, is_live=True))
     commands = frame_array(2)
-    on_wire = fault_commands(FaultAction.INJECT, FaultOnWire(kind="drop"))
-    of_hardware = fault_commands(FaultAction.INJECT, FaultOfSensor(kind="gyro_bias"))
-    for frame, message in zip(commands, (*on_wire, *of_hardware), strict=True):
+    for frame, kind in zip(commands, ("drop", "gyro_bias"), strict=True):
+        (message,) = fault_commands(FaultAction.INJECT, fault_of({"kind": kind}))
         frame_of_message(frame, message)
     for epoch in range(3):
         aside.open_epoch(epoch, commands, len(commands) if epoch == 1 else 0)

@@ -214,9 +214,12 @@ def test_a_long_log_forgets_its_beginning():
 def test_there_is_a_form_for_each_fault_that_inject_takes():
     forms = fault_forms()
     assert list(forms) == list(KINDS)
-    for kind, fields in forms.items():
+    assert {form["group"] for form in forms.values()} == {
+        "gyros", "accelerometers", "turntable", "aiding", "on the wire",
+    }  # fmt: skip
+    for kind, form in forms.items():
         keys = {"kind": kind}
-        for field in fields:
+        for field in form["fields"]:
             if field["is_needed"]:
                 keys[field["key"]] = field["choices"][0]
             elif field["default"] is not None and field["key"] != "duty":
@@ -225,7 +228,8 @@ def test_there_is_a_form_for_each_fault_that_inject_takes():
 
 
 def test_a_form_has_the_keys_of_its_kind_only():
-    keys = {kind: [field["key"] for field in form] for kind, form in fault_forms().items()}
+    forms = fault_forms()
+    keys = {kind: [field["key"] for field in form["fields"]] for kind, form in forms.items()}
     assert keys["gyro_bias"] == ["sensor", "bias_dph", "for_s", "period_s", "duty"]
     assert keys["axis_stall"] == ["axis", "for_s", "period_s", "duty"]
     assert keys["corrupt"] == ["message", "node", "probability", "bit", "for_s"]

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from rrins.dbc.frame import Frame, frame_array
 from rrins.dbc.values import FaultRefusal
-from rrins.host_tools.hardware.faults import HardwareFault
+from rrins.host_tools.hardware.fault_kinds import HardwareFault
 from rrins.host_tools.hardware.loop import Hardware
 from rrins.host_tools.hardware.memory import FAULT_CAPACITY
 from rrins.host_tools.hardware.settings import PlannedFault

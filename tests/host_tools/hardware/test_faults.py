@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rrins.host_tools.hardware import faults
-from rrins.host_tools.hardware.faults import HardwareFault
+from rrins.host_tools.hardware.fault_kinds import HardwareFault
 from rrins.host_tools.hardware.sensors import installed_axis, measure
 from rrins.host_tools.hardware.settings import PlannedFault, power_on
 

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from rrins.host_tools.hardware.faults import EVERY, HardwareFault
+from rrins.host_tools.hardware.fault_kinds import EVERY, HardwareFault
 from rrins.host_tools.hardware.settings import (
     MotionPieces,
     OdometerSettings,

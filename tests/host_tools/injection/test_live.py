@@ -6,6 +6,7 @@ import can
 import e2e
 import numpy as np
 import pytest
+from generate.fault_cases import OF_HARDWARE, ON_WIRE
 
 from rrins.dbc.codec import load
 from rrins.dbc.frame import frame_array
@@ -13,9 +14,11 @@ from rrins.dbc.values import FaultAction
 from rrins.firmware_py.loop import Firmware, own_clock_ns
 from rrins.host_tools.bus.port import EMBEDDED, Address, frame_of_message
 from rrins.host_tools.errors import BusError, ScenarioError
+from rrins.host_tools.hardware.fault_kinds import HardwareFault
 from rrins.host_tools.hardware.loop import Hardware
 from rrins.host_tools.injection.client import FaultClient
 from rrins.host_tools.injection.errors import InjectionError
+from rrins.host_tools.injection.fault_report import fault_keys
 from rrins.host_tools.injection.messages import fault_commands
 from rrins.host_tools.runs.set_up.settings import (
     firmware_settings,
@@ -25,6 +28,7 @@ from rrins.host_tools.runs.set_up.settings import (
 from rrins.host_tools.scenario.fault_tables import KINDS
 from rrins.host_tools.scenario.scenario import Scenario, fault_of
 from rrins.host_tools.testing.errors import BenchError
+from rrins.host_tools.wire.fault_kinds import FaultKind
 
 NOISY = {
     "duration_s": 3,
@@ -41,56 +45,32 @@ EPOCHS = 700
 RATE_HZ = 200
 
 
+def _of_each_kind():
+    """Return a fault of each kind, as the page of faults shows it first, with its parameter."""
+    found = {}
+    for case in (*ON_WIRE, *OF_HARDWARE):
+        kind = case.fault["kind"].upper()
+        entry = FaultKind[kind] if kind in FaultKind.__members__ else HardwareFault[kind]
+        parameter = entry.parameter
+        default = {} if parameter is None else {parameter.key: parameter.default}
+        keys = {key: v for key, v in (default | case.fault).items() if key != "for_s"}
+        found.setdefault(kind, {key: v for key, v in keys.items() if v is not None})
+    return tuple(found.values())
+
+
 FAULTS = (
+    *_of_each_kind(),
     {"kind": "drop", "message": "SENSOR_3", "probability": 0.3},
-    {"kind": "delay", "message": "SENSOR_2", "delay_s": 0.02},
-    {"kind": "duplicate", "node": "hardware"},
-    {"kind": "reorder"},
-    {"kind": "corrupt_wire"},
     {"kind": "corrupt", "message": "SENSOR_1", "bit": 40},
-    {"kind": "wrong_counter", "message": "SENSOR_4"},
-    {"kind": "babble", "frames_per_epoch": 3},
-    {"kind": "silence", "node": "firmware"},
-    {"kind": "bus_off", "node": "hardware"},
-    {"kind": "cut"},
-    {"kind": "stale", "message": "SENSOR_1"},
-    {"kind": "axis_stall", "axis": "inner"},
     {"kind": "axis_runaway", "axis": "outer", "rate_dps": -2.5},
-    {"kind": "encoder_stuck", "axis": "inner"},
-    {"kind": "encoder_offset", "axis": "outer", "offset_deg": 0.7},
-    {"kind": "gyro_stuck", "sensor": 2},
-    {"kind": "gyro_bias", "sensor": 2, "bias_dph": 123.45},
-    {"kind": "gyro_noise", "angle_random_walk_deg_per_sqrt_h": 0.3},
-    {"kind": "gyro_absent", "sensor": 1},
-    {"kind": "accelerometer_stuck", "sensor": 3},
-    {"kind": "accelerometer_bias", "bias_ug": 4321.0},
-    {"kind": "accelerometer_noise", "sensor": 4, "white_noise_ug_per_sqrt_hz": 77.7},
-    {"kind": "accelerometer_absent", "sensor": 2},
-    {"kind": "gyro_ramp", "sensor": 4, "bias_dph_per_min": -60.5},
-    {"kind": "gyro_scale", "sensor": 1, "scale_ppm": 250.0},
+    {"kind": "gyro_bias", "bias_dph": 123.45},
     {"kind": "gyro_shift_u", "sensor": 2, "shift_arcsec": 30.5, "period_s": 0.1, "duty": 0.25},
-    {"kind": "gyro_shift_v", "sensor": 3, "shift_arcsec": -12.0},
-    {"kind": "gyro_dead", "sensor": 2},
-    {"kind": "gyro_full_scale", "sensor": 2},
-    {"kind": "accelerometer_ramp", "bias_ug_per_min": 900.0},
-    {"kind": "accelerometer_scale", "sensor": 1, "scale_ppm": -10000.0},
-    {"kind": "accelerometer_shift_u", "sensor": 2, "shift_arcsec": 60.0},
-    {"kind": "accelerometer_shift_v", "sensor": 3, "shift_arcsec": 60.0},
     {"kind": "accelerometer_dead", "period_s": 0.2, "duty": 0.5},
-    {"kind": "accelerometer_full_scale", "sensor": 4},
-    {"kind": "encoder_slip", "axis": "inner", "slip_percent": 2.5},
-    {"kind": "odometer_slip", "slip_percent": -20.0},
-    {"kind": "odometer_lock"},
     {"kind": "odometer_lost", "period_s": 0.4, "duty": 0.5},
     {"kind": "gnss_jump", "direction": "up", "jump_m": -123.0},
-    {"kind": "gnss_pull", "direction": "north", "pull_mps": 1.5},
-    {"kind": "gnss_lost"},
 )
-HARMLESS = {"reorder", "corrupt_wire", "babble", "duplicate", "silence"} | {
-    kind
-    for kind in KINDS
-    if kind.startswith(("odometer_", "gnss_"))  # do not reach navigation
-}
+HARMLESS = {"reorder", "corrupt_wire", "babble", "duplicate"}
+HARMLESS |= {kind for kind in KINDS if kind.startswith(("odometer_", "gnss_"))}  # not navigated by
 
 
 def navigation_of(faults=(), commands=()):
@@ -125,20 +105,16 @@ def test_a_live_fault_is_the_same_as_in_the_scenario(undisturbed, fault):
     assert (planned == undisturbed) == (fault["kind"] in HARMLESS)
 
 
-def test_every_kind_is_tried():
-    assert {fault["kind"] for fault in FAULTS} == set(KINDS)
-
-
 def test_each_kind_is_put_in_listed_and_taken_out_over_the_bus(world):
     with world.client() as client:
         assert client.report().faults == ()
         for keys in FAULTS:
             fault = fault_of(keys)
             active, report = client.inject(fault)
-            assert active.keys == keys
+            assert active.keys == fault_keys(fault) | keys
             assert active.duration_ms == 0
             assert report.epoch >= active.first_epoch
-            assert [one.keys for one in report.faults] == [keys]
+            assert report.faults == (active,)
             again = client.report()
             assert again.faults == report.faults
             assert again.epoch > report.epoch
@@ -148,12 +124,12 @@ def test_each_kind_is_put_in_listed_and_taken_out_over_the_bus(world):
 
 def test_several_at_once_and_all_taken_out(world):
     with world.client() as client:
-        for keys in FAULTS[:1] + FAULTS[12:15]:
+        for keys in FAULTS[-8:-4]:
             active, report = client.inject(fault_of(keys | {"for_s": 60}))
         assert active.duration_ms == 60_000
         listed = report.as_dict()
         assert listed["active_faults"] == 4
-        assert [fault["of"] for fault in listed["faults"]] == ["hardware"] * 3 + ["wire"]
+        assert [fault["of"] for fault in listed["faults"]] == ["hardware"] * 2 + ["wire"] * 2
         for fault in listed["faults"]:
             kept = {k: v for k, v in fault.items() if k not in ("of", "since_epoch")}
             scenario = fault_of(kept)  # as it stands, a table of a scenario

@@ -53,7 +53,7 @@ def test_a_share_goes_before():
     [
         ({"kind": "axis_stall", "axis": "inner"}, 1, 1, 0),
         ({"kind": "axis_runaway", "axis": "outer", "rate_dps": -2.5}, 2, 2, -2.5),
-        ({"kind": "encoder_offset", "axis": "inner", "offset_deg": 179.999}, 4, 1, 179.999),
+        ({"kind": "encoder_offset", "axis": "inner", "offset_deg": -79.999}, 4, 1, -79.999),
         ({"kind": "gyro_bias", "sensor": 16, "bias_dph": 0.01}, 6, 16, 0.01),
         ({"kind": "gyro_noise"}, 7, 0, 1),
         ({"kind": "accelerometer_absent", "sensor": 1}, 12, 1, 0),

@@ -234,6 +234,24 @@ def test_every_version_of_peak_is_read(read_log, version):
     assert log.damage.endswith("1 line is not a frame; skipped")
 
 
+@pytest.mark.parametrize(
+    ("version", "line", "begun_s"),
+    [
+        ("1.0", "1) 250 0043 2 01 02", 0.0),
+        ("1.1", "1) 250.0 Rx 0043 2 01 02", 43008.5),
+        ("1.3", "1) 250.0 1 Rx 0043 - 2 01 02", 43008.5),
+    ],
+)
+def test_earlier_versions_of_peak_are_read(read_log, version, line, begun_s):
+    head = f";$FILEVERSION={version}\n;$STARTTIME=43008.5\n;\n" if begun_s else ""
+    log, frames, time_s = read_log("peak.trc", f"{head}{line}\n{line.replace('250', '500')}\n")
+    assert frames["can_id"].tolist() == [0x43] * 2
+    assert frames["data"].tolist() == [0x0201] * 2
+    origin_s = (begun_s - 25_569) * 86_400 if begun_s else 0.0  # days from 1899-12-30 to 1970
+    assert time_s.tolist() == [origin_s + 0.25, origin_s + 0.5]
+    assert log.damage is None
+
+
 def test_status_lines_of_peak_are_no_damage(read_log):
     content = (
         ";$FILEVERSION=2.1\n;$STARTTIME=43008.920986006946\n;$COLUMNS=N,O,T,B,I,d,R,L,D\n;\n"

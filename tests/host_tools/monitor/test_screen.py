@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import functools
 import html
 import os
 import re
@@ -54,6 +55,18 @@ def run(bus, size, use, **options):
     return asyncio.run(session())
 
 
+def on_screen(*sizes, **options):
+    """Make a test of a function that uses the screen of a bus, at 80 x 24 by default."""
+
+    def made(use):
+        def test(bus, size):
+            run(bus, size, functools.partial(use, bus), **options)
+
+        return pytest.mark.parametrize("size", sizes or SIZES[:1])(test)
+
+    return made
+
+
 @pytest.fixture
 def bus(played):
     """Two seconds of a bus; SENSOR_3 has been silent for the last."""
@@ -70,24 +83,21 @@ def bus(played):
     return played
 
 
-@pytest.mark.parametrize("size", SIZES)
-def test_everything_is_on_the_first_screen(bus, size):
-    async def use(app, press):
-        lines = lines_of(app)
-        assert [len(line) for line in lines] == [size[0]] * size[1]
-        text = "\n".join(lines)
-        assert "rrins:rrins0  time 2.000 s" in text
-        assert "mode STANDBY" in text
-        assert "inner 20.0000°" in text
-        assert "TROUBLES 2: the firmware uses 3 of 4 sensor groups; " in text
-        for name in ("SYNC", "SENSOR_4", "AXIS_INNER_STATUS", "FIRMWARE_STATUS", "unknown"):
-            assert any(name in line for line in lines[8:]), name
-        silent = next(line for line in lines[8:] if "SENSOR_3" in line)
-        assert silent.startswith(" !0x042")
-        assert " silent " in silent
-        assert "q quit" in lines[-1]
-
-    run(bus, size, use)
+@on_screen(*SIZES)
+async def test_everything_is_on_the_first_screen(bus, app, press):
+    lines = lines_of(app)
+    assert [len(line) for line in lines] == [app.size.width] * app.size.height
+    text = "\n".join(lines)
+    assert "rrins:rrins0  time 2.000 s" in text
+    assert "mode STANDBY" in text
+    assert "inner 20.0000°" in text
+    assert "TROUBLES 2: the firmware uses 3 of 4 sensor groups; " in text
+    for name in ("SYNC", "SENSOR_4", "AXIS_INNER_STATUS", "FIRMWARE_STATUS", "unknown"):
+        assert any(name in line for line in lines[8:]), name
+    silent = next(line for line in lines[8:] if "SENSOR_3" in line)
+    assert silent.startswith(" !0x042")
+    assert " silent " in silent
+    assert "q quit" in lines[-1]
 
 
 @pytest.mark.parametrize("size", SIZES)
@@ -156,155 +166,133 @@ def test_the_page_on_redundancy(bus, size):
     run(bus, size, all_of_it)
 
 
-def test_the_filter_narrows_while_it_is_written(bus):
-    async def use(app, press):
-        text = await press("slash", *"gyro")
-        assert "Esc show all" in text
-        assert "SENSOR_4" in text
-        assert "SYNC" not in text.split("name", 1)[1]
-        text = await press("enter")
-        assert "filter: gyro" in text
-        assert "gyro_dtheta=0.000400000" in text
-        text = await press("slash", *"q?s", "escape")  # these are letters here, not keys
-        assert "SYNC" in text
-        assert "filter:" not in text
-        text = await press("slash", *"nowhere")
-        assert "SENSOR" not in text.split("name", 1)[1]
-        await press("enter", "enter", "p", "down")  # nothing to open, plot or point at
-
-    run(bus, (80, 24), use)
+@on_screen()
+async def test_the_filter_narrows_while_it_is_written(bus, app, press):
+    text = await press("slash", *"gyro")
+    assert "Esc show all" in text
+    assert "SENSOR_4" in text
+    assert "SYNC" not in text.split("name", 1)[1]
+    text = await press("enter")
+    assert "filter: gyro" in text
+    assert "gyro_dtheta=0.000400000" in text
+    text = await press("slash", *"q?s", "escape")  # these are letters here, not keys
+    assert "SYNC" in text
+    assert "filter:" not in text
+    text = await press("slash", *"nowhere")
+    assert "SENSOR" not in text.split("name", 1)[1]
+    await press("enter", "enter", "p", "down")  # nothing to open, plot or point at
 
 
-def test_pasted_text_is_the_filter_and_no_keys(bus):
-    async def use(app, press):
-        app.post_message(events.Paste("axis\nq"))
-        text = await press()
-        assert "filter: axis" in text
-        assert "AXIS_INNER_STATUS" in text
-        assert "SENSOR_4" not in text
-        text = await press("enter", "down")
-        assert "filter: axis" in text
-        app.post_message(events.Paste("gyro"))
-        assert "SENSOR_4" in await press()
-        await press("escape", "question_mark")
-        app.post_message(events.Paste("q"))
-        assert "KEYS" in await press()
-        assert app.is_running
-
-    run(bus, (80, 24), use)
+@on_screen()
+async def test_pasted_text_is_the_filter_and_no_keys(bus, app, press):
+    app.post_message(events.Paste("axis\nq"))
+    text = await press()
+    assert "filter: axis" in text
+    assert "AXIS_INNER_STATUS" in text
+    assert "SENSOR_4" not in text
+    text = await press("enter", "down")
+    assert "filter: axis" in text
+    app.post_message(events.Paste("gyro"))
+    assert "SENSOR_4" in await press()
+    await press("escape", "question_mark")
+    app.post_message(events.Paste("q"))
+    assert "KEYS" in await press()
+    assert app.is_running
 
 
-def test_a_filter_given_at_the_start(bus):
-    async def use(app, press):
-        assert "filter: axis" in text_of(app)
-        assert "SENSOR_1" not in text_of(app)
-
-    run(bus, (80, 24), use, needle="axis", order="rate")
+@on_screen(needle="axis", order="rate")
+async def test_a_filter_given_at_the_start(bus, app, press):
+    assert "filter: axis" in text_of(app)
+    assert "SENSOR_1" not in text_of(app)
 
 
-def test_the_order_goes_round_and_the_cursor_stays_on_its_message(bus):
-    async def use(app, press):
-        await press("down", "down", "down")
-        for title in ("name*", "rate/s*", "errors*", "id*"):
-            text = await press("s")
-            assert title in text
-            pointed = [line for line in text.splitlines() if line.startswith(">")]
-            assert len(pointed) == 1
-            assert "SENSOR_3" in pointed[0]
-
-    run(bus, (80, 24), use)
+@on_screen()
+async def test_the_order_goes_round_and_the_cursor_stays_on_its_message(bus, app, press):
+    await press("down", "down", "down")
+    for title in ("name*", "rate/s*", "errors*", "id*"):
+        text = await press("s")
+        assert title in text
+        pointed = [line for line in text.splitlines() if line.startswith(">")]
+        assert len(pointed) == 1
+        assert "SENSOR_3" in pointed[0]
 
 
-def test_frozen_the_picture_stands_while_frames_are_taken(bus):
-    async def use(app, press):
-        text = await press("f")
-        assert "FROZEN" in text
-        bus.send("SYNC", 2.005, 401, epoch=401)
-        app.look()
-        assert "time 2.000 s" in await press("down")
-        assert "0x040" in await press("s", "s", "s", "s", "enter")  # still works
-        text = await press("f")
-        assert "FROZEN" not in text
-        assert "time 2.005 s" in text
-
-    run(bus, (80, 24), use)
+@on_screen()
+async def test_frozen_the_picture_stands_while_frames_are_taken(bus, app, press):
+    text = await press("f")
+    assert "FROZEN" in text
+    bus.send("SYNC", 2.005, 401, epoch=401)
+    app.look()
+    assert "time 2.000 s" in await press("down")
+    assert "0x040" in await press("s", "s", "s", "s", "enter")  # still works
+    text = await press("f")
+    assert "FROZEN" not in text
+    assert "time 2.005 s" in text
 
 
-@pytest.mark.parametrize("size", SIZES)
-def test_the_detail_of_a_message(bus, size):
-    async def use(app, press):
-        await press(*["down"] * 5)
-        text = await press("enter")
-        assert "0x060 AXIS_INNER_STATUS  HARDWARE to FIRMWARE, HOST" in text
-        assert re.search(r"state +MOVING \(2\) +2 +2\b", text)
-        assert re.search(r"encoder_angle_deg +19\.99\d+ deg +0\.000000 +19\.99", text)
-        has_both = "SENSOR_4" in "\n".join(text.splitlines()[8:])
-        assert has_both == (size[1] >= 34)
-        text = await press("down")
-        assert ">  encoder_angle_deg" in text
-        assert "Angle, counted over whole turns, modulo 64 turns." in text
-        text = await press("escape")
-        assert "encoder_angle_deg +20" not in text
-        assert "SENSOR_4" in text
-
-    run(bus, size, use)
+@on_screen(*SIZES)
+async def test_the_detail_of_a_message(bus, app, press):
+    await press(*["down"] * 5)
+    text = await press("enter")
+    assert "0x060 AXIS_INNER_STATUS  HARDWARE to FIRMWARE, HOST" in text
+    assert re.search(r"state +MOVING \(2\) +2 +2\b", text)
+    assert re.search(r"encoder_angle_deg +19\.99\d+ deg +0\.000000 +19\.99", text)
+    has_both = "SENSOR_4" in "\n".join(text.splitlines()[8:])
+    assert has_both == (app.size.height >= 34)
+    text = await press("down")
+    assert ">  encoder_angle_deg" in text
+    assert "Angle, counted over whole turns, modulo 64 turns." in text
+    text = await press("escape")
+    assert "encoder_angle_deg +20" not in text
+    assert "SENSOR_4" in text
 
 
-def test_an_unknown_message_has_a_detail_too(bus):
-    async def use(app, press):
-        text = await press("end", "enter")
-        assert "0x7E9 unknown  1 bytes, not in the DBC" in text
-        assert "last frame 02" in text
-
-    run(bus, (80, 24), use)
+@on_screen()
+async def test_an_unknown_message_has_a_detail_too(bus, app, press):
+    text = await press("end", "enter")
+    assert "0x7E9 unknown  1 bytes, not in the DBC" in text
+    assert "last frame 02" in text
 
 
-@pytest.mark.parametrize("size", SIZES)
-def test_plots_come_go_and_change_their_span(bus, size):
-    async def use(app, press):
-        text = await press("end", "up", "up", "p")
-        assert "AXIS_INNER_STATUS.encoder_angle_deg  now 19.99" in text
-        assert "last 1 min" in text
-        assert re.search("[\u2801-\u28ff]", text)
-        assert "last 10 min" in await press("w")
-        text = await press("home", "p")
-        assert "SYNC.time_us  now 2000000 us" in text
-        assert "AXIS_INNER_STATUS.encoder" in text
-        text = await press("p")
-        assert "SYNC.time_us" not in text
-        assert "q quit" in text
-
-    run(bus, size, use)
+@on_screen(*SIZES)
+async def test_plots_come_go_and_change_their_span(bus, app, press):
+    text = await press("end", "up", "up", "p")
+    assert "AXIS_INNER_STATUS.encoder_angle_deg  now 19.99" in text
+    assert "last 1 min" in text
+    assert re.search("[\u2801-\u28ff]", text)
+    assert "last 10 min" in await press("w")
+    text = await press("home", "p")
+    assert "SYNC.time_us  now 2000000 us" in text
+    assert "AXIS_INNER_STATUS.encoder" in text
+    text = await press("p")
+    assert "SYNC.time_us" not in text
+    assert "q quit" in text
 
 
-def test_help_and_troubles_cover_the_screen_and_go_again(bus):
-    async def use(app, press):
-        text = await press("question_mark")
-        assert "KEYS" in text
-        assert "COLUMNS" in text
-        assert max(len(line) for line in app.screen.lines.plain.splitlines()) <= 79
-        assert "SYNC" in await press("escape")
-        text = await press("t")
-        assert "TROUBLES 2" in text
-        assert "\n  SENSOR_3 has been silent for 1.0 s" in text
-        bus.send("SENSOR_3", 2.0, 400)
-        app.look()
-        assert "SYNC" in await press("q")
-        assert app.is_running
-
-    run(bus, (80, 24), use)
+@on_screen()
+async def test_help_and_troubles_cover_the_screen_and_go_again(bus, app, press):
+    text = await press("question_mark")
+    assert "KEYS" in text
+    assert "COLUMNS" in text
+    assert max(len(line) for line in app.screen.lines.plain.splitlines()) <= 79
+    assert "SYNC" in await press("escape")
+    text = await press("t")
+    assert "TROUBLES 2" in text
+    assert "\n  SENSOR_3 has been silent for 1.0 s" in text
+    bus.send("SENSOR_3", 2.0, 400)
+    app.look()
+    assert "SYNC" in await press("q")
+    assert app.is_running
 
 
-def test_setting_to_zero(bus):
-    async def use(app, press):
-        assert "SYNC" in text_of(app)
-        text = await press("z")
-        assert "SYNC" not in text
-        bus.send("SYNC", 2.005, 401)
-        app.look()
-        assert "SYNC" in await press("down")
-
-    run(bus, (80, 24), use)
+@on_screen()
+async def test_setting_to_zero(bus, app, press):
+    assert "SYNC" in text_of(app)
+    text = await press("z")
+    assert "SYNC" not in text
+    bus.send("SYNC", 2.005, 401)
+    app.look()
+    assert "SYNC" in await press("down")
 
 
 @pytest.mark.parametrize("key", ["q", "ctrl+c"])
@@ -318,23 +306,19 @@ def test_quitting(bus, key):
     assert run(bus, (80, 24), use).return_code == 0
 
 
-def test_when_the_bus_ends_the_last_state_stays(bus):
-    async def use(app, press):
-        bus.watch.end("its host has gone")
-        bus.clock.now_ns += 60_000_000_000
-        app.look()
-        text = await press("down")
-        assert "THE BUS HAS ENDED: its host has gone" in text
-        assert "SENSOR_4" in text
-
-    run(bus, (80, 24), use)
+@on_screen()
+async def test_when_the_bus_ends_the_last_state_stays(bus, app, press):
+    bus.watch.end("its host has gone")
+    bus.clock.now_ns += 60_000_000_000
+    app.look()
+    text = await press("down")
+    assert "THE BUS HAS ENDED: its host has gone" in text
+    assert "SENSOR_4" in text
 
 
-def test_a_small_screen_does_no_harm(bus):
-    async def use(app, press):
-        await press("enter", "p", "escape", "slash", "escape", "t", "escape", "question_mark")
-
-    run(bus, (30, 8), use)
+@on_screen((30, 8))
+async def test_a_small_screen_does_no_harm(bus, app, press):
+    await press("enter", "p", "escape", "slash", "escape", "t", "escape", "question_mark")
 
 
 # ---- the picture in the docs

@@ -12,7 +12,7 @@ from rrins.dbc.codec import load
 from rrins.dbc.e2e import COUNTER_MODULUS, protect
 from rrins.dbc.frame import frame_array
 from rrins.host_tools.monitor.tally import BINS, ENTRIES
-from rrins.host_tools.wire.bits import INTERMISSION_BITS, bit_sequence
+from rrins.host_tools.wire.bits import INTERMISSION_BITS, frame_bits
 
 PERIOD_S = 0.005
 
@@ -111,7 +111,8 @@ def test_load_counts_every_bit(play, can_id, is_extended, data):
             )
         )
     word = can_id | (0x8000_0000 if is_extended else 0)
-    bits = len(bit_sequence(word, len(data), int.from_bytes(data, "little"))) + INTERMISSION_BITS
+    payload = np.uint64(int.from_bytes(data, "little"))
+    bits = int(frame_bits(word, len(data), payload)) + INTERMISSION_BITS
     state = bus.watch.state()
     assert state.load == pytest.approx(bits * 1000 / 500_000, rel=1e-3)
     assert state.peak_load == pytest.approx(state.load, rel=1e-2)

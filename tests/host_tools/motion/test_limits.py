@@ -33,7 +33,7 @@ def test_an_angle_that_jumps(record):
 
 
 def test_a_force_of_more_than_20_g(record):
-    path = record(0 * T, 250 * np.cos(T), **LEVEL)
+    path = record(250 * np.sin(T), 250 * np.cos(T), **LEVEL)
     message = refusal(path, speed_limit_mps=1000, jerk_density_mps3_per_sqrt_hz=1000)
     assert "feels" in message
     assert "m/s², at most 200" in message

@@ -12,8 +12,8 @@ import pytest
 from rrins.dbc.frame import frame_array
 from rrins.host_tools.logs.reader import Log
 from rrins.host_tools.recording import blf
+from rrins.host_tools.recording.blf import Run
 from rrins.host_tools.recording.errors import RecordError
-from rrins.host_tools.recording.text_lines import Parsed
 
 _HEADER = 144  # bytes of a file's
 _KINDS = ("classic", "newer", "coarse", "remote", "fd", "fd64", "error", "other", "padded")
@@ -121,6 +121,6 @@ def test_usual_frames_come_as_arrays(tmp_path):
     path = write(tmp_path / "bus.blf", content(rng, runs * 5), 1 << 17)
     with path.open("rb") as stream:
         found = list(blf.BlfReader(stream))
-    in_arrays = sum(len(one.frames) for one in found if isinstance(one, Parsed))
+    in_arrays = sum(len(one.frames) for one in found if isinstance(one, Run))
     assert in_arrays == 5 * 200
-    assert len(found) - sum(isinstance(one, Parsed) for one in found) == 5 * 9
+    assert len(found) - sum(isinstance(one, Run) for one in found) == 5 * 9

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from rrins.dbc.frame import EFF_FLAG, RTR_FLAG
-from rrins.host_tools.wire.bits import agreed_bits, arbitration_key, bit_sequence, crc15, frame_bits
-from rrins.host_tools.wire.response_time import longest_bits
+from rrins.host_tools.wire.bits import agreed_bits, arbitration_key, frame_bits
 
 ALTERNATING = 0x5555_5555_5555_5555
 
@@ -71,66 +70,30 @@ def spelled(can_id, length, data):
     return wire + "1" * 10
 
 
-def received(wire):
-    """What a receiver takes from a frame, SOF to the end of the payload; None for an error."""
-    bits = []
-    place, run, before, width, end = 0, 0, 0, 19, 10_000
-    while len(bits) < end + 15 or run == 5:
-        if place == len(wire):
-            return None
-        bit = wire[place]
-        run = run + 1 if place and bit == wire[place - 1] else 1
-        if run == 6:
-            return None
-        stuff = run == 1 and before == 5
-        before, place = run, place + 1
-        if stuff:
-            continue
-        bits.append(bit)
-        if len(bits) == 14:
-            width = 39 if bit else 19
-        if len(bits) == width:
-            remote = bits[-7]
-            length = min(8, int("".join(map(str, bits[-4:])), 2))
-            end = width + (0 if remote else 8 * length)
-    if wire[place:] != [1] * 10:
-        return None
-    return bits[:end] if crc15(bits[:end]) == int("".join(map(str, bits[end:])), 2) else None
-
-
-def test_the_crc_is_that_of_the_catalogue():
-    # CRC-15/CAN in the catalogue of parametrised CRC algorithms: check value 0x059E.
-    bits = [byte >> place & 1 for byte in b"123456789" for place in range(7, -1, -1)]
-    assert crc15(bits) == 0x059E
-
-
 # Up to the last bit of the CRC, as printed by K. Tindell's canframe.py
 # (github.com/kentindell/canhack); the lengths also are those of canframelen.c of can-utils.
 @pytest.mark.parametrize(
-    ("can_id", "payload", "wire", "crc"),
+    ("can_id", "payload", "wire"),
     [
         # The example of that program, and of the picture in Wikipedia's article on CAN.
-        (0x014, "01", "000001001010000010001000001001111011101010011", 0x7753),
+        (0x014, "01", "000001001010000010001000001001111011101010011"),
         (
             EFF_FLAG | 0x11 << 18 | 0x2002,
             "deadbeefcafef00d",
             "0000010010001110000100000100000101000010001101111010101101101111"
             "100111011111010010101111101101111000001000110101000001010111110",
-            0x205F,
         ),
     ],
 )
-def test_published_frames(can_id, payload, wire, crc):
+def test_published_frames(can_id, payload, wire):
     length, data = len(payload) // 2, int.from_bytes(bytes.fromhex(payload), "little")
-    bits = bit_sequence(can_id, length, data)
-    assert "".join(map(str, bits)) == wire + "1" * 10
-    assert crc15(received(bits)) == crc
+    assert spelled(can_id, length, data) == wire + "1" * 10
     assert quick_bits(can_id, length, data) == len(wire) + 10
 
 
 def test_a_published_remote_frame():
     wire = "0001001000111000100100001101010010"
-    assert "".join(map(str, bit_sequence(0x123 | RTR_FLAG, 4, 0))) == wire + "1" * 10
+    assert spelled(0x123 | RTR_FLAG, 4, 0) == wire + "1" * 10
     assert quick_bits(0x123 | RTR_FLAG, 4, ALTERNATING) == len(wire) + 10
 
 
@@ -142,14 +105,11 @@ def test_a_frame_of_eight_bytes_without_stuffing():
 def test_a_long_run_is_stuffed_after_each_five_bits():
     # 19 bits from SOF to the DLC and 15 of the CRC are all 0; each stuff bit ends a run of five.
     assert quick_bits(0, 0, 0) == 34 + 34 // 5 + 10
-    assert bit_sequence(0, 0, 0)[:12] == [0, 0, 0, 0, 0, 1, 0, 0, 0, 0, 0, 1]
 
 
 @given(can_ids, lengths, payloads)
 def test_it_agrees_with_a_frame_spelled_out(can_id, length, data):
-    wire = spelled(can_id, length, data)
-    assert "".join(map(str, bit_sequence(can_id, length, data))) == wire
-    assert quick_bits(can_id, length, data) == len(wire)
+    assert quick_bits(can_id, length, data) == len(spelled(can_id, length, data))
 
 
 @given(can_ids, lengths, payloads)
@@ -157,29 +117,20 @@ def test_no_frame_is_longer_than_the_longest(can_id, length, data):
     sent = 0 if can_id & RTR_FLAG else length
     extra = bool(can_id & EFF_FLAG)
     bits = quick_bits(can_id, length, data) + 3
-    assert (67 if extra else 47) + 8 * sent <= bits <= longest_bits(sent, extra)
+    longest = (80 if extra else 55) + 10 * sent  # Davis et al. (2007), section 2
+    assert (67 if extra else 47) + 8 * sent <= bits <= longest
 
 
 @given(can_ids, lengths, payloads)
 def test_what_is_not_sent_does_not_count(can_id, length, data):
     sent = 0 if can_id & RTR_FLAG else length
     kept = data & ((1 << 8 * sent) - 1)
-    assert bit_sequence(can_id, length, data) == bit_sequence(can_id, length, kept)
     assert quick_bits(can_id, length, data) == quick_bits(can_id, length, kept)
-
-
-@settings(derandomize=True)  # one bit may look like several behind a stuff bit: 1 in 2**15 passes
-@given(can_ids, lengths, payloads, st.integers(1, 200))
-def test_a_corrupted_bit_does_not_pass(can_id, length, data, place):
-    wire = bit_sequence(can_id, length, data)
-    assert received(wire) is not None
-    wire[1 + place % (len(wire) - 1)] ^= 1
-    assert received(wire) is None
 
 
 @given(can_ids, lengths, payloads, lengths, payloads)
 def test_two_frames_agree_up_to_the_first_bit_that_differs(can_id, length, data, other, changed):
-    one, two = bit_sequence(can_id, length, data), bit_sequence(can_id, other, changed)
+    one, two = spelled(can_id, length, data), spelled(can_id, other, changed)
     if one == two:
         return
     first = next(k for k, pair in enumerate(zip(one, two, strict=False)) if pair[0] != pair[1])
@@ -190,7 +141,7 @@ def test_two_frames_agree_up_to_the_first_bit_that_differs(can_id, length, data,
 def test_the_lower_key_is_dominant_first(one, two):
     if one == two:
         return
-    first, second = bit_sequence(one, 0, 0), bit_sequence(two, 0, 0)
+    first, second = spelled(one, 0, 0), spelled(two, 0, 0)
     bits = next(pair for pair in zip(first, second, strict=False) if pair[0] != pair[1])
     keys = int(arbitration_key(np.uint32(one))), int(arbitration_key(np.uint32(two)))
     assert (keys[0] < keys[1]) == (bits[0] < bits[1])

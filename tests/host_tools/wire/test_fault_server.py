@@ -13,7 +13,8 @@ from rrins.dbc.contract import load_contract
 from rrins.dbc.e2e import fill
 from rrins.dbc.frame import frame_array
 from rrins.dbc.values import FaultAction, FaultRefusal
-from rrins.host_tools.wire.faults import CAPACITY, FaultKind
+from rrins.host_tools.wire.fault_kinds import FaultKind
+from rrins.host_tools.wire.faults import CAPACITY
 from rrins.host_tools.wire.wire import Wire
 
 PERIOD_NS = 5_000_000

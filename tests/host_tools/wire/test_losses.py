@@ -17,7 +17,8 @@ from rrins.host_tools.runs.set_up.settings import (
     scenario_wire,
 )
 from rrins.host_tools.scenario.scenario import load
-from rrins.host_tools.wire.faults import ANY_IDENTIFIER, FaultKind, Node, WireFault, WireFaults
+from rrins.host_tools.wire.fault_kinds import FaultKind
+from rrins.host_tools.wire.faults import ANY_IDENTIFIER, Node, WireFault, WireFaults
 from rrins.host_tools.wire.losses import lose
 
 SIDES = (Node.HARDWARE, Node.FIRMWARE)

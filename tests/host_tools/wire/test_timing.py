@@ -1,4 +1,4 @@
-"""The bus in virtual time. Frames and times are worked out by hand or from `bit_sequence`."""
+"""The bus in virtual time. Frames and times are worked out by hand or from `frame_bits`."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rrins.dbc.frame import EFF_FLAG, ERR_FLAG, frame_array
-from rrins.host_tools.wire.bits import bit_sequence
+from rrins.dbc.frame import EFF_FLAG, ERR_FLAG, RTR_FLAG, frame_array
+from rrins.host_tools.wire.bits import agreed_bits, frame_bits
 from rrins.host_tools.wire.confinement import NodeState
 from rrins.host_tools.wire.timing import WireModel
 
@@ -29,7 +29,7 @@ def frames_of(*rows):
 
 
 def bits_of(can_id, payload):
-    return len(bit_sequence(can_id, len(payload), int.from_bytes(payload, "little")))
+    return int(frame_bits(can_id, len(payload), np.uint64(int.from_bytes(payload, "little"))))
 
 
 class Bus:
@@ -75,23 +75,30 @@ def test_frames_are_three_bits_apart():
     assert bus.run() == [(0x10, first, 0), (0x20, second, 0)]
 
 
-def test_the_strongest_identifier_of_all_nodes_goes_first():
+@pytest.mark.parametrize(
+    ("submitted", "order"),  # node, identifier and time
+    [
+        ([(0, 0x300, 0), (0, 0x100, 0), (1, 0x200, 0), (1, 0, 0)], [0, 0x100, 0x200, 0x300]),
+        (  # standard data wins against remote, and that against extended
+            [
+                (0, 0x100 << 18 | EFF_FLAG, 0),
+                (1, 0x100 | RTR_FLAG, 0),
+                (2, 0x101, 0),
+                (0, 0x100, 0),
+            ],
+            [0x100, 0x100 | RTR_FLAG, 0x100 << 18 | EFF_FLAG, 0x101],
+        ),
+        ([(0, 0x7FF, 0), (1, 0, 1)], [0x7FF, 0]),  # a transmission is not interrupted
+    ],
+)
+def test_the_strongest_identifier_of_all_nodes_goes_first(submitted, order):
     bus = Bus()
-    bus.submit(0, (0x300, b""), (0x100, b""))
-    bus.submit(1, (0x200, b""), (0x000, b""))
-    assert [(can_id, node) for can_id, _, node in bus.run()] == [
-        (0x000, 1),
-        (0x100, 0),
-        (0x200, 1),
-        (0x300, 0),
-    ]
-
-
-def test_a_transmission_is_not_interrupted():
-    bus = Bus()
-    bus.submit(0, (0x7FF, b"12345678"))
-    bus.submit(1, (0x000, b""), at=1)
-    assert [row[0] for row in bus.run()] == [0x7FF, 0x000]
+    for node, can_id, at in submitted:
+        bus.submit(node, (can_id, b""), at=at)
+    rows = bus.run()
+    assert [can_id for can_id, _, _ in rows] == order
+    senders = {can_id: node for node, can_id, _ in submitted}
+    assert [node for _, _, node in rows] == [senders[can_id] for can_id in order]
 
 
 def test_equal_identifiers_of_a_node_stay_in_order():
@@ -297,15 +304,15 @@ def test_different_frames_of_the_same_identifier_collide_until_one_is_passive():
     bus = Bus()
     bus.submit(0, (0x20, b"\x81"))
     bus.submit(1, (0x20, b"\x80"))
-    one, two = bit_sequence(0x20, 1, 0x81), bit_sequence(0x20, 1, 0x80)
-    differ = next(k for k in range(len(one)) if one[k] != two[k]) + 1
+    one, two = bits_of(0x20, b"\x81"), bits_of(0x20, b"\x80")
+    differ = int(agreed_bits(0x20, 1, np.uint64(0x81), 1, np.uint64(0x80)))
     # Flags 12, delimiter 8, intermission 3; 16 times, until both are passive and wait 8 bits more.
     passive = 16 * (differ + 12 + 8 + 3) + 8
-    first = passive + len(two)
+    first = passive + two
     assert bus.run() == [
         (0x20, first * BIT, 1),
         # The loser, passive, was a sender of the frame before and waits as well.
-        (0x20, (first + 3 + 8 + len(one)) * BIT, 0),
+        (0x20, (first + 3 + 8 + one) * BIT, 0),
     ]
     assert [bus.node(name)["errors"] for name in "abc"] == [17, 16, 0]
     # 128 - 1, one more for a frame received, and 128 + 8 - 1.
