@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from types import SimpleNamespace
 from typing import Any
 
@@ -18,6 +19,7 @@ from rrins.firmware_py.core.maths import earth
 from rrins.firmware_py.core.modes.modes import Mode
 from rrins.firmware_py.core.navigation import strapdown
 from rrins.firmware_py.core.records.memory import Ins as InsRecord
+from rrins.firmware_py.core.records.troubles import Status
 from rrins.firmware_py.core.sensors.calibration import input_axes
 from rrins.firmware_py.core.settings import Scheme, Settings, Turn
 from rrins.firmware_py.diagnostics.store import Stores
@@ -179,6 +181,16 @@ class Bench:
         sent, self.consumed = self.firmware.step(inbox, 0, len(frames), self.epoch * self.period_ns)
         self.epoch += 1
         return [frame.copy() for frame in self.firmware.outbox[:sent]]
+
+    def run(self, epochs: int, change: Callable[[Any], Any] = lambda frames: frames) -> None:
+        """Run epochs, each on its own frames as `change` makes them."""
+        for _ in range(epochs):
+            self.step(change(self.frames()))
+
+    def failed(self, mask: int = Status.TEST_FAILED) -> set[str]:
+        """Return the names of the trouble codes that have a bit of their status."""
+        faults = self.firmware.diagnostics.faults
+        return {trouble.name for trouble, _ in faults.by_mask(mask)}
 
     def run_to(self, mode: Mode, request: int | None = None, limit: int = 3000) -> None:
         """Step, asking once, until a mode is reached."""

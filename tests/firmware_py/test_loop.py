@@ -112,7 +112,7 @@ STALL = st.tuples(st.integers(0, 8_000_000), st.integers(500_000, 12_000_000))
 
 @pytest.mark.slow
 @given(stalls=st.lists(STALL, min_size=1, max_size=12))
-@settings(max_examples=100)
+@settings(max_examples=25)
 def test_whatever_the_stalls_of_both_sides_no_frame_is_lost(tools, stalls):
     begins_ns, times_ns = 650_000_000, []  # soon after the navigation begins
     for pause_ns, length_ns in stalls:

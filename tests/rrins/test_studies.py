@@ -46,15 +46,13 @@ def test_the_covariance_beside_the_runs_of_a_campaign(tmp_path):
 
 @pytest.mark.slow
 def test_what_redundant_sensors_find(tmp_path):
-    found = rrins.study_redundancy(
-        geometries=["tetrahedron", "dodecahedron"], gyro_steps_dph=[1, 10], runs=0
-    )
+    found = rrins.study_redundancy(geometries=["tetrahedron"], gyro_steps_dph=[1, 10], runs=0)
     printed = said(
-        *("redundancy", "--rimu", "tetrahedron", "--rimu", "dodecahedron", "--runs", "0"),
+        *("redundancy", "--rimu", "tetrahedron", "--runs", "0"),
         *("--gyro", "1", "--gyro", "10", "--out", str(tmp_path)),
     )
     assert found.values["candidates"] == printed["candidates"]
-    assert set(found.smallest["geometry"]) == {"tetrahedron", "dodecahedron"}
+    assert set(found.smallest["geometry"]) == {"tetrahedron"}
     gyros = found.delays[found.delays["kind"] == "gyros"]
     assert set(gyros["fault"]) == {1, 10}
     alarms = gyros[(gyros["way"] == "alarm") & (gyros["geometry"] == "tetrahedron")]

@@ -9,8 +9,6 @@ import pytest
 from pydantic import ValidationError
 
 from rrins.dbc.contract import SENSOR_GROUPS
-from rrins.firmware_py.core.navigation import strapdown
-from rrins.firmware_py.core.records.memory import INNER, OUTER, Ram, blank_ram
 from rrins.firmware_py.core.sensors.calibration import input_axes
 from rrins.firmware_py.core.settings import Scheme, Turn, power_on
 
@@ -31,19 +29,6 @@ def test_the_tetrahedron_is_the_papers():
     assert pytest.approx(np.array(expected), abs=1e-8) == H
 
 
-def test_angles_become_radians(tools, contract):
-    parameters = image(tools, contract, latitude_deg=-30.0, longitude_deg=90.0)["parameters"]
-    assert parameters["latitude"] == pytest.approx(-math.pi / 6)
-    assert parameters["longitude"] == pytest.approx(math.pi / 2)
-    assert parameters["height"] == 40.0
-
-
-def test_the_attitude_becomes_a_matrix(tools, contract):
-    state = image(tools, contract, roll_deg=10.0, pitch_deg=20.0, heading_deg=30.0)
-    expected = tools.body_to_navigation(*np.radians([10, 20, 30]))
-    assert state["parameters"]["C_b_n"] == pytest.approx(expected, abs=1e-15)
-
-
 @pytest.mark.parametrize("rate_hz", [50, 200, 400, 1000])
 def test_times_become_epochs(tools, contract, rate_hz):
     state = image(tools, contract, rate_hz=rate_hz, alignment_s=2.0, bridge_s=0.1)
@@ -55,20 +40,6 @@ def test_times_become_epochs(tools, contract, rate_hz):
     assert set(parameters["position_epochs"][:16]) == {3.5 * rate_hz}
 
 
-def test_the_scheme_is_laid_down_turn_by_turn(tools, contract):
-    parameters = image(tools, contract)["parameters"]
-    assert parameters["position_count"] == 16
-    assert list(parameters["position_axis"][:4]) == [INNER, OUTER, INNER, OUTER]
-    assert list(parameters["position_turn_deg"][:4]) == [180, -180, 180, 180]
-
-
-@pytest.mark.parametrize(("name", "value"), [("held", 0), ("damped", 1), ("free", 2)])
-def test_the_height_channel_has_its_number(tools, contract, name, value):
-    state = image(tools, contract, height_channel=name)
-    assert state["parameters"]["height_channel"] == value
-    assert value == getattr(strapdown, f"HEIGHT_{name.upper()}")
-
-
 def test_as_many_sensors_as_there_are_frames_for(tools, contract):
     random = np.random.default_rng(1)
     axes = tuple(map(tuple, random.uniform(0, 180, (SENSOR_GROUPS, 2))))
@@ -77,11 +48,6 @@ def test_as_many_sensors_as_there_are_frames_for(tools, contract):
     assert state["accelerometers"]["count"] == 4
     assert np.linalg.norm(state["gyros"]["H"], axis=1) == pytest.approx(np.ones(SENSOR_GROUPS))
     assert list(state["accelerometers"]["weight"][:5]) == [1, 1, 1, 1, 0]
-
-
-def test_power_on_is_the_same_every_time(tools, contract):
-    assert image(tools, contract).tobytes() == image(tools, contract).tobytes()
-    assert blank_ram().tobytes() == bytes(Ram.dtype.itemsize)
 
 
 @pytest.mark.parametrize(

@@ -89,14 +89,6 @@ def test_the_values_are_those_of_the_ram_image(navigating):
     assert values(client, "load")["frames_per_epoch"] == pytest.approx(9.3, abs=0.5)
 
 
-def test_several_identifiers_at_once(navigating):
-    _, client = navigating
-    names = ("mode", "position", "velocity", "attitude", "axis_inner", "gyro_increments")
-    numbers = [table.identifier(name).number for name in names]
-    found = client.read_data_by_identifier(numbers).service_data.values
-    assert list(found) == numbers
-
-
 def test_the_whole_ram_image_is_read(navigating):
     tool, client = navigating
     client.change_session(3)
@@ -124,24 +116,6 @@ def test_a_parameter_is_written_and_in_force_after_a_reset(client, tool):
     tool.run(1.0)
     assert tool.state["parameters"]["follow_tolerance_deg"] == 2.5
     assert tool.state["parameters"]["axis_silence_epochs"] == 100
-
-
-def test_nothing_that_changes_the_computer_goes_locked(client, tool):
-    client.change_session(3)
-    before = tool.node.parameters.effective()
-    did = table.identifier("bridge")
-    assert refusal(client.write_data_by_identifier, did.number, {"bridge_s": 0.5}) == 0x33
-    assert refusal(client.start_routine, 0x0201) == 0x33
-    assert refusal(client.io_control, 0x0311, 3, values={"target_angle_deg": 9.0}) == 0x33
-    client.change_session(2)
-    assert refusal(client.request_download, FILE) == 0x33
-    assert tool.node.parameters.effective() == before
-
-
-def test_a_wrong_key_is_refused(client):
-    client.change_session(3)
-    client.set_config("security_algo", lambda level, seed, params: bytes(8))
-    assert refusal(client.unlock_security_access, 1) == 0x35
 
 
 def test_the_calibration_is_pulled_changed_and_pushed(client, tool):
@@ -424,17 +398,6 @@ def test_trouble_codes_are_not_set_while_their_setting_is_off(navigating):
         frames = tool.bench.frames()
         tool.bench.step([*frames[:2], *frames[3:]])
     assert len(client.get_dtc_by_status_mask(0x08).service_data.dtcs) == 1
-
-
-def test_communication_is_controlled(navigating):
-    tool, client = navigating
-    client.change_session(3)
-    client.communication_control(1, 1)
-    sent = {int(frame["can_id"]) for _ in range(30) for frame in tool.bench.step()}
-    assert sent == {0x20, 0x21}
-    client.communication_control(0, 1)
-    sent = {int(frame["can_id"]) for _ in range(30) for frame in tool.bench.step()}
-    assert 0x100 in sent
 
 
 def test_long_responses_come_within_the_timing_that_the_server_announces(client):

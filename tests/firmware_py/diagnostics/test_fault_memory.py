@@ -18,15 +18,6 @@ def faults_of(bench) -> FaultMemory:
     return bench.firmware.diagnostics.faults
 
 
-def failed(bench, mask=Status.TEST_FAILED):
-    return {trouble.name for trouble, _ in faults_of(bench).by_mask(mask)}
-
-
-def run(bench, epochs, change=lambda frames: frames):
-    for _ in range(epochs):
-        bench.step(change(bench.frames()))
-
-
 def without(index):
     return lambda frames: [*frames[:index], *frames[index + 1 :]]
 
@@ -39,32 +30,32 @@ def status(bench, name):
 def test_the_status_byte_over_the_life_of_a_fault(at):
     bench = at()
     name = "sensor_2_silent"
-    run(bench, 250)
+    bench.run(250)
     assert status(bench, name) == 0
-    run(bench, 19, without(2))
+    bench.run(19, without(2))
     assert status(bench, name) == 0
-    run(bench, 1, without(2))
+    bench.run(1, without(2))
     assert status(bench, name) == 0x2F  # failed, this cycle, pending, confirmed, since clear
-    run(bench, HEALING)
+    bench.run(HEALING)
     assert status(bench, name) == 0x2E  # healed
     faults_of(bench).begin_cycle()
     assert status(bench, name) == 0x6C  # not tested yet in this cycle
-    run(bench, 1)
+    bench.run(1)
     faults = faults_of(bench)
     faults.clear(table.trouble(name).number)
     assert status(bench, name) == CLEARED_STATUS == 0x50
-    run(bench, 203)
+    bench.run(203)
     assert status(bench, name) == 0
 
 
 def test_the_fault_detection_counter(at):
     bench = at()
-    run(bench, 250)
+    bench.run(250)
     faults = faults_of(bench)
     index = faults.index_of(table.trouble("sensor_2_silent").number)
     counters = [faults.detection_counter(index)]
     for epoch in range(60):
-        run(bench, 1, without(2) if epoch < 30 else lambda frames: frames)
+        bench.run(1, without(2) if epoch < 30 else lambda frames: frames)
         counters.append(faults.detection_counter(index))
     assert counters[0] == -128
     assert counters[1] == 6  # from 0, an epoch of twenty
@@ -76,11 +67,11 @@ def test_the_fault_detection_counter(at):
 def test_now_and_then_a_lost_frame_is_no_trouble(at):
     bench = at(bridge_s=10.0)
     for k in range(600):
-        run(bench, 1, without(2) if k % 20 == 0 else lambda frames: frames)
-    assert failed(bench) == set()
+        bench.run(1, without(2) if k % 20 == 0 else lambda frames: frames)
+    assert bench.failed() == set()
     for k in range(600):
-        run(bench, 1, without(2) if k % 4 == 0 else lambda frames: frames)
-    assert failed(bench) == {"sensor_2_silent"}
+        bench.run(1, without(2) if k % 4 == 0 else lambda frames: frames)
+    assert bench.failed() == {"sensor_2_silent"}
 
 
 def test_freeze_frames_of_the_first_and_the_latest_occurrence(at):
@@ -92,8 +83,8 @@ def test_freeze_frames_of_the_first_and_the_latest_occurrence(at):
     for angle in (10.0, 20.0, 30.0):
         bench.axes_deg = [angle, -angle]
         epochs.append(bench.epoch + 19)
-        run(bench, 20, without(2))
-        run(bench, HEALING)
+        bench.run(20, without(2))
+        bench.run(HEALING)
     first, latest = (faults.snapshot(index, number)[0] for number in (1, 2))
     assert (first["epoch"], latest["epoch"]) == (epochs[0], epochs[2])
     assert first["assembly"]["encoder_angle_deg"] == pytest.approx([10, -10], abs=1e-5)
@@ -108,9 +99,9 @@ def test_a_trouble_code_is_forgotten_after_forty_cycles_without_the_fault(at):
     name = "sensor_2_silent"
     faults = faults_of(bench)
     index = faults.index_of(table.trouble(name).number)
-    run(bench, 20, without(2))
+    bench.run(20, without(2))
     faults.begin_cycle()
-    run(bench, HEALING)
+    bench.run(HEALING)
     for cycle in range(AGING_CYCLES):
         assert status(bench, name) & Status.CONFIRMED
         assert faults.extended(index)[1]["aging"] == cycle
@@ -125,7 +116,7 @@ def test_a_cycle_in_which_the_test_was_not_completed_does_not_count(at):
     bench = at()
     faults = faults_of(bench)
     index = faults.index_of(table.trouble("sensor_2_silent").number)
-    run(bench, 20, without(2))
+    bench.run(20, without(2))
     faults.begin_cycle()
     for _ in range(100):
         faults.begin_cycle()
@@ -136,13 +127,13 @@ def test_a_cycle_in_which_the_test_was_not_completed_does_not_count(at):
 def test_trouble_codes_outlive_a_reset_of_the_computer(tool_at):
     tool = tool_at(Mode.NAVIGATION_STRAPDOWN)
     bench = tool.bench
-    run(bench, 20, without(2))
+    bench.run(20, without(2))
     for request in ("1101", "1103"):
         tool.ask("1003")
         tool.ask(request)
         bench.firmware.diagnostics.restart()
         bench.run_to(Mode.STANDBY)
-        assert failed(bench, Status.CONFIRMED) == {"sensor_2_silent"}
+        assert bench.failed(Status.CONFIRMED) == {"sensor_2_silent"}
     assert faults_of(bench).operation_cycles == 2
 
 
@@ -150,12 +141,12 @@ def test_a_reset_lets_every_test_find_anew_whether_it_fails(tool_at):
     tool = tool_at(Mode.NAVIGATION_STRAPDOWN)
     bench = tool.bench
     for request in ("1101", "1103"):
-        run(bench, 20, without(2))
-        assert failed(bench) == {"sensor_2_silent"}
+        bench.run(20, without(2))
+        assert bench.failed() == {"sensor_2_silent"}
         tool.ask("1003")
         tool.ask(request)
         bench.firmware.diagnostics.restart()
-        assert failed(bench) == set()
+        assert bench.failed() == set()
         bench.run_to(Mode.NAVIGATION_STRAPDOWN, ModeRequest.NAVIGATE_STRAPDOWN)
 
 
@@ -166,7 +157,7 @@ def cycles(at, tmp_path):
     def cycle(seconds, change=lambda frames: frames):
         stores = open_memories(tmp_path / "parameters.bin")
         bench = at(stores=stores)
-        run(bench, round(seconds * 200), change)
+        bench.run(round(seconds * 200), change)
         stores.parameters.close()
         stores.faults.close()
         faults = faults_of(bench)

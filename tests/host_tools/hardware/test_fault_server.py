@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 from rrins.dbc.frame import Frame, frame_array
 from rrins.dbc.values import FaultRefusal
 from rrins.host_tools.hardware.fault_kinds import HardwareFault
-from rrins.host_tools.hardware.fault_protocol import ANSWERS
 from rrins.host_tools.hardware.loop import Hardware
 from rrins.host_tools.hardware.memory import FAULT_CAPACITY
 from rrins.host_tools.hardware.settings import PlannedFault
@@ -169,22 +168,6 @@ def test_what_cannot_be_is_refused_and_changes_nothing(live, raws, refusal):
     status, faults = live.ask(**raws)
     assert status["refusal"] == refusal
     assert (status["active_faults"], faults) == (0, [])
-
-
-def test_a_wrong_crc_is_counted_and_not_obeyed(live):
-    frame = live.command(action=INJECT, kind=1, target=1)
-    frame["data"] ^= np.uint64(1) << np.uint64(20)
-    assert live.step(frame) == []
-    assert live.hardware.plant[0]["counters"]["crc_errors"] == 1
-
-
-def test_each_of_several_commands_is_answered(live):
-    frames = [live.command(k, action=INJECT, kind=5, target=k) for k in range(1, 5)]
-    report = live.step(*frames)
-    assert [values["answers"] for name, values in report if "STATUS" in name] == [1, 2, 3, 4]
-    assert len(report) == 2 * 4 + 4
-    report = live.step(*[live.command(action=REPORT)] * 40)
-    assert len(report) == 2 * 4 + ANSWERS
 
 
 @pytest.mark.slow

@@ -59,27 +59,6 @@ def test_at_a_constant_rate_the_force_is_omega_squared_r_to_the_axis(which, by_v
         assert felt == pytest.approx(expected, abs=1e-15)
 
 
-def test_a_position_along_the_axis_feels_nothing():
-    plant = block_of([[0.0, 0.0, 0.3]] * 3)
-    for epoch in range(3):
-        turn(plant, INNER, 0.5 * epoch * DT, 0.5)
-        assert arms(plant) == pytest.approx(0, abs=1e-18)
-
-
-def test_a_rate_that_grows_pushes_across():
-    change, radius = 0.002, 0.04
-    plant = block_of([[radius, 0.0, 0.0]] * 3)
-    angle = rate = 0.0
-    for epoch in range(4):
-        turn(plant, INNER, angle, rate, change)
-        angle, rate = angle + (rate + change / 2) * DT, rate + change
-        felt = arms(plant)
-        if epoch:  # the first epoch has none before
-            assert felt[1] == pytest.approx(radius * change, rel=1e-12)
-        mean_square = rate**2 - rate * change + change**2 / 3
-        assert felt[0] == pytest.approx(-radius * mean_square * DT, rel=1e-9)
-
-
 def test_a_rate_that_jumps_is_felt_as_a_blow():
     plant = block_of([[0.1, 0.0, 0.0]] * 3)
     assert arms(plant) == pytest.approx(0)
@@ -134,25 +113,6 @@ def test_both_axes_and_the_vehicle_together(place, omega_b, inner, outer, rates,
         w * DT / 2 * force(DT + DT * (n + 1) / 2) for n, w in zip(nodes, weights, strict=True)
     )
     assert felt == pytest.approx(expected, abs=2e-8)
-
-
-def test_positions_are_felt_each_by_its_accelerometer():
-    positions = np.array([[0.1, 0, 0], [0, 0.2, 0], [0.3, 0.4, 0]])
-    plant = block_of(positions)
-    turn(plant, INNER, 0.0, 0.5)
-    arms(plant)
-    turn(plant, INNER, 0.5 * DT, 0.5)
-    square = 0.25 * DT
-    assert arms(plant) == pytest.approx([-0.1 * square, -0.2 * square, 0.0], abs=1e-15)
-
-
-def test_no_position_costs_no_increment():
-    plant = np.zeros(1, dtype=Plant.dtype)[0]
-    turn(plant, INNER, 0.0, 0.5)
-    truth.integrate(plant, NO_MOTION, DT)
-    for name in ("omega_is_s", "omega_square_s"):
-        assert not plant[name].any()
-    assert not plant["accelerometers"]["arm_increment"].any()
 
 
 def test_what_the_bus_carries_holds_it(tools):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import threading
 
 import can
@@ -28,7 +27,6 @@ from rrins.host_tools.runs.results.results import read_errors
 from rrins.host_tools.runs.set_up.settings import firmware_settings, hardware_settings
 from rrins.host_tools.scenario.scenario import load as load_scenario
 
-SOAK = bool(os.environ.get("RRINS_SOAK"))
 FIRMWARE = [load().frame_id(name) for name in sorted(firmware_messages())]
 
 
@@ -50,7 +48,7 @@ def test_every_format_replays_bit_identically(recordings, tmp_path, ending):
     assert np.max(np.abs(errors.position_east_m)) < 0.1
 
 
-@pytest.mark.skipif(not SOAK, reason="ten minutes for each format: set RRINS_SOAK")
+@pytest.mark.soak
 @pytest.mark.timeout(600)
 @pytest.mark.parametrize("ending", READ)
 def test_ten_minutes_replay_bit_identically(run, tmp_path, ending):
@@ -215,11 +213,8 @@ def test_answers_that_are_missing_in_the_log_are_named_and_the_rest_goes_on(
     [
         ("NAV_LATITUDE", 20, "latitude_deg"),
         ("NAV_ATTITUDE", 63, "heading_deg"),
-        ("NAV_VELOCITY", 37, "velocity_east"),
         ("FIRMWARE_STATUS", 12, "mode"),
-        ("FIRMWARE_STATUS", 44, "load_percent"),
         ("AXIS_INNER_COMMAND", 8, "alive_counter"),
-        ("AXIS_INNER_COMMAND", 3, "crc"),
         ("HEARTBEAT_FIRMWARE", 60, "(bits outside all signals)"),
     ],
 )
@@ -244,20 +239,6 @@ def test_one_flipped_bit_is_named_by_its_epoch_and_signal(
         )  # fmt: skip
         assert [row["frames"] for row in found.summary()["signals"]] == [1]
         assert f"at epoch {epoch}: {message}.{signal}" in found.text()
-
-
-def test_a_bit_of_a_sensor_is_named_between_two_logs(recordings, read, write_candump, tmp_path):
-    recorded = recordings()
-    piece = read(recorded.path)
-    sensors = np.flatnonzero(piece.frames["can_id"] == load().frame_id("SENSOR_2"))
-    frames = piece.frames.copy()
-    frames["data"][sensors[512]] ^= np.uint64(1 << 41)
-    path = tmp_path / "flipped.log"
-    write_candump(path, frames, piece.time_s)
-    found = compare_logs(Log(recorded.path), Log(path))
-    assert found.text().startswith(
-        "the first difference is at epoch 512: SENSOR_2.accelerometer_dv is "
-    )
 
 
 def test_a_log_that_ends_earlier_is_told(recordings, read, write_candump, tmp_path):

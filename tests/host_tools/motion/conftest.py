@@ -20,7 +20,6 @@ from rrins.host_tools.scenario.tables import Body, Site
 
 PERIOD_NS = 5_000_000
 M_PER_DEG = 111_000.0
-RECORDED = Path(__file__).parents[4] / "shared" / "data" / "drive_0708" / "gnss.pos"
 
 
 def _make(folder=Path(), period_ns=PERIOD_NS, body=None, **keys):
@@ -41,22 +40,6 @@ def drive():
 @pytest.fixture(scope="session")
 def sway():
     return _make(kind="sway", body=Body(heading_deg=30, roll_deg=1, pitch_deg=-1))
-
-
-@pytest.fixture(scope="session")
-def recorded():
-    if not RECORDED.is_file():
-        pytest.skip(f"no {RECORDED}")
-    return _make(RECORDED.parent, kind="file", path=RECORDED.name)
-
-
-@pytest.fixture(scope="session")
-def recorded_lines():
-    """Return the header and the lines of the recorded drive."""
-    if not RECORDED.is_file():
-        pytest.skip(f"no {RECORDED}")
-    header, *lines = RECORDED.read_text().splitlines()
-    return header, lines
 
 
 @pytest.fixture(scope="session")

@@ -115,21 +115,6 @@ def test_a_file_of_few_samples_is_no_row_of_gaps(record, interval_s):
     assert np.abs(off[inside]).max() < 2
 
 
-def test_a_recorded_drive_that_is_cut_or_has_a_gap_keeps_its_attitude(recorded_lines, write):
-    header, lines = recorded_lines
-    whole = sampled(smooth(write([header, *lines])))[2]
-    low, high = whole[:, 1].min() - 0.5, whole[:, 1].max() + 0.5
-    for kept in (
-        lines[:1234],
-        lines[:2000],
-        lines[:800] + lines[950:],
-        lines[:1700] + lines[1850:],
-    ):
-        pitch = sampled(smooth(write([header, *kept])))[2][:, 1]
-        assert low < pitch.min()
-        assert pitch.max() < high
-
-
 @pytest.mark.parametrize("speed", [20, 400, 600, 2500])
 def test_a_run_neither_reverses_nor_overshoots_at_any_speed(record, speed):
     t = np.arange(0, 30, 0.25)

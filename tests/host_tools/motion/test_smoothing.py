@@ -132,11 +132,3 @@ def test_one_outlier_below_a_jump_hardly_bends_the_path(record):
     off[120] = 0.5
     smoothed = smooth(record(10 * t, off))
     assert np.abs(smoothed.trajectory.at(smoothed.residuals.time_s)[:, 10]).max() < 0.2
-
-
-def test_recorded_drive(recorded):
-    text = " ".join(recorded.notes)
-    assert "position rms 0.00946 m" in text
-    assert recorded.duration_s == 555
-    speed = np.linalg.norm(recorded.at(np.arange(0, 555, 0.1))[:, 9:12], axis=1)
-    assert speed.max() == pytest.approx(16.34, abs=0.05)

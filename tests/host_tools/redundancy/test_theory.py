@@ -109,14 +109,6 @@ def test_of_three_orthogonal_and_one_the_fourth_shows_most():
     assert first / fourth == pytest.approx(math.sqrt(3), rel=0.02)
 
 
-def test_a_stricter_promise_costs_sensitivity():
-    strict, loose = (
-        Finder(candidates_of(None, ["cone"], None, promise)[0].scenario, GYROS)
-        for promise in (0.001, 100.0)
-    )
-    assert strict.smallest(0, 60, "alarm", HALF) > 1.2 * loose.smallest(0, 60, "alarm", HALF)
-
-
 def test_accelerometers_have_their_own_unit():
     (candidate,) = candidates_of(None, ["tetrahedron"])
     finder = Finder(candidate.scenario, ACCELEROMETERS)

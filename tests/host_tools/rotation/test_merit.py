@@ -8,40 +8,13 @@ import numpy as np
 import pytest
 
 from rrins.firmware_py.core.settings import Scheme, Turn
-from rrins.host_tools.hardware.tables import Accelerometers, Gyros
-from rrins.host_tools.hardware.units import DPH, STANDARD_GRAVITY, UG
+from rrins.host_tools.hardware.units import STANDARD_GRAVITY
 from rrins.host_tools.rotation.analysis import analyse
-from rrins.host_tools.rotation.errors import sensors_of
-from rrins.host_tools.rotation.merit import SensorSet, velocity_error
+from rrins.host_tools.rotation.merit import velocity_error
 from rrins.host_tools.rotation.travel import travel_of
 from rrins.host_tools.scenario.schemes import SCHEMES
 
 from .conftest import paper_rimu
-
-
-def standing(seconds):
-    return Scheme(turns=(Turn(axis="inner", angle_deg=0),), stand_s=seconds)
-
-
-def rimu(gyro=Gyros(), accelerometer=Accelerometers()):  # noqa: B008  # frozen
-    return SensorSet(
-        sensors_of("gyro", ((90, 0),), gyro),
-        sensors_of("accelerometer", ((90, 0),), accelerometer),
-    )
-
-
-def test_an_accelerometer_bias_at_rest_is_a_ramp():
-    error = velocity_error(standing(600), rimu(accelerometer=Accelerometers(bias_ug=50)))
-    assert error.rms_mps == pytest.approx(50 * UG * 600 / math.sqrt(3))
-    assert error.growth_mps_per_h == pytest.approx(50 * UG * 3600)
-
-
-def test_a_gyro_bias_at_rest_is_a_parabola():
-    """δv = g b t² / 2; Titterton and Weston (2004), 12.3.2."""
-    error = velocity_error(standing(600), rimu(gyro=Gyros(bias_dph=0.1)))
-    end = STANDARD_GRAVITY * 0.1 * DPH * 600**2 / 2
-    assert error.rms_mps == pytest.approx(end / math.sqrt(5), rel=1e-5)
-    assert error.growth_mps_per_h == pytest.approx(end * 6)
 
 
 @pytest.mark.parametrize("name", ["16-position", "4-position"])

@@ -12,13 +12,13 @@ from rrins.host_tools.hardware.settings import body_to_navigation
 from rrins.host_tools.runs.results.estimates import estimator_lines
 from rrins.host_tools.runs.results.estimator_plot import draw_estimates
 
-RATE_HZ, FINE_S, DURATION_S = 200, 200, 60
+RATE_HZ, FINE_S, DURATION_S = 50, 200, 60
 
 
 @pytest.fixture(scope="module")
 def runs():
     """The same run in one loop, and by frames."""
-    changes = {"duration_s": DURATION_S}
+    changes = {"duration_s": DURATION_S, "rate_hz": RATE_HZ}
     changes |= {"estimator": {"enabled": True, "fine_alignment_s": FINE_S}}
     name = "rimu_rotating_aligned"
     return [rrins.simulate(name, frames=way, **changes)._result for way in (False, True)]

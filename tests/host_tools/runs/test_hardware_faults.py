@@ -187,7 +187,7 @@ def test_a_sound_encoder_is_never_blamed(fly, name, motion):
     tables = {"motion": {"kind": motion}}
     if motion == "drive":
         tables |= {"altimeter": {}, "firmware": {"height_channel": "damped"}}
-    scenario = scenario_with(duration_s=900, mode="rotating", **tables)
+    scenario = scenario_with(duration_s=450, mode="rotating", **tables)
     firmware, _ = fly(scenario.varied(**FAR_FROM_IDEAL[name]))
     assert firmware["encoders"] == {"inner": None, "outer": None}
 
@@ -204,29 +204,11 @@ def test_lost_frames_are_no_jumps_of_an_encoder(tmp_path):
 # Sensors
 
 
-def test_the_tetrahedron_does_without_one_sensor_of_each_kind(fly):
-    planned = [
-        {"kind": "gyro_absent", "sensor": 2, "at_s": 5},
-        {"kind": "accelerometer_absent", "sensor": 3, "at_s": 5},
-    ]
-    firmware, errors = fly(scenario_with(*planned, duration_s=300))
-    assert firmware["faults"]["bridged_epochs"] == 0
-    assert max(errors.largest()["max_abs_position_error_m"].values()) < 0.05
-
-
 def test_without_two_gyros_of_four_the_firmware_fails_after_its_bridge(fly):
     planned = [{"kind": "gyro_absent", "sensor": k, "at_s": 5} for k in (1, 2)]
     firmware, _ = fly(scenario_with(*planned))
     assert firmware["fault"] == "SENSORS_LOST"
     assert firmware["epochs_navigated"] == pytest.approx((5 - BEGIN_S) * 200 + 20, abs=3)
-
-
-def test_a_gap_within_the_bridge_is_bridged(fly):
-    fault = {"kind": "gyro_absent", "at_s": 5, "for_s": 0.05}
-    firmware, errors = fly(scenario_with(fault))
-    assert firmware["fault"] == "NONE"
-    assert firmware["faults"]["bridged_epochs"] == 10
-    assert max(errors.largest()["max_abs_position_error_m"].values()) < 0.01
 
 
 def test_a_gyro_bias_turns_the_attitude_by_its_share_of_the_fusion(fly):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -103,17 +102,6 @@ def test_the_sensors_own_frame_has_the_turning_and_the_angles(files):
     assert turned == pytest.approx(math.pi, abs=1e-3)  # and the Earth's rate
     truth = read(files(TURNING, "csv", "s") / "truth.csv")
     assert truth["heading_deg"].to_numpy() == pytest.approx(30.0)
-
-
-def test_with_the_table_at_zero_both_frames_are_one():
-    rng = np.random.default_rng(1)
-    rows = FusedIncrements.zeros(50)
-    rows["dtheta_s"] = rng.normal(scale=3e-3, size=(50, 3))
-    rows["dv_s"] = rng.normal(scale=0.05, size=(50, 3))
-    derotator = Derotator()
-    parts = [derotator.of_body(part) for part in (rows[:20], rows[20:])]
-    assert np.vstack([part[0] for part in parts]) == pytest.approx(rows["dtheta_s"], abs=1e-15)
-    assert np.vstack([part[1] for part in parts]) == pytest.approx(rows["dv_s"], abs=1e-14)
 
 
 def test_a_turn_of_the_table_in_a_turning_body_is_taken_out():
@@ -229,17 +217,6 @@ def test_psins_has_its_struct(files):
             * Rotation.from_rotvec([0, roll, 0])
         )
         assert matrix_of_psins(avp[k, :3]) == pytest.approx(ours.as_matrix(), abs=1e-9)
-
-
-def test_psins_without_truth_begins_with_our_navigation(tmp_path):
-    scenario = scenario_of(TURNING | {"duration_s": 2})
-    tracks = (replace(track, truth=None) for track in fused_of_scenario(scenario))
-    result = write(tracks, scenario.period_ns, tmp_path, "psins")
-    assert not result.has_truth
-    trj = loadmat(tmp_path / "trj.mat", struct_as_record=False)["trj"][0, 0]
-    assert trj.avp.shape == (0, 10)
-    assert trj.navigation.shape == (400, 10)
-    assert math.degrees(trj.avp0[2, 0]) == pytest.approx(-30, abs=1e-5)
 
 
 # Another navigator

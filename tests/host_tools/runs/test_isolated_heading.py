@@ -96,13 +96,10 @@ def test_the_sensors_keep_their_heading_in_a_vehicle_that_turns(turning, tmp_pat
     assert np.degrees(np.abs(rate)).max() <= 60 * (1 + 1e-9)
 
 
-def test_over_a_bus_and_without_it_navigates_to_the_same_bytes(turning, run, tmp_path):
+def test_with_frames_and_without_it_navigates_to_the_same_bytes(turning):
     stall = [{"kind": "axis_stall", "axis": "inner", "at_s": 14, "for_s": 3}]
     scenario = turning(duration_s=30, faults=stall)
-    path = tmp_path / "turning.toml"
-    path.write_text(scenario.toml(), encoding="utf-8")
     found = [way(scenario).firmware for way in (run_direct, run_without_frames)]
-    found += [run("rehearse", path)]
     assert len({one["navigation_sha256"] for one in found}) == 1
 
 

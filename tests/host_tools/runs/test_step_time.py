@@ -17,6 +17,7 @@ from rrins.host_tools.runs.exchange import exchange_epoch
 from rrins.host_tools.runs.set_up.settings import firmware_settings, hardware_settings
 from rrins.host_tools.scenario.scenario import load
 
+pytestmark = pytest.mark.soak
 RATE_HZ = 400
 PERIOD_US = 1e6 / RATE_HZ
 BEGIN_S = 4.0

@@ -25,30 +25,6 @@ def test_it_propagates_as_matrices_do():
     assert np.array_equal(P, P.T)
 
 
-def test_a_measurement_weighs_by_the_inverse_variances():
-    P, x = random_covariance(5, 3), np.arange(5.0)
-    h = np.eye(5)[2]
-    after = np.linalg.inv(np.linalg.inv(P) + np.outer(h, h) / 0.3)
-    mean = x + after @ h / 0.3 * (7.0 - x[2])
-    variance = P[2, 2] + 0.3
-    found = covariance.measure(x, P, 2, 7.0, 0.3, np.zeros(5), np.zeros((5, 5)))
-    assert found == pytest.approx((5.0, variance))
-    assert pytest.approx(after, rel=1e-12) == P
-    assert x == pytest.approx(mean, rel=1e-12)
-
-
-def test_it_stays_positive_where_the_prior_is_a_million_times_as_uncertain():
-    P, x = np.eye(3) * 1e16, np.zeros(3)
-    P += np.ones((3, 3)) * 1e15
-    gain, work = np.zeros(3), np.zeros((3, 3))
-    turn = np.eye(3) + np.diag([0.1, 0.1], 1)
-    for k in range(300):
-        covariance.measure(x, P, k % 3, 1.0, 1e-6, gain, work)
-        covariance.propagate(P, len(P), len(P), turn, work)
-        assert np.linalg.eigvalsh(P / np.sqrt(np.outer(np.diag(P), np.diag(P))))[0] > -1e-12
-        assert np.array_equal(P, P.T)
-
-
 def test_noise_along_a_direction_is_added_there_only():
     P = np.zeros((6, 6))
     covariance.add_along(P, 3, np.array([3.0, 0.0, 4.0]), 2.0)

@@ -81,14 +81,6 @@ def test_navigation_goes_on_with_the_scheme_where_the_fine_alignment_left_it(mak
     assert sequencer.epochs == before[2] + 2
 
 
-def test_for_navigation_without_rotation_the_axes_hold(make_bench):
-    bench = make_bench()
-    bench.run_to(Mode.FINE_ALIGNMENT, ModeRequest.NAVIGATE_STRAPDOWN)
-    assert not bench.state.sequencer.running
-    assert list(bench.state.sequencer.command) == 2 * [AxisCommand.HOLD]
-    bench.run_to(STRAPDOWN)
-
-
 def test_it_ends_once_the_heading_is_known_well_enough(make_bench):
     """By the Earth's rate: 1° of heading drifts by 5 mm/s within 30 s, at 40° of latitude."""
     enough = math.radians(0.3)
@@ -145,19 +137,6 @@ def test_standby_alignment_and_shutdown_end_it(make_bench, request_, end, comman
     for _ in range(round(FINE_S * RATE_HZ)):
         bench.step()
     assert bench.mode == end
-
-
-def test_after_standby_it_begins_anew(make_bench):
-    bench = make_bench()
-    bench.run_to(ROTATING, ModeRequest.NAVIGATE_ROTATING)
-    used = int(bench.state.estimator.sources[Aid.ZERO_VELOCITY].used)
-    assert used > 0
-    bench.run_to(Mode.STANDBY, ModeRequest.STANDBY)
-    bench.run_to(Mode.FINE_ALIGNMENT, ModeRequest.NAVIGATE_ROTATING)
-    estimator = bench.state.estimator
-    assert estimator.sources[Aid.ZERO_VELOCITY].used == 0
-    assert not estimator.gyro_bias.any()
-    assert not estimator.sigma.any()
 
 
 def test_velocity_and_position_are_known_for_its_time_only(make_bench):

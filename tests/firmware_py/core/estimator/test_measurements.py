@@ -14,7 +14,6 @@ from rrins.firmware_py.core.records.estimator_records import (
     ATTITUDE,
     BIASES,
     COMPONENTS,
-    CORRECTIONS,
     HEIGHT,
     LATITUDE,
     LONGITUDE,
@@ -77,15 +76,6 @@ def scalars(state):
         for bit in range(COMPONENTS * len(Aid))
         if waiting >> bit & 1
     ]
-
-
-def test_while_the_vehicle_stands_its_velocity_and_position_wait(state):
-    measurements.stand.py_func(state)
-    assert scalars(state) == []
-    state.modes.mode = Mode.FINE_ALIGNMENT
-    measurements.stand.py_func(state)
-    aids = (Aid.ZERO_VELOCITY, Aid.KNOWN_POSITION)
-    assert scalars(state) == [(aid, k) for aid in aids for k in range(3)]
 
 
 def test_what_waits_is_taken_once_each_in_order(state):
@@ -284,27 +274,8 @@ def test_what_passes_the_gate_is_used_and_ends_a_row_of_rejections(state, innova
     assert estimator.P[VELOCITY, VELOCITY] == pytest.approx(0.3**2 * (1 - share))
 
 
-def test_it_begins_with_nothing_waiting_and_nothing_counted(state):
-    estimator = state.estimator
-    estimator.waiting = 0b111
-    for source in estimator.sources:
-        source.used = source.rejected = source.rejected_in_a_row = 4
-        source.squares = 3.0
-    measurements.begin.py_func(estimator, 123)
-    assert scalars(state) == []
-    assert estimator.track_first == 123
-    assert list(estimator.correction_epoch) == CORRECTIONS * [-1]
-    for source in estimator.sources:
-        assert source.used == source.rejected == source.rejected_in_a_row == source.squares == 0
-
-
 ARM_B = np.array([0.5, -2.0, 1.5])
 RATE_N = np.array([0.1, -0.2, 0.5])
-
-
-def arm_at(tools, epoch):
-    """Return the arm in n of a body that turns steadily."""
-    return tools.exponential(RATE_N * (epoch - FIX_EPOCH) * 0.005) @ ARM_B
 
 
 def turning(tools, state, first=FIX_EPOCH - 50, last=STAND):
@@ -353,13 +324,6 @@ def test_the_antennas_velocity_is_of_the_epochs_around(tools, state, first, last
     expected = np.zeros(3) if exact is None else np.cross(RATE_N, ARM_B)
     # Without an epoch on one side it is of half an epoch beside: half a period of acceleration.
     assert out == pytest.approx(expected, abs=1e-4 if exact else 2e-3)
-
-
-def test_a_fix_from_before_the_antennas_place_was_known_does_not_wait(tools, state):
-    turning(tools, state, STAND - 10, STAND + 100)
-    fix(state, STAND - 11, PLACE, VELOCITY_N)
-    put(state, STAND + 100, PLACE, VELOCITY_N)
-    assert scalars(state) == []
 
 
 def test_the_mean_of_a_seconds_heights_is_a_measurement(kit):

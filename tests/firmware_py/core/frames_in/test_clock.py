@@ -64,17 +64,6 @@ def test_it_learns_the_rate_of_sync(ppm, start_ns):
     assert bench.clock["jumps"] == 0
 
 
-@pytest.mark.parametrize("ppm", [-1000, 0, 1000])
-def test_it_averages_jitter(ppm):
-    bench = Disciplined(ppm, jitter_ns=200_000)
-    errors = bench.run(6000)[1500:]
-    assert abs(errors.mean()) < 3000
-    assert errors.std() < 0.3 * 200_000 / np.sqrt(3)
-    # Impulse response (1 - k/32) exp(-k/32) / 1024 of the period: σ = 2.83/1024 of the jitter's.
-    assert bench.ppm == pytest.approx(ppm, abs=3 * 64)
-    assert bench.clock["jumps"] == 0
-
-
 @pytest.mark.parametrize("ppm", [-1000, 300, 1000])
 def test_it_holds_the_rate_without_sync(ppm):
     bench = Disciplined(ppm)
@@ -116,15 +105,6 @@ def test_a_single_late_arrival_hardly_moves_the_clock(late_ns):
     assert 0 <= errors[0] < PERIOD / 200
     assert abs(bench.ppm) < 100
     assert np.abs(bench.run(400)[-1]) < 100
-    assert bench.clock["jumps"] == 0
-
-
-def test_late_arrivals_now_and_then_are_no_jump():
-    bench = Disciplined()
-    bench.run(100)
-    for _ in range(30):
-        bench.run(1, late_ns=3_000_000)
-        assert abs(bench.run(1)[0]) < 10
     assert bench.clock["jumps"] == 0
 
 

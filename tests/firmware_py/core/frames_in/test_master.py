@@ -91,41 +91,12 @@ def test_a_whole_group_is_a_transfer_of_a_time_before(beside):
     assert not beside.step()
 
 
-@pytest.mark.parametrize("part", range(8))
-def test_of_an_incomplete_or_harmed_group_nothing_is_taken(beside, part):
-    group = beside.group()
-    assert not beside.step([*group[:part], *group[part + 1 :]])
-    harmed = beside.group()
-    harmed[part]["data"] ^= np.uint64(1 << 40)
-    assert not beside.step(harmed)
-    assert beside.bench.state["faults"]["crc_errors"] == 1
-    mixed = beside.group()
-    mixed[part] = group[part]  # of an epoch before
-    assert not beside.step(mixed)
-    assert beside.bench.state["faults"]["counter_errors"] == 1
-    assert beside.step(beside.group())
-
-
-def test_of_two_groups_that_disagree_none_is_taken(beside):
-    other = beside.group(MASTER_VELOCITY={"velocity_east": 0})
-    assert not beside.step([*beside.group(), *other])
-    group = beside.group()
-    assert beside.step([*group, *group])
-
-
 def test_what_is_old_or_not_valid_is_not_taken(beside):
     assert not beside.step(beside.group(age_us=2_100_000))
     assert not beside.step(beside.group(age_us=-10_000))
     assert beside.master["too_old"] == 2
     assert not beside.step(beside.group(MASTER_TIME={"valid": 0}))
     assert beside.step(beside.group(age_us=1_990_000))
-
-
-def test_validity_is_found_across_the_wrap_of_its_clock(tools):
-    wrap = -(-(2**28) // 5000)  # first epoch after it
-    beside = Beside(tools, first=wrap - 3)
-    assert beside.step(beside.group(age_us=500_000))
-    assert beside.master["epoch"] == wrap - 100
 
 
 def test_without_a_start_by_transfer_its_frames_mean_nothing(tools):

@@ -37,14 +37,6 @@ def test_a_rotation_vector_gives_the_matrix_exponential(tools, phi, scale):
     assert matrix_of_vector(scale * phi) == pytest.approx(expected, abs=1e-13)
 
 
-@pytest.mark.parametrize("angle", [0.0, 1e-9, 0.0099999, 0.0100001, 0.02, 3.0])
-def test_the_quaternion_of_a_turn_has_half_its_angle(angle):
-    q = np.empty(4)
-    attitude.quaternion_of_vector(q, angle * Z)
-    expected = [math.cos(angle / 2), 0.0, 0.0, math.sin(angle / 2)]
-    assert q == pytest.approx(expected, rel=1e-15, abs=1e-300)
-
-
 @given(VECTORS, VECTORS)
 def test_a_product_of_quaternions_turns_by_the_second_first(a, b):
     p, q, r, C = np.empty(4), np.empty(4), np.empty(4), np.empty((3, 3))
@@ -70,12 +62,6 @@ def test_half_a_turn_survives_the_way_through_the_quaternion(axis):
     attitude.quaternion_of_matrix(q, C)
     attitude.matrix_of_quaternion(again, q)
     assert again == pytest.approx(C, abs=1e-15)
-
-
-def test_normalising_keeps_the_direction():
-    q = np.array([0.5, -0.5, 0.5, 0.5]) * 1.001
-    attitude.normalise(q)
-    assert q == pytest.approx([0.5, -0.5, 0.5, 0.5], rel=1e-15)
 
 
 def test_heading_turns_forward_to_the_east_and_right_to_the_south():
@@ -105,11 +91,6 @@ def test_a_matrix_gives_back_its_euler_angles(roll, pitch, heading):
     assert np.angle(np.exp(1j * difference)) == pytest.approx(np.zeros(3), abs=1e-13)
 
 
-@given(ANGLES, ANGLES, st.floats(-10, 10))
-def test_heading_lies_between_zero_and_a_whole_turn(roll, pitch, heading):
-    assert 0.0 <= attitude.euler_of_matrix(matrix_of_euler(roll, pitch, heading))[2] < 2 * math.pi
-
-
 @pytest.mark.parametrize("heading", [-1e-17, -1e-16, -0.0, 0.0])
 def test_a_heading_just_west_of_north_is_no_whole_turn(heading):
     assert 0.0 <= attitude.euler_of_matrix(matrix_of_euler(0, 0, heading))[2] < 2 * math.pi
@@ -131,15 +112,3 @@ def test_the_gimbals_turn_as_the_paper_has_it(tools, inner, outer):
     attitude.gimbal_matrix(C, inner, outer)
     expected = tools.rotation(0, outer) @ tools.rotation(2, inner)  # (22)
     assert pytest.approx(expected, abs=1e-15) == C
-
-
-@given(VECTORS, VECTORS, VECTORS)
-def test_products_are_those_of_linear_algebra(tools, a, b, c):
-    out, product = np.empty(3), np.empty((3, 3))
-    attitude.cross(out, a, b)
-    assert out == pytest.approx(np.cross(a, b), abs=1e-14)
-    A, B = tools.skew(a) + np.eye(3), tools.skew(b) - np.diag(c)
-    attitude.rotate(out, A, c)
-    assert out == pytest.approx(A @ c, abs=1e-14)
-    attitude.multiply_transposed(product, A, B)
-    assert product == pytest.approx(A @ B.T, abs=1e-14)

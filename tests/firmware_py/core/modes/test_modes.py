@@ -173,13 +173,6 @@ def test_alignment_takes_its_time(tools):
     assert bench.mode == STRAPDOWN
 
 
-def test_an_alignment_that_fails_says_so(tools):
-    bench = in_mode(tools.Bench(initial_attitude="self-aligned"), Mode.ALIGNMENT)
-    bench._accelerometer *= 1.1
-    bench.run_to(Mode.FAULT)
-    assert bench.state["modes"]["fault"] == FirmwareFault.ALIGNMENT_FAILED
-
-
 @pytest.mark.parametrize("mode", [STRAPDOWN, ROTATING])
 @pytest.mark.parametrize(
     ("field", "value"),
@@ -205,20 +198,6 @@ def test_a_plausible_solution_is_let_be():
     assert modes.plausible(ins)
 
 
-def test_an_axis_that_does_not_follow_ends_the_rotation_only(tools):
-    bench = in_mode(tools.Bench(), ROTATING)
-    for _ in range(100):
-        if bench.mode != ROTATING:
-            break
-        bench.step()  # the inner axis stays at zero
-    assert bench.mode == STRAPDOWN
-    assert list(bench.state["sequencer"]["not_following"]) == [1, 0]
-    assert bench.state["modes"]["fault"] == FirmwareFault.NONE
-    for _ in range(50):
-        bench.step()
-    assert bench.mode == STRAPDOWN
-
-
 def test_rotation_is_tried_again_unless_the_operator_has_given_it_up(tools):
     for asked in (ModeRequest.NAVIGATE_ROTATING, ModeRequest.NAVIGATE_STRAPDOWN):
         bench = in_mode(tools.Bench(), ROTATING)
@@ -237,19 +216,6 @@ def test_a_change_between_the_navigation_modes_does_not_start_navigation_anew(to
     bench.step(request=ModeRequest.NAVIGATE_ROTATING)
     assert bench.mode == ROTATING
     assert bench.state["ins"]["longitude"] == pytest.approx(1.0, abs=1e-9)
-
-
-def test_rotation_can_be_taken_up_again_in_the_middle_of_the_scheme(tools):
-    bench = in_mode(tools.Bench(), ROTATING)
-    bench.axes_deg = [90.0, 0.0]
-    bench.step(request=ModeRequest.NAVIGATE_STRAPDOWN)
-    assert bench.mode == STRAPDOWN
-    for _ in range(10):
-        bench.step()
-    bench.step(request=ModeRequest.NAVIGATE_ROTATING)
-    bench.step()
-    assert bench.mode == ROTATING
-    assert not bench.state["sequencer"]["not_following"].any()
 
 
 def test_a_new_navigation_starts_at_the_place_that_is_set(tools):

@@ -37,27 +37,22 @@ def swaying(tools, state, C_s_n, amplitude_mps, turn_rad, bias_dph=0.0):
     earth_n = tools.earth_rate_n(LATITUDE)
     omega = 2 * math.pi / 8.0
 
-    def attitude(t):
-        roll = Rotation.from_rotvec([turn_rad * math.sin(omega * t), 0.0, 0.0]).as_matrix()
-        return C_s_n @ roll
-
-    before = attitude(0.0)
-    for k in range(round(ALIGNMENT_S * RATE_HZ)):
-        t = k * DT
-        after = attitude(t + DT)
-        earth_turn = Rotation.from_rotvec(earth_n * DT).as_matrix()  # of s against inertial axes
-        rotated = Rotation.from_matrix(before.T @ earth_turn @ after).as_rotvec()
-        state.dtheta_s[:] = rotated + np.radians(bias_dph) / 3600 * DT
-        velocity = amplitude_mps * np.array([1.0, -0.5, 0.7])
-        surge = velocity * (math.sin(omega * (t + DT)) - math.sin(omega * t))
-        middle = Rotation.from_matrix(before) * Rotation.from_rotvec(rotated / 2)
-        state.dv_s[:] = middle.as_matrix().T @ (gravity * DT + surge)
-        state.epoch = k
+    sway = np.sin(omega * DT * np.arange(round(ALIGNMENT_S * RATE_HZ) + 1))
+    roll = Rotation.from_rotvec(turn_rad * sway[:, None] * [1.0, 0.0, 0.0])
+    attitude = Rotation.from_matrix(C_s_n) * roll
+    before, after = attitude[:-1], attitude[1:]
+    # The turn of the Earth is one of s against inertial axes.
+    rotated = (before.inv() * Rotation.from_rotvec(earth_n * DT) * after).as_rotvec()
+    surge = np.diff(sway)[:, None] * amplitude_mps * np.array([1.0, -0.5, 0.7])
+    middle = before * Rotation.from_rotvec(rotated / 2)
+    dtheta_s = rotated + np.radians(bias_dph) / 3600 * DT
+    dv_s = middle.inv().apply(gravity * DT + surge)
+    for k in range(len(dtheta_s)):
+        state.dtheta_s[:], state.dv_s[:], state.epoch = dtheta_s[k], dv_s[k], k
         inertial_alignment.follow(state)
-        before = after
     inertial_alignment.find(state)
     inertial_alignment.write_attitude(state)
-    return before
+    return attitude[-1].as_matrix()
 
 
 def error_of(state, C_s_n):

@@ -10,8 +10,8 @@ import pytest
 from rrins.firmware_py.core.aiding import wheel
 from rrins.firmware_py.core.maths import earth
 from rrins.firmware_py.core.navigation import strapdown
-from rrins.firmware_py.core.records.memory import WHEEL_EPOCHS, blank_ram
-from rrins.firmware_py.core.redundancy import bank, blocks, reference
+from rrins.firmware_py.core.records.memory import blank_ram
+from rrins.firmware_py.core.redundancy import bank, blocks
 from rrins.firmware_py.core.sensors.calibration import DPH, UG, input_axes
 
 RATE_HZ, SECONDS, BEGINS_S = 100, 160, 60
@@ -148,43 +148,6 @@ def test_a_velocity_that_no_sensor_explains_decides_nothing():
     assert decide(ram, "gyros") == (-1, SECONDS)
 
 
-@pytest.mark.parametrize(("kind", "value"), FAULTS)
-def test_an_alarm_of_the_other_kind_does_not_mislead(kind, value):
-    ram = history(kind, 1, value)
-    other = "gyros" if kind == "accelerometers" else "accelerometers"
-    ram[0].redundancy[other].alarm = True
-    found, at = decide(ram, kind)
-    assert (found, ram[0].redundancy.bank.count) == (1, 17)
-    assert BEGINS_S < at < BEGINS_S + 40
-
-
-@pytest.mark.parametrize("gyro", range(3))
-@pytest.mark.parametrize("accelerometer", range(3))
-def test_of_two_faults_at_once_both_are_known(gyro, accelerometer):
-    """Histories are linear: one of each fault, less one without any."""
-    ram = history("gyros", gyro, 100 * DPH)
-    blocks_of_both = ram[0].redundancy.repair.blocks
-    blocks_of_both += history("accelerometers", accelerometer, 5000 * UG)[
-        0
-    ].redundancy.repair.blocks
-    blocks_of_both -= history("gyros", gyro, 0.0)[0].redundancy.repair.blocks
-    ram[0].redundancy.accelerometers.alarm = True
-    found, at = decide(ram, "gyros")
-    found_too = bank.found(ram[0].redundancy.bank, 1)
-    assert {found, found_too} <= {-1, gyro, accelerometer}
-    assert found == gyro or found_too == accelerometer
-    assert BEGINS_S < at < BEGINS_S + 40
-
-
-def test_six_sensors_are_left_to_their_parity():
-    ram = history("gyros", 1, 10 * DPH)
-    ram[0].redundancy.gyros.sensors = 0b111111
-    state = ram[0]
-    state.redundancy.gyros.alarm = True
-    bank.follow(state)
-    assert not state.redundancy.bank.active
-
-
 SPEED, TURN_DPS = 15.0, 6.0
 """Of a car that speeds up and brakes by a third, and turns to and fro."""
 
@@ -271,131 +234,3 @@ def test_fix_and_stretch_of_a_second_are_measured_in_the_order_of_their_times():
         scores.append([one.score for one in ram[0].redundancy.bank.filters[:5]])
         assert ram[0].redundancy.bank.measurements == 4 * SECONDS
     assert scores[0] == pytest.approx(scores[1], rel=1e-2)
-
-
-class Reference:
-    """A RAM image that is navigated epoch by epoch; its velocity is the number of the epoch."""
-
-    def __init__(self):
-        self.ram = level_ram()
-        self.state = self.ram[0]
-        self.state.epoch = 1000
-        blocks.begin(self.state.redundancy.repair, 4, 4, 999)
-        reference.begin(self.state)
-
-    def run(self, epochs, fix=None):
-        state = self.state
-        for _ in range(epochs):
-            state.ins.velocity_n[0] = state.epoch - 1  # that of the epoch before
-            state.gnss.fresh = fix is not None
-            if fix is not None:
-                state.gnss.epoch, state.gnss.velocity_sigma = fix, SIGMA
-                state.gnss.velocity_n[0] = fix + 0.5
-                fix = None
-            repair = state.redundancy.repair
-            repair.block[repair.stride - blocks.OTHERS + blocks.TIME] += 1 / RATE_HZ
-            reference.follow(state)
-            if state.epoch % RATE_HZ == 99:
-                blocks.close(repair, state.epoch)
-            state.epoch += 1
-
-    def of(self, index):
-        repair = self.state.redundancy.repair
-        block = repair.block[: repair.stride]
-        if index < repair.count:
-            block = repair.blocks[blocks.place(repair, index) :][: repair.stride]
-        block = block[repair.stride - blocks.OTHERS :]
-        return float(block[blocks.VARIANCE]), float(block[blocks.MEASURED_AFTER]), block
-
-
-@pytest.mark.parametrize(
-    ("arrives", "valid", "block"),
-    [(1150, 1130, 1), (1150, 1100, 1), (1150, 1099, 0), (1320, 1150, 1), (1130, 1130, 1)],
-)
-def test_a_fix_is_compared_in_the_block_of_its_time(arrives, valid, block):
-    bench = Reference()
-    bench.run(arrives - 1000)
-    bench.run(1, fix=valid)
-    bench.run(1400 - arrives)
-    for index in range(4):
-        variance, after, whole = bench.of(index)
-        assert (variance > 0) == (index == block)
-        if index == block:
-            assert variance == pytest.approx(SIGMA**2)
-            assert after == pytest.approx((valid - 999 - 100 * block) / RATE_HZ)
-            assert whole[blocks.MEASURED] == pytest.approx(0.5)
-
-
-def test_a_fix_from_before_navigation_is_not_compared():
-    bench = Reference()
-    bench.run(1, fix=900)
-    bench.run(300)
-    assert [bench.of(index)[0] for index in range(3)] == [0, 0, 0]
-
-
-class Counts:
-    """A RAM image whose wheel goes 0.1 m an epoch ahead, and an odometer that counts."""
-
-    def __init__(self):
-        self.bench = Reference()
-        self.state = self.bench.state
-        odometer = self.state.odometer
-        odometer.interval_epochs = 10
-        self.state.wheel.first, self.state.wheel.last = 1000, 1000
-        self.state.wheel.C_b_n[:] = np.eye(3)
-        odometer.metres_per_pulse = 0.01
-
-    def run(self, epochs, age=3, gaps=0):
-        state, odometer = self.state, self.state.odometer
-        for _ in range(epochs):
-            epoch = int(state.epoch)
-            state.wheel.last = epoch - 1
-            row = state.wheel.track[(epoch - 1) % WHEEL_EPOCHS]
-            row[:] = 0.0
-            row[1] = 0.1 * epoch
-            row[3] = row[7] = row[11] = epoch / RATE_HZ
-            odometer.fresh = epoch % 10 == 0
-            if odometer.fresh:
-                odometer.epoch, odometer.gaps = epoch - age, gaps
-                odometer.travelled = 0.099 * (epoch - age)
-            self.bench.run(1)
-
-    def stretches(self):
-        """Return, for each block that has one: its index, middle, length, distance, way, mean."""
-        repair, found = self.state.redundancy.repair, []
-        for index in range(repair.count):
-            block = self.bench.of(index)[2]
-            if block[blocks.DISTANCE_VARIANCE] > 0:
-                way = block[blocks.STRETCH_WAY : blocks.STRETCH_WAY + 3]
-                mean = block[blocks.STRETCH_ATTITUDE : blocks.STRETCH_ATTITUDE + 9].reshape(3, 3)
-                middle = block[blocks.BEGUN] + block[blocks.STRETCH_AFTER] * RATE_HZ
-                length = float(block[blocks.STRETCH_S])
-                found.append((index, float(middle), length, float(block[blocks.TRAVELLED])))
-                assert way == pytest.approx([0, 10 * length, 0])
-                assert mean == pytest.approx(np.eye(3) * length)
-        return found
-
-
-@pytest.mark.parametrize("age", [0, 3, 120])
-def test_a_stretch_of_the_odometer_is_kept_in_the_block_of_its_middle(age):
-    counts = Counts()
-    counts.run(600, age)
-    begins = 1000 + (10 - age % 10) % 10 if age else 1000
-    first = max(0, -(-(1000 - begins) // 10))
-    found = counts.stretches()
-    assert len(found) >= 3
-    for index, middle, length, travelled in found:
-        assert length == pytest.approx(1.0)
-        assert travelled == pytest.approx(9.9)
-        assert 999 + 100 * index < middle <= 999 + 100 * (index + 1)
-    assert [index for index, *_ in found] == list(range(found[0][0], found[0][0] + len(found)))
-    assert found[0][0] == first
-
-
-def test_a_stretch_over_a_gap_is_not_kept():
-    counts = Counts()
-    counts.run(250)
-    counts.run(100, gaps=1)
-    counts.run(250, gaps=1)
-    middles = [middle for _, middle, *_ in counts.stretches()]
-    assert middles == pytest.approx([1057, 1157, 1297, 1397, 1497])  # none over 1207 to 1247

@@ -39,12 +39,6 @@ def test_a_constant_rate_is_omega_squared_r():
         assert taken == pytest.approx([-0.25 * 0.04 * DT, 0.0, 0.0], abs=1e-16)
 
 
-def test_each_accelerometer_has_its_own_position():
-    effect, fusion = both_of(position_x_mm=[10.0, 0.0, 0.0], position_y_mm=[0.0, 20.0, 30.0])
-    taken = removed(effect, fusion, [0.6, 0.0, 0.0])
-    assert taken == pytest.approx([0.0, -0.36 * 0.02 * DT, 0.0], abs=1e-16)
-
-
 def test_a_rate_that_grows_evenly_is_exact_from_the_third_epoch_on():
     effect, fusion = both_of(position_x_mm=100.0)
     growth = 1e-3  # rad/s per epoch
@@ -66,9 +60,3 @@ def test_what_the_extrapolation_misses_does_not_add_up():
 def test_an_accelerometer_that_was_not_heard_is_left_alone():
     effect, fusion = both_of(position_x_mm=40.0)
     assert removed(effect, fusion, [0.0, 0.0, 0.5], received=0b110)[0] == 0
-
-
-def test_positions_of_zero_are_not_present():
-    effect, _ = both_of()
-    assert not effect["present"]
-    assert both_of(position_z_mm=[0, 0, 1])[0]["present"]

@@ -83,31 +83,6 @@ def test_a_jump_that_the_gyros_do_not_feel_is_taken_off(table, axis, jump_deg):
     assert table.used_deg[axis] == pytest.approx(table.angle_deg[axis], abs=STEP_DEG)
 
 
-@pytest.mark.parametrize("turned_deg", [0.5, -30.0])
-def test_a_table_that_is_pushed_is_no_jump(table, turned_deg):
-    for turned in ([turned_deg, 0.0], [0.0, turned_deg], [0.0, 0.0]):
-        table.epoch(turned)
-        assert np.array_equal(table.used_deg, np.round(table.angle_deg / STEP_DEG) * STEP_DEG)
-    assert not table.state["encoders"]["found_epoch"].any()
-
-
-def test_a_vehicle_that_turns_hard_is_no_jump(table):
-    for k in range(2000):  # 150 °/s² at most
-        table.vehicle_dps = 30.0 * math.sin(2 * math.pi * 0.8 * k * DT)
-        table.epoch([0.01, 0.0])
-    assert not table.state["encoders"]["found_epoch"].any()
-
-
-def test_a_jump_in_a_vehicle_that_turns_is_found(table):
-    for k in range(400):
-        table.vehicle_dps = 30.0 * math.sin(2 * math.pi * 0.8 * k * DT)
-        table.error_deg[INNER] = 0.2 if k >= 200 else 0.0
-        table.epoch([0.01, 0.0])
-    assert table.source() == AngleSource.CORRECTED
-    # what the vehicle can turn more in an epoch than in the one before
-    assert table.used_deg[INNER] == pytest.approx(table.angle_deg[INNER], abs=150 * DT**2)
-
-
 @pytest.mark.parametrize("gap", [1, 5, 30])
 def test_a_jump_in_a_gap_of_its_frames_is_found_as_the_gap_allows(table, gap):
     for _ in range(50):
@@ -127,17 +102,3 @@ def test_an_encoder_that_is_silent_for_long_is_replaced_by_the_gyros(table):
         table.state["assembly"]["encoder_angle_deg"][INNER] = table.used_deg[INNER]
     # By the rate of the last frame, 0, for 20 epochs; then by the gyros.
     assert table.used_deg[INNER] == pytest.approx(table.angle_deg[INNER] - 0.2, abs=1e-3)
-
-
-def test_a_field_that_wraps_is_no_jump(table):
-    span = float(table.state["parameters"]["angle_span_deg"])
-    assert span == pytest.approx(64 * 360)
-    start = span / 2 - 0.1
-    table.state["encoders"]["seen"][:] = False
-    table.angle_deg[INNER] = start
-    table.epoch()
-    for _ in range(20):
-        table.error_deg[INNER] = -span if table.angle_deg[INNER] + 0.01 > span / 2 else 0.0
-        table.epoch([0.01, 0.0])
-    assert table.used_deg[INNER] < 0
-    assert not table.state["encoders"]["found_epoch"].any()

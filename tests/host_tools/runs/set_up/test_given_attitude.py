@@ -120,4 +120,3 @@ def test_the_summary_tells_it_only_where_it_is_not_zero(run, tmp_path):
     assert given_attitude.words(error) == (
         "given attitude, for the sensors: level off by 60″, heading by 120″"
     )
-    assert run("simulate", "ideal", "--duration", 1)["given_attitude_error_arcsec"] is None
