@@ -165,9 +165,14 @@ def write_plots(
     paths = []
     for name, figure in figures.items():
         path = folder / name
-        drawn = io.BytesIO()
-        figure.savefig(drawn, format="png")
         with replacing(path) as part:
-            part.write_bytes(drawn.getvalue())
+            part.write_bytes(_png_of(figure))
         paths.append(path)
     return paths
+
+
+def _png_of(figure: Figure) -> bytes:
+    """Return a picture as a PNG file."""
+    drawn = io.BytesIO()
+    figure.savefig(drawn, format="png")
+    return drawn.getvalue()

@@ -1,0 +1,176 @@
+"""Processes of the project for tests: forks of a server that has imported what they need.
+
+A program of its own imports and loads compiled code for two seconds before it does anything; a fork
+starts at once. Run as a program, this file is the server: `Fork` asks it for processes.
+"""
+
+from __future__ import annotations
+
+import base64
+import contextlib
+import gc
+import importlib
+import json
+import os
+import pkgutil
+import runpy
+import select
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).parents[1]
+NO_PICTURE = base64.b64decode(
+    "iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAQAAAC1HAwCAAAAC0lEQVR42mNkYAAAAAYAAjCB0C8AAAAASUVORK5CYII="
+)
+"""Stands for the pictures of a run, which take longer than most runs of tests."""
+_LONGEST = 1 << 20  # bytes of a request
+_STANDARD_STREAMS = 3
+
+
+class Fork(subprocess.Popen):
+    """`python -m MODULE WORDS`, as a fork of the server: with all that `Popen` can do.
+
+    Parameters
+    ----------
+    words : sequence of str
+        The module, `rrins` for instance, and its words.
+    **options
+        As of `Popen`.
+    """
+
+    def __init__(self, words: Any, **options: Any) -> None:
+        self._ended, self._ending = os.pipe()  # the server's process number, and how it ended
+        try:
+            super().__init__([str(word) for word in words], **options)
+        finally:
+            os.close(self._ending)
+
+    def _execute_child(self, args, executable, preexec_fn, close_fds, pass_fds, cwd, env, *more):
+        """Ask the server for a process, where `Popen` would make one."""
+        pipes = more[3:9]  # child's and ours of standard input, ours and child's of the outputs
+        request = {
+            "words": args,
+            "cwd": os.fspath(cwd or Path.cwd()),
+            "environment": dict(os.environ if env is None else env),
+        }
+        own = [own if own >= 0 else k for k, own in enumerate((pipes[0], pipes[3], pipes[5]))]
+        with Path(os.devnull).open() as nothing:
+            own[0] = own[0] or nothing.fileno()
+            socket.send_fds(_server(), [json.dumps(request).encode()], [*own, self._ending])
+        self.pid = int(self._hear())
+        self._child_created = True
+        self._close_pipe_fds(*pipes)
+
+    def _hear(self) -> bytes:
+        """Return the next number that the server's process says."""
+        said = b""
+        while not said.endswith(b"\n"):
+            byte = os.read(self._ended, 1)
+            if not byte:
+                return b"9"  # killed, and what waited for it, too
+            said += byte
+        return said
+
+    def _try_wait(self, flags):
+        if flags == os.WNOHANG and not select.select([self._ended], [], [], 0)[0]:
+            return 0, 0
+        status = int(self._hear())
+        os.close(self._ended)
+        return self.pid, status
+
+    def _internal_poll(self, *_, **__):
+        if self.returncode is None:
+            number, status = self._try_wait(os.WNOHANG)
+            if number:
+                self._handle_exitstatus(status)
+        return self.returncode
+
+
+@cache
+def _server() -> socket.socket:
+    """Start the server of this process; it ends with it."""
+    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    with theirs:
+        subprocess.Popen(
+            [sys.executable, __file__, str(theirs.fileno())],
+            pass_fds=[theirs.fileno()],
+            stdin=subprocess.DEVNULL,
+            start_new_session=True,
+            cwd=ROOT,
+        )
+    return ours
+
+
+def serve(requests: socket.socket) -> None:
+    """Fork for each request; return in the process asked for, with its words in `sys.argv`."""
+    signal.signal(signal.SIGCHLD, signal.SIG_IGN)  # of its forks there is nothing to be known
+    while True:
+        data, streams, *_ = socket.recv_fds(requests, _LONGEST, _STANDARD_STREAMS + 1)
+        if not data:
+            os._exit(0)
+        if not os.fork():
+            break
+        for stream in streams:
+            os.close(stream)
+    requests.close()
+    signal.signal(signal.SIGCHLD, signal.SIG_DFL)
+    *standard, ending = streams
+    number = os.fork()
+    if number:
+        for stream in standard:
+            os.close(stream)
+        os.write(ending, f"{number}\n".encode())
+        _, status = os.waitpid(number, 0)
+        with contextlib.suppress(BrokenPipeError):
+            os.write(ending, f"{status}\n".encode())
+        os._exit(0)
+    os.close(ending)
+    os.setsid()
+    for own, stream in enumerate(standard):
+        os.dup2(stream, own)
+        os.close(stream)
+    request = json.loads(data)
+    os.chdir(request["cwd"])
+    os.environ.clear()
+    os.environ.update(request["environment"])
+    sys.path[0] = request["cwd"]
+    sys.argv = request["words"]
+
+
+def prepare() -> None:
+    """Import what commands import, and load the compiled code of a rehearsal."""
+    sys.modules["asammdf"] = None  # type: ignore[assignment]  # as the command without .mf4 does
+    from rrins.host_tools import cli
+
+    for module in pkgutil.iter_modules(cli.__path__, f"{cli.__name__}."):
+        importlib.import_module(module.name)
+    from rrins.host_tools.runs import rehearsal
+    from rrins.host_tools.runs.results import plots
+    from tests.host_tools.conftest import record_rehearsal, short_scenario
+
+    assert rehearsal
+    plots._png_of = lambda figure: NO_PICTURE
+    with tempfile.TemporaryDirectory(prefix="rrins-") as folder:
+        os.environ["XDG_RUNTIME_DIR"] = folder
+        record_rehearsal(short_scenario(duration_s=0.1), Path(folder, "bus.log"))
+
+
+if __name__ == "__main__":
+    sys.path.insert(0, str(ROOT))
+    with contextlib.suppress(FileNotFoundError):  # nobody waits for it
+        prepare()
+    gc.collect()
+    gc.freeze()
+    serve(socket.socket(fileno=int(sys.argv[1])))
+    if sys.argv[0] == "rrins":
+        from rrins.__main__ import main
+
+        main()
+    else:
+        runpy.run_module(sys.argv[0], run_name="__main__", alter_sys=True)
