@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import base64
 import contextlib
+import fcntl
 import gc
 import importlib
 import json
@@ -30,16 +31,17 @@ NO_PICTURE = base64.b64decode(
 )
 """Stands for the pictures of a run, which take longer than most runs of tests."""
 _LONGEST = 1 << 20  # bytes of a request
-_STANDARD_STREAMS = 3
+_MOST_DESCRIPTORS = 16
+_OUT_OF_THE_WAY = 500  # the least number of a descriptor that no process was promised
 
 
 class Fork(subprocess.Popen):
-    """`python -m MODULE WORDS`, as a fork of the server: with all that `Popen` can do.
+    """A Python program as a fork of the server, with all that `Popen` can do, in its own session.
 
     Parameters
     ----------
     words : sequence of str
-        The module, `rrins` for instance, and its words.
+        A module, as behind `python -m`, or a script that ends in `.py`; and its words.
     **options
         As of `Popen`.
     """
@@ -58,11 +60,14 @@ class Fork(subprocess.Popen):
             "words": args,
             "cwd": os.fspath(cwd or Path.cwd()),
             "environment": dict(os.environ if env is None else env),
+            "kept": list(pass_fds),
         }
         own = [own if own >= 0 else k for k, own in enumerate((pipes[0], pipes[3], pipes[5]))]
         with Path(os.devnull).open() as nothing:
             own[0] = own[0] or nothing.fileno()
-            socket.send_fds(_server(), [json.dumps(request).encode()], [*own, self._ending])
+            socket.send_fds(
+                _server(), [json.dumps(request).encode()], [self._ending, *own, *pass_fds]
+            )
         self.pid = int(self._hear())
         self._child_created = True
         self._close_pipe_fds(*pipes)
@@ -92,6 +97,17 @@ class Fork(subprocess.Popen):
         return self.returncode
 
 
+class Forking:
+    """Stands for the module `subprocess` where that starts nothing but Python modules."""
+
+    def Popen(self, words: Any, **options: Any) -> Fork:
+        """Start a fork, for `sys.executable -m MODULE WORDS`."""
+        return Fork(words[2:], **options)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(subprocess, name)
+
+
 @cache
 def _server() -> socket.socket:
     """Start the server of this process; it ends with it."""
@@ -111,20 +127,18 @@ def serve(requests: socket.socket) -> None:
     """Fork for each request; return in the process asked for, with its words in `sys.argv`."""
     signal.signal(signal.SIGCHLD, signal.SIG_IGN)  # of its forks there is nothing to be known
     while True:
-        data, streams, *_ = socket.recv_fds(requests, _LONGEST, _STANDARD_STREAMS + 1)
+        data, received, *_ = socket.recv_fds(requests, _LONGEST, _MOST_DESCRIPTORS)
         if not data:
             os._exit(0)
         if not os.fork():
             break
-        for stream in streams:
-            os.close(stream)
+        _close(received)
     requests.close()
     signal.signal(signal.SIGCHLD, signal.SIG_DFL)
-    *standard, ending = streams
+    ending, *received = received
     number = os.fork()
     if number:
-        for stream in standard:
-            os.close(stream)
+        _close(received)
         os.write(ending, f"{number}\n".encode())
         _, status = os.waitpid(number, 0)
         with contextlib.suppress(BrokenPipeError):
@@ -132,15 +146,21 @@ def serve(requests: socket.socket) -> None:
         os._exit(0)
     os.close(ending)
     os.setsid()
-    for own, stream in enumerate(standard):
-        os.dup2(stream, own)
-        os.close(stream)
     request = json.loads(data)
+    passed = [fcntl.fcntl(one, fcntl.F_DUPFD, _OUT_OF_THE_WAY) for one in received]
+    _close(received)
+    for one, wanted in zip(passed, [0, 1, 2, *request["kept"]], strict=True):
+        os.dup2(one, wanted)
+    _close(passed)
     os.chdir(request["cwd"])
     os.environ.clear()
     os.environ.update(request["environment"])
-    sys.path[0] = request["cwd"]
     sys.argv = request["words"]
+
+
+def _close(descriptors: list[int]) -> None:
+    for one in descriptors:
+        os.close(one)
 
 
 def prepare() -> None:
@@ -156,21 +176,26 @@ def prepare() -> None:
 
     assert rehearsal
     plots._png_of = lambda figure: NO_PICTURE
-    with tempfile.TemporaryDirectory(prefix="rrins-") as folder:
+    with tempfile.TemporaryDirectory(prefix="rrins-", ignore_cleanup_errors=True) as folder:
         os.environ["XDG_RUNTIME_DIR"] = folder
         record_rehearsal(short_scenario(duration_s=0.1), Path(folder, "bus.log"))
 
 
 if __name__ == "__main__":
     sys.path.insert(0, str(ROOT))
-    with contextlib.suppress(FileNotFoundError):  # nobody waits for it
-        prepare()
+    prepare()
+    if len(sys.argv) == 1:  # `make test`: all that is to be done is that the code is compiled
+        sys.exit()
     gc.collect()
     gc.freeze()
     serve(socket.socket(fileno=int(sys.argv[1])))
-    if sys.argv[0] == "rrins":
+    program = sys.argv[0]
+    sys.path[0] = str(Path(program).parent) if program.endswith(".py") else str(Path.cwd())
+    if program == "rrins":
         from rrins.__main__ import main
 
         main()
+    elif program.endswith(".py"):
+        runpy.run_path(program, run_name="__main__")
     else:
-        runpy.run_module(sys.argv[0], run_name="__main__", alter_sys=True)
+        runpy.run_module(program, run_name="__main__", alter_sys=True)

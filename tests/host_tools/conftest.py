@@ -38,8 +38,9 @@ from rrins.host_tools.runs.set_up.settings import (
     hardware_settings,
     scenario_wire,
 )
+from rrins.host_tools.runs.sides import starting
 from rrins.host_tools.scenario.scenario import Scenario
-from tests.processes import NO_PICTURE, Fork
+from tests.processes import NO_PICTURE, Fork, Forking
 
 
 @pytest.fixture(autouse=True)
@@ -58,6 +59,12 @@ def _no_pictures(request, monkeypatch):
     """Have the pictures of a run drawn only where a test looks at them."""
     if request.node.get_closest_marker("pictures") is None:
         monkeypatch.setattr(plots, "_png_of", lambda figure: NO_PICTURE)
+
+
+@pytest.fixture(autouse=True)
+def _forked(monkeypatch):
+    """Have the sides of a rehearsal in this process start as forks of the server."""
+    monkeypatch.setattr(starting, "subprocess", Forking())
 
 
 class Running:
