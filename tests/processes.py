@@ -66,7 +66,7 @@ class Fork(subprocess.Popen):
         with Path(os.devnull).open() as nothing:
             own[0] = own[0] or nothing.fileno()
             socket.send_fds(
-                _server(), [json.dumps(request).encode()], [self._ending, *own, *pass_fds]
+                server(), [json.dumps(request).encode()], [self._ending, *own, *pass_fds]
             )
         self.pid = int(self._hear())
         self._child_created = True
@@ -109,7 +109,7 @@ class Forking:
 
 
 @cache
-def _server() -> socket.socket:
+def server() -> socket.socket:
     """Start the server of this process; it ends with it."""
     ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     with theirs:

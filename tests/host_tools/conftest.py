@@ -40,6 +40,7 @@ from rrins.host_tools.runs.set_up.settings import (
 )
 from rrins.host_tools.runs.sides import starting
 from rrins.host_tools.scenario.scenario import Scenario
+from rrins.host_tools.testing import processes
 from tests.processes import NO_PICTURE, Fork, Forking
 
 
@@ -64,7 +65,8 @@ def _no_pictures(request, monkeypatch):
 @pytest.fixture(autouse=True)
 def _forked(monkeypatch):
     """Have the sides of a rehearsal in this process start as forks of the server."""
-    monkeypatch.setattr(starting, "subprocess", Forking())
+    for module in (starting, processes):
+        monkeypatch.setattr(module, "subprocess", Forking())
 
 
 class Running:

@@ -8,7 +8,6 @@ import gc
 import json
 import os
 import subprocess
-import sys
 import tempfile
 import threading
 from collections.abc import Callable, Iterator
@@ -19,22 +18,15 @@ from typing import Any
 import pytest
 
 from rrins.host_tools.bus.interface import RrinsBus
-
-ROOT = Path(__file__).parents[3]
+from tests.processes import Fork, server
 
 
 class PlayerProcess:
     """A process that runs `player.py`."""
 
     def __init__(self) -> None:
-        path = os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")]))
-        self.process = subprocess.Popen(
-            [sys.executable, str(Path(__file__).with_name("player.py"))],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            text=True,
-            env=os.environ | {"PYTHONPATH": path},
-        )
+        player = Path(__file__).with_name("player.py")
+        self.process = Fork([player], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
         self.pid = self.process.pid
 
     def tell(self, method: str, **arguments: Any) -> None:
@@ -88,6 +80,7 @@ def _wait_for_hubs(directory: Path) -> None:
 @pytest.fixture(autouse=True)
 def runtime_directory(monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     """A short path, because a socket takes no long one; nothing may be left behind in it."""
+    server()  # of forks: it stays
     with tempfile.TemporaryDirectory(prefix="rr-") as name:
         directory = Path(name)
         monkeypatch.setenv("XDG_RUNTIME_DIR", name)

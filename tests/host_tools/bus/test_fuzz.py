@@ -35,6 +35,7 @@ from rrins.host_tools.bus import datagram
 from rrins.host_tools.bus.channel import connect
 from rrins.host_tools.bus.datagram import ProtocolError
 from rrins.host_tools.bus.interface import RrinsBus
+from tests.processes import Fork
 
 CASES = int(os.environ.get("RRINS_FUZZ", "20000"))
 SOAK = int(os.environ.get("RRINS_SOAK", "200000"))
@@ -87,8 +88,8 @@ class GoodNode:
     """A process that runs one of the functions above."""
 
     def __init__(self, role: str, host: RrinsBus) -> None:
-        self.process = subprocess.Popen(
-            [sys.executable, __file__, role, host.channel],
+        self.process = Fork(
+            [__file__, role, host.channel],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             text=True,

@@ -6,7 +6,6 @@ import json
 import re
 import socket
 import subprocess
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -16,6 +15,7 @@ import pytest
 
 from rrins.dbc.frame import frame_array
 from rrins.host_tools.bus.interface import RrinsBus
+from tests.processes import Fork
 
 SCENARIO = ("rimu_rotating", "--duration", "120")
 CHANNEL = "test"
@@ -24,13 +24,10 @@ CHANNEL = "test"
 @pytest.fixture(scope="module")
 def reference(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     """The same scenario without a bus."""
-    simulated = subprocess.run(
-        [sys.executable, "-m", "rrins", "simulate", *SCENARIO, "--json"],
-        stdout=subprocess.PIPE,
-        check=True,
-        cwd=tmp_path_factory.mktemp("reference"),
-    )
-    return json.loads(simulated.stdout)
+    folder = tmp_path_factory.mktemp("reference")
+    words = ["rrins", "simulate", *SCENARIO, "--json"]
+    with Fork(words, stdout=subprocess.PIPE, cwd=folder) as simulated:
+        return json.load(simulated.stdout)
 
 
 @pytest.fixture
@@ -104,7 +101,8 @@ def test_a_recorder_whose_disk_is_full(
     record = tmp_path / f"bus{ending}"
     record.symlink_to("/dev/full")
     command = rehearse("--record", record)
-    assert command.finish()[0] == 6
+    assert command.finish()[0] == 6, command.said
+    assert (tmp_path / 'out').exists(), command.said
     assert_same_navigation(summary(tmp_path), reference)
     told = [line for line in command.said if line.startswith("rrins: ")]
     assert len(told) == 1

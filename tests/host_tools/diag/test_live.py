@@ -6,7 +6,6 @@ import json
 import os
 import statistics
 import subprocess
-import sys
 import time
 from pathlib import Path
 
@@ -24,6 +23,7 @@ from rrins.host_tools.errors import BusError, NoAnswerError
 from rrins.host_tools.runs.direct import run_direct
 from rrins.host_tools.scenario.scenario import load, text_of
 from rrins.host_tools.testing.processes import fresh_channel
+from tests.processes import Fork
 
 START_S = 300
 PAIRS = int(os.environ.get("RRINS_PAIRS", "0"))
@@ -34,9 +34,9 @@ class Rehearsal:
 
     def __init__(self, folder: Path, scenario: str, *options: str) -> None:
         self.channel = fresh_channel()
-        self.process = subprocess.Popen(
+        self.process = Fork(
             [
-                *(sys.executable, "-m", "rrins", "rehearse", scenario, "--json"),
+                *("rrins", "rehearse", scenario, "--json"),
                 *("--channel", self.channel, "--out", str(folder / self.channel), *options),
             ],
             stdout=subprocess.PIPE,

@@ -10,8 +10,6 @@ import re
 import select
 import signal
 import struct
-import subprocess
-import sys
 import termios
 import time
 from fcntl import ioctl
@@ -23,8 +21,8 @@ from click.testing import CliRunner
 
 from rrins.host_tools.bus.interface import RrinsBus
 from rrins.host_tools.cli.main import rrins
+from tests.processes import Fork
 
-COMMAND = (sys.executable, "-m", "rrins", "monitor")
 COLOUR = re.compile(rb"\x1b\[(?:[0-9;]*;)?(?:3[0-8]|4[0-8]|9[0-7]|10[0-7])(?:;[0-9;]*)?m")
 
 
@@ -36,13 +34,12 @@ class Terminal:
         ioctl(inner, termios.TIOCSWINSZ, struct.pack("HHHH", 24, 80, 0, 0))
         self._inner = inner
         self.settings = termios.tcgetattr(inner)
-        self.process = subprocess.Popen(
-            [*COMMAND, *arguments],
+        self.process = Fork(
+            ["rrins", "monitor", *arguments],
             stdin=inner,
             stdout=inner,
             stderr=inner,
             env={k: v for k, v in os.environ.items() if k != "NO_COLOR"} | environment,
-            start_new_session=True,
         )
         self.sent = b""
 

@@ -18,6 +18,7 @@ from rrins.host_tools.runs.programs import guard
 from rrins.host_tools.runs.programs.program import Program, ProgramProcess
 from rrins.host_tools.scenario.scenario import load
 from tests.host_tools.runs.programs.test_own_programs import STRANGE, processes_of
+from tests.processes import Fork
 
 SOME = STRANGE.with_name("some_hardware.py")
 
@@ -55,11 +56,11 @@ def test_a_program_that_hangs_does_not_outlive_a_rehearsal_that_is_killed(
 ) -> None:
     out = tmp_path / "out"
     words = [
-        *(sys.executable, "-m", "rrins", "rehearse", "ideal", "--duration", "100"),
+        *("rrins", "rehearse", "ideal", "--duration", "100"),
         *(f"--{side}", f"{sys.executable} -S {script} hangs {tmp_path}"),
         *("--patience", patience, "--out", str(out)),
     ]
-    with subprocess.Popen(words, stderr=subprocess.DEVNULL) as rehearsal:
+    with Fork(words, stderr=subprocess.DEVNULL) as rehearsal:
         said = out / f"{side}.txt"
         assert comes_true(lambda: said.exists() and "no pulse" in said.read_text(), 60)
         rehearsal.kill()
