@@ -171,6 +171,7 @@ def prepare() -> None:
     for module in pkgutil.iter_modules(cli.__path__, f"{cli.__name__}."):
         importlib.import_module(module.name)
     from rrins.host_tools.runs import rehearsal
+    from rrins.host_tools.runs.direct import run_direct, run_without_frames
     from rrins.host_tools.runs.results import plots
     from tests.host_tools.conftest import record_rehearsal, short_scenario
 
@@ -178,7 +179,10 @@ def prepare() -> None:
     plots._png_of = lambda figure: NO_PICTURE
     with tempfile.TemporaryDirectory(prefix="rrins-", ignore_cleanup_errors=True) as folder:
         os.environ["XDG_RUNTIME_DIR"] = folder
-        record_rehearsal(short_scenario(duration_s=0.1), Path(folder, "bus.log"))
+        scenario = short_scenario(duration_s=0.1)
+        record_rehearsal(scenario, Path(folder, "bus.log"))
+        run_direct(scenario)
+        run_without_frames(scenario)
 
 
 if __name__ == "__main__":
