@@ -91,7 +91,7 @@ def runtime_directory(monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
         gc.collect()
         _wait_for_hubs(directory)
         for thread in set(threading.enumerate()) - threads:
-            thread.join(timeout=5)
+            thread.join(timeout=120.0)
         assert set(threading.enumerate()) <= threads, "a thread was left behind"
         assert _children() <= children, "a process was left behind"
         assert _descriptors() == descriptors, "a descriptor was left behind"
@@ -122,7 +122,7 @@ def attach_to() -> Iterator[Callable[..., RrinsBus]]:
 
         def attach(host: RrinsBus, name: str = "peer", **arguments: Any) -> RrinsBus:
             coming = pool.submit(
-                RrinsBus, host.channel, host="never", name=name, attach_timeout=5.0, **arguments
+                RrinsBus, host.channel, host="never", name=name, attach_timeout=120.0, **arguments
             )
             host.wait_for(name, 5.0)
             bus = coming.result()

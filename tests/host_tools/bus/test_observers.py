@@ -82,7 +82,7 @@ def test_a_monitor_and_a_client_of_socketcand_that_hang(
 
         def receive_all() -> None:
             nonlocal received
-            while batch := monitor.recv_batch(frames, 5.0):
+            while batch := monitor.recv_batch(frames, 120.0):
                 received += batch.count
 
         with pytest.raises(can.CanOperationError):
@@ -102,7 +102,7 @@ def test_a_recorder_whose_disk_is_full(
     record.symlink_to("/dev/full")
     command = rehearse("--record", record)
     assert command.finish()[0] == 6, command.said
-    assert (tmp_path / 'out').exists(), command.said
+    assert (tmp_path / "out").exists(), command.said
     assert_same_navigation(summary(tmp_path), reference)
     told = [line for line in command.said if line.startswith("rrins: ")]
     assert len(told) == 1
@@ -118,7 +118,7 @@ def test_a_hundred_attach_and_detach(
     frames = frame_array(64)
     for visit in range(100):
         with attach(f"visitor-{visit}") as visitor:
-            batch = visitor.recv_batch(frames, 5.0)
+            batch = visitor.recv_batch(frames, 120.0)
             assert batch is not None
             assert batch.count > 0
     assert command.process.poll() is None, "it was over before the last visit"

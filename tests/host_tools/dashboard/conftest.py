@@ -72,7 +72,7 @@ class Served:
 
     def stop(self):
         self.process.send_signal(signal.SIGINT)
-        return self.process.wait(30)
+        return self.process.wait(120)
 
 
 @contextmanager
@@ -164,7 +164,7 @@ class Seen:
         if message.type in ("error", "warning") and "GPU stall" not in message.text:
             self.complaints.append(message.text)
 
-    def wait(self, selector, timeout_s=60):
+    def wait(self, selector, timeout_s=150):
         from playwright.sync_api import TimeoutError as Waited
 
         try:

@@ -100,7 +100,7 @@ def test_in_lockstep_sessions_and_transfers_last_as_long_as_they_need(tmp_path):
     bridge = table.identifier("bridge")
     with rehearsal.connect(is_securing=True) as tester:
         tester.write(bridge, {"bridge_s": 0.2})
-        time.sleep(1.0)  # a minute and more of a rehearsal that does not wait for the tool
+        time.sleep(0.3)  # many seconds of a rehearsal that does not wait for the tool
         found = tester.read([bridge, table.identifier("active_session")])
         assert found == {"bridge": {"bridge_s": 0.2}, "active_session": {"session": 3}}
         file = tester.pull()
@@ -151,6 +151,7 @@ def test_a_bus_without_a_navigation_computer():
     assert len(ended.stderr.splitlines()) == 1
 
 
+@pytest.mark.soak
 def test_at_400_hz_an_epoch_with_requests_is_far_from_its_deadline(rrins_bench):
     """By the processor's time, of the dearest epoch of each reading of all identifiers.
 

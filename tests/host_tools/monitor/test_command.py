@@ -43,7 +43,7 @@ class Terminal:
         )
         self.sent = b""
 
-    def read_until(self, wanted, timeout=30.0):
+    def read_until(self, wanted, timeout=120.0):
         """Read what is sent to the terminal until some text is among it."""
         deadline = time.monotonic() + timeout
         while wanted not in self.sent:
@@ -92,7 +92,7 @@ def hardware(start):
     """A hardware process that waits for a firmware: a bus that is there, and silent."""
     process = start("hardware", "rimu_rotating", "--speed", "max", "--json", "--duration", "30")
     socket = Path(os.environ["XDG_RUNTIME_DIR"]) / "rrins" / "rrins0.sock"
-    deadline = time.monotonic() + 60
+    deadline = time.monotonic() + 120
     while not socket.exists() and time.monotonic() < deadline:
         time.sleep(0.01)
     yield process
