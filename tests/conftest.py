@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import fcntl
 import gc
 import os
 import re
@@ -119,9 +120,16 @@ def make_firmware() -> Callable[..., str]:
 def own_firmware(
     make_firmware: Callable[..., str], tmp_path_factory: pytest.TempPathFactory
 ) -> Path:
-    """Return the C firmware: warnings are errors, the sanitizers end it at the first fault."""
-    folder = tmp_path_factory.mktemp("own_firmware")
-    make_firmware(folder, str(folder / "own_firmware"))
+    """Return the C firmware: warnings are errors, the sanitizers end it at the first fault.
+
+    The workers of a run share it.
+    """
+    base = tmp_path_factory.getbasetemp()
+    folder = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "own_firmware"
+    folder.mkdir(exist_ok=True)
+    with (folder / "lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        make_firmware(folder, str(folder / "own_firmware"))
     return folder / "own_firmware"
 
 

@@ -117,8 +117,8 @@ def _errors_of_dbc() -> tuple[type[Exception], ...]:
 
     Only those of modules that have been imported.
     """
-    kinds = (("codec", "ContractError"), ("code_folder", "CodeFolderError"))
-    homes = ((sys.modules.get(f"rrins.dbc.{module}"), name) for module, name in kinds)
+    kinds = (("dbc.codec", "ContractError"), ("compiled.code_folder", "CodeFolderError"))
+    homes = ((sys.modules.get(f"rrins.{module}"), name) for module, name in kinds)
     return tuple(getattr(home, name) for home, name in homes if home is not None)
 
 

@@ -354,7 +354,7 @@ def _run_side(
     heed_sigterm()
     if report_fd is not None:  # errors go into the report, not into a log as well
         logging.getLogger().setLevel(logging.CRITICAL)
-        of_code = logging.getLogger("rrins.dbc")
+        of_code = logging.getLogger("rrins.compiled")
         of_code.setLevel(logging.WARNING)
         of_code.propagate = False
         of_code.addHandler(NoteHandler(ReportPipe(report_fd), side))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import os
 import re
@@ -67,7 +68,7 @@ def test_ctrl_c_stops_both_sides_and_keeps_what_was_recorded(start, assert_gone,
     previous = tmp_path / "previous" / "bus.log"
     assert f"rrins: the recording that was {record} is kept in {previous}" in command.said
     with can.LogReader(record) as log:
-        messages = list(log)
+        messages = list(itertools.islice(log, 20_000))
     assert 0 <= messages[0].timestamp - began_s < 60
     identifiers = {message.arbitration_id for message in messages}
     assert {0x10, 0x20, 0x40, 0x61, 0x120} <= identifiers
