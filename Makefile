@@ -4,7 +4,7 @@ PYTHON ?= python3.11
 VENV ?= .venv
 RUN = $(VENV)/bin/python -m
 
-.PHONY: rehearsal quick test soak check docs docs-site clean
+.PHONY: rehearsal quick test pages soak check docs docs-site clean
 
 # One cycle of the rotation scheme. Bytecode of all libraries takes longer than the run: it is last.
 rehearsal: $(VENV)/installed
@@ -24,6 +24,10 @@ quick: $(VENV)/installed-dev
 test: $(VENV)/installed-dev
 	@$(RUN) tests.processes
 	$(PYTEST) $(PYTEST_OPTIONS)
+
+# The dashboard's page in Chromium, and all that the guides show, typed: two minutes.
+pages: $(VENV)/installed-dev
+	$(PYTEST) -m "browser or typed" $(PYTEST_OPTIONS)
 
 # Everything but the browser, at length and with random examples: for a night.
 soak: export RRINS_SOAK = 2000000
@@ -53,7 +57,7 @@ docs: $(VENV)/installed-dev
 	cd docs && ../$(RUN) generate.diagnostic_page > diagnostic-table.md
 	cd docs && ../$(RUN) generate.faults_page > faults.md
 	cd docs && ../$(RUN) generate.rooms_table
-	RRINS_WRITE_DOCS=1 $(RUN) pytest -q -m "" tests/docs
+	RRINS_WRITE_DOCS=1 $(RUN) pytest -q -m typed tests/docs/test_typed.py
 
 docs-site: $(VENV)/installed-docs
 	$(RUN) sphinx -W --keep-going -q -b html docs docs/_build/html

@@ -31,8 +31,17 @@ os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
 
 LONGEST = (
+    "host_tools/runs/test_rehearsal.py",
     "host_tools/experiments/test_reproduce.py",
-    "host_tools/bus/test_fuzz.py",
+    "host_tools/logs/test_replay.py",
+    "host_tools/runs/test_redundancy.py",
+    "examples/test_own_firmware.py",
+    "rrins/compiled/test_record.py",
+    "host_tools/runs/test_readmission.py",
+    "host_tools/runs/test_redundancy_faults.py",
+    "host_tools/redundancy/test_monte_carlo.py",
+    "host_tools/campaigns/test_survival.py",
+    "test_package.py",
 )
 """Files that begin, the longest first: else one of them is left to a single worker at the end."""
 
