@@ -56,7 +56,7 @@ def start_both(start, scenario, pair, *options):
 
 
 def test_lockstep_over_slcan_is_the_same_to_the_bit(start, scenario, pair):
-    outcome = run_direct(scenarios.load(str(scenario), duration_s=2))
+    outcome = run_direct(scenarios.load(str(scenario), duration_s=0.5))
     plain, hardware = outcome.firmware, outcome.hardware
     both = start_both(start, scenario, pair, "--duration", 0.5, "--speed", "max", "--json")
     for side in both:

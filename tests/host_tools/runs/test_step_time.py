@@ -1,7 +1,7 @@
 """How long a step takes with everything on: sensors compared, filters, and the repair of a fault.
 
 By the processor's time of the thread, which other programs on the machine add little to.
-`pytest -s` prints the figures.
+`pytest -s -m soak` prints the figures.
 """
 
 from __future__ import annotations
@@ -16,6 +16,8 @@ from rrins.host_tools.hardware.loop import Hardware
 from rrins.host_tools.runs.exchange import exchange_epoch
 from rrins.host_tools.runs.set_up.settings import firmware_settings, hardware_settings
 from rrins.host_tools.scenario.scenario import load
+
+pytestmark = pytest.mark.soak
 
 RATE_HZ = 400
 PERIOD_US = 1e6 / RATE_HZ

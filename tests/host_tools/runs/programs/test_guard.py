@@ -44,7 +44,7 @@ def guards_of(process: ProgramProcess) -> list[int]:
 
 def guard_of(process: ProgramProcess) -> int:
     """Return the guard of a program that has just been started; its words come a little later."""
-    assert comes_true(lambda: bool(guards_of(process)), 10)
+    assert comes_true(lambda: bool(guards_of(process)), 120)
     (own,) = guards_of(process)
     return own
 
@@ -62,10 +62,10 @@ def test_a_program_that_hangs_does_not_outlive_a_rehearsal_that_is_killed(
     ]
     with Fork(words, stderr=subprocess.DEVNULL) as rehearsal:
         said = out / f"{side}.txt"
-        assert comes_true(lambda: said.exists() and "no pulse" in said.read_text(), 60)
+        assert comes_true(lambda: said.exists() and "no pulse" in said.read_text(), 120)
         rehearsal.kill()
     try:
-        assert comes_true(lambda: not processes_of(str(tmp_path)), 30)
+        assert comes_true(lambda: not processes_of(str(tmp_path)), 120)
     finally:
         for pid in processes_of(str(tmp_path)):
             os.kill(pid, signal.SIGKILL)
@@ -115,4 +115,4 @@ def test_without_a_guard_the_program_is_not_started(
     monkeypatch.setattr(sys, "executable", str(tmp_path / "none"))
     with pytest.raises(RehearsalError, match="sh: cannot be started: No such file"):
         started(f"sh -c 'sleep 1000' {tmp_path}", tmp_path)
-    assert comes_true(lambda: not processes_of(str(tmp_path)), 10)
+    assert comes_true(lambda: not processes_of(str(tmp_path)), 120)
