@@ -36,7 +36,6 @@ LONGEST = (
     "host_tools/logs/test_replay.py",
     "host_tools/runs/test_redundancy.py",
     "examples/test_own_firmware.py",
-    "rrins/compiled/test_record.py",
     "host_tools/runs/test_readmission.py",
     "host_tools/runs/test_redundancy_faults.py",
     "host_tools/redundancy/test_monte_carlo.py",
