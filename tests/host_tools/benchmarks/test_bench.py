@@ -76,7 +76,7 @@ def assert_lateness(result):
 
 def test_a_quick_bench_measures_everything(monkeypatch):
     short = dataclasses.replace(
-        suite.QUICK, lockstep_s=20.0, direct_s=10.0, floor_epochs=1000, message_epochs=50,
+        suite.QUICK, lockstep_s=40.0, direct_s=20.0, floor_epochs=1000, message_epochs=50,
         step_samples=500, pyins_s=0.5, frames=100, bus_frames=140, realtime_s=1.8,
     )  # fmt: skip
     monkeypatch.setattr(suite, "QUICK", short)
