@@ -49,8 +49,15 @@ def guard_of(process: ProgramProcess) -> int:
     return own
 
 
-@pytest.mark.parametrize("patience", ["1000", "0"])
-@pytest.mark.parametrize(("side", "script"), [("firmware", STRANGE), ("hardware", SOME)])
+@pytest.mark.parametrize(
+    ("side", "script", "patience"),
+    [
+        ("firmware", STRANGE, "0"),
+        ("hardware", SOME, "1000"),
+        pytest.param("firmware", STRANGE, "1000", marks=pytest.mark.soak),
+        pytest.param("hardware", SOME, "0", marks=pytest.mark.soak),
+    ],
+)
 def test_a_program_that_hangs_does_not_outlive_a_rehearsal_that_is_killed(
     side: str, script: Path, patience: str, tmp_path: Path
 ) -> None:
