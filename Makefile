@@ -4,21 +4,46 @@ PYTHON ?= python3.11
 VENV ?= .venv
 RUN = $(VENV)/bin/python -m
 
-.PHONY: rehearsal quick test check docs docs-site changelog clean
+.PHONY: rehearsal quick test pages soak check docs docs-site changelog clean
 
 # One cycle of the rotation scheme. Bytecode of all libraries takes longer than the run: it is last.
 rehearsal: $(VENV)/installed
 	$(RUN) rrins rehearse rimu_rotating --duration 1600 --out out/rehearsal
 	@$(MAKE) --no-print-directory $(VENV)/bytecode
 
+# Tests of a file share what they start; the longest files begin (tests/conftest.py).
+PYTEST = $(RUN) pytest -n 2 --dist loadfile --no-loadscope-reorder
+
 # The tests between two edits: what computes, and none that is slow.
 QUICK = dbc docs firmware_py rrins host_tools/hardware host_tools/scenario host_tools/wire
 
 quick: $(VENV)/installed-dev
-	$(RUN) pytest -q -n 2 --dist loadfile -m "not slow" $(PYTEST_OPTIONS) $(addprefix tests/,$(QUICK))
+	$(PYTEST) -q -m "not slow and not soak and not typed" $(PYTEST_OPTIONS) $(addprefix tests/,$(QUICK))
 
+# Compiled code comes first: two workers would wait for each other's.
 test: $(VENV)/installed-dev
-	$(RUN) pytest -n 2 --dist loadfile $(PYTEST_OPTIONS)
+	@$(RUN) tests.processes
+	$(PYTEST) $(PYTEST_OPTIONS)
+
+# The dashboard's page in Chromium, and all that the guides show, typed: two minutes.
+pages: $(VENV)/installed-dev
+	$(PYTEST) -m "browser or typed" $(PYTEST_OPTIONS)
+
+# Everything but the browser, at length and with random examples: for a night.
+soak: export RRINS_SOAK = 2000000
+soak: export RRINS_FUZZ = 1000000
+soak: export RRINS_SEEDS = 40
+soak: export RRINS_FAULT_RUNS = 30
+soak: export RRINS_HOURS = 1000
+soak: export RRINS_KILLS = 1000
+soak: export RRINS_PAIRS = 5
+soak: export RRINS_SCAN_ALL = 1
+soak: export RRINS_CONFORM = 1
+soak: export RRINS_OWN_FIRMWARE = 1
+soak: export RRINS_REAL_TIME = 1
+soak: $(VENV)/installed-dev
+	@$(RUN) tests.processes
+	$(PYTEST) -m "not browser" --hypothesis-profile soak -o timeout=0 $(PYTEST_OPTIONS)
 
 check: $(VENV)/installed-dev
 	$(RUN) ruff format --check .
@@ -34,7 +59,7 @@ docs: $(VENV)/installed-dev
 	cd docs && ../$(RUN) generate.faults_page > faults.md
 	cd docs && ../$(RUN) generate.rooms_table
 	cd docs && ../$(RUN) generate.scenario_tables
-	RRINS_WRITE_DOCS=1 $(RUN) pytest -q tests/docs
+	RRINS_WRITE_DOCS=1 $(RUN) pytest -q -m typed tests/docs/test_typed.py
 
 docs-site: $(VENV)/installed-docs
 	$(RUN) sphinx -W --keep-going -q -b html docs docs/_build/html

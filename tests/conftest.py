@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import fcntl
 import gc
 import os
 import re
@@ -15,9 +16,11 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
-# The first example of a property may compile code.
-settings.register_profile("rrins", deadline=None)
-settings.load_profile("rrins")
+# The first example of a property may compile code. Examples are the same in every run: what chance
+# finds is found by `make soak`.
+settings.register_profile("test", deadline=None, derandomize=True, max_examples=50)
+settings.register_profile("soak", deadline=None, max_examples=1000, print_blob=True)
+settings.load_profile("test")
 
 # A shell that starts the tests in the background has them ignore Ctrl-C, and what they start, too.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
@@ -25,6 +28,28 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
 
 # What tests start writes bytecode: without, each process compiles all modules for half a second.
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+
+
+LONGEST = (
+    "host_tools/runs/test_rehearsal.py",
+    "host_tools/experiments/test_reproduce.py",
+    "host_tools/logs/test_replay.py",
+    "host_tools/runs/test_redundancy.py",
+    "examples/test_own_firmware.py",
+    "host_tools/runs/test_readmission.py",
+    "host_tools/runs/test_redundancy_faults.py",
+    "host_tools/redundancy/test_monte_carlo.py",
+    "host_tools/campaigns/test_survival.py",
+    "test_package.py",
+)
+"""Files that begin, the longest first: else one of them is left to a single worker at the end."""
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Begin with the longest files."""
+    folder = Path(__file__).parent
+    order = {folder / name: number for number, name in enumerate(LONGEST)}
+    items.sort(key=lambda item: order.get(item.path, len(order)))
 
 
 def pytest_collection_finish() -> None:
@@ -103,9 +128,16 @@ def make_firmware() -> Callable[..., str]:
 def own_firmware(
     make_firmware: Callable[..., str], tmp_path_factory: pytest.TempPathFactory
 ) -> Path:
-    """Return the C firmware: warnings are errors, the sanitizers end it at the first fault."""
-    folder = tmp_path_factory.mktemp("own_firmware")
-    make_firmware(folder, str(folder / "own_firmware"))
+    """Return the C firmware: warnings are errors, the sanitizers end it at the first fault.
+
+    The workers of a run share it.
+    """
+    base = tmp_path_factory.getbasetemp()
+    folder = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "own_firmware"
+    folder.mkdir(exist_ok=True)
+    with (folder / "lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        make_firmware(folder, str(folder / "own_firmware"))
     return folder / "own_firmware"
 
 

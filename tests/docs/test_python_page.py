@@ -19,7 +19,7 @@ def _folder(tmp_path, monkeypatch):
     monkeypatch.setenv("MPLBACKEND", "Agg")
 
 
-@pytest.mark.slow
+@pytest.mark.typed
 @pytest.mark.usefixtures("_folder")
 def test_its_blocks_run():
     scope: dict[str, object] = {}

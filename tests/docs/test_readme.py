@@ -170,7 +170,7 @@ def shorten(scenario: Path) -> None:
     scenario.write_text(text)
 
 
-@pytest.mark.slow
+@pytest.mark.typed
 def test_the_commands_come_to_an_end_one_after_the_other(base):
     for command in (*FIRST, *MORE):
         typed(command)
@@ -180,7 +180,7 @@ def test_the_commands_come_to_an_end_one_after_the_other(base):
     assert list((base / "tables").glob("*.parquet"))
 
 
-@pytest.mark.slow
+@pytest.mark.typed
 def test_the_commands_of_the_second_terminal_work_beside_a_rehearsal(base):
     (command,) = RUNNING
     typed(next(line for line in FIRST if line.endswith("> own.toml")))

@@ -43,7 +43,7 @@ def retyped(block: str, type_command) -> str:
     return "".join(line.rstrip() + "\n" for line in lines)
 
 
-@pytest.mark.slow
+@pytest.mark.typed
 @pytest.mark.parametrize("name", PAGES)
 def test_what_a_guide_shows_is_what_is_said(desk, name):
     page = DOCS / name

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 from generate import notebook
+
+from tests.processes import Fork
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
@@ -25,15 +26,12 @@ def test_a_script(script, words, tmp_path):
     """It runs, its cycles of the scheme cut short."""
     text = (EXAMPLES / script).read_text(encoding="utf-8")
     (tmp_path / script).write_text(text.replace("duration_s=1600", "duration_s=100"))
-    done = subprocess.run(
-        [sys.executable, script],
-        cwd=tmp_path,
-        capture_output=True,
-        text=True,
-        check=True,
-    )
-    assert words in done.stdout
-    assert done.stderr == ""
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+    with Fork([tmp_path / script], cwd=tmp_path, text=True, **pipes) as run:
+        said, complaints = run.communicate()
+    assert run.returncode == 0, complaints
+    assert words in said
+    assert complaints == ""
 
 
 def test_every_script_is_tried():
@@ -42,6 +40,7 @@ def test_every_script_is_tried():
     assert scripts == tried
 
 
+@pytest.mark.typed
 def test_the_notebook_runs_and_shows_its_pictures(tmp_path):
     executed = notebook.execute(tmp_path)
     assert len(notebook.pictures_of(executed)) == len(notebook.NAMES)

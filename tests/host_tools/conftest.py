@@ -31,15 +31,17 @@ from rrins.host_tools.logs.reader import Log, Piece
 from rrins.host_tools.recording.note import Note, write_note
 from rrins.host_tools.recording.recorder import NAME, Recorder, add_result
 from rrins.host_tools.runs.direct import run_without_frames
+from rrins.host_tools.runs.results import plots
 from rrins.host_tools.runs.results.results import read_errors
 from rrins.host_tools.runs.set_up.settings import (
     firmware_settings,
     hardware_settings,
     scenario_wire,
 )
+from rrins.host_tools.runs.sides import starting
 from rrins.host_tools.scenario.scenario import Scenario
-
-COMMAND = (sys.executable, "-m", "rrins")
+from rrins.host_tools.testing import processes
+from tests.processes import NO_PICTURE, Fork, Forking
 
 
 @pytest.fixture(autouse=True)
@@ -53,12 +55,32 @@ def _own_channels(monkeypatch):
             shutil.rmtree(folder)
 
 
-class Running:
-    """A `rrins` command under way; its standard error is read line by line."""
+@pytest.fixture(autouse=True)
+def _no_pictures(request, monkeypatch):
+    """Have the pictures of a run drawn only where a test looks at them."""
+    if request.node.get_closest_marker("pictures") is None:
+        monkeypatch.setattr(plots, "_png_of", lambda figure: NO_PICTURE)
 
-    def __init__(self, arguments, folder):
-        self.process = subprocess.Popen(
-            [*COMMAND, *arguments],
+
+@pytest.fixture(autouse=True)
+def _forked(monkeypatch):
+    """Have the sides of a rehearsal in this process start as forks of the server."""
+    for module in (starting, processes):
+        monkeypatch.setattr(module, "subprocess", Forking())
+
+
+class Running:
+    """A `rrins` command under way; its standard error is read line by line.
+
+    It is a fork, or a program where its start is what a test is about, or a package is needed that
+    is imported when it starts (asammdf).
+    """
+
+    def __init__(self, arguments, folder, is_program=False):
+        is_program = is_program or any(".mf4" in word for word in arguments)
+        command, *how = (subprocess.Popen, sys.executable, "-m") if is_program else (Fork,)
+        self.process = command(
+            [*how, "rrins", *arguments],
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,
@@ -112,8 +134,8 @@ def start(tmp_path):
     """Start a command; whatever is still running at the end is killed and fails the test."""
     running = []
 
-    def starter(*arguments):
-        running.append(Running([str(a) for a in arguments], tmp_path))
+    def starter(*arguments, is_program=False):
+        running.append(Running([str(a) for a in arguments], tmp_path, is_program))
         return running[-1]
 
     yield starter

@@ -24,6 +24,8 @@ from rrins.host_tools.cli.main import rrins
 from rrins.host_tools.injection.client import FaultClient
 from rrins.host_tools.scenario.scenario import fault_of
 
+pytestmark = pytest.mark.soak
+
 START_S = 300
 VCAN0 = ("--interface", "socketcan", "--channel", "vcan0")
 BUS = (*VCAN0, "--timeout", "20")  # a machine may be slow

@@ -136,6 +136,7 @@ def numbers(pattern, said):
 
 
 @pytest.mark.timeout(600)
+@pytest.mark.soak
 @pytest.mark.parametrize("session", [Session.DEFAULT, Session.EXTENDED])
 def test_gallia_finds_the_services_of_the_table_only(gallia, rehearsal, session):
     said = gallia(TARGET, "services", "--sessions", str(int(session)))
@@ -144,12 +145,14 @@ def test_gallia_finds_the_services_of_the_table_only(gallia, rehearsal, session)
 
 
 @pytest.mark.timeout(600)
+@pytest.mark.soak
 def test_gallia_finds_the_sessions_of_the_table_only(gallia, rehearsal):
     said = gallia(TARGET, "sessions", "--depth", "2")
     assert numbers(r"\* Session (0x[0-9a-fA-F]+)", said) == {int(session) for session in Session}
 
 
 @pytest.mark.timeout(900)
+@pytest.mark.soak
 def test_gallia_finds_the_identifiers_of_the_table_only(gallia, rehearsal):
     first, last = 0x0FF0, 0x1010
     said = gallia(TARGET, "identifiers", "--start", hex(first), "--end", hex(last))

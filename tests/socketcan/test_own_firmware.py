@@ -18,6 +18,8 @@ from rrins.host_tools.runs.programs.program import Program
 from rrins.host_tools.scenario.scenario import load, text_of
 from rrins.host_tools.terminal import new_console
 
+pytestmark = pytest.mark.soak
+
 IS_FULL = "RRINS_OWN_FIRMWARE" in os.environ
 KEEPS_TIME = "RRINS_KEEPS_TIME" in os.environ
 DURATION_S = 1600.0 if IS_FULL else 3.0

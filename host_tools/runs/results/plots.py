@@ -149,8 +149,13 @@ def write_plots(
     if seconds.parities:
         figures["parity.png"] = draw_parity(seconds.parities, begin_epoch, rate_hz, title)
     for name, figure in figures.items():
-        drawn = io.BytesIO()
-        figure.savefig(drawn, format="png")
         with replacing(folder / name) as part:
-            part.write_bytes(drawn.getvalue())
+            part.write_bytes(_png_of(figure))
     return [folder / name for name in figures]
+
+
+def _png_of(figure: Figure) -> bytes:
+    """Return a picture as a PNG file."""
+    drawn = io.BytesIO()
+    figure.savefig(drawn, format="png")
+    return drawn.getvalue()

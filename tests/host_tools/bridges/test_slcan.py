@@ -56,9 +56,9 @@ def start_both(start, scenario, pair, *options):
 
 
 def test_lockstep_over_slcan_is_the_same_to_the_bit(start, scenario, pair):
-    outcome = run_direct(scenarios.load(str(scenario), duration_s=2))
+    outcome = run_direct(scenarios.load(str(scenario), duration_s=0.5))
     plain, hardware = outcome.firmware, outcome.hardware
-    both = start_both(start, scenario, pair, "--duration", 2, "--speed", "max", "--json")
+    both = start_both(start, scenario, pair, "--duration", 0.5, "--speed", "max", "--json")
     for side in both:
         status, out = side.finish()
         assert status == 0, side.said

@@ -8,7 +8,6 @@ import gc
 import json
 import os
 import subprocess
-import sys
 import tempfile
 import threading
 from collections.abc import Callable, Iterator
@@ -19,22 +18,15 @@ from typing import Any
 import pytest
 
 from rrins.host_tools.bus.interface import RrinsBus
-
-ROOT = Path(__file__).parents[3]
+from tests.processes import Fork, server
 
 
 class PlayerProcess:
     """A process that runs `player.py`."""
 
     def __init__(self) -> None:
-        path = os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")]))
-        self.process = subprocess.Popen(
-            [sys.executable, str(Path(__file__).with_name("player.py"))],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            text=True,
-            env=os.environ | {"PYTHONPATH": path},
-        )
+        player = Path(__file__).with_name("player.py")
+        self.process = Fork([player], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
         self.pid = self.process.pid
 
     def tell(self, method: str, **arguments: Any) -> None:
@@ -88,6 +80,7 @@ def _wait_for_hubs(directory: Path) -> None:
 @pytest.fixture(autouse=True)
 def runtime_directory(monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     """A short path, because a socket takes no long one; nothing may be left behind in it."""
+    server()  # of forks: it stays
     with tempfile.TemporaryDirectory(prefix="rr-") as name:
         directory = Path(name)
         monkeypatch.setenv("XDG_RUNTIME_DIR", name)
@@ -98,7 +91,7 @@ def runtime_directory(monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
         gc.collect()
         _wait_for_hubs(directory)
         for thread in set(threading.enumerate()) - threads:
-            thread.join(timeout=5)
+            thread.join(timeout=120.0)
         assert set(threading.enumerate()) <= threads, "a thread was left behind"
         assert _children() <= children, "a process was left behind"
         assert _descriptors() == descriptors, "a descriptor was left behind"
@@ -129,7 +122,7 @@ def attach_to() -> Iterator[Callable[..., RrinsBus]]:
 
         def attach(host: RrinsBus, name: str = "peer", **arguments: Any) -> RrinsBus:
             coming = pool.submit(
-                RrinsBus, host.channel, host="never", name=name, attach_timeout=5.0, **arguments
+                RrinsBus, host.channel, host="never", name=name, attach_timeout=120.0, **arguments
             )
             host.wait_for(name, 5.0)
             bus = coming.result()

@@ -54,7 +54,7 @@ class Player:
         frames = frame_array(64)
         expected = first
         while expected < first + count:
-            batch = self.bus.recv_batch(frames, 20.0)
+            batch = self.bus.recv_batch(frames, 120.0)
             if batch is None:
                 return False
             wanted = np.arange(expected, expected + batch.count, dtype=np.uint64)
@@ -68,7 +68,7 @@ class Player:
         frames = frame_array(64)
         seen: list[list[int]] = []
         while len(seen) < count:
-            batch = self.bus.recv_batch(frames, 20.0)
+            batch = self.bus.recv_batch(frames, 120.0)
             if batch is None:
                 break
             seen += [[batch.sender, int(number)] for number in frames["data"][: batch.count]]
@@ -78,15 +78,15 @@ class Player:
         """Send back `count` batches."""
         frames = frame_array(64)
         for _ in range(count):
-            batch = self.bus.recv_batch(frames, 20.0)
+            batch = self.bus.recv_batch(frames, 120.0)
             if batch is None:
                 return
-            self.bus.send_batch(frames, batch.count, epoch=batch.epoch, timeout=20.0)
+            self.bus.send_batch(frames, batch.count, epoch=batch.epoch, timeout=120.0)
 
     def receive_until_error(self) -> int:
         """Receive until the bus fails; the answer is its error."""
         frames = frame_array(64)
-        while self.bus.recv_batch(frames, 20.0) is not None:
+        while self.bus.recv_batch(frames, 120.0) is not None:
             pass
         return 0
 

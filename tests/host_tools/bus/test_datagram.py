@@ -56,7 +56,7 @@ def well_formed(data: bytes | bytearray) -> bool:
     return len(body) == count * size and all(body[i * size + 4] <= most for i in range(count))
 
 
-@settings(max_examples=3000, deadline=None)
+@settings(max_examples=10 * settings.default.max_examples, deadline=None)
 @given(anything)
 def test_a_datagram_is_read_or_rejected(data: bytes) -> None:
     if well_formed(data):
@@ -114,7 +114,7 @@ def _is_over(end: socket.socket) -> bool:
 
 
 @settings(
-    max_examples=1500,
+    max_examples=4 * settings.default.max_examples,
     deadline=None,
     suppress_health_check=[HealthCheck.function_scoped_fixture],
 )
@@ -137,7 +137,7 @@ def test_whatever_a_peer_sends_the_host_goes_on(hub: RrinsBus, data: bytes) -> N
 
 
 @settings(
-    max_examples=500,
+    max_examples=2 * settings.default.max_examples,
     deadline=None,
     suppress_health_check=[HealthCheck.function_scoped_fixture],
 )

@@ -3,9 +3,9 @@
 Two environment variables scale these tests:
 
 ``RRINS_FUZZ``
-    Datagrams thrown at the host, 20000 by default. ``RRINS_FUZZ=1000000`` takes some minutes.
+    Datagrams thrown at the host, 4000 by default. ``RRINS_FUZZ=1000000`` takes some minutes.
 ``RRINS_SOAK``
-    Frames between two processes, 200000 by default. ``RRINS_SOAK=10000000`` takes a minute or two.
+    Frames between two processes, 50000 by default. ``RRINS_SOAK=10000000`` takes a minute or two.
 
 Both print their figures: run them with ``pytest -s``. As a program, with the name of a role and of
 a channel, this file is one of the two good nodes.
@@ -35,9 +35,10 @@ from rrins.host_tools.bus import datagram
 from rrins.host_tools.bus.channel import connect
 from rrins.host_tools.bus.datagram import ProtocolError
 from rrins.host_tools.bus.interface import RrinsBus
+from tests.processes import Fork
 
-CASES = int(os.environ.get("RRINS_FUZZ", "20000"))
-SOAK = int(os.environ.get("RRINS_SOAK", "200000"))
+CASES = int(os.environ.get("RRINS_FUZZ", "4000"))
+SOAK = int(os.environ.get("RRINS_SOAK", "50000"))
 GROWTH_BYTES = 8 * 1024 * 1024
 BATCH = 7  # frames of an epoch
 
@@ -60,9 +61,9 @@ def ping(channel: str) -> int:
                 print(number, flush=True)
                 return 0
             frames["data"] = range(number, number + BATCH)
-            bus.send_batch(frames, BATCH, epoch=PING, time_ns=number, timeout=20.0)
+            bus.send_batch(frames, BATCH, epoch=PING, time_ns=number, timeout=120.0)
             while True:
-                batch = bus.recv_batch(heard, 20.0)
+                batch = bus.recv_batch(heard, 120.0)
                 assert batch is not None, f"batch {number} was lost"
                 if batch.epoch == PONG:
                     break
@@ -79,7 +80,7 @@ def pong(channel: str) -> int:
         while not select.select([sys.stdin], [], [], 0)[0]:
             batch = bus.recv_batch(heard, 0.05)
             if batch is not None and batch.epoch == PING:
-                bus.send_batch(heard, batch.count, epoch=PONG, timeout=20.0)
+                bus.send_batch(heard, batch.count, epoch=PONG, timeout=120.0)
     return 0
 
 
@@ -87,13 +88,13 @@ class GoodNode:
     """A process that runs one of the functions above."""
 
     def __init__(self, role: str, host: RrinsBus) -> None:
-        self.process = subprocess.Popen(
-            [sys.executable, __file__, role, host.channel],
+        self.process = Fork(
+            [__file__, role, host.channel],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             text=True,
         )
-        host.wait_for(role, 30.0)
+        host.wait_for(role, 120.0)
         assert self._line() == "attached\n"
 
     def _line(self) -> str:

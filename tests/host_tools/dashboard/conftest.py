@@ -7,13 +7,14 @@ import re
 import shutil
 import signal
 import subprocess
-import sys
 import tempfile
 import threading
 from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
+
+from tests.processes import Fork
 
 CHROMIUM = shutil.which("chromium")
 ARGUMENTS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
@@ -46,14 +47,13 @@ class Served:
     """A dashboard under way."""
 
     def __init__(self, arguments, folder, environment):
-        self.process = subprocess.Popen(
-            [sys.executable, "-m", "rrins", "dashboard", *arguments, "--port", "0"],
+        self.process = Fork(
+            ["rrins", "dashboard", *arguments, "--port", "0"],
             stdout=subprocess.DEVNULL,
             stderr=subprocess.PIPE,
             text=True,
             cwd=folder,
             env=environment,
-            start_new_session=True,
         )
         self.said = []
         for line in self.process.stderr:
@@ -72,7 +72,7 @@ class Served:
 
     def stop(self):
         self.process.send_signal(signal.SIGINT)
-        return self.process.wait(30)
+        return self.process.wait(120)
 
 
 @contextmanager
@@ -119,10 +119,9 @@ def recording(scenario, tmp_path_factory):
     path.write_text(scenario.read_text().replace("6000", "60") + fault)
     log = folder / "bus.blf"
     words = ["rehearse", path, "--record", log, "--out", folder / "out", "--json"]
-    done = subprocess.run(
-        [sys.executable, "-m", "rrins", *map(str, words)], capture_output=True, check=False
-    )
-    assert done.returncode == 0, done.stderr
+    with Fork(["rrins", *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE) as done:
+        _, said = done.communicate()
+    assert done.returncode == 0, said
     return log
 
 
@@ -165,7 +164,7 @@ class Seen:
         if message.type in ("error", "warning") and "GPU stall" not in message.text:
             self.complaints.append(message.text)
 
-    def wait(self, selector, timeout_s=60):
+    def wait(self, selector, timeout_s=150):
         from playwright.sync_api import TimeoutError as Waited
 
         try:

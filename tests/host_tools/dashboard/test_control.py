@@ -34,7 +34,7 @@ def attached(rehearsal, serving):
 
 def test_a_fault_is_put_in_listed_and_removed_on_an_attached_bus(attached):
     with feed(attached) as client:
-        hello = json.loads(client.recv(timeout=30))
+        hello = json.loads(client.recv(timeout=120.0))
         assert hello["may_control"]
         assert {"inject", "mode", "clear_codes"} <= set(hello["orders"])
         assert not {"stop", "pause", "speed"} & set(hello["orders"])  # these are its starter's
@@ -52,7 +52,7 @@ def read_residuals(client):
     client.send(json.dumps({"id": 5, "order": "read_residuals"}))
     told = ""
     while not told.startswith('{"kind":"report"'):
-        message = client.recv(timeout=30)
+        message = client.recv(timeout=120.0)
         told = message if isinstance(message, str) else ""
     return json.loads(told)["residuals"]
 

@@ -22,7 +22,7 @@ from websockets.sync.client import connect
 from tests.host_tools.dashboard.test_page import changed
 
 pytestmark = [
-    pytest.mark.slow,
+    pytest.mark.browser,
     pytest.mark.skipif(shutil.which("firefox-esr") is None, reason="there is no firefox-esr"),
     pytest.mark.skipif(shutil.which("Xvfb") is None, reason="there is no Xvfb"),
 ]

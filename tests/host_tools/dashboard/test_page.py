@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.browser
 
 LARGE = {"width": 1920, "height": 1080}
 
@@ -29,7 +29,7 @@ def changed(before, after):
     return 1.0 if a.shape != b.shape else float(np.mean(np.abs(a - b).max(axis=2) > 12))
 
 
-def until(is_so, seconds=60, rest=time.sleep):
+def until(is_so, seconds=150, rest=time.sleep):
     end = time.monotonic() + seconds
     while not is_so():
         assert time.monotonic() < end, "it never came to be"
@@ -41,7 +41,7 @@ def ask(page, button, answer):
     answers = []
     for _ in range(4):
         page.click(button)
-        page.wait_for_selector(f"{answer}.done, {answer}.refused", timeout=30_000)
+        page.wait_for_selector(f"{answer}.done, {answer}.refused", timeout=150_000)
         answers.append(page.inner_text(answer))
         if page.locator(f"{answer}.done").count():
             break

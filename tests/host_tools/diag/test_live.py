@@ -6,7 +6,6 @@ import json
 import os
 import statistics
 import subprocess
-import sys
 import time
 from pathlib import Path
 
@@ -24,6 +23,7 @@ from rrins.host_tools.errors import BusError, NoAnswerError
 from rrins.host_tools.runs.direct import run_direct
 from rrins.host_tools.scenario.scenario import load, text_of
 from rrins.host_tools.testing.processes import fresh_channel
+from tests.processes import Fork
 
 START_S = 300
 PAIRS = int(os.environ.get("RRINS_PAIRS", "0"))
@@ -34,9 +34,9 @@ class Rehearsal:
 
     def __init__(self, folder: Path, scenario: str, *options: str) -> None:
         self.channel = fresh_channel()
-        self.process = subprocess.Popen(
+        self.process = Fork(
             [
-                *(sys.executable, "-m", "rrins", "rehearse", scenario, "--json"),
+                *("rrins", "rehearse", scenario, "--json"),
                 *("--channel", self.channel, "--out", str(folder / self.channel), *options),
             ],
             stdout=subprocess.PIPE,
@@ -83,8 +83,8 @@ def read_until_the_end(tester: Tool) -> int:
 @pytest.mark.slow
 @pytest.mark.timeout(400)
 def test_in_lockstep_reading_leaves_the_navigation_as_it_is(tmp_path):
-    reference = run_direct(load("rimu_rotating", duration_s=120.0)).firmware
-    rehearsal = Rehearsal(tmp_path, "rimu_rotating", "--duration", "120", "--speed", "30")
+    reference = run_direct(load("rimu_rotating", duration_s=60.0)).firmware
+    rehearsal = Rehearsal(tmp_path, "rimu_rotating", "--duration", "60", "--speed", "30")
     tester = rehearsal.connect()
     assert tester.conversation.connection.keeps_pace
     assert read_until_the_end(tester) > 20
@@ -100,7 +100,7 @@ def test_in_lockstep_sessions_and_transfers_last_as_long_as_they_need(tmp_path):
     bridge = table.identifier("bridge")
     with rehearsal.connect(is_securing=True) as tester:
         tester.write(bridge, {"bridge_s": 0.2})
-        time.sleep(1.0)  # a minute and more of a rehearsal that does not wait for the tool
+        time.sleep(0.3)  # many seconds of a rehearsal that does not wait for the tool
         found = tester.read([bridge, table.identifier("active_session")])
         assert found == {"bridge": {"bridge_s": 0.2}, "active_session": {"session": 3}}
         file = tester.pull()
@@ -151,6 +151,7 @@ def test_a_bus_without_a_navigation_computer():
     assert len(ended.stderr.splitlines()) == 1
 
 
+@pytest.mark.soak
 def test_at_400_hz_an_epoch_with_requests_is_far_from_its_deadline(rrins_bench):
     """By the processor's time, of the dearest epoch of each reading of all identifiers.
 

@@ -10,8 +10,6 @@ import re
 import select
 import signal
 import struct
-import subprocess
-import sys
 import termios
 import time
 from fcntl import ioctl
@@ -23,8 +21,8 @@ from click.testing import CliRunner
 
 from rrins.host_tools.bus.interface import RrinsBus
 from rrins.host_tools.cli.main import rrins
+from tests.processes import Fork
 
-COMMAND = (sys.executable, "-m", "rrins", "monitor")
 COLOUR = re.compile(rb"\x1b\[(?:[0-9;]*;)?(?:3[0-8]|4[0-8]|9[0-7]|10[0-7])(?:;[0-9;]*)?m")
 
 
@@ -36,17 +34,16 @@ class Terminal:
         ioctl(inner, termios.TIOCSWINSZ, struct.pack("HHHH", 24, 80, 0, 0))
         self._inner = inner
         self.settings = termios.tcgetattr(inner)
-        self.process = subprocess.Popen(
-            [*COMMAND, *arguments],
+        self.process = Fork(
+            ["rrins", "monitor", *arguments],
             stdin=inner,
             stdout=inner,
             stderr=inner,
             env={k: v for k, v in os.environ.items() if k != "NO_COLOR"} | environment,
-            start_new_session=True,
         )
         self.sent = b""
 
-    def read_until(self, wanted, timeout=30.0):
+    def read_until(self, wanted, timeout=120.0):
         """Read what is sent to the terminal until some text is among it."""
         deadline = time.monotonic() + timeout
         while wanted not in self.sent:
@@ -95,7 +92,7 @@ def hardware(start):
     """A hardware process that waits for a firmware: a bus that is there, and silent."""
     process = start("hardware", "rimu_rotating", "--speed", "max", "--json", "--duration", "30")
     socket = Path(os.environ["XDG_RUNTIME_DIR"]) / "rrins" / "rrins0.sock"
-    deadline = time.monotonic() + 60
+    deadline = time.monotonic() + 120
     while not socket.exists() and time.monotonic() < deadline:
         time.sleep(0.01)
     yield process

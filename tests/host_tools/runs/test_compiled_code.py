@@ -25,7 +25,7 @@ def cache(tmp_path, monkeypatch):
 def test_a_folder_that_others_can_write_is_refused_in_one_line(start, cache, command):
     cache.mkdir(parents=True)
     cache.chmod(0o777)
-    running = start(command, "--duration=1")
+    running = start(command, "--duration=1", is_program=True)
     assert running.finish()[0] == 1
     said = [line for line in running.said if " on rrins:" not in line and line != "preparing"]
     assert said == [
@@ -53,7 +53,7 @@ def test_a_rehearsal_heals_a_damaged_cache_with_one_line(start, copied_cache):
     for path in damaged:
         os.truncate(path, path.stat().st_size // 2)
     for lines in (1, 0):
-        running = start("rehearse", "--duration=1")
+        running = start("rehearse", "--duration=1", is_program=True)
         assert running.finish()[0] == 0, running.said
         assert len([line for line in running.said if "compiled code in" in line]) == lines
         assert not [line for line in running.said if "Traceback" in line]
@@ -62,10 +62,10 @@ def test_a_rehearsal_heals_a_damaged_cache_with_one_line(start, copied_cache):
 @pytest.mark.slow
 @pytest.mark.parametrize("command", [("rehearse",), ("simulate",), ("firmware", "--speed=max")])
 def test_ctrl_c_while_it_compiles_is_one_line(start, cache, command):
-    running = start(*command, "--duration=1")
+    running = start(*command, "--duration=1", is_program=True)
     running.wait_for_line("compiling")
     running.process.send_signal(signal.SIGINT)
-    assert running.finish(timeout=30)[0] == 130
+    assert running.finish()[0] == 130
     after = running.said[1 + next(k for k, line in enumerate(running.said) if "compil" in line) :]
     assert after == ["rrins: stopped by the user"]
     assert not [line for line in running.said if re.search("Traceback|Exception", line)]

@@ -1,7 +1,7 @@
 """How long a step takes with everything on: sensors compared, filters, and the repair of a fault.
 
 By the processor's time of the thread, which other programs on the machine add little to.
-`pytest -s` prints the figures.
+`pytest -s -m soak` prints the figures.
 """
 
 from __future__ import annotations

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import subprocess
-import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -12,6 +11,7 @@ from typing import Any
 import pytest
 
 import rrins
+from tests.processes import Fork
 
 CHANNEL = "beset"
 DURATION_S = 20  # long enough for strangers to do harm on a busy machine
@@ -25,8 +25,8 @@ def strangers() -> Iterator[Callable[..., None]]:
     def start(*roles: str) -> None:
         for role in roles:
             script = Path(__file__).with_name("strangers.py")
-            command = [sys.executable, str(script), role, CHANNEL]
-            processes.append(subprocess.Popen(command, stdout=subprocess.PIPE, text=True))
+            command = [script, role, CHANNEL]
+            processes.append(Fork(command, stdout=subprocess.PIPE, text=True))
         for process in processes:
             assert process.stdout is not None
             assert process.stdout.readline() == "ready\n"

@@ -95,23 +95,19 @@ def test_faults_on_the_wire_are_the_same_in_lockstep_paced_and_directly(run, sce
 
 def test_real_time_is_the_same_as_long_as_no_deadline_was_missed(run, start, scenario):
     reference = run("simulate", scenario)
-    for _ in range(5):
-        command = start("rehearse", scenario, "--speed", 1, "--json")
-        status, out = command.finish(timeout=100)
-        summary = json.loads(out)
-        if status == SENSORS_LOST:  # the machine stood still for longer than the firmware waits
-            assert summary["overruns"] > 0
-            continue
-        assert status == 0, command.said
-        lateness = summary["firmware"]["lateness_us"]
-        assert lateness["epochs"] >= summary["epochs"] - 2
-        assert lateness["p50"] < 5000
-        # The loop does not drift: as many seconds as were simulated.
-        assert summary["wall_s"] == pytest.approx(summary["epochs"] / 200, abs=0.5)
-        if summary["overruns"] == 0:
-            assert summary["navigation_sha256"] == reference["navigation_sha256"]
-            return
-    pytest.skip("this machine missed a deadline in each of five runs")
+    command = start("rehearse", scenario, "--speed", 1, "--json")
+    status, out = command.finish()
+    summary = json.loads(out)
+    if status == SENSORS_LOST:  # the machine stood still for longer than the firmware waits
+        assert summary["overruns"] > 0
+        return
+    assert status == 0, command.said
+    lateness = summary["firmware"]["lateness_us"]
+    assert lateness["epochs"] >= summary["epochs"] - 2
+    # The loop does not drift: at least as many seconds as were simulated.
+    assert summary["wall_s"] > summary["epochs"] / 200 - 0.5
+    if summary["overruns"] == summary["frames_lost"] == 0:
+        assert summary["navigation_sha256"] == reference["navigation_sha256"]
 
 
 def test_frame_by_frame_over_any_python_can_interface_is_the_same():

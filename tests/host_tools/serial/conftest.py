@@ -50,7 +50,7 @@ class Terminal:
     def type(self, text):
         os.write(self.fd, text.encode())
 
-    def wait_for(self, words, timeout_s=20):
+    def wait_for(self, words, timeout_s=120):
         """Read until `words` have come; return what came since the last call, up to them."""
         poll = select.poll()
         poll.register(self.fd, select.POLLIN)

@@ -54,7 +54,7 @@ def test_a_command_is_used_until_the_second_epoch_after_its_own(
 ) -> None:
     with SlcanPair() as pair, board(pair.ports[1], epochs_late):
         hardware = start(
-            *("hardware", scenario, "--duration", 0.5, "--speed", "max", "--json"),
+            *("hardware", scenario, "--duration", 0.1, "--speed", "max", "--json"),
             *("--interface", "slcan", "--channel", pair.ports[0], "--bitrate", 1_000_000),
         )
         status, out = hardware.finish()

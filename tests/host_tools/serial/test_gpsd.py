@@ -43,7 +43,7 @@ class Gpsd:
         )
         self._wait_for(b"listening on port")
         os.set_blocking(self.process.stderr.fileno(), False)
-        self.socket = socket.create_connection(("127.0.0.1", number), timeout=10)
+        self.socket = socket.create_connection(("127.0.0.1", number), timeout=120.0)
         self.socket.sendall(b'?WATCH={"enable":true,"json":true};\n')
         self._data = b""
 

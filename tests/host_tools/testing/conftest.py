@@ -5,25 +5,26 @@ from __future__ import annotations
 import os
 import re
 import subprocess
-import sys
 
 import pytest
+
+from tests.processes import Fork
 
 
 class Run:
     """A pytest run that has ended."""
 
     def __init__(self, arguments, folder):
-        self.command = subprocess.run(
-            [sys.executable, "-m", "pytest", "-p", "no:cacheprovider", *arguments],
-            capture_output=True,
+        command = Fork(
+            ["pytest", "-p", "no:cacheprovider", *arguments],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
             text=True,
             cwd=folder,
-            timeout=100,
             env={k: v for k, v in os.environ.items() if not k.startswith("PYTEST_")},
         )
-        self.status = self.command.returncode
-        self.text = self.command.stdout + self.command.stderr
+        self.text, _ = command.communicate()
+        self.status = command.returncode
 
     def count(self, outcome):
         found = re.search(rf"(\d+) {outcome}", self.text.splitlines()[-1])

@@ -90,7 +90,7 @@ def test_every_field_of_the_ram_image_has_its_place():
     assert Ram.zeros().tobytes() == bytes(Ram.dtype.itemsize)
 
 
-@pytest.mark.soak
+@pytest.mark.typed
 def test_a_misspelt_field_is_an_error_of_the_checker(tmp_path):
     script = tmp_path / "script.py"
     script.write_text(

@@ -18,6 +18,7 @@ from rrins.host_tools.runs.programs import guard
 from rrins.host_tools.runs.programs.program import Program, ProgramProcess
 from rrins.host_tools.scenario.scenario import load
 from tests.host_tools.runs.programs.test_own_programs import STRANGE, processes_of
+from tests.processes import Fork
 
 SOME = STRANGE.with_name("some_hardware.py")
 
@@ -43,28 +44,35 @@ def guards_of(process: ProgramProcess) -> list[int]:
 
 def guard_of(process: ProgramProcess) -> int:
     """Return the guard of a program that has just been started; its words come a little later."""
-    assert comes_true(lambda: bool(guards_of(process)), 10)
+    assert comes_true(lambda: bool(guards_of(process)), 120)
     (own,) = guards_of(process)
     return own
 
 
-@pytest.mark.parametrize("patience", ["1000", "0"])
-@pytest.mark.parametrize(("side", "script"), [("firmware", STRANGE), ("hardware", SOME)])
+@pytest.mark.parametrize(
+    ("side", "script", "patience"),
+    [
+        ("firmware", STRANGE, "0"),
+        ("hardware", SOME, "1000"),
+        pytest.param("firmware", STRANGE, "1000", marks=pytest.mark.soak),
+        pytest.param("hardware", SOME, "0", marks=pytest.mark.soak),
+    ],
+)
 def test_a_program_that_hangs_does_not_outlive_a_rehearsal_that_is_killed(
     side: str, script: Path, patience: str, tmp_path: Path
 ) -> None:
     out = tmp_path / "out"
     words = [
-        *(sys.executable, "-m", "rrins", "rehearse", "ideal", "--duration", "100"),
+        *("rrins", "rehearse", "ideal", "--duration", "100"),
         *(f"--{side}", f"{sys.executable} -S {script} hangs {tmp_path}"),
         *("--patience", patience, "--out", str(out)),
     ]
-    with subprocess.Popen(words, stderr=subprocess.DEVNULL) as rehearsal:
+    with Fork(words, stderr=subprocess.DEVNULL) as rehearsal:
         said = out / f"{side}.txt"
-        assert comes_true(lambda: said.exists() and "no pulse" in said.read_text(), 60)
+        assert comes_true(lambda: said.exists() and "no pulse" in said.read_text(), 120)
         rehearsal.kill()
     try:
-        assert comes_true(lambda: not processes_of(str(tmp_path)), 30)
+        assert comes_true(lambda: not processes_of(str(tmp_path)), 120)
     finally:
         for pid in processes_of(str(tmp_path)):
             os.kill(pid, signal.SIGKILL)
@@ -114,4 +122,4 @@ def test_without_a_guard_the_program_is_not_started(
     monkeypatch.setattr(sys, "executable", str(tmp_path / "none"))
     with pytest.raises(RehearsalError, match="sh: cannot be started: No such file"):
         started(f"sh -c 'sleep 1000' {tmp_path}", tmp_path)
-    assert comes_true(lambda: not processes_of(str(tmp_path)), 10)
+    assert comes_true(lambda: not processes_of(str(tmp_path)), 120)

@@ -11,7 +11,7 @@ import pytest
 
 from rrins.host_tools.bus import channel
 from rrins.host_tools.errors import FirmwareFaultError, RehearsalError, SideLostError
-from rrins.host_tools.runs import run
+from rrins.host_tools.runs import rehearsal, run
 from rrins.host_tools.runs.display import RunDisplay
 from rrins.host_tools.runs.programs.program import Program
 from rrins.host_tools.runs.set_up.setup_file import setup_text
@@ -43,6 +43,13 @@ def rehearsed(kind: str, folder: Path, duration_s: float = 2.0) -> run.RunResult
         return run.rehearse(plan, display, folder)
 
 
+@pytest.fixture
+def _impatient(monkeypatch):
+    """Have a rehearsal that has failed not wait for what does not end by itself."""
+    monkeypatch.setattr(rehearsal, "GRACE_S", 0.1)
+
+
+@pytest.mark.usefixtures("_impatient")
 @pytest.mark.parametrize(
     ("kind", "words"),
     [

@@ -49,6 +49,7 @@ def test_the_fault_is_in_it(runs):
     assert not seconds["threshold"][at + 1 :].any()  # three are never compared
 
 
+@pytest.mark.pictures
 def test_the_picture_is_written(runs, tmp_path):
     assert tmp_path / "parity.png" in runs[0].write(tmp_path)
     assert (tmp_path / "parity.png").stat().st_size > 10_000
