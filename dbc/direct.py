@@ -25,7 +25,7 @@ WORDS = 8193
 """Room for the longest datagram, and for a byte that gives away a longer one."""
 
 NOTHING = -1
-"""What `receive` returns when Python is to see to it."""
+"""Value that `receive` returns when Python has to handle it."""
 
 TIME_WORD = 3
 """The word of a header with the time of the batch, ns."""

@@ -17,7 +17,7 @@ from rrins.firmware_py.core.step import firmware_step
 
 
 class Exchange(Record):
-    """What a shell and `run_epochs` tell each other."""
+    """State that a shell and `run_epochs` share."""
 
     goes_on: Bool  #: whether epochs may be exchanged without Python
     arrivals: I8  #: epochs received in lockstep so far

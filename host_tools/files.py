@@ -37,7 +37,7 @@ def content_of(path: Path, most: int) -> bytes:
     Raises
     ------
     OSError
-        When it cannot be read, is no file, or is larger; `strerror` says which.
+        When it cannot be read, is not a file, or is larger; `strerror` says which.
     """
     with os.fdopen(os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK), "rb") as file:
         found = os.fstat(file.fileno())
@@ -56,7 +56,7 @@ def text_of(path: Path, most: int = LARGEST_TOML) -> str:
     Raises
     ------
     OSError
-        When it cannot be read, is no file, is larger than `most` bytes, or is not UTF-8.
+        When it cannot be read, is not a file, is larger than `most` bytes, or is not UTF-8.
     """
     try:
         return content_of(path, most).decode("utf-8-sig")

@@ -1,4 +1,4 @@
-"""What the tools print: tables whose numbers stay whole, and progress at any width."""
+"""Output of the tools: tables whose numbers stay whole, and progress at any width."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _NARROWEST_BAR, _WIDEST_BAR = 6, 24
 def new_console(*, stderr: bool = False, highlight: bool = True) -> Console:
     """Return a console that prints any text, such as a file name, as it stands.
 
-    Brackets are no markup and words between colons no pictures.
+    Brackets are not markup, and words between colons are not pictures.
     """
     return Console(stderr=stderr, highlight=highlight, markup=False, emoji=False)
 

@@ -1,4 +1,4 @@
-"""What a rehearsal costs on this machine, from Python."""
+"""Benchmarks of rehearsals on this machine, from Python."""
 
 from __future__ import annotations
 

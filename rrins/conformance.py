@@ -1,4 +1,4 @@
-"""What this bus demands of a navigation computer, checked from Python."""
+"""Conformance of a navigation computer, checked from Python."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 class Conformance:
-    """What came of the checks of a program.
+    """Results of the checks of a program.
 
     Attributes
     ----------

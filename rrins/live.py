@@ -1,4 +1,4 @@
-"""What one does with a rehearsal under way: look into the firmware, put faults in, record."""
+"""Access to a running rehearsal: look into the firmware, inject faults, record."""
 
 from __future__ import annotations
 

@@ -82,7 +82,7 @@ class BusLog:
 
     @property
     def damage(self) -> str | None:
-        """What could not be read; None while all is well."""
+        """The part that could not be read; None while all is well."""
         return self._log.damage
 
     def __getitem__(self, signal: str) -> xr.DataArray:

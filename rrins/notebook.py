@@ -1,4 +1,4 @@
-"""What a notebook needs besides."""
+"""Additions for notebooks."""
 
 from __future__ import annotations
 

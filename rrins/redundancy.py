@@ -1,4 +1,4 @@
-"""What redundant sensors can find, from Python."""
+"""Detection limits of redundant sensors, from Python."""
 
 from __future__ import annotations
 

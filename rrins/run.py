@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Source = str | Path | Mapping[str, object] | Scenario
-"""What names a scenario: see `load_scenario`."""
+"""Name of a scenario: see `load_scenario`."""
 
 
 class Run:
@@ -65,7 +65,7 @@ class Run:
 
     @cached_property
     def navigation(self) -> xr.Dataset:
-        """What the firmware navigated.
+        """Navigation of the firmware.
 
         `latitude`, `longitude` (deg), `height` (m), `velocity_n` (m/s), `attitude` (deg), `mode`.
         """

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 
 class SchemeAnalysis:
-    """What the errors of a RIMU integrate to over one cycle of a scheme.
+    """Integrals of a RIMU's errors over one cycle of a scheme.
 
     Attributes
     ----------
@@ -47,7 +47,7 @@ class SchemeAnalysis:
 
     @cached_property
     def residuals(self) -> pd.DataFrame:
-        """What each error of each sensor leaves on each axis of the body after a cycle."""
+        """Mean effect of each sensor error on each axis of the body after a cycle."""
         import pandas as pd
 
         return pd.DataFrame([asdict(row) for row in self.variation.residual_rows()])
@@ -211,7 +211,7 @@ _CONSTANTS = ("bias", "scale_ppm", "asymmetric_ppm", "u_arcsec", "v_arcsec")
 
 
 class SchemeObservability:
-    """What a cycle of a scheme shows of the sensors' constants, on a unit at rest.
+    """Observability of the sensors' constants in a cycle of a scheme, on a unit at rest.
 
     Attributes
     ----------

@@ -10,7 +10,7 @@ import shutil
 import signal
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -50,6 +50,15 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     folder = Path(__file__).parent
     order = {folder / name: number for number, name in enumerate(LONGEST)}
     items.sort(key=lambda item: order.get(item.path, len(order)))
+
+
+@pytest.fixture(autouse=True)
+def _no_test_keeps_the_machine() -> Iterator[None]:
+    """Fail a test that leaves its process in real time or bound to a core: all later ones crawl."""
+    cores = os.sched_getaffinity(0)
+    yield
+    assert os.sched_getscheduler(0) == os.SCHED_OTHER, "run a side in a process of its own"
+    assert os.sched_getaffinity(0) == cores
 
 
 def pytest_collection_finish() -> None:

@@ -103,7 +103,7 @@ class OdometerSettings(_Checked):
 
 
 class Keys(_Checked):
-    """What a scenario's table `[firmware]` says in the same words as the firmware's set-up."""
+    """Keys that the table `[firmware]` of a scenario and the firmware's settings share."""
 
     initial_attitude: Literal[
         "given", "self-aligned", "self-aligned-swaying", "self-aligned-moving", "transferred"

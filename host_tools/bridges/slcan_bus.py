@@ -23,10 +23,10 @@ from rrins.host_tools.bus.link import Link
 from rrins.host_tools.errors import BusError
 
 NAME: Final = "slcan"
-"""What the adapter calls itself on the bus."""
+"""Name of the adapter on the bus."""
 
 BUFFER_BYTES: Final = 65_536
-"""What waits for the program at most; frames beyond are lost."""
+"""Most frames that wait for the program; those beyond are lost."""
 
 _log: Final = logging.getLogger(__name__)
 _IDLE_S: Final = 0.05  # between looks whether a program has opened the port

@@ -1,4 +1,4 @@
-"""What a third party may do on a bus with the two sides of a rehearsal: the host knows who sends.
+"""Rights of third parties on a bus with the two sides of a rehearsal: the host knows who sends.
 
 - What the contract gives to one side is taken from that side only, while it is attached. Frames
   with such an identifier from anybody else, and error frames, which are a controller's, are not
@@ -43,7 +43,7 @@ _now: Final = time.monotonic_ns
 
 
 class BusSummary(TypedDict):
-    """What a host has not let through."""
+    """Frames that a host has refused."""
 
     refused_frames: int  #: that the contract gives to a side, from somebody else
     senders: dict[str, int]  #: the same by sender
@@ -172,7 +172,7 @@ class Guard:
         Returns
         -------
         int
-            Size of what is left in `buffer`; 0 if that is no frame.
+            Size of what is left in `buffer`; 0 if that is not a frame.
 
         Raises
         ------

@@ -1,4 +1,4 @@
-"""What the host of a channel can do with it, besides taking part."""
+"""Host of a channel: its powers besides taking part."""
 
 from __future__ import annotations
 

@@ -32,7 +32,7 @@ from rrins.host_tools.bus.peer import Peer, PeerInfo
 from rrins.host_tools.errors import BusError
 
 TIMED_OUT: Final = -1
-"""What a step returns when nothing has happened in its time."""
+"""Result of a step when nothing has happened in its time."""
 
 _STALL_NS: Final = 1_000_000_000
 _STALL_S: Final = 1.0

@@ -101,12 +101,12 @@ def of_bytes(data: bytes, gyros: int, accelerometers: int, period_s: float) -> S
     Raises
     ------
     CalibrationRecordError
-        When the bytes are no whole number of rows.
+        When the bytes are not a whole number of rows.
     """
     size = 8 * row_size(gyros, accelerometers)
     if len(data) % size:
         raise CalibrationRecordError(
-            f"{len(data)} bytes of the calibration's record are no whole number of {size}; is the "
+            f"{len(data)} bytes of the calibration's record are not a multiple of {size}; is the "
             "firmware of another version?"
         )
     rows = np.frombuffer(data, dtype="<f8").reshape(-1, row_size(gyros, accelerometers))
@@ -140,5 +140,5 @@ def load(path: Path) -> tuple[Seconds, dict[str, object]]:
         return Seconds(**columns), dict(table["note"])
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
         raise CalibrationRecordError(
-            f"{path}: is no record of a calibration ({error}); remove it to begin anew"
+            f"{path}: not a record of a calibration ({error}); remove it to begin again"
         ) from error

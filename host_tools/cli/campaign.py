@@ -28,7 +28,9 @@ if TYPE_CHECKING:
 _DEFINING = ("set", "vary", "fault", "correlate", "seed", "design", "duration_s")
 """Options that define a campaign."""
 
-_NOT_SAME = "NOT as in the table of runs: other sources, libraries or another processor made that"
+_NOT_SAME = (
+    "differs from the table of runs: made with other sources, libraries or another processor"
+)
 
 
 @click.command()

@@ -1,4 +1,4 @@
-"""What `rrins campaign FOLDER` does with runs that are stored: report, sensitivity, comparison."""
+"""`rrins campaign FOLDER`: report, sensitivity and comparison of stored runs."""
 
 from __future__ import annotations
 

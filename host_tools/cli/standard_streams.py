@@ -26,7 +26,7 @@ _ANY_TEXT = "rrins-any-text"
 
 
 def _encode_anyway(error: UnicodeError) -> tuple[str | bytes, int]:
-    """Give back the bytes of a file name that is no UTF-8; ``?`` for what the terminal lacks."""
+    """Give back the bytes of a file name that is not UTF-8; ``?`` for what the terminal lacks."""
     if not isinstance(error, UnicodeEncodeError):
         raise error
     text = error.object[error.start : error.end]

@@ -65,7 +65,7 @@ class BusSource:
 
     @property
     def view(self) -> View:
-        """What is seen."""
+        """The view."""
         return self._view
 
     def turn(self) -> None:

@@ -25,7 +25,7 @@ _libc = ctypes.CDLL(None)
 
 @dataclass(frozen=True)
 class Start:
-    """What is rehearsed.
+    """Subject of a rehearsal.
 
     Attributes
     ----------

@@ -91,7 +91,7 @@ class LogSource:
 
     @property
     def view(self) -> View:
-        """What is seen."""
+        """The view."""
         return self._view
 
     def _survey(self) -> None:

@@ -1,4 +1,4 @@
-"""What a dashboard shows: a rehearsal that it starts, one that runs, or a recording."""
+"""Subject of a dashboard: a rehearsal that it starts, one that runs, or a recording."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _NEEDED = ("starlette", "uvicorn", "websockets")
 
 @dataclass(frozen=True)
 class Subject:
-    """What is to be shown.
+    """Subject to be shown.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""What the page plots: columns of numbers over bus time, from the bus and from the truth."""
+"""Plots of the page: columns of numbers over bus time, from the bus and from the truth."""
 
 from __future__ import annotations
 

@@ -21,7 +21,7 @@ class Source(Protocol):
 
     @property
     def view(self) -> View:
-        """What is seen; another object once another run has begun."""
+        """The view; another object once another run has begun."""
 
     def turn(self) -> None:
         """Do what is due; called some thirty times a second."""

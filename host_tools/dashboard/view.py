@@ -1,4 +1,4 @@
-"""What is seen of one run: its latest row, its history, its events, a snapshot of its bus."""
+"""View of one run: its latest row, its history, its events, a snapshot of its bus."""
 
 from __future__ import annotations
 

@@ -193,7 +193,9 @@ def _change_origin(parameters: Parameters, given: JsonObject) -> None:
     if _DATE in given:
         date, where = given[_DATE], f"{_CALIBRATED}.{_DATE}"
         if not isinstance(date, datetime.datetime) or date.tzinfo is None:
-            raise _Wrong(f"{where}: {date!r} is no time with its zone, as 2026-11-23T08:05:00Z is")
+            raise _Wrong(
+                f"{where}: {date!r} is not a time with its zone, such as 2026-11-23T08:05:00Z"
+            )
         values["date_utc_s"] = _checked(CALIBRATED.fields[0], int(date.timestamp()), where)
     if _TEMPERATURE in given:
         where = f"{_CALIBRATED}.{_TEMPERATURE}"

@@ -43,7 +43,7 @@ def give_title(to: Figure | Axes, text: str, fontsize: str = "medium") -> None:
     """Give a picture or a panel its title: any text, such as a file name, drawn as it stands.
 
     Dollar signs do not make it mathematics. What the font cannot draw becomes a replacement
-    character: control characters, bytes of a name that are no UTF-8.
+    character: control characters, bytes of a name that are not UTF-8.
     """
     shown = "".join(
         c if c == "\n" or _can_draw(ord(c)) else "\N{REPLACEMENT CHARACTER}" for c in text

@@ -15,7 +15,7 @@ from rrins.host_tools.hardware.step import hardware_step
 
 
 class Exchange(Record):
-    """What a shell and `run_epochs` tell each other."""
+    """State that a shell and `run_epochs` share."""
 
     goes_on: Bool  #: whether epochs may be exchanged without Python
     awaits: Bool  #: whether the firmware has still to answer the last epoch

@@ -43,7 +43,7 @@ class Parameter:
 
 
 class Part(IntEnum):
-    """What fails."""
+    """Part that fails."""
 
     AXIS = 0
     GYRO = 1

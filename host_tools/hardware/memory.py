@@ -201,7 +201,7 @@ READMISSION_CAPACITY = 16
 
 
 class ReadmissionOrders(Record):
-    """What READMISSION_COMMAND orders for the operator, and when."""
+    """READMISSION_COMMAND: its orders for the operator, and when they act."""
 
     count: I8  #: orders in all
     next: I8  #: index of the next one

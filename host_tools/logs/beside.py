@@ -64,7 +64,7 @@ def changes_of(settings: Iterable[str]) -> dict[str, Any]:
     Raises
     ------
     ScenarioError
-        If one is no KEY=VALUE.
+        If one is not KEY=VALUE.
     """
     changes: dict[str, Any] = {}
     for setting in settings:

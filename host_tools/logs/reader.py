@@ -105,7 +105,7 @@ class Log:
 
     @property
     def damage(self) -> str | None:
-        """What could not be read; None if nothing."""
+        """The parts that could not be read; None if there are none."""
         damaged = [f"{path}: {'; '.join(damages)}" for path, damages in self._damages.items()]
         return "; ".join(damaged) or None
 

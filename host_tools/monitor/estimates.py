@@ -35,7 +35,7 @@ _KEYS = {
 
 
 class Estimates:
-    """What has been reported of each source and each sensor."""
+    """Reports of each source and each sensor."""
 
     def __init__(self) -> None:
         self._sources: dict[int, tuple[int, int, float]] = {}  # used, rejected, NIS

@@ -1,4 +1,4 @@
-"""What the terminal shows until the screen is there: loading takes seconds, the user sees why."""
+"""Progress in the terminal until the screen is there: loading takes seconds."""
 
 from __future__ import annotations
 

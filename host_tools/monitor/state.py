@@ -172,7 +172,7 @@ def decimals_of(scale: float) -> int:
 
 @dataclass(slots=True)
 class _Entry:
-    """What a snapshot needs of a `TallyEntry`."""
+    """Part of a `TallyEntry` that a snapshot needs."""
 
     is_known: int
     can_id: int

@@ -31,7 +31,7 @@ WITHOUT_ENCODER: Final = {
     "GYROS": "the gyros' angle is used",
     "COMMAND": "the commanded angle is used",
 }
-"""What replaces the angle of an encoder that was found wrong."""
+"""Source of the angle of an encoder that was found wrong."""
 
 
 def extent_words(drift: str) -> str:

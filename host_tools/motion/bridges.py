@@ -1,4 +1,4 @@
-"""What stands in for a file where it has no samples: before it, after it, and in its gaps.
+"""Substitutes where a file has no samples: before it, after it, and in its gaps.
 
 The vehicle gathers speed before the file and comes to rest after it along a straight line, at
 1 m/s² on average; the velocity is the cubic that begins and ends without acceleration::

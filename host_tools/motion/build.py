@@ -46,7 +46,7 @@ def load_recording(motion: Motion, base_folder: Path) -> Recording:
     Raises
     ------
     MotionError
-        If the file cannot be read, is no motion, or is to be refused.
+        If the file cannot be read, is not a motion, or is refused.
     """
     assert motion.path is not None
     path = base_folder / motion.path
@@ -110,7 +110,7 @@ def build(
     Raises
     ------
     MotionError
-        If a file cannot be read, is no motion, or is to be refused.
+        If a file cannot be read, is not a motion, or is refused.
     """
     if motion.kind == "drive":
         return synthetic_drive(

@@ -1,4 +1,4 @@
-"""What an ideal RIMU measures on a given path, on the full ellipsoid.
+"""Measurements of an ideal RIMU on a given path, on the full ellipsoid.
 
 Latitude φ, longitude λ, height h, roll, pitch and heading are quintic splines of time. From them,
 with the radii of curvature M (meridian) and N (prime vertical)::

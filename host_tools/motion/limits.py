@@ -1,4 +1,4 @@
-"""What no vehicle does: limits of a smoothed recording, beyond which it is refused."""
+"""Limits of a smoothed recording, beyond which it is refused: no vehicle moves like that."""
 
 from __future__ import annotations
 

@@ -59,7 +59,7 @@ def _track(axes: Axes, ground: Floats) -> None:
 
 @dataclass(frozen=True)
 class _Panel:
-    """What a panel shows: its quantity and unit, its lines' values in columns, their names."""
+    """Content of a panel: its quantity and unit, its lines' values in columns, their names."""
 
     what: str
     unit: str

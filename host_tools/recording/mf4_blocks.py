@@ -57,7 +57,7 @@ def check_blocks(path: Path) -> None:
 
 
 def _block(file: BinaryIO, at: int) -> tuple[bytes, tuple[int, ...]]:
-    """Return a block's identifier and its first links; nothing for what is no block."""
+    """Return a block's identifier and its first links; nothing if it is not a block."""
     try:
         file.seek(at)
         identifier, _, count = _HEADER.unpack(file.read(_HEADER.size))

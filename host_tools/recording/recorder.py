@@ -329,7 +329,7 @@ class Recorder:
 
     @property
     def kept_words(self) -> str | None:
-        """What to tell of the recording that was there before; None if there was none."""
+        """Line about the recording that was there before; None if there was none."""
         kept = self._parts.kept
         return None if kept is None else f"the recording that was {self._path} is kept in {kept}"
 

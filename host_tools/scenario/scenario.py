@@ -124,7 +124,9 @@ class Scenario(TomlTable):
     @model_validator(mode="after")
     def _consistent(self) -> Scenario:
         if 1_000_000_000 % self.rate_hz:
-            raise ValueError(f"rate_hz: the period of {self.rate_hz} Hz is no whole number of ns")
+            raise ValueError(
+                f"rate_hz: the period of {self.rate_hz} Hz is not a whole number of ns"
+            )
         for kind, table, count in (
             ("gyros", self.gyros, len(self.rimu.gyros)),
             ("accelerometers", self.accelerometers, len(self.rimu.accelerometers)),
@@ -260,7 +262,7 @@ class Scenario(TomlTable):
 
     @property
     def axis_acceleration_dps2(self) -> float:
-        """What the slower of the two axes does, as the firmware knows it from the data sheet."""
+        """Limits of the slower axis, as the firmware knows it from the data sheet."""
         table = self.turntable
         return min(table.inner.acceleration_limit_dps2, table.outer.acceleration_limit_dps2)
 
@@ -285,7 +287,7 @@ class Scenario(TomlTable):
 
     @property
     def requests(self) -> tuple[OperatorRequest, ...]:
-        """What the operator asks for, in order of time."""
+        """The operator's requests, in order of time."""
         if self.operator:
             return self.operator
         request = {"at_s": self.navigate_at_s, "request": _NAVIGATE[self.mode]}

@@ -203,7 +203,7 @@ class Readmission(TomlTable):
 
 
 class Redundancy(TomlTable):
-    """What the firmware does with redundant sensors."""
+    """The firmware's use of redundant sensors."""
 
     enabled: bool = True
     """Compare them, leave out the one that fails, repair the history; where there are more than

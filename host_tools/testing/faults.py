@@ -15,7 +15,7 @@ from rrins.host_tools.testing.sending import FrameSender
 from rrins.host_tools.testing.virtual_time import Execution
 
 FaultKeys = Mapping[str, str | float | None]
-"""What a scenario's `[[faults]]` says of a fault, but its kind and `at_s`."""
+"""Parameters of a fault in a scenario's `[[faults]]`, except its kind and `at_s`."""
 
 _WIRE_COMMAND, _HARDWARE_COMMAND = "FAULT_COMMAND", "HARDWARE_FAULT_COMMAND"
 

@@ -1,4 +1,4 @@
-"""What a test sends: messages of the contract, and any frames."""
+"""Sending in tests: messages of the contract, and any frames."""
 
 from __future__ import annotations
 

@@ -34,7 +34,7 @@ _SMALL = 1e-8  # rad, half of the angle: sine and angle are the same to rounding
 
 
 class _Derotation(Record):
-    """What is carried from epoch to epoch."""
+    """State carried from epoch to epoch."""
 
     begun: Bool  #: whether there is an epoch before
     C_s_b: Annotated[Floats, (3, 3)]  #: of the table at the end of the epoch before

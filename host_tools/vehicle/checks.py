@@ -23,7 +23,7 @@ def numbers(path: Path) -> Floats:
     Raises
     ------
     VehicleError
-        If it cannot be read, or is no table of numbers.
+        If it cannot be read, or is not a table of numbers.
     """
     if not path.is_file():
         raise located(path, "no such file")
@@ -34,7 +34,7 @@ def numbers(path: Path) -> Floats:
     except UnicodeDecodeError as error:
         raise located(path, "is not text") from error
     except (OSError, ValueError) as error:
-        raise located(path, f"is no table of numbers: {error}") from error
+        raise located(path, f"is not a table of numbers: {error}") from error
     if not len(table):
         raise located(path, "has no rows")
     return table

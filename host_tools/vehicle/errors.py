@@ -1,4 +1,4 @@
-"""What goes wrong with a recording of a real vehicle."""
+"""Error in a recording of a real vehicle."""
 
 from __future__ import annotations
 

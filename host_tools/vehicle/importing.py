@@ -39,7 +39,7 @@ _MODE_COMMAND_S = 0.1
 
 @dataclass(frozen=True)
 class Imported:
-    """What became of a recording.
+    """Outcome of a recording.
 
     Attributes
     ----------

@@ -83,7 +83,7 @@ def _configuration(path: Path) -> _Configuration:
         if match is not None and match[3]:
             found.texts[match[2].lower()] = match[3]
     if "imupath" not in found.texts:
-        raise located(path, "no imupath: it is no configuration of KF-GINS")
+        raise located(path, "no imupath: it is not a configuration of KF-GINS")
     return found
 
 

@@ -308,7 +308,7 @@ def _pieces(tracks: Iterable[FusedTrack], period_ns: int, frame: Frame) -> Itera
 
 @dataclass(frozen=True)
 class Written:
-    """What was written: `rows` of increments, of which `bridged` are, in `files`.
+    """Written increments: `rows`, of which some are `bridged`, in `files`.
 
     `begins_s` and `ends_s` are times of the first and the last row since the hardware's power-on.
     """

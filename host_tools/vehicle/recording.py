@@ -69,7 +69,7 @@ class Fixes:
 
 @dataclass(frozen=True)
 class Reference:
-    """What somebody else holds for true.
+    """Truth from another source.
 
     Attributes
     ----------
@@ -112,7 +112,7 @@ class Noise:
 
 @dataclass(frozen=True)
 class Beginning:
-    """What a recording says of the state in which navigation begins; None where it says nothing.
+    """Initial state of the navigation in a recording; None where it has none.
 
     Attributes
     ----------

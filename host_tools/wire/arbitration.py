@@ -47,7 +47,7 @@ COLLIDED = 3
 
 _ACTIVE = int(NodeState.ERROR_ACTIVE)
 _ALONE_BITS = ERROR_FLAG_BITS + ERROR_DELIMITER_BITS - ACK_DELIMITER_BITS - EOF_BITS
-"""What an error frame behind the ACK slot adds to the length of a frame."""
+"""Bits that an error frame behind the ACK slot adds to a frame."""
 
 _NO_KEY = 1 << 32  # above every arbitration field
 

@@ -74,7 +74,7 @@ class WireFault:
 
     @property
     def identity(self) -> tuple[FaultKind, Node, int, int]:
-        """What makes two faults the same: kind, node, identifier, parameter."""
+        """Key of a fault: kind, node, identifier, parameter; equal keys mean the same fault."""
         return self.kind, self.node, self.identifier, self.parameter
 
     def is_active(self, epoch: int) -> bool:

@@ -60,7 +60,7 @@ class WireNode(Record):
     overflowed: I8  #: lost, because the queue was full
     discarded: I8  #: lost, because the node was silent or off the bus
     abandoned: I8  #: lost, because nothing is sent again
-    invalid: I8  #: lost, because they are no frames of a bus
+    invalid: I8  #: lost, because they are not frames of a bus
     bus_offs: I8
     most_waiting: I8
 

@@ -31,7 +31,7 @@ from rrins.compiled.compile_events import signals_deferred
 _Key = tuple[Any, ...]
 
 _DAMAGE = (pickle.UnpicklingError, ImportError, AttributeError, RuntimeError, TypeError, ValueError)
-"""What a file causes that is as it was written, and yet wrong: the process that wrote it was."""
+"""Errors from a file that is whole and yet wrong, because the process that wrote it was."""
 
 _known: dict[tuple[Path, str], Part] = {}
 """The parts that this process has, by folder and file."""

@@ -211,7 +211,7 @@ class CodeFolder:
             self.path.parent.parent.mkdir(parents=True, exist_ok=True)
             self.path.parent.mkdir(mode=0o700, exist_ok=True)
             self.check()
-            with contextlib.suppress(FileExistsError):  # by another process, or it is no folder
+            with contextlib.suppress(FileExistsError):  # by another process, or it is not a folder
                 self.path.mkdir(mode=0o700)
             if not self.path.is_dir():
                 self.path.unlink(missing_ok=True)

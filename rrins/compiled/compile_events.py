@@ -1,4 +1,4 @@
-"""What happens while numba compiles: how far it is, and Ctrl-C, which waits for the next function.
+"""Progress of numba's compilation, and Ctrl-C, which waits for the next function.
 
 numba calls LLVM, and LLVM calls back. An exception that a signal raises in such a callback is lost,
 with a traceback on standard error. So SIGINT and SIGTERM wait until the next function begins, or

@@ -1,4 +1,4 @@
-"""What the page on Python shows, runs: with shorter runs, in a folder of its own."""
+"""Examples of the page on Python run: with shorter runs, in a folder of their own."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 """Every command of the README, typed in a shell that has only what `make rehearsal` installs.
 
-Runs are shorter than a reader's, and packages that are no dependency of the project are hidden.
+Runs are shorter than a reader's, and packages that are not dependencies of the project are hidden.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ SHORT = {
     "rrins calibrate": "rrins calibrate --rate 20 --stand 1",
     "rrins scheme search": "rrins scheme search --positions 8",
 }
-"""What takes minutes, shorter."""
+"""Shorter forms of cases that take minutes."""
 
 HIDE = """
 import sys

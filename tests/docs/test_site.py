@@ -1,4 +1,4 @@
-"""What `make docs-site` makes the site of: tables of the index pages, lists of modules."""
+"""Sources of `make docs-site`: tables of the index pages, lists of modules."""
 
 from __future__ import annotations
 

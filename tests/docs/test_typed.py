@@ -1,4 +1,4 @@
-"""What the guides say comes of a command is what comes of it.
+"""Commands in the guides give the output that the guides show.
 
 With RRINS_WRITE_DOCS set, the pages are written anew with what comes.
 """

@@ -147,11 +147,11 @@ def start(tmp_path):
 
 @pytest.fixture
 def run(start, tmp_path, monkeypatch):
-    """Run a command to its end; return its JSON object. Only a rehearsal needs processes."""
+    """Run a command to its end; return its JSON object. Only a side needs a process of its own."""
 
     def runner(*arguments, status=0):
         words = [*map(str, arguments), "--json"]
-        if words[0] == "rehearse":
+        if words[0] in ("rehearse", "firmware", "hardware"):
             command = start(*words)
             returned, out = command.finish(timeout=100)
             assert returned == status, command.said

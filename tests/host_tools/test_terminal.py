@@ -1,4 +1,4 @@
-"""What is printed: tables and progress, at any width."""
+"""Tables and progress as printed, at any width."""
 
 from __future__ import annotations
 

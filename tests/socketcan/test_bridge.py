@@ -22,7 +22,7 @@ OURS, THEIRS = 0x010, 0x7E0
 
 @pytest.fixture
 def heard() -> Iterator[list[int]]:
-    """What the host of a bus receives, while it sends a frame every 5 ms."""
+    """Frames that the host of a bus receives, while it sends one every 5 ms."""
     frames, received = frame_array(1), []
     frames["can_id"] = OURS
     is_there, has_ended = threading.Event(), threading.Event()

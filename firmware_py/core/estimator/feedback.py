@@ -1,4 +1,4 @@
-"""What the filter found goes to the navigation and to the compensation of the sensors."""
+"""The filter's estimates go to the navigation and to the compensation of the sensors."""
 
 from __future__ import annotations
 

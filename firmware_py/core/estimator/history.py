@@ -1,4 +1,4 @@
-"""What the filter knows, second by second, for those who tell it: bus, diagnostics, results."""
+"""The filter's state, second by second, for bus, diagnostics and results."""
 
 from __future__ import annotations
 

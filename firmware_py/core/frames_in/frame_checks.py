@@ -1,4 +1,4 @@
-"""What the intake notes about single frames for the monitor."""
+"""Notes of the intake about single frames, for the monitor."""
 
 from __future__ import annotations
 

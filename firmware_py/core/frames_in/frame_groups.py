@@ -11,7 +11,7 @@ from rrins.firmware_py.core.records.memory import Gnss
 from rrins.firmware_py.core.records.transfer_records import Master
 
 INTACT, WRONG_CRC, WRONG_COUNTER = 0, 1, 2
-"""What `receive` finds."""
+"""Results of `receive`."""
 
 
 @compiled

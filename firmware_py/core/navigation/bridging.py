@@ -1,4 +1,4 @@
-"""What bridging lost sensor data amounts to.
+"""Effect of bridging lost sensor data.
 
 While data are missing, the navigation goes on with the increments of the previous epoch. Over a
 gap of n epochs in which an increment changes by d, the sum of these is wrong by about n d / 2. The

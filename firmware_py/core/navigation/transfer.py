@@ -114,7 +114,7 @@ def _take(state: Ram) -> None:
         seconds = master.before_end_ns * 1e-9
         dtheta_s, dv_s = transfer.partial[0], transfer.partial[1]
         strapdown.update(ins, dtheta_s, dv_s, seconds, strapdown.HEIGHT_FREE)
-        ins.first = True  # a part of an epoch is no previous one
+        ins.first = True  # a partial epoch cannot serve as the previous one
     transfer.begun = True
     transfer.taken = master.transfers
     transfer.epoch = master.epoch

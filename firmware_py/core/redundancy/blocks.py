@@ -1,4 +1,4 @@
-"""What a block of a second holds behind the changes that leaving out each sensor makes.
+"""Layout of a block of a second behind the changes from leaving out each sensor.
 
 From the blocks the navigation's error can be carried through the last minutes again, for another
 set of sensors: by the repair, and by the bank of filters.
@@ -33,7 +33,7 @@ BEGUN, MEASURED_AFTER, MEASURED, VARIANCE = 19, 20, 21, 23
 navigated velocity to the east and north (m/s), and the variance of each; 0: no reference."""
 
 FED_BACK = 24
-"""What the estimator has added to the navigation: attitude and velocity in n, and to the rates and
+"""Corrections by the estimator to the navigation: attitude and velocity in n, and to the rates and
 the specific force in s; three numbers each. By these the free navigation would be off."""
 
 STRETCH_AFTER, STRETCH_S, TRAVELLED = 36, 37, 38

@@ -1,4 +1,4 @@
-"""What the data sheet of the sensors promises: for the redundancy and for the estimator."""
+"""Data sheet of the sensors, for the redundancy and for the estimator."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ SCALE_TURN = 0.5 * math.pi
 
 
 class DataSheet(BaseModel):
-    """What the data sheet of the sensors of a kind promises, in SI units, per sensor or for all.
+    """Data sheet of the sensors of a kind, in SI units, per sensor or for all.
 
     Attributes
     ----------

@@ -115,7 +115,7 @@ def _odometer(state: Ram, second: EstimatorSecond) -> JsonObject | None:
 
 
 def _altimeter(state: Ram, second: EstimatorSecond) -> JsonObject | None:
-    """Return the altimeter's bias; None where it is no measurement."""
+    """Return the altimeter's bias; None where it is not a measurement."""
     if not state.estimator.altimeter:
         return None
     bias, sigma = second["altimeter_bias"], second["altimeter_bias_sigma"]

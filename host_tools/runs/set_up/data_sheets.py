@@ -1,4 +1,4 @@
-"""What the firmware knows of its sensors: the data sheet that a scenario's errors imply.
+"""Data sheet of the sensors in the firmware, as a scenario's errors imply it.
 
 Noise, drift and temperature are taken as they are; of the constant errors only the limits, which
 are those of the worst sensor, and no less than what the best sensors have.
@@ -31,7 +31,7 @@ _TEMPERATURES_K = 10.0  # that a scale factor is used over
 
 
 class _Leasts(NamedTuple):
-    """What the best sensors have, in the unit of the table's bias."""
+    """Figures of the best sensors, in the unit of the table's bias."""
 
     bias: float
     bias_sigma: float

@@ -1,4 +1,4 @@
-"""What the firmware fuses the sensors with, for other programs: H, weights, calibration."""
+"""The firmware's fusion of the sensors, for other programs: H, weights, calibration."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a scenario will not do as one may expect: said when it is loaded, before it runs."""
+"""Warnings about settings that may surprise, given before a scenario runs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the emulated master unit is set up with, for a scenario."""
+"""Settings of the emulated master unit, for a scenario."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a navigation computer is set up with, as lines that any language reads.
+"""Settings of a navigation computer, as lines that any language reads.
 
 The first line is ``rrins-setup`` and the version; then a key and its values in each, keys of
 several parts repeated. `docs/own-firmware.md` has the table.

@@ -1,4 +1,4 @@
-"""Whatever a tool asks: no exception, no missed step, nothing written that is locked.
+"""No request of a tool causes an exception, a missed step or a write to locked memory.
 
 ``RRINS_FUZZ`` scales the requests, 20000 by default; ``RRINS_FUZZ=1000000`` takes some minutes. Run
 with ``pytest -s`` it prints its figures.

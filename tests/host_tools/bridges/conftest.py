@@ -1,4 +1,4 @@
-"""What the tests of bridges share with those of the bus and of serial lines."""
+"""Fixtures that the tests of bridges share with those of the bus and of serial lines."""
 
 from tests.host_tools.bus.conftest import (  # noqa: F401
     attach_to,

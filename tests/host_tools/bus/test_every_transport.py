@@ -1,4 +1,4 @@
-"""What every python-can bus does, whichever transport is under it."""
+"""Behaviour of every python-can bus, on any transport."""
 
 from __future__ import annotations
 

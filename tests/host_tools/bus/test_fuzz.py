@@ -1,4 +1,4 @@
-"""Whatever is sent to the bus, it goes on; and endurance: not one frame is lost.
+"""The bus survives any input; and endurance: not one frame is lost.
 
 Two environment variables scale these tests:
 

@@ -1,4 +1,4 @@
-"""What a third party may do beside the two sides: the host knows who sends."""
+"""Rights of third parties on a bus: the host knows who sends."""
 
 from __future__ import annotations
 

@@ -31,7 +31,7 @@ STRANGER = 54_321
 """A user that is not ours; it needs no entry in the table of users."""
 
 PYTHONS = (str(Path(sys.executable).resolve()), "/usr/bin/python3")
-"""What another user can run, we hope: ours may lie in a home that is closed."""
+"""A Python that another user can probably run: ours may be in a closed home."""
 
 needs_root = pytest.mark.skipif(
     os.geteuid() != 0, reason="only root can run a process as another user"

@@ -1,4 +1,4 @@
-"""What spoils a calibration is found in its residuals, and told from each other."""
+"""Disturbances of a calibration are found in its residuals, and told apart."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What schemes show: table 1 leaves out what its axes never bring there."""
+"""Observability by schemes: table 1 leaves out what its axes cannot excite."""
 
 from __future__ import annotations
 

@@ -104,7 +104,7 @@ def test_when_how_warm_and_how_well_go_with_the_constants(computer, tmp_path):
         ("[gyros.sigma]\nbias_dph = -1\n", "allowed: 0 … 100000 °/h"),
         ("[gyros]\nsigma = 1\n", "gyros.sigma is not a table"),
         ("[calibrated]\ndate = 1\n", "calibrated: unknown key date"),
-        ("[calibrated]\ndate_utc = 2026-11-23\n", "is no time with its zone"),
+        ("[calibrated]\ndate_utc = 2026-11-23\n", "is not a time with its zone"),
         ("[calibrated]\ndate_utc = 1969-11-23T08:05:00Z\n", "calibrated.date_utc"),
         ("[calibrated]\ntemperature_c = 300\n", "allowed: -100 … 200 °C"),
         ("[settings]\nbridge = 3\n", "settings.bridge is not a table"),

@@ -122,7 +122,7 @@ def overruns(folder: Path, scenario: Path, with_tool: bool) -> tuple[int, dict]:
 @pytest.mark.skipif(not PAIRS, reason="RRINS_PAIRS says how many pairs of 20 s to compare")
 @pytest.mark.timeout(60 + 120 * PAIRS)
 def test_in_real_time_at_400_hz_reading_costs_no_overruns(tmp_path):
-    """What else the machine does costs some, with the tool and without: medians are compared."""
+    """Other work on the machine costs time with and without the tool: medians are compared."""
     scenario = tmp_path / "fast.toml"
     text = text_of("rimu_rotating").replace("rate_hz = 200", "rate_hz = 400")
     scenario.write_text(text.replace("duration_s = 6000", "duration_s = 20", 1))

@@ -27,7 +27,7 @@ NAMES = ("scheme", "static", "rotating", "experiment", "drive")
 
 
 def refuse(constant):
-    raise AssertionError(f"{constant} is no JSON")
+    raise AssertionError(f"{constant} is not JSON")
 
 
 def keep_few(patch):
@@ -36,10 +36,11 @@ def keep_few(patch):
     patch.setattr(prototype, "CASES", (*few, *prototype.CASES[-2:]))
     patch.setattr(prototype, "load", lambda name: load(name, duration_s=3600))
     patch.setattr(drive, "CASES", ((SETS[1], False), (WORST, False), (WORST, True)))
-    patch.setattr(drive, "_VARIANTS", dict(list(drive._VARIANTS.items())[:2]))
+    patch.setattr(drive, "_VARIANTS", dict([*drive._VARIANTS.items()][:2]))
     for name, last in (("STATIC", 2), ("ROTATING", 3)):
         simulation = getattr(static, name)
-        patch.setattr(static, name, replace(simulation, variants=simulation.variants[:last]))
+        variants = dict([*simulation.variants.items()][:last])
+        patch.setattr(static, name, replace(simulation, variants=variants))
     patch.setattr(static, "load", lambda name: load(name, rate_hz=RATE_HZ))
     patch.setattr(variation, "GEOMETRIES", variation.GEOMETRIES[:1])
 

@@ -1,4 +1,4 @@
-"""What data sheets add to (16), (17): power-up, temperature, force, bandwidth, latency, steps."""
+"""Terms of data sheets beyond (16), (17): power-up, temperature, bandwidth, latency, steps."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a watch makes of frames: rates, ages, load, losses, values; in virtual time."""
+"""A watch's rates, ages, load, losses and values of frames; in virtual time."""
 
 from __future__ import annotations
 

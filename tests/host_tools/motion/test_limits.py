@@ -1,4 +1,4 @@
-"""What no vehicle does is refused, in one line that names the place."""
+"""Impossible motion is refused, in one line that names the place."""
 
 from __future__ import annotations
 

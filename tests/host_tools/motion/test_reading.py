@@ -1,4 +1,4 @@
-"""What files say is understood, and what cannot be understood is told with its line."""
+"""Files are understood, or refused with the line's number."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the recorder writes: all of it, in order, with one clock, in as many files as asked for."""
+"""The recorder writes every frame, in order, with one clock, in as many files as asked for."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is compared: a scenario's sensors, or a preset's on any geometry."""
+"""Subject of the comparison: a scenario's sensors, or a preset's on any geometry."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What can be found: closed forms for white noise, and what a geometry can never tell."""
+"""Detection limits: closed forms for white noise, and faults that a geometry cannot separate."""
 
 from __future__ import annotations
 

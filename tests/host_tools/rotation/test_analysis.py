@@ -1,4 +1,4 @@
-"""What rotation leaves of each error: the paper's statements for every sensor and geometry."""
+"""Residual of each error after rotation: the paper's statements for every sensor and geometry."""
 
 from __future__ import annotations
 

@@ -90,7 +90,7 @@ def babble(channel: str) -> None:
 
 
 def spoil(channel: str) -> None:
-    """Attach, and send what is no datagram."""
+    """Attach, and send something that is not a datagram."""
     for number in range(_TRIES):
         with contextlib.suppress(BusError, OSError), connect(channel, 10.0) as end:
             end.send(datagram.control(datagram.HELLO, f"spoiler-{number}"))

@@ -1,4 +1,4 @@
-"""What a run tells of its estimator: seconds, summary, sensors beside the truth, picture."""
+"""Estimator's results of a run: seconds, summary, sensors against the truth, picture."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Whatever stands in a scenario's file: it is read, or it ends in one line.
+"""Any scenario file is read, or refused in one line.
 
 ``RRINS_FUZZ`` scales these tests: texts, 2000 by default. They print their figures: ``pytest -s``.
 """

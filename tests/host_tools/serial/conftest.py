@@ -1,4 +1,4 @@
-"""What the tests of serial lines share: a short scenario, a reader of pseudo-terminals."""
+"""Fixtures for serial lines: a short scenario, a reader of pseudo-terminals."""
 
 from __future__ import annotations
 

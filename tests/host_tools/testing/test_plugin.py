@@ -71,7 +71,7 @@ def test_who_leaves_a_log_and_where(run_test, tmp_path):
 
 
 def test_the_plugin_imports_nothing_heavy():
-    """What pytest imports without a test that uses it: no compiler, no codec, no bus."""
+    """The plug-in alone imports no compiler, no codec and no bus."""
     script = (
         "import sys, rrins.host_tools.testing.plugin;"
         "print([m for m in ('numba', 'numpy', 'cantools', 'can', 'pydantic') if m in sys.modules])"

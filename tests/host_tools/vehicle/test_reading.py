@@ -1,4 +1,4 @@
-"""What the files of other programs mean, in our axes and units."""
+"""Meaning of other programs' files, in our axes and units."""
 
 from __future__ import annotations
 
@@ -144,11 +144,11 @@ def test_csv_of_more_sensors_has_a_column_for_each(tmp_path):
 
 
 WRONG = {
-    "words": ("imu.txt", "a b c\n", "is no table of numbers"),
+    "words": ("imu.txt", "a b c\n", "is not a table of numbers"),
     "columns": ("imu.txt", "1 2 3\n2 3 4\n", "3 columns, 7 expected"),
     "time": ("imu.txt", "1 0 0 0 0 0 0\n1 0 0 0 0 0 0\n", "row 2: its time does not follow"),
     "nan": ("imu.txt", "1 0 0 0 0 0 0\n2 0 nan 0 0 0 0\n", "row 2: an increment is not a number"),
-    "yaml": ("x.yaml", "key: 1\n", "it is no configuration of KF-GINS"),
+    "yaml": ("x.yaml", "key: 1\n", "it is not a configuration of KF-GINS"),
     "mat": ("x.mat", "no\n", "cannot be read as a .mat file"),
     "suffix": ("x.bin", "no\n", "its format is not known"),
     "csv": ("x.csv", "time_s,dtheta_b_x_rad\n1,2\n2,3\n", "no column dtheta_b_y_rad"),

@@ -1,4 +1,4 @@
-"""What the firmware's controller says of itself reaches the firmware's trouble codes."""
+"""States of the firmware's controller reach the firmware's trouble codes."""
 
 from __future__ import annotations
 

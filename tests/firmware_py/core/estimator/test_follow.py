@@ -29,7 +29,7 @@ def make_bench(tools, kit):
         values = {"fine_alignment_s": FINE_S, "heading_sigma": math.radians(0.1)} | changes
         estimator = kit.estimator(**values)
         # The bench's axes do not turn: tolerate it, for the scheme is to run on.
-        return tools.Bench(rate_hz=RATE_HZ, estimator=estimator, follow_tolerance_deg=1000.0)
+        return tools.Bench(rate_hz=RATE_HZ, estimator=estimator, follow_tolerance_deg=180.0)
 
     return make
 

@@ -1,4 +1,4 @@
-"""What waits for the filter, what it says of the navigation, and the gate."""
+"""Inputs that wait for the filter, its corrections to the navigation, and the gate."""
 
 from __future__ import annotations
 

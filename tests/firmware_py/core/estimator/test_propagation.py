@@ -110,7 +110,7 @@ def state(tools, kit):
 
 @pytest.fixture(scope="module")
 def found(tools, state):
-    """What the strapdown makes of an error of each state, in `UNITS`."""
+    """Effect of an error of each state in the strapdown, in `UNITS`."""
     found = np.zeros((BIASES, STATES))
     for k in range(STATES):
         x = np.zeros(STATES)

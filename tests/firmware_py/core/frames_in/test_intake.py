@@ -1,4 +1,4 @@
-"""What the intake lets through: sound frames of the present epoch, once, and nothing else."""
+"""The intake accepts sound frames of the present epoch, once, and nothing else."""
 
 from __future__ import annotations
 

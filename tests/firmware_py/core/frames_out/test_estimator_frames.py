@@ -1,4 +1,4 @@
-"""What the firmware tells of its estimator: on the bus, and to a diagnostic tool."""
+"""Reports of the firmware's estimator: on the bus, and to a diagnostic tool."""
 
 from __future__ import annotations
 

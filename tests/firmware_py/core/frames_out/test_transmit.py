@@ -1,4 +1,4 @@
-"""What the firmware sends: order, cycle times, counters, protection and values."""
+"""Frames of the firmware: order, cycle times, counters, protection and values."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is learned of the parity is least squares, and what is not known is told."""
+"""The parity is learned by least squares, with an honest σ."""
 
 from __future__ import annotations
 

@@ -48,7 +48,7 @@ def test_too_much_noise_is_found_within_seconds(close):
 
 
 def test_a_new_direction_is_learned_even_while_noise_is_on_the_large_side(close):
-    """What the first turn about an axis shows errs alike from second to second."""
+    """Errors shown by the first turn about an axis are alike from second to second."""
     for k in range(64):
         assert close(1.5 * (-1) ** k) < 1.0  # two thirds of what would be an alarm
     for k in range(64):

@@ -41,7 +41,7 @@ def frames(epoch: int) -> bytes:
 
 
 def answer(epochs: int) -> tuple[socket.socket, int]:
-    """Close so many epochs with frames that are no use."""
+    """Close so many epochs with useless frames."""
     end, number = attach()
     for _ in range(epochs):
         try:

@@ -1,4 +1,4 @@
-"""What becomes of a finished result when another run writes into its folder."""
+"""Finished results are kept when another run writes into their folder."""
 
 from __future__ import annotations
 

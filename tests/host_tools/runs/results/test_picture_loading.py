@@ -1,4 +1,4 @@
-"""What pictures need is loaded once the sides run, not before."""
+"""Plotting libraries are loaded once the sides run, not before."""
 
 from __future__ import annotations
 

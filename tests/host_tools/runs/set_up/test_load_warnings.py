@@ -1,4 +1,4 @@
-"""What a scenario will not do as one may expect is said when it is loaded."""
+"""Settings that may surprise give a warning when the scenario is loaded."""
 
 from __future__ import annotations
 
