@@ -55,10 +55,12 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 @pytest.fixture(autouse=True)
 def _no_test_keeps_the_machine() -> Iterator[None]:
     """Fail a test that leaves its process in real time or bound to a core: all later ones crawl."""
-    cores = os.sched_getaffinity(0)
+    before = os.sched_getscheduler(0), os.sched_getaffinity(0)
     yield
-    assert os.sched_getscheduler(0) == os.SCHED_OTHER, "run a side in a process of its own"
-    assert os.sched_getaffinity(0) == cores
+    after = os.sched_getscheduler(0), os.sched_getaffinity(0)
+    os.sched_setscheduler(0, before[0], os.sched_param(0))
+    os.sched_setaffinity(0, before[1])
+    assert before == after, "run a side in a process of its own"
 
 
 def pytest_collection_finish() -> None:

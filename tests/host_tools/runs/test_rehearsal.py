@@ -224,7 +224,6 @@ def test_each_side_alone_on_a_named_channel(start, channel):
 @pytest.mark.parametrize(
     ("arguments", "status", "words"),
     [
-        (("firmware", "ideal", "--channel", "nowhere"), 4, "not running; start"),
         (("rehearse", "ideal", "--interface", "nonsense", "--channel", "x"), 4, "nonsense"),
         (("rehearse", "ideal", "--interface", "socketcan"), 4, "--channel"),
         (("rehearse", "idael"), 3, "did you mean ideal"),
@@ -241,3 +240,9 @@ def test_a_wrong_call_ends_in_one_clear_line(monkeypatch, tmp_path, arguments, s
     assert (done.exit_code, done.stdout) == (status, "")
     assert words in done.stderr.splitlines()[-1]
     assert isinstance(done.exception, SystemExit)
+
+
+def test_a_side_without_a_host_ends_in_one_clear_line(start):
+    running = start("firmware", "ideal", "--channel", "nowhere")
+    assert running.finish() == (4, "")
+    assert "not running; start" in running.said[-1]
