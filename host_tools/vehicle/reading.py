@@ -67,7 +67,7 @@ def read(
     Raises
     ------
     VehicleError
-        If something cannot be read, is missing or ambiguous, or is no recording of a vehicle.
+        If something cannot be read, is missing or ambiguous, or is not a recording of a vehicle.
     """
     kind = kind or format_of(source)
     if kind == "navego":
