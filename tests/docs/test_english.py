@@ -9,7 +9,9 @@ ROOT = Path(__file__).parents[2]
 ROOMS = ("rrins", "dbc", "firmware_py", "host_tools", "docs", "examples")
 
 _RULED_OUT = {
-    "is no …": re.compile(r"(?<![Tt]here )(?<!that )\b(?:is|are) no (?!longer\b|more\b|one\b|less\b)"),
+    "is no …": re.compile(
+        r"(?<![Tt]here )(?<!that )\b(?:is|are) no (?!longer\b|more\b|one\b|less\b)"
+    ),
     "What … as a docstring": re.compile(r'^ *"""What(?!.*\?)', re.MULTILINE),
     "another language": re.compile(r"speaks another language"),
     "worth its time": re.compile(r"worth its time"),
