@@ -14,15 +14,9 @@ from rrins.host_tools.dashboard.opening import Subject, check_packages, opened
 
 @dataclass(frozen=True)
 class Dashboard:
-    """A dashboard that is served.
+    """A dashboard that is served."""
 
-    Attributes
-    ----------
-    url : str
-        Of the page.
-    """
-
-    url: str
+    url: str  #: of the page
 
     def _repr_html_(self) -> str:
         url = html.escape(self.url)

@@ -37,25 +37,20 @@ class Fix:
 
     Attributes
     ----------
-    utc : datetime or None
-        None until a SYNC has given the epoch.
-    is_valid : bool
-        Whether the firmware navigates; otherwise the other values are meaningless.
     latitude_deg, longitude_deg : float
         Geodetic; east positive.
-    height_m : float
-        Above the ellipsoid.
     speed_mps, course_deg : float
         Horizontal velocity over ground; the course clockwise from true north.
     roll_deg, pitch_deg, heading_deg : float
         Of the body; positive right side down, nose up, clockwise from true north.
     """
 
-    utc: datetime | None
+    utc: datetime | None  #: None until a SYNC has given the epoch
+    #: whether the firmware navigates; otherwise the other values are meaningless
     is_valid: bool = False
     latitude_deg: float = 0.0
     longitude_deg: float = 0.0
-    height_m: float = 0.0
+    height_m: float = 0.0  #: above the ellipsoid
     speed_mps: float = 0.0
     course_deg: float = 0.0
     roll_deg: float = 0.0

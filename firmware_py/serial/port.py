@@ -32,23 +32,12 @@ class SerialPortError(Exception):
 
 @dataclass(frozen=True)
 class PortName:
-    """A port as the user names it.
+    """A port as the user names it."""
 
-    Attributes
-    ----------
-    text : str
-        As given.
-    kind : {"device", "pty", "file"}
-    path : Path or None
-        The device, the link to the pseudo-terminal (None for none), or the file.
-    baud : int
-        Of a device; 0 for the others.
-    """
-
-    text: str
+    text: str  #: as given
     kind: Literal["device", "pty", "file"]
-    path: Path | None
-    baud: int
+    path: Path | None  #: the device, the link to the pseudo-terminal (None for none), or the file
+    baud: int  #: of a device; 0 for the others
 
 
 def parse_port(text: str, default_baud: int) -> PortName:

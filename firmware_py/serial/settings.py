@@ -26,18 +26,12 @@ class SerialSettings:
     Attributes
     ----------
     nmea, console : PortName or None
-    nmea_rate_hz : int
-        Sets of sentences a second; the firmware's rate is a multiple of it.
-    nmea_sentences : tuple of str
-        Of `SENTENCE_NAMES`.
-    utc : datetime
-        UTC of epoch 0.
     """
 
     nmea: PortName | None = None
-    nmea_rate_hz: int = 1
-    nmea_sentences: tuple[str, ...] = SENTENCE_NAMES
-    utc: datetime = DEFAULT_UTC
+    nmea_rate_hz: int = 1  #: sets of sentences a second; the firmware's rate is a multiple of it
+    nmea_sentences: tuple[str, ...] = SENTENCE_NAMES  #: of `SENTENCE_NAMES`
+    utc: datetime = DEFAULT_UTC  #: UTC of epoch 0
     console: PortName | None = None
 
 

@@ -20,24 +20,12 @@ _SHALLOW_BUFFER: Final = 33 * 1024  # the kernel doubles it: just above the long
 
 @dataclass(frozen=True)
 class PeerInfo:
-    """Who is attached.
+    """Who is attached."""
 
-    Attributes
-    ----------
-    name : str
-        What the peer calls itself.
-    pid : int
-        Its process, as reported by the kernel.
-    role : str
-        ``"node"`` or ``"observer"``.
-    number : int
-        Its node number, unique for the life of the hub.
-    """
-
-    name: str
-    pid: int
-    role: str
-    number: int
+    name: str  #: what the peer calls itself
+    pid: int  #: its process, as reported by the kernel
+    role: str  #: ``"node"`` or ``"observer"``
+    number: int  #: its node number, unique for the life of the hub
 
 
 class Peer:

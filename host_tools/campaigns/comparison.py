@@ -26,22 +26,15 @@ class Comparison:
 
     Attributes
     ----------
-    output : str
     first, second : dict of str to Estimate
         Median and 95th percentile (``p50``, ``p95``) of each.
-    ratio : dict of str to Estimate
-        Second over first.
-    p_value : float
-        Of the test that both come of one distribution.
-    is_paired : bool
-    runs : (int, int)
     """
 
     output: str
     first: dict[str, Estimate]
     second: dict[str, Estimate]
-    ratio: dict[str, Estimate]
-    p_value: float
+    ratio: dict[str, Estimate]  #: second over first
+    p_value: float  #: of the test that both come of one distribution
     is_paired: bool
     runs: tuple[int, int]
 

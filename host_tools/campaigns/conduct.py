@@ -37,21 +37,14 @@ class Progress:
     ----------
     planned, stored : int
         Runs in all, and of these stored.
-    begun_with : int
-        Runs that were stored before.
-    failed : int
-        Of those that were run now, the ones without an end.
-    lost : int
-        Chunks that were run again as their worker was gone.
-    values : array of float
-        The figure that is watched, of the runs of now that came to their end.
     """
 
     planned: int
     stored: int
-    begun_with: int
-    failed: int = 0
-    lost: int = 0
+    begun_with: int  #: runs that were stored before
+    failed: int = 0  #: of those that were run now, the ones without an end
+    lost: int = 0  #: chunks that were run again as their worker was gone
+    #: the figure that is watched, of the runs of now that came to their end
     values: array[float] = field(default_factory=lambda: array("d"))
     begin: float = field(default_factory=time.monotonic)
 

@@ -33,19 +33,15 @@ class Beside:
 
     Attributes
     ----------
-    runs : int
     east, north : Estimate
         m.
-    times_s : array, shape (n,)
-    sigma : array, shape (n, 2)
-        Over time, m.
     """
 
     runs: int
     east: Estimate
     north: Estimate
-    times_s: Floats
-    sigma: Floats
+    times_s: Floats  #: shape (n,)
+    sigma: Floats  #: shape (n, 2); over time, m
 
     def values(self) -> JsonObject:
         """Return it as plain values."""

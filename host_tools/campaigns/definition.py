@@ -55,33 +55,18 @@ class CampaignFile(BaseModel):
 
 @dataclass(frozen=True)
 class Definition:
-    """All that decides about the rows of a campaign.
+    """All that decides about the rows of a campaign."""
 
-    Attributes
-    ----------
-    name : str
-        Of the scenario or the file that it came from.
-    title : str
-    scenario : Scenario
-        What all runs have in common.
-    runs : int
-    seed : int
-    design : str
-    vary : dict of str to str
-        Keys and distributions, those of faults included.
-    correlate : tuple of (str, str, float)
-    faults : tuple of dict
-        Beside the scenario's own; what varies of them stands in `vary`.
-    """
-
-    name: str
+    name: str  #: of the scenario or the file that it came from
     title: str
-    scenario: Scenario
+    scenario: Scenario  #: what all runs have in common
     runs: int = DEFAULT_RUNS
     seed: int = 1
     design: str = "random"
+    #: keys and distributions, those of faults included
     vary: Mapping[str, str] = field(default_factory=dict)
     correlate: tuple[tuple[str, str, float], ...] = ()
+    #: beside the scenario's own; what varies of them stands in `vary`
     faults: tuple[JsonObject, ...] = ()
 
     @cached_property

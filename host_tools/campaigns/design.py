@@ -38,25 +38,13 @@ _EDGE = 2.0**-60
 
 @dataclass(frozen=True)
 class Plan:
-    """The points of a campaign.
-
-    Attributes
-    ----------
-    design : str
-    inputs : tuple of Input
-    factor : array, shape (n, n)
-        Cholesky factor of the correlations.
-    runs : int
-        Counts for Latin hypercubes only, whose points depend on it.
-    root : int
-        The campaign's seed.
-    """
+    """The points of a campaign."""
 
     design: str
     inputs: tuple[Input, ...]
-    factor: Floats
-    runs: int
-    root: int
+    factor: Floats  #: shape (n, n); cholesky factor of the correlations
+    runs: int  #: counts for Latin hypercubes only, whose points depend on it
+    root: int  #: the campaign's seed
 
     @property
     def block(self) -> int:

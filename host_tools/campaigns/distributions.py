@@ -40,24 +40,14 @@ def normal_quantile(probability: float) -> float:
 
 @dataclass(frozen=True)
 class Distribution:
-    """The distribution of a key.
-
-    Attributes
-    ----------
-    kind : {"normal", "uniform", "truncated", "list"}
-    values : tuple
-        Mean and standard deviation; lower and upper limit; mean, standard deviation of the normal
-        distribution and its limits; or the values that are equally likely.
-    is_common : bool
-        Whether all sensors get one value; else each its own.
-    correlation : float
-        Between the values of two sensors.
-    """
+    """The distribution of a key."""
 
     kind: str
+    #: mean and standard deviation; lower and upper limit; mean, standard deviation of the normal
+    #: distribution and its limits; or the values that are equally likely
     values: tuple[Value, ...]
-    is_common: bool = False
-    correlation: float = 0.0
+    is_common: bool = False  #: whether all sensors get one value; else each its own
+    correlation: float = 0.0  #: between the values of two sensors
 
     def quantile(self, probability: float) -> Value:
         """Return the value below which another one is with a probability between 0 and 1."""

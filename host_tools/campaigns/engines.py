@@ -27,19 +27,11 @@ _Future = TypeVar("_Future")
 
 @dataclass(frozen=True)
 class Done:
-    """A chunk that has come back: its rows, fewer where it was stopped, or why it has none.
-
-    Attributes
-    ----------
-    runs : tuple of int
-    rows : list of dict
-    lost : str or None
-        Why the worker is gone that had it; the chunk is to be run again.
-    """
+    """A chunk that has come back: its rows, fewer where it was stopped, or why it has none."""
 
     runs: Chunk
     rows: list[Row]
-    lost: str | None = None
+    lost: str | None = None  #: why the worker is gone that had it; the chunk is to be run again
 
 
 class Engine(Protocol):

@@ -38,19 +38,10 @@ _FIXED = ("seed", "title", "paper")
 
 @dataclass(frozen=True)
 class Input:
-    """One number that each run draws.
+    """One number that each run draws."""
 
-    Attributes
-    ----------
-    key : str
-        Place in the scenario, dots between: ``gyros.bias_dph``, ``faults.1.at_s``.
-    sensor : int or None
-        From 1; None where the value is that of the key as a whole.
-    distribution : Distribution
-    """
-
-    key: str
-    sensor: int | None
+    key: str  #: place in the scenario, dots between: ``gyros.bias_dph``, ``faults.1.at_s``.
+    sensor: int | None  #: from 1; None where the value is that of the key as a whole
     distribution: Distribution
 
     @property

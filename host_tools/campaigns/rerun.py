@@ -20,22 +20,12 @@ _SAME = ("position_east_m", "position_north_m")
 
 @dataclass(frozen=True)
 class Rerun:
-    """A run that was run again.
+    """A run that was run again."""
 
-    Attributes
-    ----------
-    folder : Path
-        Where everything of it is.
-    result : RunResult
-    row : dict or None
-        The row that the campaign has of it; None if it has none yet.
-    is_same : bool or None
-        Whether it ended to the bit as the row says; None without a row that came to its end.
-    """
-
-    folder: Path
+    folder: Path  #: where everything of it is
     result: RunResult
-    row: Row | None
+    row: Row | None  #: the row that the campaign has of it; None if it has none yet
+    #: whether it ended to the bit as the row says; None without a row that came to its end
     is_same: bool | None
 
 

@@ -23,23 +23,12 @@ _ADDRESS = re.compile(r"[a-z]+://.+|[\w.-]+:\d+\Z")
 
 @dataclass(frozen=True)
 class Workers:
-    """The workers of a campaign.
-
-    Attributes
-    ----------
-    engine : {"threads", "processes", "dask"}
-    count : int
-        Threads or processes; not used with an address.
-    address : str or None
-        Of a Dask scheduler.
-    scheduler_file : Path or None
-        That a Dask scheduler wrote.
-    """
+    """The workers of a campaign."""
 
     engine: str
-    count: int
-    address: str | None = None
-    scheduler_file: Path | None = None
+    count: int  #: threads or processes; not used with an address
+    address: str | None = None  #: of a Dask scheduler
+    scheduler_file: Path | None = None  #: that a Dask scheduler wrote
 
     @classmethod
     def of(

@@ -31,20 +31,11 @@ _CONFIDENCE = 0.95
 
 @dataclass(frozen=True)
 class Share:
-    """The share that a key has in the variance of an output.
+    """The share that a key has in the variance of an output."""
 
-    Attributes
-    ----------
-    name : str
-        Key of the scenario, all of its sensors together; `REST`.
-    share : Estimate
-    sigma : float
-        What it alone would give, in the unit of the output.
-    """
-
-    name: str
+    name: str  #: key of the scenario, all of its sensors together; `REST`
     share: Estimate
-    sigma: float
+    sigma: float  #: what it alone would give, in the unit of the output
 
 
 def linear_shares(store: Store, output: str) -> list[Share]:
@@ -107,13 +98,11 @@ class Index:
 
     Attributes
     ----------
-    name : str
-        Column of the input; `NOISE`.
     first, total : Estimate
         Share of the variance that it alone explains, and with all its interactions.
     """
 
-    name: str
+    name: str  #: column of the input; `NOISE`
     first: Estimate
     total: Estimate
 

@@ -33,20 +33,14 @@ class Until:
 
     Attributes
     ----------
-    text : str
-        As a person wrote it.
     figure, column : str
-    limit : float
-        Half of the interval's width at most; in units of the column, or of the figure.
-    is_share : bool
-        Whether of the figure.
     """
 
-    text: str
+    text: str  #: as a person wrote it
     figure: str
     column: str
-    limit: float
-    is_share: bool
+    limit: float  #: half of the interval's width at most; in units of the column, or of the figure
+    is_share: bool  #: whether of the figure
 
     @classmethod
     def parse(cls, text: str) -> Until:

@@ -89,23 +89,12 @@ def expect_mode(bench: Bench, mode: str, within: float) -> None:
 
 @dataclass(frozen=True)
 class Check:
-    """One demand on a navigation computer.
+    """One demand on a navigation computer."""
 
-    Attributes
-    ----------
-    name : str
-        Short, of letters and hyphens.
-    rule : str
-        The demand, in sentences.
-    page : str
-        Page and anchor in the docs that state it.
-    run : callable
-        Tries it on a `Subject`; raises AssertionError when it does not hold.
-    """
-
-    name: str
-    rule: str
-    page: str
+    name: str  #: short, of letters and hyphens
+    rule: str  #: the demand, in sentences
+    page: str  #: page and anchor in the docs that state it
+    #: tries it on a `Subject`; raises AssertionError when it does not hold
     run: Callable[[Subject], None]
 
 
@@ -122,20 +111,11 @@ def check(page: str) -> Callable[[Callable[[Subject], None]], Check]:
 
 @dataclass(frozen=True)
 class Finding:
-    """The result of a check.
-
-    Attributes
-    ----------
-    check : Check
-    outcome : {"passed", "failed", "skipped"}
-    text : str
-        Why it failed or was skipped, possibly several lines.
-    seconds : float
-    """
+    """The result of a check."""
 
     check: Check
     outcome: Literal["passed", "failed", "skipped"]
-    text: str
+    text: str  #: why it failed or was skipped, possibly several lines
     seconds: float
 
     @property

@@ -41,17 +41,10 @@ _HORIZONTAL = slice(0, 2)
 
 @dataclass(frozen=True)
 class SourceResult:
-    """The effect of an error source.
-
-    Attributes
-    ----------
-    name : str
-    sigma : array, shape (n, 2)
-        Of the position to the east and north, m, at `Analysis.times_s`.
-    """
+    """The effect of an error source."""
 
     name: str
-    sigma: Floats
+    sigma: Floats  #: shape (n, 2); of the position to the east and north, m, at `Analysis.times_s`.
 
     @property
     def end(self) -> tuple[float, float]:
@@ -66,26 +59,14 @@ class SourceResult:
 
 @dataclass(frozen=True)
 class Analysis:
-    """A linear covariance analysis.
+    """A linear covariance analysis."""
 
-    Attributes
-    ----------
-    times_s : array, shape (n,)
-        Since navigation began.
-    mean : array, shape (n, 2)
-        What the constants of the scenario give that do not vary, m, east and north.
-    sigma : array, shape (n, 2)
-    sources : list of SourceResult
-        The largest at the end first.
-    left_out : list of str
-        What errs and is not considered.
-    """
-
-    times_s: Floats
+    times_s: Floats  #: shape (n,); since navigation began
+    #: shape (n, 2); what the constants of the scenario give that do not vary, m, east and north
     mean: Floats
-    sigma: Floats
-    sources: list[SourceResult]
-    left_out: list[str]
+    sigma: Floats  #: shape (n, 2)
+    sources: list[SourceResult]  #: the largest at the end first
+    left_out: list[str]  #: what errs and is not considered
 
     def share(self, source: SourceResult) -> float:
         """Return the share of a source in the horizontal variance at the end."""

@@ -24,26 +24,19 @@ class Path:
 
     Attributes
     ----------
-    latitude : array, shape (n,)
-        rad.
-    curvatures : array, shape (n, 2)
-        Radii of the meridian and the prime vertical, with the height, m.
     velocity_n, rate_n : array, shape (n, 3)
         m/s; rate of the navigation frame against inertial space, rad/s.
-    earth_n : array, shape (n, 3)
-        Rate of the Earth, rad/s.
-    C_s_n : array, shape (n, 3, 3)
-        At the middle of each interval.
     rate_s, force_s, force_n : array, shape (n, 3)
         Mean rate (rad/s) and specific force (m/s²).
     """
 
-    latitude: Floats
+    latitude: Floats  #: shape (n,); rad
+    #: shape (n, 2); radii of the meridian and the prime vertical, with the height, m
     curvatures: Floats
     velocity_n: Floats
     rate_n: Floats
-    earth_n: Floats
-    C_s_n: Floats
+    earth_n: Floats  #: shape (n, 3); rate of the Earth, rad/s
+    C_s_n: Floats  #: shape (n, 3, 3); at the middle of each interval
     rate_s: Floats
     force_s: Floats
     force_n: Floats

@@ -85,17 +85,13 @@ class Constant:
     Attributes
     ----------
     name, kind : str
-    effect : str
-    mean : array, shape (m,)
-        SI units.
-    covariance : array, shape (m, m)
     """
 
     name: str
     kind: str
     effect: Effect
-    mean: Floats
-    covariance: Floats
+    mean: Floats  #: shape (m,); sI units
+    covariance: Floats  #: shape (m, m)
 
 
 @dataclass(frozen=True)
@@ -105,16 +101,12 @@ class Process:
     Attributes
     ----------
     name, kind : str
-    decay_s : tuple of float
-        Time constants; infinity for a random walk.
-    drive : array, shape (processes, m)
-        Square root of the density of what drives each, SI units.
     """
 
     name: str
     kind: str
-    decay_s: tuple[float, ...]
-    drive: Floats
+    decay_s: tuple[float, ...]  #: time constants; infinity for a random walk
+    drive: Floats  #: shape (processes, m); square root of the density of what drives each, SI units
 
 
 @dataclass(frozen=True)
@@ -133,17 +125,14 @@ class Sources:
     Attributes
     ----------
     constants, processes, whites : list
-    attitude : dict of str to (float, array)
-        Errors of the given roll, pitch and heading: mean and variance, rad, by name.
-    left_out : list of str
-        What varies or errs and is not considered.
     """
 
     constants: list[Constant] = field(default_factory=list)
     processes: list[Process] = field(default_factory=list)
     whites: list[White] = field(default_factory=list)
+    #: errors of the given roll, pitch and heading: mean and variance, rad, by name
     attitude: dict[str, tuple[Floats, Floats]] = field(default_factory=dict)
-    left_out: list[str] = field(default_factory=list)
+    left_out: list[str] = field(default_factory=list)  #: what varies or errs and is not considered
 
 
 def sources_of(scenario: Scenario, varied: Sequence[Varied] = ()) -> Sources:

@@ -25,24 +25,13 @@ _libc = ctypes.CDLL(None)
 
 @dataclass(frozen=True)
 class Start:
-    """Subject of a rehearsal.
+    """Subject of a rehearsal."""
 
-    Attributes
-    ----------
-    name : str
-        Built-in scenario or file.
-    scenario : Scenario
-        The same, with the options applied.
-    options : tuple of str
-        By which it differs from its file, and where results and recording go.
-    address : Address
-        A channel of the embedded bus.
-    """
-
-    name: str
-    scenario: Scenario
+    name: str  #: Built-in scenario or file
+    scenario: Scenario  #: the same, with the options applied
+    #: by which it differs from its file, and where results and recording go
     options: tuple[str, ...]
-    address: Address
+    address: Address  #: a channel of the embedded bus
 
 
 def _end_with_parent() -> None:

@@ -57,20 +57,11 @@ _MODES: Final = {
 
 @dataclass(frozen=True)
 class Event:
-    """Something that happened.
+    """Something that happened."""
 
-    Attributes
-    ----------
-    time_s : float
-        Bus time.
-    text : str
-    weight : str
-        See `Weight`.
-    """
-
-    time_s: float
+    time_s: float  #: bus time
     text: str
-    weight: Weight
+    weight: Weight  #: see `Weight`
 
 
 class EventLog:

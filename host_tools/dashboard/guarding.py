@@ -42,17 +42,10 @@ def shown(text: object) -> str:
 
 @dataclass(frozen=True)
 class Guard:
-    """Checks of requests.
+    """Checks of requests."""
 
-    Attributes
-    ----------
-    host : str
-        Address that is bound.
-    token : str or None
-        What a page must know to give orders; None where only this machine reaches the server.
-    """
-
-    host: str
+    host: str  #: address that is bound
+    #: what a page must know to give orders; None where only this machine reaches the server
     token: str | None
 
     @classmethod

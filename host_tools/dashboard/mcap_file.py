@@ -88,13 +88,11 @@ class McapExported:
 
     Attributes
     ----------
-    messages : dict
-        Messages written, by topic.
     unknown, wrong_length : int
         Frames that were skipped: not in the DBC, or not of their message's length.
     """
 
-    messages: dict[str, int]
+    messages: dict[str, int]  #: messages written, by topic
     unknown: int = 0
     wrong_length: int = 0
 

@@ -33,35 +33,23 @@ class Subject:
 
     Attributes
     ----------
-    what : str, optional
-        Scenario, or a log; of a bus that is watched: what runs there.
     duration_s, seed : optional
         In place of the scenario's.
-    speed : float
-        Factor of real time at first; 0 as fast as possible.
     out, record : Path, optional
         Folder for the results, and file for the bus, of a rehearsal that is started.
-    interface : str
-    channel : str, optional
-    bitrate : int, optional
-        Bus to watch; without a channel a rehearsal is started.
-    control : bool
-        Whether what is watched may be given orders.
-    log_channel : str, optional
-        The only channel whose frames of a log are used.
     """
 
-    what: str | None = None
+    what: str | None = None  #: scenario, or a log; of a bus that is watched: what runs there
     duration_s: float | None = None
     seed: int | None = None
-    speed: float = 1.0
+    speed: float = 1.0  #: factor of real time at first; 0 as fast as possible
     out: Path | None = None
     record: Path | None = None
     interface: str = EMBEDDED
     channel: str | None = None
-    bitrate: int | None = None
-    control: bool = False
-    log_channel: str | None = None
+    bitrate: int | None = None  #: bus to watch; without a channel a rehearsal is started
+    control: bool = False  #: whether what is watched may be given orders
+    log_channel: str | None = None  #: the only channel whose frames of a log are used
 
     @property
     def is_watched(self) -> bool:

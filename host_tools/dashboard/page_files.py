@@ -25,13 +25,11 @@ class PageFile:
     ----------
     content, packed : bytes
         As it is, and by gzip.
-    kind : str
-        Its media type.
     """
 
     content: bytes
     packed: bytes
-    kind: str
+    kind: str  #: its media type
 
 
 def page_files() -> dict[str, PageFile]:

@@ -87,18 +87,12 @@ SAMPLED: Final = _SIGNALS | _NEEDED
 
 @dataclass(frozen=True)
 class SchemeAngles:
-    """Where the scheme wants the axes.
+    """Where the scheme wants the axes."""
 
-    Attributes
-    ----------
-    held_deg : array, shape (positions, 2)
-        Angles of the inner and the outer axis in each position, in the first cycle.
-    cycle_deg : array, shape (2,)
-        By how much a whole cycle turns them.
-    """
-
+    #: shape (positions, 2); angles of the inner and the outer axis in each position, in the first
+    #: cycle
     held_deg: Floats
-    cycle_deg: Floats
+    cycle_deg: Floats  #: shape (2,); by how much a whole cycle turns them
 
     def at(self, position: float, cycle: float) -> Floats:
         """Return the angles to which the turn of a position, from 1, leads; NaN for none."""

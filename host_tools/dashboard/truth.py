@@ -22,16 +22,12 @@ class TruePlace:
     ----------
     latitude, longitude : float
         rad
-    height : float
-        m
-    velocity_n : array, shape (3,)
-        East, north, up, m/s.
     """
 
     latitude: float
     longitude: float
-    height: float
-    velocity_n: Floats
+    height: float  #: m
+    velocity_n: Floats  #: shape (3,); east, north, up, m/s
 
 
 class Truth:

@@ -25,25 +25,13 @@ _FIRST_S = 1.0
 
 @dataclass(frozen=True)
 class Target:
-    """A navigation computer on a bus.
+    """A navigation computer on a bus."""
 
-    Attributes
-    ----------
-    interface : str
-        Of python-can.
-    channel : str or None
-    bitrate : int or None
-    transport : {"library", "kernel"}
-        ISO-TP implementation: can-isotp or kernel sockets.
-    timeout_s : float
-        Response timeout.
-    """
-
-    interface: str = EMBEDDED
+    interface: str = EMBEDDED  #: of python-can
     channel: str | None = None
     bitrate: int | None = None
-    transport: Transport = "library"
-    timeout_s: float = DEFAULT_TIMEOUT_S
+    transport: Transport = "library"  #: ISO-TP implementation: can-isotp or kernel sockets
+    timeout_s: float = DEFAULT_TIMEOUT_S  #: response timeout
 
     @property
     def address(self) -> Address:

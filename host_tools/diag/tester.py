@@ -63,20 +63,11 @@ Advice = Callable[[int], str]
 
 @dataclass(frozen=True)
 class TroubleReport:
-    """A trouble code as reported by the computer.
+    """A trouble code as reported by the computer."""
 
-    Attributes
-    ----------
-    trouble : Trouble or None
-        None if the number is not in the table.
-    number : int
-    status : int
-        Its status byte.
-    """
-
-    trouble: Trouble | None
+    trouble: Trouble | None  #: None if the number is not in the table
     number: int
-    status: int
+    status: int  #: its status byte
 
     @property
     def code(self) -> str:

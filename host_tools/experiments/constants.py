@@ -21,22 +21,13 @@ _ACCELEROMETER_SHARE = 30 / 50  # table 2: scale factor repeatability of 30 ppm 
 
 @dataclass(frozen=True)
 class ConstantSet:
-    """Standard deviations from which each sensor's constants are drawn.
+    """Standard deviations from which each sensor's constants are drawn."""
 
-    Attributes
-    ----------
-    scale_ppm : float
-        For the gyros' symmetric and asymmetric scale factor errors; the accelerometers' are 30/50
-        of these, as in table 2.
-    installation_arcsec : float
-        For δu and δv.
-    biases : float
-        Factor applied to the repeatability and stability of table 2.
-    """
-
+    #: for the gyros' symmetric and asymmetric scale factor errors; the accelerometers' are 30/50 of
+    #: these, as in table 2
     scale_ppm: float
-    installation_arcsec: float
-    biases: float = 1.0
+    installation_arcsec: float  #: for δu and δv
+    biases: float = 1.0  #: factor applied to the repeatability and stability of table 2
 
     @property
     def words(self) -> str:

@@ -35,22 +35,18 @@ class FigureRow:
 
     Attributes
     ----------
-    experiment : str
-        As on the command line: static, rotating, experiment, drive, scheme.
     case, quantity, unit : str
     paper, ours : float or None
         None if there is none.
-    note : str
-        Settings, spread, and for a row that differs the closest variant.
     """
 
-    experiment: str
+    experiment: str  #: as on the command line: static, rotating, experiment, drive, scheme
     case: str
     quantity: str
     unit: str
     paper: float | None
     ours: float | None
-    note: str = ""
+    note: str = ""  #: settings, spread, and for a row that differs the closest variant
 
     @property
     def ratio(self) -> float | None:
@@ -146,18 +142,11 @@ class Distribution:
 
 @dataclass(frozen=True)
 class PictureGrid:
-    """Distributions of several quantities for several cases.
-
-    Attributes
-    ----------
-    caption : str
-    columns : tuple of str
-    rows : tuple of (str, tuple of Distribution)
-        A case and its distribution of each quantity.
-    """
+    """Distributions of several quantities for several cases."""
 
     caption: str
     columns: tuple[str, ...]
+    #: a case and its distribution of each quantity
     rows: tuple[tuple[str, tuple[Distribution, ...]], ...]
 
 

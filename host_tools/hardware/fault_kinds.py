@@ -21,24 +21,16 @@ class Parameter:
 
     Attributes
     ----------
-    key : str
-        Its name in a scenario, with the unit.
-    unit : str
-        That unit, as shown to people.
-    default : float or None
     minimum, maximum : float
         In the unit of the key.
-    si : float
-        That unit in SI units; an angle of an encoder stays in degrees.
-    is_whole : bool
     """
 
-    key: str
-    unit: str
+    key: str  #: its name in a scenario, with the unit
+    unit: str  #: that unit, as shown to people
     default: float | None
     minimum: float
     maximum: float
-    si: float = 1.0
+    si: float = 1.0  #: that unit in SI units; an angle of an encoder stays in degrees
     is_whole: bool = False
 
 
@@ -55,23 +47,12 @@ class Part(IntEnum):
 
 @dataclass(frozen=True)
 class Target:
-    """The key of a scenario that says which axis, sensor or direction of a part fails.
-
-    Attributes
-    ----------
-    key : str
-    names : tuple of str
-        Its values; empty for a number, from 1.
-    default : str or None
-        None for all sensors.
-    is_needed : bool
-        Whether there is no default.
-    """
+    """The key of a scenario that says which axis, sensor or direction of a part fails."""
 
     key: str
-    names: tuple[str, ...] = ()
-    default: str | None = None
-    is_needed: bool = False
+    names: tuple[str, ...] = ()  #: its values; empty for a number, from 1
+    default: str | None = None  #: None for all sensors
+    is_needed: bool = False  #: whether there is no default
 
 
 _SENSOR = Target("sensor")

@@ -26,22 +26,12 @@ _NS_PER_MS = 1_000_000
 
 @dataclass(frozen=True)
 class ActiveFault:
-    """A fault in a report.
+    """A fault in a report."""
 
-    Attributes
-    ----------
-    raws : mapping
-        Raw values of the message ACTIVE, all but the number.
-    first_epoch : int
-    last_epoch : int or None
-        None if it lasts until removed.
-    cycle : mapping
-        Raw values of the message CYCLE, all but the number; empty if it is not intermittent.
-    """
-
-    raws: Mapping[str, int]
+    raws: Mapping[str, int]  #: raw values of the message ACTIVE, all but the number
     first_epoch: int
-    last_epoch: int | None
+    last_epoch: int | None  #: None if it lasts until removed
+    #: raw values of the message CYCLE, all but the number; empty if it is not intermittent
     cycle: Mapping[str, int] = field(default_factory=dict)
 
 

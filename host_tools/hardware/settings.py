@@ -54,22 +54,13 @@ FLICKER_RATIO = 8.0
 
 @dataclass(frozen=True)
 class MotionPieces:
-    """The vehicle's motion, see `rrins.host_tools.hardware.motion`.
+    """The vehicle's motion, see `rrins.host_tools.hardware.motion`."""
 
-    Attributes
-    ----------
-    pieces : array, shape (n, 15, 8)
-    piece_epochs : int
-    start_epoch : int
-        In which the first piece begins; before, the vehicle rests in the piece's initial pose.
-    loop_from : int or None
-        Piece to continue with after the last; None to rest.
-    """
-
-    pieces: NDArray[np.float64]
+    pieces: NDArray[np.float64]  #: shape (n, 15, 8)
     piece_epochs: int
+    #: in which the first piece begins; before, the vehicle rests in the piece's initial pose
     start_epoch: int
-    loop_from: int | None = None
+    loop_from: int | None = None  #: piece to continue with after the last; None to rest
 
 
 @dataclass(frozen=True)

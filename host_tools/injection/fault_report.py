@@ -41,23 +41,12 @@ _PREFIX: dict[Place, str] = {"wire": "", "hardware": "hardware_"}
 
 @dataclass(frozen=True)
 class ActiveFault:
-    """An active fault.
-
-    Attributes
-    ----------
-    place : {"wire", "hardware"}
-    keys : dict
-        Its keys in a scenario's `[[faults]]`, without times.
-    first_epoch : int
-        Epoch in which it began, modulo 2**24.
-    duration_ms : int
-        Total duration; 0 if it lasts until removed.
-    """
+    """An active fault."""
 
     place: Place
-    keys: FaultKeys
-    first_epoch: int
-    duration_ms: int
+    keys: FaultKeys  #: its keys in a scenario's `[[faults]]`, without times
+    first_epoch: int  #: epoch in which it began, modulo 2**24
+    duration_ms: int  #: total duration; 0 if it lasts until removed
 
     @property
     def words(self) -> str:
@@ -83,23 +72,12 @@ def fault_words(keys: FaultKeys) -> str:
 
 @dataclass(frozen=True)
 class FaultReport:
-    """A report of all active faults.
+    """A report of all active faults."""
 
-    Attributes
-    ----------
-    epoch : int
-        Epoch of the report, modulo 2**24.
-    rate_hz : int
-        Epochs per second.
-    faults : tuple of ActiveFault
-    affected_frames : int
-        Frames affected on the wire since power-on.
-    """
-
-    epoch: int
-    rate_hz: int
+    epoch: int  #: epoch of the report, modulo 2**24
+    rate_hz: int  #: epochs per second
     faults: tuple[ActiveFault, ...]
-    affected_frames: int
+    affected_frames: int  #: frames affected on the wire since power-on
 
     def seconds(self, epoch: int) -> float:
         """Return the simulated time of an epoch, s."""

@@ -38,22 +38,12 @@ _LEAST = 1e-3
 
 @dataclass(frozen=True)
 class Navigated:
-    """A recording navigated with some settings.
-
-    Attributes
-    ----------
-    label : str
-    summary : dict
-        Of the replay.
-    navigation : array of `NavigationOutput`
-    errors : Errors
-        Empty without a truth.
-    """
+    """A recording navigated with some settings."""
 
     label: str
-    summary: JsonObject
+    summary: JsonObject  #: of the replay
     navigation: Records[NavigationOutput]
-    errors: Errors
+    errors: Errors  #: empty without a truth
 
 
 def changes_of(settings: Iterable[str]) -> dict[str, Any]:

@@ -36,20 +36,11 @@ _KEY_SHIFT, _IDENTIFIER_SHIFT, _MOST_ALIKE = 24, 12, 4095
 
 @dataclass(frozen=True)
 class Sent:
-    """Frames of one sequence, with their comparison keys.
-
-    Attributes
-    ----------
-    frames : FrameArray
-    key : array of int
-        Step or epoch, never decreasing; before the first SYNC see `BEFORE_SYNC`.
-    epoch : array of int
-        Epoch to report; negative before the first SYNC.
-    """
+    """Frames of one sequence, with their comparison keys."""
 
     frames: FrameArray
-    key: Integers
-    epoch: Integers
+    key: Integers  #: step or epoch, never decreasing; before the first SYNC see `BEFORE_SYNC`
+    epoch: Integers  #: epoch to report; negative before the first SYNC
 
     def only(self, mask: NDArray[np.bool_]) -> Sent:
         """Return the selected frames."""

@@ -42,28 +42,16 @@ _EVERY_EPOCH = ("SENSOR_", "AXIS_")
 
 @dataclass(frozen=True)
 class LogSteps:
-    """Frames in log order, and the firmware steps they belong to.
-
-    Attributes
-    ----------
-    frames : FrameArray
-    time_s : array of float
-    step : array of int
-        Step of each frame, counted from 0 over the whole log; `NO_STEP` if there is none.
-    is_sent : array of bool
-        Whether the firmware sent the frame; otherwise it received it in that step.
-    first : int
-        Number of the first step closed here.
-    epochs : array of int
-        Epoch of each step closed here, `NO_EPOCH` before the first SYNC.
-    """
+    """Frames in log order, and the firmware steps they belong to."""
 
     frames: FrameArray
     time_s: Floats
+    #: step of each frame, counted from 0 over the whole log; `NO_STEP` if there is none
     step: Integers
+    #: whether the firmware sent the frame; otherwise it received it in that step
     is_sent: NDArray[np.bool_]
-    first: int
-    epochs: Integers
+    first: int  #: number of the first step closed here
+    epochs: Integers  #: epoch of each step closed here, `NO_EPOCH` before the first SYNC
 
     def epoch_of_frames(self) -> Integers:
         """Return the epoch of each frame, `NO_EPOCH` where there is none."""

@@ -43,19 +43,11 @@ _LARGEST_GROUP = 4096  # frames with the same time stamp that are sent together
 
 @dataclass
 class Played:
-    """Result of a replay onto a bus.
-
-    Attributes
-    ----------
-    frames : int
-    wall_s : float
-    latest_s : float
-        Largest delay of a frame.
-    """
+    """Result of a replay onto a bus."""
 
     frames: int = 0
     wall_s: float = 0.0
-    latest_s: float = 0.0
+    latest_s: float = 0.0  #: largest delay of a frame
 
 
 def identifiers_of(words: Sequence[str]) -> Integers | None:

@@ -39,28 +39,19 @@ class Replayed:
 
     Attributes
     ----------
-    firmware : dict
-        `rrins.host_tools.runs.sides.firmware_job.firmware_summary`.
-    steps : int
     first_epoch, last_epoch : int
         Of the log; `NO_EPOCH` where it has no SYNC.
-    wall_s : float
-    has_firmware : bool
-        Whether the firmware's own frames are in the log.
-    comparison : Comparison or None
-    why_no_truth : str or None
-    unanswered_s : float
-        How long the hardware keeps sending in the log after the firmware's last step.
     """
 
-    firmware: JsonObject
+    firmware: JsonObject  #: `rrins.host_tools.runs.sides.firmware_job.firmware_summary`.
     steps: int
     first_epoch: int
     last_epoch: int
     wall_s: float
-    has_firmware: bool
+    has_firmware: bool  #: whether the firmware's own frames are in the log
     comparison: Comparison | None
     why_no_truth: str | None
+    #: how long the hardware keeps sending in the log after the firmware's last step
     unanswered_s: float
 
 

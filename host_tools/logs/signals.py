@@ -47,29 +47,17 @@ class SignalOfMessage:
     Attributes
     ----------
     message, name : str
-    unit : str
-        As written in the DBC; empty if it has none.
-    comment : str
-    choices : mapping of int to str
-        Names of its values; empty for a number.
-    scale : float
-    span : float
-        Full range of its field.
-    is_whole : bool
-        Whether its values are integers.
-    row : int
-        Row in `Codec.signals`.
     """
 
     message: str
     name: str
-    unit: str
+    unit: str  #: as written in the DBC; empty if it has none
     comment: str
-    choices: Mapping[int, str]
+    choices: Mapping[int, str]  #: names of its values; empty for a number
     scale: float
-    span: float
-    is_whole: bool
-    row: int
+    span: float  #: full range of its field
+    is_whole: bool  #: whether its values are integers
+    row: int  #: row in `Codec.signals`.
 
     @property
     def full_name(self) -> str:

@@ -43,24 +43,12 @@ _COMMENTS = {
 
 @dataclass
 class Exported:
-    """Result of an export.
+    """Result of an export."""
 
-    Attributes
-    ----------
-    rows : dict
-        Rows of each table, by message name.
-    unknown : int
-        Frames that are not in the DBC.
-    wrong_length : int
-        Frames whose length does not match their message; they are skipped.
-    left : int
-        Tables in the folder, of either format, that an earlier export left.
-    """
-
-    rows: dict[str, int]
-    unknown: int = 0
-    wrong_length: int = 0
-    left: int = 0
+    rows: dict[str, int]  #: rows of each table, by message name
+    unknown: int = 0  #: frames that are not in the DBC
+    wrong_length: int = 0  #: frames whose length does not match their message; they are skipped
+    left: int = 0  #: tables in the folder, of either format, that an earlier export left
 
 
 class EpochCounter:

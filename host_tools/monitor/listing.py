@@ -24,20 +24,12 @@ assert tuple(_KEYS) == ORDERS
 
 @dataclass(frozen=True)
 class MessageRow:
-    """A message to show.
-
-    Attributes
-    ----------
-    message : MessageState
-    signals : tuple of str
-        Signals to show: those that match the filter, or else all but the protection.
-    is_chosen : bool
-        Whether the signals themselves match the filter.
-    """
+    """A message to show."""
 
     message: MessageState
+    #: signals to show: those that match the filter, or else all but the protection
     signals: tuple[str, ...]
-    is_chosen: bool
+    is_chosen: bool  #: whether the signals themselves match the filter
 
 
 def message_rows(state: BusState, needle: str = "", order: str = "id") -> list[MessageRow]:

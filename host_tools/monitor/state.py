@@ -71,48 +71,33 @@ class MessageState:
 
     Attributes
     ----------
-    name : str or None
-        Name in the DBC; None for an identifier or kind of frame that is not in it.
-    identifier : int
     is_extended, is_remote : bool
-    data : bytes
-        Payload of the last frame.
-    is_sound : bool
-        Whether the last frame had the right length and CRC; values are from the last sound frame.
-    count : int
-        Frames since the start.
-    rate_hz : float or None
-        Frames per second of bus time, 0 when silent; None after a single frame.
-    age_s : float
-        Bus time since the last frame.
-    period_s : float or None
-        Bus time between two frames, by the alive counter.
     lost, out_of_turn, crc_errors : int
         Since the start: missing frames; frames that were repeated, late or of another epoch; frames
         with a wrong length or CRC.
     recent_lost, recent_out_of_turn, recent_crc_errors : int
         The same, recently.
-    is_silent : bool
-        Whether a regular message has stopped.
     """
 
-    name: str | None
+    name: str | None  #: name in the DBC; None for an identifier or kind of frame that is not in it
     identifier: int
     is_extended: bool
     is_remote: bool
-    data: bytes
+    data: bytes  #: payload of the last frame
+    #: whether the last frame had the right length and CRC; values are from the last sound frame
     is_sound: bool
-    count: int
+    count: int  #: frames since the start
+    #: frames per second of bus time, 0 when silent; None after a single frame
     rate_hz: float | None
-    age_s: float
-    period_s: float | None
+    age_s: float  #: bus time since the last frame
+    period_s: float | None  #: bus time between two frames, by the alive counter
     lost: int
     out_of_turn: int
     crc_errors: int
     recent_lost: int
     recent_out_of_turn: int
     recent_crc_errors: int
-    is_silent: bool
+    is_silent: bool  #: whether a regular message has stopped
 
     @property
     def errors(self) -> int:
@@ -147,22 +132,18 @@ class SignalState:
     Attributes
     ----------
     name, unit, comment : str
-    decimals : int
-        Decimal places that its scale resolves.
     value, low, high : float or None
         Value of the last sound frame; smallest and largest since the start. None before the first.
-    text : str or None
-        Name of the value in the value table.
     """
 
     name: str
     unit: str
     comment: str
-    decimals: int
+    decimals: int  #: decimal places that its scale resolves
     value: float | None
     low: float | None
     high: float | None
-    text: str | None
+    text: str | None  #: name of the value in the value table
 
 
 def decimals_of(scale: float) -> int:

@@ -34,23 +34,12 @@ _SPEED_NS = 1_000_000_000  # shortest wall clock time over which the speed is ta
 
 @dataclass(frozen=True)
 class Latest:
-    """The latest values of some signals.
+    """The latest values of some signals."""
 
-    Attributes
-    ----------
-    now_ns : int
-        Bus time.
-    heard_ns : int
-        Wall clock time of the last frame.
-    busy_ns : int
-        For how long the wire was busy since the start.
-    values : array, shape (n,)
-        In the units of the DBC; NaN for a signal that was not on the bus yet.
-    """
-
-    now_ns: int
-    heard_ns: int
-    busy_ns: int
+    now_ns: int  #: bus time
+    heard_ns: int  #: wall clock time of the last frame
+    busy_ns: int  #: for how long the wire was busy since the start
+    #: shape (n,); in the units of the DBC; NaN for a signal that was not on the bus yet
     values: Floats
 
 

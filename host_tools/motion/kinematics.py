@@ -40,20 +40,12 @@ from rrins.host_tools.motion.trajectory import (
 
 @dataclass(frozen=True)
 class Path:
-    """Position and attitude as quintic splines on one grid.
+    """Position and attitude as quintic splines on one grid."""
 
-    Attributes
-    ----------
-    knot_ns : int
-        Length of a piece.
-    base : array, shape (6,)
-        Initial latitude, longitude (rad), height (m), roll, pitch, heading (rad).
-    coefficients : array, shape (pieces + 5, 6)
-        Spline coefficients of the change relative to `base`.
-    """
-
-    knot_ns: int
+    knot_ns: int  #: length of a piece
+    #: shape (6,); initial latitude, longitude (rad), height (m), roll, pitch, heading (rad)
     base: Floats
+    #: shape (pieces + 5, 6); spline coefficients of the change relative to `base`
     coefficients: Floats
 
 

@@ -14,25 +14,14 @@ from rrins.host_tools.motion.errors import MotionError
 
 @dataclass(frozen=True)
 class Irregularity:
-    """An irregularity in a file.
+    """An irregularity in a file."""
 
-    Attributes
-    ----------
-    line : int
-        Line of the file, from 1.
-    kind : str
-        `columns`, `not_a_number`, `out_of_range`, `no_solution`, `repeated_time`,
-        `gap`, `jump` or `motion` (begins or ends in motion).
-    text : str
-        Description.
-    mended : str
-        Remedy.
-    """
-
-    line: int
+    line: int  #: line of the file, from 1
+    #: `columns`, `not_a_number`, `out_of_range`, `no_solution`, `repeated_time`, `gap`, `jump` or
+    #: `motion` (begins or ends in motion)
     kind: str
-    text: str
-    mended: str = "left out"
+    text: str  #: description
+    mended: str = "left out"  #: remedy
 
     def __str__(self) -> str:
         return f"line {self.line}: {self.text}: {self.mended}"
@@ -44,42 +33,23 @@ class Recording:
 
     Attributes
     ----------
-    path : Path
-    kind : str
-        `csv` or `pos`.
-    line : array, shape (m,)
-        Line of the file, from 1.
-    time_s : array, shape (m,)
-        Since the first line.
-    place : array, shape (m, 3)
-        Latitude, longitude (rad, continuous), height (m).
-    velocity_n : array, shape (m, 3)
-        East, north, up, m/s.
-    attitude : array, shape (m, 3)
-        Roll, pitch, heading (rad, continuous).
     place_deviation, velocity_deviation, attitude_deviation : array, shape (m, 3)
         Standard deviations in m, m/s (east, north, up) and rad.
-    irregularities : list
-        Irregularities found so far.
-    lines : int
-        Lines with data in the file.
-    unused : tuple of str
-        Columns that are not used.
     """
 
     path: Path
-    kind: str
-    line: Integers
-    time_s: Floats
-    place: Floats
-    velocity_n: Floats
-    attitude: Floats
+    kind: str  #: `csv` or `pos`
+    line: Integers  #: shape (m,); line of the file, from 1
+    time_s: Floats  #: shape (m,); since the first line
+    place: Floats  #: shape (m, 3); latitude, longitude (rad, continuous), height (m)
+    velocity_n: Floats  #: shape (m, 3); east, north, up, m/s
+    attitude: Floats  #: shape (m, 3); roll, pitch, heading (rad, continuous)
     place_deviation: Floats
     velocity_deviation: Floats
     attitude_deviation: Floats
-    irregularities: list[Irregularity] = field(default_factory=list)
-    lines: int = 0
-    unused: tuple[str, ...] = ()
+    irregularities: list[Irregularity] = field(default_factory=list)  #: irregularities found so far
+    lines: int = 0  #: lines with data in the file
+    unused: tuple[str, ...] = ()  #: columns that are not used
 
     def __len__(self) -> int:
         return len(self.line)

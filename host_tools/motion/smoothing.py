@@ -43,20 +43,15 @@ class Residuals:
 
     Attributes
     ----------
-    time_s : array, shape (m,)
-        Since the beginning of the trajectory.
-    line : array, shape (m,)
     position, velocity : array, shape (m, 3)
         In m and m/s.
-    attitude : array, shape (m, 3)
-        Roll, pitch, heading in rad.
     """
 
-    time_s: Floats
-    line: Integers
+    time_s: Floats  #: shape (m,); since the beginning of the trajectory
+    line: Integers  #: shape (m,)
     position: Floats
     velocity: Floats
-    attitude: Floats
+    attitude: Floats  #: shape (m, 3); roll, pitch, heading in rad
 
 
 @dataclass(frozen=True)

@@ -101,35 +101,23 @@ class Observations:
 
     Attributes
     ----------
-    times : array, shape (m,)
-        Measured in pieces from the beginning of the spline.
     values, deviations : array, shape (m,)
         Observed values of the derivative and their standard deviations.
-    order : int
-        Order of the derivative with respect to time in s: 0 for the value itself.
     """
 
-    times: Floats
+    times: Floats  #: shape (m,); measured in pieces from the beginning of the spline
     values: Floats
     deviations: Floats
-    order: int = 0
+    order: int = 0  #: order of the derivative with respect to time in s: 0 for the value itself
 
 
 @dataclass(frozen=True)
 class Grid:
-    """Pieces of a spline that is constant over some of them.
-
-    Attributes
-    ----------
-    pieces : int
-    step_s : float
-        Length of a piece, s.
-    still : tuple of (int, int)
-        First and last (excluded) piece of spans that are exactly constant, in order.
-    """
+    """Pieces of a spline that is constant over some of them."""
 
     pieces: int
-    step_s: float
+    step_s: float  #: length of a piece, s
+    #: first and last (excluded) piece of spans that are exactly constant, in order
     still: tuple[tuple[int, int], ...] = ()
 
     @property

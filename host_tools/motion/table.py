@@ -25,30 +25,15 @@ _MOST_COLUMNS = 1000
 
 @dataclass
 class RecordedTable:
-    """Lines of text with the same columns.
+    """Lines of text with the same columns."""
 
-    Attributes
-    ----------
-    kind : str
-        `csv` or `pos`.
-    columns : tuple of str
-        Names, `time_s` among them.
-    lines : list of int
-        Line of the file for each row, from 1.
-    rows : list of list of str
-        Each has the length of `columns`.
-    irregularities : list
-        Irregularities of lines that are not rows.
-    unused : tuple of str
-        Columns of the file that are not used.
-    """
-
-    kind: str
-    columns: tuple[str, ...]
-    lines: list[int] = field(default_factory=list)
-    rows: list[list[str]] = field(default_factory=list)
+    kind: str  #: `csv` or `pos`
+    columns: tuple[str, ...]  #: names, `time_s` among them
+    lines: list[int] = field(default_factory=list)  #: line of the file for each row, from 1
+    rows: list[list[str]] = field(default_factory=list)  #: each has the length of `columns`
+    #: irregularities of lines that are not rows
     irregularities: list[Irregularity] = field(default_factory=list)
-    unused: tuple[str, ...] = ()
+    unused: tuple[str, ...] = ()  #: columns of the file that are not used
     count: int = 0
     """Number of data lines, valid or not."""
 

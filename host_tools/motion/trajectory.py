@@ -30,27 +30,17 @@ def knot_ns(period_ns: int) -> int:
 
 @dataclass(frozen=True, eq=False)
 class Trajectory:
-    """A motion that starts from rest, piece by piece.
+    """A motion that starts from rest, piece by piece."""
 
-    Attributes
-    ----------
-    knot_ns : int
-        Length of a piece, a whole number of sampling periods.
-    pieces : array, shape (n, 15, 8), read-only
-        Monomial coefficients, lowest first, in u from 0 to 1 across the piece. Channels:
-        ω_ib^b x, y, z (rad/s); f^b x, y, z (m/s²); latitude, longitude (rad), height (m);
-        velocity over ground east, north, up (m/s); roll, pitch, heading (rad). Longitude and
-        heading are continuous: they may leave [-π, π).
-    loop_from : int or None
-        The piece that follows the last one; None if the motion ends at rest.
-    notes : tuple of str
-        What a user should know about the origin of the motion.
-    """
-
-    knot_ns: int
+    knot_ns: int  #: length of a piece, a whole number of sampling periods
+    #: monomial coefficients, lowest first, in u from 0 to 1 across the piece. Channels: ω_ib^b x,
+    #: y, z (rad/s); f^b x, y, z (m/s²); latitude, longitude (rad), height (m); velocity over ground
+    #: east, north, up (m/s); roll, pitch, heading (rad). Longitude and heading are continuous: they
+    #: may leave [-π, π).
     pieces: Floats
+    #: the piece that follows the last one; None if the motion ends at rest
     loop_from: int | None = None
-    notes: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()  #: what a user should know about the origin of the motion
 
     def __post_init__(self) -> None:
         assert self.pieces.shape[1:] == (CHANNELS, POWERS)

@@ -28,17 +28,10 @@ _LEAST_SENSORS = 4
 
 @dataclass(frozen=True)
 class Candidate:
-    """A set of sensors, with what is done with it.
-
-    Attributes
-    ----------
-    name : str
-    scenario : Scenario
-        Compares its sensors; has no faults.
-    """
+    """A set of sensors, with what is done with it."""
 
     name: str
-    scenario: Scenario
+    scenario: Scenario  #: compares its sensors; has no faults
 
 
 def candidates_of(

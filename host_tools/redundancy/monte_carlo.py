@@ -41,20 +41,11 @@ _ONE_PARITY = 4
 
 @dataclass(frozen=True)
 class Fault:
-    """A step on one of some sensors, which take turns over the runs.
-
-    Attributes
-    ----------
-    kind : Kind
-    sensors : tuple of int
-        From 0.
-    size : float
-        In the unit of the kind.
-    """
+    """A step on one of some sensors, which take turns over the runs."""
 
     kind: Kind
-    sensors: tuple[int, ...]
-    size: float
+    sensors: tuple[int, ...]  #: from 0
+    size: float  #: in the unit of the kind
 
 
 @dataclass
@@ -63,14 +54,13 @@ class Delays:
 
     Attributes
     ----------
-    alarm : list of float
-        Until it was known that there is one, by the parity alone.
     standing, parity : list of float
         Until a sensor was left out: as the scenario is, and by the parity alone.
     right, wrong : int
         Sensors that were left out, of both ways.
     """
 
+    #: until it was known that there is one, by the parity alone
     alarm: list[float] = field(default_factory=list)
     standing: list[float] = field(default_factory=list)
     parity: list[float] = field(default_factory=list)
@@ -85,20 +75,11 @@ class Delays:
 
 @dataclass
 class Trials:
-    """Results of the runs of a scenario.
-
-    Attributes
-    ----------
-    delays : dict of Fault to Delays
-    sound_h : float
-        Hours in which no sensor failed.
-    alarms : int
-        Of the runs that raised one in that time; they are left out of `delays`.
-    """
+    """Results of the runs of a scenario."""
 
     delays: dict[Fault, Delays]
-    sound_h: float = 0.0
-    alarms: int = 0
+    sound_h: float = 0.0  #: hours in which no sensor failed
+    alarms: int = 0  #: of the runs that raised one in that time; they are left out of `delays`
 
 
 @dataclass(frozen=True)

@@ -11,24 +11,12 @@ from rrins.host_tools.hardware.units import DPH, UG
 
 @dataclass(frozen=True)
 class Kind:
-    """A kind of sensors.
+    """A kind of sensors."""
 
-    Attributes
-    ----------
-    name : str
-        In the RAM image and in scenarios.
-    unit : str
-        Of a fault.
-    si : float
-        That unit, rad/s or m/s².
-    fault : HardwareFault
-        A step of the bias.
-    """
-
-    name: str
-    unit: str
-    si: float
-    fault: HardwareFault
+    name: str  #: in the RAM image and in scenarios
+    unit: str  #: of a fault
+    si: float  #: that unit, rad/s or m/s²
+    fault: HardwareFault  #: a step of the bias
 
     @property
     def one(self) -> str:

@@ -32,26 +32,14 @@ Pair = tuple[float, float]
 
 @dataclass(frozen=True)
 class Group:
-    """Sensors of a kind whose faults reach the parity alike.
+    """Sensors of a kind whose faults reach the parity alike."""
 
-    Attributes
-    ----------
-    sensors : tuple of int
-        From 0.
-    share : float
-        Of the square of a fault that reaches the parity.
-    smallest : dict of str to dict of int to Pair
-        Of each way, of each of `WITHIN_S`: the smallest step found, of the noisiest sensor.
-    sizes : array, shape (n,)
-    delays : dict of str to array, shape (n, 2)
-        Of each way and size, by theory, s.
-    """
-
-    sensors: tuple[int, ...]
-    share: float
+    sensors: tuple[int, ...]  #: from 0
+    share: float  #: of the square of a fault that reaches the parity
+    #: of each way, of each of `WITHIN_S`: the smallest step found, of the noisiest sensor
     smallest: dict[str, dict[int, Pair]]
-    sizes: Floats
-    delays: dict[str, Floats]
+    sizes: Floats  #: shape (n,)
+    delays: dict[str, Floats]  #: shape (n, 2); of each way and size, by theory, s
 
     @property
     def words(self) -> str:
@@ -73,20 +61,11 @@ class Set:
 
 @dataclass
 class Survey:
-    """Figures of a candidate.
-
-    Attributes
-    ----------
-    candidate : Candidate
-    sets : tuple of Set
-        Of each of `KINDS`.
-    trials : Trials or None
-        None without a Monte Carlo.
-    """
+    """Figures of a candidate."""
 
     candidate: Candidate
-    sets: tuple[Set, ...]
-    trials: Trials | None = field(default=None)
+    sets: tuple[Set, ...]  #: of each of `KINDS`
+    trials: Trials | None = field(default=None)  #: None without a Monte Carlo
 
     def tried(self, of: Set, group: Group, size: float) -> Delays | None:
         """Return what the runs gave for a size; None without runs."""

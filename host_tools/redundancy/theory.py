@@ -57,18 +57,10 @@ The first and the last need no reference: they hold in motion, too.
 
 @dataclass(frozen=True)
 class Chances:
-    """Probabilities that a fault is found by a time, of each of `WAYS`.
+    """Probabilities that a fault is found by a time, of each of `WAYS`."""
 
-    Attributes
-    ----------
-    time_s : array, shape (n,)
-        Since the fault.
-    found : dict of str to array
-        Of each way, increasing.
-    """
-
-    time_s: Floats
-    found: dict[str, Floats]
+    time_s: Floats  #: shape (n,); since the fault
+    found: dict[str, Floats]  #: of each way, increasing
 
     def delay_s(self, way: str, probability: float) -> float:
         """Return after how long the fault is found with a probability; infinity: not in time."""

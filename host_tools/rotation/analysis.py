@@ -50,32 +50,20 @@ class ResidualRow:
 
     Attributes
     ----------
-    sensor_kind : "gyro" or "accelerometer"
-    sensor : int
-        From 1.
-    error : str
-        "bias", "MESSF", "MEASF" or "MEIE".
-    axis : "x", "y" or "z"
-        Of the body.
-    unit : str
-        Unit of the three values: "rad" or "m/s".
     residual, closed_form : float
         Integral over the cycle, computed numerically and by antiderivatives.
-    excursion : float
-        Largest magnitude of the running integral within the cycle.
-    vanishes : bool
-        Whether the residual is below `VANISHES` times the largest excursion of this error over the
-        three axes. True for an error that is zero throughout the cycle.
     """
 
     sensor_kind: Kind
-    sensor: int
-    error: str
-    axis: str
-    unit: str
+    sensor: int  #: from 1
+    error: str  #: "bias", "MESSF", "MEASF" or "MEIE"
+    axis: str  #: of the body
+    unit: str  #: unit of the three values: "rad" or "m/s"
     residual: float
     closed_form: float
-    excursion: float
+    excursion: float  #: largest magnitude of the running integral within the cycle
+    #: whether the residual is below `VANISHES` times the largest excursion of this error over the
+    #: three axes. True for an error that is zero throughout the cycle.
     vanishes: bool
 
 
@@ -85,14 +73,13 @@ class Integrals:
 
     Attributes
     ----------
-    sensors : Sensors
-    running : array, shape (k, m, 4, 3)
-        Integral from the beginning up to the times of `Variation.time_s`, rad or m/s.
     residual, excursion, closed_form : array, shape (m, 4, 3)
         As in `ResidualRow`.
     """
 
     sensors: Sensors
+    #: shape (k, m, 4, 3); integral from the beginning up to the times of `Variation.time_s`, rad or
+    #: m/s.
     running: Floats
     residual: Floats
     excursion: Floats
@@ -130,16 +117,14 @@ class Variation:
 
     Attributes
     ----------
-    scheme : Scheme
-    legs : Leg
-    time_s : array, shape (k,)
-        Time since the beginning of the cycle: the ends of all intervals, not equally spaced.
     inner_deg, outer_deg : array, shape (k,)
     gyros, accelerometers : Integrals
     """
 
     scheme: Scheme
     legs: tuple[Leg, ...]
+    #: shape (k,); time since the beginning of the cycle: the ends of all intervals, not equally
+    #: spaced
     time_s: Floats
     inner_deg: Floats
     outer_deg: Floats

@@ -51,23 +51,17 @@ class Limits:
 
     Attributes
     ----------
-    positions : int
-        Even, 4 to 64.
     inner_range_deg, outer_range_deg : float
         Maximum range of angles of an axis.
-    slip_ring : bool
-        Whether the inner axis may rotate without limit.
-    loose : bool
-        See the module docstring.
     turn_rate_dps, stand_s : float
         Rate of turning, and standing time after each turn.
     """
 
-    positions: int = 16
+    positions: int = 16  #: even, 4 to 64
     inner_range_deg: float = 720.0
     outer_range_deg: float = 360.0
-    slip_ring: bool = False
-    loose: bool = False
+    slip_ring: bool = False  #: whether the inner axis may rotate without limit
+    loose: bool = False  #: see the module docstring
     turn_rate_dps: float = 2.0
     stand_s: float = 10.0
 

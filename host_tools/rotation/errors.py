@@ -43,26 +43,18 @@ class Sensors:
 
     Attributes
     ----------
-    kind : "gyro" or "accelerometer"
-    H : array, shape (m, 3)
-        Design directions of the input axes, one per row.
-    projection : array, shape (m, 3)
-        Projection of an error along a sensor's axis into the sensor frame.
-    bias : array, shape (m,)
-        rad/s or m/s².
     scale_error, asymmetric_scale_error : array, shape (m,)
         λ and μ.
-    axis_error : array, shape (m, 3)
-        ``h' - h = -(δu v + δv u)``, rows.
     """
 
     kind: Kind
-    H: Floats
+    H: Floats  #: shape (m, 3); design directions of the input axes, one per row
+    #: shape (m, 3); projection of an error along a sensor's axis into the sensor frame
     projection: Floats
-    bias: Floats
+    bias: Floats  #: shape (m,); rad/s or m/s²
     scale_error: Floats
     asymmetric_scale_error: Floats
-    axis_error: Floats
+    axis_error: Floats  #: shape (m, 3); ``h' - h = -(δu v + δv u)``, rows
 
     def __len__(self) -> int:
         return len(self.bias)

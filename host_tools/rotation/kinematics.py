@@ -23,27 +23,13 @@ _LEAST_TURN_DEG = 1e-6
 
 @dataclass(frozen=True)
 class Leg:
-    """One axis turning at a constant rate, or both at rest.
+    """One axis turning at a constant rate, or both at rest."""
 
-    Attributes
-    ----------
-    position : int
-        Position in the scheme, from 1.
-    axis : 0, 1 or None
-        INNER, OUTER, or None if both are at rest.
-    start_deg : tuple of two floats
-        Inner and outer angle at the beginning.
-    turn_deg : float
-        Signed angle of the turn; 0 if at rest.
-    duration_s : float
-        Above 0.
-    """
-
-    position: int
-    axis: Literal[0, 1] | None
-    start_deg: tuple[float, float]
-    turn_deg: float
-    duration_s: float
+    position: int  #: position in the scheme, from 1
+    axis: Literal[0, 1] | None  #: INNER, OUTER, or None if both are at rest
+    start_deg: tuple[float, float]  #: inner and outer angle at the beginning
+    turn_deg: float  #: signed angle of the turn; 0 if at rest
+    duration_s: float  #: above 0
 
     @property
     def end_deg(self) -> tuple[float, float]:

@@ -57,18 +57,13 @@ class Moments:
 
     Attributes
     ----------
-    duration_s : float
-    step : array
-        s at the end, m/s.
-    slope : array
-        Change of the slope of the velocity error over the leg, m/s².
     sum_s, sum_ts, sum_ss : array
         Integrals of s, t s and s² over the leg.
     """
 
     duration_s: float
-    step: Floats
-    slope: Floats
+    step: Floats  #: s at the end, m/s
+    slope: Floats  #: change of the slope of the velocity error over the leg, m/s²
     sum_s: Floats
     sum_ts: Floats
     sum_ss: Floats
@@ -76,18 +71,10 @@ class Moments:
 
 @dataclass(frozen=True)
 class VelocityError:
-    """Horizontal velocity error of a cycle, for all errors of all sensors.
+    """Horizontal velocity error of a cycle, for all errors of all sensors."""
 
-    Attributes
-    ----------
-    rms_mps : float
-        Root of the mean square over the first cycle.
-    growth_mps_per_h : float
-        Residual error of the cycle, per hour.
-    """
-
-    rms_mps: float
-    growth_mps_per_h: float
+    rms_mps: float  #: root of the mean square over the first cycle
+    growth_mps_per_h: float  #: residual error of the cycle, per hour
 
 
 def velocity_error(scheme: Scheme, rimu: SensorSet) -> VelocityError:

@@ -28,25 +28,14 @@ _DIGITS = 9
 
 @dataclass(frozen=True)
 class Candidate:
-    """A scheme and its figures of merit.
-
-    Attributes
-    ----------
-    scheme : Scheme
-    mirror : str or None
-        One of `MIRRORS`: how the second half follows from the first.
-    remaining : int
-        How many of the 24 residuals (4 gyro and 4 accelerometer errors, 3 axes) do not vanish for
-        every sensor.
-    velocity_rms_mps : float
-        See `rrins.host_tools.rotation.merit.VelocityError`.
-    travel : Travel
-    """
+    """A scheme and its figures of merit."""
 
     scheme: Scheme
-    mirror: str | None
+    mirror: str | None  #: one of `MIRRORS`: how the second half follows from the first
+    #: how many of the 24 residuals (4 gyro and 4 accelerometer errors, 3 axes) do not vanish for
+    #: every sensor
     remaining: int
-    velocity_rms_mps: float
+    velocity_rms_mps: float  #: see `rrins.host_tools.rotation.merit.VelocityError`.
     travel: Travel
 
     @property
@@ -67,21 +56,15 @@ class SearchResult:
 
     Attributes
     ----------
-    count : int
-        Schemes that follow the principles and the limits.
-    best : tuple of Candidate
-        Best first.
-    reference : Candidate
-        The scheme to compare with.
     better, equal : int or None
         How many of the `count` beat the reference in residuals or velocity error, and how many
         equal it in both. None if the cycle times differ, because the rms over cycles of different
         length is not comparable.
     """
 
-    count: int
-    best: tuple[Candidate, ...]
-    reference: Candidate
+    count: int  #: schemes that follow the principles and the limits
+    best: tuple[Candidate, ...]  #: best first
+    reference: Candidate  #: the scheme to compare with
     better: int | None
     equal: int | None
 

@@ -18,18 +18,15 @@ class AxisTravel:
         Travel in each direction, both positive.
     lowest_deg, highest_deg : float
         Extreme angles.
-    net_deg : float
-        Angle at the end of the cycle; unless it is 0, the axis keeps winding and needs a slip ring.
-    reversals : int
-        Changes of direction within the cycle and into the next.
     """
 
     forward_deg: float
     backward_deg: float
     lowest_deg: float
     highest_deg: float
+    #: angle at the end of the cycle; unless it is 0, the axis keeps winding and needs a slip ring
     net_deg: float
-    reversals: int
+    reversals: int  #: changes of direction within the cycle and into the next
 
     @property
     def range_deg(self) -> float:

@@ -51,13 +51,7 @@ def shared_core() -> int:
 
 @dataclass(frozen=True)
 class OwnProgram:
-    """The user's program as the firmware of a bench.
-
-    Attributes
-    ----------
-    program : Program
-    scenario : Scenario
-    """
+    """The user's program as the firmware of a bench."""
 
     program: Program
     scenario: Scenario

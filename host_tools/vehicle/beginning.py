@@ -37,28 +37,17 @@ class State:
 
     Attributes
     ----------
-    time_s : float
-        By the clock of the recording.
-    place : array, shape (3,)
-        Latitude, longitude, height.
-    place_sigma : float
-    velocity_sigma : float
-        m/s, of a velocity of zero.
-    attitude : array, shape (3,)
-        Roll, pitch, heading.
     level_sigma, heading_sigma : float
-    notes : tuple of str
-        How it was found, for a person.
     """
 
-    time_s: float
-    place: Floats
+    time_s: float  #: by the clock of the recording
+    place: Floats  #: shape (3,); latitude, longitude, height
     place_sigma: float
-    velocity_sigma: float
-    attitude: Floats
+    velocity_sigma: float  #: m/s, of a velocity of zero
+    attitude: Floats  #: shape (3,); roll, pitch, heading
     level_sigma: float
     heading_sigma: float
-    notes: tuple[str, ...]
+    notes: tuple[str, ...]  #: how it was found, for a person
 
 
 def find(

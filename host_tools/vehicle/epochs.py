@@ -30,21 +30,14 @@ class Epochs:
     ----------
     gyros, accelerometers : array, shape (n, sensors)
         Counts.
-    begins_s : float
-        When the first epoch begins, by the recording's clock.
-    period_s : float
-    gaps : tuple of (float, float)
-        Begin (s) and length (s) of gaps that were bridged.
-    clipped : int
-        Increments beyond the range of a frame.
     """
 
     gyros: Integers
     accelerometers: Integers
-    begins_s: float
+    begins_s: float  #: when the first epoch begins, by the recording's clock
     period_s: float
-    gaps: tuple[tuple[float, float], ...]
-    clipped: int
+    gaps: tuple[tuple[float, float], ...]  #: begin (s) and length (s) of gaps that were bridged
+    clipped: int  #: increments beyond the range of a frame
 
     def __len__(self) -> int:
         return len(self.gyros)

@@ -47,19 +47,11 @@ class FusedIncrements(Record):
 
 @dataclass(frozen=True)
 class FusedTrack:
-    """Increments, navigation and truth of the same epochs, one row each, oldest first.
-
-    Attributes
-    ----------
-    increments : Records[FusedIncrements]
-    navigation : Records[NavigationOutput]
-    truth : Records[Truth] or None
-        None where nobody knows it.
-    """
+    """Increments, navigation and truth of the same epochs, one row each, oldest first."""
 
     increments: Records[FusedIncrements]
     navigation: Records[NavigationOutput]
-    truth: Records[Truth] | None
+    truth: Records[Truth] | None  #: None where nobody knows it
 
     def first(self, count: int) -> FusedTrack:
         """Return the first rows."""

@@ -43,12 +43,7 @@ class Imported:
 
     Attributes
     ----------
-    file : Path
-    truth : Path or None
-    scenario : Scenario
     frames, fixes : int
-    notes : tuple of str
-        For a person.
     """
 
     file: Path
@@ -56,7 +51,7 @@ class Imported:
     scenario: Scenario
     frames: int
     fixes: int
-    notes: tuple[str, ...]
+    notes: tuple[str, ...]  #: for a person
 
 
 def write(

@@ -19,21 +19,11 @@ FRD_TO_RFU = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 
 @dataclass(frozen=True)
 class Increments:
-    """Increments of the sensors; each row covers the time from the row before to its own.
+    """Increments of the sensors; each row covers the time from the row before to its own."""
 
-    Attributes
-    ----------
-    time_s : array, shape (n,)
-        End of each interval, increasing.
-    dtheta : array, shape (n, gyros)
-        Along the input axes, rad.
-    dv : array, shape (n, accelerometers)
-        Along the input axes, m/s.
-    """
-
-    time_s: Floats
-    dtheta: Floats
-    dv: Floats
+    time_s: Floats  #: shape (n,); end of each interval, increasing
+    dtheta: Floats  #: shape (n, gyros); along the input axes, rad
+    dv: Floats  #: shape (n, accelerometers); along the input axes, m/s
 
     @property
     def interval_s(self) -> float:
@@ -47,67 +37,37 @@ class Fixes:
 
     Attributes
     ----------
-    time_s : array, shape (n,)
-        Of validity, increasing.
-    place : array, shape (n, 3)
-        Latitude, longitude (rad), height (m).
-    place_sigma : array, shape (n, 3)
-        Standard deviations east, north, up, m.
     velocity_n, velocity_sigma : array, shape (n, 3), or None
         East, north, up, m/s; None where the receiver tells none.
-    lever_arm_b : array, shape (3,)
-        From the sensors to the antenna, m.
     """
 
-    time_s: Floats
-    place: Floats
-    place_sigma: Floats
+    time_s: Floats  #: shape (n,); of validity, increasing
+    place: Floats  #: shape (n, 3); latitude, longitude (rad), height (m)
+    place_sigma: Floats  #: shape (n, 3); standard deviations east, north, up, m
     velocity_n: Floats | None = None
     velocity_sigma: Floats | None = None
+    #: shape (3,); from the sensors to the antenna, m
     lever_arm_b: Floats = field(default_factory=lambda: np.zeros(3))
 
 
 @dataclass(frozen=True)
 class Reference:
-    """Truth from another source.
+    """Truth from another source."""
 
-    Attributes
-    ----------
-    time_s : array, shape (n,)
-    place : array, shape (n, 3)
-        Latitude, longitude (rad), height (m).
-    velocity_n : array, shape (n, 3), or None
-        East, north, up, m/s.
-    attitude : array, shape (n, 3), or None
-        Roll, pitch, heading, rad.
-    """
-
-    time_s: Floats
-    place: Floats
-    velocity_n: Floats | None = None
-    attitude: Floats | None = None
+    time_s: Floats  #: shape (n,)
+    place: Floats  #: shape (n, 3); latitude, longitude (rad), height (m)
+    velocity_n: Floats | None = None  #: east, north, up, m/s
+    attitude: Floats | None = None  #: roll, pitch, heading, rad
 
 
 @dataclass(frozen=True)
 class Noise:
-    """A sensor's data sheet, in SI units; None where the recording says nothing.
+    """A sensor's data sheet, in SI units; None where the recording says nothing."""
 
-    Attributes
-    ----------
-    white : float
-        rad/√s or (m/s)/√s.
-    bias_sigma : float
-        Standard deviation of the bias, rad/s or m/s².
-    bias_walk : float
-        Of the bias: rad/s/√s or m/s²/√s.
-    scale_sigma : float
-        Of the scale factor, a share of 1.
-    """
-
-    white: float
-    bias_sigma: float
-    bias_walk: float = 0.0
-    scale_sigma: float = 0.0
+    white: float  #: rad/√s or (m/s)/√s
+    bias_sigma: float  #: standard deviation of the bias, rad/s or m/s²
+    bias_walk: float = 0.0  #: of the bias: rad/s/√s or m/s²/√s
+    scale_sigma: float = 0.0  #: of the scale factor, a share of 1
 
 
 @dataclass(frozen=True)
@@ -116,27 +76,16 @@ class Beginning:
 
     Attributes
     ----------
-    time_s : float or None
-    place : array, shape (3,), or None
-        Latitude, longitude (rad), height (m).
-    place_sigma : float or None
-        m.
-    velocity_n : array, shape (3,), or None
-        m/s.
-    velocity_sigma : float or None
-        m/s.
-    attitude : array, shape (3,), or None
-        Roll, pitch, heading, rad.
     level_sigma, heading_sigma : float or None
         rad.
     """
 
     time_s: float | None = None
-    place: Floats | None = None
-    place_sigma: float | None = None
-    velocity_n: Floats | None = None
-    velocity_sigma: float | None = None
-    attitude: Floats | None = None
+    place: Floats | None = None  #: latitude, longitude (rad), height (m)
+    place_sigma: float | None = None  #: m
+    velocity_n: Floats | None = None  #: m/s
+    velocity_sigma: float | None = None  #: m/s
+    attitude: Floats | None = None  #: roll, pitch, heading, rad
     level_sigma: float | None = None
     heading_sigma: float | None = None
 
@@ -147,32 +96,19 @@ class VehicleRecording:
 
     Attributes
     ----------
-    name : str
-        What a person calls it.
-    kind : str
-        Its format: ``csv``, ``kf-gins`` or ``navego``.
-    files : tuple of Path
-        Where it was read.
-    increments : Increments
-    fixes : Fixes or None
-    reference : Reference or None
-    beginning : Beginning
     gyros, accelerometers : Noise or None
-    axes_are_body : bool
-        Whether there are three sensors of each kind, along right, forward, up of the body; else a
-        scenario's `[rimu]` says where they point.
-    ends_s : float or None
-        Until when it is to be navigated; None: to the end.
     """
 
-    name: str
-    kind: str
-    files: tuple[Path, ...]
+    name: str  #: what a person calls it
+    kind: str  #: its format: ``csv``, ``kf-gins`` or ``navego``
+    files: tuple[Path, ...]  #: where it was read
     increments: Increments
     fixes: Fixes | None
     reference: Reference | None
     beginning: Beginning
     gyros: Noise | None = None
     accelerometers: Noise | None = None
+    #: whether there are three sensors of each kind, along right, forward, up of the body; else a
+    #: scenario's `[rimu]` says where they point
     axes_are_body: bool = True
-    ends_s: float | None = None
+    ends_s: float | None = None  #: until when it is to be navigated; None: to the end

@@ -51,26 +51,17 @@ class WireFault:
 
     Attributes
     ----------
-    kind : FaultKind
-    node : Node
-        Sender of the frames; without meaning for CUT and BABBLE.
-    identifier : int
-        Which frames; `ANY_IDENTIFIER` for all of the node.
     first_epoch, last_epoch : int
         When it acts, both included; `last_epoch` -1 until it is removed.
-    probability : float
-        Share of the frames, or of the epochs for REORDER, that it hits.
-    parameter : int
-        See `rrins.host_tools.wire.fault_kinds.to_number`.
     """
 
     kind: FaultKind
-    node: Node = Node.ANY
-    identifier: int = ANY_IDENTIFIER
+    node: Node = Node.ANY  #: sender of the frames; without meaning for CUT and BABBLE
+    identifier: int = ANY_IDENTIFIER  #: which frames; `ANY_IDENTIFIER` for all of the node
     first_epoch: int = 0
     last_epoch: int = -1
-    probability: float = 1.0
-    parameter: int = 0
+    probability: float = 1.0  #: share of the frames, or of the epochs for REORDER, that it hits
+    parameter: int = 0  #: see `rrins.host_tools.wire.fault_kinds.to_number`.
 
     @property
     def identity(self) -> tuple[FaultKind, Node, int, int]:

@@ -138,20 +138,11 @@ class WholeLibrary(JITCodeLibrary):
 
 @dataclass(frozen=True)
 class Part:
-    """A function compiled for one signature, as compiled code calls it.
-
-    Attributes
-    ----------
-    library : PartLibrary
-    descriptor : object
-        numba's description of the function.
-    signature : object
-        numba's signature.
-    """
+    """A function compiled for one signature, as compiled code calls it."""
 
     library: PartLibrary
-    descriptor: Any
-    signature: Any
+    descriptor: Any  #: numba's description of the function
+    signature: Any  #: numba's signature
 
 
 @contextmanager

@@ -27,17 +27,10 @@ _FIRST_OTHER_FD = 3
 
 @dataclass(frozen=True)
 class Beside:
-    """A function that compiled code calls, and the types of its arguments.
+    """A function that compiled code calls, and the types of its arguments."""
 
-    Attributes
-    ----------
-    function : function
-        A compiled one.
-    arguments : tuple
-        For each a class of records, a dtype, bool, int, float, or a type of numba.
-    """
-
-    function: Callable[..., object]
+    function: Callable[..., object]  #: a compiled one
+    #: for each a class of records, a dtype, bool, int, float, or a type of numba
     arguments: tuple[Any, ...]
 
     def compile(self) -> None:

@@ -29,25 +29,14 @@ _Stamp = list[int]
 
 @dataclass(frozen=True)
 class Facts:
-    """Facts about a file that decide whether and how it counts.
+    """Facts about a file that decide whether and how it counts."""
 
-    Attributes
-    ----------
-    tree : str
-        Digest of its syntax tree.
-    compiled : list of str
-        Top-level names that are compiled functions or contain one.
-    refers : dict
-        For each top-level name, the names its definition refers to; statements that define no
-        name are under ``""``. An attribute of a name is ``name.attribute``.
-    imports : dict
-        For each imported name, its module and its name there.
-    """
-
-    tree: str
-    compiled: list[str]
+    tree: str  #: digest of its syntax tree
+    compiled: list[str]  #: Top-level names that are compiled functions or contain one
+    #: for each top-level name, the names its definition refers to; statements that define no name
+    #: are under ``""``. An attribute of a name is ``name.attribute``.
     refers: dict[str, list[str]]
-    imports: dict[str, list[str]]
+    imports: dict[str, list[str]]  #: for each imported name, its module and its name there
 
 
 def stamp_of(path: str | Path) -> _Stamp | None:
