@@ -68,6 +68,17 @@ _SECTIONS: Final = {"Run": _RUN, "Look": _LOOK, "Plan": _PLAN}
 _COMMANDS: Final = _RUN | _LOOK | _PLAN
 
 
+_EXTRAS = {
+    "SALib": "campaign",
+    "distributed": "dask",
+    "mcap": "mcap",
+    "pandas": "data",
+    "pyarrow": "tables",
+    "xarray": "data",
+}
+"""Extras of the installation by the packages that they bring."""
+
+
 class _Group(Group):
     """A group that imports commands lazily and reports user errors in one line."""
 
@@ -110,6 +121,12 @@ class _Group(Group):
             _fail("stopped by the user", INTERRUPTED)
         except _errors_of_dbc() as error:
             _fail(str(error), RehearsalError.exit_status)
+        except ModuleNotFoundError as error:
+            package = (error.name or "").partition(".")[0]
+            if package not in _EXTRAS:
+                raise
+            extra = f"rrins[{_EXTRAS[package]}]"
+            _fail(f"this needs {package}: pip install '{extra}'", RehearsalError.exit_status)
 
 
 def _errors_of_dbc() -> tuple[type[Exception], ...]:

@@ -76,8 +76,9 @@ def needed(names: set[str]) -> set[str]:
 
 @pytest.fixture
 def base(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Go where a reader would be, with the dependencies of the base install alone."""
-    kept = needed({"rrins", "pip"})
+    """Go where a reader would be, with the base install and the extra that the README installs."""
+    assert "pip install -e '.[tables]'" in README
+    kept = needed({"rrins", "pip", "pyarrow"})
     hidden = {
         module
         for module, owners in metadata.packages_distributions().items()

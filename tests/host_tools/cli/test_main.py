@@ -157,3 +157,11 @@ def test_a_dbc_that_cannot_serve_is_one_line(monkeypatch):
     ended = CliRunner().invoke(cli.rrins, ["simulate"])
     assert ended.exit_code == 1
     assert ended.stderr == "rrins: the DBC has no message SYNC\n"
+
+
+def test_a_missing_package_is_one_line_that_names_its_extra(monkeypatch):
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
+    monkeypatch.delitem(sys.modules, "rrins.host_tools.vehicle.navigator_files", raising=False)
+    ended = CliRunner().invoke(cli.rrins, ["increments", "ideal", "out"])
+    assert ended.exit_code == 1
+    assert ended.stderr == "rrins: this needs pyarrow: pip install 'rrins[tables]'\n"
