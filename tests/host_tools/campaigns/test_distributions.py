@@ -39,11 +39,11 @@ def test_its_text_says_the_same(text):
 @pytest.mark.parametrize(
     ("text", "why"),
     [
-        ("gauss(0, 1)", "no distribution"),
-        ("0.5", "no distribution"),
+        ("gauss(0, 1)", "not a distribution"),
+        ("0.5", "not a distribution"),
         ("normal(0)", "takes 2"),
         ("normal(0, -1)", "above 0"),
-        ("normal(0, x)", "no number"),
+        ("normal(0, x)", "not a number"),
         ("uniform(2, 1)", "below"),
         ("truncated(0, 1, 50, 60)", "nothing"),
         ("list()", "empty"),
