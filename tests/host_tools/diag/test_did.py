@@ -91,7 +91,7 @@ def test_fields_that_are_not_named_keep_their_values(computer):
     ("words", "said"),
     [
         (("bridge", "bridge_s=50"), "bridge_s: 50 is not within 0 … 10 s"),
-        (("bridge", "bridge_s=nan"), "bridge_s: nan is not a"),
+        (("bridge", "bridge_s=nan"), "bridge_s: nan is not within"),
         (("bridge", "bridge_ms=5"), "there is no field 'bridge_ms'; fields: bridge_s"),
         (("alignment", "method=SELF"), "allowed: GIVEN, SELF_ALIGNED"),
         (("alignment", "method=7"), "method: 7 is not within GIVEN, SELF_ALIGNED"),
