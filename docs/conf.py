@@ -130,7 +130,8 @@ def _reference(listed: re.Match[str]) -> str:
 def _others(package: str, text: str) -> str:
     """Return the list of a package's modules that a page does not name itself."""
     folder = DOCS.parent.joinpath(*package.split("."))
-    paths = (path.relative_to(folder).with_suffix("") for path in sorted(folder.rglob("*.py")))
+    own_modules = folder.glob("*.py") if package == "rrins" else folder.rglob("*.py")
+    paths = (path.relative_to(folder).with_suffix("") for path in sorted(own_modules))
     names = [".".join((package, *path.parts)).removesuffix(".__init__") for path in paths]
     own = {*_MODULE.findall(text), package, f"{package}.__main__"}
     return "".join(f"- `{name}`\n" for name in names if name not in own)
