@@ -14,7 +14,6 @@ _RULED_OUT = {
     ),
     "What … as a docstring": re.compile(r'^ *"""What(?!.*\?)', re.MULTILINE),
     "another language": re.compile(r"speaks another language"),
-    "worth its time": re.compile(r"worth its time"),
 }
 
 
