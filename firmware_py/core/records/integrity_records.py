@@ -75,7 +75,7 @@ class Integrity(Record):
     suspected: Bool  #: whether a fault is suspected that is not resolved
     unmonitored: Bool  #: whether redundant sensors are not compared, or one is left out
     refusing: Bool  #: whether an aid is refused
-    counts: Annotated[Integers, 4]  #: by `IntegrityStatus`: seconds since navigation began
+    counts: Annotated[Integers, 4]  #: by `IntegrityStatus`: seconds of navigation
     transmissions: I8  #: of INTEGRITY, for its counter
     sigmas: Annotated[Floats, BOUNDS]  #: scratch
     sums: Annotated[Floats, BOUNDS]  #: scratch
