@@ -71,6 +71,8 @@ def draw_integrity(
         axes.plot(time_s, level, "--", color="0.2", linewidth=1)
         axes.plot(errors.time_s[every], np.maximum(found[bound][every], 1e-6), **LINES[0])
         axes.set_yscale("log")
+        if np.isfinite(level).any():
+            axes.set_ylim(bottom=1e-3 * float(np.nanmedian(level)))
         finish(axes, quantity(label, unit))
     rows[-1].set_xlabel(SINCE_NAVIGATION)
     figure.align_ylabels()
