@@ -207,10 +207,8 @@ class Scenario(TomlTable):
             if order.sensor > counts[order.kind]:
                 where = f"redundancy.readmit.{number}.sensor"
                 raise ValueError(f"{where}: sensor {order.sensor} of {counts[order.kind]}")
-        if len(of_hardware) > FAULT_CAPACITY:
-            raise ValueError(
-                f"faults: {len(of_hardware)} of the hardware itself, {FAULT_CAPACITY} at most"
-            )
+        if (count := len(of_hardware)) > FAULT_CAPACITY:
+            raise ValueError(f"faults: {count} of the hardware itself, {FAULT_CAPACITY} at most")
 
     def varied(self, **changes: Any) -> Scenario:
         """Return the scenario with some keys changed, checked.

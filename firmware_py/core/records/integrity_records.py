@@ -39,7 +39,7 @@ class IntegrityStatus(IntEnum):
 
 
 class Effect(Record):
-    """What a fault of size 1 that began at some time does to the error that the filter leaves."""
+    """Effect of a fault of size 1 on the error that the filter leaves."""
 
     state: Annotated[Floats, STATE_CAPACITY]
     begun_s: I8  #: second of the filter in which the fault began
