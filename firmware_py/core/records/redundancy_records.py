@@ -39,8 +39,12 @@ COARSE_S, COARSE_CAPACITY = 16, 65
 LONGEST_S = WINDOWS_S[-1]
 """Longest window, s."""
 
-ABSOLUTE = 7
-"""First regressor that is an absolute value; before: time, own and other vector increment."""
+OUTER_TURN = 7
+"""Regressor of the outer axis' turn, rad: what is learned of it is by how much the table is not
+square."""
+
+ABSOLUTE = 8
+"""First regressor that is an absolute value; before: time, own and other vector increment, turn."""
 
 REGRESSORS = ABSOLUTE + SENSOR_GROUPS
 """Number of regressors of the parity of sound sensors."""
@@ -163,6 +167,8 @@ class Sums(Record):
     stretch: F8  #: the same since then, the deviation: as if it erred by the same
     vector: Annotated[Floats, 3]  #: fused less expected at standstill
     vector_leverage: F8
+    turned: F8  #: by the outer axis, to and fro, rad
+    square_variance: F8  #: of the angle by which the table is not square, as learned, rad²
     standing: I8  #: seconds at standstill
 
 
@@ -197,7 +203,9 @@ class Parity(Record):
     instability_variance: Annotated[Floats, SENSOR_GROUPS]  #: of the bias instability
     expected_variance: Annotated[Floats, SECOND_LEVELS]  #: of the expectation at standstill
     tilt_error: F8  #: of a second's expectation, as the velocity's error implies
+    encoder_variance: F8  #: of an angle of the table, rad²
     standing_limit: F8  #: of a second's sum, a difference beyond means motion
+    wobble: F8  #: of the inner axis, rad
     second_factor: F8  #: standard deviations that raise an alarm, windows of whole seconds
     epoch_factor: F8  #: the same, shorter windows
     noise_limit: F8  #: of the mean of normalised squares over `NOISE_S`
@@ -218,6 +226,7 @@ class Parity(Record):
     useless_epochs: I8  #: since a compared sensor is absent or at full scale
     residual: Annotated[Floats, SENSOR_GROUPS]  #: sums of the parity along each sensor's axis
     vector: Annotated[Floats, 3]
+    turned: F8  #: by the outer axis, rad
     regressors: Annotated[Floats, REGRESSORS]
     epoch_regressors: Annotated[Floats, REGRESSORS]
     unlearned: Annotated[Floats, SENSOR_GROUPS]  #: residual less learned in the present epoch
@@ -256,8 +265,9 @@ class Parity(Record):
     learning: Bool  #: enough has been learned to replace a missing sensor
     alarm: Bool
     alarm_epoch: I8  #: the first epoch of the alarm
-    persistent: I8  #: seconds for which one of the last three sensors has seemed to fail
-    persistent_sensor: I8  #: which, -1: none
+    persistent: I8  #: seconds for which the same sensors have seemed to fail at standstill
+    persistent_sensors: I8  #: which, one bit each
+    apart: I8  #: seconds for which all sensors at standstill have been far from the expectation
     frozen: I8  #: seconds since learning stopped, for a test is pending
     clear_seconds: I8  #: since the parity was last beyond its threshold
     excluded: I8  #: one bit each
@@ -274,6 +284,7 @@ class Parity(Record):
     # Scratch.
     matrix: Annotated[Floats, (SENSOR_GROUPS, SENSOR_GROUPS + 1)]
     score: Annotated[Floats, SENSOR_GROUPS]
+    axes: Annotated[Floats, 3]
     late_residual: Annotated[Floats, SENSOR_GROUPS]
     late_second: Annotated[Floats, REGRESSORS]
 
@@ -294,7 +305,9 @@ class Repair(Record):
     kind: I8  #: of the sensor, 0: gyros, 1: accelerometers
     sensor: I8
     at: I8  #: next block
+    share: F8  #: of what is kept of it
     waiting_s: Annotated[Floats, (2, SENSOR_GROUPS)]  #: by kind and sensor: how long its fault was
+    waiting_share: Annotated[Floats, (2, SENSOR_GROUPS)]
     x: Annotated[Floats, NAVIGATION_STATES]  #: what the repair adds to the navigation
     response: Annotated[Floats, (NAVIGATION_STATES, NAVIGATION_STATES)]  #: scratch
     work: Annotated[Floats, NAVIGATION_STATES]  #: scratch
@@ -304,6 +317,7 @@ class Hypothesis(Record):
     """A filter without a sensor, or one of each kind, and how well it explains the reference."""
 
     sensor: Annotated[Integers, 2]  #: by kind, -1: leaves none out
+    second: Annotated[Integers, 2]  #: another that fails, its effect is a state; -1: none
     x: Annotated[Floats, BANK_STATES]
     P: Annotated[Floats, (BANK_STATES, BANK_STATES)]
     reached: F8  #: share of the present block
@@ -320,6 +334,8 @@ class Bank(Record):
     doubt_since: Annotated[Integers, 2]  #: epoch of the first alarm, by kind
     doubt_until: Annotated[Integers, 2]  #: epoch
     first: I8  #: block: the navigation has not been changed since
+    fault_at: I8  #: block in which the fault may have begun
+    fault_variance: Annotated[Floats, 2]  #: of what a second sensor may be off by, by kind
     at: I8  #: next block
     turn: I8  #: filter that takes it next
     found: I8  #: filter whose sensor fails, in this epoch; 0: none
@@ -388,6 +404,7 @@ class Redundancy(Record):
     navigated: Bool  #: in the previous epoch
     aligning: Bool  #: at standstill, to an attitude that is not known yet
     moved: Bool  #: since navigation began
+    was_fast: Bool  #: the navigated velocity, since then
     aligned_epochs: I8  #: since this, or since a sensor was left out
     transmissions: I8  #: of its messages, for their counters
     navigation_epoch: I8  #: in which navigation began
@@ -399,6 +416,7 @@ class Redundancy(Record):
     expected_dtheta_s: Annotated[Floats, 3]  #: rad, of the present epoch, at standstill
     expected_dv_s: Annotated[Floats, 3]  #: m/s
     expected_known: Bool
+    outer_turn: F8  #: rad, of the outer axis in the present epoch, by its encoder
     known_epochs: I8  #: of the present second
     angle_before_rad: Annotated[Floats, 2]  #: of the encoders
     angle_known: Bool

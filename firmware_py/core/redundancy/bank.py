@@ -2,11 +2,12 @@
 
 Four sensors of a kind have one parity, which cannot tell. While its alarm lasts, filters of the
 navigation's error run over the stored seconds, from before the alarm: each leaves one sensor out,
-one leaves none out. While both kinds have an alarm, each leaves out a pair: two faults at once may
-look most like that of a third sensor. References are a velocity and a stretch of the odometer, each
-once a second. The likelihood of
-a hypothesis is that of its filter's innovations (Magill, *IEEE Transactions on Automatic Control*
-10, 1965; Groves, 2nd ed., 2013, section 17.4). A few of these steps run in an epoch.
+one leaves none out, for all sensors may be off alike. Others leave out one of two that fail, and
+have the effect of the second as a state. While both kinds have an alarm, each leaves out one of
+either: two faults at once may look most like that of a third sensor. References are a velocity and
+a stretch of the odometer, each once a second. The likelihood of a hypothesis is that of its
+filter's innovations (Magill, *IEEE Transactions on Automatic Control* 10, 1965; Groves, 2nd ed.,
+2013, section 17.4). A few of these steps run in an epoch.
 """
 
 from __future__ import annotations
@@ -32,11 +33,12 @@ from rrins.firmware_py.core.records.redundancy_records import (
     BANK_SENSORS,
     BANK_STATES,
     GYROS,
+    WINDOWS_S,
     Bank,
     Hypothesis,
     Parity,
 )
-from rrins.firmware_py.core.redundancy import blocks
+from rrins.firmware_py.core.redundancy import blocks, windows
 from rrins.firmware_py.core.redundancy.isolation import RATIO
 from rrins.firmware_py.core.sensors.data_sheet import SCALE_TURN
 
@@ -49,6 +51,9 @@ _BEFORE_S = 300
 _DOUBT_S = 200
 """Seconds after an alarm in which one of the sensors is still taken to fail: a small fault raises
 it now and then."""
+
+_EARLIER_S = 4
+"""Seconds by which a fault may have begun before the window that shows it best."""
 
 _WAIT_S = 3
 """Seconds that a block waits for its reference: the latency of a receiver, and a block."""
@@ -66,6 +71,14 @@ locked, or points elsewhere, whichever sensor fails."""
 
 _REST = 5.0
 """Largest deviation of the innovations' squares, standard deviations of chi-square."""
+
+_ALIKE = 2.0 * math.log(1e2)
+"""Twice the logarithm of the likelihood ratio to the filter that leaves none out: that all sensors
+are off alike is rarer by as much as is missing."""
+
+_LARGER, _GROWS = 10.0, 1e-3
+"""Size of what a second sensor may be off by, in sizes of a single fault that the parity would show
+as much of; growth of its variance in a second, of its square: it may change."""
 
 _LEVEL, _HEADING, _VELOCITY = 1e-3, 1e-2, 30.0
 """Uncertainty of the navigation at the beginning: rad, rad, m/s."""
@@ -91,6 +104,9 @@ def follow(state: Ram) -> None:
         others = repair.stride - blocks.OTHERS
         is_due = bank.at + _WAIT_S < repair.count
         begins = bank.turn == 0 and not bank.measuring
+        if begins and bank.at == bank.fault_at:
+            _size_fault(state.redundancy.gyros, bank)
+            _size_fault(state.redundancy.accelerometers, bank)
         if begins and not is_due and _waits(state, block):
             return
         if not bank.measuring:
@@ -188,18 +204,22 @@ def _begin(state: Ram, doubts: int) -> None:
     bank.measuring = False
     bank.fits = False
     bank.slips_until = 0
-    bank.filters[0].sensor[GYROS] = -1
-    bank.filters[0].sensor[ACCELEROMETERS] = -1
-    bank.count = 1
+    gyros, accelerometers = state.redundancy.gyros, state.redundancy.accelerometers
+    parity = accelerometers if doubts >> ACCELEROMETERS & 1 else gyros
+    since_s = (state.epoch - bank.doubt_since[parity.kind]) / state.redundancy.second_epochs
+    lasts_s = since_s + 1.5 * WINDOWS_S[windows.begun_level(parity)] + _EARLIER_S
+    bank.fault_at = max(bank.at, repair.count - int(lasts_s))
+    bank.count = 0
+    _add_filter(bank, -1, -1)
     for gyro in range(-1, SENSOR_GROUPS):
         if not _is_candidate(bank, GYROS, gyro):
             continue
         for accelerometer in range(-1, SENSOR_GROUPS):
             if _is_candidate(bank, ACCELEROMETERS, accelerometer):
-                bank.filters[bank.count].sensor[GYROS] = gyro
-                bank.filters[bank.count].sensor[ACCELEROMETERS] = accelerometer
-                bank.count += 1
-    gyros, accelerometers = state.redundancy.gyros, state.redundancy.accelerometers
+                _add_filter(bank, gyro, accelerometer)
+    for kind in range(2):
+        if doubts == 1 << kind:
+            _add_pairs(bank, kind)
     for index in range(bank.count):
         one = bank.filters[index]
         one.squares = 0.0
@@ -219,6 +239,63 @@ def _begin(state: Ram, doubts: int) -> None:
 
 
 @compiled
+def _add_filter(bank: Bank, gyro: int, accelerometer: int) -> None:
+    """Add a filter without these sensors, -1: none."""
+    one = bank.filters[bank.count]
+    one.sensor[GYROS] = gyro
+    one.sensor[ACCELEROMETERS] = accelerometer
+    one.second[GYROS] = -1
+    one.second[ACCELEROMETERS] = -1
+    bank.count += 1
+
+
+@compiled
+def _add_pairs(bank: Bank, kind: int) -> None:
+    """Add a filter for each two sensors of a kind."""
+    for first in range(SENSOR_GROUPS):
+        for second in range(first + 1, SENSOR_GROUPS):
+            if _is_candidate(bank, kind, first) and _is_candidate(bank, kind, second):
+                _add_filter(bank, first if kind == GYROS else -1, -1 if kind == GYROS else first)
+                bank.filters[bank.count - 1].second[kind] = second
+
+
+@compiled
+def _widen(state: Ram, one: Hypothesis) -> None:
+    """Let the bias change by what a second sensor, or all alike, may be off by since the fault.
+
+    Without the first, a fault of the second shows along one direction of the sensor frame.
+    """
+    bank, row = state.redundancy.bank, state.redundancy.bank.row
+    parity, fusion, into = state.redundancy.gyros, state.gyros, TURN
+    for kind in range(2):
+        if kind == ACCELEROMETERS:
+            parity, fusion, into = state.redundancy.accelerometers, state.accelerometers, CHANGE
+        first, second = one.sensor[kind], one.second[kind]
+        if bank.doubts >> kind & 1 == 0 or (first >= 0 and second < 0):
+            continue
+        for axis in range(3):
+            row[axis] = 0.0
+            for k in range(fusion.count):
+                if k == second or first < 0:
+                    row[axis] += fusion.gain[axis, k]
+                if first >= 0 and k == second:
+                    row[axis] += parity.leave_out[first, axis] * parity.projector[first, k]
+        variance = bank.fault_variance[kind]
+        if bank.at > bank.fault_at:
+            variance *= _GROWS
+        covariance.add_along(one.P, into, row, variance)
+
+
+@compiled
+def _size_fault(parity: Parity, bank: Bank) -> None:
+    """Note the variance of what a second sensor may be off by."""
+    level, suspect = windows.begun_level(parity), max(0, int(parity.suspect))
+    own = parity.projector[suspect, suspect] * WINDOWS_S[level]
+    total = parity.window_sum[level, suspect] ** 2 / own**2 if own > 0.0 else 0.0
+    bank.fault_variance[parity.kind] = _LARGER**2 * total
+
+
+@compiled
 def _share(block: Floats, others: int, after: int, variance: int) -> float:
     """Return the share of a block up to the time of a reference in it; 1 where there is none."""
     if block[others + variance] == 0.0:
@@ -230,6 +307,8 @@ def _share(block: Floats, others: int, after: int, variance: int) -> float:
 def _approach(state: Ram, one: Hypothesis, block: Floats) -> None:
     """Take a block up to its stretch, or all of it if there is none, and compare that."""
     bank, others = state.redundancy.bank, state.redundancy.repair.stride - blocks.OTHERS
+    if bank.at >= bank.fault_at:
+        _widen(state, one)
     for i in range(FILTER_SIZE):  # in the order of the states
         one.x[i] -= block[others + blocks.FED_BACK + i]
     fix_at = _share(block, others, blocks.MEASURED_AFTER, blocks.VARIANCE)
@@ -384,28 +463,30 @@ def _add_noise(state: Ram, one: Hypothesis, turned: float, share: float) -> None
 
 @compiled
 def _decide(bank: Bank) -> int:
-    """Return the filter that explains the reference far better than those with its sensor.
+    """Return the filter of the sensor that explains the reference far better than all without it.
 
-    `found_kind` is then the kind of that sensor. 0 where that is not clear: where one that leaves
-    out another explains it nearly as well, or none left out far better, or where nothing does.
+    `found_kind` is then the kind of that sensor. 0 where that is not clear: where one by which it
+    is sound explains it nearly as well, that of none included, or two sensors far better, or where
+    nothing does.
     """
-    best = 1
-    for k in range(2, bank.count):
-        if bank.filters[k].score < bank.filters[best].score:
+    best, least = 0, math.inf
+    for k in range(bank.count):
+        one = bank.filters[k]
+        single = k > 0 and one.second[GYROS] < 0 and one.second[ACCELEROMETERS] < 0
+        least = min(least, one.score)
+        if single and (best == 0 or one.score < bank.filters[best].score):
             best = k
     one = bank.filters[best]
     excess = one.squares - bank.measurements
-    if excess > _REST * math.sqrt(2.0 * bank.measurements):
-        return 0
-    if one.score - bank.filters[0].score > RATIO:
+    if one.score - least > RATIO or excess > _REST * math.sqrt(2.0 * bank.measurements):
         return 0
     for kind in range(2):
         clear = bank.doubts >> kind & 1 != 0
-        for k in range(1, bank.count):
+        for k in range(bank.count):
             other = bank.filters[k]
-            nearly = other.score - one.score < RATIO
-            if nearly and other.sensor[kind] != one.sensor[kind]:
-                clear = False
+            fails = one.sensor[kind] == other.sensor[kind] or one.sensor[kind] == other.second[kind]
+            wanted = RATIO if k > 0 else _ALIKE
+            clear = clear and (fails or other.score - one.score > wanted)
         if clear:
             bank.found_kind = kind
             return best

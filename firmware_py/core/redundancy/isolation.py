@@ -1,9 +1,10 @@
-"""Which sensor fails: the one whose fault alone explains what is seen.
+"""Which sensors fail: those whose fault alone explains what is seen.
 
-A hypothesis per sensor: its residual has an unknown mean, all others are noise. With the residuals
-r of all sensors over a window and their covariance R, the likelihood ratio of sensor i against no
-fault is ``exp(T_i / 2)``, ``T_i = (R⁻¹ r)_i² / (R⁻¹)_ii``. Groves (2nd ed., 2013), section 17.4;
-Willsky, *Automatica* 12 (1976) 601.
+Hypotheses: one sensor, two, or all alike; a motion of the vehicle, or a table that is not true,
+which only all sensors together show. Under each, some residuals have an unknown mean, and all else
+is noise. With the residuals r over a window and their covariance R, the largest likelihood ratio of
+the sensors G against no fault is ``exp(T / 2)``, ``T = w' G (G' R⁻¹ G)⁻¹ G' w``, ``w = R⁻¹ r``.
+Groves (2nd ed., 2013), section 17.4; Willsky, *Automatica* 12 (1976) 601.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from rrins.compiled.compilation import compiled
 from rrins.firmware_py.core.records.memory import Fusion
 from rrins.firmware_py.core.records.redundancy_records import (
     FINE_LEVELS,
+    OUTER_TURN,
     SECOND_LEVELS,
     SETTLED_S,
     WINDOWS_S,
@@ -31,31 +33,127 @@ _REST = 5.0
 MOTION = 2.0 * math.log(1e2)
 """By how much a sensor has to explain more, in chi-square, than a motion of the vehicle would.
 
-A slight motion turns all sensors and leaves the parity alone; the fault of one shows in both."""
+A slight motion turns all sensors and leaves the parity alone; the fault of one shows in both. So
+does whatever the table makes of the expectation."""
+
+_TWO_OF = 4
+"""Sensors of which two cannot be spared."""
+
+
+@compiled
+def _explains(parity: Parity, i: int, k: int) -> float:
+    """Return the chi-square that faults of two compared sensors explain; of one if they are equal.
+
+    From `matrix`, R⁻¹, and `score`, w.
+    """
+    a, w = parity.matrix, parity.score
+    if i == k:
+        return float(w[i] * w[i] / a[i, i])
+    least = a[i, i] * a[k, k] - a[i, k] * a[i, k]
+    if least <= CHECKED_FROM * a[i, i] * a[k, k]:
+        return 0.0
+    total = w[i] * w[i] * a[k, k] - 2.0 * w[i] * w[k] * a[i, k] + w[k] * w[k] * a[i, i]
+    return float(total / least)
+
+
+@compiled
+def _explains_alike(parity: Parity, n: int, sensors: int) -> float:
+    """Return the chi-square that the same fault of all compared sensors explains.
+
+    0 where that looks exactly like a fault of one of some sensors, the less likely of both: as in
+    the parity of a dodecahedron, of its first.
+    """
+    a, total, information, alike = parity.matrix, 0.0, 0.0, 0.0
+    for i in range(n):
+        along = 0.0
+        for k in range(n):
+            along += a[i, k]
+        total += parity.score[i]
+        information += along
+        if sensors >> i & 1:
+            alike = max(alike, along * along / a[i, i])
+    seen = information > CHECKED_FROM and alike < (1.0 - CHECKED_FROM) * information
+    return total * total / information if seen else 0.0
+
+
+@compiled
+def _likeliest(parity: Parity, n: int, size: int) -> tuple[int, float]:
+    """Return which one or two of the compared sensors explain most, one bit each, and how much."""
+    sensors, most = 0, 0.0
+    for i in range(n):
+        for k in range(i, i + 1 if size == 1 else n):
+            explained = _explains(parity, i, k)
+            if (k > i or size == 1) and explained > most:
+                sensors, most = 1 << i | 1 << k, explained
+    return sensors, most
+
+
+@compiled
+def _rival(parity: Parity, n: int, sensors: int, two: bool) -> float:
+    """Return the chi-square of the likeliest hypothesis by which not all of these sensors fail.
+
+    With `two`, of two sensors, too.
+    """
+    most = _explains_alike(parity, n, sensors)
+    for i in range(n):
+        for k in range(i, n if two else i + 1):
+            if sensors & ~(1 << i | 1 << k) != 0:
+                most = max(most, _explains(parity, i, k))
+    return most
+
+
+@compiled
+def _decide(parity: Parity, n: int, free: int, whole: float, by_motion: float) -> tuple[int, float]:
+    """Return which of the compared sensors fail, one bit each, and the chi-square they explain.
+
+    0 where it is not clear: where another hypothesis, or a motion of the vehicle, which explains
+    `by_motion` of the chi-square `whole`, explains nearly as much, or much is left unexplained.
+    The residuals have `free` degrees of freedom. Of fewer than three, any two sensors explain all.
+    """
+    for size in range(1, 3 if n > _TWO_OF else 2):
+        sensors, explained = _likeliest(parity, n, size)
+        rest, left = whole - explained, free - size
+        if left < 1 or rest - left > _REST * math.sqrt(2.0 * left):
+            continue
+        if explained - _rival(parity, n, sensors, free > 2) > RATIO:
+            return (sensors, explained) if explained - by_motion > MOTION else (0, 0.0)
+    return 0, 0.0
 
 
 @compiled
 def by_parity(parity: Parity, count: int) -> int:
-    """Return the sensor that the parity alone points at, -1 where it does not decide.
+    """Return the sensors that the parity alone points at, one bit each, 0 where it is not clear.
 
-    Needs five sensors: with four, all explain the parity alike.
+    Needs five sensors: with four, all explain the parity alike; two at once need six. In units of
+    each sensor's own parity, the covariance of white noise is the projector's.
     """
+    rank = 0.0
+    for i in range(count):
+        rank += parity.projector[i, i]
     for level in range(SECOND_LEVELS):
-        if not windows.is_due(parity, level):
+        if not windows.is_due(parity, level) or rank < 1.5:
             continue
-        best, first, second = -1, 0.0, 0.0
+        whole = 0.0
         for i in range(count):
-            if parity.projector[i, i] <= CHECKED_FROM:
-                continue
-            total = parity.window_sum[level, i]
-            score = total * total / windows.variance_of(parity, level, i)
-            if score > first:
-                best, first, second = i, score, first
-            elif score > second:
-                second = score
-        if first - second > RATIO and first > parity.second_factor**2:
-            return best
-    return -1
+            own = parity.projector[i, i]
+            checked = own > CHECKED_FROM
+            parity.score[i] = 0.0
+            if checked:
+                deviation = math.sqrt(windows.variance_of(parity, level, i))
+                parity.score[i] = parity.window_sum[level, i] / deviation
+            whole += own * parity.score[i] ** 2
+            for k in range(count):
+                both = checked and parity.projector[k, k] > CHECKED_FROM
+                share = (
+                    parity.projector[i, k] / math.sqrt(own * parity.projector[k, k])
+                    if both
+                    else 0.0
+                )
+                parity.matrix[i, k] = 1.0 if i == k else share
+        sensors, explained = _decide(parity, count, round(rank), whole, 0.0)
+        if sensors != 0 and explained > parity.second_factor**2:
+            return sensors
+    return 0
 
 
 @compiled
@@ -82,10 +180,12 @@ def left_by_motion(parity: Parity, count: int, level: int) -> float:
 
 
 @compiled
-def _covariance(parity: Parity, fusion: Fusion, level: int) -> int:
-    """Write the covariance of all sensors' residuals over a window; return their number.
+def _expectation(parity: Parity, level: int) -> None:
+    """Write the variance of what is expected of the vector over a window, by axis, into `axes`.
 
-    Each sensor's own noise, and what is not known of the expectation, alike in all directions.
+    The same in all directions, and what the table makes of it: an axis that is not square to the
+    other shows about z when the other turns, as known so far; a wobble turns it by some of its
+    size, an encoder by an error of the angles, which also mistakes the direction of a turn.
     """
     begin = windows.begin_of(parity, level)
     seconds = WINDOWS_S[level]
@@ -93,6 +193,23 @@ def _covariance(parity: Parity, fusion: Fusion, level: int) -> int:
     own = (parity.now.vector_leverage - begin.vector_leverage) * alike
     common = parity.expected_variance[level] + own * parity.vector_learning_variance
     common += (parity.tilt_error * seconds) ** 2
+    turned = (parity.now.turned - begin.turned) ** 2
+    net = (parity.now.regressors[OUTER_TURN] - begin.regressors[OUTER_TURN]) ** 2
+    wobble = parity.wobble**2
+    across = wobble + parity.encoder_variance * (2.0 + turned)
+    parity.axes[0] = common + across
+    parity.axes[1] = common + across
+    along = begin.square_variance * net + wobble * turned + 2.0 * parity.encoder_variance
+    parity.axes[2] = common + along
+
+
+@compiled
+def _covariance(parity: Parity, fusion: Fusion, level: int) -> int:
+    """Write the covariance of all sensors' residuals over a window; return their number.
+
+    Each sensor's own noise, and what is not known of the expectation.
+    """
+    _expectation(parity, level)
     matrix = parity.matrix
     n = 0
     for i in range(fusion.count):
@@ -104,8 +221,8 @@ def _covariance(parity: Parity, fusion: Fusion, level: int) -> int:
                 continue
             total = 0.0
             for axis in range(3):
-                total += fusion.H[i, axis] * fusion.H[j, axis]
-            matrix[n, m] = total * common
+                total += fusion.H[i, axis] * fusion.H[j, axis] * parity.axes[axis]
+            matrix[n, m] = total
             m += 1
         matrix[n, n] += _own_variance(parity, level, i)
         n += 1
@@ -157,74 +274,68 @@ def weigh(parity: Parity, fusion: Fusion, level: int) -> int:
 
 
 @compiled
-def _decide(parity: Parity, n: int, left: float) -> tuple[int, float, bool]:
-    """Return which of the compared sensors explains most, how much, and whether it is clear.
-
-    It is not where a second one, or a motion of the vehicle, explains nearly as much, or much is
-    left unexplained. `left` is what `left_by_motion` returns.
-    """
-    a, last = parity.matrix, parity.matrix.shape[1] - 1
-    best, first, second, whole = -1, 0.0, 0.0, 0.0
+def _weighted(parity: Parity, n: int) -> float:
+    """Write R⁻¹ r to `score`; return the chi-square of all residuals."""
+    a, last, whole = parity.matrix, parity.matrix.shape[1] - 1, 0.0
     for i in range(n):
-        weighted = 0.0
+        parity.score[i] = 0.0
         for j in range(n):
-            weighted += a[i, j] * a[j, last]
-        whole += weighted * a[i, last]
-        score = weighted * weighted / a[i, i]
-        if score > first:
-            best, first, second = i, score, first
-        elif score > second:
-            second = score
-    rest = whole - first
-    explained = rest - (n - 1) <= _REST * math.sqrt(2.0 * (n - 1))
-    clear = explained and first - second > RATIO and left - rest > MOTION
-    return best, first, clear
+            parity.score[i] += a[i, j] * a[j, last]
+        whole += parity.score[i] * a[i, last]
+    return whole
 
 
 @compiled
-def _sensor(parity: Parity, index: int) -> int:
-    """Return the sensor of an index among the compared ones."""
-    n = -1
+def _sensors(parity: Parity, indices: int) -> int:
+    """Return the sensors of some indices among the compared ones, one bit each."""
+    n, sensors = 0, 0
     for i in range(parity.residual.shape[0]):
-        n += parity.sensors >> i & 1
-        if n == index:
-            return i
-    return -1
+        if parity.sensors >> i & 1:
+            sensors |= (indices >> n & 1) << i
+            n += 1
+    return sensors
 
 
 @compiled
-def standing(parity: Parity, fusion: Fusion, moved: bool) -> int:
-    """Return the sensor that fails while the vehicle stands, -1 where none does or it is unclear.
+def standing(parity: Parity, fusion: Fusion, moved: bool, slow: bool) -> int:
+    """Return the sensors that fail while the vehicle stands, one bit each; 0: none, or unclear.
 
     Of windows of up to 128 s; the vehicle stood throughout and some time before. Three sensors have
     no parity that would tell a fault from a slight motion: there, it has to last, and the vehicle
-    must not have `moved` since navigation began, for then the expectation errs, too.
+    must not have `moved` since navigation began, for then the expectation errs, too. It also has to
+    last, and the parity to have an alarm, unless the navigated velocity says that it stands
+    (`slow`): a smooth cruise looks the same.
     """
-    if moved and not parity.redundant:
-        return -1
-    found = _standing(parity, fusion)
-    if parity.redundant:
-        return found
-    if found < 0 or found != parity.persistent_sensor:
+    if (moved or not slow) and not parity.redundant:
+        return 0
+    found, is_apart = _standing(parity, fusion)
+    if found == 0 or found != parity.persistent_sensors:
         parity.persistent = 0
-    parity.persistent += found >= 0
-    parity.persistent_sensor = found
-    return found if parity.persistent > SETTLED_S else -1
+    parity.persistent += found != 0
+    parity.persistent_sensors = found
+    parity.apart = parity.apart + 1 if is_apart else 0
+    if parity.redundant and slow:
+        return found
+    lasts = parity.persistent > SETTLED_S and (parity.alarm or not parity.redundant)
+    return found if lasts else 0
 
 
 @compiled
-def _standing(parity: Parity, fusion: Fusion) -> int:
+def _standing(parity: Parity, fusion: Fusion) -> tuple[int, bool]:
+    """Return the sensors that fail, and whether all are far from the expectation for seconds."""
     if parity.now.standing == 0:
-        return -1
-    factor = parity.second_factor**2
+        return 0, False
+    factor, is_apart = parity.second_factor**2, False
     for level in range(FINE_LEVELS):
         if not windows.is_due(parity, level) or parity.now.standing < WINDOWS_S[level] + SETTLED_S:
             continue
-        left = math.inf
-        if parity.redundant:
-            left = left_by_motion(parity, int(fusion.count), level)
         n = weigh(parity, fusion, level)
-        best, score, clear = _decide(parity, n, left)
-        if clear and score > factor:
-            return _sensor(parity, best)
-    return -1
+        whole, by_motion = _weighted(parity, n), 0.0
+        if parity.redundant:
+            by_motion = whole - left_by_motion(parity, int(fusion.count), level)
+        sensors, explained = _decide(parity, n, n, whole, by_motion)
+        if sensors != 0 and explained > factor:
+            return _sensors(parity, sensors), False
+        if WINDOWS_S[level] <= SETTLED_S:
+            is_apart = is_apart or whole - n > factor + _REST * math.sqrt(2.0 * n)
+    return 0, is_apart

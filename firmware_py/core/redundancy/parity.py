@@ -17,6 +17,7 @@ from rrins.firmware_py.core.records.memory import Fusion
 from rrins.firmware_py.core.records.redundancy_records import (
     ABSOLUTE,
     EPOCH_LEVELS,
+    OUTER_TURN,
     SECOND_LEVELS,
     WINDOWS_S,
     Parity,
@@ -122,6 +123,28 @@ def _set_variances(parity: Parity, count: int, second_epochs: int) -> None:
 
 
 @compiled
+def inherit(parity: Parity, count: int) -> None:
+    """Know of the sensors that are left what was known of all, and was not taken off them.
+
+    Their parity is the projection of that of all, so a second fault is not learned as usual.
+    """
+    if not parity.redundant or parity.kept.seconds < LEARNED_S:
+        return
+    learner = parity.parity
+    learning.copy(learner, parity.kept)
+    for k in range(learner.coefficients.shape[1]):
+        for i in range(count):
+            total = 0.0
+            for j in range(count):
+                total += parity.projector[i, j] * learner.coefficients[j, k]
+            parity.score[i] = total
+        for i in range(count):
+            learner.coefficients[i, k] = parity.score[i]
+    learning.copy(parity.ahead, learner)
+    parity.learning = True
+
+
+@compiled
 def begin_again(parity: Parity) -> None:
     """Begin all windows now."""
     parity.seconds = 0
@@ -143,6 +166,8 @@ def _clear(sums: Sums) -> None:
     sums.leverage = 0.0
     sums.stretch = 0.0
     sums.vector_leverage = 0.0
+    sums.turned = 0.0
+    sums.square_variance = 0.0
     sums.standing = 0
     for i in range(sums.parity.shape[0]):
         sums.parity[i] = 0.0
@@ -169,6 +194,7 @@ def begin_second(parity: Parity) -> None:
     """Begin the sums of a second."""
     parity.used_epochs = 0
     parity.peak = 0.0
+    parity.turned = 0.0
     for i in range(parity.residual.shape[0]):
         parity.residual[i] = 0.0
     for k in range(parity.regressors.shape[0]):
@@ -178,16 +204,20 @@ def begin_second(parity: Parity) -> None:
 
 
 @compiled
-def regress(parity: Parity, fusion: Fusion, vector_s: Floats, other_s: Floats, dt: float) -> int:
+def regress(
+    parity: Parity, fusion: Fusion, vector_s: Floats, other_s: Floats, outer_turn: float, dt: float
+) -> int:
     """Write the regressors of an epoch; return their number.
 
-    Time, the kind's own and the other vector, and each sensor's input regardless of its sign.
+    Time, the kind's own and the other vector, the outer axis' turn, and each sensor's input
+    regardless of its sign.
     """
     regressors = parity.epoch_regressors
     regressors[0] = dt
     for i in range(3):
         regressors[1 + i] = vector_s[i]
         regressors[4 + i] = other_s[i]
+    regressors[OUTER_TURN] = outer_turn
     for k in range(fusion.count):
         along = 0.0
         for i in range(3):

@@ -25,21 +25,26 @@ _SHARE_MORE, _SECONDS_MORE = 0.5, 4
 
 
 @compiled
-def order(repair: Repair, kind: int, sensor: int, seconds: float) -> None:
-    """Order the repair of a fault that has lasted for `seconds`; it waits for one under way."""
+def order(repair: Repair, kind: int, sensor: int, seconds: float, share: float) -> None:
+    """Order the repair of a fault that has lasted for `seconds`; it waits for one under way.
+
+    `share` of what leaving out the sensor alone would have changed.
+    """
     if repair.active:
         repair.waiting_s[kind, sensor] = seconds
+        repair.waiting_share[kind, sensor] = share
     else:
-        _begin(repair, kind, sensor, seconds)
+        _begin(repair, kind, sensor, seconds, share)
 
 
 @compiled
-def _begin(repair: Repair, kind: int, sensor: int, seconds: float) -> None:
+def _begin(repair: Repair, kind: int, sensor: int, seconds: float, share: float) -> None:
     longer = int(seconds * (1.0 + _SHARE_MORE)) + _SECONDS_MORE
     longer = min(longer, repair.count, repair.capacity - 2)
     repair.active = True
     repair.kind = kind
     repair.sensor = sensor
+    repair.share = share
     repair.at = repair.count - longer
     for i in range(NAVIGATION_STATES):
         repair.x[i] = 0.0
@@ -62,7 +67,7 @@ def _carry(state: Ram, block: Floats, change: Floats, of_gyro: bool) -> None:
         x[TURN + i] = 0.0
         x[CHANGE + i] = 0.0
     for i in range(3):
-        x[into + i] = change[i]
+        x[into + i] = repair.share * change[i]
     for i in range(NAVIGATION_STATES):
         total = 0.0
         for k in range(NAVIGATION_STATES):
@@ -113,5 +118,5 @@ def _begin_next(repair: Repair) -> None:
             seconds = repair.waiting_s[kind, sensor]
             if seconds > 0.0:
                 repair.waiting_s[kind, sensor] = 0.0
-                _begin(repair, kind, sensor, seconds)
+                _begin(repair, kind, sensor, seconds, repair.waiting_share[kind, sensor])
                 return

@@ -22,6 +22,7 @@ from rrins.firmware_py.core.records.redundancy_records import (
     ABSOLUTE,
     ACCELEROMETERS,
     NOISE_S,
+    OUTER_TURN,
     WINDOWS_S,
     Learner,
     Parity,
@@ -48,6 +49,10 @@ class RedundancySettings(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
     false_alarms_per_1000_h: float = Field(default=0.05, gt=0, le=1000)
+    non_orthogonality_limit: float = Field(default=0.0, ge=0)
+    """By how much the table's axes may deviate from a right angle, rad."""
+    wobble_limit: float = Field(default=0.0, ge=0)
+    """By how much the inner axis may wobble, rad."""
     gyros: DataSheet
     accelerometers: DataSheet
 
@@ -113,12 +118,12 @@ def _set_learner(learner: Learner, sheet: DataSheet, has_force: bool) -> None:
     slope = sheet.scale_limit**2 + sheet.installation_limit**2
     prior[0] = sheet.bias_limit**2
     prior[1:4] = slope
-    prior[4:ABSOLUTE] = sheet.force_limit**2 if has_force else 0.0
+    prior[4:OUTER_TURN] = sheet.force_limit**2 if has_force else 0.0
     prior[ABSOLUTE:] = sheet.asymmetry_limit**2
     usual = learner["usual"]
     usual[0] = prior[0]
     usual[1:4] = sheet.scale_sigma**2 + sheet.installation_sigma**2
-    usual[4:ABSOLUTE] = sheet.force_sigma**2 if has_force else 0.0
+    usual[4:OUTER_TURN] = sheet.force_sigma**2 if has_force else 0.0
     usual[ABSOLUTE:] = sheet.asymmetry_sigma**2
     usual[:] = np.minimum(usual, prior)
     walk[:] = prior * 1e-9
@@ -161,6 +166,18 @@ def _set_parity(
         _set_learner(learner, sheet, has_force)
 
 
+def _set_table(parity: Parity, settings: RedundancySettings, step: float) -> None:
+    """Set up what the table makes of the rotation that is expected of the gyros.
+
+    A wobble once a turn tilts the inner axis in the sensor frame: as an error of installation.
+    """
+    parity["wobble"] = settings.wobble_limit
+    parity["encoder_variance"] = step**2 / 12.0
+    prior = parity["expected"]["prior"]
+    prior[1:4] += settings.wobble_limit**2
+    prior[OUTER_TURN] = settings.non_orthogonality_limit**2 + settings.wobble_limit**2
+
+
 def blank(state: Ram) -> None:
     """Note that nothing has happened to any sensor yet."""
     for parity in (state.redundancy.gyros, state.redundancy.accelerometers):
@@ -190,6 +207,7 @@ def set_up(
             math.radians(_STANDING_DPS),
             True,
         )
+        _set_table(gyros, settings, math.radians(state.encoders.step_deg))
     for accelerometers in (redundancy["accelerometers"], readmission["accelerometers"]):
         accelerometers["kind"] = ACCELEROMETERS
         _set_parity(

@@ -15,11 +15,17 @@ from rrins.firmware_py.core.maths import earth
 from rrins.firmware_py.core.maths.attitude import cross
 from rrins.firmware_py.core.records.estimator_records import BIASES
 from rrins.firmware_py.core.records.memory import INNER, OUTER, Fusion, Ram
-from rrins.firmware_py.core.records.redundancy_records import ACCELEROMETERS, SETTLED_S, Parity
+from rrins.firmware_py.core.records.redundancy_records import (
+    ACCELEROMETERS,
+    OUTER_TURN,
+    SETTLED_S,
+    Parity,
+)
 from rrins.firmware_py.core.redundancy import learning
 
 _STANDS_BELOW = 3.0
-"""m/s, largest velocity that may be an error of the navigation at standstill."""
+"""m/s, largest velocity that a sound navigation has at standstill. Beyond, the sensors have to say
+for longer that the vehicle stands, and nothing is learned of them."""
 
 _WITHIN = 3.0
 """Standard deviations by which what is estimated may still change."""
@@ -29,6 +35,7 @@ _WITHIN = 3.0
 def _expect_rotation(state: Ram, C_s_n: Floats, out: Floats, dt: float) -> None:
     """Write the sensors' rotation in this epoch at standstill, rad."""
     redundancy, assembly = state.redundancy, state.assembly
+    redundancy.outer_turn = 0.0
     inner = math.radians(assembly.encoder_angle_deg[INNER])
     outer = math.radians(assembly.encoder_angle_deg[OUTER])
     before = redundancy.angle_before_rad
@@ -44,6 +51,7 @@ def _expect_rotation(state: Ram, C_s_n: Floats, out: Floats, dt: float) -> None:
     out[2] += dinner
     before[INNER] = inner
     before[OUTER] = outer
+    redundancy.outer_turn = douter
 
 
 @compiled
@@ -57,6 +65,8 @@ def expect(state: Ram) -> None:
     dtheta_s, force_s = redundancy.expected_dtheta_s, redundancy.work[0]
     _expect_rotation(state, C_s_n, dtheta_s, dt)
     redundancy.expected_known = known and redundancy.angle_known
+    if not redundancy.expected_known:
+        redundancy.outer_turn = 0.0
     step = earth.gravity(state.ins.latitude, state.ins.height) * dt
     for i in range(3):
         force_s[i] = C_s_n[2, i] * step
@@ -73,6 +83,7 @@ def expect_constant(state: Ram) -> None:
     """
     redundancy = state.redundancy
     redundancy.aligned_epochs += 1
+    redundancy.outer_turn = 0.0
     epochs, second_epochs = redundancy.aligned_epochs, redundancy.second_epochs
     redundancy.expected_known = epochs > second_epochs
     if redundancy.expected_known:
@@ -119,8 +130,9 @@ def expect_aligned(state: Ram) -> None:
 
 
 @compiled
-def take(parity: Parity, vector_s: Floats, expected_s: Floats) -> None:
+def take(parity: Parity, vector_s: Floats, expected_s: Floats, outer_turn: float) -> None:
     """Add an epoch's fused vector, less what is expected of it."""
+    parity.turned += abs(outer_turn)
     for i in range(3):
         parity.vector[i] += vector_s[i] - expected_s[i]
 
@@ -130,7 +142,8 @@ def note_velocity(state: Ram) -> None:
     """Note by how much the expectation errs, if the velocity is an error of the navigation.
 
     A tilt oscillates with the velocity, 90° apart: g times the tilt is the velocity times Schuler's
-    rate. Groves (2nd ed., 2013), section 5.7.
+    rate. Groves (2nd ed., 2013), section 5.7. A navigation that has become fast has been turned by
+    its biases and by the way that it made, and mistakes the Earth's rate as much.
     """
     ins, redundancy, estimator = state.ins, state.redundancy, state.estimator
     redundancy.gyros.tilt_error = 0.0
@@ -147,12 +160,18 @@ def note_velocity(state: Ram) -> None:
     speed = math.sqrt(ins.velocity_n[0] ** 2 + ins.velocity_n[1] ** 2)
     schuler = math.sqrt(earth.GRAVITY_EQUATOR / earth.SEMI_MAJOR_AXIS)
     redundancy.gyros.tilt_error += speed / earth.SEMI_MAJOR_AXIS
+    if not slow(state):
+        second_epochs = redundancy.second_epochs
+        seconds = (state.epoch - redundancy.navigation_epoch) / second_epochs
+        turned = math.sqrt(redundancy.gyros.bias_variance) * seconds
+        turned += speed * seconds / earth.SEMI_MAJOR_AXIS
+        redundancy.gyros.tilt_error += earth.RATE * turned
     redundancy.accelerometers.tilt_error += speed * schuler
 
 
 @compiled
 def slow(state: Ram) -> bool:
-    """Return whether the velocity may be an error of the navigation of a standing vehicle."""
+    """Return whether the velocity navigated speaks for a vehicle that stands."""
     east, north = state.ins.velocity_n[0], state.ins.velocity_n[1]
     return east * east + north * north < _STANDS_BELOW * _STANDS_BELOW
 
@@ -178,8 +197,10 @@ def _learn_late(parity: Parity, regressors: int, sound: bool) -> None:
 
 
 @compiled
-def close_second(parity: Parity, fusion: Fusion, regressors: int, known: bool) -> bool:
-    """Add a second to the sums and learn if the vehicle stands; return whether it clearly moves.
+def close_second(
+    parity: Parity, fusion: Fusion, regressors: int, known: bool, learns: bool
+) -> bool:
+    """Add a second to the sums, learn at standstill, if wanted; return whether it clearly moves.
 
     It stands when the residuals of all sensors but one are within the limit.
     """
@@ -193,10 +214,12 @@ def close_second(parity: Parity, fusion: Fusion, regressors: int, known: bool) -
             beyond += abs(residual) > parity.standing_limit
     stands = known and beyond <= 1
     parity.now.standing = parity.now.standing + 1 if stands else 0
+    parity.now.turned += parity.turned
+    parity.now.square_variance = learner.covariance[OUTER_TURN, OUTER_TURN] * learner.unit
     for i in range(3):
         learned = learning.expected(learner, i, parity.regressors, regressors)
         parity.now.vector[i] += parity.vector[i] - learned
     parity.now.vector_leverage += learning.leverage(learner, parity.regressors, regressors)
     if stands:
-        _learn_late(parity, regressors, beyond == 0)
+        _learn_late(parity, regressors, learns and beyond == 0)
     return beyond > 1

@@ -14,10 +14,10 @@ from rrins.firmware_py.core.records.memory import Fusion, Ram
 from rrins.firmware_py.core.records.redundancy_records import (
     ABSOLUTE,
     ACCELEROMETERS,
-    SECOND_LEVELS,
     WINDOWS_S,
     Found,
     Parity,
+    Redundancy,
 )
 from rrins.firmware_py.core.redundancy import (
     bank,
@@ -39,6 +39,9 @@ _STUCK, _ABSENT = int(Found.STUCK), int(Found.ABSENT)
 _REFERENCE = int(Found.REFERENCE)
 _FULL_SCALE = int(Found.FULL_SCALE)
 _CLEAR_AFTER_S = 10
+_APART_S = 20
+"""Seconds after which sensors that stand, and do not measure it, are an alarm: two that fail may
+cancel each other in the parity, and a vehicle that moves so little for so long is rare."""
 _LITTLE = 0.5  # of what a sensor at the end of its range says
 _TRIAL = 1
 """The second turn of what is done for the sensors in use and then for a trial: code that is at one
@@ -94,13 +97,13 @@ def _take(
             compared = readmission.trial(state, parity)
             readmission.fuse(state, compared, fusion, measured, own)
             vector = redundancy.readmission.vector
-        regressors = parities.regress(compared, fusion, vector, other, dt)
+        regressors = parities.regress(compared, fusion, vector, other, redundancy.outer_turn, dt)
         ratio = parities.take(compared, fusion, measured, vector, regressors)
         if turn == _TRIAL:
             readmission.note(state, ratio)
             break
         if redundancy.expected_known:
-            standing.take(parity, own, expected)
+            standing.take(parity, own, expected, redundancy.outer_turn)
         if ratio > 1.0:
             _raise(state, parity)
             parity.ratio = max(parity.ratio, ratio)
@@ -118,12 +121,14 @@ def _raise(state: Ram, parity: Parity) -> None:
 
 @compiled
 def close_second(state: Ram, parity: Parity, fusion: Fusion) -> tuple[int, int]:
-    """Test the windows that end with this second; return which sensor fails, and how it shows.
+    """Test the windows that end with this second; return which sensors fail, and how it shows.
 
-    In a second turn, those of the sensor that is tested for readmission.
+    One bit each. In a second turn, those of the sensor that is tested for readmission.
     """
     redundancy = state.redundancy
-    sensor, how = -1, _STANDING
+    sensors, how = 0, _STANDING
+    slow = redundancy.aligning or standing.slow(state)
+    redundancy.was_fast |= not slow
     count = int(fusion.count)
     regressors = ABSOLUTE + count
     compared = parity
@@ -137,8 +142,7 @@ def close_second(state: Ram, parity: Parity, fusion: Fusion) -> tuple[int, int]:
             compared.ratio = windows.close_second(compared, count, regressors)
             if turn != _TRIAL:
                 known = 2 * redundancy.known_epochs > redundancy.second_epochs
-                known = known and (redundancy.aligning or standing.slow(state))
-                if standing.close_second(parity, fusion, regressors, known):
+                if standing.close_second(parity, fusion, regressors, known, slow):
                     redundancy.moved = True
                     if parity.kind == ACCELEROMETERS:  # its attitude errs otherwise now
                         standing.forget(parity)
@@ -148,11 +152,23 @@ def close_second(state: Ram, parity: Parity, fusion: Fusion) -> tuple[int, int]:
         elif is_full:
             _close_alarm(state, parity)
             recent.note(parity, count, state.epoch, state.parameters.period_ns * 1e-9)
-            sensor = isolation.standing(parity, fusion, redundancy.moved)
-            if sensor < 0 and parity.alarm:
-                sensor, how = isolation.by_parity(parity, count), _PARITY
+            sensors = isolation.standing(parity, fusion, redundancy.moved, slow)
+            if parity.apart > _APART_S and _vouches(redundancy, parity):
+                _raise(state, parity)
+            if sensors == 0 and parity.alarm:
+                sensors, how = isolation.by_parity(parity, count), _PARITY
         parities.begin_second(compared)
-    return sensor, how
+    return sensors, how
+
+
+@compiled
+def _vouches(redundancy: Redundancy, parity: Parity) -> bool:
+    """Return whether gyros that do not measure a standstill must fail: it has always stood.
+
+    What is expected of accelerometers depends on what the gyros' errors have tilted.
+    """
+    still = parity.redundant and not redundancy.moved and not redundancy.was_fast
+    return bool(still and parity.kind != ACCELEROMETERS)
 
 
 @compiled
@@ -210,31 +226,35 @@ def _known(
 
 
 @compiled
-def _begun_s(parity: Parity) -> float:
-    """Return for how many seconds the fault seems to last: where its sum is most significant."""
-    suspect = max(0, int(parity.suspect))
-    best, seconds = 0.0, 1.0
-    for level in range(SECOND_LEVELS):
-        if not windows.is_due(parity, level):
-            continue
-        total = parity.window_sum[level, suspect]
-        variance = windows.variance_of(parity, level, suspect)
-        if total * total > best * variance:
-            best, seconds = total * total / variance, float(WINDOWS_S[level])
-    return seconds
+def _share(parity: Parity, sensors: int, sensor: int) -> float:
+    """Return by how much leaving out a sensor among some changes more than leaving it out alone.
+
+    From the sums of the window in which the fault is most significant; of two sensors at most.
+    """
+    sums, own = parity.window_sum[windows.begun_level(parity)], parity.projector[sensor, sensor]
+    for other in range(parity.residual.shape[0]):
+        if other != sensor and sensors >> other & 1 and sums[sensor] != 0.0:
+            shared = parity.projector[sensor, other]
+            others = parity.projector[other, other]
+            least = own * others - shared * shared
+            return float(own * (others - shared * sums[other] / sums[sensor]) / least)
+    return 1.0
 
 
 @compiled
-def _leave_out(state: Ram, parity: Parity, fusion: Fusion, sensor: int, how: int) -> None:
-    """Leave a sensor out from now on if it can be spared, and order the repair of the history.
+def _leave_out(state: Ram, parity: Parity, fusion: Fusion, sensors: int, how: int) -> None:
+    """Leave sensors out from now on if they can be spared, and order the repair of the history.
 
-    What was learned of the parity is taken off the other sensors from now on, so that without it
-    they give what all gave: what is usual of sound sensors, for nothing is learned of it any more.
-    Not what little was learned since power-on: it may be of the fault.
+    One bit each, two at most. What was learned of the parity is taken off the other sensors from
+    now on, so that without these they give what all gave: what is usual of sound sensors, for
+    nothing is learned of it any more. Not what little was learned since power-on: it may be of the
+    fault.
     """
     redundancy = state.redundancy
-    if not parities.spares(parity, fusion, sensor):
-        return
+    count = parity.residual.shape[0]
+    for sensor in range(count):
+        if sensors >> sensor & 1 and not parities.spares(parity, fusion, sensor):
+            return
     learning.copy(parity.kept, parity.parity)
     if parity.learning:
         learning.confine(parity.parity, ABSOLUTE + int(fusion.count))
@@ -244,23 +264,23 @@ def _leave_out(state: Ram, parity: Parity, fusion: Fusion, sensor: int, how: int
                 parity.correction[k, j] += taken_off
                 parity.kept.coefficients[k, j] -= taken_off
         parity.corrected = True
-    seconds = _begun_s(parity)
+    seconds = float(WINDOWS_S[windows.begun_level(parity)])
     if how == _REFERENCE:
         parity.alarm_epoch = redundancy.bank.doubt_since[parity.kind]
     seconds = max(seconds, (state.epoch - parity.alarm_epoch) / redundancy.second_epochs)
-    parity.excluded |= 1 << sensor
-    parity.isolated = sensor
+    parity.excluded |= sensors
     parity.isolated_epoch = state.epoch
     parity.how = how
     parity.found_epoch = parity.alarm_epoch
     parity.alarm = False
+    repairs = False
     if redundancy.navigated and redundancy.aligning:
         state.estimator.begins_anew = True
         state.modes.epochs = 0
     elif estimator.is_aided(state.estimator, state.epoch):
         state.estimator.doubts = True
     elif redundancy.navigated:
-        repair.order(redundancy.repair, parity.kind, sensor, seconds)
+        repairs = True
         parity.repaired_epoch = state.epoch - int(seconds) * redundancy.second_epochs
     elif redundancy.aligning:
         if not state.alignment.done:
@@ -268,6 +288,12 @@ def _leave_out(state: Ram, parity: Parity, fusion: Fusion, sensor: int, how: int
         redundancy.aligned_epochs = 0
         standing.forget(redundancy.gyros)
         standing.forget(redundancy.accelerometers)
+    for sensor in range(count):
+        if sensors >> sensor & 1:
+            parity.isolated = sensor
+            if repairs:
+                share = _share(parity, sensors, sensor)
+                repair.order(redundancy.repair, parity.kind, sensor, seconds, share)
 
 
 @compiled
@@ -281,20 +307,21 @@ def _judge(
     saturated: int,
     measured: Floats,
 ) -> None:
-    """Leave out the sensor that fails, once it is known; compare those that are left.
+    """Leave out the sensors that fail, once they are known; compare those that are left.
 
     `controlled` are those that an operator excludes for a while, one bit each.
     """
     redundancy = state.redundancy
     full_scale = _at_full_scale(parity, fusion, saturated, measured)
     sensor, how = _known(state, parity, fusion, stuck, absent, full_scale)
+    sensors = 1 << sensor if sensor >= 0 else 0
     if redundancy.epochs == 0:
         found, shown = close_second(state, parity, fusion)
-        if sensor < 0:
-            sensor, how = found, shown
-    if sensor >= 0:
+        if sensors == 0:
+            sensors, how = found, shown
+    if sensors != 0:
         _raise(state, parity)
-        _leave_out(state, parity, fusion, sensor, how)
+        _leave_out(state, parity, fusion, sensors, how)
     everything = (1 << fusion.count) - 1 & ~(parity.excluded | controlled)
     compared = parity
     for turn in range(2):
@@ -307,6 +334,8 @@ def _judge(
             parities.compare(compared, fusion, everything, redundancy.second_epochs, state.ins.work)
             if turn == _TRIAL:
                 readmission.begin(state, parity)
+            elif parity.excluded and parity.isolated_epoch == state.epoch:
+                parities.inherit(parity, int(fusion.count))
             else:
                 readmission.hand_over(state, parity)
 
@@ -333,6 +362,7 @@ def watch(state: Ram, navigating: bool, aligning: bool) -> None:
     if navigating != redundancy.navigated or aligning != redundancy.aligning:
         redundancy.aligned_epochs = 0
         redundancy.moved = False
+        redundancy.was_fast = False
         standing.forget(redundancy.gyros)
         standing.forget(redundancy.accelerometers)
         if navigating and redundancy.navigated and state.estimator.running:

@@ -48,6 +48,8 @@ def _keep(sums: Sums, now: Sums, count: int) -> None:
     sums.leverage = now.leverage
     sums.stretch = now.stretch
     sums.vector_leverage = now.vector_leverage
+    sums.turned = now.turned
+    sums.square_variance = now.square_variance
     sums.standing = now.standing
 
 
@@ -309,3 +311,18 @@ def _largest(parity: Parity, count: int) -> float:
                 parity.suspect = i
                 parity.window_s = float(WINDOWS_S[level])
     return largest
+
+
+@compiled
+def begun_level(parity: Parity) -> int:
+    """Return the window in which the suspect's sum is most significant: the fault seems as old."""
+    suspect = max(0, int(parity.suspect))
+    most, found = 0.0, 0
+    for level in range(SECOND_LEVELS):
+        if not is_due(parity, level):
+            continue
+        total = parity.window_sum[level, suspect]
+        variance = variance_of(parity, level, suspect)
+        if total * total > most * variance:
+            most, found = total * total / variance, level
+    return found

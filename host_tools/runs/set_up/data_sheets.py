@@ -145,6 +145,8 @@ def redundancy_settings(scenario: Scenario) -> RedundancySettings | None:
         return None
     return RedundancySettings(
         false_alarms_per_1000_h=scenario.redundancy.false_alarms_per_1000_h,
+        non_orthogonality_limit=abs(scenario.turntable.non_orthogonality_arcsec) * ARCSEC,
+        wobble_limit=scenario.turntable.wobble_arcsec * ARCSEC,
         gyros=_gyros(scenario),
         accelerometers=_accelerometers(scenario),
     )

@@ -112,17 +112,22 @@ def in_the_drive(*faults, **changes):
     return simulate(*faults, **(scenario | changes))
 
 
-@pytest.mark.parametrize("sensor", [1, in_soak(2), in_soak(3), in_soak(4)])
-def test_in_motion_a_reference_of_velocity_tells_which_gyro_fails(sensor):
+@pytest.mark.parametrize(
+    ("sensor", "within_s"), [in_soak(1, 150), (2, 45), in_soak(3, 45), in_soak(4, 45)]
+)
+def test_in_motion_a_reference_of_velocity_tells_which_gyro_fails(sensor, within_s):
+    """The first is vertical most of the time: that all are off alike has to be ruled out, too."""
     fault = {"kind": "gyro_bias", "sensor": sensor, "bias_dph": 10}
-    run = in_the_drive(fault, seed=sensor)
+    run = in_the_drive(fault, seed=sensor, duration_s=380)
     gyros = run.summary["redundancy"]["gyros"]
     assert (gyros["sensor"], gyros["excluded"], gyros["how"]) == (sensor, [sensor], "reference")
     assert gyros["alarm_s"] == pytest.approx(AT_S - BEFORE_S, abs=1.0)
-    assert gyros["isolated_s"] - (AT_S - BEFORE_S) < 45
+    assert gyros["isolated_s"] - (AT_S - BEFORE_S) < within_s
     assert gyros["repaired"] < gyros["alarm_s"] + 1.0
     assert not gyros["redundancy_left"]
-    without = in_the_drive({"kind": "gyro_noise", "sensor": 1, "at_s": 1000}, seed=sensor)
+    without = in_the_drive(
+        {"kind": "gyro_noise", "sensor": 1, "at_s": 1000}, seed=sensor, duration_s=380
+    )
     assert worst_m(run) < 3 * worst_m(without)
 
 

@@ -78,7 +78,7 @@ def test_windows_shorter_than_a_second_find_a_step_at_once_and_forgive_the_unkno
     parity["epoch_factor"] = 6.0
     parity["parity"]["seconds"] = parities.LEARNED_S
     vector, other, z = np.zeros(3), np.zeros(3), np.zeros(16)
-    regressors = parities.regress(parity, fusion, vector, other, 0.005)
+    regressors = parities.regress(parity, fusion, vector, other, 0.0, 0.005)
     assert regressors == ABSOLUTE + 4
     assert parities.take(parity, fusion, z, vector, regressors) == 0.0
     z[1] = 14 * np.sqrt(1 / 200)  # half of it is in the parity

@@ -50,13 +50,13 @@ def test_a_repair_that_is_ordered_during_another_is_done_after_it():
     together, after = history(), history()
     before = solution(together)
     for kind, sensor in (GYRO, ACCELEROMETER):
-        repair.order(together[0].redundancy.repair, kind, sensor, 60.0)
-        repair.order(after[0].redundancy.repair, kind, sensor, 60.0)
+        repair.order(together[0].redundancy.repair, kind, sensor, 60.0, 1.0)
+        repair.order(after[0].redundancy.repair, kind, sensor, 60.0, 1.0)
         finish(after)
     finish(together)
     assert solution(together) == pytest.approx(solution(after), rel=1e-12, abs=1e-15)
     alone = history()
-    repair.order(alone[0].redundancy.repair, *GYRO, 60.0)
+    repair.order(alone[0].redundancy.repair, *GYRO, 60.0, 1.0)
     finish(alone)
     turned, changed = solution(alone) - before, solution(together) - solution(alone)
     assert np.abs(turned[5:]).max() > 1e-6 < np.abs(changed[2:4]).max()
@@ -66,7 +66,7 @@ def test_a_history_that_begins_anew_has_no_repair_waiting():
     ram = history()
     kept = ram[0].redundancy.repair
     for kind, sensor in (GYRO, ACCELEROMETER):
-        repair.order(kept, kind, sensor, 60.0)
+        repair.order(kept, kind, sensor, 60.0, 1.0)
     blocks.begin(kept, 4, 4, 0)
     assert not kept.active
     assert not kept.waiting_s.any()

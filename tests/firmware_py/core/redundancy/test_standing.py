@@ -31,7 +31,7 @@ def at_rest():
 
     def close(vector_dph):
         parity["vector"][:] = np.multiply(vector_dph, DPH)
-        standing.close_second(parity, fusion, ABSOLUTE + 4, True)
+        standing.close_second(parity, fusion, ABSOLUTE + 4, True, True)
         return parity["expected"]["coefficients"][:3, 0] / DPH
 
     return close
