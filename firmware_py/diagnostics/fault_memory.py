@@ -104,8 +104,11 @@ class FaultMemory:
         monitor.residual_share = min(1.0, period_s / consistency.MEAN_S)
         monitor.clock_tolerance_q16 = round(_CLOCK_TOLERANCE * period_s * 1e9 * 65536)
         sensor = self._contract[0].sensor[0]
-        monitor.gyro_repetition.resolution = sensor.gyro_dtheta.scale
-        monitor.accelerometer_repetition.resolution = sensor.accelerometer_dv.scale
+        for repetition, signal in (
+            (monitor.gyro_repetition, sensor.gyro_dtheta),
+            (monitor.accelerometer_repetition, sensor.accelerometer_dv),
+        ):
+            repetition.resolution = max(repetition.resolution, signal.scale)
 
     def index_of(self, number: int) -> int | None:
         """Return the index of a trouble code that this computer can have."""

@@ -40,7 +40,7 @@ def _parity(number: int, kind: str, one: str, unit: str) -> DataIdentifier:
         Field("window_s", "f32", "s", source=f"{source}.window_s", text="of that parity"),
         Field("suspect", "u8", source=f"{source}.suspect", offset=1, text="from 1; 0: none"),
         Field("alarm", "u8", source=f"{source}.alarm"),
-        Field("redundancy_left", "u8", source=f"{source}.redundant"),
+        Field("redundancy_left", "u8", source=f"{source}.redundancy_left"),
         Field("standing_s", "u32", "s", source=f"{source}.now.standing",
             text="compared with encoders, Earth rate and gravity, too"),
         Field("excluded", "u16", source=f"{source}.excluded", text="left out, one bit each"),

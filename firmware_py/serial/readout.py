@@ -154,7 +154,7 @@ def redundancy(firmware: Firmware) -> list[str]:
         numbers = [str(k + 1) for k in range(SENSOR_GROUPS) if kind.excluded >> k & 1]
         left_out = ",".join(numbers) or "none"
         ratio = f"{kind.ratio:.2f}{' ALARM' if kind.alarm else ''}" if kind.redundant else "-"
-        left = "yes" if kind.redundant else "no"
+        left = "yes" if kind.redundancy_left else "no"
         lines.append(f"{name:<14}  {ratio:<16}  {suspect:<7}  {left_out:<8}  {left}")
     test = state.readmission
     if test.sensor > 0:

@@ -2,8 +2,8 @@
 
 A frame updates a value only if its CRC is correct, its counter is that of the current epoch, and
 it is the first of its message in this epoch; any other frame only updates a fault counter. Where
-two frames disagree about an epoch, neither is used (`senders`). Frames of a later epoch are left
-for the next step.
+two frames disagree about an epoch, neither is used (`senders`); a sender that repeats one frame is
+not used before it counts again (`repetitions`). Frames of a later epoch are left for the next step.
 """
 
 from __future__ import annotations
@@ -24,6 +24,7 @@ from rrins.firmware_py.core.frames_in import (
     gnss,
     master,
     odometer,
+    repetitions,
     senders,
     zero_velocity,
 )
@@ -258,7 +259,7 @@ def keep_readmission(state: Ram, command: MessageSignals, word: np.uint64) -> No
 def _belongs_here(
     state: Ram, frame: Frame, message: MessageLayout, had_one: bool, source: int
 ) -> bool:
-    """Return whether a frame is intact, of this epoch, and the first of its kind."""
+    """Return whether a frame is intact, of this epoch, the first of its kind, and trusted."""
     if not crc_holds(frame, message):
         frame_checks.crc_error(state, source)
         return False
@@ -266,10 +267,14 @@ def _belongs_here(
     if counter_of(word) != state.epoch % COUNTER_MODULUS:
         frame_checks.foreign_epoch(state, source, word)
         senders.doubt(state, source, word)
+        repetitions.note_foreign(state, source, word)
         return False
     if had_one or senders.is_disputed(state, source):
         frame_checks.counter_error(state, source)
         senders.compare(state, source, word)
+        return False
+    if not repetitions.is_trusted(state, source):
+        frame_checks.counter_error(state, source)
         return False
     senders.keep(state, source, word)
     return True
@@ -384,6 +389,9 @@ def close(state: Ram) -> None:
     for group in range(groups):
         if assembly.received >> group & 1 == 0:
             state.faults.missing_frames += 1
+        if repetitions.is_useless(state, _FROM_SENSORS + group):
+            assembly.gyro_absent |= 1 << group
+            assembly.accelerometer_absent |= 1 << group
     for axis in (INNER, OUTER):
         if assembly.axis_received[axis]:
             assembly.axis_silent_epochs[axis] = 0

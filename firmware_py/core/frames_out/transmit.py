@@ -84,7 +84,7 @@ def _redundancy(
     parity: Parity, compared: Drift, repairing: bool, message: MessageSignals
 ) -> np.uint64:
     word = pack(np.uint64(0), message.alarm, parity.alarm)
-    word = pack(word, message.redundant, parity.redundant)
+    word = pack(word, message.redundant, parity.redundancy_left)
     word = pack(word, message.repairing, repairing)
     word = pack(word, message.standing, parity.now.standing > 0)
     word = pack(word, message.excluded, parity.excluded)

@@ -253,9 +253,10 @@ def _look_at_parities(state: Ram, monitor: DiagnosticState) -> tuple[int, int]:
         failing |= _GYROS_INCONSISTENT
     if accelerometers.alarm:
         failing |= _ACCELEROMETERS_INCONSISTENT
-    if gyros.excluded != 0 and not gyros.redundant:
+    if (gyros.excluded != 0 or gyros.redundant) and not gyros.redundancy_left:
         failing |= _GYROS_NOT_REDUNDANT
-    if accelerometers.excluded != 0 and not accelerometers.redundant:
+    compared = accelerometers.excluded != 0 or accelerometers.redundant
+    if compared and not accelerometers.redundancy_left:
         failing |= _ACCELEROMETERS_NOT_REDUNDANT
     if state.calibration.gyros.state >= _KEPT:
         tested |= _GYROS_DRIFTED

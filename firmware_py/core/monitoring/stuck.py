@@ -1,4 +1,7 @@
-"""Finds sensors that repeat the same increment for long while the others vary.
+"""Finds sensors that repeat the same increment for long.
+
+Where the data sheet promises noise, so many equal counts in a row are as rare as a false alarm may
+be, and suffice. Without noise, the others have to vary meanwhile:
 
 Whether a sensor repeats itself is seen in what it sends. The increment expected of it by the others
 is the fused vector along its input axis. A sensor is stuck if this has changed by more than
@@ -85,12 +88,14 @@ def judge(repetition: Repetition, fusion: Fusion, vector_s: Floats, epochs: int)
     if repetition.lacking > 0:
         return
     usable = repetition.compared
-    standing = used = 0
+    standing = used = noiseless = 0
     for k in range(fusion.count):
         if usable >> k & 1 == 0:
             continue
         used += 1
         unchanged = repetition.unchanged[k]
+        if 0 < repetition.enough[k] <= unchanged:
+            noiseless |= 1 << k
         if unchanged == 0:
             repetition.varied &= ~(1 << k)
         elif 2 * unchanged == epochs:
@@ -103,11 +108,11 @@ def judge(repetition: Repetition, fusion: Fusion, vector_s: Floats, epochs: int)
                 repetition.varied |= 1 << k
             if unchanged >= epochs:
                 standing |= 1 << k
-    repetition.stuck = 0
+    repetition.stuck = noiseless
     if standing == 0:
         return
     if used >= _REDUNDANT_FROM:
-        repetition.stuck = _with_witnesses(repetition, standing, fusion.count)
+        repetition.stuck |= _with_witnesses(repetition, standing, fusion.count)
     elif repetition.largest_change > _CHANGED_COUNTS * repetition.resolution:
         for k in range(fusion.count):
             if standing >> k & 1 and repetition.last[k] != 0.0:

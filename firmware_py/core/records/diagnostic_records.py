@@ -74,7 +74,8 @@ class TroubleMemory(Record):
 class Repetition(Record):
     """State of the test whether sensors of one kind repeat themselves; see `stuck`."""
 
-    resolution: F8  #: of the frames, rad or m/s
+    resolution: F8  #: of the frames or the sensors, the coarser; rad or m/s
+    enough: Annotated[Integers, SENSOR_GROUPS]  #: equal epochs that noise does not allow; 0: any
     largest_change: F8  #: from the previous epoch to this
     last: Annotated[Floats, SENSOR_GROUPS]
     unchanged: Annotated[Integers, SENSOR_GROUPS]  #: epochs

@@ -221,15 +221,24 @@ class Parity(Record):
     variance: Annotated[Floats, (SENSOR_GROUPS, SECOND_LEVELS)]  #: of a parity over a window
     drift_second: Annotated[Floats, SENSOR_GROUPS]  #: of a parity's drift over 1 s
     epoch_variance: Annotated[Floats, (SENSOR_GROUPS, EPOCH_LEVELS)]
-    # Of the present second.
-    used_epochs: I8
+    redundancy_left: Bool  #: `redundant`, and frames come so that they are compared
+    # Of the present second: as many seconds as it takes where frames are lost.
+    used_epochs: I8  #: in its sums
+    known_epochs: I8  #: of these, with an expectation at standstill
+    open_s: I8  #: seconds since it began
+    closed_s: I8  #: what that was when the last one was closed
+    gaps: I8  #: between its epochs
+    gaps_allowed: I8  #: gaps in a second for whose counts the variances allow
+    lost_epochs: I8  #: in a row that lack a compared sensor
     useless_epochs: I8  #: since a compared sensor is absent or at full scale
     residual: Annotated[Floats, SENSOR_GROUPS]  #: sums of the parity along each sensor's axis
     vector: Annotated[Floats, 3]
     turned: F8  #: by the outer axis, rad
     regressors: Annotated[Floats, REGRESSORS]
     epoch_regressors: Annotated[Floats, REGRESSORS]
-    unlearned: Annotated[Floats, SENSOR_GROUPS]  #: residual less learned in the present epoch
+    unlearned: Annotated[
+        Floats, SENSOR_GROUPS
+    ]  #: residual less learned, for epochs before that lacked one, too
     # Shorter windows: unfinished sums of each level.
     levels: I8
     level_epochs: I8
@@ -417,7 +426,7 @@ class Redundancy(Record):
     expected_dv_s: Annotated[Floats, 3]  #: m/s
     expected_known: Bool
     outer_turn: F8  #: rad, of the outer axis in the present epoch, by its encoder
-    known_epochs: I8  #: of the present second
+    unknown_epochs: I8  #: in a row
     angle_before_rad: Annotated[Floats, 2]  #: of the encoders
     angle_known: Bool
     work: Annotated[Floats, (3, 3)]  #: scratch

@@ -90,7 +90,7 @@ _SENSING = (
     ("absent", _NO_SIGNAL, Debounce(fail_s=0.1), "is flagged as absent"),
     ("saturated", _ABOVE_RANGE, Debounce(fail_s=0.05), "exceeds its measuring range"),
     ("stuck", _STUCK_IN_RANGE, Debounce(fail_s=0.5),
-        "has repeated the same increment for at least 2 s, while the others vary"),
+        "repeats its increment while others vary, or for longer than its noise allows"),
     ("left_out", _PLAUSIBILITY, _ONCE, "is faulty, and left out of the navigation"),
 )  # fmt: skip
 _SENSORS = (
@@ -147,9 +147,9 @@ _SYSTEM = (
     (SystemFault.ACCELEROMETERS_INCONSISTENT, 0x1200, _PLAUSIBILITY, Debounce(fail_s=5.0),
         "the accelerometers disagree: one of them is faulty"),
     (SystemFault.GYROS_NOT_REDUNDANT, 0x1100, _PERFORMANCE, _ONCE,
-        "so many gyros are left out that a fault of another cannot show"),
+        "so many gyros are left out, or lack frames, that a fault of another cannot show"),
     (SystemFault.ACCELEROMETERS_NOT_REDUNDANT, 0x1200, _PERFORMANCE, _ONCE,
-        "so many accelerometers are left out that a fault of another cannot show"),
+        "so many accelerometers are left out, or lack frames, that a fault of another cannot show"),
     (SystemFault.GYRO_CALIBRATION_DRIFTED, 0x1100, _COMPARISON, _ONCE,
         "scale factors or installation of the gyros are not as they were calibrated"),
     (SystemFault.ACCELEROMETER_CALIBRATION_DRIFTED, 0x1200, _COMPARISON, _ONCE,

@@ -29,6 +29,13 @@ from rrins.firmware_py.core.sensors import fusion as least_squares
 LEARNED_S = 10
 """Seconds to learn from before windows shorter than a second are tested."""
 
+_PATIENCE_S = 5
+"""Seconds after which an eighth of a second's epochs suffice instead of half: fewer mean less noise
+than the variances say, and a fault that shows less."""
+
+_BLIND_S = 10
+"""Seconds without even that after which nothing counts as compared."""
+
 CHECKED_FROM = 1e-6
 """Share of a fault that has to reach the parity; below, the sensor is not checked."""
 
@@ -38,6 +45,7 @@ def compare(parity: Parity, fusion: Fusion, sensors: int, second_epochs: int, wo
     """Compare a set of sensors, one bit each, from now on; forgets what was learned of others."""
     parity.sensors = sensors
     parity.redundant = False
+    parity.lost_epochs = 0
     parity.learning = False
     if sensors != fusion.used:
         least_squares.prepare(fusion, sensors, work)
@@ -56,11 +64,11 @@ def compare(parity: Parity, fusion: Fusion, sensors: int, second_epochs: int, wo
             parity.redundant = True
             for axis in range(3):
                 parity.leave_out[i, axis] = -fusion.gain[axis, i] / own
+    parity.redundancy_left = parity.redundant
     parity.levels = 1
     while parity.levels < EPOCH_LEVELS and 1 << parity.levels < second_epochs:
         parity.levels += 1
-    _set_variances(parity, count, second_epochs)
-    _set_vector_variance(parity, fusion)
+    set_variances(parity, fusion, second_epochs)
     unit = parity.vector_learning_variance
     for i in range(count):
         if parity.projector[i, i] > CHECKED_FROM:
@@ -81,6 +89,40 @@ def spares(parity: Parity, fusion: Fusion, sensor: int) -> bool:
 
 
 @compiled
+def set_variances(parity: Parity, fusion: Fusion, second_epochs: int) -> None:
+    """Find the variances of parities and fused vector for the present set of sensors."""
+    _set_parity_variances(parity, fusion.count, second_epochs)
+    _set_vector_variance(parity, fusion)
+
+
+@compiled
+def allow_for_gap(parity: Parity, fusion: Fusion, second_epochs: int) -> None:
+    """Note that the present second goes on after a gap: sensors have counted on meanwhile.
+
+    So each stretch between two gaps has the counts of a sum of its own. The variances allow for
+    twice as many whenever there are more than before; never again for fewer.
+    """
+    parity.gaps += 1
+    if parity.gaps <= parity.gaps_allowed:
+        return
+    more = 2 * parity.gaps - parity.gaps_allowed
+    parity.gaps_allowed += more
+    for k in range(fusion.count):
+        parity.white_variance[k] += more * parity.quantisation_variance
+    set_variances(parity, fusion, second_epochs)
+
+
+@compiled
+def is_full(parity: Parity, second_epochs: int) -> bool:
+    """Return whether the present second has epochs enough to be closed; called once a second."""
+    parity.open_s += 1
+    shares = 2 if parity.open_s < _PATIENCE_S else 8
+    full = shares * parity.used_epochs > second_epochs
+    parity.redundancy_left = parity.redundant and (full or parity.open_s < _BLIND_S)
+    return bool(full)
+
+
+@compiled
 def _set_vector_variance(parity: Parity, fusion: Fusion) -> None:
     """Find the largest variance of the fused vector's sum over a second."""
     parity.vector_variance = 0.0
@@ -97,7 +139,7 @@ def _set_vector_variance(parity: Parity, fusion: Fusion) -> None:
 
 
 @compiled
-def _set_variances(parity: Parity, count: int, second_epochs: int) -> None:
+def _set_parity_variances(parity: Parity, count: int, second_epochs: int) -> None:
     """Find the variance of each parity, for each window."""
     for i in range(count):
         squares, white, unstable = 0.0, 0.0, 0.0
@@ -193,6 +235,10 @@ def clear_levels(parity: Parity) -> None:
 def begin_second(parity: Parity) -> None:
     """Begin the sums of a second."""
     parity.used_epochs = 0
+    parity.known_epochs = 0
+    parity.closed_s = parity.open_s
+    parity.open_s = 0
+    parity.gaps = 0
     parity.peak = 0.0
     parity.turned = 0.0
     for i in range(parity.residual.shape[0]):
@@ -228,15 +274,22 @@ def regress(
 
 @compiled
 def take(
-    parity: Parity, fusion: Fusion, measured: Floats, vector_s: Floats, regressors: int
+    parity: Parity,
+    fusion: Fusion,
+    measured: Floats,
+    vector_s: Floats,
+    regressors: int,
+    counts: bool,
 ) -> float:
     """Take an epoch of all compared sensors; return the largest parity over its threshold.
 
-    Tests the windows shorter than a second that end with this epoch.
+    Tests the windows shorter than a second that end with this epoch. It `counts` if it goes into
+    the sums of the second, too.
     """
-    parity.used_epochs += 1
+    share = 1.0 if counts else 0.0
+    parity.used_epochs += counts
     for k in range(regressors):
-        parity.regressors[k] += parity.epoch_regressors[k]
+        parity.regressors[k] += share * parity.epoch_regressors[k]
         parity.level_regressors[0, k] = parity.epoch_regressors[k]
     for i in range(fusion.count):
         if parity.sensors >> i & 1 == 0:
@@ -245,7 +298,7 @@ def take(
         for axis in range(3):
             residual -= fusion.H[i, axis] * vector_s[axis]
         learned = learning.expected(parity.parity, i, parity.epoch_regressors, regressors)
-        parity.residual[i] += residual
+        parity.residual[i] += share * residual
         parity.unlearned[i] = residual - learned
         parity.level_sum[0, i] = residual - learned
     if parity.parity.seconds < LEARNED_S:

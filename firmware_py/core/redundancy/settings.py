@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
 
+from rrins.firmware_py.core.records.diagnostic_records import Repetition
 from rrins.firmware_py.core.records.memory import Ram
 from rrins.firmware_py.core.records.redundancy_records import (
     ABSOLUTE,
@@ -35,6 +36,14 @@ _SECONDS_PER_1000_H = 3.6e6
 _KINDS = 2
 SECONDS_SHARE, EPOCHS_SHARE, NOISE_SHARE = 0.8, 0.1, 0.1
 """Shares of a kind's half of the promise: small faults take long windows, and need most of it."""
+
+REPETITION_SHARE = 0.01
+"""Of the same, for equal counts in a row: one count more allows a hundredth of the false alarms."""
+
+_TOO_ALIKE = 0.9  # for counts to tell by themselves: hundreds in a row are equal by chance
+
+_PROMISED = 0.5
+"""Share of the noise in the data sheet that is in every sensor's counts."""
 
 _EXPECTED_GYRO = 0.02 * DPH
 _EXPECTED_ACCELEROMETER = 1.5e-4 * STANDARD_GRAVITY
@@ -99,6 +108,21 @@ def noise_limit(allowed: float, directions: int) -> float:
     return float((1.0 - third + z * math.sqrt(third)) ** 3)
 
 
+@cache
+def equal_counts(allowed: float, noise: float, rate_hz: int) -> int:
+    """Return how many epochs in a row repeat a sensor's counts only if it is stuck; 0: none do.
+
+    `noise` is its standard deviation in counts. An epoch has the same counts as the last with a
+    probability of ``erf(1 / (sqrt(8) noise))`` at most, whatever the sensor measures.
+    """
+    if noise <= 0.0:
+        return 0
+    alike = math.erf(1.0 / (math.sqrt(8.0) * _PROMISED * noise))
+    if alike > _TOO_ALIKE:
+        return 0
+    return math.ceil(math.log(allowed / (_SECONDS_PER_1000_H * rate_hz)) / math.log(alike))
+
+
 def _drift_variance(sheet: DataSheet, sensor: int) -> NDArray[np.float64]:
     """Return the variance of the drift's sum over each window.
 
@@ -137,6 +161,7 @@ def _set_parity(
     sheet: DataSheet,
     count: int,
     resolution: float,
+    repetition: Repetition,
     settings: RedundancySettings,
     rate_hz: int,
     expected: float,
@@ -145,11 +170,15 @@ def _set_parity(
 ) -> None:
     allowed = settings.false_alarms_per_1000_h / _KINDS
     directions = max(1, count - 3)
+    resolution = math.hypot(resolution, sheet.resolution)
     counts = resolution**2 / 6.0  # of a sum; as noise, too, for what is learned is not exact
     for k in range(count):
         parity["white_variance"][k] = sheet.white_noise[k] ** 2 + counts
         parity["drift_variance"][k] = _drift_variance(sheet, k)
         parity["instability_variance"][k] = sheet.bias_instability[k] ** 2
+        noise = sheet.white_noise[k] / math.sqrt(rate_hz) / resolution
+        repetition["enough"][k] = equal_counts(REPETITION_SHARE * allowed / count, noise, rate_hz)
+    repetition["resolution"] = resolution
     parity["quantisation_variance"] = counts
     bias = sheet.bias_limit / 3.0 if sheet.bias_sigma is None else sheet.bias_sigma
     parity["bias_variance"] = bias**2
@@ -201,6 +230,7 @@ def set_up(
             settings.gyros,
             int(state.gyros.count),
             resolutions[0],
+            state.diagnostics.gyro_repetition,
             settings,
             rate_hz,
             _EXPECTED_GYRO,
@@ -215,6 +245,7 @@ def set_up(
             settings.accelerometers,
             int(state.accelerometers.count),
             resolutions[1],
+            state.diagnostics.accelerometer_repetition,
             settings,
             rate_hz,
             _EXPECTED_ACCELEROMETER,

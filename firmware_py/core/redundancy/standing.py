@@ -55,11 +55,25 @@ def _expect_rotation(state: Ram, C_s_n: Floats, out: Floats, dt: float) -> None:
 
 
 @compiled
+def _turned_evenly(state: Ram, dt: float) -> bool:
+    """Return whether the axes are where their rates have taken them: so they were meanwhile."""
+    assembly, before = state.assembly, state.redundancy.angle_before_rad
+    span = state.parameters.angle_span_deg
+    for axis in range(2):
+        off = assembly.encoder_angle_deg[axis] - assembly.encoder_rate_dps[axis] * dt
+        off -= math.degrees(before[axis])
+        off -= span * math.floor(off / span + 0.5)
+        if abs(off) > 2.0 * state.encoders.step_deg:
+            return False
+    return True
+
+
+@compiled
 def expect(state: Ram) -> None:
     """Find the increments of this epoch that sound sensors have if the vehicle stands."""
     redundancy, assembly = state.redundancy, state.assembly
     dt = state.parameters.period_ns * 1e-9
-    known = redundancy.angle_known
+    known = redundancy.angle_known or _turned_evenly(state, dt)
     redundancy.angle_known = assembly.axis_received[INNER] and assembly.axis_received[OUTER]
     C_s_n = state.ins.C_s_n
     dtheta_s, force_s = redundancy.expected_dtheta_s, redundancy.work[0]

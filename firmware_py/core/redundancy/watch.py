@@ -42,6 +42,7 @@ _CLEAR_AFTER_S = 10
 _APART_S = 20
 """Seconds after which sensors that stand, and do not measure it, are an alarm: two that fail may
 cancel each other in the parity, and a vehicle that moves so little for so long is rare."""
+_SIGNIFICANT = 4.0  # standard deviations
 _LITTLE = 0.5  # of what a sensor at the end of its range says
 _TRIAL = 1
 """The second turn of what is done for the sensors in use and then for a trial: code that is at one
@@ -78,7 +79,8 @@ def _take(
 ) -> None:
     """Take an epoch of a kind; it counts if all compared sensors are valid.
 
-    In a second turn, as if the sensor that is tested for readmission were in use.
+    Sums of a second have those epochs alone of which the expectation is known, too, unless it is
+    not known for long. In a second turn, as if the sensor tested for readmission were in use.
     """
     redundancy = state.redundancy
     other, expected = state.dv_s, redundancy.expected_dtheta_s
@@ -87,7 +89,13 @@ def _take(
     for k in range(fusion.count):
         parity.unlearned[k] = 0.0
     if valid != parity.sensors or not fusion.solvable or fusion.used != valid:
+        parity.lost_epochs += 1
         return
+    lost, parity.lost_epochs = parity.lost_epochs, 0
+    if lost > 0:
+        parities.allow_for_gap(parity, fusion, redundancy.second_epochs)
+    unknown = redundancy.unknown_epochs
+    counts = unknown == 0 or not redundancy.navigated or unknown > redundancy.second_epochs
     dt = state.parameters.period_ns * 1e-9
     compared, vector = parity, own
     for turn in range(2):
@@ -98,12 +106,17 @@ def _take(
             readmission.fuse(state, compared, fusion, measured, own)
             vector = redundancy.readmission.vector
         regressors = parities.regress(compared, fusion, vector, other, redundancy.outer_turn, dt)
-        ratio = parities.take(compared, fusion, measured, vector, regressors)
+        counts = counts or turn == _TRIAL
+        ratio = parities.take(compared, fusion, measured, vector, regressors, counts)
         if turn == _TRIAL:
             readmission.note(state, ratio)
             break
         if redundancy.expected_known:
             standing.take(parity, own, expected, redundancy.outer_turn)
+            parity.known_epochs += 1
+        if 0 < lost < redundancy.second_epochs:  # a fault has worked in these, too
+            for k in range(fusion.count):
+                parity.unlearned[k] *= 1.0 + lost
         if ratio > 1.0:
             _raise(state, parity)
             parity.ratio = max(parity.ratio, ratio)
@@ -138,10 +151,12 @@ def close_second(state: Ram, parity: Parity, fusion: Fusion) -> tuple[int, int]:
                 break
             compared = readmission.trial(state, parity)
         is_full = 2 * compared.used_epochs > redundancy.second_epochs
+        if turn != _TRIAL:
+            is_full = parities.is_full(parity, redundancy.second_epochs)
         if is_full:
             compared.ratio = windows.close_second(compared, count, regressors)
             if turn != _TRIAL:
-                known = 2 * redundancy.known_epochs > redundancy.second_epochs
+                known = 2 * parity.known_epochs > parity.used_epochs
                 if standing.close_second(parity, fusion, regressors, known, slow):
                     redundancy.moved = True
                     if parity.kind == ACCELEROMETERS:  # its attitude errs otherwise now
@@ -157,7 +172,8 @@ def close_second(state: Ram, parity: Parity, fusion: Fusion) -> tuple[int, int]:
                 _raise(state, parity)
             if sensors == 0 and parity.alarm:
                 sensors, how = isolation.by_parity(parity, count), _PARITY
-        parities.begin_second(compared)
+        if is_full or turn == _TRIAL:
+            parities.begin_second(compared)
     return sensors, how
 
 
@@ -242,6 +258,26 @@ def _share(parity: Parity, sensors: int, sensor: int) -> float:
 
 
 @compiled
+def _begun_s(parity: Parity, sensor: int, how: int) -> float:
+    """Return for how many seconds the fault seems to last: where its sum is most significant.
+
+    Of a sensor that shows itself, only where it is significant at all.
+    """
+    suspect, best = max(0, int(parity.suspect)), 0.0
+    if how in (_STUCK, _ABSENT, _FULL_SCALE):
+        suspect, best = sensor, _SIGNIFICANT * _SIGNIFICANT
+    seconds = 1.0
+    for level in range(SECOND_LEVELS):
+        if not windows.is_due(parity, level):
+            continue
+        total = parity.window_sum[level, suspect]
+        variance = windows.variance_of(parity, level, suspect)
+        if total * total > best * variance:
+            best, seconds = total * total / variance, float(WINDOWS_S[level])
+    return seconds * max(1, parity.closed_s)
+
+
+@compiled
 def _leave_out(state: Ram, parity: Parity, fusion: Fusion, sensors: int, how: int) -> None:
     """Leave sensors out from now on if they can be spared, and order the repair of the history.
 
@@ -264,7 +300,10 @@ def _leave_out(state: Ram, parity: Parity, fusion: Fusion, sensors: int, how: in
                 parity.correction[k, j] += taken_off
                 parity.kept.coefficients[k, j] -= taken_off
         parity.corrected = True
-    seconds = float(WINDOWS_S[windows.begun_level(parity)])
+    first = 0
+    while sensors >> first & 1 == 0:
+        first += 1
+    seconds = _begun_s(parity, first, how)
     if how == _REFERENCE:
         parity.alarm_epoch = redundancy.bank.doubt_since[parity.kind]
     seconds = max(seconds, (state.epoch - parity.alarm_epoch) / redundancy.second_epochs)
@@ -376,7 +415,7 @@ def watch(state: Ram, navigating: bool, aligning: bool) -> None:
         standing.expect(state)
     elif aligning:
         standing.expect_constant(state)
-    redundancy.known_epochs += redundancy.expected_known
+    redundancy.unknown_epochs = 0 if redundancy.expected_known else redundancy.unknown_epochs + 1
     parity, fusion, own = redundancy.gyros, state.gyros, state.dtheta_s
     valid, measured = assembly.gyro_valid, assembly.gyro_dtheta
     for kind in range(2):
@@ -416,8 +455,6 @@ def watch(state: Ram, navigating: bool, aligning: bool) -> None:
             if kind == ACCELEROMETERS:
                 compared = state.calibration.accelerometers
             drift.compare(compared, parity, fusion, state.epoch)
-    if redundancy.epochs == 0:
-        redundancy.known_epochs = 0
     if navigating:
         if redundancy.epochs == 0:
             blocks.note_uncertain(history, redundancy.gyros, redundancy.accelerometers)

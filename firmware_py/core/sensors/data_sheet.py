@@ -43,6 +43,8 @@ class DataSheet(BaseModel):
         1, 1, rad: standard deviation of each.
     force_sigma : float
         rad/s per m/s², of gyros: standard deviation.
+    resolution : float
+        rad or m/s: the sensor's own step, if it is coarser than that of the frames.
     scale_stability : float
         1, standard deviation of what a scale factor changes by from one power-up to the next, and
         over 10 K.
@@ -66,4 +68,5 @@ class DataSheet(BaseModel):
     asymmetry_sigma: float = 15 * PPM
     installation_sigma: float = 10 * ARCSEC
     force_sigma: float = 0.0
+    resolution: float = 0.0
     scale_stability: float = 0.0

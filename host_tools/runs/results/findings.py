@@ -93,7 +93,7 @@ def _redundancy_of(state: Ram, parity: Parity, count: int) -> JsonObject:
         "readmitted": readmitted + 1 if came_back else None,
         "readmitted_s": seconds(parity.readmitted_epoch) if came_back else None,
         "readmission_refused": _lower(Refusal(int(readmission.refusal))) if is_refused else None,
-        "redundancy_left": bool(parity.redundant),
+        "redundancy_left": bool(parity.redundancy_left),
     }
 
 

@@ -112,6 +112,7 @@ def _data_sheet(
     )
     return DataSheet(
         white_noise=each_in_si("white_noise"),
+        resolution=value["resolution"] * keys["resolution"][1],
         bias_instability=each_in_si("bias_instability"),
         rate_random_walk=tuple(v * unit / SQRT_H for v in each(value["rate_random_walk"], count)),
         temperature_drift=tuple(

@@ -25,6 +25,9 @@ UNCALIBRATED = {
 }
 
 
+UNEVEN = {kind: one | UNCALIBRATED for kind, one in NOISE.items()}
+
+
 def simulate(*faults, scenario="rimu_rotating", duration_s=300, noise=NOISE, **changes):
     changes = {"redundancy": {"enabled": True}} | noise | changes
     return rrins.simulate(scenario, duration_s=duration_s, faults=faults, **changes).summary
@@ -181,6 +184,58 @@ def test_a_sensor_that_sticks_is_known_on_a_bus_that_loses_frames_since_power_on
     found = of(summary, kind)
     assert (found["excluded"], found["unresolved_s"]) == ([2], None)
     assert found["isolated_s"] - 60 < 10
+
+
+@pytest.mark.parametrize(("at_s", "noise"), [(103, NOISE), (203, {})])
+def test_a_group_that_repeats_one_frame_for_ever_is_left_out(at_s, noise):
+    fault = {"kind": "stale", "message": "SENSOR_3", "at_s": at_s}
+    summary = simulate(fault, noise=noise)
+    for kind in ("gyro", "accelerometer"):
+        found = of(summary, kind)
+        assert (found["excluded"], found["how"]) == ([3], "absent")
+        assert found["isolated_s"] - (at_s - BEGIN_S) < 2
+    assert worst_m(summary) < 10  # 9.4 km when every 15th epoch was used
+
+
+@pytest.mark.parametrize("noise", [NOISE, {}, UNEVEN], ids=["noise", "ideal", "uncalibrated"])
+@pytest.mark.parametrize("share", [0.2, 0.4])
+def test_a_bus_that_loses_many_frames_raises_no_alarm_and_hides_no_fault(share, noise):
+    lost = {"kind": "drop", "probability": share, "at_s": 20}
+    summary = simulate(lost, noise=noise)
+    for kind in ("gyro", "accelerometer"):
+        found = of(summary, kind)
+        assert (found["alarm_s"], found["redundancy_left"]) == (None, True)
+    found = of(simulate(lost, {"kind": "gyro_bias", "bias_dph": 40, "sensor": 2, "at_s": 203},
+        noise=noise), "gyro")  # fmt: skip
+    assert (found["excluded"], found["unresolved_s"]) == ([2], None)
+    assert found["alarm_s"] - 200 < 1
+    assert found["isolated_s"] - 200 < (60 if share > 0.2 else 10)
+
+
+def test_what_cannot_be_compared_is_not_redundant():
+    for times, redundant in (({"at_s": 103}, False), ({"at_s": 103, "for_s": 30}, True)):
+        summary = simulate({"kind": "drop", "message": "SENSOR_3", **times}, duration_s=150)
+        for kind in ("gyro", "accelerometer"):
+            found = of(summary, kind)
+            assert (found["redundancy_left"], found["alarm_s"]) == (redundant, None)
+
+
+def test_a_stuck_gyro_is_left_out_before_a_fifth_of_a_second():
+    for at_s in (203, 230.13):  # turning, and at rest
+        found = of(simulate({"kind": "gyro_stuck", "sensor": 2, "at_s": at_s}), "gyro")
+        assert (found["excluded"], found["how"]) == ([2], "stuck")
+        assert found["isolated_s"] - (at_s - BEGIN_S) < 0.2
+
+
+@pytest.mark.parametrize("noisy", [True, False])
+def test_coarse_counts_are_no_fault(noisy):
+    coarse = {"gyros": {"resolution_arcsec": 1}, "accelerometers": {"resolution_um_per_s": 1000}}
+    noise = {kind: one | (NOISE[kind] if noisy else {}) for kind, one in coarse.items()}
+    summary = simulate(noise=noise)
+    assert of(summary, "gyro")["alarm_s"] is of(summary, "accelerometer")["alarm_s"] is None
+    fault = {"kind": "gyro_bias", "bias_dph": 40, "sensor": 2, "at_s": 203}
+    found = of(simulate(fault, noise=noise), "gyro")
+    assert (found["excluded"], found["unresolved_s"]) == ([2], None)
 
 
 @pytest.mark.slow

@@ -89,6 +89,24 @@ def test_a_frame_of_another_epoch_is_refused(intake, index, away):
     assert intake.take(frames) == expected
 
 
+def test_a_group_that_repeats_one_frame_is_useless_until_its_counter_runs(tools):
+    bench = tools.Bench()
+    for _ in range(3):
+        bench.step()
+    repeated = bench.frames(bench.epoch)[FIRST_SENSOR]
+    used = []
+    for epoch in range(33):
+        frames = bench.frames(bench.epoch)
+        if epoch not in (0, 5, 30, 31, 32):
+            frames[FIRST_SENSOR] = repeated
+        bench.step(frames)
+        if bench.state["assembly"]["gyro_valid"] & 1:
+            used.append(epoch)
+        is_useless = bool(bench.state["assembly"]["gyro_absent"] & 1)
+        assert is_useless == (17 <= epoch < 32)
+    assert used == [0, 32]
+
+
 @pytest.mark.parametrize("flag", [EFF_FLAG, RTR_FLAG, ERR_FLAG])
 def test_extended_remote_and_error_frames_are_none_of_ours(intake, flag):
     frames = intake.frames()

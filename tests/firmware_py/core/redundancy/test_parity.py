@@ -80,12 +80,12 @@ def test_windows_shorter_than_a_second_find_a_step_at_once_and_forgive_the_unkno
     vector, other, z = np.zeros(3), np.zeros(3), np.zeros(16)
     regressors = parities.regress(parity, fusion, vector, other, 0.0, 0.005)
     assert regressors == ABSOLUTE + 4
-    assert parities.take(parity, fusion, z, vector, regressors) == 0.0
+    assert parities.take(parity, fusion, z, vector, regressors, True) == 0.0
     z[1] = 14 * np.sqrt(1 / 200)  # half of it is in the parity
     vector = fusion["gain"][:, :4] @ z[:4]
-    assert parities.take(parity, fusion, z, vector, regressors) > 1.0
+    assert parities.take(parity, fusion, z, vector, regressors, True) > 1.0
     parity["parity"]["covariance"][0, 0] = 1e12  # the constant is not known
-    assert parities.take(parity, fusion, z, vector, regressors) < 1.0
+    assert parities.take(parity, fusion, z, vector, regressors, True) < 1.0
 
 
 def test_the_ram_has_both_kinds():

@@ -1,0 +1,51 @@
+"""Tells a sender that repeats one frame for ever, by the state machine of AUTOSAR E2E.
+
+The counter of a frame that is repeated in every epoch is right in every 15th by chance. After a
+frame was repeated in epochs that are not its own, a run of right counters is needed before the
+source's data count again. A source of which 14 frames in a row were the same is useless.
+
+AUTOSAR, *Specification of SW-C End-to-End Communication Protection Library*: the status REPEATED,
+and the number of right frames after which data are valid again.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rrins.compiled.compilation import compiled
+from rrins.dbc.e2e import COUNTER_MODULUS
+from rrins.firmware_py.core.records.memory import Ram
+
+_DISTRUSTED_FROM = 2
+_RIGHT_RUN = 3
+_USELESS_FROM = COUNTER_MODULUS - 1
+
+
+@compiled
+def note_foreign(state: Ram, source: int, word: np.uint64) -> None:
+    """Note a frame of another epoch: within 14 epochs, no sound sender sends it in two."""
+    heard, ago = state.heard, state.epoch + 1 - state.heard.foreign_after[source]
+    if heard.foreign_word[source] == word and 0 < ago < COUNTER_MODULUS:
+        heard.repetitions[source] = min(heard.repetitions[source] + 1, _USELESS_FROM)
+        heard.right_run[source] = 0
+    heard.foreign_word[source] = word
+    heard.foreign_after[source] = state.epoch + 1
+
+
+@compiled
+def is_trusted(state: Ram, source: int) -> bool:
+    """Note a frame with the right counter; return whether its data count."""
+    heard = state.heard
+    if heard.repetitions[source] >= _DISTRUSTED_FROM:
+        heard.right_run[source] += 1
+        if heard.right_run[source] < _RIGHT_RUN:
+            return False
+    heard.repetitions[source] = 0
+    heard.right_run[source] = 0
+    return True
+
+
+@compiled
+def is_useless(state: Ram, source: int) -> bool:
+    """Return whether a source has sent nothing but one frame for as many epochs as counters are."""
+    return bool(state.heard.repetitions[source] >= _USELESS_FROM)
