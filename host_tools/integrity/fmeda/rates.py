@@ -16,7 +16,7 @@ from rrins.host_tools.campaigns.distributions import Distribution
 from rrins.host_tools.errors import RehearsalError, ScenarioError
 from rrins.host_tools.files import text_of
 from rrins.host_tools.hardware.fault_kinds import HardwareFault
-from rrins.host_tools.integrity.fmeda.phases import PHASES
+from rrins.host_tools.integrity.phases import PHASES
 
 FIT_PER_H = 1e-9
 """One failure in 1e9 h, per hour."""

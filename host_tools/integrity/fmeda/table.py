@@ -12,7 +12,7 @@ import numpy as np
 
 from rrins.host_tools.campaigns.statistics import Estimate, weighted_proportion
 from rrins.host_tools.files import JsonObject
-from rrins.host_tools.integrity.fmeda.phases import PHASES
+from rrins.host_tools.integrity.phases import PHASES
 from rrins.host_tools.integrity.fmeda.rates import Rates
 from rrins.host_tools.integrity.fmeda.trials import Finding
 
