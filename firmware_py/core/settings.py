@@ -13,6 +13,8 @@ from rrins.dbc.contract import SENSOR_GROUPS, Contract
 from rrins.firmware_py.core.estimator import settings as estimator
 from rrins.firmware_py.core.estimator.settings import EstimatorSettings
 from rrins.firmware_py.core.frames_in import clock, intake
+from rrins.firmware_py.core.integrity import settings as integrity
+from rrins.firmware_py.core.integrity.settings import IntegritySettings
 from rrins.firmware_py.core.maths.attitude import matrix_of_euler
 from rrins.firmware_py.core.navigation import strapdown, transfer
 from rrins.firmware_py.core.records.initial_attitude import InitialAttitude
@@ -154,6 +156,7 @@ class Settings(Keys):
     calibration: Calibration = Calibration()
     redundancy: RedundancySettings | None = None
     estimator: EstimatorSettings | None = None
+    integrity: IntegritySettings | None = None
     calibration_file: str | None = None
     """Source of the initial attitude."""
 
@@ -270,6 +273,8 @@ def power_on(settings: Settings, contract: Records[Contract]) -> Records[Ram]:
     if settings.estimator is not None:
         axes = settings.gyro_axes_deg, settings.accelerometer_axes_deg
         estimator.set_up(state, settings.estimator, rate_hz, axes)
+    if settings.integrity is not None:
+        integrity.set_up(state, settings.integrity)
     state.dispatch = intake.dispatch_table(contract)
     state.epoch = -1
     clock.power_on(state.clock, parameters.period_ns)

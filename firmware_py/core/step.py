@@ -18,6 +18,7 @@ from rrins.firmware_py.core.estimator import feedback
 from rrins.firmware_py.core.estimator import follow as estimator
 from rrins.firmware_py.core.frames_in import clock, gnss, intake, master, odometer, zero_velocity
 from rrins.firmware_py.core.frames_out.transmit import transmit
+from rrins.firmware_py.core.integrity import protection
 from rrins.firmware_py.core.maths import earth
 from rrins.firmware_py.core.maths.attitude import (
     euler_of_matrix,
@@ -330,6 +331,8 @@ def compute(state: Ram, contract: Contract, compares: bool | None, estimates: bo
     wheel.follow(state)
     if estimates is not None:
         estimator.follow(state)
+        if state.integrity.enabled:
+            protection.follow(state)
 
 
 @compiled

@@ -49,6 +49,7 @@ from rrins.host_tools.scenario.tables import (
     Estimator,
     Firmware,
     Gnss,
+    Integrity,
     Master,
     OperatorRequest,
     Outage,
@@ -95,6 +96,7 @@ class Scenario(TomlTable):
     firmware: Firmware = Firmware()
     redundancy: Redundancy = Redundancy()
     estimator: Estimator = Estimator()
+    integrity: Integrity = Integrity()
     zero_velocity: tuple[ZeroVelocity, ...] = Field(default=(), max_length=STANDING_CAPACITY)
     operator: tuple[OperatorRequest, ...] = Field(default=(), max_length=30)
     paper: Paper | None = None
@@ -154,6 +156,8 @@ class Scenario(TomlTable):
             if unit is not None and unit.latency_s >= 1 / unit.rate_hz:
                 late = f"{name}.latency_s: {unit.latency_s:g} s, but the next {what} comes after"
                 raise ValueError(f"{late} {1 / unit.rate_hz:g} s")
+        if self.integrity.enabled and not self.estimator.enabled:
+            raise ValueError("integrity.enabled: needs estimator.enabled = true")
         if self.master is not None and self.firmware.initial_attitude != "transferred":
             raise ValueError('master: needs firmware.initial_attitude = "transferred"')
         if self.firmware.initial_attitude == "self-aligned-moving" and self.gnss is None:

@@ -14,6 +14,7 @@ from pydantic import Field, model_validator
 import rrins.firmware_py.core.sensors.calibration
 import rrins.firmware_py.core.settings
 from rrins.dbc.contract import SENSOR_GROUPS
+from rrins.firmware_py.core.integrity.settings import IntegritySettings
 from rrins.firmware_py.core.records.redundancy_records import TEST_LEAST_S, TEST_LONGEST_S
 from rrins.firmware_py.core.sensors.fusion import CONDITION_LIMIT
 from rrins.host_tools.hardware.memory import OUTAGE_CAPACITY, READMISSION_CAPACITY
@@ -250,6 +251,13 @@ class Estimator(TomlTable):
             if getattr(self, key) and not self.enabled:
                 raise ValueError(f"{key}: needs enabled = true")
         return self
+
+
+class Integrity(IntegritySettings, TomlTable):
+    """Bounds of the navigation's error for a stated risk, and the rates of faults they assume."""
+
+    enabled: bool = False
+    """Find the bounds; needs the estimator."""
 
 
 class OperatorRequest(TomlTable):

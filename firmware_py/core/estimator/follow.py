@@ -12,6 +12,7 @@ import math
 from rrins.compiled.compilation import compiled
 from rrins.firmware_py.core.estimator import (
     constants,
+    fault_effects,
     feedback,
     history,
     lockout,
@@ -68,7 +69,7 @@ def follow(state: Ram) -> None:
     if estimator.constants:
         constants.note(state)
     standstill.note(state)
-    measurements.note(estimator, state)
+    measurements.note(state)
     estimator.epochs += 1
     if estimator.epochs == estimator.second_epochs:
         _finish_second(state)
@@ -136,10 +137,12 @@ def begin(state: Ram) -> None:
         P[at, at] = estimator.altimeter_bias_sigma**2
     if estimator.sway:
         sway.begin(estimator, position_sigma)
-    measurements.begin(estimator, state.epoch)
+    measurements.begin(state)
     wheels.begin(state)
     standstill.begin(state)
     lockout.begin(estimator)
+    if state.integrity.enabled:
+        fault_effects.begin(state)
 
 
 @compiled
@@ -223,6 +226,8 @@ def _work(state: Ram) -> None:
         feedback.apply(state)
     elif estimator.stage == _COVARIANCE:
         propagation.propagate_covariance(estimator)
+        if state.integrity.enabled:
+            fault_effects.propagate(state)
         if estimator.sway:
             sway.propagate(estimator, state.alignment.position_sigma)
     elif estimator.stage == _NOISE:

@@ -10,7 +10,7 @@ from __future__ import annotations
 from rrins.compiled.compilation import compiled
 from rrins.compiled.record import Floats
 from rrins.firmware_py.core.aiding import antenna
-from rrins.firmware_py.core.estimator import covariance, standstill, wheels
+from rrins.firmware_py.core.estimator import covariance, fault_effects, standstill, wheels
 from rrins.firmware_py.core.maths import earth
 from rrins.firmware_py.core.modes.modes import Mode
 from rrins.firmware_py.core.records.estimator_records import (
@@ -47,11 +47,13 @@ _LEAST_HEIGHT_SIGMA = 0.1
 
 
 @compiled
-def begin(estimator: Estimator, epoch: int) -> None:
-    """Begin with no measurement waiting, and no past."""
+def begin(state: Ram) -> None:
+    """Begin with no measurement waiting, and no past before this epoch."""
+    estimator = state.estimator
     estimator.waiting = 0
     estimator.aided_epoch = -1
-    estimator.track_first = epoch
+    estimator.track_first = state.epoch
+    _keep(state)
     estimator.heights = 0
     estimator.height_sum = 0.0
     estimator.height_epochs = 0
@@ -67,20 +69,26 @@ def begin(estimator: Estimator, epoch: int) -> None:
 
 
 @compiled
-def note(estimator: Estimator, state: Ram) -> None:
-    """Keep the navigation at the end of this epoch; take a fix that came in it."""
-    ins, gnss = state.ins, state.gnss
-    row = estimator.track[state.epoch % TRACK_EPOCHS]
+def _keep(state: Ram) -> None:
+    """Keep the navigation at the end of this epoch."""
+    ins, row = state.ins, state.estimator.track[state.epoch % TRACK_EPOCHS]
     row[0], row[1], row[2] = ins.latitude, ins.longitude, ins.height
     for i in range(3):
         row[3 + i] = ins.velocity_n[i]
+
+
+@compiled
+def note(state: Ram) -> None:
+    """Keep the navigation at the end of this epoch; take a fix that came in it."""
+    estimator, gnss = state.estimator, state.gnss
+    _keep(state)
     is_free = estimator.waiting >> (COMPONENTS * _GNSS_POSITION) & _FIX == 0
     oldest = max(estimator.track_first, state.epoch - TRACK_EPOCHS + 1)
     if gnss.fresh and is_free and gnss.epoch >= oldest:
         _take_fix(state)
     if estimator.altimeter and state.assembly.altimeter_received:
         estimator.heights += 1
-        estimator.height_sum += state.assembly.altimeter_height - ins.height
+        estimator.height_sum += state.assembly.altimeter_height - state.ins.height
         estimator.height_epochs += state.epoch - estimator.epoch
 
 
@@ -175,20 +183,24 @@ def take(state: Ram) -> bool:
     for i in range(estimator.states):
         estimator.row[i] = 0.0
     innovation, sigma = _innovation(state, aid, component)
-    _judge(estimator, aid, innovation, sigma, state.epoch)
+    _judge(state, aid, component, innovation, sigma)
     return True
 
 
 @compiled
-def _judge(estimator: Estimator, aid: int, innovation: float, sigma: float, epoch: int) -> None:
+def _judge(state: Ram, aid: int, component: int, innovation: float, sigma: float) -> None:
     """Take a measurement, unless its innovation is beyond the gate."""
+    estimator = state.estimator
     x, P, n, source = estimator.x, estimator.P, estimator.states, estimator.sources[aid]
     for i in range(n):
         if estimator.row[i] != 0.0:
             innovation -= estimator.row[i] * x[i]
     expected = covariance.expect(P, n, estimator.row, sigma * sigma, estimator.gain)
     square = innovation * innovation / expected
-    if not square <= estimator.gate * estimator.gate:
+    is_used = square <= estimator.gate * estimator.gate
+    if state.integrity.enabled:
+        fault_effects.take(state, aid, component, innovation, expected, is_used)
+    if not is_used:
         source.rejected += 1
         source.rejected_in_a_row += 1
         source.distrust = min(MOST_DISTRUST, source.distrust + 3)
@@ -196,7 +208,7 @@ def _judge(estimator: Estimator, aid: int, innovation: float, sigma: float, epoc
         estimator.excess = max(estimator.excess, innovation * innovation / known)
         return
     covariance.update(x, P, n, estimator.gain, innovation, expected)
-    estimator.aided_epoch = epoch
+    estimator.aided_epoch = state.epoch
     source.used += 1
     source.distrust = max(0, source.distrust - 1)
     source.rejected_in_a_row = 0

@@ -16,6 +16,7 @@ from rrins.firmware_py.core.frames_out import estimator_frames
 from rrins.firmware_py.core.modes.modes import navigating
 from rrins.firmware_py.core.navigation import bridging
 from rrins.firmware_py.core.records.calibration_records import Drift
+from rrins.firmware_py.core.records.integrity_records import HEADING, HORIZONTAL, VERTICAL
 from rrins.firmware_py.core.records.memory import INNER, OUTER, FaultCounters, Ram
 from rrins.firmware_py.core.records.redundancy_records import Parity, Readmission
 from rrins.firmware_py.core.redundancy import drift
@@ -131,6 +132,19 @@ def _redundancies(state: Ram, contract: Contract, outbox: FrameArray, count: int
 
 
 @compiled
+def _integrity(state: Ram, message: MessageSignals) -> np.uint64:
+    integrity = state.integrity
+    word = pack(np.uint64(0), message.status, integrity.status)
+    word = pack(word, message.suspected, integrity.suspected)
+    word = pack(word, message.unmonitored, integrity.unmonitored)
+    word = pack(word, message.refusing, integrity.refusing)
+    word = encode(word, message.horizontal_protection, integrity.protection[HORIZONTAL])
+    word = encode(word, message.vertical_protection, integrity.protection[VERTICAL])
+    heading_deg = math.degrees(integrity.protection[HEADING])
+    return encode(word, message.heading_protection, heading_deg)
+
+
+@compiled
 def _table(state: Ram, message: MessageSignals) -> np.uint64:
     encoders, running = state.encoders, state.sequencer
     word = pack(np.uint64(0), message.axis_inner_source, encoders.source[INNER])
@@ -236,6 +250,13 @@ def transmit(state: Ram, contract: Contract, outbox: FrameArray) -> int:
     is_due = state.estimator.enabled and _due(state, contract.estimator_status.message)
     if is_due and estimator_frames.is_known(state):
         count = estimator_frames.send(state, contract, outbox, count)
+    bounds = contract.integrity
+    if state.integrity.enabled and _due(state, bounds.message):
+        fill(
+            outbox[count], bounds.message, _integrity(state, bounds), state.integrity.transmissions
+        )
+        state.integrity.transmissions += 1
+        count += 1
     table = contract.table_status
     if _due(state, table.message) and _had_trouble(state):
         fill(outbox[count], table.message, _table(state, table), state.encoders.transmissions)

@@ -99,6 +99,11 @@ class EstimatorSecond(Record):
     odometer_sigma: Annotated[Floats, ODOMETER_STATES]  #: 1, rad, rad
     altimeter_bias: F8  #: m
     altimeter_bias_sigma: F8  #: m
+    protection: Annotated[
+        Floats, 3
+    ]  #: bounds of the error: horizontal, vertical (m), heading (rad)
+    limit: Annotated[Integers, 3]  #: number of the fault that sets each of them; -1: none does
+    integrity: I8  #: an `IntegrityStatus`
     aided_by: I8  #: in this second, one bit each `Aid`
     rejecting: I8  #: whose last scalar failed the gate, one bit each `Aid`
     used: Annotated[Integers, AIDS]  #: as in `Source`

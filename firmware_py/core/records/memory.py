@@ -26,6 +26,7 @@ from rrins.firmware_py.core.records.calibration_records import CalibrationInUse
 from rrins.firmware_py.core.records.diagnostic_records import DiagnosticState
 from rrins.firmware_py.core.records.encoder_records import Encoders
 from rrins.firmware_py.core.records.estimator_records import TRACK_EPOCHS, Estimator
+from rrins.firmware_py.core.records.integrity_records import Integrity
 from rrins.firmware_py.core.records.redundancy_records import Redundancy
 from rrins.firmware_py.core.records.transfer_records import Master, Transfer
 from rrins.firmware_py.core.records.troubles import Source
@@ -453,6 +454,7 @@ class Ram(Record):
     bridging: Bridging
     redundancy: Redundancy
     estimator: Estimator
+    integrity: Integrity
     calibration: CalibrationInUse
 
 

@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rrins.firmware_py.core.estimator.settings import EstimatorSettings
+from rrins.firmware_py.core.integrity.settings import IntegritySettings
 from rrins.firmware_py.core.redundancy.settings import RedundancySettings
 from rrins.firmware_py.core.sensors.data_sheet import DataSheet
 from rrins.host_tools.hardware.tables import Accelerometers, Gyros, PerSensor, Thermal
@@ -182,6 +183,12 @@ def estimator_settings(scenario: Scenario) -> EstimatorSettings | None:
         heading_sigma=heading_sigma,
         **_altimeter(scenario),
     )
+
+
+def integrity_settings(scenario: Scenario) -> IntegritySettings | None:
+    """Return the set-up of the firmware's integrity for a scenario; None where it has none."""
+    table = scenario.integrity
+    return IntegritySettings(**table.model_dump(exclude={"enabled"})) if table.enabled else None
 
 
 def _altimeter(scenario: Scenario) -> dict[str, float]:

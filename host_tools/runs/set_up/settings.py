@@ -19,7 +19,11 @@ from rrins.host_tools.errors import ScenarioError
 from rrins.host_tools.motion.build import build
 from rrins.host_tools.motion.mounting import mounted
 from rrins.host_tools.motion.trajectory import ATTITUDE, PLACE, Trajectory
-from rrins.host_tools.runs.set_up.data_sheets import estimator_settings, redundancy_settings
+from rrins.host_tools.runs.set_up.data_sheets import (
+    estimator_settings,
+    integrity_settings,
+    redundancy_settings,
+)
 from rrins.host_tools.runs.set_up.master import master_settings
 from rrins.host_tools.runs.set_up.tunnels import outages
 from rrins.host_tools.scenario.fault_tables import FaultOnWire
@@ -64,6 +68,7 @@ def firmware_settings(scenario: Scenario) -> firmware.Settings:
         calibration=_calibration(settings.calibration, len(gyros), len(accelerometers)),
         redundancy=redundancy_settings(scenario),
         estimator=estimator_settings(scenario),
+        integrity=integrity_settings(scenario),
         calibration_file=settings.calibration,
     )
 

@@ -1,0 +1,191 @@
+"""What a fault would do, and what the filter's innovations say about it.
+
+A fault of a sensor is a jump of its bias, and with it of the error that the filter leaves; one of a
+fix is an offset of what is measured. From there on the error goes the way of all errors of the
+filter: ``Φ e`` in a second, ``(I - K h) e - K c`` with a measurement that is off by c. A fault of
+size b moves an innovation by ``b (h e + c)``. The sum of the squares of ``h e + c`` over the
+innovation's variance is the information about b, that of its products with the innovations tells
+b. Willsky and Jones, *IEEE Transactions on Automatic Control* 21 (1976) 108; Joerger and Pervan,
+*IEEE Transactions on Aerospace and Electronic Systems* 50 (2014), on solution separation.
+
+A fault may have begun at any time: it is followed from several, which a ladder keeps. Rung k is
+taken anew every ``2^k`` seconds that the next one does not take. The time since which a fault shows
+most is kept for longer.
+"""
+
+from __future__ import annotations
+
+from rrins.compiled.compilation import compiled
+from rrins.dbc.contract import SENSOR_GROUPS
+from rrins.firmware_py.core.records.estimator_records import (
+    BIASES,
+    COMPONENTS,
+    SCALE,
+    Aid,
+)
+from rrins.firmware_py.core.records.integrity_records import (
+    AGES,
+    AID_FAULTS,
+    ALTIMETER_FAULT,
+    FAULT_CAPACITY,
+    GNSS_DRIFT,
+    GNSS_STEP,
+    ODOMETER_FAULT,
+    RUNGS,
+    SINCE_BEGIN,
+    SUSPECT,
+    Effect,
+    Fault,
+    Integrity,
+)
+from rrins.firmware_py.core.records.memory import Ram
+
+FIRST_AID = FAULT_CAPACITY - AID_FAULTS
+
+_KEPT_FROM = 12.0
+"""Square of the statistic of a fault from which on it is kept."""
+
+_REFUSED_MOST = 25.0
+"""Square of a normalised innovation that counts for the agreement, at most: the gate's."""
+
+_RECENT = 64
+"""Innovations over which their agreement with the filter is judged."""
+
+_GNSS_POSITION, _GNSS_VELOCITY = int(Aid.GNSS_POSITION), int(Aid.GNSS_VELOCITY)
+
+
+@compiled
+def begin(state: Ram) -> None:
+    """Begin with the filter."""
+    integrity = state.integrity
+    integrity.seconds = 0
+    integrity.agreement = 1.0
+    for i in range(COMPONENTS):
+        integrity.refused[i] = 0.0
+    for k in range(FAULT_CAPACITY):
+        for age in range(AGES):
+            _restart(state, integrity.faults[k], k, age)
+
+
+@compiled
+def _restart(state: Ram, fault: Fault, k: int, age: int) -> None:
+    """Let a fault begin now."""
+    effect, estimator = fault.effects[age], state.estimator
+    effect.begun_s = state.integrity.seconds
+    effect.information = 0.0
+    effect.correlation = 0.0
+    for i in range(estimator.states):
+        effect.state[i] = 0.0
+    sensors = int(state.gyros.count) + int(state.accelerometers.count)
+    aid = k - FIRST_AID
+    if fault.sensor >= 0:
+        first = BIASES + (0 if k < SENSOR_GROUPS else int(state.gyros.count))
+        effect.state[first + fault.sensor] = 1.0
+    elif aid == ODOMETER_FAULT and fault.present:
+        effect.state[BIASES + sensors + SCALE] = 1.0
+    elif aid == ALTIMETER_FAULT and fault.present:
+        effect.state[estimator.altimeter_state] = 1.0
+
+
+@compiled
+def propagate(state: Ram) -> None:
+    """Carry all effects over a second by the filter's transition, and let faults begin."""
+    integrity = state.integrity
+    integrity.seconds += 1
+    begins = 0
+    while begins < RUNGS - 1 and integrity.seconds >> begins & 1 == 0:
+        begins += 1
+    for k in range(FAULT_CAPACITY):
+        fault = integrity.faults[k]
+        if not fault.present:
+            continue
+        for age in range(AGES):
+            _carry(state, fault.effects[age])
+        _keep_suspect(state, fault)
+        _restart(state, fault, k, begins)
+
+
+@compiled
+def _shown(effect: Effect) -> float:
+    """Return the square of the statistic of a fault."""
+    if effect.information <= 0.0:
+        return 0.0
+    return float(effect.correlation * effect.correlation / effect.information)
+
+
+@compiled
+def _keep_suspect(state: Ram, fault: Fault) -> None:
+    """Keep the time since which a fault shows most, for as long as no other shows more."""
+    best, most = -1, max(_KEPT_FROM, _shown(fault.effects[SUSPECT]))
+    for age in range(SINCE_BEGIN):
+        if _shown(fault.effects[age]) > most:
+            best, most = age, _shown(fault.effects[age])
+    if best < 0:
+        return
+    kept, effect = fault.effects[SUSPECT], fault.effects[best]
+    kept.begun_s = effect.begun_s
+    kept.information = effect.information
+    kept.correlation = effect.correlation
+    for i in range(state.estimator.states):
+        kept.state[i] = effect.state[i]
+
+
+@compiled
+def _carry(state: Ram, effect: Effect) -> None:
+    estimator, matrix = state.estimator, state.estimator.transition
+    error, moved = effect.state, estimator.gain
+    for i in range(BIASES):
+        moved[i] = 0.0
+    for j in range(estimator.states):
+        value = error[j]
+        if value != 0.0:
+            for i in range(BIASES):
+                moved[i] += matrix[i, j] * value
+    for i in range(BIASES):
+        error[i] = moved[i]
+
+
+@compiled
+def _offset(integrity: Integrity, effect: Effect, k: int, aid: int, component: int) -> float:
+    """Return by how much a fault of size 1 of an aid moves this measurement."""
+    fault = k - FIRST_AID
+    if fault == GNSS_STEP + component and aid == _GNSS_POSITION:
+        return 1.0
+    if GNSS_DRIFT <= fault < GNSS_DRIFT + COMPONENTS:
+        axis = fault - GNSS_DRIFT
+        if aid == _GNSS_POSITION and axis == component:
+            return float(integrity.seconds - effect.begun_s)
+        # Latitude is north, the second component of a velocity.
+        along = 1 - axis if axis < 2 else axis
+        if aid == _GNSS_VELOCITY and along == component:
+            return 1.0
+    return 0.0
+
+
+@compiled
+def take(
+    state: Ram, aid: int, component: int, innovation: float, expected: float, is_used: bool
+) -> None:
+    """Follow a measurement: its row and gain are those in the estimator's scratch."""
+    integrity, estimator = state.integrity, state.estimator
+    row, gain, n = estimator.row, estimator.gain, int(estimator.states)
+    square = min(innovation * innovation / expected, _REFUSED_MOST)
+    integrity.agreement += (square - integrity.agreement) / _RECENT
+    if aid == _GNSS_POSITION:
+        integrity.refused[component] = 0.0 if is_used else abs(innovation)
+    for k in range(FAULT_CAPACITY):
+        fault = integrity.faults[k]
+        if not fault.present:
+            continue
+        for age in range(AGES):
+            effect = fault.effects[age]
+            shift = _offset(integrity, effect, k, aid, component)
+            for i in range(n):
+                if row[i] != 0.0:
+                    shift += row[i] * effect.state[i]
+            effect.information += shift * shift / expected
+            effect.correlation += shift * innovation / expected
+            if is_used:
+                share = shift / expected
+                for i in range(n):
+                    effect.state[i] -= gain[i] * share

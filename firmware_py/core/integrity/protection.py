@@ -1,0 +1,281 @@
+"""Bounds of the error for a stated risk, at the end of each second of the filter.
+
+Without a fault the error is Gaussian with the filter's variance σ². Under a fault with the effect s
+of size 1, of whose size parity and innovations say ``ρ / I`` with the variance ``1 / I``, it is off
+by ``s ρ / I``, with the variance ``σ² + s² / I``, and the fault is ``exp(ρ² / 2 I)`` times as
+likely as it was before. The bound is the largest of all hypotheses, each for its share of the
+risk, with ``2 Q(K) <= exp(-K² / 2)``: multiple hypothesis solution separation, where ``s ρ / I`` is
+by how much the solution with the fault estimated differs from the one in use. Blanch et al., *IEEE
+Transactions on Aerospace and Electronic Systems* 51 (2015) 713; Brown and McBurney, *NAVIGATION* 35
+(1988) 41; NAVIGATION 70 (2023) navi.612.
+"""
+
+from __future__ import annotations
+
+import math
+
+from rrins.compiled.compilation import compiled
+from rrins.compiled.record import Floats
+from rrins.dbc.contract import SENSOR_GROUPS
+from rrins.firmware_py.core.estimator.fault_effects import FIRST_AID
+from rrins.firmware_py.core.records.estimator_records import (
+    AIDS,
+    ATTITUDE,
+    ESTIMATOR_HISTORY_S,
+    HEIGHT,
+    LATITUDE,
+    LONGITUDE,
+)
+from rrins.firmware_py.core.records.integrity_records import (
+    AGES,
+    BOUNDS,
+    FAULT_CAPACITY,
+    HEADING,
+    SINCE_BEGIN,
+    VERTICAL,
+    Integrity,
+    IntegrityStatus,
+)
+from rrins.firmware_py.core.records.memory import Ram
+from rrins.firmware_py.core.records.redundancy_records import SECOND_LEVELS, WINDOWS_S, Parity
+from rrins.firmware_py.core.redundancy import windows
+from rrins.firmware_py.core.redundancy.parity import CHECKED_FROM
+
+LONGEST_S = 24 * 3600.0
+"""For which a fault may have lasted unseen."""
+
+SHOWS_FROM = 6.0
+"""Standard deviations of the size of a fault from which on it is suspected."""
+
+_AGREES_BELOW = 2.5
+"""Mean square of the normalised innovations; of 64 independent ones 6 sigma are 2.1."""
+
+_SPAN = 3
+"""Sensors that span space: more are redundant."""
+
+_IDLE_S = 2
+"""Seconds without a comparison after which the parity shows nothing new."""
+
+_AVAILABLE, _DEGRADED = int(IntegrityStatus.AVAILABLE), int(IntegrityStatus.DEGRADED)
+_NOT_AVAILABLE, _OFF = int(IntegrityStatus.NOT_AVAILABLE), int(IntegrityStatus.OFF)
+
+
+@compiled
+def _sigma(state: Ram, bound: int) -> float:
+    """Return the standard deviation of the error without a fault; horizontally the larger axis."""
+    estimator, P = state.estimator, state.estimator.P
+    if bound == VERTICAL:
+        return math.sqrt(max(0.0, P[HEIGHT, HEIGHT]))
+    if bound == HEADING:
+        return math.sqrt(max(0.0, P[ATTITUDE + 2, ATTITUDE + 2]))
+    north, east = estimator.north_radius, estimator.east_radius
+    along = P[LATITUDE, LATITUDE] * north * north
+    across = P[LONGITUDE, LONGITUDE] * east * east
+    both = P[LATITUDE, LONGITUDE] * north * east
+    half = 0.5 * (along - across)
+    return math.sqrt(max(0.0, 0.5 * (along + across) + math.sqrt(half * half + both * both)))
+
+
+@compiled
+def _size(state: Ram, error: Floats, bound: int) -> float:
+    """Return how large an error of the filter's states is along a bound."""
+    estimator = state.estimator
+    if bound == VERTICAL:
+        return abs(error[HEIGHT])
+    if bound == HEADING:
+        return abs(error[ATTITUDE + 2])
+    return math.hypot(
+        error[LATITUDE] * estimator.north_radius, error[LONGITUDE] * estimator.east_radius
+    )
+
+
+@compiled
+def _parity_shows(integrity: Integrity, parity: Parity, kind: int) -> bool:
+    """Return whether the parity of a kind has taken a second of late, and shows faults."""
+    if parity.seconds == integrity.compared[kind]:
+        integrity.idle_s[kind] += 1
+    else:
+        integrity.idle_s[kind] = 0
+    integrity.compared[kind] = parity.seconds
+    return bool(parity.redundant and integrity.idle_s[kind] < _IDLE_S)
+
+
+@compiled
+def _from_parity(parity: Parity, sensor: int, seconds: int) -> tuple[float, float]:
+    """Return information and correlation of the parity with a fault, as of the innovations.
+
+    The fault has lasted for `seconds`: by the longest window that it fills.
+    """
+    own = parity.projector[sensor, sensor]
+    if own <= CHECKED_FROM:
+        return 0.0, 0.0
+    for back in range(SECOND_LEVELS):
+        level = SECOND_LEVELS - 1 - back
+        if WINDOWS_S[level] > seconds or parity.seconds < WINDOWS_S[level]:
+            continue
+        variance, along = windows.variance_of(parity, level, sensor), own * WINDOWS_S[level]
+        if variance > 0.0:
+            return along * along / variance, along * parity.window_sum[level, sensor] / variance
+    return 0.0, 0.0
+
+
+@compiled
+def _cover(state: Ram, number: int, parity: Parity, by_parity: bool, alarm: bool) -> bool:
+    """Raise the bounds to cover a fault; return whether it shows, and moves the navigation.
+
+    In an alarm of its kind it is as likely as not, and what it can do is added to `sums`.
+    """
+    integrity, shows = state.integrity, False
+    fault = integrity.faults[number]
+    lately = 2.0 * math.log(min(1.0, max(1, integrity.seconds) / LONGEST_S))
+    for bound in range(BOUNDS):
+        most, sigma = 0.0, integrity.sigmas[bound]
+        for age in range(AGES):
+            effect = fault.effects[age]
+            seconds = integrity.seconds - effect.begun_s
+            size = _size(state, effect.state, bound)
+            if seconds == 0 or size == 0.0:
+                continue
+            odds = fault.odds[age]
+            if age == SINCE_BEGIN:
+                odds += lately
+            information, correlation = effect.information, effect.correlation
+            if by_parity:
+                more, along = _from_parity(parity, int(fault.sensor), int(seconds))
+                information += more
+                correlation += along
+            covers = math.inf
+            if information > 0.0:
+                deviation = size / math.sqrt(information)
+                found = abs(correlation) / math.sqrt(information)
+                shows = shows or (found > SHOWS_FROM and deviation * found > sigma)
+                odds += found * found
+                if alarm:
+                    odds = max(odds, integrity.faultless**2)
+                if odds <= 0.0:
+                    continue
+                covers = deviation * found
+                covers += math.sqrt(odds * (sigma * sigma + deviation * deviation))
+            elif odds <= 0.0:
+                continue
+            if alarm:
+                most = max(most, covers - integrity.faultless * sigma)
+            elif covers > integrity.protection[bound]:
+                integrity.protection[bound] = covers
+                integrity.limit[bound] = number
+        integrity.sums[bound] += most
+    return shows
+
+
+@compiled
+def _is_suspected(state: Ram, parity: Parity, kind: int) -> bool:
+    """Return whether a sensor of a kind is suspected to fail, and still in use."""
+    bank = state.redundancy.bank
+    return bool(parity.alarm or (bank.active and bank.doubts >> kind & 1 != 0))
+
+
+@compiled
+def follow(state: Ram) -> None:
+    """Find the bounds where the filter has just ended a second, and note them with it."""
+    integrity, estimator = state.integrity, state.estimator
+    ended = estimator.history_count != integrity.noted
+    integrity.noted = estimator.history_count
+    if not estimator.running:
+        _know_nothing(integrity)
+    elif ended:
+        _assess(state)
+        last = estimator.history[(estimator.history_count - 1) % ESTIMATOR_HISTORY_S]
+        last.integrity = integrity.status
+        for bound in range(BOUNDS):
+            last.protection[bound] = integrity.protection[bound]
+            last.limit[bound] = integrity.limit[bound]
+
+
+@compiled
+def _know_nothing(integrity: Integrity) -> None:
+    """Bound nothing: there is no navigation, or its filter does not run."""
+    integrity.status = _NOT_AVAILABLE if integrity.enabled else _OFF
+    for bound in range(BOUNDS):
+        integrity.protection[bound] = math.inf
+        integrity.limit[bound] = -1
+    for status in range(integrity.counts.shape[0]):
+        integrity.counts[status] = 0
+
+
+@compiled
+def _assess(state: Ram) -> None:
+    """Find the bounds at the end of a second, and what they are worth."""
+    integrity, estimator = state.integrity, state.estimator
+    spread = math.sqrt(integrity.agreement) if integrity.agreement > _AGREES_BELOW else 1.0
+    for bound in range(BOUNDS):
+        integrity.sigmas[bound] = spread * _sigma(state, bound)
+        integrity.protection[bound] = integrity.faultless * integrity.sigmas[bound]
+        integrity.limit[bound] = -1
+    integrity.suspected = spread > 1.0
+    integrity.unmonitored = False
+    _cover_sensors(state)
+    for k in range(FIRST_AID, FAULT_CAPACITY):
+        if integrity.faults[k].present:
+            shows = _cover(state, k, state.redundancy.gyros, False, False)
+            integrity.suspected = integrity.suspected or shows
+    _cover_refused(state)
+    for bound in range(BOUNDS):  # the filter knows more than the navigation, until it is fed back
+        integrity.protection[bound] += _size(state, estimator.x, bound)
+    _judge(integrity, bool(estimator.vertical))
+    if not state.redundancy.aligning:
+        integrity.counts[integrity.status] += 1
+
+
+@compiled
+def _cover_sensors(state: Ram) -> None:
+    """Cover the faults of the sensors that are in use."""
+    integrity, parity, fusion = state.integrity, state.redundancy.gyros, state.gyros
+    for kind in range(2):
+        if kind == 1:
+            parity, fusion = state.redundancy.accelerometers, state.accelerometers
+        by_parity = _parity_shows(integrity, parity, kind)
+        alarm = _is_suspected(state, parity, kind)
+        misses = fusion.count > _SPAN and (parity.excluded != 0 or not by_parity)
+        integrity.suspected = integrity.suspected or alarm
+        integrity.unmonitored = integrity.unmonitored or misses
+        for bound in range(BOUNDS):
+            integrity.sums[bound] = 0.0
+        first = kind * SENSOR_GROUPS
+        for k in range(fusion.count):
+            if parity.excluded >> k & 1 == 0:
+                shows = _cover(state, first + k, parity, by_parity, alarm)
+                integrity.suspected = integrity.suspected or shows
+        for bound in range(BOUNDS if alarm else 0):
+            all_of_kind = integrity.sums[bound] + integrity.faultless * integrity.sigmas[bound]
+            if all_of_kind > integrity.protection[bound]:
+                integrity.protection[bound] = all_of_kind
+                integrity.limit[bound] = first + max(0, parity.suspect)
+
+
+@compiled
+def _cover_refused(state: Ram) -> None:
+    """Cover a fix that is refused: it may be right."""
+    integrity, estimator = state.integrity, state.estimator
+    integrity.refusing = False
+    for aid in range(AIDS):
+        if estimator.sources[aid].rejected_in_a_row > 0:
+            integrity.refusing = True
+    noise = integrity.faultless * estimator.fix_sigma[0]
+    level = math.hypot(integrity.refused[0], integrity.refused[1])
+    for bound in range(HEADING):
+        refused = integrity.refused[2] if bound == VERTICAL else level
+        if refused > 0.0 and refused + noise > integrity.protection[bound]:
+            integrity.protection[bound] = refused + noise
+            integrity.limit[bound] = FIRST_AID
+
+
+@compiled
+def _judge(integrity: Integrity, vertical: bool) -> None:
+    """Compare the bounds with the alert limits."""
+    if not vertical:
+        integrity.protection[VERTICAL] = 0.0
+    doubtful = integrity.suspected or integrity.unmonitored or integrity.refusing
+    integrity.status = _DEGRADED if doubtful else _AVAILABLE
+    for bound in range(BOUNDS):
+        if not integrity.protection[bound] <= integrity.alert[bound]:
+            integrity.status = _NOT_AVAILABLE

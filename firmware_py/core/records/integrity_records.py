@@ -1,0 +1,81 @@
+"""Records of the integrity: what each fault would do to the navigation, and the bounds."""
+
+from __future__ import annotations
+
+from enum import IntEnum
+from typing import Annotated
+
+from rrins.compiled.record import F8, I8, Bool, Floats, Integers, Record, Records
+from rrins.dbc.contract import SENSOR_GROUPS
+from rrins.firmware_py.core.records.estimator_records import COMPONENTS, STATE_CAPACITY
+
+RUNGS = 11
+AGES = RUNGS + 2
+SINCE_BEGIN, SUSPECT = RUNGS, RUNGS + 1
+"""Times since which a fault is assumed to last: those of a ladder, then since the filter began, and
+since when it has shown most."""
+
+AID_FAULTS = 8
+GNSS_STEP, GNSS_DRIFT, ODOMETER_FAULT, ALTIMETER_FAULT = 0, 3, 6, 7
+"""Faults of the aids, each with the components of a fix where there are some: latitude, longitude,
+height. A step is an offset of the position (m), a drift is one of the velocity that also moves the
+position (m/s). The odometer's scale (1) and the altimeter's bias (m) change."""
+
+FAULT_CAPACITY = 2 * SENSOR_GROUPS + AID_FAULTS
+
+HORIZONTAL, VERTICAL, HEADING = 0, 1, 2
+"""Bounds: m, m, rad."""
+
+BOUNDS = 3
+
+
+class IntegrityStatus(IntEnum):
+    """Whether the navigation can be trusted; the DBC's value table of `status`."""
+
+    OFF = 0
+    AVAILABLE = 1
+    DEGRADED = 2
+    NOT_AVAILABLE = 3
+
+
+class Effect(Record):
+    """What a fault of size 1 that began at some time does to the error that the filter leaves."""
+
+    state: Annotated[Floats, STATE_CAPACITY]
+    begun_s: I8  #: second of the filter in which the fault began
+    information: F8  #: of the innovations about the fault's size
+    correlation: F8  #: of the innovations with what the fault would make of them
+
+
+class Fault(Record):
+    """A fault that may have happened: its effect, for each time since which it may last."""
+
+    sensor: I8  #: of its kind; -1: an aid's
+    present: Bool  #: whether the unit has the part
+    odds: Annotated[Floats, AGES]  #: 2 ln of its probability over its share of the risk
+    effects: Annotated[Records[Effect], AGES]
+
+
+class Integrity(Record):
+    """Protection levels: bounds of the error that is exceeded no more often than stated."""
+
+    enabled: Bool
+    alert: Annotated[Floats, BOUNDS]  #: m, m, rad: beyond, the navigation is of no use
+    faultless: F8  #: standard deviations of the error without a fault
+    faults: Annotated[Records[Fault], FAULT_CAPACITY]
+    seconds: I8  #: since the filter began
+    noted: I8  #: seconds that the filter has noted, an epoch ago
+    compared: Annotated[Integers, 2]  #: by kind: seconds that the parity had taken a second ago
+    idle_s: Annotated[Integers, 2]  #: by kind: seconds in which the parity took none
+    refused: Annotated[Floats, COMPONENTS]  #: m: the last fix beyond the gate, its noise included
+    agreement: F8  #: mean square of the normalised innovations, of late
+    protection: Annotated[Floats, BOUNDS]  #: m, m, rad; infinite where there is no bound
+    limit: Annotated[Integers, BOUNDS]  #: number of the fault that sets each bound; -1: none does
+    status: I8  #: an `IntegrityStatus`
+    suspected: Bool  #: whether a fault is suspected that is not resolved
+    unmonitored: Bool  #: whether redundant sensors are not compared, or one is left out
+    refusing: Bool  #: whether an aid is refused
+    counts: Annotated[Integers, 4]  #: by `IntegrityStatus`: seconds since navigation began
+    transmissions: I8  #: of INTEGRITY, for its counter
+    sigmas: Annotated[Floats, BOUNDS]  #: scratch
+    sums: Annotated[Floats, BOUNDS]  #: scratch
