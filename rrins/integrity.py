@@ -1,4 +1,4 @@
-"""Trust in the navigation under faults, from Python: the FMEDA of a unit."""
+"""Trust in the navigation under faults, from Python: random cases, and the FMEDA of a unit."""
 
 from __future__ import annotations
 
@@ -11,12 +11,111 @@ from rrins.host_tools.campaigns.engines import processors
 from rrins.host_tools.files import JsonObject
 from rrins.host_tools.integrity.fmeda.rates import load
 from rrins.host_tools.integrity.fmeda.study import WINDOW_S, Fmeda
-from rrins.notebook import html_of
+from rrins.host_tools.integrity.study import Study
+from rrins.notebook import html_of, let_figures_show
 from rrins.run import Source
 from rrins.scenarios import load_scenario
 
 if TYPE_CHECKING:
     import pandas as pd
+    from matplotlib.figure import Figure
+
+
+class IntegrityStudy:
+    """Random cases: the error against the bound that the unit states.
+
+    Attributes
+    ----------
+    study : Study
+    """
+
+    def __init__(self, study: Study) -> None:
+        self.study = study
+
+    @property
+    def values(self) -> JsonObject:
+        """All figures, as `rrins integrity --json` prints them."""
+        return self.study.values()
+
+    @cached_property
+    def cases(self) -> pd.DataFrame:
+        """A row for each case: its faults, seconds misleading, sound sensors left out."""
+        import pandas as pd
+
+        rows = [
+            {
+                "case": one.case.number,
+                "kind": one.case.kind,
+                "faults": one.case.words,
+                "seconds": one.seconds,
+                "available": one.available,
+                "degraded": one.degraded,
+                "misleading": sum(one.misleading),
+                "error_over_bound": one.excess,
+                "to_alert_s": one.to_alert_s,
+                "sound_left_out": ", ".join(one.sound_left_out),
+                "ended": one.ended,
+            }
+            for one in self.study.results
+        ]
+        return pd.DataFrame(rows).set_index("case")
+
+    def plot(self) -> Figure:
+        """Draw the Stanford diagrams: seconds by error and bound."""
+        from rrins.host_tools.integrity.pictures import stanford_figure
+
+        let_figures_show()
+        return stanford_figure(self.study.counts, self.study.alerts)
+
+    def save(self, folder: str | Path) -> list[Path]:
+        """Write page, picture and the scenarios of the cases to look at; return the first two."""
+        place = Path(folder)
+        place.mkdir(parents=True, exist_ok=True)
+        paths, _ = self.study.write(place)
+        return paths
+
+    def __repr__(self) -> str:
+        misleading = len(self.study.misleading)
+        return f"<rrins.IntegrityStudy {misleading} of {len(self.study.results)} cases misleading>"
+
+    def _repr_html_(self) -> str:
+        return html_of(self, self.cases)
+
+
+def study_integrity(
+    *scenarios: Source,
+    cases: int = 200,
+    seed: int = 1,
+    workers: int | None = None,
+    **changes: object,
+) -> IntegrityStudy:
+    """Compare the error with its protection level in random cases, faults included.
+
+    Parameters
+    ----------
+    *scenarios : str, Path, mapping or Scenario
+        As in `load_scenario`: seed and faults are drawn, and they take turns. Without any, sites,
+        motions, sensors and aids are drawn, too.
+    cases : int
+    seed : int
+    workers : int, optional
+        Threads; one for each processor without.
+    **changes
+        Keys of the scenarios, as in `load_scenario`.
+
+    Raises
+    ------
+    RehearsalError
+        One line: what is wrong. A case that misleads is a result.
+    """
+    bases = [(_name_of(one), load_scenario(one, **changes)) for one in scenarios]
+    study = Study(cases, seed, bases)
+    study.run(workers or processors(), threading.Event())
+    return IntegrityStudy(study)
+
+
+def _name_of(scenario: Source) -> str:
+    return str(scenario) if isinstance(scenario, str | Path) else "scenario"
 
 
 class FmedaStudy:
@@ -105,8 +204,7 @@ def fmeda(
     """
     loaded = load_scenario(scenario, **changes)
     known = load(None if rates is None else Path(rates))
-    limit_m = 100.0 if alert_m is None else alert_m
-    name = str(scenario) if isinstance(scenario, str | Path) else "scenario"
-    study = Fmeda(name, loaded, known, limit_m, runs, seed, window_s)
+    limit_m = loaded.integrity.horizontal_alert_m if alert_m is None else alert_m
+    study = Fmeda(_name_of(scenario), loaded, known, limit_m, runs, seed, window_s)
     study.run(workers or processors(), threading.Event())
     return FmedaStudy(study)

@@ -16,6 +16,7 @@ from rrins.host_tools.cli.options import (
     json_option,
     option,
     seed_option,
+    workers_option,
 )
 from rrins.host_tools.cli.output import make_folder, print_results, stepping, stopping
 
@@ -44,7 +45,7 @@ if TYPE_CHECKING:
     "Horizontal error that is dangerous, m.  [default: the scenario's alert limit]",
     POSITIVE,
 )
-@option("--workers", "Threads.  [default: one for each processor]", click.IntRange(1, 4096))
+@workers_option
 @option("--out", "Folder for page, CSV and the worst runs.", FOLDER, Path("out/fmeda"))
 @json_option
 def fmeda(
@@ -74,7 +75,7 @@ def fmeda(
         click.echo(default_text(), nl=False)
         return
     loaded = scenarios.load(scenario)
-    limit_m = 100.0 if alert_m is None else alert_m
+    limit_m = loaded.integrity.horizontal_alert_m if alert_m is None else alert_m
     study = Fmeda(scenario, loaded, load(rates), limit_m, runs, seed, window_s)
     make_folder(out)
     with stopping() as stop:

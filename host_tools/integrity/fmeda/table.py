@@ -12,9 +12,9 @@ import numpy as np
 
 from rrins.host_tools.campaigns.statistics import Estimate, weighted_proportion
 from rrins.host_tools.files import JsonObject
-from rrins.host_tools.integrity.phases import PHASES
 from rrins.host_tools.integrity.fmeda.rates import Rates
 from rrins.host_tools.integrity.fmeda.trials import Finding
+from rrins.host_tools.integrity.phases import PHASES
 
 SHARES: Final[dict[str, Callable[[Finding], bool]]] = {
     "detected": lambda one: math.isfinite(one.detected_s),

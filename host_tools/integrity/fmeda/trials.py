@@ -26,8 +26,8 @@ from rrins.firmware_py.core.records.trouble_table import TROUBLES
 from rrins.host_tools.files import JsonObject
 from rrins.host_tools.hardware import faults
 from rrins.host_tools.hardware.fault_kinds import EVERY, HardwareFault, Part
-from rrins.host_tools.integrity.phases import instants
 from rrins.host_tools.integrity.fmeda.rates import FailureMode
+from rrins.host_tools.integrity.phases import instants
 from rrins.host_tools.runs.fast import FastRun
 from rrins.host_tools.runs.results.results import compare
 from rrins.host_tools.runs.set_up.settings import firmware_settings, hardware_settings
