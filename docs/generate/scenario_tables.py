@@ -25,7 +25,7 @@ from rrins.host_tools.hardware.tables import (
     Turntable,
 )
 from rrins.host_tools.hardware.units import split
-from rrins.host_tools.scenario.tables import Gnss, Master
+from rrins.host_tools.scenario.tables import Gnss, Integrity, Master
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "scenarios.md"
 
@@ -93,6 +93,8 @@ def _limits(field: Any, key: str) -> str:
 def _default(value: Any) -> str:
     if value is None or value == ():
         return "none"
+    if isinstance(value, bool):
+        return f"`{str(value).lower()}`"
     if isinstance(value, tuple):
         return f"`[{', '.join(_number(part) for part in value)}]`"
     return _number(value)
@@ -149,6 +151,7 @@ def tables() -> dict[str, str]:
         "odometer": keys_of(Odometer),
         "axis": keys_of(Axis),
         "turntable": keys_of(Turntable),
+        "integrity": keys_of(Integrity),
     }
 
 

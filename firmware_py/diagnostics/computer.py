@@ -17,6 +17,7 @@ from rrins.firmware_py.core.maths import earth
 from rrins.firmware_py.core.modes.modes import Mode
 from rrins.firmware_py.core.records.diagnostic_records import RoutineRequest
 from rrins.firmware_py.core.records.estimator_records import PITCH, SCALE, SENSOR_CONSTANTS, YAW
+from rrins.firmware_py.core.records.integrity_records import HEADING, HORIZONTAL, VERTICAL
 from rrins.firmware_py.core.records.memory import Clock, Ram
 from rrins.firmware_py.core.records.redundancy_records import SensorKind
 from rrins.firmware_py.core.sensors.calibration import ARCSEC, DPH, PPM, UG
@@ -45,6 +46,7 @@ IDENTITY = {
 _error_ppm: Callable[[Clock, int], float] = getattr(clock.error_ppm, "py_func", clock.error_ppm)
 
 _DEGREE = math.radians(1.0)
+_NO_BOUND = 1e9
 _MOUNTING = slice(YAW, PITCH + 1)
 
 _PARAMETER_NUMBERS = frozenset(parameter.number for parameter in PARAMETERS)
@@ -153,6 +155,9 @@ class Computer:
             "attitude_sigma_arcsec": _last(estimator, "attitude_sigma", ARCSEC),
             "velocity_sigma_mps": _last(estimator, "velocity_sigma", 1.0),
             "position_sigma_m": _last(estimator, "position_sigma", 1.0),
+            "horizontal_protection_m": self._bound(HORIZONTAL),
+            "vertical_protection_m": self._bound(VERTICAL),
+            "heading_protection_deg": self._bound(HEADING, _DEGREE),
             "estimated_bias_dph": _last(estimator, "bias", DPH, SensorKind.GYRO),
             "estimated_bias_sigma_dph": _last(estimator, "bias_sigma", DPH, SensorKind.GYRO),
             "estimated_bias_ug": _last(estimator, "bias", UG, SensorKind.ACCELEROMETER),
@@ -170,6 +175,11 @@ class Computer:
             "file_crc32": lambda: zlib.crc32(self.calibration_file()),
         }
         return found | {name: functools.partial(str, text) for name, text in IDENTITY.items()}
+
+    def _bound(self, bound: int, unit: float = 1.0) -> Callable[[], Value]:
+        """Return what reads a protection level; no bound is the largest value."""
+        protection = self.ram["integrity"]["protection"]
+        return lambda: min(float(protection[0, bound]) / unit, _NO_BOUND)
 
     def _bus_load_percent(self) -> float:
         monitor = self.state.diagnostics

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from rrins.dbc.contract import SENSOR_GROUPS
 from rrins.firmware_py.core.records.estimator_records import AIDS, Aid
+from rrins.firmware_py.core.records.integrity_records import IntegrityStatus
 from rrins.firmware_py.core.sensors.calibration import ARCSEC, PPM
 from rrins.firmware_py.diagnostics.codecs import Field
 from rrins.firmware_py.diagnostics.data_identifier import DataIdentifier
@@ -74,5 +75,17 @@ ESTIMATOR = (
         Field("altimeter_bias_m", "f32", "m"),
         Field("altimeter_bias_sigma_m", "f32", "m"),
     )),
+    DataIdentifier(0x022D, "integrity",
+        "Bounds of the navigation's error for the stated risk, and what they are worth.", (
+        Field("integrity_status", "u8", choices=IntegrityStatus, source="integrity.status"),
+        Field("suspected", "u8", source="integrity.suspected",
+            text="whether a fault is suspected that is not resolved"),
+        Field("unmonitored", "u8", source="integrity.unmonitored",
+            text="whether redundant sensors are not compared, or one is left out"),
+        Field("refusing", "u8", source="integrity.refusing", text="whether an aid is refused"),
+        Field("horizontal_protection_m", "f32", "m", text="1e9: no bound"),
+        Field("vertical_protection_m", "f32", "m", text="1e9: no bound"),
+        Field("heading_protection_deg", "f32", "°", text="1e9: no bound"),
+    )),
 )  # fmt: skip
-"""The estimator."""
+"""The estimator, and the integrity that follows from it."""

@@ -28,6 +28,7 @@ KNOT = 1852.0 / 3600.0
 
 _NAVIGATION = (int(Mode.NAVIGATION_STRAPDOWN), int(Mode.NAVIGATION_ROTATING))
 _MINUTE_STEPS = 10_000_000  # 1e-7 minutes of arc: 0.19 mm
+_STATUS = ("", "S", "C", "U")  # by `IntegrityStatus`
 _DEAD_RECKONING = 6  # GGA quality "estimated"
 
 
@@ -56,6 +57,8 @@ class Fix:
     roll_deg: float = 0.0
     pitch_deg: float = 0.0
     heading_deg: float = 0.0
+    #: navigational status of NMEA 4.1: safe, caution, unsafe; empty where it is not known
+    status: str = ""
 
 
 def fix_of(ram: Records[Ram], utc: datetime = DEFAULT_UTC) -> Fix:
@@ -87,6 +90,7 @@ def fix_of(ram: Records[Ram], utc: datetime = DEFAULT_UTC) -> Fix:
         math.degrees(roll),
         math.degrees(pitch),
         math.degrees(heading),
+        _STATUS[int(state.integrity.status)],
     )
 
 
@@ -159,6 +163,9 @@ def gga(fix: Fix) -> str:
 def rmc(fix: Fix) -> str:
     """Return RMC: position, speed in knots and course, date.
 
+    Where the integrity is known, the navigational status of NMEA 4.1 follows, for a decimal each of
+    speed and course.
+
     The course is empty when the speed rounds to zero; it has two decimals, so that the
     sentence does not exceed the 82 characters that NMEA allows.
     """
@@ -166,7 +173,11 @@ def rmc(fix: Fix) -> str:
         return f"{TALKER}RMC,{_time(fix)},V,,,,,,,{_date(fix)},,,N"
     speed = _signed(fix.speed_mps / KNOT, "")
     course = _bearing(fix.course_deg, 2) if speed != "0.000" else ""
-    return f"{TALKER}RMC,{_time(fix)},A,{_position(fix)},{speed},{course},{_date(fix)},,,E"
+    status = ""
+    if fix.status:
+        status, speed = f",{fix.status}", speed[:-1]
+        course = course and _bearing(fix.course_deg, 1)
+    return f"{TALKER}RMC,{_time(fix)},A,{_position(fix)},{speed},{course},{_date(fix)},,,E{status}"
 
 
 def hdt(fix: Fix) -> str:

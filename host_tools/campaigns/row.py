@@ -33,6 +33,7 @@ from rrins.host_tools.hardware.memory import Truth
 from rrins.host_tools.runs.direct import run_direct
 from rrins.host_tools.runs.fast import FastRun
 from rrins.host_tools.runs.results.findings import redundancy_summary
+from rrins.host_tools.runs.results.integrity import integrity_summary
 from rrins.host_tools.runs.results.results import Errors, compare, read_errors
 from rrins.host_tools.runs.results.samples import keep_every
 from rrins.host_tools.runs.set_up.settings import (
@@ -69,8 +70,17 @@ _ERRORS: Final[dict[str, Callable[[Errors], float]]] = {
 _FINDINGS: Final = {"alarm_s": "alarm_s", "left_out_s": "isolated_s", "left_out": "sensor"}
 """When redundancy raised an alarm for a kind of sensors, left one out, and which one."""
 
+_BOUNDS: Final = (
+    "horizontal_protection_m",
+    "vertical_protection_m",
+    "heading_protection_deg",
+    "available_share",
+)
+"""Of the integrity's summary."""
+
 OUTPUTS: Final = (
     *_ERRORS,
+    *_BOUNDS,
     *(f"{kind}_{name}" for kind in ("gyro", "accelerometer") for name in _FINDINGS),
 )
 """Columns of a row's results."""
@@ -96,6 +106,7 @@ class RunStoppedError(Exception):
 _ALIKE: Final[dict[str, Any]] = {
     "redundancy": None,
     "estimator": None,
+    "integrity": None,
     "calibration": Calibration(),
     "calibration_file": None,
     **dict.fromkeys(("latitude_deg", "longitude_deg", "height_m"), 0.0),
@@ -122,6 +133,7 @@ def switched_on(settings: Settings) -> Records[Ram]:
 class _End(NamedTuple):
     fault: str
     redundancy: JsonObject | None
+    integrity: JsonObject | None
     errors: Errors
 
 
@@ -179,13 +191,14 @@ def _run(scenario: Scenario, should_stop: Callable[[], bool]) -> _End:
         every = keep_every(scenario.epochs, scenario.rate_hz)
         ram, errors = run_fast(scenario, firmware_settings(scenario), every, should_stop)
         fault = FirmwareFault(int(ram[0].modes.fault)).name
-        return _End(fault, redundancy_summary(ram), errors)
+        return _End(fault, redundancy_summary(ram), integrity_summary(ram), errors)
     with tempfile.TemporaryDirectory(prefix="rrins-") as folder:
         outcome = run_direct(scenario, Path(folder), should_stop=should_stop)
         if should_stop():
             raise RunStoppedError
         errors = read_errors(Path(folder), scenario.rate_hz)
-    return _End(outcome.firmware["fault"], outcome.firmware["redundancy"], errors)
+    found = outcome.firmware
+    return _End(found["fault"], found["redundancy"], found["integrity"], errors)
 
 
 def _radial(errors: Errors) -> Floats:
@@ -240,6 +253,7 @@ def row_of(
 def _came_out(scenario: Scenario, should_stop: Callable[[], bool]) -> Row:
     end = _run(scenario, should_stop)
     row = _findings(end.redundancy)
+    row |= {name: (end.integrity or {}).get(name) for name in _BOUNDS}
     if len(end.errors):
         row |= {name: float(figure(end.errors)) for name, figure in _ERRORS.items()}
         row |= _series(end.errors, scenario.duration_s)

@@ -24,6 +24,7 @@ _SIGNALS: Final = {
     "sigma_east_mps": ("ESTIMATOR_VELOCITY", "east_sigma"),
     "sigma_north_mps": ("ESTIMATOR_VELOCITY", "north_sigma"),
     "sigma_up_mps": ("ESTIMATOR_VELOCITY", "up_sigma"),
+    "horizontal_protection_m": ("INTEGRITY", "horizontal_protection"),
     "gyro_parity": ("GYRO_REDUNDANCY", "parity_ratio"),
     "accelerometer_parity": ("ACCELEROMETER_REDUNDANCY", "parity_ratio"),
     "gyro_suspect": ("GYRO_REDUNDANCY", "suspect"),

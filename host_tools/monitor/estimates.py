@@ -15,7 +15,13 @@ from rrins.host_tools.monitor.state import BusState
 from rrins.host_tools.monitor.wording import NOTHING, age_words, clipped
 
 _STATUS, _SOURCE, _AIDING = "ESTIMATOR_STATUS", "ESTIMATOR_SOURCE", "AIDING_STATUS"
-_POSITION = "ESTIMATOR_POSITION"
+_POSITION, _INTEGRITY = "ESTIMATOR_POSITION", "INTEGRITY"
+_BOUNDS = ("horizontal", "vertical", "heading")
+_DOUBTS = (
+    ("suspected", "a fault is suspected"),
+    ("unmonitored", "not all sensors are compared"),
+    ("refusing", "an aid is refused"),
+)
 _SIGMAS = (
     ("attitude", "ESTIMATOR_ATTITUDE", "″", "{:.1f}"),
     ("velocity", "ESTIMATOR_VELOCITY", " m/s", "{:.4f}"),
@@ -88,6 +94,7 @@ class Estimates:
                 for number, (used, rejected, nis) in sorted(self._sources.items())
             },
             "aiding": _aiding(state),
+            "integrity": _integrity(state),
             "sensors": sensors,
         }
 
@@ -105,8 +112,8 @@ class Estimates:
         status = state.message(_STATUS)
         if status is not None and status.is_silent:
             lines.append(f"  SILENT for {age_words(status.age_s)}")
-        lines += [*_sigma_lines(state), *self._source_lines(state), *_receiver_lines(state)]
-        lines += self._sensor_lines()
+        lines += [*_sigma_lines(state), *_integrity_lines(state), *self._source_lines(state)]
+        lines += [*_receiver_lines(state), *self._sensor_lines()]
         for side in ("east_sigma", "north_sigma"):
             lines += ["", *plot(state, _POSITION, side, level, width).plain.splitlines()]
         return "\n".join(clipped(line, width) for line in lines)
@@ -160,6 +167,29 @@ def _receiver_lines(state: BusState) -> Iterator[str]:
     openings = int(state.value(_AIDING, "gate_openings") or 0)
     if openings:
         yield f"  took fixes again after it had rejected all for 120 s, {openings} times"
+
+
+def _integrity_lines(state: BusState) -> Iterator[str]:
+    """Yield the status of the integrity and the protection levels."""
+    if not state.has_values(_INTEGRITY):
+        return
+    doubts = [text for name, text in _DOUBTS if state.value(_INTEGRITY, name)]
+    status = (state.text(_INTEGRITY, "status") or NOTHING).lower().replace("_", " ")
+    yield f"  {'integrity':<14}  {'; '.join([status, *doubts])}"
+    values = (state.value(_INTEGRITY, f"{bound}_protection") or 0.0 for bound in _BOUNDS)
+    level, height, heading = values
+    yield f"  {'error below':<14}  {level:.1f} m, height {height:.1f} m, heading {heading:.2f}°"
+
+
+def _integrity(state: BusState) -> JsonObject | None:
+    """Return the status and the protection levels, by INTEGRITY; None without one."""
+    if not state.has_values(_INTEGRITY):
+        return None
+    found: JsonObject = {"status": state.text(_INTEGRITY, "status")}
+    found |= {name: bool(state.value(_INTEGRITY, name)) for name, _ in _DOUBTS}
+    for bound, unit in zip(_BOUNDS, ("m", "m", "deg"), strict=True):
+        found[f"{bound}_protection_{unit}"] = state.value(_INTEGRITY, f"{bound}_protection")
+    return found
 
 
 def _aiding(state: BusState) -> JsonObject | None:

@@ -129,13 +129,12 @@ class Scenario(TomlTable):
             raise ValueError(
                 f"rate_hz: the period of {self.rate_hz} Hz is not a whole number of ns"
             )
+        preset = {} if self.sensors is None else presets.tables_of(self.sensors)
         for kind, table, count in (
             ("gyros", self.gyros, len(self.rimu.gyros)),
             ("accelerometers", self.accelerometers, len(self.rimu.accelerometers)),
         ):
-            of_preset = (
-                {} if self.sensors is None else presets.tables_of(self.sensors).get(kind, {})
-            )
+            of_preset = preset.get(kind, {})
             for key, value in table.model_dump().items():
                 is_given = key in of_preset and value == _plain(of_preset[key])
                 origin = f', of sensors = "{self.sensors}"' if is_given else ""
@@ -208,10 +207,8 @@ class Scenario(TomlTable):
             if order.sensor > counts[order.kind]:
                 where = f"redundancy.readmit.{number}.sensor"
                 raise ValueError(f"{where}: sensor {order.sensor} of {counts[order.kind]}")
-        if len(of_hardware) > FAULT_CAPACITY:
-            raise ValueError(
-                f"faults: {len(of_hardware)} of the hardware itself, {FAULT_CAPACITY} at most"
-            )
+        if (count := len(of_hardware)) > FAULT_CAPACITY:
+            raise ValueError(f"faults: {count} of the hardware itself, {FAULT_CAPACITY} at most")
 
     def varied(self, **changes: Any) -> Scenario:
         """Return the scenario with some keys changed, checked.

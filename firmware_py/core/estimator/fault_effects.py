@@ -1,4 +1,4 @@
-"""What a fault would do, and what the filter's innovations say about it.
+"""Effects of faults on the error that the filter leaves, and their trace in the innovations.
 
 A fault of a sensor is a jump of its bias, and with it of the error that the filter leaves; one of a
 fix is an offset of what is measured. From there on the error goes the way of all errors of the

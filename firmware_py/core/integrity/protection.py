@@ -198,8 +198,6 @@ def _know_nothing(integrity: Integrity) -> None:
     for bound in range(BOUNDS):
         integrity.protection[bound] = math.inf
         integrity.limit[bound] = -1
-    for status in range(integrity.counts.shape[0]):
-        integrity.counts[status] = 0
 
 
 @compiled

@@ -39,7 +39,7 @@ class IntegrityStatus(IntEnum):
 
 
 class Effect(Record):
-    """What a fault of size 1 that began at some time does to the error that the filter leaves."""
+    """Effect of a fault of size 1 on the error that the filter leaves."""
 
     state: Annotated[Floats, STATE_CAPACITY]
     begun_s: I8  #: second of the filter in which the fault began
@@ -75,7 +75,7 @@ class Integrity(Record):
     suspected: Bool  #: whether a fault is suspected that is not resolved
     unmonitored: Bool  #: whether redundant sensors are not compared, or one is left out
     refusing: Bool  #: whether an aid is refused
-    counts: Annotated[Integers, 4]  #: by `IntegrityStatus`: seconds since navigation began
+    counts: Annotated[Integers, 4]  #: by `IntegrityStatus`: seconds of navigation
     transmissions: I8  #: of INTEGRITY, for its counter
     sigmas: Annotated[Floats, BOUNDS]  #: scratch
     sums: Annotated[Floats, BOUNDS]  #: scratch

@@ -16,7 +16,8 @@ export const PLOTS = [
   {
     id: "position", title: "Position error", unit: "m", empty: "The truth is not known: name the scenario",
     lines: [line("error_east_m", "east", "east"), line("error_north_m", "north", "north", "dashed"),
-      ...three("sigma_east_m", "east"), ...three("sigma_north_m", "north")], sigma: "dotted: ±3σ",
+      ...three("sigma_east_m", "east"), ...three("sigma_north_m", "north"),
+      line("horizontal_protection_m", "protection level", "third", "dashed", { step: true })], sigma: "dotted: ±3σ",
   },
   {
     id: "velocity", title: "Velocity error", unit: "m/s", empty: "The truth is not known: name the scenario",

@@ -18,6 +18,7 @@ from rrins.host_tools.diag.calibration_status import drift_words, origin_words, 
 from rrins.host_tools.files import JsonObject
 from rrins.host_tools.monitor.words import FOUND_BY, NOT_READMITTED
 from rrins.host_tools.runs.results.estimates import estimator_lines, estimator_summary
+from rrins.host_tools.runs.results.integrity import integrity_lines, integrity_summary
 from rrins.host_tools.runs.results.sensor_errors import KINDS
 
 AXES = ("inner", "outer")
@@ -211,6 +212,7 @@ FINDINGS = (
     Finding("calibrated", _calibrated_summary, _calibrated_lines),
     Finding("estimator", estimator_summary, estimator_lines),
     Finding("redundancy", redundancy_summary, _redundancy_lines),
+    Finding("integrity", integrity_summary, integrity_lines),
     Finding("encoders", _encoder_summary, _table_lines),
     Finding("bridging", _bridging_summary, _bridging_lines),
 )

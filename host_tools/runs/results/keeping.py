@@ -21,6 +21,7 @@ _RESULTS = (
     "horizontal_track.png",
     "estimator.png",
     "estimated_sensors.png",
+    "integrity.png",
     "estimated_sensors.csv",
     "parity.png",
     "errors.csv",

@@ -20,6 +20,7 @@ from rrins.host_tools.drawing.style import (
 )
 from rrins.host_tools.files import replacing
 from rrins.host_tools.runs.results.estimator_plot import draw_estimates
+from rrins.host_tools.runs.results.integrity_plot import draw_integrity
 from rrins.host_tools.runs.results.parity_plot import draw_parity
 from rrins.host_tools.runs.results.results import Errors, Vector
 from rrins.host_tools.runs.results.seconds_log import Seconds
@@ -144,6 +145,8 @@ def write_plots(
     estimates, estimator = seconds.estimates, summary["estimator"]
     if len(estimates):
         figures["estimator.png"] = draw_estimates(estimates, errors, begin_epoch, rate_hz, title)
+    if len(estimates) and estimates["integrity"].any():
+        figures["integrity.png"] = draw_integrity(estimates, errors, begin_epoch, rate_hz, title)
     if estimator and estimator["sensors"] and estimator["sensors"]["gyros"]["constants"]:
         figures["estimated_sensors.png"] = draw_constants(estimator, title)
     if seconds.parities:

@@ -82,6 +82,7 @@ def summarise(
         "error_sample_interval_s": errors.sample_interval_s,
         "navigation_sha256": firmware.get("navigation_sha256"),
         "redundancy": firmware.get("redundancy"),
+        "integrity": firmware.get("integrity"),
         "estimator": beside_truth(firmware.get("estimator"), hardware.get("biases")),
         "paper": None if scenario.paper is None else scenario.paper.model_dump(),
         "firmware": firmware,

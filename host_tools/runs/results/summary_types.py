@@ -93,6 +93,19 @@ class EstimatorSummary(TypedDict):
     sources: dict[str, SourceSummary]
 
 
+class IntegritySummary(TypedDict):
+    """Bounds of the error at the end; None: there is none. Shares of the time of navigation."""
+
+    status: str
+    horizontal_protection_m: float | None
+    vertical_protection_m: float | None
+    heading_protection_deg: float | None
+    limited_by: list[str | None]
+    suspected: bool
+    available_share: float
+    degraded_share: float
+
+
 class LatenessSummary(TypedDict):
     """Lateness of a side in real time, µs."""
 
@@ -127,6 +140,7 @@ class FirmwareSummary(TypedDict, total=False):
     clock_jumps: int
     redundancy: RedundancySummary | None
     estimator: EstimatorSummary | None
+    integrity: IntegritySummary | None
     faults: dict[str, int]
     lateness_us: LatenessSummary
 
@@ -175,6 +189,7 @@ class Summary(TypedDict):
     error_sample_interval_s: float
     navigation_sha256: str | None
     redundancy: RedundancySummary | None
+    integrity: IntegritySummary | None
     estimator: EstimatorSummary | None
     paper: PaperSummary | None
     firmware: FirmwareSummary

@@ -36,7 +36,7 @@ def put(state, epoch, place, velocity_n):
     state.epoch = epoch
     state.ins.latitude, state.ins.longitude, state.ins.height = place
     state.ins.velocity_n[:] = velocity_n
-    measurements.note.py_func(state.estimator, state)
+    measurements.note.py_func(state)
     state.gnss.fresh = False
 
 
@@ -52,7 +52,7 @@ def fix(state, epoch, place, velocity_n, position_sigma=1.0, velocity_sigma=0.1)
 def make_state(kit, **changes):
     state = kit.state(**changes)
     estimator = state.estimator
-    measurements.begin.py_func(estimator, 0)
+    measurements.begin.py_func(state)
     estimator.track_first = 1000
     estimator.epoch = STAND
     estimator.latitude, estimator.longitude, estimator.height = PLACE

@@ -1,0 +1,87 @@
+"""The picture of the integrity: the navigation's errors below their bounds, and what those are."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from rrins.compiled.record import Records
+from rrins.firmware_py.core.records.estimator_records import EstimatorSecond
+from rrins.firmware_py.core.records.integrity_records import (
+    HEADING,
+    HORIZONTAL,
+    VERTICAL,
+    IntegrityStatus,
+)
+from rrins.host_tools.drawing.style import (
+    LINES,
+    SINCE_NAVIGATION,
+    finish,
+    give_title,
+    new_figure,
+    quantity,
+)
+from rrins.host_tools.runs.results.results import Errors
+
+_POINTS = 4000
+_SHADES = {IntegrityStatus.DEGRADED: "0.85", IntegrityStatus.NOT_AVAILABLE: "0.65"}
+
+_Vector = NDArray[np.float64]
+
+
+def bounded_errors(errors: Errors) -> tuple[_Vector, _Vector, _Vector]:
+    """Return the errors that the bounds are of, horizontal, vertical (m) and heading (°)."""
+    level = np.hypot(errors.position_east_m, errors.position_north_m)
+    return level, np.abs(errors.height_m), np.abs(errors.turn_up_arcsec) / 3600
+
+
+def draw_integrity(
+    seconds: Records[EstimatorSecond], errors: Errors, begin_epoch: float, rate_hz: int, title: str
+) -> Figure:
+    """Return the errors over time with their protection levels, shaded where not available.
+
+    Parameters
+    ----------
+    seconds : array of `EstimatorSecond`
+        Not empty.
+    begin_epoch : float
+        When navigation began.
+    """
+    thin = seconds[:: max(1, len(seconds) // _POINTS)]
+    time_s = (thin["epoch"] - begin_epoch) / rate_hz
+    found = bounded_errors(errors)
+    panels = [
+        (HORIZONTAL, "horizontal error", "m", 1.0),
+        (VERTICAL, "height error", "m", 1.0),
+        (HEADING, "heading error", "°", np.degrees(1.0)),
+    ]
+    if not thin["protection"][:, VERTICAL].any():
+        del panels[VERTICAL]
+    figure = new_figure(9.0, 2.0 * len(panels) + 0.8)
+    rows = figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]
+    legend = "error (line), protection level (dashed); shaded: degraded, dark: not available"
+    give_title(figure, f"{title}\n{legend}")
+    every = slice(None, None, max(1, len(errors) // _POINTS))
+    for axes, (bound, label, unit, factor) in zip(rows, panels, strict=True):
+        _shade(axes, time_s, thin["integrity"])
+        level = thin["protection"][:, bound] * factor
+        level = np.where((level > 0) & np.isfinite(level), level, np.nan)
+        axes.plot(time_s, level, "--", color="0.2", linewidth=1)
+        axes.plot(errors.time_s[every], np.maximum(found[bound][every], 1e-6), **LINES[0])
+        axes.set_yscale("log")
+        if np.isfinite(level).any():
+            axes.set_ylim(bottom=1e-3 * float(np.nanmedian(level)))
+        finish(axes, quantity(label, unit))
+    rows[-1].set_xlabel(SINCE_NAVIGATION)
+    figure.align_ylabels()
+    return figure
+
+
+def _shade(axes: Axes, time_s: _Vector, status: NDArray[np.int64]) -> None:
+    for one, shade in _SHADES.items():
+        axes.fill_between(
+            time_s, 0, 1, where=status == one, color=shade, linewidth=0, step="pre",
+            transform=axes.get_xaxis_transform(),
+        )  # fmt: skip

@@ -1,0 +1,134 @@
+"""Protection levels: above the error whatever fails, not far above it when nothing does."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+import rrins
+from rrins.firmware_py.core.records.integrity_records import (
+    HEADING,
+    HORIZONTAL,
+    SINCE_BEGIN,
+    VERTICAL,
+    IntegrityStatus,
+)
+from rrins.host_tools.campaigns.row import run_fast
+from rrins.host_tools.runs.results.integrity_plot import bounded_errors
+from rrins.host_tools.runs.set_up.settings import firmware_settings
+from rrins.host_tools.scenario.scenario import load
+
+ON = {"enabled": True}
+AT_S = 303.0
+AVAILABLE = IntegrityStatus.AVAILABLE
+
+
+def followed(scenario="drive_aided", **changes):
+    """Return the run's seconds, and errors and bounds (horizontal, vertical, heading) in each."""
+    run = rrins.simulate(scenario, integrity=changes.pop("integrity", ON), **changes)
+    seconds, errors = run._result.seconds.estimates, run._result.errors
+    at = np.searchsorted(errors.epoch, seconds["epoch"]).clip(0, len(errors) - 1)
+    level, height, heading_deg = (error[at] for error in bounded_errors(errors))
+    return run, seconds, np.stack([level, height, np.radians(heading_deg)], axis=1)
+
+
+@pytest.fixture(scope="module")
+def healthy():
+    return followed(odometer=None)
+
+
+def test_a_healthy_aided_drive_is_available_and_its_bounds_are_tight(healthy):
+    run, seconds, errors = healthy
+    assert np.mean(seconds["integrity"] == AVAILABLE) >= 0.99
+    assert (errors <= seconds["protection"]).all()
+    sigma = np.hypot(seconds["position_sigma"][:, 0], seconds["position_sigma"][:, 1])
+    for bound, one in (
+        (HORIZONTAL, sigma),
+        (VERTICAL, seconds["position_sigma"][:, 2]),
+        (HEADING, seconds["attitude_sigma"][:, 2]),
+    ):
+        assert np.median(seconds["protection"][1:, bound] / one[1:]) < 8
+    found = run.summary["integrity"]
+    assert found["status"] == "available"
+    assert found["available_share"] >= 0.99
+    last = seconds["protection"][-1]
+    assert found["horizontal_protection_m"] == pytest.approx(last[HORIZONTAL], abs=1e-4)
+    assert found["heading_protection_deg"] == pytest.approx(math.degrees(last[HEADING]), abs=1e-5)
+
+
+FAULTS = {
+    "gyro 0.5 °/h": {"kind": "gyro_bias", "sensor": 2, "bias_dph": 0.5},
+    "gyro 20 °/h": {"kind": "gyro_bias", "sensor": 3, "bias_dph": -20},
+    "gyro ramp": {"kind": "gyro_ramp", "sensor": 1, "bias_dph_per_min": 1},
+    "accelerometer 1 mg": {"kind": "accelerometer_bias", "sensor": 4, "bias_ug": 1000},
+    "fixes jump a little": {"kind": "gnss_jump", "jump_m": 3},
+    "fixes jump": {"kind": "gnss_jump", "jump_m": 100},
+    "fixes drift slowly": {"kind": "gnss_pull", "pull_mps": 0.1},
+    "fixes drift": {"kind": "gnss_pull", "pull_mps": 0.5},
+}
+
+
+@pytest.mark.parametrize("name", FAULTS)
+def test_under_a_fault_the_error_is_below_its_bound_or_the_navigation_not_available(name):
+    _, seconds, errors = followed(
+        odometer=None, duration_s=500, faults=[{"at_s": AT_S} | FAULTS[name]]
+    )
+    misleading = (errors > seconds["protection"]).any(axis=1)
+    assert not (misleading & (seconds["integrity"] == AVAILABLE)).any()
+
+
+def test_a_drift_that_is_followed_is_suspected_before_it_is_ten_metres():
+    """Without a second aid nothing else shows that fixes and velocities are led away together."""
+    _, seconds, errors = followed(
+        odometer=None, duration_s=500, faults=[{"at_s": AT_S} | FAULTS["fixes drift"]]
+    )
+    doubtful = seconds["integrity"] != AVAILABLE
+    assert errors[np.argmax(doubtful), HORIZONTAL] < 10
+    assert not doubtful[:290].any()
+
+
+def test_the_effect_of_a_fault_is_what_the_fault_does():
+    """Two runs alike but for the bias of a gyro: the error differs by the effect times the bias."""
+    b_dph, ends = 0.02, []
+    fault = {"kind": "gyro_bias", "sensor": 2, "bias_dph": b_dph, "at_s": 3.0}
+    for faults in ((), (fault,)):
+        scenario = load("drive_aided", duration_s=60, odometer=None, integrity=ON, faults=faults)
+        ends.append(run_fast(scenario, firmware_settings(scenario), 20))
+    (ram, without), (_, with_bias) = ends
+    effect = ram[0].integrity.faults[1]["effects"][SINCE_BEGIN]["state"]
+    bias = math.radians(b_dph / 3600)
+    turned = math.radians((with_bias.turn_up_arcsec[-1] - without.turn_up_arcsec[-1]) / 3600)
+    # An error of the filter is what has to be added; the errors are navigation minus truth.
+    assert turned == pytest.approx(-bias * effect[2], rel=0.02)
+    moved = with_bias.position_north_m[-1] - without.position_north_m[-1]
+    assert moved == pytest.approx(-bias * effect[6] * ram[0].estimator.north_radius, rel=0.05)
+
+
+def test_in_an_outage_the_bound_grows_with_the_error():
+    outage = [{"at_s": 200, "for_s": 100}]
+    _, seconds, errors = followed(odometer=None, duration_s=400, gnss={"outages": outage})
+    bound = seconds["protection"][:, HORIZONTAL]
+    assert bound[295] > 4 * bound[195]
+    assert bound[390] < 2 * bound[195]
+    assert (errors[:, HORIZONTAL] <= bound).all()
+
+
+def test_without_an_aid_the_bound_grows_until_the_alert_limit():
+    _, seconds, errors = followed(
+        "rimu_rotating", estimator=ON, duration_s=1200,
+        gyros={"angle_random_walk_deg_per_sqrt_h": 0.005},
+        integrity=ON | {"horizontal_alert_m": 300},
+    )  # fmt: skip
+    assert (
+        errors[:, [HORIZONTAL, HEADING]] <= seconds["protection"][:, [HORIZONTAL, HEADING]]
+    ).all()
+    first = np.argmax(seconds["protection"][:, HORIZONTAL] > 300)
+    assert first > 100
+    assert (seconds["integrity"][first:] == IntegrityStatus.NOT_AVAILABLE).all()
+
+
+def test_it_needs_the_estimator():
+    with pytest.raises(rrins.ScenarioError, match=r"integrity\.enabled: needs estimator\.enabled"):
+        rrins.load_scenario("rimu_rotating", integrity=ON)
