@@ -42,7 +42,7 @@ _PARTS: Final = {
     ODOMETER: (Part.ODOMETER,),
 }
 _ALIKE: Final = ("bias", "ramp", "scale")
-"""What befalls all sensors of a kind alike, such as by temperature or a supply."""
+"""Effects that all sensors of a kind have alike, such as by temperature or a supply."""
 
 _GRADES: Final = {
     "navigation": {"level_error_sigma_arcsec": 20, "heading_error_sigma_arcsec": 60},
@@ -67,7 +67,7 @@ class Case:
 
     @property
     def words(self) -> str:
-        """What fails, for a line."""
+        """The faults, for a line."""
         return "; ".join(map(_words, self.scenario.faults)) or "nothing"
 
 
@@ -75,7 +75,9 @@ def _words(fault: AnyFault) -> str:
     """Return the kind of a fault and the keys that it has."""
     given = fault.model_dump(exclude_unset=True)
     kind = given.pop("kind")
-    values = (f"{key} {v:.4g}" if isinstance(v, float) else f"{key} {v}" for key, v in given.items())
+    values = (
+        f"{key} {v:.4g}" if isinstance(v, float) else f"{key} {v}" for key, v in given.items()
+    )
     return f"{kind}, {', '.join(values)}"
 
 

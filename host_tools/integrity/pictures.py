@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
@@ -27,13 +28,12 @@ def stanford_figure(counts: Counts, alerts: Sequence[float]) -> Figure:
     give_title(figure, "Error against protection level: seconds")
     panels = figure.subplots(1, len(SCALES))
     norm = LogNorm(1, max(10, int(counts.max(initial=0))))
-    shades = None
     for axes, scale, of_scale, alert in zip(panels, SCALES, counts, alerts, strict=True):
         edges = scale.edges
         shown = np.ma.masked_equal(of_scale.T, 0)
-        shades = axes.pcolormesh(edges, edges, shown, cmap="Greys", norm=norm, rasterized=True)
+        axes.pcolormesh(edges, edges, shown, cmap="Greys", norm=norm)
         _finish(axes, scale, alert)
-    figure.colorbar(shades, ax=panels, label="seconds", fraction=0.03)
+    figure.colorbar(ScalarMappable(norm, "Greys"), ax=panels, label="seconds", fraction=0.03)
     return figure
 
 

@@ -50,7 +50,7 @@ class Seconds:
 
 @dataclass(frozen=True)
 class Result:
-    """What came of a case."""
+    """The outcome of a case."""
 
     case: Case
     seconds: int

@@ -1,7 +1,8 @@
 """Runs with one fault each, from copies of the memory of a run that has come to the phase.
 
-What the unit says is what a tester would read: alarms of the parity, and the tests of trouble codes
-that fail, at the end of each second, where they do not in the same run without the fault.
+What the unit says is what a tester would read: alarms of the parity, and at the end of each second
+the tests of trouble codes that fail, and whether the navigation calls itself not available, where
+the same run without the fault does not.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ from numpy.typing import NDArray
 from rrins.compiled.record import Floats
 from rrins.firmware_py.core.modes.modes import FirmwareFault
 from rrins.firmware_py.core.monitoring import monitor
+from rrins.firmware_py.core.records.integrity_records import IntegrityStatus
 from rrins.firmware_py.core.records.trouble_table import TROUBLES
 from rrins.host_tools.files import JsonObject
 from rrins.host_tools.hardware import faults
@@ -39,10 +41,12 @@ _BLAME: Final = re.compile(
     r"((?:gyro|accelerometer)_\d+|axis_inner|axis_outer|gnss|odometer|altimeter)"
     r"_(?:left_out|rejected|lost|encoder|not_following|drive|abandoned)"
 )
-_BLAMED: Final = tuple(
-    found[1] if (found := _BLAME.fullmatch(trouble.name)) else "" for trouble in TROUBLES
+_BLAMED: Final = (
+    *(found[1] if (found := _BLAME.fullmatch(trouble.name)) else "" for trouble in TROUBLES),
+    "",
 )
-"""The part that each trouble code calls faulty; empty where it names none."""
+"""The part that each trouble code calls faulty, empty where it names none; last, of the status of
+the integrity."""
 
 _KIND, _BIT = (np.array([getattr(one, key) for one in TROUBLES]) for key in ("kind", "bit"))
 _PART_S: Final = 20
@@ -149,7 +153,7 @@ class _Followed:
     epochs: NDArray[np.int64]  #: of the errors
     east_m: Floats
     north_m: Floats
-    codes: NDArray[np.bool_]  #: whose tests have failed so far, shape (seconds, codes)
+    codes: NDArray[np.bool_]  #: of `_BLAMED` that have failed so far, shape (seconds, codes)
     alarm_epoch: int  #: of the first alarm of a parity; -1: none
     isolated: dict[str, int]  #: sensor that was left out: epoch
     ended: str
@@ -164,7 +168,7 @@ def _follow(run: FastRun, seconds: int, stop: threading.Event) -> _Followed | No
     """Run on for some seconds; None if it is to stop."""
     state, since = run.ram[0], int(run.plant[0].epoch)
     navigation, truth = [], []
-    codes = np.zeros((seconds, len(TROUBLES)), bool)
+    codes = np.zeros((seconds, len(_BLAMED)), bool)
     alarm, isolated = -1, dict[str, int]()
     for second in range(seconds):
         if second % _PART_S == 0 and stop.is_set():
@@ -173,7 +177,8 @@ def _follow(run: FastRun, seconds: int, stop: threading.Event) -> _Followed | No
         navigation.append(track.navigation)
         truth.append(track.truth)
         monitor.watch(state, 0)
-        codes[second] = state.diagnostics.failing[_KIND] >> _BIT & 1
+        codes[second, :-1] = state.diagnostics.failing[_KIND] >> _BIT & 1
+        codes[second, -1] = state.integrity.status == IntegrityStatus.NOT_AVAILABLE
         for name, parity in _parities(state):
             known = [int(parity.alarm_epoch), int(parity.found_epoch)]
             fresh = [epoch for epoch in known if epoch >= since]
