@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import shlex
 import threading
 from collections.abc import Callable, Sequence
@@ -124,6 +125,14 @@ class Study:
         rows = [one.misleading for one in self.results] or [(0, 0, 0)]
         return tuple(int(count) for count in np.sum(rows, axis=0))
 
+    def over_sigma(self) -> dict[str, float]:
+        """Return the median of each bound over sigma, of the healthy cases; NaN without any."""
+        rows = [one.over_sigma for one in self.results if one.case.kind == cases.HEALTHY]
+        columns = np.array(rows).reshape(-1, len(_NAMES)).T
+        known = [column[np.isfinite(column)] for column in columns]
+        medians = (float(np.median(column)) if len(column) else math.nan for column in known)
+        return dict(zip(_NAMES, medians, strict=True))
+
     def to_alert_s(self) -> list[float]:
         """Return the times to alert of the cases whose error went beyond a limit, longest first."""
         return sorted((one.to_alert_s for one in self.results if one.to_alert_s), reverse=True)
@@ -156,6 +165,10 @@ class Study:
                 for one in self.strata
             ],
             "availability": self.availability(),
+            "level_over_sigma": {
+                name: value if math.isfinite(value) else None
+                for name, value in self.over_sigma().items()
+            },
             "time_to_alert_s": {"cases": len(alerts), "longest": alerts[0] if alerts else None},
             "sound_left_out": [
                 {"case": one.case.number, "sensors": list(one.sound_left_out)}

@@ -40,6 +40,7 @@ class Seconds:
 
     error: Floats  #: shape (n, 3)
     bound: Floats  #: shape (n, 3); infinite where there is none
+    sigma: Floats  #: shape (n, 3); of the filter, horizontally along the larger of east and north
     status: NDArray[np.int64]  #: an `IntegrityStatus`, shape (n,)
 
     @property
@@ -59,6 +60,7 @@ class Result:
     misleading: tuple[int, ...]  #: seconds available with the error beyond each of `BOUNDS`
     doubtful: tuple[int, ...]  #: the same while degraded
     excess: float  #: largest error over bound while trusted
+    over_sigma: tuple[float, ...]  #: median of each bound over sigma while trusted; NaN for none
     to_alert_s: float  #: longest time trusted with an error beyond an alert limit
     sound_left_out: tuple[str, ...]
     ended: str  #: reason of the firmware's FAULT, or why the case could not run; empty if neither
@@ -76,7 +78,8 @@ class Result:
 
 def no_seconds() -> Seconds:
     """Return the seconds of a run without any."""
-    return Seconds(np.zeros((0, BOUNDS)), np.zeros((0, BOUNDS)), np.zeros(0, np.int64))
+    none = np.zeros((0, BOUNDS))
+    return Seconds(none, none, none, np.zeros(0, np.int64))
 
 
 def seconds_of(errors: Errors, estimates: Records[EstimatorSecond], rate_hz: int) -> Seconds:
@@ -95,7 +98,11 @@ def seconds_of(errors: Errors, estimates: Records[EstimatorSecond], rate_hz: int
     error[:, HEADING] = np.radians(np.abs(errors.heading_deg[at]))
     bound = known["protection"].copy()
     error[bound[:, VERTICAL] == 0.0, VERTICAL] = 0.0  # the height is not the filter's
-    return Seconds(error, bound, known["integrity"])
+    sigma = np.zeros_like(error)
+    sigma[:, HORIZONTAL] = known["position_sigma"][:, :2].max(axis=1)
+    sigma[:, VERTICAL] = known["position_sigma"][:, 2]
+    sigma[:, HEADING] = known["attitude_sigma"][:, 2]
+    return Seconds(error, bound, sigma, known["integrity"])
 
 
 def _longest(is_set: NDArray[np.bool_]) -> int:
@@ -137,11 +144,22 @@ def judged(
         misleading=_counted(is_beyond[is_available]),
         doubtful=_counted(is_beyond[is_degraded]),
         excess=float(excess.max(initial=0.0)),
+        over_sigma=_over_sigma(seconds),
         to_alert_s=float(_longest(is_silent)),
         sound_left_out=tuple(sorted(excluded - case.failing)),
         ended=ended,
         counts=counts_of(seconds.error, seconds.bound),
     )
+
+
+def _over_sigma(seconds: Seconds) -> tuple[float, ...]:
+    found = []
+    for k in range(BOUNDS):
+        bound, sigma = seconds.bound[:, k], seconds.sigma[:, k]
+        is_known = seconds.is_trusted & (sigma > 0.0) & np.isfinite(sigma) & (bound > 0.0)
+        ratio = bound[is_known] / sigma[is_known]
+        found.append(float(np.median(ratio)) if len(ratio) else math.nan)
+    return tuple(found)
 
 
 def _counted(is_beyond: NDArray[np.bool_]) -> tuple[int, ...]:

@@ -38,7 +38,7 @@ def seconds(*rows):
     """Return seconds of (horizontal error, bound, status); the others are within theirs."""
     error, bound = np.full((len(rows), 3), 1e-3), np.full((len(rows), 3), 1e-2)
     error[:, 0], bound[:, 0] = [row[0] for row in rows], [row[1] for row in rows]
-    return Seconds(error, bound, np.array([row[2] for row in rows]))
+    return Seconds(error, bound, bound / 6, np.array([row[2] for row in rows]))
 
 
 def test_an_error_beyond_its_bound_misleads_while_it_is_called_available(case):
@@ -46,6 +46,7 @@ def test_an_error_beyond_its_bound_misleads_while_it_is_called_available(case):
     assert (found.misleading, found.doubtful) == ((1, 0, 0), (1, 0, 0))
     assert (found.seconds, found.available, found.degraded) == (5, 3, 1)
     assert found.excess == pytest.approx(1.5)
+    assert found.over_sigma == pytest.approx((6, 6, 6))
     assert not judged(case, seconds((5, math.inf, ON))).is_misleading
     assert judged(case, trial.no_seconds(), ended="FAULT").seconds == 0
 
