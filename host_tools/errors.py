@@ -12,6 +12,7 @@
     ├── InjectionError        a fault that cannot be commanded live
     ├── MotionError           a motion that is missing, refused or impossible
     ├── ConformanceError      a program that does not do what the bus demands
+    ├── MisleadingError       an error beyond the bound that the navigation states
     ├── ParameterFileError    a parameter memory that cannot be used
     ├── DiagError             a failure of the diagnostic tool
     │   ├── NoAnswerError             nobody answers its requests
@@ -52,6 +53,12 @@ class FirmwareFaultError(RehearsalError):
     """The run ended with the firmware in mode FAULT."""
 
     exit_status = 8
+
+
+class MisleadingError(RehearsalError):
+    """The navigation's error exceeded the bound that it stated."""
+
+    exit_status = 14
 
 
 class ConformanceError(RehearsalError):

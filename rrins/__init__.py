@@ -15,7 +15,8 @@ scenario; `record`, `replay` and `open_log` handle logs of the bus; `open_diagno
 `load_motion` and `check_motion` at motion, `reproduce` at the paper; `write_increments` and
 `import_recording` exchange increments with other navigators and vehicles; `Campaign` runs a
 scenario thousands of times, `analyse_covariance` needs no run; `study_redundancy` says which faults
-are found, `calibrate` finds the constants of a unit, `conform` checks somebody's firmware, `bench`
+are found, `fmeda` what becomes of failures, `study_integrity` whether errors stay within their
+bounds, `calibrate` finds the constants of a unit, `conform` checks somebody's firmware, `bench`
 this machine. Tests get the fixtures `rrins_bench`, `rrins_bus`, `rrins_firmware` and
 `rrins_hardware` from the pytest plugin.
 

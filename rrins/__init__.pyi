@@ -11,6 +11,10 @@ from rrins.host_tools.errors import RehearsalError as RehearsalError
 from rrins.host_tools.errors import ScenarioError as ScenarioError
 from rrins.host_tools.runs.results.summary_types import Summary as Summary
 from rrins.host_tools.scenario.scenario import Scenario as Scenario
+from rrins.integrity import FmedaStudy as FmedaStudy
+from rrins.integrity import IntegrityStudy as IntegrityStudy
+from rrins.integrity import fmeda as fmeda
+from rrins.integrity import study_integrity as study_integrity
 from rrins.live import open_diagnostics as open_diagnostics
 from rrins.live import open_faults as open_faults
 from rrins.live import record as record

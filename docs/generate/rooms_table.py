@@ -41,6 +41,7 @@ GUIDES = {
     "host_tools/experiments": "experiments/index.md",
     "host_tools/hardware": "error-model.md",
     "host_tools/injection": "faults.md",
+    "host_tools/integrity": "integrity.md",
     "host_tools/logs": "logs.md",
     "host_tools/monitor": "monitor.md",
     "host_tools/motion": "motion.md",

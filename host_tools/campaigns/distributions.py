@@ -21,7 +21,13 @@ Value = float | int | str | bool
 
 _CALL = re.compile(r"\s*(\w+)\s*\(([^()]*)\)\s*(.*)\Z", re.DOTALL)
 _CORRELATED = re.compile(r"correlated\s*\(?\s*([-+.\deE]+)\s*\)?\Z")
-_NUMBER_OF_VALUES: Final = {"normal": 2, "uniform": 2, "truncated": 4, "steps": 3}
+_NUMBER_OF_VALUES: Final = {
+    "normal": 2,
+    "uniform": 2,
+    "loguniform": 2,
+    "truncated": 4,
+    "steps": 3,
+}
 _KINDS: Final = (*_NUMBER_OF_VALUES, "list")
 _MOST_STEPS = 100_000
 
@@ -56,6 +62,8 @@ class Distribution:
         first, second, *limits = self._numbers
         if self.kind == "uniform":
             return first + (second - first) * probability
+        if self.kind == "loguniform":
+            return float(first * (second / first) ** probability)
         if self.kind == "normal":
             return first + second * normal_quantile(probability)
         low, high = (cumulative_normal((limit - first) / second) for limit in limits)
@@ -74,7 +82,7 @@ class Distribution:
     @property
     def levels(self) -> tuple[Value, ...]:
         """The values of a sweep: a list's own, the limits of a uniform distribution, else ± 1 σ."""
-        if self.kind in ("list", "uniform"):
+        if self.kind in ("list", "uniform", "loguniform"):
             return self.values
         return self.quantile(cumulative_normal(-1.0)), self.quantile(cumulative_normal(1.0))
 
@@ -93,6 +101,10 @@ class Distribution:
         first, second, *limits = self._numbers
         if self.kind == "uniform":
             return (first + second) / 2.0, (second - first) / math.sqrt(12.0)
+        if self.kind == "loguniform":
+            width = math.log(second / first)
+            mean = (second - first) / width
+            return mean, math.sqrt((second**2 - first**2) / (2.0 * width) - mean**2)
         if self.kind == "normal":
             return first, second
         from scipy.stats import truncnorm
@@ -143,9 +155,9 @@ def parse(key: str, text: str) -> Distribution:
     key : str
         What errors name.
     text : str
-        ``normal(mean, σ)``, ``uniform(low, high)``, ``truncated(mean, σ, low, high)``,
-        ``list(value, …)`` or ``steps(first, last, number)``; behind it ``common`` (one value for
-        all sensors) or ``correlated ρ`` (between sensors).
+        ``normal(mean, σ)``, ``uniform(low, high)``, ``loguniform(low, high)``,
+        ``truncated(mean, σ, low, high)``, ``list(value, …)`` or ``steps(first, last, number)``;
+        behind it ``common`` (one value for all sensors) or ``correlated ρ`` (between sensors).
 
     Raises
     ------
@@ -155,7 +167,8 @@ def parse(key: str, text: str) -> Distribution:
     if found is None or found[1] not in _KINDS:
         raise CampaignError(
             f"{key}: {text.strip()!r} is not a distribution; known are normal(mean, σ), "
-            "uniform(low, high), truncated(mean, σ, low, high), list(…), steps(first, last, number)"
+            "uniform(low, high), loguniform(low, high), truncated(mean, σ, low, high), list(…), "
+            "steps(first, last, number)"
         )
     kind, inside, behind = found[1], found[2], found[3].strip()
     values = tuple(_value(part) for part in inside.split(",")) if inside.strip() else ()
@@ -197,7 +210,9 @@ def _checked(key: str, kind: str, values: Sequence[Value]) -> tuple[Value, ...]:
     if kind in ("normal", "truncated") and numbers[1] <= 0:
         raise CampaignError(f"{key}: the standard deviation in {kind}() must be above 0")
     low, high = numbers[-2:] if kind == "truncated" else numbers[:2]
-    if kind in ("uniform", "truncated") and low >= high:
+    if kind == "loguniform" and low <= 0:
+        raise CampaignError(f"{key}: the lower limit in loguniform() must be above 0")
+    if kind in ("uniform", "loguniform", "truncated") and low >= high:
         raise CampaignError(f"{key}: the lower limit in {kind}() must be below the upper")
     if kind == "truncated":
         mean, spread, low, high = numbers

@@ -73,6 +73,41 @@ def percentile(values: Floats, percent: float) -> Estimate:
     return Estimate(value, float(known[low - 1]), float(known[high - 1]))
 
 
+def proportion(hits: float, of: float, confidence: float = CONFIDENCE) -> Estimate:
+    """Return the share of some trials, with its interval of Clopper and Pearson.
+
+    *Biometrika* 26 (1934) 404. Numbers need not be whole: for shares of unequal weight, the trials
+    are the effective number (Korn and Graubard, *Survey Methodology* 24 (1998) 193).
+    """
+    from scipy.special import betaincinv
+
+    if of <= 0:
+        return NOTHING
+    tail = 0.5 * (1.0 - confidence)
+    low = float(betaincinv(hits, of - hits + 1, tail)) if hits > 0 else 0.0
+    high = float(betaincinv(hits + 1, of - hits, 1.0 - tail)) if hits < of else 1.0
+    return Estimate(hits / of, low, high)
+
+
+def weighted_proportion(hits: Floats, of: Floats, weights: Floats) -> Estimate:
+    """Return the share over strata of different weight, with its interval of Korn and Graubard.
+
+    Parameters
+    ----------
+    hits, of : array, shape (n,)
+        Of the trials of each stratum; one without trials does not count.
+    weights : array, shape (n,)
+    """
+    is_known = of > 0
+    hits, of, weights = hits[is_known], of[is_known], weights[is_known]
+    if not weights.sum() > 0:
+        return NOTHING
+    weights = weights / weights.sum()
+    effective = 1.0 / float(np.sum(weights * weights / of))
+    share = min(1.0, float(np.sum(weights * hits / of)))
+    return proportion(share * effective, effective)
+
+
 def resampled(figure: Callable[..., Floats], *samples: Floats, is_paired: bool = False) -> Estimate:
     """Return a figure of samples with its bootstrap interval (percentiles of resamples).
 

@@ -59,6 +59,8 @@ _LOOK = {
 _PLAN = {
     "scheme": _Entry("scheme", "Analyse, compare and search rotation schemes."),
     "redundancy": _Entry("redundancy", "Show which faults redundant sensors can find."),
+    "integrity": _Entry("integrity", "Compare the error with its bound in random cases of faults."),
+    "fmeda": _Entry("fmeda", "Show what becomes of a unit's failures, weighted by their rates."),
     "motion": _Entry("motion", "Check recorded vehicle motion; export true motion."),
     "campaign": _Entry("campaign", "Run a scenario thousands of times with different values."),
     "covariance": _Entry("covariance", "Analyse how each error source acts on the position."),

@@ -181,6 +181,11 @@ rimu_option = option(
 )
 
 
+workers_option = option(
+    "--workers", "Threads.  [default: one for each processor]", click.IntRange(1, 4096)
+)
+
+
 def seed_option(of_what: str) -> Option:
     """Return the option for a seed that is 1 if not given."""
     return option("--seed", f"Seed of {of_what}.", click.IntRange(0), 1)

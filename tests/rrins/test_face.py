@@ -60,8 +60,9 @@ CALLS = {
     "dashboard": "open_dashboard", "diag": "open_diagnostics", "record": "record",
     "import": "import_recording", "replay": "replay", "export": "open_log",
     "increments": "write_increments", "plot": "open_log", "scheme": "analyse_scheme",
-    "redundancy": "study_redundancy", "motion": "load_motion", "campaign": "Campaign",
-    "covariance": "analyse_covariance", "reproduce": "reproduce",
+    "redundancy": "study_redundancy", "fmeda": "fmeda", "integrity": "study_integrity",
+    "motion": "load_motion", "campaign": "Campaign", "covariance": "analyse_covariance",
+    "reproduce": "reproduce",
 }  # fmt: skip
 PROCESSES = {"firmware", "hardware", "setup", "monitor", "socketcand", "slcan"}
 """A side by itself, a terminal's screen, and ways onto the bus for other programs."""

@@ -115,3 +115,13 @@ def test_motion_saved_is_read_and_checked(tmp_path):
     assert motion.plot().axes
     with pytest.raises(rrins.RehearsalError):
         motion.save(tmp_path / "drive.kml")
+
+
+def test_what_becomes_of_failures(tmp_path):
+    rates = tmp_path / "rates.toml"
+    rates.write_text('[[modes]]\nkind = "gyro_absent"\nfit = 1000\n', encoding="utf-8")
+    found = rrins.fmeda("rimu_rotating", duration_s=60, rates=rates, runs=1, window_s=10)
+    assert found.parts["all"]["unit"] == pytest.approx(4000)
+    assert set(found.cells["detected"]) == {1.0}
+    assert [path.name for path in found.save(tmp_path)] == ["report.html", "fmeda.csv"]
+    assert "gyro_4" in found._repr_html_()

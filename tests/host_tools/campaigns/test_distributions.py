@@ -10,6 +10,7 @@ from rrins.host_tools.campaigns.errors import CampaignError
 LAWS = {
     "normal(2, 0.5)": stats.norm(2, 0.5),
     "uniform(-1, 3)": stats.uniform(-1, 4),
+    "loguniform(2, 50)": stats.loguniform(2, 50),
     "truncated(1, 2, 0, 4)": stats.truncnorm(-0.5, 1.5, loc=1, scale=2),
 }
 
@@ -46,6 +47,7 @@ def test_its_text_says_the_same(text):
         ("normal(0, x)", "not a number"),
         ("uniform(2, 1)", "below"),
         ("truncated(0, 1, 50, 60)", "nothing"),
+        ("loguniform(0, 1)", "above 0"),
         ("list()", "empty"),
         ("steps(0, 1, 1)", "whole number"),
         ("normal(0, 1) correlated 1.5", "-1 < ρ < 1"),

@@ -2,9 +2,16 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.stats import binomtest
 
 from rrins.host_tools.campaigns.errors import CampaignError
-from rrins.host_tools.campaigns.statistics import mean, percentile, sigma
+from rrins.host_tools.campaigns.statistics import (
+    mean,
+    percentile,
+    proportion,
+    sigma,
+    weighted_proportion,
+)
 from rrins.host_tools.campaigns.until import Until
 
 
@@ -31,6 +38,24 @@ def test_intervals_have_the_truth_as_often_as_they_promise(figure, truth):
     found = [figure(np.random.default_rng(k).rayleigh(size=200)) for k in range(60)]
     inside = sum(one.low <= truth <= one.high for one in found)
     assert 51 <= inside <= 60
+
+
+@pytest.mark.parametrize(("hits", "of"), [(0, 300), (3, 300), (7, 10), (10, 10)])
+def test_the_interval_of_a_share_is_that_of_clopper_and_pearson(hits, of):
+    found = proportion(hits, of)
+    exact = binomtest(hits, of).proportion_ci(0.95, "exact")
+    assert (found.value, found.low, found.high) == pytest.approx((hits / of, exact.low, exact.high))
+    if not hits:
+        assert found.high == pytest.approx(1 - 0.025 ** (1 / of))
+    assert np.isnan(proportion(0, 0).value)
+
+
+def test_a_share_over_strata_is_weighted():
+    hits, of, weights = np.array([[2.0, 8.0, 0.0], [10.0, 10.0, 0.0], [1.0, 1.0, 5.0]])
+    assert weighted_proportion(hits, of, weights) == proportion(10, 20)
+    assert weighted_proportion(hits, of, np.array([3.0, 1.0, 1.0])).value == pytest.approx(0.35)
+    few = weighted_proportion(hits, of, np.array([1.0, 1e-9, 0.0]))
+    assert few.high == pytest.approx(proportion(2, 10).high)
 
 
 def test_too_few_runs_have_no_interval():

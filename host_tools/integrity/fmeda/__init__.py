@@ -1,0 +1,1 @@
+"""Failure modes, effects and diagnostics (FMEDA), from runs."""

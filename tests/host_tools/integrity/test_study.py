@@ -1,0 +1,145 @@
+"""Error against bound: what counts as misleading, the diagram, the risk, the command."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import threading
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+import rrins
+from rrins.firmware_py.core.records.integrity_records import IntegrityStatus
+from rrins.host_tools.campaigns.statistics import proportion
+from rrins.host_tools.cli.integrity import integrity
+from rrins.host_tools.errors import MisleadingError
+from rrins.host_tools.integrity import cases, risk, stanford, trial
+from rrins.host_tools.integrity.study import Study
+from rrins.host_tools.integrity.trial import Seconds, judged
+from rrins.host_tools.scenario import scenario
+
+ON, DOUBT, NOT = (
+    IntegrityStatus.AVAILABLE,
+    IntegrityStatus.DEGRADED,
+    IntegrityStatus.NOT_AVAILABLE,
+)
+
+
+@pytest.fixture(scope="module")
+def case():
+    loaded = scenario.load("drive_outage").varied(integrity={"enabled": True})
+    return cases.Case(0, "gyro", loaded, frozenset({"gyro_2"}))
+
+
+def seconds(*rows):
+    """Return seconds of (horizontal error, bound, status); the others are within theirs."""
+    error, bound = np.full((len(rows), 3), 1e-3), np.full((len(rows), 3), 1e-2)
+    error[:, 0], bound[:, 0] = [row[0] for row in rows], [row[1] for row in rows]
+    return Seconds(error, bound, bound / 6, np.array([row[2] for row in rows]))
+
+
+def test_an_error_beyond_its_bound_misleads_while_it_is_called_available(case):
+    found = judged(case, seconds((1, 2, ON), (3, 2, ON), (3, 2, DOUBT), (3, 2, NOT), (9, 10, ON)))
+    assert (found.misleading, found.doubtful) == ((1, 0, 0), (1, 0, 0))
+    assert (found.seconds, found.available, found.degraded) == (5, 3, 1)
+    assert found.excess == pytest.approx(1.5)
+    assert found.over_sigma == pytest.approx((6, 6, 6))
+    assert not judged(case, seconds((5, math.inf, ON))).is_misleading
+    assert judged(case, trial.no_seconds(), ended="FAULT").seconds == 0
+
+
+def test_the_time_to_alert_is_the_longest_beyond_a_limit_without_one(case):
+    beyond = case.scenario.integrity.horizontal_alert_m + 1
+    rows = [(beyond, 1, NOT), (beyond, 1, ON), (beyond, 1, DOUBT), (1, 2, ON), (beyond, 1, ON)]
+    assert judged(case, seconds(*rows)).to_alert_s == 2
+
+
+def test_a_sensor_that_does_not_fail_is_sound(case):
+    found = judged(case, seconds((1, 2, ON)), frozenset({"gyro_2", "gyro_3"}))
+    assert found.sound_left_out == ("gyro_3",)
+
+
+def test_each_second_has_its_place_in_the_diagram():
+    error = np.array([[1.5, 0.0, 1e-9], [1e9, 2.0, 1e-3]])
+    bound = np.array([[20.0, 0.0, 1e-2], [math.inf, 5.0, 1.0]])
+    counts = stanford.counts_of(error, bound)
+    assert counts.sum(axis=(1, 2)).tolist() == [2, 1, 2]
+    (first,) = np.argwhere(counts[0])[:1]
+    edges = stanford.SCALES[0].edges
+    assert edges[first[0]] <= 1.5 < edges[first[0] + 1]
+    assert edges[first[1]] <= 20 < edges[first[1] + 1]
+    assert counts[0, -1, -1] == 1
+
+
+def test_the_risk_is_the_prior_times_the_share_of_each_kind():
+    strata = [
+        risk.Stratum("healthy", 400, 0, proportion(0, 400), 4.0),
+        risk.Stratum("gyro", 100, 2, proportion(2, 100), 4e-5),
+        risk.Stratum("wire", 100, 50, proportion(50, 100), None),
+    ]
+    found = risk.hourly(strata)
+    assert found.value == pytest.approx(4e-5 * 0.02)
+    none_of_400 = 1 - 0.0125 ** (1 / 400)  # Clopper and Pearson at 97.5 %
+    assert found.high == pytest.approx(4 * none_of_400, rel=1e-3)
+    assert 0 < found.low < found.value
+
+
+def test_priors_are_those_of_the_scenario(case):
+    per_h = {kind: risk.prior_per_h(case.scenario, kind, 900) for kind in cases.DRAWN}
+    settings = case.scenario.integrity
+    assert per_h["healthy"] == 4.0
+    assert per_h["gyro"] == 4 * settings.gyro_faults_per_h
+    assert per_h["common"] is None
+
+
+def test_a_case_runs_with_and_without_frames(case):
+    base = case.scenario.varied(duration_s=40)
+    drop = {"kind": "drop", "probability": 0.02, "at_s": 20}
+    kept = {}
+    for faults in ((), (drop,)):
+        one = cases.Case(0, "wire", base.varied(faults=faults), frozenset())
+        kept[bool(faults)] = trial.run(one)
+    assert {found.seconds for found in kept.values()} == {40}
+    assert all(found.available + found.degraded > 20 for found in kept.values())
+    assert not any(found.is_misleading for found in kept.values())
+    assert trial.run(case, lambda: True) is None
+
+
+def test_the_command_reports_what_misleads_with_its_status(tmp_path, monkeypatch, case):
+    def run(one, should_stop):
+        return judged(one, seconds((3, 2, ON)), frozenset({"gyro_1"}) - one.failing)
+
+    monkeypatch.setattr("rrins.host_tools.integrity.study.run", run)
+    words = ["drive_outage", "--cases", "3", "--out", str(tmp_path), "--json"]
+    done = CliRunner().invoke(integrity, words)
+    assert isinstance(done.exception, MisleadingError)
+    values = json.loads(done.stdout)
+    assert values["misleading"]["cases"] == [0, 1, 2]
+    assert values["misleading"]["seconds"]["horizontal"] == 3
+    page = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert all(command in page for command in values["repeat"].values())
+    repeated = scenario.load(values["repeat"]["0"].split()[-1])
+    assert repeated == cases.draw(1, 0, scenario.load("drive_outage")).scenario
+
+
+def test_a_campaign_from_python(tmp_path):
+    found = rrins.study_integrity("drive_outage", cases=2, duration_s=30)
+    assert found.values["done"] == 2
+    assert len(found.cases) == 2
+    assert len(found.plot().axes) == 4
+    assert [path.name for path in found.save(tmp_path)] == ["report.html", "stanford.png"]
+
+
+@pytest.mark.soak
+@pytest.mark.timeout(0)
+def test_no_case_misleads_and_no_sound_sensor_is_left_out(tmp_path):
+    """`RRINS_CASES` random cases, 10,000 by default."""
+    study = Study(int(os.environ.get("RRINS_CASES", "10000")))
+    study.run(len(os.sched_getaffinity(0)), threading.Event())
+    study.write(tmp_path)
+    print(f"\n{tmp_path}: {json.dumps(study.values(), indent=1)}")
+    assert not study.sound_left_out
+    assert not study.misleading
