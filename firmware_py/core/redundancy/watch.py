@@ -14,6 +14,7 @@ from rrins.firmware_py.core.records.memory import Fusion, Ram
 from rrins.firmware_py.core.records.redundancy_records import (
     ABSOLUTE,
     ACCELEROMETERS,
+    SECOND_LEVELS,
     WINDOWS_S,
     Found,
     Parity,
