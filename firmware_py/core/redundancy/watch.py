@@ -8,13 +8,11 @@ from __future__ import annotations
 
 from rrins.compiled.compilation import compiled
 from rrins.compiled.record import Floats
-from rrins.firmware_py.core.estimator import follow as estimator
 from rrins.firmware_py.core.navigation import alignment
 from rrins.firmware_py.core.records.memory import Fusion, Ram
 from rrins.firmware_py.core.records.redundancy_records import (
     ABSOLUTE,
     ACCELEROMETERS,
-    SECOND_LEVELS,
     WINDOWS_S,
     Found,
     Parity,
@@ -30,6 +28,7 @@ from rrins.firmware_py.core.redundancy import (
     reference,
     repair,
     standing,
+    suspicion,
     windows,
 )
 from rrins.firmware_py.core.redundancy import parity as parities
@@ -210,21 +209,6 @@ def _known(
 
 
 @compiled
-def _begun_s(parity: Parity) -> float:
-    """Return for how many seconds the fault seems to last: where its sum is most significant."""
-    suspect = max(0, int(parity.suspect))
-    best, seconds = 0.0, 1.0
-    for level in range(SECOND_LEVELS):
-        if not windows.is_due(parity, level):
-            continue
-        total = parity.window_sum[level, suspect]
-        variance = windows.variance_of(parity, level, suspect)
-        if total * total > best * variance:
-            best, seconds = total * total / variance, float(WINDOWS_S[level])
-    return seconds
-
-
-@compiled
 def _leave_out(state: Ram, parity: Parity, fusion: Fusion, sensor: int, how: int) -> None:
     """Leave a sensor out from now on if it can be spared, and order the repair of the history.
 
@@ -244,7 +228,7 @@ def _leave_out(state: Ram, parity: Parity, fusion: Fusion, sensor: int, how: int
                 parity.correction[k, j] += taken_off
                 parity.kept.coefficients[k, j] -= taken_off
         parity.corrected = True
-    seconds = _begun_s(parity)
+    seconds = float(WINDOWS_S[suspicion.begun(parity)])
     if how == _REFERENCE:
         parity.alarm_epoch = redundancy.bank.doubt_since[parity.kind]
     seconds = max(seconds, (state.epoch - parity.alarm_epoch) / redundancy.second_epochs)
@@ -257,11 +241,11 @@ def _leave_out(state: Ram, parity: Parity, fusion: Fusion, sensor: int, how: int
     if redundancy.navigated and redundancy.aligning:
         state.estimator.begins_anew = True
         state.modes.epochs = 0
-    elif estimator.is_aided(state.estimator, state.epoch):
-        state.estimator.doubts = True
+        suspicion.begin(state)
     elif redundancy.navigated:
-        repair.order(redundancy.repair, parity.kind, sensor, seconds)
-        parity.repaired_epoch = state.epoch - int(seconds) * redundancy.second_epochs
+        if not suspicion.settle(state, parity, sensor, seconds):
+            repair.order(redundancy.repair, parity.kind, sensor, seconds)
+            parity.repaired_epoch = state.epoch - int(seconds) * redundancy.second_epochs
     elif redundancy.aligning:
         if not state.alignment.done:
             alignment.begin(state.alignment)
@@ -324,6 +308,7 @@ def watch(state: Ram, navigating: bool, aligning: bool) -> None:
         redundancy.navigation_epoch = state.epoch - 1
         blocks.begin(history, state.gyros.count, state.accelerometers.count, state.epoch - 1)
         reference.begin(state)
+        suspicion.begin(state)
         # Seconds end with those of SYNC, at which most receivers measure.
         redundancy.epochs = (state.epoch - 1) % redundancy.second_epochs
         parities.begin_second(redundancy.gyros)
@@ -393,4 +378,5 @@ def watch(state: Ram, navigating: bool, aligning: bool) -> None:
             blocks.note_uncertain(history, redundancy.gyros, redundancy.accelerometers)
         if history.active:
             repair.advance(state)
+        suspicion.follow(state)
         bank.follow(state)
