@@ -12,6 +12,7 @@ import math
 from rrins.compiled.compilation import compiled
 from rrins.firmware_py.core.estimator import (
     constants,
+    doubt,
     fault_effects,
     feedback,
     history,
@@ -43,11 +44,6 @@ _TRANSITION, _COVARIANCE, _NOISE, _MEASUREMENTS = 1, 2, 3, 4
 
 _DOUBT = 10.0
 """By how much less is known of the attitude after a sensor failed in the fine alignment."""
-
-_DOUBTFUL_ATTITUDE, _DOUBTFUL_VELOCITY = 1e-3, 0.5
-"""rad, m/s: what a sensor does to an aided navigation until it is found, at most."""
-
-_LONG_AGO_S = 5
 
 _PIECES = 24
 """Of a second, at most: with fewer epochs in a second, several are done in one."""
@@ -83,9 +79,9 @@ def begin(state: Ram) -> None:
     """Begin with what is known of the attitude, and with unknown biases."""
     estimator, P = state.estimator, state.estimator.P
     estimator.running = True
-    doubt = _DOUBT if estimator.begins_anew else 1.0
+    larger = _DOUBT if estimator.begins_anew else 1.0
     estimator.begins_anew = False
-    estimator.doubts = False
+    doubt.begin(estimator)
     for i in range(12):
         estimator.fed_back[i] = 0.0
     for kind in range(2):
@@ -110,7 +106,7 @@ def begin(state: Ram) -> None:
     position_sigma = max(estimator.start_sigma, coarse.position_sigma)
     for i in range(3):
         variance = estimator.attitude_sigma[i] ** 2 + coarse.noise_sigma[i] ** 2
-        P[ATTITUDE + i, ATTITUDE + i] = doubt * doubt * variance
+        P[ATTITUDE + i, ATTITUDE + i] = larger * larger * variance
         P[VELOCITY + i, VELOCITY + i] = velocity_sigma**2
     P[LATITUDE, LATITUDE] = (position_sigma / estimator.north_radius) ** 2
     P[LONGITUDE, LONGITUDE] = (position_sigma / estimator.east_radius) ** 2
@@ -143,6 +139,14 @@ def begin(state: Ram) -> None:
     lockout.begin(estimator)
     if state.integrity.enabled:
         fault_effects.begin(state)
+    _note_sigma(estimator)
+
+
+@compiled
+def _note_sigma(estimator: Estimator) -> None:
+    """Note what P says of the navigation that has the corrections up to now, and no later ones."""
+    for i in range(estimator.states):
+        estimator.sigma[i] = math.sqrt(max(0.0, estimator.P[i, i]))
 
 
 @compiled
@@ -156,29 +160,6 @@ def _forget_constants(state: Ram) -> None:
         for k in range(state.accelerometers.count):
             at = constants.state_of(state, error, 1, k)
             estimator.P[at, at] = estimator.constant_sigma[SENSOR_CONSTANTS + error] ** 2
-
-
-@compiled
-def _doubt(state: Ram) -> None:
-    """Know less from now on: a sensor that failed was left out, and has done what it has done."""
-    estimator, P = state.estimator, state.estimator.P
-    gyros, accelerometers = int(state.gyros.count), int(state.accelerometers.count)
-    estimator.doubts = False
-    for i in range(3):
-        P[ATTITUDE + i, ATTITUDE + i] += _DOUBTFUL_ATTITUDE**2
-    for i in range(3 if estimator.vertical else 2):
-        P[VELOCITY + i, VELOCITY + i] += _DOUBTFUL_VELOCITY**2
-    for k in range(gyros):
-        P[BIASES + k, BIASES + k] += estimator.bias_sigma[0] ** 2
-    for k in range(accelerometers):
-        P[BIASES + gyros + k, BIASES + gyros + k] += estimator.bias_sigma[1] ** 2
-
-
-@compiled
-def is_aided(estimator: Estimator, epoch: int) -> bool:
-    """Return whether a measurement was used not long ago: it undoes what a sensor has done."""
-    latest, longest = estimator.aided_epoch, _LONG_AGO_S * estimator.second_epochs
-    return bool(estimator.running and latest >= 0 and epoch - latest <= longest)
 
 
 @compiled
@@ -203,8 +184,7 @@ def _finish_second(state: Ram) -> None:
     while estimator.stage <= _NOISE or estimator.waiting != 0:
         _work(state)
     lockout.follow(state)
-    for i in range(estimator.states):
-        estimator.sigma[i] = math.sqrt(max(0.0, estimator.P[i, i]))
+    doubt.note_past(state)
     history.note(state)
     estimator.epochs = 0
     estimator.stage = _TRANSITION
@@ -223,17 +203,22 @@ def _work(state: Ram) -> None:
     if estimator.stage == _TRANSITION:
         propagation.fill(state)
         propagation.propagate_state(estimator)
+        doubt.bend(state)
         feedback.apply(state)
+        if estimator.doubts:
+            doubt.tell(state)
     elif estimator.stage == _COVARIANCE:
         propagation.propagate_covariance(estimator)
+        doubt.propagate(state)
         if state.integrity.enabled:
             fault_effects.propagate(state)
         if estimator.sway:
             sway.propagate(estimator, state.alignment.position_sigma)
     elif estimator.stage == _NOISE:
         propagation.add_noise(state)
-        if estimator.doubts:
-            _doubt(state)
+        if estimator.settles != 0:
+            doubt.settle(state)
+        _note_sigma(estimator)
     else:
         measurements.take(state)
         return

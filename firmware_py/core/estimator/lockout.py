@@ -94,3 +94,28 @@ def _open(state: Ram, factor: float) -> None:
     for i in range(estimator.states):
         for k in range(estimator.states):
             P[i, k] *= scale[i] * scale[k]
+
+
+@compiled
+def open_along(estimator: Estimator, innovation: float, expected: float) -> float:
+    """Widen P along what a measurement depends on until its innovation is as expected; return that.
+
+    For a sensor's fault that explains why it is rejected: of this measurement alone, and at once.
+    Of the navigation's errors only: ``P + c g gᵀ`` with their part g of ``P rowᵀ``, which
+    `estimator.gain` is; `expected` is the variance of the innovation.
+    """
+    P, gain, row = estimator.P, estimator.gain, estimator.row
+    along = 0.0
+    for i in range(BIASES):
+        along += gain[i] * row[i]
+    if along <= 0.0:
+        return expected
+    more = (innovation * innovation - expected) / along**2
+    for i in range(BIASES):
+        for k in range(BIASES):
+            P[i, k] += more * gain[i] * gain[k]
+    for i in range(BIASES):
+        gain[i] *= 1.0 + more * along
+    estimator.reopened = True
+    estimator.reopenings += 1
+    return innovation * innovation

@@ -10,7 +10,14 @@ from __future__ import annotations
 from rrins.compiled.compilation import compiled
 from rrins.compiled.record import Floats
 from rrins.firmware_py.core.aiding import antenna
-from rrins.firmware_py.core.estimator import covariance, fault_effects, standstill, wheels
+from rrins.firmware_py.core.estimator import (
+    covariance,
+    doubt,
+    fault_effects,
+    lockout,
+    standstill,
+    wheels,
+)
 from rrins.firmware_py.core.maths import earth
 from rrins.firmware_py.core.modes.modes import Mode
 from rrins.firmware_py.core.records.estimator_records import (
@@ -21,6 +28,7 @@ from rrins.firmware_py.core.records.estimator_records import (
     HEIGHT,
     LATITUDE,
     MOST_DISTRUST,
+    NO_TRUST,
     SWAY_EAST,
     SWAY_NORTH,
     TRACK_EPOCHS,
@@ -206,9 +214,13 @@ def _judge(state: Ram, aid: int, component: int, innovation: float, sigma: float
         source.distrust = min(MOST_DISTRUST, source.distrust + 3)
         known = max(expected - sigma * sigma, 1e-9 * expected)
         estimator.excess = max(estimator.excess, innovation * innovation / known)
-        return
+        if source.distrust < NO_TRUST or not doubt.explains(estimator, state.epoch):
+            return
+        expected = lockout.open_along(estimator, innovation, expected)
+        square = 1.0
     covariance.update(x, P, n, estimator.gain, innovation, expected)
-    estimator.aided_epoch = state.epoch
+    if aid != _ALTIMETER:
+        estimator.aided_epoch = state.epoch
     source.used += 1
     source.distrust = max(0, source.distrust - 1)
     source.rejected_in_a_row = 0

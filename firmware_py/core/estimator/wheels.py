@@ -6,9 +6,12 @@ its wheel by the navigation, along the body's axes. Groves (2nd ed., 2013), sect
 
 from __future__ import annotations
 
+import math
+
 from rrins.compiled.compilation import compiled
 from rrins.firmware_py.core.aiding import wheel
 from rrins.firmware_py.core.aiding.wheel import FORWARD_AXIS, RIGHT_AXIS, UP_AXIS
+from rrins.firmware_py.core.estimator import doubt
 from rrins.firmware_py.core.records.estimator_records import (
     ATTITUDE,
     BIASES,
@@ -75,27 +78,37 @@ def innovation(state: Ram, component: int) -> tuple[float, float]:
     estimator = state.estimator
     way_b, first = estimator.stretch_b, BIASES + int(state.gyros.count)
     first += int(state.accelerometers.count)
-    forward = way_b[FORWARD_AXIS]
+    forward, jolt = way_b[FORWARD_AXIS], _jolt_sigma(state)
     if component == FORWARD:
         _fill_row(state, FORWARD_AXIS)
         estimator.row[first + SCALE] = -estimator.stretch_m
         measured = estimator.stretch_m * (1.0 + estimator.odometer[SCALE])
-        return measured - forward, _forward_sigma(state)
+        return measured - forward, math.hypot(_forward_sigma(state), jolt)
     if component == ACROSS:
         _fill_row(state, RIGHT_AXIS)
         estimator.row[first + YAW] = -forward
         across = way_b[RIGHT_AXIS] - estimator.odometer[YAW] * forward
-        return -across, _slip_sigma(estimator)
+        return -across, math.hypot(_slip_sigma(estimator), jolt)
     _fill_row(state, UP_AXIS)
     estimator.row[first + PITCH] = -forward
     upward = way_b[UP_AXIS] - estimator.odometer[PITCH] * forward
-    return -upward, _slip_sigma(estimator)
+    return -upward, math.hypot(_slip_sigma(estimator), jolt)
 
 
 @compiled
 def _forward_sigma(state: Ram) -> float:
     dt = state.parameters.period_ns * 1e-9
     return float(wheel.distance_sigma(state.odometer, dt, state.estimator.stretch_s))
+
+
+@compiled
+def _jolt_sigma(state: Ram) -> float:
+    """Return by how much a way differs from its end's velocity times the time, m.
+
+    A sensor's fault that began or ended within the stretch has not acted on all of it.
+    """
+    seconds = state.estimator.stretch_s
+    return float(0.5 * doubt.jolt(state.estimator, state.epoch) * seconds * seconds)
 
 
 @compiled

@@ -47,6 +47,11 @@ ESTIMATOR_HISTORY_S = 32
 """Seconds of what was estimated that are kept."""
 
 
+PAST, PAST_S = 72, 16
+"""Times at which the biases were noted, and s from one to the next: more than the longest window
+of the redundancy, and half of it, in which a fault may have begun."""
+
+
 NEVER = -3
 """No epoch, nor the one before or after any."""
 
@@ -126,7 +131,30 @@ class Estimator(Record):
     position_sigma: F8  #: m, of each component of a known position
     fed_back: Annotated[Floats, 12]  #: to attitude, velocity, rates, force since the last block
     aided_epoch: I8  #: of the last measurement that was used
-    doubts: Bool  #: a sensor was left out: what was found with it counts less
+    # What a faulty sensor may have done; see `doubt`.
+    doubts: Bool  #: something was told that is not in P yet
+    doubt_kind: I8  #: of the suspects, 0: gyros, 1: accelerometers
+    doubt_anew: Bool  #: a new fault, and not one that has grown
+    doubt_epoch: I8  #: since which it may have lasted
+    doubt_effect: Annotated[Floats, (SENSOR_GROUPS, BIASES)]  #: on the navigation until now
+    doubt_size: Annotated[Floats, SENSOR_GROUPS]  #: rad/s, m/s², 0: not suspected
+    doubt_variance: Annotated[Floats, (2, SENSOR_GROUPS)]  #: added to that of the bias
+    doubted_epoch: I8  #: of the last change of these; -1: none
+    jolt: F8  #: m/s², change of force by a fault of an accelerometer
+    told_epoch: Annotated[Integers, 2]  #: of the first of one fault
+    unaided: Annotated[Integers, 2]  #: whether nothing has aided since the fault began
+    jump_effect: Annotated[Floats, (2, SENSOR_GROUPS, BIASES)]  #: goes with `jump_size`, unaided
+    jump_size: Annotated[Floats, (2, SENSOR_GROUPS)]  #: rad/s, m/s²
+    settles: I8  #: kinds of which a sensor was left out, one bit each
+    settled_sensor: Annotated[Integers, 2]
+    settled_value: Annotated[Floats, 2]  #: rad/s, m/s², of its fault
+    settled_sigma: Annotated[Floats, 2]
+    bias_before: Annotated[Floats, (2, SENSOR_GROUPS)]  #: rad/s, m/s², before the fault
+    variance_before: Annotated[Floats, (2, SENSOR_GROUPS)]
+    past_bias: Annotated[Floats, (PAST, 2, SENSOR_GROUPS)]  #: a ring, by `past_count`
+    past_variance: Annotated[Floats, (PAST, 2, SENSOR_GROUPS)]
+    past_epoch: Annotated[Integers, PAST]
+    past_count: I8
     gate: F8  #: standard deviations of an innovation that is used
     # The data sheets.
     attitude_sigma: Annotated[Floats, 3]  #: rad, at the beginning, in n
@@ -198,7 +226,7 @@ class Estimator(Record):
     # The filter.
     x: Annotated[Floats, STATE_CAPACITY]
     P: Annotated[Floats, (STATE_CAPACITY, STATE_CAPACITY)]
-    sigma: Annotated[Floats, STATE_CAPACITY]  #: after the last second's measurements
+    sigma: Annotated[Floats, STATE_CAPACITY]  #: of what has been fed back, for the next second
     # Measurements that wait, one bit each scalar.
     waiting: I8
     fix_epoch: I8  #: at whose end the fix was valid

@@ -322,6 +322,23 @@ class Repair(Record):
     work: Annotated[Floats, NAVIGATION_STATES]  #: scratch
 
 
+class Suspicion(Record):
+    """Effect of each sensor of a kind on the navigation, if it is the one that fails."""
+
+    active: Bool
+    kind: I8
+    anew: Bool  #: a new fault, and not one that has grown
+    at: I8  #: next block
+    begun_epoch: I8  #: since which the fault may have lasted
+    x: Annotated[Floats, (SENSOR_GROUPS, NAVIGATION_STATES)]  #: to add without the sensor
+    height: Annotated[Floats, SENSOR_GROUPS]  #: m, the same
+    until: Annotated[Integers, 2]  #: epoch up to which an alarm is of the same fault, by kind
+    told: Annotated[Floats, (2, SENSOR_GROUPS)]  #: rad/s, m/s², the largest size of this fault
+    value: Annotated[Floats, (2, SENSOR_GROUPS)]  #: rad/s, m/s², of the fault, by kind
+    sigma: Annotated[Floats, (2, SENSOR_GROUPS)]  #: of the value
+    size: Annotated[Floats, (2, SENSOR_GROUPS)]  #: it may have, with the value's sign
+
+
 class Hypothesis(Record):
     """A filter without a sensor, or one of each kind, and how well it explains the reference."""
 
@@ -420,6 +437,7 @@ class Redundancy(Record):
     gyros: Parity
     accelerometers: Parity
     repair: Repair
+    suspicion: Suspicion
     readmission: Readmission
     bank: Bank
     expected_dtheta_s: Annotated[Floats, 3]  #: rad, of the present epoch, at standstill

@@ -38,21 +38,28 @@ def order(repair: Repair, kind: int, sensor: int, seconds: float, share: float) 
 
 
 @compiled
+def longer(repair: Repair, seconds: float) -> int:
+    """Return how many blocks back a fault may have begun that seems to last for `seconds`."""
+    most = min(int(repair.count), int(repair.capacity) - 2)
+    return min(int(seconds * (1.0 + _SHARE_MORE)) + _SECONDS_MORE, most)
+
+
+@compiled
 def _begin(repair: Repair, kind: int, sensor: int, seconds: float, share: float) -> None:
-    longer = int(seconds * (1.0 + _SHARE_MORE)) + _SECONDS_MORE
-    longer = min(longer, repair.count, repair.capacity - 2)
     repair.active = True
     repair.kind = kind
     repair.sensor = sensor
     repair.share = share
-    repair.at = repair.count - longer
+    repair.at = repair.count - longer(repair, seconds)
     for i in range(NAVIGATION_STATES):
         repair.x[i] = 0.0
 
 
 @compiled
-def _carry(state: Ram, block: Floats, change: Floats, of_gyro: bool) -> None:
-    """Carry the difference through a block; `change` is that of the sensor."""
+def carry(
+    state: Ram, x: Floats, block: Floats, change: Floats, share: float, of_gyro: bool
+) -> None:
+    """Carry a difference x, shape (14,), through a block; `share` of the sensor's `change`."""
     repair, ins = state.redundancy.repair, state.ins
     others = repair.stride - blocks.OTHERS
     dt = block[others + blocks.TIME]
@@ -62,12 +69,12 @@ def _carry(state: Ram, block: Floats, change: Floats, of_gyro: bool) -> None:
     way = block[others + blocks.WAY : others + blocks.WAY + 3]
     vertical = state.parameters.height_channel != strapdown.HEIGHT_HELD
     transition.fill(repair.response, force, way, dt, ins.latitude, ins.height, vertical)
-    x, into = repair.x, TURN if of_gyro else CHANGE
+    into = TURN if of_gyro else CHANGE
     for i in range(3):
         x[TURN + i] = 0.0
         x[CHANGE + i] = 0.0
     for i in range(3):
-        x[into + i] = repair.share * change[i]
+        x[into + i] = share * change[i]
     for i in range(NAVIGATION_STATES):
         total = 0.0
         for k in range(NAVIGATION_STATES):
@@ -99,12 +106,12 @@ def advance(state: Ram) -> None:
             break
         at = blocks.place(repair, repair.at)
         block = repair.blocks[at : at + repair.stride]
-        _carry(state, block, block[place : place + 3], of_gyro)
+        carry(state, repair.x, block, block[place : place + 3], repair.share, of_gyro)
         repair.at += 1
     if repair.at < repair.count:
         return
     block = repair.block[: repair.stride]
-    _carry(state, block, block[place : place + 3], of_gyro)
+    carry(state, repair.x, block, block[place : place + 3], repair.share, of_gyro)
     _apply(state)
     repair.active = False
     _begin_next(repair)

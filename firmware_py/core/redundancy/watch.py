@@ -8,13 +8,11 @@ from __future__ import annotations
 
 from rrins.compiled.compilation import compiled
 from rrins.compiled.record import Floats
-from rrins.firmware_py.core.estimator import follow as estimator
 from rrins.firmware_py.core.navigation import alignment
 from rrins.firmware_py.core.records.memory import Fusion, Ram
 from rrins.firmware_py.core.records.redundancy_records import (
     ABSOLUTE,
     ACCELEROMETERS,
-    SECOND_LEVELS,
     WINDOWS_S,
     Found,
     Parity,
@@ -31,6 +29,7 @@ from rrins.firmware_py.core.redundancy import (
     reference,
     repair,
     standing,
+    suspicion,
     windows,
 )
 from rrins.firmware_py.core.redundancy import parity as parities
@@ -248,7 +247,10 @@ def _share(parity: Parity, sensors: int, sensor: int) -> float:
 
     From the sums of the window in which the fault is most significant; of two sensors at most.
     """
-    sums, own = parity.window_sum[windows.begun_level(parity)], parity.projector[sensor, sensor]
+    sums, own = (
+        parity.window_sum[windows.begun_level(parity, max(0, int(parity.suspect)), 0.0)],
+        parity.projector[sensor, sensor],
+    )
     for other in range(parity.residual.shape[0]):
         if other != sensor and sensors >> other & 1 and sums[sensor] != 0.0:
             shared = parity.projector[sensor, other]
@@ -264,18 +266,11 @@ def _begun_s(parity: Parity, sensor: int, how: int) -> float:
 
     Of a sensor that shows itself, only where it is significant at all.
     """
-    suspect, best = max(0, int(parity.suspect)), 0.0
+    suspect, least = max(0, int(parity.suspect)), 0.0
     if how in (_STUCK, _ABSENT, _FULL_SCALE):
-        suspect, best = sensor, _SIGNIFICANT * _SIGNIFICANT
-    seconds = 1.0
-    for level in range(SECOND_LEVELS):
-        if not windows.is_due(parity, level):
-            continue
-        total = parity.window_sum[level, suspect]
-        variance = windows.variance_of(parity, level, suspect)
-        if total * total > best * variance:
-            best, seconds = total * total / variance, float(WINDOWS_S[level])
-    return seconds * max(1, parity.closed_s)
+        suspect, least = sensor, _SIGNIFICANT * _SIGNIFICANT
+    level = windows.begun_level(parity, suspect, least)
+    return float(WINDOWS_S[level]) * max(1, parity.closed_s)
 
 
 @compiled
@@ -317,11 +312,15 @@ def _leave_out(state: Ram, parity: Parity, fusion: Fusion, sensors: int, how: in
     if redundancy.navigated and redundancy.aligning:
         state.estimator.begins_anew = True
         state.modes.epochs = 0
-    elif estimator.is_aided(state.estimator, state.epoch):
-        state.estimator.doubts = True
+        suspicion.begin(state)
     elif redundancy.navigated:
-        repairs = True
-        parity.repaired_epoch = state.epoch - int(seconds) * redundancy.second_epochs
+        is_one = sensors & (sensors - 1) == 0
+        undone = suspicion.was_aided(state, parity.kind, seconds)
+        if is_one:
+            undone = suspicion.settle(state, parity, first, seconds)
+        if not undone:
+            repairs = True
+            parity.repaired_epoch = state.epoch - int(seconds) * redundancy.second_epochs
     elif redundancy.aligning:
         if not state.alignment.done:
             alignment.begin(state.alignment)
@@ -393,6 +392,7 @@ def watch(state: Ram, navigating: bool, aligning: bool) -> None:
         redundancy.navigation_epoch = state.epoch - 1
         blocks.begin(history, state.gyros.count, state.accelerometers.count, state.epoch - 1)
         reference.begin(state)
+        suspicion.begin(state)
         # Seconds end with those of SYNC, at which most receivers measure.
         redundancy.epochs = (state.epoch - 1) % redundancy.second_epochs
         parities.begin_second(redundancy.gyros)
@@ -461,4 +461,5 @@ def watch(state: Ram, navigating: bool, aligning: bool) -> None:
             blocks.note_uncertain(history, redundancy.gyros, redundancy.accelerometers)
         if history.active:
             repair.advance(state)
+        suspicion.follow(state)
         bank.follow(state)

@@ -314,15 +314,17 @@ def _largest(parity: Parity, count: int) -> float:
 
 
 @compiled
-def begun_level(parity: Parity) -> int:
-    """Return the window in which the suspect's sum is most significant: the fault seems as old."""
-    suspect = max(0, int(parity.suspect))
-    most, found = 0.0, 0
+def begun_level(parity: Parity, sensor: int, least: float) -> int:
+    """Return the window in which a sensor's sum is most significant: the fault seems as old.
+
+    Of sums beyond `least`, a square in variances; else the shortest.
+    """
+    most, found = least, 0
     for level in range(SECOND_LEVELS):
         if not is_due(parity, level):
             continue
-        total = parity.window_sum[level, suspect]
-        variance = variance_of(parity, level, suspect)
+        total = parity.window_sum[level, sensor]
+        variance = variance_of(parity, level, sensor)
         if total * total > most * variance:
             most, found = total * total / variance, level
     return found

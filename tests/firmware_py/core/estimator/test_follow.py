@@ -95,9 +95,9 @@ def test_it_ends_once_the_heading_is_known_well_enough(make_bench):
     assert bench.mode == STRAPDOWN
     assert 20 * RATE_HZ < len(sigmas) < 100 * RATE_HZ
     assert sigmas[RATE_HZ] == pytest.approx(math.radians(1.0), rel=1e-3)
-    assert sigmas[-3] > enough  # at the end of a second it is known, and an epoch later it ends
+    assert sigmas[-3] > enough  # once a second it is known, and an epoch later it ends
     assert 0.9 * enough < sigmas[-1] == sigmas[-2] <= enough
-    assert len(sigmas) % RATE_HZ == 1
+    assert len(sigmas) % RATE_HZ == 4  # corrections, covariance, noise
 
 
 def test_it_begins_with_what_is_known(make_bench, kit):

@@ -1,0 +1,108 @@
+"""Sensors that fail while GNSS or odometer aid, or in an outage: error and sigma go together.
+
+`RRINS_FAULT_RUNS=60 pytest -s -m soak tests/host_tools/runs/test_estimator_faults.py` draws faults.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+
+import numpy as np
+import pytest
+
+import rrins
+from rrins.firmware_py.core.maths.earth import SEMI_MAJOR_AXIS
+from rrins.firmware_py.core.records.estimator_records import LATITUDE, LONGITUDE
+from rrins.host_tools.runs.fast import FastRun
+from rrins.host_tools.runs.set_up.settings import firmware_settings, hardware_settings
+
+RUNS = int(os.environ.get("RRINS_FAULT_RUNS", "24"))
+SENSORS = {
+    "gyros": {"bias_dph": [0.1, 0.11, 0.12, 0.13], "angle_random_walk_deg_per_sqrt_h": 0.005},
+    "accelerometers": {"bias_ug": [50, 55, 60, 65], "white_noise_ug_per_sqrt_hz": 10},
+}
+DRIVE = {"motion": {"kind": "drive", "duration_s": 900}, "firmware": {"height_channel": "free"}}
+SWAY = {"motion": {"kind": "sway"}, "firmware": {"height_channel": "held"}}
+AIDED = {"gnss": {}, "estimator": {"enabled": True}, "altimeter": None, **SENSORS}
+VEHICLES = {
+    "car": ("drive_rotating", AIDED | DRIVE),
+    "car with odometer": ("drive_rotating", AIDED | DRIVE | {"odometer": {}}),
+    "car in an outage": ("drive_rotating", AIDED | DRIVE),
+    "ship": ("rimu_rotating", AIDED | SWAY),
+}
+
+
+def level_errors(vehicle, fault, at_s, seed, duration_s):
+    """Return level errors (m), the larger one over its sigma, and the epoch of the exclusion."""
+    name, changes = VEHICLES[vehicle]
+    if vehicle == "car in an outage":
+        changes = changes | {"gnss": {"outages": [{"at_s": at_s - 20, "for_s": 80}]}}
+    scenario = rrins.load_scenario(
+        name, seed=seed, duration_s=duration_s, faults=[fault] if fault else [], **changes
+    )
+    run = FastRun.of(firmware_settings(scenario), hardware_settings(scenario), scenario.rate_hz)
+    estimator, errors, over_sigma, sigma = run.ram[0].estimator, [], [], np.full(2, np.inf)
+    while len(errors) < duration_s:
+        track = run.run(run.every)
+        for navigation, truth in zip(track.navigation, track.truth, strict=True):
+            wrong = np.array([navigation[key] - truth[key] for key in ("longitude", "latitude")])
+            metres = wrong * SEMI_MAJOR_AXIS * [math.cos(truth["latitude"]), 1.0]
+            errors.append(math.hypot(*metres))
+            over_sigma.append(np.max(np.abs(wrong) / sigma))
+        if len(track.navigation):  # a row is of the first of `every` epochs
+            sigma = np.array([estimator.sigma[LONGITUDE], estimator.sigma[LATITUDE]])
+    redundancy = run.ram[0].redundancy
+    excluded = [
+        k.isolated_epoch for k in (redundancy.gyros, redundancy.accelerometers) if k.excluded
+    ]
+    out_s = max(excluded) / scenario.rate_hz - 6.0 if excluded else None
+    assert estimator.reopenings < 4  # it opens for a measurement, and is not locked out
+    return np.array(errors), np.array(over_sigma), out_s
+
+
+def check(vehicle, fault, at_s, seed=1, duration_s=360):
+    errors, over_sigma, out_s = level_errors(vehicle, fault, at_s, seed, duration_s)
+    healthy, _, _ = level_errors(vehicle, None, at_s, seed, duration_s)
+    print(
+        f"\n{vehicle} {fault}: {errors.max():.2f} m, {over_sigma.max():.1f} sigma, left out {out_s}"
+    )
+    assert over_sigma.max() < 6.0
+    if out_s is not None and out_s + 30 < duration_s:
+        after = slice(int(max(out_s, at_s + 60) + 30), None)
+        rms, usual = (math.sqrt(np.mean(run[after] ** 2)) for run in (errors, healthy))
+        print(f"30 s after {rms:.2f} m, healthy {usual:.2f} m")
+        return rms, usual
+    return 0.0, 1.0
+
+
+@pytest.mark.parametrize(
+    ("vehicle", "fault"),
+    [
+        ("car in an outage", {"kind": "gyro_bias", "sensor": 3, "bias_dph": -86.0}),
+        ("car in an outage", {"kind": "accelerometer_bias", "sensor": 1, "bias_ug": 3400}),
+        ("car with odometer", {"kind": "accelerometer_bias", "sensor": 4, "bias_ug": -27_500}),
+        ("car", {"kind": "gyro_bias", "sensor": 2, "bias_dph": 20.0}),
+        ("ship", {"kind": "accelerometer_bias", "sensor": 1, "bias_ug": 10_000}),
+    ],
+)
+def test_a_sensor_that_fails_is_in_sigma_until_its_effect_is_undone(vehicle, fault):
+    rms, usual = check(vehicle, fault | {"at_s": 110}, 110, duration_s=300)
+    assert rms < 1.5 * usual
+
+
+@pytest.mark.soak
+def test_faults_at_random_are_in_sigma_until_their_effect_is_undone():
+    random, squares = np.random.default_rng(1), []
+    for seed in range(1, RUNS + 1):
+        vehicle = list(VEHICLES)[seed % len(VEHICLES)]
+        at_s, sign = int(random.integers(100, 200)), float(random.choice([-1, 1]))
+        fault = {"sensor": int(random.integers(1, 5)), "at_s": at_s}
+        if random.integers(2):
+            fault |= {"kind": "gyro_bias", "bias_dph": sign * 0.5 * 200 ** random.uniform()}
+        else:
+            fault |= {"kind": "accelerometer_bias", "bias_ug": sign * 100 * 500 ** random.uniform()}
+        squares.append(np.square(check(vehicle, fault, at_s, seed, 420)))
+    after, healthy = np.sqrt(np.mean(squares, axis=0))
+    print(f"\nrms 30 s after: {after:.2f} m, healthy {healthy:.2f} m")
+    assert after < 1.5 * healthy
