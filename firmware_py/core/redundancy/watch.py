@@ -248,7 +248,7 @@ def _share(parity: Parity, sensors: int, sensor: int) -> float:
     From the sums of the window in which the fault is most significant; of two sensors at most.
     """
     sums, own = (
-        parity.window_sum[windows.begun_level(parity, max(0, int(parity.suspect)), 0.0)],
+        parity.window_sum[windows.begun_level(parity)],
         parity.projector[sensor, sensor],
     )
     for other in range(parity.residual.shape[0]):
@@ -269,7 +269,7 @@ def _begun_s(parity: Parity, sensor: int, how: int) -> float:
     suspect, least = max(0, int(parity.suspect)), 0.0
     if how in (_STUCK, _ABSENT, _FULL_SCALE):
         suspect, least = sensor, _SIGNIFICANT * _SIGNIFICANT
-    level = windows.begun_level(parity, suspect, least)
+    level = windows.significant_level(parity, suspect, least)
     return float(WINDOWS_S[level]) * max(1, parity.closed_s)
 
 

@@ -314,10 +314,16 @@ def _largest(parity: Parity, count: int) -> float:
 
 
 @compiled
-def begun_level(parity: Parity, sensor: int, least: float) -> int:
-    """Return the window in which a sensor's sum is most significant: the fault seems as old.
+def begun_level(parity: Parity) -> int:
+    """Return the window in which the suspect's sum is most significant: the fault seems as old."""
+    return significant_level(parity, max(0, int(parity.suspect)), 0.0)
 
-    Of sums beyond `least`, a square in variances; else the shortest.
+
+@compiled
+def significant_level(parity: Parity, sensor: int, least: float) -> int:
+    """Return the window in which a sensor's sum is most significant; else the shortest.
+
+    Of sums beyond `least`, a square in variances.
     """
     most, found = least, 0
     for level in range(SECOND_LEVELS):
