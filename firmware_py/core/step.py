@@ -39,7 +39,7 @@ from rrins.firmware_py.core.records.estimator_records import ATTITUDE
 from rrins.firmware_py.core.records.initial_attitude import InitialAttitude
 from rrins.firmware_py.core.records.memory import INNER, OUTER, Fusion, Ram
 from rrins.firmware_py.core.records.redundancy_records import Parity
-from rrins.firmware_py.core.redundancy import bank, repair
+from rrins.firmware_py.core.redundancy import bank, biases, repair
 from rrins.firmware_py.core.redundancy import watch as redundancy
 from rrins.firmware_py.core.sensors import size_effect
 from rrins.firmware_py.core.sensors.fusion import compensate, fuse
@@ -136,12 +136,21 @@ def _doubts(state: Ram) -> bool:
 
 
 @compiled
+def _note_doubts(state: Ram) -> None:
+    """Note what the vectors of the alignment may be off by, as the parities show."""
+    redundancy, coarse = state.redundancy, state.alignment
+    coarse.rate_sigma = biases.doubtful_sigma(redundancy.gyros, state.gyros)
+    coarse.force_sigma = biases.doubtful_sigma(redundancy.accelerometers, state.accelerometers)
+
+
+@compiled
 def _align_in_motion(state: Ram) -> None:
     """Align a vehicle that moves, until the attitude is known; go on while nobody wants it."""
     may_ask = inertial_alignment.follow(state)
     is_due = state.alignment.epochs >= state.parameters.alignment_epochs and not _doubts(state)
     if not may_ask or not is_due:
         return
+    _note_doubts(state)
     inertial_alignment.find(state)
     if state.alignment.failed:
         modes.fail(state, FirmwareFault.ALIGNMENT_FAILED)
@@ -183,6 +192,7 @@ def _align(state: Ram, contract: Contract) -> None:
             return
         if parameters.initial_attitude == InitialAttitude.SELF_ALIGNED:
             gravity = earth.gravity(parameters.latitude, parameters.height)
+            _note_doubts(state)
             alignment.find(state.alignment, parameters.period_ns * 1e-9, gravity, work)
         else:
             alignment.set_given(state.alignment, parameters.C_b_n, state.C_s_b)

@@ -14,6 +14,7 @@ from rrins.firmware_py.core.sensors.calibration import DPH, UG
 from rrins.host_tools.calibration.estimation import Estimate, SensorsEstimate, Unit
 from rrins.host_tools.calibration.model import Axes
 from rrins.host_tools.calibration.observability import unseen
+from rrins.host_tools.calibration.stability import unsteady
 
 _LEAST_SIGMAS = 8.0
 _OF_NEIGHBOURS = 12.0
@@ -47,7 +48,7 @@ def trouble_of(unit: Unit, found: Estimate) -> str | None:
             f"too little time on the table: {found.seconds.total_s:.0f} s do not show the "
             f"{hidden[0].parts[0][0]}; see `rrins scheme observability`"
         )
-    return None
+    return unsteady(unit, found)
 
 
 def batches(one: SensorsEstimate, found: Estimate) -> tuple[Floats, Floats, Floats]:

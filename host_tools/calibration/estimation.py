@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from rrins.compiled.record import Floats
 from rrins.firmware_py.core.sensors.calibration import ARCSEC, DPH, PPM, UG
+from rrins.firmware_py.core.sensors.data_sheet import DataSheet
 from rrins.host_tools.calibration.model import (
     BASE,
     CONSTANTS,
@@ -47,6 +48,7 @@ class Unit:
     accelerometers: Axes
     site: Site
     C_b_n: Floats  #: shape (3, 3); attitude of the base, roughly: where the iteration begins
+    sheets: tuple[DataSheet, DataSheet] | None = None  #: of gyros and accelerometers, if known
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from rrins.firmware_py.core.sensors.calibration import Origin
@@ -22,6 +22,7 @@ from rrins.host_tools.errors import CalibrationRecordError
 from rrins.host_tools.files import make_folder
 from rrins.host_tools.interruption import as_event
 from rrins.host_tools.rotation.inputs import NamedScheme, rimu_table, scheme_of
+from rrins.host_tools.runs.set_up.data_sheets import data_sheets_of
 from rrins.host_tools.scenario.scenario import Scenario, load
 from rrins.host_tools.terminal import new_console, progress_line
 
@@ -92,6 +93,8 @@ def calibrate(order: Order, note: Callable[[str], None] = lambda line: None) -> 
     make_folder(order.folder)
     with Tester(_target(order, known), is_securing=True) as tester:
         unit = told_unit(tester, (known.rimu.gyros, known.rimu.accelerometers))
+        if order.scenario or not order.is_attached:
+            unit = replace(unit, sheets=data_sheets_of(known))
         work = _Work(tester, unit, named, order.folder, note)
         found = work.record(order.anew)
         origin = session.origin_now(order.temperature_c)

@@ -12,6 +12,7 @@ from rrins.host_tools.calibration.model import Axes, Site
 from rrins.host_tools.files import JsonObject
 from rrins.host_tools.hardware.settings import body_to_navigation
 from rrins.host_tools.hardware.units import in_si
+from rrins.host_tools.runs.set_up.data_sheets import data_sheets_of
 from rrins.host_tools.runs.set_up.settings import given_pose
 from rrins.host_tools.scenario.scenario import Scenario, parse
 
@@ -102,6 +103,7 @@ def unit_of(scenario: Scenario) -> Unit:
         accelerometers=Axes.of(scenario.rimu.accelerometers),
         site=Site(math.radians(pose.latitude_deg), pose.height_m),
         C_b_n=body_to_navigation(*attitude),
+        sheets=data_sheets_of(scenario),
     )
 
 

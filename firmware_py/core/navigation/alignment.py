@@ -18,6 +18,18 @@ from rrins.firmware_py.core.records.memory import Alignment
 FORCE_TOLERANCE = 0.02
 """Of gravity; beyond, an accelerometer is faulty, or the vehicle moves more than it may."""
 
+LARGEST_HEADING_SIGMA = math.radians(3.0)
+"""That motion and noise may leave; the filter after an alignment is linear."""
+
+_LEAST_EPOCHS = 10
+
+_NOISE_TIMES = 9.0
+"""Times its mean, the mean square of the deviation that noise does not exceed."""
+
+_RATE_OF_UNEVEN = 15.0
+"""By how much the mean rate may be off, times the length of the alignment, over the deviation: 1.4
+of a vehicle that sways, 14 of a gyro that changes in the middle, more nearer to the ends."""
+
 _SMALLEST_HORIZONTAL = 1e-3  # of the Earth's rate; below, north is undefined
 
 
@@ -29,6 +41,10 @@ def begin(alignment: Alignment) -> None:
     alignment.failed = False
     alignment.velocity_sigma = 0.0
     alignment.position_sigma = 0.0
+    alignment.rate_sigma = 0.0
+    alignment.force_sigma = 0.0
+    alignment.angle_square = 0.0
+    alignment.increment_square = 0.0
     for i in range(3):
         alignment.noise_sigma[i] = 0.0
         alignment.dtheta_s[i] = 0.0
@@ -46,6 +62,8 @@ def accumulate(alignment: Alignment, dtheta_s: Floats, dv_s: Floats) -> None:
         alignment.dv_s[i] += dv_s[i]
         alignment.angle_sum[i] += alignment.dtheta_s[i]
         alignment.angle_moment[i] += alignment.epochs * alignment.dtheta_s[i]
+        alignment.angle_square += alignment.dtheta_s[i] ** 2
+        alignment.increment_square += dtheta_s[i] ** 2
 
 
 @compiled
@@ -64,7 +82,8 @@ def find(alignment: Alignment, dt: float, gravity: float, work: Floats) -> None:
     """Find the attitude from the increments added so far.
 
     `alignment.done` or `alignment.failed` is the outcome; it fails when the mean specific force
-    differs from gravity, or when the Earth's rate has no horizontal component to find north.
+    differs from gravity, when the Earth's rate has no horizontal component to find north, or when
+    the vehicle moved, or a gyro changed, by so much that north is not known.
     `work` is scratch of shape (at least 3, 3).
     """
     seconds = alignment.epochs * dt
@@ -76,15 +95,53 @@ def find(alignment: Alignment, dt: float, gravity: float, work: Floats) -> None:
         alignment.failed = True
         return
     cross(east_s, alignment.dtheta_s, up_s)
-    if not _normalise(east_s) > _SMALLEST_HORIZONTAL * earth.RATE * seconds:
+    horizontal = _normalise(east_s)
+    if not horizontal > _SMALLEST_HORIZONTAL * earth.RATE * seconds:
         alignment.failed = True
         return
+    uneven = math.sqrt(_uneven(alignment))
+    heading_sigma = math.hypot(_RATE_OF_UNEVEN * uneven, alignment.rate_sigma * seconds)
+    heading_sigma /= horizontal
+    if heading_sigma > LARGEST_HEADING_SIGMA:
+        alignment.failed = True
+        return
+    level_sigma = math.hypot(uneven, alignment.force_sigma / gravity)
+    alignment.noise_sigma[0] = level_sigma
+    alignment.noise_sigma[1] = level_sigma
+    alignment.noise_sigma[2] = heading_sigma
     cross(north_s, up_s, east_s)
     for i in range(3):
         alignment.C_s_n[0, i] = east_s[i]
         alignment.C_s_n[1, i] = north_s[i]
         alignment.C_s_n[2, i] = up_s[i]
     alignment.done = True
+
+
+@compiled
+def _slope(alignment: Alignment, axis: int) -> float:
+    """Return the angle in an epoch, rad, of the line that fits the summed angles best."""
+    n = alignment.epochs
+    mean = alignment.angle_sum[axis] / n
+    moment = alignment.angle_moment[axis] - mean * n * (n + 1) / 2.0
+    return float(moment / (n * (n * n - 1) / 12.0))
+
+
+@compiled
+def _uneven(alignment: Alignment) -> float:
+    """Return the mean square of the angle's deviation from a line beyond that of noise, rad².
+
+    Of a vehicle that stands, and gyros that do not change, the angle is a line and the sum of white
+    noise, whose mean square about its line is ``n v / 15``, v the variance of an increment.
+    """
+    n = alignment.epochs
+    if n < _LEAST_EPOCHS:
+        return 0.0
+    square, noise = alignment.angle_square, alignment.increment_square
+    for i in range(3):
+        slope = _slope(alignment, i)
+        square -= alignment.angle_sum[i] ** 2 / n + slope * slope * n * (n * n - 1) / 12.0
+        noise -= alignment.dtheta_s[i] ** 2 / n
+    return float(max(0.0, square / n - _NOISE_TIMES * noise / 15.0))
 
 
 @compiled
@@ -112,9 +169,7 @@ def apply_held_back(alignment: Alignment, resolution: float, work: Floats) -> No
         return
     held_back_s, row_n = work[0], work[1]
     for i in range(3):
-        mean = alignment.angle_sum[i] / n
-        slope = (alignment.angle_moment[i] - mean * n * (n + 1) / 2.0) / (n * (n * n - 1) / 12.0)
-        on_line = mean + slope * (n - 1) / 2.0
+        on_line = alignment.angle_sum[i] / n + _slope(alignment, i) * (n - 1) / 2.0
         difference = alignment.dtheta_s[i] - on_line
         held_back_s[i] = min(resolution, max(-resolution, difference))
     for i in range(3):

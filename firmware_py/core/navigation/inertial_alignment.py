@@ -29,16 +29,13 @@ from rrins.firmware_py.core.maths.attitude import (
 )
 from rrins.firmware_py.core.maths.wahba import fill_davenport, invert_symmetric, largest_eigenvector
 from rrins.firmware_py.core.navigation import strapdown
-from rrins.firmware_py.core.navigation.alignment import FORCE_TOLERANCE
+from rrins.firmware_py.core.navigation.alignment import FORCE_TOLERANCE, LARGEST_HEADING_SIGMA
 from rrins.firmware_py.core.records.estimator_records import TRACK_EPOCHS
 from rrins.firmware_py.core.records.initial_attitude import InitialAttitude
 from rrins.firmware_py.core.records.memory import InertialAlignment, Ram
 
 _MOVING = int(InitialAttitude.SELF_ALIGNED_MOVING)
 _SWAYING = int(InitialAttitude.SELF_ALIGNED_SWAYING)
-
-_ENOUGH = math.radians(3.0)
-"""Heading's sigma that motion and noise may leave; the filter after it is linear."""
 
 _LEAST_FIXES = 10
 
@@ -326,7 +323,7 @@ def _find_sigma(state: Ram, residual: float, total_s: float, weight: float) -> b
             noise += by_noise * inertial.C_n_i[k, axis]
             drift += by_drift * by_drift
         noise *= residual / count
-        known = noise < _ENOUGH * _ENOUGH
+        known = noise < LARGEST_HEADING_SIGMA * LARGEST_HEADING_SIGMA
         sigma[axis] = math.sqrt(noise + drift * rate_variance)
     return known
 
@@ -342,7 +339,7 @@ def _rate_variance(state: Ram, total_s: float) -> float:
             share += fusion.gain[i, k] * fusion.gain[i, k] / 3.0
         white = estimator.white_variance[0, k] / total_s
         variance += share * (estimator.bias_sigma[0] * estimator.bias_sigma[0] + white)
-    return variance
+    return variance + state.alignment.rate_sigma**2
 
 
 @compiled

@@ -136,6 +136,11 @@ def _accelerometers(scenario: Scenario) -> DataSheet:
     return _data_sheet(scenario.accelerometers, count, scenario.thermal, _ACCELEROMETERS)
 
 
+def data_sheets_of(scenario: Scenario) -> tuple[DataSheet, DataSheet]:
+    """Return the data sheets of a scenario's gyros and accelerometers."""
+    return _gyros(scenario), _accelerometers(scenario)
+
+
 def redundancy_settings(scenario: Scenario) -> RedundancySettings | None:
     """Return the set-up of the firmware's redundancy for a scenario; None where it compares none.
 

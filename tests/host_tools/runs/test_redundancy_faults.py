@@ -238,6 +238,29 @@ def test_coarse_counts_are_no_fault(noisy):
     assert (found["excluded"], found["unresolved_s"]) == ([2], None)
 
 
+STEPS = ((10, 2), (10, 15), (1, 2), (1, 10))  # °/h, s since power-on
+
+
+@pytest.mark.parametrize(("bias_dph", "at_s"), STEPS)
+def test_no_navigation_on_an_alignment_that_a_failing_gyro_spoils(bias_dph, at_s):
+    """Too early to be found: 10 °/h would leave the heading 30° off, 1 °/h 3.7°."""
+    fault = {"kind": "gyro_bias", "bias_dph": bias_dph, "sensor": 2, "at_s": at_s}
+    aligned = {"firmware": {"initial_attitude": "self-aligned", "alignment_s": 120}}
+    summary = simulate(fault, duration_s=30, estimator={"enabled": True}, **aligned)
+    if bias_dph == 10:
+        assert summary["firmware"]["fault"] == "ALIGNMENT_FAILED"
+    else:
+        assert summary["estimator"]["sigma"]["attitude_arcsec"][2] > 3600 * 3.7 / 2
+
+
+@pytest.mark.parametrize("height_m", [2.5, 0.05])
+def test_a_ship_that_sways_is_not_aligned_as_if_it_stood(height_m):
+    sway = {"kind": "sway", "wave_height_m": height_m, "wave_period_s": 8, "begins_s": -200}
+    aligned = {"firmware": {"initial_attitude": "self-aligned", "alignment_s": 120}}
+    summary = simulate(duration_s=10, motion=sway, **aligned)
+    assert summary["firmware"]["fault"] == "ALIGNMENT_FAILED"
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["gyro_scale", "gyro_stuck", "accelerometer_scale"])
 def test_without_calibration_a_scale_factor_and_a_stuck_sensor_are_found_at_once(kind):
