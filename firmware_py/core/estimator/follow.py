@@ -18,6 +18,7 @@ from rrins.firmware_py.core.estimator import (
     lockout,
     measurements,
     propagation,
+    receiver,
     standstill,
     sway,
     wheels,
@@ -132,6 +133,8 @@ def begin(state: Ram) -> None:
         P[at, at] = estimator.altimeter_bias_sigma**2
     if estimator.sway:
         sway.begin(estimator, position_sigma)
+    if estimator.receiver:
+        receiver.begin(estimator)
     measurements.begin(estimator, state.epoch)
     wheels.begin(state)
     standstill.begin(state)
@@ -209,6 +212,8 @@ def _work(state: Ram) -> None:
         doubt.propagate(state)
         if estimator.sway:
             sway.propagate(estimator, state.alignment.position_sigma)
+        if estimator.receiver:
+            receiver.propagate(estimator)
     elif estimator.stage == _NOISE:
         propagation.add_noise(state)
         if estimator.settles != 0:

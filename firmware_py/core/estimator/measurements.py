@@ -10,7 +10,14 @@ from __future__ import annotations
 from rrins.compiled.compilation import compiled
 from rrins.compiled.record import Floats
 from rrins.firmware_py.core.aiding import antenna
-from rrins.firmware_py.core.estimator import covariance, doubt, lockout, standstill, wheels
+from rrins.firmware_py.core.estimator import (
+    covariance,
+    doubt,
+    lockout,
+    receiver,
+    standstill,
+    wheels,
+)
 from rrins.firmware_py.core.maths import earth
 from rrins.firmware_py.core.modes.modes import Mode
 from rrins.firmware_py.core.records.estimator_records import (
@@ -176,13 +183,15 @@ def take(state: Ram) -> bool:
     for i in range(estimator.states):
         estimator.row[i] = 0.0
     innovation, sigma = _innovation(state, aid, component)
-    _judge(estimator, aid, innovation, sigma, state.epoch)
+    used = _judge(estimator, aid, innovation, sigma, state.epoch)
+    if aid == _ODOMETER and component == wheels.FORWARD and not used:
+        wheels.follow_slip(state, innovation)
     return True
 
 
 @compiled
-def _judge(estimator: Estimator, aid: int, innovation: float, sigma: float, epoch: int) -> None:
-    """Take a measurement, unless its innovation is beyond the gate."""
+def _judge(estimator: Estimator, aid: int, innovation: float, sigma: float, epoch: int) -> bool:
+    """Take a measurement, unless its innovation is beyond the gate; return whether it was."""
     x, P, n, source = estimator.x, estimator.P, estimator.states, estimator.sources[aid]
     for i in range(n):
         if estimator.row[i] != 0.0:
@@ -196,7 +205,7 @@ def _judge(estimator: Estimator, aid: int, innovation: float, sigma: float, epoc
         known = max(expected - sigma * sigma, 1e-9 * expected)
         estimator.excess = max(estimator.excess, innovation * innovation / known)
         if source.distrust < NO_TRUST or not doubt.explains(estimator, epoch):
-            return
+            return False
         expected = lockout.open_along(estimator, innovation, expected)
         square = 1.0
     covariance.update(x, P, n, estimator.gain, innovation, expected)
@@ -206,6 +215,7 @@ def _judge(estimator: Estimator, aid: int, innovation: float, sigma: float, epoc
     source.distrust = max(0, source.distrust - 1)
     source.rejected_in_a_row = 0
     source.squares += square
+    return True
 
 
 @compiled
@@ -262,7 +272,12 @@ def _innovation(state: Ram, aid: int, component: int) -> tuple[float, float]:
         axis = 0
     estimator.row[VELOCITY + axis] = seconds
     _turn(estimator, estimator.fix_lever_n, axis)
-    return difference * metres - estimator.fix_lever_n[axis], estimator.fix_sigma[0]
+    lasting = 0.0
+    if estimator.receiver:
+        estimator.row[estimator.receiver_state + component] = 1.0
+        lasting = estimator.receiver_error[component]
+    sigma = receiver.white_sigma(estimator, estimator.fix_sigma[0], _LEAST_POSITION_SIGMA)
+    return difference * metres - estimator.fix_lever_n[axis] - lasting, sigma
 
 
 @compiled
