@@ -143,6 +143,8 @@ def _carry(state: Ram, effect: Effect) -> None:
                 moved[i] += matrix[i, j] * value
     for i in range(BIASES):
         error[i] = moved[i]
+    for i in range(COMPONENTS if estimator.receiver else 0):
+        error[estimator.receiver_state + i] *= estimator.receiver_share
 
 
 @compiled

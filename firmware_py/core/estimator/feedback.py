@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from rrins.compiled.compilation import compiled
 from rrins.compiled.record import Floats
-from rrins.firmware_py.core.estimator import constants, sway
+from rrins.firmware_py.core.estimator import constants, receiver, sway
 from rrins.firmware_py.core.maths import earth
 from rrins.firmware_py.core.navigation import strapdown
 from rrins.firmware_py.core.records.estimator_records import (
@@ -106,5 +106,7 @@ def apply(state: Ram) -> None:
         estimator.altimeter_bias += x[estimator.altimeter_state]
     if estimator.sway:
         sway.carry(estimator)
+    if estimator.receiver:
+        receiver.carry(estimator)
     for i in range(estimator.states):
         x[i] = 0.0

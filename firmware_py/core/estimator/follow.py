@@ -19,6 +19,7 @@ from rrins.firmware_py.core.estimator import (
     lockout,
     measurements,
     propagation,
+    receiver,
     standstill,
     sway,
     wheels,
@@ -133,6 +134,8 @@ def begin(state: Ram) -> None:
         P[at, at] = estimator.altimeter_bias_sigma**2
     if estimator.sway:
         sway.begin(estimator, position_sigma)
+    if estimator.receiver:
+        receiver.begin(estimator)
     measurements.begin(state)
     wheels.begin(state)
     standstill.begin(state)
@@ -214,6 +217,8 @@ def _work(state: Ram) -> None:
             fault_effects.propagate(state)
         if estimator.sway:
             sway.propagate(estimator, state.alignment.position_sigma)
+        if estimator.receiver:
+            receiver.propagate(estimator)
     elif estimator.stage == _NOISE:
         propagation.add_noise(state)
         if estimator.settles != 0:

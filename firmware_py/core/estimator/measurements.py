@@ -15,6 +15,7 @@ from rrins.firmware_py.core.estimator import (
     doubt,
     fault_effects,
     lockout,
+    receiver,
     standstill,
     wheels,
 )
@@ -191,13 +192,15 @@ def take(state: Ram) -> bool:
     for i in range(estimator.states):
         estimator.row[i] = 0.0
     innovation, sigma = _innovation(state, aid, component)
-    _judge(state, aid, component, innovation, sigma)
+    used = _judge(state, aid, component, innovation, sigma)
+    if aid == _ODOMETER and component == wheels.FORWARD and not used:
+        wheels.follow_slip(state, innovation)
     return True
 
 
 @compiled
-def _judge(state: Ram, aid: int, component: int, innovation: float, sigma: float) -> None:
-    """Take a measurement, unless its innovation is beyond the gate."""
+def _judge(state: Ram, aid: int, component: int, innovation: float, sigma: float) -> bool:
+    """Take a measurement, unless its innovation is beyond the gate; return whether it was."""
     estimator = state.estimator
     x, P, n, source = estimator.x, estimator.P, estimator.states, estimator.sources[aid]
     for i in range(n):
@@ -205,19 +208,20 @@ def _judge(state: Ram, aid: int, component: int, innovation: float, sigma: float
             innovation -= estimator.row[i] * x[i]
     expected = covariance.expect(P, n, estimator.row, sigma * sigma, estimator.gain)
     square = innovation * innovation / expected
-    is_used = square <= estimator.gate * estimator.gate
-    if state.integrity.enabled:
-        fault_effects.take(state, aid, component, innovation, expected, is_used)
-    if not is_used:
+    if not square <= estimator.gate * estimator.gate:
         source.rejected += 1
         source.rejected_in_a_row += 1
         source.distrust = min(MOST_DISTRUST, source.distrust + 3)
         known = max(expected - sigma * sigma, 1e-9 * expected)
         estimator.excess = max(estimator.excess, innovation * innovation / known)
         if source.distrust < NO_TRUST or not doubt.explains(estimator, state.epoch):
-            return
+            if state.integrity.enabled:
+                fault_effects.take(state, aid, component, innovation, expected, False)
+            return False
         expected = lockout.open_along(estimator, innovation, expected)
         square = 1.0
+    if state.integrity.enabled:
+        fault_effects.take(state, aid, component, innovation, expected, True)
     covariance.update(x, P, n, estimator.gain, innovation, expected)
     if aid != _ALTIMETER:
         estimator.aided_epoch = state.epoch
@@ -225,6 +229,7 @@ def _judge(state: Ram, aid: int, component: int, innovation: float, sigma: float
     source.distrust = max(0, source.distrust - 1)
     source.rejected_in_a_row = 0
     source.squares += square
+    return True
 
 
 @compiled
@@ -281,7 +286,12 @@ def _innovation(state: Ram, aid: int, component: int) -> tuple[float, float]:
         axis = 0
     estimator.row[VELOCITY + axis] = seconds
     _turn(estimator, estimator.fix_lever_n, axis)
-    return difference * metres - estimator.fix_lever_n[axis], estimator.fix_sigma[0]
+    lasting = 0.0
+    if estimator.receiver:
+        estimator.row[estimator.receiver_state + component] = 1.0
+        lasting = estimator.receiver_error[component]
+    sigma = receiver.white_sigma(estimator, estimator.fix_sigma[0], _LEAST_POSITION_SIGMA)
+    return difference * metres - estimator.fix_lever_n[axis] - lasting, sigma
 
 
 @compiled

@@ -11,7 +11,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
 from rrins.firmware_py.core.aiding.wheel import MOUNTING_SIGMA, SCALE_SIGMA, SLIP_SIGMA
-from rrins.firmware_py.core.estimator import sway
+from rrins.firmware_py.core.estimator import receiver, sway
 from rrins.firmware_py.core.estimator.propagation import HOUR_S, LEAST_WALK
 from rrins.firmware_py.core.maths import earth
 from rrins.firmware_py.core.navigation import strapdown
@@ -74,6 +74,10 @@ class EstimatorSettings(BaseModel):
         m, of its bias at the beginning. 10 m: by an air pressure that is not that of the day.
     altimeter_walk : float
         m/√s, of the bias. 1/60: a metre in an hour, by the weather.
+    receiver_sigma : float
+        m, of what of each component of the receiver's position error lasts; 0: all is noise.
+    receiver_s : float
+        Its time constant, s.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
@@ -95,6 +99,8 @@ class EstimatorSettings(BaseModel):
     altimeter_sigma: float = Field(default=0.5, ge=0)
     altimeter_bias_sigma: float = Field(default=10.0, gt=0)
     altimeter_walk: float = Field(default=1 / 60, gt=0)
+    receiver_sigma: float = Field(default=0.0, ge=0)
+    receiver_s: float = Field(default=60.0, gt=0)
 
 
 def _bias_sigma(sheet: DataSheet) -> float:
@@ -144,6 +150,8 @@ def set_up(
         estimator.sway_state = estimator.states
         estimator.states += SWAY_STATES
         sway.set_up(estimator)
+    if settings.receiver_sigma > 0.0:
+        receiver.set_up(estimator, settings.receiver_sigma, settings.receiver_s)
     estimator.detects_standing = settings.detects_standing
     estimator.altimeter_sigma = settings.altimeter_sigma
     estimator.altimeter_bias_sigma = settings.altimeter_bias_sigma

@@ -16,6 +16,7 @@ from rrins.firmware_py.core.records.estimator_records import (
     ATTITUDE,
     BIASES,
     COMPONENTS,
+    NO_TRUST,
     PITCH,
     SCALE,
     VELOCITY,
@@ -26,6 +27,9 @@ from rrins.firmware_py.core.records.estimator_records import (
 from rrins.firmware_py.core.records.memory import WHEEL_EPOCHS, Ram
 
 _ODOMETER = int(Aid.ODOMETER)
+
+_MOST_SLIP = 0.2
+"""Share of the way that a wheel slips by, at most; beyond, it is locked or spins."""
 
 FORWARD, ACROSS, UPWARD = 0, 1, 2
 """Components of a stretch."""
@@ -57,6 +61,7 @@ def finish_second(state: Ram) -> None:
         end, start = track[now % WHEEL_EPOCHS], track[before % WHEEL_EPOCHS]
         for i in range(3):
             estimator.stretch_b[i] = end[wheel.WAY + i] - start[wheel.WAY + i]
+        estimator.stretch_turned = end[wheel.TURNED_B] - start[wheel.TURNED_B]
         components = 0b111 if estimator.vertical else 0b011
         estimator.waiting |= components << (COMPONENTS * _ODOMETER)
     estimator.odometer_epoch = now
@@ -65,11 +70,30 @@ def finish_second(state: Ram) -> None:
 
 
 @compiled
-def _slip_sigma(estimator: Estimator) -> float:
-    """Return the noise of the way across the forward axis, m: a vehicle that stands has less."""
-    stands = wheel.stands(estimator.stretch_m, estimator.stretch_b, estimator.stretch_s)
-    sigma = wheel.STANDING_SLIP if stands else estimator.slip_sigma
-    return float(sigma * estimator.stretch_s)
+def _slip_sigma(estimator: Estimator, pivot: float) -> float:
+    """Return the noise of the way across the forward axis, m: a vehicle that stands has less.
+
+    `pivot` is the distance along the vehicle in which it turns about another point.
+    """
+    if wheel.stands(estimator.stretch_m, estimator.stretch_b, estimator.stretch_s):
+        return float(wheel.STANDING_SLIP * estimator.stretch_s)
+    slip = estimator.slip_sigma * estimator.stretch_s
+    return math.hypot(slip, pivot * estimator.stretch_turned)
+
+
+@compiled
+def follow_slip(state: Ram, innovation: float) -> None:
+    """Know less of the scale once the forward way is rejected for some seconds: the wheel slips.
+
+    By as much as it seems to slip, so the inertial velocity finds the scale anew.
+    """
+    estimator = state.estimator
+    way = abs(estimator.stretch_m)
+    at = BIASES + int(state.gyros.count) + int(state.accelerometers.count) + SCALE
+    told = NO_TRUST + COMPONENTS  # so that the ways across, which are used, leave it rejected
+    if estimator.sources[_ODOMETER].distrust < told or abs(innovation) > _MOST_SLIP * way:
+        return
+    estimator.P[at, at] += (innovation / way) ** 2
 
 
 @compiled
@@ -88,11 +112,11 @@ def innovation(state: Ram, component: int) -> tuple[float, float]:
         _fill_row(state, RIGHT_AXIS)
         estimator.row[first + YAW] = -forward
         across = way_b[RIGHT_AXIS] - estimator.odometer[YAW] * forward
-        return -across, math.hypot(_slip_sigma(estimator), jolt)
+        return -across, math.hypot(_slip_sigma(estimator, wheel.PIVOT_SIGMA), jolt)
     _fill_row(state, UP_AXIS)
     estimator.row[first + PITCH] = -forward
     upward = way_b[UP_AXIS] - estimator.odometer[PITCH] * forward
-    return -upward, math.hypot(_slip_sigma(estimator), jolt)
+    return -upward, math.hypot(_slip_sigma(estimator, wheel.PIVOT_SIGMA), jolt)
 
 
 @compiled

@@ -15,7 +15,8 @@ the biases of gyros (rad/s), then of accelerometers (m/s²), along each input ax
 an odometer, its scale error (1) and by how much the vehicle's forward axis points to the right and
 up of y of the body (rad); where the altimeter is a measurement, its bias (m); where the vehicle
 sways about a known place, of its way from there to the east, then to the north, the integral (m s)
-and the way (m); where they are estimated, the sensors' scale factors, asymmetries and installation
+and the way (m); where a receiver's errors last, its latitude's, longitude's and height's (m); where
+they are estimated, the sensors' scale factors, asymmetries and installation
 errors, each of gyros, then of accelerometers."""
 
 ODOMETER_STATES = 3
@@ -30,8 +31,16 @@ SENSOR_CONSTANTS = 4
 SCALE_FACTOR, ASYMMETRY, ACROSS_U, ACROSS_V = 0, 1, 2, 3
 """λ, μ (1), δu, δv (rad) of a sensor besides its bias, in this order. Paper, (13), (16), (17)."""
 
+COMPONENTS = 3
+"""Scalars of one measurement, at most."""
+
 STATE_CAPACITY = (
-    BIASES + 2 * (1 + SENSOR_CONSTANTS) * SENSOR_GROUPS + ODOMETER_STATES + 1 + SWAY_STATES
+    BIASES
+    + 2 * (1 + SENSOR_CONSTANTS) * SENSOR_GROUPS
+    + ODOMETER_STATES
+    + 1
+    + SWAY_STATES
+    + COMPONENTS
 )
 RESPONSE_STATES = 14
 """States and inputs of `transition.fill`."""
@@ -70,9 +79,6 @@ class Aid(IntEnum):
 AIDS = len(Aid)
 MOST_DISTRUST, NO_TRUST = 30, 10
 """Largest `Source.distrust`, and from where on a source counts as rejected."""
-
-COMPONENTS = 3
-"""Scalars of one measurement, at most."""
 
 
 CORRECTIONS = 4
@@ -186,6 +192,11 @@ class Estimator(Record):
     sway_way: Annotated[Floats, SWAY_STATES]  #: m s, m, east; the same north
     sway_transition: Annotated[Floats, (2, 2)]  #: of a pair of them, over a second
     sway_spread: Annotated[Floats, (2, 2)]  #: that the second adds to a pair's covariance, for 1 m²
+    receiver: Bool  #: whether the receiver's position has errors that last
+    receiver_state: I8  #: of the first of them
+    receiver_error: Annotated[Floats, COMPONENTS]  #: m, of latitude, longitude, height
+    receiver_variance: F8  #: m², of each
+    receiver_share: F8  #: of an error that is left after a second
     # Standing, as the sensors feel it.
     detects_standing: Bool
     standing: Bool  #: for `STEADY_S` of `standstill`, up to the end of the last second
@@ -246,6 +257,7 @@ class Estimator(Record):
     odometer_travelled: F8  #: m, then
     stretch_m: F8  #: that waits
     stretch_s: F8
+    stretch_turned: F8  #: rad, about up
     stretch_b: Annotated[Floats, 3]  #: m, the same by the navigation
     sources: Annotated[Records[Source], AIDS]  #: by `Aid`
     # What is told.

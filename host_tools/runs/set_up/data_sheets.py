@@ -190,6 +190,7 @@ def estimator_settings(scenario: Scenario) -> EstimatorSettings | None:
         level_sigma=level_sigma,
         heading_sigma=heading_sigma,
         **_altimeter(scenario),
+        **_receiver(scenario),
     )
 
 
@@ -197,6 +198,16 @@ def integrity_settings(scenario: Scenario) -> IntegritySettings | None:
     """Return the set-up of the firmware's integrity for a scenario; None where it has none."""
     table = scenario.integrity
     return IntegritySettings(**table.model_dump(exclude={"enabled"})) if table.enabled else None
+
+
+def _receiver(scenario: Scenario) -> dict[str, float]:
+    """Return what the firmware knows of the receiver, beyond what that tells in its frames."""
+    if scenario.gnss is None:
+        return {}
+    return {
+        "receiver_sigma": scenario.gnss.position_correlated_noise_m,
+        "receiver_s": scenario.gnss.position_correlation_s,
+    }
 
 
 def _altimeter(scenario: Scenario) -> dict[str, float]:
