@@ -59,8 +59,9 @@ class Study:
             case = self.case(number)
             try:
                 return run(case, stop.is_set)
-            except RehearsalError as error:
-                return judged(case, no_seconds(), ended=str(error))
+            except Exception as error:  # noqa: BLE001 - a case that breaks is a row with its reason
+                why = str(error) if isinstance(error, RehearsalError) else repr(error)
+                return judged(case, no_seconds(), ended=why)
 
         with ThreadPoolExecutor(workers) as pool:
             for result in pool.map(tried, range(self.cases)):
