@@ -12,6 +12,7 @@ means m and ρ m, ``T_j² - T_k²`` has the mean ``s² = m² (1 - ρ²)`` and th
 from __future__ import annotations
 
 import functools
+import itertools
 import math
 from dataclasses import dataclass
 from typing import Final
@@ -36,6 +37,9 @@ from rrins.host_tools.scenario.scenario import Scenario
 
 LEARNED_S = 2000
 """For how long the parity has been learned when the fault comes, s: over a cycle of a scheme."""
+
+_PLANE = 2
+"""Dimensions of a parity that any two sensors explain."""
 
 HORIZON_S = 1200
 """Longest delay that is looked for, s."""
@@ -121,14 +125,26 @@ class Finder:
 
     @functools.cached_property
     def rivals(self) -> Floats:
-        """The largest correlation of each sensor's parity with another's: 1 means alike."""
+        """The largest correlation of each sensor's parity with what a rival makes: 1 means alike.
+
+        Rivals are another sensor, two others where the parity has three dimensions, and all alike.
+        """
         projector = self._learned.projector[: self.count, : self.count]
         deviation = np.sqrt(np.diag(projector))
         checked = deviation > math.sqrt(parities.CHECKED_FROM)
         scale = np.where(checked, deviation, np.inf)
-        correlation = np.abs(projector / np.outer(scale, scale))
-        np.fill_diagonal(correlation, 0.0)
-        return np.asarray(correlation.max(axis=1))
+        correlation = projector / np.outer(scale, scale)
+        whole, rank = float(correlation.sum()), round(float(np.trace(projector)))
+        alike = whole > parities.CHECKED_FROM
+        largest = np.square(correlation.sum(axis=1)) / whole if alike else np.zeros(self.count)
+        for size in (1, 2) if rank > _PLANE else (1,):
+            for others in itertools.combinations(np.flatnonzero(checked), size):
+                along = correlation[:, others]
+                both = correlation[np.ix_(others, others)]
+                shares = np.einsum("ij,jk,ik->i", along, np.linalg.pinv(both), along)
+                shares[list(others)] = 0.0
+                largest = np.maximum(largest, shares)
+        return np.asarray(np.sqrt(np.minimum(largest, 1.0)))
 
     def chances(self, sensor: int, fault: float, horizon_s: int = HORIZON_S) -> Chances:
         """Return the probabilities that a step is found.
@@ -247,7 +263,7 @@ def _by_rest(at_rest: Floats, factor: float, checked: bool, count: int) -> Float
     mean, rival, left = (_in_parts(np.abs(at_rest[..., k])) for k in range(3))
     named = np.minimum(ndtr(mean - factor), _clear(mean, rival))
     # Against a motion: the chi-square of the parity, and that of what the fault leaves.
-    margin = left - 2.0 - isolation.MOTION
+    margin = left - 2.0 - isolation.MOTION * max(1, count - 3)
     deviation = np.sqrt(4.0 * left + 2.0 * (count - 3) + 2.0 * (count - 1))
     return _over_a_second(np.minimum(named, ndtr(margin / deviation)))
 

@@ -31,13 +31,14 @@ _REST = 5.0
 """Largest deviation of what the decision leaves unexplained, standard deviations of chi-square."""
 
 MOTION = 2.0 * math.log(1e2)
-"""By how much a sensor has to explain more, in chi-square, than a motion of the vehicle would.
+"""By how much a sensor has to explain more, in chi-square, than a motion of the vehicle would, for
+each dimension of the parity, as noise does in any of them.
 
 A slight motion turns all sensors and leaves the parity alone; the fault of one shows in both. So
 does whatever the table makes of the expectation."""
 
-_TWO_OF = 4
-"""Sensors of which two cannot be spared."""
+_VECTOR = 3
+"""Sensors that have no parity; two of one more cannot be spared."""
 
 
 @compiled
@@ -57,23 +58,15 @@ def _explains(parity: Parity, i: int, k: int) -> float:
 
 
 @compiled
-def _explains_alike(parity: Parity, n: int, sensors: int) -> float:
-    """Return the chi-square that the same fault of all compared sensors explains.
-
-    0 where that looks exactly like a fault of one of some sensors, the less likely of both: as in
-    the parity of a dodecahedron, of its first.
-    """
-    a, total, information, alike = parity.matrix, 0.0, 0.0, 0.0
+def _explains_alike(parity: Parity, n: int) -> float:
+    """Return the chi-square that the same fault of all compared sensors explains."""
+    total, information, own = 0.0, 0.0, 0.0
     for i in range(n):
-        along = 0.0
-        for k in range(n):
-            along += a[i, k]
         total += parity.score[i]
-        information += along
-        if sensors >> i & 1:
-            alike = max(alike, along * along / a[i, i])
-    seen = information > CHECKED_FROM and alike < (1.0 - CHECKED_FROM) * information
-    return total * total / information if seen else 0.0
+        own += parity.matrix[i, i]
+        for k in range(n):
+            information += parity.matrix[i, k]
+    return total * total / information if information > CHECKED_FROM * own else 0.0
 
 
 @compiled
@@ -94,7 +87,7 @@ def _rival(parity: Parity, n: int, sensors: int, two: bool) -> float:
 
     With `two`, of two sensors, too.
     """
-    most = _explains_alike(parity, n, sensors)
+    most = _explains_alike(parity, n)
     for i in range(n):
         for k in range(i, n if two else i + 1):
             if sensors & ~(1 << i | 1 << k) != 0:
@@ -110,13 +103,14 @@ def _decide(parity: Parity, n: int, free: int, whole: float, by_motion: float) -
     `by_motion` of the chi-square `whole`, explains nearly as much, or much is left unexplained.
     The residuals have `free` degrees of freedom. Of fewer than three, any two sensors explain all.
     """
-    for size in range(1, 3 if n > _TWO_OF else 2):
+    for size in range(1, 3 if n > _VECTOR + 1 else 2):
         sensors, explained = _likeliest(parity, n, size)
         rest, left = whole - explained, free - size
         if left < 1 or rest - left > _REST * math.sqrt(2.0 * left):
             continue
         if explained - _rival(parity, n, sensors, free > 2) > RATIO:
-            return (sensors, explained) if explained - by_motion > MOTION else (0, 0.0)
+            wanted = MOTION * max(1, n - _VECTOR)
+            return (sensors, explained) if explained - by_motion > wanted else (0, 0.0)
     return 0, 0.0
 
 
@@ -304,7 +298,7 @@ def standing(parity: Parity, fusion: Fusion, moved: bool, slow: bool) -> int:
     no parity that would tell a fault from a slight motion: there, it has to last, and the vehicle
     must not have `moved` since navigation began, for then the expectation errs, too. It also has to
     last, and the parity to have an alarm, unless the navigated velocity says that it stands
-    (`slow`): a smooth cruise looks the same.
+    (`slow`): a smooth cruise looks the same. Of two that fail, the parity has to have an alarm.
     """
     if (moved or not slow) and not parity.redundant:
         return 0
@@ -315,7 +309,7 @@ def standing(parity: Parity, fusion: Fusion, moved: bool, slow: bool) -> int:
     parity.persistent_sensors = found
     parity.apart = parity.apart + 1 if is_apart else 0
     if parity.redundant and slow:
-        return found
+        return found if parity.alarm or found & (found - 1) == 0 else 0
     lasts = parity.persistent > SETTLED_S and (parity.alarm or not parity.redundant)
     return found if lasts else 0
 

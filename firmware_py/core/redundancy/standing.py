@@ -122,7 +122,7 @@ def forget(parity: Parity) -> None:
 def expect_aligned(state: Ram) -> None:
     """Know of the constants of the expectation what the estimator knows of the biases.
 
-    It has taken them out in the fine alignment: what is left is of the size of their deviation.
+    It has found them in the fine alignment, and takes them out once the sensors are compared.
     """
     estimator, first = state.estimator, BIASES
     parity, fusion = state.redundancy.gyros, state.gyros
@@ -131,12 +131,17 @@ def expect_aligned(state: Ram) -> None:
             parity, fusion = state.redundancy.accelerometers, state.accelerometers
         largest = 0.0
         for axis in range(3):
-            total = 0.0
+            total, known_bias = 0.0, 0.0
             for i in range(fusion.count):
+                bias = estimator.gyro_bias[i]
+                if kind == ACCELEROMETERS:
+                    bias = estimator.accelerometer_bias[i]
+                known_bias += fusion.gain[axis, i] * bias
                 for j in range(fusion.count):
                     share = fusion.gain[axis, i] * fusion.gain[axis, j]
                     total += share * estimator.P[first + i, first + j]
             largest = max(largest, total)
+            parity.expected.coefficients[axis, 0] = known_bias
         learner = parity.expected
         known = _WITHIN * _WITHIN * largest / learner.unit
         learner.covariance[0, 0] = min(learner.covariance[0, 0], known)

@@ -97,9 +97,11 @@ def test_four_sensors_never_tell_which_in_motion_and_one_alone_is_not_checked(te
 def test_six_sensors_name_the_one_in_motion():
     six = finder_of("dodecahedron")
     assert six.share == pytest.approx([0.5] * 6)  # 1 - 3/6
-    assert six.rivals == pytest.approx([1 / math.sqrt(5)] * 6)  # cosine between two axes
+    two = math.sqrt((5 + math.sqrt(5)) / 10)  # of an axis and the plane of two others
+    assert six.rivals == pytest.approx([1.0] + [two] * 5)  # all alike look like the first
     named, known = (six.smallest(1, 10, way, HALF) for way in ("parity", "alarm"))
-    assert known <= named < 1.2 * known
+    assert known <= named < 1.3 * known
+    assert six.smallest(0, 10, "parity", HALF) == math.inf
 
 
 def test_of_three_orthogonal_and_one_the_fourth_shows_most():
