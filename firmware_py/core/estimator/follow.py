@@ -207,6 +207,7 @@ def _work(state: Ram) -> None:
         propagation.fill(state)
         propagation.propagate_state(estimator)
         doubt.bend(state)
+        wheels.correct(state)
         feedback.apply(state)
         if estimator.doubts:
             doubt.tell(state)

@@ -16,6 +16,8 @@ from rrins.firmware_py.core.records.estimator_records import (
     ATTITUDE,
     BIASES,
     COMPONENTS,
+    CORRECTIONS,
+    DONE,
     NO_TRUST,
     PITCH,
     SCALE,
@@ -27,6 +29,8 @@ from rrins.firmware_py.core.records.estimator_records import (
 from rrins.firmware_py.core.records.memory import WHEEL_EPOCHS, Ram
 
 _ODOMETER = int(Aid.ODOMETER)
+
+_EVERY = (1 << COMPONENTS) - 1
 
 _MOST_SLIP = 0.2
 """Share of the way that a wheel slips by, at most; beyond, it is locked or spins."""
@@ -61,12 +65,47 @@ def finish_second(state: Ram) -> None:
         end, start = track[now % WHEEL_EPOCHS], track[before % WHEEL_EPOCHS]
         for i in range(3):
             estimator.stretch_b[i] = end[wheel.WAY + i] - start[wheel.WAY + i]
+        _correct_begin(state, before, now)
+        dt = state.parameters.period_ns * 1e-9
+        estimator.stretch_lag_s = (state.epoch - 0.5 * (before + now)) * dt
         estimator.stretch_turned = end[wheel.TURNED_B] - start[wheel.TURNED_B]
         components = 0b111 if estimator.vertical else 0b011
         estimator.waiting |= components << (COMPONENTS * _ODOMETER)
     estimator.odometer_epoch = now
     estimator.odometer_gaps = odometer.gaps
     estimator.odometer_travelled = odometer.travelled
+
+
+@compiled
+def _correct_begin(state: Ram, before: int, now: int) -> None:
+    """Take the way as corrected within it: what was fed back was wrong before, too."""
+    estimator, C_b_n = state.estimator, state.wheel.C_b_n
+    for k in range(CORRECTIONS):
+        part = int(estimator.correction_epoch[k]) - before
+        if 0 < part <= now - before:
+            seconds = part * state.parameters.period_ns * 1e-9
+            for i in range(3):
+                for j in range(3):
+                    change = C_b_n[j, i] * estimator.correction[k, 3 + j]
+                    estimator.stretch_b[i] += change * seconds
+
+
+@compiled
+def correct(state: Ram) -> None:
+    """Take the way that waits as corrected by what is fed back now: it comes after it."""
+    estimator, row, x = state.estimator, state.estimator.row, state.estimator.x
+    if estimator.waiting >> (COMPONENTS * _ODOMETER) & _EVERY == 0:
+        return
+    for axis in range(3):
+        for i in range(estimator.states):
+            row[i] = 0.0
+        _fill_row(state, axis)
+        change = 0.0
+        for i in range(estimator.states):
+            change += row[i] * x[i]
+        estimator.direction[axis] = change
+    for axis in range(3):
+        estimator.stretch_b[axis] += estimator.direction[axis]
 
 
 @compiled
@@ -139,4 +178,13 @@ def _jolt_sigma(state: Ram) -> float:
 def _fill_row(state: Ram, axis: int) -> None:
     estimator = state.estimator
     C_b_n, seconds = state.wheel.C_b_n, estimator.stretch_s
-    wheel.fill_row(estimator.row, ATTITUDE, VELOCITY, C_b_n, estimator.stretch_b, seconds, axis)
+    row, matrix = estimator.row, estimator.transition
+    wheel.fill_row(row, ATTITUDE, VELOCITY, C_b_n, estimator.stretch_b, seconds, axis)
+    since = estimator.stretch_lag_s * seconds / estimator.seconds[DONE]
+    first = BIASES + int(state.gyros.count)
+    for i in range(3):  # tilt and biases have changed the velocity since the middle of the stretch
+        along = since * C_b_n[i, axis]
+        for k in range(3):
+            row[ATTITUDE + k] -= along * matrix[VELOCITY + i, ATTITUDE + k]
+        for k in range(state.accelerometers.count):
+            row[first + k] -= along * matrix[VELOCITY + i, first + k]

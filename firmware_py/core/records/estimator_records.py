@@ -257,6 +257,7 @@ class Estimator(Record):
     odometer_travelled: F8  #: m, then
     stretch_m: F8  #: that waits
     stretch_s: F8
+    stretch_lag_s: F8  #: from its middle to where the filter stands
     stretch_turned: F8  #: rad, about up
     stretch_b: Annotated[Floats, 3]  #: m, the same by the navigation
     sources: Annotated[Records[Source], AIDS]  #: by `Aid`
