@@ -12,6 +12,7 @@ from rrins.firmware_py.core.records.estimator_records import (
     ATTITUDE,
     BIASES,
     COMPONENTS,
+    DONE,
     PITCH,
     SCALE,
     VELOCITY,
@@ -26,6 +27,13 @@ SECONDS = 1.2
 VELOCITY_N = np.array([12.0, 16.0, 0.4])
 LEARNED = np.array([0.01, -0.02, 0.015])
 """Scale, yaw, pitch that the filter has found so far."""
+
+LAG_S = 0.7
+SLOPES = np.random.default_rng(5).normal(size=(3, STATES)) * 9.8
+"""Changes of the velocity in a second by an error of the attitude or a bias of an accelerometer."""
+
+CHANGES = [*range(ATTITUDE, ATTITUDE + 3), *range(BIASES + 4, ODOMETER)]
+SLOPES[:, [k for k in range(STATES) if k not in CHANGES]] = 0.0
 
 TRAVELLED = 24.5
 FORWARD, ACROSS, UPWARD = wheels.FORWARD, wheels.ACROSS, wheels.UPWARD
@@ -47,13 +55,18 @@ def state(kit, attitude):
     estimator.stretch_m = TRAVELLED
     estimator.stretch_b[:] = attitude.T @ VELOCITY_N * SECONDS
     estimator.odometer[:] = LEARNED
+    estimator.seconds[DONE], estimator.stretch_lag_s = 1.0, LAG_S
+    estimator.transition[VELOCITY : VELOCITY + 3, :STATES] = SLOPES
     return state
 
 
 def innovation(tools, attitude, component, learned, x):
-    """Return measured less navigated once the errors x are fed back; the vehicle goes straight."""
+    """Return measured less navigated once the errors x are fed back; the vehicle goes straight.
+
+    The velocity's error is that of the stretch's end; it was another one in the middle.
+    """
     C_b_n = tools.exponential(x[ATTITUDE : ATTITUDE + 3]) @ attitude
-    way_b = C_b_n.T @ (VELOCITY_N + x[VELOCITY : VELOCITY + 3]) * SECONDS
+    way_b = C_b_n.T @ (VELOCITY_N + x[VELOCITY : VELOCITY + 3] - LAG_S * SLOPES @ x) * SECONDS
     scale, yaw, pitch = learned + x[ODOMETER:]
     return {
         FORWARD: TRAVELLED * (1 + scale) - way_b[1],
@@ -79,11 +92,11 @@ def test_rows_are_derivatives_of_the_innovations(tools, state, attitude, compone
     bounds = np.full(STATES, 1e-6)
     if component != FORWARD:  # the row is along the body's axis, not across the learned one
         angle = abs(learned[YAW if component == ACROSS else PITCH])
-        bounds[: VELOCITY + 3] += 1.01 * angle * np.abs(differences[: VELOCITY + 3]).max()
+        bounds[:ODOMETER] += 1.01 * angle * np.abs(differences[:ODOMETER]).max()
     assert np.all(np.abs(row - differences) < bounds), row - differences
     own = ODOMETER + {FORWARD: SCALE, ACROSS: YAW, UPWARD: PITCH}[component]
     assert abs(row[own]) > 20
-    assert set(np.flatnonzero(row)) <= {*range(VELOCITY + 3), own}
+    assert set(np.flatnonzero(row)) <= {*range(VELOCITY + 3), *CHANGES, own}
 
 
 def test_the_noise_is_that_of_intervals_pulses_and_slip(state):
