@@ -231,7 +231,10 @@ def _share(parity: Parity, sensors: int, sensor: int) -> float:
 
     From the sums of the window in which the fault is most significant; of two sensors at most.
     """
-    sums, own = parity.window_sum[windows.begun_level(parity)], parity.projector[sensor, sensor]
+    sums, own = (
+        parity.window_sum[windows.begun_level(parity, 0.0)],
+        parity.projector[sensor, sensor],
+    )
     for other in range(parity.residual.shape[0]):
         if other != sensor and sensors >> other & 1 and sums[sensor] != 0.0:
             shared = parity.projector[sensor, other]
@@ -264,7 +267,7 @@ def _leave_out(state: Ram, parity: Parity, fusion: Fusion, sensors: int, how: in
                 parity.correction[k, j] += taken_off
                 parity.kept.coefficients[k, j] -= taken_off
         parity.corrected = True
-    seconds = float(WINDOWS_S[windows.begun_level(parity)])
+    seconds = float(WINDOWS_S[windows.begun_level(parity, 0.0)])
     if how == _REFERENCE:
         parity.alarm_epoch = redundancy.bank.doubt_since[parity.kind]
     seconds = max(seconds, (state.epoch - parity.alarm_epoch) / redundancy.second_epochs)

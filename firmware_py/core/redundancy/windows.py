@@ -314,10 +314,13 @@ def _largest(parity: Parity, count: int) -> float:
 
 
 @compiled
-def begun_level(parity: Parity) -> int:
-    """Return the window in which the suspect's sum is most significant: the fault seems as old."""
+def begun_level(parity: Parity, least: float) -> int:
+    """Return the window in which the suspect's sum is most significant: the fault seems as old.
+
+    The shortest, where none has a chi-square of at least so much.
+    """
     suspect = max(0, int(parity.suspect))
-    most, found = 0.0, 0
+    most, found = least, 0
     for level in range(SECOND_LEVELS):
         if not is_due(parity, level):
             continue
