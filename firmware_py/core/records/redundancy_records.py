@@ -344,6 +344,9 @@ class Hypothesis(Record):
 
     sensor: Annotated[Integers, 2]  #: by kind, -1: leaves none out
     second: Annotated[Integers, 2]  #: another that fails, its effect is a state; -1: none
+    into: I8  #: the first state of that effect
+    direction: Annotated[Floats, 3]  #: of that effect in s, for a fault of 1
+    prior: F8  #: variance of that fault before it was estimated; 0: not yet, or none
     x: Annotated[Floats, BANK_STATES]
     P: Annotated[Floats, (BANK_STATES, BANK_STATES)]
     reached: F8  #: share of the present block

@@ -38,7 +38,7 @@ from rrins.firmware_py.core.records.redundancy_records import (
     Hypothesis,
     Parity,
 )
-from rrins.firmware_py.core.redundancy import blocks, windows
+from rrins.firmware_py.core.redundancy import blocks, pairs, windows
 from rrins.firmware_py.core.redundancy.isolation import RATIO
 from rrins.firmware_py.core.sensors.data_sheet import SCALE_TURN
 
@@ -72,13 +72,9 @@ locked, or points elsewhere, whichever sensor fails."""
 _REST = 5.0
 """Largest deviation of the innovations' squares, standard deviations of chi-square."""
 
-_ALIKE = 2.0 * math.log(1e2)
-"""Twice the logarithm of the likelihood ratio to the filter that leaves none out: that all sensors
-are off alike is rarer by as much as is missing."""
-
-_LARGER, _GROWS = 10.0, 1e-3
-"""Size of what a second sensor may be off by, in sizes of a single fault that the parity would show
-as much of; growth of its variance in a second, of its square: it may change."""
+_RARER = 2.0 * math.log(1e2)
+"""Twice the logarithm of the likelihood ratio to two others, or all, that are off: both are rarer,
+by as much as is missing."""
 
 _LEVEL, _HEADING, _VELOCITY = 1e-3, 1e-2, 30.0
 """Uncertainty of the navigation at the beginning: rad, rad, m/s."""
@@ -105,8 +101,8 @@ def follow(state: Ram) -> None:
         is_due = bank.at + _WAIT_S < repair.count
         begins = bank.turn == 0 and not bank.measuring
         if begins and bank.at == bank.fault_at:
-            _size_fault(state.redundancy.gyros, bank)
-            _size_fault(state.redundancy.accelerometers, bank)
+            pairs.size_fault(state.redundancy.gyros, bank)
+            pairs.size_fault(state.redundancy.accelerometers, bank)
         if begins and not is_due and _waits(state, block):
             return
         if not bank.measuring:
@@ -207,7 +203,8 @@ def _begin(state: Ram, doubts: int) -> None:
     gyros, accelerometers = state.redundancy.gyros, state.redundancy.accelerometers
     parity = accelerometers if doubts >> ACCELEROMETERS & 1 else gyros
     since_s = (state.epoch - bank.doubt_since[parity.kind]) / state.redundancy.second_epochs
-    lasts_s = since_s + 1.5 * WINDOWS_S[windows.begun_level(parity)] + _EARLIER_S
+    level = windows.begun_level(parity, parity.second_factor**2)
+    lasts_s = since_s + 1.5 * WINDOWS_S[level] + _EARLIER_S
     bank.fault_at = max(bank.at, repair.count - int(lasts_s))
     bank.count = 0
     _add_filter(bank, -1, -1)
@@ -246,6 +243,7 @@ def _add_filter(bank: Bank, gyro: int, accelerometer: int) -> None:
     one.sensor[ACCELEROMETERS] = accelerometer
     one.second[GYROS] = -1
     one.second[ACCELEROMETERS] = -1
+    one.prior = 0.0
     bank.count += 1
 
 
@@ -257,42 +255,6 @@ def _add_pairs(bank: Bank, kind: int) -> None:
             if _is_candidate(bank, kind, first) and _is_candidate(bank, kind, second):
                 _add_filter(bank, first if kind == GYROS else -1, -1 if kind == GYROS else first)
                 bank.filters[bank.count - 1].second[kind] = second
-
-
-@compiled
-def _widen(state: Ram, one: Hypothesis) -> None:
-    """Let the bias change by what a second sensor, or all alike, may be off by since the fault.
-
-    Without the first, a fault of the second shows along one direction of the sensor frame.
-    """
-    bank, row = state.redundancy.bank, state.redundancy.bank.row
-    parity, fusion, into = state.redundancy.gyros, state.gyros, TURN
-    for kind in range(2):
-        if kind == ACCELEROMETERS:
-            parity, fusion, into = state.redundancy.accelerometers, state.accelerometers, CHANGE
-        first, second = one.sensor[kind], one.second[kind]
-        if bank.doubts >> kind & 1 == 0 or (first >= 0 and second < 0):
-            continue
-        for axis in range(3):
-            row[axis] = 0.0
-            for k in range(fusion.count):
-                if k == second or first < 0:
-                    row[axis] += fusion.gain[axis, k]
-                if first >= 0 and k == second:
-                    row[axis] += parity.leave_out[first, axis] * parity.projector[first, k]
-        variance = bank.fault_variance[kind]
-        if bank.at > bank.fault_at:
-            variance *= _GROWS
-        covariance.add_along(one.P, into, row, variance)
-
-
-@compiled
-def _size_fault(parity: Parity, bank: Bank) -> None:
-    """Note the variance of what a second sensor may be off by."""
-    level, suspect = windows.begun_level(parity), max(0, int(parity.suspect))
-    own = parity.projector[suspect, suspect] * WINDOWS_S[level]
-    total = parity.window_sum[level, suspect] ** 2 / own**2 if own > 0.0 else 0.0
-    bank.fault_variance[parity.kind] = _LARGER**2 * total
 
 
 @compiled
@@ -308,7 +270,7 @@ def _approach(state: Ram, one: Hypothesis, block: Floats) -> None:
     """Take a block up to its stretch, or all of it if there is none, and compare that."""
     bank, others = state.redundancy.bank, state.redundancy.repair.stride - blocks.OTHERS
     if bank.at >= bank.fault_at:
-        _widen(state, one)
+        pairs.widen(state, one)
     for i in range(FILTER_SIZE):  # in the order of the states
         one.x[i] -= block[others + blocks.FED_BACK + i]
     fix_at = _share(block, others, blocks.MEASURED_AFTER, blocks.VARIANCE)
@@ -485,8 +447,10 @@ def _decide(bank: Bank) -> int:
         for k in range(bank.count):
             other = bank.filters[k]
             fails = one.sensor[kind] == other.sensor[kind] or one.sensor[kind] == other.second[kind]
-            wanted = RATIO if k > 0 else _ALIKE
-            clear = clear and (fails or other.score - one.score > wanted)
+            is_one = k > 0 and other.second[kind] < 0
+            wanted = RATIO if is_one else _RARER
+            less = other.score - pairs.fitted(other) - one.score
+            clear = clear and (fails or less > wanted)
         if clear:
             bank.found_kind = kind
             return best

@@ -296,9 +296,10 @@ def standing(parity: Parity, fusion: Fusion, moved: bool, slow: bool) -> int:
 
     Of windows of up to 128 s; the vehicle stood throughout and some time before. Three sensors have
     no parity that would tell a fault from a slight motion: there, it has to last, and the vehicle
-    must not have `moved` since navigation began, for then the expectation errs, too. It also has to
-    last, and the parity to have an alarm, unless the navigated velocity says that it stands
-    (`slow`): a smooth cruise looks the same. Of two that fail, the parity has to have an alarm.
+    must not have `moved` since navigation began, for then the expectation errs, too. With a parity,
+    it has to last and that to have an alarm once the vehicle has moved, for it may creep, and
+    unless the navigated velocity says that it stands (`slow`): a smooth cruise looks the same. Of
+    two that fail, the parity has to have an alarm in any case.
     """
     if (moved or not slow) and not parity.redundant:
         return 0
@@ -308,7 +309,7 @@ def standing(parity: Parity, fusion: Fusion, moved: bool, slow: bool) -> int:
     parity.persistent += found != 0
     parity.persistent_sensors = found
     parity.apart = parity.apart + 1 if is_apart else 0
-    if parity.redundant and slow:
+    if parity.redundant and slow and not moved:
         return found if parity.alarm or found & (found - 1) == 0 else 0
     lasts = parity.persistent > SETTLED_S and (parity.alarm or not parity.redundant)
     return found if lasts else 0

@@ -50,7 +50,7 @@ def begin(state: Ram) -> None:
 @compiled
 def _since_s(state: Ram, parity: Parity) -> float:
     """Return for how many seconds the fault may have lasted, at most."""
-    seconds = float(WINDOWS_S[windows.begun_level(parity)])
+    seconds = float(WINDOWS_S[windows.begun_level(parity, 0.0)])
     waited = (state.epoch - parity.alarm_epoch) / state.redundancy.second_epochs
     return max(seconds, waited)
 
@@ -62,7 +62,7 @@ def _measure(state: Ram, parity: Parity) -> bool:
     Within a second also what this has shown so far: a large fault is found at once.
     """
     suspicion, kind = state.redundancy.suspicion, int(parity.kind)
-    level = windows.begun_level(parity)
+    level = windows.begun_level(parity, 0.0)
     part = parity.used_epochs / state.redundancy.second_epochs
     grown = False
     for k in range(parity.residual.shape[0]):

@@ -248,7 +248,7 @@ def _share(parity: Parity, sensors: int, sensor: int) -> float:
     From the sums of the window in which the fault is most significant; of two sensors at most.
     """
     sums, own = (
-        parity.window_sum[windows.begun_level(parity)],
+        parity.window_sum[windows.begun_level(parity, 0.0)],
         parity.projector[sensor, sensor],
     )
     for other in range(parity.residual.shape[0]):

@@ -314,16 +314,16 @@ def _largest(parity: Parity, count: int) -> float:
 
 
 @compiled
-def begun_level(parity: Parity) -> int:
+def begun_level(parity: Parity, least: float) -> int:
     """Return the window in which the suspect's sum is most significant: the fault seems as old."""
-    return significant_level(parity, max(0, int(parity.suspect)), 0.0)
+    return significant_level(parity, max(0, int(parity.suspect)), least)
 
 
 @compiled
 def significant_level(parity: Parity, sensor: int, least: float) -> int:
     """Return the window in which a sensor's sum is most significant; else the shortest.
 
-    Of sums beyond `least`, a square in variances.
+    Of sums with a chi-square of more than `least`.
     """
     most, found = least, 0
     for level in range(SECOND_LEVELS):

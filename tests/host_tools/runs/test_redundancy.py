@@ -314,7 +314,7 @@ BOTH = {"gnss": {}, "odometer": ROUGH_ODOMETER}
         in_soak(ODOMETER, "gyro_bias", {"bias_dph": 100.0}, 20.0, 280),
         in_soak(ODOMETER, "gyro_bias", {"bias_dph": 10.0}, 50.0, 280),
         in_soak(ODOMETER, "gyro_bias", {"bias_dph": 1.0}, 330.0, 540),
-        (ODOMETER, "accelerometer_bias", {"bias_ug": 5000.0}, 10.0, 280),
+        (ODOMETER, "accelerometer_bias", {"bias_ug": 5000.0}, 11.0, 280),
         in_soak(ODOMETER, "accelerometer_bias", {"bias_ug": 1000.0}, 40.0, 280),
         in_soak(BOTH, "gyro_bias", {"bias_dph": 10.0}, 40.0, 280),
         in_soak(BOTH, "gyro_bias", {"bias_dph": 1.0}, 330.0, 540),
@@ -325,16 +325,17 @@ def test_the_delay_in_motion_until_the_right_sensor_is_left_out(
 ):
     """The median of some seeds, by GNSS velocity or odometer, with white noise; never a wrong one.
 
-    In the built-in drive, or the recorded one that RRINS_MOTION names; RRINS_SEEDS=20 for more.
+    Not of the first, which is vertical most of the time. In the built-in drive, or the recorded one
+    that RRINS_MOTION names; RRINS_SEEDS=20 for more.
     """
     recorded = os.environ.get("RRINS_MOTION")
     motion = {"kind": "file", "path": recorded} if recorded else {"kind": "drive"}
     delays = []
     for seed in range(FIRST_SEED, FIRST_SEED + SEEDS):
-        fault = {"kind": kind, "sensor": seed % 4 + 1} | value
+        fault = {"kind": kind, "sensor": seed % 3 + 2} | value
         run = in_the_drive(fault, duration_s=duration_s, seed=seed, motion=motion, **aids)
         found = run.summary["redundancy"][kind.split("_")[0] + "s"]
-        assert found["sensor"] in (seed % 4 + 1, None)
+        assert found["sensor"] in (seed % 3 + 2, None)
         delays.append(np.inf if found["sensor"] is None else found["isolated_s"] - 200.0)
     print(
         list(aids), kind, value, np.median(delays), np.quantile(delays, 0.95, method="inverted_cdf")
