@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 
 from rrins.compiled.compilation import compiled
+from rrins.firmware_py.core.estimator import agreement
 from rrins.firmware_py.core.records.estimator_records import (
     BIASES,
     NO_TRUST,
@@ -56,6 +57,7 @@ def follow(state: Ram) -> None:
     if estimator.locked_s >= PATIENCE_S and excess > 1.0:
         _open(state, math.sqrt(excess))
         estimator.locked_s = 0
+        agreement.begin(estimator)
         estimator.reopened = True
         estimator.reopenings += 1
 

@@ -7,10 +7,13 @@ between counts. Groves (2nd ed., 2013), section 14.3.
 
 from __future__ import annotations
 
+import math
+
 from rrins.compiled.compilation import compiled
 from rrins.compiled.record import Floats
 from rrins.firmware_py.core.aiding import antenna
 from rrins.firmware_py.core.estimator import (
+    agreement,
     covariance,
     doubt,
     fault_effects,
@@ -28,6 +31,7 @@ from rrins.firmware_py.core.records.estimator_records import (
     CORRECTIONS,
     HEIGHT,
     LATITUDE,
+    LEVEL,
     MOST_DISTRUST,
     NO_TRUST,
     SWAY_EAST,
@@ -60,6 +64,7 @@ def begin(state: Ram) -> None:
     """Begin with no measurement waiting, and no past before this epoch."""
     estimator = state.estimator
     estimator.waiting = 0
+    agreement.begin(estimator)
     estimator.aided_epoch = -1
     estimator.track_first = state.epoch
     _keep(state)
@@ -193,6 +198,10 @@ def take(state: Ram) -> bool:
         estimator.row[i] = 0.0
     innovation, sigma = _innovation(state, aid, component)
     used = _judge(state, aid, component, innovation, sigma)
+    if aid == _GNSS_VELOCITY and component < LEVEL:
+        agreement.note(state, agreement.RECEIVER, component, estimator.normalised)
+    elif aid == _ODOMETER and component < LEVEL:
+        agreement.note(state, agreement.ODOMETER, component, estimator.normalised)
     if aid == _ODOMETER and component == wheels.FORWARD and not used:
         wheels.follow_slip(state, innovation)
     return True
@@ -208,7 +217,9 @@ def _judge(state: Ram, aid: int, component: int, innovation: float, sigma: float
             innovation -= estimator.row[i] * x[i]
     expected = covariance.expect(P, n, estimator.row, sigma * sigma, estimator.gain)
     square = innovation * innovation / expected
-    if not square <= estimator.gate * estimator.gate:
+    estimator.normalised = innovation / math.sqrt(expected)
+    refused = estimator.receiver_doubted and aid in (_GNSS_POSITION, _GNSS_VELOCITY)
+    if refused or not square <= estimator.gate * estimator.gate:
         source.rejected += 1
         source.rejected_in_a_row += 1
         source.distrust = min(MOST_DISTRUST, source.distrust + 3)

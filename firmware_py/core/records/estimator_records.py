@@ -81,6 +81,12 @@ MOST_DISTRUST, NO_TRUST = 30, 10
 """Largest `Source.distrust`, and from where on a source counts as rejected."""
 
 
+LEVEL = 2
+"""The first components of a velocity."""
+
+AGREEMENT_FIXES = 128
+"""Fixes whose innovations are summed."""
+
 CORRECTIONS = 4
 """Feedbacks that are kept, one a second: a fix may be 2 s old, and wait for another second."""
 
@@ -197,6 +203,12 @@ class Estimator(Record):
     receiver_error: Annotated[Floats, COMPONENTS]  #: m, of latitude, longitude, height
     receiver_variance: F8  #: m², of each
     receiver_share: F8  #: of an error that is left after a second
+    receiver_doubted: Bool  #: an odometer, and not the receiver, agrees with the filter
+    agreement_sum: Annotated[
+        Floats, (2, AGREEMENT_FIXES, LEVEL)
+    ]  #: of normalised innovations, rings
+    agreement_count: Annotated[Integers, 2]  #: measurements of receiver and odometer in it
+    normalised: F8  #: the last innovation over its sigma
     # Standing, as the sensors feel it.
     detects_standing: Bool
     standing: Bool  #: for `STEADY_S` of `standstill`, up to the end of the last second

@@ -134,3 +134,16 @@ def test_errors_of_gnss_that_last_are_in_sigma():
     squares = np.concatenate([over_sigma[30:] ** 2 for _, over_sigma, _ in runs])
     print(f"\nrms of the larger component {math.sqrt(np.mean(squares)):.2f} sigma")
     assert 0.6 < math.sqrt(np.mean(squares)) < 2.0  # ten minutes have ten errors of a minute
+
+
+def test_a_receiver_that_is_led_away_slowly_stands_alone_against_odometer_and_sensors():
+    """By 0.1 m/s: followed for 28 m, when only the gate looked at each fix."""
+    pull = {"kind": "gnss_pull", "pull_mps": 0.1, "direction": "east", "at_s": 150, "for_s": 200}
+    name, changes = VEHICLES["car with odometer"]
+    errors, over_sigma, ram = run_of(name, 1, duration_s=360, faults=[pull], **changes)
+    refused = int(ram.estimator.sources[Aid.GNSS_VELOCITY].rejected)
+    print(f"\n{errors.max():.2f} m, {over_sigma.max():.1f} sigma, {refused} refused")
+    assert errors.max() < 2.0
+    assert over_sigma.max() < 5.0
+    assert refused > 500
+    assert ram.estimator.sources[Aid.ODOMETER].rejected == 0
