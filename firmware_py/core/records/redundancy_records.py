@@ -197,7 +197,7 @@ class Parity(Record):
     instability_variance: Annotated[Floats, SENSOR_GROUPS]  #: of the bias instability
     expected_variance: Annotated[Floats, SECOND_LEVELS]  #: of the expectation at standstill
     tilt_error: F8  #: of a second's expectation, as the velocity's error implies
-    standing_limit: F8  #: of a second's sum, a difference beyond means motion
+    standing_limit: Annotated[Floats, SENSOR_GROUPS]  #: of a second's sum: beyond, it is motion
     second_factor: F8  #: standard deviations that raise an alarm, windows of whole seconds
     epoch_factor: F8  #: the same, shorter windows
     noise_limit: F8  #: of the mean of normalised squares over `NOISE_S`

@@ -204,7 +204,7 @@ def close_second(parity: Parity, fusion: Fusion, regressors: int, known: bool) -
             residual = parity.residual[i]
             for axis in range(3):
                 residual += fusion.H[i, axis] * parity.vector[axis]
-            beyond += abs(residual) > parity.standing_limit
+            beyond += abs(residual) > parity.standing_limit[i]
     stands = known and beyond <= 1
     parity.now.standing = parity.now.standing + 1 if stands else 0
     for i in range(3):
