@@ -1,7 +1,7 @@
 """Finds sensors that repeat the same increment for long.
 
-Where the data sheet promises noise, so many equal counts in a row are as rare as a false alarm may
-be, and suffice. Without noise, the others have to vary meanwhile:
+Where the data sheet promises noise, and the sensor has shown it, so many equal counts in a row are
+as rare as a false alarm may be, and suffice. Without noise, the others have to vary meanwhile:
 
 Whether a sensor repeats itself is seen in what it sends. The increment expected of it by the others
 is the fused vector along its input axis. A sensor is stuck if this has changed by more than
@@ -24,6 +24,7 @@ _VARIED_COUNTS = 4.0
 _CHANGED_COUNTS = 8.0
 _REDUNDANT_FROM = 4
 _WITNESSES = 2
+_MEAN_EPOCHS = 64.0
 _PATIENCE_EPOCHS = 10  # of lost frames in a row
 
 
@@ -47,6 +48,8 @@ def follow(repetition: Repetition, count: int, measured: Floats, usable: int) ->
         repetition.last[k] = measured[k]
         if change != 0.0:
             repetition.largest_change = max(repetition.largest_change, change)
+            usual = min(change, 2.0 * repetition.promised[k])  # a start or a jump is not noise
+            repetition.changes[k] += (usual - repetition.changes[k]) / _MEAN_EPOCHS
             repetition.unchanged[k] = 0
         else:
             repetition.unchanged[k] += 1
@@ -94,7 +97,8 @@ def judge(repetition: Repetition, fusion: Fusion, vector_s: Floats, epochs: int)
             continue
         used += 1
         unchanged = repetition.unchanged[k]
-        if 0 < repetition.enough[k] <= unchanged:
+        noisy = repetition.changes[k] >= repetition.promised[k]
+        if noisy and 0 < repetition.enough[k] <= unchanged:
             noiseless |= 1 << k
         if unchanged == 0:
             repetition.varied &= ~(1 << k)

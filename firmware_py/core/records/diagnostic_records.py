@@ -76,6 +76,8 @@ class Repetition(Record):
 
     resolution: F8  #: of the frames or the sensors, the coarser; rad or m/s
     enough: Annotated[Integers, SENSOR_GROUPS]  #: equal epochs that noise does not allow; 0: any
+    promised: Annotated[Floats, SENSOR_GROUPS]  #: mean change by that noise at least, rad or m/s
+    changes: Annotated[Floats, SENSOR_GROUPS]  #: mean of those that are not zero, rad or m/s
     largest_change: F8  #: from the previous epoch to this
     last: Annotated[Floats, SENSOR_GROUPS]
     unchanged: Annotated[Integers, SENSOR_GROUPS]  #: epochs

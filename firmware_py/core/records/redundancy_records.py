@@ -204,8 +204,8 @@ class Parity(Record):
     expected_variance: Annotated[Floats, SECOND_LEVELS]  #: of the expectation at standstill
     tilt_error: F8  #: of a second's expectation, as the velocity's error implies
     encoder_variance: F8  #: of an angle of the table, rad²
-    standing_limit: F8  #: of a second's sum, a difference beyond means motion
     wobble: F8  #: of the inner axis, rad
+    standing_limit: Annotated[Floats, SENSOR_GROUPS]  #: of a second's sum: beyond, it is motion
     second_factor: F8  #: standard deviations that raise an alarm, windows of whole seconds
     epoch_factor: F8  #: the same, shorter windows
     noise_limit: F8  #: of the mean of normalised squares over `NOISE_S`

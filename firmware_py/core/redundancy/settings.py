@@ -40,7 +40,9 @@ SECONDS_SHARE, EPOCHS_SHARE, NOISE_SHARE = 0.8, 0.1, 0.1
 REPETITION_SHARE = 0.01
 """Of the same, for equal counts in a row: one count more allows a hundredth of the false alarms."""
 
-_TOO_ALIKE = 0.9  # for counts to tell by themselves: hundreds in a row are equal by chance
+_TOO_ALIKE = 0.4
+"""Probability of equal counts beyond which they tell little: the noise is less than two counts, and
+counts that alternate without any look the same."""
 
 _PROMISED = 0.5
 """Share of the noise in the data sheet that is in every sensor's counts."""
@@ -176,7 +178,9 @@ def _set_parity(
         parity["white_variance"][k] = sheet.white_noise[k] ** 2 + counts
         parity["drift_variance"][k] = _drift_variance(sheet, k)
         parity["instability_variance"][k] = sheet.bias_instability[k] ** 2
+        parity["standing_limit"][k] = standing + 6.0 * (sheet.white_noise[k] + resolution)
         noise = sheet.white_noise[k] / math.sqrt(rate_hz) / resolution
+        repetition["promised"][k] = _PROMISED * 2.0 / math.sqrt(math.pi) * noise * resolution
         repetition["enough"][k] = equal_counts(REPETITION_SHARE * allowed / count, noise, rate_hz)
     repetition["resolution"] = resolution
     parity["quantisation_variance"] = counts
@@ -185,8 +189,6 @@ def _set_parity(
     parity["slope_variance"] = sheet.slope_sigma**2
     lengths_s = np.array(WINDOWS_S, dtype=float)
     parity["expected_variance"][:] = (expected * lengths_s) ** 2
-    noise = max(sheet.white_noise) + resolution
-    parity["standing_limit"] = standing + 6.0 * noise
     parity["second_factor"] = second_factor(SECONDS_SHARE * allowed, directions)
     parity["epoch_factor"] = epoch_factor(EPOCHS_SHARE * allowed, directions, rate_hz)
     parity["noise_limit"] = noise_limit(NOISE_SHARE * allowed, directions)

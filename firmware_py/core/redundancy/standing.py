@@ -230,7 +230,7 @@ def close_second(
             residual = parity.residual[i]
             for axis in range(3):
                 residual += fusion.H[i, axis] * parity.vector[axis]
-            beyond += abs(residual) > parity.standing_limit
+            beyond += abs(residual) > parity.standing_limit[i]
     stands = known and beyond <= 1
     parity.now.standing = parity.now.standing + 1 if stands else 0
     parity.now.turned += parity.turned

@@ -238,6 +238,20 @@ def test_coarse_counts_are_no_fault(noisy):
     assert (found["excluded"], found["unresolved_s"]) == ([2], None)
 
 
+@pytest.mark.parametrize("least_first", [True, False])
+def test_in_motion_no_sensor_is_left_out_whose_noise_is_a_thousandth_of_anothers(least_first):
+    gyros, accelerometers = (5e-4, 0.005, 0.05, 0.5), (1000, 10, 1, 100)
+    step = 1 if least_first else -1
+    noise = {
+        "gyros": {"angle_random_walk_deg_per_sqrt_h": gyros[::step]},
+        "accelerometers": {"white_noise_ug_per_sqrt_hz": accelerometers[::step]},
+    }
+    for seed in (1, 37):
+        summary = simulate(scenario="drive_rotating", noise=noise, seed=seed, duration_s=200)
+        for kind in ("gyro", "accelerometer"):
+            assert of(summary, kind)["excluded"] is None
+
+
 STEPS = ((10, 2), (10, 15), (1, 2), (1, 10))  # °/h, s since power-on
 
 
