@@ -254,7 +254,7 @@ def _cover_sensors(state: Ram) -> None:
 def _cover_refused(state: Ram) -> None:
     """Cover a fix that is refused: it may be right."""
     integrity, estimator = state.integrity, state.estimator
-    integrity.refusing = False
+    integrity.refusing = estimator.receiver_doubted
     for aid in range(AIDS):
         if estimator.sources[aid].rejected_in_a_row > 0:
             integrity.refusing = True

@@ -176,10 +176,15 @@ def estimator_settings(scenario: Scenario) -> EstimatorSettings | None:
     if not table.enabled:
         return None
     level_sigma, heading_sigma = attitude_sigmas(scenario)
-    slope = _slope_sigma(scenario.gyros, _LEAST_FILTER_SLOPE_PPM)
+    gyro_slope, accelerometer_slope = (
+        _slope_sigma(table, _LEAST_FILTER_SLOPE_PPM)
+        for table in (scenario.gyros, scenario.accelerometers)
+    )
     return EstimatorSettings(
-        gyros=_gyros(scenario).model_copy(update={"slope_sigma": slope}),
-        accelerometers=_accelerometers(scenario),
+        gyros=_gyros(scenario).model_copy(update={"slope_sigma": gyro_slope}),
+        accelerometers=_accelerometers(scenario).model_copy(
+            update={"slope_sigma": accelerometer_slope}
+        ),
         constants=table.constants,
         fine_alignment_s=table.fine_alignment_s,
         heading_sigma_enough=table.heading_sigma_enough_arcsec * ARCSEC,
