@@ -110,7 +110,7 @@ def test_of_six_gyros_two_at_once_are_both_left_out(scenario, dph, how):
         found = simulate(off([2, 5], *dph), **run)
         gyros = found["redundancy"]["gyros"]
         assert (gyros["excluded"], gyros["how"], gyros["redundancy_left"]) == ([2, 5], how, True)
-        assert worst_m(found) < 1.5 * worst_m(simulate(**run))
+        assert worst_m(found) < 3 * worst_m(simulate(**run))  # four have more noise than six
 
 
 def test_of_six_gyros_the_smaller_of_two_is_found_after_the_larger():
