@@ -115,6 +115,10 @@ _ALIKE: Final[dict[str, Any]] = {
 """Settings that a firmware's diagnostics do not use when they are set up."""
 
 
+_OWN: Final = ("gyro_repetition", "accelerometer_repetition")
+"""Parts of the diagnostics' memory that depend on the sensors' data sheets."""
+
+
 @lru_cache(maxsize=2)
 def _with_diagnostics(settings: Settings) -> Records[Ram]:
     return Firmware(settings).ram
@@ -126,7 +130,12 @@ def switched_on(settings: Settings) -> Records[Ram]:
     Making the diagnostics' objects takes longer than all else that happens at power-on.
     """
     ram = power_on(settings, load_contract())
+    own = {name: ram["diagnostics"][name].copy() for name in _OWN}
     ram["diagnostics"] = _with_diagnostics(settings.model_copy(update=_ALIKE))["diagnostics"]
+    for name, values in own.items():
+        finest = values["resolution"]
+        values["resolution"] = np.maximum(finest, ram["diagnostics"][name]["resolution"])
+        ram["diagnostics"][name] = values
     return ram
 
 

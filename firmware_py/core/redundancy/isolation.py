@@ -197,10 +197,11 @@ def _expectation(parity: Parity, level: int) -> None:
     turned = (parity.now.turned - begin.turned) ** 2
     net = (parity.now.regressors[OUTER_TURN] - begin.regressors[OUTER_TURN]) ** 2
     wobble = parity.wobble**2
-    across = wobble + parity.encoder_variance * (2.0 + turned)
+    angle = parity.encoder_variance * (1.0 + parity.gaps_allowed * WINDOWS_S[level])
+    across = wobble + angle * (2.0 + turned)
     parity.axes[0] = common + across
     parity.axes[1] = common + across
-    along = begin.square_variance * net + wobble * turned + 2.0 * parity.encoder_variance
+    along = begin.square_variance * net + wobble * turned + 2.0 * angle
     parity.axes[2] = common + along
 
 

@@ -105,8 +105,8 @@ def test_the_load_is_that_of_the_frames():
     frame = 22  # t, three digits, length, sixteen digits, carriage return
     # SYNC, four groups, two axes; MODE_COMMAND, heartbeat, FAULT_COMMAND and FAULT_STATUS
     hardware_frames = 200 * 7 + 10 + 1 + 1 + 1
-    # two commands; status and faults; five navigation frames; heartbeat
-    firmware_frames = 200 * 2 + 2 * 10 + 5 * 20 + 1
+    # two commands; status and faults; five navigation frames; heartbeat, and others each second
+    firmware_frames = 200 * 2 + 2 * 10 + 5 * 20 + 6
     hardware, firmware = line_load(scenario, "hardware"), line_load(scenario, "firmware")
     assert hardware.to_adapter == pytest.approx(hardware_frames * frame, rel=0.01)
     assert firmware.to_adapter == pytest.approx(firmware_frames * frame, rel=0.01)

@@ -117,7 +117,7 @@ def test_a_run_from_a_copy_is_the_run_that_its_scenario_repeats():
     repeated, healthy = rrins.simulate(failing), rrins.simulate(failing.varied(faults=()))
     moved = repeated.errors.position_n - healthy.errors.position_n
     moved_m = (moved.sel(axis="east") ** 2 + moved.sel(axis="north") ** 2) ** 0.5
-    assert float(moved_m.max()) == pytest.approx(found.error_m, rel=0.02)
+    assert float(moved_m.max()) == pytest.approx(found.effect_m, rel=0.02)
     redundancy = repeated.summary["redundancy"]["gyros"]
     assert redundancy["alarm_s"] - 60 == pytest.approx(found.detected_s, abs=0.02)
 
