@@ -163,8 +163,6 @@ def add_noise(state: Ram) -> None:
     estimator, P = state.estimator, state.estimator.P
     dt = estimator.seconds[DONE]
     gyros = int(state.gyros.count)
-    # Gravity through scale and installation is a bias which changes as the sensors turn.
-    turned = estimator.slope_variance[1] * earth.GRAVITY_EQUATOR**2 * estimator.turned[DONE]
     for kind in range(2):
         fusion, first, into = state.gyros, BIASES, ATTITUDE
         if kind == 1:
@@ -176,8 +174,7 @@ def add_noise(state: Ram) -> None:
             variance = estimator.white_variance[kind, k] * dt
             covariance.add_along(P, into, estimator.direction, variance)
             P[first + k, first + k] += estimator.walk_variance[kind, k] * dt
-            if kind == 1:
-                P[first + k, first + k] += turned
+            P[first + k, first + k] += estimator.turn_variance[kind] * estimator.turned[DONE]
             if estimator.constants:
                 for error in range(SENSOR_CONSTANTS):
                     at = constants.state_of(state, error, kind, k)

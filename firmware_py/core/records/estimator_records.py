@@ -180,6 +180,7 @@ class Estimator(Record):
     bias_sigma: Annotated[Floats, 2]  #: rad/s, m/s², of each gyro and accelerometer
     white_variance: Annotated[Floats, (2, SENSOR_GROUPS)]  #: rad²/s, m²/s³
     walk_variance: Annotated[Floats, (2, SENSOR_GROUPS)]  #: (rad/s)²/s, (m/s²)²/s
+    turn_variance: Annotated[Floats, 2]  #: of a bias, by the rad that the sensors turn
     slope_variance: Annotated[Floats, 2]  #: of scale factors and installation, dimensionless
     constant_sigma: Annotated[Floats, 2 * SENSOR_CONSTANTS]  #: 1, 1, rad, rad, at the beginning
     transverse: Annotated[Floats, (2, SENSOR_GROUPS, 2, 3)]  #: u and v of each sensor

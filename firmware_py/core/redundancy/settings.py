@@ -64,6 +64,8 @@ class RedundancySettings(BaseModel):
     """By how much the table's axes may deviate from a right angle, rad."""
     wobble_limit: float = Field(default=0.0, ge=0)
     """By how much the inner axis may wobble, rad."""
+    gyro_lag_s: float = Field(default=0.0, ge=0)
+    """By how much the gyros lag behind the encoders: their bandwidth and latency."""
     gyros: DataSheet
     accelerometers: DataSheet
 
@@ -197,13 +199,14 @@ def _set_parity(
         _set_learner(learner, sheet, has_force)
 
 
-def _set_table(parity: Parity, settings: RedundancySettings, step: float) -> None:
+def _set_table(parity: Parity, settings: RedundancySettings, step: float, rate: float) -> None:
     """Set up what the table makes of the rotation that is expected of the gyros.
 
     A wobble once a turn tilts the inner axis in the sensor frame: as an error of installation.
+    While the table turns at its `rate` (rad/s), gyros that lag are off by an angle, like an encoder.
     """
     parity["wobble"] = settings.wobble_limit
-    parity["encoder_variance"] = step**2 / 12.0
+    parity["encoder_variance"] = step**2 / 12.0 + (settings.gyro_lag_s * rate) ** 2
     prior = parity["expected"]["prior"]
     prior[1:4] += settings.wobble_limit**2
     prior[OUTER_TURN] = settings.non_orthogonality_limit**2 + settings.wobble_limit**2
@@ -239,7 +242,8 @@ def set_up(
             math.radians(_STANDING_DPS),
             True,
         )
-        _set_table(gyros, settings, math.radians(state.encoders.step_deg))
+        rate = math.radians(state.parameters.turn_rate_dps)
+        _set_table(gyros, settings, math.radians(state.encoders.step_deg), rate)
     for accelerometers in (redundancy["accelerometers"], readmission["accelerometers"]):
         accelerometers["kind"] = ACCELEROMETERS
         _set_parity(

@@ -141,6 +141,13 @@ def data_sheets_of(scenario: Scenario) -> tuple[DataSheet, DataSheet]:
     return _gyros(scenario), _accelerometers(scenario)
 
 
+def _lag_s(table: Gyros) -> float:
+    """Return how late gyros are: a first-order bandwidth, and the latency."""
+    bandwidth = table.bandwidth_hz
+    lag_s = 0.0 if bandwidth is None else 1.0 / (2.0 * math.pi * bandwidth)
+    return lag_s + table.latency_ms * 1e-3
+
+
 def redundancy_settings(scenario: Scenario) -> RedundancySettings | None:
     """Return the set-up of the firmware's redundancy for a scenario; None where it compares none.
 
@@ -153,6 +160,7 @@ def redundancy_settings(scenario: Scenario) -> RedundancySettings | None:
         false_alarms_per_1000_h=scenario.redundancy.false_alarms_per_1000_h,
         non_orthogonality_limit=abs(scenario.turntable.non_orthogonality_arcsec) * ARCSEC,
         wobble_limit=scenario.turntable.wobble_arcsec * ARCSEC,
+        gyro_lag_s=_lag_s(scenario.gyros),
         gyros=_gyros(scenario),
         accelerometers=_accelerometers(scenario),
     )

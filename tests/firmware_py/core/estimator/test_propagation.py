@@ -175,8 +175,9 @@ def test_noise_is_that_of_the_data_sheets(kit, state):
     assert pytest.approx(velocity, rel=1e-6, abs=1e-17) == P[3:6, 3:6]
     walk = estimator.walk_variance[:, :4].ravel()
     assert (walk > 0).all()
-    tilted = kit.ACCELEROMETERS.slope_sigma * earth.GRAVITY_EQUATOR
-    walk[4:] += math.radians(2.0) * tilted**2  # gravity through scale, as it turns
+    of_gravity = np.array([kit.GYROS.force_sigma, kit.ACCELEROMETERS.slope_sigma])
+    changes = math.radians(2.0) * (of_gravity * earth.GRAVITY_EQUATOR) ** 2  # as it turns
+    walk += np.repeat(changes, 4)
     assert np.diag(P)[BIASES:] == pytest.approx(walk, rel=1e-6, abs=1e-20)
     P[:3, :3] = P[3:6, 3:6] = 0.0
     P[np.diag_indices(n)] = 0.0
