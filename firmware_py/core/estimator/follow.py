@@ -82,6 +82,8 @@ def begin(state: Ram) -> None:
     estimator.running = True
     larger = _DOUBT if estimator.begins_anew else 1.0
     estimator.begins_anew = False
+    estimator.bridged[0] = state.bridging.angle_variance
+    estimator.bridged[1] = state.bridging.velocity_variance
     doubt.begin(estimator)
     for i in range(12):
         estimator.fed_back[i] = 0.0

@@ -184,8 +184,13 @@ def add_noise(state: Ram) -> None:
         at = estimator.altimeter_state
         P[at, at] += estimator.altimeter_walk_variance * dt
     angle = estimator.slope_variance[0] * SCALE_TURN * estimator.turned[DONE]
+    angle += max(0.0, state.bridging.angle_variance - estimator.bridged[0])
+    speed = max(0.0, state.bridging.velocity_variance - estimator.bridged[1])
+    estimator.bridged[0] = state.bridging.angle_variance
+    estimator.bridged[1] = state.bridging.velocity_variance
     for i in range(3):
         P[ATTITUDE + i, ATTITUDE + i] += angle
+        P[VELOCITY + i, VELOCITY + i] += speed
     if not estimator.vertical:
         for k in range(estimator.states):
             P[VELOCITY + 2, k] = 0.0

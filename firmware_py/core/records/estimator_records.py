@@ -231,6 +231,7 @@ class Estimator(Record):
     way_n: Annotated[Floats, (2, 3)]  #: m, integral of the velocity
     attitude_s: Annotated[Floats, (2, 3, 3)]  #: s, integral of C_s_n
     turned: Annotated[Floats, 2]  #: rad, amount of the turn
+    bridged: Annotated[Floats, 2]  #: rad², m²/s²: what gaps may have cost, a second ago
     moved_s: Annotated[Floats, (2, 2, 3, 3, 3)]  #: rad, m/s, integral of C_s_n times the increments
     size_s: Annotated[Floats, (2, 2, SENSOR_GROUPS, 3, 3)]  #: the same, amounts along input axes
     seconds: Annotated[Floats, 2]

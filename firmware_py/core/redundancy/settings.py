@@ -203,7 +203,7 @@ def _set_table(parity: Parity, settings: RedundancySettings, step: float, rate: 
     """Set up what the table makes of the rotation that is expected of the gyros.
 
     A wobble once a turn tilts the inner axis in the sensor frame: as an error of installation.
-    While the table turns at its `rate` (rad/s), gyros that lag are off by an angle, like an encoder.
+    While the table turns at its `rate` (rad/s), gyros that lag are off by an angle.
     """
     parity["wobble"] = settings.wobble_limit
     parity["encoder_variance"] = step**2 / 12.0 + (settings.gyro_lag_s * rate) ** 2
