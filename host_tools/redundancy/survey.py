@@ -76,12 +76,15 @@ class Survey:
 
 
 def _groups(finder: Finder) -> list[tuple[int, ...]]:
-    """Return the sensors in groups that are alike, within 1 %."""
+    """Return the sensors in groups that are alike, within 1 %, as are their rivals."""
     found: list[list[int]] = []
-    for sensor in range(finder.count):
-        own = finder.significance(sensor)
+    features = [
+        np.append(finder.significance(sensor), finder.rivals[sensor])
+        for sensor in range(finder.count)
+    ]
+    for sensor, own in enumerate(features):
         for group in found:
-            if np.allclose(own, finder.significance(group[0]), rtol=0.01, atol=0.0):
+            if np.allclose(own, features[group[0]], rtol=0.01, atol=0.0):
                 group.append(sensor)
                 break
         else:
