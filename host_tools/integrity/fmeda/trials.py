@@ -15,19 +15,21 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, Final
+from typing import Any, Final, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rrins.compiled.record import Floats
+from rrins.compiled.record import Floats, Records
 from rrins.firmware_py.core.modes.modes import FirmwareFault
 from rrins.firmware_py.core.monitoring import monitor
 from rrins.firmware_py.core.records.integrity_records import IntegrityStatus
+from rrins.firmware_py.core.records.memory import NavigationOutput
 from rrins.firmware_py.core.records.trouble_table import TROUBLES
 from rrins.host_tools.files import JsonObject
 from rrins.host_tools.hardware import faults
 from rrins.host_tools.hardware.fault_kinds import EVERY, HardwareFault, Part
+from rrins.host_tools.hardware.memory import Truth
 from rrins.host_tools.integrity.fmeda.rates import FailureMode
 from rrins.host_tools.integrity.phases import instants
 from rrins.host_tools.runs.fast import FastRun
@@ -187,7 +189,11 @@ def _follow(run: FastRun, seconds: int, stop: threading.Event) -> _Followed | No
                 sensor = f"{name}_{int(parity.isolated) + 1}"
                 isolated.setdefault(sensor, int(parity.isolated_epoch))
     rate_hz = run.every
-    errors = compare(np.concatenate(navigation), np.concatenate(truth), rate_hz)  # type: ignore[arg-type]
+    errors = compare(
+        cast(Records[NavigationOutput], np.concatenate(navigation)),
+        cast(Records[Truth], np.concatenate(truth)),
+        rate_hz,
+    )
     fault = FirmwareFault(int(state.modes.fault))
     return _Followed(
         errors.epoch,
