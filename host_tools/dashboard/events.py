@@ -44,7 +44,7 @@ SIGNALS: Final = {
 }
 """Signals from which events are made."""
 
-_MODES: Final = {
+_MODES: Final[dict[str, tuple[str, Weight]]] = {
     "SELF_TEST": ("self-test", "note"),
     "STANDBY": ("standby", "note"),
     "ALIGNMENT": ("alignment begins", "note"),
@@ -70,7 +70,7 @@ class EventLog:
     Attributes
     ----------
     events : list of Event
-        In order; the oldest are dropped.
+        In the order in which they became known; the oldest are dropped.
     count : int
         Of all so far.
     """
@@ -120,9 +120,9 @@ class EventLog:
     def _falls(self, key: str, old: dict[str, float]) -> bool:
         return 0 <= self._now[key] < old[key]
 
-    def _word(self, key: str) -> str:
-        """Return a value by its name in the DBC."""
-        value = self._now[key]
+    def _word(self, key: str, values: dict[str, float] | None = None) -> str:
+        """Return a value, now or among `values`, by its name in the DBC."""
+        value = (values or self._now)[key]
         return self._codec.choices(*SIGNALS[key]).get(int(value)) or f"{value:g}"
 
     def _of_mode(self, old: dict[str, float]) -> Iterator[tuple[str, Weight]]:
@@ -132,7 +132,10 @@ class EventLog:
                 yield f"mode FAULT: {self._word(f'{_STATUS}.fault')}", "bad"
             elif mode in _MODES:
                 text, weight = _MODES[mode]
-                yield text, "good" if weight == "good" else "note"
+                before = self._word(f"{_STATUS}.mode", old)
+                if (before, mode) == ("NAVIGATION_ROTATING", "NAVIGATION_STRAPDOWN"):
+                    text, weight = "the rotation has ended: navigation without rotation", "warning"
+                yield text, weight
         if self._rises(f"{_STATUS}.sync_lost", old):
             yield "SYNC is lost: the firmware runs on its own clock", "bad"
         elif self._falls(f"{_STATUS}.sync_lost", old):
@@ -217,7 +220,9 @@ class EventLog:
                 continue
             count = int(self._now[key])
             if count:
-                yield f"{count} fault{'' if count == 1 else 's'} {where} active", "warning"
+                are = "active" if self._rises(key, old) else "still active"
+                weight: Weight = "warning" if self._rises(key, old) else "note"
+                yield f"{count} fault{'' if count == 1 else 's'} {where} {are}", weight
             elif old[key] > 0:
                 yield f"no fault {where} is active any more", "good"
         if self._rises(f"{_FAULTS}.overruns", old):
