@@ -279,7 +279,8 @@ def test_a_recording_is_played_back(open_page, serving, recording):
 
 def _drag_from_a_quarter_to_three(seen, selector):
     """Drag in a plot: the view is then half of what it was, in all plots."""
-    scale = "uPlot.sync('time').plots.map((plot) => plot.scales.x.max - plot.scales.x.min)"
+    shown = "uPlot.sync('time').plots.filter((plot) => plot.root.offsetParent)"
+    scale = f"{shown}.map((plot) => plot.scales.x.max - plot.scales.x.min)"
     before = seen.page.evaluate(scale)
     box = seen.page.locator(selector).bounding_box()
     mouse, y = seen.page.mouse, box["y"] + box["height"] / 2
