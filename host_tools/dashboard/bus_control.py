@@ -93,8 +93,7 @@ class BusControl:
                 return {"text": f"{fault_words(fault_keys(fault))} removed", **_faults(report)}
             active, report = client.inject(fault)
             at_s = report.seconds(active.first_epoch)
-            text = f"{active.words} since {at_s:.2f} s"
-            return {"text": text, "at_s": at_s, **_faults(report)}
+            return {"text": active.words, "at_s": at_s, **_faults(report)}
 
     def _ask_mode(self, wanted: str) -> str:
         if wanted == "navigate":

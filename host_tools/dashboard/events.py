@@ -207,6 +207,8 @@ class EventLog:
             key = f"AIDING_STATUS.{source}"
             if self._has_changed(key, old) and (self._now[key] or old[key] > 0):
                 word = self._word(key)
+                if word == "LOST" and old[key] < 0:
+                    continue  # it has never been there
                 yield f"{source}: {word.lower()}", "warning" if word == "LOST" else "good"
         if self._rises("BRIDGING.degraded", old):
             yield "the navigation is degraded: much sensor data was bridged", "warning"

@@ -199,7 +199,7 @@ class Feed:
             self._answer(browser, order, False, str(error))
             return
         text, at_s = str(answer.pop("text")), answer.pop("at_s", None)
-        self._answer(browser, order, True, text)
+        self._answer(browser, order, True, text, at_s)
         if answer:
             self._tell_all(as_json("report", answer))
         if self.source.kind != "recording" and text and order.order not in READING:
@@ -212,9 +212,8 @@ class Feed:
         browser.shown = (name, order.signal, order.level)
 
     @staticmethod
-    def _answer(browser: Browser, order: Order, is_done: bool, text: str) -> None:
-        browser.put(
-            as_json(
-                "answer", {"id": order.id, "order": order.order, "is_done": is_done, "text": text}
-            )
-        )
+    def _answer(
+        browser: Browser, order: Order, is_done: bool, text: str, at_s: float | None = None
+    ) -> None:
+        told = {"id": order.id, "order": order.order, "is_done": is_done, "text": text}
+        browser.put(as_json("answer", told | {"at_s": at_s}))

@@ -11,9 +11,7 @@ from typing import Final
 from markdown_it import MarkdownIt
 from markdown_it.token import Token
 
-import rrins
-
-FOLDER: Final = Path(rrins.__file__).resolve().parents[1] / "docs"
+FOLDER: Final = Path(__file__).resolve().parents[2] / "docs"
 
 _LINK: Final = re.compile(r"^([a-z-]+)\.md(#[a-z0-9-]+)?$")
 _PAGE: Final = """<!doctype html>

@@ -1,4 +1,4 @@
-"""What is wrong at this moment: how severe it is, since when, and which guide explains it."""
+"""Troubles of this moment: how severe they are, since when, and which guide explains them."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _KINDS: Final = tuple(
         (r"left out", "warning", "something-is-wrong#a-sensor-has-been-left-out"),
         (r"^no redundancy", "bad", "redundancy"),
         (r"calibration drifted", "warning", "calibration"),
-        (r"^the firmware uses", "bad", "something-is-wrong#frames-are-missing"),
+        (r"^the firmware uses", "warning", "something-is-wrong#where-to-look-first"),
         (r"^SENSOR_\d+ reports", "bad", "redundancy"),
         (r"silent", "bad", "something-is-wrong#frames-are-missing"),
         (r"^injected ", "note", "faults"),
@@ -84,6 +84,6 @@ class Since:
             severity, page = kind_of(text)
             spans = self._spans.get(key_of(text), [])
             begun = [begin for begin, _ in spans if begin <= time_s + 1e-9]
-            one = {"text": text, "severity": severity, "page": page}
+            one: JsonObject = {"text": text, "severity": severity, "page": page}
             found.append(one | {"since_s": begun[-1] if begun else None})
         return sorted(found, key=lambda one: _ORDER[str(one["severity"])])

@@ -9,7 +9,7 @@ const three = (sigma, ink) => [
   { column: sigma, label: "", ink, dash: "dotted", factor: -3, band: -1 },
 ];
 const around = (value, sigma, ink) => [
-  { column: sigma, around: value, label: "", ink, dash: "dotted", factor: 3, band: 1 },
+  { column: sigma, around: value, label: "", ink, dash: "dotted", factor: 3, band: 1, opacity: 4 },
   { column: sigma, around: value, label: "", ink, dash: "dotted", factor: -3, band: -1 },
 ];
 const BIAS_INKS = ["east", "north", "third", "sound", "up", "suspect"];
@@ -42,7 +42,7 @@ export const CHARTS = [
       ...around(`gyro_bias_${k + 1}_dph`, `sigma_gyro_bias_${k + 1}_dph`, ink)]),
   },
   {
-    id: "angles", title: "Table angles", unit: "°", empty: () => "No axis has been heard yet", note: "dotted: position of the scheme", angles: true,
+    id: "angles", title: "Table angles", unit: "°", empty: () => "No axis has been heard yet", note: "dotted: position of the scheme", angles: "turns",
     lines: [line("inner_deg", "inner", "east", "solid", { wraps: true }), line("outer_deg", "outer", "north", "dashed", { wraps: true }),
       line("inner_goal_deg", "", "east", "dotted", { step: true, thin: true, wraps: true }),
       line("outer_goal_deg", "", "north", "dotted", { step: true, thin: true, wraps: true })],
@@ -60,7 +60,7 @@ export const CHARTS = [
   },
 ];
 
-export const ANGLE_STEPS = [0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 15, 30, 45, 90, 180];
+export const ANGLE_STEPS = [0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 3, 5, 10, 15, 30, 45, 90, 180];
 const [LOWEST, TURN] = [-45, 360]; // the table stands at multiples of 90°: it wraps between two
 
 export const wrapped = (degrees, lowest = LOWEST) => lowest + ((((degrees - lowest) % TURN) + TURN) % TURN);
@@ -92,7 +92,8 @@ export function rangeOf({ least, angles }) {
   return (u, low, high) => {
     if (low == null || high == null) return least ?? [-1, 1];
     let [a, b] = [low, high];
-    if (angles && b - a > 90) return [Math.min(LOWEST, a), Math.max(LOWEST + TURN, b)];
+    if (angles && b - a < 0.004) return [a - 0.002, b + 0.002];
+    if (angles === "turns" && b - a > 90) return [Math.min(LOWEST, a), Math.max(LOWEST + TURN, b)];
     if (least) [a, b] = [Math.min(a, least[0]), Math.max(b, least[1])];
     const margin = (b - a) * 0.06 || Math.abs(a) * 0.1 || 0.001;
     return [least && a === least[0] ? a : a - margin, b + margin];

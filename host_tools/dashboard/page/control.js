@@ -145,7 +145,7 @@ export class Control {
         const [residual, threshold] = residuals[kind][k] ?? [];
         const name = element("td", {}, `${letter}${k + 1}`);
         if (!threshold) {
-          const why = REASONS[state] ?? (isCompared ? "not compared" : "no redundancy left: nothing to compare it with");
+          const why = REASONS[state] ?? (isCompared ? "not compared" : "not compared: no redundancy left");
           return element("tr", { class: "silent" }, name, element("td", { colspan: 3 }, why));
         }
         const bar = element("i");

@@ -73,7 +73,7 @@ class Plot {
         points: { show: false }, spanGaps: false,
         paths: one.step ? uPlot.paths.stepped({ align: 1 }) : undefined,
       });
-      if (one.band === 1) bands.push({ series: [k + 1, k + 2], fill: `color-mix(in srgb, ${ink} 14%, transparent)` });
+      if (one.band === 1) bands.push({ series: [k + 1, k + 2], fill: `color-mix(in srgb, ${ink} ${one.opacity ?? 14}%, transparent)` });
       this.values.push(one.label ? this.addLegend(one, ink) : null);
     });
     const options = {
@@ -95,7 +95,7 @@ class Plot {
   }
 
   scales() {
-    const others = this.others().map((scale) => [scale, { range: rangeOf({ least: scale === "ms" ? [0, 5] : undefined }) }]);
+    const others = this.others().map((scale) => [scale, { range: rangeOf({ least: scale === "ms" ? [0, 5] : undefined, angles: this.spec.angles }) }]);
     return { x: { time: false, auto: false }, y: { range: rangeOf(this.spec) }, ...Object.fromEntries(others) };
   }
 
@@ -245,6 +245,12 @@ class Plot {
     return power == null ? "" : `${suspect} ${2 ** power} s`;
   }
 
+  valueWords(one, value) {
+    if (value == null) return "–";
+    if (one.centred) return wrapped(Number(value.toFixed(2)), 0).toFixed(2); // 0.00, not 360.00
+    return `${figures(value, 4)}${one.scale === "ms" ? " ms" : ""}`;
+  }
+
   // Values at the cursor, or the latest.
   showValues(place) {
     const data = this.chart.data;
@@ -254,10 +260,9 @@ class Plot {
       const column = data[k + 1];
       let at = place ?? column.length - 1;
       if (place == null && this.board.playedTo != null) at = Math.min(at, this.board.store.at(this.board.playedTo) - this.board.store.at(data[0][0]));
-      const value = one.centred && column[at] != null ? wrapped(column[at], 0) : column[at];
+      const value = column[at];
       const more = this.pointed(one, value, data[0][at]);
-      const unit = one.scale === "ms" ? " ms" : "";
-      node.textContent = (value == null && more) || `${figures(value, 4)}${value == null ? "" : unit}${more}`;
+      node.textContent = (value == null && more) || `${this.valueWords(one, value)}${more}`;
     });
   }
 }

@@ -66,7 +66,7 @@ export function asSvg({ chart: u, spec }) {
   }));
   parts.push(`<clipPath id="area"><rect x="${box.left}" y="${box.top}" width="${box.width}" height="${box.height}"/></clipPath><g clip-path="url(#area)" fill="none">`);
   spec.lines.forEach((one, k) => {
-    if (one.band === 1) add("path", { d: bandOf(u.data[0], u.data[k + 1], u.data[k + 2], x, y), fill: colour(one.ink), "fill-opacity": 0.14 });
+    if (one.band === 1) add("path", { d: bandOf(u.data[0], u.data[k + 1], u.data[k + 2], x, y), fill: colour(one.ink), "fill-opacity": (one.opacity ?? 14) / 100 });
     const dash = DASHES[one.dash] ? { "stroke-dasharray": DASHES[one.dash] } : {};
     add("path", { d: pathOf(u.data[0], u.data[k + 1], x, (v) => y(v, one.scale), one.step), stroke: colour(one.ink), "stroke-width": one.band || one.thin ? 1 : 1.6, ...dash });
   });
