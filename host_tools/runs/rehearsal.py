@@ -24,6 +24,7 @@ from rrins.host_tools.recording.errors import RecordError
 from rrins.host_tools.recording.note import Note
 from rrins.host_tools.runs.programs.program import (
     GRACE_S,
+    PROGRAM_GRACE_S,
     Program,
     ProgramProcess,
     end_error,
@@ -119,13 +120,13 @@ class WatchedSide:
             self.process.terminate()
             self.process.send_signal(signal.SIGCONT)
             try:
-                self.process.wait(GRACE_S)
+                self.process.wait(GRACE_S if self.program is None else PROGRAM_GRACE_S)
             except subprocess.TimeoutExpired:
                 self.is_made_to_end = True
                 self.process.kill()
                 self.process.wait()
         if isinstance(self.process, ProgramProcess):
-            self.process.end_session()
+            self.process.close()
 
 
 @dataclass
@@ -228,7 +229,7 @@ class Rehearsal:
         )
         if not is_realtime and self.address.is_embedded:
             with contextlib.suppress(ProcessLookupError):  # it has ended, which will be noticed
-                os.sched_setaffinity(process.pid, {self._core})
+                os.sched_setaffinity(process.program_pid, {self._core})
         return process
 
     def _follow(self, on_report: OnReport, stop: threading.Event) -> None:
@@ -281,8 +282,9 @@ class Rehearsal:
                 on_report({"kind": "note", "side": "hardware", "text": self._recorder.kept_words})
         elif report["kind"] == "note":
             for side in self._sides:
-                if side.program is not None:
-                    self._misfit = misfit_of(report["text"], side.process.pid) or self._misfit
+                if isinstance(side.process, ProgramProcess):
+                    pid = side.process.program_pid
+                    self._misfit = misfit_of(report["text"], pid) or self._misfit
         elif report["kind"] == "started":
             self._has_started = True
             self._started_ns = time.monotonic_ns()
