@@ -31,7 +31,7 @@ def _prctl(option: int, value: int) -> None:
 
 
 class Log:
-    """What the program prints, in a file; when that is full, it becomes the one before.
+    """A file for the output of the program; when it is full, it becomes the one before.
 
     Parameters
     ----------
