@@ -212,6 +212,7 @@ def rehearse(
     progress: bool | None = None,
     program: str | None = None,
     hardware: str | None = None,
+    restarts: int = 0,
     **changes: object,
 ) -> Run:
     """Run a scenario as two processes on one bus.
@@ -232,6 +233,8 @@ def rehearse(
         Your own navigation computer: a program, or its command line.
     hardware : str, optional
         Your own sensors and table: a program, or its command line.
+    restarts : int
+        How often `program` is started again when it fails.
     **changes
         Keys of the scenario, as in `load_scenario`.
 
@@ -252,6 +255,7 @@ def rehearse(
             speed=speed,
             firmware=None if program is None else Program.parse(program),
             hardware=None if hardware is None else Program.parse(hardware),
+            restarts=restarts,
         )
         with _display(loaded, progress) as display:
             path = None if record is None else Path(record)

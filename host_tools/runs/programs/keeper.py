@@ -44,8 +44,8 @@ class Log:
 
     def __init__(self, path: Path, limit: int, pipe: int) -> None:
         self._path, self._limit, self._pipe = path, limit, pipe
-        self._file = path.open("wb", buffering=0)
-        self._bytes = 0
+        self._file = path.open("ab", buffering=0)
+        self._bytes = self._file.tell()
         os.set_blocking(pipe, False)
 
     def take(self) -> bool:

@@ -136,6 +136,7 @@ class Program:
         folder: Path,
         keep_open: Sequence[int] = (),
         side: Side = "firmware",
+        again: bool = False,
     ) -> ProgramProcess:
         """Start the program, in a session of its own, which ends with this process.
 
@@ -154,6 +155,8 @@ class Program:
             Descriptors that stay open until it and its descendants have ended.
         side : {"firmware", "hardware"}
             In whose place it is.
+        again : bool
+            Whether it has run before: what it prints is added to what it has printed.
 
         Raises
         ------
@@ -168,6 +171,8 @@ class Program:
             *("--setup", str(setup), "--interface", address.interface, "--channel", channel),
             *("--speed", "1" if speed == "1" else "max", "--attach-wait", f"{attach_wait_s:g}"),
         ]
+        if not again:
+            said.unlink(missing_ok=True)
         try:
             return ProgramProcess(words, said, keep_open)
         except OSError as error:

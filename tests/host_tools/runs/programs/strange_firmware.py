@@ -64,6 +64,11 @@ def main() -> None:
     elif kind == "dies":
         answer(100)
         os.kill(os.getpid(), signal.SIGSEGV)
+    elif kind == "dies-once":
+        first = not os.path.exists(sys.argv[2] + "/died")
+        open(sys.argv[2] + "/died", "w").close()
+        answer(100 if first else 10**9)
+        os.kill(os.getpid(), signal.SIGKILL)
     elif kind == "leaves":
         answer(100)
     elif kind == "hangs":
