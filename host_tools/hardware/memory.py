@@ -370,4 +370,5 @@ class Plant(Record):
     readmissions: ReadmissionOrders
     standing: StandingTimes
     counters: FrameCounters
+    commanded_until: I8  #: epoch up to which errors of commands' counters count
     heartbeats: I8  #: sent so far, for their counter
