@@ -1,4 +1,4 @@
-from rrins.benchmarks import bench as bench
+from rrins.benchmarks import benchmark as benchmark
 from rrins.calibration import UnitCalibration as UnitCalibration
 from rrins.calibration import calibrate as calibrate
 from rrins.campaign import Campaign as Campaign
@@ -37,6 +37,7 @@ from rrins.schemes import analyse_scheme as analyse_scheme
 from rrins.schemes import compare_schemes as compare_schemes
 from rrins.schemes import observe_scheme as observe_scheme
 from rrins.schemes import search_schemes as search_schemes
+from rrins.stepping import bench as bench
 from rrins.vehicle import import_recording as import_recording
 from rrins.vehicle import write_increments as write_increments
 

@@ -48,7 +48,7 @@ def _receive_command(
     """Store an axis command if it is valid and its epoch's commands have not taken effect yet.
 
     Before its first SYNC a firmware does not know the epoch: what it sends before its first sound
-    command, or a second after the last one, is no error.
+    command, or a second after the last one, does not count.
     """
     if not crc_holds(frame, message.message):
         plant.counters.crc_errors += 1

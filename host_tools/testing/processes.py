@@ -189,6 +189,14 @@ class SideProcess:
         last = self._error or (said[-1] if said else "")
         return f"{self._name} ended with status {status}" + (f": {last}" if last else "")
 
+    def kill(self) -> None:
+        """End the process at once, as the loss of its power does."""
+        self.process.kill()
+        if isinstance(self.process, ProgramProcess):
+            self.process.close()
+        self.process.wait()
+        self.poll()
+
     def stop(self) -> str:
         """Terminate the process; kill it if necessary. Idempotent.
 

@@ -11,6 +11,7 @@ import socket
 import struct
 import sys
 import time
+from pathlib import Path
 
 HEADER = struct.Struct("<4sBBHIIQq")
 HELLO, BYE, FRAMES, EXCLUSIVE, CLOSES = 1, 4, 5, 2, 1
@@ -65,9 +66,10 @@ def main() -> None:
         answer(100)
         os.kill(os.getpid(), signal.SIGSEGV)
     elif kind == "dies-once":
-        first = not os.path.exists(sys.argv[2] + "/died")
-        open(sys.argv[2] + "/died", "w").close()
-        answer(100 if first else 10**9)
+        mark = Path(sys.argv[2], "died")
+        epochs = 10**9 if mark.exists() else 100
+        mark.touch()
+        answer(epochs)
         os.kill(os.getpid(), signal.SIGKILL)
     elif kind == "leaves":
         answer(100)

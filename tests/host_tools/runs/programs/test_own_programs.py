@@ -34,9 +34,7 @@ def processes_of(text: str) -> list[int]:
     return found
 
 
-def rehearsed(
-    kind: str, folder: Path, duration_s: float = 2.0, restarts: int = 0
-) -> run.RunResult:
+def rehearsed(kind: str, folder: Path, duration_s: float = 2.0, restarts: int = 0) -> run.RunResult:
     """Rehearse with a strange firmware, which has a word of its own in its command line."""
     scenario = load("ideal", duration_s=duration_s)
     program = Program.parse(f"{sys.executable} -S {STRANGE} {kind} {folder}")
