@@ -254,7 +254,7 @@ class Codec:
         return self._named(described, "E2ECounter", "None") == "Epoch"
 
     def send_type(self, message: str) -> str:
-        """Return when a message is sent: ``Cyclic``, ``IfActive`` (cyclic at times) or ``Event``."""
+        """Return when a message is sent: Cyclic, IfActive (cyclic at times) or Event."""
         return self._send_types[message]
 
     def message_index(self, message: str) -> int:

@@ -20,8 +20,8 @@ All payloads have eight bytes; the byte order is little-endian (Intel). Cycle ti
 byte 0 is a CRC-8 (polynomial 0x1D, start value and final XOR 0x00) over the low and the high byte
 of the message's data ID and bytes 1 to 7; the low nibble of byte 1 is a counter from 0 to 14. The
 DBC's attribute `E2ECounter` says what it counts: `Epoch` is the epoch modulo 15, which ties a frame
-to its epoch, sent in each or not; `Transmissions` are those of the message. A frame with a wrong CRC
-or counter only increments a fault counter.
+to its epoch, sent in each or not; `Transmissions` are those of the message. A frame with a wrong
+CRC or counter only increments a fault counter.
 
 **When.** The DBC's attribute `GenMsgSendType` is `Cyclic`, `IfActive` for what is sent in cycles
 while the navigation, or the estimator, runs, or `Event`.

@@ -99,6 +99,7 @@ class SignalTally(Record):
     raw: I8  #: of the last sound frame
     low: I8
     high: I8
+    changed_ns: I8  #: time of the frame since which it has this value
 
 
 class SignalHistory(Record):
@@ -329,6 +330,8 @@ def _update_values(tally: Tally, entry: TallyEntry, time_ns: int) -> None:
     for row in range(entry.first_signal, entry.first_signal + entry.signals):
         signal = tally.signals[row]
         raw = unpack(entry["data"], signal.signal)
+        if raw != signal.raw or signal.changed_ns == 0:
+            signal.changed_ns = time_ns
         signal.raw = raw
         signal.low = min(signal.low, raw)
         signal.high = max(signal.high, raw)

@@ -355,6 +355,16 @@ def test_a_state_does_not_change_any_more(played):
     assert before.message("MODE_COMMAND") is None
 
 
+def test_a_value_has_the_time_of_the_frame_that_brought_it(played):
+    row = load().signal_index("GYRO_REDUNDANCY", "excluded")
+    for k in range(6):
+        played.send("GYRO_REDUNDANCY", 1.0 + k, k, excluded=4 if k >= 3 else 0)
+    latest = played.watch.latest(np.array([row]))
+    assert latest.now_ns == 6_000_000_000
+    assert latest.values[0] == 4
+    assert latest.changed_ns[0] == 4_000_000_000
+
+
 def test_growth_is_that_of_the_window(played):
     for k in range(100):
         played.send("FIRMWARE_FAULTS", k * 0.1, k, missing_frames=min(k, 50))
