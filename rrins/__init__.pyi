@@ -11,6 +11,8 @@ from rrins.host_tools.errors import RehearsalError as RehearsalError
 from rrins.host_tools.errors import ScenarioError as ScenarioError
 from rrins.host_tools.runs.results.summary_types import Summary as Summary
 from rrins.host_tools.scenario.scenario import Scenario as Scenario
+from rrins.host_tools.scenario.typed_keys import FaultTable as FaultTable
+from rrins.host_tools.scenario.typed_keys import ScenarioKeys as ScenarioKeys
 from rrins.integrity import FmedaStudy as FmedaStudy
 from rrins.integrity import IntegrityStudy as IntegrityStudy
 from rrins.integrity import fmeda as fmeda

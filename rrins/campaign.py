@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, Self, Unpack
 
 from rrins.host_tools.campaigns import running
 from rrins.host_tools.campaigns.comparison import Comparison, compare
@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from rrins.host_tools.campaigns.conduct import Progress
+    from rrins.host_tools.scenario.typed_keys import SharedKeys
 
 
 class Campaign:
@@ -76,7 +77,7 @@ class Campaign:
         design: str | None = None,
         out: str | Path | None = None,
         duration_s: float | None = None,
-        **changes: object,
+        **changes: Unpack[SharedKeys],
     ) -> None:
         named: str | Mapping[str, Any] | Scenario = (
             str(source) if isinstance(source, Path) else source

@@ -9,7 +9,7 @@ from base64 import b64encode
 from collections.abc import Mapping
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Unpack
 
 from rrins.host_tools.runs.display import RunDisplay
 from rrins.host_tools.runs.programs.program import Program
@@ -29,6 +29,8 @@ if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+    from rrins.host_tools.scenario.typed_keys import RunKeys, ScenarioKeys
 
 Source = str | Path | Mapping[str, object] | Scenario
 """Name of a scenario: see `load_scenario`."""
@@ -168,7 +170,7 @@ def simulate(
     *,
     frames: bool = False,
     progress: bool | None = None,
-    **changes: object,
+    **changes: Unpack[ScenarioKeys],
 ) -> Run:
     """Run both sides of a scenario in this process, without a bus.
 
@@ -213,7 +215,7 @@ def rehearse(
     program: str | None = None,
     hardware: str | None = None,
     restarts: int = 0,
-    **changes: object,
+    **changes: Unpack[RunKeys],
 ) -> Run:
     """Run a scenario as two processes on one bus.
 
