@@ -14,11 +14,12 @@ from rrins.host_tools.calibration.file import KEYS, UNKNOWN, both, to_toml
 from rrins.host_tools.calibration.observability import LIMITS
 from rrins.host_tools.calibration.pictures import residuals_figure
 from rrins.host_tools.drawing.page import REPORT, write_report
+from rrins.host_tools.drawing.saving import names_of
 from rrins.host_tools.files import JsonObject, write_text
 from rrins.host_tools.runs.results.sensor_errors import CONSTANTS, KINDS
 from rrins.host_tools.runs.set_up.typed_numbers import typed_number, typed_numbers
 
-PICTURE, FILE = "residuals.png", "calibration.toml"
+FILE = "calibration.toml"
 
 _ROWS = (("bias", 0), ("λ", 1), ("μ", 2), ("δu", 3), ("δv", 4))
 _UNITS = {name: (bias.unit, *(one.unit for one in CONSTANTS)) for name, bias in KINDS.items()}
@@ -104,7 +105,7 @@ def write(
         folder,
         "rrins.host_tools.calibration",
         {"residuals": residuals_figure(found)},
-        keeps=(REPORT, PICTURE, FILE),
+        keeps=(REPORT, *names_of("residuals"), FILE),
         title=title,
         origin=how,
         kinds=kinds_of(found),

@@ -7,7 +7,15 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from rrins.host_tools.cli.options import FOLDER, POSITIVE, bus_options, flag, json_option, option
+from rrins.host_tools.cli.options import (
+    FOLDER,
+    POSITIVE,
+    bus_options,
+    flag,
+    format_option,
+    json_option,
+    option,
+)
 from rrins.host_tools.cli.output import print_note, print_results
 
 if TYPE_CHECKING:
@@ -36,6 +44,7 @@ if TYPE_CHECKING:
     metavar="°C",
 )
 @json_option
+@format_option
 @option(
     "--out folder", "Folder for the calibration file and the report.", FOLDER, Path("out/calibrate")
 )
