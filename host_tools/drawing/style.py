@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cache
 from typing import Any, Final
 
@@ -106,6 +107,31 @@ def draw_track(axes: Axes, east: Floats, north: Floats, begin: str, end: str) ->
     axes.set_aspect("equal", adjustable="datalim")
     axes.grid(True, color=_GRID, linewidth=0.6)
     axes.legend(loc="best", frameon=False, fontsize="small")
+
+
+def legend_above(axes: Axes, columns: int = 2, room: float = 0.2) -> None:
+    """Put a legend where no curve is: above them all, in so much more of the panel."""
+    axes.legend(loc="upper left", frameon=False, ncols=columns, fontsize="small")
+    low, high = axes.get_ylim()
+    axes.set_ylim(low, high + room * (high - low))
+
+
+def strips(axes: Axes, names: Sequence[str], limit: float) -> list[float]:
+    """Divide a panel into strips, one below the other, each from -`limit` to `limit`.
+
+    Returns their middles. Lines that would cover each other are told apart so, by name.
+    """
+    steps = np.array(MaxNLocator(nbins=4, steps=[1, 2, 5, 10]).tick_values(0, limit))
+    step = float(steps[steps <= 0.75 * limit].max())
+    middles = [-2 * limit * row for row in range(len(names))]
+    ticks: dict[float, str] = {}
+    for middle, name in zip(middles, names, strict=True):
+        ticks |= {middle + step: f"{step:g}", middle: f"{name}    0", middle - step: f"−{step:g}"}
+        axes.axhline(middle, color="0.5", linewidth=0.6, zorder=0)
+        axes.axhline(middle - limit, color="0.5", linewidth=0.6)
+    axes.set_yticks(list(ticks), list(ticks.values()), fontsize="small")
+    axes.set_ylim(middles[-1] - limit, limit)
+    return middles
 
 
 def time_axis(axes: Axes, since: str = SINCE_NAVIGATION) -> None:

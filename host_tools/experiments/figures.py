@@ -17,6 +17,7 @@ from rrins.host_tools.drawing.style import (
     POINTS,
     draw_line,
     finish,
+    legend_above,
     new_figure,
     quantity,
     time_axis,
@@ -34,9 +35,7 @@ def _panel(axes: Axes, time_s: Floats, pairs: tuple[Floats, Floats], label: str,
         text = f"{name} (largest {rounded(largest)} {prefix}{unit})"
         draw_line(axes, time_s, values * factor, label=text, **style)
     finish(axes, quantity(label, f"{prefix}{unit}"), zero_line=True)
-    axes.legend(loc="upper left", frameon=False, ncols=2, fontsize="x-small")
-    low, high = axes.get_ylim()
-    axes.set_ylim(low, high + 0.2 * (high - low))
+    legend_above(axes)
 
 
 def draw_pair(left: tuple[Errors, str], right: tuple[Errors, str]) -> Figure:

@@ -16,6 +16,7 @@ from rrins.host_tools.drawing.style import (
     draw_track,
     finish,
     give_title,
+    legend_above,
     new_figure,
     quantity,
     time_axis,
@@ -30,12 +31,6 @@ _MOST_SAMPLES = 400_000
 _SAMPLES_HZ = 20
 _SINCE_MOTION = "time since the motion began"
 _PREFIXES = ((0.2, 1.0, ""), (2e-4, 1e3, "m"), (0.0, 1e6, "µ"))
-
-
-def _legend(axes: Axes, columns: int) -> None:
-    low, high = axes.get_ylim()
-    axes.set_ylim(low, high + 0.22 * (high - low))
-    axes.legend(loc="upper left", frameon=False, ncols=columns, fontsize="small")
 
 
 def _over_ground(state: Floats) -> Floats:
@@ -67,7 +62,7 @@ class _Panel:
             draw_line(axes, times, column, label=name, **style)
         finish(axes, quantity(self.what, self.unit))
         if len(self.names) > 1:
-            _legend(axes, len(self.names))
+            legend_above(axes, len(self.names))
 
 
 _AXES = ("east", "north", "up")
@@ -143,7 +138,7 @@ def draw_check(recording: Recording, smoothed: Smoothed) -> Figure:
             thin = style | {"linewidth": 0.6}
             draw_line(axes, residuals.time_s, column * factor, label=label, **thin)
         finish(axes, quantity(what, f"{prefix}{unit}"))
-        _legend(axes, 3)
+        legend_above(axes, 3)
     if not recording.has_velocity:
         velocity.text(
             0.5, 0.4, "no velocity in the file", ha="center", transform=velocity.transAxes
@@ -160,6 +155,6 @@ def draw_check(recording: Recording, smoothed: Smoothed) -> Figure:
         speed.plot(
             marks, np.full(len(marks), low), "k|", markersize=9, label="irregularity", clip_on=False
         )
-        _legend(speed, 1)
+        legend_above(speed, 1)
     time_axis(velocity, _SINCE_MOTION)
     return figure

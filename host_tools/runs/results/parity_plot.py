@@ -6,7 +6,6 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
-from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from rrins.compiled.record import Records
@@ -18,6 +17,7 @@ from rrins.host_tools.drawing.style import (
     give_title,
     new_figure,
     quantity,
+    strips,
     thinned,
     time_axis,
 )
@@ -129,20 +129,12 @@ def _draw_residuals(
         for name in ("residual", "threshold")
     )
     limit = _limit(residual, threshold)
-    fine = np.array(MaxNLocator(nbins=4, steps=[1, 2, 5, 10]).tick_values(0, limit))
-    tick = float(fine[fine <= 0.75 * limit].max())
-    ticks: dict[float, str] = {}
-    for row, sensor in enumerate(sensors):
-        middle = -2 * limit * row
+    names = [f"{_one(kind)} {sensor + 1}" for sensor in sensors]
+    for row, middle in enumerate(strips(axes, names, limit)):
         strip = (middle - limit, middle + limit)
         _draw_residual(axes, time_s, residual[:, row], threshold[:, row], middle, limit)
         _shade(axes, time_s, ~is_in_use[:, row], "left out", strip)
         _shade(axes, time_s, is_in_use[:, row] & ~compared, "", strip)
-        axes.axhline(middle - limit, color="0.5", linewidth=0.6)
-        ticks |= {middle + tick: f"{tick:g}", middle - tick: f"-{tick:g}"}
-        ticks[middle] = f"{_one(kind)} {sensor + 1}    0"
-    axes.set_yticks(list(ticks), list(ticks.values()), fontsize="small")
-    axes.set_ylim(-2 * limit * len(sensors) + limit, limit)
     finish(axes, quantity(f"{_one(kind)} residuals", unit))
     axes.grid(visible=False, axis="y")
 
@@ -160,7 +152,6 @@ def _draw_residual(
 ) -> None:
     every, band = thinned(time_s, np.minimum(threshold, limit))
     axes.fill_between(every, middle - band, middle + band, color="0.85", linewidth=0)
-    axes.axhline(middle, color="0.5", linewidth=0.6, zorder=0)
     draw_line(axes, time_s, middle + np.clip(residual, -limit, limit), **_LINE)
     for sign, marker in ((1, "^"), (-1, "v")):
         beyond = time_s[sign * residual > limit]

@@ -16,6 +16,7 @@ from rrins.host_tools.drawing.style import (
     draw_line,
     finish,
     give_title,
+    legend_above,
     new_figure,
     quantity,
     time_axis,
@@ -52,14 +53,7 @@ def _pair(axes: Axes, errors: Errors, kind: str, unit: str, label: str) -> None:
         text = f"{name} (largest {rounded(largest)} {prefix}{shown})"
         draw_line(axes, errors.time_s, values * factor, label=text, **line)
     finish(axes, quantity(label, f"{prefix}{shown}"), zero_line=True)
-    _legend_above(axes)
-
-
-def _legend_above(axes: Axes) -> None:
-    """Put a legend where no curve is, above them all."""
-    axes.legend(loc="upper left", frameon=False, ncols=2, fontsize="small")
-    low, high = axes.get_ylim()
-    axes.set_ylim(low, high + 0.18 * (high - low))
+    legend_above(axes)
 
 
 def draw_errors(errors: Errors, title: str, figure: Figure | None = None) -> Figure:
@@ -79,7 +73,7 @@ def draw_errors(errors: Errors, title: str, figure: Figure | None = None) -> Fig
         draw_line(axes[2], errors.time_s, errors.outer_deg, label="outer axis", **NORTH)
         finish(axes[2], "turntable angle\n/ °", zero_line=True)
         axes[2].set_yticks(np.arange(-180, 721, 180))
-        _legend_above(axes[2])
+        legend_above(axes[2])
     time_axis(axes[-1])
     figure.align_ylabels()
     return figure
