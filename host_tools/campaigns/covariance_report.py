@@ -14,7 +14,7 @@ from rrins.host_tools.campaigns.statistics import Estimate, sigma
 from rrins.host_tools.campaigns.store import Store
 from rrins.host_tools.campaigns.summary import Outcomes, shown
 from rrins.host_tools.covariance.analysis import Analysis
-from rrins.host_tools.drawing.page import png_of, write_png
+from rrins.host_tools.drawing.saving import write_pictures
 from rrins.host_tools.files import JsonObject, make_folder, write_whole
 
 if TYPE_CHECKING:
@@ -97,10 +97,9 @@ def write(analysis: Analysis, folder: Path, beside: Beside | None = None) -> lis
         When they cannot be written.
     """
     make_folder(folder)
-    paths = [folder / "covariance.csv", folder / "covariance.png"]
-    write_whole(paths[0], lambda file: _write_rows(file, analysis))
-    write_png(paths[1], png_of(draw(analysis, beside)))
-    return paths
+    write_whole(folder / "covariance.csv", lambda file: _write_rows(file, analysis))
+    drawn = {"covariance": draw(analysis, beside)}
+    return [folder / "covariance.csv", *write_pictures(folder, drawn)]
 
 
 def _write_rows(file: IO[str], analysis: Analysis) -> None:
@@ -115,7 +114,7 @@ def _write_rows(file: IO[str], analysis: Analysis) -> None:
 
 def draw(analysis: Analysis, beside: Beside | None = None) -> Figure:
     """Draw σ over time: of all, of the largest sources, and of the runs."""
-    from rrins.host_tools.drawing.style import LINES, SINCE_NAVIGATION, finish, new_figure
+    from rrins.host_tools.drawing.style import LINES, finish, new_figure, time_axis
 
     figure = new_figure(8.0, 6.0)
     panels = figure.subplots(2, 1, sharex=True)
@@ -130,5 +129,5 @@ def draw(analysis: Analysis, beside: Beside | None = None) -> Figure:
         axes.set_ylim(bottom=0)
     lines, names = panels[0].get_legend_handles_labels()
     figure.legend(lines, names, loc="outside upper left", ncols=2, frameon=False, fontsize="small")
-    panels[1].set_xlabel(SINCE_NAVIGATION)
+    time_axis(panels[1])
     return figure

@@ -14,7 +14,7 @@ from rrins.host_tools.campaigns.sensitivity import Index, Share
 from rrins.host_tools.campaigns.statistics import Estimate, percentile
 from rrins.host_tools.campaigns.store import Store, read_manifest
 from rrins.host_tools.campaigns.summary import shown
-from rrins.host_tools.drawing.style import EAST, LINES, SINCE_NAVIGATION, finish, new_figure
+from rrins.host_tools.drawing.style import EAST, LINES, finish, new_figure, time_axis
 
 _BANDS = ((5.0, 95.0, 0.18), (25.0, 75.0, 0.35))
 _MOST_POINTS = 4000
@@ -52,7 +52,7 @@ def draw_bands(times: Floats, east: Floats, north: Floats) -> Figure:
         finish(axes, label, zero_line=axes is not panels[0])
     panels[0].set_ylim(bottom=0)
     panels[0].legend(loc="upper left", frameon=False, fontsize="small", ncols=3)
-    panels[-1].set_xlabel(SINCE_NAVIGATION)
+    time_axis(panels[-1])
     return figure
 
 

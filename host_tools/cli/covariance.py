@@ -9,6 +9,7 @@ import click
 from rrins.host_tools.cli.options import (
     FOLDER,
     duration_option,
+    format_option,
     json_option,
     many,
     option,
@@ -21,7 +22,8 @@ from rrins.host_tools.cli.output import print_results
 @many("--vary", "As for `rrins campaign`.", "'KEY=DISTRIBUTION'")
 @many("--set fixed", "Set a key of the scenario.", "KEY=VALUE")
 @duration_option
-@option("--out", "Folder for covariance.csv and covariance.png.", FOLDER)
+@format_option
+@option("--out", "Folder for covariance.csv and the plot.", FOLDER)
 @json_option
 def covariance(
     source: str,

@@ -140,10 +140,11 @@ def _write_navigation(
 ) -> list[Path]:
     if len(navigation) < 2:
         return []
-    from rrins.host_tools.logs.pictures import draw_navigation, save
+    from rrins.host_tools.drawing.saving import write_pictures
+    from rrins.host_tools.logs.pictures import draw_navigation
 
-    picture, table = folder / "navigation.png", folder / "navigation.csv"
-    save(draw_navigation(navigation, rate_hz, title), picture)
+    table = folder / "navigation.csv"
+    pictures = write_pictures(folder, {"navigation": draw_navigation(navigation, rate_hz, title)})
     columns = [
         navigation["epoch"] / rate_hz,
         np.degrees(navigation["latitude"]),
@@ -163,7 +164,7 @@ def _write_navigation(
         writer.writerows(zip(navigation["epoch"].tolist(), *texts, strict=True))
 
     write_whole(table, write)
-    return [picture, table]
+    return [*pictures, table]
 
 
 _UNANSWERED_S = 0.1  # a recording may extend this far past the last step of a normal run
