@@ -93,6 +93,12 @@ class View:
             self.log.follow(of_events, latest.changed_ns[len(self._sampled) :] / 1e9)
         return True
 
+    def forget(self) -> None:
+        """Forget what was computed from earlier frames: the watch has gone to another time."""
+        self._looked_ns = None
+        self._marks.clear()
+        self._quantities.forget()
+
     def _load_percent(self, latest: Latest) -> float:
         """Return how busy the wire was in about the last second of bus time."""
         marks = self._marks
