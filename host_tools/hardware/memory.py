@@ -251,6 +251,7 @@ class GnssState(Record):
     north_m_per_rad: F8  #: of latitude, for the noise
     east_m_per_rad: F8  #: of longitude
     position_sigma: F8  #: m, of all errors, as the receiver tells it
+    velocity_sigma: F8  #: m/s, of each component, as it tells it
     position_correlated_noise: F8  #: m, standard deviation of the errors that last
     correlated_share: F8  #: of them that is left at the next fix
     correlated: Annotated[Floats, 3]  #: m, east, north, up
