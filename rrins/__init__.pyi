@@ -7,6 +7,7 @@ from rrins.conformance import conform as conform
 from rrins.covariance import CovarianceAnalysis as CovarianceAnalysis
 from rrins.covariance import analyse_covariance as analyse_covariance
 from rrins.dashboard import open_dashboard as open_dashboard
+from rrins.explain import Explanation as Explanation
 from rrins.host_tools.errors import RehearsalError as RehearsalError
 from rrins.host_tools.errors import ScenarioError as ScenarioError
 from rrins.host_tools.runs.results.summary_types import Summary as Summary

@@ -9,7 +9,7 @@ from base64 import b64encode
 from collections.abc import Mapping
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Unpack
+from typing import TYPE_CHECKING, Literal, Unpack
 
 from rrins.host_tools.runs.display import RunDisplay
 from rrins.host_tools.runs.programs.program import Program
@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+    from rrins.explain import Explanation
     from rrins.host_tools.scenario.typed_keys import RunKeys, ScenarioKeys
 
 Source = str | Path | Mapping[str, object] | Scenario
@@ -124,6 +125,39 @@ class Run:
 
         let_figures_show()
         return draw_track(self._result.errors, self._result.title, axes)
+
+    def explain(
+        self,
+        t_s: float,
+        *,
+        by: Literal["sensor", "source"] = "sensor",
+        check: bool = False,
+        progress: bool | None = None,
+    ) -> Explanation:
+        """Return what each error source contributes to the error at an instant.
+
+        The scenario is run again in this process, twice for each source: with it alone, and
+        without it.
+
+        Parameters
+        ----------
+        t_s : float
+            Since navigation began, as in `errors`.
+        by : str
+            "sensor": each sensor's errors; "source": all sensors of a kind together, in fewer runs.
+        check : bool
+            Whether to compare the parts with the linear error equations, too.
+        progress : bool, optional
+            Whether to show progress; in a terminal or notebook by default.
+
+        Raises
+        ------
+        RehearsalError
+            When there is no such instant, or the scenario does not give this run again.
+        """
+        from rrins.explain import explain_run
+
+        return explain_run(self._result, t_s, by, check, progress)
 
     def save(self, folder: str | Path) -> list[Path]:
         """Write summary, errors and pictures into a folder, as the command line does.

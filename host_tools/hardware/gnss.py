@@ -120,7 +120,7 @@ def measure(plant: Plant, pieces: Floats, contract: Contract) -> None:
     if has_fix:
         word = pack(word, time.quality, _FIX_3D)
         word = encode(word, time.position_sigma, gnss.position_sigma)
-        word = encode(word, time.velocity_sigma, gnss.velocity_noise)
+        word = encode(word, time.velocity_sigma, gnss.velocity_sigma)
     gnss.word[_TIME] = word
     share = 1.0 if has_fix else 0.0
     if gnss.position_correlated_noise > 0.0:

@@ -249,6 +249,7 @@ class GnssState(Record):
     position_noise: F8  #: m, standard deviation of each component
     velocity_noise: F8  #: m/s, the same
     position_sigma: F8  #: m, of all errors, as the receiver tells it
+    velocity_sigma: F8  #: m/s, of each component, as it tells it
     position_correlated_noise: F8  #: m, standard deviation of the errors that last
     correlated_share: F8  #: of them that is left at the next fix
     correlated: Annotated[Floats, 3]  #: m, east, north, up

@@ -224,6 +224,7 @@ def _fill_gnss(gnss: GnssState, settings: Settings, seed: np.random.SeedSequence
         return
     _fill_aid(gnss, table, rate_hz, seed)
     gnss.position_sigma = math.hypot(table.position_noise_m, table.position_correlated_noise_m)
+    gnss.velocity_sigma = table.velocity_noise_mps
     correlation_epochs = table.position_correlation_s * rate_hz
     gnss.correlated_share = math.exp(-gnss.interval_epochs / correlation_epochs)
     assert len(settings.gnss_outages) <= OUTAGE_CAPACITY
