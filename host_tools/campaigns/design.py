@@ -20,6 +20,7 @@ from rrins.compiled.record import Floats
 from rrins.host_tools.campaigns.distributions import Value
 from rrins.host_tools.campaigns.errors import CampaignError
 from rrins.host_tools.campaigns.inputs import Input, correlated
+from rrins.host_tools.campaigns.statistics import Integers
 
 Design = Literal["random", "lhs", "sobol", "saltelli", "grid", "one-at-a-time"]
 DESIGNS: Final = ("random", "lhs", "sobol", "saltelli", "grid", "one-at-a-time")
@@ -56,6 +57,10 @@ class Plan:
         if self.design == "one-at-a-time":
             return 1 + sum(len(one.distribution.levels) for one in self.inputs)
         return 1
+
+    def blocks(self, runs: Integers) -> Integers | None:
+        """Return the block of each run; None where runs are independent."""
+        return runs // self.block if self.block > 1 else None
 
     @property
     def _swept(self) -> tuple[Input, ...]:
