@@ -12,7 +12,7 @@ from rrins.host_tools.campaigns.comparison import Comparison, compare
 from rrins.host_tools.campaigns.definition import Wishes, load
 from rrins.host_tools.campaigns.rerun import rerun as rerun_run
 from rrins.host_tools.campaigns.row import MAIN
-from rrins.host_tools.campaigns.statistics import PERCENTILES, percentile
+from rrins.host_tools.campaigns.statistics import PERCENTILES
 from rrins.host_tools.campaigns.store import Store
 from rrins.host_tools.campaigns.summary import SHOWN, Outcomes, circles
 from rrins.host_tools.campaigns.until import Until
@@ -174,7 +174,7 @@ class Campaign:
 
         outcomes = Outcomes(self.store, columns)
         rows = {
-            (name, percent): percentile(outcomes[name], percent).values()
+            (name, percent): outcomes.sample(name).percentile(percent).values()
             for name in outcomes.known()
             for percent in percents
         }

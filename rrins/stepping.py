@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Literal, Unpack
 
 from rrins.host_tools.testing.bench import Bench
 from rrins.run import Source
 from rrins.scenarios import load_scenario
+
+if TYPE_CHECKING:
+    from rrins.host_tools.scenario.typed_keys import ScenarioKeys
 
 
 def bench(
@@ -17,7 +20,7 @@ def bench(
     program: str | None = None,
     memory: str | Path | None = None,
     patience_s: float = 60.0,
-    **changes: object,
+    **changes: Unpack[ScenarioKeys],
 ) -> Bench:
     """Return a rehearsal at power-on, whose time passes only when it is told to.
 

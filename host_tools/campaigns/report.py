@@ -49,7 +49,7 @@ def write(store: Store, folder: Path | None = None) -> list[Path]:
         folder,
         "rrins.host_tools.campaigns",
         {name: picture for name, (_, picture) in drawn.items()},
-        filters={"shown": summary.shown},
+        filters={"shown": summary.shown, "interval": summary.interval},
         captions={name: caption for name, (caption, _) in drawn.items()},
         definition=definition,
         title=definition.title or definition.name,
@@ -57,8 +57,9 @@ def write(store: Store, folder: Path | None = None) -> list[Path]:
         failed=outcomes.failed,
         stopped_at=store.stopped_at,
         reasons=summary.reasons(store),
-        figures=[(name, summary.shown_figures(outcomes[name])) for name in outcomes.known()],
+        figures=[(name, summary.shown_figures(outcomes.sample(name))) for name in outcomes.known()],
         circles=summary.circles(outcomes),
+        bound=summary.bound_of(outcomes),
         shares=shares,
         indices=indices,
         linear=linear,
@@ -130,7 +131,7 @@ def _drawn(
         bands = pictures.draw_bands(*pictures.series_of(store))
         drawn["over_time"] = ("Errors over time: percentiles of the runs.", bands)
         caption = "How many of the runs end with at most this horizontal error."
-        drawn["distribution"] = (caption, pictures.draw_distribution(radial))
+        drawn["distribution"] = (caption, pictures.draw_distribution(outcomes.sample(MAIN)))
         ends = pictures.draw_ends(outcomes["position_east_m"], outcomes["position_north_m"])
         drawn["ends"] = ("Where the runs end.", ends)
     if shares:

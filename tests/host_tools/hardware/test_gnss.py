@@ -202,7 +202,9 @@ def test_it_measures_where_its_antenna_is(tools, latitude_deg):
     )
     place, local = in_space(latitudes, longitudes, heights)
     np.testing.assert_allclose(place, antenna_in_space(drive, times_s, arm), atol=2e-3)
-    way = antenna_in_space(drive, times_s + 5e-3, arm) - antenna_in_space(drive, times_s - 5e-3, arm)
+    way = antenna_in_space(drive, times_s + 5e-3, arm) - antenna_in_space(
+        drive, times_s - 5e-3, arm
+    )
     velocity_n = np.einsum("kni,ki->kn", local, way / 0.01)
     told = [
         (*(frame["GNSS_VELOCITY"][f"velocity_{axis}"] for axis in ("east", "north")),
