@@ -277,8 +277,8 @@ class Model:
         phi, Q = np.zeros((size, size)), np.zeros((size, size))
         phi[STATES:, STATES:] = decay * np.eye(sensors)
         Q[STATES:, STATES:] = np.diag(drive**2 * share)
-        P: Floats = _after_alignment(decay, share, self._scenario.firmware.alignment_s)
-        P = np.kron(P, np.diag(drive**2))
+        at_rest = _after_alignment(decay, share, self._scenario.firmware.alignment_s)
+        P: Floats = np.kron(at_rest, np.diag(drive**2))
         both = np.block([[S, np.zeros_like(S)], [np.zeros((sensors, sensors)), np.eye(sensors)]])
         P = both @ P @ both.T
         variance = np.zeros((self.count + 1, 2))
