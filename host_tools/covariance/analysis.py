@@ -278,7 +278,7 @@ class Model:
         phi[STATES:, STATES:] = decay * np.eye(sensors)
         Q[STATES:, STATES:] = np.diag(drive**2 * share)
         at_rest = _after_alignment(decay, share, self._scenario.firmware.alignment_s)
-        P: Floats = np.kron(at_rest, np.diag(drive**2))
+        P = np.asarray(np.kron(at_rest, np.diag(drive**2)), dtype=np.float64)
         both = np.block([[S, np.zeros_like(S)], [np.zeros((sensors, sensors)), np.eye(sensors)]])
         P = both @ P @ both.T
         variance = np.zeros((self.count + 1, 2))
