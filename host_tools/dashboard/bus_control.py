@@ -99,7 +99,7 @@ class BusControl:
                 return {"text": text, "at_s": at_s, **_faults(report)}
             active, report = client.inject(fault)
             at_s = report.seconds(active.first_epoch)
-            return {"text": f"{active.words} since {at_s:.2f} s", "at_s": at_s, **_faults(report)}
+            return {"text": active.words, "at_s": at_s, **_faults(report)}
 
     def _ask_mode(self, wanted: str) -> str:
         if wanted == "navigate":

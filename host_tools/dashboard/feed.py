@@ -13,6 +13,7 @@ from rrins.host_tools.dashboard.browsers import Browser
 from rrins.host_tools.dashboard.bus_table import message_of
 from rrins.host_tools.dashboard.events import Event
 from rrins.host_tools.dashboard.fault_forms import fault_forms
+from rrins.host_tools.dashboard.guides import guide_names
 from rrins.host_tools.dashboard.packing import packed_history, packed_row
 from rrins.host_tools.dashboard.page_orders import READING, Order
 from rrins.host_tools.dashboard.quantities import NAMES
@@ -101,6 +102,7 @@ class Feed:
             "may_control": may_control,
             "orders": sorted(self.source.orders) if may_control else [],
             "forms": fault_forms() if may_control and "inject" in self.source.orders else {},
+            "guides": sorted(guide_names()),
             "message_names": [message.name for message in messages],
             **self.source.describe(),
         }
@@ -157,7 +159,7 @@ class Feed:
             browser.put(message)
 
     def _tell_state(self, view: View) -> None:
-        state = view.state(any(browser.shown[1] for browser in self._browsers))
+        state = view.state(any(browser.shown[0] for browser in self._browsers))
         if not self._browsers:
             return
         self._tell_status()
@@ -199,13 +201,14 @@ class Feed:
         except RehearsalError as error:
             self._answer(browser, order, False, str(error))
             return
-        text, at_s = str(answer.pop("text")), float(answer.pop("at_s", asked_s))
-        self._answer(browser, order, True, text)
+        text, at_s = str(answer.pop("text")), answer.pop("at_s", None)
+        self._answer(browser, order, True, text, at_s)
         if answer:
             self._tell_all(as_json("report", answer))
         if self.source.kind != "recording" and text and order.order not in READING:
             view = self.source.view
-            view.log.add(min(max(at_s, asked_s), view.time_s), text, "order")
+            at_s = asked_s if at_s is None else max(at_s, asked_s)
+            view.log.add(min(at_s, view.time_s), text, "order")
 
     def _show(self, browser: Browser, order: Order) -> None:
         known = {message.name for message in load().database.messages}
@@ -213,9 +216,8 @@ class Feed:
         browser.shown = (name, order.signal, order.level)
 
     @staticmethod
-    def _answer(browser: Browser, order: Order, is_done: bool, text: str) -> None:
-        browser.put(
-            as_json(
-                "answer", {"id": order.id, "order": order.order, "is_done": is_done, "text": text}
-            )
-        )
+    def _answer(
+        browser: Browser, order: Order, is_done: bool, text: str, at_s: float | None = None
+    ) -> None:
+        told = {"id": order.id, "order": order.order, "is_done": is_done, "text": text}
+        browser.put(as_json("answer", told | {"at_s": at_s}))
