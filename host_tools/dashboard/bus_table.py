@@ -69,7 +69,7 @@ def _parity(redundancy: RedundancyVitals | None) -> tuple[float, int, int] | Non
     """Return parity over threshold, the sensor it points at (0: none), its window in s."""
     if redundancy is None or not redundancy.redundancy_left:
         return None
-    return redundancy.parity_ratio, redundancy.suspect or 0, redundancy.window_s
+    return redundancy.parity_ratio, redundancy.points_at or 0, redundancy.window_s
 
 
 def _sensor_state(

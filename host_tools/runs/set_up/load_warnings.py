@@ -94,9 +94,10 @@ def _gain(scenario: Scenario) -> Floats:
 def azimuth_error(scenario: Scenario) -> float:
     """Return the standard deviation of a self-aligned heading, rad, from noise and counting alone.
 
-    The fine alignment goes on averaging where the coarse one ends. An error ε of the rate towards east turns the heading by ε / (Ω cos φ) (Groves, section 5.6.2).
-    Over the alignment T, white noise of density N leaves N / √T, and counts of q at its two ends
-    q / (√6 T). The fusion's largest singular value is that of the least favourable direction.
+    The fine alignment goes on averaging where the coarse one ends. An error ε of the rate towards
+    east turns the heading by ε / (Ω cos φ) (Groves, section 5.6.2). Over the alignment T, white
+    noise of density N leaves N / √T, and counts of q at its two ends q / (√6 T). The fusion's
+    largest singular value is that of the least favourable direction.
     """
     gyros, rate_hz = scenario.gyros, scenario.rate_hz
     count = len(scenario.rimu.gyros)

@@ -175,7 +175,7 @@ def in_space(latitude_deg, longitude_deg, height):
 
 
 def antenna_in_space(drive, times_s, arm):
-    """Return where the antenna is, from the drive's pose and the arm, m in the Earth-fixed frame."""
+    """Return where the antenna is in the Earth-fixed frame, m, by pose and arm."""
     rows = drive.at(times_s)
     lat, lon, height = rows[:, PLACE].T
     place, local = in_space(np.degrees(lat), np.degrees(lon), height)
@@ -202,7 +202,9 @@ def test_it_measures_where_its_antenna_is(tools, latitude_deg):
     )
     place, local = in_space(latitudes, longitudes, heights)
     np.testing.assert_allclose(place, antenna_in_space(drive, times_s, arm), atol=2e-3)
-    way = antenna_in_space(drive, times_s + 5e-3, arm) - antenna_in_space(drive, times_s - 5e-3, arm)
+    way = antenna_in_space(drive, times_s + 5e-3, arm) - antenna_in_space(
+        drive, times_s - 5e-3, arm
+    )
     velocity_n = np.einsum("kni,ki->kn", local, way / 0.01)
     told = [
         (*(frame["GNSS_VELOCITY"][f"velocity_{axis}"] for axis in ("east", "north")),
