@@ -269,7 +269,7 @@ def export_mcap(
         If the package is missing, the log cannot be read or the file cannot be written.
     """
     if importlib.util.find_spec("mcap") is None:
-        raise RecordError("--format mcap needs mcap: pip install mcap")
+        raise RecordError("MCAP needs the package mcap: pip install mcap")
     part = path.with_name(f".{path.name}.part")
     try:
         with part.open("wb") as file:

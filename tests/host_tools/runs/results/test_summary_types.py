@@ -7,9 +7,9 @@ import types
 from typing import Any, Literal, NotRequired, get_args, get_origin, get_type_hints, is_typeddict
 
 import pytest
-from rrins.firmware_py.loop import Firmware
 
 import rrins
+from rrins.firmware_py.loop import Firmware
 from rrins.host_tools.runs.results.summary import hash_words
 from rrins.host_tools.runs.set_up.settings import firmware_settings
 from rrins.host_tools.runs.sides.firmware_job import firmware_summary
