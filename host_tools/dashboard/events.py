@@ -84,6 +84,7 @@ class EventLog:
         self.events: list[Event] = []
         self.count = self.late = 0
         self._codec = load()
+        self._rotating = self._codec.value(_STATUS, "mode", "NAVIGATION_ROTATING")
         self._octets = b""
         self._now = dict.fromkeys(SIGNALS, _UNKNOWN)
 
@@ -149,12 +150,10 @@ class EventLog:
             mode = self._word(key)
             if mode == "FAULT":
                 yield key, f"mode FAULT: {self._word(f'{_STATUS}.fault')}", "bad"
+            elif mode == "NAVIGATION_STRAPDOWN" and old[key] == self._rotating:
+                yield key, "the rotation has stopped: navigation goes on without", "warning"
             elif mode in _MODES:
-                text, weight = _MODES[mode]
-                before = self._word(key, old)
-                if (before, mode) == ("NAVIGATION_ROTATING", "NAVIGATION_STRAPDOWN"):
-                    text, weight = "the rotation has ended: navigation without rotation", "warning"
-                yield key, text, weight
+                yield key, *_MODES[mode]
         key = f"{_STATUS}.sync_lost"
         if self._rises(key, old):
             yield key, "SYNC is lost: the firmware runs on its own clock", "bad"

@@ -58,6 +58,7 @@ class SignalOfMessage:
     span: float  #: full range of its field
     is_whole: bool  #: whether its values are integers
     row: int  #: row in `Codec.signals`.
+    valid_row: int | None = None  #: of the signal without which this one means nothing
 
     @property
     def full_name(self) -> str:
@@ -84,16 +85,24 @@ class SignalOfMessage:
         return out
 
     def values(self, words: Words) -> Numbers:
-        """Return the values in payload words, integers as int64, others as float64."""
+        """Return the values in payload words, integers as int64, others as float64.
+
+        NaN where the message says that the value means nothing.
+        """
         if self.is_whole and self.scale == 1:
             return self.raw(words)
         out = np.zeros(len(words), dtype=np.float64)
         _decode_column(words, load().signals, self.row, out)
+        if self.valid_row is not None:
+            valid = np.zeros(len(words), dtype=np.int64)
+            _unpack_column(words, load().signals, self.valid_row, valid)
+            out[valid == 0] = np.nan
         return out.astype(np.int64) if self.is_whole else out
 
     def apart(self, ours: Words, theirs: Words) -> Numbers:
         """Return the difference of the values in payload words; angles the shorter way round."""
-        difference = np.abs(self.values(ours) - self.values(theirs))
+        one, other = self.values(ours), self.values(theirs)
+        difference = np.where(np.isnan(one) & np.isnan(other), 0.0, np.abs(one - other))
         if self.unit == "deg" and self.span % 360 == 0:
             return np.minimum(difference, self.span - difference)
         return difference
@@ -108,6 +117,8 @@ class SignalOfMessage:
         unit = f" {self.unit}" if self.unit else ""
         if self.is_whole:
             return f"{value}{unit}"
+        if math.isnan(value):
+            return "means nothing"
         digits = max(0, -math.floor(math.log10(self.scale)))
         return f"{value:.{digits}f}{unit}"
 
@@ -164,9 +175,14 @@ def signals_of(message: str) -> tuple[SignalOfMessage, ...]:
             float(signal.scale) * 2.0**signal.length,
             float(signal.scale).is_integer() and float(signal.offset).is_integer(),
             codec.signal_index(message, signal.name),
+            _row_of(message, codec.valid_if(message, signal.name)),
         )
         for signal in described.signals
     )
+
+
+def _row_of(message: str, signal: str | None) -> int | None:
+    return None if signal is None else load().signal_index(message, signal)
 
 
 def message_names() -> list[str]:

@@ -189,6 +189,9 @@ def test_a_fault_that_is_found_and_repaired_in_words():
     assert followed(log, 6.0, **{f"{kind}repairing": 0}) == ["the navigation is repaired"]
     assert followed(log, 7.0, **{f"{kind}excluded": 0}) == ["gyro 3 is back in use"]
     assert followed(log, 8.0) == []
+    stopped = ["the rotation has stopped: navigation goes on without"]
+    assert followed(log, 8.5, FIRMWARE_STATUS__mode=4) == stopped
+    assert log.events[-1].weight == "warning"
     assert followed(log, 9.0, FIRMWARE_STATUS__mode=6, FIRMWARE_STATUS__fault=2) == [
         "mode FAULT: SENSORS_LOST"
     ]
