@@ -28,6 +28,8 @@ PROTECTION = ("crc", "alive_counter")
 _SUFFIXES = {
     "deg": "deg",
     "deg/s": "dps",
+    "deg/h": "dph",
+    "Hz": "hz",
     "rad": "rad",
     "m/s": "mps",
     "m": "m",
@@ -215,6 +217,12 @@ def did_you_mean(word: str, known: Iterable[str]) -> str:
     return f"; did you mean {' or '.join(near)}?" if near else ""
 
 
+def _names(signal: SignalOfMessage, is_full: bool) -> tuple[str, str]:
+    """Return a signal's name in the DBC and the one with its unit, behind its message if wanted."""
+    before = f"{signal.message}." if is_full else ""
+    return f"{before}{signal.name}", f"{before}{signal.column}"
+
+
 def find_signals(words: Sequence[str]) -> list[SignalOfMessage]:
     """Return the signals that words select.
 
@@ -235,17 +243,18 @@ def find_signals(words: Sequence[str]) -> list[SignalOfMessage]:
 
 def _matches(word: str) -> list[SignalOfMessage]:
     known = _all_signals()
-    if word in known:
-        return [known[word]]
+    by_column = {f"{one.message}.{one.column}": one for one in known.values()}
+    if word in known or word in by_column:
+        return [known.get(word) or by_column[word]]
     if any(letter in word for letter in "*?["):
         matching = [
             signal
-            for name, signal in known.items()
-            if fnmatchcase(name if "." in word else signal.name, word)
+            for signal in known.values()
+            if any(fnmatchcase(one, word) for one in _names(signal, "." in word))
             and (signal.name not in PROTECTION or word.endswith(signal.name))
         ]
     else:
-        matching = [signal for signal in known.values() if signal.name == word]
+        matching = [signal for signal in known.values() if word in (signal.name, signal.column)]
         if len(matching) > 1:
             names = [signal.full_name for signal in matching]
             shown = ", ".join(names[:4]) + (", …" if len(names) > 4 else "")
