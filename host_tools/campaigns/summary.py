@@ -19,6 +19,7 @@ from rrins.host_tools.campaigns.statistics import (
 )
 from rrins.host_tools.campaigns.store import Store
 from rrins.host_tools.files import JsonObject
+from rrins.host_tools.rounding import limits, rounded, with_limits
 
 SHOWN: Final = (
     "horizontal_error_m",
@@ -116,20 +117,14 @@ def reasons(store: Store) -> dict[str, int]:
     return dict(sorted(found.items(), key=lambda item: -item[1]))
 
 
-def shown(value: float) -> str:
-    """Return a figure with three digits."""
-    if not np.isfinite(value):
-        return "–"
-    if value == 0 or 1e-3 <= abs(value) < 1e6:
-        return f"{value:.3g}" if abs(value) < 1000 else f"{float(f'{value:.3g}'):,.0f}"
-    return f"{value:.2e}"
+shown: Final = rounded
+"""A figure as tables have it."""
 
 
 def with_interval(one: Estimate) -> str:
     """Return a figure and its interval."""
-    if not np.isfinite(one.half_width):
-        return shown(one.value)
-    return f"{shown(one.value)}\n{shown(one.low)} … {shown(one.high)}"
+    value, low, high = limits(one.value, one.low, one.high)
+    return f"{value}\n{low} … {high}" if low else value
 
 
 def table_of(store: Store) -> Table:
@@ -149,12 +144,8 @@ def lines_of(store: Store) -> list[str]:
     """Return the lines below the table."""
     outcomes = Outcomes(store)
     lines = [
-        f"{name}: {shown(one.value)} m"
-        + (
-            f" ({shown(one.low)} … {shown(one.high)})"
-            if np.isfinite(one.half_width)
-            else " (too few runs for an interval)"
-        )
+        f"{name}: {with_limits(one.value, one.low, one.high)} m"
+        + ("" if np.isfinite(one.half_width) else " (too few runs for an interval)")
         for name, one in zip(("CEP50", "R95"), circles(outcomes).values(), strict=True)
     ]
     for text, count in list(reasons(store).items())[:5]:

@@ -154,6 +154,7 @@ def finish(axes: Axes, ylabel: str, zero_line: bool = False) -> None:
             axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
             axis.set_minor_formatter(NullFormatter())
     axes.grid(True, color=_GRID, linewidth=0.6)
+    axes.set_axisbelow(True)
     axes.margins(x=0)
     if zero_line:
         axes.axhline(0.0, color="0.5", linewidth=0.6, zorder=0)
