@@ -86,7 +86,9 @@ def thinned(x: Floats, y: Floats) -> tuple[Floats, Floats]:
     if size <= 2:
         return x, y
     groups = y[: len(y) // size * size].reshape(-1, size)
-    ends = np.stack([groups.argmin(axis=1), groups.argmax(axis=1)], axis=1)
+    is_gap = np.isnan(groups)
+    lowest = np.where(is_gap, np.inf, groups).argmin(axis=1)
+    ends = np.stack([lowest, np.where(is_gap, -np.inf, groups).argmax(axis=1)], axis=1)
     kept = np.sort(ends, axis=1) + size * np.arange(len(groups))[:, None]
     at = np.r_[0, kept.ravel(), len(y) - 1]
     return x[at], y[at]
