@@ -54,13 +54,22 @@ def plus_minus(value: float | None, sigma: float | None) -> str:
 
 
 def with_limits(value: float | None, low: float | None, high: float | None) -> str:
-    """Return ``value (low to high)``: as many decimals as two digits of the nearer limit need."""
+    """Return ``value (low to high)``, with the same decimals; the value alone without limits."""
+    middle, *ends = limits(value, low, high)
+    return f"{middle} ({' to '.join(ends)})" if all(ends) else middle
+
+
+def limits(value: float | None, low: float | None, high: float | None) -> tuple[str, str, str]:
+    """Return a value and its limits with as many decimals as two digits of the nearer one need.
+
+    Limits that do not exist are empty; the value then has three digits.
+    """
     if not (_is_finite(value) and _is_finite(low) and _is_finite(high) and low < high):
-        return rounded(value)
+        return rounded(value), "", ""
     nearer = min(distance for distance in (value - low, high - value, high - low) if distance > 0)
     power = _power(max(abs(low), abs(high)), 2)
-    middle, *ends = (_text(one, 1 - _power(nearer, 2), power) for one in (value, low, high))
-    return f"{middle} ({' to '.join(ends)})"
+    decimals = 1 - _power(nearer, 2)
+    return _text(value, decimals, power), _text(low, decimals, power), _text(high, decimals, power)
 
 
 def _power(value: float, digits: int) -> int:

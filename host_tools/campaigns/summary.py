@@ -20,6 +20,7 @@ from rrins.host_tools.campaigns.statistics import (
 from rrins.host_tools.campaigns.store import Store
 from rrins.host_tools.campaigns.until import OF_LOOKS
 from rrins.host_tools.files import JsonObject
+from rrins.host_tools.rounding import limits, rounded
 
 SHOWN: Final = (
     "horizontal_error_m",
@@ -130,26 +131,27 @@ def reasons(store: Store) -> dict[str, int]:
     return dict(sorted(found.items(), key=lambda item: -item[1]))
 
 
-def shown(value: float) -> str:
-    """Return a figure with three digits."""
-    if not np.isfinite(value):
-        return "–"
-    if value == 0 or 1e-3 <= abs(value) < 1e6:
-        return f"{value:.3g}" if abs(value) < 1000 else f"{float(f'{value:.3g}'):,.0f}"
-    return f"{value:.2e}"
+shown: Final = rounded
+"""A figure as tables have it."""
+
+
+def value(one: Estimate) -> str:
+    """Return a figure, with the digits that its interval warrants."""
+    return limits(one.value, one.low, one.high)[0]
 
 
 def interval(one: Estimate) -> str:
     """Return the ends of an interval, of which runs may be too few for one or both."""
     if np.isfinite(one.half_width):
-        return f"{shown(one.low)} … {shown(one.high)}"
+        _, low, high = limits(one.value, one.low, one.high)
+        return f"{low} … {high}"
     sides = ((one.low, "≥"), (one.high, "≤"))
     return next((f"{sign} {shown(end)}" for end, sign in sides if np.isfinite(end)), "")
 
 
 def with_interval(one: Estimate) -> str:
     """Return a figure and its interval."""
-    return f"{shown(one.value)}\n{interval(one)}".rstrip()
+    return f"{value(one)}\n{interval(one)}".rstrip()
 
 
 def table_of(store: Store) -> Table:
@@ -178,7 +180,7 @@ def lines_of(store: Store) -> list[str]:
     """Return the lines below the table."""
     outcomes = Outcomes(store)
     lines = [
-        f"{name}: {shown(one.value)} m ({interval(one) or 'too few runs for an interval'})"
+        f"{name}: {value(one)} m ({interval(one) or 'too few runs for an interval'})"
         for name, one in zip(("CEP50", "R95"), circles(outcomes).values(), strict=True)
     ]
     lines.append(bound_of(outcomes))

@@ -86,7 +86,9 @@ def thinned(x: Floats, y: Floats) -> tuple[Floats, Floats]:
     if size <= 2:
         return x, y
     groups = y[: len(y) // size * size].reshape(-1, size)
-    ends = np.stack([groups.argmin(axis=1), groups.argmax(axis=1)], axis=1)
+    is_gap = np.isnan(groups)
+    lowest = np.where(is_gap, np.inf, groups).argmin(axis=1)
+    ends = np.stack([lowest, np.where(is_gap, -np.inf, groups).argmax(axis=1)], axis=1)
     kept = np.sort(ends, axis=1) + size * np.arange(len(groups))[:, None]
     at = np.r_[0, kept.ravel(), len(y) - 1]
     return x[at], y[at]
@@ -154,6 +156,7 @@ def finish(axes: Axes, ylabel: str, zero_line: bool = False) -> None:
             axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
             axis.set_minor_formatter(NullFormatter())
     axes.grid(True, color=_GRID, linewidth=0.6)
+    axes.set_axisbelow(True)
     axes.margins(x=0)
     if zero_line:
         axes.axhline(0.0, color="0.5", linewidth=0.6, zorder=0)

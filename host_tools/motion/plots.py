@@ -122,7 +122,8 @@ def draw_check(recording: Recording, smoothed: Smoothed) -> Figure:
     give_title(figure, f"Motion recorded in {recording.path.name}, smoothed")
     grid = figure.add_gridspec(6, 2, width_ratios=(4, 6))
     _track(figure.add_subplot(grid[:, 0]), _over_ground(state))
-    panels = [figure.add_subplot(grid[k, 1]) for k in range(6)]
+    first = figure.add_subplot(grid[0, 1])
+    panels = [first, *(figure.add_subplot(grid[k, 1], sharex=first) for k in range(1, 6))]
     for axes, panel in zip(panels, _DRIVE, strict=False):
         panel.draw(axes, times, state)
     speed, position, velocity = panels[0], panels[4], panels[5]

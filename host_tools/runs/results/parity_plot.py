@@ -81,6 +81,10 @@ def _draw_ratio(
     ratio = np.where(compared, np.maximum(seconds["ratio"], _LEAST_RATIO), np.nan)
     draw_line(axes, time_s, ratio, **LINES[0])
     axes.axhline(1.0, color="black", linestyle="--", linewidth=1.0)
+    axes.annotate(
+        "threshold", (0.006, 1.0), xycoords=axes.get_yaxis_transform(), xytext=(0, 2),
+        textcoords="offset points", va="bottom", fontsize="small",
+    )  # fmt: skip
     axes.set_yscale("log")
     axes.set_ylim(_LEAST_RATIO, 5 * max(3.0, 1.5 * float(np.nanmax(ratio, initial=1.0))))
     _shade(axes, time_s, ~compared, "no redundancy left" if compared.any() else "not compared")
@@ -154,7 +158,8 @@ def _draw_residual(
     axes.fill_between(every, middle - band, middle + band, color="0.85", linewidth=0)
     draw_line(axes, time_s, middle + np.clip(residual, -limit, limit), **_LINE)
     for sign, marker in ((1, "^"), (-1, "v")):
-        beyond = time_s[sign * residual > limit]
+        is_beyond = sign * residual > limit
+        beyond = time_s[is_beyond & ~np.r_[False, is_beyond[:-1]]]  # the first of several
         at = np.full(len(beyond), middle + 0.88 * sign * limit)
         axes.plot(beyond, at, marker, color="black", markersize=3.5)
 
