@@ -8,7 +8,14 @@ from typing import TYPE_CHECKING
 import click
 
 from rrins.host_tools.cli.completion import complete_scenarios
-from rrins.host_tools.cli.options import FOLDER, json_option, option, seed_option, workers_option
+from rrins.host_tools.cli.options import (
+    FOLDER,
+    format_option,
+    json_option,
+    option,
+    seed_option,
+    workers_option,
+)
 from rrins.host_tools.cli.output import make_folder, print_results, stepping, stopping
 
 if TYPE_CHECKING:
@@ -24,6 +31,7 @@ _MOST_LISTED = 10
 @option("--cases", "Number of cases.", click.IntRange(1, 1_000_000), 200)
 @seed_option("the cases")
 @workers_option
+@format_option
 @option("--out", "Folder for page, picture and cases.", FOLDER, Path("out/integrity"))
 @json_option
 def integrity(

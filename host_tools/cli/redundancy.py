@@ -7,7 +7,15 @@ from typing import TYPE_CHECKING
 
 import click
 
-from rrins.host_tools.cli.options import FOLDER, Number, json_option, many, option, seed_option
+from rrins.host_tools.cli.options import (
+    FOLDER,
+    Number,
+    format_option,
+    json_option,
+    many,
+    option,
+    seed_option,
+)
 from rrins.host_tools.cli.output import make_folder, print_results, stopping
 
 if TYPE_CHECKING:
@@ -38,6 +46,7 @@ if TYPE_CHECKING:
 )
 @seed_option("the first run")
 @json_option
+@format_option
 @option("--out", "Folder for the report and its picture.", FOLDER, Path("out/redundancy"))
 def redundancy(
     scenario: str | None,

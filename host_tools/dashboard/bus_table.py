@@ -98,7 +98,7 @@ def _parity(redundancy: RedundancyVitals | None) -> tuple[float | None, int, int
     if redundancy is None:
         return None
     ratio = redundancy.parity_ratio if redundancy.redundancy_left else None
-    return ratio, redundancy.suspect or 0, redundancy.window_s
+    return ratio, redundancy.points_at or 0, redundancy.window_s
 
 
 def _sensor_state(

@@ -96,7 +96,7 @@ class View:
         self.row = self._quantities.row(sampled, self._load_percent(latest), lateness)
         if self.keeps:
             self.history.add(self.time_s, self.row)
-            self.log.follow(self.time_s, of_events)
+            self.log.follow(of_events, latest.changed_ns[len(self._sampled) :] / 1e9)
         return True
 
     def forget(self) -> None:

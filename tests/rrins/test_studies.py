@@ -61,8 +61,11 @@ def test_what_redundant_sensors_find(tmp_path):
     assert found.save(tmp_path / "own")[0].read_text().lower().startswith("<!doctype html>")
 
 
-def test_a_unit_calibrated(tmp_path):
-    found = rrins.calibrate(folder=tmp_path, turn_rate_dps=30, stand_s=0.5)
+def test_a_unit_calibrated(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    found = rrins.calibrate(turn_rate_dps=30, stand_s=0.5)
+    assert list(tmp_path.iterdir()) == []  # nothing is written unasked
+    assert {path.name for path in found.save("mine")} >= {"calibration.toml"}
     assert found.file.name == "calibration.toml"
     assert found.report.exists()
     assert found.verified == ""
