@@ -88,7 +88,7 @@ def test_a_fault_by_form_shows_everywhere_and_goes_again(open_page, rehearsal):
     page.fill("input[name=bias_dph]", "20")
     page.click("#inject")
     seen.wait(".answer.done")
-    assert "gyro_bias (sensor 3, bias_dph 20) since" in seen.text(".answer.done")
+    assert "gyro_bias (sensor 3, bias_dph 20), " in seen.text(".answer.done")
     for one in (seen, beside):
         one.wait('.chip[data-sensor^="G"][data-state="suspect"]')
         one.wait("#events li:has-text('the gyros disagree')")
