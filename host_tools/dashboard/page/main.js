@@ -2,6 +2,7 @@
 
 import { BusTable } from "./bus.js";
 import { Control } from "./control.js";
+import { Explain } from "./explain.js";
 import { Feed } from "./feed.js";
 import { Map2d } from "./map.js";
 import { $, clock, element, figures, length, setText } from "./parts.js";
@@ -50,6 +51,7 @@ const feed = new Feed({
 });
 const table = new BusTable(feed);
 const control = new Control(feed);
+const explain = new Explain(feed, plots, store);
 control.complain = (text) => {
   complaint = text;
   showBanner();
@@ -68,6 +70,7 @@ function begin(message) {
   turntable.setGeometry(scenario?.gyros_deg ?? FIRST_GEOMETRY, scenario?.accelerometers_deg ?? FIRST_GEOMETRY);
   table.clear();
   control.begin(hello);
+  explain.begin(hello);
   chipStates = "";
 }
 
