@@ -3,6 +3,7 @@
 import { BusTable } from "./bus.js";
 import { Chips } from "./chips.js";
 import { Control } from "./control.js";
+import { Explain } from "./explain.js";
 import { Feed } from "./feed.js";
 import { keep, recall } from "./kept.js";
 import { Map2d } from "./map.js";
@@ -56,6 +57,7 @@ const feed = new Feed({
 });
 const table = new BusTable(feed);
 const control = new Control(feed);
+const explain = new Explain(feed, plots, store);
 control.complain = (text) => {
   complaint = text;
   showBanner();
@@ -75,6 +77,7 @@ function begin(message) {
   table.clear();
   control.begin(hello);
   now.begin(hello);
+  explain.begin(hello);
   plots.context = { hasTruth: Boolean(scenario?.has_truth), estimates: scenario?.estimates };
   plots.showChosen();
 }
