@@ -260,7 +260,7 @@ def estimate(unit: Unit, seconds: Seconds) -> Estimate:
         return given
 
     given = look()
-    N = covariance = np.zeros((total, total))
+    covariance: Floats = np.zeros((total, total))
     for _ in range(_ITERATIONS):
         N, right = known.copy(), -known[:, last_common:] @ more
         for kind, one in zip(kinds, given, strict=True):
