@@ -6,6 +6,7 @@ import asyncio
 import json
 import logging
 import math
+from collections.abc import Sequence
 from typing import Any, Final
 
 from rrins.dbc.codec import load
@@ -57,11 +58,14 @@ class Feed:
     source : Source
     may_control : bool
         Whether any browser may give orders.
+    tour : sequence of dict
+        Steps of the tour that the page gives (`rrins.host_tools.dashboard.tour`).
     """
 
-    def __init__(self, source: Source, may_control: bool) -> None:
+    def __init__(self, source: Source, may_control: bool, tour: Sequence[JsonObject] = ()) -> None:
         self.source = source
         self.may_control = may_control
+        self._tour = list(tour)
         self._browsers: set[Browser] = set()
         self._sequence = 0
         self._turns = 0
@@ -108,6 +112,7 @@ class Feed:
             "forms": fault_forms() if may_control and "inject" in self.source.orders else {},
             "guides": sorted(guide_names()),
             "message_names": [message.name for message in messages],
+            "tour": self._tour,
             **self.source.describe(),
         }
 

@@ -42,7 +42,7 @@ OF: Final = {"position": slice(0, 3), "velocity": slice(3, 6), "attitude": slice
 """Errors that can be asked about, and which of `QUANTITIES` they are."""
 
 _SHARED: Final = {"position": slice(0, 2), "velocity": slice(3, 5), "attitude": slice(8, 9)}
-"""What a share is of: the horizontal error, and the heading."""
+"""Components whose error a share refers to: the horizontal ones, and the heading."""
 
 _MOST_SAMPLES: Final = 400
 

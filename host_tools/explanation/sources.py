@@ -73,7 +73,7 @@ _SIDES: Final = ("east", "north", "up")
 
 @dataclass(frozen=True)
 class Sides:
-    """What both sides of a run are set up with."""
+    """The set-up of both sides of a run."""
 
     firmware: firmware.Settings
     hardware: hardware.Settings

@@ -11,6 +11,7 @@ import { Now } from "./now.js";
 import { $, clock, element, figures, length, setText } from "./parts.js";
 import { Plots, SPANS } from "./plots.js";
 import { Store } from "./store.js";
+import { Tour } from "./tour.js";
 import { Turntable } from "./turntable.js";
 
 const PLOT_MS = 100;
@@ -58,6 +59,7 @@ const feed = new Feed({
 const table = new BusTable(feed);
 const control = new Control(feed);
 const explain = new Explain(feed, plots, store);
+new Tour(feed, store);
 control.complain = (text) => {
   complaint = text;
   showBanner();
