@@ -46,10 +46,11 @@ def test_the_covariance_beside_the_runs_of_a_campaign(tmp_path):
 
 @pytest.mark.slow
 def test_what_redundant_sensors_find(tmp_path):
-    found = rrins.study_redundancy(geometries=["tetrahedron"], gyro_steps_dph=[1, 10], runs=0)
+    steps = {"gyro_steps_dph": [1, 10], "accelerometer_steps_ug": [5000]}
+    found = rrins.study_redundancy(geometries=["tetrahedron"], **steps, runs=1)
     printed = said(
-        *("redundancy", "--rimu", "tetrahedron", "--runs", "0"),
-        *("--gyro", "1", "--gyro", "10", "--out", str(tmp_path)),
+        *("redundancy", "--rimu", "tetrahedron", "--runs", "1"),
+        *("--gyro", "1", "--gyro", "10", "--accelerometer", "5000", "--out", str(tmp_path)),
     )
     assert found.values["candidates"] == printed["candidates"]
     assert set(found.smallest["geometry"]) == {"tetrahedron"}

@@ -3,6 +3,7 @@
 import { BusTable } from "./bus.js";
 import { Chips } from "./chips.js";
 import { Control } from "./control.js";
+import { Explain } from "./explain.js";
 import { Feed } from "./feed.js";
 import { keep, recall } from "./kept.js";
 import { Map2d } from "./map.js";
@@ -10,6 +11,7 @@ import { Now } from "./now.js";
 import { $, clock, element, figures, length, setText } from "./parts.js";
 import { Plots, SPANS } from "./plots.js";
 import { Store } from "./store.js";
+import { Tour } from "./tour.js";
 import { Turntable } from "./turntable.js";
 
 const PLOT_MS = 100;
@@ -56,6 +58,8 @@ const feed = new Feed({
 });
 const table = new BusTable(feed);
 const control = new Control(feed);
+const explain = new Explain(feed, plots, store);
+new Tour(feed, store);
 control.complain = (text) => {
   complaint = text;
   showBanner();
@@ -75,6 +79,7 @@ function begin(message) {
   table.clear();
   control.begin(hello);
   now.begin(hello);
+  explain.begin(hello);
   plots.context = { hasTruth: Boolean(scenario?.has_truth), estimates: scenario?.estimates };
   plots.showChosen();
 }
