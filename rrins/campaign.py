@@ -5,14 +5,14 @@ from __future__ import annotations
 import threading
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, Self, Unpack
 
 from rrins.host_tools.campaigns import running
 from rrins.host_tools.campaigns.comparison import Comparison, compare
 from rrins.host_tools.campaigns.definition import Wishes, load
 from rrins.host_tools.campaigns.rerun import rerun as rerun_run
 from rrins.host_tools.campaigns.row import MAIN
-from rrins.host_tools.campaigns.statistics import PERCENTILES, percentile
+from rrins.host_tools.campaigns.statistics import PERCENTILES
 from rrins.host_tools.campaigns.store import Store
 from rrins.host_tools.campaigns.summary import SHOWN, Outcomes, circles
 from rrins.host_tools.campaigns.until import Until
@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from rrins.host_tools.campaigns.conduct import Progress
+    from rrins.host_tools.scenario.typed_keys import SharedKeys
 
 
 class Campaign:
@@ -76,7 +77,7 @@ class Campaign:
         design: str | None = None,
         out: str | Path | None = None,
         duration_s: float | None = None,
-        **changes: object,
+        **changes: Unpack[SharedKeys],
     ) -> None:
         named: str | Mapping[str, Any] | Scenario = (
             str(source) if isinstance(source, Path) else source
@@ -173,7 +174,7 @@ class Campaign:
 
         outcomes = Outcomes(self.store, columns)
         rows = {
-            (name, percent): percentile(outcomes[name], percent).values()
+            (name, percent): outcomes.sample(name).percentile(percent).values()
             for name in outcomes.known()
             for percent in percents
         }

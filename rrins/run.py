@@ -9,7 +9,7 @@ from base64 import b64encode
 from collections.abc import Mapping
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal, Unpack
 
 from rrins.host_tools.runs.display import RunDisplay
 from rrins.host_tools.runs.programs.program import Program
@@ -29,6 +29,9 @@ if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+    from rrins.explain import Explanation
+    from rrins.host_tools.scenario.typed_keys import RunKeys, ScenarioKeys
 
 Source = str | Path | Mapping[str, object] | Scenario
 """Name of a scenario: see `load_scenario`."""
@@ -123,6 +126,39 @@ class Run:
         let_figures_show()
         return draw_track(self._result.errors, self._result.title, axes)
 
+    def explain(
+        self,
+        t_s: float,
+        *,
+        by: Literal["sensor", "source"] = "sensor",
+        check: bool = False,
+        progress: bool | None = None,
+    ) -> Explanation:
+        """Return what each error source contributes to the error at an instant.
+
+        The scenario is run again in this process, twice for each source: with it alone, and
+        without it.
+
+        Parameters
+        ----------
+        t_s : float
+            Since navigation began, as in `errors`.
+        by : str
+            "sensor": each sensor's errors; "source": all sensors of a kind together, in fewer runs.
+        check : bool
+            Whether to compare the parts with the linear error equations, too.
+        progress : bool, optional
+            Whether to show progress; in a terminal or notebook by default.
+
+        Raises
+        ------
+        RehearsalError
+            When there is no such instant, or the scenario does not give this run again.
+        """
+        from rrins.explain import explain_run
+
+        return explain_run(self._result, t_s, by, check, progress)
+
     def save(self, folder: str | Path) -> list[Path]:
         """Write summary, errors and pictures into a folder, as the command line does.
 
@@ -168,7 +204,7 @@ def simulate(
     *,
     frames: bool = False,
     progress: bool | None = None,
-    **changes: object,
+    **changes: Unpack[ScenarioKeys],
 ) -> Run:
     """Run both sides of a scenario in this process, without a bus.
 
@@ -212,7 +248,8 @@ def rehearse(
     progress: bool | None = None,
     program: str | None = None,
     hardware: str | None = None,
-    **changes: object,
+    restarts: int = 0,
+    **changes: Unpack[RunKeys],
 ) -> Run:
     """Run a scenario as two processes on one bus.
 
@@ -232,6 +269,8 @@ def rehearse(
         Your own navigation computer: a program, or its command line.
     hardware : str, optional
         Your own sensors and table: a program, or its command line.
+    restarts : int
+        How often `program` is started again when it fails.
     **changes
         Keys of the scenario, as in `load_scenario`.
 
@@ -252,6 +291,7 @@ def rehearse(
             speed=speed,
             firmware=None if program is None else Program.parse(program),
             hardware=None if hardware is None else Program.parse(hardware),
+            restarts=restarts,
         )
         with _display(loaded, progress) as display:
             path = None if record is None else Path(record)

@@ -18,15 +18,19 @@ All payloads have eight bytes; the byte order is little-endian (Intel). Cycle ti
 
 **Protection.** Every message except the diagnostic ones follows AUTOSAR E2E profile 1, variant 1A:
 byte 0 is a CRC-8 (polynomial 0x1D, start value and final XOR 0x00) over the low and the high byte
-of the message's data ID and bytes 1 to 7; the low nibble of byte 1 is a counter from 0 to 14. In
-frames sent every epoch the counter is the epoch modulo 15, which ties a frame to its epoch; in the
-others it counts transmissions. A frame with a wrong CRC or counter only increments a fault counter.
+of the message's data ID and bytes 1 to 7; the low nibble of byte 1 is a counter from 0 to 14. The
+DBC's attribute `E2ECounter` says what it counts: `Epoch` is the epoch modulo 15, which ties a frame
+to its epoch, sent in each or not; `Transmissions` are those of the message. A frame with a wrong
+CRC or counter only increments a fault counter.
+
+**When.** The DBC's attribute `GenMsgSendType` is `Cyclic`, `IfActive` for what is sent in cycles
+while the navigation, or the estimator, runs, or `Event`.
 
 **Increments.** The sensors' frames hold increments along the sensors' input axes. [Fusing the
 sensors yourself](conventions.md#fusing-the-sensors-yourself) says how they become vectors.
 
 **Diagnostics.** The messages `DIAG_…` carry ISO-TP (ISO 15765-2), which has its own control bytes
-and sequence numbers; see [diagnostics](diagnostics.md). They have no cycle time.
+and sequence numbers, so no E2E profile; see [diagnostics](diagnostics.md). They have no cycle time.
 """
 
 
@@ -53,7 +57,8 @@ def _message(codec: Codec, message: Message) -> Iterator[str]:
     yield f"\n## {message.name}\n"
     data_id = int(row["data_id"])
     protection = f"E2E data ID 0x{data_id:04X}" if data_id else "no end-to-end protection"
-    yield f"Identifier 0x{message.frame_id:03X}, {protection}."
+    counts = ", counts epochs" if codec.counts_epochs(message.name) else ""
+    yield f"Identifier 0x{message.frame_id:03X}, {protection}{counts}."
     if message.name == "SENSOR_1":
         yield "SENSOR_2 to SENSOR_16 have the same signals; a RIMU sends one per sensor group."
     yield ""

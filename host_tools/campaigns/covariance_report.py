@@ -10,7 +10,7 @@ from typing import IO, TYPE_CHECKING
 import numpy as np
 
 from rrins.host_tools.campaigns.errors import CampaignError
-from rrins.host_tools.campaigns.statistics import Estimate, sigma
+from rrins.host_tools.campaigns.statistics import Estimate
 from rrins.host_tools.campaigns.store import Store
 from rrins.host_tools.campaigns.summary import Outcomes, shown, with_interval
 from rrins.host_tools.covariance.analysis import Analysis
@@ -80,7 +80,7 @@ def beside_runs(store: Store) -> Beside:
     from rrins.host_tools.campaigns.pictures import series_of
 
     outcomes = Outcomes(store, _COLUMNS)
-    east, north = (sigma(outcomes[name]) for name in _COLUMNS)
+    east, north = (outcomes.sample(name).sigma() for name in _COLUMNS)
     if not np.isfinite(east.half_width):
         raise CampaignError(f"{store.folder}: {len(outcomes[_COLUMNS[0]])} runs are too few")
     times, *pair = series_of(store)

@@ -80,6 +80,14 @@ class Distribution:
         return all(isinstance(v, float | int) and not isinstance(v, bool) for v in self.values)
 
     @property
+    def stored_as(self) -> str:
+        """The type of its column: ``int64``, ``double``, ``bool`` or ``string``."""
+        types = {type(value) for value in self.values}
+        if self.kind == "list" and len(types) == 1:
+            return {int: "int64", float: "double", bool: "bool", str: "string"}[types.pop()]
+        return "double" if self.is_numeric else "string"
+
+    @property
     def levels(self) -> tuple[Value, ...]:
         """The values of a sweep: a list's own, the limits of a uniform distribution, else ± 1 σ."""
         if self.kind in ("list", "uniform", "loguniform"):
@@ -230,4 +238,6 @@ def _steps(key: str, values: Sequence[Value]) -> tuple[Value, ...]:
     count = int(number)
     if count != number or not 2 <= count <= _MOST_STEPS:
         raise CampaignError(f"{key}: the number of steps() is a whole number from 2 on")
-    return tuple(first + (last - first) * k / (count - 1) for k in range(count))
+    steps = [first + (last - first) * k / (count - 1) for k in range(count)]
+    is_whole = all(isinstance(value, int) for value in values) and all(map(float.is_integer, steps))
+    return tuple(int(step) if is_whole else step for step in steps)

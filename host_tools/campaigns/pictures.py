@@ -14,7 +14,7 @@ from rrins.host_tools.campaigns.distributions import cumulative_normal
 from rrins.host_tools.campaigns.labels import label_of, words_of
 from rrins.host_tools.campaigns.row import MAIN, OK, SERIES
 from rrins.host_tools.campaigns.sensitivity import Index, Share
-from rrins.host_tools.campaigns.statistics import Estimate, percentile
+from rrins.host_tools.campaigns.statistics import Estimate, Sample
 from rrins.host_tools.campaigns.store import Store, read_manifest
 from rrins.host_tools.campaigns.summary import shown
 from rrins.host_tools.drawing.style import EAST, LINES, finish, new_figure, time_axis
@@ -60,14 +60,14 @@ def draw_bands(times: Floats, east: Floats, north: Floats) -> Figure:
     return figure
 
 
-def draw_distribution(radial: Floats) -> Figure:
+def draw_distribution(radial: Sample) -> Figure:
     """Draw the distribution function of the horizontal error at the end."""
     figure = new_figure(6.0, 4.0)
     axes = figure.subplots()
-    values = np.sort(radial)
+    values = np.sort(radial.values)
     axes.step(values, np.arange(1, len(values) + 1) / len(values), where="post", **EAST)
     for percent, line in ((50.0, LINES[1]), (95.0, LINES[2])):
-        one = percentile(values, percent)
+        one = radial.percentile(percent)
         axes.plot([0, one.value], [percent / 100] * 2, **line)
         axes.plot(
             [one.value] * 2,
@@ -90,9 +90,9 @@ def draw_ends(east: Floats, north: Floats) -> Figure:
     figure = new_figure(5.0, 5.0)
     axes = figure.subplots()
     axes.plot(east[:_MOST_POINTS], north[:_MOST_POINTS], ".", ms=3, color=EAST["color"], alpha=0.5)
-    radial = np.hypot(east, north)
+    radial = Sample(np.hypot(east, north))
     for name, percent, line in (("CEP50", 50.0, LINES[1]), ("R95", 95.0, LINES[2])):
-        radius = percentile(radial, percent)
+        radius = radial.percentile(percent)
         turn = np.linspace(0.0, 2 * np.pi, 361)
         at = radius.value * np.cos(turn), radius.value * np.sin(turn)
         axes.plot(*at, label=f"{name}: {shown(radius.value)} m", **line)

@@ -19,7 +19,6 @@ from rrins.host_tools.covariance.analysis import Analysis, analyse
 from rrins.host_tools.drawing.page import write_report
 from rrins.host_tools.errors import RehearsalError
 from rrins.host_tools.files import make_folder
-from rrins.host_tools.rounding import limits
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -51,7 +50,12 @@ def write(store: Store, folder: Path | None = None) -> list[Path]:
         folder,
         "rrins.host_tools.campaigns",
         {name: picture for name, (_, picture) in drawn.items()},
-        filters={"shown": summary.shown, "label": label_of},
+        filters={
+            "shown": summary.shown,
+            "value": summary.value_of,
+            "interval": summary.interval,
+            "label": label_of,
+        },
         captions={name: caption for name, (caption, _) in drawn.items()},
         definition=definition,
         title=definition.title or definition.name,
@@ -59,9 +63,9 @@ def write(store: Store, folder: Path | None = None) -> list[Path]:
         failed=outcomes.failed,
         stopped_at=store.stopped_at,
         reasons=summary.reasons(store),
-        figures=[(name, summary.shown_figures(outcomes[name])) for name in outcomes.known()],
+        figures=[(name, summary.shown_figures(outcomes.sample(name))) for name in outcomes.known()],
         circles=summary.circles(outcomes),
-        limits=lambda one: limits(one.value, one.low, one.high),
+        bound=summary.bound_of(outcomes),
         shares=shares,
         indices=indices,
         linear=linear,
@@ -133,7 +137,7 @@ def _drawn(
         bands = pictures.draw_bands(*pictures.series_of(store))
         drawn["over_time"] = ("Errors over time: percentiles of the runs.", bands)
         caption = "How many of the runs end with at most this horizontal error."
-        drawn["distribution"] = (caption, pictures.draw_distribution(radial))
+        drawn["distribution"] = (caption, pictures.draw_distribution(outcomes.sample(MAIN)))
         ends = pictures.draw_ends(outcomes["position_east_m"], outcomes["position_north_m"])
         drawn["ends"] = ("Where the runs end.", ends)
     if shares:

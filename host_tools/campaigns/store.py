@@ -47,9 +47,10 @@ def schema_of(definition: Definition) -> pa.Schema:
     import pyarrow as pa
 
     fields = [pa.field("run", pa.int64()), pa.field("seed", pa.int64())]
-    for one in definition.plan.inputs:
-        is_number = one.distribution.is_numeric
-        fields.append(pa.field(one.column, pa.float64() if is_number else pa.string()))
+    fields += [
+        pa.field(one.column, pa.type_for_alias(one.distribution.stored_as))
+        for one in definition.plan.inputs
+    ]
     fields += [pa.field("status", pa.string()), pa.field("error", pa.string())]
     fields += [pa.field(name, pa.float64()) for name in OUTPUTS]
     fields += [pa.field(name, pa.list_(pa.float32())) for name in SERIES]

@@ -64,6 +64,7 @@ _PLAN = {
     "motion": _Entry("motion", "Check recorded vehicle motion; export true motion."),
     "campaign": _Entry("campaign", "Run a scenario thousands of times with different values."),
     "covariance": _Entry("covariance", "Analyse how each error source acts on the position."),
+    "explain": _Entry("explain", "Explain an error: what each source contributes to it."),
     "reproduce": _Entry("reproduce", "Run the paper's experiments."),
 }
 _SECTIONS: Final = {"Run": _RUN, "Look": _LOOK, "Plan": _PLAN}

@@ -63,7 +63,7 @@ class Feed:
         self._browsers: set[Browser] = set()
         self._sequence = 0
         self._turns = 0
-        self._told = 0  # events
+        self._told = self._late = 0  # events
         self._viewed: View | None = None
         self._status = ""
         self._ordering = asyncio.Lock()
@@ -140,14 +140,16 @@ class Feed:
     def _begin(self, view: View) -> None:
         """Begin with another view: all browsers begin anew."""
         self._viewed = view
-        self._told = view.log.count
+        self._told, self._late = view.log.count, view.log.late
         for browser in self._browsers:
             self._introduce(browser)
 
     def _tell_events(self, view: View) -> None:
-        new = view.log.count - self._told
-        if new > 0:
-            self._told = view.log.count
+        new, late = view.log.count - self._told, view.log.late - self._late
+        self._told, self._late = view.log.count, view.log.late
+        if late > 0:
+            self._tell_all(self._events(view.log.events, anew=True))
+        elif new > 0:
             self._tell_all(self._events(view.log.events[-new:]))
 
     def _tell_all(self, message: str) -> None:
@@ -190,19 +192,20 @@ class Feed:
         if order.order not in self.source.orders:
             self._answer(browser, order, False, f"{order.order}: not for this source")
             return
+        asked_s = self.source.view.time_s
         try:
             async with self._ordering:  # orders on a bus may wait for answers
                 answer = await asyncio.to_thread(self.source.carry_out, order)
         except RehearsalError as error:
             self._answer(browser, order, False, str(error))
             return
-        text = str(answer.pop("text"))
+        text, at_s = str(answer.pop("text")), float(answer.pop("at_s", asked_s))
         self._answer(browser, order, True, text)
         if answer:
             self._tell_all(as_json("report", answer))
         if self.source.kind != "recording" and text and order.order not in READING:
             view = self.source.view
-            view.log.add(view.time_s, text, "order")
+            view.log.add(min(max(at_s, asked_s), view.time_s), text, "order")
 
     def _show(self, browser: Browser, order: Order) -> None:
         known = {message.name for message in load().database.messages}

@@ -242,11 +242,12 @@ class _Events:
             self._watch.add_timed_frames(piece.frames[begin:end], times_ns[begin:end])
             begin = end
             latest = self._watch.latest(self._rows)
-            for event in self._log.follow(latest.now_ns / _NS, latest.values):
+            for event in self._log.follow(latest.values, latest.changed_ns / _NS):
+                time_ns = round(event.time_s * _NS)
                 yield (
-                    latest.now_ns,
+                    time_ns,
                     {
-                        "timestamp": _time(latest.now_ns),
+                        "timestamp": _time(time_ns),
                         "level": _LEVELS[event.weight],
                         "message": event.text,
                         "name": "rrins",

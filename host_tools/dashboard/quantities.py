@@ -120,6 +120,11 @@ class Quantities:
         self._errors = np.full(len(ERRORS) + len(_PLACES), np.nan)
         self._nav_epoch = -1
 
+    def forget(self) -> None:
+        """Forget the latest output; the first place stays."""
+        self._errors[:] = np.nan
+        self._nav_epoch = -1
+
     def row(self, sampled: Floats, bus_load_percent: float, lateness_ms: float) -> Floats:
         """Return a row, in the order of `NAMES`; NaN for what is not known.
 

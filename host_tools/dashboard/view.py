@@ -90,8 +90,14 @@ class View:
         self.row = self._quantities.row(sampled, self._load_percent(latest), lateness)
         if self.keeps:
             self.history.add(self.time_s, self.row)
-            self.log.follow(self.time_s, of_events)
+            self.log.follow(of_events, latest.changed_ns[len(self._sampled) :] / 1e9)
         return True
+
+    def forget(self) -> None:
+        """Forget what was computed from earlier frames: the watch has gone to another time."""
+        self._looked_ns = None
+        self._marks.clear()
+        self._quantities.forget()
 
     def _load_percent(self, latest: Latest) -> float:
         """Return how busy the wire was in about the last second of bus time."""

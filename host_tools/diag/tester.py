@@ -304,11 +304,19 @@ class Tester(Closing):
         return b"".join(parts)
 
     def reset(self, kind: int) -> None:
-        """Reset the computer."""
+        """Reset the computer; one that navigates only if it may be unlocked."""
+        service = table.service(0x11)
         self.conversation.request(
-            "reset", table.service(0x11).access, lambda: self._client.ecu_reset(kind)
+            "reset",
+            access.UNLOCKED if self.conversation.is_securing else service.access,
+            lambda: self._client.ecu_reset(kind),
+            advice=self._reset_advice,
         )
         self.conversation.forget_session()
+
+    def _reset_advice(self, code: int) -> str:
+        words = self._mode_advice(table.service(0x11).text)(code)
+        return f"{words} (--security)" if words else ""
 
     # ---- the calibration file
 

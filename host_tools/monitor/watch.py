@@ -41,6 +41,7 @@ class Latest:
     busy_ns: int  #: for how long the wire was busy since the start
     #: shape (n,); in the units of the DBC; NaN for a signal that was not on the bus yet
     values: Floats
+    changed_ns: Integers  #: shape (n,); bus time of the frame since which each has its value
 
 
 class _Glance:
@@ -50,6 +51,7 @@ class _Glance:
         self._now, self._busy = tallies["now_ns"], tallies["load"]["busy_ns"]
         signals = tallies["signals"][0]
         self._raw, self._low, self._high = (signals[name] for name in ("raw", "low", "high"))
+        self._changed = signals["changed_ns"]
         self._scale = codec.signals["scale"].copy()
         self._offset = codec.signals["offset"].copy()
 
@@ -57,7 +59,8 @@ class _Glance:
         """Return the values of signals, by their rows in the codec's table."""
         values = self._raw[rows] * self._scale[rows] + self._offset[rows]
         values[self._low[rows] > self._high[rows]] = np.nan
-        return Latest(int(self._now[0]), heard_ns, int(self._busy[0]), values)
+        changed_ns = self._changed[rows]
+        return Latest(int(self._now[0]), heard_ns, int(self._busy[0]), values, changed_ns)
 
 
 class Watch:

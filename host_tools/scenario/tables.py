@@ -38,16 +38,22 @@ class Site(TomlTable):
     """Where the vehicle stands, on WGS-84."""
 
     latitude_deg: float = Field(default=40.3554, ge=-89.9, le=89.9)
+    """Geodetic latitude, north positive."""
     longitude_deg: float = Field(default=116.668, ge=-180, le=180)
+    """Longitude, east positive."""
     height_m: float = Field(default=40.0, ge=-1000, le=100_000)
+    """Above the ellipsoid."""
 
 
 class Body(TomlTable):
     """The vehicle's attitude."""
 
     roll_deg: float = Field(default=0.0, ge=-180, le=180)
+    """Right side down positive."""
     pitch_deg: float = Field(default=0.0, ge=-90, le=90)
+    """Nose up positive."""
     heading_deg: float = Field(default=0.0, ge=-360, le=360)
+    """Clockwise from north."""
 
 
 class Rimu(TomlTable):
@@ -56,8 +62,11 @@ class Rimu(TomlTable):
     geometry: Literal[
         "tetrahedron", "orthogonal", "dodecahedron", "cone", "orthogonal-plus-one", "custom"
     ] = "tetrahedron"
+    """A built-in arrangement of the sensors, or `custom` with the two keys below."""
     gyro_axes_deg: tuple[tuple[float, float], ...] | None = None
+    """Polar angle from z and azimuth from x of each gyro's input axis."""
     accelerometer_axes_deg: tuple[tuple[float, float], ...] | None = None
+    """The same of the accelerometers."""
 
     @model_validator(mode="after")
     def _consistent(self) -> Rimu:
@@ -91,13 +100,16 @@ class Outage(TomlTable):
     at_s: float = Field(ge=0, le=LONGEST_S)
     """Since power-on, as of faults."""
     for_s: float = Field(gt=0, le=LONGEST_S)
+    """How long it lasts."""
 
 
 class Tunnel(TomlTable):
     """A stretch of the vehicle's way without a fix, m from where its motion begins."""
 
     from_m: float = Field(ge=0, le=1e7)
+    """Where it begins."""
     to_m: float = Field(gt=0, le=1e7)
+    """Where it ends."""
 
     @model_validator(mode="after")
     def _in_order(self) -> Tunnel:
@@ -138,6 +150,7 @@ class ZeroVelocity(TomlTable):
     at_s: float = Field(ge=0, le=LONGEST_S)
     """Since power-on, as of faults."""
     for_s: float = Field(gt=0, le=LONGEST_S)
+    """How long it lasts."""
     velocity_sigma_mps: float = Field(default=0.01, ge=0.001, le=65)
     """How still it stands: standard deviation of each component of its velocity."""
 
@@ -148,26 +161,36 @@ class Firmware(rrins.firmware_py.core.settings.Keys, TomlTable):
     roll_error_arcsec: float = Field(default=0.0, ge=-36_000, le=36_000)
     """Of the given or transferred attitude, as are all of these errors: given minus true."""
     pitch_error_arcsec: float = Field(default=0.0, ge=-36_000, le=36_000)
+    """Nose up positive."""
     heading_error_arcsec: float = Field(default=0.0, ge=-36_000, le=36_000)
+    """Clockwise positive."""
     level_error_sigma_arcsec: float = Field(default=0.0, ge=0, le=36_000)
     """Standard deviation of what a run draws for roll and pitch, on top."""
     heading_error_sigma_arcsec: float = Field(default=0.0, ge=0, le=36_000)
+    """The same of the heading."""
     velocity_error_sigma_mps: float = Field(default=0.0, ge=0, le=100)
     """The same of each component of a transferred velocity."""
     position_error_sigma_m: float = Field(default=0.0, ge=0, le=10_000)
+    """The same of each component of a transferred position."""
     calibration: str | None = Field(default=None, min_length=1)
     """TOML file of calibrated errors, relative to the scenario's folder."""
     scheme: (
         Literal["16-position", "8-position", "4-position", "single-axis-4-position", "calibration"]
         | tuple[rrins.firmware_py.core.settings.Turn, ...]
     ) = "16-position"
+    """Rotation scheme: a built-in one, or its turns."""
     turn_rate_dps: float = Field(default=2.0, ge=0.01, le=60)
+    """Commanded rate of the axes."""
     stand_s: float = Field(default=10.0, ge=0, le=86_400)
+    """Time at rest after each turn."""
     isolate_heading: bool = False
     """Whether the inner axis takes the vehicle's turn out, too."""
     gyro_weights: PerSensor = 1.0
+    """Of the fusion: 1/σ² of the gyros up to a common factor. Paper, (54)."""
     accelerometer_weights: PerSensor = 1.0
+    """The same of the accelerometers."""
     clock_error_ppm: float = Field(default=0.0, ge=-1000, le=1000)
+    """How much the firmware's own clock runs fast."""
 
     @property
     def has_attitude_error(self) -> bool:
@@ -196,7 +219,9 @@ class Readmission(TomlTable):
     at_s: float = Field(ge=0, le=LONGEST_S)
     """After power-on of the hardware."""
     kind: Literal["gyro", "accelerometer"]
+    """Which kind of sensor."""
     sensor: int = Field(ge=1, le=SENSOR_GROUPS)
+    """Its number, from 1."""
     test_s: int = Field(default=60, ge=TEST_LEAST_S, le=TEST_LONGEST_S)
     """How long it is compared with the others before it is used."""
     anew: bool = False
@@ -226,6 +251,7 @@ class Estimator(TomlTable):
     """The firmware's error-state Kalman filter."""
 
     enabled: bool = False
+    """Estimate errors of the navigation and biases from all aids that are fitted."""
     fine_alignment_s: float = Field(default=0.0, ge=0, le=86_400)
     """Between the alignment and navigation, while the table turns; 0: none."""
     constants: bool = False
@@ -264,7 +290,9 @@ class OperatorRequest(TomlTable):
     """A mode that the operator requests, and when (after power-on of the hardware)."""
 
     at_s: float = Field(ge=0, le=LONGEST_S)
+    """After power-on of the hardware."""
     request: Literal["STANDBY", "ALIGN", "NAVIGATE_STRAPDOWN", "NAVIGATE_ROTATING"]
+    """The mode."""
 
 
 class Bus(TomlTable):
@@ -278,17 +306,22 @@ class EastNorth(TomlTable):
     """A pair of figures."""
 
     east: float
+    """To the east."""
     north: float
+    """To the north."""
 
 
 class Paper(TomlTable):
     """The paper's figures for the same run, for comparison."""
 
     source: str = Field(default="", max_length=MOST_LETTERS)
+    """Where the figures stand."""
     duration_s: float | None = None
+    """Length of the paper's run."""
     max_abs_position_error_m: EastNorth | None = None
     max_abs_velocity_error_mps: EastNorth | None = None
     end_position_error_m: float | None = None
+    """Horizontal."""
 
 
 def _check_span(name: str, axes_deg: AxesDeg) -> None:

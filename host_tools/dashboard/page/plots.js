@@ -62,6 +62,9 @@ function range(least) {
   };
 }
 
+// Plots share the cursor, and the band that is dragged; only the plot where it ends zooms all.
+const isOfCursor = (type) => type === "mousemove" || type === "mouseleave";
+
 // Points further outside than the view is wide move to its edge: along a line out to them, a dash would
 // be drawn a hundred thousand times.
 export function farEnds(times, low, high) {
@@ -116,11 +119,11 @@ class Plot {
     const options = {
       width: 300, height: 100, series, axes, bands, legend: { show: false }, padding: [6, 16, 0, 0],
       scales: { x: { time: false, auto: false }, y: { range: range(spec.least) }, ms: { range: range([0, 5]) } },
-      cursor: { sync: { key: "time" }, drag: { x: true, y: false, setScale: false }, points: { size: 6 }, y: false },
+      cursor: { sync: { key: "time", filters: { pub: isOfCursor } }, drag: { x: true, y: false, setScale: false }, points: { size: 6 }, y: false },
       hooks: {
         setSelect: [(u) => {
           if (u.select.width > 4) this.board.zoom(u.posToVal(u.select.left, "x"), u.posToVal(u.select.left + u.select.width, "x"));
-          u.setSelect({ left: 0, top: 0, width: 0, height: 0 }, false);
+          this.board.clearSelections();
         }],
         setCursor: [(u) => this.showValues(u.cursor.idx)],
         draw: [(u) => this.drawExtras(u)],
@@ -265,6 +268,11 @@ export class Plots {
     if (this.isHeld && low != null) this.held = this.zoomed;
     if (this.isHeld && low == null) { this.isHeld = false; $("hold").setAttribute("aria-pressed", false); }
     this.draw();
+  }
+
+  // The band that is dragged shows in all plots.
+  clearSelections() {
+    for (const plot of this.plots) plot.chart.setSelect({ left: 0, top: 0, width: 0, height: 0 }, false);
   }
 
   window() {

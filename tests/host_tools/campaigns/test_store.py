@@ -7,6 +7,7 @@ import pandas as pd
 import pytest
 
 from rrins.host_tools.campaigns.definition import Wishes, load
+from rrins.host_tools.campaigns.distributions import parse
 from rrins.host_tools.campaigns.errors import CampaignError
 from rrins.host_tools.campaigns.store import MANIFEST, Store
 
@@ -34,6 +35,30 @@ def test_rows_come_back_in_order_of_runs(store):
     assert table["horizontal_error_m"].to_pylist() == [0, 1 / 3, 1, 7 / 3]
     assert set(table["firmware.scheme"].to_pylist()) <= {"16-position", "8-position"}
     assert store.values("horizontal_error_m") == {0: 0, 1: 1 / 3, 3: 1, 7: 7 / 3}
+
+
+@pytest.mark.parametrize(
+    ("text", "kind"),
+    [
+        ("list(1, 2, 4)", "int64"),
+        ("steps(1, 4, 4)", "int64"),
+        ("steps(1, 2, 3)", "double"),
+        ("list(1, 2.5)", "double"),
+        ("uniform(1, 2)", "double"),
+        ("list(true, false)", "bool"),
+        ("list(16-position, 8)", "string"),
+    ],
+)
+def test_a_column_has_the_type_of_its_values(text, kind):
+    assert parse("key", text).stored_as == kind
+
+
+def test_numbers_of_sensors_are_stored_whole(tmp_path):
+    fault = {"kind": "gyro_bias", "at_s": 5, "size": 1, "sensor": "list(1, 2, 3, 4)"}
+    store = Store.create(tmp_path / "c", campaign(faults=[fault]))
+    store.write([row(store.definition, run) for run in range(10)])
+    sensors = store.table(["faults.1.sensor"])["faults.1.sensor"].to_pylist()
+    assert all(isinstance(one, int) for one in sensors)
 
 
 def test_others_read_the_folder_as_it_is(store):

@@ -7,10 +7,12 @@ import pytest
 
 from rrins.host_tools.campaigns.definition import Wishes, load
 from rrins.host_tools.campaigns.row import Work, rows_of
+from rrins.host_tools.campaigns.statistics import Sample
 from rrins.host_tools.covariance.analysis import analyse
 from rrins.host_tools.errors import RehearsalError
 
 G, RADIUS = 9.80, 6.37e6
+ENDS = ("position_east_m", "position_north_m")
 SCHULER = math.sqrt(G / RADIUS)
 
 
@@ -62,20 +64,49 @@ def test_sources_add_up_and_those_left_out_are_named():
         "accelerometers.installation_u_arcsec.3=20",
         "firmware.heading_error_arcsec=60",
         "firmware.roll_error_arcsec=20",
+        "self-aligned gyros.scale_error_ppm.2=20",
+        "self-aligned gyros.asymmetric_scale_error_ppm.3=30",
+        "self-aligned gyros.g_sensitivity_dph_per_g.1=1",
+        "self-aligned accelerometers.installation_v_arcsec.2=20",
     ],
 )
 @pytest.mark.slow
 def test_each_constant_gives_what_a_run_with_it_gives(key):
-    """A run with the error less one without is what the analysis says, in size and sign."""
-    name, _, size = key.partition("=")
+    """A run with the error less one without is what the analysis says, in size and sign.
+
+    Of self-aligned units, too, whose table rests until it has found north.
+    """
+    name, _, size = key.split(" ")[-1].partition("=")
     drawn = {name: f"normal({size}, 1e-9)"}
-    wishes = Wishes(duration_s=300, runs=1, vary=drawn, set={"redundancy.enabled": False})
-    definition = load("ideal", wishes)
-    row, *_ = rows_of(Work.of(definition), [0])
-    found = analyse(definition.scenario, definition.varied()).mean[-1]
+    place = {"site.latitude_deg": 50.0, "body.heading_deg": 30.0, "redundancy.enabled": False}
+    if key.startswith("self-aligned"):
+        place["firmware.initial_attitude"] = "self-aligned"
+    with_it, without = (
+        load("ideal", Wishes(duration_s=300, runs=1, vary=vary, set=place)) for vary in (drawn, {})
+    )
+    row, ideal = (rows_of(Work.of(one), [0])[0] for one in (with_it, without))
+    found = analyse(with_it.scenario, with_it.varied()).mean[-1]
     assert row["status"] == "ok"
-    at_end = (row["position_east_m"], row["position_north_m"])
-    assert found == pytest.approx(at_end, rel=0.02, abs=0.01 * np.hypot(*at_end) + 0.002)
+    at_end = [row[name] - ideal[name] for name in ENDS]
+    assert found == pytest.approx(at_end, rel=0.005, abs=0.005 * np.hypot(*at_end) + 0.002)
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize("sensors", ["prototype", "navigation", "tactical"])
+@pytest.mark.parametrize("geometry", ["orthogonal", "tetrahedron", "dodecahedron"])
+@pytest.mark.parametrize("attitude", ["given", "self-aligned"])
+def test_it_lies_in_the_intervals_of_runs(attitude, geometry, sensors):
+    fixed = {"sensors": sensors, "rimu.geometry": geometry, "rate_hz": 100}
+    fixed |= {"firmware.initial_attitude": attitude, "firmware.alignment_s": 300}
+    fixed |= {"redundancy.enabled": False, "body.heading_deg": 30.0, "site.latitude_deg": 55.0}
+    vary = {"gyros.scale_error_ppm": "normal(0, 50)"}
+    definition = load("rimu_rotating", Wishes(duration_s=2400, runs=200, set=fixed, vary=vary))
+    rows = [row for row in rows_of(Work.of(definition), range(200)) if row["status"] == "ok"]
+    assert len(rows) > 190
+    found = analyse(definition.scenario, definition.varied()).sigma[-1]
+    for name, sigma in zip(ENDS, found, strict=True):
+        interval = Sample(np.array([row[name] for row in rows]), confidence=0.999).sigma()
+        assert interval.low <= sigma <= interval.high
 
 
 def test_what_it_does_not_know_is_refused():

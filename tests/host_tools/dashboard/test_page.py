@@ -209,12 +209,29 @@ def test_a_recording_is_played_back(open_page, serving, recording):
         seen.page.keyboard.press("ArrowLeft")
         until(lambda: seconds_of(seen.text("#time")) < at_s - 5)
         assert not seen.page.is_visible("#drive")
+        _drag_from_a_quarter_to_three(seen, "#plot-angles .u-over")
         assert _far_ends(seen, [0, 10, 11, 1000], 9.5, 11.5) == [
             {"at": 0, "next": 1, "time": 9.5, "share": 0.95},
             {"at": 3, "next": 2, "time": 11.5, "share": pytest.approx(988.5 / 989)},
         ]
         assert _far_ends(seen, [8, 10, 11, 13], 9.5, 11.5) == []
         assert seen.complaints == []
+
+
+def _drag_from_a_quarter_to_three(seen, selector):
+    """Drag in a plot: the view is then half of what it was, in all plots."""
+    scale = "uPlot.sync('time').plots.map((plot) => plot.scales.x.max - plot.scales.x.min)"
+    before = seen.page.evaluate(scale)
+    box = seen.page.locator(selector).bounding_box()
+    mouse, y = seen.page.mouse, box["y"] + box["height"] / 2
+    mouse.move(box["x"] + box["width"] / 4, y)
+    mouse.down()
+    mouse.move(box["x"] + box["width"] / 2, y)
+    mouse.move(box["x"] + 3 * box["width"] / 4, y)
+    mouse.up()
+    assert seen.page.evaluate(scale) == pytest.approx([b / 2 for b in before], rel=0.02)
+    seen.page.mouse.dblclick(box["x"] + box["width"] / 2, y)
+    assert seen.page.evaluate(scale) == pytest.approx(before)
 
 
 def _far_ends(seen, *arguments):

@@ -159,7 +159,10 @@ def followed(log, time_s, **changes):
     for name, value in changes.items():
         values[list(events.SIGNALS).index(name.replace("__", "."))] = value
     log.shown = values
-    return [event.text for event in log.follow(time_s, values)]
+    times_s = getattr(log, "times_s", np.zeros(len(values))).copy()
+    times_s[[list(events.SIGNALS).index(name.replace("__", ".")) for name in changes]] = time_s
+    log.times_s = times_s
+    return [event.text for event in log.follow(values, times_s)]
 
 
 def test_a_fault_that_is_found_and_repaired_in_words():
@@ -197,6 +200,26 @@ def test_a_calibration_that_has_drifted_in_words():
     assert followed(log, 3.0, **{drift: 3}) == []  # once, however the estimate goes on
     told = ["accelerometer calibration: no drift is reported any more"]
     assert followed(log, 4.0, **{drift: 0}) == told
+
+
+def test_events_stand_at_the_time_of_their_effect():
+    """However late one looks, and whenever the answer to an order comes."""
+    log = EventLog()
+    order = ["HARDWARE_FAULT_STATUS.active_faults", "GYRO_REDUNDANCY.excluded"]
+    rows = [list(events.SIGNALS).index(name) for name in order]
+    values, since_s = np.full((2, len(events.SIGNALS)), math.nan)
+    values[rows], since_s[rows] = 0, 1.0
+    assert log.follow(values, since_s) == []
+    values[rows], since_s[rows] = [1, 0b100], [265.0, 266.0]
+    log.follow(values, since_s)
+    log.add(265.0, "gyro_bias of gyro 3", "order")
+    log.add(321.0, "the end")
+    found = [(event.time_s, event.text.split(",")[0]) for event in log.events]
+    assert found == [
+        (265.0, "1 fault of the hardware active"), (265.0, "gyro_bias of gyro 3"),
+        (266.0, "gyro 3 left out"), (321.0, "the end"),
+    ]  # fmt: skip
+    assert (log.count, log.late) == (4, 1)
 
 
 def test_a_long_log_forgets_its_beginning():

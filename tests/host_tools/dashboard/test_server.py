@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import http.client
 import json
 import socket
@@ -9,9 +10,14 @@ import struct
 import time
 from urllib.parse import urlsplit
 
+import numpy as np
 import pytest
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
+
+from rrins.host_tools.dashboard.log_source import LogSource
+from rrins.host_tools.dashboard.page_orders import Order
+from rrins.host_tools.dashboard.quantities import NAMES
 
 pytestmark = pytest.mark.slow
 
@@ -205,6 +211,21 @@ def test_a_playback_goes_where_it_is_told(playing):
             errors = {label: count for _, label, _, _, count, *_ in state(client)["messages"]}
             assert errors["SYNC"] == 0  # each frame was counted once
         assert answer_to(client, order="speed", speed=5)["is_done"]
+
+
+def test_a_recording_opens_as_it_begins_and_shows_what_is_recent_where_it_is_sought(recording):
+    with contextlib.closing(LogSource(recording, clock=lambda: 0.0)) as source:
+        view = source.view
+        told = view.told(view.state(has_histories=True))
+        assert set(told["sensors"]["gyros"]) == {"sound"}
+        assert told["troubles"] == []
+        assert max(age for *_, age, _, _, _ in told["messages"]) < 0.1
+        source.carry_out(Order(id=1, order="seek", time_s=50))
+        view.look()
+        assert np.isfinite(view.row[NAMES.index("error_east_m")])
+        source.carry_out(Order(id=2, order="seek", time_s=0))
+        view.look()
+        assert np.isnan(view.row[NAMES.index("error_east_m")])
 
 
 def test_a_browser_that_stops_reading_holds_nobody(rehearsal):

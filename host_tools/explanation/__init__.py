@@ -1,0 +1,1 @@
+"""Splits the error of a run at an instant by its sources, through exact reruns."""
