@@ -60,6 +60,7 @@ docs: $(VENV)/installed-dev
 	cd docs && ../$(RUN) generate.rooms_table
 	cd docs && ../$(RUN) generate.scenario_tables
 	cd docs && ../$(RUN) generate.scenario_keys
+	cd docs && ../$(RUN) generate.figures
 	RRINS_WRITE_DOCS=1 $(RUN) pytest -q -m typed tests/docs/test_typed.py
 
 docs-site: $(VENV)/installed-docs

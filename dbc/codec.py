@@ -257,6 +257,13 @@ class Codec:
         """Return when a message is sent: Cyclic, IfActive (cyclic at times) or Event."""
         return self._send_types[message]
 
+    def valid_if(self, message: str, signal: str) -> str | None:
+        """Return the signal of the same message without which a signal means nothing; or None."""
+        self.signal_index(message, signal)
+        described = self.database.get_message_by_name(message).get_signal_by_name(signal)
+        given = described.dbc.attributes.get("ValidIf") if described.dbc else None
+        return None if given is None else str(given.value)
+
     def message_index(self, message: str) -> int:
         """Return the row of a message in `messages`."""
         try:

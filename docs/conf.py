@@ -11,6 +11,7 @@ from __future__ import annotations
 import inspect
 import os
 import re
+import shutil
 import sys
 import zipfile
 from importlib import metadata
@@ -64,10 +65,12 @@ html_static_path = ["_static"]
 html_css_files = ["rrins.css"]
 html_copy_source = False
 html_show_sourcelink = False
+html_search_scorer = "_static/search_scorer.js"
 pygments_style = "friendly"
 pygments_dark_style = "github-dark"
 
 _LONGEST_VALUE = 100
+_PAGE = DOCS.parent / "host_tools" / "dashboard" / "page"
 _HEADING = re.compile(r"## +(?P<caption>.+)")
 _ROW = re.compile(r"\| \[[^]]*\]\((?P<page>[^)#]+\.md)\)")
 _MODULE = re.compile(r"^- `(?P<module>[\w.]+)`$", re.MULTILINE)
@@ -155,6 +158,8 @@ def _read(app: Sphinx, docname: str, source: list[str]) -> None:
     if docname.startswith("api/"):
         text = _OTHERS.sub(lambda found: _others(found["package"], source[0]), text)
         text = _MODULE.sub(_reference, text)
+    if docname.startswith("api/"):  # found by the names that it defines, not by its words
+        text = f"---\nnosearch: true\n---\n{text}"
     source[0] = text + (_contents(text) if page.name == "index.md" else "")
 
 
@@ -177,8 +182,29 @@ def _is_noise(app: Sphinx, what: str, name: str, obj: Any, skip: bool, options: 
     return True if (getattr(obj, "__doc__", "") or "").startswith("Alias for field") else None
 
 
+def _add_figures(app: Sphinx, pagename: str, *_: object) -> None:
+    """Give the page of figures its scripts: the dashboard's own libraries, and precomputed runs."""
+    if pagename == "what-for":
+        app.add_css_file("dashboard/carried/uPlot.min.css")
+        app.add_css_file("figures.css")
+        for name in ("dashboard/carried/uPlot.iife.min.js", "figures_data.js", "figures.js"):
+            app.add_js_file(name, loading_method="defer")
+
+
+def _copy_dashboard(app: Sphinx, exception: Exception | None) -> None:
+    """Copy what the figures use of the dashboard."""
+    if exception is None and app.builder.format == "html":
+        for pattern in ("scene.js", "parts.js", "carried/*"):
+            for file in _PAGE.glob(pattern):
+                to = Path(app.outdir) / "_static" / "dashboard" / file.relative_to(_PAGE)
+                to.parent.mkdir(parents=True, exist_ok=True)
+                shutil.copyfile(file, to)
+
+
 def setup(app: Sphinx) -> None:
     """Connect the above."""
+    app.connect("html-page-context", _add_figures)
+    app.connect("build-finished", _copy_dashboard)
     app.connect("source-read", _read)
     app.connect("doctree-read", _tidy)
     app.connect("autodoc-skip-member", _is_noise)

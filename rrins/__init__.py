@@ -25,7 +25,7 @@ Units stand at the end of a name (``_deg``, ``_dph``, ``_ug``, ``_s``); frames a
 matplotlib) comes with the first call that needs it. xarray and pandas belong to the extra `data`.
 """
 
-from importlib import import_module
+from importlib import import_module as _import_module
 
 # By the loader: pathlib would take longer to import than all else here.
 _STUB = __spec__.loader.get_data(f"{__file__}i").decode()
@@ -44,10 +44,10 @@ def __getattr__(name: str) -> object:
         return version("rrins")
     if name not in _HOMES:
         raise AttributeError(f"module 'rrins' has no attribute {name!r}")
-    value: object = getattr(import_module(_HOMES[name]), name)
+    value: object = getattr(_import_module(_HOMES[name]), name)
     globals()[name] = value
     return value
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *__all__})
+    return __all__

@@ -19,6 +19,7 @@ from rrins.host_tools.campaigns.until import Until
 from rrins.host_tools.runs.display import RunDisplay
 from rrins.host_tools.scenario.scenario import Scenario
 from rrins.host_tools.terminal import new_console, progress_line
+from rrins.notebook import NotebookLine, is_notebook
 from rrins.run import Run
 from rrins.scenarios import load_scenario
 
@@ -136,7 +137,7 @@ class Campaign:
         until : str, optional
             Enough: ``"p95 of horizontal_error_m within 10 %"``.
         progress : bool, optional
-            Whether to show progress; in a terminal by default.
+            Whether to show progress; in a terminal or notebook by default.
 
         Raises
         ------
@@ -148,11 +149,16 @@ class Campaign:
         criterion = None if until is None else Until.parse(until)
         self.store = Store.create(self.store.folder, self.store.definition)
         console = new_console(stderr=True)
+        runs = self.store.definition.runs
+        note = NotebookLine().show if is_notebook() and progress is not False else None
         with progress_line(console, quiet=progress is False) as line:
-            task = line.add_task("campaign", total=self.store.definition.runs)
+            task = line.add_task("campaign", total=runs)
 
             def show(now: Progress) -> None:
-                line.update(task, completed=now.stored, state=(f"{now.rate:.3g} runs/s",))
+                rate = f"{now.rate:.3g} runs/s"
+                line.update(task, completed=now.stored, state=(rate,))
+                if note is not None:
+                    note(f"{now.stored} of {runs} runs  {rate}")
 
             stop = threading.Event()
             running.run(self.store, chosen, criterion, on_progress=show, stop=stop)

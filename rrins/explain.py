@@ -57,7 +57,7 @@ class Explanation:
 
     @property
     def together(self) -> pd.Series:
-        """What only three and more sources do together."""
+        """The part that only three and more sources give together."""
         return _series(self.found.together)
 
     @property

@@ -41,7 +41,7 @@ _CALLS = {
     "RunKeys": (("seed", "faults"), "The same, with all that a run needs."),
     "ScenarioKeys": (("kind", "bitrate"), "All keys of a scenario as keywords."),
 }
-"""What calls take: a keyword of their own, such as `seed`, is apart."""
+"""Keywords by call: one that a call has itself, such as `seed`, is apart."""
 _APART = {key for keys, _ in _CALLS.values() for key in keys}
 
 

@@ -14,7 +14,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from rrins.host_tools.campaigns import design as designs
 from rrins.host_tools.campaigns.design import Plan
-from rrins.host_tools.campaigns.distributions import is_distribution
+from rrins.host_tools.campaigns.distributions import is_distribution, with_values
 from rrins.host_tools.campaigns.errors import CampaignError
 from rrins.host_tools.campaigns.inputs import changed, correlation_of, inputs_of
 from rrins.host_tools.covariance.sources import Varied
@@ -180,6 +180,11 @@ def load(source: str | Mapping[str, Any] | Scenario, wishes: Wishes | None = Non
         scenario = scenario.varied(**{k.replace(".", "__"): v for k, v in settings.items()})
     vary = dict(file.vary) | dict(wishes.vary)
     faults = _plain_faults([*file.faults, *wishes.faults], vary, len(scenario.faults))
+    folder = Path(source).parent if isinstance(source, str) and Path(source).is_file() else Path()
+    vary = {
+        key: with_values(key, text, Path() if key in wishes.vary else folder)
+        for key, text in vary.items()
+    }
     pairs = [(*one.between, one.value) for one in file.correlate]
     definition = Definition(
         name=name,

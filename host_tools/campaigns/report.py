@@ -52,7 +52,7 @@ def write(store: Store, folder: Path | None = None) -> list[Path]:
         {name: picture for name, (_, picture) in drawn.items()},
         filters={
             "shown": summary.shown,
-            "value": summary.value_of,
+            "value": summary.value,
             "interval": summary.interval,
             "label": label_of,
         },

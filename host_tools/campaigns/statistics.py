@@ -105,7 +105,7 @@ class Sample:
 
     def sigma(self) -> Estimate:
         """Return the standard deviation."""
-        from scipy.special import ndtri
+        from scipy.special import ndtri, stdtrit
 
         values, count = self.values, len(self.values)
         if count < 2:
@@ -118,8 +118,10 @@ class Sample:
         centre = np.sort(values)[cut : count - cut].mean()
         kurtosis = count * float(np.sum((values - centre) ** 4)) / float(squares.sum()) ** 2
         effective = self._effective(squares)
-        z = -float(ndtri(self._tail))
-        small = effective / (effective - z)
+        z = -float(
+            stdtrit(self._units - 1, self._tail) if self._blocks is not None else ndtri(self._tail)
+        )
+        small = self._units / (self._units - z)
         error = small * math.sqrt(max(kurtosis - (effective - 3) / effective, 0.0))
         half = z * error / math.sqrt(effective - 1.0)
         low, high = (value * math.sqrt(small * math.exp(end)) for end in (-half, half))

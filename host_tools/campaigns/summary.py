@@ -135,8 +135,8 @@ shown: Final = rounded
 """A figure as tables have it."""
 
 
-def value_of(one: Estimate) -> str:
-    """Return a figure that ends where its interval does."""
+def value(one: Estimate) -> str:
+    """Return a figure, with the digits that its interval warrants."""
     return limits(one.value, one.low, one.high)[0]
 
 
@@ -151,7 +151,7 @@ def interval(one: Estimate) -> str:
 
 def with_interval(one: Estimate) -> str:
     """Return a figure and its interval."""
-    return f"{value_of(one)}\n{interval(one)}".rstrip()
+    return f"{value(one)}\n{interval(one)}".rstrip()
 
 
 def table_of(store: Store) -> Table:
@@ -180,7 +180,7 @@ def lines_of(store: Store) -> list[str]:
     """Return the lines below the table."""
     outcomes = Outcomes(store)
     lines = [
-        f"{name}: {value_of(one)} m ({interval(one) or 'too few runs for an interval'})"
+        f"{name}: {value(one)} m ({interval(one) or 'too few runs for an interval'})"
         for name, one in zip(("CEP50", "R95"), circles(outcomes).values(), strict=True)
     ]
     lines.append(bound_of(outcomes))

@@ -73,6 +73,13 @@ def covariance(
     table.add_row("all", *total, "")
     result = analysis.values()
     lines = [f"not considered: {', '.join(analysis.left_out)}"] if analysis.left_out else []
+    if analysis.fixed:
+        mean = [shown(value) for value in (*analysis.mean[-1], abs(analysis.mean).max())]
+        table.add_row("mean error of fixed constants", *mean, "")
+        lines.append(
+            f"fixed, so in the mean error and not in σ: {', '.join(analysis.fixed)}; "
+            "--vary 'KEY=normal(…)' says how they vary"
+        )
     if beside is not None:
         table.add_row(*beside.cells())
         result["runs"] = beside.values()

@@ -46,6 +46,7 @@ _RUN = {
 _LOOK = {
     "monitor": _Entry("monitor", "Watch the decoded bus in the terminal."),
     "dashboard": _Entry("dashboard", "Show a rehearsal or a log in a browser."),
+    "tour": _Entry("tour", "Tell in five minutes what this is for."),
     "diag": _Entry("diag.diag", "Diagnose the navigation computer over UDS."),
     "record": _Entry("record", "Record a bus to a log file."),
     "import": _Entry("import_vehicle", "Convert the recording of a real vehicle to a log."),

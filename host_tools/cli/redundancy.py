@@ -41,9 +41,7 @@ if TYPE_CHECKING:
     "Step of an accelerometer to try, µg; repeatable.",
     kind=Number(1e-3, 1e7),
 )
-@option(
-    "--runs", "Number of runs of the Monte Carlo; 0: theory alone.", click.IntRange(0, 100_000), 20
-)
+@option("--runs", "Number of runs of the Monte Carlo.", click.IntRange(1, 100_000), 20)
 @seed_option("the first run")
 @json_option
 @format_option
@@ -83,9 +81,8 @@ def redundancy(
             progress.update(task, advance=1, description=what)
 
         study = Study(candidates, sizes, advance)
-        if runs:
-            with stopping() as stop:
-                study.run(runs, seed, stop)
+        with stopping() as stop:
+            study.run(runs, seed, stop)
     report, picture = map(str, write(out, study, runs, title_of(scenario, preset)))
     parts: list[Table | str] = [tables.smallest_table(study, number) for number in range(2)]
     if len(study.surveys) > 1:
@@ -99,4 +96,4 @@ def redundancy(
             for group in one.groups
         ]
     result = {"runs": runs, "seed": seed, "report": report, "picture": picture} | study.values()
-    print_results(as_json, result, [*parts, *tables.false_alarm_lines(study), report, picture])
+    print_results(as_json, result, [*parts, *tables.lines_below(study), report, picture])

@@ -67,6 +67,7 @@ class Analysis:
     sigma: Floats  #: shape (n, 2)
     sources: list[SourceResult]  #: the largest at the end first
     left_out: list[str]  #: what errs and is not considered
+    fixed: list[str]  #: constants of one value: they give the mean and no σ
 
     def share(self, source: SourceResult) -> float:
         """Return the share of a source in the horizontal variance at the end."""
@@ -90,6 +91,7 @@ class Analysis:
                 for one in self.sources
             ],
             "left_out": self.left_out,
+            "fixed": self.fixed,
         }
 
 
@@ -126,11 +128,12 @@ def analyse(scenario: Scenario, varied: Sequence[Varied] = ()) -> Analysis:
         results.append(SourceResult(name, spread))
     results += [SourceResult(one.name, model.of_white(one)) for one in sources.whites]
     results += [SourceResult(one.name, model.of_process(one)) for one in sources.processes]
+    fixed = [one.name for one in results if not one.sigma.any()]
     results = [one for one in results if one.sigma.any()]
     variance = sum((one.sigma**2 for one in results), np.zeros_like(mean))
     results.sort(key=lambda one: -float((one.sigma[-1] ** 2).sum()))
     left_out = sorted(set(sources.left_out))
-    return Analysis(model.path.times_s, mean, np.sqrt(variance), results, left_out)
+    return Analysis(model.path.times_s, mean, np.sqrt(variance), results, left_out, fixed)
 
 
 class _Sensors:

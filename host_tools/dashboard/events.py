@@ -47,7 +47,7 @@ SIGNALS: Final = {
 }
 """Signals from which events are made."""
 
-_MODES: Final = {
+_MODES: Final[dict[str, tuple[str, Weight]]] = {
     "SELF_TEST": ("self-test", "note"),
     "STANDBY": ("standby", "note"),
     "ALIGNMENT": ("alignment begins", "note"),
@@ -73,7 +73,7 @@ class EventLog:
     Attributes
     ----------
     events : list of Event
-        In order; the oldest are dropped.
+        In the order in which they became known; the oldest are dropped.
     count : int
         Of all so far.
     late : int
@@ -84,6 +84,7 @@ class EventLog:
         self.events: list[Event] = []
         self.count = self.late = 0
         self._codec = load()
+        self._rotating = self._codec.value(_STATUS, "mode", "NAVIGATION_ROTATING")
         self._octets = b""
         self._now = dict.fromkeys(SIGNALS, _UNKNOWN)
 
@@ -138,9 +139,9 @@ class EventLog:
     def _falls(self, key: str, old: dict[str, float]) -> bool:
         return 0 <= self._now[key] < old[key]
 
-    def _word(self, key: str) -> str:
-        """Return a value by its name in the DBC."""
-        value = self._now[key]
+    def _word(self, key: str, values: dict[str, float] | None = None) -> str:
+        """Return a value, now or among `values`, by its name in the DBC."""
+        value = (values or self._now)[key]
         return self._codec.choices(*SIGNALS[key]).get(int(value)) or f"{value:g}"
 
     def _of_mode(self, old: dict[str, float]) -> Iterator[_Change]:
@@ -149,9 +150,10 @@ class EventLog:
             mode = self._word(key)
             if mode == "FAULT":
                 yield key, f"mode FAULT: {self._word(f'{_STATUS}.fault')}", "bad"
+            elif mode == "NAVIGATION_STRAPDOWN" and old[key] == self._rotating:
+                yield key, "the rotation has stopped: navigation goes on without", "warning"
             elif mode in _MODES:
-                text, weight = _MODES[mode]
-                yield key, text, "good" if weight == "good" else "note"
+                yield key, *_MODES[mode]
         key = f"{_STATUS}.sync_lost"
         if self._rises(key, old):
             yield key, "SYNC is lost: the firmware runs on its own clock", "bad"
@@ -222,6 +224,8 @@ class EventLog:
             key = f"AIDING_STATUS.{source}"
             if self._has_changed(key, old) and (self._now[key] or old[key] > 0):
                 word = self._word(key)
+                if word == "LOST" and old[key] < 0:
+                    continue  # it has never been there
                 yield key, f"{source}: {word.lower()}", "warning" if word == "LOST" else "good"
         key = "BRIDGING.degraded"
         if self._rises(key, old):
@@ -236,7 +240,9 @@ class EventLog:
                 continue
             count = int(self._now[key])
             if count:
-                yield key, f"{count} fault{'' if count == 1 else 's'} {where} active", "warning"
+                are = "active" if self._rises(key, old) else "still active"
+                weight: Weight = "warning" if self._rises(key, old) else "note"
+                yield key, f"{count} fault{'' if count == 1 else 's'} {where} {are}", weight
             elif old[key] > 0:
                 yield key, f"no fault {where} is active any more", "good"
         key = f"{_FAULTS}.overruns"

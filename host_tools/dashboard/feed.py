@@ -6,13 +6,16 @@ import asyncio
 import json
 import logging
 import math
+from collections.abc import Sequence
 from typing import Any, Final
 
 from rrins.dbc.codec import load
 from rrins.host_tools.dashboard.browsers import Browser
 from rrins.host_tools.dashboard.bus_table import message_of
 from rrins.host_tools.dashboard.events import Event
+from rrins.host_tools.dashboard.explaining import Explainer
 from rrins.host_tools.dashboard.fault_forms import fault_forms
+from rrins.host_tools.dashboard.guides import guide_names
 from rrins.host_tools.dashboard.packing import packed_history, packed_row
 from rrins.host_tools.dashboard.page_orders import READING, Order
 from rrins.host_tools.dashboard.quantities import NAMES
@@ -55,11 +58,14 @@ class Feed:
     source : Source
     may_control : bool
         Whether any browser may give orders.
+    tour : sequence of dict
+        Steps of the tour that the page gives (`rrins.host_tools.dashboard.tour`).
     """
 
-    def __init__(self, source: Source, may_control: bool) -> None:
+    def __init__(self, source: Source, may_control: bool, tour: Sequence[JsonObject] = ()) -> None:
         self.source = source
         self.may_control = may_control
+        self._tour = list(tour)
         self._browsers: set[Browser] = set()
         self._sequence = 0
         self._turns = 0
@@ -67,6 +73,7 @@ class Feed:
         self._viewed: View | None = None
         self._status = ""
         self._ordering = asyncio.Lock()
+        self._explainer = Explainer()
 
     # ---- browsers
 
@@ -93,15 +100,19 @@ class Feed:
         browser.put_latest("status", as_json("status", self.source.status()))
 
     def _hello(self, browser: Browser) -> JsonObject:
+        view = self.source.view
         may_control = self.may_control and browser.may_control
         messages = sorted(load().database.messages, key=lambda message: message.frame_id)
         return {
             "source": self.source.kind,
             "columns": list(NAMES),
             "may_control": may_control,
+            "explains": may_control and view.scenario is not None,
             "orders": sorted(self.source.orders) if may_control else [],
             "forms": fault_forms() if may_control and "inject" in self.source.orders else {},
+            "guides": sorted(guide_names()),
             "message_names": [message.name for message in messages],
+            "tour": self._tour,
             **self.source.describe(),
         }
 
@@ -157,7 +168,7 @@ class Feed:
             browser.put(message)
 
     def _tell_state(self, view: View) -> None:
-        state = view.state(any(browser.shown[1] for browser in self._browsers))
+        state = view.state(any(browser.shown[0] for browser in self._browsers))
         if not self._browsers:
             return
         self._tell_status()
@@ -189,6 +200,9 @@ class Feed:
             _log.warning("order %s refused: this page may only look on", order.order)
             self._answer(browser, order, False, "this page may only look on")
             return
+        if order.order == "explain":
+            await self._explain(browser, order)
+            return
         if order.order not in self.source.orders:
             self._answer(browser, order, False, f"{order.order}: not for this source")
             return
@@ -199,13 +213,32 @@ class Feed:
         except RehearsalError as error:
             self._answer(browser, order, False, str(error))
             return
-        text, at_s = str(answer.pop("text")), float(answer.pop("at_s", asked_s))
-        self._answer(browser, order, True, text)
+        text, at_s = str(answer.pop("text")), answer.pop("at_s", None)
+        self._answer(browser, order, True, text, at_s)
+        self._explainer.note(answer.get("faults"), self.source.view)
         if answer:
             self._tell_all(as_json("report", answer))
         if self.source.kind != "recording" and text and order.order not in READING:
             view = self.source.view
-            view.log.add(min(max(at_s, asked_s), view.time_s), text, "order")
+            at_s = asked_s if at_s is None else max(at_s, asked_s)
+            view.log.add(min(at_s, view.time_s), text, "order")
+
+    async def _explain(self, browser: Browser, order: Order) -> None:
+        """Say what the error at an instant consists of, and how far that has come meanwhile."""
+        loop = asyncio.get_running_loop()
+
+        def tell(done: int, of: int) -> None:
+            told = as_json("explaining", {"done": done, "of": of})
+            loop.call_soon_threadsafe(browser.put_latest, "explaining", told)
+
+        assert order.time_s is not None
+        try:
+            found = await self._explainer.explain(self.source.view, order.time_s, tell)
+        except RehearsalError as error:
+            self._answer(browser, order, False, str(error))
+            return
+        browser.put(as_json("explanation", found))
+        self._answer(browser, order, True, str(found["title"]))
 
     def _show(self, browser: Browser, order: Order) -> None:
         known = {message.name for message in load().database.messages}
@@ -213,9 +246,8 @@ class Feed:
         browser.shown = (name, order.signal, order.level)
 
     @staticmethod
-    def _answer(browser: Browser, order: Order, is_done: bool, text: str) -> None:
-        browser.put(
-            as_json(
-                "answer", {"id": order.id, "order": order.order, "is_done": is_done, "text": text}
-            )
-        )
+    def _answer(
+        browser: Browser, order: Order, is_done: bool, text: str, at_s: float | None = None
+    ) -> None:
+        told = {"id": order.id, "order": order.order, "is_done": is_done, "text": text}
+        browser.put(as_json("answer", told | {"at_s": at_s}))

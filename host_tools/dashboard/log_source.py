@@ -30,6 +30,7 @@ MOST_FRAMES: Final = 30_000_000
 _STEPS: Final = 6000  # of the history
 _LEAST_STEP_S: Final = 1 / 30
 _MARK_EVERY: Final = 300  # steps between two copies of the tally, to seek from
+_TROUBLES_EVERY: Final = 15  # steps between two looks for troubles
 _YEARS_S: Final = 1e8  # times beyond this are dates
 _FASTEST: Final = 200.0
 
@@ -111,7 +112,10 @@ class LogSource:
             watch.add_timed_frames(self._frames[done:end], self._times_ns[done:end])
             done = end
             self._view.look()
+            if step % _TROUBLES_EVERY == 0:
+                self._view.state(has_histories=False)
         self._view.keeps = False
+        self._view.since.is_whole = True
 
     def turn(self) -> None:
         """Go on in the recording."""

@@ -176,13 +176,14 @@ def _decoded(message: str, words: Words) -> list[dict[str, Any]]:
     for signal in signals_of(message):
         if signal.name in PROTECTION:
             continue
-        columns[signal.column] = signal.values(words).tolist()
+        values = signal.values(words).tolist()
+        if signal.valid_row is not None:  # JSON knows no NaN
+            values = [None if math.isnan(value) else value for value in values]
+        columns[signal.column] = values
         if signal.choices:
             raws = signal.raw(words).tolist()
             columns[f"{signal.name}_name"] = [signal.choices.get(raw, str(raw)) for raw in raws]
-    return [
-        dict(zip(columns, values, strict=True)) for values in zip(*columns.values(), strict=True)
-    ]
+    return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
 
 
 class _Poses:
@@ -268,7 +269,7 @@ def export_mcap(
         If the package is missing, the log cannot be read or the file cannot be written.
     """
     if importlib.util.find_spec("mcap") is None:
-        raise RecordError("--format mcap needs mcap: pip install mcap")
+        raise RecordError("MCAP needs the package mcap: pip install mcap")
     part = path.with_name(f".{path.name}.part")
     try:
         with part.open("wb") as file:

@@ -24,6 +24,7 @@ Kind = Literal[
     "play",
     "seek",
     "show",
+    "explain",
 ]
 
 LONGEST: Final = 4096
@@ -63,7 +64,7 @@ class Order(BaseModel):
     speed : float
         Factor of real time; 0 for as fast as it goes.
     time_s : float
-        Where a playback goes on.
+        Where a playback goes on; of `explain`: the instant on the bus.
     name, signal : str
         Message and signal that this page shows; of `show`.
     level : int
@@ -84,7 +85,7 @@ class Order(BaseModel):
 
 
 _NEEDS: Final = {"inject": "fault", "remove": "fault", "mode": "mode", "speed": "speed"}
-_NEEDS_ALSO: Final = {"seek": "time_s"}
+_NEEDS_ALSO: Final = {"seek": "time_s", "explain": "time_s"}
 
 
 def parse_order(text: str) -> Order:

@@ -43,7 +43,7 @@ _OF_TABLE: Final[dict[str, Effect]] = {"installation_u": "delta_u", "installatio
 
 @dataclass(frozen=True)
 class Check:
-    """What the linear equations say of the position at the instant, m east and north."""
+    """The position at the instant by the linear equations, m east and north."""
 
     constants: dict[tuple[str, str], Floats]  #: by source and part, shape (2,)
     sigmas: dict[str, Floats]  #: by source, of what a run draws, shape (2,)

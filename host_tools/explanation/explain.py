@@ -42,14 +42,14 @@ OF: Final = {"position": slice(0, 3), "velocity": slice(3, 6), "attitude": slice
 """Errors that can be asked about, and which of `QUANTITIES` they are."""
 
 _SHARED: Final = {"position": slice(0, 2), "velocity": slice(3, 5), "attitude": slice(8, 9)}
-"""What a share is of: the horizontal error, and the heading."""
+"""Components whose error a share refers to: the horizontal ones, and the heading."""
 
 _MOST_SAMPLES: Final = 400
 
 
 @dataclass(frozen=True)
 class Part:
-    """What a source contributes; arrays are by `QUANTITIES`, the last row is the instant."""
+    """The contribution of a source; arrays are by `QUANTITIES`, the last row is the instant."""
 
     source: str  #: such as "gyro bias"
     part: str  #: which sensor, axis or component; empty where there is but one
@@ -89,7 +89,7 @@ class Explanation:
 
     @property
     def together(self) -> Floats:
-        """What only three and more sources do together, shape (9,)."""
+        """The part that only three and more sources give together, shape (9,)."""
         values = [np.nan_to_num(part.value) for part in self.parts]
         return np.asarray(self.error[-1] - self.rest[-1] - sum(values, np.zeros(len(QUANTITIES))))
 
@@ -171,6 +171,7 @@ def explain(
     on_progress: Callable[[int], None] = lambda done: None,
     should_stop: Callable[[], bool] = lambda: False,
     workers: int = 1,
+    from_power_on: bool = False,
 ) -> Explanation:
     """Split the error of a run at an instant by its sources.
 
@@ -178,6 +179,8 @@ def explain(
     ----------
     time_s : float
         Since navigation began; taken to the nearest sample of the run.
+    from_power_on : bool
+        Whether `time_s` counts from power-on instead, as times on the bus do.
     by : str
         "sensor": each sensor's errors for themselves; "source": all sensors of a kind together,
         in fewer runs.
@@ -200,7 +203,7 @@ def explain(
     if by == "source":
         sources = joined(sources)
     whole = sides_of(scenario)
-    epochs, times_s, error = _first(scenario, whole, every, time_s, should_stop)
+    epochs, times_s, error = _first(scenario, whole, every, time_s, should_stop, from_power_on)
     on_progress(1)
     last = int(epochs[-1])
 
@@ -234,6 +237,7 @@ def _first(
     every: int,
     time_s: float,
     should_stop: Callable[[], bool],
+    from_power_on: bool,
 ) -> tuple[Integers, Floats, Floats]:
     """Run the run itself; return epochs up to the instant, their times (s), and the errors."""
     run = Rerun(scenario, sides, every, should_stop)
@@ -246,11 +250,15 @@ def _first(
         reached = min(reached + PART_S * rate_hz, end)
         run.run_until(reached)
     first = int(run.errors()[0][0])
-    wanted = first + round(time_s * rate_hz / every) * every
+    begin = 0 if from_power_on else first
+    wanted = begin + round(time_s * rate_hz / every) * every
+    if wanted < first:
+        begins_s = first / rate_hz
+        raise RehearsalError(f"explain: at {time_s:g} s: navigation begins at {begins_s:g} s")
     run.run_until(min(wanted, end))
     epochs, error = run.errors()
     if epochs[-1] < wanted:
-        last_s = (epochs[-1] - first) / rate_hz
+        last_s = (epochs[-1] - begin) / rate_hz
         raise RehearsalError(f"explain: at {time_s:g} s: navigation ends at {last_s:g} s")
     kept = np.unique(np.linspace(0, len(epochs) - 1, _MOST_SAMPLES).round().astype(int))
     return epochs[kept], (epochs[kept] - first) / rate_hz, error[kept]

@@ -11,9 +11,10 @@ from rrins.compiled.record import Floats, Integers, Record, Records
 from rrins.firmware_py.core.navigation.trace import NavigationTrace
 from rrins.firmware_py.core.records.memory import NavigationOutput
 from rrins.firmware_py.loop import Firmware
-from rrins.host_tools.explanation.sources import Sides
+from rrins.host_tools.explanation.sources import SENSOR_KINDS, Sides
 from rrins.host_tools.hardware.loop import Hardware
 from rrins.host_tools.hardware.memory import Truth
+from rrins.host_tools.hardware.units import in_si
 from rrins.host_tools.runs.exchange import DirectExchange
 from rrins.host_tools.runs.fast import FastRun
 from rrins.host_tools.runs.results.results import compare, in_common
@@ -76,6 +77,7 @@ class Rerun:
         _tell_sigmas(hardware, scenario)
         trace = NavigationTrace(every, lambda rows: self._navigation.append(rows.copy()))
         self._firmware = Firmware(sides.firmware, trace)
+        _let_be_quiet(self._firmware, scenario, sides)
         self._fast: FastRun | None = None
         if wire is None:
             self._fast = FastRun(self._firmware.ram, hardware.plant, hardware.pieces, every)
@@ -129,6 +131,17 @@ def _wire(scenario: Scenario, sides: Sides) -> Wire | None:
     if not ends and scenario.bus.bitrate is None:
         return None
     return Wire(scenario.period_ns, sides.wire, scenario.seed, scenario.bus.bitrate)
+
+
+def _let_be_quiet(firmware: Firmware, scenario: Scenario, sides: Sides) -> None:
+    """Let sensors whose noise is taken away repeat themselves: that is no fault of theirs."""
+    monitor = firmware.ram[0].diagnostics
+    for kind, word in SENSOR_KINDS.items():
+        count = len(getattr(scenario.rimu, kind))
+        tables = (getattr(owner, kind) for owner in (scenario, sides.hardware))
+        had, has = (np.broadcast_to(in_si(table)["white_noise"], count) for table in tables)
+        repetition = monitor[f"{word}_repetition"]
+        repetition.enough[:count][has < had] = 0
 
 
 def _tell_sigmas(hardware: Hardware, scenario: Scenario) -> None:

@@ -73,7 +73,7 @@ _SIDES: Final = ("east", "north", "up")
 
 @dataclass(frozen=True)
 class Sides:
-    """What both sides of a run are set up with."""
+    """The set-up of both sides of a run."""
 
     firmware: firmware.Settings
     hardware: hardware.Settings
@@ -117,7 +117,7 @@ def joined(sources: Sequence[Source]) -> list[Source]:
     groups: dict[str, list[Source]] = {}
     for source in sources:
         groups.setdefault(source.name, []).append(source)
-    return [_joined(name, of_name) for name, of_name in groups.items()]
+    return [one[0] if len(one) == 1 else _joined(name, one) for name, one in groups.items()]
 
 
 def _joined(name: str, sources: list[Source]) -> Source:

@@ -6,7 +6,7 @@ of the record with the name without the unit takes the value in SI units.
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
@@ -29,6 +29,14 @@ class TomlTable(BaseModel):
     """A table of a scenario."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    if not TYPE_CHECKING:
+
+        def __setattr__(self, name: str, value: object) -> None:
+            raise AttributeError(
+                f"{name}: a scenario stays as it is; load_scenario(scenario, {name}=…) returns "
+                "one with another value"
+            )
 
 
 class _Sensors(TomlTable):

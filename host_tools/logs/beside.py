@@ -106,7 +106,8 @@ def table_of(navigated: Sequence[Navigated]) -> Table:
         if len(level):
             figures = (_rms(level), float(np.max(level)), float(level[-1]), _rms(height))
             cells = [_metres(figure) for figure in figures]
-        table.add_row(one.label, *cells, str(one.summary["navigation_sha256"])[:12] + "…")
+        sha256 = one.summary["navigation_sha256"]
+        table.add_row(one.label, *cells, "-" if sha256 is None else f"{sha256[:12]}…")
     return table
 
 

@@ -323,6 +323,7 @@ class BusState:
     def signal(self, message: str, name: str) -> SignalState:
         """Return a signal of a message of the DBC."""
         row = self._tally["signals"][self._codec.signal_index(message, name)]
+        means_nothing = self._means_nothing(message, name)
         described = self._codec.database.get_message_by_name(message).get_signal_by_name(name)
         has_value = row["low"] <= row["high"]
         raw = int(row["raw"])
@@ -337,7 +338,7 @@ class BusState:
             unit=described.unit or "",
             comment=described.comment or "",
             decimals=decimals_of(float(row["signal"]["scale"])),
-            value=value,
+            value=None if means_nothing else value,
             low=low,
             high=high,
             text=choice,
@@ -346,9 +347,14 @@ class BusState:
     def value(self, message: str, signal: str) -> float | None:
         """Return the value of a signal; None before it was seen on the bus."""
         row = self._codec.signal_index(message, signal)
-        if self._low[row] > self._high[row]:
+        if self._low[row] > self._high[row] or self._means_nothing(message, signal):
             return None
         return _scaled(int(self._raw[row]), float(self._scale[row]), float(self._offset[row]))
+
+    def _means_nothing(self, message: str, signal: str) -> bool:
+        """Return whether the message says that a value means nothing now."""
+        flag = self._codec.valid_if(message, signal)
+        return flag is not None and self.value(message, flag) == 0
 
     def text(self, message: str, signal: str) -> str | None:
         """Return a signal's value by its name in the value table, or as a number."""

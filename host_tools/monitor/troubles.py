@@ -72,6 +72,9 @@ def _encoder_troubles(state: BusState) -> Iterator[str]:
             yield f"the {name} encoder contradicts the gyros: {WITHOUT_ENCODER[source]}"
         if state.text(_TABLE, f"axis_{name}_abandoned") == "1":
             yield abandoned_words(name)
+    if state.text(_TABLE, "interrupted") == "1":
+        tries = int(state.value(_TABLE, "tries") or 0)
+        yield f"the rotation is interrupted: {tries} tries so far, another follows"
 
 
 def _sensor_troubles(state: BusState, vitals: Vitals) -> Iterator[str]:

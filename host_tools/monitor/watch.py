@@ -52,6 +52,13 @@ class _Glance:
         signals = tallies["signals"][0]
         self._raw, self._low, self._high = (signals[name] for name in ("raw", "low", "high"))
         self._changed = signals["changed_ns"]
+        self._valid = np.full(len(codec.signals), -1)  # the row that says so; -1: always
+        for message in codec.database.messages:
+            for signal in message.signals:
+                flag = codec.valid_if(message.name, signal.name)
+                if flag is not None:
+                    row = codec.signal_index(message.name, signal.name)
+                    self._valid[row] = codec.signal_index(message.name, flag)
         self._scale = codec.signals["scale"].copy()
         self._offset = codec.signals["offset"].copy()
 
@@ -59,6 +66,7 @@ class _Glance:
         """Return the values of signals, by their rows in the codec's table."""
         values = self._raw[rows] * self._scale[rows] + self._offset[rows]
         values[self._low[rows] > self._high[rows]] = np.nan
+        values[(self._valid[rows] >= 0) & (self._raw[self._valid[rows]] == 0)] = np.nan
         changed_ns = self._changed[rows]
         return Latest(int(self._now[0]), heard_ns, int(self._busy[0]), values, changed_ns)
 

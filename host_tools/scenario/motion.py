@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 from typing import Literal
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
+from rrins.host_tools.hardware.tables import TomlTable
 from rrins.host_tools.hardware.units import STANDARD_GRAVITY
 
 DRIVE_S = 2500.0
@@ -43,12 +44,8 @@ _KEYS = {
 }
 
 
-class Motion(BaseModel):
+class Motion(TomlTable):
     """The vehicle's motion since navigation began."""
-
-    model_config = ConfigDict(
-        extra="forbid", frozen=True, allow_inf_nan=False, use_attribute_docstrings=True
-    )
 
     kind: Literal["stationary", "drive", "sway", "file"] = "stationary"
     """`drive`: a synthetic car; `sway`: a ship in waves; `file`: a recording."""

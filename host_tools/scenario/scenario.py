@@ -12,7 +12,7 @@ import tomllib
 from collections.abc import Mapping
 from importlib import resources
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tomli_w
 from pydantic import Field, TypeAdapter, ValidationError, model_validator
@@ -60,7 +60,19 @@ from rrins.host_tools.scenario.wrong_keys import first_line
 _NAVIGATE = {"strapdown": "NAVIGATE_STRAPDOWN", "rotating": "NAVIGATE_ROTATING"}
 
 
-class Scenario(TomlTable):
+class _InOneLine(type(TomlTable)):  # type: ignore[misc]
+    """Makes a wrong key of a call one line, too."""
+
+    if not TYPE_CHECKING:
+
+        def __call__(cls, **keys: Any) -> Any:
+            try:
+                return super().__call__(**keys)
+            except ValidationError as error:
+                raise ScenarioError(f"scenario: {first_line(error, cls)}") from None
+
+
+class Scenario(TomlTable, metaclass=_InOneLine):
     """A rehearsal, whole."""
 
     title: str = Field(default="", max_length=MOST_LETTERS)

@@ -1,4 +1,4 @@
-"""What is wrong with a table of keys: one line, in the words of whoever wrote it."""
+"""The one line that says which key of a table is wrong, in the words of whoever wrote it."""
 
 from __future__ import annotations
 
@@ -23,7 +23,8 @@ def first_line(error: ValidationError, root: type[BaseModel]) -> str:
     where = ".".join(
         str(part + 1) if isinstance(part, int) else part
         for place, part in enumerate(first["loc"])
-        if isinstance(part, int) or (part.isidentifier() and (part not in KINDS or place == last))
+        if isinstance(part, int)
+        or (part.isidentifier() and part != "float" and (part not in KINDS or place == last))
     )
     if first["type"] == "extra_forbidden":
         near = difflib.get_close_matches(str(first["loc"][-1]), _keys(first["loc"][:-1], root), 1)

@@ -75,6 +75,20 @@ def test_a_wrong_change_is_one_line(changes, words):
     assert "\n" not in str(caught.value)
 
 
+def test_a_wrong_key_of_a_scenario_is_one_line_without_pydantic():
+    for call, words in (
+        (lambda: rrins.Scenario(duration_s=-1), "duration_s: input should be greater than 0"),
+        (lambda: rrins.load_scenario("ideal", gyro_bias_dph="x"), r"gyros\.bias_dph: input"),
+    ):
+        with pytest.raises(rrins.ScenarioError, match=words) as caught:
+            call()
+        assert caught.value.__cause__ is None
+        assert caught.value.__suppress_context__
+        assert "\n" not in str(caught.value)
+    with pytest.raises(AttributeError, match="load_scenario"):
+        rrins.load_scenario("ideal").duration_s = 5
+
+
 @pytest.mark.parametrize("name", rrins.scenario_names())
 def test_written_as_toml_it_is_the_same(name, tmp_path):
     scenario = rrins.load_scenario(name)

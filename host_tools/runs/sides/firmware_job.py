@@ -38,7 +38,7 @@ def firmware_summary(firmware: Firmware) -> JsonObject:
         "fault": FirmwareFault(int(state.modes.fault)).name,
         "epoch": firmware.epoch,
         "epochs_navigated": firmware.trace.epochs,
-        "navigation_sha256": firmware.trace.sha256(),
+        "navigation_sha256": firmware.trace.sha256() if firmware.trace.epochs else None,
         "scheme_cycles": int(sequencer.cycle),
         "axes_not_following": [bool(flag) for flag in sequencer.not_following],
         "axis_interruptions": [int(count) for count in sequencer.interruptions],

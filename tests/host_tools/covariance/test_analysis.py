@@ -1,13 +1,16 @@
 from __future__ import annotations
 
+import json
 import math
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
 from rrins.host_tools.campaigns.definition import Wishes, load
 from rrins.host_tools.campaigns.row import Work, rows_of
 from rrins.host_tools.campaigns.statistics import Sample
+from rrins.host_tools.cli.main import rrins
 from rrins.host_tools.covariance.analysis import analyse
 from rrins.host_tools.errors import RehearsalError
 
@@ -50,6 +53,18 @@ def test_sources_add_up_and_those_left_out_are_named():
     assert np.sqrt(squares) == pytest.approx(found.sigma)
     assert sum(found.share(one) for one in found.sources) == pytest.approx(1)
     assert found.left_out == ["site.height_m (varied)"]
+
+
+def test_constants_of_one_value_are_named_as_such():
+    """A table of zeros says why: what is fixed gives a mean error and no σ."""
+    arguments = ["covariance", "ideal", "--duration", "100", "--set", "gyros.bias_dph=0.05"]
+    result = CliRunner().invoke(rrins, arguments)
+    assert result.exit_code == 0, result.output
+    assert "fixed, so in the mean error and not in σ: gyros.bias_dph; --vary" in result.output
+    (row,) = (line for line in result.output.splitlines() if "mean error of fixed" in line)
+    assert any(character in "123456789" for character in row)
+    values = json.loads(CliRunner().invoke(rrins, [*arguments, "--json"]).output)
+    assert values["fixed"] == ["gyros.bias_dph"]
 
 
 @pytest.mark.parametrize(

@@ -175,7 +175,7 @@ def in_space(latitude_deg, longitude_deg, height):
 
 
 def antenna_in_space(drive, times_s, arm):
-    """Return where the antenna is, from pose and arm, m in the Earth-fixed frame."""
+    """Return where the antenna is in the Earth-fixed frame, m, by pose and arm."""
     rows = drive.at(times_s)
     lat, lon, height = rows[:, PLACE].T
     place, local = in_space(np.degrees(lat), np.degrees(lon), height)

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
+from rrins.dbc.codec import load
 from rrins.host_tools.monitor.troubles import troubles_of
 from rrins.host_tools.monitor.vitals import vitals_of
 
@@ -104,6 +106,13 @@ def test_a_gyro_that_is_left_out(rehearsed):
     gyros = vitals.redundancy["gyros"]
     assert (gyros.excluded, gyros.isolated, gyros.how) == ((2,), 2, "STANDING")
     assert (gyros.redundancy_left, gyros.suspect) == (False, None)
+    ratio = bus.state.signal("GYRO_REDUNDANCY", "parity_ratio")
+    assert ratio.value is None  # 0 would read as perfect
+    row = load().signal_index("GYRO_REDUNDANCY", "parity_ratio")
+    assert np.isnan(bus.watch.latest(np.array([row])).values[0])
+    both = bus.state.value("ACCELEROMETER_REDUNDANCY", "parity_ratio"), vitals.redundancy
+    assert both[0] == both[1]["accelerometers"].parity_ratio > 0
+    assert both[1]["accelerometers"].suspect is None  # whatever the parity points at most
     assert vitals.redundancy["accelerometers"].redundancy_left
     assert vitals.readmission is None
     troubles = troubles_of(bus.state, vitals)

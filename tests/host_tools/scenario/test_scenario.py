@@ -23,6 +23,7 @@ NAMED = (
     "drive_outage",
     "ship_moored",
     "drive_begun",
+    "tour",
 )
 
 

@@ -1,0 +1,12 @@
+// Guides before names of code: a page of the reference comes after all guides that are found.
+const Scorer = {
+  score: ([docname, , , , score]) => (docname.startsWith("api/") ? score - 1000 : score),
+  objNameMatch: 11,
+  objPartialMatch: 6,
+  objPrio: { 0: 15, 1: 5, 2: -5 },
+  objPrioDefault: 0,
+  title: 15,
+  partialTitle: 7,
+  term: 5,
+  partialTerm: 2,
+};
