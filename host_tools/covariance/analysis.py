@@ -277,10 +277,9 @@ class Model:
         phi, Q = np.zeros((size, size)), np.zeros((size, size))
         phi[STATES:, STATES:] = decay * np.eye(sensors)
         Q[STATES:, STATES:] = np.diag(drive**2 * share)
-        P = _after_alignment(decay, share, self._scenario.firmware.alignment_s)
-        P = np.kron(P, np.diag(drive**2))
+        begun = _after_alignment(decay, share, self._scenario.firmware.alignment_s)
         both = np.block([[S, np.zeros_like(S)], [np.zeros((sensors, sensors)), np.eye(sensors)]])
-        P = both @ P @ both.T
+        P = np.asarray(both @ np.kron(begun, np.diag(drive**2)) @ both.T, dtype=np.float64)
         variance = np.zeros((self.count + 1, 2))
         variance[0] = np.diag(P)[_HORIZONTAL]
         for k in range(self.count):
