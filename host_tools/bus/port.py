@@ -250,8 +250,8 @@ class BatchPort:
         except can.CanError as error:
             raise self._closed(error) from error
 
-    def _closed(self, error: can.CanError) -> PortClosedError:
-        return PortClosedError(f"bus {self._address}: {self._other} is gone: {error}")
+    def _closed(self, error: can.CanError) -> SideLostError:
+        return SideLostError(f"bus {self._address}: {self._other} is gone: {error}")
 
 
 def frame_of_message(frame: Frame, message: can.Message) -> None:
