@@ -60,15 +60,17 @@ def with_limits(value: float | None, low: float | None, high: float | None) -> s
 
 
 def limits(value: float | None, low: float | None, high: float | None) -> tuple[str, str, str]:
-    """Return a value and its limits with as many decimals as two digits of the nearer one need.
+    """Return a value and its limits, all with the same decimals.
 
-    Limits that do not exist are empty; the value then has three digits.
+    There are as many as tell the value from the nearer limit by two digits, but no more than three
+    digits need, if these tell them apart. Limits that do not exist are empty.
     """
     if not (_is_finite(value) and _is_finite(low) and _is_finite(high) and low < high):
         return rounded(value), "", ""
     nearer = min(distance for distance in (value - low, high - value, high - low) if distance > 0)
-    power = _power(max(abs(low), abs(high)), 2)
-    decimals = 1 - _power(nearer, 2)
+    power = _power(max(abs(low), abs(high)), 3)
+    apart = -_power(nearer, 2)
+    decimals = max(apart, min(apart + 1, 2 - power))
     return _text(value, decimals, power), _text(low, decimals, power), _text(high, decimals, power)
 
 

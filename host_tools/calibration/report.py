@@ -26,7 +26,7 @@ SYMBOLS = (
     ("λ", "scale factor error"),
     ("μ", "its asymmetry: added to λ for positive input, subtracted for negative"),
     ("δu, δv", "installation error: the input axis turned by δu about u and by -δv about v"),
-    ("σ", "standard deviation of the estimate that white noise leaves"),
+    ("σ", "standard deviation of the estimate"),
     (
         "wanted",
         "σ, rms over the sensors, that half an hour with the prototype's noise is to reach",

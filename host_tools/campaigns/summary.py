@@ -142,8 +142,8 @@ def value(one: Estimate) -> str:
 
 def interval(one: Estimate) -> str:
     """Return the ends of an interval, of which runs may be too few for one or both."""
-    if np.isfinite(one.half_width):
-        _, low, high = limits(one.value, one.low, one.high)
+    _, low, high = limits(one.value, one.low, one.high)
+    if low:
         return f"{low} … {high}"
     sides = ((one.low, "≥"), (one.high, "≤"))
     return next((f"{sign} {shown(end)}" for end, sign in sides if np.isfinite(end)), "")
