@@ -17,6 +17,7 @@ from rrins.host_tools.drawing.page import REPORT, write_report
 from rrins.host_tools.files import JsonObject, write_text
 from rrins.host_tools.runs.results.sensor_errors import CONSTANTS, KINDS
 from rrins.host_tools.runs.set_up.typed_numbers import typed_number, typed_numbers
+from rrins.host_tools.terminal import figure, rounded_by
 
 PICTURE, FILE = "residuals.png", "calibration.toml"
 
@@ -34,9 +35,10 @@ def kinds_of(found: Estimate) -> list[JsonObject]:
                 "name": word,
                 "unit": _UNITS[name][k],
                 "cells": [
-                    (f"{v:.4g}", f"{s:.2g}") for v, s in zip(values[:, k], sigma[:, k], strict=True)
+                    tuple(rounded_by(s, v, s))
+                    for v, s in zip(values[:, k], sigma[:, k], strict=True)
                 ],
-                "sigma": f"{np.sqrt((sigma[:, k] ** 2).mean()):.2g}",
+                "sigma": figure(float(np.sqrt((sigma[:, k] ** 2).mean())), 2),
                 "wanted": f"{limits[k]:g}",
             }
             for word, k in _ROWS
@@ -55,7 +57,7 @@ def kinds_of(found: Estimate) -> list[JsonObject]:
 
 
 def _rms(values: Floats) -> list[str]:
-    return [f"{value:.3g}" for value in np.sqrt(np.nanmean(values**2, axis=0))]
+    return [figure(float(value)) for value in np.sqrt(np.nanmean(values**2, axis=0))]
 
 
 def result_of(found: Estimate) -> JsonObject:

@@ -19,6 +19,7 @@ from rrins.host_tools.campaigns.statistics import (
 )
 from rrins.host_tools.campaigns.store import Store
 from rrins.host_tools.files import JsonObject
+from rrins.host_tools.terminal import figure, rounded_by
 
 SHOWN: Final = (
     "horizontal_error_m",
@@ -118,18 +119,15 @@ def reasons(store: Store) -> dict[str, int]:
 
 def shown(value: float) -> str:
     """Return a figure with three digits."""
-    if not np.isfinite(value):
-        return "–"
-    if value == 0 or 1e-3 <= abs(value) < 1e6:
-        return f"{value:.3g}" if abs(value) < 1000 else f"{float(f'{value:.3g}'):,.0f}"
-    return f"{value:.2e}"
+    return figure(value)
 
 
 def with_interval(one: Estimate) -> str:
     """Return a figure and its interval."""
     if not np.isfinite(one.half_width):
         return shown(one.value)
-    return f"{shown(one.value)}\n{shown(one.low)} … {shown(one.high)}"
+    value, low, high = rounded_by(one.half_width, one.value, one.low, one.high)
+    return f"{value}\n{low} … {high}"
 
 
 def table_of(store: Store) -> Table:

@@ -62,7 +62,7 @@ def calibrate(as_json: bool, **order: Any) -> None:
 
 def _table(found: Estimate, errors: list[list[float]] | None) -> Table:
     from rrins.host_tools.calibration.report import kinds_of
-    from rrins.host_tools.terminal import new_table
+    from rrins.host_tools.terminal import figure, new_table
 
     count = max(len(found.gyros.constants), len(found.accelerometers.constants))
     heads = ("σ, rms", "wanted", *(("true error, rms",) if errors else ()))
@@ -73,7 +73,7 @@ def _table(found: Estimate, errors: list[list[float]] | None) -> Table:
         for k, row in enumerate(kind["rows"]):
             cells = [value for value, _ in row["cells"]]
             cells += [""] * (count - len(cells))
-            more = [f"{errors[number][k]:.2g}"] if errors else []
+            more = [figure(errors[number][k], 2)] if errors else []
             what = f"{kind['name'].removesuffix('s')} {row['name']} / {row['unit']}"
             table.add_row(what, *cells, row["sigma"], row["wanted"], *more)
         for word in ("before", "after"):

@@ -28,6 +28,7 @@ from rrins.host_tools.files import JsonObject
 from rrins.host_tools.logs.pictures import save
 from rrins.host_tools.runs.results.results import Errors, east_north_m
 from rrins.host_tools.scenario.scenario import Scenario
+from rrins.host_tools.terminal import figure
 
 _POINTS = 4000
 _WIDE = 30.0
@@ -136,7 +137,7 @@ def _rms(values: Floats) -> float:
 
 
 def _metres(value: float) -> str:
-    return f"{value / 1000:.3g} km" if value >= 1000 else f"{value:.3g} m"
+    return f"{figure(value / 1000)} km" if value >= 1000 else f"{figure(value)} m"
 
 
 def _lines_of(one: Navigated, first: Navigated) -> tuple[Floats, Floats, Floats]:

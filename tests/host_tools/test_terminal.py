@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import io
 import re
+import sys
 
 import pytest
 from rich.console import Console
 from rich.table import Table
 
+from rrins.host_tools.cli.output import print_text
 from rrins.host_tools.runs.display import RunDisplay
 from rrins.host_tools.scenario.scenario import load
-from rrins.host_tools.terminal import print_table
+from rrins.host_tools.terminal import figure, print_line, print_table, rounded_by
 
 VALUES = (-8.2112e-05, 1234.5678, -1 / 3, 2e9, -7.5e-12, 0.25, -66.0)
 NUMBERS = [f"{value:.4e} µrad/s" for value in VALUES]
@@ -149,3 +151,27 @@ def test_progress_shows_the_latest_error_whichever_side_reports_first(first):
     late = first == "firmware"  # its line is printed before the truth is known
     expected = [6.36, 12.7, 19.1][: 2 if late else 3]
     assert [float(error) for error in errors] == pytest.approx(expected, rel=0.01)
+
+
+def test_numbers_beside_each_other_have_digits_they_are_worth():
+    values = {14.0: "14.0", 8.94: "8.94", 2849.6: "2,850", 709.2: "709", 999.6: "1,000",
+              0.0: "0", -0.01234: "-0.0123", 3.21e8: "3.21e+08", 1.2e-9: "1.20e-09"}  # fmt: skip
+    assert {value: figure(value) for value in values} == values
+    assert figure(float("nan")) == "–"
+    assert rounded_by(0.0089, 1.718, 0.0089) == ["1.7180", "0.0089"]
+    assert rounded_by(1.04, -13.75, 1.04) == ["-13.8", "1.0"]
+    assert rounded_by(120.0, 12345.6) == ["12,346"]
+
+
+@pytest.mark.parametrize("is_terminal", [True, False])
+def test_a_long_line_is_broken_between_words_in_a_terminal_only(monkeypatch, capfd, is_terminal):
+    text = "  a line of results " + "with many words " * 10 + "/a/path" * 14
+    shown = io.StringIO()
+    print_line(Console(file=shown, width=80, force_terminal=is_terminal), text, highlight=False)
+    monkeypatch.setenv("COLUMNS", "80")
+    monkeypatch.setattr(sys.stdout, "isatty", lambda: is_terminal)
+    print_text(text)
+    for lines in (shown.getvalue().splitlines(), capfd.readouterr().out.splitlines()):
+        assert " ".join(" ".join(lines).split()) == " ".join(text.split())
+        assert (len(lines) == 1) == (not is_terminal)
+        assert all(len(line) <= 80 for line in lines if "/a/path" not in line) or not is_terminal

@@ -19,6 +19,7 @@ from rrins.host_tools.runs.set_up import given_attitude
 from rrins.host_tools.runs.set_up.load_warnings import warnings_of
 from rrins.host_tools.runs.set_up.settings import trajectory_of
 from rrins.host_tools.scenario.scenario import Scenario
+from rrins.host_tools.terminal import figure
 
 
 def frames_lost(firmware: JsonObject, hardware: JsonObject) -> int | None:
@@ -121,10 +122,10 @@ def _shown(value: float | None, unit: str) -> str:
     if value is None:
         return "-"
     if unit == "m" and abs(value) >= 1000:
-        return f"{value / 1000:.3g} km"
+        return f"{figure(value / 1000)} km"
     if abs(value) < 0.1 and value != 0:
-        return f"{value * 1000:.3g} m{unit}"
-    return f"{value:.3g} {unit}"
+        return f"{figure(value * 1000)} m{unit}"
+    return f"{figure(value)} {unit}"
 
 
 def cells_of(summary: AnySummary) -> list[list[str]]:
