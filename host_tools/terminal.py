@@ -1,7 +1,8 @@
-"""Output of the tools: tables whose numbers stay whole, and progress at any width."""
+"""Output of the tools: numbers, tables whose numbers stay whole, and progress at any width."""
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Iterator, Sequence
 from typing import Any
 
@@ -23,6 +24,31 @@ def new_console(*, stderr: bool = False, highlight: bool = True) -> Console:
     Brackets are not markup, and words between colons are not pictures.
     """
     return Console(stderr=stderr, highlight=highlight, markup=False, emoji=False)
+
+
+def print_line(console: Console, text: str, **options: Any) -> None:
+    """Print a line; in a terminal it goes on below between two words, elsewhere it stays whole."""
+    console.print(
+        folded(text, console.width) if console.is_terminal else text, soft_wrap=True, **options
+    )
+
+
+def folded(text: str, width: int) -> str:
+    """Return lines that break between words, and go on below, further in; a path stays whole."""
+    return "\n".join(
+        line if len(line) <= width else _folded(line, width) for line in text.split("\n")
+    )
+
+
+def _folded(line: str, width: int) -> str:
+    return textwrap.fill(
+        line,
+        width,
+        subsequent_indent=" " * (len(line) - len(line.lstrip(" ")) + 2),
+        break_long_words=False,
+        break_on_hyphens=False,
+        replace_whitespace=False,
+    )
 
 
 def new_table(title: str | None, *headings: str, **options: Any) -> Table:
@@ -50,7 +76,7 @@ def print_table(table: Table, console: Console | None = None) -> None:
     """
     console = console or new_console()
     if table.title:
-        console.print(table.title, style="italic", highlight=False, soft_wrap=True)
+        print_line(console, str(table.title), style="italic", highlight=False)
         table.title = None
     for column in table.columns:
         if column.no_wrap or column.justify == "right":
@@ -59,7 +85,7 @@ def print_table(table: Table, console: Console | None = None) -> None:
     for part in _parts(table, console, width):
         console.print(_AtWidth(part, width), crop=False)
     if table.caption:
-        console.print(table.caption, style="dim italic", highlight=False, soft_wrap=True)
+        print_line(console, str(table.caption), style="dim italic", highlight=False)
 
 
 class _AtWidth:

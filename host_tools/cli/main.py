@@ -146,7 +146,9 @@ def _errors_of_dbc() -> tuple[type[Exception], ...]:
 def _fail(message: str, exit_status: int) -> NoReturn:
     """Report in one line what went wrong and exit."""
     line = "".join(c if c.isprintable() else _escaped(c) for c in message)
-    click.echo(f"rrins: {line}", err=True)
+    from rrins.host_tools.cli.output import print_text
+
+    print_text(f"rrins: {line}", err=True)
     sys.exit(exit_status)
 
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 import itertools
 import json
 import os
+import shutil
+import sys
 import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
@@ -22,9 +24,18 @@ if TYPE_CHECKING:
     from rrins.host_tools.files import JsonObject
 
 
+def print_text(text: str, err: bool = False) -> None:
+    """Print lines; in a terminal a long one goes on below, between two words."""
+    if (sys.stderr if err else sys.stdout).isatty():
+        from rrins.host_tools.terminal import folded
+
+        text = folded(text, shutil.get_terminal_size().columns)
+    click.echo(text, err=err)
+
+
 def print_note(text: str) -> None:
     """Print a note to standard error, separate from the results."""
-    click.echo(f"rrins: {text}", err=True)
+    print_text(f"rrins: {text}", err=True)
 
 
 def print_json(values: Mapping[str, Any] | list[JsonObject]) -> None:
@@ -43,7 +54,7 @@ def print_results(
 
     for part in parts:
         if isinstance(part, str):
-            click.echo(part)
+            print_text(part)
         else:
             print_table(part)
 

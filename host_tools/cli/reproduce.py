@@ -11,7 +11,8 @@ from rrins.host_tools.cli.options import FOLDER, flag, format_option, option
 from rrins.host_tools.cli.output import make_folder, print_results
 from rrins.host_tools.experiments.paper import EXPERIMENTS, reproduce_sections, runs_of
 from rrins.host_tools.experiments.report import table_3, write
-from rrins.host_tools.experiments.sections import FigureRow, Section, figure
+from rrins.host_tools.experiments.sections import FigureRow, Section
+from rrins.host_tools.rounding import rounded
 from rrins.host_tools.terminal import new_console, new_table, progress_line
 
 
@@ -26,7 +27,7 @@ def _table_3(sections: list[Section]) -> Table:
 
 def _beside(row: FigureRow) -> str:
     mark = " !" if row.differs else ""
-    return f"{figure(row.ours)} m\n{figure(row.paper)} m\n× {figure(row.ratio)}{mark}"
+    return f"{rounded(row.ours)} m\n{rounded(row.paper)} m\n× {rounded(row.ratio)}{mark}"
 
 
 @click.command()

@@ -27,6 +27,7 @@ from rrins.host_tools.cli.options import (
 from rrins.host_tools.cli.output import print_results, stepping, stopping
 from rrins.host_tools.files import JsonObject
 from rrins.host_tools.rotation.inputs import NamedScheme, rimu_table, scheme_of
+from rrins.host_tools.rounding import rounded
 from rrins.host_tools.scenario.geometry import GEOMETRIES
 from rrins.host_tools.terminal import new_table
 
@@ -81,7 +82,7 @@ def _unit_for(geometry: str | None) -> tuple[Unit, JsonObject]:
 
 def number(value: float) -> str:
     """Return a figure with two digits or three."""
-    return f"{value:.2g}" if value < 10 else f"{value:.3g}"
+    return rounded(value, 2 if value < 10 else 3)
 
 
 @click.command("observability")

@@ -18,6 +18,7 @@ from rrins.host_tools.rotation.errors import ERRORS
 from rrins.host_tools.rotation.inputs import NamedRimu, NamedScheme
 from rrins.host_tools.rotation.search import Candidate, SearchResult
 from rrins.host_tools.rotation.travel import AxisTravel, travel_of
+from rrins.host_tools.rounding import rounded
 from rrins.host_tools.terminal import new_table
 
 _PREFIXES = ((1.0, 1.0, ""), (1e-3, 1e3, "m"), (1e-6, 1e6, "µ"), (0.0, 1e9, "n"))
@@ -35,7 +36,7 @@ def value_text(value: float, unit: str) -> str:
     if value == 0:
         return "0"
     factor, prefix = next((f, p) for above, f, p in _PREFIXES if abs(value) >= above)
-    return f"{value * factor:.3g} {prefix}{unit}"
+    return f"{rounded(value * factor)} {prefix}{unit}"
 
 
 def analysis_object(named: NamedScheme, rimu: NamedRimu, variation: Variation) -> JsonObject:

@@ -22,10 +22,10 @@ from rrins.host_tools.experiments.sections import (
     Picture,
     PictureGrid,
     Section,
-    figure,
 )
 from rrins.host_tools.experiments.variants import with_closest
 from rrins.host_tools.motion.trajectory import PLACE
+from rrins.host_tools.rounding import rounded
 from rrins.host_tools.runs.results.results import Errors, east_north_m
 from rrins.host_tools.runs.set_up.settings import trajectory_of
 from rrins.host_tools.scenario.scenario import Scenario, load
@@ -181,7 +181,7 @@ def _add_variants(section: Section, variants: dict[str, list[FigureRow]]) -> Non
     words = []
     for name, rows in variants.items():
         section.rows.extend(rows)
-        ends = {row.quantity: figure(row.ours) for row in rows if row.unit == "m"}
+        ends = {row.quantity: rounded(row.ours) for row in rows if row.unit == "m"}
         strapdown, rotating = (ends[f"end point error, {way}"] for way in _WAYS)
         words.append(f"{name}: {strapdown} m strapdown, {rotating} m rotating")
     section.findings.append(f"End points on route 1 with other choices: {'; '.join(words)}.")
@@ -253,7 +253,7 @@ def reproduce(fleet: Fleet, seeds: int, motion: Path | None) -> Section:
     worst = bands[SETS[1].words]
     section.findings.append(
         f"With {SETS[1].words} the median of the rotating end point is "
-        f"{figure(worst[1].median / worst[0].median)} times that of the strapdown one "
+        f"{rounded(worst[1].median / worst[0].median)} times that of the strapdown one "
         f"({seeds} seeds). Our inference, not measured on its own: a half turn tilts the solution "
         "by the installation errors, and the vehicle's own turns keep the tilts from cancelling."
     )

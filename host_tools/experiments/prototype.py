@@ -22,8 +22,8 @@ from rrins.host_tools.experiments.sections import (
     Picture,
     PictureGrid,
     Section,
-    figure,
 )
+from rrins.host_tools.rounding import rounded
 from rrins.host_tools.runs.results.results import Errors
 from rrins.host_tools.scenario.scenario import Scenario, load
 
@@ -136,7 +136,7 @@ def _figure_rows(case: PrototypeCase, outcome: Outcome, larger: Outcome) -> list
                 EXPERIMENT, case.words, quantity, unit, one.paper, one.median, one.words()
             )
             if row.differs and unit == "m":
-                note = f"{row.note}; {_LARGER.words}: {figure(of_larger.median)} {unit}"
+                note = f"{row.note}; {_LARGER.words}: {rounded(of_larger.median)} {unit}"
                 row = replace(row, note=note)
             rows.append(row)
     return rows
@@ -212,7 +212,7 @@ def _size(outcomes: dict[PrototypeCase, Outcome]) -> str:
     factors = [one.paper / one.median for one in usual["strapdown"] if one.paper]
     before, inside = _errors_inside(usual), _errors_inside(larger)
     text = (
-        f"The paper's strapdown errors are {figure(factors[0])} (east) and {figure(factors[1])} "
+        f"The paper's strapdown errors are {rounded(factors[0])} (east) and {rounded(factors[1])} "
         f"(north) times the median of {len(usual['strapdown'][0].values)} seeds with "
         f"{REFERENCE.words}. Of its four position errors {before} lie in {_spread_words(outcomes)} "
         f"with {REFERENCE.words}, and {inside} with {_LARGER.words}."

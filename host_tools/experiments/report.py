@@ -7,7 +7,8 @@ from typing import Final
 
 from rrins.host_tools.drawing.page import REPORT, write_report
 from rrins.host_tools.experiments.constants import REFERENCE
-from rrins.host_tools.experiments.sections import BAND_SEEDS, FigureRow, Section, figure
+from rrins.host_tools.experiments.sections import BAND_SEEDS, FigureRow, Section
+from rrins.host_tools.rounding import rounded
 from rrins.host_tools.scenario.schemes import SCHEMES
 
 _SCHEME = "16-position"
@@ -61,7 +62,7 @@ def write(folder: Path, sections: list[Section]) -> list[Path]:
         "rrins.host_tools.experiments",
         {one.name: one.figure for section in sections for one in section.pictures},
         keeps=(REPORT,),
-        filters={"figure": figure},
+        filters={"figure": rounded},
         sections=sections,
         table_3=rows_3,
         differing=[(name, row) for name, cells in rows_3 for row in cells if row and row.differs],

@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
 from rrins.host_tools.files import JsonObject
+from rrins.host_tools.rounding import rounded
 
 FACTOR = 2.0
 """Our figure and the paper's differ if one is more than this many times the other."""
@@ -18,15 +19,6 @@ BAND_SEEDS = 20
 
 One of 20 is 5 %: the percentiles of fewer seeds would say more than the seeds do.
 """
-
-
-def figure(value: float | None) -> str:
-    """Format a number for the tables: three digits, thousands separated."""
-    if value is None:
-        return "–"
-    if value == 0 or 1e-3 <= abs(value) < 1e7:
-        return f"{value:.3g}" if abs(value) < 1000 else f"{float(f'{value:.3g}'):,.0f}"
-    return f"{value:.2e}"
 
 
 @dataclass(frozen=True)
@@ -118,7 +110,7 @@ class Distribution:
     def band(self) -> str:
         """The spread's limits in words."""
         low, high = self.spread
-        return f"{figure(low)} to {figure(high)}"
+        return f"{rounded(low)} to {rounded(high)}"
 
     def words(self) -> str:
         """Return the spread, the number of seeds and the paper's place in words.
@@ -132,9 +124,9 @@ class Distribution:
         if self.holds:
             place = "inside"
         elif self.paper < low:
-            place = f"below, {figure(self.paper / low)} of the lower limit"
+            place = f"below, {rounded(self.paper / low)} of the lower limit"
         else:
-            place = f"above, {figure(self.paper / high)} times the upper limit"
+            place = f"above, {rounded(self.paper / high)} times the upper limit"
         return (
             f"{text}; the paper's figure lies {place}; {self.below} of {len(self.values)} below it"
         )

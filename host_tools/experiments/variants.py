@@ -12,7 +12,8 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-from rrins.host_tools.experiments.sections import FigureRow, figure
+from rrins.host_tools.experiments.sections import FigureRow
+from rrins.host_tools.rounding import rounded
 
 _SMALLEST = 1e-12  # a figure of zero has no logarithm
 
@@ -71,7 +72,7 @@ def with_closest(
         if name is not None:
             assert row.paper
             value = variants[name][k].ours or 0.0
-            words = f"closest of {over}: {name}, {figure(value)} {row.unit} "
-            words += f"(ratio {figure(value / row.paper)})"
+            words = f"closest of {over}: {name}, {rounded(value)} {row.unit} "
+            words += f"(ratio {rounded(value / row.paper)})"
         noted[k] = replace(row, note=f"{row.note}; {words}")
     return noted

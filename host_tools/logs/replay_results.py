@@ -24,7 +24,7 @@ from rrins.host_tools.runs.results.samples import NAVIGATION_SAMPLES, TRUTH_SAMP
 from rrins.host_tools.runs.results.seconds_log import take_seconds
 from rrins.host_tools.runs.results.summary import hash_words, summarise, table_of, write_results
 from rrins.host_tools.scenario.scenario import Scenario
-from rrins.host_tools.terminal import new_console, print_table
+from rrins.host_tools.terminal import new_console, print_line, print_table
 
 _COLUMNS = (
     ("time_s", "%.3f"),
@@ -199,7 +199,7 @@ def print_replay(summary: JsonObject, paths: list[Path]) -> None:
             "firmware had stopped sending"
         )
     for text in (*lines, *(f"  {path}" for path in paths)):
-        console.print(text, highlight=False, soft_wrap=True)
+        print_line(console, text, highlight=False)
 
 
 def _how_it_ended(firmware: JsonObject) -> str:

@@ -104,7 +104,7 @@ class _CandumpWriter(can.CanutilsLogWriter):
     """A writer of what ``candump -L`` writes."""
 
     def __init__(self, file: Path | IO[str]) -> None:
-        super().__init__(file)
+        super().__init__(cast(Any, file))
         self.file = cast(Any, _WithoutDirection(self.file))
 
 

@@ -11,7 +11,7 @@ from rich.console import Console
 from rrins.host_tools.files import JsonObject
 from rrins.host_tools.runs.results.results import east_north_m
 from rrins.host_tools.scenario.scenario import Scenario
-from rrins.host_tools.terminal import progress_line
+from rrins.host_tools.terminal import print_line, progress_line
 
 _SPARSE_STEPS = 10
 
@@ -69,14 +69,14 @@ class RunDisplay:
         if self._line is not None:
             self._line(text)
         if self._is_sparse:
-            self._console.print(text, highlight=False, soft_wrap=True)
+            print_line(self._console, text, highlight=False)
 
     def note(self, text: str) -> None:
         """Show a line that the user must not miss; once, though both sides may say it."""
         if text in self._noted:
             return
         self._noted.add(text)
-        self._console.print(f"rrins: {text}", highlight=False, markup=False, soft_wrap=True)
+        print_line(self._console, f"rrins: {text}", highlight=False, markup=False)
 
     def compiling(self, side: str, functions: int) -> None:
         """Show that a side compiles, and how many functions it has begun."""

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import io
 import re
+import sys
 
 import pytest
 from rich.console import Console
 from rich.table import Table
 
+from rrins.host_tools.cli.output import print_text
 from rrins.host_tools.runs.display import RunDisplay
 from rrins.host_tools.scenario.scenario import load
-from rrins.host_tools.terminal import print_table
+from rrins.host_tools.terminal import print_line, print_table
 
 VALUES = (-8.2112e-05, 1234.5678, -1 / 3, 2e9, -7.5e-12, 0.25, -66.0)
 NUMBERS = [f"{value:.4e} µrad/s" for value in VALUES]
@@ -149,3 +151,17 @@ def test_progress_shows_the_latest_error_whichever_side_reports_first(first):
     late = first == "firmware"  # its line is printed before the truth is known
     expected = [6.36, 12.7, 19.1][: 2 if late else 3]
     assert [float(error) for error in errors] == pytest.approx(expected, rel=0.01)
+
+
+@pytest.mark.parametrize("is_terminal", [True, False])
+def test_a_long_line_is_broken_between_words_in_a_terminal_only(monkeypatch, capfd, is_terminal):
+    text = "  a line of results " + "with many words " * 10 + "/a/path" * 14
+    shown = io.StringIO()
+    print_line(Console(file=shown, width=80, force_terminal=is_terminal), text, highlight=False)
+    monkeypatch.setenv("COLUMNS", "80")
+    monkeypatch.setattr(sys.stdout, "isatty", lambda: is_terminal)
+    print_text(text)
+    for lines in (shown.getvalue().splitlines(), capfd.readouterr().out.splitlines()):
+        assert " ".join(" ".join(lines).split()) == " ".join(text.split())
+        assert (len(lines) == 1) == (not is_terminal)
+        assert all(len(line) <= 80 for line in lines if "/a/path" not in line) or not is_terminal

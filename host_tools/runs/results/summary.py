@@ -8,6 +8,7 @@ from typing import cast
 from rich.table import Table
 
 from rrins.host_tools.files import JsonObject
+from rrins.host_tools.rounding import rounded
 from rrins.host_tools.runs.results.estimates import beside_truth, sensor_rows, write_sensors
 from rrins.host_tools.runs.results.findings import finding_lines
 from rrins.host_tools.runs.results.outcome import Outcome
@@ -121,10 +122,10 @@ def _shown(value: float | None, unit: str) -> str:
     if value is None:
         return "-"
     if unit == "m" and abs(value) >= 1000:
-        return f"{value / 1000:.3g} km"
+        return f"{rounded(value / 1000)} km"
     if abs(value) < 0.1 and value != 0:
-        return f"{value * 1000:.3g} m{unit}"
-    return f"{value:.3g} {unit}"
+        return f"{rounded(value * 1000)} m{unit}"
+    return f"{rounded(value)} {unit}"
 
 
 def cells_of(summary: AnySummary) -> list[list[str]]:
