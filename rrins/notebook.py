@@ -23,11 +23,12 @@ class NotebookLine:
 
     def show(self, text: str) -> None:
         """Write the line anew."""
-        from IPython.display import display
+        from IPython import display
 
         shown = {"text/plain": text}
         if self._handle is None:
-            self._handle = display(shown, raw=True, display_id=True)
+            show: Any = display.display  # untyped
+            self._handle = show(shown, raw=True, display_id=True)
         else:
             self._handle.update(shown, raw=True)
 

@@ -30,7 +30,7 @@ _SEARCHED = 8  # bytes from the end of an object in which the next begins
 _RUN = 32  # objects alike that are worth an array
 _EMPTY_OBJECT = re.compile(_SIGNATURE + rb".{4}\0{4}", re.DOTALL)
 _FIELDS = ("begin", "size", "kind", "unit", "time", "channel", "flags", "dlc", "id", "data")
-_CLASSIC = {
+CLASSIC = {
     size: np.dtype(
         {
             "names": list(_FIELDS),
@@ -43,12 +43,14 @@ _CLASSIC = {
 }
 """Classic frames by their size: Vector's newer ones have 8 bytes more, which say nothing new."""
 _KINDS = (1, 86)  # CAN_MESSAGE, CAN_MESSAGE2
-_BEGIN = int.from_bytes(struct.pack("<4sHH", _SIGNATURE, 32, 1), "little")
+BEGIN = int.from_bytes(struct.pack("<4sHH", _SIGNATURE, 32, 1), "little")
+"""The first eight bytes of such a frame."""
 _BEGINNING = struct.Struct("<QLL8xQ")  # begin, size, kind, time
 _TENS_OF_US = 1  # the unit of a time; else it is 1 ns
 _LATEST = 1 << 53  # a float holds all times up to there
 _REMOTE = 0x80
-_MASKS = np.array([(1 << 8 * length) - 1 for length in range(9)], dtype=np.uint64)
+MASKS = np.array([(1 << 8 * length) - 1 for length in range(9)], dtype=np.uint64)
+"""Of the payload, by length."""
 
 
 @dataclass(frozen=True)
@@ -126,7 +128,7 @@ class BlfReader(can.BLFReader):
         frames["can_id"] = identifiers & (0x1FFF_FFFF | EFF_FLAG)  # where a BLF has it, too
         frames["can_id"][is_remote] |= RTR_FLAG
         frames["length"] = np.minimum(run["dlc"], 8)
-        frames["data"] = np.where(is_remote, np.uint64(0), run["data"] & _MASKS[frames["length"]])
+        frames["data"] = np.where(is_remote, np.uint64(0), run["data"] & MASKS[frames["length"]])
         per_s = np.where(run["unit"] == _TENS_OF_US, 1e5, 1e9)
         time_s = run["time"] / per_s + self.start_timestamp
         return Run(frames, time_s, run["channel"].astype(np.int64))
@@ -137,10 +139,10 @@ def _run(data: bytes, at: int) -> tuple[int, npt.NDArray[np.void]]:
     begin = data.find(_SIGNATURE, at, at + _SEARCHED)
     key = _key(data, begin)
     if key is None:
-        return at, np.zeros(0, _CLASSIC[48])
+        return at, np.zeros(0, CLASSIC[48])
     size, kind = key
-    objects = np.frombuffer(data, _CLASSIC[size], (len(data) - begin) // size, begin)
-    alike = (objects["begin"] == _BEGIN) & (objects["size"] == size) & (objects["kind"] == kind)
+    objects = np.frombuffer(data, CLASSIC[size], (len(data) - begin) // size, begin)
+    alike = (objects["begin"] == BEGIN) & (objects["size"] == size) & (objects["kind"] == kind)
     alike &= objects["time"] < _LATEST
     others = np.flatnonzero(~alike)
     return begin, objects[: others[0]] if len(others) else objects
@@ -151,7 +153,7 @@ def _key(data: bytes, begin: int) -> tuple[int, int] | None:
     if not 0 <= begin <= len(data) - _BEGINNING.size:
         return None
     head, size, kind, time = _BEGINNING.unpack_from(data, begin)
-    is_classic = head == _BEGIN and size in _CLASSIC and kind in _KINDS and time < _LATEST
+    is_classic = head == BEGIN and size in CLASSIC and kind in _KINDS and time < _LATEST
     return (size, kind) if is_classic and begin + size <= len(data) else None
 
 

@@ -15,12 +15,12 @@ from typing import IO, Any, BinaryIO, Protocol, cast
 import can
 from can.io.logger import MESSAGE_WRITERS
 from can.io.player import MESSAGE_READERS
-from can.util import channel2int
 
 from rrins.host_tools.recording.asc import AscLines
 from rrins.host_tools.recording.blf import BlfReader, Run
+from rrins.host_tools.recording.blf_writer import BlfWriter
 from rrins.host_tools.recording.errors import RecordError
-from rrins.host_tools.recording.mf4 import Mf4Writer, is_simulated, open_mf4_reader
+from rrins.host_tools.recording.mf4 import Mf4Writer, open_mf4_reader
 from rrins.host_tools.recording.text_lines import CsvLines, TextLines, TrcLines
 
 WRITTEN = (".asc", ".blf", ".csv", ".db", ".log", ".mf4", ".trc", ".txt")
@@ -31,7 +31,7 @@ READ = (".asc", ".blf", ".csv", ".db", ".log", ".mf4", ".trc")
 
 _TEXT = (".asc", ".csv", ".log", ".trc", ".txt")  # also with .gz
 _BATCH = 1000
-_BLF_CHANNELS = 0xFFFF
+_COMPRESSION = 4  # as small as the default, and three times faster
 _TABLE = (
     "CREATE TABLE messages (ts REAL, arbitration_id INTEGER, extended INTEGER, "
     "remote INTEGER, error INTEGER, dlc INTEGER, data BLOB)"
@@ -70,17 +70,6 @@ def check_path(path: Path) -> None:
         )
     if not path.parent.is_dir():
         raise RecordError(f"recording {path}: no such folder: {path.parent}")
-
-
-class _BlfWriter(can.BLFWriter):
-    """A writer that counts simulated time from zero and accepts any channel name."""
-
-    def on_message_received(self, msg: can.Message) -> None:
-        if not 0 <= (channel2int(msg.channel) or 0) < _BLF_CHANNELS:
-            msg.channel = None
-        if self.start_timestamp is None and is_simulated(msg.timestamp):
-            self.start_timestamp = 0.0
-        super().on_message_received(msg)
 
 
 class _WithoutDirection:
@@ -174,7 +163,7 @@ def open_writer(path: Path) -> Writer:
         if ending == ".db":
             return _SqliteWriter(path)
         if ending == ".blf":
-            return _BlfWriter(path)
+            return BlfWriter(path, compression_level=_COMPRESSION)
         file = gzip.open(path, "wt", encoding="utf-8") if is_packed else path  # noqa: SIM115
         kind = _CandumpWriter if ending == ".log" else MESSAGE_WRITERS[ending]
         return cast(Callable[[Path | IO[str]], Writer], kind)(file)

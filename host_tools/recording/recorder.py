@@ -12,88 +12,35 @@ from pathlib import Path
 from typing import IO, Literal
 
 import can
+import numpy as np
 
+from rrins.compiled.record import Floats
 from rrins.dbc.codec import load
-from rrins.dbc.frame import frame_array
+from rrins.dbc.frame import FrameArray
 from rrins.host_tools.bus.interface import RrinsBus
 from rrins.host_tools.bus.message import messages_of
 from rrins.host_tools.bus.pace import runs_ahead
 from rrins.host_tools.bus.port import Address, open_bus
 from rrins.host_tools.errors import BusError
+from rrins.host_tools.recording.blf_writer import BlfWriter
 from rrins.host_tools.recording.earlier import keep_earlier, put_back
 from rrins.host_tools.recording.errors import RecordError
 from rrins.host_tools.recording.formats import Writer, check_path, ending_of, open_writer
 from rrins.host_tools.recording.mf4 import is_simulated
 from rrins.host_tools.recording.note import Note, Part, path_beside, write_note
+from rrins.host_tools.recording.sources import AnySource, EmbeddedSource, ManyAtOnce
 
 __all__ = ["NAME", "RecordError", "Recorder", "check_path"]
 
 NAME = "recorder"
 """Name of a recorder on the embedded bus."""
 
-_POLL_S = 0.1
 _PATIENCE_S = 1.0
-_BATCH = 4096
 _OPENING = 5000  # most frames held back until the first SYNC
 _SIZE_EVERY = 128  # frames between checks of the size
 _SYNC_PATIENCE = 4096  # frames past the size limit that a part waits for a SYNC to end at
 _CUT_OFF = "cut off"
 _log = logging.getLogger(__name__)
-
-
-class _EmbeddedSource:
-    """The frames of the embedded bus, in the order in which the firmware handles them.
-
-    In lockstep the firmware reads frames that arrive between the hardware's frames and its own
-    answer only in its next epoch; here such frames follow the answer.
-    """
-
-    def __init__(self, bus: RrinsBus, channel: str, in_lockstep: bool) -> None:
-        self._bus = bus
-        self._channel = channel
-        self._in_lockstep = in_lockstep
-        self._frames = frame_array(_BATCH)
-        self._is_open = False  # an epoch is open: not yet closed by the firmware
-        self._between: list[can.Message] = []
-
-    def receive(self) -> list[can.Message] | None:
-        """Return the next messages, empty for a batch without frames; None if nothing arrived."""
-        batch = self._bus.recv_batch(self._frames, _POLL_S)
-        if batch is None:
-            return None
-        came = list(messages_of(self._frames[: batch.count], batch.time_ns / 1e9, self._channel))
-        if not self._in_lockstep:
-            return came
-        if batch.sender == 0:
-            self._is_open = self._is_open or batch.closes_epoch
-        elif batch.closes_epoch:
-            self._is_open = False
-            came += self._between
-            self._between = []
-        elif self._is_open:
-            self._between += came
-            return []
-        return came
-
-    def rest(self) -> list[can.Message]:
-        """Return the messages that followed the last hardware frames."""
-        return self._between
-
-
-class _AnySource:
-    """The frames of any python-can bus."""
-
-    def __init__(self, bus: can.BusABC) -> None:
-        self._bus = bus
-
-    def receive(self) -> list[can.Message] | None:
-        """Return the next message; None if nothing arrived."""
-        message = self._bus.recv(_POLL_S)
-        return None if message is None else [message]
-
-    def rest(self) -> list[can.Message]:
-        """Return nothing: every message has been passed on."""
-        return []
 
 
 class _Claim:
@@ -187,6 +134,23 @@ class _Parts:
         self._writer.on_message_received(message)
         self._frames += 1
         return is_first
+
+    @property
+    def takes_arrays(self) -> bool:
+        """Whether frames can be written many at once."""
+        return self._limit is None and isinstance(self._writer, BlfWriter)
+
+    def write_frames(self, frames: FrameArray, time_s: Floats, channel: str) -> None:
+        """Write frames many at once; the part has begun."""
+        writer = self._writer
+        assert isinstance(writer, BlfWriter)
+        if writer.takes(frames):
+            writer.on_frames(frames, time_s, channel)
+        else:
+            for k in range(len(frames)):
+                for message in messages_of(frames[k : k + 1], float(time_s[k]), channel):
+                    writer.on_message_received(message)
+        self._frames += len(frames)
 
     def _is_full(self, message: can.Message) -> bool:
         if not self._beyond and self._frames % _SIZE_EVERY:
@@ -301,9 +265,9 @@ class Recorder:
         )
         self._bus = open_bus(address, **options)
         in_lockstep = note is not None and note.is_lockstep
-        self._source: _EmbeddedSource | _AnySource = _AnySource(self._bus)
+        self._source: EmbeddedSource | AnySource = AnySource(self._bus)
         if isinstance(self._bus, RrinsBus):
-            self._source = _EmbeddedSource(self._bus, address.channel, in_lockstep)
+            self._source = EmbeddedSource(self._bus, address.channel, in_lockstep)
         self.note = note or Note(interface=address.interface, channel=address.channel)
         try:
             self._parts = _Parts(path, rotate_bytes)
@@ -314,6 +278,10 @@ class Recorder:
                 raise
             raise RecordError(f"recording {path}: {error}") from error
         self._opening: list[can.Message] | None = [] if address.is_embedded else None
+        self._many: ManyAtOnce | None = None
+        has_arrays = self._parts.takes_arrays and limit_s is None
+        if has_arrays and isinstance(self._source, EmbeddedSource):
+            self._many = ManyAtOnce(self._source, self._write_frames)
         self._sync_id = load().frame_id("SYNC")
         self.frames = 0
         self.first_s: float | None = None
@@ -342,7 +310,10 @@ class Recorder:
         """Write incoming frames; keep receiving if the file fails, so that the bus never waits."""
         try:
             while True:
-                came = self._source.receive()
+                if self._opening is None and self._many is not None:
+                    came = self._many.receive()
+                else:
+                    came = self._source.receive()
                 if self._stop.is_set() and (came is None or time.monotonic() > self._until):
                     return
                 for message in came or ():
@@ -352,6 +323,8 @@ class Recorder:
             if _CUT_OFF in str(error) and self.failure is None:
                 self.failure = f"stopped after {self.frames} frames: {error}"
         finally:
+            if self._many is not None:
+                self._many.flush()
             for message in self._source.rest():
                 self._record(message)
             self._open()
@@ -389,6 +362,18 @@ class Recorder:
             if begins_part:  # so that a killed recorder leaves a note of all its parts
                 self._write_note()
         except Exception as error:  # noqa: BLE001 - third-party writers; the bus must not wait
+            self.failure = f"stopped after {self.frames} frames: {error}"
+            self.has_ended.set()
+
+    def _write_frames(self, frames: FrameArray, time_s: Floats) -> None:
+        if self.has_ended.is_set():
+            return
+        time_s = np.maximum.accumulate(np.maximum(time_s, self.last_s))  # as in `_write`
+        self.last_s = float(time_s[-1])
+        try:
+            self._parts.write_frames(frames, time_s, self._address.channel)
+            self.frames += len(frames)
+        except Exception as error:  # noqa: BLE001 - as above
             self.failure = f"stopped after {self.frames} frames: {error}"
             self.has_ended.set()
 

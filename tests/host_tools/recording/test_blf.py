@@ -7,12 +7,15 @@ import struct
 import zlib
 
 import can
+import numpy as np
 import pytest
 
-from rrins.dbc.frame import frame_array
+from rrins.dbc.frame import EFF_FLAG, frame_array
+from rrins.host_tools.bus.message import messages_of
 from rrins.host_tools.logs.reader import Log
 from rrins.host_tools.recording import blf
 from rrins.host_tools.recording.blf import Run
+from rrins.host_tools.recording.blf_writer import BlfWriter
 from rrins.host_tools.recording.errors import RecordError
 
 _HEADER = 144  # bytes of a file's
@@ -124,3 +127,26 @@ def test_usual_frames_come_as_arrays(tmp_path):
     in_arrays = sum(len(one.frames) for one in found if isinstance(one, Run))
     assert in_arrays == 5 * 200
     assert len(found) - sum(isinstance(one, Run) for one in found) == 5 * 9
+
+
+@pytest.mark.parametrize("begin_s", [0.0, 1.7e9])
+def test_thousands_of_frames_at_once_are_the_same_bytes(tmp_path, begin_s):
+    rng = np.random.default_rng(1)
+    count = 9000  # more than a container
+    frames = frame_array(count)
+    frames["can_id"] = rng.integers(0, 0x800, count)
+    frames["length"] = rng.integers(0, 9, count)
+    frames["data"] = rng.integers(0, 2**63, count)  # also behind the end of a short payload
+    time_s = begin_s + np.sort(rng.uniform(0, 100, count))
+    single, many = (BlfWriter(tmp_path / name) for name in ("single.blf", "many.blf"))
+    assert many.takes(frames)
+    for k in range(count):
+        for message in messages_of(frames[k : k + 1], time_s[k], "rrins0"):
+            single.on_message_received(message)
+    for part in (slice(0, 1), slice(1, 5000), slice(5000, count)):
+        many.on_frames(frames[part], time_s[part], "rrins0")
+    single.stop()
+    many.stop()
+    assert (tmp_path / "single.blf").read_bytes() == (tmp_path / "many.blf").read_bytes()
+    frames["can_id"][3] |= EFF_FLAG
+    assert not many.takes(frames)
