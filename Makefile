@@ -59,6 +59,7 @@ docs: $(VENV)/installed-dev
 	cd docs && ../$(RUN) generate.faults_page > faults.md
 	cd docs && ../$(RUN) generate.rooms_table
 	cd docs && ../$(RUN) generate.scenario_tables
+	cd docs && ../$(RUN) generate.scenario_keys
 	cd docs && ../$(RUN) generate.figures
 	RRINS_WRITE_DOCS=1 $(RUN) pytest -q -m typed tests/docs/test_typed.py
 

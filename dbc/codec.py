@@ -180,12 +180,14 @@ class Codec:
         self.database = database
         self._message_rows: dict[str, int] = {}
         self._signal_rows: dict[tuple[str, str], int] = {}
+        self._send_types: dict[str, str] = {}
         self._choices: dict[tuple[str, str], Mapping[int, str]] = {}
         signals: list[tuple[object, ...]] = []
         messages: list[tuple[object, ...]] = []
         for message in database.messages:
             self._check(message)
             self._message_rows[message.name] = len(messages)
+            self._send_types[message.name] = self._named(message, "GenMsgSendType", "Cyclic")
             for signal in message.signals:
                 self._signal_rows[message.name, signal.name] = len(signals)
                 signals.append(self._signal_row(signal))
@@ -230,6 +232,12 @@ class Codec:
             )
         return (message.frame_id, int(data_id.value), message.length, message.cycle_time or 0)
 
+    @staticmethod
+    def _named(message: Message, attribute: str, default: str) -> str:
+        """Return the name of a message's value of an attribute that is an enumeration."""
+        given = message.dbc.attributes.get(attribute) if message.dbc else None
+        return default if given is None else str(given.definition.choices[int(given.value)])
+
     @property
     def bits_per_s(self) -> int:
         """Bit rate of the bus: the DBC's attribute Baudrate."""
@@ -239,6 +247,22 @@ class Codec:
     def is_protected(self, message: str) -> bool:
         """Return whether a message has E2E protection; diagnostic messages have none."""
         return bool(self.messages[self.message_index(message)].data_id)
+
+    def counts_epochs(self, message: str) -> bool:
+        """Return whether a message's counter is the epoch, rather than its transmissions."""
+        described = self.database.get_message_by_name(message)
+        return self._named(described, "E2ECounter", "None") == "Epoch"
+
+    def send_type(self, message: str) -> str:
+        """Return when a message is sent: Cyclic, IfActive (cyclic at times) or Event."""
+        return self._send_types[message]
+
+    def valid_if(self, message: str, signal: str) -> str | None:
+        """Return the signal of the same message without which a signal means nothing; or None."""
+        self.signal_index(message, signal)
+        described = self.database.get_message_by_name(message).get_signal_by_name(signal)
+        given = described.dbc.attributes.get("ValidIf") if described.dbc else None
+        return None if given is None else str(given.value)
 
     def message_index(self, message: str) -> int:
         """Return the row of a message in `messages`."""

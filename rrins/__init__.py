@@ -16,16 +16,16 @@ scenario; `record`, `replay` and `open_log` handle logs of the bus; `open_diagno
 `import_recording` exchange increments with other navigators and vehicles; `Campaign` runs a
 scenario thousands of times, `analyse_covariance` needs no run; `study_redundancy` says which faults
 are found, `fmeda` what becomes of failures, `study_integrity` whether errors stay within their
-bounds, `calibrate` finds the constants of a unit, `conform` checks somebody's firmware, `bench`
-this machine. Tests get the fixtures `rrins_bench`, `rrins_bus`, `rrins_firmware` and
-`rrins_hardware` from the pytest plugin.
+bounds, `calibrate` finds the constants of a unit, `conform` checks somebody's firmware, `benchmark`
+this machine. `bench` is a rehearsal that a program drives epoch by epoch. Tests get the fixtures
+`rrins_bench`, `rrins_bus`, `rrins_firmware` and `rrins_hardware` from the pytest plugin.
 
 Units stand at the end of a name (``_deg``, ``_dph``, ``_ug``, ``_s``); frames are those of
 `docs/conventions.md`. Importing this package is quick: whatever is heavy (numba, xarray, pandas,
 matplotlib) comes with the first call that needs it. xarray and pandas belong to the extra `data`.
 """
 
-from importlib import import_module
+from importlib import import_module as _import_module
 
 # By the loader: pathlib would take longer to import than all else here.
 _STUB = __spec__.loader.get_data(f"{__file__}i").decode()
@@ -44,10 +44,10 @@ def __getattr__(name: str) -> object:
         return version("rrins")
     if name not in _HOMES:
         raise AttributeError(f"module 'rrins' has no attribute {name!r}")
-    value: object = getattr(import_module(_HOMES[name]), name)
+    value: object = getattr(_import_module(_HOMES[name]), name)
     globals()[name] = value
     return value
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *__all__})
+    return __all__

@@ -1,4 +1,4 @@
-from rrins.benchmarks import bench as bench
+from rrins.benchmarks import benchmark as benchmark
 from rrins.calibration import UnitCalibration as UnitCalibration
 from rrins.calibration import calibrate as calibrate
 from rrins.campaign import Campaign as Campaign
@@ -12,6 +12,8 @@ from rrins.host_tools.errors import RehearsalError as RehearsalError
 from rrins.host_tools.errors import ScenarioError as ScenarioError
 from rrins.host_tools.runs.results.summary_types import Summary as Summary
 from rrins.host_tools.scenario.scenario import Scenario as Scenario
+from rrins.host_tools.scenario.typed_keys import FaultTable as FaultTable
+from rrins.host_tools.scenario.typed_keys import ScenarioKeys as ScenarioKeys
 from rrins.integrity import FmedaStudy as FmedaStudy
 from rrins.integrity import IntegrityStudy as IntegrityStudy
 from rrins.integrity import fmeda as fmeda
@@ -38,6 +40,7 @@ from rrins.schemes import analyse_scheme as analyse_scheme
 from rrins.schemes import compare_schemes as compare_schemes
 from rrins.schemes import observe_scheme as observe_scheme
 from rrins.schemes import search_schemes as search_schemes
+from rrins.stepping import bench as bench
 from rrins.vehicle import import_recording as import_recording
 from rrins.vehicle import write_increments as write_increments
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from rrins.host_tools.benchmarks.suite import Result, measured
 
 
-def bench(quick: bool = False) -> Result:
+def benchmark(quick: bool = False) -> Result:
     """Measure what a rehearsal costs on this machine: speed, steps, codec, lateness, start-up.
 
     Progress goes to standard error.

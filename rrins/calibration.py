@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import shutil
+import tempfile
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -9,7 +11,8 @@ from typing import TYPE_CHECKING
 from rrins.host_tools.calibration.procedure import Calibrated, Order
 from rrins.host_tools.calibration.procedure import calibrate as calibrate_unit
 from rrins.host_tools.calibration.report import result_of
-from rrins.host_tools.files import JsonObject
+from rrins.host_tools.errors import RehearsalError
+from rrins.host_tools.files import JsonObject, make_folder
 from rrins.notebook import html_of, let_figures_show
 
 if TYPE_CHECKING:
@@ -32,8 +35,10 @@ class UnitCalibration:
         What a second run in the unit said, where the calibration was pushed.
     """
 
-    def __init__(self, done: Calibrated) -> None:
-        self._done = done
+    def __init__(
+        self, done: Calibrated, kept: tempfile.TemporaryDirectory[str] | None = None
+    ) -> None:
+        self._done, self._kept = done, kept
         self.report, _, self.file = done.files
         self.verified = done.verified
 
@@ -56,6 +61,21 @@ class UnitCalibration:
         ]
         return pd.DataFrame(rows)
 
+    def save(self, folder: str | Path) -> list[Path]:
+        """Write report, picture and calibration file into a folder; return their paths.
+
+        Raises
+        ------
+        RehearsalError
+            When one cannot be written.
+        """
+        place = Path(folder)
+        make_folder(place)
+        try:
+            return [Path(shutil.copy(path, place)) for path in self._done.files]
+        except OSError as error:
+            raise RehearsalError(f"{place}: cannot be written: {error.strerror}") from error
+
     def plot(self) -> Figure:
         """Draw the residuals of every sensor before and after."""
         from rrins.host_tools.calibration.pictures import residuals_figure
@@ -73,7 +93,7 @@ class UnitCalibration:
 
 def calibrate(
     scenario: str | Path | None = None,
-    folder: str | Path = "out/calibrate",
+    folder: str | Path | None = None,
     *,
     interface: str = "rrins",
     channel: str | None = None,
@@ -90,14 +110,13 @@ def calibrate(
 ) -> UnitCalibration:
     """Calibrate the sensors of a unit on its own table: all constants, with their uncertainty.
 
-    One that was stopped goes on from there.
-
     Parameters
     ----------
     scenario : str or Path, optional
         Whose unit; an emulated one with the prototype's noise and drawn errors without it.
-    folder : str or Path
-        For the calibration file and the report.
+    folder : str or Path, optional
+        For the calibration file and the report; a calibration that was stopped goes on from there.
+        Without it they are in a temporary folder, until the result is gone or saved.
     interface, channel, bitrate
         Bus of a unit that is there, which must stand still; without a channel one is emulated.
     geometry : str or Path, optional
@@ -122,8 +141,9 @@ def calibrate(
     RehearsalError
         One line: what went wrong. The unit then has its old calibration.
     """
+    kept = tempfile.TemporaryDirectory(prefix="rrins-") if folder is None else None
     order = Order(
-        Path(folder),
+        Path(folder if kept is None else kept.name),
         None if scenario is None else str(scenario),
         interface,
         channel,
@@ -138,4 +158,4 @@ def calibrate(
         temperature_c,
         timeout_s,
     )
-    return UnitCalibration(calibrate_unit(order))
+    return UnitCalibration(calibrate_unit(order), kept)

@@ -5,20 +5,21 @@ from __future__ import annotations
 import threading
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, Self, Unpack
 
 from rrins.host_tools.campaigns import running
 from rrins.host_tools.campaigns.comparison import Comparison, compare
 from rrins.host_tools.campaigns.definition import Wishes, load
 from rrins.host_tools.campaigns.rerun import rerun as rerun_run
 from rrins.host_tools.campaigns.row import MAIN
-from rrins.host_tools.campaigns.statistics import PERCENTILES, percentile
+from rrins.host_tools.campaigns.statistics import PERCENTILES
 from rrins.host_tools.campaigns.store import Store
 from rrins.host_tools.campaigns.summary import SHOWN, Outcomes, circles
 from rrins.host_tools.campaigns.until import Until
 from rrins.host_tools.runs.display import RunDisplay
 from rrins.host_tools.scenario.scenario import Scenario
 from rrins.host_tools.terminal import new_console, progress_line
+from rrins.notebook import NotebookLine, is_notebook
 from rrins.run import Run
 from rrins.scenarios import load_scenario
 
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from rrins.host_tools.campaigns.conduct import Progress
+    from rrins.host_tools.scenario.typed_keys import SharedKeys
 
 
 class Campaign:
@@ -76,7 +78,7 @@ class Campaign:
         design: str | None = None,
         out: str | Path | None = None,
         duration_s: float | None = None,
-        **changes: object,
+        **changes: Unpack[SharedKeys],
     ) -> None:
         named: str | Mapping[str, Any] | Scenario = (
             str(source) if isinstance(source, Path) else source
@@ -135,7 +137,7 @@ class Campaign:
         until : str, optional
             Enough: ``"p95 of horizontal_error_m within 10 %"``.
         progress : bool, optional
-            Whether to show progress; in a terminal by default.
+            Whether to show progress; in a terminal or notebook by default.
 
         Raises
         ------
@@ -147,11 +149,16 @@ class Campaign:
         criterion = None if until is None else Until.parse(until)
         self.store = Store.create(self.store.folder, self.store.definition)
         console = new_console(stderr=True)
+        runs = self.store.definition.runs
+        note = NotebookLine().show if is_notebook() and progress is not False else None
         with progress_line(console, quiet=progress is False) as line:
-            task = line.add_task("campaign", total=self.store.definition.runs)
+            task = line.add_task("campaign", total=runs)
 
             def show(now: Progress) -> None:
-                line.update(task, completed=now.stored, state=(f"{now.rate:.3g} runs/s",))
+                rate = f"{now.rate:.3g} runs/s"
+                line.update(task, completed=now.stored, state=(rate,))
+                if note is not None:
+                    note(f"{now.stored} of {runs} runs  {rate}")
 
             stop = threading.Event()
             running.run(self.store, chosen, criterion, on_progress=show, stop=stop)
@@ -173,7 +180,7 @@ class Campaign:
 
         outcomes = Outcomes(self.store, columns)
         rows = {
-            (name, percent): percentile(outcomes[name], percent).values()
+            (name, percent): outcomes.sample(name).percentile(percent).values()
             for name in outcomes.known()
             for percent in percents
         }

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Unpack
 
 from rrins.campaign import Campaign
 from rrins.host_tools.campaigns import covariance_report as report
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from rrins.host_tools.scenario.scenario import Scenario
+    from rrins.host_tools.scenario.typed_keys import SharedKeys
 
 
 class CovarianceAnalysis:
@@ -80,7 +81,7 @@ def analyse_covariance(
     *,
     vary: Mapping[str, str] | None = None,
     duration_s: float | None = None,
-    **changes: object,
+    **changes: Unpack[SharedKeys],
 ) -> CovarianceAnalysis:
     """Return σ of the position over time and the share of each error source, without runs.
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Unpack
 
 from rrins.host_tools.campaigns.engines import processors
 from rrins.host_tools.files import JsonObject
@@ -19,6 +19,8 @@ from rrins.scenarios import load_scenario
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
+
+    from rrins.host_tools.scenario.typed_keys import TimedKeys
 
 
 class IntegrityStudy:
@@ -87,7 +89,7 @@ def study_integrity(
     cases: int = 200,
     seed: int = 1,
     workers: int | None = None,
-    **changes: object,
+    **changes: Unpack[TimedKeys],
 ) -> IntegrityStudy:
     """Compare the error with its protection level in random cases, faults included.
 
@@ -174,7 +176,7 @@ def fmeda(
     window_s: int = WINDOW_S,
     alert_m: float | None = None,
     workers: int | None = None,
-    **changes: object,
+    **changes: Unpack[TimedKeys],
 ) -> FmedaStudy:
     """Let each failure mode befall each part in each phase; return what becomes of it.
 

@@ -6,7 +6,7 @@ import html
 from collections.abc import Iterator
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -15,8 +15,9 @@ from rrins.dbc.frame import FrameArray
 from rrins.host_tools.files import JsonObject
 from rrins.host_tools.logs.reader import Log
 from rrins.host_tools.logs.signals import (
-    SignalOfMessage,
+    did_you_mean,
     find_signals,
+    message_names,
     name_of_identifier,
     signals_of,
 )
@@ -45,8 +46,8 @@ class BusLog:
     Examples
     --------
     >>> log = open_log("bus.blf")  # doctest: +SKIP
-    >>> log["NAV_HEIGHT.height"].plot()  # doctest: +SKIP
-    >>> log.to_pandas("AXIS_INNER_STATUS")  # doctest: +SKIP
+    >>> log["NAV_HEIGHT.height_m"].plot()  # doctest: +SKIP
+    >>> log["AXIS_INNER_STATUS"]  # doctest: +SKIP
     """
 
     def __init__(self, path: Path, channel: str | None = None) -> None:
@@ -77,34 +78,46 @@ class BusLog:
 
     @property
     def signals(self) -> list[str]:
-        """The signals that there are, as ``MESSAGE.signal``."""
-        return [signal.full_name for name in self.messages for signal in signals_of(name)]
+        """The signals that there are, as ``MESSAGE.signal``, a unit at the end of the name."""
+        return [f"{name}.{one.column}" for name in self.messages for one in signals_of(name)]
 
     @property
     def damage(self) -> str | None:
         """The part that could not be read; None while all is well."""
         return self._log.damage
 
-    def __getitem__(self, signal: str) -> xr.DataArray:
-        """Return a signal over time, by ``MESSAGE.signal``, or by its name where that is enough.
+    def __getitem__(self, name: str) -> xr.DataArray | Any:
+        """Return a signal over time, or a message: the dataset of its signals.
+
+        Parameters
+        ----------
+        name : str
+            ``MESSAGE``, ``MESSAGE.signal``, or a signal's name where that is enough; with the
+            unit at its end, as in `signals`, or as the DBC has it.
 
         Raises
         ------
         RecordError
             When there is no such signal, there are several, or the log has no frame of it.
         """
-        found = find_signals((signal,))
+        from rrins.datasets import signals_over_time
+
+        if name in message_names():
+            frames, time_s = self._of(name)
+            return signals_over_time(name, time_s, frames["data"], signals_of(name))
+        found = find_signals((name,))
         if len(found) != 1:
-            raise RecordError(f"{signal}: {', '.join(one.full_name for one in found)}; which?")
-        return self._array(found[0])
+            raise RecordError(f"{name}: {', '.join(one.full_name for one in found)}; which?")
+        frames, time_s = self._of(found[0].message)
+        dataset = signals_over_time(found[0].message, time_s, frames["data"], found)
+        return dataset[found[0].column]
 
-    def _array(self, signal: SignalOfMessage) -> xr.DataArray:
-        from rrins.datasets import data_array
-
-        if signal.message not in self._frames:
-            raise RecordError(f"{self.path}: has no frame of {signal.message}")
-        frames, time_s = self._frames[signal.message]
-        return data_array(signal.name, time_s, signal.values(frames["data"]), signal.unit)
+    def _of(self, message: str) -> tuple[FrameArray, Floats]:
+        if message not in self._frames:
+            raise RecordError(
+                f"{self.path}: has no frame of {message}{did_you_mean(message, self._frames)}"
+            )
+        return self._frames[message]
 
     def to_pandas(self, message: str) -> pd.DataFrame:
         """Return all signals of a message over `time_s`, a column each, units in the names.
@@ -116,9 +129,7 @@ class BusLog:
         """
         import pandas as pd
 
-        if message not in self._frames:
-            raise RecordError(f"{self.path}: has no frame of {message}")
-        frames, time_s = self._frames[message]
+        frames, time_s = self._of(message)
         columns = {one.column: one.values(frames["data"]) for one in signals_of(message)}
         return pd.DataFrame(columns, index=pd.Index(time_s, name="time_s"))
 

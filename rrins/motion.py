@@ -17,8 +17,8 @@ from rrins.host_tools.motion.export import check_ending, write_motion
 from rrins.host_tools.motion.findings import findings
 from rrins.host_tools.motion.trajectory import Trajectory
 from rrins.host_tools.scenario.motion import Motion
-from rrins.host_tools.scenario.scenario import first_line
 from rrins.host_tools.scenario.tables import Body, Site
+from rrins.host_tools.scenario.wrong_keys import first_line
 from rrins.notebook import let_figures_show
 
 if TYPE_CHECKING:
@@ -132,4 +132,4 @@ def _setting(source: str | Path, keys: Mapping[str, object]) -> Motion:
     try:
         return Motion.model_validate(table)
     except ValidationError as error:
-        raise ScenarioError(f"motion {source}: {first_line(error, Motion)}") from error
+        raise ScenarioError(f"motion {source}: {first_line(error, Motion)}") from None

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import html
 import sys
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -13,6 +13,23 @@ if TYPE_CHECKING:
 def is_notebook() -> bool:
     """Return whether this runs in a Jupyter kernel."""
     return "ipykernel" in sys.modules
+
+
+class NotebookLine:
+    """A line below a notebook's cell that is written anew: progress."""
+
+    def __init__(self) -> None:
+        self._handle: Any = None
+
+    def show(self, text: str) -> None:
+        """Write the line anew."""
+        from IPython.display import display
+
+        shown = {"text/plain": text}
+        if self._handle is None:
+            self._handle = display(shown, raw=True, display_id=True)
+        else:
+            self._handle.update(shown, raw=True)
 
 
 def let_figures_show() -> None:

@@ -8,6 +8,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from rrins.host_tools.errors import RehearsalError
 from rrins.host_tools.files import JsonObject
 from rrins.host_tools.redundancy.candidates import candidates_of, title_of
 from rrins.host_tools.redundancy.survey import Study
@@ -140,7 +141,7 @@ def study_redundancy(
     gyro_steps_dph, accelerometer_steps_ug : sequence of float
         Faults to try; round ones without them.
     runs : int
-        Of the Monte Carlo beside the theory; 0 for none.
+        Of the Monte Carlo beside the theory; at least 1.
     seed : int
         Of the first run.
 
@@ -149,6 +150,8 @@ def study_redundancy(
     RehearsalError
         One line: what is wrong.
     """
+    if runs < 1:
+        raise RehearsalError(f"redundancy: {runs} runs; theory takes at least one beside it")
     name = None if scenario is None else str(scenario)
     axes = tuple(str(geometry) for geometry in geometries)
     candidates = candidates_of(name, axes, preset, false_alarms_per_1000_h)
@@ -157,6 +160,5 @@ def study_redundancy(
         "accelerometers": sorted(set(accelerometer_steps_ug)),
     }
     study = Study(candidates, sizes)
-    if runs:
-        study.run(runs, seed, threading.Event())
+    study.run(runs, seed, threading.Event())
     return RedundancyStudy(study, title_of(name, preset), runs)

@@ -9,8 +9,9 @@ from base64 import b64encode
 from collections.abc import Mapping
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, Unpack
 
+from rrins.host_tools.errors import RehearsalError
 from rrins.host_tools.runs.display import RunDisplay
 from rrins.host_tools.runs.programs.program import Program
 from rrins.host_tools.runs.results.keeping import place_for
@@ -21,7 +22,7 @@ from rrins.host_tools.runs.run import rehearse as rehearse_plan
 from rrins.host_tools.runs.run import simulate as simulate_scenario
 from rrins.host_tools.scenario.scenario import Scenario
 from rrins.host_tools.terminal import new_console
-from rrins.notebook import is_notebook, let_figures_show
+from rrins.notebook import NotebookLine, is_notebook, let_figures_show
 from rrins.scenarios import load_scenario
 
 if TYPE_CHECKING:
@@ -31,6 +32,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from rrins.explain import Explanation
+    from rrins.host_tools.scenario.typed_keys import RunKeys, ScenarioKeys
 
 Source = str | Path | Mapping[str, object] | Scenario
 """Name of a scenario: see `load_scenario`."""
@@ -48,8 +50,8 @@ class Run:
         What `rrins simulate --json` prints.
     """
 
-    def __init__(self, result: RunResult) -> None:
-        self._result = result
+    def __init__(self, result: RunResult, *, is_own: bool = False) -> None:
+        self._result, self._is_own = result, is_own
         self.name = result.name
         self.scenario = result.scenario
         self.summary: Summary = result.summary
@@ -88,6 +90,90 @@ class Run:
         from rrins.datasets import turntable_of
 
         return turntable_of(self._result)
+
+    @cached_property
+    def sigma(self) -> xr.Dataset:
+        """Standard deviations of the estimator's errors, second by second.
+
+        `position_n` (m), `velocity_n` (m/s) and `attitude_n` (deg, about each axis) over `time`
+        and `axis`; a name as in `errors` is of the same quantity.
+
+        Raises
+        ------
+        RehearsalError
+            When the firmware has no estimator.
+        """
+        from rrins.datasets import sigma_of
+
+        return sigma_of(self._result)
+
+    @cached_property
+    def estimates(self) -> xr.Dataset:
+        """What the estimator knew of the sensors, second by second, and the protection levels.
+
+        `gyro_bias` and `gyro_bias_sigma` (deg/h), `accelerometer_bias` and
+        `accelerometer_bias_sigma` (ug) over `time` and `sensor`; with `[integrity]`
+        `horizontal_protection`, `vertical_protection` (m) and `heading_protection` (deg).
+
+        Raises
+        ------
+        RehearsalError
+            When the firmware has no estimator.
+        """
+        from rrins.datasets import estimates_of
+
+        return estimates_of(self._result)
+
+    @cached_property
+    def parity(self) -> xr.Dataset:
+        """How the redundant sensors compare, second by second.
+
+        For `gyro` and `accelerometer`: `gyro_ratio`, the largest parity over its threshold (an
+        alarm beyond 1), `gyro_residual` and `gyro_threshold` (deg/h; ug) of each `sensor`. NaN
+        where a sensor is not compared: it is left out, or too few are left.
+
+        Raises
+        ------
+        RehearsalError
+            When no sensors are compared.
+        """
+        from rrins.datasets import parity_of
+
+        return parity_of(self._result)
+
+    @cached_property
+    def increments(self) -> xr.Dataset:
+        """Increments of each sensor in each epoch from power-on, as its frames carry them.
+
+        `gyro` (rad) and `accelerometer` (m/s) over `time`, negative before navigation, and
+        `sensor`; NaN where one is absent or saturated. They are found by running the scenario
+        again, which gives the same to the bit.
+
+        Raises
+        ------
+        RehearsalError
+            When faults or timing of the wire need frames, or a program of yours took part: see
+            `open_log` for what was on the bus.
+        """
+        from rrins.datasets import increments_of
+
+        if self._is_own:
+            raise RehearsalError("increments: of your own program only a log knows: record=")
+        return increments_of(self._result)
+
+    @cached_property
+    def events(self) -> pd.DataFrame:
+        """What happened, in order of time: `time_s` since navigation began, `kind` and `text`.
+
+        `kind` is `fault`, `request`, `mode`, `outage`, `alarm`, `exclusion`, `readmission` or
+        `finding`.
+        """
+        import pandas as pd
+
+        from rrins.host_tools.runs.results.events import Event, events_of
+
+        found = events_of(self.scenario, self.summary, self._result.navigation)
+        return pd.DataFrame(found, columns=list(Event._fields))
 
     def to_pandas(self) -> pd.DataFrame:
         """Return the errors as a table over `time_s`, a column each, units in the names."""
@@ -203,7 +289,7 @@ def simulate(
     *,
     frames: bool = False,
     progress: bool | None = None,
-    **changes: object,
+    **changes: Unpack[ScenarioKeys],
 ) -> Run:
     """Run both sides of a scenario in this process, without a bus.
 
@@ -247,7 +333,8 @@ def rehearse(
     progress: bool | None = None,
     program: str | None = None,
     hardware: str | None = None,
-    **changes: object,
+    restarts: int = 0,
+    **changes: Unpack[RunKeys],
 ) -> Run:
     """Run a scenario as two processes on one bus.
 
@@ -267,6 +354,8 @@ def rehearse(
         Your own navigation computer: a program, or its command line.
     hardware : str, optional
         Your own sensors and table: a program, or its command line.
+    restarts : int
+        How often `program` is started again when it fails.
     **changes
         Keys of the scenario, as in `load_scenario`.
 
@@ -287,17 +376,18 @@ def rehearse(
             speed=speed,
             firmware=None if program is None else Program.parse(program),
             hardware=None if hardware is None else Program.parse(hardware),
+            restarts=restarts,
         )
         with _display(loaded, progress) as display:
             path = None if record is None else Path(record)
             result = rehearse_plan(plan, display, record=path, name=name)
-    return _checked(result)
+    return _checked(result, is_own=program is not None or hardware is not None)
 
 
-def _checked(result: RunResult) -> Run:
+def _checked(result: RunResult, *, is_own: bool = False) -> Run:
     if result.failure is not None:
         raise result.failure
-    return Run(result)
+    return Run(result, is_own=is_own)
 
 
 def _name_of(scenario: Source) -> str:
@@ -307,6 +397,7 @@ def _name_of(scenario: Source) -> str:
 
 
 def _display(scenario: Scenario, progress: bool | None) -> RunDisplay:
-    console = new_console(stderr=not is_notebook())
-    shown = console.is_terminal or console.is_jupyter if progress is None else progress
-    return RunDisplay(scenario, console, quiet=not shown)
+    console = new_console(stderr=True)
+    shown = console.is_terminal or is_notebook() if progress is None else progress
+    line = NotebookLine().show if is_notebook() else None
+    return RunDisplay(scenario, console, quiet=not shown, line=line)

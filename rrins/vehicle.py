@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Unpack
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from rrins.scenarios import load_scenario
 
 if TYPE_CHECKING:
     from rrins.host_tools.scenario.scenario import Scenario
+    from rrins.host_tools.scenario.typed_keys import RunKeys
 
 
 def write_increments(
@@ -24,7 +25,7 @@ def write_increments(
     *,
     kind: Format = "csv",
     frame: Frame = "b",
-    **changes: object,
+    **changes: Unpack[RunKeys],
 ) -> Written:
     """Run a scenario without a bus; write its fused increments and truth for other navigators.
 

@@ -21,18 +21,28 @@ import socket
 import subprocess
 import sys
 import tempfile
+from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 ROOT = Path(__file__).parents[1]
-NO_PICTURE = base64.b64decode(
+_NO_PICTURE = base64.b64decode(
     "iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAQAAAC1HAwCAAAAC0lEQVR42mNkYAAAAAYAAjCB0C8AAAAASUVORK5CYII="
 )
 """Stands for the pictures of a run, which take longer than most runs of tests."""
+
 _LONGEST = 1 << 20  # bytes of a request
 _MOST_DESCRIPTORS = 16
 _OUT_OF_THE_WAY = 500  # the least number of a descriptor that no process was promised
+
+
+def write_no_pictures(folder: Path, pictures: Mapping[str, object]) -> list[Path]:
+    """Write a tiny picture where `saving.write_pictures` writes pictures; return the paths."""
+    paths = [folder / f"{name}.png" for name in pictures]
+    for path in paths:
+        path.write_bytes(_NO_PICTURE)
+    return paths
 
 
 class Fork(subprocess.Popen):
@@ -176,7 +186,7 @@ def prepare() -> None:
     from tests.host_tools.conftest import record_rehearsal, short_scenario
 
     assert rehearsal
-    plots._png_of = lambda figure: NO_PICTURE
+    plots.write_pictures = write_no_pictures
     with tempfile.TemporaryDirectory(prefix="rrins-", ignore_cleanup_errors=True) as folder:
         os.environ["XDG_RUNTIME_DIR"] = folder
         scenario = short_scenario(duration_s=0.1)

@@ -123,3 +123,12 @@ def test_editors_find_an_editable_install():
     paths = [line for file in site.glob("*rrins*.pth") for line in file.read_text().splitlines()]
     assert paths, "no static path: mypy and editors would not find the package"
     assert all((Path(path) / "rrins" / "py.typed").is_file() for path in paths)
+
+
+def test_a_clone_called_rrins_is_in_nobody_s_way(tmp_path):
+    (tmp_path / "rrins" / "rrins").mkdir(parents=True)
+    script = "import rrins; print(rrins.scenario_names())"
+    told = subprocess.run(
+        [sys.executable, "-c", script], cwd=tmp_path, capture_output=True, text=True, check=True
+    )
+    assert "ideal" in told.stdout

@@ -6,10 +6,7 @@ from the names.
 
 from __future__ import annotations
 
-import ast
-import functools
-import inspect
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, get_args
 
@@ -25,6 +22,7 @@ from rrins.host_tools.hardware.tables import (
     Turntable,
 )
 from rrins.host_tools.hardware.units import split
+from rrins.host_tools.scenario.schema import meaning
 from rrins.host_tools.scenario.tables import Gnss, Integrity, Master
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "scenarios.md"
@@ -37,30 +35,9 @@ _OF_LISTS = {
 """Limits of keys that are not numbers."""
 
 
-@functools.cache
-def _docstrings(table: type[BaseModel]) -> dict[str, str]:
-    """Return the text below each key of a class."""
-    found: dict[str, str] = {}
-    (body,) = ast.parse(inspect.getsource(table)).body
-    assert isinstance(body, ast.ClassDef)
-    for before, line in zip(body.body, body.body[1:], strict=False):
-        if (
-            isinstance(before, ast.AnnAssign)
-            and isinstance(before.target, ast.Name)
-            and isinstance(line, ast.Expr)
-            and isinstance(line.value, ast.Constant)
-        ):
-            found[before.target.id] = " ".join(str(line.value.value).split())
-    return found
-
-
 def _meaning(table: type[BaseModel], key: str) -> str:
-    text = next((d[key] for d in map(_docstrings, _models(table)) if key in d), "")
+    text = meaning(table, key)
     return text[:1].lower() + text[1:].removesuffix(".")
-
-
-def _models(table: type[BaseModel]) -> Iterator[type[BaseModel]]:
-    return (c for c in table.__mro__ if issubclass(c, BaseModel) and c is not BaseModel)
 
 
 def _number(value: float) -> str:

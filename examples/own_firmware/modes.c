@@ -9,6 +9,8 @@
 static const double SELF_TEST_GOOD_S = 0.5;
 static const double SELF_TEST_LIMIT_S = 10.0;
 static const int64_t UNSOUND = 10; /* sound epochs that one without a frame takes back */
+static const double STANDS_DPS = 0.05;
+static const double STAND_LIMIT_S = 10.0; /* an axis that does not stand by then never will */
 
 enum {
     POWER_ON = RRINS_FIRMWARE_STATUS_MODE_POWER_ON_CHOICE,
@@ -128,6 +130,17 @@ static void self_test(struct firmware *fw)
         fail(fw, RRINS_FIRMWARE_STATUS_FAULT_SELF_TEST_FAILED_CHOICE);
 }
 
+/* Begin the alignment when one is asked for, once the axes stand. */
+static void stand_by(struct firmware *fw)
+{
+    bool turns = fabs(fw->axis[INNER].rate_dps) > STANDS_DPS ||
+                 fabs(fw->axis[OUTER].rate_dps) > STANDS_DPS;
+    if (turns && (double)fw->mode_epochs * dt_of(fw) < STAND_LIMIT_S)
+        return;
+    if (fw->pending >= ALIGNMENT)
+        enter(fw, ALIGNMENT);
+}
+
 static void align(struct firmware *fw)
 {
     struct alignment *alignment = &fw->alignment;
@@ -202,8 +215,8 @@ static void run_mode(struct firmware *fw)
         enter(fw, SELF_TEST);
     else if (mode == SELF_TEST)
         self_test(fw);
-    else if (mode == STANDBY && fw->pending >= ALIGNMENT)
-        enter(fw, ALIGNMENT);
+    else if (mode == STANDBY)
+        stand_by(fw);
     else if (mode == ALIGNMENT)
         align(fw);
     else if (firmware_navigates(fw))

@@ -54,7 +54,9 @@ class Turn(_Checked):
     """One position of a rotation scheme: a turn of one axis."""
 
     axis: Literal["inner", "outer"]
+    """Inner: z of the sensors; outer: x of the body."""
     angle_deg: float = Field(ge=-720, le=720)
+    """By which it turns."""
 
 
 class Scheme(_Checked):
@@ -114,13 +116,19 @@ class Keys(_Checked):
     has GNSS. Transferred: another unit's, with velocity and position, also of a vehicle that
     moves."""
     alignment_s: float = Field(default=2.0, gt=0, le=86_400)
+    """Length of the alignment; of a vehicle that sways or moves its minimum."""
     height_channel: Literal["held", "damped", "free"] = "held"
     """`damped` follows the altimeter, or the initial height if there is none."""
     bridge_s: float = Field(default=0.1, ge=0, le=10)
+    """Longest gap in the sensor data that is bridged."""
     follow_tolerance_deg: float = Field(default=5.0, gt=0, le=180)
+    """Permitted distance between an axis and its expected angle."""
     axis_silence_s: float = Field(default=1.0, gt=0, le=60)
+    """Longest permitted silence of an axis."""
     gyro_consistency_dph: float = Field(default=50.0, ge=0.001, le=1e6)
+    """Permitted disagreement between redundant gyros."""
     accelerometer_consistency_ug: float = Field(default=5000.0, ge=0.1, le=1e7)
+    """The same of accelerometers."""
 
 
 class Settings(Keys):

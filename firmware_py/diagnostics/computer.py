@@ -54,6 +54,9 @@ _PARAMETER_NUMBERS = frozenset(parameter.number for parameter in PARAMETERS)
 AXIS_MODES = (Mode.STANDBY, Mode.FAULT, Mode.NAVIGATION_STRAPDOWN)
 """Modes in which a tool may turn the axes."""
 
+NAVIGATION_MODES = (Mode.FINE_ALIGNMENT, Mode.NAVIGATION_STRAPDOWN, Mode.NAVIGATION_ROTATING)
+"""Modes in which a restart loses a position."""
+
 
 def _last(
     found: NDArray[np.void], name: str, unit: float, part: int | slice | None = None

@@ -22,7 +22,13 @@ from rrins.firmware_py.diagnostics.server import Reset, Server, pending_before
 from rrins.firmware_py.diagnostics.services.control import Control
 from rrins.firmware_py.diagnostics.services.data import Data
 from rrins.firmware_py.diagnostics.services.routines import Routines
-from rrins.firmware_py.diagnostics.services.session import Communication, DTCSetting, Lock, handlers
+from rrins.firmware_py.diagnostics.services.session import (
+    Communication,
+    DTCSetting,
+    Lock,
+    Restart,
+    handlers,
+)
 from rrins.firmware_py.diagnostics.services.transfer import Transfers
 from rrins.firmware_py.diagnostics.services.troubles import Troubles
 from rrins.firmware_py.diagnostics.store import TwoCopyStore
@@ -119,7 +125,7 @@ class Diagnostics:
         self._computer = computer
         server.parts = [lock, self._communication, setting, control, transfers, self._routines]
         server.handlers = (
-            handlers(lock, self._communication, setting)
+            handlers(lock, self._communication, setting, Restart(computer))
             | Troubles(computer, self._note_faults).handlers()
             | Data(computer).handlers()
             | control.handlers()

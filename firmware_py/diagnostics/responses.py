@@ -87,8 +87,9 @@ SERVICES = (
         "tool is released.",
         {0x01: "default", 0x02: "programming", 0x03: "extended"}, {0x02: EXTENDED}),
     Service(0x11, "ECUReset", EXTENDED,
-        "Restarts the computer once the response has been sent. A hard reset reads the parameter "
-        "memory again and begins an operation cycle; a soft reset does neither.",
+        "Restarts the computer once the response has been sent; in FINE_ALIGNMENT and NAVIGATION_* "
+        "only if it is unlocked. A hard reset reads the parameter memory again and begins an "
+        "operation cycle; a soft reset does neither.",
         {0x01: "hardReset", 0x03: "softReset"}),
     Service(0x14, "ClearDiagnosticInformation", ANYWHERE,
         "Clears one trouble code, or all (0xFFFFFF), with their freeze frames.", {}),

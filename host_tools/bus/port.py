@@ -1,9 +1,4 @@
-"""A side's port on the bus: any python-can bus, presented to the shells as epochs of frames.
-
-`BatchPort` moves whole epochs over the embedded bus; `MessagePort` serves every other python-can
-interface, frame by frame. In lockstep over the latter, each side's last frame closes an epoch; the
-other side waits for it for at most `_LOCKSTEP_PATIENCE_NS`.
-"""
+"""A side's port on the embedded bus, which moves whole epochs; the address of any bus."""
 
 from __future__ import annotations
 
@@ -17,16 +12,14 @@ import numpy as np
 
 from rrins.compiled.record import Records, Words
 from rrins.dbc import direct as direct_exchange
-from rrins.dbc.contract import load_contract
 from rrins.dbc.direct import Direct
-from rrins.dbc.e2e import fill
-from rrins.dbc.frame import ERR_FLAG, Frame, FrameArray, frame_array
-from rrins.host_tools.bus.batch import Batch, bytes_of
+from rrins.dbc.frame import Frame, FrameArray
+from rrins.host_tools.bus.batch import Batch
 from rrins.host_tools.bus.channel import NoHostError
-from rrins.host_tools.bus.datagram import CLASSIC, FRAME_SIZE
+from rrins.host_tools.bus.datagram import CLASSIC
 from rrins.host_tools.bus.guard import BusSummary
 from rrins.host_tools.bus.interface import ANSWER_S, RrinsBus
-from rrins.host_tools.bus.message import identifier_of, is_classic, put_message
+from rrins.host_tools.bus.message import identifier_of
 from rrins.host_tools.errors import BusError, SideLostError
 
 Side = Literal["firmware", "hardware"]
@@ -35,11 +28,8 @@ EMBEDDED = "rrins"
 """The python-can interface name of the embedded bus."""
 
 _ATTACH_S = 300.0  # the other side may compile first, on a busy machine for minutes
-_ANNOUNCE_NS = 200_000_000
-_LOCKSTEP_PATIENCE_NS = 30_000_000_000
 _POLL_S = 0.2
 _RETRY_S = 0.02
-_NO_FRAMES = frame_array(0)
 _KEPT_FREE = 1024  # room for the frames of a side, whatever others send
 
 
@@ -139,6 +129,9 @@ class BatchPort:
         Longest wait of the firmware for the bus.
     foreign_senders : bool
         Whether the hardware, which hosts the bus, lets others send what is the sides'.
+    keeps : bool
+        Whether the hardware goes on without a firmware until one attaches again. In lockstep time
+        stands still meanwhile, and what the lost one has not answered counts as unanswered.
     """
 
     def __init__(
@@ -147,10 +140,13 @@ class BatchPort:
         side: Side,
         attach_wait_s: float = 0.0,
         foreign_senders: bool = False,
+        keeps: bool = False,
     ) -> None:
         self._address = address
         self._other = "hardware" if side == "firmware" else "firmware"
         self._attach_s = _ATTACH_S
+        self._keeps = keeps
+        self._other_number = 0  # of the node that is the other side
         self._is_host = side == "hardware"
         wishes: dict[str, Any] = {"name": side, "exclusive": True}
         if self._is_host:
@@ -167,12 +163,13 @@ class BatchPort:
         self._bus.limit_others()  # what they sent before would be in the sides' way
         for name in (*others, self._other):
             try:
-                self._bus.wait_for(name, self._attach_s)
+                self._other_number = self._bus.wait_for(name, self._attach_s).number
             except can.CanError as error:
                 raise SideLostError(
                     f"bus {self._address}: no {name} attached within {self._attach_s:.0f} s"
                 ) from error
-        self._bus.require([self._other])
+        if not self._keeps:
+            self._bus.require([self._other])
 
     def send(self, frames: FrameArray, count: int, epoch: int, time_ns: int) -> None:
         """Send an epoch's frames and close the epoch."""
@@ -183,15 +180,15 @@ class BatchPort:
 
     def receive_epoch(self, into: FrameArray) -> int:
         """Wait until the other side has closed its epoch; return the number of frames received."""
-        batch = self._receive(into, None)
-        assert batch is not None
-        count = batch.count
-        while not batch.closes_epoch:  # someone else's frames came first
-            count = min(count, len(into) - _KEPT_FREE)
-            batch = self._receive(into[count:], None)
-            assert batch is not None
+        count = 0
+        while True:
+            batch = self._receive(into[count:] if count else into, None)
+            if batch is None:  # the other side is another one now
+                return count
             count += batch.count
-        return count
+            if batch.closes_epoch:
+                return count
+            count = min(count, len(into) - _KEPT_FREE)  # someone else's frames came first
 
     def receive(self, into: FrameArray, timeout_ns: int) -> int:
         """Wait up to `timeout_ns` for frames; return the number received, possibly 0."""
@@ -245,13 +242,31 @@ class BatchPort:
         self._bus.shutdown()
 
     def _receive(self, into: FrameArray, timeout: float | None) -> Batch | None:
+        """Receive a batch; without a timeout None says that the other side is another one now."""
         try:
-            return self._bus.recv_batch(into, timeout)
+            if timeout is not None:
+                return self._bus.recv_batch(into, timeout)
+            since_ns = time.monotonic_ns()
+            while (batch := self._bus.recv_batch(into, _POLL_S)) is None:
+                self._note_silence(since_ns)
+                if self._keeps and self._is_replaced():
+                    return None
+            return batch
         except can.CanError as error:
             raise self._closed(error) from error
 
-    def _closed(self, error: can.CanError) -> PortClosedError:
-        return PortClosedError(f"bus {self._address}: {self._other} is gone: {error}")
+    def _is_replaced(self) -> bool:
+        """Return whether the other side has gone; wait then until another one is there."""
+        if self._other_number in [peer.number for peer in self._bus.peers]:
+            return False
+        self._other_number = self._bus.wait_for(self._other).number
+        return True
+
+    def _note_silence(self, since_ns: int) -> None:
+        """Take note that the other side has not closed its epoch since a time; for subclasses."""
+
+    def _closed(self, error: can.CanError) -> SideLostError:
+        return SideLostError(f"bus {self._address}: {self._other} is gone: {error}")
 
 
 def frame_of_message(frame: Frame, message: can.Message) -> None:
@@ -267,193 +282,3 @@ def message_of_frame(frame: Frame, timestamp: float = 0.0) -> can.Message:
     return can.Message(
         timestamp=timestamp, arbitration_id=can_id, is_extended_id=False, data=data[:length]
     )
-
-
-class MessagePort:
-    """A side on any python-can bus, frame by frame.
-
-    Parameters
-    ----------
-    address : Address
-    side : {"firmware", "hardware"}
-    bus : can.BusABC, optional
-        An open bus, closed by the port.
-    """
-
-    def __init__(self, address: Address, side: Side, bus: can.BusABC | None = None) -> None:
-        contract = load_contract()[0]
-        closing = {
-            "firmware": int(contract.axis_outer_command.message.can_id),
-            "hardware": int(contract.axis_outer_status.message.can_id),
-        }
-        other: Side = "hardware" if side == "firmware" else "firmware"
-        self._address = address
-        self._side = side
-        self._other = other
-        self._own_last = closing[side]
-        self._others_last = closing[other]
-        self._heartbeat = contract.heartbeat_firmware.message
-        self._heartbeat_id = int(self._heartbeat.can_id)
-        self._held: can.Message | None = None
-        self._is_broken = False
-        self._into: FrameArray = _NO_FRAMES  # the array of the last `receive_epoch`, as bytes
-        self._into_bytes = bytes_of(_NO_FRAMES)
-        self._bus = open_bus(address) if bus is None else bus
-
-    def meet(self, others: tuple[str, ...] = ()) -> None:
-        """Wait for the other side; `others` are ignored, as such a bus cannot identify them.
-
-        The firmware announces itself by its heartbeat until the hardware opens the first epoch.
-
-        Raises
-        ------
-        BusError
-            If another firmware, or another hardware, is active on this bus.
-        """
-        if self._side == "firmware":
-            self._announce()
-        else:
-            self._await_heartbeat()
-
-    def _announce(self) -> None:
-        hello = frame_array(1)
-        next_ns = time.monotonic_ns() + _ANNOUNCE_NS
-        while True:
-            message = self._receive(_POLL_S / 4)
-            if message is not None:
-                if message.arbitration_id in (self._own_last, self._heartbeat_id):
-                    raise BusError(f"bus {self._address}: another firmware is already on it")
-                self._held = message
-                return
-            if time.monotonic_ns() >= next_ns:
-                fill(hello[0], self._heartbeat, np.uint64(0), 0)
-                self._send(message_of_frame(hello[0]))
-                next_ns += _ANNOUNCE_NS
-
-    def _await_heartbeat(self) -> None:
-        deadline_ns = time.monotonic_ns() + round(_ATTACH_S * 1e9)
-        while time.monotonic_ns() < deadline_ns:
-            message = self._receive(_POLL_S)
-            if message is None:
-                continue
-            if message.arbitration_id == self._own_last:
-                raise BusError(f"bus {self._address}: another hardware is already on it")
-            if message.arbitration_id == self._heartbeat_id:
-                return
-        raise SideLostError(f"bus {self._address}: no firmware heard within {_ATTACH_S:.0f} s")
-
-    def send(self, frames: FrameArray, count: int, epoch: int, time_ns: int) -> None:
-        """Send an epoch's frames; the last one closes the epoch."""
-        for can_id, length, data in CLASSIC.iter_unpack(frames[:count].tobytes()):
-            if not can_id & ERR_FLAG:  # error frames are never sent
-                self._send(can.Message(0.0, can_id, False, data=data[:length]))
-
-    def _send(self, message: can.Message) -> None:
-        try:
-            self._bus.send(message, timeout=1.0)
-        except can.CanError as error:
-            self._is_broken = True
-            raise PortClosedError(f"bus {self._address}: cannot send: {error}") from error
-
-    def _receive(self, timeout: float) -> can.Message | None:
-        if self._held is not None:
-            message, self._held = self._held, None
-            return message
-        try:
-            return self._bus.recv(timeout)
-        except can.CanError as error:
-            self._is_broken = True
-            raise PortClosedError(f"bus {self._address}: cannot receive: {error}") from error
-
-    def receive_epoch(self, into: FrameArray) -> int:
-        """Wait until the other side has closed its epoch; return the number of frames received.
-
-        Raises
-        ------
-        SideLostError
-            If nothing arrives for half a minute.
-        """
-        count = 0
-        if into is not self._into:
-            self._into, self._into_bytes = into, bytes_of(into)
-        room, bytes_into = len(into), self._into_bytes
-        deadline_ns = time.monotonic_ns() + _LOCKSTEP_PATIENCE_NS
-        while True:
-            message = self._receive(_POLL_S)
-            if message is None:
-                if time.monotonic_ns() > deadline_ns:
-                    patience_s = _LOCKSTEP_PATIENCE_NS // 1_000_000_000
-                    raise SideLostError(
-                        f"bus {self._address}: {self._other} has been silent for {patience_s} s"
-                    )
-                continue
-            if not is_classic(message):
-                continue
-            is_last = message.arbitration_id == self._others_last
-            if count < room:
-                count += 1
-            elif not is_last:
-                continue  # a flood: there is no room, but for the frame that closes the epoch
-            put_message(bytes_into, (count - 1) * FRAME_SIZE, message)
-            if is_last:
-                return count
-
-    def receive(self, into: FrameArray, timeout_ns: int) -> int:
-        """Wait up to `timeout_ns` for a frame; return the number of all frames received by then."""
-        count = 0
-        message = self._receive(timeout_ns * 1e-9)
-        if message is None:
-            return count
-        room, bytes_into = len(into), bytes_of(into)
-        while message is not None and count < room:
-            if is_classic(message):
-                put_message(bytes_into, count * FRAME_SIZE, message)
-                count += 1
-            if count == room:
-                break
-            message = self._receive(0.0)
-        return count
-
-    def lend(self, direct: Records[Direct]) -> bool:
-        """Return False: every frame goes through python-can."""
-        return False
-
-    def take_back(self, direct: Records[Direct], words: Words) -> None:
-        """Do nothing: nothing is lent."""
-
-    def rest(self, seconds: float) -> None:
-        """Wait."""
-        time.sleep(seconds)
-
-    def dismiss(self) -> None:
-        """Do nothing: such a bus does not notice when a side leaves."""
-
-    def has_other(self) -> bool:
-        """Return False: such a bus does not know."""
-        return False
-
-    def statistics(self) -> None:
-        """Return None: such a bus does not know who sends."""
-
-    def close(self) -> None:
-        """Leave the bus."""
-        try:
-            self._bus.shutdown()
-        except can.CanError as error:  # an unplugged adapter cannot be closed
-            if not self._is_broken:
-                raise PortClosedError(f"bus {self._address}: cannot close: {error}") from error
-
-
-def open_port(
-    address: Address, side: Side, attach_wait_s: float = 0.0, foreign_senders: bool = False
-) -> BatchPort | MessagePort:
-    """Open a side's port on a bus.
-
-    Raises
-    ------
-    BusError
-        If the bus does not exist, or that side is already on it.
-    """
-    if address.is_embedded:
-        return BatchPort(address, side, attach_wait_s, foreign_senders)
-    return MessagePort(address, side)

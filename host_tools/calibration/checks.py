@@ -1,8 +1,9 @@
 """Checks of a calibration's residuals for faults that would spoil it unnoticed.
 
 Between positions, the mean residual of a sensor is noise if the base rests and the constants are
-constant. A tilt of the base shows in all accelerometers as a vector does; a sensor that changes, in
-its own alone; a temperature that has not settled, as a slope over time.
+constant; from second to second it scatters as the data sheet says. A tilt of the base shows in all
+accelerometers as a vector does; a sensor that changes, in its own alone; a temperature that has not
+settled, as a slope over time.
 """
 
 from __future__ import annotations
@@ -12,9 +13,9 @@ import numpy as np
 from rrins.compiled.record import Floats
 from rrins.firmware_py.core.sensors.calibration import DPH, UG
 from rrins.host_tools.calibration.estimation import Estimate, SensorsEstimate, Unit
-from rrins.host_tools.calibration.model import Axes
+from rrins.host_tools.calibration.model import Axes, Inputs, inputs
 from rrins.host_tools.calibration.observability import unseen
-from rrins.host_tools.calibration.stability import unsteady
+from rrins.host_tools.calibration.stability import unsteady, when
 
 _LEAST_SIGMAS = 8.0
 _OF_NEIGHBOURS = 12.0
@@ -27,6 +28,12 @@ _LEAST_BATCHES = 4
 _LEAST = (0.5 * DPH, 40.0 * UG)
 """Below this a mean residual is the sensors' in-run instability; rad/s, m/s²."""
 
+_LEAST_SCATTER = (0.3 * DPH, 10.0 * UG)
+"""Noise of a second that is never taken as less: counts of the frames."""
+
+_LOUD = 4.0
+"""Times its noise that a sensor does not scatter."""
+
 _BATCH_S = 20
 _OF_MEDIAN = 1.4826  # standard deviation over the median of the amount, of normal numbers
 _EXPLAINED = 0.8
@@ -35,14 +42,20 @@ _OFF_SLOPE = 0.3  # of the squares, at most, beside a straight line
 
 def trouble_of(unit: Unit, found: Estimate) -> str | None:
     """Return in words what is wrong with a calibration, if anything is."""
-    for kind, one, axes, least in (
-        ("accelerometer", found.accelerometers, unit.accelerometers, _LEAST[1]),
-        ("gyro", found.gyros, unit.gyros, _LEAST[0]),
-    ):
-        words = _changed(kind, one, axes, found, least)
+    given = inputs(found.seconds, unit.site, found.C_b_n, found.epsilon)
+    kinds = (
+        ("accelerometer", found.accelerometers, unit.accelerometers, _LEAST[1], given[1]),
+        ("gyro", found.gyros, unit.gyros, _LEAST[0], given[0]),
+    )
+    for kind, one, *_ in kinds:
+        words = _scatters(kind, one, unit, found)
         if words:
             return words
-    hidden = unseen(unit, np.asarray(np.linalg.inv(found.covariance), dtype=np.float64))
+    for kind, one, axes, least, given_of in kinds:
+        words = _changed(kind, one, axes, found, least, given_of)
+        if words:
+            return words
+    hidden = unseen(unit, found.information)
     if hidden:
         return (
             f"too little time on the table: {found.seconds.total_s:.0f} s do not show the "
@@ -67,17 +80,27 @@ def batches(one: SensorsEstimate, found: Estimate) -> tuple[Floats, Floats, Floa
     return means, times, noise / np.sqrt(np.maximum(used, 1))
 
 
-def wandering(one: SensorsEstimate, found: Estimate) -> Floats:
-    """Return by how much each bias wanders beyond the noise, rms, shape (m,); rad/s or m/s²."""
-    means, _, noise = batches(one, found)
-    if not len(means):
-        return np.zeros(one.constants.shape[0])
-    beyond: Floats = np.sqrt(np.maximum(0.0, (means**2).mean(axis=0) - (noise**2).mean(axis=0)))
-    return beyond
+def _scatters(kind: str, one: SensorsEstimate, unit: Unit, found: Estimate) -> str | None:
+    """Return in words that sensors scatter by more than their data sheet says."""
+    if unit.sheets is None:
+        return None
+    is_gyro = kind == "gyro"
+    sheet, least = unit.sheets[0 if is_gyro else 1], _LEAST_SCATTER[0 if is_gyro else 1]
+    changes = np.abs(np.diff(one.after, axis=0))
+    scatter = _OF_MEDIAN * np.nanmedian(changes, axis=0) / np.sqrt(2.0)
+    ratio = scatter / np.maximum(np.hypot(sheet.white_noise, sheet.resolution), least)
+    k = int(np.argmax(ratio))
+    if ratio[k] < _LOUD:
+        return None
+    size = f"{scatter[k] / DPH:.2g} °/h" if is_gyro else f"{scatter[k] / UG:.2g} µg"
+    by = f"by {size} from second to second, {ratio[k]:.0f} times their noise"
+    if 2 * np.sum(ratio > _LOUD) > len(ratio):
+        return f"the base moves: the {kind}s scatter {by}; let it stand still"
+    return f"{kind} {k + 1} scatters {by.replace('their', 'its')}; replace it"
 
 
 def _changed(
-    kind: str, one: SensorsEstimate, axes: Axes, found: Estimate, least: float
+    kind: str, one: SensorsEstimate, axes: Axes, found: Estimate, least: float, given: Inputs
 ) -> str | None:
     means, times, noise = batches(one, found)
     if len(means) < _LEAST_BATCHES:
@@ -91,7 +114,7 @@ def _changed(
     k, sensor = np.unravel_index(int(np.argmax(ratio)), ratio.shape)
     if ratio[k, sensor] < 1.0:
         return None
-    at = f"after {times[k]:.0f} s"
+    at = f"after {when(one, axes, given, found, int(sensor)):.0f} s"
     worst = means[:, sensor]
     centred = times - times.mean()
     slope = (centred @ worst) / (centred @ centred)

@@ -1,8 +1,10 @@
 """Least squares of all constants of all sensors, with covariance.
 
 Gauss-Newton over the sums of all seconds. The unknowns are five constants of each sensor, three
-angles of the base and one of the axes. Each sensor weighs by the scatter of its own residuals. The
-attitude that the computer is given is only where the iteration begins.
+angles of the base and one of the axes; and, where the data sheets have them, the g-sensitivity of
+each gyro and the wobble of the inner axis, of which is known before how large they may be. Each
+sensor weighs by the scatter of its own residuals. The attitude that the computer is given is only
+where the iteration begins. The covariance is that of white noise and of biases that wander.
 """
 
 from __future__ import annotations
@@ -25,8 +27,10 @@ from rrins.host_tools.calibration.model import (
     inputs,
     predicted,
     rotation,
+    wobble_inputs,
 )
 from rrins.host_tools.calibration.seconds import Seconds
+from rrins.host_tools.calibration.wandering import first_rows, instability_of, wander_covariance
 from rrins.host_tools.errors import CalibrationRecordError
 
 _ITERATIONS = 12
@@ -49,6 +53,8 @@ class Unit:
     site: Site
     C_b_n: Floats  #: shape (3, 3); attitude of the base, roughly: where the iteration begins
     sheets: tuple[DataSheet, DataSheet] | None = None  #: of gyros and accelerometers, if known
+    #: of the inner axis: rms, rad, and periods in a turn
+    wobble: tuple[float, float] = (0.0, 1.0)
 
 
 @dataclass(frozen=True)
@@ -58,7 +64,7 @@ class SensorsEstimate:
     Attributes
     ----------
     constants, sigma : array, shape (m, 5)
-        In the order of `CONSTANTS`, SI units; standard deviations of what noise makes of them.
+        In the order of `CONSTANTS`, SI units.
     before, after : array, shape (n, m)
         What the sensors measured less what was expected with design constants, and with those
         found; the same base. rad/s or m/s²; NaN where a second does not count.
@@ -69,6 +75,7 @@ class SensorsEstimate:
     before: Floats
     after: Floats
     noise: Floats  #: shape (m,); standard deviation of a sum over a second, rad/s or m/s²
+    instability: Floats  #: shape (m,); bias instability that `sigma` is of, rad/s or m/s²
 
 
 @dataclass(frozen=True)
@@ -90,36 +97,76 @@ class Estimate:
     seconds: Seconds  #: what it is of
     #: shape (p, p); constants of the gyros, of the accelerometers, then base and ε; SI units
     covariance: Floats
+    information: Floats  #: shape (p, p); about the same, of white noise alone
+    #: shape (m,); of the gyros, rad/s per m/s²; 0 where the data sheet has none
+    g_sensitivity: Floats
 
 
 class _Kind:
     """The sensors of a kind in the iteration."""
 
-    def __init__(self, axes: Axes, sums: Floats, usable: NDArray[np.bool_], first: int) -> None:
+    def __init__(
+        self,
+        axes: Axes,
+        sums: Floats,
+        usable: NDArray[np.bool_],
+        first: int,
+        sheet: DataSheet | None = None,
+    ) -> None:
         self.axes, self.sums, self.usable, self.first = axes, sums, usable, first
+        self.sheet = sheet
         self.constants = np.zeros((len(axes), len(CONSTANTS)))
         self.noise = np.ones(len(axes))
+        self.instability = np.zeros(len(axes))
+        self.more = np.zeros(0)
+        """Common unknowns besides the base: g-sensitivities, and both phases of the wobble."""
+        self.by_more = np.zeros((*sums.shape, 0))
 
     def residuals(self, given: Inputs, duration_s: Floats) -> Floats:
         """Return the residuals of sums, zero where they do not count."""
         off = self.sums - predicted(self.axes, self.constants, given, duration_s)
-        return np.where(self.usable, off, 0.0)
+        return np.where(self.usable, off - self.by_more @ self.more, 0.0)
+
+    def columns(self, given: Inputs, duration_s: Floats, sensor: int) -> Floats:
+        """Return the derivatives of a sensor's sums by its own and the common unknowns."""
+        parts = derivatives(self.axes, self.constants, given, duration_s, sensor)
+        found = np.hstack([*parts, self.by_more[:, sensor]])
+        return np.where(self.usable[:, sensor, None], found, 0.0)
 
     def add(self, N: Floats, right: Floats, given: Inputs, duration_s: Floats) -> None:
         """Add normal equations: `N` (p, p), `right` (p,)."""
         off = self.residuals(given, duration_s)
         for k in range(len(self.axes)):
-            own, base = derivatives(self.axes, self.constants, given, duration_s, k)
-            J = np.where(self.usable[:, k, None], np.hstack([own, base]), 0.0)
+            J = self.columns(given, duration_s, k)
             J /= self.noise[k] * np.sqrt(duration_s)[:, None]
             place = self.place(k, len(right))
             N[np.ix_(place, place)] += J.T @ J
             right[place] += J.T @ (off[:, k] / (self.noise[k] * np.sqrt(duration_s)))
 
+    def add_scatter(self, M: Floats, given: Inputs, duration_s: Floats) -> None:
+        """Add the covariance of the right side of the normal equations, shape (p, p)."""
+        off = np.where(self.usable, self.residuals(given, duration_s), np.nan) / duration_s[:, None]
+        times, first = np.cumsum(duration_s), first_rows(len(duration_s))
+        for k in range(len(self.axes)):
+            J = self.columns(given, duration_s, k)
+            change = np.diff(off[:, k])
+            white = float(np.sqrt(0.5 * np.nanmean(change**2)))
+            walk = 0.0 if self.sheet is None else self.sheet.rate_random_walk[k]
+            stated = 0.0 if self.sheet is None else self.sheet.bias_instability[k]
+            rates = J / duration_s[:, None]
+            self.instability[k] = instability_of(off[:, k], white, rates, times, stated)
+            place = self.place(k, len(M))
+            weighed = J / (self.noise[k] * np.sqrt(duration_s)[:, None])
+            sums = np.add.reduceat(J / self.noise[k] ** 2, first)
+            C = wander_covariance(times[first], self.instability[k], walk)
+            both = (white / self.noise[k]) ** 2 * weighed.T @ weighed + sums.T @ C @ sums
+            M[np.ix_(place, place)] += both
+
     def place(self, sensor: int, total: int) -> NDArray[np.int_]:
         """Return where the unknowns of a sensor stand, and those of the base."""
         own = self.first + len(CONSTANTS) * sensor + np.arange(len(CONSTANTS))
-        return np.concatenate([own, total - BASE + np.arange(BASE)])
+        common = BASE + len(self.more)
+        return np.concatenate([own, total - common + np.arange(common)])
 
     def weigh(self, given: Inputs, duration_s: Floats) -> None:
         """Take each sensor's noise of a second, per root of its duration, from its residuals."""
@@ -153,12 +200,37 @@ def _null_space(N: Floats, scale: Floats) -> Floats:
 
 
 def _kinds(unit: Unit, seconds: Seconds) -> tuple[_Kind, _Kind]:
-    gyros = _Kind(unit.gyros, seconds.gyro, seconds.gyro_usable, 0)
+    sheets = unit.sheets or (None, None)
+    gyros = _Kind(unit.gyros, seconds.gyro, seconds.gyro_usable, 0, sheets[0])
     first = len(CONSTANTS) * len(unit.gyros)
     accelerometers = _Kind(
-        unit.accelerometers, seconds.accelerometer, seconds.accelerometer_usable, first
+        unit.accelerometers, seconds.accelerometer, seconds.accelerometer_usable, first, sheets[1]
     )
     return gyros, accelerometers
+
+
+def _prior(unit: Unit) -> Floats:
+    """Return how large what is common besides the base may be: of each gyro, and both phases."""
+    force = unit.sheets[0].force_sigma if unit.sheets is not None else 0.0
+    gyros = [force] * len(unit.gyros) if force > 0.0 else []
+    return np.array([*gyros, *([unit.wobble[0]] * 2 if unit.wobble[0] > 0.0 else [])])
+
+
+def _by_more(
+    unit: Unit, seconds: Seconds, C_b_n: Floats, force: Inputs, count: int
+) -> tuple[Floats, Floats]:
+    """Return the derivatives of the sums by what is common besides the base, (n, m, count)."""
+    kinds = (unit.gyros, unit.accelerometers)
+    gyro, accelerometer = (np.zeros((len(seconds), len(axes), count)) for axes in kinds)
+    if unit.wobble[0] > 0.0:
+        both = wobble_inputs(seconds, unit.site, C_b_n, unit.wobble[1])
+        for found, axes, added in zip((gyro, accelerometer), kinds, both, strict=True):
+            found[:, :, -2:] = np.einsum("mj,njk->nmk", axes.h, added)
+    if count >= len(unit.gyros):
+        along = force.x @ unit.gyros.h.T
+        for k in range(len(unit.gyros)):
+            gyro[:, k, k] += along[:, k]
+    return gyro, accelerometer
 
 
 def estimate(unit: Unit, seconds: Seconds) -> Estimate:
@@ -171,15 +243,26 @@ def estimate(unit: Unit, seconds: Seconds) -> Estimate:
     """
     T = seconds.duration_s
     kinds = _kinds(unit, seconds)
-    scale = scales(unit)
+    prior = _prior(unit)
+    scale = np.concatenate([scales(unit), prior])
     total = len(scale)
-    C_b_n, epsilon = unit.C_b_n, 0.0
-    given = inputs(seconds, unit.site, C_b_n, epsilon)
-    for kind, one in zip(kinds, given, strict=True):
-        kind.weigh(one, T)
-    covariance = np.zeros((total, total))
+    first_common, last_common = len(scales(unit)) - BASE, len(scales(unit))
+    known = np.zeros((total, total))
+    known[last_common:, last_common:] = np.diag(1.0 / prior**2)
+    C_b_n, epsilon, more = unit.C_b_n, 0.0, np.zeros(len(prior))
+
+    def look() -> tuple[Inputs, Inputs]:
+        given = inputs(seconds, unit.site, C_b_n, epsilon)
+        by_more = _by_more(unit, seconds, C_b_n, given[1], len(prior))
+        for kind, one, by in zip(kinds, given, by_more, strict=True):
+            kind.more, kind.by_more = more, by
+            kind.weigh(one, T)
+        return given
+
+    given = look()
+    covariance, both_scales = np.zeros((total, total)), np.outer(scale, scale)
     for _ in range(_ITERATIONS):
-        N, right = np.zeros((total, total)), np.zeros(total)
+        N, right = known.copy(), -known[:, last_common:] @ more
         for kind, one in zip(kinds, given, strict=True):
             kind.add(N, right, one, T)
         if len(_null_space(N, scale)):
@@ -187,19 +270,26 @@ def estimate(unit: Unit, seconds: Seconds) -> Estimate:
                 f"{seconds.total_s:.0f} s on the table do not show all constants; see "
                 "`rrins scheme observability`"
             )
-        covariance = np.linalg.inv(N * np.outer(scale, scale)) * np.outer(scale, scale)
+        covariance = np.asarray(np.linalg.inv(N * both_scales) * both_scales, dtype=np.float64)
         change = covariance @ right
         for kind in kinds:
             kind.step(change)
-        C_b_n = C_b_n @ rotation(change[-BASE:-1])
-        epsilon += float(change[-1])
-        given = inputs(seconds, unit.site, C_b_n, epsilon)
-        for kind, one in zip(kinds, given, strict=True):
-            kind.weigh(one, T)
+        C_b_n = C_b_n @ rotation(change[first_common : last_common - 1])
+        epsilon += float(change[last_common - 1])
+        more = more + change[last_common:]
+        given = look()
         if np.abs(change / np.sqrt(np.diag(covariance))).max() < _CONVERGED:
             break
-    sigma = np.sqrt(np.diag(covariance))
+    M = known.copy()
+    for kind, one in zip(kinds, given, strict=True):
+        kind.add_scatter(M, one, T)
+    unknowns = slice(0, last_common)
+    whole = (covariance @ M @ covariance)[unknowns, unknowns]
+    sigma = np.sqrt(np.diag(whole))
     found = [_sensors(kind, one, seconds, sigma) for kind, one in zip(kinds, given, strict=True)]
+    g_sensitivity = np.zeros(len(unit.gyros))
+    if len(more) >= len(unit.gyros):
+        g_sensitivity = more[: len(unit.gyros)]
     return Estimate(
         gyros=found[0],
         accelerometers=found[1],
@@ -208,7 +298,9 @@ def estimate(unit: Unit, seconds: Seconds) -> Estimate:
         epsilon=epsilon,
         epsilon_sigma=float(sigma[-1]),
         seconds=seconds,
-        covariance=covariance,
+        covariance=whole,
+        information=np.asarray(np.linalg.inv(covariance[unknowns, unknowns]), dtype=np.float64),
+        g_sensitivity=g_sensitivity,
     )
 
 
@@ -219,7 +311,7 @@ def _sensors(kind: _Kind, given: Inputs, seconds: Seconds, sigma: Floats) -> Sen
     before = np.where(kind.usable, kind.sums - design, np.nan) / T[:, None]
     size = kind.constants.size
     own = sigma[kind.first : kind.first + size].reshape(kind.constants.shape)
-    return SensorsEstimate(kind.constants, own, before, after, kind.noise)
+    return SensorsEstimate(kind.constants, own, before, after, kind.noise, kind.instability)
 
 
 def normal_equations(

@@ -187,3 +187,50 @@ def derivatives(
     )
     by_base: Floats = scale[:, None] * np.einsum("j,njk->nk", installed, given.by_base)
     return by_constants, by_base
+
+
+def wobble_inputs(
+    seconds: Seconds, site: Site, C_b_n: Floats, per_turn: float
+) -> tuple[Floats, Floats]:
+    """Return what a wobble of the inner axis adds to the inputs, for a rad of either phase.
+
+    The small rotation ``(cos nα, sin nα, 0)`` of the inner axis, n periods a turn, and the same a
+    quarter of a period later. Within a second by Simpson's rule.
+
+    Returns
+    -------
+    gyros, accelerometers : array, shape (n, 3, 2)
+    """
+    ends = np.radians(seconds.angles_deg)
+    begins = np.vstack([ends[:1], ends[:-1]])
+    inner_turn, outer_turn = seconds.turn[:, 0], seconds.turn[:, 1]
+    rate_b, force_b = C_b_n.T @ site.rate_n, C_b_n.T @ site.force_n
+    gyros, accelerometers = np.zeros((2, len(ends), 3, 2))
+    for share, weight in ((0.0, 1.0 / 6.0), (0.5, 4.0 / 6.0), (1.0, 1.0 / 6.0)):
+        inner, outer = (begins + share * (ends - begins)).T
+        for phase in range(2):
+            at = per_turn * inner + phase * 0.5 * np.pi
+            zero = np.zeros_like(at)
+            rho = np.column_stack([np.cos(at), np.sin(at), zero])
+            turned = np.column_stack([-np.sin(at), np.cos(at), zero]) * per_turn
+            rate, force = (_about_x(vector, outer) for vector in (rate_b, force_b))
+            by_turn = turned * inner_turn[:, None]
+            by_turn -= np.cross(rho, [1.0, 0.0, 0.0]) * outer_turn[:, None]
+            T = weight * seconds.duration_s[:, None]
+            gyros[:, :, phase] += _about_z(weight * by_turn - T * np.cross(rho, rate), inner)
+            accelerometers[:, :, phase] -= _about_z(T * np.cross(rho, force), inner)
+    return gyros, accelerometers
+
+
+def _about_x(vector: Floats, angle: Floats) -> Floats:
+    """Return a vector in axes that are turned about x by each angle, shape (n, 3)."""
+    x, y, z = vector
+    c, s = np.cos(angle), np.sin(angle)
+    return np.column_stack([np.full_like(c, x), c * y + s * z, c * z - s * y])
+
+
+def _about_z(vectors: Floats, angle: Floats) -> Floats:
+    """Return vectors, shape (n, 3), in axes that are turned about z by each angle."""
+    x, y, z = vectors.T
+    c, s = np.cos(angle), np.sin(angle)
+    return np.column_stack([c * x + s * y, c * y - s * x, z])

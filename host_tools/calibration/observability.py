@@ -37,6 +37,9 @@ LIMITS = (np.array([0.012, 2.2, 4.5, 0.6, 0.6]), np.array([0.8, 0.8, 1.2, 0.25, 
 """To be reached by a calibration of half an hour with the prototype's noise; °/h or µg, ppm, ppm,
 ″, ″; root mean squares over the sensors."""
 
+MARK = " !"
+"""Behind what is beyond its limit."""
+
 DEG_PER_SQRT_H = math.radians(1.0) / 60.0
 """rad/√s of a °/√h: the noise of a second."""
 

@@ -10,15 +10,13 @@ from pathlib import Path
 
 import numpy as np
 
-from rrins.compiled.record import Floats
-from rrins.firmware_py.core.maths import earth
 from rrins.firmware_py.core.sensors.calibration import Origin
 from rrins.firmware_py.core.settings import Scheme
 from rrins.firmware_py.diagnostics import calibration_image
 from rrins.firmware_py.diagnostics.calibration_record import CalibrationEnd
 from rrins.host_tools.calibration import seconds as records
-from rrins.host_tools.calibration.checks import trouble_of, wandering
-from rrins.host_tools.calibration.estimation import Estimate, SensorsEstimate, Unit, estimate
+from rrins.host_tools.calibration.checks import trouble_of
+from rrins.host_tools.calibration.estimation import Estimate, Unit, estimate
 from rrins.host_tools.calibration.file import UNKNOWN, to_toml
 from rrins.host_tools.calibration.routine import RoutineRun
 from rrins.host_tools.calibration.seconds import Seconds
@@ -238,28 +236,14 @@ def verification(scheme: Scheme) -> Scheme:
 
 
 def disagreement(first: Estimate, second: Estimate) -> tuple[float, float]:
-    """Return the rms and the largest difference of two calibrations' constants over their σ.
-
-    To σ, which is of white noise, comes what a bias that wanders makes of each constant.
-    """
+    """Return the rms and the largest difference of two calibrations' constants over their σ."""
     ratios = []
     for kind in ("gyros", "accelerometers"):
         one, other = getattr(first, kind), getattr(second, kind)
-        square = one.sigma**2 + other.sigma**2
-        for sensors, whole in ((one, first), (other, second)):
-            square += _of_wandering(kind, sensors, whole) ** 2
-        ratios.append(((one.constants - other.constants) / np.sqrt(square)).ravel())
+        sigma = np.hypot(one.sigma, other.sigma)
+        ratios.append(((one.constants - other.constants) / sigma).ravel())
     together = np.concatenate(ratios)
     return float(np.sqrt((together**2).mean())), float(np.abs(together).max())
-
-
-def _of_wandering(kind: str, one: SensorsEstimate, whole: Estimate) -> Floats:
-    """Return what a wandering bias makes of the constants, shape (m, 5): bias over input."""
-    wanders = wandering(one, whole)[:, None]
-    turns = whole.seconds.turn[:, :2] / whole.seconds.duration_s[:, None]
-    rate = float(np.sqrt((turns**2).sum(axis=1).mean()))
-    largest = rate if kind == "gyros" else earth.GRAVITY_EQUATOR
-    return wanders * np.array([2.0, *[2.0 / largest] * 4])
 
 
 def agrees(rms: float, most: float) -> bool:

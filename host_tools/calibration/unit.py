@@ -11,7 +11,7 @@ from rrins.host_tools.calibration.estimation import Unit
 from rrins.host_tools.calibration.model import Axes, Site
 from rrins.host_tools.files import JsonObject
 from rrins.host_tools.hardware.settings import body_to_navigation
-from rrins.host_tools.hardware.units import in_si
+from rrins.host_tools.hardware.units import ARCSEC, in_si
 from rrins.host_tools.runs.set_up.data_sheets import data_sheets_of
 from rrins.host_tools.runs.set_up.settings import given_pose
 from rrins.host_tools.scenario.scenario import Scenario, parse
@@ -104,6 +104,7 @@ def unit_of(scenario: Scenario) -> Unit:
         site=Site(math.radians(pose.latitude_deg), pose.height_m),
         C_b_n=body_to_navigation(*attitude),
         sheets=data_sheets_of(scenario),
+        wobble=(scenario.turntable.wobble_arcsec * ARCSEC, scenario.turntable.wobble_per_turn),
     )
 
 

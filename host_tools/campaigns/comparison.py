@@ -1,7 +1,8 @@
 """Two campaigns side by side, and whether their difference is more than chance.
 
 Runs of one number and one seed have the same noise in both: then their differences are tested, by
-Wilcoxon's signed ranks; else the two samples, by Mann and Whitney.
+Wilcoxon's signed ranks; else the two samples, by Mann and Whitney. Of designs by blocks the tests
+see the mean of each block.
 """
 
 from __future__ import annotations
@@ -13,8 +14,9 @@ import numpy as np
 from rrins.compiled.record import Floats
 from rrins.host_tools.campaigns.errors import CampaignError
 from rrins.host_tools.campaigns.row import OK
-from rrins.host_tools.campaigns.statistics import Estimate, percentile, resampled
+from rrins.host_tools.campaigns.statistics import Estimate, Integers, resampled
 from rrins.host_tools.campaigns.store import Store
+from rrins.host_tools.campaigns.summary import Outcomes
 from rrins.host_tools.files import JsonObject
 
 _FEWEST = 8
@@ -54,27 +56,40 @@ def compare(first: Store, second: Store, output: str) -> Comparison:
     from scipy.stats import mannwhitneyu, wilcoxon
 
     ours, theirs = _by_run(first, output), _by_run(second, output)
-    a, b = (np.array([value for _, value in one.values()]) for one in (ours, theirs))
-    for store, values in ((first, a), (second, b)):
+    for store, values in ((first, ours), (second, theirs)):
         if len(values) < _FEWEST:
             raise CampaignError(f"{store.folder}: {len(values)} runs with {output} are too few")
     common = [run for run in ours if run in theirs and ours[run][0] == theirs[run][0]]
-    is_paired = len(common) == len(a) == len(b)
+    is_paired = len(common) == len(ours) == len(theirs)
     if is_paired:
-        a, b = (np.array([one[run][1] for run in common]) for one in (ours, theirs))
-        p_value = 1.0 if np.array_equal(a, b) else float(wilcoxon(a, b).pvalue)
+        ours, theirs = ({run: one[run] for run in common} for one in (ours, theirs))
+    a, b = (np.array([value for _, value in one.values()]) for one in (ours, theirs))
+    blocks = [
+        np.array(list(one)) // store.definition.plan.block
+        for store, one in ((first, ours), (second, theirs))
+    ]
+    x, y = (_means(values, of) for values, of in zip((a, b), blocks, strict=True))
+    if is_paired:
+        p_value = 1.0 if np.array_equal(x, y) else float(wilcoxon(x, y).pvalue)
     else:
-        p_value = float(mannwhitneyu(a, b).pvalue)
+        p_value = float(mannwhitneyu(x, y).pvalue)
     percents = {"p50": 50.0, "p95": 95.0}
+    first_of, second_of = (Outcomes(one, [output]).sample(output) for one in (first, second))
     return Comparison(
         output,
-        {name: percentile(a, percent) for name, percent in percents.items()},
-        {name: percentile(b, percent) for name, percent in percents.items()},
-        {name: _ratio(a, b, percent, is_paired) for name, percent in percents.items()},
+        {name: first_of.percentile(percent) for name, percent in percents.items()},
+        {name: second_of.percentile(percent) for name, percent in percents.items()},
+        {name: _ratio(a, b, percent, blocks, is_paired) for name, percent in percents.items()},
         p_value,
         is_paired,
         (len(a), len(b)),
     )
+
+
+def _means(values: Floats, blocks: Integers) -> Floats:
+    """Return the mean of each block."""
+    at = np.unique(blocks, return_inverse=True)[1]
+    return np.asarray(np.bincount(at, values) / np.bincount(at))
 
 
 def _by_run(store: Store, output: str) -> dict[int, tuple[int, float]]:
@@ -87,13 +102,13 @@ def _by_run(store: Store, output: str) -> dict[int, tuple[int, float]]:
     }
 
 
-def _ratio(a: Floats, b: Floats, percent: float, is_paired: bool) -> Estimate:
+def _ratio(
+    a: Floats, b: Floats, percent: float, blocks: list[Integers], is_paired: bool
+) -> Estimate:
     """Return the ratio of a percentile, second over first."""
 
-    def ratio(a: Floats, b: Floats, axis: int) -> Floats:
-        first, second = (
-            np.percentile(one, percent, method="inverted_cdf", axis=axis) for one in (a, b)
-        )
-        return np.divide(second, first)
+    def ratio(a: Floats, b: Floats) -> float:
+        first, second = (np.percentile(one, percent, method="inverted_cdf") for one in (a, b))
+        return float(np.divide(second, first))
 
-    return resampled(ratio, a, b, is_paired=is_paired)
+    return resampled(ratio, a, b, blocks=blocks, is_paired=is_paired)

@@ -245,6 +245,7 @@ class _Prefix:
 
     def __init__(self, store: Store, until: Until) -> None:
         self._until = until
+        self._block = store.definition.plan.block
         self._stored = store.values(until.column)
         self._values = array("d")
         self._waiting: dict[int, Row] = {}
@@ -275,7 +276,9 @@ class _Prefix:
 
     def _look(self) -> None:
         runs = len(self._values)
-        if self._until.is_due(runs) and self._until.holds(np.frombuffer(self._values)):
+        if not self._until.is_due(runs, self._block):
+            return
+        if self._until.holds(np.frombuffer(self._values), self._block):
             self.end = runs
 
     def ready(self) -> list[Row]:

@@ -10,11 +10,11 @@ from typing import IO, TYPE_CHECKING
 import numpy as np
 
 from rrins.host_tools.campaigns.errors import CampaignError
-from rrins.host_tools.campaigns.statistics import Estimate, sigma
+from rrins.host_tools.campaigns.statistics import Estimate
 from rrins.host_tools.campaigns.store import Store
-from rrins.host_tools.campaigns.summary import Outcomes, shown
+from rrins.host_tools.campaigns.summary import Outcomes, shown, with_interval
 from rrins.host_tools.covariance.analysis import Analysis
-from rrins.host_tools.drawing.page import png_of, write_png
+from rrins.host_tools.drawing.saving import write_pictures
 from rrins.host_tools.files import JsonObject, make_folder, write_whole
 
 if TYPE_CHECKING:
@@ -50,7 +50,7 @@ class Beside:
 
     def cells(self) -> list[str]:
         """Return its row of the table."""
-        pair = (f"{shown(one.value)}\n{shown(one.low)} … {shown(one.high)}" for one in self.both)
+        pair = map(with_interval, self.both)
         return [f"{self.runs} runs, 95 % interval", *pair, shown(float(self.sigma.max())), ""]
 
     @property
@@ -80,7 +80,7 @@ def beside_runs(store: Store) -> Beside:
     from rrins.host_tools.campaigns.pictures import series_of
 
     outcomes = Outcomes(store, _COLUMNS)
-    east, north = (sigma(outcomes[name]) for name in _COLUMNS)
+    east, north = (outcomes.sample(name).sigma() for name in _COLUMNS)
     if not np.isfinite(east.half_width):
         raise CampaignError(f"{store.folder}: {len(outcomes[_COLUMNS[0]])} runs are too few")
     times, *pair = series_of(store)
@@ -97,10 +97,9 @@ def write(analysis: Analysis, folder: Path, beside: Beside | None = None) -> lis
         When they cannot be written.
     """
     make_folder(folder)
-    paths = [folder / "covariance.csv", folder / "covariance.png"]
-    write_whole(paths[0], lambda file: _write_rows(file, analysis))
-    write_png(paths[1], png_of(draw(analysis, beside)))
-    return paths
+    write_whole(folder / "covariance.csv", lambda file: _write_rows(file, analysis))
+    drawn = {"covariance": draw(analysis, beside)}
+    return [folder / "covariance.csv", *write_pictures(folder, drawn)]
 
 
 def _write_rows(file: IO[str], analysis: Analysis) -> None:
@@ -115,20 +114,24 @@ def _write_rows(file: IO[str], analysis: Analysis) -> None:
 
 def draw(analysis: Analysis, beside: Beside | None = None) -> Figure:
     """Draw σ over time: of all, of the largest sources, and of the runs."""
-    from rrins.host_tools.drawing.style import LINES, SINCE_NAVIGATION, finish, new_figure
+    from rrins.host_tools.campaigns.labels import words_of
+    from rrins.host_tools.drawing.style import LINES, finish, new_figure, time_axis
 
+    source_lines = [line for line in LINES if line["color"] != "#000000"]
     figure = new_figure(8.0, 6.0)
     panels = figure.subplots(2, 1, sharex=True)
     for side, axes in enumerate(panels):
-        axes.plot(analysis.times_s, analysis.sigma[:, side], "k-", lw=1.6, label="analysis")
+        axes.plot(
+            analysis.times_s, analysis.sigma[:, side], "k-", lw=1.6, label="analysis: all sources"
+        )
         if beside is not None:
             label = f"{beside.runs} runs"
-            axes.plot(beside.times_s, beside.sigma[:, side], "k.", ms=4, label=label)
-        for one, line in zip(analysis.sources[:_MOST_SOURCES], LINES, strict=False):
-            axes.plot(analysis.times_s, one.sigma[:, side], **line, label=one.name)
-        finish(axes, f"σ {_SIDES[side]} / m")
+            axes.plot(beside.times_s, beside.sigma[:, side], "ko", ms=4, mfc="white", label=label)
+        for one, line in zip(analysis.sources[:_MOST_SOURCES], source_lines, strict=False):
+            axes.plot(analysis.times_s, one.sigma[:, side], **line, label=words_of(one.name))
+        finish(axes, f"σ of the position, {_SIDES[side]}\n/ m")
         axes.set_ylim(bottom=0)
     lines, names = panels[0].get_legend_handles_labels()
     figure.legend(lines, names, loc="outside upper left", ncols=2, frameon=False, fontsize="small")
-    panels[1].set_xlabel(SINCE_NAVIGATION)
+    time_axis(panels[1])
     return figure

@@ -14,13 +14,14 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from rrins.host_tools.campaigns import design as designs
 from rrins.host_tools.campaigns.design import Plan
-from rrins.host_tools.campaigns.distributions import is_distribution
+from rrins.host_tools.campaigns.distributions import is_distribution, with_values
 from rrins.host_tools.campaigns.errors import CampaignError
 from rrins.host_tools.campaigns.inputs import changed, correlation_of, inputs_of
 from rrins.host_tools.covariance.sources import Varied
 from rrins.host_tools.errors import ScenarioError
 from rrins.host_tools.files import JsonObject
-from rrins.host_tools.scenario.scenario import Scenario, first_line, parse, text_of
+from rrins.host_tools.scenario.scenario import Scenario, parse, text_of
+from rrins.host_tools.scenario.wrong_keys import first_line
 
 DEFAULT_RUNS = 100
 MOST_RUNS = 100_000_000
@@ -136,7 +137,7 @@ def _checked(table: JsonObject) -> Scenario:
     try:
         return Scenario.model_validate(table)
     except ValidationError as error:
-        raise ScenarioError(f"campaign: {first_line(error)}") from error
+        raise ScenarioError(f"campaign: {first_line(error, Scenario)}") from None
 
 
 @dataclass(frozen=True)
@@ -179,6 +180,11 @@ def load(source: str | Mapping[str, Any] | Scenario, wishes: Wishes | None = Non
         scenario = scenario.varied(**{k.replace(".", "__"): v for k, v in settings.items()})
     vary = dict(file.vary) | dict(wishes.vary)
     faults = _plain_faults([*file.faults, *wishes.faults], vary, len(scenario.faults))
+    folder = Path(source).parent if isinstance(source, str) and Path(source).is_file() else Path()
+    vary = {
+        key: with_values(key, text, Path() if key in wishes.vary else folder)
+        for key, text in vary.items()
+    }
     pairs = [(*one.between, one.value) for one in file.correlate]
     definition = Definition(
         name=name,
@@ -214,7 +220,7 @@ def _read(source: str | Mapping[str, Any] | Scenario) -> tuple[CampaignFile, Sce
     try:
         file = CampaignFile.model_validate(table)
     except ValidationError as error:
-        raise CampaignError(f"campaign {name}: {first_line(error, CampaignFile)}") from error
+        raise CampaignError(f"campaign {name}: {first_line(error, CampaignFile)}") from None
     path = folder / file.scenario
     text = text_of(str(path) if path.is_file() else file.scenario)
     own = path.parent if path.is_file() else Path()

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import Final, Literal
 
 import numpy as np
@@ -20,6 +20,7 @@ from rrins.compiled.record import Floats
 from rrins.host_tools.campaigns.distributions import Value
 from rrins.host_tools.campaigns.errors import CampaignError
 from rrins.host_tools.campaigns.inputs import Input, correlated
+from rrins.host_tools.campaigns.statistics import Integers
 
 Design = Literal["random", "lhs", "sobol", "saltelli", "grid", "one-at-a-time"]
 DESIGNS: Final = ("random", "lhs", "sobol", "saltelli", "grid", "one-at-a-time")
@@ -54,8 +55,12 @@ class Plan:
         if self.design == "grid":
             return math.prod(len(one.distribution.values) for one in self._swept)
         if self.design == "one-at-a-time":
-            return 1 + sum(len(one.distribution.levels) for one in self.inputs)
+            return 1 + sum(len(levels) for _, levels in self._alone)
         return 1
+
+    def blocks(self, runs: Integers) -> Integers | None:
+        """Return the block of each run; None where runs are independent."""
+        return runs // self.block if self.block > 1 else None
 
     @property
     def _swept(self) -> tuple[Input, ...]:
@@ -122,11 +127,18 @@ class Plan:
             cell[one] = one.distribution.values[level]
         return cell
 
+    @cached_property
+    def _alone(self) -> list[tuple[Input, list[Value]]]:
+        """Each input with its levels other than the nominal value, which has a run of its own."""
+        return [
+            (one, [level for level in one.distribution.levels if level != one.distribution.nominal])
+            for one in self.inputs
+        ]
+
     def _one_at_a_time(self, at: int) -> dict[Input, Value]:
         point = {one: one.distribution.nominal for one in self.inputs}
         at -= 1  # the first of a block is nominal
-        for one in self.inputs:
-            levels = one.distribution.levels
+        for one, levels in self._alone:
             if 0 <= at < len(levels):
                 point[one] = levels[at]
             at -= len(levels)

@@ -6,10 +6,12 @@ drawn at random, by Latin hypercube or by Sobol's sequence, serves them all.
 
 from __future__ import annotations
 
+import csv
 import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Final
 
 import numpy as np
@@ -25,11 +27,13 @@ _NUMBER_OF_VALUES: Final = {
     "normal": 2,
     "uniform": 2,
     "loguniform": 2,
+    "lognormal": 2,
     "truncated": 4,
     "steps": 3,
 }
-_KINDS: Final = (*_NUMBER_OF_VALUES, "list")
+_KINDS: Final = (*_NUMBER_OF_VALUES, "list", "empirical")
 _MOST_STEPS = 100_000
+_MOST_MEASURED = 10_000
 
 
 def cumulative_normal(z: float) -> float:
@@ -50,7 +54,8 @@ class Distribution:
 
     kind: str
     #: mean and standard deviation; lower and upper limit; mean, standard deviation of the normal
-    #: distribution and its limits; or the values that are equally likely
+    #: distribution and its limits; median and standard deviation of the logarithm; or the values
+    #: that are equally likely, or that were measured
     values: tuple[Value, ...]
     is_common: bool = False  #: whether all sensors get one value; else each its own
     correlation: float = 0.0  #: between the values of two sensors
@@ -59,9 +64,13 @@ class Distribution:
         """Return the value below which another one is with a probability between 0 and 1."""
         if self.kind == "list":
             return self.values[min(int(probability * len(self.values)), len(self.values) - 1)]
+        if self.kind == "empirical":
+            return float(np.quantile(self._numbers, probability))
         first, second, *limits = self._numbers
         if self.kind == "uniform":
             return first + (second - first) * probability
+        if self.kind == "lognormal":
+            return first * math.exp(second * normal_quantile(probability))
         if self.kind == "loguniform":
             return float(first * (second / first) ** probability)
         if self.kind == "normal":
@@ -78,6 +87,14 @@ class Distribution:
     def is_numeric(self) -> bool:
         """Whether its values are numbers."""
         return all(isinstance(v, float | int) and not isinstance(v, bool) for v in self.values)
+
+    @property
+    def stored_as(self) -> str:
+        """The type of its column: ``int64``, ``double``, ``bool`` or ``string``."""
+        types = {type(value) for value in self.values}
+        if self.kind == "list" and len(types) == 1:
+            return {int: "int64", float: "double", bool: "bool", str: "string"}[types.pop()]
+        return "double" if self.is_numeric else "string"
 
     @property
     def levels(self) -> tuple[Value, ...]:
@@ -98,7 +115,12 @@ class Distribution:
             return math.nan, math.nan
         if self.kind == "list":
             return float(np.mean(self._numbers)), float(np.std(self._numbers))
+        if self.kind == "empirical":
+            return float(np.mean(self._numbers)), float(np.std(self._numbers, ddof=1))
         first, second, *limits = self._numbers
+        if self.kind == "lognormal":
+            mean = first * math.exp(0.5 * second**2)
+            return mean, mean * math.sqrt(math.expm1(second**2))
         if self.kind == "uniform":
             return (first + second) / 2.0, (second - first) / math.sqrt(12.0)
         if self.kind == "loguniform":
@@ -156,7 +178,8 @@ def parse(key: str, text: str) -> Distribution:
         What errors name.
     text : str
         ``normal(mean, σ)``, ``uniform(low, high)``, ``loguniform(low, high)``,
-        ``truncated(mean, σ, low, high)``, ``list(value, …)`` or ``steps(first, last, number)``;
+        ``lognormal(median, σ of the logarithm)``, ``truncated(mean, σ, low, high)``,
+        ``list(value, …)``, ``steps(first, last, number)`` or ``empirical(value, …)``;
         behind it ``common`` (one value for all sensors) or ``correlated ρ`` (between sensors).
 
     Raises
@@ -167,16 +190,19 @@ def parse(key: str, text: str) -> Distribution:
     if found is None or found[1] not in _KINDS:
         raise CampaignError(
             f"{key}: {text.strip()!r} is not a distribution; known are normal(mean, σ), "
-            "uniform(low, high), loguniform(low, high), truncated(mean, σ, low, high), list(…), "
-            "steps(first, last, number)"
+            "uniform(low, high), loguniform(low, high), lognormal(median, σ of the logarithm), "
+            "truncated(mean, σ, low, high), list(…), steps(first, last, number), "
+            "empirical(file.csv, column)"
         )
     kind, inside, behind = found[1], found[2], found[3].strip()
     values = tuple(_value(part) for part in inside.split(",")) if inside.strip() else ()
     is_common, correlation = _suffix(key, behind)
-    if kind != "list":
+    if kind not in ("list", "empirical"):
         values = _checked(key, kind, values)
     if not values:
-        raise CampaignError(f"{key}: list() is empty")
+        raise CampaignError(f"{key}: {kind}() is empty")
+    if kind == "empirical":
+        values = _measured(key, values)
     if kind == "steps":
         kind, values = "list", _steps(key, values)
     return Distribution(kind, values, is_common, correlation)
@@ -207,9 +233,11 @@ def _checked(key: str, kind: str, values: Sequence[Value]) -> tuple[Value, ...]:
         if isinstance(value, str | bool) or not math.isfinite(value):
             raise CampaignError(f"{key}: {value!r} in {kind}() is not a number")
     numbers = tuple(float(value) for value in values)
-    if kind in ("normal", "truncated") and numbers[1] <= 0:
+    if kind in ("normal", "lognormal", "truncated") and numbers[1] <= 0:
         raise CampaignError(f"{key}: the standard deviation in {kind}() must be above 0")
     low, high = numbers[-2:] if kind == "truncated" else numbers[:2]
+    if kind == "lognormal" and low <= 0:
+        raise CampaignError(f"{key}: the median in lognormal() must be above 0")
     if kind == "loguniform" and low <= 0:
         raise CampaignError(f"{key}: the lower limit in loguniform() must be above 0")
     if kind in ("uniform", "loguniform", "truncated") and low >= high:
@@ -224,10 +252,53 @@ def _checked(key: str, kind: str, values: Sequence[Value]) -> tuple[Value, ...]:
     return tuple(values)
 
 
+def _measured(key: str, values: Sequence[Value]) -> tuple[Value, ...]:
+    """Return measured numbers in order."""
+    numbers = [float(v) for v in values if not isinstance(v, str | bool) and math.isfinite(v)]
+    if len(numbers) < len(values):
+        wrong = next(v for v in values if isinstance(v, str | bool) or not math.isfinite(v))
+        raise CampaignError(f"{key}: {wrong!r} in empirical() is not a number")
+    if not 2 <= len(numbers) <= _MOST_MEASURED:
+        raise CampaignError(f"{key}: empirical() takes 2 to {_MOST_MEASURED} values")
+    return tuple(sorted(numbers))
+
+
+def with_values(key: str, text: str, folder: Path) -> str:
+    """Return the text of a distribution with the values of a file in place of its name.
+
+    ``empirical(file.csv, column)``: the file, relative to a folder, has a line of names.
+
+    Raises
+    ------
+    CampaignError
+        When the file cannot be read, or has no such column or numbers.
+    """
+    found = _CALL.match(text)
+    parts = [part.strip().strip("\"'") for part in found[2].split(",")] if found else []
+    if found is None or found[1] != "empirical" or len(parts) > 2 or not parts[0].endswith(".csv"):
+        return text
+    path = folder / parts[0]
+    try:
+        with path.open(newline="", encoding="utf-8-sig") as file:
+            reader = csv.DictReader(file)
+            names = [name.strip() for name in reader.fieldnames or ()]
+            rows = [dict(zip(names, row.values(), strict=False)) for row in reader]
+    except (OSError, ValueError, csv.Error) as error:
+        raise CampaignError(f"{key}: {path}: cannot be read: {error}") from error
+    column = parts[-1] if len(parts) == 2 else names[0] if len(names) == 1 else ""
+    if column not in names:
+        raise CampaignError(f"{key}: {path}: name one of its columns: {', '.join(names)}")
+    cells = [str(row[column]).strip() for row in rows if str(row[column] or "").strip()]
+    measured = _measured(f"{key}: {path}", tuple(_value(cell) for cell in cells))
+    return f"empirical({', '.join(map(_written, measured))}) {found[3]}".strip()
+
+
 def _steps(key: str, values: Sequence[Value]) -> tuple[Value, ...]:
     """Return equally spaced numbers."""
     first, last, number = (float(value) for value in values)
     count = int(number)
     if count != number or not 2 <= count <= _MOST_STEPS:
         raise CampaignError(f"{key}: the number of steps() is a whole number from 2 on")
-    return tuple(first + (last - first) * k / (count - 1) for k in range(count))
+    steps = [first + (last - first) * k / (count - 1) for k in range(count)]
+    is_whole = all(isinstance(value, int) for value in values) and all(map(float.is_integer, steps))
+    return tuple(int(step) if is_whole else step for step in steps)

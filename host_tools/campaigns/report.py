@@ -12,6 +12,7 @@ import numpy as np
 from rrins.host_tools.campaigns import covariance_report, sensitivity, summary
 from rrins.host_tools.campaigns.covariance_report import Beside
 from rrins.host_tools.campaigns.errors import CampaignError
+from rrins.host_tools.campaigns.labels import label_of, words_of
 from rrins.host_tools.campaigns.row import MAIN
 from rrins.host_tools.campaigns.store import REPORTS, Store
 from rrins.host_tools.covariance.analysis import Analysis, analyse
@@ -49,7 +50,12 @@ def write(store: Store, folder: Path | None = None) -> list[Path]:
         folder,
         "rrins.host_tools.campaigns",
         {name: picture for name, (_, picture) in drawn.items()},
-        filters={"shown": summary.shown},
+        filters={
+            "shown": summary.shown,
+            "value": summary.value,
+            "interval": summary.interval,
+            "label": label_of,
+        },
         captions={name: caption for name, (caption, _) in drawn.items()},
         definition=definition,
         title=definition.title or definition.name,
@@ -57,8 +63,9 @@ def write(store: Store, folder: Path | None = None) -> list[Path]:
         failed=outcomes.failed,
         stopped_at=store.stopped_at,
         reasons=summary.reasons(store),
-        figures=[(name, summary.shown_figures(outcomes[name])) for name in outcomes.known()],
+        figures=[(name, summary.shown_figures(outcomes.sample(name))) for name in outcomes.known()],
         circles=summary.circles(outcomes),
+        bound=summary.bound_of(outcomes),
         shares=shares,
         indices=indices,
         linear=linear,
@@ -81,7 +88,7 @@ class _Linear:
         if self.analysis is None:
             return []
         figures = [
-            (one.name, *one.end, one.largest, f"{self.analysis.share(one):.1%}")
+            (words_of(one.name), *one.end, one.largest, f"{self.analysis.share(one):.1%}")
             for one in self.analysis.sources
         ]
         east, north = self.analysis.sigma[-1].tolist()
@@ -99,7 +106,7 @@ class _Linear:
             return self.why_not
         lines = [] if self.beside is None else [self.beside.words(self.analysis)]
         if self.analysis.left_out:
-            lines.append(f"not considered: {', '.join(self.analysis.left_out)}")
+            lines.append(f"not considered: {', '.join(map(words_of, self.analysis.left_out))}")
         return "; ".join(lines)
 
 
@@ -130,14 +137,17 @@ def _drawn(
         bands = pictures.draw_bands(*pictures.series_of(store))
         drawn["over_time"] = ("Errors over time: percentiles of the runs.", bands)
         caption = "How many of the runs end with at most this horizontal error."
-        drawn["distribution"] = (caption, pictures.draw_distribution(radial))
+        drawn["distribution"] = (caption, pictures.draw_distribution(outcomes.sample(MAIN)))
         ends = pictures.draw_ends(outcomes["position_east_m"], outcomes["position_north_m"])
         drawn["ends"] = ("Where the runs end.", ends)
     if shares:
         caption = "Linear shares in the variance, with 95 % intervals."
         drawn["shares"] = (caption, pictures.draw_shares(shares))
     if indices:
-        drawn["sobol"] = (f"Sobol's indices of {MAIN}.", pictures.draw_indices(indices))
+        drawn["sobol"] = (
+            "Sobol's indices of the horizontal error at the end.",
+            pictures.draw_indices(indices),
+        )
     if linear.analysis is not None:
         caption = "σ of the position: linear covariance analysis, its sources, and the runs."
         drawn["covariance"] = (caption, covariance_report.draw(linear.analysis, linear.beside))

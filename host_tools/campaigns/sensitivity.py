@@ -19,7 +19,7 @@ from rrins.compiled.record import Floats
 from rrins.host_tools.campaigns.engines import missing
 from rrins.host_tools.campaigns.errors import CampaignError
 from rrins.host_tools.campaigns.row import OK
-from rrins.host_tools.campaigns.statistics import Estimate
+from rrins.host_tools.campaigns.statistics import Estimate, drawn, rows_of_blocks
 from rrins.host_tools.campaigns.store import Store
 
 LINEAR_OUTPUTS: Final = ("position_east_m", "position_north_m")
@@ -49,6 +49,7 @@ def linear_shares(store: Store, output: str) -> list[Share]:
     """
     inputs = [one for one in store.definition.plan.inputs if one.distribution.is_numeric]
     table = store.table(["status", output, *(one.column for one in inputs)])
+    runs = table["run"].to_numpy().astype(np.int64)
     is_ok = np.array([status == OK for status in table["status"].to_pylist()], bool)
     y = table[output].to_numpy().astype(float)[is_ok]
     X = np.array([table[one.column].to_numpy() for one in inputs], float).reshape(len(inputs), -1).T
@@ -64,8 +65,11 @@ def linear_shares(store: Store, output: str) -> list[Share]:
     members = np.array([[key == name for key in keys] for name in names], float)
     shares = _shares(X, y, members)
     rng = np.random.default_rng([0, len(y)])
-    drawn = [rng.integers(len(y), size=len(y)) for _ in range(_RESAMPLES)]
-    resampled = np.array([_shares(X[at], y[at], members) for at in drawn])
+    rows = rows_of_blocks(runs[is_ok] // store.definition.plan.block)
+    picked = (rng.integers(len(rows), size=len(rows)) for _ in range(_RESAMPLES))
+    resampled = np.array(
+        [_shares(X[at], y[at], members) for at in (drawn(rows, k) for k in picked)]
+    )
     tail = 50.0 * (1.0 - _CONFIDENCE)
     low, high = np.percentile(resampled, (tail, 100.0 - tail), axis=0)
     deviation = float(y.std(ddof=1))

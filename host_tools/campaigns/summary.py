@@ -9,16 +9,18 @@ import numpy as np
 from rich.table import Table
 
 from rrins.compiled.record import Floats
-from rrins.host_tools.campaigns.row import OK
+from rrins.host_tools.campaigns.row import MAIN, OK
 from rrins.host_tools.campaigns.statistics import (
+    CONFIDENCE,
     PERCENTILES,
     Estimate,
-    mean,
-    percentile,
-    sigma,
+    Sample,
+    fewest_runs,
 )
 from rrins.host_tools.campaigns.store import Store
+from rrins.host_tools.campaigns.until import OF_LOOKS
 from rrins.host_tools.files import JsonObject
+from rrins.host_tools.rounding import limits, rounded
 
 SHOWN: Final = (
     "horizontal_error_m",
@@ -50,6 +52,9 @@ class Outcomes:
         statuses = np.array(table["status"].to_pylist(), dtype=object)
         self.stored = len(statuses)
         self.is_ok = statuses == OK
+        runs = table["run"].to_numpy().astype(np.int64)[self.is_ok]
+        self._blocks = store.definition.plan.blocks(runs)
+        self._confidence = CONFIDENCE if store.stopped_at is None else OF_LOOKS
         self._columns: dict[str, Floats] = {
             name: table[name].to_numpy().astype(float)[self.is_ok] for name in columns
         }
@@ -62,6 +67,15 @@ class Outcomes:
     def __getitem__(self, column: str) -> Floats:
         return self._columns[column]
 
+    @property
+    def has_blocks(self) -> bool:
+        """Whether runs of a block have noise in common."""
+        return self._blocks is not None
+
+    def sample(self, column: str) -> Sample:
+        """Return a column, for its figures."""
+        return Sample(self[column], self._blocks, self._confidence)
+
     def known(self) -> list[str]:
         """Return the columns that have a value and are not 0 in all runs."""
         return [
@@ -71,21 +85,21 @@ class Outcomes:
         ]
 
 
-def figures_of(values: Floats) -> dict[str, Estimate]:
+def figures_of(sample: Sample) -> dict[str, Estimate]:
     """Return mean, standard deviation and percentiles of a column."""
-    named = {f"p{percent:g}": percentile(values, percent) for percent in PERCENTILES}
-    return {"mean": mean(values), "sigma": sigma(values)} | named
+    named = {f"p{percent:g}": sample.percentile(percent) for percent in PERCENTILES}
+    return {"mean": sample.mean(), "sigma": sample.sigma()} | named
 
 
-def shown_figures(values: Floats) -> tuple[Estimate, ...]:
+def shown_figures(sample: Sample) -> tuple[Estimate, ...]:
     """Return what tables show of a column: mean, standard deviation, median, 95th percentile."""
-    return mean(values), sigma(values), percentile(values, 50.0), percentile(values, 95.0)
+    return sample.mean(), sample.sigma(), sample.percentile(50.0), sample.percentile(95.0)
 
 
 def circles(outcomes: Outcomes) -> dict[str, Estimate]:
     """Return CEP50 and R95, m: radii about the truth that 50 and 95 % of the runs end within."""
-    radial = outcomes["horizontal_error_m"]
-    return {"cep50_m": percentile(radial, 50.0), "r95_m": percentile(radial, 95.0)}
+    radial = outcomes.sample(MAIN)
+    return {"cep50_m": radial.percentile(50.0), "r95_m": radial.percentile(95.0)}
 
 
 def values_of(store: Store) -> JsonObject:
@@ -100,10 +114,11 @@ def values_of(store: Store) -> JsonObject:
         "failed": outcomes.failed,
         "errors": reasons(store),
         "figures": {
-            name: {key: one.values() for key, one in figures_of(outcomes[name]).items()}
+            name: {key: one.values() for key, one in figures_of(outcomes.sample(name)).items()}
             for name in outcomes.known()
         },
         "circles": {name: one.values() for name, one in circles(outcomes).items()},
+        "r95_bound_m": bound if np.isfinite(bound := outcomes.sample(MAIN).bound(95.0)) else None,
     }
 
 
@@ -116,20 +131,27 @@ def reasons(store: Store) -> dict[str, int]:
     return dict(sorted(found.items(), key=lambda item: -item[1]))
 
 
-def shown(value: float) -> str:
-    """Return a figure with three digits."""
-    if not np.isfinite(value):
-        return "–"
-    if value == 0 or 1e-3 <= abs(value) < 1e6:
-        return f"{value:.3g}" if abs(value) < 1000 else f"{float(f'{value:.3g}'):,.0f}"
-    return f"{value:.2e}"
+shown: Final = rounded
+"""A figure as tables have it."""
+
+
+def value(one: Estimate) -> str:
+    """Return a figure, with the digits that its interval warrants."""
+    return limits(one.value, one.low, one.high)[0]
+
+
+def interval(one: Estimate) -> str:
+    """Return the ends of an interval, of which runs may be too few for one or both."""
+    _, low, high = limits(one.value, one.low, one.high)
+    if low:
+        return f"{low} … {high}"
+    sides = ((one.low, "≥"), (one.high, "≤"))
+    return next((f"{sign} {shown(end)}" for end, sign in sides if np.isfinite(end)), "")
 
 
 def with_interval(one: Estimate) -> str:
     """Return a figure and its interval."""
-    if not np.isfinite(one.half_width):
-        return shown(one.value)
-    return f"{shown(one.value)}\n{shown(one.low)} … {shown(one.high)}"
+    return f"{value(one)}\n{interval(one)}".rstrip()
 
 
 def table_of(store: Store) -> Table:
@@ -141,22 +163,27 @@ def table_of(store: Store) -> Table:
     for name in ("mean", "σ", "median", "p95"):
         table.add_column(name, justify="right")
     for name in outcomes.known():
-        table.add_row(name, *map(with_interval, shown_figures(outcomes[name])))
+        table.add_row(name, *map(with_interval, shown_figures(outcomes.sample(name))))
     return table
+
+
+def bound_of(outcomes: Outcomes) -> str:
+    """Return the bound of R95 as a sentence."""
+    bound = outcomes.sample(MAIN).bound(95.0)
+    unit = "blocks" if outcomes.has_blocks else "runs"
+    if not np.isfinite(bound):
+        return f"R95: too few {unit} for an upper bound; it takes {fewest_runs(95.0, 0.05)}"
+    return f"95 % of the runs end within {shown(bound)} m, with 95 % confidence (Wilks)"
 
 
 def lines_of(store: Store) -> list[str]:
     """Return the lines below the table."""
     outcomes = Outcomes(store)
     lines = [
-        f"{name}: {shown(one.value)} m"
-        + (
-            f" ({shown(one.low)} … {shown(one.high)})"
-            if np.isfinite(one.half_width)
-            else " (too few runs for an interval)"
-        )
+        f"{name}: {value(one)} m ({interval(one) or 'too few runs for an interval'})"
         for name, one in zip(("CEP50", "R95"), circles(outcomes).values(), strict=True)
     ]
+    lines.append(bound_of(outcomes))
     for text, count in list(reasons(store).items())[:5]:
         lines.append(f"{count} of {outcomes.stored} runs without an end: {text}")
     return lines

@@ -2,12 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from rrins.host_tools.cli.options import FOLDER, POSITIVE, bus_options, flag, json_option, option
+from rrins.host_tools.cli.options import (
+    FOLDER,
+    POSITIVE,
+    bus_options,
+    flag,
+    format_option,
+    json_option,
+    option,
+)
 from rrins.host_tools.cli.output import print_note, print_results
 
 if TYPE_CHECKING:
@@ -36,6 +45,7 @@ if TYPE_CHECKING:
     metavar="°C",
 )
 @json_option
+@format_option
 @option(
     "--out folder", "Folder for the calibration file and the report.", FOLDER, Path("out/calibrate")
 )
@@ -49,35 +59,39 @@ def calibrate(as_json: bool, **order: Any) -> None:
     """
     from rrins.host_tools.calibration.procedure import Order
     from rrins.host_tools.calibration.procedure import calibrate as calibrate_unit
-    from rrins.host_tools.calibration.report import result_of
+    from rrins.host_tools.calibration.report import result_of, verdict_of
 
     done = calibrate_unit(Order(**order), print_note)
     found, errors, paths = done.estimate, done.errors, [str(path) for path in done.files]
     result = result_of(found) | {"files": paths, "verified": done.verified}
     if errors is not None:
         result["rms_errors"] = dict(zip(("gyros", "accelerometers"), errors, strict=True))
-    lines = [done.verified] if done.verified else []
-    print_results(as_json, result, [_table(found, errors), *lines, *paths])
+    lines = [verdict_of(found), *([done.verified] if done.verified else [])]
+    print_results(as_json, result, [*_tables(found, errors), *lines, *paths])
 
 
-def _table(found: Estimate, errors: list[list[float]] | None) -> Table:
-    from rrins.host_tools.calibration.report import kinds_of
+def _tables(found: Estimate, errors: list[list[float]] | None) -> Iterator[Table | str]:
+    from rrins.host_tools.calibration.observability import MARK
+    from rrins.host_tools.calibration.report import SYMBOLS, kinds_of
+    from rrins.host_tools.drawing.style import quantity
+    from rrins.host_tools.rounding import rounded
     from rrins.host_tools.terminal import new_table
 
-    count = max(len(found.gyros.constants), len(found.accelerometers.constants))
-    heads = ("σ, rms", "wanted", *(("true error, rms",) if errors else ()))
-    sensors = (str(k + 1) for k in range(count))
-    title = f"{found.seconds.total_s:.0f} s on the table"
-    table = new_table(title, "constant", *sensors, *heads)
+    yield f"{found.seconds.total_s:.0f} s on the table"
     for number, kind in enumerate(kinds_of(found)):
+        name = kind["name"].capitalize()
+        sensors = [str(k + 1) for k in range(kind["count"])]
+        heads = ("σ, rms", "wanted", *(("true error, rms",) if errors else ()))
+        table = new_table(name, "constant", *sensors, *heads)
         for k, row in enumerate(kind["rows"]):
-            cells = [value for value, _ in row["cells"]]
-            cells += [""] * (count - len(cells))
-            more = [f"{errors[number][k]:.2g}"] if errors else []
-            what = f"{kind['name'].removesuffix('s')} {row['name']} / {row['unit']}"
-            table.add_row(what, *cells, row["sigma"], row["wanted"], *more)
-        for word in ("before", "after"):
-            cells = [*kind[word], *[""] * (count - kind["count"] + len(heads))]
-            what = f"residual {word}, rms / {kind['unit']}"
-            table.add_row(what, *cells, end_section=word == "after")
-    return table
+            values = (value for value, _ in row["cells"])
+            sigma = row["sigma"] + (MARK if row["is_beyond"] else "")
+            true = [rounded(errors[number][k], 2)] if errors else []
+            table.add_row(f"{row['name']} / {row['unit']}", *values, sigma, row["wanted"], *true)
+        yield table
+        residual = quantity("residual, rms", kind["unit"]).replace("\n", " ")
+        table = new_table(f"{name}: {residual}", "", *sensors)
+        for when, values in kind["residuals"].items():
+            table.add_row(when, *values)
+        yield table
+    yield from (f"{symbol}: {meaning}" for symbol, meaning in SYMBOLS)

@@ -14,6 +14,7 @@ from rrins.host_tools.cli.options import (
     Number,
     duration_option,
     flag,
+    format_option,
     json_option,
     many,
     option,
@@ -70,6 +71,7 @@ _NOT_SAME = (
     "--silence silence_s", "Give up after this many seconds without a result.", Number(1, 1e6), 600
 )
 @option("--out", "Folder of the campaign.  [default: out/campaigns/NAME]", FOLDER)
+@format_option
 @flag("--bus on_bus", "rerun: use two processes on the embedded bus.")
 @option("--record", "rerun: record the bus to this file.", FILE)
 @json_option

@@ -9,6 +9,7 @@ import click
 from rrins.host_tools.cli.options import (
     FOLDER,
     duration_option,
+    format_option,
     json_option,
     many,
     option,
@@ -21,7 +22,8 @@ from rrins.host_tools.cli.output import print_results
 @many("--vary", "As for `rrins campaign`.", "'KEY=DISTRIBUTION'")
 @many("--set fixed", "Set a key of the scenario.", "KEY=VALUE")
 @duration_option
-@option("--out", "Folder for covariance.csv and covariance.png.", FOLDER)
+@format_option
+@option("--out", "Folder for covariance.csv and the plot.", FOLDER)
 @json_option
 def covariance(
     source: str,
@@ -71,6 +73,13 @@ def covariance(
     table.add_row("all", *total, "")
     result = analysis.values()
     lines = [f"not considered: {', '.join(analysis.left_out)}"] if analysis.left_out else []
+    if analysis.fixed:
+        mean = [shown(value) for value in (*analysis.mean[-1], abs(analysis.mean).max())]
+        table.add_row("mean error of fixed constants", *mean, "")
+        lines.append(
+            f"fixed, so in the mean error and not in σ: {', '.join(analysis.fixed)}; "
+            "--vary 'KEY=normal(…)' says how they vary"
+        )
     if beside is not None:
         table.add_row(*beside.cells())
         result["runs"] = beside.values()

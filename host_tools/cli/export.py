@@ -21,27 +21,35 @@ if TYPE_CHECKING:
     from rrins.host_tools.logs.reader import Log
 
 
+Format = Literal["parquet", "csv", "mcap"]
+_FORMATS: tuple[Format, ...] = ("parquet", "csv", "mcap")
+
+
 @click.command()
 @log_argument
 @click.argument("out", metavar="OUT", type=PATH)
 @option(
     "--format file_format",
-    "Tables, or one MCAP file for Foxglove and others.",
-    ("parquet", "csv", "mcap"),
-    "parquet",
+    "Tables, or one MCAP file for Foxglove and others.  [default: mcap for an OUT that ends so, "
+    "else parquet]",
+    _FORMATS,
 )
 @log_channel_option
 @json_option
 def export(
     log: Path,
     out: Path,
-    file_format: Literal["parquet", "csv", "mcap"],
+    file_format: Format | None,
     log_channel: str | None,
     as_json: bool,
 ) -> None:
-    """Write the log FILE as tables, one per message, into the folder OUT; or as MCAP to OUT."""
+    """Write the log FILE as tables, one per message, into the folder OUT; or as MCAP to OUT.mcap.
+
+    The ending of OUT chooses: .mcap is a file, anything else a folder.
+    """
     from rrins.host_tools.logs.reader import Log
 
+    file_format = _format_of(out, file_format)
     heed_sigterm()
     source = Log(log, log_channel)
     if file_format == "mcap":
@@ -50,11 +58,27 @@ def export(
         _export_tables(source, out, file_format, as_json)
 
 
+def _format_of(out: Path, wanted: Format | None) -> Format:
+    """Return the format that is wanted, or that the ending of OUT says."""
+    from rrins.host_tools.recording.formats import WRITTEN
+
+    ending = out.suffix.lower()
+    if ending == ".mcap":
+        if wanted not in (None, "mcap"):
+            raise click.UsageError(f"{out} names an MCAP file; --format {wanted} writes a folder")
+        return "mcap"
+    if wanted != "mcap" and not out.is_dir() and ending in (".parquet", *WRITTEN):
+        raise click.UsageError(
+            f"{out} names one file; OUT is a folder for a table per message, or ends in .mcap"
+        )
+    return wanted or "parquet"
+
+
 def _export_mcap(source: Log, path: Path, as_json: bool) -> None:
     from rrins.host_tools.dashboard.mcap_file import export_mcap
 
     if path.is_dir():
-        raise click.UsageError(f"{path} is a folder; --format mcap writes a file")
+        raise click.UsageError(f"{path} is a folder; MCAP is a file")
     begun = time.monotonic()
     with counting("exporting", source.size, as_json) as on_progress:
         exported = export_mcap(source, path, on_progress)

@@ -8,7 +8,14 @@ from typing import TYPE_CHECKING
 import click
 
 from rrins.host_tools.cli.completion import complete_scenarios
-from rrins.host_tools.cli.options import FOLDER, json_option, option, seed_option, workers_option
+from rrins.host_tools.cli.options import (
+    FOLDER,
+    format_option,
+    json_option,
+    option,
+    seed_option,
+    workers_option,
+)
 from rrins.host_tools.cli.output import make_folder, print_results, stepping, stopping
 
 if TYPE_CHECKING:
@@ -24,6 +31,7 @@ _MOST_LISTED = 10
 @option("--cases", "Number of cases.", click.IntRange(1, 1_000_000), 200)
 @seed_option("the cases")
 @workers_option
+@format_option
 @option("--out", "Folder for page, picture and cases.", FOLDER, Path("out/integrity"))
 @json_option
 def integrity(
@@ -92,11 +100,13 @@ def _lines(study: Study, commands: dict[int, str]) -> list[str]:
     from rrins.host_tools.campaigns.summary import shown
 
     rate, alerts = study.hourly, study.to_alert_s()
+    beyond = len(study.misleading_beyond)
     levels = ", ".join(f"{name} {shown(value)}" for name, value in study.over_sigma().items())
     lines = [
         f"{len(study.misleading)} of {len(study.results)} cases misleading in {study.hours:.3g} h: "
         f"{shown(rate.value)} per hour by the prior rates, 95 %: {shown(rate.low)} to "
         f"{shown(rate.high)}; stated {shown(study.risk_per_h)}",
+        f"{beyond} more by faults that the unit assumes never to happen (rate 0)",
         f"sound sensors left out in {len(study.sound_left_out)} cases; "
         f"longest time to alert {shown(alerts[0] if alerts else 0.0)} s",
         f"level over σ, median of the healthy: {levels}",

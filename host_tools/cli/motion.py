@@ -8,8 +8,18 @@ from typing import TYPE_CHECKING
 import click
 
 from rrins.host_tools.cli.group import Group
-from rrins.host_tools.cli.options import FILE, FOLDER, PATH, Number, json_option, option
-from rrins.host_tools.cli.output import print_note, print_results
+from rrins.host_tools.cli.options import (
+    FILE,
+    FOLDER,
+    PATH,
+    Number,
+    Picture,
+    format_option,
+    json_option,
+    option,
+)
+from rrins.host_tools.cli.output import make_folder, print_note, print_results
+from rrins.host_tools.drawing.saving import write_picture, write_pictures
 
 if TYPE_CHECKING:
     from rrins.host_tools.motion.trajectory import Trajectory
@@ -51,6 +61,7 @@ def _setting(**keys: str | float | None) -> Motion:
 )
 @option("--duration duration_s", "Use only this many seconds of the file.", float)
 @option("--out", "Folder for the plot.  [default: out/motion]", FOLDER)
+@format_option
 @json_option
 def check(file: Path, out: Path | None, as_json: bool, **keys: float | None) -> None:
     """Check a recorded motion (.csv or .pos).
@@ -66,8 +77,8 @@ def check(file: Path, out: Path | None, as_json: bool, **keys: float | None) -> 
     smoothed = build.follow(recording, setting, _PERIOD_NS)
     found = findings(recording, smoothed)
     folder = out or Path("out") / "motion"
-    picture = folder / f"{file.stem}.png"
-    plots.save(plots.draw_check(recording, smoothed), picture)
+    drawn = {file.stem: plots.draw_check(recording, smoothed)}
+    (picture,) = write_pictures(make_folder(folder), drawn)
     found["picture"] = str(picture)
     print_results(as_json, found, [*table(found), f"{'picture':<16} {picture}"])
 
@@ -99,7 +110,7 @@ def _trajectory(source: str, keys: dict[str, str | float | None]) -> Trajectory:
 @option("--duration duration_s", "Duration, s.", Number(0.1, 86_400))
 @option("--seed", "Seed of drive or sway.", click.IntRange(0))
 @option("--irregularities", "Mend or refuse irregular lines of a file.", ("mend", "refuse"))
-@option("--picture", "Plot the motion to this PNG file.", FILE)
+@option("--picture", "Plot the motion to this file: .png, .svg or .pdf.", Picture())
 def export(
     source: str,
     out: Path,
@@ -114,6 +125,7 @@ def export(
     The .csv holds position, velocity, attitude, angular rate and specific force; the .pos holds
     position and velocity. Both can be read back as recorded motion.
     """
+    from rrins.host_tools import files
     from rrins.host_tools.motion import plots
     from rrins.host_tools.motion.export import check_ending, write_motion
 
@@ -124,6 +136,7 @@ def export(
     trajectory = _trajectory(source, keys)
     write_motion(trajectory, out, rate_hz, duration_s)
     if picture is not None:
-        plots.save(plots.draw_motion(trajectory, "\n".join(trajectory.notes)), picture)
+        files.make_folder(picture.parent)
+        write_picture(picture, plots.draw_motion(trajectory, "\n".join(trajectory.notes)))
     for note in trajectory.notes:
         print_note(note)

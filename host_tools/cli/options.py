@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from rrins.host_tools.cli.completion import complete_scenarios
+from rrins.host_tools.drawing.saving import FORMATS, pictures_as
 
 if TYPE_CHECKING:
     from rrins.host_tools.bus.port import Address
@@ -42,6 +43,20 @@ class Number(click.FloatRange):
         if not math.isfinite(number):
             self.fail(f"{value} is not a finite number.", param, ctx)
         return number
+
+
+class Picture(click.Path):
+    """A file for a picture, in the format that its ending names."""
+
+    def __init__(self) -> None:
+        super().__init__(dir_okay=False, path_type=Path)
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Path:
+        """Return the path."""
+        path = Path(str(super().convert(value, param, ctx)))
+        if path.suffix.lower().removeprefix(".") not in FORMATS:
+            self.fail(f"{str(value)!r} ends in none of .{', .'.join(FORMATS)}", param, ctx)
+        return path
 
 
 class Speed(click.ParamType[float | None]):
@@ -173,7 +188,21 @@ duration_option = option("--duration duration_s", "Navigate for this many second
 free_duration_option = option("--duration duration_s", "Navigate for this many seconds.", float)
 """Checked by the scenario."""
 noise_seed_option = option("--seed", "Seed of the sensor noise.", int)
-results_option = option("--out", "Folder for the results.  [default: out/SCENARIO]", FOLDER)
+
+
+def _choose_format(context: click.Context, _: click.Parameter, form: str) -> None:
+    context.with_resource(pictures_as(form))
+
+
+format_option = option(
+    "--format", "Format of the pictures.", FORMATS, FORMATS[0], expose_value=False,
+    callback=_choose_format,
+)  # fmt: skip
+"""Of every command that writes pictures with names of its own."""
+
+results_option = together(
+    option("--out", "Folder for the results.  [default: out/SCENARIO]", FOLDER), format_option
+)
 record_option = option("--record", "Record the bus to this file.", FILE)
 
 rimu_option = option(

@@ -11,7 +11,7 @@ from rrins.host_tools.cli.log_files import (
     log_channel_option,
     print_reading,
 )
-from rrins.host_tools.cli.options import FILE, flag, option
+from rrins.host_tools.cli.options import Picture, flag, format_option, option
 from rrins.host_tools.cli.output import counting
 from rrins.host_tools.interruption import heed_sigterm
 
@@ -23,9 +23,10 @@ from rrins.host_tools.interruption import heed_sigterm
 @option("--to to_s", "End, in seconds after the first frame.", float, metavar="S")
 @option(
     "--out",
-    "Plot file: .png, .svg or .pdf.  [default: name of FILE with .png, in this folder]",
-    FILE,
+    "Plot file: .png, .svg or .pdf.  [default: name of FILE, in this folder]",
+    Picture(),
 )
+@format_option
 @log_channel_option
 @flag("--list as_list", "List the messages and signals in the log instead.")
 def plot(
@@ -85,7 +86,8 @@ def _draw(
     log_channel: str | None,
 ) -> None:
     """Plot the named signals."""
-    from rrins.host_tools.logs.pictures import draw_series, save
+    from rrins.host_tools.drawing.saving import write_picture, write_pictures
+    from rrins.host_tools.logs.pictures import draw_series
     from rrins.host_tools.logs.reader import Log
     from rrins.host_tools.logs.series import gather
     from rrins.host_tools.logs.signals import find_signals
@@ -103,6 +105,9 @@ def _draw(
     if named or not shown:
         when = "" if from_s is None and to_s is None else " in that time span"
         raise RecordError(f"{path}: no frames of {', '.join(named or absent[:4])}{when}")
-    picture = out or Path(name_without_ending(path) + ".png")
-    save(draw_series(shown, contents, f"Signals of {path.name}"), picture)
-    click.echo(str(picture))
+    drawn = draw_series(shown, contents, f"Signals of {path.name}")
+    if out is None:
+        (out,) = write_pictures(Path(), {name_without_ending(path): drawn})
+    else:
+        write_picture(out, drawn)
+    click.echo(str(out))

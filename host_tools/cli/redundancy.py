@@ -7,7 +7,15 @@ from typing import TYPE_CHECKING
 
 import click
 
-from rrins.host_tools.cli.options import FOLDER, Number, json_option, many, option, seed_option
+from rrins.host_tools.cli.options import (
+    FOLDER,
+    Number,
+    format_option,
+    json_option,
+    many,
+    option,
+    seed_option,
+)
 from rrins.host_tools.cli.output import make_folder, print_results, stopping
 
 if TYPE_CHECKING:
@@ -33,11 +41,10 @@ if TYPE_CHECKING:
     "Step of an accelerometer to try, µg; repeatable.",
     kind=Number(1e-3, 1e7),
 )
-@option(
-    "--runs", "Number of runs of the Monte Carlo; 0: theory alone.", click.IntRange(0, 100_000), 20
-)
+@option("--runs", "Number of runs of the Monte Carlo.", click.IntRange(1, 100_000), 20)
 @seed_option("the first run")
 @json_option
+@format_option
 @option("--out", "Folder for the report and its picture.", FOLDER, Path("out/redundancy"))
 def redundancy(
     scenario: str | None,
@@ -74,9 +81,8 @@ def redundancy(
             progress.update(task, advance=1, description=what)
 
         study = Study(candidates, sizes, advance)
-        if runs:
-            with stopping() as stop:
-                study.run(runs, seed, stop)
+        with stopping() as stop:
+            study.run(runs, seed, stop)
     report, picture = map(str, write(out, study, runs, title_of(scenario, preset)))
     parts: list[Table | str] = [tables.smallest_table(study, number) for number in range(2)]
     if len(study.surveys) > 1:
@@ -90,4 +96,4 @@ def redundancy(
             for group in one.groups
         ]
     result = {"runs": runs, "seed": seed, "report": report, "picture": picture} | study.values()
-    print_results(as_json, result, [*parts, *tables.false_alarm_lines(study), report, picture])
+    print_results(as_json, result, [*parts, *tables.lines_below(study), report, picture])

@@ -37,12 +37,14 @@ def _columns(study: Study, number: int) -> list[tuple[Survey, Set, Group]]:
 def smallest_table(study: Study, number: int) -> Table:
     """Return the smallest faults of a kind, a column for each set of sensors."""
     kind = study.surveys[0].sets[number].kind
-    title = f"Smallest step of {kind.name} found / ({kind.unit}), by theory: half / 95 %"
+    title = f"Smallest step of {kind.name} found / ({kind.unit}): theory, half / 95 %; runs, tried"
     columns = _columns(study, number)
     table = new_table(title, "known, within", *(_head(*column) for column in columns))
     for way in WAYS:
         for within_s in WITHIN_S:
-            cells = (pair(*group.smallest[way][within_s]) for _, _, group in columns)
+            cells = [pair(*group.smallest[way][within_s]) for _, _, group in columns]
+            for k, (survey, one, group) in enumerate(columns):
+                cells[k] += f"; {shown(survey.smallest_tried(one, group, way, within_s))}"
             last = within_s == WITHIN_S[-1]
             table.add_row(f"{WORDS[way]}, {within_s} s", *cells, end_section=last)
     return table
@@ -64,7 +66,8 @@ def side_by_side_table(study: Study, number: int) -> Table:
             for survey, one, group in columns:
                 at = int(abs(group.sizes - size).argmin())
                 tried = survey.tried(one, group, size)
-                runs = "" if tried is None else f" / {shown(tried.quantile(way, HALF))}"
+                sign = _sign(survey, one, group, size, way)
+                runs = "" if tried is None else f"{sign}{shown(tried.quantile(way, HALF))}"
                 cells.append(shown(group.delays[way][at][0]) + runs)
             table.add_row(f"{WORDS[way]}, {shown(size)}", *cells, end_section=size == sizes[-1])
     return table
@@ -90,11 +93,17 @@ def delay_table(study: Study, survey: Survey, one: Set, group: Group) -> Table:
         for way in ways:
             cells.append(pair(*group.delays[way][at]))
             if delays is not None:
-                cells.append(pair(*(delays.quantile(way, p) for p in (HALF, MOST))))
+                figures = pair(*(delays.quantile(way, p) for p in (HALF, MOST)))
+                cells.append(_sign(survey, one, group, size, way).strip(" /") + figures)
         if delays is not None:
             cells.append(f"{delays.wrong} of {delays.right + delays.wrong}")
         table.add_row(shown(size), *cells)
     return table
+
+
+def _sign(survey: Survey, one: Set, group: Group, size: float, way: str) -> str:
+    """Return what stands between theory and runs."""
+    return " ≠ " if way in survey.doubted(one, group, size) else " / "
 
 
 def _is_ever_found(group: Group, tried: Sequence[Delays | None], way: str) -> bool:
@@ -105,9 +114,17 @@ def _is_ever_found(group: Group, tried: Sequence[Delays | None], way: str) -> bo
     )
 
 
-def false_alarm_lines(study: Study) -> list[str]:
-    """Return what is promised of false alarms, and what the runs saw of them."""
+def lines_below(study: Study) -> list[str]:
+    """Return whether theory fails; the false alarms that are promised, and those of the runs."""
     lines = []
+    if any(
+        survey.doubted(one, group, size)
+        for survey in study.surveys
+        for one in survey.sets
+        for group in one.groups
+        for size in study.sizes[one.kind.name]
+    ):
+        lines.append("≠: theory fails there, too many runs are later than it says; the runs count")
     for survey in study.surveys:
         promised = survey.candidate.scenario.redundancy.false_alarms_per_1000_h
         finder = survey.sets[0].finder

@@ -20,6 +20,7 @@ from rrins.host_tools.cli.options import (
     Speed,
     bus_option,
     flag,
+    format_option,
     json_option,
     many,
     option,
@@ -70,6 +71,7 @@ _ITSELF = ":itself"
     metavar="[OTHER]",
     help="Report the first epoch and signal that differ from the recording, or from OTHER.",
 )
+@format_option
 @option("--out", "Folder for the results of --firmware.  [default: out/FILE]", FOLDER)
 @log_channel_option
 @json_option

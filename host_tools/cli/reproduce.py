@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 from rich.table import Table
 
-from rrins.host_tools.cli.options import FOLDER, flag, option
+from rrins.host_tools.cli.options import FOLDER, flag, format_option, option
 from rrins.host_tools.cli.output import make_folder, print_results
 from rrins.host_tools.experiments.paper import EXPERIMENTS, reproduce_sections, runs_of
 from rrins.host_tools.experiments.report import table_3, write
@@ -39,6 +39,7 @@ def _beside(row: FigureRow) -> str:
     "Recorded motion for `drive`, in addition to the synthetic one: .csv or .pos.",
     click.Path(exists=True, dir_okay=False, path_type=Path),
 )
+@format_option
 @option("--out", "Folder for the report and its plots.", FOLDER, Path("out/reproduce"))
 @flag("--json as_json", "Print one JSON object with the rows of the report.")
 def reproduce(experiment: str, seeds: int, motion: Path | None, out: Path, as_json: bool) -> None:

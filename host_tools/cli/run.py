@@ -111,6 +111,12 @@ def _program(_: click.Context, __: click.Parameter, text: str | None) -> Program
     NOT_NEGATIVE,
     10.0,
 )
+@option(
+    "--restart restarts",
+    "Start your firmware again when it fails, at most this many times.",
+    click.IntRange(min=0),
+    0,
+)
 @_steer_option
 @json_option
 @click.pass_obj
@@ -270,6 +276,7 @@ def firmware(**options: Any) -> None:
 @click.option("--follow", hidden=True)
 @click.option("--patience", "patience_s", type=float, default=0.0, hidden=True)
 @option("--program", "Your own program as the sensors and the table.", callback=_program)
+@flag("--keep", "Go on when the firmware has gone, and take the next one that comes.")
 def hardware(**options: Any) -> None:
     """Run the emulated RIMU and turntable alone; it hosts the embedded bus.
 

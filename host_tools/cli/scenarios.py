@@ -10,7 +10,7 @@ from rrins.host_tools.cli.completion import complete_scenarios
 from rrins.host_tools.cli.group import Group
 from rrins.host_tools.cli.options import json_option, scenario_argument
 from rrins.host_tools.cli.output import print_json
-from rrins.host_tools.scenario.scenario import Scenario, load, names, text_of
+from rrins.host_tools.scenario.scenario import load, names, text_of
 
 
 @click.group(cls=Group, invoke_without_command=True)
@@ -43,8 +43,14 @@ def show_scenario(name: str, as_json: bool) -> None:
 
 @scenarios.command("schema")
 def show_schema() -> None:
-    """Print the JSON schema of scenarios: keys, limits, defaults."""
-    click.echo(json.dumps(Scenario.model_json_schema(), indent=2))
+    """Print the JSON schema of scenarios: keys, meanings, units, limits, defaults.
+
+    Editors with a TOML language server complete and check the keys of a file that begins with
+    the line ``#:schema rrins.schema.json``, its path.
+    """
+    from rrins.host_tools.scenario.schema import json_schema
+
+    click.echo(json.dumps(json_schema(), indent=2, ensure_ascii=False))
 
 
 @click.command()

@@ -21,6 +21,7 @@ from rrins.host_tools.cli.options import (
     NOT_NEGATIVE,
     Number,
     flag,
+    format_option,
     gathered,
     json_option,
     option,
@@ -114,6 +115,7 @@ def list_schemes(as_json: bool) -> None:
 @rate_options
 @option("--sensor", "Sensor to print and plot.  [default: 3]", click.IntRange(1))
 @json_option
+@format_option
 @option("--out", "Folder for the plots.  [default: out/scheme/SCHEME]", FOLDER)
 def analyse_scheme(
     name: str,

@@ -13,7 +13,7 @@ from rrins.compiled.record import Floats
 from rrins.firmware_py.core.settings import Scheme
 from rrins.host_tools.calibration.estimation import Unit
 from rrins.host_tools.calibration.monte_carlo import Errors, run
-from rrins.host_tools.calibration.observability import LIMITS, Observability, observe
+from rrins.host_tools.calibration.observability import LIMITS, MARK, Observability, observe
 from rrins.host_tools.calibration.search import SearchLimits, search
 from rrins.host_tools.calibration.unit import drawn_unit, unit_of
 from rrins.host_tools.cli.options import (
@@ -147,7 +147,8 @@ def _table(title: str, found: Observability, tried: tuple[Errors, Errors] | None
     for row, (word, *units) in enumerate(ROWS):
         cells = [word]
         for kind in (0, 1):
-            cells += [number(found.rms[kind][row]), number(LIMITS[kind][row])]
+            sigma, wanted = found.rms[kind][row], LIMITS[kind][row]
+            cells += [number(sigma) + (MARK if sigma > wanted else ""), number(wanted)]
             if tried:
                 one = tried[kind]
                 cells += [number(one.median_rms[row]), f"{one.normalised[row]:.2f}"]
@@ -158,6 +159,7 @@ def _table(title: str, found: Observability, tried: tuple[Errors, Errors] | None
 
 def _lines(found: Observability, runs: int, tried: tuple[Errors, Errors] | None) -> Iterator[str]:
     base = found.base_sigma
+    yield f"{MARK.strip()}: σ beyond what is wanted"
     yield (
         f"σ of the base's attitude {number(base[0])}″, {number(base[1])}″, azimuth "
         f"{number(base[2])}″; of the axes' squareness {number(base[3])}″"

@@ -13,7 +13,7 @@ _MODULUS = 15
 _END_S = 5.0
 
 
-@check("firmware.md#modes")
+@check("firmware.md#modes", "MODE-1 OUT-1 TX-100-3 TX-701-3")
 def start_up(subject: Subject) -> None:
     """Heartbeat and status come at their cycle times; STANDBY after a self-test of 0.5 s."""
     bench = subject.bench(navigate_at_s=3600)
@@ -25,7 +25,7 @@ def start_up(subject: Subject) -> None:
     bench.expect_not("NAV_LATITUDE", within=0.5)
 
 
-@check("firmware.md#modes")
+@check("firmware.md#modes", "MODE-2 MODE-8")
 def self_test(subject: Subject) -> None:
     """A sensor that is absent ends the self-test in FAULT (SELF_TEST_FAILED) after 10 s.
 
@@ -41,7 +41,7 @@ def self_test(subject: Subject) -> None:
     expect_mode(bench, "STANDBY", 2)
 
 
-@check("firmware.md#frames-out")
+@check("firmware.md#frames-out", "OUT-2 TX-02?-2 TX-02?-3")
 def commands(subject: Subject) -> None:
     """A command for each axis in every epoch, with the epoch as its counter."""
     bench = subject.navigating()
@@ -58,7 +58,7 @@ def commands(subject: Subject) -> None:
         assert all(one["crc_holds"] for one in came), f"{name} has a wrong CRC"
 
 
-@check("firmware.md#modes")
+@check("firmware.md#modes", "MODE-6 MODE-7 AXS-2")
 def modes(subject: Subject) -> None:
     """Every mode is reached on request; ALIGN alone waits; no NAV_ frames but in navigation."""
     bench = subject.bench(navigate_at_s=3600)
@@ -76,7 +76,7 @@ def modes(subject: Subject) -> None:
     bench.expect_not("NAV_LATITUDE", within=0.5)
 
 
-@check("firmware.md#modes")
+@check("firmware.md#modes", "MODE-9")
 def shutdown(subject: Subject) -> None:
     """SHUTDOWN switches both axes OFF, and the program ends with status 0."""
     bench = subject.navigating()
@@ -95,7 +95,7 @@ def _request(bench: Bench, request: str, mode: str) -> None:
     expect_mode(bench, mode, 2)
 
 
-@check("firmware.md#rotation-scheme")
+@check("firmware.md#rotation-scheme", "AXS-3 AXS-4")
 def axis_fault(subject: Subject) -> None:
     """An axis that does not follow is reported and both hold; the rotation is tried again."""
     bench = subject.navigating()
@@ -108,7 +108,7 @@ def axis_fault(subject: Subject) -> None:
     expect_mode(bench, "NAVIGATION_ROTATING", 30)
 
 
-@check("firmware.md#rotation-scheme")
+@check("firmware.md#rotation-scheme", "AXS-3")
 def axis_silent(subject: Subject) -> None:
     """An axis that is silent for longer than `axis_silence_s` does not follow."""
     bench = subject.navigating()

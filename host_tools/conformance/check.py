@@ -10,12 +10,10 @@ from pathlib import Path
 from typing import Any, Literal
 
 from rrins.host_tools.closing import Closing
+from rrins.host_tools.conformance.trial import PATIENCE_S
 from rrins.host_tools.files import JsonObject
 from rrins.host_tools.testing.bench import Bench
 from rrins.host_tools.testing.scenarios import prepare_scenario
-
-PATIENCE_S = 10.0
-"""Longest silence of a program in lockstep, in wall clock time."""
 
 SCENARIO = "rimu_rotating"
 _ALIGNMENT_S = 1.0
@@ -96,14 +94,19 @@ class Check:
     page: str  #: page and anchor in the docs that state it
     #: tries it on a `Subject`; raises AssertionError when it does not hold
     run: Callable[[Subject], None]
+    requirements: tuple[str, ...] = ()  #: numbers; ``RX-*-1`` is that of every message
 
 
-def check(page: str) -> Callable[[Callable[[Subject], None]], Check]:
+def check(page: str, requirements: str = "") -> Callable[[Callable[[Subject], None]], Check]:
     """Return a decorator that makes a check of a function: its name, and its docstring as rule."""
 
     def make(run: Callable[[Subject], None]) -> Check:
         return Check(
-            run.__name__.replace("_", "-"), " ".join((run.__doc__ or "").split()), page, run
+            run.__name__.replace("_", "-"),
+            " ".join((run.__doc__ or "").split()),
+            page,
+            run,
+            tuple(requirements.split()),
         )
 
     return make
@@ -127,6 +130,7 @@ class Finding:
         """Return the finding as plain values."""
         named = {"check": self.check.name, "rule": self.check.rule, "page": self.check.page}
         return named | {
+            "requirements": list(self.check.requirements),
             "outcome": self.outcome,
             "text": self.text,
             "seconds": round(self.seconds, 3),

@@ -7,6 +7,7 @@ from typing import Final
 import can
 
 from rrins.dbc.codec import load
+from rrins.firmware_py.diagnostics.access import DEFAULT_SECRET, key_of
 from rrins.host_tools.conformance.check import NotApplicableError, Subject, check, expect_mode
 from rrins.host_tools.testing.bench import Bench
 
@@ -14,6 +15,7 @@ _ANSWER_S: Final = 0.5
 _S3_S: Final = 5.0
 _LOSS_S: Final = 4.0
 _FRAME: Final = 8
+_TWO_FRAMES: Final = 13
 _PAUSE_S: Final = 0.1
 _SINGLE, _FIRST, _CONSECUTIVE = 0, 1, 2
 _KINDS: Final = {"SINGLE": 0, "FIRST": 1, "CONSECUTIVE": 2, "FLOW_CONTROL": 3}
@@ -25,6 +27,10 @@ _SEED: Final = b"\x27\x01"
 _CLEAR: Final = b"\x14\xff\xff\xff"
 _COUNT_FAILED: Final = b"\x19\x01\x01"
 _LIST_CONFIRMED: Final = b"\x19\x02\x08"
+_HARD_RESET: Final = b"\x11\x01"
+_ANY_PARAMETER: Final = (0x1004, 0x1005, 0xF190)
+_LOCKED: Final = b"\x33"
+_NOT_HERE: Final = (b"\x7f", b"\x7e")
 
 
 class _Tool:
@@ -128,6 +134,34 @@ def _in_standby(subject: Subject) -> _Tool:
     return _Tool(bench)
 
 
+def _unlock(tool: _Tool) -> None:
+    """Unlock it with the rehearsal's secret."""
+    seed = tool.expect(_SEED, b"\x67\x01")[2:]
+    answer = tool.ask(b"\x27\x02" + key_of(seed, DEFAULT_SECRET))
+    if answer == b"\x7f\x27\x35":
+        raise NotApplicableError("it has another secret than the rehearsal's")
+    assert answer == b"\x67\x02", f"the right key is answered by {answer!r}"
+
+
+def _parameter(tool: _Tool) -> bytes:
+    """Return the request that writes back a parameter as it is."""
+    for number in _ANY_PARAMETER:
+        name = number.to_bytes(2, "big")
+        answer = tool.ask(b"\x22" + name)
+        if answer is not None and answer[0] == 0x62 and len(answer) <= _TWO_FRAMES:
+            return b"\x2e" + name + answer[3:]
+    raise NotApplicableError("it has no parameter that is known here")
+
+
+def _no_session(service: bytes) -> tuple[bytes, ...]:
+    return tuple(b"\x7f" + service + code for code in _NOT_HERE)
+
+
+def _refused(tool: _Tool, request: bytes, codes: tuple[bytes, ...], why: str) -> None:
+    beginnings = tuple(b"\x7f" + request[:1] + code for code in codes)
+    tool.expect(request, *beginnings, why=why)
+
+
 def _enter_extended(tool: _Tool) -> None:
     answer = tool.ask(_EXTENDED)
     if answer == b"\x7f\x10\x12":
@@ -136,7 +170,7 @@ def _enter_extended(tool: _Tool) -> None:
     assert answer[:2] == b"\x50\x03", f"the extended session is answered by {answer.hex(' ')}"
 
 
-@check("diagnostics.md#sessions-and-security")
+@check("diagnostics.md#sessions-and-security", "UDS-1")
 def uds(subject: Subject) -> None:
     """Where there is UDS, TesterPresent and the default session are answered.
 
@@ -154,11 +188,15 @@ def uds(subject: Subject) -> None:
     assert silent is None, f"TesterPresent that asks for no answer has {silent!r}"
     functional = tool.ask(_TESTER_PRESENT, "DIAG_FUNCTIONAL")
     assert functional == b"\x7e\x00", f"a functional TesterPresent is answered by {functional!r}"
-    unknown = tool.ask(b"\xba\x00", "DIAG_FUNCTIONAL")
-    assert unknown is None, f"an unknown functional service is answered by {unknown!r}"
+    for request in (b"\xba\x00", b"\x10\x7d", b"\x22\xfe\x00", b"\x3e\x7d", b"\x27\x01"):
+        answer = tool.ask(request, "DIAG_FUNCTIONAL")
+        assert answer is None, f"a functional {request.hex(' ')} is answered by {answer!r}"
+    tool.expect(b"\x3e", b"\x7f\x3e\x13", why="a request that is too short")
+    tool.expect(b"\x3e\x00\x00", b"\x7f\x3e\x13", why="a request that is too long")
+    tool.expect(b"\x3e\x01", b"\x7f\x3e\x12", why="an unknown sub-function")
 
 
-@check("diagnostics.md#sessions-and-security")
+@check("diagnostics.md#sessions-and-security", "UDS-2")
 def uds_sessions(subject: Subject) -> None:
     """A session other than the default one ends 5 s after the last request.
 
@@ -173,11 +211,17 @@ def uds_sessions(subject: Subject) -> None:
         tool.rest(_S3_S / 2)
         tool.expect(_TESTER_PRESENT, b"\x7e\x00")
     tool.expect(_SEED, b"\x67\x01", why="the session was kept by TesterPresent")
-    tool.rest(_S3_S + 0.5)
-    tool.expect(_SEED, b"\x7f\x27\x7f", b"\x7f\x27\x7e", why=f"{_S3_S:g} s after the last request")
+    tool.rest(_S3_S - 0.6)
+    tool.expect(_SEED, b"\x67\x01", why=f"{_S3_S - 0.1:g} s after the last request")
+    tool.rest(_S3_S - 0.3)
+    tool.expect(_SEED, *_no_session(b"\x27"), why=f"{_S3_S + 0.2:g} s after the last request")
+    tool.expect(b"\x10\x02", b"\x7f\x10\x7e", b"\x7f\x10\x12", why="from the default session")
+    _enter_extended(tool)
+    assert tool.ask(b"\x10\x81") is None, "a session without an answer has one"
+    tool.expect(_SEED, *_no_session(b"\x27"), why="the default session was asked for silently")
 
 
-@check("diagnostics.md#sessions-and-security")
+@check("diagnostics.md#sessions-and-security", "UDS-3")
 def uds_security(subject: Subject) -> None:
     """A key without a seed and a wrong key are refused, and after the third no seed is given."""
     tool = _in_standby(subject)
@@ -197,9 +241,106 @@ def uds_security(subject: Subject) -> None:
     assert refused[:2] == [b"\x7f\x27\x35"] * 2, f"a wrong key is answered by {refused[0]!r}"
     assert refused[2] == b"\x7f\x27\x36", f"the third wrong key is answered by {refused[2]!r}"
     tool.expect(_SEED, b"\x7f\x27\x37", why="after three wrong keys")
+    tool.expect(b"\x27\x02" + bytes(8), b"\x7f\x27\x24", why="a key, though no seed was given")
+    for _ in range(2):
+        tool.rest(_S3_S - 1.5)
+        tool.expect(_TESTER_PRESENT, b"\x7e\x00")
+    tool.expect(_SEED, b"\x7f\x27\x37", why="less than 10 s after three wrong keys")
+    tool.rest(1.5)
+    seed = tool.expect(_SEED, b"\x67\x01", why="10 s after three wrong keys")
+    tool.expect(b"\x27\x02" + bytes(8), b"\x7f\x27\x36", why="one attempt at a time since then")
+    for _ in range(3):
+        tool.rest(_S3_S - 1.5)
+        tool.expect(_TESTER_PRESENT, b"\x7e\x00")
+    other = tool.expect(_SEED, b"\x67\x01", why="10 s later")
+    assert other != seed, "a seed is given twice"
+    tool.expect(b"\x27\x02\x01", b"\x7f\x27\x13", why="a key that is too short")
+    seed = tool.expect(_SEED, b"\x67\x01")[2:]
+    _enter_extended(tool)
+    key = b"\x27\x02" + key_of(seed, DEFAULT_SECRET)
+    tool.expect(key, b"\x7f\x27\x24", why="the seed is of the session before")
+    _unlock(tool)
+    tool.expect(_EXTENDED, b"\x50\x03")
+    seed = tool.expect(_SEED, b"\x67\x01")[2:]
+    tool.expect(b"\x27\x02" + bytes(8), b"\x7f\x27\x35", why="the first wrong key again")
+    key = b"\x27\x02" + key_of(seed, DEFAULT_SECRET)
+    tool.expect(key, b"\x7f\x27\x24", why="its seed is spent")
 
 
-@check("diagnostics.md#trouble-codes")
+@check("diagnostics.md#sessions-and-security", "UDS-4 UDS-5")
+def uds_access(subject: Subject) -> None:
+    """What changes the computer needs SecurityAccess, and every change of session locks it again.
+
+    Writing is tried in the default session, locked, unlocked, and after each change of session; so
+    are routines, input-output control and download.
+    """
+    tool = _in_standby(subject)
+    _enter_extended(tool)
+    if tool.ask(_SEED) in (None, b"\x7f\x27\x11", b"\x7f\x27\x12"):
+        raise NotApplicableError("it has no SecurityAccess")
+    write = _parameter(tool)
+    changing = (
+        (write, "writing a parameter"),
+        (b"\x31\x01\x02\x01", "repeating the self-test"),
+        (b"\x31\x01\xff\x00", "erasing memory"),
+        (b"\x2f\x03\x01\x03\x00\x00\x00\x00", "controlling an output"),
+        (b"\x34\x00\x44\x10\x00\x00\x00\x00\x00\x00\x10", "downloading"),
+    )
+    for request, what in changing:
+        code = tool.expect(request, b"\x7f" + request[:1], why=f"{what}, locked")[2]
+        assert code != 0x78, f"{what} is begun though the computer is locked"
+    _refused(tool, write, (_LOCKED,), "writing a parameter, locked")
+    tool.expect(_DEFAULT, b"\x50\x01")
+    _refused(tool, write, _NOT_HERE, "writing a parameter, in the default session")
+    for again, what in (
+        (_EXTENDED, "the extended session was entered again"),
+        (_DEFAULT, "the default session was entered"),
+    ):
+        _enter_extended(tool)
+        _unlock(tool)
+        tool.expect(write, b"\x6e" + write[1:3], why="writing a parameter, unlocked")
+        tool.expect(_SEED, b"\x67\x01" + bytes(4), why="the seed of an unlocked computer is zero")
+        tool.expect(again, b"\x50")
+        _enter_extended(tool)
+        _refused(tool, write, (_LOCKED,), f"{what} since it was unlocked")
+    _unlock(tool)
+    tool.rest(_S3_S + 0.5)
+    _enter_extended(tool)
+    _refused(tool, write, (_LOCKED,), "its session had ended since it was unlocked")
+    _unlock(tool)
+    _refused(tool, write[:-1], (b"\x13", b"\x31"), "a parameter that is too short")
+    _refused(tool, write[:2], (b"\x13",), "half an identifier")
+    if write[1:3] == b"\x10\x04":
+        _refused(tool, write[:3] + b"\xff" * len(write[3:]), (b"\x31",), "a gap that is no number")
+    _refused(tool, b"\x2e\xfe\x00\x00", (b"\x31",), "an unknown identifier")
+    tool.expect(b"\x27\x02" + bytes(8), b"\x7f\x27\x24", why="a key without a seed, unlocked")
+
+
+@check("diagnostics.md#sessions-and-security", "UDS-6")
+def uds_reset(subject: Subject) -> None:
+    """A reset while it navigates is refused unless it is unlocked."""
+    bench = subject.navigating()
+    tool = _Tool(bench)
+    _refused(tool, _HARD_RESET, _NOT_HERE, "a reset in the default session")
+    _enter_extended(tool)
+    if tool.ask(b"\x11\x7d") == b"\x7f\x11\x11":
+        raise NotApplicableError("it has no ECUReset")
+    for kind in (_HARD_RESET, b"\x11\x03"):
+        answer = tool.ask(kind)
+        assert answer in (b"\x7f\x11\x22", b"\x7f\x11\x12"), f"{kind!r} is answered by {answer!r}"
+    assert bench.mode == "NAVIGATION_ROTATING", f"a refused reset ends navigation: {bench.mode}"
+    _unlock(tool)
+    before = len(bench.messages("FIRMWARE_STATUS"))
+    tool.expect(_HARD_RESET, b"\x51\x01", why="unlocked")
+    bench.advance(1)
+    modes = {one["mode"] for one in bench.messages("FIRMWARE_STATUS")[before:]}
+    assert "SELF_TEST" in modes, "it is answered that it resets, but it does not"
+    _enter_extended(tool)
+    tool.expect(_SEED, b"\x67\x01")
+    _refused(tool, b"\x27\x02" + bytes(8), (b"\x35", b"\x36"), "a wrong key after a reset")
+
+
+@check("diagnostics.md#trouble-codes", "UDS-7")
 def uds_trouble_codes(subject: Subject) -> None:
     """The loss of SYNC makes a trouble code's test fail.
 
@@ -225,6 +366,14 @@ def uds_trouble_codes(subject: Subject) -> None:
     bench.advance(_LOSS_S)
     bench.expect("FIRMWARE_STATUS", within=0.5, where={"sync_lost": 0})
     bench.advance(3)
+    still = int.from_bytes(tool.expect(_COUNT_FAILED, b"\x59\x01")[4:6], "big")
+    assert not still, f"{still} tests still fail, though SYNC has come back"
+    kept = tool.expect(_LIST_CONFIRMED, b"\x59\x02")
+    assert len(kept) >= 7, "a confirmed trouble code vanishes by itself"
+    tool.expect(_CLEAR[:-1], b"\x7f\x14\x13", why="a group that is too short")
+    tool.expect(b"\x14\x12\x34\x56", b"\x7f\x14\x31", why="an unknown trouble code")
+    tool.expect(_COUNT_FAILED[:-1], b"\x7f\x19\x13", why="no status mask")
+    tool.expect(b"\x19\x7d\x00", b"\x7f\x19\x12", why="an unknown report")
     tool.expect(_CLEAR, b"\x54")
     bench.advance(1)
     after = tool.expect(_LIST_CONFIRMED, b"\x59\x02")

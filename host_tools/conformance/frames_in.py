@@ -44,25 +44,25 @@ def _not_used(subject: Subject, counter: str, fault: str, **how: float) -> None:
     _still_navigates(bench)
 
 
-@check("firmware.md#frames-in")
+@check("firmware.md#frames-in", "RX-041-1")
 def wrong_crc(subject: Subject) -> None:
     """A frame with a wrong CRC is counted and never used."""
     _not_used(subject, "crc_errors", "corrupt")
 
 
-@check("firmware.md#frames-in")
+@check("firmware.md#frames-in", "RX-041-3")
 def late_frames(subject: Subject) -> None:
     """A frame of another epoch is counted and never used."""
     _not_used(subject, "counter_errors", "delay", delay_s=0.005)
 
 
-@check("firmware.md#frames-in")
+@check("firmware.md#frames-in", "RX-041-3")
 def stale_counter(subject: Subject) -> None:
     """A frame that repeats an earlier counter is counted and never used."""
     _not_used(subject, "counter_errors", "stale")
 
 
-@check("firmware.md#frames-in")
+@check("firmware.md#frames-in", "RX-041-4")
 def repeated_frames(subject: Subject) -> None:
     """A second frame of its message in the epoch is counted and never used."""
     bench = subject.navigating()
@@ -74,7 +74,7 @@ def repeated_frames(subject: Subject) -> None:
     _still_navigates(bench)
 
 
-@check("firmware.md#two-senders-of-one-message")
+@check("firmware.md#two-senders-of-one-message", "RX-041-5")
 def disagreeing_frames(subject: Subject) -> None:
     """Of two frames that disagree about an epoch neither is used."""
     bench = subject.navigating()
@@ -87,7 +87,7 @@ def disagreeing_frames(subject: Subject) -> None:
     _still_navigates(bench)
 
 
-@check("firmware.md#fusion")
+@check("firmware.md#fusion", "SEN-3")
 def gap_bridged(subject: Subject) -> None:
     """A gap in the sensor data up to `bridge_s` is bridged, and its epochs are counted."""
     bench = subject.navigating()
@@ -100,7 +100,7 @@ def gap_bridged(subject: Subject) -> None:
     _still_navigates(bench)
 
 
-@check("firmware.md#fusion")
+@check("firmware.md#fusion", "SEN-4")
 def gap_too_long(subject: Subject) -> None:
     """A longer gap ends navigation in FAULT (SENSORS_LOST), which sends no NAV_ frames."""
     bench = subject.navigating()
@@ -111,7 +111,7 @@ def gap_too_long(subject: Subject) -> None:
     bench.expect_not("NAV_LATITUDE", within=0.5)
 
 
-@check("firmware.md#fusion")
+@check("firmware.md#fusion", "SEN-2")
 def three_sensors(subject: Subject) -> None:
     """With three of four sensors navigation goes on."""
     bench = subject.navigating()
@@ -120,7 +120,7 @@ def three_sensors(subject: Subject) -> None:
     _still_navigates(bench)
 
 
-@check("firmware.md#clock")
+@check("firmware.md#clock", "CLK-1 CLK-2")
 def sync_lost(subject: Subject) -> None:
     """`sync_lost` after 10 epochs without SYNC, cleared by the next; navigation goes on."""
     bench = subject.navigating()
@@ -130,7 +130,7 @@ def sync_lost(subject: Subject) -> None:
     _still_navigates(bench)
 
 
-@check("firmware.md#frames-in")
+@check("firmware.md#frames-in", "IN-3")
 def overload(subject: Subject) -> None:
     """A second of 200 strange frames an epoch does navigation no harm."""
     bench = subject.navigating()
@@ -139,7 +139,7 @@ def overload(subject: Subject) -> None:
     _still_navigates(bench)
 
 
-@check("firmware.md#frames-in")
+@check("firmware.md#frames-in", "IN-1 RX-041-2")
 def strange_frames(subject: Subject) -> None:
     """Unknown, extended and remote frames are ignored; a short one counts as a wrong CRC."""
     bench = subject.navigating()

@@ -9,6 +9,7 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 from rrins.host_tools.conformance.check import Finding
+from rrins.host_tools.conformance.requirements import covered_by
 from rrins.host_tools.drawing.page import environment
 from rrins.host_tools.files import write_text
 
@@ -42,6 +43,9 @@ def write_junit(path: Path, name: str, findings: Sequence[Finding]) -> None:
     for one in findings:
         names = {"classname": f"rrins.conform.{name}", "name": one.check.name}
         case = ElementTree.SubElement(suite, "testcase", names, time=f"{one.seconds:.3f}")
+        properties = ElementTree.SubElement(case, "properties")
+        for number in covered_by(one.check):
+            ElementTree.SubElement(properties, "property", name="requirement", value=number)
         if one.outcome == "failed":
             failure = ElementTree.SubElement(case, "failure", message=_printable(one.line))
             failure.text = _printable(f"{one.text}\nRule: {one.check.rule} (docs/{one.check.page})")

@@ -8,9 +8,14 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Final
 
-from rrins.host_tools.conformance import behaviour, clock, diagnostics, frames_in
+from rrins.host_tools.conformance import (
+    behaviour,
+    clock,
+    diagnostics,
+    frame_by_frame,
+    frames_in,
+)
 from rrins.host_tools.conformance.check import Check, Finding, NotApplicableError, Subject
-from rrins.host_tools.conformance.navigation import SCENARIOS, check_of
 from rrins.host_tools.errors import RehearsalError
 from rrins.host_tools.testing.errors import BenchError
 
@@ -36,29 +41,36 @@ CHECKS: Final = (
     frames_in.overload,
     behaviour.axis_fault,
     behaviour.axis_silent,
+    *frame_by_frame.SHORT,
     diagnostics.uds,
     diagnostics.uds_sessions,
     diagnostics.uds_security,
+    diagnostics.uds_access,
+    diagnostics.uds_reset,
     diagnostics.uds_trouble_codes,
     clock.clock_error,
-    *map(check_of, SCENARIOS),
+    clock.stalls,
+    clock.late_attach,
 )
 """In the order in which they are tried."""
 
+LONG: Final = (*CHECKS, *frame_by_frame.LONG)
+"""All there are."""
 
-def chosen(names: Sequence[str]) -> tuple[Check, ...]:
-    """Return the checks of these names, all without any.
+
+def chosen(names: Sequence[str], is_long: bool = False) -> tuple[Check, ...]:
+    """Return the checks of these names; without any all, those that take long if `is_long`.
 
     Raises
     ------
     RehearsalError
         If there is no such check.
     """
-    known = {check.name: check for check in CHECKS}
+    known = {check.name: check for check in LONG}
     for name in names:
         if name not in known:
             raise RehearsalError(f"no check {name!r}: there are {', '.join(known)}")
-    return tuple(known[name] for name in names) or CHECKS
+    return tuple(known[name] for name in names) or (LONG if is_long else CHECKS)
 
 
 def conform(program: str | None, checks: Sequence[Check] = CHECKS) -> Iterator[Finding]:

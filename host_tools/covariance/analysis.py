@@ -67,6 +67,7 @@ class Analysis:
     sigma: Floats  #: shape (n, 2)
     sources: list[SourceResult]  #: the largest at the end first
     left_out: list[str]  #: what errs and is not considered
+    fixed: list[str]  #: constants of one value: they give the mean and no σ
 
     def share(self, source: SourceResult) -> float:
         """Return the share of a source in the horizontal variance at the end."""
@@ -90,6 +91,7 @@ class Analysis:
                 for one in self.sources
             ],
             "left_out": self.left_out,
+            "fixed": self.fixed,
         }
 
 
@@ -126,11 +128,12 @@ def analyse(scenario: Scenario, varied: Sequence[Varied] = ()) -> Analysis:
         results.append(SourceResult(name, spread))
     results += [SourceResult(one.name, model.of_white(one)) for one in sources.whites]
     results += [SourceResult(one.name, model.of_process(one)) for one in sources.processes]
+    fixed = [one.name for one in results if not one.sigma.any()]
     results = [one for one in results if one.sigma.any()]
     variance = sum((one.sigma**2 for one in results), np.zeros_like(mean))
     results.sort(key=lambda one: -float((one.sigma[-1] ** 2).sum()))
     left_out = sorted(set(sources.left_out))
-    return Analysis(model.path.times_s, mean, np.sqrt(variance), results, left_out)
+    return Analysis(model.path.times_s, mean, np.sqrt(variance), results, left_out, fixed)
 
 
 class _Sensors:
@@ -203,7 +206,7 @@ class Model:
 
         Coarse alignment levels by the specific force and finds north by the rate of the Earth.
         """
-        mixed = self.path.C_s_n[0] @ self._sensors[kind].fused
+        mixed = self.path.C_begin @ self._sensors[kind].fused
         S = np.zeros((STATES, mixed.shape[1]))
         if self._scenario.firmware.initial_attitude == "given":
             return S
@@ -222,7 +225,10 @@ class Model:
         true_s = path.rate_s if one.kind == "gyros" else path.force_s
         out = sensors.outputs(one.effect, true_s, path.force_s)
         B = self._half @ (self._input(one.kind) * out[:, None, :])
-        return _moments(self._run(self._initial(one.kind) * out[0], B), one.mean, one.covariance)
+        earth_s = path.C_begin.T @ path.earth_n[:1].T
+        up_s = path.C_begin.T @ [[0.0], [0.0], [path.force_n[0, 2]]]
+        at_rest = sensors.outputs(one.effect, (earth_s if one.kind == "gyros" else up_s).T, up_s.T)
+        return _moments(self._run(self._initial(one.kind) * at_rest, B), one.mean, one.covariance)
 
     def of_attitude(self, mean: Floats, covariance: Floats) -> tuple[Floats, Floats]:
         """Return the same for errors of the given roll, pitch and heading, rad.
@@ -260,27 +266,45 @@ class Model:
     def of_process(self, one: Process) -> Floats:
         """Return the σ that Markov processes of each sensor give, shape (n + 1, 2)."""
         B = self._half @ self._input(one.kind)
+        S = self._initial(one.kind)
         variance = np.zeros((self.count + 1, 2))
         for decay_s, drive in zip(one.decay_s, one.drive, strict=True):
-            variance += self._of_process(B, decay_s, drive)
+            variance += self._of_process(B, S, decay_s, drive)
         return np.sqrt(variance)
 
-    def _of_process(self, B: Floats, decay_s: float, drive: Floats) -> Floats:
+    def _of_process(self, B: Floats, S: Floats, decay_s: float, drive: Floats) -> Floats:
         sensors = len(drive)
         size = STATES + sensors
         decay = math.exp(-INTERVAL_S / decay_s)
         share = 0.5 * decay_s * (1.0 - decay**2) if math.isfinite(decay_s) else INTERVAL_S
-        phi, P = np.zeros((size, size)), np.zeros((size, size))
+        phi, Q = np.zeros((size, size)), np.zeros((size, size))
         phi[STATES:, STATES:] = decay * np.eye(sensors)
-        Q = np.diag(drive**2 * share)
+        Q[STATES:, STATES:] = np.diag(drive**2 * share)
+        begun = _after_alignment(decay, share, self._scenario.firmware.alignment_s)
+        both = np.block([[S, np.zeros_like(S)], [np.zeros((sensors, sensors)), np.eye(sensors)]])
+        P = np.asarray(both @ np.kron(begun, np.diag(drive**2)) @ both.T, dtype=np.float64)
         variance = np.zeros((self.count + 1, 2))
+        variance[0] = np.diag(P)[_HORIZONTAL]
         for k in range(self.count):
             phi[:STATES, :STATES] = self._phi[k]
             phi[:STATES, STATES:] = B[k]
-            P = phi @ P @ phi.T
-            P[STATES:, STATES:] += Q
+            P = phi @ P @ phi.T + Q
             variance[k + 1] = np.diag(P)[_HORIZONTAL]
         return variance
+
+
+def _after_alignment(decay: float, share: float, alignment_s: float) -> Floats:
+    """Return the covariance of a process' mean over the alignment, and of it at the end, (2, 2).
+
+    It is at zero when the alignment begins, as the sensors are switched on.
+    """
+    count = max(1, round(alignment_s / INTERVAL_S))
+    phi = np.array([[1.0, 0.5 * (1.0 + decay) / count], [0.0, decay]])
+    noise = np.array([0.5 / count, 1.0])
+    P = np.zeros((2, 2))
+    for _ in range(count):
+        P = phi @ P @ phi.T + share * np.outer(noise, noise)
+    return P
 
 
 def _weights(given: float | tuple[float, ...], axes: AxesDeg) -> Floats:

@@ -40,6 +40,7 @@ class Path:
     rate_s: Floats
     force_s: Floats
     force_n: Floats
+    C_begin: Floats  #: shape (3, 3); C_s_n at the beginning, where the table stood until then
 
     @property
     def times_s(self) -> Floats:
@@ -103,7 +104,9 @@ def _path(truth: Records[Truth]) -> Path:
     rate_n = earth + transport
     rate_s = _vectors(turn) / INTERVAL_S + np.einsum("nji,nj->ni", C_middle, rate_n)
     force_s = np.einsum("nji,nj->ni", C_middle, force_n)
-    return Path(middle, radii, mean_velocity, rate_n, earth, C_middle, rate_s, force_s, force_n)
+    return Path(
+        middle, radii, mean_velocity, rate_n, earth, C_middle, rate_s, force_s, force_n, C[0]
+    )
 
 
 def _attitudes(truth: Records[Truth]) -> Floats:

@@ -19,7 +19,8 @@ from rrins.host_tools.bus.port import Address, message_of_frame, open_bus
 from rrins.host_tools.dashboard.errors import DashboardError
 from rrins.host_tools.dashboard.page_orders import Order
 from rrins.host_tools.diag.target import Target
-from rrins.host_tools.diag.tester import REMEMBERED, Tester, TroubleReport
+from rrins.host_tools.diag.tester import Tester
+from rrins.host_tools.diag.trouble_table import REMEMBERED, TroubleReport
 from rrins.host_tools.diag.values import to_json
 from rrins.host_tools.errors import BusError
 from rrins.host_tools.files import JsonObject
@@ -84,16 +85,22 @@ class BusControl:
         given = {key: value for key, value in (order.fault or {}).items() if value is not None}
         with FaultClient(self._address) as client:
             if order.order == "clear_faults":
-                return {"text": "all faults are removed", **_faults(client.clear())}
+                report = client.clear()
+                text = "all faults are removed"
+                return {"text": text, "at_s": report.seconds(report.epoch), **_faults(report)}
             if order.order == "list_faults":
                 return {"text": "", **_faults(client.report())}
             fault = fault_of(given)
             if order.order == "remove":
                 report = client.remove(fault)
-                return {"text": f"{fault_words(fault_keys(fault))} removed", **_faults(report)}
+                text, at_s = (
+                    f"{fault_words(fault_keys(fault))} removed",
+                    report.seconds(report.epoch),
+                )
+                return {"text": text, "at_s": at_s, **_faults(report)}
             active, report = client.inject(fault)
             at_s = report.seconds(active.first_epoch)
-            return {"text": f"{active.words} since {at_s:.2f} s", **_faults(report)}
+            return {"text": active.words, "at_s": at_s, **_faults(report)}
 
     def _ask_mode(self, wanted: str) -> str:
         if wanted == "navigate":

@@ -217,7 +217,7 @@ class RehearsalSource(BusSource):
         if order.order == "stop":
             return {"text": self._end()}
         if order.order == "pause":
-            return {"text": self._pause()}
+            return {"text": "paused", "at_s": self._pause()}
         if order.order == "speed":
             return {"text": self._go(order.speed or UNLIMITED)}
         if self._helm.speed == PAUSED:
@@ -242,11 +242,11 @@ class RehearsalSource(BusSource):
         self._confirm(lambda: self._phase != "running", "stop", 60.0)
         return self._words
 
-    def _pause(self) -> str:
+    def _pause(self) -> float:
         self._helm.steer(PAUSED)
         watch = self._view.watch
         self._confirm(lambda: watch.state().times.quiet_s > _STILL_S, "pause")
-        return f"paused at {watch.state().time_s:.2f} s"
+        return watch.state().time_s
 
     def _go(self, speed: float) -> str:
         begun_s = self._view.watch.state().time_s

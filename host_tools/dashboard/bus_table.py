@@ -10,12 +10,18 @@ from rrins.host_tools.monitor.redundancy import RedundancyVitals
 from rrins.host_tools.monitor.state import BusState
 from rrins.host_tools.monitor.tally import LEVELS
 from rrins.host_tools.monitor.troubles import troubles_of
-from rrins.host_tools.monitor.vitals import Vitals, vitals_of
+from rrins.host_tools.monitor.vitals import AxisVitals, Vitals, vitals_of
 from rrins.host_tools.monitor.wording import value_with_unit
+from rrins.host_tools.monitor.words import WITHOUT_ENCODER
 
 SOUND, SUSPECT, EXCLUDED, ABSENT, SATURATED = "sound", "suspect", "excluded", "absent", "saturated"
+UNHEARD = "not heard"
 """States of a sensor."""
 
+_SPARK_STEP: Final = 2  # bins of a history for each point of a small plot
+_PATIENCE_S: Final = 1.0  # of bus time, within which a sensor may still be heard
+
+_TABLE: Final = "TABLE_STATUS"
 _ABSENT_BIT: Final = {"gyros": 4, "accelerometers": 8}
 _SATURATED_BIT: Final = {"gyros": 1, "accelerometers": 2}
 
@@ -34,6 +40,7 @@ def state_of(state: BusState, counts: dict[str, int]) -> JsonObject:
         "speed": state.times.speed,
         "firmware": None if vitals.firmware is None else vars(vitals.firmware),
         "sensors": {kind: sensor_states(state, vitals, kind, n) for kind, n in counts.items()},
+        "axes": {name: _axis(state, name, axis) for name, axis in vitals.axes.items()},
         "parity": {kind: _parity(vitals.redundancy[kind]) for kind in counts},
         "troubles": troubles_of(state, vitals),
         "messages": [
@@ -65,11 +72,33 @@ def sensor_states(state: BusState, vitals: Vitals, kind: str, count: int) -> lis
     return [_sensor_state(state, vitals.redundancy[kind], kind, k) for k in range(1, count + 1)]
 
 
-def _parity(redundancy: RedundancyVitals | None) -> tuple[float, int, int] | None:
-    """Return parity over threshold, the sensor it points at (0: none), its window in s."""
-    if redundancy is None or not redundancy.redundancy_left:
+def _axis(state: BusState, name: str, axis: AxisVitals | None) -> tuple[str, bool] | None:
+    """Return an axis in words, and whether it is sound; None before it is heard."""
+    if axis is None:
         return None
-    return redundancy.parity_ratio, redundancy.suspect or 0, redundancy.window_s
+    if axis.is_silent:
+        return "silent", False
+    if axis.state == "FAULT":
+        return "fault", False
+    if state.text(_TABLE, f"axis_{name}_abandoned") == "1":
+        return "abandoned", False
+    if axis.follows is False:
+        return "does not follow", False
+    source = state.text(_TABLE, f"axis_{name}_source")
+    if source in WITHOUT_ENCODER:
+        return f"encoder wrong: {source.lower()}", False
+    return axis.state.lower(), True
+
+
+def _parity(redundancy: RedundancyVitals | None) -> tuple[float | None, int, int] | None:
+    """Return parity over threshold, the sensor it points at (0: none), its window in s.
+
+    The parity is None where nothing is compared any more; all is None where nothing is reported.
+    """
+    if redundancy is None:
+        return None
+    ratio = redundancy.parity_ratio if redundancy.redundancy_left else None
+    return ratio, redundancy.points_at or 0, redundancy.window_s
 
 
 def _sensor_state(
@@ -80,6 +109,8 @@ def _sensor_state(
     status = int(state.value(group, "status") or 0) if message is not None else 0
     if redundancy is not None and number in redundancy.excluded:
         return EXCLUDED
+    if message is None and state.watched_s < _PATIENCE_S:
+        return UNHEARD
     if message is None or message.is_silent or status & _ABSENT_BIT[kind]:
         return ABSENT
     if status & _SATURATED_BIT[kind]:
@@ -99,8 +130,9 @@ def message_of(state: BusState, name: str, signal: str | None, level: int) -> Js
     signal : str or None
         The signal over time.
     level : int
-        See `BusState.history`.
+        Of the signal over time, and of the small plots of all; see `BusState.history`.
     """
+    level = min(max(level, 0), LEVELS - 1)
     if state.message(name) is None:
         return None
     message = state.message(name)
@@ -114,8 +146,18 @@ def message_of(state: BusState, name: str, signal: str | None, level: int) -> Js
             [one.name, value_with_unit(one), one.low, one.high, one.unit, one.comment]
             for one in signals
         ],
+        "sparks": [_spark(state, name, one.name, level) for one in signals],
         "signal": signal if signal in names else None,
-        "over_time": state.history(name, signal, min(max(level, 0), LEVELS - 1))
+        "over_time": state.history(name, signal, level)
         if signal is not None and signal in names
         else None,
     }
+
+
+def _spark(state: BusState, name: str, signal: str, level: int) -> list[float | None]:
+    """Return a signal over time in few points: the middle of each of two bins."""
+    bins = state.history(name, signal, level)
+    return [
+        None if pair is None else _rounded((pair[0] + pair[1]) / 2)
+        for pair in bins[_SPARK_STEP - 1 :: _SPARK_STEP]
+    ]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from bisect import insort
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final, Literal
@@ -14,6 +15,8 @@ from rrins.host_tools.monitor.words import FOUND_BY, abandoned_words, drift_word
 
 Weight = Literal["note", "good", "warning", "bad", "order"]
 """How an event is shown; `order` is what somebody asked for."""
+
+_Change = tuple[str, str, Weight]  # the signal that has changed, words, weight
 
 MOST: Final = 500
 """Events that are kept."""
@@ -44,7 +47,7 @@ SIGNALS: Final = {
 }
 """Signals from which events are made."""
 
-_MODES: Final = {
+_MODES: Final[dict[str, tuple[str, Weight]]] = {
     "SELF_TEST": ("self-test", "note"),
     "STANDBY": ("standby", "note"),
     "ALIGNMENT": ("alignment begins", "note"),
@@ -59,7 +62,7 @@ _MODES: Final = {
 class Event:
     """Something that happened."""
 
-    time_s: float  #: bus time
+    time_s: float  #: bus time of its effect
     text: str
     weight: Weight  #: see `Weight`
 
@@ -70,29 +73,41 @@ class EventLog:
     Attributes
     ----------
     events : list of Event
-        In order; the oldest are dropped.
+        In the order in which they became known; the oldest are dropped.
     count : int
         Of all so far.
+    late : int
+        Of those whose place was before another.
     """
 
     def __init__(self) -> None:
         self.events: list[Event] = []
-        self.count = 0
+        self.count = self.late = 0
         self._codec = load()
+        self._rotating = self._codec.value(_STATUS, "mode", "NAVIGATION_ROTATING")
         self._octets = b""
         self._now = dict.fromkeys(SIGNALS, _UNKNOWN)
 
     def add(self, time_s: float, text: str, weight: Weight = "note") -> Event:
-        """Append an event."""
+        """Add an event at its place in time."""
         event = Event(time_s, text, weight)
-        self.events.append(event)
+        insort(self.events, event, key=lambda one: one.time_s)
         self.count += 1
+        if self.events[-1] is not event:
+            self.late += 1
         if len(self.events) > MOST:
             del self.events[0]
         return event
 
-    def follow(self, time_s: float, values: Floats) -> list[Event]:
-        """Compare the values of `SIGNALS` with those before; return the new events."""
+    def follow(self, values: Floats, since_s: Floats) -> list[Event]:
+        """Compare the values of `SIGNALS` with those before; return the new events.
+
+        Parameters
+        ----------
+        values : array, shape (signals,)
+        since_s : array, shape (signals,)
+            Bus time since which each has its value.
+        """
         octets = values.tobytes()
         if octets == self._octets:
             return []
@@ -100,9 +115,13 @@ class EventLog:
         old = self._now
         known = np.where(np.isnan(values), _UNKNOWN, values).tolist()
         self._now = dict(zip(SIGNALS, known, strict=True))
-        return [self.add(time_s, text, weight) for text, weight in self._changes(old)]
+        times_s = dict(zip(SIGNALS, since_s.tolist(), strict=True))
+        found = sorted(
+            (times_s[key], k, *told) for k, (key, *told) in enumerate(self._changes(old))
+        )
+        return [self.add(time_s, text, weight) for time_s, _, text, weight in found]
 
-    def _changes(self, old: dict[str, float]) -> Iterator[tuple[str, Weight]]:
+    def _changes(self, old: dict[str, float]) -> Iterator[_Change]:
         yield from self._of_mode(old)
         for kind, message in _KINDS.items():
             yield from self._of_redundancy(kind, message, old)
@@ -125,71 +144,72 @@ class EventLog:
         value = self._now[key]
         return self._codec.choices(*SIGNALS[key]).get(int(value)) or f"{value:g}"
 
-    def _of_mode(self, old: dict[str, float]) -> Iterator[tuple[str, Weight]]:
-        if self._has_changed(f"{_STATUS}.mode", old):
-            mode = self._word(f"{_STATUS}.mode")
+    def _of_mode(self, old: dict[str, float]) -> Iterator[_Change]:
+        key = f"{_STATUS}.mode"
+        if self._has_changed(key, old):
+            mode = self._word(key)
             if mode == "FAULT":
-                yield f"mode FAULT: {self._word(f'{_STATUS}.fault')}", "bad"
+                yield key, f"mode FAULT: {self._word(f'{_STATUS}.fault')}", "bad"
+            elif mode == "NAVIGATION_STRAPDOWN" and old[key] == self._rotating:
+                yield key, "the rotation has stopped: navigation goes on without", "warning"
             elif mode in _MODES:
-                text, weight = _MODES[mode]
-                yield text, "good" if weight == "good" else "note"
-        if self._rises(f"{_STATUS}.sync_lost", old):
-            yield "SYNC is lost: the firmware runs on its own clock", "bad"
-        elif self._falls(f"{_STATUS}.sync_lost", old):
-            yield "SYNC is back", "good"
-        if self._rises(f"{_STATUS}.scheme_cycle", old):
-            yield (
-                f"cycle {self._now[f'{_STATUS}.scheme_cycle']:.0f} of the scheme is complete",
-                "note",
-            )
+                yield key, *_MODES[mode]
+        key = f"{_STATUS}.sync_lost"
+        if self._rises(key, old):
+            yield key, "SYNC is lost: the firmware runs on its own clock", "bad"
+        elif self._falls(key, old):
+            yield key, "SYNC is back", "good"
+        key = f"{_STATUS}.scheme_cycle"
+        if self._rises(key, old):
+            yield key, f"cycle {self._now[key]:.0f} of the scheme is complete", "note"
 
-    def _of_redundancy(
-        self, kind: str, message: str, old: dict[str, float]
-    ) -> Iterator[tuple[str, Weight]]:
+    def _of_redundancy(self, kind: str, message: str, old: dict[str, float]) -> Iterator[_Change]:
         now = self._now
-        excluded, was = (max(0, int(one[f"{message}.excluded"])) for one in (now, old))
-        if self._rises(f"{message}.alarm", old):
+        alarm, left_out, drift = (f"{message}.{name}" for name in ("alarm", "excluded", "drift"))
+        excluded, was = (max(0, int(one[left_out])) for one in (now, old))
+        if self._rises(alarm, old):
             ratio = now[f"{message}.parity_ratio"]
             parity = f": parity {ratio:.2f} × its threshold" if ratio > 1 else ""
-            yield f"the {kind}s disagree{parity}", "warning"
-        elif self._falls(f"{message}.alarm", old) and excluded == was:
-            yield f"the {kind}s agree again", "good"
+            yield alarm, f"the {kind}s disagree{parity}", "warning"
+        elif self._falls(alarm, old) and excluded == was:
+            yield alarm, f"the {kind}s agree again", "good"
         for sensor in range(1, 17):
             bit = 1 << (sensor - 1)
             if excluded & bit and not was & bit:
                 is_last = now[f"{message}.isolated"] == sensor
                 word = self._word(f"{message}.how")
                 how = f", found by {FOUND_BY.get(word, word)}" if is_last else ""
-                yield f"{kind} {sensor} left out{how}", "bad"
+                yield left_out, f"{kind} {sensor} left out{how}", "bad"
             elif was & bit and not excluded & bit:
-                yield f"{kind} {sensor} is back in use", "good"
-        if self._rises(f"{message}.repairing", old):
-            yield "the navigation is being repaired from before the fault", "note"
-        elif self._falls(f"{message}.repairing", old):
-            yield "the navigation is repaired", "good"
-        drift = f"{message}.drift"
+                yield left_out, f"{kind} {sensor} is back in use", "good"
+        repairing = f"{message}.repairing"
+        if self._rises(repairing, old):
+            yield repairing, "the navigation is being repaired from before the fault", "note"
+        elif self._falls(repairing, old):
+            yield repairing, "the navigation is repaired", "good"
         if now[drift] > 0 >= old[drift]:
-            yield drift_words(kind, self._word(drift)), "warning"
+            yield drift, drift_words(kind, self._word(drift)), "warning"
         elif now[drift] == 0 < old[drift]:
-            yield f"{kind} calibration: no drift is reported any more", "good"
+            yield drift, f"{kind} calibration: no drift is reported any more", "good"
 
-    def _of_table(self, old: dict[str, float]) -> Iterator[tuple[str, Weight]]:
+    def _of_table(self, old: dict[str, float]) -> Iterator[_Change]:
         for axis in _AXES:
             lags = f"{_STATUS}.axis_{axis}_not_following"
             if self._rises(lags, old):
-                yield f"the {axis} axis does not follow its command", "bad"
+                yield lags, f"the {axis} axis does not follow its command", "bad"
             elif self._falls(lags, old):
-                yield f"the {axis} axis follows again", "good"
+                yield lags, f"the {axis} axis follows again", "good"
             source = f"{_TABLE}.axis_{axis}_source"
             if self._has_changed(source, old) and (self._now[source] or old[source] > 0):
                 word = self._word(source)
                 is_sound = word == "ENCODER"
                 text = f"angle of the {axis} axis from: {word}"
-                yield text, "good" if is_sound else "warning"
-            if self._rises(f"{_TABLE}.axis_{axis}_abandoned", old):
-                yield abandoned_words(axis), "bad"
+                yield source, text, "good" if is_sound else "warning"
+            abandoned = f"{_TABLE}.axis_{axis}_abandoned"
+            if self._rises(abandoned, old):
+                yield abandoned, abandoned_words(axis), "bad"
 
-    def _of_readmission(self, old: dict[str, float]) -> Iterator[tuple[str, Weight]]:
+    def _of_readmission(self, old: dict[str, float]) -> Iterator[_Change]:
         key = "READMISSION_STATUS.state"
         if self._has_changed(key, old) and self._now[key]:
             kind = self._word("READMISSION_STATUS.kind").lower()
@@ -197,18 +217,21 @@ class EventLog:
             state = self._word(key)
             refusal = self._now["READMISSION_STATUS.refusal"]
             why = f" ({self._word('READMISSION_STATUS.refusal')})" if refusal else ""
-            yield f"readmission of {kind} {sensor}: {state}{why}", "note"
+            yield key, f"readmission of {kind} {sensor}: {state}{why}", "note"
 
-    def _of_aiding(self, old: dict[str, float]) -> Iterator[tuple[str, Weight]]:
+    def _of_aiding(self, old: dict[str, float]) -> Iterator[_Change]:
         for source in _SOURCES:
             key = f"AIDING_STATUS.{source}"
             if self._has_changed(key, old) and (self._now[key] or old[key] > 0):
                 word = self._word(key)
-                yield f"{source}: {word.lower()}", "warning" if word == "LOST" else "good"
-        if self._rises("BRIDGING.degraded", old):
-            yield "the navigation is degraded: much sensor data was bridged", "warning"
+                if word == "LOST" and old[key] < 0:
+                    continue  # it has never been there
+                yield key, f"{source}: {word.lower()}", "warning" if word == "LOST" else "good"
+        key = "BRIDGING.degraded"
+        if self._rises(key, old):
+            yield key, "the navigation is degraded: much sensor data was bridged", "warning"
 
-    def _of_faults(self, old: dict[str, float]) -> Iterator[tuple[str, Weight]]:
+    def _of_faults(self, old: dict[str, float]) -> Iterator[_Change]:
         for key, where in (
             ("FAULT_STATUS.active_faults", "on the wire"),
             ("HARDWARE_FAULT_STATUS.active_faults", "of the hardware"),
@@ -217,11 +240,11 @@ class EventLog:
                 continue
             count = int(self._now[key])
             if count:
-                yield f"{count} fault{'' if count == 1 else 's'} {where} active", "warning"
+                are = "active" if self._rises(key, old) else "still active"
+                weight: Weight = "warning" if self._rises(key, old) else "note"
+                yield key, f"{count} fault{'' if count == 1 else 's'} {where} {are}", weight
             elif old[key] > 0:
-                yield f"no fault {where} is active any more", "good"
-        if self._rises(f"{_FAULTS}.overruns", old):
-            yield (
-                f"the firmware missed deadlines: {self._now[f'{_FAULTS}.overruns']:.0f}",
-                "warning",
-            )
+                yield key, f"no fault {where} is active any more", "good"
+        key = f"{_FAULTS}.overruns"
+        if self._rises(key, old):
+            yield key, f"the firmware missed deadlines: {self._now[key]:.0f}", "warning"

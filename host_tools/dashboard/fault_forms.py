@@ -7,6 +7,7 @@ from typing import Any, Final
 from rrins.host_tools.files import JsonObject
 from rrins.host_tools.hardware.fault_kinds import HardwareFault, Part
 from rrins.host_tools.scenario.fault_tables import KINDS
+from rrins.host_tools.wire.fault_kinds import FaultKind
 
 _GROUPS: Final = {Part.AXIS: "turntable", Part.GYRO: "gyros", Part.ACCELEROMETER: "accelerometers"}
 _NOT_LIVE: Final = ("kind", "at_s")
@@ -14,20 +15,22 @@ _LAST: Final = ("for_s", "period_s", "duty")
 
 
 def fault_forms() -> JsonObject:
-    """Return each kind's form: its group, and the key, type, default and limits of each field."""
+    """Return each kind's form: group, effect; key, type, default and limits of each field."""
     forms = {}
     for kind, table in KINDS.items():
         schema = table.model_json_schema()
         keys = [key for key in table.model_fields if key not in (*_NOT_LIVE, *_LAST)]
         keys += [key for key in _LAST if key in table.model_fields]
         fields = [_field(key, schema["properties"][key], key in schema["required"]) for key in keys]
-        forms[kind] = {"group": _group(kind), "fields": fields}
+        forms[kind] = {**_described(kind.upper()), "fields": fields}
     return forms
 
 
-def _group(kind: str) -> str:
-    hardware = HardwareFault.__members__.get(kind.upper())
-    return "on the wire" if hardware is None else _GROUPS.get(hardware.part, "aiding")
+def _described(name: str) -> JsonObject:
+    hardware = HardwareFault.__members__.get(name)
+    if hardware is None:
+        return {"group": "on the wire", "text": FaultKind[name].effect}
+    return {"group": _GROUPS.get(hardware.part, "aiding"), "text": hardware.effect}
 
 
 def _field(key: str, schema: Any, is_needed: bool) -> JsonObject:

@@ -15,6 +15,7 @@ from rrins.host_tools.dashboard.bus_table import message_of
 from rrins.host_tools.dashboard.events import Event
 from rrins.host_tools.dashboard.explaining import Explainer
 from rrins.host_tools.dashboard.fault_forms import fault_forms
+from rrins.host_tools.dashboard.guides import guide_names
 from rrins.host_tools.dashboard.packing import packed_history, packed_row
 from rrins.host_tools.dashboard.page_orders import READING, Order
 from rrins.host_tools.dashboard.quantities import NAMES
@@ -68,7 +69,7 @@ class Feed:
         self._browsers: set[Browser] = set()
         self._sequence = 0
         self._turns = 0
-        self._told = 0  # events
+        self._told = self._late = 0  # events
         self._viewed: View | None = None
         self._status = ""
         self._ordering = asyncio.Lock()
@@ -109,6 +110,7 @@ class Feed:
             "explains": may_control and view.scenario is not None,
             "orders": sorted(self.source.orders) if may_control else [],
             "forms": fault_forms() if may_control and "inject" in self.source.orders else {},
+            "guides": sorted(guide_names()),
             "message_names": [message.name for message in messages],
             "tour": self._tour,
             **self.source.describe(),
@@ -149,14 +151,16 @@ class Feed:
     def _begin(self, view: View) -> None:
         """Begin with another view: all browsers begin anew."""
         self._viewed = view
-        self._told = view.log.count
+        self._told, self._late = view.log.count, view.log.late
         for browser in self._browsers:
             self._introduce(browser)
 
     def _tell_events(self, view: View) -> None:
-        new = view.log.count - self._told
-        if new > 0:
-            self._told = view.log.count
+        new, late = view.log.count - self._told, view.log.late - self._late
+        self._told, self._late = view.log.count, view.log.late
+        if late > 0:
+            self._tell_all(self._events(view.log.events, anew=True))
+        elif new > 0:
             self._tell_all(self._events(view.log.events[-new:]))
 
     def _tell_all(self, message: str) -> None:
@@ -164,7 +168,7 @@ class Feed:
             browser.put(message)
 
     def _tell_state(self, view: View) -> None:
-        state = view.state(any(browser.shown[1] for browser in self._browsers))
+        state = view.state(any(browser.shown[0] for browser in self._browsers))
         if not self._browsers:
             return
         self._tell_status()
@@ -202,20 +206,22 @@ class Feed:
         if order.order not in self.source.orders:
             self._answer(browser, order, False, f"{order.order}: not for this source")
             return
+        asked_s = self.source.view.time_s
         try:
             async with self._ordering:  # orders on a bus may wait for answers
                 answer = await asyncio.to_thread(self.source.carry_out, order)
         except RehearsalError as error:
             self._answer(browser, order, False, str(error))
             return
-        text = str(answer.pop("text"))
-        self._answer(browser, order, True, text)
+        text, at_s = str(answer.pop("text")), answer.pop("at_s", None)
+        self._answer(browser, order, True, text, at_s)
         self._explainer.note(answer.get("faults"), self.source.view)
         if answer:
             self._tell_all(as_json("report", answer))
         if self.source.kind != "recording" and text and order.order not in READING:
             view = self.source.view
-            view.log.add(view.time_s, text, "order")
+            at_s = asked_s if at_s is None else max(at_s, asked_s)
+            view.log.add(min(at_s, view.time_s), text, "order")
 
     async def _explain(self, browser: Browser, order: Order) -> None:
         """Say what the error at an instant consists of, and how far that has come meanwhile."""
@@ -240,9 +246,8 @@ class Feed:
         browser.shown = (name, order.signal, order.level)
 
     @staticmethod
-    def _answer(browser: Browser, order: Order, is_done: bool, text: str) -> None:
-        browser.put(
-            as_json(
-                "answer", {"id": order.id, "order": order.order, "is_done": is_done, "text": text}
-            )
-        )
+    def _answer(
+        browser: Browser, order: Order, is_done: bool, text: str, at_s: float | None = None
+    ) -> None:
+        told = {"id": order.id, "order": order.order, "is_done": is_done, "text": text}
+        browser.put(as_json("answer", told | {"at_s": at_s}))

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import hmac
 import ipaddress
+import re
 import secrets
 from dataclasses import dataclass
 from typing import Final
 
 _LOOPBACK_NAMES: Final = ("localhost", "127.0.0.1", "::1")
+_HOST: Final = re.compile(r"(?:\[([0-9A-Fa-f:.]+)\]|([^\s:\[\]/@]+))(?::\d{1,5})?")
 _SHOWN: Final = 100  # characters of something foreign in a line of the log
 
 HEADERS: Final = {
@@ -78,7 +80,6 @@ class Guard:
 
 
 def _name_of(host: str) -> str:
-    """Return the name in a Host header, without its port."""
-    if host.startswith("["):
-        return host[1:].partition("]")[0]
-    return host.rpartition(":")[0] if ":" in host else host
+    """Return the name in a Host header, without its port; an empty one if it is not well formed."""
+    found = _HOST.fullmatch(host)
+    return "" if found is None else found[1] or found[2]

@@ -18,6 +18,7 @@ from rrins.host_tools.dashboard.source import described
 from rrins.host_tools.dashboard.view import View
 from rrins.host_tools.files import JsonObject
 from rrins.host_tools.logs.reader import Log
+from rrins.host_tools.monitor.state import WINDOW_NS
 from rrins.host_tools.monitor.tally import Tally
 from rrins.host_tools.monitor.watch import Watch
 from rrins.host_tools.recording.errors import RecordError
@@ -29,6 +30,7 @@ MOST_FRAMES: Final = 30_000_000
 _STEPS: Final = 6000  # of the history
 _LEAST_STEP_S: Final = 1 / 30
 _MARK_EVERY: Final = 300  # steps between two copies of the tally, to seek from
+_TROUBLES_EVERY: Final = 15  # steps between two looks for troubles
 _YEARS_S: Final = 1e8  # times beyond this are dates
 _FASTEST: Final = 200.0
 
@@ -87,7 +89,7 @@ class LogSource:
         self._is_paused = False
         self._at_ns = float(self._first_ns)
         self._looked_s = clock()
-        self._move_to(self._at_ns)
+        self._seek(self._at_ns)
 
     @property
     def view(self) -> View:
@@ -110,7 +112,10 @@ class LogSource:
             watch.add_timed_frames(self._frames[done:end], self._times_ns[done:end])
             done = end
             self._view.look()
+            if step % _TROUBLES_EVERY == 0:
+                self._view.state(has_histories=False)
         self._view.keeps = False
+        self._view.since.is_whole = True
 
     def turn(self) -> None:
         """Go on in the recording."""
@@ -121,16 +126,23 @@ class LogSource:
                 self._move_to(self._at_ns + passed_s * self._speed * 1e9)
 
     def _move_to(self, at_ns: float) -> None:
-        """Show the recording at a time: forwards from where it is, or from the mark before."""
+        """Show the recording at a later time."""
         self._at_ns = min(max(at_ns, float(self._first_ns)), float(self._last_ns))
         end = int(np.searchsorted(self._times_ns, round(self._at_ns), side="right"))
-        mark = max((one for one in self._marks if one[0] <= end), key=lambda one: one[0])
-        watch = self._view.watch
-        if end < self._sent or mark[0] > self._sent:
-            watch.restore(mark[1])
-            self._sent = mark[0]
-        watch.add_timed_frames(self._frames[self._sent : end], self._times_ns[self._sent : end])
-        self._sent = end
+        piece = slice(self._sent, max(end, self._sent))
+        self._view.watch.add_timed_frames(self._frames[piece], self._times_ns[piece])
+        self._sent = piece.stop
+
+    def _seek(self, at_ns: float) -> None:
+        """Show the recording at any time, from the mark before; recent is what happened there."""
+        at_ns = min(max(at_ns, float(self._first_ns)), float(self._last_ns))
+        end = int(np.searchsorted(self._times_ns, round(at_ns), side="right"))
+        self._sent, memory = max((one for one in self._marks if one[0] <= end), key=lambda m: m[0])
+        self._view.watch.restore(memory)
+        self._view.forget()
+        self._move_to(at_ns - WINDOW_NS)
+        self._view.watch.state(has_histories=False)  # from here on, errors are recent
+        self._move_to(at_ns)
 
     def describe(self) -> JsonObject:
         """Return what a browser needs to know once for each view."""
@@ -155,11 +167,11 @@ class LogSource:
     def _carried_out(self, order: Order) -> JsonObject:
         if order.order == "seek":
             assert order.time_s is not None
-            self._move_to(order.time_s * 1e9)
+            self._seek(order.time_s * 1e9)
         elif order.order == "speed":
             self._speed = min(order.speed or _FASTEST, _FASTEST)
         elif order.order == "play" and self._at_ns >= self._last_ns:
-            self._move_to(float(self._first_ns))
+            self._seek(float(self._first_ns))
         if order.order in ("play", "pause", "speed"):
             self._is_paused = order.order == "pause"
         if order.order not in OF_RECORDING:

@@ -176,13 +176,14 @@ def _decoded(message: str, words: Words) -> list[dict[str, Any]]:
     for signal in signals_of(message):
         if signal.name in PROTECTION:
             continue
-        columns[signal.column] = signal.values(words).tolist()
+        values = signal.values(words).tolist()
+        if signal.valid_row is not None:  # JSON knows no NaN
+            values = [None if math.isnan(value) else value for value in values]
+        columns[signal.column] = values
         if signal.choices:
             raws = signal.raw(words).tolist()
             columns[f"{signal.name}_name"] = [signal.choices.get(raw, str(raw)) for raw in raws]
-    return [
-        dict(zip(columns, values, strict=True)) for values in zip(*columns.values(), strict=True)
-    ]
+    return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
 
 
 class _Poses:
@@ -242,11 +243,12 @@ class _Events:
             self._watch.add_timed_frames(piece.frames[begin:end], times_ns[begin:end])
             begin = end
             latest = self._watch.latest(self._rows)
-            for event in self._log.follow(latest.now_ns / _NS, latest.values):
+            for event in self._log.follow(latest.values, latest.changed_ns / _NS):
+                time_ns = round(event.time_s * _NS)
                 yield (
-                    latest.now_ns,
+                    time_ns,
                     {
-                        "timestamp": _time(latest.now_ns),
+                        "timestamp": _time(time_ns),
                         "level": _LEVELS[event.weight],
                         "message": event.text,
                         "name": "rrins",
@@ -267,7 +269,7 @@ def export_mcap(
         If the package is missing, the log cannot be read or the file cannot be written.
     """
     if importlib.util.find_spec("mcap") is None:
-        raise RecordError("--format mcap needs mcap: pip install mcap")
+        raise RecordError("MCAP needs the package mcap: pip install mcap")
     part = path.with_name(f".{path.name}.part")
     try:
         with part.open("wb") as file:

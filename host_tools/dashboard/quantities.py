@@ -29,6 +29,8 @@ _SIGNALS: Final = {
     "accelerometer_parity": ("ACCELEROMETER_REDUNDANCY", "parity_ratio"),
     "gyro_suspect": ("GYRO_REDUNDANCY", "suspect"),
     "accelerometer_suspect": ("ACCELEROMETER_REDUNDANCY", "suspect"),
+    "gyro_redundant": ("GYRO_REDUNDANCY", "redundant"),
+    "accelerometer_redundant": ("ACCELEROMETER_REDUNDANCY", "redundant"),
     "gyro_window_log2": ("GYRO_REDUNDANCY", "window_log2"),
     "accelerometer_window_log2": ("ACCELEROMETER_REDUNDANCY", "window_log2"),
     "firmware_load_percent": ("FIRMWARE_STATUS", "load_percent"),
@@ -40,6 +42,9 @@ _SIGNALS: Final = {
 """Quantities that are signals."""
 
 _NEEDED: Final = {
+    "estimated_gyro": ("ESTIMATOR_GYRO", "sensor"),
+    "estimated_bias_dph": ("ESTIMATOR_GYRO", "bias"),
+    "estimated_sigma_dph": ("ESTIMATOR_GYRO", "bias_sigma"),
     "sync_epoch": ("SYNC", "epoch"),
     "latitude_epoch": ("NAV_LATITUDE", "epoch"),
     "longitude_epoch": ("NAV_LONGITUDE", "epoch"),
@@ -66,11 +71,20 @@ ERRORS: Final = (
 _PLACES: Final = ("east_m", "north_m", "true_east_m", "true_north_m")
 _GOALS: Final = ("inner_goal_deg", "outer_goal_deg")
 _OF_BUS: Final = ("bus_load_percent", "lateness_ms")
+_GYROS: Final = 6
+_BIASES: Final = tuple(
+    f"{what}_{k}_dph" for k in range(1, _GYROS + 1) for what in ("gyro_bias", "sigma_gyro_bias")
+)
 
-NAMES: Final = (*_SIGNALS, *ERRORS, *_PLACES, *_GOALS, *_OF_BUS)
+NAMES: Final = (*_SIGNALS, *ERRORS, *_PLACES, *_GOALS, *_BIASES, *_OF_BUS)
 """The columns, in the order in which they are sent; each name ends with its unit, if it has one."""
 
 _PLACE_OF: Final = {name: place for place, name in enumerate(NAMES)}
+_FIRST_BIAS: Final = _PLACE_OF[_BIASES[0]]
+_PARITIES: Final = tuple(
+    (_PLACE_OF[f"{kind}_parity"], _PLACE_OF[f"{kind}_redundant"])
+    for kind in ("gyro", "accelerometer")
+)
 _FIRMWARE_LOAD, _HEIGHT = _PLACE_OF["firmware_load_percent"], _PLACE_OF["height_m"]
 _EPOCHS: Final = 1 << 24  # of SYNC
 _NAV_EPOCHS: Final = 4096  # of the navigation output
@@ -118,6 +132,13 @@ class Quantities:
         self._scheme = scheme
         self._origin: tuple[float, float] | None = None
         self._errors = np.full(len(ERRORS) + len(_PLACES), np.nan)
+        self._biases = np.full(len(_BIASES), np.nan)
+        self._nav_epoch = -1
+
+    def forget(self) -> None:
+        """Forget the latest output; the first place stays."""
+        self._errors[:] = np.nan
+        self._biases[:] = np.nan
         self._nav_epoch = -1
 
     def row(self, sampled: Floats, bus_load_percent: float, lateness_ms: float) -> Floats:
@@ -135,6 +156,11 @@ class Quantities:
         row[:first] = sampled[:first]
         if not row[_FIRMWARE_LOAD]:  # a loop without a clock
             row[_FIRMWARE_LOAD] = math.nan
+        for parity, redundant in _PARITIES:
+            if not row[redundant]:  # nothing is compared, which is not agreement
+                row[parity] = math.nan
+        self._follow_biases(found)
+        row[_FIRST_BIAS : _FIRST_BIAS + len(_BIASES)] = self._biases
         self._follow(found, float(row[_HEIGHT]))
         row[first : first + len(self._errors)] = self._errors
         if self._scheme is not None:
@@ -143,6 +169,14 @@ class Quantities:
         row[_PLACE_OF["bus_load_percent"]] = bus_load_percent
         row[_PLACE_OF["lateness_ms"]] = lateness_ms
         return row
+
+    def _follow_biases(self, found: dict[str, float]) -> None:
+        """Keep the estimate of each gyro: every message reports another one."""
+        sensor = found["estimated_gyro"]
+        if 1 <= sensor <= _GYROS:
+            place = 2 * (int(sensor) - 1)
+            self._biases[place] = found["estimated_bias_dph"]
+            self._biases[place + 1] = found["estimated_sigma_dph"]
 
     def _follow(self, found: dict[str, float], height_m: float) -> None:
         """Compute errors and places of a new output; both halves must be of the same epoch."""

@@ -25,11 +25,17 @@ from rrins.host_tools.dashboard.browsers import Browser
 from rrins.host_tools.dashboard.errors import DashboardError
 from rrins.host_tools.dashboard.feed import Feed
 from rrins.host_tools.dashboard.guarding import HEADERS, Guard, shown
+from rrins.host_tools.dashboard.guides import guide, guide_names
 from rrins.host_tools.dashboard.page_files import page_files
 from rrins.host_tools.dashboard.page_orders import LONGEST, parse_order
+from rrins.host_tools.dashboard.patience import FewLines, PatientProtocol
 
 SOCKET: Final = "/feed"
+GUIDES: Final = "/guides/"
 MOST_BROWSERS: Final = 32
+KEPT: Final = 8
+"""Places among them for pages with the token, where there is one."""
+
 MOST_WRONG: Final = 20
 """Wrong messages after which a browser is let go."""
 
@@ -37,6 +43,7 @@ _PATIENCE_S: Final = 30.0  # with a browser that takes nothing
 _SWITCH_S: Final = 0.0005
 _POLICY, _TRY_LATER, _GOING = 1008, 1013, 1001
 
+_FEW: Final = FewLines()
 _log: Final = logging.getLogger("rrins.dashboard")
 
 
@@ -58,13 +65,17 @@ def _pages(feed: Feed, guard: Guard) -> Starlette:
     files = page_files()
 
     async def page(request: Request) -> Response:
+        path = request.scope["path"]
         why = guard.refuses_host(request.headers.get("host"))
         if why is not None:
-            _log.warning("%s refused: %s", shown(request.url.path), why)
+            _log.warning("%s refused: %s", shown(path), why)
             return Response("not here\n", 421, HEADERS)
-        file = files.get(request.scope["path"])
+        if path.startswith(GUIDES) and path.removeprefix(GUIDES) in guide_names():
+            page = guide(path.removeprefix(GUIDES))
+            return Response(page, headers=HEADERS, media_type="text/html")
+        file = files.get(path)
         if file is None:
-            _log.warning("%s refused: there is no such file", shown(request.scope["path"]))
+            _log.warning("%s refused: there is no such file", shown(path))
             return Response("there is no such file\n", 404, HEADERS)
         headers = HEADERS | {"Content-Type": file.kind, "Vary": "Accept-Encoding"}
         if "gzip" in request.headers.get("accept-encoding", ""):
@@ -91,14 +102,15 @@ def _tell_failure(task: asyncio.Task[None]) -> None:
 async def _browse(websocket: WebSocket, send: Send, feed: Feed, guard: Guard) -> None:
     host = websocket.headers.get("host")
     why = guard.refuses_host(host) or guard.refuses_origin(websocket.headers.get("origin"), host)
-    if why is None and feed.browsers >= MOST_BROWSERS:
-        why = f"{MOST_BROWSERS} browsers look on already"
+    token = parse_qs(websocket.url.query).get("token", [None])[0]
+    browser = Browser(guard.may_control(token))
+    places = MOST_BROWSERS if browser.may_control else MOST_BROWSERS - KEPT
+    if why is None and feed.browsers >= places:
+        why = f"{places} browsers look on already"
     if why is not None:
         _log.warning("socket refused: %s", why)
         await websocket.close(_POLICY)
         return
-    token = parse_qs(websocket.url.query).get("token", [None])[0]
-    browser = Browser(guard.may_control(token))
     if not browser.may_control and feed.may_control:
         _log.warning("a page without the token may only look on")
     await websocket.accept()
@@ -252,8 +264,11 @@ def _quick_switches() -> Iterator[None]:
 
 
 def _server(feed: Feed, guard: Guard) -> _Server:
+    for log in (_log, logging.getLogger("uvicorn.error")):
+        log.addFilter(_FEW)
     config = uvicorn.Config(
         application(feed, guard),
+        http=PatientProtocol,
         log_config=None,
         log_level="warning",
         access_log=False,

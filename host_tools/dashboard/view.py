@@ -12,10 +12,13 @@ from rrins.compiled.record import Floats
 from rrins.host_tools.dashboard import events, quantities
 from rrins.host_tools.dashboard.bus_table import state_of
 from rrins.host_tools.dashboard.history import History
+from rrins.host_tools.dashboard.now import Since
 from rrins.host_tools.dashboard.quantities import NAMES, Quantities, SchemeAngles
 from rrins.host_tools.dashboard.truth import Truth
 from rrins.host_tools.files import JsonObject
 from rrins.host_tools.monitor.state import BusState
+from rrins.host_tools.monitor.troubles import troubles_of
+from rrins.host_tools.monitor.vitals import vitals_of
 from rrins.host_tools.monitor.watch import Latest, Watch
 from rrins.host_tools.scenario.scenario import Scenario
 
@@ -53,6 +56,8 @@ class View:
         Bus time of the row.
     keeps : bool
         Whether rows and events are added to history and log.
+    since : Since
+        When troubles began.
     """
 
     def __init__(self, watch: Watch, scenario: Scenario | None) -> None:
@@ -66,6 +71,7 @@ class View:
         self._rows = np.concatenate([self._sampled, quantities.rows_of(events.SIGNALS)])
         self._quantities = self._new_quantities()
         self.keeps = True
+        self.since = Since()
         self._looked_ns: int | None = None
         self._marks: deque[tuple[int, int]] = deque()
         self._speed: float | None = None
@@ -90,8 +96,14 @@ class View:
         self.row = self._quantities.row(sampled, self._load_percent(latest), lateness)
         if self.keeps:
             self.history.add(self.time_s, self.row)
-            self.log.follow(self.time_s, of_events)
+            self.log.follow(of_events, latest.changed_ns[len(self._sampled) :] / 1e9)
         return True
+
+    def forget(self) -> None:
+        """Forget what was computed from earlier frames: the watch has gone to another time."""
+        self._looked_ns = None
+        self._marks.clear()
+        self._quantities.forget()
 
     def _load_percent(self, latest: Latest) -> float:
         """Return how busy the wire was in about the last second of bus time."""
@@ -125,8 +137,11 @@ class View:
         """Return a snapshot of the bus; see `Watch.state`."""
         state = self.watch.state(has_histories)
         self._speed = state.times.speed
+        if not self.since.is_whole:
+            self.since.follow(state.time_s, troubles_of(state, vitals_of(state)))
         return state
 
     def told(self, state: BusState) -> JsonObject:
         """Return what the page gets of a snapshot."""
-        return state_of(state, self.sensor_counts(state))
+        told = state_of(state, self.sensor_counts(state))
+        return told | {"troubles": self.since.told(state.time_s, told["troubles"])}

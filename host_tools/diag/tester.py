@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
@@ -16,8 +15,6 @@ from rrins.firmware_py.core.records.troubles import (
     ALL_RECORDS,
     FIRST_SNAPSHOT,
     LATEST_SNAPSHOT,
-    Status,
-    Trouble,
 )
 from rrins.firmware_py.diagnostics import access, table
 from rrins.firmware_py.diagnostics.codecs import Value, Values
@@ -35,6 +32,7 @@ from rrins.firmware_py.diagnostics.routines import Routine
 from rrins.host_tools.closing import Closing
 from rrins.host_tools.diag.conversation import LOST_SESSION, Conversation
 from rrins.host_tools.diag.target import Target
+from rrins.host_tools.diag.trouble_table import REMEMBERED, TroubleReport, TroubleTable
 from rrins.host_tools.diag.values import to_json
 from rrins.host_tools.errors import DiagError
 from rrins.host_tools.files import JsonObject
@@ -51,33 +49,11 @@ _LOST_TRANSFER = (
     Code.WRONG_BLOCK_SEQUENCE_COUNTER,
 )
 
-REMEMBERED = Status.TEST_FAILED | Status.PENDING | Status.CONFIRMED
-"""Status bits of a trouble code that has something to tell."""
-
 RECORDS = {FIRST_SNAPSHOT: "first", LATEST_SNAPSHOT: "latest"}
 """Names of the records of freeze frames."""
 
 Advice = Callable[[int], str]
 """Returns what to do about a negative response."""
-
-
-@dataclass(frozen=True)
-class TroubleReport:
-    """A trouble code as reported by the computer."""
-
-    trouble: Trouble | None  #: None if the number is not in the table
-    number: int
-    status: int  #: its status byte
-
-    @property
-    def code(self) -> str:
-        """The code as in SAE J2012, or the number."""
-        return self.trouble.code if self.trouble else f"0x{self.number:06X}"
-
-    @property
-    def status_bits(self) -> list[str]:
-        """Names of the status bits that are set."""
-        return [bit.name.lower() for bit in Status if self.status & bit]
 
 
 class Tester(Closing):
@@ -233,16 +209,15 @@ class Tester(Closing):
         response = self.conversation.request(what, table.service(0x19).access, call)
         return list(response.service_data.dtcs)
 
-    def troubles(self, mask: int) -> list[TroubleReport]:
-        """Return the trouble codes with any of these status bits set."""
+    def troubles(self, mask: int = REMEMBERED) -> TroubleTable:
+        """Return the trouble codes with any of these status bits set: those that fail or did."""
         dtcs = self._dtcs("dtc read", lambda: self._client.get_dtc_by_status_mask(mask))
-        return [_trouble_report(dtc) for dtc in dtcs]
+        return TroubleTable(map(_trouble_report, dtcs))
 
-    def all_troubles(self) -> list[TroubleReport]:
-        """Return all trouble codes that the computer supports."""
-        return [
-            _trouble_report(dtc) for dtc in self._dtcs("dtc read", self._client.get_supported_dtc)
-        ]
+    def all_troubles(self) -> TroubleTable:
+        """Return all trouble codes that the computer supports; the table shows what fails."""
+        dtcs = self._dtcs("dtc read", self._client.get_supported_dtc)
+        return TroubleTable(map(_trouble_report, dtcs))
 
     def snapshots(self, number: int) -> dict[int, dict[str, Values]]:
         """Return a trouble code's freeze frames: values by record number and identifier."""
@@ -304,11 +279,19 @@ class Tester(Closing):
         return b"".join(parts)
 
     def reset(self, kind: int) -> None:
-        """Reset the computer."""
+        """Reset the computer; one that navigates only if it may be unlocked."""
+        service = table.service(0x11)
         self.conversation.request(
-            "reset", table.service(0x11).access, lambda: self._client.ecu_reset(kind)
+            "reset",
+            access.UNLOCKED if self.conversation.is_securing else service.access,
+            lambda: self._client.ecu_reset(kind),
+            advice=self._reset_advice,
         )
         self.conversation.forget_session()
+
+    def _reset_advice(self, code: int) -> str:
+        words = self._mode_advice(table.service(0x11).text)(code)
+        return f"{words} (--security)" if words else ""
 
     # ---- the calibration file
 

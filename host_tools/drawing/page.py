@@ -3,37 +3,38 @@
 from __future__ import annotations
 
 import base64
-import io
 from collections.abc import Callable, Mapping, Sequence
 from importlib import metadata
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
-from PIL import Image
 
-from rrins.host_tools.files import keep, replacing, write_text
+from rrins.host_tools.drawing.saving import png_of, write_pictures
+from rrins.host_tools.files import keep, write_text
 
 if TYPE_CHECKING:
-    import matplotlib.figure
+    from matplotlib.figure import Figure
 
-_COLOURS = 128
 REPORT = "report.html"
 
 
-def png_of(picture: matplotlib.figure.Figure) -> bytes:
-    """Return a picture as palette PNG: a third of the size with no visible difference."""
-    drawn, packed = io.BytesIO(), io.BytesIO()
-    picture.savefig(drawn, format="png", dpi=110)
-    image = Image.open(drawn).convert("RGB").quantize(_COLOURS, dither=Image.Dither.NONE)
-    image.save(packed, format="png", optimize=True)
-    return packed.getvalue()
+class Image(NamedTuple):
+    """A picture within a page."""
+
+    source: str  #: the picture itself
+    width: int  #: at 96 dots an inch
+
+
+def _image(picture: Figure) -> Image:
+    data = base64.b64encode(png_of(picture)).decode("ascii")
+    return Image(f"data:image/png;base64,{data}", round(96 * picture.get_figwidth()))
 
 
 def write_report(
     folder: Path,
     package: str,
-    pictures: Mapping[str, matplotlib.figure.Figure],
+    pictures: Mapping[str, Figure],
     /,
     keeps: Sequence[str] = (),
     filters: Mapping[str, Callable[..., str]] | None = None,
@@ -45,8 +46,8 @@ def write_report(
     ----------
     folder : Path
     package : str
-        Has the template ``report.html.j2``, which finds its pictures (base64) in ``images`` and the
-        program's name and version in ``version``.
+        Has the template ``report.html.j2``, which finds its pictures, for the macro of
+        ``figure.html.j2``, in ``images`` and the program's name and version in ``version``.
     pictures : mapping of str to Figure
         By file name without ending.
     keeps : sequence of str
@@ -60,11 +61,10 @@ def write_report(
     RehearsalError
         When they cannot be written.
     """
-    drawn = {name: png_of(picture) for name, picture in pictures.items()}
     templates = environment(package)
     templates.filters.update(filters or {})
     text = templates.get_template(f"{REPORT}.j2").render(
-        images={name: base64.b64encode(data).decode("ascii") for name, data in drawn.items()},
+        images={name: _image(picture) for name, picture in pictures.items()},
         version=f"rrins {metadata.version('rrins')}",
         **values,
     )
@@ -72,14 +72,7 @@ def write_report(
     if keeps and page.exists() and page.read_bytes() != text.encode():
         keep(folder, keeps)
     write_text(page, text)
-    return [page, *(write_png(folder / f"{name}.png", data) for name, data in drawn.items())]
-
-
-def write_png(path: Path, data: bytes) -> Path:
-    """Write the bytes of `png_of` to a file, whole or not at all; return its path."""
-    with replacing(path) as part:
-        part.write_bytes(data)
-    return path
+    return [page, *write_pictures(folder, pictures)]
 
 
 def environment(package: str) -> Environment:

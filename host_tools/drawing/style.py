@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cache
 from typing import Any, Final
 
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties, findfont, get_font
+from matplotlib.ticker import FuncFormatter, MaxNLocator, MultipleLocator, NullFormatter
+
+from rrins.compiled.record import Floats
 
 LineStyle = dict[str, Any]
 """Keywords of matplotlib for a line."""
@@ -26,15 +31,22 @@ LINES: Final[tuple[LineStyle, ...]] = (
 EAST, NORTH = LINES[:2]
 """Styles of what belongs to the east and to the north."""
 
-SINCE_NAVIGATION: Final = "time since navigation began / s"
+SINCE_NAVIGATION: Final = "time since navigation began"
 """The time axis of whatever is compared with the truth."""
 
-_DPI = 110
+POINTS: Final = 4000
+"""Points of a line that the eye can tell apart."""
+
+DPI: Final = 200
+"""Of pictures in files."""
+
+_HOURS_FROM_S = 10_800.0
+_GRID = "0.88"
 
 
 def new_figure(width: float, height: float) -> Figure:
     """Return an empty picture, its size in inches."""
-    figure = Figure(figsize=(width, height), layout="constrained", dpi=_DPI)
+    figure = Figure(figsize=(width, height), layout="constrained", dpi=DPI)
     FigureCanvasAgg(figure)
     return figure
 
@@ -65,10 +77,86 @@ def quantity(what: str, unit: str) -> str:
     return f"{what}\n/ {f'({unit})' if '/' in unit else unit}"
 
 
+def thinned(x: Floats, y: Floats) -> tuple[Floats, Floats]:
+    """Return a line of at most about `POINTS`: the lowest and the highest of equally many each.
+
+    Peaks stay, however long the line is, and so do gaps (NaN).
+    """
+    size = -(-2 * len(x) // POINTS)
+    if size <= 2:
+        return x, y
+    groups = y[: len(y) // size * size].reshape(-1, size)
+    is_gap = np.isnan(groups)
+    lowest = np.where(is_gap, np.inf, groups).argmin(axis=1)
+    ends = np.stack([lowest, np.where(is_gap, -np.inf, groups).argmax(axis=1)], axis=1)
+    kept = np.sort(ends, axis=1) + size * np.arange(len(groups))[:, None]
+    at = np.r_[0, kept.ravel(), len(y) - 1]
+    return x[at], y[at]
+
+
+def draw_line(axes: Axes, x: Floats, y: Floats, **style: Any) -> None:
+    """Draw a line of any length, `thinned`; `style` as for matplotlib."""
+    axes.plot(*thinned(x, y), **style)
+
+
+def draw_track(axes: Axes, east: Floats, north: Floats, begin: str, end: str) -> None:
+    """Draw a way seen from above, its begin and its end marked and named."""
+    every = slice(None, None, max(1, len(east) // (4 * POINTS)))
+    axes.plot(east[every], north[every], **EAST)
+    axes.plot(east[:1], north[:1], "o", color="black", markersize=6, label=begin)
+    hollow: LineStyle = {"markerfacecolor": "white", "markeredgecolor": "black", "markersize": 7}
+    axes.plot(east[-1:], north[-1:], "s", label=end, **hollow)
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.grid(True, color=_GRID, linewidth=0.6)
+    axes.legend(loc="best", frameon=False, fontsize="small")
+
+
+def legend_above(axes: Axes, columns: int = 2, room: float = 0.2) -> None:
+    """Put a legend where no curve is: above them all, in so much more of the panel."""
+    axes.legend(loc="upper left", frameon=False, ncols=columns, fontsize="small")
+    low, high = axes.get_ylim()
+    axes.set_ylim(low, high + room * (high - low))
+
+
+def strips(axes: Axes, names: Sequence[str], limit: float) -> list[float]:
+    """Divide a panel into strips, one below the other, each from -`limit` to `limit`.
+
+    Returns their middles. Lines that would cover each other are told apart so, by name.
+    """
+    steps = np.array(MaxNLocator(nbins=4, steps=[1, 2, 5, 10]).tick_values(0, limit))
+    step = float(steps[steps <= 0.75 * limit].max())
+    middles = [-2 * limit * row for row in range(len(names))]
+    ticks: dict[float, str] = {}
+    for middle, name in zip(middles, names, strict=True):
+        ticks |= {middle + step: f"{step:g}", middle: f"{name}    0", middle - step: f"−{step:g}"}
+        axes.axhline(middle, color="0.5", linewidth=0.6, zorder=0)
+        axes.axhline(middle - limit, color="0.5", linewidth=0.6)
+    axes.set_yticks(list(ticks), list(ticks.values()), fontsize="small")
+    axes.set_ylim(middles[-1] - limit, limit)
+    return middles
+
+
+def time_axis(axes: Axes, since: str = SINCE_NAVIGATION) -> None:
+    """Label the axis of times in s, when all is drawn: in hours, if they are many."""
+    low, high = axes.get_xlim()
+    if high - low <= _HOURS_FROM_S:
+        axes.set_xlabel(f"{since} / s")
+        return
+    ticks = MaxNLocator(steps=[1, 2, 5, 10]).tick_values(low / 3600, high / 3600)
+    axes.xaxis.set_major_locator(MultipleLocator(3600 * float(ticks[1] - ticks[0])))
+    axes.xaxis.set_major_formatter(FuncFormatter(lambda time_s, _: f"{time_s / 3600:g}"))
+    axes.set_xlabel(f"{since} / h")
+
+
 def finish(axes: Axes, ylabel: str, zero_line: bool = False) -> None:
-    """Give a panel its label and grid, and a line at zero if wanted."""
+    """Give a panel its label and grid, and a line at zero if wanted; call it after its scales."""
     axes.set_ylabel(ylabel)
-    axes.grid(True, color="0.88", linewidth=0.6)
+    for axis in (axes.xaxis, axes.yaxis):
+        if axis.get_scale() != "linear":
+            axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+            axis.set_minor_formatter(NullFormatter())
+    axes.grid(True, color=_GRID, linewidth=0.6)
+    axes.set_axisbelow(True)
     axes.margins(x=0)
     if zero_line:
         axes.axhline(0.0, color="0.5", linewidth=0.6, zorder=0)

@@ -14,32 +14,28 @@ from rrins.host_tools.drawing.style import (
     EAST,
     LINES,
     NORTH,
-    SINCE_NAVIGATION,
+    POINTS,
+    draw_line,
     finish,
+    legend_above,
     new_figure,
     quantity,
+    time_axis,
 )
 from rrins.host_tools.experiments.sections import Distribution
+from rrins.host_tools.rounding import rounded
 from rrins.host_tools.runs.results.plots import scale_of
 from rrins.host_tools.runs.results.results import Errors
-
-_POINTS = 2000
-
-
-def _thin(errors: Errors) -> slice:
-    return slice(None, None, max(1, len(errors) // _POINTS))
 
 
 def _panel(axes: Axes, time_s: Floats, pairs: tuple[Floats, Floats], label: str, unit: str) -> None:
     factor, prefix = scale_of(*pairs)
     for values, style, name in zip(pairs, (EAST, NORTH), ("east", "north"), strict=True):
         largest = float(np.max(np.abs(values))) * factor
-        text = f"{name} (largest {largest:.3g} {prefix}{unit})"
-        axes.plot(time_s, values * factor, label=text, **style)
+        text = f"{name} (largest {rounded(largest)} {prefix}{unit})"
+        draw_line(axes, time_s, values * factor, label=text, **style)
     finish(axes, quantity(label, f"{prefix}{unit}"), zero_line=True)
-    axes.legend(loc="upper left", frameon=False, ncols=2, fontsize="x-small")
-    low, high = axes.get_ylim()
-    axes.set_ylim(low, high + 0.2 * (high - low))
+    legend_above(axes)
 
 
 def draw_pair(left: tuple[Errors, str], right: tuple[Errors, str]) -> Figure:
@@ -47,14 +43,12 @@ def draw_pair(left: tuple[Errors, str], right: tuple[Errors, str]) -> Figure:
     figure = new_figure(10.0, 5.0)
     panels = figure.subplots(2, 2, sharex="col")
     for column, (errors, title) in enumerate((left, right)):
-        thin = _thin(errors)
-        velocity = (errors.velocity_east_mps[thin], errors.velocity_north_mps[thin])
-        position = (errors.position_east_m[thin], errors.position_north_m[thin])
-        time_s = errors.time_s[thin]
-        _panel(panels[0, column], time_s, velocity, "velocity error", "m/s")
-        _panel(panels[1, column], time_s, position, "position error", "m")
+        velocity = (errors.velocity_east_mps, errors.velocity_north_mps)
+        position = (errors.position_east_m, errors.position_north_m)
+        _panel(panels[0, column], errors.time_s, velocity, "velocity error", "m/s")
+        _panel(panels[1, column], errors.time_s, position, "position error", "m")
         panels[0, column].set_title(title, fontsize="medium")
-        panels[1, column].set_xlabel(SINCE_NAVIGATION)
+        time_axis(panels[1, column])
     figure.align_ylabels()
     return figure
 
@@ -110,13 +104,13 @@ def draw_track(true_east_m: Floats, true_north_m: Floats, tracks: Mapping[str, E
     way, over_time = figure.subplots(1, 2)
     way.plot(true_east_m / 1e3, true_north_m / 1e3, color="0.55", linewidth=2.5, label="truth")
     for (name, errors), style in zip(tracks.items(), (NORTH, EAST), strict=False):
-        thin = _thin(errors)
+        thin = slice(None, None, max(1, len(errors) // (4 * POINTS)))
         east = true_east_m + errors.position_east_m
         north = true_north_m + errors.position_north_m
         way.plot(east[thin] / 1e3, north[thin] / 1e3, label=name, **style)
         distance = np.hypot(errors.position_east_m, errors.position_north_m)
-        label = f"{name}, {distance[-1]:.3g} m at the end"
-        over_time.plot(errors.time_s[thin], distance[thin], label=label, **style)
+        label = f"{name}, {rounded(distance[-1])} m at the end"
+        draw_line(over_time, errors.time_s, distance, label=label, **style)
     way.plot(true_east_m[:1] / 1e3, true_north_m[:1] / 1e3, "o", color="black", label="start")
     way.set_aspect("equal", adjustable="datalim")
     way.set_xlabel("east / km")
@@ -126,6 +120,6 @@ def draw_track(true_east_m: Floats, true_north_m: Floats, tracks: Mapping[str, E
     way.set_title("track", fontsize="medium")
     over_time.set_title("distance from the truth", fontsize="medium")
     finish(over_time, "horizontal position error / m", zero_line=True)
-    over_time.set_xlabel(SINCE_NAVIGATION)
+    time_axis(over_time)
     over_time.legend(frameon=False, fontsize="small", loc="upper left")
     return figure

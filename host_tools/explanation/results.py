@@ -6,7 +6,7 @@ import csv
 from pathlib import Path
 from typing import IO
 
-from rrins.host_tools.drawing.page import png_of, write_png
+from rrins.host_tools.drawing.saving import write_pictures
 from rrins.host_tools.explanation.explain import Explanation
 from rrins.host_tools.explanation.picture import draw
 from rrins.host_tools.explanation.reruns import QUANTITIES
@@ -22,7 +22,7 @@ def write(found: Explanation, folder: Path, title: str, of: str) -> list[Path]:
         When they cannot be written.
     """
     make_folder(folder)
-    paths = [folder / "explain.csv", folder / "explain.png"]
+    path = folder / "explain.csv"
 
     def write_rows(file: IO[str]) -> None:
         writer = csv.writer(file)
@@ -39,6 +39,5 @@ def write(found: Explanation, folder: Path, title: str, of: str) -> list[Path]:
         ):
             writer.writerow([name, "", *(f"{value:.6g}" for value in values)])
 
-    write_whole(paths[0], write_rows)
-    write_png(paths[1], png_of(draw(found, title, of)))
-    return paths
+    write_whole(path, write_rows)
+    return [path, *write_pictures(folder, {"explain": draw(found, title, of)})]

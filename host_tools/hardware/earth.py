@@ -17,6 +17,8 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from rrins.compiled.compilation import compiled
+
 ROTATION_RATE = 7.292115e-5  # rad/s
 EQUATORIAL_RADIUS = 6378137.0  # m
 POLAR_RADIUS = 6356752.3142451795  # m
@@ -40,9 +42,12 @@ def curvature_radii(latitude: _Real) -> tuple[_Real, _Real]:
     return (a * b) ** 2 / norm**3, a * a / norm
 
 
+@compiled
 def metres_per_rad(latitude: float, height: float) -> tuple[float, float]:
     """Return the way north and the way east, m, of a rad of latitude and of longitude."""
-    meridian, prime_vertical = curvature_radii(latitude)
+    a, b = EQUATORIAL_RADIUS, POLAR_RADIUS
+    norm = math.hypot(a * math.cos(latitude), b * math.sin(latitude))
+    meridian, prime_vertical = (a * b) ** 2 / norm**3, a * a / norm
     return meridian + height, (prime_vertical + height) * math.cos(latitude)
 
 

@@ -2,7 +2,9 @@
 
 With the lever arm l from the reference point to the antenna in the body frame, these are
 ``p + C_b_n l`` and ``v + C_b_n (ω_ib^b x l) - ω_ie^n x C_b_n l`` (Groves, *Principles of GNSS,
-Inertial, and Multisensor Integrated Navigation Systems*, 2nd ed., 2013, (2.165), (2.166)).
+Inertial, and Multisensor Integrated Navigation Systems*, 2nd ed., 2013, (2.165), (2.166)). The
+receiver knows the antenna's own local frame, which is turned against that of the reference point:
+by l_east tan φ / R about the vertical, which matters at high latitudes.
 
 A fix is measured at the end of an epoch and sent, as a group of five frames, some epochs later:
 it carries its time of validity on SYNC's clock, and the standard deviations of its errors: white
@@ -89,9 +91,19 @@ def _place_antenna(plant: Plant, pieces: Floats) -> None:
     _turn(truth, moving)
     north = earth.ROTATION_RATE * math.cos(truth.latitude)
     up = earth.ROTATION_RATE * math.sin(truth.latitude)
-    moving[0] -= north * arm[2] - up * arm[1]
-    moving[1] -= up * arm[0]
-    moving[2] += north * arm[0]
+    east_m_s, north_m_s, up_m_s = (
+        truth.velocity_n[0] + moving[0] - north * arm[2] + up * arm[1],
+        truth.velocity_n[1] + moving[1] - up * arm[0],
+        truth.velocity_n[2] + moving[2] + north * arm[0],
+    )
+    # From the reference point's local frame to the antenna's.
+    north_m, east_m = earth.metres_per_rad(truth.latitude, truth.height)
+    about_east = -arm[1] / north_m
+    about_north = arm[0] * math.cos(truth.latitude) / east_m
+    about_up = arm[0] * math.sin(truth.latitude) / east_m
+    moving[0] = east_m_s - about_north * up_m_s + about_up * north_m_s - truth.velocity_n[0]
+    moving[1] = north_m_s - about_up * east_m_s + about_east * up_m_s - truth.velocity_n[1]
+    moving[2] = up_m_s - about_east * north_m_s + about_north * east_m_s - truth.velocity_n[2]
 
 
 @compiled
@@ -121,8 +133,9 @@ def measure(plant: Plant, pieces: Floats, contract: Contract) -> None:
         _place_antenna(plant, pieces)
         arm = gnss.antenna_n
         east, north, up = east + arm[0], north + arm[1], up + arm[2]
-    latitude = math.degrees(truth.latitude + north / gnss.north_m_per_rad) * share
-    longitude = math.degrees(truth.longitude + east / gnss.east_m_per_rad) * share
+    north_m, east_m = earth.metres_per_rad(truth.latitude, truth.height)
+    latitude = math.degrees(truth.latitude + north / north_m) * share
+    longitude = math.degrees(truth.longitude + east / east_m) * share
     message = contract.gnss_latitude
     gnss.word[_LATITUDE] = encode(np.uint64(0), message.latitude_deg, latitude)
     beside = contract.gnss_longitude

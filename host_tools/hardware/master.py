@@ -17,6 +17,7 @@ from rrins.dbc.codec import encode, encode_wrapped, pack, unwrapped
 from rrins.dbc.contract import Contract
 from rrins.dbc.e2e import fill
 from rrins.dbc.frame import FrameArray
+from rrins.host_tools.hardware import earth
 from rrins.host_tools.hardware.memory import MasterState, Plant
 
 _TIME, _LEVEL, _HEADING, _LATITUDE, _LONGITUDE, _HEIGHT, _VELOCITY, _SIGMA = range(8)
@@ -83,8 +84,9 @@ def _write_attitude(plant: Plant, contract: Contract) -> None:
 def _write_position(plant: Plant, contract: Contract) -> None:
     master, truth, off = plant.master, plant.truth, plant.master.position_error
     latitude, longitude = contract.master_latitude, contract.master_longitude
-    latitude_deg = math.degrees(truth.latitude + off[1] / master.north_m_per_rad)
-    longitude_deg = math.degrees(truth.longitude + off[0] / master.east_m_per_rad)
+    north_m, east_m = earth.metres_per_rad(truth.latitude, truth.height)
+    latitude_deg = math.degrees(truth.latitude + off[1] / north_m)
+    longitude_deg = math.degrees(truth.longitude + off[0] / east_m)
     longitude_deg = unwrapped(longitude_deg, 0.0, 360.0)
     master.word[_LATITUDE] = encode(np.uint64(0), latitude.latitude_deg, latitude_deg)
     master.word[_LONGITUDE] = encode(np.uint64(0), longitude.longitude_deg, longitude_deg)

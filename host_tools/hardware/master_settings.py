@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from rrins.host_tools.hardware import earth
 from rrins.host_tools.hardware.memory import OUTAGE_CAPACITY, MasterState
 from rrins.host_tools.hardware.units import fill
 
@@ -26,17 +25,14 @@ class MasterSettings:
     outages: tuple[tuple[int, int], ...] = ()
 
 
-def fill_master(
-    master: MasterState, settings: MasterSettings | None, latitude: float, height: float
-) -> None:
-    """Fill in the master unit of a plant at a latitude (rad) and a height (m); None: no master."""
+def fill_master(master: MasterState, settings: MasterSettings | None) -> None:
+    """Fill in the master unit of a plant; None: no master."""
     if settings is None:
         return
     assert 0 <= settings.latency_epochs < settings.interval_epochs
     assert len(settings.outages) <= OUTAGE_CAPACITY
     master.present = True
     fill(master, vars(settings))
-    master.north_m_per_rad, master.east_m_per_rad = earth.metres_per_rad(latitude, height)
     master.level_sigma_arcsec = math.degrees(settings.level_sigma) * 3600
     master.heading_sigma_arcsec = math.degrees(settings.heading_sigma) * 3600
     master.outage_count = len(settings.outages)

@@ -248,8 +248,6 @@ class GnssState(Record):
     latency_epochs: I8  #: from validity to the frames, less than the interval
     position_noise: F8  #: m, standard deviation of each component
     velocity_noise: F8  #: m/s, the same
-    north_m_per_rad: F8  #: of latitude, for the noise
-    east_m_per_rad: F8  #: of longitude
     position_sigma: F8  #: m, of all errors, as the receiver tells it
     velocity_sigma: F8  #: m/s, of each component, as it tells it
     position_correlated_noise: F8  #: m, standard deviation of the errors that last
@@ -281,8 +279,6 @@ class MasterState(Record):
     present: Bool  #: whether there is one
     interval_epochs: I8  #: between transfers
     latency_epochs: I8  #: from validity to the frames, less than the interval
-    north_m_per_rad: F8  #: of latitude, for the error
-    east_m_per_rad: F8  #: of longitude
     attitude_error: Annotated[Floats, 3]  #: rad, of roll, pitch, heading
     velocity_error: Annotated[Floats, 3]  #: m/s, east, north, up
     position_error: Annotated[Floats, 3]  #: m, east, north, up
@@ -371,4 +367,5 @@ class Plant(Record):
     readmissions: ReadmissionOrders
     standing: StandingTimes
     counters: FrameCounters
+    commanded_until: I8  #: epoch up to which errors of commands' counters count
     heartbeats: I8  #: sent so far, for their counter

@@ -223,9 +223,6 @@ def _fill_gnss(gnss: GnssState, settings: Settings, seed: np.random.SeedSequence
     if table is None:
         return
     _fill_aid(gnss, table, rate_hz, seed)
-    gnss.north_m_per_rad, gnss.east_m_per_rad = earth.metres_per_rad(
-        math.radians(settings.latitude_deg), settings.height_m
-    )
     gnss.position_sigma = math.hypot(table.position_noise_m, table.position_correlated_noise_m)
     gnss.velocity_sigma = table.velocity_noise_mps
     correlation_epochs = table.position_correlation_s * rate_hz
@@ -306,7 +303,7 @@ def power_on(settings: Settings) -> Records[Plant]:
     _fill_axis(plant.axis[OUTER], settings.turntable.outer, dt)
     _fill_surroundings(plant, settings, altimeter_seed)
     _fill_gnss(plant.gnss, settings, gnss_seed)
-    fill_master(plant.master, settings.master, latitude, settings.height_m)
+    fill_master(plant.master, settings.master)
     _fill_odometer(plant.odometer, settings, odometer_seed)
     plant.drift_epochs = max(1, round(DRIFT_S * settings.rate_hz))
     truth = plant.truth

@@ -38,21 +38,27 @@ COMMAND_DELAY = 2
 a run in real time still equals one in lockstep."""
 
 _NS_PER_MS = 1_000_000
+_NS_PER_S = 1_000_000_000
 
 
 @compiled
 def _receive_command(
     plant: Plant, message: MessageSignals, axis: TurntableAxis, frame: Frame
 ) -> None:
-    """Store an axis command if it is valid and its epoch's commands have not taken effect yet."""
+    """Store an axis command if it is valid and its epoch's commands have not taken effect yet.
+
+    Before its first SYNC a firmware does not know the epoch: what it sends before its first sound
+    command, or a second after the last one, does not count.
+    """
     if not crc_holds(frame, message.message):
         plant.counters.crc_errors += 1
         return
     age = (plant.epoch - counter_of(frame["data"])) % COUNTER_MODULUS
     slot = axis.waiting[(plant.epoch - age) % 2]
     if not 1 <= age <= COMMAND_DELAY or slot.valid:
-        plant.counters.counter_errors += 1
+        plant.counters.counter_errors += plant.epoch < plant.commanded_until
         return
+    plant.commanded_until = plant.epoch + _NS_PER_S // plant.period_ns
     keep_command(slot, axis, message, frame["data"])
 
 

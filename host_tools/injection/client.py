@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import random
 import time
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Unpack
 
 import can
 
@@ -23,7 +25,11 @@ from rrins.host_tools.injection.fault_report import (
     fault_words,
 )
 from rrins.host_tools.injection.messages import LiveFault, fault_commands, plain_command
-from rrins.host_tools.scenario.fault_tables import FaultOnWire
+from rrins.host_tools.scenario.fault_tables import FaultOfHardware, FaultOnWire
+from rrins.host_tools.scenario.scenario import fault_of
+
+if TYPE_CHECKING:
+    from rrins.host_tools.scenario.typed_keys import FaultKeys, FaultKind
 
 PATIENCE_S = 5.0
 """Longest wait for an answer, in wall clock time."""
@@ -68,14 +74,26 @@ class FaultClient(Closing):
         """Leave the bus."""
         self._bus.shutdown()
 
-    def inject(self, fault: LiveFault) -> tuple[ActiveFault, FaultReport]:
+    def inject(
+        self, fault: FaultKind | Mapping[str, object] | LiveFault, **keys: Unpack[FaultKeys]
+    ) -> tuple[ActiveFault, FaultReport]:
         """Inject a fault; return it as it became active, and a report of all active faults.
+
+        Parameters
+        ----------
+        fault : str, mapping or LiveFault
+            Its kind, such as ``"gyro_bias"``, or the keys of a scenario's `[[faults]]`.
+        **keys
+            Keys of its kind: ``sensor=3``, ``bias_dph=20``, ``for_s=60``.
 
         Raises
         ------
+        ScenarioError
+            If a key is wrong.
         InjectionError
             If nobody answers, or the fault is refused.
         """
+        fault = _fault(fault, keys)
         counter = self._next_counter(2)
         report = self._ask(fault, fault_commands(FaultAction.INJECT, fault, counter))
         wanted = fault_keys(fault)
@@ -84,14 +102,24 @@ class FaultClient(Closing):
             raise InjectionError(f"{fault.kind}: accepted, but not among the active faults")
         return max(found, key=lambda active: active.first_epoch), report
 
-    def remove(self, fault: LiveFault) -> FaultReport:
+    def remove(
+        self, fault: FaultKind | Mapping[str, object] | LiveFault, **keys: Unpack[FaultKeys]
+    ) -> FaultReport:
         """Remove a fault; return a report of the remaining ones.
+
+        Parameters
+        ----------
+        fault, **keys
+            As of `inject`; the kind and where it acts decide.
 
         Raises
         ------
+        ScenarioError
+            If a key is wrong.
         InjectionError
             If nobody answers, or there is no such fault.
         """
+        fault = _fault(fault, keys)
         return self._ask(fault, fault_commands(FaultAction.REMOVE, fault, self._next_counter()))
 
     def clear(self) -> FaultReport:
@@ -178,6 +206,19 @@ class FaultClient(Closing):
                 )
             answers[answer.place] = answer
         return answers
+
+
+def _fault(
+    fault: FaultKind | Mapping[str, object] | LiveFault, keys: Mapping[str, object]
+) -> LiveFault:
+    """Return the fault that is meant; it begins at once."""
+    if isinstance(fault, FaultOnWire | FaultOfHardware):
+        values = fault.model_dump(exclude_unset=True)
+    else:
+        values = {"kind": fault} if isinstance(fault, str) else dict(fault)
+    if values.get("at_s"):
+        raise InjectionError(f"at_s: {values['at_s']}, but a live fault begins at once")
+    return fault_of({**values, **keys})
 
 
 class _RefusedError(InjectionError):

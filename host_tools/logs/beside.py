@@ -15,21 +15,22 @@ from rich.table import Table
 
 from rrins.compiled.record import Floats, Records
 from rrins.firmware_py.core.records.memory import NavigationOutput
+from rrins.host_tools.drawing.saving import write_pictures
 from rrins.host_tools.drawing.style import (
     LINES,
-    SINCE_NAVIGATION,
+    draw_line,
     finish,
     give_title,
     new_figure,
     quantity,
+    time_axis,
 )
 from rrins.host_tools.errors import ScenarioError
 from rrins.host_tools.files import JsonObject
-from rrins.host_tools.logs.pictures import save
+from rrins.host_tools.rounding import rounded
 from rrins.host_tools.runs.results.results import Errors, east_north_m
 from rrins.host_tools.scenario.scenario import Scenario
 
-_POINTS = 4000
 _WIDE = 30.0
 """Largest over smallest line from which a scale is logarithmic."""
 
@@ -105,7 +106,8 @@ def table_of(navigated: Sequence[Navigated]) -> Table:
         if len(level):
             figures = (_rms(level), float(np.max(level)), float(level[-1]), _rms(height))
             cells = [_metres(figure) for figure in figures]
-        table.add_row(one.label, *cells, str(one.summary["navigation_sha256"])[:12] + "…")
+        sha256 = one.summary["navigation_sha256"]
+        table.add_row(one.label, *cells, "-" if sha256 is None else f"{sha256[:12]}…")
     return table
 
 
@@ -135,7 +137,7 @@ def _rms(values: Floats) -> float:
 
 
 def _metres(value: float) -> str:
-    return f"{value / 1000:.3g} km" if value >= 1000 else f"{value:.3g} m"
+    return f"{rounded(value / 1000)} km" if value >= 1000 else f"{rounded(value)} m"
 
 
 def _lines_of(one: Navigated, first: Navigated) -> tuple[Floats, Floats, Floats]:
@@ -172,18 +174,18 @@ def draw(navigated: Sequence[Navigated], title: str) -> Figure:
     largest = []
     for k, one in enumerate(navigated):
         time_s, level, height = _lines_of(one, first)
-        every = slice(None, None, max(1, len(time_s) // _POINTS))
         style = LINES[k % len(LINES)]
-        rows[0].plot(time_s[every], level[every], label=one.label, **style)
-        rows[1].plot(time_s[every], height[every], **style)
-        rows[2].plot(time_s[every], _headings(one, first)[every], **style)
+        draw_line(rows[0], time_s, level, label=one.label, **style)
+        draw_line(rows[1], time_s, height, **style)
+        draw_line(rows[2], time_s, _headings(one, first), **style)
         if len(level) and level.max() > 0:
             largest.append(float(level.max()))
     if largest and max(largest) > _WIDE * min(largest):
         rows[0].set_yscale("log")
         rows[0].set_ylim(bottom=max(_LEAST, min(largest) / 100))
         threshold = 10.0 ** math.ceil(math.log10(max(_LEAST, min(largest))))
-        rows[1].set_yscale("symlog", linthresh=threshold, linscale=2.0)
+        if max(map(abs, rows[1].dataLim.intervaly)) > 10 * threshold:
+            rows[1].set_yscale("symlog", linthresh=threshold, linscale=2.0)
     for axes, label, unit in zip(
         rows, ("level position", "height", "heading"), ("m", "m", "°"), strict=True
     ):
@@ -191,7 +193,7 @@ def draw(navigated: Sequence[Navigated], title: str) -> Figure:
     rows[0].legend(
         loc="lower left", bbox_to_anchor=(0, 1), ncols=2, frameon=False, fontsize="small"
     )
-    rows[2].set_xlabel(SINCE_NAVIGATION)
+    time_axis(rows[2])
     figure.align_ylabels()
     return figure
 
@@ -209,6 +211,5 @@ def _headings(one: Navigated, first: Navigated) -> Floats:
 
 def write_picture(navigated: Sequence[Navigated], folder: Path, title: str) -> Path:
     """Write the picture into a folder; return its path."""
-    path = folder / "beside.png"
-    save(draw(navigated, title), path)
+    (path,) = write_pictures(folder, {"beside": draw(navigated, title)})
     return path

@@ -6,7 +6,6 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -17,15 +16,15 @@ from rrins.compiled.record import Floats, Records
 from rrins.firmware_py.core.records.memory import NavigationOutput
 from rrins.host_tools.drawing.style import (
     LINES,
-    SINCE_NAVIGATION,
+    draw_line,
     finish,
     give_title,
     new_figure,
     quantity,
+    time_axis,
 )
 from rrins.host_tools.logs.series import Contents, Series
 from rrins.host_tools.logs.signals import Numbers
-from rrins.host_tools.recording.errors import RecordError
 from rrins.host_tools.recording.mf4 import is_simulated
 from rrins.host_tools.runs.results.results import east_north_m
 
@@ -188,16 +187,16 @@ def draw_series(series: Sequence[Series], contents: Contents, title: str) -> Fig
             _draw_named(panel_axes, panel[0])
         else:
             _draw_numbers(panel_axes, panel)
-    axes[-1].set_xlabel(_time_label(contents))
+    time_axis(axes[-1], _since(contents))
     return figure
 
 
-def _time_label(contents: Contents) -> str:
+def _since(contents: Contents) -> str:
     if is_simulated(contents.first_s):
         begun = "" if contents.first_s == 0 else f", at {contents.first_s:g} s"
-        return f"time since the log's first frame{begun} / s"
+        return f"time since the log's first frame{begun}"
     begun_at = datetime.fromtimestamp(contents.first_s, tz=UTC)
-    return f"time since {begun_at:%Y-%m-%d %H:%M:%S} UTC / s"
+    return f"time since {begun_at:%Y-%m-%d %H:%M:%S} UTC"
 
 
 def draw_navigation(navigation: Records[NavigationOutput], rate_hz: int, title: str) -> Figure:
@@ -239,29 +238,11 @@ def draw_navigation(navigation: Records[NavigationOutput], rate_hz: int, title: 
     for panel_axes, (what, unit, lines) in zip(axes, panels, strict=True):
         scale = _scale_of(unit, [(time_s, values) for _, values in lines])
         for style, (name, values) in zip(LINES, lines, strict=False):
-            panel_axes.plot(time_s, (values - scale.base) * scale.factor, label=name, **style)
+            shown = (values - scale.base) * scale.factor
+            draw_line(panel_axes, time_s, shown, label=name, **style)
         finish(panel_axes, quantity(what, scale.label))
         panel_axes.ticklabel_format(axis="y", style="plain", useOffset=False)
         _legend(panel_axes)
-    axes[-1].set_xlabel(SINCE_NAVIGATION)
+    time_axis(axes[-1])
     figure.align_ylabels()
     return figure
-
-
-def save(figure: Figure, path: Path) -> None:
-    """Write a plot atomically.
-
-    Raises
-    ------
-    RecordError
-        If the file cannot be written, or its suffix names no image format.
-    """
-    part = path.with_name(f".part-{path.name}")
-    try:
-        figure.savefig(part)
-        part.replace(path)
-    except (OSError, ValueError) as error:
-        why = error.strerror if isinstance(error, OSError) else " ".join(str(error).split())
-        raise RecordError(f"{path}: cannot be written: {why}") from error
-    finally:
-        part.unlink(missing_ok=True)

@@ -22,7 +22,7 @@ from rrins.host_tools.runs.results.outcome import Outcome
 from rrins.host_tools.runs.results.results import Errors, read_errors, write_summary
 from rrins.host_tools.runs.results.samples import NAVIGATION_SAMPLES, TRUTH_SAMPLES, read_samples
 from rrins.host_tools.runs.results.seconds_log import take_seconds
-from rrins.host_tools.runs.results.summary import summarise, table_of, write_results
+from rrins.host_tools.runs.results.summary import hash_words, summarise, table_of, write_results
 from rrins.host_tools.scenario.scenario import Scenario
 from rrins.host_tools.terminal import new_console, print_table
 
@@ -140,10 +140,11 @@ def _write_navigation(
 ) -> list[Path]:
     if len(navigation) < 2:
         return []
-    from rrins.host_tools.logs.pictures import draw_navigation, save
+    from rrins.host_tools.drawing.saving import write_pictures
+    from rrins.host_tools.logs.pictures import draw_navigation
 
-    picture, table = folder / "navigation.png", folder / "navigation.csv"
-    save(draw_navigation(navigation, rate_hz, title), picture)
+    table = folder / "navigation.csv"
+    pictures = write_pictures(folder, {"navigation": draw_navigation(navigation, rate_hz, title)})
     columns = [
         navigation["epoch"] / rate_hz,
         np.degrees(navigation["latitude"]),
@@ -163,7 +164,7 @@ def _write_navigation(
         writer.writerows(zip(navigation["epoch"].tolist(), *texts, strict=True))
 
     write_whole(table, write)
-    return [picture, table]
+    return [*pictures, table]
 
 
 _UNANSWERED_S = 0.1  # a recording may extend this far past the last step of a normal run
@@ -180,7 +181,7 @@ def print_replay(summary: JsonObject, paths: list[Path]) -> None:
         f"{summary['epochs_per_s']:.0f} epochs/s, "
         f"{summary['epochs_per_s'] / summary['rate_hz']:.0f} times real time",
         _how_it_ended(summary["firmware"]),
-        f"navigation sha256 {summary['navigation_sha256'][:16]}…"
+        hash_words(summary["firmware"])
         + _same_or_not(summary["navigation_sha256"], recording["navigation_sha256"]),
     ]
     if recording["rms_error"] is not None:

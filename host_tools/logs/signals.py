@@ -28,6 +28,8 @@ PROTECTION = ("crc", "alive_counter")
 _SUFFIXES = {
     "deg": "deg",
     "deg/s": "dps",
+    "deg/h": "dph",
+    "Hz": "hz",
     "rad": "rad",
     "m/s": "mps",
     "m": "m",
@@ -58,6 +60,7 @@ class SignalOfMessage:
     span: float  #: full range of its field
     is_whole: bool  #: whether its values are integers
     row: int  #: row in `Codec.signals`.
+    valid_row: int | None = None  #: of the signal without which this one means nothing
 
     @property
     def full_name(self) -> str:
@@ -84,16 +87,24 @@ class SignalOfMessage:
         return out
 
     def values(self, words: Words) -> Numbers:
-        """Return the values in payload words, integers as int64, others as float64."""
+        """Return the values in payload words, integers as int64, others as float64.
+
+        NaN where the message says that the value means nothing.
+        """
         if self.is_whole and self.scale == 1:
             return self.raw(words)
         out = np.zeros(len(words), dtype=np.float64)
         _decode_column(words, load().signals, self.row, out)
+        if self.valid_row is not None:
+            valid = np.zeros(len(words), dtype=np.int64)
+            _unpack_column(words, load().signals, self.valid_row, valid)
+            out[valid == 0] = np.nan
         return out.astype(np.int64) if self.is_whole else out
 
     def apart(self, ours: Words, theirs: Words) -> Numbers:
         """Return the difference of the values in payload words; angles the shorter way round."""
-        difference = np.abs(self.values(ours) - self.values(theirs))
+        one, other = self.values(ours), self.values(theirs)
+        difference = np.where(np.isnan(one) & np.isnan(other), 0.0, np.abs(one - other))
         if self.unit == "deg" and self.span % 360 == 0:
             return np.minimum(difference, self.span - difference)
         return difference
@@ -108,6 +119,8 @@ class SignalOfMessage:
         unit = f" {self.unit}" if self.unit else ""
         if self.is_whole:
             return f"{value}{unit}"
+        if math.isnan(value):
+            return "means nothing"
         digits = max(0, -math.floor(math.log10(self.scale)))
         return f"{value:.{digits}f}{unit}"
 
@@ -164,9 +177,14 @@ def signals_of(message: str) -> tuple[SignalOfMessage, ...]:
             float(signal.scale) * 2.0**signal.length,
             float(signal.scale).is_integer() and float(signal.offset).is_integer(),
             codec.signal_index(message, signal.name),
+            _row_of(message, codec.valid_if(message, signal.name)),
         )
         for signal in described.signals
     )
+
+
+def _row_of(message: str, signal: str | None) -> int | None:
+    return None if signal is None else load().signal_index(message, signal)
 
 
 def message_names() -> list[str]:
@@ -199,6 +217,12 @@ def did_you_mean(word: str, known: Iterable[str]) -> str:
     return f"; did you mean {' or '.join(near)}?" if near else ""
 
 
+def _names(signal: SignalOfMessage, is_full: bool) -> tuple[str, str]:
+    """Return a signal's name in the DBC and the one with its unit, behind its message if wanted."""
+    before = f"{signal.message}." if is_full else ""
+    return f"{before}{signal.name}", f"{before}{signal.column}"
+
+
 def find_signals(words: Sequence[str]) -> list[SignalOfMessage]:
     """Return the signals that words select.
 
@@ -219,17 +243,18 @@ def find_signals(words: Sequence[str]) -> list[SignalOfMessage]:
 
 def _matches(word: str) -> list[SignalOfMessage]:
     known = _all_signals()
-    if word in known:
-        return [known[word]]
+    by_column = {f"{one.message}.{one.column}": one for one in known.values()}
+    if word in known or word in by_column:
+        return [known.get(word) or by_column[word]]
     if any(letter in word for letter in "*?["):
         matching = [
             signal
-            for name, signal in known.items()
-            if fnmatchcase(name if "." in word else signal.name, word)
+            for signal in known.values()
+            if any(fnmatchcase(one, word) for one in _names(signal, "." in word))
             and (signal.name not in PROTECTION or word.endswith(signal.name))
         ]
     else:
-        matching = [signal for signal in known.values() if signal.name == word]
+        matching = [signal for signal in known.values() if word in (signal.name, signal.column)]
         if len(matching) > 1:
             names = [signal.full_name for signal in matching]
             shown = ", ".join(names[:4]) + (", …" if len(names) > 4 else "")

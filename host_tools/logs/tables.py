@@ -129,7 +129,7 @@ class _Table:
             elif field.type == pa.string():
                 arrays.append(_names(signal, frames["data"]))
             else:
-                arrays.append(pa.array(signal.values(frames["data"])))
+                arrays.append(pa.array(signal.values(frames["data"]), from_pandas=True))
         self._writer.write_table(pa.Table.from_arrays(arrays, schema=self._schema))
         self.rows += len(frames)
         self._pieces.clear()

@@ -17,6 +17,7 @@ READMISSION = "READMISSION_STATUS"
 
 _BAR = 40  # characters of a bar
 _FULL = 2.0  # parity over threshold at its end
+_REPORT_EVERY = 25  # frames of FIRMWARE_STATUS, ten a second: two reports and a half
 
 
 @dataclass(frozen=True)
@@ -30,7 +31,10 @@ class RedundancyVitals:
     window_s: int
     """Window of the parity."""
     alarm: bool
+    points_at: int | None
+    """The sensor that the parity points at most, however small it is."""
     suspect: int | None
+    """The same in an alarm; without one there is no suspect."""
     excluded: tuple[int, ...]
     isolated: int | None
     """Left out last."""
@@ -70,13 +74,14 @@ def redundancy_of(state: BusState, kind: str) -> RedundancyVitals | None:
     def number(signal: str) -> int:
         return int(state.value(name, signal) or 0)
 
-    ratio = state.signal(name, "parity_ratio")
+    ratio, points_at = state.signal(name, "parity_ratio"), number("suspect") or None
     return RedundancyVitals(
         parity_ratio=ratio.value or 0.0,
         largest_ratio=ratio.high or 0.0,
         window_s=1 << number("window_log2"),
         alarm=bool(number("alarm")),
-        suspect=number("suspect") or None,
+        points_at=points_at,
+        suspect=points_at if number("alarm") else None,
         excluded=tuple(k + 1 for k in range(16) if number("excluded") >> k & 1),
         isolated=number("isolated") or None,
         how=state.text(name, "how") if number("how") else None,
@@ -148,11 +153,9 @@ def _kind_words(found: RedundancyVitals) -> str:
     left_out = ", ".join(map(str, found.excluded)) or "none"
     words = f"left out {left_out}  redundancy left {'yes' if found.redundancy_left else 'NO'}"
     if found.redundancy_left:
-        suspect = NOTHING if found.suspect is None else str(found.suspect)
-        parity = f"parity/threshold {found.parity_ratio:.2f} in {found.window_s} s"
-        words = f"{parity}  suspect {suspect}  {words}"
+        words = f"parity/threshold {found.parity_ratio:.2f} in {found.window_s} s  {words}"
     if found.alarm:
-        words += "  ALARM"
+        words += f"  ALARM, suspect {found.suspect or NOTHING}"
     if found.drift:
         words += f"  calibration DRIFTED {extent_words(found.drift)}"
     if found.repairing:
@@ -181,7 +184,7 @@ def redundancy_page(state: BusState, level: int, width: int) -> str:
             plotted = plot(state, message, "parity_ratio", level, width)
             plots += ["", *plotted.plain.splitlines()]
     if len(lines) == 1:
-        lines.append("  The firmware does not report any: it compares no sensors.")
+        lines.append(f"  {_why_nothing(state)}")
     readmission = readmission_of(state)
     if readmission is not None:
         lines.append(f"READMISSION  {_readmission_words(readmission)}")
@@ -189,14 +192,25 @@ def redundancy_page(state: BusState, level: int, width: int) -> str:
     return "\n".join(clipped(line, width) for line in lines)
 
 
+def _why_nothing(state: BusState) -> str:
+    firmware = state.message("FIRMWARE_STATUS")
+    if firmware is None:
+        return "Nothing of the firmware was on the bus yet."
+    if firmware.count < _REPORT_EVERY:
+        return "No report yet: one comes each second where the firmware compares its sensors."
+    return "The firmware does not report any: it compares no sensors."
+
+
 def _details(found: RedundancyVitals) -> Iterator[str]:
     left_out = ", ".join(map(str, found.excluded)) or "none"
     if found.redundancy_left:
         yield f"  parity/threshold  {_bar(found.parity_ratio)} {found.parity_ratio:.2f}"
         yield f"  largest so far    {_bar(found.largest_ratio)} {found.largest_ratio:.2f}"
-        suspect = NOTHING if found.suspect is None else str(found.suspect)
         yield f"  window            {found.window_s} s"
-        yield f"  suspect           {suspect}{'  ALARM' if found.alarm else ''}"
+        if found.alarm:
+            yield f"  suspect           {found.suspect or NOTHING}  ALARM"
+        else:
+            yield "  suspect           none: all agree"
     last = f" (the last, {found.isolated}, {_how(found)})" if found.how else ""
     yield f"  left out          {left_out}{last}"
     left = "yes" if found.redundancy_left else "NO: a fault of another would not show"

@@ -32,7 +32,7 @@ SILENT_NS = 250_000_000
 """and for this bus time at least."""
 
 PROTECTION = ("crc", "alive_counter")
-"""Signals of the end-to-end protection, which every message has."""
+"""Signals of the end-to-end protection, which every message but the diagnostic ones has."""
 
 
 @dataclass(frozen=True)
@@ -98,6 +98,7 @@ class MessageState:
     recent_out_of_turn: int
     recent_crc_errors: int
     is_silent: bool  #: whether a regular message has stopped
+    send_type: str  #: when it is sent: Cyclic, IfActive or Event; empty for one not in the DBC
 
     @property
     def errors(self) -> int:
@@ -271,10 +272,12 @@ class BusState:
             return None
         identifier, is_extended, is_remote = identifier_of(entry.can_id)
         age_ns = self.times.now_ns - entry.last_ns
+        name = self._names[place] if entry.is_known else None
+        send_type = self._codec.send_type(name) if name is not None else ""
         is_silent = 0 < SILENT_PERIODS * entry.period_ns < age_ns and age_ns > SILENT_NS
         length = 0 if is_remote else entry.length
         return MessageState(
-            name=self._names[place] if entry.is_known else None,
+            name=name,
             identifier=identifier,
             is_extended=is_extended,
             is_remote=is_remote,
@@ -291,6 +294,7 @@ class BusState:
             recent_out_of_turn=entry.out_of_turn - before.out_of_turn,
             recent_crc_errors=entry.crc_errors - before.crc_errors,
             is_silent=is_silent,
+            send_type=send_type,
         )
 
     def message(self, name: str) -> MessageState | None:
@@ -299,7 +303,7 @@ class BusState:
 
     def has_values(self, name: str) -> bool:
         """Return whether a sound frame of a message of the DBC was on the bus."""
-        return name in self._by_name and self.value(name, "crc") is not None
+        return name in self._by_name and self.value(name, "alive_counter") is not None
 
     def description(self, message: MessageState) -> str:
         """Return sender and receivers of a message; the payload length if not in the DBC."""
@@ -319,6 +323,7 @@ class BusState:
     def signal(self, message: str, name: str) -> SignalState:
         """Return a signal of a message of the DBC."""
         row = self._tally["signals"][self._codec.signal_index(message, name)]
+        means_nothing = self._means_nothing(message, name)
         described = self._codec.database.get_message_by_name(message).get_signal_by_name(name)
         has_value = row["low"] <= row["high"]
         raw = int(row["raw"])
@@ -333,7 +338,7 @@ class BusState:
             unit=described.unit or "",
             comment=described.comment or "",
             decimals=decimals_of(float(row["signal"]["scale"])),
-            value=value,
+            value=None if means_nothing else value,
             low=low,
             high=high,
             text=choice,
@@ -342,9 +347,14 @@ class BusState:
     def value(self, message: str, signal: str) -> float | None:
         """Return the value of a signal; None before it was seen on the bus."""
         row = self._codec.signal_index(message, signal)
-        if self._low[row] > self._high[row]:
+        if self._low[row] > self._high[row] or self._means_nothing(message, signal):
             return None
         return _scaled(int(self._raw[row]), float(self._scale[row]), float(self._offset[row]))
+
+    def _means_nothing(self, message: str, signal: str) -> bool:
+        """Return whether the message says that a value means nothing now."""
+        flag = self._codec.valid_if(message, signal)
+        return flag is not None and self.value(message, flag) == 0
 
     def text(self, message: str, signal: str) -> str | None:
         """Return a signal's value by its name in the value table, or as a number."""

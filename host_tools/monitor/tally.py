@@ -9,7 +9,7 @@ Times are bus time, the timestamps of the bus in integer nanoseconds.
 
 from __future__ import annotations
 
-from typing import Annotated, cast
+from typing import TYPE_CHECKING, Annotated, cast
 
 import numpy as np
 
@@ -21,6 +21,9 @@ from rrins.dbc.e2e import COUNTER_MODULUS, MessageLayout, counter_of, crc_holds
 from rrins.dbc.frame import EFF_FLAG, ERR_FLAG, RTR_FLAG, Frame, FrameArray
 from rrins.host_tools.wire.bits import INTERMISSION_BITS, frame_bits
 from rrins.host_tools.wire.load import occupy
+
+if TYPE_CHECKING:
+    from cantools.database import Message
 
 ENTRIES = 512
 """Most identifiers that are tracked; frames of further ones are only counted."""
@@ -55,6 +58,9 @@ _BACK_NS = 1_000_000_000  # a bus clock that jumps back, or ahead, by more has b
 _AHEAD_NS = 3_600_000_000_000
 _PERIOD_SHARE = 1 / 16  # weight of a new interval in the learned period
 _SAME_EPOCH = 0.5  # periods: a frame this close to SYNC belongs to the epoch of SYNC
+_SETTLED = 8  # equal intervals in a row that are taken for the new one, though longer
+
+_NOT_FOLLOWED, _BY_TIME, _BY_ORDER, _BY_EPOCH = range(4)  # how losses show in a counter
 
 
 class TallyEntry(Record):
@@ -62,7 +68,8 @@ class TallyEntry(Record):
 
     message: MessageLayout
     is_known: U1  #: in the DBC; its messages come first, in its order
-    follows_epoch: U1  #: its counter is the epoch, like that of SYNC
+    counting: U1  #: how losses show in its counter
+    follows_sync: U1  #: its counter is that of the last SYNC
     length: U1
     can_id: U4  #: with the flags of SocketCAN
     data: U8  #: of the last frame
@@ -79,6 +86,9 @@ class TallyEntry(Record):
     counter: I8  #: last alive counter, -1 for none
     counter_ns: I8
     period_ns: F8  #: learned, 0 at first
+    interval: I8  #: epochs between two frames whose counter is the epoch: learned, 0 at first
+    last_step: I8
+    equal_steps: I8
     bin: Annotated[Integers, LEVELS]  #: number of the newest bin
 
 
@@ -89,6 +99,7 @@ class SignalTally(Record):
     raw: I8  #: of the last sound frame
     low: I8
     high: I8
+    changed_ns: I8  #: time of the frame since which it has this value
 
 
 class SignalHistory(Record):
@@ -174,12 +185,24 @@ def _list_messages(tally: Tally, codec: Codec) -> None:
         entry = tally["entries"][place]
         entry["message"] = codec.messages[row]
         entry["is_known"] = 1
+        entry["counting"] = _counting(codec, message)
         # Frames of other senders may legitimately arrive after the next SYNC.
-        is_of_sync = message.senders == sync.senders and message.cycle_time == sync.cycle_time
-        entry["follows_epoch"] = is_of_sync
+        entry["follows_sync"] = codec.counts_epochs(message.name) and (
+            message.senders == sync.senders
+        )
         entry["signals"] = len(message.signals)
         if message.signals:
             entry["first_signal"] = codec.signal_index(message.name, message.signals[0].name)
+
+
+def _counting(codec: Codec, message: Message) -> int:
+    """Return how losses show in the counter of a message."""
+    if not codec.is_protected(message.name) or "HOST" in message.senders:
+        return _NOT_FOLLOWED  # each tool has a counter of its own
+    every_epoch = codec.database.get_message_by_name("SYNC").cycle_time
+    if codec.counts_epochs(message.name) and message.cycle_time != every_epoch:
+        return _BY_EPOCH
+    return _BY_TIME if codec.send_type(message.name) == "Cyclic" else _BY_ORDER
 
 
 def reset_counts(tallies: Records[Tally]) -> None:
@@ -227,6 +250,7 @@ def _set_clock(tally: Tally, time_ns: int) -> None:
         entry.first_ns = time_ns
         entry.last_ns = time_ns
         entry.counter = _NONE
+        entry.interval = 0
         for level in range(LEVELS):
             entry.bin[level] = _NONE
     for row in range(len(tally.histories)):
@@ -241,21 +265,26 @@ def _set_clock(tally: Tally, time_ns: int) -> None:
 def _follow_counter(tally: Tally, entry: TallyEntry, time_ns: int) -> None:
     """Determine from the alive counter how many frames are missing since the previous one.
 
-    The counter gives the step modulo 15; the candidate closest to the elapsed time in periods is
-    chosen. A step of 0 or less means a repeated or late frame.
+    The counter gives the step modulo 15; the candidate closest to the elapsed time, in periods of
+    what is counted, is chosen. A step of 0 or less means a repeated or late frame.
     """
     counter = counter_of(entry["data"])
     if entry.counter == _NONE:
         entry.counter = counter
         entry.counter_ns = time_ns
         return
+    sync = tally.entries[tally.sync]
     gone_ns = time_ns - entry.counter_ns
-    expected = gone_ns / entry.period_ns if entry.period_ns > 0 else 1.0
+    period_ns = sync.period_ns if entry.counting == _BY_EPOCH else entry.period_ns
+    expected = gone_ns / period_ns if period_ns > 0 else 1.0
     step = (counter - entry.counter) % COUNTER_MODULUS
-    step += COUNTER_MODULUS * int(np.rint((expected - step) / COUNTER_MODULUS))
+    if entry.counting != _BY_ORDER:
+        step += COUNTER_MODULUS * int(np.rint((expected - step) / COUNTER_MODULUS))
     if step < 1 or counter >= COUNTER_MODULUS:
         entry.out_of_turn += 1
         return
+    if entry.counting == _BY_EPOCH:
+        step = _frames_gone(entry, step) if period_ns > 0 else 1
     entry.lost += step - 1
     entry.counter = counter
     entry.counter_ns = time_ns
@@ -264,11 +293,21 @@ def _follow_counter(tally: Tally, entry: TallyEntry, time_ns: int) -> None:
         if entry.period_ns > 0:
             period_ns = entry.period_ns + (period_ns - entry.period_ns) * _PERIOD_SHARE
         entry.period_ns = period_ns
-    sync = tally.entries[tally.sync]
-    if entry.follows_epoch and sync.counter != _NONE and sync.period_ns > 0:
+    if entry.follows_sync and sync.counter != _NONE and sync.period_ns > 0:
         is_of_epoch = abs(time_ns - sync.counter_ns) < _SAME_EPOCH * sync.period_ns
         if step == 1 and is_of_epoch and counter != sync.counter:
             entry.out_of_turn += 1
+
+
+@compiled
+def _frames_gone(entry: TallyEntry, epochs: int) -> int:
+    """Return how many frames ago the last one was, from the epochs since; learn the interval."""
+    entry.equal_steps = entry.equal_steps + 1 if epochs == entry.last_step else 0
+    entry.last_step = epochs
+    is_new = entry.interval == 0 or (entry.equal_steps > 0 and epochs < entry.interval)
+    if is_new or entry.equal_steps >= _SETTLED:
+        entry.interval = epochs
+    return max(1, int(np.rint(epochs / entry.interval)))
 
 
 @compiled
@@ -291,6 +330,8 @@ def _update_values(tally: Tally, entry: TallyEntry, time_ns: int) -> None:
     for row in range(entry.first_signal, entry.first_signal + entry.signals):
         signal = tally.signals[row]
         raw = unpack(entry["data"], signal.signal)
+        if raw != signal.raw or signal.changed_ns == 0:
+            signal.changed_ns = time_ns
         signal.raw = raw
         signal.low = min(signal.low, raw)
         signal.high = max(signal.high, raw)
@@ -329,7 +370,8 @@ def _count_frame(tally: Tally, frame: Frame, time_ns: int) -> None:
         entry.crc_errors += 1
         return
     entry.sound_count += 1
-    _follow_counter(tally, entry, time_ns)
+    if entry.counting != _NOT_FOLLOWED:
+        _follow_counter(tally, entry, time_ns)
     _update_values(tally, entry, time_ns)
 
 

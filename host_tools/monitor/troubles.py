@@ -14,24 +14,7 @@ from rrins.host_tools.wire.fault_kinds import FaultKind
 HIGH_LOAD = 0.8
 """Fraction of the bus time, or of the firmware's period, above which load is a trouble."""
 
-_EVENTS = (  # not periodic, so never silent
-    "MODE_COMMAND",
-    "READMISSION_COMMAND",
-    "ZERO_VELOCITY",
-    "FAULT_COMMAND",
-    "FAULT_STATUS",
-    "FAULT_ACTIVE",
-    "FAULT_TIMES",
-    "HARDWARE_FAULT_COMMAND",
-    "HARDWARE_FAULT_STATUS",
-    "HARDWARE_FAULT_ACTIVE",
-    "HARDWARE_FAULT_TIMES",
-    "HARDWARE_FAULT_CYCLE",
-    "TABLE_STATUS",
-    "BRIDGING",
-)
 _TABLE = "TABLE_STATUS"
-_NAVIGATION_PREFIX = "NAV_"  # sent in navigation only
 _SENSOR_PREFIX = "SENSOR_"
 _DIAGNOSIS = (0x7DF, *range(0x7E0, 0x7F0))  # ISO 15765-4, identifiers of diagnostic requests
 
@@ -89,6 +72,9 @@ def _encoder_troubles(state: BusState) -> Iterator[str]:
             yield f"the {name} encoder contradicts the gyros: {WITHOUT_ENCODER[source]}"
         if state.text(_TABLE, f"axis_{name}_abandoned") == "1":
             yield abandoned_words(name)
+    if state.text(_TABLE, "interrupted") == "1":
+        tries = int(state.value(_TABLE, "tries") or 0)
+        yield f"the rotation is interrupted: {tries} tries so far, another follows"
 
 
 def _sensor_troubles(state: BusState, vitals: Vitals) -> Iterator[str]:
@@ -107,9 +93,8 @@ def _silence_troubles(state: BusState, vitals: Vitals) -> Iterator[str]:
     firmware = vitals.firmware
     navigates = firmware is not None and firmware.mode.startswith("NAVIGATION")
     for message in state.messages:
-        if message.name is None or not message.is_silent or message.name in _EVENTS:
-            continue
-        if navigates or not message.name.startswith(_NAVIGATION_PREFIX):
+        is_due = message.send_type == "Cyclic" or (navigates and message.send_type == "IfActive")
+        if is_due and message.is_silent:
             yield f"{message.name} has been silent for {age_words(message.age_s)}"
 
 

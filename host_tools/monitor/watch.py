@@ -41,6 +41,7 @@ class Latest:
     busy_ns: int  #: for how long the wire was busy since the start
     #: shape (n,); in the units of the DBC; NaN for a signal that was not on the bus yet
     values: Floats
+    changed_ns: Integers  #: shape (n,); bus time of the frame since which each has its value
 
 
 class _Glance:
@@ -50,6 +51,14 @@ class _Glance:
         self._now, self._busy = tallies["now_ns"], tallies["load"]["busy_ns"]
         signals = tallies["signals"][0]
         self._raw, self._low, self._high = (signals[name] for name in ("raw", "low", "high"))
+        self._changed = signals["changed_ns"]
+        self._valid = np.full(len(codec.signals), -1)  # the row that says so; -1: always
+        for message in codec.database.messages:
+            for signal in message.signals:
+                flag = codec.valid_if(message.name, signal.name)
+                if flag is not None:
+                    row = codec.signal_index(message.name, signal.name)
+                    self._valid[row] = codec.signal_index(message.name, flag)
         self._scale = codec.signals["scale"].copy()
         self._offset = codec.signals["offset"].copy()
 
@@ -57,7 +66,9 @@ class _Glance:
         """Return the values of signals, by their rows in the codec's table."""
         values = self._raw[rows] * self._scale[rows] + self._offset[rows]
         values[self._low[rows] > self._high[rows]] = np.nan
-        return Latest(int(self._now[0]), heard_ns, int(self._busy[0]), values)
+        values[(self._valid[rows] >= 0) & (self._raw[self._valid[rows]] == 0)] = np.nan
+        changed_ns = self._changed[rows]
+        return Latest(int(self._now[0]), heard_ns, int(self._busy[0]), values, changed_ns)
 
 
 class Watch:

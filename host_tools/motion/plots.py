@@ -4,29 +4,33 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from rrins.compiled.record import Floats
-from rrins.host_tools.drawing.style import LINES, finish, give_title, new_figure, quantity
-from rrins.host_tools.motion.errors import MotionError
+from rrins.host_tools.drawing.style import (
+    LINES,
+    draw_line,
+    draw_track,
+    finish,
+    give_title,
+    legend_above,
+    new_figure,
+    quantity,
+    time_axis,
+)
 from rrins.host_tools.motion.local import Local
 from rrins.host_tools.motion.recording import Recording
 from rrins.host_tools.motion.smoothing import Smoothed
 from rrins.host_tools.motion.trajectory import ATTITUDE, PLACE, VELOCITY_N, Trajectory
+from rrins.host_tools.rounding import rounded
 
-_POINTS = 5000
-_SINCE_MOTION = "time since the motion began / s"
+_MOST_SAMPLES = 400_000
+_SAMPLES_HZ = 20
+_SINCE_MOTION = "time since the motion began"
 _PREFIXES = ((0.2, 1.0, ""), (2e-4, 1e3, "m"), (0.0, 1e6, "µ"))
-
-
-def _legend(axes: Axes, columns: int) -> None:
-    low, high = axes.get_ylim()
-    axes.set_ylim(low, high + 0.22 * (high - low))
-    axes.legend(loc="upper left", frameon=False, ncols=columns, fontsize="small")
 
 
 def _over_ground(state: Floats) -> Floats:
@@ -39,22 +43,9 @@ def _over_ground(state: Floats) -> Floats:
 def _track(axes: Axes, ground: Floats) -> None:
     factor, unit = (1e-3, "km") if np.ptp(ground[:, :2], axis=0).max() > 3000 else (1.0, "m")
     east, north = ground[:, 0] * factor, ground[:, 1] * factor
-    axes.plot(east, north, color=LINES[0]["color"], linewidth=1.0)
-    axes.plot(east[:1], north[:1], "o", color="black", markersize=6, label="begin")
-    axes.plot(
-        east[-1:],
-        north[-1:],
-        "s",
-        markerfacecolor="white",
-        markeredgecolor="black",
-        markersize=7,
-        label="end",
-    )
-    axes.set_aspect("equal", adjustable="datalim")
+    draw_track(axes, east, north, "begin", "end")
     axes.set_xlabel(f"east / {unit}")
     axes.set_ylabel(f"north / {unit}")
-    axes.grid(True, color="0.88", linewidth=0.6)
-    axes.legend(loc="best", frameon=False, fontsize="small")
 
 
 @dataclass(frozen=True)
@@ -68,10 +59,10 @@ class _Panel:
 
     def draw(self, axes: Axes, times: Floats, state: Floats) -> None:
         for name, column, style in zip(self.names, self.values(state).T, LINES, strict=False):
-            axes.plot(times, column, label=name, **style)
+            draw_line(axes, times, column, label=name, **style)
         finish(axes, quantity(self.what, self.unit))
         if len(self.names) > 1:
-            _legend(axes, len(self.names))
+            legend_above(axes, len(self.names))
 
 
 _AXES = ("east", "north", "up")
@@ -88,7 +79,7 @@ _SWAY = (_Panel("from calm water", "m", _over_ground, _AXES), *_ANGLES)
 
 
 def _sampled(trajectory: Trajectory, end_s: float) -> tuple[Floats, Floats]:
-    times = np.linspace(0.0, end_s, min(_POINTS, int(end_s * 20) + 2))
+    times = np.linspace(0.0, end_s, min(_MOST_SAMPLES, int(end_s * _SAMPLES_HZ) + 2))
     return times, trajectory.at(times)
 
 
@@ -99,7 +90,7 @@ def _draw_sway(trajectory: Trajectory, end_s: float, title: str) -> Figure:
     panels = figure.subplots(len(_SWAY), 1, sharex=True)
     for axes, panel in zip(panels, _SWAY, strict=True):
         panel.draw(axes, times, state)
-    panels[-1].set_xlabel(_SINCE_MOTION)
+    time_axis(panels[-1], _SINCE_MOTION)
     figure.align_ylabels()
     return figure
 
@@ -119,7 +110,7 @@ def draw_motion(trajectory: Trajectory, title: str) -> Figure:
         panel.draw(axes, times, state)
         axes.tick_params(labelbottom=k == 3)
     assert axes is not None
-    axes.set_xlabel(_SINCE_MOTION)
+    time_axis(axes, _SINCE_MOTION)
     return figure
 
 
@@ -131,7 +122,8 @@ def draw_check(recording: Recording, smoothed: Smoothed) -> Figure:
     give_title(figure, f"Motion recorded in {recording.path.name}, smoothed")
     grid = figure.add_gridspec(6, 2, width_ratios=(4, 6))
     _track(figure.add_subplot(grid[:, 0]), _over_ground(state))
-    panels = [figure.add_subplot(grid[k, 1]) for k in range(6)]
+    first = figure.add_subplot(grid[0, 1])
+    panels = [first, *(figure.add_subplot(grid[k, 1], sharex=first) for k in range(1, 6))]
     for axes, panel in zip(panels, _DRIVE, strict=False):
         panel.draw(axes, times, state)
     speed, position, velocity = panels[0], panels[4], panels[5]
@@ -143,11 +135,11 @@ def draw_check(recording: Recording, smoothed: Smoothed) -> Figure:
         factor, prefix = next((f, p) for above, f, p in _PREFIXES if largest >= above)
         for column, name, style in zip(values.T, _AXES, LINES, strict=False):
             rms = float(np.sqrt(np.mean(np.square(column)))) * factor if len(column) else 0.0
-            label = f"{name} (rms {rms:.2g} {prefix}{unit})"
+            label = f"{name} (rms {rounded(rms, 2)} {prefix}{unit})"
             thin = style | {"linewidth": 0.6}
-            axes.plot(residuals.time_s, column * factor, label=label, **thin)
+            draw_line(axes, residuals.time_s, column * factor, label=label, **thin)
         finish(axes, quantity(what, f"{prefix}{unit}"))
-        _legend(axes, 3)
+        legend_above(axes, 3)
     if not recording.has_velocity:
         velocity.text(
             0.5, 0.4, "no velocity in the file", ha="center", transform=velocity.transAxes
@@ -164,23 +156,6 @@ def draw_check(recording: Recording, smoothed: Smoothed) -> Figure:
         speed.plot(
             marks, np.full(len(marks), low), "k|", markersize=9, label="irregularity", clip_on=False
         )
-        _legend(speed, 1)
-    velocity.set_xlabel(_SINCE_MOTION)
+        legend_above(speed, 1)
+    time_axis(velocity, _SINCE_MOTION)
     return figure
-
-
-def save(figure: Figure, path: Path) -> None:
-    """Write a figure as PNG, atomically.
-
-    Raises
-    ------
-    MotionError
-        If it cannot be written.
-    """
-    part = path.with_name(f".{path.name}")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        figure.savefig(part, format="png")
-        part.replace(path)
-    except OSError as error:
-        raise MotionError(f"motion {path}: cannot be written: {error.strerror}") from error

@@ -10,7 +10,7 @@ import gzip
 import sqlite3
 from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import IO, BinaryIO, Protocol, cast
+from typing import IO, Any, BinaryIO, Protocol, cast
 
 import can
 from can.io.logger import MESSAGE_WRITERS
@@ -83,6 +83,31 @@ class _BlfWriter(can.BLFWriter):
         super().on_message_received(msg)
 
 
+class _WithoutDirection:
+    """A text file that drops the direction which python-can appends to a line.
+
+    All frames of a bus are received ones; and Wireshark reads what ``candump -L`` writes, no more.
+    """
+
+    def __init__(self, file: IO[str]) -> None:
+        self._file = file
+
+    def write(self, line: str) -> int:
+        """Write a line."""
+        return self._file.write(line.removesuffix(" R\n").removesuffix(" T\n").rstrip("\n") + "\n")
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._file, name)
+
+
+class _CandumpWriter(can.CanutilsLogWriter):
+    """A writer of what ``candump -L`` writes."""
+
+    def __init__(self, file: Path | IO[str]) -> None:
+        super().__init__(file)
+        self.file = cast(Any, _WithoutDirection(self.file))
+
+
 _SqliteRow = tuple[float, int, bool, bool, bool, int, bytes]
 
 
@@ -151,7 +176,8 @@ def open_writer(path: Path) -> Writer:
         if ending == ".blf":
             return _BlfWriter(path)
         file = gzip.open(path, "wt", encoding="utf-8") if is_packed else path  # noqa: SIM115
-        return cast(Callable[[Path | IO[str]], Writer], MESSAGE_WRITERS[ending])(file)
+        kind = _CandumpWriter if ending == ".log" else MESSAGE_WRITERS[ending]
+        return cast(Callable[[Path | IO[str]], Writer], kind)(file)
     except RecordError as error:
         raise RecordError(f"recording {path}: {error}") from error
     except (ValueError, OSError, ImportError, NotImplementedError) as error:

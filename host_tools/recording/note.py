@@ -15,7 +15,8 @@ from pydantic import BaseModel, ConfigDict, ValidationError, field_validator
 from rrins.host_tools.errors import RehearsalError, ScenarioError
 from rrins.host_tools.files import JsonObject, content_of, write_whole
 from rrins.host_tools.recording.errors import RecordError
-from rrins.host_tools.scenario.scenario import Scenario, first_line
+from rrins.host_tools.scenario.scenario import Scenario
+from rrins.host_tools.scenario.wrong_keys import first_line
 
 _LONGEST_NAME = 255  # bytes
 _LARGEST = 16 << 20  # bytes; a hundred for each part of the recording
@@ -90,8 +91,8 @@ class Note(BaseModel):
         except ValidationError as error:
             raise ScenarioError(
                 f"{path_beside(where)}: its scenario is not valid in this version "
-                f"({error.errors()[0]['msg']}); name the scenario"
-            ) from error
+                f"({first_line(error, Scenario)}); name the scenario"
+            ) from None
 
 
 def path_beside(recording: Path) -> Path:
@@ -135,4 +136,4 @@ def read_note(recording: Path) -> Note | None:
         raise RecordError(
             f"{path}: not a recording's note, or damaged ({why}); move it away to read {recording} "
             "without it"
-        ) from error
+        ) from None

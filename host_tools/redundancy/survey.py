@@ -9,11 +9,12 @@ from dataclasses import dataclass, field
 from functools import cached_property, partial
 
 import numpy as np
+from scipy.special import bdtr
 
 from rrins.compiled.record import Floats
 from rrins.host_tools.files import JsonObject
 from rrins.host_tools.redundancy.candidates import Candidate
-from rrins.host_tools.redundancy.monte_carlo import Delays, Fault, Trials, run_trials
+from rrins.host_tools.redundancy.monte_carlo import PATIENCE_S, Delays, Fault, Trials, run_trials
 from rrins.host_tools.redundancy.sensor_kinds import KINDS, Kind
 from rrins.host_tools.redundancy.theory import HALF, LEARNED_S, MOST, WAYS, Finder
 
@@ -24,6 +25,10 @@ SIZES = 6
 """Faults of a kind for which delays are given, where none are named."""
 
 _CURVE_POINTS = 16
+_CHANCE = 1e-3
+_LATER, _LATER_S = 1.2, 0.05
+"""How far theory may be off: times, and s."""
+
 _ROUND = (1.0, 2.0, 5.0)
 
 Pair = tuple[float, float]
@@ -73,6 +78,33 @@ class Survey:
             return None
         delays = self.trials.delays.get(Fault(of.kind, group.sensors, size))
         return delays if delays and delays.alarm else None
+
+    def smallest_tried(self, of: Set, group: Group, way: str, within_s: int) -> float:
+        """Return the smallest step tried that half of the runs found in time; infinity: none."""
+        faults = () if self.trials is None else self.trials.delays
+        sizes = (one.size for one in faults if (one.kind, one.sensors) == (of.kind, group.sensors))
+        return min(
+            (size for size in sizes if (tried := self.tried(of, group, size)) is not None
+             and tried.quantile(way, HALF) <= within_s),
+            default=math.inf,
+        )  # fmt: skip
+
+    def doubted(self, of: Set, group: Group, size: float) -> tuple[str, ...]:
+        """Return the ways of which theory says more than the runs show.
+
+        So many runs are later than 95 % are by theory that chance makes it once in 1000.
+        """
+        tried = self.tried(of, group, size)
+        if tried is None:
+            return ()
+        at = int(np.argmin(np.abs(group.sizes - size)))
+        found = []
+        for way in WAYS:
+            delays, most_s = np.array(getattr(tried, way)), float(group.delays[way][at][1])
+            in_time = int(np.sum(delays <= most_s * _LATER + _LATER_S))
+            if most_s < PATIENCE_S and bdtr(in_time, len(delays), MOST) < _CHANCE:
+                found.append(way)
+        return tuple(found)
 
 
 def _groups(finder: Finder) -> list[tuple[int, ...]]:
@@ -248,7 +280,11 @@ def _survey_values(survey: Survey, sizes: Mapping[str, Sequence[float]]) -> Json
                     "sensors": [sensor + 1 for sensor in group.sensors],
                     "share": _plain(group.share),
                     "smallest": {
-                        way: {f"{s}_s": _pair(pair) for s, pair in found.items()}
+                        way: {
+                            f"{s}_s": _pair(pair)
+                            | {"tried": _plain(survey.smallest_tried(one, group, way, s))}
+                            for s, pair in found.items()
+                        }
                         for way, found in group.smallest.items()
                     },
                     "delays_s": [
@@ -273,4 +309,5 @@ def _size_values(survey: Survey, one: Set, group: Group, size: float) -> JsonObj
         values["monte_carlo"] = {
             way: _pair([tried.quantile(way, p) for p in (HALF, MOST)]) for way in WAYS
         } | {"runs": len(tried.alarm), "right": tried.right, "wrong": tried.wrong}
+        values["theory_fails"] = list(survey.doubted(one, group, size))
     return values

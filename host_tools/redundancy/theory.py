@@ -1,8 +1,9 @@
 """Faults that a set of sensors can find, computed: no run, no random numbers.
 
 The mean of each test is that of `mean_path`; its noise has a standard deviation of one. A fault is
-found with at least the probability of the one test that finds it best, so the delays are upper
-bounds. Where a window begins, of those that do not overlap, is even in time: the average is taken.
+taken as found with the probability of the one test that finds it best. Where a window begins, of
+those that do not overlap, is even in time: the average is taken. The vehicle stands, and is known
+to stand: where navigation drifts so that it seems to move, runs find less.
 
 Which sensor: the firmware decides by a likelihood ratio. For correlated unit normals T_j and T_k of
 means m and ρ m, ``T_j² - T_k²`` has the mean ``s² = m² (1 - ρ²)`` and the variance

@@ -18,9 +18,10 @@ from rrins.host_tools.files import JsonObject, text_of
 from rrins.host_tools.rotation.errors import sensors_of
 from rrins.host_tools.rotation.merit import SensorSet
 from rrins.host_tools.scenario.geometry import GEOMETRIES, AxesDeg
-from rrins.host_tools.scenario.scenario import Scenario, first_line
+from rrins.host_tools.scenario.scenario import Scenario
 from rrins.host_tools.scenario.schemes import SCHEMES
 from rrins.host_tools.scenario.tables import each
+from rrins.host_tools.scenario.wrong_keys import first_line
 
 PAPER_ERRORS: Final = MappingProxyType(
     {
@@ -94,7 +95,7 @@ def scheme_of(
     try:
         return NamedScheme(Path(name).stem if name not in SCHEMES else name, Scheme(**table))
     except ValidationError as error:
-        raise ScenarioError(f"scheme {name}: {first_line(error, Scheme)}") from error
+        raise ScenarioError(f"scheme {name}: {first_line(error, Scheme)}") from None
 
 
 def _scheme_table(name: str, table: JsonObject) -> JsonObject:
@@ -194,7 +195,7 @@ def _checked(where: str, table: JsonObject) -> Scenario:
     try:
         return Scenario.model_validate(table)
     except ValidationError as error:
-        raise ScenarioError(f"{where}: {first_line(error)}") from error
+        raise ScenarioError(f"{where}: {first_line(error, Scenario)}") from None
 
 
 def _read(what: str, name: str, built_in: Iterable[str], otherwise: str) -> JsonObject:

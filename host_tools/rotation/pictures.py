@@ -9,8 +9,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from rrins.compiled.record import Floats
+from rrins.host_tools.drawing.saving import write_pictures
 from rrins.host_tools.drawing.style import LINES, give_title, new_figure, quantity
-from rrins.host_tools.files import replacing
 from rrins.host_tools.rotation.analysis import Integrals, Variation
 from rrins.host_tools.rotation.errors import ERRORS
 
@@ -77,11 +77,11 @@ def _position_ends(variation: Variation) -> list[float]:
 def write(
     folder: Path, variation: Variation, sensor: int, scheme: str, geometry: str
 ) -> list[Path]:
-    """Write both figures of one sensor to a folder as PNG; return their paths."""
-    paths = []
+    """Write both figures of one sensor to a folder; return their paths."""
+    drawn = {}
     for name, integrals, figure in (
-        ("gyro_errors.png", variation.gyros, 7),
-        ("accelerometer_errors.png", variation.accelerometers, 8),
+        ("gyro_errors", variation.gyros, 7),
+        ("accelerometer_errors", variation.accelerometers, 8),
     ):
         if sensor > len(integrals.sensors):
             continue
@@ -89,9 +89,6 @@ def write(
         title = (
             f"{kind.capitalize()} {sensor} of the {geometry}, scheme {scheme}, in the body frame"
         )
-        drawn = draw(variation, integrals, sensor, f"{title} (as the paper's figure {figure})")
-        path = folder / name
-        with replacing(path) as part:
-            drawn.savefig(part, format="png")
-        paths.append(path)
-    return paths
+        title += f" (as the paper's figure {figure})"
+        drawn[name] = draw(variation, integrals, sensor, title)
+    return write_pictures(folder, drawn)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from types import TracebackType
 from typing import Self
 
@@ -24,13 +25,22 @@ class RunDisplay:
         On standard error, so that standard output is free for results.
     quiet : bool
         Whether to show nothing.
+    line : callable, optional
+        Shows the progress as a line that it writes anew, where there is no terminal.
     """
 
-    def __init__(self, scenario: Scenario, console: Console, quiet: bool = False) -> None:
+    def __init__(
+        self,
+        scenario: Scenario,
+        console: Console,
+        quiet: bool = False,
+        line: Callable[[str], None] | None = None,
+    ) -> None:
         self._scenario = scenario
         self._console = console
         self._is_quiet = quiet
-        self._is_sparse = not console.is_terminal and not quiet
+        self._line = None if quiet else line
+        self._is_sparse = not console.is_terminal and not quiet and line is None
         self._shown = 0
         self._noted: set[str] = set()
         self._compiling: dict[str, int] = {}
@@ -56,6 +66,8 @@ class RunDisplay:
     def say(self, text: str) -> None:
         """Show a step without measurable progress."""
         self._progress.update(self._task, description=text)
+        if self._line is not None:
+            self._line(text)
         if self._is_sparse:
             self._console.print(text, highlight=False, soft_wrap=True)
 
@@ -68,11 +80,14 @@ class RunDisplay:
 
     def compiling(self, side: str, functions: int) -> None:
         """Show that a side compiles, and how many functions it has begun."""
-        if not self._compiling and not self._is_quiet:
+        if not self._compiling and not self._is_quiet and self._line is None:
             self._console.print("compiling; later starts load what is compiled now")
         self._compiling[side] = functions
         counts = ", ".join(f"{side} {count}" for side, count in sorted(self._compiling.items()))
-        self._progress.update(self._task, description=f"compiling functions: {counts}")
+        text = f"compiling functions: {counts}"
+        self._progress.update(self._task, description=text)
+        if self._line is not None:
+            self._line(f"{text}; later starts load what is compiled now")
 
     def report(self, report: JsonObject) -> None:
         """Show a report of one of the sides (see `rrins.host_tools.runs.results.pipe`)."""
@@ -118,6 +133,9 @@ class RunDisplay:
     def _show(self, firmware: JsonObject) -> None:
         epoch, mode, state = firmware["epoch"], _mode_of(firmware), self._state(firmware)
         self._progress.update(self._task, completed=epoch, description=mode, state=state)
+        if self._line is not None:
+            percent = epoch * 100 // self._scenario.epochs
+            self._line(f"{percent:3d} %  {'  '.join((mode, *state))}")
         share = epoch * _SPARSE_STEPS // self._scenario.epochs
         if self._is_sparse and share > self._shown:
             self._shown = share

@@ -24,6 +24,7 @@ from rrins.host_tools.recording.errors import RecordError
 from rrins.host_tools.recording.note import Note
 from rrins.host_tools.runs.programs.program import (
     GRACE_S,
+    PROGRAM_GRACE_S,
     Program,
     ProgramProcess,
     end_error,
@@ -83,7 +84,8 @@ class WatchedSide:
     error: JsonObject = field(default_factory=dict)  #: why it failed: `message`, `exit_status`
     epoch: int = 0
     is_open: bool = True
-    is_made_to_end: bool = False  #: whether it did not heed that it was asked to end
+    is_asked_to_end: bool = False  #: whether we have asked it
+    is_made_to_end: bool = False  #: whether it did not heed that
     program: Program | None = None  #: the user's own, which reports nothing itself
     ended_by_itself: bool = False  #: whether it had ended before it was asked to
 
@@ -109,23 +111,33 @@ class WatchedSide:
     def killed_by(self) -> signal.Signals | None:
         """Somebody else's signal that ended the process."""
         status = self.process.returncode
-        is_ours = self.is_made_to_end or status == -signal.SIGTERM
+        is_ours = self.is_made_to_end or (self.is_asked_to_end and status == -signal.SIGTERM)
         return None if status is None or status >= 0 or is_ours else signal.Signals(-status)
+
+    @property
+    def was_stopped(self) -> bool:
+        """Whether somebody else has stopped it, and it has heeded that."""
+        return self.process.returncode == interruption.INTERRUPTED and not self.is_asked_to_end
+
+    def ask_to_end(self) -> None:
+        """Terminate the process, if it has not ended by itself."""
+        self.is_asked_to_end = self.process.poll() is None
+        self.process.terminate()
 
     def end(self) -> None:
         """Terminate the process; kill it if it does not end."""
         self.ended_by_itself = self.process.poll() is not None
         if not self.ended_by_itself:
-            self.process.terminate()
+            self.ask_to_end()
             self.process.send_signal(signal.SIGCONT)
             try:
-                self.process.wait(GRACE_S)
+                self.process.wait(GRACE_S if self.program is None else PROGRAM_GRACE_S)
             except subprocess.TimeoutExpired:
                 self.is_made_to_end = True
                 self.process.kill()
                 self.process.wait()
         if isinstance(self.process, ProgramProcess):
-            self.process.end_session()
+            self.process.close()
 
 
 @dataclass
@@ -151,10 +163,12 @@ class Rehearsal:
     timestamps: Literal["bus", "unix"] = "bus"  #: time of the recorded frames, as of `Recorder`
     program: Program | None = None  #: the user's own program as the firmware
     patience_s: float = 10.0  #: longest silence of that program; 0 waits for ever
+    restarts: int = 0  #: how often that program is started again when it fails
 
     def __post_init__(self) -> None:
         self._misfit = ""  # what the bus has said of a program that it does not understand
         self._has_started = False
+        self._restarted = 0
         self._recorder: recorder.Recorder | None = None
         self._started_ns: int | None = None
         self._ended_ns = 0
@@ -186,7 +200,6 @@ class Rehearsal:
         return self._outcome(Interrupted("stopped by the user") if was_stopped else self._failure())
 
     def _start(self, name: str) -> WatchedSide:
-        read_end, write_end = os.pipe()
         words = [
             *(name, self.name, *self.overrides),
             *("--interface", self.address.interface, "--channel", self.address.channel),
@@ -201,34 +214,51 @@ class Rehearsal:
             words += self.hardware_options
             if self.program is not None:
                 words += ["--follow", self.program.name, "--patience", f"{self.patience_s:g}"]
+            if self.restarts:
+                words.append("--keep")
             if self.record is not None and self.address.is_embedded:
                 words += ["--await-peer", recorder.NAME]
         if self.speed != REALTIME and self.address.is_embedded:
             words += ["--core", str(self._core)]
-        program = self.program if name == "firmware" else None
-        process: Fork | subprocess.Popen[bytes]
+        if name == "firmware" and self.program is not None:
+            return self._start_program(self.program)
+        read_end, write_end = os.pipe()
         try:
-            if program is None:
-                process = self.start(words, write_end)
-            else:
-                process = self._start_program(program, write_end)
+            process = self.start(words, write_end)
         except BaseException:
             os.close(read_end)
             raise
         finally:
             os.close(write_end)
-        return WatchedSide(name, process, read_end, program=program)
+        return WatchedSide(name, process, read_end)
 
-    def _start_program(self, program: Program, write_end: int) -> ProgramProcess:
+    def _start_program(self, program: Program) -> WatchedSide:
         """Start the user's program; the end of the pipe is its end."""
+        read_end, write_end = os.pipe()
+        try:
+            process = self._process_of(program, write_end)
+        except BaseException:
+            os.close(read_end)
+            raise
+        finally:
+            os.close(write_end)
+        return WatchedSide("firmware", process, read_end, program=program)
+
+    def _process_of(self, program: Program, write_end: int) -> ProgramProcess:
         is_realtime = self.speed == REALTIME
         speed = "1" if is_realtime else "max"
         process = program.start(
-            self.scenario, self.address, speed, _ATTACH_WAIT_S, self.folder, (write_end,)
+            self.scenario,
+            self.address,
+            speed,
+            _ATTACH_WAIT_S,
+            self.folder,
+            (write_end,),
+            again=self._restarted > 0,
         )
         if not is_realtime and self.address.is_embedded:
             with contextlib.suppress(ProcessLookupError):  # it has ended, which will be noticed
-                os.sched_setaffinity(process.pid, {self._core})
+                os.sched_setaffinity(process.program_pid, {self._core})
         return process
 
     def _follow(self, on_report: OnReport, stop: threading.Event) -> None:
@@ -246,9 +276,34 @@ class Rehearsal:
                     if not side.is_open:
                         selector.unregister(side.pipe)
                         side.process.wait()
-                        if side.process.returncode != 0 or self._came_too_early(side):
+                        again = self._started_again(side, on_report)
+                        if again is not None:
+                            selector.register(again.pipe, selectors.EVENT_READ, again)
+                        elif side.process.returncode != 0 or self._came_too_early(side):
                             self._let_other_end(side)
                             return
+
+    def _started_again(self, side: WatchedSide, on_report: OnReport) -> WatchedSide | None:
+        """Start the user's program again if it has failed in the rehearsal; None if not."""
+        program, status = side.program, side.process.returncode
+        is_failure = program is not None and status != 0 and self._has_started
+        hardware = self._sides[0]
+        if (
+            not is_failure
+            or self._restarted == self.restarts
+            or hardware.process.poll() is not None
+        ):
+            return None
+        assert program is not None
+        why = end_error(program.name, status or 0, self._after(side), last_words(self.folder))
+        os.close(side.pipe)
+        self._restarted += 1
+        text = f"{why}; started again ({self._restarted} of {self.restarts})"
+        on_report({"kind": "note", "side": "firmware", "text": text})
+        again = self._start_program(program)
+        again.summary, again.epoch = side.summary, side.epoch
+        self._sides[self._sides.index(side)] = again
+        return again
 
     def _keep(self, report: JsonObject) -> None:
         """Keep a report for the side that it is about."""
@@ -267,7 +322,7 @@ class Rehearsal:
                 try:
                     side.process.wait(GRACE_S if self.address.is_embedded else 0.0)
                 except subprocess.TimeoutExpired:
-                    side.process.terminate()
+                    side.ask_to_end()
 
     def _note(self, report: JsonObject, on_report: OnReport) -> None:
         if report["side"] != "hardware":
@@ -281,8 +336,9 @@ class Rehearsal:
                 on_report({"kind": "note", "side": "hardware", "text": self._recorder.kept_words})
         elif report["kind"] == "note":
             for side in self._sides:
-                if side.program is not None:
-                    self._misfit = misfit_of(report["text"], side.process.pid) or self._misfit
+                if isinstance(side.process, ProgramProcess):
+                    pid = side.process.program_pid
+                    self._misfit = misfit_of(report["text"], pid) or self._misfit
         elif report["kind"] == "started":
             self._has_started = True
             self._started_ns = time.monotonic_ns()
@@ -333,6 +389,11 @@ class Rehearsal:
                     f"the {side.name} process {side.process.pid} was killed by "
                     f"{side.killed_by.name} {self._after(side)}"
                 )
+            if side.was_stopped:
+                return SideLostError(
+                    f"the {side.name} process {side.process.pid} was stopped by SIGTERM or SIGINT "
+                    f"{self._after(side)}"
+                )
         for side in failed:
             if side.error:
                 kind = _ERRORS.get(side.error["exit_status"], RehearsalError)
@@ -370,6 +431,8 @@ class Rehearsal:
 
     def _outcome(self, failure: RehearsalError | None) -> Outcome:
         summaries = {side.name: side.summary for side in self._sides}
+        if self.restarts:
+            summaries["firmware"] = summaries.get("firmware", {}) | {"restarts": self._restarted}
         wall_s = 0.0 if self._started_ns is None else (self._ended_ns - self._started_ns) * 1e-9
         return Outcome(
             summaries.get("firmware", {}), summaries.get("hardware", {}), wall_s, failure

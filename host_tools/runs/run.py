@@ -213,6 +213,7 @@ class Plan:
     #: file by which somebody steers how fast it goes (`rrins.host_tools.runs.sides.steering`).
     steer: Path | None = None
     hardware: Program | None = None  #: the user's own program as the sensors and the table
+    restarts: int = 0  #: how often the user's firmware is started again when it fails
 
     def lasting(self, duration_s: float) -> Plan:
         """Return the same with another duration."""
@@ -248,6 +249,7 @@ class Plan:
             self.timestamps,
             self.firmware,
             self.patience_s,
+            self.restarts,
         )
 
 
@@ -262,6 +264,8 @@ def check(plan: Plan, record: Path | None = None) -> Address:
     if record is not None:
         check_path(record)
     check_files(plan.scenario)
+    if plan.restarts and plan.firmware is None:
+        raise RehearsalError("--restart is for a program of your own: name it with --firmware")
     if plan.hardware is not None:
         check_faults(plan.hardware, plan.scenario)
     check_code_folder()

@@ -24,6 +24,7 @@ class _Fault(TomlTable):
     """When a fault is present, and the value of its kind's parameter."""
 
     kind: str
+    """Which fault it is."""
     at_s: float = Field(default=0.0, ge=0, le=LONGEST_S)
     """After power-on of the hardware."""
     for_s: float | None = Field(

@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 from typing import Literal
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
+from rrins.host_tools.hardware.tables import TomlTable
 from rrins.host_tools.hardware.units import STANDARD_GRAVITY
 
 DRIVE_S = 2500.0
@@ -43,12 +44,8 @@ _KEYS = {
 }
 
 
-class Motion(BaseModel):
+class Motion(TomlTable):
     """The vehicle's motion since navigation began."""
-
-    model_config = ConfigDict(
-        extra="forbid", frozen=True, allow_inf_nan=False, use_attribute_docstrings=True
-    )
 
     kind: Literal["stationary", "drive", "sway", "file"] = "stationary"
     """`drive`: a synthetic car; `sway`: a ship in waves; `file`: a recording."""
@@ -58,7 +55,7 @@ class Motion(BaseModel):
     begins_s: float | None = Field(default=None, ge=-43_200, le=43_200)
     """When it begins, after power-on of the hardware; negative: it is under way by then. Default:
     with navigation."""
-    seed: int = Field(default=1, ge=0)
+    seed: int = Field(default=1, ge=0, lt=2**63)
     """Selects the route of a drive, or the phases of the waves."""
 
     wave_spectrum: Literal["jonswap", "pierson-moskowitz"] = "jonswap"

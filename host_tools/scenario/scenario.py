@@ -12,10 +12,10 @@ import tomllib
 from collections.abc import Mapping
 from importlib import resources
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tomli_w
-from pydantic import BaseModel, Field, TypeAdapter, ValidationError, model_validator
+from pydantic import Field, TypeAdapter, ValidationError, model_validator
 
 import rrins.firmware_py.core.settings
 from rrins.host_tools import files
@@ -32,12 +32,7 @@ from rrins.host_tools.hardware.tables import (
     Turntable,
 )
 from rrins.host_tools.scenario import presets
-from rrins.host_tools.scenario.fault_tables import (
-    KINDS,
-    AnyFault,
-    FaultOfHardware,
-    FaultOnWire,
-)
+from rrins.host_tools.scenario.fault_tables import AnyFault, FaultOfHardware, FaultOnWire
 from rrins.host_tools.scenario.geometry import AxesDeg
 from rrins.host_tools.scenario.motion import Motion
 from rrins.host_tools.scenario.schemes import SCHEMES
@@ -52,31 +47,44 @@ from rrins.host_tools.scenario.tables import (
     Integrity,
     Master,
     OperatorRequest,
-    Outage,
     Paper,
-    Readmission,
     Redundancy,
     Rimu,
     Site,
-    Tunnel,
     ZeroVelocity,
     check_turntable,
     each,
 )
+from rrins.host_tools.scenario.wrong_keys import first_line
 
-_LONGEST_SHOWN = 100  # letters of a wrong value
 _NAVIGATE = {"strapdown": "NAVIGATE_STRAPDOWN", "rotating": "NAVIGATE_ROTATING"}
 
 
-class Scenario(TomlTable):
+class _InOneLine(type(TomlTable)):  # type: ignore[misc]
+    """Makes a wrong key of a call one line, too."""
+
+    if not TYPE_CHECKING:
+
+        def __call__(cls, **keys: Any) -> Any:
+            try:
+                return super().__call__(**keys)
+            except ValidationError as error:
+                raise ScenarioError(f"scenario: {first_line(error, cls)}") from None
+
+
+class Scenario(TomlTable, metaclass=_InOneLine):
     """A rehearsal, whole."""
 
     title: str = Field(default="", max_length=MOST_LETTERS)
+    """Heading of the table and the plots."""
     mode: Literal["strapdown", "rotating"] = "rotating"
+    """Navigation that the operator asks for, unless `operator` says otherwise."""
     duration_s: float = Field(gt=0, le=LONGEST_S)
     """How long it navigates."""
     rate_hz: Annotated[int, Field(ge=50, le=1000)] = 200
-    seed: int = Field(default=1, ge=0)
+    """Epochs per second; the period is a whole number of ns."""
+    seed: int = Field(default=1, ge=0, lt=2**63)
+    """Of all noise, and of what is drawn at each power-up."""
     navigate_at_s: float = Field(default=1.0, ge=0, le=3600)
     """When the operator asks for navigation, unless `operator` says otherwise."""
     site: Site = Site()
@@ -98,10 +106,13 @@ class Scenario(TomlTable):
     estimator: Estimator = Estimator()
     integrity: Integrity = Integrity()
     zero_velocity: tuple[ZeroVelocity, ...] = Field(default=(), max_length=STANDING_CAPACITY)
+    """Times in which the operator says that the vehicle stands."""
     operator: tuple[OperatorRequest, ...] = Field(default=(), max_length=30)
+    """Modes that the operator requests, in order of time."""
     paper: Paper | None = None
     bus: Bus = Bus()
     faults: tuple[AnyFault, ...] = Field(default=(), max_length=100)
+    """Faults of the hardware and on the wire."""
 
     @model_validator(mode="before")
     @classmethod
@@ -237,7 +248,7 @@ class Scenario(TomlTable):
         try:
             return Scenario.model_validate(values)
         except ValidationError as error:
-            raise ScenarioError(f"scenario {self.title!r}: {first_line(error)}") from error
+            raise ScenarioError(f"scenario {self.title!r}: {first_line(error, Scenario)}") from None
 
     def toml(self) -> str:
         """Return the scenario as the TOML text of a file, wherever that file will be."""
@@ -406,7 +417,7 @@ def parse(table: Mapping[str, Any], name: str, folder: Path = Path()) -> Scenari
     try:
         return Scenario.model_validate(values)
     except ValidationError as error:
-        raise ScenarioError(f"scenario {name}: {first_line(error)}") from error
+        raise ScenarioError(f"scenario {name}: {first_line(error, Scenario)}") from None
 
 
 def _find_files(table: dict[str, Any], folder: Path) -> None:
@@ -432,69 +443,4 @@ def fault_of(values: dict[str, Any]) -> FaultOnWire | FaultOfHardware:
     try:
         return _ANY_FAULT.validate_python(values)
     except ValidationError as error:
-        raise ScenarioError(f"fault: {first_line(error)}") from error
-
-
-def first_line(error: ValidationError, root: type[BaseModel] | None = None) -> str:
-    """Return the most telling fault that pydantic found in a model, in the words of a scenario."""
-    # A misspelt key tells more than the missing one; of the readings of a value that may be one
-    # thing or another, the one that got furthest.
-    first = max(error.errors(), key=lambda e: (e["type"] == "extra_forbidden", len(e["loc"])))
-    last = len(first["loc"]) - 1
-    where = ".".join(
-        str(part + 1) if isinstance(part, int) else part
-        for place, part in enumerate(first["loc"])
-        if isinstance(part, int) or (part.isidentifier() and (part not in KINDS or place == last))
-    )
-    if first["type"] == "extra_forbidden":
-        near = difflib.get_close_matches(
-            str(first["loc"][-1]), _keys(first["loc"][:-1], root or Scenario), 1
-        )
-        hint = f", did you mean {near[0]}?" if near else ""
-        text = f"{where}: no such key{hint}"
-    elif first["type"] == "value_error":
-        message = str(first["ctx"]["error"])
-        text = f"{where}: {message}" if where else message
-    elif first["type"] == "union_tag_invalid":
-        tag = first["ctx"]["tag"]
-        known = [name.strip(" '") for name in first["ctx"]["expected_tags"].split(",")]
-        near = difflib.get_close_matches(tag, known, 1)
-        hint = f", did you mean {near[0]}?" if near else f"; there are {', '.join(known)}"
-        text = f"{where}: kind: there is no fault {tag!r}{hint}".removeprefix(": ")
-    elif first["type"] == "union_tag_not_found":
-        text = f"{where}: kind: is missing".removeprefix(": ")
-    elif first["type"] == "missing":
-        text = f"{where}: is missing"
-    else:
-        text = f"{where}: {first['msg'][0].lower()}{first['msg'][1:]}, got {_shown(first['input'])}"
-    others = error.error_count() - 1
-    return f"{text} (and {others} more)" if others else text
-
-
-def _shown(value: object) -> str:
-    """Return a value of a file for a message: its beginning, if it is long."""
-    text = repr(value)
-    return text if len(text) <= _LONGEST_SHOWN else f"{text[:_LONGEST_SHOWN]} …"
-
-
-def _keys(location: tuple[int | str, ...], root: type[BaseModel]) -> list[str]:
-    """Return the keys that a table of the model can have."""
-    model: Any = root
-    turn = rrins.firmware_py.core.settings.Turn
-    of = {"operator": OperatorRequest, "turns": turn, "scheme": turn, "altimeter": Altimeter}
-    of |= {
-        "gnss": Gnss,
-        "master": Master,
-        "odometer": Odometer,
-        "outages": Outage,
-        "tunnels": Tunnel,
-        "readmit": Readmission,
-        "zero_velocity": ZeroVelocity,
-    }
-    for part in location:
-        if part in KINDS:
-            model = KINDS[str(part)]
-        elif isinstance(part, str) and part in model.model_fields:
-            annotation = model.model_fields[part].annotation
-            model = annotation if isinstance(annotation, type) else of.get(part, model)
-    return list(model.model_fields)
+        raise ScenarioError(f"fault: {first_line(error, Scenario)}") from None

@@ -33,21 +33,31 @@ LONGEST_S = 10_000_000.0
 MOST_LETTERS = 200
 """Letters of a title at most."""
 
+_Angle = Annotated[float, Field(ge=-360, le=360)]
+_Weight = Annotated[float, Field(ge=1e-25, le=1e25)]
+_WeightPerSensor = _Weight | tuple[_Weight, ...]
+
 
 class Site(TomlTable):
     """Where the vehicle stands, on WGS-84."""
 
     latitude_deg: float = Field(default=40.3554, ge=-89.9, le=89.9)
+    """Geodetic latitude, north positive."""
     longitude_deg: float = Field(default=116.668, ge=-180, le=180)
+    """Longitude, east positive."""
     height_m: float = Field(default=40.0, ge=-1000, le=100_000)
+    """Above the ellipsoid."""
 
 
 class Body(TomlTable):
     """The vehicle's attitude."""
 
     roll_deg: float = Field(default=0.0, ge=-180, le=180)
+    """Right side down positive."""
     pitch_deg: float = Field(default=0.0, ge=-90, le=90)
+    """Nose up positive."""
     heading_deg: float = Field(default=0.0, ge=-360, le=360)
+    """Clockwise from north."""
 
 
 class Rimu(TomlTable):
@@ -56,8 +66,11 @@ class Rimu(TomlTable):
     geometry: Literal[
         "tetrahedron", "orthogonal", "dodecahedron", "cone", "orthogonal-plus-one", "custom"
     ] = "tetrahedron"
-    gyro_axes_deg: tuple[tuple[float, float], ...] | None = None
-    accelerometer_axes_deg: tuple[tuple[float, float], ...] | None = None
+    """A built-in arrangement of the sensors, or `custom` with the two keys below."""
+    gyro_axes_deg: tuple[tuple[_Angle, _Angle], ...] | None = None
+    """Polar angle from z and azimuth from x of each gyro's input axis."""
+    accelerometer_axes_deg: tuple[tuple[_Angle, _Angle], ...] | None = None
+    """The same of the accelerometers."""
 
     @model_validator(mode="after")
     def _consistent(self) -> Rimu:
@@ -91,13 +104,16 @@ class Outage(TomlTable):
     at_s: float = Field(ge=0, le=LONGEST_S)
     """Since power-on, as of faults."""
     for_s: float = Field(gt=0, le=LONGEST_S)
+    """How long it lasts."""
 
 
 class Tunnel(TomlTable):
     """A stretch of the vehicle's way without a fix, m from where its motion begins."""
 
     from_m: float = Field(ge=0, le=1e7)
+    """Where it begins."""
     to_m: float = Field(gt=0, le=1e7)
+    """Where it ends."""
 
     @model_validator(mode="after")
     def _in_order(self) -> Tunnel:
@@ -138,6 +154,7 @@ class ZeroVelocity(TomlTable):
     at_s: float = Field(ge=0, le=LONGEST_S)
     """Since power-on, as of faults."""
     for_s: float = Field(gt=0, le=LONGEST_S)
+    """How long it lasts."""
     velocity_sigma_mps: float = Field(default=0.01, ge=0.001, le=65)
     """How still it stands: standard deviation of each component of its velocity."""
 
@@ -148,26 +165,36 @@ class Firmware(rrins.firmware_py.core.settings.Keys, TomlTable):
     roll_error_arcsec: float = Field(default=0.0, ge=-36_000, le=36_000)
     """Of the given or transferred attitude, as are all of these errors: given minus true."""
     pitch_error_arcsec: float = Field(default=0.0, ge=-36_000, le=36_000)
+    """Nose up positive."""
     heading_error_arcsec: float = Field(default=0.0, ge=-36_000, le=36_000)
+    """Clockwise positive."""
     level_error_sigma_arcsec: float = Field(default=0.0, ge=0, le=36_000)
     """Standard deviation of what a run draws for roll and pitch, on top."""
     heading_error_sigma_arcsec: float = Field(default=0.0, ge=0, le=36_000)
+    """The same of the heading."""
     velocity_error_sigma_mps: float = Field(default=0.0, ge=0, le=100)
     """The same of each component of a transferred velocity."""
     position_error_sigma_m: float = Field(default=0.0, ge=0, le=10_000)
+    """The same of each component of a transferred position."""
     calibration: str | None = Field(default=None, min_length=1)
     """TOML file of calibrated errors, relative to the scenario's folder."""
     scheme: (
         Literal["16-position", "8-position", "4-position", "single-axis-4-position", "calibration"]
         | tuple[rrins.firmware_py.core.settings.Turn, ...]
     ) = "16-position"
+    """Rotation scheme: a built-in one, or its turns."""
     turn_rate_dps: float = Field(default=2.0, ge=0.01, le=60)
+    """Commanded rate of the axes."""
     stand_s: float = Field(default=10.0, ge=0, le=86_400)
+    """Time at rest after each turn."""
     isolate_heading: bool = False
     """Whether the inner axis takes the vehicle's turn out, too."""
-    gyro_weights: PerSensor = 1.0
-    accelerometer_weights: PerSensor = 1.0
+    gyro_weights: _WeightPerSensor = 1.0
+    """Of the fusion: 1/σ² of the gyros up to a common factor. Paper, (54)."""
+    accelerometer_weights: _WeightPerSensor = 1.0
+    """The same of the accelerometers."""
     clock_error_ppm: float = Field(default=0.0, ge=-1000, le=1000)
+    """How much the firmware's own clock runs fast."""
 
     @property
     def has_attitude_error(self) -> bool:
@@ -196,7 +223,9 @@ class Readmission(TomlTable):
     at_s: float = Field(ge=0, le=LONGEST_S)
     """After power-on of the hardware."""
     kind: Literal["gyro", "accelerometer"]
+    """Which kind of sensor."""
     sensor: int = Field(ge=1, le=SENSOR_GROUPS)
+    """Its number, from 1."""
     test_s: int = Field(default=60, ge=TEST_LEAST_S, le=TEST_LONGEST_S)
     """How long it is compared with the others before it is used."""
     anew: bool = False
@@ -209,7 +238,7 @@ class Redundancy(TomlTable):
     enabled: bool = True
     """Compare them, leave out the one that fails, repair the history; where there are more than
     three of a kind."""
-    false_alarms_per_1000_h: float = Field(default=0.05, gt=0, le=1000)
+    false_alarms_per_1000_h: float = Field(default=0.05, ge=1e-9, le=1000)
     """The promise from which, with the sensors' data sheet, the thresholds follow."""
     readmit: tuple[Readmission, ...] = Field(default=(), max_length=READMISSION_CAPACITY)
     """Sensors to take back into use, in order of time."""
@@ -226,6 +255,7 @@ class Estimator(TomlTable):
     """The firmware's error-state Kalman filter."""
 
     enabled: bool = False
+    """Estimate errors of the navigation and biases from all aids that are fitted."""
     fine_alignment_s: float = Field(default=0.0, ge=0, le=86_400)
     """Between the alignment and navigation, while the table turns; 0: none."""
     constants: bool = False
@@ -264,7 +294,9 @@ class OperatorRequest(TomlTable):
     """A mode that the operator requests, and when (after power-on of the hardware)."""
 
     at_s: float = Field(ge=0, le=LONGEST_S)
+    """After power-on of the hardware."""
     request: Literal["STANDBY", "ALIGN", "NAVIGATE_STRAPDOWN", "NAVIGATE_ROTATING"]
+    """The mode."""
 
 
 class Bus(TomlTable):
@@ -277,18 +309,23 @@ class Bus(TomlTable):
 class EastNorth(TomlTable):
     """A pair of figures."""
 
-    east: float
-    north: float
+    east: float = Field(ge=-1e9, le=1e9)
+    """To the east."""
+    north: float = Field(ge=-1e9, le=1e9)
+    """To the north."""
 
 
 class Paper(TomlTable):
     """The paper's figures for the same run, for comparison."""
 
     source: str = Field(default="", max_length=MOST_LETTERS)
-    duration_s: float | None = None
+    """Where the figures stand."""
+    duration_s: float | None = Field(default=None, gt=0, le=LONGEST_S)
+    """Length of the paper's run."""
     max_abs_position_error_m: EastNorth | None = None
     max_abs_velocity_error_mps: EastNorth | None = None
-    end_position_error_m: float | None = None
+    end_position_error_m: float | None = Field(default=None, ge=0, le=1e9)
+    """Horizontal."""
 
 
 def _check_span(name: str, axes_deg: AxesDeg) -> None:

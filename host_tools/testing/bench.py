@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from contextlib import ExitStack
 from pathlib import Path
 from subprocess import Popen
+from tempfile import TemporaryDirectory
 
 import can
 
+from rrins.firmware_py.core.records.memory import Ram
+from rrins.host_tools.closing import Closing
 from rrins.host_tools.diag.target import Target
 from rrins.host_tools.diag.tester import Tester
 from rrins.host_tools.runs.programs.program import Program
@@ -32,10 +36,12 @@ from rrins.host_tools.testing.states import EastNorthPair, NavigationFix, TrueSt
 from rrins.host_tools.testing.virtual_bus import VirtualTimeBus
 from rrins.host_tools.testing.virtual_time import DirectExecution, Execution, LockstepExecution
 
-Maker = Callable[[Scenario, FrameRing, Path, float, bool, OwnProgram | None], Execution]
+Maker = Callable[
+    [Scenario, FrameRing, Path, float, bool, OwnProgram | None, Path | None], Execution
+]
 
 WAYS: dict[str, Maker] = {
-    "direct": lambda scenario, ring, *_: DirectExecution(scenario, ring),
+    "direct": lambda scenario, ring, *rest: DirectExecution(scenario, ring, rest[-1]),
     "lockstep": LockstepExecution,
     "realtime": RealtimeExecution,
 }
@@ -45,14 +51,14 @@ _STATUS, _FAULTS = "FIRMWARE_STATUS", "FIRMWARE_FAULTS"
 _NO_COUNTERS = ("crc", "alive_counter", "time_s", "crc_holds")
 
 
-class Bench:
-    """A rehearsal that a test drives.
+class Bench(Closing):
+    """A rehearsal that a test, or any other program, drives.
 
     Parameters
     ----------
     scenario : Scenario
-    scenario_file : Path
-        The same scenario as a file, for the processes.
+    scenario_file : Path, optional
+        The same scenario as a file, for the processes; without it they get one of their own.
     way : {"direct", "lockstep", "realtime"}
     patience_s : float
         Longest silence of a process, in wall clock time; 0 waits forever.
@@ -61,6 +67,9 @@ class Bench:
         time the bench itself is such a client.
     program : str, optional
         The user's program, or its command line, as the firmware: always a process of its own.
+    memory : Path, optional
+        File of the firmware's parameter memory; without one, what a test writes there is lost when
+        the power is.
 
     Attributes
     ----------
@@ -71,11 +80,12 @@ class Bench:
     def __init__(
         self,
         scenario: Scenario,
-        scenario_file: Path,
+        scenario_file: Path | None = None,
         way: str = "direct",
         patience_s: float = 60.0,
         foreign_senders: bool = True,
         program: str | None = None,
+        memory: Path | None = None,
     ) -> None:
         if way not in WAYS:
             raise BenchError(f"way {way!r} is not one of {', '.join(WAYS)}")
@@ -84,11 +94,16 @@ class Bench:
         own = None if program is None else OwnProgram(Program.parse(program), scenario)
         self.scenario = scenario
         self.way = way
+        self._ends = ExitStack()
+        if scenario_file is None:
+            folder = self._ends.enter_context(TemporaryDirectory(prefix="rrins-"))
+            scenario_file = Path(folder) / "scenario.toml"
+            scenario_file.write_text(scenario.toml(), encoding="utf-8")
         self._bus: can.BusABC | None = None
         self._attached: list[VirtualTimeBus] = []
         self._ring = FrameRing()
         self._execution = WAYS[way](
-            scenario, self._ring, scenario_file, patience_s, foreign_senders, own
+            scenario, self._ring, scenario_file, patience_s, foreign_senders, own, memory
         )
         self._contract = Contract()
         self._sender = FrameSender(self._execution, self._ring, self._contract)
@@ -113,6 +128,10 @@ class Bench:
         until_ns = self._execution.now_ns + round(seconds * 1e9)
         while self._pump(until_ns):
             pass
+
+    def step(self, epochs: int = 1) -> None:
+        """Let epochs pass, one by default; see `advance`."""
+        self.advance(epochs * self.scenario.period_ns / 1e9)
 
     def _pump(self, until_ns: int) -> bool:
         try:
@@ -218,6 +237,16 @@ class Bench:
         return {name: int(value) for name, value in values.items() if name not in _NO_COUNTERS}
 
     @property
+    def ram(self) -> Ram:
+        """The firmware's memory, a record of numpy; only in the direct way.
+
+        It is another one after the firmware has been without power.
+        """
+        if not isinstance(self._execution, DirectExecution):
+            raise BenchError("the firmware's memory is in its own process; use way='direct'")
+        return self._execution.firmware.ram[0]
+
+    @property
     def frames_sha256(self) -> str:
         """Digest of the recorded frames, with their times and senders."""
         return self._ring.sha256()
@@ -311,28 +340,47 @@ class Bench:
         """Send any classic frame unchanged; see `send` for when it arrives."""
         self._sender.send_frame(message)
 
+    # ---- power
+
+    @property
+    def is_on(self) -> bool:
+        """Whether the firmware has power."""
+        return self._execution.is_on
+
+    def power_off(self) -> None:
+        """Cut the firmware's power at once; the hardware and the bus go on."""
+        if self.is_on:
+            self._execution.power_off()
+
+    def power_on(self) -> None:
+        """Switch the firmware on: it begins anew, with what its non-volatile memory holds.
+
+        Raises
+        ------
+        BenchError
+            If it does not start.
+        """
+        if not self.is_on:
+            self._execution.power_on()
+
+    def power_cycle(self, off_s: float) -> None:
+        """Take the firmware's power for a time; in real time its start takes longer than that.
+
+        Parameters
+        ----------
+        off_s : float
+            Seconds of simulated time, rounded to epochs.
+        """
+        self.power_off()
+        self.advance(off_s)
+        self.power_on()
+
     # ---- truth and navigation
 
     @property
     def truth(self) -> TrueState:
         """The true state of the vehicle after the last epoch; not in real time."""
-        record = self._execution.truth()
-        inner, outer = (math.degrees(angle) for angle in record["axis_angle"])
-        east, north, up = (float(v) for v in record["velocity_n"])
-        return TrueState(
-            time_s=int(record["epoch"]) * self.scenario.period_ns / 1e9,
-            lat_deg=math.degrees(record["latitude"]),
-            lon_deg=math.degrees(record["longitude"]),
-            height_m=float(record["height"]),
-            velocity_east_mps=east,
-            velocity_north_mps=north,
-            velocity_up_mps=up,
-            roll_deg=math.degrees(record["roll"]),
-            pitch_deg=math.degrees(record["pitch"]),
-            heading_deg=math.degrees(record["heading"]) % 360.0,
-            inner_deg=inner,
-            outer_deg=outer,
-        )
+        return TrueState.of_hardware(self._execution.truth(), self.scenario.period_ns)
 
     @property
     def navigation(self) -> NavigationFix | None:
@@ -344,18 +392,7 @@ class Bench:
             if last is None:
                 return None
             values |= last
-        return NavigationFix(
-            time_s=values["time_s"],
-            lat_deg=values["latitude_deg"],
-            lon_deg=values["longitude_deg"],
-            height_m=values["height"],
-            velocity_east_mps=values["velocity_east"],
-            velocity_north_mps=values["velocity_north"],
-            velocity_up_mps=values["velocity_up"],
-            roll_deg=values["roll_deg"],
-            pitch_deg=values["pitch_deg"],
-            heading_deg=values["heading_deg"],
-        )
+        return NavigationFix.of(values)
 
     def errors_m(self) -> EastNorthPair:
         """Return the error of the firmware's last position against the truth of its epoch, m.
@@ -444,6 +481,7 @@ class Bench:
         for bus in self._attached:
             bus.shutdown()
         self._execution.close()
+        self._ends.close()
         if self._execution.died and not self._reported:
             self._reported = self._execution.died
             raise BenchError(self._reported)

@@ -38,6 +38,7 @@ class BenchFactory(Protocol):
         way: str | None = None,
         foreign_senders: bool = True,
         program: str | None = None,
+        memory: Path | None = None,
         **overrides: Any,
     ) -> Bench:
         """Return a bench, at power-on.
@@ -54,6 +55,8 @@ class BenchFactory(Protocol):
         program : str, optional
             Your own navigation computer, a program or its command line; that of
             ``--rrins-firmware`` by default. It runs in lockstep where the way is ``"direct"``.
+        memory : Path, optional
+            File of the firmware's parameter memory, which outlives `Bench.power_cycle`.
         **overrides
             Top-level keys of the scenario; a dict is merged into the scenario's table.
         """
@@ -164,6 +167,7 @@ def rrins_bench(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Benc
         way: str | None = None,
         foreign_senders: bool = True,
         program: str | None = None,
+        memory: Path | None = None,
         **overrides: Any,
     ) -> Bench:
         file = tmp_path / f"scenario-{len(benches) + 1}.toml"
@@ -175,6 +179,7 @@ def rrins_bench(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Benc
             options.rrins_patience,
             foreign_senders,
             program or options.rrins_firmware,
+            memory,
         )
         benches.append(bench)
         ends.callback(bench.close)

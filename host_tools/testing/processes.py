@@ -136,7 +136,10 @@ class SideProcess:
     @property
     def _name(self) -> str:
         what = self._own.program.name if self._own is not None else f"the {self.side}"
-        return f"{what} process {self.process.pid}"
+        pid = self.process.pid
+        if isinstance(self.process, ProgramProcess):
+            pid = self.process.program_pid
+        return f"{what} process {pid}"
 
     def poll(self) -> int | None:
         """Read the reports of the process; return its exit status, None while it runs."""
@@ -186,6 +189,14 @@ class SideProcess:
         last = self._error or (said[-1] if said else "")
         return f"{self._name} ended with status {status}" + (f": {last}" if last else "")
 
+    def kill(self) -> None:
+        """End the process at once, as the loss of its power does."""
+        self.process.kill()
+        if isinstance(self.process, ProgramProcess):
+            self.process.close()
+        self.process.wait()
+        self.poll()
+
     def stop(self) -> str:
         """Terminate the process; kill it if necessary. Idempotent.
 
@@ -205,7 +216,7 @@ class SideProcess:
                 self.process.wait()
                 ends = (*ends, -signal.SIGKILL)
         if isinstance(self.process, ProgramProcess):
-            self.process.end_session()
+            self.process.close()
         self.poll()
         words = "" if self.process.returncode in ends else self.failure()
         if self._pipe >= 0:

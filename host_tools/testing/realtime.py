@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import time
+from functools import partial
 from pathlib import Path
 from subprocess import TimeoutExpired
 
@@ -21,6 +22,7 @@ from rrins.host_tools.testing.virtual_time import START_S, Execution
 _POLL_S = 0.5
 _ENDING_S = 2.0
 _OBSERVER = "bench"
+_LOOK_EVERY = 64  # batches, at the firmware's process
 
 
 class RealtimeExecution(Execution):
@@ -38,6 +40,8 @@ class RealtimeExecution(Execution):
         Whether this process may send what the contract gives to a side.
     own : OwnProgram, optional
         The user's program as the firmware.
+    memory : Path, optional
+        File of the firmware's parameter memory.
     """
 
     def __init__(
@@ -48,6 +52,7 @@ class RealtimeExecution(Execution):
         patience_s: float,
         foreign_senders: bool = True,
         own: OwnProgram | None = None,
+        memory: Path | None = None,
     ) -> None:
         super().__init__(scenario, ring)
         self._patience_s = patience_s
@@ -55,34 +60,51 @@ class RealtimeExecution(Execution):
         self._frames = frame_array(4096)
         self._ends = contextlib.ExitStack()
         self._last_ns = time.monotonic_ns()
+        self._pumped = 0
         try:
-            options = ["--await-peer", _OBSERVER]
+            options = ["--await-peer", _OBSERVER, "--keep"]
             options += ["--foreign-senders"] if foreign_senders else []
             self.hardware_side = self._start("hardware", scenario_file, *options)
             # The firmware initializes in the meantime, and waits for the bus.
-            wait = ("--attach-wait", str(START_S))
-            if own is None:
-                self.side = self._start("firmware", scenario_file, *wait)
-            else:
-                self.side = SideProcess("firmware", scenario_file, self.channel, "1", own=own)
-                self._ends.callback(self._stop, self.side)
+            wait = ["--attach-wait", str(START_S)]
+            wait += [] if memory is None else ["--parameters", str(memory)]
+            self._start_firmware = partial(self._start, "firmware", scenario_file, *wait, own=own)
+            self._is_own = own is not None
+            self.side = self._start_firmware()
             self.hardware_side.wait_until_ready(START_S)
-            if own is None:  # another program comes when it comes: the hardware waits for it
-                self.side.wait_until_ready(START_S)
+            self._await_firmware()
             self._bus = self._open(_OBSERVER)
             self._last_ns = time.monotonic_ns()
         except BaseException:
             self.close()
             raise
 
-    def _start(self, side: Side, scenario_file: Path, *options: str) -> SideProcess:
-        process = SideProcess(side, scenario_file, self.channel, "1", *options)
+    def _start(
+        self, side: Side, scenario_file: Path, *options: str, own: OwnProgram | None = None
+    ) -> SideProcess:
+        process = SideProcess(side, scenario_file, self.channel, "1", *options, own=own)
         self._ends.callback(self._stop, process)
         return process
 
+    def _await_firmware(self) -> None:
+        if not self._is_own:  # another program comes when it comes: the hardware waits for it
+            self.side.wait_until_ready(START_S)
+
+    def power_off(self) -> None:
+        """Cut the firmware's power."""
+        self.catch_up()
+        self.side.kill()
+        self.is_on = False
+
+    def power_on(self) -> None:
+        """Switch the firmware on again."""
+        self.side = self._start_firmware()
+        self._await_firmware()
+        self.is_on = True
+
     def _stop(self, side: SideProcess) -> None:
         """Stop a side; the firmware goes first, so ignore that the hardware may then fail."""
-        if side is self.hardware_side:
+        if side is self.hardware_side or side is not self.side or not self.is_on:
             side.stop()
         else:
             self.died = side.stop()
@@ -113,6 +135,9 @@ class RealtimeExecution(Execution):
         """Receive the next batch of frames."""
         if self.now_ns >= until_ns:
             return False
+        self._pumped += 1
+        if self._pumped % _LOOK_EVERY == 0:
+            self._check_firmware()
         if not self._receive(_POLL_S):
             self.side.poll()
             self.hardware_side.poll()
@@ -120,6 +145,12 @@ class RealtimeExecution(Execution):
             if self._patience_s and silent_s > self._patience_s:
                 raise self.fail(f"the bus {self.channel} is silent for {silent_s:.0f} s")
         return True
+
+    def _check_firmware(self) -> None:
+        """Notice a firmware that has died: the hardware goes on without it."""
+        is_over = self.now_ns >= (self.scenario.epochs - 1) * self.scenario.period_ns
+        if self.is_on and not is_over and self.side.poll() is not None:
+            raise self.fail(self.side.failure())
 
     def catch_up(self) -> None:
         """Receive the pending frames; if the bus has ended, the next `pump` reports it."""

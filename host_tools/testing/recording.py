@@ -188,14 +188,11 @@ class Contract:
             for name, value in decoded.items()
         }
         row = self._codec.messages[self._codec.message_index(message)]
-        sound = not self._codec.is_protected(message) or bool(crc_holds(frame, row))
-        return values | {"time_s": time_ns / 1e9, "crc_holds": sound}
+        return values | {"time_s": time_ns / 1e9, "crc_holds": bool(crc_holds(frame, row))}
 
-    def is_sent_every_epoch(self, message: str) -> bool:
+    def counts_epochs(self, message: str) -> bool:
         """Return whether a message's counter is the epoch, not the number of transmissions."""
-        rows = self._codec.messages
-        cycle = rows[self._codec.message_index(message)]["cycle_ms"]
-        return bool(cycle == rows[self._codec.message_index("SYNC")]["cycle_ms"])
+        return self._codec.counts_epochs(message)
 
     def encode(self, message: str, values: Mapping[str, SignalValue], counter: int) -> FrameArray:
         """Return an array of one frame of a message, with counter and CRC.

@@ -40,7 +40,7 @@ class FrameSender:
             For a message or signal that the DBC has not, or a value out of range.
         """
         self._contract.check_signals(message, list(values))
-        if self._contract.is_sent_every_epoch(message):
+        if self._contract.counts_epochs(message):
             counter = self._execution.epoch % COUNTER_MODULUS
         else:
             counter = self.next_counter(message)

@@ -10,17 +10,20 @@ import contextlib
 import os
 import time
 from abc import ABC, abstractmethod
+from functools import partial
 from pathlib import Path
 
 import can
 
 from rrins.dbc.frame import FrameArray, frame_array
-from rrins.firmware_py.loop import Firmware
+from rrins.firmware_py.diagnostics.store import Stores
+from rrins.firmware_py.loop import Firmware, open_memories
 from rrins.host_tools.bus.interface import RrinsBus
 from rrins.host_tools.hardware.fault_server import HardwareFaultServer
 from rrins.host_tools.hardware.loop import INBOX_CAPACITY, Hardware
 from rrins.host_tools.hardware.memory import Truth
 from rrins.host_tools.runs.exchange import answer_epoch
+from rrins.host_tools.runs.programs.program import ProgramProcess
 from rrins.host_tools.runs.set_up.settings import (
     firmware_settings,
     hardware_settings,
@@ -64,6 +67,8 @@ class Execution(ABC):
         The wire, if it is in this process.
     fault_server : HardwareFaultServer or None
         Injects faults into the hardware, if it is in this process.
+    is_on : bool
+        Whether the firmware has power.
     failure : str
         Why it ended prematurely; empty while all is well.
     died : str
@@ -77,6 +82,7 @@ class Execution(ABC):
         self.scenario = scenario
         self.ring = ring
         self.now_ns = 0
+        self.is_on = True
         self.failure = ""
         self.died = ""
 
@@ -98,6 +104,14 @@ class Execution(ABC):
     @abstractmethod
     def send(self, frames: FrameArray, count: int) -> None:
         """Send frames of the test."""
+
+    @abstractmethod
+    def power_off(self) -> None:
+        """Cut the firmware's power, at once; the hardware goes on."""
+
+    @abstractmethod
+    def power_on(self) -> None:
+        """Switch the firmware on again: it begins anew, with its non-volatile memory."""
 
     def catch_up(self) -> None:  # noqa: B027 - nothing to do in virtual time
         """Receive pending frames without waiting."""
@@ -170,7 +184,10 @@ class _Virtual(Execution):
             frames = self._outbox
         self.ring.append(frames[own:], sent, self.now_ns, Sender.HARDWARE)
         self._count = own
-        self._exchange(frames, own + sent, epoch)
+        if self.is_on:
+            self._exchange(frames, own + sent, epoch)
+        else:
+            self._pass_unheard(frames, own + sent, epoch)
         self._next = epoch + 1
         self.now_ns = self._next * period_ns
         return True
@@ -178,6 +195,9 @@ class _Virtual(Execution):
     @abstractmethod
     def _exchange(self, frames: FrameArray, count: int, epoch: int) -> None:
         """Pass frames to the firmware; append its frames to `_inbox` and to the ring."""
+
+    def _pass_unheard(self, frames: FrameArray, count: int, epoch: int) -> None:
+        """Pass frames to whoever is on the bus but the firmware, which has no power."""
 
     def truth_at(self, time_ns: int) -> Truth:
         epoch = time_ns // self.scenario.period_ns
@@ -190,9 +210,10 @@ class _Virtual(Execution):
 class DirectExecution(_Virtual):
     """Both sides in this process, without a bus."""
 
-    def __init__(self, scenario: Scenario, ring: FrameRing) -> None:
+    def __init__(self, scenario: Scenario, ring: FrameRing, memory: Path | None = None) -> None:
         super().__init__(scenario, ring)
-        self.firmware = Firmware(firmware_settings(scenario))
+        self._memory = memory
+        self.power_on()
         self._error_ppm = scenario.firmware.clock_error_ppm
 
     def _exchange(self, frames: FrameArray, count: int, epoch: int) -> None:
@@ -205,9 +226,37 @@ class DirectExecution(_Virtual):
         self._inbox[self._count : end] = firmware.outbox[: end - self._count]
         self._count = end
 
+    def power_off(self) -> None:
+        """Cut the firmware's power."""
+        self.is_on = False
+        for store in (self._stores.parameters, self._stores.faults):
+            if store is not None:
+                store.close()
+
+    def power_on(self) -> None:
+        """Switch the firmware on again."""
+        self._stores = Stores() if self._memory is None else open_memories(self._memory)
+        self.firmware = Firmware(firmware_settings(self.scenario), stores=self._stores)
+        self.is_on = True
+
     def close(self) -> None:
         """End the run."""
+        if self.is_on and self._memory is not None:
+            self.power_off()
         self._next = self.scenario.epochs + 1
+
+
+def _start_firmware(
+    scenario_file: Path, own: OwnProgram | None, memory: Path | None, channel: str, core: int
+) -> SideProcess:
+    options = ["--core", str(core), "--attach-wait", str(START_S)]
+    if memory is not None:
+        options += ["--parameters", str(memory)]
+    side = SideProcess("firmware", scenario_file, channel, "max", *options, own=own)
+    if isinstance(side.process, ProgramProcess):
+        with contextlib.suppress(ProcessLookupError):
+            os.sched_setaffinity(side.process.program_pid, {core})
+    return side
 
 
 class LockstepExecution(_Virtual):
@@ -225,6 +274,8 @@ class LockstepExecution(_Virtual):
         Whether clients of the bus may send what the contract gives to a side.
     own : OwnProgram, optional
         The user's program as the firmware.
+    memory : Path, optional
+        File of the firmware's parameter memory.
     """
 
     def __init__(
@@ -235,9 +286,12 @@ class LockstepExecution(_Virtual):
         patience_s: float,
         foreign_senders: bool = True,
         own: OwnProgram | None = None,
+        memory: Path | None = None,
     ) -> None:
         super().__init__(scenario, ring)
         self._patience_s = patience_s
+        self._is_own = own is not None
+        self._start = partial(_start_firmware, scenario_file, own, memory)
         self.channel = fresh_channel()
         self._cores = os.sched_getaffinity(0)
         self._ends = contextlib.ExitStack()
@@ -251,16 +305,10 @@ class LockstepExecution(_Virtual):
             )
             self._ends.callback(self.host.shutdown)
             core = shared_core()
-            options = ("--core", str(core), "--attach-wait", str(START_S))
-            self.side = SideProcess(
-                "firmware", scenario_file, self.channel, "max", *options, own=own
-            )
+            self.side = self._start(self.channel, core)
             self._ends.callback(self._stop)
-            if own is not None:
-                with contextlib.suppress(ProcessLookupError):
-                    os.sched_setaffinity(self.side.process.pid, {core})
             prepare_hardware(scenario)  # while the firmware initializes
-            self._await_firmware(START_S if own is None else _PROGRAM_S)
+            self._await_firmware(_PROGRAM_S if self._is_own else START_S)
             os.sched_setaffinity(0, {core})
             self._ends.callback(os.sched_setaffinity, 0, self._cores)
         except BaseException:
@@ -281,6 +329,21 @@ class LockstepExecution(_Virtual):
             else:
                 self.host.require(["firmware"])
                 return
+
+    def power_off(self) -> None:
+        """Cut the firmware's power."""
+        self.host.require([])
+        self.side.kill()
+        self.is_on = False
+
+    def power_on(self) -> None:
+        """Switch the firmware on again."""
+        self.side = self._start(self.channel, shared_core())
+        self._await_firmware(_PROGRAM_S if self._is_own else START_S)
+        self.is_on = True
+
+    def _pass_unheard(self, frames: FrameArray, count: int, epoch: int) -> None:
+        self.host.send_batch(frames, count, epoch=epoch, time_ns=self.now_ns, closes_epoch=True)
 
     def attach(self) -> RrinsBus:
         """Return another client on the bus, for the test itself."""
@@ -317,7 +380,7 @@ class LockstepExecution(_Virtual):
         return is_firmware
 
     def _stop(self) -> None:
-        self.died = self.side.stop()
+        self.died = self.side.stop() if self.is_on else ""
 
     def close(self) -> None:
         """Stop the process and close the bus."""

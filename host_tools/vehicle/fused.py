@@ -102,6 +102,15 @@ def _run_epochs(
     return rows
 
 
+def check_needs_no_frames(scenario: Scenario) -> None:
+    """Raise `RehearsalError` when a scenario has faults or timing of the wire."""
+    if scenario_wire(scenario) is not None:
+        raise RehearsalError(
+            "increments: faults or timing of the wire need frames; rehearse the scenario with "
+            "--record FILE, then give that file"
+        )
+
+
 def fused_of_scenario(scenario: Scenario) -> Iterator[FusedTrack]:
     """Run a scenario without frames; yield the epochs navigated, some seconds at a time.
 
@@ -114,11 +123,7 @@ def fused_of_scenario(scenario: Scenario) -> Iterator[FusedTrack]:
     ScenarioError, MotionError
         When a file that the scenario names cannot be used.
     """
-    if scenario_wire(scenario) is not None:
-        raise RehearsalError(
-            "increments: faults or timing of the wire need frames; rehearse the scenario with "
-            "--record FILE, then give that file"
-        )
+    check_needs_no_frames(scenario)
     run = FastRun.of(firmware_settings(scenario), hardware_settings(scenario))
     left = scenario.epochs + 1
     while left:

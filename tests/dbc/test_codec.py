@@ -97,6 +97,19 @@ def test_every_signal_states_what_a_reader_needs():
             assert signal.maximum is not None, signal.name
 
 
+def test_what_a_counter_counts_is_stated_once_for_reader_and_tool():
+    """Of the attribute, the comment, and what the cycle time means."""
+    for message in MESSAGES:
+        if not CODEC.is_protected(message.name):
+            assert "No end-to-end protection" in message.comment
+            continue
+        comment = message.get_signal_by_name("alive_counter").comment
+        assert message.dbc.attributes["E2ECounter"].value > 0
+        assert CODEC.counts_epochs(message.name) == comment.startswith("Epoch counter")
+        is_cyclic = CODEC.send_type(message.name) != "Event"
+        assert is_cyclic or not CODEC.counts_epochs(message.name)
+
+
 def test_an_unknown_name_is_a_contract_error():
     with pytest.raises(codec.ContractError, match=r"SYNC\.epok"):
         CODEC.signal_index("SYNC", "epok")

@@ -41,7 +41,7 @@ from rrins.host_tools.runs.set_up.settings import (
 from rrins.host_tools.runs.sides import starting
 from rrins.host_tools.scenario.scenario import Scenario
 from rrins.host_tools.testing import processes
-from tests.processes import NO_PICTURE, Fork, Forking
+from tests.processes import Fork, Forking, write_no_pictures
 
 
 @pytest.fixture(autouse=True)
@@ -59,7 +59,7 @@ def _own_channels(monkeypatch):
 def _no_pictures(request, monkeypatch):
     """Have the pictures of a run drawn only where a test looks at them."""
     if request.node.get_closest_marker("pictures") is None:
-        monkeypatch.setattr(plots, "_png_of", lambda figure: NO_PICTURE)
+        monkeypatch.setattr(plots, "write_pictures", write_no_pictures)
 
 
 @pytest.fixture(autouse=True)

@@ -19,7 +19,7 @@ def test_every_name_is_there_and_explains_itself():
     for name in rrins.__all__:
         value = getattr(rrins, name)
         assert name == "__version__" or value.__doc__, name
-    assert set(rrins.__all__) <= set(dir(rrins))
+    assert dir(rrins) == rrins.__all__
 
 
 def test_a_name_that_is_not_there():

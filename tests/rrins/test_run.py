@@ -46,6 +46,80 @@ def test_everything_has_its_unit(run):
     assert float(run.errors.time[-1]) == KEYS["duration_s"]
 
 
+@pytest.fixture(scope="module")
+def broken():
+    """A run in which gyro 3 fails after 10 s of navigation; GNSS aids it."""
+    fault = {"kind": "gyro_bias", "sensor": 3, "bias_dph": 2000, "at_s": 13}
+    return rrins.simulate(
+        "drive_aided", progress=False, duration_s=20, integrity__enabled=True, faults=[fault]
+    )
+
+
+@pytest.mark.slow
+def test_more_of_a_run_has_its_units(broken):
+    datasets = (broken.sigma, broken.estimates, broken.parity, broken.increments)
+    for dataset in datasets:
+        assert dataset.time.units == "s"
+        for name, variable in dataset.data_vars.items():
+            assert variable.attrs["units"], name
+            assert variable.attrs["long_name"], name
+    assert set(broken.sigma.data_vars) == {"position_n", "velocity_n", "attitude_n"}
+    assert "horizontal_protection" in broken.estimates
+    ratio = abs(broken.errors.position_n) / broken.sigma.position_n  # of the same epochs
+    assert 0 < float(ratio.mean()) < 3
+    assert len(ratio.time) == len(broken.sigma.time)
+
+
+@pytest.mark.slow
+def test_parity_ends_with_the_redundancy_and_events_say_why(broken):
+    parity = broken.parity
+    assert float(parity.gyro_ratio.max()) > 1 > float(parity.accelerometer_ratio.max())
+    assert np.isnan(parity.gyro_ratio[-1])
+    assert np.isnan(parity.gyro_residual[-1]).all()
+    assert not np.isnan(parity.accelerometer_residual[-1]).any()
+    events = broken.events
+    assert list(events.columns) == ["time_s", "kind", "text"]
+    assert events.time_s.is_monotonic_increasing
+    (exclusion,) = events[events.kind == "exclusion"].text
+    assert exclusion.startswith("gyro 3 left out")
+    assert (events.text == "gyro_bias (sensor 3)").sum() == 1
+
+
+@pytest.mark.slow
+def test_increments_are_those_of_the_frames(rehearsed):
+    run, path = rehearsed
+    on_bus = rrins.open_log(path)["SENSOR_2"]
+    mine = run.increments.sel(sensor=2)
+    count = min(len(on_bus.time), len(mine.time))
+    assert count > 4000
+    for ours, theirs in (("gyro", "gyro_dtheta_rad"), ("accelerometer", "accelerometer_dv_mps")):
+        np.testing.assert_array_equal(mine[ours][:count], on_bus[theirs][:count])
+
+
+def test_what_a_run_does_not_have_is_one_line(run):
+    with pytest.raises(rrins.RehearsalError, match="estimator__enabled=True"):
+        _ = run.sigma
+
+
+def test_progress_in_a_notebook_is_one_line(monkeypatch):
+    shown = []
+
+    class Handle:
+        def update(self, data, raw):
+            shown.append(data["text/plain"])
+
+    def display(data, raw, display_id):
+        shown.append(data["text/plain"])
+        return Handle()
+
+    monkeypatch.setattr("IPython.display.display", display)
+    monkeypatch.setattr("rrins.run.is_notebook", lambda: True)
+    rrins.simulate("ideal", duration_s=30)
+    assert shown[0] == "preparing"
+    assert not any("\n" in line for line in shown)
+    assert shown[-1].startswith(" ") or shown[-1].startswith("100 %")
+
+
 def test_the_turntable_turned(run):
     assert float(abs(run.turntable.angle.sel(table_axis="inner")).max()) > 30
     modes = dict(
@@ -100,7 +174,7 @@ def test_its_log_by_signal(rehearsed):
     run, path = rehearsed
     log = rrins.open_log(path)
     assert log.messages["SYNC"] == run.summary["epochs"]
-    assert "NAV_HEIGHT.height" in log.signals
+    assert "NAV_HEIGHT.height_m" in log.signals
     height = log["NAV_HEIGHT.height"]
     assert height.units == "m"
     assert abs(float(height[-1]) - float(run.navigation.height[-1])) < 0.01
@@ -111,6 +185,11 @@ def test_its_log_by_signal(rehearsed):
     assert log.damage is None
     with pytest.raises(rrins.RehearsalError, match="NAV_HEIGHT"):
         _ = log["NAV_HEIGT.height"]
+    message = log["NAV_HEIGHT"]
+    assert f"NAV_HEIGHT.{next(iter(message.data_vars))}" in log.signals
+    assert log["NAV_HEIGHT.height_m"].identical(height)
+    assert message.height_m.identical(height)
+    assert height.name == "height_m"
 
 
 @pytest.mark.slow

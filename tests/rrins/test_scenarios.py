@@ -2,10 +2,18 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import jsonschema
 import numpy as np
 import pytest
 
 import rrins
+from rrins.host_tools.scenario.scenario import text_of
+from rrins.host_tools.scenario.schema import json_schema
 
 
 def test_built_in_ones_by_name():
@@ -67,6 +75,20 @@ def test_a_wrong_change_is_one_line(changes, words):
     assert "\n" not in str(caught.value)
 
 
+def test_a_wrong_key_of_a_scenario_is_one_line_without_pydantic():
+    for call, words in (
+        (lambda: rrins.Scenario(duration_s=-1), "duration_s: input should be greater than 0"),
+        (lambda: rrins.load_scenario("ideal", gyro_bias_dph="x"), r"gyros\.bias_dph: input"),
+    ):
+        with pytest.raises(rrins.ScenarioError, match=words) as caught:
+            call()
+        assert caught.value.__cause__ is None
+        assert caught.value.__suppress_context__
+        assert "\n" not in str(caught.value)
+    with pytest.raises(AttributeError, match="load_scenario"):
+        rrins.load_scenario("ideal").duration_s = 5
+
+
 @pytest.mark.parametrize("name", rrins.scenario_names())
 def test_written_as_toml_it_is_the_same(name, tmp_path):
     scenario = rrins.load_scenario(name)
@@ -79,3 +101,61 @@ def test_a_file_that_it_names_is_found_from_elsewhere(tmp_path, monkeypatch):
     scenario = rrins.load_scenario("rimu_rotating", firmware__calibration="cal.toml")
     assert str(tmp_path / "cal.toml") in scenario.toml()
     assert "cal.toml" in scenario._repr_html_()
+
+
+SCHEMA = json_schema()
+
+
+def test_the_schema_says_what_each_key_means_and_its_unit():
+    tables = [SCHEMA, *SCHEMA["$defs"].values()]
+    keys = [(key, of_key) for table in tables for key, of_key in table["properties"].items()]
+    assert [key for key, of_key in keys if of_key["description"][:5] in ("", " Unit")] == []
+    assert "Unit: °/h." in SCHEMA["$defs"]["Gyros"]["properties"]["bias_dph"]["description"]
+
+
+@pytest.mark.parametrize("name", rrins.scenario_names())
+def test_the_schema_accepts_what_is_built_in(name):
+    jsonschema.Draft202012Validator(SCHEMA).validate(tomllib.loads(text_of(name)))
+
+
+def test_the_schema_refuses_a_misspelt_key():
+    table = {"duration_s": 1, "gyros": {"bias_dhp": 1}}
+    with pytest.raises(jsonschema.ValidationError, match="bias_dhp"):
+        jsonschema.Draft202012Validator(SCHEMA).validate(table)
+
+
+SCRIPT = """\
+import numpy as np
+import rrins
+
+rrins.simulate("ideal", duration_s=1, gyro_bias_dph=np.ones(4), turntable__wobble_arcsec=3)
+rrins.simulate("ideal", faults=[{"kind": "gyro_bias", "sensor": 3, "at_s": 60}])
+faults = rrins.open_faults()
+faults.inject("gyro_bias", sensor=3, bias_dph=20)
+faults.inject({"kind": "gyro_bias", "sensor": 3})
+rrins.simulate("ideal", gyro_biass_dph=1)
+rrins.rehearse("ideal", gyro_bias_dph="much")
+rrins.load_scenario("ideal", mode="spinning")
+rrins.simulate("ideal", faults=[{"kind": "gyro_bias", "bias": 20}])
+faults.inject("gyro_bias", bias=20)
+faults.inject("gyro_bais")
+"""
+
+
+@pytest.mark.typed
+def test_type_checkers_know_the_keys_and_their_types(tmp_path):
+    script = tmp_path / "script.py"
+    script.write_text(SCRIPT)
+    done = subprocess.run(
+        [sys.executable, "-m", "mypy", "--no-error-summary", "--hide-error-context", str(script)],
+        cwd=Path(__file__).parents[2],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    said = [line for line in done.stdout.splitlines() if ": error: " in line]
+    wrong = ["gyro_biass_dph", "much|str", "spinning", "bias", "bias", "gyro_bais"]
+    assert len(said) == len(wrong), done.stdout
+    for number, (line, word) in enumerate(zip(said, wrong, strict=True), 9):
+        assert f"script.py:{number}:" in line
+        assert any(one in line for one in word.split("|")), line

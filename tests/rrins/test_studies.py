@@ -46,10 +46,11 @@ def test_the_covariance_beside_the_runs_of_a_campaign(tmp_path):
 
 @pytest.mark.slow
 def test_what_redundant_sensors_find(tmp_path):
-    found = rrins.study_redundancy(geometries=["tetrahedron"], gyro_steps_dph=[1, 10], runs=0)
+    steps = {"gyro_steps_dph": [1, 10], "accelerometer_steps_ug": [5000]}
+    found = rrins.study_redundancy(geometries=["tetrahedron"], **steps, runs=1)
     printed = said(
-        *("redundancy", "--rimu", "tetrahedron", "--runs", "0"),
-        *("--gyro", "1", "--gyro", "10", "--out", str(tmp_path)),
+        *("redundancy", "--rimu", "tetrahedron", "--runs", "1"),
+        *("--gyro", "1", "--gyro", "10", "--accelerometer", "5000", "--out", str(tmp_path)),
     )
     assert found.values["candidates"] == printed["candidates"]
     assert set(found.smallest["geometry"]) == {"tetrahedron"}
@@ -61,8 +62,11 @@ def test_what_redundant_sensors_find(tmp_path):
     assert found.save(tmp_path / "own")[0].read_text().lower().startswith("<!doctype html>")
 
 
-def test_a_unit_calibrated(tmp_path):
-    found = rrins.calibrate(folder=tmp_path, turn_rate_dps=30, stand_s=0.5)
+def test_a_unit_calibrated(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    found = rrins.calibrate(turn_rate_dps=30, stand_s=0.5)
+    assert list(tmp_path.iterdir()) == []  # nothing is written unasked
+    assert {path.name for path in found.save("mine")} >= {"calibration.toml"}
     assert found.file.name == "calibration.toml"
     assert found.report.exists()
     assert found.verified == ""

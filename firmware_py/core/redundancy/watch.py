@@ -389,7 +389,7 @@ def watch(state: Ram, navigating: bool, aligning: bool) -> None:
     redundancy, assembly, diagnostics = state.redundancy, state.assembly, state.diagnostics
     history = redundancy.repair
     if navigating and not redundancy.navigated:
-        redundancy.navigation_epoch = state.epoch - 1
+        redundancy.navigation_epoch = state.epoch - 1 - state.modes.epochs
         blocks.begin(history, state.gyros.count, state.accelerometers.count, state.epoch - 1)
         reference.begin(state)
         suspicion.begin(state)
@@ -398,7 +398,7 @@ def watch(state: Ram, navigating: bool, aligning: bool) -> None:
         parities.begin_second(redundancy.gyros)
         parities.begin_second(redundancy.accelerometers)
     elif navigating and redundancy.aligning and not aligning:
-        redundancy.navigation_epoch = state.epoch - 1
+        redundancy.navigation_epoch = state.epoch - 1 - state.modes.epochs
     if navigating != redundancy.navigated or aligning != redundancy.aligning:
         redundancy.aligned_epochs = 0
         redundancy.moved = False

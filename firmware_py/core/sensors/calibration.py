@@ -200,7 +200,7 @@ def load(path: Path, gyros: int, accelerometers: int) -> Calibration:
     except OSError as error:
         raise CalibrationError(f"calibration {path}: cannot be read: {error.strerror}") from error
     except ValidationError as error:
-        raise CalibrationError(f"calibration {path}: {_first_fault(error)}") from error
+        raise CalibrationError(f"calibration {path}: {_first_fault(error)}") from None
     except CalibrationError as error:
         raise CalibrationError(f"calibration {path}: {error}") from error
     except (ValueError, RecursionError) as error:

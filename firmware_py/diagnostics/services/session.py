@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 from rrins.firmware_py.diagnostics import access
 from rrins.firmware_py.diagnostics.access import Session
-from rrins.firmware_py.diagnostics.computer import Computer
+from rrins.firmware_py.diagnostics.computer import NAVIGATION_MODES, Computer
 from rrins.firmware_py.diagnostics.refusal import RefusalError, require
 from rrins.firmware_py.diagnostics.responses import Code
 from rrins.firmware_py.diagnostics.server import Handler, Part, Reset, Server
@@ -28,13 +28,6 @@ def session_control(server: Server, data: bytes) -> bytes:
     _exactly(data, 1)
     server.enter_session(Session(data[0]))
     return data + access.P2_MS.to_bytes(2, "big") + (access.P2_STAR_MS // 10).to_bytes(2, "big")
-
-
-def reset(server: Server, data: bytes) -> bytes:
-    """Reset the computer (0x11)."""
-    _exactly(data, 1)
-    server.reset_wanted = Reset(data[0])
-    return data
 
 
 def tester_present(server: Server, data: bytes) -> bytes:
@@ -126,6 +119,21 @@ class Communication(Part):
         return data[:1]
 
 
+class Restart:
+    """ECUReset: of a computer that navigates only if it is unlocked."""
+
+    def __init__(self, computer: Computer) -> None:
+        self._computer = computer
+
+    def reset(self, server: Server, data: bytes) -> bytes:
+        """Reset the computer (0x11)."""
+        _exactly(data, 1)
+        navigates = self._computer.mode in NAVIGATION_MODES
+        require(server.is_unlocked or not navigates, Code.CONDITIONS_NOT_CORRECT)
+        server.reset_wanted = Reset(data[0])
+        return data
+
+
 class DTCSetting(Part):
     """ControlDTCSetting."""
 
@@ -144,11 +152,13 @@ class DTCSetting(Part):
         return data
 
 
-def handlers(lock: Lock, communication: Communication, setting: DTCSetting) -> dict[int, Handler]:
+def handlers(
+    lock: Lock, communication: Communication, setting: DTCSetting, restart: Restart
+) -> dict[int, Handler]:
     """Return the services of this group."""
     return {
         0x10: session_control,
-        0x11: reset,
+        0x11: restart.reset,
         0x27: lock.access,
         0x28: communication.control,
         0x3E: tester_present,

@@ -9,12 +9,7 @@ import numpy as np
 from rich.table import Table
 
 from rrins.firmware_py.core.records.redundancy_records import BEFORE_S
-from rrins.firmware_py.core.records.troubles import (
-    ALL_GROUPS,
-    FIRST_SNAPSHOT,
-    Status,
-    Trouble,
-)
+from rrins.firmware_py.core.records.troubles import ALL_GROUPS, FIRST_SNAPSHOT, Trouble
 from rrins.firmware_py.diagnostics import table
 from rrins.firmware_py.diagnostics.codecs import Field, Values
 from rrins.firmware_py.diagnostics.data_identifier import DataIdentifier
@@ -25,7 +20,8 @@ from rrins.host_tools.cli.diag.output import grid, paragraph
 from rrins.host_tools.cli.group import Group
 from rrins.host_tools.cli.options import flag, json_option
 from rrins.host_tools.cli.output import print_json, print_results
-from rrins.host_tools.diag.tester import RECORDS, REMEMBERED, Tester, TroubleReport
+from rrins.host_tools.diag.tester import RECORDS, Tester
+from rrins.host_tools.diag.trouble_table import TroubleReport
 from rrins.host_tools.diag.values import value_text
 from rrins.host_tools.files import JsonObject
 
@@ -33,22 +29,6 @@ from rrins.host_tools.files import JsonObject
 @click.group(cls=Group)
 def dtc() -> None:
     """Read and clear diagnostic trouble codes."""
-
-
-def _status_text(status: int) -> str:
-    """Return a status byte in a few words, on two lines."""
-    if status & Status.TEST_FAILED:
-        now = "failed now"
-    elif status & Status.TEST_NOT_COMPLETED_THIS_OPERATION_CYCLE:
-        now = "not tested yet"
-    else:
-        now = "passed now"
-    marks = [bit.name.lower() for bit in (Status.PENDING, Status.CONFIRMED) if status & bit]
-    return "\n".join([now, ", ".join(marks)]).rstrip()
-
-
-def _name(found: TroubleReport) -> str:
-    return found.trouble.name if found.trouble else "not in this tool's table"
 
 
 def _trouble_object(tester: Tester, found: TroubleReport, with_frames: bool) -> JsonObject:
@@ -94,7 +74,7 @@ def read_troubles(
     if trouble is not None:
         found = [_find_trouble(tester, trouble)]
     else:
-        found = tester.all_troubles() if all_of_them else tester.troubles(REMEMBERED)
+        found = tester.all_troubles() if all_of_them else tester.troubles()
     in_detail = freeze_frames or trouble is not None
     if as_json:
         print_json([_trouble_object(tester, one, in_detail) for one in found])
@@ -107,8 +87,8 @@ def read_troubles(
     else:
         rows = grid("code", "trouble", "status")
         for one in found:
-            text = f"\n{one.trouble.text}" if one.trouble else ""
-            rows.add_row(one.code, _name(one) + text, _status_text(one.status))
+            name = f"{one.name}\n{one.text}".rstrip()
+            rows.add_row(one.code, name, one.state.replace(", ", "\n", 1))
         parts.append(rows)
     print_results(False, [], parts)
 
@@ -116,7 +96,7 @@ def read_troubles(
 def _details(tester: Tester, found: TroubleReport) -> Iterator[Table | str]:
     extended = tester.extended_data(found.number)
     frames = tester.snapshots(found.number)
-    yield f"{found.code} {_name(found)} (0x{found.number:06X})"
+    yield f"{found.code} {found.name} (0x{found.number:06X})"
     if found.trouble:
         yield paragraph(found.trouble.text)
         yield paragraph(f"fails after / passes after: {found.trouble.debounce}")

@@ -101,12 +101,13 @@ def session(tester: Tester, name: str | None, for_s: float | None, as_json: bool
 @click.command()
 @click.argument("kind", type=click.Choice(tuple(_KINDS)), default="hard")
 @json_option
-@with_tester
+@with_securing_tester
 def reset(tester: Tester, kind: str, as_json: bool) -> None:
     """Reset the computer and wait until it answers.
 
-    A hard reset reloads the parameter memory and begins an operation cycle. It ends navigation:
-    after its self-test the computer resumes the operator's last mode command.
+    A hard reset reloads the parameter memory and begins an operation cycle. A computer that
+    navigates refuses it, unless --security unlocks it: afterwards it begins anew at the position of
+    its set-up, whatever it has moved since, and resumes the operator's last mode command.
     """
     tester.reset(_KINDS[kind])
     dids = [table.identifier(name) for name in ("mode", "uptime")]

@@ -1,15 +1,17 @@
-// Orders: start, pause, speed, stop; faults by form; modes; trouble codes. Each shows its answer.
+// Orders: start, pause, speed, stop; trouble codes, residuals; the time line. Each shows its answer.
 
-import { $, clock, element, figures, keyWords } from "./parts.js";
+import { Faults } from "./faults.js";
+import { $, clock, element, figures } from "./parts.js";
 
 const SPEEDS = [["¼ ×", 0.25], ["1 ×", 1], ["2 ×", 2], ["5 ×", 5], ["10 ×", 10], ["50 ×", 50], ["max", 0]];
 const AGAIN_MS = 2000; // between two readings of the residuals
-const MODES = [["standby", "Standby"], ["navigate", "Navigate again"], ["rotation", "Start rotation"], ["no rotation", "Stop rotation"]];
+const REASONS = { excluded: "left out", absent: "absent", saturated: "at the end of its range" };
 
 export class Control {
   constructor(feed) {
     this.feed = feed;
-    this.faults = [];
+    this.faults = new Faults(feed);
+    this.sensors = { gyros: [], accelerometers: [] }; // the state of each
     this.codes = null;
   }
 
@@ -17,7 +19,7 @@ export class Control {
     this.hello = hello;
     this.may = new Set(hello.orders);
     this.buildDrive();
-    this.buildFaults();
+    this.faults.begin(hello);
     this.buildCodes();
     this.buildTimeline();
     if (this.may.has("list_faults") && hello.source === "bus") this.feed.order("list_faults");
@@ -52,12 +54,16 @@ export class Control {
     if (!answer.is_done) this.complain?.(answer.text);
   }
 
+  // Pause or go on; return whether there is something to pause.
   togglePause() {
-    if (!this.status || !this.may.has("pause")) return;
-    const goesOn = this.status.phase === "paused" || this.status.phase === "ended";
-    if (this.hello.source === "recording") this.feed.order(goesOn ? "play" : "pause");
-    else if (goesOn) this.drive("speed", { speed: this.status.wanted_speed });
-    else this.drive("pause");
+    const phase = this.status?.phase;
+    const isPaused = phase === "paused";
+    if (!this.may.has("pause")) return false;
+    if (this.hello.source === "recording") this.feed.order(isPaused || phase === "ended" ? "play" : "pause");
+    else if (isPaused) this.drive("speed", { speed: this.status.wanted_speed });
+    else if (phase === "running") this.drive("pause");
+    else return false;
+    return true;
   }
 
   setStatus(status) {
@@ -87,95 +93,8 @@ export class Control {
     }
   }
 
-  // ---- faults and modes
-
-  buildFaults() {
-    const tab = $("tab-control");
-    tab.replaceChildren();
-    const stack = element("div", { class: "stack" });
-    tab.append(stack);
-    if (!this.may.has("inject")) {
-      const why = this.hello.source === "recording" ? "A recording takes no faults." : "This page may only look on. Start the dashboard with --control, and open it with the address that it prints.";
-      stack.append(element("p", {}, why));
-      return;
-    }
-    const groups = new Map();
-    for (const [kind, { group }] of Object.entries(this.hello.forms)) {
-      if (!groups.has(group)) groups.set(group, []);
-      groups.get(group).push(kind);
-    }
-    const order = ["gyros", "accelerometers", "turntable", "aiding", "on the wire"];
-    this.kindChoice = element("select", { id: "fault-kind", onchange: () => this.buildFields() },
-      ...order.filter((group) => groups.has(group)).map((group) => element("optgroup", { label: group }, ...groups.get(group).map((kind) => element("option", { value: kind }, kind)))));
-    this.kindChoice.value = "gyro_bias";
-    this.fields = element("div", { class: "fields" });
-    this.answer = element("div", { class: "answer", role: "status" });
-    this.active = element("div");
-    const form = element("form", { onsubmit: (event) => { event.preventDefault(); this.inject("inject"); } },
-      element("div", { class: "stack-inner" },
-        element("label", {}, element("small", {}, "kind of fault "), this.kindChoice)), this.fields,
-      element("div", { class: "row" },
-        element("button", { class: "main", type: "submit", id: "inject" }, "Inject"),
-        element("button", { type: "button", onclick: () => this.inject("remove") }, "Remove"),
-        element("button", { type: "button", onclick: () => this.give("clear_faults") }, "Clear all faults")));
-    form.className = "stack";
-    form.style.padding = "0";
-    const modes = MODES.map(([mode, words]) => element("button", { onclick: () => this.give("mode", { mode }) }, words));
-    stack.append(form, this.answer, this.active, element("h4", {}, "Mode of the navigation computer"), element("div", { class: "row" }, ...modes));
-    this.buildFields();
-    this.showFaults(this.faults);
-  }
-
-  buildFields() {
-    this.fields.replaceChildren();
-    for (const field of this.hello.forms[this.kindChoice.value].fields) {
-      const place = this.newInput(field);
-      place.name = field.key;
-      this.fields.append(element("label", {}, keyWords(field.key), place));
-    }
-  }
-
-  newInput(field) {
-    if (field.type === "choice" || field.type === "message") {
-      const words = field.type === "message" ? this.hello.message_names : field.choices;
-      const first = field.is_needed ? [] : [element("option", { value: "" }, field.default ?? "all")];
-      return element("select", {}, ...first, ...words.map((word) => element("option", {}, word)));
-    }
-    const hint = field.default ?? (field.key === "sensor" ? "all" : field.key === "for_s" ? "until removed" : field.key === "period_s" ? "always there" : "");
-    const input = element("input", { type: "number", step: field.type === "whole" ? 1 : "any", min: field.minimum, max: field.maximum, placeholder: hint });
-    if (field.key === "sensor") input.value = 3;
-    return input;
-  }
-
-  inject(order) {
-    const fault = { kind: this.kindChoice.value };
-    for (const place of this.fields.querySelectorAll("input, select")) {
-      if (place.value === "") continue;
-      fault[place.name] = place.type === "number" ? Number(place.value) : place.value;
-    }
-    this.give(order, { fault });
-  }
-
-  async give(order, more) {
-    this.answer.className = "answer";
-    this.answer.textContent = "waiting for the answer …";
-    const answer = await this.feed.order(order, more);
-    this.answer.className = `answer ${answer.is_done ? "done" : "refused"}`;
-    this.answer.textContent = `${answer.is_done ? "✓" : "✗"} ${answer.text}`;
-  }
-
-  showFaults(faults) {
-    this.faults = faults;
-    if (!this.active?.isConnected) return;
-    this.active.replaceChildren(...faults.map((fault) => {
-      const keys = Object.fromEntries(Object.entries(fault.keys).filter(([key]) => ["kind", "message", "node", "axis", "sensor", "direction"].includes(key)));
-      return element("div", { class: "active" }, element("span", {}, fault.words, element("small", {}, ` since ${clock(fault.at_s)}`)),
-        element("button", { onclick: () => this.give("remove", { fault: keys }) }, "Remove"));
-    }));
-  }
-
   report(report) {
-    if (report.faults) this.showFaults(report.faults);
+    if (report.faults) this.faults.showFaults(report.faults);
     if (report.codes) this.showCodes(report.codes);
     if (report.residuals) this.showResiduals(report.residuals);
   }
@@ -220,19 +139,24 @@ export class Control {
   }
 
   showResiduals(residuals) {
-    const rows = [];
-    for (const [kind, letter, unit] of [["gyros", "G", "°/h"], ["accelerometers", "A", "µg"]])
-      residuals[kind].forEach(([residual, threshold], k) => {
-        if (!threshold) return;
+    const rows = [["gyros", "G", "°/h"], ["accelerometers", "A", "µg"]].flatMap(([kind, letter, unit]) => {
+      const isCompared = residuals[kind].some(([, threshold]) => threshold);
+      return this.sensors[kind].map((state, k) => {
+        const [residual, threshold] = residuals[kind][k] ?? [];
+        const name = element("td", {}, `${letter}${k + 1}`);
+        if (!threshold) {
+          const why = REASONS[state] ?? (isCompared ? "not compared" : "not compared: no redundancy left");
+          return element("tr", { class: "silent" }, name, element("td", { colspan: 3 }, why));
+        }
         const bar = element("i");
         bar.style.width = `${Math.min(100, (50 * Math.abs(residual)) / threshold)}%`;
-        rows.push(element("tr", { class: Math.abs(residual) > threshold ? "trouble" : "" }, element("td", {}, `${letter}${k + 1}`),
+        return element("tr", { class: Math.abs(residual) > threshold ? "trouble" : "" }, name,
           element("td", { class: "n" }, `${figures(residual, 3)} ${unit}`), element("td", { class: "n" }, `± ${figures(threshold, 3)} ${unit}`),
-          element("td", { class: "wide" }, element("i", { class: "bar" }, bar))));
+          element("td", { class: "wide" }, element("i", { class: "bar" }, bar)));
       });
+    });
     const head = element("tr", {}, ...["sensor", "residual", "threshold", ""].map((text, k) => element("th", { class: k % 3 ? "n" : "" }, text)));
-    this.residuals.replaceChildren(rows.length ? element("table", { id: "residuals" }, element("thead", {}, head), element("tbody", {}, ...rows))
-      : element("p", {}, "No sensor is compared with others."));
+    this.residuals.replaceChildren(element("table", { id: "residuals" }, element("thead", {}, head), element("tbody", {}, ...rows)));
   }
 
   showCodes(codes) {

@@ -1,10 +1,13 @@
 // Puts the page together: what comes from the server goes to the parts that show it.
 
 import { BusTable } from "./bus.js";
+import { Chips } from "./chips.js";
 import { Control } from "./control.js";
 import { Explain } from "./explain.js";
 import { Feed } from "./feed.js";
+import { keep, recall } from "./kept.js";
 import { Map2d } from "./map.js";
+import { Now } from "./now.js";
 import { $, clock, element, figures, length, setText } from "./parts.js";
 import { Plots, SPANS } from "./plots.js";
 import { Store } from "./store.js";
@@ -21,10 +24,13 @@ const store = new Store();
 const turntable = new Turntable();
 const plots = new Plots(store);
 const map = new Map2d(store);
+const chips = new Chips();
+const now = new Now();
 let hello = null;
 let events = [];
 let status = {};
 let complaint = "";
+let reached = null; // the latest event that a playback has come to
 
 const feed = new Feed({
   link: (isUp) => {
@@ -34,7 +40,7 @@ const feed = new Feed({
   hello: begin,
   history: (times, columns) => {
     store.fill(times, columns);
-    if (hello.source === "recording") plots.setSpan(Infinity);
+    if (hello.source === "recording") plots.offerSpan(Infinity);
     else if (times.length) takeRow(times.at(-1), columns.map((column) => column.at(-1)));
     dirty();
   },
@@ -72,8 +78,10 @@ function begin(message) {
   turntable.setGeometry(scenario?.gyros_deg ?? FIRST_GEOMETRY, scenario?.accelerometers_deg ?? FIRST_GEOMETRY);
   table.clear();
   control.begin(hello);
+  now.begin(hello);
   explain.begin(hello);
-  chipStates = "";
+  plots.context = { hasTruth: Boolean(scenario?.has_truth), estimates: scenario?.estimates };
+  plots.showChosen();
 }
 
 // ---- rows, thirty times a second
@@ -116,14 +124,15 @@ requestAnimationFrame(frame);
 
 // ---- the state, four times a second
 
-let chipStates = "";
 function takeState(state) {
-  table.update(state.messages);
-  turntable.setStates(state.sensors);
-  showChips(state.sensors);
-  showParity(state.parity);
-  control.keepReading();
   const firmware = state.firmware;
+  table.update(state.messages, store.last);
+  turntable.setStates(state.sensors);
+  chips.update(state);
+  control.sensors = state.sensors;
+  control.keepReading();
+  now.update(state.troubles, Boolean(firmware));
+  Object.assign(plots.context, { mode: firmware?.mode, seconds: store.last - store.first });
   const mode = firmware ? firmware.mode.replaceAll("_", " ").toLowerCase() : "–";
   setText($("mode"), firmware?.mode === "FAULT" ? `FAULT: ${firmware.fault}` : mode);
   const parts = [];
@@ -131,45 +140,7 @@ function takeState(state) {
   setText($("scheme"), parts.join(", ") || "–");
   const isStill = status.phase === "paused" || status.phase === "ended";
   setText($("speed"), isStill ? status.phase : state.speed == null ? "–" : `${figures(state.speed, 3)} ×`);
-  showTroubles(state.troubles);
   document.body.dataset.mode = firmware?.mode ?? "";
-}
-
-function showChips(sensors) {
-  const now = JSON.stringify(sensors);
-  if (now === chipStates) return;
-  chipStates = now;
-  const chips = [];
-  for (const [kind, letter] of [["gyros", "G"], ["accelerometers", "A"]])
-    sensors[kind].forEach((state, k) =>
-      chips.push(element("div", { class: "chip", "data-state": state, "data-sensor": `${letter}${k + 1}` }, element("b", {}, `${letter}${k + 1}`), state, element("i", { class: "bar" }, element("i")))));
-  $("chips").replaceChildren(...chips);
-  $("chips").style.gridTemplateColumns = `repeat(${Math.min(8, Math.max(4, sensors.gyros.length))}, minmax(0, 1fr))`;
-}
-
-// How far each sensor is from being suspected: the parity, by the one sensor it points at the most.
-function showParity(parity) {
-  for (const [kind, letter] of [["gyros", "G"], ["accelerometers", "A"]]) {
-    const [ratio, suspect, seconds] = parity[kind] ?? [0, 0, 0];
-    const chips = document.querySelectorAll(`.chip[data-sensor^="${letter}"]`);
-    chips.forEach((chip, k) => {
-      const isIt = suspect === k + 1;
-      chip.lastChild.hidden = !parity[kind];
-      chip.lastChild.firstChild.style.width = `${isIt ? Math.min(100, 50 * ratio) : 0}%`;
-      chip.title = isIt ? `the parity in ${seconds} s, ${ratio.toFixed(2)} × its threshold, points at this one the most; the mark is the threshold` : "";
-    });
-  }
-}
-
-function showTroubles(troubles) {
-  const tab = $("tab-troubles");
-  const now = troubles.join("\n");
-  if (tab.dataset.now === now && tab.firstChild) return;
-  tab.dataset.now = now;
-  const lines = troubles.length ? troubles.map((text) => element("div", { class: "active" }, `! ${text}`)) : [element("p", {}, "✓ nothing is wrong on the bus")];
-  tab.replaceChildren(element("div", { class: "stack" }, ...lines));
-  const button = document.querySelector('[data-tab="troubles"]');
-  setText(button, troubles.length ? `Now (${troubles.length})` : "Now");
 }
 
 function takeStatus(message) {
@@ -203,57 +174,73 @@ function takeEvents(message) {
     const item = element("li", { class: hello.source === "recording" ? "jump" : "", "data-time": time },
       element("time", {}, clock(time)), element("span", { class: weight }, SIGNS[weight]), element("span", { class: weight }, text));
     if (hello.source === "recording") item.onclick = () => control.seek(time);
-    $("events").prepend(item);
+    const before = [...$("events").children].find((one) => Number(one.dataset.time) <= time);
+    $("events").insertBefore(item, before ?? null); // an effect may be known late
   }
   setText($("event-count"), events.length ? String(events.length) : "");
   control.markEvents(events);
 }
 
+// Events that the playback has not reached are pale; the latest that it has is in view.
 function markLater() {
-  for (const item of $("events").children) item.classList.toggle("later", Number(item.dataset.time) > status.at_s + 0.05);
+  const items = [...$("events").children];
+  for (const item of items) item.classList.toggle("later", Number(item.dataset.time) > status.at_s + 0.05);
+  const latest = items.find((item) => !item.classList.contains("later"));
+  if (latest && latest !== reached) $("events").scrollTop += latest.offsetTop - $("events").offsetTop - $("events").scrollTop - 60;
+  reached = latest;
 }
 
 // ---- tabs, theme, keys
 
 function openTab(name) {
+  keep("tab", name);
   for (const [one] of TABS) {
     $(`tab-${one}`).hidden = one !== name;
     document.querySelector(`[data-tab="${one}"]`).setAttribute("aria-selected", one === name);
   }
 }
 for (const [name, words, key] of TABS)
-  $("tabs").append(element("button", { role: "tab", "data-tab": name, title: key, onclick: () => openTab(name) }, words));
-openTab("bus");
+  $("tabs").append(element("button", { role: "tab", "data-tab": name, title: `key ${key}`, onclick: () => openTab(name) }, words));
+openTab(TABS.some(([name]) => name === recall("tab")) ? recall("tab") : "bus");
 
 function setTheme(theme) {
   document.documentElement.dataset.theme = theme;
-  try {
-    localStorage.setItem("rrins-theme", theme);
-  } catch { /* a browser that keeps nothing */ }
+  keep("theme", theme, true);
   turntable.restyle();
   plots.restyle();
   map.draw(plots.playedTo ?? Infinity);
 }
-let kept = null;
-try {
-  kept = localStorage.getItem("rrins-theme");
-} catch { /* a browser that keeps nothing */ }
-setTheme(kept ?? (matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light"));
+setTheme(recall("theme", matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light", true));
 const toggleTheme = () => setTheme(document.documentElement.dataset.theme === "dark" ? "light" : "dark");
 $("theme").onclick = toggleTheme;
 $("help-button").onclick = () => $("help").showModal();
 
+// Space pauses what can be paused, else the plots.
+function pause() {
+  if (!control.togglePause()) plots.hold();
+}
+
+const isText = (node) => node.matches("input:not([type=checkbox], [type=range]), select, textarea");
+const isPlain = (event) => !(event.ctrlKey || event.metaKey || event.altKey) && !document.querySelector("dialog[open]");
+
 document.addEventListener("keydown", (event) => {
-  if (event.target.matches("input:not([type=checkbox]), select, textarea") || (event.key === " " && event.target.matches("input, button, summary")) || event.ctrlKey || event.metaKey || event.altKey) return;
+  if (!isPlain(event) || (isText(event.target) && event.key !== " ")) return;
   const span = SPANS[Number(event.key) - 1];
   const tab = TABS.find(([, , key]) => key === event.key);
+  const jump = (seconds) => status.at_s != null && control.seek(status.at_s + seconds);
   const actions = {
-    " ": () => plots.hold(), t: toggleTheme, r: () => turntable.resetView(), p: () => control.togglePause(), "?": () => $("help").showModal(),
-    ArrowLeft: () => status.at_s != null && control.seek(status.at_s - 10), ArrowRight: () => status.at_s != null && control.seek(status.at_s + 10),
+    " ": () => event.repeat || pause(), p: pause, h: () => plots.hold(), t: toggleTheme, r: () => turntable.resetView(), "?": () => $("help").showModal(),
+    ArrowLeft: () => jump(-10), ArrowRight: () => jump(10), Escape: () => plots.enlarge(null),
   };
   if (span) plots.setSpan(span[1]);
   else if (tab) openTab(tab[0]);
+  else if (event.key === "Enter" && event.target.matches("input[type=checkbox]")) event.target.click();
   else if (actions[event.key]) actions[event.key]();
   else return;
   event.preventDefault();
-});
+}, true);
+
+// A button that has the focus is not pressed by space, which pauses: Enter presses it.
+document.addEventListener("keyup", (event) => {
+  if (event.key === " " && isPlain(event)) event.preventDefault();
+}, true);

@@ -1,46 +1,16 @@
-// The plots: one time axis for all, cursor with values, zoom, hold.
+// The plots: one time axis for all, cursor with values, zoom, hold, choice.
 
+import { ANGLE_STEPS, CHARTS, labels, lowestOf, rangeOf, turned, wrapped } from "./charts.js";
+import { keep, recall } from "./kept.js";
 import { $, clock, colour, element, figures } from "./parts.js";
+import { offer } from "./saving.js";
 
 const STEPS_S = [0.1, 0.2, 0.5, 1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 14400, 43200, 86400];
 const DASHES = { solid: [], dashed: [7, 4], dotted: [2, 3] };
-
-// label: [column, legend, colour of the theme, dash, what else]
-const line = (column, label, ink, dash = "solid", more = {}) => ({ column, label, ink, dash, ...more });
-const three = (sigma, ink) => [
-  { column: sigma, label: "", ink, dash: "dotted", factor: 3, band: 1 },
-  { column: sigma, label: "", ink, dash: "dotted", factor: -3, band: -1 },
-];
-
-export const PLOTS = [
-  {
-    id: "position", title: "Position error", unit: "m", empty: "The truth is not known: name the scenario",
-    lines: [line("error_east_m", "east", "east"), line("error_north_m", "north", "north", "dashed"),
-      ...three("sigma_east_m", "east"), ...three("sigma_north_m", "north"),
-      line("horizontal_protection_m", "protection level", "third", "dashed", { step: true })], sigma: "dotted: ±3σ",
-  },
-  {
-    id: "velocity", title: "Velocity error", unit: "m/s", empty: "The truth is not known: name the scenario",
-    lines: [line("error_east_mps", "east", "east"), line("error_north_mps", "north", "north", "dashed"),
-      ...three("sigma_east_mps", "east"), ...three("sigma_north_mps", "north")], sigma: "dotted: ±3σ",
-  },
-  {
-    id: "angles", title: "Table angles", unit: "°", empty: "No axis has been heard yet",
-    lines: [line("inner_deg", "inner", "east"), line("outer_deg", "outer", "north", "dashed"),
-      line("inner_goal_deg", "", "east", "dotted", { step: true, thin: true }),
-      line("outer_goal_deg", "", "north", "dotted", { step: true, thin: true })], note: "dotted: position of the scheme",
-  },
-  {
-    id: "parity", title: "Parity / threshold", unit: "", note: "→ the sensor it points at, window", empty: "The firmware compares no sensors", least: [0, 1.25], threshold: 1,
-    lines: [line("gyro_parity", "gyros", "east", "solid", { step: true, points: ["G", "gyro_suspect", "gyro_window_log2"] }),
-      line("accelerometer_parity", "accelerometers", "north", "dashed", { step: true, points: ["A", "accelerometer_suspect", "accelerometer_window_log2"] })],
-  },
-  {
-    id: "load", title: "Load", unit: "%", empty: "", least: [0, 10],
-    lines: [line("bus_load_percent", "bus", "east"), line("firmware_load_percent", "firmware", "north", "dashed"),
-      line("lateness_ms", "lateness / ms", "third", "dotted", { scale: "ms" })],
-  },
-];
+const FONT = "11px system-ui, sans-serif";
+const LEAST_HIGH = 122; // px, of a plot and the gap below it
+const BY_IMPORTANCE = ["position", "parity", "angles", "attitude", "estimator", "velocity", "load"];
+const NARROW = 520; // px; the axis is narrower, too
 
 export const SPANS = [["1 min", 60], ["10 min", 600], ["whole run", Infinity]];
 
@@ -52,15 +22,13 @@ function minutes(seconds, decimals = 0) {
   return h ? `${h}:${String(m).padStart(2, "0")}:${s}` : `${m}:${s}`;
 }
 
-function range(least) {
-  return (u, low, high) => {
-    if (low == null || high == null) return least ?? [-1, 1];
-    let [a, b] = [low, high];
-    if (least) [a, b] = [Math.min(a, least[0]), Math.max(b, least[1])];
-    const margin = (b - a) * 0.06 || Math.abs(a) * 0.1 || 0.001;
-    return [least && a === least[0] ? a : a - margin, b + margin];
-  };
+function timeLabels(u, splits) {
+  const decimals = splits[1] - splits[0] < 1 ? 1 : 0;
+  return splits.map((s) => (splits.at(-1) < 100 ? clock(s, decimals) : minutes(s, decimals)));
 }
+
+// Plots share the cursor, and the band that is dragged; only the plot where it ends zooms all.
+const isOfCursor = (type) => type === "mousemove" || type === "mouseleave";
 
 // Points further outside than the view is wide move to its edge: along a line out to them, a dash would
 // be drawn a hundred thousand times.
@@ -72,17 +40,32 @@ export function farEnds(times, low, high) {
   return ends.map((end) => ({ ...end, share: (end.time - times[end.at]) / (times[end.next] - times[end.at]) }));
 }
 
+// Gaps where a line is broken, however many points a pixel has.
+function broken(u, series, first, last, found) {
+  const [times, values] = [u.data[0], u.data[series]];
+  for (let k = Math.max(first, 1); k < last; k++) {
+    if (values[k] != null || values[k - 1] == null || values[k + 1] == null) continue;
+    const x = u.valToPos(times[k], "x", true);
+    found.push([x - 2, x + 2]);
+  }
+  return found.sort((a, b) => a[0] - b[0]);
+}
+
 class Plot {
   constructor(spec, board) {
     this.spec = spec;
     this.board = board;
     this.legend = element("span", { class: "legend" });
     this.area = element("div", { class: "area" });
-    this.empty = element("div", { class: "empty", hidden: true }, spec.empty);
+    this.empty = element("div", { class: "empty", hidden: true });
     const unit = spec.unit ? ` / ${spec.unit.includes("/") ? `(${spec.unit})` : spec.unit}` : "";
-    this.note = element("small");
+    this.note = element("small", { class: "note" });
+    const name = spec.title.toLowerCase();
+    this.enlarger = element("button", { class: "icon", title: "enlarge (Esc: back)", "aria-label": `enlarge ${name}`, "aria-pressed": "false", onclick: () => board.enlarge(this) }, "⤢");
+    const save = element("button", { class: "icon", title: "save as PNG, SVG or CSV", "aria-label": `save ${name}`, onclick: () => offer(this) }, "↓");
     this.root = element("div", { class: "plot", id: `plot-${spec.id}` },
-      element("h3", {}, element("span", {}, spec.title, element("small", {}, unit)), this.note, this.legend), this.area, this.empty);
+      element("h3", {}, element("span", { class: "name" }, spec.title, element("small", {}, unit)), this.note, this.legend, element("span", { class: "icons" }, this.enlarger, save)),
+      this.area, this.empty);
     $("plots").append(this.root);
     this.build();
   }
@@ -100,27 +83,19 @@ class Plot {
         scale: one.scale ?? "y", stroke: ink, width: one.band || one.thin ? 1 : 1.6, dash: DASHES[one.dash],
         points: { show: false }, spanGaps: false,
         paths: one.step ? uPlot.paths.stepped({ align: 1 }) : undefined,
+        ...(one.wraps || one.centred ? { gaps: broken } : {}),
       });
-      if (one.band === 1) bands.push({ series: [k + 1, k + 2], fill: colour(`band-${one.ink}`) });
-      if (one.label) this.addLegend(one, ink);
-      else this.values.push(null);
+      if (one.band === 1) bands.push({ series: [k + 1, k + 2], fill: `color-mix(in srgb, ${ink} ${one.opacity ?? 14}%, transparent)` });
+      this.values.push(one.label ? this.addLegend(one, ink) : null);
     });
-    const hasMs = (u) => Boolean(u.data?.[spec.lines.length]?.some((v) => v != null));
-    const axis = { stroke: colour("soft"), font: "11px system-ui, sans-serif", ticks: { stroke: colour("grid"), size: 4 }, grid: { stroke: colour("grid"), width: 1 } };
-    const axes = [
-      { ...axis, size: 22, incrs: STEPS_S, values: (u, splits) => splits.map((s) => (splits.at(-1) < 100 ? clock(s, splits[1] - splits[0] < 1 ? 1 : 0) : minutes(s, splits[1] - splits[0] < 1 ? 1 : 0))) },
-      { ...axis, size: 56, gap: 3, space: 24, values: (u, splits) => splits.map((s) => figures(s, 3).replace(/\.?0+$/, (z, at, text) => (text.includes(".") && !text.includes("e") ? "" : z))) },
-    ];
-    if (spec.lines.some((one) => one.scale === "ms"))
-      axes.push({ ...axis, scale: "ms", side: 1, size: (u) => (hasMs(u) ? 44 : 0), grid: { show: false }, values: (u, splits) => splits.map((s) => (hasMs(u) ? `${s} ms` : "")) });
     const options = {
-      width: 300, height: 100, series, axes, bands, legend: { show: false }, padding: [6, 16, 0, 0],
-      scales: { x: { time: false, auto: false }, y: { range: range(spec.least) }, ms: { range: range([0, 5]) } },
-      cursor: { sync: { key: "time" }, drag: { x: true, y: false, setScale: false }, points: { size: 6 }, y: false },
+      width: 300, height: 100, series, axes: this.axes(), bands, legend: { show: false }, padding: [6, 16, 0, 0],
+      scales: this.scales(),
+      cursor: { sync: { key: "time", filters: { pub: isOfCursor } }, drag: { x: true, y: false, setScale: false }, points: { size: 6 }, y: false },
       hooks: {
         setSelect: [(u) => {
           if (u.select.width > 4) this.board.zoom(u.posToVal(u.select.left, "x"), u.posToVal(u.select.left + u.select.width, "x"));
-          u.setSelect({ left: 0, top: 0, width: 0, height: 0 }, false);
+          this.board.clearSelections();
         }],
         setCursor: [(u) => this.showValues(u.cursor.idx)],
         draw: [(u) => this.drawExtras(u)],
@@ -131,13 +106,39 @@ class Plot {
     this.resize();
   }
 
+  scales() {
+    const others = this.others().map((scale) => [scale, { range: rangeOf({ least: scale === "ms" ? [0, 5] : undefined, angles: this.spec.angles }) }]);
+    return { x: { time: false, auto: false }, y: { range: rangeOf(this.spec) }, ...Object.fromEntries(others) };
+  }
+
+  // Scales with an axis of their own, on the right.
+  others() {
+    return [...new Set(this.spec.lines.map((one) => one.scale).filter(Boolean))];
+  }
+
+  axes() {
+    const { lines, angles } = this.spec;
+    const axis = { stroke: colour("soft"), font: FONT, ticks: { stroke: colour("grid"), size: 4 }, grid: { stroke: colour("grid"), width: 1 } };
+    const size = (u) => (u.width < NARROW ? 44 : 56);
+    const has = (u, scale) => lines.some((one, k) => one.scale === scale && u.data?.[k + 1]?.some((v) => v != null));
+    return [
+      { ...axis, size: 22, incrs: STEPS_S, values: timeLabels },
+      { ...axis, size, gap: 3, space: 24, ...(angles ? { incrs: ANGLE_STEPS } : {}), values: (u, splits) => labels(splits) },
+      ...this.others().map((scale) => ({
+        ...axis, scale, side: 1, size: (u) => (has(u, scale) ? 56 : 0), gap: 3, space: 24, grid: { show: false },
+        ...(angles ? { incrs: ANGLE_STEPS } : {}),
+        values: (u, splits) => (has(u, scale) ? labels(angles ? splits.map((v) => wrapped(v, 0)) : splits).map((text) => `${text}${angles ? "°" : ` ${scale}`}`) : splits.map(() => "")),
+      })),
+    ];
+  }
+
   addLegend(one, ink) {
     const mark = element("i");
     mark.style.borderTopColor = ink;
     mark.style.borderTopStyle = one.dash;
     const value = element("b", {}, "–");
-    this.legend.append(element("span", {}, mark, `${one.label} `, value));
-    this.values.push(value);
+    this.legend.append(element("span", { hidden: one.optional }, mark, `${one.label} `, value));
+    return value;
   }
 
   resize() {
@@ -149,6 +150,7 @@ class Plot {
     const { ctx, bbox } = u;
     ctx.save();
     ctx.lineWidth = devicePixelRatio;
+    ctx.font = `${11 * devicePixelRatio}px system-ui, sans-serif`;
     if (this.spec.threshold != null) {
       const y = u.valToPos(this.spec.threshold, "y", true);
       ctx.strokeStyle = colour("excluded");
@@ -158,10 +160,10 @@ class Plot {
       ctx.lineTo(bbox.left + bbox.width, y);
       ctx.stroke();
       ctx.fillStyle = colour("excluded");
-      ctx.font = `${11 * devicePixelRatio}px system-ui, sans-serif`;
       ctx.textAlign = "left";
       ctx.fillText("threshold", bbox.left + 6 * devicePixelRatio, y - 4 * devicePixelRatio);
     }
+    this.drawGaps(u);
     const now = this.board.playedTo;
     if (now != null) {
       const x = u.valToPos(now, "x", true);
@@ -177,7 +179,28 @@ class Plot {
     ctx.restore();
   }
 
+  // Where nothing is compared the line has a gap, which says so.
+  drawGaps(u) {
+    const { ctx, bbox } = u;
+    gapsOf(this.spec, this.board.store, u.scales.x).forEach(({ label, ink, from, to, row }) => {
+      const [left, right] = [from, to].map((time) => u.valToPos(time, "x", true));
+      ctx.fillStyle = `color-mix(in srgb, ${colour(ink)} 12%, transparent)`;
+      ctx.fillRect(left, bbox.top, right - left, bbox.height);
+      ctx.fillStyle = colour(ink);
+      ctx.textAlign = "center";
+      const width = ctx.measureText(label).width;
+      const middle = Math.min(Math.max((left + right) / 2, bbox.left + width / 2 + 4), bbox.left + bbox.width - width / 2 - 4);
+      const y = bbox.top + (14 + 14 * row) * devicePixelRatio;
+      ctx.strokeStyle = colour("panel");
+      ctx.lineWidth = 4 * devicePixelRatio;
+      ctx.strokeText(label, middle, y);
+      ctx.fillText(label, middle, y);
+      ctx.lineWidth = devicePixelRatio;
+    });
+  }
+
   draw(low, high) {
+    if (this.root.hidden) return;
     const { store } = this.board;
     const from = Math.max(0, store.at(low) - 1);
     const to = Math.min(store.times.length, store.at(high) + 1);
@@ -186,9 +209,8 @@ class Plot {
     let isEmpty = true;
     let hasSigma = false;
     const data = [times];
-    for (const one of this.spec.lines) {
-      let column = store.column(one.column).slice(from, to);
-      if (one.factor) column = column.map((v) => (v == null ? null : v * one.factor));
+    this.spec.lines.forEach((one, k) => {
+      const column = this.columnOf(one, from, to);
       for (const { at, next, share } of ends) {
         const [from, to] = [column[at], column[next]];
         if (one.step) column[at] = at ? to : from;
@@ -196,11 +218,14 @@ class Plot {
       }
       const has = column.some((v) => v != null);
       if (one.band) hasSigma ||= has;
-      else if (has) isEmpty = false;
+      else if (has || (one.lacks && store.column(one.lacks).slice(from, to).some((v) => v === 0))) isEmpty = false;
+      if (one.optional) this.values[k].parentNode.hidden = !has;
       data.push(column);
-    }
+    });
     for (const { at, time } of ends) times[at] = time;
-    this.empty.hidden = !isEmpty || !this.spec.empty;
+    const words = isEmpty ? this.spec.empty?.(this.board.context) : "";
+    this.empty.hidden = !words;
+    this.empty.textContent = words ?? "";
     this.note.textContent = this.spec.note ?? (hasSigma ? this.spec.sigma ?? "" : "");
     this.chart.batch(() => {
       this.chart.setData(data, false);
@@ -209,12 +234,33 @@ class Plot {
     this.showValues(this.chart.cursor.left >= 0 ? this.chart.cursor.idx : null);
   }
 
-  // The sensor at which a parity points the most, and its window: → G3, 64 s.
-  pointed({ points }, time) {
+  columnOf(one, from, to) {
+    const { store } = this.board;
+    const column = store.column(one.column).slice(from, to);
+    if (one.around) {
+      const middle = store.column(one.around).slice(from, to);
+      return column.map((v, k) => (v == null || middle[k] == null ? null : middle[k] + v * one.factor));
+    }
+    if (one.factor) return column.map((v) => (v == null ? null : v * one.factor));
+    if (one.wraps) return turned(column);
+    return one.centred ? turned(column, lowestOf(column)) : column;
+  }
+
+  // Beyond its threshold, the sensor at which a parity points the most; its window: 2.3 → G3, 64 s.
+  pointed({ points, lacks }, value, time) {
     if (!points || time == null) return "";
     const { store } = this.board;
-    const [sensor, power] = points.slice(1).map((name) => store.column(name)[store.at(time)]);
-    return sensor ? ` → ${points[0]}${sensor}, ${2 ** power} s` : "";
+    const at = store.at(time);
+    if (value == null) return store.column(lacks)[at] === 0 ? "no redundancy left" : "";
+    const [sensor, power] = points.slice(1).map((name) => store.column(name)[at]);
+    const suspect = value > this.spec.threshold && sensor ? ` → ${points[0]}${sensor},` : " in";
+    return power == null ? "" : `${suspect} ${2 ** power} s`;
+  }
+
+  valueWords(one, value) {
+    if (value == null) return "–";
+    if (one.centred) return wrapped(Number(value.toFixed(2)), 0).toFixed(2); // 0.00, not 360.00
+    return `${figures(value, 4)}${one.scale === "ms" ? " ms" : ""}`;
   }
 
   // Values at the cursor, or the latest.
@@ -222,49 +268,145 @@ class Plot {
     const data = this.chart.data;
     this.values.forEach((node, k) => {
       if (!node) return;
+      const one = this.spec.lines[k];
       const column = data[k + 1];
       let at = place ?? column.length - 1;
       if (place == null && this.board.playedTo != null) at = Math.min(at, this.board.store.at(this.board.playedTo) - this.board.store.at(data[0][0]));
-      node.textContent = figures(column[at]) + this.pointed(this.spec.lines[k], data[0][at]);
+      const value = column[at];
+      const more = this.pointed(one, value, data[0][at]);
+      node.textContent = (value == null && more) || `${this.valueWords(one, value)}${more}`;
     });
   }
+}
+
+// The spans of a view in which a line lacks redundancy, each with its label.
+export function gapsOf(spec, store, { min, max }) {
+  const found = [];
+  spec.lines.filter((one) => one.lacks).forEach((one, row) => {
+    const column = store.column(one.lacks);
+    let begun = null;
+    const end = Math.min(store.times.length - 1, store.at(max));
+    for (let k = store.at(min); k <= end; k++) {
+      if (column[k] === 0) begun ??= store.times[k];
+      const ends = begun != null && (column[k] !== 0 || k === end);
+      if (!ends) continue;
+      found.push({ label: `${one.label}: no redundancy left`, ink: one.ink, from: begun, to: Math.min(store.times[k], max), row });
+      begun = null;
+    }
+  });
+  return found;
 }
 
 export class Plots {
   constructor(store) {
     this.store = store;
-    this.span = 60;
+    this.context = {}; // what is known of the run, for what an empty plot says
     this.zoomed = null;
     this.isHeld = false;
     this.playedTo = null; // of a recording
-    this.plots = PLOTS.map((spec) => new Plot(spec, this));
-    new ResizeObserver(() => { this.plots.forEach((plot) => plot.resize()); this.draw(); }).observe($("plots"));
+    this.plots = CHARTS.map((spec) => new Plot(spec, this));
+    const observer = new ResizeObserver(() => this.resize()); // a legend of two lines leaves less
+    for (const plot of this.plots) observer.observe(plot.area);
+    addEventListener("resize", () => this.showChosen());
     for (const [words, seconds] of SPANS)
       $("spans").append(element("button", { onclick: () => this.setSpan(seconds), "data-span": seconds }, words));
     $("hold").onclick = () => this.hold();
-    this.setSpan(60);
+    $("choose").onclick = () => this.choose();
+    this.span = Number(recall("span", 60) ?? 60);
+    this.hasSpan = recall("span", null) != null; // somebody has chosen it, before a reload
+    this.zoomed = recall("zoom", null);
+    this.showChosen();
+    this.showSpan();
+  }
+
+  resize() {
+    for (const plot of this.plots) plot.resize();
+    this.draw();
   }
 
   setSpan(seconds) {
+    keep("span", String(seconds));
+    this.hasSpan = true;
+    this.showOnly(seconds);
+  }
+
+  // A span that nobody has chosen.
+  offerSpan(seconds) {
+    if (!this.hasSpan) this.showOnly(seconds);
+  }
+
+  showOnly(seconds) {
     this.span = seconds;
-    this.zoomed = null;
-    for (const button of $("spans").children) button.setAttribute("aria-pressed", Number(button.dataset.span) === seconds);
-    if (this.isHeld) this.hold();
-    this.draw();
+    this.isHeld = false;
+    this.zoom(null, null);
+  }
+
+  showSpan() {
+    for (const button of $("spans").children) button.setAttribute("aria-pressed", !this.zoomed && Number(button.dataset.span) === this.span);
+    $("hold").setAttribute("aria-pressed", this.isHeld);
   }
 
   hold() {
     this.isHeld = !this.isHeld;
     if (this.isHeld) this.held = this.zoomed ?? this.window();
-    $("hold").setAttribute("aria-pressed", this.isHeld);
+    this.showSpan();
     this.draw();
   }
 
   zoom(low, high) {
     this.zoomed = low == null ? null : [low, high];
+    keep("zoom", this.zoomed);
     if (this.isHeld && low != null) this.held = this.zoomed;
-    if (this.isHeld && low == null) { this.isHeld = false; $("hold").setAttribute("aria-pressed", false); }
+    if (low == null) this.isHeld = false;
+    this.showSpan();
     this.draw();
+  }
+
+  // The band that is dragged shows in all plots.
+  clearSelections() {
+    for (const plot of this.plots) plot.chart.setSelect({ left: 0, top: 0, width: 0, height: 0 }, false);
+  }
+
+  // ---- which are shown
+
+  isChosen(spec) {
+    return recall("plots", {}, true)[spec.id] ?? this.fitting().includes(spec.id);
+  }
+
+  // The most important ones, as many as there is height for.
+  fitting() {
+    const board = $("plots");
+    const scrolls = getComputedStyle(board).overflowY === "visible";
+    const some = BY_IMPORTANCE.filter((id) => id !== "estimator" || this.context.estimates !== false);
+    return scrolls ? some : some.slice(0, Math.max(3, Math.floor((board.clientHeight + 6) / LEAST_HIGH)));
+  }
+
+  showChosen() {
+    for (const plot of this.plots) plot.root.hidden = !this.isChosen(plot.spec);
+    this.resize();
+  }
+
+  choose() {
+    const list = $("choice").querySelector(".stack");
+    list.replaceChildren(...this.plots.map(({ spec }) => {
+      const choice = element("input", { type: "checkbox", onchange: () => {
+        keep("plots", { ...recall("plots", {}, true), [spec.id]: choice.checked }, true);
+        this.showChosen();
+      } });
+      choice.checked = this.isChosen(spec);
+      return element("label", {}, choice, ` ${spec.title}`);
+    }));
+    $("choice").showModal();
+  }
+
+  // One plot over all; again: back.
+  enlarge(plot) {
+    const isLarge = plot != null && !plot.root.classList.contains("enlarged");
+    for (const one of this.plots) {
+      one.root.classList.toggle("enlarged", isLarge && one === plot);
+      one.enlarger.setAttribute("aria-pressed", isLarge && one === plot);
+    }
+    this.resize();
   }
 
   window() {
@@ -274,8 +416,15 @@ export class Plots {
     return [Math.max(end - this.span, 0), Math.max(end, this.span)];
   }
 
+  // What is seen: from, to.
+  get view() {
+    const { first, last } = this.store;
+    if (this.zoomed && last > 0 && (this.zoomed[0] > last || this.zoomed[1] < first)) this.zoomed = null; // of another run
+    return this.isHeld ? this.held : this.zoomed ?? this.window();
+  }
+
   draw() {
-    const [low, high] = this.isHeld ? this.held : this.zoomed ?? this.window();
+    const [low, high] = this.view;
     for (const plot of this.plots) plot.draw(low, high);
   }
 

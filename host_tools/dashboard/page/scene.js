@@ -5,7 +5,7 @@ import { $, colour } from "./parts.js";
 
 const RAD = Math.PI / 180;
 const REACH = 1.0; // from the centre to a gyro
-const FIRST_VIEW = { azimuth: -0.95, elevation: 0.42, distance: 7.6 };
+const FIRST_VIEW = { azimuth: -0.95, elevation: 0.42, distance: 8.1 };
 
 const direction = ([polar, azimuth]) =>
   new THREE.Vector3(Math.sin(polar * RAD) * Math.cos(azimuth * RAD), Math.sin(polar * RAD) * Math.sin(azimuth * RAD), Math.cos(polar * RAD));
@@ -249,8 +249,8 @@ export class Scene {
     this.isDirty = false;
     const { azimuth, elevation, distance } = this.view;
     const far = distance * Math.max(1, 1.25 / this.camera.aspect);
-    this.camera.position.set(far * Math.cos(elevation) * Math.cos(azimuth), far * Math.cos(elevation) * Math.sin(azimuth), far * Math.sin(elevation) - 0.2);
-    this.camera.lookAt(0, 0, -0.2);
+    this.camera.position.set(far * Math.cos(elevation) * Math.cos(azimuth), far * Math.cos(elevation) * Math.sin(azimuth), far * Math.sin(elevation) - 0.3);
+    this.camera.lookAt(0, 0, -0.3);
     this.camera.updateProjectionMatrix();
     this.renderer.render(this.scene, this.camera);
   }

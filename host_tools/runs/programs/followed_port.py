@@ -14,7 +14,8 @@ from rrins.compiled.record import Records
 from rrins.dbc.direct import Direct
 from rrins.dbc.frame import FrameArray
 from rrins.host_tools.bus.batch import Batch
-from rrins.host_tools.bus.port import Address, BatchPort, MessagePort
+from rrins.host_tools.bus.message_port import MessagePort
+from rrins.host_tools.bus.port import Address, BatchPort
 from rrins.host_tools.errors import SideLostError
 from rrins.host_tools.runs.programs.follower import Follower
 
@@ -93,6 +94,10 @@ class Watch:
         """Return the error of a firmware that has not come, from that of the port."""
         return SideLostError(f"{self._name} has not come: {error}")
 
+    def is_too_long(self, since_ns: int) -> bool:
+        """Return whether a silence that began at a time lasts longer than the patience."""
+        return bool(self.patience_s) and (time.monotonic_ns() - since_ns) * 1e-9 > self.patience_s
+
     def check_silence(self) -> None:
         """Check, in real time, that the firmware still sends.
 
@@ -101,8 +106,7 @@ class Watch:
         SideLostError
             If it has been silent for too long.
         """
-        silent_s = (time.monotonic_ns() - self._heard_ns) * 1e-9
-        if self.patience_s and silent_s > self.patience_s:
+        if self.is_too_long(self._heard_ns):
             raise self.hangs("has sent nothing")
 
     def begin(self) -> None:
@@ -115,13 +119,15 @@ class FollowedBatchPort(BatchPort):
 
     Parameters
     ----------
-    foreign_senders : bool
+    foreign_senders, keeps : bool
         As of `BatchPort`.
     """
 
-    def __init__(self, address: Address, watch: Watch, foreign_senders: bool = False) -> None:
+    def __init__(
+        self, address: Address, watch: Watch, foreign_senders: bool = False, keeps: bool = False
+    ) -> None:
         self._watch = watch
-        super().__init__(address, "hardware", foreign_senders=foreign_senders)
+        super().__init__(address, "hardware", foreign_senders=foreign_senders, keeps=keeps)
         if watch.patience_s:
             self._attach_s = max(_ATTACH_S, watch.patience_s)
 
@@ -162,22 +168,24 @@ class FollowedBatchPort(BatchPort):
         return count
 
     def _receive(self, into: FrameArray, timeout: float | None) -> Batch | None:
-        if timeout is not None:
-            return super()._receive(into, timeout)
-        batch = super()._receive(into, self._watch.patience_s or None)
-        if batch is None:
-            raise self._watch.hangs("has not closed its epoch")
-        if not batch.closes_epoch:
+        batch = super()._receive(into, timeout)
+        if timeout is None and batch is not None and not batch.closes_epoch:
             self._watch.count(batch.count)
         return batch
+
+    def _note_silence(self, since_ns: int) -> None:
+        if self._watch.is_too_long(since_ns):
+            raise self._watch.hangs("has not closed its epoch")
 
 
 class FollowedMessagePort(MessagePort):
     """The hardware on any python-can bus, with a watch on the firmware."""
 
-    def __init__(self, address: Address, watch: Watch, bus: can.BusABC | None = None) -> None:
+    def __init__(
+        self, address: Address, watch: Watch, bus: can.BusABC | None = None, keeps: bool = False
+    ) -> None:
         self._watch = watch
-        super().__init__(address, "hardware", bus)
+        super().__init__(address, "hardware", bus, keeps)
 
     def meet(self, others: tuple[str, ...] = ()) -> None:
         """Wait for the firmware's heartbeat."""
@@ -204,7 +212,7 @@ class FollowedMessagePort(MessagePort):
 
 
 def open_followed_port(
-    address: Address, watch: Watch, foreign_senders: bool = False
+    address: Address, watch: Watch, foreign_senders: bool = False, keeps: bool = False
 ) -> FollowedBatchPort | FollowedMessagePort:
     """Open the hardware's port with a watch on the firmware.
 
@@ -214,5 +222,5 @@ def open_followed_port(
         If the bus does not exist, or another hardware is on it.
     """
     if address.is_embedded:
-        return FollowedBatchPort(address, watch, foreign_senders)
-    return FollowedMessagePort(address, watch)
+        return FollowedBatchPort(address, watch, foreign_senders, keeps)
+    return FollowedMessagePort(address, watch, keeps=keeps)

@@ -132,7 +132,7 @@ class ProgramLink(Closing):
             side="hardware",
         )
         self._ends.callback(self._end_program)
-        self._misfits = _Misfits(self._process.pid)
+        self._misfits = _Misfits(self._process.program_pid)
         logger = logging.getLogger(LOGGER)
         logger.addHandler(self._misfits)
         self._ends.callback(logger.removeHandler, self._misfits)
@@ -220,8 +220,7 @@ class ProgramLink(Closing):
     def _end_program(self) -> None:
         self._bus.shutdown()  # which tells it that all is over
         self._await_end()
-        self._process.end_session()
-        self._process.wait()
+        self._process.close()
 
     def close(self) -> None:
         """End the bus; kill the program if it does not heed that."""

@@ -16,34 +16,43 @@ import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, Final
+from typing import Final
 
 from rrins.host_tools.bus.channel import socket_path
 from rrins.host_tools.bus.port import Address, Side
 from rrins.host_tools.errors import RehearsalError, SideLostError
-from rrins.host_tools.runs.programs import guard
+from rrins.host_tools.runs.programs import keeper
 from rrins.host_tools.runs.set_up.setup_file import write_setup
 from rrins.host_tools.scenario.scenario import Scenario
 
 SAID_BYTES: Final = 4096
 """Of what a program has printed last, read for the reason of its end."""
 GRACE_S: Final = 5.0
-"""For a process to end after SIGTERM, before it gets SIGKILL."""
+"""For a process of ours to end after SIGTERM, before it gets SIGKILL."""
+PROGRAM_GRACE_S: Final = 1.0
+"""For a user's program: whoever stops a rehearsal waits no longer than two seconds."""
+LOG_BYTES: Final = 16_000_000
+"""Of one file of what a program prints; the one before is kept."""
 
 
 class ProgramProcess(subprocess.Popen[bytes]):
-    """The process of a program, in a session of its own.
+    """A program, kept by a small process that leaves nothing of it running (`keeper`).
 
-    A guard ends the session if this process is gone before it could do so itself.
+    It is waited for like the program itself, and ends as that did. Signals go to the program.
 
     Parameters
     ----------
     words : sequence of str
         The program and its options.
-    output : file
-        For what it prints.
+    log : Path
+        For what it prints: the last `LOG_BYTES` to twice as many.
     keep_open : sequence of int
-        Descriptors that it inherits.
+        Descriptors that stay open until all is over; the program does not have them.
+
+    Attributes
+    ----------
+    program_pid : int
+        Number of the program's process; it has a session of its own.
 
     Raises
     ------
@@ -51,39 +60,36 @@ class ProgramProcess(subprocess.Popen[bytes]):
         If it cannot be started.
     """
 
-    def __init__(self, words: Sequence[str], output: IO[bytes], keep_open: Sequence[int]) -> None:
+    def __init__(self, words: Sequence[str], log: Path, keep_open: Sequence[int]) -> None:
+        kept = [keeper.__file__, f"{PROGRAM_GRACE_S:g}", str(log), str(LOG_BYTES), *words]
         super().__init__(
-            words,
-            stdin=subprocess.DEVNULL,
-            stdout=output,
-            stderr=output,
+            [sys.executable, "-I", "-S", *kept],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
             pass_fds=keep_open,
             start_new_session=True,
         )
-        try:
-            self._guard = subprocess.Popen(
-                [sys.executable, "-I", "-S", guard.__file__, str(self.pid), f"{GRACE_S:g}"],
-                stdin=subprocess.PIPE,
-                stdout=subprocess.DEVNULL,
-                stderr=subprocess.DEVNULL,
-                start_new_session=True,
-            )
-        except BaseException:
-            self._kill_session()
+        assert self.stdout is not None
+        with self.stdout as first_words:
+            said = first_words.readline().decode().strip()
+        if not said.isdigit():
             self.wait()
-            raise
+            raise OSError(None, said or "the process that keeps it has ended")
+        self.program_pid = int(said)
 
-    def _kill_session(self) -> None:
-        with contextlib.suppress(ProcessLookupError, PermissionError):
-            os.killpg(self.pid, signal.SIGKILL)
+    def send_signal(self, number: int) -> None:
+        """Send a signal to the program and its children, unless it has ended."""
+        if self.poll() is None:
+            with contextlib.suppress(ProcessLookupError, PermissionError):
+                os.killpg(self.program_pid, number)
 
-    def end_session(self) -> None:
-        """Kill what the program has left running in its session. Idempotent."""
-        if self._guard.returncode is not None:
-            return  # its number may be another's now
-        self._kill_session()
-        self._guard.kill()
-        self._guard.communicate()
+    def close(self) -> None:
+        """Kill the program, if it still runs, and wait for its end. Idempotent."""
+        self.kill()
+        self.wait()
+        assert self.stdin is not None
+        self.stdin.close()
 
 
 @dataclass(frozen=True)
@@ -130,6 +136,7 @@ class Program:
         folder: Path,
         keep_open: Sequence[int] = (),
         side: Side = "firmware",
+        again: bool = False,
     ) -> ProgramProcess:
         """Start the program, in a session of its own, which ends with this process.
 
@@ -145,9 +152,11 @@ class Program:
             Where its set-up goes (`setup.txt`), and what it prints (`firmware.txt`, or
             `hardware.txt`).
         keep_open : sequence of int
-            Descriptors that it inherits.
+            Descriptors that stay open until it and its descendants have ended.
         side : {"firmware", "hardware"}
             In whose place it is.
+        again : bool
+            Whether it has run before: what it prints is added to what it has printed.
 
         Raises
         ------
@@ -162,9 +171,10 @@ class Program:
             *("--setup", str(setup), "--interface", address.interface, "--channel", channel),
             *("--speed", "1" if speed == "1" else "max", "--attach-wait", f"{attach_wait_s:g}"),
         ]
+        if not again:
+            said.unlink(missing_ok=True)
         try:
-            with said.open("wb") as output:
-                return ProgramProcess(words, output, keep_open)
+            return ProgramProcess(words, said, keep_open)
         except OSError as error:
             raise RehearsalError(f"{self.words[0]}: cannot be started: {error.strerror}") from error
 

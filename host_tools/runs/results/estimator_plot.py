@@ -11,16 +11,17 @@ from rrins.compiled.record import Records
 from rrins.firmware_py.core.records.estimator_records import EstimatorSecond
 from rrins.host_tools.drawing.style import (
     LINES,
-    SINCE_NAVIGATION,
+    draw_line,
     finish,
     give_title,
     new_figure,
     quantity,
+    thinned,
+    time_axis,
 )
 from rrins.host_tools.runs.results.estimates import BANDS
 from rrins.host_tools.runs.results.results import Errors
 
-_POINTS = 4000
 _SIGMAS = 3.0
 _SIDES = ("east", "north", "up")
 
@@ -41,11 +42,10 @@ def draw_estimates(
     begin_epoch : float
         When navigation began.
     """
-    thin = seconds[:: max(1, len(seconds) // _POINTS)]
-    time_s = (thin["epoch"] - begin_epoch) / rate_hz
+    time_s = (seconds["epoch"] - begin_epoch) / rate_hz
     panels: list[tuple[str, str, _Vector, _Vector]] = []
     for band in BANDS:
-        sigma = thin[band.sigma] / band.size * band.factor
+        sigma = seconds[band.sigma] / band.size * band.factor
         for k, name in enumerate(band.errors):
             if sigma[:, k].any() or k < 2:
                 values = getattr(errors, name) * band.factor
@@ -56,19 +56,18 @@ def draw_estimates(
     for axes, (label, unit, sigma, values) in zip(rows, panels, strict=True):
         _draw(axes, time_s, sigma, errors, values)
         finish(axes, quantity(label, unit), zero_line=True)
-    rows[-1].set_xlabel(SINCE_NAVIGATION)
+    time_axis(rows[-1])
     figure.align_ylabels()
     return figure
 
 
 def _draw(axes: Axes, time_s: _Vector, sigma: _Vector, errors: Errors, values: _Vector) -> None:
-    band = _SIGMAS * sigma
-    axes.fill_between(time_s, -band, band, color="0.87", linewidth=0)
+    times, band = thinned(time_s, _SIGMAS * sigma)
+    axes.fill_between(times, -band, band, color="0.87", linewidth=0)
     for side in (-band, band):
-        axes.plot(time_s, side, color="0.35", linewidth=0.8)
-    every = slice(None, None, max(1, len(errors) // _POINTS))
-    axes.plot(errors.time_s[every], values[every], **LINES[0])
-    in_navigation = band[time_s >= 0]
+        axes.plot(times, side, color="0.35", linewidth=0.8)
+    draw_line(axes, errors.time_s, values, **LINES[0])
+    in_navigation = band[times >= 0]
     largest = float(np.max(np.abs(values), initial=0.0))
     limit = 1.15 * max(float(np.max(in_navigation, initial=0.0)), largest)
     if limit > 0:  # the fine alignment begins far outside

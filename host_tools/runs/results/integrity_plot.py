@@ -17,15 +17,15 @@ from rrins.firmware_py.core.records.integrity_records import (
 )
 from rrins.host_tools.drawing.style import (
     LINES,
-    SINCE_NAVIGATION,
+    draw_line,
     finish,
     give_title,
     new_figure,
     quantity,
+    time_axis,
 )
 from rrins.host_tools.runs.results.results import Errors
 
-_POINTS = 4000
 _SHADES = {IntegrityStatus.DEGRADED: "0.85", IntegrityStatus.NOT_AVAILABLE: "0.65"}
 
 _Vector = NDArray[np.float64]
@@ -49,32 +49,30 @@ def draw_integrity(
     begin_epoch : float
         When navigation began.
     """
-    thin = seconds[:: max(1, len(seconds) // _POINTS)]
-    time_s = (thin["epoch"] - begin_epoch) / rate_hz
+    time_s = (seconds["epoch"] - begin_epoch) / rate_hz
     found = bounded_errors(errors)
     panels = [
         (HORIZONTAL, "horizontal error", "m", 1.0),
         (VERTICAL, "height error", "m", 1.0),
         (HEADING, "heading error", "°", np.degrees(1.0)),
     ]
-    if not thin["protection"][:, VERTICAL].any():
+    if not seconds["protection"][:, VERTICAL].any():
         del panels[VERTICAL]
     figure = new_figure(9.0, 2.0 * len(panels) + 0.8)
     rows = figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]
     legend = "error (line), protection level (dashed); shaded: degraded, dark: not available"
     give_title(figure, f"{title}\n{legend}")
-    every = slice(None, None, max(1, len(errors) // _POINTS))
     for axes, (bound, label, unit, factor) in zip(rows, panels, strict=True):
-        _shade(axes, time_s, thin["integrity"])
-        level = thin["protection"][:, bound] * factor
+        _shade(axes, time_s, seconds["integrity"])
+        level = seconds["protection"][:, bound] * factor
         level = np.where((level > 0) & np.isfinite(level), level, np.nan)
-        axes.plot(time_s, level, "--", color="0.2", linewidth=1)
-        axes.plot(errors.time_s[every], np.maximum(found[bound][every], 1e-6), **LINES[0])
+        draw_line(axes, time_s, level, linestyle="--", color="0.2", linewidth=1)
+        draw_line(axes, errors.time_s, np.maximum(found[bound], 1e-6), **LINES[0])
         axes.set_yscale("log")
         if np.isfinite(level).any():
             axes.set_ylim(bottom=1e-3 * float(np.nanmedian(level)))
         finish(axes, quantity(label, unit))
-    rows[-1].set_xlabel(SINCE_NAVIGATION)
+    time_axis(rows[-1])
     figure.align_ylabels()
     return figure
 

@@ -10,25 +10,25 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+from rrins.host_tools.drawing.saving import names_of
 from rrins.host_tools.files import JsonObject, keep, make_folder
 from rrins.host_tools.runs.results.summary_types import AnySummary
 
 STOPPED = "stopped"
 
 SUMMARY = "summary.json"
-_RESULTS = (
-    "navigation_errors.png",
-    "horizontal_track.png",
-    "estimator.png",
-    "estimated_sensors.png",
-    "integrity.png",
-    "estimated_sensors.csv",
-    "parity.png",
-    "errors.csv",
-    "navigation.csv",
-    "navigation.png",
-    SUMMARY,
+_PICTURES = (
+    "navigation_errors",
+    "horizontal_track",
+    "estimator",
+    "estimated_sensors",
+    "integrity",
+    "parity",
+    "navigation",
+    "beside",
 )
+_TABLES = ("estimated_sensors.csv", "errors.csv", "navigation.csv")
+_RESULTS = (*names_of(*_PICTURES), *_TABLES, SUMMARY)
 _SAME = ("navigation_sha256", "scenario")
 """Keys that are equal in two runs of which the later may replace the earlier."""
 

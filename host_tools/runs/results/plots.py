@@ -2,23 +2,26 @@
 
 from __future__ import annotations
 
-import io
 from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from rrins.host_tools.drawing import style
+from rrins.host_tools.drawing.saving import write_pictures
 from rrins.host_tools.drawing.style import (
     EAST,
     NORTH,
-    SINCE_NAVIGATION,
+    draw_line,
     finish,
     give_title,
+    legend_above,
     new_figure,
     quantity,
+    time_axis,
 )
-from rrins.host_tools.files import replacing
+from rrins.host_tools.rounding import rounded
 from rrins.host_tools.runs.results.estimator_plot import draw_estimates
 from rrins.host_tools.runs.results.integrity_plot import draw_integrity
 from rrins.host_tools.runs.results.parity_plot import draw_parity
@@ -28,7 +31,6 @@ from rrins.host_tools.runs.results.sensors_plot import draw_constants
 from rrins.host_tools.runs.results.summary_types import AnySummary
 
 _SCALES = ((2e3, 1e-3, "k"), (0.2, 1.0, ""), (2e-4, 1e3, "m"), (0.0, 1e6, "µ"))
-_POINTS = 4000
 
 
 def scale_of(*values: Vector) -> tuple[float, str]:
@@ -40,30 +42,18 @@ def scale_of(*values: Vector) -> tuple[float, str]:
     return 1.0, ""
 
 
-def _thin(errors: Errors) -> slice:
-    return slice(None, None, max(1, len(errors) // _POINTS))
-
-
 def _pair(axes: Axes, errors: Errors, kind: str, unit: str, label: str) -> None:
     """Draw the east and the north error of a kind over time."""
     east = getattr(errors, f"{kind}_east_{unit}")
     north = getattr(errors, f"{kind}_north_{unit}")
     shown = "m/s" if unit == "mps" else unit
     factor, prefix = scale_of(east, north)
-    thin = _thin(errors)
-    for values, style, name in ((east, EAST, "east"), (north, NORTH, "north")):
+    for values, line, name in ((east, EAST, "east"), (north, NORTH, "north")):
         largest = float(np.max(np.abs(values))) * factor
-        label_of_line = f"{name} (largest {largest:.3g} {prefix}{shown})"
-        axes.plot(errors.time_s[thin], values[thin] * factor, label=label_of_line, **style)
+        text = f"{name} (largest {rounded(largest)} {prefix}{shown})"
+        draw_line(axes, errors.time_s, values * factor, label=text, **line)
     finish(axes, quantity(label, f"{prefix}{shown}"), zero_line=True)
-    _legend_above(axes)
-
-
-def _legend_above(axes: Axes) -> None:
-    """Put a legend where no curve is, above them all."""
-    axes.legend(loc="upper left", frameon=False, ncols=2, fontsize="small")
-    low, high = axes.get_ylim()
-    axes.set_ylim(low, high + 0.18 * (high - low))
+    legend_above(axes)
 
 
 def draw_errors(errors: Errors, title: str, figure: Figure | None = None) -> Figure:
@@ -79,14 +69,12 @@ def draw_errors(errors: Errors, title: str, figure: Figure | None = None) -> Fig
     _pair(axes[0], errors, "position", "m", "position error")
     _pair(axes[1], errors, "velocity", "mps", "velocity error")
     if turned:
-        thin = _thin(errors)
-        time_s = errors.time_s[thin]
-        axes[2].plot(time_s, errors.inner_deg[thin], label="inner axis", **EAST)
-        axes[2].plot(time_s, errors.outer_deg[thin], label="outer axis", **NORTH)
+        draw_line(axes[2], errors.time_s, errors.inner_deg, label="inner axis", **EAST)
+        draw_line(axes[2], errors.time_s, errors.outer_deg, label="outer axis", **NORTH)
         finish(axes[2], "turntable angle\n/ °", zero_line=True)
         axes[2].set_yticks(np.arange(-180, 721, 180))
-        _legend_above(axes[2])
-    axes[-1].set_xlabel(SINCE_NAVIGATION)
+        legend_above(axes[2])
+    time_axis(axes[-1])
     figure.align_ylabels()
     return figure
 
@@ -95,26 +83,12 @@ def draw_track(errors: Errors, title: str, axes: Axes | None = None) -> Axes:
     """Draw the horizontal position error as a track seen from above; return its axes."""
     axes = axes or new_figure(6.0, 5.6).subplots()
     factor, prefix = scale_of(errors.position_east_m, errors.position_north_m)
-    thin = _thin(errors)
-    east = errors.position_east_m[thin] * factor
-    north = errors.position_north_m[thin] * factor
-    axes.plot(east, north, **EAST)
-    axes.plot(east[:1], north[:1], "o", color="black", markersize=6, label="start")
-    end = np.hypot(errors.position_east_m[-1], errors.position_north_m[-1]) * factor
-    axes.plot(
-        errors.position_east_m[-1:] * factor,
-        errors.position_north_m[-1:] * factor,
-        "s",
-        markerfacecolor="white",
-        markeredgecolor="black",
-        markersize=7,
-        label=f"end, {end:.3g} {prefix}m off, after {errors.time_s[-1]:.0f} s",
-    )
-    axes.set_aspect("equal", adjustable="datalim")
+    east, north = errors.position_east_m * factor, errors.position_north_m * factor
+    off = float(np.hypot(east[-1], north[-1]))
+    end = f"end, {rounded(off)} {prefix}m off, after {errors.time_s[-1]:.0f} s"
+    style.draw_track(axes, east, north, "start", end)
     axes.set_xlabel(f"position error east / {prefix}m")
     axes.set_ylabel(f"position error north / {prefix}m")
-    axes.grid(True, color="0.88", linewidth=0.6)
-    axes.legend(loc="best", frameon=False, fontsize="small")
     give_title(axes, title)
     return axes
 
@@ -138,27 +112,17 @@ def write_plots(
     if len(errors) < 2:
         return []
     figures = {
-        "navigation_errors.png": draw_errors(errors, title),
-        "horizontal_track.png": _track_figure(errors, title),
+        "navigation_errors": draw_errors(errors, title),
+        "horizontal_track": _track_figure(errors, title),
     }
     begin_epoch = float(errors.epoch[0]) - float(errors.time_s[0]) * rate_hz
     estimates, estimator = seconds.estimates, summary["estimator"]
     if len(estimates):
-        figures["estimator.png"] = draw_estimates(estimates, errors, begin_epoch, rate_hz, title)
+        figures["estimator"] = draw_estimates(estimates, errors, begin_epoch, rate_hz, title)
     if len(estimates) and estimates["integrity"].any():
-        figures["integrity.png"] = draw_integrity(estimates, errors, begin_epoch, rate_hz, title)
+        figures["integrity"] = draw_integrity(estimates, errors, begin_epoch, rate_hz, title)
     if estimator and estimator["sensors"] and estimator["sensors"]["gyros"]["constants"]:
-        figures["estimated_sensors.png"] = draw_constants(estimator, title)
+        figures["estimated_sensors"] = draw_constants(estimator, title)
     if seconds.parities:
-        figures["parity.png"] = draw_parity(seconds.parities, begin_epoch, rate_hz, title)
-    for name, figure in figures.items():
-        with replacing(folder / name) as part:
-            part.write_bytes(_png_of(figure))
-    return [folder / name for name in figures]
-
-
-def _png_of(figure: Figure) -> bytes:
-    """Return a picture as a PNG file."""
-    drawn = io.BytesIO()
-    figure.savefig(drawn, format="png")
-    return drawn.getvalue()
+        figures["parity"] = draw_parity(seconds.parities, begin_epoch, rate_hz, title)
+    return write_pictures(folder, figures)

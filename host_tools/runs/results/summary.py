@@ -192,8 +192,12 @@ def _keys_of(calibration: JsonObject) -> str:
     return "; ".join(tables) or "holds nothing"
 
 
-def _hash_words(sha256: str | None) -> str:
-    return "" if sha256 is None else f"; navigation sha256 {sha256[:16]}…"
+def hash_words(firmware: JsonObject) -> str:
+    """Return the beginning of the navigation's hash; a user's own program has none."""
+    sha256 = firmware.get("navigation_sha256")
+    if sha256 is not None:
+        return f"navigation sha256 {sha256[:16]}…"
+    return "nothing was navigated" if firmware.get("epochs_navigated") == 0 else ""
 
 
 def _late_line(summary: AnySummary) -> list[str]:
@@ -229,8 +233,15 @@ def lines_of(summary: AnySummary) -> list[str]:
         f"{summary['epochs_per_s'] / summary['rate_hz']:.0f} times real time; "
         + ("" if summary["frames_lost"] is None else f"{summary['frames_lost']} frames lost, ")
         + f"{summary['overruns']} overruns",
-        f"initial attitude {summary['initial_attitude']}, height {summary['height_channel']}"
-        + _hash_words(summary["navigation_sha256"]),
+        "; ".join(
+            part
+            for part in (
+                f"initial attitude {summary['initial_attitude']}, "
+                f"height {summary['height_channel']}",
+                hash_words(firmware),
+            )
+            if part
+        ),
     ]
     if summary["given_attitude_error_arcsec"] is not None:
         lines.append(given_attitude.words(summary["given_attitude_error_arcsec"]))

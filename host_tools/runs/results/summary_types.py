@@ -126,7 +126,7 @@ class FirmwareSummary(TypedDict, total=False):
     fault: str
     epoch: int
     epochs_navigated: int
-    navigation_sha256: str
+    navigation_sha256: str | None
     scheme_cycles: int
     axes_not_following: list[bool]
     axis_interruptions: list[int]

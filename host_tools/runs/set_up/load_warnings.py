@@ -94,13 +94,15 @@ def _gain(scenario: Scenario) -> Floats:
 def azimuth_error(scenario: Scenario) -> float:
     """Return the standard deviation of a self-aligned heading, rad, from noise and counting alone.
 
-    An error ε of the rate towards east turns the heading by ε / (Ω cos φ) (Groves, section 5.6.2).
-    Over the alignment T, white noise of density N leaves N / √T, and counts of q at its two ends
-    q / (√6 T). The fusion's largest singular value is that of the least favourable direction.
+    The fine alignment goes on averaging where the coarse one ends. An error ε of the rate towards
+    east turns the heading by ε / (Ω cos φ) (Groves, section 5.6.2). Over the alignment T, white
+    noise of density N leaves N / √T, and counts of q at its two ends q / (√6 T). The fusion's
+    largest singular value is that of the least favourable direction.
     """
     gyros, rate_hz = scenario.gyros, scenario.rate_hz
     count = len(scenario.rimu.gyros)
-    length_s = max(1, round(scenario.firmware.alignment_s * rate_hz)) / rate_hz
+    aligned_s = scenario.firmware.alignment_s + scenario.estimator.fine_alignment_s
+    length_s = max(1, round(aligned_s * rate_hz)) / rate_hz
     noise = np.array(each(gyros.angle_random_walk_deg_per_sqrt_h, count)) * DEG_PER_SQRT_H
     counts = math.hypot(
         float(load_contract()[0].sensor[0].gyro_dtheta.scale), gyros.resolution_arcsec * ARCSEC
@@ -112,7 +114,9 @@ def azimuth_error(scenario: Scenario) -> float:
 
 
 def _short_alignment(scenario: Scenario) -> str | None:
-    if scenario.firmware.initial_attitude != "self-aligned":
+    estimator = scenario.estimator
+    is_located = estimator.enabled and scenario.gnss is not None
+    if scenario.firmware.initial_attitude != "self-aligned" or is_located:
         return None
     error = azimuth_error(scenario)
     if math.degrees(error) <= _AZIMUTH_LIMIT_DEG:
@@ -121,10 +125,14 @@ def _short_alignment(scenario: Scenario) -> str | None:
     drift = error * earth.ROTATION_RATE * math.cos(latitude)
     radius, _ = earth.curvature_radii(latitude)
     off_km = drift * float(radius) * scenario.duration_s / 1000
+    fine, key = "", "firmware.alignment_s"
+    if estimator.fine_alignment_s:
+        fine = f" and fine alignment of {estimator.fine_alignment_s:g} s"
+        key = "estimator.fine_alignment_s"
     return (
-        f"self-alignment of {scenario.firmware.alignment_s:g} s: noise and counting of the gyros "
-        f"alone leave an azimuth error of {math.degrees(error):.2g}° (1 σ), which becomes about "
-        f"{off_km:.2g} km over {scenario.duration_s:g} s; a longer firmware.alignment_s helps"
+        f"self-alignment of {scenario.firmware.alignment_s:g} s{fine}: noise and counting of the "
+        f"gyros alone leave an azimuth error of {math.degrees(error):.2g}° (1 σ), which becomes "
+        f"about {off_km:.2g} km over {scenario.duration_s:g} s; a longer {key} helps"
     )
 
 

@@ -8,7 +8,6 @@ from rrins.firmware_py.core.modes.modes import FirmwareFault, Mode
 from rrins.firmware_py.core.navigation.trace import NavigationTrace
 from rrins.firmware_py.diagnostics.store import StoreError
 from rrins.firmware_py.loop import Firmware, open_memories, run_lockstep, run_realtime
-from rrins.host_tools.bus.port import open_port
 from rrins.host_tools.errors import ParameterFileError
 from rrins.host_tools.files import JsonObject
 from rrins.host_tools.runs.results.findings import FINDINGS
@@ -16,7 +15,7 @@ from rrins.host_tools.runs.results.pipe import ReportPipe
 from rrins.host_tools.runs.results.samples import NAVIGATION_SAMPLES, SampleFile, keep_every
 from rrins.host_tools.runs.results.seconds_log import SecondsLog
 from rrins.host_tools.runs.set_up.settings import firmware_settings
-from rrins.host_tools.runs.sides.job import Job, prepare, settle
+from rrins.host_tools.runs.sides.job import Job, open_port, prepare, settle
 from rrins.host_tools.runs.sides.realtime import LatenessHistogram
 from rrins.host_tools.serial.lines import Tasks, open_lines
 
@@ -39,7 +38,7 @@ def firmware_summary(firmware: Firmware) -> JsonObject:
         "fault": FirmwareFault(int(state.modes.fault)).name,
         "epoch": firmware.epoch,
         "epochs_navigated": firmware.trace.epochs,
-        "navigation_sha256": firmware.trace.sha256(),
+        "navigation_sha256": firmware.trace.sha256() if firmware.trace.epochs else None,
         "scheme_cycles": int(sequencer.cycle),
         "axes_not_following": [bool(flag) for flag in sequencer.not_following],
         "axis_interruptions": [int(count) for count in sequencer.interruptions],

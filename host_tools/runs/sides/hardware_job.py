@@ -7,7 +7,8 @@ from contextlib import ExitStack
 
 import numpy as np
 
-from rrins.host_tools.bus.port import BatchPort, MessagePort, open_port
+from rrins.host_tools.bus.message_port import MessagePort
+from rrins.host_tools.bus.port import BatchPort
 from rrins.host_tools.files import JsonObject
 from rrins.host_tools.hardware.loop import Hardware
 from rrins.host_tools.hardware.loop import run_lockstep as run_hardware_lockstep
@@ -27,7 +28,7 @@ from rrins.host_tools.runs.results.samples import (
 )
 from rrins.host_tools.runs.set_up.settings import hardware_settings, scenario_wire
 from rrins.host_tools.runs.set_up.typed_numbers import typed_numbers
-from rrins.host_tools.runs.sides.job import Job, prepare, settle
+from rrins.host_tools.runs.sides.job import Job, open_port, prepare, settle
 from rrins.host_tools.runs.sides.realtime import LatenessHistogram
 from rrins.host_tools.runs.sides.steering import SteeredPace
 from rrins.host_tools.wire.wire import Wire
@@ -82,9 +83,11 @@ def _constants(sensors: Sensors) -> JsonObject:
 
 def _open(job: Job, follower: Follower | None) -> BatchPort | MessagePort:
     if follower is None or job.follow is None:
-        return open_port(job.address, "hardware", foreign_senders=job.foreign_senders)
+        return open_port(
+            job.address, "hardware", foreign_senders=job.foreign_senders, keeps=job.keep
+        )
     watch = Watch(job.follow, follower, job.patience_s, job.scenario.rate_hz)
-    return open_followed_port(job.address, watch, job.foreign_senders)
+    return open_followed_port(job.address, watch, job.foreign_senders, job.keep)
 
 
 def _hardware(job: Job, report: ReportPipe) -> Hardware:
@@ -94,6 +97,21 @@ def _hardware(job: Job, report: ReportPipe) -> Hardware:
         return Hardware(settings, wire)
     link = ProgramLink(job.program, job.scenario, job.folder, job.patience_s, report)
     return OwnHardware(settings, wire, link)
+
+
+class _Absence:
+    """Tells the user when the firmware goes, and when one comes again."""
+
+    def __init__(self, report: ReportPipe) -> None:
+        self._report, self._is_there = report, True
+
+    def note(self, is_there: bool) -> None:
+        """Take note whether a firmware is attached."""
+        if is_there != self._is_there:
+            self._is_there = is_there
+            goes_on = "a firmware is on the bus again"
+            text = goes_on if is_there else "the firmware has gone; the hardware goes on"
+            self._report.note("hardware", text)
 
 
 def run_hardware(job: Job) -> JsonObject:
@@ -131,8 +149,11 @@ def run_hardware(job: Job) -> JsonObject:
             )
             if follower is not None:
                 report.send("progress", side="firmware", **follower.progress(epoch))
+            if isinstance(port, BatchPort) and job.keep:
+                absence.note(port.has_other())
 
     port = _open(job, follower)
+    absence = _Absence(report)
     epochs = scenario.epochs + 1  # the last one shuts the firmware down
     notices = ExitStack()
     try:

@@ -15,7 +15,8 @@ from rrins.dbc.values import FaultAction
 from rrins.firmware_py.core.step import parts_beside
 from rrins.firmware_py.loop import Firmware
 from rrins.firmware_py.serial.settings import NO_LINES, SerialSettings
-from rrins.host_tools.bus.port import Address, frame_of_message
+from rrins.host_tools.bus.message_port import MessagePort
+from rrins.host_tools.bus.port import Address, BatchPort, Side, frame_of_message
 from rrins.host_tools.errors import RehearsalError
 from rrins.host_tools.hardware.loop import Hardware
 from rrins.host_tools.injection.messages import fault_commands
@@ -55,6 +56,7 @@ class Job:
     parameters: Path | None = None  #: file of the firmware's parameter memory
     #: whether the hardware lets others on the embedded bus send what is the sides'
     foreign_senders: bool = False
+    keep: bool = False  #: whether the hardware goes on when the firmware has gone
     #: name of the user's own program that is the firmware: the hardware follows it by its frames
     follow: str | None = None
     patience_s: float = 0.0  #: longest silence of a program of the user's; 0 waits for ever
@@ -77,6 +79,25 @@ class Job:
     def log_path(self, name: str) -> Path | None:
         """Return where a log goes."""
         return None if self.folder is None else self.folder / name
+
+
+def open_port(
+    address: Address,
+    side: Side,
+    attach_wait_s: float = 0.0,
+    foreign_senders: bool = False,
+    keeps: bool = False,
+) -> BatchPort | MessagePort:
+    """Open a side's port on a bus.
+
+    Raises
+    ------
+    BusError
+        If the bus does not exist, or that side is already on it.
+    """
+    if address.is_embedded:
+        return BatchPort(address, side, attach_wait_s, foreign_senders, keeps)
+    return MessagePort(address, side, keeps=keeps)
 
 
 def settle(job: Job) -> dict[str, bool]:

@@ -129,7 +129,7 @@ def test_trouble_codes_outlive_a_reset_of_the_computer(tool_at):
     bench = tool.bench
     bench.run(20, without(2))
     for request in ("1101", "1103"):
-        tool.ask("1003")
+        tool.unlock()
         tool.ask(request)
         bench.firmware.diagnostics.restart()
         bench.run_to(Mode.STANDBY)
@@ -143,7 +143,7 @@ def test_a_reset_lets_every_test_find_anew_whether_it_fails(tool_at):
     for request in ("1101", "1103"):
         bench.run(20, without(2))
         assert bench.failed() == {"sensor_2_silent"}
-        tool.ask("1003")
+        tool.unlock()
         tool.ask(request)
         bench.firmware.diagnostics.restart()
         assert bench.failed() == set()

@@ -201,6 +201,17 @@ def test_a_reset_powers_the_computer_on_anew_after_the_response(tool_at, kind):
     tool.bench.run_to(Mode.NAVIGATION_STRAPDOWN, ModeRequest.NAVIGATE_STRAPDOWN)
 
 
+@pytest.mark.parametrize("request_", ["1101", "1103", "1181"])
+def test_a_computer_that_navigates_resets_only_when_unlocked(tool_at, request_):
+    tool = tool_at(Mode.NAVIGATION_STRAPDOWN)
+    tool.ask("1003")
+    assert tool.ask(request_) == "7f1122"
+    assert not tool.node.reset_due
+    tool.unlock()
+    assert tool.ask(request_) in (f"51{request_[2:]}", None)
+    assert tool.server.reset_wanted is not None
+
+
 def test_the_time_of_the_server_goes_on_over_a_reset(tool):
     before_ns = tool.node.now_ns
     tool.ask("1003")

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import dataclasses
+import re
+
 import numpy as np
 import pytest
 
@@ -10,6 +13,7 @@ from rrins.firmware_py.core.settings import Scheme
 from rrins.host_tools.calibration.checks import trouble_of
 from rrins.host_tools.calibration.estimation import estimate
 from rrins.host_tools.calibration.model import inputs, rotation
+from rrins.host_tools.calibration.monte_carlo import errors_of
 from rrins.host_tools.calibration.seconds import Seconds
 from rrins.host_tools.calibration.table import record
 from rrins.host_tools.calibration.unit import drawn_unit, unit_of
@@ -32,9 +36,9 @@ def changed(seconds: Seconds, **more: np.ndarray) -> Seconds:
     return Seconds(**{**vars(seconds), **sums})
 
 
-def step(seconds: Seconds, size: float, sensor: int) -> np.ndarray:
+def step(seconds: Seconds, size: float, sensor: int, at_s: float = 860.0) -> np.ndarray:
     added = np.zeros_like(seconds.gyro)
-    added[len(seconds) // 2 :, sensor] = size
+    added[np.cumsum(seconds.duration_s) > at_s, sensor] = size
     return added * seconds.duration_s[:, None]
 
 
@@ -55,6 +59,36 @@ def test_a_bias_that_changes_is_that_sensors(sound: Seconds) -> None:
     assert found.startswith("gyro 1 changed")
 
 
+def said_s(found: str | None) -> float:
+    """Return the time that words give."""
+    assert found is not None
+    return float(re.findall(r"(\d+) s\b", found)[0])
+
+
+@pytest.mark.parametrize("at_s", [300.0, 900.0, 1400.0])
+def test_a_change_is_told_at_its_time(sound: Seconds, at_s: float) -> None:
+    for size in (5 * DPH, 0.3 * DPH):
+        found = words(changed(sound, gyro=step(sound, size, 2, at_s)))
+        assert found is not None
+        assert found.startswith("gyro 3")
+        assert said_s(found) == pytest.approx(at_s, abs=60)
+
+
+def test_a_base_on_waves_moves(sound: Seconds) -> None:
+    """Waves of 1 cm in 8 s, in the surge and sway of the vehicle."""
+    ends = np.cumsum(sound.duration_s)
+    speed = 0.01 * 2 * np.pi / 8 * np.sin(2 * np.pi * ends / 8)
+    surge = np.diff(speed, prepend=0.0)[:, None] * UNIT.accelerometers.h[:, 0]
+    found = words(changed(sound, accelerometer=surge))
+    assert found is not None
+    assert found.startswith("the base moves: the accelerometers scatter")
+    loud = np.zeros_like(sound.accelerometer)
+    loud[:, 1] = np.random.default_rng(1).normal(0, 100 * UG, len(sound))
+    found = words(changed(sound, accelerometer=loud))
+    assert found is not None
+    assert found.startswith("accelerometer 2 scatters")
+
+
 def test_a_base_that_tilts_is_not_a_sensors_fault(sound: Seconds) -> None:
     upright = inputs(sound, UNIT.site, UNIT.C_b_n, 0.0)[1].x
     tilted = inputs(sound, UNIT.site, UNIT.C_b_n @ rotation(np.array([60 * ARCSEC, 0, 0])), 0.0)
@@ -63,6 +97,7 @@ def test_a_base_that_tilts_is_not_a_sensors_fault(sound: Seconds) -> None:
     found = words(changed(sound, accelerometer=added))
     assert found is not None
     assert found.startswith("the base tilted")
+    assert said_s(found) == pytest.approx(865, abs=30)
 
 
 def test_sensors_that_warm_up_have_not_settled(sound: Seconds) -> None:
@@ -76,6 +111,26 @@ def test_too_little_time_is_told(sound: Seconds) -> None:
     found = words(sound.where(slice(0, 400)))
     assert found is not None
     assert found.startswith("too little time")
+
+
+@pytest.mark.parametrize("per_turn", [1.0, 2.0])
+def test_a_wobble_that_the_table_is_known_for_is_found(per_turn: float) -> None:
+    """Once a turn it is a turn of all sensors, and the installation is known no better."""
+    table = {"turntable__wobble_arcsec": 5.0, "turntable__wobble_per_turn": per_turn}
+    scenario = drawn_unit(4).varied(**table)
+    unit, seconds = unit_of(scenario), record(scenario, Scheme(turns=SCHEMES["calibration"]))
+    found = estimate(unit, seconds)
+    assert trouble_of(unit, found) is None
+    for errors in errors_of(scenario, found):
+        assert np.mean((errors.error / errors.sigma) ** 2) < 2.0
+    installation = found.accelerometers.sigma[:, 3:] / ARCSEC
+    assert (installation.max() > 1.0) == (per_turn == 1.0)
+    if per_turn != 1.0:
+        stranger = dataclasses.replace(unit, wobble=(0.0, 1.0))
+        told = trouble_of(stranger, estimate(stranger, seconds))
+        assert told is not None
+        assert told.startswith("the inner axis wobbles by 5")
+        assert "2 times a turn" in told
 
 
 def with_scale(seconds: Seconds, ppm: float, sensor: int) -> Seconds:
@@ -113,3 +168,42 @@ def test_no_sound_calibration_is_refused(sensors: str) -> None:
         unit = unit_of(scenario)
         seconds = record(scenario, Scheme(turns=SCHEMES["calibration"]))
         assert trouble_of(unit, estimate(unit, seconds)) is None
+
+
+TABLE_2 = {
+    "gyros__bias_instability_dph": (0.0502, 0.0303, 0.0355, 0.0517),
+    "accelerometers__bias_instability_ug": (12.4, 8.3, 27.7, 11.7),
+}
+WARM = {"gyros__bias_temperature_dph_per_k": 0.01, "accelerometers__bias_temperature_ug_per_k": 3.0}
+BY_FORCE = {"gyros__g_sensitivity_dph_per_g": 0.5}
+ERRORS = {
+    "white": {},
+    "instability": TABLE_2,
+    "instability unknown": TABLE_2,
+    "warm-up": WARM | {"thermal__warm_up_k": 10.0},
+    "wobble 2": {"turntable__wobble_arcsec": 2.0},
+    "wobble 5": {"turntable__wobble_arcsec": 5.0},
+    "g": BY_FORCE,
+    "g and wobble": BY_FORCE | {"turntable__wobble_arcsec": 2.0},
+}
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize("name", ERRORS)
+def test_sigma_is_honest_or_the_calibration_refused(name: str) -> None:
+    squares, scheme = [], Scheme(turns=SCHEMES["calibration"])
+    for seed in range(1, 21):
+        scenario = drawn_unit(seed).varied(**ERRORS[name])
+        unit = unit_of(scenario)
+        if "unknown" in name:
+            unit = dataclasses.replace(unit, sheets=None)
+        found = estimate(unit, record(scenario, scheme))
+        trouble = trouble_of(unit, found)
+        if name == "warm-up":
+            assert trouble is not None
+            assert "temperature has not settled" in trouble
+            continue
+        assert trouble is None
+        for errors in errors_of(scenario, found):
+            squares += list(((errors.error / errors.sigma) ** 2).ravel())
+    assert not squares or 0.7 < np.mean(squares) < 1.4

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 
-from rrins.firmware_py.core.sensors.calibration import ARCSEC
+from rrins.firmware_py.core.sensors.calibration import ARCSEC, DPH
 from rrins.firmware_py.core.settings import Scheme
 from rrins.host_tools.calibration.estimation import estimate
 from rrins.host_tools.calibration.monte_carlo import errors_of, run
@@ -14,8 +16,11 @@ from rrins.host_tools.calibration.seconds import Seconds
 from rrins.host_tools.calibration.table import record
 from rrins.host_tools.calibration.unit import SQUARE_ARCSEC, drawn_unit, unit_of
 from rrins.host_tools.errors import CalibrationRecordError
+from rrins.host_tools.hardware.units import STANDARD_GRAVITY
 from rrins.host_tools.scenario.scenario import Scenario
 from rrins.host_tools.scenario.schemes import SCHEMES
+
+SCHEME = Scheme(turns=SCHEMES["calibration"])
 
 
 def test_without_noise_it_finds_what_was_put_in(silent: tuple[Scenario, Seconds]) -> None:
@@ -45,6 +50,29 @@ def test_seconds_of_a_missing_sensor_do_not_count(silent: tuple[Scenario, Second
     found = estimate(unit_of(scenario), spoilt)
     for errors, limit in zip(errors_of(scenario, found), LIMITS, strict=True):
         assert (np.abs(errors.error[0]) < 0.2 * limit).all()
+
+
+def test_sigma_has_the_wandering_of_the_biases() -> None:
+    """Of the data sheet's instability, or without one of what the residuals show."""
+    wanders = drawn_unit(6).varied(gyros__bias_instability_dph=0.2)
+    seconds = record(wanders, SCHEME)
+    unit = unit_of(wanders)
+    stated = estimate(unit, seconds)
+    unknown = estimate(dataclasses.replace(unit, sheets=None), seconds)
+    white = estimate(unit_of(drawn_unit(6)), record(drawn_unit(6), SCHEME))
+    assert (stated.gyros.sigma[:, 0] > 5 * white.gyros.sigma[:, 0]).all()
+    ratio = unknown.gyros.instability / stated.gyros.instability
+    assert ((ratio > 0.4) & (ratio < 2.5)).all()
+    errors = errors_of(wanders, stated)[0]
+    assert np.mean((errors.error / errors.sigma) ** 2) < 2.5
+
+
+def test_g_sensitivity_is_estimated_where_the_data_sheet_has_it() -> None:
+    scenario = drawn_unit(7).varied(gyros__g_sensitivity_dph_per_g=0.5)
+    found = estimate(unit_of(scenario), record(scenario, SCHEME))
+    assert found.g_sensitivity * STANDARD_GRAVITY / DPH == pytest.approx([0.5] * 4, abs=0.1)
+    errors = errors_of(scenario, found)[0]
+    assert np.mean((errors.error / errors.sigma) ** 2) < 2.5
 
 
 @pytest.mark.slow

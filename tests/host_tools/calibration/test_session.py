@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import datetime
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +18,7 @@ from rrins.firmware_py.loop import open_memories
 from rrins.host_tools.calibration import session
 from rrins.host_tools.calibration.emulated import EmulatedUnit
 from rrins.host_tools.calibration.monte_carlo import errors_of
-from rrins.host_tools.calibration.report import write
+from rrins.host_tools.calibration.report import result_of, verdict_of, write
 from rrins.host_tools.calibration.routine import told_unit
 from rrins.host_tools.calibration.session import Recording
 from rrins.host_tools.calibration.table import record
@@ -86,8 +87,28 @@ def test_a_calibration_is_stored_and_lasts(tmp_path: Path) -> None:
     loaded = load(file, 4, 4)
     biases = [stored[did.number]["bias_dph"] for did in GYRO_CALIBRATIONS[:4]]
     np.testing.assert_allclose(loaded.gyros.bias_dph, biases, atol=1e-12)
-    assert report.read_text().count("data:image/png;base64") == 1
+    page = report.read_text()
+    assert page.count("data:image/png;base64") == 1
+    assert "Less well known than is wanted: gyro bias (σ " in page  # 28 s on the table
+    assert "</strong></td>" in page
+    assert "<td></td>" not in page
+    result = result_of(found)
+    assert not result["as_wanted"]
+    for name, key in (one.split(".") for one in result["beyond_wanted"]):
+        assert result[name][key]["sigma_rms"] > result[name][key]["wanted"]
     assert picture.stat().st_size > 1000
+
+
+def test_a_calibration_as_good_as_wanted_is_called_so() -> None:
+    scenario = drawn_unit(1)
+    found = session.checked(unit_of(scenario), record(scenario, FAST))
+    gyros, accelerometers = (
+        replace(one, sigma=np.zeros_like(one.sigma)) for one in (found.gyros, found.accelerometers)
+    )
+    sure = replace(found, gyros=gyros, accelerometers=accelerometers)
+    assert verdict_of(sure) == "All constants are known as well as is wanted."
+    assert result_of(sure)["as_wanted"]
+    assert result_of(sure)["beyond_wanted"] == []
 
 
 def test_what_was_pushed_is_there_and_in_use_after_a_power_cycle(tmp_path: Path) -> None:

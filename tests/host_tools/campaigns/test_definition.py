@@ -92,6 +92,10 @@ def test_one_at_a_time_changes_one_input_of_each_run():
     definition = made(vary, design="one-at-a-time", runs=None)
     points = [tuple(definition.plan.point(run).values()) for run in range(definition.runs)]
     assert points == [(0, 50), (pytest.approx(-2), 50), (pytest.approx(2), 50), (0, 0), (0, 100)]
+    rates = {"firmware.turn_rate_dps": "list(2, 1, 4)", "site.height_m": "list(7)"}
+    definition = made(rates, design="one-at-a-time", runs=None)
+    points = [tuple(definition.plan.point(run).values()) for run in range(definition.runs)]
+    assert points == [(2, 7), (1, 7), (4, 7)]
 
 
 def test_saltelli_changes_one_input_or_the_noise():

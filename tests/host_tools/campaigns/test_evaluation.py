@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 
 import numpy as np
@@ -11,8 +12,10 @@ from rrins.host_tools.campaigns import report
 from rrins.host_tools.campaigns.comparison import compare
 from rrins.host_tools.campaigns.definition import Wishes, load
 from rrins.host_tools.campaigns.errors import CampaignError
+from rrins.host_tools.campaigns.pictures import draw_shares
 from rrins.host_tools.campaigns.row import SERIES, TIMES
-from rrins.host_tools.campaigns.sensitivity import NOISE, REST, linear_shares, sobol_indices
+from rrins.host_tools.campaigns.sensitivity import NOISE, REST, Share, linear_shares, sobol_indices
+from rrins.host_tools.campaigns.statistics import Estimate
 from rrins.host_tools.campaigns.store import Store
 
 VARY = {"gyros.bias_dph": "normal(0, 1)", "site.height_m": "uniform(0, 12)"}
@@ -114,5 +117,21 @@ def test_the_report_is_one_page_with_its_pictures_inside(store):
     assert "normal(0, 1)" in text
     # Of runs that are a formula the analysis knows nothing; of height as an input neither.
     assert "the analysis does NOT lie in the intervals of the 400 runs" in text
-    assert "not considered: site.height_m" in text
-    assert "<td>gyros.bias_dph</td>" in text
+    assert "not considered: site height (varied)" in text
+    assert "<td>gyro bias / (°/h)<br><small><code>gyros.bias_dph</code></small></td>" in text
+    assert "<td>position error, east / m<br>" in text
+
+
+def test_names_and_intervals_of_what_matters_are_not_clipped():
+    long = "accelerometers.random_walk_ug_per_sqrt_h"
+    shares = [Share(name, Estimate(0.9, 0.7, 1.2), 1.0) for name in (long, "gyros.bias_dph", REST)]
+    figure = draw_shares({"position_east_m": shares, "position_north_m": shares})
+    figure.canvas.draw()
+    for axes in figure.axes:
+        low, high = axes.get_xlim()
+        assert low <= 0.0
+        assert high > 1.2
+        boxes = [label.get_window_extent() for label in axes.get_yticklabels()]
+        assert all(box.x0 >= 0 for box in boxes)
+        assert all(above.y0 >= below.y1 for above, below in itertools.pairwise(boxes))
+        assert "_" not in "".join(label.get_text() for label in axes.get_yticklabels())

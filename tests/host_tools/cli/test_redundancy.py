@@ -26,8 +26,15 @@ def run(tmp_path, monkeypatch):
 
 
 def test_geometries_stand_side_by_side(run, tmp_path):
-    said = run("--rimu", "tetrahedron", "--rimu", "cone", "--runs", "0")
-    for words in ("tetrahedron", "cone", "which, in motion, 600 s", "σ"):
+    steps = ("--gyro", "50", "--accelerometer", "5000")
+    said = run("--rimu", "tetrahedron", "--rimu", "cone", "--runs", "1", *steps)
+    for words in (
+        "tetrahedron",
+        "cone",
+        "which, in motion, 600 s",
+        "theory, half / 95 %; runs",
+        "σ",
+    ):
         assert words in said
     assert max(len(line) for line in said.splitlines() if "│" in line) <= 80
     assert (tmp_path / "out" / "redundancy" / "report.html").exists()
@@ -65,10 +72,10 @@ def test_ctrl_c_ends_it_in_one_line(run, tmp_path, monkeypatch):
         (("--rimu", "tetrahedrom"), 3, "did you mean tetrahedron"),
         (("--rimu", "none.toml"), 3, "none.toml"),
         (("--preset", "tactica"), 3, "did you mean tactical"),
-        (("--runs", "-1"), 2, "-1"),
+        (("--runs", "0"), 2, "0"),
         (("--gyro", "nan"), 2, "nan"),
         (("--false-alarms", "0"), 2, "0"),
-        (("--runs", "0", "--out", "file"), 1, "cannot be created"),
+        (("--runs", "1", "--out", "file"), 1, "cannot be created"),
     ],
 )
 def test_what_is_wrong_is_told(run, tmp_path, arguments, status, words):

@@ -1,16 +1,21 @@
 from __future__ import annotations
 
+import json
 import math
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
 from rrins.host_tools.campaigns.definition import Wishes, load
 from rrins.host_tools.campaigns.row import Work, rows_of
+from rrins.host_tools.campaigns.statistics import Sample
+from rrins.host_tools.cli.main import rrins
 from rrins.host_tools.covariance.analysis import analyse
 from rrins.host_tools.errors import RehearsalError
 
 G, RADIUS = 9.80, 6.37e6
+ENDS = ("position_east_m", "position_north_m")
 SCHULER = math.sqrt(G / RADIUS)
 
 
@@ -50,6 +55,18 @@ def test_sources_add_up_and_those_left_out_are_named():
     assert found.left_out == ["site.height_m (varied)"]
 
 
+def test_constants_of_one_value_are_named_as_such():
+    """A table of zeros says why: what is fixed gives a mean error and no σ."""
+    arguments = ["covariance", "ideal", "--duration", "100", "--set", "gyros.bias_dph=0.05"]
+    result = CliRunner().invoke(rrins, arguments)
+    assert result.exit_code == 0, result.output
+    assert "fixed, so in the mean error and not in σ: gyros.bias_dph; --vary" in result.output
+    (row,) = (line for line in result.output.splitlines() if "mean error of fixed" in line)
+    assert any(character in "123456789" for character in row)
+    values = json.loads(CliRunner().invoke(rrins, [*arguments, "--json"]).output)
+    assert values["fixed"] == ["gyros.bias_dph"]
+
+
 @pytest.mark.parametrize(
     "key",
     [
@@ -62,20 +79,71 @@ def test_sources_add_up_and_those_left_out_are_named():
         "accelerometers.installation_u_arcsec.3=20",
         "firmware.heading_error_arcsec=60",
         "firmware.roll_error_arcsec=20",
+        "self-aligned gyros.scale_error_ppm.2=20",
+        "self-aligned gyros.asymmetric_scale_error_ppm.3=30",
+        "self-aligned gyros.g_sensitivity_dph_per_g.1=1",
+        "self-aligned accelerometers.installation_v_arcsec.2=20",
     ],
 )
 @pytest.mark.slow
 def test_each_constant_gives_what_a_run_with_it_gives(key):
-    """A run with the error less one without is what the analysis says, in size and sign."""
-    name, _, size = key.partition("=")
+    """A run with the error less one without is what the analysis says, in size and sign.
+
+    Of self-aligned units, too, whose table rests until it has found north.
+    """
+    name, _, size = key.split(" ")[-1].partition("=")
     drawn = {name: f"normal({size}, 1e-9)"}
-    wishes = Wishes(duration_s=300, runs=1, vary=drawn, set={"redundancy.enabled": False})
-    definition = load("ideal", wishes)
-    row, *_ = rows_of(Work.of(definition), [0])
-    found = analyse(definition.scenario, definition.varied()).mean[-1]
+    place = {"site.latitude_deg": 50.0, "body.heading_deg": 30.0, "redundancy.enabled": False}
+    if key.startswith("self-aligned"):
+        place["firmware.initial_attitude"] = "self-aligned"
+    with_it, without = (
+        load("ideal", Wishes(duration_s=300, runs=1, vary=vary, set=place)) for vary in (drawn, {})
+    )
+    row, ideal = (rows_of(Work.of(one), [0])[0] for one in (with_it, without))
+    found = analyse(with_it.scenario, with_it.varied()).mean[-1]
     assert row["status"] == "ok"
-    at_end = (row["position_east_m"], row["position_north_m"])
-    assert found == pytest.approx(at_end, rel=0.02, abs=0.01 * np.hypot(*at_end) + 0.002)
+    at_end = [row[name] - ideal[name] for name in ENDS]
+    assert found == pytest.approx(at_end, rel=0.005, abs=0.005 * np.hypot(*at_end) + 0.002)
+
+
+PROTOTYPE = {
+    "sensors": "ideal",
+    "gyros.bias_repeatability_dph": 0.07,
+    "gyros.bias_instability_dph": 0.05,
+    "gyros.angle_random_walk_deg_per_sqrt_h": 0.005,
+    "accelerometers.bias_repeatability_ug": 6.0,
+    "accelerometers.bias_instability_ug": 15.0,
+}
+GRADES = {
+    "prototype": PROTOTYPE,
+    "navigation": {"sensors": "navigation"},
+    "tactical": {"sensors": "tactical"},
+}
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize(
+    ("attitude", "grade"),
+    [  # tactical gyros find north within 20°: that is not linear
+        *(("given", grade) for grade in GRADES),
+        ("self-aligned", "prototype"),
+        ("self-aligned", "navigation"),
+    ],
+)
+@pytest.mark.parametrize("geometry", ["orthogonal", "tetrahedron", "dodecahedron"])
+def test_it_lies_in_the_intervals_of_runs(attitude, geometry, grade):
+    fixed = {"rimu.geometry": geometry, "rate_hz": 100} | GRADES[grade]
+    fixed |= {"gyros.bias_dph": 0.1, "accelerometers.bias_ug": 50.0}
+    fixed |= {"firmware.initial_attitude": attitude, "firmware.alignment_s": 300}
+    fixed |= {"redundancy.enabled": False, "body.heading_deg": 30.0, "site.latitude_deg": 55.0}
+    vary = {"gyros.scale_error_ppm": "normal(0, 50)"}
+    definition = load("rimu_rotating", Wishes(duration_s=2400, runs=200, set=fixed, vary=vary))
+    rows = [row for row in rows_of(Work.of(definition), range(200)) if row["status"] == "ok"]
+    assert len(rows) > 190
+    found = analyse(definition.scenario, definition.varied()).sigma[-1]
+    for name, sigma in zip(ENDS, found, strict=True):
+        interval = Sample(np.array([row[name] for row in rows]), confidence=0.999).sigma()
+        assert interval.low <= sigma <= interval.high
 
 
 def test_what_it_does_not_know_is_refused():

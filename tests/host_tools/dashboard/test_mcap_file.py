@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 import json
 
 import numpy as np
@@ -19,9 +20,7 @@ pytestmark = pytest.mark.slow
 def exported(recording, tmp_path_factory):
     """Return the summary and the messages of a recording's file: topic, time, content."""
     path = tmp_path_factory.mktemp("mcap") / "bus.mcap"
-    done = CliRunner().invoke(
-        rrins, ["export", str(recording), str(path), "--format", "mcap", "--json"]
-    )
+    done = CliRunner().invoke(rrins, ["export", str(recording), str(path), "--json"])
     assert done.exit_code == 0, done.output
     with path.open("rb") as file:
         found = [
@@ -95,4 +94,24 @@ def test_the_attitude_is_heading_then_pitch_then_roll(roll, pitch, heading):
 def test_a_folder_is_no_file(recording, tmp_path):
     done = CliRunner().invoke(rrins, ["export", str(recording), str(tmp_path), "--format", "mcap"])
     assert done.exit_code == 2
-    assert "is a folder; --format mcap writes a file" in done.output
+    assert "is a folder; MCAP is a file" in done.output
+
+
+@pytest.mark.parametrize(
+    ("out", "options", "says"),
+    [
+        (
+            "bus.mcap",
+            ["--format", "csv"],
+            "bus.mcap names an MCAP file; --format csv writes a fold",
+        ),
+        ("bus.parquet", [], "bus.parquet names one file; OUT is a folder for a table per message"),
+        ("bus.log", [], "bus.log names one file; OUT is a folder"),
+    ],
+)
+def test_the_ending_chooses_the_format(tmp_path, out, options, says):
+    log = tmp_path / "bus.log.gz"
+    log.write_bytes(gzip.compress(b"(0.0) a 010#00\n"))
+    done = CliRunner().invoke(rrins, ["export", str(log), str(tmp_path / out), *options])
+    assert done.exit_code == 2
+    assert says in " ".join(done.output.split())

@@ -8,6 +8,7 @@ import re
 import signal
 import struct
 import time
+from pathlib import Path
 from urllib.parse import urlsplit
 
 import numpy as np
@@ -71,7 +72,7 @@ def test_the_page_lives_and_asks_nobody_else(open_page, rehearsal):
     until(lambda: seen.text("#angles") != angles)
     until(lambda: all(changed(before[name], seen.picture(name)) > 0.001 for name in names))
     assert seen.text("#title") == "Four gyros on a ship at her moorings"
-    assert seen.page.locator(".chip").count() == 8
+    assert seen.page.locator(".chip[data-sensor]").count() == 8
     assert "SYNC" in seen.text("#tab-bus")
     own = urlsplit(rehearsal.url).netloc
     assert {urlsplit(url).netloc for url in seen.requests} == {own}
@@ -82,12 +83,12 @@ def test_a_fault_by_form_shows_everywhere_and_goes_again(open_page, rehearsal):
     seen, beside = navigating(open_page, rehearsal), navigating(open_page, rehearsal)
     page = seen.page
     page.keyboard.press("f")
-    page.select_option("#fault-kind", "gyro_bias")
+    page.click(".fault[data-kind=gyro_bias] > button")
     page.fill("input[name=sensor]", "3")
     page.fill("input[name=bias_dph]", "20")
     page.click("#inject")
     seen.wait(".answer.done")
-    assert "gyro_bias (sensor 3, bias_dph 20) since" in seen.text(".answer.done")
+    assert "gyro_bias (sensor 3, bias_dph 20), " in seen.text(".answer.done")
     for one in (seen, beside):
         one.wait('.chip[data-sensor^="G"][data-state="suspect"]')
         one.wait("#events li:has-text('the gyros disagree')")
@@ -115,16 +116,18 @@ def test_a_fault_by_form_shows_everywhere_and_goes_again(open_page, rehearsal):
 def test_pause_and_speed_are_confirmed(open_page, rehearsal):
     seen = navigating(open_page, rehearsal)
     page = seen.page
-    page.keyboard.press("p")
+    page.keyboard.press("f")
+    page.focus("input[name=sensor]")
+    page.keyboard.press("Space")
     seen.wait("body[data-phase=paused]")
     until(lambda: seen.text("#speed") == "paused")
     time_then = seen.text("#time")
-    page.keyboard.press("f")
     page.click("#inject")
     seen.wait(".answer.refused:has-text('the rehearsal is paused')")
     assert seen.text("#time") == time_then
-    page.keyboard.press("p")
+    page.keyboard.press("Space")  # does not press the button that has the focus
     seen.wait("body[data-phase=running]")
+    assert page.locator(".answer.refused").count() == 1
     page.select_option("#drive select", "5")
     seen.wait("#events li:has-text('running at 5 × real time')")
     page.select_option("#drive select", "10")
@@ -160,16 +163,69 @@ def test_keys_and_themes(open_page, rehearsal):
     assert pixels(seen.picture("#plot-angles")).mean() < light - 80
     page.keyboard.press("3")
     assert page.get_attribute("[data-span=Infinity]", "aria-pressed") == "true"
-    page.keyboard.press("Space")
+    page.keyboard.press("h")
     assert page.get_attribute("#hold", "aria-pressed") == "true"
-    page.keyboard.press("Space")
+    page.keyboard.press("h")
     page.keyboard.press("b")
     page.click("#tab-bus td:has-text('GYRO_REDUNDANCY')")
     page.click("#tab-bus .detail td:has-text('parity_ratio')")
     seen.wait(".over-time:not([hidden])")
+    seen.wait(".bits i.one")
+    seen.wait(".signals path[d*=L]")
     page.keyboard.press("?")
     seen.wait("dialog[open]")
+    page.keyboard.press("Escape")
+    page.keyboard.press("c")
+    page.reload()
+    seen.wait("#tab-codes:not([hidden])")
+    assert page.get_attribute("[data-span=Infinity]", "aria-pressed") == "true"
     assert seen.complaints == []
+
+
+def test_plots_are_chosen_enlarged_and_saved(open_page, rehearsal):
+    seen = navigating(open_page, rehearsal)
+    page = seen.page
+    page.click("#choose")
+    page.click("#choice label:has-text('Attitude')")
+    page.keyboard.press("Escape")
+    page.wait_for_selector("#plot-attitude", state="hidden")
+    page.click("#plot-angles button[title^=enlarge]")
+    box = page.locator("#plot-angles").bounding_box()
+    assert (box["width"], box["height"]) > (1200, 700)
+    for kind, begins in (
+        ("PNG", b"\x89PNG"),
+        ("SVG", b"<svg"),
+        ("CSV", b"time_s,inner_deg,outer_deg"),
+    ):
+        page.click("#plot-angles button[title^=save]")
+        with page.expect_download() as saving:
+            page.click(f"#save button:has-text('{kind}')")
+        assert saving.value.suggested_filename == f"table_angles.{kind.lower()}"
+        assert Path(saving.value.path()).read_bytes().startswith(begins)
+    page.keyboard.press("Escape")
+    assert page.locator("#plot-angles").bounding_box()["height"] < 400
+    assert seen.complaints == []
+
+
+OVERFLOWS = """() => {
+  const seen = (e) => e.getClientRects().length && !e.closest("svg, .uplot, dialog");
+  const name = (e) => `${e.tagName}.${e.className} ${e.textContent.slice(0, 40)}`;
+  const right = (e) => e.getBoundingClientRect().right;
+  const wide = document.documentElement.clientWidth;
+  return [...document.querySelectorAll("body, body *")].filter(seen).filter((e) => {
+    const hides = getComputedStyle(e).overflowX !== "visible";
+    return (hides && e.scrollWidth > e.clientWidth + 1) || right(e) > wide + 1;
+  }).map(name);
+}"""
+
+
+def test_nothing_is_cut_at_any_size(open_page, rehearsal):
+    page = navigating(open_page, rehearsal).page
+    for width, height in ((390, 844), (1024, 1366), (1280, 800), (1920, 1080)):
+        page.set_viewport_size({"width": width, "height": height})
+        for tab in "bfcw":
+            page.keyboard.press(tab)
+            until(lambda: page.evaluate(OVERFLOWS) == [], rest=lambda s: page.wait_for_timeout(100))
 
 
 def test_stop_and_start_again(open_page, serving, scenario):
@@ -195,7 +251,7 @@ def test_a_server_that_is_killed_is_missed(open_page, serving, recording):
 
 
 def test_a_recording_is_played_back(open_page, serving, recording):
-    with serving(recording, "--speed", "5") as served:
+    with serving(recording) as served:
         seen = open_page(served.url)
         seen.wait("body[data-phase=running]")
         time_then = seen.text("#time")
@@ -209,12 +265,33 @@ def test_a_recording_is_played_back(open_page, serving, recording):
         seen.page.keyboard.press("ArrowLeft")
         until(lambda: seconds_of(seen.text("#time")) < at_s - 5)
         assert not seen.page.is_visible("#drive")
+        _drag_from_a_quarter_to_three(seen, "#plot-angles .u-over")
         assert _far_ends(seen, [0, 10, 11, 1000], 9.5, 11.5) == [
             {"at": 0, "next": 1, "time": 9.5, "share": 0.95},
             {"at": 3, "next": 2, "time": 11.5, "share": pytest.approx(988.5 / 989)},
         ]
         assert _far_ends(seen, [8, 10, 11, 13], 9.5, 11.5) == []
+        angles = "[0, 180, 310, 320, 360, -180, null, 1080.5]"  # broken where they wrap
+        call = f"import('./charts.js').then((page) => page.turned({angles}))"
+        assert seen.page.evaluate(call) == [0, 180, 310, None, 0, 180, None, 0.5]
         assert seen.complaints == []
+
+
+def _drag_from_a_quarter_to_three(seen, selector):
+    """Drag in a plot: the view is then half of what it was, in all plots."""
+    shown = "uPlot.sync('time').plots.filter((plot) => plot.root.offsetParent)"
+    scale = f"{shown}.map((plot) => plot.scales.x.max - plot.scales.x.min)"
+    before = seen.page.evaluate(scale)
+    box = seen.page.locator(selector).bounding_box()
+    mouse, y = seen.page.mouse, box["y"] + box["height"] / 2
+    mouse.move(box["x"] + box["width"] / 4, y)
+    mouse.down()
+    mouse.move(box["x"] + box["width"] / 2, y)
+    mouse.move(box["x"] + 3 * box["width"] / 4, y)
+    mouse.up()
+    assert seen.page.evaluate(scale) == pytest.approx([b / 2 for b in before], rel=0.02)
+    seen.page.mouse.dblclick(box["x"] + box["width"] / 2, y)
+    assert seen.page.evaluate(scale) == pytest.approx(before)
 
 
 def _far_ends(seen, *arguments):

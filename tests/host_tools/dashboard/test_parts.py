@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import logging
 import math
 import struct
 
@@ -19,10 +20,13 @@ from rrins.host_tools.dashboard.events import EventLog
 from rrins.host_tools.dashboard.fault_forms import fault_forms
 from rrins.host_tools.dashboard.feed import as_json
 from rrins.host_tools.dashboard.guarding import Guard
+from rrins.host_tools.dashboard.guides import guide, guide_names
 from rrins.host_tools.dashboard.history import History
+from rrins.host_tools.dashboard.now import Since, kind_of
 from rrins.host_tools.dashboard.packing import packed_history, packed_row
 from rrins.host_tools.dashboard.page_files import page_files
 from rrins.host_tools.dashboard.page_orders import parse_order
+from rrins.host_tools.dashboard.patience import AT_ONCE, FewLines
 from rrins.host_tools.dashboard.quantities import NAMES, Quantities, SchemeAngles
 from rrins.host_tools.dashboard.truth import Truth
 from rrins.host_tools.dashboard.view import scheme_angles
@@ -159,7 +163,10 @@ def followed(log, time_s, **changes):
     for name, value in changes.items():
         values[list(events.SIGNALS).index(name.replace("__", "."))] = value
     log.shown = values
-    return [event.text for event in log.follow(time_s, values)]
+    times_s = getattr(log, "times_s", np.zeros(len(values))).copy()
+    times_s[[list(events.SIGNALS).index(name.replace("__", ".")) for name in changes]] = time_s
+    log.times_s = times_s
+    return [event.text for event in log.follow(values, times_s)]
 
 
 def test_a_fault_that_is_found_and_repaired_in_words():
@@ -182,6 +189,9 @@ def test_a_fault_that_is_found_and_repaired_in_words():
     assert followed(log, 6.0, **{f"{kind}repairing": 0}) == ["the navigation is repaired"]
     assert followed(log, 7.0, **{f"{kind}excluded": 0}) == ["gyro 3 is back in use"]
     assert followed(log, 8.0) == []
+    stopped = ["the rotation has stopped: navigation goes on without"]
+    assert followed(log, 8.5, FIRMWARE_STATUS__mode=4) == stopped
+    assert log.events[-1].weight == "warning"
     assert followed(log, 9.0, FIRMWARE_STATUS__mode=6, FIRMWARE_STATUS__fault=2) == [
         "mode FAULT: SENSORS_LOST"
     ]
@@ -197,6 +207,26 @@ def test_a_calibration_that_has_drifted_in_words():
     assert followed(log, 3.0, **{drift: 3}) == []  # once, however the estimate goes on
     told = ["accelerometer calibration: no drift is reported any more"]
     assert followed(log, 4.0, **{drift: 0}) == told
+
+
+def test_events_stand_at_the_time_of_their_effect():
+    """However late one looks, and whenever the answer to an order comes."""
+    log = EventLog()
+    order = ["HARDWARE_FAULT_STATUS.active_faults", "GYRO_REDUNDANCY.excluded"]
+    rows = [list(events.SIGNALS).index(name) for name in order]
+    values, since_s = np.full((2, len(events.SIGNALS)), math.nan)
+    values[rows], since_s[rows] = 0, 1.0
+    assert log.follow(values, since_s) == []
+    values[rows], since_s[rows] = [1, 0b100], [265.0, 266.0]
+    log.follow(values, since_s)
+    log.add(265.0, "gyro_bias of gyro 3", "order")
+    log.add(321.0, "the end")
+    found = [(event.time_s, event.text.split(",")[0]) for event in log.events]
+    assert found == [
+        (265.0, "1 fault of the hardware active"), (265.0, "gyro_bias of gyro 3"),
+        (266.0, "gyro 3 left out"), (321.0, "the end"),
+    ]  # fmt: skip
+    assert (log.count, log.late) == (4, 1)
 
 
 def test_a_long_log_forgets_its_beginning():
@@ -288,7 +318,16 @@ def test_pages_of_others_are_refused():
     assert guard.refuses_host("localhost:8350") is None
     assert guard.refuses_host("[::1]:8350") is None
     assert guard.refuses_host("evil.example:8350") == "Host 'evil.example:8350'"
-    assert guard.refuses_host(None) is not None
+    for host in (
+        None,
+        "",
+        "[::1]evil:80",
+        "[::1]:80:80",
+        "localhost:80@evil",
+        "[::1",
+        "127.0.0.1:x",
+    ):
+        assert guard.refuses_host(host) is not None
     assert guard.refuses_origin("http://127.0.0.1:8350", "127.0.0.1:8350") is None
     for origin in (None, "null", "http://evil.example", "http://127.0.0.1:1", "file://"):
         assert guard.refuses_origin(origin, "127.0.0.1:8350") is not None
@@ -300,12 +339,95 @@ def test_elsewhere_orders_need_the_token():
     assert guard.token is not None
     assert len(guard.token) >= 20
     assert guard.refuses_host("192.168.1.7:8350") is None
+    assert guard.refuses_host("[::1]evil:80") is not None
     assert guard.refuses_host("evil.example:8350") is not None
     assert not guard.may_control(None)
     assert not guard.may_control("")
     assert not guard.may_control("wröng")
     assert guard.may_control(guard.token)
     assert Guard.of("0.0.0.0").token != guard.token
+
+
+def test_refusals_are_printed_in_a_burst_then_one_a_second():
+    now = [0.0]
+    few = FewLines(lambda: now[0])
+
+    def printed():
+        record = logging.makeLogRecord({"msg": "%s refused", "args": ("one",)})
+        return record.getMessage() if few.filter(record) else None
+
+    assert [printed() for _ in range(AT_ONCE + 30)].count(None) == 30
+    now[0] = 1.5
+    assert printed() == "one refused (30 more lines are not shown)"
+    assert printed() is None
+    now[0] = 100.0
+    assert printed() == "one refused (1 more lines are not shown)"
+    assert printed() == "one refused"
+
+
+# ---- what is wrong now
+
+
+NOW = [  # in the words of the monitor
+    ("mode FAULT: SENSORS_LOST", "bad"),
+    ("the inner axis did not follow its command", "bad"),
+    ("the outer encoder contradicts the gyros: the gyros' angle is used", "bad"),
+    ("the gyros disagree: one of them fails, and it is not known which", "bad"),
+    ("gyro 3 is left out, found by comparison with the others", "warning"),
+    ("no redundancy is left among the gyros", "bad"),
+    ("SENSOR_3 has been silent for 2.3 s", "bad"),
+    ("SYNC: 3 lost recently", "warning"),
+    ("injected into the hardware by rrins: 1 fault", "note"),
+]
+
+
+@pytest.mark.parametrize(("text", "severity"), NOW)
+def test_a_trouble_has_a_severity_and_a_section_of_a_guide_that_there_is(text, severity):
+    found, page = kind_of(text)
+    assert found == severity
+    name, _, section = page.partition("#")
+    assert name in guide_names()
+    assert not section or f'id="{section}"'.encode() in guide(name)
+
+
+def test_a_trouble_has_been_there_since_it_began_however_its_numbers_change():
+    since = Since()
+    since.follow(1.0, [])
+    since.follow(2.0, ["SENSOR_3 has been silent for 310 ms", "SYNC: 3 lost recently"])
+    since.follow(3.0, ["SENSOR_3 has been silent for 1.3 s"])
+    since.follow(4.0, ["SENSOR_3 has been silent for 2.3 s", "SENSOR_4 has been silent for 1.3 s"])
+    told = since.told(4.0, ["SYNC: 8 lost recently", "SENSOR_3 has been silent for 2.4 s"])
+    assert [(one["text"][:8], one["since_s"]) for one in told] == [
+        ("SENSOR_3", 2.0),
+        ("SYNC: 8 ", 2.0),
+    ]
+    since.is_whole = True  # a recording: wherever it is played
+    assert since.told(2.5, ["SENSOR_4 has been silent for 1.3 s"])[0]["since_s"] is None
+    since.follow(9.0, ["SYNC: 1 lost recently"])
+    assert since.told(9.0, ["SYNC: 1 lost recently"])[0]["since_s"] == 2.0
+
+
+def test_without_redundancy_the_parity_is_a_gap_and_estimates_are_kept_for_each_gyro():
+    seen = Quantities(None, None)
+    row = seen.row(sampled(gyro_parity=0.0, gyro_redundant=0.0, estimated_gyro=2.0), 0.0, 0.0)
+    assert np.isnan(row[NAMES.index("gyro_parity")])
+    row = seen.row(
+        sampled(
+            gyro_parity=0.4,
+            gyro_redundant=1.0,
+            estimated_gyro=1.0,
+            estimated_bias_dph=0.5,
+            estimated_sigma_dph=0.1,
+        ),
+        0.0,
+        0.0,
+    )
+    assert row[NAMES.index("gyro_parity")] == 0.4
+    assert row[NAMES.index("gyro_bias_1_dph")] == 0.5
+    assert row[NAMES.index("sigma_gyro_bias_1_dph")] == 0.1
+    seen.forget()
+    row = seen.row(sampled(), 0.0, 0.0)
+    assert np.isnan(row[NAMES.index("gyro_bias_1_dph")])
 
 
 def test_the_page_is_whole_and_light():

@@ -71,7 +71,7 @@ def test_when_how_warm_and_how_well_go_with_the_constants(computer, tmp_path):
     assert "date_utc = 2026-11-23T08:05:00Z" in pulled.read_text()
     # In use after a reset; the age is by this computer's clock.
     assert computer.type("calibration", "show").out.startswith("calibrated at an unknown date\n")
-    assert computer.type("reset").status == 0
+    assert computer.type("reset", "--security").status == 0
     shown = computer.type("calibration", "show", "--json").json
     assert (shown["date_utc"], shown["temperature_c"]) == ("2026-11-23T08:05:00Z", 22.5)
     age_s = datetime.datetime.now(datetime.UTC).timestamp() - 1_795_421_100

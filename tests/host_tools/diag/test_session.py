@@ -44,7 +44,11 @@ def test_a_session_is_entered_and_kept(computer):
 
 def test_a_reset_brings_the_memory_in_force(computer):
     computer.type("did", "write", "axis_watch", "axis_silence_s=0.5", "--security")
-    ended = computer.type("reset", "--json")
+    refused = computer.type("reset")
+    assert refused.status == 22
+    assert "the mode is NAVIGATION_ROTATING" in refused.error
+    assert "--security" in refused.error
+    ended = computer.type("reset", "--security", "--json")
     assert ended.json["uptime"]["uptime_s"] < 1.0
     assert computer.firmware.ram[0]["parameters"]["axis_silence_epochs"] == 100
     assert computer.type("reset", "soft").status == 0

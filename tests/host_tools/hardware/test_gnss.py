@@ -15,7 +15,7 @@ from rrins.host_tools.hardware.settings import (
 )
 from rrins.host_tools.hardware.tables import GnssReceiver
 from rrins.host_tools.motion.drive import synthetic_drive
-from rrins.host_tools.motion.trajectory import ATTITUDE
+from rrins.host_tools.motion.trajectory import ATTITUDE, PLACE
 
 GROUP = ("GNSS_TIME", "GNSS_LATITUDE", "GNSS_LONGITUDE", "GNSS_HEIGHT", "GNSS_VELOCITY")
 IDEAL = {"rate_hz": 1, "position_noise_m": 0, "velocity_noise_mps": 0}
@@ -162,21 +162,53 @@ def test_a_receiver_that_is_lost_has_no_fix(tools):
     assert qualities == [2, 2, 2, 0, 0, 0, 0, 2, 2, 2]
 
 
-def test_it_measures_where_its_antenna_is(tools):
-    """Beside numpy: the arm turned by the attitude, and how that changes."""
-    base = np.array([math.radians(40), math.radians(116), 40.0, 0.0, 0.0, 0.7])
-    drive, arm = synthetic_drive(60, 5, base, 5_000_000), np.array([0.8, -2.5, 1.4])
+def in_space(latitude_deg, longitude_deg, height):
+    """Return the place in the Earth-fixed frame, and its local frame (rows east, north, up)."""
+    a, e2 = 6378137.0, 6.69437999014e-3
+    phi, lam = np.radians(latitude_deg), np.radians(longitude_deg)
+    sp, cp, sl, cl = np.sin(phi), np.cos(phi), np.sin(lam), np.cos(lam)
+    n = a / np.sqrt(1 - e2 * sp**2)
+    place = np.stack([(n + height) * cp * cl, (n + height) * cp * sl, (n * (1 - e2) + height) * sp])
+    zero = np.zeros_like(sp)
+    axes = [[-sl, cl, zero], [-sp * cl, -sp * sl, cp], [cp * cl, cp * sl, sp]]
+    return place.T, np.moveaxis(np.array(axes), 2, 0)
+
+
+def antenna_in_space(drive, times_s, arm):
+    """Return where the antenna is in the Earth-fixed frame, m, by pose and arm."""
+    rows = drive.at(times_s)
+    lat, lon, height = rows[:, PLACE].T
+    place, local = in_space(np.degrees(lat), np.degrees(lon), height)
+    arms_n = np.array([body_to_navigation(*angles) @ arm for angles in rows[:, ATTITUDE]])
+    return place + np.einsum("kin,ki->kn", local, arms_n)
+
+
+@pytest.mark.parametrize("latitude_deg", [40.0, 83.0])
+def test_it_measures_where_its_antenna_is(tools, latitude_deg):
+    """Beside the Earth-fixed frame, in which there is no latitude; the way covered counts, too."""
+    base = np.array([math.radians(latitude_deg), math.radians(116), 40.0, 0.0, 0.0, 0.7])
+    drive, arm = synthetic_drive(60, 5, base, 5_000_000), np.array([3.0, -9.0, 2.0])
     motion = MotionPieces(drive.pieces, drive.knot_ns // 5_000_000, 0)
-    receivers = [
-        GnssReceiver(**IDEAL | {"rate_hz": 10}, latency_s=0, lever_arm_m=b)
-        for b in ((0, 0, 0), tuple(arm))
-    ]
-    centre, antenna = (groups(tools.Bench(gnss=r, motion=motion), 12_000) for r in receivers)
-    found = east_north_up(antenna.values()) - east_north_up(centre.values())
-    rows = drive.at(np.array([(k + np.array([-1, 0, 1])) for k in antenna]).ravel() * 0.005)
-    placed = np.array([body_to_navigation(*angles) @ arm for angles in rows[:, ATTITUDE]])
-    placed = placed.reshape(-1, 3, 3)
-    moving = (placed[:, 2] - placed[:, 0]) / 0.01
-    assert np.abs(moving).max() > 0.5
-    np.testing.assert_allclose(found[:, :3], placed[:, 1], atol=3e-3)  # the frames' millimetre
-    np.testing.assert_allclose(found[1:, 3:], moving[1:], atol=1e-3)
+    receiver = GnssReceiver(**IDEAL | {"rate_hz": 10}, latency_s=0, lever_arm_m=tuple(arm))
+    found = groups(tools.Bench(gnss=receiver, motion=motion), 12_000)
+    frames, times_s = list(found.values())[1:], np.array(list(found)[1:]) * 0.005
+    latitudes, longitudes, heights = (
+        np.array([frame[message][signal] for frame in frames])
+        for message, signal in (
+            ("GNSS_LATITUDE", "latitude_deg"),
+            ("GNSS_LONGITUDE", "longitude_deg"),
+            ("GNSS_HEIGHT", "height"),
+        )
+    )
+    place, local = in_space(latitudes, longitudes, heights)
+    np.testing.assert_allclose(place, antenna_in_space(drive, times_s, arm), atol=2e-3)
+    way = antenna_in_space(drive, times_s + 5e-3, arm) - antenna_in_space(
+        drive, times_s - 5e-3, arm
+    )
+    velocity_n = np.einsum("kni,ki->kn", local, way / 0.01)
+    told = [
+        (*(frame["GNSS_VELOCITY"][f"velocity_{axis}"] for axis in ("east", "north")),
+         frame["GNSS_HEIGHT"]["velocity_up"])
+        for frame in frames
+    ]  # fmt: skip
+    np.testing.assert_allclose(told, velocity_n, atol=1.5e-4)

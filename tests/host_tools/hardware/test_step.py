@@ -137,11 +137,14 @@ def test_a_command_of_another_epoch_is_refused(tools, late):
     assert moving_since(tools, 20, 20 + late) is None
 
 
-def growth(tools, frames, epoch=20):
+def growth(tools, frames, epoch=20, is_commanded=True):
     """Return what frames, taken in an epoch, add to crc and counter errors, and the axis state."""
     bench = tools.Bench()
-    for _ in range(epoch):
-        bench.step()
+    for k in range(epoch):
+        if is_commanded and k == epoch // 2:
+            bench.commanded_step({"what": 0})
+        else:
+            bench.step()
     bench.step(frames)
     for _ in range(3):
         state = bench.step()["AXIS_INNER_STATUS"]["state"]
@@ -159,6 +162,12 @@ def test_a_corrupted_command_is_counted_and_ignored(tools):
 def test_a_command_with_a_wrong_counter_is_counted_and_ignored(tools, counter):
     frames = [tools.command("INNER", counter, 90.0)]
     assert growth(tools, frames) == (0, 1, AxisState.OFF)
+
+
+def test_what_a_firmware_sends_before_it_knows_the_epoch_is_not_counted(tools):
+    frames = [tools.command("INNER", 5, 90.0)]
+    assert growth(tools, frames, is_commanded=False) == (0, 0, AxisState.OFF)
+    assert growth(tools, frames, epoch=1000) == (0, 0, AxisState.OFF)  # a second of silence
 
 
 def test_the_first_of_two_commands_counts(tools):

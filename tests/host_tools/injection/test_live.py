@@ -150,6 +150,22 @@ def test_what_cannot_be_put_in_is_said_and_nothing_changes(world):
         assert client.report().faults == ()
 
 
+def test_a_fault_by_its_keys(world):
+    with world.client() as client:
+        by_words, _ = client.inject("gyro_bias", sensor=3, bias_dph=20)
+        by_keys, report = client.inject({"kind": "gyro_bias", "sensor": 2, "bias_dph": 20.0})
+        assert [one.keys["sensor"] for one in (by_words, by_keys)] == [3, 2]
+        assert len(report.faults) == 2
+        assert len(client.remove("gyro_bias", sensor=3).faults) == 1
+        for kind, keys, words in (
+            ("gyro_bais", {}, "did you mean gyro_bias"),
+            ("gyro_bias", {"bias": 2}, "bias: no such key, did you mean bias_dph"),
+            ({"kind": "gyro_bias", "at_s": 5}, {}, "at_s: 5, but a live fault begins at once"),
+        ):
+            with pytest.raises((ScenarioError, InjectionError), match=words):
+                client.inject(kind, **keys)
+
+
 def test_a_fault_ends_by_itself(world):
     with world.client() as client:
         client.inject(fault_of({"kind": "gyro_absent", "sensor": 1, "for_s": 0.05}))

@@ -148,6 +148,7 @@ def test_the_commands_from_end_to_end(recordings, tmp_path, monkeypatch):
     path = recordings().path
     assert call("plot", path, "*.encoder_angle_deg").exit_code == 0
     assert (tmp_path / "bus.png").read_bytes().startswith(b"\x89PNG")
+    assert call("plot", path, "mode", "--format", "svg").stdout == "bus.svg\n"
     listed = call("plot", path, "--list").output
     assert "SENSOR_4: 702 frames, 200 per second" in listed
     assert "SENSOR_4.gyro_dtheta [rad]" in listed
@@ -271,8 +272,8 @@ def test_channels_that_are_mixed_are_told_and_one_can_be_chosen(copy, tmp_path):
         (("plot", "LOG", "SENSOR_9.gyro_dtheta"), 6, "no frames of SENSOR_9.gyro_dtheta"),
         (("plot", "LOG", "mode", "--from", "99"), 6, "in that time"),
         (("plot", "LOG"), 2, "--list"),
-        (("plot", "LOG", "mode", "--out", "no/x.png"), 6, "cannot be written"),
-        (("plot", "LOG", "mode", "--out", "x.doc"), 6, "cannot be written"),
+        (("plot", "LOG", "mode", "--out", "no/x.png"), 1, "cannot be written"),
+        (("plot", "LOG", "mode", "--out", "x.doc"), 2, "'x.doc' ends in none of .png, .svg, .pdf"),
         (("record", "x.log", "--channel", "nowhere"), 4, "not running"),
         (("record", "x.xls"), 6, "must be one of"),
         (("record", "x.log", "--interface", "socketcan"), 4, "--channel"),

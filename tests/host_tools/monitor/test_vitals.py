@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
+from rrins.dbc.codec import load
 from rrins.host_tools.monitor.troubles import troubles_of
 from rrins.host_tools.monitor.vitals import vitals_of
 
@@ -41,6 +43,22 @@ def test_a_sound_rehearsal_has_no_troubles(rehearsed):
     assert {message.name for message in state.messages} >= {"SYNC", "SENSOR_4", "NAV_ATTITUDE"}
     assert all(message.errors == 0 for message in state.messages)
     assert state.message("SENSOR_4").rate_hz == pytest.approx(200)
+
+
+def test_an_aided_rehearsal_has_none_either(rehearsed):
+    """Whatever begins, ends and begins again: no cycle of its own is a loss, or a silence."""
+
+    def drive(bench):
+        navigate(bench)
+        for request in ("STANDBY", "ALIGN", "NAVIGATE_STRAPDOWN"):
+            for _ in range(40):
+                bench.send("MODE_COMMAND", mode_request=request)
+                bench.advance(0.1)
+        navigate(bench)
+
+    bus = rehearsed(drive, "drive_aided", firmware=QUICK)
+    assert told_of(bus) == []
+    assert [message.name for message in bus.state.messages if message.errors] == []
 
 
 def test_redundant_sensors_as_they_are_reported(played):
@@ -88,6 +106,13 @@ def test_a_gyro_that_is_left_out(rehearsed):
     gyros = vitals.redundancy["gyros"]
     assert (gyros.excluded, gyros.isolated, gyros.how) == ((2,), 2, "STANDING")
     assert (gyros.redundancy_left, gyros.suspect) == (False, None)
+    ratio = bus.state.signal("GYRO_REDUNDANCY", "parity_ratio")
+    assert ratio.value is None  # 0 would read as perfect
+    row = load().signal_index("GYRO_REDUNDANCY", "parity_ratio")
+    assert np.isnan(bus.watch.latest(np.array([row])).values[0])
+    both = bus.state.value("ACCELEROMETER_REDUNDANCY", "parity_ratio"), vitals.redundancy
+    assert both[0] == both[1]["accelerometers"].parity_ratio > 0
+    assert both[1]["accelerometers"].suspect is None  # whatever the parity points at most
     assert vitals.redundancy["accelerometers"].redundancy_left
     assert vitals.readmission is None
     troubles = troubles_of(bus.state, vitals)
@@ -129,9 +154,12 @@ def test_before_anything_was_on_the_bus(played):
     assert troubles_of(state, vitals) == []
 
 
-def told(rehearsed, drive, **overrides):
-    bus = rehearsed(drive, **{"firmware": QUICK} | overrides)
+def told_of(bus):
     return troubles_of(bus.state, vitals_of(bus.state))
+
+
+def told(rehearsed, drive, **overrides):
+    return told_of(rehearsed(drive, **{"firmware": QUICK} | overrides))
 
 
 def test_a_sensor_that_falls_silent(rehearsed):

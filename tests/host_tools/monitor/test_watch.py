@@ -141,6 +141,46 @@ def test_every_lost_frame_is_counted(play, gone, period_ms):
     assert message.out_of_turn == 0
 
 
+@given(gone=st.sets(st.integers(4, 58), max_size=30), epochs=st.sampled_from([7, 15, 20, 200]))
+@settings(max_examples=20, deadline=None)
+def test_losses_where_the_counter_is_the_epoch(play, gone, epochs):
+    """Aiding comes every few epochs, and its counter is the epoch's."""
+    bus = play()
+    for k in range(60 * epochs):
+        if k % 5 == 0 or k % epochs == 0:
+            bus.send("SYNC", k * PERIOD_S, k)
+        if k % epochs == 0 and k // epochs not in gone:
+            bus.send("ODOMETER", k * PERIOD_S, k)
+    message = of(bus, "ODOMETER")
+    assert (message.lost, message.out_of_turn) == (len(gone), 0)
+
+
+def test_commands_of_several_tools_are_not_followed(played):
+    for k in range(60):
+        played.send("MODE_COMMAND", k * 0.1, k)
+        played.send("MODE_COMMAND", k * 0.1 + 0.05, k + 7)
+    played.send("MODE_COMMAND", 100.0, 3)
+    assert of(played, "MODE_COMMAND").errors == 0
+
+
+def test_an_event_may_be_rare(played):
+    for k, time_s in enumerate([0.0, 0.1, 0.2, 50.0, 50.1, 300.0]):
+        played.send("TABLE_STATUS", time_s, k)
+    assert of(played, "TABLE_STATUS").errors == 0
+    played.send("TABLE_STATUS", 301.0, 7)
+    assert of(played, "TABLE_STATUS").lost == 1
+
+
+def test_diagnostic_frames_have_no_protection_that_could_fail(played):
+    for place, identifier in enumerate((0x7DF, 0x7E0, 0x7E8, 0x7E0, 0x7E8)):
+        data = bytes([2, 0x3E, place, 0x55, 0xAA])  # some testers do not pad
+        played.put_message(can.Message(arbitration_id=identifier, data=data, is_extended_id=False))
+    found = [of(played, name) for name in ("DIAG_FUNCTIONAL", "DIAG_REQUEST", "DIAG_RESPONSE")]
+    assert [one.count for one in found] == [1, 2, 2]
+    assert all(one.errors == 0 and one.is_sound for one in found)
+    assert played.watch.state().value("DIAG_REQUEST", "byte_2") == 3
+
+
 @pytest.mark.parametrize("lost", [1, 14, 15, 29, 30, 400, 20_000])
 def test_a_loss_longer_than_the_counter_is_told_by_the_time(played, lost):
     regular(played, "SENSOR_1", 0, 100)
@@ -203,6 +243,10 @@ def test_values_are_those_of_cantools(play, word, name):
     described = codec.database.get_message_by_name(name)
     expected = described.decode(int(frames[0]["data"]).to_bytes(8, "little"))
     for signal in state.signals(name):
+        flag = codec.valid_if(name, signal.name)
+        if flag is not None and not expected[flag]:
+            assert signal.value is None
+            continue
         if signal.text is None:
             assert signal.value == pytest.approx(float(expected[signal.name]), rel=1e-9, abs=1e-12)
         else:
@@ -313,6 +357,16 @@ def test_a_state_does_not_change_any_more(played):
     assert before.message("SYNC").count == 11
     assert before.value("SYNC", "alive_counter") == 10 % COUNTER_MODULUS
     assert before.message("MODE_COMMAND") is None
+
+
+def test_a_value_has_the_time_of_the_frame_that_brought_it(played):
+    row = load().signal_index("GYRO_REDUNDANCY", "excluded")
+    for k in range(6):
+        played.send("GYRO_REDUNDANCY", 1.0 + k, k, excluded=4 if k >= 3 else 0)
+    latest = played.watch.latest(np.array([row]))
+    assert latest.now_ns == 6_000_000_000
+    assert latest.values[0] == 4
+    assert latest.changed_ns[0] == 4_000_000_000
 
 
 def test_growth_is_that_of_the_window(played):

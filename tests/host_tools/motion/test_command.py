@@ -3,12 +3,18 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from click.testing import CliRunner
 
 from rrins.host_tools.cli.main import rrins
+from rrins.host_tools.drawing.style import POINTS
+from rrins.host_tools.motion.build import follow, load_recording
+from rrins.host_tools.motion.plots import draw_check
+from rrins.host_tools.scenario.motion import Motion
 
 
 @pytest.fixture
@@ -37,6 +43,19 @@ def test_check_tells_what_is_in_a_file(run, write, exported, tmp_path):
     assert found["speed_max_mps"] > 10
     assert found["position_residual_m"]["max"] < 0.02
     assert (tmp_path / "pictures" / "own.png").stat().st_size > 20_000
+
+
+def test_the_picture_of_a_long_file_is_small_and_keeps_its_peaks(write, exported):
+    recording = load_recording(Motion(kind="file", path=str(write(exported["pos"]))), Path())
+    smoothed = follow(recording, Motion(), 5_000_000)
+    count = 4 * 3600 * 50
+    times, jolt = np.linspace(0.0, 4 * 3600.0, count), np.zeros((count, 3))
+    jolt[count // 3] = 7.0
+    residuals = replace(smoothed.residuals, time_s=times, line=np.arange(count), position=jolt)
+    figure = draw_check(recording, replace(smoothed, residuals=residuals))
+    position = figure.axes[5]
+    assert all(len(line.get_xdata()) <= POINTS + 2 for line in position.lines)
+    assert max(position.lines[0].get_ydata()) == 7.0
 
 
 def test_check_tells_what_the_attitude_is_and_where_it_is_made_up(run, write, exported):
@@ -79,7 +98,8 @@ def test_check_prints_a_line_for_each_irregularity(run, write, exported):
         (["export", "missing.csv", "out.csv"], 9, "rrins: motion missing.csv: cannot be read"),
         (["export", "drive", "out.txt"], 9, "rrins: motion out.txt: must end in .csv or .pos"),
         (["export", "drive", "nowhere/out.csv"], 9, "no such folder: nowhere"),
-        (["export", "sway", "s.csv", "--picture", "/dev/null/p.png"], 9, "cannot be written"),
+        (["export", "sway", "s.csv", "--picture", "/dev/null/p.png"], 1, "/dev/null"),
+        (["export", "sway", "s.csv", "--picture", "p.doc"], 2, "ends in none of .png, .svg, .pdf"),
         (["export", "drive", "out.csv", "--duration", "5"], 2, "duration_s"),
         (["export", "ideal", "out.csv"], 9, "is stationary"),
         (["export", "nothing", "out.csv"], 3, "neither built in nor a file"),

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import shutil
+import subprocess
 import sys
 
 import can
@@ -136,3 +138,26 @@ def test_mf4_without_asammdf_is_one_line(monkeypatch, tmp_path):
 def test_a_path_that_cannot_be_recorded_to(tmp_path, name, words):
     with pytest.raises(RecordError, match=words):
         check_path(tmp_path / name)
+
+
+def test_a_candump_log_is_as_candump_writes_it(tmp_path):
+    """Without a direction, which python-can's writer appends and Wireshark refuses."""
+    path = tmp_path / "bus.log"
+    writer = open_writer(path)
+    for k, keys in enumerate(
+        (
+            {"arbitration_id": 0x10, "data": bytes(range(8)), "is_extended_id": False},
+            {"arbitration_id": 0x10, "data": b"", "is_extended_id": False, "is_rx": False},
+            {"arbitration_id": 0x18ABCDEF, "is_remote_frame": True},
+            {"is_error_frame": True},
+        )
+    ):
+        writer.on_message_received(can.Message(timestamp=k * 0.5, channel="rrins0", **keys))
+    writer.stop()
+    assert path.read_text().splitlines() == [
+        "(0.000000) rrins0 010#0001020304050607", "(0.500000) rrins0 010#",
+        "(1.000000) rrins0 18ABCDEF#R", "(1.500000) rrins0 20000080#",
+    ]  # fmt: skip
+    if tshark := shutil.which("tshark"):
+        read = subprocess.run([tshark, "-r", path], capture_output=True, text=True, check=True)
+        assert "Ext. ID: 413912559 (0x18abcdef)" in read.stdout

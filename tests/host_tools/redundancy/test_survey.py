@@ -8,7 +8,9 @@ import math
 import numpy as np
 import pytest
 
+from rrins.host_tools.cli import redundancy_tables
 from rrins.host_tools.redundancy.candidates import candidates_of
+from rrins.host_tools.redundancy.monte_carlo import Delays, Fault, Trials
 from rrins.host_tools.redundancy.report import pair, shown, write
 from rrins.host_tools.redundancy.survey import Study, round_sizes
 
@@ -45,11 +47,32 @@ def test_the_figures_are_plain_values(study):
     assert gyros["count"] == 4
     first, fourth = gyros["groups"]
     assert fourth["smallest"]["alarm"]["10_s"]["half"] < first["smallest"]["alarm"]["10_s"]["half"]
-    assert first["smallest"]["parity"]["600_s"] == {"half": None, "95_percent": None}
+    nothing = dict.fromkeys(("half", "95_percent", "tried"))
+    assert first["smallest"]["parity"]["600_s"] == nothing
     (delay,) = fourth["delays_s"]
     assert delay["fault"] == 5.0
     assert delay["theory"]["alarm"]["half"] == pytest.approx(0.8, abs=0.2)
     assert delay["monte_carlo"] is None
+
+
+def test_theory_that_the_runs_do_not_show_is_doubted(study):
+    (survey,) = study.surveys
+    of = survey.sets[0]
+    group, late = of.groups[1], [10.8, 11.0, 10.5, 11.3, math.inf]
+    fault = Fault(of.kind, group.sensors, 5.0)
+    try:
+        survey.trials = Trials({fault: Delays(alarm=[0.7] * 5, standing=late, parity=late)})
+        assert survey.doubted(of, group, 5.0) == ("standing",)
+        assert survey.smallest_tried(of, group, "alarm", 10) == 5.0
+        assert survey.smallest_tried(of, group, "standing", 10) == math.inf
+        assert survey.smallest_tried(of, group, "standing", 60) == 5.0
+        delay = study.values()["candidates"][0]["gyros"]["groups"][1]["delays_s"][0]
+        assert delay["theory_fails"] == ["standing"]
+        table = redundancy_tables.delay_table(study, survey, of, group)
+        assert any("≠" in cell for column in table.columns for cell in column.cells)
+        assert redundancy_tables.lines_below(study)[0].startswith("≠: theory fails")
+    finally:
+        survey.trials = None
 
 
 def test_the_report_is_one_page_with_the_picture_inside(study, tmp_path):

@@ -12,7 +12,7 @@ import pytest
 import rrins
 
 AT_S = 203.0
-"""When faults begin; navigation begins 2.995 s after power-on."""
+"""When faults begin; navigation begins 3 s after power-on."""
 
 BEFORE_S = 3.0
 FIRST_SEED = int(os.environ.get("RRINS_FIRST_SEED", "0"))
@@ -250,6 +250,19 @@ def test_with_frames_a_reference_tells_the_same_to_the_bit(aids):
     assert runs[0].summary["redundancy"]["accelerometers"]["how"] == "reference"
     for key in ("navigation_sha256", "redundancy"):
         assert runs[0].summary[key] == runs[1].summary[key]
+
+
+@pytest.mark.parametrize("fine_s", [0, 4])
+def test_an_alarm_comes_no_earlier_than_its_fault(fine_s):
+    """Both in the time of the errors, which begins where navigation does."""
+    fault = {"kind": "gyro_bias", "sensor": 3, "bias_dph": 20_000, "at_s": 15.0}
+    estimator = {"enabled": bool(fine_s), "fine_alignment_s": fine_s}
+    wanted = rrins.load_scenario(
+        "rimu_rotating", duration_s=12, estimator=estimator, faults=[fault]
+    )
+    found = rrins.simulate(wanted).summary["redundancy"]["gyros"]
+    begun_s = wanted.navigation_epoch / wanted.rate_hz
+    assert found["alarm_s"] == pytest.approx(15.0 - begun_s, abs=1e-9)
 
 
 def test_an_exclusion_is_a_line_of_the_summary():

@@ -11,6 +11,7 @@ import socket
 import struct
 import sys
 import time
+from pathlib import Path
 
 HEADER = struct.Struct("<4sBBHIIQq")
 HELLO, BYE, FRAMES, EXCLUSIVE, CLOSES = 1, 4, 5, 2, 1
@@ -64,6 +65,12 @@ def main() -> None:
     elif kind == "dies":
         answer(100)
         os.kill(os.getpid(), signal.SIGSEGV)
+    elif kind == "dies-once":
+        mark = Path(sys.argv[2], "died")
+        epochs = 10**9 if mark.exists() else 100
+        mark.touch()
+        answer(epochs)
+        os.kill(os.getpid(), signal.SIGKILL)
     elif kind == "leaves":
         answer(100)
     elif kind == "hangs":

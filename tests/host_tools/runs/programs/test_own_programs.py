@@ -34,11 +34,18 @@ def processes_of(text: str) -> list[int]:
     return found
 
 
-def rehearsed(kind: str, folder: Path, duration_s: float = 2.0) -> run.RunResult:
+def rehearsed(kind: str, folder: Path, duration_s: float = 2.0, restarts: int = 0) -> run.RunResult:
     """Rehearse with a strange firmware, which has a word of its own in its command line."""
     scenario = load("ideal", duration_s=duration_s)
     program = Program.parse(f"{sys.executable} -S {STRANGE} {kind} {folder}")
-    plan = run.Plan("ideal", scenario, run.Overrides(duration_s), firmware=program, patience_s=1.0)
+    plan = run.Plan(
+        "ideal",
+        scenario,
+        run.Overrides(duration_s),
+        firmware=program,
+        patience_s=1.0,
+        restarts=restarts,
+    )
     with RunDisplay(scenario, new_console(stderr=True), quiet=True) as display:
         return run.rehearse(plan, display, folder)
 
@@ -84,6 +91,21 @@ def test_how_it_failed_is_one_line_and_nothing_is_left(
         time.sleep(0.01)
     assert processes_of(str(tmp_path)) == []
     assert not any(name.startswith("rrins") for name in channel.detect())
+
+
+def test_the_hardware_outlives_a_firmware_that_is_started_again(tmp_path: Path) -> None:
+    result = rehearsed("dies-once", tmp_path, restarts=1)
+    assert result.failure is None
+    assert result.summary["hardware"]["epochs"] == load("ideal", duration_s=2.0).epochs + 1
+    assert result.summary["firmware"]["restarts"] == 1
+
+
+@pytest.mark.usefixtures("_impatient")
+def test_a_firmware_that_fails_more_often_than_it_may_is_told(tmp_path: Path) -> None:
+    result = rehearsed("dies", tmp_path, restarts=2)
+    name = Path(sys.executable).name
+    assert str(result.failure) == f"{name} was killed by SIGSEGV after 0 s of simulated time"
+    assert result.summary["firmware"]["restarts"] == 2
 
 
 def test_one_that_answers_and_does_nothing_never_navigates(tmp_path: Path) -> None:

@@ -54,14 +54,36 @@ def test_the_picture_is_written(runs, tmp_path):
     assert tmp_path / "parity.png" in runs[0].write(tmp_path)
     assert (tmp_path / "parity.png").stat().st_size > 10_000
     figure = draw_parity(runs[0].seconds.parities, 0.0, RATE_HZ, "a title")
+    ratio, residuals, *accelerometers = figure.axes
     assert [axes.get_ylabel() for axes in figure.axes] == [
         "gyro parity\n/ threshold",
         "gyro residuals\n/ (°/h)",
         "accelerometer parity\n/ threshold",
         "accelerometer residuals\n/ µg",
     ]
-    words = [text.get_text() for text in figure.axes[0].texts]
-    assert words == ["gyro 2\nleft out"]
+    words = [text.get_text() for text in ratio.texts]
+    assert words == ["threshold", "no redundancy left", "gyro 2 left out"]
+    assert [text.get_text() for text in residuals.texts] == ["left out"]
+    named = [label.get_text() for label in residuals.get_yticklabels()]
+    assert [name.split("  ")[0] for name in named if "gyro" in name] == [
+        f"gyro {k}" for k in (1, 2, 3, 4)
+    ]
+    # With three there is nothing to compare: a gap, not a line at 0.
+    time_s, values = ratio.lines[0].get_data()
+    assert np.isnan(values[time_s > FAULT_S + 2]).all()
+    assert np.isfinite(values[time_s < FAULT_S]).all()
+    texts = [text.get_text() for axes in accelerometers for text in axes.texts]
+    assert texts == ["threshold"]
+
+
+@pytest.mark.pictures
+def test_the_scale_of_residuals_does_not_follow_the_first_second_or_the_fault(runs):
+    seconds = runs[0].seconds.parities["gyros"]
+    figure = draw_parity({"gyros": seconds}, 0.0, RATE_HZ, "")
+    low, high = figure.axes[1].get_ylim()
+    settled_dph = np.median(seconds["threshold"][:40, 0]) / DPH
+    assert (high - low) / 4 < 4 * settled_dph  # a strip of four, both signs
+    assert np.abs(seconds["residual"]).max() / DPH > (high - low) / 4
 
 
 def test_without_redundancy_there_is_none(tmp_path):

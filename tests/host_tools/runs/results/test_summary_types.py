@@ -9,6 +9,10 @@ from typing import Any, Literal, NotRequired, get_args, get_origin, get_type_hin
 import pytest
 
 import rrins
+from rrins.firmware_py.loop import Firmware
+from rrins.host_tools.runs.results.summary import hash_words
+from rrins.host_tools.runs.set_up.settings import firmware_settings
+from rrins.host_tools.runs.sides.firmware_job import firmware_summary
 
 
 def fits(value: object, kind: Any) -> bool:
@@ -41,3 +45,11 @@ def test_a_run_has_the_declared_keys_and_types(scenario):
         if name in summary:
             assert fits(summary[name], kind), name
     assert fits(summary, rrins.Summary)
+
+
+def test_a_firmware_that_did_not_navigate_has_no_hash_of_it():
+    firmware = Firmware(firmware_settings(rrins.load_scenario("ideal")))
+    summary = firmware_summary(firmware)
+    assert summary["navigation_sha256"] is None
+    assert hash_words(summary) == "nothing was navigated"
+    assert hash_words({"mode": "STANDBY", "navigation_sha256": None}) == ""  # a user's own

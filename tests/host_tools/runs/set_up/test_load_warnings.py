@@ -83,6 +83,18 @@ def test_a_self_alignment_that_is_too_short():
     assert warnings_of(scenario(gyros=noisy, firmware={"alignment_s": 0.001})) == []
 
 
+def test_the_fine_alignment_goes_on_with_the_heading():
+    noisy = {"angle_random_walk_deg_per_sqrt_h": 0.01}
+    fine = {"enabled": True, "fine_alignment_s": 4000}
+    assert warnings_of(self_aligned(1, gyros=noisy, estimator=fine)) == []
+    (line,) = warnings_of(self_aligned(1, gyros=noisy, estimator=fine | {"fine_alignment_s": 59}))
+    assert "self-alignment of 1 s and fine alignment of 59 s: " in line
+    assert "azimuth error of 0.34°" in line
+    assert line.endswith("a longer estimator.fine_alignment_s helps")
+    fixes = {"gnss": {}, "estimator": {"enabled": True}}
+    assert warnings_of(self_aligned(1, gyros=noisy, **fixes)) == []
+
+
 @pytest.mark.parametrize(
     ("noise", "alignment_s"), [(0.001, 2), (0.0, 0.001), (0.0, 0.02)], ids=["noise", "1", "20 ms"]
 )

@@ -1,0 +1,141 @@
+"""Writes the types of a scenario's keys for editors: ``python -m generate.scenario_keys``.
+
+`host_tools/scenario/typed_keys.pyi` has a `TypedDict` for each table, one for all keywords of a
+call, and those of faults.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import textwrap
+import types
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Annotated, Any, Literal, Union, get_args, get_origin
+
+from pydantic import BaseModel
+
+from rrins.host_tools.hardware.tables import PerSensor
+from rrins.host_tools.scenario.fault_tables import KINDS, FaultOfHardware, FaultOnWire
+from rrins.host_tools.scenario.keywords import keywords, paths
+from rrins.host_tools.scenario.scenario import Scenario
+from rrins.host_tools.scenario.schema import description
+from rrins.host_tools.scenario.wrong_keys import tables_in
+
+STUB = Path(__file__).resolve().parents[2] / "host_tools" / "scenario" / "typed_keys.pyi"
+_HEAD = '''\
+"""Keys of scenarios and faults as type checkers and editors read them; by `make docs`."""
+
+from collections.abc import Sequence
+from typing import Any, Literal, Required, TypedDict
+
+from numpy.typing import NDArray
+
+PerSensor = float | Sequence[float] | NDArray[Any]
+'''
+_WIDTH = 100
+_CALLS = {
+    "SharedKeys": ((), "Keywords of every call that takes a scenario."),
+    "TimedKeys": (("duration_s",), "The same, with the duration."),
+    "RunKeys": (("seed", "faults"), "The same, with all that a run needs."),
+    "ScenarioKeys": (("kind", "bitrate"), "All keys of a scenario as keywords."),
+}
+"""Keywords by call: one that a call has itself, such as `seed`, is apart."""
+_APART = {key for keys, _ in _CALLS.values() for key in keys}
+
+
+def _type(annotation: Any) -> str:
+    """Return a key's type as a caller may write its value."""
+    origin, parts = get_origin(annotation), get_args(annotation)
+    if origin is Annotated:
+        return _type(parts[0])
+    if origin is Literal:
+        return f"Literal[{', '.join(map(repr, parts))}]".replace("'", '"')
+    if origin is tuple:
+        return f"Sequence[{_type(parts[0])}]"
+    if origin in (Union, types.UnionType):
+        if any(issubclass(one, _FAULTS) for one in parts if isinstance(one, type)):
+            return "FaultTable"
+        words = " | ".join(dict.fromkeys(map(_type, parts)))
+        return words.replace(_type_of_each, "PerSensor")
+    if annotation is type(None):
+        return "None"
+    return (
+        f"{annotation.__name__}Table" if issubclass(annotation, BaseModel) else annotation.__name__
+    )
+
+
+_FAULTS = (FaultOnWire, FaultOfHardware)
+_type_of_each = " | ".join(map(_type, get_args(PerSensor)))
+
+
+def _tables(table: type[BaseModel]) -> Iterator[type[BaseModel]]:
+    """Yield the tables in a table and in those, innermost first; no faults."""
+    for field in table.model_fields.values():
+        for one in tables_in(field.annotation, in_arrays=True):
+            if not issubclass(one, _FAULTS):
+                yield from _tables(one)
+                yield one
+
+
+def _class(head: str, meaning: str, keys: dict[str, tuple[str, str]]) -> str:
+    """Return a `TypedDict`; a key has a type and a meaning."""
+    lines = [f"class {head}:", f'    """{meaning}"""', ""]
+    for key, (kind, words) in keys.items():
+        lines += [f"    {key}: {kind}", *(_wrapped(words) if words else [])]
+    return "\n".join(lines) + "\n"
+
+
+def _wrapped(words: str) -> list[str]:
+    return textwrap.wrap(f'"""{words}"""', _WIDTH, initial_indent="    ", subsequent_indent="    ")
+
+
+def _of_table(table: type[BaseModel]) -> str:
+    keys = {k: (_type(f.annotation), "") for k, f in table.model_fields.items()}
+    return _class(
+        f"{table.__name__}Table(TypedDict, total=False)", f"Keys of `{table.__name__}`.", keys
+    )
+
+
+def _of_path(path: str, words: bool) -> tuple[str, str]:
+    table, field = paths()[path]
+    return _type(field.annotation), description(table, path.rpartition("__")[2]) if words else ""
+
+
+def _of_faults() -> Iterator[str]:
+    keys: dict[str, tuple[str, str]] = {}
+    for table in dict.fromkeys(KINDS.values()):
+        for key, field in table.model_fields.items():
+            keys.setdefault(key, (_type(field.annotation), description(table, key)))
+    del keys["kind"]
+    begins = keys.pop("at_s")
+    kinds = "".join(f'    "{kind}",\n' for kind in KINDS)
+    yield f"FaultKind = Literal[\n{kinds}]\n"
+    yield _class("FaultKeys(TypedDict, total=False)", "Keys of a fault; each kind has some.", keys)
+    yield _class(
+        "FaultTable(FaultKeys, total=False)",
+        "A fault of a scenario.",
+        {"kind": ("Required[FaultKind]", ""), "at_s": begins},
+    )
+
+
+def text() -> str:
+    """Return the stub."""
+    long = {path: _of_path(path, False) for path in paths() if "__" in path}
+    short = {name: _of_path(path, True) for name, path in keywords().items()}
+    classes = [_class("_Paths(TypedDict, total=False)", "Keys with their tables.", long)]
+    before = "_Paths"
+    for name, (added, meaning) in _CALLS.items():
+        some = {key: short[key] for key in added} or {
+            key: kind for key, kind in short.items() if key not in _APART
+        }
+        classes.append(_class(f"{name}({before}, total=False)", meaning, some))
+        before = name
+    of_tables = map(_of_table, dict.fromkeys(_tables(Scenario)))
+    return "\n".join([_HEAD, *_of_faults(), *of_tables, *classes])
+
+
+if __name__ == "__main__":
+    STUB.write_text(text(), encoding="utf-8")
+    subprocess.run([sys.executable, "-m", "ruff", "format", "--quiet", str(STUB)], check=True)

@@ -1,0 +1,93 @@
+"""The firmware's power: cut at any instant, the hardware goes on and the firmware comes again."""
+
+from __future__ import annotations
+
+import os
+import random
+
+import pytest
+
+import rrins
+from rrins.firmware_py.diagnostics import table
+from rrins.host_tools.testing.errors import BenchError
+
+QUICK = {"duration_s": 120, "firmware": {"alignment_s": 0.5}}
+WAYS = ("direct", "lockstep")
+CYCLES = int(os.environ.get("RRINS_CYCLES", "5"))
+
+
+def navigating(bench):
+    return bench.expect("FIRMWARE_STATUS", within=5, where={"mode": "NAVIGATION_ROTATING"})
+
+
+def cycled(bench):
+    """Let a bench navigate, lose its power while it does, and navigate again."""
+    navigating(bench)
+    bench.advance(0.5)
+    turned = bench.last("AXIS_OUTER_STATUS")
+    bench.power_off()
+    before = bench.frames
+    bench.advance(0.3)
+    assert not bench.is_on
+    assert bench.frames > before  # those of the hardware
+    assert bench.last("AXIS_OUTER_STATUS")["time_s"] > turned["time_s"]
+    bench.power_on()
+    navigating(bench)
+    assert bench.fault_counters["missing_frames"] == 0
+    return bench.frames_sha256
+
+
+def test_the_hardware_goes_on_and_all_ways_agree(rrins_bench):
+    direct, lockstep = (cycled(rrins_bench(QUICK, way=way)) for way in WAYS)
+    assert direct == lockstep
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_the_memory_outlives_the_power(rrins_bench, tmp_path, way):
+    bench = rrins_bench(QUICK, way=way, memory=tmp_path / "memory")
+    bench.advance(1)
+    did = table.identifier("axis_watch")
+    values = {"follow_tolerance_deg": 2.5, "axis_silence_s": 0.5}
+    with bench.tester(is_securing=True) as tester:
+        tester.write(did, values)
+        bench.power_cycle(0.1)
+        bench.advance(1)
+        assert tester.read([did])["axis_watch"]["axis_silence_s"] == 0.5
+
+
+def test_a_program_drives_it_epoch_by_epoch():
+    with rrins.bench("ideal", duration_s=5) as bench:
+        period_s = bench.scenario.period_ns / 1e9
+        bench.step()
+        assert bench.time_s == pytest.approx(period_s)
+        bench.step(9)
+        assert bench.time_s == pytest.approx(10 * period_s)
+        navigating(bench)
+        assert bench.ram["epoch"] == round(bench.time_s / period_s) - 1
+        assert bench.ram["navigation"]["latitude"] == pytest.approx(
+            bench.truth.lat_deg * 0.017453292519943295, abs=1e-9
+        )
+    with rrins.bench("ideal", way="lockstep", duration_s=5) as bench:
+        bench.step()
+        with pytest.raises(BenchError, match="way='direct'"):
+            assert bench.ram
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize("way", ["direct", "lockstep", "realtime"])
+def test_power_cuts_at_random_instants_lose_nothing(rrins_bench, tmp_path, way):
+    rng = random.Random(7)
+    scenario = QUICK | {"duration_s": 60 + 12 * CYCLES}
+    bench = rrins_bench(scenario, way=way, memory=tmp_path / "memory")
+    did = table.identifier("axis_watch")
+    for k in range(CYCLES):
+        tolerance = 1.0 + k / 1000
+        with bench.tester(is_securing=True) as tester:
+            bench.advance(1 + rng.random() * 3)
+            tester.write(did, {"follow_tolerance_deg": tolerance, "axis_silence_s": 1.0})
+        bench.advance(rng.random() * 0.05)
+        bench.power_cycle(rng.random() * 0.5)
+        bench.expect("FIRMWARE_STATUS", within=8, where={"mode": "NAVIGATION_ROTATING"})
+        with bench.tester() as tester:
+            kept = tester.read([did])["axis_watch"]["follow_tolerance_deg"]
+        assert kept == pytest.approx(tolerance)
