@@ -114,3 +114,4 @@ def test_search_finds_guides_and_not_the_words_of_the_reference(tmp_path):
         assert pages == {page}
     tools = (tmp_path / "out" / "_static" / "language_data.js").read_text(encoding="utf-8")
     assert 'docname.startsWith("api/")' in tools
+    assert "\nvar Scorer" in tools  # Sphinx declares it as `var`, too
