@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass, field
+from typing import Final
 
 import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
 from rrins.host_tools.files import JsonObject
+from rrins.host_tools.rounding import alike, rounded
 
 FACTOR = 2.0
 """Our figure and the paper's differ if one is more than this many times the other."""
@@ -19,14 +21,8 @@ BAND_SEEDS = 20
 One of 20 is 5 %: the percentiles of fewer seeds would say more than the seeds do.
 """
 
-
-def figure(value: float | None) -> str:
-    """Format a number for the tables: three digits, thousands separated."""
-    if value is None:
-        return "–"
-    if value == 0 or 1e-3 <= abs(value) < 1e7:
-        return f"{value:.3g}" if abs(value) < 1000 else f"{float(f'{value:.3g}'):,.0f}"
-    return f"{value:.2e}"
+figure: Final = rounded
+"""Formats a number of the tables."""
 
 
 @dataclass(frozen=True)
@@ -118,7 +114,7 @@ class Distribution:
     def band(self) -> str:
         """The spread's limits in words."""
         low, high = self.spread
-        return f"{figure(low)} to {figure(high)}"
+        return " to ".join(alike((low, high)))
 
     def words(self) -> str:
         """Return the spread, the number of seeds and the paper's place in words.
