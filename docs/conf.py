@@ -65,7 +65,7 @@ html_static_path = ["_static"]
 html_css_files = ["rrins.css"]
 html_copy_source = False
 html_show_sourcelink = False
-html_search_scorer = "_static/search_scorer.js"
+html_search_scorer = str(DOCS / "_static" / "search_scorer.js")
 pygments_style = "friendly"
 pygments_dark_style = "github-dark"
 

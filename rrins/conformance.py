@@ -38,7 +38,7 @@ class Conformance:
 
     @cached_property
     def checks(self) -> pd.DataFrame:
-        """A row for each check: `check`, `rule`, `page`, `outcome`, `text`, `seconds`."""
+        """A row for each check: its name, `rule`, `page`, `requirements`, `outcome`, `text`, …."""
         import pandas as pd
 
         return pd.DataFrame([one.values() for one in self.findings])
@@ -58,7 +58,9 @@ class Conformance:
         return html_of(self, self.checks, has_index=False)
 
 
-def conform(program: str | Path | None = None, only: Sequence[str] = ()) -> Conformance:
+def conform(
+    program: str | Path | None = None, only: Sequence[str] = (), is_long: bool = False
+) -> Conformance:
     """Check that a program does what this bus demands of a navigation computer.
 
     Parameters
@@ -67,6 +69,8 @@ def conform(program: str | Path | None = None, only: Sequence[str] = ()) -> Conf
         Command line, as for `rehearse`; the project's own firmware without it.
     only : sequence of str
         Names of checks; all without them.
+    is_long : bool
+        Whether all includes those that take minutes.
 
     Raises
     ------
@@ -74,6 +78,6 @@ def conform(program: str | Path | None = None, only: Sequence[str] = ()) -> Conf
         When there is no such program or check.
     """
     line = None if program is None else str(program)
-    checks = chosen(only)
+    checks = chosen(only, is_long)
     name = "rrins firmware" if line is None else Program.parse(line).name
     return Conformance(name, list(try_checks(line, checks)))

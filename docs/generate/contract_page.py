@@ -2,11 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 from cantools.database import Message, Signal
 
 from rrins.dbc.codec import Codec, load
+from rrins.host_tools.conformance.requirements import (
+    OTHERS,
+    RECEIVED,
+    RECEIVED_TEXTS,
+    SENT,
+    SENT_TEXTS,
+    matrix,
+)
+from rrins.host_tools.conformance.suite import LONG
 
 _HEAD = """# The bus contract
 
@@ -81,9 +90,48 @@ def _signal(signal: Signal) -> str:
     )
 
 
+_REQUIREMENTS = """
+## Requirements
+
+The demands on a navigation computer, by number, and the [checks](own-firmware.md#conformance) of
+`rrins conform` that try them. `rrins conform --matrix --json` has all of them one by one. A message
+has a number for each demand: `RX-041-3` is the third of the message 0x041, which the computer
+receives, `TX-120-1` the first of 0x120, which it sends. A message that is not fitted has none to
+meet.
+"""
+
+
+def _named(checks: Iterable[str]) -> str:
+    """Return the names of checks; those of the same kind as one."""
+    names = ("navigation-…" if name.startswith("navigation-") else name for name in checks)
+    return ", ".join(dict.fromkeys(names))
+
+
+def _requirements() -> Iterator[str]:
+    yield _REQUIREMENTS
+    yield "| number | requirement | checks |"
+    yield "|---|---|---|"
+    rows = {row["requirement"]: row for row in matrix(LONG)}
+    for number, text, where in OTHERS:
+        yield f"| {number} | [{text}]({where}) | {_named(rows[number]['checks'])} |"
+    codec = load()
+    for letters, names, texts in (("RX", RECEIVED, RECEIVED_TEXTS), ("TX", SENT, SENT_TEXTS)):
+        for k, text in enumerate(texts, 1):
+            checks = [
+                check
+                for name in names
+                for check in rows[f"{letters}-{codec.frame_id(name):03X}-{k}"]["checks"]
+            ]
+            numbers = f"{letters}-…-{k}"
+            yield f"| {numbers} | {text} | {_named(checks)} |"
+    for letters, names in (("RX", RECEIVED), ("TX", SENT)):
+        listed = ", ".join(f"{name} 0x{codec.frame_id(name):03X}" for name in names)
+        yield f"\n{letters}: {listed}."
+
+
 def page() -> str:
     """Return the page as Markdown."""
-    return "\n".join(_sections(load())) + "\n"
+    return "\n".join((*_sections(load()), *_requirements())) + "\n"
 
 
 if __name__ == "__main__":

@@ -85,6 +85,7 @@ class FaultMemory:
         counts["altimeter"] = int(state.parameters.altimeter)
         counts["gnss"] = int(state.gnss.interval_epochs > 0)
         counts["odometer"] = int(state.odometer.interval_epochs > 0)
+        counts["estimator"] = int(state.estimator.enabled)
         self.supported = tuple(
             index for index, one in enumerate(TROUBLES) if one.group < counts[one.needs]
         )

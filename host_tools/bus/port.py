@@ -265,8 +265,8 @@ class BatchPort:
     def _note_silence(self, since_ns: int) -> None:
         """Take note that the other side has not closed its epoch since a time; for subclasses."""
 
-    def _closed(self, error: can.CanError) -> PortClosedError:
-        return PortClosedError(f"bus {self._address}: {self._other} is gone: {error}")
+    def _closed(self, error: can.CanError) -> SideLostError:
+        return SideLostError(f"bus {self._address}: {self._other} is gone: {error}")
 
 
 def frame_of_message(frame: Frame, message: can.Message) -> None:

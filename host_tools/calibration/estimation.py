@@ -119,7 +119,7 @@ class _Kind:
         self.noise = np.ones(len(axes))
         self.instability = np.zeros(len(axes))
         self.more = np.zeros(0)
-        """What is common besides the base: g-sensitivities, and both phases of the wobble."""
+        """Common unknowns besides the base: g-sensitivities, and both phases of the wobble."""
         self.by_more = np.zeros((*sums.shape, 0))
 
     def residuals(self, given: Inputs, duration_s: Floats) -> Floats:
@@ -260,7 +260,7 @@ def estimate(unit: Unit, seconds: Seconds) -> Estimate:
         return given
 
     given = look()
-    covariance: Floats = np.zeros((total, total))
+    covariance, both_scales = np.zeros((total, total)), np.outer(scale, scale)
     for _ in range(_ITERATIONS):
         N, right = known.copy(), -known[:, last_common:] @ more
         for kind, one in zip(kinds, given, strict=True):
@@ -270,7 +270,7 @@ def estimate(unit: Unit, seconds: Seconds) -> Estimate:
                 f"{seconds.total_s:.0f} s on the table do not show all constants; see "
                 "`rrins scheme observability`"
             )
-        covariance = np.linalg.inv(N * np.outer(scale, scale)) * np.outer(scale, scale)
+        covariance = np.asarray(np.linalg.inv(N * both_scales) * both_scales, dtype=np.float64)
         change = covariance @ right
         for kind in kinds:
             kind.step(change)

@@ -1,4 +1,4 @@
-"""What a bias that wanders makes of a calibration.
+"""Covariance of a bias that wanders, for the σ of a calibration.
 
 Bias instability is the sum of Gauss-Markov processes that IEEE Std 952 (annex C) describes, each at
 zero when the sensors are switched on; random walk comes on top.

@@ -12,10 +12,11 @@ from matplotlib.ticker import MaxNLocator
 from rrins.compiled.record import Floats
 from rrins.host_tools.campaigns.distributions import cumulative_normal
 from rrins.host_tools.campaigns.labels import label_of, words_of
+from rrins.host_tools.campaigns.manifest import read_manifest
 from rrins.host_tools.campaigns.row import MAIN, OK, SERIES
 from rrins.host_tools.campaigns.sensitivity import Index, Share
 from rrins.host_tools.campaigns.statistics import Estimate, Sample
-from rrins.host_tools.campaigns.store import Store, read_manifest
+from rrins.host_tools.campaigns.store import Store
 from rrins.host_tools.campaigns.summary import shown
 from rrins.host_tools.drawing.style import EAST, LINES, finish, new_figure, time_axis
 
@@ -30,7 +31,7 @@ def series_of(store: Store) -> tuple[Floats, Floats, Floats]:
     """Return the instants (s), and the east and north errors of all runs there (m, a row a run)."""
     table = store.table(["status", *SERIES])
     is_ok = [status == OK for status in table["status"].to_pylist()]
-    times = np.array(read_manifest(store.folder)["times_s"])
+    times = np.array(read_manifest(store.folder).times_s)
     pair = [
         np.array([row for row, ok in zip(table[name].to_pylist(), is_ok, strict=True) if ok], float)
         for name in SERIES

@@ -2,23 +2,28 @@
 
 ::
 
-    _manifest.json         what decides about the rows; readers of Parquet pass it over
+    _manifest.json         what decides about the rows, and the digest of each part and of itself;
+                           readers of Parquet pass it over
     part-00000000.parquet  some rows; the number is that of the first of its runs
     _report/               what `report` writes
     _reruns/17/            a run that was run again with everything kept
 
 A part is written under another name and renamed, so that it is there whole or not at all. What is
-left to do is what is planned less what is stored.
+left to do is what is planned less what is stored. Its digest is in the manifest before it is there;
+when it is read, the digest and the checksums of its pages must hold.
 """
 
 from __future__ import annotations
 
 import fcntl
+import hashlib
+import io
 import json
 import math
 import os
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -28,18 +33,19 @@ from numpy.typing import NDArray
 from rrins.host_tools.campaigns import design
 from rrins.host_tools.campaigns.definition import Definition
 from rrins.host_tools.campaigns.errors import CampaignError
+from rrins.host_tools.campaigns.manifest import MANIFEST, Campaign, Manifest, read_manifest
 from rrins.host_tools.campaigns.row import OK, OUTPUTS, SERIES, Row, times_of
 from rrins.host_tools.campaigns.sources import sources_digest, versions
-from rrins.host_tools.files import JsonObject, make_folder, write_text
+from rrins.host_tools.errors import RehearsalError
+from rrins.host_tools.files import make_folder
 
 if TYPE_CHECKING:
     import pyarrow as pa
 
-MANIFEST: Final = "_manifest.json"
 REPORTS: Final = "_report"
 RERUNS: Final = "_reruns"
 _LOCK: Final = ".lock"
-_FORMAT: Final = 1
+_REPAIR: Final = "delete it to run its runs again"
 
 
 def schema_of(definition: Definition) -> pa.Schema:
@@ -70,6 +76,9 @@ class Store:
         self.folder = folder
         self.definition = definition
         self.schema = schema_of(definition)
+        self._digests: dict[str, str] = {}
+        self._end: dict[str, Any] = {}
+        self._sound: set[tuple[str, int, int]] = set()
 
     @classmethod
     def open(cls, folder: Path) -> Store:
@@ -79,7 +88,13 @@ class Store:
         ------
         CampaignError
         """
-        return cls(folder, Definition.of(read_manifest(folder)["campaign"]))
+        manifest = read_manifest(folder)
+        try:
+            store = cls(folder, Definition.of(manifest.campaign.model_dump()))
+        except (RehearsalError, ValueError) as error:
+            raise CampaignError(f"{folder / MANIFEST}: {error}") from error
+        store._digests = dict(manifest.parts)
+        return store
 
     @classmethod
     def create(cls, folder: Path, definition: Definition) -> Store:
@@ -95,16 +110,18 @@ class Store:
         store = cls(folder, definition)
         make_folder(folder)
         if (folder / MANIFEST).exists():
-            store._check(read_manifest(folder))
+            manifest = read_manifest(folder)
+            store._check(manifest)
+            store._digests = dict(manifest.parts)
         elif any(folder.glob("*.parquet")):
             raise CampaignError(f"{folder}: has Parquet files without {MANIFEST}; name another")
-        store._write_manifest({})
+        store._write_manifest()
         return store
 
-    def _check(self, manifest: JsonObject) -> None:
+    def _check(self, manifest: Manifest) -> None:
         """Refuse to go on with a campaign that is another one."""
-        mine = self._manifest({})
-        before, now = dict(manifest["campaign"]), dict(mine["campaign"])
+        mine = self._mine
+        before, now = manifest.campaign.model_dump(), mine.campaign.model_dump()
         runs, wanted = before.pop("runs"), now.pop("runs")
         for key in before:
             if before[key] != now[key]:
@@ -117,36 +134,37 @@ class Store:
             raise CampaignError(
                 f"{self.folder}: a design {self.definition.design} of {runs} runs cannot grow"
             )
-        for key in ("sources", "versions", "schema"):
-            if manifest[key] != mine[key]:
+        for key in ("sources", "versions", "schema_"):
+            was, now = getattr(manifest, key), getattr(mine, key)
+            if was != now:
                 raise CampaignError(
-                    f"{self.folder}: its rows come of other {key} "
-                    f"({_difference(manifest[key], mine[key])}); name another folder"
+                    f"{self.folder}: its rows come of other {key.rstrip('_')} "
+                    f"({_difference(was, now)}); name another folder"
                 )
 
-    def _manifest(self, more: JsonObject) -> JsonObject:
-        return {
-            "format": _FORMAT,
-            "campaign": self.definition.values(),
-            "sources": sources_digest(),
-            "versions": versions(),
-            "schema": {field.name: str(field.type) for field in self.schema},
-            "times_s": times_of(self.definition.scenario),
-        } | more
+    @cached_property
+    def _mine(self) -> Manifest:
+        return Manifest(
+            campaign=Campaign.model_validate_json(json.dumps(self.definition.values())),
+            sources=sources_digest(),
+            versions=versions(),
+            schema={field.name: str(field.type) for field in self.schema},
+            times_s=[float(time_s) for time_s in times_of(self.definition.scenario)],
+        )
 
-    def _write_manifest(self, more: JsonObject) -> None:
-        text = json.dumps(self._manifest(more), indent=1, ensure_ascii=False)
-        write_text(self.folder / MANIFEST, text + "\n")
+    def _write_manifest(self) -> None:
+        now = {"parts": self._digests, **self._end}
+        self._mine.model_copy(update=now).write(self.folder)
 
     def note_end(self, runs: int, words: str) -> None:
         """Note that a campaign is complete before its last run."""
-        self._write_manifest({"stopped_at": runs, "until": words})
+        self._end = {"stopped_at": runs, "until": words}
+        self._write_manifest()
 
     @property
     def stopped_at(self) -> int | None:
         """The number of runs with which it was narrow enough; None if it goes to its end."""
-        found = read_manifest(self.folder).get("stopped_at")
-        return None if found is None else int(found)
+        return read_manifest(self.folder).stopped_at
 
     @contextmanager
     def locked(self) -> Iterator[None]:
@@ -218,11 +236,24 @@ class Store:
         from pyarrow import parquet
 
         try:
-            return parquet.ParquetFile(path).read(columns=columns)
-        except (OSError, pa.ArrowException) as error:
-            raise CampaignError(
-                f"{path}: cannot be read: {error}; delete it to run it again"
-            ) from (error)
+            self._check_digest(path)
+            with parquet.ParquetFile(path, page_checksum_verification=True) as file:
+                found = file.read(columns=columns)
+            return found.select(self.schema.names if columns is None else columns)
+        except (OSError, ValueError, KeyError, pa.ArrowException) as error:
+            why = (str(error).splitlines() or ["damaged"])[0].strip("'\"").rstrip(". ")
+            raise CampaignError(f"{path}: cannot be read: {why}; {_REPAIR}") from error
+
+    def _check_digest(self, path: Path) -> None:
+        """Raise `CampaignError` unless a part is as it was written; without a digest it passes."""
+        state = path.stat()
+        seen = (path.name, state.st_size, state.st_mtime_ns)
+        wanted = self._digests.get(path.name)
+        if wanted is None or seen in self._sound:
+            return
+        if hashlib.sha256(path.read_bytes()).hexdigest() != wanted:
+            raise CampaignError(f"{path}: is damaged: not as it was written; {_REPAIR}")
+        self._sound.add(seen)
 
     def write(self, rows: Sequence[Row]) -> None:
         """Write rows as a part; after that they are stored whatever comes.
@@ -244,9 +275,14 @@ class Store:
         ]
         path = self.folder / f"part-{inorder[0]['run']:08d}.parquet"
         part = path.with_name(f".{path.stem}.{os.getpid()}")
+        content = io.BytesIO()
+        table = pa.Table.from_arrays(arrays, schema=self.schema)
+        parquet.write_table(table, content, write_page_checksum=True)
+        self._digests[path.name] = hashlib.sha256(content.getbuffer()).hexdigest()
+        self._write_manifest()
         try:
             with part.open("wb") as file:
-                parquet.write_table(pa.Table.from_arrays(arrays, schema=self.schema), file)
+                file.write(content.getbuffer())
                 file.flush()
                 os.fsync(file.fileno())
             part.replace(path)
@@ -278,22 +314,3 @@ def _difference(before: Any, now: Any) -> str:
 def is_campaign(folder: Path) -> bool:
     """Return whether a folder has a campaign."""
     return (folder / MANIFEST).is_file()
-
-
-def read_manifest(folder: Path) -> JsonObject:
-    """Return what a campaign's folder says of itself.
-
-    Raises
-    ------
-    CampaignError
-    """
-    path = folder / MANIFEST
-    try:
-        found = json.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError as error:
-        raise CampaignError(f"{folder}: not a campaign folder: {MANIFEST} is missing") from error
-    except (OSError, ValueError) as error:
-        raise CampaignError(f"{path}: cannot be read: {error}") from error
-    if not isinstance(found, dict) or found.get("format") != _FORMAT:
-        raise CampaignError(f"{path}: is not of this version of rrins")
-    return found

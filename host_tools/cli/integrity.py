@@ -100,11 +100,13 @@ def _lines(study: Study, commands: dict[int, str]) -> list[str]:
     from rrins.host_tools.campaigns.summary import shown
 
     rate, alerts = study.hourly, study.to_alert_s()
+    beyond = len(study.misleading_beyond)
     levels = ", ".join(f"{name} {shown(value)}" for name, value in study.over_sigma().items())
     lines = [
         f"{len(study.misleading)} of {len(study.results)} cases misleading in {study.hours:.3g} h: "
         f"{shown(rate.value)} per hour by the prior rates, 95 %: {shown(rate.low)} to "
         f"{shown(rate.high)}; stated {shown(study.risk_per_h)}",
+        f"{beyond} more by faults that the unit assumes never to happen (rate 0)",
         f"sound sensors left out in {len(study.sound_left_out)} cases; "
         f"longest time to alert {shown(alerts[0] if alerts else 0.0)} s",
         f"level over σ, median of the healthy: {levels}",

@@ -140,7 +140,7 @@ def _play(bench: Bench, step: Step) -> None:
 
 
 def _confirmed() -> int:
-    from rrins.host_tools.diag.tester import REMEMBERED
+    from rrins.host_tools.diag.trouble_table import REMEMBERED
 
     return REMEMBERED
 

@@ -102,7 +102,7 @@ def clock_error(subject: Subject) -> None:
     Through errors of 100 ppm, steps of SYNC's phase, outliers and a loss, `clock_error_ppm` is that
     of our own loop fed with the same arrivals, and commands are in time.
     """
-    script = _Script(900, _CLOCK_HZ, _offset_ns, lambda epoch: not 780 <= epoch < 800)
+    script = _Script(880, _CLOCK_HZ, _offset_ns, lambda epoch: not 810 <= epoch < 830)
 
     def judge(heard: _Heard) -> None:
         ours = _own_errors_ppm(heard.sync_ns)
@@ -120,9 +120,9 @@ def clock_error(subject: Subject) -> None:
                 f"{due:.0f} ± {_PPM:g}; so {len(apart)} of {len(reports)} reports"
             )
         lost = [epoch for epoch, _, is_lost in heard.reports if is_lost]
-        if not lost or not set(lost) <= set(range(785, 806)):
-            raise _LateError(f"sync_lost in the epochs {lost}, not in 790 only")
-        _expect_in_time(heard, range(100, 600))
+        if not lost or not set(lost) <= set(range(815, 836)):
+            raise _LateError(f"sync_lost in the epochs {lost}, not in 820 only")
+        _expect_in_time(heard, range(100, 580))
 
     _repeatedly(subject, script, judge)
 
@@ -135,10 +135,14 @@ def _offset_ns(epoch: int) -> float:
         offset_ns += 100_000
     if epoch >= 520:
         offset_ns -= 220_000
-    if 600 <= epoch < 607:
+    if 590 <= epoch < 597:
         offset_ns += 6_000_000
-    if 640 <= epoch < 700:
-        offset_ns += 6_000_000 + (90_000 if epoch >= 648 else 0)
+    if epoch >= 610:
+        offset_ns += 6_000_000
+    if epoch >= 622:
+        offset_ns += 110_000
+    if epoch >= 700:
+        offset_ns -= 220_000
     return offset_ns
 
 

@@ -188,14 +188,12 @@ def uds(subject: Subject) -> None:
     assert silent is None, f"TesterPresent that asks for no answer has {silent!r}"
     functional = tool.ask(_TESTER_PRESENT, "DIAG_FUNCTIONAL")
     assert functional == b"\x7e\x00", f"a functional TesterPresent is answered by {functional!r}"
-    for request in (b"\xba\x00", b"\x10\x7d", b"\x22\xfe\x00", b"\x3e\x7d"):
+    for request in (b"\xba\x00", b"\x10\x7d", b"\x22\xfe\x00", b"\x3e\x7d", b"\x27\x01"):
         answer = tool.ask(request, "DIAG_FUNCTIONAL")
         assert answer is None, f"a functional {request.hex(' ')} is answered by {answer!r}"
     tool.expect(b"\x3e", b"\x7f\x3e\x13", why="a request that is too short")
     tool.expect(b"\x3e\x00\x00", b"\x7f\x3e\x13", why="a request that is too long")
     tool.expect(b"\x3e\x01", b"\x7f\x3e\x12", why="an unknown sub-function")
-    unknown = tool.ask(b"\xba\x00", "DIAG_FUNCTIONAL")
-    assert unknown is None, f"an unknown functional service is answered by {unknown!r}"
 
 
 @check("diagnostics.md#sessions-and-security", "UDS-2")
@@ -257,7 +255,16 @@ def uds_security(subject: Subject) -> None:
     other = tool.expect(_SEED, b"\x67\x01", why="10 s later")
     assert other != seed, "a seed is given twice"
     tool.expect(b"\x27\x02\x01", b"\x7f\x27\x13", why="a key that is too short")
+    seed = tool.expect(_SEED, b"\x67\x01")[2:]
+    _enter_extended(tool)
+    key = b"\x27\x02" + key_of(seed, DEFAULT_SECRET)
+    tool.expect(key, b"\x7f\x27\x24", why="the seed is of the session before")
     _unlock(tool)
+    tool.expect(_EXTENDED, b"\x50\x03")
+    seed = tool.expect(_SEED, b"\x67\x01")[2:]
+    tool.expect(b"\x27\x02" + bytes(8), b"\x7f\x27\x35", why="the first wrong key again")
+    key = b"\x27\x02" + key_of(seed, DEFAULT_SECRET)
+    tool.expect(key, b"\x7f\x27\x24", why="its seed is spent")
 
 
 @check("diagnostics.md#sessions-and-security", "UDS-4 UDS-5")
@@ -302,6 +309,10 @@ def uds_access(subject: Subject) -> None:
     _refused(tool, write, (_LOCKED,), "its session had ended since it was unlocked")
     _unlock(tool)
     _refused(tool, write[:-1], (b"\x13", b"\x31"), "a parameter that is too short")
+    _refused(tool, write[:2], (b"\x13",), "half an identifier")
+    if write[1:3] == b"\x10\x04":
+        _refused(tool, write[:3] + b"\xff" * len(write[3:]), (b"\x31",), "a gap that is no number")
+    _refused(tool, b"\x2e\xfe\x00\x00", (b"\x31",), "an unknown identifier")
     tool.expect(b"\x27\x02" + bytes(8), b"\x7f\x27\x24", why="a key without a seed, unlocked")
 
 
@@ -355,6 +366,14 @@ def uds_trouble_codes(subject: Subject) -> None:
     bench.advance(_LOSS_S)
     bench.expect("FIRMWARE_STATUS", within=0.5, where={"sync_lost": 0})
     bench.advance(3)
+    still = int.from_bytes(tool.expect(_COUNT_FAILED, b"\x59\x01")[4:6], "big")
+    assert not still, f"{still} tests still fail, though SYNC has come back"
+    kept = tool.expect(_LIST_CONFIRMED, b"\x59\x02")
+    assert len(kept) >= 7, "a confirmed trouble code vanishes by itself"
+    tool.expect(_CLEAR[:-1], b"\x7f\x14\x13", why="a group that is too short")
+    tool.expect(b"\x14\x12\x34\x56", b"\x7f\x14\x31", why="an unknown trouble code")
+    tool.expect(_COUNT_FAILED[:-1], b"\x7f\x19\x13", why="no status mask")
+    tool.expect(b"\x19\x7d\x00", b"\x7f\x19\x12", why="an unknown report")
     tool.expect(_CLEAR, b"\x54")
     bench.advance(1)
     after = tool.expect(_LIST_CONFIRMED, b"\x59\x02")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from typing import Any, Final
 
@@ -90,6 +91,10 @@ def contradiction() -> Stimuli:
             change = s.contradict(name, *_VALUE[name], is_first)
             words = f"{name} twice, with two contents"
             found.append(Stimulus(begin_s + number * 0.25, 0.1, change, words))
+    for number, name in enumerate((*_AXES, *_AXES)):
+        change = s.contradict(name, "state", 4, number < 2)
+        words = f"{name} twice, one in FAULT"
+        found.append(Stimulus(7.0 + number * 0.25, 0.01, change, words))
     return found
 
 
@@ -152,7 +157,13 @@ def without_sync() -> Stimuli:
             Stimulus(2.0 + k, epochs * 0.005, s.drop("SYNC"), f"SYNC lost for {epochs} epochs")
             for k, epochs in enumerate((1, 9, 10, 11, 20, 41))
         ),
-        Stimulus(9.0, 3.0, s.drop("SYNC"), "SYNC lost"),
+        *(  # the status of every 20th epoch tells of the ninth, tenth and eleventh without
+            Stimulus(
+                8.0 + 0.5 * k - before * 0.005, 0.1, s.drop("SYNC"), f"{before + 1} epochs lost"
+            )
+            for k, before in enumerate((8, 9, 10))
+        ),
+        Stimulus(9.5, 3.0, s.drop("SYNC"), "SYNC lost"),
     ]
 
 
@@ -176,11 +187,16 @@ def restarted_sync() -> Stimuli:
             Stimulus(2.0 + 0.8 * k, 0.4, s.shift_epochs(by), f"an epoch count {by:+d} off")
             for k, by in enumerate(jumps)
         ),
-        Stimulus(9.0, 0.005, s.shift_epochs(1001), "an epoch count +1001 off, once"),
-        Stimulus(9.2, 0.005, s.shift_epochs(-999), "an epoch count -999 off, once"),
-        Stimulus(9.215, 0.005, s.shift_epochs(-998), "an epoch count -998 off, later"),
-        Stimulus(9.5, 0.01, s.drop("SYNC"), "no SYNC"),
-        Stimulus(9.505, 0.005, s.stray_sync(700, True), "a SYNC 700 ahead alone"),
+        *(
+            Stimulus(9.0 + at_s, 0.005, s.shift_epochs(by), f"an epoch count {by:+d} off, once")
+            for at_s, by in ((0.0, 1001), (0.2, -999), (0.205, -998), (0.4, 1001), (0.405, 1003))
+        ),
+        *(
+            Stimulus(9.6 + 0.1 * is_first, 0.005, s.stray_sync(5000, is_first), "a SYNC twice")
+            for is_first in (False, False, True, True)
+        ),
+        Stimulus(9.9, 0.01, s.drop("SYNC"), "no SYNC"),
+        Stimulus(9.905, 0.005, s.stray_sync(700, True), "a SYNC 700 ahead alone"),
     ]
 
 
@@ -241,7 +257,7 @@ def self_test() -> Stimuli:
           for change in _status(raw, 1, 4)),
         (s.contradict("AXIS_OUTER_STATUS", "encoder_angle_deg", 9, True), "two contents"),
     ]  # fmt: skip
-    return [Stimulus(0.14 + 0.36 * k, 0.02, *kind) for k, kind in enumerate(kinds)]
+    return [Stimulus(0.14 + 0.2 * k, 0.02, *kind) for k, kind in enumerate(kinds)]
 
 
 def bad_at_first(for_s: float) -> Stimuli:
@@ -336,16 +352,30 @@ def pushed(*sensors: tuple[int, float]) -> Stimuli:
     ]
 
 
-def scaled(share: float, gyros: float = 0.0) -> Stimuli:
-    """Return specific force that is wrong by a share, and gyros by raw counts."""
-    counts = (-1.0, 1 / 3, 1 / 3, 1 / 3)
+def scaled(share: float) -> Stimuli:
+    """Return a specific force that is wrong by a share, in a level tetrahedron at 50 Hz."""
+    step = 9.8 * 0.02 / 1.25e-7
+    return [
+        Stimulus(0.0, _LONG_S, s.add_raw(f"SENSOR_{k}", "accelerometer_dv", round(part * step)))
+        for k, part in enumerate((-share, share / 3, share / 3, share / 3), 1)
+    ]
+
+
+def without_north() -> Stimuli:
+    """Return gyros that do not feel the Earth turn about north, in the same tetrahedron."""
+    raw = round(7.292115e-5 * math.cos(math.radians(40.3554)) * 0.02 / 4e-9 * math.sqrt(2 / 3))
+    return [
+        Stimulus(0.0, _LONG_S, s.add_raw(f"SENSOR_{k}", "gyro_dtheta", by))
+        for k, by in ((3, -raw), (4, raw))
+    ]
+
+
+def turning(inner: int, outer: int) -> Stimuli:
+    """Return axes that report a rate, raw, until the alignment."""
     found = []
-    for k, part in enumerate(counts, 1):
-        raw = round(part * share * 9.8 * 0.005 / 1.25e-7)
-        found.append(Stimulus(0.0, _LONG_S, s.add_raw(f"SENSOR_{k}", "accelerometer_dv", raw)))
-        if gyros:
-            change = s.add_raw(f"SENSOR_{k}", "gyro_dtheta", round(part * gyros))
-            found.append(Stimulus(0.0, _LONG_S, change))
+    for name, raw in zip(_AXES, (inner, outer), strict=True):
+        change = s.set_raw(name, "encoder_rate_dps", raw)
+        found.append(Stimulus(0.0, 11.0, change, f"{name} turns at {raw * 0.002:g} deg/s"))
     return found
 
 
@@ -388,7 +418,10 @@ def gaps() -> Stimuli:
 
 def no_sync_at_first() -> Stimuli:
     """Return the hardware's frames without SYNC for a second."""
-    return [Stimulus(0.0, 1.0, s.drop("SYNC"), "no SYNC yet")]
+    return [
+        Stimulus(0.0, 1.0, s.drop("SYNC"), "no SYNC yet"),
+        *(Stimulus(0.0, 0.6, s.drop(name), f"no {name} yet") for name in _SENSORS),
+    ]
 
 
 def fault_shutdown() -> Stimuli:

@@ -81,7 +81,7 @@ FRAMES_IN: Final = (
         "Of two frames of any message that disagree about an epoch neither is used.",
         "firmware.md#two-senders-of-one-message",
         "RX-*-5",
-        _of(7.0, _IN, stimuli=d.contradiction),
+        _of(8.5, _IN, stimuli=d.contradiction),
     ),
     _check(
         "every-gap",
@@ -128,7 +128,7 @@ TIME: Final = (
         "An epoch count far from the firmware's is adopted when it goes on, and only then.",
         _FRAMES_IN,
         "SYN-3",
-        _of(10.0, _QUICK, u.ROTATING, stimuli=d.restarted_sync),
+        _of(11.0, _QUICK, u.ROTATING, stimuli=d.restarted_sync),
     ),
     _check(
         "wrapping-sync",
@@ -165,6 +165,16 @@ MODES: Final = (
         "MODE-3 MODE-4 MODE-5 MODE-6 MODE-7",
         _of(22.0, _QUICK, _SITE, u.REQUESTS, stimuli=d.in_motion, rate_hz=50),
         _of(9.5, _QUICK, u.ROTATING, stimuli=d.none_between),
+    ),
+    _check(
+        "standing",
+        "The alignment begins once both axes turn at no more than 0.05 °/s, or after 10 s.",
+        "firmware.md#modes",
+        "MODE-5",
+        *(
+            _of(15.0, _QUICK, u.ROTATING, stimuli=_on(d.turning, *rates), rate_hz=50)
+            for rates in ((26, 0), (0, -26), (25, -25))
+        ),
     ),
     _check(
         "self-test-epochs",
@@ -265,9 +275,9 @@ AXES: Final = (
         "firmware.md#rotation-scheme",
         "AXS-6",
         _of(24.0, _QUICK, u.TWICE, rate_hz=50),
-        _of(20.0, _QUICK, u.ROTATING, stimuli=_on(d.offset, 0.0099, -0.0099)),
-        _of(20.0, _QUICK, u.ROTATING, stimuli=_on(d.offset, 0.0, -0.0102)),
-        _of(20.0, _QUICK, u.ROTATING, stimuli=_on(d.offset, 25.0, -75.0)),
+        _of(20.0, _QUICK, u.ROTATING, stimuli=_on(d.offset, 0.0099, -0.0099), rate_hz=50),
+        _of(20.0, _QUICK, u.ROTATING, stimuli=_on(d.offset, 0.0, -0.0102), rate_hz=50),
+        _of(20.0, _QUICK, u.ROTATING, stimuli=_on(d.offset, 25.0, -75.0), rate_hz=50),
     ),
 )
 
@@ -283,6 +293,7 @@ NAVIGATION: Final = (
             for one in ("held", "damped", "free")
         ),
         _of(30.0, _QUICK, u.NORTH, stimuli=d.shaken, rate_hz=50),
+        _of(20.0, u.STRAPDOWN, u.RISING, stimuli=_on(d.pushed, (1, -0.01)), rate_hz=50),
     ),
     _check(
         "altimeter",
@@ -300,8 +311,8 @@ NAVIGATION: Final = (
         "NAV-5 NAV-6",
         _of(12.0, u.STRAPDOWN, u.DATE_LINE, stimuli=_on(d.pushed, (2, 0.02), (3, -0.03))),
         _of(12.0, u.STRAPDOWN, u.DATE_LINE, stimuli=_on(d.pushed, (2, -0.02), (3, 0.03))),
-        _of(22.0, u.STRAPDOWN, stimuli=_on(d.pushed, (1, -1.0), (2, 1.0))),
-        _of(30.0, u.STRAPDOWN, u.POLE, stimuli=_on(d.pushed, (2, 0.9), (3, -0.9))),
+        _of(26.0, u.STRAPDOWN, stimuli=_on(d.pushed, (1, -1.0), (2, 1.0))),
+        _of(18.0, u.STRAPDOWN, u.POLE, stimuli=_on(d.pushed, (3, 0.7), (4, -0.7))),
     ),
     _check(
         "self-alignment",
@@ -309,11 +320,19 @@ NAVIGATION: Final = (
         "(ALIGNMENT_FAILED), and so does a rate that shows no north.",
         "firmware.md#alignment",
         "ALN-1 ALN-2",
-        _of(75.0, u.ALIGNING, _SITE, rate_hz=50, scenario="ideal"),
+        _of(66.0, u.ALIGNING, stimuli=d.without_north, rate_hz=50, scenario="ideal"),
+        _of(140.0, u.ALIGNING, u.TWO_ALIGNMENTS, _SITE, rate_hz=50, scenario="ideal"),
         *(
             _of(66.0, u.ALIGNING, stimuli=_on(d.scaled, share), rate_hz=50, scenario="ideal")
             for share in (0.0195, 0.0205, -0.0205)
         ),
+    ),
+    _check(
+        "rest",
+        "At rest the quantisation remainder of the alignment is made up: 300 s are within 0.3 mm.",
+        "firmware.md#alignment",
+        "ALN-1",
+        _of(300.0, u.STRAPDOWN, rate_hz=50),
     ),
     _check(
         "scale-errors",

@@ -22,25 +22,25 @@ class Requirement:
     page: str  #: page and anchor in the docs
 
 
-_RECEIVED: Final = (
+RECEIVED_TEXTS: Final = (
     "A frame with a wrong CRC increments `crc_errors` and is not used.",
     "A frame that does not have eight bytes increments `crc_errors` and is not used.",
-    "A frame with a wrong counter increments `counter_errors` and is not used.",
-    "A second frame of the same epoch, or with the counter before, increments `counter_errors` "
-    "and is not used.",
+    "A frame with the counter of another epoch (MODE_COMMAND: of the frame before) increments "
+    "`counter_errors` and is not used.",
+    "A second frame of the same epoch increments `counter_errors` and is not used.",
     "Two frames of the same epoch that disagree are both not used.",
     "Its loss has the effect that the firmware page states, and no other.",
 )
-"""Of each message received; the last digit of the number counts from 1."""
+"""Demands of each message received, numbered from 1."""
 
-_SENT: Final = (
+SENT_TEXTS: Final = (
     "It has eight bytes, a right CRC, and 0 in the bits of no signal.",
     "Its counter goes on by one with each transmission, from 0; that of an axis command is the "
     "epoch modulo 15.",
     "It is sent at its cycle time, in the epochs that are a multiple of it, and at no other time.",
     "Its signals are those of the reference, within rounding.",
 )
-"""Of each message sent."""
+"""Demands of each message sent, numbered from 1."""
 
 RECEIVED: Final = (
     "SYNC",
@@ -72,7 +72,7 @@ _ALIGN, _CODES = "firmware.md#alignment", "diagnostics.md#trouble-codes"
 _SCHEME, _STRAPDOWN = "firmware.md#rotation-scheme", "firmware.md#strapdown"
 _UDS = "diagnostics.md#sessions-and-security"
 
-_OTHERS: Final = (
+OTHERS: Final = (
     ("MODE-1", "The self-test takes 0.5 s of sound epochs; an unsound one costs ten.", _MODES),
     ("MODE-2", "After 10 s the self-test ends in FAULT (SELF_TEST_FAILED).", _MODES),
     ("MODE-3", "A request is acted on once, when it differs from the one before.", _MODES),
@@ -126,13 +126,14 @@ _OTHERS: Final = (
     ("UDS-6", "A reset while it navigates is refused unless it is unlocked.", _UDS),
     ("UDS-7", "A fault sets its trouble code; clearing removes it.", _CODES),
 )  # fmt: skip
+"""Number, demand, page."""
 
 
 @cache
 def requirements() -> tuple[Requirement, ...]:
     """Return all requirements in the order of their pages."""
-    found = [Requirement(number, text, page) for number, text, page in _OTHERS]
-    for letter, names, texts in (("RX", RECEIVED, _RECEIVED), ("TX", SENT, _SENT)):
+    found = [Requirement(number, text, page) for number, text, page in OTHERS]
+    for letter, names, texts in (("RX", RECEIVED, RECEIVED_TEXTS), ("TX", SENT, SENT_TEXTS)):
         for name in names:
             page = f"bus-contract.md#{'sensor_1' if name.startswith('SENSOR_') else name.lower()}"
             for k, text in enumerate(texts, 1):

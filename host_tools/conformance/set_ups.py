@@ -113,7 +113,7 @@ AGAIN: Final = operator((0.2, "NAVIGATE_ROTATING"), (11.5, "STANDBY"), (12.5, "N
 
 NORTH: Final = of(
     ROTATING,
-    site={"latitude_deg": 71.2, "longitude_deg": -179.5, "height_m": -30.0},
+    site={"latitude_deg": 71.2, "longitude_deg": -179.5, "height_m": 90_000.0},
     body={"roll_deg": -100.0, "pitch_deg": 40.0, "heading_deg": 359.9999},
     firmware={"height_channel": "free"},
 )
@@ -173,3 +173,7 @@ WAVES: Final[dict[str, Any]] = {
 }
 
 SILENCE: Final[dict[str, Any]] = {"firmware": {"axis_silence_s": 0.4, "stand_s": 2.0}}
+TWO_ALIGNMENTS: Final = operator(
+    (0.2, "NAVIGATE_STRAPDOWN"), (70.0, "STANDBY"), (71.0, "NAVIGATE_STRAPDOWN")
+)
+RISING: Final[dict[str, Any]] = {"firmware": {"height_channel": "free"}}

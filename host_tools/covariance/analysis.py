@@ -280,10 +280,9 @@ class Model:
         phi, Q = np.zeros((size, size)), np.zeros((size, size))
         phi[STATES:, STATES:] = decay * np.eye(sensors)
         Q[STATES:, STATES:] = np.diag(drive**2 * share)
-        at_rest = _after_alignment(decay, share, self._scenario.firmware.alignment_s)
-        P = np.asarray(np.kron(at_rest, np.diag(drive**2)), dtype=np.float64)
+        begun = _after_alignment(decay, share, self._scenario.firmware.alignment_s)
         both = np.block([[S, np.zeros_like(S)], [np.zeros((sensors, sensors)), np.eye(sensors)]])
-        P = both @ P @ both.T
+        P = np.asarray(both @ np.kron(begun, np.diag(drive**2)) @ both.T, dtype=np.float64)
         variance = np.zeros((self.count + 1, 2))
         variance[0] = np.diag(P)[_HORIZONTAL]
         for k in range(self.count):

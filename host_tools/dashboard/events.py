@@ -139,9 +139,9 @@ class EventLog:
     def _falls(self, key: str, old: dict[str, float]) -> bool:
         return 0 <= self._now[key] < old[key]
 
-    def _word(self, key: str, values: dict[str, float] | None = None) -> str:
-        """Return a value, now or among `values`, by its name in the DBC."""
-        value = (values or self._now)[key]
+    def _word(self, key: str) -> str:
+        """Return a value by its name in the DBC."""
+        value = self._now[key]
         return self._codec.choices(*SIGNALS[key]).get(int(value)) or f"{value:g}"
 
     def _of_mode(self, old: dict[str, float]) -> Iterator[_Change]:

@@ -18,10 +18,20 @@ PerSensor = float | tuple[float, ...]
 LONGEST_RISE_S = 10.0
 """Longest time in which an axis may reach its acceleration."""
 
-_Magnitude = Annotated[float, Field(ge=0)]
+_Mount = Annotated[float, Field(ge=-324_000, le=324_000)]
+_MountPerSensor = _Mount | tuple[_Mount, ...]
+_Signed6 = Annotated[float, Field(ge=-1e6, le=1e6)]
+_Signed6PerSensor = _Signed6 | tuple[_Signed6, ...]
+_Signed7 = Annotated[float, Field(ge=-1e7, le=1e7)]
+_Signed7PerSensor = _Signed7 | tuple[_Signed7, ...]
+_UpTo6 = Annotated[float, Field(ge=0, le=1e6)]
+_UpTo6PerSensor = _UpTo6 | tuple[_UpTo6, ...]
+_UpTo7 = Annotated[float, Field(ge=0, le=1e7)]
+_UpTo7PerSensor = _UpTo7 | tuple[_UpTo7, ...]
+_Walk = Annotated[float, Field(ge=0, le=1e4)]
+_WalkPerSensor = _Walk | tuple[_Walk, ...]
 _Distance = Annotated[float, Field(ge=-1000, le=1000)]
 _DistancePerSensor = _Distance | tuple[_Distance, ...]
-_NotNegative = _Magnitude | tuple[_Magnitude, ...]
 _Arm = Annotated[float, Field(ge=-100, le=100)]
 
 
@@ -42,19 +52,19 @@ class TomlTable(BaseModel):
 class _Sensors(TomlTable):
     """Errors that both kinds of sensors have. Paper, (13), (16), (17)."""
 
-    scale_error_ppm: PerSensor = 0.0
+    scale_error_ppm: _Signed6PerSensor = 0.0
     """Symmetric scale factor error λ."""
-    asymmetric_scale_error_ppm: PerSensor = 0.0
+    asymmetric_scale_error_ppm: _Signed6PerSensor = 0.0
     """Asymmetric scale factor error μ: added for positive input, subtracted for negative."""
-    installation_u_arcsec: PerSensor = 0.0
+    installation_u_arcsec: _MountPerSensor = 0.0
     """Installation error δu."""
-    installation_v_arcsec: PerSensor = 0.0
+    installation_v_arcsec: _MountPerSensor = 0.0
     """Installation error δv."""
-    scale_repeatability_ppm: _NotNegative = 0.0
+    scale_repeatability_ppm: _UpTo6PerSensor = 0.0
     """Standard deviation of the scale factor's change at each power-up."""
-    scale_temperature_ppm_per_k: PerSensor = 0.0
+    scale_temperature_ppm_per_k: _Signed6PerSensor = 0.0
     """Temperature coefficient of the scale factor, see `[thermal]`."""
-    bandwidth_hz: float | None = Field(default=None, gt=0)
+    bandwidth_hz: float | None = Field(default=None, ge=0.01, le=1e6)
     """-3 dB, first order."""
     latency_ms: float = Field(default=0.0, ge=0, le=25)
     """Delay of the output."""
@@ -63,48 +73,48 @@ class _Sensors(TomlTable):
 class Gyros(_Sensors):
     """Errors of the gyros. Paper, (16)."""
 
-    bias_dph: PerSensor = 0.0
+    bias_dph: _Signed6PerSensor = 0.0
     """Bias b."""
-    bias_repeatability_dph: _NotNegative = 0.0
+    bias_repeatability_dph: _UpTo6PerSensor = 0.0
     """Standard deviation of the bias change at each power-up."""
-    bias_instability_dph: _NotNegative = 0.0
+    bias_instability_dph: _UpTo6PerSensor = 0.0
     """Coefficient B of IEEE 952; the floor of the Allan deviation is 0.664 B."""
-    bias_temperature_dph_per_k: PerSensor = 0.0
+    bias_temperature_dph_per_k: _Signed6PerSensor = 0.0
     """Temperature coefficient of the bias, see `[thermal]`."""
-    angle_random_walk_deg_per_sqrt_h: Annotated[_NotNegative, Called("white_noise")] = 0.0
+    angle_random_walk_deg_per_sqrt_h: Annotated[_WalkPerSensor, Called("white_noise")] = 0.0
     """White noise."""
-    rate_random_walk_dph_per_sqrt_h: _NotNegative = 0.0
+    rate_random_walk_dph_per_sqrt_h: _UpTo6PerSensor = 0.0
     """Random walk of the bias."""
-    g_sensitivity_dph_per_g: PerSensor = 0.0
+    g_sensitivity_dph_per_g: _Signed6PerSensor = 0.0
     """Bias per g of specific force along the input axis."""
-    dead_zone_dph: _NotNegative = 0.0
+    dead_zone_dph: _UpTo6PerSensor = 0.0
     """Input below this has no effect."""
-    resolution_arcsec: float = Field(default=0.0, ge=0)
+    resolution_arcsec: float = Field(default=0.0, ge=0, le=360_000)
     """The sensor's own quantisation step, if coarser than the frame's; remainders carry over."""
-    range_dps: float = Field(default=300.0, gt=0)
+    range_dps: float = Field(default=300.0, gt=0, le=1e6)
     """Measuring range."""
 
 
 class Accelerometers(_Sensors):
     """Errors of the accelerometers. Paper, (17)."""
 
-    bias_ug: PerSensor = 0.0
+    bias_ug: _Signed7PerSensor = 0.0
     """Bias b."""
-    bias_repeatability_ug: _NotNegative = 0.0
+    bias_repeatability_ug: _UpTo7PerSensor = 0.0
     """Standard deviation of the bias change at each power-up."""
-    bias_instability_ug: _NotNegative = 0.0
+    bias_instability_ug: _UpTo7PerSensor = 0.0
     """Coefficient B of IEEE 952."""
-    bias_temperature_ug_per_k: PerSensor = 0.0
+    bias_temperature_ug_per_k: _Signed7PerSensor = 0.0
     """Temperature coefficient of the bias, see `[thermal]`."""
-    white_noise_ug_per_sqrt_hz: _NotNegative = 0.0
+    white_noise_ug_per_sqrt_hz: _UpTo6PerSensor = 0.0
     """White noise."""
-    random_walk_ug_per_sqrt_h: Annotated[_NotNegative, Called("rate_random_walk")] = 0.0
+    random_walk_ug_per_sqrt_h: Annotated[_UpTo7PerSensor, Called("rate_random_walk")] = 0.0
     """Random walk of the bias."""
-    dead_zone_ug: _NotNegative = 0.0
+    dead_zone_ug: _UpTo7PerSensor = 0.0
     """Input below this has no effect."""
-    resolution_um_per_s: float = Field(default=0.0, ge=0)
+    resolution_um_per_s: float = Field(default=0.0, ge=0, le=1e7)
     """The sensor's own quantisation step, if coarser than the frame's; remainders carry over."""
-    range_g: float = Field(default=20.0, gt=0)
+    range_g: float = Field(default=20.0, gt=0, le=1e6)
     """Measuring range."""
     position_x_mm: _DistancePerSensor = 0.0
     """Position in the sensor frame, measured from the intersection of the table's axes:
@@ -120,9 +130,9 @@ class Axis(TomlTable):
 
     rate_limit_dps: float = Field(default=30.0, gt=0, le=60)
     """Highest rate."""
-    acceleration_limit_dps2: float = Field(default=10.0, gt=0, le=10_000)
+    acceleration_limit_dps2: float = Field(default=10.0, ge=0.001, le=10_000)
     """Highest acceleration."""
-    jerk_limit_dps3: float | None = Field(default=None, gt=0)
+    jerk_limit_dps3: float | None = Field(default=None, gt=0, le=1e9)
     """Lengthens each turn by acceleration / jerk, 10 s at most."""
     encoder_bits: int = Field(default=24, ge=8, le=26)
     """Bits per turn."""
@@ -178,7 +188,7 @@ class Thermal(TomlTable):
     """Ambient temperature relative to the calibration temperature."""
     warm_up_k: float = Field(default=0.0, ge=-100, le=100)
     """Temperature rise of the sensors after switch-on."""
-    time_constant_s: float = Field(default=600.0, gt=0, le=100_000)
+    time_constant_s: float = Field(default=600.0, ge=0.001, le=100_000)
     """Time constant of the warm-up."""
 
 

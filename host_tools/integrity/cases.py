@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Any, Final
 
+from rrins.firmware_py.core.integrity.settings import LEAST_RATE
 from rrins.host_tools.files import JsonObject
 from rrins.host_tools.hardware.fault_kinds import HardwareFault, Part
 from rrins.host_tools.integrity.fmeda import rates
@@ -20,6 +21,21 @@ from rrins.host_tools.wire.fault_kinds import FaultKind
 
 HEALTHY, GYRO, ACCELEROMETER = "healthy", "gyro", "accelerometer"
 PAIR, COMMON, GNSS, ODOMETER, WIRE = "pair", "common", "gnss", "odometer", "wire"
+
+NO_RATE: Final = {GNSS: "gnss, no rate", COMMON: "common, no rate"}
+"""Kinds of faults that a unit may assume never to happen: what its level contains is what shows."""
+
+STRATA: Final = (
+    HEALTHY,
+    GYRO,
+    ACCELEROMETER,
+    PAIR,
+    COMMON,
+    GNSS,
+    ODOMETER,
+    WIRE,
+    *NO_RATE.values(),
+)
 
 DRAWN: Final = {
     HEALTHY: 0.16,
@@ -52,6 +68,7 @@ _GRADES: Final = {
 """Presets, and the attitude that such a unit is given."""
 
 _PROTOTYPES: Final = 4  # sensors that its data sheet lists
+_STATED_PER_H = 1e-7  # of a receiver whose faults are among those to cover
 _LONGEST_S = 200.0
 _JITTER_S = 20.0
 
@@ -64,6 +81,18 @@ class Case:
     kind: str  #: class of its faults, of `DRAWN`
     scenario: Scenario
     failing: frozenset[str]  #: sensors that fail by themselves, such as gyro_2
+
+    @property
+    def stratum(self) -> str:
+        """Its kind; of another one where the unit assumes that such faults never happen."""
+        settings = self.scenario.integrity
+        rates = {GNSS: settings.gnss_faults_per_h, COMMON: settings.common_faults_per_h}
+        return self.kind if rates.get(self.kind, LEAST_RATE) >= LEAST_RATE else NO_RATE[self.kind]
+
+    @property
+    def is_beyond(self) -> bool:
+        """Whether the unit assumes that such faults never happen."""
+        return self.stratum != self.kind
 
     @property
     def words(self) -> str:
@@ -99,6 +128,8 @@ def draw(seed: int, number: int, base: Scenario | None = None) -> Case:
     table: JsonObject
     if base is None:
         table = _unit(chance, kind)
+        if kind == GNSS:
+            table["integrity"] = {"gnss_faults_per_h": chance.choice((0.0, _STATED_PER_H))}
     else:
         table = base.model_dump(exclude_unset=True) | {"faults": ()}
         kind = _possible(base, kind)

@@ -1,7 +1,8 @@
 """The share of misleading cases, and what that is per hour, by the rates that the unit assumes.
 
 Faults are drawn, not waited for: a kind counts with its prior rate times the share of its cases
-that mislead (importance sampling by strata). The priors are those of `[integrity]`.
+that mislead (importance sampling by strata). The priors are those of `[integrity]`. Faults that the
+unit assumes never to happen are a kind of their own.
 """
 
 from __future__ import annotations
@@ -33,6 +34,7 @@ def prior_per_h(scenario: Scenario, kind: str, seconds: int) -> float | None:
         cases.GYRO: gyros,
         cases.ACCELEROMETER: accelerometers,
         cases.PAIR: 0.5 * _PAIR_WITHIN_H * (gyros + accelerometers) ** 2,
+        cases.COMMON: 2 * settings.common_faults_per_h,
         cases.GNSS: settings.gnss_faults_per_h,
         cases.ODOMETER: settings.odometer_faults_per_h,
     }
@@ -53,8 +55,8 @@ class Stratum:
 def strata_of(results: Sequence[Result]) -> list[Stratum]:
     """Return the kinds of cases, in the order of the generator."""
     found = []
-    for kind in cases.DRAWN:
-        own = [one for one in results if one.case.kind == kind and one.seconds]
+    for kind in cases.STRATA:
+        own = [one for one in results if one.case.stratum == kind and one.seconds]
         if not own:
             continue
         misleading = sum(one.is_misleading for one in own)

@@ -90,7 +90,12 @@ class Study:
     @property
     def misleading(self) -> list[Result]:
         """The cases whose error went beyond a bound while the unit called itself available."""
-        return [one for one in self.results if one.is_misleading]
+        return [one for one in self.results if one.is_misleading and not one.case.is_beyond]
+
+    @property
+    def misleading_beyond(self) -> list[Result]:
+        """The same by faults that the unit assumes never to happen."""
+        return [one for one in self.results if one.is_misleading and one.case.is_beyond]
 
     @property
     def sound_left_out(self) -> list[Result]:
@@ -104,7 +109,7 @@ class Study:
 
     def availability(self, kind: str | None = None) -> dict[str, float]:
         """Return the shares of the seconds available, degraded and not available."""
-        own = [one for one in self.results if kind in (None, one.case.kind)]
+        own = [one for one in self.results if kind in (None, one.case.stratum)]
         seconds = sum(one.seconds for one in own)
         available, degraded = sum(one.available for one in own), sum(one.degraded for one in own)
         shares = {"available": available, "degraded": degraded}
@@ -150,6 +155,7 @@ class Study:
             "misleading": {
                 "cases": [one.case.number for one in self.misleading],
                 "seconds": dict(zip(_NAMES, self.misleading_seconds(), strict=True)),
+                "beyond": [one.case.number for one in self.misleading_beyond],
                 "share": proportion(len(self.misleading), len(self.results)).values(),
                 "per_h": self.hourly.values(),
                 "stated_per_h": self.risk_per_h,
@@ -180,7 +186,7 @@ class Study:
 
     def listed(self) -> list[Result]:
         """Return the cases to look at: misleading, with a sound sensor left out, broken."""
-        found = [*self.misleading, *self.sound_left_out, *self.broken]
+        found = [*self.misleading, *self.misleading_beyond, *self.sound_left_out, *self.broken]
         return list({one.case.number: one for one in found}.values())
 
     def write(self, folder: Path) -> tuple[list[Path], dict[int, str]]:

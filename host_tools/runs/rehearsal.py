@@ -84,7 +84,8 @@ class WatchedSide:
     error: JsonObject = field(default_factory=dict)  #: why it failed: `message`, `exit_status`
     epoch: int = 0
     is_open: bool = True
-    is_made_to_end: bool = False  #: whether it did not heed that it was asked to end
+    is_asked_to_end: bool = False  #: whether we have asked it
+    is_made_to_end: bool = False  #: whether it did not heed that
     program: Program | None = None  #: the user's own, which reports nothing itself
     ended_by_itself: bool = False  #: whether it had ended before it was asked to
 
@@ -110,14 +111,24 @@ class WatchedSide:
     def killed_by(self) -> signal.Signals | None:
         """Somebody else's signal that ended the process."""
         status = self.process.returncode
-        is_ours = self.is_made_to_end or status == -signal.SIGTERM
+        is_ours = self.is_made_to_end or (self.is_asked_to_end and status == -signal.SIGTERM)
         return None if status is None or status >= 0 or is_ours else signal.Signals(-status)
+
+    @property
+    def was_stopped(self) -> bool:
+        """Whether somebody else has stopped it, and it has heeded that."""
+        return self.process.returncode == interruption.INTERRUPTED and not self.is_asked_to_end
+
+    def ask_to_end(self) -> None:
+        """Terminate the process, if it has not ended by itself."""
+        self.is_asked_to_end = self.process.poll() is None
+        self.process.terminate()
 
     def end(self) -> None:
         """Terminate the process; kill it if it does not end."""
         self.ended_by_itself = self.process.poll() is not None
         if not self.ended_by_itself:
-            self.process.terminate()
+            self.ask_to_end()
             self.process.send_signal(signal.SIGCONT)
             try:
                 self.process.wait(GRACE_S if self.program is None else PROGRAM_GRACE_S)
@@ -311,7 +322,7 @@ class Rehearsal:
                 try:
                     side.process.wait(GRACE_S if self.address.is_embedded else 0.0)
                 except subprocess.TimeoutExpired:
-                    side.process.terminate()
+                    side.ask_to_end()
 
     def _note(self, report: JsonObject, on_report: OnReport) -> None:
         if report["side"] != "hardware":
@@ -377,6 +388,11 @@ class Rehearsal:
                 return SideLostError(
                     f"the {side.name} process {side.process.pid} was killed by "
                     f"{side.killed_by.name} {self._after(side)}"
+                )
+            if side.was_stopped:
+                return SideLostError(
+                    f"the {side.name} process {side.process.pid} was stopped by SIGTERM or SIGINT "
+                    f"{self._after(side)}"
                 )
         for side in failed:
             if side.error:

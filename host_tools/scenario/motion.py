@@ -55,7 +55,7 @@ class Motion(TomlTable):
     begins_s: float | None = Field(default=None, ge=-43_200, le=43_200)
     """When it begins, after power-on of the hardware; negative: it is under way by then. Default:
     with navigation."""
-    seed: int = Field(default=1, ge=0)
+    seed: int = Field(default=1, ge=0, lt=2**63)
     """Selects the route of a drive, or the phases of the waves."""
 
     wave_spectrum: Literal["jonswap", "pierson-moskowitz"] = "jonswap"

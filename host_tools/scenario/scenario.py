@@ -83,7 +83,7 @@ class Scenario(TomlTable, metaclass=_InOneLine):
     """How long it navigates."""
     rate_hz: Annotated[int, Field(ge=50, le=1000)] = 200
     """Epochs per second; the period is a whole number of ns."""
-    seed: int = Field(default=1, ge=0)
+    seed: int = Field(default=1, ge=0, lt=2**63)
     """Of all noise, and of what is drawn at each power-up."""
     navigate_at_s: float = Field(default=1.0, ge=0, le=3600)
     """When the operator asks for navigation, unless `operator` says otherwise."""

@@ -33,6 +33,10 @@ LONGEST_S = 10_000_000.0
 MOST_LETTERS = 200
 """Letters of a title at most."""
 
+_Angle = Annotated[float, Field(ge=-360, le=360)]
+_Weight = Annotated[float, Field(ge=1e-25, le=1e25)]
+_WeightPerSensor = _Weight | tuple[_Weight, ...]
+
 
 class Site(TomlTable):
     """Where the vehicle stands, on WGS-84."""
@@ -63,9 +67,9 @@ class Rimu(TomlTable):
         "tetrahedron", "orthogonal", "dodecahedron", "cone", "orthogonal-plus-one", "custom"
     ] = "tetrahedron"
     """A built-in arrangement of the sensors, or `custom` with the two keys below."""
-    gyro_axes_deg: tuple[tuple[float, float], ...] | None = None
+    gyro_axes_deg: tuple[tuple[_Angle, _Angle], ...] | None = None
     """Polar angle from z and azimuth from x of each gyro's input axis."""
-    accelerometer_axes_deg: tuple[tuple[float, float], ...] | None = None
+    accelerometer_axes_deg: tuple[tuple[_Angle, _Angle], ...] | None = None
     """The same of the accelerometers."""
 
     @model_validator(mode="after")
@@ -185,9 +189,9 @@ class Firmware(rrins.firmware_py.core.settings.Keys, TomlTable):
     """Time at rest after each turn."""
     isolate_heading: bool = False
     """Whether the inner axis takes the vehicle's turn out, too."""
-    gyro_weights: PerSensor = 1.0
+    gyro_weights: _WeightPerSensor = 1.0
     """Of the fusion: 1/σ² of the gyros up to a common factor. Paper, (54)."""
-    accelerometer_weights: PerSensor = 1.0
+    accelerometer_weights: _WeightPerSensor = 1.0
     """The same of the accelerometers."""
     clock_error_ppm: float = Field(default=0.0, ge=-1000, le=1000)
     """How much the firmware's own clock runs fast."""
@@ -234,7 +238,7 @@ class Redundancy(TomlTable):
     enabled: bool = True
     """Compare them, leave out the one that fails, repair the history; where there are more than
     three of a kind."""
-    false_alarms_per_1000_h: float = Field(default=0.05, gt=0, le=1000)
+    false_alarms_per_1000_h: float = Field(default=0.05, ge=1e-9, le=1000)
     """The promise from which, with the sensors' data sheet, the thresholds follow."""
     readmit: tuple[Readmission, ...] = Field(default=(), max_length=READMISSION_CAPACITY)
     """Sensors to take back into use, in order of time."""
@@ -305,9 +309,9 @@ class Bus(TomlTable):
 class EastNorth(TomlTable):
     """A pair of figures."""
 
-    east: float
+    east: float = Field(ge=-1e9, le=1e9)
     """To the east."""
-    north: float
+    north: float = Field(ge=-1e9, le=1e9)
     """To the north."""
 
 
@@ -316,11 +320,11 @@ class Paper(TomlTable):
 
     source: str = Field(default="", max_length=MOST_LETTERS)
     """Where the figures stand."""
-    duration_s: float | None = None
+    duration_s: float | None = Field(default=None, gt=0, le=LONGEST_S)
     """Length of the paper's run."""
     max_abs_position_error_m: EastNorth | None = None
     max_abs_velocity_error_mps: EastNorth | None = None
-    end_position_error_m: float | None = None
+    end_position_error_m: float | None = Field(default=None, ge=0, le=1e9)
     """Horizontal."""
 
 

@@ -54,9 +54,16 @@ class _Table:
             raise located(path, "no such file")
         try:
             table = csv.read_csv(path)
+            names = [name.strip().lower() for name in table.column_names]
+        except UnicodeDecodeError as error:
+            raise located(path, "is not UTF-8 text") from error
         except (ArrowException, OSError) as error:
-            raise located(path, f"not CSV: {str(error).splitlines()[0]}") from error
-        self._columns = {name.strip().lower(): table[name] for name in table.column_names}
+            why = str(error).partition("\n")[0]
+            shown = "".join(letter if letter.isprintable() else "?" for letter in why[:80])
+            raise located(path, f"not CSV: {shown}") from error
+        if len(set(names)) < len(names):
+            raise located(path, f"two columns {max(names, key=names.count)}")
+        self._columns = dict(zip(names, table.columns, strict=True))
         self.rows = table.num_rows
         if self.rows < 2:
             raise located(path, f"{self.rows} rows")

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import json
 import re
+import shutil
 import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
+
+from rrins.dbc.contract import load_contract
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
@@ -15,6 +20,7 @@ OUTSIDE = ("CONTRIBUTING.md", "CHANGELOG.md")  # in docs a line stands for each
 FACE = (ROOT / "rrins").glob("[!_]*.py")
 WITHOUT_A_PAGE = ("rrins.host_tools.cli.", "rrins.host_tools.benchmarks.")
 
+_RUNS = ("resting", "turning")
 _ROW = re.compile(r"^\| \[[^]]*\]\(([^)#]+\.md)\)", re.MULTILINE)
 _MODULE = re.compile(r"^- `([\w.]+\*?)`$", re.MULTILINE)
 
@@ -66,3 +72,45 @@ def test_the_settings_of_sphinx_can_be_imported():
         [sys.executable, "-c", command], cwd=DOCS, capture_output=True, text=True, check=True
     )
     assert done.stdout.startswith("RRINS rehearsal 0.")
+
+
+def test_the_figures_have_their_data_and_their_scripts():
+    page = (DOCS / "what-for.md").read_text(encoding="utf-8")
+    script = (DOCS / "_static" / "figures.js").read_text(encoding="utf-8")
+    named = re.findall(r'data-figure="(\w+)"', page)
+    assert named == ["rotate", "parity", "schuler", "frame"]
+    assert all(f"    {name}(root) {{" in script for name in named)
+    text = (DOCS / "_static" / "figures_data.js").read_text(encoding="utf-8")
+    data = json.loads(text.split(" = ", 1)[1].rstrip(";\n"))
+    assert set(re.findall(r"data\.(\w+)", script)) <= data.keys()
+    message = load_contract()[0].sensor[0]
+    assert data["frame"]["data_id"] == int(message.message.data_id)
+    assert data["frame"]["gyro"] == [int(message.gyro_dtheta.shift), message.gyro_dtheta.scale]
+    swing = np.abs(data["schuler"]["east_m"])
+    times = np.array(data["schuler"]["time_s"])
+    assert times[swing[:100].argmax()] == pytest.approx(84.4 / 2 * 60, rel=0.03)
+    at_rest, turning = (np.hypot(data[k]["east_m"], data[k]["north_m"]) for k in _RUNS)
+    assert at_rest.max() > 20 * turning.max()
+
+
+def test_search_finds_guides_and_not_the_words_of_the_reference(tmp_path):
+    for name in ("sphinx", "myst_parser", "furo", "sphinx_copybutton"):
+        pytest.importorskip(name)
+    docs = tmp_path / "docs"
+    shutil.copytree(DOCS / "_static", docs / "_static")
+    for name in ("conf.py", "scenarios.md"):
+        shutil.copy(DOCS / name, docs)
+    (docs / "api").mkdir()
+    (docs / "api" / "some.md").write_text("# Gyros\n\nThe fifth gyro.\n")
+    (docs / "index.md").write_text("# Pages\n\n| [a](scenarios.md) |\n| [b](api/some.md) |\n")
+    command = [sys.executable, "-m", "sphinx", "-q", "-b", "html", str(docs), str(tmp_path / "out")]
+    subprocess.run(command, cwd=ROOT, check=True, stderr=subprocess.DEVNULL)
+    text = (tmp_path / "out" / "searchindex.js").read_text(encoding="utf-8")
+    index = json.loads(text.removeprefix("Search.setIndex(").removesuffix(")"))
+    page = index["docnames"].index("scenarios")
+    for word in ("fifth", "gyro"):
+        found = index["terms"].get(word, []), index["titleterms"].get(word, [])
+        pages = {n for one in found for n in (one if isinstance(one, list) else [one])}
+        assert pages == {page}
+    tools = (tmp_path / "out" / "_static" / "language_data.js").read_text(encoding="utf-8")
+    assert 'docname.startsWith("api/")' in tools

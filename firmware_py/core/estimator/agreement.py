@@ -40,10 +40,8 @@ _DOUBTED, _SOUND = 6.0, 3.0
 def begin(estimator: Estimator) -> None:
     """Begin with the filter."""
     estimator.receiver_doubted = False
-    for aid in range(2):
-        estimator.agreement_count[aid] = 0
-        for i in range(LEVEL):
-            estimator.agreement_sum[aid, 0, i] = 0.0
+    estimator.agreement_count[:] = 0
+    estimator.agreement_sum[:] = 0.0
 
 
 @compiled

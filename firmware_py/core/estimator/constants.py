@@ -62,18 +62,10 @@ def _note(estimator: Estimator, C_s_n: Floats, fusion: Fusion, moved: Floats, ki
 @compiled
 def close(estimator: Estimator) -> None:
     """Put the sums of the present second aside, and begin the next."""
-    for kind in range(2):
-        _close(estimator.moved_s[DONE, kind], estimator.moved_s[PRESENT, kind])
-        _close(estimator.size_s[DONE, kind], estimator.size_s[PRESENT, kind])
-
-
-@compiled
-def _close(done: Floats, present: Floats) -> None:
-    for a in range(done.shape[0]):
-        for i in range(3):
-            for j in range(3):
-                done[a, i, j] = present[a, i, j]
-                present[a, i, j] = 0.0
+    estimator.moved_s[DONE] = estimator.moved_s[PRESENT]
+    estimator.moved_s[PRESENT] = 0.0
+    estimator.size_s[DONE] = estimator.size_s[PRESENT]
+    estimator.size_s[PRESENT] = 0.0
 
 
 @compiled
@@ -81,9 +73,7 @@ def forget(estimator: Estimator) -> None:
     """Begin with unknown constants, and with no sums."""
     close(estimator)
     close(estimator)
-    for row in range(2 * SENSOR_CONSTANTS):
-        for k in range(estimator.constant.shape[1]):
-            estimator.constant[row, k] = 0.0
+    estimator.constant[:] = 0.0
 
 
 @compiled

@@ -54,10 +54,8 @@ def begin(estimator: Estimator) -> None:
     estimator.past_count = 0
     estimator.jolt = 0.0
     estimator.doubted_epoch = -1
-    for kind in range(2):
-        estimator.unaided[kind] = 0
-        for k in range(estimator.doubt_variance.shape[1]):
-            estimator.doubt_variance[kind, k] = 0.0
+    estimator.unaided[:] = 0
+    estimator.doubt_variance[:] = 0.0
 
 
 @compiled
@@ -172,8 +170,7 @@ def tell(state: Ram) -> None:
                 for i in range(BIASES):
                     larger = size / estimator.jump_size[kind, k]
                     effect[i] = larger * estimator.jump_effect[kind, k, i]
-            for i in range(BIASES):
-                estimator.jump_effect[kind, k, i] = effect[i]
+            estimator.jump_effect[kind, k] = effect
             estimator.jump_size[kind, k] = size
             _along(state, kind, k, 1.0)
         estimator.doubt_variance[kind, k] = size * size
@@ -239,8 +236,7 @@ def _remember(state: Ram, kind: int, k: int, at: int) -> None:
         varies = _VARIES + min(1.0, _AT_ENDS_S / max(1.0, seconds))
         variance += estimator.settled_sigma[kind] ** 2 + (varies * value) ** 2
     row = estimator.row
-    for i in range(estimator.states):
-        row[i] = 0.0
+    row[:] = 0.0
     row[at] = 1.0
     x, P, n = estimator.x, estimator.P, estimator.states
     innovation -= x[at]

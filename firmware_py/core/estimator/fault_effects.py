@@ -1,12 +1,13 @@
 """Effects of faults on the error that the filter leaves, and their trace in the innovations.
 
 A fault of a sensor is a jump of its bias, and with it of the error that the filter leaves; one of a
-fix is an offset of what is measured. From there on the error goes the way of all errors of the
+fix is an offset of what is measured. A scale that all sensors of a kind have alike makes an error
+of all that they sense, second by second. From there on an error goes the way of all errors of the
 filter: ``Φ e`` in a second, ``(I - K h) e - K c`` with a measurement that is off by c. A fault of
 size b moves an innovation by ``b (h e + c)``. The sum of the squares of ``h e + c`` over the
-innovation's variance is the information about b, that of its products with the innovations tells
-b. Willsky and Jones, *IEEE Transactions on Automatic Control* 21 (1976) 108; Joerger and Pervan,
-*IEEE Transactions on Aerospace and Electronic Systems* 50 (2014), on solution separation.
+innovation's variance is the information about b, that of its products with the innovations tells b.
+Willsky and Jones, *IEEE Transactions on Automatic Control* 21 (1976) 108; Joerger and Pervan, *IEEE
+Transactions on Aerospace and Electronic Systems* 50 (2014), on solution separation.
 
 A fault may have begun at any time: it is followed from several, which a ladder keeps. Rung k is
 taken anew every ``2^k`` seconds that the next one does not take. The time since which a fault shows
@@ -17,20 +18,23 @@ from __future__ import annotations
 
 from rrins.compiled.compilation import compiled
 from rrins.dbc.contract import SENSOR_GROUPS
+from rrins.firmware_py.core.estimator import propagation, transition
 from rrins.firmware_py.core.records.estimator_records import (
     BIASES,
     COMPONENTS,
+    DONE,
     SCALE,
     Aid,
 )
 from rrins.firmware_py.core.records.integrity_records import (
     AGES,
-    AID_FAULTS,
+    ALL_GYROS,
     ALTIMETER_FAULT,
     FAULT_CAPACITY,
     GNSS_DRIFT,
     GNSS_STEP,
     ODOMETER_FAULT,
+    OTHER_FAULTS,
     RUNGS,
     SINCE_BEGIN,
     SUSPECT,
@@ -40,7 +44,8 @@ from rrins.firmware_py.core.records.integrity_records import (
 )
 from rrins.firmware_py.core.records.memory import Ram
 
-FIRST_AID = FAULT_CAPACITY - AID_FAULTS
+FIRST_AID = FAULT_CAPACITY - OTHER_FAULTS
+FIRST_ALIKE = FIRST_AID + ALL_GYROS
 
 _KEPT_FROM = 12.0
 """Square of the statistic of a fault from which on it is kept."""
@@ -60,8 +65,7 @@ def begin(state: Ram) -> None:
     integrity = state.integrity
     integrity.seconds = 0
     integrity.agreement = 1.0
-    for i in range(COMPONENTS):
-        integrity.refused[i] = 0.0
+    integrity.refused[:] = 0.0
     for k in range(FAULT_CAPACITY):
         for age in range(AGES):
             _restart(state, integrity.faults[k], k, age)
@@ -72,10 +76,9 @@ def _restart(state: Ram, fault: Fault, k: int, age: int) -> None:
     """Let a fault begin now."""
     effect, estimator = fault.effects[age], state.estimator
     effect.begun_s = state.integrity.seconds
-    effect.information = 0.0
+    effect.information = fault.known
     effect.correlation = 0.0
-    for i in range(estimator.states):
-        effect.state[i] = 0.0
+    effect.state[:] = 0.0
     sensors = int(state.gyros.count) + int(state.accelerometers.count)
     aid = k - FIRST_AID
     if fault.sensor >= 0:
@@ -92,6 +95,7 @@ def propagate(state: Ram) -> None:
     """Carry all effects over a second by the filter's transition, and let faults begin."""
     integrity = state.integrity
     integrity.seconds += 1
+    _drive(state)
     begins = 0
     while begins < RUNGS - 1 and integrity.seconds >> begins & 1 == 0:
         begins += 1
@@ -99,10 +103,26 @@ def propagate(state: Ram) -> None:
         fault = integrity.faults[k]
         if not fault.present:
             continue
+        kind = k - FIRST_ALIKE
         for age in range(AGES):
             _carry(state, fault.effects[age])
+            if kind >= 0:
+                fault.effects[age].state[:BIASES] += integrity.driven[kind]
         _keep_suspect(state, fault)
         _restart(state, fault, k, begins)
+
+
+@compiled
+def _drive(state: Ram) -> None:
+    """Write the error that a scale of 1 of all sensors of a kind makes in this second."""
+    integrity, estimator = state.integrity, state.estimator
+    sensed, column = estimator.turn_n, transition.TURN
+    for kind in range(2):
+        if kind == 1:
+            sensed, column = estimator.force_n, transition.CHANGE
+        estimator.direction[:] = sensed[DONE]
+        for i in range(BIASES):
+            integrity.driven[kind, i] = -propagation.input_of(estimator, i, column)
 
 
 @compiled
@@ -126,23 +146,20 @@ def _keep_suspect(state: Ram, fault: Fault) -> None:
     kept.begun_s = effect.begun_s
     kept.information = effect.information
     kept.correlation = effect.correlation
-    for i in range(state.estimator.states):
-        kept.state[i] = effect.state[i]
+    kept.state[:] = effect.state
 
 
 @compiled
 def _carry(state: Ram, effect: Effect) -> None:
     estimator, matrix = state.estimator, state.estimator.transition
     error, moved = effect.state, estimator.gain
-    for i in range(BIASES):
-        moved[i] = 0.0
+    moved[:BIASES] = 0.0
     for j in range(estimator.states):
         value = error[j]
         if value != 0.0:
             for i in range(BIASES):
                 moved[i] += matrix[i, j] * value
-    for i in range(BIASES):
-        error[i] = moved[i]
+    error[:BIASES] = moved[:BIASES]
     for i in range(COMPONENTS if estimator.receiver else 0):
         error[estimator.receiver_state + i] *= estimator.receiver_share
 

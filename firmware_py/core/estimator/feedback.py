@@ -108,5 +108,4 @@ def apply(state: Ram) -> None:
         sway.carry(estimator)
     if estimator.receiver:
         receiver.carry(estimator)
-    for i in range(estimator.states):
-        x[i] = 0.0
+    x[:] = 0.0

@@ -34,7 +34,6 @@ from rrins.firmware_py.core.records.estimator_records import (
     LONGITUDE,
     ODOMETER_STATES,
     SENSOR_CONSTANTS,
-    STATE_CAPACITY,
     VELOCITY,
     Estimator,
 )
@@ -85,21 +84,19 @@ def begin(state: Ram) -> None:
     estimator.bridged[0] = state.bridging.angle_variance
     estimator.bridged[1] = state.bridging.velocity_variance
     doubt.begin(estimator)
-    for i in range(12):
-        estimator.fed_back[i] = 0.0
-    for kind in range(2):
-        estimator.turned[kind] = 0.0
-        estimator.seconds[kind] = 0.0
-        for i in range(3):
-            estimator.force_n[kind, i] = 0.0
-            estimator.way_n[kind, i] = 0.0
-            for k in range(3):
-                estimator.attitude_s[kind, i, k] = 0.0
-    for i in range(STATE_CAPACITY):
-        estimator.x[i] = 0.0
-        estimator.sigma[i] = 0.0
-        for k in range(STATE_CAPACITY):
-            P[i, k] = 0.0
+    estimator.fed_back[:] = 0.0
+    estimator.turned[:] = 0.0
+    estimator.seconds[:] = 0.0
+    estimator.force_n[:] = 0.0
+    estimator.way_n[:] = 0.0
+    estimator.turn_n[:] = 0.0
+    estimator.attitude_s[:] = 0.0
+    estimator.x[:] = 0.0
+    estimator.sigma[:] = 0.0
+    P[:] = 0.0
+    estimator.gyro_bias[:] = 0.0
+    estimator.accelerometer_bias[:] = 0.0
+    estimator.odometer[:] = 0.0
     gyros, accelerometers = int(state.gyros.count), int(state.accelerometers.count)
     _stand_here(state)
     estimator.epochs = 0
@@ -118,15 +115,12 @@ def begin(state: Ram) -> None:
     else:
         P[VELOCITY + 2, VELOCITY + 2] = 0.0
     for k in range(gyros):
-        estimator.gyro_bias[k] = 0.0
         P[BIASES + k, BIASES + k] = estimator.bias_sigma[0] ** 2
     for k in range(accelerometers):
-        estimator.accelerometer_bias[k] = 0.0
         P[BIASES + gyros + k, BIASES + gyros + k] = estimator.bias_sigma[1] ** 2
     if state.odometer.interval_epochs > 0:
         first = BIASES + gyros + accelerometers
         for i in range(ODOMETER_STATES):
-            estimator.odometer[i] = 0.0
             P[first + i, first + i] = estimator.odometer_sigma[i] ** 2
     if estimator.constants:
         _forget_constants(state)
@@ -178,8 +172,7 @@ def _stand_here(state: Ram) -> None:
     estimator.height = ins.height
     estimator.north_radius = meridian + ins.height
     estimator.east_radius = (prime_vertical + ins.height) * math.cos(ins.latitude)
-    for i in range(3):
-        estimator.velocity_n[i] = ins.velocity_n[i]
+    estimator.velocity_n[:] = ins.velocity_n
 
 
 @compiled

@@ -49,10 +49,13 @@ def follow(state: Ram) -> None:
     excess = estimator.excess
     estimator.excess = 0.0
     estimator.reopened = False
-    position, velocity = estimator.sources[_GNSS_POSITION], estimator.sources[_GNSS_VELOCITY]
-    if _is_helped(estimator) or position.distrust < NO_TRUST:
+    velocity, still = estimator.sources[_GNSS_VELOCITY], estimator.sources[_ZERO_VELOCITY]
+    has_fixes = state.gnss.available
+    trusts = has_fixes and estimator.sources[_GNSS_POSITION].distrust < NO_TRUST
+    rejects = still.distrust >= NO_TRUST or (has_fixes and velocity.distrust >= NO_TRUST)
+    if _is_helped(estimator) or trusts:
         estimator.locked_s = 0
-    elif state.gnss.available and velocity.distrust >= NO_TRUST:
+    elif rejects:
         estimator.locked_s += 1
     if estimator.locked_s >= PATIENCE_S and excess > 1.0:
         _open(state, math.sqrt(excess))

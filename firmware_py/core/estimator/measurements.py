@@ -40,6 +40,7 @@ from rrins.firmware_py.core.records.estimator_records import (
     VELOCITY,
     Aid,
     Estimator,
+    Source,
 )
 from rrins.firmware_py.core.records.memory import ANTENNA_EPOCHS, Ram
 
@@ -71,8 +72,7 @@ def begin(state: Ram) -> None:
     estimator.heights = 0
     estimator.height_sum = 0.0
     estimator.height_epochs = 0
-    for k in range(CORRECTIONS):
-        estimator.correction_epoch[k] = -1
+    estimator.correction_epoch[:] = -1
     for aid in range(AIDS):
         source = estimator.sources[aid]
         source.used = 0
@@ -87,8 +87,7 @@ def _keep(state: Ram) -> None:
     """Keep the navigation at the end of this epoch."""
     ins, row = state.ins, state.estimator.track[state.epoch % TRACK_EPOCHS]
     row[0], row[1], row[2] = ins.latitude, ins.longitude, ins.height
-    for i in range(3):
-        row[3 + i] = ins.velocity_n[i]
+    row[3:] = ins.velocity_n
 
 
 @compiled
@@ -114,14 +113,12 @@ def _take_fix(state: Ram) -> None:
             return
         dt = state.parameters.period_ns * 1e-9
         antenna.velocity(place, gnss.epoch, dt, estimator.fix_lever_velocity_n)
-        for i in range(3):
-            estimator.fix_lever_n[i] = place.lever_n[gnss.epoch % ANTENNA_EPOCHS, i]
+        estimator.fix_lever_n[:] = place.lever_n[gnss.epoch % ANTENNA_EPOCHS]
     estimator.fix_epoch = gnss.epoch
     estimator.fix_position[0] = gnss.latitude
     estimator.fix_position[1] = gnss.longitude
     estimator.fix_position[2] = gnss.height
-    for i in range(3):
-        estimator.fix_velocity_n[i] = gnss.velocity_n[i]
+    estimator.fix_velocity_n[:] = gnss.velocity_n
     estimator.fix_sigma[0] = max(gnss.position_sigma, _LEAST_POSITION_SIGMA)
     estimator.fix_sigma[1] = max(gnss.velocity_sigma, _LEAST_VELOCITY_SIGMA)
     components = _EVERY if estimator.vertical else _LEVEL
@@ -144,8 +141,19 @@ def stand(state: Ram) -> None:
     stands = state.zero_velocity.standing or estimator.standing
     if stands or (is_aligning and not estimator.sway):
         estimator.waiting |= components << (COMPONENTS * _ZERO_VELOCITY)
+    else:
+        _forgive(estimator.sources[_ZERO_VELOCITY])
     if is_aligning:
         estimator.waiting |= components << (COMPONENTS * _KNOWN_POSITION)
+    else:
+        _forgive(estimator.sources[_KNOWN_POSITION])
+
+
+@compiled
+def _forgive(source: Source) -> None:
+    """Trust a source again when what it says ends: the next time is another matter."""
+    source.distrust = 0
+    source.rejected_in_a_row = 0
 
 
 @compiled
@@ -194,8 +202,7 @@ def take(state: Ram) -> bool:
         bit += 1
     estimator.waiting &= ~(1 << bit)
     aid, component = bit // COMPONENTS, bit % COMPONENTS
-    for i in range(estimator.states):
-        estimator.row[i] = 0.0
+    estimator.row[: estimator.states] = 0.0
     innovation, sigma = _innovation(state, aid, component)
     used = _judge(state, aid, component, innovation, sigma)
     if aid == _GNSS_VELOCITY and component < LEVEL:

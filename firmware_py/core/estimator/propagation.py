@@ -37,6 +37,9 @@ def note(estimator: Estimator, ins: Ins, dtheta_s: Floats, dv_s: Floats, dt: flo
         estimator.force_n[PRESENT, i] += (
             C_s_n[i, 0] * dv_s[0] + C_s_n[i, 1] * dv_s[1] + C_s_n[i, 2] * dv_s[2]
         )
+        estimator.turn_n[PRESENT, i] += (
+            C_s_n[i, 0] * dtheta_s[0] + C_s_n[i, 1] * dtheta_s[1] + C_s_n[i, 2] * dtheta_s[2]
+        )
         estimator.way_n[PRESENT, i] += ins.velocity_n[i] * dt
         square += dtheta_s[i] * dtheta_s[i]
         for k in range(3):
@@ -52,15 +55,11 @@ def close(estimator: Estimator) -> None:
     estimator.seconds[DONE], estimator.seconds[PRESENT] = estimator.seconds[PRESENT], 0.0
     if estimator.constants:
         constants.close(estimator)
-    for i in range(3):
-        estimator.force_n[DONE, i], estimator.force_n[PRESENT, i] = (
-            estimator.force_n[PRESENT, i],
-            0.0,
-        )
-        estimator.way_n[DONE, i], estimator.way_n[PRESENT, i] = estimator.way_n[PRESENT, i], 0.0
-        for k in range(3):
-            estimator.attitude_s[DONE, i, k] = estimator.attitude_s[PRESENT, i, k]
-            estimator.attitude_s[PRESENT, i, k] = 0.0
+    for sums in (estimator.force_n, estimator.way_n, estimator.turn_n):
+        sums[DONE] = sums[PRESENT]
+        sums[PRESENT] = 0.0
+    estimator.attitude_s[DONE] = estimator.attitude_s[PRESENT]
+    estimator.attitude_s[PRESENT] = 0.0
 
 
 @compiled
@@ -102,13 +101,13 @@ def fill(state: Ram) -> None:
         for k in range(fusion.count):
             _along(estimator, fusion, k)
             for i in range(BIASES):
-                matrix[i, first + k] = -_input(estimator, i, column)
+                matrix[i, first + k] = -input_of(estimator, i, column)
             if estimator.constants:
                 for error in range(SENSOR_CONSTANTS):
                     constants.write_direction(estimator, fusion, kind, error, k)
                     at = constants.state_of(state, error, kind, k)
                     for i in range(BIASES):
-                        matrix[i, at] = -_input(estimator, i, column)
+                        matrix[i, at] = -input_of(estimator, i, column)
 
 
 @compiled
@@ -122,7 +121,7 @@ def _along(estimator: Estimator, fusion: Fusion, k: int) -> None:
 
 
 @compiled
-def _input(estimator: Estimator, state: int, column: int) -> float:
+def input_of(estimator: Estimator, state: int, column: int) -> float:
     """Return what an input along `direction` does to a state of the filter."""
     row, share = state, 1.0
     if state == LATITUDE:

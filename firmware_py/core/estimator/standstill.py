@@ -68,8 +68,7 @@ def begin(state: Ram) -> None:
 def _begin_second(state: Ram) -> None:
     estimator = state.estimator
     estimator.felt_square = 0.0
-    for i in range(3):
-        estimator.felt_n[i] = 0.0
+    estimator.felt_n[:] = 0.0
     multiply_transposed(estimator.body_n, state.ins.C_s_n, state.C_s_b)
 
 

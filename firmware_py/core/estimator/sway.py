@@ -55,8 +55,7 @@ def set_up(estimator: Estimator) -> None:
 def begin(estimator: Estimator, position_sigma: float) -> None:
     """Begin with the navigation at the place: what it is off by is the way itself."""
     P, variance = estimator.P, max(position_sigma, _LEAST_WAY) ** 2
-    for i in range(estimator.sway_way.shape[0]):
-        estimator.sway_way[i] = 0.0
+    estimator.sway_way[:] = 0.0
     for first in (SWAY_EAST, SWAY_NORTH):
         at = estimator.sway_state + first
         P[at, at] = variance / (FREQUENCY * FREQUENCY)

@@ -97,8 +97,7 @@ def correct(state: Ram) -> None:
     if estimator.waiting >> (COMPONENTS * _ODOMETER) & _EVERY == 0:
         return
     for axis in range(3):
-        for i in range(estimator.states):
-            row[i] = 0.0
+        row[: estimator.states] = 0.0
         _fill_row(state, axis)
         change = 0.0
         for i in range(estimator.states):

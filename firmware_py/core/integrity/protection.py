@@ -28,6 +28,7 @@ from rrins.firmware_py.core.records.estimator_records import (
 )
 from rrins.firmware_py.core.records.integrity_records import (
     AGES,
+    AT_BEGIN,
     BOUNDS,
     FAULT_CAPACITY,
     HEADING,
@@ -120,6 +121,22 @@ def _from_parity(parity: Parity, sensor: int, seconds: int) -> tuple[float, floa
 
 
 @compiled
+def _from_constant(parity: Parity, sensor: int) -> tuple[float, float]:
+    """Return the same of a fault at the beginning: by what was learned to be the sensor's bias.
+
+    Of that, a share was learned: the rest is still its prior.
+    """
+    own, learner = parity.projector[sensor, sensor], parity.ahead
+    learned = 1.0 - learner.covariance[0, 0] * learner.unit / learner.prior[0]
+    if own <= CHECKED_FROM or learned <= 0.0:
+        return 0.0, 0.0
+    along = own * learned
+    variance = along * learned * parity.bias_variance
+    variance += learned * learner.covariance[0, 0] * parity.learning_variance[sensor]
+    return along * along / variance, along * learner.coefficients[sensor, 0] / variance
+
+
+@compiled
 def _cover(state: Ram, number: int, parity: Parity, by_parity: bool, alarm: bool) -> bool:
     """Raise the bounds to cover a fault; return whether it shows, and moves the navigation.
 
@@ -130,8 +147,8 @@ def _cover(state: Ram, number: int, parity: Parity, by_parity: bool, alarm: bool
     lately = 2.0 * math.log(min(1.0, max(1, integrity.seconds) / LONGEST_S))
     for bound in range(BOUNDS):
         most, sigma = 0.0, integrity.sigmas[bound]
-        for age in range(AGES):
-            effect = fault.effects[age]
+        for age in range(AGES + 1 if by_parity else AGES):
+            effect = fault.effects[SINCE_BEGIN if age == AT_BEGIN else age]
             seconds = integrity.seconds - effect.begun_s
             size = _size(state, effect.state, bound)
             if seconds == 0 or size == 0.0:
@@ -141,13 +158,18 @@ def _cover(state: Ram, number: int, parity: Parity, by_parity: bool, alarm: bool
                 odds += lately
             information, correlation = effect.information, effect.correlation
             if by_parity:
-                more, along = _from_parity(parity, int(fault.sensor), int(seconds))
+                if age == AT_BEGIN:
+                    more, along = _from_constant(parity, int(fault.sensor))
+                else:
+                    more, along = _from_parity(parity, int(fault.sensor), int(seconds))
                 information += more
                 correlation += along
             covers = math.inf
             if information > 0.0:
                 deviation = size / math.sqrt(information)
                 found = abs(correlation) / math.sqrt(information)
+                if fault.known > 0.0:  # another size would have been as likely before it showed
+                    odds -= math.log(information / fault.known)
                 shows = shows or (found > SHOWS_FROM and deviation * found > sigma)
                 odds += found * found
                 if alarm:

@@ -12,6 +12,8 @@ from rrins.firmware_py.core.estimator.fault_effects import FIRST_AID
 from rrins.firmware_py.core.integrity.protection import LONGEST_S
 from rrins.firmware_py.core.records.integrity_records import (
     AGES,
+    ALL_ACCELEROMETERS,
+    ALL_GYROS,
     ALTIMETER_FAULT,
     FAULT_CAPACITY,
     GNSS_STEP,
@@ -27,8 +29,14 @@ _DECORRELATION_S = 100.0
 """After which an error counts as a new one: an aided filter forgets in tens of seconds, a free one
 in hours."""
 
-_LEAST_RATE = 1e-11
+LEAST_RATE = 1e-11
 """1/h, of what is not expected at all: once it shows, it counts."""
+
+_UNLEARNED_S = 16.0
+"""In which the parity has not learned yet what sound sensors put there."""
+
+_COMMON_SCALE = 0.003
+"""Standard deviation of a change of scale that all sensors of a kind have alike."""
 
 _FAULTLESS_SHARE = 0.5
 """Of the risk: the rest is that of faults, in equal parts."""
@@ -58,6 +66,9 @@ class IntegritySettings(BaseModel):
     """Changes of its scale: slip, another tyre."""
     altimeter_faults_per_h: float = Field(default=1e-6, ge=0, le=1)
     """Changes of its bias beyond those of the weather."""
+    common_faults_per_h: float = Field(default=1e-8, ge=0, le=1)
+    """Of the scale of all gyros, or of all accelerometers, alike: by a supply, or the temperature.
+    1e-8: a few hundredths, as of IEC 61508-6, of a sensor's own changes of scale."""
 
 
 def deviations(risk: float) -> float:
@@ -67,14 +78,14 @@ def deviations(risk: float) -> float:
 
 def _spans_s() -> tuple[float, ...]:
     """Return the times within which a fault of each age of the ladder began."""
-    return (*(float(2**rung) for rung in range(RUNGS)), LONGEST_S, LONGEST_S)
+    return (*(float(2**rung) for rung in range(RUNGS)), LONGEST_S, LONGEST_S, _UNLEARNED_S)
 
 
 def _set_fault(fault: Fault, sensor: int, present: bool, per_h: float, share: float) -> None:
     fault.sensor = sensor
     fault.present = present
     for age, span_s in enumerate(_spans_s()):
-        likely = min(1.0, max(per_h, _LEAST_RATE) * span_s / _HOUR_S)
+        likely = min(1.0, max(per_h, LEAST_RATE) * span_s / _HOUR_S)
         fault["odds"][age] = 2.0 * math.log(likely / share)
 
 
@@ -104,8 +115,11 @@ def set_up(state: Ram, settings: IntegritySettings) -> None:
         (range(GNSS_STEP, ODOMETER_FAULT), state.gnss.interval_epochs, settings.gnss_faults_per_h),
         ((ODOMETER_FAULT,), state.odometer.interval_epochs, settings.odometer_faults_per_h),
         ((ALTIMETER_FAULT,), state.estimator.altimeter, settings.altimeter_faults_per_h),
+        ((ALL_GYROS, ALL_ACCELEROMETERS), True, settings.common_faults_per_h),
     ):
         present |= {FIRST_AID + number: (-1, rate) for number in numbers if is_fitted}
+    for number in (ALL_GYROS, ALL_ACCELEROMETERS):
+        integrity.faults[FIRST_AID + number].known = _COMMON_SCALE**-2
     share = (1.0 - _FAULTLESS_SHARE) * risk / max(1, AGES * len(present))
     for number in range(FAULT_CAPACITY):
         sensor, rate = present.get(number, (-1, 0.0))

@@ -61,12 +61,15 @@ _GNSS = 1 << Source.GNSS
 _ODOMETER = 1 << Source.ODOMETER
 _GNSS_LOST = 1 << AidingFault.GNSS_LOST
 _ODOMETER_LOST = 1 << AidingFault.ODOMETER_LOST
-_GNSS_REJECTED = 1 << AidingFault.GNSS_REJECTED
-_ODOMETER_REJECTED = 1 << AidingFault.ODOMETER_REJECTED
-_ALTIMETER_REJECTED = 1 << AidingFault.ALTIMETER_REJECTED
 _GATE_OPENED = 1 << AidingFault.GATE_OPENED
-_BY_POSITION, _BY_VELOCITY = int(Aid.GNSS_POSITION), int(Aid.GNSS_VELOCITY)
-_BY_ODOMETER, _BY_ALTIMETER = int(Aid.ODOMETER), int(Aid.ALTIMETER)
+_REJECTED = (
+    (int(Aid.ZERO_VELOCITY), 1 << AidingFault.ZERO_VELOCITY_REJECTED),
+    (int(Aid.KNOWN_POSITION), 1 << AidingFault.KNOWN_POSITION_REJECTED),
+    (int(Aid.GNSS_POSITION), 1 << AidingFault.GNSS_REJECTED),
+    (int(Aid.GNSS_VELOCITY), 1 << AidingFault.GNSS_REJECTED),
+    (int(Aid.ODOMETER), 1 << AidingFault.ODOMETER_REJECTED),
+    (int(Aid.ALTIMETER), 1 << AidingFault.ALTIMETER_REJECTED),
+)
 
 _NOT_FOLLOWING, _DRIVE = int(AxisFault.NOT_FOLLOWING), int(AxisFault.DRIVE)
 _ENCODER, _LIMIT = int(AxisFault.ENCODER), int(AxisFault.LIMIT)
@@ -205,14 +208,11 @@ def _look_at_aiding(state: Ram, monitor: DiagnosticState) -> None:
             failing |= _ODOMETER_LOST
     estimator = state.estimator
     if estimator.running:
-        tested |= _GNSS_REJECTED | _ODOMETER_REJECTED | _ALTIMETER_REJECTED | _GATE_OPENED
-        position = estimator.sources[_BY_POSITION].distrust
-        if max(position, estimator.sources[_BY_VELOCITY].distrust) >= NO_TRUST:
-            failing |= _GNSS_REJECTED
-        if estimator.sources[_BY_ODOMETER].distrust >= NO_TRUST:
-            failing |= _ODOMETER_REJECTED
-        if estimator.sources[_BY_ALTIMETER].distrust >= NO_TRUST:
-            failing |= _ALTIMETER_REJECTED
+        tested |= _GATE_OPENED
+        for aid, rejected in _REJECTED:
+            tested |= rejected
+            if estimator.sources[aid].distrust >= NO_TRUST:
+                failing |= rejected
         if estimator.reopened:
             failing |= _GATE_OPENED
     monitor.failing[_AIDING] = failing

@@ -229,6 +229,7 @@ class Estimator(Record):
     stage: I8  #: next piece of work
     force_n: Annotated[Floats, (2, 3)]  #: m/s, integral of the specific force
     way_n: Annotated[Floats, (2, 3)]  #: m, integral of the velocity
+    turn_n: Annotated[Floats, (2, 3)]  #: rad, integral of what the gyros sense
     attitude_s: Annotated[Floats, (2, 3, 3)]  #: s, integral of C_s_n
     turned: Annotated[Floats, 2]  #: rad, amount of the turn
     bridged: Annotated[Floats, 2]  #: rad², m²/s²: what gaps may have cost, a second ago

@@ -7,21 +7,30 @@ from typing import Annotated
 
 from rrins.compiled.record import F8, I8, Bool, Floats, Integers, Record, Records
 from rrins.dbc.contract import SENSOR_GROUPS
-from rrins.firmware_py.core.records.estimator_records import COMPONENTS, STATE_CAPACITY
+from rrins.firmware_py.core.records.estimator_records import BIASES, COMPONENTS, STATE_CAPACITY
 
 RUNGS = 11
 AGES = RUNGS + 2
-SINCE_BEGIN, SUSPECT = RUNGS, RUNGS + 1
+SINCE_BEGIN, SUSPECT, AT_BEGIN = RUNGS, RUNGS + 1, RUNGS + 2
 """Times since which a fault is assumed to last: those of a ladder, then since the filter began, and
-since when it has shown most."""
+since when it has shown most. The last is the beginning, too, for a fault that the parity has
+learned, as if it were a bias."""
 
-AID_FAULTS = 8
-GNSS_STEP, GNSS_DRIFT, ODOMETER_FAULT, ALTIMETER_FAULT = 0, 3, 6, 7
+OTHER_FAULTS = 10
+GNSS_STEP, GNSS_DRIFT, ODOMETER_FAULT, ALTIMETER_FAULT, ALL_GYROS, ALL_ACCELEROMETERS = (
+    0,
+    3,
+    6,
+    7,
+    8,
+    9,
+)
 """Faults of the aids, each with the components of a fix where there are some: latitude, longitude,
 height. A step is an offset of the position (m), a drift is one of the velocity that also moves the
-position (m/s). The odometer's scale (1) and the altimeter's bias (m) change."""
+position (m/s). The odometer's scale (1) and the altimeter's bias (m) change. Last, the scale (1) of
+all sensors of a kind alike, which the parity does not show."""
 
-FAULT_CAPACITY = 2 * SENSOR_GROUPS + AID_FAULTS
+FAULT_CAPACITY = 2 * SENSOR_GROUPS + OTHER_FAULTS
 
 HORIZONTAL, VERTICAL, HEADING = 0, 1, 2
 """Bounds: m, m, rad."""
@@ -50,9 +59,10 @@ class Effect(Record):
 class Fault(Record):
     """A fault that may have happened: its effect, for each time since which it may last."""
 
-    sensor: I8  #: of its kind; -1: an aid's
+    sensor: I8  #: of its kind; -1: none, or all
     present: Bool  #: whether the unit has the part
-    odds: Annotated[Floats, AGES]  #: 2 ln of its probability over its share of the risk
+    known: F8  #: information about its size before it shows: 1 over the variance
+    odds: Annotated[Floats, AGES + 1]  #: 2 ln of its probability over its share of the risk
     effects: Annotated[Records[Effect], AGES]
 
 
@@ -63,6 +73,7 @@ class Integrity(Record):
     alert: Annotated[Floats, BOUNDS]  #: m, m, rad: beyond, the navigation is of no use
     faultless: F8  #: standard deviations of the error without a fault
     faults: Annotated[Records[Fault], FAULT_CAPACITY]
+    driven: Annotated[Floats, (2, BIASES)]  #: by a scale of 1 of all of a kind, in this second
     seconds: I8  #: since the filter began
     noted: I8  #: seconds that the filter has noted, an epoch ago
     compared: Annotated[Integers, 2]  #: by kind: seconds that the parity had taken a second ago

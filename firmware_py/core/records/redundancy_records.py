@@ -71,7 +71,7 @@ TEST_LEAST_S, TEST_LONGEST_S = 10, 3600
 BEFORE_S = 5
 """Seconds before an alarm that its freeze frames have."""
 
-BLOCK_OTHERS = 53
+BLOCK_OTHERS = 54
 """Numbers of a block that are not by sensor, see `redundancy.blocks`."""
 
 BANK_SENSORS = 4
@@ -376,12 +376,12 @@ class Bank(Record):
     slips_until: I8  #: block: before it, the odometer is not used
     filters: Annotated[Records[Hypothesis], BANK_CAPACITY]
     # The reference.
-    velocity_n: Annotated[Floats, (VELOCITY_EPOCHS, 2)]  #: of the navigation, by epoch, a ring
+    velocity_n: Annotated[Floats, (VELOCITY_EPOCHS, 3)]  #: of the navigation, by epoch, a ring
     velocity_first: I8  #: epoch from which on it is filled
     velocity_last: I8  #: epoch
     fix_waits: Bool
     fix_epoch: I8  #: at whose end it was valid
-    fix_velocity_n: Annotated[Floats, 2]
+    fix_velocity_n: Annotated[Floats, 3]
     fix_variance: F8
     count_waits: Bool  #: of the odometer
     count_epoch: I8  #: at whose end it was valid

@@ -165,6 +165,10 @@ _AIDING = (
         "the odometer contradicts the navigation; it is not used"),
     (AidingFault.ALTIMETER_REJECTED, "altimeter", 0x1401, _PLAUSIBILITY,
         "the altimeter contradicts the navigation; it is not used"),
+    (AidingFault.ZERO_VELOCITY_REJECTED, "estimator", 0x1404, _PLAUSIBILITY,
+        "a vehicle that stands, as was declared or found, moves by the navigation; it is not used"),
+    (AidingFault.KNOWN_POSITION_REJECTED, "estimator", 0x1404, _PERFORMANCE,
+        "the position changes by the navigation in the fine alignment; it is not taken as known"),
     (AidingFault.GATE_OPENED, "gnss", 0x1402, _PERFORMANCE,
         "the navigation rejected all fixes for 120 s, and nothing else aided it: it doubts itself, "
         "and takes them again"),

@@ -123,6 +123,8 @@ class AidingFault(IntEnum):
     ODOMETER_REJECTED = 3
     ALTIMETER_REJECTED = 4
     GATE_OPENED = 5
+    ZERO_VELOCITY_REJECTED = 6
+    KNOWN_POSITION_REJECTED = 7
 
 
 @dataclass(frozen=True)
@@ -165,7 +167,7 @@ class Trouble:
     #: its set-up.
     group: int = -1
     #: "gyro" or "accelerometer" if the group must have one; a source of aiding if one must be
-    #: fitted: "altimeter", "gnss" or "odometer"
+    #: fitted: "altimeter", "gnss" or "odometer"; "estimator" if it must be enabled
     needs: str = ""
 
     @property

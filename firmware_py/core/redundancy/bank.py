@@ -100,7 +100,7 @@ def follow(state: Ram) -> None:
         others = repair.stride - blocks.OTHERS
         is_due = bank.at + _WAIT_S < repair.count
         begins = bank.turn == 0 and not bank.measuring
-        if begins and bank.at == bank.fault_at:
+        if begins and bank.at <= bank.fault_at:
             pairs.size_fault(state.redundancy.gyros, bank)
             pairs.size_fault(state.redundancy.accelerometers, bank)
         if begins and not is_due and _waits(state, block):
@@ -117,7 +117,7 @@ def follow(state: Ram) -> None:
         if bank.measuring:
             _watch_wheel(bank)
             continue
-        measured = 2 * ((block[others + blocks.VARIANCE] > 0.0) + bank.fits)
+        measured = _components(state) * (block[others + blocks.VARIANCE] > 0.0) + 2 * bank.fits
         bank.at += 1
         bank.fits = False
         if measured > 0:
@@ -221,10 +221,8 @@ def _begin(state: Ram, doubts: int) -> None:
         one = bank.filters[index]
         one.squares = 0.0
         one.score = 0.0
-        for i in range(BANK_STATES):
-            one.x[i] = 0.0
-            for k in range(BANK_STATES):
-                one.P[i, k] = 0.0
+        one.x[:] = 0.0
+        one.P[:] = 0.0
         one.P[SCALE, SCALE] = wheel.SCALE_SIGMA**2
         one.P[YAW, YAW] = wheel.MOUNTING_SIGMA**2
         for i in range(3):
@@ -269,8 +267,7 @@ def _share(block: Floats, others: int, after: int, variance: int) -> float:
 def _approach(state: Ram, one: Hypothesis, block: Floats) -> None:
     """Take a block up to its stretch, or all of it if there is none, and compare that."""
     bank, others = state.redundancy.bank, state.redundancy.repair.stride - blocks.OTHERS
-    if bank.at >= bank.fault_at:
-        pairs.widen(state, one)
+    pairs.widen(state, one)
     for i in range(FILTER_SIZE):  # in the order of the states
         one.x[i] -= block[others + blocks.FED_BACK + i]
     fix_at = _share(block, others, blocks.MEASURED_AFTER, blocks.VARIANCE)
@@ -306,9 +303,21 @@ def _reach(state: Ram, one: Hypothesis, block: Floats, share: float) -> None:
 
 
 @compiled
+def _is_free(state: Ram) -> bool:
+    """Return whether errors of the vertical velocity last."""
+    return bool(state.parameters.height_channel == strapdown.HEIGHT_FREE)
+
+
+@compiled
+def _components(state: Ram) -> int:
+    """Return how many components of a velocity tell something."""
+    return 3 if _is_free(state) else 2
+
+
+@compiled
 def _measure_velocity(state: Ram, one: Hypothesis, block: Floats) -> None:
     bank, others = state.redundancy.bank, state.redundancy.repair.stride - blocks.OTHERS
-    for i in range(2):
+    for i in range(_components(state)):
         innovation, expected = covariance.measure(
             one.x,
             one.P,
@@ -337,8 +346,7 @@ def _measure_stretch(state: Ram, one: Hypothesis, block: Floats, uses: bool) -> 
             integral = block[others + blocks.STRETCH_ATTITUDE + 3 * i + k]
             bank.attitude_b[i, k] = integral / seconds
     for axis in (wheel.FORWARD_AXIS, wheel.RIGHT_AXIS):
-        for i in range(BANK_STATES):
-            row[i] = 0.0
+        row[:] = 0.0
         wheel.fill_row(row, ATTITUDE, VELOCITY, bank.attitude_b, bank.way_b, seconds, axis)
         innovation = -bank.way_b[axis]
         variance = block[others + blocks.SLIP_VARIANCE]
@@ -377,8 +385,7 @@ def _propagate(state: Ram, one: Hypothesis, block: Floats, share: float) -> None
         change[i] = block[place + i] * share if accelerometer >= 0 else 0.0
         for k in range(3):
             bank.attitude_s[i, k] = block[others + blocks.ATTITUDE + 3 * i + k] * share
-    free = state.parameters.height_channel == strapdown.HEIGHT_FREE
-    transition.fill(bank.response, force, way, dt, ins.latitude, ins.height, free)
+    transition.fill(bank.response, force, way, dt, ins.latitude, ins.height, _is_free(state))
     transition.of_biases(bank.transition, bank.response, bank.attitude_s)
     for i in range(FILTER_SIZE):
         total = 0.0
@@ -389,8 +396,7 @@ def _propagate(state: Ram, one: Hypothesis, block: Floats, share: float) -> None
                 total += bank.response[i, TURN + k] * turn[k]
                 total += bank.response[i, CHANGE + k] * change[k]
         bank.gain[i] = total
-    for i in range(FILTER_SIZE):
-        one.x[i] = bank.gain[i]
+    one.x[:FILTER_SIZE] = bank.gain[:FILTER_SIZE]
     covariance.propagate(one.P, BANK_STATES, FILTER_SIZE, bank.transition, bank.work)
     _add_noise(state, one, block[others + blocks.TURNED], share)
     one.P[SCALE, SCALE] += wheel.SCALE_WALK**2 * dt

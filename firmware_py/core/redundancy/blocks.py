@@ -28,22 +28,22 @@ UNCERTAIN = 17
 """Variance of what was not known of the parity of gyros and of accelerometers, in a second's noise;
 see `windows.uncertain_second`."""
 
-BEGUN, MEASURED_AFTER, MEASURED, VARIANCE = 19, 20, 21, 23
+BEGUN, MEASURED_AFTER, MEASURED, VARIANCE = 19, 20, 21, 24
 """The last epoch before the block; the reference's time of validity in it (s), reference less
-navigated velocity to the east and north (m/s), and the variance of each; 0: no reference."""
+navigated velocity (m/s), and the variance of each; 0: no reference."""
 
-FED_BACK = 24
+FED_BACK = 25
 """Corrections by the estimator to the navigation: attitude and velocity in n, and to the rates and
 the specific force in s; three numbers each. By these the free navigation would be off."""
 
-STRETCH_AFTER, STRETCH_S, TRAVELLED = 36, 37, 38
+STRETCH_AFTER, STRETCH_S, TRAVELLED = 37, 38, 39
 """Between two counts of the odometer about a second apart: the middle's time in the block (s), the
 time (s), and the distance (m)."""
 
-STRETCH_WAY, STRETCH_ATTITUDE = 39, 42
+STRETCH_WAY, STRETCH_ATTITUDE = 40, 43
 """By the navigation: the wheel's way along the body's axes (m), and the integral of C_b_n (s)."""
 
-DISTANCE_VARIANCE, SLIP_VARIANCE = 51, 52
+DISTANCE_VARIANCE, SLIP_VARIANCE = 52, 53
 """Of the distance and of the way across (m²); 0: no stretch."""
 
 OTHERS = BLOCK_OTHERS
@@ -62,8 +62,7 @@ def begin(repair: Repair, gyros: int, accelerometers: int, epoch: int) -> None:
 
 @compiled
 def _clear(repair: Repair, epoch: int) -> None:
-    for k in range(repair.stride):
-        repair.block[k] = 0.0
+    repair.block[:] = 0.0
     repair.block[repair.stride - OTHERS + BEGUN] = epoch
 
 
@@ -118,8 +117,7 @@ def note_feedback(repair: Repair, fed_back: Floats) -> None:
 def close(repair: Repair, epoch: int) -> None:
     """Keep the present block, whose last epoch this is, and begin the next."""
     at = place(repair, repair.count)
-    for k in range(repair.stride):
-        repair.blocks[at + k] = repair.block[k]
+    repair.blocks[at : at + repair.stride] = repair.block[: repair.stride]
     repair.count += 1
     _clear(repair, epoch)
 

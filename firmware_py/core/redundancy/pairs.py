@@ -37,14 +37,18 @@ def size_fault(parity: Parity, bank: Bank) -> None:
 
 @compiled
 def widen(state: Ram, one: Hypothesis) -> None:
-    """Let the bias change by what the second sensor, or all alike, may be off by."""
+    """Let the bias change by what the second sensor, or all alike, may be off by.
+
+    All alike may drift before, too: what each would explain alone is known from the beginning.
+    """
     bank, row = state.redundancy.bank, one.direction
     parity, fusion, into = state.redundancy.gyros, state.gyros, TURN
     for kind in range(2):
         if kind == ACCELEROMETERS:
             parity, fusion, into = state.redundancy.accelerometers, state.accelerometers, CHANGE
         first, second = one.sensor[kind], one.second[kind]
-        if bank.doubts >> kind & 1 == 0 or (first >= 0 and second < 0):
+        begun = bank.at >= bank.fault_at and second >= 0
+        if bank.doubts >> kind & 1 == 0 or (first >= 0 and not begun):
             continue
         for axis in range(3):
             row[axis] = 0.0
@@ -54,7 +58,7 @@ def widen(state: Ram, one: Hypothesis) -> None:
                 if first >= 0 and k == second:
                     row[axis] += parity.leave_out[first, axis] * parity.projector[first, k]
         variance = bank.fault_variance[kind]
-        if bank.at > bank.fault_at:
+        if bank.at != bank.fault_at:
             variance *= _GROWS
         elif second >= 0:
             one.prior = variance

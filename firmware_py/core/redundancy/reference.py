@@ -41,14 +41,12 @@ def follow(state: Ram) -> None:
     if bank.velocity_last + 1 != last:  # an epoch was left out
         bank.velocity_first = last
     bank.velocity_last = last
-    for i in range(2):
-        bank.velocity_n[last % VELOCITY_EPOCHS, i] = ins.velocity_n[i]
+    bank.velocity_n[last % VELOCITY_EPOCHS] = ins.velocity_n
     if gnss.fresh:
         bank.fix_waits = True
         bank.fix_epoch = gnss.epoch
         bank.fix_variance = max(gnss.velocity_sigma, _LEAST_SIGMA) ** 2
-        for i in range(2):
-            bank.fix_velocity_n[i] = gnss.velocity_n[i]
+        bank.fix_velocity_n[:] = gnss.velocity_n
     if bank.fix_waits and bank.fix_epoch <= last:
         bank.fix_waits = False
         is_known = bank.fix_epoch >= max(bank.velocity_first, last - VELOCITY_EPOCHS + 1)
@@ -68,8 +66,7 @@ def _refer(state: Ram) -> bool:
         return False
     dt = state.parameters.period_ns * 1e-9
     antenna.velocity(place, bank.fix_epoch, dt, place.velocity_n)
-    for i in range(2):
-        bank.fix_velocity_n[i] -= place.velocity_n[i]
+    bank.fix_velocity_n -= place.velocity_n
     return True
 
 
@@ -85,7 +82,7 @@ def _keep(state: Ram) -> None:
     block[others + blocks.VARIANCE] = bank.fix_variance
     block[others + blocks.MEASURED_AFTER] = after * state.parameters.period_ns * 1e-9
     navigated = bank.velocity_n[bank.fix_epoch % VELOCITY_EPOCHS]
-    for i in range(2):
+    for i in range(3):
         block[others + blocks.MEASURED + i] = bank.fix_velocity_n[i] - navigated[i]
 
 

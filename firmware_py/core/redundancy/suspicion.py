@@ -18,7 +18,6 @@ from rrins.firmware_py.core.records.memory import Fusion, Ram
 from rrins.firmware_py.core.records.redundancy_records import (
     ACCELEROMETERS,
     GYROS,
-    NAVIGATION_STATES,
     WINDOWS_S,
     Parity,
 )
@@ -43,8 +42,7 @@ def begin(state: Ram) -> None:
     """Begin with the navigation: suspect nothing."""
     suspicion = state.redundancy.suspicion
     suspicion.active = False
-    for kind in range(2):
-        suspicion.until[kind] = 0
+    suspicion.until[:] = 0
 
 
 @compiled
@@ -96,9 +94,8 @@ def _suspect(state: Ram, parity: Parity, anew: bool) -> None:
         size = abs(suspicion.size[parity.kind, k])
         before = 0.0 if anew else suspicion.told[parity.kind, k]
         suspicion.told[parity.kind, k] = max(size, before)
-        suspicion.height[k] = 0.0
-        for i in range(NAVIGATION_STATES):
-            suspicion.x[k, i] = 0.0
+    suspicion.height[:] = 0.0
+    suspicion.x[:] = 0.0
 
 
 @compiled
@@ -182,8 +179,7 @@ def _tell(state: Ram, fusion: Fusion) -> None:
         size, value = suspicion.size[kind, k], suspicion.value[kind, k]
         larger = size / value if value != 0.0 else 0.0
         estimator.doubt_size[k] = size
-        for i in range(LATITUDE):
-            estimator.doubt_effect[k, i] = larger * suspicion.x[k, i]
+        estimator.doubt_effect[k, :LATITUDE] = larger * suspicion.x[k, :LATITUDE]
         estimator.doubt_effect[k, LATITUDE] = larger * suspicion.x[k, transition.LATITUDE]
         estimator.doubt_effect[k, LONGITUDE] = larger * suspicion.x[k, transition.LONGITUDE]
         estimator.doubt_effect[k, HEIGHT] = larger * suspicion.height[k]

@@ -84,7 +84,7 @@ export class Faults {
     this.answer.textContent = "waiting for the answer …";
     const answer = await this.feed.order(order, more);
     this.answer.className = `answer ${answer.is_done ? "done" : "refused"}`;
-    this.answer.textContent = `${answer.is_done ? "✓" : "✗"} ${answer.text}${answer.at_s == null ? "" : ` since ${clock(answer.at_s)}`}`;
+    this.answer.textContent = `${answer.is_done ? "✓" : "✗"} ${answer.text}${answer.at_s == null ? "" : `, ${clock(answer.at_s)}`}`;
   }
 
   showFaults(faults) {

@@ -40,6 +40,17 @@ export function farEnds(times, low, high) {
   return ends.map((end) => ({ ...end, share: (end.time - times[end.at]) / (times[end.next] - times[end.at]) }));
 }
 
+// Gaps where a line is broken, however many points a pixel has.
+function broken(u, series, first, last, found) {
+  const [times, values] = [u.data[0], u.data[series]];
+  for (let k = Math.max(first, 1); k < last; k++) {
+    if (values[k] != null || values[k - 1] == null || values[k + 1] == null) continue;
+    const x = u.valToPos(times[k], "x", true);
+    found.push([x - 2, x + 2]);
+  }
+  return found.sort((a, b) => a[0] - b[0]);
+}
+
 class Plot {
   constructor(spec, board) {
     this.spec = spec;
@@ -72,6 +83,7 @@ class Plot {
         scale: one.scale ?? "y", stroke: ink, width: one.band || one.thin ? 1 : 1.6, dash: DASHES[one.dash],
         points: { show: false }, spanGaps: false,
         paths: one.step ? uPlot.paths.stepped({ align: 1 }) : undefined,
+        ...(one.wraps || one.centred ? { gaps: broken } : {}),
       });
       if (one.band === 1) bands.push({ series: [k + 1, k + 2], fill: `color-mix(in srgb, ${ink} ${one.opacity ?? 14}%, transparent)` });
       this.values.push(one.label ? this.addLegend(one, ink) : null);

@@ -9,6 +9,8 @@ from rrins.compiled.record import Records
 from rrins.dbc.contract import SENSOR_GROUPS
 from rrins.firmware_py.core.records.estimator_records import ESTIMATOR_HISTORY_S
 from rrins.firmware_py.core.records.integrity_records import (
+    ALL_ACCELEROMETERS,
+    ALL_GYROS,
     ALTIMETER_FAULT,
     GNSS_DRIFT,
     HEADING,
@@ -20,6 +22,13 @@ from rrins.firmware_py.core.records.integrity_records import (
 from rrins.firmware_py.core.records.memory import Ram
 from rrins.host_tools.files import JsonObject
 
+_OTHERS = {
+    ODOMETER_FAULT: "odometer",
+    ALTIMETER_FAULT: "altimeter",
+    ALL_GYROS: "all gyros",
+    ALL_ACCELEROMETERS: "all accelerometers",
+}
+
 
 def fault_name(number: int) -> str | None:
     """Return the name of the fault that sets a bound; None where none does."""
@@ -29,7 +38,7 @@ def fault_name(number: int) -> str | None:
     if kind < 2:
         return f"{('gyro', 'accelerometer')[kind]} {sensor + 1}"
     if sensor >= ODOMETER_FAULT:
-        return {ODOMETER_FAULT: "odometer", ALTIMETER_FAULT: "altimeter"}[sensor]
+        return _OTHERS[sensor]
     return "GNSS drift" if sensor >= GNSS_DRIFT else "GNSS position"
 
 

@@ -1,15 +1,18 @@
 from __future__ import annotations
 
 import json
+import struct
 
 import duckdb
+import numpy as np
 import pandas as pd
 import pytest
 
 from rrins.host_tools.campaigns.definition import Wishes, load
 from rrins.host_tools.campaigns.distributions import parse
 from rrins.host_tools.campaigns.errors import CampaignError
-from rrins.host_tools.campaigns.store import MANIFEST, Store
+from rrins.host_tools.campaigns.manifest import MANIFEST, read_manifest
+from rrins.host_tools.campaigns.store import Store
 
 
 def campaign(**wishes):
@@ -76,9 +79,8 @@ def test_another_campaign_is_refused_in_one_line(store):
             Store.create(store.folder, campaign(**{key: value}))
         assert "\n" not in str(refused.value)
     assert Store.create(store.folder, campaign(runs=20)).definition.runs == 20
-    manifest = json.loads((store.folder / MANIFEST).read_text())
-    manifest["sources"] = "of before"
-    (store.folder / MANIFEST).write_text(json.dumps(manifest))
+    of_before = read_manifest(store.folder).model_copy(update={"sources": "of before"})
+    of_before.write(store.folder)
     with pytest.raises(CampaignError, match="other sources"):
         Store.create(store.folder, campaign(runs=20))
 
@@ -103,3 +105,74 @@ def test_a_part_that_is_damaged_or_double_is_named(store):
     part.write_bytes(b"PAR1 no more")
     with pytest.raises(CampaignError, match=r"part-00000000.*delete it"):
         store.stored()
+
+
+def test_a_flipped_bit_of_a_part_is_named_and_never_another_number(store):
+    rows = [row(store.definition, run, horizontal_error_m=run / 7) for run in range(10)]
+    store.write(rows)
+    (part,) = store.parts()
+    whole = part.read_bytes()
+    for bit in np.random.default_rng(1).integers(0, 8 * len(whole), 300).tolist():
+        damaged = bytearray(whole)
+        damaged[bit // 8] ^= 1 << bit % 8
+        part.write_bytes(damaged)
+        for again in (store, Store.open(store.folder)):
+            with pytest.raises(CampaignError, match=r"part-00000000.*delete it") as caught:
+                again.table()
+            assert "\n" not in str(caught.value)
+    part.write_bytes(whole)
+    assert Store.open(store.folder).stored().tolist() == list(range(10))
+
+
+def test_checksums_of_pages_hold_where_no_digest_is_known(store):
+    store.write([row(store.definition, 0, horizontal_error_m=1.5)])
+    store._digests.clear()
+    (part,) = store.parts()
+    damaged = bytearray(part.read_bytes())
+    damaged[damaged.index(struct.pack("<d", 1.5))] ^= 1
+    part.write_bytes(damaged)
+    with pytest.raises(CampaignError, match=r"part-00000000.*delete it"):
+        store.table()
+
+
+def test_a_flipped_bit_of_the_manifest_is_named(store):
+    path = store.folder / MANIFEST
+    whole = path.read_bytes()
+    for bit in np.random.default_rng(1).integers(0, 8 * len(whole), 100).tolist():
+        damaged = bytearray(whole)
+        damaged[bit // 8] ^= 1 << bit % 8
+        path.write_bytes(damaged)
+        found = _opened(store.folder)
+        assert found == store.definition or (MANIFEST in found and "\n" not in found)
+
+
+def _opened(folder):
+    try:
+        return Store.open(folder).definition
+    except CampaignError as error:
+        return str(error)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (("runs", "many"), r"campaign\.runs: .*valid integer"),
+        (("runs", 0), r"campaign\.runs: .*greater than"),
+        (("rums", 3), r"campaign\.rums: no such key, did you mean runs"),
+        (("scenario", "duration_s = "), "TOML|Invalid"),
+        (("scenario", "duration_s = -1"), "duration_s"),
+        (("correlate", [1]), r"campaign\.correlate"),
+        (("vary", {"gyros.bias_dph": "abnormal(1)"}), "abnormal"),
+        (("design", "by hand"), "design"),
+    ],
+)
+def test_a_manifest_with_wrong_keys_or_types_is_one_line(store, change, words):
+    path = store.folder / MANIFEST
+    manifest = json.loads(path.read_text())
+    del manifest["digest"]
+    manifest["campaign"] |= dict([change])
+    path.write_text(json.dumps(manifest))
+    with pytest.raises(CampaignError, match=words) as caught:
+        Store.open(store.folder)
+    assert MANIFEST in str(caught.value)
+    assert "\n" not in str(caught.value)

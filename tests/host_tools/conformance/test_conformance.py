@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import json
 import os
+import shlex
 import shutil
-import subprocess
 import sys
-from collections.abc import Callable
+import tomllib
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -14,25 +16,19 @@ import pytest
 from click.testing import CliRunner
 
 from rrins.host_tools.cli.main import rrins
-from rrins.host_tools.conformance.suite import CHECKS, chosen, conform
+from rrins.host_tools.conformance.mutation import Mutant, Workshop, mutants_of, words_of
+from rrins.host_tools.conformance.requirements import covered_by, matrix, requirements
+from rrins.host_tools.conformance.suite import CHECKS, LONG, chosen, conform
 
 IS_FULL = "RRINS_CONFORM" in os.environ
-MUTANTS = Path(__file__).with_name("mutants")
-STRANGE = Path(__file__).parents[1] / "runs" / "programs" / "strange_firmware.py"
-SOURCES = Path(__file__).parents[3] / "examples" / "own_firmware"
-FOUND_BY = {
-    "axes-held-at-shutdown": "shutdown",
-    "axis-not-watched": "axis-fault",
-    "clock-free-running": "clock-error",
-    "commands-of-the-epoch-before": "commands",
-    "counter-not-checked": "late-frames",
-    "crc-not-checked": "wrong-crc",
-    "gap-without-end": "gap-too-long",
-    "no-coriolis": "navigation-drive-strapdown",
-    "second-sender-believed": "disagreeing-frames",
-    "sync-loss-not-told": "sync-lost",
-}
-QUICK = ("crc-not-checked", "no-coriolis")
+HERE = Path(__file__).parent
+STRANGE = HERE.parent / "runs" / "programs" / "strange_firmware.py"
+SOURCES = HERE.parents[2] / "examples" / "own_firmware"
+MUTANTS = tomllib.loads((HERE / "mutants.toml").read_text(encoding="utf-8"))
+IN_C = [(name, *one) for name, every in MUTANTS["c"].items() for one in every]
+IN_UDS = [(name, *one) for name, every in MUTANTS["uds"].items() for one in every]
+QUICK = ("every-crc", "shaken", "requests", "shutdown")
+"""Of each the first mutant, in the quick tests."""
 
 
 def outcomes(program: str | None, *names: str) -> dict[str, str]:
@@ -40,39 +36,113 @@ def outcomes(program: str | None, *names: str) -> dict[str, str]:
 
 
 def test_every_mutant_has_its_check() -> None:
-    assert sorted(path.stem for path in MUTANTS.glob("*.patch")) == sorted(FOUND_BY)
-    assert set(FOUND_BY.values()) <= {check.name for check in CHECKS}
+    known = {check.name for check in LONG}
+    assert {check for *_, check in (*IN_C, *IN_UDS)} <= known
+    for name, old, *_ in IN_C:
+        assert (SOURCES / name).read_text(encoding="utf-8").count(old) == 1, (name, old)
+    unexplained = [one for every in MUTANTS["equivalent"].values() for one in every if not one[2]]
+    assert not unexplained
+    assert len(IN_C) >= 110
 
 
 def test_every_rule_is_on_a_page() -> None:
-    docs = Path(__file__).parents[3] / "docs"
-    for check in CHECKS:
-        page, _, anchor = check.page.partition("#")
+    docs = HERE.parents[2] / "docs"
+    for page, _, anchor in {one.page.partition("#") for one in (*LONG, *requirements())}:
         headings = [
             line.lstrip("# ").lower().replace(" ", "-")
             for line in (docs / page).read_text(encoding="utf-8").splitlines()
             if line.startswith("#")
         ]
-        assert not anchor or anchor in headings, check.page
+        assert not anchor or anchor in headings, f"{page}#{anchor}"
 
 
-@pytest.mark.parametrize("name", FOUND_BY if IS_FULL else QUICK)
-def test_a_planted_bug_is_found_by_name(
-    name: str, own_firmware: Path, make_firmware: Callable[..., str], tmp_path: Path
-) -> None:
-    if shutil.which("patch") is None:
-        pytest.skip("patch is not installed")
-    sources = tmp_path / "sources"
-    shutil.copytree(SOURCES, sources)
-    shutil.copytree(own_firmware.parent / "build", tmp_path / "build")
-    subprocess.run(["patch", "-p1", "-s", "-i", MUTANTS / f"{name}.patch"], cwd=sources, check=True)
-    make_firmware(tmp_path, sources=sources)
-    found = outcomes(str(tmp_path / "own_firmware"), FOUND_BY[name])
-    assert found == {FOUND_BY[name]: "failed"}
+def test_every_requirement_is_tried_by_a_check_and_every_check_tries_one() -> None:
+    assert [row["requirement"] for row in matrix(CHECKS) if not row["checks"]] == []
+    assert [check.name for check in LONG if not covered_by(check)] == []
+    numbers = [one.number for one in requirements()]
+    assert len(numbers) == len(set(numbers))
+
+
+@pytest.fixture(scope="module")
+def workshop(
+    own_firmware: Path, make_firmware: Callable[..., str], tmp_path_factory: pytest.TempPathFactory
+) -> Iterator[Workshop]:
+    """Return where mutants of the C firmware are built."""
+    folder = tmp_path_factory.mktemp("mutants") / "own_firmware"
+    shutil.copytree(SOURCES, folder, ignore=shutil.ignore_patterns("build", "own_firmware"))
+    root = SOURCES.parents[1]
+    words = (
+        *("make", f"PYTHON={sys.executable}", "CFLAGS=-O1"),
+        *(f"DBC={root / 'dbc' / 'rrins.dbc'}", f"CLIENT={root / 'clients' / 'c'}"),
+    )
+    with Workshop(folder, shlex.join(words), folder / "own_firmware") as workshop:
+        yield workshop
+
+
+@pytest.mark.parametrize("check", QUICK)
+def test_a_planted_bug_is_found_by_name(check: str, workshop: Workshop) -> None:
+    name, old, new, _ = next(one for one in IN_C if one[3] == check)
+    start = (SOURCES / name).read_text(encoding="utf-8").index(old)
+    verdict = workshop.judge(Mutant(name, 1, start, old, new), chosen([check]))
+    assert (verdict.outcome, verdict.by) == ("killed", check), verdict
+
+
+@pytest.mark.soak
+def test_every_planted_bug_in_c_is_found_by_name(workshop: Workshop) -> None:
+    missed = []
+    for name, old, new, check in IN_C:
+        start = (SOURCES / name).read_text(encoding="utf-8").index(old)
+        verdict = workshop.judge(Mutant(name, 1, start, old, new), chosen([check]))
+        if verdict.outcome != "killed":
+            missed.append((name, old, new, verdict.outcome, verdict.why))
+    assert not missed
+
+
+@pytest.mark.soak
+def test_every_planted_bug_in_the_uds_server_is_found_by_name() -> None:
+    missed = []
+    for module, old, new, check in IN_UDS:
+        words = (sys.executable, str(HERE / "mutated_firmware.py"), module, old, new)
+        if outcomes(shlex.join(words), check) != {check: "failed"}:
+            missed.append((module, old, new, check))
+    assert not missed
+
+
+def test_mutants_leave_comments_strings_and_preprocessor_alone() -> None:
+    text = '#include <a.h>\n/* a < b */\nint f(int a)\n{\n    g("a < b");\n    return a < 2;\n}\n'
+    found = sorted(str(one) for one in mutants_of(text, "a.c"))
+    assert found == [
+        'a.c:5: g("a < b"); -> ;',
+        "a.c:6: 2 -> 3",
+        "a.c:6: < -> <=",
+        "a.c:6: < -> >=",
+    ]
+    mutant = next(one for one in mutants_of(text, "a.c") if one.new == "<=")
+    assert mutant.applied(text) == text.replace("a < 2", "a <= 2")
+
+
+def test_a_users_sources_are_mutated_in_a_copy(tmp_path: Path) -> None:
+    """A program that no check can pass: every mutant is killed by the first check."""
+    folder = tmp_path / "mine"
+    folder.mkdir()
+    source = "int main(void)\n{\n    int kept = 3;\n    return kept < 2 ? 1 : 4;\n}\n"
+    (folder / "a.c").write_text(source)
+    words = ["conform", str(folder / "a"), "--mutate", str(folder), "--only", "start-up"]
+    done = CliRunner().invoke(rrins, [*words, "--build", "make a", "--mutants", "3", "--json"])
+    assert done.exit_code == 0, done.output
+    verdicts = json.loads(done.stdout)["mutants"]
+    assert len(verdicts) == 3
+    assert {one["outcome"] for one in verdicts} <= {"killed", "same"}
+    assert (folder / "a.c").read_text() == source
+    assert [path.name for path in tmp_path.iterdir()] == ["mine"]
+    done = CliRunner().invoke(rrins, [*words, "--build", "make nothing"])
+    assert done.exit_code == 1
+    assert "make nothing does not build" in done.stderr
+    assert words_of([]).startswith("0 of 0 mutants killed")
 
 
 def test_the_c_firmware_conforms(own_firmware: Path) -> None:
-    names = () if IS_FULL else ("start-up", "modes", *(FOUND_BY[name] for name in QUICK), "uds")
+    names = () if IS_FULL else ("start-up", "modes", *QUICK, "chance", "uds")
     found = outcomes(str(own_firmware), *names)
     of_uds = [found.pop(name) for name in list(found) if name.startswith("uds")]
     assert set(of_uds) == {"skipped"}
@@ -100,6 +170,10 @@ def test_one_that_only_answers_gets_a_useful_report(tmp_path: Path) -> None:
     assert "docs/firmware.md#modes" in done.stdout
     suite = ElementTree.parse(files[0]).getroot()[0]
     assert (suite.get("tests"), suite.get("failures")) == ("2", "2")
+    assert suite[0].find("properties/property").attrib == {  # type: ignore[union-attr]
+        "name": "requirement",
+        "value": "MODE-1",
+    }
     assert "no HEARTBEAT_FIRMWARE" in files[1].read_text()
 
 

@@ -430,15 +430,6 @@ def test_without_redundancy_the_parity_is_a_gap_and_estimates_are_kept_for_each_
     assert np.isnan(row[NAMES.index("gyro_bias_1_dph")])
 
 
-def test_the_end_of_the_rotation_is_a_warning():
-    log = EventLog()
-    followed(log, 1.0, FIRMWARE_STATUS__mode=5)
-    assert followed(log, 2.0, FIRMWARE_STATUS__mode=4) == [
-        "the rotation has ended: navigation without rotation"
-    ]
-    assert log.events[-1].weight == "warning"
-
-
 def test_the_page_is_whole_and_light():
     files = page_files()
     for name in ("/", "/main.js", "/style.css", "/carried/three.module.min.js"):

@@ -92,7 +92,26 @@ def test_priors_are_those_of_the_scenario(case):
     settings = case.scenario.integrity
     assert per_h["healthy"] == 4.0
     assert per_h["gyro"] == 4 * settings.gyro_faults_per_h
-    assert per_h["common"] is None
+    assert per_h["common"] == 2 * settings.common_faults_per_h
+    assert per_h["wire"] is None
+
+
+def test_faults_that_a_unit_assumes_never_to_happen_are_a_row_of_their_own(case):
+    study, rows = Study(2), seconds((3, 2, ON))
+    for rate in (0.0, 1e-7):
+        settings = {"enabled": True, "gnss_faults_per_h": rate}
+        one = cases.Case(0, "gnss", case.scenario.varied(integrity=settings), frozenset())
+        study.results.append(judged(one, rows))
+    assert [one.kind for one in study.strata] == ["gnss", "gnss, no rate"]
+    assert len(study.misleading) == len(study.misleading_beyond) == 1
+
+
+@pytest.mark.parametrize("number", [213, 228, 330, 335])
+def test_a_case_that_once_failed_does_not(number):
+    """All gyros' scale; accelerometers that drift alike; a gyro off from the beginning."""
+    found = trial.run(cases.draw(2, number))
+    assert not found.is_misleading
+    assert not found.sound_left_out
 
 
 def test_a_case_runs_with_and_without_frames(case):
@@ -142,4 +161,4 @@ def test_no_case_misleads_and_no_sound_sensor_is_left_out(tmp_path):
     study.write(tmp_path)
     print(f"\n{tmp_path}: {json.dumps(study.values(), indent=1)}")
     assert not study.sound_left_out
-    assert not study.misleading
+    assert not study.misleading  # beyond those that the unit assumes never to happen

@@ -8,7 +8,10 @@ import numpy as np
 import pytest
 
 import rrins
+from rrins.firmware_py.core.estimator.fault_effects import FIRST_AID
 from rrins.firmware_py.core.records.integrity_records import (
+    ALL_ACCELEROMETERS,
+    ALL_GYROS,
     HEADING,
     HORIZONTAL,
     SINCE_BEGIN,
@@ -89,21 +92,32 @@ def test_a_drift_that_is_followed_is_suspected_before_it_is_ten_metres():
     assert not doubtful[:290].any()
 
 
-def test_the_effect_of_a_fault_is_what_the_fault_does():
-    """Two runs alike but for the bias of a gyro: the error differs by the effect times the bias."""
-    b_dph, ends = 0.02, []
-    fault = {"kind": "gyro_bias", "sensor": 2, "bias_dph": b_dph, "at_s": 3.0}
-    for faults in ((), (fault,)):
+SCALE_PPM = 5.0
+EFFECTS = {
+    1: ({"kind": "gyro_bias", "sensor": 2, "bias_dph": 0.02}, math.radians(0.02 / 3600)),
+    FIRST_AID + ALL_GYROS: ({"kind": "gyro_scale", "scale_ppm": SCALE_PPM}, SCALE_PPM * 1e-6),
+    FIRST_AID + ALL_ACCELEROMETERS: (
+        {"kind": "accelerometer_scale", "scale_ppm": SCALE_PPM},
+        SCALE_PPM * 1e-6,
+    ),
+}
+
+
+@pytest.mark.parametrize("number", EFFECTS)
+def test_the_effect_of_a_fault_is_what_the_fault_does(number):
+    """Two runs alike but for the fault: the error differs by the effect times the fault's size."""
+    (fault, size), ends = EFFECTS[number], []
+    for faults in ((), (fault | {"at_s": 3.0},)):
         scenario = load("drive_aided", duration_s=60, odometer=None, integrity=ON, faults=faults)
         ends.append(run_fast(scenario, firmware_settings(scenario), 20))
-    (ram, without), (_, with_bias) = ends
-    effect = ram[0].integrity.faults[1]["effects"][SINCE_BEGIN]["state"]
-    bias = math.radians(b_dph / 3600)
-    turned = math.radians((with_bias.turn_up_arcsec[-1] - without.turn_up_arcsec[-1]) / 3600)
+    (ram, without), (_, with_fault) = ends
+    effect = ram[0].integrity.faults[number]["effects"][SINCE_BEGIN]["state"]
+    turned = math.radians((with_fault.turn_up_arcsec[-1] - without.turn_up_arcsec[-1]) / 3600)
     # An error of the filter is what has to be added; the errors are navigation minus truth.
-    assert turned == pytest.approx(-bias * effect[2], rel=0.02)
-    moved = with_bias.position_north_m[-1] - without.position_north_m[-1]
-    assert moved == pytest.approx(-bias * effect[6] * ram[0].estimator.north_radius, rel=0.05)
+    assert turned == pytest.approx(-size * effect[2], rel=0.02, abs=1e-8)
+    moved = with_fault.position_north_m[-1] - without.position_north_m[-1]
+    expected = -size * effect[6] * ram[0].estimator.north_radius
+    assert moved == pytest.approx(expected, rel=0.05, abs=1e-4)
 
 
 def test_in_an_outage_the_bound_grows_with_the_error():

@@ -139,16 +139,26 @@ def test_a_stall_of_the_firmware_alone_is_made_up_for_and_named(start, tmp_path)
     assert f"max {lateness['max']:.0f} µs at {stall['at_s']:.1f} s, " in out
 
 
-@pytest.mark.parametrize("side", ["firmware", "hardware"])
-def test_a_killed_side_ends_the_other_and_is_named(start, assert_gone, tmp_path, side):
+@pytest.mark.parametrize(
+    ("side", "number", "words"),
+    [
+        ("firmware", signal.SIGKILL, "killed by SIGKILL"),
+        ("hardware", signal.SIGKILL, "killed by SIGKILL"),
+        ("firmware", signal.SIGTERM, "stopped by SIGTERM or SIGINT"),
+        ("hardware", signal.SIGTERM, "stopped by SIGTERM or SIGINT"),
+    ],
+)
+def test_a_side_that_is_ended_ends_the_other_and_is_named(
+    start, assert_gone, tmp_path, side, number, words
+):
     command = start("rehearse", "ideal", "--out", "out")
     command.wait_for_line("10 %")
     children = command.children()
-    os.kill(children[side], signal.SIGKILL)
+    os.kill(children[side], number)
     status, _ = command.finish()
     assert status == 5
     last = command.said[-1]
-    assert last.startswith(f"rrins: the {side} process {children[side]} was killed by SIGKILL")
+    assert last.startswith(f"rrins: the {side} process {children[side]} was {words}")
     assert sum(line.startswith("rrins:") for line in command.said) == 1
     assert_gone(children.values())
     assert (tmp_path / "out" / "errors.csv").stat().st_size > 0

@@ -171,3 +171,19 @@ def test_a_file_in_other_units_is_refused(tmp_path):
     row = (10, 114.0, 30.5, 20, 0.1, 0.2, 0.3)  # longitude first
     with pytest.raises(VehicleError, match="no place on Earth"):
         kf_gins.read_gnss(text(tmp_path / "b.txt", row, (11, *row[1:])))
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        ("time_s,latitude_deg,längengrad\n0,1,2\n1,1,2\n".encode("latin-1"), "is not UTF-8 text"),
+        (b"time_s,height_m,height_m\n0,1,2\n1,1,2\n", "two columns height_m"),
+        (bytes(range(256)), "not CSV"),
+    ],
+)
+def test_a_truth_that_is_not_text_is_one_line(tmp_path, content, words):
+    path = tmp_path / "truth.csv"
+    path.write_bytes(content)
+    with pytest.raises(VehicleError, match=rf"truth\.csv: {words}") as caught:
+        csv_folder.read_truth(path)
+    assert str(caught.value).isprintable()

@@ -82,6 +82,17 @@ def test_a_receiver_that_agrees_in_one_of_two_is_not_locked_out(state):
     assert state.estimator.reopenings == 0
 
 
+def test_standing_that_is_rejected_opens_the_gate_too(state):
+    """Where there is no receiver: the filter trusts itself too much, or the vehicle moves."""
+    state.gnss.available = False
+    still = state.estimator.sources[int(Aid.ZERO_VELOCITY)]
+    seconds(state, 2 * lockout.PATIENCE_S)
+    assert state.estimator.reopenings == 0
+    still.distrust = MOST_DISTRUST
+    seconds(state, lockout.PATIENCE_S)
+    assert state.estimator.reopenings == 1
+
+
 def test_a_stop_of_the_car_only_delays_it(state):
     velocity = state.estimator.sources[int(Aid.GNSS_VELOCITY)]
     seconds(state, lockout.PATIENCE_S - 1)

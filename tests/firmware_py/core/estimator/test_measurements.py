@@ -10,6 +10,7 @@ import pytest
 from rrins.firmware_py.core.aiding import antenna
 from rrins.firmware_py.core.estimator import measurements
 from rrins.firmware_py.core.modes.modes import Mode
+from rrins.firmware_py.core.monitoring import monitor
 from rrins.firmware_py.core.records.estimator_records import (
     ATTITUDE,
     BIASES,
@@ -17,10 +18,13 @@ from rrins.firmware_py.core.records.estimator_records import (
     HEIGHT,
     LATITUDE,
     LONGITUDE,
+    NEVER,
+    NO_TRUST,
     TRACK_EPOCHS,
     VELOCITY,
     Aid,
 )
+from rrins.firmware_py.core.records.troubles import AidingFault, Kind
 
 STATES = BIASES + 8
 STAND, FIX_EPOCH = 5000, 4930
@@ -125,6 +129,27 @@ def test_standing_is_compared_with_where_the_filter_stands(state):
     assert x[LONGITUDE] * EAST == pytest.approx(-1.0, rel=1e-3)
     assert x[HEIGHT] == pytest.approx(0.5, rel=1e-3)
     assert not x[BIASES:].any()
+
+
+@pytest.mark.parametrize(
+    ("aid", "fault"),
+    [
+        (Aid.ZERO_VELOCITY, AidingFault.ZERO_VELOCITY_REJECTED),
+        (Aid.KNOWN_POSITION, AidingFault.KNOWN_POSITION_REJECTED),
+    ],
+)
+def test_standing_that_is_rejected_has_a_code_until_it_ends(state, aid, fault):
+    state.estimator.running = True
+    state.modes.mode = Mode.FINE_ALIGNMENT
+    failing = []
+    for mode in (Mode.FINE_ALIGNMENT, Mode.NAVIGATION_STRAPDOWN):
+        state.modes.mode = mode
+        state.estimator.sources[int(aid)].distrust = NO_TRUST
+        state.estimator.aligned_epoch = NEVER
+        measurements.stand.py_func(state)
+        monitor._look_at_aiding.py_func(state, state.diagnostics)
+        failing.append(bool(state.diagnostics.failing[int(Kind.AIDING)] & 1 << fault))
+    assert failing == [True, False]
 
 
 def innovations(state):
