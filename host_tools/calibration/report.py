@@ -33,7 +33,7 @@ SYMBOLS = (
     ),
     (MARK.strip(), "σ beyond what is wanted"),
 )
-"""What the tables show, and what it means."""
+"""Symbols of the tables and their meaning."""
 
 
 def kinds_of(found: Estimate) -> list[JsonObject]:

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
 from rrins.host_tools.files import JsonObject
-from rrins.host_tools.rounding import rounded
+from rrins.host_tools.rounding import alike, rounded
 
 FACTOR = 2.0
 """Our figure and the paper's differ if one is more than this many times the other."""
@@ -110,7 +110,7 @@ class Distribution:
     def band(self) -> str:
         """The spread's limits in words."""
         low, high = self.spread
-        return f"{rounded(low)} to {rounded(high)}"
+        return " to ".join(alike((low, high)))
 
     def words(self) -> str:
         """Return the spread, the number of seeds and the paper's place in words.

@@ -41,8 +41,8 @@ def test_percentiles_of_a_hundred_seeds():
     assert not one.holds
     assert Distribution.of(np.arange(1, 102), 95.5).holds
     assert one.words() == (
-        "median; the 5-95 % band of 101 seeds: 6 to 96; the paper's figure lies above, 1.02 times "
-        "the upper limit; 97 of 101 below it"
+        "median; the 5-95 % band of 101 seeds: 6.0 to 96.0; the paper's figure lies above, 1.02 "
+        "times the upper limit; 97 of 101 below it"
     )
 
 
@@ -70,7 +70,7 @@ def test_the_count_is_of_those_below(values, paper):
 @pytest.mark.parametrize(
     ("value", "shown"),
     [
-        (None, "–"), (0.0, "0"), (0.0051, "0.0051"), (8.1849, "8.18"), (999.4, "999"),
+        (None, "–"), (0.0, "0"), (0.0051, "0.00510"), (8.1849, "8.18"), (999.4, "999"),
         (14618.2, "14,600"), (192000, "192,000"), (1.2345e-12, "1.23e-12"), (-287.4, "-287"),
         (3.21e8, "3.21e+08"),
     ],
