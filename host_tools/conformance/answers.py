@@ -41,7 +41,6 @@ _STEPS: Final = {
     "roll_deg": 1,
     "pitch_deg": 1,
     "heading_deg": 1,
-    "target_angle_deg": 1,
 }
 """Permitted differences in steps of the signal; none for those that are not here."""
 

@@ -37,6 +37,7 @@ _PRIORITY: Final = 40  # below that of a program that asks for real time itself
 _START_S: Final = 120.0
 _LOOK_S: Final = 0.2  # between two looks whether the program still runs
 _BUSY_S: Final = 0.002  # lateness of this side that makes a try worthless for the verdict
+_MISSING: Final = 20  # frames, of three epochs
 _CLOCK_HZ: Final = 100
 _SETTLED: Final = 200  # epochs until the arrival of the first SYNC no longer matters
 _PPM: Final = 30.0  # between the reported error and that of our own loop
@@ -56,6 +57,7 @@ class _Heard:
     """Epoch, `clock_error_ppm` and `sync_lost` of each FIRMWARE_STATUS."""
     modes: list[tuple[int, str]] = field(default_factory=list)
     overruns: int = 0
+    missing: int = 0
     sync_ns: list[int] = field(default_factory=list)  #: when each SYNC was sent; 0: it was not
     late_epochs: int = 0  #: of this side
 
@@ -200,15 +202,21 @@ def stalls(subject: Subject) -> None:
 
 @check("firmware.md#clock", "CLK-3 SYN-5")
 def late_attach(subject: Subject) -> None:
-    """In real time at 400 Hz a program that comes to a running hardware navigates in time."""
+    """In real time at 400 Hz a program that comes to a running hardware navigates in time.
+
+    The hardware's clock is 800 ppm slow, so one that is not followed slips by an epoch.
+    """
 
     def judge(heard: _Heard) -> None:
         modes = [mode for _, mode in heard.modes]
         if "NAVIGATION_ROTATING" not in modes:
             raise _LateError(f"it does not navigate after 5 s: mode {modes[-1:]}")
         _expect_in_time(heard, range(2400, 2990))
+        if heard.missing > _MISSING:
+            raise _LateError(f"{heard.missing} frames are missing, though all were sent in time")
 
-    _repeatedly(subject, _Script(3000, 400, first=800), judge)
+    script = _Script(4000, 400, lambda epoch: 800e-6 * epoch * 2.5e6, first=800)
+    _repeatedly(subject, script, judge)
 
 
 def _expect_in_time(heard: _Heard, epochs: Sequence[int]) -> None:
@@ -375,6 +383,7 @@ class _Line:
             faults = contract.firmware_faults
             if crc_holds(frame, faults.message):
                 heard.overruns = int(decode(frame["data"], faults.overruns))
+                heard.missing = int(decode(frame["data"], faults.missing_frames))
 
 
 _MODES: Final = (

@@ -290,7 +290,7 @@ def fault_then(begin_s: float, *more: Stimulus) -> Stimuli:
 def shutdown(at_s: float, *before: Stimulus) -> Stimuli:
     """Return SHUTDOWN at a time."""
     down = s.protected("MODE_COMMAND", s.with_value("MODE_COMMAND", "mode_request", 0, 5), 13)
-    return [*before, Stimulus(at_s, 1.0, s.insert(down), "SHUTDOWN requested")]
+    return [*before, Stimulus(at_s, 1.0, s.insert(down, is_first=False), "SHUTDOWN requested")]
 
 
 # ---- axes
@@ -312,13 +312,6 @@ def silent_axes() -> Stimuli:
         found.append(Stimulus(at_s, 0.4, s.drop(name), f"{name} silent for 0.4 s"))
         found.append(Stimulus(at_s + 2.0, 0.42, s.drop(name), f"{name} silent for 0.42 s"))
     return found
-
-
-def abandoned() -> Stimuli:
-    """Return an axis that stays in FAULT."""
-    return [
-        Stimulus(10.0, _LONG_S, s.set_raw("AXIS_OUTER_STATUS", "state", 4), "outer axis in FAULT")
-    ]
 
 
 def not_standing() -> Stimuli:

@@ -254,7 +254,7 @@ AXES: Final = (
         "firmware.md#rotation-scheme",
         "AXS-1 AXS-2",
         _of(125.0, _QUICK, _SITE, u.ROTATING, rate_hz=50),
-        _of(40.0, u.WINDING, u.ROTATING, rate_hz=50),
+        _of(300.0, u.WINDING, u.ROTATING, rate_hz=50),
     ),
     _check(
         "axis-faults",
@@ -265,7 +265,7 @@ AXES: Final = (
         _of(42.0, _QUICK, u.ROTATING, stimuli=d.axis_faults, rate_hz=50),
         _of(24.0, _QUICK, u.ROTATING, u.SILENCE, stimuli=d.silent_axes, rate_hz=50),
         _of(24.0, _QUICK, u.ROTATING, stimuli=d.not_standing, rate_hz=50),
-        _of(290.0, _QUICK, u.ROTATING, stimuli=d.abandoned, rate_hz=50),
+        _of(300.0, _QUICK, u.ROTATING, u.ABANDONED, rate_hz=50),
         _of(24.0, _QUICK, u.ROTATING, u.STALLED, rate_hz=50),
         _of(24.0, u.JERKY, u.ROTATING, u.RUNAWAY, rate_hz=50),
     ),

@@ -84,7 +84,7 @@ WINDING: Final = of(
     },
     turntable={"inner": {"rate_limit_dps": 60.0}, "outer": {"rate_limit_dps": 60.0}},
 )
-"""A scheme that does not close, with fractions of a degree."""
+"""A scheme that does not close, with fractions of a degree: angles wrap after 64 turns."""
 
 JERKY: Final = of(
     QUICK,
@@ -99,6 +99,9 @@ STALLED: Final[dict[str, Any]] = {
     ]
 }
 
+ABANDONED: Final[dict[str, Any]] = {
+    "faults": [{"kind": "axis_stall", "axis": "inner", "at_s": 4.0}]
+}
 RUNAWAY: Final[dict[str, Any]] = {
     "faults": [
         {"kind": "axis_runaway", "axis": "outer", "rate_dps": 8.0, "at_s": 4.0, "for_s": 1.3}
