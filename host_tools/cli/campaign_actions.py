@@ -11,7 +11,7 @@ from rrins.host_tools.campaigns.comparison import Comparison, compare
 from rrins.host_tools.campaigns.row import MAIN
 from rrins.host_tools.campaigns.statistics import Estimate
 from rrins.host_tools.campaigns.store import Store
-from rrins.host_tools.campaigns.summary import shown, with_interval
+from rrins.host_tools.campaigns.summary import interval, shown, value, with_interval
 from rrins.host_tools.cli.output import print_results
 from rrins.host_tools.terminal import new_table
 
@@ -56,7 +56,7 @@ def show_sensitivity(store: Store, as_json: bool) -> None:
 
 def on_one_line(one: Estimate) -> str:
     """Return a figure with its interval in brackets."""
-    return f"{shown(one.value)} ({shown(one.low)} … {shown(one.high)})"
+    return f"{value(one)} ({interval(one) or '–'})"
 
 
 def show_comparison(first: Store, other: Path, as_json: bool) -> None:
