@@ -19,7 +19,8 @@ from rrins.host_tools.bus.port import Address, message_of_frame, open_bus
 from rrins.host_tools.dashboard.errors import DashboardError
 from rrins.host_tools.dashboard.page_orders import Order
 from rrins.host_tools.diag.target import Target
-from rrins.host_tools.diag.tester import REMEMBERED, Tester, TroubleReport
+from rrins.host_tools.diag.tester import Tester
+from rrins.host_tools.diag.trouble_table import REMEMBERED, TroubleReport
 from rrins.host_tools.diag.values import to_json
 from rrins.host_tools.errors import BusError
 from rrins.host_tools.files import JsonObject
