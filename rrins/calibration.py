@@ -141,9 +141,12 @@ def calibrate(
     RehearsalError
         One line: what went wrong. The unit then has its old calibration.
     """
-    kept = tempfile.TemporaryDirectory(prefix="rrins-") if folder is None else None
+    kept = None
+    if folder is None:
+        kept = tempfile.TemporaryDirectory(prefix="rrins-")
+        folder = kept.name
     order = Order(
-        Path(folder if kept is None else kept.name),
+        Path(folder),
         None if scenario is None else str(scenario),
         interface,
         channel,

@@ -224,7 +224,7 @@ def parity_of(result: RunResult) -> xr.Dataset:
             continue
         count = len(getattr(result.scenario.rimu, f"{kind}s"))
         is_used = (kept["sensors"][:, None] >> np.arange(count) & 1).astype(bool)
-        is_compared = kept["threshold"].any(axis=1)
+        is_compared = np.atleast_1d(kept["threshold"].any(axis=1))
         threshold = np.where(is_compared[:, None] & is_used, kept["threshold"][:, :count], np.nan)
         residual = np.where(np.isnan(threshold), np.nan, kept["residual"][:, :count])
         ratio = np.where(is_compared, kept["ratio"], np.nan)
@@ -236,7 +236,9 @@ def parity_of(result: RunResult) -> xr.Dataset:
             f"{kind}_threshold": (each, threshold / si, unit, f"threshold of the {kind}"),
         }
         sets.append(_of_seconds(result, "parity", kept["epoch"], found, count))
-    return sets[0].merge(*sets[1:], compat="no_conflicts", join="outer") if sets[1:] else sets[0]
+    if len(sets) == 1:
+        return sets[0]
+    return sets[0].merge(sets[1], compat="no_conflicts", join="outer")
 
 
 def increments_of(result: RunResult) -> xr.Dataset:

@@ -109,7 +109,7 @@ class Run:
 
     @cached_property
     def estimates(self) -> xr.Dataset:
-        """What the estimator knew of the sensors, second by second, and the protection levels.
+        """Estimates of the sensors' errors, second by second, and the protection levels.
 
         `gyro_bias` and `gyro_bias_sigma` (deg/h), `accelerometer_bias` and
         `accelerometer_bias_sigma` (ug) over `time` and `sensor`; with `[integrity]`
@@ -163,7 +163,7 @@ class Run:
 
     @cached_property
     def events(self) -> pd.DataFrame:
-        """What happened, in order of time: `time_s` since navigation began, `kind` and `text`.
+        """Events in order of time: `time_s` since navigation began, `kind` and `text`.
 
         `kind` is `fault`, `request`, `mode`, `outage`, `alarm`, `exclusion`, `readmission` or
         `finding`.

@@ -1,4 +1,4 @@
-"""What happened in a run, and when: faults, orders, modes, and what the firmware found."""
+"""Events of a run, and when they happened: faults, orders, modes, and what the firmware found."""
 
 from __future__ import annotations
 
