@@ -28,6 +28,9 @@ _LEAST_BATCHES = 4
 _LEAST = (0.5 * DPH, 40.0 * UG)
 """Below this a mean residual is the sensors' in-run instability; rad/s, m/s²."""
 
+_OF_INSTABILITY = 6.0
+"""Times the data sheet's bias instability, which wanders over the record by some twice its size."""
+
 _LEAST_SCATTER = (0.3 * DPH, 10.0 * UG)
 """Noise of a second that is never taken as less: counts of the frames."""
 
@@ -52,7 +55,11 @@ def trouble_of(unit: Unit, found: Estimate) -> str | None:
         if words:
             return words
     for kind, one, axes, least, given_of in kinds:
-        words = _changed(kind, one, axes, found, least, given_of)
+        limit = np.full(len(axes), least)
+        if unit.sheets is not None:
+            sheet = unit.sheets[0 if kind == "gyro" else 1]
+            limit = np.maximum(limit, _OF_INSTABILITY * np.array(sheet.bias_instability))
+        words = _changed(kind, one, axes, found, limit, given_of)
         if words:
             return words
     hidden = unseen(unit, found.information)
@@ -100,7 +107,7 @@ def _scatters(kind: str, one: SensorsEstimate, unit: Unit, found: Estimate) -> s
 
 
 def _changed(
-    kind: str, one: SensorsEstimate, axes: Axes, found: Estimate, least: float, given: Inputs
+    kind: str, one: SensorsEstimate, axes: Axes, found: Estimate, least: Floats, given: Inputs
 ) -> str | None:
     means, times, noise = batches(one, found)
     if len(means) < _LEAST_BATCHES:

@@ -152,7 +152,7 @@ class _Kind:
             change = np.diff(off[:, k])
             white = float(np.sqrt(0.5 * np.nanmean(change**2)))
             walk = 0.0 if self.sheet is None else self.sheet.rate_random_walk[k]
-            stated = 0.0 if self.sheet is None else self.sheet.bias_instability[k]
+            stated = None if self.sheet is None else self.sheet.bias_instability[k]
             rates = J / duration_s[:, None]
             self.instability[k] = instability_of(off[:, k], white, rates, times, stated)
             place = self.place(k, len(M))

