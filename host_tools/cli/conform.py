@@ -31,7 +31,7 @@ _MARKS = {"passed": "ok", "failed": "FAILED", "skipped": "-"}
 
 @dataclass(frozen=True)
 class _Mutation:
-    """What is to be changed, and how it is built."""
+    """A folder of sources, how they are built, and how many changes are tried."""
 
     mutate: Path | None
     build: str

@@ -1,4 +1,4 @@
-"""What a firmware sends in an epoch, compared with what our own one sends, signal by signal."""
+"""The frames of an epoch, compared with those of our own firmware signal by signal."""
 
 from __future__ import annotations
 

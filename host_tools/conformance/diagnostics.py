@@ -269,7 +269,7 @@ def uds_security(subject: Subject) -> None:
 
 @check("diagnostics.md#sessions-and-security", "UDS-4 UDS-5")
 def uds_access(subject: Subject) -> None:
-    """What changes the computer needs SecurityAccess, and every change of session locks it again.
+    """All that changes the computer needs SecurityAccess; a change of session locks it again.
 
     Writing is tried in the default session, locked, unlocked, and after each change of session; so
     are routines, input-output control and download.
@@ -283,7 +283,7 @@ def uds_access(subject: Subject) -> None:
         (write, "writing a parameter"),
         (b"\x31\x01\x02\x01", "repeating the self-test"),
         (b"\x31\x01\xff\x00", "erasing memory"),
-        (b"\x2f\x03\x01\x03\x00\x00\x00\x00", "controlling an output"),
+        (b"\x2f\x03\x11\x02", "controlling an output"),
         (b"\x34\x00\x44\x10\x00\x00\x00\x00\x00\x00\x10", "downloading"),
     )
     for request, what in changing:

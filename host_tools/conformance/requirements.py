@@ -50,7 +50,7 @@ RECEIVED: Final = (
     "AXIS_INNER_STATUS",
     "AXIS_OUTER_STATUS",
 )
-"""What every navigation computer receives."""
+"""Messages that every navigation computer receives, if it has the part."""
 
 SENT: Final = (
     "AXIS_INNER_COMMAND",
@@ -64,7 +64,7 @@ SENT: Final = (
     "NAV_ATTITUDE",
     "HEARTBEAT_FIRMWARE",
 )
-"""What every navigation computer sends."""
+"""Messages that every navigation computer sends."""
 
 _MODES, _IN, _OUT = "firmware.md#modes", "firmware.md#frames-in", "firmware.md#frames-out"
 _FUSION, _CLOCK = "firmware.md#fusion", "firmware.md#clock"
