@@ -364,6 +364,7 @@ class IntegrityTable(TypedDict, total=False):
     gnss_faults_per_h: float
     odometer_faults_per_h: float
     altimeter_faults_per_h: float
+    common_faults_per_h: float
     enabled: bool
 
 class ZeroVelocityTable(TypedDict, total=False):
@@ -567,6 +568,7 @@ class _Paths(TypedDict, total=False):
     integrity__gnss_faults_per_h: float
     integrity__odometer_faults_per_h: float
     integrity__altimeter_faults_per_h: float
+    integrity__common_faults_per_h: float
     integrity__enabled: bool
     paper__source: str
     paper__duration_s: float | None
@@ -947,6 +949,9 @@ class SharedKeys(_Paths, total=False):
     """Changes of its scale: slip, another tyre."""
     altimeter_faults_per_h: float
     """Changes of its bias beyond those of the weather."""
+    common_faults_per_h: float
+    """Of the scale of all gyros, or of all accelerometers, alike: by a supply, or the temperature.
+    1e-8: a few hundredths, as of IEC 61508-6, of a sensor's own changes of scale."""
 
 class TimedKeys(SharedKeys, total=False):
     """The same, with the duration."""

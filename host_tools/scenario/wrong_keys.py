@@ -8,9 +8,16 @@ from collections.abc import Iterator
 from typing import Union, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
+from pydantic_core import ErrorDetails
 
 from rrins.host_tools.scenario.fault_tables import KINDS
 
+_LIMITS = {
+    "gt": "greater than",
+    "ge": "greater than or equal to",
+    "lt": "less than",
+    "le": "less than or equal to",
+}
 _LONGEST_SHOWN = 100  # letters of a wrong value
 
 
@@ -44,9 +51,17 @@ def first_line(error: ValidationError, root: type[BaseModel]) -> str:
     elif first["type"] == "missing":
         text = f"{where}: is missing"
     else:
-        text = f"{where}: {first['msg'][0].lower()}{first['msg'][1:]}, got {_shown(first['input'])}"
+        text = f"{where}: {_reason(first)}, got {_shown(first['input'])}"
     others = error.error_count() - 1
     return f"{text} (and {others} more)" if others else text
+
+
+def _reason(error: ErrorDetails) -> str:
+    """Return pydantic's reason; limits in the shortest way."""
+    for limit, words in _LIMITS.items():
+        if limit in error.get("ctx", {}):
+            return f"input should be {words} {error['ctx'][limit]:.12g}"
+    return f"{error['msg'][0].lower()}{error['msg'][1:]}"
 
 
 def _shown(value: object) -> str:

@@ -369,7 +369,7 @@ def test_trouble_codes_are_read_and_cleared(navigating):
     expected = {
         t.number
         for t in table.TROUBLES
-        if t.group < 4 and t.needs not in ("altimeter", "gnss", "odometer")
+        if t.group < 4 and t.needs not in ("altimeter", "gnss", "odometer", "estimator")
     }
     assert {d.id for d in supported} == expected
 
