@@ -39,9 +39,12 @@ _OUT_OF_THE_WAY = 500  # the least number of a descriptor that no process was pr
 
 def write_no_pictures(folder: Path, pictures: Mapping[str, object]) -> list[Path]:
     """Write a tiny picture where `saving.write_pictures` writes pictures; return the paths."""
+    from rrins.host_tools.files import replacing
+
     paths = [folder / f"{name}.png" for name in pictures]
     for path in paths:
-        path.write_bytes(_NO_PICTURE)
+        with replacing(path) as part:
+            part.write_bytes(_NO_PICTURE)
     return paths
 
 

@@ -29,7 +29,7 @@ def test_the_covariance_of_a_scenario(tmp_path):
     assert found.sigma["east_m"].iloc[-1] == printed["sigma_m"]["east"]
     assert found.sigma.index[-1] == 60
     assert found.agrees is None
-    assert found.plot().axes[0].get_ylabel() == "σ east / m"
+    assert found.plot().axes[0].get_ylabel() == "σ of the position, east\n/ m"
     assert "share" in found._repr_html_()
     assert [path.name for path in found.save(tmp_path)] == ["covariance.csv", "covariance.png"]
 

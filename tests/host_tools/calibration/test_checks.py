@@ -65,7 +65,9 @@ def said_s(found: str | None) -> float:
     return float(re.findall(r"(\d+) s\b", found)[0])
 
 
-@pytest.mark.parametrize("at_s", [300.0, 900.0, 1400.0])
+@pytest.mark.parametrize(
+    "at_s", [900.0, *(pytest.param(one, marks=pytest.mark.soak) for one in (300.0, 1400.0))]
+)
 def test_a_change_is_told_at_its_time(sound: Seconds, at_s: float) -> None:
     for size in (5 * DPH, 0.3 * DPH):
         found = words(changed(sound, gyro=step(sound, size, 2, at_s)))
@@ -113,7 +115,7 @@ def test_too_little_time_is_told(sound: Seconds) -> None:
     assert found.startswith("too little time")
 
 
-@pytest.mark.parametrize("per_turn", [1.0, 2.0])
+@pytest.mark.parametrize("per_turn", [1.0, pytest.param(2.0, marks=pytest.mark.soak)])
 def test_a_wobble_that_the_table_is_known_for_is_found(per_turn: float) -> None:
     """Once a turn it is a turn of all sensors, and the installation is known no better."""
     table = {"turntable__wobble_arcsec": 5.0, "turntable__wobble_per_turn": per_turn}

@@ -25,6 +25,7 @@ def run(tmp_path, monkeypatch):
     return runner
 
 
+@pytest.mark.soak
 def test_geometries_stand_side_by_side(run, tmp_path):
     steps = ("--gyro", "50", "--accelerometer", "5000")
     said = run("--rimu", "tetrahedron", "--rimu", "cone", "--runs", "1", *steps)

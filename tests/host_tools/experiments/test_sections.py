@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 
 from rrins.host_tools.experiments.constants import ConstantSet
 from rrins.host_tools.experiments.figures import draw_bands
-from rrins.host_tools.experiments.sections import BAND_SEEDS, Distribution, FigureRow, figure
+from rrins.host_tools.experiments.sections import BAND_SEEDS, Distribution, FigureRow
+from rrins.host_tools.rounding import rounded
 from rrins.host_tools.scenario.scenario import load
 
 
@@ -76,7 +77,7 @@ def test_the_count_is_of_those_below(values, paper):
     ],
 )  # fmt: skip
 def test_numbers_are_shown_with_three_digits(value, shown):
-    assert figure(value) == shown
+    assert rounded(value) == shown
 
 
 # Sets of constants

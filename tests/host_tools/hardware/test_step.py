@@ -168,6 +168,10 @@ def test_what_a_firmware_sends_before_it_knows_the_epoch_is_not_counted(tools):
     frames = [tools.command("INNER", 5, 90.0)]
     assert growth(tools, frames, is_commanded=False) == (0, 0, AxisState.OFF)
     assert growth(tools, frames, epoch=1000) == (0, 0, AxisState.OFF)  # a second of silence
+    bench = tools.Bench()
+    for _ in range(40):
+        bench.step(frames)
+    assert bench.counters["counter_errors"] > 10  # one that is always wrong is found
 
 
 def test_the_first_of_two_commands_counts(tools):
