@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from typing import cast
 
@@ -16,6 +17,7 @@ from rrins.host_tools.bus.interface import RrinsBus
 from rrins.host_tools.bus.message import messages_of
 
 _POLL_S = 0.1
+_PAUSE_S = 0.002  # dozens of datagrams wait for one waking; the socket holds hundreds
 _BATCH = 4096
 
 _Batch = tuple[bytes, float]
@@ -53,7 +55,10 @@ class EmbeddedSource:
 
     def receive_batches(self) -> list[_Batch] | None:
         """Return the next frames as arrays, as `receive` does."""
-        batch = self._bus.recv_batch(self._frames, _POLL_S)
+        batch = self._bus.recv_batch(self._frames, 0.0)
+        if batch is None:
+            time.sleep(_PAUSE_S)
+            batch = self._bus.recv_batch(self._frames, _POLL_S)
         if batch is None:
             return None
         came = []

@@ -34,7 +34,7 @@ MOST_LETTERS = 200
 """Letters of a title at most."""
 
 _Angle = Annotated[float, Field(ge=-360, le=360)]
-_Weight = Annotated[float, Field(ge=1e-25, le=1e25)]
+_Weight = Annotated[float, Field(gt=0, le=1e25)]
 _WeightPerSensor = _Weight | tuple[_Weight, ...]
 
 

@@ -153,11 +153,11 @@ def test_a_variation_that_cannot_be_is_told_in_one_line():
             '[firmware]\nheight_channel = "damped"\n[altimeter]\nnois_m = 1',
             ["altimeter.nois_m: no such key, did you mean noise_m?"],
         ),
-        ("[thermal]\ntime_constant_s = 0", ["thermal.time_constant_s", "equal to 0.001"]),
+        ("[thermal]\ntime_constant_s = 0", ["thermal.time_constant_s", "0.001"]),
         ("[gyros]\nbias_instability_dph = -1", ["gyros.bias_instability_dph", "0"]),
         ("[gyros]\nbias_instability_dph = [1, -1, 0, 0]", ["gyros.bias_instability_dph.2"]),
         ("[gyros]\nlatency_ms = 26", ["gyros.latency_ms", "25"]),
-        ("[gyros]\nbandwidth_hz = 0", ["gyros.bandwidth_hz", "greater than or equal to 0.01"]),
+        ("[gyros]\nbandwidth_hz = 0", ["gyros.bandwidth_hz", "0.01"]),
         ("[accelerometers]\ng_sensitivity_dph_per_g = 1", ["accelerometers.g_sens", "no such key"]),
         (
             "[turntable]\ninner = { jerk_limit_dps3 = 0.1 }",
