@@ -42,6 +42,7 @@ def test_geometries_stand_side_by_side(run, tmp_path):
     assert (tmp_path / "out" / "redundancy" / "delays.png").exists()
 
 
+@pytest.mark.soak
 def test_runs_stand_beside_the_theory(run):
     options = ("--gyro", "50", "--accelerometer", "5000", "--runs", "1")
     result = json.loads(run("--rimu", "cone", *options, "--json"))
