@@ -105,8 +105,6 @@ class Sample:
 
     def sigma(self) -> Estimate:
         """Return the standard deviation."""
-        from scipy.special import ndtri, stdtrit
-
         values, count = self.values, len(self.values)
         if count < 2:
             return NOTHING
@@ -118,9 +116,7 @@ class Sample:
         centre = np.sort(values)[cut : count - cut].mean()
         kurtosis = count * float(np.sum((values - centre) ** 4)) / float(squares.sum()) ** 2
         effective = self._effective(squares)
-        z = -float(
-            stdtrit(self._units - 1, self._tail) if self._blocks is not None else ndtri(self._tail)
-        )
+        z = self._quantile(squares)
         small = self._units / (self._units - z)
         error = small * math.sqrt(max(kurtosis - (effective - 3) / effective, 0.0))
         half = z * error / math.sqrt(effective - 1.0)
@@ -166,6 +162,22 @@ class Sample:
         sums = np.bincount(self._blocks, scores - scores.mean())
         of_mean = self._units / (self._units - 1.0) * float(sums @ sums) / count**2
         return min(max(variance / max(of_mean, 1e-300), float(self._units)), float(count))
+
+    def _quantile(self, scores: Floats) -> float:
+        """Return by how many of its standard errors a mean of scores may be off.
+
+        Of blocks by Student's t, with the freedom of a χ² whose variance is that of the blocks'
+        (Satterthwaite, *Biometrics Bulletin* 2 (1946) 110): few of them may make most of it.
+        """
+        from scipy.special import ndtri, stdtrit
+
+        if self._blocks is None:
+            return -float(ndtri(self._tail))
+        sums, count = np.bincount(self._blocks, scores - scores.mean()), self._units
+        sums -= sums.mean()
+        kurtosis = count * float(np.sum(sums**4)) / float(sums @ sums) ** 2
+        freedom = min(2.0 * count / (kurtosis - (count - 3.0) / (count - 1.0)), count - 1.0)
+        return -float(stdtrit(freedom, self._tail))
 
     def _effective_below(self, known: Floats, share: float) -> int:
         """Return how many independent runs say as much of a percentile.

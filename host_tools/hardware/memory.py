@@ -367,6 +367,4 @@ class Plant(Record):
     readmissions: ReadmissionOrders
     standing: StandingTimes
     counters: FrameCounters
-    heard_epoch: I8  #: epoch after that of the last command; 0: none has come
-    grace_until: I8  #: epoch from which errors of commands' counters count
     heartbeats: I8  #: sent so far, for their counter

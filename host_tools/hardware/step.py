@@ -38,8 +38,6 @@ COMMAND_DELAY = 2
 a run in real time still equals one in lockstep."""
 
 _NS_PER_MS = 1_000_000
-_NS_PER_S = 1_000_000_000
-_GRACE_NS = 100_000_000
 
 
 @compiled
@@ -48,21 +46,16 @@ def _receive_command(
 ) -> None:
     """Store an axis command if it is valid and its epoch's commands have not taken effect yet.
 
-    Before its first SYNC a firmware does not know the epoch: of the first commands, and of those
-    after a silence of a second, up to 0.1 s of wrong ones do not count.
+    What a firmware has sent before it could know the epoch does not count.
     """
     if not crc_holds(frame, message.message):
         plant.counters.crc_errors += 1
         return
     age = (plant.epoch - counter_of(frame["data"])) % COUNTER_MODULUS
-    if (plant.epoch - plant.heard_epoch) * plant.period_ns > _NS_PER_S or plant.heard_epoch == 0:
-        plant.grace_until = plant.epoch + _GRACE_NS // plant.period_ns
-    plant.heard_epoch = plant.epoch + 1
     slot = axis.waiting[(plant.epoch - age) % 2]
-    if not 1 <= age <= COMMAND_DELAY or slot.valid:
-        plant.counters.counter_errors += plant.epoch >= plant.grace_until
+    if not 1 <= age <= min(COMMAND_DELAY, plant.epoch) or slot.valid:
+        plant.counters.counter_errors += plant.epoch >= COMMAND_DELAY
         return
-    plant.grace_until = plant.epoch
     keep_command(slot, axis, message, frame["data"])
 
 

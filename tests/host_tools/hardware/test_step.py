@@ -137,14 +137,11 @@ def test_a_command_of_another_epoch_is_refused(tools, late):
     assert moving_since(tools, 20, 20 + late) is None
 
 
-def growth(tools, frames, epoch=20, is_commanded=True):
+def growth(tools, frames, epoch=20):
     """Return what frames, taken in an epoch, add to crc and counter errors, and the axis state."""
     bench = tools.Bench()
-    for k in range(epoch):
-        if is_commanded and k == epoch // 2:
-            bench.commanded_step({"what": 0})
-        else:
-            bench.step()
+    for _ in range(epoch):
+        bench.step()
     bench.step(frames)
     for _ in range(3):
         state = bench.step()["AXIS_INNER_STATUS"]["state"]
@@ -164,14 +161,12 @@ def test_a_command_with_a_wrong_counter_is_counted_and_ignored(tools, counter):
     assert growth(tools, frames) == (0, 1, AxisState.OFF)
 
 
-def test_what_a_firmware_sends_before_it_knows_the_epoch_is_not_counted(tools):
-    frames = [tools.command("INNER", 5, 90.0)]
-    assert growth(tools, frames, is_commanded=False) == (0, 0, AxisState.OFF)
-    assert growth(tools, frames, epoch=1000) == (0, 0, AxisState.OFF)  # a second of silence
-    bench = tools.Bench()
-    for _ in range(40):
-        bench.step(frames)
-    assert bench.counters["counter_errors"] > 10  # one that is always wrong is found
+@pytest.mark.parametrize("epoch", [0, 1])
+@pytest.mark.parametrize("counter", range(15))
+def test_what_was_sent_before_the_first_sync_is_neither_used_nor_counted(tools, counter, epoch):
+    is_of_epoch_0 = (epoch, counter) == (1, 0)
+    found = growth(tools, [tools.command("INNER", counter, 90.0)], epoch)
+    assert found == (0, 0, AxisState.MOVING if is_of_epoch_0 else AxisState.OFF)
 
 
 def test_the_first_of_two_commands_counts(tools):

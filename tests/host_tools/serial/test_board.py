@@ -66,5 +66,5 @@ def test_a_command_is_used_until_the_second_epoch_after_its_own(
         assert faults["counter_errors"] == 0
         assert faults["missing_commands"] <= 4 * epochs_late
     else:
-        assert faults["counter_errors"] >= commands - 50  # 0.1 s does not count
+        assert faults["counter_errors"] >= commands
         assert faults["missing_commands"] >= commands
