@@ -20,7 +20,7 @@ FORMATS: Final = ("png", "svg", "pdf")
 
 _format: ContextVar[str] = ContextVar("picture format", default=FORMATS[0])
 
-_COLOURS = 128
+_COLOURS = 40
 
 
 @contextmanager
@@ -78,7 +78,7 @@ def png_of(picture: Figure) -> bytes:
     size = picture.canvas.get_width_height()
     image = Image.frombytes("RGBA", size, drawn.getvalue()).convert("RGB")
     few = image.quantize(_COLOURS, dither=Image.Dither.NONE)
-    few.save(packed, format="png", dpi=(picture.dpi, picture.dpi))
+    few.save(packed, format="png", optimize=True, dpi=(picture.dpi, picture.dpi))
     return packed.getvalue()
 
 

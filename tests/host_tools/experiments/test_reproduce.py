@@ -248,7 +248,7 @@ def test_the_pictures_are_files_as_well(reproduced):
     for path in folder.glob("*.png"):
         data = path.read_bytes()
         assert data.startswith(b"\x89PNG")
-        assert len(data) < 150_000
+        assert len(data) < 120_000
     assert {path.name for path in folder.iterdir()} - {f"{n}.png" for n in PICTURES} == {
         "report.html"
     }
