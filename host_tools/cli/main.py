@@ -48,6 +48,7 @@ _LOOK = {
     "dashboard": _Entry("dashboard", "Show a rehearsal or a log in a browser."),
     "tour": _Entry("tour", "Tell in five minutes what this is for."),
     "diag": _Entry("diag.diag", "Diagnose the navigation computer over UDS."),
+    "xcp": _Entry("xcp", "Measure and calibrate the navigation computer over XCP."),
     "record": _Entry("record", "Record a bus to a log file."),
     "import": _Entry("import_vehicle", "Convert the recording of a real vehicle to a log."),
     "replay": _Entry("replay", "Replay a log onto a bus or through the firmware."),
@@ -78,6 +79,7 @@ _EXTRAS = {
     "mcap": "mcap",
     "pandas": "data",
     "pyarrow": "tables",
+    "pyxcp": "xcp",
     "xarray": "data",
 }
 """Extras of the installation by the packages that they bring."""

@@ -367,6 +367,11 @@ class IntegrityTable(TypedDict, total=False):
     common_faults_per_h: float
     enabled: bool
 
+class XcpTable(TypedDict, total=False):
+    """Keys of `Xcp`."""
+
+    frames_per_s: int
+
 class ZeroVelocityTable(TypedDict, total=False):
     """Keys of `ZeroVelocity`."""
 
@@ -570,6 +575,7 @@ class _Paths(TypedDict, total=False):
     integrity__altimeter_faults_per_h: float
     integrity__common_faults_per_h: float
     integrity__enabled: bool
+    xcp__frames_per_s: int
     paper__source: str
     paper__duration_s: float | None
     paper__max_abs_position_error_m: EastNorthTable | None
@@ -626,6 +632,8 @@ class SharedKeys(_Paths, total=False):
     """The firmware's error-state Kalman filter."""
     integrity: IntegrityTable
     """Bounds of the navigation's error for a stated risk, and the rates of faults they assume."""
+    xcp: XcpTable | None
+    """The measurement and calibration protocol XCP of the firmware."""
     zero_velocity: Sequence[ZeroVelocityTable]
     """Times in which the operator says that the vehicle stands."""
     operator: Sequence[OperatorRequestTable]
@@ -952,6 +960,9 @@ class SharedKeys(_Paths, total=False):
     common_faults_per_h: float
     """Of the scale of all gyros, or of all accelerometers, alike: by a supply, or the temperature.
     1e-8: a few hundredths, as of IEC 61508-6, of a sensor's own changes of scale."""
+    frames_per_s: int
+    """Most frames of XCP that the navigation computer sends, responses and measured data. Unit:
+    s."""
 
 class TimedKeys(SharedKeys, total=False):
     """The same, with the duration."""
