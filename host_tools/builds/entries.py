@@ -53,3 +53,8 @@ def hardware_entry() -> Entry:
 def _choice(is_chosen: bool) -> Argument:
     """Return what a step takes for a part that is compiled in, or left out."""
     return Argument("", types.boolean, value=1) if is_chosen else Argument("", types.none)
+
+
+def entries_of(unit: str, variant: Variant) -> tuple[Entry, ...]:
+    """Return the entries of a unit: an object of its own."""
+    return {"firmware": (firmware_entry(variant),), "hardware": (hardware_entry(),)}[unit]

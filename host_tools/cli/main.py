@@ -41,6 +41,7 @@ _RUN = {
     "inject": _Entry("inject", "Inject a fault into a running rehearsal."),
     "scenarios": _Entry("scenarios", "List or show the built-in scenarios."),
     "conform": _Entry("conform", "Check a navigation computer of your own, rule by rule."),
+    "build": _Entry("build", "Build the steps as machine code for another processor."),
     "bench": _Entry("bench", "Measure what a rehearsal costs on this machine."),
 }
 _LOOK = {

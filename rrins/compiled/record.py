@@ -19,6 +19,8 @@ at fixed offsets. So ``state.clock.synchronised`` costs nothing and is still typ
 from __future__ import annotations
 
 import functools
+import inspect
+import re
 import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from types import CodeType
@@ -97,6 +99,21 @@ class Record:
             _member(cls, name, eval(_code_of(hint), module) if isinstance(hint, str) else hint)
             for name, hint in cls.__annotations__.items()
         )
+
+    @classmethod
+    def texts(cls) -> dict[str, str]:
+        """Return what the source says of the fields: the comments behind or above them."""
+        found: dict[str, str] = {}
+        above = ""
+        for line in inspect.getsource(cls).splitlines():
+            if line.startswith("    #: "):
+                above = f"{above} {line[7:]}".strip()
+                continue
+            field = _DECLARED.match(line)
+            if field is not None:
+                found[field["name"]] = field["text"] or above
+            above = ""
+        return found
 
     @classmethod
     def sized(cls, short: Callable[[type[Record], Member], bool]) -> np.dtype[np.void]:
@@ -185,6 +202,7 @@ def _code_of(annotation: str) -> CodeType:
     return compile(annotation, "<annotation>", "eval")
 
 
+_DECLARED = re.compile(r" {4}(?P<name>\w+): [^#]*(?:#: (?P<text>.*))?")
 _Field = tuple[str, str | np.dtype[Any], tuple[int, ...]]
 
 
