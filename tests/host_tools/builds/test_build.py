@@ -12,7 +12,7 @@ import pytest
 from rrins.host_tools.builds import toolchain
 from rrins.host_tools.builds.build import MANIFEST, Build, build
 from rrins.host_tools.builds.targets import TARGETS
-from rrins.host_tools.cli import build as command
+from rrins.host_tools.cli.unit import build as command
 from rrins.host_tools.scenario.scenario import Scenario, load
 from tests.host_tools.builds.steps import first_difference, shared_library
 
