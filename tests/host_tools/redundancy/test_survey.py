@@ -8,7 +8,7 @@ import math
 import numpy as np
 import pytest
 
-from rrins.host_tools.cli import redundancy_tables
+from rrins.host_tools.cli.redundancy import tables
 from rrins.host_tools.redundancy.candidates import candidates_of
 from rrins.host_tools.redundancy.monte_carlo import Delays, Fault, Trials
 from rrins.host_tools.redundancy.report import pair, shown, write
@@ -68,9 +68,9 @@ def test_theory_that_the_runs_do_not_show_is_doubted(study):
         assert survey.smallest_tried(of, group, "standing", 60) == 5.0
         delay = study.values()["candidates"][0]["gyros"]["groups"][1]["delays_s"][0]
         assert delay["theory_fails"] == ["standing"]
-        table = redundancy_tables.delay_table(study, survey, of, group)
+        table = tables.delay_table(study, survey, of, group)
         assert any("≠" in cell for column in table.columns for cell in column.cells)
-        assert redundancy_tables.lines_below(study)[0].startswith("≠: theory fails")
+        assert tables.lines_below(study)[0].startswith("≠: theory fails")
     finally:
         survey.trials = None
 

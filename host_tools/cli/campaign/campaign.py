@@ -107,7 +107,7 @@ def campaign(
     if len(action) == 2 and action[0] == "rerun" and action[1].isdecimal():
         _rerun(store, int(action[1]), options, place, as_json)
         return
-    from rrins.host_tools.cli import campaign_actions as actions
+    from rrins.host_tools.cli.campaign import actions
 
     match action:
         case ("report",):

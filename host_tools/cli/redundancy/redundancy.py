@@ -65,7 +65,7 @@ def redundancy(
     Carlo of whole runs, each with a fault that begins once the parity has been learned. Writes
     report.html and a picture.
     """
-    from rrins.host_tools.cli import redundancy_tables as tables
+    from rrins.host_tools.cli.redundancy import tables
     from rrins.host_tools.redundancy.candidates import candidates_of, title_of
     from rrins.host_tools.redundancy.report import write
     from rrins.host_tools.redundancy.survey import Study

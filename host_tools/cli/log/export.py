@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Literal
 
 import click
 
-from rrins.host_tools.cli.log_files import (
+from rrins.host_tools.cli.log.files import (
     log_argument,
     log_channel_option,
     print_reading,

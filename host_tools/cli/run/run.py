@@ -32,7 +32,7 @@ from rrins.host_tools.cli.options import (
     together,
 )
 from rrins.host_tools.cli.output import print_note, print_results
-from rrins.host_tools.cli.serial_options import nmea_options, serial_options
+from rrins.host_tools.cli.run.serial_options import nmea_options, serial_options
 from rrins.host_tools.errors import RehearsalError
 from rrins.host_tools.interruption import INTERRUPTED, heed_sigterm
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from rrins.host_tools.cli.completion import complete_scenarios
-from rrins.host_tools.cli.log_files import log_channel_option, print_reading
+from rrins.host_tools.cli.log.files import log_channel_option, print_reading
 from rrins.host_tools.cli.options import FOLDER, POSITIVE, json_option, option
 from rrins.host_tools.cli.output import counting, print_note, print_results
 from rrins.host_tools.interruption import heed_sigterm
@@ -91,7 +91,7 @@ def _of_scenario(
 def _of_log(
     path: Path, name: str | None, log_channel: str | None, target: dict[str, Any], as_json: bool
 ) -> Written:
-    from rrins.host_tools.cli.replay import scenario_of
+    from rrins.host_tools.cli.log.replay import scenario_of
     from rrins.host_tools.logs.fused_log import FusedLog
     from rrins.host_tools.logs.reader import Log
     from rrins.host_tools.vehicle.navigator_files import write

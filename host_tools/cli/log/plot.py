@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from rrins.host_tools.cli.log_files import (
+from rrins.host_tools.cli.log.files import (
     log_argument,
     log_channel_option,
     print_reading,

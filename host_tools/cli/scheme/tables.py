@@ -9,7 +9,7 @@ import numpy as np
 from rich.table import Table
 
 from rrins.firmware_py.core.settings import Scheme
-from rrins.host_tools.cli.scheme_observability import number
+from rrins.host_tools.cli.scheme.observability import number
 from rrins.host_tools.files import JsonObject
 from rrins.host_tools.rotation.analysis import Integrals, Variation
 from rrins.host_tools.rotation.closed_form import EQUATIONS

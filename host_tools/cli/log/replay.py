@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from rrins.host_tools.cli.log_files import (
+from rrins.host_tools.cli.log.files import (
     log_argument,
     log_channel_option,
     print_reading,

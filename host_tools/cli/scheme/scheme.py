@@ -13,7 +13,6 @@ from rich.table import Table
 
 from rrins.host_tools.calibration.search import SearchLimits
 from rrins.host_tools.calibration.turning_vehicle import compare
-from rrins.host_tools.cli import scheme_tables as tables
 from rrins.host_tools.cli.group import Group
 from rrins.host_tools.cli.options import (
     FILE,
@@ -28,8 +27,9 @@ from rrins.host_tools.cli.options import (
     rimu_option,
 )
 from rrins.host_tools.cli.output import make_folder, print_results, stepping
-from rrins.host_tools.cli.scheme_afterwards import afterwards
-from rrins.host_tools.cli.scheme_observability import (
+from rrins.host_tools.cli.scheme import tables
+from rrins.host_tools.cli.scheme.afterwards import afterwards
+from rrins.host_tools.cli.scheme.observability import (
     RateOptions,
     observability,
     rate_options,

@@ -14,7 +14,7 @@ from rrins.host_tools.cli.options import (
     seed_option,
 )
 from rrins.host_tools.cli.output import print_results, stepping, stopping
-from rrins.host_tools.cli.scheme_observability import number
+from rrins.host_tools.cli.scheme.observability import number
 from rrins.host_tools.files import JsonObject
 from rrins.host_tools.rotation.inputs import scheme_of
 from rrins.host_tools.terminal import new_table
