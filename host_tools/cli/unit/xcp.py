@@ -172,7 +172,7 @@ def record_signals(
     if recording.overloads or recording.torn:
         print_note(
             "samples are missing: the computer's share of the bus is used up; record fewer "
-            "signals, or every other epoch (--every 2), or raise xcp.frames_per_s"
+            "signals, or every other epoch (--every 2), or raise xcp.frames_hz"
         )
 
 

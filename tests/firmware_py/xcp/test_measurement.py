@@ -121,7 +121,7 @@ def test_prescaler_and_event_of_the_second(connected):
 
 
 def test_overload_leaves_whole_samples_out_and_is_told():
-    master = Master(Bench(xcp=XcpSettings(frames_per_s=400)))  # two in an epoch
+    master = Master(Bench(xcp=XcpSettings(frames_hz=400)))  # two in an epoch
     master.step()
     master.connect()
     started(master, (EPOCH, 4), (STEPS, 4), (STEPS, 7))
@@ -139,7 +139,7 @@ def test_overload_leaves_whole_samples_out_and_is_told():
 
 
 def test_lists_of_higher_priority_leave_first():
-    master = Master(Bench(xcp=XcpSettings(frames_per_s=400)))
+    master = Master(Bench(xcp=XcpSettings(frames_hz=400)))
     master.step()
     master.connect()
     for command in ("d6", "d5000200", "d400000002", "d400010002", "d30000000001", "d30000000101",
