@@ -76,15 +76,18 @@ def test_the_a2l_by_get_id_is_that_of_the_export(visit):
     assert visit.a2l == a2l_text(SCENARIO.period_ns)
 
 
-def test_every_value_is_that_of_the_memory_in_its_epoch(visit):
-    recording = visit.recording
+def check_values(recording: Recording, rehearsed: Rehearsed, seconds: float) -> None:
     epochs = recording.values["epoch"]
-    assert recording.count == round(SECONDS * SCENARIO.rate_hz)
+    assert recording.count == round(seconds * SCENARIO.rate_hz)
     assert np.all(np.diff(epochs) == 1)
     assert np.array_equal(np.rint(recording.time_s * SCENARIO.rate_hz), epochs)
     for k, epoch in enumerate(epochs.tolist()):
         row = b"".join(column[k].tobytes() for column in recording.values.values())
-        assert row == visit.rehearsed.watched[epoch]
+        assert row == rehearsed.watched[epoch]
+
+
+def test_every_value_is_that_of_the_memory_in_its_epoch(visit):
+    check_values(visit.recording, visit.rehearsed, SECONDS)
 
 
 def test_nothing_is_missing_and_the_load_is_told(visit):
@@ -129,3 +132,22 @@ def test_without_the_table_nobody_answers():
 def test_without_a_bus_there_is_no_master():
     with pytest.raises(BusError, match="not running"):
         XcpMaster(Address("rrins", "xcp-nobody"))
+
+
+@pytest.mark.soak
+@pytest.mark.timeout(1800)
+def test_six_hundred_seconds_of_twenty_signals_are_whole():
+    scenario = SCENARIO.varied(duration_s=900.0)
+    recordings: list[Recording] = []
+
+    def guest(address: Address) -> None:
+        with XcpMaster(address, timeout_s=60.0) as master:
+            recordings.append(record(master, SIGNALS, 600.0))
+
+    watch = [(signal.address, signal.size) for signal in SIGNALS]
+    rehearsed = rehearse(scenario, guest, watch)
+    (recording,) = recordings
+    check_values(recording, rehearsed, 600.0)
+    assert recording.overloads == recording.torn == 0
+    alone = run_without_frames(scenario.varied(xcp=None))
+    assert rehearsed.firmware.trace.sha256() == alone.firmware["navigation_sha256"]
