@@ -185,7 +185,7 @@ def _leave_out_asammdf(arguments: Sequence[str]) -> None:
     file extension decides the format.
     """
     if not any(".mf4" in argument.lower() for argument in arguments):
-        sys.modules.setdefault("asammdf", None)  # type: ignore[arg-type]
+        sys.modules.setdefault("asammdf", None)  # type: ignore[arg-type]  # as Python marks one
 
 
 def main(words: Sequence[str] | None = None) -> None:
