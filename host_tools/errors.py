@@ -61,6 +61,12 @@ class MisleadingError(RehearsalError):
     exit_status = 14
 
 
+class BuildError(RehearsalError):
+    """Machine code for a target that cannot be made or linked here."""
+
+    exit_status = 15
+
+
 class ConformanceError(RehearsalError):
     """A navigation computer that does not do what this bus demands."""
 

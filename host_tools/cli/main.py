@@ -41,6 +41,7 @@ _RUN = {
     "inject": _Entry("run.inject", "Inject a fault into a running rehearsal."),
     "scenarios": _Entry("run.scenarios", "List or show the built-in scenarios."),
     "conform": _Entry("unit.conform", "Check a navigation computer of your own, rule by rule."),
+    "build": _Entry("unit.build", "Build the steps as machine code for another processor."),
     "bench": _Entry("run.bench", "Measure what a rehearsal costs on this machine."),
 }
 _LOOK = {
@@ -89,6 +90,7 @@ _EXTRAS = {
     "pandas": "data",
     "pyarrow": "tables",
     "xarray": "data",
+    "ziglang": "build",
 }
 """Extras of the installation by the packages that they bring."""
 
