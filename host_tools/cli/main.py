@@ -49,6 +49,7 @@ _LOOK = {
     "dashboard": _Entry("bus.dashboard", "Show a rehearsal or a log in a browser."),
     "tour": _Entry("run.tour", "Tell in five minutes what this is for."),
     "diag": _Entry("diag.diag", "Diagnose the navigation computer over UDS."),
+    "xcp": _Entry("unit.xcp", "Measure and calibrate the navigation computer over XCP."),
     "record": _Entry("bus.record", "Record a bus to a log file."),
     "import": _Entry("vehicle.import_vehicle", "Convert the recording of a real vehicle to a log."),
     "replay": _Entry("log.replay", "Replay a log onto a bus or through the firmware."),
@@ -89,6 +90,7 @@ _EXTRAS = {
     "mcap": "mcap",
     "pandas": "data",
     "pyarrow": "tables",
+    "pyxcp": "xcp",
     "xarray": "data",
     "ziglang": "build",
 }
