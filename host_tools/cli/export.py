@@ -1,4 +1,4 @@
-"""`rrins export`: export a log as tables."""
+"""`rrins export`: a log, or what describes bus and computer, as files for other tools."""
 
 from __future__ import annotations
 
@@ -8,13 +8,10 @@ from typing import TYPE_CHECKING, Literal
 
 import click
 
-from rrins.host_tools.cli.log_files import (
-    log_argument,
-    log_channel_option,
-    print_reading,
-)
+from rrins.host_tools.cli.log_files import log_channel_option, print_reading
 from rrins.host_tools.cli.options import PATH, json_option, option
 from rrins.host_tools.cli.output import counting, print_note, print_results
+from rrins.host_tools.descriptions.writing import DESCRIPTIONS, write_description
 from rrins.host_tools.interruption import heed_sigterm
 
 if TYPE_CHECKING:
@@ -26,8 +23,8 @@ _FORMATS: tuple[Format, ...] = ("parquet", "csv", "mcap")
 
 
 @click.command()
-@log_argument
-@click.argument("out", metavar="OUT", type=PATH)
+@click.argument("log", metavar="[FILE]", type=PATH, required=False)
+@click.argument("out", metavar="OUT", type=PATH, required=False)
 @option(
     "--format file_format",
     "Tables, or one MCAP file for Foxglove and others.  [default: mcap for an OUT that ends so, "
@@ -37,17 +34,29 @@ _FORMATS: tuple[Format, ...] = ("parquet", "csv", "mcap")
 @log_channel_option
 @json_option
 def export(
-    log: Path,
-    out: Path,
+    log: Path | None,
+    out: Path | None,
     file_format: Format | None,
     log_channel: str | None,
     as_json: bool,
 ) -> None:
-    """Write the log FILE as tables, one per message, into the folder OUT; or as MCAP to OUT.mcap.
+    """Write the log FILE as tables, one per message, into the folder OUT; or as one file.
 
     The ending of OUT chooses: .mcap is a file, anything else a folder.
+
+    Without a log, OUT describes bus and computer to other tools: .pdx has the diagnosis (ODX).
     """
     from rrins.host_tools.logs.reader import Log
+
+    if log is None:
+        raise click.UsageError("Missing argument 'OUT'.")
+    if out is None or out.suffix.lower() in DESCRIPTIONS:
+        if out is not None:
+            raise click.UsageError(f"{out} describes bus and computer: it is made without a log")
+        if file_format is not None or log_channel is not None:
+            raise click.UsageError("--format and --log-channel are for logs")
+        _describe(log, as_json)
+        return
 
     file_format = _format_of(out, file_format)
     heed_sigterm()
@@ -56,6 +65,16 @@ def export(
         _export_mcap(source, out, as_json)
     else:
         _export_tables(source, out, file_format, as_json)
+
+
+def _describe(path: Path, as_json: bool) -> None:
+    """Write what describes bus and computer."""
+    what = DESCRIPTIONS.get(path.suffix.lower())
+    if what is None:
+        endings = ", ".join(DESCRIPTIONS)
+        raise click.UsageError(f"{path}: a log needs an OUT; without a log OUT ends in {endings}")
+    write_description(path)
+    print_results(as_json, {"file": str(path), "describes": what}, [f"{path}: {what}"])
 
 
 def _format_of(out: Path, wanted: Format | None) -> Format:
