@@ -48,7 +48,7 @@ from odxtools.unitspec import UnitSpec
 from rrins.firmware_py.core.records.troubles import Status
 from rrins.firmware_py.diagnostics import table
 from rrins.firmware_py.diagnostics.codecs import Field
-from rrins.host_tools.descriptions.exchanges import (
+from rrins.host_tools.diag.exchanges import (
     EXTENDED_DATA,
     IDENTIFIERS,
     Bytes,
@@ -65,7 +65,7 @@ _NUMBERS = {"u": DataType.A_UINT32, "i": DataType.A_INT32}
 _FLOATS = {"f32": DataType.A_FLOAT32, "f64": DataType.A_FLOAT64}
 _HALF = 32  # bits: the longest integer of ODX
 _TEXT = DataType.A_UNICODE2STRING
-_UNIT_NAMES = {"°": "deg", "µ": "u", "″": "arcsec", "%": "percent", "/": "_per_", " ": "_"}
+_UNIT_NAMES = {"°": "deg", "µ": "u", "″": "arcsec", "%": "percent", "/": "_per_"}
 
 
 def described(text: str) -> Description | None:
@@ -487,4 +487,4 @@ def _limits(field: Field, kind: DataType) -> InternalConstr | None:
 def _unit_name(text: str) -> str:
     for sign, name in _UNIT_NAMES.items():
         text = text.replace(sign, name)
-    return f"unit_{text}" if text[:1].isdigit() else text
+    return text

@@ -37,7 +37,7 @@ from rrins.host_tools.descriptions.communication import (
     protocol_stack,
 )
 from rrins.host_tools.descriptions.dictionary import Dictionary, described
-from rrins.host_tools.descriptions.exchanges import Constant, Exchange, exchanges
+from rrins.host_tools.diag.exchanges import Constant, Exchange, exchanges
 from rrins.host_tools.files import replacing
 
 CONTAINER = "rrins"

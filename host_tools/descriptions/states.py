@@ -14,7 +14,7 @@ from odxtools.statetransitionref import StateTransitionRef
 
 from rrins.firmware_py.diagnostics import table
 from rrins.firmware_py.diagnostics.access import Session
-from rrins.host_tools.descriptions.exchanges import Exchange
+from rrins.host_tools.diag.exchanges import Exchange
 
 _SESSION, _LOCK = "session", "lock"
 _LOCKED, _UNLOCKED = "locked", "unlocked"

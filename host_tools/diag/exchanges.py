@@ -134,7 +134,7 @@ def _with_subfunctions() -> Iterator[Exchange]:
     response: dict[int, tuple[Part, ...]] = {
         0x10: (
             Field("p2_ms", "u16", "ms", text="P2server_max"),
-            Field("p2_star_10ms", "u16", "10 ms", text="P2*server_max"),
+            Field("p2_star_10ms", "u16", text="P2*server_max, in steps of 10 ms"),
         )
     }
     for number in _QUIET:
