@@ -40,7 +40,7 @@ MANIFEST = "manifest.json"
 
 @dataclass(frozen=True)
 class Build:
-    """What was built.
+    """The files of a build, and their sizes.
 
     Attributes
     ----------

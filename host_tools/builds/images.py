@@ -23,7 +23,7 @@ _Image = np.ndarray[Any, np.dtype[np.void]]
 
 @dataclass(frozen=True)
 class Images:
-    """What the steps work on.
+    """The memories that the steps work on.
 
     Attributes
     ----------
