@@ -53,7 +53,7 @@ _LOOK = {
     "record": _Entry("bus.record", "Record a bus to a log file."),
     "import": _Entry("vehicle.import_vehicle", "Convert the recording of a real vehicle to a log."),
     "replay": _Entry("log.replay", "Replay a log onto a bus or through the firmware."),
-    "export": _Entry("log.export", "Write a log as Parquet or CSV tables, or as MCAP."),
+    "export": _Entry("log.export", "Write a log, or what describes the bus, for other tools."),
     "increments": _Entry(
         "vehicle.increments", "Write fused increments and truth for other navigators."
     ),
@@ -88,6 +88,7 @@ _EXTRAS = {
     "SALib": "campaign",
     "distributed": "dask",
     "mcap": "mcap",
+    "odxtools": "odx",
     "pandas": "data",
     "pyarrow": "tables",
     "pyxcp": "xcp",
@@ -189,7 +190,7 @@ def _leave_out_asammdf(arguments: Sequence[str]) -> None:
     file extension decides the format.
     """
     if not any(".mf4" in argument.lower() for argument in arguments):
-        sys.modules.setdefault("asammdf", None)  # type: ignore[arg-type]
+        sys.modules.setdefault("asammdf", None)  # type: ignore[arg-type]  # as Python marks one
 
 
 def main(words: Sequence[str] | None = None) -> None:

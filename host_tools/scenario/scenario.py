@@ -61,7 +61,7 @@ from rrins.host_tools.scenario.wrong_keys import first_line
 _NAVIGATE = {"strapdown": "NAVIGATE_STRAPDOWN", "rotating": "NAVIGATE_ROTATING"}
 
 
-class _InOneLine(type(TomlTable)):  # type: ignore[misc]
+class _InOneLine(type(TomlTable)):  # type: ignore[misc]  # pydantic's has no public name
     """Makes a wrong key of a call one line, too."""
 
     if not TYPE_CHECKING:

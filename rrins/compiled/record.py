@@ -179,7 +179,7 @@ if TYPE_CHECKING:
     class Records(np.ndarray[tuple[int, ...], np.dtype[np.void]], Generic[R]):
         """An array of records: an index selects a record, a name that field of all records."""
 
-        @overload  # type: ignore[override]
+        @overload  # type: ignore[override]  # numpy takes more keys
         def __getitem__(self, key: Whole | tuple[int, int], /) -> R: ...
         @overload
         def __getitem__(self, key: str, /) -> NDArray[Any]: ...
@@ -187,7 +187,7 @@ if TYPE_CHECKING:
         def __getitem__(self, key: slice | tuple[int, slice] | _Choice, /) -> Records[R]: ...
         def __getitem__(self, key: object, /) -> object: ...
         def __iter__(self) -> Iterator[R]: ...
-        def copy(self) -> Records[R]:  # type: ignore[override]
+        def copy(self) -> Records[R]:  # type: ignore[override]  # no order
             """Return a copy."""
 
 else:

@@ -17,6 +17,7 @@ from rrins.host_tools.cli.options import (
     workers_option,
 )
 from rrins.host_tools.cli.output import make_folder, print_results, stepping, stopping
+from rrins.host_tools.rounding import rounded
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -103,7 +104,8 @@ def _lines(study: Study, commands: dict[int, str]) -> list[str]:
     beyond = len(study.misleading_beyond)
     levels = ", ".join(f"{name} {shown(value)}" for name, value in study.over_sigma().items())
     lines = [
-        f"{len(study.misleading)} of {len(study.results)} cases misleading in {study.hours:.3g} h: "
+        f"{len(study.misleading)} of {len(study.results)} cases misleading in "
+        f"{rounded(study.hours)} h: "
         f"{shown(rate.value)} per hour by the prior rates, 95 %: {shown(rate.low)} to "
         f"{shown(rate.high)}; stated {shown(study.risk_per_h)}",
         f"{beyond} more by faults that the unit assumes never to happen (rate 0)",

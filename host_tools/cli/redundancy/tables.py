@@ -9,9 +9,10 @@ import numpy as np
 from rich.table import Table
 
 from rrins.host_tools.redundancy.monte_carlo import Delays
-from rrins.host_tools.redundancy.report import WORDS, pair, shown
+from rrins.host_tools.redundancy.report import WORDS, delay, given, pair
 from rrins.host_tools.redundancy.survey import WITHIN_S, Group, Set, Study, Survey
 from rrins.host_tools.redundancy.theory import HALF, MOST, WAYS
+from rrins.host_tools.rounding import rounded
 from rrins.host_tools.terminal import new_table
 
 _HEAD_LETTERS = 13
@@ -44,7 +45,7 @@ def smallest_table(study: Study, number: int) -> Table:
         for within_s in WITHIN_S:
             cells = [pair(*group.smallest[way][within_s]) for _, _, group in columns]
             for k, (survey, one, group) in enumerate(columns):
-                cells[k] += f"; {shown(survey.smallest_tried(one, group, way, within_s))}"
+                cells[k] += f"; {given(survey.smallest_tried(one, group, way, within_s))}"
             last = within_s == WITHIN_S[-1]
             table.add_row(f"{WORDS[way]}, {within_s} s", *cells, end_section=last)
     return table
@@ -67,9 +68,9 @@ def side_by_side_table(study: Study, number: int) -> Table:
                 at = int(abs(group.sizes - size).argmin())
                 tried = survey.tried(one, group, size)
                 sign = _sign(survey, one, group, size, way)
-                runs = "" if tried is None else f"{sign}{shown(tried.quantile(way, HALF))}"
-                cells.append(shown(group.delays[way][at][0]) + runs)
-            table.add_row(f"{WORDS[way]}, {shown(size)}", *cells, end_section=size == sizes[-1])
+                runs = "" if tried is None else f"{sign}{delay(tried.quantile(way, HALF))}"
+                cells.append(delay(group.delays[way][at][0]) + runs)
+            table.add_row(f"{WORDS[way]}, {given(size)}", *cells, end_section=size == sizes[-1])
     return table
 
 
@@ -97,7 +98,7 @@ def delay_table(study: Study, survey: Survey, one: Set, group: Group) -> Table:
                 cells.append(_sign(survey, one, group, size, way).strip(" /") + figures)
         if delays is not None:
             cells.append(f"{delays.wrong} of {delays.right + delays.wrong}")
-        table.add_row(shown(size), *cells)
+        table.add_row(given(size), *cells)
     return table
 
 
@@ -129,10 +130,10 @@ def lines_below(study: Study) -> list[str]:
         promised = survey.candidate.scenario.redundancy.false_alarms_per_1000_h
         finder = survey.sets[0].finder
         line = (
-            f"{survey.candidate.name}: {shown(promised)} false alarms in 1000 h promised, so "
+            f"{survey.candidate.name}: {given(promised)} false alarms in 1000 h promised, so "
             f"{finder.second_factor:.2f} σ, below a second {finder.epoch_factor:.2f} σ"
         )
         if survey.trials is not None:
-            line += f"; {survey.trials.alarms} in {survey.trials.sound_h:.3g} h of runs"
+            line += f"; {survey.trials.alarms} in {rounded(survey.trials.sound_h)} h of runs"
         lines.append(line)
     return lines

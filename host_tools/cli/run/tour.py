@@ -14,6 +14,7 @@ import click
 from rrins.host_tools.cli.options import PORT, flag, option
 from rrins.host_tools.cli.output import print_note
 from rrins.host_tools.interruption import heed_sigterm
+from rrins.host_tools.rounding import rounded
 
 if TYPE_CHECKING:
     from rrins.host_tools.dashboard.tour import Step
@@ -110,7 +111,7 @@ def _print_step(number: str, step: Step, kept: dict[str, str]) -> None:
 
 def _error(bench: Bench) -> str:
     east, north = bench.errors_m()
-    return f"{(east**2 + north**2) ** 0.5:.3g} m"
+    return f"{rounded((east**2 + north**2) ** 0.5)} m"
 
 
 def _play(bench: Bench, step: Step) -> None:

@@ -14,9 +14,9 @@ from rrins.host_tools.cli.options import (
     seed_option,
 )
 from rrins.host_tools.cli.output import print_results, stepping, stopping
-from rrins.host_tools.cli.scheme.observability import number
 from rrins.host_tools.files import JsonObject
 from rrins.host_tools.rotation.inputs import scheme_of
+from rrins.host_tools.rounding import coarse
 from rrins.host_tools.terminal import new_table
 
 _THREE_HOURS_S = 10_800.0
@@ -56,7 +56,7 @@ def _table(found: tuple[Afterwards, ...], runs: int) -> Table:
     table = new_table(f"Position error, median of {runs} units / m", "", *VARIANTS)
     for one in found:
         for word, values in (("largest", one.largest_m), ("at the end", one.end_m)):
-            cells = [number(value) for value in np.median(values, axis=0)]
+            cells = [coarse(value) for value in np.median(values, axis=0)]
             table.add_row(f"{one.scenario}, {word}", *cells)
     return table
 

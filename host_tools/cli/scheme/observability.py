@@ -27,7 +27,7 @@ from rrins.host_tools.cli.options import (
 from rrins.host_tools.cli.output import print_results, stepping, stopping
 from rrins.host_tools.files import JsonObject
 from rrins.host_tools.rotation.inputs import NamedScheme, rimu_table, scheme_of
-from rrins.host_tools.rounding import rounded
+from rrins.host_tools.rounding import coarse
 from rrins.host_tools.scenario.geometry import GEOMETRIES
 from rrins.host_tools.terminal import new_table
 
@@ -78,11 +78,6 @@ def _unit_for(geometry: str | None) -> tuple[Unit, JsonObject]:
     """Return a unit of a geometry, and the table `[rimu]` of it."""
     table = rimu_table(geometry or "tetrahedron")
     return unit_of(drawn_unit(1, table)), table
-
-
-def number(value: float) -> str:
-    """Return a figure with two digits or three."""
-    return rounded(value, 2 if value < 10 else 3)
 
 
 @click.command("observability")
@@ -149,10 +144,10 @@ def _table(title: str, found: Observability, tried: tuple[Errors, Errors] | None
         cells = [word]
         for kind in (0, 1):
             sigma, wanted = found.rms[kind][row], LIMITS[kind][row]
-            cells += [number(sigma) + (MARK if sigma > wanted else ""), number(wanted)]
+            cells += [coarse(sigma) + (MARK if sigma > wanted else ""), coarse(wanted)]
             if tried:
                 one = tried[kind]
-                cells += [number(one.median_rms[row]), f"{one.normalised[row]:.2f}"]
+                cells += [coarse(one.median_rms[row]), f"{one.normalised[row]:.2f}"]
             cells.append(units[kind])
         table.add_row(*cells)
     return table
@@ -162,8 +157,8 @@ def _lines(found: Observability, runs: int, tried: tuple[Errors, Errors] | None)
     base = found.base_sigma
     yield f"{MARK.strip()}: σ beyond what is wanted"
     yield (
-        f"σ of the base's attitude {number(base[0])}″, {number(base[1])}″, azimuth "
-        f"{number(base[2])}″; of the axes' squareness {number(base[3])}″"
+        f"σ of the base's attitude {coarse(base[0])}″, {coarse(base[1])}″, azimuth "
+        f"{coarse(base[2])}″; of the axes' squareness {coarse(base[3])}″"
     )
     if tried:
         yield (

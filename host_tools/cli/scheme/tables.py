@@ -9,7 +9,6 @@ import numpy as np
 from rich.table import Table
 
 from rrins.firmware_py.core.settings import Scheme
-from rrins.host_tools.cli.scheme.observability import number
 from rrins.host_tools.files import JsonObject
 from rrins.host_tools.rotation.analysis import Integrals, Variation
 from rrins.host_tools.rotation.closed_form import EQUATIONS
@@ -18,7 +17,7 @@ from rrins.host_tools.rotation.errors import ERRORS
 from rrins.host_tools.rotation.inputs import NamedRimu, NamedScheme
 from rrins.host_tools.rotation.search import Candidate, SearchResult
 from rrins.host_tools.rotation.travel import AxisTravel, travel_of
-from rrins.host_tools.rounding import rounded
+from rrins.host_tools.rounding import coarse, rounded
 from rrins.host_tools.terminal import new_table
 
 _PREFIXES = ((1.0, 1.0, ""), (1e-3, 1e3, "m"), (1e-6, 1e6, "µ"), (0.0, 1e9, "n"))
@@ -151,7 +150,7 @@ def drive_table(found: Sequence[JsonObject], routes: int) -> Table:
     title = f"σ of the position at the end of the drive, rms of {routes} routes / m"
     table = new_table(title, "", *_DRIVE_COLUMNS.values())
     for one in found:
-        table.add_row(one["scheme"], *(number(one[key]) for key in _DRIVE_COLUMNS))
+        table.add_row(one["scheme"], *(coarse(one[key]) for key in _DRIVE_COLUMNS))
     return table
 
 
