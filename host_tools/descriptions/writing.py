@@ -7,6 +7,10 @@ from pathlib import Path
 
 DESCRIPTIONS: Mapping[str, str] = {
     ".pdx": "diagnosis: ODX",
+    ".dbc": "bus contract: DBC, as the project uses it",
+    ".arxml": "bus contract: AUTOSAR 4 system description",
+    ".kcd": "bus contract: KCD, of Kayak",
+    ".sym": "bus contract: SYM, of PCAN tools",
 }
 """What a file with an ending describes, and how."""
 
@@ -22,6 +26,11 @@ def write_description(path: Path) -> None:
         If a package is missing.
     """
     assert path.suffix.lower() in DESCRIPTIONS, path
-    from rrins.host_tools.descriptions.pdx import write_pdx
+    if path.suffix.lower() == ".pdx":
+        from rrins.host_tools.descriptions.pdx import write_pdx
 
-    write_pdx(path)
+        write_pdx(path)
+    else:
+        from rrins.host_tools.descriptions.dialects import write_dialect
+
+        write_dialect(path)
