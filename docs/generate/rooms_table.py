@@ -38,6 +38,7 @@ GUIDES = {
     "host_tools/campaigns": "campaigns.md",
     "host_tools/covariance": "covariance.md",
     "host_tools/dashboard": "dashboard.md",
+    "host_tools/descriptions": "files-for-tools.md",
     "host_tools/diag": "diag.md",
     "host_tools/experiments": "experiments/index.md",
     "host_tools/hardware": "error-model.md",

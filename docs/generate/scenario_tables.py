@@ -23,7 +23,7 @@ from rrins.host_tools.hardware.tables import (
 )
 from rrins.host_tools.hardware.units import split
 from rrins.host_tools.scenario.schema import meaning
-from rrins.host_tools.scenario.tables import Gnss, Integrity, Master
+from rrins.host_tools.scenario.tables import Gnss, Integrity, Master, Xcp
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "scenarios.md"
 
@@ -129,6 +129,7 @@ def tables() -> dict[str, str]:
         "axis": keys_of(Axis),
         "turntable": keys_of(Turntable),
         "integrity": keys_of(Integrity),
+        "xcp": keys_of(Xcp),
     }
 
 

@@ -109,8 +109,9 @@ class OdometerSettings(_Checked):
 class XcpSettings(_Checked):
     """The measurement and calibration protocol XCP."""
 
-    frames_per_s: int = Field(default=6000, ge=100, le=100_000)
-    """Most frames of XCP that the navigation computer sends, responses and measured data."""
+    frames_hz: int = Field(default=6000, ge=100, le=100_000)
+    """Most frames of XCP that the navigation computer sends in a second, responses and measured
+    data."""
 
 
 class Keys(_Checked):

@@ -97,8 +97,9 @@ def _fields(kind: type[Record], path: str, address: int) -> Iterator[MemoryField
                 _ENUMERATIONS.get(named[1]) if named else None,
             )  # fmt: skip
         elif dtype.shape:
-            for k in range(dtype.shape[0]):
-                yield from _fields(inner, f"{path}{name}.{k}.", at + k * inner.dtype.itemsize)
+            for k, index in enumerate(np.ndindex(dtype.shape)):
+                place = ".".join(map(str, (name, *index)))
+                yield from _fields(inner, f"{path}{place}.", at + k * inner.dtype.itemsize)
         else:
             yield from _fields(inner, f"{path}{name}.", at)
 

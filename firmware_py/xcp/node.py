@@ -97,7 +97,7 @@ class Xcp:
     @staticmethod
     def capacity(settings: XcpSettings | None, period_ns: int) -> int:
         """Return the most frames that `run` adds to an epoch."""
-        return 0 if settings is None else max(1, settings.frames_per_s * period_ns // _NS_PER_S)
+        return 0 if settings is None else max(1, settings.frames_hz * period_ns // _NS_PER_S)
 
     def power_on(self) -> None:
         """Begin anew after a reset."""

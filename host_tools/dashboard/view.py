@@ -11,7 +11,7 @@ import numpy as np
 from rrins.compiled.record import Floats
 from rrins.host_tools.dashboard import events, quantities
 from rrins.host_tools.dashboard.bus_table import state_of
-from rrins.host_tools.dashboard.diagnosis import event_of
+from rrins.host_tools.dashboard.diagnosis import DiagnosisEvents
 from rrins.host_tools.dashboard.history import History
 from rrins.host_tools.dashboard.now import Since
 from rrins.host_tools.dashboard.quantities import NAMES, Quantities, SchemeAngles
@@ -71,6 +71,7 @@ class View:
         self.row: Floats = np.full(len(NAMES), math.nan)
         self.time_s = 0.0
         self._dialogue = Dialogue(watch, Trace())
+        self._diagnosis = DiagnosisEvents()
         self._sampled = quantities.rows_of(quantities.SAMPLED)
         self._rows = np.concatenate([self._sampled, quantities.rows_of(events.SIGNALS)])
         self._quantities = self._new_quantities()
@@ -107,7 +108,7 @@ class View:
     def hear(self) -> None:
         """Add what was said in diagnosis to the events."""
         for one in self._dialogue.look():
-            event = event_of(one.sender, one.text, one.is_warning)
+            event = self._diagnosis.event_of(one)
             if event is not None:
                 self.log.add(one.time_s, *event)
 

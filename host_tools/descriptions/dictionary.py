@@ -48,6 +48,7 @@ from odxtools.unitspec import UnitSpec
 from rrins.firmware_py.core.records.troubles import Status
 from rrins.firmware_py.diagnostics import table
 from rrins.firmware_py.diagnostics.codecs import Field
+from rrins.host_tools.descriptions.names import unit_name
 from rrins.host_tools.diag.exchanges import (
     EXTENDED_DATA,
     IDENTIFIERS,
@@ -65,7 +66,6 @@ _NUMBERS = {"u": DataType.A_UINT32, "i": DataType.A_INT32}
 _FLOATS = {"f32": DataType.A_FLOAT32, "f64": DataType.A_FLOAT64}
 _HALF = 32  # bits: the longest integer of ODX
 _TEXT = DataType.A_UNICODE2STRING
-_UNIT_NAMES = {"°": "deg", "µ": "u", "″": "arcsec", "%": "percent", "/": "_per_"}
 
 
 def described(text: str) -> Description | None:
@@ -222,7 +222,7 @@ class Dictionary:
         if field.size * 8 > _HALF and not field.is_float and field.format != "ascii":
             return self._halves(field)
         coding, physical = _coding(field)
-        unit = _unit_name(field.unit)
+        unit = unit_name(field.unit)
         is_limited = field.minimum is not None and field.maximum is not None
         name = field.name if is_limited else "_".join(filter(None, (_kind(field), unit)))
         return self._property(
@@ -291,7 +291,7 @@ class Dictionary:
         return identity
 
     def _unit(self, text: str) -> OdxLinkRef:
-        name = _unit_name(text)
+        name = unit_name(text)
         if name not in self._units:
             self._units[name] = Unit(
                 odx_id=self.identity("UNIT", name), short_name=name, display_name=text
@@ -482,9 +482,3 @@ def _limits(field: Field, kind: DataType) -> InternalConstr | None:
         for end in (field.minimum, field.maximum)
     ]
     return InternalConstr(lower_limit=ends[0], upper_limit=ends[1], value_type=kind)
-
-
-def _unit_name(text: str) -> str:
-    for sign, name in _UNIT_NAMES.items():
-        text = text.replace(sign, name)
-    return text

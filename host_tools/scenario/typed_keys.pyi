@@ -538,9 +538,9 @@ class IntegrityTable(IntegritySettingsTable, total=False):
 class XcpSettingsTable(TypedDict, total=False):
     """Keys of `XcpSettings` and of calls."""
 
-    frames_per_s: int
-    """Most frames of XCP that the navigation computer sends, responses and measured data. Unit:
-    s."""
+    frames_hz: int
+    """Most frames of XCP that the navigation computer sends in a second, responses and measured
+    data. Unit: Hz."""
 
 class XcpTable(XcpSettingsTable, total=False):
     """Keys of `Xcp`."""
@@ -748,7 +748,7 @@ class _Paths(TypedDict, total=False):
     integrity__altimeter_faults_per_h: float
     integrity__common_faults_per_h: float
     integrity__enabled: bool
-    xcp__frames_per_s: int
+    xcp__frames_hz: int
     paper__source: str
     paper__duration_s: float | None
     paper__max_abs_position_error_m: EastNorthTable | None

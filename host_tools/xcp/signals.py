@@ -16,7 +16,7 @@ from rrins.firmware_py.xcp.characteristics import CHARACTERISTICS, Characteristi
 from rrins.firmware_py.xcp.layout import MemoryField
 from rrins.host_tools.errors import XcpError
 
-_ELEMENT = re.compile(r"(?P<field>.+?)(?P<indices>(\[\d+\])*)")
+_ELEMENT = re.compile(r"(?P<field>.*?)(?P<indices>(\[\d+\])*)")
 
 
 @dataclass(frozen=True)

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import shlex
+import subprocess
+import sys
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -23,12 +26,14 @@ class Desk:
         self._patch = monkeypatch
         monkeypatch.setenv("COLUMNS", "80")
         self.bench: Any = None
+        self._record: str | None = None
 
     def type(self, command: str) -> str:
         """Type a command; return what is said."""
         match shlex.split(command, comments=True):
-            case ["rrins", "rehearse", scenario, *_]:
+            case ["rrins", "rehearse", scenario, *rest]:
                 self._rehearse(scenario)
+                self._record = rest[rest.index("--record") + 1] if "--record" in rest else None
                 return ""
             case ["sleep", seconds]:
                 self.bench.advance(float(seconds))
@@ -37,6 +42,16 @@ class Desk:
                 ended = CliRunner().invoke(rrins, [tool, *rest], prog_name="rrins")
                 assert ended.exit_code == 0, ended.output
                 return "" if "rerun" in rest else ended.stdout  # of a run: how fast it was
+            case ["rrins", "export", *rest]:
+                if self._record is not None:
+                    self.bench.write_log(Path(self._record))
+                ended = CliRunner().invoke(rrins, ["export", *rest], prog_name="rrins")
+                return ended.output
+            case ["python", *rest]:
+                done = subprocess.run(
+                    [sys.executable, *rest], capture_output=True, text=True, check=True, timeout=60
+                )
+                return done.stdout
             case ["rrins", ("diag" | "inject" | "redundancy") as tool, *rest]:
                 ended = CliRunner().invoke(rrins, [tool, *rest], prog_name="rrins")
                 if ended.exception and not isinstance(ended.exception, SystemExit):

@@ -18,6 +18,7 @@ PAGES = (
     "diag.md",
     "redundancy-study.md",
     "tolerances.md",
+    "files-for-tools.md",
 )
 IS_WRITING = "RRINS_WRITE_DOCS" in os.environ
 

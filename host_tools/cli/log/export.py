@@ -45,7 +45,8 @@ def export(
 
     The ending of OUT chooses: .mcap and .pcapng are files, anything else a folder.
 
-    Without a log, OUT describes bus and computer to other tools: .pdx has the diagnosis (ODX).
+    Without a log, OUT describes bus or computer to other tools: .pdx has the diagnosis (ODX), .a2l
+    what XCP measures and changes, and .dbc, .arxml, .kcd or .sym the bus contract.
     """
     from rrins.host_tools.logs.reader import Log
 
@@ -53,7 +54,7 @@ def export(
         raise click.UsageError("Missing argument 'OUT'.")
     if out is None or out.suffix.lower() in DESCRIPTIONS:
         if out is not None:
-            raise click.UsageError(f"{out} describes bus and computer: it is made without a log")
+            raise click.UsageError(f"{out} describes bus or computer: it is made without a log")
         if file_format is not None or log_channel is not None:
             raise click.UsageError("--format and --log-channel are for logs")
         _describe(log, as_json)
@@ -138,7 +139,7 @@ def _export_pcapng(source: Log, path: Path, as_json: bool) -> None:
         "diagnosis": told,
         "wall_s": round(wall_s, 3),
     }
-    words = f"{source.frames} frames in {wall_s:.1f} s, {told} with diagnosis in words: {path}"
+    words = f"{source.frames} frames, {told} of them with diagnosis in words: {path}"
     print_results(as_json, summary, [words])
 
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from rrins.host_tools.cli.completion import complete_scenarios
 from rrins.host_tools.cli.group import Group
 from rrins.host_tools.cli.options import (
     FILE,
@@ -172,19 +173,31 @@ def record_signals(
     if recording.overloads or recording.torn:
         print_note(
             "samples are missing: the computer's share of the bus is used up; record fewer "
-            "signals, or every other epoch (--every 2), or raise xcp.frames_per_s"
+            "signals, or every other epoch (--every 2), or raise xcp.frames_hz"
         )
 
 
 @xcp.command("a2l")
 @click.argument("out", metavar="OUT", type=FILE)
+@option(
+    "--scenario",
+    "Write the file for a scenario, without a bus.",
+    shell_complete=complete_scenarios,
+)
 @timeout_option
 @bus_option
-def fetch_a2l(bus: Bus, out: Path, timeout_s: float) -> None:
-    """Fetch the A2L file from the computer; `rrins export a2l` writes it without one."""
+def write_a2l(bus: Bus, out: Path, scenario: str | None, timeout_s: float) -> None:
+    """Write the A2L file: fetched from the computer, or made for a scenario."""
     from rrins.host_tools.files import write_text
 
-    with _master(bus, timeout_s) as master:
-        text = master.a2l()
+    if scenario is None:
+        with _master(bus, timeout_s) as master:
+            text = master.a2l()
+    else:
+        from rrins.firmware_py.xcp.a2l import a2l_text
+        from rrins.host_tools.scenario.scenario import load
+
+        text = a2l_text(load(scenario).period_ns)
     write_text(out, text)
-    print_results(False, {}, [f"{out}: {len(text)} characters"])
+    measured, parameters = (text.count(f"/begin {k} ") for k in ("MEASUREMENT", "CHARACTERISTIC"))
+    print_results(False, {}, [f"{out}: {measured} measurements, {parameters} parameters"])

@@ -89,6 +89,10 @@ def test_on_the_dashboard(talked):
     view = View(talked.watch, None)
     put(talked, ASK, "023601cccccccccc", 1.1)
     view.look()
+    for k in range(3):  # as a page that reads again and again
+        put(talked, ASK, "03220102cccccccc", 2.0 + 2 * k)
+        put(talked, ANSWER, "0562010202 00cccc", 2.0 + 2 * k)
+    view.look()
     told = [(event.text, event.weight) for event in view.log.events if ": " in event.text]
     assert told == [
         (f"computer: {SAID[1]}", "note"),

@@ -1,0 +1,100 @@
+"""A rehearsal in lockstep on the embedded bus, its sides in threads, and a master beside it."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from rrins.firmware_py.loop import Firmware
+from rrins.firmware_py.loop import run_lockstep as run_firmware
+from rrins.host_tools.bus.port import Address, BatchPort
+from rrins.host_tools.hardware.loop import Hardware
+from rrins.host_tools.hardware.loop import run_lockstep as run_hardware
+from rrins.host_tools.runs.set_up.settings import (
+    firmware_settings,
+    hardware_settings,
+    scenario_wire,
+)
+from rrins.host_tools.scenario.scenario import Scenario
+from rrins.host_tools.testing.processes import fresh_channel
+
+PATIENCE_S = 60.0
+
+
+@dataclass
+class Rehearsed:
+    """What a rehearsal left."""
+
+    firmware: Firmware
+    #: the bytes of the watched signals after each epoch
+    watched: dict[int, bytes] = field(default_factory=dict)
+    failures: list[BaseException] = field(default_factory=list)
+
+
+def rehearse(
+    scenario: Scenario, guest: Callable[[Address], Any], watch: Sequence[tuple[int, int]] = ()
+) -> Rehearsed:
+    """Rehearse to the end; `guest` runs in a thread from the first second on.
+
+    Parameters
+    ----------
+    watch : sequence of (address, size)
+        Ranges of the RAM image to keep of each epoch.
+    """
+    address = Address("rrins", fresh_channel())
+    rehearsed = Rehearsed(Firmware(firmware_settings(scenario)))
+    firmware = rehearsed.firmware
+    hardware = Hardware(hardware_settings(scenario), scenario_wire(scenario, is_live=True))
+    port = BatchPort(address, "hardware")
+    image = firmware.ram.view(np.uint8)
+    places = np.array([k for begin, size in watch for k in range(begin, begin + size)], dtype=int)
+    is_done = threading.Event()
+    threads: list[threading.Thread] = []
+
+    def begin(run: Callable[[], Any]) -> None:
+        def guarded() -> None:
+            try:
+                run()
+            except BaseException as error:  # noqa: BLE001 - told by the test
+                rehearsed.failures.append(error)
+                is_done.set()
+
+        threads.append(threading.Thread(target=guarded))
+        threads[-1].start()
+
+    def keep(epoch: int) -> None:
+        rehearsed.watched[epoch] = image[places].tobytes()
+
+    def navigate() -> None:
+        own = BatchPort(address, "firmware")
+        try:
+            run_firmware(firmware, own, 0.0, 1, keep)
+        finally:
+            own.close()
+
+    def visit() -> None:
+        guest(address)
+        is_done.set()
+
+    def on_epoch(epoch: int) -> None:
+        if epoch == scenario.rate_hz:
+            begin(visit)
+            port.meet(("xcp",))
+
+    begin(navigate)
+    try:
+        port.meet()
+        run_hardware(hardware, port, scenario.epochs + 1, None, scenario.rate_hz, on_epoch)
+        assert is_done.wait(PATIENCE_S), "the rehearsal was over before the guest"
+        port.dismiss()
+    finally:
+        port.close()
+        for thread in threads:
+            thread.join(PATIENCE_S)
+    if rehearsed.failures:
+        raise rehearsed.failures[0]
+    return rehearsed
