@@ -12,7 +12,7 @@ DESCRIPTIONS: Mapping[str, str] = {
     ".kcd": "bus contract: KCD, of Kayak",
     ".sym": "bus contract: SYM, of PCAN tools",
 }
-"""What a file with an ending describes, and how."""
+"""The subject and format of a file, by its ending."""
 
 
 def write_description(path: Path) -> None:
