@@ -18,7 +18,7 @@ from rrins.compiled.compilation import compiled
 from rrins.compiled.record import I8, U8, Record, Words
 from rrins.dbc.frame import FrameArray
 
-AVAILABLE = not config.DISABLE_JIT  # type: ignore[attr-defined]
+AVAILABLE = not config.DISABLE_JIT  # type: ignore[attr-defined]  # set by numba as it loads
 """Whether code is compiled, and so can call the kernel."""
 
 WORDS = 8193

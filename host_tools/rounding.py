@@ -25,6 +25,13 @@ def rounded(value: float | None, digits: int = 3) -> str:
     return "0" if value == 0 else _text(value, digits - 1 - power, power)
 
 
+def coarse(value: float | None) -> str:
+    """Return a figure from random draws: two digits, three from 10 on; `NOTHING` beyond numbers."""
+    if not _is_finite(value):
+        return NOTHING
+    return rounded(value, 2 if value < 10 else 3)
+
+
 def alike(values: Iterable[float | None], digits: int = 3) -> list[str]:
     """Return numbers with as many decimals as the largest has with this many digits.
 
@@ -90,6 +97,6 @@ def _text(value: float | None, decimals: int, power: int) -> str:
     """
     if not _is_finite(value):
         return NOTHING if value is None or math.isnan(value) else "∞" if value > 0 else "-∞"
-    if power in _PLAIN:
-        return f"{round(value, decimals):z,.{max(0, decimals)}f}"
+    if power in _PLAIN:  # numpy's own rounding would take 0.405 for 0.40
+        return f"{round(float(value), decimals):z,.{max(0, decimals)}f}"
     return f"{value / 10.0**power:z.{max(0, decimals + power)}f}e{power:+03d}"

@@ -181,7 +181,7 @@ def prepare() -> None:
     sys.modules["asammdf"] = None  # type: ignore[assignment]  # as the command without .mf4 does
     from rrins.host_tools import cli
 
-    for module in pkgutil.iter_modules(cli.__path__, f"{cli.__name__}."):
+    for module in pkgutil.walk_packages(cli.__path__, f"{cli.__name__}."):
         importlib.import_module(module.name)
     from rrins.host_tools.runs import rehearsal
     from rrins.host_tools.runs.direct import run_direct, run_without_frames

@@ -27,6 +27,8 @@ enum {
     RRINS_IN_STEP = 8
 };
 
+#ifndef RRINS_FRAME
+#define RRINS_FRAME
 /* A classic frame, laid out like struct can_frame of Linux. */
 struct rrins_frame {
     uint32_t can_id;
@@ -34,6 +36,7 @@ struct rrins_frame {
     uint8_t reserved[3];
     uint8_t data[8];
 };
+#endif
 
 /* Frames that one sender has sent at once. */
 struct rrins_batch {

@@ -31,6 +31,7 @@ GUIDES = {
     "firmware_py/serial": "serial.md",
     "host_tools/benchmarks": "bench.md",
     "host_tools/bridges": "attach.md",
+    "host_tools/builds": "build.md",
     "host_tools/bus": "bus.md",
     "host_tools/conformance": "own-firmware.md",
     "host_tools/calibration": "calibration.md",

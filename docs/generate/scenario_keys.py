@@ -10,7 +10,8 @@ import subprocess
 import sys
 import textwrap
 import types
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping
+from functools import cache
 from pathlib import Path
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
@@ -79,9 +80,19 @@ def _tables(table: type[BaseModel]) -> Iterator[type[BaseModel]]:
                 yield one
 
 
-def _class(head: str, meaning: str, keys: dict[str, tuple[str, str]]) -> str:
+@cache
+def _with_bases(table: type[BaseModel]) -> tuple[type[BaseModel], ...]:
+    """Return all tables, each behind those from which it takes keys."""
+    found = [one for table in _tables(table) for one in reversed(table.__mro__)]
+    return tuple(dict.fromkeys(one for one in found if getattr(one, "model_fields", {})))
+
+
+def _class(
+    name: str, bases: Iterable[str], meaning: str, keys: Mapping[str, tuple[str, str]]
+) -> str:
     """Return a `TypedDict`; a key has a type and a meaning."""
-    lines = [f"class {head}:", f'    """{meaning}"""', ""]
+    above = ", ".join(bases) or "TypedDict"
+    lines = [f"class {name}({above}, total=False):", f'    """{meaning}"""', ""]
     for key, (kind, words) in keys.items():
         lines += [f"    {key}: {kind}", *(_wrapped(words) if words else [])]
     return "\n".join(lines) + "\n"
@@ -91,16 +102,46 @@ def _wrapped(words: str) -> list[str]:
     return textwrap.wrap(f'"""{words}"""', _WIDTH, initial_indent="    ", subsequent_indent="    ")
 
 
-def _of_table(table: type[BaseModel]) -> str:
-    keys = {k: (_type(f.annotation), "") for k, f in table.model_fields.items()}
-    return _class(
-        f"{table.__name__}Table(TypedDict, total=False)", f"Keys of `{table.__name__}`.", keys
-    )
+def _of_table(table: type[BaseModel]) -> tuple[str, str]:
+    """Return the classes of a table, and which of them has the keys that calls have, too.
+
+    What tables share is in their common base. Keys that calls have by the same name are in a class
+    of their own, if the table has others as well.
+    """
+    above = [f"{one.__name__}Table" for one in table.__bases__ if one in _with_bases(Scenario)]
+    own = {key: field for key, field in table.model_fields.items() if _declares(table, key)}
+    of_calls = {key: own.pop(key) for key in tuple(own) if (table, key) in _of_calls()}
+    name = f"{table.__name__}Table"
+    shared = f"_{table.__name__}Keys" if own or above else name
+    written = []
+    if of_calls:
+        keys = {k: (_type(f.annotation), description(table, k)) for k, f in of_calls.items()}
+        written.append(_class(shared, [], f"Keys of `{table.__name__}` and of calls.", keys))
+        above.append(shared)
+    if name not in above:
+        keys = {key: (_type(field.annotation), "") for key, field in own.items()}
+        written.append(_class(name, above, f"Keys of `{table.__name__}`.", keys))
+    return "\n".join(written), shared if of_calls else ""
 
 
-def _of_path(path: str, words: bool) -> tuple[str, str]:
+def _declares(table: type[BaseModel], key: str) -> bool:
+    return key in vars(table).get("__annotations__", {})
+
+
+@cache
+def _of_calls() -> set[tuple[type[BaseModel], str]]:
+    """Return the keys that are a keyword of all calls by their own name, and who declares them."""
+    found = set()
+    for name, path in keywords().items():
+        if path.endswith(f"__{name}") and name not in _APART:
+            declaring = next(one for one in paths()[path][0].__mro__ if _declares(one, name))
+            found.add((declaring, name))
+    return found
+
+
+def _of_path(path: str) -> tuple[str, str]:
     table, field = paths()[path]
-    return _type(field.annotation), description(table, path.rpartition("__")[2]) if words else ""
+    return _type(field.annotation), description(table, path.rpartition("__")[2])
 
 
 def _of_faults() -> Iterator[str]:
@@ -112,9 +153,10 @@ def _of_faults() -> Iterator[str]:
     begins = keys.pop("at_s")
     kinds = "".join(f'    "{kind}",\n' for kind in KINDS)
     yield f"FaultKind = Literal[\n{kinds}]\n"
-    yield _class("FaultKeys(TypedDict, total=False)", "Keys of a fault; each kind has some.", keys)
+    yield _class("FaultKeys", [], "Keys of a fault; each kind has some.", keys)
     yield _class(
-        "FaultTable(FaultKeys, total=False)",
+        "FaultTable",
+        ["FaultKeys"],
         "A fault of a scenario.",
         {"kind": ("Required[FaultKind]", ""), "at_s": begins},
     )
@@ -122,18 +164,16 @@ def _of_faults() -> Iterator[str]:
 
 def text() -> str:
     """Return the stub."""
-    long = {path: _of_path(path, False) for path in paths() if "__" in path}
-    short = {name: _of_path(path, True) for name, path in keywords().items()}
-    classes = [_class("_Paths(TypedDict, total=False)", "Keys with their tables.", long)]
-    before = "_Paths"
+    long = {path: (_type(f.annotation), "") for path, (_, f) in paths().items() if "__" in path}
+    classes = [_class("_Paths", [], "Keys with their tables.", long)]
+    tables, shared = zip(*map(_of_table, _with_bases(Scenario)), strict=True)
+    bases = ["_Paths", *filter(None, shared)]
     for name, (added, meaning) in _CALLS.items():
-        some = {key: short[key] for key in added} or {
-            key: kind for key, kind in short.items() if key not in _APART
-        }
-        classes.append(_class(f"{name}({before}, total=False)", meaning, some))
-        before = name
-    of_tables = map(_of_table, dict.fromkeys(_tables(Scenario)))
-    return "\n".join([_HEAD, *_of_faults(), *of_tables, *classes])
+        own = added or (key for key, path in keywords().items() if not path.endswith(f"__{key}"))
+        some = {key: _of_path(keywords()[key]) for key in own if key in added or key not in _APART}
+        classes.append(_class(name, bases, meaning, some))
+        bases = [name]
+    return "\n".join([_HEAD, *_of_faults(), *tables, *classes])
 
 
 if __name__ == "__main__":

@@ -16,6 +16,7 @@ from rrins.host_tools.calibration.estimation import Estimate, SensorsEstimate, U
 from rrins.host_tools.calibration.model import Axes, Inputs, inputs
 from rrins.host_tools.calibration.observability import unseen
 from rrins.host_tools.calibration.stability import unsteady, when
+from rrins.host_tools.rounding import rounded
 
 _LEAST_SIGMAS = 8.0
 _OF_NEIGHBOURS = 12.0
@@ -99,7 +100,7 @@ def _scatters(kind: str, one: SensorsEstimate, unit: Unit, found: Estimate) -> s
     k = int(np.argmax(ratio))
     if ratio[k] < _LOUD:
         return None
-    size = f"{scatter[k] / DPH:.2g} °/h" if is_gyro else f"{scatter[k] / UG:.2g} µg"
+    size = f"{rounded(scatter[k] / DPH, 2)} °/h" if is_gyro else f"{rounded(scatter[k] / UG, 2)} µg"
     by = f"by {size} from second to second, {ratio[k]:.0f} times their noise"
     if 2 * np.sum(ratio > _LOUD) > len(ratio):
         return f"the base moves: the {kind}s scatter {by}; let it stand still"

@@ -26,6 +26,7 @@ from rrins.host_tools.calibration.estimation import (
 )
 from rrins.host_tools.calibration.model import Axes, Inputs, derivatives, inputs, wobble_inputs
 from rrins.host_tools.calibration.wandering import first_rows, wander_covariance
+from rrins.host_tools.rounding import rounded
 
 _SIGMAS = 5.0
 """Of one of some 130 terms: a sound calibration is refused once in 10,000."""
@@ -140,7 +141,7 @@ def _wobble(unit: Unit, found: Estimate, given: Inputs, others: Floats) -> str |
         if sigmas > largest and size > _LEAST:
             largest = sigmas
             words = (
-                f"the inner axis wobbles by {size:.2g}″, {abs(per_turn):g} times a turn, "
+                f"the inner axis wobbles by {rounded(size, 2)}″, {abs(per_turn):g} times a turn, "
                 f"{sigmas:.0f} σ; mend the table, or name it in the scenario's [turntable]"
             )
     return words
@@ -234,16 +235,16 @@ def _changes(
         ratio = ratios(free, size, square, units[c])
         best = int(np.argmax(ratio))
         at = times[fitted.grid[best] - 1]
-        words = f"changed by {size[best] / units[c]:.2g} {symbols[c]} at {at:.0f} s"
+        words = f"changed by {rounded(size[best] / units[c], 2)} {symbols[c]} at {at:.0f} s"
         yield _Change(float(ratio[best]), f"its {_NAMES[c]} {words}")
     warming = 1.0 - np.exp(-times / sheet.temperature_s)
     for drift, words in (
-        (times - 0.5 * times[-1], f"drifted by {{:.2g}} {symbols[0]} in an hour"),
-        (warming, f"warmed up by {{:.2g}} {symbols[0]}"),
+        (times - 0.5 * times[-1], f"drifted by {{}} {symbols[0]} in an hour"),
+        (warming, f"warmed up by {{}} {symbols[0]}"),
     ):
         free = fitted.free((T * drift)[:, None])
         square = (free**2).sum(axis=0)
         size = (free.T @ fitted.residual) / square
         shown = size[0] / units[0] * (_HOUR if "hour" in words else 1.0)
         ratio = ratios(free, size, square, units[0] * 1.0 / (_HOUR if "hour" in words else 1.0))
-        yield _Change(float(ratio[0]), f"its bias {words.format(shown)}", True)
+        yield _Change(float(ratio[0]), f"its bias {words.format(rounded(shown, 2))}", True)

@@ -32,41 +32,53 @@ class _Entry:
 
 
 _RUN = {
-    "rehearse": _Entry("run", "Run firmware and hardware as two processes on one bus."),
-    "simulate": _Entry("run", "Run firmware and hardware in one process, without a bus."),
-    "firmware": _Entry("run", "Run the navigation computer alone."),
-    "hardware": _Entry("run", "Run the emulated RIMU and turntable alone."),
-    "setup": _Entry("scenarios", "Show what a navigation computer of your own is set up with."),
-    "calibrate": _Entry("calibrate", "Calibrate a unit's sensors on its own table."),
-    "inject": _Entry("inject", "Inject a fault into a running rehearsal."),
-    "scenarios": _Entry("scenarios", "List or show the built-in scenarios."),
-    "conform": _Entry("conform", "Check a navigation computer of your own, rule by rule."),
-    "bench": _Entry("bench", "Measure what a rehearsal costs on this machine."),
+    "rehearse": _Entry("run.run", "Run firmware and hardware as two processes on one bus."),
+    "simulate": _Entry("run.run", "Run firmware and hardware in one process, without a bus."),
+    "firmware": _Entry("run.run", "Run the navigation computer alone."),
+    "hardware": _Entry("run.run", "Run the emulated RIMU and turntable alone."),
+    "setup": _Entry("run.scenarios", "Show what a navigation computer of your own is set up with."),
+    "calibrate": _Entry("unit.calibrate", "Calibrate a unit's sensors on its own table."),
+    "inject": _Entry("run.inject", "Inject a fault into a running rehearsal."),
+    "scenarios": _Entry("run.scenarios", "List or show the built-in scenarios."),
+    "conform": _Entry("unit.conform", "Check a navigation computer of your own, rule by rule."),
+    "build": _Entry("unit.build", "Build the steps as machine code for another processor."),
+    "bench": _Entry("run.bench", "Measure what a rehearsal costs on this machine."),
 }
 _LOOK = {
-    "monitor": _Entry("monitor", "Watch the decoded bus in the terminal."),
-    "dashboard": _Entry("dashboard", "Show a rehearsal or a log in a browser."),
-    "tour": _Entry("tour", "Tell in five minutes what this is for."),
+    "monitor": _Entry("bus.monitor", "Watch the decoded bus in the terminal."),
+    "dashboard": _Entry("bus.dashboard", "Show a rehearsal or a log in a browser."),
+    "tour": _Entry("run.tour", "Tell in five minutes what this is for."),
     "diag": _Entry("diag.diag", "Diagnose the navigation computer over UDS."),
-    "record": _Entry("record", "Record a bus to a log file."),
-    "import": _Entry("import_vehicle", "Convert the recording of a real vehicle to a log."),
-    "replay": _Entry("replay", "Replay a log onto a bus or through the firmware."),
-    "export": _Entry("export", "Write a log, or what describes bus and computer, for other tools."),
-    "increments": _Entry("increments", "Write fused increments and truth for other navigators."),
-    "plot": _Entry("plot", "Plot signals of a log over time."),
-    "socketcand": _Entry("bridges", "Serve the embedded bus to socketcand clients."),
-    "slcan": _Entry("bridges", "Serve the embedded bus as an slcan adapter."),
+    "xcp": _Entry("unit.xcp", "Measure and calibrate the navigation computer over XCP."),
+    "record": _Entry("bus.record", "Record a bus to a log file."),
+    "import": _Entry("vehicle.import_vehicle", "Convert the recording of a real vehicle to a log."),
+    "replay": _Entry("log.replay", "Replay a log onto a bus or through the firmware."),
+    "export": _Entry("log.export", "Write a log, or what describes the bus, for other tools."),
+    "increments": _Entry(
+        "vehicle.increments", "Write fused increments and truth for other navigators."
+    ),
+    "plot": _Entry("log.plot", "Plot signals of a log over time."),
+    "socketcand": _Entry("bus.bridges", "Serve the embedded bus to socketcand clients."),
+    "slcan": _Entry("bus.bridges", "Serve the embedded bus as an slcan adapter."),
 }
 _PLAN = {
-    "scheme": _Entry("scheme", "Analyse, compare and search rotation schemes."),
-    "redundancy": _Entry("redundancy", "Show which faults redundant sensors can find."),
-    "integrity": _Entry("integrity", "Compare the error with its bound in random cases of faults."),
-    "fmeda": _Entry("fmeda", "Show what becomes of a unit's failures, weighted by their rates."),
-    "motion": _Entry("motion", "Check recorded vehicle motion; export true motion."),
-    "campaign": _Entry("campaign", "Run a scenario thousands of times with different values."),
-    "covariance": _Entry("covariance", "Analyse how each error source acts on the position."),
-    "explain": _Entry("explain", "Explain an error: what each source contributes to it."),
-    "reproduce": _Entry("reproduce", "Run the paper's experiments."),
+    "scheme": _Entry("scheme.scheme", "Analyse, compare and search rotation schemes."),
+    "redundancy": _Entry("redundancy.redundancy", "Show which faults redundant sensors can find."),
+    "integrity": _Entry(
+        "integrity.integrity", "Compare the error with its bound in random cases of faults."
+    ),
+    "fmeda": _Entry(
+        "integrity.fmeda", "Show what becomes of a unit's failures, weighted by their rates."
+    ),
+    "motion": _Entry("vehicle.motion", "Check recorded vehicle motion; export true motion."),
+    "campaign": _Entry(
+        "campaign.campaign", "Run a scenario thousands of times with different values."
+    ),
+    "covariance": _Entry(
+        "budget.covariance", "Analyse how each error source acts on the position."
+    ),
+    "explain": _Entry("budget.explain", "Explain an error: what each source contributes to it."),
+    "reproduce": _Entry("run.reproduce", "Run the paper's experiments."),
 }
 _SECTIONS: Final = {"Run": _RUN, "Look": _LOOK, "Plan": _PLAN}
 _COMMANDS: Final = _RUN | _LOOK | _PLAN
@@ -79,7 +91,9 @@ _EXTRAS = {
     "odxtools": "odx",
     "pandas": "data",
     "pyarrow": "tables",
+    "pyxcp": "xcp",
     "xarray": "data",
+    "ziglang": "build",
 }
 """Extras of the installation by the packages that they bring."""
 
@@ -176,7 +190,7 @@ def _leave_out_asammdf(arguments: Sequence[str]) -> None:
     file extension decides the format.
     """
     if not any(".mf4" in argument.lower() for argument in arguments):
-        sys.modules.setdefault("asammdf", None)  # type: ignore[arg-type]
+        sys.modules.setdefault("asammdf", None)  # type: ignore[arg-type]  # as Python marks one
 
 
 def main(words: Sequence[str] | None = None) -> None:

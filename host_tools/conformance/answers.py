@@ -15,8 +15,9 @@ from rrins.dbc.frame import Frame, FrameArray
 Answer = bytes
 """The frames of an epoch, ``struct can_frame`` after ``struct can_frame``."""
 
-COMPARED: Final = (
-    "HEARTBEAT_FIRMWARE",
+SENT: Final = (
+    "AXIS_INNER_COMMAND",
+    "AXIS_OUTER_COMMAND",
     "FIRMWARE_STATUS",
     "FIRMWARE_FAULTS",
     "NAV_LATITUDE",
@@ -24,10 +25,9 @@ COMPARED: Final = (
     "NAV_VELOCITY",
     "NAV_HEIGHT",
     "NAV_ATTITUDE",
-    "AXIS_INNER_COMMAND",
-    "AXIS_OUTER_COMMAND",
+    "HEARTBEAT_FIRMWARE",
 )
-"""Messages that every navigation computer sends; the others depend on what it has."""
+"""Messages that every navigation computer sends; others depend on what it has."""
 
 _LAST: Final = ("AXIS_INNER_COMMAND", "AXIS_OUTER_COMMAND")
 _POSITION: Final = ("latitude_deg", "longitude_deg")
@@ -75,7 +75,7 @@ def difference(answer: Answer, wanted: Answer, position_steps: int) -> str:
     wanted_frames = {_names()[int(one.can_id)]: one for one in ours}
     for frame in theirs:
         name = _names()[int(frame.can_id)]
-        if name in COMPARED:
+        if name in SENT:
             words_of_frame = _frame_difference(name, frame, wanted_frames[name], position_steps)
             if words_of_frame:
                 return words_of_frame
@@ -84,7 +84,7 @@ def difference(answer: Answer, wanted: Answer, position_steps: int) -> str:
 
 def _compared(frames: FrameArray) -> list[str]:
     names = (_names().get(can_id, "") for can_id in frames["can_id"].tolist())
-    return [name for name in names if name in COMPARED]
+    return [name for name in names if name in SENT]
 
 
 def _frame_difference(name: str, frame: Frame, wanted: Frame, position_steps: int) -> str:

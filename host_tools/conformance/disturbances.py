@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from typing import Any, Final
 
 from rrins.host_tools.conformance import stimuli as s
@@ -42,34 +42,39 @@ def _each(begin_s: float, every_s: float, for_s: float, what: str, make: Any) ->
         yield Stimulus(begin_s + number * every_s, shorter_s, make(name), f"{name} {what}")
 
 
+def _variants(
+    for_s: float, change: Callable[[str, int], s.Change], values: Iterable[int], what: str
+) -> Stimuli:
+    """Return a change of each message, with one value after the other."""
+    found = [_motion()]
+    for number, value in enumerate(values):
+        found += _each(
+            2.0 + 2.5 * number,
+            0.25,
+            for_s,
+            what.format(value),
+            lambda name, value=value: change(name, value),
+        )
+    return found
+
+
 # ---- frames in: every message
 
 
 def crc() -> Stimuli:
     """Return each message with a wrong bit, in the CRC and elsewhere."""
-    found = [_motion()]
-    for bits, begin_s in ((0x1000, 2.0), (0x01, 4.5), (1 << 30, 7.0), (1 << 63, 9.5)):
-        what = f"with bits {bits:#x} inverted"
-        found += _each(begin_s, 0.25, 0.15, what, lambda name, bits=bits: s.corrupt(name, bits))
-    return found
+    bits = (0x1000, 0x01, 1 << 30, 1 << 63)
+    return _variants(0.15, s.corrupt, bits, "with bits {:#x} inverted")
 
 
 def length() -> Stimuli:
     """Return each message with fewer bytes."""
-    found = [_motion()]
-    for length, begin_s in ((7, 2.0), (0, 4.5), (3, 7.0)):
-        what = f"with {length} bytes"
-        found += _each(begin_s, 0.25, 0.15, what, lambda name, n=length: s.shorten(name, n))
-    return found
+    return _variants(0.15, s.shorten, (7, 0, 3), "with {} bytes")
 
 
 def counter() -> Stimuli:
     """Return each message with another counter."""
-    found = [_motion()]
-    for by, begin_s in ((1, 2.0), (14, 4.5), (7, 7.0)):
-        what = f"with a counter {by} too high"
-        found += _each(begin_s, 0.25, 0.1, what, lambda name, by=by: s.count_on(name, by))
-    return found
+    return _variants(0.1, s.count_on, (1, 14, 7), "with a counter {} too high")
 
 
 def repetition() -> Stimuli:
@@ -108,11 +113,7 @@ def gap() -> Stimuli:
 
 def late() -> Stimuli:
     """Return each message late."""
-    found = [_motion()]
-    for epochs, begin_s in ((1, 2.0), (2, 4.5), (9, 7.0)):
-        what = f"late by {epochs} epochs"
-        found += _each(begin_s, 0.25, 0.1, what, lambda name, n=epochs: s.late(name, n))
-    return found
+    return _variants(0.1, s.late, (1, 2, 9), "late by {} epochs")
 
 
 def strange() -> Stimuli:

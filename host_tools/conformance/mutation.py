@@ -134,7 +134,9 @@ class Workshop(Closing):
         if not program.is_relative_to(folder):
             raise RehearsalError(f"{program} is not in {folder}: mutants are built in a copy of it")
         self._command = shlex.split(command)
-        self.copy = Path(tempfile.mkdtemp(prefix=f".{folder.name}-mutants-", dir=folder.parent))
+        _remove_abandoned(folder)
+        prefix = f"{_copies_of(folder)}{os.getpid()}-"
+        self.copy = Path(tempfile.mkdtemp(prefix=prefix, dir=folder.parent))
         try:
             shutil.copytree(folder, self.copy, dirs_exist_ok=True, symlinks=True)
             self.program = self.copy / program.relative_to(folder)
@@ -215,6 +217,19 @@ class Workshop(Closing):
     def close(self) -> None:
         """Remove the copy."""
         shutil.rmtree(self.copy, ignore_errors=True)
+
+
+def _copies_of(folder: Path) -> str:
+    """Return how the names of a folder's copies begin; the process that made one follows."""
+    return f".{folder.name}-mutants-"
+
+
+def _remove_abandoned(folder: Path) -> None:
+    """Remove the copies of processes that were killed before they could."""
+    for copy in folder.parent.iterdir():
+        process = copy.name.removeprefix(_copies_of(folder)).partition("-")[0]
+        if copy.name != process and process.isdigit() and not Path("/proc", process).exists():
+            shutil.rmtree(copy, ignore_errors=True)
 
 
 def sample(mutants: Sequence[Mutant], most: int, seed: int) -> list[Mutant]:

@@ -9,6 +9,7 @@ from functools import cache
 from typing import Final
 
 from rrins.dbc.codec import load
+from rrins.host_tools.conformance.answers import SENT
 from rrins.host_tools.conformance.check import Check
 from rrins.host_tools.files import JsonObject
 
@@ -51,20 +52,6 @@ RECEIVED: Final = (
     "AXIS_OUTER_STATUS",
 )
 """Messages that every navigation computer receives, if it has the part."""
-
-SENT: Final = (
-    "AXIS_INNER_COMMAND",
-    "AXIS_OUTER_COMMAND",
-    "FIRMWARE_STATUS",
-    "FIRMWARE_FAULTS",
-    "NAV_LATITUDE",
-    "NAV_LONGITUDE",
-    "NAV_VELOCITY",
-    "NAV_HEIGHT",
-    "NAV_ATTITUDE",
-    "HEARTBEAT_FIRMWARE",
-)
-"""Messages that every navigation computer sends."""
 
 _MODES, _IN, _OUT = "firmware.md#modes", "firmware.md#frames-in", "firmware.md#frames-out"
 _FUSION, _CLOCK = "firmware.md#fusion", "firmware.md#clock"

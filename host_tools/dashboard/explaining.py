@@ -16,6 +16,7 @@ from rrins.host_tools.explanation import words
 from rrins.host_tools.explanation.explain import Explanation, explain, runs_of
 from rrins.host_tools.explanation.reruns import StoppedError
 from rrins.host_tools.files import JsonObject
+from rrins.host_tools.rounding import rounded
 from rrins.host_tools.scenario.scenario import Scenario
 
 _ERRORS: Final = tuple(NAMES.index(name) for name in ("error_east_m", "error_north_m"))
@@ -121,6 +122,6 @@ def _difference(found: Explanation, view: View, time_s: float) -> str:
     if abs(seen - again) <= _ALIKE_M + _ALIKE * max(seen, again):
         return ""
     return (
-        f"The run shown was off by {seen:.3g} m: modes asked for, frames lost or faults given by "
-        "others are not in the run that is explained"
+        f"The run shown was off by {rounded(seen)} m: modes asked for, frames lost or faults given "
+        "by others are not in the run that is explained"
     )

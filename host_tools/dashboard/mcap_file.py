@@ -158,7 +158,7 @@ class _File:
         return int(self._writer.register_channel(topic, "json", schema))
 
     def finish(self) -> None:
-        self._writer.finish()  # type: ignore[no-untyped-call]
+        self._writer.finish()  # type: ignore[no-untyped-call]  # mcap's
 
 
 def _properties(message: str) -> dict[str, Any]:

@@ -22,6 +22,7 @@ class PatientProtocol(H11Protocol):
 
     _due: asyncio.TimerHandle | None = None
 
+    # uvicorn takes no other transport than this.
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
         """Begin to wait for a request."""
         super().connection_made(transport)

@@ -8,6 +8,7 @@ from collections.abc import Iterator, Mapping
 from rrins.firmware_py.core.records.calibration_records import DriftState
 from rrins.firmware_py.diagnostics.codecs import Value
 from rrins.host_tools.files import JsonObject
+from rrins.host_tools.rounding import rounded
 
 _DAY_S = 86_400.0
 _KINDS = {"gyros": "gyro", "accelerometers": "accelerometer"}
@@ -81,12 +82,11 @@ def drift_words(name: str, kind: JsonObject) -> str:
         return f"{name}: not compared with their calibration"
     if kind["state"] == "learning":
         return f"{name}: the parity tells nothing yet"
-    words = (
-        f"{kind['distance_sigma']:.3g} σ from their calibration, {kind['limit_sigma']:.3g} allowed"
-    )
+    distance, limit = rounded(kind["distance_sigma"]), rounded(kind["limit_sigma"])
+    words = f"{distance} σ from their calibration, {limit} allowed"
     words = f"{name}: {words}, seen along {', '.join(kind['told'])}"
     if kind["state"] == "drifted":
-        words += f"; drifted by {kind['drift_ppm']:.3g} ppm if it is one of them"
+        words += f"; drifted by {rounded(kind['drift_ppm'])} ppm if it is one of them"
     return words
 
 

@@ -74,7 +74,7 @@ class Connection(BaseConnection):
 
 
 def _silence(text: str) -> TimeoutException:
-    return TimeoutException(text)  # type: ignore[no-untyped-call]
+    return TimeoutException(text)  # type: ignore[no-untyped-call]  # udsoncan's
 
 
 def _address() -> isotp.Address:

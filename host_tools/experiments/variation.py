@@ -8,6 +8,7 @@ from rrins.host_tools.experiments.sections import FigureRow, Picture, Section
 from rrins.host_tools.rotation import pictures
 from rrins.host_tools.rotation.analysis import VANISHES, Variation, analyse
 from rrins.host_tools.rotation.inputs import rimu_of, scheme_of
+from rrins.host_tools.rounding import rounded
 
 EXPERIMENT: Final = "scheme"
 GEOMETRIES: Final = ("tetrahedron", "dodecahedron", "cone")
@@ -32,9 +33,8 @@ def _figure_rows(geometry: str, variation: Variation) -> list[FigureRow]:
             if row.sensor != SENSOR:
                 continue
             leaves_z = kind == "accelerometer" and row.error in _LEAVE_Z and row.axis == "z"
-            note = (
-                f"largest excursion {row.excursion:.3g} {unit}; closed form {row.closed_form:.3g}"
-            )
+            largest, closed_form = rounded(row.excursion), rounded(row.closed_form)
+            note = f"largest excursion {largest} {unit}; closed form {closed_form}"
             if leaves_z:
                 note += "; per the paper a part remains"
             case = f"{geometry}, {kind} {SENSOR}, {row.error}"

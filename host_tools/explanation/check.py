@@ -29,6 +29,7 @@ from rrins.host_tools.explanation.sources import (
 from rrins.host_tools.files import JsonObject
 from rrins.host_tools.hardware.settings import power_on
 from rrins.host_tools.hardware.units import in_si
+from rrins.host_tools.rounding import rounded
 from rrins.host_tools.scenario.scenario import Scenario
 
 _OF_RECORD: Final[dict[str, Effect]] = {
@@ -74,15 +75,15 @@ class Check:
             count = len(self.constants)
             what = f"{count} constant{'s' * (count > 1)}"
             lines.append(
-                f"linear error equations: {what}, each within {self.largest_m:.3g} m of its "
+                f"linear error equations: {what}, each within {rounded(self.largest_m)} m of its "
                 f"part{share}"
             )
         for source, sigma in self.sigmas.items():
             parts = [one.value[:2] for one in found.parts if one.source == source]
             drawn = np.nansum(parts, axis=0)
-            times = np.linalg.norm(drawn) / np.linalg.norm(sigma)
-            spread = f"σ {sigma[0]:.3g} m east, {sigma[1]:.3g} m north"
-            lines.append(f"{source}: {spread}; this run drew {times:.2g} times that")
+            times = float(np.linalg.norm(drawn) / np.linalg.norm(sigma))
+            spread = f"σ {rounded(sigma[0])} m east, {rounded(sigma[1])} m north"
+            lines.append(f"{source}: {spread}; this run drew {rounded(times, 2)} times that")
         if self.not_covered:
             lines.append(f"not in the equations: {', '.join(self.not_covered)}")
         return lines

@@ -8,6 +8,7 @@ import numpy as np
 
 from rrins.compiled.record import Floats
 from rrins.host_tools.explanation.explain import OF, Explanation
+from rrins.host_tools.rounding import alike, rounded
 
 COMPONENTS: Final = {
     "position": ("east", "north", "up"),
@@ -22,7 +23,7 @@ SHARE_OF: Final = {
 }
 
 _SMALL: Final = {"m": "mm", "m/s": "mm/s"}
-_DIGITS: Final = 3
+_SHARE_DIGITS: Final = 4
 
 
 def scaled(values: Floats, unit: str) -> tuple[float, str]:
@@ -33,43 +34,29 @@ def scaled(values: Floats, unit: str) -> tuple[float, str]:
     return 1.0, unit
 
 
-def decimals(values: Floats) -> int:
-    """Return how many decimals show the largest value with three digits."""
-    largest = float(np.nanmax(np.abs(values), initial=0.0))
-    return 0 if largest <= 0 else int(np.clip(_DIGITS - 1 - np.floor(np.log10(largest)), 0, 6))
-
-
-def figure(value: float, places: int) -> str:
-    """Return a signed figure; a dash where it is not known."""
-    if not np.isfinite(value):
-        return "–"
-    text = f"{value:+.{places}f}"
-    return text[1:] if float(text) == 0 else text.replace("-", "−")
-
-
 def headline(found: Explanation, name: str, of: str) -> str:
     """Return what is explained, in a line."""
     error = found.error[-1, OF[of]]
     when = f"{found.time_s:g} s after navigation began"
     if of == "attitude":
-        return f"Why the heading is off by {abs(error[2]):.3g}″, {when}: {name}"
+        return f"Why the heading is off by {rounded(abs(error[2]))}″, {when}: {name}"
     size, unit = float(np.hypot(*error[:2])), UNITS[of]
     factor, unit = scaled(np.array([size]), unit)
-    return f"Why the {of} is off by {size * factor:.3g} {unit}, {when}: {name}"
+    return f"Why the {of} is off by {rounded(size * factor)} {unit}, {when}: {name}"
 
 
 def table_rows(found: Explanation, of: str) -> tuple[str, list[tuple[str, ...]]]:
     """Return the unit and the rows of the table: name, three components, share."""
     rows = found.rows(of)
-    figures = np.array([value for _, _, value, _ in rows])
+    total = found.error[-1, OF[of]]
+    figures = np.array([*(value for _, _, value, _ in rows), total])
     factor, unit = scaled(figures, UNITS[of])
-    places = decimals(figures * factor)
-    cells: list[tuple[str, ...]] = []
+    texts = np.reshape(alike((figures * factor).ravel().tolist()), figures.shape)
+    shares = alike([*(100 * share for *_, share in rows), 100.0], _SHARE_DIGITS)
     several = {name for name, part, _, _ in rows if part == ""}
-    for name, part, value, share in rows:
-        indented = f"  {part}" if part and name in several else f"{name}, {part}" if part else name
-        shown = (figure(v * factor, places) for v in value)
-        cells.append((indented, *shown, figure(100 * share, 1) + " %"))
-    total = found.error[-1, OF[of]] * factor
-    cells.append(("the error", *(figure(v, places) for v in total), "100.0 %"))
-    return unit, cells
+    names = [
+        f"  {part}" if part and name in several else f"{name}, {part}" if part else name
+        for name, part, _, _ in rows
+    ]
+    cells = zip([*names, "the error"], texts.tolist(), shares, strict=True)
+    return unit, [(name, *figures_of, f"{share} %") for name, figures_of, share in cells]

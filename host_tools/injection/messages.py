@@ -59,8 +59,10 @@ def fault_commands(action: FaultAction, fault: LiveFault, counter: int = 0) -> l
         part = {"kind": meant.kind, "node": meant.node, "identifier": meant.identifier}
     if action != FaultAction.INJECT:
         return _messages(layout, counter, {"action": action} | part)
-    of_kind = _of_hardware if isinstance(fault, FaultOfHardware) else _on_wire
-    *before, command = of_kind(fault, layout)  # type: ignore[arg-type]
+    if isinstance(fault, FaultOfHardware):
+        *before, command = _of_hardware(fault, layout)
+    else:
+        *before, command = _on_wire(fault, layout)
     if fault.for_s is not None:
         command["duration_ms"] = _milliseconds("for", fault.for_s, layout)
     return _messages(layout, counter, *(part | raws for raws in (*before, command)))

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import math
-
 from rrins.host_tools.campaigns.statistics import Estimate
+from rrins.host_tools.rounding import rounded, with_limits
 
 
 def percent(share: Estimate, has_interval: bool = True) -> str:
     """Return a share in percent, and its interval."""
-    if not math.isfinite(share.value):
-        return "–"
-    text = f"{100 * share.value:.3g}"
-    return f"{text} ({100 * share.low:.3g} to {100 * share.high:.3g})" if has_interval else text
+    if not has_interval:
+        return rounded(100 * share.value)
+    return with_limits(100 * share.value, 100 * share.low, 100 * share.high)

@@ -16,6 +16,7 @@ from rrins.host_tools.files import JsonObject, write_whole
 from rrins.host_tools.logs.beside import Navigated
 from rrins.host_tools.logs.reader import Log
 from rrins.host_tools.logs.replay import Replayed
+from rrins.host_tools.rounding import NOTHING, rounded
 from rrins.host_tools.runs.results.estimates import estimator_lines
 from rrins.host_tools.runs.results.keeping import place_for
 from rrins.host_tools.runs.results.outcome import Outcome
@@ -125,13 +126,13 @@ def _rms(values: NDArray[np.float64]) -> float | None:
 
 
 def _rms_line(rms: JsonObject) -> str:
-    place, velocity, angles = (tuple(rms[kind].values()) for kind in _RMS)
+    place, velocity, angles = ([*map(rounded, rms[kind].values())] for kind in _RMS)
     text = (
-        f"rms error: east {place[0]:.3g} m, north {place[1]:.3g} m, up {place[2]:.3g} m; "
-        f"{velocity[0]:.3g} m/s, {velocity[1]:.3g} m/s"
+        f"rms error: east {place[0]} m, north {place[1]} m, up {place[2]} m; "
+        f"{velocity[0]} m/s, {velocity[1]} m/s"
     )
-    if None not in angles:
-        text += f"; roll {angles[0]:.3g}°, pitch {angles[1]:.3g}°, heading {angles[2]:.3g}°"
+    if NOTHING not in angles:
+        text += f"; roll {angles[0]}°, pitch {angles[1]}°, heading {angles[2]}°"
     return text
 
 

@@ -73,7 +73,7 @@ class BlfReader(can.BLFReader):
         While it is read: if a size is beyond its limit, or zero.
     """
 
-    def __iter__(self) -> Generator[can.Message | Run, None, None]:  # type: ignore[override]
+    def __iter__(self) -> Generator[can.Message | Run, None, None]:  # type: ignore[override]  # a Run, too
         while header := self.file.read(_HEADER.size):
             signature, _, _, size, kind = _HEADER.unpack(header)
             if signature != _SIGNATURE:
@@ -85,12 +85,12 @@ class BlfReader(can.BLFReader):
                 yield from self._parse_container(_unpacked(content))
         self.stop()
 
-    def _parse_container(self, data: bytes) -> Iterator[can.Message | Run]:  # type: ignore[override]
+    def _parse_container(self, data: bytes) -> Iterator[can.Message | Run]:  # type: ignore[override]  # a Run, too
         yield from super()._parse_container(data)
         if len(self._tail) >= _HEADER.size and self._tail.startswith(_SIGNATURE):
             _check_size(_HEADER.unpack_from(self._tail)[3], _LARGEST_OBJECT)
 
-    def _parse_data(self, data: bytes) -> Iterator[can.Message | Run]:  # type: ignore[override]
+    def _parse_data(self, data: bytes) -> Iterator[can.Message | Run]:  # type: ignore[override]  # a Run, too
         empty = _empty_object(data)
         if empty is not None:
             data = data[:empty]

@@ -164,7 +164,7 @@ def open_writer(path: Path) -> Writer:
             return _SqliteWriter(path)
         if ending == ".blf":
             return BlfWriter(path, compression_level=_COMPRESSION)
-        file = gzip.open(path, "wt", encoding="utf-8") if is_packed else path  # noqa: SIM115
+        file = gzip.open(path, "wt", encoding="utf-8") if is_packed else path  # noqa: SIM115 - its writer's
         kind = _CandumpWriter if ending == ".log" else MESSAGE_WRITERS[ending]
         return cast(Callable[[Path | IO[str]], Writer], kind)(file)
     except RecordError as error:

@@ -10,6 +10,7 @@ from rrins.host_tools.redundancy.monte_carlo import PATIENCE_S
 from rrins.host_tools.redundancy.pictures import delays_figure, label_of
 from rrins.host_tools.redundancy.survey import WITHIN_S, Study
 from rrins.host_tools.redundancy.theory import HALF, LEARNED_S, MOST, WAYS
+from rrins.host_tools.rounding import NOTHING, coarse, rounded
 
 WORDS = {
     "alarm": "one fails",
@@ -19,18 +20,19 @@ WORDS = {
 """Words of a table for knowledge about a fault; the keys are `theory.WAYS`."""
 
 
-def shown(value: float | None, beyond: str = "–") -> str:
-    """Return a figure with as many digits as it is worth; `beyond` where there is none."""
-    if value is None or not math.isfinite(value):
-        return beyond
-    if value >= 100:
-        return f"{float(f'{value:.3g}'):,.0f}"
-    return f"{value:.2g}" if value < 10 else f"{value:.3g}"
+def given(value: float | None) -> str:
+    """Return a figure that was chosen, such as a step that was tried: no digits are added to it."""
+    return f"{value:,.10g}" if value is not None and math.isfinite(value) else NOTHING
+
+
+def delay(seconds: float | None) -> str:
+    """Return a delay, no finer than a millisecond."""
+    return rounded(seconds, 1) if seconds is not None and seconds < 0.01 else coarse(seconds)
 
 
 def pair(half: float, most: float) -> str:
     """Return the figure of half of the cases and that of 95 %."""
-    return f"{shown(half)} / {shown(most)}" if math.isfinite(half) else "–"
+    return f"{coarse(half)} / {coarse(most)}" if math.isfinite(half) else NOTHING
 
 
 def write(folder: Path, study: Study, runs: int, title: str) -> list[Path]:
@@ -48,7 +50,7 @@ def write(folder: Path, study: Study, runs: int, title: str) -> list[Path]:
         "rrins.host_tools.redundancy",
         {"delays": delays_figure(study.surveys)},
         keeps=(REPORT,),
-        filters={"shown": shown},
+        filters={"coarse": coarse, "given": given},
         title=title,
         surveys=study.surveys,
         sizes=study.sizes,

@@ -9,6 +9,7 @@ from typing import Self
 from rich.console import Console
 
 from rrins.host_tools.files import JsonObject
+from rrins.host_tools.rounding import rounded
 from rrins.host_tools.runs.results.results import east_north_m
 from rrins.host_tools.scenario.scenario import Scenario
 from rrins.host_tools.terminal import print_line, progress_line
@@ -150,7 +151,7 @@ class RunDisplay:
             parts.append(f"error {_length(self._error_m)}")
         elapsed_s = self._progress.tasks[0].elapsed
         if elapsed_s:
-            parts.append(f"{seconds / elapsed_s:.3g} × real time")
+            parts.append(f"{rounded(seconds / elapsed_s)} × real time")
         if firmware["position"]:
             parts.append(f"position {firmware['position']}")
         return parts

@@ -115,86 +115,127 @@ class FaultTable(FaultKeys, total=False):
     """After power-on of the hardware. Unit: s."""
 
 class SiteTable(TypedDict, total=False):
-    """Keys of `Site`."""
+    """Keys of `Site` and of calls."""
 
     latitude_deg: float
+    """Geodetic latitude, north positive. Unit: °."""
     longitude_deg: float
+    """Longitude, east positive. Unit: °."""
     height_m: float
+    """Above the ellipsoid. Unit: m."""
 
 class BodyTable(TypedDict, total=False):
-    """Keys of `Body`."""
+    """Keys of `Body` and of calls."""
 
     roll_deg: float
+    """Right side down positive. Unit: °."""
     pitch_deg: float
+    """Nose up positive. Unit: °."""
     heading_deg: float
+    """Clockwise from north. Unit: °."""
 
 class RimuTable(TypedDict, total=False):
-    """Keys of `Rimu`."""
+    """Keys of `Rimu` and of calls."""
 
     geometry: Literal[
         "tetrahedron", "orthogonal", "dodecahedron", "cone", "orthogonal-plus-one", "custom"
     ]
+    """A built-in arrangement of the sensors, or `custom` with the two keys below."""
     gyro_axes_deg: Sequence[Sequence[float]] | None
+    """Polar angle from z and azimuth from x of each gyro's input axis. Unit: °."""
     accelerometer_axes_deg: Sequence[Sequence[float]] | None
+    """The same of the accelerometers. Unit: °."""
 
-class GyrosTable(TypedDict, total=False):
+class _SensorsTable(TypedDict, total=False):
+    """Keys of `_Sensors`."""
+
+    scale_error_ppm: PerSensor
+    asymmetric_scale_error_ppm: PerSensor
+    installation_u_arcsec: PerSensor
+    installation_v_arcsec: PerSensor
+    scale_repeatability_ppm: PerSensor
+    scale_temperature_ppm_per_k: PerSensor
+    bandwidth_hz: float | None
+    latency_ms: float
+
+class _GyrosKeys(TypedDict, total=False):
+    """Keys of `Gyros` and of calls."""
+
+    bias_dph: PerSensor
+    """Bias b. Unit: °/h."""
+    bias_repeatability_dph: PerSensor
+    """Standard deviation of the bias change at each power-up. Unit: °/h."""
+    bias_instability_dph: PerSensor
+    """Coefficient B of IEEE 952; the floor of the Allan deviation is 0.664 B. Unit: °/h."""
+    bias_temperature_dph_per_k: PerSensor
+    """Temperature coefficient of the bias, see `[thermal]`. Unit: °/h/K."""
+    angle_random_walk_deg_per_sqrt_h: PerSensor
+    """White noise. Unit: °/√h."""
+    rate_random_walk_dph_per_sqrt_h: PerSensor
+    """Random walk of the bias. Unit: °/h/√h."""
+    g_sensitivity_dph_per_g: PerSensor
+    """Bias per g of specific force along the input axis. Unit: °/h/g."""
+    dead_zone_dph: PerSensor
+    """Input below this has no effect. Unit: °/h."""
+    resolution_arcsec: float
+    """The sensor's own quantisation step, if coarser than the frame's; remainders carry over. Unit:
+    ″."""
+    range_dps: float
+    """Measuring range. Unit: °/s."""
+
+class GyrosTable(_SensorsTable, _GyrosKeys, total=False):
     """Keys of `Gyros`."""
 
-    scale_error_ppm: PerSensor
-    asymmetric_scale_error_ppm: PerSensor
-    installation_u_arcsec: PerSensor
-    installation_v_arcsec: PerSensor
-    scale_repeatability_ppm: PerSensor
-    scale_temperature_ppm_per_k: PerSensor
-    bandwidth_hz: float | None
-    latency_ms: float
-    bias_dph: PerSensor
-    bias_repeatability_dph: PerSensor
-    bias_instability_dph: PerSensor
-    bias_temperature_dph_per_k: PerSensor
-    angle_random_walk_deg_per_sqrt_h: PerSensor
-    rate_random_walk_dph_per_sqrt_h: PerSensor
-    g_sensitivity_dph_per_g: PerSensor
-    dead_zone_dph: PerSensor
-    resolution_arcsec: float
-    range_dps: float
+class _AccelerometersKeys(TypedDict, total=False):
+    """Keys of `Accelerometers` and of calls."""
 
-class AccelerometersTable(TypedDict, total=False):
+    bias_ug: PerSensor
+    """Bias b. Unit: µg."""
+    bias_repeatability_ug: PerSensor
+    """Standard deviation of the bias change at each power-up. Unit: µg."""
+    bias_instability_ug: PerSensor
+    """Coefficient B of IEEE 952. Unit: µg."""
+    bias_temperature_ug_per_k: PerSensor
+    """Temperature coefficient of the bias, see `[thermal]`. Unit: µg/K."""
+    white_noise_ug_per_sqrt_hz: PerSensor
+    """White noise. Unit: µg/√Hz."""
+    random_walk_ug_per_sqrt_h: PerSensor
+    """Random walk of the bias. Unit: µg/√h."""
+    dead_zone_ug: PerSensor
+    """Input below this has no effect. Unit: µg."""
+    resolution_um_per_s: float
+    """The sensor's own quantisation step, if coarser than the frame's; remainders carry over. Unit:
+    µm/s."""
+    range_g: float
+    """Measuring range. Unit: g."""
+    position_x_mm: PerSensor
+    """Position in the sensor frame, measured from the intersection of the table's axes: [size
+    effect](error-model.md#size-effect). Unit: mm."""
+    position_y_mm: PerSensor
+    """The same along y. Unit: mm."""
+    position_z_mm: PerSensor
+    """The same along z. Unit: mm."""
+
+class AccelerometersTable(_SensorsTable, _AccelerometersKeys, total=False):
     """Keys of `Accelerometers`."""
 
-    scale_error_ppm: PerSensor
-    asymmetric_scale_error_ppm: PerSensor
-    installation_u_arcsec: PerSensor
-    installation_v_arcsec: PerSensor
-    scale_repeatability_ppm: PerSensor
-    scale_temperature_ppm_per_k: PerSensor
-    bandwidth_hz: float | None
-    latency_ms: float
-    bias_ug: PerSensor
-    bias_repeatability_ug: PerSensor
-    bias_instability_ug: PerSensor
-    bias_temperature_ug_per_k: PerSensor
-    white_noise_ug_per_sqrt_hz: PerSensor
-    random_walk_ug_per_sqrt_h: PerSensor
-    dead_zone_ug: PerSensor
-    resolution_um_per_s: float
-    range_g: float
-    position_x_mm: PerSensor
-    position_y_mm: PerSensor
-    position_z_mm: PerSensor
-
 class ThermalTable(TypedDict, total=False):
-    """Keys of `Thermal`."""
+    """Keys of `Thermal` and of calls."""
 
     ambient_offset_k: float
+    """Ambient temperature relative to the calibration temperature. Unit: K."""
     warm_up_k: float
+    """Temperature rise of the sensors after switch-on. Unit: K."""
     time_constant_s: float
+    """Time constant of the warm-up. Unit: s."""
 
 class AltimeterTable(TypedDict, total=False):
-    """Keys of `Altimeter`."""
+    """Keys of `Altimeter` and of calls."""
 
     bias_m: float
+    """Constant error. Unit: m."""
     noise_m: float
+    """Standard deviation. Unit: m."""
 
 class OutageTable(TypedDict, total=False):
     """Keys of `Outage`."""
@@ -208,34 +249,68 @@ class TunnelTable(TypedDict, total=False):
     from_m: float
     to_m: float
 
-class GnssTable(TypedDict, total=False):
-    """Keys of `Gnss`."""
+class PeriodicTable(TypedDict, total=False):
+    """Keys of `Periodic`."""
 
     rate_hz: int
     latency_s: float
-    position_noise_m: float
-    velocity_noise_mps: float
-    position_correlated_noise_m: float
-    position_correlation_s: float
-    lever_arm_m: Sequence[float]
-    outages: Sequence[OutageTable]
-    tunnels: Sequence[TunnelTable]
-    tunnel_map: str | None
-    tunnel_width_m: float
 
-class OdometerTable(TypedDict, total=False):
+class _GnssReceiverKeys(TypedDict, total=False):
+    """Keys of `GnssReceiver` and of calls."""
+
+    position_noise_m: float
+    """Standard deviation of each component. Unit: m."""
+    velocity_noise_mps: float
+    """Standard deviation of each component. Unit: m/s."""
+    position_correlated_noise_m: float
+    """Standard deviation of each component's time-correlated error. Unit: m."""
+    position_correlation_s: float
+    """Its time constant. Unit: s."""
+
+class GnssReceiverTable(PeriodicTable, _GnssReceiverKeys, total=False):
+    """Keys of `GnssReceiver`."""
+
+    rate_hz: int
+    latency_s: float
+    lever_arm_m: Sequence[float]
+
+class _GnssKeys(TypedDict, total=False):
+    """Keys of `Gnss` and of calls."""
+
+    tunnels: Sequence[TunnelTable]
+    """Stretches of the route without a fix: `[{ from_m = 1200, to_m = 1500 }]`, distance driven
+    since the motion began."""
+    tunnel_map: str | None
+    """No fix inside its polygons or on its lines."""
+    tunnel_width_m: float
+    """Width of the lines. Unit: m."""
+
+class GnssTable(GnssReceiverTable, _GnssKeys, total=False):
+    """Keys of `Gnss`."""
+
+    outages: Sequence[OutageTable]
+
+class _OdometerKeys(TypedDict, total=False):
+    """Keys of `Odometer` and of calls."""
+
+    pulse_mm: float
+    """Nominal distance per pulse, which the firmware uses. Unit: mm."""
+    noise_mps: float
+    """Standard deviation of the mean speed over an interval while the wheel turns. Unit: m/s."""
+    mounting_heading_deg: float
+    """Heading of the vehicle's forward axis in the body frame, clockwise. Unit: °."""
+    mounting_pitch_deg: float
+    """Its pitch, upwards. Unit: °."""
+
+class OdometerTable(PeriodicTable, _OdometerKeys, total=False):
     """Keys of `Odometer`."""
 
     rate_hz: int
     latency_s: float
-    pulse_mm: float
     scale_error_ppm: float
-    noise_mps: float
-    mounting_heading_deg: float
-    mounting_pitch_deg: float
     lever_arm_m: Sequence[float]
 
-class MasterTable(TypedDict, total=False):
+class MasterTable(PeriodicTable, total=False):
     """Keys of `Master`."""
 
     rate_hz: int
@@ -256,33 +331,56 @@ class AxisTable(TypedDict, total=False):
     run_out_um: float
 
 class TurntableTable(TypedDict, total=False):
-    """Keys of `Turntable`."""
+    """Keys of `Turntable` and of calls."""
 
     inner: AxisTable
+    """Limits, encoder and imperfections of one axis of the turntable."""
     outer: AxisTable
+    """Limits, encoder and imperfections of one axis of the turntable."""
     non_orthogonality_arcsec: float
+    """Deviation of the axes from a right angle. Unit: ″."""
     wobble_arcsec: float
+    """Wobble of the inner axis as it turns. Unit: ″."""
     wobble_per_turn: float
+    """Wobble periods per turn."""
 
-class MotionTable(TypedDict, total=False):
+class _MotionKeys(TypedDict, total=False):
+    """Keys of `Motion` and of calls."""
+
+    begins_s: float | None
+    """When it begins, after power-on of the hardware; negative: it is under way by then. Default:
+    with navigation. Unit: s."""
+    wave_spectrum: Literal["jonswap", "pierson-moskowitz"]
+    """A developing sea (peak factor 3.3), or a fully developed one."""
+    wave_height_m: float
+    """Significant wave height. Unit: m."""
+    wave_period_s: float
+    """Period of the spectrum's peak. Unit: s."""
+    wave_from_deg: float
+    """Where the waves come from, clockwise from the bow. Unit: °."""
+    roll_period_s: float
+    """Natural period of the ship's roll. Unit: s."""
+    path: str | None
+    """The recording: .csv or .pos, relative to the scenario's folder."""
+    irregularities: Literal["mend", "refuse"]
+    """How to treat gaps, jumps, wrong timestamps and unreadable lines."""
+    speed_limit_mps: float
+    """Speed above which the recording must be wrong. Unit: m/s."""
+    jerk_density_mps3_per_sqrt_hz: float
+    """Agility of the recorded vehicle: a larger value follows the file more closely. Unit: Hz."""
+    position_deviation_m: float
+    """Standard deviation of positions, where the file does not give it. Unit: m."""
+    velocity_deviation_mps: float
+    """Likewise for velocities. Unit: m/s."""
+    attitude_deviation_deg: float
+    """Likewise for angles. Unit: °."""
+
+class MotionTable(_MotionKeys, total=False):
     """Keys of `Motion`."""
 
     kind: Literal["stationary", "drive", "sway", "file"]
     duration_s: float | None
-    begins_s: float | None
     seed: int
-    wave_spectrum: Literal["jonswap", "pierson-moskowitz"]
-    wave_height_m: float
-    wave_period_s: float
-    wave_from_deg: float
-    roll_period_s: float
-    path: str | None
-    irregularities: Literal["mend", "refuse"]
-    speed_limit_mps: float
-    jerk_density_mps3_per_sqrt_hz: float
-    position_deviation_m: float
-    velocity_deviation_mps: float
-    attitude_deviation_deg: float
 
 class TurnTable(TypedDict, total=False):
     """Keys of `Turn`."""
@@ -290,37 +388,70 @@ class TurnTable(TypedDict, total=False):
     axis: Literal["inner", "outer"]
     angle_deg: float
 
-class FirmwareTable(TypedDict, total=False):
-    """Keys of `Firmware`."""
+class KeysTable(TypedDict, total=False):
+    """Keys of `Keys` and of calls."""
 
     initial_attitude: Literal[
         "given", "self-aligned", "self-aligned-swaying", "self-aligned-moving", "transferred"
     ]
+    """Self-aligned at standstill, of a vehicle that sways about its place, or one that moves and
+    has GNSS. Transferred: another unit's, with velocity and position, also of a vehicle that
+    moves."""
     alignment_s: float
+    """Length of the alignment; of a vehicle that sways or moves its minimum. Unit: s."""
     height_channel: Literal["held", "damped", "free"]
+    """`damped` follows the altimeter, or the initial height if there is none."""
     bridge_s: float
+    """Longest gap in the sensor data that is bridged. Unit: s."""
     follow_tolerance_deg: float
+    """Permitted distance between an axis and its expected angle. Unit: °."""
     axis_silence_s: float
+    """Longest permitted silence of an axis. Unit: s."""
     gyro_consistency_dph: float
+    """Permitted disagreement between redundant gyros. Unit: °/h."""
     accelerometer_consistency_ug: float
+    """The same of accelerometers. Unit: µg."""
+
+class _FirmwareKeys(TypedDict, total=False):
+    """Keys of `Firmware` and of calls."""
+
     roll_error_arcsec: float
+    """Of the given or transferred attitude, as are all of these errors: given minus true. Unit:
+    ″."""
     pitch_error_arcsec: float
+    """Nose up positive. Unit: ″."""
     heading_error_arcsec: float
+    """Clockwise positive. Unit: ″."""
     level_error_sigma_arcsec: float
+    """Standard deviation of what a run draws for roll and pitch, on top. Unit: ″."""
     heading_error_sigma_arcsec: float
+    """The same of the heading. Unit: ″."""
     velocity_error_sigma_mps: float
+    """The same of each component of a transferred velocity. Unit: m/s."""
     position_error_sigma_m: float
+    """The same of each component of a transferred position. Unit: m."""
     calibration: str | None
+    """TOML file of calibrated errors, relative to the scenario's folder."""
     scheme: (
         Literal["16-position", "8-position", "4-position", "single-axis-4-position", "calibration"]
         | Sequence[TurnTable]
     )
+    """Rotation scheme: a built-in one, or its turns."""
     turn_rate_dps: float
+    """Commanded rate of the axes. Unit: °/s."""
     stand_s: float
+    """Time at rest after each turn. Unit: s."""
     isolate_heading: bool
+    """Whether the inner axis takes the vehicle's turn out, too."""
     gyro_weights: PerSensor
+    """Of the fusion: 1/σ² of the gyros up to a common factor. Paper, (54)."""
     accelerometer_weights: PerSensor
+    """The same of the accelerometers."""
     clock_error_ppm: float
+    """How much the firmware's own clock runs fast. Unit: ppm."""
+
+class FirmwareTable(KeysTable, _FirmwareKeys, total=False):
+    """Keys of `Firmware`."""
 
 class ReadmissionTable(TypedDict, total=False):
     """Keys of `Readmission`."""
@@ -331,41 +462,88 @@ class ReadmissionTable(TypedDict, total=False):
     test_s: int
     anew: bool
 
-class RedundancyTable(TypedDict, total=False):
+class _RedundancyKeys(TypedDict, total=False):
+    """Keys of `Redundancy` and of calls."""
+
+    false_alarms_per_1000_h: float
+    """The promise from which, with the sensors' data sheet, the thresholds follow."""
+    readmit: Sequence[ReadmissionTable]
+    """Sensors to take back into use, in order of time."""
+
+class RedundancyTable(_RedundancyKeys, total=False):
     """Keys of `Redundancy`."""
 
     enabled: bool
-    false_alarms_per_1000_h: float
-    readmit: Sequence[ReadmissionTable]
 
-class EstimatorTable(TypedDict, total=False):
+class _EstimatorKeys(TypedDict, total=False):
+    """Keys of `Estimator` and of calls."""
+
+    fine_alignment_s: float
+    """Between the alignment and navigation, while the table turns; 0: none. Unit: s."""
+    constants: bool
+    """Estimate scale factors, asymmetries and installation errors, too, not only biases."""
+    heading_sigma_enough_arcsec: float
+    """Ends the fine alignment before its time once the heading is known this well; 0: never. Unit:
+    ″."""
+    zero_velocity_sigma_mps: float
+    """Of the velocity of a vehicle that stands, each component. Unit: m/s."""
+    detects_standing: bool
+    """Find standing by the sensors themselves, and take it for zero velocity."""
+    position_sigma_m: float
+    """Of the position where navigation begins, each component. Unit: m."""
+    gate: float
+    """Standard deviations beyond which a measurement is not used."""
+    level_sigma_arcsec: float | None
+    """Of a given roll and pitch; by default what `[firmware]` draws for them. Unit: ″."""
+    heading_sigma_arcsec: float | None
+    """Of a given heading; by default what `[firmware]` draws for it. Unit: ″."""
+
+class EstimatorTable(_EstimatorKeys, total=False):
     """Keys of `Estimator`."""
 
     enabled: bool
-    fine_alignment_s: float
-    constants: bool
-    heading_sigma_enough_arcsec: float
-    zero_velocity_sigma_mps: float
-    detects_standing: bool
-    position_sigma_m: float
-    gate: float
-    level_sigma_arcsec: float | None
-    heading_sigma_arcsec: float | None
 
-class IntegrityTable(TypedDict, total=False):
-    """Keys of `Integrity`."""
+class IntegritySettingsTable(TypedDict, total=False):
+    """Keys of `IntegritySettings` and of calls."""
 
     risk_per_h: float
+    """Probability per hour of an error beyond its bound."""
     horizontal_alert_m: float
+    """A larger bound makes the navigation not available. 556 m: 0.3 miles, as of RNP 0.3. Unit:
+    m."""
     vertical_alert_m: float
+    """The same of the height, where the filter estimates it. 50 m: as of APV-I. Unit: m."""
     heading_alert_deg: float
+    """The same of the heading. Unit: °."""
     gyro_faults_per_h: float
+    """Of each gyro."""
     accelerometer_faults_per_h: float
+    """Of each accelerometer."""
     gnss_faults_per_h: float
+    """Wrong fixes that the receiver does not notice. Below 1e-11 only what the innovations show
+    counts; 1e-7 also covers what they would not, and makes the bound several times as large."""
     odometer_faults_per_h: float
+    """Changes of its scale: slip, another tyre."""
     altimeter_faults_per_h: float
+    """Changes of its bias beyond those of the weather."""
     common_faults_per_h: float
+    """Of the scale of all gyros, or of all accelerometers, alike: by a supply, or the temperature.
+    1e-8: a few hundredths, as of IEC 61508-6, of a sensor's own changes of scale."""
+
+class IntegrityTable(IntegritySettingsTable, total=False):
+    """Keys of `Integrity`."""
+
     enabled: bool
+
+class XcpSettingsTable(TypedDict, total=False):
+    """Keys of `XcpSettings` and of calls."""
+
+    frames_per_s: int
+    """Most frames of XCP that the navigation computer sends, responses and measured data. Unit:
+    s."""
+
+class XcpTable(XcpSettingsTable, total=False):
+    """Keys of `Xcp`."""
 
 class ZeroVelocityTable(TypedDict, total=False):
     """Keys of `ZeroVelocity`."""
@@ -570,6 +748,7 @@ class _Paths(TypedDict, total=False):
     integrity__altimeter_faults_per_h: float
     integrity__common_faults_per_h: float
     integrity__enabled: bool
+    xcp__frames_per_s: int
     paper__source: str
     paper__duration_s: float | None
     paper__max_abs_position_error_m: EastNorthTable | None
@@ -581,7 +760,28 @@ class _Paths(TypedDict, total=False):
     paper__end_position_error_m: float | None
     bus__bitrate: Literal[125000, 250000, 500000, 1000000] | None
 
-class SharedKeys(_Paths, total=False):
+class SharedKeys(
+    _Paths,
+    SiteTable,
+    BodyTable,
+    RimuTable,
+    _GyrosKeys,
+    _AccelerometersKeys,
+    ThermalTable,
+    AltimeterTable,
+    _GnssReceiverKeys,
+    _GnssKeys,
+    _OdometerKeys,
+    TurntableTable,
+    _MotionKeys,
+    KeysTable,
+    _FirmwareKeys,
+    _RedundancyKeys,
+    _EstimatorKeys,
+    IntegritySettingsTable,
+    XcpSettingsTable,
+    total=False,
+):
     """Keywords of every call that takes a scenario."""
 
     title: str
@@ -626,6 +826,8 @@ class SharedKeys(_Paths, total=False):
     """The firmware's error-state Kalman filter."""
     integrity: IntegrityTable
     """Bounds of the navigation's error for a stated risk, and the rates of faults they assume."""
+    xcp: XcpTable | None
+    """The measurement and calibration protocol XCP of the firmware."""
     zero_velocity: Sequence[ZeroVelocityTable]
     """Times in which the operator says that the vehicle stands."""
     operator: Sequence[OperatorRequestTable]
@@ -715,243 +917,6 @@ class SharedKeys(_Paths, total=False):
     """The same along y. Unit: mm."""
     accelerometer_position_z_mm: PerSensor
     """The same along z. Unit: mm."""
-    latitude_deg: float
-    """Geodetic latitude, north positive. Unit: °."""
-    longitude_deg: float
-    """Longitude, east positive. Unit: °."""
-    height_m: float
-    """Above the ellipsoid. Unit: m."""
-    roll_deg: float
-    """Right side down positive. Unit: °."""
-    pitch_deg: float
-    """Nose up positive. Unit: °."""
-    heading_deg: float
-    """Clockwise from north. Unit: °."""
-    geometry: Literal[
-        "tetrahedron", "orthogonal", "dodecahedron", "cone", "orthogonal-plus-one", "custom"
-    ]
-    """A built-in arrangement of the sensors, or `custom` with the two keys below."""
-    gyro_axes_deg: Sequence[Sequence[float]] | None
-    """Polar angle from z and azimuth from x of each gyro's input axis. Unit: °."""
-    accelerometer_axes_deg: Sequence[Sequence[float]] | None
-    """The same of the accelerometers. Unit: °."""
-    bias_dph: PerSensor
-    """Bias b. Unit: °/h."""
-    bias_repeatability_dph: PerSensor
-    """Standard deviation of the bias change at each power-up. Unit: °/h."""
-    bias_instability_dph: PerSensor
-    """Coefficient B of IEEE 952; the floor of the Allan deviation is 0.664 B. Unit: °/h."""
-    bias_temperature_dph_per_k: PerSensor
-    """Temperature coefficient of the bias, see `[thermal]`. Unit: °/h/K."""
-    angle_random_walk_deg_per_sqrt_h: PerSensor
-    """White noise. Unit: °/√h."""
-    rate_random_walk_dph_per_sqrt_h: PerSensor
-    """Random walk of the bias. Unit: °/h/√h."""
-    g_sensitivity_dph_per_g: PerSensor
-    """Bias per g of specific force along the input axis. Unit: °/h/g."""
-    dead_zone_dph: PerSensor
-    """Input below this has no effect. Unit: °/h."""
-    resolution_arcsec: float
-    """The sensor's own quantisation step, if coarser than the frame's; remainders carry over. Unit:
-    ″."""
-    range_dps: float
-    """Measuring range. Unit: °/s."""
-    bias_ug: PerSensor
-    """Bias b. Unit: µg."""
-    bias_repeatability_ug: PerSensor
-    """Standard deviation of the bias change at each power-up. Unit: µg."""
-    bias_instability_ug: PerSensor
-    """Coefficient B of IEEE 952. Unit: µg."""
-    bias_temperature_ug_per_k: PerSensor
-    """Temperature coefficient of the bias, see `[thermal]`. Unit: µg/K."""
-    white_noise_ug_per_sqrt_hz: PerSensor
-    """White noise. Unit: µg/√Hz."""
-    random_walk_ug_per_sqrt_h: PerSensor
-    """Random walk of the bias. Unit: µg/√h."""
-    dead_zone_ug: PerSensor
-    """Input below this has no effect. Unit: µg."""
-    resolution_um_per_s: float
-    """The sensor's own quantisation step, if coarser than the frame's; remainders carry over. Unit:
-    µm/s."""
-    range_g: float
-    """Measuring range. Unit: g."""
-    position_x_mm: PerSensor
-    """Position in the sensor frame, measured from the intersection of the table's axes: [size
-    effect](error-model.md#size-effect). Unit: mm."""
-    position_y_mm: PerSensor
-    """The same along y. Unit: mm."""
-    position_z_mm: PerSensor
-    """The same along z. Unit: mm."""
-    ambient_offset_k: float
-    """Ambient temperature relative to the calibration temperature. Unit: K."""
-    warm_up_k: float
-    """Temperature rise of the sensors after switch-on. Unit: K."""
-    time_constant_s: float
-    """Time constant of the warm-up. Unit: s."""
-    bias_m: float
-    """Constant error. Unit: m."""
-    noise_m: float
-    """Standard deviation. Unit: m."""
-    position_noise_m: float
-    """Standard deviation of each component. Unit: m."""
-    velocity_noise_mps: float
-    """Standard deviation of each component. Unit: m/s."""
-    position_correlated_noise_m: float
-    """Standard deviation of each component's time-correlated error. Unit: m."""
-    position_correlation_s: float
-    """Its time constant. Unit: s."""
-    tunnels: Sequence[TunnelTable]
-    """Stretches of the route without a fix: `[{ from_m = 1200, to_m = 1500 }]`, distance driven
-    since the motion began."""
-    tunnel_map: str | None
-    """No fix inside its polygons or on its lines."""
-    tunnel_width_m: float
-    """Width of the lines. Unit: m."""
-    pulse_mm: float
-    """Nominal distance per pulse, which the firmware uses. Unit: mm."""
-    noise_mps: float
-    """Standard deviation of the mean speed over an interval while the wheel turns. Unit: m/s."""
-    mounting_heading_deg: float
-    """Heading of the vehicle's forward axis in the body frame, clockwise. Unit: °."""
-    mounting_pitch_deg: float
-    """Its pitch, upwards. Unit: °."""
-    inner: AxisTable
-    """Limits, encoder and imperfections of one axis of the turntable."""
-    outer: AxisTable
-    """Limits, encoder and imperfections of one axis of the turntable."""
-    non_orthogonality_arcsec: float
-    """Deviation of the axes from a right angle. Unit: ″."""
-    wobble_arcsec: float
-    """Wobble of the inner axis as it turns. Unit: ″."""
-    wobble_per_turn: float
-    """Wobble periods per turn."""
-    begins_s: float | None
-    """When it begins, after power-on of the hardware; negative: it is under way by then. Default:
-    with navigation. Unit: s."""
-    wave_spectrum: Literal["jonswap", "pierson-moskowitz"]
-    """A developing sea (peak factor 3.3), or a fully developed one."""
-    wave_height_m: float
-    """Significant wave height. Unit: m."""
-    wave_period_s: float
-    """Period of the spectrum's peak. Unit: s."""
-    wave_from_deg: float
-    """Where the waves come from, clockwise from the bow. Unit: °."""
-    roll_period_s: float
-    """Natural period of the ship's roll. Unit: s."""
-    path: str | None
-    """The recording: .csv or .pos, relative to the scenario's folder."""
-    irregularities: Literal["mend", "refuse"]
-    """How to treat gaps, jumps, wrong timestamps and unreadable lines."""
-    speed_limit_mps: float
-    """Speed above which the recording must be wrong. Unit: m/s."""
-    jerk_density_mps3_per_sqrt_hz: float
-    """Agility of the recorded vehicle: a larger value follows the file more closely. Unit: Hz."""
-    position_deviation_m: float
-    """Standard deviation of positions, where the file does not give it. Unit: m."""
-    velocity_deviation_mps: float
-    """Likewise for velocities. Unit: m/s."""
-    attitude_deviation_deg: float
-    """Likewise for angles. Unit: °."""
-    initial_attitude: Literal[
-        "given", "self-aligned", "self-aligned-swaying", "self-aligned-moving", "transferred"
-    ]
-    """Self-aligned at standstill, of a vehicle that sways about its place, or one that moves and
-    has GNSS. Transferred: another unit's, with velocity and position, also of a vehicle that
-    moves."""
-    alignment_s: float
-    """Length of the alignment; of a vehicle that sways or moves its minimum. Unit: s."""
-    height_channel: Literal["held", "damped", "free"]
-    """`damped` follows the altimeter, or the initial height if there is none."""
-    bridge_s: float
-    """Longest gap in the sensor data that is bridged. Unit: s."""
-    follow_tolerance_deg: float
-    """Permitted distance between an axis and its expected angle. Unit: °."""
-    axis_silence_s: float
-    """Longest permitted silence of an axis. Unit: s."""
-    gyro_consistency_dph: float
-    """Permitted disagreement between redundant gyros. Unit: °/h."""
-    accelerometer_consistency_ug: float
-    """The same of accelerometers. Unit: µg."""
-    roll_error_arcsec: float
-    """Of the given or transferred attitude, as are all of these errors: given minus true. Unit:
-    ″."""
-    pitch_error_arcsec: float
-    """Nose up positive. Unit: ″."""
-    heading_error_arcsec: float
-    """Clockwise positive. Unit: ″."""
-    level_error_sigma_arcsec: float
-    """Standard deviation of what a run draws for roll and pitch, on top. Unit: ″."""
-    heading_error_sigma_arcsec: float
-    """The same of the heading. Unit: ″."""
-    velocity_error_sigma_mps: float
-    """The same of each component of a transferred velocity. Unit: m/s."""
-    position_error_sigma_m: float
-    """The same of each component of a transferred position. Unit: m."""
-    calibration: str | None
-    """TOML file of calibrated errors, relative to the scenario's folder."""
-    scheme: (
-        Literal["16-position", "8-position", "4-position", "single-axis-4-position", "calibration"]
-        | Sequence[TurnTable]
-    )
-    """Rotation scheme: a built-in one, or its turns."""
-    turn_rate_dps: float
-    """Commanded rate of the axes. Unit: °/s."""
-    stand_s: float
-    """Time at rest after each turn. Unit: s."""
-    isolate_heading: bool
-    """Whether the inner axis takes the vehicle's turn out, too."""
-    gyro_weights: PerSensor
-    """Of the fusion: 1/σ² of the gyros up to a common factor. Paper, (54)."""
-    accelerometer_weights: PerSensor
-    """The same of the accelerometers."""
-    clock_error_ppm: float
-    """How much the firmware's own clock runs fast. Unit: ppm."""
-    false_alarms_per_1000_h: float
-    """The promise from which, with the sensors' data sheet, the thresholds follow."""
-    readmit: Sequence[ReadmissionTable]
-    """Sensors to take back into use, in order of time."""
-    fine_alignment_s: float
-    """Between the alignment and navigation, while the table turns; 0: none. Unit: s."""
-    constants: bool
-    """Estimate scale factors, asymmetries and installation errors, too, not only biases."""
-    heading_sigma_enough_arcsec: float
-    """Ends the fine alignment before its time once the heading is known this well; 0: never. Unit:
-    ″."""
-    zero_velocity_sigma_mps: float
-    """Of the velocity of a vehicle that stands, each component. Unit: m/s."""
-    detects_standing: bool
-    """Find standing by the sensors themselves, and take it for zero velocity."""
-    position_sigma_m: float
-    """Of the position where navigation begins, each component. Unit: m."""
-    gate: float
-    """Standard deviations beyond which a measurement is not used."""
-    level_sigma_arcsec: float | None
-    """Of a given roll and pitch; by default what `[firmware]` draws for them. Unit: ″."""
-    heading_sigma_arcsec: float | None
-    """Of a given heading; by default what `[firmware]` draws for it. Unit: ″."""
-    risk_per_h: float
-    """Probability per hour of an error beyond its bound."""
-    horizontal_alert_m: float
-    """A larger bound makes the navigation not available. 556 m: 0.3 miles, as of RNP 0.3. Unit:
-    m."""
-    vertical_alert_m: float
-    """The same of the height, where the filter estimates it. 50 m: as of APV-I. Unit: m."""
-    heading_alert_deg: float
-    """The same of the heading. Unit: °."""
-    gyro_faults_per_h: float
-    """Of each gyro."""
-    accelerometer_faults_per_h: float
-    """Of each accelerometer."""
-    gnss_faults_per_h: float
-    """Wrong fixes that the receiver does not notice. Below 1e-11 only what the innovations show
-    counts; 1e-7 also covers what they would not, and makes the bound several times as large."""
-    odometer_faults_per_h: float
-    """Changes of its scale: slip, another tyre."""
-    altimeter_faults_per_h: float
-    """Changes of its bias beyond those of the weather."""
-    common_faults_per_h: float
-    """Of the scale of all gyros, or of all accelerometers, alike: by a supply, or the temperature.
-    1e-8: a few hundredths, as of IEC 61508-6, of a sensor's own changes of scale."""
 
 class TimedKeys(SharedKeys, total=False):
     """The same, with the duration."""

@@ -102,19 +102,8 @@ def _run_epochs(
     return rows
 
 
-def check_needs_no_frames(scenario: Scenario) -> None:
-    """Raise `RehearsalError` when a scenario has faults or timing of the wire."""
-    if scenario_wire(scenario) is not None:
-        raise RehearsalError(
-            "increments: faults or timing of the wire need frames; rehearse the scenario with "
-            "--record FILE, then give that file"
-        )
-
-
-def fused_of_scenario(scenario: Scenario) -> Iterator[FusedTrack]:
-    """Run a scenario without frames; yield the epochs navigated, some seconds at a time.
-
-    The first row is the last epoch before navigation: its state is the initial one.
+def switched_on(scenario: Scenario) -> FastRun:
+    """Return both sides of a scenario that can be run without frames.
 
     Raises
     ------
@@ -123,8 +112,22 @@ def fused_of_scenario(scenario: Scenario) -> Iterator[FusedTrack]:
     ScenarioError, MotionError
         When a file that the scenario names cannot be used.
     """
-    check_needs_no_frames(scenario)
-    run = FastRun.of(firmware_settings(scenario), hardware_settings(scenario))
+    if scenario_wire(scenario) is not None:
+        raise RehearsalError(
+            "increments: faults or timing of the wire need frames; rehearse the scenario with "
+            "--record FILE, then give that file"
+        )
+    return FastRun.of(firmware_settings(scenario), hardware_settings(scenario))
+
+
+def fused_of_scenario(scenario: Scenario) -> Iterator[FusedTrack]:
+    """Run a scenario without frames; yield the epochs navigated, some seconds at a time.
+
+    The first row is the last epoch before navigation: its state is the initial one.
+
+    Raises as `switched_on` does.
+    """
+    run = switched_on(scenario)
     left = scenario.epochs + 1
     while left:
         epochs = min(left, PIECE_S * scenario.rate_hz)

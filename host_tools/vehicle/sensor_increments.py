@@ -10,10 +10,9 @@ from rrins.compiled.record import I8, Floats, Record, Records
 from rrins.dbc.contract import SENSOR_GROUPS, Contract
 from rrins.firmware_py.core.records.memory import Ram
 from rrins.host_tools.hardware.memory import Plant
-from rrins.host_tools.runs.fast import FastRun, parts_beside, step_both
-from rrins.host_tools.runs.set_up.settings import firmware_settings, hardware_settings
+from rrins.host_tools.runs.fast import parts_beside, step_both
 from rrins.host_tools.scenario.scenario import Scenario
-from rrins.host_tools.vehicle.fused import check_needs_no_frames
+from rrins.host_tools.vehicle.fused import switched_on
 
 
 class SensorIncrements(Record):
@@ -52,15 +51,9 @@ def _run_epochs(
 def sensors_of_scenario(scenario: Scenario) -> Records[SensorIncrements]:
     """Run a scenario without frames; return what the sensors gave in each epoch from power-on.
 
-    Raises
-    ------
-    RehearsalError
-        When the scenario has faults or timing of the wire, which need frames.
-    ScenarioError, MotionError
-        When a file that the scenario names cannot be used.
+    Raises as `switched_on` does.
     """
-    check_needs_no_frames(scenario)
-    run = FastRun.of(firmware_settings(scenario), hardware_settings(scenario))
+    run = switched_on(scenario)
     rows = SensorIncrements.zeros(scenario.epochs + 1)
     with compiled_beside(*parts_beside(run.contract, run.compares)):
         _run_epochs(run.plant, run.pieces, run.ram, run.contract, run.compares, run.estimates, rows)

@@ -17,7 +17,7 @@ import numpy as np
 from numba.core import types
 from numba.core.compiler import Compiler, Flags, compile_extra
 from numba.core.compiler_lock import global_compiler_lock
-from numba.core.dispatcher import _FunctionCompiler  # type: ignore[attr-defined]
+from numba.core.dispatcher import _FunctionCompiler  # type: ignore[attr-defined]  # no stub
 from numba.core.event import trigger_event
 from numba.core.registry import CPUDispatcher
 from numba.core.sigutils import normalize_signature
@@ -33,7 +33,7 @@ _F = TypeVar("_F", bound=Callable[..., object])
 _Kinds = tuple[Any, ...]
 
 # numba writes the type of each argument out for each of its passes, whether anyone reads it or not.
-setattr(types.Record, "__repr__", functools.cache(types.Record.__repr__))  # noqa: B010
+setattr(types.Record, "__repr__", functools.cache(types.Record.__repr__))  # noqa: B010 - a method
 
 # numba makes the type of a record anew for each record that contains one: a thousand for sixty.
 _any_struct_type = numpy_support.from_struct_dtype
@@ -46,7 +46,7 @@ def _struct_type(dtype: np.dtype[np.void]) -> types.Record:
     return (_record_type if is_ours else _any_struct_type)(dtype)
 
 
-setattr(numpy_support, "from_struct_dtype", _struct_type)  # noqa: B010
+setattr(numpy_support, "from_struct_dtype", _struct_type)  # noqa: B010 - numba's
 
 
 class _Compiler(_FunctionCompiler):
@@ -158,7 +158,7 @@ def compiled_with(folder: CodeFolder | None = None, **options: Any) -> Callable[
     """
 
     def compile_later(function: _F) -> _F:
-        if numba.config.DISABLE_JIT:  # type: ignore[attr-defined]
+        if numba.config.DISABLE_JIT:  # type: ignore[attr-defined]  # set as it loads
             function.py_func = function  # type: ignore[attr-defined]  # as a compiled one has it
             return function
         return cast(_F, Function(function, folder, options))

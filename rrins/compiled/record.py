@@ -19,8 +19,10 @@ at fixed offsets. So ``state.clock.synchronised`` costs nothing and is still typ
 from __future__ import annotations
 
 import functools
+import inspect
+import re
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from types import CodeType
 from typing import (
     TYPE_CHECKING,
@@ -28,6 +30,7 @@ from typing import (
     Any,
     ClassVar,
     Generic,
+    NamedTuple,
     Self,
     TypeVar,
     cast,
@@ -86,12 +89,50 @@ class Record:
     dtype: ClassVar[np.dtype[np.void]]
 
     def __init_subclass__(cls) -> None:
+        cls.dtype = _packed(member.field() for member in cls.members())
+
+    @classmethod
+    def members(cls) -> tuple[Member, ...]:
+        """Return what the class declares, in the order of memory."""
         module = vars(sys.modules[cls.__module__])
-        fields = [
-            _field(cls, name, eval(_code_of(hint), module) if isinstance(hint, str) else hint)
+        return tuple(
+            _member(cls, name, eval(_code_of(hint), module) if isinstance(hint, str) else hint)
             for name, hint in cls.__annotations__.items()
-        ]
-        cls.dtype = np.dtype((np.record, fields), align=False)
+        )
+
+    @classmethod
+    def texts(cls) -> dict[str, str]:
+        """Return what the source says of the fields: the comments behind or above them."""
+        found: dict[str, str] = {}
+        above = ""
+        for line in inspect.getsource(cls).splitlines():
+            if line.startswith("    #: "):
+                above = f"{above} {line[7:]}".strip()
+                continue
+            field = _DECLARED.match(line)
+            if field is not None:
+                found[field["name"]] = field["text"] or above
+            above = ""
+        return found
+
+    @classmethod
+    def sized(cls, short: Callable[[type[Record], Member], bool]) -> np.dtype[np.void]:
+        """Return the dtype of a variant in which some arrays have room for one element only.
+
+        Parameters
+        ----------
+        short : callable
+            Says of a member of a class, at whatever depth, whether it is such an array.
+        """
+        fields: list[_Field] = []
+        for member in cls.members():
+            name, kind, shape = member.field()
+            if isinstance(member.kind, type) and member.kind.__annotations__:
+                kind = member.kind.sized(short)
+            if shape and short(cls, member):
+                shape = (1,) * len(shape)
+            fields.append((name, kind, shape))
+        return _packed(fields)
 
     @classmethod
     def zeros(cls, count: int = 1) -> Records[Self]:
@@ -138,7 +179,7 @@ if TYPE_CHECKING:
     class Records(np.ndarray[tuple[int, ...], np.dtype[np.void]], Generic[R]):
         """An array of records: an index selects a record, a name that field of all records."""
 
-        @overload  # type: ignore[override]
+        @overload  # type: ignore[override]  # numpy takes more keys
         def __getitem__(self, key: Whole | tuple[int, int], /) -> R: ...
         @overload
         def __getitem__(self, key: str, /) -> NDArray[Any]: ...
@@ -146,7 +187,7 @@ if TYPE_CHECKING:
         def __getitem__(self, key: slice | tuple[int, slice] | _Choice, /) -> Records[R]: ...
         def __getitem__(self, key: object, /) -> object: ...
         def __iter__(self) -> Iterator[R]: ...
-        def copy(self) -> Records[R]:  # type: ignore[override]
+        def copy(self) -> Records[R]:  # type: ignore[override]  # no order
             """Return a copy."""
 
 else:
@@ -161,21 +202,37 @@ def _code_of(annotation: str) -> CodeType:
     return compile(annotation, "<annotation>", "eval")
 
 
-_Field = tuple[str, str | np.dtype[np.generic], tuple[int, ...]]
+_DECLARED = re.compile(r" {4}(?P<name>\w+): [^#]*(?:#: (?P<text>.*))?")
+_Field = tuple[str, str | np.dtype[Any], tuple[int, ...]]
 
 
-def _field(cls: type[Record], name: str, hint: object) -> _Field:
-    """Return a field for numpy's dtype: name, dtype, shape."""
+class Member(NamedTuple):
+    """A field of a record, as its class declares it."""
+
+    name: str
+    kind: str | type[Record]  #: numpy's code of a number, or the class of records
+    shape: tuple[int, ...]  #: of an array; empty: a single one
+
+    def field(self) -> _Field:
+        """Return it for numpy's dtype."""
+        return self.name, self.kind if isinstance(self.kind, str) else self.kind.dtype, self.shape
+
+
+def _packed(fields: Iterable[_Field]) -> np.dtype[np.void]:
+    return np.dtype((np.record, list(fields)), align=False)
+
+
+def _member(cls: type[Record], name: str, hint: object) -> Member:
     shape: tuple[int, ...] = ()
     if get_origin(hint) is Annotated:
         hint, extra = get_args(hint)
         if isinstance(extra, str):
-            return name, extra, ()
+            return Member(name, extra, ())
         shape = extra if isinstance(extra, tuple) else (extra,)
     if get_origin(hint) is Records:
         (hint,) = get_args(hint)
     if hint in _ARRAYS:
-        return name, _ARRAYS[hint], shape
+        return Member(name, _ARRAYS[hint], shape)
     if isinstance(hint, type) and issubclass(hint, Record):
-        return name, hint.dtype, shape
+        return Member(name, hint, shape)
     raise TypeError(f"{cls.__name__}.{name}: {hint!r} does not have a fixed size")

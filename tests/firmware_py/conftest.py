@@ -203,7 +203,7 @@ class Bench:
 
 
 @njit
-def _navigate(ins, dthetas, dvs, dt, channel, epochs, every, log):  # type: ignore[no-untyped-def]
+def _navigate(ins, dthetas, dvs, dt, channel, epochs, every, log):  # type: ignore[no-untyped-def]  # numba's
     """Navigate on increments that repeat; log place, velocity and attitude."""
     state = ins[0]
     for k in range(epochs):

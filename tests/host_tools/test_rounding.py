@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from rrins.host_tools.rounding import alike, plus_minus, rounded, with_limits, with_sigma
+from rrins.host_tools.rounding import alike, coarse, plus_minus, rounded, with_limits, with_sigma
 
 
 @pytest.mark.parametrize(
@@ -82,3 +82,8 @@ def test_an_interval_has_the_decimals_it_deserves(
     numbers: tuple[float, float | None, float | None], text: str
 ) -> None:
     assert with_limits(*numbers) == text
+
+
+def test_figures_from_random_draws_have_two_digits_and_three_from_10_on():
+    figures = {0.0123: "0.012", 1.234: "1.2", 45.67: "45.7", 1234.5: "1,230", math.inf: "–"}
+    assert {value: coarse(value) for value in figures} == figures

@@ -19,6 +19,7 @@ from __future__ import annotations
 from rrins.compiled.compilation import compiled
 from rrins.dbc.contract import SENSOR_GROUPS
 from rrins.firmware_py.core.estimator import propagation, transition
+from rrins.firmware_py.core.maths.vectors import copy
 from rrins.firmware_py.core.records.estimator_records import (
     BIASES,
     COMPONENTS,
@@ -120,7 +121,7 @@ def _drive(state: Ram) -> None:
     for kind in range(2):
         if kind == 1:
             sensed, column = estimator.force_n, transition.CHANGE
-        estimator.direction[:] = sensed[DONE]
+        copy(estimator.direction, sensed[DONE])
         for i in range(BIASES):
             integrity.driven[kind, i] = -propagation.input_of(estimator, i, column)
 
@@ -146,7 +147,7 @@ def _keep_suspect(state: Ram, fault: Fault) -> None:
     kept.begun_s = effect.begun_s
     kept.information = effect.information
     kept.correlation = effect.correlation
-    kept.state[:] = effect.state
+    copy(kept.state, effect.state)
 
 
 @compiled
@@ -159,7 +160,7 @@ def _carry(state: Ram, effect: Effect) -> None:
         if value != 0.0:
             for i in range(BIASES):
                 moved[i] += matrix[i, j] * value
-    error[:BIASES] = moved[:BIASES]
+    copy(error[:BIASES], moved)
     for i in range(COMPONENTS if estimator.receiver else 0):
         error[estimator.receiver_state + i] *= estimator.receiver_share
 

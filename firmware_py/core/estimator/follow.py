@@ -25,6 +25,7 @@ from rrins.firmware_py.core.estimator import (
     wheels,
 )
 from rrins.firmware_py.core.maths import earth
+from rrins.firmware_py.core.maths.vectors import copy
 from rrins.firmware_py.core.modes import modes
 from rrins.firmware_py.core.records.estimator_records import (
     ATTITUDE,
@@ -172,7 +173,7 @@ def _stand_here(state: Ram) -> None:
     estimator.height = ins.height
     estimator.north_radius = meridian + ins.height
     estimator.east_radius = (prime_vertical + ins.height) * math.cos(ins.latitude)
-    estimator.velocity_n[:] = ins.velocity_n
+    copy(estimator.velocity_n, ins.velocity_n)
 
 
 @compiled

@@ -23,6 +23,7 @@ from rrins.firmware_py.core.estimator import (
     wheels,
 )
 from rrins.firmware_py.core.maths import earth
+from rrins.firmware_py.core.maths.vectors import copy
 from rrins.firmware_py.core.modes.modes import Mode
 from rrins.firmware_py.core.records.estimator_records import (
     AIDS,
@@ -87,7 +88,7 @@ def _keep(state: Ram) -> None:
     """Keep the navigation at the end of this epoch."""
     ins, row = state.ins, state.estimator.track[state.epoch % TRACK_EPOCHS]
     row[0], row[1], row[2] = ins.latitude, ins.longitude, ins.height
-    row[3:] = ins.velocity_n
+    copy(row[3:], ins.velocity_n)
 
 
 @compiled
@@ -113,12 +114,12 @@ def _take_fix(state: Ram) -> None:
             return
         dt = state.parameters.period_ns * 1e-9
         antenna.velocity(place, gnss.epoch, dt, estimator.fix_lever_velocity_n)
-        estimator.fix_lever_n[:] = place.lever_n[gnss.epoch % ANTENNA_EPOCHS]
+        copy(estimator.fix_lever_n, place.lever_n[gnss.epoch % ANTENNA_EPOCHS])
     estimator.fix_epoch = gnss.epoch
     estimator.fix_position[0] = gnss.latitude
     estimator.fix_position[1] = gnss.longitude
     estimator.fix_position[2] = gnss.height
-    estimator.fix_velocity_n[:] = gnss.velocity_n
+    copy(estimator.fix_velocity_n, gnss.velocity_n)
     estimator.fix_sigma[0] = max(gnss.position_sigma, _LEAST_POSITION_SIGMA)
     estimator.fix_sigma[1] = max(gnss.velocity_sigma, _LEAST_VELOCITY_SIGMA)
     components = _EVERY if estimator.vertical else _LEVEL

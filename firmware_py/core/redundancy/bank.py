@@ -26,6 +26,7 @@ from rrins.firmware_py.core.estimator.transition import (
     TURN,
     VELOCITY,
 )
+from rrins.firmware_py.core.maths.vectors import copy
 from rrins.firmware_py.core.navigation import strapdown
 from rrins.firmware_py.core.records.memory import Ram
 from rrins.firmware_py.core.records.redundancy_records import (
@@ -396,7 +397,7 @@ def _propagate(state: Ram, one: Hypothesis, block: Floats, share: float) -> None
                 total += bank.response[i, TURN + k] * turn[k]
                 total += bank.response[i, CHANGE + k] * change[k]
         bank.gain[i] = total
-    one.x[:FILTER_SIZE] = bank.gain[:FILTER_SIZE]
+    copy(one.x[:FILTER_SIZE], bank.gain)
     covariance.propagate(one.P, BANK_STATES, FILTER_SIZE, bank.transition, bank.work)
     _add_noise(state, one, block[others + blocks.TURNED], share)
     one.P[SCALE, SCALE] += wheel.SCALE_WALK**2 * dt

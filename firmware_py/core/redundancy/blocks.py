@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from rrins.compiled.compilation import compiled
 from rrins.compiled.record import Floats
+from rrins.firmware_py.core.maths.vectors import copy
 from rrins.firmware_py.core.records.memory import Fusion, Ins
 from rrins.firmware_py.core.records.redundancy_records import (
     BLOCK_FLOATS,
@@ -117,7 +118,7 @@ def note_feedback(repair: Repair, fed_back: Floats) -> None:
 def close(repair: Repair, epoch: int) -> None:
     """Keep the present block, whose last epoch this is, and begin the next."""
     at = place(repair, repair.count)
-    repair.blocks[at : at + repair.stride] = repair.block[: repair.stride]
+    copy(repair.blocks[at : at + repair.stride], repair.block)
     repair.count += 1
     _clear(repair, epoch)
 

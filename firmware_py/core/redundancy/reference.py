@@ -9,6 +9,7 @@ from __future__ import annotations
 from rrins.compiled.compilation import compiled
 from rrins.compiled.record import Floats
 from rrins.firmware_py.core.aiding import antenna, wheel
+from rrins.firmware_py.core.maths.vectors import copy
 from rrins.firmware_py.core.records.memory import WHEEL_EPOCHS, Ram
 from rrins.firmware_py.core.records.redundancy_records import VELOCITY_EPOCHS, Repair
 from rrins.firmware_py.core.redundancy import blocks
@@ -41,12 +42,12 @@ def follow(state: Ram) -> None:
     if bank.velocity_last + 1 != last:  # an epoch was left out
         bank.velocity_first = last
     bank.velocity_last = last
-    bank.velocity_n[last % VELOCITY_EPOCHS] = ins.velocity_n
+    copy(bank.velocity_n[last % VELOCITY_EPOCHS], ins.velocity_n)
     if gnss.fresh:
         bank.fix_waits = True
         bank.fix_epoch = gnss.epoch
         bank.fix_variance = max(gnss.velocity_sigma, _LEAST_SIGMA) ** 2
-        bank.fix_velocity_n[:] = gnss.velocity_n
+        copy(bank.fix_velocity_n, gnss.velocity_n)
     if bank.fix_waits and bank.fix_epoch <= last:
         bank.fix_waits = False
         is_known = bank.fix_epoch >= max(bank.velocity_first, last - VELOCITY_EPOCHS + 1)

@@ -179,7 +179,8 @@ def _tell(state: Ram, fusion: Fusion) -> None:
         size, value = suspicion.size[kind, k], suspicion.value[kind, k]
         larger = size / value if value != 0.0 else 0.0
         estimator.doubt_size[k] = size
-        estimator.doubt_effect[k, :LATITUDE] = larger * suspicion.x[k, :LATITUDE]
+        for i in range(LATITUDE):
+            estimator.doubt_effect[k, i] = larger * suspicion.x[k, i]
         estimator.doubt_effect[k, LATITUDE] = larger * suspicion.x[k, transition.LATITUDE]
         estimator.doubt_effect[k, LONGITUDE] = larger * suspicion.x[k, transition.LONGITUDE]
         estimator.doubt_effect[k, HEIGHT] = larger * suspicion.height[k]

@@ -29,7 +29,7 @@ class _Thing(Protocol):
 _T = TypeVar("_T", bound=_Thing)
 
 
-class _Named(click.ParamType, Generic[_T]):  # type: ignore[type-arg]
+class _Named(click.ParamType, Generic[_T]):  # type: ignore[type-arg]  # generic in new clicks
     """An entry of the diagnostic table, by name or number."""
 
     def __init__(

@@ -130,7 +130,7 @@ class Shell(cmd.Cmd):
         self.exit_status = exit_status
         return self._is_script
 
-    def complete(self, text: str, state: int) -> str | None:  # type: ignore[override]
+    def complete(self, text: str, state: int) -> str | None:  # type: ignore[override]  # one by one
         """Return completion number `state` of the current line."""
         if state == 0:
             with contextlib.suppress(ImportError):

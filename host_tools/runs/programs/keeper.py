@@ -150,7 +150,8 @@ def _parent(pid: str) -> int:
 
 
 def _descendants(ancestor: int) -> list[int]:
-    parents = {int(pid): _parent(pid) for pid in os.listdir("/proc") if pid.isdigit()}  # noqa: PTH208 - names are numbers
+    names = (path.name for path in Path("/proc").iterdir())
+    parents = {int(pid): _parent(pid) for pid in names if pid.isdigit()}
     found, family = [], {ancestor}
     while new := {pid for pid, parent in parents.items() if parent in family} - family:
         found += sorted(new)

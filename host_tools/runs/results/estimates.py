@@ -24,6 +24,7 @@ from rrins.firmware_py.core.records.estimator_records import (
 from rrins.firmware_py.core.records.memory import Fusion, Ram
 from rrins.firmware_py.core.sensors.calibration import ARCSEC, PPM
 from rrins.host_tools.files import JsonObject, write_whole
+from rrins.host_tools.rounding import rounded
 from rrins.host_tools.runs.results.sensor_errors import CONSTANTS, KINDS, estimated
 
 _AXES = ("x", "y", "z")
@@ -248,7 +249,8 @@ def estimator_lines(firmware: JsonObject) -> Iterator[str]:
         position = math.hypot(*sigma["position_m"][:2])
         yield (
             f"estimator: fine alignment {estimator['fine_alignment_s']:g} s; at the end σ of level "
-            f"{level:.3g}″, heading {sigma['attitude_arcsec'][2]:.3g}″, position {position:.3g} m"
+            f"{rounded(level)}″, heading {rounded(sigma['attitude_arcsec'][2])}″, "
+            f"position {rounded(position)} m"
         )
 
 

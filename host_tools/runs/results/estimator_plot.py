@@ -9,16 +9,7 @@ from numpy.typing import NDArray
 
 from rrins.compiled.record import Records
 from rrins.firmware_py.core.records.estimator_records import EstimatorSecond
-from rrins.host_tools.drawing.style import (
-    LINES,
-    draw_line,
-    finish,
-    give_title,
-    new_figure,
-    quantity,
-    thinned,
-    time_axis,
-)
+from rrins.host_tools.drawing import style
 from rrins.host_tools.runs.results.estimates import BANDS
 from rrins.host_tools.runs.results.results import Errors
 
@@ -50,23 +41,23 @@ def draw_estimates(
             if sigma[:, k].any() or k < 2:
                 values = getattr(errors, name) * band.factor
                 panels.append((band.label.format(_SIDES[k]), band.unit, sigma[:, k], values))
-    figure = new_figure(9.0, 1.7 * len(panels) + 0.6)
+    figure = style.new_figure(9.0, 1.7 * len(panels) + 0.6)
     rows = figure.subplots(len(panels), 1, sharex=True)
-    give_title(figure, f"{title}\nerrors (line) and ±3σ of the estimator (band)")
+    style.give_title(figure, f"{title}\nerrors (line) and ±3σ of the estimator (band)")
     for axes, (label, unit, sigma, values) in zip(rows, panels, strict=True):
         _draw(axes, time_s, sigma, errors, values)
-        finish(axes, quantity(label, unit), zero_line=True)
-    time_axis(rows[-1])
+        style.finish(axes, style.quantity(label, unit), zero_line=True)
+    style.time_axis(rows[-1])
     figure.align_ylabels()
     return figure
 
 
 def _draw(axes: Axes, time_s: _Vector, sigma: _Vector, errors: Errors, values: _Vector) -> None:
-    times, band = thinned(time_s, _SIGMAS * sigma)
+    times, band = style.thinned(time_s, _SIGMAS * sigma)
     axes.fill_between(times, -band, band, color="0.87", linewidth=0)
     for side in (-band, band):
         axes.plot(times, side, color="0.35", linewidth=0.8)
-    draw_line(axes, errors.time_s, values, **LINES[0])
+    style.draw_line(axes, errors.time_s, values, **style.LINES[0])
     in_navigation = band[times >= 0]
     largest = float(np.max(np.abs(values), initial=0.0))
     limit = 1.15 * max(float(np.max(in_navigation, initial=0.0)), largest)

@@ -38,8 +38,8 @@ def events_of(
     found = [event for event in found if event.time_s <= end_s]
     found += _modes(navigation, first, scenario.rate_hz)
     for kind, sensors in (summary["redundancy"] or {}).items():
-        if sensors is not None:
-            found += _of_sensors(kind.removesuffix("s"), dict(sensors))  # type: ignore[call-overload]
+        if isinstance(sensors, dict):
+            found += _of_sensors(kind.removesuffix("s"), sensors)
     for axis, encoder in (summary["firmware"].get("encoders") or {}).items():
         if encoder is not None:
             words = f"the {axis} encoder contradicts the gyros"

@@ -21,6 +21,7 @@ from rrins.firmware_py.core.records.integrity_records import (
 )
 from rrins.firmware_py.core.records.memory import Ram
 from rrins.host_tools.files import JsonObject
+from rrins.host_tools.rounding import rounded
 
 _OTHERS = {
     ODOMETER_FAULT: "odometer",
@@ -73,12 +74,12 @@ def integrity_lines(firmware: JsonObject) -> Iterator[str]:
     if found is None:
         return
     level, heading = found["horizontal_protection_m"], found["heading_protection_deg"]
-    bounds = "no bound" if level is None else f"{level:.3g} m horizontally"
+    bounds = "no bound" if level is None else f"{rounded(level)} m horizontally"
     if found["vertical_protection_m"] is not None:
-        bounds += f", {found['vertical_protection_m']:.3g} m in height"
+        bounds += f", {rounded(found['vertical_protection_m'])} m in height"
     if heading is not None:
-        bounds += f", {heading:.3g}° in heading"
+        bounds += f", {rounded(heading)}° in heading"
     yield (
         f"integrity: {found['status'].replace('_', ' ')} at the end, protection levels {bounds}; "
-        f"available for {100 * found['available_share']:.4g} % of the navigation"
+        f"available for {rounded(100 * found['available_share'], 4)} % of the navigation"
     )

@@ -15,15 +15,7 @@ from rrins.firmware_py.core.records.integrity_records import (
     VERTICAL,
     IntegrityStatus,
 )
-from rrins.host_tools.drawing.style import (
-    LINES,
-    draw_line,
-    finish,
-    give_title,
-    new_figure,
-    quantity,
-    time_axis,
-)
+from rrins.host_tools.drawing import style
 from rrins.host_tools.runs.results.results import Errors
 
 _SHADES = {IntegrityStatus.DEGRADED: "0.85", IntegrityStatus.NOT_AVAILABLE: "0.65"}
@@ -58,21 +50,21 @@ def draw_integrity(
     ]
     if not seconds["protection"][:, VERTICAL].any():
         del panels[VERTICAL]
-    figure = new_figure(9.0, 2.0 * len(panels) + 0.8)
+    figure = style.new_figure(9.0, 2.0 * len(panels) + 0.8)
     rows = figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]
     legend = "error (line), protection level (dashed); shaded: degraded, dark: not available"
-    give_title(figure, f"{title}\n{legend}")
+    style.give_title(figure, f"{title}\n{legend}")
     for axes, (bound, label, unit, factor) in zip(rows, panels, strict=True):
         _shade(axes, time_s, seconds["integrity"])
         level = seconds["protection"][:, bound] * factor
         level = np.where((level > 0) & np.isfinite(level), level, np.nan)
-        draw_line(axes, time_s, level, linestyle="--", color="0.2", linewidth=1)
-        draw_line(axes, errors.time_s, np.maximum(found[bound], 1e-6), **LINES[0])
+        style.draw_line(axes, time_s, level, linestyle="--", color="0.2", linewidth=1)
+        style.draw_line(axes, errors.time_s, np.maximum(found[bound], 1e-6), **style.LINES[0])
         axes.set_yscale("log")
         if np.isfinite(level).any():
             axes.set_ylim(bottom=1e-3 * float(np.nanmedian(level)))
-        finish(axes, quantity(label, unit))
-    time_axis(rows[-1])
+        style.finish(axes, style.quantity(label, unit))
+    style.time_axis(rows[-1])
     figure.align_ylabels()
     return figure
 

@@ -10,24 +10,14 @@ from numpy.typing import NDArray
 
 from rrins.compiled.record import Records
 from rrins.firmware_py.core.records.redundancy_records import ParitySecond
-from rrins.host_tools.drawing.style import (
-    LINES,
-    draw_line,
-    finish,
-    give_title,
-    new_figure,
-    quantity,
-    strips,
-    thinned,
-    time_axis,
-)
+from rrins.host_tools.drawing import style
 from rrins.host_tools.runs.results.seconds_log import Parities
 from rrins.host_tools.runs.results.sensor_errors import KINDS
 
 _LEAST_RATIO = 0.01
 _MOST_WITHIN = 95.0  # percent of the residuals that the scale must show
 _PARITY, _SENSOR = 2.0, 0.75  # inches
-_LINE = LINES[0] | {"linewidth": 0.9}
+_LINE = style.LINES[0] | {"linewidth": 0.9}
 
 _Vector = NDArray[np.float64]
 _Flags = NDArray[np.bool_]
@@ -47,10 +37,10 @@ def draw_parity(parities: Parities, begin_epoch: float, rate_hz: int, title: str
     """
     used = {kind: _sensors_of(seconds) for kind, seconds in parities.items()}
     heights = [h for sensors in used.values() for h in (_PARITY, _SENSOR * len(sensors))]
-    figure = new_figure(9.0, sum(heights) + 1.2)
+    figure = style.new_figure(9.0, sum(heights) + 1.2)
     rows = figure.subplots(len(heights), 1, sharex=True, squeeze=False, height_ratios=heights)
     panels = iter(rows[:, 0])
-    give_title(
+    style.give_title(
         figure,
         f"{title}\nresiduals of 1 s (line), their thresholds (band); triangles: beyond the scale",
     )
@@ -60,7 +50,7 @@ def draw_parity(parities: Parities, begin_epoch: float, rate_hz: int, title: str
         _draw_ratio(next(panels), kind, time_s, seconds, compared)
         _draw_residuals(next(panels), kind, time_s, seconds, compared, used[kind])
     rows[-1, 0].set_xlim(time_s[0], time_s[-1])
-    time_axis(rows[-1, 0])
+    style.time_axis(rows[-1, 0])
     figure.align_ylabels()
     return figure
 
@@ -79,7 +69,7 @@ def _draw_ratio(
     axes: Axes, kind: str, time_s: _Vector, seconds: Records[ParitySecond], compared: _Flags
 ) -> None:
     ratio = np.where(compared, np.maximum(seconds["ratio"], _LEAST_RATIO), np.nan)
-    draw_line(axes, time_s, ratio, **LINES[0])
+    style.draw_line(axes, time_s, ratio, **style.LINES[0])
     axes.axhline(1.0, color="black", linestyle="--", linewidth=1.0)
     axes.annotate(
         "threshold", (0.006, 1.0), xycoords=axes.get_yaxis_transform(), xytext=(0, 2),
@@ -101,7 +91,7 @@ def _draw_ratio(
             va="top",
             fontsize="small",
         )
-    finish(axes, f"{_one(kind)} parity\n/ threshold")
+    style.finish(axes, f"{_one(kind)} parity\n/ threshold")
 
 
 def _changes(one: str, time_s: _Vector, sensors: NDArray[np.int64]) -> list[tuple[float, str]]:
@@ -134,12 +124,12 @@ def _draw_residuals(
     )
     limit = _limit(residual, threshold)
     names = [f"{_one(kind)} {sensor + 1}" for sensor in sensors]
-    for row, middle in enumerate(strips(axes, names, limit)):
+    for row, middle in enumerate(style.strips(axes, names, limit)):
         strip = (middle - limit, middle + limit)
         _draw_residual(axes, time_s, residual[:, row], threshold[:, row], middle, limit)
         _shade(axes, time_s, ~is_in_use[:, row], "left out", strip)
         _shade(axes, time_s, is_in_use[:, row] & ~compared, "", strip)
-    finish(axes, quantity(f"{_one(kind)} residuals", unit))
+    style.finish(axes, style.quantity(f"{_one(kind)} residuals", unit))
     axes.grid(visible=False, axis="y")
 
 
@@ -154,9 +144,9 @@ def _limit(residual: _Vector, threshold: _Vector) -> float:
 def _draw_residual(
     axes: Axes, time_s: _Vector, residual: _Vector, threshold: _Vector, middle: float, limit: float
 ) -> None:
-    every, band = thinned(time_s, np.minimum(threshold, limit))
+    every, band = style.thinned(time_s, np.minimum(threshold, limit))
     axes.fill_between(every, middle - band, middle + band, color="0.85", linewidth=0)
-    draw_line(axes, time_s, middle + np.clip(residual, -limit, limit), **_LINE)
+    style.draw_line(axes, time_s, middle + np.clip(residual, -limit, limit), **_LINE)
     for sign, marker in ((1, "^"), (-1, "v")):
         is_beyond = sign * residual > limit
         beyond = time_s[is_beyond & ~np.r_[False, is_beyond[:-1]]]  # the first of several

@@ -31,4 +31,4 @@ class PictureLoading(Closing):
 
 def _load() -> None:
     with contextlib.suppress(ImportError):  # whoever draws raises it again
-        import rrins.host_tools.runs.results.plots  # noqa: F401
+        import rrins.host_tools.runs.results.plots  # noqa: F401 - to have it loaded

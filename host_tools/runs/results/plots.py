@@ -10,17 +10,6 @@ from matplotlib.figure import Figure
 
 from rrins.host_tools.drawing import style
 from rrins.host_tools.drawing.saving import write_pictures
-from rrins.host_tools.drawing.style import (
-    EAST,
-    NORTH,
-    draw_line,
-    finish,
-    give_title,
-    legend_above,
-    new_figure,
-    quantity,
-    time_axis,
-)
 from rrins.host_tools.rounding import rounded
 from rrins.host_tools.runs.results.estimator_plot import draw_estimates
 from rrins.host_tools.runs.results.integrity_plot import draw_integrity
@@ -48,12 +37,12 @@ def _pair(axes: Axes, errors: Errors, kind: str, unit: str, label: str) -> None:
     north = getattr(errors, f"{kind}_north_{unit}")
     shown = "m/s" if unit == "mps" else unit
     factor, prefix = scale_of(east, north)
-    for values, line, name in ((east, EAST, "east"), (north, NORTH, "north")):
+    for values, line, name in ((east, style.EAST, "east"), (north, style.NORTH, "north")):
         largest = float(np.max(np.abs(values))) * factor
         text = f"{name} (largest {rounded(largest)} {prefix}{shown})"
-        draw_line(axes, errors.time_s, values * factor, label=text, **line)
-    finish(axes, quantity(label, f"{prefix}{shown}"), zero_line=True)
-    legend_above(axes)
+        style.draw_line(axes, errors.time_s, values * factor, label=text, **line)
+    style.finish(axes, style.quantity(label, f"{prefix}{shown}"), zero_line=True)
+    style.legend_above(axes)
 
 
 def draw_errors(errors: Errors, title: str, figure: Figure | None = None) -> Figure:
@@ -63,25 +52,25 @@ def draw_errors(errors: Errors, title: str, figure: Figure | None = None) -> Fig
     """
     turned = bool(np.ptp(errors.inner_deg) > 0 or np.ptp(errors.outer_deg) > 0)
     rows = 3 if turned else 2
-    figure = figure or new_figure(9.0, 2.6 * rows)
+    figure = figure or style.new_figure(9.0, 2.6 * rows)
     axes = figure.subplots(rows, 1, sharex=True)
-    give_title(figure, title)
+    style.give_title(figure, title)
     _pair(axes[0], errors, "position", "m", "position error")
     _pair(axes[1], errors, "velocity", "mps", "velocity error")
     if turned:
-        draw_line(axes[2], errors.time_s, errors.inner_deg, label="inner axis", **EAST)
-        draw_line(axes[2], errors.time_s, errors.outer_deg, label="outer axis", **NORTH)
-        finish(axes[2], "turntable angle\n/ °", zero_line=True)
+        style.draw_line(axes[2], errors.time_s, errors.inner_deg, label="inner axis", **style.EAST)
+        style.draw_line(axes[2], errors.time_s, errors.outer_deg, label="outer axis", **style.NORTH)
+        style.finish(axes[2], "turntable angle\n/ °", zero_line=True)
         axes[2].set_yticks(np.arange(-180, 721, 180))
-        legend_above(axes[2])
-    time_axis(axes[-1])
+        style.legend_above(axes[2])
+    style.time_axis(axes[-1])
     figure.align_ylabels()
     return figure
 
 
 def draw_track(errors: Errors, title: str, axes: Axes | None = None) -> Axes:
     """Draw the horizontal position error as a track seen from above; return its axes."""
-    axes = axes or new_figure(6.0, 5.6).subplots()
+    axes = axes or style.new_figure(6.0, 5.6).subplots()
     factor, prefix = scale_of(errors.position_east_m, errors.position_north_m)
     east, north = errors.position_east_m * factor, errors.position_north_m * factor
     off = float(np.hypot(east[-1], north[-1]))
@@ -89,12 +78,12 @@ def draw_track(errors: Errors, title: str, axes: Axes | None = None) -> Axes:
     style.draw_track(axes, east, north, "start", end)
     axes.set_xlabel(f"position error east / {prefix}m")
     axes.set_ylabel(f"position error north / {prefix}m")
-    give_title(axes, title)
+    style.give_title(axes, title)
     return axes
 
 
 def _track_figure(errors: Errors, title: str) -> Figure:
-    figure = new_figure(6.0, 5.6)
+    figure = style.new_figure(6.0, 5.6)
     draw_track(errors, title, figure.subplots())
     return figure
 

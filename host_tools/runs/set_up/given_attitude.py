@@ -14,6 +14,7 @@ import numpy as np
 
 from rrins.host_tools.hardware.settings import body_to_navigation
 from rrins.host_tools.hardware.units import ARCSEC
+from rrins.host_tools.rounding import rounded
 from rrins.host_tools.runs.set_up.settings import Pose, first_pose, given_pose
 from rrins.host_tools.scenario.scenario import Scenario
 
@@ -75,6 +76,6 @@ def words(error: EastNorthUp) -> str:
     """Return a line about the error: of level and of heading, positive clockwise."""
     level = math.hypot(error["east"], error["north"])
     return (
-        f"given attitude, for the sensors: level off by {level:.3g}″, "
-        f"heading by {-error['up']:.3g}″"
+        f"given attitude, for the sensors: level off by {rounded(level)}″, "
+        f"heading by {rounded(-error['up'])}″"
     )

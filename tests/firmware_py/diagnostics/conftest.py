@@ -49,7 +49,7 @@ class Tool:
     def rate_hz(self) -> int:
         return 1_000_000_000 // self.bench.period_ns
 
-    def step(self, frames: list[bytes] = (), can_id: int = REQUEST) -> list[bytes]:  # type: ignore[assignment]
+    def step(self, frames: list[bytes] = (), can_id: int = REQUEST) -> list[bytes]:  # type: ignore[assignment]  # not changed
         """Run an epoch with diagnostic frames beside its own; return those that are answered."""
         own = [diagnostic_frame(data, can_id) for data in frames]
         out = self.bench.step([*own, *self.bench.frames()])

@@ -36,7 +36,7 @@ def test_what_is_decoded_is_encoded_to_the_same_bytes(name):
 
 @given(st.sampled_from([8, 16, 24, 32, 64]), st.data())
 def test_integers_of_every_length(bits, data):
-    field = Field("x", f"u{bits}", count=data.draw(st.integers(1, 4)))  # type: ignore[arg-type]
+    field = Field("x", f"u{bits}", count=data.draw(st.integers(1, 4)))  # type: ignore[arg-type]  # one of a Literal
     values = tuple(data.draw(st.integers(0, 2**bits - 1)) for _ in range(field.count))
     packed = field.pack(values if field.count > 1 else values[0])
     assert packed == b"".join(value.to_bytes(bits // 8, "big") for value in values)

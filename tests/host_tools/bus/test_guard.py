@@ -44,7 +44,7 @@ def send(bus: RrinsBus, *identifiers: int, **batch: object) -> None:
     """Send a batch of frames with these identifiers."""
     frames = frame_array(len(identifiers))
     frames["can_id"], frames["length"] = identifiers, 8
-    bus.send_batch(frames, len(identifiers), **batch)  # type: ignore[arg-type]
+    bus.send_batch(frames, len(identifiers), **batch)  # type: ignore[arg-type]  # of several types
 
 
 def heard(bus: RrinsBus, host: RrinsBus | None = None) -> list[int]:
@@ -219,7 +219,7 @@ def test_who_sends_too_much_waits_and_the_sides_lose_nothing(
     assert "'other'" in record.message
     assert "sends more than 16 frames an epoch: what is too much waits" in record.message
     assert len(heard(firmware)) == 9 + sum(flood)
-    assert host.statistics()["held_back"] == [str(record.args[1])]  # type: ignore[index]
+    assert host.statistics()["held_back"] == [str(record.args[1])]  # type: ignore[index]  # a tuple here
 
 
 def test_a_rest_gives_room_for_a_burst(host: RrinsBus, firmware: RrinsBus, other: RrinsBus) -> None:

@@ -49,7 +49,7 @@ class Rehearsal:
         there = {"host": "never", "role": "observer", "name": "first"}
         open_when_there(Address("rrins", self.channel), START_S, **there).shutdown()
         while True:
-            tester = Tool(Target(channel=self.channel), **wishes)  # type: ignore[arg-type]
+            tester = Tool(Target(channel=self.channel), **wishes)  # type: ignore[arg-type]  # of several types
             try:
                 tester.read([table.identifier("epoch")])
             except (BusError, NoAnswerError):

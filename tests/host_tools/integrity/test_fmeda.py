@@ -12,7 +12,7 @@ import pytest
 from click.testing import CliRunner
 
 import rrins
-from rrins.host_tools.cli.fmeda import fmeda
+from rrins.host_tools.cli.integrity.fmeda import fmeda
 from rrins.host_tools.errors import ScenarioError
 from rrins.host_tools.hardware.fault_kinds import HardwareFault
 from rrins.host_tools.integrity.fmeda import rates

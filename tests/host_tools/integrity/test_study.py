@@ -14,7 +14,7 @@ from click.testing import CliRunner
 import rrins
 from rrins.firmware_py.core.records.integrity_records import IntegrityStatus
 from rrins.host_tools.campaigns.statistics import proportion
-from rrins.host_tools.cli.integrity import integrity
+from rrins.host_tools.cli.integrity.integrity import integrity
 from rrins.host_tools.errors import MisleadingError
 from rrins.host_tools.integrity import cases, risk, stanford, trial
 from rrins.host_tools.integrity.study import Study

@@ -88,8 +88,8 @@ def test_a_changed_scenario_loads_or_ends_in_one_line(change, tmp_path):
             scenarios.load(str(path))
             loaded += 1
         except ScenarioError as error:
-            assert str(error).startswith(f"scenario {path}: "), text  # noqa: PT017
-            assert "\n" not in str(error), text  # noqa: PT017
+            assert str(error).startswith(f"scenario {path}: "), text  # noqa: PT017 - if there is one
+            assert "\n" not in str(error), text  # noqa: PT017 - if there is one
         except Exception as error:
             raise AssertionError(f"{type(error).__name__} for {text!r}") from error
     print(f"\n{CASES // 2} texts, {loaded} of them good")

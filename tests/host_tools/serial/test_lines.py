@@ -19,7 +19,7 @@ from rrins.firmware_py.serial.nmea import SENTENCES as ALL_SENTENCES
 from rrins.firmware_py.serial.port import parse_port
 from rrins.firmware_py.serial.settings import DEFAULT_UTC, NO_LINES, SerialSettings
 from rrins.host_tools.cli.main import rrins
-from rrins.host_tools.cli.serial_options import serial_options
+from rrins.host_tools.cli.run.serial_options import serial_options
 from rrins.host_tools.errors import RehearsalError
 from rrins.host_tools.runs.direct import run_direct
 from rrins.host_tools.runs.results.samples import read_samples

@@ -7,7 +7,7 @@ import sys
 
 PROGRAM = """
 import sys, threading
-import rrins.host_tools.cli.run, rrins.host_tools.runs.run
+import rrins.host_tools.cli.run.run, rrins.host_tools.runs.run
 from rrins.host_tools.runs.results.picture_loading import PictureLoading
 with PictureLoading() as pictures:
     if {begins}:

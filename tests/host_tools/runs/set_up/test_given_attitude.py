@@ -118,5 +118,5 @@ def test_the_summary_tells_it_only_where_it_is_not_zero(run, tmp_path):
     error = run("simulate", "off.toml")["given_attitude_error_arcsec"]
     assert error == pytest.approx({"east": 0, "north": -60, "up": -120}, abs=0.1)
     assert given_attitude.words(error) == (
-        "given attitude, for the sensors: level off by 60″, heading by 120″"
+        "given attitude, for the sensors: level off by 60.0″, heading by 120″"
     )

@@ -1,0 +1,1 @@
+"""The steps as machine code for other processors: `rrins build`."""

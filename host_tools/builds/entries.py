@@ -1,0 +1,60 @@
+"""The functions of a build under their names in C."""
+
+from __future__ import annotations
+
+from numba.core import types
+
+from rrins.compiled.object_code import Argument, Entry
+from rrins.dbc.contract import load_contract
+from rrins.dbc.frame import Frame
+from rrins.firmware_py.core.frames_out.transmit import OUTBOX_CAPACITY
+from rrins.firmware_py.core.step import firmware_step
+from rrins.host_tools.builds.variants import Variant
+from rrins.host_tools.hardware import step as hardware
+from rrins.host_tools.hardware.memory import MOTION_CHANNELS, MOTION_TERMS, Plant
+
+FIRMWARE_OUTBOX, HARDWARE_OUTBOX = OUTBOX_CAPACITY, hardware.OUTBOX_CAPACITY
+
+
+def firmware_entry(variant: Variant) -> Entry:
+    """Return ``int rrins_firmware_step(ram, contract, inbox, count, outbox)``."""
+    return Entry(
+        "rrins_firmware_step",
+        firmware_step,
+        (
+            Argument("ram", variant.memory, (1,)),
+            Argument("contract", load_contract().dtype, (1,)),
+            Argument("inbox", Frame.dtype, ("count",)),
+            Argument("", types.int64, value=0),
+            Argument("count", types.int64),
+            Argument("outbox", Frame.dtype, (FIRMWARE_OUTBOX,)),
+            _choice(variant.compares),
+            _choice(variant.estimates),
+        ),
+    )
+
+
+def hardware_entry() -> Entry:
+    """Return ``int rrins_hardware_step(plant, motion, pieces, contract, inbox, count, outbox)``."""
+    return Entry(
+        "rrins_hardware_step",
+        hardware.hardware_step,
+        (
+            Argument("plant", Plant.dtype, (1,)),
+            Argument("motion", float, ("pieces", MOTION_CHANNELS, MOTION_TERMS)),
+            Argument("contract", load_contract().dtype, (1,)),
+            Argument("inbox", Frame.dtype, ("count",)),
+            Argument("count", types.int64),
+            Argument("outbox", Frame.dtype, (HARDWARE_OUTBOX,)),
+        ),
+    )
+
+
+def _choice(is_chosen: bool) -> Argument:
+    """Return what a step takes for a part that is compiled in, or left out."""
+    return Argument("", types.boolean, value=1) if is_chosen else Argument("", types.none)
+
+
+def entries_of(unit: str, variant: Variant) -> tuple[Entry, ...]:
+    """Return the entries of a unit: an object of its own."""
+    return {"firmware": (firmware_entry(variant),), "hardware": (hardware_entry(),)}[unit]

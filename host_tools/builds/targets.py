@@ -1,0 +1,63 @@
+"""The processors and systems that the steps can be built for."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from rrins.compiled.object_code import Processor
+
+
+@dataclass(frozen=True)
+class Target:
+    """A processor with its system.
+
+    Attributes
+    ----------
+    processor : Processor
+    system : str
+        As `zig cc -target` names it, with its C library.
+    text : str
+        What it is, in a few words.
+    """
+
+    processor: Processor
+    system: str
+    text: str
+
+    @property
+    def has_linux(self) -> bool:
+        """Whether programs with sockets and a clock run there."""
+        return "-linux" in self.system
+
+
+TARGETS = {
+    "x86_64-linux": Target(
+        Processor("x86_64-linux-gnu", "x86-64"), "x86_64-linux-musl", "PCs and servers"
+    ),
+    "aarch64-linux": Target(
+        Processor("aarch64-linux-gnu", "generic"),
+        "aarch64-linux-musl",
+        "64-bit ARM boards, such as a Raspberry Pi 3 to 5",
+    ),
+    "armv7-linux": Target(
+        Processor("armv7-linux-gnueabihf", "generic", "+vfp3,+d32,+neon"),
+        "arm-linux-musleabihf",
+        "32-bit ARM boards with floating point, such as a BeagleBone",
+    ),
+    "riscv64-linux": Target(
+        Processor("riscv64-linux-gnu", "generic-rv64", "+m,+a,+f,+d,+c"),
+        "riscv64-linux-musl",
+        "64-bit RISC-V boards",
+    ),
+    "cortex-m7": Target(
+        Processor("thumbv7em-none-eabihf", "cortex-m7", "", False, True),
+        "thumb-freestanding-eabihf",
+        "microcontrollers with double precision",
+    ),
+    "wasm32": Target(
+        Processor("wasm32-unknown-unknown", "", "", False),
+        "wasm32-wasi",
+        "browsers and other WebAssembly hosts",
+    ),
+}
+"""By the name that `--target` takes."""

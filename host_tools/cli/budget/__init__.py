@@ -1,0 +1,1 @@
+"""Commands that split an error by its sources."""

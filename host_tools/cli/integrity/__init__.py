@@ -1,0 +1,1 @@
+"""Commands for the trust in a unit under faults."""

@@ -1,0 +1,1 @@
+"""Commands that run a scenario or one side of it."""

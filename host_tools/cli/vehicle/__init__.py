@@ -1,0 +1,1 @@
+"""Commands for the motion of real vehicles and for other navigators."""

@@ -1,0 +1,295 @@
+"""Machine code of compiled functions for other processors, as objects that a C linker takes.
+
+The intermediate code of a function and of all it calls is one module: what numba's runtime adds to
+it goes, everything but the entries becomes internal, and LLVM optimises the whole for its target.
+The entries have the calling convention of C; an array is a pointer, and its length where it varies.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, cast
+
+import numba
+import numpy as np
+from llvmlite import binding as llvm
+from numba.core import types
+
+from rrins.compiled.code_library import PartLibrary, collector_paused
+from rrins.compiled.compilation import Function
+
+
+class ObjectCodeError(Exception):
+    """Machine code cannot be made here."""
+
+
+@dataclass(frozen=True)
+class Processor:
+    """A processor that LLVM makes machine code for.
+
+    Attributes
+    ----------
+    triple, cpu, features : str
+        As LLVM names them.
+    is_position_independent : bool
+    needs_alignment : bool
+        Whether it cannot load a number from an address that is no multiple of its size: records
+        are packed.
+    """
+
+    triple: str
+    cpu: str = ""
+    features: str = ""
+    is_position_independent: bool = True
+    needs_alignment: bool = False
+
+    def machine(self) -> llvm.TargetMachine:
+        """Return LLVM's description of it."""
+        llvm.initialize_all_targets()
+        llvm.initialize_all_asmprinters()
+        return llvm.Target.from_triple(self.triple).create_target_machine(
+            cpu=self.cpu,
+            features=self.features,
+            opt=3,
+            reloc="pic" if self.is_position_independent else "static",
+        )
+
+
+@dataclass(frozen=True)
+class Argument:
+    """An argument of an entry.
+
+    Attributes
+    ----------
+    name : str
+        Of the parameter in C; empty: the entry passes `value` by itself.
+    kind : dtype, or type of numba
+        A dtype is that of an array's elements.
+    shape : tuple
+        Of an array: numbers, or the name of the parameter with its length. Empty: no array.
+    value : int
+        That of an argument without a name.
+    """
+
+    name: str
+    kind: Any
+    shape: tuple[int | str, ...] = ()
+    value: int | None = None
+
+    @property
+    def numba_type(self) -> Any:
+        """The type that the function is compiled for."""
+        if not self.shape:
+            return self.kind
+        return types.Array(numba.from_dtype(np.dtype(self.kind)), len(self.shape), "C")
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A function under its name in C; it returns the function's integer, -1 if that raised.
+
+    Attributes
+    ----------
+    name : str
+    function : callable
+        A compiled one.
+    arguments : tuple of Argument
+        All of the function's, in their order.
+    """
+
+    name: str
+    function: Callable[..., object]
+    arguments: tuple[Argument, ...]
+
+    @property
+    def parameters(self) -> tuple[tuple[str, Argument | None], ...]:
+        """The parameters in C: a name, and the argument it is of; None of a length."""
+        found: dict[str, Argument | None] = {}
+        for argument in self.arguments:
+            if argument.name:
+                found[argument.name] = argument
+            for size in argument.shape:
+                if isinstance(size, str):
+                    found.setdefault(size, None)
+        return tuple(found.items())
+
+
+def object_code(entries: Sequence[Entry], processor: Processor) -> bytes:
+    """Return an object file with the entries.
+
+    Raises
+    ------
+    ObjectCodeError
+        When LLVM has no such processor, or numba compiles nothing here.
+    """
+    return optimised(intermediate_code(entries), processor).emit_object()
+
+
+@dataclass(frozen=True)
+class Machine:
+    """Optimised code of one processor."""
+
+    module: llvm.ModuleRef
+    machine: llvm.TargetMachine
+
+    def emit_object(self) -> bytes:
+        """Return it as an object file."""
+        return cast(bytes, self.machine.emit_object(self.module))
+
+    def undefined(self) -> tuple[str, ...]:
+        """Return the names that a linker has to find elsewhere, such as `sin`."""
+        names = (f.name for f in self.module.functions if f.is_declaration)
+        return tuple(sorted(name for name in names if not name.startswith("llvm.")))
+
+
+def intermediate_code(entries: Sequence[Entry]) -> str:
+    """Return the entries and all that they call as LLVM's text, for no processor in particular."""
+    if numba.config.DISABLE_JIT:  # type: ignore[attr-defined]
+        raise ObjectCodeError("machine code needs numba's compiler: unset NUMBA_DISABLE_JIT")
+    if numba.config.OPT != 0:  # type: ignore[attr-defined]
+        raise ObjectCodeError("code that was optimised for this machine is of no use for others")
+    whole: llvm.ModuleRef | None = None
+    wrappers = []
+    with collector_paused():
+        for entry in entries:
+            function = cast(Function, entry.function)
+            part = function.part(tuple(argument.numba_type for argument in entry.arguments))[1]
+            module = _linked(part.library)
+            called = module.get_function(part.descriptor.llvm_func_name)
+            called.linkage = "external"  # what nobody calls yet would be left out
+            wrappers.append(_wrapper(entry, called))
+            if whole is None:
+                whole = module
+            else:
+                whole.link_in(module)
+    assert whole is not None
+    text = _portable(str(whole))
+    return "\n".join((text, *wrappers))
+
+
+def optimised(text: str, processor: Processor) -> Machine:
+    """Return code optimised as a whole for a processor."""
+    try:
+        machine = processor.machine()
+    except RuntimeError as error:
+        raise ObjectCodeError(f"LLVM has no {processor.triple}: {error}") from None
+    if processor.needs_alignment:
+        text = _unaligned(text)
+    module = llvm.parse_assembly(text)
+    module.triple = processor.triple
+    module.data_layout = str(machine.target_data)
+    options = llvm.create_pipeline_tuning_options(speed_level=3)
+    options.inlining_threshold = _INLINING
+    builder = llvm.create_pass_builder(machine, options)
+    builder.getModulePassManager().run(module, builder)
+    return Machine(module, machine)
+
+
+_INLINING = 60
+"""A step is called in one place: more than this makes it larger and no faster."""
+
+
+def _linked(library: PartLibrary) -> llvm.ModuleRef:
+    """Return a module of its own with a part and all that it calls."""
+    module = library._final_module.clone()
+    for part in library.with_all_it_calls():
+        if part is not library:
+            module.link_in(part._final_module.clone())
+    return module
+
+
+_DEFINED = re.compile(r"^define linkonce_odr ", re.MULTILINE)
+_CONSTANT = re.compile(
+    r"^(@\S+ = )(?:linkonce_odr|common)( (?:local_unnamed_addr )?)", re.MULTILINE
+)
+_RUNTIME = re.compile(
+    r"^define [^\n]*@(?P<name>NRT_incref|NRT_decref)\(ptr [^\n]*\n.*?^}", re.M | re.S
+)
+_HOST = re.compile(r"^target (?:triple|datalayout) .*\n|^declare .*@(?:NRT_|llvm\.x86\.).*\n", re.M)
+
+
+def _portable(text: str) -> str:
+    """Return a module's text without what is the host's or numba's runtime's."""
+    # Steps count no references: the bodies, which hold an intrinsic of x86, have nothing to do.
+    text = _RUNTIME.sub(r"define internal void @\g<name>(ptr %0) { ret void }", text)
+    text = _DEFINED.sub("define internal ", text)
+    text = _CONSTANT.sub(r"\1internal ", text)
+    return _HOST.sub("", text)
+
+
+_LOAD = re.compile(r"^(\s+(?:%\S+ = load |store )(?!atomic).*?), align \d+", re.MULTILINE)
+
+
+def _unaligned(text: str) -> str:
+    """Return a module's text with loads and stores that suit packed records."""
+    return _LOAD.sub(r"\1, align 1", text)
+
+
+def _wrapper(entry: Entry, function: llvm.ValueRef) -> str:
+    """Return the entry in LLVM's text: numba's calling convention behind that of C."""
+    lines: list[str] = []
+    passed = ["ptr %result", "ptr %exception"]
+    kinds = iter([str(argument.type) for argument in function.arguments][2:])
+    for argument in entry.arguments:
+        passed += _array(argument, lines) if argument.shape else [_scalar(argument, next(kinds))]
+        for _ in range(2 * len(argument.shape) + 5 if argument.shape else 0):
+            next(kinds)
+    parameters = ", ".join(
+        f"ptr %{name}" if argument is not None and argument.shape else f"i32 %{name}.int"
+        for name, argument in entry.parameters
+    )
+    lengths = [
+        f"  %{name} = sext i32 %{name}.int to i64"
+        for name, argument in entry.parameters
+        if argument is None or not argument.shape
+    ]
+    body = "\n".join((*lengths, *lines))
+    return f"""
+define i32 @{entry.name}({parameters}) {{
+  %result = alloca i64, align 8
+  %exception = alloca ptr, align 8
+  store i64 0, ptr %result, align 8
+{body}
+  %status = call i32 @{function.name}({", ".join(passed)})
+  %fine = icmp eq i32 %status, 0
+  %value = load i64, ptr %result, align 8
+  %short = trunc i64 %value to i32
+  %answer = select i1 %fine, i32 %short, i32 -1
+  ret i32 %answer
+}}
+"""
+
+
+def _scalar(argument: Argument, kind: str) -> str:
+    """Return a number, a flag or None as it is passed."""
+    if kind == "ptr":
+        return "ptr null"
+    return f"{kind} %{argument.name}" if argument.name else f"{kind} {argument.value}"
+
+
+def _array(argument: Argument, lines: list[str]) -> list[str]:
+    """Return an array as numba passes it: its owner, size, place, shape and strides."""
+    size = np.dtype(argument.kind).itemsize
+    strides = [size]
+    for length in reversed(argument.shape[1:]):
+        assert isinstance(length, int)
+        strides.insert(0, strides[0] * length)
+    first = argument.shape[0]
+    items = f"i64 {first}" if isinstance(first, int) else f"i64 %{first}"
+    inner = strides[0] // size
+    count = items
+    if inner > 1:
+        lines.append(f"  %{argument.name}.items = mul {items}, {inner}")
+        count = f"i64 %{argument.name}.items"
+    shape = [items, *(f"i64 {length}" for length in argument.shape[1:])]
+    return [
+        "ptr null",
+        "ptr null",
+        count,
+        f"i64 {size}",
+        f"ptr %{argument.name}",
+        *shape,
+        *(f"i64 {stride}" for stride in strides),
+    ]

@@ -1,0 +1,67 @@
+"""The steps of a build, called from Python as C would, beside Python's own."""
+
+from __future__ import annotations
+
+import ctypes
+from pathlib import Path
+from typing import Any
+
+from rrins.dbc.frame import frame_array
+from rrins.firmware_py.core.frames_in.clock import own_clock_ns
+from rrins.firmware_py.loop import Firmware
+from rrins.host_tools.builds import toolchain
+from rrins.host_tools.builds.build import Build
+from rrins.host_tools.builds.entries import FIRMWARE_OUTBOX, HARDWARE_OUTBOX
+from rrins.host_tools.builds.variants import shortened
+from rrins.host_tools.hardware.loop import Hardware
+from rrins.host_tools.runs.exchange import exchange_epoch
+from rrins.host_tools.runs.set_up.settings import firmware_settings, hardware_settings
+from rrins.host_tools.scenario.scenario import Scenario
+
+
+def shared_library(built: Build, folder: Path) -> ctypes.CDLL:
+    """Return the objects of a build for this processor, loaded."""
+    path = folder / "steps.so"
+    objects = sorted(built.folder.glob("*.o"))
+    toolchain.zig("cc", "-target", "x86_64-linux-gnu", "-shared", "-o", path, *objects, "-lm")
+    return ctypes.CDLL(str(path))
+
+
+def _at(memory: Any) -> ctypes.c_void_p:
+    return ctypes.c_void_p(memory.ctypes.data)
+
+
+def first_difference(
+    scenario: Scenario, built: Build, library: ctypes.CDLL, epochs: int
+) -> str | None:
+    """Run both sides by Python's functions and by a build's; say where they first differ."""
+    firmware, hardware = (
+        Firmware(firmware_settings(scenario)),
+        Hardware(hardware_settings(scenario)),
+    )
+    images = built.images
+    ram, plant = images.ram.copy(), images.plant.copy()
+    for memory in ram, plant:
+        memory.view("u1")[:] = 0xA5
+    library.rrins_firmware_power_on(_at(ram))
+    library.rrins_hardware_power_on(_at(plant))
+    up, down = frame_array(HARDWARE_OUTBOX), frame_array(FIRMWARE_OUTBOX)
+    error_ppm = scenario.firmware.clock_error_ppm
+    arrival_ns, is_whole = ram["clock"]["sync_arrival_ns"], ram["clock"]["is_whole"]
+    sent = count = 0
+    for epoch in range(epochs):
+        count = exchange_epoch(hardware, firmware, epoch, count, error_ppm)
+        received = library.rrins_hardware_step(
+            _at(plant), _at(images.motion), len(images.motion), _at(images.contract),
+            _at(down), sent, _at(up),
+        )  # fmt: skip
+        arrival_ns[0] = own_clock_ns(epoch * firmware.period_ns, error_ppm)
+        is_whole[0] = True
+        sent = library.rrins_firmware_step(
+            _at(ram), _at(images.contract), _at(up), received, _at(down)
+        )
+        if down[:sent].tobytes() != firmware.outbox[:count].tobytes():
+            return f"frames of epoch {epoch}"
+    if ram.tobytes() != shortened(firmware.ram, ram.dtype).tobytes():
+        return "the firmware's memory"
+    return None if plant.tobytes() == hardware.plant.tobytes() else "the hardware's memory"
