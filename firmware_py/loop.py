@@ -30,6 +30,8 @@ from rrins.firmware_py.diagnostics.regions import CALIBRATION_CAPACITY
 from rrins.firmware_py.diagnostics.store import Stores, open_stores
 from rrins.firmware_py.diagnostics.writer import ThreadWriter
 from rrins.firmware_py.exchange import Exchange, exchange_record, run_epochs
+from rrins.firmware_py.xcp.a2l import a2l_text
+from rrins.firmware_py.xcp.node import Xcp
 
 INBOX_CAPACITY = 4096
 """Frames by which the loop can fall behind without losing any."""
@@ -81,6 +83,7 @@ class Firmware:
     trace : NavigationTrace
         The navigation output of every epoch with navigation.
     diagnostics : Diagnostics
+    xcp : Xcp or None
     """
 
     def __init__(
@@ -102,7 +105,9 @@ class Firmware:
         """Whether the estimator runs, as `firmware_step` takes it."""
         self.period_ns = int(self.ram[0].parameters.period_ns)
         self.inbox = frame_array(INBOX_CAPACITY)
-        self.outbox = frame_array(OUTBOX_CAPACITY + Diagnostics.capacity(self.period_ns))
+        self.xcp = self._make_xcp()
+        room = Diagnostics.capacity(self.period_ns) + Xcp.capacity(settings.xcp, self.period_ns)
+        self.outbox = frame_array(OUTBOX_CAPACITY + room)
         self.frames_received = 0
         self.frames_sent = 0
         self.sync_id = int(self.contract[0].sync.message.can_id)
@@ -114,6 +119,17 @@ class Firmware:
         self._sync_arrival_ns = self.ram["clock"]["sync_arrival_ns"]
         self._is_whole = self.ram["clock"]["is_whole"]
         self._attention = self.ram["diagnostics"]["attention"]
+
+    def _make_xcp(self) -> Xcp | None:
+        if self.settings.xcp is None:
+            return None
+        settings, period_ns = self.settings.xcp, self.period_ns
+        return Xcp(self.ram, self.contract, settings, lambda: a2l_text(period_ns))
+
+    @property
+    def is_awake(self) -> bool:
+        """Whether each epoch needs Python, for diagnostics or XCP."""
+        return self.diagnostics.is_awake or (self.xcp is not None and self.xcp.is_awake)
 
     @property
     def mode(self) -> Mode:
@@ -140,6 +156,8 @@ class Firmware:
         """
         self.restart_if_due()
         self._sync_arrival_ns[0] = sync_arrival_ns
+        if self.xcp is not None and self.xcp.stimulates:
+            self.xcp.stimulate(inbox, start, count)
         sent = self.exchange(inbox, start, count, self._one_epoch, _NO_SOCKET, _NO_WORDS)
         return sent, self._consumed.item()
 
@@ -196,9 +214,11 @@ class Firmware:
         sent: int = exchange["to_send"].item()
         if sent == NOTHING:
             return sent
-        if self._attention.item() or self.diagnostics.is_awake:
+        if self._attention.item() or self.is_awake:
             consumed = self._consumed.item()
             sent = self.diagnostics.run(inbox, start, consumed, self.outbox, sent)
+            if self.xcp is not None:
+                sent = self.xcp.run(inbox, start, consumed, self.outbox, sent)
         self.frames_sent += sent
         return sent
 
@@ -206,6 +226,8 @@ class Firmware:
         """Restart the computer if diagnostics have asked for a reset."""
         if self.diagnostics.reset_due:
             self.diagnostics.restart()
+            if self.xcp is not None:
+                self.xcp.power_on()
 
     def close(self) -> None:
         """Switch off, after storing the non-volatile memories."""
@@ -250,7 +272,7 @@ def run_lockstep(
     while not firmware.is_shut_down:
         arrived = arrivals.item()
         sent = NOTHING
-        is_lent = not firmware.diagnostics.is_awake and port.lend(direct)
+        is_lent = not firmware.is_awake and port.lend(direct)
         goes_on[0] = is_lent
         if is_lent:
             sent = firmware.exchange(firmware.inbox, 0, NOTHING, exchange, direct, words)

@@ -19,6 +19,7 @@
     │   ├── NegativeResponseError     the navigation computer refuses one
     │   ├── CalibrationFileError      a calibration file that is missing, damaged or wrong
     │   └── RoutineFailedError        a routine that was awaited failed
+    ├── XcpError              a failure of measurement and calibration over XCP
     └── Interrupted           the user stopped the run
 """
 
@@ -124,3 +125,9 @@ class CalibrationRecordError(RehearsalError):
     """A calibration's record that cannot be read or does not suffice, or a unit that failed it."""
 
     exit_status = 12
+
+
+class XcpError(RehearsalError):
+    """A failure over XCP: nobody answers, a command is refused, or there is no such signal."""
+
+    exit_status = 25

@@ -16,6 +16,8 @@
 
 #include "rrins_bus.h"
 
+#define PROGRAM "own_firmware"
+
 enum { GROUPS = 16, POSITIONS = 64, INNER = 0, OUTER = 1, AXES = 2, OUTBOX = 16 };
 
 enum height_channel { HEIGHT_HELD, HEIGHT_DAMPED, HEIGHT_FREE };

@@ -176,7 +176,7 @@ static bool read_options(struct options *options, int count, char **words)
         else
             return false;
     }
-    return count % 2 == 1 && options->setup != NULL;
+    return count % 2 == 1;
 }
 
 int main(int count, char **words)
@@ -187,12 +187,13 @@ int main(int count, char **words)
     char reason[256];
     bool is_well;
     if (!read_options(&options, count, words)) {
-        fprintf(stderr, "usage: %s --setup FILE [--interface rrins|socketcan] [--channel CHANNEL] "
+        fprintf(stderr, "usage: %s [--setup FILE] [--interface rrins|socketcan] [--channel CHANNEL] "
                         "[--speed max|1] [--attach-wait SECONDS]\n", words[0]);
         return 2;
     }
     if (!setup_read(&setup, options.setup, reason, sizeof reason)) {
-        fprintf(stderr, "own_firmware: %s: %s\n", options.setup, reason);
+        fprintf(stderr, PROGRAM ": %s: %s\n", options.setup == NULL ? "--setup" : options.setup,
+                reason);
         return 1;
     }
     firmware_power_on(&firmware, &setup);
@@ -205,7 +206,7 @@ int main(int count, char **words)
         is_well = announce(&port) && run_lockstep(&port);
     }
     if (!is_well)
-        fprintf(stderr, "own_firmware: %s\n", port.reason);
+        fprintf(stderr, PROGRAM ": %s\n", port.reason);
     port_close(&port);
     return is_well ? 0 : 1;
 }

@@ -158,10 +158,10 @@ static bool read_lines(struct setup *setup, FILE *file, char *reason, size_t siz
 
 bool setup_read(struct setup *setup, const char *path, char *reason, size_t size)
 {
-    FILE *file = fopen(path, "r");
+    FILE *file = path == NULL ? NULL : fopen(path, "r");
     bool is_read;
     if (file == NULL) {
-        snprintf(reason, size, "cannot be opened");
+        snprintf(reason, size, path == NULL ? "names the set-up's file" : "cannot be opened");
         return false;
     }
     memset(setup, 0, sizeof *setup);

@@ -106,6 +106,13 @@ class OdometerSettings(_Checked):
     """From the reference point to the wheel's contact, in the body frame."""
 
 
+class XcpSettings(_Checked):
+    """The measurement and calibration protocol XCP."""
+
+    frames_per_s: int = Field(default=6000, ge=100, le=100_000)
+    """Most frames of XCP that the navigation computer sends, responses and measured data."""
+
+
 class Keys(_Checked):
     """Keys that the table `[firmware]` of a scenario and the firmware's settings share."""
 
@@ -165,6 +172,8 @@ class Settings(Keys):
     redundancy: RedundancySettings | None = None
     estimator: EstimatorSettings | None = None
     integrity: IntegritySettings | None = None
+    xcp: XcpSettings | None = None
+    """None: the computer does not listen to XCP."""
     calibration_file: str | None = None
     """Source of the initial attitude."""
 
@@ -283,7 +292,7 @@ def power_on(settings: Settings, contract: Records[Contract]) -> Records[Ram]:
         estimator.set_up(state, settings.estimator, rate_hz, axes)
     if settings.integrity is not None:
         integrity.set_up(state, settings.integrity)
-    state.dispatch = intake.dispatch_table(contract)
+    state.dispatch = intake.dispatch_table(contract, has_xcp=settings.xcp is not None)
     state.epoch = -1
     clock.power_on(state.clock, parameters.period_ns)
     return ram

@@ -16,7 +16,15 @@ from rrins.dbc.frame import Frame, FrameArray
 from rrins.firmware_py.core.aiding import antenna, wheel
 from rrins.firmware_py.core.estimator import feedback
 from rrins.firmware_py.core.estimator import follow as estimator
-from rrins.firmware_py.core.frames_in import clock, gnss, intake, master, odometer, zero_velocity
+from rrins.firmware_py.core.frames_in import (
+    clock,
+    gnss,
+    intake,
+    master,
+    odometer,
+    stimulation,
+    zero_velocity,
+)
 from rrins.firmware_py.core.frames_out.transmit import transmit
 from rrins.firmware_py.core.integrity import protection
 from rrins.firmware_py.core.maths import earth
@@ -386,6 +394,8 @@ def firmware_step(
     state.steps += 1
     intake.begin(state)
     state.consumed = intake.receive(state, record, inbox, start, count)
+    if state.stimulation.gyros | state.stimulation.accelerometers:
+        stimulation.apply(state)
     compute(state, record, compares, estimates)
     if modes.navigating(state):
         output(state)

@@ -17,6 +17,7 @@ from rrins.firmware_py.core.settings import power_on
 from rrins.firmware_py.diagnostics import access, table
 from rrins.firmware_py.diagnostics.computer import Computer
 from rrins.firmware_py.diagnostics.fault_memory import FaultMemory
+from rrins.firmware_py.diagnostics.outbox import put_before_last
 from rrins.firmware_py.diagnostics.parameter_memory import ParameterMemory
 from rrins.firmware_py.diagnostics.server import Reset, Server, pending_before
 from rrins.firmware_py.diagnostics.services.control import Control
@@ -177,7 +178,8 @@ class Diagnostics:
         if attention & ATTENTION_FRAMES or self.is_awake:
             responses = self._serve()
             sent = self._without_silenced(outbox, sent)
-            sent = self._put(responses, outbox, sent)
+            words = [int.from_bytes(frame, "little") for frame in responses]
+            sent = put_before_last(words, self._response, outbox, sent)
         self.is_awake = not self._is_idle()
         return sent
 
@@ -228,16 +230,6 @@ class Diagnostics:
         kept = [k for k in range(sent) if not self._silenced[outbox["can_id"][k]] & silent]
         outbox[: len(kept)] = outbox[:sent][kept]
         return len(kept)
-
-    def _put(self, frames: list[bytes], outbox: FrameArray, sent: int) -> int:
-        """Insert responses before the last frame, which closes the epoch."""
-        count = len(frames)
-        if not count:
-            return sent
-        outbox[sent - 1 + count] = outbox[sent - 1]
-        self._response["data"][:count] = [int.from_bytes(frame, "little") for frame in frames]
-        outbox[sent - 1 : sent - 1 + count] = self._response[:count]
-        return sent + count
 
     @property
     def _is_saving(self) -> bool:

@@ -18,14 +18,16 @@ from rrins.compiled.code_folder import sources
 from rrins.compiled.object_code import optimised
 from rrins.compiled.record import Record
 from rrins.dbc.codec import load
+from rrins.firmware_py.core.modes.modes import Mode
 from rrins.firmware_py.core.records.memory import Ram
 from rrins.firmware_py.version import VERSION
-from rrins.host_tools.builds import image_code, toolchain
+from rrins.host_tools.builds import image_code, navigator, toolchain
 from rrins.host_tools.builds.code import Order, make_objects
 from rrins.host_tools.builds.entries import FIRMWARE_OUTBOX, HARDWARE_OUTBOX, entries_of
 from rrins.host_tools.builds.header import header, struct_name
 from rrins.host_tools.builds.images import Images
 from rrins.host_tools.builds.targets import TARGETS, Target
+from rrins.host_tools.errors import BuildError
 from rrins.host_tools.files import make_folder, replacing, write_text
 from rrins.host_tools.hardware.memory import Plant
 from rrins.host_tools.scenario.scenario import Scenario
@@ -38,7 +40,7 @@ MANIFEST = "manifest.json"
 
 @dataclass(frozen=True)
 class Build:
-    """What was built.
+    """The files of a build, and their sizes.
 
     Attributes
     ----------
@@ -71,6 +73,7 @@ def build(
     target: str,
     folder: Path,
     on_note: Callable[[str], None] = lambda text: None,
+    executable: bool = False,
 ) -> Build:
     """Build the steps of a scenario for a target.
 
@@ -84,6 +87,8 @@ def build(
         Made if it is not there; files of the same names are replaced.
     on_note : callable
         Told what is being done.
+    executable : bool
+        Whether to link the firmware's step into a program, too: a navigation computer.
 
     Raises
     ------
@@ -92,6 +97,10 @@ def build(
     RehearsalError
         When a file of the scenario cannot be used, or the folder not be written.
     """
+    if executable and not TARGETS[target].has_linux:
+        raise BuildError(f"{target} runs no program of this kind: that takes Linux")
+    if executable:
+        toolchain.check()
     images = Images.of(scenario)
     make_folder(folder)
     files = [folder / f"rrins_{name}.o" for name in (*UNITS, "images")]
@@ -114,6 +123,9 @@ def build(
         write_text(folder / name, text)
         files.append(folder / name)
     sizes = {unit: _sizes(folder / f"rrins_{unit}.o") for unit in UNITS}
+    if executable:
+        on_note("the navigation computer")
+        files.append(navigator.link(folder, TARGETS[target]))
     manifest = folder / MANIFEST
     write_text(
         manifest, json.dumps(_manifest(scenario, name, target, images, files), indent=2) + "\n"
@@ -133,6 +145,9 @@ def _images_object(images: Images, target: Target) -> bytes:
     text = "\n".join(
         (
             image_code.constant("rrins_contract", images.contract.tobytes()),
+            image_code.constant("rrins_hello", images.hello.tobytes()),
+            image_code.constant("rrins_setup", images.setup.encode("ascii")),
+            image_code.number("rrins_setup_bytes", len(images.setup)),
             image_code.constant("rrins_motion", images.motion.tobytes()),
             image_code.number("rrins_motion_pieces", len(images.motion)),
             image_code.DECLARATIONS,
@@ -155,7 +170,11 @@ def _headers(images: Images) -> dict[str, str]:
             side,
             memory,
             dtype,
-            {"RRINS_RATE_HZ": rate_hz, f"RRINS_{side.upper()}_OUTBOX": outbox},
+            {
+                "RRINS_RATE_HZ": rate_hz,
+                f"RRINS_{side.upper()}_OUTBOX": outbox,
+                **{f"RRINS_MODE_{mode.name}": mode.value for mode in Mode},
+            },
             entries_of(side, images.variant),
         )
         for side, (memory, dtype, outbox) in memories.items()

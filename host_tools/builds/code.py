@@ -25,7 +25,7 @@ _FAILED = 3
 
 @dataclass(frozen=True)
 class Order:
-    """What is to be made.
+    """Objects that are to be made.
 
     Attributes
     ----------

@@ -9,10 +9,13 @@ import numpy as np
 
 from rrins.compiled.record import Floats
 from rrins.dbc.contract import load_contract
+from rrins.dbc.e2e import fill
+from rrins.dbc.frame import FrameArray, frame_array
 from rrins.firmware_py.loop import Firmware
 from rrins.host_tools.builds.variants import Variant, shortened
 from rrins.host_tools.hardware.settings import pieces_of, power_on
 from rrins.host_tools.runs.set_up.settings import firmware_settings, hardware_settings
+from rrins.host_tools.runs.set_up.setup_file import setup_text
 from rrins.host_tools.scenario.scenario import Scenario
 
 _Image = np.ndarray[Any, np.dtype[np.void]]
@@ -20,7 +23,7 @@ _Image = np.ndarray[Any, np.dtype[np.void]]
 
 @dataclass(frozen=True)
 class Images:
-    """What the steps work on.
+    """The memories that the steps work on.
 
     Attributes
     ----------
@@ -33,6 +36,8 @@ class Images:
         The hardware's memory, one record.
     motion : array, shape (n, 15, 8)
         The vehicle's, as `rrins.host_tools.hardware.motion` describes it.
+    setup : str
+        The set-up file of the firmware, as `rrins setup` shows it.
     """
 
     variant: Variant
@@ -40,6 +45,15 @@ class Images:
     contract: _Image
     plant: _Image
     motion: Floats
+    setup: str
+
+    @property
+    def hello(self) -> FrameArray:
+        """The frame by which the firmware announces itself before the first epoch."""
+        frames = frame_array(1)
+        message = load_contract()[0].heartbeat_firmware.message
+        fill(frames[0], message, np.uint64(0), 0)
+        return frames
 
     @classmethod
     def of(cls, scenario: Scenario) -> Images:
@@ -59,4 +73,5 @@ class Images:
             load_contract(),
             power_on(hardware),
             pieces_of(hardware),
+            setup_text(scenario),
         )

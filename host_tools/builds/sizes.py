@@ -1,4 +1,4 @@
-"""What of a memory is for what."""
+"""The shares of a memory."""
 
 from __future__ import annotations
 

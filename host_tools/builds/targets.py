@@ -24,6 +24,11 @@ class Target:
     system: str
     text: str
 
+    @property
+    def has_linux(self) -> bool:
+        """Whether programs with sockets and a clock run there."""
+        return "-linux" in self.system
+
 
 TARGETS = {
     "x86_64-linux": Target(

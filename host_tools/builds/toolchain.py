@@ -16,6 +16,12 @@ def is_installed() -> bool:
     return importlib.util.find_spec("ziglang") is not None
 
 
+def check() -> None:
+    """Raise BuildError unless it is installed."""
+    if not is_installed():
+        raise BuildError("linking needs a C cross compiler: pip install 'rrins[build]'")
+
+
 def zig(*words: str | Path) -> None:
     """Run zig.
 
@@ -24,8 +30,7 @@ def zig(*words: str | Path) -> None:
     BuildError
         When it is not installed, or refuses.
     """
-    if not is_installed():
-        raise BuildError("linking needs a C cross compiler: pip install 'rrins[build]'")
+    check()
     command = [sys.executable, "-m", "ziglang", *map(str, words)]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode != 0:

@@ -31,7 +31,7 @@ _SMALL = 1600
 
 @dataclass(frozen=True)
 class Variant:
-    """What a step does, which decides what is compiled, and what the memory has room for.
+    """The work of a step: it decides what is compiled, and what the memory has room for.
 
     Attributes
     ----------

@@ -49,10 +49,11 @@ _LOOK = {
     "dashboard": _Entry("bus.dashboard", "Show a rehearsal or a log in a browser."),
     "tour": _Entry("run.tour", "Tell in five minutes what this is for."),
     "diag": _Entry("diag.diag", "Diagnose the navigation computer over UDS."),
+    "xcp": _Entry("unit.xcp", "Measure and calibrate the navigation computer over XCP."),
     "record": _Entry("bus.record", "Record a bus to a log file."),
     "import": _Entry("vehicle.import_vehicle", "Convert the recording of a real vehicle to a log."),
     "replay": _Entry("log.replay", "Replay a log onto a bus or through the firmware."),
-    "export": _Entry("log.export", "Write a log as Parquet or CSV tables, or as MCAP."),
+    "export": _Entry("log.export", "Write a log, or what describes the bus, for other tools."),
     "increments": _Entry(
         "vehicle.increments", "Write fused increments and truth for other navigators."
     ),
@@ -87,8 +88,10 @@ _EXTRAS = {
     "SALib": "campaign",
     "distributed": "dask",
     "mcap": "mcap",
+    "odxtools": "odx",
     "pandas": "data",
     "pyarrow": "tables",
+    "pyxcp": "xcp",
     "xarray": "data",
     "ziglang": "build",
 }

@@ -19,7 +19,7 @@ from rrins.host_tools.dashboard.view import View
 from rrins.host_tools.files import JsonObject
 from rrins.host_tools.logs.reader import Log
 from rrins.host_tools.monitor.state import WINDOW_NS
-from rrins.host_tools.monitor.tally import Tally
+from rrins.host_tools.monitor.tally import DIAGNOSTIC, Tally
 from rrins.host_tools.monitor.watch import Watch
 from rrins.host_tools.recording.errors import RecordError
 from rrins.host_tools.scenario.scenario import Scenario
@@ -109,7 +109,10 @@ class LogSource:
         for step, end in enumerate(ends):
             if step % _MARK_EVERY == 0:
                 self._marks.append((done, watch.memory()))
-            watch.add_timed_frames(self._frames[done:end], self._times_ns[done:end])
+            for begin in range(done, end, DIAGNOSTIC):  # no more than a watch keeps
+                piece = slice(begin, min(begin + DIAGNOSTIC, end))
+                watch.add_timed_frames(self._frames[piece], self._times_ns[piece])
+                self._view.hear()
             done = end
             self._view.look()
             if step % _TROUBLES_EVERY == 0:

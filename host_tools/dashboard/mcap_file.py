@@ -20,6 +20,7 @@ from rrins.compiled.record import Integers, Words
 from rrins.dbc.codec import load
 from rrins.host_tools.dashboard import events
 from rrins.host_tools.dashboard.quantities import rows_of
+from rrins.host_tools.logs.diagnosis import Diagnosis
 from rrins.host_tools.logs.reader import Log, Piece
 from rrins.host_tools.logs.signals import (
     PROTECTION,
@@ -79,6 +80,7 @@ _TOPICS: Final = {
     "/tf": "foxglove.FrameTransform",
     "/position": "foxglove.LocationFix",
     "/events": "foxglove.Log",
+    "/diagnosis": "foxglove.Log",
 }
 
 
@@ -227,6 +229,18 @@ def _transform(time_ns: int, parent: str, child: str, rotation: dict[str, float]
     }
 
 
+def _entry(time_ns: int, weight: events.Weight, text: str, name: str = "rrins") -> dict[str, Any]:
+    """Return an entry of a log."""
+    return {
+        "timestamp": _time(time_ns),
+        "level": _LEVELS[weight],
+        "message": text,
+        "name": name,
+        "file": "",
+        "line": 0,
+    }
+
+
 class _Events:
     """Makes events of the frames, ten times a second of the recording."""
 
@@ -245,17 +259,7 @@ class _Events:
             latest = self._watch.latest(self._rows)
             for event in self._log.follow(latest.values, latest.changed_ns / _NS):
                 time_ns = round(event.time_s * _NS)
-                yield (
-                    time_ns,
-                    {
-                        "timestamp": _time(time_ns),
-                        "level": _LEVELS[event.weight],
-                        "message": event.text,
-                        "name": "rrins",
-                        "file": "",
-                        "line": 0,
-                    },
-                )
+                yield time_ns, _entry(time_ns, event.weight, event.text)
 
 
 def export_mcap(
@@ -284,7 +288,7 @@ def export_mcap(
 
 def _write(log: Log, file: _File, on_progress: Callable[[int], None]) -> McapExported:
     exported = McapExported(file.counts)
-    poses, told = _Poses(), _Events()
+    poses, told, diagnosis = _Poses(), _Events(), Diagnosis()
     for piece in log.pieces():
         times_ns = np.round(piece.time_s * _NS).astype(np.int64)
         decoded: list[tuple[str, dict[str, Any]] | None] = [None] * len(piece)
@@ -300,6 +304,10 @@ def _write(log: Log, file: _File, on_progress: Callable[[int], None]) -> McapExp
                     file.add(topic, time_ns, pose)
         for time_ns, event in told.of(piece, np.maximum.accumulate(times_ns)):
             file.add("/events", time_ns, event)
+        for k, said in diagnosis.messages(piece.frames):
+            time_ns = int(times_ns[k])
+            weight: events.Weight = "warning" if said.is_warning else "note"
+            file.add("/diagnosis", time_ns, _entry(time_ns, weight, said.text, said.sender))
         on_progress(log.position)
     file.finish()
     return exported

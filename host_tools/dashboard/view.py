@@ -11,11 +11,14 @@ import numpy as np
 from rrins.compiled.record import Floats
 from rrins.host_tools.dashboard import events, quantities
 from rrins.host_tools.dashboard.bus_table import state_of
+from rrins.host_tools.dashboard.diagnosis import event_of
 from rrins.host_tools.dashboard.history import History
 from rrins.host_tools.dashboard.now import Since
 from rrins.host_tools.dashboard.quantities import NAMES, Quantities, SchemeAngles
 from rrins.host_tools.dashboard.truth import Truth
+from rrins.host_tools.diag.trace import Trace
 from rrins.host_tools.files import JsonObject
+from rrins.host_tools.monitor.dialogue import Dialogue
 from rrins.host_tools.monitor.state import BusState
 from rrins.host_tools.monitor.troubles import troubles_of
 from rrins.host_tools.monitor.vitals import vitals_of
@@ -67,6 +70,7 @@ class View:
         self.log = events.EventLog()
         self.row: Floats = np.full(len(NAMES), math.nan)
         self.time_s = 0.0
+        self._dialogue = Dialogue(watch, Trace())
         self._sampled = quantities.rows_of(quantities.SAMPLED)
         self._rows = np.concatenate([self._sampled, quantities.rows_of(events.SIGNALS)])
         self._quantities = self._new_quantities()
@@ -97,7 +101,15 @@ class View:
         if self.keeps:
             self.history.add(self.time_s, self.row)
             self.log.follow(of_events, latest.changed_ns[len(self._sampled) :] / 1e9)
+            self.hear()
         return True
+
+    def hear(self) -> None:
+        """Add what was said in diagnosis to the events."""
+        for one in self._dialogue.look():
+            event = event_of(one.sender, one.text, one.is_warning)
+            if event is not None:
+                self.log.add(one.time_s, *event)
 
     def forget(self) -> None:
         """Forget what was computed from earlier frames: the watch has gone to another time."""

@@ -28,6 +28,13 @@ def name_of(code: int) -> str:
     return name[0].lower() + name[1:]
 
 
+def code_words(code: int) -> str:
+    """Return a negative response code with its name and its meaning here."""
+    known = Code(code) if code in list(Code) else None
+    meaning = f": {MEANINGS[known]}" if known is not None else ""
+    return f"{name_of(code)} (0x{code:02X}){meaning}"
+
+
 def refusal(what: str, code: int, advice: str = "") -> NegativeResponseError:
     """Return the error for a negative response.
 
@@ -40,8 +47,7 @@ def refusal(what: str, code: int, advice: str = "") -> NegativeResponseError:
         What to do about it, if more specific than the advice for the code.
     """
     known = Code(code) if code in list(Code) else None
-    meaning = f": {MEANINGS[known]}" if known is not None else ""
     advice = advice or (_WHAT_TO_DO.get(known, "") if known is not None else "")
     return NegativeResponseError(
-        f"{what}: {name_of(code)} (0x{code:02X}){meaning}" + (f"; {advice}" if advice else ""), code
+        f"{what}: {code_words(code)}" + (f"; {advice}" if advice else ""), code
     )

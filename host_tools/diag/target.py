@@ -7,8 +7,7 @@ from typing import Literal
 
 import can
 
-from rrins.host_tools.bus.interface import RrinsBus
-from rrins.host_tools.bus.pace import runs_ahead
+from rrins.host_tools.bus.pace import attach_in_pace
 from rrins.host_tools.bus.port import EMBEDDED, Address, open_bus
 from rrins.host_tools.diag.connection import Connection, KernelConnection, LibraryConnection
 from rrins.host_tools.diag.transport import EmbeddedTransport, MessageTransport
@@ -65,30 +64,14 @@ class Target:
 
 
 def _embedded(address: Address, timeout_s: float) -> EmbeddedTransport:
-    """Attach to the embedded bus: as an observer, or in step with a rehearsal in lockstep.
-
-    If a rehearsal ran faster than real time, every session would time out before the next request.
-    A rehearsal waits for clients attached in step, so it keeps the tool's pace.
-    """
-    bus = _attach(address, role="observer")
-    try:
-        is_ahead = runs_ahead(bus, timeout_s)
-    except can.CanError as error:
-        bus.shutdown()
-        raise BusError(f"bus {address}: {error}") from error
-    if not is_ahead:
-        return EmbeddedTransport(bus, keeps_pace=False)
-    bus.shutdown()
-    medium = EmbeddedTransport(_attach(address, in_step=True), keeps_pace=True)
+    """Attach to the embedded bus at the pace of the tool."""
+    bus, keeps_pace = attach_in_pace(address, _NAME, timeout_s)
+    medium = EmbeddedTransport(bus, keeps_pace=keeps_pace)
+    if not keeps_pace:
+        return medium
     try:
         medium.receive(_FIRST_S)  # the first batch sets the time
     except can.CanError as error:
         medium.close()
         raise BusError(f"bus {address}: {error}") from error
     return medium
-
-
-def _attach(address: Address, **options: object) -> RrinsBus:
-    bus = open_bus(address, host="never", name=_NAME, **options)
-    assert isinstance(bus, RrinsBus)
-    return bus

@@ -178,11 +178,41 @@ def _draw_numbers(axes: Axes, panel: Sequence[Series]) -> None:
     _legend(axes)
 
 
-def draw_series(series: Sequence[Series], contents: Contents, title: str) -> Figure:
-    """Plot signals over time: a panel for each unit, named values as steps."""
+_SAID = (("tool", ">"), ("computer", "o"), ("refused", "X"))  # and the marks
+
+
+def _draw_diagnosis(axes: Axes, contents: Contents) -> None:
+    """Draw a mark for each diagnostic message, on a scale of the names that occur."""
+    said = contents.diagnosis
+    names = list(dict.fromkeys(message.words.name for _, message in said))
+    by_service = len(names) > _MOST_NAMES
+    if by_service:
+        names = list(dict.fromkeys(message.words.service for _, message in said))
+    for style, (who, marker) in zip(LINES, _SAID, strict=False):
+        found = [
+            (time_s, names.index(message.words.service if by_service else message.words.name))
+            for time_s, message in said
+            if who == ("refused" if message.is_warning else message.sender.split()[0])
+        ]
+        if found:
+            colour, inside = style["color"], "none" if marker == "o" else style["color"]
+            points = zip(*found, strict=True)
+            axes.plot(*points, marker, label=who, color=colour, markerfacecolor=inside)
+    axes.set_yticks(range(len(names)), names, fontsize="small")
+    axes.set_ylim(len(names) - 0.5, -0.5)
+    finish(axes, "diagnosis")
+    _legend(axes)
+
+
+def draw_series(
+    series: Sequence[Series], contents: Contents, title: str, has_diagnosis: bool = False
+) -> Figure:
+    """Plot signals over time: a panel for each unit, named values as steps; and the diagnosis."""
     panels = _panels(series)
-    figure, axes = _figure([1.0] * len(panels), title)
-    for panel, panel_axes in zip(panels, axes, strict=True):
+    figure, axes = _figure([1.0] * len(panels) + [1.5] * has_diagnosis, title)
+    if has_diagnosis:
+        _draw_diagnosis(axes[-1], contents)
+    for panel, panel_axes in zip(panels, axes, strict=False):
         if panel[0].signal.choices:
             _draw_named(panel_axes, panel[0])
         else:

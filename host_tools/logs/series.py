@@ -10,6 +10,8 @@ import numpy as np
 from rrins.compiled.record import Floats
 from rrins.dbc.codec import load
 from rrins.dbc.frame import FrameArray
+from rrins.host_tools.diag.trace import Message
+from rrins.host_tools.logs.diagnosis import Diagnosis
 from rrins.host_tools.logs.reader import Log
 from rrins.host_tools.logs.signals import Numbers, SignalOfMessage, name_of_identifier
 
@@ -117,13 +119,15 @@ class Series:
 
 @dataclass
 class Contents:
-    """Contents of a log: frame count, first and last time, and frames per message or identifier."""
+    """Contents of a log: its frames, by message or identifier, their times, and the diagnosis."""
 
     frames: int = 0
     first_s: float = 0.0
     last_s: float = 0.0
     messages: dict[str, int] = field(default_factory=dict)
     unknown: dict[int, int] = field(default_factory=dict)
+    #: diagnostic messages, each with its time since the first frame
+    diagnosis: list[tuple[float, Message]] = field(default_factory=list)
 
     def add(self, frames: FrameArray, time_s: Floats) -> None:
         """Count frames."""
@@ -150,6 +154,8 @@ def gather(
 ) -> tuple[list[Series], Contents]:
     """Read a log; return its signals over time since its first frame, and its contents.
 
+    The contents include the diagnostic messages.
+
     `from_s` and `to_s` also count from the first frame. Frames of the wrong length are skipped.
 
     Raises
@@ -158,7 +164,7 @@ def gather(
         If the log cannot be read.
     """
     series = [Series(s, Changes() if s.choices or s.is_whole else Envelope()) for s in signals]
-    contents = Contents()
+    contents, diagnosis = Contents(), Diagnosis()
     codec = load()
     for piece in log.pieces():
         contents.add(piece.frames, piece.time_s)
@@ -169,6 +175,9 @@ def gather(
             is_wanted &= time_s >= from_s
         if to_s is not None:
             is_wanted &= time_s <= to_s
+        contents.diagnosis += [
+            (float(time_s[k]), said) for k, said in diagnosis.messages(piece.frames) if is_wanted[k]
+        ]
         frames, time_s = piece.frames[is_wanted], time_s[is_wanted]
         for one in series:
             message = codec.messages[codec.message_index(one.signal.message)]

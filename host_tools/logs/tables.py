@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, get_args
@@ -17,6 +17,7 @@ import pyarrow.parquet
 from rrins.compiled.record import Floats, Integers, Words
 from rrins.dbc.codec import load
 from rrins.dbc.frame import Frame, FrameArray
+from rrins.host_tools.logs.diagnosis import Diagnosis, is_diagnostic
 from rrins.host_tools.logs.frame_steps import NO_EPOCH, epochs_by_sync
 from rrins.host_tools.logs.reader import Log, Piece
 from rrins.host_tools.logs.signals import (
@@ -34,10 +35,12 @@ _ROWS = 65_536  # per row group
 _TIME = "time_s"
 _EPOCH = "sync_epoch"
 _CRC = "crc_holds"
+_DIAGNOSIS = "diagnosis"
 _COMMENTS = {
     _TIME: "time of the frame, as logged",
     _EPOCH: "epoch opened by the last SYNC before the frame, unwrapped beyond 24 bits",
     _CRC: "whether the end-to-end CRC of the frame is correct",
+    _DIAGNOSIS: "what the ISO-TP message says that the frame completes",
 }
 
 
@@ -79,6 +82,8 @@ def _columns(message: str) -> Iterator[tuple[pa.Field, SignalOfMessage | None]]:
             names = _field(f"{signal.name}_name", pa.string(), comment="name of the value")
             yield names, signal
     yield _field(_CRC, pa.bool_(), comment=_COMMENTS[_CRC]), None
+    if is_diagnostic(message):
+        yield _field(_DIAGNOSIS, pa.string(), comment=_COMMENTS[_DIAGNOSIS]), None
 
 
 class _Table:
@@ -100,14 +105,18 @@ class _Table:
         self.path = folder / f"{message}.{kind}"
         self._part = folder / f".{message}.{kind}.{os.getpid()}"
         self._pieces: list[tuple[FrameArray, Floats, Integers]] = []
+        self._texts: list[str | None] = []
         self._waiting = 0
         self.rows = 0
         writer = pa.parquet.ParquetWriter if kind == "parquet" else pa.csv.CSVWriter
         self._writer = writer(str(self._part), self._schema)
 
-    def add(self, frames: FrameArray, time_s: Floats, epochs: Integers) -> None:
-        """Add frames of the message; write once there are many."""
+    def add(
+        self, frames: FrameArray, time_s: Floats, epochs: Integers, texts: list[str | None]
+    ) -> None:
+        """Add frames of the message, with what they say in diagnosis; write once there are many."""
         self._pieces.append((frames, time_s, epochs))
+        self._texts += texts
         self._waiting += len(frames)
         if self._waiting >= _ROWS:
             self._write()
@@ -124,6 +133,8 @@ class _Table:
                 arrays.append(pa.array(time_s))
             elif field.name == _EPOCH:
                 arrays.append(pa.array(epochs, mask=epochs == NO_EPOCH))
+            elif field.name == _DIAGNOSIS:
+                arrays.append(pa.array(self._texts, pa.string()))
             elif signal is None:
                 arrays.append(pa.array(crc_of_frames_holds(frames, self._message)))
             elif field.type == pa.string():
@@ -133,6 +144,7 @@ class _Table:
         self._writer.write_table(pa.Table.from_arrays(arrays, schema=self._schema))
         self.rows += len(frames)
         self._pieces.clear()
+        self._texts.clear()
         self._waiting = 0
 
     def finish(self) -> None:
@@ -176,11 +188,14 @@ def export(
     """
     tables: dict[str, _Table] = {}
     exported = Exported({})
-    epochs = EpochCounter()
+    epochs, diagnosis = EpochCounter(), Diagnosis()
     try:
         folder.mkdir(parents=True, exist_ok=True)
         for piece in log.pieces():
-            _add_piece(piece, epochs.epochs(piece.frames), tables, exported, folder, kind, log)
+            told = diagnosis.texts(piece.frames)
+            _add_piece(
+                piece, epochs.epochs(piece.frames), told, tables, exported, folder, kind, log
+            )
             on_progress(log.position)
         for table in tables.values():
             table.finish()
@@ -205,6 +220,7 @@ def _tables_left(folder: Path, written: set[Path]) -> int:
 def _add_piece(
     piece: Piece,
     epochs: Integers,
+    told: Mapping[int, str],
     tables: dict[str, _Table],
     exported: Exported,
     folder: Path,
@@ -221,11 +237,12 @@ def _add_piece(
             exported.unknown += len(places)
             continue
         length = load().database.get_message_by_name(name).length
-        is_whole = piece.frames["length"][places] == length
+        is_whole = (piece.frames["length"][places] == length) | is_diagnostic(name)
         exported.wrong_length += int(np.count_nonzero(~is_whole))
         places = places[is_whole]
         if not len(places):
             continue
         if name not in tables:
             tables[name] = _Table(folder, name, kind, log.path.name)
-        tables[name].add(piece.frames[places], piece.time_s[places], epochs[places])
+        texts = [told.get(k) for k in places.tolist()] if is_diagnostic(name) else []
+        tables[name].add(piece.frames[places], piece.time_s[places], epochs[places], texts)

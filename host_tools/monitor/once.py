@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from rrins.host_tools.files import JsonObject
 from rrins.host_tools.monitor.banner import banner, notices
+from rrins.host_tools.monitor.dialogue import Dialogue
 from rrins.host_tools.monitor.estimates import Estimates
 from rrins.host_tools.monitor.listing import MessageRow, message_rows
 from rrins.host_tools.monitor.redundancy import redundancy_words
@@ -16,8 +17,14 @@ WIDTH = 1000
 """Columns of the table when there is no screen: enough for all values, nothing is cut."""
 
 
-def table_of(bus: str, state: BusState, needle: str = "", order: str = "id") -> list[str]:
-    """Return the header, all troubles and the table of messages, as lines."""
+def table_of(
+    bus: str,
+    state: BusState,
+    needle: str = "",
+    order: str = "id",
+    dialogue: Dialogue | None = None,
+) -> list[str]:
+    """Return the header, all troubles, the table of messages and the diagnosis, as lines."""
     vitals = vitals_of(state)
     troubles = troubles_of(state, vitals)
     rows = message_rows(state, needle, order)
@@ -32,6 +39,8 @@ def table_of(bus: str, state: BusState, needle: str = "", order: str = "id") -> 
         table_head(rows, WIDTH, order).plain,
         *(line.plain for line in table_lines(state, rows, range(len(rows)), None, WIDTH)),
     ]
+    if dialogue is not None and dialogue.spoken:
+        lines += ["", "DIAGNOSIS", *(f"  {one.line}" for one in dialogue.spoken)]
     return [line.rstrip() for line in lines]
 
 
@@ -41,10 +50,12 @@ def as_dict(
     needle: str = "",
     order: str = "id",
     estimates: Estimates | None = None,
+    dialogue: Dialogue | None = None,
 ) -> JsonObject:
     """Return the state for JSON; times and rates are in bus time, except `quiet_s`.
 
-    `estimates` has noted earlier states, with the estimator's other sources and sensors.
+    `estimates` has noted earlier states, with the estimator's other sources and sensors;
+    `dialogue` has followed the diagnosis.
     """
     vitals = vitals_of(state)
     estimates = estimates or Estimates()
@@ -65,6 +76,7 @@ def as_dict(
         **vitals.as_dict(),
         "troubles": troubles_of(state, vitals),
         "estimator": estimates.as_dict(state),
+        "diagnosis": [] if dialogue is None else [vars(one) for one in dialogue.spoken],
         "messages": [_message(state, row) for row in message_rows(state, needle, order)],
     }
 

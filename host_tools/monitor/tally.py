@@ -49,6 +49,9 @@ EMPTY_LOW = 2**63 - 1
 EMPTY_HIGH = -(2**63)
 """High end of an empty range of raw values."""
 
+DIAGNOSTIC = 1024
+"""Diagnostic frames that are kept for who puts their messages together."""
+
 MOST_AT_ONCE = 64
 """Batches that are processed before others may look at the tally."""
 
@@ -70,6 +73,7 @@ class TallyEntry(Record):
     is_known: U1  #: in the DBC; its messages come first, in its order
     counting: U1  #: how losses show in its counter
     follows_sync: U1  #: its counter is that of the last SYNC
+    is_diagnostic: U1
     length: U1
     can_id: U4  #: with the flags of SocketCAN
     data: U8  #: of the last frame
@@ -120,6 +124,15 @@ class LoadWindow(Record):
     worst_window_busy_ns: I8
 
 
+class DiagnosticFrame(Record):
+    """A frame of diagnosis."""
+
+    can_id: U4
+    length: U1
+    data: U8
+    time_ns: I8
+
+
 class Tally(Record):
     """Statistics of a bus."""
 
@@ -134,6 +147,8 @@ class Tally(Record):
     count: I8  #: entries in use
     sync: I8  #: entry of SYNC
     load: LoadWindow
+    diagnostic_frames: I8  #: so far
+    diagnostic: Annotated[Records[DiagnosticFrame], DIAGNOSTIC]  #: the last ones, by number
     index: Annotated[Shorts, _INDEX]
     entries: Annotated[Records[TallyEntry], ENTRIES]
     signals: Annotated[Records[SignalTally], SIGNALS]  #: in the order of the codec's
@@ -190,6 +205,7 @@ def _list_messages(tally: Tally, codec: Codec) -> None:
         entry["follows_sync"] = codec.counts_epochs(message.name) and (
             message.senders == sync.senders
         )
+        entry["is_diagnostic"] = not codec.is_protected(message.name)
         entry["signals"] = len(message.signals)
         if message.signals:
             entry["first_signal"] = codec.signal_index(message.name, message.signals[0].name)
@@ -343,6 +359,16 @@ def _update_values(tally: Tally, entry: TallyEntry, time_ns: int) -> None:
 
 
 @compiled
+def _keep_diagnostic(tally: Tally, frame: Frame, time_ns: int) -> None:
+    kept = tally.diagnostic[tally.diagnostic_frames % DIAGNOSTIC]
+    kept.can_id = frame.can_id
+    kept.length = frame.length
+    kept["data"] = frame["data"]
+    kept.time_ns = time_ns
+    tally.diagnostic_frames += 1
+
+
+@compiled
 def _count_frame(tally: Tally, frame: Frame, time_ns: int) -> None:
     tally.frames += 1
     if frame.can_id & ERR_FLAG:
@@ -365,6 +391,8 @@ def _count_frame(tally: Tally, frame: Frame, time_ns: int) -> None:
     entry.is_sound = 1
     if not entry.is_known:
         return
+    if entry.is_diagnostic:
+        _keep_diagnostic(tally, frame, time_ns)
     if not crc_holds(frame, entry.message):
         entry.is_sound = 0
         entry.crc_errors += 1

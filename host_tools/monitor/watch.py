@@ -17,6 +17,8 @@ from rrins.dbc.frame import FrameArray, frame_array
 from rrins.host_tools.bus.guard import NOTHING_REFUSED, Refused
 from rrins.host_tools.monitor.state import WINDOW_NS, BusState, Mark, Times
 from rrins.host_tools.monitor.tally import (
+    DIAGNOSTIC,
+    DiagnosticFrame,
     Tally,
     count_frames,
     count_timed_frames,
@@ -190,6 +192,17 @@ class Watch:
         """
         with self._lock:
             return self._glance.at(rows, self._heard_ns)
+
+    def diagnostic_frames(self, since: int) -> tuple[Records[DiagnosticFrame], int]:
+        """Return the diagnostic frames after the first `since`, and how many there were in all.
+
+        Of more than `DIAGNOSTIC`, the last ones.
+        """
+        with self._lock:
+            tally = self._tallies[0]
+            count = int(tally["diagnostic_frames"])
+            first = max(since, count - DIAGNOSTIC)
+            return tally["diagnostic"][np.arange(first, count) % DIAGNOSTIC], count
 
     def state(self, has_histories: bool = True) -> BusState:
         """Return a snapshot; rates are taken since an earlier call, or the start.

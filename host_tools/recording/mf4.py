@@ -32,7 +32,7 @@ _RECORD_BYTES = 28
 _SHORTEST = 168  # bytes of the two blocks at the start of every file
 
 
-def _asammdf() -> ModuleType:
+def asammdf_module() -> ModuleType:
     """Return the asammdf module.
 
     Raises
@@ -92,7 +92,7 @@ class Mf4Writer:
     """
 
     def __init__(self, path: Path) -> None:
-        asammdf = _asammdf()
+        asammdf = asammdf_module()
         self._file = path.open("wb+")
         self._mdf = asammdf.MDF(version="4.10")
         self._begun_s: float | None = None
@@ -192,7 +192,7 @@ def open_mf4_reader(path: Path) -> can.MF4Reader:
     if len(begin) < _SHORTEST or not begin.startswith((b"MDF ", b"UnFinMF ")):
         raise RecordError(f"{path}: not an MF4 file")
     check_blocks(path)
-    _asammdf()
+    asammdf_module()
     logging.getLogger("asammdf").setLevel(logging.CRITICAL)
     hook, sys.unraisablehook = sys.unraisablehook, lambda _: None
     try:

@@ -178,7 +178,7 @@ class DirectExchange:
         until = min(until, hardware.fault_server.report_epoch)
         if wire is not None:
             until = min(until, wire.loses_until(epoch))
-        if firmware.diagnostics.is_awake or epoch >= until:
+        if firmware.is_awake or epoch >= until:
             between.count = exchange_epoch(
                 hardware, firmware, epoch, int(between.count), float(between.clock_error_ppm)
             )

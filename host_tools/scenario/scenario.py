@@ -51,6 +51,7 @@ from rrins.host_tools.scenario.tables import (
     Redundancy,
     Rimu,
     Site,
+    Xcp,
     ZeroVelocity,
     check_turntable,
     each,
@@ -105,6 +106,7 @@ class Scenario(TomlTable, metaclass=_InOneLine):
     redundancy: Redundancy = Redundancy()
     estimator: Estimator = Estimator()
     integrity: Integrity = Integrity()
+    xcp: Xcp | None = None
     zero_velocity: tuple[ZeroVelocity, ...] = Field(default=(), max_length=STANDING_CAPACITY)
     """Times in which the operator says that the vehicle stands."""
     operator: tuple[OperatorRequest, ...] = Field(default=(), max_length=30)

@@ -290,6 +290,10 @@ class Integrity(IntegritySettings, TomlTable):
     """Find the bounds; needs the estimator."""
 
 
+class Xcp(rrins.firmware_py.core.settings.XcpSettings, TomlTable):
+    """The measurement and calibration protocol XCP of the firmware."""
+
+
 class OperatorRequest(TomlTable):
     """A mode that the operator requests, and when (after power-on of the hardware)."""
 

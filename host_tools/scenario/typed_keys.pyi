@@ -535,6 +535,16 @@ class IntegrityTable(IntegritySettingsTable, total=False):
 
     enabled: bool
 
+class XcpSettingsTable(TypedDict, total=False):
+    """Keys of `XcpSettings` and of calls."""
+
+    frames_per_s: int
+    """Most frames of XCP that the navigation computer sends, responses and measured data. Unit:
+    s."""
+
+class XcpTable(XcpSettingsTable, total=False):
+    """Keys of `Xcp`."""
+
 class ZeroVelocityTable(TypedDict, total=False):
     """Keys of `ZeroVelocity`."""
 
@@ -738,6 +748,7 @@ class _Paths(TypedDict, total=False):
     integrity__altimeter_faults_per_h: float
     integrity__common_faults_per_h: float
     integrity__enabled: bool
+    xcp__frames_per_s: int
     paper__source: str
     paper__duration_s: float | None
     paper__max_abs_position_error_m: EastNorthTable | None
@@ -768,6 +779,7 @@ class SharedKeys(
     _RedundancyKeys,
     _EstimatorKeys,
     IntegritySettingsTable,
+    XcpSettingsTable,
     total=False,
 ):
     """Keywords of every call that takes a scenario."""
@@ -814,6 +826,8 @@ class SharedKeys(
     """The firmware's error-state Kalman filter."""
     integrity: IntegrityTable
     """Bounds of the navigation's error for a stated risk, and the rates of faults they assume."""
+    xcp: XcpTable | None
+    """The measurement and calibration protocol XCP of the firmware."""
     zero_velocity: Sequence[ZeroVelocityTable]
     """Times in which the operator says that the vehicle stands."""
     operator: Sequence[OperatorRequestTable]

@@ -27,7 +27,7 @@ class ObjectCodeError(Exception):
 
 @dataclass(frozen=True)
 class Processor:
-    """What LLVM makes machine code for.
+    """A processor that LLVM makes machine code for.
 
     Attributes
     ----------

@@ -72,6 +72,9 @@ def test_data_ids_are_unique():
     assert len(set(ids)) == len(ids)
 
 
-def test_only_diagnostics_go_without_protection():
+def test_only_diagnostics_and_measurement_go_without_protection():
     others = {m.name for m in CODEC.database.messages} - set(PROTECTED)
-    assert others == {"DIAG_REQUEST", "DIAG_FUNCTIONAL", "DIAG_RESPONSE"}
+    assert others == {"DIAG_REQUEST", "DIAG_FUNCTIONAL", "DIAG_RESPONSE"} | {
+        "XCP_COMMAND",
+        "XCP_RESPONSE",
+    }

@@ -28,12 +28,12 @@ from rrins.firmware_py.core.frames_in import (
     senders,
     zero_velocity,
 )
-from rrins.firmware_py.core.records.diagnostic_records import ATTENTION_FRAMES
+from rrins.firmware_py.core.records.diagnostic_records import ATTENTION_FRAMES, ATTENTION_XCP
 from rrins.firmware_py.core.records.memory import INNER, OUTER, Assembly, Ram
 from rrins.firmware_py.core.records.troubles import Source
 
 _NOTHING, _SYNC, _MODE_COMMAND, _ALTIMETER, _AXIS, _DIAGNOSTIC, _SENSOR = 0, 1, 2, 3, 4, 8, 16
-_READMISSION, _ODOMETER, _ZERO_VELOCITY = 9, 10, 11
+_READMISSION, _ODOMETER, _ZERO_VELOCITY, _XCP = 9, 10, 11, 12
 _GNSS = _SENSOR + SENSOR_GROUPS
 _MASTER = _GNSS + gnss.FRAMES
 
@@ -55,8 +55,11 @@ single frame of somebody else moves nothing.
 """
 
 
-def dispatch_table(contract: Records[Contract]) -> NDArray[np.int16]:
-    """Return the intake's action for each of the 2048 identifiers."""
+def dispatch_table(contract: Records[Contract], has_xcp: bool = False) -> NDArray[np.int16]:
+    """Return the intake's action for each of the 2048 identifiers.
+
+    Without `has_xcp` frames of XCP are those of somebody else.
+    """
     record = contract[0]
     table = np.full(2048, _NOTHING, dtype=np.int16)
     table[record.sync.message.can_id] = _SYNC
@@ -67,6 +70,8 @@ def dispatch_table(contract: Records[Contract]) -> NDArray[np.int16]:
     table[record.zero_velocity.message.can_id] = _ZERO_VELOCITY
     table[record.diag_request.message.can_id] = _DIAGNOSTIC
     table[record.diag_functional.message.can_id] = _DIAGNOSTIC
+    if has_xcp:
+        table[record.xcp_command.message.can_id] = _XCP
     table[record.axis_inner_status.message.can_id] = _AXIS + INNER
     table[record.axis_outer_status.message.can_id] = _AXIS + OUTER
     for group in range(SENSOR_GROUPS):
@@ -126,6 +131,8 @@ def receive(state: Ram, contract: Contract, inbox: FrameArray, start: int, count
             _receive_altimeter(state, contract.altimeter, frame)
         elif kind == _DIAGNOSTIC:  # processed between two steps
             state.diagnostics.attention |= ATTENTION_FRAMES
+        elif kind == _XCP:  # likewise
+            state.diagnostics.attention |= ATTENTION_XCP
         elif kind == _READMISSION:
             _receive_readmission(state, contract.readmission_command, frame)
         elif kind == _ODOMETER:

@@ -1,4 +1,4 @@
-"""What a step needs of vectors in general."""
+"""Vectors in general."""
 
 from __future__ import annotations
 

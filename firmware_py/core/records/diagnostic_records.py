@@ -23,8 +23,8 @@ class RoutineRequest(IntEnum):
     STOP_ROTATION = 5
 
 
-ATTENTION_FRAMES, ATTENTION_TROUBLES = 1, 2
-"""Bits of `attention`: diagnostic frames arrived; a test has newly failed."""
+ATTENTION_FRAMES, ATTENTION_TROUBLES, ATTENTION_XCP = 1, 2, 4
+"""Bits of `attention`: diagnostic frames arrived; a test has newly failed; XCP frames arrived."""
 
 
 class SnapshotModes(Record):

@@ -28,6 +28,7 @@ from rrins.firmware_py.core.records.encoder_records import Encoders
 from rrins.firmware_py.core.records.estimator_records import TRACK_EPOCHS, Estimator
 from rrins.firmware_py.core.records.integrity_records import Integrity
 from rrins.firmware_py.core.records.redundancy_records import Redundancy
+from rrins.firmware_py.core.records.stimulation_records import Stimulation
 from rrins.firmware_py.core.records.transfer_records import Master, Transfer
 from rrins.firmware_py.core.records.troubles import Source
 
@@ -464,6 +465,7 @@ class Ram(Record):
     estimator: Estimator
     integrity: Integrity
     calibration: CalibrationInUse
+    stimulation: Stimulation
 
 
 def blank_ram() -> Records[Ram]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hmac
 from collections.abc import Callable
 
 from rrins.firmware_py.diagnostics import access
@@ -10,13 +9,18 @@ from rrins.firmware_py.diagnostics.access import Session
 from rrins.firmware_py.diagnostics.computer import NAVIGATION_MODES, Computer
 from rrins.firmware_py.diagnostics.refusal import RefusalError, require
 from rrins.firmware_py.diagnostics.responses import Code
+from rrins.firmware_py.diagnostics.seed_and_key import SeedAndKey, Verdict
 from rrins.firmware_py.diagnostics.server import Handler, Part, Reset, Server
 
-_NS_PER_MS = 1_000_000
 _NORMAL, _MANAGEMENT = 0x01, 0x02  # communication types of 0x28, one bit each
 _ALL_NETWORKS, _THIS_NETWORK = 0x00, 0xF0  # high nibble: there is one network
 _DISABLE_TRANSMISSION = 0x01
 _SETTING_OFF = 0x02
+_REFUSALS = {
+    Verdict.WRONG: Code.INVALID_KEY,
+    Verdict.CLOSED: Code.EXCEEDED_NUMBER_OF_ATTEMPTS,
+    Verdict.NO_SEED: Code.REQUEST_SEQUENCE_ERROR,
+}
 
 
 def _exactly(data: bytes, length: int) -> None:
@@ -46,15 +50,11 @@ class Lock(Part):
     """
 
     def __init__(self, secret: bytes, random_bytes: Callable[[int], bytes]) -> None:
-        self._secret = secret
-        self._random_bytes = random_bytes
-        self._seed = b""
-        self._attempts = 0
-        self._closed_until_ns = -1
+        self._keys = SeedAndKey(secret, random_bytes)
 
     def leave_session(self, session: Session) -> None:
         """Forget the seed; the count of wrong keys remains."""
-        self._seed = b""
+        self._keys.forget()
 
     def access(self, server: Server, data: bytes) -> bytes:
         """Issue a seed, or check a key (0x27)."""
@@ -62,31 +62,19 @@ class Lock(Part):
             _exactly(data, 1)
             return data + self._give_seed(server)
         _exactly(data, 1 + access.KEY_SIZE)
-        self._check_key(server, data[1:])
+        verdict = self._keys.check(data[1:], server.now_ns)
+        if verdict is not Verdict.RIGHT:
+            raise RefusalError(_REFUSALS[verdict])
+        server.is_unlocked = True
         return data[:1]
 
     def _give_seed(self, server: Server) -> bytes:
         if server.is_unlocked:
             return bytes(access.SEED_SIZE)
-        require(server.now_ns >= self._closed_until_ns, Code.REQUIRED_TIME_DELAY_NOT_EXPIRED)
-        seed = self._random_bytes(access.SEED_SIZE)
-        self._seed = seed if any(seed) else bytes([1]) * access.SEED_SIZE  # zero: unlocked
-        return self._seed
-
-    def _check_key(self, server: Server, key: bytes) -> None:
-        require(bool(self._seed), Code.REQUEST_SEQUENCE_ERROR)
-        right = access.key_of(self._seed, self._secret)
-        self._seed = b""
-        if hmac.compare_digest(key, right):
-            self._attempts = 0
-            server.is_unlocked = True
-            return
-        self._attempts += 1
-        if self._attempts < access.ATTEMPTS:
-            raise RefusalError(Code.INVALID_KEY)
-        self._attempts = access.ATTEMPTS - 1  # one more after the delay
-        self._closed_until_ns = server.now_ns + access.ATTEMPT_DELAY_MS * _NS_PER_MS
-        raise RefusalError(Code.EXCEEDED_NUMBER_OF_ATTEMPTS)
+        seed = self._keys.seed(server.now_ns)
+        if seed is None:
+            raise RefusalError(Code.REQUIRED_TIME_DELAY_NOT_EXPIRED)
+        return seed
 
 
 class Communication(Part):

@@ -27,6 +27,7 @@ from rrins.host_tools.monitor.sort_orders import ORDERS
 
 if TYPE_CHECKING:
     from rrins.host_tools.bus.port import Address
+    from rrins.host_tools.monitor.dialogue import Dialogue
     from rrins.host_tools.monitor.watch import Watch
 
 _ONCE_S = 2.0
@@ -81,24 +82,26 @@ def monitor(
     """
     is_once = once or as_json or for_s is not None
     if is_once or not _has_screen():
-        address, watch = _watch(bus)
-        _print_once(address, watch, needle, order, as_json, for_s or _ONCE_S)
+        _print_once(*_watch(bus), needle, order, as_json, for_s or _ONCE_S)
         return
     with opening_screen(f"rrins monitor: connecting to {bus} …  Ctrl-C stops") as hand_over:
-        address, watch = _watch(bus)
+        address, watch, dialogue = _watch(bus)
         from rrins.host_tools.monitor.screen.app import run_screen
 
         # Frames must be received while the same interpreter draws the screen.
         sys.setswitchinterval(_SWITCH_S)
-        run_screen(address, watch, needle, order, refresh_hz, hand_over)
+        run_screen(address, watch, needle, order, refresh_hz, hand_over, dialogue)
 
 
-def _watch(bus: Bus) -> tuple[Address, Watch]:
-    """Return the bus and what collects its frames; loading that takes seconds."""
+def _watch(bus: Bus) -> tuple[Address, Watch, Dialogue]:
+    """Return the bus, what collects its frames and its diagnosis; loading that takes seconds."""
+    from rrins.host_tools.diag.trace import Trace
+    from rrins.host_tools.monitor.dialogue import Dialogue
     from rrins.host_tools.monitor.watch import Watch
 
     address = bus.address()
-    return address, Watch(bus.bitrate, is_wall_time=not address.is_embedded)
+    watch = Watch(bus.bitrate, is_wall_time=not address.is_embedded)
+    return address, watch, Dialogue(watch, Trace())
 
 
 def _has_screen() -> bool:
@@ -108,7 +111,13 @@ def _has_screen() -> bool:
 
 
 def _print_once(
-    address: Address, watch: Watch, needle: str, order: str, as_json: bool, for_s: float
+    address: Address,
+    watch: Watch,
+    dialogue: Dialogue,
+    needle: str,
+    order: str,
+    as_json: bool,
+    for_s: float,
 ) -> None:
     from rrins.host_tools.monitor.estimates import Estimates
     from rrins.host_tools.monitor.once import as_dict, table_of
@@ -120,8 +129,11 @@ def _print_once(
         while time.monotonic() < until_s and not watch.has_ended:
             time.sleep(_POLL_S)
             estimates.note(watch.state())
+            dialogue.look()
         state = watch.state()
+        dialogue.look()
     finally:
         receiver.close()
-    values = as_dict(str(address), state, needle, order, estimates) if as_json else {}
-    print_results(as_json, values, table_of(str(address), state, needle, order))
+    where = str(address)
+    values = as_dict(where, state, needle, order, estimates, dialogue) if as_json else {}
+    print_results(as_json, values, table_of(where, state, needle, order, dialogue))

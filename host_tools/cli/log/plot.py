@@ -15,6 +15,9 @@ from rrins.host_tools.cli.options import Picture, flag, format_option, option
 from rrins.host_tools.cli.output import counting
 from rrins.host_tools.interruption import heed_sigterm
 
+_DIAGNOSIS = "diagnosis"
+"""What is plotted beside signals."""
+
 
 @click.command()
 @log_argument
@@ -41,7 +44,8 @@ def plot(
     """Plot signals of the log FILE over time.
 
     A SIGNAL is MESSAGE.signal, a signal name that only one message has, or a pattern:
-    'SENSOR_*.gyro_dtheta', '*.encoder_angle_deg', 'NAV_ATTITUDE.*'.
+    'SENSOR_*.gyro_dtheta', '*.encoder_angle_deg', 'NAV_ATTITUDE.*'. The word diagnosis stands for
+    the messages of a diagnostic tool and the computer.
     """
     heed_sigterm()
     if as_list:
@@ -73,6 +77,8 @@ def _list_contents(path: Path, log_channel: str | None) -> None:
         for signal in signals_of(name):
             unit = f" [{signal.unit}]" if signal.unit else ""
             click.echo(f"    {signal.full_name}{unit}")
+    if contents.diagnosis:
+        click.echo(f"\n{_DIAGNOSIS}: {len(contents.diagnosis)} messages")
     for identifier, count in sorted(contents.unknown.items()):
         click.echo(f"\n0x{identifier:03X}: {count} frames, not in the DBC")
 
@@ -94,6 +100,8 @@ def _draw(
     from rrins.host_tools.recording.errors import RecordError
     from rrins.host_tools.recording.formats import name_without_ending
 
+    has_diagnosis = _DIAGNOSIS in words
+    words = tuple(word for word in words if word != _DIAGNOSIS)
     signals = find_signals(words)
     log = Log(path, log_channel)
     with counting("reading", log.size) as on_progress:
@@ -102,10 +110,12 @@ def _draw(
     absent = [one.signal.full_name for one in series if not one.frames]
     shown = [one for one in series if one.frames]
     named = [name for name in absent if name in words or name.split(".")[1] in words]
-    if named or not shown:
+    if has_diagnosis and not contents.diagnosis:
+        named.append(_DIAGNOSIS)
+    if named or not (shown or has_diagnosis):
         when = "" if from_s is None and to_s is None else " in that time span"
         raise RecordError(f"{path}: no frames of {', '.join(named or absent[:4])}{when}")
-    drawn = draw_series(shown, contents, f"Signals of {path.name}")
+    drawn = draw_series(shown, contents, f"Signals of {path.name}", has_diagnosis)
     if out is None:
         (out,) = write_pictures(Path(), {name_without_ending(path): drawn})
     else:

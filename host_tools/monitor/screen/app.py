@@ -18,6 +18,7 @@ from textual.widgets import Input
 
 from rrins.host_tools.bus.port import Address
 from rrins.host_tools.monitor.banner import banner, notices
+from rrins.host_tools.monitor.dialogue import Dialogue
 from rrins.host_tools.monitor.estimates import Estimates
 from rrins.host_tools.monitor.listing import message_rows
 from rrins.host_tools.monitor.plot import HEIGHT as PLOT_HEIGHT
@@ -55,6 +56,8 @@ class MonitorApp(App[None]):
         One of `ORDERS`.
     refresh_hz : float
         Refreshes per second; 0 refreshes only when `look` is called.
+    dialogue : Dialogue, optional
+        The diagnosis on the bus.
     """
 
     TITLE = "rrins monitor"
@@ -80,13 +83,20 @@ class MonitorApp(App[None]):
         Binding("t", "troubles", show=False),
         Binding("r", "redundancy", show=False),
         Binding("e", "estimator", show=False),
+        Binding("d", "diagnosis", show=False),
         Binding("z", "zero", show=False),
         Binding("q", "quit", show=False),
         Binding("ctrl+c", "quit", show=False, priority=True),
     ]
 
     def __init__(
-        self, bus: str, watch: Watch, needle: str = "", order: str = "id", refresh_hz: float = 4.0
+        self,
+        bus: str,
+        watch: Watch,
+        needle: str = "",
+        order: str = "id",
+        refresh_hz: float = 4.0,
+        dialogue: Dialogue | None = None,
     ) -> None:
         super().__init__(ansi_color=True)
         self._bus = bus
@@ -97,6 +107,7 @@ class MonitorApp(App[None]):
         self._frozen = False
         self._level = 0
         self._estimates = Estimates()
+        self._dialogue = dialogue
         self._plots: list[tuple[str, str]] = []
         self._state = watch.state()
         self._troubles: list[str] = []
@@ -148,6 +159,8 @@ class MonitorApp(App[None]):
         if not self._frozen:
             self._state = self._watch.state()
             self._estimates.note(self._state)
+            if self._dialogue is not None:
+                self._dialogue.look()
         self._show()
 
     def _show(self) -> None:
@@ -223,6 +236,12 @@ class MonitorApp(App[None]):
         """Show what the estimator knows, by what it is aided, and what it found of the sensors."""
         width = self.size.width
         self.push_screen(Page(lambda: self._estimates.page(self._state, self._level, width)))
+
+    def action_diagnosis(self) -> None:
+        """Show what a diagnostic tool and the computer say."""
+        dialogue = self._dialogue
+        if dialogue is not None:
+            self.push_screen(Page(lambda: dialogue.page(self.size.width, self.size.height - 2)))
 
     def action_freeze(self) -> None:
         """Freeze the screen, or resume."""
@@ -343,6 +362,7 @@ def run_screen(
     order: str,
     refresh_hz: float,
     hand_over: Callable[[], None],
+    dialogue: Dialogue | None = None,
 ) -> None:
     """Show the screen until the user quits it; `hand_over` is called when it takes the terminal.
 
@@ -355,7 +375,7 @@ def run_screen(
         os.environ["NO_COLOR"] = "1"
     receiver = Receiver(address, watch)
     try:
-        app = MonitorApp(str(address), watch, needle, order, refresh_hz)
+        app = MonitorApp(str(address), watch, needle, order, refresh_hz, dialogue)
         hand_over()
         app.run(mouse=False)
     finally:

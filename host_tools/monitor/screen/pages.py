@@ -1,4 +1,4 @@
-"""Pages that cover the whole screen: help, troubles, redundancy, estimator."""
+"""Pages that cover the whole screen: help, troubles, redundancy, estimator, diagnosis."""
 
 from __future__ import annotations
 
@@ -28,6 +28,7 @@ KEYS
   t        list all troubles
   r        redundant sensors: how well they agree, which are left out
   e        estimator: σ, what aids it and what is rejected, sensors' errors
+  d        diagnosis: what a tool asks and the computer answers, in words
   z        reset the monitor's counts, min, max and plots
   q        quit (or Ctrl-C)
 
@@ -60,7 +61,7 @@ class Page(Screen[None]):
     CSS = "Page Lines { width: 1fr; } Page VerticalScroll { scrollbar-size-vertical: 1; }"
 
     BINDINGS: ClassVar[list[BindingType]] = [
-        Binding("escape,q,enter,question_mark,t,r,e,backspace", "close", show=False)
+        Binding("escape,q,enter,question_mark,t,r,e,d,backspace", "close", show=False)
     ]
 
     def __init__(self, text: Callable[[], str]) -> None:

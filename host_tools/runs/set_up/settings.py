@@ -69,8 +69,14 @@ def firmware_settings(scenario: Scenario) -> firmware.Settings:
         redundancy=redundancy_settings(scenario),
         estimator=estimator_settings(scenario),
         integrity=integrity_settings(scenario),
+        xcp=_xcp_settings(scenario),
         calibration_file=settings.calibration,
     )
+
+
+def _xcp_settings(scenario: Scenario) -> firmware.XcpSettings | None:
+    xcp = scenario.xcp
+    return None if xcp is None else firmware.XcpSettings(**xcp.model_dump())
 
 
 def _nominal_odometer(scenario: Scenario) -> firmware.OdometerSettings | None:

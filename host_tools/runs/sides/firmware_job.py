@@ -33,22 +33,31 @@ def firmware_summary(firmware: Firmware) -> JsonObject:
     """Return the firmware's summary of a run, in plain values."""
     state = firmware.ram[0]
     sequencer = state.sequencer
-    return {
-        "mode": firmware.mode.name,
-        "fault": FirmwareFault(int(state.modes.fault)).name,
-        "epoch": firmware.epoch,
-        "epochs_navigated": firmware.trace.epochs,
-        "navigation_sha256": firmware.trace.sha256() if firmware.trace.epochs else None,
-        "scheme_cycles": int(sequencer.cycle),
-        "axes_not_following": [bool(flag) for flag in sequencer.not_following],
-        "axis_interruptions": [int(count) for count in sequencer.interruptions],
-        "axes_abandoned": [bool(flag) for flag in sequencer.abandoned],
-        "frames_received": firmware.frames_received,
-        "frames_sent": firmware.frames_sent,
-        "calibration": _calibration_used(firmware),
-        "clock_jumps": int(state.clock.jumps),
-        "faults": {name: int(state.faults[name]) for name in _COUNTERS},
-    } | {finding.key: finding.read(firmware.ram) for finding in FINDINGS}
+    return (
+        {
+            "mode": firmware.mode.name,
+            "fault": FirmwareFault(int(state.modes.fault)).name,
+            "epoch": firmware.epoch,
+            "epochs_navigated": firmware.trace.epochs,
+            "navigation_sha256": firmware.trace.sha256() if firmware.trace.epochs else None,
+            "scheme_cycles": int(sequencer.cycle),
+            "axes_not_following": [bool(flag) for flag in sequencer.not_following],
+            "axis_interruptions": [int(count) for count in sequencer.interruptions],
+            "axes_abandoned": [bool(flag) for flag in sequencer.abandoned],
+            "frames_received": firmware.frames_received,
+            "frames_sent": firmware.frames_sent,
+            "calibration": _calibration_used(firmware),
+            "clock_jumps": int(state.clock.jumps),
+            "faults": {name: int(state.faults[name]) for name in _COUNTERS},
+        }
+        | {finding.key: finding.read(firmware.ram) for finding in FINDINGS}
+        | _xcp_used(firmware)
+    )
+
+
+def _xcp_used(firmware: Firmware) -> JsonObject:
+    """Return how XCP was used; nothing if the scenario has none."""
+    return {} if firmware.xcp is None else {"xcp": dict(firmware.xcp.summary())}
 
 
 def _calibration_used(firmware: Firmware) -> JsonObject | None:

@@ -94,7 +94,7 @@ def test_the_attitude_is_heading_then_pitch_then_roll(roll, pitch, heading):
 def test_a_folder_is_no_file(recording, tmp_path):
     done = CliRunner().invoke(rrins, ["export", str(recording), str(tmp_path), "--format", "mcap"])
     assert done.exit_code == 2
-    assert "is a folder; MCAP is a file" in done.output
+    assert "is a folder; mcap is a file" in done.output
 
 
 @pytest.mark.parametrize(
@@ -103,7 +103,7 @@ def test_a_folder_is_no_file(recording, tmp_path):
         (
             "bus.mcap",
             ["--format", "csv"],
-            "bus.mcap names an MCAP file; --format csv writes a fold",
+            "bus.mcap names a file, mcap, and not --format csv",
         ),
         ("bus.parquet", [], "bus.parquet names one file; OUT is a folder for a table per message"),
         ("bus.log", [], "bus.log names one file; OUT is a folder"),

@@ -1,0 +1,1 @@
+../../../examples/own_firmware/port.h

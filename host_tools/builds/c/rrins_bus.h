@@ -1,0 +1,1 @@
+../../../clients/c/rrins_bus.h
