@@ -27,7 +27,7 @@ from rrins.host_tools.scenario.scenario import Scenario
 
 EMULATED: Final = "qemu:"
 """A program that begins so is an image for an emulated microcontroller."""
-_EMULATOR = f"{__package__}.emulated"
+_EMULATOR = "rrins.host_tools.runs.emulated"
 SAID_BYTES: Final = 4096
 """Of what a program has printed last, read for the reason of its end."""
 GRACE_S: Final = 5.0

@@ -53,7 +53,7 @@ class Answer:
 
 @dataclass(frozen=True)
 class Spent:
-    """What the steps of a run took."""
+    """The instructions that the steps of a run took."""
 
     median: float  #: instructions
     worst: int  #: instructions
