@@ -1,4 +1,5 @@
 from rrins.benchmarks import benchmark as benchmark
+from rrins.builds import build as build
 from rrins.calibration import UnitCalibration as UnitCalibration
 from rrins.calibration import calibrate as calibrate
 from rrins.campaign import Campaign as Campaign

@@ -134,9 +134,11 @@ class BusLog:
         return pd.DataFrame(columns, index=pd.Index(time_s, name="time_s"))
 
     def export(
-        self, to: str | Path, kind: Literal["parquet", "csv", "mcap"] = "parquet"
+        self, to: str | Path, kind: Literal["parquet", "csv", "mcap", "pcapng"] = "parquet"
     ) -> dict[str, int]:
-        """Write tables into a folder, one per message, or one MCAP file; return rows by name.
+        """Write tables into a folder, one per message, or one file; return rows by name.
+
+        Of pcapng, which has no names, the number of `frames`.
 
         Raises
         ------
@@ -148,6 +150,11 @@ class BusLog:
             from rrins.host_tools.dashboard.mcap_file import export_mcap
 
             return dict(export_mcap(log, Path(to)).messages)
+        if kind == "pcapng":
+            from rrins.host_tools.logs.pcapng import export_pcapng
+
+            export_pcapng(log, Path(to))
+            return {"frames": log.frames}
         from rrins.host_tools.logs import tables
 
         return dict(tables.export(log, Path(to), kind).rows)

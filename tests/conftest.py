@@ -26,6 +26,10 @@ settings.load_profile("test")
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
+# Matrices are small: threads of BLAS would wait for each other, and for the other worker's, four
+# times as long as one computes.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 # What tests start writes bytecode: without, each process compiles all modules for half a second.
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 

@@ -92,7 +92,7 @@ class Fault(IntEnum):
 
 
 class Resource(IntEnum):
-    """What a tool can use, one bit each."""
+    """The resources that a tool can use, one bit each."""
 
     CALIBRATION = 0x01
     DAQ = 0x04
@@ -101,7 +101,7 @@ class Resource(IntEnum):
 
 RESOURCES = Resource.CALIBRATION | Resource.DAQ | Resource.STIM
 PROTECTED = Resource.CALIBRATION | Resource.STIM
-"""What needs the key, as writing by UDS does."""
+"""Resources that need the key, as writing by UDS does."""
 
 VERSION = 0x01
 """Major version of protocol and transport layer."""

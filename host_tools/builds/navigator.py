@@ -1,12 +1,14 @@
-"""The navigation computer as a program for Linux: the firmware's step within a shell in C.
+"""The navigation computer as a program: the firmware's step within a shell in C.
 
-The shell is that of the example `examples/own_firmware`: embedded bus and SocketCAN, lockstep and
-real time. The program is static: it needs neither Python nor a library.
+The shell for Linux is that of the example `examples/own_firmware`: embedded bus and SocketCAN,
+lockstep and real time. The program is static: it needs neither Python nor a library. For a
+microcontroller it is an image without an operating system, which QEMU runs.
 """
 
 from __future__ import annotations
 
 import shutil
+from collections.abc import Sequence
 from importlib import resources
 from pathlib import Path
 
@@ -14,7 +16,7 @@ from rrins.host_tools.builds import toolchain
 from rrins.host_tools.builds.targets import Target
 from rrins.host_tools.files import make_folder, replacing
 
-NAME = "navigator"
+_BOARD = "cortex_m7"
 _SOURCES = ("main.c", "port.c", "navigator.c", "rrins_bus.c")
 _HEADERS = ("firmware.h", "port.h", "rrins_bus.h")
 
@@ -28,15 +30,27 @@ def link(folder: Path, target: Target) -> Path:
         When it cannot be linked.
     """
     sources = folder / "c"
+    names: tuple[str, ...]
     make_folder(sources)
-    for name in (*_SOURCES, *_HEADERS):
-        with resources.as_file(resources.files(__package__) / "c" / name) as path:
-            shutil.copyfile(path, sources / name)
-    program = folder / NAME
+    if target.has_linux:
+        names, program = _SOURCES, folder / "navigator"
+        words = ["-static"]
+        _copy((*_SOURCES, *_HEADERS), sources)
+    else:
+        names, program = (f"{_BOARD}.c",), folder / "navigator.elf"
+        script = f"{_BOARD}.ld"
+        words = ["-static", f"-mcpu={_BOARD}", "-T", str(sources / script)]
+        _copy((*names, script), sources)
     with replacing(program) as made:
         toolchain.zig(
-            "cc", "-target", target.system, "-std=c11", "-O2", "-static", "-I", folder,
-            *(sources / name for name in _SOURCES),
+            "cc", "-target", target.system, "-std=c11", "-O2", *words, "-I", folder,
+            *(sources / name for name in names),
             folder / "rrins_firmware.o", folder / "rrins_images.o", "-lm", "-o", made,
         )  # fmt: skip
     return program
+
+
+def _copy(names: Sequence[str], folder: Path) -> None:
+    for name in names:
+        with resources.as_file(resources.files(__package__) / "c" / name) as path:
+            shutil.copyfile(path, folder / name)

@@ -18,16 +18,14 @@ class Target:
         As `zig cc -target` names it, with its C library.
     text : str
         What it is, in a few words.
+    has_linux : bool
+        Whether programs with sockets and a clock run there.
     """
 
     processor: Processor
     system: str
     text: str
-
-    @property
-    def has_linux(self) -> bool:
-        """Whether programs with sockets and a clock run there."""
-        return "-linux" in self.system
+    has_linux: bool = True
 
 
 TARGETS = {
@@ -50,14 +48,16 @@ TARGETS = {
         "64-bit RISC-V boards",
     ),
     "cortex-m7": Target(
-        Processor("thumbv7em-none-eabihf", "cortex-m7", "", False, True),
-        "thumb-freestanding-eabihf",
+        Processor("thumbv7em-none-eabi", "cortex-m7", "", False, True),
+        "thumb-linux-musleabi",
         "microcontrollers with double precision",
+        False,
     ),
     "wasm32": Target(
         Processor("wasm32-unknown-unknown", "", "", False),
         "wasm32-wasi",
         "browsers and other WebAssembly hosts",
+        False,
     ),
 }
 """By the name that `--target` takes."""

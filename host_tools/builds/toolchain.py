@@ -35,7 +35,8 @@ def zig(*words: str | Path) -> None:
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode != 0:
         lines = (done.stderr or done.stdout).strip().splitlines() or ["no reason given"]
-        raise BuildError(f"zig {words[0]} has failed: {lines[0]}")
+        reason = next((line for line in lines if "error" in line), lines[0])
+        raise BuildError(f"zig {words[0]} has failed: {reason}")
 
 
 def archive(path: Path, objects: Sequence[Path]) -> None:

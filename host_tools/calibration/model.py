@@ -60,11 +60,6 @@ class Axes:
         installed: Floats = self.h - constants[:, 3:4] * self.v - constants[:, 4:5] * self.u
         return installed
 
-    def turn_about_z(self) -> Floats:
-        """Return the (δu, δv) of each sensor for a common turn of one rad about z_s, (m, 2)."""
-        turned = np.cross([0.0, 0.0, 1.0], self.h)
-        return np.column_stack([-(turned * self.v).sum(1), -(turned * self.u).sum(1)])
-
 
 @dataclass(frozen=True)
 class Site:

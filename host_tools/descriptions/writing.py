@@ -13,7 +13,7 @@ DESCRIPTIONS: Mapping[str, str] = {
     ".kcd": "bus contract: KCD, of Kayak",
     ".sym": "bus contract: SYM, of PCAN tools",
 }
-"""What a file with an ending describes, and how."""
+"""The subject and format of a file, by its ending."""
 
 _PERIOD_NS = 5_000_000  # of a scenario that says nothing; the rest does not depend on it
 

@@ -27,7 +27,7 @@ class Message:
 
     @property
     def text(self) -> str:
-        """What it says."""
+        """The message in words."""
         return self.words.text
 
     @property

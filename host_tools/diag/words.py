@@ -37,7 +37,7 @@ class _OtherwiseError(Exception):
 
 @dataclass(frozen=True)
 class Words:
-    """What a message says."""
+    """A message in words."""
 
     name: str  #: of the exchange, or of the service if the table has no such exchange
     service: str

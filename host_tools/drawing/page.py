@@ -26,8 +26,8 @@ class Image(NamedTuple):
     width: int  #: at 96 dots an inch
 
 
-def _image(picture: Figure) -> Image:
-    data = base64.b64encode(png_of(picture)).decode("ascii")
+def _image(picture: Figure, png: bytes) -> Image:
+    data = base64.b64encode(png).decode("ascii")
     return Image(f"data:image/png;base64,{data}", round(96 * picture.get_figwidth()))
 
 
@@ -63,8 +63,9 @@ def write_report(
     """
     templates = environment(package)
     templates.filters.update(filters or {})
+    pngs = {name: png_of(picture) for name, picture in pictures.items()}
     text = templates.get_template(f"{REPORT}.j2").render(
-        images={name: _image(picture) for name, picture in pictures.items()},
+        images={name: _image(picture, pngs[name]) for name, picture in pictures.items()},
         version=f"rrins {metadata.version('rrins')}",
         **values,
     )
@@ -72,7 +73,7 @@ def write_report(
     if keeps and page.exists() and page.read_bytes() != text.encode():
         keep(folder, keeps)
     write_text(page, text)
-    return [page, *write_pictures(folder, pictures)]
+    return [page, *write_pictures(folder, pictures, pngs)]
 
 
 def environment(package: str) -> Environment:

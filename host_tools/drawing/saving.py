@@ -38,8 +38,12 @@ def names_of(*names: str) -> tuple[str, ...]:
     return tuple(f"{name}.{form}" for name in names for form in FORMATS)
 
 
-def write_pictures(folder: Path, pictures: Mapping[str, Figure]) -> list[Path]:
+def write_pictures(
+    folder: Path, pictures: Mapping[str, Figure], pngs: Mapping[str, bytes] | None = None
+) -> list[Path]:
     """Write pictures, by name without an ending, into a folder; return their paths.
+
+    `pngs` are those that are drawn already.
 
     Raises
     ------
@@ -48,12 +52,15 @@ def write_pictures(folder: Path, pictures: Mapping[str, Figure]) -> list[Path]:
     """
     paths = {name: folder / f"{name}.{_format.get()}" for name in pictures}
     for name, picture in pictures.items():
-        write_picture(paths[name], picture)
+        png = (pngs or {}).get(name) if _format.get() == "png" else None
+        write_picture(paths[name], picture, png)
     return list(paths.values())
 
 
-def write_picture(path: Path, picture: Figure) -> None:
+def write_picture(path: Path, picture: Figure, data: bytes | None = None) -> None:
     """Write a picture, whole or not at all, in the format that the file's ending names.
+
+    `data` is its content, if it is drawn already.
 
     Raises
     ------
@@ -64,7 +71,8 @@ def write_picture(path: Path, picture: Figure) -> None:
     if form not in FORMATS:
         endings = ", ".join(f".{one}" for one in FORMATS)
         raise RehearsalError(f"{path}: cannot be written: ends in none of {endings}")
-    data = png_of(picture) if form == "png" else _drawn(picture, form)
+    if data is None:
+        data = png_of(picture) if form == "png" else _drawn(picture, form)
     with replacing(path) as part:
         part.write_bytes(data)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import struct
 from collections.abc import Callable
 from pathlib import Path
@@ -12,9 +13,9 @@ import numpy as np
 from rrins.compiled.record import Integers
 from rrins.dbc.frame import FrameArray
 from rrins.firmware_py.version import VERSION
-from rrins.host_tools.files import replacing
 from rrins.host_tools.logs.diagnosis import Diagnosis
 from rrins.host_tools.logs.reader import Log
+from rrins.host_tools.recording.errors import RecordError
 
 _SECTION, _INTERFACE, _PACKET = 0x0A0D0D0A, 0x00000001, 0x00000006  # block types
 _MAGIC: Final = 0x1A2B3C4D
@@ -73,20 +74,30 @@ def export_pcapng(
     Raises
     ------
     RecordError
-        If the log cannot be read.
-    RehearsalError
-        If the file cannot be written.
+        If the log cannot be read or the file cannot be written.
     """
+    part = path.with_name(f".{path.name}.{os.getpid()}")
+    try:
+        with part.open("wb") as file:
+            told = _write_log(log, file, on_progress)
+        part.replace(path)
+    except OSError as error:
+        raise RecordError(f"{path}: cannot be written: {error.strerror}") from error
+    finally:
+        part.unlink(missing_ok=True)
+    return told
+
+
+def _write_log(log: Log, file: IO[bytes], on_progress: Callable[[int], None]) -> int:
     diagnosis = Diagnosis()
     told = 0
-    with replacing(path) as part, part.open("wb") as file:
-        file.write(_head(log.path.name))
-        for piece in log.pieces():
-            times_ns = np.maximum(np.rint(piece.time_s * 1e9), 0).astype(np.int64)
-            texts = diagnosis.texts(piece.frames)
-            _write(file, _blocks(piece.frames, times_ns), texts)
-            told += len(texts)
-            on_progress(log.position)
+    file.write(_head(log.path.name))
+    for piece in log.pieces():
+        times_ns = np.maximum(np.rint(piece.time_s * 1e9), 0).astype(np.int64)
+        texts = diagnosis.texts(piece.frames)
+        _write(file, _blocks(piece.frames, times_ns), texts)
+        told += len(texts)
+        on_progress(log.position)
     return told
 
 

@@ -27,7 +27,7 @@ class Utterance(Protocol):
 
     @property
     def text(self) -> str:
-        """What it says."""
+        """The message in words."""
 
     @property
     def is_warning(self) -> bool:

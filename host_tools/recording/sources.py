@@ -17,7 +17,11 @@ from rrins.host_tools.bus.interface import RrinsBus
 from rrins.host_tools.bus.message import messages_of
 
 _POLL_S = 0.1
-_PAUSE_S = 0.002  # dozens of datagrams wait for one waking; the socket holds hundreds
+_PAUSE_S = 0.002
+"""Rest of a recorder that has caught up, before it waits on the bus: dozens of datagrams gather, of
+which each would wake it otherwise; the socket holds hundreds. A silent bus wakes it ten times a
+second."""
+
 _BATCH = 4096
 
 _Batch = tuple[bytes, float]

@@ -62,9 +62,9 @@ CALLS = {
     "increments": "write_increments", "plot": "open_log", "scheme": "analyse_scheme",
     "redundancy": "study_redundancy", "fmeda": "fmeda", "integrity": "study_integrity",
     "motion": "load_motion", "campaign": "Campaign", "covariance": "analyse_covariance",
-    "reproduce": "reproduce", "explain": "Explanation",
+    "reproduce": "reproduce", "explain": "Explanation", "build": "build",
 }  # fmt: skip
-PROCESSES = {"firmware", "hardware", "setup", "monitor", "socketcand", "slcan", "tour"}
+PROCESSES = {"firmware", "hardware", "setup", "monitor", "socketcand", "slcan", "tour", "xcp"}
 """A side by itself, a terminal's screen, and ways onto the bus for other programs."""
 
 

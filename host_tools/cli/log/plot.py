@@ -16,7 +16,7 @@ from rrins.host_tools.cli.output import counting
 from rrins.host_tools.interruption import heed_sigterm
 
 _DIAGNOSIS = "diagnosis"
-"""What is plotted beside signals."""
+"""The word that stands for diagnostic messages beside signals."""
 
 
 @click.command()

@@ -25,7 +25,7 @@ _TARGETS = (
 @click.argument("scenario", default="rimu_rotating", shell_complete=complete_scenarios)
 @option("--target", "Processor and system.", click.Choice(_TARGETS), "x86_64-linux")
 @option("--out", "Folder for what is built.", FOLDER, Path("out/build"))
-@click.option("--executable", is_flag=True, help="Link a navigation computer for Linux, too.")
+@click.option("--executable", is_flag=True, help="Link a navigation computer, too.")
 @click.option("--size", is_flag=True, help="Show what of the memory is for what.")
 @json_option
 def build(

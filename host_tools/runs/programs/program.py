@@ -25,6 +25,9 @@ from rrins.host_tools.runs.programs import keeper
 from rrins.host_tools.runs.set_up.setup_file import write_setup
 from rrins.host_tools.scenario.scenario import Scenario
 
+EMULATED: Final = "qemu:"
+"""A program that begins so is an image for an emulated microcontroller."""
+_EMULATOR = "rrins.host_tools.runs.emulated"
 SAID_BYTES: Final = 4096
 """Of what a program has printed last, read for the reason of its end."""
 GRACE_S: Final = 5.0
@@ -102,6 +105,8 @@ class Program:
     def parse(cls, text: str) -> Program:
         """Return the program of a command line, such as ``"./own_firmware --verbose"``.
 
+        ``"qemu:navigator.elf"`` is an image of `rrins build`, run by `emulated`.
+
         Raises
         ------
         RehearsalError
@@ -113,6 +118,11 @@ class Program:
             raise RehearsalError(f"{text}: not a command line: {error}") from error
         if not words:
             raise RehearsalError("no program is named")
+        if words[0].startswith(EMULATED):
+            image = Path(words[0].removeprefix(EMULATED)).absolute()
+            if not image.is_file():
+                raise RehearsalError(f"{words[0]}: there is no such image: rrins build")
+            return cls((sys.executable, "-m", _EMULATOR, str(image), *words[1:]))
         found = shutil.which(words[0])
         if found is None:
             why = "is not executable" if Path(words[0]).exists() else "there is no such program"

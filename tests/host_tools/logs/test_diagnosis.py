@@ -15,6 +15,7 @@ from scapy.utils import RawPcapNgReader
 from rrins.dbc.codec import load
 from rrins.firmware_py.diagnostics import table
 from rrins.host_tools.cli.main import rrins
+from rrins.log import BusLog
 
 ASK, ANSWER = table.request_id(), table.response_id()
 FRAMES = (
@@ -82,6 +83,20 @@ def test_pcapng_has_every_frame_and_the_words(log, tmp_path):
     assert [one for one in found if one[1] in (ASK, ANSWER)] == [
         (pytest.approx(time_s, abs=1e-9), can_id, text) for time_s, can_id, text in FRAMES
     ]
+
+
+def test_what_cannot_be_written_leaves_nothing(log, tmp_path):
+    (folder := tmp_path / "folder").mkdir()
+    said = call("export", log, folder / "missing" / "bus.pcapng", status=6)
+    assert "cannot be written: No such file or directory" in said
+    log.write_text("nothing\n")
+    call("export", log, folder / "bus.pcapng", status=6)
+    assert [*folder.iterdir()] == []
+
+
+def test_from_python(log, tmp_path):
+    rows = BusLog(log).export(tmp_path / "bus.pcapng", "pcapng")
+    assert rows == {"frames": OTHERS + len(FRAMES)}
 
 
 def test_wireshark_reads_it(log, tmp_path):

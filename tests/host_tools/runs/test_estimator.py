@@ -14,7 +14,6 @@ import pytest
 from scipy.stats import chi2
 
 import rrins
-from rrins.firmware_py.core.maths.attitude import matrix_of_euler
 from rrins.firmware_py.core.maths.earth import RATE, SEMI_MAJOR_AXIS
 from rrins.firmware_py.core.records.estimator_records import (
     ATTITUDE,
@@ -25,6 +24,7 @@ from rrins.firmware_py.core.records.estimator_records import (
 )
 from rrins.host_tools.runs.fast import FastRun
 from rrins.host_tools.runs.set_up.settings import firmware_settings, hardware_settings
+from tests.host_tools.runs.noisy_runs import attitude_error, fast_run
 
 SEEDS = int(os.environ.get("RRINS_SEEDS", "5"))
 FINE_S = float(os.environ.get("RRINS_FINE_S", "400"))
@@ -42,19 +42,6 @@ TACTICAL = {
     "gyros": {"bias_dph": [3, -2, 1, -3], "angle_random_walk_deg_per_sqrt_h": 0.1},
     "accelerometers": {"bias_ug": [900, -700, 500, -900], "white_noise_ug_per_sqrt_hz": 50},
 }
-
-
-def fast_run(scenario):
-    return FastRun.of(firmware_settings(scenario), hardware_settings(scenario), scenario.rate_hz)
-
-
-def attitude_error(navigation, truth):
-    """Return the turn about the axes of n that would mend the attitude, rad."""
-    matrices = np.zeros((2, 3, 3))
-    for C_b_n, row in zip(matrices, (navigation, truth), strict=True):
-        matrix_of_euler(C_b_n, float(row["roll"]), float(row["pitch"]), float(row["heading"]))
-    D = matrices[1] @ matrices[0].T
-    return np.array([D[2, 1] - D[1, 2], D[0, 2] - D[2, 0], D[1, 0] - D[0, 1]]) / 2
 
 
 def test_without_noise_the_unit_finds_its_attitude_and_biases_itself():

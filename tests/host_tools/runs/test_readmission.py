@@ -8,6 +8,7 @@ import math
 import pytest
 
 import rrins
+from tests.host_tools.runs.noisy_runs import WHITE_NOISE
 
 BEFORE_S = 2.995
 """Navigation begins this long after power-on."""
@@ -127,15 +128,6 @@ def test_of_six_one_comes_back_in_motion_while_another_stays_out():
 
 
 in_soak = functools.partial(pytest.param, marks=pytest.mark.soak)
-WHITE_NOISE = {
-    "gyros": {
-        "angle_random_walk_deg_per_sqrt_h": 0.005,
-        "scale_error_ppm": [2, -2, 1, -1],
-        "installation_u_arcsec": [1, -1, 0.5, 0],
-        "bias_dph": 0.0,
-    },
-    "accelerometers": {"white_noise_ug_per_sqrt_hz": 10, "bias_ug": 0.0},
-}
 
 
 @pytest.mark.slow

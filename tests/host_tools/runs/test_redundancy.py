@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import rrins
+from tests.host_tools.runs.noisy_runs import WHITE_NOISE
 
 AT_S = 203.0
 """When faults begin; navigation begins 3 s after power-on."""
@@ -108,7 +109,7 @@ def test_in_motion_four_sensors_only_tell_that_one_fails():
 
 
 def in_the_drive(*faults, **changes):
-    scenario = {"scenario": "drive_rotating", "duration_s": 280, "gnss": {}} | NOISE
+    scenario = {"scenario": "drive_rotating", "duration_s": 280, "gnss": {}} | WHITE_NOISE
     return simulate(*faults, **(scenario | changes))
 
 
@@ -274,15 +275,6 @@ WHITE = {
     "gyros": {"angle_random_walk_deg_per_sqrt_h": 0.005, "bias_dph": 0.0},
     "accelerometers": {"white_noise_ug_per_sqrt_hz": 10, "bias_ug": 0.0},
 }
-NOISE = {
-    "gyros": {
-        "angle_random_walk_deg_per_sqrt_h": 0.005,
-        "scale_error_ppm": [2, -2, 1, -1],
-        "installation_u_arcsec": [1, -1, 0.5, 0],
-        "bias_dph": 0.0,
-    },
-    "accelerometers": {"white_noise_ug_per_sqrt_hz": 10, "bias_ug": 0.0},
-}
 
 
 @pytest.mark.slow
@@ -303,7 +295,7 @@ def test_the_delay_until_the_right_sensor_is_left_out(kind, value, within_s):
     delays = []
     for seed in range(FIRST_SEED, FIRST_SEED + SEEDS):
         fault = {"kind": kind, "sensor": seed % 4 + 1, "at_s": 1003} | value
-        run = simulate(fault, duration_s=1100, seed=seed, **NOISE)
+        run = simulate(fault, duration_s=1100, seed=seed, **WHITE_NOISE)
         found = run.summary["redundancy"][kind.split("_")[0] + "s"]
         assert found["sensor"] in (seed % 4 + 1, None)
         delays.append(np.inf if found["sensor"] is None else found["isolated_s"] - 1000.0)

@@ -13,12 +13,10 @@ import pytest
 from pydantic import ValidationError
 
 import rrins
-from rrins.firmware_py.core.maths.attitude import matrix_of_euler
 from rrins.firmware_py.core.maths.earth import RATE, SEMI_MAJOR_AXIS
 from rrins.firmware_py.core.modes.modes import Mode
 from rrins.firmware_py.core.records.estimator_records import ATTITUDE
-from rrins.host_tools.runs.fast import FastRun
-from rrins.host_tools.runs.set_up.settings import firmware_settings, hardware_settings
+from tests.host_tools.runs.noisy_runs import attitude_error, fast_run
 
 SEEDS = int(os.environ.get("RRINS_SEEDS", "3"))
 ARCSEC = math.radians(1 / 3600)
@@ -34,10 +32,6 @@ PROTOTYPE = {
 FINE_S = 400
 
 
-def fast_run(scenario):
-    return FastRun.of(firmware_settings(scenario), hardware_settings(scenario), scenario.rate_hz)
-
-
 def first_seconds(run, seconds, limit_s=1500):
     """Return navigation and truth of the first seconds that it navigates."""
     rows = []
@@ -47,15 +41,6 @@ def first_seconds(run, seconds, limit_s=1500):
         if len(rows) >= seconds:
             return rows
     raise AssertionError(f"still {Mode(int(run.ram[0].modes.mode)).name}")
-
-
-def attitude_error(navigation, truth):
-    """Return the turn about the axes of n that would mend the attitude, rad."""
-    matrices = np.zeros((2, 3, 3))
-    for C_b_n, row in zip(matrices, (navigation, truth), strict=True):
-        matrix_of_euler(C_b_n, float(row["roll"]), float(row["pitch"]), float(row["heading"]))
-    D = matrices[1] @ matrices[0].T
-    return np.array([D[2, 1] - D[1, 2], D[0, 2] - D[2, 0], D[1, 0] - D[0, 1]]) / 2
 
 
 def body_of(seed):

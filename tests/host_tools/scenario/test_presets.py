@@ -15,16 +15,6 @@ from rrins.host_tools.scenario.scenario import Scenario, load
 FOUR = ("tetrahedron", "cone", "orthogonal-plus-one")
 
 
-@pytest.fixture
-def write(tmp_path):
-    def writer(text):
-        path = tmp_path / "own.toml"
-        path.write_text(text, encoding="utf-8")
-        return str(path)
-
-    return writer
-
-
 def refused(text, write):
     """Return the one line that a scenario is refused with."""
     with pytest.raises(ScenarioError) as caught:

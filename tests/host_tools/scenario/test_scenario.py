@@ -27,16 +27,6 @@ NAMED = (
 )
 
 
-@pytest.fixture
-def write(tmp_path):
-    def writer(text):
-        path = tmp_path / "own.toml"
-        path.write_text(text, encoding="utf-8")
-        return str(path)
-
-    return writer
-
-
 def test_all_promised_scenarios_are_built_in():
     assert set(NAMED) <= set(scenarios.names())
 
