@@ -65,6 +65,7 @@ docs: $(VENV)/installed-dev
 
 docs-site: $(VENV)/installed-docs
 	$(RUN) sphinx -W --keep-going -q -b html docs docs/_build/html
+	$(RUN) rrins dashboard --static docs/_build/html/try
 
 $(VENV)/bin/python:
 	@command -v $(PYTHON) >/dev/null || { echo "make: needs $(PYTHON); name another with PYTHON=…" >&2; exit 1; }

@@ -70,6 +70,11 @@ pygments_style = "friendly"
 pygments_dark_style = "github-dark"
 
 _LONGEST_VALUE = 100
+_TRY = """
+**<a href="try/index.html">Try it here</a>**: a rehearsal in your browser, with nothing to install.
+
+"""
+_BEFORE_TRY = "| you | begin with |"
 _PAGE = DOCS.parent / "host_tools" / "dashboard" / "page"
 _HEADING = re.compile(r"## +(?P<caption>.+)")
 _ROW = re.compile(r"\| \[[^]]*\]\((?P<page>[^)#]+\.md)\)")
@@ -158,6 +163,8 @@ def _read(app: Sphinx, docname: str, source: list[str]) -> None:
     if docname.startswith("api/"):
         text = _OTHERS.sub(lambda found: _others(found["package"], source[0]), text)
         text = _MODULE.sub(_reference, text)
+    if docname == "index":  # only the site has that page
+        text = text.replace(_BEFORE_TRY, _TRY + _BEFORE_TRY)
     if docname.startswith("api/"):  # found by the names that it defines, not by its words
         text = f"---\nnosearch: true\n---\n{text}"
     source[0] = text + (_contents(text) if page.name == "index.md" else "")

@@ -9,9 +9,11 @@ from rrins.dbc.contract import load_contract
 from rrins.dbc.frame import Frame
 from rrins.firmware_py.core.frames_out.transmit import OUTBOX_CAPACITY
 from rrins.firmware_py.core.step import firmware_step
+from rrins.host_tools.builds.rehearsal import TRUTHS, Session, TruthKept, rehearse
 from rrins.host_tools.builds.variants import Variant
 from rrins.host_tools.hardware import step as hardware
 from rrins.host_tools.hardware.memory import MOTION_CHANNELS, MOTION_TERMS, Plant
+from rrins.host_tools.monitor.tally import Tally
 
 FIRMWARE_OUTBOX, HARDWARE_OUTBOX = OUTBOX_CAPACITY, hardware.OUTBOX_CAPACITY
 
@@ -50,6 +52,28 @@ def hardware_entry() -> Entry:
     )
 
 
+def rehearsal_entry(variant: Variant) -> Entry:
+    """Return ``int rrins_rehearse(plant, motion, pieces, ram, …, epochs)``: the next epoch."""
+    return Entry(
+        "rrins_rehearse",
+        rehearse,
+        (
+            Argument("plant", Plant.dtype, (1,)),
+            Argument("motion", float, ("pieces", MOTION_CHANNELS, MOTION_TERMS)),
+            Argument("ram", variant.memory, (1,)),
+            Argument("contract", load_contract().dtype, (1,)),
+            Argument("tally", Tally.dtype, (1,)),
+            Argument("truths", TruthKept.dtype, (TRUTHS,)),
+            Argument("session", Session.dtype, (1,)),
+            Argument("up", Frame.dtype, (HARDWARE_OUTBOX,)),
+            Argument("down", Frame.dtype, (FIRMWARE_OUTBOX,)),
+            Argument("epochs", types.int64),
+            _choice(variant.compares),
+            _choice(variant.estimates),
+        ),
+    )
+
+
 def _choice(is_chosen: bool) -> Argument:
     """Return what a step takes for a part that is compiled in, or left out."""
     return Argument("", types.boolean, value=1) if is_chosen else Argument("", types.none)
@@ -57,4 +81,8 @@ def _choice(is_chosen: bool) -> Argument:
 
 def entries_of(unit: str, variant: Variant) -> tuple[Entry, ...]:
     """Return the entries of a unit: an object of its own."""
-    return {"firmware": (firmware_entry(variant),), "hardware": (hardware_entry(),)}[unit]
+    return {
+        "firmware": (firmware_entry(variant),),
+        "hardware": (hardware_entry(),),
+        "rehearsal": (rehearsal_entry(variant),),
+    }[unit]

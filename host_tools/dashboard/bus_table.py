@@ -22,8 +22,9 @@ _SPARK_STEP: Final = 2  # bins of a history for each point of a small plot
 _PATIENCE_S: Final = 1.0  # of bus time, within which a sensor may still be heard
 
 _TABLE: Final = "TABLE_STATUS"
-_ABSENT_BIT: Final = {"gyros": 4, "accelerometers": 8}
-_SATURATED_BIT: Final = {"gyros": 1, "accelerometers": 2}
+ABSENT_BIT: Final = {"gyros": 4, "accelerometers": 8}
+SATURATED_BIT: Final = {"gyros": 1, "accelerometers": 2}
+"""Bits of a sensor group's status."""
 
 
 def state_of(state: BusState, counts: dict[str, int]) -> JsonObject:
@@ -111,9 +112,9 @@ def _sensor_state(
         return EXCLUDED
     if message is None and state.watched_s < _PATIENCE_S:
         return UNHEARD
-    if message is None or message.is_silent or status & _ABSENT_BIT[kind]:
+    if message is None or message.is_silent or status & ABSENT_BIT[kind]:
         return ABSENT
-    if status & _SATURATED_BIT[kind]:
+    if status & SATURATED_BIT[kind]:
         return SATURATED
     if redundancy is not None and redundancy.alarm and redundancy.suspect in (None, number):
         return SUSPECT

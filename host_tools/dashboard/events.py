@@ -11,6 +11,7 @@ import numpy as np
 
 from rrins.compiled.record import Floats
 from rrins.dbc.codec import load
+from rrins.host_tools.files import JsonObject
 from rrins.host_tools.monitor.words import FOUND_BY, abandoned_words, drift_words
 
 Weight = Literal["note", "good", "warning", "bad", "order"]
@@ -56,6 +57,12 @@ _MODES: Final[dict[str, tuple[str, Weight]]] = {
     "NAVIGATION_ROTATING": ("navigation with rotation", "good"),
     "SHUTDOWN": ("shut down", "note"),
 }
+
+
+def facts() -> JsonObject:
+    """Return what a page needs to make events itself."""
+    rotating = load().value(_STATUS, "mode", "NAVIGATION_ROTATING")
+    return {"signals": SIGNALS, "modes": _MODES, "rotating": rotating}
 
 
 @dataclass(frozen=True)

@@ -34,6 +34,12 @@ _NUMBER: Final = re.compile(r"(?<![A-Z_])\d+(\.\d+)?( (s|ms|h)\b)?")  # not of S
 _ORDER: Final = {"bad": 0, "warning": 1, "note": 2}
 
 
+def facts() -> JsonObject:
+    """Return what a page needs to judge troubles itself."""
+    kinds = [[pattern.pattern, severity, page] for pattern, severity, page in _KINDS]
+    return {"kinds": kinds, "order": _ORDER}
+
+
 def key_of(trouble: str) -> str:
     """Return what stays of a trouble's words while it lasts: all but amounts and ages."""
     if "left out" in trouble or "identifier" in trouble:

@@ -11,6 +11,7 @@ import numpy as np
 from rrins.compiled.record import Floats, Integers
 from rrins.dbc.codec import load
 from rrins.host_tools.dashboard.truth import Truth
+from rrins.host_tools.files import JsonObject
 from rrins.host_tools.runs.results.results import east_north_m
 
 _SIGNALS: Final = {
@@ -98,6 +99,18 @@ def rows_of(signals: dict[str, tuple[str, str]]) -> Integers:
 
 SAMPLED: Final = _SIGNALS | _NEEDED
 """All signals that a row is computed from, in order."""
+
+
+def facts() -> JsonObject:
+    """Return what a page needs to compute rows itself."""
+    return {
+        "signals": rows_of(_SIGNALS).tolist(),
+        "needed": dict(zip(_NEEDED, rows_of(_NEEDED).tolist(), strict=True)),
+        "errors": len(ERRORS) + len(_PLACES),
+        "gyros": _GYROS,
+        "epochs": _EPOCHS,
+        "nav_epochs": _NAV_EPOCHS,
+    }
 
 
 @dataclass(frozen=True)

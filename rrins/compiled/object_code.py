@@ -207,7 +207,9 @@ _CONSTANT = re.compile(
 _RUNTIME = re.compile(
     r"^define [^\n]*@(?P<name>NRT_incref|NRT_decref)\(ptr [^\n]*\n.*?^}", re.M | re.S
 )
-_HOST = re.compile(r"^target (?:triple|datalayout) .*\n|^declare .*@(?:NRT_|llvm\.x86\.).*\n", re.M)
+_HOST = re.compile(
+    r"^target (?:triple|datalayout) .*\n|^declare .*@(?:NRT_(?:inc|dec)ref|llvm\.x86\.).*\n", re.M
+)
 
 
 def _portable(text: str) -> str:

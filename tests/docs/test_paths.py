@@ -73,7 +73,7 @@ def test_what_a_page_names_is_there(page):
             assert (ROOT / code).exists(), f"{page.name} names {code}"
         elif _FILE.fullmatch(code) and code not in _OF_A_READER:
             assert code in FILES, f"{page.name} names {code}"
-        elif _NAME.fullmatch(code) and not code.endswith((".dbc", ".toml")):
+        elif _NAME.fullmatch(code) and not code.endswith((".c", ".dbc", ".h", ".toml")):
             assert is_there(code), f"{page.name} names {code}"
 
 

@@ -17,6 +17,7 @@ import math
 from rrins.compiled.compilation import compiled
 from rrins.compiled.record import Floats
 from rrins.firmware_py.core.estimator import covariance
+from rrins.firmware_py.core.maths.vectors import copy
 from rrins.firmware_py.core.records.estimator_records import (
     ATTITUDE,
     BIASES,
@@ -170,7 +171,7 @@ def tell(state: Ram) -> None:
                 for i in range(BIASES):
                     larger = size / estimator.jump_size[kind, k]
                     effect[i] = larger * estimator.jump_effect[kind, k, i]
-            estimator.jump_effect[kind, k] = effect
+            copy(estimator.jump_effect[kind, k], effect)
             estimator.jump_size[kind, k] = size
             _along(state, kind, k, 1.0)
         estimator.doubt_variance[kind, k] = size * size

@@ -108,7 +108,8 @@ def propagate(state: Ram) -> None:
         for age in range(AGES):
             _carry(state, fault.effects[age])
             if kind >= 0:
-                fault.effects[age].state[:BIASES] += integrity.driven[kind]
+                for i in range(BIASES):
+                    fault.effects[age].state[i] += integrity.driven[kind, i]
         _keep_suspect(state, fault)
         _restart(state, fault, k, begins)
 

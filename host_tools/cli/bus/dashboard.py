@@ -5,12 +5,15 @@ from __future__ import annotations
 import contextlib
 import webbrowser
 from collections.abc import Iterator
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
+from click.core import ParameterSource
 
 from rrins.host_tools.cli.completion import complete_scenarios
 from rrins.host_tools.cli.options import (
+    FOLDER,
     NOT_NEGATIVE,
     PORT,
     bitrate_option,
@@ -50,13 +53,31 @@ if TYPE_CHECKING:
 @option("--host", "Address to serve at.", None, "127.0.0.1")
 @option("--port", "Port; 0: any.", PORT, 8350)
 @flag("--open opens", "Open the page in a browser.")
-def dashboard(host: str, port: int, opens: bool, **subject: Any) -> None:
+@option("--static", "Write the page as static files: it rehearses in the browser.", FOLDER)
+@click.pass_context
+def dashboard(
+    context: click.Context,
+    /,
+    host: str,
+    port: int,
+    opens: bool,
+    static: Path | None,
+    **subject: Any,
+) -> None:
     """Show a rehearsal in a browser: table, plots, map, bus, events, controls.
 
     SCENARIO is rehearsed (rimu_rotating by default). With --channel the dashboard attaches to the
     rehearsal on that channel; if SCENARIO names what runs there, errors are shown, too. A LOG is
     played back.
+
+    With --static nothing is served: any web server can carry the folder, and the firmware and the
+    hardware run in the browser as WebAssembly. SCENARIO is the only one there; without it there are
+    several to choose from.
     """
+    if static is not None:
+        _refuse_others(context)
+        _write(static, subject["what"])
+        return
     from rrins.host_tools.dashboard.opening import Subject, check_packages
 
     check_packages()
@@ -76,6 +97,23 @@ def dashboard(host: str, port: int, opens: bool, **subject: Any) -> None:
 
         with contextlib.suppress(KeyboardInterrupt):
             serve(Feed(source, bool(source.orders)), guard, listening, on_serving)
+
+
+def _refuse_others(context: click.Context) -> None:
+    """Refuse options that say how to serve, or what to watch."""
+    for parameter in context.command.params:
+        name = parameter.name or ""
+        is_given = context.get_parameter_source(name) is ParameterSource.COMMANDLINE
+        if is_given and name not in ("static", "what"):
+            raise click.UsageError(f"{parameter.opts[0]}: not with --static")
+
+
+def _write(folder: Path, scenario: str | None) -> None:
+    from rrins.host_tools.dashboard.static_page import write_static_page
+
+    page = write_static_page(folder, [] if scenario is None else [scenario], print_note)
+    print_note(f"{page.folder}: {page.size / 1e6:.1f} MB; to look at it:")
+    click.echo(f"python3 -m http.server --directory {page.folder}")
 
 
 @contextlib.contextmanager

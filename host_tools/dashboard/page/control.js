@@ -36,7 +36,15 @@ export class Control {
     this.pauseButton = element("button", { onclick: () => this.togglePause(), title: "p" }, "Pause");
     this.stopButton = element("button", { class: "danger", onclick: () => this.drive("stop") }, "Stop");
     this.speedChoice = this.newSpeedChoice();
+    if (this.hello.scenarios?.length > 1) drive.append(this.newScenarioChoice());
     drive.append(this.startButton, this.pauseButton, this.speedChoice, this.stopButton);
+  }
+
+  newScenarioChoice() {
+    const { scenarios, name } = this.hello;
+    const choose = (event) => (location.search = new URLSearchParams({ scenario: event.target.value }));
+    return element("select", { onchange: choose, id: "scenarios", title: "scenario", "aria-label": "scenario" },
+      ...scenarios.map(([one, title]) => element("option", { value: one, title, selected: one === name }, one)));
   }
 
   newSpeedChoice() {
@@ -120,7 +128,7 @@ export class Control {
     this.again = element("input", { type: "checkbox", disabled: !may, id: "again" });
     this.residuals = element("div");
     buttons.append(element("label", { title: "while this tab is open" }, this.again, ` each ${AGAIN_MS / 1000} s`));
-    const why = may ? [] : [element("p", {}, "Codes are read over the bus, which this page may only look at.")];
+    const why = may ? [] : [element("p", {}, this.hello.place ? "Trouble codes are read over UDS, which this page does not speak: rrins dashboard does." : "Codes are read over the bus, which this page may only look at.")];
     tab.replaceChildren(element("div", { class: "stack" }, buttons, this.codeAnswer, ...why, this.residuals, this.codeList));
     if (this.codes) this.showCodes(this.codes);
   }

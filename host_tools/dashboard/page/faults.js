@@ -32,7 +32,7 @@ export class Faults {
     const modes = MODES.map(([mode, words]) => element("button", { onclick: () => this.give("mode", { mode }) }, words));
     tab.replaceChildren(element("div", { class: "stack" }, this.answer, this.active,
       element("div", { class: "row" }, element("button", { type: "button", onclick: () => this.give("clear_faults") }, "Clear all faults")),
-      ...groups, element("h4", {}, "Mode of the navigation computer"), element("div", { class: "row" }, ...modes)));
+      ...groups, ...(hello.orders.includes("mode") ? [element("h4", {}, "Mode of the navigation computer"), element("div", { class: "row" }, ...modes)] : [])));
     this.choose(FIRST);
     this.showFaults(this.faults);
   }

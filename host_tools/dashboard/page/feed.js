@@ -1,5 +1,7 @@
 // The socket to the server: binary rows, JSON for all else; connects again when it is lost.
 
+import { isLocal, LocalSocket } from "./local_socket.js";
+
 const ROW = 1;
 const HISTORY = 2;
 const AGAIN_MS = [300, 600, 1200, 2500, 5000];
@@ -19,7 +21,7 @@ export class Feed {
     const scheme = location.protocol === "https:" ? "wss" : "ws";
     const token = location.hash.slice(1);
     const query = token ? `?token=${encodeURIComponent(token)}` : "";
-    this.socket = new WebSocket(`${scheme}://${location.host}/feed${query}`);
+    this.socket = isLocal ? new LocalSocket() : new WebSocket(`${scheme}://${location.host}/feed${query}`);
     this.socket.binaryType = "arraybuffer";
     this.socket.onopen = () => {
       this.attempts = 0;

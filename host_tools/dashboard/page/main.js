@@ -73,7 +73,7 @@ function begin(message) {
   const scenario = hello.scenario;
   setText($("title"), scenario?.title || hello.name || hello.bus);
   const kinds = { rehearsal: "rehearsal on", bus: "watching", recording: "recording" };
-  setText($("where"), `${kinds[hello.source]} ${hello.bus}${hello.may_control ? "" : ", looking on"}`);
+  setText($("where"), `${hello.place ?? `${kinds[hello.source]} ${hello.bus}`}${hello.may_control ? "" : ", looking on"}`);
   document.title = `${scenario?.title || hello.bus} – RRINS`;
   turntable.setGeometry(scenario?.gyros_deg ?? FIRST_GEOMETRY, scenario?.accelerometers_deg ?? FIRST_GEOMETRY);
   table.clear();

@@ -147,10 +147,11 @@ def chromium():
 class Seen:
     """A page, and what it complained of and asked for."""
 
-    def __init__(self, chromium, url, **options):
+    def __init__(self, chromium, url, script="", **options):
         self.context = chromium.new_context(
             **({"viewport": {"width": 1280, "height": 800}} | options)
         )
+        self.context.add_init_script(script)
         self.page = self.context.new_page()
         self.complaints = []
         self.requests = []

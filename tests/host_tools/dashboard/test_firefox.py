@@ -21,11 +21,11 @@ from websockets.sync.client import connect
 
 from tests.host_tools.dashboard.test_page import changed
 
-pytestmark = [
-    pytest.mark.browser,
-    pytest.mark.skipif(shutil.which("firefox-esr") is None, reason="there is no firefox-esr"),
-    pytest.mark.skipif(shutil.which("Xvfb") is None, reason="there is no Xvfb"),
-]
+needs_firefox = pytest.mark.skipif(
+    not (shutil.which("firefox-esr") and shutil.which("Xvfb")),
+    reason="there is no firefox-esr, or no Xvfb",
+)
+pytestmark = [pytest.mark.browser, needs_firefox]
 
 
 class Firefox:

@@ -11,6 +11,7 @@ import pytest
 from scipy.stats import chi2
 
 import rrins
+from rrins.host_tools.rounding import rounded
 from rrins.host_tools.runs.results.findings import FINDINGS
 
 SIGMA = {
@@ -111,7 +112,7 @@ def test_a_gyro_that_has_drifted_is_reported(tmp_path, sensor):
     assert origin.startswith("sensors calibrated on 2026-11-01, ")
     assert origin.endswith(" days ago, at 22.5 °C")
     assert line.startswith("gyros: ")
-    assert f"drifted by {gyros['drift_ppm']:.3g} ppm" in line
+    assert f"drifted by {rounded(gyros['drift_ppm'])} ppm" in line
 
 
 def test_an_accelerometer_that_has_drifted_is_reported(tmp_path):
