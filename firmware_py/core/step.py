@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from rrins.compiled.compilation import compiled
+from rrins.compiled.compilation import compiled, compiled_with
 from rrins.compiled.compiled_beside import Beside, array_of
 from rrins.compiled.record import Records
 from rrins.dbc.contract import Contract
@@ -267,7 +267,7 @@ def _rotate(state: Ram) -> None:
         sequencer.advance(state.sequencer, state.parameters)
 
 
-@compiled
+@compiled_with(is_unit=True)
 def _run_mode(state: Ram, contract: Contract) -> None:
     state.modes.epochs += 1
     mode = state.modes.mode
@@ -309,7 +309,7 @@ def output(state: Ram) -> None:
     navigation.roll, navigation.pitch, navigation.heading = euler_of_matrix(state.C_b_n)
 
 
-@compiled
+@compiled_with(is_unit=True)
 def compute(state: Ram, contract: Contract, compares: bool | None, estimates: bool | None) -> None:
     """Run an epoch without its frames: from the received values to the values to send.
 

@@ -22,7 +22,7 @@ from rrins.firmware_py.core.modes.modes import Mode
 from rrins.firmware_py.core.records.memory import Ram
 from rrins.firmware_py.version import VERSION
 from rrins.host_tools.builds import image_code, navigator, toolchain
-from rrins.host_tools.builds.code import Order, make_objects
+from rrins.host_tools.builds.code import object_of
 from rrins.host_tools.builds.entries import FIRMWARE_OUTBOX, HARDWARE_OUTBOX, entries_of
 from rrins.host_tools.builds.header import header, struct_name
 from rrins.host_tools.builds.images import Images
@@ -107,7 +107,7 @@ def build(
     for unit, path in zip(UNITS, files, strict=False):
         on_note(f"{unit}: compiling for {target}")
         with replacing(path) as made:
-            make_objects(Order(unit, images.variant, {target: str(made)}))
+            made.write_bytes(object_of(unit, images.variant, target))
     with replacing(files[-1]) as made:
         made.write_bytes(_images_object(images, TARGETS[target]))
     if toolchain.is_installed():

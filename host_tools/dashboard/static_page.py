@@ -21,7 +21,7 @@ from rrins.dbc.codec import load as load_codec
 from rrins.dbc.contract import load_contract
 from rrins.dbc.frame import Frame
 from rrins.host_tools.builds import toolchain
-from rrins.host_tools.builds.code import Order, make_objects
+from rrins.host_tools.builds.code import object_of
 from rrins.host_tools.builds.entries import FIRMWARE_OUTBOX, HARDWARE_OUTBOX
 from rrins.host_tools.builds.images import Images
 from rrins.host_tools.builds.rehearsal import TRUTHS, Session, TruthKept
@@ -130,7 +130,7 @@ def web_assembly(variant: Variant) -> bytes:
     """Return the rehearsal of a variant of the firmware as a WebAssembly module."""
     with tempfile.TemporaryDirectory(prefix="rrins-") as scratch:
         code, linked = Path(scratch) / "rehearsal.o", Path(scratch) / "rehearsal.wasm"
-        make_objects(Order("rehearsal", variant, {"wasm32": str(code)}))
+        code.write_bytes(object_of("rehearsal", variant, "wasm32"))
         exports = [f"-Wl,--export={name}" for name in ("rrins_rehearse", "__heap_base")]
         target = ["-target", TARGETS["wasm32"].system, "-mexec-model=reactor"]
         toolchain.zig("cc", *target, "-O2", "-s", *exports, code, "-o", linked)

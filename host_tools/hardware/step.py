@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from rrins.compiled.compilation import compiled
+from rrins.compiled.compilation import compiled, compiled_with
 from rrins.compiled.record import Floats, Records
 from rrins.dbc.codec import decode, encode, encode_wrapped, pack, span_of, unpack, unwrapped
 from rrins.dbc.contract import Contract, MessageSignals
@@ -243,7 +243,7 @@ def _send(plant: Plant, pieces: Floats, contract: Contract, outbox: FrameArray) 
     return count + 2
 
 
-@compiled
+@compiled_with(is_unit=True)
 def advance(plant: Plant, pieces: Floats, contract: Contract) -> None:
     """Simulate an epoch: table, vehicle and sensors, without frames."""
     dt = plant.period_ns * 1e-9

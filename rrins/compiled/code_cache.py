@@ -1,4 +1,4 @@
-"""Keeps the code of compiled functions between runs, wholes as machine code, parts as bitcode.
+"""Keeps compiled functions between runs: machine code of wholes and units, bitcode of parts.
 
 numba's own cache believes what it finds, misses changes in other files, such as constants and
 inlined functions, and mixes files up when two processes compile one function for different types.
@@ -25,16 +25,21 @@ from numba.core.runtime.nrt import rtsys
 from numba.core.serialize import dumps
 
 from rrins.compiled.code_folder import CodeFolder, code_folder, name_of_code, sources
-from rrins.compiled.code_library import Part, PartLibrary
+from rrins.compiled.code_library import Part, PartLibrary, WholeLibrary
 from rrins.compiled.compile_events import signals_deferred
 
 _Key = tuple[Any, ...]
+_UnitNames = tuple[tuple[str, str], ...]
+"""For each unit the file of its part, and the name of its function."""
 
 _DAMAGE = (pickle.UnpicklingError, ImportError, AttributeError, RuntimeError, TypeError, ValueError)
 """Errors from a file that is whole and yet wrong, because the process that wrote it was."""
 
 _known: dict[tuple[Path, str], Part] = {}
 """The parts that this process has, by folder and file."""
+
+_units: dict[str, WholeLibrary | Any] = {}
+"""The units whose machine code this process has, by the names of their functions."""
 
 
 def prepare_loading() -> None:
@@ -74,6 +79,7 @@ class _Files(IndexDataCacheFile):
         is_known = sources().is_as_digested(function.__code__.co_filename, stamp)
         self._stamp = None if is_known else stamp
         self._given = folder
+        self.units: _UnitNames = ()
 
     @property
     def folder(self) -> CodeFolder | None:
@@ -83,12 +89,15 @@ class _Files(IndexDataCacheFile):
     def load(self, key: _Key) -> object:
         """Return the compiled function of a key; None if it is to be compiled."""
         code = None if self.folder is None else self.folder.load(self.file(key))
-        return None if code is None else pickle.loads(code)
+        if self.folder is None or code is None:
+            return None
+        units, compiled = pickle.loads(code)
+        return compiled if _load_units(self.folder, units) else None
 
     def save(self, key: _Key, compiled: object) -> None:
         """Keep a compiled function."""
         if self.folder is not None:
-            self.folder.save(self.file(key), dumps(compiled))
+            self.folder.save(self.file(key), dumps((self.units, compiled)))
 
     def discard(self, key: _Key) -> None:
         """Delete a file of which numba can make nothing."""
@@ -138,6 +147,7 @@ class CodeCache(FunctionCache):
     def save_overload(self, signature: Any, result: Any) -> None:
         """Keep the whole of a signature."""
         with signals_deferred():
+            self._files.units = _names(result.library)
             self._numba.save_overload(signature, result)
 
     def file_of_part(self, kinds: tuple[Any, ...]) -> str:
@@ -178,6 +188,55 @@ class CodeCache(FunctionCache):
             kept = library.kept_state(), part.descriptor, part.signature, calls
             folder.save(library.file, dumps(kept))
             _known[folder.path, library.file] = part
+
+    def make_unit(self, part: PartLibrary) -> None:
+        """Have the machine code of a unit in this process."""
+        folder = self._files.folder
+        if part.entry in _units:
+            return
+        if folder is None:
+            _units[part.entry] = WholeLibrary.of_unit(part, self.make_unit)
+            return
+        if self._load_unit(folder, part):
+            return
+        with self.claimed(_unit_file(part.file)):
+            if not self._load_unit(folder, part):
+                library = _units[part.entry] = WholeLibrary.of_unit(part, self.make_unit)
+                kept = library.serialize_using_object_code()
+                with signals_deferred():
+                    folder.save(_unit_file(part.file), dumps((part.entry, _names(library), kept)))
+
+    def _load_unit(self, folder: CodeFolder, part: PartLibrary) -> bool:
+        with signals_deferred():
+            try:
+                return _load_units(folder, ((part.file, part.entry),))
+            except _DAMAGE:
+                folder.heal(_unit_file(part.file))
+                return False
+
+
+def _unit_file(file: str) -> str:
+    """Return the file of a unit's machine code, from that of its part."""
+    return name_of_code("unit", file)
+
+
+def _names(library: Any) -> _UnitNames:
+    return tuple((unit.file, unit.entry) for unit in getattr(library, "units", ()))
+
+
+def _load_units(folder: CodeFolder, units: _UnitNames) -> bool:
+    """Load machine code of units; return whether it is what their callers were compiled with."""
+    for file, entry in units:
+        if entry in _units:
+            continue
+        data = folder.load(_unit_file(file))
+        if data is None:
+            return False
+        found, called, state = pickle.loads(data)
+        if found != entry or not _load_units(folder, called):
+            return False
+        _units[entry] = cpu_target.target_context.codegen().unserialize_library(state)
+    return True
 
 
 def _load_part(folder: CodeFolder, file: str) -> Part | None:

@@ -30,13 +30,7 @@ from rrins.compiled.sources import PACKAGE, Sources
 
 _log = logging.getLogger(__name__)
 
-_COMPILER = (
-    numba.__version__,
-    llvmlite.__version__,
-    np.__version__,
-    sys.version,
-    numba.config.OPT,  # type: ignore[attr-defined]  # 0: code for other processors
-)
+_COMPILER = numba.__version__, llvmlite.__version__, np.__version__, sys.version
 _KEPT = 4
 """Folders of former sources to keep, for a return to those sources."""
 _KEPT_S = 24 * 3600.0

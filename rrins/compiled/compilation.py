@@ -52,16 +52,27 @@ setattr(numpy_support, "from_struct_dtype", _struct_type)  # noqa: B010 - numba'
 class _Compiler(_FunctionCompiler):
     """numba's compiler of a function, into our libraries."""
 
-    def part(self, kinds: _Kinds, file: str) -> Part:
+    def __init__(
+        self,
+        function: Callable[..., object],
+        target: Any,
+        options: dict[str, Any],
+        make_unit: Callable[[PartLibrary], None],
+    ) -> None:
+        super().__init__(function, target, options, {}, Compiler)
+        self._make_unit = make_unit
+
+    def part(self, kinds: _Kinds, file: str, is_unit: bool) -> Part:
         """Compile for a call from compiled code."""
-        library = PartLibrary(self.py_func.__qualname__, file)
+        library = PartLibrary(self.py_func.__qualname__, file, is_unit)
         result = self._compile_into(library, kinds, None, is_part=True)
         library.environment = result.environment
+        library.entry = result.fndesc.llvm_func_name
         library.finalize()
         return Part(library, result.fndesc, result.signature)
 
     def _compile_core(self, args: Any, return_type: Any) -> Any:
-        library = WholeLibrary(self.py_func.__qualname__)
+        library = WholeLibrary(self.py_func.__qualname__, self._make_unit)
         with collector_paused():
             return self._compile_into(library, args, return_type, is_part=False)
 
@@ -86,14 +97,19 @@ class _Compiler(_FunctionCompiler):
 class Function(CPUDispatcher):
     """A compiled function: a whole where Python calls it, a part where compiled code does."""
 
-    def __init__(self, function: Any, folder: CodeFolder | None, options: dict[str, Any]) -> None:
+    def __init__(
+        self, function: Any, folder: CodeFolder | None, is_unit: bool, options: dict[str, Any]
+    ) -> None:
         # No wrapper for callers in C: there are none, and it is a tenth of the work.
         chosen = {"nopython": True, "boundscheck": None, "no_cfunc_wrapper": True, **options}
         function.__signature__ = inspect.signature(function)  # numba asks for it four times
         super().__init__(function, targetoptions=chosen)
         del self._cache  # numba's, which keeps nothing
         self._stamp, self._folder = stamp_of(function.__code__.co_filename), folder
-        self._compiler = _Compiler(function, self.targetdescr, chosen, {}, Compiler)
+        self._is_unit = is_unit
+        self._compiler = _Compiler(
+            function, self.targetdescr, chosen, lambda unit: self._cache.make_unit(unit)
+        )
         self._parts: dict[_Kinds, tuple[object, Part]] = {}
 
     @functools.cached_property
@@ -136,9 +152,16 @@ class Function(CPUDispatcher):
             if part is None:
                 details = {"dispatcher": self, "args": kinds, "return_type": None}
                 with trigger_event("numba:compile", data=details):
-                    part = self._compiler.part(kinds, file)
+                    part = self._compiler.part(kinds, file, self._is_unit)
                 self._cache.save_part(part)
         return part
+
+    def prepare(self, kinds: _Kinds) -> None:
+        """Have the code of a part in the folder, and a unit's machine code."""
+        library = self.part(kinds)[1].library
+        if library.is_unit:
+            with global_compiler_lock:
+                self._cache.make_unit(library)
 
 
 def compiled(function: _F) -> _F:
@@ -146,13 +169,18 @@ def compiled(function: _F) -> _F:
     return compiled_with()(function)
 
 
-def compiled_with(folder: CodeFolder | None = None, **options: Any) -> Callable[[_F], _F]:
+def compiled_with(
+    folder: CodeFolder | None = None, is_unit: bool = False, **options: Any
+) -> Callable[[_F], _F]:
     """Return what compiles a function with options of `numba.njit`.
 
     Parameters
     ----------
     folder : CodeFolder, optional
         Where the code is kept; the user's without it.
+    is_unit : bool
+        Whether it has machine code of its own where compiled code calls it: for what is large and
+        has several callers.
     **options
         Such as ``nogil=True``.
     """
@@ -161,6 +189,6 @@ def compiled_with(folder: CodeFolder | None = None, **options: Any) -> Callable[
         if numba.config.DISABLE_JIT:  # type: ignore[attr-defined]  # set as it loads
             function.py_func = function  # type: ignore[attr-defined]  # as a compiled one has it
             return function
-        return cast(_F, Function(function, folder, options))
+        return cast(_F, Function(function, folder, is_unit, options))
 
     return compile_later

@@ -36,7 +36,7 @@ class Beside:
     def compile(self) -> None:
         """Compile it, unless its code is there."""
         if isinstance(self.function, Function):
-            self.function.part(tuple(_kind(argument) for argument in self.arguments))
+            self.function.prepare(tuple(_kind(argument) for argument in self.arguments))
 
 
 def _kind(argument: Any) -> Any:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 
-from rrins.compiled.compilation import compiled
+from rrins.compiled.compilation import compiled, compiled_with
 from rrins.firmware_py.core.estimator import (
     constants,
     doubt,
@@ -50,7 +50,7 @@ _PIECES = 24
 """Of a second, at most: with fewer epochs in a second, several are done in one."""
 
 
-@compiled
+@compiled_with(is_unit=True)
 def follow(state: Ram) -> None:
     """Follow the strapdown over this epoch, which it has navigated."""
     estimator = state.estimator

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from rrins.compiled.compilation import compiled
+from rrins.compiled.compilation import compiled, compiled_with
 from rrins.dbc.codec import SignalLayout, encode, encode_wrapped, pack
 from rrins.dbc.contract import Contract, MessageSignals
 from rrins.dbc.e2e import MessageLayout, fill
@@ -223,7 +223,7 @@ def axis_command_word(state: Ram, message: MessageSignals, axis: int) -> np.uint
     return encode(word, message.rate_limit_dps, rate_dps)
 
 
-@compiled
+@compiled_with(is_unit=True)
 def transmit(state: Ram, contract: Contract, outbox: FrameArray) -> int:
     """Write this epoch's frames to `outbox`; return their number.
 

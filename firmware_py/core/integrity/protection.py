@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 
-from rrins.compiled.compilation import compiled
+from rrins.compiled.compilation import compiled, compiled_with
 from rrins.compiled.record import Floats
 from rrins.dbc.contract import SENSOR_GROUPS
 from rrins.firmware_py.core.estimator.fault_effects import FIRST_AID
@@ -196,7 +196,7 @@ def _is_suspected(state: Ram, parity: Parity, kind: int) -> bool:
     return bool(parity.alarm or (bank.active and bank.doubts >> kind & 1 != 0))
 
 
-@compiled
+@compiled_with(is_unit=True)
 def follow(state: Ram) -> None:
     """Find the bounds where the filter has just ended a second, and note them with it."""
     integrity, estimator = state.integrity, state.estimator

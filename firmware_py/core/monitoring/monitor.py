@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from rrins.compiled.compilation import compiled
+from rrins.compiled.compilation import compiled, compiled_with
 from rrins.dbc.values import AxisState
 from rrins.firmware_py.core.frames_in import senders
 from rrins.firmware_py.core.modes.modes import FirmwareFault, Mode, navigating
@@ -473,7 +473,7 @@ def _debounce(state: Ram, monitor: DiagnosticState, kind: int, touched: int) -> 
         monitor.counter[index] = counter
 
 
-@compiled
+@compiled_with(is_unit=True)
 def watch(state: Ram, frames: int) -> None:
     """Check an epoch at its end; `frames` is the number of frames on the bus in it."""
     monitor = state.diagnostics

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 
-from rrins.compiled.compilation import compiled
+from rrins.compiled.compilation import compiled, compiled_with
 from rrins.compiled.record import Floats
 from rrins.dbc.contract import SENSOR_GROUPS
 from rrins.firmware_py.core.aiding import wheel
@@ -81,7 +81,7 @@ _LEVEL, _HEADING, _VELOCITY = 1e-3, 1e-2, 30.0
 """Uncertainty of the navigation at the beginning: rad, rad, m/s."""
 
 
-@compiled
+@compiled_with(is_unit=True)
 def follow(state: Ram) -> None:
     """Run the filters on by some steps while an alarm lasts that the parity cannot resolve."""
     bank, repair = state.redundancy.bank, state.redundancy.repair

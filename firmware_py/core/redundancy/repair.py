@@ -9,7 +9,7 @@ the square of a turn of less than a thousandth.
 
 from __future__ import annotations
 
-from rrins.compiled.compilation import compiled
+from rrins.compiled.compilation import compiled, compiled_with
 from rrins.compiled.record import Floats
 from rrins.firmware_py.core.estimator import transition
 from rrins.firmware_py.core.estimator.transition import CHANGE, LATITUDE, LONGITUDE, TURN, VELOCITY
@@ -95,7 +95,7 @@ def _apply(state: Ram) -> None:
     strapdown.turn(ins, x[:3])
 
 
-@compiled
+@compiled_with(is_unit=True)
 def advance(state: Ram) -> None:
     """Carry the ordered repair on by some blocks; apply it once it is up to date."""
     repair = state.redundancy.repair

@@ -6,7 +6,7 @@ the rest once a second, kind after kind.
 
 from __future__ import annotations
 
-from rrins.compiled.compilation import compiled
+from rrins.compiled.compilation import compiled, compiled_with
 from rrins.compiled.record import Floats
 from rrins.firmware_py.core.navigation import alignment
 from rrins.firmware_py.core.records.memory import Fusion, Ram
@@ -132,7 +132,7 @@ def _raise(state: Ram, parity: Parity) -> None:
     parity.clear_seconds = 0
 
 
-@compiled
+@compiled_with(is_unit=True)
 def close_second(state: Ram, parity: Parity, fusion: Fusion) -> tuple[int, int]:
     """Test the windows that end with this second; return which sensors fail, and how it shows.
 
@@ -379,7 +379,7 @@ def _judge(
                 readmission.hand_over(state, parity)
 
 
-@compiled
+@compiled_with(is_unit=True)
 def watch(state: Ram, navigating: bool, aligning: bool) -> None:
     """Compare the sensors of this epoch; called between fusion and navigation.
 

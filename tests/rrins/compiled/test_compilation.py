@@ -167,7 +167,7 @@ keep = compiled_with(CodeFolder(Path(sys.argv[1])))
 # A timer's signal in the place of Ctrl-C: it comes when it is wanted.
 compile_events._SIGNALS = (signal.SIGALRM,)
 signal.signal(signal.SIGALRM, signal.default_int_handler)
-stopped = 0
+stopped, kept = 0, []  # an interruption of numba's farewell to a function would be lost
 for k in range(40):
     @keep
     def inner(x):
@@ -175,6 +175,7 @@ for k in range(40):
     @keep
     def outer(x):
         return inner(x) + k
+    kept += inner, outer
     try:
         signal.setitimer(signal.ITIMER_REAL, 0.001 + 0.003 * k)
         outer(1)
@@ -195,12 +196,12 @@ def test_ctrl_c_while_compiling_stops_without_a_traceback(folder, tmp_path):
 
 PARTS = """
 import sys
-from rrins.compiled.compilation import compiled
+from rrins.compiled.compilation import compiled, compiled_with
 from rrins.compiled.compile_events import compiling_watched
 @compiled
 def deepest(x):
     return x + 0.5
-@compiled
+@compiled_with(is_unit=True)
 def inner(x):
     return deepest(x) * 2
 @compiled
@@ -246,6 +247,10 @@ def test_a_damaged_part_is_compiled_anew_with_who_calls_it(parts, tmp_path):
     path = code_of(folder, "deepest.part")
     os.truncate(path, path.stat().st_size // 2)
     assert parts("outer") == (7.5, 4)
+    (unit,) = folder.path.glob("unit-*")
+    os.truncate(unit, unit.stat().st_size // 2)
+    assert parts("outer") == (7.5, 1)
+    assert parts("outer") == (7.5, 0)
 
 
 def test_what_is_compiled_with_numba_alone_calls_our_functions(folder):
