@@ -23,8 +23,8 @@ from rrins.host_tools.diag.tester import Tester as Tool
 
 ALL = ((0x0000, 0xFFFF),)
 IS_FULL = "RRINS_SCAN_ALL" in os.environ
-IDENTIFIERS = ALL if IS_FULL else ((0x0000, 0x13FF), (0xF000, 0xFFFF))
-ROUTINES = ALL if IS_FULL else ((0x0000, 0x03FF),)
+IDENTIFIERS = ALL if IS_FULL else ((0x00F0, 0x040F), (0x0FF0, 0x130F), (0xF180, 0xF19F))
+ROUTINES = ALL if IS_FULL else ((0x01F0, 0x020F),)
 
 RESPONSE_PENDING = b"\x78"
 
