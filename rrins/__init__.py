@@ -14,11 +14,12 @@ scenario; `record`, `replay` and `open_log` handle logs of the bus; `open_diagno
 `analyse_scheme`, `compare_schemes`, `search_schemes` and `observe_scheme` look at rotation schemes,
 `load_motion` and `check_motion` at motion, `reproduce` at the paper; `write_increments` and
 `import_recording` exchange increments with other navigators and vehicles; `Campaign` runs a
-scenario thousands of times, `analyse_covariance` needs no run; `study_redundancy` says which faults
-are found, `fmeda` what becomes of failures, `study_integrity` whether errors stay within their
-bounds, `calibrate` finds the constants of a unit, `conform` checks somebody's firmware, `benchmark`
-this machine. `bench` is a rehearsal that a program drives epoch by epoch. Tests get the fixtures
-`rrins_bench`, `rrins_bus`, `rrins_firmware` and `rrins_hardware` from the pytest plugin.
+scenario thousands of times, `analyse_covariance` needs no run, `allocate` inverts it;
+`study_redundancy` says which faults are found, `fmeda` what becomes of failures, `study_integrity`
+whether errors stay within their bounds, `calibrate` finds the constants of a unit, `conform` checks
+somebody's firmware, `benchmark` this machine. `bench` is a rehearsal that a program drives epoch by
+epoch. Tests get the fixtures `rrins_bench`, `rrins_bus`, `rrins_firmware` and `rrins_hardware` from
+the pytest plugin.
 
 Units stand at the end of a name (``_deg``, ``_dph``, ``_ug``, ``_s``); frames are those of
 `docs/conventions.md`. Importing this package is quick: whatever is heavy (numba, xarray, pandas,

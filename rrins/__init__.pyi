@@ -5,7 +5,9 @@ from rrins.calibration import calibrate as calibrate
 from rrins.campaign import Campaign as Campaign
 from rrins.conformance import Conformance as Conformance
 from rrins.conformance import conform as conform
+from rrins.covariance import Allocation as Allocation
 from rrins.covariance import CovarianceAnalysis as CovarianceAnalysis
+from rrins.covariance import allocate as allocate
 from rrins.covariance import analyse_covariance as analyse_covariance
 from rrins.dashboard import open_dashboard as open_dashboard
 from rrins.explain import Explanation as Explanation

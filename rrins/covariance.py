@@ -1,4 +1,4 @@
-"""The linear covariance analysis from Python: σ of the position over time, source by source."""
+"""The linear covariance analysis from Python: σ of the position over time, and tolerances."""
 
 from __future__ import annotations
 
@@ -8,8 +8,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Unpack
 
 from rrins.campaign import Campaign
+from rrins.host_tools.campaigns import allocation
 from rrins.host_tools.campaigns import covariance_report as report
-from rrins.host_tools.campaigns.store import is_campaign
+from rrins.host_tools.campaigns.definition import Wishes
+from rrins.host_tools.campaigns.store import Store, is_campaign
 from rrins.host_tools.covariance.analysis import Analysis, analyse
 from rrins.notebook import html_of, let_figures_show
 from rrins.scenarios import load_scenario
@@ -114,3 +116,59 @@ def analyse_covariance(
 def _analyse(campaign: Campaign) -> Analysis:
     definition = campaign.store.definition
     return analyse(definition.scenario, definition.varied())
+
+
+class Allocation:
+    """Tolerances of least cost that meet a requirement.
+
+    Attributes
+    ----------
+    allocation : Allocation of `rrins.host_tools.campaigns.allocation`
+        `requirement`, `predicted_m`, `cost`, and `chosen`.
+    """
+
+    def __init__(self, allocation: allocation.Allocation) -> None:
+        self.allocation = allocation
+
+    @cached_property
+    def tolerances(self) -> pd.DataFrame:
+        """σ, cost, share in the variance and limit of each tolerance, the dearest first."""
+        import pandas as pd
+
+        return pd.DataFrame(self.allocation.values()["tolerances"]).set_index("key")
+
+    def campaign(self, runs: int = 400, out: str | Path | None = None) -> Campaign:
+        """Return a campaign of units with these tolerances, to confirm it."""
+        definition = self.allocation.definition.with_runs(runs)
+        campaign = Campaign.__new__(Campaign)
+        folder = Path("out/allocated") / definition.name if out is None else Path(out)
+        campaign.store = Store(folder, definition)
+        return campaign
+
+    def __repr__(self) -> str:
+        found = self.allocation
+        return f"<rrins.Allocation: cost {found.cost:.3g}, {found.predicted_m:.3g} m>"
+
+    def _repr_html_(self) -> str:
+        return html_of(self, self.tolerances)
+
+
+def allocate(
+    source: str | Path | Mapping[str, Any], *, duration_s: float | None = None
+) -> Allocation:
+    """Return the tolerances of least cost that meet the requirement of a campaign's file.
+
+    Parameters
+    ----------
+    source : str, Path or mapping
+        A campaign's TOML file with a table ``[allocate]``, or its keys.
+    duration_s : float, optional
+        Other than the file's.
+
+    Raises
+    ------
+    RehearsalError
+        One line: what is wrong, or that no tolerances suffice.
+    """
+    named = str(source) if isinstance(source, Path) else source
+    return Allocation(allocation.allocate(named, Wishes(duration_s=duration_s)))

@@ -165,10 +165,10 @@ def compare(
         for row, angles in zip(rows, tables, strict=True):
             model = Model(scenario, path_along(truth, angles), rimu)
             variances = [
-                sum(float((model.of_constant(one)[1][-1] ** 2).sum()) for one in constants)
+                sum(float(np.trace(model.of_constant(one)[1][-1])) for one in constants)
                 for constants in sets
             ]
-            variances.append(sum(float((model.of_white(one)[-1] ** 2).sum()) for one in noise))
+            variances.append(sum(float(np.trace(model.of_white(one)[-1])) for one in noise))
             row[number] = np.sqrt(variances)
         on_done()
     return tuple(

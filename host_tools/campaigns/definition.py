@@ -34,6 +34,30 @@ class _Correlation(BaseModel):
     value: float = Field(gt=-1, lt=1)
 
 
+class Tolerance(BaseModel):
+    """A σ of the sensors that is to be chosen, and what it costs: ``cost * (at / σ) ** power``."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    key: str
+    at: float = Field(gt=0, lt=1e12)
+    cost: float = Field(gt=0, lt=1e12)
+    """Of all sensors of the unit, in a unit of the user's, with a tolerance of `at`."""
+    power: float = Field(default=1.0, gt=0, le=10)
+    least: float = Field(gt=0, lt=1e12)
+    most: float = Field(gt=0, lt=1e12)
+
+
+class Allocate(BaseModel):
+    """A requirement, and the tolerances that may be chosen to meet it."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    require: str
+    """``p95 of horizontal_error_m <= 1000``"""
+    tolerances: tuple[Tolerance, ...] = Field(min_length=1, max_length=40)
+
+
 class CampaignFile(BaseModel):
     """The keys of a campaign's TOML file."""
 
@@ -52,6 +76,8 @@ class CampaignFile(BaseModel):
     correlate: tuple[_Correlation, ...] = ()
     faults: tuple[dict[str, Any], ...] = ()
     """Faults beside those of the scenario; any value may be a distribution."""
+    allocate: Allocate | None = None
+    """For `rrins allocate`."""
 
 
 @dataclass(frozen=True)
@@ -169,7 +195,7 @@ def load(source: str | Mapping[str, Any] | Scenario, wishes: Wishes | None = Non
     CampaignError, ScenarioError
     """
     wishes = wishes or Wishes()
-    file, scenario, name = _read(source)
+    file, scenario, name = read(source)
     plain = ("runs", "seed", "design", "duration_s", "title")
     wished = {key: value for key in plain if (value := getattr(wishes, key)) is not None}
     file = file.model_copy(update=wished)
@@ -203,7 +229,7 @@ def load(source: str | Mapping[str, Any] | Scenario, wishes: Wishes | None = Non
     return definition
 
 
-def _read(source: str | Mapping[str, Any] | Scenario) -> tuple[CampaignFile, Scenario, str]:
+def read(source: str | Mapping[str, Any] | Scenario) -> tuple[CampaignFile, Scenario, str]:
     """Return the keys of a campaign, its scenario, and what it is called."""
     if isinstance(source, Scenario):
         return CampaignFile(scenario=""), source, "scenario"

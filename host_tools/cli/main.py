@@ -77,6 +77,9 @@ _PLAN = {
     "covariance": _Entry(
         "budget.covariance", "Analyse how each error source acts on the position."
     ),
+    "allocate": _Entry(
+        "budget.allocate", "Find the tolerances of least cost that meet a requirement."
+    ),
     "explain": _Entry("budget.explain", "Explain an error: what each source contributes to it."),
     "reproduce": _Entry("run.reproduce", "Run the paper's experiments."),
 }

@@ -44,7 +44,13 @@ class SourceResult:
     """The effect of an error source."""
 
     name: str
-    sigma: Floats  #: shape (n, 2); of the position to the east and north, m, at `Analysis.times_s`.
+    covariance: Floats  #: shape (n, 2, 2); of the position to the east and north, m², over time
+
+    @property
+    def sigma(self) -> Floats:
+        """σ of the position to the east and north, m, at `Analysis.times_s`, shape (n, 2)."""
+        variance = np.diagonal(self.covariance, axis1=1, axis2=2)
+        return np.asarray(np.sqrt(np.maximum(variance, 0.0)))
 
     @property
     def end(self) -> tuple[float, float]:
@@ -128,12 +134,14 @@ def analyse(scenario: Scenario, varied: Sequence[Varied] = ()) -> Analysis:
         results.append(SourceResult(name, spread))
     results += [SourceResult(one.name, model.of_white(one)) for one in sources.whites]
     results += [SourceResult(one.name, model.of_process(one)) for one in sources.processes]
-    fixed = [one.name for one in results if not one.sigma.any()]
-    results = [one for one in results if one.sigma.any()]
-    variance = sum((one.sigma**2 for one in results), np.zeros_like(mean))
-    results.sort(key=lambda one: -float((one.sigma[-1] ** 2).sum()))
+    fixed = [one.name for one in results if not one.covariance.any()]
+    results = [one for one in results if one.covariance.any()]
+    whole = SourceResult(
+        "all", sum((one.covariance for one in results), np.zeros((len(mean), 2, 2)))
+    )
+    results.sort(key=lambda one: -float(np.trace(one.covariance[-1])))
     left_out = sorted(set(sources.left_out))
-    return Analysis(model.path.times_s, mean, np.sqrt(variance), results, left_out, fixed)
+    return Analysis(model.path.times_s, mean, whole.sigma, results, left_out, fixed)
 
 
 class _Sensors:
@@ -220,7 +228,7 @@ class Model:
         return S
 
     def of_constant(self, one: Constant) -> tuple[Floats, Floats]:
-        """Return the mean error and σ that a constant gives, each of shape (n + 1, 2)."""
+        """Return the mean error that a constant gives, shape (n + 1, 2), and its covariance."""
         path, sensors = self.path, self._sensors[one.kind]
         true_s = path.rate_s if one.kind == "gyros" else path.force_s
         out = sensors.outputs(one.effect, true_s, path.force_s)
@@ -251,26 +259,26 @@ class Model:
         return track
 
     def of_white(self, one: White) -> Floats:
-        """Return the σ that white noise gives, shape (n + 1, 2)."""
+        """Return the covariance that white noise gives, shape (n + 1, 2, 2)."""
         G = self._input(one.kind) * one.density
         Q = INTERVAL_S * G @ np.swapaxes(G, 1, 2)
         S = self._initial(one.kind) * one.density / math.sqrt(self._scenario.firmware.alignment_s)
         P = S @ S.T
-        sigma = np.zeros((self.count + 1, 2))
+        found = np.zeros((self.count + 1, 2, 2))
         for k in range(self.count):
             phi = self._phi[k]
             P = phi @ (P + 0.5 * Q[k]) @ phi.T + 0.5 * Q[k]
-            sigma[k + 1] = np.sqrt(np.diag(P)[_HORIZONTAL])
-        return sigma
+            found[k + 1] = P[_HORIZONTAL, _HORIZONTAL]
+        return found
 
     def of_process(self, one: Process) -> Floats:
-        """Return the σ that Markov processes of each sensor give, shape (n + 1, 2)."""
+        """Return the covariance that Markov processes of each sensor give, (n + 1, 2, 2)."""
         B = self._half @ self._input(one.kind)
         S = self._initial(one.kind)
-        variance = np.zeros((self.count + 1, 2))
-        for decay_s, drive in zip(one.decay_s, one.drive, strict=True):
-            variance += self._of_process(B, S, decay_s, drive)
-        return np.sqrt(variance)
+        processes = zip(one.decay_s, one.drive, strict=True)
+        return np.asarray(
+            sum(self._of_process(B, S, decay_s, drive) for decay_s, drive in processes)
+        )
 
     def _of_process(self, B: Floats, S: Floats, decay_s: float, drive: Floats) -> Floats:
         sensors = len(drive)
@@ -283,14 +291,14 @@ class Model:
         begun = _after_alignment(decay, share, self._scenario.firmware.alignment_s)
         both = np.block([[S, np.zeros_like(S)], [np.zeros((sensors, sensors)), np.eye(sensors)]])
         P = np.asarray(both @ np.kron(begun, np.diag(drive**2)) @ both.T, dtype=np.float64)
-        variance = np.zeros((self.count + 1, 2))
-        variance[0] = np.diag(P)[_HORIZONTAL]
+        found = np.zeros((self.count + 1, 2, 2))
+        found[0] = P[_HORIZONTAL, _HORIZONTAL]
         for k in range(self.count):
             phi[:STATES, :STATES] = self._phi[k]
             phi[:STATES, STATES:] = B[k]
             P = phi @ P @ phi.T + Q
-            variance[k + 1] = np.diag(P)[_HORIZONTAL]
-        return variance
+            found[k + 1] = P[_HORIZONTAL, _HORIZONTAL]
+        return found
 
 
 def _after_alignment(decay: float, share: float, alignment_s: float) -> Floats:
@@ -312,9 +320,8 @@ def _weights(given: float | tuple[float, ...], axes: AxesDeg) -> Floats:
 
 
 def _moments(track: Floats, mean: Floats, covariance: Floats) -> tuple[Floats, Floats]:
-    """Return mean and σ of the position for constants with a mean and a covariance."""
-    variance = np.einsum("nim,mk,nik->ni", track, covariance, track)
-    return track @ mean, np.sqrt(np.maximum(variance, 0.0))
+    """Return mean and covariance of the position for constants with a mean and a covariance."""
+    return track @ mean, track @ covariance @ np.swapaxes(track, 1, 2)
 
 
 def _dynamics(path: Path) -> Floats:

@@ -58,6 +58,9 @@ _WALK: Final = {
     "gyros.rate_random_walk_dph_per_sqrt_h": DPH / SQRT_H,
     "accelerometers.random_walk_ug_per_sqrt_h": UG / SQRT_H,
 }
+TOLERANCES: Final = (*_CONSTANTS, *_WHITE, *_INSTABILITY, *_WALK)
+"""Keys of the sensors whose σ scales what the analysis says of them."""
+
 _ATTITUDE: Final = {
     "firmware.roll_error_arcsec": 0,
     "firmware.pitch_error_arcsec": 1,
@@ -163,6 +166,11 @@ def sources_of(scenario: Scenario, varied: Sequence[Varied] = ()) -> Sources:
     return sources
 
 
+def draws(key: str) -> bool:
+    """Return whether the value of a key of `TOLERANCES` is itself a σ: a run draws the error."""
+    return key not in _CONSTANTS or any(word in key for word in _DRAWN)
+
+
 def _kind(key: str) -> str:
     return key.partition(".")[0]
 
@@ -179,7 +187,7 @@ def _constant(
 ) -> Constant | None:
     values = _values(scenario, key) * unit
     count = len(values)
-    is_drawn = any(word in key for word in _DRAWN)
+    is_drawn = draws(key)
     mean = np.zeros(count) if is_drawn else values
     covariance = np.diag(values**2) if is_drawn else np.zeros((count, count))
     for one in inputs:

@@ -38,7 +38,7 @@ class Desk:
             case ["sleep", seconds]:
                 self.bench.advance(float(seconds))
                 return ""
-            case ["rrins", ("campaign" | "covariance" | "explain") as tool, *rest]:
+            case ["rrins", ("allocate" | "campaign" | "covariance" | "explain") as tool, *rest]:
                 ended = CliRunner().invoke(rrins, [tool, *rest], prog_name="rrins")
                 assert ended.exit_code == 0, ended.output
                 return "" if "rerun" in rest else ended.stdout  # of a run: how fast it was

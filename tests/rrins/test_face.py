@@ -62,6 +62,7 @@ CALLS = {
     "increments": "write_increments", "plot": "open_log", "scheme": "analyse_scheme",
     "redundancy": "study_redundancy", "fmeda": "fmeda", "integrity": "study_integrity",
     "motion": "load_motion", "campaign": "Campaign", "covariance": "analyse_covariance",
+    "allocate": "allocate",
     "reproduce": "reproduce", "explain": "Explanation", "build": "build",
 }  # fmt: skip
 PROCESSES = {"firmware", "hardware", "setup", "monitor", "socketcand", "slcan", "tour", "xcp"}
