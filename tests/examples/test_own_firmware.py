@@ -1,4 +1,4 @@
-"""The C firmware navigates as ours does; its intake is fuzzed. At length: RRINS_OWN_FIRMWARE=1.
+"""The firmware in C, and in Rust, navigates as ours does. At length: RRINS_OWN_FIRMWARE=1.
 
 The two are compared by what the bus carries: positions in steps of 1e-9 deg, 0.1 mm.
 """
@@ -28,29 +28,35 @@ LIMIT_M = 1e-3
 
 @pytest.mark.timeout(1200)
 @pytest.mark.parametrize(
-    "name",
+    ("language", "name"),
     [
-        "ideal",
-        "rimu_rotating",
-        "drive_strapdown",
+        ("own", "ideal"),
+        ("own", "rimu_rotating"),
+        ("own", "drive_strapdown"),
         pytest.param(
+            "own",
             "rimu_strapdown_self_aligned",
             marks=pytest.mark.skipif(not IS_FULL, reason="RRINS_OWN_FIRMWARE is not set"),
         ),
+        ("rust", "rimu_rotating"),
     ],
 )
 def test_it_navigates_as_ours_within_a_millimetre(
-    name: str, own_firmware: Path, largest_difference_m: Callable[..., float]
+    language: str,
+    name: str,
+    request: pytest.FixtureRequest,
+    largest_difference_m: Callable[..., float],
 ) -> None:
     scenario = load(name, duration_s=DURATION_S)
-    program = Program.parse(str(own_firmware))
+    firmware = request.getfixturevalue(f"{language}_firmware")
+    program = Program.parse(str(firmware))
     plan = run.Plan(name, scenario, run.Overrides(DURATION_S), firmware=program)
     with RunDisplay(scenario, new_console(stderr=True), quiet=True) as display:
         theirs = run.rehearse(plan, display)
         ours = run.simulate(name, scenario, display)
     theirs.check()
     assert not any(theirs.summary["firmware"]["faults"].values())
-    assert theirs.summary["firmware"]["program"] == "own_firmware"
+    assert theirs.summary["firmware"]["program"] == firmware.name
     assert largest_difference_m(ours.navigation, theirs.navigation) < LIMIT_M
     assert theirs.summary["hardware"]["faults"]["missing_commands"] == 0
 
