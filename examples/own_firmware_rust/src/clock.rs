@@ -9,7 +9,7 @@ pub struct Clock {
     /// Whether this epoch has had its SYNC.
     pub is_seen: bool,
     pub next_ns: i64,
-    nominal_ns: i64,
+    pub nominal_ns: i64,
     period_q16: i64, // ns * 2^16
     fraction_q16: i64,
     outliers: u32,

@@ -121,6 +121,7 @@ pub const VELOCITY_UP: Signal = Signal::signed(40, 24, 1e-4);
 pub const ROLL_DEG: Signal = Signal::signed(12, 18, 360.0 / 262_144.0);
 pub const PITCH_DEG: Signal = Signal::signed(30, 16, 180.0 / 65536.0);
 pub const HEADING_DEG: Signal = Signal::unsigned(46, 18, 360.0 / 262_144.0);
+pub const BEGAN_LATE: Signal = Signal::unsigned(12, 1, 1.0);
 pub const UPTIME: Signal = Signal::unsigned(16, 32, 0.1);
 
 /// Counters of frames run from 0 to 14.

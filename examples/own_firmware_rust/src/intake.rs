@@ -6,6 +6,7 @@ use crate::setup::{GROUPS, Setup};
 
 const EPOCHS: i64 = 1 << 24; // that SYNC counts
 const ADOPT_BEYOND: i64 = 200;
+const EARLY_NS: i64 = 1_000_000_000; // since the hardware's power-on
 
 /// What an epoch brought of one message.
 #[derive(Clone, Copy, Default)]
@@ -67,6 +68,9 @@ pub struct Intake {
     /// The operator's.
     pub request: i64,
     pub counters: Counters,
+    /// Whether the first SYNC was of an epoch after the hardware's first second.
+    pub began_late: bool,
+    has_jumped: bool,
     command_counter: Option<i64>,
     /// Epoch that a SYNC far from the count would have by now.
     far_epoch: Option<i64>,
@@ -83,6 +87,8 @@ impl Intake {
             altimeter: Heard::default(),
             request: 0,
             counters: Counters::default(),
+            began_late: false,
+            has_jumped: false,
             command_counter: None,
             far_epoch: None,
         }
@@ -142,8 +148,12 @@ impl Intake {
                 return true;
             }
             self.clock.is_synchronised = false;
+            self.has_jumped = true;
         }
         if !self.clock.is_synchronised {
+            if !self.has_jumped {
+                self.began_late = whole * self.clock.nominal_ns > EARLY_NS;
+            }
             self.epoch = whole;
             ahead = 0;
         }

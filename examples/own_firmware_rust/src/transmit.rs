@@ -33,7 +33,8 @@ impl Firmware {
 
     fn heartbeat(&self) -> Frame {
         let uptime = c::UPTIME.bits(self.steps as f64 * self.setup.dt());
-        Frame::protected(c::HEARTBEAT_FIRMWARE, self.sent[2], uptime)
+        let began_late = c::BEGAN_LATE.wrapped(i64::from(self.intake.began_late));
+        Frame::protected(c::HEARTBEAT_FIRMWARE, self.sent[2], uptime | began_late)
     }
 
     fn status(&self) -> Frame {
