@@ -25,15 +25,19 @@ def cycled(bench):
     navigating(bench)
     bench.advance(0.5)
     turned = bench.last("AXIS_OUTER_STATUS")
-    bench.power_off()
+    assert bench.last("HEARTBEAT_FIRMWARE")["began_late"] == 0
+    bench.inject("power_off", for_s=0.3)
     before = bench.frames
     bench.advance(0.3)
     assert not bench.is_on
     assert bench.frames > before  # those of the hardware
     assert bench.last("AXIS_OUTER_STATUS")["time_s"] > turned["time_s"]
-    bench.power_on()
     navigating(bench)
     assert bench.fault_counters["missing_frames"] == 0
+    assert bench.expect("HEARTBEAT_FIRMWARE", within=1.1)["began_late"] == 1
+    with bench.tester() as tester:
+        failed = [one.trouble.name for one in tester.troubles(0x01)]
+    assert failed == ["restarted"]
     return bench.frames_sha256
 
 
