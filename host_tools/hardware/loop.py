@@ -158,7 +158,7 @@ class Hardware:
         return int(self._epoch.item())
 
     def has_power(self, epoch: int) -> bool:
-        """Return whether the firmware has power in an epoch, of the last two at the earliest."""
+        """Return whether the firmware has power in the epoch to be opened, or had in the last."""
         return self.wire is None or self.wire.has_power(epoch)
 
     def undisturbed_until(self, epoch: int) -> int:

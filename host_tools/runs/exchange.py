@@ -47,10 +47,11 @@ def exchange_epoch(
     int
         Frames in the firmware's `outbox` now, for the next exchange.
     """
+    was_on, is_on = hardware.has_power(epoch - 1), hardware.has_power(epoch)
     frames, sent = hardware.open_epoch(epoch, firmware.outbox, count)
-    if not hardware.has_power(epoch):
+    if not is_on:
         return 0
-    if not hardware.has_power(epoch - 1):
+    if not was_on:
         firmware.power_on()
     count = answer_epoch(firmware, frames, sent, epoch, clock_error_ppm)
     hardware.frames_received += count

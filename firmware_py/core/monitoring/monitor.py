@@ -11,7 +11,7 @@ import numpy as np
 from rrins.compiled.compilation import compiled
 from rrins.dbc.values import AxisState
 from rrins.firmware_py.core.frames_in import senders
-from rrins.firmware_py.core.modes.modes import FirmwareFault, Mode, navigating
+from rrins.firmware_py.core.modes.modes import FirmwareFault, Mode, is_lost, navigating
 from rrins.firmware_py.core.monitoring import consistency
 from rrins.firmware_py.core.navigation import bridging
 from rrins.firmware_py.core.records import trouble_table
@@ -23,7 +23,6 @@ from rrins.firmware_py.core.records.diagnostic_records import (
 )
 from rrins.firmware_py.core.records.encoder_records import AngleSource
 from rrins.firmware_py.core.records.estimator_records import NO_TRUST, Aid
-from rrins.firmware_py.core.records.initial_attitude import InitialAttitude
 from rrins.firmware_py.core.records.memory import INNER, OUTER, Ram
 from rrins.firmware_py.core.records.redundancy_records import ACCELEROMETERS, ParityBefore
 from rrins.firmware_py.core.records.troubles import (
@@ -105,11 +104,8 @@ _ACCELEROMETERS_DRIFTED = 1 << SystemFault.ACCELEROMETER_CALIBRATION_DRIFTED
 _KEPT, _DRIFTED = int(DriftState.KEPT), int(DriftState.DRIFTED)
 _GYRO_LEFT_OUT = int(Kind.GYRO_LEFT_OUT)
 _ACCELEROMETER_LEFT_OUT = int(Kind.ACCELEROMETER_LEFT_OUT)
-
 _BRIDGED = 1 << SystemFault.NAVIGATION_BRIDGED
 _RESTARTED = 1 << SystemFault.RESTARTED
-_BROUGHT = (int(InitialAttitude.TRANSFERRED), int(InitialAttitude.SELF_ALIGNED_MOVING))
-_FIXES = int(Aid.GNSS_POSITION)
 
 _LOAD_LIMIT = 0.8
 _NOT_CONVERGED_AFTER = 2  # times the alignment's own time
@@ -351,13 +347,6 @@ def _look_at_clock(state: Ram, monitor: DiagnosticState) -> tuple[int, int]:
 
 
 @compiled
-def _knows_its_place(state: Ram) -> bool:
-    """Return whether the position of the navigation is not that of the set-up alone."""
-    method = state.parameters.initial_attitude
-    return bool(method in _BROUGHT or state.estimator.sources[_FIXES].used > 0)
-
-
-@compiled
 def _look_at_mode(state: Ram) -> tuple[int, int]:
     """Return the failures and the tests run for the modes."""
     mode, fault = state.modes.mode, state.modes.fault
@@ -367,7 +356,7 @@ def _look_at_mode(state: Ram) -> tuple[int, int]:
     failing = 0
     if navigating(state):
         tested |= _ALIGNMENT | _NOT_CONVERGED | _SENSORS_LOST | _IMPLAUSIBLE | _BRIDGED | _RESTARTED
-        if state.clock.began_late and not _knows_its_place(state):
+        if is_lost(state):
             failing |= _RESTARTED
         if bridging.is_degraded(state.bridging):
             failing |= _BRIDGED
