@@ -20,6 +20,7 @@ const EXCLUSIVE: u8 = 2;
 const CLOSES_EPOCH: u8 = 1;
 const HEADER: usize = 32;
 const LARGEST: usize = 65_537;
+/// A host answers when it next sends or receives, which may be after it has compiled.
 const ANSWER: Duration = Duration::from_secs(10);
 const PAUSE: Duration = Duration::from_millis(5);
 
@@ -123,7 +124,7 @@ impl Bus {
         let name = b"firmware";
         let hello = [&header(HELLO, EXCLUSIVE, name.len(), [0; 4])[..], name].concat();
         socket.send(&hello).map_err(fail)?;
-        socket.set_read_timeout(Some(ANSWER)).map_err(fail)?;
+        socket.set_read_timeout(Some(patience.max(ANSWER))).map_err(fail)?;
         let mut bytes = vec![0; LARGEST];
         let count = socket.recv(&mut bytes).map_err(fail)?;
         let answer = Datagram::of(&bytes[..count])?;
