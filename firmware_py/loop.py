@@ -27,6 +27,7 @@ from rrins.firmware_py.diagnostics.fault_memory import CAPACITY as FAULT_CAPACIT
 from rrins.firmware_py.diagnostics.node import Diagnostics
 from rrins.firmware_py.diagnostics.parameter_memory import ParameterMemory
 from rrins.firmware_py.diagnostics.regions import CALIBRATION_CAPACITY
+from rrins.firmware_py.diagnostics.server import Reset
 from rrins.firmware_py.diagnostics.store import Stores, open_stores
 from rrins.firmware_py.diagnostics.writer import ThreadWriter
 from rrins.firmware_py.exchange import Exchange, exchange_record, run_epochs
@@ -225,9 +226,17 @@ class Firmware:
     def restart_if_due(self) -> None:
         """Restart the computer if diagnostics have asked for a reset."""
         if self.diagnostics.reset_due:
-            self.diagnostics.restart()
-            if self.xcp is not None:
-                self.xcp.power_on()
+            self._restart()
+
+    def power_on(self) -> None:
+        """Begin anew after a loss of power, with what the non-volatile memories hold."""
+        self.diagnostics.server.reset_wanted = Reset.HARD
+        self._restart()
+
+    def _restart(self) -> None:
+        self.diagnostics.restart()
+        if self.xcp is not None:
+            self.xcp.power_on()
 
     def close(self) -> None:
         """Switch off, after storing the non-volatile memories."""

@@ -111,6 +111,7 @@ def gallia() -> Callable[..., str]:
 
 
 OWN_FIRMWARE = Path(__file__).parents[1] / "examples" / "own_firmware"
+RUST_FIRMWARE = OWN_FIRMWARE.with_name("own_firmware_rust")
 SANITIZED = "-O1 -g -fsanitize=address,undefined,float-cast-overflow -fno-sanitize-recover=all"
 
 
@@ -154,6 +155,25 @@ def own_firmware(
         fcntl.flock(lock, fcntl.LOCK_EX)
         make_firmware(folder, str(folder / "own_firmware"))
     return folder / "own_firmware"
+
+
+@pytest.fixture(scope="session")
+def rust_firmware(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the firmware in Rust: warnings are errors, an overflow ends it.
+
+    The workers of a run share it.
+    """
+    if shutil.which("rustc") is None:
+        pytest.skip("rustc is not installed")
+    base = tmp_path_factory.getbasetemp()
+    program = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "own_firmware_rust"
+    with program.with_suffix(".lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        if not program.exists():
+            words = ["rustc", "--edition=2024", "-Dwarnings", "-Copt-level=1", "-Coverflow-checks"]
+            source = RUST_FIRMWARE / "src" / "main.rs"
+            subprocess.run([*words, source, "-o", program], check=True)
+    return program
 
 
 @pytest.fixture(scope="session")

@@ -72,6 +72,7 @@ ON_WIRE = (
     Case("firmware bus-off", {"kind": "bus_off", "node": "firmware", "for_s": 0.02}, modelled=True),
     Case("bus cut for 50 ms", {"kind": "cut", "for_s": 0.05}, modelled=True),
     Case("bus cut for 1 s", {"kind": "cut", "for_s": 1}, modelled=True),
+    Case("no power for 0.3 s", {"kind": "power_off", "for_s": 0.3}),
 )
 """On the wire."""
 

@@ -106,6 +106,12 @@ If the wire's timing is modelled (`[bus] bitrate`), `corrupt_wire` causes an err
 retransmission; on the ideal wire it has no effect. `message` and `node` select the affected frames,
 by default all. `probability` is the share of these frames that is affected.
 
+`power_off` is a power cycle of the navigation computer, or a brown-out: for `for_s` it is gone, and
+then it begins anew ([what it does](firmware.md#power)). `rrins simulate`, benches and rehearsals
+with [a program of your own](own-firmware.md) have it; the program is killed by SIGKILL and started
+again. `rrins rehearse` refuses it for our own firmware, whose log would end. With `rrins hardware`
+alone nobody switches the firmware: only its frames are lost.
+
 ## Of the hardware
 
 {kinds_table(sorted(HardwareFault, key=lambda kind: kind.part))}

@@ -56,6 +56,7 @@ bool setup_read(struct setup *setup, const char *path, char *reason, size_t size
 
 struct clock {
     bool synchronised, lost, seen;
+    bool began_late;        /* the first SYNC was of an epoch after the hardware's first second */
     int64_t missed;         /* epochs since the last SYNC */
     int64_t next_ns;        /* when the next SYNC is expected */
     int64_t period_q16;     /* learned, ns * 2^16 */

@@ -8,6 +8,7 @@
 
 static const int64_t EPOCH_MODULUS = INT64_C(1) << 24; /* of SYNC */
 static const int64_t ADOPT_BEYOND = 200;               /* epochs that SYNC may run ahead or behind */
+static const int64_t EARLY_NS = 1000000000;            /* since the hardware's power-on */
 
 enum { GYRO_UNUSABLE = 5, ACCELEROMETER_UNUSABLE = 10 }; /* saturated or absent */
 
@@ -92,6 +93,8 @@ static bool receive_sync(struct firmware *fw, const struct rrins_frame *frame)
         clock->synchronised = false;
     }
     if (!clock->synchronised) {
+        if (clock->jumps == 0)
+            clock->began_late = whole * fw->period_ns > EARLY_NS;
         fw->epoch = whole;
         ahead = 0;
     }

@@ -44,6 +44,7 @@ void heartbeat(struct firmware *fw, struct rrins_frame *frame)
     struct rrins_heartbeat_firmware_t beat = {0};
     beat.uptime = RAW(heartbeat_firmware_uptime, HEARTBEAT_FIRMWARE_UPTIME,
                       (double)fw->steps * (double)fw->period_ns * 1e-9);
+    beat.began_late = fw->clock.began_late;
     start(frame, RRINS_HEARTBEAT_FIRMWARE_FRAME_ID);
     rrins_heartbeat_firmware_pack(frame->data, &beat, sizeof frame->data);
     e2e_protect(frame, RRINS_HEARTBEAT_FIRMWARE_E2E_DATA_ID, fw->heartbeats++);

@@ -210,6 +210,14 @@ class MessagePort:
     def dismiss(self) -> None:
         """Do nothing: such a bus does not notice when a side leaves."""
 
+    def await_end(self, into: FrameArray) -> None:
+        """Return at once: such a bus does not notice when the other side is gone."""
+        self._keeps = True  # what it still says must not count for the next one
+
+    def await_other(self) -> None:
+        """Wait for the heartbeat of the side that comes in place of the one that is gone."""
+        self._await_heartbeat()
+
     def has_other(self) -> bool:
         """Return False: such a bus does not know."""
         return False

@@ -229,6 +229,18 @@ class BatchPort:
         if self._is_host:
             self._bus.require([])
 
+    def await_end(self, into: FrameArray) -> None:
+        """Wait until the other side, which has lost its power, is gone; forget what it has sent."""
+        self.dismiss()
+        while self.has_other() or self._bus.recv_batch(into, 0.0) is not None:
+            self.rest(_POLL_S / 100)
+
+    def await_other(self) -> None:
+        """Wait for the other side that comes in place of the one that is gone."""
+        self._other_number = self._bus.wait_for(self._other, self._attach_s).number
+        if not self._keeps:
+            self._bus.require([self._other])
+
     def has_other(self) -> bool:
         """Return whether the other side is attached; always False on the firmware's side."""
         return self._is_host and any(peer.name == self._other for peer in self._bus.peers)

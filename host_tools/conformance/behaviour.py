@@ -11,6 +11,7 @@ from rrins.host_tools.testing.expectation import Where
 _COMMANDS = ("AXIS_INNER_COMMAND", "AXIS_OUTER_COMMAND")
 _MODULUS = 15
 _END_S = 5.0
+_ANEW_S = 1.1  # after power-on the first heartbeat has come
 
 
 @check("firmware.md#modes", "MODE-1 OUT-1 TX-100-3 TX-701-3")
@@ -88,6 +89,22 @@ def shutdown(subject: Subject) -> None:
         time.sleep(0.01)
     assert process.poll() is not None, f"the program still runs {_END_S:g} s after SHUTDOWN"
     assert process.poll() == 0, f"the program ends with status {process.poll()} after SHUTDOWN"
+
+
+@check("firmware.md#power", "PWR-1 PWR-2")
+def power_cycles(subject: Subject) -> None:
+    """After a loss of power at any instant it navigates again, and says that it began late."""
+    bench = subject.navigating()
+    for navigated_s, off_s in ((0.3, 0.02), (0.013, 0.2), (1.0, 0.5)):
+        bench.advance(navigated_s)
+        bench.inject("power_off", for_s=off_s)
+        bench.advance(off_s + bench.scenario.period_ns * 1e-9)
+        first = bench.expect("HEARTBEAT_FIRMWARE", within=1.05)
+        assert first["began_late"] == 1, "HEARTBEAT_FIRMWARE.began_late is 0 after a restart"
+        assert first["uptime"] <= _ANEW_S, f"uptime is {first['uptime']} s: it did not begin anew"
+        expect_mode(bench, "NAVIGATION_ROTATING", 8)
+        counted = {name: count for name, count in bench.fault_counters.items() if count}
+        assert not counted, f"after a restart it counts {counted}"
 
 
 def _request(bench: Bench, request: str, mode: str) -> None:

@@ -57,6 +57,7 @@ _MODES, _IN, _OUT = "firmware.md#modes", "firmware.md#frames-in", "firmware.md#f
 _FUSION, _CLOCK = "firmware.md#fusion", "firmware.md#clock"
 _ALIGN, _CODES = "firmware.md#alignment", "diagnostics.md#trouble-codes"
 _SCHEME, _STRAPDOWN = "firmware.md#rotation-scheme", "firmware.md#strapdown"
+_POWER = "firmware.md#power"
 _UDS = "diagnostics.md#sessions-and-security"
 
 OTHERS: Final = (
@@ -69,6 +70,8 @@ OTHERS: Final = (
     ("MODE-7", "A change between the navigation modes keeps the solution.", _MODES),
     ("MODE-8", "FAULT sends all frames but NAV_, and ends on a request for STANDBY.", _MODES),
     ("MODE-9", "SHUTDOWN, in any mode: both axes OFF, and the program ends with 0.", _MODES),
+    ("PWR-1", "After a loss of power it begins anew and navigates; nothing is counted.", _POWER),
+    ("PWR-2", "`began_late`: its first SYNC came after the hardware's first second.", _POWER),
     ("IN-1", "Unknown identifiers, extended and remote frames are ignored.", _IN),
     ("IN-2", "Any mixture of lost, wrong, late and repeated frames is counted, each once.", _IN),
     ("IN-3", "A flood of frames does the navigation no harm.", _IN),

@@ -28,6 +28,7 @@ CHECKS: Final = (
     behaviour.modes,
     behaviour.commands,
     behaviour.shutdown,
+    behaviour.power_cycles,
     frames_in.wrong_crc,
     frames_in.late_frames,
     frames_in.stale_counter,

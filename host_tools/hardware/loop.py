@@ -69,6 +69,9 @@ class FrameFilter(Protocol):
     def down(self, frames: FrameArray, count: int, epoch: int) -> tuple[FrameArray, int]:
         """Return what the hardware gets next, given what the firmware sends in an epoch."""
 
+    def has_power(self, epoch: int) -> bool:
+        """Return whether the firmware has power in an epoch."""
+
 
 class Lateness(Protocol):
     """Collects the lateness of each epoch."""
@@ -154,6 +157,10 @@ class Hardware:
         """The next epoch."""
         return int(self._epoch.item())
 
+    def has_power(self, epoch: int) -> bool:
+        """Return whether the firmware has power in the epoch to be opened, or had in the last."""
+        return self.wire is None or self.wire.has_power(epoch)
+
     def undisturbed_until(self, epoch: int) -> int:
         """Return the epoch up to which all frames pass as they are; `epoch` if not even in that."""
         return NEVER if self.wire is None else self.wire.clear_until(epoch)
@@ -197,11 +204,13 @@ def run_lockstep(
     every: int = 0,
     on_epoch: Callable[[int], None] | None = None,
     wait_for: Callable[[int], None] | None = None,
+    power: Callable[[int], bool] = lambda epoch: True,
 ) -> None:
     """Run `epochs` epochs in lockstep, at most `speed` times as fast as real time.
 
     `on_epoch` is called with the epoch whenever that is a multiple of `every`. `wait_for` takes the
-    place of `speed`: it is called with each epoch and returns when that is due.
+    place of `speed`: it is called with each epoch and returns when that is due. `power` is asked in
+    each epoch that may have a fault on the wire whether the firmware is there to answer.
     """
     start_ns = time.monotonic_ns()
     exchange, direct, words = Exchange.zeros(), Direct.zeros(), np.zeros(WORDS, dtype=np.uint64)
@@ -228,11 +237,15 @@ def run_lockstep(
                 wait_for(epoch)
             elif speed is not None:
                 _wait_until(start_ns + round(epoch * hardware.period_ns / speed))
+            is_on = power(epoch)
             frames, sent = hardware.open_epoch(epoch, hardware.inbox, count)
             port.send(frames, sent, epoch, epoch * hardware.period_ns)
             if on_epoch is not None and epoch % every == 0:
                 on_epoch(epoch)
             epoch += 1
+            if not is_on:
+                count = 0
+                continue
         count = port.receive_epoch(hardware.inbox)
         hardware.frames_received += count
         awaits = False
@@ -245,8 +258,11 @@ def run_realtime(
     epochs: int,
     every: int = 0,
     on_epoch: Callable[[int], None] | None = None,
+    power: Callable[[int], bool] = lambda epoch: True,
 ) -> None:
     """Run `epochs` epochs in real time, each at its absolute deadline.
+
+    `power` is called with each epoch.
 
     An epoch that begins more than a period late is an overrun: the firmware may have run without
     it. After the last epoch the bus stays open until the firmware has left it.
@@ -260,6 +276,7 @@ def run_realtime(
         lateness.add(late_ns, late_ns > hardware.period_ns)
         overruns[0] += late_ns > hardware.period_ns
         hardware.frames_received += count
+        power(epoch)
         frames, sent = hardware.open_epoch(epoch, hardware.inbox, count)
         if epoch == epochs - 1:
             port.dismiss()

@@ -47,7 +47,12 @@ def exchange_epoch(
     int
         Frames in the firmware's `outbox` now, for the next exchange.
     """
+    was_on, is_on = hardware.has_power(epoch - 1), hardware.has_power(epoch)
     frames, sent = hardware.open_epoch(epoch, firmware.outbox, count)
+    if not is_on:
+        return 0
+    if not was_on:
+        firmware.power_on()
     count = answer_epoch(firmware, frames, sent, epoch, clock_error_ppm)
     hardware.frames_received += count
     return count
@@ -178,7 +183,7 @@ class DirectExchange:
         until = min(until, hardware.fault_server.report_epoch)
         if wire is not None:
             until = min(until, wire.loses_until(epoch))
-        if firmware.is_awake or epoch >= until:
+        if firmware.is_awake or epoch >= until or not hardware.has_power(epoch - 1):
             between.count = exchange_epoch(
                 hardware, firmware, epoch, int(between.count), float(between.clock_error_ppm)
             )

@@ -87,6 +87,7 @@ class WatchedSide:
     is_asked_to_end: bool = False  #: whether we have asked it
     is_made_to_end: bool = False  #: whether it did not heed that
     program: Program | None = None  #: the user's own, which reports nothing itself
+    is_without_power: bool = False  #: whether a fault has taken its power
     ended_by_itself: bool = False  #: whether it had ended before it was asked to
 
     def read(self) -> list[JsonObject]:
@@ -168,7 +169,7 @@ class Rehearsal:
     def __post_init__(self) -> None:
         self._misfit = ""  # what the bus has said of a program that it does not understand
         self._has_started = False
-        self._restarted = 0
+        self._restarted = self._power_cycles = 0
         self._recorder: recorder.Recorder | None = None
         self._started_ns: int | None = None
         self._ended_ns = 0
@@ -254,7 +255,7 @@ class Rehearsal:
             _ATTACH_WAIT_S,
             self.folder,
             (write_end,),
-            again=self._restarted > 0,
+            again=self._restarted + self._power_cycles > 0,
         )
         if not is_realtime and self.address.is_embedded:
             with contextlib.suppress(ProcessLookupError):  # it has ended, which will be noticed
@@ -270,10 +271,13 @@ class Rehearsal:
                 for key, _ in selector.select(_POLL_S):
                     side = key.data
                     for report in side.read():
+                        if report["kind"] == "power":
+                            self._switch(selector, is_on=bool(report["is_on"]))
+                            continue
                         self._keep(report)
                         self._note(report, on_report)
                         on_report(report)
-                    if not side.is_open:
+                    if not side.is_open and not side.is_without_power:
                         selector.unregister(side.pipe)
                         side.process.wait()
                         again = self._started_again(side, on_report)
@@ -282,6 +286,23 @@ class Rehearsal:
                         elif side.process.returncode != 0 or self._came_too_early(side):
                             self._let_other_end(side)
                             return
+
+    def _switch(self, selector: selectors.BaseSelector, is_on: bool) -> None:
+        """Take the power of the user's program, or return it."""
+        side = self._sides[-1]
+        if not is_on:
+            selector.unregister(side.pipe)
+            side.is_without_power = True
+            side.process.kill()
+            side.process.wait()
+            return
+        os.close(side.pipe)
+        assert side.program is not None
+        self._power_cycles += 1
+        again = self._start_program(side.program)
+        again.summary, again.epoch = side.summary, side.epoch
+        self._sides[-1] = again
+        selector.register(again.pipe, selectors.EVENT_READ, again)
 
     def _started_again(self, side: WatchedSide, on_report: OnReport) -> WatchedSide | None:
         """Start the user's program again if it has failed in the rehearsal; None if not."""
@@ -382,7 +403,8 @@ class Rehearsal:
         own = self._failure_of_program()
         if own is not None:
             return own
-        failed = [side for side in self._sides if side.process.returncode != 0]
+        ends = [side for side in self._sides if not side.is_without_power]
+        failed = [side for side in ends if side.process.returncode != 0]
         for side in failed:
             if side.killed_by is not None:
                 return SideLostError(

@@ -25,7 +25,7 @@ from rrins.host_tools.recording.formats import check_path
 from rrins.host_tools.runs.direct import run_direct, run_without_frames
 from rrins.host_tools.runs.display import RunDisplay
 from rrins.host_tools.runs.fast import FastRun
-from rrins.host_tools.runs.programs.own_hardware import check_faults
+from rrins.host_tools.runs.programs.own_hardware import check_faults, check_power
 from rrins.host_tools.runs.programs.program import Program
 from rrins.host_tools.runs.rehearsal import (
     CHANNEL,
@@ -266,6 +266,8 @@ def check(plan: Plan, record: Path | None = None) -> Address:
     check_files(plan.scenario)
     if plan.restarts and plan.firmware is None:
         raise RehearsalError("--restart is for a program of your own: name it with --firmware")
+    if plan.firmware is None:
+        check_power(plan.scenario)
     if plan.hardware is not None:
         check_faults(plan.hardware, plan.scenario)
     check_code_folder()

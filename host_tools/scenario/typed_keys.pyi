@@ -20,6 +20,7 @@ FaultKind = Literal[
     "bus_off",
     "cut",
     "stale",
+    "power_off",
     "axis_stall",
     "axis_runaway",
     "encoder_stuck",

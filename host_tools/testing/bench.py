@@ -281,9 +281,9 @@ class Bench(Closing):
         ----------
         kind : str
             On the wire: drop, delay, duplicate, reorder, corrupt_wire, corrupt, wrong_counter,
-            babble, silence, bus_off, cut or stale. In the hardware: axis_stall, axis_runaway,
-            encoder_stuck, encoder_offset, ``gyro_`` or ``accelerometer_`` stuck, dead, absent,
-            full_scale, bias, ramp, noise, scale, shift_u or shift_v.
+            babble, silence, bus_off, cut, stale or power_off. In the hardware: axis_stall,
+            axis_runaway, encoder_stuck, encoder_offset, ``gyro_`` or ``accelerometer_`` stuck,
+            dead, absent, full_scale, bias, ramp, noise, scale, shift_u or shift_v.
         **keys
             As in a scenario's `[[faults]]`, except `at_s`. All faults: `for_s`; without it they
             last until removed. On the wire: `message`, `node`, `probability`, `delay_s`, `bit`,

@@ -152,6 +152,7 @@ class _Virtual(Execution):
         self._outbox = frame_array(INBOX_CAPACITY)
         self._own = frame_array(INBOX_CAPACITY)
         self._own_count = 0
+        self._is_cut = False  # whether a fault has taken the firmware's power
 
     def send(self, frames: FrameArray, count: int) -> None:
         end = self._own_count + count
@@ -172,6 +173,7 @@ class _Virtual(Execution):
                 f"the scenario is over after {self.now_ns / 1e9:.3f} s; increase its duration_s "
                 f"(now {self.scenario.duration_s:g})"
             )
+        self._follow_power(epoch)
         frames, sent = self.hardware.open_epoch(epoch, self._inbox, self._count)
         self._truths[epoch % _TRUTHS] = self._truth[0]
         own, self._own_count = self._own_count, 0
@@ -191,6 +193,16 @@ class _Virtual(Execution):
         self._next = epoch + 1
         self.now_ns = self._next * period_ns
         return True
+
+    def _follow_power(self, epoch: int) -> None:
+        """Cut the firmware's power, or switch it on again, as a fault says."""
+        has_power = self.hardware.has_power(epoch)
+        if self._is_cut and has_power:
+            self._is_cut = False
+            self.power_on()
+        elif self.is_on and not has_power:
+            self._is_cut = True
+            self.power_off()
 
     @abstractmethod
     def _exchange(self, frames: FrameArray, count: int, epoch: int) -> None:

@@ -27,6 +27,7 @@ class FaultKind(NumberedKind):
     BUS_OFF = "a node's controller is bus-off"
     CUT = "no node receives any frame"
     STALE = "the frame that was sent when the fault began is repeated"
+    POWER_OFF = "the navigation computer has no power, and begins anew when it is back"
 
 
 def to_number(parameter: Parameter | None, value: float | None, rate_hz: int) -> int:

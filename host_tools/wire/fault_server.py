@@ -77,7 +77,8 @@ class WireFaultServer(FaultServer):
             kind = FaultKind(raws["kind"])
         except ValueError:
             return FaultRefusal.UNKNOWN
-        if action == FaultAction.NONE:
+        is_out_of_reach = kind == FaultKind.POWER_OFF and not self._faults.can_cut_power
+        if action == FaultAction.NONE or is_out_of_reach:
             return FaultRefusal.UNKNOWN
         identifier, parameter = raws["identifier"], raws["parameter"]
         is_there = identifier < _MOST_IDENTIFIERS or identifier == ANY_IDENTIFIER

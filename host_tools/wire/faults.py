@@ -80,6 +80,8 @@ class WireFault:
         """Return whether the fault affects a frame of a side."""
         if self.kind == FaultKind.CUT:
             return True
+        if self.kind == FaultKind.POWER_OFF:
+            return sender == Node.FIRMWARE
         if self.node not in (Node.ANY, sender):
             return False
         return self.identifier in (ANY_IDENTIFIER, can_id)
@@ -130,6 +132,7 @@ class WireFaults:
             int(row.can_id): row for row in load().messages if row.data_id
         }
         self.affected_frames = 0
+        self.can_cut_power = True  # whether somebody does what POWER_OFF says
         for fault in faults:
             self.add(fault)
 
@@ -239,6 +242,10 @@ class WireFaults:
             self._count(int(loss.lost))
         self._losing = []
 
+    def has_power(self, epoch: int) -> bool:
+        """Return whether the navigation computer has power in an epoch."""
+        return all(fault.kind != FaultKind.POWER_OFF for fault in self.acting(epoch))
+
     def acts(self, epoch: int) -> bool:
         """Return whether anything happens to frames in an epoch."""
         return any(self._delayed.values()) or any(
@@ -292,7 +299,7 @@ class WireFaults:
             yield frame
             return
         self._count(1)
-        if kind in _SILENT:
+        if kind in _SILENT or kind == FaultKind.POWER_OFF:
             return
         if kind == FaultKind.DELAY:
             at = epoch + max(1, fault.parameter)

@@ -127,6 +127,10 @@ class Wire:
             return epoch
         return min(until, self.fault_server.quiet_until(epoch, self.faults.acting(epoch)))
 
+    def has_power(self, epoch: int) -> bool:
+        """Return whether the firmware has power in an epoch."""
+        return self.faults.has_power(epoch)
+
     def up(self, frames: FrameArray, count: int, epoch: int) -> tuple[FrameArray, int]:
         """Return the frames that the firmware receives in an epoch, given the hardware's."""
         acts = self.faults.acts(epoch)

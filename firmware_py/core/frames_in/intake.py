@@ -47,6 +47,9 @@ _EPOCH_MODULUS = 1 << _EPOCH_BITS
 _GYRO_UNUSABLE = 0b0101  # saturated or absent, in the sensor frame's status
 _ACCELEROMETER_UNUSABLE = 0b1010
 
+_EARLY_NS = 1_000_000_000
+"""Since the hardware's power-on: a computer that first hears it later has begun late."""
+
 ADOPT_BEYOND = 200
 """Epochs by which SYNC may run ahead or behind before the loop adopts its count.
 
@@ -171,6 +174,8 @@ def _receive_sync(state: Ram, contract: Contract, frame: Frame) -> bool:
         own.jumps += 1
         own.synchronised = False
     if not own.synchronised:
+        if own.jumps == 0:
+            own.began_late = whole_epoch * state.parameters.period_ns > _EARLY_NS
         state.epoch = whole_epoch
         ahead = 0
     if ahead > 0:

@@ -235,6 +235,7 @@ def transmit(state: Ram, contract: Contract, outbox: FrameArray) -> int:
         heartbeat = contract.heartbeat_firmware
         uptime = state.steps * state.parameters.period_ns * 1e-9
         word = encode(np.uint64(0), heartbeat.uptime, uptime)
+        word = pack(word, heartbeat.began_late, int(state.clock.began_late))
         fill(outbox[count], heartbeat.message, word, state.heartbeats)
         state.heartbeats += 1
         count += 1

@@ -32,6 +32,8 @@ from enum import IntEnum
 from rrins.compiled.compilation import compiled
 from rrins.dbc.values import AxisState
 from rrins.firmware_py.core.navigation import alignment, inertial_alignment, strapdown, transfer
+from rrins.firmware_py.core.records.estimator_records import Aid
+from rrins.firmware_py.core.records.initial_attitude import InitialAttitude
 from rrins.firmware_py.core.records.memory import INNER, OUTER, Ins, Modes, Ram
 from rrins.firmware_py.core.turntable import sequencer
 
@@ -87,6 +89,9 @@ _AFTER_STANDBY = (Mode.ALIGNMENT, Mode.NAVIGATION_STRAPDOWN, Mode.NAVIGATION_ROT
 _NAVIGATION = (Mode.NAVIGATION_STRAPDOWN, Mode.NAVIGATION_ROTATING)
 _INERTIAL = (Mode.NAVIGATION_STRAPDOWN, Mode.NAVIGATION_ROTATING, Mode.FINE_ALIGNMENT)
 
+_BROUGHT = (int(InitialAttitude.TRANSFERRED), int(InitialAttitude.SELF_ALIGNED_MOVING))
+_FIXES = int(Aid.GNSS_POSITION)
+
 _LARGEST_SPEED = 3000.0  # m/s; no vehicle with this system is faster
 _LARGEST_LATITUDE = math.radians(89.99)  # east and north end at the poles
 
@@ -128,6 +133,14 @@ def enter(state: Ram, mode: int) -> None:
 def begins_in_motion(state: Ram) -> bool:
     """Return whether the vehicle may move before navigation begins."""
     return bool(transfer.is_wanted(state) or inertial_alignment.is_wanted(state))
+
+
+@compiled
+def is_lost(state: Ram) -> bool:
+    """Return whether the vehicle may not be where navigation begins, and nothing has said where."""
+    is_brought = state.parameters.initial_attitude in _BROUGHT
+    fixes = state.estimator.sources[_FIXES].used
+    return bool(state.clock.began_late and not is_brought and fixes == 0)
 
 
 @compiled

@@ -11,7 +11,7 @@ import numpy as np
 from rrins.compiled.compilation import compiled, compiled_with
 from rrins.dbc.values import AxisState
 from rrins.firmware_py.core.frames_in import senders
-from rrins.firmware_py.core.modes.modes import FirmwareFault, Mode, navigating
+from rrins.firmware_py.core.modes.modes import FirmwareFault, Mode, is_lost, navigating
 from rrins.firmware_py.core.monitoring import consistency
 from rrins.firmware_py.core.navigation import bridging
 from rrins.firmware_py.core.records import trouble_table
@@ -104,8 +104,8 @@ _ACCELEROMETERS_DRIFTED = 1 << SystemFault.ACCELEROMETER_CALIBRATION_DRIFTED
 _KEPT, _DRIFTED = int(DriftState.KEPT), int(DriftState.DRIFTED)
 _GYRO_LEFT_OUT = int(Kind.GYRO_LEFT_OUT)
 _ACCELEROMETER_LEFT_OUT = int(Kind.ACCELEROMETER_LEFT_OUT)
-
 _BRIDGED = 1 << SystemFault.NAVIGATION_BRIDGED
+_RESTARTED = 1 << SystemFault.RESTARTED
 
 _LOAD_LIMIT = 0.8
 _NOT_CONVERGED_AFTER = 2  # times the alignment's own time
@@ -355,7 +355,9 @@ def _look_at_mode(state: Ram) -> tuple[int, int]:
         tested |= _SELF_TEST
     failing = 0
     if navigating(state):
-        tested |= _ALIGNMENT | _NOT_CONVERGED | _SENSORS_LOST | _IMPLAUSIBLE | _BRIDGED
+        tested |= _ALIGNMENT | _NOT_CONVERGED | _SENSORS_LOST | _IMPLAUSIBLE | _BRIDGED | _RESTARTED
+        if is_lost(state):
+            failing |= _RESTARTED
         if bridging.is_degraded(state.bridging):
             failing |= _BRIDGED
     if fault == FirmwareFault.SELF_TEST_FAILED:

@@ -83,6 +83,7 @@ class Clock(Record):
     synchronised: Bool  #: whether SYNC has given the epoch
     sync_seen: Bool  #: in this epoch
     sync_refused: Bool  #: whether a SYNC of this epoch's frames was not used
+    began_late: Bool  #: whether the first SYNC was of an epoch after the hardware's first second
     is_whole: Bool  #: whether the frames of a step are one epoch's, filled in by the shell
     far_epoch: I8  #: that SYNC has named far from the count, plus 1, counted on since; 0: none
     sync_lost: Bool  #: whether SYNC has been missing for too long

@@ -112,6 +112,7 @@ class SystemFault(IntEnum):
     NAVIGATION_BRIDGED = 18
     GYRO_CALIBRATION_DRIFTED = 19
     ACCELEROMETER_CALIBRATION_DRIFTED = 20
+    RESTARTED = 21
 
 
 class AidingFault(IntEnum):

@@ -114,6 +114,33 @@ class _Absence:
             self._report.note("hardware", text)
 
 
+class _Power:
+    """Lets the rehearsal take and return the power of the user's program, as a fault says."""
+
+    def __init__(
+        self, job: Job, report: ReportPipe, port: BatchPort | MessagePort, hardware: Hardware
+    ) -> None:
+        self._waits, self._report, self._port = not job.is_realtime, report, port
+        self._hardware, self._is_on = hardware, True
+        self._can_cut = job.follow is not None and job.report_fd is not None
+        if isinstance(hardware.wire, Wire):
+            hardware.wire.faults.can_cut_power = self._can_cut
+
+    def follow(self, epoch: int) -> bool:
+        """Return whether there is power in an epoch; in lockstep wait until that is so."""
+        has_power = self._hardware.has_power(epoch)
+        if has_power != self._is_on and self._can_cut:
+            self._is_on = has_power
+            self._report.send("power", side="hardware", is_on=has_power)
+            if not has_power and not self._waits:
+                self._port.dismiss()
+            elif not has_power:
+                self._port.await_end(self._hardware.outbox.copy())
+            elif self._waits:
+                self._port.await_other()
+        return self._is_on
+
+
 def run_hardware(job: Job) -> JsonObject:
     """Run the hardware to the end of the scenario, which shuts the firmware down.
 
@@ -164,15 +191,18 @@ def run_hardware(job: Job) -> JsonObject:
             notices.enter_context(hardware.link).begin()
         port.meet(job.await_peers)
         report.send("started", side="hardware", **permitted)
+        power = _Power(job, report, port, hardware).follow
         if job.is_realtime:
-            run_hardware_realtime(hardware, port, lateness, epochs, every, on_epoch)
+            run_hardware_realtime(hardware, port, lateness, epochs, every, on_epoch, power)
         else:
             wait_for = None
             if job.steer is not None:
                 wait_for = notices.enter_context(
                     SteeredPace(job.steer, scenario.period_ns, rest=port.rest)
                 ).wait_for
-            run_hardware_lockstep(hardware, port, epochs, job.speed, every, on_epoch, wait_for)
+            run_hardware_lockstep(
+                hardware, port, epochs, job.speed, every, on_epoch, wait_for, power
+            )
     finally:
         rows.flush()
         file.close()

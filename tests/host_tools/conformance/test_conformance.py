@@ -142,9 +142,10 @@ def test_a_users_sources_are_mutated_in_a_copy(tmp_path: Path) -> None:
     assert words_of([]).startswith("0 of 0 mutants killed")
 
 
-def test_the_c_firmware_conforms(own_firmware: Path) -> None:
+@pytest.mark.parametrize("language", ["own", "rust"])
+def test_the_examples_conform(language: str, request: pytest.FixtureRequest) -> None:
     names = () if IS_FULL else ("start-up", "modes", *QUICK, "uds")
-    found = outcomes(str(own_firmware), *names)
+    found = outcomes(str(request.getfixturevalue(f"{language}_firmware")), *names)
     of_uds = [found.pop(name) for name in list(found) if name.startswith("uds")]
     assert set(of_uds) == {"skipped"}
     assert set(found.values()) == {"passed"}

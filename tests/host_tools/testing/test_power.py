@@ -9,6 +9,8 @@ import pytest
 
 import rrins
 from rrins.firmware_py.diagnostics import table
+from rrins.host_tools.runs.direct import run_direct
+from rrins.host_tools.scenario.scenario import load
 from rrins.host_tools.testing.errors import BenchError
 
 QUICK = {"duration_s": 120, "firmware": {"alignment_s": 0.5}}
@@ -25,21 +27,35 @@ def cycled(bench):
     navigating(bench)
     bench.advance(0.5)
     turned = bench.last("AXIS_OUTER_STATUS")
-    bench.power_off()
+    assert bench.last("HEARTBEAT_FIRMWARE")["began_late"] == 0
+    bench.inject("power_off", for_s=0.3)
     before = bench.frames
     bench.advance(0.3)
     assert not bench.is_on
     assert bench.frames > before  # those of the hardware
     assert bench.last("AXIS_OUTER_STATUS")["time_s"] > turned["time_s"]
-    bench.power_on()
     navigating(bench)
     assert bench.fault_counters["missing_frames"] == 0
+    assert bench.expect("HEARTBEAT_FIRMWARE", within=1.1)["began_late"] == 1
+    with bench.tester() as tester:
+        failed = [one.trouble.name for one in tester.troubles(0x01)]
+    assert failed == ["restarted"]
     return bench.frames_sha256
 
 
 def test_the_hardware_goes_on_and_all_ways_agree(rrins_bench):
     direct, lockstep = (cycled(rrins_bench(QUICK, way=way)) for way in WAYS)
     assert direct == lockstep
+
+
+def test_a_direct_run_has_the_fault_too():
+    fault = {"kind": "power_off", "at_s": 2.0, "for_s": 0.3}
+    scenario = load("ideal", duration_s=5, firmware={"alignment_s": 0.5}, faults=[fault])
+    outcome = run_direct(scenario)
+    assert not any(outcome.firmware["faults"].values())
+    assert outcome.hardware["faults"]["missing_commands"] == 2 * 60  # of two axes for 60 epochs
+    begun = 2.3 + 0.5 + 0.5  # self-test and alignment
+    assert outcome.firmware["epochs_navigated"] > 200 * (5 - begun)
 
 
 @pytest.mark.parametrize("way", WAYS)
