@@ -161,7 +161,7 @@ class _Probe:
     def effects(
         self, path: Sequence[str], place: int | None, parameter: int
     ) -> tuple[list[Effect], list[Effect]]:
-        """Return the effects of a key on numbers and on flags; none if it is no parameter.
+        """Return the effects of a key on numbers and on flags; none if it is not a parameter.
 
         Parameters
         ----------

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import ctypes
+import subprocess
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -12,9 +14,10 @@ from rrins.firmware_py.loop import Firmware
 from rrins.host_tools.builds import toolchain
 from rrins.host_tools.builds.build import Build
 from rrins.host_tools.builds.entries import FIRMWARE_OUTBOX, HARDWARE_OUTBOX
+from rrins.host_tools.builds.targets import TARGETS
 from rrins.host_tools.builds.variants import shortened
 from rrins.host_tools.hardware.loop import Hardware
-from rrins.host_tools.runs.exchange import exchange_epoch
+from rrins.host_tools.runs.exchange import answer_epoch, exchange_epoch
 from rrins.host_tools.runs.set_up.settings import firmware_settings, hardware_settings
 from rrins.host_tools.scenario.scenario import Scenario
 
@@ -65,3 +68,63 @@ def first_difference(
     if ram.tobytes() != shortened(firmware.ram, ram.dtype).tobytes():
         return "the firmware's memory"
     return None if plant.tobytes() == hardware.plant.tobytes() else "the hardware's memory"
+
+
+EMULATORS = {
+    "aarch64-linux": "qemu-aarch64",
+    "armv7-linux": "qemu-arm",
+    "riscv64-linux": "qemu-riscv64",
+    "x86_64-linux": "",
+}
+"""What runs a program for a target here."""
+_BLOCK = 1000
+
+
+def program(built: Build) -> list[str]:
+    """Return words that start a program with both steps of a build; its epochs are to follow."""
+    emulator = EMULATORS[built.target]
+    path = built.folder / "frames"
+    toolchain.zig(
+        "cc", "-target", TARGETS[built.target].system, "-std=c11", "-O2", "-static",
+        "-I", built.folder, Path(__file__).with_name("frames.c"),
+        *sorted(built.folder.glob("*.o")), "-lm", "-o", path,
+    )  # fmt: skip
+    return [emulator, str(path)] if emulator else [str(path)]
+
+
+def frames_that_differ(scenario: Scenario, programs: Mapping[str, list[str]]) -> dict[str, int]:
+    """Run both sides by Python's functions and by programs; return where each first differs.
+
+    By name, the number of the epoch with a frame that is not Python's, rounded down to thousands.
+    """
+    assert scenario.firmware.clock_error_ppm == 0.0
+    epochs = scenario.epochs + 1
+    running = {
+        name: subprocess.Popen([*words, str(epochs)], stdout=subprocess.PIPE)
+        for name, words in programs.items()
+    }
+    firmware, hardware = (
+        Firmware(firmware_settings(scenario)),
+        Hardware(hardware_settings(scenario)),
+    )
+    differing: dict[str, int] = {}
+    expected, count = bytearray(), 0
+    for epoch in range(epochs):
+        frames, sent = hardware.open_epoch(epoch, firmware.outbox, count)
+        count = answer_epoch(firmware, frames, sent, epoch)
+        expected += frames[:sent].tobytes() + firmware.outbox[:count].tobytes()
+        if epoch % _BLOCK < _BLOCK - 1 and epoch < epochs - 1:
+            continue
+        for name, process in running.items():
+            if name not in differing and _output(process, len(expected)) != expected:
+                differing[name] = epoch // _BLOCK * _BLOCK
+                process.kill()
+        expected.clear()
+    for process in running.values():
+        process.communicate()
+    return differing
+
+
+def _output(process: subprocess.Popen[bytes], size: int) -> bytes:
+    assert process.stdout is not None
+    return process.stdout.read(size)
