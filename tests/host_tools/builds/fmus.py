@@ -88,6 +88,7 @@ class Coupled:
         self._hardware = Unit(fmus[f"hardware.fmi{version}"], folder, hardware or {})
         self._firmware = Unit(fmus[f"firmware.fmi{version}"], folder, {})
         self._is_parallel = is_parallel
+        self._last = 0.0
 
     def run(self, epochs: int) -> np.ndarray[Any, Any]:
         """Return the navigation of those of the next epochs that were navigated."""
@@ -106,15 +107,17 @@ class Coupled:
                 self._firmware.get([f"navigation.{name}" for name in names])
                 for names in (_NAVIGATION[:2], _NAVIGATION[2:])
             )
-            if integers[1]:
+            if integers[0] != self._last:
+                self._last = integers[0]
                 velocity, attitude = numbers[3:6], numbers[6:]
                 rows[count] = (*integers, *numbers[:3], velocity, *attitude)
                 count += 1
         return rows[:count]
 
-    def save(self) -> tuple[Any, Any]:
-        return self._hardware.save(), self._firmware.save()
+    def save(self) -> tuple[Any, Any, float]:
+        return self._hardware.save(), self._firmware.save(), self._last
 
-    def restore(self, state: tuple[Any, Any]) -> None:
+    def restore(self, state: tuple[Any, Any, float]) -> None:
         self._hardware.restore(state[0])
         self._firmware.restore(state[1])
+        self._last = state[2]
