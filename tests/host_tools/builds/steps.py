@@ -70,35 +70,44 @@ def first_difference(
     return None if plant.tobytes() == hardware.plant.tobytes() else "the hardware's memory"
 
 
-EMULATORS = {
-    "aarch64-linux": "qemu-aarch64",
-    "armv7-linux": "qemu-arm",
-    "riscv64-linux": "qemu-riscv64",
-    "x86_64-linux": "",
+_WASI = """
+const { WASI } = require("node:wasi"), { readFileSync } = require("node:fs");
+const [path] = process.argv.slice(1);
+const wasi = new WASI({ version: "preview1", args: process.argv.slice(1) });
+WebAssembly.instantiate(readFileSync(path), wasi.getImportObject()).then(
+  ({ instance }) => wasi.start(instance),
+);
+"""
+EMULATORS: dict[str, tuple[str, ...]] = {
+    "x86_64-linux": (),
+    "aarch64-linux": ("qemu-aarch64",),
+    "armv7-linux": ("qemu-arm",),
+    "riscv64-linux": ("qemu-riscv64",),
+    "wasm32": ("node", "--no-warnings", "-e", _WASI),
 }
-"""What runs a program for a target here."""
+"""Words before a program for a target that make it run here."""
 _BLOCK = 1000
 
 
 def program(built: Build) -> list[str]:
     """Return words that start a program with both steps of a build; its epochs are to follow."""
-    emulator = EMULATORS[built.target]
     path = built.folder / "frames"
     toolchain.zig(
         "cc", "-target", TARGETS[built.target].system, "-std=c11", "-O2", "-static",
         "-I", built.folder, Path(__file__).with_name("frames.c"),
         *sorted(built.folder.glob("*.o")), "-lm", "-o", path,
     )  # fmt: skip
-    return [emulator, str(path)] if emulator else [str(path)]
+    return [*EMULATORS[built.target], str(path)]
 
 
-def frames_that_differ(scenario: Scenario, programs: Mapping[str, list[str]]) -> dict[str, int]:
+def frames_that_differ(
+    scenario: Scenario, programs: Mapping[str, list[str]], epochs: int
+) -> dict[str, int]:
     """Run both sides by Python's functions and by programs; return where each first differs.
 
     By name, the number of the epoch with a frame that is not Python's, rounded down to thousands.
     """
     assert scenario.firmware.clock_error_ppm == 0.0
-    epochs = scenario.epochs + 1
     running = {
         name: subprocess.Popen([*words, str(epochs)], stdout=subprocess.PIPE)
         for name, words in programs.items()
