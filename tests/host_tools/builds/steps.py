@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import ctypes
 import subprocess
-from collections.abc import Mapping
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from rrins.dbc.frame import frame_array
+import numpy as np
+
+from rrins.dbc.frame import Frame, frame_array
 from rrins.firmware_py.core.frames_in.clock import own_clock_ns
 from rrins.firmware_py.loop import Firmware
 from rrins.host_tools.builds import toolchain
@@ -17,6 +19,7 @@ from rrins.host_tools.builds.entries import FIRMWARE_OUTBOX, HARDWARE_OUTBOX
 from rrins.host_tools.builds.targets import TARGETS
 from rrins.host_tools.builds.variants import shortened
 from rrins.host_tools.hardware.loop import Hardware
+from rrins.host_tools.hardware.step import hardware_step
 from rrins.host_tools.runs.exchange import answer_epoch, exchange_epoch
 from rrins.host_tools.runs.set_up.settings import firmware_settings, hardware_settings
 from rrins.host_tools.scenario.scenario import Scenario
@@ -101,37 +104,38 @@ def program(built: Build) -> list[str]:
 
 
 def frames_that_differ(
-    scenario: Scenario, programs: Mapping[str, list[str]], epochs: int
-) -> dict[str, int]:
-    """Run both sides by Python's functions and by programs; return where each first differs.
+    scenario: Scenario, programs: Sequence[list[str]], epochs: int
+) -> tuple[int, int]:
+    """Run both sides by Python's functions and by programs, which have to send the same.
 
-    By name, the number of the epoch with a frame that is not Python's, rounded down to thousands.
+    Returns how many frames there were, and how many of the programs' were not Python's.
     """
     assert scenario.firmware.clock_error_ppm == 0.0
-    running = {
-        name: subprocess.Popen([*words, str(epochs)], stdout=subprocess.PIPE)
-        for name, words in programs.items()
-    }
+    running = [
+        subprocess.Popen([*words, str(epochs)], stdout=subprocess.PIPE) for words in programs
+    ]
     firmware, hardware = (
         Firmware(firmware_settings(scenario)),
         Hardware(hardware_settings(scenario)),
     )
-    differing: dict[str, int] = {}
-    expected, count = bytearray(), 0
+    up, contract = hardware.outbox, firmware.contract
+    frames = differing = count = 0
+    expected = bytearray()
     for epoch in range(epochs):
-        frames, sent = hardware.open_epoch(epoch, firmware.outbox, count)
-        count = answer_epoch(firmware, frames, sent, epoch)
-        expected += frames[:sent].tobytes() + firmware.outbox[:count].tobytes()
+        sent = hardware_step(hardware.plant, hardware.pieces, contract, firmware.outbox, count, up)
+        count = answer_epoch(firmware, up, sent, epoch)
+        expected += up[:sent].tobytes() + firmware.outbox[:count].tobytes()
         if epoch % _BLOCK < _BLOCK - 1 and epoch < epochs - 1:
             continue
-        for name, process in running.items():
-            if name not in differing and _output(process, len(expected)) != expected:
-                differing[name] = epoch // _BLOCK * _BLOCK
-                process.kill()
-        expected.clear()
-    for process in running.values():
+        outputs = {_output(process, len(expected)) for process in running}
+        assert len(outputs) == 1, f"programs differ from each other before epoch {epoch}"
+        theirs, ours = (np.frombuffer(each, Frame.dtype) for each in (outputs.pop(), expected))
+        frames += len(ours)
+        differing += int(np.count_nonzero(theirs != ours))
+        expected = bytearray()
+    for process in running:
         process.communicate()
-    return differing
+    return frames, differing
 
 
 def _output(process: subprocess.Popen[bytes], size: int) -> bytes:

@@ -36,9 +36,15 @@ pytestmark = pytest.mark.slow
 _EPOCHS = 3000
 """Of units coupled; they navigate from the 600th on."""
 
-_SCENARIOS = (
-    "ideal", "rimu_rotating", "rimu_rotating_aligned", "drive_aided", "ship_moored", "tour",
-)  # fmt: skip
+_FAULT = {"kind": "gyro_bias", "sensor": 2, "bias_dph": 10, "at_s": 600}
+_SCENARIOS: Mapping[str, Mapping[str, Any]] = {
+    "ideal": {},
+    "rimu_rotating": {},
+    "rimu_rotating_aligned": {},
+    "drive_aided": {},
+    "ship_moored": {},
+    "tour": {"faults": [_FAULT]},
+}
 
 
 def test_machine_code_gives_the_same_frames_and_memory(
@@ -51,7 +57,7 @@ def test_machine_code_gives_the_same_frames_and_memory(
 @pytest.mark.soak
 @pytest.mark.parametrize("name", _SCENARIOS)
 def test_machine_code_gives_the_same_over_whole_scenarios(name: str, tmp_path: Path) -> None:
-    scenario = load(name)
+    scenario = load(name, **_SCENARIOS[name])
     done = build(scenario, name, "x86_64-linux", tmp_path)
     library = shared_library(done, tmp_path)
     assert first_difference(scenario, done, library, scenario.epochs + 1) is None
@@ -62,13 +68,15 @@ def test_machine_code_gives_the_same_over_whole_scenarios(name: str, tmp_path: P
 def test_other_processors_send_the_same_frames_over_whole_scenarios(
     name: str, tmp_path: Path
 ) -> None:
-    scenario = load(name)
-    programs = {}
+    scenario = load(name, **_SCENARIOS[name])
+    programs = []
     for target, emulator in EMULATORS.items():
         if emulator and shutil.which(emulator[0]) is None:
             pytest.skip(f"needs {emulator[0]}: Debian's qemu-user and nodejs")
-        programs[target] = program(build(scenario, name, target, tmp_path / target))
-    assert frames_that_differ(scenario, programs, scenario.epochs + 1) == {}
+        programs.append(program(build(scenario, name, target, tmp_path / target)))
+    frames, differing = frames_that_differ(scenario, programs, scenario.epochs + 1)
+    # All have one C library's mathematics, Python another's: a number may be rounded otherwise.
+    assert differing <= 1e-5 * frames
 
 
 def test_the_memory_has_no_room_for_what_the_scenario_does_not_ask_for(built: Build) -> None:
