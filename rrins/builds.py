@@ -14,6 +14,7 @@ def build(
     folder: Path | str,
     target: str = "x86_64-linux",
     executable: bool = False,
+    fmu: bool = False,
 ) -> Build:
     """Build the steps of a scenario as machine code; see docs/build.md.
 
@@ -27,6 +28,8 @@ def build(
         As ``rrins build --target`` takes it.
     executable : bool
         Whether to link a navigation computer, too.
+    fmu : bool
+        Whether to link both sides as FMUs, too.
 
     Raises
     ------
@@ -35,4 +38,4 @@ def build(
     """
     given = load(scenario) if isinstance(scenario, str) else scenario
     name = Path(scenario).stem if isinstance(scenario, str) else "scenario"
-    return build_steps(given, name, target, Path(folder), executable=executable)
+    return build_steps(given, name, target, Path(folder), executable=executable, fmus=fmu)

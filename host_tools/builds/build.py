@@ -11,7 +11,6 @@ from pathlib import Path
 
 import numpy as np
 from cantools.database.can.c_source import generate
-from jinja2 import Environment, PackageLoader, StrictUndefined
 from llvmlite import binding as llvm
 
 from rrins.compiled.code_folder import sources
@@ -21,12 +20,13 @@ from rrins.dbc.codec import load
 from rrins.firmware_py.core.modes.modes import Mode
 from rrins.firmware_py.core.records.memory import Ram
 from rrins.firmware_py.version import VERSION
-from rrins.host_tools.builds import image_code, navigator, toolchain
+from rrins.host_tools.builds import fmu, image_code, navigator, toolchain
 from rrins.host_tools.builds.code import object_of
 from rrins.host_tools.builds.entries import FIRMWARE_OUTBOX, HARDWARE_OUTBOX, entries_of
 from rrins.host_tools.builds.header import header, struct_name
 from rrins.host_tools.builds.images import Images
 from rrins.host_tools.builds.targets import TARGETS, Target
+from rrins.host_tools.builds.templates import rendered
 from rrins.host_tools.errors import BuildError
 from rrins.host_tools.files import make_folder, replacing, write_text
 from rrins.host_tools.hardware.memory import Plant
@@ -74,6 +74,7 @@ def build(
     folder: Path,
     on_note: Callable[[str], None] = lambda text: None,
     executable: bool = False,
+    fmus: bool = False,
 ) -> Build:
     """Build the steps of a scenario for a target.
 
@@ -89,6 +90,8 @@ def build(
         Told what is being done.
     executable : bool
         Whether to link the firmware's step into a program, too: a navigation computer.
+    fmus : bool
+        Whether to link both sides into units of co-simulation, too.
 
     Raises
     ------
@@ -99,7 +102,9 @@ def build(
     """
     if executable and target == "wasm32":
         raise BuildError(f"{target} has no programs of its own: rrins dashboard --static")
-    if executable:
+    if fmus and target != fmu.TARGET:
+        raise BuildError(f"FMUs are built for {fmu.TARGET} only")
+    if executable or fmus:
         toolchain.check()
     images = Images.of(scenario)
     make_folder(folder)
@@ -119,13 +124,16 @@ def build(
     else:
         on_note(f"no {LIBRARY}: that needs pip install 'rrins[build]'")
     texts = _headers(images) | _frames() | {"README.md": _readme(name, target, images)}
-    for name, text in texts.items():
-        write_text(folder / name, text)
-        files.append(folder / name)
+    for file, text in texts.items():
+        write_text(folder / file, text)
+        files.append(folder / file)
     sizes = {unit: _sizes(folder / f"rrins_{unit}.o") for unit in UNITS}
     if executable:
         on_note("the navigation computer")
         files.append(navigator.link(folder, TARGETS[target]))
+    if fmus:
+        on_note("units of co-simulation")
+        files += fmu.make_fmus(folder, scenario, name, images)
     manifest = folder / MANIFEST
     write_text(
         manifest, json.dumps(_manifest(scenario, name, target, images, files), indent=2) + "\n"
@@ -189,13 +197,8 @@ def _frames() -> dict[str, str]:
 
 
 def _readme(name: str, target: str, images: Images) -> str:
-    templates = Environment(
-        loader=PackageLoader(__package__, ""),
-        undefined=StrictUndefined,
-        keep_trailing_newline=True,
-        autoescape=False,
-    )
-    return templates.get_template("readme.md.j2").render(
+    return rendered(
+        "readme.md.j2",
         target=target,
         system=TARGETS[target].system,
         text=TARGETS[target].text,

@@ -38,7 +38,7 @@ TARGETS = {
         "64-bit ARM boards, such as a Raspberry Pi 3 to 5",
     ),
     "armv7-linux": Target(
-        Processor("armv7-linux-gnueabihf", "generic", "+vfp3,+d32,+neon"),
+        Processor("armv7-unknown-linux-gnueabihf", "generic", "+vfp3,+d32,+neon", True, True),
         "arm-linux-musleabihf",
         "32-bit ARM boards with floating point, such as a BeagleBone",
     ),

@@ -26,22 +26,24 @@ _TARGETS = (
 @option("--target", "Processor and system.", click.Choice(_TARGETS), "x86_64-linux")
 @option("--out", "Folder for what is built.", FOLDER, Path("out/build"))
 @click.option("--executable", is_flag=True, help="Link a navigation computer, too.")
+@click.option("--fmu", is_flag=True, help="Link both sides as FMUs, FMI 2.0 and 3.0, too.")
 @click.option("--size", is_flag=True, help="Show what of the memory is for what.")
 @json_option
 def build(
-    scenario: str, target: str, out: Path, executable: bool, size: bool, as_json: bool
+    scenario: str, target: str, out: Path, executable: bool, fmu: bool, size: bool, as_json: bool
 ) -> None:
     """Build the firmware and the hardware of a SCENARIO as machine code.
 
     Writes objects, a static library, C headers of the records and of the bus, both memories at
     power-on, a manifest, and a README.md with the C around them. The steps are the rehearsed ones:
     they send the same frames. With --executable also a static program without Python, for SocketCAN
-    and the embedded bus: copy it to a board, or rehearse it with --firmware.
+    and the embedded bus: copy it to a board, or rehearse it with --firmware. With --fmu also both
+    sides as units of co-simulation for other simulators.
     """
     from rrins.host_tools.builds.build import build as build_steps
     from rrins.host_tools.scenario.scenario import load
 
-    done = build_steps(load(scenario), Path(scenario).stem, target, out, _note, executable)
+    done = build_steps(load(scenario), Path(scenario).stem, target, out, _note, executable, fmu)
     values = {
         "folder": str(done.folder),
         "target": done.target,

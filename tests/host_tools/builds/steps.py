@@ -3,18 +3,24 @@
 from __future__ import annotations
 
 import ctypes
+import subprocess
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from rrins.dbc.frame import frame_array
+import numpy as np
+
+from rrins.dbc.frame import Frame, frame_array
 from rrins.firmware_py.core.frames_in.clock import own_clock_ns
 from rrins.firmware_py.loop import Firmware
 from rrins.host_tools.builds import toolchain
 from rrins.host_tools.builds.build import Build
 from rrins.host_tools.builds.entries import FIRMWARE_OUTBOX, HARDWARE_OUTBOX
+from rrins.host_tools.builds.targets import TARGETS
 from rrins.host_tools.builds.variants import shortened
 from rrins.host_tools.hardware.loop import Hardware
-from rrins.host_tools.runs.exchange import exchange_epoch
+from rrins.host_tools.hardware.step import hardware_step
+from rrins.host_tools.runs.exchange import answer_epoch, exchange_epoch
 from rrins.host_tools.runs.set_up.settings import firmware_settings, hardware_settings
 from rrins.host_tools.scenario.scenario import Scenario
 
@@ -65,3 +71,73 @@ def first_difference(
     if ram.tobytes() != shortened(firmware.ram, ram.dtype).tobytes():
         return "the firmware's memory"
     return None if plant.tobytes() == hardware.plant.tobytes() else "the hardware's memory"
+
+
+_WASI = """
+const { WASI } = require("node:wasi"), { readFileSync } = require("node:fs");
+const [path] = process.argv.slice(1);
+const wasi = new WASI({ version: "preview1", args: process.argv.slice(1) });
+WebAssembly.instantiate(readFileSync(path), wasi.getImportObject()).then(
+  ({ instance }) => wasi.start(instance),
+);
+"""
+EMULATORS: dict[str, tuple[str, ...]] = {
+    "x86_64-linux": (),
+    "aarch64-linux": ("qemu-aarch64",),
+    "armv7-linux": ("qemu-arm",),
+    "riscv64-linux": ("qemu-riscv64",),
+    "wasm32": ("node", "--no-warnings", "-e", _WASI),
+}
+"""Words before a program for a target that make it run here."""
+_BLOCK = 1000
+
+
+def program(built: Build) -> list[str]:
+    """Return words that start a program with both steps of a build; its epochs are to follow."""
+    path = built.folder / "frames"
+    toolchain.zig(
+        "cc", "-target", TARGETS[built.target].system, "-std=c11", "-O2", "-static",
+        "-I", built.folder, Path(__file__).with_name("frames.c"),
+        *sorted(built.folder.glob("*.o")), "-lm", "-o", path,
+    )  # fmt: skip
+    return [*EMULATORS[built.target], str(path)]
+
+
+def frames_that_differ(
+    scenario: Scenario, programs: Sequence[list[str]], epochs: int
+) -> tuple[int, int]:
+    """Run both sides by Python's functions and by programs, which have to send the same.
+
+    Returns how many frames there were, and how many of the programs' were not Python's.
+    """
+    assert scenario.firmware.clock_error_ppm == 0.0
+    running = [
+        subprocess.Popen([*words, str(epochs)], stdout=subprocess.PIPE) for words in programs
+    ]
+    firmware, hardware = (
+        Firmware(firmware_settings(scenario)),
+        Hardware(hardware_settings(scenario)),
+    )
+    up, contract = hardware.outbox, firmware.contract
+    frames = differing = count = 0
+    expected = bytearray()
+    for epoch in range(epochs):
+        sent = hardware_step(hardware.plant, hardware.pieces, contract, firmware.outbox, count, up)
+        count = answer_epoch(firmware, up, sent, epoch)
+        expected += up[:sent].tobytes() + firmware.outbox[:count].tobytes()
+        if epoch % _BLOCK < _BLOCK - 1 and epoch < epochs - 1:
+            continue
+        outputs = {_output(process, len(expected)) for process in running}
+        assert len(outputs) == 1, f"programs differ from each other before epoch {epoch}"
+        theirs, ours = (np.frombuffer(each, Frame.dtype) for each in (outputs.pop(), expected))
+        frames += len(ours)
+        differing += int(np.count_nonzero(theirs != ours))
+        expected = bytearray()
+    for process in running:
+        process.communicate()
+    return frames, differing
+
+
+def _output(process: subprocess.Popen[bytes], size: int) -> bytes:
+    assert process.stdout is not None
+    return process.stdout.read(size)
