@@ -9,11 +9,14 @@ from typing import Any
 
 import numpy as np
 
+from rrins.dbc.codec import decode
+from rrins.dbc.frame import FrameArray, frame_array
 from rrins.firmware_py.loop import Firmware
 from rrins.firmware_py.loop import run_lockstep as run_firmware
 from rrins.host_tools.bus.port import Address, BatchPort
 from rrins.host_tools.hardware.loop import Hardware
 from rrins.host_tools.hardware.loop import run_lockstep as run_hardware
+from rrins.host_tools.runs.exchange import answer_epoch
 from rrins.host_tools.runs.set_up.settings import (
     firmware_settings,
     hardware_settings,
@@ -21,8 +24,37 @@ from rrins.host_tools.runs.set_up.settings import (
 )
 from rrins.host_tools.scenario.scenario import Scenario
 from rrins.host_tools.testing.processes import fresh_channel
+from tests.firmware_py.xcp.conftest import xcp_frame
 
 PATIENCE_S = 60.0
+
+
+class Sides:
+    """Both sides in one process, and a tool that sends packets with each epoch's frames."""
+
+    def __init__(self, scenario: Scenario) -> None:
+        self.firmware = Firmware(firmware_settings(scenario))
+        self.hardware = Hardware(hardware_settings(scenario))
+        self.inbox: FrameArray = frame_array(256)
+        self.count = 0
+        self._frames = self.inbox[:0]
+        self.epochs = scenario.epochs
+
+    def step(self, packets: list[bytes]) -> None:
+        hardware, firmware, inbox = self.hardware, self.firmware, self.inbox
+        frames, sent = hardware.open_epoch(hardware.epoch, firmware.outbox, self.count)
+        for k, packet in enumerate(packets):
+            inbox[k] = xcp_frame(packet)
+        self._frames = frames[:sent]
+        end = len(packets) + sent
+        inbox[len(packets) : end] = frames[:sent]
+        self.count = answer_epoch(firmware, inbox, end, hardware.epoch - 1)
+
+    def sent_by_gyro(self, gyro: int) -> float:
+        """Return the increment in a gyro's last frame, rad."""
+        group = self.firmware.contract[0].sensor[gyro]
+        (own,) = self._frames[self._frames["can_id"] == group.message.can_id]
+        return float(decode(own["data"], group.gyro_dtheta))
 
 
 @dataclass
