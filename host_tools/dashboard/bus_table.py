@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Final
 
 from rrins.host_tools.files import JsonObject
+from rrins.host_tools.monitor.dialogue import MeasuredRow
 from rrins.host_tools.monitor.redundancy import RedundancyVitals
 from rrins.host_tools.monitor.state import BusState
 from rrins.host_tools.monitor.tally import LEVELS
@@ -22,6 +24,7 @@ _SPARK_STEP: Final = 2  # bins of a history for each point of a small plot
 _PATIENCE_S: Final = 1.0  # of bus time, within which a sensor may still be heard
 
 _TABLE: Final = "TABLE_STATUS"
+_MEASURING: Final = "XCP_RESPONSE"
 ABSENT_BIT: Final = {"gyros": 4, "accelerometers": 8}
 SATURATED_BIT: Final = {"gyros": 1, "accelerometers": 2}
 """Bits of a sensor group's status."""
@@ -121,7 +124,13 @@ def _sensor_state(
     return SOUND
 
 
-def message_of(state: BusState, name: str, signal: str | None, level: int) -> JsonObject | None:
+def message_of(
+    state: BusState,
+    name: str,
+    signal: str | None,
+    level: int,
+    measured: Sequence[MeasuredRow] = (),
+) -> JsonObject | None:
     """Return a message with its signals, and one of them over time; None if it was not seen.
 
     Parameters
@@ -132,6 +141,8 @@ def message_of(state: BusState, name: str, signal: str | None, level: int) -> Js
         The signal over time.
     level : int
         Of the signal over time, and of the small plots of all; see `BusState.history`.
+    measured : sequence of MeasuredRow
+        Signals of the computer's memory that XCP_RESPONSE carries.
     """
     level = min(max(level, 0), LEVELS - 1)
     if state.message(name) is None:
@@ -140,14 +151,16 @@ def message_of(state: BusState, name: str, signal: str | None, level: int) -> Js
     assert message is not None
     signals = state.signals(name)
     names = [one.name for one in signals]
+    carried = measured if name == _MEASURING else ()
     return {
         "name": name,
         "text": state.description(message),
         "signals": [
             [one.name, value_with_unit(one), one.low, one.high, one.unit, one.comment]
             for one in signals
-        ],
-        "sparks": [_spark(state, name, one.name, level) for one in signals],
+        ]
+        + [[one.name, one.text, None, None, one.unit, one.comment] for one in carried],
+        "sparks": [_spark(state, name, one.name, level) for one in signals] + [[] for _ in carried],
         "signal": signal if signal in names else None,
         "over_time": state.history(name, signal, level)
         if signal is not None and signal in names

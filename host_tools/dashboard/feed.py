@@ -177,7 +177,7 @@ class Feed:
             browser.put_latest("state", told)
             name, signal, level = browser.shown
             if name is not None:
-                found = message_of(state, name, signal, level)
+                found = message_of(state, name, signal, level, view.dialogue.measured)
                 if found is not None:
                     browser.put_latest("message", as_json("message", found))
 

@@ -18,6 +18,7 @@ from rrins.host_tools.dashboard.source import described
 from rrins.host_tools.dashboard.view import View
 from rrins.host_tools.files import JsonObject
 from rrins.host_tools.logs.reader import Log
+from rrins.host_tools.monitor.dialogue import Measured
 from rrins.host_tools.monitor.state import WINDOW_NS
 from rrins.host_tools.monitor.tally import DIAGNOSTIC, Tally
 from rrins.host_tools.monitor.watch import Watch
@@ -33,6 +34,8 @@ _MARK_EVERY: Final = 300  # steps between two copies of the tally, to seek from
 _TROUBLES_EVERY: Final = 15  # steps between two looks for troubles
 _YEARS_S: Final = 1e8  # times beyond this are dates
 _FASTEST: Final = 200.0
+
+_Mark = tuple[int, Records[Tally], tuple[int, Measured | None]]  # frames so far, and memories then
 
 
 class LogSource:
@@ -81,7 +84,7 @@ class LogSource:
         watch = Watch()
         self._view = View(watch, scenario)
         self._first_ns, self._last_ns = int(self._times_ns[0]), int(self._times_ns[-1])
-        self._marks: list[tuple[int, Records[Tally]]] = []  # frames so far, and the tally then
+        self._marks: list[_Mark] = []
         self._survey()
         self._lock = threading.Lock()  # orders come in threads of their own
         self._sent = 0
@@ -108,17 +111,21 @@ class LogSource:
         self._view.history.hold(step_s, len(ends))
         for step, end in enumerate(ends):
             if step % _MARK_EVERY == 0:
-                self._marks.append((done, watch.memory()))
-            for begin in range(done, end, DIAGNOSTIC):  # no more than a watch keeps
-                piece = slice(begin, min(begin + DIAGNOSTIC, end))
-                watch.add_timed_frames(self._frames[piece], self._times_ns[piece])
-                self._view.hear()
+                self._marks.append((done, watch.memory(), self._view.dialogue.memory()))
+            self._play(done, end)
             done = end
             self._view.look()
             if step % _TROUBLES_EVERY == 0:
                 self._view.state(has_histories=False)
         self._view.keeps = False
         self._view.since.is_whole = True
+
+    def _play(self, begin: int, end: int) -> None:
+        """Add frames to the watch, and follow what is said in them."""
+        for at in range(begin, end, DIAGNOSTIC):  # no more than a watch keeps
+            piece = slice(at, min(at + DIAGNOSTIC, end))
+            self._view.watch.add_timed_frames(self._frames[piece], self._times_ns[piece])
+            self._view.hear()
 
     def turn(self) -> None:
         """Go on in the recording."""
@@ -132,16 +139,17 @@ class LogSource:
         """Show the recording at a later time."""
         self._at_ns = min(max(at_ns, float(self._first_ns)), float(self._last_ns))
         end = int(np.searchsorted(self._times_ns, round(self._at_ns), side="right"))
-        piece = slice(self._sent, max(end, self._sent))
-        self._view.watch.add_timed_frames(self._frames[piece], self._times_ns[piece])
-        self._sent = piece.stop
+        self._play(self._sent, end)
+        self._sent = max(end, self._sent)
 
     def _seek(self, at_ns: float) -> None:
         """Show the recording at any time, from the mark before; recent is what happened there."""
         at_ns = min(max(at_ns, float(self._first_ns)), float(self._last_ns))
         end = int(np.searchsorted(self._times_ns, round(at_ns), side="right"))
-        self._sent, memory = max((one for one in self._marks if one[0] <= end), key=lambda m: m[0])
-        self._view.watch.restore(memory)
+        mark = max((one for one in self._marks if one[0] <= end), key=lambda one: one[0])
+        self._sent, tally, said = mark
+        self._view.watch.restore(tally)
+        self._view.dialogue.restore(said)
         self._view.forget()
         self._move_to(at_ns - WINDOW_NS)
         self._view.watch.state(has_histories=False)  # from here on, errors are recent

@@ -17,7 +17,6 @@ from typing import IO, Any, Final
 import numpy as np
 
 from rrins.compiled.record import Integers, Words
-from rrins.dbc.codec import load
 from rrins.host_tools.dashboard import events
 from rrins.host_tools.dashboard.quantities import rows_of
 from rrins.host_tools.logs.diagnosis import Diagnosis
@@ -25,6 +24,7 @@ from rrins.host_tools.logs.reader import Log, Piece
 from rrins.host_tools.logs.signals import (
     PROTECTION,
     crc_of_frames_holds,
+    has_its_length,
     name_of_identifier,
     signals_of,
 )
@@ -325,7 +325,7 @@ def _decode_into(
     if message is None:
         exported.unknown += len(places)
         return
-    is_whole = piece.frames["length"][places] == load().database.get_message_by_name(message).length
+    is_whole = has_its_length(piece.frames[places], message)
     exported.wrong_length += int(np.count_nonzero(~is_whole))
     places = places[is_whole]
     frames = piece.frames[places]

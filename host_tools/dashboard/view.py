@@ -24,6 +24,7 @@ from rrins.host_tools.monitor.troubles import troubles_of
 from rrins.host_tools.monitor.vitals import vitals_of
 from rrins.host_tools.monitor.watch import Latest, Watch
 from rrins.host_tools.scenario.scenario import Scenario
+from rrins.host_tools.xcp.trace import MeasuredData
 
 _LOAD_NS: Final = 1_000_000_000  # over which the load is taken, at least
 _GAP_NS: Final = 60_000_000_000  # beyond which a load means nothing
@@ -53,6 +54,8 @@ class View:
     ----------
     history : History
     log : EventLog
+    dialogue : Dialogue
+        Diagnosis and measured data.
     row : array
         The latest quantities, in the order of `NAMES`.
     time_s : float
@@ -70,7 +73,7 @@ class View:
         self.log = events.EventLog()
         self.row: Floats = np.full(len(NAMES), math.nan)
         self.time_s = 0.0
-        self._dialogue = Dialogue(watch, Trace())
+        self.dialogue = Dialogue(watch, Trace(), MeasuredData())
         self._diagnosis = DiagnosisEvents()
         self._sampled = quantities.rows_of(quantities.SAMPLED)
         self._rows = np.concatenate([self._sampled, quantities.rows_of(events.SIGNALS)])
@@ -106,8 +109,10 @@ class View:
         return True
 
     def hear(self) -> None:
-        """Add what was said in diagnosis to the events."""
-        for one in self._dialogue.look():
+        """Follow measured data; add what was said in diagnosis to the events."""
+        for one in self.dialogue.look():
+            if not self.keeps:
+                continue
             event = self._diagnosis.event_of(one)
             if event is not None:
                 self.log.add(one.time_s, *event)

@@ -239,10 +239,10 @@ class Dictionary:
 
     def _halves(self, field: Field) -> OdxLinkId:
         """Describe an integer of 64 bits: ODX has none of more than 32."""
-        signed = "i32" if field.format.startswith("i") else "u32"
+        high = Field("high", "i32") if field.format.startswith("i") else Field("high", "u32")
         return self._structure(
             field.format,
-            (Field("high", signed), Field("low", "u32")),  # type: ignore[arg-type]
+            (high, Field("low", "u32")),
             "A number of 64 bits: high · 2³² + low.",
         )
 

@@ -13,7 +13,12 @@ from rrins.dbc.frame import FrameArray
 from rrins.host_tools.diag.trace import Message
 from rrins.host_tools.logs.diagnosis import Diagnosis
 from rrins.host_tools.logs.reader import Log
-from rrins.host_tools.logs.signals import Numbers, SignalOfMessage, name_of_identifier
+from rrins.host_tools.logs.signals import (
+    Numbers,
+    SignalOfMessage,
+    has_its_length,
+    name_of_identifier,
+)
 
 _MOST_CHANGES = 200_000
 
@@ -181,7 +186,9 @@ def gather(
         frames, time_s = piece.frames[is_wanted], time_s[is_wanted]
         for one in series:
             message = codec.messages[codec.message_index(one.signal.message)]
-            mine = (frames["can_id"] == message["can_id"]) & (frames["length"] == message["length"])
+            mine = frames["can_id"] == message["can_id"]
+            mine[mine] = has_its_length(frames[mine], one.signal.message)
+            mine &= one.signal.is_in(frames)
             if mine.any():
                 one.kept.add(time_s[mine], one.signal.values(frames["data"][mine]))
                 one.frames += int(np.count_nonzero(mine))

@@ -86,6 +86,13 @@ class SignalOfMessage:
         _unpack_column(words, load().signals, self.row, out)
         return out
 
+    def is_in(self, frames: FrameArray) -> NDArray[np.bool_]:
+        """Return whether each frame is long enough to have the signal."""
+        layout = load().signals[self.row]
+        if layout["big_endian"]:  # of protected messages only, which have one length
+            return np.ones(len(frames), dtype=np.bool_)
+        return np.asarray(8 * frames["length"].astype(int) >= layout["shift"] + layout["length"])
+
     def values(self, words: Words) -> Numbers:
         """Return the values in payload words, integers as int64, others as float64.
 
@@ -159,6 +166,17 @@ def crc_of_frames_holds(frames: FrameArray, message: str) -> NDArray[np.bool_]:
     codec = load()
     _crc_column(Frame.contiguous(frames), codec.messages, codec.message_index(message), out)
     return out
+
+
+def has_its_length(frames: FrameArray, message: str) -> NDArray[np.bool_]:
+    """Return whether each frame has its message's length.
+
+    Packets of ISO-TP and XCP, which have no protection, are as long as their contents.
+    """
+    codec = load()
+    if not codec.is_protected(message):
+        return np.ones(len(frames), dtype=np.bool_)
+    return np.asarray(frames["length"] == codec.database.get_message_by_name(message).length)
 
 
 @functools.cache

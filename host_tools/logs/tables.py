@@ -23,6 +23,7 @@ from rrins.host_tools.logs.reader import Log, Piece
 from rrins.host_tools.logs.signals import (
     SignalOfMessage,
     crc_of_frames_holds,
+    has_its_length,
     message_names,
     name_of_identifier,
     signals_of,
@@ -140,7 +141,8 @@ class _Table:
             elif field.type == pa.string():
                 arrays.append(_names(signal, frames["data"]))
             else:
-                arrays.append(pa.array(signal.values(frames["data"]), from_pandas=True))
+                values = signal.values(frames["data"])
+                arrays.append(pa.array(values, mask=~signal.is_in(frames), from_pandas=True))
         self._writer.write_table(pa.Table.from_arrays(arrays, schema=self._schema))
         self.rows += len(frames)
         self._pieces.clear()
@@ -236,8 +238,7 @@ def _add_piece(
         if name is None:
             exported.unknown += len(places)
             continue
-        length = load().database.get_message_by_name(name).length
-        is_whole = (piece.frames["length"][places] == length) | is_diagnostic(name)
+        is_whole = has_its_length(piece.frames[places], name)
         exported.wrong_length += int(np.count_nonzero(~is_whole))
         places = places[is_whole]
         if not len(places):

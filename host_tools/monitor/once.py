@@ -41,6 +41,8 @@ def table_of(
     ]
     if dialogue is not None and dialogue.spoken:
         lines += ["", "DIAGNOSIS", *(f"  {one.line}" for one in dialogue.spoken)]
+    if dialogue is not None and dialogue.measured:
+        lines += ["", "MEASURED", *(f"  {line}" for line in dialogue.measured_lines())]
     return [line.rstrip() for line in lines]
 
 
@@ -55,7 +57,7 @@ def as_dict(
     """Return the state for JSON; times and rates are in bus time, except `quiet_s`.
 
     `estimates` has noted earlier states, with the estimator's other sources and sensors;
-    `dialogue` has followed the diagnosis.
+    `dialogue` has followed diagnosis and measured data.
     """
     vitals = vitals_of(state)
     estimates = estimates or Estimates()
@@ -77,6 +79,10 @@ def as_dict(
         "troubles": troubles_of(state, vitals),
         "estimator": estimates.as_dict(state),
         "diagnosis": [] if dialogue is None else [vars(one) for one in dialogue.spoken],
+        "measured": {
+            one.name: {"value": one.value, "text": one.words, "unit": one.unit}
+            for one in ([] if dialogue is None else dialogue.measured)
+        },
         "messages": [_message(state, row) for row in message_rows(state, needle, order)],
     }
 

@@ -49,8 +49,8 @@ EMPTY_LOW = 2**63 - 1
 EMPTY_HIGH = -(2**63)
 """High end of an empty range of raw values."""
 
-DIAGNOSTIC = 1024
-"""Diagnostic frames that are kept for who puts their messages together."""
+DIAGNOSTIC = 8192
+"""Frames of diagnosis and XCP that are kept for who puts their messages together."""
 
 MOST_AT_ONCE = 64
 """Batches that are processed before others may look at the tally."""

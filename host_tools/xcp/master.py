@@ -6,10 +6,13 @@ import contextlib
 import logging
 import time
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from queue import SimpleQueue
 from typing import Any
 
 import can
+import numpy as np
+from can.typechecking import CanFilter
 from pyxcp.config import create_application_from_config
 from pyxcp.master.master import Master
 from pyxcp.transport.can import CanInterfaceBase
@@ -62,7 +65,7 @@ class _Interface(CanInterfaceBase):
         return can.BusState.ACTIVE
 
 
-class _Measured(FrameAcquisitionPolicy):  # type: ignore[misc]
+class _Measured(FrameAcquisitionPolicy):  # type: ignore[misc]  # compiled: of no known type
     """Keeps the packets of measured data, and the events."""
 
     def __init__(self) -> None:
@@ -110,8 +113,7 @@ class XcpMaster(Closing):
             else open_bus(address)
         )
         identifier = load().frame_id("XCP_RESPONSE")
-        only_ours = {"can_id": identifier, "can_mask": 0x7FF, "extended": False}
-        self._bus.set_filters([only_ours])  # type: ignore[list-item]
+        self._bus.set_filters([CanFilter(can_id=identifier, can_mask=0x7FF, extended=False)])
         self._interface = _Interface(self._bus)
         policy = _Measured()
         self.packets, self.events = policy.packets, policy.events
@@ -141,7 +143,7 @@ class XcpMaster(Closing):
         try:
             yield
         except XcpResponseError as error:
-            name = error.get_error_code()  # type: ignore[no-untyped-call]
+            name = error.get_error_code()  # type: ignore[no-untyped-call]  # pyxcp has no types
             raise XcpError(f"xcp {what}: refused, {name}") from error
         except XcpTimeoutError as error:
             self.check_bus()
@@ -183,7 +185,7 @@ class XcpMaster(Closing):
         data = b""
         while len(data) < size:
             part = min(BLOCK_CAPACITY, size - len(data))
-            data += bytes(self.command("read", lambda n=part: self.raw.upload(n)))[:part]  # type: ignore[misc]
+            data += bytes(self.command("read", partial(self.raw.upload, part)))[:part]
         return data
 
     def a2l(self) -> str:
@@ -201,10 +203,7 @@ class XcpMaster(Closing):
         rest = self.command("seed", lambda: raw.getSeed(XcpGetSeedMode.REMAINING, resource))
         key = key_of((seed + bytes(rest.seed))[: int(first.length)])
         for k in range(0, KEY_SIZE, _DOWNLOAD):
-            self.command(
-                "unlock",
-                lambda k=k: raw.unlock(KEY_SIZE - k, key[k : k + _DOWNLOAD]),  # type: ignore[misc]
-            )
+            self.command("unlock", partial(raw.unlock, KEY_SIZE - k, key[k : k + _DOWNLOAD]))
 
     def write(self, signal: Signal, value: float) -> None:
         """Change a parameter; it takes effect between two steps.
@@ -262,11 +261,5 @@ def values_of(master: XcpMaster, signals: Sequence[Signal]) -> dict[str, float]:
     found: dict[str, float] = {}
     for signal in signals:
         data = master.read_bytes(signal.address, signal.size)
-        found[signal.name] = float(signal.field.dtype.type(_number(signal, data)))
+        found[signal.name] = float(np.frombuffer(data, dtype=signal.field.dtype)[0])
     return found
-
-
-def _number(signal: Signal, data: bytes) -> Any:
-    import numpy as np
-
-    return np.frombuffer(data, dtype=signal.field.dtype)[0]

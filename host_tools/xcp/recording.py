@@ -22,6 +22,7 @@ from rrins.firmware_py.xcp.protocol import (
 )
 from rrins.host_tools.errors import XcpError
 from rrins.host_tools.xcp.master import XcpMaster
+from rrins.host_tools.xcp.samples import Samples
 from rrins.host_tools.xcp.signals import Signal
 
 _POLL_S = 0.2
@@ -61,36 +62,6 @@ def packed(signals: Sequence[Signal]) -> list[list[Place]]:
             f"{len(signals)} signals: need {len(odts)} packets a sample, of {ODTS_CAPACITY} at most"
         )
     return odts
-
-
-class Samples:
-    """Puts packets together: samples that are whole, and how many were not.
-
-    Attributes
-    ----------
-    rows : list of bytes
-        Timestamp and values of each whole sample.
-    torn : int
-        Samples of which packets are missing.
-    """
-
-    def __init__(self, odts: int) -> None:
-        self._odts = odts
-        self._parts: list[bytes] = []
-        self.rows: list[bytes] = []
-        self.torn = 0
-
-    def put(self, packet: bytes) -> None:
-        """Take a packet."""
-        if packet[0] != len(self._parts):
-            self.torn += bool(self._parts)
-            self._parts.clear()
-            if packet[0]:
-                return
-        self._parts.append(packet[1:])
-        if len(self._parts) == self._odts:
-            self.rows.append(b"".join(self._parts))
-            self._parts.clear()
 
 
 @dataclass(frozen=True)

@@ -65,6 +65,12 @@ def fields_like(pattern: str) -> list[tuple[str, MemoryField, Characteristic | N
     ]
 
 
+def elements() -> Iterator[Signal]:
+    """Yield all signals there are."""
+    for name, found in _all().items():
+        yield from _elements(name, *found)
+
+
 def signals_of(names: Sequence[str]) -> list[Signal]:
     """Return the signals with these names; the name of an array stands for all its elements.
 

@@ -92,7 +92,7 @@ def _write_mcap(recording: Recording, path: Path) -> None:
             row = {name: column[k] for name, column in zip(recording.values, columns, strict=True)}
             time_ns = round(time_s * _NS_PER_S)
             writer.add_message(channel, time_ns, json.dumps(row).encode(), time_ns)
-        writer.finish()  # type: ignore[no-untyped-call]
+        writer.finish()  # type: ignore[no-untyped-call]  # of mcap
 
 
 _WRITERS = {

@@ -146,7 +146,7 @@ class Machine:
 
 def intermediate_code(entries: Sequence[Entry]) -> str:
     """Return the entries and all that they call as LLVM's text, for no processor in particular."""
-    if numba.config.DISABLE_JIT:  # type: ignore[attr-defined]
+    if numba.config.DISABLE_JIT:  # type: ignore[attr-defined]  # numba sets its names at import
         raise ObjectCodeError("machine code needs numba's compiler: unset NUMBA_DISABLE_JIT")
     whole: llvm.ModuleRef | None = None
     wrappers = []

@@ -98,10 +98,11 @@ def _watch(bus: Bus) -> tuple[Address, Watch, Dialogue]:
     from rrins.host_tools.diag.trace import Trace
     from rrins.host_tools.monitor.dialogue import Dialogue
     from rrins.host_tools.monitor.watch import Watch
+    from rrins.host_tools.xcp.trace import MeasuredData
 
     address = bus.address()
     watch = Watch(bus.bitrate, is_wall_time=not address.is_embedded)
-    return address, watch, Dialogue(watch, Trace())
+    return address, watch, Dialogue(watch, Trace(), MeasuredData())
 
 
 def _has_screen() -> bool:

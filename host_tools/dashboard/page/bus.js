@@ -122,7 +122,8 @@ export class BusTable {
   // A message in detail, as the server sends it four times a second.
   message(message) {
     if (message.name !== this.shown.name) return;
-    if (this.detail.dataset.name !== message.name || !this.detail.firstChild) this.buildDetail(message);
+    const key = [message.name, ...message.signals.map(([name]) => name)].join();
+    if (this.detail.dataset.key !== key || !this.detail.firstChild) this.buildDetail(message, key);
     message.signals.forEach(([, text], k) => {
       setText(this.values[k], text);
       drawSpark(this.sparks[k], message.sparks[k], message.sparks[k].length);
@@ -130,8 +131,8 @@ export class BusTable {
     this.drawOverTime(message);
   }
 
-  buildDetail(message) {
-    this.detail.dataset.name = message.name;
+  buildDetail(message, key) {
+    this.detail.dataset.key = key;
     this.values = [];
     this.sparks = [];
     const body = element("tbody");

@@ -57,7 +57,7 @@ class MonitorApp(App[None]):
     refresh_hz : float
         Refreshes per second; 0 refreshes only when `look` is called.
     dialogue : Dialogue, optional
-        The diagnosis on the bus.
+        Diagnosis and measured data on the bus.
     """
 
     TITLE = "rrins monitor"
@@ -84,6 +84,7 @@ class MonitorApp(App[None]):
         Binding("r", "redundancy", show=False),
         Binding("e", "estimator", show=False),
         Binding("d", "diagnosis", show=False),
+        Binding("x", "measured", show=False),
         Binding("z", "zero", show=False),
         Binding("q", "quit", show=False),
         Binding("ctrl+c", "quit", show=False, priority=True),
@@ -242,6 +243,12 @@ class MonitorApp(App[None]):
         dialogue = self._dialogue
         if dialogue is not None:
             self.push_screen(Page(lambda: dialogue.page(self.size.width, self.size.height - 2)))
+
+    def action_measured(self) -> None:
+        """Show the signals that a tool measures by XCP."""
+        dialogue = self._dialogue
+        if dialogue is not None:
+            self.push_screen(Page(lambda: dialogue.measured_page(self.size.width)))
 
     def action_freeze(self) -> None:
         """Freeze the screen, or resume."""

@@ -29,6 +29,7 @@ KEYS
   r        redundant sensors: how well they agree, which are left out
   e        estimator: σ, what aids it and what is rejected, sensors' errors
   d        diagnosis: what a tool asks and the computer answers, in words
+  x        XCP: the signals that a tool measures, by name
   z        reset the monitor's counts, min, max and plots
   q        quit (or Ctrl-C)
 

@@ -331,3 +331,35 @@ def test_reset_brings_the_set_up_back(unlocked):
     unlocked.step()
     assert not unlocked.bench.state["gyros"]["calibrated"]
     assert unlocked.ask("fd") == ""
+
+
+def test_power_that_fails_while_a_page_is_written_leaves_no_torn_number(master):
+    """Cut at every packet: each number is old or new; after power-on the old page is back."""
+    wanted = {"height": 123.0, "bridge_epochs": 7, "follow_tolerance_deg": 2.5}
+    packets = []
+    for name, value in wanted.items():
+        field = by_path()[f"parameters.{name}"]
+        data = field.dtype.type(value).tobytes()
+        packets += [
+            "f6000000" + dword(field.address),
+            "f008" + data[:6].hex(),
+            "ef02" + data[6:].hex(),
+        ]
+    live = master.bench.state["parameters"]
+    old = {name: live[name].item() for name in wanted}
+    checksums = set()
+    for cut in range(len(packets) + 1):
+        master.connect()
+        master.ask("f6000000" + dword(0))
+        checksums.add(master.ask("f3000000" + dword(1754)))
+        master.unlock(0x01)
+        for packet in packets[:cut]:
+            master.ask(packet)
+        done = cut // 3
+        expected = [*wanted.values()][:done] + [*old.values()][done:]
+        assert [live[name].item() for name in wanted] == expected
+        master.bench.firmware.diagnostics.server.reset_wanted = 1
+        master.bench.firmware.diagnostics.reset_due = True
+        master.step()
+        assert {name: live[name].item() for name in wanted} == old
+    assert len(checksums) == 1

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import json
+import os
 import re
+import subprocess
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,14 +16,16 @@ pytest.importorskip("pyxcp")
 
 from rrins.firmware_py.xcp.a2l import a2l_text
 from rrins.firmware_py.xcp.protocol import Resource
-from rrins.host_tools.bus.port import Address
+from rrins.host_tools.bus.port import Address, open_when_there
 from rrins.host_tools.errors import BusError, XcpError
 from rrins.host_tools.runs.direct import run_without_frames
 from rrins.host_tools.scenario.scenario import load
+from rrins.host_tools.testing.processes import fresh_channel
 from rrins.host_tools.xcp.master import XcpMaster, values_of
 from rrins.host_tools.xcp.recording import Recording, record
 from rrins.host_tools.xcp.signals import signals_of
-from tests.host_tools.xcp.conftest import Rehearsed, rehearse
+from tests.host_tools.xcp.conftest import Rehearsed, Sides, rehearse
+from tests.processes import Fork
 
 NAMES = (
     "epoch", "steps", "navigation.latitude", "navigation.longitude", "navigation.height",
@@ -76,18 +81,18 @@ def test_the_a2l_by_get_id_is_that_of_the_export(visit):
     assert visit.a2l == a2l_text(SCENARIO.period_ns)
 
 
-def check_values(recording: Recording, rehearsed: Rehearsed, seconds: float) -> None:
+def check_values(recording: Recording, watched: dict[int, bytes], seconds: float) -> None:
     epochs = recording.values["epoch"]
     assert recording.count == round(seconds * SCENARIO.rate_hz)
     assert np.all(np.diff(epochs) == 1)
     assert np.array_equal(np.rint(recording.time_s * SCENARIO.rate_hz), epochs)
     for k, epoch in enumerate(epochs.tolist()):
         row = b"".join(column[k].tobytes() for column in recording.values.values())
-        assert row == rehearsed.watched[epoch]
+        assert row == watched[epoch]
 
 
 def test_every_value_is_that_of_the_memory_in_its_epoch(visit):
-    check_values(visit.recording, visit.rehearsed, SECONDS)
+    check_values(visit.recording, visit.rehearsed.watched, SECONDS)
 
 
 def test_nothing_is_missing_and_the_load_is_told(visit):
@@ -147,7 +152,43 @@ def test_six_hundred_seconds_of_twenty_signals_are_whole():
     watch = [(signal.address, signal.size) for signal in SIGNALS]
     rehearsed = rehearse(scenario, guest, watch)
     (recording,) = recordings
-    check_values(recording, rehearsed, 600.0)
+    check_values(recording, rehearsed.watched, 600.0)
     assert recording.overloads == recording.torn == 0
     alone = run_without_frames(scenario.varied(xcp=None))
     assert rehearsed.firmware.trace.sha256() == alone.firmware["navigation_sha256"]
+
+
+@pytest.mark.soak
+@pytest.mark.skipif("RRINS_REAL_TIME" not in os.environ, reason="RRINS_REAL_TIME is not set")
+@pytest.mark.timeout(1800)
+def test_twenty_signals_in_real_time_are_those_of_the_memory(tmp_path):
+    """RRINS_XCP_S sets the length, s. The memory of each epoch is that of a run without a bus.
+
+    A machine that is busy with something else makes overruns: they are shown (`-rP`).
+    """
+    seconds = float(os.environ.get("RRINS_XCP_S", "600"))
+    scenario, channel = SCENARIO.varied(duration_s=seconds + 40), fresh_channel()
+    (tmp_path / "measured.toml").write_text(scenario.toml(), encoding="utf-8")
+    words = ["rrins", "rehearse", tmp_path / "measured.toml", "--channel", channel, "--speed", "1"]
+    out = ["--json", "--out", tmp_path / "out"]
+    with Fork([*words, *out], stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        there = {"host": "never", "role": "observer", "name": "first"}
+        open_when_there(Address("rrins", channel), 120, **there).shutdown()
+        with XcpMaster(Address("rrins", channel), timeout_s=10.0) as master:
+            recording = record(master, SIGNALS, seconds)
+        summary = json.loads(process.communicate()[0])
+    shown = {key: summary[key] for key in ("epochs", "overruns", "frames_lost")}
+    print(recording.count, recording.overloads, recording.torn, recording.bus_share, shown)
+    assert recording.count == round(seconds * SCENARIO.rate_hz)
+    assert recording.overloads == recording.torn == 0
+    if summary["frames_lost"]:
+        return  # the machine stood still for longer than the firmware waits
+    sides, watched = Sides(scenario.varied(xcp=None)), {}
+    image = sides.firmware.ram.view(np.uint8)
+    places = [k for one in SIGNALS for k in range(one.address, one.address + one.size)]
+    for _ in range(sides.epochs):
+        sides.step([])
+        watched[int(sides.firmware.ram[0].epoch)] = image[places].tobytes()
+    check_values(recording, watched, seconds)
+    alone = run_without_frames(scenario.varied(xcp=None))
+    assert summary["navigation_sha256"] == alone.firmware["navigation_sha256"]

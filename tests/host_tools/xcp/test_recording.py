@@ -14,7 +14,8 @@ pytest.importorskip("pyxcp")
 
 from rrins.host_tools.cli.main import rrins
 from rrins.host_tools.errors import XcpError
-from rrins.host_tools.xcp.recording import Recording, Samples, packed
+from rrins.host_tools.xcp.recording import Recording, packed
+from rrins.host_tools.xcp.samples import Samples
 from rrins.host_tools.xcp.signals import fields_like, signals_of
 from rrins.host_tools.xcp.writing import write
 

@@ -8,16 +8,11 @@ import numpy as np
 import pytest
 
 from rrins.compiled.record import Floats
-from rrins.dbc.codec import decode
-from rrins.dbc.frame import FrameArray, frame_array
 from rrins.firmware_py.loop import Firmware
 from rrins.firmware_py.xcp.layout import by_path
 from rrins.firmware_py.xcp.protocol import Resource
-from rrins.host_tools.hardware.loop import Hardware
-from rrins.host_tools.runs.exchange import answer_epoch
-from rrins.host_tools.runs.set_up.settings import firmware_settings, hardware_settings
 from rrins.host_tools.scenario.scenario import Scenario, load
-from tests.firmware_py.xcp.conftest import xcp_frame
+from tests.host_tools.xcp.conftest import Sides
 
 GYRO = 2  # the third
 DURATION_S = 60.0
@@ -26,37 +21,13 @@ SCENARIO = load("rimu_rotating").varied(duration_s=DURATION_S)
 FAULT = {"kind": "gyro_bias", "sensor": GYRO + 1, "at_s": 20.0, "bias_dph": BIAS_DPH}
 
 
-class Sides:
-    """Both sides in one process, and a tool that sends packets with each epoch's frames."""
-
-    def __init__(self, scenario: Scenario) -> None:
-        self.firmware = Firmware(firmware_settings(scenario))
-        self.hardware = Hardware(hardware_settings(scenario))
-        self.inbox: FrameArray = frame_array(256)
-        self.count = 0
-        self.sent_by_gyro = 0.0  # rad, in the last epoch's frame
-        self.epochs = scenario.epochs
-
-    def step(self, packets: list[bytes]) -> None:
-        hardware, firmware, inbox = self.hardware, self.firmware, self.inbox
-        frames, sent = hardware.open_epoch(hardware.epoch, firmware.outbox, self.count)
-        for k, packet in enumerate(packets):
-            inbox[k] = xcp_frame(packet)
-        group = firmware.contract[0].sensor[GYRO]
-        (own,) = frames[:sent][frames["can_id"][:sent] == group.message.can_id]
-        self.sent_by_gyro = decode(own["data"], group.gyro_dtheta)
-        end = len(packets) + sent
-        inbox[len(packets) : end] = frames[:sent]
-        self.count = answer_epoch(firmware, inbox, end, hardware.epoch - 1)
-
-
 def recorded(scenario: Scenario) -> tuple[Firmware, Floats]:
     """Return the firmware after a run, and the gyro's increments in it, by epoch."""
     sides = Sides(scenario)
     increments = np.zeros(sides.epochs)
     for epoch in range(sides.epochs):
         sides.step([])
-        increments[epoch] = sides.sent_by_gyro
+        increments[epoch] = sides.sent_by_gyro(GYRO)
     return sides.firmware, increments
 
 
