@@ -1,4 +1,4 @@
-"""What tools and the computer say on a bus: diagnosis message by message, measured data by name.
+"""Tools and the computer on a bus: diagnosis message by message, measured data by name.
 
 What the frames mean is known to who reads them: an `Interpreter`, and `Measured` data's reader.
 """

@@ -364,3 +364,17 @@ def test_every_negative_response_through_the_file(driver):
     ask("ecu_reset_soft_reset")
     ask("read_mode")  # the reset is due
     assert driver.codes == {code.name for code in Code}
+
+
+def test_a_freeze_frame_holds_the_values_of_its_moment(driver):
+    driver.bench.inject("gyro_absent", sensor=2)
+    driver.bench.advance(2.0)
+    name = "report_dtc_snapshot_record_by_dtc_number"
+    found = driver.ask(name, dtc="gyro_2_absent", record_number=ALL_RECORDS)
+    first, last = found["freeze_frames"]
+    assert (first["record_number"], last["record_number"]) == (1, 2)
+    values = dict(one["record"] for one in first["values"])
+    assert 1200 <= plain(values["epoch"]["epoch"]) < 1300  # the fault came at 6 s
+    assert values["mode"] == {"mode": "NAVIGATION_ROTATING", "fault": "NONE"}
+    assert values["position"]["latitude_deg"] == pytest.approx(40.3554, abs=1e-4)
+    assert len(values["attitude"]) == 3

@@ -132,7 +132,8 @@ def rehearse(
     def on_epoch(epoch: int) -> None:
         if epoch == scenario.rate_hz:
             begin(visit)
-            port.meet(("xcp",))
+            if is_embedded:
+                port.meet(("xcp",))
 
     def keep_pace(epoch: int) -> None:
         if is_done.wait(max(0.0, begun_s + epoch / scenario.rate_hz - time.monotonic())):

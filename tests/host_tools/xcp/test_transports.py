@@ -25,7 +25,6 @@ SOCKETCAN = pytest.mark.skipif(IS_VCAN_MISSING, reason="the kernel has no vcan0"
     "address",
     [
         Address("virtual", "xcp"),
-        Address("udp_multicast", "239.74.163.31"),
         pytest.param(Address("socketcan", "vcan0"), marks=SOCKETCAN),
     ],
     ids=lambda address: address.interface,
