@@ -4,7 +4,7 @@ PYTHON ?= python3.11
 VENV ?= .venv
 RUN = $(VENV)/bin/python -m
 
-.PHONY: rehearsal quick test pages soak check docs docs-site changelog clean
+.PHONY: rehearsal quick test pages soak check docs docs-html docs-site changelog clean
 
 # One cycle of the rotation scheme. Bytecode of all libraries takes longer than the run: it is last.
 rehearsal: $(VENV)/installed
@@ -63,8 +63,11 @@ docs: $(VENV)/installed-dev
 	cd docs && ../$(RUN) generate.figures
 	RRINS_WRITE_DOCS=1 $(RUN) pytest -q -m typed tests/docs/test_typed.py
 
-docs-site: $(VENV)/installed-docs
+docs-html: $(VENV)/installed-docs
 	$(RUN) sphinx -W --keep-going -q -b html docs docs/_build/html
+
+# With the page that rehearses in the browser, which `make pages` makes and tests by itself.
+docs-site: docs-html
 	$(RUN) rrins dashboard --static docs/_build/html/try
 
 $(VENV)/bin/python:
