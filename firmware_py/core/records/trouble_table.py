@@ -139,8 +139,7 @@ _SYSTEM = (
     (SystemFault.NAVIGATION_BRIDGED, 0x1008, _PERFORMANCE, _ONCE,
         "more than 1 s of the last 100 s was bridged: the navigation is degraded"),
     (SystemFault.RESTARTED, 0x1008, _UNEXPECTED, _ONCE,
-        "the hardware had run for more than 1 s when the computer began: the navigation began at "
-        "the set-up's position, wherever the vehicle was"),
+        "began beside running hardware: the position was the set-up's"),
     (SystemFault.CLOCK_JUMP, _NETWORK | 0x1001, _PLAUSIBILITY, Debounce(events=1, pass_s=10.0),
         "SYNC jumped in epoch or time"),
     (SystemFault.CLOCK_OFF_NOMINAL, _NETWORK | 0x1001, _PERFORMANCE, Debounce(fail_s=5.0),
