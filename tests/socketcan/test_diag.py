@@ -104,7 +104,7 @@ class Codec(udsoncan.DidCodec):
         return self._did.layout.size
 
 
-@pytest.mark.timeout(300)
+@pytest.mark.timeout(800)
 def test_udsoncan_as_it_is_over_the_kernels_isotp_sockets(rehearsal):
     address = isotp.Address(txid=table.request_id(), rxid=table.response_id())
     config = udsoncan.configs.default_client_config | {
