@@ -163,7 +163,7 @@ def allocate(source: str | Mapping[str, Any], wishes: Wishes | None = None) -> A
     problem = _Problem(requirement, wanted.tolerances, unit, fixed, analysis.mean[-1])
     sigmas = problem.solve()
     covariances = problem.scaled(sigmas)
-    whole = float(np.trace(covariances.sum(axis=0) + fixed))
+    whole = float(np.trace(covariances.sum(axis=0) + fixed)) or math.inf  # no shares of nothing
     chosen = [
         Chosen(
             one.key, float(sigma), _cost(one, sigma), float(np.trace(P)) / whole, _limit(one, sigma)

@@ -38,7 +38,7 @@ _DAMAGE = (pickle.UnpicklingError, ImportError, AttributeError, RuntimeError, Ty
 _known: dict[tuple[Path, str], Part] = {}
 """The parts that this process has, by folder and file."""
 
-_units: dict[str, WholeLibrary | Any] = {}
+_units: dict[str, Any] = {}
 """The units whose machine code this process has, by the names of their functions."""
 
 

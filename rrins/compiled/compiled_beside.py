@@ -1,4 +1,4 @@
-"""Compiles parts in a second process, while this one compiles the rest."""
+"""Compiles parts and units in a second process, while this one compiles the rest."""
 
 from __future__ import annotations
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import pytest
@@ -32,7 +33,7 @@ class Master:
         assert bench.firmware.xcp is not None
         self.xcp = bench.firmware.xcp
 
-    def step(self, packets: list[bytes] = ()) -> list[bytes]:  # type: ignore[assignment]
+    def step(self, packets: Sequence[bytes] = ()) -> list[bytes]:
         """Run an epoch with packets before its own frames; return the slave's, filled up."""
         frames = [*map(xcp_frame, packets), *self.bench.frames()]
         out = self.bench.step(frames)

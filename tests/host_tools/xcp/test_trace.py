@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
@@ -35,7 +36,7 @@ class Recorded(Master):
         super().__init__(Bench(xcp=XcpSettings()))
         self.frames: list[tuple[int, int, bytes]] = []
 
-    def step(self, packets: list[bytes] = ()) -> list[bytes]:  # type: ignore[assignment]
+    def step(self, packets: Sequence[bytes] = ()) -> list[bytes]:
         answers = super().step(packets)
         time_ns = self.bench.epoch * PERIOD_NS
         self.frames += [(time_ns, COMMAND, packet) for packet in packets]
