@@ -8,18 +8,16 @@ the inner axis, which it does not know, make its attitude of the sensors wrong.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, TypedDict
+from typing import TypedDict
 
 import numpy as np
 
+from rrins.compiled.record import Floats
 from rrins.host_tools.hardware.settings import body_to_navigation
 from rrins.host_tools.hardware.units import ARCSEC
 from rrins.host_tools.rounding import rounded
 from rrins.host_tools.runs.set_up.settings import Pose, first_pose, given_pose
 from rrins.host_tools.scenario.scenario import Scenario
-
-if TYPE_CHECKING:
-    from scipy.spatial.transform import Rotation
 
 _ZERO = 1e-6  # ″, rounding
 
@@ -32,22 +30,37 @@ class EastNorthUp(TypedDict):
     up: float
 
 
-def _attitude(pose: Pose) -> Rotation:
-    from scipy.spatial.transform import Rotation  # takes long, and is not needed to start a run
-
+def _attitude(pose: Pose) -> Floats:
     angles = (math.radians(a) for a in (pose.roll_deg, pose.pitch_deg, pose.heading_deg))
-    return Rotation.from_matrix(body_to_navigation(*angles))
+    return body_to_navigation(*angles)
 
 
-def _sensors_to_body(scenario: Scenario) -> tuple[Rotation, Rotation]:
+def _turn(x: float, y: float, z: float) -> Floats:
+    """Return the matrix of a rotation vector, rad. Rodrigues."""
+    angle = math.hypot(x, y, z)
+    K = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    return np.eye(3) + np.sinc(angle / math.pi) * K + np.sinc(angle / math.tau) ** 2 / 2 * K @ K
+
+
+def _rotation_vector(C: Floats) -> Floats:
+    """Return the rotation vector of a matrix, rad. Bar-Itzhack, J. Guidance 23 (2000), 1085."""
+    K = np.zeros((4, 4))
+    K[0, 0] = C.trace()
+    K[0, 1:] = K[1:, 0] = C[2, 1] - C[1, 2], C[0, 2] - C[2, 0], C[1, 0] - C[0, 1]
+    K[1:, 1:] = C + C.T - C.trace() * np.eye(3)
+    q = np.linalg.eigh(K)[1][:, -1]
+    sine = np.linalg.norm(q[1:])
+    if sine == 0:
+        return np.zeros(3)
+    return q[1:] * (2 * math.atan2(sine, abs(q[0])) / math.copysign(sine, q[0]))
+
+
+def _sensors_to_body(scenario: Scenario) -> tuple[Floats, Floats]:
     """Return C_s_b with the axes at zero: as the encoders have it, and as it is."""
-    from scipy.spatial.transform import Rotation
-
     table = scenario.turntable
     inner, outer = (math.radians(axis.encoder_offset_deg) for axis in (table.inner, table.outer))
-    read = Rotation.from_rotvec([outer, 0, 0]) * Rotation.from_rotvec([0, 0, inner])
-    tilt = [table.wobble_arcsec * ARCSEC, table.non_orthogonality_arcsec * ARCSEC, 0]
-    return read, Rotation.from_rotvec(tilt)
+    read = _turn(outer, 0.0, 0.0) @ _turn(0.0, 0.0, inner)
+    return read, _turn(table.wobble_arcsec * ARCSEC, table.non_orthogonality_arcsec * ARCSEC, 0.0)
 
 
 def error_arcsec(scenario: Scenario) -> EastNorthUp | None:
@@ -64,8 +77,8 @@ def error_arcsec(scenario: Scenario) -> EastNorthUp | None:
     if scenario.firmware.initial_attitude != "given":
         return None
     read, true = _sensors_to_body(scenario)
-    given = _attitude(given_pose(scenario)) * read
-    off = (given * (_attitude(first_pose(scenario)) * true).inv()).as_rotvec() / ARCSEC
+    given = _attitude(given_pose(scenario)) @ read
+    off = _rotation_vector(given @ (_attitude(first_pose(scenario)) @ true).T) / ARCSEC
     if np.abs(off).max() < _ZERO:
         return None
     east, north, up = off.tolist()
