@@ -37,7 +37,6 @@ from rrins.host_tools.errors import RehearsalError
 from rrins.host_tools.interruption import INTERRUPTED, heed_sigterm
 
 if TYPE_CHECKING:
-    from rich.table import Table
 
     from rrins.firmware_py.serial.settings import SerialSettings
     from rrins.host_tools.bus.port import Side
@@ -209,13 +208,19 @@ def _display(scenario: Scenario, quiet: bool) -> RunDisplay:
 
 
 def _finish(result: RunResult, folder: Path, as_json: bool) -> None:
-    """Write and show the results, then raise the error of the run, if any."""
+    """Show and write the results, then raise the error of the run, if any.
+
+    The table comes before the pictures, which take longer than a short run; JSON after them.
+    """
     from rrins.host_tools.runs.results.keeping import place_for
     from rrins.host_tools.runs.results.summary import lines_of, table_of
 
-    paths: list[Path] = []
-    failure: RehearsalError | None = None
     summary = result.summary
+    if not as_json:
+        table = [table_of(summary)] if len(result.errors) else []
+        print_results(False, summary, [*table, *(lines_of(summary) if summary["epochs"] else ())])
+    failure: RehearsalError | None = None
+    paths: list[Path] = []
     try:
         place, note = place_for(folder, summary)
         if note is not None:
@@ -223,12 +228,8 @@ def _finish(result: RunResult, folder: Path, as_json: bool) -> None:
         paths = result.write(place)
     except RehearsalError as error:
         failure = error
-    parts: list[Table | str] = []
-    if len(result.errors) and not as_json:
-        parts.append(table_of(summary))
-    if summary["epochs"]:
-        parts += [*lines_of(summary), *(f"  {path}" for path in paths)]
-    print_results(as_json, summary, parts)
+    if as_json or summary["epochs"]:
+        print_results(as_json, summary, (f"  {path}" for path in paths))
     if failure is not None and result.failure is None:
         raise failure
     result.check()
