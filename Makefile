@@ -11,8 +11,9 @@ rehearsal: $(VENV)/installed
 	$(RUN) rrins rehearse rimu_rotating --duration 1600 --out out/rehearsal
 	@$(MAKE) --no-print-directory $(VENV)/bytecode
 
-# Tests of a file share what they start; the longest files begin (tests/conftest.py).
-PYTEST = $(RUN) pytest -n 2 --dist loadfile --no-loadscope-reorder
+# Tests of a file share what they start; the longest files begin (tests/conftest.py). Three workers
+# for two cores: each waits a third of its time for what it starts.
+PYTEST = $(RUN) pytest -n 3 --dist loadfile --no-loadscope-reorder
 
 # The tests between two edits: what computes, and none that is slow.
 QUICK = dbc docs firmware_py rrins host_tools/hardware host_tools/scenario host_tools/wire

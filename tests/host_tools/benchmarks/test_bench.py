@@ -7,6 +7,7 @@ import io
 import json
 
 import numpy as np
+import pytest
 from click.testing import CliRunner
 from rich.console import Console
 
@@ -69,6 +70,7 @@ def assert_lateness(result):
     assert isinstance(read["completed"], bool)
 
 
+@pytest.mark.soak
 def test_a_quick_bench_measures_everything(monkeypatch):
     short = dataclasses.replace(
         suite.QUICK, lockstep_s=40.0, direct_s=20.0, floor_epochs=1000, message_epochs=50,

@@ -67,6 +67,14 @@ def begin_and_pause(folder, runs, *more, **keywords):
     return process
 
 
+def kill_a_worker(process):
+    threads = Path(f"/proc/{process.pid}/task").glob("*/children")
+    listed = [pid for one in threads for pid in one.read_text().split()]
+    workers = [pid for pid in listed if b"spawn_main" in Path(f"/proc/{pid}/cmdline").read_bytes()]
+    assert len(workers) == 2
+    os.kill(int(workers[0]), signal.SIGKILL)
+
+
 def stored(folder):
     return sum(pq.read_metadata(path).num_rows for path in (folder / "c").glob("part-*"))
 
@@ -84,7 +92,8 @@ def check_whole(folder, table):
 
 
 @pytest.mark.slow
-def test_whatever_ends_it_it_goes_on_until_every_run_is_there_once(tmp_path, table):
+@pytest.mark.parametrize("engine", ["threads", pytest.param("processes", marks=pytest.mark.soak)])
+def test_whatever_ends_it_it_goes_on_until_every_run_is_there_once(tmp_path, table, engine):
     # A disk that is full: a limit on the size of files, writing fails in the same call.
     limit = functools.partial(resource.setrlimit, resource.RLIMIT_FSIZE, (20_000, 20_000))
     no_bytecode = os.environ | {"PYTHONDONTWRITEBYTECODE": "1"}  # Python would cut it short
@@ -93,11 +102,12 @@ def test_whatever_ends_it_it_goes_on_until_every_run_is_there_once(tmp_path, tab
     assert process.returncode == 1
     assert b"cannot be written" in err.splitlines()[-1]
     assert not list((tmp_path / "c").glob(".part-*"))
-    # A client that is killed.
-    process = begin_and_pause(tmp_path, stored(tmp_path) + 1, "--engine=processes")
-    process.kill()
-    process.communicate()
     before = stored(tmp_path)
+    if engine == "processes":  # A client that is killed.
+        process = begin_and_pause(tmp_path, before + 1, f"--engine={engine}")
+        process.kill()
+        process.communicate()
+        before = stored(tmp_path)
     # Ctrl-C.
     process = begin_and_pause(tmp_path, before + 1)
     process.send_signal(signal.SIGINT)
@@ -106,24 +116,23 @@ def test_whatever_ends_it_it_goes_on_until_every_run_is_there_once(tmp_path, tab
     assert process.returncode == 130
     assert err.decode().startswith("rrins: stopped by the user: ")
     interrupted = stored(tmp_path)
-    assert 0 < before < interrupted < RUNS
+    assert before < interrupted < RUNS
     # A worker that is killed is replaced.
-    process = begin_and_pause(tmp_path, interrupted + 1, "--engine=processes")
-    threads = Path(f"/proc/{process.pid}/task").glob("*/children")
-    listed = [pid for one in threads for pid in one.read_text().split()]
-    workers = [pid for pid in listed if b"spawn_main" in Path(f"/proc/{pid}/cmdline").read_bytes()]
-    assert len(workers) == 2
-    os.kill(int(workers[0]), signal.SIGKILL)
-    process.send_signal(signal.SIGCONT)
+    if engine == "processes":
+        process = begin_and_pause(tmp_path, interrupted + 1, f"--engine={engine}")
+        kill_a_worker(process)
+        process.send_signal(signal.SIGCONT)
+    else:
+        process = begin(tmp_path)
     out, err = process.communicate(timeout=200)
     assert process.returncode == 0, err
     printed = json.loads(out)
-    assert printed["lost_chunks"] >= 1
+    assert (printed["lost_chunks"] >= 1) == (engine == "processes")
     assert printed["run_now"] == RUNS - interrupted
     check_whole(tmp_path, table)
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_ctrl_c_in_a_terminal_reaches_workers_too_and_gives_one_line(tmp_path):
     process = begin_and_pause(tmp_path, 1, "--engine=processes", start_new_session=True)
     os.killpg(process.pid, signal.SIGINT)

@@ -46,7 +46,7 @@ def copied_cache(run, cache, monkeypatch):
     return copy
 
 
-@pytest.mark.slow
+@pytest.mark.soak  # a function heals in tests/rrins/compiled
 def test_a_rehearsal_heals_a_damaged_cache_with_one_line(start, copied_cache):
     damaged = [path for name in ("gravity", "span_of") for path in copied_cache.glob(f"*.{name}-*")]
     assert len(damaged) >= 2
@@ -59,8 +59,11 @@ def test_a_rehearsal_heals_a_damaged_cache_with_one_line(start, copied_cache):
         assert not [line for line in running.said if "Traceback" in line]
 
 
+SOAK = [pytest.param(one, marks=pytest.mark.soak) for one in (("simulate",), ("firmware",))]
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("command", [("rehearse",), ("simulate",), ("firmware", "--speed=max")])
+@pytest.mark.parametrize("command", [("rehearse",), *SOAK])
 def test_ctrl_c_while_it_compiles_is_one_line(start, cache, command):
     running = start(*command, "--duration=1", is_program=True)
     running.wait_for_line("compiling")
