@@ -34,14 +34,14 @@ def keep_few(patch):
     """Leave few of the sets of constants, variants and geometries; an hour in place of three."""
     few = [case for case in prototype.CASES if case.constants == REFERENCE][:1]
     patch.setattr(prototype, "CASES", (*few, *prototype.CASES[-2:]))
-    patch.setattr(prototype, "load", lambda name: load(name, duration_s=3600))
+    patch.setattr(prototype, "load", lambda name: load(name, duration_s=1800))
     patch.setattr(drive, "CASES", ((SETS[1], False), (WORST, False), (WORST, True)))
     patch.setattr(drive, "_VARIANTS", dict([*drive._VARIANTS.items()][:2]))
     for name, last in (("STATIC", 2), ("ROTATING", 3)):
         simulation = getattr(static, name)
         variants = dict([*simulation.variants.items()][:last])
         patch.setattr(static, name, replace(simulation, variants=variants))
-    patch.setattr(static, "load", lambda name: load(name, rate_hz=RATE_HZ))
+    patch.setattr(static, "load", lambda name: load(name, rate_hz=RATE_HZ, duration_s=2000))
     patch.setattr(variation, "GEOMETRIES", variation.GEOMETRIES[:1])
 
 
