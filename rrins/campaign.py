@@ -194,6 +194,16 @@ class Campaign:
         found = circles(Outcomes(self.store))
         return pd.DataFrame({name: one.values() for name, one in found.items()}).T
 
+    def far_percentile(self, percent: float = 99.9, output: str = MAIN) -> dict[str, float | None]:
+        """Return a percentile that few runs exceed, by a fitted tail, with its interval of 95 %.
+
+        `value`, `low`, `high`; None each for fewer than 400 runs. See
+        `rrins.host_tools.campaigns.tail`.
+        """
+        from rrins.host_tools.campaigns.tail import far_percentile
+
+        return far_percentile(Outcomes(self.store, (output,))[output], percent).values()
+
     def sensitivity(self, output: str | None = None) -> pd.DataFrame:
         """Return which input matters: a row for each input, the largest first.
 

@@ -12,12 +12,14 @@ from rrins.compiled.record import Floats
 from rrins.host_tools.campaigns.row import MAIN, OK
 from rrins.host_tools.campaigns.statistics import (
     CONFIDENCE,
+    NOTHING,
     PERCENTILES,
     Estimate,
     Sample,
     fewest_runs,
 )
 from rrins.host_tools.campaigns.store import Store
+from rrins.host_tools.campaigns.tail import far_percentile
 from rrins.host_tools.campaigns.until import OF_LOOKS
 from rrins.host_tools.files import JsonObject
 from rrins.host_tools.rounding import limits, rounded
@@ -102,6 +104,11 @@ def circles(outcomes: Outcomes) -> dict[str, Estimate]:
     return {"cep50_m": radial.percentile(50.0), "r95_m": radial.percentile(95.0)}
 
 
+def far(outcomes: Outcomes) -> Estimate:
+    """Return the radius, m, that 1 run in 1000 ends beyond; nothing for blocks and few runs."""
+    return NOTHING if outcomes.has_blocks else far_percentile(outcomes[MAIN], 99.9)
+
+
 def values_of(store: Store) -> JsonObject:
     """Return the results of a campaign, as plain values."""
     outcomes = Outcomes(store)
@@ -118,6 +125,7 @@ def values_of(store: Store) -> JsonObject:
             for name in outcomes.known()
         },
         "circles": {name: one.values() for name, one in circles(outcomes).items()},
+        "r999_m": far(outcomes).values(),
         "r95_bound_m": bound if np.isfinite(bound := outcomes.sample(MAIN).bound(95.0)) else None,
     }
 
@@ -184,6 +192,12 @@ def lines_of(store: Store) -> list[str]:
         for name, one in zip(("CEP50", "R95"), circles(outcomes).values(), strict=True)
     ]
     lines.append(bound_of(outcomes))
+    tail = far(outcomes)
+    if np.isfinite(tail.high):
+        lines.append(
+            f"1 run in 1000 ends beyond {value(tail)} m ({interval(tail)}), "
+            "if the tail goes on as the largest tenth"
+        )
     for text, count in list(reasons(store).items())[:5]:
         lines.append(f"{count} of {outcomes.stored} runs without an end: {text}")
     return lines

@@ -37,7 +37,6 @@ from rrins.host_tools.errors import RehearsalError
 from rrins.host_tools.interruption import INTERRUPTED, heed_sigterm
 
 if TYPE_CHECKING:
-
     from rrins.firmware_py.serial.settings import SerialSettings
     from rrins.host_tools.bus.port import Side
     from rrins.host_tools.runs.display import RunDisplay

@@ -14,6 +14,7 @@ from rrins.host_tools.campaigns.statistics import (
     proportion,
     weighted_proportion,
 )
+from rrins.host_tools.campaigns.tail import far_percentile
 from rrins.host_tools.campaigns.until import FEWEST, Until
 
 RAYLEIGH = {
@@ -161,3 +162,36 @@ def test_a_sentence_that_is_none_is_refused(text):
 def test_short_words():
     assert Until.parse("r95 within 5 %").column == "horizontal_error_m"
     assert Until.parse("median of height_error_m within 2.5").limit == 2.5
+
+
+@pytest.mark.parametrize("scale", [1e-3, 1, 1e4])
+def test_a_far_percentile_goes_on_as_the_tail_begins(scale):
+    """Of exact quantiles of the exponential distribution: its tail has its own shape."""
+    values = -scale * np.log(1 - (np.arange(2000) + 0.5) / 2000)
+    found = far_percentile(values, 99.9)
+    assert found.value == pytest.approx(scale * np.log(1000), rel=0.02)
+    assert found.low < found.value < found.high < 1.5 * found.value
+    assert found.high - found.value > found.value - found.low
+
+
+def test_a_tail_takes_400_runs_that_differ():
+    assert np.isnan(far_percentile(np.arange(399.0), 99.9).value)
+    assert np.isnan(far_percentile(np.ones(500), 99.9).value)
+    assert far_percentile(np.r_[np.arange(400.0), np.nan], 99.9).value < 500
+
+
+TAILS = {
+    "rayleigh": lambda rng, runs: np.hypot(*rng.standard_normal((2, runs))),
+    "ellipse": lambda rng, runs: np.hypot(*(rng.standard_normal((2, runs)).T * (1, 0.3)).T),
+    "lognormal": lambda rng, runs: rng.lognormal(0, 0.5, runs),
+}
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize("name", TAILS)
+@pytest.mark.parametrize("runs", [400, 4000])
+def test_a_tail_has_the_truth_in_95_percent(name, runs):
+    rng, draw = np.random.default_rng(2), TAILS[name]
+    truth = np.quantile(draw(np.random.default_rng(3), 20_000_000), 0.999)
+    found = [far_percentile(draw(rng, runs), 99.9) for _ in range(1000)]
+    assert np.mean([one.low <= truth <= one.high for one in found]) > 0.945
