@@ -110,8 +110,8 @@ by default all. `probability` is the share of these frames that is affected.
 then it begins anew ([what it does](firmware.md#power)). In a rehearsal the firmware, ours or [your
 own](own-firmware.md), is killed by SIGKILL and started again. Where a scenario has this fault, our
 firmware is followed by its frames alone, as yours is, because its own log would end: the summary
-lacks what only it reports, such as `navigation_sha256`. `rrins inject` cuts the power of a program of
-your own and of benches; that of our firmware in a rehearsal only if the scenario cuts it, too. With
+lacks what only it reports, such as `navigation_sha256`. `rrins inject` cuts it in benches and
+of a program of your own; of our firmware in a rehearsal only where the scenario cuts it, too. With
 `rrins hardware` alone nobody switches the firmware: only its frames are lost.
 
 ## Of the hardware
