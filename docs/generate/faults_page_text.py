@@ -107,10 +107,12 @@ retransmission; on the ideal wire it has no effect. `message` and `node` select 
 by default all. `probability` is the share of these frames that is affected.
 
 `power_off` is a power cycle of the navigation computer, or a brown-out: for `for_s` it is gone, and
-then it begins anew ([what it does](firmware.md#power)). `rrins simulate`, benches and rehearsals
-with [a program of your own](own-firmware.md) have it; the program is killed by SIGKILL and started
-again. `rrins rehearse` refuses it for our own firmware, whose log would end. With `rrins hardware`
-alone nobody switches the firmware: only its frames are lost.
+then it begins anew ([what it does](firmware.md#power)). In a rehearsal the firmware, ours or [your
+own](own-firmware.md), is killed by SIGKILL and started again. Where a scenario has this fault, our
+firmware is followed by its frames alone, as yours is, because its own log would end: the summary
+lacks what only it reports, such as `navigation_sha256`. `rrins inject` cuts it in benches and
+of a program of your own; of our firmware in a rehearsal only where the scenario cuts it, too. With
+`rrins hardware` alone nobody switches the firmware: only its frames are lost.
 
 ## Of the hardware
 

@@ -212,7 +212,8 @@ def stalls(subject: Subject) -> None:
 def late_attach(subject: Subject) -> None:
     """In real time at 400 Hz a program that comes to a running hardware navigates in time.
 
-    The hardware's clock is 800 ppm slow, so one that is not followed slips by an epoch.
+    The hardware's clock is 800 ppm slow, so one that is not followed slips by an epoch. Four times
+    the program stands still for two periods.
     """
 
     def judge(heard: _Heard) -> None:
@@ -223,7 +224,8 @@ def late_attach(subject: Subject) -> None:
         if heard.missing > _MISSING:
             raise _LateError(f"{heard.missing} frames are missing, though all were sent in time")
 
-    script = _Script(4000, 400, lambda epoch: 800e-6 * epoch * 2.5e6, first=800)
+    halts = tuple((2000 + 100 * k, 0.005, "program") for k in range(4))
+    script = _Script(4000, 400, lambda epoch: 800e-6 * epoch * 2.5e6, first=800, halts=halts)
     _repeatedly(subject, script, judge)
 
 

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import logging
 import tempfile
 import time
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Final
 
@@ -17,6 +19,7 @@ from rrins.host_tools.conformance import (
 )
 from rrins.host_tools.conformance.check import Check, Finding, NotApplicableError, Subject
 from rrins.host_tools.errors import RehearsalError
+from rrins.host_tools.runs.programs.notices import LOGGER
 from rrins.host_tools.testing.errors import BenchError
 
 FIRST: Final = behaviour.start_up
@@ -97,7 +100,7 @@ def conform(program: str | None, checks: Sequence[Check] = CHECKS) -> Iterator[F
 def _try(check: Check, program: str | None) -> tuple[Finding, bool]:
     """Try a check; return the result, and whether the program itself failed."""
     begin = time.monotonic()
-    with tempfile.TemporaryDirectory(prefix="rrins-conform-") as folder:
+    with tempfile.TemporaryDirectory(prefix="rrins-conform-") as folder, _unheard_bus():
         try:
             with Subject(program, Path(folder)) as subject:
                 check.run(subject)
@@ -107,3 +110,15 @@ def _try(check: Check, program: str | None) -> tuple[Finding, bool]:
         except NotApplicableError as error:
             return Finding(check, "skipped", str(error), time.monotonic() - begin), False
     return Finding(check, "passed", "", time.monotonic() - begin), False
+
+
+@contextmanager
+def _unheard_bus() -> Iterator[None]:
+    """Leave unheard what the bus says of a program that goes: the finding says what matters."""
+    logger = logging.getLogger(LOGGER)
+    before = logger.level
+    logger.setLevel(logging.ERROR)
+    try:
+        yield
+    finally:
+        logger.setLevel(before)

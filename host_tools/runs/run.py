@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
@@ -25,7 +26,7 @@ from rrins.host_tools.recording.formats import check_path
 from rrins.host_tools.runs.direct import run_direct, run_without_frames
 from rrins.host_tools.runs.display import RunDisplay
 from rrins.host_tools.runs.fast import FastRun
-from rrins.host_tools.runs.programs.own_hardware import check_faults, check_power
+from rrins.host_tools.runs.programs.own_hardware import check_faults
 from rrins.host_tools.runs.programs.program import Program
 from rrins.host_tools.runs.rehearsal import (
     CHANNEL,
@@ -53,6 +54,7 @@ from rrins.host_tools.runs.sides.starting import start_program
 from rrins.host_tools.scenario.scenario import Scenario
 from rrins.host_tools.serial.arguments import arguments_of
 from rrins.host_tools.terminal import new_console
+from rrins.host_tools.wire.fault_kinds import FaultKind
 
 _ATTEMPTS = 5
 _PROBE_S = 60.0  # simulated
@@ -231,6 +233,14 @@ class Plan:
             options += ["--program", str(self.hardware), "--patience", f"{self.patience_s:g}"]
         return tuple(options)
 
+    def _firmware(self) -> Program | None:
+        """Return the program that is the firmware: ours, too, where a fault takes its power."""
+        loses_power = any(fault.kind == FaultKind.POWER_OFF.word for fault in self.scenario.faults)
+        if self.firmware is not None or not loses_power:
+            return self.firmware
+        words = (self.name, *self.overrides.options(), *arguments_of(self.serial))
+        return Program((sys.executable, "-m", "rrins", "firmware", *words), "rrins firmware")
+
     def rehearsal(
         self, address: Address, folder: Path, record: Path | None, start: Start
     ) -> Rehearsal:
@@ -247,8 +257,8 @@ class Plan:
             self._hardware_options(),
             start,
             self.timestamps,
-            self.firmware,
-            self.patience_s,
+            self._firmware(),
+            self.patience_s if self.firmware is not None else 0.0,  # ours may compile
             self.restarts,
         )
 
@@ -266,8 +276,6 @@ def check(plan: Plan, record: Path | None = None) -> Address:
     check_files(plan.scenario)
     if plan.restarts and plan.firmware is None:
         raise RehearsalError("--restart is for a program of your own: name it with --firmware")
-    if plan.firmware is None:
-        check_power(plan.scenario)
     if plan.hardware is not None:
         check_faults(plan.hardware, plan.scenario)
     check_code_folder()

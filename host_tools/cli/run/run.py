@@ -260,6 +260,7 @@ _side_options = together(
     "Parameter memory; created if missing. Its values override the scenario's.",
     FILE,
 )
+@click.option("--setup", hidden=True, expose_value=False)  # given to any program by a rehearsal
 def firmware(**options: Any) -> None:
     """Run the navigation computer alone, on the hardware's bus.
 

@@ -20,6 +20,7 @@ from rrins.host_tools.cli.options import (
 )
 from rrins.host_tools.cli.output import print_results
 from rrins.host_tools.errors import ConformanceError, RehearsalError
+from rrins.host_tools.interruption import heed_sigterm
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -83,6 +84,10 @@ def conform(
     from rrins.host_tools.conformance.suite import chosen, conform
     from rrins.host_tools.runs.programs.program import Program
 
+    heed_sigterm()
+    for path in (junit, html):
+        if path is not None and not path.absolute().parent.is_dir():  # told before all is run
+            raise RehearsalError(f"{path}: cannot be written: there is no such folder")
     checks = chosen(only, is_long)
     if is_list or is_matrix:
         _print_list(checks, is_matrix, as_json)

@@ -11,6 +11,7 @@ went, so do all of its descendants, in whatever session they are; the keeper end
 program did.
 """
 
+import contextlib
 import ctypes
 import os
 import resource
@@ -54,13 +55,17 @@ class Log:
             data = os.read(self._pipe, _CHUNK)
         except BlockingIOError:
             return False
-        if self._bytes + len(data) > self._limit:
-            self._file.close()
-            self._path.replace(self._path.with_stem(f"{self._path.stem}.before"))
-            self._file, self._bytes = self._path.open("wb", buffering=0), 0
-        self._file.write(data)
-        self._bytes += len(data)
+        with contextlib.suppress(OSError):  # a full disk, no folder any more: the program goes on
+            self._write(data)
         return bool(data)
+
+    def _write(self, data: bytes) -> None:
+        if self._bytes + len(data) > self._limit:
+            self._path.replace(self._path.with_stem(f"{self._path.stem}.before"))
+            fresh = self._path.open("wb", buffering=0)
+            self._file.close()
+            self._file, self._bytes = fresh, 0
+        self._bytes += self._file.write(data) or 0
 
 
 class Keeper:
@@ -124,7 +129,7 @@ class Keeper:
 
     def _end_descendants(self) -> None:
         """Kill what the program has started until none is left: orphans become our children."""
-        while found := _descendants(os.getpid()):
+        while found := descendants(os.getpid()):
             for pid in found:
                 try:
                     os.kill(pid, signal.SIGKILL)
@@ -149,7 +154,8 @@ def _parent(pid: str) -> int:
     return int(stat.rpartition(b")")[2].split()[1])
 
 
-def _descendants(ancestor: int) -> list[int]:
+def descendants(ancestor: int) -> list[int]:
+    """Return what descends from a process, as far as no process between them has ended."""
     names = (path.name for path in Path("/proc").iterdir())
     parents = {int(pid): _parent(pid) for pid in names if pid.isdigit()}
     found, family = [], {ancestor}

@@ -43,7 +43,6 @@ from rrins.host_tools.runs.programs.program import (
 from rrins.host_tools.runs.results.pipe import ReportPipe
 from rrins.host_tools.scenario.fault_tables import FaultOnWire
 from rrins.host_tools.scenario.scenario import Scenario
-from rrins.host_tools.wire.fault_kinds import FaultKind
 from rrins.host_tools.wire.wire import Wire
 
 _ATTACH_S: Final = 30.0
@@ -65,22 +64,6 @@ def check_faults(program: Program, scenario: Scenario) -> None:
             raise RehearsalError(
                 f"faults.{number}: {fault.kind} is of the emulated hardware, in whose place "
                 f"{program.name} is; with it only faults on the wire are possible"
-            )
-
-
-def check_power(scenario: Scenario) -> None:
-    """Refuse power_off for our own firmware in a process, whose log would end with it.
-
-    Raises
-    ------
-    RehearsalError
-        For the first such fault.
-    """
-    for number, fault in enumerate(scenario.faults, 1):
-        if fault.kind == FaultKind.POWER_OFF.word:
-            raise RehearsalError(
-                f"faults.{number}: power_off is for `rrins simulate`, a bench, or a rehearsal "
-                "with a program of your own (--firmware)"
             )
 
 

@@ -100,6 +100,7 @@ class Program:
     """A program and the words that it is always called with."""
 
     words: tuple[str, ...]  #: the program, as a path, and its own options
+    title: str = ""  #: what it is called if not by its file
 
     @classmethod
     def parse(cls, text: str) -> Program:
@@ -131,8 +132,8 @@ class Program:
 
     @property
     def name(self) -> str:
-        """Name of the program's file."""
-        return Path(self.words[0]).name
+        """What it is called: by default as its file."""
+        return self.title or Path(self.words[0]).name
 
     def __str__(self) -> str:
         return shlex.join(self.words)

@@ -4,22 +4,35 @@ from __future__ import annotations
 
 import os
 import random
+from pathlib import Path
 
 import pytest
 
 import rrins
 from rrins.firmware_py.diagnostics import table
+from rrins.host_tools.runs import run
 from rrins.host_tools.runs.direct import run_direct
+from rrins.host_tools.runs.display import RunDisplay
+from rrins.host_tools.runs.programs.keeper import descendants
 from rrins.host_tools.scenario.scenario import load
+from rrins.host_tools.terminal import new_console
 from rrins.host_tools.testing.errors import BenchError
 
 QUICK = {"duration_s": 120, "firmware": {"alignment_s": 0.5}}
 WAYS = ("direct", "lockstep")
+SIDES = {"direct": [], "lockstep": ["firmware"], "realtime": ["firmware", "hardware"]}
+"""The sides that are processes of their own, while the firmware has power."""
 CYCLES = int(os.environ.get("RRINS_CYCLES", "5"))
 
 
 def navigating(bench):
     return bench.expect("FIRMWARE_STATUS", within=5, where={"mode": "NAVIGATION_ROTATING"})
+
+
+def sides():
+    """Return the sides among the processes of this test, each as often as there is one."""
+    names = [Path(f"/proc/{pid}/comm").read_text().strip() for pid in descendants(os.getpid())]
+    return sorted(name.removeprefix("rrins ") for name in names if name.startswith("rrins "))
 
 
 def cycled(bench):
@@ -32,9 +45,11 @@ def cycled(bench):
     before = bench.frames
     bench.advance(0.3)
     assert not bench.is_on
+    assert sides() == SIDES[bench.way][1:]
     assert bench.frames > before  # those of the hardware
     assert bench.last("AXIS_OUTER_STATUS")["time_s"] > turned["time_s"]
     navigating(bench)
+    assert sides() == SIDES[bench.way]
     assert bench.fault_counters["missing_frames"] == 0
     assert bench.expect("HEARTBEAT_FIRMWARE", within=1.1)["began_late"] == 1
     with bench.tester() as tester:
@@ -48,14 +63,30 @@ def test_the_hardware_goes_on_and_all_ways_agree(rrins_bench):
     assert direct == lockstep
 
 
+FAULT = {"kind": "power_off", "at_s": 2.0, "for_s": 0.3}
+CUT = load("ideal", duration_s=5, firmware={"alignment_s": 0.5}, faults=[FAULT])
+
+
 def test_a_direct_run_has_the_fault_too():
-    fault = {"kind": "power_off", "at_s": 2.0, "for_s": 0.3}
-    scenario = load("ideal", duration_s=5, firmware={"alignment_s": 0.5}, faults=[fault])
-    outcome = run_direct(scenario)
+    outcome = run_direct(CUT)
     assert not any(outcome.firmware["faults"].values())
     assert outcome.hardware["faults"]["missing_commands"] == 2 * 60  # of two axes for 60 epochs
     begun = 2.3 + 0.5 + 0.5  # self-test and alignment
     assert outcome.firmware["epochs_navigated"] > 200 * (5 - begun)
+
+
+@pytest.mark.slow
+def test_a_rehearsal_starts_the_firmware_again(tmp_path):
+    file = tmp_path / "cut.toml"
+    file.write_text(CUT.toml(), encoding="utf-8")
+    with RunDisplay(CUT, new_console(stderr=True), quiet=True) as display:
+        result = run.rehearse(run.Plan(str(file), CUT), display, tmp_path)
+    result.check()
+    summary = result.summary
+    assert summary["hardware"]["faults"]["missing_commands"] == 2 * 60
+    assert summary["firmware"]["mode"] == "NAVIGATION_ROTATING"
+    assert not any(summary["firmware"]["faults"].values())
+    assert result.errors.epoch[-1] > 200 * 5
 
 
 @pytest.mark.parametrize("way", WAYS)
@@ -104,6 +135,9 @@ def test_power_cuts_at_random_instants_lose_nothing(rrins_bench, tmp_path, way):
         bench.advance(rng.random() * 0.05)
         bench.power_cycle(rng.random() * 0.5)
         bench.expect("FIRMWARE_STATUS", within=8, where={"mode": "NAVIGATION_ROTATING"})
+        assert sides() == SIDES[way]  # no orphan
         with bench.tester() as tester:
             kept = tester.read([did])["axis_watch"]["follow_tolerance_deg"]
         assert kept == pytest.approx(tolerance)
+    bench.close()
+    assert sides() == []

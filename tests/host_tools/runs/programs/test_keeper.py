@@ -140,6 +140,18 @@ def test_what_it_prints_is_limited_and_its_last_words_are_kept(
     ]
 
 
+def test_a_program_goes_on_where_its_output_cannot_be_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(program, "LOG_BYTES", 1000)
+    folder = tmp_path / "out"
+    folder.mkdir()
+    script = f"rm -r {folder}; for k in 1 2 3; do printf %0999d 1; sleep 0.01; done; exit 7"
+    process = started(f'sh -c "{script}"', folder)
+    assert process.wait(120) == 7
+    process.close()
+
+
 def test_without_a_keeper_the_program_is_not_started(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
