@@ -42,7 +42,7 @@ _TYPES = {
     "h": "SWORD", "l": "A_INT64", "q": "A_INT64", "d": "FLOAT64_IEEE",
 }  # fmt: skip
 _MANDATORY = (Command.CONNECT, Command.DISCONNECT, Command.GET_STATUS, Command.SYNCH)
-_NOT_SERVED = (*_MANDATORY, Command.SHORT_DOWNLOAD)
+_UNLISTED = (*_MANDATORY, Command.SHORT_DOWNLOAD)  # which writes nothing in frames of 8 bytes
 
 
 def name_of(field: MemoryField) -> str:
@@ -81,7 +81,7 @@ def a2l_text(period_ns: int) -> str:
         epk_address=f"0x{EPK_ADDRESS:X}",
         max_cto=f"0x{MAX_CTO:02X}",
         max_dto=MAX_DTO,
-        commands="\n".join(f"      OPTIONAL_CMD {c.name}" for c in Command if c not in _NOT_SERVED),
+        commands="\n".join(f"      OPTIONAL_CMD {c.name}" for c in Command if c not in _UNLISTED),
         block_packets=BLOCK_PACKETS,
         lists=LISTS_CAPACITY,
         odt_bytes=f"0x{ODT_BYTES:02X}",

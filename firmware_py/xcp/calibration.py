@@ -14,7 +14,7 @@ from rrins.firmware_py.xcp.protocol import (
     XcpError,
     require,
 )
-from rrins.firmware_py.xcp.session import Row, Session
+from rrins.firmware_py.xcp.session import Row, Session, address_of
 
 _DATA = MAX_CTO - 2  # bytes of DOWNLOAD and DOWNLOAD_NEXT in a packet
 _BY_COMPUTER, _BY_TOOL, _ALL_SEGMENTS = 0x01, 0x02, 0x80  # of SET_CAL_PAGE
@@ -85,7 +85,10 @@ class Calibration:
         return self._write(data[: MAX_CTO - 1])
 
     def _short_download(self, data: bytes) -> bytes:
-        raise XcpError(Fault.OUT_OF_RANGE)  # its head alone fills a frame of classic CAN
+        # Its head fills a packet of classic CAN: no byte can follow (XCP 1.0, part 2, 1.6.2.2.3).
+        require(data[0] == 0, Fault.OUT_OF_RANGE)
+        self._session.mta = address_of(data[2:])
+        return b""
 
     def _modify_bits(self, data: bytes) -> bytes:
         shift, keep, toggle = struct.unpack("<BHH", data[:5])

@@ -30,6 +30,7 @@ from rrins.firmware_py.xcp.stimulation import Stimulation
 _NS_PER_S = 1_000_000_000
 _COMMANDS_PER_EPOCH = 64
 _WAITING_CAPACITY = 4096  # packets of responses
+_OF_EPOCH = bytes([0, 0, EventChannel.EPOCH, 0])  # an event channel's number, a timeout, which one
 
 
 class XcpSummary(TypedDict):
@@ -120,7 +121,7 @@ class Xcp:
             self._stimulation.give(values)
             is_given = True
         if self._was_stimulated and not is_given:
-            self._tell(Event.STIM_TIMEOUT)
+            self._tell(Event.STIM_TIMEOUT, _OF_EPOCH)
         self._was_stimulated = is_given
 
     def run(self, inbox: FrameArray, start: int, end: int, outbox: FrameArray, sent: int) -> int:
@@ -165,8 +166,8 @@ class Xcp:
         if is_second or not is_complete:
             self._is_overloaded = not is_complete
 
-    def _tell(self, event: Event) -> None:
-        self._waiting.append(bytes([Packet.EVENT, event]))
+    def _tell(self, event: Event, details: bytes = b"") -> None:
+        self._waiting.append(bytes([Packet.EVENT, event]) + details)
 
     def _packets(self, frames: FrameArray) -> list[bytes]:
         ours = np.flatnonzero(frames["can_id"] == self._id).tolist()

@@ -89,6 +89,7 @@ _COMMANDS: Final = _RUN | _LOOK | _PLAN
 
 _EXTRAS = {
     "SALib": "campaign",
+    "asammdf": "mf4",
     "distributed": "dask",
     "mcap": "mcap",
     "odxtools": "odx",

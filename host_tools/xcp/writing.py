@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import importlib
 import json
+import os
 from collections.abc import Callable
 from pathlib import Path
 
@@ -10,7 +12,6 @@ import numpy as np
 
 from rrins.host_tools import files
 from rrins.host_tools.errors import XcpError
-from rrins.host_tools.recording.mf4 import asammdf_module
 from rrins.host_tools.xcp.recording import Recording
 
 _NS_PER_S = 1_000_000_000
@@ -30,10 +31,22 @@ def write(recording: Recording, path: Path) -> None:
 
 
 def writer_of(path: Path) -> Callable[[Recording, Path], None]:
-    """Return the writer for a file's ending; `XcpError` is raised without one."""
-    writer = _WRITERS.get(path.suffix.lower())
-    if writer is None:
+    """Return the writer of a file: so early that nothing has been recorded in vain.
+
+    Raises
+    ------
+    XcpError
+        If there is none for its ending, or its folder cannot be written to.
+    ModuleNotFoundError
+        If a package is missing.
+    """
+    ending = path.suffix.lower()
+    if ending not in _WRITERS:
         raise XcpError(f"{path}: ends in none of {', '.join(_WRITERS)}")
+    if not os.access(path.parent, os.W_OK | os.X_OK):
+        raise XcpError(f"{path}: cannot be written: {path.parent} is not a folder to write to")
+    package, writer = _WRITERS[ending]
+    importlib.import_module(package)
     return writer
 
 
@@ -59,7 +72,8 @@ def _write_csv(recording: Recording, path: Path) -> None:
 
 
 def _write_mf4(recording: Recording, path: Path) -> None:
-    asammdf = asammdf_module()
+    import asammdf
+
     signals = [
         asammdf.Signal(
             samples=column.astype(np.uint8) if column.dtype == bool else column,
@@ -96,8 +110,9 @@ def _write_mcap(recording: Recording, path: Path) -> None:
 
 
 _WRITERS = {
-    ".parquet": _write_parquet,
-    ".csv": _write_csv,
-    ".mf4": _write_mf4,
-    ".mcap": _write_mcap,
+    ".parquet": ("pyarrow", _write_parquet),
+    ".csv": ("csv", _write_csv),
+    ".mf4": ("asammdf", _write_mf4),
+    ".mcap": ("mcap", _write_mcap),
 }
+"""By ending: the package that writes it, and how."""

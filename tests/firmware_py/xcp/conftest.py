@@ -32,14 +32,15 @@ class Master:
         self.bench = bench
         assert bench.firmware.xcp is not None
         self.xcp = bench.firmware.xcp
+        self.lengths: list[int] = []
+        """Of the packets of the last step, bytes."""
 
     def step(self, packets: Sequence[bytes] = ()) -> list[bytes]:
         """Run an epoch with packets before its own frames; return the slave's, filled up."""
         frames = [*map(xcp_frame, packets), *self.bench.frames()]
-        out = self.bench.step(frames)
-        return [
-            int(frame["data"]).to_bytes(8, "little") for frame in out if frame["can_id"] == RESPONSE
-        ]
+        sent = [frame for frame in self.bench.step(frames) if frame["can_id"] == RESPONSE]
+        self.lengths = [int(frame["length"]) for frame in sent]
+        return [int(frame["data"]).to_bytes(8, "little") for frame in sent]
 
     def ask(self, *packets: str) -> str:
         """Return the packets that answer some packets, in hexadecimal, one a word."""

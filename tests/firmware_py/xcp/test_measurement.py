@@ -252,6 +252,7 @@ def test_stimulation_replaces_one_gyro_for_the_epoch_it_comes_in(unlocked):
     others = np.delete(increments[:4], 2)
     assert not np.any(others == 1e-5)
     assert unlocked.step()[0].hex() == "fd09" + "00" * 6
+    assert unlocked.lengths == [6]  # with the number of the event channel
     assert increments[2] == pytest.approx(own, abs=1e-6)
     assert unlocked.step(packets[:2]) == []
     assert increments[2] != 1e-5

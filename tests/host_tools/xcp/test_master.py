@@ -185,7 +185,9 @@ def test_twenty_signals_in_real_time_are_those_of_the_memory(tmp_path):
         return  # the machine stood still for longer than the firmware waits
     sides, watched = Sides(scenario.varied(xcp=None)), {}
     image = sides.firmware.ram.view(np.uint8)
-    places = [k for one in SIGNALS for k in range(one.address, one.address + one.size)]
+    del recording.values["steps"]  # also those without frames, which the clock makes
+    compared = [one for one in SIGNALS if one.name != "steps"]
+    places = [k for one in compared for k in range(one.address, one.address + one.size)]
     for _ in range(sides.epochs):
         sides.step([])
         watched[int(sides.firmware.ram[0].epoch)] = image[places].tobytes()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 
 import numpy as np
 import pytest
@@ -129,7 +130,18 @@ def test_files_have_every_value(tmp_path, ending):
     assert [entry.name for entry in tmp_path.iterdir()] == [path.name]
 
 
-def test_another_ending_is_refused_before_anything_is_asked():
-    result = CliRunner().invoke(rrins, ["xcp", "record", "out.txt", "epoch", "--channel", "nobody"])
-    assert result.exit_code == 25
-    assert "ends in none of .parquet, .csv, .mf4, .mcap" in result.output
+@pytest.mark.parametrize(
+    ("out", "status", "words"),
+    [
+        ("out.txt", 25, "ends in none of .parquet, .csv, .mf4, .mcap"),
+        ("missing/out.csv", 25, "missing is not a folder to write to"),
+        ("out.parquet", 1, "this needs pyarrow: pip install 'rrins[tables]'"),
+    ],
+)
+def test_a_file_that_cannot_be_written_is_told_before_it_is_measured(
+    tmp_path, monkeypatch, out, status, words
+):
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
+    monkeypatch.chdir(tmp_path)
+    result = CliRunner().invoke(rrins, ["xcp", "record", out, "epoch", "--channel", "nobody"])
+    assert (result.exit_code, words in result.output) == (status, True), result.output
