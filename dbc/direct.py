@@ -1,9 +1,10 @@
 """Batches of frames to and from a socket, in compiled code.
 
-While only the two sides are on the embedded bus, a side need not ask Python for every epoch: its
-compiled shell exchanges datagrams with the other one's socket. What else may come, a guest or a
-word of the host, is left to Python. A datagram is a header of four 64-bit words, as
-`rrins.host_tools.bus.datagram` lays it out, and two words for each frame.
+A side on the embedded bus need not ask Python for every epoch: its compiled shell exchanges
+datagrams with the other one's socket, and the host passes them on to one more end, such as a
+recorder. What else may come, a guest or a word of the host, is left to Python. A datagram is a
+header of four 64-bit words, as `rrins.host_tools.bus.datagram` lays it out, and two words for each
+frame.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from numba import config
 from numba.core import types
 
 from rrins.compiled.compilation import compiled
-from rrins.compiled.record import I8, U8, Record, Words
+from rrins.compiled.record import I8, U8, Integers, Record, Words
 from rrins.dbc.frame import FrameArray
 
 AVAILABLE = not config.DISABLE_JIT  # type: ignore[attr-defined]  # set by numba as it loads
@@ -58,19 +59,21 @@ class Direct(Record):
 
     fd: I8
     door: I8  #: descriptor that is readable while the host of the bus has something to do; or -1
+    listener: I8  #: socket of an end that gets the batches of both sides from here; or -1
     opening: U8  #: first word of the header of a batch without frames that closes an epoch
     own: U8  #: second word of a datagram sent: the node number
     other: U8  #: the same of a datagram received
     time_ns: I8  #: of the last batch sent
+    batches: I8  #: sent
     left_over: I8  #: bytes of a datagram that was received and is not such a batch; 0: none
-    polled: Annotated[Words, 2]  #: scratch
+    polled: Annotated[Words, 3]  #: scratch
 
 
 @compiled
 def send(
     direct: Direct, words: Words, frames: FrameArray, count: int, epoch: int, time_ns: int
 ) -> bool:
-    """Send the first `count` frames, which close an epoch; return whether the socket took them.
+    """Send the first `count` frames, which close an epoch; return False if nobody took them.
 
     Parameters
     ----------
@@ -88,9 +91,21 @@ def send(
         frame, at = frames[k], _HEADER_WORDS + 2 * k
         words[at] = np.uint64(frame.can_id) | np.uint64(frame.length) << _LENGTH_BIT
         words[at + 1] = frame["data"]
-    direct.time_ns = time_ns
     size = 8 * (_HEADER_WORDS + 2 * count)
-    return bool(_send(direct.fd, words.ctypes.data, size, _MSG_DONTWAIT | _MSG_NOSIGNAL) == size)
+    is_heard = direct.listener >= 0
+    if is_heard and not _put(direct.listener, words, size):
+        return False
+    if not _put(direct.fd, words, size) and not is_heard:  # else the answer will not come
+        return False
+    direct.time_ns = time_ns
+    direct.batches += 1
+    return True
+
+
+@compiled
+def _put(fd: int, words: Words, size: int) -> bool:
+    """Send a datagram; return whether the socket took it."""
+    return bool(_send(fd, words.ctypes.data, size, _MSG_DONTWAIT | _MSG_NOSIGNAL) == size)
 
 
 @compiled
@@ -110,7 +125,10 @@ def receive(direct: Direct, words: Words, frames: FrameArray) -> int:
     polled = direct.polled
     polled[0] = np.uint64(direct.fd) | np.uint64(_POLLIN << _EVENTS_BIT)
     polled[1] = np.uint64(direct.door & 0xFFFF_FFFF) | np.uint64(_POLLIN << _EVENTS_BIT)
-    if _poll(polled.ctypes.data, 2, _PATIENCE_MS) < 1 or polled[1] >> _REVENTS_BIT != 0:
+    polled[2] = np.uint64(direct.listener & 0xFFFF_FFFF) | np.uint64(_POLLIN << _EVENTS_BIT)
+    if _poll(polled.ctypes.data, len(polled), _PATIENCE_MS) < 1:
+        return NOTHING
+    if (polled[1] | polled[2]) >> _REVENTS_BIT != 0:
         return NOTHING
     size = _recv(direct.fd, words.ctypes.data, words.size * 8 - 7, _MSG_DONTWAIT)
     if size <= 0:
@@ -119,7 +137,11 @@ def receive(direct: Direct, words: Words, frames: FrameArray) -> int:
     count = _frames_in(size)
     if words[0] != direct.opening | np.uint64(count) << _COUNT_BIT or words[1] != direct.other:
         return NOTHING
-    return _unpack(direct, words, frames, count)
+    count = _unpack(direct, words, frames, count)
+    if count != NOTHING and direct.listener >= 0 and not _put(direct.listener, words, size):
+        direct.left_over = size
+        return NOTHING
+    return count
 
 
 @compiled
@@ -138,6 +160,34 @@ def take(direct: Direct, words: Words, frames: FrameArray) -> int:
     if words[1] > _LOW:
         return NOTHING
     return _unpack(direct, words, frames, count)
+
+
+@compiled
+def take_many(direct: Direct, words: Words, frames: FrameArray, heads: Integers) -> int:
+    """Take the batches that are there already, one behind the other; return how many.
+
+    Parameters
+    ----------
+    direct : Direct
+    words : array, shape (WORDS,)
+        Holds what is left over, if it is not for `take`.
+    frames : FrameArray
+        Takes the frames of all.
+    heads : array of int, shape (n, 4)
+        Takes the number of frames, the time in ns, the sender, and whether it closes an epoch, of
+        each batch.
+    """
+    times_ns = words.view(np.int64)
+    first = 0
+    for k in range(len(heads)):
+        count = take(direct, words, frames[first:])
+        if count == NOTHING:
+            return k
+        head = heads[k]
+        head[0], head[1], head[2] = count, times_ns[TIME_WORD], np.int64(words[1])
+        head[3] = (words[0] & _CLOSES_EPOCH) != 0
+        first += count
+    return len(heads)
 
 
 @compiled

@@ -122,7 +122,10 @@ class RoutineFailedError(DiagError):
 
 
 class CalibrationRecordError(RehearsalError):
-    """A calibration's record that cannot be read or does not suffice, or a unit that failed it."""
+    """A calibration's record that cannot be read or does not suffice, or a unit that failed it.
+
+    With `rrins calibrate --strict` also one whose constants are less well known than is wanted.
+    """
 
     exit_status = 12
 

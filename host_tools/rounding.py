@@ -32,6 +32,22 @@ def coarse(value: float | None) -> str:
     return rounded(value, 2 if value < 10 else 3)
 
 
+def kept(value: float | None, digits: int = 4) -> float | None:
+    """Return a number for a file, with this many significant digits; None where JSON has none."""
+    return float(f"{value:.{digits}g}") if _is_finite(value) else None
+
+
+def with_unit(value: float | None, unit: str) -> str:
+    """Return a number of m or m/s in the unit that fits: ``3.10 mm``, ``12.4 m/s``, ``2.21 km``."""
+    if not _is_finite(value):
+        return rounded(value)
+    if unit == "m" and abs(value) >= 1000:
+        return f"{rounded(value / 1000)} km"
+    if abs(value) < 0.1 and value != 0:
+        return f"{rounded(value * 1000)} m{unit}"
+    return f"{rounded(value)} {unit}"
+
+
 def alike(values: Iterable[float | None], digits: int = 3) -> list[str]:
     """Return numbers with as many decimals as the largest has with this many digits.
 

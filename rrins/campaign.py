@@ -16,6 +16,7 @@ from rrins.host_tools.campaigns.statistics import PERCENTILES
 from rrins.host_tools.campaigns.store import Store
 from rrins.host_tools.campaigns.summary import SHOWN, Outcomes, circles
 from rrins.host_tools.campaigns.until import Until
+from rrins.host_tools.rounding import rounded
 from rrins.host_tools.runs.display import RunDisplay
 from rrins.host_tools.scenario.scenario import Scenario
 from rrins.host_tools.terminal import new_console, progress_line
@@ -155,7 +156,7 @@ class Campaign:
             task = line.add_task("campaign", total=runs)
 
             def show(now: Progress) -> None:
-                rate = f"{now.rate:.3g} runs/s"
+                rate = f"{rounded(now.rate)} runs/s"
                 line.update(task, completed=now.stored, state=(rate,))
                 if note is not None:
                     note(f"{now.stored} of {runs} runs  {rate}")

@@ -13,6 +13,7 @@ from rrins.host_tools.campaigns import covariance_report as report
 from rrins.host_tools.campaigns.definition import Wishes
 from rrins.host_tools.campaigns.store import Store, is_campaign
 from rrins.host_tools.covariance.analysis import Analysis, analyse
+from rrins.host_tools.rounding import rounded
 from rrins.notebook import html_of, let_figures_show
 from rrins.scenarios import load_scenario
 
@@ -71,7 +72,7 @@ class CovarianceAnalysis:
     def __repr__(self) -> str:
         east, north = self.analysis.sigma[-1]
         end_s = self.analysis.times_s[-1]
-        sigma = f"σ {east:.3g} m east, {north:.3g} m north"
+        sigma = f"σ {rounded(east)} m east, {rounded(north)} m north"
         return f"<rrins.CovarianceAnalysis after {end_s:g} s: {sigma}>"
 
     def _repr_html_(self) -> str:
@@ -147,7 +148,7 @@ class Allocation:
 
     def __repr__(self) -> str:
         found = self.allocation
-        return f"<rrins.Allocation: cost {found.cost:.3g}, {found.predicted_m:.3g} m>"
+        return f"<rrins.Allocation: cost {rounded(found.cost)}, {rounded(found.predicted_m)} m>"
 
     def _repr_html_(self) -> str:
         return html_of(self, self.tolerances)

@@ -15,6 +15,7 @@ from rrins.host_tools.explanation.explain import Explanation as _Explanation
 from rrins.host_tools.explanation.picture import draw
 from rrins.host_tools.explanation.reruns import QUANTITIES
 from rrins.host_tools.explanation.results import write
+from rrins.host_tools.rounding import rounded
 from rrins.host_tools.terminal import new_console, progress_line
 from rrins.notebook import html_of, is_notebook, let_figures_show
 
@@ -125,6 +126,7 @@ def _check_same(result: RunResult, found: _Explanation) -> None:
     if not np.array_equal(ours, found.error[-1, :2]):
         here, there = (float(np.hypot(*pair)) for pair in (ours, found.error[-1, :2]))
         raise RehearsalError(
-            f"explain: run again, the scenario gives {there:.4g} m instead of this run's "
-            f"{here:.4g} m: it had live faults, frames that came late, or a program of your own"
+            f"explain: run again, the scenario gives {rounded(there, 4)} m instead of this run's "
+            f"{rounded(here, 4)} m: it had live faults, frames that came late, or a program of "
+            "your own"
         )

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal, Unpack
 
 from rrins.host_tools.errors import RehearsalError
+from rrins.host_tools.rounding import rounded
 from rrins.host_tools.runs.display import RunDisplay
 from rrins.host_tools.runs.programs.program import Program
 from rrins.host_tools.runs.results.keeping import place_for
@@ -263,7 +264,7 @@ class Run:
 
     def __repr__(self) -> str:
         end_m = self.summary["end_position_error_m"]
-        end = "never navigated" if end_m is None else f"{end_m:.3g} m off at the end"
+        end = "never navigated" if end_m is None else f"{rounded(end_m)} m off at the end"
         return f"<rrins.Run {self.name}: {self.summary['duration_s']:g} s, {end}>"
 
     def _repr_html_(self) -> str:

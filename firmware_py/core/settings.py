@@ -90,7 +90,7 @@ def check_weights(weights: tuple[float, ...], axes_deg: tuple[tuple[float, float
     share = calibration.largest_gain(calibration.input_axes(axes_deg), weights)
     if share > GAIN_LIMIT:
         raise ValueError(
-            f"they rely on axes close to one plane: {share:.3g} times the error of a sensor would "
+            f"they rely on axes close to one plane: {share:,.0f} times the error of a sensor would "
             f"be in the vector, at most {GAIN_LIMIT:g} times"
         )
 

@@ -51,15 +51,19 @@ class BusEnd(Protocol):
             If the bus has come to its end for this end, and all that came before is received.
         """
 
-    def direct_ends(self) -> tuple[int, int, int] | None:
-        """Return socket, door and number of the only other end, for compiled code.
+    def direct_ends(self) -> tuple[int, int, int, int] | None:
+        """Return socket, door and number of the other side, and a listener's socket.
 
-        The door is a descriptor that can be read while this end has something else to do; -1 if it
-        never has. None while compiled code is not to exchange datagrams by itself.
+        For compiled code. The door is a descriptor that can be read while this end has something
+        else to do; -1 if it never has. A listener gets from this end what both sides send; -1 if
+        there is none. None while compiled code is not to exchange datagrams by itself.
         """
 
-    def go_on(self, left_over: memoryview, time_ns: int) -> None:
-        """Go on after compiled code: with a datagram that it left, and its last batch's time."""
+    def go_on(self, left_over: memoryview, time_ns: int, batches: int) -> None:
+        """Go on after compiled code.
+
+        With a datagram that it left, and the number of batches that it sent, the last at a time.
+        """
 
     def close(self) -> None:
         """Leave the bus; what was sent still arrives."""

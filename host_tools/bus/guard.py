@@ -134,9 +134,9 @@ class Guard:
         """Whether the hardware is on the bus, whose time is everybody's."""
         return HARDWARE in self._sides
 
-    def open_epoch(self) -> None:
-        """Begin an epoch: those who had to wait may send again."""
-        self.epoch += 1
+    def open_epoch(self, epochs: int = 1) -> None:
+        """Begin an epoch, or some: those who had to wait may send again."""
+        self.epoch += epochs
         self._room = _ROOM
 
     def must_wait(self, peer: Peer) -> bool:

@@ -170,26 +170,27 @@ class Hub:
                     return 0
                 wait = seconds_left(deadline)
 
-    def direct_ends(self) -> tuple[int, int, int] | None:
-        """Return the socket of the only peer, the door and the peer's number, for compiled code.
+    def direct_ends(self) -> tuple[int, int, int, int] | None:
+        """Return socket, door and number of the other side, and a listener's socket, or -1.
 
-        None while there are more peers, or something waits. The peer must be a side: what it sends
-        is not looked at.
+        For compiled code. None while there are more peers, or something waits. What the side sends
+        is not looked at; once the listener sends something, Python is to take it.
         """
         relay = self._relay
-        if self._backlog or self._receive_own or len(relay.receivers) != 1:
+        if self._backlog or self._receive_own or relay.lost or relay.stuck or not relay.origin_ns:
             return None
-        peer = relay.receivers[0]
-        is_free = not (relay.lost or relay.stuck or peer.queue or peer.receive_own)
-        if not is_free or not relay.origin_ns or peer.info.name not in SIDES:
+        peers = relay.receivers
+        sides = [peer for peer in peers if peer.info.name in SIDES]
+        if len(sides) != 1 or len(peers) > 2 or any(one.queue or one.receive_own for one in peers):
             return None
-        return peer.fd, relay.door, peer.number
+        listener = next((peer.fd for peer in peers if peer is not sides[0]), -1)
+        return sides[0].fd, relay.door, sides[0].number, listener
 
-    def go_on(self, left_over: memoryview, time_ns: int) -> None:
+    def go_on(self, left_over: memoryview, time_ns: int, batches: int) -> None:
         """Take what compiled code has received and not used as if it had just come."""
         self._served_ns = now()
-        if time_ns:
-            self._relay.note_time(time_ns)
+        if batches:
+            self._relay.note_batches(time_ns, batches)
         if not left_over:
             return
         with self._receive_lock:

@@ -394,36 +394,36 @@ class RrinsBus(Hosting, can.BusABC):
             self._send_lock.release()
 
     def lend(self, direct: Direct) -> bool:
-        """Tell compiled code of the one other end's socket, for whole epochs without Python.
+        """Tell compiled code of the other side's socket, for whole epochs without Python.
 
         Nobody else may use this object until `take_back`. Returns False, and lends nothing, while
-        more than one other end is attached or something waits to be received.
+        more ends are attached than one that listens, or something waits to be received.
         """
         if self._next < self._count or self._unix is not None:
             return False
         ends = self._wire.direct_ends()
         if ends is None:
             return False
-        direct.fd, direct.door, other = ends
+        direct.fd, direct.door, other, direct.listener = ends
         direct.opening = np.uint64(datagram.first_word(datagram.FRAMES, datagram.CLOSES_EPOCH))
         direct.own = np.uint64(self._number)
         direct.other = np.uint64(other)
-        direct.time_ns = 0
+        direct.time_ns = direct.batches = 0
         direct.left_over = 0
         return True
 
-    def take_back(self, left_over: memoryview, time_ns: int) -> None:
+    def take_back(self, left_over: memoryview, time_ns: int = 0, batches: int = 0) -> None:
         """Go on after compiled code.
 
         Parameters
         ----------
         left_over : memoryview
             A datagram that it has received and leaves to Python; empty for none.
-        time_ns : int
-            Of the last batch that it has sent; 0 for none.
+        time_ns, batches : int
+            Time of the last batch that it has sent, and how many these were.
         """
         try:
-            self._wire.go_on(left_over, time_ns)
+            self._wire.go_on(left_over, time_ns, batches)
         except BusError as error:
             raise self._translated(error) from error
 

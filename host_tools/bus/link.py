@@ -128,16 +128,16 @@ class Link:
         except OSError as error:
             raise self._why_lost() from error
 
-    def direct_ends(self) -> tuple[int, int, int] | None:
-        """Return the socket for compiled code, no door, and the host's number.
+    def direct_ends(self) -> tuple[int, int, int, int] | None:
+        """Return the socket for compiled code, no door, the host's number, and no listener.
 
         None while something waits to be received.
         """
         if self._backlog or self._end_reason or self._is_closed:
             return None
-        return self._end.fileno(), -1, datagram.HOST
+        return self._end.fileno(), -1, datagram.HOST, -1
 
-    def go_on(self, left_over: memoryview, time_ns: int) -> None:
+    def go_on(self, left_over: memoryview, time_ns: int, batches: int) -> None:
         """Keep a datagram that compiled code has received and not used."""
         data = bytes(left_over)
         if data and not self._is_end(bytearray(data), len(data)):

@@ -212,7 +212,8 @@ class BatchPort:
             Begins with what compiled code has received and not used.
         """
         lent = direct[0]
-        self._bus.take_back(words.view(np.uint8).data[: int(lent.left_over)], int(lent.time_ns))
+        left_over = words.view(np.uint8).data[: int(lent.left_over)]
+        self._bus.take_back(left_over, int(lent.time_ns), int(lent.batches))
 
     def rest(self, seconds: float) -> None:
         """Wait, and serve the bus meanwhile if this side hosts it."""

@@ -210,16 +210,18 @@ class Relay:
         """Descriptor that is readable while something may be served besides a peer's datagram."""
         return self._always.fileno()
 
-    def note_time(self, time_ns: int) -> None:
-        """Take note of the time of the host's last batch, which compiled code has sent."""
+    def note_batches(self, time_ns: int, batches: int) -> None:
+        """Take note of the host's batches that compiled code has sent, and the last one's time."""
         with self.lock:
             self._bus_time = time_ns
             self._timekeeper = None
+            self.open_epoch(batches)
 
     def take_left_over(self, buffer: bytearray, size: int) -> int:
-        """Relay a datagram of the only peer that compiled code has received; return its size."""
+        """Relay a datagram of the other side that compiled code has received; return its size."""
         with self.lock:
-            return self._pass_on(self.receivers[0], buffer, size, is_third=False)
+            side = next(peer for peer in self.receivers if peer.info.name in SIDES)
+            return self._pass_on(side, buffer, size, is_third=False)
 
     def _pass_on(self, peer: Peer, buffer: bytearray, size: int, is_third: bool) -> int:
         """Relay a datagram of a peer, if it may; return the size of what is left of it."""
@@ -271,9 +273,9 @@ class Relay:
         if line := self.guard.hold_back(peer):
             _log.warning("channel %s: %s %s", self._channel, peer, line, extra=notice("flood"))
 
-    def open_epoch(self) -> None:
-        """Begin an epoch: those who had to wait may send again."""
-        self.guard.open_epoch()
+    def open_epoch(self, epochs: int = 1) -> None:
+        """Begin an epoch, or some: those who had to wait may send again."""
+        self.guard.open_epoch(epochs)
         if self._aside:
             for peer in self._aside:
                 self._all.register(peer.fd, select.EPOLLIN)

@@ -14,6 +14,7 @@ from rrins.host_tools.calibration.estimation import (
     Estimate,
     SensorsEstimate,
 )
+from rrins.host_tools.rounding import kept, rounded
 from rrins.host_tools.runs.results.sensor_errors import CONSTANTS, KINDS
 
 KEYS = {name: (bias.key, *(one.key for one in CONSTANTS)) for name, bias in KINDS.items()}
@@ -66,6 +67,6 @@ def _tables(found: Estimate) -> Iterator[str]:
             yield f"{key} = [{values}]"
         yield f"\n[{name}.sigma]"
         for k, key in enumerate(KEYS[name]):
-            each = ", ".join(f"{value:.3g}" for value in one.sigma[:, k] / units[k])
+            each = ", ".join(str(kept(value, 3)) for value in one.sigma[:, k] / units[k])
             rms = np.sqrt((one.sigma[:, k] ** 2).mean()) / units[k]
-            yield f"{key} = [{each}]  # rms {rms:.2g}"
+            yield f"{key} = [{each}]  # rms {rounded(rms, 2)}"

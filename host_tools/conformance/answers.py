@@ -11,6 +11,7 @@ import numpy as np
 from rrins.dbc.codec import load, to_physical, unpack
 from rrins.dbc.e2e import crc_holds
 from rrins.dbc.frame import Frame, FrameArray
+from rrins.host_tools.rounding import rounded
 
 Answer = bytes
 """The frames of an epoch, ``struct can_frame`` after ``struct can_frame``."""
@@ -122,7 +123,7 @@ def _signal_differences(
             is_value, is_due = (
                 choices.get(raw, f"{to_physical(raw, layout):.12g}") for raw in (value, due)
             )
-            within = f" (to {steps} steps of {float(layout.scale):.3g})" if steps else ""
+            within = f" (to {steps} steps of {rounded(float(layout.scale))})" if steps else ""
             yield f"{name}.{signal.name} is {is_value}, not {is_due}{within}"
     if int(frame["data"] & ~np.uint64(used)):
         yield f"bits of {name} that belong to no signal are not 0"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import can
 
 from rrins.host_tools.conformance.check import Subject, check
+from rrins.host_tools.rounding import rounded
 from rrins.host_tools.testing.bench import Bench
 
 _SENSOR = "SENSOR_2"
@@ -30,8 +31,8 @@ def _still_navigates(bench: Bench) -> None:
     bench.advance(1)
     assert bench.mode == "NAVIGATION_ROTATING", f"navigation has ended: mode {bench.mode}"
     east, north = bench.errors_m()
-    assert abs(east) < _LIMIT_M, f"{east:.3g} m off to the east"
-    assert abs(north) < _LIMIT_M, f"{north:.3g} m off to the north"
+    assert abs(east) < _LIMIT_M, f"{rounded(east)} m off to the east"
+    assert abs(north) < _LIMIT_M, f"{rounded(north)} m off to the north"
 
 
 def _not_used(subject: Subject, counter: str, fault: str, **how: float) -> None:

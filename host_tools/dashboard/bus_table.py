@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from typing import Final
 
@@ -15,6 +14,7 @@ from rrins.host_tools.monitor.troubles import troubles_of
 from rrins.host_tools.monitor.vitals import AxisVitals, Vitals, vitals_of
 from rrins.host_tools.monitor.wording import value_with_unit
 from rrins.host_tools.monitor.words import WITHOUT_ENCODER
+from rrins.host_tools.rounding import kept
 
 SOUND, SUSPECT, EXCLUDED, ABSENT, SATURATED = "sound", "suspect", "excluded", "absent", "saturated"
 UNHEARD = "not heard"
@@ -51,8 +51,8 @@ def state_of(state: BusState, counts: dict[str, int]) -> JsonObject:
             [
                 message.hexadecimal,
                 message.label,
-                _rounded(message.rate_hz),
-                _rounded(message.age_s),
+                kept(message.rate_hz),
+                kept(message.age_s),
                 message.errors,
                 _flags(message.is_silent, message.has_recent_errors, message.is_sound_or_unknown),
                 message.data.hex(),
@@ -60,11 +60,6 @@ def state_of(state: BusState, counts: dict[str, int]) -> JsonObject:
             for message in state.messages
         ],
     }
-
-
-def _rounded(value: float | None) -> float | None:
-    """Return a number with four figures."""
-    return None if value is None or not math.isfinite(value) else float(f"{value:.4g}")
 
 
 def _flags(is_silent: bool, has_recent_errors: bool, is_sound: bool) -> int:
@@ -172,6 +167,6 @@ def _spark(state: BusState, name: str, signal: str, level: int) -> list[float | 
     """Return a signal over time in few points: the middle of each of two bins."""
     bins = state.history(name, signal, level)
     return [
-        None if pair is None else _rounded((pair[0] + pair[1]) / 2)
+        None if pair is None else kept((pair[0] + pair[1]) / 2)
         for pair in bins[_SPARK_STEP - 1 :: _SPARK_STEP]
     ]

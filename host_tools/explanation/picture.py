@@ -8,11 +8,12 @@ import numpy as np
 
 from rrins.host_tools.drawing.style import (
     LINES,
-    SINCE_NAVIGATION,
     finish,
     give_title,
+    legend_above,
     new_figure,
     quantity,
+    time_axis,
 )
 from rrins.host_tools.explanation.explain import OF, Explanation
 from rrins.host_tools.explanation.words import COMPONENTS, UNITS, scaled
@@ -59,10 +60,10 @@ def draw(
             style = line | ({"color": "#8e6bb0"} if line["color"] == "#000000" else {})
             axes.plot(found.times_s, values[:, component] * factor, **style, label=name)
         finish(axes, quantity(label, unit), zero_line=True)
-    panels[1].legend(loc="upper left", frameon=False, fontsize="small", ncols=2)
+    legend_above(panels[1], room=0.45)
     panels[1].sharex(panels[2])
     panels[1].tick_params(labelbottom=False)
-    panels[2].set_xlabel(SINCE_NAVIGATION)
+    time_axis(panels[2])
     return figure
 
 
@@ -90,4 +91,4 @@ def _draw_bars(
     for name in ("top", "right"):
         axes.spines[name].set_visible(False)
     axes.set_xlabel(f"contribution / {f'({unit})' if '/' in unit else unit}")
-    axes.legend(frameon=False, fontsize="small", loc="best")
+    axes.legend(frameon=False, fontsize="small", loc="center right")  # where bars are short

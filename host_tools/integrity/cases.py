@@ -13,6 +13,7 @@ from rrins.host_tools.hardware.fault_kinds import HardwareFault, Part
 from rrins.host_tools.integrity.fmeda import rates
 from rrins.host_tools.integrity.fmeda.rates import FailureMode
 from rrins.host_tools.integrity.phases import instants
+from rrins.host_tools.rounding import rounded
 from rrins.host_tools.scenario import scenario as scenarios
 from rrins.host_tools.scenario.fault_tables import AnyFault
 from rrins.host_tools.scenario.geometry import GEOMETRIES
@@ -105,7 +106,8 @@ def _words(fault: AnyFault) -> str:
     given = fault.model_dump(exclude_unset=True)
     kind = given.pop("kind")
     values = (
-        f"{key} {v:.4g}" if isinstance(v, float) else f"{key} {v}" for key, v in given.items()
+        f"{key} {rounded(v, 4)}" if isinstance(v, float) else f"{key} {v}"
+        for key, v in given.items()
     )
     return f"{kind}, {', '.join(values)}"
 

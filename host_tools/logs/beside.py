@@ -27,7 +27,7 @@ from rrins.host_tools.drawing.style import (
 )
 from rrins.host_tools.errors import ScenarioError
 from rrins.host_tools.files import JsonObject
-from rrins.host_tools.rounding import rounded
+from rrins.host_tools.rounding import with_unit
 from rrins.host_tools.runs.results.results import Errors, east_north_m
 from rrins.host_tools.scenario.scenario import Scenario
 
@@ -105,7 +105,7 @@ def table_of(navigated: Sequence[Navigated]) -> Table:
         cells = ["-"] * 4
         if len(level):
             figures = (_rms(level), float(np.max(level)), float(level[-1]), _rms(height))
-            cells = [_metres(figure) for figure in figures]
+            cells = [with_unit(figure, "m") for figure in figures]
         sha256 = one.summary["navigation_sha256"]
         table.add_row(one.label, *cells, "-" if sha256 is None else f"{sha256[:12]}…")
     return table
@@ -134,10 +134,6 @@ def summary_of(navigated: Sequence[Navigated]) -> list[JsonObject]:
 
 def _rms(values: Floats) -> float:
     return float(np.sqrt(np.mean(np.square(values))))
-
-
-def _metres(value: float) -> str:
-    return f"{rounded(value / 1000)} km" if value >= 1000 else f"{rounded(value)} m"
 
 
 def _lines_of(one: Navigated, first: Navigated) -> tuple[Floats, Floats, Floats]:

@@ -16,7 +16,7 @@ from rrins.host_tools.files import JsonObject, write_whole
 from rrins.host_tools.logs.beside import Navigated
 from rrins.host_tools.logs.reader import Log
 from rrins.host_tools.logs.replay import Replayed
-from rrins.host_tools.rounding import NOTHING, rounded
+from rrins.host_tools.rounding import NOTHING, kept, rounded
 from rrins.host_tools.runs.results.estimates import estimator_lines
 from rrins.host_tools.runs.results.keeping import place_for
 from rrins.host_tools.runs.results.outcome import Outcome
@@ -121,8 +121,7 @@ def rms_of(errors: Errors) -> JsonObject | None:
 
 
 def _rms(values: NDArray[np.float64]) -> float | None:
-    found = float(np.sqrt(np.mean(np.square(values))))
-    return float(f"{found:.6g}") if np.isfinite(found) else None
+    return kept(float(np.sqrt(np.mean(np.square(values)))), 6)
 
 
 def _rms_line(rms: JsonObject) -> str:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from rrins.host_tools.monitor.sort_orders import ORDERS
 from rrins.host_tools.monitor.state import PROTECTION, BusState, MessageState
+from rrins.host_tools.rounding import kept
 
 _SortKey = float | tuple[bool, list[tuple[int, str]]]
 
@@ -14,7 +15,7 @@ _KEYS: dict[str, Callable[[MessageState], _SortKey]] = {
     "id": lambda message: 0,  # the order of a state's messages
     "name": lambda message: (message.name is None, _natural(message.label)),
     "rate": lambda message: (
-        -float(f"{message.rate_hz or 0.0:.2g}")
+        -(kept(message.rate_hz, 2) or 0.0)
     ),  # rounded, so that jitter does not reorder
     "errors": lambda message: -message.errors,
 }

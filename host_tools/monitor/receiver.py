@@ -113,7 +113,7 @@ class Receiver:
             batches = self._watch.add_waiting(lent, words, self._frames)
         left_over = int(self._left_over[0])
         if left_over:
-            bus.take_back(words.view(np.uint8).data[:left_over], 0)
+            bus.take_back(words.view(np.uint8).data[:left_over])
             self._is_lent = False
         return taken > 0 and not left_over
 

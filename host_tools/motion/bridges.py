@@ -22,6 +22,7 @@ from rrins.compiled.record import Floats
 from rrins.host_tools.motion.local import Local
 from rrins.host_tools.motion.recording import Irregularity, Recording
 from rrins.host_tools.motion.spline import Observations
+from rrins.host_tools.rounding import rounded
 
 MOVING_MPS = 0.5
 """A file with a higher speed at either end begins or ends in motion."""
@@ -82,8 +83,8 @@ def begins_or_ends_in_motion(recording: Recording) -> list[Irregularity]:
     ):
         speed = float(np.linalg.norm(velocity))
         if speed > MOVING_MPS:
-            text = f"{word} in motion, at {speed:.3g} m/s"
-            mended = f"{added} of {run_s(speed):.3g} s added"
+            text = f"{word} in motion, at {rounded(speed)} m/s"
+            mended = f"{added} of {rounded(run_s(speed))} s added"
             found.append(Irregularity(int(recording.line[at]), "motion", text, mended))
     return found
 

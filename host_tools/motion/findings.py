@@ -14,6 +14,7 @@ from rrins.host_tools.motion.mending import interval_of
 from rrins.host_tools.motion.recording import Recording
 from rrins.host_tools.motion.smoothing import Smoothed, edge_speeds
 from rrins.host_tools.motion.trajectory import ATTITUDE, SPECIFIC_FORCE_B, VELOCITY_N
+from rrins.host_tools.rounding import NOTHING, alike, rounded
 
 _STEP_S = 0.05
 _ANGLES = ("roll", "pitch", "heading")
@@ -100,9 +101,9 @@ def findings(recording: Recording, smoothed: Smoothed) -> JsonObject:
 
 
 def _residual(size: dict[str, float] | None, unit: str) -> str:
-    return (
-        "-" if size is None else f"rms {size['rms']:.3g} {unit}, largest {size['max']:.3g} {unit}"
-    )
+    if size is None:
+        return NOTHING
+    return f"rms {rounded(size['rms'])} {unit}, largest {rounded(size['max'])} {unit}"
 
 
 def _attitude_rows(attitude: JsonObject) -> list[tuple[str, str]]:
@@ -113,17 +114,17 @@ def _attitude_rows(attitude: JsonObject) -> list[tuple[str, str]]:
     rows = [(f"attitude of {attitude['source']}", ", ".join(texts))]
     if attitude["source"] == "file":
         sizes = (
-            f"{name} rms {size['rms']:.2g}°, largest {size['max']:.2g}°"
+            f"{name} rms {rounded(size['rms'], 2)}°, largest {rounded(size['max'], 2)}°"
             for name, size in attitude["residual_deg"].items()
         )
         rows.append(("", f"smoothed - file: {'; '.join(sizes)}"))
     before, after = attitude["held_before_s"], attitude["held_after_s"]
-    rows.append(("", f"held for {before:.3g} s before and {after:.3g} s after the file"))
+    rows.append(("", f"held for {rounded(before)} s before and {rounded(after)} s after the file"))
     if attitude["gaps"]:
         count = "1 gap" if attitude["gaps"] == 1 else f"{attitude['gaps']} gaps, the longest"
         line = attitude["longest_gap_before_line"]
         rows.append(
-            ("", f"held in {count} of {attitude['longest_gap_s']:.3g} s before line {line}")
+            ("", f"held in {count} of {rounded(attitude['longest_gap_s'])} s before line {line}")
         )
     return rows
 
@@ -131,20 +132,20 @@ def _attitude_rows(attitude: JsonObject) -> list[tuple[str, str]]:
 def table(found: JsonObject, most: int = 20) -> list[str]:
     """Return the lines that `rrins motion check` prints."""
     given = [word for word in ("velocity", "attitude") if found[f"has_{word}"]]
+    speeds = alike(found[f"speed_{one}_mps"] for one in ("max", "begin", "end"))
     rows = [
         ("file", f"{found['file']} ({found['format']}: {', '.join(['position', *given])})"),
         ("lines", f"{found['lines']}, {found['samples']} usable"),
-        ("span", f"{found['span_s']:.3f} s, {found['rate_hz']:.4g} Hz"),
+        ("span", f"{found['span_s']:.3f} s, {rounded(found['rate_hz'], 4)} Hz"),
         ("distance", f"{found['distance_m']:.0f} m"),
         (
             "speed",
-            f"up to {found['speed_max_mps']:.3g} m/s, {found['speed_begin_mps']:.2g} at the start, "
-            f"{found['speed_end_mps']:.2g} at the end",
+            f"up to {speeds[0]} m/s, {speeds[1]} at the start, {speeds[2]} at the end",
         ),
         ("height", f"{found['height_min_m']:.1f} to {found['height_max_m']:.1f} m"),
         ("smoothed - file", _residual(found["position_residual_m"], "m")),
         ("", _residual(found["velocity_residual_mps"], "m/s")),
-        ("", f"horizontal force up to {found['specific_force_horizontal_max_mps2']:.3g} m/s²"),
+        ("", f"horizontal force up to {rounded(found['specific_force_horizontal_max_mps2'])} m/s²"),
     ]
     rows += _attitude_rows(found["attitude"])
     if found["unused_columns"]:

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from rrins.compiled.record import Floats, Integers
 from rrins.host_tools.motion.local import Local
 from rrins.host_tools.motion.recording import Recording
+from rrins.host_tools.rounding import rounded
 
 _ACCELERATION = 15.0  # m/s²
 _NEIGHBOURS = 7
@@ -115,12 +116,12 @@ def drop_jumps(recording: Recording, speed_limit: float) -> None:
         off = motion.misfit(np.full(last - first, first - 1), every[first:last])
         if back is None:
             raise recording.fail(
-                f"position jumps by {off[0]:.3g} m and does not return; correct it, cut the file "
-                "there, or raise speed_limit_mps or position_deviation_m",
+                f"position jumps by {rounded(off[0])} m and does not return; correct it, cut the "
+                "file there, or raise speed_limit_mps or position_deviation_m",
                 int(recording.line[first]),
             )
         for k in range(first, back):
-            recording.report(k, "jump", f"position is {off[k - first]:.3g} m off")
+            recording.report(k, "jump", f"position is {rounded(off[k - first])} m off")
         kept[first:back] = False
         breaks = breaks[breaks > back]
     recording.keep(kept)

@@ -14,6 +14,7 @@ from rrins.host_tools.motion.trajectory import (
     SPECIFIC_FORCE_B,
     Trajectory,
 )
+from rrins.host_tools.rounding import rounded
 
 TURN_LIMIT_DPS = 400.0
 FORCE_LIMIT_MPS2 = 200.0
@@ -36,24 +37,17 @@ def refuse_impossible(recording: Recording, trajectory: Trajectory, times: Float
     height = trajectory.sampled(PLACE, _PER_PIECE)[:, 2]
     low, high = HEIGHT_LIMITS_M
     outside = np.maximum(height - high, low - height)
-    for value, limit, text in (
-        (turn, TURN_LIMIT_DPS, f"turns at {turn.max():.4g}°/s, at most {TURN_LIMIT_DPS:g}"),
-        (force, FORCE_LIMIT_MPS2, f"feels {force.max():.4g} m/s², at most {FORCE_LIMIT_MPS2:g}"),
-        (
-            np.abs(pitch),
-            PITCH_LIMIT_DEG,
-            f"pitches to {pitch[np.argmax(np.abs(pitch))]:.3g}°, at most {PITCH_LIMIT_DEG:g}",
-        ),
-        (
-            outside,
-            0.0,
-            f"is {height[np.argmax(outside)]:.4g} m high, must be {low:g} to {high:g}",
-        ),
+    for size, limit, value, text in (
+        (turn, TURN_LIMIT_DPS, turn, "turns at {}°/s, at most {:g}"),
+        (force, FORCE_LIMIT_MPS2, force, "feels {} m/s², at most {:g}"),
+        (np.abs(pitch), PITCH_LIMIT_DEG, pitch, "pitches to {}°, at most {:g}"),
+        (outside, 0.0, height, f"is {{}} m high, must be {low:,g} to {high:,g}"),
     ):
-        worst = int(np.argmax(value))
-        if not value[worst] <= limit:
+        worst = int(np.argmax(size))
+        if not size[worst] <= limit:
             where = _where(recording.line, times, float(at[worst]))
-            raise MotionError(f"motion {recording.path}: {where}: the smoothed vehicle {text}")
+            what = text.format(rounded(value[worst], 4), limit)
+            raise MotionError(f"motion {recording.path}: {where}: the smoothed vehicle {what}")
 
 
 def _where(lines: Integers, times: Floats, at_s: float) -> str:

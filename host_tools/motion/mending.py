@@ -7,6 +7,7 @@ import numpy as np
 from rrins.host_tools.motion.errors import MotionError
 from rrins.host_tools.motion.jumps import drop_jumps
 from rrins.host_tools.motion.recording import Irregularity, Recording
+from rrins.host_tools.rounding import rounded
 from rrins.host_tools.scenario.motion import Motion
 
 LEAST_SAMPLES = 8
@@ -36,7 +37,7 @@ def _order(recording: Recording) -> None:
     steps = np.diff(recording.time_s, prepend=-np.inf)
     for k in np.flatnonzero(steps < 0).tolist():
         raise recording.fail(
-            f"time is {-steps[k]:.6g} s before that of line {recording.line[k - 1]}; "
+            f"time is {rounded(-steps[k])} s before that of line {recording.line[k - 1]}; "
             "correct or delete the wrong one of the two, or sort the lines",
             int(recording.line[k]),
         )
@@ -51,7 +52,7 @@ def _gaps(recording: Recording, interval_s: float) -> None:
     longest = int(np.argmax(np.diff(times)))
     if times[longest + 1] - times[longest] > LONGEST_GAP_S:
         raise recording.fail(
-            f"gap of {times[longest + 1] - times[longest]:.6g} s, longer than the "
+            f"gap of {rounded(times[longest + 1] - times[longest], 4)} s, longer than the "
             f"{LONGEST_GAP_S:g} s that can be bridged; delete the lines on one side of it",
             int(recording.line[longest + 1]),
         )
@@ -62,7 +63,7 @@ def _gaps(recording: Recording, interval_s: float) -> None:
         between = (recording.line[k] - 1, recording.line[k + 1] + 2)
         first, last = np.searchsorted(reported, between)
         if round(gap / interval_s) - 1 > last - first:
-            text = f"gap of {gap:.6g} s instead of {interval_s:.6g} s"
+            text = f"gap of {rounded(gap)} s instead of {rounded(interval_s)} s"
             recording.report(k + 1, "gap", text, "bridged")
 
 
@@ -77,15 +78,17 @@ def _check_size(recording: Recording) -> None:
         raise recording.fail(f"only {count} of {recording.lines} lines can be used{first}")
     span = float(recording.time_s[-1] - recording.time_s[0])
     if span < LEAST_SPAN_S:
-        raise recording.fail(f"spans {span:.3g} s, at least {LEAST_SPAN_S:g} s needed")
+        raise recording.fail(f"spans {rounded(span)} s, at least {LEAST_SPAN_S:g} s needed")
     if span > LONGEST_SPAN_S:
         raise recording.fail(
-            f"spans {span:.6g} s, at most {LONGEST_SPAN_S:g} s allowed; limit it by duration_s"
+            f"spans {rounded(span, 6)} s, at most {LONGEST_SPAN_S:,g} s allowed; "
+            "limit it by duration_s"
         )
     interval = interval_of(recording)
     if interval > LONGEST_INTERVAL_S:
         raise recording.fail(
-            f"a position every {interval:.3g} s; at least one every {LONGEST_INTERVAL_S:g} s needed"
+            f"a position every {rounded(interval)} s; at least one every "
+            f"{LONGEST_INTERVAL_S:g} s needed"
         )
 
 

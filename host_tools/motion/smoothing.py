@@ -25,6 +25,7 @@ from rrins.host_tools.motion.local import Local
 from rrins.host_tools.motion.recording import Recording
 from rrins.host_tools.motion.spline import Fit, Grid, Observations, evaluate
 from rrins.host_tools.motion.trajectory import Trajectory, knot_ns
+from rrins.host_tools.rounding import rounded
 from rrins.host_tools.scenario.motion import Motion
 
 STILL_PIECES = 4
@@ -227,7 +228,7 @@ def _lively_note(
     if size[worst] < _LIVELY:
         return []
     return [
-        f"accelerates at {size[worst]:.3g} m/s² near line {recording.line[worst]}: "
+        f"accelerates at {rounded(size[worst])} m/s² near line {recording.line[worst]}: "
         "possibly a jump too small to detect"
     ]
 
@@ -236,11 +237,11 @@ def _residual_note(residuals: Residuals) -> str:
     off = np.linalg.norm(residuals.position, axis=1)
     worst = int(np.argmax(off))
     text = (
-        f"smoothed path minus file: position rms {np.sqrt(np.mean(off**2)):.3g} m, "
-        f"largest {off[worst]:.3g} m (line {residuals.line[worst]})"
+        f"smoothed path minus file: position rms {rounded(np.sqrt(np.mean(off**2)))} m, "
+        f"largest {rounded(off[worst])} m (line {residuals.line[worst]})"
     )
     speed_off = np.linalg.norm(residuals.velocity, axis=1)
     speed_off = speed_off[np.isfinite(speed_off)]
     if len(speed_off):
-        text += f"; velocity rms {np.sqrt(np.mean(speed_off**2)):.3g} m/s"
+        text += f"; velocity rms {rounded(np.sqrt(np.mean(speed_off**2)))} m/s"
     return text

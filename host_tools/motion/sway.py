@@ -31,6 +31,7 @@ from rrins.host_tools.motion.kinematics import Path, trajectory_of
 from rrins.host_tools.motion.local import Local
 from rrins.host_tools.motion.spline import AT_KNOTS, DEGREE, monomials_of
 from rrins.host_tools.motion.trajectory import Trajectory, knot_ns
+from rrins.host_tools.rounding import rounded
 from rrins.host_tools.scenario.motion import Motion
 
 RAMP_S = 120.0
@@ -169,8 +170,9 @@ def synthetic_sway(motion: Motion, period_s: float, base: Floats, period_ns: int
 
 
 def _sway_note(motion: Motion, swayed: Floats) -> str:
-    heave, roll, pitch = (swayed[:, k].std() for k in (2, 3, 4))
+    heave, *angles = (swayed[:, k].std() for k in (2, 3, 4))
+    roll, pitch = (rounded(math.degrees(angle), 2) for angle in angles)
     return (
-        f"sea of {motion.wave_height_m:g} m and {motion.wave_period_s:g} s: heave {heave:.2g} m, "
-        f"roll {math.degrees(roll):.2g}°, pitch {math.degrees(pitch):.2g}° rms"
+        f"sea of {motion.wave_height_m:g} m and {motion.wave_period_s:g} s: "
+        f"heave {rounded(heave, 2)} m, roll {roll}°, pitch {pitch}° rms"
     )

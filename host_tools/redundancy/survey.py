@@ -17,6 +17,7 @@ from rrins.host_tools.redundancy.candidates import Candidate
 from rrins.host_tools.redundancy.monte_carlo import PATIENCE_S, Delays, Fault, Trials, run_trials
 from rrins.host_tools.redundancy.sensor_kinds import KINDS, Kind
 from rrins.host_tools.redundancy.theory import HALF, LEARNED_S, MOST, WAYS, Finder
+from rrins.host_tools.rounding import kept
 
 WITHIN_S = (10, 60, 600)
 """Times in which the smallest fault is asked for, s."""
@@ -164,9 +165,9 @@ class _Part:
 def round_sizes(smallest: float) -> tuple[float, ...]:
     """Return `SIZES` round numbers, from the one below the smallest fault on."""
     decade = math.floor(math.log10(smallest))
-    numbers = [m * 10.0**d for d in range(decade, decade + SIZES) for m in _ROUND]
+    numbers = [float(f"{m}e{d}") for d in range(decade, decade + SIZES) for m in _ROUND]
     first = max(k for k, number in enumerate(numbers) if number <= smallest * 1.001)
-    return tuple(float(f"{number:.3g}") for number in numbers[first : first + SIZES])
+    return tuple(numbers[first : first + SIZES])
 
 
 def _sizes(parts: Iterable[_Part]) -> tuple[float, ...]:
@@ -248,12 +249,8 @@ class Study:
         }
 
 
-def _plain(value: float) -> float | None:
-    return float(f"{value:.4g}") if math.isfinite(value) else None
-
-
 def _pair(values: Sequence[float] | Floats) -> JsonObject:
-    return {"half": _plain(float(values[0])), "95_percent": _plain(float(values[1]))}
+    return {"half": kept(float(values[0])), "95_percent": kept(float(values[1]))}
 
 
 def _survey_values(survey: Survey, sizes: Mapping[str, Sequence[float]]) -> JsonObject:
@@ -271,18 +268,18 @@ def _survey_values(survey: Survey, sizes: Mapping[str, Sequence[float]]) -> Json
             "count": finder.count,
             "unit": one.kind.unit,
             "thresholds": {
-                "windows_of_seconds": _plain(finder.second_factor),
-                "windows_of_epochs": _plain(finder.epoch_factor),
-                "mean_square": _plain(finder.noise_limit),
+                "windows_of_seconds": kept(finder.second_factor),
+                "windows_of_epochs": kept(finder.epoch_factor),
+                "mean_square": kept(finder.noise_limit),
             },
             "groups": [
                 {
                     "sensors": [sensor + 1 for sensor in group.sensors],
-                    "share": _plain(group.share),
+                    "share": kept(group.share),
                     "smallest": {
                         way: {
                             f"{s}_s": _pair(pair)
-                            | {"tried": _plain(survey.smallest_tried(one, group, way, s))}
+                            | {"tried": kept(survey.smallest_tried(one, group, way, s))}
                             for s, pair in found.items()
                         }
                         for way, found in group.smallest.items()

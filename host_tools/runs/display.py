@@ -9,7 +9,7 @@ from typing import Self
 from rich.console import Console
 
 from rrins.host_tools.files import JsonObject
-from rrins.host_tools.rounding import rounded
+from rrins.host_tools.rounding import rounded, with_unit
 from rrins.host_tools.runs.results.results import east_north_m
 from rrins.host_tools.scenario.scenario import Scenario
 from rrins.host_tools.terminal import print_line, progress_line
@@ -82,7 +82,10 @@ class RunDisplay:
     def compiling(self, side: str, functions: int) -> None:
         """Show that a side compiles, and how many functions it has begun."""
         if not self._compiling and not self._is_quiet and self._line is None:
-            self._console.print("compiling; later starts load what is compiled now")
+            most = "two minutes" if self._scenario.estimator.enabled else "half a minute"
+            self._console.print(
+                f"compiling, up to {most} on two cores; later starts load what is compiled"
+            )
         self._compiling[side] = functions
         counts = ", ".join(f"{side} {count}" for side, count in sorted(self._compiling.items()))
         text = f"compiling functions: {counts}"
@@ -148,7 +151,7 @@ class RunDisplay:
         seconds = firmware["epoch"] / self._scenario.rate_hz
         parts = [f"{seconds:.0f} s"]
         if self._error_m is not None:
-            parts.append(f"error {_length(self._error_m)}")
+            parts.append(f"error {with_unit(self._error_m, 'm')}")
         elapsed_s = self._progress.tasks[0].elapsed
         if elapsed_s:
             parts.append(f"{rounded(seconds / elapsed_s)} × real time")
@@ -162,11 +165,3 @@ def _mode_of(firmware: JsonObject) -> str:
     if firmware["fault"] == "NONE":
         return mode
     return f"{mode} ({firmware['fault'].lower().replace('_', ' ')})"
-
-
-def _length(metres: float) -> str:
-    if metres >= 1000:
-        return f"{metres / 1000:.2f} km"
-    if metres < 0.1:
-        return f"{metres * 1000:.2f} mm"
-    return f"{metres:.2f} m"

@@ -9,6 +9,7 @@ from pydantic import Field, model_validator
 
 from rrins.host_tools.hardware.tables import TomlTable
 from rrins.host_tools.hardware.units import STANDARD_GRAVITY
+from rrins.host_tools.rounding import rounded
 
 DRIVE_S = 2500.0
 SWAY_S = 1800.0
@@ -96,6 +97,6 @@ class Motion(TomlTable):
         if self.kind == "sway" and self.wave_height_m > wavelength / 15:
             raise ValueError(
                 f"wave_height_m: waves of {self.wave_period_s:g} s break above "
-                f"{wavelength / 15:.3g} m"
+                f"{rounded(wavelength / 15)} m"
             )
         return self

@@ -31,6 +31,7 @@ from rrins.host_tools.hardware.tables import (
     TomlTable,
     Turntable,
 )
+from rrins.host_tools.rounding import rounded
 from rrins.host_tools.scenario import presets
 from rrins.host_tools.scenario.fault_tables import AnyFault, FaultOfHardware, FaultOnWire
 from rrins.host_tools.scenario.geometry import AxesDeg
@@ -187,8 +188,8 @@ class Scenario(TomlTable, metaclass=_InOneLine):
         if self.mode == "rotating" and firmware.stand_s < settle_s:
             raise ValueError(
                 f"firmware.stand_s: {firmware.stand_s:g} s, but an axis comes to rest "
-                f"{settle_s:.3g} s after a turn without ramps would (turn rate / acceleration, "
-                "acceleration / jerk)"
+                f"{rounded(settle_s)} s after a turn without ramps would (turn rate / "
+                "acceleration, acceleration / jerk)"
             )
         check_turntable(self.turntable, self.mode == "rotating", firmware)
         times = [request.at_s for request in self.operator]

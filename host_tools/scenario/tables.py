@@ -25,6 +25,7 @@ from rrins.host_tools.hardware.tables import (
     TomlTable,
     Turntable,
 )
+from rrins.host_tools.rounding import rounded
 from rrins.host_tools.scenario.geometry import GEOMETRIES, AxesDeg
 
 LONGEST_S = 10_000_000.0
@@ -344,8 +345,8 @@ def _check_span(name: str, axes_deg: AxesDeg) -> None:
         raise ValueError(f"{name}: the axes lie in one {shape}")
     raise ValueError(
         f"{name}: the axes are too close to one {shape}: across it, a vector would have "
-        f"{1 / third:.3g} times the error of a sensor (condition number {condition:.4g}, at most "
-        f"{CONDITION_LIMIT:g})"
+        f"{rounded(1 / third)} times the error of a sensor (condition number "
+        f"{rounded(condition, 4)}, at most {CONDITION_LIMIT:g})"
     )
 
 

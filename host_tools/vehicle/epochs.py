@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rrins.compiled.record import Floats, Integers
+from rrins.host_tools.rounding import rounded
 from rrins.host_tools.vehicle.errors import VehicleError
 from rrins.host_tools.vehicle.recording import Fixes, Increments
 
@@ -54,7 +55,7 @@ def rate_of(increments: Increments) -> int:
     rate = 1.0 / increments.interval_s
     if rate < 0.9 * SLOWEST_HZ:
         raise VehicleError(
-            f"import: the increments come at {rate:.3g} Hz; the firmware needs {SLOWEST_HZ} Hz"
+            f"import: the increments come at {rounded(rate)} Hz; the firmware needs {SLOWEST_HZ} Hz"
         )
     possible = np.array([hz for hz in range(SLOWEST_HZ, FASTEST_HZ + 1) if 1_000_000_000 % hz == 0])
     return int(possible[np.argmin(np.abs(possible - rate))])
@@ -81,7 +82,7 @@ def _sums(
     if float(lengths.max()) > _LONGEST_GAP_S:
         at = int(np.argmax(lengths))
         raise VehicleError(
-            f"import: {lengths[at]:.3g} s are missing before {time_s[at]:.3f} s; at most "
+            f"import: {rounded(lengths[at])} s are missing before {time_s[at]:.3f} s; at most "
             f"{_LONGEST_GAP_S:g} s can be bridged"
         )
     scale = np.where(is_gap, lengths / usual_s, 1.0)[:, np.newaxis]
@@ -128,7 +129,9 @@ def laid_out(
     period_s = 1.0 / rate_hz
     count = int((ends_s - begins_s) / period_s + 1e-6)
     if count < rate_hz:
-        raise VehicleError(f"import: {max(0.0, ends_s - begins_s):.3g} s are too short to navigate")
+        raise VehicleError(
+            f"import: {rounded(max(0.0, ends_s - begins_s))} s are too short to navigate"
+        )
     usual_s = increments.interval_s
     rows = (increments.time_s > begins_s - 2) & (increments.time_s <= ends_s + 2)
     time_s = increments.time_s[rows]

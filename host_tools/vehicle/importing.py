@@ -22,6 +22,7 @@ from rrins.host_tools.recording.earlier import keep_earlier
 from rrins.host_tools.recording.errors import RecordError
 from rrins.host_tools.recording.formats import READ, check_path, ending_of, open_writer
 from rrins.host_tools.recording.note import Note, Part, write_note
+from rrins.host_tools.rounding import rounded
 from rrins.host_tools.scenario.scenario import Scenario
 from rrins.host_tools.vehicle import beginning, epochs, frames, set_up
 from rrins.host_tools.vehicle.epochs import Epochs
@@ -147,8 +148,8 @@ def _notes_of(laid: Epochs, recording: VehicleRecording) -> Iterator[str]:
     if laid.gaps:
         total = sum(length for _, length in laid.gaps)
         yield (
-            f"{len(laid.gaps)} gaps in the increments, {total:.3g} s in all, bridged at the rate "
-            f"after each; the first at {laid.gaps[0][0]:.3f} s"
+            f"{len(laid.gaps)} gaps in the increments, {rounded(total)} s in all, bridged at the "
+            f"rate after each; the first at {laid.gaps[0][0]:.3f} s"
         )
     if laid.clipped:
         yield f"{laid.clipped} increments were beyond the range of a frame and are cut"

@@ -25,7 +25,7 @@ def line():
     """Return a record for one end of a line, and the other end, which belongs to Python."""
     ends = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     lent = Direct.zeros()
-    lent[0].fd, lent[0].door = ends[0].fileno(), -1
+    lent[0].fd, lent[0].door, lent[0].listener = ends[0].fileno(), -1, -1
     lent[0].opening = np.uint64(datagram.first_word(datagram.FRAMES, datagram.CLOSES_EPOCH))
     lent[0].own, lent[0].other = np.uint64(OWN), np.uint64(OTHER)
     with ends[0], ends[1]:
@@ -55,7 +55,7 @@ def words():
 def test_what_is_sent_is_what_python_writes(values, epoch):
     ends = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     lent = Direct.zeros()
-    lent[0].fd, lent[0].door = ends[0].fileno(), -1
+    lent[0].fd, lent[0].door, lent[0].listener = ends[0].fileno(), -1, -1
     lent[0].opening = np.uint64(datagram.first_word(datagram.FRAMES, datagram.CLOSES_EPOCH))
     lent[0].own, lent[0].other = np.uint64(OTHER), np.uint64(OTHER)
     frames = array_of(values)
@@ -143,6 +143,27 @@ def test_an_end_or_an_open_door_is_left_to_python(line):
     other.close()
     assert direct.receive(lent, words(), frame_array(64)) == NOTHING
     assert lent.left_over == 0
+
+
+def test_a_listener_gets_what_either_side_sends(line):
+    lent, other = line
+    ears, listener = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    with ears, listener:
+        lent.listener = ears.fileno()
+        answer, room, frames = written(ONE, OTHER, 1, 1), words(), frame_array(64)
+        assert direct.send(lent, room, ONE, 1, 1, 5)
+        other.send(answer)
+        assert direct.receive(lent, room, frames) == 1
+        assert [listener.recv(99), listener.recv(99)] == [other.recv(99), answer]
+        while direct.send(lent, room, frames, 64, 0, 0):  # until it has no more room
+            other.recv(70_000)
+        with pytest.raises(BlockingIOError):
+            other.recv(9, socket.MSG_DONTWAIT)
+        other.send(answer)
+        assert direct.receive(lent, room, frames) == NOTHING
+        assert room.tobytes()[: lent.left_over] == answer
+        listener.send(b"!")
+        assert direct.receive(lent, room, frames) == NOTHING
 
 
 def test_a_socket_that_is_full_takes_nothing(line):

@@ -3,10 +3,23 @@
 from __future__ import annotations
 
 import math
+import re
+from pathlib import Path
 
 import pytest
 
-from rrins.host_tools.rounding import alike, coarse, plus_minus, rounded, with_limits, with_sigma
+from rrins.host_tools.rounding import (
+    alike,
+    coarse,
+    plus_minus,
+    rounded,
+    with_limits,
+    with_sigma,
+    with_unit,
+)
+
+ROOT = Path(__file__).parents[2]
+ROOMS = ("rrins", "host_tools", "firmware_py")
 
 
 @pytest.mark.parametrize(
@@ -65,6 +78,12 @@ def test_numbers_that_are_compared_have_the_same_decimals() -> None:
     assert alike([]) == []
 
 
+def test_a_length_has_the_unit_that_fits() -> None:
+    lengths = {2214.0: "2.21 km", 12.4: "12.4 m", 0.0031: "3.10 mm", 0.0: "0 m", None: "–"}
+    assert {value: with_unit(value, "m") for value in lengths} == lengths
+    assert with_unit(2214.0, "m/s") == "2,210 m/s"
+
+
 @pytest.mark.parametrize(
     ("numbers", "text"),
     [
@@ -82,6 +101,12 @@ def test_an_interval_has_the_decimals_it_deserves(
     numbers: tuple[float, float | None, float | None], text: str
 ) -> None:
     assert with_limits(*numbers) == text
+
+
+def test_nothing_else_rounds_to_significant_digits() -> None:
+    """Five digits and more are for files."""
+    sources = (one for room in ROOMS for one in (ROOT / room).rglob("*.py"))
+    assert not [one for one in sources if re.search(r":[^{}]*\.[1-4]g\}", one.read_text("utf-8"))]
 
 
 def test_figures_from_random_draws_have_two_digits_and_three_from_10_on():

@@ -13,6 +13,7 @@ from rrins.host_tools.campaigns.statistics import Estimate
 from rrins.host_tools.campaigns.store import Store
 from rrins.host_tools.campaigns.summary import interval, shown, value, with_interval
 from rrins.host_tools.cli.output import print_results
+from rrins.host_tools.rounding import rounded
 from rrins.host_tools.terminal import new_table
 
 _COMPARED = (MAIN, "max_horizontal_error_m", "rms_horizontal_error_m")
@@ -78,6 +79,6 @@ def _verdict(one: Comparison) -> str:
     how = "Wilcoxon, pairs of one seed" if one.is_paired else "Mann-Whitney"
     differ = one.p_value < _CHANCE
     words = "differ" if differ else "may be the same: the difference may be chance"
-    chance = f"p = {one.p_value:.2g}" if one.p_value >= 1e-4 else "p < 0.0001"
+    chance = f"p = {rounded(one.p_value, 2)}" if one.p_value >= 1e-4 else "p < 0.0001"
     runs = f"{one.runs[0]} and {one.runs[1]} runs"
     return f"{one.output}: the campaigns {words} ({chance}, {how}, {runs})"

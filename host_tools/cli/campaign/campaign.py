@@ -147,6 +147,7 @@ def _run(store: Store, options: dict[str, Any], as_json: bool) -> None:
     from rrins.host_tools.campaigns.store import Store
     from rrins.host_tools.campaigns.until import Until
     from rrins.host_tools.interruption import as_event
+    from rrins.host_tools.rounding import rounded
     from rrins.host_tools.terminal import new_console, progress_line
 
     until = None if options["until"] is None else Until.parse(options["until"])
@@ -161,7 +162,7 @@ def _run(store: Store, options: dict[str, Any], as_json: bool) -> None:
             if not line.tasks[0].started:
                 line.start_task(task)
             figures = progress.figures()
-            state = [f"{progress.stored} of {progress.planned}", f"{progress.rate:.3g} runs/s"]
+            state = [f"{progress.stored} of {progress.planned}", f"{rounded(progress.rate)} runs/s"]
             if figures is not None:
                 state.append("p50 {} p95 {}{}".format(*map(summary.shown, figures), unit))
             if progress.failed:
@@ -190,7 +191,7 @@ def _run(store: Store, options: dict[str, Any], as_json: bool) -> None:
         parts.append(f"{until.text}: after {store.stopped_at} runs")
     print_results(as_json, result, [*parts, str(store.folder)])
     if not as_json:
-        text = f"{run_now} runs in {progress.wall_s:.1f} s, {progress.rate:.3g} runs/s"
+        text = f"{run_now} runs in {progress.wall_s:.1f} s, {rounded(progress.rate)} runs/s"
         click.echo(text, err=True)
 
 

@@ -24,6 +24,7 @@ from rrins.host_tools.diag.tester import RECORDS, Tester
 from rrins.host_tools.diag.trouble_table import TroubleReport
 from rrins.host_tools.diag.values import value_text
 from rrins.host_tools.files import JsonObject
+from rrins.host_tools.rounding import alike
 
 
 @click.group(cls=Group)
@@ -139,7 +140,7 @@ def _add_parity(shown: Table, did: DataIdentifier, frames: Sequence[Mapping[str,
         for frame in frames:
             seconds = np.reshape(_numbers(frame, did, residual), (BEFORE_S, -1))
             sensors = int(np.max(np.flatnonzero(seconds.any(axis=0)), initial=0)) + 1
-            texts.append("  ".join(f"{value:.3g}" for value in seconds[k, :sensors]))
+            texts.append("  ".join(alike(seconds[k, :sensors])))
         shown.add_row("", f"{before}: {residual.name}", *texts, residual.unit)
 
 

@@ -61,6 +61,7 @@ def _list_contents(path: Path, log_channel: str | None) -> None:
     from rrins.host_tools.logs.reader import Log
     from rrins.host_tools.logs.series import gather
     from rrins.host_tools.logs.signals import message_names, signals_of
+    from rrins.host_tools.rounding import rounded
 
     log = Log(path, log_channel)
     with counting("reading", log.size) as on_progress:
@@ -70,9 +71,8 @@ def _list_contents(path: Path, log_channel: str | None) -> None:
     click.echo(f"{path}: {contents.frames} frames in {duration_s:.3f} s")
     for name in (n for n in message_names() if n in contents.messages):
         count = contents.messages[name]
-        rate = (
-            f", {(count - 1) / duration_s:.4g} per second" if count > 1 and duration_s > 0 else ""
-        )
+        hz = (count - 1) / duration_s if count > 1 and duration_s > 0 else None
+        rate = "" if hz is None else f", {rounded(hz, 4)} per second"
         click.echo(f"\n{name}: {count} frames{rate}")
         for signal in signals_of(name):
             unit = f" [{signal.unit}]" if signal.unit else ""

@@ -287,11 +287,12 @@ def _judge(comparison: Comparison, as_json: bool) -> None:
 
 
 def _table_of(comparison: Comparison) -> Table:
+    from rrins.host_tools.rounding import rounded
     from rrins.host_tools.terminal import new_table
 
     table = new_table("Differences", "signal", "from epoch", "frames", "max difference")
     for row in comparison.summary()["signals"]:
-        apart = "" if row["largest"] is None else f"{row['largest']:.3g} {row['unit']}"
+        apart = "" if row["largest"] is None else f"{rounded(row['largest'])} {row['unit']}"
         epoch = "before SYNC" if row["first_epoch"] is None else str(row["first_epoch"])
         table.add_row(row["signal"], epoch, str(row["frames"]), apart)
     return table

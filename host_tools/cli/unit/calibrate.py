@@ -25,6 +25,9 @@ if TYPE_CHECKING:
     from rrins.host_tools.calibration.estimation import Estimate
 
 
+_BEYOND = "less well known than is wanted; stand longer (--stand), or take a longer --scheme"
+
+
 @click.command()
 @click.argument("scenario", required=False)
 @bus_options
@@ -37,6 +40,7 @@ if TYPE_CHECKING:
 @option("--stand stand_s", "Rest after each turn, s.", float)
 @option("--seed", "Seed of the drawn errors.", click.IntRange(0), 1, show_default=False)
 @flag("--push pushes", "Store the calibration in the unit and verify it there.")
+@flag("--strict", "End with status 12 if a constant is less well known than is wanted.")
 @flag("--anew", "Start over instead of resuming a calibration that was stopped.")
 @option(
     "--temperature temperature_c",
@@ -49,7 +53,7 @@ if TYPE_CHECKING:
 @option(
     "--out folder", "Folder for the calibration file and the report.", FOLDER, Path("out/calibrate")
 )
-def calibrate(as_json: bool, **order: Any) -> None:
+def calibrate(as_json: bool, strict: bool, **order: Any) -> None:
     """Calibrate the sensors of a unit on its own table: all constants, with their uncertainty.
 
     With --channel, calibrate the unit on that bus, which must stand still; SCENARIO or --rimu names
@@ -60,6 +64,7 @@ def calibrate(as_json: bool, **order: Any) -> None:
     from rrins.host_tools.calibration.procedure import Order
     from rrins.host_tools.calibration.procedure import calibrate as calibrate_unit
     from rrins.host_tools.calibration.report import result_of, verdict_of
+    from rrins.host_tools.errors import CalibrationRecordError
 
     done = calibrate_unit(Order(**order), print_note)
     found, errors, paths = done.estimate, done.errors, [str(path) for path in done.files]
@@ -68,6 +73,8 @@ def calibrate(as_json: bool, **order: Any) -> None:
         result["rms_errors"] = dict(zip(("gyros", "accelerometers"), errors, strict=True))
     lines = [verdict_of(found), *([done.verified] if done.verified else [])]
     print_results(as_json, result, [*_tables(found, errors), *lines, *paths])
+    if strict and not result["as_wanted"]:
+        raise CalibrationRecordError(f"calibrate: {', '.join(result['beyond_wanted'])}: {_BEYOND}")
 
 
 def _tables(found: Estimate, errors: list[list[float]] | None) -> Iterator[Table | str]:

@@ -29,8 +29,9 @@ export class Now {
   row({ text, severity, since_s, page }) {
     const more = [element("span", {}, WORDS[severity])];
     if (since_s != null) more.push(element("span", {}, `since ${clock(since_s)}`));
-    const [name] = (page ?? "").split("#");
+    const [name, section] = (page ?? "").split("#");
     if (this.guides.has(name)) more.push(element("a", { href: `guides/${page}`, target: "_blank", rel: "noopener" }, "what it means"));
+    else if (name) more.push(element("span", {}, `guide: docs/${name}.md${section ? `, “${section.replaceAll("-", " ")}”` : ""}`));
     return element("div", { class: `trouble ${severity}` }, element("b", {}, SIGNS[severity]), element("div", {}, element("div", {}, text), element("small", {}, ...more)));
   }
 }

@@ -25,21 +25,18 @@ export const colour = (name) =>
 export function length(metres) {
   if (metres == null || Number.isNaN(metres)) return "–";
   const size = Math.abs(metres);
-  if (size >= 1000) return `${(metres / 1000).toPrecision(3)} km`;
-  if (size < 0.1 && size > 0) return `${(metres * 1000).toPrecision(3)} mm`;
-  return `${metres.toPrecision(3)} m`;
+  if (size >= 1000) return `${figures(metres / 1000, 3)} km`;
+  if (size < 0.1 && size > 0) return `${figures(metres * 1000, 3)} mm`;
+  return `${figures(metres, 3)} m`;
 }
 
-// Seconds as a clock: 93.4 s, 12:05.1, 1:02:45.
+// Seconds as a clock: 0:09.4, 12:05.1, 1:02:45.0.
 export function clock(seconds, decimals = 1) {
   if (seconds == null) return "–";
-  if (seconds < 100) return `${seconds.toFixed(decimals)} s`;
-  const whole = Math.floor(seconds);
-  const h = Math.floor(whole / 3600);
-  const m = Math.floor((whole % 3600) / 60);
-  const two = (n) => String(n).padStart(2, "0");
-  const s = h ? two(whole % 60) : (seconds % 60).toFixed(decimals).padStart(decimals ? 3 + decimals : 2, "0");
-  return h ? `${h}:${two(m)}:${s}` : `${m}:${s}`;
+  const rounded = Number(seconds.toFixed(decimals));
+  const [h, m] = [Math.floor(rounded / 3600), Math.floor((rounded % 3600) / 60)];
+  const s = (rounded % 60).toFixed(decimals).padStart(decimals ? 3 + decimals : 2, "0");
+  return h ? `${h}:${String(m).padStart(2, "0")}:${s}` : `${m}:${s}`;
 }
 
 export function figures(value, digits = 4) {

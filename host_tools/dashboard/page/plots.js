@@ -14,17 +14,9 @@ const NARROW = 520; // px; the axis is narrower, too
 
 export const SPANS = [["1 min", 60], ["10 min", 600], ["whole run", Infinity]];
 
-// 0:50, 1:40, 1:02:30, 1:02:30.5
-function minutes(seconds, decimals = 0) {
-  const rounded = Number(seconds.toFixed(decimals));
-  const [h, m] = [Math.floor(rounded / 3600), Math.floor((rounded % 3600) / 60)];
-  const s = (rounded % 60).toFixed(decimals).padStart(decimals ? 3 + decimals : 2, "0");
-  return h ? `${h}:${String(m).padStart(2, "0")}:${s}` : `${m}:${s}`;
-}
-
 function timeLabels(u, splits) {
   const decimals = splits[1] - splits[0] < 1 ? 1 : 0;
-  return splits.map((s) => (splits.at(-1) < 100 ? clock(s, decimals) : minutes(s, decimals)));
+  return splits.map((s) => clock(s, decimals));
 }
 
 // Plots share the cursor, and the band that is dragged; only the plot where it ends zooms all.

@@ -15,6 +15,7 @@ from rrins.host_tools.files import JsonObject
 from rrins.host_tools.integrity.fmeda.rates import Rates
 from rrins.host_tools.integrity.fmeda.trials import Finding
 from rrins.host_tools.integrity.phases import PHASES
+from rrins.host_tools.rounding import kept
 
 SHARES: Final[dict[str, Callable[[Finding], bool]]] = {
     "detected": lambda one: math.isfinite(one.detected_s),
@@ -103,29 +104,29 @@ class Row:
         """Return all figures as plain values; null for never."""
         delays = {
             f"{name}_s": {
-                "half": _plain(self.quantile(value, HALF)),
-                "95_percent": _plain(self.quantile(value, MOST)),
+                "half": kept(self.quantile(value, HALF)),
+                "95_percent": kept(self.quantile(value, MOST)),
             }
             for name, value in DELAYS.items()
         }
         worst = self.worst
         return {
-            "fit": _plain(self.fit),
+            "fit": kept(self.fit),
             "runs": len(self.findings),
             "shares": {name: share.values() for name, share in self.shares.items()},
             **delays,
             "effect_m": {
-                "half": _plain(self.quantile(lambda one: one.effect_m, HALF)),
-                "largest": _plain(max(one.effect_m for one in self.findings)),
+                "half": kept(self.quantile(lambda one: one.effect_m, HALF)),
+                "largest": kept(max(one.effect_m for one in self.findings)),
             },
-            "rates_fit": {name: _plain(value) for name, value in self.rates_fit().items()},
+            "rates_fit": {name: kept(value) for name, value in self.rates_fit().items()},
             "worst": {
                 "mode": worst.trial.mode.name,
                 "part": worst.trial.part,
                 "phase": worst.trial.phase,
                 "seed": worst.trial.seed,
                 "value": worst.trial.value,
-                "error_m": _plain(worst.error_m),
+                "error_m": kept(worst.error_m),
             },
         }
 
@@ -135,10 +136,6 @@ DELAYS: Final[dict[str, Callable[[Finding], float]]] = {
     "isolated": lambda one: one.isolated_s,
 }
 """Times since the failure."""
-
-
-def _plain(value: float) -> float | None:
-    return float(f"{value:.5g}") if math.isfinite(value) else None
 
 
 class Table:

@@ -8,7 +8,7 @@ from typing import cast
 from rich.table import Table
 
 from rrins.host_tools.files import JsonObject
-from rrins.host_tools.rounding import rounded
+from rrins.host_tools.rounding import with_unit
 from rrins.host_tools.runs.results.estimates import beside_truth, sensor_rows, write_sensors
 from rrins.host_tools.runs.results.findings import finding_lines
 from rrins.host_tools.runs.results.outcome import Outcome
@@ -118,16 +118,6 @@ def write_results(
     return [*paths, folder / "summary.json"]
 
 
-def _shown(value: float | None, unit: str) -> str:
-    if value is None:
-        return "-"
-    if unit == "m" and abs(value) >= 1000:
-        return f"{rounded(value / 1000)} km"
-    if abs(value) < 0.1 and value != 0:
-        return f"{rounded(value * 1000)} m{unit}"
-    return f"{rounded(value)} {unit}"
-
-
 def cells_of(summary: AnySummary) -> list[list[str]]:
     """Return the cells of the table of a run: its head, then a row for each kind of error."""
     paper = summary["paper"] or {}
@@ -137,7 +127,7 @@ def cells_of(summary: AnySummary) -> list[list[str]]:
         ("velocity", "max_abs_velocity_error_mps", "m/s"),
     ):
         found = [summary[key] or {}, *([paper.get(key) or {}] if paper else [])]
-        cells = [_shown(one.get(side), unit) for one in found for side in ("east", "north")]
+        cells = [with_unit(one.get(side), unit) for one in found for side in ("east", "north")]
         rows.append([label, *cells])
     return rows
 

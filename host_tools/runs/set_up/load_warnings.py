@@ -12,6 +12,7 @@ from rrins.firmware_py.core.sensors.calibration import input_axes
 from rrins.host_tools.hardware import earth
 from rrins.host_tools.hardware.units import ARCSEC, DEG_PER_SQRT_H, STANDARD_GRAVITY
 from rrins.host_tools.motion.trajectory import OMEGA_IB_B
+from rrins.host_tools.rounding import rounded
 from rrins.host_tools.runs.set_up.settings import first_pose, trajectory_of
 from rrins.host_tools.scenario.scenario import Scenario
 from rrins.host_tools.scenario.tables import each
@@ -56,9 +57,11 @@ def _ranges(scenario: Scenario) -> str | None:
     dps, g = _countable(scenario)
     cut = []
     if scenario.gyros.range_dps > dps:
-        cut.append(f"{dps:.3g}°/s of gyros.range_dps = {scenario.gyros.range_dps:g}")
+        cut.append(f"{rounded(dps)}°/s of gyros.range_dps = {scenario.gyros.range_dps:g}")
     if scenario.accelerometers.range_g > g:
-        cut.append(f"{g:.3g} g of accelerometers.range_g = {scenario.accelerometers.range_g:g}")
+        cut.append(
+            f"{rounded(g)} g of accelerometers.range_g = {scenario.accelerometers.range_g:g}"
+        )
     if not cut:
         return None
     return (
@@ -80,8 +83,8 @@ def _fastest_turn(scenario: Scenario) -> str | None:
     if vehicle + table <= measured:
         return None
     return (
-        f"the vehicle turns at up to {vehicle:.3g}°/s and the table at {table:g}°/s, but the gyros "
-        f"measure up to {measured:.3g}°/s at rate_hz = {scenario.rate_hz}"
+        f"the vehicle turns at up to {rounded(vehicle)}°/s and the table at {table:g}°/s, but the "
+        f"gyros measure up to {rounded(measured)}°/s at rate_hz = {scenario.rate_hz}"
     )
 
 
@@ -131,8 +134,9 @@ def _short_alignment(scenario: Scenario) -> str | None:
         key = "estimator.fine_alignment_s"
     return (
         f"self-alignment of {scenario.firmware.alignment_s:g} s{fine}: noise and counting of the "
-        f"gyros alone leave an azimuth error of {math.degrees(error):.2g}° (1 σ), which becomes "
-        f"about {off_km:.2g} km over {scenario.duration_s:g} s; a longer {key} helps"
+        f"gyros alone leave an azimuth error of {rounded(math.degrees(error), 2)}° (1 σ), which "
+        f"becomes about {rounded(off_km, 2)} km over {scenario.duration_s:g} s; a longer "
+        f"{key} helps"
     )
 
 
@@ -163,6 +167,6 @@ def _slow_wire(scenario: Scenario) -> str | None:
     return (
         f"at bus.bitrate = {bitrate} the hardware's {count} frames of one epoch take "
         f"{needed_ns / 1e6:.1f} ms, and the firmware uses what comes within "
-        f"{deadline_ns / 1e6:.3g} ms (half a period at rate_hz = {scenario.rate_hz}): "
+        f"{deadline_ns / 1e6:.1f} ms (half a period at rate_hz = {scenario.rate_hz}): "
         "the last of them will be late"
     )

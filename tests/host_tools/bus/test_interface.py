@@ -12,6 +12,7 @@ import can
 import numpy as np
 import pytest
 
+from rrins.dbc.direct import Direct
 from rrins.dbc.frame import Frame, FrameArray, frame_array
 from rrins.host_tools.bus import datagram
 from rrins.host_tools.bus.interface import RrinsBus
@@ -269,6 +270,18 @@ def test_the_host_sees_who_is_attached(host: RrinsBus, attach_to: Attach) -> Non
     assert seen == [("firmware", os.getpid(), "node"), ("monitor", os.getpid(), "observer")]
     with pytest.raises(can.CanOperationError, match="only the host"):
         _ = firmware.peers
+
+
+def test_compiled_code_is_lent_a_side_and_one_listener(host: RrinsBus, attach_to: Attach) -> None:
+    lent = Direct.zeros()
+    attach_to(host, "recorder")
+    host.send_batch(numbered(1), 1)
+    assert not host.lend(lent[0])
+    attach_to(host, "firmware")
+    assert host.lend(lent[0])
+    assert -1 != lent[0].listener != lent[0].fd
+    attach_to(host, "monitor", role="observer")
+    assert not host.lend(lent[0])
 
 
 def test_a_required_peer_that_leaves_is_named(host: RrinsBus, attach_to: Attach) -> None:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
 from rrins.firmware_py.core.modes.modes import Mode
 from rrins.firmware_py.core.sensors.calibration import ARCSEC, DPH, PPM, Origin, load
@@ -15,14 +16,16 @@ from rrins.firmware_py.core.settings import Scheme, Turn
 from rrins.firmware_py.diagnostics import calibration_image
 from rrins.firmware_py.diagnostics.parameters import GYRO_CALIBRATIONS
 from rrins.firmware_py.loop import open_memories
-from rrins.host_tools.calibration import session
+from rrins.host_tools.calibration import procedure, session
 from rrins.host_tools.calibration.emulated import EmulatedUnit
 from rrins.host_tools.calibration.monte_carlo import errors_of
+from rrins.host_tools.calibration.procedure import Calibrated
 from rrins.host_tools.calibration.report import result_of, verdict_of, write
 from rrins.host_tools.calibration.routine import told_unit
 from rrins.host_tools.calibration.session import Recording
 from rrins.host_tools.calibration.table import record
 from rrins.host_tools.calibration.unit import drawn_unit, unit_of
+from rrins.host_tools.cli.main import rrins
 from rrins.host_tools.diag import tester as diagnostic
 from rrins.host_tools.errors import CalibrationRecordError
 from rrins.host_tools.scenario.scenario import Scenario
@@ -99,7 +102,7 @@ def test_a_calibration_is_stored_and_lasts(tmp_path: Path) -> None:
     assert picture.stat().st_size > 1000
 
 
-def test_a_calibration_as_good_as_wanted_is_called_so() -> None:
+def test_a_calibration_as_good_as_wanted_is_called_so(monkeypatch: pytest.MonkeyPatch) -> None:
     scenario = drawn_unit(1)
     found = session.checked(unit_of(scenario), record(scenario, FAST))
     gyros, accelerometers = (
@@ -109,6 +112,16 @@ def test_a_calibration_as_good_as_wanted_is_called_so() -> None:
     assert verdict_of(sure) == "All constants are known as well as is wanted."
     assert result_of(sure)["as_wanted"]
     assert result_of(sure)["beyond_wanted"] == []
+    for one, options, status in (
+        (found, [], 0),
+        (found, ["--strict"], 12),
+        (sure, ["--strict"], 0),
+    ):
+        done = Calibrated(one, "", [], None)
+        monkeypatch.setattr(procedure, "calibrate", lambda *_, done=done: done)
+        result = CliRunner().invoke(rrins, ["calibrate", *options])
+        assert result.exit_code == status
+        assert ("calibrate: gyros.bias_dph, " in result.output) == (status != 0)
 
 
 def test_what_was_pushed_is_there_and_in_use_after_a_power_cycle(tmp_path: Path) -> None:

@@ -50,9 +50,9 @@ def ask(page, button, answer):
 
 
 def seconds_of(text):
-    """Return a time of the page in seconds: 12.5 s, 3:05.1, 1:02:03."""
+    """Return a time of the page in seconds: 0:12.5, 1:02:03.0."""
     total = 0.0
-    for part in text.removesuffix(" s").split(":"):
+    for part in text.split(":"):
         total = 60 * total + float(part)
     return total
 
@@ -212,14 +212,36 @@ OVERFLOWS = """() => {
   const name = (e) => `${e.tagName}.${e.className} ${e.textContent.slice(0, 40)}`;
   const right = (e) => e.getBoundingClientRect().right;
   const wide = document.documentElement.clientWidth;
-  return [...document.querySelectorAll("body, body *")].filter(seen).filter((e) => {
+  const all = [...document.querySelectorAll("body, body *")].filter(seen);
+  const cut = all.filter((e) => {
     const hides = getComputedStyle(e).overflowX !== "visible";
     return (hides && e.scrollWidth > e.clientWidth + 1) || right(e) > wide + 1;
-  }).map(name);
+  });
+  const common = (a, b) => ({
+    left: Math.max(a.left, b.left), right: Math.min(a.right, b.right),
+    top: Math.max(a.top, b.top), bottom: Math.min(a.bottom, b.bottom),
+  });
+  const shown = (rect, e) => {  // what no ancestor scrolls away
+    for (let p = e; p; p = p.parentElement)
+      if (getComputedStyle(p).overflowY !== "visible")
+        rect = common(rect, p.getBoundingClientRect());
+    return rect;
+  };
+  const range = document.createRange();
+  const texts = all.flatMap((e) => [...e.childNodes].flatMap((node) => {
+    if (node.nodeType !== Node.TEXT_NODE || !node.data.trim()) return [];
+    range.selectNodeContents(node);
+    return [...range.getClientRects()].map((rect) => [e, shown(rect, e)]);
+  }));
+  const overlapping = texts.filter(([e, a], k) => texts.slice(k + 1).some(([, b]) => {
+    const both = common(a, b);
+    return both.right - both.left > 2 && both.bottom - both.top > 3;
+  }));
+  return [...cut, ...overlapping.map(([e]) => e)].map(name);
 }"""
 
 
-def test_nothing_is_cut_at_any_size(open_page, rehearsal):
+def test_nothing_is_cut_or_overlaps_at_any_size(open_page, rehearsal):
     page = navigating(open_page, rehearsal).page
     for width, height in ((390, 844), (1024, 1366), (1280, 800), (1920, 1080)):
         page.set_viewport_size({"width": width, "height": height})

@@ -150,7 +150,7 @@ def test_the_commands_from_end_to_end(recordings, tmp_path, monkeypatch):
     assert (tmp_path / "bus.png").read_bytes().startswith(b"\x89PNG")
     assert call("plot", path, "mode", "--format", "svg").stdout == "bus.svg\n"
     listed = call("plot", path, "--list").output
-    assert "SENSOR_4: 702 frames, 200 per second" in listed
+    assert "SENSOR_4: 702 frames, 200.0 per second" in listed
     assert "SENSOR_4.gyro_dtheta [rad]" in listed
     assert "SENSOR_5" not in listed
     assert "SYNC.csv" in call("export", path, "tables", "--format", "csv").output

@@ -61,7 +61,7 @@ def test_a_repeated_time(write, load, lines):
 
 def test_a_gap(write, load, lines):
     del lines[AT : AT + 20]
-    check(write, load, lines, [(AT + 1, "gap", "gap of 5.25 s instead of 0.25 s: bridged")])
+    check(write, load, lines, [(AT + 1, "gap", "gap of 5.25 s instead of 0.250 s: bridged")])
 
 
 def test_a_gap_that_is_a_line_left_out_is_told_once(write, load, lines):
@@ -131,8 +131,8 @@ def test_a_file_of_garbage_is_no_motion(write, load, lines):
     [
         (slice(AT, AT + 1), -20, AT + 1, f"time is 19.75 s before that of line {AT}; correct"),
         (slice(AT, AT + 1), 30, AT + 2, f"time is 29.75 s before that of line {AT + 1}; correct"),
-        (slice(AT, None), 2000, AT + 1, "gap of 2000.25 s, longer than"),
-        (slice(-1, None), 5000, 603, "gap of 5000.25 s, longer than"),
+        (slice(AT, None), 2000, AT + 1, "gap of 2,000 s, longer than"),
+        (slice(-1, None), 5000, 603, "gap of 5,000 s, longer than"),
     ],
 )
 def test_wrong_times_are_refused(write, load, lines, changed, seconds, line, words):

@@ -21,7 +21,7 @@ def test_a_vehicle_stands_unless_told_otherwise(make):
         ({"kind": "file", "path": "a.csv", "wave_height_m": 1}, 'for kind = "sway"'),
         ({"kind": "drive", "duration_s": 5}, "greater than or equal to 30"),
         ({"kind": "drive", "speed": 5}, "Extra inputs"),
-        ({"kind": "sway", "wave_height_m": 5, "wave_period_s": 5}, "break above 2.6 m"),
+        ({"kind": "sway", "wave_height_m": 5, "wave_period_s": 5}, "break above 2.60 m"),
         ({"kind": "sway", "wave_height_m": float("nan")}, "finite number"),
         ({"seed": -1}, "greater than or equal to 0"),
     ],
