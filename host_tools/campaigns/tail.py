@@ -61,7 +61,7 @@ def far_percentile(values: Floats, percent: float) -> Estimate:
 
 
 class _Tail:
-    """What exceeds a threshold, and how likely it is by the excess of the percentile.
+    """The excesses over a threshold, and their likelihood by the excess of the percentile.
 
     Parameters
     ----------

@@ -164,9 +164,9 @@ from rrins.compiled import compile_events
 from rrins.compiled.code_folder import CodeFolder
 from rrins.compiled.compilation import compiled_with
 keep = compiled_with(CodeFolder(Path(sys.argv[1])))
-# A timer's signal in the place of Ctrl-C: it comes when it is wanted.
-compile_events._SIGNALS = (signal.SIGALRM,)
-signal.signal(signal.SIGALRM, signal.default_int_handler)
+# A signal in the place of Ctrl-C that comes when it is wanted, however busy the machine is.
+compile_events._SIGNALS = (signal.SIGVTALRM,)
+signal.signal(signal.SIGVTALRM, signal.default_int_handler)
 stopped, kept = 0, []  # an interruption of numba's farewell to a function would be lost
 for k in range(40):
     @keep
@@ -177,9 +177,10 @@ for k in range(40):
         return inner(x) + k
     kept += inner, outer
     try:
-        signal.setitimer(signal.ITIMER_REAL, 0.001 + 0.003 * k)
+        signal.setitimer(signal.ITIMER_VIRTUAL, 0.001 + 0.003 * k)
         outer(1)
-        signal.pause()
+        while True:
+            pass
     except KeyboardInterrupt:
         stopped += 1
 print(stopped)
