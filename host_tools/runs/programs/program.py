@@ -132,7 +132,7 @@ class Program:
 
     @property
     def name(self) -> str:
-        """What it is called: by default as its file."""
+        """Its title, or else the name of its file."""
         return self.title or Path(self.words[0]).name
 
     def __str__(self) -> str:
