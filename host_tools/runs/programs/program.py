@@ -132,7 +132,7 @@ class Program:
 
     @property
     def name(self) -> str:
-        """Its name: by default that of its file."""
+        """Its title, or else the name of its file."""
         return self.title or Path(self.words[0]).name
 
     def __str__(self) -> str:
