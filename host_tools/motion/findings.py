@@ -14,7 +14,7 @@ from rrins.host_tools.motion.mending import interval_of
 from rrins.host_tools.motion.recording import Recording
 from rrins.host_tools.motion.smoothing import Smoothed, edge_speeds
 from rrins.host_tools.motion.trajectory import ATTITUDE, SPECIFIC_FORCE_B, VELOCITY_N
-from rrins.host_tools.rounding import NOTHING, alike, rounded
+from rrins.host_tools.rounding import NOTHING, alike, rounded, with_unit
 
 _STEP_S = 0.05
 _ANGLES = ("roll", "pitch", "heading")
@@ -103,7 +103,7 @@ def findings(recording: Recording, smoothed: Smoothed) -> JsonObject:
 def _residual(size: dict[str, float] | None, unit: str) -> str:
     if size is None:
         return NOTHING
-    return f"rms {rounded(size['rms'])} {unit}, largest {rounded(size['max'])} {unit}"
+    return f"rms {with_unit(size['rms'], unit)}, largest {with_unit(size['max'], unit)}"
 
 
 def _attitude_rows(attitude: JsonObject) -> list[tuple[str, str]]:

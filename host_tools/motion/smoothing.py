@@ -25,7 +25,7 @@ from rrins.host_tools.motion.local import Local
 from rrins.host_tools.motion.recording import Recording
 from rrins.host_tools.motion.spline import Fit, Grid, Observations, evaluate
 from rrins.host_tools.motion.trajectory import Trajectory, knot_ns
-from rrins.host_tools.rounding import rounded
+from rrins.host_tools.rounding import rounded, with_unit
 from rrins.host_tools.scenario.motion import Motion
 
 STILL_PIECES = 4
@@ -237,11 +237,11 @@ def _residual_note(residuals: Residuals) -> str:
     off = np.linalg.norm(residuals.position, axis=1)
     worst = int(np.argmax(off))
     text = (
-        f"smoothed path minus file: position rms {rounded(np.sqrt(np.mean(off**2)))} m, "
-        f"largest {rounded(off[worst])} m (line {residuals.line[worst]})"
+        f"smoothed path minus file: position rms {with_unit(np.sqrt(np.mean(off**2)), 'm')}, "
+        f"largest {with_unit(off[worst], 'm')} (line {residuals.line[worst]})"
     )
     speed_off = np.linalg.norm(residuals.velocity, axis=1)
     speed_off = speed_off[np.isfinite(speed_off)]
     if len(speed_off):
-        text += f"; velocity rms {rounded(np.sqrt(np.mean(speed_off**2)))} m/s"
+        text += f"; velocity rms {with_unit(np.sqrt(np.mean(speed_off**2)), 'm/s')}"
     return text

@@ -208,7 +208,7 @@ def test_plots_are_chosen_enlarged_and_saved(open_page, rehearsal):
 
 
 OVERFLOWS = """() => {
-  const seen = (e) => e.getClientRects().length && !e.closest("svg, .uplot, dialog");
+  const seen = (e) => e.checkVisibility() && !e.closest("svg, .uplot, dialog");
   const name = (e) => `${e.tagName}.${e.className} ${e.textContent.slice(0, 40)}`;
   const right = (e) => e.getBoundingClientRect().right;
   const wide = document.documentElement.clientWidth;

@@ -52,4 +52,4 @@ def test_a_run_up_from_below_the_ground(record):
     path = record(500 * T, 0 * T, up=100 + 90 * T)
     message = refusal(path, speed_limit_mps=1000)
     assert "run-up before line 2: the smoothed vehicle is" in message
-    assert "must be -1000 to 100000" in message
+    assert "must be -1,000 to 100,000" in message

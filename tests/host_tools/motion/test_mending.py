@@ -129,8 +129,8 @@ def test_a_file_of_garbage_is_no_motion(write, load, lines):
 @pytest.mark.parametrize(
     ("changed", "seconds", "line", "words"),
     [
-        (slice(AT, AT + 1), -20, AT + 1, f"time is 19.75 s before that of line {AT}; correct"),
-        (slice(AT, AT + 1), 30, AT + 2, f"time is 29.75 s before that of line {AT + 1}; correct"),
+        (slice(AT, AT + 1), -20, AT + 1, f"time is 19.8 s before that of line {AT}; correct"),
+        (slice(AT, AT + 1), 30, AT + 2, f"time is 29.8 s before that of line {AT + 1}; correct"),
         (slice(AT, None), 2000, AT + 1, "gap of 2,000 s, longer than"),
         (slice(-1, None), 5000, 603, "gap of 5,000 s, longer than"),
     ],

@@ -46,7 +46,7 @@ def test_a_vehicle_that_turns_faster_than_the_gyros_measure():
     assert warnings_of(scenario(gyros={"range_dps": 40}, **tables)) == []
     (line,) = warnings_of(scenario(gyros={"range_dps": 20}, **tables))
     assert "the vehicle turns at up to 26.1°/s and the table at 2°/s" in line
-    assert "measure up to 20°/s at rate_hz = 200" in line
+    assert "measure up to 20.0°/s at rate_hz = 200" in line
 
 
 @pytest.mark.parametrize(
