@@ -187,6 +187,7 @@ def mcap(folder: Path) -> None:
             va="center", ha=side, fontsize="x-small",
         )  # fmt: skip
     words.set_yticks([])
+    words.set_ylim(-len(events), 1)
     finish(axes, "turn / °")
     finish(words, "/events")
     legend_above(axes)
