@@ -62,6 +62,7 @@ docs: $(VENV)/installed-dev
 	cd docs && ../$(RUN) generate.scenario_tables
 	cd docs && ../$(RUN) generate.scenario_keys
 	cd docs && ../$(RUN) generate.figures
+	cd docs && ../$(RUN) generate.tool_pictures
 	RRINS_WRITE_DOCS=1 $(RUN) pytest -q -m typed tests/docs/test_typed.py
 
 docs-html: $(VENV)/installed-docs

@@ -41,6 +41,9 @@ _TYPES = {
     "?": "UBYTE", "B": "UBYTE", "H": "UWORD", "L": "A_UINT64", "I": "ULONG", "Q": "A_UINT64",
     "h": "SWORD", "l": "A_INT64", "q": "A_INT64", "d": "FLOAT64_IEEE",
 }  # fmt: skip
+_LETTERS = str.maketrans(
+    {"²": "^2", "³": "^3", "°": "deg", "λ": "lambda", "μ": "mu", "π": "pi", "Σ": "sum"}
+)
 _MANDATORY = (Command.CONNECT, Command.DISCONNECT, Command.GET_STATUS, Command.SYNCH)
 _UNLISTED = (*_MANDATORY, Command.SHORT_DOWNLOAD)  # which writes nothing in frames of 8 bytes
 
@@ -105,7 +108,13 @@ def _type(field: MemoryField) -> str:
     return _TYPES[field.dtype.char]
 
 
+def ascii_of(text: str) -> str:
+    """Return a text in ASCII: what a reader takes other letters for depends on the reader."""
+    return text.translate(_LETTERS)
+
+
 def _quoted(text: str) -> str:
+    text = ascii_of(text)
     return '"' + text.replace("\\", "\\\\").replace('"', '\\"') + '"'
 
 

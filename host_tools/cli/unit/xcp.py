@@ -36,7 +36,8 @@ def xcp() -> None:
     The scenario of the rehearsal needs the table [xcp]. A signal is named as in the A2L file, such
     as navigation.height or assembly.gyro_dtheta[2]; the name of an array stands for all of it.
 
-    Exit status: 0 success, 2 usage error, 4 no such bus, 25 any other error.
+    Exit status: 0 success, 2 usage error, 3 no such scenario, 4 no such bus, 25 any other error
+    over XCP.
     """
 
 

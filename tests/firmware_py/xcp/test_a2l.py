@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from rrins.firmware_py.core.records.memory import Ram
-from rrins.firmware_py.xcp.a2l import a2l_text, measurements, name_of
+from rrins.firmware_py.xcp.a2l import a2l_text, ascii_of, measurements, name_of
 from rrins.firmware_py.xcp.characteristics import CHARACTERISTICS, SEGMENTS
 from rrins.firmware_py.xcp.layout import by_path, epk, fields
 
@@ -54,7 +54,7 @@ def test_pya2l_reads_all_of_it(text):
             assert one.ECU_ADDRESS.Address.Value == field.address
             kind = np.dtype(TYPES[one.DataType.Value])
             assert kind == field.dtype or (kind, field.dtype) == (np.dtype("u1"), np.dtype(bool))
-            assert one.LongIdentifier.Value == field.text
+            assert one.LongIdentifier.Value == ascii_of(field.text)
 
 
 def test_every_name_stands_once_and_every_reference_is_there(text):
@@ -70,6 +70,7 @@ def test_every_name_stands_once_and_every_reference_is_there(text):
 
 
 def test_identifiers_are_valid(text):
+    assert text.isascii()  # older readers take the file for Latin-1
     part = r"[A-Za-z_]\w{0,31}(\[\d+\])*"
     for name in re.findall(r"/begin (?:MEASUREMENT|CHARACTERISTIC|COMPU_METHOD) (\S+)", text):
         assert re.fullmatch(rf"{part}(\.{part})*", name), name
