@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
+from click.core import ParameterSource
 
 from rrins.host_tools.cli.options import (
     FILE,
@@ -95,6 +96,10 @@ def conform(
     if mutation.mutate is not None:
         _mutate(program, mutation, checks, as_json)
         return
+    context = click.get_current_context()
+    for word in ("build", "mutants", "seed"):
+        if context.get_parameter_source(word) is ParameterSource.COMMANDLINE:
+            raise click.UsageError(f"--{word} goes with --mutate")
     name = "rrins firmware" if program is None else Program.parse(program).name
     findings = []
     for finding in conform(program, checks):

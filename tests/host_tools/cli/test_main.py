@@ -143,9 +143,10 @@ def test_what_only_mf4_needs_is_imported_for_mf4_only(tmp_path):
         ("motion", "export", "drive", "out.csv", "--rate", "nan"),
         ("motion", "check", "x.csv", "--speed-limit", "1e-300"),
         ("replay", "x.log", "--speed", "1e-300"),
+        ("conform", "--mutants", "5"),
     ],
 )
-def test_a_number_beyond_its_limits_is_wrong_use(arguments):
+def test_a_number_beyond_its_limits_or_without_its_option_is_wrong_use(arguments):
     assert CliRunner().invoke(cli.rrins, arguments).exit_code == 2
 
 
