@@ -162,7 +162,7 @@ class Axis(TomlTable):
     def _consistent(self) -> Axis:
         if self.rise_s > LONGEST_RISE_S:
             raise ValueError(
-                f"jerk_limit_dps3: the acceleration takes {self.rise_s:.1f} s to rise, "
+                f"jerk_limit_dps3: the acceleration takes {round(self.rise_s, 1):g} s to rise, "
                 f"{LONGEST_RISE_S:g} s at most"
             )
         return self

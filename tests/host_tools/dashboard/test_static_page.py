@@ -154,7 +154,10 @@ def test_it_rehearses_as_python_does(open_page, url, of_python):
 def test_a_fault_injected_there_is_found_there(open_page, url):
     seen = running(open_page, url)
     seen.page.select_option("#drive select[aria-label=speed]", "5")
-    begun = "parseFloat(document.querySelector('#time').textContent) > 25"  # it has learned
+    # It has learned: minutes and seconds.
+    begun = (
+        "document.querySelector('#time').textContent.split(':').reduce((t, x) => 60 * t + +x) > 25"
+    )
     seen.page.wait_for_function(begun, timeout=150_000)
     seen.page.click("#drive >> text=Pause")
     seen.page.click('[data-tab="control"]')
