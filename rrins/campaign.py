@@ -14,7 +14,7 @@ from rrins.host_tools.campaigns.rerun import rerun as rerun_run
 from rrins.host_tools.campaigns.row import MAIN
 from rrins.host_tools.campaigns.statistics import PERCENTILES
 from rrins.host_tools.campaigns.store import Store
-from rrins.host_tools.campaigns.summary import SHOWN, Outcomes, circles
+from rrins.host_tools.campaigns.summary import SHOWN, Outcomes, circles, far
 from rrins.host_tools.campaigns.until import Until
 from rrins.host_tools.rounding import rounded
 from rrins.host_tools.runs.display import RunDisplay
@@ -198,12 +198,15 @@ class Campaign:
     def far_percentile(self, percent: float = 99.9, output: str = MAIN) -> dict[str, float | None]:
         """Return a percentile that few runs exceed, by a fitted tail, with its interval of 95 %.
 
-        `value`, `low`, `high`; None each for fewer than 400 runs. See
-        `rrins.host_tools.campaigns.tail`.
-        """
-        from rrins.host_tools.campaigns.tail import far_percentile
+        `value`, `low`, `high`; None each for fewer than 400 runs, and for runs with noise in
+        common. See `rrins.host_tools.campaigns.tail`.
 
-        return far_percentile(Outcomes(self.store, (output,))[output], percent).values()
+        Raises
+        ------
+        RehearsalError
+            For a percentile that is not between 90 and 100.
+        """
+        return far(Outcomes(self.store, (output,)), output, percent).values()
 
     def sensitivity(self, output: str | None = None) -> pd.DataFrame:
         """Return which input matters: a row for each input, the largest first.

@@ -73,7 +73,6 @@ def rehearse(folder: Path) -> None:
         while subprocess.run(record, cwd=folder, capture_output=True, check=False).returncode:
             if time.monotonic() > until or side.poll() is not None:
                 raise TimeoutError("no rehearsal to measure has begun, or it has ended before")
-            time.sleep(0.2)
         side.wait(_PATIENCE_S)
     finally:
         side.kill()
@@ -131,9 +130,17 @@ def xcp(folder: Path) -> None:
     groups = (_ANGLES, "°"), ((_RESIDUAL,), "rad"), ((_RATIO,), "parity / threshold")
     for axes, (names, unit) in zip(panels, groups, strict=True):
         for name, line in zip(names, LINES, strict=False):
-            draw_line(axes, found[name].timestamps, found[name].samples, label=name, **line)
+            samples = found[name].samples
+            if name not in _ANGLES:  # nothing is compared any more
+                samples = np.where(excluded.samples > 0, np.nan, samples)
+            draw_line(axes, found[name].timestamps, samples, label=name, **line)
         for time_s in at_s:
             axes.axvline(time_s, color="0.3", linewidth=0.8)
+            if axes is not panels[0]:
+                axes.annotate(
+                    "gyro 3 left out: nothing to compare", (time_s, 0.5), (6, 0),
+                    xycoords=("data", "axes fraction"), textcoords="offset points", va="center",
+                )  # fmt: skip
         finish(axes, unit)
         legend_above(axes)
     panels[-1].set_xlabel(_SINCE)

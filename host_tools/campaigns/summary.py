@@ -104,9 +104,9 @@ def circles(outcomes: Outcomes) -> dict[str, Estimate]:
     return {"cep50_m": radial.percentile(50.0), "r95_m": radial.percentile(95.0)}
 
 
-def far(outcomes: Outcomes) -> Estimate:
-    """Return the radius, m, that 1 run in 1000 ends beyond; nothing for blocks and few runs."""
-    return NOTHING if outcomes.has_blocks else far_percentile(outcomes[MAIN], 99.9)
+def far(outcomes: Outcomes, output: str = MAIN, percent: float = 99.9) -> Estimate:
+    """Return a percentile by a fitted tail; nothing for blocks, whose runs are not independent."""
+    return NOTHING if outcomes.has_blocks else far_percentile(outcomes[output], percent)
 
 
 def values_of(store: Store) -> JsonObject:

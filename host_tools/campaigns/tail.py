@@ -16,6 +16,7 @@ from typing import Final
 import numpy as np
 
 from rrins.compiled.record import Floats
+from rrins.host_tools.campaigns.errors import CampaignError
 from rrins.host_tools.campaigns.statistics import NOTHING, Estimate
 
 FEWEST: Final = 400
@@ -35,18 +36,26 @@ def far_percentile(values: Floats, percent: float) -> Estimate:
     values : array, shape (n,)
         Of independent runs; fewer than `FEWEST` that are known give `NOTHING`.
     percent : float
+
+    Raises
+    ------
+    CampaignError
+        When the percentile is not beyond the threshold of the fit.
     """
     from scipy.optimize import brentq, minimize_scalar
     from scipy.special import fdtri
 
+    if not 100.0 * (1.0 - _SHARE) < percent < 100.0:
+        raise CampaignError(f"percentile {percent:g}: a tail has those between 90 and 100")
     known = np.sort(values[np.isfinite(values)])
     beyond = int(_SHARE * len(known))
     if len(known) < FEWEST or not known[-1] > known[-beyond - 1]:
         return NOTHING
     threshold = float(known[-beyond - 1])
     tail = _Tail(known[-beyond:] - threshold, beyond / len(known) / (1.0 - percent / 100.0))
-    start = math.log(tail.excesses[-1])
-    best = minimize_scalar(lambda x: -tail.likelihood(x), bounds=(start - 2.0, start + 3.0))
+    near = math.log(tail.excesses[-1]) + np.arange(-9.0, 3.5, 0.5)
+    start = max(near, key=tail.likelihood)
+    best = minimize_scalar(lambda x: -tail.likelihood(x), bounds=(start - 0.5, start + 0.5))
     margin = 0.5 * float(fdtri(1, beyond - 2, _CONFIDENCE))
 
     def missing(x: float) -> float:

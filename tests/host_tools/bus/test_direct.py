@@ -83,7 +83,6 @@ def test_undisturbed_sides_do_without_python(short):
 
 def test_a_guest_in_the_middle_sees_every_epoch_and_changes_nothing(short):
     seen = {"hardware": [], "firmware": []}
-    sent_when_it_left = []
 
     def watch(port):
         frames = frame_array(64)
@@ -94,14 +93,13 @@ def test_a_guest_in_the_middle_sees_every_epoch_and_changes_nothing(short):
                     seen[side].append((batch.epoch, batch.time_ns))
                 if batch.epoch >= LAST:
                     break
-        sent_when_it_left.append(port.sent)
 
     firmware, _, port = rehearse("guest", short(), watch)
     assert [epoch for epoch, _ in seen["hardware"]] == list(range(FIRST + 1, LAST + 1))
     answered = [epoch for epoch, _ in seen["firmware"] if epoch > FIRST]  # that one may come before
     assert answered == list(range(FIRST + 1, LAST))
     assert all(time_ns == epoch * 5_000_000 for epoch, time_ns in seen["hardware"])
-    assert port.sent < sent_when_it_left[0] + short().epochs / 20 + 50  # on its own
+    assert port.sent < short().epochs / 20 + 50  # on its own, with a guest as well
     without, _, _ = rehearse("without", short())
     assert firmware.trace.sha256() == without.trace.sha256()
     assert firmware.trace.epochs > 0

@@ -174,6 +174,21 @@ def test_a_far_percentile_goes_on_as_the_tail_begins(scale):
     assert found.high - found.value > found.value - found.low
 
 
+@pytest.mark.parametrize("percent", [90.5, 95, 99.9, 99.999])
+@pytest.mark.parametrize("shape", [-0.4, 0.5])
+def test_a_far_percentile_is_found_near_and_far(shape, percent):
+    """Of many exact quantiles of the distribution that is fitted."""
+    values = ((1 - (np.arange(50_000) + 0.5) / 50_000) ** -shape - 1) / shape
+    truth = ((1 - percent / 100) ** -shape - 1) / shape
+    assert far_percentile(values, percent).value == pytest.approx(truth, rel=0.03)
+
+
+def test_a_tail_has_percentiles_beyond_its_threshold():
+    for percent in (50, 90, 100, np.nan):
+        with pytest.raises(CampaignError, match="between 90 and 100"):
+            far_percentile(np.arange(500.0), percent)
+
+
 def test_a_tail_takes_400_runs_that_differ():
     assert np.isnan(far_percentile(np.arange(399.0), 99.9).value)
     assert np.isnan(far_percentile(np.ones(500), 99.9).value)

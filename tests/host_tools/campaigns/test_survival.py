@@ -102,12 +102,11 @@ def test_whatever_ends_it_it_goes_on_until_every_run_is_there_once(tmp_path, tab
     assert process.returncode == 1
     assert b"cannot be written" in err.splitlines()[-1]
     assert not list((tmp_path / "c").glob(".part-*"))
+    # A client that is killed.
+    process = begin_and_pause(tmp_path, stored(tmp_path) + 1, f"--engine={engine}")
+    process.kill()
+    process.communicate()
     before = stored(tmp_path)
-    if engine == "processes":  # A client that is killed.
-        process = begin_and_pause(tmp_path, before + 1, f"--engine={engine}")
-        process.kill()
-        process.communicate()
-        before = stored(tmp_path)
     # Ctrl-C.
     process = begin_and_pause(tmp_path, before + 1)
     process.send_signal(signal.SIGINT)
@@ -116,7 +115,7 @@ def test_whatever_ends_it_it_goes_on_until_every_run_is_there_once(tmp_path, tab
     assert process.returncode == 130
     assert err.decode().startswith("rrins: stopped by the user: ")
     interrupted = stored(tmp_path)
-    assert before < interrupted < RUNS
+    assert 0 < before < interrupted < RUNS
     # A worker that is killed is replaced.
     if engine == "processes":
         process = begin_and_pause(tmp_path, interrupted + 1, f"--engine={engine}")
