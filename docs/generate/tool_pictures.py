@@ -138,8 +138,8 @@ def xcp(folder: Path) -> None:
             axes.axvline(time_s, color="0.3", linewidth=0.8)
             if axes is not panels[0]:
                 axes.annotate(
-                    "gyro 3 left out: nothing to compare", (time_s, 0.5), (6, 0),
-                    xycoords=("data", "axes fraction"), textcoords="offset points", va="center",
+                    "gyro 3 left out", (time_s, 0.93), (-6, 0), xycoords=("data", "axes fraction"),
+                    textcoords="offset points", va="center", ha="right", fontsize="small",
                 )  # fmt: skip
         finish(axes, unit)
         legend_above(axes)
