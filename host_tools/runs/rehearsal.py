@@ -438,6 +438,9 @@ class Rehearsal:
             return None
         if hardware.process.returncode == 0:
             return None  # the scenario has come to its end
+        taken = None if self._has_started else self._taken()
+        if taken is not None:
+            return taken  # it met somebody else's hardware
         name, status = firmware.program.name, firmware.process.returncode
         if firmware.killed_by is not None:
             return end_error(name, -firmware.killed_by, self._after(firmware), "")
@@ -449,6 +452,15 @@ class Rehearsal:
             said = last_words(self.folder)
             when = self._after(firmware) if self._has_started else "before it was on the bus"
             return end_error(name, status or 0, when, said)
+        return None
+
+    def _taken(self) -> RehearsalError | None:
+        """Return who hosts the channel, if anybody does: our hardware has ended."""
+        try:
+            if self.address.is_embedded:
+                embedded.Claim(self.address.channel).release()
+        except embedded.HostedError as error:
+            return error
         return None
 
     def _outcome(self, failure: RehearsalError | None) -> Outcome:

@@ -4,12 +4,18 @@ from __future__ import annotations
 
 import os
 import sys
+import threading
 import time
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from rrins.host_tools.bus import channel
+from rrins.host_tools.bus.interface import RrinsBus
+from rrins.host_tools.bus.port import Address
 from rrins.host_tools.errors import FirmwareFaultError, RehearsalError, SideLostError
 from rrins.host_tools.runs import rehearsal, run
 from rrins.host_tools.runs.display import RunDisplay
@@ -98,6 +104,33 @@ def test_the_hardware_outlives_a_firmware_that_is_started_again(tmp_path: Path) 
     assert result.failure is None
     assert result.summary["hardware"]["epochs"] == load("ideal", duration_s=2.0).epochs + 1
     assert result.summary["firmware"]["restarts"] == 1
+
+
+def test_a_channel_that_another_took_meanwhile_is_left_for_a_free_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The program is refused there, as another is the firmware: that is not its own failure."""
+    planned, is_over, taken = run.Plan.rehearsal, threading.Event(), []
+
+    def serve(hub: RrinsBus) -> None:
+        while not is_over.is_set():
+            hub.recv(0.05)
+
+    def taken_once(plan: run.Plan, address: Address, *rest: Any) -> rehearsal.Rehearsal:
+        if not taken:
+            taken.append(address.channel)
+            hub = others.enter_context(RrinsBus(address.channel, host="here", name="hardware"))
+            served = pool.submit(serve, hub)
+            others.callback(served.result)
+            others.callback(is_over.set)
+            options = {"name": "firmware", "exclusive": True}
+            others.enter_context(RrinsBus(address.channel, host="never", **options))
+        return planned(plan, address, *rest)
+
+    monkeypatch.setattr(run.Plan, "rehearsal", taken_once)
+    with ThreadPoolExecutor(1) as pool, ExitStack() as others:
+        assert rehearsed("idle", tmp_path, 0.5).failure is None
+    assert taken
 
 
 @pytest.mark.usefixtures("_impatient")
