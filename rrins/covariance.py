@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Unpack
 
 from rrins.campaign import Campaign
-from rrins.host_tools.campaigns import allocation
 from rrins.host_tools.campaigns import covariance_report as report
+from rrins.host_tools.campaigns import front, least_cost
 from rrins.host_tools.campaigns.definition import Wishes
 from rrins.host_tools.campaigns.store import Store, is_campaign
 from rrins.host_tools.covariance.analysis import Analysis, analyse
@@ -125,11 +125,12 @@ class Allocation:
     Attributes
     ----------
     allocation : Allocation of `rrins.host_tools.campaigns.allocation`
-        `requirement`, `predicted_m`, `cost`, and `chosen`.
+        `requirement`, `predicted_m`, `cost`, `choices`, and `chosen`.
     """
 
-    def __init__(self, allocation: allocation.Allocation) -> None:
-        self.allocation = allocation
+    def __init__(self, candidates: list[least_cost.Problem]) -> None:
+        self._candidates = candidates
+        self.allocation = least_cost.best(candidates)
 
     @cached_property
     def tolerances(self) -> pd.DataFrame:
@@ -137,6 +138,19 @@ class Allocation:
         import pandas as pd
 
         return pd.DataFrame(self.allocation.values()["tolerances"]).set_index("key")
+
+    @cached_property
+    def front(self) -> pd.DataFrame:
+        """Cost against error near the requirement: choices, σ, `predicted_m`, `cost`, `is_best`."""
+        import pandas as pd
+
+        rows = [{**p.choices, **p.sigmas, **_figures(p)} for p in front.front(self._candidates)]
+        return pd.DataFrame(rows)
+
+    def plot(self) -> Figure:
+        """Draw cost against error, a line for each set of choices."""
+        let_figures_show()
+        return front.draw(self._candidates, front.front(self._candidates))
 
     def campaign(self, runs: int = 400, out: str | Path | None = None) -> Campaign:
         """Return a campaign of units with these tolerances, to confirm it."""
@@ -172,4 +186,8 @@ def allocate(
         One line: what is wrong, or that no tolerances suffice.
     """
     named = str(source) if isinstance(source, Path) else source
-    return Allocation(allocation.allocate(named, Wishes(duration_s=duration_s)))
+    return Allocation(least_cost.problems(named, Wishes(duration_s=duration_s)))
+
+
+def _figures(point: front.Point) -> dict[str, Any]:
+    return {name: getattr(point, name) for name in ("predicted_m", "cost", "is_best")}

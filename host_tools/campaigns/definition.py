@@ -8,9 +8,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Self
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from rrins.host_tools.campaigns import design as designs
 from rrins.host_tools.campaigns.design import Plan
@@ -48,14 +48,38 @@ class Tolerance(BaseModel):
     most: float = Field(gt=0, lt=1e12)
 
 
+class Choice(BaseModel):
+    """A key of the scenario with a few values to choose from, and what each of them costs."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    key: str
+    values: tuple[Any, ...] = Field(min_length=1, max_length=20)
+    costs: tuple[Annotated[float, Field(ge=0, lt=1e12)], ...] = ()
+    """One for each value; nothing without them."""
+
+    @model_validator(mode="after")
+    def _has_all_costs(self) -> Self:
+        if self.costs and len(self.costs) != len(self.values):
+            raise ValueError("costs: one for each of the values")
+        return self
+
+
 class Allocate(BaseModel):
-    """A requirement, and the tolerances that may be chosen to meet it."""
+    """A requirement, and what may be chosen to meet it: tolerances, and values of other keys."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     require: str
     """``p95 of horizontal_error_m <= 1000``"""
-    tolerances: tuple[Tolerance, ...] = Field(min_length=1, max_length=40)
+    tolerances: tuple[Tolerance, ...] = Field(default=(), max_length=40)
+    choices: tuple[Choice, ...] = Field(default=(), max_length=10)
+
+    @model_validator(mode="after")
+    def _has_something_to_choose(self) -> Self:
+        if not self.tolerances and not self.choices:
+            raise ValueError("tolerances or choices: there are none")
+        return self
 
 
 class CampaignFile(BaseModel):

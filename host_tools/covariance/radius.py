@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import cache
 
 import numpy as np
 
@@ -43,7 +44,7 @@ def _share(radius: float, centre: Floats, sigmas: Floats) -> float:
     low, high = (min(max(end, -radius), radius) for end in reach)
     if not high > low:
         return 0.0
-    nodes, weights = np.polynomial.legendre.leggauss(_NODES)
+    nodes, weights = _rule()
     begin, end = math.asin(low / radius), math.asin(high / radius)  # no root at the circle's ends
     angle = 0.5 * (begin + end) + 0.5 * (end - begin) * nodes
     along, half = radius * np.sin(angle), radius * np.cos(angle)
@@ -51,3 +52,8 @@ def _share(radius: float, centre: Floats, sigmas: Floats) -> float:
     smaller = max(float(sigmas[0]), 1e-12 * float(sigmas[1]))
     across = ndtr((half - centre[0]) / smaller) - ndtr((-half - centre[0]) / smaller)
     return float(0.5 * (end - begin) * np.sum(weights * density * across * half) / sigmas[1])
+
+
+@cache
+def _rule() -> tuple[Floats, Floats]:
+    return np.polynomial.legendre.leggauss(_NODES)

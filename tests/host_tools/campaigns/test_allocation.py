@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import csv
+import itertools
 import json
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from rrins.host_tools.campaigns.allocation import allocate
 from rrins.host_tools.campaigns.errors import CampaignError
+from rrins.host_tools.campaigns.least_cost import allocate
 from rrins.host_tools.cli.main import rrins
 from rrins.host_tools.covariance.radius import percentile_m
 
@@ -34,6 +37,14 @@ cost = 10
 least = 10
 most = 1000
 """
+
+
+CHOICE = """
+[[allocate.choices]]
+key = "seed"
+values = [1, 2]
+costs = [7, 2]
+"""  # of which the analysis knows that they make no difference
 
 
 @pytest.fixture
@@ -86,6 +97,29 @@ def test_at_least_cost_a_little_more_of_anything_is_worth_the_same(write):
 
 
 @pytest.mark.slow
+def test_of_choices_that_lead_to_the_same_the_cheaper_is_taken(write, tmp_path):
+    alone, path = allocate(write(10)), write(10)
+    Path(path).write_text(FILE.format(limit=10) + CHOICE)
+    words = ["allocate", path, "--front", str(tmp_path / "front"), "--json"]
+    done = CliRunner().invoke(rrins, words)
+    told = json.loads(done.stdout)
+    assert told["choices"] == {"seed": 2}
+    assert told["cost"] == pytest.approx(alone.cost + 2)
+    with (tmp_path / "front" / "front.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    best = [row for row in rows if row["is_best"] == "1"]
+    assert {row["seed"] for row in rows} == {"1", "2"}
+    assert {row["seed"] for row in best} == {"2"}
+    figures = [(float(row["cost"]), float(row["predicted_m"])) for row in best]
+    assert figures == sorted(figures)
+    assert len(figures) > 5
+    for (cost, predicted_m), (dearer, better_m) in itertools.pairwise(figures):
+        assert dearer > cost
+        assert better_m < predicted_m
+    assert [name.rpartition("/")[2] for name in told["files"]] == ["front.csv", "front.png"]
+
+
+@pytest.mark.slow
 def test_runs_confirm_it(write, tmp_path):
     words = ["allocate", write(10), "--confirm", "100", "--out", str(tmp_path / "c")]
     done = CliRunner().invoke(rrins, words)
@@ -94,6 +128,23 @@ def test_runs_confirm_it(write, tmp_path):
     done = CliRunner().invoke(rrins, [*words, "--json"])
     told = json.loads(done.stdout)
     assert told["measured_m"]["low"] < told["predicted_m"] < told["measured_m"]["high"]
+
+
+def test_choices_alone_will_do():
+    table = {"scenario": "ideal", "duration_s": 20, "set": {"sensors": "prototype"}}
+    choice = {"key": "firmware.scheme", "values": ["16-position", "8-position"]}
+    wanted = {"require": "p95 of horizontal_error_m <= 1e3", "choices": [choice]}
+    found = allocate(table | {"allocate": wanted})
+    assert found.cost == 0.0
+    assert found.choices == {"firmware.scheme": "16-position"}
+    wanted["require"] = "p95 of horizontal_error_m <= 1e-6"
+    with pytest.raises(CampaignError, match=r"with any choice the p95 is .* above"):
+        allocate(table | {"allocate": wanted})
+    choice["costs"] = [1]
+    with pytest.raises(CampaignError, match=r"choices.1: costs: one for each of the values"):
+        allocate(table | {"allocate": wanted})
+    with pytest.raises(CampaignError, match="tolerances or choices: there are none"):
+        allocate(table | {"allocate": {"require": wanted["require"]}})
 
 
 @pytest.mark.parametrize(
