@@ -10,6 +10,7 @@ import signal
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
+from types import FunctionType
 from typing import Final
 
 import can
@@ -47,6 +48,9 @@ _AGREE: Final = 0.64  # of the reports: noise of 0.5 ms in every 50th arrival le
 # that is twice or half of what it should be at most 61 %
 _AGREE_OF_TRIES: Final = 0.7
 """Of the epochs in one of several tries: noise hits others each time, a wrong loop the same."""
+_GAINS: Final = (-1, 1)
+"""Of loops that learn the period twice or half as fast, as shifts: a report is nearer to ours."""
+_FAR_PPM: Final = 100.0  # farther off a report says no more: something has held it up
 _JUMPED: Final = range(630, 730)  # epochs that only a reset of the phase explains: ten reports
 
 
@@ -122,7 +126,7 @@ def clock_error(subject: Subject) -> None:
         agree = _AGREE_OF_TRIES if closest else _AGREE
         jumped = 0
         for epoch, ppm, _ in heard.reports:
-            due = min(127.0, max(-128.0, ours[epoch]))
+            due = _reported(ours[epoch])
             jumped += epoch in _JUMPED and abs(ppm - due) > 2 * _PPM
             before = closest.get(epoch, (math.inf, 0.0))
             if epoch >= _SETTLED and abs(ppm - due) < abs(before[0] - before[1]):
@@ -136,6 +140,13 @@ def clock_error(subject: Subject) -> None:
                 f"clock_error_ppm is {ppm:g} in epoch {epoch}, and by the arrival of SYNC "
                 f"{due:.0f} ± {_PPM:g}; so {len(apart)} of {len(closest)} reports"
             )
+        distance = _distance(heard, ours)
+        for gain in _GAINS:
+            if _distance(heard, _own_errors_ppm(heard.sync_ns, gain)) < distance:
+                raise _LateError(
+                    f"clock_error_ppm is nearer to a loop that learns the period "
+                    f"{'half' if gain > 0 else 'twice'} as fast as firmware.md says"
+                )
         lost = [epoch for epoch, _, is_lost in heard.reports if is_lost]
         if not lost or not set(lost) <= set(range(815, 836)):
             raise _LateError(f"sync_lost in the epochs {lost}, not in 820 only")
@@ -163,17 +174,38 @@ def _offset_ns(epoch: int) -> float:
     return offset_ns
 
 
-def _own_errors_ppm(sync_ns: Sequence[int]) -> list[float]:
-    """Return what our own loop reports in each epoch, of SYNC at these times."""
+def _distance(heard: _Heard, errors_ppm: Sequence[float]) -> float:
+    """Return how far the reports are from the errors of a loop, ppm in all."""
+    return sum(
+        min(_FAR_PPM, abs(ppm - _reported(errors_ppm[epoch])))
+        for epoch, ppm, _ in heard.reports
+        if epoch >= _SETTLED
+    )
+
+
+def _reported(error_ppm: float) -> float:
+    return min(127.0, max(-128.0, error_ppm))
+
+
+def _own_errors_ppm(sync_ns: Sequence[int], gain: int = 0) -> list[float]:
+    """Return what our own loop reports in each epoch, of SYNC at these times.
+
+    A `gain` other than 0 is added to the shift by which the loop learns the period.
+    """
     clock = Clock.zeros()[0]
     period_ns = 1_000_000_000 // _CLOCK_HZ
     own_clock.power_on(clock, period_ns)
+    synchronise = own_clock.synchronise
+    if gain:
+        plain = synchronise.py_func  # type: ignore[attr-defined]  # as all compiled functions have
+        changed = {"_RATE_SHIFT": plain.__globals__["_RATE_SHIFT"] + gain}
+        synchronise = FunctionType(plain.__code__, plain.__globals__ | changed)
     errors = []
     for arrival_ns in sync_ns:
         clock.sync_seen = arrival_ns > 0
         if arrival_ns > 0:
             clock.sync_arrival_ns = arrival_ns
-            own_clock.synchronise(clock, 0)
+            synchronise(clock, 0)
         if clock.synchronised:
             own_clock.advance(clock)
         errors.append(float(own_clock.error_ppm(clock, period_ns)))
