@@ -116,17 +116,6 @@ class Entry:
         return tuple(found.items())
 
 
-def object_code(entries: Sequence[Entry], processor: Processor) -> bytes:
-    """Return an object file with the entries.
-
-    Raises
-    ------
-    ObjectCodeError
-        When LLVM has no such processor, or numba compiles nothing here.
-    """
-    return optimised(intermediate_code(entries), processor).emit_object()
-
-
 @dataclass(frozen=True)
 class Machine:
     """Optimised code of one processor."""
