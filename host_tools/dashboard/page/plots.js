@@ -40,7 +40,17 @@ function broken(u, series, first, last, found) {
     const x = u.valToPos(times[k], "x", true);
     found.push([x - 2, x + 2]);
   }
-  return found.sort((a, b) => a[0] - b[0]);
+  return merged(found);
+}
+
+// Spans in order, those that overlap as one: of one within another uPlot would draw the end.
+export function merged(spans) {
+  const found = [];
+  for (const [from, to] of spans.sort((a, b) => a[0] - b[0])) {
+    if (found.length && from <= found.at(-1)[1]) found.at(-1)[1] = Math.max(found.at(-1)[1], to);
+    else found.push([from, to]);
+  }
+  return found;
 }
 
 class Plot {
@@ -251,8 +261,9 @@ class Plot {
 
   valueWords(one, value) {
     if (value == null) return "–";
-    if (one.centred) return wrapped(Number(value.toFixed(2)), 0).toFixed(2); // 0.00, not 360.00
-    return `${figures(value, 4)}${one.scale === "ms" ? " ms" : ""}`;
+    const { decimals } = this.spec;
+    if (one.centred) return wrapped(Number(value.toFixed(decimals)), 0).toFixed(decimals); // 0.000, not 360.000
+    return `${decimals ? value.toFixed(decimals).replace(/^-(0\.0+)$/, "$1") : figures(value, 3)}${one.scale === "ms" ? " ms" : ""}`;
   }
 
   // Values at the cursor, or the latest.

@@ -188,7 +188,7 @@ def test_a_peak_of_one_frame_is_seen(played):
 def test_a_plot_says_what_it_shows(state):
     lines = plot(state, "AXIS_INNER_STATUS", "encoder_angle_deg", 0, 80).plain.splitlines()
     assert len(lines) == HEIGHT
-    assert lines[0] == "AXIS_INNER_STATUS.encoder_angle_deg  now 39.899999 deg  last 1 min"
+    assert lines[0] == "AXIS_INNER_STATUS.encoder_angle_deg  now 39.899999°  last 1 min"
     assert lines[1].startswith("     39.899999|")
     assert lines[3].startswith("      0.000000|")
     shown = [column for column in heights([line[15:].ljust(65) for line in lines[1:]]) if column]
