@@ -54,6 +54,11 @@ def unit_words(unit: str | None) -> str:
     return _UNITS.get(unit or "", unit or "")
 
 
+def labelled(quantity: str, unit: str, before: str = " ") -> str:
+    """Return the label of numbers, such as ``velocity / (m/s)``; without a unit the quantity."""
+    return f"{quantity}{before}/ {f'({unit})' if '/' in unit else unit}" if unit else quantity
+
+
 def in_unit(number: str, unit: str | None) -> str:
     """Return a number with a unit of the DBC as people write them: ``1.50°``, ``8.0 µs``."""
     words = unit_words(unit)

@@ -46,7 +46,7 @@ def show_schema() -> None:
     """Print the JSON schema of scenarios: keys, meanings, units, limits, defaults.
 
     Editors with a TOML language server complete and check the keys of a file that begins with
-    the line ``#:schema rrins.schema.json``, its path.
+    the line `#:schema rrins.schema.json`, its path.
     """
     from rrins.host_tools.scenario.schema import json_schema
 
