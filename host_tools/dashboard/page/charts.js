@@ -49,7 +49,7 @@ export const CHARTS = [
       line("outer_goal_deg", "", "north", "dotted", { step: true, thin: true, wraps: true })],
   },
   {
-    id: "parity", title: "Parity / threshold", unit: "", decimals: 2, least: [0, 1.25], threshold: 1,
+    id: "parity", title: "Parity / threshold", unit: "", least: [0, 1.25], threshold: 1,
     empty: ({ mode, seconds }) => (mode && seconds > 3 ? "The firmware compares no sensors" : "No parity has been reported yet"),
     lines: [line("gyro_parity", "gyros", "east", "solid", { step: true, points: ["G", "gyro_suspect", "gyro_window_log2"], lacks: "gyro_redundant" }),
       line("accelerometer_parity", "accelerometers", "north", "dashed", { step: true, points: ["A", "accelerometer_suspect", "accelerometer_window_log2"], lacks: "accelerometer_redundant" })],

@@ -42,6 +42,11 @@ export function clock(seconds, decimals = 1) {
   return h ? `${h}:${String(m).padStart(2, "0")}:${s}` : `${m}:${s}`;
 }
 
+const MOST_PARITY = 40.95; // the bus carries no more
+
+// A parity over its threshold: 0.17, 40.95 or more.
+export const parityWords = (ratio) => `${ratio.toFixed(2)}${ratio >= MOST_PARITY - 1e-6 ? " or more" : ""}`;
+
 // A time span as in `rrins monitor`: 5 ms, 2.3 s, 812 s, 3.1 h.
 export function span(seconds) {
   if (seconds < 0.9995) return `${(1000 * seconds).toFixed(0)} ms`;

@@ -304,6 +304,8 @@ def test_a_recording_is_played_back(open_page, serving, recording):
         assert _of(seen, "charts.js", "labels([0, 50, 100])") == ["0", "50", "100"]
         ages = "[0.005, 2.34, 812, 11160].map(page.span)"
         assert _of(seen, "parts.js", ages, "") == ["5 ms", "2.3 s", "812 s", "3.1 h"]
+        parities = "[0.17, 40.95].map(page.parityWords)"
+        assert _of(seen, "parts.js", parities, "") == ["0.17", "40.95 or more"]
         # A hurried tour is beyond the end of its step when it asks how far the navigation was off.
         store = (
             "{ at: () => 2, column: (name) => (name === 'error_east_m' ? [0, 3, 0] : [0, 4, 0]) }"
