@@ -29,7 +29,7 @@ os.environ["NUMBA_DISABLE_JIT"] = "1"  # compiled functions show their signature
 project = "RRINS rehearsal"
 release = metadata.version("rrins")
 version = release
-copyright = "MIT licence"
+copyright = "2026 The RRINS rehearsal authors, MIT licence"
 
 extensions = [
     "myst_parser",

@@ -13,6 +13,7 @@ from typing import Final, TypeGuard
 NOTHING: Final = "–"
 """Text of a value that does not exist."""
 
+_UNITS: Final = {"deg": "°", "deg/s": "°/s", "deg/h": "°/h", "arcsec": "″", "us": "µs", "ug": "µg"}
 _PLAIN = range(-3, 7)  # powers of ten that are written without an exponent
 
 
@@ -46,6 +47,28 @@ def with_unit(value: float | None, unit: str) -> str:
     if abs(value) < 0.1 and value != 0:
         return f"{rounded(value * 1000)} m{unit}"
     return f"{rounded(value)} {unit}"
+
+
+def unit_words(unit: str | None) -> str:
+    """Return a unit of the DBC, which has no letters but ASCII, as people write it."""
+    return _UNITS.get(unit or "", unit or "")
+
+
+def labelled(quantity: str, unit: str, before: str = " ") -> str:
+    """Return the label of numbers, such as ``velocity / (m/s)``; without a unit the quantity."""
+    return f"{quantity}{before}/ {f'({unit})' if '/' in unit else unit}" if unit else quantity
+
+
+def in_unit(number: str, unit: str | None) -> str:
+    """Return a number with a unit of the DBC as people write them: ``1.50°``, ``8.0 µs``."""
+    words = unit_words(unit)
+    return f"{number}{'' if words in '°″' else ' '}{words}"
+
+
+def as_stated(value: float | None, unit: str) -> str:
+    """Return a number that others have stated, as `with_unit`, without zeros they did not state."""
+    number, _, rest = with_unit(value, unit).partition(" ")
+    return f"{number.rstrip('0').rstrip('.') if '.' in number else number} {rest}".rstrip()
 
 
 def alike(values: Iterable[float | None], digits: int = 3) -> list[str]:

@@ -15,7 +15,8 @@ from rich.table import Column, Table
 from rich.text import Text
 
 _UNBOUNDED = 100_000
-_NARROWEST_BAR, _WIDEST_BAR = 6, 24
+_NARROWEST_BAR, _WIDEST_BAR = 6, 20
+_LEFT = " left"
 
 
 def new_console(*, stderr: bool = False, highlight: bool = True) -> Console:
@@ -33,18 +34,22 @@ def print_line(console: Console, text: str, **options: Any) -> None:
     )
 
 
-def folded(text: str, width: int) -> str:
-    """Return lines that break between words, and go on below, further in; a path stays whole."""
+def folded(text: str, width: int, indent: int | None = None) -> str:
+    """Return lines that break between words, and go on below, further in; a path stays whole.
+
+    They go on `indent` places from the left, by default two further in than the line began.
+    """
     return "\n".join(
-        line if len(line) <= width else _folded(line, width) for line in text.split("\n")
+        line if len(line) <= width else _folded(line, width, indent) for line in text.split("\n")
     )
 
 
-def _folded(line: str, width: int) -> str:
+def _folded(line: str, width: int, indent: int | None) -> str:
+    begun = len(line) - len(line.lstrip(" ")) + 2 if indent is None else indent
     return textwrap.fill(
         line,
         width,
-        subsequent_indent=" " * (len(line) - len(line.lstrip(" ")) + 2),
+        subsequent_indent=" " * begun,
         break_long_words=False,
         break_on_hyphens=False,
         replace_whitespace=False,
@@ -171,6 +176,9 @@ class _TaskLine:
             return
         bar_width = min(_WIDEST_BAR, room)
         room -= bar_width + 1
+        if figures and room >= len(_LEFT):
+            figures[-1] += _LEFT
+            room -= len(_LEFT)
         shown = []
         for text in task.fields.get("state", ()):
             if cell_len(text) + 2 > room:
@@ -204,7 +212,7 @@ def _time_left(task: Task) -> str:
         return "-:--"
     minutes, seconds = divmod(round(left_s), 60)
     hours, minutes = divmod(minutes, 60)
-    return f"{hours}:{minutes:02}:{seconds:02}" if hours else f"{minutes}:{seconds:02}"
+    return f"{f'{hours}:{minutes:02}' if hours else minutes}:{seconds:02}"
 
 
 def progress_line(console: Console, quiet: bool = False, refresh_hz: float = 10) -> Progress:

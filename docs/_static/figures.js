@@ -34,7 +34,7 @@
       plot?.destroy();
       const axis = { stroke: colour("soft"), grid: { stroke: colour("line"), width: 1 }, ticks: { stroke: colour("line"), size: 4 } };
       plot = new uPlot({
-        width: Math.max(200, place.clientWidth), height: 230, scales: { x: { time: false } }, legend: { show: lines().length > 2 },
+        width: Math.max(200, place.clientWidth), height: 230, scales: { x: { time: false } }, legend: { show: lines().length > 2, live: false },
         axes: [{ ...axis, label: labels[0], labelSize: 20, size: 34 }, { ...axis, label: labels[1], labelSize: 20, size: 56 }],
         series: [{ label: labels[0] }, ...labels.slice(2).map(([label, ink, dash]) => ({ label, stroke: colour(ink), width: 2, dash, points: { show: false } }))],
         cursor: { y: false },

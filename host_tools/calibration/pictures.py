@@ -15,9 +15,9 @@ from rrins.host_tools.drawing.style import (
     give_title,
     legend_above,
     new_figure,
-    quantity,
     strips,
 )
+from rrins.host_tools.rounding import labelled
 from rrins.host_tools.runs.results.sensor_errors import KINDS
 
 _MEAN_OF = 10
@@ -40,7 +40,7 @@ def residuals_figure(found: Estimate) -> Figure:
             panels[1, column].plot(minutes, middle + values, **LINES[0])
         for axes, when in zip(panels[:, column], ("before", "after"), strict=True):
             give_title(axes, f"{kind}, {when}", "small")
-            finish(axes, quantity("residual", unit).replace("\n", " "))
+            finish(axes, labelled("residual", unit))
         panels[0, column].axhline(0.0, color="0.5", linewidth=0.6, zorder=0)
         panels[1, column].grid(visible=False, axis="y")
         panels[1, column].set_xlabel("time on the table / min")

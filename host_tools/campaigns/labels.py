@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Final
 
-from rrins.host_tools.drawing.style import quantity
 from rrins.host_tools.hardware.units import split
+from rrins.host_tools.rounding import labelled
 
 _TABLES: Final = {
     "gyros": "gyro",
@@ -39,7 +39,7 @@ def label_of(name: str) -> str:
     What has spaces is words already; a remark in brackets stays.
     """
     words, unit = _split(name)
-    return quantity(words, unit).replace("\n", " ")
+    return labelled(words, unit)
 
 
 def words_of(name: str) -> str:

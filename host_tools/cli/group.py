@@ -6,9 +6,20 @@ import difflib
 
 import click
 
+_WHOLE = 1000  # letters of a command's help; click cuts it at 45
+
 
 class Group(click.Group):
     """A group of commands; a word that is none of them is answered with those most like it."""
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write the commands, each with the whole first sentence of its help."""
+        with formatter.section("Commands"):
+            names = self.list_commands(ctx)
+            commands = [(name, self.get_command(ctx, name)) for name in names]
+            formatter.write_dl(
+                [(name, one.get_short_help_str(_WHOLE)) for name, one in commands if one]
+            )
 
     def resolve_command(
         self, ctx: click.Context, args: list[str]

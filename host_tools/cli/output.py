@@ -24,12 +24,15 @@ if TYPE_CHECKING:
     from rrins.host_tools.files import JsonObject
 
 
-def print_text(text: str, err: bool = False) -> None:
-    """Print lines; in a terminal a long one goes on below, between two words."""
+def print_text(text: str, err: bool = False, indent: int | None = None) -> None:
+    """Print lines; in a terminal a long one goes on below, between two words.
+
+    It goes on `indent` places from the left, or a little further in than it began.
+    """
     if (sys.stderr if err else sys.stdout).isatty():
         from rrins.host_tools.terminal import folded
 
-        text = folded(text, shutil.get_terminal_size().columns)
+        text = folded(text, shutil.get_terminal_size().columns, indent)
     click.echo(text, err=err)
 
 

@@ -14,7 +14,7 @@ from rrins.host_tools.monitor.troubles import troubles_of
 from rrins.host_tools.monitor.vitals import AxisVitals, Vitals, vitals_of
 from rrins.host_tools.monitor.wording import value_with_unit
 from rrins.host_tools.monitor.words import WITHOUT_ENCODER
-from rrins.host_tools.rounding import kept
+from rrins.host_tools.rounding import kept, unit_words
 
 SOUND, SUSPECT, EXCLUDED, ABSENT, SATURATED = "sound", "suspect", "excluded", "absent", "saturated"
 UNHEARD = "not heard"
@@ -151,7 +151,14 @@ def message_of(
         "name": name,
         "text": state.description(message),
         "signals": [
-            [one.name, value_with_unit(one), one.low, one.high, one.unit, one.comment]
+            [
+                one.name,
+                value_with_unit(one),
+                one.low,
+                one.high,
+                unit_words(one.unit),
+                one.comment,
+            ]
             for one in signals
         ]
         + [[one.name, one.text, None, None, one.unit, one.comment] for one in carried],

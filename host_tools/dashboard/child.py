@@ -16,7 +16,7 @@ from rrins.host_tools.bus.port import Address
 from rrins.host_tools.closing import Closing
 from rrins.host_tools.files import JsonObject
 from rrins.host_tools.interruption import INTERRUPTED
-from rrins.host_tools.rounding import rounded
+from rrins.host_tools.rounding import with_unit
 from rrins.host_tools.scenario.scenario import Scenario
 
 _PR_SET_PDEATHSIG: Final = 1
@@ -109,7 +109,7 @@ class ChildRehearsal(Closing):
             return "ended", words
         error_m = summary.get("end_position_error_m")
         if error_m is not None:
-            words += f"; position error at the end {rounded(error_m)} m"
+            words += f"; position error at the end {with_unit(error_m, 'm')}"
         return "ended", words
 
     def close(self) -> None:

@@ -12,7 +12,7 @@ import numpy as np
 from rrins.compiled.record import Floats
 from rrins.dbc.codec import load
 from rrins.host_tools.files import JsonObject
-from rrins.host_tools.monitor.words import FOUND_BY, abandoned_words, drift_words
+from rrins.host_tools.monitor.words import FOUND_BY, abandoned_words, drift_words, parity_words
 
 Weight = Literal["note", "good", "warning", "bad", "order"]
 """How an event is shown; `order` is what somebody asked for."""
@@ -176,7 +176,7 @@ class EventLog:
         excluded, was = (max(0, int(one[left_out])) for one in (now, old))
         if self._rises(alarm, old):
             ratio = now[f"{message}.parity_ratio"]
-            parity = f": parity {ratio:.2f} × its threshold" if ratio > 1 else ""
+            parity = f": parity {parity_words(ratio)} × its threshold" if ratio > 1 else ""
             yield alarm, f"the {kind}s disagree{parity}", "warning"
         elif self._falls(alarm, old) and excluded == was:
             yield alarm, f"the {kind}s agree again", "good"

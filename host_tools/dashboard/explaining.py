@@ -16,7 +16,7 @@ from rrins.host_tools.explanation import words
 from rrins.host_tools.explanation.explain import Explanation, explain, runs_of
 from rrins.host_tools.explanation.reruns import StoppedError
 from rrins.host_tools.files import JsonObject
-from rrins.host_tools.rounding import rounded
+from rrins.host_tools.rounding import labelled, rounded
 from rrins.host_tools.scenario.scenario import Scenario
 
 _ERRORS: Final = tuple(NAMES.index(name) for name in ("error_east_m", "error_north_m"))
@@ -97,7 +97,7 @@ def _told(found: Explanation, view: View, title: str, time_s: float) -> JsonObje
         tables.append(
             {
                 "of": of,
-                "headings": [f"{side} / {unit}" for side in components],
+                "headings": [labelled(side, unit) for side in components],
                 "headline": words.headline(found, title, of).partition(":")[0],
                 "share_of": words.SHARE_OF[of],
                 "rows": [

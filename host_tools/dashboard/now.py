@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from typing import Final
 
 from rrins.host_tools.files import JsonObject
@@ -28,6 +29,19 @@ _KINDS: Final = tuple(
         (r"recently$", "warning", "something-is-wrong#frames-are-missing"),
         (r"^the bus load", "warning", "bus"),
         (r"^unknown identifier", "warning", "bus-contract"),
+    )
+)
+_BEGIN_WITH: Final = tuple(  # troubles that begin as a signal changes, with words of its name
+    (re.compile(pattern), words)
+    for pattern, words in (
+        (r"left out|^no redundancy", ".excluded"),
+        (r"disagree", ".alarm"),
+        (r"^injected ", ".active_faults"),
+        (r"^the firmware uses", ".usable_sensors"),
+        (r"^mode FAULT", ".mode"),
+        (r"lost SYNC", ".sync_lost"),
+        (r" axis ", "_not_following"),
+        (r"is degraded", ".degraded"),
     )
 )
 _NUMBER: Final = re.compile(r"(?<![A-Z_])\d+(\.\d+)?( (s|ms|h)\b)?")  # not of SENSOR_3
@@ -57,6 +71,19 @@ def kind_of(trouble: str) -> tuple[str, str | None]:
     return "warning", None
 
 
+def _begin_of(
+    trouble: str, changed_s: Mapping[str, float], after_s: float, until_s: float
+) -> float:
+    """Return when a trouble began that was not there at a look, and is at the next one."""
+    words = next((words for pattern, words in _BEGIN_WITH if pattern.search(trouble)), None)
+    times = [
+        time
+        for signal, time in changed_s.items()
+        if words and words in signal and after_s < time <= until_s
+    ]
+    return max(times, default=until_s)
+
+
 class Since:
     """Remembers since when each trouble has been there.
 
@@ -69,18 +96,21 @@ class Since:
         self._spans: dict[str, list[list[float]]] = {}  # by key: begin and end of each time
         self._last_s = 0.0
 
-    def follow(self, time_s: float, troubles: list[str]) -> None:
-        """Take the troubles of a moment."""
+    def follow(
+        self, time_s: float, troubles: list[str], changed_s: Mapping[str, float] | None = None
+    ) -> None:
+        """Take the troubles of a moment, and the bus times at which signals of events changed."""
         if self.is_whole:
             return
         if time_s < self._last_s:
             self._spans.clear()
-        for key in map(key_of, troubles):
-            spans = self._spans.setdefault(key, [])
+        for trouble in troubles:
+            spans = self._spans.setdefault(key_of(trouble), [])
             if spans and spans[-1][1] == self._last_s:
                 spans[-1][1] = time_s
             else:
-                spans.append([time_s, time_s])
+                begin_s = _begin_of(trouble, changed_s or {}, self._last_s, time_s)
+                spans.append([begin_s, time_s])
         self._last_s = time_s
 
     def told(self, time_s: float, troubles: list[str]) -> list[JsonObject]:

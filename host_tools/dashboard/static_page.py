@@ -39,6 +39,7 @@ from rrins.host_tools.hardware.memory import FAULT_CAPACITY, Plant
 from rrins.host_tools.monitor.state import SILENT_NS, SILENT_PERIODS, WINDOW_NS, decimals_of
 from rrins.host_tools.monitor.tally import BIN_NS, BINS, Tally, tally_of
 from rrins.host_tools.monitor.words import FOUND_BY, WITHOUT_ENCODER
+from rrins.host_tools.rounding import unit_words
 from rrins.host_tools.scenario.scenario import Scenario, load
 
 SCENARIOS: Final = (
@@ -236,7 +237,7 @@ def _message(name: str) -> JsonObject:
                 "scale": float(signal.scale),
                 "offset": float(signal.offset),
                 "decimals": decimals_of(float(signal.scale)),
-                "unit": signal.unit or "",
+                "unit": unit_words(signal.unit),
                 "text": signal.comment or "",
                 "choices": codec.choices(name, signal.name),
                 "valid_if": codec.valid_if(name, signal.name),

@@ -156,7 +156,9 @@ class View:
         state = self.watch.state(has_histories)
         self._speed = state.times.speed
         if not self.since.is_whole:
-            self.since.follow(state.time_s, troubles_of(state, vitals_of(state)))
+            changed_ns = self.watch.latest(self._rows).changed_ns[len(self._sampled) :]
+            changed_s = dict(zip(events.SIGNALS, (changed_ns / 1e9).tolist(), strict=True))
+            self.since.follow(state.time_s, troubles_of(state, vitals_of(state)), changed_s)
         return state
 
     def told(self, state: BusState) -> JsonObject:

@@ -14,6 +14,7 @@ from matplotlib.font_manager import FontProperties, findfont, get_font
 from matplotlib.ticker import FuncFormatter, MaxNLocator, MultipleLocator, NullFormatter
 
 from rrins.compiled.record import Floats
+from rrins.host_tools.rounding import labelled
 
 LineStyle = dict[str, Any]
 """Keywords of matplotlib for a line."""
@@ -72,9 +73,7 @@ def _can_draw(code: int) -> bool:
 
 def quantity(what: str, unit: str) -> str:
     """Return the label of an axis, such as ``speed / (m/s)``; without a unit, `what` alone."""
-    if not unit:
-        return what
-    return f"{what}\n/ {f'({unit})' if '/' in unit else unit}"
+    return labelled(what, unit, "\n")
 
 
 def thinned(x: Floats, y: Floats) -> tuple[Floats, Floats]:

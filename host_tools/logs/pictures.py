@@ -26,13 +26,13 @@ from rrins.host_tools.drawing.style import (
 from rrins.host_tools.logs.series import Contents, Series
 from rrins.host_tools.logs.signals import Numbers
 from rrins.host_tools.recording.mf4 import is_simulated
+from rrins.host_tools.rounding import unit_words
 from rrins.host_tools.runs.results.results import east_north_m
 
 _PREFIXED = ("rad", "m/s", "m", "s")
 _PREFIXES = ((2e3, 1e-3, "k"), (0.2, 1.0, ""), (2e-4, 1e3, "m"), (2e-7, 1e6, "µ"), (0.0, 1e9, "n"))
 _MANY_DIGITS = 1e6  # larger numbers are shown with a power of ten
 _NARROW = 1e-3  # range over magnitude; below this an offset is subtracted
-_SHOWN = {"deg": "°", "deg/s": "°/s", "us": "µs"}
 _QUANTITIES = {
     "deg": "angle",
     "rad": "angle",
@@ -133,7 +133,7 @@ class _Scale:
 
 def _scale_of(unit: str, lines: Sequence[tuple[Floats, Numbers]]) -> _Scale:
     """Return a scale that keeps the tick labels short."""
-    shown = _SHOWN.get(unit, unit)
+    shown = unit_words(unit)
     low = min(float(np.min(values)) for _, values in lines)
     high = max(float(np.max(values)) for _, values in lines)
     base, label = 0.0, shown

@@ -23,7 +23,13 @@ from rrins.host_tools.runs.results.outcome import Outcome
 from rrins.host_tools.runs.results.results import Errors, read_errors, write_summary
 from rrins.host_tools.runs.results.samples import NAVIGATION_SAMPLES, TRUTH_SAMPLES, read_samples
 from rrins.host_tools.runs.results.seconds_log import take_seconds
-from rrins.host_tools.runs.results.summary import hash_words, summarise, table_of, write_results
+from rrins.host_tools.runs.results.summary import (
+    hash_words,
+    pace_words,
+    summarise,
+    table_of,
+    write_results,
+)
 from rrins.host_tools.scenario.scenario import Scenario
 from rrins.host_tools.terminal import new_console, print_line, print_table
 
@@ -177,9 +183,7 @@ def print_replay(summary: JsonObject, paths: list[Path]) -> None:
         print_table(table_of(summary), console)
     recording = summary["recording"]
     lines = [
-        f"{summary['epochs']} epochs in {summary['wall_s']:.1f} s: "
-        f"{summary['epochs_per_s']:.0f} epochs/s, "
-        f"{summary['epochs_per_s'] / summary['rate_hz']:.0f} times real time",
+        pace_words(summary),
         _how_it_ended(summary["firmware"]),
         hash_words(summary["firmware"])
         + _same_or_not(summary["navigation_sha256"], recording["navigation_sha256"]),

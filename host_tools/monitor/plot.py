@@ -12,7 +12,7 @@ from rich.text import Text
 
 from rrins.host_tools.monitor.state import BusState
 from rrins.host_tools.monitor.tally import BINS
-from rrins.host_tools.monitor.wording import clipped, number_words
+from rrins.host_tools.monitor.wording import clipped, number_words, value_with_unit
 
 SPANS = ("1 min", "10 min", "100 min")
 """Time span of the histories, by level."""
@@ -88,8 +88,7 @@ def plot(state: BusState, message: str, signal: str, level: int, width: int) -> 
     bins = state.history(message, signal, level)
     columns = 2 * max(1, min(_MOST_CHARACTERS, width - _LABEL_WIDTH - 1))
     found = [pair for pair in bins if pair is not None]
-    unit = f" {described.unit}" if described.unit else ""
-    now = described.text or number_words(described.value, described.decimals) + unit
+    now = value_with_unit(described)
     title = f"{message}.{signal}  now {now}  last {SPANS[level]}"
     lines = [Text(clipped(title, width), style="bold", no_wrap=True)]
     if not found:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from rrins.host_tools.monitor.plot import plot
 from rrins.host_tools.monitor.state import BusState
 from rrins.host_tools.monitor.wording import NOTHING, age_words, clipped
-from rrins.host_tools.monitor.words import FOUND_BY, drift_words, extent_words
+from rrins.host_tools.monitor.words import FOUND_BY, drift_words, extent_words, parity_words
 
 MESSAGES = {"gyros": "GYRO_REDUNDANCY", "accelerometers": "ACCELEROMETER_REDUNDANCY"}
 """Message of each kind of sensors."""
@@ -153,7 +153,9 @@ def _kind_words(found: RedundancyVitals) -> str:
     left_out = ", ".join(map(str, found.excluded)) or "none"
     words = f"left out {left_out}  redundancy left {'yes' if found.redundancy_left else 'NO'}"
     if found.redundancy_left:
-        words = f"parity/threshold {found.parity_ratio:.2f} in {found.window_s} s  {words}"
+        words = (
+            f"parity/threshold {parity_words(found.parity_ratio)} in {found.window_s} s  {words}"
+        )
     if found.alarm:
         words += f"  ALARM, suspect {found.suspect or NOTHING}"
     if found.drift:
@@ -168,7 +170,7 @@ def _kind_words(found: RedundancyVitals) -> str:
 def _readmission_words(found: ReadmissionVitals) -> str:
     outcome = found.state if found.refusal is None else f"{found.state} ({found.refusal})"
     words = f"{found.kind} {found.sensor} {outcome}, compared for {found.passed_s} of "
-    words += f"{found.test_s} s, parity/threshold up to {found.parity_ratio:.2f}"
+    words += f"{found.test_s} s, parity/threshold up to {parity_words(found.parity_ratio)}"
     return f"{words}, constants learned anew" if found.anew else words
 
 
@@ -204,8 +206,8 @@ def _why_nothing(state: BusState) -> str:
 def _details(found: RedundancyVitals) -> Iterator[str]:
     left_out = ", ".join(map(str, found.excluded)) or "none"
     if found.redundancy_left:
-        yield f"  parity/threshold  {_bar(found.parity_ratio)} {found.parity_ratio:.2f}"
-        yield f"  largest so far    {_bar(found.largest_ratio)} {found.largest_ratio:.2f}"
+        yield f"  parity/threshold  {_bar(found.parity_ratio)} {parity_words(found.parity_ratio)}"
+        yield f"  largest so far    {_bar(found.largest_ratio)} {parity_words(found.largest_ratio)}"
         yield f"  window            {found.window_s} s"
         if found.alarm:
             yield f"  suspect           {found.suspect or NOTHING}  ALARM"

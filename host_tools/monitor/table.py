@@ -18,6 +18,7 @@ from rrins.host_tools.monitor.wording import (
     value_with_unit,
     value_words,
 )
+from rrins.host_tools.rounding import unit_words
 
 WIDE = 110
 """Minimum width to show each kind of error, and values with their names."""
@@ -174,7 +175,7 @@ def signal_lines(
             value = f"{signal.text} ({number_words(signal.value, 0)})"
         low = number_words(signal.low, signal.decimals)
         high = number_words(signal.high, signal.decimals)
-        line = _signal_line((mark, signal.name, value, signal.unit, low, high), width)
+        line = _signal_line((mark, signal.name, value, unit_words(signal.unit), low, high), width)
         lines.append(Text(line, style="reverse" if number == cursor else "", no_wrap=True))
     return lines
 

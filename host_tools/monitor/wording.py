@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from rrins.host_tools.monitor.state import SignalState
+from rrins.host_tools.rounding import in_unit
 
 NOTHING = "-"
 """Placeholder for unknown values."""
@@ -50,7 +51,7 @@ def value_words(signal: SignalState) -> str:
 def value_with_unit(signal: SignalState) -> str:
     """Return a signal's value with its unit, or by name if it has one."""
     words = value_words(signal)
-    return f"{words} {signal.unit}" if signal.unit and signal.text is None else words
+    return words if signal.text is not None else in_unit(words, signal.unit)
 
 
 def clipped(text: str, width: int) -> str:

@@ -34,6 +34,15 @@ WITHOUT_ENCODER: Final = {
 """Source of the angle of an encoder that was found wrong."""
 
 
+MOST_PARITY: Final = 40.95
+"""Largest ratio of a parity to its threshold that the bus carries: it may have been larger."""
+
+
+def parity_words(ratio: float) -> str:
+    """Return a parity over its threshold: `0.17`, `40.95 or more`."""
+    return f"{ratio:.2f}{' or more' if ratio >= MOST_PARITY else ''}"
+
+
 def extent_words(drift: str) -> str:
     """Return how far a calibration has drifted: `from 10 to 20 ppm`."""
     return drift.lower().replace("_", " ")

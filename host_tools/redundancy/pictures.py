@@ -9,10 +9,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 
-from rrins.host_tools.drawing.style import LINES, finish, give_title, new_figure, quantity
+from rrins.host_tools.drawing.style import LINES, finish, give_title, new_figure
 from rrins.host_tools.redundancy.monte_carlo import PATIENCE_S
 from rrins.host_tools.redundancy.survey import Group, Set, Survey
 from rrins.host_tools.redundancy.theory import HALF, MOST
+from rrins.host_tools.rounding import labelled
 
 MARKERS = ("o", "s", "^", "D", "v", "P")
 """Of the runs of the first, second, … line."""
@@ -39,9 +40,7 @@ def delays_figure(surveys: Sequence[Survey]) -> Figure:
         for column, axes in enumerate(row):
             _panel(axes, surveys, column, way)
     for axes, one in zip(panels[-1], surveys[0].sets, strict=True):
-        axes.set_xlabel(
-            quantity(f"step of one of the {one.kind.name}", one.kind.unit).replace("\n", " ")
-        )
+        axes.set_xlabel(labelled(f"step of one of the {one.kind.name}", one.kind.unit))
     for axes in panels[:, 0]:
         finish(axes, "delay / s")
     panels[0, 0].legend(loc="upper right", frameon=False, fontsize="small")

@@ -10,9 +10,10 @@ from matplotlib.figure import Figure
 
 from rrins.compiled.record import Floats
 from rrins.host_tools.drawing.saving import write_pictures
-from rrins.host_tools.drawing.style import LINES, give_title, new_figure, quantity
+from rrins.host_tools.drawing.style import LINES, give_title, new_figure
 from rrins.host_tools.rotation.analysis import Integrals, Variation
 from rrins.host_tools.rotation.errors import ERRORS
+from rrins.host_tools.rounding import labelled
 
 _TITLES = {
     "bias": "bias",
@@ -57,7 +58,7 @@ def _panel(axes: Axes, variation: Variation, running: Floats, integrals: Integra
     axes.axhline(0.0, color="0.5", linewidth=0.6, zorder=0)
     axes.margins(x=0)
     unit = f"{prefix}{integrals.sensors.unit}"
-    axes.set_ylabel(quantity(_LABELS[integrals.sensors.kind], unit).replace("\n", " "))
+    axes.set_ylabel(labelled(_LABELS[integrals.sensors.kind], unit))
     for side in ("top", "right"):
         axes.spines[side].set_visible(False)
     low, high = axes.get_ylim()

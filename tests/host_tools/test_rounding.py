@@ -10,6 +10,7 @@ import pytest
 
 from rrins.host_tools.rounding import (
     alike,
+    as_stated,
     coarse,
     plus_minus,
     rounded,
@@ -82,6 +83,8 @@ def test_a_length_has_the_unit_that_fits() -> None:
     lengths = {2214.0: "2.21 km", 12.4: "12.4 m", 0.0031: "3.10 mm", 0.0: "0 m", None: "–"}
     assert {value: with_unit(value, "m") for value in lengths} == lengths
     assert with_unit(2214.0, "m/s") == "2,210 m/s"
+    stated = {9000.0: "9 km", 950.0: "950 m", 14.5: "14.5 m", 0.005: "5 mm", None: "–"}
+    assert {value: as_stated(value, "m") for value in stated} == stated
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,6 @@ import math
 from rrins.compiled.compilation import compiled
 from rrins.dbc.contract import SENSOR_GROUPS
 from rrins.firmware_py.core.records.redundancy_records import BEFORE_S, HISTORY_S, Parity
-from rrins.firmware_py.core.redundancy import windows
 from rrins.firmware_py.core.redundancy.parity import CHECKED_FROM
 
 
@@ -23,7 +22,8 @@ def note(parity: Parity, count: int, epoch: int, dt: float) -> None:
         second.residual[i] = 0.0
         second.threshold[i] = 0.0
         if parity.projector[i, i] > CHECKED_FROM:
-            variance = windows.variance_of(parity, 0, i)
+            learned = parity.uncertain * parity.learning_variance[i]
+            variance = parity.variance[i, 0] + learned  # of this residual, not of a fitted step
             second.residual[i] = parity.residual[i] / seconds
             second.threshold[i] = parity.second_factor * math.sqrt(variance) / seconds
     parity.history_count += 1

@@ -80,6 +80,7 @@ def explain(
     from rrins.host_tools.explanation.explain import runs_of
     from rrins.host_tools.explanation.reruns import StoppedError
     from rrins.host_tools.explanation.results import write
+    from rrins.host_tools.rounding import labelled
     from rrins.host_tools.runs.run import folder_of
     from rrins.host_tools.terminal import new_table
 
@@ -98,7 +99,7 @@ def explain(
     title = words.headline(found, name, of)
     paths = [str(path) for path in write(found, folder, title, of)]
     unit, rows = words.table_rows(found, of)
-    components = (f"{side} / {unit}" for side in words.COMPONENTS[of])
+    components = (labelled(side, unit) for side in words.COMPONENTS[of])
     table = new_table(title, "source", *components, "share")
     for number, row in enumerate(rows):
         table.add_row(*row, end_section=number == len(rows) - 2)

@@ -9,7 +9,7 @@ import click
 from rrins.host_tools.cli.completion import complete_scenarios
 from rrins.host_tools.cli.group import Group
 from rrins.host_tools.cli.options import json_option, scenario_argument
-from rrins.host_tools.cli.output import print_json
+from rrins.host_tools.cli.output import print_json, print_text
 from rrins.host_tools.scenario.scenario import load, names, text_of
 
 
@@ -19,7 +19,7 @@ def scenarios(context: click.Context) -> None:
     """List the built-in scenarios, one per line."""
     if context.invoked_subcommand is None:
         for name in names():
-            click.echo(f"{name:<28} {load(name).title}")
+            print_text(f"{name:<28} {load(name).title}", indent=29)
 
 
 @scenarios.command("show")
@@ -46,7 +46,7 @@ def show_schema() -> None:
     """Print the JSON schema of scenarios: keys, meanings, units, limits, defaults.
 
     Editors with a TOML language server complete and check the keys of a file that begins with
-    the line ``#:schema rrins.schema.json``, its path.
+    the line `#:schema rrins.schema.json`, its path.
     """
     from rrins.host_tools.scenario.schema import json_schema
 

@@ -80,8 +80,7 @@ def calibrate(as_json: bool, strict: bool, **order: Any) -> None:
 def _tables(found: Estimate, errors: list[list[float]] | None) -> Iterator[Table | str]:
     from rrins.host_tools.calibration.observability import MARK
     from rrins.host_tools.calibration.report import SYMBOLS, kinds_of
-    from rrins.host_tools.drawing.style import quantity
-    from rrins.host_tools.rounding import rounded
+    from rrins.host_tools.rounding import labelled, rounded
     from rrins.host_tools.terminal import new_table
 
     yield f"{found.seconds.total_s:.0f} s on the table"
@@ -94,9 +93,9 @@ def _tables(found: Estimate, errors: list[list[float]] | None) -> Iterator[Table
             values = (value for value, _ in row["cells"])
             sigma = row["sigma"] + (MARK if row["is_beyond"] else "")
             true = [rounded(errors[number][k], 2)] if errors else []
-            table.add_row(f"{row['name']} / {row['unit']}", *values, sigma, row["wanted"], *true)
+            table.add_row(labelled(row["name"], row["unit"]), *values, sigma, row["wanted"], *true)
         yield table
-        residual = quantity("residual, rms", kind["unit"]).replace("\n", " ")
+        residual = labelled("residual, rms", kind["unit"])
         table = new_table(f"{name}: {residual}", "", *sensors)
         for when, values in kind["residuals"].items():
             table.add_row(when, *values)

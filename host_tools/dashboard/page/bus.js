@@ -1,8 +1,8 @@
 // The table of messages; one of them with its signals, and a signal over time.
 
-import { $, colour, element, figures, setText } from "./parts.js";
+import { $, breakable, colour, element, figures, setText, span } from "./parts.js";
 
-const HEAD = [["ID", "hex"], ["message", "name"], ["rate / Hz", "n"], ["age / s", "n"], ["errors", "n"], ["1 min", "spark"], ["payload", "hex payload"]];
+const HEAD = [["ID", "hex"], ["message", "name"], ["rate / Hz", "n"], ["age", "n"], ["errors", "n"], ["1 min", "spark"], ["payload", "hex payload"]];
 const SPANS = ["1 min", "10 min", "100 min"];
 const SILENT = 1;
 const TROUBLE = 2;
@@ -54,7 +54,7 @@ export class BusTable {
     if (isDue) this.sparkMs = Date.now();
     for (const [identifier, label, rate, age, errors, flags, payload] of messages) {
       const row = this.rows.get(identifier + label) ?? this.addRow(identifier, label);
-      [identifier, label, rate == null ? "–" : figures(rate), age < 0.0005 ? "0" : figures(age, 3), String(errors)]
+      [identifier, label, rate == null ? "–" : figures(rate), span(age), String(errors)]
         .forEach((text, k) => setText(row.children[k], text));
       this.showPayload(row, payload);
       if (isDue) this.showRate(row, rate);
@@ -104,7 +104,7 @@ export class BusTable {
     const row = element("tr", { onclick: () => this.show({ name: label }), tabindex: 0 },
       ...HEAD.map(([, kind]) => element("td", { class: kind }, ...(kind === "spark" ? [sparkline()] : []))));
     row.onkeydown = (event) => event.key === "Enter" && this.show({ name: label });
-    row.children[1].append(...label.split(/(?<=_)/).flatMap((part) => [part, element("wbr")]));
+    row.children[1].append(...breakable(label));
     this.rows.set(identifier + label, row);
     const all = [...this.rows.keys()].sort();
     const after = this.rows.get(all[all.indexOf(identifier + label) + 1]);

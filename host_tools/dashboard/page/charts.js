@@ -2,7 +2,8 @@
 
 import { figures } from "./parts.js";
 
-// column: what the server calls it; label: in the legend; ink: a colour of the theme.
+// column: what the server calls it; label: in the legend; ink: a colour of the theme. decimals: of a
+// chart's values; three digits without.
 const line = (column, label, ink, dash = "solid", more = {}) => ({ column, label, ink, dash, ...more });
 const three = (sigma, ink) => [
   { column: sigma, label: "", ink, dash: "dotted", factor: 3, band: 1 },
@@ -30,7 +31,7 @@ export const CHARTS = [
       ...three("sigma_east_mps", "east"), ...three("sigma_north_mps", "north")],
   },
   {
-    id: "attitude", title: "Attitude", unit: "°", empty: () => "No navigation output yet", angles: true,
+    id: "attitude", title: "Attitude", unit: "°", decimals: 3, empty: () => "No navigation output yet", angles: true,
     lines: [line("roll_deg", "roll", "east"), line("pitch_deg", "pitch", "north", "dashed"),
       line("heading_deg", "heading", "third", "solid", { scale: "heading", centred: true })],
   },
@@ -42,7 +43,7 @@ export const CHARTS = [
       ...around(`gyro_bias_${k + 1}_dph`, `sigma_gyro_bias_${k + 1}_dph`, ink)]),
   },
   {
-    id: "angles", title: "Table angles", unit: "°", empty: () => "No axis has been heard yet", note: "dotted: position of the scheme", angles: "turns",
+    id: "angles", title: "Table angles", unit: "°", decimals: 2, empty: () => "No axis has been heard yet", note: "within a turn; dotted: position of the scheme", angles: "turns",
     lines: [line("inner_deg", "inner", "east", "solid", { wraps: true }), line("outer_deg", "outer", "north", "dashed", { wraps: true }),
       line("inner_goal_deg", "", "east", "dotted", { step: true, thin: true, wraps: true }),
       line("outer_goal_deg", "", "north", "dotted", { step: true, thin: true, wraps: true })],
@@ -100,9 +101,9 @@ export function rangeOf({ least, angles }) {
   };
 }
 
-// Labels of an axis, with the decimals that its step needs.
+// Labels of an axis, with the decimals that its step needs; a single one with its own.
 export function labels(splits) {
-  const step = splits.length > 1 ? Math.abs(splits[1] - splits[0]) : 1;
+  const step = splits.length > 1 ? Math.abs(splits[1] - splits[0]) : Math.abs(splits[0]) || 1;
   const decimals = [0, 1, 2, 3, 4, 5, 6].find((n) => Math.abs(step * 10 ** n - Math.round(step * 10 ** n)) < 1e-6) ?? 6;
   return splits.map((value) => (Math.abs(value) >= 1e6 ? figures(value, 3) : (Math.abs(value) < step / 1e6 ? 0 : value).toFixed(decimals)));
 }

@@ -1,6 +1,6 @@
 // What each sensor and each axis is like, in words and colour; the parity of each kind.
 
-import { $, element, setText } from "./parts.js";
+import { $, element, parityWords, setText } from "./parts.js";
 
 const KINDS = [["gyros", "G", "Gyros"], ["accelerometers", "A", "Accelerometers"]];
 const AXES = ["inner", "outer"];
@@ -43,7 +43,7 @@ export class Chips {
     bar.firstChild.style.width = `${Math.min(100, 50 * (ratio ?? 0))}%`;
     bar.title = "parity over its threshold, which is the mark";
     const who = ratio > 1 && suspect ? `, points at ${kind === "gyros" ? "G" : "A"}${suspect} the most` : "";
-    setText(text, found == null ? "" : ratio == null ? "no redundancy left" : `parity ${ratio.toFixed(2)} × threshold in ${seconds} s${who}`);
+    setText(text, found == null ? "" : ratio == null ? "no redundancy left" : `parity ${parityWords(ratio)} × threshold in ${seconds} s${who}`);
   }
 }
 

@@ -8,7 +8,7 @@ import { Feed } from "./feed.js";
 import { keep, recall } from "./kept.js";
 import { Map2d } from "./map.js";
 import { Now } from "./now.js";
-import { $, clock, element, figures, length, setText } from "./parts.js";
+import { $, breakable, clock, element, figures, length, setText } from "./parts.js";
 import { Plots, SPANS } from "./plots.js";
 import { Store } from "./store.js";
 import { Tour } from "./tour.js";
@@ -172,7 +172,7 @@ function takeEvents(message) {
     events.push(event);
     const [time, text, weight] = event;
     const item = element("li", { class: hello.source === "recording" ? "jump" : "", "data-time": time },
-      element("time", {}, clock(time)), element("span", { class: weight }, SIGNS[weight]), element("span", { class: weight }, text));
+      element("time", {}, clock(time)), element("span", { class: weight }, SIGNS[weight]), element("span", { class: weight }, ...breakable(text)));
     if (hello.source === "recording") item.onclick = () => control.seek(time);
     const before = [...$("events").children].find((one) => Number(one.dataset.time) <= time);
     $("events").insertBefore(item, before ?? null); // an effect may be known late

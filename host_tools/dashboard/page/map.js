@@ -71,8 +71,8 @@ export class Map2d {
     if (hasTruth) this.drawPoint(ctx, truth, colour("soft"), true);
     this.drawPoint(ctx, here, colour("east"), false);
     this.drawScale(ctx, width, height, fitted);
-    const many = factor > 1 ? `error × ${factor}` : "";
-    $("map-note").textContent = hasTruth ? `○ truth  ● navigated  ${many}` : "● navigated, from its first place";
+    const many = factor > 1 ? `, its error × ${factor}` : "";
+    $("map-note").textContent = hasTruth ? `○ truth  ● navigated${many}` : "● navigated, from its first place";
   }
 
   drawGrid(ctx, width, height, scale, middle) {

@@ -14,6 +14,9 @@ export function element(tag, attributes = {}, ...children) {
   return made;
 }
 
+// Text whose long names may break behind each part.
+export const breakable = (text) => text.split(/(?<=_)/).flatMap((part) => [part, element("wbr")]);
+
 export function setText(node, text) {
   if (node.textContent !== text) node.textContent = text;
 }
@@ -37,6 +40,18 @@ export function clock(seconds, decimals = 1) {
   const [h, m] = [Math.floor(rounded / 3600), Math.floor((rounded % 3600) / 60)];
   const s = (rounded % 60).toFixed(decimals).padStart(decimals ? 3 + decimals : 2, "0");
   return h ? `${h}:${String(m).padStart(2, "0")}:${s}` : `${m}:${s}`;
+}
+
+const MOST_PARITY = 40.95; // the bus carries no more
+
+// A parity over its threshold: 0.17, 40.95 or more.
+export const parityWords = (ratio) => `${ratio.toFixed(2)}${ratio >= MOST_PARITY - 1e-6 ? " or more" : ""}`;
+
+// A time span as in `rrins monitor`: 5 ms, 2.3 s, 812 s, 3.1 h.
+export function span(seconds) {
+  if (seconds < 0.9995) return `${(1000 * seconds).toFixed(0)} ms`;
+  if (seconds < 9999.5) return `${seconds.toFixed(seconds < 99.95 ? 1 : 0)} s`;
+  return `${(seconds / 3600).toFixed(1)} h`;
 }
 
 export function figures(value, digits = 4) {

@@ -2,7 +2,7 @@
 
 import { ANGLE_STEPS, CHARTS, labels, lowestOf, rangeOf, turned, wrapped } from "./charts.js";
 import { keep, recall } from "./kept.js";
-import { $, clock, colour, element, figures } from "./parts.js";
+import { $, clock, colour, element, figures, parityWords } from "./parts.js";
 import { offer } from "./saving.js";
 
 const STEPS_S = [0.1, 0.2, 0.5, 1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 14400, 43200, 86400];
@@ -32,15 +32,25 @@ export function farEnds(times, low, high) {
   return ends.map((end) => ({ ...end, share: (end.time - times[end.at]) / (times[end.next] - times[end.at]) }));
 }
 
-// Gaps where a line is broken, however many points a pixel has.
+// Gaps where a line is broken, however many points a pixel has; beyond the points, for the line is wide.
 function broken(u, series, first, last, found) {
   const [times, values] = [u.data[0], u.data[series]];
   for (let k = Math.max(first, 1); k < last; k++) {
     if (values[k] != null || values[k - 1] == null || values[k + 1] == null) continue;
-    const x = u.valToPos(times[k], "x", true);
-    found.push([x - 2, x + 2]);
+    const [from, to] = [times[k - 1], times[k + 1]].map((time) => u.valToPos(time, "x", true));
+    found.push([from - 2, to + 2]);
   }
-  return found.sort((a, b) => a[0] - b[0]);
+  return merged(found);
+}
+
+// Spans in order, those that overlap as one: of one within another uPlot would draw the end.
+export function merged(spans) {
+  const found = [];
+  for (const [from, to] of spans.sort((a, b) => a[0] - b[0])) {
+    if (found.length && from <= found.at(-1)[1]) found.at(-1)[1] = Math.max(found.at(-1)[1], to);
+    else found.push([from, to]);
+  }
+  return found;
 }
 
 class Plot {
@@ -251,8 +261,10 @@ class Plot {
 
   valueWords(one, value) {
     if (value == null) return "–";
-    if (one.centred) return wrapped(Number(value.toFixed(2)), 0).toFixed(2); // 0.00, not 360.00
-    return `${figures(value, 4)}${one.scale === "ms" ? " ms" : ""}`;
+    const { decimals } = this.spec;
+    if (one.points) return parityWords(value);
+    if (one.centred) return wrapped(Number(value.toFixed(decimals)), 0).toFixed(decimals); // 0.000, not 360.000
+    return `${decimals ? value.toFixed(decimals).replace(/^-(0\.0+)$/, "$1") : figures(value, 3)}${one.scale === "ms" ? " ms" : ""}`;
   }
 
   // Values at the cursor, or the latest.

@@ -25,23 +25,36 @@ export class Tour {
     return this.steps[this.place];
   }
 
-  error() {
-    const [east, north] = ["error_east_m", "error_north_m"].map((name) => this.store.column(name).at(-1));
+  // The position error at the latest row up to a bus time: a hurried run is far beyond the step's end.
+  error(time) {
+    const place = this.store.at(time + 1e-6) - 1;
+    const [east, north] = ["error_east_m", "error_north_m"].map((name) => this.store.column(name)[place]);
     return length(east == null ? null : Math.hypot(east, north));
   }
 
   enter(place) {
-    if (this.place >= 0 && this.step.keeps) this.kept[this.step.keeps] = this.error();
+    if (this.place >= 0 && this.step.keeps) this.kept[this.step.keeps] = this.error(this.step.until_s);
     document.querySelector(this.step?.look)?.classList.remove("toured");
     this.place = place;
     this.since = performance.now();
     this.isDone = false;
     const { step } = this;
     if (step.tab) document.querySelector(`[data-tab="${step.tab}"]`)?.click();
-    document.querySelector(step.look)?.classList.add("toured");
     if (this.isHurried) this.hurry(false);
     this.show();
+    this.point(document.querySelector(step.look));
     if (step.order) this.order(step.order, step.fault ? { fault: step.fault } : {});
+  }
+
+  // Outline what is looked at, in view, and put the card where it does not cover it.
+  point(looked) {
+    this.card.classList.remove("aside");
+    if (!looked) return;
+    looked.classList.add("toured");
+    looked.scrollIntoView({ block: "start" });
+    const [a, b] = [looked, this.card].map((one) => one.getBoundingClientRect());
+    const isCovered = a.left < b.right && a.right > b.left && a.top < b.bottom && a.bottom > b.top;
+    this.card.classList.toggle("aside", isCovered);
   }
 
   async order(name, more) {

@@ -101,19 +101,20 @@ def _redundancy_lines(firmware: JsonObject) -> Iterator[str]:
     for name, kind in (firmware.get("redundancy") or {}).items():
         one = name.removesuffix("s")
         if kind["isolated_s"] is not None:
-            text = f"{one} {kind['sensor']} left out at {kind['isolated_s']:.3f} s"
+            text = f"{one} {kind['sensor']} left out at {kind['isolated_s']:.3f} s of navigation"
             text += f" (found by {FOUND_BY[kind['how'].upper()]}, alarm at {kind['alarm_s']:.3f} s)"
             if kind["repaired"] is not None:
                 text += f", navigation repaired from {kind['repaired']:.0f} s on"
             yield text + ("" if kind["redundancy_left"] else "; no redundancy left")
         if kind["readmitted_s"] is not None:
-            yield f"{one} {kind['readmitted']} in use again from {kind['readmitted_s']:.3f} s on"
+            at = f"{kind['readmitted_s']:.3f} s of navigation"
+            yield f"{one} {kind['readmitted']} in use again from {at} on"
         if kind["readmission_refused"] is not None:
             yield f"{one} not readmitted: {NOT_READMITTED[kind['readmission_refused'].upper()]}"
         if kind["unresolved_s"] is not None:
             yield (
-                f"one of the {name} fails since {kind['unresolved_s']:.3f} s: unknown which, or "
-                "none can be spared; all in use"
+                f"one of the {name} fails since {kind['unresolved_s']:.3f} s of navigation: "
+                "unknown which, or none can be spared; all in use"
             )
 
 
@@ -144,7 +145,7 @@ def _calibrated_lines(firmware: JsonObject) -> Iterator[str]:
     for name in KINDS:
         kind = calibrated[name]
         if kind["state"] == "drifted":
-            yield f"{drift_words(name, kind)}, since {kind['drifted_s']:.0f} s"
+            yield f"{drift_words(name, kind)}, since {kind['drifted_s']:.0f} s of navigation"
 
 
 def _bridging_summary(ram: Records[Ram]) -> JsonObject:
@@ -200,7 +201,7 @@ def _table_lines(firmware: JsonObject) -> Iterator[str]:
             yield f"the {axis} axis did not follow its command {times}: rotation resumed"
         encoder = firmware.get("encoders", {}).get(axis)
         if encoder is not None:
-            found = f"found at {encoder['found_at_s']:.3f} s"
+            found = f"found {encoder['found_at_s']:.3f} s after power-on"
             if encoder["source"] == "encoder":
                 yield f"the {axis} encoder contradicted the gyros ({found}), and is well"
             else:

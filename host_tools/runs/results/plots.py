@@ -19,11 +19,11 @@ from rrins.host_tools.runs.results.seconds_log import Seconds
 from rrins.host_tools.runs.results.sensors_plot import draw_constants
 from rrins.host_tools.runs.results.summary_types import AnySummary
 
-_SCALES = ((2e3, 1e-3, "k"), (0.2, 1.0, ""), (2e-4, 1e3, "m"), (0.0, 1e6, "µ"))
+_SCALES = ((1e3, 1e-3, "k"), (0.1, 1.0, ""), (1e-4, 1e3, "m"), (0.0, 1e6, "µ"))
 
 
 def scale_of(*values: Vector) -> tuple[float, str]:
-    """Return the factor and the prefix that make the largest value easy to read."""
+    """Return the factor and the prefix that suit the largest value, as in the tables of a run."""
     largest = max(float(np.max(np.abs(value), initial=0.0)) for value in values)
     for above, factor, prefix in _SCALES:
         if largest > above:

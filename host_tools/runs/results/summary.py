@@ -8,7 +8,7 @@ from typing import cast
 from rich.table import Table
 
 from rrins.host_tools.files import JsonObject
-from rrins.host_tools.rounding import with_unit
+from rrins.host_tools.rounding import as_stated, coarse, rounded, with_unit
 from rrins.host_tools.runs.results.estimates import beside_truth, sensor_rows, write_sensors
 from rrins.host_tools.runs.results.findings import finding_lines
 from rrins.host_tools.runs.results.outcome import Outcome
@@ -126,8 +126,10 @@ def cells_of(summary: AnySummary) -> list[list[str]]:
         ("position", "max_abs_position_error_m", "m"),
         ("velocity", "max_abs_velocity_error_mps", "m/s"),
     ):
-        found = [summary[key] or {}, *([paper.get(key) or {}] if paper else [])]
-        cells = [with_unit(one.get(side), unit) for one in found for side in ("east", "north")]
+        ours, theirs = summary[key] or {}, paper.get(key) or {}
+        cells = [with_unit(ours.get(side), unit) for side in ("east", "north")]
+        if paper:
+            cells += [as_stated(theirs.get(side), unit) for side in ("east", "north")]
         rows.append([label, *cells])
     return rows
 
@@ -215,13 +217,20 @@ def _duration_line(summary: AnySummary) -> list[str]:
     return [words] if seconds != summary["duration_s"] else []
 
 
+def pace_words(summary: AnySummary) -> str:
+    """Return how fast a run was."""
+    pace = summary["epochs_per_s"]
+    return (
+        f"{summary['epochs']:,} epochs in {coarse(summary['wall_s'])} s: {rounded(pace)} epochs/s, "
+        f"{rounded(pace / summary['rate_hz'])} × real time"
+    )
+
+
 def lines_of(summary: AnySummary) -> list[str]:
     """Return the lines below the table: how the run went."""
     firmware = summary["firmware"]
     lines = [
-        f"{summary['epochs']} epochs in {summary['wall_s']:.1f} s: "
-        f"{summary['epochs_per_s']:.0f} epochs/s, "
-        f"{summary['epochs_per_s'] / summary['rate_hz']:.0f} times real time; "
+        f"{pace_words(summary)}; "
         + ("" if summary["frames_lost"] is None else f"{summary['frames_lost']} frames lost, ")
         + f"{summary['overruns']} overruns",
         "; ".join(

@@ -46,6 +46,13 @@ def test_help_shows_each_command_in_one_line():
         assert line.endswith(".")
 
 
+@pytest.mark.parametrize("words", [("diag",), ("diag", "calibration"), ("scheme",), ("xcp",)])
+def test_help_of_a_group_cuts_no_sentence(words):
+    said = CliRunner().invoke(cli.rrins, [*words, "--help"], env={"COLUMNS": "80"}).output
+    assert "..." not in said.partition("Commands:")[2]
+    assert max(map(len, said.splitlines())) <= 80
+
+
 def test_help_and_completion_start_at_once():
     assert not started("--help") & {"numpy", "numba", "can", "cantools", "pydantic"}
     for name in ("rehearse", "campaign"):

@@ -294,8 +294,26 @@ def test_a_recording_is_played_back(open_page, serving, recording):
         ]
         assert _far_ends(seen, [8, 10, 11, 13], 9.5, 11.5) == []
         angles = "[0, 180, 310, 320, 360, -180, null, 1080.5]"  # broken where they wrap
-        call = f"import('./charts.js').then((page) => page.turned({angles}))"
-        assert seen.page.evaluate(call) == [0, 180, 310, None, 0, 180, None, 0.5]
+        turned = [0, 180, 310, None, 0, 180, None, 0.5]
+        assert _of(seen, "charts.js", f"turned({angles})") == turned
+        assert _of(seen, "plots.js", "merged([[10, 20], [30, 40], [14, 18], [39, 42]])") == [
+            [10, 20],
+            [30, 42],
+        ]
+        assert _of(seen, "charts.js", "labels([-0.1])") == ["-0.1"]
+        assert _of(seen, "charts.js", "labels([0, 50, 100])") == ["0", "50", "100"]
+        ages = "[0.005, 2.34, 812, 11160].map(page.span)"
+        assert _of(seen, "parts.js", ages, "") == ["5 ms", "2.3 s", "812 s", "3.1 h"]
+        parities = "[0.17, 40.95].map(page.parityWords)"
+        assert _of(seen, "parts.js", parities, "") == ["0.17", "40.95 or more"]
+        # A hurried tour is beyond the end of its step when it asks how far the navigation was off.
+        store = (
+            "{ at: () => 2, column: (name) => (name === 'error_east_m' ? [0, 3, 0] : [0, 4, 0]) }"
+        )
+        assert (
+            _of(seen, "tour.js", f"Tour.prototype.error.call({{ store: {store} }}, 300)")
+            == "5.00 m"
+        )
         assert seen.complaints == []
 
 
@@ -316,10 +334,14 @@ def _drag_from_a_quarter_to_three(seen, selector):
     assert seen.page.evaluate(scale) == pytest.approx(before)
 
 
+def _of(seen, file, call, of="page."):
+    """Return what a function of the page returns."""
+    return seen.page.evaluate(f"import('./{file}').then((page) => {of}{call})")
+
+
 def _far_ends(seen, *arguments):
     """Return which points a plot moves to its edge: dashes on a line far outside take seconds."""
-    call = "arguments => import('./plots.js').then(page => page.farEnds(...arguments))"
-    return seen.page.evaluate(call, list(arguments))
+    return _of(seen, "plots.js", f"farEnds(...{list(arguments)})")
 
 
 WRITES = pytest.mark.skipif(

@@ -390,6 +390,17 @@ def test_a_trouble_has_a_severity_and_a_section_of_a_guide_that_there_is(text, s
     assert not section or f'id="{section}"'.encode() in guide(name)
 
 
+def test_a_trouble_began_when_its_signal_changed_however_late_it_is_looked_at():
+    since, left_out = Since(), "gyro 3 is left out, found by comparison with encoders"
+    changed_s = {"GYRO_REDUNDANCY.excluded": 188.0, "GYRO_REDUNDANCY.alarm": 170.0}
+    since.follow(187.0, [], changed_s)
+    since.follow(191.0, [left_out, "SENSOR_3 reports GYRO_ABSENT"], changed_s)
+    since.follow(195.0, [left_out], changed_s | {"GYRO_REDUNDANCY.excluded": 194.0})
+    begun = {one["text"]: one["since_s"] for one in since.told(195.0, [left_out])}
+    assert begun == {left_out: 188.0}
+    assert since.told(191.0, ["SENSOR_3 reports GYRO_ABSENT"])[0]["since_s"] == 191.0
+
+
 def test_a_trouble_has_been_there_since_it_began_however_its_numbers_change():
     since = Since()
     since.follow(1.0, [])

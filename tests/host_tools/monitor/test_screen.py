@@ -242,7 +242,7 @@ async def test_the_detail_of_a_message(bus, app, press):
     text = await press("enter")
     assert "0x060 AXIS_INNER_STATUS  HARDWARE to FIRMWARE, HOST" in text
     assert re.search(r"state +MOVING \(2\) +2 +2\b", text)
-    assert re.search(r"encoder_angle_deg +19\.99\d+ deg +0\.000000 +19\.99", text)
+    assert re.search(r"encoder_angle_deg +19\.99\d+ ° +0\.000000 +19\.99", text)
     has_both = "SENSOR_4" in "\n".join(text.splitlines()[8:])
     assert has_both == (app.size.height >= 34)
     text = await press("down")
@@ -268,7 +268,7 @@ async def test_plots_come_go_and_change_their_span(bus, app, press):
     assert re.search("[\u2801-\u28ff]", text)
     assert "last 10 min" in await press("w")
     text = await press("home", "p")
-    assert "SYNC.time_us  now 2000000 us" in text
+    assert "SYNC.time_us  now 2000000 µs" in text
     assert "AXIS_INNER_STATUS.encoder" in text
     text = await press("p")
     assert "SYNC.time_us" not in text

@@ -7,6 +7,7 @@ import re
 import can
 import pytest
 
+from rrins.dbc.codec import load
 from rrins.host_tools.monitor import banner as banners
 from rrins.host_tools.monitor.estimates import Estimates
 from rrins.host_tools.monitor.listing import message_rows
@@ -22,6 +23,7 @@ from rrins.host_tools.monitor.table import (
 from rrins.host_tools.monitor.troubles import troubles_of
 from rrins.host_tools.monitor.vitals import vitals_of
 from rrins.host_tools.monitor.wording import age_words, clipped, rate_words
+from rrins.host_tools.monitor.words import parity_words
 
 
 @pytest.fixture
@@ -188,7 +190,7 @@ def test_a_peak_of_one_frame_is_seen(played):
 def test_a_plot_says_what_it_shows(state):
     lines = plot(state, "AXIS_INNER_STATUS", "encoder_angle_deg", 0, 80).plain.splitlines()
     assert len(lines) == HEIGHT
-    assert lines[0] == "AXIS_INNER_STATUS.encoder_angle_deg  now 39.899999 deg  last 1 min"
+    assert lines[0] == "AXIS_INNER_STATUS.encoder_angle_deg  now 39.899999°  last 1 min"
     assert lines[1].startswith("     39.899999|")
     assert lines[3].startswith("      0.000000|")
     shown = [column for column in heights([line[15:].ljust(65) for line in lines[1:]]) if column]
@@ -247,3 +249,10 @@ def test_json_for_scripts(state):
     }
     unknown = next(m for m in found["messages"] if m["name"] is None)
     assert (unknown["id"], unknown["is_extended"], unknown["data"]) == (0x18DAF110, True, "021003")
+
+
+def test_a_parity_at_the_end_of_its_range_may_have_been_larger():
+    for message in ("GYRO_REDUNDANCY", "ACCELEROMETER_REDUNDANCY"):
+        most = load().database.get_message_by_name(message).get_signal_by_name("parity_ratio")
+        assert parity_words(most.maximum) == "40.95 or more"
+    assert parity_words(40.94) == "40.94"

@@ -1,5 +1,7 @@
 // Events in words, as the dashboard's server tells them; those of a wire cannot happen here.
 
+import { parityWords } from "../parts.js";
+
 const STATUS = "FIRMWARE_STATUS";
 const TABLE = "TABLE_STATUS";
 const KINDS = { gyro: "GYRO_REDUNDANCY", accelerometer: "ACCELEROMETER_REDUNDANCY" };
@@ -98,7 +100,7 @@ export class Events {
     const [excluded, was] = [now, old].map((one) => Math.max(0, one[key("excluded")]));
     if (this.rises(key("alarm"))) {
       const ratio = now[key("parity_ratio")];
-      yield [key("alarm"), `the ${kind}s disagree${ratio > 1 ? `: parity ${ratio.toFixed(2)} × its threshold` : ""}`, "warning"];
+      yield [key("alarm"), `the ${kind}s disagree${ratio > 1 ? `: parity ${parityWords(ratio)} × its threshold` : ""}`, "warning"];
     } else if (this.falls(key("alarm")) && excluded === was) yield [key("alarm"), `the ${kind}s agree again`, "good"];
     for (let sensor = 1; sensor <= 16; sensor++) {
       const bit = 1 << (sensor - 1);

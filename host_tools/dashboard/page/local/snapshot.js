@@ -129,7 +129,7 @@ class Snapshot {
       const value = this.value(name, one.name);
       const words = choice ?? (value === null ? "-" : value.toFixed(one.decimals));
       const limits = isThere ? [scaled(bus.low.get(row), one), scaled(bus.high.get(row), one)] : [null, null];
-      return [one.name, one.unit && !choice ? `${words} ${one.unit}` : words, ...limits, one.unit, one.text];
+      return [one.name, choice ? words : `${words}${["", "°", "″"].includes(one.unit) ? "" : " "}${one.unit}`, ...limits, one.unit, one.text];
     };
     const spark = (one) => bins(one.name).filter((_, k) => k % 2).map((pair) => (pair ? rounded((pair[0] + pair[1]) / 2) : null));
     return { name, text, signals: signals.map(told), sparks: signals.map(spark), signal: known, over_time: known && bins(known) };

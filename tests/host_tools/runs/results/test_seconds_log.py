@@ -49,6 +49,16 @@ def test_the_fault_is_in_it(runs):
     assert not seconds["threshold"][at + 1 :].any()  # three are never compared
 
 
+def test_a_residual_is_beyond_its_threshold_only_where_the_parity_is():
+    parity = rrins.simulate("rimu_rotating", duration_s=60).parity  # learns with its first turn
+    for kind in ("gyro", "accelerometer"):
+        residual, threshold, ratio = (
+            parity[f"{kind}_{name}"].to_numpy() for name in ("residual", "threshold", "ratio")
+        )
+        assert ratio.max() < 1
+        assert np.all(np.abs(residual) < threshold)
+
+
 @pytest.mark.pictures
 def test_the_picture_is_written(runs, tmp_path):
     assert tmp_path / "parity.png" in runs[0].write(tmp_path)
