@@ -169,7 +169,7 @@ class Problem:
                 "type": "ineq",
                 "fun": lambda x: math.log(limit_m / self.percentile(np.exp(x))),
             },
-            options={"maxiter": 500, "ftol": 1e-10},
+            options={"maxiter": 500, "ftol": 1e-8},  # of cost; below 1e-9 it sees rounding
         )
         sigmas = np.clip(np.exp(found.x), least, most)
         if not found.success or self.percentile(sigmas) > limit_m * (1.0 + _CLOSE):
