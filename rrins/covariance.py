@@ -1,4 +1,4 @@
-"""The linear covariance analysis from Python: σ of the position over time, and tolerances."""
+"""The linear covariance analysis from Python: σ of the navigation over time, and tolerances."""
 
 from __future__ import annotations
 
@@ -12,7 +12,8 @@ from rrins.host_tools.campaigns import covariance_report as report
 from rrins.host_tools.campaigns import front, least_cost
 from rrins.host_tools.campaigns.definition import Wishes
 from rrins.host_tools.campaigns.store import Store, is_campaign
-from rrins.host_tools.covariance.analysis import Analysis, analyse
+from rrins.host_tools.covariance.analysis import Analysis
+from rrins.host_tools.errors import RehearsalError
 from rrins.host_tools.rounding import rounded
 from rrins.notebook import html_of, let_figures_show
 from rrins.scenarios import load_scenario
@@ -26,12 +27,12 @@ if TYPE_CHECKING:
 
 
 class CovarianceAnalysis:
-    """σ of the position over time, of all error sources and of each.
+    """σ of the navigation over time, of all error sources and of each.
 
     Attributes
     ----------
     analysis : Analysis
-        Arrays: `times_s`, `mean`, `sigma`, and each of `sources`.
+        Arrays: `times_s`, `mean`, `sigma`, `sigmas`, `filter_sigmas`, and each of `sources`.
     runs : Beside or None
         What the runs of a campaign say, where it has some.
     """
@@ -55,6 +56,21 @@ class CovarianceAnalysis:
         index = pd.Index(self.analysis.times_s, name="time_s")
         return pd.DataFrame(self.analysis.sigma, index, ["east_m", "north_m"])
 
+    @cached_property
+    def quantities(self) -> pd.DataFrame:
+        """σ of each quantity at the end; with the estimator, its own σ, and true over filter."""
+        import pandas as pd
+
+        return pd.DataFrame.from_dict(self.analysis.told(), orient="index")
+
+    def over_time(self, name: str) -> pd.DataFrame:
+        """Return σ of a quantity, an index of `quantities`, over `time_s`: `true` and `filter`."""
+        import pandas as pd
+
+        true, told = self.analysis.quantity(name)
+        columns = {"true": true} if told is None else {"true": true, "filter": told}
+        return pd.DataFrame(columns, pd.Index(self.analysis.times_s, name="time_s"))
+
     @property
     def agrees(self) -> bool | None:
         """Whether the analysis lies in the intervals of the runs; None where there are none."""
@@ -65,8 +81,21 @@ class CovarianceAnalysis:
         let_figures_show()
         return report.draw(self.analysis, self.runs)
 
+    def plot_filter(self) -> Figure:
+        """Draw σ over time as it is, beside that of the estimator.
+
+        Raises
+        ------
+        RehearsalError
+            When the scenario has no estimator.
+        """
+        if self.analysis.filter_sigmas is None:
+            raise RehearsalError("plot_filter: the scenario has no estimator")
+        let_figures_show()
+        return report.draw_filter(self.analysis)
+
     def save(self, folder: str | Path) -> list[Path]:
-        """Write `covariance.csv` and `covariance.png` into a folder; return their paths."""
+        """Write `covariance.csv` and the pictures into a folder; return their paths."""
         return report.write(self.analysis, Path(folder), self.runs)
 
     def __repr__(self) -> str:
@@ -83,10 +112,11 @@ def analyse_covariance(
     source: str | Path | Mapping[str, Any] | Scenario | Campaign,
     *,
     vary: Mapping[str, str] | None = None,
+    true: Mapping[str, Any] | None = None,
     duration_s: float | None = None,
     **changes: Unpack[SharedKeys],
 ) -> CovarianceAnalysis:
-    """Return σ of the position over time and the share of each error source, without runs.
+    """Return σ of the navigation over time and the share of each error source, without runs.
 
     Parameters
     ----------
@@ -95,6 +125,9 @@ def analyse_covariance(
         last two with their runs beside the analysis.
     vary : mapping of str to str, optional
         As `Campaign` takes it.
+    true : mapping, optional
+        Keys of sensors and aids as they are, such as ``gnss.position_noise_m``, where the scenario
+        has what the estimator is told of them.
     duration_s : float, optional
         Other than the scenario's or the file's.
     **changes
@@ -108,15 +141,11 @@ def analyse_covariance(
     if isinstance(source, str | Path) and is_campaign(Path(source)):
         source = Campaign.open(source)
     if isinstance(source, Campaign):
-        return CovarianceAnalysis(_analyse(source), report.beside_runs(source.store))
+        analysis = report.analysis_of(source.store.definition, true)
+        return CovarianceAnalysis(analysis, report.beside_runs(source.store))
     named = load_scenario(source, **changes) if changes else source
     campaign = Campaign(named, vary=vary, duration_s=duration_s, design="random")
-    return CovarianceAnalysis(_analyse(campaign), None)
-
-
-def _analyse(campaign: Campaign) -> Analysis:
-    definition = campaign.store.definition
-    return analyse(definition.scenario, definition.varied())
+    return CovarianceAnalysis(report.analysis_of(campaign.store.definition, true), None)
 
 
 class Allocation:

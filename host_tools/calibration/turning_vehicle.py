@@ -18,9 +18,9 @@ from rrins.firmware_py.core.settings import Scheme
 from rrins.host_tools.calibration.estimation import ACCELEROMETER_UNITS, GYRO_UNITS
 from rrins.host_tools.calibration.file import KEYS
 from rrins.host_tools.calibration.observability import LIMITS
-from rrins.host_tools.covariance.analysis import Model
+from rrins.host_tools.covariance.kinds import Constant, Effect, White
 from rrins.host_tools.covariance.path import INTERVAL_S, path_along
-from rrins.host_tools.covariance.sources import Constant, Effect, White
+from rrins.host_tools.covariance.unaided import Unaided
 from rrins.host_tools.files import JsonObject
 from rrins.host_tools.hardware.memory import INNER, OUTER, Truth
 from rrins.host_tools.hardware.units import DEG_PER_SQRT_H, UG
@@ -103,7 +103,14 @@ def _route(seed: int) -> tuple[Scenario, Records[Truth]]:
 def _constants(sigmas: tuple[Floats, Floats]) -> list[Constant]:
     """Return the error sources; σ of shapes (m, 5) and (k, 5), SI units."""
     return [
-        Constant(f"{kind}, {effect}", kind, effect, np.zeros(len(one)), np.diag(one[:, k] ** 2))
+        Constant(
+            f"{kind}, {effect}",
+            np.zeros(len(one)),
+            np.diag(one[:, k] ** 2),
+            np.zeros((len(one), 0)),
+            kind,
+            effect,
+        )
         for kind, one in zip(KEYS, sigmas, strict=True)
         for k, effect in enumerate(_EFFECTS)
     ]
@@ -163,12 +170,14 @@ def compare(
             angles = angles_of(scheme, times_s)
             tables += [angles, isolated(angles, truth["heading"])]
         for row, angles in zip(rows, tables, strict=True):
-            model = Model(scenario, path_along(truth, angles), rimu)
+            model = Unaided(scenario, path_along(truth, angles), rimu)
             variances = [
-                sum(float(np.trace(model.of_constant(one)[1][-1])) for one in constants)
+                sum(float(np.trace(model.of_drawn(one).horizontal[-1])) for one in constants)
                 for constants in sets
             ]
-            variances.append(sum(float(np.trace(model.of_white(one)[-1])) for one in noise))
+            variances.append(
+                sum(float(np.trace(model.of_white(one).horizontal[-1])) for one in noise)
+            )
             row[number] = np.sqrt(variances)
         on_done()
     return tuple(

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import csv
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, TYPE_CHECKING
+from typing import IO, TYPE_CHECKING, Any
 
 import numpy as np
 
+from rrins.host_tools.campaigns.definition import Definition, Wishes, load
 from rrins.host_tools.campaigns.errors import CampaignError
 from rrins.host_tools.campaigns.statistics import Estimate
 from rrins.host_tools.campaigns.store import Store
 from rrins.host_tools.campaigns.summary import Outcomes, shown, with_interval
-from rrins.host_tools.covariance.analysis import Analysis
+from rrins.host_tools.covariance.analysis import QUANTITIES, Analysis, analyse
 from rrins.host_tools.drawing.saving import write_pictures
 from rrins.host_tools.files import JsonObject, make_folder, write_whole
 
@@ -25,6 +27,22 @@ if TYPE_CHECKING:
 _COLUMNS = ("position_east_m", "position_north_m")
 _SIDES = ("east", "north")
 _MOST_SOURCES = 5
+_TRUE_TABLES = ("gyros", "accelerometers", "thermal", "gnss", "odometer", "altimeter")
+_WORDS = {
+    "position_east_m": ("position, east", "m"),
+    "position_north_m": ("position, north", "m"),
+    "height_m": ("height", "m"),
+    "velocity_east_mps": ("velocity, east", "m/s"),
+    "velocity_north_mps": ("velocity, north", "m/s"),
+    "velocity_up_mps": ("velocity, up", "m/s"),
+    "tilt_east_arcsec": ("tilt about east", "″"),
+    "tilt_north_arcsec": ("tilt about north", "″"),
+    "heading_arcsec": ("heading", "″"),
+}
+"""Names and units of the quantities, as tables and pictures show them."""
+
+_TOO_SURE, _TOO_UNSURE = 1.1, 1 / 1.1
+"""Ratio of true to told σ beyond which a filter is called over- or under-confident."""
 
 
 @dataclass(frozen=True)
@@ -69,6 +87,63 @@ class Beside:
         return f"the analysis {verb} in the intervals of the {self.runs} runs"
 
 
+def analysis_of(definition: Definition, true: Mapping[str, Any] | None = None) -> Analysis:
+    """Return the analysis of a campaign's scenario.
+
+    Parameters
+    ----------
+    definition : Definition
+    true : mapping, optional
+        Keys of sensors and aids as they are, where the scenario has what the firmware's filter is
+        told of them.
+
+    Raises
+    ------
+    CampaignError
+        When one of the keys is another's.
+    RehearsalError
+        When the analysis does not cover the scenario.
+    """
+    scenario = definition.scenario
+    if not true:
+        return analyse(scenario, definition.varied())
+    for key in true:
+        if key.partition(".")[0] not in _TRUE_TABLES:
+            raise CampaignError(f"--true {key}: is for keys of {', '.join(_TRUE_TABLES)}")
+    return analyse(scenario, definition.varied(), load(scenario, Wishes(set=true)).scenario)
+
+
+def quantity_rows(analysis: Analysis) -> list[list[str]]:
+    """Return a row for each quantity: σ at the end, the filter's, their ratio and its limits.
+
+    Of an analysis with a filter.
+    """
+    rows = []
+    for name, found in analysis.told().items():
+        words, unit = _WORDS[name]
+        figures = [shown(found[key]) for key in ("sigma", "filter_sigma", "ratio")]
+        limits = " … ".join(shown(found[key]) for key in ("least_ratio", "largest_ratio"))
+        rows.append([f"{words} / {unit}", *figures, limits])
+    return rows
+
+
+def confidence(analysis: Analysis) -> str:
+    """Return where the filter believes too much or too little of itself at the end, as a line."""
+    if analysis.filter_sigmas is None:
+        return ""
+    ratios = {
+        _WORDS[name][0].replace(",", ""): found["ratio"] for name, found in analysis.told().items()
+    }
+    sure = [name for name, ratio in ratios.items() if ratio is not None and ratio > _TOO_SURE]
+    unsure = [name for name, ratio in ratios.items() if ratio is not None and ratio < _TOO_UNSURE]
+    lines = [
+        f"{word} in {'all' if len(names) == len(ratios) else ', '.join(names)}"
+        for word, names in (("over-confident", sure), ("under-confident", unsure))
+        if names
+    ]
+    return "the filter at the end: " + ("; ".join(lines) or "its σ is within 10 % of the true one")
+
+
 def beside_runs(store: Store) -> Beside:
     """Return σ of a campaign's runs.
 
@@ -99,17 +174,26 @@ def write(analysis: Analysis, folder: Path, beside: Beside | None = None) -> lis
     make_folder(folder)
     write_whole(folder / "covariance.csv", lambda file: _write_rows(file, analysis))
     drawn = {"covariance": draw(analysis, beside)}
+    if analysis.filter_sigmas is not None:
+        drawn["covariance_filter"] = draw_filter(analysis)
     return [folder / "covariance.csv", *write_pictures(folder, drawn)]
 
 
 def _write_rows(file: IO[str], analysis: Analysis) -> None:
     writer = csv.writer(file)
     names = ["all", *(one.name for one in analysis.sources)]
-    writer.writerow(["time_s", *(f"{name}, {side} / m" for name in names for side in _SIDES)])
+    pairs = {name: analysis.quantity(name) for name in list(QUANTITIES)[2:]}
+    quantities = {name: true for name, (true, _) in pairs.items() if true.any()}
+    for name in QUANTITIES if analysis.filter_sigmas is not None else ():
+        told = analysis.quantity(name)[1]
+        if told is not None and told.any():
+            quantities[f"filter: {name}"] = told
+    heads = [f"{name}, {side} / m" for name in names for side in _SIDES]
+    writer.writerow(["time_s", *heads, *quantities])
     columns = [analysis.sigma, *(one.sigma for one in analysis.sources)]
-    for k, time_s in enumerate(analysis.times_s):
-        cells = (f"{value:.6g}" for column in columns for value in column[k])
-        writer.writerow([f"{time_s:g}", *cells])
+    table = np.hstack([*columns, *(one[:, None] for one in quantities.values())])
+    for time_s, row in zip(analysis.times_s, table, strict=True):
+        writer.writerow([f"{time_s:g}", *(f"{value:.6g}" for value in row)])
 
 
 def draw(analysis: Analysis, beside: Beside | None = None) -> Figure:
@@ -134,4 +218,47 @@ def draw(analysis: Analysis, beside: Beside | None = None) -> Figure:
     lines, names = panels[0].get_legend_handles_labels()
     figure.legend(lines, names, loc="outside upper left", ncols=2, frameon=False, fontsize="small")
     time_axis(panels[1])
+    return figure
+
+
+_PANELS = (
+    ("position, horizontal", "m", ("position_east_m", "position_north_m")),
+    ("height", "m", ("height_m",)),
+    ("velocity, horizontal", "m/s", ("velocity_east_mps", "velocity_north_mps")),
+    ("velocity, up", "m/s", ("velocity_up_mps",)),
+    ("tilt", "″", ("tilt_east_arcsec", "tilt_north_arcsec")),
+    ("heading", "″", ("heading_arcsec",)),
+)
+"""Panels of the filter's picture: what, unit, and quantities whose squares are summed."""
+
+
+def draw_filter(analysis: Analysis) -> Figure:
+    """Draw σ over time as it is and as the filter has it, and below the ratio of both."""
+    from rrins.host_tools.drawing.style import EAST, LINES, finish, new_figure, time_axis
+
+    figure = new_figure(8.0, 9.0)
+    grid = figure.add_gridspec(4, 2)
+    ratio_axes = figure.add_subplot(grid[3, :])
+    styles = iter(LINES)  # one for each panel
+    for number, (words, unit, names) in enumerate(_PANELS):
+        axes = figure.add_subplot(grid[number // 2, number % 2], sharex=ratio_axes)
+        axes.tick_params(labelbottom=False)
+        pairs = [analysis.quantity(name) for name in names]
+        true = np.sqrt(sum((one**2 for one, _ in pairs), np.zeros(len(analysis.times_s))))
+        told = np.sqrt(sum((one**2 for _, one in pairs if one is not None), np.zeros(len(true))))
+        axes.plot(analysis.times_s, true, "k-", lw=1.6, label="σ of the true errors")
+        axes.plot(
+            analysis.times_s, told, **EAST | {"linestyle": (0, (5, 2))}, label="the filter's σ"
+        )
+        finish(axes, f"σ of the {words}\n/ {unit}")
+        axes.set_ylim(bottom=0)
+        if told.any():
+            share = np.divide(true, told, out=np.full(len(true), np.nan), where=told > 0)
+            ratio_axes.plot(analysis.times_s, share, **next(styles), label=words)
+    ratio_axes.axhline(1.0, color="0.6", lw=0.8)
+    finish(ratio_axes, "true σ / filter's σ")
+    time_axis(ratio_axes)
+    lines, labels = figure.axes[1].get_legend_handles_labels()
+    figure.legend(lines, labels, loc="outside upper left", ncols=2, frameon=False, fontsize="small")
+    ratio_axes.legend(ncols=3, frameon=False, fontsize="small")
     return figure

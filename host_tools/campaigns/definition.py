@@ -135,9 +135,10 @@ class Definition:
 
     def varied(self) -> list[Varied]:
         """Return what varies, for a covariance analysis."""
+        inputs, factor = self.plan.inputs, self.plan.factor
         return [
-            Varied(one.key, one.sensor, one.distribution.moments, one.distribution.correlation)
-            for one in self.plan.inputs
+            Varied(one.key, one.sensor, one.distribution.moments, tuple(row))
+            for one, row in zip(inputs, factor @ factor.T, strict=True)
         ]
 
     def scenario_of(self, run: int) -> Scenario:

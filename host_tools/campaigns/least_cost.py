@@ -104,6 +104,10 @@ class Problem:
         wishes = replace(wishes, set={**wishes.set, **choices})
         start = _with(wishes, wanted.tolerances, [one.at for one in wanted.tolerances])
         units = load(source, start)
+        if units.scenario.estimator.enabled:  # other tolerances make other gains of its filter
+            raise CampaignError("allocate: is for navigation without the estimator")
+        if units.correlate:  # what two keys do together grows with both of their tolerances
+            raise CampaignError("allocate: is for keys that are not correlated")
         analysis = analyse(units.scenario, units.varied())
         found = {one.name: one.covariance[-1] for one in analysis.sources}
         unit = [found.pop(one.key, np.zeros((2, 2))) for one in wanted.tolerances]
@@ -165,7 +169,7 @@ class Problem:
                 "type": "ineq",
                 "fun": lambda x: math.log(limit_m / self.percentile(np.exp(x))),
             },
-            options={"maxiter": 500, "ftol": 1e-10},
+            options={"maxiter": 500, "ftol": 1e-8},  # of cost; below 1e-9 it sees rounding
         )
         sigmas = np.clip(np.exp(found.x), least, most)
         if not found.success or self.percentile(sigmas) > limit_m * (1.0 + _CLOSE):

@@ -15,7 +15,7 @@ from rrins.host_tools.campaigns.errors import CampaignError
 from rrins.host_tools.campaigns.labels import label_of, words_of
 from rrins.host_tools.campaigns.row import MAIN
 from rrins.host_tools.campaigns.store import REPORTS, Store
-from rrins.host_tools.covariance.analysis import Analysis, analyse
+from rrins.host_tools.covariance.analysis import Analysis
 from rrins.host_tools.drawing.page import write_report
 from rrins.host_tools.errors import RehearsalError
 from rrins.host_tools.files import make_folder
@@ -107,12 +107,13 @@ class _Linear:
         lines = [] if self.beside is None else [self.beside.words(self.analysis)]
         if self.analysis.left_out:
             lines.append(f"not considered: {', '.join(map(words_of, self.analysis.left_out))}")
+        lines += [line for line in (covariance_report.confidence(self.analysis),) if line]
         return "; ".join(lines)
 
 
 def _linear(store: Store) -> _Linear:
     try:
-        analysis = analyse(store.definition.scenario, store.definition.varied())
+        analysis = covariance_report.analysis_of(store.definition)
     except RehearsalError as error:
         return _Linear(why_not=str(error))
     try:

@@ -29,14 +29,14 @@ def _plain(text: str) -> Any:
         return text
 
 
-def settings_of(texts: Iterable[str]) -> dict[str, Any]:
-    """Return the keys of `--set`.
+def settings_of(texts: Iterable[str], option: str = "set") -> dict[str, Any]:
+    """Return the keys of `--set`, or of another option.
 
     Raises
     ------
     CampaignError
     """
-    return {key: _plain(value) for key, value in (_pair("set", text) for text in texts)}
+    return {key: _plain(value) for key, value in (_pair(option, text) for text in texts)}
 
 
 def variations_of(texts: Iterable[str]) -> dict[str, str]:

@@ -75,7 +75,7 @@ _PLAN = {
         "campaign.campaign", "Run a scenario thousands of times with different values."
     ),
     "covariance": _Entry(
-        "budget.covariance", "Analyse how each error source acts on the position."
+        "budget.covariance", "Analyse σ of the navigation, and each error source's share."
     ),
     "allocate": _Entry(
         "budget.allocate", "Find the tolerances of least cost that meet a requirement."

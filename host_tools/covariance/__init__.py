@@ -1,1 +1,1 @@
-"""Linear covariance analysis: σ of the position over time and each source's share, without runs."""
+"""Linear covariance analysis: σ of the navigation over time and each source's share."""

@@ -15,7 +15,7 @@ from rrins.host_tools.runs.set_up.settings import firmware_settings, hardware_se
 from rrins.host_tools.scenario.scenario import Scenario
 
 INTERVAL_S = 0.5
-"""Of the analysis; a table at 2°/s turns by 1° meanwhile."""
+"""Of a path; a table at 2°/s turns by 1° meanwhile."""
 
 
 @dataclass(frozen=True)
@@ -41,11 +41,14 @@ class Path:
     force_s: Floats
     force_n: Floats
     C_begin: Floats  #: shape (3, 3); C_s_n at the beginning, where the table stood until then
+    heading: float  #: of the vehicle at the beginning, rad
+    inner: float  #: angle of the inner axis at the beginning, rad
+    begins_s: float  #: since navigation began
 
     @property
     def times_s(self) -> Floats:
-        """The ends of the intervals, from 0 on, shape (n + 1,)."""
-        return np.arange(len(self.latitude) + 1, dtype=np.float64) * INTERVAL_S
+        """The ends of the intervals since navigation began, shape (n + 1,)."""
+        return self.begins_s + np.arange(len(self.latitude) + 1, dtype=np.float64) * INTERVAL_S
 
 
 def path_of(scenario: Scenario) -> Path:
@@ -63,7 +66,7 @@ def path_of(scenario: Scenario) -> Path:
     wanted = int(scenario.duration_s / INTERVAL_S)
     if len(truth) < min(wanted, 4):
         raise RehearsalError("covariance: the scenario does not navigate to its end")
-    return _path(truth)
+    return path_through(truth)
 
 
 def path_along(truth: Records[Truth], angles: Floats) -> Path:
@@ -77,10 +80,11 @@ def path_along(truth: Records[Truth], angles: Floats) -> Path:
     """
     turned = truth.copy()
     turned["axis_angle"] = angles
-    return _path(turned)
+    return path_through(turned)
 
 
-def _path(truth: Records[Truth]) -> Path:
+def path_through(truth: Records[Truth], begins_s: float = 0.0) -> Path:
+    """Return the path through the truth of a run, every `INTERVAL_S`."""
     middle = 0.5 * (truth["latitude"][1:] + truth["latitude"][:-1])
     height = 0.5 * (truth["height"][1:] + truth["height"][:-1])
     velocity = truth["velocity_n"]
@@ -105,7 +109,19 @@ def _path(truth: Records[Truth]) -> Path:
     rate_s = _vectors(turn) / INTERVAL_S + np.einsum("nji,nj->ni", C_middle, rate_n)
     force_s = np.einsum("nji,nj->ni", C_middle, force_n)
     return Path(
-        middle, radii, mean_velocity, rate_n, earth, C_middle, rate_s, force_s, force_n, C[0]
+        latitude=middle,
+        curvatures=radii,
+        velocity_n=mean_velocity,
+        rate_n=rate_n,
+        earth_n=earth,
+        C_s_n=C_middle,
+        rate_s=rate_s,
+        force_s=force_s,
+        force_n=force_n,
+        C_begin=C[0],
+        heading=float(truth["heading"][0]),
+        inner=float(truth["axis_angle"][0, INNER]),
+        begins_s=begins_s,
     )
 
 
@@ -114,6 +130,11 @@ def _attitudes(truth: Records[Truth]) -> Floats:
     angles = truth["axis_angle"]
     C_b_n = _about(2, -truth["heading"]) @ _about(0, truth["pitch"]) @ _about(1, truth["roll"])
     return C_b_n @ _about(0, angles[:, OUTER]) @ _about(2, angles[:, INNER])
+
+
+def rotation_about_z(angle: float) -> Floats:
+    """Return ``Rz(angle)``, shape (3, 3)."""
+    return _about(2, np.array([angle]))[0]
 
 
 def _about(axis: int, angle: Floats) -> Floats:

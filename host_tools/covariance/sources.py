@@ -3,17 +3,34 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import Final, Literal, NamedTuple
+from functools import reduce
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
 from rrins.compiled.record import Floats
+from rrins.firmware_py.core.estimator.wheels import FORWARD
+from rrins.firmware_py.core.records.estimator_records import PITCH, SCALE, YAW, Aid
+from rrins.host_tools.covariance.kinds import (
+    AidConstant,
+    AidNoise,
+    AidProcess,
+    Constant,
+    Crooked,
+    Drawn,
+    Effect,
+    Process,
+    Start,
+    White,
+)
+from rrins.host_tools.covariance.trace import Take
 from rrins.host_tools.hardware.memory import FLICKER_POLES
 from rrins.host_tools.hardware.settings import FLICKER_RATIO, FLICKER_SHORTEST_S
 from rrins.host_tools.hardware.units import (
     ARCSEC,
+    DEG,
     DEG_PER_SQRT_H,
     DPH,
     PPM,
@@ -24,7 +41,6 @@ from rrins.host_tools.hardware.units import (
 from rrins.host_tools.scenario.scenario import Scenario
 from rrins.host_tools.scenario.tables import each
 
-Effect = Literal["bias", "scale", "asymmetry", "delta_u", "delta_v", "force"]
 KINDS: Final = ("gyros", "accelerometers")
 
 _CONSTANTS: Final[dict[str, tuple[Effect, float]]] = {
@@ -36,6 +52,8 @@ _CONSTANTS: Final[dict[str, tuple[Effect, float]]] = {
     "gyros.installation_u_arcsec": ("delta_u", ARCSEC),
     "gyros.installation_v_arcsec": ("delta_v", ARCSEC),
     "gyros.g_sensitivity_dph_per_g": ("force", DPH / STANDARD_GRAVITY),
+    "gyros.bias_temperature_dph_per_k": ("warm_bias", DPH),
+    "gyros.scale_temperature_ppm_per_k": ("warm_scale", PPM),
     "accelerometers.bias_ug": ("bias", UG),
     "accelerometers.bias_repeatability_ug": ("bias", UG),
     "accelerometers.scale_error_ppm": ("scale", PPM),
@@ -43,6 +61,8 @@ _CONSTANTS: Final[dict[str, tuple[Effect, float]]] = {
     "accelerometers.asymmetric_scale_error_ppm": ("asymmetry", PPM),
     "accelerometers.installation_u_arcsec": ("delta_u", ARCSEC),
     "accelerometers.installation_v_arcsec": ("delta_v", ARCSEC),
+    "accelerometers.bias_temperature_ug_per_k": ("warm_bias", UG),
+    "accelerometers.scale_temperature_ppm_per_k": ("warm_scale", PPM),
 }
 """Keys of constants, what they do to a sensor, and their units."""
 
@@ -62,63 +82,40 @@ TOLERANCES: Final = (*_CONSTANTS, *_WHITE, *_INSTABILITY, *_WALK)
 """Keys of the sensors whose σ scales what the analysis says of them."""
 
 _ATTITUDE: Final = {
-    "firmware.roll_error_arcsec": 0,
-    "firmware.pitch_error_arcsec": 1,
-    "firmware.heading_error_arcsec": 2,
+    "firmware.roll_error_arcsec": 6,
+    "firmware.pitch_error_arcsec": 7,
+    "firmware.heading_error_arcsec": 8,
 }
-"""Errors of the given attitude, and which angle they are of."""
+"""Errors of the given attitude, and where they are among those of the start."""
+
+_AID_CONSTANTS: Final = {
+    "odometer.scale_error_ppm": (SCALE, -PPM),
+    "odometer.mounting_heading_deg": (YAW, DEG),
+    "odometer.mounting_pitch_deg": (PITCH, DEG),
+    "altimeter.bias_m": (0, 1.0),
+}
+"""Constants of the aids: which state of the aid's the filter has for it, and in which unit."""
+
+
+_CROOKED: Final = {
+    "turntable.non_orthogonality_arcsec": ARCSEC,
+    "turntable.wobble_arcsec": ARCSEC,
+    "turntable.inner.encoder_offset_deg": DEG,
+    "turntable.outer.encoder_offset_deg": DEG,
+}
+"""Imperfections of the table that turn a given attitude, which is carried through it."""
 
 
 class Varied(NamedTuple):
-    """A key of the scenario that varies from run to run."""
+    """A key of the scenario that varies from run to run, one of the n inputs of a campaign."""
 
     key: str
     sensor: int | None
     """From 1; None: the value is that of all."""
     moments: tuple[float, float]
     """Mean and standard deviation."""
-    correlation: float
-    """Between the values of two sensors."""
-
-
-@dataclass(frozen=True)
-class Constant:
-    """A constant error of the sensors of a kind.
-
-    Attributes
-    ----------
-    name, kind : str
-    """
-
-    name: str
-    kind: str
-    effect: Effect
-    mean: Floats  #: shape (m,); sI units
-    covariance: Floats  #: shape (m, m)
-
-
-@dataclass(frozen=True)
-class Process:
-    """A first-order Gauss-Markov process added to each sensor of a kind; a sum of several.
-
-    Attributes
-    ----------
-    name, kind : str
-    """
-
-    name: str
-    kind: str
-    decay_s: tuple[float, ...]  #: time constants; infinity for a random walk
-    drive: Floats  #: shape (processes, m); square root of the density of what drives each, SI units
-
-
-@dataclass(frozen=True)
-class White:
-    """White noise of the sensors of a kind: density of each, SI units."""
-
-    name: str
-    kind: str
-    density: Floats
+    correlation: tuple[float, ...]
+    """With each of the inputs, in their order."""
 
 
 @dataclass
@@ -127,27 +124,50 @@ class Sources:
 
     Attributes
     ----------
-    constants, processes, whites : list
+    drawn, processes, whites, aid_noises, aid_processes : list
     """
 
-    constants: list[Constant] = field(default_factory=list)
+    drawn: list[Drawn] = field(default_factory=list)
     processes: list[Process] = field(default_factory=list)
     whites: list[White] = field(default_factory=list)
-    #: errors of the given roll, pitch and heading: mean and variance, rad, by name
-    attitude: dict[str, tuple[Floats, Floats]] = field(default_factory=dict)
+    aid_noises: list[AidNoise] = field(default_factory=list)
+    aid_processes: list[AidProcess] = field(default_factory=list)
+    correlation: Floats = field(default_factory=lambda: np.zeros((0, 0)))  #: of the inputs, (n, n)
     left_out: list[str] = field(default_factory=list)  #: what varies or errs and is not considered
+
+
+class _Inputs:
+    """The inputs of a campaign, by key, until somebody takes them."""
+
+    def __init__(self, varied: Sequence[Varied]) -> None:
+        self.left: dict[str, list[tuple[int, Varied]]] = {}
+        for number, one in enumerate(varied):
+            self.left.setdefault(one.key, []).append((number, one))
+        self.correlation = np.array([one.correlation for one in varied]).reshape(2 * (len(varied),))
+
+    def take(self, key: str, unit: float, mean: Floats) -> Floats:
+        """Return the loading (m, n) of a key's m values; write the means of those that vary."""
+        loading = np.zeros((len(mean), len(self.correlation)))
+        for number, one in self.left.pop(key, []):
+            centre, spread = (moment * unit for moment in one.moments)
+            at = slice(None) if one.sensor is None else slice(one.sensor - 1, one.sensor)
+            mean[at] = centre
+            loading[at, number] = spread
+        return loading
+
+    def spread(self, loading: Floats) -> Floats:
+        """Return the covariance that a loading gives, (m, m)."""
+        return np.asarray(loading @ self.correlation @ loading.T)
 
 
 def sources_of(scenario: Scenario, varied: Sequence[Varied] = ()) -> Sources:
     """Return the error sources of a scenario of which some keys vary from run to run."""
-    by_key: dict[str, list[Varied]] = {}
-    for one in varied:
-        by_key.setdefault(one.key, []).append(one)
-    sources = Sources()
+    inputs = _Inputs(varied)
+    sources = Sources(correlation=inputs.correlation)
+    is_warm = scenario.thermal.ambient_offset_k != 0 or scenario.thermal.warm_up_k != 0
     for key, (effect, unit) in _CONSTANTS.items():
-        found = _constant(scenario, key, effect, unit, by_key.pop(key, []))
-        if found is not None:
-            sources.constants.append(found)
+        if effect not in ("warm_bias", "warm_scale") or is_warm:
+            sources.drawn.append(_constant(scenario, key, effect, unit, inputs))
     for key, unit in _WHITE.items():
         density = _values(scenario, key) * unit
         if density.any():
@@ -160,8 +180,12 @@ def sources_of(scenario: Scenario, varied: Sequence[Varied] = ()) -> Sources:
         drive = _values(scenario, key) * unit
         if drive.any():
             sources.processes.append(Process(key, _kind(key), (math.inf,), drive[None, :]))
-    _add_attitude(sources, scenario, by_key)
-    sources.left_out += [f"{key} (varied)" for key in by_key]
+    if scenario.firmware.initial_attitude in ("given", "transferred"):
+        sources.drawn += [_start(scenario, inputs), *_crooked(scenario, inputs)]
+    if scenario.estimator.enabled:
+        _add_aids(sources, scenario, inputs)
+    sources.drawn = [one for one in sources.drawn if one.mean.any() or one.covariance.any()]
+    sources.left_out += [f"{key} (varied)" for key in inputs.left]
     sources.left_out += _left_out(scenario)
     return sources
 
@@ -175,37 +199,26 @@ def _kind(key: str) -> str:
     return key.partition(".")[0]
 
 
+def _value(scenario: Scenario, key: str) -> Any:
+    """Return the value of a key with its tables."""
+    return reduce(getattr, key.split("."), scenario)
+
+
 def _values(scenario: Scenario, key: str) -> Floats:
     """Return a key's value for each sensor."""
-    kind, name = key.split(".")
-    count = len(getattr(scenario.rimu, kind))
-    return np.array(each(getattr(getattr(scenario, kind), name), count), float)
+    count = len(getattr(scenario.rimu, _kind(key)))
+    return np.array(each(_value(scenario, key), count), float)
 
 
 def _constant(
-    scenario: Scenario, key: str, effect: Effect, unit: float, inputs: list[Varied]
-) -> Constant | None:
+    scenario: Scenario, key: str, effect: Effect, unit: float, inputs: _Inputs
+) -> Constant:
     values = _values(scenario, key) * unit
-    count = len(values)
-    is_drawn = draws(key)
-    mean = np.zeros(count) if is_drawn else values
-    covariance = np.diag(values**2) if is_drawn else np.zeros((count, count))
-    for one in inputs:
-        if is_drawn:
-            continue
-        centre, spread = (moment * unit for moment in one.moments)
-        at = slice(None) if one.sensor is None else slice(one.sensor - 1, one.sensor)
-        mean[at] = centre
-        covariance[at, at] = spread**2
-    for one in inputs:  # the same distribution: correlated as it says
-        for other in inputs:
-            if one.sensor and other.sensor and one != other and not is_drawn:
-                a, b = one.sensor - 1, other.sensor - 1
-                both = math.sqrt(covariance[a, a] * covariance[b, b])
-                covariance[a, b] = one.correlation * both
-    if not mean.any() and not covariance.any():
-        return None
-    return Constant(key, _kind(key), effect, mean, covariance)
+    if draws(key):
+        none = np.zeros((len(values), len(inputs.correlation)))
+        return Constant(key, 0.0 * values, np.diag(values**2), none, _kind(key), effect)
+    loading = inputs.take(key, unit, values)
+    return Constant(key, values, inputs.spread(loading), loading, _kind(key), effect)
 
 
 def _instability(key: str, spread: Floats) -> Process:
@@ -216,22 +229,64 @@ def _instability(key: str, spread: Floats) -> Process:
     return Process(key, _kind(key), decay_s, drive)
 
 
-def _add_attitude(sources: Sources, scenario: Scenario, by_key: dict[str, list[Varied]]) -> None:
-    """Add the errors of the attitude that the firmware is given."""
+def _start(scenario: Scenario, inputs: _Inputs) -> Start:
+    """Return the errors of what the firmware is given, or what the master unit transfers."""
     firmware = scenario.firmware
-    if firmware.initial_attitude != "given":
-        return
     level, heading = firmware.level_error_sigma_arcsec, firmware.heading_error_sigma_arcsec
-    sigmas = np.array([level, level, heading]) * ARCSEC
-    mean = np.zeros(3)
-    varied = np.zeros(3)
+    sigmas, mean = np.zeros(9), np.zeros(9)
+    sigmas[6:] = np.array([level, level, heading]) * ARCSEC
+    sigmas[:3], sigmas[3:6] = firmware.position_error_sigma_m, firmware.velocity_error_sigma_mps
+    loading = np.zeros((9, len(inputs.correlation)))
     for key, angle in _ATTITUDE.items():
         mean[angle] = getattr(firmware, key.partition(".")[2]) * ARCSEC
-        for one in by_key.pop(key, []):
-            centre, spread = one.moments
-            mean[angle], varied[angle] = centre * ARCSEC, spread * ARCSEC
-    if mean.any() or sigmas.any() or varied.any():
-        sources.attitude["firmware: given attitude"] = (mean, np.diag(sigmas**2 + varied**2))
+        at = slice(angle, angle + 1)
+        loading[at] = inputs.take(key, ARCSEC, mean[at])
+    name = f"firmware: {firmware.initial_attitude} attitude"
+    return Start(name, mean, np.diag(sigmas**2) + inputs.spread(loading), loading)
+
+
+def _crooked(scenario: Scenario, inputs: _Inputs) -> Iterator[Crooked]:
+    """Yield what of the turntable tilts the attitude that is given through it."""
+    periods = scenario.turntable.wobble_per_turn
+    for key, unit in _CROOKED.items():
+        mean = np.array([_value(scenario, key) * unit])
+        loading = inputs.take(key, unit, mean)
+        yield Crooked(key, mean, inputs.spread(loading), loading, periods)
+
+
+def _add_aids(sources: Sources, scenario: Scenario, inputs: _Inputs) -> None:
+    """Add the errors of receiver, odometer and altimeter."""
+    gnss, odometer, altimeter = scenario.gnss, scenario.odometer, scenario.altimeter
+    noises = sources.aid_noises
+    if gnss is not None:
+        position, velocity = gnss.position_noise_m**2, gnss.velocity_noise_mps**2
+        noises.append(AidNoise("gnss.position_noise_m", Aid.GNSS_POSITION, lambda _: position))
+        noises.append(AidNoise("gnss.velocity_noise_mps", Aid.GNSS_VELOCITY, lambda _: velocity))
+        if sigma := gnss.position_correlated_noise_m:
+            name, decay_s = "gnss.position_correlated_noise_m", gnss.position_correlation_s
+            sources.aid_processes.append(AidProcess(name, Aid.GNSS_POSITION, sigma, decay_s))
+    if odometer is not None:
+        density = odometer.noise_mps**2 / odometer.rate_hz
+        pulse = 2.0 * (odometer.pulse_mm * 1e-3) ** 2 / 12.0  # at both ends of a stretch
+
+        def way(take: Take) -> float:
+            rolls = take.component == FORWARD and take.stretch_m != 0.0
+            return density * take.stretch_s + pulse if rolls else 0.0
+
+        noises.append(AidNoise("odometer.noise_mps", Aid.ODOMETER, way))
+    if altimeter is not None:
+        height = altimeter.noise_m**2
+        noises.append(
+            AidNoise("altimeter.noise_m", Aid.ALTIMETER, lambda take: height / take.heights)
+        )
+    for key, (state, unit) in _AID_CONSTANTS.items():
+        part = _kind(key)
+        if getattr(scenario, part) is None:
+            continue
+        mean = np.array([_value(scenario, key) * unit])
+        loading = inputs.take(key, unit, mean)
+        spread = inputs.spread(loading)
+        sources.drawn.append(AidConstant(key, mean, spread, loading, part, state))
 
 
 def _left_out(scenario: Scenario) -> list[str]:
@@ -241,9 +296,6 @@ def _left_out(scenario: Scenario) -> list[str]:
         found.append("faults")
     if scenario.firmware.calibration is not None:
         found.append("firmware.calibration")
-    thermal = scenario.thermal
-    if thermal.ambient_offset_k or thermal.warm_up_k:
-        found.append("thermal")
     for kind in KINDS:
         table = getattr(scenario, kind)
         names = (

@@ -12,9 +12,11 @@ from typing import Final
 import numpy as np
 
 from rrins.compiled.record import Floats
-from rrins.host_tools.covariance.analysis import Model, analyse
-from rrins.host_tools.covariance.path import path_of
-from rrins.host_tools.covariance.sources import KINDS, Constant, Effect
+from rrins.host_tools.covariance.analysis import analyse, model_of
+from rrins.host_tools.covariance.kinds import Constant, Effect
+from rrins.host_tools.covariance.linear import HORIZONTAL
+from rrins.host_tools.covariance.model import Model
+from rrins.host_tools.covariance.sources import KINDS
 from rrins.host_tools.errors import RehearsalError
 from rrins.host_tools.explanation.explain import Explanation
 from rrins.host_tools.explanation.sources import (
@@ -105,7 +107,7 @@ def check(scenario: Scenario, found: Explanation) -> Check:
     except RehearsalError as error:
         reason = str(error).removeprefix("covariance: ")
         raise RehearsalError(f"--check: the linear analysis {reason}") from error
-    model = Model(until, path_of(until))
+    model = model_of(until)
     whole = sides_of(scenario)
     sources = sources_of(scenario)
     if found.by == "source":
@@ -132,8 +134,8 @@ def _linear(model: Model, whole: Sides, source: Source, time_s: float) -> Floats
     """Return the position that a source's constants give, shape (2,); None for what is none."""
     total, is_constant = np.zeros(2), False
     for one in _constants(whole, source):
-        track, _ = model.of_constant(one)
-        total += _at(time_s, model.path.times_s, track)
+        track = model.of_drawn(one).mean[:, HORIZONTAL]
+        total += _at(time_s, model.times_s, track)
         is_constant = True
     return total if is_constant else None
 
@@ -159,7 +161,9 @@ def _constants(whole: Sides, source: Source) -> list[Constant]:
             pair = (np.broadcast_to(table[key], count) for table in tables)
             differences[effect] = np.subtract(*pair)
         found += [
-            Constant(source.name, kind, effect, mean, np.zeros((count, count)))
+            Constant(
+                source.name, mean, np.zeros((count, count)), np.zeros((count, 0)), kind, effect
+            )
             for effect, mean in differences.items()
             if mean.any()
         ]

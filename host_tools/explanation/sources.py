@@ -146,9 +146,13 @@ def sources_of(scenario: Scenario) -> list[Source]:
 def words_of(key: str) -> str:
     """Return the name of the source that a key of a sensor, such as `gyros.bias_dph`, belongs to.
 
-    What is not a sensor's stays as it is, but for the attitude that the firmware is given.
+    What is neither a sensor's nor an aid's stays as it is, but for the attitude that the firmware
+    is given.
     """
     kind, _, end = key.partition(".")
+    for words, of in _OF_AIDS.get(kind, {}).items():
+        if of == end:
+            return f"{_shown(kind)} {words}"
     if kind not in SENSOR_KINDS:
         return key.removeprefix("firmware: ")
     called = {"angle_random_walk_deg_per_sqrt_h": "white_noise"}
@@ -280,17 +284,21 @@ def _master_change(field: str, k: int) -> Change:
 def _of_aids(scenario: Scenario) -> Iterator[Source]:
     for name, keys in _OF_AIDS.items():
         table = getattr(scenario, name)
-        shown = name.upper() if name == "gnss" else name
         for words, key in keys.items():
             value = None if table is None else getattr(table, key)
             if value:
                 ideal = _QUIET * value if "noise" in key else 0.0
-                yield Source(f"{shown} {words}", "", _table_change(name, {key: ideal}))
+                yield Source(f"{_shown(name)} {words}", "", _table_change(name, {key: ideal}))
     odometer = scenario.odometer
     if odometer is None or not (odometer.mounting_heading_deg or odometer.mounting_pitch_deg):
         return
     straight = scenario.varied(odometer__mounting_heading_deg=0.0, odometer__mounting_pitch_deg=0.0)
     yield Source("odometer mounting", "", _mounting_change(scenario, straight))
+
+
+def _shown(aid: str) -> str:
+    """Return the name of an aid, as words have it."""
+    return aid.upper() if aid == "gnss" else aid
 
 
 def _mounting_change(scenario: Scenario, straight: Scenario) -> Change:

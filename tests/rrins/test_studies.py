@@ -6,6 +6,7 @@ import json
 from xml.etree import ElementTree
 
 import numpy as np
+import pandas as pd
 import pytest
 from click.testing import CliRunner
 
@@ -32,6 +33,33 @@ def test_the_covariance_of_a_scenario(tmp_path):
     assert found.plot().axes[0].get_ylabel() == "σ of the position, east\n/ m"
     assert "share" in found._repr_html_()
     assert [path.name for path in found.save(tmp_path)] == ["covariance.csv", "covariance.png"]
+
+
+def test_the_covariance_of_an_aided_scenario(tmp_path):
+    true = {"gnss.position_noise_m": 6.0}
+    found = rrins.analyse_covariance("drive_aided", duration_s=40, rate_hz=100, true=true)
+    said_so = ("--set", "rate_hz=100", "--true", "gnss.position_noise_m=6")
+    printed = said("covariance", "drive_aided", "--duration", "40", *said_so)
+    assert found.quantities.loc["height_m"].to_dict() == printed["quantities"]["height_m"]
+    assert found.quantities.loc["position_east_m", "ratio"] > 1.1
+    heading = found.over_time("heading_arcsec")
+    assert list(heading) == ["true", "filter"]
+    assert heading["filter"].iloc[-1] == printed["quantities"]["heading_arcsec"]["filter_sigma"]
+    for name in printed["quantities"]:
+        shares = [one["shares"][name] for one in printed["sources"]]
+        assert sum(shares) == pytest.approx(1.0)
+    labels = [axes.get_ylabel() for axes in found.plot_filter().axes]
+    assert "σ of the velocity, horizontal\n/ m/s" in labels
+    written = [path.name for path in found.save(tmp_path)]
+    assert written == ["covariance.csv", "covariance.png", "covariance_filter.png"]
+    rows = pd.read_csv(tmp_path / "covariance.csv")
+    assert rows["filter: heading_arcsec"].iloc[-1] == pytest.approx(
+        heading["filter"].iloc[-1], 1e-5
+    )
+    with pytest.raises(
+        rrins.RehearsalError, match=r"--true body\.heading_deg: is for keys of gyros"
+    ):
+        rrins.analyse_covariance("drive_aided", true={"body.heading_deg": 1.0})
 
 
 def test_the_covariance_beside_the_runs_of_a_campaign(tmp_path):

@@ -204,7 +204,7 @@ def take(state: Ram) -> bool:
     estimator.waiting &= ~(1 << bit)
     aid, component = bit // COMPONENTS, bit % COMPONENTS
     estimator.row[: estimator.states] = 0.0
-    innovation, sigma = _innovation(state, aid, component)
+    innovation, sigma = innovation_of(state, aid, component)
     used = _judge(state, aid, component, innovation, sigma)
     if aid == _GNSS_VELOCITY and component < LEVEL:
         agreement.note(state, agreement.RECEIVER, component, estimator.normalised)
@@ -252,7 +252,7 @@ def _judge(state: Ram, aid: int, component: int, innovation: float, sigma: float
 
 
 @compiled
-def _innovation(state: Ram, aid: int, component: int) -> tuple[float, float]:
+def innovation_of(state: Ram, aid: int, component: int) -> tuple[float, float]:
     """Write the measurement's row; return measured less navigated, and the noise's sigma.
 
     Positions are in m: the row of a latitude is in m per rad.

@@ -21,6 +21,7 @@ from rrins.host_tools.cli.output import print_results
 @click.argument("source")
 @many("--vary", "As for `rrins campaign`.", "'KEY=DISTRIBUTION'")
 @many("--set fixed", "Set a key of the scenario.", "KEY=VALUE")
+@many("--true", "Set a key of the sensors or aids that the filter is not told of.", "KEY=VALUE")
 @duration_option
 @format_option
 @option("--out", "Folder for covariance.csv and the plot.", FOLDER)
@@ -29,11 +30,14 @@ def covariance(
     source: str,
     vary: tuple[str, ...],
     fixed: tuple[str, ...],
+    true: tuple[str, ...],
     duration_s: float | None,
     out: Path | None,
     as_json: bool,
 ) -> None:
-    """Analyse σ of the position over time, and the share of each error source.
+    """Analyse σ of the navigation over time, and the share of each error source.
+
+    With the estimator, σ of its errors as they are, beside the σ that it has of them itself.
 
     SOURCE is a scenario, a campaign's TOML file, or the folder of a campaign, whose runs are then
     compared with the analysis. Only one run is made, for the trajectory.
@@ -43,7 +47,6 @@ def covariance(
     from rrins.host_tools.campaigns.definition import Wishes, load
     from rrins.host_tools.campaigns.store import Store, is_campaign
     from rrins.host_tools.campaigns.summary import shown
-    from rrins.host_tools.covariance.analysis import analyse
     from rrins.host_tools.terminal import new_table
 
     if is_campaign(Path(source)):
@@ -61,7 +64,7 @@ def covariance(
         )
         definition = load(source, wishes)
         beside = None
-    analysis = analyse(definition.scenario, definition.varied())
+    analysis = report.analysis_of(definition, words.settings_of(true, "true"))
     paths = [] if out is None else [str(path) for path in report.write(analysis, out, beside)]
     title = f"σ of the position after {analysis.times_s[-1]:g} s / m"
     table = new_table(title, "error source", "east", "north", "largest on the way", "share")
@@ -84,4 +87,11 @@ def covariance(
         table.add_row(*beside.cells())
         result["runs"] = beside.values()
         lines.append(beside.words(analysis))
-    print_results(as_json, result | {"files": paths}, [table, *lines, *paths])
+    tables = [table]
+    if analysis.filter_sigmas is not None:
+        heads = ("error of", "σ", "the filter's σ", "true / filter", "on the way")
+        tables.append(new_table("σ at the end", *heads))
+        for row in report.quantity_rows(analysis):
+            tables[-1].add_row(*row)
+        lines.append(report.confidence(analysis))
+    print_results(as_json, result | {"files": paths}, [*tables, *lines, *paths])

@@ -163,3 +163,25 @@ def test_what_cannot_be_allocated_is_said(write, limit, replaced, message):
 def test_a_file_without_a_requirement_is_named():
     with pytest.raises(CampaignError, match=r"rimu_rotating: has no table \[allocate\]"):
         allocate("rimu_rotating")
+
+
+@pytest.mark.parametrize(
+    ("keys", "message"),
+    [
+        ({"scenario": "drive_aided"}, "without the estimator"),
+        (
+            {
+                "vary": dict.fromkeys(("gyros.bias_dph", "accelerometers.bias_ug"), "normal(0, 1)"),
+                "correlate": [
+                    {"between": ["gyros.bias_dph", "accelerometers.bias_ug"], "value": 0.5}
+                ],
+            },
+            "that are not correlated",
+        ),
+    ],
+)
+def test_what_would_not_grow_with_a_tolerance_is_refused(keys, message):
+    tolerance = {"key": "gyros.scale_error_ppm", "at": 50, "cost": 1, "least": 1, "most": 99}
+    wanted = {"require": "p95 of horizontal_error_m <= 100", "tolerances": [tolerance]}
+    with pytest.raises(CampaignError, match=message):
+        allocate({"scenario": "ideal", "duration_s": 10, "allocate": wanted} | keys)

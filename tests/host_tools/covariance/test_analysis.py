@@ -9,7 +9,6 @@ from click.testing import CliRunner
 
 from rrins.host_tools.campaigns.definition import Wishes, load
 from rrins.host_tools.campaigns.row import Work, rows_of
-from rrins.host_tools.campaigns.statistics import Sample
 from rrins.host_tools.cli.main import rrins
 from rrins.host_tools.covariance.analysis import analyse
 from rrins.host_tools.errors import RehearsalError
@@ -79,6 +78,9 @@ def test_constants_of_one_value_are_named_as_such():
         "accelerometers.installation_u_arcsec.3=20",
         "firmware.heading_error_arcsec=60",
         "firmware.roll_error_arcsec=20",
+        "turntable.non_orthogonality_arcsec=60",
+        "turntable.inner.encoder_offset_deg=0.02",
+        "turntable.outer.encoder_offset_deg=-0.01",
         "self-aligned gyros.scale_error_ppm.2=20",
         "self-aligned gyros.asymmetric_scale_error_ppm.3=30",
         "self-aligned gyros.g_sensitivity_dph_per_g.1=1",
@@ -106,46 +108,48 @@ def test_each_constant_gives_what_a_run_with_it_gives(key):
     assert found == pytest.approx(at_end, rel=0.005, abs=0.005 * np.hypot(*at_end) + 0.002)
 
 
-PROTOTYPE = {
-    "sensors": "ideal",
-    "gyros.bias_repeatability_dph": 0.07,
-    "gyros.bias_instability_dph": 0.05,
-    "gyros.angle_random_walk_deg_per_sqrt_h": 0.005,
-    "accelerometers.bias_repeatability_ug": 6.0,
-    "accelerometers.bias_instability_ug": 15.0,
-}
-GRADES = {
-    "prototype": PROTOTYPE,
-    "navigation": {"sensors": "navigation"},
-    "tactical": {"sensors": "tactical"},
-}
-
-
-@pytest.mark.soak
 @pytest.mark.parametrize(
-    ("attitude", "grade"),
-    [  # tactical gyros find north within 20°: that is not linear
-        *(("given", grade) for grade in GRADES),
-        ("self-aligned", "prototype"),
-        ("self-aligned", "navigation"),
+    ("words", "keys"),
+    [
+        ("height_channel", {"firmware.height_channel": "free"}),
+        ("needs the estimator", {"firmware.initial_attitude": "self-aligned-swaying"}),
     ],
 )
-@pytest.mark.parametrize("geometry", ["orthogonal", "tetrahedron", "dodecahedron"])
-def test_it_lies_in_the_intervals_of_runs(attitude, geometry, grade):
-    fixed = {"rimu.geometry": geometry, "rate_hz": 100} | GRADES[grade]
-    fixed |= {"gyros.bias_dph": 0.1, "accelerometers.bias_ug": 50.0}
-    fixed |= {"firmware.initial_attitude": attitude, "firmware.alignment_s": 300}
-    fixed |= {"redundancy.enabled": False, "body.heading_deg": 30.0, "site.latitude_deg": 55.0}
-    vary = {"gyros.scale_error_ppm": "normal(0, 50)"}
-    definition = load("rimu_rotating", Wishes(duration_s=2400, runs=200, set=fixed, vary=vary))
-    rows = [row for row in rows_of(Work.of(definition), range(200)) if row["status"] == "ok"]
-    assert len(rows) > 190
-    found = analyse(definition.scenario, definition.varied()).sigma[-1]
-    for name, sigma in zip(ENDS, found, strict=True):
-        interval = Sample(np.array([row[name] for row in rows]), confidence=0.999).sigma()
-        assert interval.low <= sigma <= interval.high
+def test_what_it_does_not_know_is_refused(words, keys):
+    with pytest.raises(RehearsalError, match=words):
+        analyse(load("rimu_rotating", Wishes(set=keys)).scenario)
 
 
-def test_what_it_does_not_know_is_refused():
-    with pytest.raises(RehearsalError, match="estimator"):
-        analyse(load("rimu_rotating_aligned", Wishes()).scenario)
+def test_a_warming_bias_is_the_bias_times_the_temperature():
+    """Long after warm-up, and aligned while warm, a coefficient is a bias times 20 K."""
+    warm = {"thermal.ambient_offset_k": 5.0, "thermal.warm_up_k": 15.0}
+    warm |= {"thermal.time_constant_s": 0.01}
+    vary = {"accelerometers.bias_temperature_ug_per_k": "normal(0, 5)"}
+    base = {"mode": "strapdown", "duration_s": 300.0}
+    changing = load("ideal", Wishes(set={**base, **warm}, vary=vary, runs=1))
+    constant = load("ideal", Wishes(set=base, vary={"accelerometers.bias_ug": "normal(0, 100)"}))
+    one, other = (analyse(each.scenario, each.varied()) for each in (changing, constant))
+    assert one.sigma == pytest.approx(other.sigma, rel=1e-9)
+    assert "thermal" not in one.left_out
+
+
+def test_correlated_keys_are_counted():
+    """Scale factors and biases that go together: (1 + 2 r + 1) / 2 of what they are alone.
+
+    At rest a gyro's scale factor error is a bias of the Earth's rate along its axis.
+    """
+    keys = "gyros.bias_dph", "gyros.g_sensitivity_dph_per_g"
+    base = {"mode": "strapdown", "rimu.geometry": "orthogonal", "body.heading_deg": 0.0}
+    vary = dict.fromkeys((f"{key}.3" for key in keys), "normal(0, 1)")
+    parts = {}
+    for r in (0.0, 0.8, -0.8):
+        correlate = ((f"{keys[0]}.3", f"{keys[1]}.3", r),) if r else ()
+        wishes = Wishes(duration_s=600, set=base, vary=vary, correlate=correlate, runs=1)
+        definition = load("ideal", wishes)
+        found = analyse(definition.scenario, definition.varied())
+        parts[r] = found.sigmas[-1] ** 2
+        assert sum(found.share(one) for one in found.sources) == pytest.approx(1.0)
+    bias, sensitive = (one.variance[-1] for one in found.sources if "correl" not in one.name)
+    for r in (0.8, -0.8):
+        expected = bias + sensitive + 2.0 * r * np.sqrt(bias * sensitive)
+        assert parts[r] == pytest.approx(expected, rel=1e-6, abs=1e-20)

@@ -75,13 +75,17 @@ def test_all_sources_of_a_kind_are_the_sum_of_its_sensors() -> None:
 def test_an_aided_run_is_split_too() -> None:
     """The filter keeps its tuning: without the receiver's noise its error is no larger."""
     scenario = load("drive_aided", duration_s=60)
-    found = explain(scenario, 40.0, "source")
+    found = explain(scenario, 40.5, "source")
     names = {part.source for part in found.parts}
     assert {"GNSS velocity noise", "odometer mounting", "odometer scale factor"} <= names
     assert _whole(found) == pytest.approx(list(found.error[-1]), rel=1e-9, abs=1e-12)
     assert np.linalg.norm(found.together[:3]) < 0.1 * np.linalg.norm(found.error[-1, :3])
-    with pytest.raises(RehearsalError, match="--check: the linear analysis is for navigation"):
-        check(scenario, found)
+    linear = check(scenario, found)
+    assert len(linear.constants) == 4
+    largest = max(np.hypot(*track) for track in linear.constants.values())
+    assert linear.largest_m < 0.05 * largest
+    assert {"GNSS position noise", "odometer noise"} <= set(linear.sigmas)
+    assert set(linear.not_covered) == {"odometer mounting", "odometer scale factor"}
 
 
 @pytest.mark.parametrize(

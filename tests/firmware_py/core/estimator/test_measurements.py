@@ -158,7 +158,7 @@ def innovations(state):
     for aid in (Aid.GNSS_POSITION, Aid.GNSS_VELOCITY):
         for component in range(3):
             state.estimator.row[:] = 0.0
-            value, sigma = measurements._innovation.py_func(state, int(aid), component)
+            value, sigma = measurements.innovation_of.py_func(state, int(aid), component)
             found[aid, component] = value, sigma, np.array(state.estimator.row[:STATES])
     return found
 
@@ -217,7 +217,7 @@ def test_longitudes_are_compared_across_the_antimeridian(state):
     assert innovations(state)[Aid.GNSS_POSITION, 1][0] == pytest.approx(-3.0, abs=1e-6)
     state.parameters.longitude = math.pi - 2.0 / EAST
     state.estimator.longitude = -math.pi + 1.0 / EAST
-    known = measurements._innovation.py_func(state, int(Aid.KNOWN_POSITION), 1)
+    known = measurements.innovation_of.py_func(state, int(Aid.KNOWN_POSITION), 1)
     assert known == pytest.approx((-3.0, 0.02), abs=1e-6)
 
 
@@ -363,7 +363,7 @@ def test_the_mean_of_a_seconds_heights_is_a_measurement(kit):
     measurements.finish_second.py_func(state)
     assert scalars(state) == [(Aid.ALTIMETER, 0)]
     estimator.row[:] = 0.0
-    value, sigma = measurements._innovation.py_func(state, int(Aid.ALTIMETER), 0)
+    value, sigma = measurements.innovation_of.py_func(state, int(Aid.ALTIMETER), 0)
     assert (value, sigma) == pytest.approx((0.5, 0.5 / math.sqrt(10)))
     row = {k: estimator.row[k] for k in np.flatnonzero(estimator.row)}
     # Its mean time is that of the epochs 20, 40, … 200 of 200.
