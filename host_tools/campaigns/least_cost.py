@@ -104,10 +104,10 @@ class Problem:
         wishes = replace(wishes, set={**wishes.set, **choices})
         start = _with(wishes, wanted.tolerances, [one.at for one in wanted.tolerances])
         units = load(source, start)
-        if units.scenario.estimator.enabled:  # other tolerances make other gains of its filter
-            raise CampaignError("allocate: is for navigation without the estimator")
-        if units.correlate:  # what two keys do together grows with both of their tolerances
-            raise CampaignError("allocate: is for keys that are not correlated")
+        if wanted.tolerances and units.scenario.estimator.enabled:  # other tolerances make other gains of its filter
+            raise CampaignError("allocate: tolerances are for navigation without the estimator")
+        if wanted.tolerances and units.correlate:  # what two keys do together grows with both of their tolerances
+            raise CampaignError("allocate: tolerances are for keys that are not correlated")
         analysis = analyse(units.scenario, units.varied())
         found = {one.name: one.covariance[-1] for one in analysis.sources}
         unit = [found.pop(one.key, np.zeros((2, 2))) for one in wanted.tolerances]
