@@ -18,6 +18,7 @@ from rrins.host_tools.campaigns.summary import Outcomes, shown, with_interval
 from rrins.host_tools.covariance.analysis import QUANTITIES, Analysis, analyse
 from rrins.host_tools.drawing.saving import write_pictures
 from rrins.host_tools.files import JsonObject, make_folder, write_whole
+from rrins.host_tools.rounding import labelled
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -123,7 +124,7 @@ def quantity_rows(analysis: Analysis) -> list[list[str]]:
         words, unit = _WORDS[name]
         figures = [shown(found[key]) for key in ("sigma", "filter_sigma", "ratio")]
         limits = " … ".join(shown(found[key]) for key in ("least_ratio", "largest_ratio"))
-        rows.append([f"{words} / {unit}", *figures, limits])
+        rows.append([labelled(words, unit), *figures, limits])
     return rows
 
 
@@ -234,7 +235,14 @@ _PANELS = (
 
 def draw_filter(analysis: Analysis) -> Figure:
     """Draw σ over time as it is and as the filter has it, and below the ratio of both."""
-    from rrins.host_tools.drawing.style import EAST, LINES, finish, new_figure, time_axis
+    from rrins.host_tools.drawing.style import (
+        EAST,
+        LINES,
+        finish,
+        new_figure,
+        quantity,
+        time_axis,
+    )
 
     figure = new_figure(8.0, 9.0)
     grid = figure.add_gridspec(4, 2)
@@ -250,7 +258,7 @@ def draw_filter(analysis: Analysis) -> Figure:
         axes.plot(
             analysis.times_s, told, **EAST | {"linestyle": (0, (5, 2))}, label="the filter's σ"
         )
-        finish(axes, f"σ of the {words}\n/ {unit}")
+        finish(axes, quantity(f"σ of the {words}", unit))
         axes.set_ylim(bottom=0)
         if told.any():
             share = np.divide(true, told, out=np.full(len(true), np.nan), where=told > 0)

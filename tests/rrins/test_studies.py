@@ -49,7 +49,7 @@ def test_the_covariance_of_an_aided_scenario(tmp_path):
         shares = [one["shares"][name] for one in printed["sources"]]
         assert sum(shares) == pytest.approx(1.0)
     labels = [axes.get_ylabel() for axes in found.plot_filter().axes]
-    assert "σ of the velocity, horizontal\n/ m/s" in labels
+    assert "σ of the velocity, horizontal\n/ (m/s)" in labels
     written = [path.name for path in found.save(tmp_path)]
     assert written == ["covariance.csv", "covariance.png", "covariance_filter.png"]
     rows = pd.read_csv(tmp_path / "covariance.csv")
