@@ -45,6 +45,7 @@ LONGEST = (
     "host_tools/redundancy/test_monte_carlo.py",
     "host_tools/campaigns/test_survival.py",
     "host_tools/builds/test_build.py",
+    "host_tools/builds/test_diagnostics.py",
     "test_package.py",
 )
 """Files that begin, the longest first: else one of them is left to a single worker at the end."""

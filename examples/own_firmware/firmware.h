@@ -52,6 +52,9 @@ struct setup {
 /* Read a set-up file (docs/own-firmware.md); false with one line in `reason`. */
 bool setup_read(struct setup *setup, const char *path, char *reason, size_t size);
 
+/* Keep parameters in a file: this computer has none, and refuses with a reason. */
+bool firmware_remember(const char *path, char *reason, size_t size);
+
 /* ---- the clock: the arrival of SYNC by the computer's own clock */
 
 struct clock {

@@ -12,7 +12,9 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sys/mman.h>
+#include <sys/syscall.h>
 #include <time.h>
+#include <unistd.h>
 
 #include "port.h"
 #include "rrins.h"
@@ -21,7 +23,7 @@ enum { INBOX = 8192, FIFO_PRIORITY = 50, HELLO_NS = 200000000 };
 enum { GRACE_SLICES = 4, GRACES_AT_MOST = 4 }; /* of the wait for a late epoch */
 
 struct options {
-    const char *setup, *interface, *channel, *speed;
+    const char *setup, *interface, *channel, *speed, *memory;
     double attach_wait_s;
 };
 
@@ -125,7 +127,8 @@ static void note_sync(size_t count)
 static void enter_realtime(void)
 {
     struct sched_param parameters = {.sched_priority = FIFO_PRIORITY};
-    (void)sched_setscheduler(0, SCHED_FIFO, &parameters); /* what is refused is gone without */
+    /* By the kernel's call: musl's function refuses always. What is refused is gone without. */
+    (void)syscall(SYS_sched_setscheduler, 0, SCHED_FIFO, &parameters);
     (void)mlockall(MCL_CURRENT | MCL_FUTURE);
 }
 
@@ -171,6 +174,8 @@ static bool read_options(struct options *options, int count, char **words)
             options->channel = words[k + 1];
         else if (strcmp(words[k], "--speed") == 0)
             options->speed = words[k + 1];
+        else if (strcmp(words[k], "--memory") == 0)
+            options->memory = words[k + 1];
         else if (strcmp(words[k], "--attach-wait") == 0)
             options->attach_wait_s = strtod(words[k + 1], NULL);
         else
@@ -181,19 +186,23 @@ static bool read_options(struct options *options, int count, char **words)
 
 int main(int count, char **words)
 {
-    struct options options = {NULL, "rrins", "rrins0", "1", 10.0};
+    struct options options = {NULL, "rrins", "rrins0", "1", NULL, 10.0};
     struct setup setup;
     struct port port;
     char reason[256];
     bool is_well;
     if (!read_options(&options, count, words)) {
         fprintf(stderr, "usage: %s [--setup FILE] [--interface rrins|socketcan] [--channel CHANNEL] "
-                        "[--speed max|1] [--attach-wait SECONDS]\n", words[0]);
+                        "[--speed max|1] [--attach-wait SECONDS] [--memory FILE]\n", words[0]);
         return 2;
     }
     if (!setup_read(&setup, options.setup, reason, sizeof reason)) {
         fprintf(stderr, PROGRAM ": %s: %s\n", options.setup == NULL ? "--setup" : options.setup,
                 reason);
+        return 1;
+    }
+    if (options.memory != NULL && !firmware_remember(options.memory, reason, sizeof reason)) {
+        fprintf(stderr, PROGRAM ": %s: %s\n", options.memory, reason);
         return 1;
     }
     firmware_power_on(&firmware, &setup);

@@ -169,3 +169,10 @@ bool setup_read(struct setup *setup, const char *path, char *reason, size_t size
     fclose(file);
     return is_read;
 }
+
+bool firmware_remember(const char *path, char *reason, size_t size)
+{
+    (void)path;
+    snprintf(reason, size, "this computer has no parameter memory");
+    return false;
+}

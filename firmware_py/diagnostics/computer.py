@@ -8,7 +8,6 @@ import zlib
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rrins.compiled.record import Floats, Records
 from rrins.dbc.values import AxisCommand
@@ -16,17 +15,15 @@ from rrins.firmware_py.core.frames_in import clock
 from rrins.firmware_py.core.maths import earth
 from rrins.firmware_py.core.modes.modes import Mode
 from rrins.firmware_py.core.records.diagnostic_records import RoutineRequest
-from rrins.firmware_py.core.records.estimator_records import PITCH, SCALE, SENSOR_CONSTANTS, YAW
 from rrins.firmware_py.core.records.integrity_records import HEADING, HORIZONTAL, VERTICAL
 from rrins.firmware_py.core.records.memory import Clock, Ram
-from rrins.firmware_py.core.records.redundancy_records import SensorKind
-from rrins.firmware_py.core.sensors.calibration import ARCSEC, DPH, PPM, UG
+from rrins.firmware_py.core.sensors.calibration import DPH, UG
 from rrins.firmware_py.diagnostics import calibration_image as image
 from rrins.firmware_py.diagnostics import table
 from rrins.firmware_py.diagnostics.codecs import Value, Values
 from rrins.firmware_py.diagnostics.data_identifier import DataIdentifier
-from rrins.firmware_py.diagnostics.estimator_identifiers import CONSTANTS
 from rrins.firmware_py.diagnostics.fault_memory import FaultMemory
+from rrins.firmware_py.diagnostics.last_second import LAST_SECOND
 from rrins.firmware_py.diagnostics.parameter_memory import ParameterMemory
 from rrins.firmware_py.diagnostics.parameters import PARAMETERS
 from rrins.firmware_py.diagnostics.reader import FieldReader
@@ -46,8 +43,8 @@ IDENTITY = {
 _error_ppm: Callable[[Clock, int], float] = getattr(clock.error_ppm, "py_func", clock.error_ppm)
 
 _DEGREE = math.radians(1.0)
-_NO_BOUND = 1e9
-_MOUNTING = slice(YAW, PITCH + 1)
+NO_BOUND = 1e9
+"""A protection level without a bound."""
 
 _PARAMETER_NUMBERS = frozenset(parameter.number for parameter in PARAMETERS)
 
@@ -56,36 +53,6 @@ AXIS_MODES = (Mode.STANDBY, Mode.FAULT, Mode.NAVIGATION_STRAPDOWN)
 
 NAVIGATION_MODES = (Mode.FINE_ALIGNMENT, Mode.NAVIGATION_STRAPDOWN, Mode.NAVIGATION_ROTATING)
 """Modes in which a restart loses a position."""
-
-
-def _last(
-    found: NDArray[np.void], name: str, unit: float, part: int | slice | None = None
-) -> Callable[[], Value]:
-    """Return what reads what the last second came to, or the part of a kind, of a row.
-
-    `found` is a record with a history.
-    """
-    count, seconds = found["history_count"], found["history"][name]
-    if part is not None:
-        seconds = seconds[:, :, part]
-    capacity = seconds.shape[1]
-
-    def read() -> Value:
-        values = (seconds[0, (count.item() - 1) % capacity] / unit).tolist()
-        return tuple(values) if isinstance(values, list) else values
-
-    return read
-
-
-def _constants(estimator: NDArray[np.void]) -> dict[str, Callable[[], Value]]:
-    """Return the getters of the constants that are estimated of each sensor."""
-    found = {}
-    for kind in SensorKind:
-        for error, (name, unit) in enumerate(CONSTANTS):
-            row, whose = SENSOR_CONSTANTS * kind + error, kind.name.lower()
-            found[f"{whose}_{name}"] = _last(estimator, "constant", unit, row)
-            found[f"{whose}_{name}_sigma"] = _last(estimator, "constant_sigma", unit, row)
-    return found
 
 
 class Computer:
@@ -136,9 +103,6 @@ class Computer:
         steps = self.ram["steps"]
         gyro_residual = self.ram[0].diagnostics.gyro_residual
         accelerometer_residual = self.ram[0].diagnostics.accelerometer_residual
-        redundancy = self.ram["redundancy"]
-        gyros, accelerometers = redundancy["gyros"], redundancy["accelerometers"]
-        estimator = self.ram["estimator"]
         memory, faults = self.parameters, self.faults
         found: dict[str, Callable[[], Value]] = {
             "session": session,
@@ -151,28 +115,11 @@ class Computer:
             "parameters": lambda: len(memory.stored),
             "residual_dph": lambda: self._residuals(gyro_residual, DPH),
             "residual_ug": lambda: self._residuals(accelerometer_residual, UG),
-            "parity_residual_dph": _last(gyros, "residual", DPH),
-            "parity_threshold_dph": _last(gyros, "threshold", DPH),
-            "parity_residual_ug": _last(accelerometers, "residual", UG),
-            "parity_threshold_ug": _last(accelerometers, "threshold", UG),
-            "attitude_sigma_arcsec": _last(estimator, "attitude_sigma", ARCSEC),
-            "velocity_sigma_mps": _last(estimator, "velocity_sigma", 1.0),
-            "position_sigma_m": _last(estimator, "position_sigma", 1.0),
+            **{name: one.reader(self.ram) for name, one in LAST_SECOND.items()},
             "horizontal_protection_m": self._bound(HORIZONTAL),
             "vertical_protection_m": self._bound(VERTICAL),
             "heading_protection_deg": self._bound(HEADING, _DEGREE),
-            "estimated_bias_dph": _last(estimator, "bias", DPH, SensorKind.GYRO),
-            "estimated_bias_sigma_dph": _last(estimator, "bias_sigma", DPH, SensorKind.GYRO),
-            "estimated_bias_ug": _last(estimator, "bias", UG, SensorKind.ACCELEROMETER),
-            "estimated_bias_sigma_ug": _last(estimator, "bias_sigma", UG, SensorKind.ACCELEROMETER),
             "nis": self._nis,
-            **_constants(estimator),
-            "odometer_scale_ppm": _last(estimator, "odometer", PPM, SCALE),
-            "odometer_scale_sigma_ppm": _last(estimator, "odometer_sigma", PPM, SCALE),
-            "mounting_deg": _last(estimator, "odometer", _DEGREE, _MOUNTING),
-            "mounting_sigma_deg": _last(estimator, "odometer_sigma", _DEGREE, _MOUNTING),
-            "altimeter_bias_m": _last(estimator, "altimeter_bias", 1.0),
-            "altimeter_bias_sigma_m": _last(estimator, "altimeter_bias_sigma", 1.0),
             "operation_cycles": lambda: faults.operation_cycles,
             "length": lambda: len(self.calibration_file()),
             "file_crc32": lambda: zlib.crc32(self.calibration_file()),
@@ -182,7 +129,7 @@ class Computer:
     def _bound(self, bound: int, unit: float = 1.0) -> Callable[[], Value]:
         """Return what reads a protection level; no bound is the largest value."""
         protection = self.ram["integrity"]["protection"]
-        return lambda: min(float(protection[0, bound]) / unit, _NO_BOUND)
+        return lambda: min(float(protection[0, bound]) / unit, NO_BOUND)
 
     def _bus_load_percent(self) -> float:
         monitor = self.state.diagnostics

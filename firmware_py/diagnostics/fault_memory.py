@@ -32,12 +32,14 @@ from rrins.firmware_py.core.records.troubles import (
 from rrins.firmware_py.diagnostics.codecs import Values
 
 _HEAD = struct.Struct(">II")  # CRC-32 of the layout, operation cycles
-_LAYOUT = zlib.crc32(repr((TroubleMemory.dtype.descr, [t.number for t in TROUBLES])).encode())
+LAYOUT = zlib.crc32(repr((TroubleMemory.dtype.descr, [t.number for t in TROUBLES])).encode())
+"""CRC-32 of what the image means: another firmware version has another."""
 
 CAPACITY = _HEAD.size + TroubleMemory.dtype.itemsize
 """Bytes of `FaultMemory.image`."""
 
-_PARITY_ROW = {index: row for row, index in enumerate(PARITY_KIND)}
+PARITY_ROW = {index: row for row, index in enumerate(PARITY_KIND)}
+"""Rows of `TroubleMemory.parities` by index of the trouble code."""
 
 _LOAD_MEAN_S = 0.25
 _PATIENCE_S = 0.2  # two cycles of MODE_COMMAND, or of ALTIMETER
@@ -152,9 +154,9 @@ class FaultMemory:
 
     def parity(self, index: int, number: int) -> Records[ParityBefore] | None:
         """Return the parity in a freeze frame, an array of one record; None if it has none."""
-        if index not in _PARITY_ROW or self._memory.occurrences[index] == 0:
+        if index not in PARITY_ROW or self._memory.occurrences[index] == 0:
             return None
-        return self._memory.parities[_PARITY_ROW[index], number - 1 : number]
+        return self._memory.parities[PARITY_ROW[index], number - 1 : number]
 
     def with_snapshots(self) -> list[Trouble]:
         """Return the trouble codes that have freeze frames."""
@@ -178,7 +180,7 @@ class FaultMemory:
         self._memory.occurrences[indices] = 0
         self._memory.aging[indices] = 0
         self._memory.snapshots[indices] = Snapshot.zeros(2)
-        rows = [_PARITY_ROW[index] for index in indices if index in _PARITY_ROW]
+        rows = [PARITY_ROW[index] for index in indices if index in PARITY_ROW]
         self._memory.parities[rows] = ParityBefore.zeros(2)
 
     def begin_cycle(self) -> None:
@@ -203,14 +205,14 @@ class FaultMemory:
 
     def image(self) -> bytes:
         """Return the image to store across power-off."""
-        return _HEAD.pack(_LAYOUT, self.operation_cycles) + self._memory.tobytes()
+        return _HEAD.pack(LAYOUT, self.operation_cycles) + self._memory.tobytes()
 
     def recall(self, image: bytes) -> None:
         """Load a stored image; discard one of another firmware version."""
         if len(image) != CAPACITY:
             return
         layout, cycles = _HEAD.unpack_from(image)
-        if layout == _LAYOUT:
+        if layout == LAYOUT:
             self.operation_cycles = cycles
             self.restore(image[_HEAD.size :])
 

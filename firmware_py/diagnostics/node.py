@@ -46,7 +46,10 @@ _NORMAL = (
     "nav_attitude",
 )
 _MANAGEMENT = ("heartbeat_firmware",)
-_LONG_SENDING_NS = access.P2_MS * 1_000_000 // 2  # leaves the other half to flow control
+SILENCED = (*_NORMAL, *_MANAGEMENT)
+"""Cyclic messages that a tool can stop."""
+LONG_SENDING_NS = access.P2_MS * 1_000_000 // 2
+"""Sending that takes longer is announced: it leaves the other half of P2 to flow control."""
 
 
 class Diagnostics:
@@ -98,7 +101,7 @@ class Diagnostics:
         self.server = self._make_server(secret, random_bytes)
         self._transport = Transport(self._period_ns)
         self._request_ids = (table.request_id(), table.functional_id())
-        self._silenced = _silenced(contract)
+        self._silenced = silenced_types(contract)
         self._response = _blank_response(slots_per_epoch(self._period_ns))
 
     @staticmethod
@@ -215,7 +218,7 @@ class Diagnostics:
                 response = server.handle(request, is_functional, now_ns)
         if response is not None:
             # Many tools count P2 to the last frame of a response, not to the first.
-            if transport.sending_ns(response) > _LONG_SENDING_NS:
+            if transport.sending_ns(response) > LONG_SENDING_NS:
                 transport.send(pending_before(response))
             transport.send(response)
         frames = transport.end()
@@ -279,7 +282,7 @@ class Diagnostics:
             self._fault_store.close()
 
 
-def _silenced(contract: Records[Contract]) -> NDArray[np.uint8]:
+def silenced_types(contract: Records[Contract]) -> NDArray[np.uint8]:
     """Return the communication types of every identifier, one bit each."""
     types = np.zeros(2048, dtype=np.uint8)
     for bit, names in ((1, _NORMAL), (2, _MANAGEMENT)):

@@ -22,9 +22,10 @@ from rrins.firmware_py.diagnostics.responses import (
 from rrins.firmware_py.diagnostics.table import SERVICE_BY_NUMBER
 
 _NS_PER_MS = 1_000_000
-_PENDING_SHARE = 0.8  # of P2 and P2*, after which a response pending is sent
+PENDING_SHARE = 0.8
+"""Of P2 and P2*, after which a response pending is sent."""
 
-_SILENT_WHEN_FUNCTIONAL = frozenset(
+SILENT_WHEN_FUNCTIONAL = frozenset(
     {
         Code.SERVICE_NOT_SUPPORTED,
         Code.SUB_FUNCTION_NOT_SUPPORTED,
@@ -33,6 +34,7 @@ _SILENT_WHEN_FUNCTIONAL = frozenset(
         Code.SERVICE_NOT_SUPPORTED_IN_ACTIVE_SESSION,
     }
 )
+"""Refusals of functional requests that are not sent: such a request may be for others."""
 
 
 class Reset(IntEnum):
@@ -165,7 +167,7 @@ class Server:
             data, wanted = self._subfunction(service, data)
         answer = self.handlers[number](self, data)
         if isinstance(answer, Later):
-            due_ns = self.now_ns + round(_PENDING_SHARE * access.P2_MS * _NS_PER_MS)
+            due_ns = self.now_ns + round(PENDING_SHARE * access.P2_MS * _NS_PER_MS)
             self._pending = _Pending(number, answer, wanted, is_functional, due_ns)
             return self._poll(self._pending)
         return bytes([service.positive]) + answer if wanted else None
@@ -210,7 +212,7 @@ class Server:
             return bytes([service.positive]) + data if pending.wanted else None
         if self.now_ns < pending.due_ns:
             return None
-        pending.due_ns = self.now_ns + round(_PENDING_SHARE * access.P2_STAR_MS * _NS_PER_MS)
+        pending.due_ns = self.now_ns + round(PENDING_SHARE * access.P2_STAR_MS * _NS_PER_MS)
         pending.wanted = True  # a response pending obliges to respond
         return bytes([NEGATIVE, pending.service, Code.RESPONSE_PENDING])
 
@@ -222,6 +224,6 @@ def pending_before(response: bytes) -> bytes:
 
 def _refused(service: int, code: Code, is_functional: bool) -> bytes | None:
     """Return a negative response; None if a functional request is not for this computer."""
-    if is_functional and code in _SILENT_WHEN_FUNCTIONAL:
+    if is_functional and code in SILENT_WHEN_FUNCTIONAL:
         return None
     return bytes([NEGATIVE, service, code])

@@ -14,8 +14,12 @@ from rrins.firmware_py.diagnostics import access, network_frame, table
 from rrins.firmware_py.diagnostics.timed_layer import LayerClock, TimedLayer
 
 _LEAST_FED = 16  # frames processed in an epoch, at least
-_WAITING_EPOCHS = 8  # that frames may wait
-_REQUESTS = 4  # that may wait
+WAITING_EPOCHS = 8
+"""Epochs that frames may wait."""
+
+REQUESTS = 4
+"""Requests that may wait."""
+
 _FIRST_FRAME_BYTES = 6
 _CONSECUTIVE_FRAME_BYTES = 7
 _NS_PER_S = 1_000_000_000
@@ -25,6 +29,11 @@ _NS_PER_MS = 1_000_000
 def slots_per_epoch(period_ns: int) -> int:
     """Return how many diagnostic frames an epoch has room for."""
     return max(1, access.FRAMES_PER_SECOND * period_ns // _NS_PER_S)
+
+
+def most_fed(period_ns: int) -> int:
+    """Return how many frames are processed in an epoch, at most."""
+    return max(_LEAST_FED, 2 * period_ns // (access.ST_MIN_MS * _NS_PER_MS))
 
 
 class Transport:
@@ -45,8 +54,7 @@ class Transport:
         self._period_ns = period_ns
         self._slots = slots_per_epoch(period_ns)
         self._slot_ns = period_ns // self._slots
-        separation_ns = access.ST_MIN_MS * _NS_PER_MS
-        self._most_fed = max(_LEAST_FED, 2 * period_ns // separation_ns)
+        self._most_fed = most_fed(period_ns)
         self._clock = LayerClock()
         self._waiting: deque[tuple[int, bytes]] = deque()
         self._fed: deque[isotp.CanMessage] = deque()
@@ -104,7 +112,7 @@ class Transport:
 
     def put(self, can_id: int, data: bytes) -> None:
         """Queue a frame from the bus; `begin` processes it."""
-        if len(self._waiting) >= _WAITING_EPOCHS * self._most_fed:
+        if len(self._waiting) >= WAITING_EPOCHS * self._most_fed:
             self.dropped += 1
             return
         self._waiting.append((can_id, data))
@@ -119,14 +127,14 @@ class Transport:
             else:
                 self._fed.append(isotp.CanMessage(arbitration_id=can_id, data=data))
         self._layer.process()
-        while self._layer.rx_queue.qsize() > _REQUESTS:
+        while self._layer.rx_queue.qsize() > REQUESTS:
             self._layer.recv()
             self.dropped += 1
 
     def _receive_functional(self, data: bytes) -> None:
         """Receive a functional request: a single frame, as ISO 15765-2 requires."""
         request = network_frame.single(data)
-        if request is not None and len(self._functional) < _REQUESTS:
+        if request is not None and len(self._functional) < REQUESTS:
             self._functional.append(request)
 
     def receive_functional(self) -> bytes | None:

@@ -19,6 +19,7 @@ from rrins.compiled.record import Record
 from rrins.dbc.codec import load
 from rrins.firmware_py.core.modes.modes import Mode
 from rrins.firmware_py.core.records.memory import Ram
+from rrins.firmware_py.core.turntable.table_sums import TableSums
 from rrins.firmware_py.version import VERSION
 from rrins.host_tools.builds import fmu, image_code, navigator, toolchain
 from rrins.host_tools.builds.code import object_of
@@ -130,7 +131,7 @@ def build(
     sizes = {unit: _sizes(folder / f"rrins_{unit}.o") for unit in UNITS}
     if executable:
         on_note("the navigation computer")
-        files.append(navigator.link(folder, TARGETS[target]))
+        files.append(navigator.link(folder, TARGETS[target], images))
     if fmus:
         on_note("units of co-simulation")
         files += fmu.make_fmus(folder, scenario, name, images)
@@ -184,6 +185,7 @@ def _headers(images: Images) -> dict[str, str]:
                 **{f"RRINS_MODE_{mode.name}": mode.value for mode in Mode},
             },
             entries_of(side, images.variant),
+            (TableSums,) if side == "firmware" else (),
         )
         for side, (memory, dtype, outbox) in memories.items()
     }

@@ -9,6 +9,8 @@ from rrins.dbc.contract import load_contract
 from rrins.dbc.frame import Frame
 from rrins.firmware_py.core.frames_out.transmit import OUTBOX_CAPACITY
 from rrins.firmware_py.core.step import firmware_step
+from rrins.firmware_py.core.turntable.table_sums import TableSums
+from rrins.host_tools.builds import derived
 from rrins.host_tools.builds.rehearsal import TRUTHS, Session, TruthKept, rehearse
 from rrins.host_tools.builds.variants import Variant
 from rrins.host_tools.hardware import step as hardware
@@ -33,6 +35,26 @@ def firmware_entry(variant: Variant) -> Entry:
             _choice(variant.compares),
             _choice(variant.estimates),
         ),
+    )
+
+
+def diagnostic_entries(variant: Variant) -> tuple[Entry, ...]:
+    """Return what diagnostics in C call beside the step."""
+    ram, sums = Argument("ram", variant.memory, (1,)), Argument("sums", TableSums.dtype, (1,))
+    return (
+        Entry(
+            "rrins_firmware_derive",
+            derived.derive,
+            (ram, Argument("found", float, (len(derived.DERIVED),))),
+        ),
+        Entry(
+            "rrins_firmware_set_attitude",
+            derived.set_attitude,
+            (ram, Argument("angles", float, (3,))),
+        ),
+        Entry("rrins_firmware_watch", derived.watch, (ram,)),
+        Entry("rrins_firmware_add_sums", derived.add_sums, (ram, sums)),
+        Entry("rrins_firmware_begin_sums", derived.begin_sums, (sums,)),
     )
 
 
@@ -82,7 +104,7 @@ def _choice(is_chosen: bool) -> Argument:
 def entries_of(unit: str, variant: Variant) -> tuple[Entry, ...]:
     """Return the entries of a unit: an object of its own."""
     return {
-        "firmware": (firmware_entry(variant),),
+        "firmware": (firmware_entry(variant), *diagnostic_entries(variant)),
         "hardware": (hardware_entry(),),
         "rehearsal": (rehearsal_entry(variant),),
     }[unit]

@@ -49,6 +49,7 @@ def header(
     dtype: np.dtype[np.void],
     constants: dict[str, int],
     entries: Sequence[Entry],
+    more: Sequence[type[Record]] = (),
 ) -> str:
     """Return the header of a side.
 
@@ -63,9 +64,13 @@ def header(
     constants : dict
         To be defined, by name.
     entries : sequence of Entry
+    more : sequence of classes of records
+        That the entries take beside the memory.
     """
     structs: dict[str, str] = {}
     _write_struct(side, memory, dtype, structs)
+    for kind in more:
+        _write_struct(side, kind, kind.dtype, structs)
     guard = f"RRINS_{side.upper()}_H"
     lines = [
         _HEAD.format(title=f"The {side} of the rehearsal", guard=guard),
@@ -128,6 +133,9 @@ def _prototype(memory: str, entry: Entry) -> str:
         "motion": "const double *",
         "inbox": "const struct rrins_frame *",
         "outbox": "struct rrins_frame *",
+        "angles": "const double *",
+        "found": "double *",
+        "sums": "struct rrins_firmware_table_sums *",
     }
     parameters = []
     for name, argument in entry.parameters:

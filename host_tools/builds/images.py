@@ -11,6 +11,7 @@ from rrins.compiled.record import Floats
 from rrins.dbc.contract import load_contract
 from rrins.dbc.e2e import fill
 from rrins.dbc.frame import FrameArray, frame_array
+from rrins.firmware_py.core.settings import Settings
 from rrins.firmware_py.loop import Firmware
 from rrins.host_tools.builds.variants import Variant, shortened
 from rrins.host_tools.hardware.settings import pieces_of, power_on
@@ -36,6 +37,8 @@ class Images:
         The hardware's memory, one record.
     motion : array, shape (n, 15, 8)
         The vehicle's, as `rrins.host_tools.hardware.motion` describes it.
+    settings : Settings
+        Of the firmware.
     setup : str
         The set-up file of the firmware, as `rrins setup` shows it.
     """
@@ -45,6 +48,7 @@ class Images:
     contract: _Image
     plant: _Image
     motion: Floats
+    settings: Settings
     setup: str
 
     @property
@@ -64,7 +68,8 @@ class Images:
         RehearsalError
             When one of its files cannot be used.
         """
-        ram = Firmware(firmware_settings(scenario)).ram
+        settings = firmware_settings(scenario)
+        ram = Firmware(settings).ram
         variant = Variant.of(ram)
         hardware = hardware_settings(scenario)
         return cls(
@@ -73,5 +78,6 @@ class Images:
             load_contract(),
             power_on(hardware),
             pieces_of(hardware),
+            settings,
             setup_text(scenario),
         )

@@ -44,6 +44,11 @@ def limit(allowed: float, directions: int) -> float:
     return factor_of(lambda u: _LOOKS_IN_1000_H * directions * _beyond(u), allowed)
 
 
+def kind_limit(allowed: float, count: int) -> float:
+    """Return the limit of one kind of `count` sensors; `allowed` is that of both."""
+    return limit(allowed / _KINDS, max(1, count - 3))
+
+
 def axis_variances(
     axes_deg: _AxesDeg, sensors: GyroCalibration | AccelerometerCalibration, stability: float
 ) -> Floats | None:
@@ -86,7 +91,7 @@ def _set_drift(
         return
     drift["known"] = True
     drift["axis_variance"][: len(found)] = found
-    drift["limit"] = limit(allowed / _KINDS, max(1, len(found) - 3))
+    drift["limit"] = kind_limit(allowed, len(found))
 
 
 def set_up(

@@ -27,7 +27,9 @@ from rrins.firmware_py.diagnostics.routines import RoutineState
 from rrins.firmware_py.diagnostics.services.programmes import Programme
 from rrins.firmware_py.diagnostics.writer import WriteJob
 
-_MISSING_SHARE = 0.1
+MISSING_SHARE = 0.1
+"""Of the epochs, in which a sensor may be missing."""
+
 _AT_REST = (AxisState.HOLDING, AxisState.OFF)
 
 
@@ -55,7 +57,7 @@ class _Record:
 
     def is_whole(self, sensors: int, epochs: int) -> bool:
         """Return whether every sensor was present often enough."""
-        return bool(np.all(self._count[:sensors] >= (1.0 - _MISSING_SHARE) * epochs))
+        return bool(np.all(self._count[:sensors] >= (1.0 - MISSING_SHARE) * epochs))
 
     def mean(self) -> Floats:
         """Return the mean increments."""

@@ -19,8 +19,11 @@ from rrins.firmware_py.diagnostics.responses import Code
 from rrins.firmware_py.diagnostics.routines import RoutineState
 from rrins.firmware_py.diagnostics.writer import WriteJob
 
-_ARRIVED_DEG = 1.0  # the coarsest encoder steps by 1.4°
-_GRACE_S = 10.0
+ARRIVED_DEG = 1.0
+"""Distance at which a turn has arrived: the coarsest encoder steps by 1.4°."""
+
+GRACE_S = 10.0
+"""Of a turn, beside twice its time."""
 
 
 class Programme:
@@ -236,16 +239,17 @@ class ReadmitSensor(Programme):
     def work(self) -> None:
         """Do one epoch's work, while it runs."""
         self._waits = False  # the step has handled the order by now
-        self.state = _OUTCOMES[ReadmissionState(int(self._readmission.state))]
+        self.state = OUTCOMES[ReadmissionState(int(self._readmission.state))]
 
 
-_OUTCOMES = {
+OUTCOMES = {
     ReadmissionState.NONE: RoutineState.RUNNING,  # no epoch with SYNC yet
     ReadmissionState.TESTING: RoutineState.RUNNING,
     ReadmissionState.READMITTED: RoutineState.DONE,
     ReadmissionState.REFUSED: RoutineState.FAILED,
     ReadmissionState.STOPPED: RoutineState.STOPPED,
 }
+"""States of the routine by those of the sensor's test."""
 
 
 class AxisTurn(Programme):
@@ -273,7 +277,7 @@ class AxisTurn(Programme):
         self._axis, self._target_deg = axis, target
         state = self.computer.state
         turn_deg = abs(target - float(state.assembly.encoder_angle_deg[axis]))
-        seconds = 2.0 * turn_deg / float(state.parameters.turn_rate_dps) + _GRACE_S
+        seconds = 2.0 * turn_deg / float(state.parameters.turn_rate_dps) + GRACE_S
         self._epochs_left = round(seconds * 1e9 / self.computer.period_ns)
         self.computer.turn_axis(axis, target)
 
@@ -291,7 +295,7 @@ class AxisTurn(Programme):
         holds = assembly.axis_state[self._axis] == AxisState.HOLDING
         if not self.computer.is_told(self._axis, self._target_deg):
             self.state = RoutineState.STOPPED  # another command replaced this one
-        elif holds and abs(angle_deg - self._target_deg) <= _ARRIVED_DEG:
+        elif holds and abs(angle_deg - self._target_deg) <= ARRIVED_DEG:
             self.state = RoutineState.DONE
         elif self._epochs_left <= 0:
             self.state = RoutineState.FAILED

@@ -26,21 +26,22 @@ from rrins.firmware_py.diagnostics.computer import Computer
 from rrins.firmware_py.diagnostics.routines import RoutineState
 from rrins.firmware_py.diagnostics.services.programmes import Programme
 
-_SETTLE_S = 0.5
+SETTLE_S = 0.5
 """After a turn, before the table counts as at rest."""
 
-_WATCH_EPOCHS = 20
+WATCH_EPOCHS = 20
+"""Between two looks at the axes."""
 
-_MISSING_S = 3
+MISSING_S = 3
 """Seconds in a row in which a sensor misses an epoch: it has failed."""
 
-_MOVED_S = 4
+MOVED_S = 4
 """Seconds in a row in which the base seems to move: longer than it takes to find a stuck sensor."""
 
-_TURN_LIMIT = math.radians(0.05)
+TURN_LIMIT = math.radians(0.05)
 """rad/s that the base may turn: 0.02 °/s, and what uncalibrated sensors err by at 2 °/s."""
 
-_FORCE_LIMIT = 0.05 * earth.GRAVITY_EQUATOR
+FORCE_LIMIT = 0.05 * earth.GRAVITY_EQUATOR
 """m/s² by which the specific force of a base at rest, and uncalibrated sensors, may be off."""
 
 
@@ -117,7 +118,7 @@ class TableCalibration(Programme):
         if turn_deg < 1e-6:
             return 0.0
         rate, acceleration = parameters.turn_rate_dps, parameters.axis_acceleration_dps2
-        settle_s = float(rate / acceleration + parameters.axis_rise_s) + _SETTLE_S
+        settle_s = float(rate / acceleration + parameters.axis_rise_s) + SETTLE_S
         return float(turn_deg / rate) + settle_s
 
     def stop(self) -> None:
@@ -153,7 +154,7 @@ class TableCalibration(Programme):
         """Do one epoch's work, while it runs."""
         self._epochs += 1
         is_over = self._epochs >= self._wanted
-        if is_over or self._epochs % _WATCH_EPOCHS == 0:
+        if is_over or self._epochs % WATCH_EPOCHS == 0:
             self._watch()
         if self.is_running and self._stage == _Stage.POSITIONS:
             table_sums.add(self.computer.ram, self._sums)
@@ -220,7 +221,7 @@ class TableCalibration(Programme):
         for kind, bits in enumerate((int(sums.gyro_missing), int(sums.accelerometer_missing))):
             both = bits & int(self._missing[kind, 0]) if self._missing[kind, 1] else bits
             self._missing[kind] = (both, self._missing[kind, 1] + 1) if both else (0, 0)
-            if self._missing[kind, 1] >= _MISSING_S:
+            if self._missing[kind, 1] >= MISSING_S:
                 end = CalibrationEnd.ACCELEROMETER_FAILED if kind else CalibrationEnd.GYRO_FAILED
                 self._fail(end, (both & -both).bit_length())
                 return
@@ -238,7 +239,7 @@ class TableCalibration(Programme):
         if sums.gyro_missing or sums.accelerometer_missing or sums.axis_missing:
             return
         self._moved = self._moved + 1 if self._moves(seconds) else 0
-        if self._moved >= _MOVED_S:
+        if self._moved >= MOVED_S:
             self._fail(CalibrationEnd.BASE_MOVED)
 
     def _moves(self, seconds: float) -> bool:
@@ -247,8 +248,8 @@ class TableCalibration(Programme):
         table = np.array([sums.turn[2], -sums.turn[3], sums.turn[0]])
         turned: Floats = sums.rotation_s - table
         off = _sensed(sums) - self.computer.gravity * seconds
-        is_turning = np.linalg.norm(turned) > _TURN_LIMIT * seconds
-        return bool(is_turning or abs(off) > _FORCE_LIMIT * seconds)
+        is_turning = np.linalg.norm(turned) > TURN_LIMIT * seconds
+        return bool(is_turning or abs(off) > FORCE_LIMIT * seconds)
 
     def results(self) -> Values:
         """Return the results so far."""

@@ -9,12 +9,13 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "diagnostics.h"
 #include "rrins_bus.h"
 #include "rrins_firmware.h"
 
 #define PROGRAM "navigator"
 
-enum { OUTBOX = RRINS_FIRMWARE_OUTBOX };
+enum { OUTBOX = RRINS_FIRMWARE_OUTBOX + DIAGNOSTIC_FRAMES };
 
 /* The set-up is built in; a file must say the same. */
 struct setup {
@@ -22,6 +23,9 @@ struct setup {
 };
 
 bool setup_read(struct setup *setup, const char *path, char *reason, size_t size);
+
+/* Keep parameters and trouble codes in files; false with a reason if they cannot be used. */
+bool firmware_remember(const char *path, char *reason, size_t size);
 
 struct clock {
     bool synchronised, lost;

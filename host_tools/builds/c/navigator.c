@@ -2,6 +2,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "diagnostics.h"
 #include "firmware.h"
 
 /* From rrins_images.o. */
@@ -33,10 +34,15 @@ bool setup_read(struct setup *setup, const char *path, char *reason, size_t size
     return is_same;
 }
 
+bool firmware_remember(const char *path, char *reason, size_t size)
+{
+    return diagnostics_open(path, reason, size) && atexit(diagnostics_close) == 0;
+}
+
 void firmware_power_on(struct firmware *firmware, const struct setup *setup)
 {
     memset(firmware, 0, sizeof *firmware);
-    rrins_firmware_power_on(&firmware->ram);
+    diagnostics_power_on(&firmware->ram);
     firmware->period_ns = setup->period_ns;
 }
 
@@ -45,6 +51,10 @@ size_t firmware_step(struct firmware *firmware, const struct rrins_frame *inbox,
 {
     struct rrins_firmware_ram *ram = &firmware->ram;
     int32_t sent;
+    if (diagnostics_restart_if_due()) {
+        firmware->faults.overruns = 0;
+        firmware->load_percent = 0.0;
+    }
     ram->clock.sync_arrival_ns = firmware->sync_arrival_ns;
     ram->clock.is_whole = firmware->is_whole;
     ram->faults.overruns = firmware->faults.overruns;
@@ -55,7 +65,9 @@ size_t firmware_step(struct firmware *firmware, const struct rrins_frame *inbox,
     firmware->clock.lost = ram->clock.sync_lost;
     firmware->clock.next_ns = ram->clock.next_sync_ns;
     *consumed = (size_t)ram->consumed;
-    return sent < 0 ? 0 : (size_t)sent;
+    if (sent <= 0)
+        return 0;
+    return diagnostics_run(inbox, *consumed, outbox, (size_t)sent, firmware->is_whole);
 }
 
 bool firmware_is_shut_down(const struct firmware *firmware)
