@@ -40,6 +40,9 @@ def test_every_mutant_has_its_check() -> None:
     assert {check for *_, check in (*IN_C, *IN_UDS)} <= known
     for name, old, *_ in IN_C:
         assert (SOURCES / name).read_text(encoding="utf-8").count(old) == 1, (name, old)
+    for module, old, *_ in IN_UDS:  # a program that does not start would be found, too
+        source = HERE.parents[2] / f"{module.removeprefix('rrins.').replace('.', '/')}.py"
+        assert source.read_text(encoding="utf-8").count(old) == 1, (module, old)
     unexplained = [one for every in MUTANTS["not_found"].values() for one in every if not one[2]]
     assert not unexplained
     assert len(IN_C) >= 110
