@@ -21,6 +21,7 @@ from rrins.host_tools.campaigns.allocation import Allocation, Chosen, Requiremen
 from rrins.host_tools.campaigns.definition import (
     Allocate,
     Choice,
+    Definition,
     Tolerance,
     Wishes,
     load,
@@ -104,10 +105,8 @@ class Problem:
         wishes = replace(wishes, set={**wishes.set, **choices})
         start = _with(wishes, wanted.tolerances, [one.at for one in wanted.tolerances])
         units = load(source, start)
-        if wanted.tolerances and units.scenario.estimator.enabled:  # other tolerances make other gains of its filter
-            raise CampaignError("allocate: tolerances are for navigation without the estimator")
-        if wanted.tolerances and units.correlate:  # what two keys do together grows with both of their tolerances
-            raise CampaignError("allocate: tolerances are for keys that are not correlated")
+        if wanted.tolerances:
+            _check_that_shares_scale(units)
         analysis = analyse(units.scenario, units.varied())
         found = {one.name: one.covariance[-1] for one in analysis.sources}
         unit = [found.pop(one.key, np.zeros((2, 2))) for one in wanted.tolerances]
@@ -282,6 +281,13 @@ def _check(wanted: Allocate) -> None:
     keys = [one.key for one in wanted.tolerances] + [one.key for one in wanted.choices]
     if len(set(keys)) < len(keys):
         raise CampaignError("allocate: a key stands there twice")
+
+
+def _check_that_shares_scale(units: Definition) -> None:
+    if units.scenario.estimator.enabled:  # other tolerances make other gains of its filter
+        raise CampaignError("allocate: tolerances are for navigation without the estimator")
+    if units.correlate:  # what two keys do together grows with both of their tolerances
+        raise CampaignError("allocate: tolerances are for keys that are not correlated")
 
 
 def _with(wishes: Wishes, tolerances: Sequence[Tolerance], sigmas: Sequence[float]) -> Wishes:
