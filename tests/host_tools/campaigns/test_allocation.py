@@ -87,11 +87,9 @@ def test_at_least_cost_a_little_more_of_anything_is_worth_the_same(write):
 
 @pytest.mark.slow
 def test_runs_confirm_it(write, tmp_path):
-    words = ["allocate", write(10), "--confirm", "100", "--out", str(tmp_path / "c")]
+    words = ["allocate", write(10), "--confirm", "100", "--out", str(tmp_path / "c"), "--json"]
     done = CliRunner().invoke(rrins, words)
     assert done.exit_code == 0, done.output
-    assert "the analysis agrees with the runs; the requirement " in done.output
-    done = CliRunner().invoke(rrins, [*words, "--json"])
     told = json.loads(done.stdout)
     assert told["measured_m"]["low"] < told["predicted_m"] < told["measured_m"]["high"]
 

@@ -83,7 +83,7 @@ def rows(client, count):
 
 
 def seek(client, time_s):
-    """Go to a time; return the answer once a row of that time is there, too: either may be first."""
+    """Go to a time; return the answer once there is a row of that time, which may come first."""
     client.send(json.dumps({"id": 5, "order": "seek", "time_s": time_s}))
     answer, at_s = None, -1.0
     while answer is None or abs(at_s - time_s) > 0.006:
