@@ -219,10 +219,12 @@ _status: list[int] = []
 
 def _leave() -> None:
     """End a fork with its memory as it is: to tidy up all modules takes a tenth of a second."""
-    if _status:
-        sys.stdout.flush()
-        sys.stderr.flush()
-        os._exit(_status[0])
+    with contextlib.suppress(OSError):  # what cannot be written is said as Python says it
+        for stream in (sys.stdout, sys.stderr):
+            if stream is not None and not stream.closed:
+                stream.flush()
+        if _status:
+            os._exit(_status[0])
 
 
 if __name__ == "__main__":
