@@ -18,6 +18,7 @@ WALK, BIAS = "gyros.angle_random_walk_deg_per_sqrt_h", "accelerometers.bias_ug"
 FILE = """
 scenario = "ideal"
 duration_s = 150
+set = {{ rate_hz = 50 }}
 [allocate]
 require = "p95 of horizontal_error_m <= {limit}"
 [[allocate.tolerances]]
