@@ -62,62 +62,26 @@ def test_all_contracts_are_kept():
 
 
 WRONG_IMPORTS = (
-    (
-        "dbc/e2e.py",
-        "import rrins.host_tools.errors",
-        "The bus contract stands alone",
-    ),
-    (
-        "firmware_py/core/maths/earth.py",
-        "from rrins.host_tools.bus import port",
-        "The firmware never imports the host tools",
-    ),
-    (
-        "firmware_py/core/maths/earth.py",
-        "from rrins.firmware_py.diagnostics.node import Diagnostics",
-        "The rooms of the firmware import downwards",
-    ),
-    (
-        "host_tools/hardware/earth.py",
-        "from rrins.firmware_py.core.maths import earth",
-        "The hardware imports nothing of ours but the bus contract",
-    ),
-    (
-        "host_tools/hardware/earth.py",
-        "from rrins.host_tools.errors import BusError",
-        "The hardware imports nothing of ours but the bus contract",
-    ),
-    (
-        "host_tools/bus/pace.py",
-        "from rrins.host_tools.wire import timing",
-        "The bus only transports",
-    ),
-    (
-        "host_tools/motion/local.py",
-        "from rrins.firmware_py.core.maths import earth",
-        "Tools of bus, wire and motion never import the firmware",
-    ),
-    (
-        "host_tools/logs/truth.py",
-        "from rrins.host_tools.rotation import merit",
-        "The rooms of the host tools import downwards",
-    ),
-    (
-        "host_tools/logs/truth.py",
-        "import rrins",
-        "No room imports the public face",
-    ),
-    (
-        "host_tools/logs/truth.py",
-        "from rrins import face",
-        "No room imports the public face",
-    ),
-    (
-        "dbc/frame.py",
-        "from rrins.dbc import codec",
-        "No modules import in a circle",
-    ),
-)
+    ("dbc/e2e.py", "import rrins.host_tools.errors", "The bus contract stands alone"),
+    ("firmware_py/core/maths/earth.py", "from rrins.host_tools.bus import port",
+     "The firmware never imports the host tools"),
+    ("firmware_py/core/maths/earth.py",
+     "from rrins.firmware_py.diagnostics.node import Diagnostics",
+     "The rooms of the firmware import downwards"),
+    ("host_tools/hardware/earth.py", "from rrins.firmware_py.core.maths import earth",
+     "The hardware imports nothing of ours but the bus contract"),
+    ("host_tools/hardware/earth.py", "from rrins.host_tools.errors import BusError",
+     "The hardware imports nothing of ours but the bus contract"),
+    ("host_tools/bus/pace.py", "from rrins.host_tools.wire import timing",
+     "The bus only transports"),
+    ("host_tools/motion/local.py", "from rrins.firmware_py.core.maths import earth",
+     "Tools of bus, wire and motion never import the firmware"),
+    ("host_tools/logs/truth.py", "from rrins.host_tools.rotation import merit",
+     "The rooms of the host tools import downwards"),
+    ("host_tools/logs/truth.py", "import rrins", "No room imports the public face"),
+    ("host_tools/logs/truth.py", "from rrins import face", "No room imports the public face"),
+    ("dbc/frame.py", "from rrins.dbc import codec", "No modules import in a circle"),
+)  # fmt: skip
 
 
 @pytest.fixture(scope="module")
