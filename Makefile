@@ -66,7 +66,7 @@ docs: $(VENV)/installed-dev
 	RRINS_WRITE_DOCS=1 $(RUN) pytest -q -m typed tests/docs/test_typed.py
 
 docs-html: $(VENV)/installed-docs
-	$(RUN) sphinx -W --keep-going -q -b html docs docs/_build/html
+	$(RUN) sphinx -W --keep-going -q -j auto -b html docs docs/_build/html
 
 # With the page that rehearses in the browser, which `make pages` makes and tests by itself.
 docs-site: docs-html

@@ -35,18 +35,22 @@ os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
 
 LONGEST = (
-    "host_tools/runs/test_rehearsal.py",
-    "host_tools/experiments/test_reproduce.py",
-    "host_tools/logs/test_replay.py",
-    "host_tools/runs/test_redundancy.py",
-    "examples/test_own_firmware.py",
-    "host_tools/runs/test_readmission.py",
-    "host_tools/runs/test_redundancy_faults.py",
-    "host_tools/redundancy/test_monte_carlo.py",
-    "host_tools/campaigns/test_survival.py",
     "host_tools/builds/test_build.py",
     "host_tools/builds/test_diagnostics.py",
+    "host_tools/runs/test_redundancy.py",
+    "examples/test_own_firmware.py",
+    "host_tools/runs/test_rehearsal.py",
+    "host_tools/runs/test_redundancy_faults.py",
+    "host_tools/conformance/test_conformance.py",
+    "host_tools/campaigns/test_survival.py",
+    "host_tools/experiments/test_reproduce.py",
+    "host_tools/runs/test_third_parties.py",
+    "host_tools/logs/test_replay.py",
+    "host_tools/campaigns/test_cluster.py",
     "test_package.py",
+    "docs/test_typed.py",
+    "host_tools/dashboard/test_static_page.py",
+    "host_tools/dashboard/test_page.py",
 )
 """Files that begin, the longest first: else one of them is left to a single worker at the end."""
 

@@ -89,7 +89,9 @@ def test_a_user_s_own_dbc_is_in_nobody_s_way(installed, own_folder):
 
 
 def test_the_command_works_in_a_user_s_folder(installed, own_folder):
-    (own_folder / "own.toml").write_text("duration_s = 0.1\n[firmware]\nalignment_s = 0.1\n")
+    (own_folder / "own.toml").write_text(
+        "duration_s = 0.1\nrate_hz = 50\n[firmware]\nalignment_s = 0.1\n"
+    )
     words = ("-m", "rrins", "simulate", "own.toml", "--json")
     assert json.loads(run(installed, own_folder, *words).stdout)["completed"]
 

@@ -62,6 +62,12 @@ class MemoryField:
 
 
 @functools.cache
+def _hints(kind: Any) -> dict[str, Any]:
+    """Return the types of the fields of a record's class, each of which has many records."""
+    return get_type_hints(kind, include_extras=True)
+
+
+@functools.cache
 def _texts(kind: Any) -> dict[str, str]:
     """Return the comments of the fields of a record's class."""
     texts: dict[str, str] = {}
@@ -86,7 +92,7 @@ def _unit_of(name: str, text: str) -> str:
 
 def _fields(kind: type[Record], path: str, address: int) -> Iterator[MemoryField]:
     assert kind.dtype.fields is not None
-    hints, texts = get_type_hints(kind, include_extras=True), _texts(cast(Any, kind))
+    hints, texts = _hints(cast(Any, kind)), _texts(cast(Any, kind))
     for name, (dtype, offset, *_) in kind.dtype.fields.items():
         at, inner = address + int(offset), _record_of(hints[name])
         if inner is None:
@@ -127,7 +133,7 @@ def by_path() -> dict[str, MemoryField]:
 
 def record_text(name: str) -> str:
     """Return what a record of the RAM image is; of its plain fields for another name."""
-    kind = _record_of(get_type_hints(Ram, include_extras=True).get(name))
+    kind = _record_of(_hints(Ram).get(name))
     first = inspect.getdoc(kind or Ram) or ""
     return first.partition("\n\n")[0].replace("\n", " ")
 

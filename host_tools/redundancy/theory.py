@@ -106,6 +106,7 @@ class Finder:
         self.second_factor = float(self._learned.second_factor)
         self.epoch_factor = float(self._learned.epoch_factor)
         self.noise_limit = float(self._learned.noise_limit)
+        self._at_the_end: dict[tuple[int, float, int], dict[str, float]] = {}
 
     def is_checked(self, sensor: int) -> bool:
         """Return whether a fault of a sensor, from 0, reaches the parity."""
@@ -216,8 +217,11 @@ class Finder:
         """
 
         def is_found(fault: float) -> bool:
-            chances = self.chances(sensor, fault, within_s)
-            return bool(chances.found[way][-1] >= probability)
+            key = (sensor, fault, within_s)
+            if key not in self._at_the_end:  # other ways and probabilities try many of these, too
+                found = self.chances(*key).found
+                self._at_the_end[key] = {one: float(found[one][-1]) for one in WAYS}
+            return self._at_the_end[key][way] >= probability
 
         low, high = -6.0, 8.0  # decades
         if not is_found(10.0**high):

@@ -29,7 +29,9 @@ def shared_library(built: Build, folder: Path) -> ctypes.CDLL:
     """Return the objects of a build for this processor, loaded."""
     path = folder / "steps.so"
     objects = sorted(built.folder.glob("*.o"))
-    toolchain.zig("cc", "-target", "x86_64-linux-gnu", "-shared", "-o", path, *objects, "-lm")
+    # -O2: the libraries that zig compiles on its first use are then those that the FMUs need.
+    words = "-target", "x86_64-linux-gnu", "-O2", "-shared", "-o"
+    toolchain.zig("cc", *words, path, *objects, "-lm")
     return ctypes.CDLL(str(path))
 
 

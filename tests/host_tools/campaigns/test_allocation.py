@@ -21,6 +21,7 @@ WALK, BIAS = "gyros.angle_random_walk_deg_per_sqrt_h", "accelerometers.bias_ug"
 FILE = """
 scenario = "ideal"
 duration_s = 150
+set = {{ rate_hz = 50 }}
 [allocate]
 require = "p95 of horizontal_error_m <= {limit}"
 [[allocate.tolerances]]
@@ -121,11 +122,9 @@ def test_of_choices_that_lead_to_the_same_the_cheaper_is_taken(write, tmp_path):
 
 @pytest.mark.slow
 def test_runs_confirm_it(write, tmp_path):
-    words = ["allocate", write(10), "--confirm", "100", "--out", str(tmp_path / "c")]
+    words = ["allocate", write(10), "--confirm", "100", "--out", str(tmp_path / "c"), "--json"]
     done = CliRunner().invoke(rrins, words)
     assert done.exit_code == 0, done.output
-    assert "the analysis agrees with the runs; the requirement " in done.output
-    done = CliRunner().invoke(rrins, [*words, "--json"])
     told = json.loads(done.stdout)
     assert told["measured_m"]["low"] < told["predicted_m"] < told["measured_m"]["high"]
 

@@ -75,7 +75,7 @@ def workshop(
     shutil.copytree(SOURCES, folder, ignore=shutil.ignore_patterns("build", "own_firmware"))
     root = SOURCES.parents[1]
     words = (
-        *("make", f"PYTHON={sys.executable}", "CFLAGS=-O1"),
+        *("make", f"PYTHON={sys.executable}", "CFLAGS=-O0"),
         *(f"DBC={root / 'dbc' / 'rrins.dbc'}", f"CLIENT={root / 'clients' / 'c'}"),
     )
     with Workshop(folder, shlex.join(words), folder / "own_firmware") as workshop:

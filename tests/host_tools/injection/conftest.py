@@ -47,9 +47,9 @@ class World:
             yield client
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def rehearsal(tmp_path_factory):
-    """A rehearsal that navigates; it is the same one for all tests."""
+    """A rehearsal that navigates; the tests of a file share it, and its process ends with them."""
     folder = tmp_path_factory.mktemp("world")
     file = folder / "scenario.toml"
     scenario = prepare_scenario(QUICK, {}, file, folder)

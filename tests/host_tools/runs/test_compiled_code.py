@@ -21,7 +21,7 @@ def cache(tmp_path, monkeypatch):
     return tmp_path / "cache" / "rrins"
 
 
-@pytest.mark.parametrize("command", ["rehearse", "firmware"])
+@pytest.mark.parametrize("command", ["rehearse", pytest.param("firmware", marks=pytest.mark.soak)])
 def test_a_folder_that_others_can_write_is_refused_in_one_line(start, cache, command):
     cache.mkdir(parents=True)
     cache.chmod(0o777)

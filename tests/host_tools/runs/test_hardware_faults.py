@@ -181,7 +181,9 @@ FAR_FROM_IDEAL = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("motion", ["stationary", "drive", "sway"])
+@pytest.mark.parametrize(
+    "motion", ["stationary", "drive", pytest.param("sway", marks=pytest.mark.soak)]
+)
 @pytest.mark.parametrize("name", FAR_FROM_IDEAL)
 def test_a_sound_encoder_is_never_blamed(fly, name, motion):
     tables = {"motion": {"kind": motion}}

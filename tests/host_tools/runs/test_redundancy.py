@@ -281,9 +281,9 @@ WHITE = {
 @pytest.mark.parametrize(
     ("kind", "value", "within_s"),
     [
-        pytest.param("gyro_bias", {"bias_dph": 0.5}, 65.0, marks=pytest.mark.soak),
+        in_soak("gyro_bias", {"bias_dph": 0.5}, 65.0),
         ("gyro_bias", {"bias_dph": 1.0}, 6.0),
-        ("gyro_bias", {"bias_dph": 10.0}, 2.0),
+        in_soak("gyro_bias", {"bias_dph": 10.0}, 2.0),
         ("accelerometer_bias", {"bias_ug": 1000.0}, 2.0),
     ],
 )

@@ -197,8 +197,17 @@ def test_a_group_that_repeats_one_frame_for_ever_is_left_out(at_s, noise):
     assert worst_m(summary) < 10  # 9.4 km when every 15th epoch was used
 
 
-@pytest.mark.parametrize("noise", [NOISE, {}, UNEVEN], ids=["noise", "ideal", "uncalibrated"])
-@pytest.mark.parametrize("share", [0.2, 0.4])
+@pytest.mark.parametrize(
+    ("share", "noise"),
+    [
+        pytest.param(0.2, NOISE, id="0.2-noise"),
+        pytest.param(0.2, {}, id="0.2-ideal", marks=pytest.mark.soak),
+        pytest.param(0.2, UNEVEN, id="0.2-uncalibrated", marks=pytest.mark.soak),
+        pytest.param(0.4, NOISE, id="0.4-noise"),
+        pytest.param(0.4, {}, id="0.4-ideal"),
+        pytest.param(0.4, UNEVEN, id="0.4-uncalibrated"),
+    ],
+)
 def test_a_bus_that_loses_many_frames_raises_no_alarm_and_hides_no_fault(share, noise):
     lost = {"kind": "drop", "probability": share, "at_s": 20}
     summary = simulate(lost, noise=noise)

@@ -43,7 +43,10 @@ def worst_m(summary):
     return math.hypot(error["east"], error["north"])
 
 
-@pytest.mark.parametrize("scenario", ["rimu_rotating", "rimu_rotating_aligned"])
+@pytest.mark.parametrize(
+    "scenario",
+    [pytest.param("rimu_rotating", marks=pytest.mark.soak), "rimu_rotating_aligned"],
+)
 def test_a_crooked_table_makes_no_sound_gyro_fail(scenario):
     axis = {"encoder_bits": 16}
     table = {"non_orthogonality_arcsec": 25, "wobble_arcsec": 10, "inner": axis, "outer": axis}

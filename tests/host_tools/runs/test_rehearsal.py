@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import itertools
 import json
 import os
@@ -21,6 +22,8 @@ from rrins.host_tools.cli.main import rrins
 from rrins.host_tools.runs.display import RunDisplay
 from rrins.host_tools.runs.run import Overrides, Plan, rehearse
 from rrins.host_tools.scenario.scenario import load
+
+in_soak = functools.partial(pytest.param, marks=pytest.mark.soak)
 
 
 @pytest.fixture
@@ -143,8 +146,8 @@ def test_a_stall_of_the_firmware_alone_is_made_up_for_and_named(start, tmp_path)
     ("side", "number", "words"),
     [
         ("firmware", signal.SIGKILL, "killed by SIGKILL"),
-        ("hardware", signal.SIGKILL, "killed by SIGKILL"),
-        ("firmware", signal.SIGTERM, "stopped by SIGTERM or SIGINT"),
+        in_soak("hardware", signal.SIGKILL, "killed by SIGKILL"),
+        in_soak("firmware", signal.SIGTERM, "stopped by SIGTERM or SIGINT"),
         ("hardware", signal.SIGTERM, "stopped by SIGTERM or SIGINT"),
     ],
 )

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import contextlib
 import itertools
+import os
 import subprocess
+import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,7 +19,6 @@ pytest.importorskip("pyxcp")
 from rrins.firmware_py.xcp.a2l import a2l_text
 from rrins.host_tools.bus.port import Address, open_when_there
 from rrins.host_tools.cli.main import rrins
-from rrins.host_tools.testing.processes import fresh_channel
 from tests.processes import Fork
 
 START_S = 300
@@ -36,21 +37,28 @@ class Desk:
         return CliRunner().invoke(rrins, ["xcp", *words, *bus], prog_name="rrins")
 
 
-@pytest.fixture
-def desk(tmp_path: Path) -> Iterator[Desk]:
-    folder, channel = tmp_path, fresh_channel()
+@pytest.fixture(scope="module")
+def desk(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Desk]:
+    """Return the terminal that the tests of this file share; it names the channel by its path."""
+    folder = tmp_path_factory.mktemp("desk")
     (folder / "measured.toml").write_text("duration_s = 20000.0\n[xcp]\n")
-    words = ["rehearse", str(folder / "measured.toml"), "--channel", channel, "--speed", "10"]
-    out = ["--json", "--out", str(folder / "out")]
-    process = Fork(["rrins", *words, *out], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-    try:
-        there = {"host": "never", "role": "observer", "name": "first"}
-        open_when_there(Address("rrins", channel), START_S, **there).shutdown()
-        yield Desk(channel, folder)
-    finally:
-        process.terminate()
-        with contextlib.suppress(subprocess.TimeoutExpired):
-            process.wait(START_S)
+    with tempfile.TemporaryDirectory(prefix="rrins-") as runtime:
+        channel = f"{runtime}/rrins/desk.sock"
+        words = ["rehearse", str(folder / "measured.toml"), "--channel", "desk", "--speed", "10"]
+        process = Fork(
+            ["rrins", *words, "--json", "--out", str(folder / "out")],
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+            env=os.environ | {"XDG_RUNTIME_DIR": runtime},
+        )
+        try:
+            there = {"host": "never", "role": "observer", "name": "first"}
+            open_when_there(Address("rrins", channel), START_S, **there).shutdown()
+            yield Desk(channel, folder)
+        finally:
+            process.terminate()
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                process.wait(START_S)
 
 
 def test_a_parameter_is_written_within_its_limits_until_power_off(desk):

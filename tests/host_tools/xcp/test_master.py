@@ -14,7 +14,6 @@ import pytest
 
 pytest.importorskip("pyxcp")
 
-from rrins.firmware_py.xcp.a2l import a2l_text
 from rrins.firmware_py.xcp.protocol import Resource
 from rrins.host_tools.bus.port import Address, open_when_there
 from rrins.host_tools.errors import BusError, XcpError
@@ -36,7 +35,7 @@ NAMES = (
 )  # fmt: skip
 SIGNALS = signals_of(NAMES)
 SECONDS = 10.0
-SCENARIO = load("ideal").varied(duration_s=200.0, xcp={})
+SCENARIO = load("ideal").varied(duration_s=60.0, xcp={})
 
 
 @dataclass
@@ -44,7 +43,6 @@ class Visit:
     """What a master saw."""
 
     rehearsed: Rehearsed
-    a2l: str
     recording: Recording
     by_second: Recording
     after_write: dict[str, float]
@@ -62,7 +60,6 @@ def visit() -> Visit:
 
     def guest(address: Address) -> None:
         with XcpMaster(address, timeout_s=30.0) as master:
-            seen["a2l"] = master.a2l()
             seen["recording"] = record(master, SIGNALS, SECONDS)
             (height,) = signals_of(["parameters.height"])  # where navigation started: of no effect
             master.write(height, 12.5)
@@ -75,10 +72,6 @@ def visit() -> Visit:
     watch = [(signal.address, signal.size) for signal in SIGNALS]
     rehearsed = rehearse(SCENARIO, guest, watch)
     return Visit(rehearsed, **seen)
-
-
-def test_the_a2l_by_get_id_is_that_of_the_export(visit):
-    assert visit.a2l == a2l_text(SCENARIO.period_ns)
 
 
 def check_values(recording: Recording, watched: dict[int, bytes], seconds: float) -> None:
@@ -131,7 +124,7 @@ def test_without_the_table_nobody_answers():
         with pytest.raises(XcpError, match=r"no answer over XCP; .*\[xcp\]"):
             XcpMaster(address, timeout_s=0.3)
 
-    rehearse(SCENARIO.varied(xcp=None, duration_s=100.0), guest)
+    rehearse(SCENARIO.varied(xcp=None, duration_s=20.0), guest)
 
 
 def test_without_a_bus_there_is_no_master():

@@ -6,7 +6,6 @@ import logging
 import os
 import shutil
 import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -14,6 +13,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from rrins.compiled.code_folder import CodeFolder, CodeFolderError, name_of_code
+from tests.processes import Fork
 
 FIRST, SECOND = name_of_code("core.first", "float64"), name_of_code("core.second", "float64")
 
@@ -198,11 +198,12 @@ signal.setitimer(signal.ITIMER_REAL, 0.0)
 
 
 def test_a_claim_keeps_other_processes_waiting_open_to_ctrl_c(tmp_path):
-    folder = folder_with_code(tmp_path)
+    folder, script = folder_with_code(tmp_path), tmp_path / "claim.py"
+    script.write_text(CLAIM)
 
     def claim(name):
-        command = [sys.executable, "-c", CLAIM, str(folder.path), name]
-        return subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
+        with Fork([script, folder.path, name], stdout=subprocess.PIPE, text=True) as process:
+            return process.communicate()[0].strip()
 
     with folder.claimed(FIRST):
         with folder.claimed(SECOND):

@@ -5,8 +5,6 @@ from __future__ import annotations
 import importlib.util
 import os
 import subprocess
-import sys
-from concurrent.futures import ThreadPoolExecutor
 
 import numba
 import pytest
@@ -14,6 +12,7 @@ import pytest
 from rrins.compiled.code_folder import CodeFolder
 from rrins.compiled.compilation import compiled_with
 from rrins.compiled.compile_events import compiling_watched
+from tests.processes import Fork
 
 pytestmark = pytest.mark.skipif(numba.config.DISABLE_JIT, reason="nothing is compiled")
 
@@ -138,23 +137,24 @@ print(inner(4), outer(1.0) + 2)
 """
 
 
+def begin(script, *arguments):
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+    return Fork([script, *arguments], text=True, **pipes)
+
+
 def run(script, *arguments):
-    return subprocess.run(
-        [sys.executable, script, *map(str, arguments)],
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=100,
-    )
+    with begin(script, *arguments) as process:
+        out, err = process.communicate(timeout=100)
+    return subprocess.CompletedProcess(script, process.returncode, out, err)
 
 
 def test_processes_that_start_at_once_do_not_disturb_each_other(folder, tmp_path):
     script = tmp_path / "script.py"
     script.write_text(SCRIPT)
-    with ThreadPoolExecutor(2) as pool:
-        for done in pool.map(lambda _: run(script, folder.path), range(2)):
-            assert (done.returncode, done.stderr) == (0, "")
-            assert done.stdout == "5 6.5\n"
+    for process in [begin(script, folder.path) for _ in range(2)]:
+        with process:
+            assert process.communicate(timeout=100) == ("5 6.5\n", "")
+        assert process.returncode == 0
 
 
 INTERRUPTED_AT_MANY_INSTANTS = """
@@ -197,6 +197,8 @@ def test_ctrl_c_while_compiling_stops_without_a_traceback(folder, tmp_path):
 
 PARTS = """
 import sys
+from rrins.compiled.code_folder import code_folder
+code_folder.cache_clear()  # that of the server
 from rrins.compiled.compilation import compiled, compiled_with
 from rrins.compiled.compile_events import compiling_watched
 @compiled
@@ -277,6 +279,7 @@ from rrins.compiled.code_folder import code_folder
 from rrins.compiled.compilation import compiled
 from rrins.compiled.compile_events import compiling_watched
 from rrins.compiled.compiled_beside import Beside, compiled_beside
+code_folder.cache_clear()  # that of the server
 @compiled
 def inner(x):
     return x + 0.5

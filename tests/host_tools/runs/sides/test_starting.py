@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import signal
 import subprocess
-import sys
+import tempfile
 import threading
 
 from click.testing import CliRunner
@@ -13,6 +13,7 @@ from click.testing import CliRunner
 from rrins.host_tools.cli.main import rrins
 from rrins.host_tools.runs.sides import starting
 from rrins.host_tools.runs.sides.starting import Forks
+from tests.processes import Fork
 
 # What is forked has one thread, so a program does it, and tests what follows.
 _PROGRAM = """
@@ -31,16 +32,14 @@ def command(words):
 
 def in_a_program(lines: str) -> str:
     """Run lines in a program with the command above; return what they print."""
-    done = subprocess.run(
-        [sys.executable, "-c", _PROGRAM + lines],
-        capture_output=True,
-        text=True,
-        timeout=60,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr
-    assert done.stderr == ""
-    return done.stdout
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+    with tempfile.NamedTemporaryFile("w", suffix=".py") as script:
+        script.write(_PROGRAM + lines)
+        script.flush()
+        with Fork([script.name], text=True, **pipes) as process:
+            out, complaints = process.communicate(timeout=60)
+    assert (process.returncode, complaints) == (0, "")
+    return out
 
 
 def test_a_fork_runs_its_words_in_a_session_of_its_own_without_input():
