@@ -31,7 +31,7 @@ from tests.host_tools.builds.steps import (
     shared_library,
 )
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(900)]  # the first of a machine compiles all
 
 _EPOCHS = 3000
 """Of units coupled; they navigate from the 600th on."""

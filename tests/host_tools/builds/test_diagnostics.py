@@ -43,7 +43,7 @@ from tests.firmware_py.diagnostics.test_fuzz import Requests
 from tests.host_tools.builds import built_for_each
 from tests.host_tools.builds.diagnosed import FUNCTIONAL, REQUEST, SANITISED, Beside, Tool, program
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(900)]  # the first of a machine compiles all
 
 _STANDBY = {"navigate_at_s": 3600}
 _FAULTS = {
