@@ -93,6 +93,7 @@ class Transport:
         """Whether nothing is in progress in either direction."""
         return not (
             self._waiting
+            or self._fed
             or self._sent
             or self._functional
             or self._layer.available()

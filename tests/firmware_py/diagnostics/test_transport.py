@@ -189,6 +189,12 @@ def test_flow_control_of_an_unknown_state_ends_the_response(tool):
     assert tool.node._transport.is_idle
 
 
+def test_a_request_behind_the_end_of_a_response_in_one_epoch_is_answered(tool):
+    tool.step([READ_ALL])
+    end, present = bytes.fromhex("320000"), bytes.fromhex("023e00")
+    assert [frame[:3].hex() for frame in collect(tool, 3, [end, present])] == ["027e00"]
+
+
 def test_the_session_lasts_while_a_request_is_coming(tool):
     """ISO 14229-2: its time stops with the first frame, and begins anew with the response."""
     tool.unlock()

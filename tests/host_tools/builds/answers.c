@@ -15,12 +15,13 @@ enum { INBOX = 4096 };
 static struct firmware firmware;
 static struct rrins_frame inbox[INBOX], outbox[OUTBOX];
 
-void random_bytes(uint8_t *at, size_t size)
+bool random_bytes(uint8_t *at, size_t size)
 {
     static uint64_t drawn;
     drawn += UINT64_C(0x9E3779B97F4A7C15);
     for (size_t k = 0; k < size; k++)
         at[k] = (uint8_t)(drawn >> 8 * (k % 8));
+    return true;
 }
 
 int main(int count, char **words)

@@ -115,7 +115,8 @@ class Beside:
         self.firmware.close()
         self._theirs.stdin.write(_HEAD.pack(-1, 0))
         self._theirs.stdin.close()
-        memory = self._theirs.stdout.read()
+        with self._theirs.stdout as rest:
+            memory = rest.read()
         assert self._theirs.wait() == 0
         return shortened(self.firmware.ram, dtype).tobytes(), memory
 

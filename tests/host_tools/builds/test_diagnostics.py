@@ -320,6 +320,14 @@ def test_other_scenarios_are_diagnosed_as_by_python(name: str, tmp_path: Path) -
         ask_at_random(tool, 3000, seed)
         ours, theirs = beside.close(built.images.ram.dtype)
         assert theirs == ours
+    tool = Tool(Beside(load(name, **_STANDBY), path))
+    tool.run(2.0)
+    unlock(tool)
+    record = table.identifier("gyro_weights").encode(
+        {"weights": (1e-9, 1e-9, 1.0, 1e9, *12 * [1.0])}
+    )
+    assert tool.ask(b"\x2e\x10\x07" + record) == b"\x6e\x10\x07"  # H' W H is singular in doubles
+    tool.beside.close(built.images.ram.dtype)
     for seed in range(10):
         folder = tmp_path / str(seed)
         folder.mkdir()

@@ -121,6 +121,8 @@ int write_data(struct server *server, const uint8_t *data, size_t size, struct o
     store_record(&whole, (size_t)did->parameter, data + 2);
     if (!can_be_set_up(&whole))
         return REQUEST_OUT_OF_RANGE;
+    if (store_is_busy(server->computer.memory.store))
+        return BUSY_REPEAT_REQUEST; /* what wrote it before is not done */
     server->job = parameters_change(&server->computer.memory, &changes);
     memcpy(server->asked, data, 2);
     server->poll = poll_write;

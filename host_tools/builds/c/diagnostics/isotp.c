@@ -178,7 +178,7 @@ static bool receive(struct isotp *tp, const struct can_data *frame)
         tp->is_receiving = false;
     } else if (type == FIRST) {
         receive_first(tp, frame);
-    } else {
+    } else if (tp->is_receiving) {
         receive_consecutive(tp, frame);
     }
     return tp->flow_due;

@@ -117,6 +117,20 @@ bool parameters_read(struct stored *stored, const uint8_t *file, size_t size)
     return true;
 }
 
+/* Leave out one choice that the program has no room for; both if either is too much. */
+static void drop_what_is_not_built(struct stored *stored)
+{
+    static const size_t which[] = {P_ALIGNMENT, P_HEIGHT_CHANNEL};
+    for (size_t k = 0; k < 2; k++) {
+        bool was_there = stored->is_there[which[k]];
+        stored->is_there[which[k]] = false;
+        if (is_built(stored))
+            return;
+        stored->is_there[which[k]] = was_there;
+    }
+    stored->is_there[P_ALIGNMENT] = stored->is_there[P_HEIGHT_CHANNEL] = false;
+}
+
 void parameters_load(struct parameter_memory *memory)
 {
     static uint8_t file[CALIBRATION_CAPACITY];
@@ -137,7 +151,7 @@ void parameters_load(struct parameter_memory *memory)
             is_whole = false;
         }
     if (!is_built(&memory->stored)) {
-        memory->stored.is_there[P_ALIGNMENT] = memory->stored.is_there[P_HEIGHT_CHANNEL] = false;
+        drop_what_is_not_built(&memory->stored);
         is_whole = false;
     }
     if (!is_whole)

@@ -325,6 +325,8 @@ int control_routine(struct server *server, const uint8_t *data, size_t size, str
             return REQUEST_SEQUENCE_ERROR;
         if (!may_start(server, index))
             return CONDITIONS_NOT_CORRECT;
+        if (index == ROUTINE_RESTORE_SET_UP && store_is_busy(server->computer.memory.store))
+            return BUSY_REPEAT_REQUEST; /* what wrote it before is not done */
         start(server, index, data + 3);
     } else if (option == STOP) {
         if (!can_be_stopped(server, index))

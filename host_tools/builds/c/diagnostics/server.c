@@ -227,7 +227,9 @@ static int give_seed(struct server *server, struct out *out)
     }
     if (server->now_ns < server->closed_until_ns)
         return REQUIRED_TIME_DELAY_NOT_EXPIRED;
-    random_bytes(server->seed, SEED_SIZE);
+    server->has_seed = false;
+    if (!random_bytes(server->seed, SEED_SIZE))
+        return CONDITIONS_NOT_CORRECT; /* without a seed nobody is let in */
     if (memcmp(server->seed, zeros, SEED_SIZE) == 0)
         memset(server->seed, 1, SEED_SIZE); /* zero: unlocked */
     server->has_seed = true;

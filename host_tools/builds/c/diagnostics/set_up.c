@@ -55,12 +55,41 @@ static bool covariance(const double (*H)[3], const double *weights, int count, d
     return invert(A, P);
 }
 
+/*
+ * The largest element of (H' W H)^-1 H' W. By Cauchy and Binet it is of sums over three sensors
+ * each, in which nothing cancels, however far apart the weights are.
+ */
+static double largest_gain(const double (*H)[3], const double *weights, int count)
+{
+    double sums[SENSORS][3] = {{0.0}}, determinant = 0.0, largest = 0.0;
+    for (int a = 0; a < count; a++)
+        for (int b = 0; b < a; b++) {
+            double normal[3];
+            for (int i = 0; i < 3; i++)
+                normal[i] = H[a][(i + 1) % 3] * H[b][(i + 2) % 3] -
+                            H[a][(i + 2) % 3] * H[b][(i + 1) % 3];
+            for (int s = 0; s < count; s++) {
+                double volume = H[s][0] * normal[0] + H[s][1] * normal[1] + H[s][2] * normal[2];
+                double part = weights[a] * weights[b] * weights[s] * volume;
+                if (s == a || s == b)
+                    continue;
+                determinant += part * volume / 3.0; /* each three sensors come thrice */
+                for (int i = 0; i < 3; i++)
+                    sums[s][i] += part * normal[i];
+            }
+        }
+    for (int s = 0; s < count; s++)
+        for (int i = 0; i < 3; i++)
+            largest = fmax(largest, fabs(sums[s][i]));
+    return determinant > 0.0 ? largest / determinant : HUGE_VAL;
+}
+
 /* The limits of `rrins.firmware_py.core.settings.check_weights`. */
 bool weights_are_usable(const struct stored *stored, int kind)
 {
     size_t parameter = kind == 0 ? P_GYRO_WEIGHTS : P_ACCELEROMETER_WEIGHTS;
     int count = count_of(kind);
-    double weights[SENSORS], P[3][3], least = HUGE_VAL, most = 0.0, gain = 0.0;
+    double weights[SENSORS], least = HUGE_VAL, most = 0.0;
     if (!stored->is_there[parameter])
         return true;
     for (int s = 0; s < count; s++) {
@@ -72,16 +101,7 @@ bool weights_are_usable(const struct stored *stored, int kind)
         return false;
     for (int s = 0; s < count; s++)
         weights[s] /= most;
-    if (!covariance(input_axes[kind], weights, count, P))
-        return false;
-    for (int s = 0; s < count; s++)
-        for (int i = 0; i < 3; i++) {
-            double along = 0.0;
-            for (int k = 0; k < 3; k++)
-                along += P[i][k] * input_axes[kind][s][k];
-            gain = fmax(gain, fabs(along * weights[s]));
-        }
-    return gain <= GAIN_LIMIT;
+    return largest_gain(input_axes[kind], weights, count) <= GAIN_LIMIT;
 }
 
 bool can_be_set_up(const struct stored *stored)

@@ -46,6 +46,13 @@ static size_t read_at(const struct store *store, uint8_t *at, size_t size, size_
     return done;
 }
 
+/* Whether it was never written: what cannot be read is damaged. */
+static bool is_blank(const struct store *store)
+{
+    struct stat status;
+    return fstat(store->file, &status) == 0 && status.st_size == 0;
+}
+
 /* Replace bytes; true once they are safely stored. */
 static bool write_at(int file, const uint8_t *at, size_t size, size_t start)
 {
@@ -83,9 +90,8 @@ static bool read_copy(struct store *store, int slot, size_t *size, uint64_t *seq
 enum condition store_read(struct store *store, uint8_t *image, size_t *size, uint64_t *sequence)
 {
     int sound = 0;
-    uint8_t first;
     *size = 0, *sequence = 0;
-    if (read_at(store, &first, 1, 0) == 0)
+    if (is_blank(store))
         return MEMORY_BLANK;
     for (int slot = 0; slot < 2; slot++) {
         size_t own_size;
@@ -116,6 +122,14 @@ static void fill_slot(struct store *store, uint64_t sequence)
     memcpy(store->slot + HEAD, store->image, store->image_size);
 }
 
+/* The hidden file beside a path that replaces it. */
+static void aside_of(const char *path, char aside[PATH_SIZE + 32])
+{
+    const char *slash = strrchr(path, '/');
+    int folder = slash == NULL ? 0 : (int)(slash - path) + 1;
+    snprintf(aside, PATH_SIZE + 32, "%.*s.%s.%ld", folder, path, path + folder, (long)getpid());
+}
+
 static void folder_of(const char *path, char folder[PATH_SIZE])
 {
     const char *slash = strrchr(path, '/');
@@ -129,8 +143,9 @@ static bool create(struct store *store)
     char aside[PATH_SIZE + 32], folder[PATH_SIZE];
     int file, directory;
     bool is_well;
-    snprintf(aside, sizeof aside, "%s.%ld", store->path, (long)getpid());
-    file = open(aside, O_RDWR | O_CREAT | O_TRUNC | O_CLOEXEC, 0666);
+    aside_of(store->path, aside);
+    unlink(aside); /* of a process of this number that was killed */
+    file = open(aside, O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
     if (file < 0)
         return false;
     is_well = flock(file, LOCK_EX | LOCK_NB) == 0; /* before anyone can open it */
@@ -158,10 +173,9 @@ static bool write_image(struct store *store)
 {
     uint64_t sequences[2] = {0, 0}, next;
     bool sound[2];
-    uint8_t first;
     size_t size;
     int slot;
-    if (read_at(store, &first, 1, 0) == 0)
+    if (is_blank(store))
         return create(store);
     for (int k = 0; k < 2; k++)
         sound[k] = read_copy(store, k, &size, &sequences[k]);
@@ -211,6 +225,11 @@ struct write_job *store_write(struct store *store, const uint8_t *image, size_t 
     else
         work(store);
     return &store->job;
+}
+
+bool store_is_busy(const struct store *store)
+{
+    return store != NULL && store->has_thread && !atomic_load(&store->job.is_done);
 }
 
 bool write_job_is_done(const struct write_job *job)

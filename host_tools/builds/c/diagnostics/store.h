@@ -29,6 +29,9 @@ enum condition store_read(struct store *store, uint8_t *image, size_t *size, uin
 struct write_job *store_write(struct store *store, const uint8_t *image, size_t size, bool waits);
 bool write_job_is_done(const struct write_job *job);
 
+/* Whether an image is still being written beside the loop. */
+bool store_is_busy(const struct store *store);
+
 /* Wait until everything is stored. */
 void store_wait(struct store *store);
 

@@ -120,6 +120,8 @@ int exit_transfer(struct server *server, const uint8_t *data, size_t size, struc
         return REQUEST_SEQUENCE_ERROR;
     if (transfer->is_download && size != CRC_SIZE)
         return INCORRECT_MESSAGE_LENGTH;
+    if (transfer->is_download && store_is_busy(server->computer.memory.store))
+        return BUSY_REPEAT_REQUEST; /* what wrote it before is not done */
     transfer->is_active = false;
     crc = crc32_of(transfer->data, transfer->size);
     if (size == CRC_SIZE && number_at(data, CRC_SIZE) != crc)

@@ -56,8 +56,8 @@ double f64_at(const uint8_t *at);
 uint32_t crc32_of(const uint8_t *at, size_t size);
 /* The first KEY_SIZE bytes of the HMAC-SHA-256 of the seed. */
 void key_of(const uint8_t seed[SEED_SIZE], uint8_t key[KEY_SIZE]);
-/* Unpredictable bytes. */
-void random_bytes(uint8_t *at, size_t size);
+/* Unpredictable bytes; false if there are none. */
+bool random_bytes(uint8_t *at, size_t size);
 
 /* Where a parameter's record stands among those in the memory. */
 struct stored {
