@@ -250,7 +250,7 @@ def draw_filter(analysis: Analysis) -> Figure:
     styles = iter(LINES)  # one for each panel
     for number, (words, unit, names) in enumerate(_PANELS):
         axes = figure.add_subplot(grid[number // 2, number % 2], sharex=ratio_axes)
-        axes.tick_params(labelbottom=False)
+        axes.tick_params(labelbottom=number >= len(_PANELS) - 2)  # the ratio's axis is wider
         pairs = [analysis.quantity(name) for name in names]
         true = np.sqrt(sum((one**2 for one, _ in pairs), np.zeros(len(analysis.times_s))))
         told = np.sqrt(sum((one**2 for _, one in pairs if one is not None), np.zeros(len(true))))

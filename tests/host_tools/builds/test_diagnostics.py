@@ -213,7 +213,8 @@ def write_and_reset(seed: int, name: str, program: Path, images: Images, folder:
     assert state is not None
     found = table.identifier("parameter_memory").decode(state[3:])
     assert found["state"] == MemoryState.MEMORY
-    assert found["parameters"] >= written > 10  # type: ignore[operator]  # a number
+    assert isinstance(found["parameters"], int)
+    assert found["parameters"] >= written > 10
     tool.run(5.0)
     ask_at_random(tool, 50, seed)
     compare_memories(beside, images)
