@@ -9,17 +9,15 @@ frame.
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
-from numba import config
-from numba.core import types
 
-from rrins.compiled.compilation import compiled
+from rrins.compiled.compilation import IS_DISABLED, Foreign, compiled
 from rrins.compiled.record import I8, U8, Integers, Record, Words
 from rrins.dbc.frame import FrameArray
 
-AVAILABLE = not config.DISABLE_JIT  # type: ignore[attr-defined]  # set by numba as it loads
+AVAILABLE = not IS_DISABLED
 """Whether code is compiled, and so can call the kernel."""
 
 WORDS = 8193
@@ -45,13 +43,9 @@ _POLLIN = 1
 _EVENTS_BIT, _REVENTS_BIT = 32, 48  # of struct pollfd, as one word
 _MSG_DONTWAIT, _MSG_NOSIGNAL = 0x40, 0x4000
 
-_poll: Any = types.ExternalFunction("poll", types.int32(types.uintp, types.uint64, types.int32))
-_recv: Any = types.ExternalFunction(
-    "recv", types.intp(types.int32, types.uintp, types.uintp, types.int32)
-)
-_send: Any = types.ExternalFunction(
-    "send", types.intp(types.int32, types.uintp, types.uintp, types.int32)
-)
+_poll = Foreign("poll", "int32", ("uintp", "uint64", "int32"))
+_recv = Foreign("recv", "intp", ("int32", "uintp", "uintp", "int32"))
+_send = Foreign("send", "intp", ("int32", "uintp", "uintp", "int32"))
 
 
 class Direct(Record):

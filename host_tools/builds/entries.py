@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from numba.core import types
+from types import NoneType
 
 from rrins.compiled.object_code import Argument, Entry
 from rrins.dbc.contract import load_contract
@@ -29,8 +29,8 @@ def firmware_entry(variant: Variant) -> Entry:
             Argument("ram", variant.memory, (1,)),
             Argument("contract", load_contract().dtype, (1,)),
             Argument("inbox", Frame.dtype, ("count",)),
-            Argument("", types.int64, value=0),
-            Argument("count", types.int64),
+            Argument("", int, value=0),
+            Argument("count", int),
             Argument("outbox", Frame.dtype, (FIRMWARE_OUTBOX,)),
             _choice(variant.compares),
             _choice(variant.estimates),
@@ -68,7 +68,7 @@ def hardware_entry() -> Entry:
             Argument("motion", float, ("pieces", MOTION_CHANNELS, MOTION_TERMS)),
             Argument("contract", load_contract().dtype, (1,)),
             Argument("inbox", Frame.dtype, ("count",)),
-            Argument("count", types.int64),
+            Argument("count", int),
             Argument("outbox", Frame.dtype, (HARDWARE_OUTBOX,)),
         ),
     )
@@ -89,7 +89,7 @@ def rehearsal_entry(variant: Variant) -> Entry:
             Argument("session", Session.dtype, (1,)),
             Argument("up", Frame.dtype, (HARDWARE_OUTBOX,)),
             Argument("down", Frame.dtype, (FIRMWARE_OUTBOX,)),
-            Argument("epochs", types.int64),
+            Argument("epochs", int),
             _choice(variant.compares),
             _choice(variant.estimates),
         ),
@@ -98,7 +98,7 @@ def rehearsal_entry(variant: Variant) -> Entry:
 
 def _choice(is_chosen: bool) -> Argument:
     """Return what a step takes for a part that is compiled in, or left out."""
-    return Argument("", types.boolean, value=1) if is_chosen else Argument("", types.none)
+    return Argument("", bool, value=1) if is_chosen else Argument("", NoneType)
 
 
 def entries_of(unit: str, variant: Variant) -> tuple[Entry, ...]:

@@ -10,10 +10,6 @@ from importlib import metadata
 from pathlib import Path
 from typing import Final
 
-import llvmlite
-import numba
-import numpy as np
-
 _ROOMS: Final = (
     "dbc",
     "rrins/compiled",
@@ -47,9 +43,6 @@ def versions() -> dict[str, str]:
     return {
         "rrins": metadata.version("rrins"),
         "python": f"{sys.version_info.major}.{sys.version_info.minor}",
-        "numpy": np.__version__,
-        "scipy": metadata.version("scipy"),
-        "numba": numba.__version__,
-        "llvmlite": llvmlite.__version__,
+        **{name: metadata.version(name) for name in ("numpy", "scipy", "numba", "llvmlite")},
         "machine": platform.machine(),
     }

@@ -91,7 +91,8 @@ def _number_of_channel(text: Bytes, at: int, end: int, known: Bytes) -> int:
     size = min(end - at, _CHANNEL_BYTES)
     for number in range(_CHANNELS - 1):
         if known[number, 0] == 0:
-            known[number, :size] = text[at : at + size]
+            for k in range(size):
+                known[number, k] = text[at + k]
             return number
         is_same = size == _CHANNEL_BYTES or known[number, size] == 0
         k = 0

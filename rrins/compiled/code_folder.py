@@ -19,18 +19,17 @@ import sys
 import tempfile
 import time
 from collections.abc import Iterator
+from importlib.metadata import version
 from pathlib import Path
 
-import llvmlite
-import numba
-import numpy as np
+from llvmlite import binding as llvm
 
 from rrins.compiled.compile_events import heed_signals
 from rrins.compiled.sources import PACKAGE, Sources
 
 _log = logging.getLogger(__name__)
 
-_COMPILER = numba.__version__, llvmlite.__version__, np.__version__, sys.version
+_LIBRARIES = "numba", "llvmlite", "numpy"
 _KEPT = 4
 """Folders of former sources to keep, for a return to those sources."""
 _KEPT_S = 24 * 3600.0
@@ -79,7 +78,11 @@ def code_folder() -> CodeFolder | None:
     None if the user has no home.
     """
     try:
-        key = repr((*_COMPILER, sources().digest))
+        named = os.environ.get("NUMBA_CPU_NAME"), os.environ.get("NUMBA_CPU_FEATURES")
+        host = llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten()
+        processor = named if named[0] else host
+        versions = [version(name) for name in _LIBRARIES]
+        key = repr((versions, sys.version, processor, sources().digest))
         return CodeFolder(_base() / hashlib.sha256(key.encode()).hexdigest()[:16])
     except RuntimeError:
         return None

@@ -7,6 +7,7 @@ the last one ends: a fraction of a second.
 
 from __future__ import annotations
 
+import itertools
 import signal
 import threading
 from collections.abc import Callable, Iterator
@@ -14,10 +15,7 @@ from contextlib import contextmanager
 from types import FrameType
 from typing import Any
 
-from numba.core.event import Event, Listener, install_listener, register
-
 _SIGNALS = (signal.SIGINT, signal.SIGTERM)
-_COMPILING = "numba:compile"
 
 OnFunction = Callable[[int], None]
 """Called with how many functions have been begun."""
@@ -90,42 +88,37 @@ def heed_signals() -> None:
         _deferral.heed()
 
 
-class _DeferWhileCompiling(Listener):
-    """Holds back signals while a function is compiled, with those that it calls."""
-
-    def on_start(self, event: Event) -> None:
-        """Begin a function, or break off before it."""
-        if _is_in_main_thread():
-            _deferral.begin()
-            _deferral.heed()
-
-    def on_end(self, event: Event) -> None:
-        """End a function."""
-        if _is_in_main_thread():
-            _deferral.end()
+_watchers: list[Callable[[], None]] = []
 
 
-class _Count(Listener):
-    """Counts the functions that are compiled."""
+@contextmanager
+def compiling() -> Iterator[None]:
+    """Hold back signals while a function is compiled, with those that it calls; break off before.
 
-    def __init__(self, on_function: OnFunction) -> None:
-        self._on_function = on_function
-        self._functions = 0
-
-    def on_start(self, event: Event) -> None:
-        """Count a function."""
-        self._functions += 1
-        self._on_function(self._functions)
-
-    def on_end(self, event: Event) -> None:
-        """Do nothing."""
+    Tells whoever watches.
+    """
+    with signals_deferred():
+        heed_signals()
+        for on_function in tuple(_watchers):
+            on_function()
+        yield
 
 
 @contextmanager
 def compiling_watched(on_function: OnFunction) -> Iterator[None]:
     """Follow what is compiled inside: nothing where all code is in the cache."""
-    with install_listener(_COMPILING, _Count(on_function)):
+    functions = itertools.count(1)
+
+    def count() -> None:
+        on_function(next(functions))
+
+    _watchers.append(count)
+    try:
         yield
+    finally:
+        _watchers.remove(count)
 
 
-register(_COMPILING, _DeferWhileCompiling())
+def forget_watchers() -> None:
+    """Tell nobody: what a process does that was forked while somebody watched."""
+    _watchers.clear()

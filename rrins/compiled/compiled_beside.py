@@ -11,16 +11,14 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-import numba
 import numpy as np
-from numba.core import types
-from numba.core.event import Event, Listener, _registered, install_listener
 
 from rrins.compiled.code_folder import code_folder, forget_claims
 from rrins.compiled.compilation import Function
+from rrins.compiled.compile_events import compiling_watched, forget_watchers
+from rrins.compiled.kinds import ALIGNED, C_ORDER, WRITEABLE
 from rrins.compiled.record import Record
 
-_SCALARS = {bool: types.boolean, int: types.int64, float: types.float64}
 _PR_SET_PDEATHSIG = 1  # linux/prctl.h
 _FIRST_OTHER_FD = 3
 
@@ -30,44 +28,37 @@ class Beside:
     """A function that compiled code calls, and the types of its arguments."""
 
     function: Callable[..., object]  #: a compiled one
-    #: for each a class of records, a dtype, bool, int, float, or a type of numba
-    arguments: tuple[Any, ...]
+    arguments: tuple[Any, ...]  #: for each a class of records, a dtype, a type, or `array_of`
 
     def compile(self) -> None:
         """Compile it, unless its code is there."""
         if isinstance(self.function, Function):
-            self.function.prepare(tuple(_kind(argument) for argument in self.arguments))
+            self.function.callee.prepare([_kind(argument) for argument in self.arguments])
 
 
 def _kind(argument: Any) -> Any:
-    if isinstance(argument, type) and issubclass(argument, Record):
-        return numba.from_dtype(argument.dtype)
-    if isinstance(argument, np.dtype):
-        return numba.from_dtype(argument)
-    return _SCALARS.get(argument, argument)
+    is_record = isinstance(argument, type) and issubclass(argument, Record)
+    return argument.dtype if is_record else argument
 
 
-def array_of(kind: Any, dimensions: int = 1) -> Any:
-    """Return numba's type of a contiguous array of records or numbers."""
-    return types.Array(_kind(kind), dimensions, "C")
+def array_of(kind: Any, dimensions: int = 1) -> tuple[Any, int, int]:
+    """Return what stands for a contiguous array of records or numbers."""
+    return np.dtype(_kind(kind)), dimensions, C_ORDER | WRITEABLE | ALIGNED
 
 
-class _Helper(Listener):
+class _Helper:
     """A fork of this process, made when the first function is compiled."""
 
     def __init__(self, wanted: Sequence[Beside]) -> None:
         self._wanted = wanted
         self._pid: int | None = None
 
-    def on_start(self, event: Event) -> None:
+    def begin(self, functions: int) -> None:
         """Fork, once."""
         if self._pid is None:
             self._pid = os.fork()
             if self._pid == 0:
                 _compile_and_exit(self._wanted)
-
-    def on_end(self, event: Event) -> None:
-        """Do nothing."""
 
     def end(self) -> None:
         """Stop it."""
@@ -88,7 +79,7 @@ def compiled_beside(*wanted: Beside) -> Iterator[None]:
         yield
         return
     helper = _Helper(wanted)
-    with install_listener("numba:compile", helper):
+    with compiling_watched(helper.begin):
         try:
             yield
         finally:
@@ -98,7 +89,7 @@ def compiled_beside(*wanted: Beside) -> Iterator[None]:
 def _compile_and_exit(wanted: Sequence[Beside]) -> None:
     """Be the helper: silent, without what it inherited, and gone with its parent."""
     try:
-        _registered.clear()  # nobody is to be told of what is compiled here
+        forget_watchers()  # nobody is to be told of what is compiled here
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, signal.SIG_DFL)
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)

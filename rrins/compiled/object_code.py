@@ -12,13 +12,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, cast
 
-import numba
 import numpy as np
 from llvmlite import binding as llvm
-from numba.core import types
 
-from rrins.compiled.code_library import PartLibrary, collector_paused
-from rrins.compiled.compilation import Function
+from rrins.compiled.compilation import IS_DISABLED, Function
+from rrins.compiled.compiler import type_of
+from rrins.compiled.kinds import ALIGNED, C_ORDER, WRITEABLE
+from rrins.compiled.parts import PartLibrary, collector_paused, declared, hide, linked, optimise
 
 
 class ObjectCodeError(Exception):
@@ -65,7 +65,7 @@ class Argument:
     ----------
     name : str
         Of the parameter in C; empty: the entry passes `value` by itself.
-    kind : dtype, or type of numba
+    kind : dtype or type
         A dtype is that of an array's elements.
     shape : tuple
         Of an array: numbers, or the name of the parameter with its length. Empty: no array.
@@ -79,11 +79,11 @@ class Argument:
     value: int | None = None
 
     @property
-    def numba_type(self) -> Any:
-        """The type that the function is compiled for."""
+    def given(self) -> Any:
+        """The kind of argument that the function is compiled for."""
         if not self.shape:
             return self.kind
-        return types.Array(numba.from_dtype(np.dtype(self.kind)), len(self.shape), "C")
+        return np.dtype(self.kind), len(self.shape), C_ORDER | WRITEABLE | ALIGNED
 
 
 @dataclass(frozen=True)
@@ -135,25 +135,21 @@ class Machine:
 
 def intermediate_code(entries: Sequence[Entry]) -> str:
     """Return the entries and all that they call as LLVM's text, for no processor in particular."""
-    if numba.config.DISABLE_JIT:  # type: ignore[attr-defined]  # numba sets its names at import
+    if IS_DISABLED:
         raise ObjectCodeError("machine code needs numba's compiler: unset NUMBA_DISABLE_JIT")
-    whole: llvm.ModuleRef | None = None
-    wrappers = []
+    parts: dict[PartLibrary, None] = {}
+    libraries, wrappers = [], []
     with collector_paused():
         for entry in entries:
-            function = cast(Function, entry.function)
-            part = function.part(tuple(argument.numba_type for argument in entry.arguments))[1]
-            module = _linked(part.library)
-            called = module.get_function(part.descriptor.llvm_func_name)
-            called.linkage = "external"  # what nobody calls yet would be left out
-            wrappers.append(_wrapper(entry, called))
-            if whole is None:
-                whole = module
-            else:
-                whole.link_in(module)
-    assert whole is not None
-    text = _portable(str(whole))
-    return "\n".join((text, *wrappers))
+            callee = cast(Function, entry.function).callee
+            library = callee.part(tuple(type_of(each.given) for each in entry.arguments))[1].library
+            libraries.append(library)
+            parts.update(dict.fromkeys(library.with_all_it_calls()))
+            wrappers.append(_wrapper(entry, library.module.get_function(library.entry)))
+        texts = [*dict.fromkeys(declared(library) for library in libraries), *wrappers]
+        module = linked("".join(texts), parts)
+        hide(module, (entry.name for entry in entries))
+    return _HOST.sub("", str(module))
 
 
 def optimised(text: str, processor: Processor) -> Machine:
@@ -167,47 +163,14 @@ def optimised(text: str, processor: Processor) -> Machine:
     module = llvm.parse_assembly(text)
     module.triple = processor.triple
     module.data_layout = str(machine.target_data)
-    options = llvm.create_pipeline_tuning_options(speed_level=3)
-    options.inlining_threshold = _INLINING
-    builder = llvm.create_pass_builder(machine, options)
-    builder.getModulePassManager().run(module, builder)
+    optimise(module, machine, _INLINING)
     return Machine(module, machine)
 
 
 _INLINING = 60
 """A step is called in one place: more than this makes it larger and no faster."""
 
-
-def _linked(library: PartLibrary) -> llvm.ModuleRef:
-    """Return a module of its own with a part and all that it calls."""
-    module = library._final_module.clone()
-    for part in library.with_all_it_calls():
-        if part is not library:
-            module.link_in(part._final_module.clone())
-    return module
-
-
-_DEFINED = re.compile(r"^define linkonce_odr ", re.MULTILINE)
-_CONSTANT = re.compile(
-    r"^(@\S+ = )(?:linkonce_odr|common)( (?:local_unnamed_addr )?)", re.MULTILINE
-)
-_RUNTIME = re.compile(
-    r"^define [^\n]*@(?P<name>NRT_incref|NRT_decref)\(ptr [^\n]*\n.*?^}", re.M | re.S
-)
-_HOST = re.compile(
-    r"^target (?:triple|datalayout) .*\n|^declare .*@(?:NRT_(?:inc|dec)ref|llvm\.x86\.).*\n", re.M
-)
-
-
-def _portable(text: str) -> str:
-    """Return a module's text without what is the host's or numba's runtime's."""
-    # Steps count no references: the bodies, which hold an intrinsic of x86, have nothing to do.
-    text = _RUNTIME.sub(r"define internal void @\g<name>(ptr %0) { ret void }", text)
-    text = _DEFINED.sub("define internal ", text)
-    text = _CONSTANT.sub(r"\1internal ", text)
-    return _HOST.sub("", text)
-
-
+_HOST = re.compile(r"^target (?:triple|datalayout) .*\n", re.MULTILINE)
 _LOAD = re.compile(r"^(\s+(?:%\S+ = load |store )(?!atomic).*?), align \d+", re.MULTILINE)
 
 

@@ -2,8 +2,9 @@
 
 A compiled function contains what it calls and the constants it names, wherever they stand. So a
 file counts if it has a compiled function, or defines something that one refers to, directly or
-through other definitions. Comments, docstrings and layout do not count: the digest is over syntax
-trees. A tree is read where it may count, and again if its file was written since.
+through other definitions, or makes or loads the code. Comments, docstrings and layout do not
+count: the digest is over syntax trees. A tree is read where it may count, and again if its file was
+written since.
 """
 
 from __future__ import annotations
@@ -26,6 +27,8 @@ _CONTRACT = "dbc/rrins.dbc"
 _COMPILERS = {"compiled", "compiled_with"}
 _COMPILER = b"compiled"
 """Is in every file that has a compiled function."""
+_MAKERS = "compiled/"
+"""Folder of what makes and loads code: all of it counts."""
 _Stamp = list[int]
 
 
@@ -99,7 +102,8 @@ class Sources:
             new = set(self._references(modules, path, name)) - found
             found |= new
             waiting += new
-        return sorted({path for path, _ in found})
+        makers = {path for path in self._stamps if path.startswith(_MAKERS)}
+        return sorted({path for path, _ in found} | makers)
 
     def _references(
         self, modules: dict[str, str], path: str, name: str
@@ -138,7 +142,7 @@ class Sources:
     def _digest_of(self, files: list[str]) -> str:
         digest = hashlib.sha256((self._folder / _CONTRACT).read_bytes())
         for path in files:
-            digest.update(f"{path} {self._facts[path].tree}\n".encode())
+            digest.update(f"{path} {self._facts_of(path).tree}\n".encode())
         return digest.hexdigest()[:16]
 
 

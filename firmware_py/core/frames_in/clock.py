@@ -6,8 +6,6 @@ its own clock's nanoseconds, so the loop continues at the right rate when SYNC f
 
 from __future__ import annotations
 
-from numba.extending import register_jitable
-
 from rrins.compiled.compilation import compiled
 from rrins.firmware_py.core.records.memory import Clock
 
@@ -20,7 +18,7 @@ _LOST_AFTER = 10  # epochs without SYNC
 _PPB = 1_000_000_000
 
 
-@register_jitable
+@compiled
 def own_clock_ns(nominal_ns: int, error_ppm: float) -> int:
     """Return the reading, after `nominal_ns`, of a clock that runs fast by `error_ppm`."""
     error_ppb = round(error_ppm * 1000)

@@ -21,11 +21,9 @@ import sys
 import threading
 from collections.abc import Callable, Iterator, Sequence
 
-from numba.core.dispatcher import Dispatcher
-
-from rrins.compiled.code_cache import prepare_loading
+from rrins.compiled.compilation import IS_DISABLED
 from rrins.compiled.compile_events import signals_deferred
-from rrins.dbc.codec import unpack
+from rrins.compiled.native import engine
 from rrins.dbc.contract import load_contract
 from rrins.host_tools.closing import Closing
 from rrins.host_tools.interruption import INTERRUPTED
@@ -174,6 +172,6 @@ class Forks(Closing):
 def _load_what_all_code_needs() -> None:
     """Load what compiled functions of either side need first: half of what a side would load."""
     with signals_deferred():
-        if isinstance(unpack, Dispatcher):  # else NUMBA_DISABLE_JIT=1
-            prepare_loading()
+        if not IS_DISABLED:
+            engine()
         load_contract()

@@ -5,8 +5,10 @@ from __future__ import annotations
 import importlib.util
 import os
 import subprocess
+import sys
 
 import numba
+import numpy as np
 import pytest
 
 from rrins.compiled.code_folder import CodeFolder
@@ -44,7 +46,7 @@ def test_a_function_is_compiled_once_for_each_signature(folder):
     assert start(folder, argument=5.0) == (2.5, 1)
     assert start(folder, argument=5.0) == (2.5, 0)
     assert start(folder, square) == (25, 1)
-    assert len(list(folder.path.glob("*.code"))) == 3
+    assert len(list(folder.path.glob("*.part-*.code"))) == 3
 
 
 PLUS = """
@@ -77,17 +79,19 @@ def test_code_of_a_source_that_changed_since_it_was_imported_is_not_that_of_the_
 
 
 def code_of(folder, name):
-    (path,) = folder.path.glob(f"*{name}*.code")
+    """Return the file of a function that Python calls, or that of a part, whose name is longer."""
+    (path,) = folder.path.glob(f"*{name}-*.code")
     return path
 
 
 @pytest.mark.parametrize("share", [0.0, 0.001, 0.5, 0.999])
-def test_code_cut_short_is_compiled_anew(folder, caplog, share):
+def test_code_cut_short_is_made_anew(folder, caplog, share):
     start(folder)
     path = code_of(folder, "half")
-    os.truncate(path, int(path.stat().st_size * share))
-    assert start(folder) == (2.5, 1)
-    assert start(folder) == (2.5, 0)
+    whole = path.read_bytes()
+    os.truncate(path, int(len(whole) * share))
+    assert start(folder) == (2.5, 0)  # made anew of its part
+    assert path.read_bytes() == whole
     assert len(caplog.records) == 1
 
 
@@ -98,27 +102,96 @@ def test_flipped_bits_are_never_run(folder, caplog):
     step = len(whole) // 12
     for byte in range(0, len(whole), step):
         path.write_bytes(whole[:byte] + bytes([whole[byte] ^ 0x10]) + whole[byte + 1 :])
-        assert start(folder) == (2.5, 1), byte
+        assert start(folder) == (2.5, 0), byte  # made anew of its part
+        assert path.read_bytes() == whole
     assert len(caplog.records) == len(range(0, len(whole), step))
 
 
-def test_exchanged_code_is_not_run(folder):
+def test_exchanged_code_is_not_run(folder, caplog):
     start(folder)
     start(folder, square)
     one, other = code_of(folder, "half"), code_of(folder, "square")
     first, second = one.read_bytes(), other.read_bytes()
     one.write_bytes(second)
     other.write_bytes(first)
-    assert start(folder) == (2.5, 1)
-    assert start(folder, square) == (25, 1)
+    assert start(folder) == (2.5, 0)
+    assert start(folder, square) == (25, 0)
+    assert (one.read_bytes(), other.read_bytes()) == (first, second)
+    assert len(caplog.records) == 1  # both are deleted at once
 
 
-def test_a_file_that_was_written_wrong_is_compiled_anew(folder, caplog):
+def test_a_file_that_was_written_wrong_is_made_anew(folder, caplog):
     start(folder)
-    folder.save(code_of(folder, "half").name, b"no pickle, but with its checksum")
-    assert start(folder) == (2.5, 1)
+    folder.save(code_of(folder, "half").name, b"no object, but with its checksum")
     assert start(folder) == (2.5, 0)
     assert len(caplog.records) == 1
+
+
+def test_arguments_and_results_are_those_of_python(folder):
+    @compiled_with(folder)
+    def told(number, whole, flag, nothing, table, record):
+        table[1, 0] += record["x"]
+        is_none = nothing is None
+        return number * 2, whole, not flag, (is_none, table.shape[1]), table[1, 0]
+
+    table = np.arange(6.0).reshape(2, 3)
+    record = np.zeros(1, np.dtype((np.record, [("x", "<f8"), ("k", "u1")])))[0]
+    record["x"] = 0.5
+    for given in (table, np.asfortranarray(table), np.stack([table, table])[0, :, ::1]):
+        given[1, 0] = 3.0
+        assert told(1.5, 2, True, None, given, record) == (3.0, 2, False, (True, 3), 3.5)
+    assert told(1, np.uint64(2**64 - 2), False, 0, table, record)[:2] == (2, 2**64 - 2)
+    named = {"nothing": None, "table": table, "record": record}
+    assert told(1, whole=-1, flag=0, **named)[1:3] == (-1, True)
+    with pytest.raises(TypeError, match="compiled code takes no str"):
+        told("1", 2, True, None, table, record)
+    with pytest.raises(TypeError, match="missing"):
+        told(1, 2)
+
+
+def test_calls_leave_the_counts_of_references_as_they_were(folder):
+    @compiled_with(folder)
+    def nothing(array, flag):
+        array[0] = flag
+        return None, flag, 1.5
+
+    @compiled_with(folder)
+    def none(array):
+        array[0] = 0.0
+
+    array = np.zeros(1)
+    counted = (None, True, array)
+    nothing(array, True)
+    none(array)
+    before = [sys.getrefcount(each) for each in counted]
+    for _ in range(1000):
+        nothing(array, True)
+        none(array)
+    after = [sys.getrefcount(each) for each in counted]
+    assert all(abs(b - a) < 100 for a, b in zip(before, after, strict=True))
+
+
+def test_an_exception_of_compiled_code_is_that_of_python(folder):
+    @compiled_with(folder)
+    def divide(a, b):
+        if b < 0:
+            raise ValueError("b is negative")
+        return a // b
+
+    assert divide(7, 2) == 3
+    with pytest.raises(ZeroDivisionError, match="by zero"):
+        divide(7, 0)
+    with pytest.raises(ValueError, match="b is negative"):
+        divide(7, -1)
+
+
+def test_code_that_is_kept_runs_without_the_compiler(folder, tmp_path):
+    script = tmp_path / "script.py"
+    script.write_text(SCRIPT + "print('numba' in sys.modules)\n")
+    command = [sys.executable, script, folder.path]
+    for is_compiling in (True, False):
+        said = subprocess.run(command, capture_output=True, text=True, check=True).stdout
+        assert said == f"5 6.5\n{is_compiling}\n"
 
 
 SCRIPT = """
@@ -240,8 +313,7 @@ def parts(tmp_path, monkeypatch):
 def test_parts_are_compiled_once_for_all_callers(parts):
     assert parts("outer") == (7.5, 4)  # deepest, inner, other and outer
     assert parts("outer") == (7.5, 0)
-    assert parts("inner") == (3.0, 1)  # as a whole, from the part it calls
-    assert parts("inner") == (3.0, 0)
+    assert parts("inner") == (3.0, 0)  # its part is there
 
 
 def test_a_damaged_part_is_compiled_anew_with_who_calls_it(parts, tmp_path):
@@ -250,10 +322,11 @@ def test_a_damaged_part_is_compiled_anew_with_who_calls_it(parts, tmp_path):
     path = code_of(folder, "deepest.part")
     os.truncate(path, path.stat().st_size // 2)
     assert parts("outer") == (7.5, 4)
-    (unit,) = folder.path.glob("unit-*")
+    folder.save(path.name, b"no pickle, but with its checksum")
+    assert parts("other") == (4.5, 2)
+    unit = code_of(folder, "inner.unit")
     os.truncate(unit, unit.stat().st_size // 2)
-    assert parts("outer") == (7.5, 1)
-    assert parts("outer") == (7.5, 0)
+    assert parts("outer") == (7.5, 0)  # made of its parts
 
 
 def test_what_is_compiled_with_numba_alone_calls_our_functions(folder):
@@ -309,4 +382,4 @@ def test_a_second_process_compiles_parts_and_is_gone_with_the_block(tmp_path, mo
     script.write_text(BESIDE)
     done = run(script)
     assert (done.returncode, done.stderr) == (0, "")
-    assert done.stdout == "3.5 3\n"  # inner as a whole and as a part, and outer; not the other
+    assert done.stdout == "3.5 2\n"  # inner and outer; not the other
