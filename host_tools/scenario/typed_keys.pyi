@@ -528,8 +528,8 @@ class IntegritySettingsTable(TypedDict, total=False):
     altimeter_faults_per_h: float
     """Changes of its bias beyond those of the weather."""
     common_faults_per_h: float
-    """Of the scale of all gyros, or of all accelerometers, alike: by a supply, or the temperature.
-    1e-8: a few hundredths, as of IEC 61508-6, of a sensor's own changes of scale."""
+    """Of the scale of all gyros, or of all accelerometers, alike, and of their biases: by a supply,
+    or the temperature. 1e-8: a few hundredths, as of IEC 61508-6, of a sensor's own changes."""
 
 class IntegrityTable(IntegritySettingsTable, total=False):
     """Keys of `Integrity`."""

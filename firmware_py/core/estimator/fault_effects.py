@@ -34,6 +34,7 @@ from rrins.firmware_py.core.records.integrity_records import (
     FAULT_CAPACITY,
     GNSS_DRIFT,
     GNSS_STEP,
+    GYROS_SHIFT,
     ODOMETER_FAULT,
     OTHER_FAULTS,
     RUNGS,
@@ -46,7 +47,7 @@ from rrins.firmware_py.core.records.integrity_records import (
 from rrins.firmware_py.core.records.memory import Ram
 
 FIRST_AID = FAULT_CAPACITY - OTHER_FAULTS
-FIRST_ALIKE = FIRST_AID + ALL_GYROS
+FIRST_ALIKE, FIRST_SHIFT = FIRST_AID + ALL_GYROS, FIRST_AID + GYROS_SHIFT
 
 _KEPT_FROM = 12.0
 """Square of the statistic of a fault from which on it is kept."""
@@ -80,11 +81,15 @@ def _restart(state: Ram, fault: Fault, k: int, age: int) -> None:
     effect.information = fault.known
     effect.correlation = 0.0
     effect.state[:] = 0.0
-    sensors = int(state.gyros.count) + int(state.accelerometers.count)
+    gyros, sensors = int(state.gyros.count), int(state.gyros.count + state.accelerometers.count)
     aid = k - FIRST_AID
     if fault.sensor >= 0:
-        first = BIASES + (0 if k < SENSOR_GROUPS else int(state.gyros.count))
+        first = BIASES + (0 if k < SENSOR_GROUPS else gyros)
         effect.state[first + fault.sensor] = 1.0
+    elif k == FIRST_SHIFT:
+        effect.state[BIASES : BIASES + gyros] = 1.0
+    elif k == FIRST_SHIFT + 1:
+        effect.state[BIASES + gyros : BIASES + sensors] = 1.0
     elif aid == ODOMETER_FAULT and fault.present:
         effect.state[BIASES + sensors + SCALE] = 1.0
     elif aid == ALTIMETER_FAULT and fault.present:
@@ -107,7 +112,7 @@ def propagate(state: Ram) -> None:
         kind = k - FIRST_ALIKE
         for age in range(AGES):
             _carry(state, fault.effects[age])
-            if kind >= 0:
+            if kind == 0 or kind == 1:
                 for i in range(BIASES):
                     fault.effects[age].state[i] += integrity.driven[kind, i]
         _keep_suspect(state, fault)

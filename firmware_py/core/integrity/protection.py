@@ -17,7 +17,7 @@ import math
 from rrins.compiled.compilation import compiled, compiled_with
 from rrins.compiled.record import Floats
 from rrins.dbc.contract import SENSOR_GROUPS
-from rrins.firmware_py.core.estimator.fault_effects import FIRST_AID
+from rrins.firmware_py.core.estimator.fault_effects import FIRST_AID, FIRST_SHIFT
 from rrins.firmware_py.core.records.estimator_records import (
     AIDS,
     ATTITUDE,
@@ -30,7 +30,6 @@ from rrins.firmware_py.core.records.integrity_records import (
     AGES,
     AT_BEGIN,
     BOUNDS,
-    FAULT_CAPACITY,
     HEADING,
     SINCE_BEGIN,
     VERTICAL,
@@ -40,6 +39,7 @@ from rrins.firmware_py.core.records.integrity_records import (
 from rrins.firmware_py.core.records.memory import Ram
 from rrins.firmware_py.core.records.redundancy_records import SECOND_LEVELS, WINDOWS_S, Parity
 from rrins.firmware_py.core.redundancy import windows
+from rrins.firmware_py.core.redundancy.alike import largest
 from rrins.firmware_py.core.redundancy.parity import CHECKED_FROM
 
 LONGEST_S = 24 * 3600.0
@@ -105,10 +105,17 @@ def _parity_shows(integrity: Integrity, parity: Parity, kind: int) -> bool:
 def _from_parity(parity: Parity, sensor: int, seconds: int) -> tuple[float, float]:
     """Return information and correlation of the parity with a fault, as of the innovations.
 
-    The fault has lasted for `seconds`: by the longest window that it fills.
+    The fault has lasted for `seconds`: by the longest window that it fills. -1: of all sensors
+    alike, in the residual of that which shows most.
     """
-    own = parity.projector[sensor, sensor]
-    if own <= CHECKED_FROM:
+    own = 0.0
+    if sensor >= 0:
+        own = parity.projector[sensor, sensor]
+    else:
+        sensor = largest(parity)
+        for k in range(parity.residual.shape[0]):
+            own += parity.projector[sensor, k]
+    if abs(own) <= CHECKED_FROM:
         return 0.0, 0.0
     for back in range(SECOND_LEVELS):
         level = SECOND_LEVELS - 1 - back
@@ -147,7 +154,7 @@ def _cover(state: Ram, number: int, parity: Parity, by_parity: bool, alarm: bool
     lately = 2.0 * math.log(min(1.0, max(1, integrity.seconds) / LONGEST_S))
     for bound in range(BOUNDS):
         most, sigma = 0.0, integrity.sigmas[bound]
-        for age in range(AGES + 1 if by_parity else AGES):
+        for age in range(AGES + 1 if by_parity and fault.sensor >= 0 else AGES):
             effect = fault.effects[SINCE_BEGIN if age == AT_BEGIN else age]
             seconds = integrity.seconds - effect.begun_s
             size = _size(state, effect.state, bound)
@@ -234,7 +241,7 @@ def _assess(state: Ram) -> None:
     integrity.suspected = spread > 1.0
     integrity.unmonitored = False
     _cover_sensors(state)
-    for k in range(FIRST_AID, FAULT_CAPACITY):
+    for k in range(FIRST_AID, FIRST_SHIFT):
         if integrity.faults[k].present:
             shows = _cover(state, k, state.redundancy.gyros, False, False)
             integrity.suspected = integrity.suspected or shows
@@ -265,6 +272,8 @@ def _cover_sensors(state: Ram) -> None:
             if parity.excluded >> k & 1 == 0:
                 shows = _cover(state, first + k, parity, by_parity, alarm)
                 integrity.suspected = integrity.suspected or shows
+        shows = _cover(state, FIRST_SHIFT + kind, parity, by_parity, False)
+        integrity.suspected = integrity.suspected or shows
         for bound in range(BOUNDS if alarm else 0):
             all_of_kind = integrity.sums[bound] + integrity.faultless * integrity.sigmas[bound]
             if all_of_kind > integrity.protection[bound]:

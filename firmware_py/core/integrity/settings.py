@@ -11,12 +11,13 @@ from rrins.dbc.contract import SENSOR_GROUPS
 from rrins.firmware_py.core.estimator.fault_effects import FIRST_AID
 from rrins.firmware_py.core.integrity.protection import LONGEST_S
 from rrins.firmware_py.core.records.integrity_records import (
+    ACCELEROMETERS_SHIFT,
     AGES,
-    ALL_ACCELEROMETERS,
     ALL_GYROS,
     ALTIMETER_FAULT,
     FAULT_CAPACITY,
     GNSS_STEP,
+    GYROS_SHIFT,
     ODOMETER_FAULT,
     RUNGS,
     Fault,
@@ -37,6 +38,9 @@ _UNLEARNED_S = 16.0
 
 _COMMON_SCALE = 0.003
 """Standard deviation of a change of scale that all sensors of a kind have alike."""
+
+_COMMON_SHIFT = 10.0
+"""Standard deviation of a change of bias that they have alike, in those of a sensor's own bias."""
 
 _FAULTLESS_SHARE = 0.5
 """Of the risk: the rest is that of faults, in equal parts."""
@@ -67,8 +71,8 @@ class IntegritySettings(BaseModel):
     altimeter_faults_per_h: float = Field(default=1e-6, ge=0, le=1)
     """Changes of its bias beyond those of the weather."""
     common_faults_per_h: float = Field(default=1e-8, ge=0, le=1)
-    """Of the scale of all gyros, or of all accelerometers, alike: by a supply, or the temperature.
-    1e-8: a few hundredths, as of IEC 61508-6, of a sensor's own changes of scale."""
+    """Of the scale of all gyros, or of all accelerometers, alike, and of their biases: by a supply,
+    or the temperature. 1e-8: a few hundredths, as of IEC 61508-6, of a sensor's own changes."""
 
 
 def deviations(risk: float) -> float:
@@ -115,11 +119,13 @@ def set_up(state: Ram, settings: IntegritySettings) -> None:
         (range(GNSS_STEP, ODOMETER_FAULT), state.gnss.interval_epochs, settings.gnss_faults_per_h),
         ((ODOMETER_FAULT,), state.odometer.interval_epochs, settings.odometer_faults_per_h),
         ((ALTIMETER_FAULT,), state.estimator.altimeter, settings.altimeter_faults_per_h),
-        ((ALL_GYROS, ALL_ACCELEROMETERS), True, settings.common_faults_per_h),
+        (range(ALL_GYROS, ACCELEROMETERS_SHIFT + 1), True, settings.common_faults_per_h),
     ):
         present |= {FIRST_AID + number: (-1, rate) for number in numbers if is_fitted}
-    for number in (ALL_GYROS, ALL_ACCELEROMETERS):
-        integrity.faults[FIRST_AID + number].known = _COMMON_SCALE**-2
+    for kind, bias_sigma in enumerate(state.estimator.bias_sigma):
+        integrity.faults[FIRST_AID + ALL_GYROS + kind].known = _COMMON_SCALE**-2
+        shift = integrity.faults[FIRST_AID + GYROS_SHIFT + kind]
+        shift.known = (_COMMON_SHIFT * bias_sigma) ** -2
     share = (1.0 - _FAULTLESS_SHARE) * risk / max(1, AGES * len(present))
     for number in range(FAULT_CAPACITY):
         sensor, rate = present.get(number, (-1, 0.0))

@@ -77,8 +77,8 @@ BLOCK_OTHERS = 54
 BANK_SENSORS = 4
 """Sensors of a kind among which the bank tells: as many as have one parity."""
 
-BANK_CAPACITY = BANK_SENSORS * BANK_SENSORS + 1
-"""Filters of the bank: each pair of sensors of both kinds left out, and none."""
+BANK_CAPACITY = BANK_SENSORS * BANK_SENSORS + 3
+"""Filters of the bank: each pair of sensors of both kinds left out, none, and all alike by kind."""
 
 FILTER_STATES, NAVIGATION_STATES = 12, 14
 """States of a filter, and of the navigation's error, see `estimator.transition`."""
@@ -342,7 +342,7 @@ class Suspicion(Record):
 class Hypothesis(Record):
     """A filter without a sensor, or one of each kind, and how well it explains the reference."""
 
-    sensor: Annotated[Integers, 2]  #: by kind, -1: leaves none out
+    sensor: Annotated[Integers, 2]  #: by kind, -1: leaves none out; `ALIKE`: all are off alike
     second: Annotated[Integers, 2]  #: another that fails, its effect is a state; -1: none
     into: I8  #: the first state of that effect
     direction: Annotated[Floats, 3]  #: of that effect in s, for a fault of 1
@@ -400,6 +400,8 @@ class Bank(Record):
     inputs: Annotated[Floats, (5, 3)]
     attitude_b: Annotated[Floats, (3, 3)]
     way_b: Annotated[Floats, 3]
+    alike: Annotated[Floats, (2, SENSOR_GROUPS)]  #: weights of the sensors, see `alike.weigh`
+    direction_s: Annotated[Floats, 3]
 
 
 class Readmission(Record):

@@ -2,12 +2,12 @@
 
 Four sensors of a kind have one parity, which cannot tell. While its alarm lasts, filters of the
 navigation's error run over the stored seconds, from before the alarm: each leaves one sensor out,
-one leaves none out, for all sensors may be off alike. Others leave out one of two that fail, and
-have the effect of the second as a state. While both kinds have an alarm, each leaves out one of
-either: two faults at once may look most like that of a third sensor. References are a velocity and
-a stretch of the odometer, each once a second. The likelihood of a hypothesis is that of its
-filter's innovations (Magill, *IEEE Transactions on Automatic Control* 10, 1965; Groves, 2nd ed.,
-2013, section 17.4). A few of these steps run in an epoch.
+one leaves none out, one takes off by what all may be off alike. Others leave out one of two that
+fail, and have the effect of the second as a state. While both kinds have an alarm, each leaves out
+one of either: two faults at once may look most like that of a third sensor. References are a
+velocity and a stretch of the odometer, each once a second. The likelihood of a hypothesis is that
+of its filter's innovations since the fault may have begun (Magill, *IEEE Transactions on Automatic
+Control* 10, 1965; Groves, 2nd ed., 2013, section 17.4). A few of these steps run in an epoch.
 """
 
 from __future__ import annotations
@@ -39,7 +39,8 @@ from rrins.firmware_py.core.records.redundancy_records import (
     Hypothesis,
     Parity,
 )
-from rrins.firmware_py.core.redundancy import blocks, pairs, windows
+from rrins.firmware_py.core.redundancy import alike, blocks, pairs, windows
+from rrins.firmware_py.core.redundancy.alike import ALIKE
 from rrins.firmware_py.core.redundancy.isolation import RATIO
 from rrins.firmware_py.core.sensors.data_sheet import SCALE_TURN
 
@@ -104,6 +105,7 @@ def follow(state: Ram) -> None:
         if begins and bank.at <= bank.fault_at:
             pairs.size_fault(state.redundancy.gyros, bank)
             pairs.size_fault(state.redundancy.accelerometers, bank)
+            _forget_evidence(bank)
         if begins and not is_due and _waits(state, block):
             return
         if not bank.measuring:
@@ -121,11 +123,20 @@ def follow(state: Ram) -> None:
         measured = _components(state) * (block[others + blocks.VARIANCE] > 0.0) + 2 * bank.fits
         bank.at += 1
         bank.fits = False
-        if measured > 0:
+        if measured > 0 and bank.at > bank.fault_at:
             bank.measurements += measured
             bank.found = _decide(bank)
             if bank.found > 0:
                 return
+
+
+@compiled
+def _forget_evidence(bank: Bank) -> None:
+    """Weigh the hypotheses anew: before the fault may have begun, all sensors are sound."""
+    bank.measurements = 0
+    for index in range(bank.count):
+        bank.filters[index].squares = 0.0
+        bank.filters[index].score = 0.0
 
 
 @compiled
@@ -197,7 +208,6 @@ def _begin(state: Ram, doubts: int) -> None:
     bank.doubts = doubts
     bank.at = max(bank.first, repair.count - _BEFORE_S, repair.count - repair.capacity + 2)
     bank.turn = 0
-    bank.measurements = 0
     bank.measuring = False
     bank.fits = False
     bank.slips_until = 0
@@ -209,6 +219,10 @@ def _begin(state: Ram, doubts: int) -> None:
     bank.fault_at = max(bank.at, repair.count - int(lasts_s))
     bank.count = 0
     _add_filter(bank, -1, -1)
+    if doubts >> GYROS & 1 and alike.weigh(gyros, bank.alike[GYROS]):
+        _add_filter(bank, ALIKE, -1)
+    if doubts >> ACCELEROMETERS & 1 and alike.weigh(accelerometers, bank.alike[ACCELEROMETERS]):
+        _add_filter(bank, -1, ALIKE)
     for gyro in range(-1, SENSOR_GROUPS):
         if not _is_candidate(bank, GYROS, gyro):
             continue
@@ -220,8 +234,6 @@ def _begin(state: Ram, doubts: int) -> None:
             _add_pairs(bank, kind)
     for index in range(bank.count):
         one = bank.filters[index]
-        one.squares = 0.0
-        one.score = 0.0
         one.x[:] = 0.0
         one.P[:] = 0.0
         one.P[SCALE, SCALE] = wheel.SCALE_SIGMA**2
@@ -232,11 +244,12 @@ def _begin(state: Ram, doubts: int) -> None:
             one.P[TURN + i, TURN + i] = gyros.bias_variance
             one.P[CHANGE + i, CHANGE + i] = accelerometers.bias_variance
         one.P[ATTITUDE + 2, ATTITUDE + 2] = _HEADING**2
+    _forget_evidence(bank)
 
 
 @compiled
 def _add_filter(bank: Bank, gyro: int, accelerometer: int) -> None:
-    """Add a filter without these sensors, -1: none."""
+    """Add a filter without these sensors; -1: none, `ALIKE`: without what all are off alike."""
     one = bank.filters[bank.count]
     one.sensor[GYROS] = gyro
     one.sensor[ACCELEROMETERS] = accelerometer
@@ -377,13 +390,13 @@ def _propagate(state: Ram, one: Hypothesis, block: Floats, share: float) -> None
     force, way, noise = bank.inputs[0], bank.inputs[1], bank.inputs[4]
     turn, change = bank.inputs[2], bank.inputs[3]
     dt = block[others + blocks.TIME] * share
-    gyro, accelerometer = one.sensor[GYROS], one.sensor[ACCELEROMETERS]
-    place = 3 * (state.gyros.count + accelerometer)
     for i in range(3):
         force[i] = block[others + blocks.FORCE + i] * share
         way[i] = block[others + blocks.WAY + i] * share
-        turn[i] = block[3 * gyro + i] * share if gyro >= 0 else 0.0
-        change[i] = block[place + i] * share if accelerometer >= 0 else 0.0
+        turn[i] = _changed(bank, one, GYROS, block, i) * share
+        change[i] = (
+            _changed(bank, one, ACCELEROMETERS, block, 3 * int(state.gyros.count) + i) * share
+        )
         for k in range(3):
             bank.attitude_s[i, k] = block[others + blocks.ATTITUDE + 3 * i + k] * share
     transition.fill(bank.response, force, way, dt, ins.latitude, ins.height, _is_free(state))
@@ -405,16 +418,28 @@ def _propagate(state: Ram, one: Hypothesis, block: Floats, share: float) -> None
     for kind in range(2):
         if kind == ACCELEROMETERS:
             parity, into = state.redundancy.accelerometers, VELOCITY
-        sensor = one.sensor[kind]
-        if sensor < 0:
+        if one.sensor[kind] == -1:
             continue
+        direction_s = bank.direction_s
+        sensor = alike.direct(parity, int(one.sensor[kind]), bank.alike[kind], direction_s)
         for i in range(3):  # of the residual that takes the sensor's place
             noise[i] = 0.0
             for k in range(3):
-                noise[i] += bank.attitude_s[i, k] * parity.leave_out[sensor, k] / dt
+                noise[i] += bank.attitude_s[i, k] * direction_s[k] / dt
         uncertain = block[others + blocks.UNCERTAIN + kind]
         learned = parity.learning_variance[sensor] * uncertain
         covariance.add_along(one.P, into, noise, (parity.second_variance[sensor] + learned) * share)
+
+
+@compiled
+def _changed(bank: Bank, one: Hypothesis, kind: int, block: Floats, first: int) -> float:
+    """Return a component of the change of the vector that a hypothesis makes in a block."""
+    total = 0.0
+    for k in range(SENSOR_GROUPS):
+        if bank.sensors[kind] >> k & 1:
+            weight = alike.weight_of(int(one.sensor[kind]), bank.alike[kind], k)
+            total += weight * block[first + 3 * k]
+    return total
 
 
 @compiled
@@ -431,6 +456,14 @@ def _add_noise(state: Ram, one: Hypothesis, turned: float, share: float) -> None
 
 
 @compiled
+def _is_single(one: Hypothesis) -> bool:
+    """Return whether it leaves out a sensor, or one of each kind, and no other fails."""
+    gyro, accelerometer = one.sensor[GYROS], one.sensor[ACCELEROMETERS]
+    is_pair = one.second[GYROS] >= 0 or one.second[ACCELEROMETERS] >= 0
+    return bool(max(gyro, accelerometer) >= 0 and not is_pair)
+
+
+@compiled
 def _decide(bank: Bank) -> int:
     """Return the filter of the sensor that explains the reference far better than all without it.
 
@@ -441,7 +474,7 @@ def _decide(bank: Bank) -> int:
     best, least = 0, math.inf
     for k in range(bank.count):
         one = bank.filters[k]
-        single = k > 0 and one.second[GYROS] < 0 and one.second[ACCELEROMETERS] < 0
+        single = _is_single(one)
         least = min(least, one.score)
         if single and (best == 0 or one.score < bank.filters[best].score):
             best = k
@@ -454,7 +487,7 @@ def _decide(bank: Bank) -> int:
         for k in range(bank.count):
             other = bank.filters[k]
             fails = one.sensor[kind] == other.sensor[kind] or one.sensor[kind] == other.second[kind]
-            is_one = k > 0 and other.second[kind] < 0
+            is_one = other.sensor[kind] >= 0 and other.second[kind] < 0
             wanted = RATIO if is_one else _RARER
             less = other.score - pairs.fitted(other) - one.score
             clear = clear and (fails or less > wanted)

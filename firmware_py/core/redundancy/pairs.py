@@ -1,7 +1,7 @@
 """Two sensors of a kind that fail at once, as hypotheses of the bank: one is left out, one a state.
 
 Without the first, a fault of the second shows along one direction of the sensor frame: a bias that
-may be of any size since the earliest start of the fault. That of all alike shows along another.
+may be of any size since the earliest start of the fault.
 """
 
 from __future__ import annotations
@@ -37,30 +37,22 @@ def size_fault(parity: Parity, bank: Bank) -> None:
 
 @compiled
 def widen(state: Ram, one: Hypothesis) -> None:
-    """Let the bias change by what the second sensor, or all alike, may be off by.
-
-    All alike may drift before, too: what each would explain alone is known from the beginning.
-    """
+    """Let the bias change by what the second sensor may be off by, once its fault may be there."""
     bank, row = state.redundancy.bank, one.direction
     parity, fusion, into = state.redundancy.gyros, state.gyros, TURN
     for kind in range(2):
         if kind == ACCELEROMETERS:
             parity, fusion, into = state.redundancy.accelerometers, state.accelerometers, CHANGE
         first, second = one.sensor[kind], one.second[kind]
-        begun = bank.at >= bank.fault_at and second >= 0
-        if bank.doubts >> kind & 1 == 0 or (first >= 0 and not begun):
+        if second < 0 or bank.at < bank.fault_at:
             continue
         for axis in range(3):
-            row[axis] = 0.0
-            for k in range(fusion.count):
-                if k == second or first < 0:
-                    row[axis] += fusion.gain[axis, k]
-                if first >= 0 and k == second:
-                    row[axis] += parity.leave_out[first, axis] * parity.projector[first, k]
+            row[axis] = fusion.gain[axis, second]
+            row[axis] += parity.leave_out[first, axis] * parity.projector[first, second]
         variance = bank.fault_variance[kind]
         if bank.at != bank.fault_at:
             variance *= _GROWS
-        elif second >= 0:
+        else:
             one.prior = variance
             one.into = into
         covariance.add_along(one.P, into, row, variance)

@@ -9,10 +9,12 @@ from rrins.compiled.record import Records
 from rrins.dbc.contract import SENSOR_GROUPS
 from rrins.firmware_py.core.records.estimator_records import ESTIMATOR_HISTORY_S
 from rrins.firmware_py.core.records.integrity_records import (
+    ACCELEROMETERS_SHIFT,
     ALL_ACCELEROMETERS,
     ALL_GYROS,
     ALTIMETER_FAULT,
     GNSS_DRIFT,
+    GYROS_SHIFT,
     HEADING,
     HORIZONTAL,
     ODOMETER_FAULT,
@@ -28,6 +30,8 @@ _OTHERS = {
     ALTIMETER_FAULT: "altimeter",
     ALL_GYROS: "all gyros",
     ALL_ACCELEROMETERS: "all accelerometers",
+    GYROS_SHIFT: "bias of all gyros",
+    ACCELEROMETERS_SHIFT: "bias of all accelerometers",
 }
 
 

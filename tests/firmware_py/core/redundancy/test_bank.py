@@ -11,7 +11,7 @@ from rrins.firmware_py.core.aiding import wheel
 from rrins.firmware_py.core.maths import earth
 from rrins.firmware_py.core.navigation import strapdown
 from rrins.firmware_py.core.records.memory import blank_ram
-from rrins.firmware_py.core.redundancy import bank, blocks
+from rrins.firmware_py.core.redundancy import alike, bank, blocks
 from rrins.firmware_py.core.sensors.calibration import DPH, UG, input_axes
 
 RATE_HZ, SECONDS, BEGINS_S = 100, 160, 60
@@ -124,6 +124,27 @@ def test_the_sensor_that_the_velocity_blames_is_found(kind, value, sensor):
 def test_a_velocity_without_any_error_blames_no_sensor(kind, value):
     """It may be the vertical one, which does not show, or all alike, which change nothing."""
     assert decide(history(kind, 1, value, reference_of=4), kind) == (-1, SECONDS)
+
+
+def test_a_fault_of_all_alike_is_taken_off_by_what_the_parity_says_of_its_size():
+    rng = np.random.default_rng(5)
+    for _ in range(20):
+        axes = rng.standard_normal((4, 3))
+        axes /= np.linalg.norm(axes, axis=1)[:, None]
+        gain = np.linalg.pinv(axes)
+        projector = np.eye(4) - axes @ gain
+        parity = level_ram()[0].redundancy.gyros
+        parity.projector[:4, :4] = projector
+        parity.leave_out[:4] = -(gain / np.diag(projector)).T
+        weights, direction = np.zeros(16), np.zeros(3)
+        assert alike.weigh(parity, weights)
+        residual = projector @ np.ones(4)
+        taken_off = (weights[:4] * residual) @ parity.leave_out[:4]
+        assert taken_off == pytest.approx(-gain @ np.ones(4))
+        shown = alike.direct(parity, alike.ALIKE, weights, direction)
+        assert direction * residual[shown] == pytest.approx(taken_off)
+    parity.projector[:4, :4] = np.outer([1, -1, 1, -1], [1, -1, 1, -1]) / 4
+    assert not alike.weigh(parity, weights)  # it does not show
 
 
 @pytest.mark.parametrize(("kind", "value"), FAULTS)
