@@ -4,7 +4,7 @@ PYTHON ?= python3.11
 VENV ?= .venv
 RUN = $(VENV)/bin/python -m
 
-.PHONY: rehearsal quick test pages soak check docs docs-html docs-site changelog clean
+.PHONY: rehearsal quick test pages soak check docs docs-html docs-site wheel changelog clean
 
 # One cycle of the rotation scheme. Bytecode of all libraries takes longer than the run: it is last.
 rehearsal: $(VENV)/installed
@@ -14,6 +14,11 @@ rehearsal: $(VENV)/installed
 # Tests of a file share what they start; the longest files begin (tests/conftest.py). Three workers
 # for two cores: each waits a third of its time for what it starts.
 PYTEST = $(RUN) pytest -n 3 --dist loadfile --no-loadscope-reorder
+
+# A wheel with machine code of what everyday commands call: its first start compiles nothing.
+wheel: $(VENV)/installed
+	$(RUN) rrins.host_tools.builds.wheel
+	$(RUN) pip wheel -q --no-deps --wheel-dir dist .
 
 # The tests between two edits: what computes, and none that is slow.
 QUICK = dbc docs firmware_py rrins host_tools/hardware host_tools/scenario host_tools/wire

@@ -12,6 +12,7 @@ import functools
 import hashlib
 import logging
 import os
+import platform
 import re
 import shutil
 import stat
@@ -29,6 +30,10 @@ from rrins.compiled.sources import PACKAGE, Sources
 
 _log = logging.getLogger(__name__)
 
+SHIPPED = PACKAGE / "compiled" / "objects"
+"""Where the package carries objects, if it does: read by whoever can import it."""
+KEY = "key"
+"""File beside them: `shipped_key`."""
 _LIBRARIES = "numba", "llvmlite", "numpy"
 _KEPT = 4
 """Folders of former sources to keep, for a return to those sources."""
@@ -86,6 +91,20 @@ def code_folder() -> CodeFolder | None:
         return CodeFolder(_base() / hashlib.sha256(key.encode()).hexdigest()[:16])
     except RuntimeError:
         return None
+
+
+def shipped_key() -> str:
+    """Return what objects that a wheel carries have to be of: Python, machine, sources."""
+    return " ".join((sys.implementation.cache_tag, platform.machine(), sources().digest))
+
+
+@functools.cache
+def shipped() -> Path | None:
+    """Return the folder of the objects that the package carries; None if they are of others."""
+    with contextlib.suppress(OSError):
+        if (SHIPPED / KEY).read_text() == shipped_key():
+            return SHIPPED
+    return None
 
 
 def _check_owner(path: Path) -> None:

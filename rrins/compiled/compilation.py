@@ -128,10 +128,10 @@ class Function:
         return Callee(self)
 
     def _find(self, kinds: Kinds) -> Callable[..., Any]:
-        file, folder = self.file(repr([text_of(kind) for kind in kinds])), self.folder
+        file = self.file(repr([text_of(kind) for kind in kinds]))
         with self._lock:
             if kinds not in self._natives:
-                found = None if folder is None else native.load(folder, file)
+                found = native.load(self.folder, file)
                 if found is None:
                     found = self.callee.make_native(kinds, file)
                 self._natives[kinds] = found

@@ -8,6 +8,7 @@ from __future__ import annotations
 import functools
 import inspect
 from collections.abc import Callable, Sequence
+from contextlib import nullcontext
 from typing import Any, Protocol
 
 import numba
@@ -236,11 +237,9 @@ def make_unit(folder: CodeFolder | None, part: PartLibrary) -> None:
 
 def _kept(folder: CodeFolder | None, file: str, load: Callable[[Any, str], Any], make: Any) -> Any:
     """Return what is loaded from a file, or else made, by one process at a time."""
-    if folder is None:
-        return make()
     found = load(folder, file)
     if found is None:
-        with folder.claimed(file):
+        with nullcontext() if folder is None else folder.claimed(file):
             found = load(folder, file)
             if found is None:
                 found = make()

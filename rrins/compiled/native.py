@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 from llvmlite import binding as llvm
 
-from rrins.compiled.code_folder import CodeFolder
+from rrins.compiled.code_folder import CodeFolder, shipped
 from rrins.compiled.compile_events import signals_deferred
 
 _METH_FASTCALL = 0x80  # Include/methodobject.h
@@ -145,14 +145,14 @@ def engine() -> _Engine:
     return _Engine()
 
 
-def load(folder: CodeFolder, file: str) -> Callable[..., Any] | None:
+def load(folder: CodeFolder | None, file: str) -> Callable[..., Any] | None:
     """Return the function of a file, for Python to call; None if it is to be made."""
     with engine().lock, signals_deferred():
         code = _read(folder, file)
         return None if code is None or not load_units(folder, code) else bind(file, code)
 
 
-def load_units(folder: CodeFolder, code: Code) -> bool:
+def load_units(folder: CodeFolder | None, code: Code) -> bool:
     """Load the units of a code; return whether all are there."""
     for file in code.units:
         if engine().has(file):
@@ -164,7 +164,7 @@ def load_units(folder: CodeFolder, code: Code) -> bool:
     return True
 
 
-def load_unit(folder: CodeFolder, file: str) -> Code | None:
+def load_unit(folder: CodeFolder | None, file: str) -> Code | None:
     """Return a unit's code with all that it needs loaded; None if it is to be made."""
     code = _read(folder, file)
     return code if code is not None and load_units(folder, code) else None
@@ -181,9 +181,13 @@ def entry_of(file: str) -> str:
     return re.sub(r"\W", "_", file.removesuffix(".code"))
 
 
-def _read(folder: CodeFolder, file: str) -> Code | None:
-    data = folder.load(file)
-    if data is None:
+def _read(folder: CodeFolder | None, file: str) -> Code | None:
+    """Return the code of a file, from the package or the user's folder."""
+    place = shipped()
+    if place is not None and (place / file).exists():
+        return Code.from_bytes((place / file).read_bytes())
+    data = None if folder is None else folder.load(file)
+    if folder is None or data is None:
         return None
     try:
         return Code.from_bytes(data)

@@ -153,8 +153,10 @@ _known: dict[tuple[object, str], Part] = {}
 """The parts that this process has, by folder and file."""
 
 
-def load_part(folder: CodeFolder, file: str) -> Part | None:
+def load_part(folder: CodeFolder | None, file: str) -> Part | None:
     """Return a part with all that it calls; None if one of them is to be compiled."""
+    if folder is None:
+        return None
     cpu_target.target_context.refresh()
     with signals_deferred():
         try:

@@ -11,6 +11,7 @@ import numba
 import numpy as np
 import pytest
 
+from rrins.compiled import code_folder
 from rrins.compiled.code_folder import CodeFolder
 from rrins.compiled.compilation import compiled_with
 from rrins.compiled.compile_events import compiling_watched
@@ -192,6 +193,25 @@ def test_code_that_is_kept_runs_without_the_compiler(folder, tmp_path):
     for is_compiling in (True, False):
         said = subprocess.run(command, capture_output=True, text=True, check=True).stdout
         assert said == f"5 6.5\n{is_compiling}\n"
+
+
+def test_objects_that_the_package_carries_are_used_if_they_are_of_its_sources(
+    folder, tmp_path, monkeypatch
+):
+    start(folder)
+    carried = tmp_path / "objects"
+    carried.mkdir()
+    file = code_of(folder, "half").name
+    (carried / file).write_bytes(folder.load(file))
+    monkeypatch.setattr(code_folder, "SHIPPED", carried)
+    for key, compiled in ((code_folder.shipped_key(), 0), ("of other sources", 1)):
+        (carried / code_folder.KEY).write_text(key)
+        code_folder.shipped.cache_clear()
+        empty = CodeFolder(tmp_path / "rrins" / f"{compiled:016}")
+        assert start(empty) == (2.5, compiled)
+        assert empty.path.exists() == bool(compiled)
+    monkeypatch.undo()
+    code_folder.shipped.cache_clear()
 
 
 SCRIPT = """
