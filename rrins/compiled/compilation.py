@@ -18,6 +18,7 @@ from typing import Any, TypeVar, cast
 
 from rrins.compiled import native
 from rrins.compiled.code_folder import CodeFolder, code_folder, name_of_code, sources
+from rrins.compiled.compile_events import signals_deferred
 from rrins.compiled.kinds import Kinds, kind_of, text_of
 from rrins.compiled.sources import stamp_of
 
@@ -123,7 +124,8 @@ class Function:
     @functools.cached_property
     def callee(self) -> Any:
         """The function as compiled code calls it, a `rrins.compiled.compiler.Callee`."""
-        from rrins.compiled.compiler import Callee
+        with signals_deferred():  # half of numba imported could not be imported again
+            from rrins.compiled.compiler import Callee
 
         return Callee(self)
 
