@@ -256,12 +256,13 @@ def _code_of(part: PartLibrary, name: str, entry: str) -> tuple[Code, list[PartL
         module = linked(declared(part) + entry, (each for each in parts if each not in units))
         hide(module, (name,))
         optimise(module, machine, _INLINING)
-        _check(module)
+        _check(module, part.name)
         code = Code(name, tuple(unit.unit for unit in units), machine.emit_object(module))
     return code, units
 
 
-def _check(module: llvm.ModuleRef) -> None:
+def _check(module: llvm.ModuleRef, name: str) -> None:
     """Refuse code that calls numba's runtime, which nobody loads to run it."""
     if any(each.is_declaration and each.name.startswith("NRT_") for each in module.functions):
-        raise TypeError("compiled code allocates nothing: a slice that is set to another one does")
+        what = "compiled code allocates nothing: a slice that is set to another one does"
+        raise TypeError(f"{what} ({name})")

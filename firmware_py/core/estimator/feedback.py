@@ -108,4 +108,6 @@ def apply(state: Ram) -> None:
         sway.carry(estimator)
     if estimator.receiver:
         receiver.carry(estimator)
+    for i in range(BIASES):
+        estimator.applied[i] = x[i]
     x[:] = 0.0

@@ -93,6 +93,7 @@ def begin(state: Ram) -> None:
     estimator.turn_n[:] = 0.0
     estimator.attitude_s[:] = 0.0
     estimator.x[:] = 0.0
+    estimator.applied[:] = 0.0
     estimator.sigma[:] = 0.0
     P[:] = 0.0
     estimator.gyro_bias[:] = 0.0
@@ -184,7 +185,6 @@ def _finish_second(state: Ram) -> None:
         _work(state)
     lockout.follow(state)
     doubt.note_past(state)
-    history.note(state)
     estimator.epochs = 0
     estimator.stage = _TRANSITION
     propagation.close(estimator)
@@ -221,6 +221,7 @@ def _work(state: Ram) -> None:
         if estimator.settles != 0:
             doubt.settle(state)
         _note_sigma(estimator)
+        history.note(state)
     else:
         measurements.take(state)
         return

@@ -35,13 +35,13 @@ def count_alignment(state: Ram) -> None:
 
 @compiled
 def note(state: Ram) -> None:
-    """Note the second that ends with this epoch, after its measurements.
+    """Note the second at whose end the filter stands, with what was measured before that.
 
-    Biases have in them what the last measurements found, which is not fed back yet.
+    So does the navigation at that epoch: what was found has been fed back.
     """
     estimator, sigma = state.estimator, state.estimator.sigma
     second = estimator.history[estimator.history_count % ESTIMATOR_HISTORY_S]
-    second.epoch = state.epoch
+    second.epoch = estimator.epoch
     for i in range(3):
         second.attitude_sigma[i] = sigma[ATTITUDE + i]
         second.velocity_sigma[i] = sigma[VELOCITY + i]
@@ -50,20 +50,20 @@ def note(state: Ram) -> None:
     second.position_sigma[2] = sigma[HEIGHT]
     gyros = int(state.gyros.count)
     for k in range(gyros):
-        second.bias[0, k] = estimator.gyro_bias[k] + estimator.x[BIASES + k]
+        second.bias[0, k] = estimator.gyro_bias[k]
         second.bias_sigma[0, k] = sigma[BIASES + k]
     first = BIASES + gyros
     for k in range(state.accelerometers.count):
-        second.bias[1, k] = estimator.accelerometer_bias[k] + estimator.x[first + k]
+        second.bias[1, k] = estimator.accelerometer_bias[k]
         second.bias_sigma[1, k] = sigma[first + k]
     if state.odometer.interval_epochs > 0:
         first += int(state.accelerometers.count)
         for i in range(ODOMETER_STATES):
-            second.odometer[i] = estimator.odometer[i] + estimator.x[first + i]
+            second.odometer[i] = estimator.odometer[i]
             second.odometer_sigma[i] = sigma[first + i]
     if estimator.altimeter:
         at = estimator.altimeter_state
-        second.altimeter_bias = estimator.altimeter_bias + estimator.x[at]
+        second.altimeter_bias = estimator.altimeter_bias
         second.altimeter_bias_sigma = sigma[at]
     if estimator.constants:
         _note_constants(state)
@@ -83,7 +83,7 @@ def _note_constants(state: Ram) -> None:
             row = SENSOR_CONSTANTS * kind + error
             for k in range(count):
                 at = constants.state_of(state, error, kind, k)
-                second.constant[row, k] = estimator.constant[row, k] + estimator.x[at]
+                second.constant[row, k] = estimator.constant[row, k]
                 second.constant_sigma[row, k] = estimator.sigma[at]
 
 

@@ -65,6 +65,9 @@ def finish_second(state: Ram) -> None:
         end, start = track[now % WHEEL_EPOCHS], track[before % WHEEL_EPOCHS]
         for i in range(3):
             estimator.stretch_b[i] = end[wheel.WAY + i] - start[wheel.WAY + i]
+            for k in range(3):
+                at = wheel.ATTITUDE_B + 3 * i + k
+                estimator.stretch_attitude[i, k] = (end[at] - start[at]) / seconds
         _correct_begin(state, before, now)
         dt = state.parameters.period_ns * 1e-9
         estimator.stretch_lag_s = (state.epoch - 0.5 * (before + now)) * dt
@@ -79,15 +82,17 @@ def finish_second(state: Ram) -> None:
 @compiled
 def _correct_begin(state: Ram, before: int, now: int) -> None:
     """Take the way as corrected within it: what was fed back was wrong before, too."""
-    estimator, C_b_n = state.estimator, state.wheel.C_b_n
+    estimator, track = state.estimator, state.wheel.track
+    start = track[before % WHEEL_EPOCHS]
     for k in range(CORRECTIONS):
-        part = int(estimator.correction_epoch[k]) - before
-        if 0 < part <= now - before:
-            seconds = part * state.parameters.period_ns * 1e-9
+        epoch = int(estimator.correction_epoch[k])
+        if before < epoch <= now:
+            then = track[epoch % WHEEL_EPOCHS]
             for i in range(3):
                 for j in range(3):
-                    change = C_b_n[j, i] * estimator.correction[k, 3 + j]
-                    estimator.stretch_b[i] += change * seconds
+                    at = wheel.ATTITUDE_B + 3 * j + i
+                    change = (then[at] - start[at]) * estimator.correction[k, 3 + j]
+                    estimator.stretch_b[i] += change
 
 
 @compiled
@@ -176,7 +181,7 @@ def _jolt_sigma(state: Ram) -> float:
 @compiled
 def _fill_row(state: Ram, axis: int) -> None:
     estimator = state.estimator
-    C_b_n, seconds = state.wheel.C_b_n, estimator.stretch_s
+    C_b_n, seconds = estimator.stretch_attitude, estimator.stretch_s
     row, matrix = estimator.row, estimator.transition
     wheel.fill_row(row, ATTITUDE, VELOCITY, C_b_n, estimator.stretch_b, seconds, axis)
     since = estimator.stretch_lag_s * seconds / estimator.seconds[DONE]

@@ -1,4 +1,4 @@
-"""Bounds of the error for a stated risk, at the end of each second of the filter.
+"""Bounds of the error for a stated risk, at the end of each second, once the filter stands there.
 
 Without a fault the error is Gaussian with the filter's variance σ². Under a fault with the effect s
 of size 1, of whose size parity and innovations say ``ρ / I`` with the variance ``1 / I``, it is off
@@ -246,8 +246,8 @@ def _assess(state: Ram) -> None:
             shows = _cover(state, k, state.redundancy.gyros, False, False)
             integrity.suspected = integrity.suspected or shows
     _cover_refused(state)
-    for bound in range(BOUNDS):  # the filter knows more than the navigation, until it is fed back
-        integrity.protection[bound] += _size(state, estimator.x, bound)
+    for bound in range(BOUNDS):  # they hold before it is fed back, too
+        integrity.protection[bound] += _size(state, estimator.applied, bound)
     _judge(integrity, bool(estimator.vertical))
     if not state.redundancy.aligning:
         integrity.counts[integrity.status] += 1

@@ -251,6 +251,7 @@ class Estimator(Record):
     corrections: I8  #: made so far
     # The filter.
     x: Annotated[Floats, STATE_CAPACITY]
+    applied: Annotated[Floats, BIASES]  #: of x, what was fed back last
     P: Annotated[Floats, (STATE_CAPACITY, STATE_CAPACITY)]
     sigma: Annotated[Floats, STATE_CAPACITY]  #: of what has been fed back, for the next second
     # Measurements that wait, one bit each scalar.
@@ -275,6 +276,7 @@ class Estimator(Record):
     stretch_lag_s: F8  #: from its middle to where the filter stands
     stretch_turned: F8  #: rad, about up
     stretch_b: Annotated[Floats, 3]  #: m, the same by the navigation
+    stretch_attitude: Annotated[Floats, (3, 3)]  #: C_b_n, its mean over the stretch
     sources: Annotated[Records[Source], AIDS]  #: by `Aid`
     # What is told.
     aligned_epochs: I8  #: length of the last fine alignment, so far

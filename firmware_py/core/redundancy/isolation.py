@@ -37,6 +37,10 @@ each dimension of the parity, as noise does in any of them.
 A slight motion turns all sensors and leaves the parity alone; the fault of one shows in both. So
 does whatever the table makes of the expectation."""
 
+_SWAYS_S = 5
+"""Seconds that fit neither a standstill nor a fault, after which the vehicle may lie on waves: then
+a fault has to last, too."""
+
 _VECTOR = 3
 """Sensors that have no parity; two of one more cannot be spared."""
 
@@ -316,8 +320,11 @@ def standing(parity: Parity, fusion: Fusion, moved: bool, slow: bool) -> int:
         parity.persistent = 0
     parity.persistent += found != 0
     parity.persistent_sensors = found
-    parity.apart = parity.apart + 1 if is_apart else 0
-    if parity.redundant and slow and not moved:
+    if is_apart:
+        parity.apart += 1
+    elif found == 0:
+        parity.apart = 0
+    if parity.redundant and slow and not moved and parity.apart < _SWAYS_S:
         return found if parity.alarm or found & (found - 1) == 0 else 0
     lasts = parity.persistent > SETTLED_S and (parity.alarm or not parity.redundant)
     return found if lasts else 0

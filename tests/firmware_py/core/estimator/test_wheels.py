@@ -50,10 +50,10 @@ def attitude(tools):
 def state(kit, attitude):
     state = kit.state(odometer=kit.ODOMETER)
     estimator = state.estimator
-    state.wheel.C_b_n[:] = attitude
     estimator.stretch_s = SECONDS
     estimator.stretch_m = TRAVELLED
     estimator.stretch_b[:] = attitude.T @ VELOCITY_N * SECONDS
+    estimator.stretch_attitude[:] = attitude
     estimator.odometer[:] = LEARNED
     estimator.seconds[DONE], estimator.stretch_lag_s = 1.0, LAG_S
     estimator.transition[VELOCITY : VELOCITY + 3, :STATES] = SLOPES
@@ -141,6 +141,30 @@ def test_a_stretch_is_from_count_to_count(state):
     assert stretches.second(600, 40.0, (1.5, 30.0, 3.25)) == 0b111
     assert estimator.stretch_m == pytest.approx(9.0)
     assert estimator.stretch_s == pytest.approx(1.1)
+
+
+@pytest.mark.parametrize("component", [FORWARD, ACROSS])
+def test_in_a_turn_a_wheel_does_not_tell_the_heading(tools, state, component):
+    """A way that is turned with the velocity about up is the same way along the vehicle."""
+    stretches, estimator, rate, speed, dt = Stretches(state), state.estimator, 0.1, 10.0, 5e-3
+    track, up, way = state.wheel.track, np.array([0.0, 0.0, 1.0]), np.zeros(12)
+    for epoch in range(200, 396):
+        C_b_n = tools.exponential(up * rate * epoch * dt)
+        way[1] += speed * dt
+        way[3:] += C_b_n.ravel() * dt
+        track[epoch % WHEEL_EPOCHS, :12] = way
+    velocity = C_b_n @ [0.0, speed, 0.0]
+    stretches.second(205, 10.0, track[200, :3])
+    assert stretches.second(400, 20.0, way[:3]) == 0b111
+    x = np.zeros(STATES)
+    x[ATTITUDE : ATTITUDE + 3] = up
+    x[VELOCITY : VELOCITY + 3] = np.cross(up, velocity)
+    slopes = estimator.transition[VELOCITY : VELOCITY + 3]
+    slopes[:] = 0.0  # the velocity changes by rate x velocity, which the error turns, too
+    slopes[:, ATTITUDE + 2] = np.cross(up, np.cross(rate * up, velocity))
+    wheels.innovation.py_func(state, component)
+    way_m, turned = speed * estimator.stretch_s, rate * estimator.stretch_s
+    assert abs(estimator.row[:STATES] @ x) < way_m * turned**2  # a row of one instant: turned / 2
 
 
 def test_a_stretch_with_a_gap_is_none(state):
