@@ -4,7 +4,7 @@ PYTHON ?= python3.11
 VENV ?= .venv
 RUN = $(VENV)/bin/python -m
 
-.PHONY: rehearsal quick test pages soak check docs docs-html docs-site wheel changelog clean
+.PHONY: rehearsal quick test pages socketcan soak check docs docs-html docs-site wheel changelog clean
 
 # One cycle of the rotation scheme. Bytecode of all libraries takes longer than the run: it is last.
 rehearsal: $(VENV)/installed
@@ -34,6 +34,10 @@ test: $(VENV)/installed-dev
 # The dashboard's page in Chromium, and all that the guides show, typed: two minutes.
 pages: $(VENV)/installed-dev
 	$(PYTEST) -m "browser or typed" $(PYTEST_OPTIONS)
+
+# On a SocketCAN bus, the kernel's or an emulated machine's.
+socketcan: $(VENV)/installed-dev
+	.ci/socketcan
 
 # Everything but the browser, at length and with random examples: for a night.
 soak: export RRINS_SOAK = 2000000
