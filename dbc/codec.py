@@ -9,19 +9,21 @@ looked up by name once at start.
 from __future__ import annotations
 
 import functools
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from importlib import resources
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-import cantools.database
 import numpy as np
-from cantools.database import Message, Signal
-from cantools.database.can import Database
-from cantools.errors import Error as CantoolsError
 
+from rrins.compiled.code_folder import code_folder, name_of_code
 from rrins.compiled.compilation import compiled, compiled_with
 from rrins.compiled.record import F8, I8, U1, Record, Whole
 from rrins.dbc.e2e import MessageLayout
+from rrins.dbc.facts import SOURCE, ContractError, Facts, read_dbc
+
+if TYPE_CHECKING:
+    from cantools.database.can import Database
 
 
 class SignalLayout(Record):
@@ -35,13 +37,6 @@ class SignalLayout(Record):
     length: U1
     signed: U1
     big_endian: U1
-
-
-_NO_PROFILE, _P01A = 0, 1  # of the attribute E2EProfile
-
-
-class ContractError(Exception):
-    """The DBC cannot serve as the contract: it is unreadable, incomplete or inconsistent."""
 
 
 @compiled_with(inline="always")
@@ -128,121 +123,42 @@ def encode(word: np.uint64, signal: SignalLayout, physical: float) -> np.uint64:
     return pack(word, signal, to_raw(physical, signal))
 
 
-def _shift(signal: Signal) -> int:
-    """Return the offset of the signal's least significant bit from the word's."""
-    if signal.byte_order == "little_endian":
-        return int(signal.start)
-    # Motorola: `start` is the most significant bit, counted 7..0, 15..8, … over the bytes.
-    byte, bit = divmod(int(signal.start), 8)
-    return 8 * (7 - byte) + bit - (signal.length - 1)
-
-
-def _raw_limits(signal: Signal) -> tuple[int, int]:
-    """Return the smallest and largest raw integer: the field's, narrowed by the stated range."""
-    if signal.is_signed:
-        low, high = -(1 << (signal.length - 1)), (1 << (signal.length - 1)) - 1
-    else:
-        low, high = 0, (1 << min(signal.length, 63)) - 1
-    if signal.minimum is not None and signal.maximum is not None:
-        stated = sorted(
-            round((limit - signal.offset) / signal.scale)
-            for limit in (signal.minimum, signal.maximum)
-        )
-        low, high = max(low, stated[0]), min(high, stated[1])
-    return low, high
-
-
 class Codec:
     """The contract, ready for use.
 
     Parameters
     ----------
-    database : cantools.database.can.Database
-        The DBC as cantools reads it.
+    facts : Facts
+    read : Callable
+        Returns the DBC as cantools reads it.
 
     Attributes
     ----------
-    database : cantools.database.can.Database
-        For everything that is not in a hot path: names, comments, value tables.
+    facts : Facts
     signals : Records[SignalLayout]
         All signals of all messages.
     messages : Records[MessageLayout]
         Identifier, protection and cycle time of each message, by `message_index`.
-
-    Raises
-    ------
-    ContractError
-        When a message exceeds eight bytes, a signal is floating point or multiplexed, or an E2E
-        attribute is missing, unknown or inconsistent with the other.
     """
 
-    def __init__(self, database: Database) -> None:
-        self.database = database
-        self._message_rows: dict[str, int] = {}
-        self._signal_rows: dict[tuple[str, str], int] = {}
-        self._send_types: dict[str, str] = {}
-        self._choices: dict[tuple[str, str], Mapping[int, str]] = {}
-        signals: list[tuple[object, ...]] = []
-        messages: list[tuple[object, ...]] = []
-        for message in database.messages:
-            self._check(message)
-            self._message_rows[message.name] = len(messages)
-            self._send_types[message.name] = self._named(message, "GenMsgSendType", "Cyclic")
-            for signal in message.signals:
-                self._signal_rows[message.name, signal.name] = len(signals)
-                signals.append(self._signal_row(signal))
-            messages.append(self._message_row(message))
-        self.signals = SignalLayout.array(signals)
-        self.messages = MessageLayout.array(messages)
+    def __init__(self, facts: Facts, read: Callable[[], Database]) -> None:
+        self.facts, self._read = facts, read
+        self._messages = {message.name: k for k, message in enumerate(facts.messages)}
+        every = [(message.name, each) for message in facts.messages for each in message.signals]
+        self._signals = {(message, each.name): k for k, (message, each) in enumerate(every)}
+        self._signal_facts = [each for _, each in every]
+        self.signals = SignalLayout.array([tuple(each.layout) for _, each in every])
+        self.messages = MessageLayout.array([tuple(one.layout) for one in facts.messages])
 
-    @staticmethod
-    def _check(message: Message) -> None:
-        if message.length > 8:
-            raise ContractError(f"{message.name}: {message.length} bytes; a classic frame has 8")
-        for signal in message.signals:
-            if signal.is_float or signal.is_multiplexer or signal.multiplexer_ids:
-                raise ContractError(
-                    f"{message.name}.{signal.name}: float and multiplexed signals are not supported"
-                )
-
-    @staticmethod
-    def _signal_row(signal: Signal) -> tuple[float, ...]:
-        return (
-            signal.scale,
-            signal.offset,
-            *_raw_limits(signal),
-            _shift(signal),
-            signal.length,
-            signal.is_signed,
-            signal.byte_order == "big_endian",
-        )
-
-    def _message_row(self, message: Message) -> tuple[int, ...]:
-        attributes = message.dbc.attributes if message.dbc else {}
-        profile = attributes.get("E2EProfile")
-        data_id = attributes.get("E2EDataID")
-        if profile is None or data_id is None:
-            raise ContractError(f"{message.name}: needs E2EProfile and E2EDataID")
-        if (int(profile.value), int(data_id.value) != 0) not in (
-            (_NO_PROFILE, False),
-            (_P01A, True),
-        ):
-            raise ContractError(
-                f"{message.name}: needs E2EProfile P01A and an E2EDataID, or None and 0"
-            )
-        return (message.frame_id, int(data_id.value), message.length, message.cycle_time or 0)
-
-    @staticmethod
-    def _named(message: Message, attribute: str, default: str) -> str:
-        """Return the name of a message's value of an attribute that is an enumeration."""
-        given = message.dbc.attributes.get(attribute) if message.dbc else None
-        return default if given is None else str(given.definition.choices[int(given.value)])
+    @functools.cached_property
+    def database(self) -> Database:
+        """The DBC as cantools reads it, for comments, units and what else no step needs."""
+        return self._read()
 
     @property
     def bits_per_s(self) -> int:
         """Bit rate of the bus: the DBC's attribute Baudrate."""
-        assert self.database.dbc is not None
-        return int(self.database.dbc.attributes["Baudrate"].value)
+        return self.facts.bits_per_s
 
     def is_protected(self, message: str) -> bool:
         """Return whether a message has E2E protection; diagnostic messages have none."""
@@ -250,31 +166,31 @@ class Codec:
 
     def counts_epochs(self, message: str) -> bool:
         """Return whether a message's counter is the epoch, rather than its transmissions."""
-        described = self.database.get_message_by_name(message)
-        return self._named(described, "E2ECounter", "None") == "Epoch"
+        return self.facts.messages[self.message_index(message)].counts_epochs
 
     def send_type(self, message: str) -> str:
         """Return when a message is sent: Cyclic, IfActive (cyclic at times) or Event."""
-        return self._send_types[message]
+        return self.facts.messages[self.message_index(message)].send_type
+
+    def signal_names(self, message: str) -> list[str]:
+        """Return the names of a message's signals, in the order of the DBC."""
+        return [each.name for each in self.facts.messages[self.message_index(message)].signals]
 
     def valid_if(self, message: str, signal: str) -> str | None:
         """Return the signal of the same message without which a signal means nothing; or None."""
-        self.signal_index(message, signal)
-        described = self.database.get_message_by_name(message).get_signal_by_name(signal)
-        given = described.dbc.attributes.get("ValidIf") if described.dbc else None
-        return None if given is None else str(given.value)
+        return self._signal_facts[self.signal_index(message, signal)].valid_if
 
     def message_index(self, message: str) -> int:
         """Return the row of a message in `messages`."""
         try:
-            return self._message_rows[message]
+            return self._messages[message]
         except KeyError:
             raise ContractError(f"the DBC has no message {message}") from None
 
     def signal_index(self, message: str, signal: str) -> int:
         """Return the row of a signal in `signals`."""
         try:
-            return self._signal_rows[message, signal]
+            return self._signals[message, signal]
         except KeyError:
             raise ContractError(f"the DBC has no signal {message}.{signal}") from None
 
@@ -284,21 +200,32 @@ class Codec:
 
     def value(self, message: str, signal: str, name: str) -> int:
         """Return the raw value of a name in a signal's value table."""
-        choices = self.choices(message, signal)
-        for raw, choice in choices.items():
+        for raw, choice in self._signal_facts[self.signal_index(message, signal)].choices:
             if choice == name:
                 return raw
         raise ContractError(f"{message}.{signal} has no value named {name}")
 
     def choices(self, message: str, signal: str) -> Mapping[int, str]:
         """Return a signal's value table, raw value to name."""
-        self.signal_index(message, signal)
-        found = self._choices.get((message, signal))
-        if found is None:
-            choices = self.database.get_message_by_name(message).get_signal_by_name(signal).choices
-            found = {int(raw): str(name) for raw, name in (choices or {}).items()}
-            self._choices[message, signal] = found
-        return found
+        return dict(self._signal_facts[self.signal_index(message, signal)].choices)
+
+
+def codec_of(database: Database) -> Codec:
+    """Return the codec of a DBC as cantools has read it."""
+    return Codec(Facts.of(database), lambda: database)
+
+
+def _own_facts(text: str, read: Callable[[], Database]) -> Facts:
+    """Return the facts of the project's DBC: kept beside compiled code, as parsing takes longer."""
+    folder = code_folder()
+    name = name_of_code("dbc.codec.facts", text + SOURCE)
+    kept = None if folder is None else folder.load(name)
+    if kept is not None:
+        return Facts.of_json(kept)
+    facts = Facts.of(read())
+    if folder is not None:
+        folder.save(name, facts.to_json())
+    return facts
 
 
 @functools.cache
@@ -308,15 +235,15 @@ def load(path: Path | None = None) -> Codec:
     Raises
     ------
     ContractError
-        When the file cannot be read or is unsuitable (see `Codec`).
+        When the file cannot be read or is unsuitable (see `Facts.of`).
     """
+    source = str(path or "rrins.dbc")
     try:
         if path is None:
             text = resources.files(__package__).joinpath("rrins.dbc").read_text(encoding="utf-8")
         else:
             text = path.read_text(encoding="utf-8")
-        database = cantools.database.load_string(text, database_format="dbc")
-    except (OSError, UnicodeDecodeError, CantoolsError) as error:
-        raise ContractError(f"cannot read the DBC {path or 'rrins.dbc'}: {error}") from error
-    assert isinstance(database, Database)
-    return Codec(database)
+    except (OSError, UnicodeDecodeError) as error:
+        raise ContractError(f"cannot read the DBC {source}: {error}") from error
+    read = functools.partial(read_dbc, text, source)
+    return Codec(Facts.of(read()) if path else _own_facts(text, read), read)

@@ -16,8 +16,9 @@ from typing import TYPE_CHECKING, cast, overload
 import numpy as np
 
 from rrins.compiled.record import Record, Records
-from rrins.dbc.codec import Codec, ContractError, SignalLayout, load
+from rrins.dbc.codec import Codec, SignalLayout, load
 from rrins.dbc.e2e import MessageLayout
+from rrins.dbc.facts import ContractError
 
 SENSOR_GROUPS = 16
 """Sensor groups with frames in the DBC: the most sensors of one kind that a RIMU can have."""
@@ -53,7 +54,7 @@ def _families(codec: Codec) -> dict[str, list[str]]:
     """Return the messages by field: numbered ones in order, others alone."""
     numbered: dict[str, dict[int, str]] = {}
     families: dict[str, list[str]] = {}
-    for message in codec.database.messages:
+    for message in codec.facts.messages:
         match = _NUMBERED.fullmatch(message.name)
         if match is None:
             families[message.name.lower()] = [message.name]
@@ -70,9 +71,9 @@ def _families(codec: Codec) -> dict[str, list[str]]:
 
 
 def _message_dtype(codec: Codec, names: list[str]) -> np.dtype[np.void]:
-    signals = [signal.name for signal in codec.database.get_message_by_name(names[0]).signals]
+    signals = codec.signal_names(names[0])
     for name in names[1:]:
-        if [s.name for s in codec.database.get_message_by_name(name).signals] != signals:
+        if codec.signal_names(name) != signals:
             raise ContractError(f"{name} and {names[0]} have different signals")
     layouts = ((name, SignalLayout.dtype) for name in signals)
     return np.dtype((np.record, [("message", MessageLayout.dtype), *layouts]))
@@ -80,8 +81,8 @@ def _message_dtype(codec: Codec, names: list[str]) -> np.dtype[np.void]:
 
 def _fill(record: MessageSignals, codec: Codec, name: str) -> None:
     record["message"] = codec.messages[codec.message_index(name)]
-    for signal in codec.database.get_message_by_name(name).signals:
-        record[signal.name] = codec.signals[codec.signal_index(name, signal.name)]
+    for signal in codec.signal_names(name):
+        record[signal] = codec.signals[codec.signal_index(name, signal)]
 
 
 def contract_of(codec: Codec) -> Records[Contract]:

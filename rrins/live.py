@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from rrins.host_tools.bus.port import Address
+from rrins.host_tools.bus.address import Address
 from rrins.host_tools.diag.target import DEFAULT_CHANNEL, DEFAULT_TIMEOUT_S, Target
 from rrins.host_tools.diag.tester import Tester
 from rrins.host_tools.injection.client import FaultClient

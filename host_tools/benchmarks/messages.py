@@ -13,8 +13,9 @@ import time
 
 from rrins.firmware_py.loop import Firmware
 from rrins.firmware_py.loop import run_lockstep as run_firmware_lockstep
+from rrins.host_tools.bus.address import EMBEDDED, Address
 from rrins.host_tools.bus.message_port import MessagePort
-from rrins.host_tools.bus.port import EMBEDDED, Address, open_bus, open_when_there
+from rrins.host_tools.bus.port import open_bus, open_when_there
 from rrins.host_tools.closing import Closing
 from rrins.host_tools.errors import SideLostError
 from rrins.host_tools.hardware.loop import Hardware

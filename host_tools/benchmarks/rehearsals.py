@@ -12,7 +12,7 @@ from itertools import pairwise
 from pathlib import Path
 
 from rrins.host_tools.benchmarks.reading import reading
-from rrins.host_tools.bus.port import EMBEDDED, Address
+from rrins.host_tools.bus.address import EMBEDDED, Address
 from rrins.host_tools.errors import RehearsalError
 from rrins.host_tools.files import JsonObject
 from rrins.host_tools.runs.rehearsal import OnReport, Rehearsal

@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from rrins.dbc.codec import load
-from rrins.host_tools.bus.port import Address, Side
+from rrins.host_tools.bus.address import Address, Side
 from rrins.host_tools.errors import BusError
 from rrins.host_tools.scenario.scenario import Scenario
 

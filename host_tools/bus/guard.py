@@ -81,11 +81,12 @@ def _owned() -> dict[int, _Owned]:
     """Return the messages of the contract that one of the sides sends, by identifier."""
     from rrins.dbc.codec import load  # half a second, for which a bus without sides does not wait
 
+    codec = load()
     return {
-        message.frame_id: _Owned(message.name, side)
-        for message in load().database.messages
+        codec.frame_id(message.name): _Owned(message.name, side)
+        for message in codec.facts.messages
         for side in SIDES
-        if message.senders == [side.upper()]
+        if list(message.senders) == [side.upper()]
     }
 
 

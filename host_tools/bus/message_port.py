@@ -16,10 +16,11 @@ from rrins.dbc.contract import load_contract
 from rrins.dbc.direct import Direct
 from rrins.dbc.e2e import fill
 from rrins.dbc.frame import ERR_FLAG, FrameArray, frame_array
+from rrins.host_tools.bus.address import Address, Side
 from rrins.host_tools.bus.batch import bytes_of
 from rrins.host_tools.bus.datagram import CLASSIC, FRAME_SIZE
 from rrins.host_tools.bus.message import is_classic, put_message
-from rrins.host_tools.bus.port import Address, PortClosedError, Side, message_of_frame, open_bus
+from rrins.host_tools.bus.port import PortClosedError, message_of_frame, open_bus
 from rrins.host_tools.errors import BusError, SideLostError
 
 _ATTACH_S = 300.0  # the other side may compile first, on a busy machine for minutes

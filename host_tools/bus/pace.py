@@ -7,8 +7,9 @@ import time
 import can
 
 from rrins.dbc.frame import FrameArray, frame_array
+from rrins.host_tools.bus.address import Address
 from rrins.host_tools.bus.interface import RrinsBus
-from rrins.host_tools.bus.port import Address, open_bus
+from rrins.host_tools.bus.port import open_bus
 from rrins.host_tools.errors import BusError
 
 _NS_PER_S = 1_000_000_000

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import errno
 import time
-from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
 import can
 import numpy as np
@@ -14,6 +13,7 @@ from rrins.compiled.record import Records, Words
 from rrins.dbc import direct as direct_exchange
 from rrins.dbc.direct import Direct
 from rrins.dbc.frame import Frame, FrameArray
+from rrins.host_tools.bus.address import Address, Side
 from rrins.host_tools.bus.batch import Batch
 from rrins.host_tools.bus.channel import NoHostError
 from rrins.host_tools.bus.datagram import CLASSIC
@@ -21,11 +21,6 @@ from rrins.host_tools.bus.guard import BusSummary
 from rrins.host_tools.bus.interface import ANSWER_S, RrinsBus
 from rrins.host_tools.bus.message import identifier_of
 from rrins.host_tools.errors import BusError, SideLostError
-
-Side = Literal["firmware", "hardware"]
-
-EMBEDDED = "rrins"
-"""The python-can interface name of the embedded bus."""
 
 _ATTACH_S = 300.0  # the other side may compile first, on a busy machine for minutes
 _POLL_S = 0.2
@@ -39,23 +34,6 @@ class BusNotThereError(BusError):
 
 class PortClosedError(BusError):
     """The bus ended while a side was using it."""
-
-
-@dataclass(frozen=True)
-class Address:
-    """Address of a bus: a python-can interface, its channel and, if needed, its bit rate."""
-
-    interface: str
-    channel: str
-    bitrate: int | None = None
-
-    def __str__(self) -> str:
-        return f"{self.interface}:{self.channel}"
-
-    @property
-    def is_embedded(self) -> bool:
-        """Whether this is the embedded bus."""
-        return self.interface == EMBEDDED
 
 
 def open_bus(address: Address, **wishes: Any) -> can.BusABC:

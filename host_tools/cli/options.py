@@ -15,7 +15,7 @@ from rrins.host_tools.cli.completion import complete_scenarios
 from rrins.host_tools.drawing.saving import FORMATS, pictures_as
 
 if TYPE_CHECKING:
-    from rrins.host_tools.bus.port import Address
+    from rrins.host_tools.bus.address import Address
 
 Command = Callable[..., Any]
 """A function that click turns into a command."""

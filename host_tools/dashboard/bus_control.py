@@ -15,7 +15,8 @@ from rrins.dbc.frame import frame_array
 from rrins.firmware_py.core.records.troubles import Status
 from rrins.firmware_py.diagnostics import table
 from rrins.firmware_py.diagnostics.routines import Routine
-from rrins.host_tools.bus.port import Address, message_of_frame, open_bus
+from rrins.host_tools.bus.address import Address
+from rrins.host_tools.bus.port import message_of_frame, open_bus
 from rrins.host_tools.dashboard.errors import DashboardError
 from rrins.host_tools.dashboard.page_orders import Order
 from rrins.host_tools.diag.target import Target

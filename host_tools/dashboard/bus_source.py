@@ -9,7 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Final
 
-from rrins.host_tools.bus.port import Address
+from rrins.host_tools.bus.address import Address
 from rrins.host_tools.dashboard.bus_control import BusControl
 from rrins.host_tools.dashboard.child import ChildRehearsal, Start
 from rrins.host_tools.dashboard.errors import DashboardError

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Final
 
-from rrins.host_tools.bus.port import Address
+from rrins.host_tools.bus.address import Address
 from rrins.host_tools.closing import Closing
 from rrins.host_tools.files import JsonObject
 from rrins.host_tools.interruption import INTERRUPTED

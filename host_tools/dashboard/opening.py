@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from rrins.host_tools.bus.port import EMBEDDED, Address
+from rrins.host_tools.bus.address import EMBEDDED, Address
 from rrins.host_tools.dashboard.bus_source import BusSource, RehearsalSource
 from rrins.host_tools.dashboard.child import Start
 from rrins.host_tools.dashboard.log_source import LogSource

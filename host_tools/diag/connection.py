@@ -16,7 +16,8 @@ from udsoncan.exceptions import TimeoutException
 
 from rrins.firmware_py.diagnostics import access, table
 from rrins.firmware_py.diagnostics.timed_layer import LayerClock, TimedLayer
-from rrins.host_tools.bus.port import Address, open_bus
+from rrins.host_tools.bus.address import Address
+from rrins.host_tools.bus.port import open_bus
 from rrins.host_tools.diag.transport import DiagnosticFrame, DiagTransport
 from rrins.host_tools.errors import BusError, DiagError
 

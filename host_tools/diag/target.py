@@ -7,8 +7,9 @@ from typing import Literal
 
 import can
 
+from rrins.host_tools.bus.address import EMBEDDED, Address
 from rrins.host_tools.bus.pace import attach_in_pace
-from rrins.host_tools.bus.port import EMBEDDED, Address, open_bus
+from rrins.host_tools.bus.port import open_bus
 from rrins.host_tools.diag.connection import Connection, KernelConnection, LibraryConnection
 from rrins.host_tools.diag.transport import EmbeddedTransport, MessageTransport
 from rrins.host_tools.errors import BusError

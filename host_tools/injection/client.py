@@ -11,7 +11,8 @@ import can
 
 from rrins.dbc.e2e import COUNTER_MODULUS
 from rrins.dbc.values import FaultAction, FaultRefusal
-from rrins.host_tools.bus.port import Address, open_bus
+from rrins.host_tools.bus.address import Address
+from rrins.host_tools.bus.port import open_bus
 from rrins.host_tools.closing import Closing
 from rrins.host_tools.errors import BusError
 from rrins.host_tools.injection.errors import InjectionError

@@ -16,10 +16,11 @@ import numpy as np
 from rrins.compiled.record import Integers
 from rrins.dbc.codec import load
 from rrins.dbc.frame import ERR_FLAG, Frame, FrameArray, frame_array
+from rrins.host_tools.bus.address import Address
 from rrins.host_tools.bus.guard import LARGEST_BATCH
 from rrins.host_tools.bus.interface import RrinsBus
 from rrins.host_tools.bus.message import messages_of
-from rrins.host_tools.bus.port import Address, open_bus
+from rrins.host_tools.bus.port import open_bus
 from rrins.host_tools.errors import BusError
 from rrins.host_tools.logs.reader import Log, Piece
 from rrins.host_tools.logs.signals import did_you_mean, message_names

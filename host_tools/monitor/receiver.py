@@ -15,8 +15,9 @@ import numpy as np
 
 from rrins.dbc.direct import AVAILABLE, WORDS, Direct
 from rrins.dbc.frame import frame_array
+from rrins.host_tools.bus.address import Address
 from rrins.host_tools.bus.interface import RrinsBus
-from rrins.host_tools.bus.port import Address, frame_of_message, open_bus
+from rrins.host_tools.bus.port import frame_of_message, open_bus
 from rrins.host_tools.errors import BusError
 from rrins.host_tools.monitor.tally import MOST_AT_ONCE, count_waiting
 from rrins.host_tools.monitor.watch import Watch

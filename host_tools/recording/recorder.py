@@ -17,10 +17,11 @@ import numpy as np
 from rrins.compiled.record import Floats
 from rrins.dbc.codec import load
 from rrins.dbc.frame import FrameArray
+from rrins.host_tools.bus.address import Address
 from rrins.host_tools.bus.interface import RrinsBus
 from rrins.host_tools.bus.message import messages_of
 from rrins.host_tools.bus.pace import runs_ahead
-from rrins.host_tools.bus.port import Address, open_bus
+from rrins.host_tools.bus.port import open_bus
 from rrins.host_tools.errors import BusError
 from rrins.host_tools.recording.blf_writer import BlfWriter
 from rrins.host_tools.recording.earlier import keep_earlier, put_back

@@ -25,7 +25,7 @@ from typing import Final
 from rrins.dbc.frame import Frame, FrameArray, frame_array
 from rrins.firmware_py.core.modes.modes import Mode
 from rrins.firmware_py.loop import INBOX_CAPACITY
-from rrins.host_tools.bus.port import Address
+from rrins.host_tools.bus.address import Address
 from rrins.host_tools.errors import RehearsalError
 from rrins.host_tools.runs.programs.program import EMULATED
 from rrins.host_tools.runs.sides.job import open_port

@@ -16,7 +16,7 @@ from typing import Literal
 
 from rrins.host_tools import interruption
 from rrins.host_tools.bus import channel as embedded
-from rrins.host_tools.bus.port import EMBEDDED, Address
+from rrins.host_tools.bus.address import EMBEDDED, Address
 from rrins.host_tools.errors import BusError, RehearsalError, SideLostError
 from rrins.host_tools.files import JsonObject
 from rrins.host_tools.recording import recorder

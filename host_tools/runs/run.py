@@ -16,8 +16,8 @@ from rrins.firmware_py.core.records.memory import NavigationOutput
 from rrins.firmware_py.serial.settings import NO_LINES, SerialSettings
 from rrins.host_tools import interruption
 from rrins.host_tools.bridges import slcan
+from rrins.host_tools.bus.address import EMBEDDED, Address
 from rrins.host_tools.bus.channel import HostedError, Reservation
-from rrins.host_tools.bus.port import EMBEDDED, Address
 from rrins.host_tools.errors import FirmwareFaultError, RehearsalError
 from rrins.host_tools.files import JsonObject
 from rrins.host_tools.hardware.memory import Truth

@@ -6,7 +6,7 @@ import contextlib
 from pathlib import Path
 
 from rrins.host_tools.bridges import slcan
-from rrins.host_tools.bus.port import Address, Side
+from rrins.host_tools.bus.address import Address, Side
 from rrins.host_tools.files import JsonObject
 from rrins.host_tools.runs.rehearsal import default_address
 from rrins.host_tools.runs.results.pipe import ReportPipe

@@ -104,7 +104,7 @@ class FaultOnWire(_Fault):
 
 
 def _message_names() -> list[str]:
-    return [message.name for message in load_codec().database.messages]
+    return [message.name for message in load_codec().facts.messages]
 
 
 class FaultOfHardware(_Fault):

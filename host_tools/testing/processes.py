@@ -18,8 +18,8 @@ from typing import Literal
 
 import can
 
+from rrins.host_tools.bus.address import EMBEDDED, Address, Side
 from rrins.host_tools.bus.interface import RrinsBus
-from rrins.host_tools.bus.port import EMBEDDED, Address, Side
 from rrins.host_tools.interruption import INTERRUPTED
 from rrins.host_tools.runs.programs.program import GRACE_S, Program, ProgramProcess, said_path
 from rrins.host_tools.runs.results.pipe import ReportReader

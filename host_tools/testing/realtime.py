@@ -11,8 +11,8 @@ from subprocess import TimeoutExpired
 import can
 
 from rrins.dbc.frame import FrameArray, frame_array
+from rrins.host_tools.bus.address import Side
 from rrins.host_tools.bus.interface import RrinsBus
-from rrins.host_tools.bus.port import Side
 from rrins.host_tools.scenario.scenario import Scenario
 from rrins.host_tools.testing.errors import BenchError
 from rrins.host_tools.testing.processes import OwnProgram, SideProcess, fresh_channel

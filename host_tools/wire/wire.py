@@ -189,7 +189,8 @@ class Wire:
             return None
         found = self._model.statistics()
         elapsed_ns = max(1, found["elapsed_ns"])
-        names = {m.frame_id: m.name for m in load().database.messages}
+        codec = load()
+        names = {codec.frame_id(one.name): one.name for one in codec.facts.messages}
         return {
             "bitrate": self._model.bitrate,
             "load": found["load"],

@@ -24,8 +24,9 @@ from rrins.firmware_py.diagnostics.access import KEY_SIZE, key_of
 from rrins.firmware_py.xcp.layout import epk
 from rrins.firmware_py.xcp.memory import EPK_ADDRESS
 from rrins.firmware_py.xcp.protocol import BLOCK_CAPACITY, MAX_CTO, Resource
+from rrins.host_tools.bus.address import Address
 from rrins.host_tools.bus.pace import attach_in_pace
-from rrins.host_tools.bus.port import Address, open_bus
+from rrins.host_tools.bus.port import open_bus
 from rrins.host_tools.closing import Closing
 from rrins.host_tools.errors import BusError, XcpError
 from rrins.host_tools.xcp.signals import Signal

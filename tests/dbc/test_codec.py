@@ -8,12 +8,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rrins.dbc import codec
+from rrins.compiled.code_folder import CodeFolder
+from rrins.dbc import codec, facts
 
 CODEC = codec.load()
 MESSAGES = CODEC.database.messages
 
-MOTOROLA = codec.Codec(
+MOTOROLA = codec.codec_of(
     cantools.database.load_string(
         """VERSION ""
 BS_:
@@ -55,7 +56,7 @@ def test_decodes_any_payload_as_cantools_does(message, payload):
 @given(st.sampled_from(MESSAGES), st.data())
 def test_encodes_any_values_as_cantools_does(message, data):
     raws = {
-        s.name: data.draw(st.integers(*codec._raw_limits(s)), label=s.name) for s in message.signals
+        s.name: data.draw(st.integers(*facts._raw_limits(s)), label=s.name) for s in message.signals
     }
     word = np.uint64(0)
     for name, row in rows(CODEC, message.name).items():
@@ -111,16 +112,29 @@ def test_what_a_counter_counts_is_stated_once_for_reader_and_tool():
 
 
 def test_an_unknown_name_is_a_contract_error():
-    with pytest.raises(codec.ContractError, match=r"SYNC\.epok"):
+    with pytest.raises(facts.ContractError, match=r"SYNC\.epok"):
         CODEC.signal_index("SYNC", "epok")
-    with pytest.raises(codec.ContractError, match="NO_MESSAGE"):
+    with pytest.raises(facts.ContractError, match="NO_MESSAGE"):
         CODEC.message_index("NO_MESSAGE")
-    with pytest.raises(codec.ContractError, match="NO_MODE"):
+    with pytest.raises(facts.ContractError, match="NO_MODE"):
         CODEC.value("FIRMWARE_STATUS", "mode", "NO_MODE")
 
 
 def test_a_broken_file_is_a_contract_error(tmp_path):
     broken = tmp_path / "broken.dbc"
     broken.write_text("BO_ nonsense")
-    with pytest.raises(codec.ContractError, match=r"broken\.dbc"):
+    with pytest.raises(facts.ContractError, match=r"broken\.dbc"):
         codec.load(broken)
+
+
+def test_facts_that_are_kept_are_those_of_the_dbc():
+    own = facts.Facts.of(CODEC.database)
+    assert facts.Facts.of_json(own.to_json()) == own == CODEC.facts
+
+
+def test_a_second_start_reads_no_dbc(tmp_path, monkeypatch):
+    monkeypatch.setattr(codec, "code_folder", lambda: CodeFolder(tmp_path / "code"))
+    first = codec.load.__wrapped__()
+    monkeypatch.setattr(codec, "read_dbc", lambda *_: pytest.fail("it was kept"))
+    again = codec.load.__wrapped__()
+    assert again.facts == first.facts

@@ -23,7 +23,8 @@ from click.testing import CliRunner
 from rrins.dbc.frame import FrameArray
 from rrins.firmware_py.loop import Firmware
 from rrins.firmware_py.loop import run_lockstep as run_firmware
-from rrins.host_tools.bus.port import Address, BatchPort
+from rrins.host_tools.bus.address import Address
+from rrins.host_tools.bus.port import BatchPort
 from rrins.host_tools.cli.main import rrins
 from rrins.host_tools.hardware.loop import Hardware
 from rrins.host_tools.hardware.loop import run_lockstep as run_hardware

@@ -18,7 +18,7 @@ from click.testing import CliRunner
 from rrins.dbc.codec import load
 from rrins.firmware_py.diagnostics import calibration_image
 from rrins.firmware_py.diagnostics.parameters import CALIBRATED, GYRO_CALIBRATIONS
-from rrins.host_tools.bus.port import Address
+from rrins.host_tools.bus.address import Address
 from rrins.host_tools.calibration.unit import drawn_unit
 from rrins.host_tools.cli.main import rrins
 from rrins.host_tools.injection.client import FaultClient

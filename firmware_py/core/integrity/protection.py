@@ -185,7 +185,7 @@ def _cover(state: Ram, number: int, parity: Parity, by_parity: bool, alarm: bool
                     continue
                 covers = deviation * found
                 covers += math.sqrt(odds * (sigma * sigma + deviation * deviation))
-            elif odds <= 0.0:
+            elif odds <= 0.0 or seconds == 1:  # no measurement has come since
                 continue
             if alarm:
                 most = max(most, covers - integrity.faultless * sigma)

@@ -26,7 +26,7 @@ from rrins.host_tools.monitor.opening import opening_screen
 from rrins.host_tools.monitor.sort_orders import ORDERS
 
 if TYPE_CHECKING:
-    from rrins.host_tools.bus.port import Address
+    from rrins.host_tools.bus.address import Address
     from rrins.host_tools.monitor.dialogue import Dialogue
     from rrins.host_tools.monitor.watch import Watch
 

@@ -32,7 +32,7 @@ from rrins.host_tools.interruption import heed_sigterm
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from rrins.host_tools.bus.port import Address
+    from rrins.host_tools.bus.address import Address
     from rrins.host_tools.logs.beside import Navigated
     from rrins.host_tools.logs.comparison import Comparison
     from rrins.host_tools.logs.reader import Log

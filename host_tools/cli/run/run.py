@@ -38,7 +38,7 @@ from rrins.host_tools.interruption import INTERRUPTED, heed_sigterm
 
 if TYPE_CHECKING:
     from rrins.firmware_py.serial.settings import SerialSettings
-    from rrins.host_tools.bus.port import Side
+    from rrins.host_tools.bus.address import Side
     from rrins.host_tools.runs.display import RunDisplay
     from rrins.host_tools.runs.programs.program import Program
     from rrins.host_tools.runs.run import RunResult

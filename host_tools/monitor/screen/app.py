@@ -16,7 +16,7 @@ from textual.binding import Binding, BindingType
 from textual.containers import Horizontal
 from textual.widgets import Input
 
-from rrins.host_tools.bus.port import Address
+from rrins.host_tools.bus.address import Address
 from rrins.host_tools.monitor.banner import banner, notices
 from rrins.host_tools.monitor.dialogue import Dialogue
 from rrins.host_tools.monitor.estimates import Estimates

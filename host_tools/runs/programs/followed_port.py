@@ -13,9 +13,10 @@ import can
 from rrins.compiled.record import Records
 from rrins.dbc.direct import Direct
 from rrins.dbc.frame import FrameArray
+from rrins.host_tools.bus.address import Address
 from rrins.host_tools.bus.batch import Batch
 from rrins.host_tools.bus.message_port import MessagePort
-from rrins.host_tools.bus.port import Address, BatchPort
+from rrins.host_tools.bus.port import BatchPort
 from rrins.host_tools.errors import SideLostError
 from rrins.host_tools.runs.programs.follower import Follower
 

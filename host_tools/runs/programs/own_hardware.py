@@ -23,9 +23,9 @@ import numpy as np
 from rrins.dbc.codec import load
 from rrins.dbc.frame import FrameArray, frame_array
 from rrins.dbc.values import FaultRefusal
+from rrins.host_tools.bus.address import EMBEDDED, Address
 from rrins.host_tools.bus.batch import Batch
 from rrins.host_tools.bus.interface import RrinsBus
-from rrins.host_tools.bus.port import EMBEDDED, Address
 from rrins.host_tools.closing import Closing
 from rrins.host_tools.errors import RehearsalError, SideLostError
 from rrins.host_tools.hardware.fault_server import HardwareFaultServer

@@ -18,8 +18,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
+from rrins.host_tools.bus.address import Address, Side
 from rrins.host_tools.bus.channel import socket_path
-from rrins.host_tools.bus.port import Address, Side
 from rrins.host_tools.errors import RehearsalError, SideLostError
 from rrins.host_tools.runs.programs import keeper
 from rrins.host_tools.runs.set_up.setup_file import write_setup

@@ -15,8 +15,9 @@ from rrins.dbc.values import FaultAction
 from rrins.firmware_py.core.step import parts_beside
 from rrins.firmware_py.loop import Firmware
 from rrins.firmware_py.serial.settings import NO_LINES, SerialSettings
+from rrins.host_tools.bus.address import Address, Side
 from rrins.host_tools.bus.message_port import MessagePort
-from rrins.host_tools.bus.port import Address, BatchPort, Side, frame_of_message
+from rrins.host_tools.bus.port import BatchPort, frame_of_message
 from rrins.host_tools.errors import RehearsalError
 from rrins.host_tools.hardware.loop import Hardware
 from rrins.host_tools.injection.messages import fault_commands

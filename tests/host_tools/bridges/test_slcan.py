@@ -9,7 +9,7 @@ import can
 import pytest
 
 from rrins.host_tools.bridges.slcan import baud_of, line_load, too_slow
-from rrins.host_tools.bus.port import Address
+from rrins.host_tools.bus.address import Address
 from rrins.host_tools.errors import BusError
 from rrins.host_tools.runs.direct import run_direct
 from rrins.host_tools.scenario import scenario as scenarios

@@ -13,7 +13,8 @@ from rrins.dbc.frame import frame_array
 from rrins.firmware_py.loop import Firmware
 from rrins.firmware_py.loop import run_lockstep as run_firmware
 from rrins.host_tools.bus import datagram
-from rrins.host_tools.bus.port import Address, BatchPort
+from rrins.host_tools.bus.address import Address
+from rrins.host_tools.bus.port import BatchPort
 from rrins.host_tools.hardware.loop import Hardware
 from rrins.host_tools.hardware.loop import run_lockstep as run_hardware
 from rrins.host_tools.runs.set_up.settings import (

@@ -21,9 +21,10 @@ from click.testing import CliRunner
 
 from rrins.dbc.frame import frame_array
 from rrins.host_tools.bus import admission, ownership
+from rrins.host_tools.bus.address import Address
 from rrins.host_tools.bus.channel import connect, detect
 from rrins.host_tools.bus.interface import RrinsBus
-from rrins.host_tools.bus.port import Address, open_bus
+from rrins.host_tools.bus.port import open_bus
 from rrins.host_tools.cli.main import rrins
 from rrins.host_tools.errors import BusError
 

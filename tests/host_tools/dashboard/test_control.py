@@ -6,7 +6,7 @@ import json
 
 import pytest
 
-from rrins.host_tools.bus.port import Address
+from rrins.host_tools.bus.address import Address
 from rrins.host_tools.dashboard import bus_control
 from rrins.host_tools.dashboard.bus_control import BusControl
 from rrins.host_tools.dashboard.page_orders import Order

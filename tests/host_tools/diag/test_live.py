@@ -14,8 +14,9 @@ import pytest
 from click.testing import CliRunner
 
 from rrins.firmware_py.diagnostics import table
+from rrins.host_tools.bus.address import Address
 from rrins.host_tools.bus.interface import RrinsBus
-from rrins.host_tools.bus.port import Address, open_when_there
+from rrins.host_tools.bus.port import open_when_there
 from rrins.host_tools.cli.main import rrins
 from rrins.host_tools.diag.target import Target
 from rrins.host_tools.diag.tester import Tester as Tool

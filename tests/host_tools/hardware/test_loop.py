@@ -8,7 +8,8 @@ import time
 import pytest
 
 from rrins.dbc.frame import frame_array
-from rrins.host_tools.bus.port import Address, BatchPort
+from rrins.host_tools.bus.address import Address
+from rrins.host_tools.bus.port import BatchPort
 from rrins.host_tools.hardware.loop import Hardware, run_realtime
 from rrins.host_tools.runs.set_up.settings import hardware_settings
 from rrins.host_tools.runs.sides.job import prepare_hardware

@@ -8,7 +8,7 @@ import threading
 
 import pytest
 
-from rrins.host_tools.bus.port import EMBEDDED, Address
+from rrins.host_tools.bus.address import EMBEDDED, Address
 from rrins.host_tools.injection.client import FaultClient
 from rrins.host_tools.testing.bench import Bench
 from rrins.host_tools.testing.scenarios import prepare_scenario

@@ -12,7 +12,8 @@ from rrins.dbc.codec import load
 from rrins.dbc.frame import frame_array
 from rrins.dbc.values import FaultAction
 from rrins.firmware_py.loop import Firmware, own_clock_ns
-from rrins.host_tools.bus.port import EMBEDDED, Address, frame_of_message
+from rrins.host_tools.bus.address import EMBEDDED, Address
+from rrins.host_tools.bus.port import frame_of_message
 from rrins.host_tools.errors import BusError, ScenarioError
 from rrins.host_tools.hardware.fault_kinds import HardwareFault
 from rrins.host_tools.hardware.loop import Hardware

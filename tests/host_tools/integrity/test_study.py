@@ -124,6 +124,14 @@ def test_a_case_that_once_failed_does_not(seed, number):
     assert not found.sound_left_out
 
 
+def test_three_sensors_beside_gnss_have_a_bound():
+    """One of four accelerometers is left out at 19 s: the aid shows what no parity does."""
+    drawn = cases.draw(91, 28)
+    found = trial.run(replace(drawn, scenario=drawn.scenario.varied(duration_s=100.0)))
+    assert found.available + found.degraded == found.seconds
+    assert found.degraded > 70
+
+
 def test_a_case_runs_with_and_without_frames(case):
     base = case.scenario.varied(duration_s=40)
     drop = {"kind": "drop", "probability": 0.02, "at_s": 20}

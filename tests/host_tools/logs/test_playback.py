@@ -10,7 +10,7 @@ import pytest
 
 from rrins.dbc.codec import load
 from rrins.dbc.frame import frame_array
-from rrins.host_tools.bus.port import Address
+from rrins.host_tools.bus.address import Address
 from rrins.host_tools.errors import BusError
 from rrins.host_tools.logs import playback
 from rrins.host_tools.logs.playback import Playback, identifiers_of

@@ -14,8 +14,8 @@ from rrins.dbc.frame import frame_array
 from rrins.firmware_py.core.records.redundancy_records import Found
 from rrins.firmware_py.loop import Firmware
 from rrins.firmware_py.loop import run_lockstep as run_firmware
+from rrins.host_tools.bus.address import Address
 from rrins.host_tools.bus.message_port import MessagePort
-from rrins.host_tools.bus.port import Address
 from rrins.host_tools.hardware.loop import Hardware
 from rrins.host_tools.hardware.loop import run_lockstep as run_hardware
 from rrins.host_tools.logs.alignment import compare_logs

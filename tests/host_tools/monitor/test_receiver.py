@@ -11,8 +11,8 @@ import pytest
 
 from rrins.dbc.direct import AVAILABLE
 from rrins.dbc.frame import frame_array
+from rrins.host_tools.bus.address import Address
 from rrins.host_tools.bus.interface import RrinsBus
-from rrins.host_tools.bus.port import Address
 from rrins.host_tools.errors import BusError
 from rrins.host_tools.monitor import receiver as receiver_module
 from rrins.host_tools.monitor.banner import notices

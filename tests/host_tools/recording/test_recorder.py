@@ -14,8 +14,8 @@ import pytest
 
 from rrins.dbc.codec import load
 from rrins.dbc.frame import frame_array
+from rrins.host_tools.bus.address import Address
 from rrins.host_tools.bus.interface import RrinsBus
-from rrins.host_tools.bus.port import Address
 from rrins.host_tools.errors import BusError
 from rrins.host_tools.logs.reader import Log
 from rrins.host_tools.logs.replay import replay

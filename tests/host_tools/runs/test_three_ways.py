@@ -9,8 +9,8 @@ import pytest
 
 from rrins.firmware_py.loop import Firmware
 from rrins.firmware_py.loop import run_lockstep as run_firmware
+from rrins.host_tools.bus.address import Address
 from rrins.host_tools.bus.message_port import MessagePort
-from rrins.host_tools.bus.port import Address
 from rrins.host_tools.hardware.loop import Hardware
 from rrins.host_tools.hardware.loop import run_lockstep as run_hardware
 from rrins.host_tools.runs.direct import run_direct

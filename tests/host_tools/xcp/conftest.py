@@ -16,8 +16,9 @@ from rrins.dbc.frame import FrameArray, frame_array
 from rrins.firmware_py.core.modes.modes import Mode
 from rrins.firmware_py.loop import Firmware
 from rrins.firmware_py.loop import run_lockstep as run_firmware
+from rrins.host_tools.bus.address import Address, Side
 from rrins.host_tools.bus.message_port import MessagePort
-from rrins.host_tools.bus.port import Address, BatchPort, Side
+from rrins.host_tools.bus.port import BatchPort
 from rrins.host_tools.hardware.loop import Hardware
 from rrins.host_tools.hardware.loop import run_lockstep as run_hardware
 from rrins.host_tools.runs.exchange import answer_epoch

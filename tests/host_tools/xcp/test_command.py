@@ -17,7 +17,8 @@ from click.testing import CliRunner, Result
 pytest.importorskip("pyxcp")
 
 from rrins.firmware_py.xcp.a2l import a2l_text
-from rrins.host_tools.bus.port import Address, open_when_there
+from rrins.host_tools.bus.address import Address
+from rrins.host_tools.bus.port import open_when_there
 from rrins.host_tools.cli.main import rrins
 from tests.processes import Fork
 

@@ -15,7 +15,8 @@ import pytest
 pytest.importorskip("pyxcp")
 
 from rrins.firmware_py.xcp.protocol import Resource
-from rrins.host_tools.bus.port import Address, open_when_there
+from rrins.host_tools.bus.address import Address
+from rrins.host_tools.bus.port import open_when_there
 from rrins.host_tools.errors import BusError, XcpError
 from rrins.host_tools.runs.direct import run_without_frames
 from rrins.host_tools.scenario.scenario import load

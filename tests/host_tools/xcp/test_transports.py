@@ -9,7 +9,7 @@ import pytest
 
 pytest.importorskip("pyxcp")
 
-from rrins.host_tools.bus.port import Address
+from rrins.host_tools.bus.address import Address
 from rrins.host_tools.scenario.scenario import load
 from rrins.host_tools.xcp.master import XcpMaster, values_of
 from rrins.host_tools.xcp.recording import Recording, record

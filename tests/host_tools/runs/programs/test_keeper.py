@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from rrins.host_tools.bus.port import EMBEDDED, Address
+from rrins.host_tools.bus.address import EMBEDDED, Address
 from rrins.host_tools.errors import RehearsalError
 from rrins.host_tools.runs.programs import program
 from rrins.host_tools.runs.programs.program import Program, ProgramProcess

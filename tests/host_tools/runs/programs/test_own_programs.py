@@ -14,8 +14,8 @@ from typing import Any
 import pytest
 
 from rrins.host_tools.bus import channel
+from rrins.host_tools.bus.address import Address
 from rrins.host_tools.bus.interface import RrinsBus
-from rrins.host_tools.bus.port import Address
 from rrins.host_tools.errors import FirmwareFaultError, RehearsalError, SideLostError
 from rrins.host_tools.runs import rehearsal, run
 from rrins.host_tools.runs.display import RunDisplay
