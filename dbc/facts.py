@@ -1,4 +1,4 @@
-"""What is read from the DBC for every start: layouts, attributes and value tables.
+"""Facts of the DBC that every start needs: layouts, attributes and value tables.
 
 To parse a DBC takes cantools a quarter of a second, with its import. So what steps and commands
 need of the project's own is kept as JSON (`rrins.dbc.codec.load`).
@@ -49,7 +49,7 @@ class MessageFacts:
 
 @dataclass(frozen=True)
 class Facts:
-    """What is read from the DBC for every start."""
+    """The messages that every start needs, and the bus's bit rate."""
 
     bits_per_s: int
     messages: tuple[MessageFacts, ...]

@@ -37,7 +37,7 @@ each dimension of the parity, as noise does in any of them.
 A slight motion turns all sensors and leaves the parity alone; the fault of one shows in both. So
 does whatever the table makes of the expectation."""
 
-_SWAYS_S = 5
+_SWAYS_S = 8
 """Seconds that fit neither a standstill nor a fault, after which the vehicle may lie on waves: then
 a fault has to last, too."""
 
