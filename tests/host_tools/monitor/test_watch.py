@@ -230,7 +230,10 @@ def test_a_wrong_length_counts_as_a_wrong_crc(played):
     assert of(played, "SYNC").data == bytes(3)
 
 
-@given(word=st.integers(0, 2**64 - 1), name=st.sampled_from(sorted(load()._message_rows)))
+@given(
+    word=st.integers(0, 2**64 - 1),
+    name=st.sampled_from(sorted(message.name for message in load().facts.messages)),
+)
 def test_values_are_those_of_cantools(play, word, name):
     codec = load()
     bus = play()
