@@ -5,8 +5,10 @@ as rare as a false alarm may be, and suffice. Without noise, the others have to 
 
 Whether a sensor repeats itself is seen in what it sends. The increment expected of it by the others
 is the fused vector along its input axis. A sensor is stuck if this has changed by more than
-quantisation explains while its increment stayed constant, and at least two others have moved: a
-vector cannot change along a single axis of four, but the noise of one sensor can look so.
+quantisation explains while its increment stayed constant, and at least two others have moved with
+it: a vector cannot change along a single axis of four, but a fault or the noise of one sensor can
+look so. Nor does it tell anything where the others have moved by far more: they turn about the
+sensor's axis, and it is constant rightly. In both cases the comparison begins anew.
 The fused vector depends on the set of sensors: epochs that lack one do not count, and when one
 drops out for longer, or returns, all tests restart.
 Three sensors are always consistent: there a sensor is stuck that repeats a nonzero increment while
@@ -21,6 +23,11 @@ from rrins.firmware_py.core.records.diagnostic_records import Repetition
 from rrins.firmware_py.core.records.memory import Fusion
 
 _VARIED_COUNTS = 4.0
+_MOVED_COUNTS = 1.5
+_MOVED_SHARE = 0.05
+"""Of the largest movement among the others: by less, a sensor does not move with it."""
+_MOTION_SHARE = 0.01
+"""Of the same: by less, what is expected of a sensor changes in a turn about its axis."""
 _CHANGED_COUNTS = 8.0
 _REDUNDANT_FROM = 4
 _WITNESSES = 2
@@ -66,20 +73,27 @@ def _expected(fusion: Fusion, vector_s: Floats, sensor: int) -> float:
 
 
 @compiled
-def _with_witnesses(repetition: Repetition, standing: int, count: int) -> int:
-    """Return the standing sensors whose expectation varied, with enough others that moved."""
-    stuck = 0
+def _refer(repetition: Repetition, expected: float, sensor: int, count: int) -> None:
+    """Begin to compare what is expected of a sensor, and what the others send, with now."""
+    repetition.expected[sensor] = expected
     for k in range(count):
-        if (standing & repetition.varied) >> k & 1 == 0:
-            continue
-        witnesses = 0
-        for j in range(count):
-            moved = abs(repetition.last[j] - repetition.reference[k, j])
-            if repetition.compared >> j & 1 and moved > _VARIED_COUNTS * repetition.resolution:
-                witnesses += 1
-        if witnesses >= _WITNESSES:
-            stuck |= 1 << k
-    return stuck
+        repetition.reference[sensor, k] = repetition.last[k]
+
+
+@compiled
+def _is_of_motion(repetition: Repetition, difference: float, sensor: int, count: int) -> bool:
+    """Return whether a vector's motion changes what is expected of a sensor by `difference`."""
+    largest = 0.0
+    for k in range(count):
+        if repetition.compared >> k & 1:
+            largest = max(largest, abs(repetition.last[k] - repetition.reference[sensor, k]))
+    least = max(_MOVED_COUNTS * repetition.resolution, _MOVED_SHARE * largest)
+    witnesses = 0
+    for k in range(count):
+        moved = abs(repetition.last[k] - repetition.reference[sensor, k])
+        if repetition.compared >> k & 1 and moved > least:
+            witnesses += 1
+    return difference > _MOTION_SHARE * largest and witnesses >= _WITNESSES
 
 
 @compiled
@@ -102,21 +116,23 @@ def judge(repetition: Repetition, fusion: Fusion, vector_s: Floats, epochs: int)
             noiseless |= 1 << k
         if unchanged == 0:
             repetition.varied &= ~(1 << k)
-        elif 2 * unchanged == epochs:
-            repetition.expected[k] = _expected(fusion, vector_s, k)
-            for j in range(fusion.count):
-                repetition.reference[k, j] = repetition.last[j]
-        elif 2 * unchanged > epochs:
-            difference = _expected(fusion, vector_s, k) - repetition.expected[k]
-            if abs(difference) > _VARIED_COUNTS * repetition.resolution:
-                repetition.varied |= 1 << k
+        elif 2 * unchanged >= epochs:
+            expected = _expected(fusion, vector_s, k)
+            difference = abs(expected - repetition.expected[k])
+            if 2 * unchanged == epochs:
+                _refer(repetition, expected, k, fusion.count)
+            elif difference > _VARIED_COUNTS * repetition.resolution:
+                if _is_of_motion(repetition, difference, k, fusion.count):
+                    repetition.varied |= 1 << k
+                else:
+                    _refer(repetition, expected, k, fusion.count)
             if unchanged >= epochs:
                 standing |= 1 << k
     repetition.stuck = noiseless
     if standing == 0:
         return
     if used >= _REDUNDANT_FROM:
-        repetition.stuck |= _with_witnesses(repetition, standing, fusion.count)
+        repetition.stuck |= standing & repetition.varied
     elif repetition.largest_change > _CHANGED_COUNTS * repetition.resolution:
         for k in range(fusion.count):
             if standing >> k & 1 and repetition.last[k] != 0.0:

@@ -236,6 +236,21 @@ def test_a_stuck_gyro_is_left_out_before_a_fifth_of_a_second():
         assert found["isolated_s"] - (at_s - BEGIN_S) < 0.2
 
 
+@pytest.mark.parametrize(
+    "fault",
+    [
+        {"kind": "accelerometer_bias", "bias_ug": 500},
+        {"kind": "accelerometer_ramp", "bias_ug_per_min": 1000},
+    ],
+)
+def test_a_sensor_about_whose_axis_the_table_turns_is_not_stuck_when_another_fails(fault):
+    found = of(
+        simulate(fault | {"sensor": 2, "at_s": 100}, duration_s=170, noise={}), fault["kind"]
+    )
+    assert found["excluded"] in (None, [2])
+    assert found["alarm_s"] is not None
+
+
 @pytest.mark.parametrize("noisy", [True, False])
 def test_coarse_counts_are_no_fault(noisy):
     coarse = {"gyros": {"resolution_arcsec": 1}, "accelerometers": {"resolution_um_per_s": 1000}}
