@@ -80,6 +80,7 @@ class Keeper:
     def __init__(self, grace_s: float, log: Path, log_bytes: int, words: list[str]) -> None:
         _prctl(_SUBREAPER, 1)
         read_end, write_end = os.pipe()
+        self._log = Log(log, log_bytes, read_end)  # before the program, which may undo its folder
         self._program = subprocess.Popen(
             words,
             stdin=subprocess.DEVNULL,
@@ -92,7 +93,6 @@ class Keeper:
         self.pid = self._program.pid
         self._grace_s = grace_s
         self._deadline = float("inf")
-        self._log = Log(log, log_bytes, read_end)
         self._poller = select.poll()
         self._lines = (0, read_end, os.pidfd_open(self.pid))
         for line in self._lines:
