@@ -62,6 +62,22 @@ def _struct_type(dtype: np.dtype[np.void]) -> types.Record:
 
 setattr(numpy_support, "from_struct_dtype", _struct_type)  # noqa: B010 - numba's
 
+# At each operator of the code numba tries every kind of operands anew, some thirty of them.
+_any_call_type = types.BaseFunction.get_call_type
+
+
+@functools.cache
+def _call_type(function: Any, _variants: int, context: Any, args: _Types, named: _Types) -> Any:
+    return _any_call_type(function, context, args, dict(named))
+
+
+def _known_call_type(self: Any, context: Any, args: Any, kws: Any) -> Any:
+    """Return what numba knows a call of one of its own functions by, found once."""
+    return _call_type(self, len(self.templates), context, tuple(args), tuple(kws.items()))
+
+
+setattr(types.BaseFunction, "get_call_type", _known_call_type)  # noqa: B010 - a method
+
 
 def type_of(kind: Any) -> Any:
     """Return numba's type of a kind of argument."""
