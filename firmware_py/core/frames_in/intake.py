@@ -285,7 +285,7 @@ def _belongs_here(
         frame_checks.counter_error(state, source)
         senders.compare(state, source, word)
         return False
-    if not repetitions.is_trusted(state, source):
+    if not repetitions.is_trusted(state, source, message, word):
         frame_checks.counter_error(state, source)
         return False
     senders.keep(state, source, word)

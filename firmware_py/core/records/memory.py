@@ -221,6 +221,7 @@ class Heard(Record):
     word: Annotated[Words, (HEARD_SOURCES, COUNTER_MODULUS)]  #: its payload
     foreign_word: Annotated[Words, HEARD_SOURCES]  #: payload of the last frame of another epoch
     foreign_after: Annotated[Integers, HEARD_SOURCES]  #: epoch in which that came plus 1; 0: none
+    repeated_after: Annotated[Integers, HEARD_SOURCES]  #: epoch in which it came again plus 1
     repetitions: Annotated[Integers, HEARD_SOURCES]  #: of that frame, since data last counted
     right_run: Annotated[Integers, HEARD_SOURCES]  #: right counters since the last repetition
     disputed: I8  #: sources of which two frames disagree about this epoch, one bit each

@@ -89,22 +89,48 @@ def test_a_frame_of_another_epoch_is_refused(intake, index, away):
     assert intake.take(frames) == expected
 
 
+def _moving(tools, bench):
+    """Return a frame of a sensor that measures something else in each epoch."""
+    return tools.frame("SENSOR_1", bench.epoch, gyro_dtheta=bench.epoch)
+
+
 def test_a_group_that_repeats_one_frame_is_useless_until_its_counter_runs(tools):
     bench = tools.Bench()
     for _ in range(3):
         bench.step()
-    repeated = bench.frames(bench.epoch)[FIRST_SENSOR]
-    used = []
+    repeated, used = _moving(tools, bench), []
     for epoch in range(33):
         frames = bench.frames(bench.epoch)
-        if epoch not in (0, 5, 30, 31, 32):
-            frames[FIRST_SENSOR] = repeated
+        is_own = epoch in (0, 5, 30, 31, 32)
+        frames[FIRST_SENSOR] = _moving(tools, bench) if is_own else repeated
         bench.step(frames)
         if bench.state["assembly"]["gyro_valid"] & 1:
             used.append(epoch)
         is_useless = bool(bench.state["assembly"]["gyro_absent"] & 1)
         assert is_useless == (17 <= epoch < 32)
     assert used == [0, 32]
+
+
+@pytest.mark.parametrize("is_alike", [False, True])
+def test_a_frame_that_is_repeated_now_and_then_counts_once(tools, is_alike):
+    """Every 15th time its counter is right again; it may say what all others of its sender say."""
+    bench = tools.Bench()
+    for _ in range(3):
+        bench.step()
+
+    def sensor():
+        return tools.frame("SENSOR_1", bench.epoch) if is_alike else _moving(tools, bench)
+
+    repeated, used = sensor(), []
+    for epoch in range(70):
+        frames = bench.frames(bench.epoch)
+        frames[FIRST_SENSOR] = sensor() if epoch % 5 else repeated
+        bench.step(frames)
+        if bench.state["assembly"]["gyro_valid"] & 1:
+            used.append(epoch)
+    right = {epoch for epoch in range(70) if epoch % 5}
+    assert set(used) - right == ({0, 15, 30, 45, 60} if is_alike else {0})
+    assert right <= set(used)
 
 
 @pytest.mark.parametrize("flag", [EFF_FLAG, RTR_FLAG, ERR_FLAG])
