@@ -8,6 +8,7 @@
  */
 #define _GNU_SOURCE
 #include <sched.h>
+#include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -30,6 +31,22 @@ struct options {
 static struct firmware firmware;
 static struct rrins_frame inbox[INBOX], outbox[OUTBOX];
 static int64_t arrival_ns[INBOX];
+volatile sig_atomic_t stopped;
+
+/* End with the present epoch, so that all is kept. */
+static void stop(int number)
+{
+    stopped = number;
+}
+
+/* After all else: whoever waits for this program learns of the signal. */
+static void end_by_signal(void)
+{
+    if (stopped) {
+        signal(stopped, SIG_DFL);
+        raise(stopped);
+    }
+}
 
 static int64_t now_ns(void)
 {
@@ -50,7 +67,7 @@ static bool is_in(uint32_t can_id, size_t count)
 static bool announce(struct port *port)
 {
     struct rrins_frame hello;
-    while (!port_has_frames(port, HELLO_NS)) {
+    while (!stopped && !port_has_frames(port, HELLO_NS)) {
         heartbeat(&firmware, &hello);
         if (!port_send(port, &hello, 1, 0, 0))
             return false;
@@ -62,7 +79,7 @@ static bool run_lockstep(struct port *port)
 {
     int64_t arrivals = 0;
     firmware.is_whole = true;
-    while (!firmware_is_shut_down(&firmware)) {
+    while (!stopped && !firmware_is_shut_down(&firmware)) {
         size_t consumed, sent;
         long count = port_receive_epoch(port, inbox, INBOX);
         if (count < 0)
@@ -136,7 +153,7 @@ static bool run_realtime(struct port *port)
 {
     int64_t period_ns = firmware.period_ns, deadline_ns = now_ns() + period_ns;
     long count = 0;
-    while (!firmware_is_shut_down(&firmware)) {
+    while (!stopped && !firmware_is_shut_down(&firmware)) {
         const struct clock *clock = &firmware.clock;
         bool is_followed = clock->synchronised && !clock->lost;
         size_t consumed, sent;
@@ -191,6 +208,7 @@ int main(int count, char **words)
     struct port port;
     char reason[256];
     bool is_well;
+    atexit(end_by_signal);
     if (!read_options(&options, count, words)) {
         fprintf(stderr, "usage: %s [--setup FILE] [--interface rrins|socketcan] [--channel CHANNEL] "
                         "[--speed max|1] [--attach-wait SECONDS] [--memory FILE]\n", words[0]);
@@ -208,13 +226,15 @@ int main(int count, char **words)
     firmware_power_on(&firmware, &setup);
     is_well = port_open(&port, options.interface, options.channel,
                         (int)(options.attach_wait_s * 1000.0));
+    sigaction(SIGTERM, &(struct sigaction){.sa_handler = stop}, NULL);
+    sigaction(SIGINT, &(struct sigaction){.sa_handler = stop}, NULL);
     if (is_well && strcmp(options.speed, "1") == 0) {
         enter_realtime();
         is_well = run_realtime(&port);
     } else if (is_well) {
         is_well = announce(&port) && run_lockstep(&port);
     }
-    if (!is_well)
+    if (!is_well && !stopped)
         fprintf(stderr, PROGRAM ": %s\n", port.reason);
     port_close(&port);
     return is_well ? 0 : 1;

@@ -18,6 +18,7 @@
 _Static_assert(sizeof(struct can_frame) == sizeof(struct rrins_frame), "one layout of frames");
 
 static const int64_t SILENCE_NS = INT64_C(30000000000); /* of the hardware, in lockstep */
+static const int64_t SLICE_NS = 100000000; /* of a wait that a signal may end */
 enum { KEPT_FREE = 1024 }; /* room for the hardware's frames, whatever others send */
 
 static bool open_can(struct port *port, const char *channel)
@@ -119,17 +120,22 @@ long port_receive(struct port *port, struct rrins_frame *frames, size_t room, in
 static long receive_can_epoch(struct port *port, struct rrins_frame *frames, size_t room)
 {
     size_t count = 0;
-    for (;;) {
-        long came = receive_can(port, &frames[count], 1, SILENCE_NS);
+    int64_t silent_ns = 0;
+    while (!stopped) {
+        long came = receive_can(port, &frames[count], 1, SLICE_NS);
         if (came < 0)
             return -1;
-        if (came == 0)
+        silent_ns = came > 0 ? 0 : silent_ns + SLICE_NS;
+        if (silent_ns >= SILENCE_NS)
             return ended(port, "the hardware has been silent for 30 s");
+        if (came == 0)
+            continue;
         if (frames[count].can_id == RRINS_AXIS_OUTER_STATUS_FRAME_ID)
             return (long)count + 1;
         if (count + 1 < room)
             count++;
     }
+    return -1;
 }
 
 long port_receive_epoch(struct port *port, struct rrins_frame *frames, size_t room)
@@ -137,9 +143,12 @@ long port_receive_epoch(struct port *port, struct rrins_frame *frames, size_t ro
     size_t count = 0;
     if (port->bus == NULL)
         return receive_can_epoch(port, frames, room);
-    for (;;) {
-        if (rrins_bus_receive(port->bus, port->batch, -1) < 0)
+    while (!stopped) {
+        int came = rrins_bus_receive(port->bus, port->batch, SLICE_NS);
+        if (came < 0)
             return ended(port, rrins_bus_reason(port->bus));
+        if (came == 0)
+            continue;
         port->taken = 0;
         count += copied(port, &frames[count], room - count);
         port->taken = port->batch->count;
@@ -148,6 +157,7 @@ long port_receive_epoch(struct port *port, struct rrins_frame *frames, size_t ro
         if (count > room - KEPT_FREE) /* a flood of others */
             count = room - KEPT_FREE;
     }
+    return -1;
 }
 
 static bool send_can(struct port *port, const struct rrins_frame *frame)

@@ -2,7 +2,11 @@
 #ifndef PORT_H
 #define PORT_H
 
+#include <signal.h>
+
 #include "firmware.h"
+
+extern volatile sig_atomic_t stopped; /* the signal that ends the program, 0 without */
 
 struct port {
     struct rrins_bus *bus; /* embedded, or NULL */

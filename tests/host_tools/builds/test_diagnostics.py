@@ -9,10 +9,11 @@ import os
 import random
 import shlex
 import shutil
+import signal
 import subprocess
 import sys
 import threading
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -39,9 +40,11 @@ from rrins.host_tools.runs.display import RunDisplay
 from rrins.host_tools.runs.programs.program import Program
 from rrins.host_tools.scenario.scenario import load
 from rrins.host_tools.terminal import new_console
+from rrins.host_tools.testing.errors import BenchError
 from tests.firmware_py.diagnostics.test_fuzz import Requests
 from tests.host_tools.builds import built_for_each
 from tests.host_tools.builds.diagnosed import FUNCTIONAL, REQUEST, SANITISED, Beside, Tool, program
+from tests.host_tools.builds.steps import EMULATORS
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(900)]  # the first of a machine compiles all
 
@@ -361,9 +364,8 @@ def test_a_file_that_is_no_memory_is_refused_with_a_line(answering: Path, tmp_pa
     assert other.read_text() == "not ours\n"
 
 
-def build_for(scenario_file: Path, folder: Path) -> None:
+def build_for(scenario_file: Path, folder: Path, target: str) -> None:
     """Build the program for a scenario, where `built_for_each` looks; steps are kept."""
-    target = "x86_64-linux"
     images = Images.of(load(str(scenario_file)))
     made = folder / hashlib.sha256(images.setup.encode() + images.ram.tobytes()).hexdigest()[:16]
     if not made.exists():
@@ -381,10 +383,14 @@ def build_for(scenario_file: Path, folder: Path) -> None:
 
 @pytest.mark.soak
 @pytest.mark.timeout(0)
+@pytest.mark.parametrize("target", ["x86_64-linux", "aarch64-linux"])
 def test_the_program_passes_all_checks_each_with_the_set_up_that_it_was_built_for(
-    tmp_path: Path,
+    target: str, tmp_path: Path
 ) -> None:
-    words = shlex.join((sys.executable, "-S", built_for_each.__file__, str(tmp_path)))
+    if EMULATORS[target] and shutil.which(EMULATORS[target][0]) is None:
+        pytest.skip(f"needs {EMULATORS[target][0]}: Debian's qemu-user")
+    starter = (sys.executable, "-S", built_for_each.__file__, str(tmp_path))
+    words = shlex.join((*starter, *EMULATORS[target]))
     outcomes = {}
     for check in CHECKS:
         wanted: list[Path] | None = None
@@ -392,11 +398,25 @@ def test_the_program_passes_all_checks_each_with_the_set_up_that_it_was_built_fo
             (finding,) = conform(words, (check,))
             wanted = list(tmp_path.glob(built_for_each.WANTED))
             for file in wanted:
-                build_for(file, tmp_path)
+                build_for(file, tmp_path, target)
                 file.unlink()
         outcomes[check.name] = finding.outcome, finding.line
         print(check.name, *outcomes[check.name], flush=True)
     assert {name: one for name, one in outcomes.items() if one[0] != "passed"} == {}
+
+
+def test_a_program_that_is_stopped_ends_its_epoch_and_writes_its_trouble_codes(
+    built: Build, tmp_path: Path, rrins_bench: Callable[..., Any]
+) -> None:
+    linked = navigator.link(built.folder, TARGETS[built.target], built.images)
+    memory = tmp_path / "memory"
+    bench = rrins_bench("imu_rotating", program=f"{linked} --memory {memory}")
+    bench.advance(1)
+    (process,) = processes_of(linked)
+    os.kill(process, signal.SIGTERM)
+    with pytest.raises(BenchError, match="SIGTERM"):
+        bench.advance(1)
+    assert memory.with_name("memory.dtc").stat().st_size > 0
 
 
 @pytest.mark.soak
@@ -431,7 +451,12 @@ def test_in_real_time_the_loop_has_its_priority_and_the_memory_is_written_beside
 def watch(program: Path, policies: set[int], is_over: threading.Event) -> None:
     """Note the scheduling policies of the processes of a program, but those of its first second."""
     while not is_over.wait(1.0):
-        for process in Path("/proc").glob("[0-9]*"):
-            with contextlib.suppress(OSError):
-                if (process / "exe").samefile(program):
-                    policies.add(os.sched_getscheduler(int(process.name)))
+        policies |= {os.sched_getscheduler(process) for process in processes_of(program)}
+
+
+def processes_of(program: Path) -> Iterator[int]:
+    """Return the processes that run a program."""
+    for process in Path("/proc").glob("[0-9]*"):
+        with contextlib.suppress(OSError):
+            if (process / "exe").samefile(program):
+                yield int(process.name)
