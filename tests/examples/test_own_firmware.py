@@ -101,7 +101,6 @@ def busy_machine() -> Iterator[None]:
 
 
 @pytest.mark.soak
-@pytest.mark.timeout(0)
 @pytest.mark.usefixtures("busy_machine")
 @pytest.mark.parametrize("language", ["own", "rust"])
 def test_on_a_busy_machine_it_loses_its_sensors_only_where_it_counts_overruns(

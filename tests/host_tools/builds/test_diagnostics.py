@@ -382,7 +382,6 @@ def build_for(scenario_file: Path, folder: Path, target: str) -> None:
 
 
 @pytest.mark.soak
-@pytest.mark.timeout(0)
 @pytest.mark.parametrize("target", ["x86_64-linux", "aarch64-linux"])
 def test_the_program_passes_all_checks_each_with_the_set_up_that_it_was_built_for(
     target: str, tmp_path: Path

@@ -52,7 +52,6 @@ class _CutPort(MessagePort):
 
 
 @pytest.mark.soak
-@pytest.mark.timeout(0)
 @pytest.mark.parametrize("interface", ["virtual", "socketcan"])
 def test_on_any_bus_the_hardware_outlives_the_firmware(interface, tmp_path):
     """In lockstep, as threads: the firmware ends between two frames, anywhere in an epoch."""

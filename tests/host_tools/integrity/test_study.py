@@ -171,7 +171,6 @@ def test_a_campaign_from_python(tmp_path):
 
 
 @pytest.mark.soak
-@pytest.mark.timeout(0)
 def test_no_case_misleads_and_no_sound_sensor_is_left_out(tmp_path):
     """`RRINS_CASES` random cases, 10,000 by default."""
     study = Study(int(os.environ.get("RRINS_CASES", "10000")))
