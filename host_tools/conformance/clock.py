@@ -7,6 +7,7 @@ import gc
 import math
 import os
 import signal
+import statistics
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
@@ -52,6 +53,9 @@ _GAINS: Final = (-1, 1)
 """Of loops that learn the period twice or half as fast, as shifts: a report is nearer to ours."""
 _FAR_PPM: Final = 100.0  # farther off a report says no more: something has held it up
 _JUMPED: Final = range(630, 730)  # epochs that only a reset of the phase explains: ten reports
+_ALONE: Final = range(735, 800, 5)  # epochs whose SYNC is late, and those beside them are not
+_LATE_NS: Final = 6_000_000
+_ANSWER_NS: Final = 8_000_000  # after SYNC: an epoch ends at 5 ms, one that a jump has moved at 11
 
 
 class _LateError(AssertionError):
@@ -63,6 +67,7 @@ class _Heard:
     """Frames of the program, and when this side has sent its own."""
 
     commands: set[int] = field(default_factory=set)  #: epochs whose commands came in time
+    command_ns: dict[int, int] = field(default_factory=dict)  #: when they came
     reports: list[tuple[int, float, bool]] = field(default_factory=list)
     """Epoch, `clock_error_ppm` and `sync_lost` of each FIRMWARE_STATUS."""
     modes: list[tuple[int, str]] = field(default_factory=list)
@@ -74,6 +79,13 @@ class _Heard:
     def in_time(self, epochs: Sequence[int]) -> float:
         """Return the share of epochs whose commands came in time."""
         return sum(epoch in self.commands for epoch in epochs) / len(epochs)
+
+    def answer_ns(self, epochs: Sequence[int]) -> float:
+        """Return the median time from SYNC to the commands of its epoch."""
+        return statistics.median(
+            self.command_ns.get(epoch, self.sync_ns[epoch + 1]) - self.sync_ns[epoch]
+            for epoch in epochs
+        )
 
 
 @dataclass(frozen=True)
@@ -151,6 +163,12 @@ def clock_error(subject: Subject) -> None:
         if not lost or not set(lost) <= set(range(815, 836)):
             raise _LateError(f"sync_lost in the epochs {lost}, not in 820 only")
         _expect_in_time(heard, range(100, 580))
+        answer_ns = heard.answer_ns([epoch + 1 for epoch in _ALONE])
+        if answer_ns > _ANSWER_NS:
+            raise _LateError(
+                f"a SYNC that is late alone, by {_LATE_NS / 1e6:g} ms, moves the clock: the next "
+                f"epoch's commands come {answer_ns / 1e6:.1f} ms after its SYNC"
+            )
 
     _repeatedly(subject, script, judge)
 
@@ -171,6 +189,8 @@ def _offset_ns(epoch: int) -> float:
         offset_ns += 90_000
     if epoch >= 700:
         offset_ns -= 90_000
+    if epoch in _ALONE:
+        offset_ns += _LATE_NS
     return offset_ns
 
 
@@ -419,6 +439,7 @@ class _Line:
                 age = (now - counter_of(frame["data"])) % COUNTER_MODULUS
                 if age <= _DELAY:
                     heard.commands.add(now - age)
+                    heard.command_ns[now - age] = time.monotonic_ns()
         elif can_id == int(contract.firmware_status.message.can_id):
             status = contract.firmware_status
             if crc_holds(frame, status.message):
