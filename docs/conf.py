@@ -55,6 +55,7 @@ autodoc_default_options = {
     "ignore-module-all": True,  # what is passed on stands where it is defined
 }
 autodoc_member_order = "bysource"
+autodoc_use_type_comments = False  # there are none, and to look for them takes a tenth of the time
 
 napoleon_google_docstring = False
 napoleon_use_rtype = False
