@@ -96,7 +96,7 @@ $(VENV)/installed-dev: pyproject.toml | $(VENV)/bin/python
 
 # Libraries may contain files that are not for this Python: they stay as they are.
 $(VENV)/bytecode: $(VENV)/installed
-	-@$(RUN) compileall -qq -j 0 $(VENV)/lib
+	-@$(RUN) compileall -qq -j 0 -x '/tests/' $(VENV)/lib
 	@touch $@
 
 $(VENV)/installed-docs: pyproject.toml | $(VENV)/bin/python
