@@ -39,7 +39,7 @@ def link(folder: Path, target: Target, images: Images) -> Path:
     make_folder(sources)
     if target.has_linux:
         names, program = write_sources(sources, images), folder / "navigator"
-        words = ["-static", *STRICT]
+        words = list(STRICT)  # static by itself, where the C library is musl
     else:
         names, program = (f"{_BOARD}.c",), folder / "navigator.elf"
         script = f"{_BOARD}.ld"

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import shutil
 import struct
 import subprocess
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pytest
 
 from rrins.dbc.frame import Frame, frame_array
 from rrins.firmware_py.core.frames_in.clock import own_clock_ns
@@ -27,45 +26,27 @@ from rrins.host_tools.scenario.scenario import Scenario
 
 REQUEST, FUNCTIONAL, RESPONSE = table.request_id(), table.functional_id(), table.response_id()
 _HEAD = struct.Struct("<qq")
-GCC = ("gcc", "-O2")
 SANITISED = ("gcc", "-g", "-O1", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
-_SHELL = "main.c", "port.c", "rrins_bus.c", "entropy.c"
 
 
-def program(built: Build, folder: Path, compiler: Sequence[str] = GCC) -> Path:
+def program(built: Build, folder: Path, compiler: Sequence[str] = ()) -> Path:
     """Return the program of `answers.c` for this processor, of a build with its diagnostics."""
-    answers = Path(__file__).with_name("answers.c")
-    return _linked(built, folder, compiler, _SHELL, [answers, "-o", folder / "answers"])
-
-
-def navigator_of_gcc(built: Build, folder: Path) -> Path:
-    """Return the navigation computer by this machine's own compiler.
-
-    `navigator.link` takes zig, which compiles a whole C library before its first program.
-    """
-    return _linked(built, folder, GCC, (), ["-o", folder / "navigator"])
-
-
-def _linked(
-    built: Build,
-    folder: Path,
-    compiler: Sequence[str],
-    without: Sequence[str],
-    more: Sequence[str | Path],
-) -> Path:
-    if shutil.which(compiler[0]) is None:
-        pytest.skip(f"needs {compiler[0]}")
     sources = navigator.write_sources(folder / "c", built.images)
+    kept = [
+        name for name in sources if name not in ("main.c", "port.c", "rrins_bus.c", "entropy.c")
+    ]
+    path = folder / "answers"
+    words = compiler or (sys.executable, "-m", "ziglang", "cc", "-O2")
     subprocess.run(
         [
-            *compiler, "-std=c11", *navigator.STRICT, "-I", built.folder, "-I", folder / "c",
-            *(folder / "c" / name for name in sources if name not in without),
-            built.folder / "rrins_firmware.o", built.folder / "rrins_images.o",
-            *more, "-lm", "-pthread",
+            *words, "-std=c11", *navigator.STRICT, "-I", built.folder, "-I", folder / "c",
+            Path(__file__).with_name("answers.c"), *(folder / "c" / name for name in kept),
+            built.folder / "rrins_firmware.o", built.folder / "rrins_images.o", "-lm", "-pthread",
+            "-o", path,
         ],
         check=True,
     )  # fmt: skip
-    return Path(more[-1])
+    return path
 
 
 class _Random:
