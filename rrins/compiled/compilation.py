@@ -127,7 +127,7 @@ class Function:
         with signals_deferred():  # half of numba imported could not be imported again
             from rrins.compiled.compiler import Callee
 
-        return Callee(self)
+            return Callee(self)
 
     def _find(self, kinds: Kinds) -> Callable[..., Any]:
         file = self.file(repr([text_of(kind) for kind in kinds]))

@@ -211,7 +211,7 @@ class Callee(CPUDispatcher):
                         make_unit(folder, unit)
                 if folder is not None:
                     folder.save(file, code.to_bytes())
-                with native.engine().lock, signals_deferred():
+                with signals_deferred(), native.engine().lock:
                     return native.bind(file, code)
 
             return _kept(folder, file, native.load, make)
@@ -247,7 +247,7 @@ def make_unit(folder: CodeFolder | None, part: PartLibrary) -> None:
         return code
 
     code = _kept(folder, file, native.load_unit, make)
-    with engine.lock, signals_deferred():
+    with signals_deferred(), engine.lock:
         engine.add(file, code)
 
 
@@ -262,18 +262,18 @@ def _kept(folder: CodeFolder | None, file: str, load: Callable[[Any, str], Any],
     return found
 
 
+@collector_paused()
 def _code_of(part: PartLibrary, name: str, entry: str) -> tuple[Code, list[PartLibrary]]:
     """Return the machine code of a unit, or of an entry to a part; and the units that it calls."""
     parts = list(part.within())
     is_called = bool(entry) and bool(part.unit)  # a unit that Python calls is one for that, too
     units = [each for each in parts if each.unit and (each is not part or is_called)]
     machine = cpu_target.target_context.codegen()._tm
-    with collector_paused():
-        module = linked(declared(part) + entry, (each for each in parts if each not in units))
-        hide(module, (name,))
-        optimise(module, machine, _INLINING)
-        _check(module, part.name)
-        code = Code(name, tuple(unit.unit for unit in units), machine.emit_object(module))
+    module = linked(declared(part) + entry, (each for each in parts if each not in units))
+    hide(module, (name,))
+    optimise(module, machine, _INLINING)
+    _check(module, part.name)
+    code = Code(name, tuple(unit.unit for unit in units), machine.emit_object(module))
     return code, units
 
 

@@ -147,7 +147,7 @@ def engine() -> _Engine:
 
 def load(folder: CodeFolder | None, file: str) -> Callable[..., Any] | None:
     """Return the function of a file, for Python to call; None if it is to be made."""
-    with engine().lock, signals_deferred():
+    with signals_deferred(), engine().lock:
         code = _read(folder, file)
         return None if code is None or not load_units(folder, code) else bind(file, code)
 

@@ -16,6 +16,7 @@ import numpy as np
 from llvmlite import binding as llvm
 
 from rrins.compiled.compilation import IS_DISABLED, Function
+from rrins.compiled.compile_events import signals_deferred
 from rrins.compiled.compiler import type_of
 from rrins.compiled.kinds import ALIGNED, C_ORDER, WRITEABLE
 from rrins.compiled.parts import PartLibrary, collector_paused, declared, hide, linked, optimise
@@ -133,25 +134,27 @@ class Machine:
         return tuple(sorted(name for name in names if not name.startswith("llvm.")))
 
 
+@signals_deferred()
+@collector_paused()
 def intermediate_code(entries: Sequence[Entry]) -> str:
     """Return the entries and all that they call as LLVM's text, for no processor in particular."""
     if IS_DISABLED:
         raise ObjectCodeError("machine code needs numba's compiler: unset NUMBA_DISABLE_JIT")
     parts: dict[PartLibrary, None] = {}
     libraries, wrappers = [], []
-    with collector_paused():
-        for entry in entries:
-            callee = cast(Function, entry.function).callee
-            library = callee.part(tuple(type_of(each.given) for each in entry.arguments))[1].library
-            libraries.append(library)
-            parts.update(dict.fromkeys(library.with_all_it_calls()))
-            wrappers.append(_wrapper(entry, library.module.get_function(library.entry)))
-        texts = [*dict.fromkeys(declared(library) for library in libraries), *wrappers]
-        module = linked("".join(texts), parts)
-        hide(module, (entry.name for entry in entries))
+    for entry in entries:
+        callee = cast(Function, entry.function).callee
+        library = callee.part(tuple(type_of(each.given) for each in entry.arguments))[1].library
+        libraries.append(library)
+        parts.update(dict.fromkeys(library.with_all_it_calls()))
+        wrappers.append(_wrapper(entry, library.module.get_function(library.entry)))
+    texts = [*dict.fromkeys(declared(library) for library in libraries), *wrappers]
+    module = linked("".join(texts), parts)
+    hide(module, (entry.name for entry in entries))
     return _HOST.sub("", str(module))
 
 
+@signals_deferred()
 def optimised(text: str, processor: Processor) -> Machine:
     """Return code optimised as a whole for a processor."""
     try:

@@ -189,9 +189,8 @@ def save_part(folder: CodeFolder, part: Part) -> None:
     """Keep a part."""
     library, data = part.library, io.BytesIO()
     part.descriptor.typemap = part.descriptor.calltypes = None  # not needed, and may be large
-    code = library.module.as_bitcode()
     with signals_deferred():
-        state = library.name, library.unit, code
+        state = library.name, library.unit, library.module.as_bitcode()
         names = [called.file for called in library.calls]
         _Pickler(data).dump((state, part.descriptor, part.signature, names))
         folder.save(library.file, data.getvalue())
