@@ -70,6 +70,7 @@ class _Heard:
     reports: list[tuple[int, float, bool]] = field(default_factory=list)
     """Epoch, `clock_error_ppm` and `sync_lost` of each FIRMWARE_STATUS."""
     modes: list[tuple[int, str]] = field(default_factory=list)
+    loads_percent: list[float] = field(default_factory=list)  #: of each FIRMWARE_STATUS
     overruns: int = 0
     missing: int = 0
     sync_ns: list[int] = field(default_factory=list)  #: when each SYNC was sent; 0: it was not
@@ -120,12 +121,13 @@ def _repeatedly(subject: Subject, script: _Script, judge: Callable[[_Heard], Non
             return
 
 
-@check("firmware.md#clock", "CLK-3")
+@check("firmware.md#clock", "CLK-3 CLK-5")
 def clock_error(subject: Subject) -> None:
     """In real time the clock is disciplined by SYNC as the reference's is.
 
     Through errors of 100 ppm, steps of SYNC's phase, outliers and a loss, `clock_error_ppm` is that
-    of our own loop fed with the same arrivals, and commands are in time.
+    of our own loop fed with the same arrivals, and commands are in time. The load reported then
+    leaves time for it.
     """
     script = _Script(880, _CLOCK_HZ, _offset_ns, lambda epoch: not 810 <= epoch < 830)
     closest: dict[int, tuple[float, float]] = {}  # of all tries, the report and what is due
@@ -162,6 +164,9 @@ def clock_error(subject: Subject) -> None:
             raise _LateError(f"sync_lost in the epochs {lost}, not in 820 only")
         _expect_in_time(heard, range(100, 580))
         _expect_in_time(heard, range(_ALONE.start, _ALONE.stop))
+        load_percent = statistics.median(heard.loads_percent)
+        if load_percent > 100:  # whatever else the machine does: it would not be in time
+            raise _LateError(f"load_percent is {load_percent:g}, with commands in time")
         after_ns, else_ns = (heard.answer_ns([e + k for e in _ALONE]) for k in (1, 3))
         if after_ns - else_ns > _LATE_NS / 2:
             raise _LateError(
@@ -447,6 +452,7 @@ class _Line:
                 ppm = decode(frame["data"], status.clock_error_ppm)
                 is_lost = bool(decode(frame["data"], status.sync_lost))
                 heard.reports.append((epoch, ppm, is_lost))
+                heard.loads_percent.append(decode(frame["data"], status.load_percent))
                 heard.modes.append((epoch, _MODES[int(decode(frame["data"], status.mode))]))
         elif can_id == int(contract.firmware_faults.message.can_id):
             faults = contract.firmware_faults

@@ -86,6 +86,7 @@ OTHERS: Final = (
     ("CLK-2", "`sync_lost` is set after 10 epochs without SYNC and cleared by the next.", _CLOCK),
     ("CLK-3", "In real time a clock error is learned; commands are in time.", _CLOCK),
     ("CLK-4", "A stall of either side is survived; commands are in time 1 s later.", _CLOCK),
+    ("CLK-5", "`load_percent` is the share of a period that the loop computes.", _CLOCK),
     ("SEN-1", "A saturated or absent sensor is not used; the other of its group is.", _IN),
     ("SEN-2", "With three of four sensors navigation goes on.", _FUSION),
     ("SEN-3", "Gaps up to `bridge_s` are bridged by the increments before; counted.", _FUSION),
