@@ -84,6 +84,7 @@ class Transport:
         )
         self._layer.logger.disabled = True  # the peer notices what goes wrong on the wire
         self.dropped = 0
+        self._rests = False  # nothing is in progress, so no epoch has to ask the layer
 
     def _next_message(self) -> isotp.CanMessage | None:
         return self._fed.popleft() if self._fed else None
@@ -91,7 +92,7 @@ class Transport:
     @property
     def is_idle(self) -> bool:
         """Whether nothing is in progress in either direction."""
-        return not (
+        return self._rests or not (
             self._waiting
             or self._fed
             or self._sent
@@ -104,12 +105,12 @@ class Transport:
     @property
     def is_sending(self) -> bool:
         """Whether a response is being sent."""
-        return bool(self._layer.transmitting() or self._sent)
+        return not self._rests and bool(self._layer.transmitting() or self._sent)
 
     @property
     def is_receiving(self) -> bool:
         """Whether a request is being received."""
-        return bool(self._layer.is_rx_active())
+        return not self._rests and bool(self._layer.is_rx_active())
 
     def put(self, can_id: int, data: bytes) -> None:
         """Queue a frame from the bus; `begin` processes it."""
@@ -117,10 +118,13 @@ class Transport:
             self.dropped += 1
             return
         self._waiting.append((can_id, data))
+        self._rests = False
 
     def begin(self, now_ns: int) -> None:
         """Begin an epoch: process the queued frames, up to the limit of an epoch."""
         self._clock.now_ns = now_ns
+        if self._rests:
+            return
         for _ in range(min(self._most_fed, len(self._waiting))):
             can_id, data = self._waiting.popleft()
             if can_id == self._functional_id:
@@ -144,7 +148,7 @@ class Transport:
 
     def receive(self) -> bytes | None:
         """Return the next physical request, or None."""
-        request = self._layer.recv()
+        request = None if self._rests else self._layer.recv()
         return None if request is None else bytes(request)
 
     def sending_ns(self, response: bytes) -> int:
@@ -155,9 +159,12 @@ class Transport:
     def send(self, response: bytes) -> None:
         """Begin to send a response."""
         self._layer.send(response)
+        self._rests = False
 
     def end(self) -> list[bytes]:
         """End the epoch: return the frames to send in it, eight bytes each."""
+        if self._rests:
+            return []
         begin_ns = self._clock.now_ns
         self._layer.process(do_rx=False)
         for slot in range(1, self._slots):
@@ -165,7 +172,9 @@ class Transport:
                 break
             self._clock.now_ns = begin_ns + slot * self._slot_ns
             self._layer.process(do_rx=False)
-        return [self._sent.popleft() for _ in range(min(self._slots, len(self._sent)))]
+        frames = [self._sent.popleft() for _ in range(min(self._slots, len(self._sent)))]
+        self._rests = self.is_idle
+        return frames
 
     def reset(self) -> None:
         """Drop everything in progress."""
