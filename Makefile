@@ -89,8 +89,9 @@ $(VENV)/installed: pyproject.toml | $(VENV)/bin/python
 	$(VENV)/bin/pip install --quiet --disable-pip-version-check --no-compile --editable '.[web]'
 	touch $@
 
+# EXTRAS=,docs has pip look at all packages once instead of twice.
 $(VENV)/installed-dev: pyproject.toml | $(VENV)/bin/python
-	$(VENV)/bin/pip install --quiet --disable-pip-version-check --no-compile --editable '.[dev]'
+	$(VENV)/bin/pip install --quiet --disable-pip-version-check --no-compile --editable '.[dev$(EXTRAS)]'
 	touch $@ $(VENV)/installed
 	@$(MAKE) --no-print-directory $(VENV)/bytecode
 

@@ -11,6 +11,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 
 import pytest
@@ -35,10 +36,10 @@ os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
 
 LONGEST = (
-    "host_tools/builds/test_build.py",
     "host_tools/builds/test_diagnostics.py",
     "host_tools/runs/test_redundancy.py",
     "examples/test_own_firmware.py",
+    "host_tools/builds/test_build.py",
     "host_tools/runs/test_rehearsal.py",
     "host_tools/runs/test_redundancy_faults.py",
     "host_tools/conformance/test_conformance.py",
@@ -130,6 +131,7 @@ def gallia() -> Callable[..., str]:
 
 OWN_FIRMWARE = Path(__file__).parents[1] / "examples" / "own_firmware"
 RUST_FIRMWARE = OWN_FIRMWARE.with_name("own_firmware_rust")
+Shared = AbstractContextManager[Path]
 SANITIZED = "-O1 -g -fsanitize=address,undefined,float-cast-overflow -fno-sanitize-recover=all"
 
 
@@ -159,39 +161,43 @@ def make_firmware() -> Callable[..., str]:
 
 
 @pytest.fixture(scope="session")
-def own_firmware(
-    make_firmware: Callable[..., str], tmp_path_factory: pytest.TempPathFactory
-) -> Path:
-    """Return the C firmware: warnings are errors, the sanitizers end it at the first fault.
-
-    The workers of a run share it.
-    """
+def shared(
+    tmp_path_factory: pytest.TempPathFactory,
+) -> Callable[[str], AbstractContextManager[Path]]:
+    """Return what gives a folder of a name that the workers of a run share, to one at a time."""
     base = tmp_path_factory.getbasetemp()
-    folder = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "own_firmware"
-    folder.mkdir(exist_ok=True)
-    with (folder / "lock").open("w") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)
-        make_firmware(folder, str(folder / "own_firmware"))
-    return folder / "own_firmware"
+
+    @contextmanager
+    def folder_of(name: str) -> Iterator[Path]:
+        folder = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / name
+        folder.mkdir(exist_ok=True)
+        with folder.with_suffix(".lock").open("w") as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX)
+            yield folder
+
+    return folder_of
 
 
 @pytest.fixture(scope="session")
-def rust_firmware(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return the firmware in Rust: warnings are errors, an overflow ends it.
+def own_firmware(make_firmware: Callable[..., str], shared: Callable[[str], Shared]) -> Path:
+    """Return the C firmware: warnings are errors, the sanitizers end it at the first fault."""
+    with shared("own_firmware") as folder:
+        make_firmware(folder, str(folder / "own_firmware"))
+        return folder / "own_firmware"
 
-    The workers of a run share it.
-    """
+
+@pytest.fixture(scope="session")
+def rust_firmware(shared: Callable[[str], Shared]) -> Path:
+    """Return the firmware in Rust: warnings are errors, an overflow ends it."""
     if shutil.which("rustc") is None:
         pytest.skip("rustc is not installed")
-    base = tmp_path_factory.getbasetemp()
-    program = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "own_firmware_rust"
-    with program.with_suffix(".lock").open("w") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)
+    with shared("own_firmware_rust") as folder:
+        program = folder / "own_firmware_rust"
         if not program.exists():
             words = ["rustc", "--edition=2024", "-Dwarnings", "-Copt-level=1", "-Coverflow-checks"]
             source = RUST_FIRMWARE / "src" / "main.rs"
             subprocess.run([*words, source, "-o", program], check=True)
-    return program
+        return program
 
 
 @pytest.fixture(scope="session")

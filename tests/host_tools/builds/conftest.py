@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import pickle
+from collections.abc import Callable
+from contextlib import AbstractContextManager
 from pathlib import Path
+from typing import cast
 
 import pytest
 
@@ -17,7 +21,11 @@ def scenario() -> Scenario:
 
 
 @pytest.fixture(scope="session")
-def built(scenario: Scenario, tmp_path_factory: pytest.TempPathFactory) -> Build:
+def built(scenario: Scenario, shared: Callable[[str], AbstractContextManager[Path]]) -> Build:
     """The scenario for this processor."""
-    folder: Path = tmp_path_factory.mktemp("built")
-    return build(scenario, "imu_rotating", "x86_64-linux", folder)
+    with shared("built") as folder:
+        kept = folder / "build.pickle"
+        if not kept.exists():
+            made = build(scenario, "imu_rotating", "x86_64-linux", folder)
+            kept.write_bytes(pickle.dumps(made))
+        return cast(Build, pickle.loads(kept.read_bytes()))
