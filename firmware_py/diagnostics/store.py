@@ -23,7 +23,8 @@ PAGE = 4096
 
 _HEAD = struct.Struct(">4sHHQII")  # magic, version, 0, sequence, length, CRC-32 of the image
 _CRC = struct.Struct(">I")  # of the head
-_IMAGE = _HEAD.size + _CRC.size
+IMAGE = _HEAD.size + _CRC.size
+"""Where the image begins, in bytes."""
 
 
 class StoreError(Exception):
@@ -166,7 +167,7 @@ class TwoCopyStore:
     def __init__(self, medium: StorageMedium, capacity: int) -> None:
         self._medium = medium
         self._capacity = capacity
-        self.slot_size = -(-(_IMAGE + capacity) // PAGE) * PAGE
+        self.slot_size = -(-(IMAGE + capacity) // PAGE) * PAGE
         """Bytes of a copy, in whole pages."""
 
     def read(self) -> StoredCopy:
@@ -193,12 +194,12 @@ class TwoCopyStore:
 
     def _copy(self, slot: int) -> tuple[int, bytes] | None:
         """Return the sequence number and image of a copy; None if it is damaged."""
-        data = self._medium.read(slot * self.slot_size, _IMAGE + self._capacity)
-        if len(data) < _IMAGE:
+        data = self._medium.read(slot * self.slot_size, IMAGE + self._capacity)
+        if len(data) < IMAGE:
             return None
         magic, version, _, sequence, length, crc = _HEAD.unpack_from(data)
         head_holds = _CRC.unpack_from(data, _HEAD.size)[0] == zlib.crc32(data[: _HEAD.size])
-        image = data[_IMAGE : _IMAGE + length]
+        image = data[IMAGE : IMAGE + length]
         if not head_holds or magic != MAGIC or version != VERSION or zlib.crc32(image) != crc:
             return None
         return sequence, image

@@ -9,7 +9,7 @@ from rrins.dbc.contract import SENSOR_GROUPS
 from rrins.dbc.values import AxisCommand, AxisState
 from rrins.firmware_py.core.maths import earth
 from rrins.firmware_py.core.modes.modes import FirmwareFault
-from rrins.firmware_py.core.monitoring.monitor import COUNTER_ONE
+from rrins.firmware_py.core.monitoring.monitor import COUNTER_CEILING, COUNTER_ONE
 from rrins.firmware_py.core.records.diagnostic_records import (
     ATTENTION_FRAMES,
     ATTENTION_TROUBLES,
@@ -43,6 +43,7 @@ from rrins.firmware_py.diagnostics import (
     node,
     regions,
     server,
+    store,
     table,
     transport,
 )
@@ -176,7 +177,11 @@ def _numbers(settings: Settings) -> dict[str, float]:
         "RECORD_ADDRESS": RECORD_ADDRESS,
         "FAULT_CAPACITY": fault_memory.CAPACITY,
         "FAULT_LAYOUT": fault_memory.LAYOUT,
+        "STORE_VERSION": store.VERSION,
+        "STORE_PAGE": store.PAGE,
+        "STORE_HEAD": store.IMAGE,
         "COUNTER_ONE": COUNTER_ONE,
+        "COUNTER_FAILED": COUNTER_CEILING // COUNTER_ONE,
         "AGING_CYCLES": AGING_CYCLES,
         "ALL_GROUPS": ALL_GROUPS,
         "CLEARED_STATUS": CLEARED_STATUS,
@@ -282,6 +287,7 @@ def _lists(settings: Settings) -> list[str]:
         "DRIFT_LIMIT": map(float.hex, map(float, limits)),
         "READMISSION_OUTCOMES": (names.get(one, one.name) for one in outcomes),
         "SECRET": map(str, access.DEFAULT_SECRET),
+        "STORE_MAGIC": map(str, store.MAGIC),
         "SILENT_WHEN_FUNCTIONAL": map(str, map(int, sorted(server.SILENT_WHEN_FUNCTIONAL))),
     }
     return [f"#define {name} {{{', '.join(values)}}}" for name, values in lists.items()]

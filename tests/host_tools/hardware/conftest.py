@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable, Iterator, Mapping
 from types import SimpleNamespace
 from typing import Any
 
@@ -18,6 +19,7 @@ from rrins.host_tools.hardware.settings import Settings
 from rrins.host_tools.hardware.tables import Accelerometers, Gyros, Thermal, Turntable
 
 CODEC = codec.load()
+NAMES = {message.frame_id: message.name for message in CODEC.database.messages}
 TETRAHEDRON_DEG = ((180.0, 0.0), *((math.degrees(math.acos(1 / 3)), b) for b in (0, 120, 240)))
 WIDE = {"range_dps": 60_000.0}, {"range_g": 100.0}
 
@@ -76,6 +78,22 @@ def decode_frame(frame: np.void) -> tuple[str, dict[str, Any]]:
     return message.name, message.decode(payload, decode_choices=False)
 
 
+class Sent(Mapping[str, dict[str, Any]]):
+    """What an epoch sends, by message; decoded when somebody looks."""
+
+    def __init__(self, frames: Iterable[np.void]) -> None:
+        self._frames = {NAMES[int(frame["can_id"])]: frame for frame in frames}
+
+    def __getitem__(self, name: str) -> dict[str, Any]:
+        return decode_frame(self._frames[name])[1]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._frames)
+
+    def __len__(self) -> int:
+        return len(self._frames)
+
+
 class Bench:
     """A hardware that is stepped epoch by epoch."""
 
@@ -94,9 +112,9 @@ class Bench:
         sent = self.hardware.step(inbox, len(frames))
         return [frame.copy() for frame in self.hardware.outbox[:sent]]
 
-    def step(self, frames: Any = ()) -> dict[str, dict[str, Any]]:
+    def step(self, frames: Any = ()) -> Sent:
         """Run one epoch on frames; return what is sent, by message."""
-        return dict(map(decode_frame, self.raw_step(frames)))
+        return Sent(self.raw_step(frames))
 
     def commanded_step(self, inner: dict[str, Any] | None = None, outer: Any = None) -> Any:
         """Run one epoch with the commands of the epoch before."""

@@ -133,7 +133,7 @@ static void list_troubles(const struct computer *computer, int report, uint8_t m
         count += is_masked;
         if ((report == 0x02 && is_masked) || report == 0x0A)
             put_trouble(out, k, status);
-        else if (report == 0x14 && counter > 0 && counter < 127)
+        else if (report == 0x14 && counter > 0 && counter < COUNTER_FAILED)
             put_trouble(out, k, (uint8_t)counter);
         else if (report == 0x03 && ram->diagnostics.troubles.occurrences[k] != 0) {
             put_trouble(out, k, FIRST_SNAPSHOT);

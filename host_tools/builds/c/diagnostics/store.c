@@ -16,10 +16,10 @@
 
 #include "uds.h"
 
-enum { PAGE = 4096, HEAD = 28, VERSION = 1, PATH_SIZE = 4096 };
+enum { PATH_SIZE = 4096 };
 enum { AT_VERSION = 4, AT_SEQUENCE = 8, AT_LENGTH = 16, AT_CRC = 20, AT_HEAD_CRC = 24 };
 
-static const char magic[4] = {'R', 'R', 'T', 'C'};
+static const char magic[] = STORE_MAGIC;
 
 struct store {
     char path[PATH_SIZE];
@@ -77,14 +77,14 @@ static uint32_t crc_at(const uint8_t *at)
 static bool read_copy(struct store *store, int slot, size_t *size, uint64_t *sequence)
 {
     uint8_t *at = store->slot;
-    size_t came = read_at(store, at, HEAD + store->capacity, (size_t)slot * store->slot_size);
-    if (came < HEAD || memcmp(at, magic, sizeof magic) != 0 ||
-        number_at(at + AT_VERSION, 2) != VERSION ||
+    size_t came = read_at(store, at, STORE_HEAD + store->capacity, (size_t)slot * store->slot_size);
+    if (came < STORE_HEAD || memcmp(at, magic, sizeof magic) != 0 ||
+        number_at(at + AT_VERSION, 2) != STORE_VERSION ||
         crc_at(at + AT_HEAD_CRC) != crc32_of(at, AT_HEAD_CRC))
         return false;
     *size = (size_t)number_at(at + AT_LENGTH, 4);
     *sequence = number_at(at + AT_SEQUENCE, 8);
-    return *size <= came - HEAD && crc_at(at + AT_CRC) == crc32_of(at + HEAD, *size);
+    return *size <= came - STORE_HEAD && crc_at(at + AT_CRC) == crc32_of(at + STORE_HEAD, *size);
 }
 
 enum condition store_read(struct store *store, uint8_t *image, size_t *size, uint64_t *sequence)
@@ -100,7 +100,7 @@ enum condition store_read(struct store *store, uint8_t *image, size_t *size, uin
             continue;
         if (sound++ == 0 || own_sequence > *sequence) {
             *size = own_size, *sequence = own_sequence;
-            memcpy(image, store->slot + HEAD, own_size);
+            memcpy(image, store->slot + STORE_HEAD, own_size);
         }
     }
     return sound == 2 ? MEMORY_WHOLE : sound == 1 ? MEMORY_ONE_DAMAGED : MEMORY_LOST;
@@ -112,14 +112,14 @@ static void fill_slot(struct store *store, uint64_t sequence)
     struct out head = {.size = 0};
     memset(store->slot, 0, store->slot_size);
     put(&head, magic, sizeof magic);
-    put_number(&head, VERSION, 2);
+    put_number(&head, STORE_VERSION, 2);
     put_number(&head, 0, 2);
     put_number(&head, sequence, 8);
     put_number(&head, store->image_size, 4);
     put_number(&head, crc32_of(store->image, store->image_size), 4);
     put_number(&head, crc32_of(head.at, AT_HEAD_CRC), 4);
-    memcpy(store->slot, head.at, HEAD);
-    memcpy(store->slot + HEAD, store->image, store->image_size);
+    memcpy(store->slot, head.at, STORE_HEAD);
+    memcpy(store->slot + STORE_HEAD, store->image, store->image_size);
 }
 
 /* The hidden file beside a path that replaces it. */
@@ -184,11 +184,11 @@ static bool write_image(struct store *store)
     next = (sequences[0] > sequences[1] ? sequences[0] : sequences[1]) + 1;
     slot = !sound[0] ? 0 : !sound[1] ? 1 : sequences[1] < sequences[0]; /* damaged or older */
     fill_slot(store, next);
-    if (!write_at(store->file, store->slot, HEAD + store->image_size,
+    if (!write_at(store->file, store->slot, STORE_HEAD + store->image_size,
                   (size_t)slot * store->slot_size))
         return false;
     return read_copy(store, slot, &size, &sequences[0]) && sequences[0] == next &&
-           size == store->image_size && memcmp(store->slot + HEAD, store->image, size) == 0;
+           size == store->image_size && memcmp(store->slot + STORE_HEAD, store->image, size) == 0;
 }
 
 static void work(struct store *store)
@@ -288,7 +288,7 @@ struct store *store_open(const char *path, size_t capacity, char *reason, size_t
     if (store == NULL)
         return NULL;
     store->capacity = capacity;
-    store->slot_size = (HEAD + capacity + PAGE - 1) / PAGE * PAGE;
+    store->slot_size = (STORE_HEAD + capacity + STORE_PAGE - 1) / STORE_PAGE * STORE_PAGE;
     store->slot = malloc(store->slot_size);
     store->image = malloc(capacity);
     store->file = -1;
