@@ -28,10 +28,10 @@ from pathlib import Path
 from typing import Any
 
 ROOT = Path(__file__).parents[1]
-_NO_PICTURE = base64.b64decode(
+NO_PICTURE = base64.b64decode(
     "iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAQAAAC1HAwCAAAAC0lEQVR42mNkYAAAAAYAAjCB0C8AAAAASUVORK5CYII="
 )
-"""Stands for the pictures of a run, which take longer than most runs of tests."""
+"""Stands for pictures, which take longer than most runs of tests."""
 
 _LONGEST = 1 << 20  # bytes of a request
 _MOST_DESCRIPTORS = 16
@@ -45,7 +45,7 @@ def write_no_pictures(folder: Path, pictures: Mapping[str, object]) -> list[Path
     paths = [folder / f"{name}.png" for name in pictures]
     for path in paths:
         with replacing(path) as part:
-            part.write_bytes(_NO_PICTURE)
+            part.write_bytes(NO_PICTURE)
     return paths
 
 

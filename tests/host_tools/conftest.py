@@ -26,6 +26,7 @@ from rrins.firmware_py.loop import run_lockstep as run_firmware
 from rrins.host_tools.bus.address import Address
 from rrins.host_tools.bus.port import BatchPort
 from rrins.host_tools.cli.main import rrins
+from rrins.host_tools.drawing import page, saving
 from rrins.host_tools.hardware.loop import Hardware
 from rrins.host_tools.hardware.loop import run_lockstep as run_hardware
 from rrins.host_tools.logs.reader import Log, Piece
@@ -42,7 +43,7 @@ from rrins.host_tools.runs.set_up.settings import (
 from rrins.host_tools.runs.sides import starting
 from rrins.host_tools.scenario.scenario import Scenario
 from rrins.host_tools.testing import processes
-from tests.processes import Fork, Forking, write_no_pictures
+from tests.processes import NO_PICTURE, Fork, Forking, write_no_pictures
 
 
 @pytest.fixture(autouse=True)
@@ -58,9 +59,11 @@ def _own_channels(monkeypatch):
 
 @pytest.fixture(autouse=True)
 def _no_pictures(request, monkeypatch):
-    """Have the pictures of a run drawn only where a test looks at them."""
+    """Have pictures drawn only where a test looks at them."""
     if request.node.get_closest_marker("pictures") is None:
         monkeypatch.setattr(plots, "write_pictures", write_no_pictures)
+        for module in (saving, page):
+            monkeypatch.setattr(module, "png_of", lambda picture: NO_PICTURE)
 
 
 @pytest.fixture(autouse=True)

@@ -72,6 +72,7 @@ def pass_unheard(unit: EmulatedUnit, seconds: float) -> None:
         unit.step()
 
 
+@pytest.mark.pictures
 def test_a_calibration_is_stored_and_lasts(tmp_path: Path) -> None:
     scenario = drawn_unit(1)
     unit = EmulatedUnit(scenario)

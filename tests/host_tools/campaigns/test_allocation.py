@@ -97,6 +97,7 @@ def test_at_least_cost_a_little_more_of_anything_is_worth_the_same(write):
         allocate(write(0.01))
 
 
+@pytest.mark.pictures
 @pytest.mark.slow
 def test_of_choices_that_lead_to_the_same_the_cheaper_is_taken(write, tmp_path):
     alone, path = allocate(write(10)), write(10)

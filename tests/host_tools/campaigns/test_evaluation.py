@@ -104,6 +104,7 @@ def test_campaigns_of_one_seed_are_compared_in_pairs(store, tmp_path):
     assert apart.ratio["p50"].low < 1 < apart.ratio["p50"].high
 
 
+@pytest.mark.pictures
 def test_the_report_is_one_page_with_its_pictures_inside(store):
     paths = report.write(store)
     text = paths[0].read_text()

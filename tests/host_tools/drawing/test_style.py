@@ -103,6 +103,7 @@ def test_a_long_line_keeps_its_peaks_and_gaps():
     assert np.isfinite(thinned(x[:9999], y[:9999])[1][1:-1]).mean() > 0.99
 
 
+@pytest.mark.pictures
 @pytest.mark.parametrize(
     ("form", "begin"), [("png", b"\x89PNG"), ("svg", b"<?xml"), ("pdf", b"%PDF-")]
 )

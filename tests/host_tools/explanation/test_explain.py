@@ -138,6 +138,7 @@ def test_a_run_explains_itself() -> None:
         run.explain(20, by="source")
 
 
+@pytest.mark.pictures
 def test_the_command_prints_a_table_or_json_and_draws(tmp_path: Path) -> None:
     words = ["explain", "--at", "10", "--duration", "20", "--by", "source", "--out", str(tmp_path)]
     shown = CliRunner().invoke(rrins, [*words, "--check"])

@@ -145,6 +145,7 @@ def test_a_case_runs_with_and_without_frames(case):
     assert trial.run(case, lambda: True) is None
 
 
+@pytest.mark.pictures
 def test_the_command_reports_what_misleads_with_its_status(tmp_path, monkeypatch, case):
     def run(one, should_stop):
         return judged(one, seconds((3, 2, ON)), frozenset({"gyro_1"}) - one.failing)

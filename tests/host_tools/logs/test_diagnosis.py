@@ -130,6 +130,7 @@ def test_wireshark_reads_it(log, tmp_path):
     assert found[-1].endswith("0x33")
 
 
+@pytest.mark.pictures
 def test_a_plot_of_the_diagnosis(log, tmp_path):
     picture = tmp_path / "diagnosis.png"
     call("plot", log, "diagnosis", "SYNC.epoch", "--out", picture)

@@ -143,6 +143,7 @@ def call(*arguments):
     return result
 
 
+@pytest.mark.pictures
 def test_the_commands_from_end_to_end(recordings, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     path = recordings().path
@@ -177,6 +178,7 @@ def test_a_picture_has_the_name_of_its_log(copy, tmp_path, monkeypatch, name, pi
     assert Path(picture).is_file()
 
 
+@pytest.mark.pictures
 @pytest.mark.parametrize("name", ["$a$ $\\frac{$.log", "no-utf-8\udcff.log", "[b] :x:.log"])
 @pytest.mark.parametrize("time_s", [1e9, 1e12, 1e14])
 def test_any_name_and_any_time_are_drawn(tmp_path, monkeypatch, name, time_s):

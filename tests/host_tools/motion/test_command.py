@@ -29,6 +29,7 @@ def run(tmp_path, monkeypatch):
     return runner
 
 
+@pytest.mark.pictures
 @pytest.mark.slow
 def test_check_tells_what_is_in_a_file(run, write, exported, tmp_path):
     lines = list(exported["pos"])
@@ -129,6 +130,7 @@ def test_an_export_has_the_rate_asked_for_and_reads_as_sound(run, ending):
     assert not found["would_be_refused"]
 
 
+@pytest.mark.pictures
 def test_an_exported_csv_holds_what_a_rimu_feels(run, tmp_path):
     run("export", "sway", "s.csv", "--duration", 100, "--picture", "s.png")
     table = np.genfromtxt(tmp_path / "s.csv", delimiter=",", names=True)

@@ -153,6 +153,7 @@ def test_a_vehicle_that_moves_is_refused(drive, tmp_path):
         )
 
 
+@pytest.mark.pictures
 def test_the_command_imports_and_replays(drive, tmp_path, run):
     log = tmp_path / "drive.blf"
     summary = run("import", drive.folder / "drive.yaml", log, "--duration", 20)
@@ -165,6 +166,7 @@ def test_the_command_imports_and_replays(drive, tmp_path, run):
     assert json.loads((tmp_path / "out" / "summary.json").read_text()) == again
 
 
+@pytest.mark.pictures
 def test_aided_stands_beside_unaided(imported, tmp_path, run):
     out = tmp_path / "out"
     words = ("replay", imported.file, "--firmware", "--out", out)

@@ -66,6 +66,7 @@ def test_analyse_says_what_section_4_2_says(run, geometry):
     assert result["scheme"]["cycle_s"] == 1600
 
 
+@pytest.mark.pictures
 @pytest.mark.slow
 def test_analyse_draws_the_figures_of_the_chosen_sensor(run, tmp_path):
     text = run("analyse", "8-position", "--sensor", "2", "--out", "pictures")
