@@ -18,6 +18,7 @@ ALIGNED = 0x100
 
 _FLAGS = C_ORDER | F_ORDER | WRITEABLE | ALIGNED
 _SMALL = 1 << 63
+_INTEGERS, _FRACTIONS = (int, np.integer), (float, np.floating)  # `int | …` is made at each call
 
 
 def kind_of(value: Any) -> object:
@@ -29,9 +30,9 @@ def kind_of(value: Any) -> object:
         return value.dtype
     if kind is float or kind is bool or kind is NoneType or kind is np.uint64:
         return kind
-    if isinstance(value, int | np.integer):
+    if isinstance(value, _INTEGERS):
         return int if -_SMALL <= value < _SMALL else np.uint64
-    if isinstance(value, float | np.floating):
+    if isinstance(value, _FRACTIONS):
         return float
     if isinstance(value, np.bool_):
         return bool
