@@ -6,7 +6,7 @@ and is back in Python for whatever asks for it: diagnostics, a report, a log.
 
 from __future__ import annotations
 
-from rrins.compiled.compilation import compiled_with
+from rrins.compiled.compilation import compiled, compiled_with
 from rrins.compiled.record import F8, I8, Floats, Record, Records
 from rrins.dbc.contract import Contract
 from rrins.dbc.frame import FrameArray, frame_array
@@ -69,6 +69,14 @@ def answer_epoch(
     return firmware.step_whole(frames, count, arrival_ns)
 
 
+class Mark(Record):
+    """An epoch of which the frames are kept."""
+
+    up: I8  #: frames of the hardware
+    down: I8  #: frames of the firmware
+    firmware_epoch: I8  #: which epoch it was by the firmware's count
+
+
 class _Between(Record):
     """Values that `DirectExchange` and its compiled part exchange."""
 
@@ -82,6 +90,8 @@ class _Between(Record):
     used: I8  #: frames that the firmware used
     up: I8  #: frames that the firmware received
     down: I8  #: frames that the firmware sent, but for those of the last epoch
+    kept: I8  #: frames that were kept
+    marks: I8  #: epochs of which frames were kept
 
 
 @compiled_with(nogil=True)
@@ -98,12 +108,19 @@ def _exchange_epochs(
     truth: Records[Truth],
     losses: Records[Loss],
     heard: FrameArray,
+    kept: FrameArray,
+    marks: Records[Mark],
     betweens: Records[_Between],
 ) -> None:
-    """Run epochs of both sides until one asks for Python, is due, or has filled a buffer."""
+    """Run epochs of both sides until one asks for Python, is due, or has filled a buffer.
+
+    Where there are marks, the frames of both sides are kept, but for those of the firmware in the
+    last epoch.
+    """
     plant, state, between = plants[0], ram[0], betweens[0]
     between.navigation_rows = between.truth_rows = 0
-    between.used = between.up = between.down = 0
+    between.used = between.up = between.down = between.kept = between.marks = 0
+    most = len(up) + len(down)
     while True:
         epoch = plant.epoch
         count = between.count
@@ -119,6 +136,11 @@ def _exchange_epochs(
         between.count = firmware_step(ram, contract, arrived, 0, sent, down, compares, estimates)
         between.up += sent
         between.used += state.consumed
+        if len(marks) > 0:
+            mark = marks[between.marks]
+            mark.up, mark.down, mark.firmware_epoch = sent, between.count, state.epoch
+            between.marks += 1
+            _keep(kept, between, arrived, sent)
         if navigating(state):
             navigation[between.navigation_rows] = state.navigation
             between.navigation_rows += 1
@@ -126,12 +148,24 @@ def _exchange_epochs(
             truth[between.truth_rows] = plant.truth
             between.truth_rows += 1
         is_full = between.navigation_rows == len(navigation) or between.truth_rows == len(truth)
+        if len(marks) > 0:
+            is_full |= between.marks == len(marks) or between.kept + 2 * most > len(kept)
         is_due = between.every > 0 and epoch % between.every == 0
         is_last = plant.epoch >= between.until
-        is_short = not may_lose(losses, len(up) + len(down))
+        is_short = not may_lose(losses, most)
         if is_full or is_due or is_last or is_short or state.diagnostics.attention:
             return
         between.down += between.count
+        if len(marks) > 0:
+            _keep(kept, between, down, between.count)
+
+
+@compiled
+def _keep(kept: FrameArray, between: _Between, frames: FrameArray, count: int) -> None:
+    """Keep the first frames of an array."""
+    for k in range(count):
+        kept[between.kept + k] = frames[k]
+    between.kept += count
 
 
 class DirectExchange:
@@ -147,6 +181,9 @@ class DirectExchange:
         By how much the firmware's clock runs fast.
     wire : Wire, optional
         That of the hardware.
+    kept : FrameArray, optional
+        Takes the frames of the epochs of a call, of the hardware and of the firmware in turn, but
+        for the firmware's last, which are in its outbox. Has room for two epochs at least.
     """
 
     def __init__(
@@ -157,8 +194,11 @@ class DirectExchange:
         truth_every: int,
         clock_error_ppm: float = 0.0,
         wire: Wire | None = None,
+        kept: FrameArray | None = None,
     ) -> None:
         self._wire = wire
+        self._kept = frame_array(0) if kept is None else kept
+        self._marks = Mark.zeros(0 if kept is None else len(kept))
         self._heard = frame_array(len(hardware.outbox))
         self._hardware, self._firmware = hardware, firmware
         self._truth = truth
@@ -166,6 +206,20 @@ class DirectExchange:
         self._between[0].truth_every = truth_every
         self._between[0].clock_error_ppm = clock_error_ppm
         self._result = exchange_record()
+
+    @property
+    def count(self) -> int:
+        """Frames in the firmware's outbox, for the hardware's next epoch."""
+        return int(self._between[0].count)
+
+    @count.setter
+    def count(self, count: int) -> None:
+        self._between[0].count = count
+
+    @property
+    def marks(self) -> Records[Mark]:
+        """The epochs of the last call whose frames were kept."""
+        return self._marks[: int(self._between[0].marks)]
 
     def run(self, until: int, every: int) -> int:
         """Run one epoch or more; return the last one.
@@ -204,6 +258,8 @@ class DirectExchange:
             self._truth.room,
             _NO_LOSSES if wire is None else wire.faults.losses(epoch),
             self._heard,
+            self._kept,
+            self._marks,
             self._between,
         )
         if wire is not None:

@@ -126,7 +126,7 @@ class Bench(Closing):
             If a process has died or the scenario is over.
         """
         until_ns = self._execution.now_ns + round(seconds * 1e9)
-        while self._pump(until_ns):
+        while self._going_on(self._execution.advance, until_ns):
             pass
 
     def step(self, epochs: int = 1) -> None:
@@ -134,8 +134,11 @@ class Bench(Closing):
         self.advance(epochs * self.scenario.period_ns / 1e9)
 
     def _pump(self, until_ns: int) -> bool:
+        return self._going_on(self._execution.pump, until_ns)
+
+    def _going_on(self, go_on: Callable[[int], bool], until_ns: int) -> bool:
         try:
-            return self._execution.pump(until_ns)
+            return go_on(until_ns)
         except BenchError as error:
             self._reported = str(error)
             raise

@@ -78,6 +78,14 @@ class FrameRing:
             self.total += some
             done += some
 
+    def extend(self, frames: FrameArray, times_ns: Integers, senders: NDArray[np.uint8]) -> None:
+        """Record frames, each with its time and sender."""
+        places = np.arange(self.total, self.total + len(frames)) % self._capacity
+        self._frames[places] = frames
+        self._times_ns[places] = times_ns
+        self._senders[places] = senders
+        self.total += len(frames)
+
     def find(self, can_id: int, first: int = 0) -> tuple[FrameArray, Integers]:
         """Return the frames of an identifier from number `first` on, and their times in ns."""
         where = self._places(first)

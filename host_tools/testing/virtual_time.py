@@ -12,9 +12,12 @@ import time
 from abc import ABC, abstractmethod
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import can
+import numpy as np
 
+from rrins.compiled.record import Records
 from rrins.dbc.frame import FrameArray, frame_array
 from rrins.firmware_py.diagnostics.store import Stores
 from rrins.firmware_py.loop import Firmware, open_memories
@@ -22,8 +25,9 @@ from rrins.host_tools.bus.interface import RrinsBus
 from rrins.host_tools.hardware.fault_server import HardwareFaultServer
 from rrins.host_tools.hardware.loop import INBOX_CAPACITY, Hardware
 from rrins.host_tools.hardware.memory import Truth
-from rrins.host_tools.runs.exchange import answer_epoch
+from rrins.host_tools.runs.exchange import DirectExchange, answer_epoch
 from rrins.host_tools.runs.programs.program import ProgramProcess
+from rrins.host_tools.runs.results.samples import SampleBuffer, SampleFile
 from rrins.host_tools.runs.set_up.settings import (
     firmware_settings,
     hardware_settings,
@@ -48,6 +52,8 @@ _PROGRAM_S = 30.0  # of the user's program, of which nothing is compiled
 _POLL_S = 0.5
 _TRUTHS = 256  # epochs whose truth is kept
 _DRAIN_EVERY = 2000  # epochs
+_KEPT = 16384  # frames of epochs that nobody looks at one by one
+_SIDES = (Sender.HARDWARE, Sender.FIRMWARE)
 
 
 class Execution(ABC):
@@ -100,6 +106,10 @@ class Execution(ABC):
         BenchError
             If a process has died or the scenario is over.
         """
+
+    def advance(self, until_ns: int) -> bool:
+        """Advance by one step or more, of which nobody looks at the first ones; else as `pump`."""
+        return self.pump(until_ns)
 
     @abstractmethod
     def send(self, frames: FrameArray, count: int) -> None:
@@ -161,9 +171,13 @@ class _Virtual(Execution):
         self._own[self._own_count : end] = frames[:count]
         self._own_count = end
 
-    def pump(self, until_ns: int) -> bool:
+    def _epochs_until(self, until_ns: int) -> int:
+        """Return how many epochs are left until a time, rounded."""
         period_ns = self.scenario.period_ns
-        if until_ns - self.now_ns < period_ns // 2 + 1:
+        return max(0, (until_ns - self.now_ns - period_ns // 2 - 1) // period_ns + 1)
+
+    def pump(self, until_ns: int) -> bool:
+        if self._epochs_until(until_ns) == 0:
             return False
         epoch = self._next
         if self.failure:
@@ -190,9 +204,12 @@ class _Virtual(Execution):
             self._exchange(frames, own + sent, epoch)
         else:
             self._pass_unheard(frames, own + sent, epoch)
-        self._next = epoch + 1
-        self.now_ns = self._next * period_ns
+        self._end_epoch(epoch)
         return True
+
+    def _end_epoch(self, epoch: int) -> None:
+        self._next = epoch + 1
+        self.now_ns = self._next * self.scenario.period_ns
 
     def _follow_power(self, epoch: int) -> None:
         """Cut the firmware's power, or switch it on again, as a fault says."""
@@ -219,21 +236,72 @@ class _Virtual(Execution):
         return truth
 
 
+class _LastTruths(SampleFile):
+    """Keeps the last samples of the truth, each in its epoch's place."""
+
+    def __init__(self, kept: Records[Truth]) -> None:
+        super().__init__(None)
+        self._kept = kept
+
+    def append(self, samples: Records[Any]) -> None:
+        """Keep samples."""
+        self._kept[samples["epoch"] % len(self._kept)] = samples
+
+
 class DirectExecution(_Virtual):
     """Both sides in this process, without a bus."""
 
     def __init__(self, scenario: Scenario, ring: FrameRing, memory: Path | None = None) -> None:
         super().__init__(scenario, ring)
         self._memory = memory
-        self.power_on()
         self._error_ppm = scenario.firmware.clock_error_ppm
+        self._buffer = SampleBuffer(Truth, _LastTruths(self._truths))
+        self._kept = frame_array(_KEPT)
+        self._is_plain = False  # whether the hardware gets the firmware's frames alone
+        self.power_on()
+
+    def advance(self, until_ns: int) -> bool:
+        """Run epochs in compiled code, as long as nobody but the two sides is on the bus."""
+        until = min(
+            self._next + self._epochs_until(until_ns),
+            self.scenario.epochs + 1,
+            self.hardware.fault_server.report_epoch,
+            self.hardware.undisturbed_until(self._next),
+        )
+        firmware = self.firmware
+        rests = not (firmware.is_awake or firmware.diagnostics.reset_due or self._own_count)
+        if not (rests and self._is_plain and self.is_on and until > self._next + 1):
+            return self.pump(until_ns)
+        self._exchange_until(until)
+        return True
+
+    def _exchange_until(self, until: int) -> None:
+        first, exchange, firmware = self._next, self._direct, self.firmware
+        exchange.count, self._count = self._count, 0
+        last = exchange.run(until, 0)
+        self._buffer.flush()
+        marks = exchange.marks
+        epochs = np.stack((np.arange(first, last + 1), marks["firmware_epoch"]), 1)
+        counts = np.stack((marks["up"], marks["down"]), 1)
+        counts[-1, 1] = 0
+        senders = np.broadcast_to(np.array(_SIDES, np.uint8), counts.shape)
+        self.ring.extend(
+            self._kept[: counts.sum()],
+            np.repeat(epochs.ravel() * firmware.period_ns, counts.ravel()),
+            np.repeat(senders.ravel(), counts.ravel()),
+        )
+        self._pass_on(exchange.count)
+        self._end_epoch(last)
 
     def _exchange(self, frames: FrameArray, count: int, epoch: int) -> None:
+        self._is_plain = self._count == 0
+        self._pass_on(answer_epoch(self.firmware, frames, count, epoch, self._error_ppm))
+
+    def _pass_on(self, sent: int) -> None:
+        """Record what the firmware has sent, and have it for the hardware."""
         firmware = self.firmware
-        sent = answer_epoch(firmware, frames, count, epoch, self._error_ppm)
-        self.ring.append(
-            firmware.outbox, sent, firmware.epoch * firmware.period_ns, Sender.FIRMWARE
-        )
+        time_ns = firmware.epoch * firmware.period_ns
+        self.ring.append(firmware.outbox, sent, time_ns, Sender.FIRMWARE)
         end = min(len(self._inbox), self._count + sent)
         self._inbox[self._count : end] = firmware.outbox[: end - self._count]
         self._count = end
@@ -249,6 +317,11 @@ class DirectExecution(_Virtual):
         """Switch the firmware on again."""
         self._stores = Stores() if self._memory is None else open_memories(self._memory)
         self.firmware = Firmware(firmware_settings(self.scenario), stores=self._stores)
+        self._direct = DirectExchange(
+            *(self.hardware, self.firmware, self._buffer, 1, self._error_ppm, self.wire),
+            kept=self._kept,
+        )
+        self._is_plain = False
         self.is_on = True
 
     def close(self) -> None:

@@ -231,6 +231,26 @@ def play(bench):
     return bench
 
 
+def test_time_that_passes_at_once_is_as_epoch_by_epoch(rrins_bench):
+    faults = [{"kind": "drop", "probability": 0.2, "at_s": 5.2, "for_s": 1.0}]
+
+    def course(pass_by):
+        bench = rrins_bench("drive_aided", way="direct", duration_s=60.0, faults=faults)
+        pass_by(bench, 3.0)
+        bench.inject("gyro_bias", sensor=2, bias_dph=5000.0, for_s=4.0)
+        pass_by(bench, 2.6)
+        bench.tester().troubles()
+        pass_by(bench, 1.7)
+        bench.inject("power_off", for_s=0.3)
+        pass_by(bench, 2.0)
+        found = bench.truth, bench.navigation, bench.ram.tobytes()
+        return bench.time_s, bench.frames, bench.frames_sha256, *map(repr, found)
+
+    at_once = course(lambda bench, seconds: bench.advance(seconds))
+    by_epochs = course(lambda bench, seconds: [bench.step() for _ in range(round(200 * seconds))])
+    assert at_once == by_epochs
+
+
 def test_direct_and_lockstep_put_the_same_frames_on_the_bus(rrins_bench):
     scenario = QUICK | {"gyros": {"angle_random_walk_deg_per_sqrt_h": 0.01}}
     direct, lockstep = (play(rrins_bench(scenario, way=way)) for way in ("direct", "lockstep"))
