@@ -161,9 +161,7 @@ def make_firmware() -> Callable[..., str]:
 
 
 @pytest.fixture(scope="session")
-def shared(
-    tmp_path_factory: pytest.TempPathFactory,
-) -> Callable[[str], AbstractContextManager[Path]]:
+def shared(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Shared]:
     """Return what gives a folder of a name that the workers of a run share, to one at a time."""
     base = tmp_path_factory.getbasetemp()
 

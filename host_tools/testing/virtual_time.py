@@ -262,18 +262,25 @@ class DirectExecution(_Virtual):
 
     def advance(self, until_ns: int) -> bool:
         """Run epochs in compiled code, as long as nobody but the two sides is on the bus."""
+        epochs = self._epochs_until(until_ns)
+        if epochs < 2 or not self._is_undisturbed():
+            return self.pump(until_ns)
         until = min(
-            self._next + self._epochs_until(until_ns),
+            self._next + epochs,
             self.scenario.epochs + 1,
             self.hardware.fault_server.report_epoch,
             self.hardware.undisturbed_until(self._next),
         )
-        firmware = self.firmware
-        rests = not (firmware.is_awake or firmware.diagnostics.reset_due or self._own_count)
-        if not (rests and self._is_plain and self.is_on and until > self._next + 1):
+        if until < self._next + 2:
             return self.pump(until_ns)
         self._exchange_until(until)
         return True
+
+    def _is_undisturbed(self) -> bool:
+        """Return whether only the two sides have something to do in the next epoch."""
+        firmware = self.firmware
+        is_asked = firmware.is_awake or firmware.diagnostics.reset_due or self._own_count
+        return self.is_on and self._is_plain and not (is_asked or self.failure)
 
     def _exchange_until(self, until: int) -> None:
         first, exchange, firmware = self._next, self._direct, self.firmware
