@@ -66,25 +66,22 @@ class FrameRing:
         self.total = 0
         """Frames recorded so far; also the number of the next one."""
 
-    def append(self, frames: FrameArray, count: int, time_ns: int, sender: Sender) -> None:
-        """Record the first `count` frames of an array."""
-        done = 0
-        while done < count:
-            at = self.total % self._capacity
-            some = min(count - done, self._capacity - at)
-            self._frames[at : at + some] = frames[done : done + some]
-            self._times_ns[at : at + some] = time_ns
-            self._senders[at : at + some] = sender
-            self.total += some
-            done += some
-
-    def extend(self, frames: FrameArray, times_ns: Integers, senders: NDArray[np.uint8]) -> None:
-        """Record frames, each with its time and sender."""
-        places = np.arange(self.total, self.total + len(frames)) % self._capacity
-        self._frames[places] = frames
+    def append(
+        self,
+        frames: FrameArray,
+        count: int,
+        times_ns: int | Integers,
+        senders: Sender | NDArray[np.uint8],
+    ) -> None:
+        """Record the first `count` frames of an array; time and sender are of all, or of each."""
+        at = self.total % self._capacity
+        places: slice | NDArray[np.intp] = slice(at, at + count)
+        if at + count > self._capacity:
+            places = np.arange(at, at + count) % self._capacity
+        self._frames[places] = frames[:count]
         self._times_ns[places] = times_ns
         self._senders[places] = senders
-        self.total += len(frames)
+        self.total += count
 
     def find(self, can_id: int, first: int = 0) -> tuple[FrameArray, Integers]:
         """Return the frames of an identifier from number `first` on, and their times in ns."""

@@ -292,8 +292,9 @@ class DirectExecution(_Virtual):
         counts = np.stack((marks["up"], marks["down"]), 1)
         counts[-1, 1] = 0
         senders = np.broadcast_to(np.array(_SIDES, np.uint8), counts.shape)
-        self.ring.extend(
-            self._kept[: counts.sum()],
+        self.ring.append(
+            self._kept,
+            int(counts.sum()),
             np.repeat(epochs.ravel() * firmware.period_ns, counts.ravel()),
             np.repeat(senders.ravel(), counts.ravel()),
         )
