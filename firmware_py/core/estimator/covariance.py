@@ -124,3 +124,21 @@ def update(x: Floats, P: Floats, n: int, gain: Floats, innovation: float, expect
             other = gain[k] / expected
             P[i, k] += share * expected * other - share * gain[k] - gain[i] * other
             P[k, i] = P[i, k]
+
+
+@compiled
+def update_two(
+    x: Floats, P: Floats, n: int, gain: Floats, innovation: float, expected: float, at: int, to: int
+) -> None:
+    """Take the measurement for two states alone: the gain K of all others is zero.
+
+    ``P - K (P rowᵀ)ᵀ - (P rowᵀ) Kᵀ + K S Kᵀ`` holds for any gain.
+    """
+    for i in range(n):
+        is_own = i in (at, to)
+        if is_own:
+            x[i] += gain[i] / expected * innovation
+        for k in range(i + 1):
+            if is_own or k in (at, to):
+                P[i, k] -= gain[i] * gain[k] / expected
+                P[k, i] = P[i, k]

@@ -6,8 +6,9 @@ direction. Where measurements have aided meanwhile, what they left of the effect
 the bias, so both are added apart. Once a sensor is left out, the others' biases are what they were
 before the fault. That is taken as a measurement which leaves of their variance what it would be
 without the doubt, and its correlations undo the fault's effect on the navigation; where nothing
-aided, the history is repaired and the term goes as it came. Willsky and Jones, *IEEE Transactions
-on Automatic Control* 21 (1976) 108, on jumps of unknown size in a Kalman filter.
+aided, the history is repaired and the term goes as it came. Heights of an altimeter correct the
+vertical channel alone meanwhile, and what the term has to do with it. Willsky and Jones, *IEEE
+Transactions on Automatic Control* 21 (1976) 108, on jumps of unknown size in a Kalman filter.
 """
 
 from __future__ import annotations
@@ -200,6 +201,47 @@ def propagate(state: Ram) -> None:
 
 
 @compiled
+def take_height(estimator: Estimator, innovation: float, expected: float) -> bool:
+    """Take an altimeter's height while terms wait; return whether one does.
+
+    `covariance.expect` has looked at it.
+    """
+    if not (estimator.unaided[GYROS] or estimator.unaided[ACCELEROMETERS]):
+        return False
+    x, P, n, gain, row = estimator.x, estimator.P, estimator.states, estimator.gain, estimator.row
+    up = VELOCITY + 2
+    covariance.update_two(x, P, n, gain, innovation, expected, up, HEIGHT)
+    for kind in range(2):
+        for k in range(estimator.jump_size.shape[1]):
+            effect = estimator.jump_effect[kind, k]
+            seen = (row[up] * effect[up] + row[HEIGHT] * effect[HEIGHT]) / expected
+            effect[up] -= gain[up] * seen
+            effect[HEIGHT] -= gain[HEIGHT] * seen
+    return True
+
+
+@compiled
+def widen(state: Ram, scale: Floats) -> None:
+    """Widen the terms as P is widened: by a factor for each state."""
+    estimator = state.estimator
+    for kind in range(2):
+        first, count = _first(state, kind)
+        for k in range(count):
+            estimator.jump_size[kind, k] *= scale[first + k]
+            for i in range(BIASES):
+                estimator.jump_effect[kind, k, i] *= scale[i]
+
+
+@compiled
+def _repair_height(estimator: Estimator, kind: int, k: int) -> None:
+    """Undo what heights have left of the fault's effect on the vertical channel."""
+    share = estimator.settled_value[kind] / estimator.jump_size[kind, k]
+    if estimator.altimeter:
+        for i in (VELOCITY + 2, HEIGHT):
+            estimator.x[i] += share * estimator.jump_effect[kind, k, i]
+
+
+@compiled
 def settle(state: Ram) -> None:
     """Take back what the doubt has let the filter learn: the fault was of one sensor alone."""
     estimator = state.estimator
@@ -214,6 +256,8 @@ def settle(state: Ram) -> None:
                 continue
             if estimator.unaided[kind]:
                 _along(state, kind, k, -1.0)
+                if k == estimator.settled_sensor[kind]:
+                    _repair_height(estimator, kind, k)
             else:
                 _remember(state, kind, k, first + k)
             estimator.doubt_variance[kind, k] = 0.0

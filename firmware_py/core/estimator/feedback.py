@@ -87,6 +87,7 @@ def apply(state: Ram) -> None:
     estimator.longitude = earth.wrapped(estimator.longitude + x[LONGITUDE])
     estimator.height += x[HEIGHT]
     estimator.height_sum -= estimator.heights * x[HEIGHT]
+    estimator.height_difference -= x[HEIGHT] + estimator.height_after_s * x[VELOCITY + 2]
     gyros, accelerometers = int(state.gyros.count), int(state.accelerometers.count)
     for k in range(gyros):
         estimator.gyro_bias[k] += x[BIASES + k]

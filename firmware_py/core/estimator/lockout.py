@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 
 from rrins.compiled.compilation import compiled
-from rrins.firmware_py.core.estimator import agreement
+from rrins.firmware_py.core.estimator import agreement, doubt
 from rrins.firmware_py.core.records.estimator_records import (
     BIASES,
     NO_TRUST,
@@ -99,6 +99,7 @@ def _open(state: Ram, factor: float) -> None:
     for i in range(estimator.states):
         for k in range(estimator.states):
             P[i, k] *= scale[i] * scale[k]
+    doubt.widen(state, scale)
 
 
 @compiled

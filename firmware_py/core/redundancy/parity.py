@@ -55,7 +55,7 @@ def compare(parity: Parity, fusion: Fusion, sensors: int, second_epochs: int, wo
             along = 0.0
             for axis in range(3):
                 along += fusion.H[i, axis] * fusion.gain[axis, j]
-            used = sensors >> i & 1 and sensors >> j & 1
+            used = fusion.solvable and sensors >> i & 1 and sensors >> j & 1
             parity.projector[i, j] = (1.0 if i == j else 0.0) - along if used else 0.0
         own = parity.projector[i, i]
         for axis in range(3):

@@ -86,8 +86,10 @@ def carry(
 
 @compiled
 def _apply(state: Ram) -> None:
-    """Add the difference to the navigation."""
+    """Add the difference to the navigation; where heights aid, the estimator does so upwards."""
     x, ins = state.redundancy.repair.x, state.ins
+    if state.estimator.running and state.estimator.altimeter:
+        x[VELOCITY + 2] = 0.0
     ins.latitude += x[LATITUDE]
     ins.longitude = earth.wrapped(ins.longitude + x[LONGITUDE])
     for i in range(3):

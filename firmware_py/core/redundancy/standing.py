@@ -174,6 +174,7 @@ def note_velocity(state: Ram) -> None:
         if not redundancy.aligning:
             level = math.sqrt(max(estimator.P[0, 0], estimator.P[1, 1]))
             heading = math.sqrt(estimator.P[2, 2])
+        level, heading = min(level, math.pi), min(heading, math.pi)
         redundancy.gyros.tilt_error = _WITHIN * earth.RATE * (level + heading)
         redundancy.accelerometers.tilt_error = _WITHIN * earth.GRAVITY_EQUATOR * level
     speed = math.sqrt(ins.velocity_n[0] ** 2 + ins.velocity_n[1] ** 2)
@@ -184,7 +185,7 @@ def note_velocity(state: Ram) -> None:
         seconds = (state.epoch - redundancy.navigation_epoch) / second_epochs
         turned = math.sqrt(redundancy.gyros.bias_variance) * seconds
         turned += speed * seconds / earth.SEMI_MAJOR_AXIS
-        redundancy.gyros.tilt_error += earth.RATE * turned
+        redundancy.gyros.tilt_error += earth.RATE * min(turned, math.pi)
     redundancy.accelerometers.tilt_error += speed * schuler
 
 

@@ -17,8 +17,6 @@ section 7, for the iteration.
 
 from __future__ import annotations
 
-import math
-
 from rrins.compiled.compilation import compiled
 from rrins.compiled.record import Floats
 from rrins.firmware_py.core.records.memory import Fusion
@@ -51,10 +49,11 @@ def _normal_matrix(fusion: Fusion, used: int, N: Floats) -> None:
 
 
 @compiled
-def _fill_equal(fusion: Fusion, used: int, N: Floats) -> float:
-    """Fill in the gain of equal weights by cofactors of `N` = HᵀH; return the condition number.
+def _fill_equal(fusion: Fusion, used: int, N: Floats) -> bool:
+    """Fill in the gain of equal weights by cofactors of `N` = HᵀH; return whether the axes span.
 
-    In the Frobenius norm, ``sqrt(tr(Hᵀ H) tr((Hᵀ H)⁻¹))``: 3 at best, infinite in one plane.
+    Up to a condition number in the Frobenius norm, ``sqrt(tr(Hᵀ H) tr((Hᵀ H)⁻¹))``: 3 at best,
+    infinite in one plane. Beyond it, the gain is left as it is.
     """
     c00 = N[1, 1] * N[2, 2] - N[1, 2] * N[2, 1]
     c01 = N[1, 2] * N[2, 0] - N[1, 0] * N[2, 2]
@@ -63,15 +62,17 @@ def _fill_equal(fusion: Fusion, used: int, N: Floats) -> float:
     c12 = N[0, 1] * N[2, 0] - N[0, 0] * N[2, 1]
     c22 = N[0, 0] * N[1, 1] - N[0, 1] * N[1, 0]
     determinant = N[0, 0] * c00 + N[0, 1] * c01 + N[0, 2] * c02
-    if not determinant > 0.0:
-        return math.inf
+    trace = N[0, 0] + N[1, 1] + N[2, 2]
+    is_solid = 3.0 * CONDITION_LIMIT**4 * determinant > trace**3  # else rounding, of one line
+    if not is_solid or trace * (c00 + c11 + c22) > CONDITION_LIMIT**2 * determinant:
+        return False
     for k in range(fusion.count):
         scale = 1.0 / determinant if used >> k & 1 else 0.0
         x, y, z = fusion.H[k, 0], fusion.H[k, 1], fusion.H[k, 2]
         fusion.gain[0, k] = scale * (c00 * x + c01 * y + c02 * z)
         fusion.gain[1, k] = scale * (c01 * x + c11 * y + c12 * z)
         fusion.gain[2, k] = scale * (c02 * x + c12 * y + c22 * z)
-    return math.sqrt((N[0, 0] + N[1, 1] + N[2, 2]) * (c00 + c11 + c22) / determinant)
+    return True
 
 
 @compiled
@@ -157,10 +158,11 @@ def prepare(fusion: Fusion, used: int, work: Floats) -> None:
 
     `work` is scratch of shape (at least 3, 3). `fusion.solvable` becomes true if the sensors' axes
     span space and no element of ``gain H - I`` is above 1e-12; `gain` of an unused sensor is zero.
+    Where the axes do not span space, `gain` is that of the sensors before.
     """
     fusion.used = used
     _normal_matrix(fusion, used, work)
-    spans = _fill_equal(fusion, used, work) <= CONDITION_LIMIT
+    spans = _fill_equal(fusion, used, work)
     fusion.solvable = spans and _weigh(fusion, used) and _correct(fusion, used, work)
 
 

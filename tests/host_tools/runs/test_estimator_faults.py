@@ -94,6 +94,26 @@ def test_a_sensor_that_fails_is_in_sigma_until_its_effect_is_undone(vehicle, fau
     assert rms < 1.5 * usual
 
 
+@pytest.mark.parametrize(
+    "fault",
+    [
+        {"kind": "gyro_bias", "sensor": 3, "bias_dph": 200.0},
+        {"kind": "accelerometer_bias", "sensor": 4, "bias_ug": 30_000},
+        {"kind": "accelerometer_bias", "sensor": 2, "bias_ug": -6000},  # never told from the others
+    ],
+)
+def test_heights_that_aid_alone_leave_sigma_and_the_vertical_channel_right(fault):
+    aid = {"gnss": None, "altimeter": {"noise_m": 0.5}, "estimator": {"enabled": True}}
+    _, over_sigma, ram = run_of(
+        "drive_rotating", 1, duration_s=300, faults=[fault | {"at_s": 60}], **aid | SENSORS | DRIVE
+    )
+    estimator = ram.estimator
+    assert over_sigma.max() < 3.0
+    assert np.linalg.eigvalsh(estimator.P[: estimator.states, : estimator.states])[0] >= 0.0
+    assert estimator.sources[Aid.ALTIMETER].rejected <= 1
+    assert estimator.reopenings == 0
+
+
 @pytest.mark.soak
 def test_faults_at_random_are_in_sigma_until_their_effect_is_undone():
     random, squares = np.random.default_rng(1), []

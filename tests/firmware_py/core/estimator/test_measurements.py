@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from rrins.firmware_py.core.aiding import antenna
-from rrins.firmware_py.core.estimator import measurements
+from rrins.firmware_py.core.estimator import feedback, measurements
 from rrins.firmware_py.core.modes.modes import Mode
 from rrins.firmware_py.core.monitoring import monitor
 from rrins.firmware_py.core.records.estimator_records import (
@@ -372,3 +372,17 @@ def test_the_mean_of_a_seconds_heights_is_a_measurement(kit):
     estimator.waiting = 0
     measurements.finish_second.py_func(state)
     assert scalars(state) == []
+
+
+def test_heights_that_wait_are_those_of_the_navigation_as_corrected(kit):
+    state = make_state(kit, altimeter=True, height_channel="damped")
+    estimator = state.estimator
+    for k in range(1, estimator.second_epochs + 1):
+        state.assembly.altimeter_received = True
+        state.assembly.altimeter_height = PLACE[2] + 2.0 + 0.1 * k / estimator.second_epochs
+        put(state, STAND + k, PLACE, VELOCITY_N)
+    measurements.finish_second.py_func(state)
+    state.ins.q_s_n[0] = 1.0
+    estimator.x[HEIGHT], estimator.x[VELOCITY + 2] = 2.1, 0.1  # at the end of the second
+    feedback.apply.py_func(state)
+    assert measurements.innovation_of.py_func(state, int(Aid.ALTIMETER), 0)[0] == pytest.approx(0.0)

@@ -16,6 +16,7 @@ from rrins.firmware_py.core.sensors.fusion import (
     fuse,
     prepare,
 )
+from rrins.host_tools.scenario.geometry import GEOMETRIES
 
 ANGLES_DEG = st.tuples(st.floats(0, 180), st.floats(0, 360))
 TRUTH = np.array([0.3, -0.2, 0.7])
@@ -69,6 +70,19 @@ def test_any_geometry_weights_and_mask_give_numpys_solution(data, axes_deg):
 def test_two_sensors_do_not_suffice(tools, valid):
     H = tetrahedron(tools)
     assert fused(fusion_of(H), valid, H @ TRUTH) is None
+
+
+@pytest.mark.parametrize("name", GEOMETRIES)
+def test_too_few_sensors_leave_the_gain_that_the_filter_uses(name):
+    """By rounding alone, the determinant of two sensors may be positive, and the gain 1e16."""
+    H = input_axes(GEOMETRIES[name])
+    fusion = fusion_of(H)
+    prepare(fusion, (1 << len(H)) - 1, np.empty((3, 3)))
+    before = fusion["gain"].copy()
+    for valid in range(1 << len(H)):
+        if valid.bit_count() < 3:
+            assert fused(fusion, valid, H @ TRUTH) is None
+            assert (fusion["gain"] == before).all()
 
 
 def test_axes_in_one_plane_do_not_suffice():
