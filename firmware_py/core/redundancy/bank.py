@@ -75,8 +75,8 @@ _REST = 5.0
 """Largest deviation of the innovations' squares, standard deviations of chi-square."""
 
 _RARER = 2.0 * math.log(1e2)
-"""Twice the logarithm of the likelihood ratio to two others, or all, that are off: both are rarer,
-by as much as is missing."""
+"""Twice the logarithm of the likelihood ratio to two others that are off: they are rarer, by as
+much as is missing. None is not: a fault may have passed, or may be nothing but noise."""
 
 _LEVEL, _HEADING, _VELOCITY = 1e-3, 1e-2, 30.0
 """Uncertainty of the navigation at the beginning: rad, rad, m/s."""
@@ -471,7 +471,7 @@ def _decide(bank: Bank) -> int:
     is sound explains it nearly as well, that of none included, or two sensors far better, or where
     nothing does.
     """
-    best, least = 0, math.inf
+    best, least, misfit = 0, math.inf, 1.0
     for k in range(bank.count):
         one = bank.filters[k]
         single = _is_single(one)
@@ -482,15 +482,16 @@ def _decide(bank: Bank) -> int:
     excess = one.squares - bank.measurements
     if one.score - least > RATIO or excess > _REST * math.sqrt(2.0 * bank.measurements):
         return 0
+    if bank.measurements > 0:
+        misfit = max(1.0, one.squares / bank.measurements)  # by how much all variances are short
     for kind in range(2):
         clear = bank.doubts >> kind & 1 != 0
         for k in range(bank.count):
             other = bank.filters[k]
             fails = one.sensor[kind] == other.sensor[kind] or one.sensor[kind] == other.second[kind]
-            is_one = other.sensor[kind] >= 0 and other.second[kind] < 0
-            wanted = RATIO if is_one else _RARER
+            wanted = RATIO if other.second[kind] < 0 else _RARER
             less = other.score - pairs.fitted(other) - one.score
-            clear = clear and (fails or less > wanted)
+            clear = clear and (fails or less > wanted * misfit)
         if clear:
             bank.found_kind = kind
             return best

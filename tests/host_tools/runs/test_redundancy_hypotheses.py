@@ -99,6 +99,16 @@ def test_where_all_sensors_are_off_alike_none_is_left_out(kind, size):
         assert worst_m(found) < 1.5 * worst_m(healthy)
 
 
+def test_a_fault_of_all_that_passes_leaves_none_out():
+    """The filter has taken it for biases; when it ends, these are off as if one had failed."""
+    faults = [fault | {"for_s": 32} for fault in off((1, 2, 3, 4), *[16.4] * 4)]
+    rimu, gnss = {"geometry": "orthogonal-plus-one"}, {"position_noise_m": 1.5}
+    for seed in SEEDS:
+        found = simulate(faults, seed=seed, rimu=rimu, gnss=gnss, estimator={"enabled": True})
+        assert left_out(found) == []
+        assert found["redundancy"]["gyros"]["unresolved_s"] is not None
+
+
 @pytest.mark.parametrize(
     ("scenario", "dph", "how"),
     [
