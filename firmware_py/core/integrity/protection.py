@@ -262,7 +262,8 @@ def _cover_sensors(state: Ram) -> None:
             parity, fusion = state.redundancy.accelerometers, state.accelerometers
         by_parity = _parity_shows(integrity, parity, kind)
         alarm = _is_suspected(state, parity, kind)
-        misses = fusion.count > _SPAN and (parity.excluded != 0 or not by_parity)
+        useless = parity.useless_epochs > 0  # soon left out; until then nothing is compared
+        misses = fusion.count > _SPAN and (parity.excluded != 0 or useless or not by_parity)
         integrity.suspected = integrity.suspected or alarm
         integrity.unmonitored = integrity.unmonitored or misses
         for bound in range(BOUNDS):

@@ -75,8 +75,8 @@ _REST = 5.0
 """Largest deviation of the innovations' squares, standard deviations of chi-square."""
 
 _RARER = 2.0 * math.log(1e2)
-"""Twice the logarithm of the likelihood ratio to two others that are off: they are rarer, by as
-much as is missing. None is not: a fault may have passed, or may be nothing but noise."""
+"""Twice the logarithm of the likelihood ratio to two others, or all, that are off: both are rarer,
+by as much as is missing."""
 
 _LEVEL, _HEADING, _VELOCITY = 1e-3, 1e-2, 30.0
 """Uncertainty of the navigation at the beginning: rad, rad, m/s."""
@@ -489,7 +489,8 @@ def _decide(bank: Bank) -> int:
         for k in range(bank.count):
             other = bank.filters[k]
             fails = one.sensor[kind] == other.sensor[kind] or one.sensor[kind] == other.second[kind]
-            wanted = RATIO if other.second[kind] < 0 else _RARER
+            is_one = other.sensor[kind] >= 0 and other.second[kind] < 0
+            wanted = RATIO if is_one else _RARER
             less = other.score - pairs.fitted(other) - one.score
             clear = clear and (fails or less > wanted * misfit)
         if clear:
