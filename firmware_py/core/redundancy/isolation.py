@@ -49,6 +49,9 @@ _SWAYS_S = 8
 """Seconds that fit neither a standstill nor a fault, after which the vehicle may lie on waves: then
 a fault has to last, too."""
 
+_LEAST = 1e-60
+"""Of a variance that is zero: no noise, or an expectation without an error."""
+
 _VECTOR = 3
 """Sensors that have no parity; two of one more cannot be spared."""
 
@@ -61,7 +64,7 @@ def _explains(parity: Parity, i: int, k: int) -> float:
     """
     a, w = parity.matrix, parity.score
     if i == k:
-        return float(w[i] * w[i] / a[i, i])
+        return float(w[i] * w[i] / a[i, i]) if a[i, i] > 0.0 else 0.0
     least = a[i, i] * a[k, k] - a[i, k] * a[i, k]
     if least <= CHECKED_FROM * a[i, i] * a[k, k]:
         return 0.0
@@ -218,27 +221,44 @@ def _expectation(parity: Parity, level: int) -> None:
 
 
 @compiled
-def _covariance(parity: Parity, fusion: Fusion, level: int) -> int:
-    """Write the covariance of all sensors' residuals over a window; return their number.
+def _inverse_covariance(parity: Parity, fusion: Fusion, level: int) -> int:
+    """Write the inverse covariance of all sensors' residuals over a window; return their number.
 
-    Each sensor's own noise, and what is not known of the expectation.
+    Each sensor's own noise D, and what is not known of the expectation, A by axis: Woodbury's
+    identity, ``R⁻¹ = D⁻¹ - D⁻¹ H (A⁻¹ + Hᵀ D⁻¹ H)⁻¹ Hᵀ D⁻¹``, as A may be larger by any factor.
     """
     _expectation(parity, level)
-    matrix = parity.matrix
+    H, axes, matrix = fusion.H, parity.axes, parity.matrix
+    xx, yy, zz = 1.0 / (axes[0] + _LEAST), 1.0 / (axes[1] + _LEAST), 1.0 / (axes[2] + _LEAST)
+    xy, yz, zx = 0.0, 0.0, 0.0
+    for i in range(fusion.count):
+        if parity.sensors >> i & 1:
+            x, y, z = H[i, 0], H[i, 1], H[i, 2]
+            weight = 1.0 / (_own_variance(parity, level, i) + _LEAST)
+            xx, yy, zz = xx + weight * x * x, yy + weight * y * y, zz + weight * z * z
+            xy, yz, zx = xy + weight * x * y, yz + weight * y * z, zx + weight * z * x
+    l_x, l_z = xy / xx, zx / xx  # L D Lᵀ
+    yy, yz, zz = max(yy - l_x * xy, _LEAST), yz - l_x * zx, zz - l_z * zx
+    l_y = yz / yy
+    zz = max(zz - l_y * yz, _LEAST)
     n = 0
     for i in range(fusion.count):
         if parity.sensors >> i & 1 == 0:
             continue
+        weight = 1.0 / (_own_variance(parity, level, i) + _LEAST)
+        x = weight * H[i, 0]
+        y = weight * H[i, 1] - l_x * x
+        z = weight * H[i, 2] - l_z * x - l_y * y
         m = 0
         for j in range(fusion.count):
             if parity.sensors >> j & 1 == 0:
                 continue
-            total = 0.0
-            for axis in range(3):
-                total += fusion.H[i, axis] * fusion.H[j, axis] * parity.axes[axis]
-            matrix[n, m] = total
+            other = 1.0 / (_own_variance(parity, level, j) + _LEAST)
+            along = H[j, 1] - l_x * H[j, 0]
+            across = H[j, 2] - l_z * H[j, 0] - l_y * along
+            common = x * H[j, 0] / xx + y * along / yy + z * across / zz
+            matrix[n, m] = (weight if n == m else 0.0) - other * common
             m += 1
-        matrix[n, n] += _own_variance(parity, level, i)
         n += 1
     return n
 
@@ -259,32 +279,13 @@ def _residuals(parity: Parity, fusion: Fusion, level: int) -> None:
 
 
 @compiled
-def _invert(parity: Parity, n: int) -> None:
-    """Replace the covariance by its inverse, in place (Gauss-Jordan; it is positive definite)."""
-    a = parity.matrix
-    for k in range(n):
-        pivot = 1.0 / a[k, k]
-        a[k, k] = 1.0
-        for j in range(n):
-            a[k, j] *= pivot
-        for i in range(n):
-            if i != k:
-                factor = a[i, k]
-                a[i, k] = 0.0
-                for j in range(n):
-                    a[i, j] -= factor * a[k, j]
-
-
-@compiled
 def weigh(parity: Parity, fusion: Fusion, level: int) -> int:
     """Write the inverse covariance of the compared sensors' residuals, and these as last column.
 
     Over the window that ends now; into `matrix`. Returns the number of sensors.
     """
-    n = _covariance(parity, fusion, level)
     _residuals(parity, fusion, level)
-    _invert(parity, n)
-    return n
+    return _inverse_covariance(parity, fusion, level)
 
 
 @compiled
