@@ -38,9 +38,9 @@ each dimension of the parity, as noise does in any of them.
 A slight motion turns all sensors and leaves the parity alone; the fault of one shows in both. So
 does whatever the table makes of the expectation."""
 
-_INEXACT = 0.01
+_INEXACT = 0.05
 """Share of what all alike explain by which one or two have to explain less, to be sure of that: a
-fault is in the residuals as it should be to a tenth of its size."""
+fault is in the residuals as it should be to a fifth of its size."""
 
 _REMEMBERS_S = LONGEST_S
 """Seconds after a fault of all alike for which what was learned meanwhile may look like another."""
@@ -387,7 +387,7 @@ def _standing(parity: Parity, fusion: Fusion) -> tuple[int, bool]:
             continue
         n = weigh(parity, fusion, level)
         whole, by_motion = _weighted(parity, n), 0.0
-        if n > _VECTOR and _are_alike(parity, n, factor):
+        if n > _VECTOR and parity.alarm and _are_alike(parity, n, factor):
             parity.alike_until = parity.seconds + _REMEMBERS_S
         if parity.redundant:
             by_motion = whole - left_by_motion(parity, int(fusion.count), level)
