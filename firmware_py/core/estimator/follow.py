@@ -82,8 +82,7 @@ def begin(state: Ram) -> None:
     estimator.running = True
     larger = _DOUBT if estimator.begins_anew else 1.0
     estimator.begins_anew = False
-    estimator.bridged[0] = state.bridging.angle_variance
-    estimator.bridged[1] = state.bridging.velocity_variance
+    copy(estimator.bridged, state.bridging.lag_variance)
     doubt.begin(estimator)
     estimator.fed_back[:] = 0.0
     estimator.turned[:] = 0.0

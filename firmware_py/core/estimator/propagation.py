@@ -6,6 +6,7 @@ from rrins.compiled.compilation import compiled
 from rrins.compiled.record import Floats
 from rrins.firmware_py.core.estimator import constants, covariance, transition
 from rrins.firmware_py.core.maths import earth
+from rrins.firmware_py.core.maths.vectors import copy
 from rrins.firmware_py.core.records.estimator_records import (
     ATTITUDE,
     BIASES,
@@ -183,10 +184,10 @@ def add_noise(state: Ram) -> None:
         at = estimator.altimeter_state
         P[at, at] += estimator.altimeter_walk_variance * dt
     angle = estimator.slope_variance[0] * SCALE_TURN * estimator.turned[DONE]
-    angle += max(0.0, state.bridging.angle_variance - estimator.bridged[0])
-    speed = max(0.0, state.bridging.velocity_variance - estimator.bridged[1])
-    estimator.bridged[0] = state.bridging.angle_variance
-    estimator.bridged[1] = state.bridging.velocity_variance
+    bridged = state.bridging.lag_variance
+    angle += max(0.0, bridged[0] - estimator.bridged[0])
+    speed = max(0.0, bridged[1] - estimator.bridged[1])
+    copy(estimator.bridged, bridged)
     for i in range(3):
         P[ATTITUDE + i, ATTITUDE + i] += angle
         P[VELOCITY + i, VELOCITY + i] += speed

@@ -344,6 +344,10 @@ class Bridging(Record):
     bridged_epochs: I8  #: since navigation began
     angle_variance: F8  #: rad², of what gaps may have cost since navigation began
     velocity_variance: F8  #: m²/s², of the same
+    lag_epochs: I8  #: of the present stretch of time
+    lag: Annotated[Floats, (2, 3)]  #: rad, m/s: what its gaps have cost as they add up, in s
+    most: Annotated[Floats, 2]  #: the largest square of either in it
+    lag_variance: Annotated[Floats, 2]  #: their sum since navigation began
     transmissions: I8  #: of BRIDGING, for its counter
 
 
