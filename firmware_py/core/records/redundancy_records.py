@@ -337,7 +337,7 @@ class Suspicion(Record):
     told: Annotated[Floats, (2, SENSOR_GROUPS)]  #: rad/s, m/s², the largest size of this fault
     value: Annotated[Floats, (2, SENSOR_GROUPS)]  #: rad/s, m/s², of the fault, by kind
     sigma: Annotated[Floats, (2, SENSOR_GROUPS)]  #: of the value
-    size: Annotated[Floats, (2, SENSOR_GROUPS)]  #: it may have, with the value's sign
+    fault_size: Annotated[Floats, (2, SENSOR_GROUPS)]  #: it may have, with the value's sign
 
 
 class Hypothesis(Record):

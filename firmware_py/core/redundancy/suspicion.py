@@ -64,7 +64,7 @@ def _measure(state: Ram, parity: Parity) -> bool:
     part = parity.used_epochs / state.redundancy.second_epochs
     grown = False
     for k in range(parity.residual.shape[0]):
-        suspicion.size[kind, k] = 0.0
+        suspicion.fault_size[kind, k] = 0.0
         if parity.sensors >> k & 1 == 0 or parity.projector[k, k] <= CHECKED_FROM:
             continue
         share = parity.projector[k, k] * WINDOWS_S[level]
@@ -75,7 +75,7 @@ def _measure(state: Ram, parity: Parity) -> bool:
         size = abs(value) + _SURE * sigma
         suspicion.value[kind, k] = value
         suspicion.sigma[kind, k] = sigma
-        suspicion.size[kind, k] = size if value >= 0.0 else -size
+        suspicion.fault_size[kind, k] = size if value >= 0.0 else -size
         grown = grown or size > _GROWS * suspicion.told[kind, k]
     return grown
 
@@ -91,7 +91,7 @@ def _suspect(state: Ram, parity: Parity, anew: bool) -> None:
     suspicion.at = history.count - longer
     suspicion.begun_epoch = state.epoch - longer * state.redundancy.second_epochs
     for k in range(parity.residual.shape[0]):
-        size = abs(suspicion.size[parity.kind, k])
+        size = abs(suspicion.fault_size[parity.kind, k])
         before = 0.0 if anew else suspicion.told[parity.kind, k]
         suspicion.told[parity.kind, k] = max(size, before)
     suspicion.height[:] = 0.0
@@ -156,7 +156,7 @@ def _carry(state: Ram) -> None:
         fusion, first = state.accelerometers, 3 * int(state.gyros.count)
     up = transition.VELOCITY + 2
     for k in range(fusion.count):
-        if suspicion.size[suspicion.kind, k] == 0.0:
+        if suspicion.fault_size[suspicion.kind, k] == 0.0:
             continue
         place = first + 3 * k
         before = suspicion.x[k, up]
@@ -176,7 +176,7 @@ def _tell(state: Ram, fusion: Fusion) -> None:
     estimator.doubt_anew = suspicion.anew
     estimator.doubt_epoch = suspicion.begun_epoch
     for k in range(fusion.count):
-        size, value = suspicion.size[kind, k], suspicion.value[kind, k]
+        size, value = suspicion.fault_size[kind, k], suspicion.value[kind, k]
         larger = size / value if value != 0.0 else 0.0
         estimator.doubt_size[k] = size
         for i in range(LATITUDE):

@@ -323,7 +323,7 @@ def begun_level(parity: Parity, least: float) -> int:
 def significant_level(parity: Parity, sensor: int, least: float) -> int:
     """Return the window in which a sensor's sum is most significant; else the shortest.
 
-    Of sums with a chi-square of more than `least`.
+    Of sums with a chi-square of more than `least`; a sensor that is left out has none.
     """
     most, found = least, 0
     for level in range(SECOND_LEVELS):
@@ -331,6 +331,6 @@ def significant_level(parity: Parity, sensor: int, least: float) -> int:
             continue
         total = parity.window_sum[level, sensor]
         variance = variance_of(parity, level, sensor)
-        if total * total > most * variance:
+        if variance > 0.0 and total * total > most * variance:
             most, found = total * total / variance, level
     return found

@@ -13,6 +13,7 @@ import pytest
 from rrins.compiled.compilation import compiled
 from rrins.compiled.record import I8, U1, Bool, Floats, Record, Records
 from rrins.firmware_py.core.records.memory import Ram
+from rrins.host_tools.hardware.memory import Plant
 
 ROOT = Path(__file__).parents[3]
 
@@ -32,6 +33,18 @@ class Outer(Record):
     several: Annotated[Records[Inner], 2]
     vector: Annotated[Floats, 3]
     matrix: Annotated[Floats, (2, 3)]
+
+
+def named_in(dtype):
+    for name in dtype.names or ():
+        yield name
+        yield from named_in(dtype[name].base)
+
+
+@pytest.mark.parametrize("record", [Ram, Plant])
+def test_no_field_has_a_name_that_numpy_takes_for_its_own(record):
+    """In plain Python `record.size` would be the number of elements, whatever the field holds."""
+    assert set(named_in(record.dtype)) & set(dir(np.record)) == set()
 
 
 def test_the_dtype_is_packed_in_the_order_of_the_fields():
