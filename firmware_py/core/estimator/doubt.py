@@ -204,13 +204,16 @@ def propagate(state: Ram) -> None:
 def take_height(estimator: Estimator, innovation: float, expected: float) -> bool:
     """Take an altimeter's height while terms wait; return whether one does.
 
-    `covariance.expect` has looked at it.
+    `covariance.expect` has looked at it. What is left of `gain` is what was corrected by.
     """
     if not (estimator.unaided[GYROS] or estimator.unaided[ACCELEROMETERS]):
         return False
     x, P, n, gain, row = estimator.x, estimator.P, estimator.states, estimator.gain, estimator.row
     up = VELOCITY + 2
     covariance.update_two(x, P, n, gain, innovation, expected, up, HEIGHT)
+    for i in range(n):
+        if i not in (up, HEIGHT):
+            gain[i] = 0.0
     for kind in range(2):
         for k in range(estimator.jump_size.shape[1]):
             effect = estimator.jump_effect[kind, k]

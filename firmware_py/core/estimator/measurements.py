@@ -239,10 +239,10 @@ def _judge(state: Ram, aid: int, component: int, innovation: float, sigma: float
             return False
         expected = lockout.open_along(estimator, innovation, expected)
         square = 1.0
-    if state.integrity.enabled:
-        fault_effects.take(state, aid, component, innovation, expected, True)
     if aid != _ALTIMETER or not doubt.take_height(estimator, innovation, expected):
         covariance.update(x, P, n, estimator.gain, innovation, expected)
+    if state.integrity.enabled:
+        fault_effects.take(state, aid, component, innovation, expected, True)
     if aid != _ALTIMETER:
         estimator.aided_epoch = state.epoch
     source.used += 1

@@ -226,17 +226,19 @@ def _inverse_covariance(parity: Parity, fusion: Fusion, level: int) -> int:
 
     Each sensor's own noise D, and what is not known of the expectation, A by axis: Woodbury's
     identity, ``R⁻¹ = D⁻¹ - D⁻¹ H (A⁻¹ + Hᵀ D⁻¹ H)⁻¹ Hᵀ D⁻¹``, as A may be larger by any factor.
+    `score` is scratch.
     """
     _expectation(parity, level)
-    H, axes, matrix = fusion.H, parity.axes, parity.matrix
+    H, axes, matrix, weight = fusion.H, parity.axes, parity.matrix, parity.score
     xx, yy, zz = 1.0 / (axes[0] + _LEAST), 1.0 / (axes[1] + _LEAST), 1.0 / (axes[2] + _LEAST)
     xy, yz, zx = 0.0, 0.0, 0.0
     for i in range(fusion.count):
         if parity.sensors >> i & 1:
             x, y, z = H[i, 0], H[i, 1], H[i, 2]
-            weight = 1.0 / (_own_variance(parity, level, i) + _LEAST)
-            xx, yy, zz = xx + weight * x * x, yy + weight * y * y, zz + weight * z * z
-            xy, yz, zx = xy + weight * x * y, yz + weight * y * z, zx + weight * z * x
+            w = 1.0 / (_own_variance(parity, level, i) + _LEAST)
+            xx, yy, zz = xx + w * x * x, yy + w * y * y, zz + w * z * z
+            xy, yz, zx = xy + w * x * y, yz + w * y * z, zx + w * z * x
+            weight[i] = w
     l_x, l_z = xy / xx, zx / xx  # L D Lᵀ
     yy, yz, zz = max(yy - l_x * xy, _LEAST), yz - l_x * zx, zz - l_z * zx
     l_y = yz / yy
@@ -245,19 +247,17 @@ def _inverse_covariance(parity: Parity, fusion: Fusion, level: int) -> int:
     for i in range(fusion.count):
         if parity.sensors >> i & 1 == 0:
             continue
-        weight = 1.0 / (_own_variance(parity, level, i) + _LEAST)
-        x = weight * H[i, 0]
-        y = weight * H[i, 1] - l_x * x
-        z = weight * H[i, 2] - l_z * x - l_y * y
+        x = weight[i] * H[i, 0]
+        y = weight[i] * H[i, 1] - l_x * x
+        z = weight[i] * H[i, 2] - l_z * x - l_y * y
         m = 0
         for j in range(fusion.count):
             if parity.sensors >> j & 1 == 0:
                 continue
-            other = 1.0 / (_own_variance(parity, level, j) + _LEAST)
             along = H[j, 1] - l_x * H[j, 0]
             across = H[j, 2] - l_z * H[j, 0] - l_y * along
             common = x * H[j, 0] / xx + y * along / yy + z * across / zz
-            matrix[n, m] = (weight if n == m else 0.0) - other * common
+            matrix[n, m] = (weight[i] if n == m else 0.0) - weight[j] * common
             m += 1
         n += 1
     return n
