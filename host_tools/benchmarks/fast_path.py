@@ -1,4 +1,4 @@
-"""Cost of the fast path per epoch, with and without redundancy, and of a navigation step."""
+"""Cost of the fast path per epoch beside its limit, and of a navigation step."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import numpy as np
 from rrins.firmware_py.core.navigation import strapdown
 from rrins.firmware_py.core.navigation.strapdown import HEIGHT_HELD
 from rrins.firmware_py.core.records.memory import Ins
+from rrins.host_tools.benchmarks.limit import Limit
 from rrins.host_tools.benchmarks.timed_epochs import timer_overhead_ns
 from rrins.host_tools.runs.fast import FastRun
 from rrins.host_tools.runs.set_up.settings import firmware_settings, hardware_settings
@@ -26,24 +27,27 @@ _SETTLE_EPOCHS = 2_000  # aligned and rotating by then
 def us_per_epoch(epochs: int) -> dict[str, float]:
     """Return the median µs of truth, eight noisy sensors, fusion, navigation and output.
 
-    Without and with parity take turns on one core in batches of `epochs`, keeping the navigation
-    output of every epoch.
+    Without and with parity and the loop written by hand take turns on one core in batches of
+    `epochs`, keeping the navigation output of every epoch.
     """
     scenario = load(SCENARIO)
-    keys = ("fast_path_us_per_epoch", "fast_path_comparing_us_per_epoch")
-    runs = []
-    for compares in (False, True):
+    runs: dict[str, FastRun | Limit] = {}
+    for key, compares in (("fast_path", False), ("fast_path_comparing", True)):
         changed = scenario.model_copy(update={"redundancy": Redundancy(enabled=compares)})
         run = FastRun.of(firmware_settings(changed), hardware_settings(changed))
         run.run(_SETTLE_EPOCHS)
-        runs.append(run)
-    took_ns: dict[str, list[int]] = {key: [] for key in keys}
+        runs[key] = run
+    runs["fast_path_limit"] = Limit(run)
+    took_ns: dict[str, list[int]] = {key: [] for key in runs}
     for _ in range(_REPETITIONS):
-        for key, run in zip(keys, runs, strict=True):
+        for key, each in runs.items():
             start_ns = time.perf_counter_ns()
-            run.run(epochs)
+            each.run(epochs)
             took_ns[key].append(time.perf_counter_ns() - start_ns)
-    return {key: statistics.median(times) / 1000 / epochs for key, times in took_ns.items()}
+    return {
+        f"{key}_us_per_epoch": statistics.median(times) / 1000 / epochs
+        for key, times in took_ns.items()
+    }
 
 
 def navigation_step_us(samples: int) -> float:
