@@ -52,8 +52,14 @@ def _swapped(word: np.uint64) -> np.uint64:
 def unpack(word: np.uint64, signal: SignalLayout) -> int:
     """Return the raw integer (int64) of a signal in a payload word."""
     bits = _swapped(np.uint64(word)) if signal.big_endian else np.uint64(word)
+    return _field(bits >> np.uint64(signal.shift), signal)
+
+
+@compiled_with(inline="always")
+def _field(bits: np.uint64, signal: SignalLayout) -> int:
+    """Return the number in the lowest bits, as many as the signal has."""
     spare = np.uint64(64 - signal.length)
-    left = (bits >> np.uint64(signal.shift)) << spare
+    left = bits << spare
     if signal.signed:
         return int(np.int64(left) >> np.int64(spare))
     return int(np.int64(left >> spare))
@@ -91,12 +97,31 @@ def to_raw(physical: float, signal: SignalLayout) -> int:
 
 
 @compiled
-def encode_wrapped(word: np.uint64, signal: SignalLayout, physical: float) -> np.uint64:
-    """Return the payload word with a value inserted modulo the signal's whole range.
+def to_raw_wrapped(physical: float, signal: SignalLayout) -> int:
+    """Return the raw integer nearest to a value, modulo the signal's whole range.
 
     For a value that wraps around, such as an angle over several turns.
     """
-    return pack(word, signal, np.int64(np.rint((physical - signal.offset) / signal.scale)))
+    raw = np.int64(np.rint((physical - signal.offset) / signal.scale))
+    return _field(np.uint64(raw), signal)
+
+
+@compiled
+def encode_wrapped(word: np.uint64, signal: SignalLayout, physical: float) -> np.uint64:
+    """Return the payload word with a value inserted modulo the signal's whole range."""
+    return pack(word, signal, to_raw_wrapped(physical, signal))
+
+
+@compiled
+def quantised(physical: float, signal: SignalLayout) -> float:
+    """Return what `decode` makes of a value that `encode` has inserted."""
+    return to_physical(to_raw(physical, signal), signal)
+
+
+@compiled
+def quantised_wrapped(physical: float, signal: SignalLayout) -> float:
+    """Return what `decode` makes of a value that `encode_wrapped` has inserted."""
+    return to_physical(to_raw_wrapped(physical, signal), signal)
 
 
 @compiled
@@ -108,7 +133,7 @@ def unwrapped(value: float, near: float, span: float) -> float:
 @compiled
 def span_of(signal: SignalLayout) -> float:
     """Return the whole range of a signal's field, in its unit."""
-    return signal.scale * 2.0 ** np.float64(signal.length)
+    return signal.scale * np.float64(np.uint64(1) << np.uint64(signal.length))
 
 
 @compiled

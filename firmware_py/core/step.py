@@ -30,8 +30,8 @@ from rrins.firmware_py.core.integrity import protection
 from rrins.firmware_py.core.maths import earth
 from rrins.firmware_py.core.maths.attitude import (
     euler_of_matrix,
-    gimbal_matrix,
     multiply_transposed,
+    turn_gimbals,
 )
 from rrins.firmware_py.core.modes import modes, routine_requests
 from rrins.firmware_py.core.modes.modes import FirmwareFault, Mode
@@ -326,8 +326,9 @@ def compute(state: Ram, contract: Contract, compares: bool | None, estimates: bo
     _fuse(state)
     _judge_repetitions(state)
     encoders.follow(state, modes.is_inertial(state))
-    gimbal_matrix(
+    turn_gimbals(
         state.C_s_b,
+        state.axis,
         np.radians(state.assembly.encoder_angle_deg[INNER]),
         np.radians(state.assembly.encoder_angle_deg[OUTER]),
     )

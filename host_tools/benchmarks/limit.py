@@ -1,4 +1,4 @@
-"""What an epoch costs at least: the fast path's physics in one loop, written by hand.
+"""The least that an epoch costs: the fast path's physics in one loop, written by hand.
 
 A table that turns about its inner axis, a vehicle at rest, eight noisy sensors, fusion, strapdown
 navigation and its output: in local variables, without records, frames, modes, faults or checks. It

@@ -15,7 +15,6 @@ from rrins.compiled.record import Floats, Integers, Records
 from rrins.dbc.contract import Contract, load_contract
 from rrins.dbc.values import AxisCommand
 from rrins.firmware_py.core import settings as firmware
-from rrins.firmware_py.core.frames_in import intake
 from rrins.firmware_py.core.records.memory import INNER, OUTER, Ram
 from rrins.firmware_py.core.settings import Scheme
 from rrins.firmware_py.core.turntable import table_sums
@@ -24,7 +23,8 @@ from rrins.host_tools.calibration.seconds import Seconds, decode, row_size
 from rrins.host_tools.hardware import settings as hardware
 from rrins.host_tools.hardware import turntable
 from rrins.host_tools.hardware.memory import Plant
-from rrins.host_tools.hardware.step import advance, axis_word, group_word
+from rrins.host_tools.hardware.step import advance
+from rrins.host_tools.runs.fast import pass_measured
 from rrins.host_tools.runs.set_up.settings import firmware_settings, hardware_settings
 from rrins.host_tools.scenario.scenario import Scenario
 
@@ -35,15 +35,9 @@ _FIRST_S = 2.0
 
 @compiled
 def _receive(plant: Plant, state: Ram, contract: Contract) -> None:
-    assembly = state.assembly
-    for group in range(max(plant.gyros.count, plant.accelerometers.count)):
-        sensor = contract.sensor[group]
-        intake.keep_group(assembly, sensor, group, group_word(plant, sensor, group))
-    assembly.gyro_valid = (1 << plant.gyros.count) - 1
-    assembly.accelerometer_valid = (1 << plant.accelerometers.count) - 1
-    inner, outer = contract.axis_inner_status, contract.axis_outer_status
-    intake.keep_axis(assembly, inner, INNER, axis_word(plant.axis[INNER], inner))
-    intake.keep_axis(assembly, outer, OUTER, axis_word(plant.axis[OUTER], outer))
+    pass_measured(plant, state.assembly, contract)
+    state.assembly.gyro_valid = (1 << plant.gyros.count) - 1
+    state.assembly.accelerometer_valid = (1 << plant.accelerometers.count) - 1
 
 
 @compiled

@@ -115,6 +115,9 @@ class TurntableAxis(Record):
     load_angle: F8  #: rad, of the table without the ripple
     angle: F8  #: rad, of the table at the end of the epoch
     rate: F8  #: rad/s, of the table at the end of the epoch
+    cosine: F8  #: of `trig_angle`; 0: not known yet
+    sine: F8  #: of `trig_angle`
+    trig_angle: F8  #: rad
     angle_before: F8  #: rad, at the beginning of the epoch
     rate_before: F8  #: rad/s, at the beginning of the epoch
     # The profile being driven: ramp up, cruise, ramp down, in whole epochs.

@@ -56,23 +56,27 @@ def _receive_command(
     if not 1 <= age <= min(COMMAND_DELAY, plant.epoch) or slot.valid:
         plant.counters.counter_errors += plant.epoch >= COMMAND_DELAY
         return
-    keep_command(slot, axis, message, frame["data"])
+    word = frame["data"]
+    what = unpack(word, message.command)
+    target_deg = decode(word, message.target_angle_deg)
+    keep_command(slot, axis, message, what, target_deg, decode(word, message.rate_limit_dps))
 
 
 @compiled
 def keep_command(
-    slot: WaitingCommand, axis: TurntableAxis, message: MessageSignals, word: np.uint64
+    slot: WaitingCommand,
+    axis: TurntableAxis,
+    message: MessageSignals,
+    what: int,
+    target_deg: float,
+    rate_dps: float,
 ) -> None:
-    """Store the axis command in a payload `word` until its epoch."""
+    """Store an axis command until its epoch; its target is the nearest of all it can mean."""
     slot.valid = True
-    slot.command = unpack(word, message.command)
-    target_deg = unwrapped(
-        decode(word, message.target_angle_deg),
-        math.degrees(axis.angle),
-        span_of(message.target_angle_deg),
-    )
-    slot.target = math.radians(target_deg)
-    slot.rate = math.radians(decode(word, message.rate_limit_dps))
+    slot.command = what
+    span_deg = span_of(message.target_angle_deg)
+    slot.target = math.radians(unwrapped(target_deg, math.degrees(axis.angle), span_deg))
+    slot.rate = math.radians(rate_dps)
 
 
 @compiled
@@ -105,27 +109,35 @@ def _send_sync(plant: Plant, contract: Contract, frame: Frame) -> None:
 
 
 @compiled
-def group_word(plant: Plant, sensor: MessageSignals, group: int) -> np.uint64:
-    """Return the payload of a sensor group's frame."""
+def group_counts(plant: Plant, group: int) -> tuple[int, int, int]:
+    """Return what a sensor group says: counts of gyro and accelerometer, and its status."""
     gyros, accelerometers = plant.gyros, plant.accelerometers
     bit = 1 << group
-    status = 0
-    word = np.uint64(0)
+    status = dtheta = dv = 0
     if group < gyros.count and gyros.absent & bit == 0:
-        word = pack(word, sensor.gyro_dtheta, gyros.counts[group])
-        status |= gyros.saturated >> group & 1
+        dtheta = int(gyros.counts[group])
+        status |= int(gyros.saturated) >> group & 1
     else:
         status |= 4
     if group < accelerometers.count and accelerometers.absent & bit == 0:
-        word = pack(word, sensor.accelerometer_dv, accelerometers.counts[group])
-        status |= (accelerometers.saturated >> group & 1) << 1
+        dv = int(accelerometers.counts[group])
+        status |= (int(accelerometers.saturated) >> group & 1) << 1
     else:
         status |= 8
+    return dtheta, dv, status
+
+
+@compiled
+def _group_word(plant: Plant, sensor: MessageSignals, group: int) -> np.uint64:
+    """Return the payload of a sensor group's frame."""
+    dtheta, dv, status = group_counts(plant, group)
+    word = pack(np.uint64(0), sensor.gyro_dtheta, dtheta)
+    word = pack(word, sensor.accelerometer_dv, dv)
     return pack(word, sensor.status, status)
 
 
 @compiled
-def axis_word(axis: TurntableAxis, message: MessageSignals) -> np.uint64:
+def _axis_word(axis: TurntableAxis, message: MessageSignals) -> np.uint64:
     """Return the payload of an axis' frame."""
     word = pack(np.uint64(0), message.state, axis.state)
     word = encode_wrapped(word, message.encoder_angle_deg, turntable.encoder_angle_deg(axis))
@@ -211,7 +223,7 @@ def _send(plant: Plant, pieces: Floats, contract: Contract, outbox: FrameArray) 
         count += 1
     for group in range(max(plant.gyros.count, plant.accelerometers.count)):
         sensor = contract.sensor[group]
-        fill(outbox[count], sensor.message, group_word(plant, sensor, group), plant.epoch)
+        fill(outbox[count], sensor.message, _group_word(plant, sensor, group), plant.epoch)
         count += 1
     altimeter = contract.altimeter
     if is_altitude_due(plant, altimeter.message):
@@ -238,8 +250,8 @@ def _send(plant: Plant, pieces: Floats, contract: Contract, outbox: FrameArray) 
         plant.heartbeats += 1
         count += 1
     inner, outer = contract.axis_inner_status, contract.axis_outer_status
-    fill(outbox[count], inner.message, axis_word(plant.axis[INNER], inner), plant.epoch)
-    fill(outbox[count + 1], outer.message, axis_word(plant.axis[OUTER], outer), plant.epoch)
+    fill(outbox[count], inner.message, _axis_word(plant.axis[INNER], inner), plant.epoch)
+    fill(outbox[count + 1], outer.message, _axis_word(plant.axis[OUTER], outer), plant.epoch)
     return count + 2
 
 

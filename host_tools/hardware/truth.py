@@ -50,6 +50,17 @@ def _angle_at(axis: TurntableAxis, t: float, dt: float) -> float:
 
 
 @compiled
+def _face(plant: Plant, inner: float, outer: float) -> None:
+    """Have cosine and sine of the axes' angles at hand; an axis that rests keeps those it has."""
+    for index in (INNER, OUTER):
+        axis = plant.axis[index]
+        angle = inner if index == INNER else outer
+        if angle != axis.trig_angle or axis.cosine == 0.0:  # which no cosine of a number is
+            axis.trig_angle = angle
+            axis.cosine, axis.sine = math.cos(angle), math.sin(angle)
+
+
+@compiled
 def _turned_at(axis: TurntableAxis, t: float, dt: float) -> float:
     """Return an axis' rate at `t` in [0, 1], in rad per epoch."""
     moved = axis.angle - axis.angle_before
@@ -98,30 +109,29 @@ def _add_run_out(plant: Plant, dt: float) -> None:
 def _rate_at_end(plant: Plant, dt: float) -> tuple[float, float, float]:
     """Return the rate of the sensor frame at the end of the epoch, rad/s."""
     inner, outer = plant.axis[INNER], plant.axis[OUTER]
-    x, y, z = _turned(plant, inner.angle, outer.angle, 1.0, 1.0, dt)
+    _face(plant, inner.angle, outer.angle)
+    x, y, z = _turned(plant, 1.0, 1.0, dt)
     return x / dt, y / dt, z / dt + inner.rate
 
 
 @compiled
-def _turned(
-    plant: Plant, inner: float, outer: float, t: float, share: float, dt: float
-) -> tuple[float, float, float]:
-    """Return what the sensor frame turns in `share` of the epoch, with the axes at these angles.
+def _turned(plant: Plant, t: float, share: float, dt: float) -> tuple[float, float, float]:
+    """Return what the sensor frame turns in `share` of the epoch, with the axes as they face.
 
     rad, all but the inner axis' own turn about z.
     """
-    ci, si = math.cos(inner), math.sin(inner)
-    co, so = math.cos(outer), math.sin(outer)
+    inner, outer = plant.axis[INNER], plant.axis[OUTER]
+    ci, si, co, so = inner.cosine, inner.sine, outer.cosine, outer.sine
     w = plant.omega_ib_b
     weight = share * dt
     # Rx(-outer), then Eᵀ, then Rz(-inner)
-    wx = weight * w[0] + share * _turned_at(plant.axis[OUTER], t, dt)
+    wx = weight * w[0] + share * _turned_at(outer, t, dt)
     wy, wz = weight * (co * w[1] + so * w[2]), weight * (co * w[2] - so * w[1])
     if plant.table.is_crooked:
-        ex, ey, dx, dy = _tilt(plant.table, inner)
+        ex, ey, dx, dy = _tilt(plant.table, inner.trig_angle)
         wx, wy, wz = _tilted(ex, ey, wx, wy, wz)
         # E's own turning, e' - e x e' / 2 per inner angle
-        inner_turn = share * _turned_at(plant.axis[INNER], t, dt)
+        inner_turn = share * _turned_at(inner, t, dt)
         wx += dx * inner_turn
         wy += dy * inner_turn
         wz -= 0.5 * (ex * dy - ey * dx) * inner_turn
@@ -134,7 +144,8 @@ def _add_at(plant: Plant, inner: float, outer: float, t: float, share: float, dt
 
     All but the inner axis' own turn about z.
     """
-    x, y, z = _turned(plant, inner, outer, t, share, dt)
+    _face(plant, inner, outer)
+    x, y, z = _turned(plant, t, share, dt)
     plant.dtheta_s[0] += x
     plant.dtheta_s[1] += y
     plant.dtheta_s[2] += z
@@ -142,8 +153,8 @@ def _add_at(plant: Plant, inner: float, outer: float, t: float, share: float, dt
         part = share * dt
         z += share * _turned_at(plant.axis[INNER], t, dt)
         size_effect.add(plant, x / part, y / part, z / part, part)
-    ci, si = math.cos(inner), math.sin(inner)
-    co, so = math.cos(outer), math.sin(outer)
+    ci, si = plant.axis[INNER].cosine, plant.axis[INNER].sine
+    co, so = plant.axis[OUTER].cosine, plant.axis[OUTER].sine
     f = plant.specific_force_b
     weight = share * dt
     fx, fy, fz = weight * f[0], weight * (co * f[1] + so * f[2]), weight * (co * f[2] - so * f[1])

@@ -1,18 +1,20 @@
 """The fast path: the same compiled steps of both sides in one compiled loop, without frames.
 
-What a frame would carry passes as its payload, packed and unpacked by the same functions, so the
-navigation is bit for bit that of a run over a bus. There is no CRC, no counter and no wire: a fault
+What a frame would carry passes rounded as the frame rounds it, so the navigation is bit for bit
+that of a run over a bus. There is no CRC, no counter and no wire: a fault
 on the wire needs frames (`rrins.host_tools.runs.direct`); faults of the hardware do not.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Self
 
 from rrins.compiled.compilation import compiled, compiled_with
 from rrins.compiled.compiled_beside import Beside, array_of, compiled_beside
 from rrins.compiled.record import Floats, Records
+from rrins.dbc.codec import quantised, quantised_wrapped
 from rrins.dbc.contract import Contract, load_contract
 from rrins.firmware_py.core import settings as firmware
 from rrins.firmware_py.core.frames_in import (
@@ -23,9 +25,15 @@ from rrins.firmware_py.core.frames_in import (
     odometer,
     zero_velocity,
 )
-from rrins.firmware_py.core.frames_out.transmit import axis_command_word
+from rrins.firmware_py.core.frames_out.transmit import axis_command
 from rrins.firmware_py.core.modes.modes import navigating
-from rrins.firmware_py.core.records.memory import INNER, OUTER, NavigationOutput, Ram
+from rrins.firmware_py.core.records.memory import (
+    INNER,
+    OUTER,
+    Assembly,
+    NavigationOutput,
+    Ram,
+)
 from rrins.firmware_py.core.records.transfer_records import MASTER_FRAMES
 from rrins.firmware_py.core.step import compute, output
 from rrins.firmware_py.core.step import parts_beside as step_parts_beside
@@ -34,13 +42,12 @@ from rrins.host_tools.hardware import gnss as receiver
 from rrins.host_tools.hardware import master as other_unit
 from rrins.host_tools.hardware import odometer as wheel
 from rrins.host_tools.hardware import settings as hardware
-from rrins.host_tools.hardware import standing
+from rrins.host_tools.hardware import standing, turntable
 from rrins.host_tools.hardware.memory import Plant, Truth
 from rrins.host_tools.hardware.step import (
     advance,
     altitude_word,
-    axis_word,
-    group_word,
+    group_counts,
     is_altitude_due,
     keep_command,
     note_truth,
@@ -50,12 +57,29 @@ from rrins.host_tools.hardware.step import (
 
 
 @compiled
+def pass_measured(plant: Plant, assembly: Assembly, contract: Contract) -> None:
+    """Hand what sensors and encoders measured to the firmware."""
+    for group in range(max(plant.gyros.count, plant.accelerometers.count)):
+        dtheta, dv, status = group_counts(plant, group)
+        intake.keep_group(assembly, contract.sensor[group], group, dtheta, dv, status)
+    for index in (INNER, OUTER):
+        axis = plant.axis[index]
+        message = contract.axis_inner_status if index == INNER else contract.axis_outer_status
+        angle_deg = turntable.encoder_angle_deg(axis)
+        intake.keep_axis(
+            assembly,
+            index,
+            axis.state,
+            quantised_wrapped(angle_deg, message.encoder_angle_deg),
+            quantised(math.degrees(axis.rate), message.encoder_rate_dps),
+        )
+
+
+@compiled
 def _pass_up(plant: Plant, pieces: Floats, state: Ram, contract: Contract) -> None:
     """Hand what the hardware measured to the firmware."""
     assembly = state.assembly
-    for group in range(max(plant.gyros.count, plant.accelerometers.count)):
-        sensor = contract.sensor[group]
-        intake.keep_group(assembly, sensor, group, group_word(plant, sensor, group))
+    pass_measured(plant, assembly, contract)
     readmission = contract.readmission_command
     word = readmission_word(plant, readmission)
     if word != 0:
@@ -83,9 +107,6 @@ def _pass_up(plant: Plant, pieces: Floats, state: Ram, contract: Contract) -> No
         wheel.measure(plant, contract.odometer)
     if wheel.is_due(plant):
         odometer.keep(state.odometer, plant.odometer.word[0])
-    inner, outer = contract.axis_inner_status, contract.axis_outer_status
-    intake.keep_axis(assembly, inner, INNER, axis_word(plant.axis[INNER], inner))
-    intake.keep_axis(assembly, outer, OUTER, axis_word(plant.axis[OUTER], outer))
 
 
 @compiled
@@ -95,7 +116,10 @@ def _pass_down(plant: Plant, state: Ram, contract: Contract) -> None:
     for index in (INNER, OUTER):
         axis = plant.axis[index]
         message = contract.axis_inner_command if index == INNER else contract.axis_outer_command
-        keep_command(axis.waiting[slot], axis, message, axis_command_word(state, message, index))
+        command, target_deg, rate_dps = axis_command(state, index)
+        target_deg = quantised_wrapped(target_deg, message.target_angle_deg)
+        rate_dps = quantised(rate_dps, message.rate_limit_dps)
+        keep_command(axis.waiting[slot], axis, message, command, target_deg, rate_dps)
 
 
 @compiled

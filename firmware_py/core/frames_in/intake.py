@@ -317,7 +317,10 @@ def _receive_axis(state: Ram, contract: Contract, frame: Frame, axis: int) -> No
         assembly.angle_before_deg[axis] = assembly.encoder_angle_deg[axis]
         assembly.rate_before_dps[axis] = assembly.encoder_rate_dps[axis]
         assembly.state_before[axis] = assembly.axis_state[axis]
-        keep_axis(assembly, status, axis, frame["data"])
+        word = frame["data"]
+        angle_deg = decode(word, status.encoder_angle_deg)
+        rate_dps = decode(word, status.encoder_rate_dps)
+        keep_axis(assembly, axis, unpack(word, status.state), angle_deg, rate_dps)
     elif had_one and senders.is_disputed(state, _FROM_AXES + axis):
         assembly.axis_received[axis] = False
         assembly.encoder_angle_deg[axis] = assembly.angle_before_deg[axis]
@@ -326,12 +329,12 @@ def _receive_axis(state: Ram, contract: Contract, frame: Frame, axis: int) -> No
 
 
 @compiled
-def keep_axis(assembly: Assembly, status: MessageSignals, axis: int, word: np.uint64) -> None:
-    """Store the payload of an axis' frame."""
+def keep_axis(assembly: Assembly, axis: int, state: int, angle_deg: float, rate_dps: float) -> None:
+    """Store what an axis' frame says."""
     assembly.axis_received[axis] = True
-    assembly.encoder_angle_deg[axis] = decode(word, status.encoder_angle_deg)
-    assembly.encoder_rate_dps[axis] = decode(word, status.encoder_rate_dps)
-    assembly.axis_state[axis] = unpack(word, status.state)
+    assembly.encoder_angle_deg[axis] = angle_deg
+    assembly.encoder_rate_dps[axis] = rate_dps
+    assembly.axis_state[axis] = state
 
 
 @compiled
@@ -339,8 +342,10 @@ def _receive_sensor(state: Ram, contract: Contract, frame: Frame, group: int) ->
     sensor = contract.sensor[group]
     had_one = state.assembly.received & (1 << group) != 0
     if _belongs_here(state, frame, sensor.message, had_one, _FROM_SENSORS + group):
-        keep_group(state.assembly, sensor, group, frame["data"])
-        status = unpack(frame["data"], sensor.status)
+        word = frame["data"]
+        dtheta, dv = unpack(word, sensor.gyro_dtheta), unpack(word, sensor.accelerometer_dv)
+        status = unpack(word, sensor.status)
+        keep_group(state.assembly, sensor, group, dtheta, dv, status)
         if status != 0:
             frame_checks.sensor_status(state, 1 << group, status)
     elif had_one and senders.is_disputed(state, _FROM_SENSORS + group):
@@ -363,13 +368,12 @@ def _withdraw_group(state: Ram, bit: int) -> None:
 
 
 @compiled
-def keep_group(assembly: Assembly, sensor: MessageSignals, group: int, word: np.uint64) -> None:
-    """Store the payload of a sensor group's frame."""
+def keep_group(
+    assembly: Assembly, sensor: MessageSignals, group: int, dtheta: int, dv: int, status: int
+) -> None:
+    """Store what a sensor group's frame says: counts of both sensors, and its status."""
     bit = 1 << group
-    status = unpack(word, sensor.status)
     assembly.received |= bit
-    dtheta = unpack(word, sensor.gyro_dtheta)
-    dv = unpack(word, sensor.accelerometer_dv)
     assembly.gyro_dtheta[group] = to_physical(dtheta, sensor.gyro_dtheta)
     assembly.accelerometer_dv[group] = to_physical(dv, sensor.accelerometer_dv)
     if status & frame_checks.GYRO_ABSENT:

@@ -211,15 +211,21 @@ def _navigation(state: Ram, contract: Contract, outbox: FrameArray, count: int) 
 
 
 @compiled
-def axis_command_word(state: Ram, message: MessageSignals, axis: int) -> np.uint64:
-    """Return the payload of an axis' command."""
+def axis_command(state: Ram, axis: int) -> tuple[int, float, float]:
+    """Return an axis' command: an `AxisCommand`, target in degrees, largest rate in °/s."""
     running = state.sequencer
-    word = pack(np.uint64(0), message.command, running.command[axis])
-    target_deg = sequencer.commanded_angle_deg(running, axis)
-    word = encode_wrapped(word, message.target_angle_deg, target_deg)
     rate_dps = state.parameters.turn_rate_dps
     if axis == INNER and sequencer.is_isolating(running):
         rate_dps = state.parameters.isolation_rate_dps
+    return int(running.command[axis]), sequencer.commanded_angle_deg(running, axis), rate_dps
+
+
+@compiled
+def _axis_command_word(state: Ram, message: MessageSignals, axis: int) -> np.uint64:
+    """Return the payload of an axis' command."""
+    command, target_deg, rate_dps = axis_command(state, axis)
+    word = pack(np.uint64(0), message.command, command)
+    word = encode_wrapped(word, message.target_angle_deg, target_deg)
     return encode(word, message.rate_limit_dps, rate_dps)
 
 
@@ -277,6 +283,6 @@ def transmit(state: Ram, contract: Contract, outbox: FrameArray) -> int:
     if navigating(state) and _due(state, contract.nav_latitude.message):
         count = _navigation(state, contract, outbox, count)
     inner, outer = contract.axis_inner_command, contract.axis_outer_command
-    fill(outbox[count], inner.message, axis_command_word(state, inner, INNER), state.epoch)
-    fill(outbox[count + 1], outer.message, axis_command_word(state, outer, OUTER), state.epoch)
+    fill(outbox[count], inner.message, _axis_command_word(state, inner, INNER), state.epoch)
+    fill(outbox[count + 1], outer.message, _axis_command_word(state, outer, OUTER), state.epoch)
     return count + 2

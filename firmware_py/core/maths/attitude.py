@@ -8,7 +8,8 @@ from __future__ import annotations
 import math
 
 from rrins.compiled.compilation import compiled
-from rrins.compiled.record import Floats
+from rrins.compiled.record import Floats, Records
+from rrins.firmware_py.core.maths.angles import Angle, turn_to
 
 _SERIES_BELOW = 1e-4  # rad²: the neglected terms are below 1e-17
 
@@ -106,8 +107,19 @@ def quaternion_of_matrix(q: Floats, C: Floats) -> None:
 @compiled
 def gimbal_matrix(C_s_b: Floats, inner: float, outer: float) -> None:
     """Write ``C_s_b = Rx(outer) Rz(inner)`` for the axes' angles in rad. Paper, (22)."""
-    ci, si = math.cos(inner), math.sin(inner)
-    co, so = math.cos(outer), math.sin(outer)
+    _set_gimbals(C_s_b, math.cos(inner), math.sin(inner), math.cos(outer), math.sin(outer))
+
+
+@compiled
+def turn_gimbals(C_s_b: Floats, axis: Records[Angle], inner: float, outer: float) -> None:
+    """Write `gimbal_matrix`; `axis` are the two axes where they were."""
+    turn_to(axis[0], inner)
+    turn_to(axis[1], outer)
+    _set_gimbals(C_s_b, axis[0].cosine, axis[0].sine, axis[1].cosine, axis[1].sine)
+
+
+@compiled
+def _set_gimbals(C_s_b: Floats, ci: float, si: float, co: float, so: float) -> None:
     C_s_b[0, 0], C_s_b[0, 1], C_s_b[0, 2] = ci, -si, 0.0
     C_s_b[1, 0], C_s_b[1, 1], C_s_b[1, 2] = co * si, co * ci, -so
     C_s_b[2, 0], C_s_b[2, 1], C_s_b[2, 2] = so * si, so * ci, co

@@ -13,6 +13,7 @@ import math
 
 from rrins.compiled.compilation import compiled
 from rrins.compiled.record import Floats
+from rrins.firmware_py.core.maths.angles import Angle
 
 SEMI_MAJOR_AXIS = 6378137.0  # m
 FLATTENING = 1 / 298.257223563
@@ -30,16 +31,22 @@ _M = (  # ω² a² b / GM
 @compiled
 def radii(latitude: float) -> tuple[float, float]:
     """Return the radii of curvature (meridian, prime vertical) in m. Groves (2.105), (2.106)."""
-    root = 1.0 - ECCENTRICITY_SQUARED * math.sin(latitude) ** 2
+    return radii_at(math.sin(latitude))
+
+
+@compiled
+def radii_at(sine: float) -> tuple[float, float]:
+    """Return `radii` for the sine of the latitude."""
+    root = 1.0 - ECCENTRICITY_SQUARED * sine**2
     prime_vertical = SEMI_MAJOR_AXIS / math.sqrt(root)
     return prime_vertical * (1.0 - ECCENTRICITY_SQUARED) / root, prime_vertical
 
 
 @compiled
-def turn(out: Floats, C_s_n: Floats, latitude: float, dt: float) -> None:
+def turn(out: Floats, C_s_n: Floats, latitude: Angle, dt: float) -> None:
     """Write by how much the Earth turns the sensors in a time `dt` (s), rad in their frame."""
-    north = RATE * math.cos(latitude) * dt
-    up = RATE * math.sin(latitude) * dt
+    north = RATE * latitude.cosine * dt
+    up = RATE * latitude.sine * dt
     for i in range(3):
         out[i] = C_s_n[1, i] * north + C_s_n[2, i] * up
 
@@ -61,7 +68,13 @@ def gravity(latitude: float, height: float) -> float:
     Somigliana's formula, Groves (2.134), continued to `height` (m) to second order, (2.139); its
     northward component above the ellipsoid, 8e-9 m/s² per metre, is neglected.
     """
-    sine_squared = math.sin(latitude) ** 2
+    return gravity_at(math.sin(latitude), height)
+
+
+@compiled
+def gravity_at(sine: float, height: float) -> float:
+    """Return `gravity` for the sine of the latitude."""
+    sine_squared = sine**2
     surface = (
         GRAVITY_EQUATOR
         * (1.0 + SOMIGLIANA * sine_squared)

@@ -48,6 +48,7 @@ def follow(repetition: Repetition, count: int, measured: Floats, usable: int) ->
         repetition.varied = 0
         repetition.compared = usable
     repetition.largest_change = 0.0
+    repetition.repeats = False
     for k in range(count):
         if usable >> k & 1 == 0:
             continue
@@ -60,6 +61,7 @@ def follow(repetition: Repetition, count: int, measured: Floats, usable: int) ->
             repetition.unchanged[k] = 0
         else:
             repetition.unchanged[k] += 1
+            repetition.repeats = True
 
 
 @compiled
@@ -105,6 +107,10 @@ def judge(repetition: Repetition, fusion: Fusion, vector_s: Floats, epochs: int)
     if repetition.lacking > 0:
         return
     usable = repetition.compared
+    if not repetition.repeats:
+        repetition.varied &= ~usable
+        repetition.stuck = 0
+        return
     standing = used = noiseless = 0
     for k in range(fusion.count):
         if usable >> k & 1 == 0:

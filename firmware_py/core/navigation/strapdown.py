@@ -10,11 +10,10 @@ section 5.4, for the damped height channel.
 
 from __future__ import annotations
 
-import math
-
 from rrins.compiled.compilation import compiled
 from rrins.compiled.record import Floats, Records
 from rrins.firmware_py.core.maths import earth
+from rrins.firmware_py.core.maths.angles import Angle, turn_to
 from rrins.firmware_py.core.maths.attitude import (
     cross,
     matrix_of_quaternion,
@@ -64,6 +63,13 @@ def initialise(ins: Ins, C_s_n: Floats, latitude: float, longitude: float, heigh
 
 
 @compiled
+def parallel(ins: Ins) -> Angle:
+    """Return the latitude with its cosine and sine."""
+    turn_to(ins.parallel, ins.latitude)
+    return ins.parallel
+
+
+@compiled
 def rotation_vector(phi: Floats, dtheta_s: Floats, dtheta_s_previous: Floats) -> None:
     """Write the rotation vector of an epoch: its increment and the coning correction.
 
@@ -100,8 +106,8 @@ def _transport_rates(
     ins: Ins, omega_ie_n: Floats, omega_en_n: Floats
 ) -> tuple[float, float, float]:
     """Write the Earth's and the transport rate at mid-epoch; return radii and cos(lat)."""
-    meridian, prime_vertical = earth.radii(ins.latitude)
-    cosine, sine = math.cos(ins.latitude), math.sin(ins.latitude)
+    cosine, sine = ins.parallel.cosine, ins.parallel.sine
+    meridian, prime_vertical = earth.radii_at(sine)
     east = ins.velocity_n[0] + 0.5 * ins.velocity_change_n[0]
     north = ins.velocity_n[1] + 0.5 * ins.velocity_change_n[1]
     omega_ie_n[0], omega_ie_n[1], omega_ie_n[2] = 0.0, earth.RATE * cosine, earth.RATE * sine
@@ -197,6 +203,7 @@ def update(ins: Ins, dtheta_s: Floats, dv_s: Floats, dt: float, height_channel: 
     omega_ie_n, omega_en_n, zeta_n, dv_n = ins.work[2], ins.work[3], ins.work[4], ins.work[5]
     phi_s, dv_start_s, acceleration_n = ins.work[6], ins.work[7], ins.work[8]
 
+    sine = parallel(ins).sine
     meridian, prime_vertical, cosine = _transport_rates(ins, omega_ie_n, omega_en_n)
     for i in range(3):
         zeta_n[i] = (omega_ie_n[i] + omega_en_n[i]) * dt
@@ -210,7 +217,7 @@ def update(ins: Ins, dtheta_s: Floats, dv_s: Floats, dt: float, height_channel: 
     cross(ins.work[1], omega_ie_n, acceleration_n)
     for i in range(3):
         ins.velocity_change_n[i] = dv_n[i] - 0.5 * ins.work[0][i] - ins.work[1][i] * dt
-    ins.velocity_change_n[2] -= earth.gravity(ins.latitude, ins.height) * dt
+    ins.velocity_change_n[2] -= earth.gravity_at(sine, ins.height) * dt
     if height_channel == HEIGHT_HELD:
         ins.velocity_change_n[2] = 0.0
 
@@ -221,7 +228,7 @@ def update(ins: Ins, dtheta_s: Floats, dv_s: Floats, dt: float, height_channel: 
     east = 2.0 * ins.velocity_n[0] + ins.velocity_change_n[0]
     dlatitude = half * north * latitude_rate
     # cos(latitude) at mid-epoch, to first order in the step
-    cosine -= math.sin(ins.latitude) * 0.5 * dlatitude
+    cosine -= sine * 0.5 * dlatitude
     dlongitude = half * east / ((prime_vertical + ins.height) * cosine)
     _add_to_position(ins, dlatitude, dlongitude)
     ins.height += half * (2.0 * ins.velocity_n[2] + ins.velocity_change_n[2])

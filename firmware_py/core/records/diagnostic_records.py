@@ -81,6 +81,7 @@ class Repetition(Record):
     largest_change: F8  #: from the previous epoch to this
     last: Annotated[Floats, SENSOR_GROUPS]
     unchanged: Annotated[Integers, SENSOR_GROUPS]  #: epochs
+    repeats: Bool  #: whether any usable sensor has not changed in this epoch
     expected: Annotated[Floats, SENSOR_GROUPS]  #: by the others, once it had been constant
     varied: I8  #: the others' expectation has changed since
     compared: I8  #: the usable sensors

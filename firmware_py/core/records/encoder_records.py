@@ -6,6 +6,7 @@ from enum import IntEnum
 from typing import Annotated
 
 from rrins.compiled.record import F8, I8, Bytes, Floats, Integers, Record
+from rrins.firmware_py.core.maths.angles import Angle
 
 
 class AngleSource(IntEnum):
@@ -45,3 +46,4 @@ class Encoders(Record):
     found_epoch: Annotated[Integers, 2]  #: in which the last fault was found, plus 1; 0: none
     transmissions: I8  #: of TABLE_STATUS, for its counter
     turn_s: Annotated[Floats, 3]  #: rad, fused less the Earth's, in this epoch
+    middle: Angle  #: of the inner axis, in the middle of this epoch

@@ -22,6 +22,7 @@ from rrins.compiled.record import (
 )
 from rrins.dbc.contract import SENSOR_GROUPS
 from rrins.dbc.e2e import COUNTER_MODULUS
+from rrins.firmware_py.core.maths.angles import Angle
 from rrins.firmware_py.core.records.calibration_records import CalibrationInUse
 from rrins.firmware_py.core.records.diagnostic_records import DiagnosticState
 from rrins.firmware_py.core.records.encoder_records import Encoders
@@ -319,6 +320,7 @@ class Ins(Record):
 
     first: Bool  #: whether no epoch has been navigated yet
     latitude: F8  #: rad
+    parallel: Angle  #: the same, as `strapdown.parallel` has found it
     longitude: F8  #: rad, in [-π, π)
     latitude_carry: F8  #: rad, rounding error of adding to the position
     longitude_carry: F8  #: rad, the same of the longitude
@@ -454,6 +456,7 @@ class Ram(Record):
     transfer: Transfer
     carried: Ins  #: from the latest transfer on
     C_s_b: Annotated[Floats, (3, 3)]  #: of the table, from the encoders
+    axis: Annotated[Records[Angle], 2]  #: that it is of
     C_b_n: Annotated[Floats, (3, 3)]  #: attitude of the body
     navigation: NavigationOutput
     sequencer: Sequencer

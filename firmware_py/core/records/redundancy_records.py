@@ -10,6 +10,7 @@ from typing import Annotated
 
 from rrins.compiled.record import F8, I8, Bool, Floats, Integers, Record, Records
 from rrins.dbc.contract import SENSOR_GROUPS
+from rrins.firmware_py.core.maths.angles import Angle
 
 GYROS, ACCELEROMETERS = 0, 1
 """Kinds of sensors."""
@@ -211,6 +212,7 @@ class Parity(Record):
     noise_limit: F8  #: of the mean of normalised squares over `NOISE_S`
     # Of the present set of sensors.
     sensors: I8  #: compared, one bit each
+    is_single: Bool  #: whether all compared sensors have the same parity, but for its unit
     redundant: Bool  #: whether they are more than span space
     projector: Annotated[Floats, (SENSOR_GROUPS, SENSOR_GROUPS)]  #: I - H G
     leave_out: Annotated[Floats, (SENSOR_GROUPS, 3)]  #: by its residual, the vector without it
@@ -243,7 +245,8 @@ class Parity(Record):
     levels: I8
     level_epochs: I8
     level_sum: Annotated[Floats, (EPOCH_LEVELS, SENSOR_GROUPS)]
-    level_regressors: Annotated[Floats, (EPOCH_LEVELS, REGRESSORS)]
+    summed_regressors: Annotated[Floats, REGRESSORS]  #: since the longest of these windows began
+    level_begun: Annotated[Floats, (EPOCH_LEVELS, REGRESSORS)]  #: the same where a window began
     # Of whole seconds.
     seconds: I8  #: in the sums
     uncertain: F8  #: variance of what was expected of the last second, in its learner's unit
@@ -452,5 +455,6 @@ class Redundancy(Record):
     outer_turn: F8  #: rad, of the outer axis in the present epoch, by its encoder
     unknown_epochs: I8  #: in a row
     angle_before_rad: Annotated[Floats, 2]  #: of the encoders
+    middle: Angle  #: of the inner axis, in the middle of the epoch
     angle_known: Bool
     work: Annotated[Floats, (3, 3)]  #: scratch

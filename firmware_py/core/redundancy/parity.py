@@ -18,6 +18,7 @@ from rrins.firmware_py.core.records.redundancy_records import (
     ABSOLUTE,
     EPOCH_LEVELS,
     OUTER_TURN,
+    REGRESSORS,
     SECOND_LEVELS,
     WINDOWS_S,
     Parity,
@@ -35,6 +36,9 @@ than the variances say, and a fault that shows less."""
 
 _BLIND_S = 10
 """Seconds without even that after which nothing counts as compared."""
+
+_SINGLE = 4
+"""Sensors of which all have the same parity, but for its unit: three explain any three."""
 
 CHECKED_FROM = 1e-6
 """Share of a fault that has to reach the parity; below, the sensor is not checked."""
@@ -65,6 +69,10 @@ def compare(parity: Parity, fusion: Fusion, sensors: int, second_epochs: int, wo
             for axis in range(3):
                 parity.leave_out[i, axis] = -fusion.gain[axis, i] / own
     parity.redundancy_left = parity.redundant
+    used = 0
+    for i in range(count):
+        used += sensors >> i & 1
+    parity.is_single = used == _SINGLE
     parity.levels = 1
     while parity.levels < EPOCH_LEVELS and 1 << parity.levels < second_epochs:
         parity.levels += 1
@@ -228,8 +236,10 @@ def clear_levels(parity: Parity) -> None:
     for level in range(EPOCH_LEVELS):
         for i in range(parity.residual.shape[0]):
             parity.level_sum[level, i] = 0.0
-        for k in range(parity.regressors.shape[0]):
-            parity.level_regressors[level, k] = 0.0
+        for k in range(REGRESSORS):
+            parity.level_begun[level, k] = 0.0
+    for k in range(REGRESSORS):
+        parity.summed_regressors[k] = 0.0
 
 
 @compiled
@@ -289,9 +299,9 @@ def take(
     """
     share = 1.0 if counts else 0.0
     parity.used_epochs += counts
-    for k in range(regressors):
+    for k in range(REGRESSORS):  # faster than as many as there are: the others are zero
         parity.regressors[k] += share * parity.epoch_regressors[k]
-        parity.level_regressors[0, k] = parity.epoch_regressors[k]
+        parity.summed_regressors[k] += parity.epoch_regressors[k]
     for i in range(fusion.count):
         if parity.sensors >> i & 1 == 0:
             continue
@@ -313,36 +323,44 @@ def _test_levels(parity: Parity, count: int, regressors: int) -> float:
     """Test the windows that end here; return the largest parity over its threshold."""
     parity.level_epochs += 1
     level, largest = 0, 0.0
+    threshold = parity.epoch_factor * parity.epoch_factor
     while True:
-        found = _over_threshold(parity, level, count, 0.0)
-        if found > 1.0:  # what is not known of the learned part explains some of it
-            sums = parity.level_regressors[level]
-            uncertain = learning.leverage(parity.parity, sums, regressors)
-            found = _over_threshold(parity, level, count, uncertain)
-        largest = max(largest, found)
+        square, variance = _most(parity, level, count, 0.0)
+        if square > threshold * variance:  # what is not known of the learned part explains some
+            begin, end = parity.level_begun[level], parity.summed_regressors
+            uncertain = learning.spread(parity.parity, begin, end, regressors)
+            square, variance = _most(parity, level, count, uncertain)
+        if square > largest * variance:
+            largest = square / variance
         last = level + 1 == parity.levels
         if not last:
             for i in range(count):
                 parity.level_sum[level + 1, i] += parity.level_sum[level, i]
-            for k in range(regressors):
-                parity.level_regressors[level + 1, k] += parity.level_regressors[level, k]
         for i in range(count):
             parity.level_sum[level, i] = 0.0
-        for k in range(regressors):
-            parity.level_regressors[level, k] = 0.0
+        for k in range(REGRESSORS):
+            parity.level_begun[level, k] = parity.summed_regressors[k]
         level += 1
+        if last:  # all windows begin here
+            clear_levels(parity)
         if last or parity.level_epochs & ((1 << level) - 1) != 0:
-            return largest
+            return math.sqrt(largest) / parity.epoch_factor
 
 
 @compiled
-def _over_threshold(parity: Parity, level: int, count: int, uncertain: float) -> float:
-    """Return a level's largest parity over its threshold; `uncertain` in the learner's unit."""
-    largest = 0.0
+def _most(parity: Parity, level: int, count: int, uncertain: float) -> tuple[float, float]:
+    """Return the square and variance of a level's parity with the largest share of its variance.
+
+    `uncertain` is in the learner's unit.
+    """
+    most, its_variance = 0.0, 1.0
     for i in range(count):
         if parity.projector[i, i] <= CHECKED_FROM:
             continue
         variance = parity.epoch_variance[i, level] + uncertain * parity.learning_variance[i]
-        if variance > 0.0:
-            largest = max(largest, parity.level_sum[level, i] ** 2 / variance)
-    return math.sqrt(largest) / parity.epoch_factor
+        square = parity.level_sum[level, i] ** 2
+        if variance > 0.0 and square * its_variance > most * variance:
+            most, its_variance = square, variance
+        if parity.is_single and variance > 0.0:
+            break
+    return most, its_variance

@@ -12,7 +12,9 @@ import math
 from rrins.compiled.compilation import compiled
 from rrins.compiled.record import Floats
 from rrins.firmware_py.core.maths import earth
+from rrins.firmware_py.core.maths.angles import turn_to
 from rrins.firmware_py.core.maths.attitude import cross
+from rrins.firmware_py.core.navigation.strapdown import parallel
 from rrins.firmware_py.core.records.estimator_records import BIASES
 from rrins.firmware_py.core.records.memory import INNER, OUTER, Fusion, Ram
 from rrins.firmware_py.core.records.redundancy_records import (
@@ -45,9 +47,10 @@ def _expect_rotation(state: Ram, C_s_n: Floats, out: Floats, dt: float) -> None:
     douter = outer - before[OUTER]
     douter -= span * math.floor(douter / span + 0.5)
     middle = inner - 0.5 * dinner
-    earth.turn(out, C_s_n, state.ins.latitude, dt)
-    out[0] += douter * math.cos(middle)
-    out[1] -= douter * math.sin(middle)
+    earth.turn(out, C_s_n, parallel(state.ins), dt)
+    turn_to(redundancy.middle, middle)
+    out[0] += douter * redundancy.middle.cosine
+    out[1] -= douter * redundancy.middle.sine
     out[2] += dinner
     before[INNER] = inner
     before[OUTER] = outer
@@ -81,7 +84,7 @@ def expect(state: Ram) -> None:
     redundancy.expected_known = known and redundancy.angle_known
     if not redundancy.expected_known:
         redundancy.outer_turn = 0.0
-    step = earth.gravity(state.ins.latitude, state.ins.height) * dt
+    step = earth.gravity_at(parallel(state.ins).sine, state.ins.height) * dt
     for i in range(3):
         force_s[i] = C_s_n[2, i] * step
     cross(redundancy.work[1], dtheta_s, force_s)

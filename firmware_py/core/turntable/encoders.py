@@ -23,8 +23,10 @@ from rrins.compiled.compilation import compiled
 from rrins.compiled.record import Floats
 from rrins.dbc.codec import unwrapped
 from rrins.firmware_py.core.maths import earth
+from rrins.firmware_py.core.maths.angles import turn_to
+from rrins.firmware_py.core.navigation.strapdown import parallel
 from rrins.firmware_py.core.records.encoder_records import AngleSource, Encoders
-from rrins.firmware_py.core.records.memory import INNER, OUTER, Assembly, Parameters, Ram
+from rrins.firmware_py.core.records.memory import INNER, OUTER, Assembly, Ins, Parameters, Ram
 from rrins.firmware_py.core.turntable import sequencer
 
 _ENCODER, _CORRECTED = int(AngleSource.ENCODER), int(AngleSource.CORRECTED)
@@ -248,9 +250,9 @@ def _follow_axis(
 
 
 @compiled
-def _feel(encoders: Encoders, dtheta_s: Floats, C_s_n: Floats, latitude: float, dt: float) -> None:
+def _feel(encoders: Encoders, dtheta_s: Floats, ins: Ins, dt: float) -> None:
     """Find what the gyros feel of table and vehicle: with ``dt`` = 0 the Earth's turn as well."""
-    earth.turn(encoders.turn_s, C_s_n, latitude, dt)
+    earth.turn(encoders.turn_s, ins.C_s_n, parallel(ins), dt)
     for i in range(3):
         encoders.turn_s[i] = dtheta_s[i] - encoders.turn_s[i]
 
@@ -265,13 +267,14 @@ def follow(state: Ram, navigating: bool) -> None:
     encoders, parameters = state.encoders, state.parameters
     known = state.faults.consecutive_bridged == 0 and state.clock.synchronised
     dt = parameters.period_ns * 1e-9 if navigating else 0.0
-    _feel(encoders, state.dtheta_s, state.ins.C_s_n, state.ins.latitude, dt)
-    middle = math.radians(encoders.angle_deg[INNER] + 0.5 * encoders.increment_deg[INNER])
+    _feel(encoders, state.dtheta_s, state.ins, dt)
+    middle_deg = encoders.angle_deg[INNER] + 0.5 * encoders.increment_deg[INNER]
+    turn_to(encoders.middle, math.radians(middle_deg))
     turn_s = encoders.turn_s
     for axis in (INNER, OUTER):
         along = turn_s[2]
         if axis == OUTER:
-            along = turn_s[0] * math.cos(middle) - turn_s[1] * math.sin(middle)
+            along = turn_s[0] * encoders.middle.cosine - turn_s[1] * encoders.middle.sine
         expected_deg = encoders.expected_deg[axis]
         if state.sequencer.running:
             expected_deg = sequencer.expected_angle_deg(state.sequencer, parameters, axis)
