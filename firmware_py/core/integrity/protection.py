@@ -18,6 +18,7 @@ from rrins.compiled.compilation import compiled, compiled_with
 from rrins.compiled.record import Floats
 from rrins.dbc.contract import SENSOR_GROUPS
 from rrins.firmware_py.core.estimator.fault_effects import FIRST_AID, FIRST_SHIFT
+from rrins.firmware_py.core.maths import earth
 from rrins.firmware_py.core.records.estimator_records import (
     AIDS,
     ATTITUDE,
@@ -31,6 +32,7 @@ from rrins.firmware_py.core.records.integrity_records import (
     AT_BEGIN,
     BOUNDS,
     HEADING,
+    HORIZONTAL,
     SINCE_BEGIN,
     VERTICAL,
     Integrity,
@@ -301,9 +303,13 @@ def _cover_refused(state: Ram) -> None:
 
 @compiled
 def _judge(integrity: Integrity, vertical: bool) -> None:
-    """Compare the bounds with the alert limits."""
+    """Compare the bounds with the alert limits; one that leaves the whole circle open is none."""
     if not vertical:
         integrity.protection[VERTICAL] = 0.0
+    for bound in (HORIZONTAL, HEADING):
+        anywhere = math.pi if bound == HEADING else math.pi * earth.SEMI_MAJOR_AXIS
+        if integrity.protection[bound] >= anywhere:
+            integrity.protection[bound] = math.inf
     doubtful = integrity.suspected or integrity.unmonitored or integrity.refusing
     integrity.status = _DEGRADED if doubtful else _AVAILABLE
     for bound in range(BOUNDS):

@@ -9,6 +9,7 @@ import pytest
 
 import rrins
 from rrins.firmware_py.core.estimator.fault_effects import FIRST_AID, FIRST_SHIFT
+from rrins.firmware_py.core.records.estimator_records import ATTITUDE, LATITUDE
 from rrins.firmware_py.core.records.integrity_records import (
     ALL_ACCELEROMETERS,
     ALL_GYROS,
@@ -19,9 +20,12 @@ from rrins.firmware_py.core.records.integrity_records import (
     IntegrityStatus,
 )
 from rrins.host_tools.campaigns.row import run_fast
+from rrins.host_tools.runs.fast import FastRun
+from rrins.host_tools.runs.results.integrity import integrity_summary
 from rrins.host_tools.runs.results.integrity_plot import bounded_errors
-from rrins.host_tools.runs.set_up.settings import firmware_settings
+from rrins.host_tools.runs.set_up.settings import firmware_settings, hardware_settings
 from rrins.host_tools.scenario.scenario import load
+from rrins.host_tools.scenario.tables import Integrity
 
 ON = {"enabled": True}
 AT_S = 303.0
@@ -147,6 +151,25 @@ def test_without_an_aid_the_bound_grows_until_the_alert_limit():
     first = np.argmax(seconds["protection"][:, HORIZONTAL] > 300)
     assert first > 100
     assert (seconds["integrity"][first:] == IntegrityStatus.NOT_AVAILABLE).all()
+
+
+@pytest.mark.parametrize(
+    ("at_s", "unknown", "bound"), [(125, ATTITUDE + 2, HEADING), (510, LATITUDE, HORIZONTAL)]
+)
+def test_a_bound_that_leaves_the_whole_circle_open_is_none(at_s, unknown, bound):
+    scenario = load("drive_outage").model_copy(update={"integrity": Integrity(enabled=True)})
+    run = FastRun.of(firmware_settings(scenario), hardware_settings(scenario))
+    run.run(at_s * scenario.rate_hz)  # where no measurement narrows it down at once
+    ram = run.ram[0]
+    assert math.isfinite(ram.integrity.protection[bound])
+    ram.estimator.P[unknown, unknown] = 4.0**2
+    run.run(2 * scenario.rate_hz)
+    assert ram.integrity.protection[bound] == math.inf
+    assert ram.integrity.status == IntegrityStatus.NOT_AVAILABLE
+    found = integrity_summary(run.ram)
+    assert (
+        found["heading_protection_deg" if bound == HEADING else "horizontal_protection_m"] is None
+    )
 
 
 def test_it_needs_the_estimator():
