@@ -237,7 +237,7 @@ def _known(
             if stuck >> sensor & 1:
                 return sensor, _STUCK
             return sensor, _ABSENT if absent >> sensor & 1 else _FULL_SCALE
-    sensor = bank.found(state.redundancy.bank, parity.kind)
+    sensor = bank.found(state.redundancy.bank, parity.kind) if parity.alarm else -1
     return sensor if sensor >= 0 and parities.spares(parity, fusion, sensor) else -1, _REFERENCE
 
 
