@@ -1,8 +1,8 @@
 """The fast path: the same compiled steps of both sides in one compiled loop, without frames.
 
 What a frame would carry passes rounded as the frame rounds it, so the navigation is bit for bit
-that of a run over a bus. There is no CRC, no counter and no wire: a fault
-on the wire needs frames (`rrins.host_tools.runs.direct`); faults of the hardware do not.
+that of a run over a bus. There is no CRC, no counter and no wire: a fault on the wire needs frames
+(`rrins.host_tools.runs.direct`); faults of the hardware do not.
 """
 
 from __future__ import annotations
