@@ -23,6 +23,12 @@ def heed_sigterm() -> None:
     signal.signal(signal.SIGTERM, _interrupt)
 
 
+def heed_nothing() -> None:
+    """Let no signal break off the end of this process, which has come already."""
+    for number in _SIGNALS:
+        signal.signal(number, signal.SIG_IGN)
+
+
 @contextmanager
 def as_event() -> Iterator[threading.Event]:
     """Turn Ctrl-C and SIGTERM into an event, so that they break nothing off and are not lost.

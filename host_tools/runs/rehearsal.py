@@ -110,9 +110,13 @@ class WatchedSide:
 
     @property
     def killed_by(self) -> signal.Signals | None:
-        """Somebody else's signal that ended the process."""
+        """Somebody else's signal that ended the process.
+
+        One that is asked to end while it does so anyway dies of an interrupt that nobody catches.
+        """
         status = self.process.returncode
-        is_ours = self.is_made_to_end or (self.is_asked_to_end and status == -signal.SIGTERM)
+        asked = self.is_asked_to_end and status in (-signal.SIGTERM, -signal.SIGINT)
+        is_ours = self.is_made_to_end or asked
         return None if status is None or status >= 0 or is_ours else signal.Signals(-status)
 
     @property

@@ -34,7 +34,7 @@ from rrins.host_tools.cli.options import (
 from rrins.host_tools.cli.output import print_note, print_results
 from rrins.host_tools.cli.run.serial_options import nmea_options, serial_options
 from rrins.host_tools.errors import RehearsalError
-from rrins.host_tools.interruption import INTERRUPTED, heed_sigterm
+from rrins.host_tools.interruption import INTERRUPTED, heed_nothing, heed_sigterm
 
 if TYPE_CHECKING:
     from rrins.firmware_py.serial.settings import SerialSettings
@@ -317,6 +317,7 @@ def _run_side(
     except RehearsalError as error:
         if report_fd is None:
             raise
+        heed_nothing()  # the rehearsal ends both sides, for the same reason perhaps
         ReportPipe(report_fd).fail(side, error)
         sys.exit(error.exit_status)
     except BrokenPipeError:  # the rehearsal has ended

@@ -9,6 +9,7 @@ import os
 import re
 import signal
 import subprocess
+import sys
 import time
 
 import can
@@ -253,6 +254,21 @@ def test_a_wrong_call_ends_in_one_clear_line(monkeypatch, tmp_path, arguments, s
     assert (done.exit_code, done.stdout) == (status, "")
     assert words in done.stderr.splitlines()[-1]
     assert isinstance(done.exception, SystemExit)
+
+
+def test_a_side_that_has_failed_is_asked_to_end_and_says_nothing_more():
+    """Both sides fail alike, and the rehearsal ends the second while it ends by itself."""
+    heard, report = os.pipe()
+    words = ("firmware", "ideal", "--interface", "nonsense", "--channel", "x")
+    command = (sys.executable, "-m", "rrins", *words, "--report-fd", str(report))
+    with subprocess.Popen(command, pass_fds=(report,), stderr=subprocess.PIPE) as side:
+        os.close(report)
+        told = b""
+        while b"nonsense" not in told and (piece := os.read(heard, 65536)):
+            told += piece
+        side.terminate()
+        assert (side.wait(), side.stderr.read()) == (4, b"")
+    os.close(heard)
 
 
 def test_a_side_without_a_host_ends_in_one_clear_line(start):
