@@ -25,6 +25,6 @@ def test_the_limit_navigates_as_the_fast_path_does():
     for name in ("latitude", "longitude", "roll", "pitch"):
         np.testing.assert_allclose(limit[name], navigation[name], rtol=0, atol=1e-12)
     turned = limit["heading"] - navigation["heading"]
-    np.testing.assert_allclose(np.sin(turned), 0.0, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(np.exp(1j * turned), 1.0, rtol=0, atol=1e-12)
     np.testing.assert_allclose(limit["velocity_e"], east, rtol=0, atol=1e-12)
     np.testing.assert_allclose(limit["velocity_n"], north, rtol=0, atol=1e-12)
