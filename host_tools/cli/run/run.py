@@ -294,7 +294,6 @@ def _run_side(
     from rrins.host_tools.runs.sides.job import REALTIME, Job
 
     report_fd = job["report_fd"]
-    heed_sigterm()
     if report_fd is not None:  # errors go into the report, not into a log as well
         logging.getLogger().setLevel(logging.CRITICAL)
         of_code = logging.getLogger("rrins.compiled")
@@ -302,6 +301,7 @@ def _run_side(
         of_code.propagate = False
         of_code.addHandler(NoteHandler(ReportPipe(report_fd), side))
     try:
+        heed_sigterm()
         loaded = selection.load()
         address = bus.address()
         own = Job(loaded, address, speed, **job)

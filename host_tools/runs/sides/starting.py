@@ -129,11 +129,12 @@ def _wait_and_run(line: socket.socket, other_end: socket.socket, command: Comman
     """Run the side that is asked for; nothing, if the command that forked goes before it asks."""
     try:
         os.setsid()  # as a program's: Ctrl-C is for the command alone
+        signal.signal(signal.SIGTERM, signal.SIG_DFL)  # until the side heeds it and reports its end
         signal.pthread_sigmask(signal.SIG_UNBLOCK, _SIGNALS)
         other_end.close()
         with line:
             data, (report_fd,), *_ = socket.recv_fds(line, _LONGEST, 1)
-    except (ValueError, KeyboardInterrupt):  # no words and no descriptor, or SIGTERM
+    except (ValueError, KeyboardInterrupt):  # no words and no descriptor, or SIGINT
         sys.exit(INTERRUPTED)
     words: list[str] = json.loads(data)
     command([*words, "--report-fd", str(report_fd)])

@@ -84,6 +84,9 @@ def test_a_process_that_is_no_command_is_not_forked(tmp_path, monkeypatch):
 
 def test_a_fork_that_is_killed_says_by_what_and_one_that_runs_is_not_waited_for():
     out = in_a_program("""
+from rrins.host_tools import interruption
+
+interruption.heed_sigterm()  # as the command does, but it is not the side's own way to end
 for end in ("terminate", "kill"):
     fork = starting.Fork(command)
     read, write = os.pipe()
