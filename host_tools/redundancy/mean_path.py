@@ -75,7 +75,7 @@ def follow(
         for axis in range(3):
             parity.vector[axis] = fusion.gain[axis, sensor] * step
         ratio = windows.close_second(parity, count, regressors)
-        standing.close_second(parity, fusion, regressors, True, True)
+        standing.close_second(parity, fusion, regressors, True, True, True)
         parity.alarm = ratio > 1.0
         if step != 0.0:
             for level in range(SECOND_LEVELS):

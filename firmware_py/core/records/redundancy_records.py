@@ -457,4 +457,6 @@ class Redundancy(Record):
     angle_before_rad: Annotated[Floats, 2]  #: of the encoders
     middle: Angle  #: of the inner axis, in the middle of the epoch
     angle_known: Bool
+    rate_before_dps: Annotated[Floats, 2]  #: of the axes, at the end of the last second
+    turns_evenly: Bool  #: whether the axes have kept their rates for a second
     work: Annotated[Floats, (3, 3)]  #: scratch

@@ -32,6 +32,9 @@ for longer that the vehicle stands, and nothing is learned of them."""
 _WITHIN = 3.0
 """Standard deviations by which what is estimated may still change."""
 
+_EVEN_DPS = 0.02
+"""Largest change of an axis' rate within a second that is none."""
+
 
 @compiled
 def _expect_rotation(state: Ram, C_s_n: Floats, out: Floats, dt: float) -> None:
@@ -160,6 +163,22 @@ def take(parity: Parity, vector_s: Floats, expected_s: Floats, outer_turn: float
 
 
 @compiled
+def note_rates(state: Ram) -> None:
+    """Note whether the axes have turned evenly for a second.
+
+    Gyros are slower than encoders: where an axis starts or stops, they differ by its change of rate
+    times some tenths of a millisecond, for once.
+    """
+    redundancy = state.redundancy
+    redundancy.turns_evenly = True
+    for axis in range(2):
+        rate_dps = state.assembly.encoder_rate_dps[axis]
+        if abs(rate_dps - redundancy.rate_before_dps[axis]) > _EVEN_DPS:
+            redundancy.turns_evenly = False
+        redundancy.rate_before_dps[axis] = rate_dps
+
+
+@compiled
 def note_velocity(state: Ram) -> None:
     """Note by how much the expectation errs, if the velocity is an error of the navigation.
 
@@ -200,8 +219,11 @@ def slow(state: Ram) -> bool:
 
 
 @compiled
-def _learn_late(parity: Parity, regressors: int, sound: bool) -> None:
-    """Learn from the second that was `SETTLED_S` ago; keep the present one in its place."""
+def _learn_late(parity: Parity, regressors: int, sound: bool, even: bool) -> None:
+    """Learn from the second that was `SETTLED_S` ago; keep the present one in its place.
+
+    Not from one in which an axis starts or stops: what it shows once would count as lasting.
+    """
     learner = parity.expected
     slot = parity.now.standing % SETTLED_S
     vector, earlier = parity.late_vector[slot], parity.late_regressors[slot]
@@ -214,18 +236,19 @@ def _learn_late(parity: Parity, regressors: int, sound: bool) -> None:
         learning.learn(learner, vector, 3, uncertain, regressors)
         learning.age(learner, regressors)
     for i in range(3):
-        vector[i] = parity.vector[i] if sound else 0.0
+        vector[i] = parity.vector[i] if sound and even else 0.0
     for k in range(regressors):
-        earlier[k] = parity.regressors[k] if sound else 0.0
+        earlier[k] = parity.regressors[k] if sound and even else 0.0
 
 
 @compiled
 def close_second(
-    parity: Parity, fusion: Fusion, regressors: int, known: bool, learns: bool
+    parity: Parity, fusion: Fusion, regressors: int, known: bool, learns: bool, even: bool
 ) -> bool:
     """Add a second to the sums, learn at standstill, if wanted; return whether it clearly moves.
 
-    It stands when the residuals of all sensors but one are within the limit.
+    It stands when the residuals of all sensors but one are within the limit. It is `even` if the
+    axes have kept their rates.
     """
     learner = parity.expected
     beyond = 0
@@ -244,5 +267,5 @@ def close_second(
         parity.now.vector[i] += parity.vector[i] - learned
     parity.now.vector_leverage += learning.leverage(learner, parity.regressors, regressors)
     if stands:
-        _learn_late(parity, regressors, learns and beyond == 0)
+        _learn_late(parity, regressors, learns and beyond == 0, even)
     return beyond > 1

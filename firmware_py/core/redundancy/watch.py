@@ -157,7 +157,8 @@ def close_second(state: Ram, parity: Parity, fusion: Fusion) -> tuple[int, int]:
             compared.ratio = windows.close_second(compared, count, regressors)
             if turn != _TRIAL:
                 known = 2 * parity.known_epochs > parity.used_epochs
-                if standing.close_second(parity, fusion, regressors, known, slow):
+                even = bool(redundancy.turns_evenly)
+                if standing.close_second(parity, fusion, regressors, known, slow, even):
                     redundancy.moved = True
                     if parity.kind == ACCELEROMETERS:  # its attitude errs otherwise now
                         standing.forget(parity)
@@ -430,6 +431,7 @@ def watch(state: Ram, navigating: bool, aligning: bool) -> None:
     redundancy.epochs += 1
     if redundancy.epochs == redundancy.second_epochs:
         redundancy.epochs = 0
+        standing.note_rates(state)
         standing.note_velocity(state)
     if navigating:
         dt = state.parameters.period_ns * 1e-9

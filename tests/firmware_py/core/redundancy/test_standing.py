@@ -29,9 +29,9 @@ def at_rest():
     learning.forget_all(parity["expected"], NOISE**2)
     parity["regressors"][0] = 1.0
 
-    def close(vector_dph):
+    def close(vector_dph, even=True):
         parity["vector"][:] = np.multiply(vector_dph, DPH)
-        standing.close_second(parity, fusion, ABSOLUTE + 4, True, True)
+        standing.close_second(parity, fusion, ABSOLUTE + 4, True, True, even)
         return parity["expected"]["coefficients"][:3, 0] / DPH
 
     return close
