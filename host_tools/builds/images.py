@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from rrins.compiled.record import Floats
+from rrins.compiled.record import Floats, Records
 from rrins.dbc.contract import load_contract
 from rrins.dbc.e2e import fill
 from rrins.dbc.frame import FrameArray, frame_array
+from rrins.firmware_py.core.records.memory import Ram
 from rrins.firmware_py.core.settings import Settings
 from rrins.firmware_py.loop import Firmware
 from rrins.host_tools.builds.variants import Variant, shortened
@@ -60,8 +62,16 @@ class Images:
         return frames
 
     @classmethod
-    def of(cls, scenario: Scenario) -> Images:
+    def of(
+        cls, scenario: Scenario, variant_of: Callable[[Records[Ram]], Variant] = Variant.of
+    ) -> Images:
         """Return those of a scenario.
+
+        Parameters
+        ----------
+        scenario : Scenario
+        variant_of : callable
+            Chooses the variant by the memory at power-on.
 
         Raises
         ------
@@ -70,7 +80,7 @@ class Images:
         """
         settings = firmware_settings(scenario)
         ram = Firmware(settings).ram
-        variant = Variant.of(ram)
+        variant = variant_of(ram)
         hardware = hardware_settings(scenario)
         return cls(
             variant,

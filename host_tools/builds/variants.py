@@ -45,6 +45,8 @@ class Variant:
         Whether the wheel's, the antenna's way is kept.
     aligns_in_motion, is_transferred : bool
         How it aligns.
+    is_whole : bool
+        Whether the memory has room for all, as that of this machine's own code has.
     """
 
     compares: bool
@@ -54,6 +56,13 @@ class Variant:
     has_antenna: bool
     aligns_in_motion: bool
     is_transferred: bool
+    is_whole: bool = False
+
+    @classmethod
+    def whole(cls, ram: Records[Ram]) -> Variant:
+        """Return the variant that a memory at power-on asks for, with room for all."""
+        asked = cls.of(ram)
+        return cls(asked.compares, asked.estimates, True, True, True, True, True, is_whole=True)
 
     @classmethod
     def of(cls, ram: Records[Ram]) -> Variant:
@@ -72,6 +81,8 @@ class Variant:
     @property
     def memory(self) -> np.dtype[np.void]:
         """The dtype of its memory: `Ram`, without room for what it never keeps."""
+        if self.is_whole:
+            return Ram.dtype
         unused: set[type[Record]] = set()
         for is_used, classes in (
             (self.compares, _OF_COMPARING),

@@ -13,7 +13,8 @@ import gc
 import importlib
 import io
 import pickle
-from collections.abc import Iterable, Iterator
+import re
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any, cast
@@ -83,6 +84,7 @@ class PartLibrary(JITCodeLibrary):
         for function in self._final_module.functions:
             if not function.is_declaration and function.linkage == llvm.Linkage.external:
                 function.linkage = "linkonce_odr"  # several objects may contain it
+        simplify(self._final_module, cast(Any, self._codegen)._tm)
         self._finalized = True
 
     def _get_module_for_linking(self) -> Any:
@@ -209,7 +211,23 @@ def linked(text: str, parts: Iterable[PartLibrary]) -> llvm.ModuleRef:
 
     A caller comes before those it calls: code that nobody calls yet is left out.
     """
-    module = llvm.parse_assembly(text + _UNCOUNTED)
+    module, waiting = llvm.parse_assembly(text + _UNCOUNTED), list(parts)
+    while waiting:
+        module.link_in(_group(waiting[:_GROUP]))
+        del waiting[:_GROUP]
+    return module
+
+
+_GROUP = 50
+"""LLVM looks through all of a module to link another one to it: so parts join in groups first."""
+
+
+def _group(parts: Sequence[PartLibrary]) -> llvm.ModuleRef:
+    """Return a module with some parts, whether or not anybody calls them yet."""
+    names = (part.module.get_function(part.entry).name for part in parts)
+    calls = ", ".join(f"ptr @{name}" for name in names)
+    kept = f"@rrins.kept = appending global [{len(parts)} x ptr] [{calls}]\n"
+    module = llvm.parse_assembly(kept + "".join(dict.fromkeys(map(declared, parts))))
     for part in parts:
         module.link_in(part.module, preserve=True)
     return module
@@ -221,6 +239,29 @@ def hide(module: llvm.ModuleRef, entries: Iterable[str]) -> None:
     for each in (*module.functions, *module.global_variables):
         if not each.is_declaration and not each.name.startswith("llvm."):
             each.linkage = "external" if each.name in kept else "internal"
+
+
+def simplify(module: llvm.ModuleRef, machine: llvm.TargetMachine) -> None:
+    """Tidy each function up by itself, which leaves a fifth of what numba writes.
+
+    A function that keeps structs with pointers stays as it is: their layout is the processor's.
+    """
+    builder = llvm.create_pass_builder(machine, llvm.create_pipeline_tuning_options(speed_level=3))
+    split, rest = llvm.create_new_function_pass_manager(), llvm.create_new_function_pass_manager()
+    split.add_sroa_pass()
+    rest.add_simplify_cfg_pass()
+    rest.add_instruction_combine_pass()
+    rest.add_simplify_cfg_pass()
+    for function in module.functions:
+        if not function.is_declaration:
+            split.run(function, builder)
+            if not _OWN_STRUCT.search(str(function)):
+                rest.run(function, builder)
+
+
+_OWN_STRUCT = re.compile(
+    r"(?:alloca|load|store|getelementptr(?: \w+)*) [{[<][^\n]*?\bptr\b[^\n]*?[]}>][^\n]*\n"
+)
 
 
 def optimise(module: llvm.ModuleRef, machine: llvm.TargetMachine, inlining: int) -> None:

@@ -13,6 +13,7 @@ import ast
 import hashlib
 import json
 import os
+import re
 import tempfile
 from collections.abc import Iterator
 from contextlib import suppress
@@ -25,7 +26,7 @@ PACKAGE = Path(__file__).parent.parent
 
 _CONTRACT = "dbc/rrins.dbc"
 _COMPILERS = {"compiled", "compiled_with"}
-_COMPILER = b"compiled"
+_COMPILER = re.compile(rb"^[ \t]*@compiled", re.MULTILINE)
 """Is in every file that has a compiled function."""
 _MAKERS = "compiled/"
 """Folder of what makes and loads code: all of it counts."""
@@ -93,7 +94,7 @@ class Sources:
         waiting = [
             (path, name)
             for path in modules.values()
-            if path in self._facts or _COMPILER in (self._folder / path).read_bytes()
+            if path in self._facts or _COMPILER.search((self._folder / path).read_bytes())
             for name in self._facts_of(path).compiled
         ]
         found = set(waiting)
