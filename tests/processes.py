@@ -49,6 +49,15 @@ def write_no_pictures(folder: Path, pictures: Mapping[str, object]) -> list[Path
     return paths
 
 
+def draw_no_pictures() -> None:
+    """Have this process draw none of the pictures of every run, which tests draw by themselves."""
+    from rrins.host_tools.runs.results import plots
+
+    plots.write_pictures = write_no_pictures
+    for draw in ("draw_errors", "_track_figure", "draw_parity"):
+        setattr(plots, draw, lambda *_: None)
+
+
 class Fork(subprocess.Popen):
     """A Python program as a fork of the server, with all that `Popen` can do, in its own session.
 
@@ -186,13 +195,10 @@ def prepare() -> None:
         importlib.import_module(module.name)
     from rrins.host_tools.runs import rehearsal
     from rrins.host_tools.runs.direct import run_direct, run_without_frames
-    from rrins.host_tools.runs.results import plots
     from tests.host_tools.conftest import record_rehearsal, short_scenario
 
     assert rehearsal
-    plots.write_pictures = write_no_pictures
-    for draw in ("draw_errors", "_track_figure", "draw_parity"):  # of every run; tests draw them
-        setattr(plots, draw, lambda *_: None)
+    draw_no_pictures()
     with tempfile.TemporaryDirectory(prefix="rrins-", ignore_cleanup_errors=True) as folder:
         os.environ["XDG_RUNTIME_DIR"] = folder
         scenario = short_scenario(duration_s=0.1)

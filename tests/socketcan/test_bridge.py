@@ -5,17 +5,21 @@ Runs where vcan0 is; with RRINS_REQUIRE_SOCKETCAN set, its lack is a failure.
 
 from __future__ import annotations
 
+import multiprocessing
+import os
 import signal
-import subprocess
-import sys
 import threading
 from collections.abc import Iterator
+from multiprocessing.synchronize import Event
+from pathlib import Path
 
 import can
+import can.bridge
 import pytest
 
 from rrins.dbc.frame import frame_array
 from rrins.host_tools.bus.interface import RrinsBus
+from tests.socketcan.conftest import forked
 
 OURS, THEIRS = 0x010, 0x7E0
 
@@ -44,19 +48,31 @@ def heard() -> Iterator[list[int]]:
     thread.join()
 
 
-@pytest.mark.timeout(200)
-def test_frames_go_both_ways(heard: list[int]) -> None:
+@pytest.fixture
+def cross(tmp_path: Path) -> Iterator[Event]:
+    """What lets python-can's bridge begin: a fork, which there is before there are threads."""
+    may_begin = multiprocessing.get_context("fork").Event()
+
+    def main() -> None:
+        may_begin.wait()
+        can.bridge.main()
+
     first = "--bus1-interface rrins --bus1-channel bridged --bus1-bus-kwargs host=never"
     words = f"{first} role=observer --bus2-interface socketcan --bus2-channel vcan0".split()
-    bridge = subprocess.Popen([sys.executable, "-m", "can.bridge", *words])
-    try:
-        with can.Bus("vcan0", interface="socketcan") as bus:
-            message = bus.recv(150)
-            assert message is not None
-            assert message.arbitration_id == OURS
-            while THEIRS not in heard:
-                bus.send(can.Message(arbitration_id=THEIRS, is_extended_id=False))
-                assert bus.recv(10) is not None
-    finally:
-        bridge.send_signal(signal.SIGINT)
-        bridge.wait(30)
+    process = forked(main, ["can.bridge", *words], tmp_path / "said.txt")
+    yield may_begin
+    os.kill(process.pid, signal.SIGINT)
+    process.join(30)
+    process.kill()
+
+
+@pytest.mark.timeout(200)
+def test_frames_go_both_ways(cross: Event, heard: list[int]) -> None:
+    cross.set()
+    with can.Bus("vcan0", interface="socketcan") as bus:
+        message = bus.recv(150)
+        assert message is not None
+        assert message.arbitration_id == OURS
+        while THEIRS not in heard:
+            bus.send(can.Message(arbitration_id=THEIRS, is_extended_id=False))
+            assert bus.recv(10) is not None

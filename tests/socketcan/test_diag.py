@@ -8,8 +8,6 @@ from __future__ import annotations
 
 import json
 import re
-import subprocess
-import sys
 
 import can
 import isotp
@@ -19,6 +17,7 @@ from click.testing import CliRunner
 from udsoncan.client import Client
 from udsoncan.connections import IsoTPSocketConnection
 
+from rrins.__main__ import main
 from rrins.dbc.codec import load
 from rrins.firmware_py.diagnostics import calibration_image as image
 from rrins.firmware_py.diagnostics import table
@@ -26,6 +25,7 @@ from rrins.firmware_py.diagnostics.access import Session, key_of
 from rrins.host_tools.cli.main import rrins
 from rrins.host_tools.diag.target import Target
 from rrins.host_tools.diag.tester import Tester as Tool
+from tests.socketcan.conftest import forked
 
 START_S = 300
 TARGET = (
@@ -36,20 +36,15 @@ TARGET = (
 @pytest.fixture(scope="module")
 def rehearsal(tmp_path_factory):
     """A rehearsal in lockstep, in real time at most, so that no machine is too slow for it."""
-    said = (tmp_path_factory.mktemp("diag") / "said.txt").open("w+b")
+    said = tmp_path_factory.mktemp("diag")
     bus = ("--interface", "socketcan", "--channel", "vcan0", "--speed", "0.99")
     sides = [
-        subprocess.Popen(
-            [sys.executable, "-m", "rrins", side, "rimu_rotating", *bus],
-            stdout=said,
-            stderr=said,
-        )
+        forked(main, ["rrins", side, "rimu_rotating", *bus], said / side)
         for side in ("hardware", "firmware")
     ]
 
     def heard():
-        said.seek(0)
-        return said.read().decode()
+        return "".join(path.read_text() for path in said.iterdir())
 
     try:
         with can.Bus("vcan0", interface="socketcan") as listener:
@@ -57,12 +52,11 @@ def rehearsal(tmp_path_factory):
             listener.set_filters([{"can_id": navigates, "can_mask": 0x7FF}])
             assert listener.recv(START_S) is not None, heard()
         yield sides
-        assert [side.poll() for side in sides] == [None, None], heard()
+        assert all(side.is_alive() for side in sides), heard()
     finally:
         for side in sides:
             side.terminate()
-            side.wait(60)
-        said.close()
+            side.join(60)
 
 
 def diag(*words):

@@ -9,14 +9,16 @@ import json
 import os
 import shutil
 import subprocess
-import sys
 
 import can
 import pytest
 
+from rrins.__main__ import main
 from rrins.dbc.codec import load
 from rrins.host_tools.runs.direct import run_direct
 from rrins.host_tools.scenario.scenario import load as load_scenario
+from tests.processes import draw_no_pictures
+from tests.socketcan.conftest import forked
 
 DURATION_S = 2
 
@@ -30,6 +32,11 @@ def _can_utils():
     pytest.skip("can-utils is not installed")
 
 
+def rehearse() -> None:
+    draw_no_pictures()
+    main()
+
+
 @pytest.mark.timeout(800)
 def test_a_rehearsal_is_the_same_and_its_peers_see_every_frame(tmp_path):
     reference = run_direct(load_scenario("rimu_rotating", duration_s=DURATION_S)).firmware
@@ -39,25 +46,22 @@ def test_a_rehearsal_is_the_same_and_its_peers_see_every_frame(tmp_path):
             ["stdbuf", "-oL", "candump", "-L", "vcan0"], stdout=file, stderr=subprocess.PIPE
         )
     try:
-        rehearsal = subprocess.Popen(
-            [
-                *(sys.executable, "-m", "rrins", "rehearse", "rimu_rotating"),
-                *("--interface", "socketcan", "--channel", "vcan0", "--speed", "max"),
-                *("--duration", str(DURATION_S), "--out", str(tmp_path / "out"), "--json"),
-            ],
-            stdout=subprocess.PIPE,
-        )
+        words = ["rrins", "rehearse", "rimu_rotating", "--json"]
+        words += ["--interface", "socketcan", "--channel", "vcan0", "--speed", "max"]
+        words += ["--duration", str(DURATION_S), "--out", str(tmp_path / "out")]
+        rehearsal = forked(rehearse, words, tmp_path / "said.txt")
         with can.Bus("vcan0", interface="socketcan") as bus:
             bus.set_filters([{"can_id": load().frame_id("SYNC"), "can_mask": 0x7FF}])
             assert bus.recv(300) is not None
         # A frame of sensor group 1 whose CRC is wrong.
         subprocess.run(["cansend", "vcan0", "040#1122334455667788"], check=True)
-        out, _ = rehearsal.communicate(timeout=300)
-        assert rehearsal.returncode == 0
+        rehearsal.join(300)
+        said = (tmp_path / "said.txt").read_text()
+        assert rehearsal.exitcode == 0, said
     finally:
         candump.terminate()
         candump.wait()
-    summary = json.loads(out)
+    summary = json.loads(said[said.index("{") :])
     assert summary["completed"]
     assert summary["frames_lost"] == 0
     assert summary["firmware"]["faults"]["crc_errors"] == 1
@@ -76,9 +80,10 @@ def test_a_rehearsal_is_the_same_and_its_peers_see_every_frame(tmp_path):
 
 
 @pytest.mark.timeout(800)
-def test_a_bus_that_is_not_there_is_told_in_one_line():
-    words = ("firmware", "ideal", "--interface", "socketcan", "--channel", "vcan9")
-    command = [sys.executable, "-m", "rrins", *words]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert done.returncode == 4
-    assert done.stderr.splitlines()[-1].startswith("rrins: bus socketcan:vcan9:")
+def test_a_bus_that_is_not_there_is_told_in_one_line(tmp_path):
+    words = ["rrins", "firmware", "ideal", "--interface", "socketcan", "--channel", "vcan9"]
+    firmware = forked(main, words, tmp_path / "said.txt")
+    firmware.join(300)
+    assert firmware.exitcode == 4
+    said = (tmp_path / "said.txt").read_text()
+    assert said.splitlines()[-1].startswith("rrins: bus socketcan:vcan9:")
