@@ -4,7 +4,7 @@ PYTHON ?= python3.11
 VENV ?= .venv
 RUN = $(VENV)/bin/python -m
 
-.PHONY: rehearsal quick test pages socketcan soak check docs docs-html docs-site wheel changelog clean
+.PHONY: rehearsal quick compiled test pages socketcan soak check docs docs-html docs-site wheel changelog clean
 
 # One cycle of the rotation scheme. Bytecode of all libraries takes longer than the run: it is last.
 rehearsal: $(VENV)/installed
@@ -26,9 +26,11 @@ QUICK = dbc docs firmware_py rrins host_tools/hardware host_tools/scenario host_
 quick: $(VENV)/installed-dev
 	$(PYTEST) -q -m "not slow and not soak and not typed" $(PYTEST_OPTIONS) $(addprefix tests/,$(QUICK))
 
-# Compiled code comes first: two workers would wait for each other's.
-test: $(VENV)/installed-dev
+# Code that most tests need: two workers would wait for each other's.
+compiled: $(VENV)/installed-dev
 	@$(RUN) tests.processes
+
+test: compiled
 	$(PYTEST) $(PYTEST_OPTIONS)
 
 # The dashboard's page in Chromium, and all that the guides show, typed: two minutes.
@@ -51,8 +53,7 @@ soak: export RRINS_SCAN_ALL = 1
 soak: export RRINS_CONFORM = 1
 soak: export RRINS_OWN_FIRMWARE = 1
 soak: export RRINS_REAL_TIME = 1
-soak: $(VENV)/installed-dev
-	@$(RUN) tests.processes
+soak: compiled
 	$(PYTEST) -m "not browser" --hypothesis-profile soak -o timeout=0 $(PYTEST_OPTIONS)
 
 check: $(VENV)/installed-dev
