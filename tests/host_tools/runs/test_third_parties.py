@@ -23,11 +23,11 @@ def strangers() -> Iterator[Callable[..., None]]:
     processes: list[subprocess.Popen[str]] = []
 
     def start(*roles: str) -> None:
-        for role in roles:
-            script = Path(__file__).with_name("strangers.py")
-            command = [script, role, CHANNEL]
-            processes.append(Fork(command, stdout=subprocess.PIPE, text=True))
-        for process in processes:
+        script = Path(__file__).with_name("strangers.py")
+        options: dict[str, Any] = {"stdout": subprocess.PIPE, "text": True}
+        started = [Fork([script, role, CHANNEL], **options) for role in roles]
+        processes.extend(started)
+        for process in started:
             assert process.stdout is not None
             assert process.stdout.readline() == "ready\n"
 
@@ -52,16 +52,19 @@ def alone() -> str:
 def test_a_rehearsal_at_full_speed_navigates_as_if_alone(
     run_beside: Callable[..., Any], alone: str, roles: tuple[str, ...]
 ) -> None:
-    summary, said = run_beside(roles)
-    assert summary["completed"]
-    assert summary["navigation_sha256"] == alone
-    assert summary["frames_lost"] == 0
-    assert not any(summary["firmware"]["faults"].values())
-    bus = summary["hardware"]["bus"]
-    if "forger" in roles:  # how often each comes to do it, the machine decides
-        assert bus["refused_frames"] > 0
+    for _ in range(5):  # a machine that stalls may keep them from their work
+        summary, said = run_beside(roles)
+        assert summary["completed"]
+        assert summary["navigation_sha256"] == alone
+        assert summary["frames_lost"] == 0
+        assert not any(summary["firmware"]["faults"].values())
+        bus = summary["hardware"]["bus"]
+        if "forger" not in roles or (bus["refused_frames"] > 100 and bus["cut_off"] >= 20):
+            break
+    if "forger" in roles:
+        assert bus["refused_frames"] > 100
         assert next(iter(bus["senders"])).startswith("observer 'forger' (process ")
-        assert bus["cut_off"] > 0
+        assert bus["cut_off"] >= 20
         assert any("is cut off: it sent" in line for line in said)
     elif "caller" not in roles:
         assert bus["refused_frames"] == 0

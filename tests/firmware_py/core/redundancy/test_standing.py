@@ -55,3 +55,10 @@ def test_a_constant_is_learned_after_the_vehicle_has_settled(at_rest):
         learned = at_rest((0.2, -0.1, 0.3))
     assert learned == pytest.approx(np.zeros(3), abs=1e-12)
     assert at_rest((0.2, -0.1, 0.3)) == pytest.approx([0.2, -0.1, 0.3], rel=0.01)
+
+
+def test_a_second_in_which_an_axis_starts_or_stops_is_not_learned(at_rest):
+    for second in range(4 * SETTLED_S):
+        starts = second == SETTLED_S
+        learned = at_rest((3.0 if starts else 0.1, 0, 0), even=not starts)
+    assert learned == pytest.approx([0.1, 0, 0], abs=0.001)
