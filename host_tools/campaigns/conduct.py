@@ -84,6 +84,8 @@ class Conductor:
         Ends the campaign as Ctrl-C does.
     watched : str
         The column whose figures the progress has.
+    at_once : int
+        Runs of a chunk at least.
     """
 
     def __init__(
@@ -95,12 +97,13 @@ class Conductor:
         on_progress: Callable[[Progress], None] = lambda progress: None,
         stop: threading.Event | None = None,
         watched: str = MAIN,
+        at_once: int = 1,
     ) -> None:
         self._store, self._engine, self._until = store, engine, until
         self._silence_s = silence_s
         self._on_progress = on_progress
         self._stop = stop or threading.Event()
-        self._watched = watched
+        self._watched, self._at_once = watched, at_once
         self._run_s: float | None = None
         self._losses: dict[int, int] = {}
         stored = store.stored()
@@ -170,6 +173,7 @@ class Conductor:
             size = 1
         else:
             size = min(max(int(CHUNK_S / max(self._run_s, 1e-4)), 1), MOST_OF_CHUNK)
+        size = max(size, self._at_once)
         first, last = self._left.popleft()
         if last - first > size:
             self._left.appendleft((first + size, last))

@@ -9,7 +9,8 @@ import tempfile
 import threading
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, Final, NamedTuple, cast
@@ -34,13 +35,15 @@ from rrins.host_tools.runs.direct import run_direct
 from rrins.host_tools.runs.fast import FastRun
 from rrins.host_tools.runs.results.findings import redundancy_summary
 from rrins.host_tools.runs.results.integrity import integrity_summary
-from rrins.host_tools.runs.results.results import Errors, compare, read_errors
+from rrins.host_tools.runs.results.results import Errors, compare, east_north_m, read_errors
 from rrins.host_tools.runs.results.samples import keep_every
 from rrins.host_tools.runs.set_up.settings import (
     firmware_settings,
     hardware_settings,
     scenario_wire,
 )
+from rrins.host_tools.runs.together.conditions import can_share, shared_of
+from rrins.host_tools.runs.together.group import AT_ONCE, Group, Shared
 from rrins.host_tools.scenario.scenario import Scenario
 
 Row = dict[str, Any]
@@ -89,6 +92,9 @@ SERIES: Final = ("east_over_time_m", "north_over_time_m")
 MAIN: Final = "horizontal_error_m"
 OK, FAULT, FAILED = "ok", "fault", "failed"
 """A run that came to its end, one whose firmware did not navigate to the end, one that broke."""
+
+LEAST_TOGETHER, LEAST_TOGETHER_S = 16, 120
+"""Fewest runs, and shortest, for which sharing a loop is worth its beginning."""
 
 _PART_S = 600  # simulated, between two looks at whether to stop
 _READY = threading.Lock()
@@ -194,13 +200,16 @@ def run_fast(
     return both.ram, errors
 
 
+def _end_of(ram: Records[Ram], errors: Errors) -> _End:
+    fault = FirmwareFault(int(ram[0].modes.fault)).name
+    return _End(fault, redundancy_summary(ram), integrity_summary(ram), errors)
+
+
 def _run(scenario: Scenario, should_stop: Callable[[], bool]) -> _End:
     """Run a scenario without frames, or with them if it has a wire: faults on it, or a bit rate."""
     if scenario_wire(scenario) is None:
         every = keep_every(scenario.epochs, scenario.rate_hz)
-        ram, errors = run_fast(scenario, firmware_settings(scenario), every, should_stop)
-        fault = FirmwareFault(int(ram[0].modes.fault)).name
-        return _End(fault, redundancy_summary(ram), integrity_summary(ram), errors)
+        return _end_of(*run_fast(scenario, firmware_settings(scenario), every, should_stop))
     with tempfile.TemporaryDirectory(prefix="rrins-") as folder:
         outcome = run_direct(scenario, Path(folder), should_stop=should_stop)
         if should_stop():
@@ -246,11 +255,10 @@ def row_of(
         When `should_stop` says so before its end.
     """
     begin = time.monotonic()
-    plan = definition.plan
-    row: Row = {"run": run, "seed": plan.seed(run)}
-    row |= {one.column: value for one, value in plan.point(run).items()}
+    row = _inputs(definition, run)
     try:
-        row |= _came_out(definition.scenario_of(run), should_stop)
+        scenario = definition.scenario_of(run)
+        row |= _came_out(scenario, _run(scenario, should_stop))
     except RunStoppedError:
         raise
     except Exception as error:  # noqa: BLE001 - a run that breaks is a row with its reason
@@ -259,8 +267,13 @@ def row_of(
     return row | {"wall_s": time.monotonic() - begin}
 
 
-def _came_out(scenario: Scenario, should_stop: Callable[[], bool]) -> Row:
-    end = _run(scenario, should_stop)
+def _inputs(definition: Definition, run: int) -> Row:
+    plan = definition.plan
+    row: Row = {"run": run, "seed": plan.seed(run)}
+    return row | {one.column: value for one, value in plan.point(run).items()}
+
+
+def _came_out(scenario: Scenario, end: _End) -> Row:
     row = _findings(end.redundancy)
     row |= {name: (end.integrity or {}).get(name) for name in _BOUNDS}
     if len(end.errors):
@@ -333,12 +346,91 @@ def rows_of(
         definition = _definition_of(work)
         _prepare(definition)
     rows: list[Row] = []
+    try:
+        for first in range(0, len(runs), AT_ONCE):
+            rows += _rows_together(definition, runs[first : first + AT_ONCE], should_stop)
+    except RunStoppedError:
+        return rows
+    done = {row["run"] for row in rows}
     for run in runs:
+        if run in done:
+            continue
         try:
             rows.append(row_of(definition, run, should_stop))
         except RunStoppedError:
             break
     return rows
+
+
+def _rows_together(
+    definition: Definition, runs: Sequence[int], should_stop: Callable[[], bool]
+) -> list[Row]:
+    """Return the rows of those runs of a chunk that can share a loop.
+
+    Raises
+    ------
+    RunStoppedError
+        When `should_stop` says so before their end.
+    """
+    begin = time.monotonic()
+    scenario = definition.scenario
+    if len(runs) < LEAST_TOGETHER or scenario.duration_s < LEAST_TOGETHER_S:
+        return []
+    every = keep_every(scenario.epochs, scenario.rate_hz)
+    alike: dict[bytes, list[tuple[int, FastRun]]] = {}
+    for run in runs:
+        with suppress(Exception):  # which its own row will tell
+            own = definition.scenario_of(run)
+            settings = hardware_settings(own)
+            plant = hardware.power_on(settings)
+            both = FastRun(
+                switched_on(firmware_settings(own)), plant, hardware.pieces_of(settings), every
+            )
+            if scenario_wire(own) is None and can_share(both):
+                alike.setdefault(shared_of(both), []).append((run, both))
+    largest = max(alike.values(), key=len, default=[])
+    if len(largest) < LEAST_TOGETHER:
+        return []
+    group = Group([both for _, both in largest], scenario.epochs + 1, every)
+    found = group.run(should_stop)
+    if found is None:
+        raise RunStoppedError
+    rows = [
+        _inputs(definition, run) | _came_out(scenario, _end_together(shared, scenario.rate_hz))
+        for (run, _), shared in zip(largest, found, strict=True)
+        if shared is not None
+    ]
+    wall_s = (time.monotonic() - begin) / max(1, len(rows))
+    return [row | {"wall_s": wall_s} for row in rows]
+
+
+def at_once(definition: Definition) -> int:
+    """Return how many runs a chunk should have at least: many if they share a loop."""
+    scenario = definition.scenario_of(0)
+    if scenario.duration_s < LEAST_TOGETHER_S or scenario_wire(scenario) is not None:
+        return 1
+    one = FastRun.of(firmware_settings(scenario), hardware_settings(scenario))
+    return AT_ONCE if can_share(one) else 1
+
+
+def _end_together(shared: Shared, rate_hz: int) -> _End:
+    """Return the end of a run of a group; of its attitude and height it has the last errors."""
+    truth, samples = shared.truth, shared.samples
+    last = compare(shared.navigation, truth[-1:], rate_hz)
+    east, north = east_north_m(
+        samples[:, 0], samples[:, 1], truth["latitude"], truth["longitude"], truth["height"]
+    )
+    velocity = samples[:, 2:] - truth["velocity_n"][:, :2]
+    errors = replace(
+        last,
+        epoch=truth["epoch"],
+        time_s=(truth["epoch"] - truth["epoch"][0]) / rate_hz,
+        position_east_m=east,
+        position_north_m=north,
+        velocity_east_mps=velocity[:, 0],
+        velocity_north_mps=velocity[:, 1],
+    )
+    return _end_of(shared.ram, errors)
 
 
 _prepared: set[tuple[bool | None, bool | None]] = set()

@@ -12,7 +12,7 @@ from rrins.compiled.compile_events import compiling_watched
 from rrins.host_tools.campaigns.conduct import Conductor, Progress
 from rrins.host_tools.campaigns.engines import ENGINES, Engine, Threads, processors
 from rrins.host_tools.campaigns.errors import CampaignError
-from rrins.host_tools.campaigns.row import MAIN, Work, rows_of
+from rrins.host_tools.campaigns.row import MAIN, Work, at_once, rows_of
 from rrins.host_tools.campaigns.store import Store
 from rrins.host_tools.campaigns.until import Until
 from rrins.host_tools.runs.set_up.settings import check_files
@@ -118,4 +118,7 @@ def run(
                 rows_of(work, ())  # once, for all workers of this machine
         watched = MAIN if until is None else until.column
         engine = workers.start(work)
-        return Conductor(store, engine, until, silence_s, on_progress, stop, watched).run()
+        many = at_once(store.definition)
+        if many > 1:  # as long as every worker has some
+            many = max(1, min(many, store.definition.runs // workers.count))
+        return Conductor(store, engine, until, silence_s, on_progress, stop, watched, many).run()

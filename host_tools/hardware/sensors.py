@@ -73,6 +73,14 @@ def _lagged(sensors: Sensors, k: int, x: float) -> float:
 
 
 @compiled
+def feel(sensors: Sensors, true_s: Floats, out: Floats) -> None:
+    """Write what sensors along the frame's axes feel of an increment: late, and smoothed."""
+    for k in range(3):
+        out[k] = _lagged(sensors, k, true_s[k]) if sensors.lags else true_s[k]
+    sensors.history_at = (sensors.history_at + 1) % LATENCY_CAPACITY
+
+
+@compiled
 def _analog(sensors: Sensors, k: int, x: float, force: float) -> float:
     """Return the output of sensor `k` for the input `x`, before its range. Paper, (16), (17)."""
     if abs(x) < sensors.dead_zone_increment[k]:

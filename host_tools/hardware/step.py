@@ -268,7 +268,7 @@ def advance(plant: Plant, pieces: Floats, contract: Contract) -> None:
     if plant.odometer.fitted:
         odometer.turn(plant, pieces, dt)
     if plant.epoch % plant.drift_epochs == 0:
-        _drift(plant, dt)
+        drift(plant, dt)
     layout = contract.sensor[0]
     gyro, accelerometer = layout.gyro_dtheta, layout.accelerometer_dv
     sensors.measure(plant.gyros, plant.dtheta_s, plant.dv_s, gyro.scale, gyro.raw_maximum)
@@ -282,7 +282,8 @@ def advance(plant: Plant, pieces: Floats, contract: Contract) -> None:
 
 
 @compiled
-def _drift(plant: Plant, dt: float) -> None:
+def drift(plant: Plant, dt: float) -> None:
+    """Update the sensors' drifting errors."""
     thermal = plant.thermal
     warmer = thermal.ambient_offset
     if thermal.warm_up != 0.0:

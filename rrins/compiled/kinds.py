@@ -9,6 +9,9 @@ from typing import Any
 
 import numpy as np
 
+LANES = 8
+"""Floats side by side: of the widest vectors there are; other processors take two turns or four."""
+
 Kinds = tuple[Any, ...]
 """For each argument a Python type; the dtype of a record; or dtype, dimensions and flags."""
 

@@ -37,7 +37,7 @@ def radii(latitude: float) -> tuple[float, float]:
 @compiled
 def radii_at(sine: float) -> tuple[float, float]:
     """Return `radii` for the sine of the latitude."""
-    root = 1.0 - ECCENTRICITY_SQUARED * sine**2
+    root = 1.0 - ECCENTRICITY_SQUARED * (sine * sine)
     prime_vertical = SEMI_MAJOR_AXIS / math.sqrt(root)
     return prime_vertical * (1.0 - ECCENTRICITY_SQUARED) / root, prime_vertical
 
@@ -74,7 +74,7 @@ def gravity(latitude: float, height: float) -> float:
 @compiled
 def gravity_at(sine: float, height: float) -> float:
     """Return `gravity` for the sine of the latitude."""
-    sine_squared = sine**2
+    sine_squared = sine * sine
     surface = (
         GRAVITY_EQUATOR
         * (1.0 + SOMIGLIANA * sine_squared)
@@ -82,4 +82,4 @@ def gravity_at(sine: float, height: float) -> float:
     )
     ratio = height / SEMI_MAJOR_AXIS
     linear = 2.0 * (1.0 + FLATTENING * (1.0 - 2.0 * sine_squared) + _M) * ratio
-    return surface * (1.0 - linear + 3.0 * ratio**2)
+    return surface * (1.0 - linear + 3.0 * (ratio * ratio))

@@ -264,6 +264,22 @@ def _inverse_covariance(parity: Parity, fusion: Fusion, level: int) -> int:
 
 
 @compiled
+def _is_small(parity: Parity, fusion: Fusion, level: int, limit: float) -> bool:
+    """Return whether the chi-square of the residuals is surely no larger than a limit.
+
+    It is less than by each sensor's own noise alone. Writes the residuals, as `weigh` does.
+    """
+    _residuals(parity, fusion, level)
+    n, last, most = 0, parity.matrix.shape[1] - 1, 0.0
+    for i in range(fusion.count):
+        if parity.sensors >> i & 1:
+            own = _own_variance(parity, level, i) + _LEAST
+            most += parity.matrix[n, last] ** 2 / own
+            n += 1
+    return most <= limit
+
+
+@compiled
 def _residuals(parity: Parity, fusion: Fusion, level: int) -> None:
     """Write the sums of the residuals of the compared sensors to the last column of `matrix`."""
     begin = windows.begin_of(parity, level)
@@ -383,10 +399,12 @@ def _standing(parity: Parity, fusion: Fusion) -> tuple[int, bool]:
     is_open = parity.seconds >= parity.alike_until
     factor, is_apart = parity.second_factor**2, False
     for level in range(FINE_LEVELS):
-        if not _stood(parity, level):
+        if not _stood(parity, level) or _is_small(parity, fusion, level, factor):
             continue
-        n = weigh(parity, fusion, level)
+        n = _inverse_covariance(parity, fusion, level)
         whole, by_motion = _weighted(parity, n), 0.0
+        if whole <= factor:  # nothing explains more than there is
+            continue
         if n > _VECTOR and parity.alarm and _are_alike(parity, n, factor):
             parity.alike_until = parity.seconds + _REMEMBERS_S
         if parity.redundant:

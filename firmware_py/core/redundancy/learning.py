@@ -50,25 +50,41 @@ def expected(learner: Learner, row: int, regressors: Floats, count: int) -> floa
 @compiled
 def leverage(learner: Learner, regressors: Floats, count: int) -> float:
     """Return the variance of what `expected` returns; prepares `learn`."""
-    total = 0.0
-    for k in range(count):
-        projected = 0.0
+    covariance, total = learner.covariance, 0.0
+    for k in range(0, count, 4):
+        first = second = third = fourth = 0.0
         for j in range(count):
-            projected += learner.covariance[k, j] * regressors[j]
-        learner.gain[k] = projected
-        total += regressors[k] * projected
+            value = regressors[j]
+            first += covariance[j, k] * value
+            second += covariance[j, k + 1] * value
+            third += covariance[j, k + 2] * value
+            fourth += covariance[j, k + 3] * value
+        learner.gain[k], learner.gain[k + 1] = first, second
+        learner.gain[k + 2], learner.gain[k + 3] = third, fourth
+    for k in range(count):
+        total += regressors[k] * learner.gain[k]
     return total
 
 
 @compiled
 def spread(learner: Learner, begin: Floats, end: Floats, count: int) -> float:
-    """Return the variance of what is expected between two sums of regressors."""
-    total = 0.0
-    for k in range(count):
-        projected = 0.0
+    """Return the variance of what is expected between two sums of regressors.
+
+    Four rows of the product with the covariance at a time: their sums do not wait for each other.
+    """
+    covariance, total = learner.covariance, 0.0
+    for k in range(0, count, 4):
+        first = second = third = fourth = 0.0
         for j in range(count):
-            projected += learner.covariance[k, j] * (end[j] - begin[j])
-        total += (end[k] - begin[k]) * projected
+            difference = end[j] - begin[j]
+            first += covariance[j, k] * difference
+            second += covariance[j, k + 1] * difference
+            third += covariance[j, k + 2] * difference
+            fourth += covariance[j, k + 3] * difference
+        learner.gain[k], learner.gain[k + 1] = first, second
+        learner.gain[k + 2], learner.gain[k + 3] = third, fourth
+    for k in range(count):
+        total += (end[k] - begin[k]) * learner.gain[k]
     return total
 
 
@@ -81,10 +97,8 @@ def learn(learner: Learner, innovations: Floats, rows: int, variance: float, cou
             learner.coefficients[i, k] += learner.gain[k] * scale * innovations[i]
     covariance = learner.covariance
     for k in range(count):
-        for j in range(k + 1):
-            value = covariance[k, j] - learner.gain[k] * learner.gain[j] * scale
-            covariance[k, j] = value
-            covariance[j, k] = value
+        for j in range(REGRESSORS):
+            covariance[k, j] -= learner.gain[k] * learner.gain[j] * scale
     learner.seconds += 1
 
 

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 from rrins.firmware_py.core.sensors.calibration import Calibration
 from rrins.firmware_py.loop import Firmware
-from rrins.host_tools.campaigns.row import switched_on
+from rrins.host_tools.campaigns.definition import load as load_campaign
+from rrins.host_tools.campaigns.row import LEAST_TOGETHER, Work, rows_of, switched_on
 from rrins.host_tools.runs.set_up.settings import firmware_settings
 from rrins.host_tools.scenario.scenario import load
 
@@ -27,3 +29,20 @@ def test_the_memory_at_power_on_is_that_of_a_firmware(name, keys):
     gyros = Calibration().gyros.model_copy(update={"bias_dph": (0.5,) * count})
     settings = settings.model_copy(update={"calibration": Calibration(gyros=gyros)})
     assert switched_on(settings).tobytes() == Firmware(settings).ram.tobytes()
+
+
+def test_a_chunk_has_the_rows_of_its_runs():
+    keys = {"sensors": "prototype", "duration_s": 130}
+    campaign = {"scenario": "rimu_rotating", "runs": 20, "set": keys}
+    campaign["vary"] = {"gyros.scale_error_ppm": "normal(0, 50)"}
+    work = Work.of(load_campaign(campaign))
+    together = rows_of(work, range(LEAST_TOGETHER))
+    assert [row["run"] for row in together] == list(range(LEAST_TOGETHER))
+    for shared, alone in zip(together[:4], rows_of(work, range(4)), strict=True):
+        assert shared.keys() == alone.keys()
+        for name in alone.keys() - {"wall_s"}:
+            if isinstance(alone[name], float | np.ndarray):
+                np.testing.assert_allclose(shared[name], alone[name], rtol=1e-6, atol=1e-7)
+            else:
+                assert shared[name] == alone[name], name
+    assert together[1]["wall_s"] == together[2]["wall_s"]  # for they have shared it

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from rrins.host_tools.hardware.memory import Sensors
-from rrins.host_tools.hardware.noise import normal, uniform
+from rrins.host_tools.hardware.noise import normal, normals, uniform
 from rrins.host_tools.hardware.settings import power_on
 
 N = 20_000
@@ -68,3 +68,16 @@ def test_every_sensor_and_every_seed_has_its_own_stream(tools):
     assert len(states) == 20 * 8
     again = power_on(tools.settings(seed=3))[0]
     assert again.tobytes() == power_on(tools.settings(seed=3))[0].tobytes()
+
+
+@pytest.mark.parametrize("counts", [(1, 2, 20, 7), (199, 400, 1001), (0, 5, 1, 1, 1)])
+def test_many_at_once_are_those_one_by_one(counts):
+    one_by_one, at_once = seeded(99, 1234), seeded(99, 1234)
+    work = np.zeros((5, 128))
+    for count in counts:
+        found = np.zeros(count)
+        normals(at_once, 1, found, work, work[4].view(np.int64))
+        wanted = np.array([normal(one_by_one, 1) for _ in range(count)])
+        np.testing.assert_allclose(found, wanted, rtol=2e-15)
+        assert at_once["noise_state"].tobytes() == one_by_one["noise_state"].tobytes()
+        assert at_once["noise_has_spare"][1] == one_by_one["noise_has_spare"][1]
