@@ -14,7 +14,8 @@ from rrins.host_tools.benchmarks.limit import Limit
 from rrins.host_tools.benchmarks.timed_epochs import timer_overhead_ns
 from rrins.host_tools.runs.fast import FastRun
 from rrins.host_tools.runs.set_up.settings import firmware_settings, hardware_settings
-from rrins.host_tools.scenario.scenario import load
+from rrins.host_tools.runs.together.group import AT_ONCE, Group
+from rrins.host_tools.scenario.scenario import Scenario, load
 from rrins.host_tools.scenario.tables import Redundancy
 
 SCENARIO = "experiment_rotating"
@@ -22,22 +23,42 @@ SCENARIO = "experiment_rotating"
 
 _REPETITIONS = 9
 _SETTLE_EPOCHS = 2_000  # aligned and rotating by then
+_SHARED_EPOCHS = 50_000  # room for samples
+
+
+class _Shared:
+    """As many runs as share a loop in a campaign, their sensors compared."""
+
+    def __init__(self, scenario: Scenario) -> None:
+        every = scenario.rate_hz // 10
+        runs = []
+        for seed in range(AT_ONCE):
+            own = scenario.model_copy(update={"seed": seed})
+            runs.append(FastRun.of(firmware_settings(own), hardware_settings(own), every))
+        self._group = Group(runs, _SHARED_EPOCHS, every)
+        self._group.begin()
+
+    def run(self, epochs: int) -> None:
+        """Go on by some epochs, all runs together."""
+        self._group.go_on(max(1, epochs // AT_ONCE))
 
 
 def us_per_epoch(epochs: int) -> dict[str, float]:
     """Return the median µs of truth, eight noisy sensors, fusion, navigation and output.
 
-    Without and with parity and the loop written by hand take turns on one core in batches of
-    `epochs`, keeping the navigation output of every epoch.
+    Without and with parity, the loop written by hand and the runs that share a loop take turns on
+    one core in batches of `epochs`, keeping the navigation output of every epoch; the last keep ten
+    a second, as those of a campaign do.
     """
     scenario = load(SCENARIO)
-    runs: dict[str, FastRun | Limit] = {}
+    runs: dict[str, FastRun | Limit | _Shared] = {}
     for key, compares in (("fast_path", False), ("fast_path_comparing", True)):
         changed = scenario.model_copy(update={"redundancy": Redundancy(enabled=compares)})
         run = FastRun.of(firmware_settings(changed), hardware_settings(changed))
         run.run(_SETTLE_EPOCHS)
         runs[key] = run
     runs["fast_path_limit"] = Limit(run)
+    runs["fast_path_shared"] = _Shared(scenario)
     took_ns: dict[str, list[int]] = {key: [] for key in runs}
     for _ in range(_REPETITIONS):
         for key, each in runs.items():

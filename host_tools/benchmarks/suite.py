@@ -302,6 +302,8 @@ def _costs(result: Result) -> Iterator[tuple[str, float | None, int, str]]:
     yield "fast path, per epoch of both sides", fast, 2, f"{fast / limit:.2f} × its limit"
     yield "the same, sensors compared", comparing, 2, f"{comparing / limit:.2f} × its limit"
     yield "its limit: a loop written by hand", limit, 2, "8 noisy sensors"
+    shared = result["fast_path_shared_us_per_epoch"]
+    yield "runs that share a loop, compared", shared, 2, f"1/{comparing / shared:.1f} of one alone"
     yield "navigation alone, per call", result["navigation_step_us"], 2, ""
     for side in ("firmware", "hardware"):
         step = result[f"{side}_step_us"]

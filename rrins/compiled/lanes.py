@@ -19,7 +19,7 @@ Lanes = Any
 
 
 class Operation:
-    """What compiled code does with lanes beside arithmetic."""
+    """Something that compiled code does with lanes, beside arithmetic."""
 
     def __init__(self, name: str) -> None:
         self.name = name

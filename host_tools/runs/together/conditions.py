@@ -22,10 +22,10 @@ _OWN_OF_SENSORS = frozenset(
         *("drifts", "noise_state", "noise_spare", "noise_has_spare"),
     }
 )
-"""What each run's sensors have of their own."""
+"""Fields that each run's sensors have of their own."""
 
 _OWN_OF_PLANT = frozenset({"thermal", "altimeter", "gnss", "odometer"})
-"""What each run has of its own beside: temperature, and what is not fitted."""
+"""The same of its plant: temperature, and what is not fitted."""
 
 _FITTED = ("altimeter", "gnss", "odometer")
 

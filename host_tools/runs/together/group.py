@@ -96,14 +96,14 @@ class Group:
         list, or None
             None if `should_stop` said so before the end.
         """
-        left, after = self._begin(), (self._epochs - 1) % self._every
+        left, after = self.begin(), (self._epochs - 1) % self._every
         while left > 0:
             if should_stop():
                 return None
             part = min(left, _PART_S * self._rate_hz)
             part = left - after if part > left - after > 0 else part
             left -= part
-            goes_on = self._go_on(part, self._plants, self._rams)
+            goes_on = self.go_on(part)
             if not goes_on and left >= after:  # after the last sample it may have ended
                 return [None] * self._count
             if left == after:
@@ -111,14 +111,14 @@ class Group:
         loop.note_lost(self._plants, self._rams, self._first.contract, self._memory, self._lost)
         return self._results()
 
-    def _begin(self) -> int:
+    def begin(self) -> int:
         """Run until lanes can take over; return the epochs that are left, none if they cannot."""
         first, rate_hz = self._first, self._rate_hz
         nobody, nothing = self._plants[:0], self._rams[:0]
         done = 0
         while done + rate_hz < self._epochs:
             part = rate_hz if done else rate_hz + 1  # a second ends with a multiple of its epochs
-            self._go_on(part, nobody, nothing)
+            self._run_on(part, nobody, nothing)
             done += part
             if self._is_ready(first.ram):
                 break
@@ -149,7 +149,11 @@ class Group:
             for parity in (state.redundancy[kind] for kind in _KINDS)
         )
 
-    def _go_on(self, epochs: int, plants: Records[Plant], rams: Records[Ram]) -> bool:
+    def go_on(self, epochs: int) -> bool:
+        """Run all on; return whether the leading run is still sound."""
+        return self._run_on(epochs, self._plants, self._rams)
+
+    def _run_on(self, epochs: int, plants: Records[Plant], rams: Records[Ram]) -> bool:
         first = self._first
         written = loop.run_together(
             first.plant,

@@ -20,6 +20,7 @@ KEYS = {
     "python_can_epochs_per_s", "direct_epochs_per_s",
     "firmware_step_us", "hardware_step_us", "timer_overhead_us",
     "fast_path_us_per_epoch", "fast_path_comparing_us_per_epoch", "fast_path_limit_us_per_epoch",
+    "fast_path_shared_us_per_epoch",
     "navigation_step_us",
     "estimator_step_us", "pyins_filter_us", "pyins_filter_reason", "pyins_over_step",
     "codec_us_per_frame", "crc_us_per_frame", "cantools_us_per_frame",
@@ -39,7 +40,7 @@ def assert_speeds(result):
 
 
 def assert_costs(result):
-    keys = ("fast_path", "fast_path_comparing", "fast_path_limit")
+    keys = ("fast_path", "fast_path_comparing", "fast_path_limit", "fast_path_shared")
     costs = [result[f"{key}_us_per_epoch"] for key in keys]
     costs += [result["navigation_step_us"], result["crc_us_per_frame"]]
     for codec in ("codec", "cantools"):
