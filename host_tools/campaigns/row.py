@@ -96,6 +96,9 @@ OK, FAULT, FAILED = "ok", "fault", "failed"
 LEAST_TOGETHER, LEAST_TOGETHER_S = 16, 120
 """Fewest runs, and shortest, for which sharing a loop is worth its beginning."""
 
+_BEGINNING_S = 20
+"""Seconds of navigation after which runs share a loop, at least."""
+
 _PART_S = 600  # simulated, between two looks at whether to stop
 _READY = threading.Lock()
 
@@ -437,10 +440,15 @@ _prepared: set[tuple[bool | None, bool | None]] = set()
 
 
 def _prepare(definition: Definition) -> None:
-    """Have the loop ready that most runs of a campaign take."""
+    """Have the loops ready that most runs of a campaign take."""
     scenario = definition.scenario
     settings = firmware_settings(scenario)
     key = (settings.redundancy is not None, settings.estimator is not None)
     if key not in _prepared:
-        FastRun.of(settings, hardware_settings(scenario)).run(2)
+        plain = hardware_settings(scenario)
+        FastRun.of(settings, plain).run(2)
+        if at_once(definition) > 1:
+            rate_hz = scenario.rate_hz
+            epochs = min(scenario.epochs, scenario.navigation_epoch + _BEGINNING_S * rate_hz)
+            Group([FastRun.of(settings, plain) for _ in range(2)], epochs, rate_hz).run()
         _prepared.add(key)

@@ -104,7 +104,8 @@ class Group:
             part = left - after if part > left - after > 0 else part
             left -= part
             goes_on = self.go_on(part)
-            if not goes_on and left >= after:  # after the last sample it may have ended
+            is_over = not goes_on and left >= after  # after the last sample it may have ended
+            if is_over or 2 * np.count_nonzero(self._lost) > self._count:
                 return [None] * self._count
             if left == after:
                 loop.write_navigation(self._first.ram, self._rams, self._memory, self._longitude)
