@@ -58,8 +58,11 @@ def _is_plain(plant: Any, state: Any, kind: str) -> bool:
         return False
     if sensors.displaced or sensors.resolution > 0.0 or np.any(sensors.dead_zone_increment):
         return False
-    # Four sensors have one parity; of more, the shortest windows have several to test.
-    return not state.redundancy.enabled or sensors.count == 4
+    if not state.redundancy.enabled:
+        return True
+    # Four sensors have one parity; of more, the shortest windows have several to test. Without
+    # noise these windows are full of what has not been learned yet.
+    return sensors.count == 4 and bool(np.all(sensors.noise_increment[: sensors.count] > 0.0))
 
 
 def _is_moderate(plant: Any, state: Any) -> bool:

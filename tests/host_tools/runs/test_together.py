@@ -93,13 +93,14 @@ def of(name, **keys):
     ("name", "keys"),
     [
         ("drive_aided", {}),
+        ("rimu_rotating", {"sensors": "ideal"}),
         ("rimu_rotating", {"firmware__height_channel": "damped"}),
         ("rimu_rotating", {"gyros__scale_error_ppm": 20_000.0}),
         ("rimu_rotating", {"gyros__dead_zone_dph": 0.01}),
     ],
 )
 def test_what_the_loop_leaves_out_is_run_alone(name, keys):
-    assert not can_share(of(name, **keys))
+    assert not can_share(of(name, **{"sensors": "prototype"} | keys))
 
 
 def test_only_runs_on_the_same_way_share_a_loop():
