@@ -74,11 +74,13 @@ class ChildRehearsal(Closing):
             thread.start()
 
     def _read_out(self, stream: IO[str]) -> None:
-        self._out = stream.read()
+        with stream:
+            self._out = stream.read()
 
     def _read_err(self, stream: IO[str]) -> None:
-        for line in stream:
-            self.latest = line.strip().removeprefix("rrins: ") or self.latest
+        with stream:
+            for line in stream:
+                self.latest = line.strip().removeprefix("rrins: ") or self.latest
 
     @property
     def is_running(self) -> bool:
