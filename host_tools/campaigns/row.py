@@ -155,6 +155,12 @@ class _End(NamedTuple):
     errors: Errors
 
 
+def _both_of(scenario: Scenario, firmware: Settings, every: int) -> FastRun:
+    settings = hardware_settings(scenario)
+    plant, pieces = hardware.power_on(settings), hardware.pieces_of(settings)
+    return FastRun(switched_on(firmware), plant, pieces, every)
+
+
 def run_fast(
     scenario: Scenario,
     firmware: Settings,
@@ -178,13 +184,7 @@ def run_fast(
     RunStoppedError
         When `should_stop` says so before the end.
     """
-    settings = hardware_settings(scenario)
-    both = FastRun(
-        switched_on(firmware),
-        hardware.power_on(settings),
-        hardware.pieces_of(settings),
-        every,
-    )
+    both = _both_of(scenario, firmware, every)
     navigation, truth = [], []
     left = scenario.epochs + 1
     while left:
@@ -382,15 +382,13 @@ def _rows_together(
     every = keep_every(scenario.epochs, scenario.rate_hz)
     alike: dict[bytes, list[tuple[int, FastRun]]] = {}
     for run in runs:
-        with suppress(Exception):  # which its own row will tell
+        both = None
+        with suppress(Exception):  # a run that cannot begin is a row with its reason
             own = definition.scenario_of(run)
-            settings = hardware_settings(own)
-            plant = hardware.power_on(settings)
-            both = FastRun(
-                switched_on(firmware_settings(own)), plant, hardware.pieces_of(settings), every
-            )
-            if scenario_wire(own) is None and can_share(both):
-                alike.setdefault(shared_of(both), []).append((run, both))
+            if scenario_wire(own) is None:
+                both = _both_of(own, firmware_settings(own), every)
+        if both is not None and can_share(both):
+            alike.setdefault(shared_of(both), []).append((run, both))
     largest = max(alike.values(), key=len, default=[])
     if len(largest) < LEAST_TOGETHER:
         return []

@@ -68,7 +68,7 @@ def normal(source: Source, k: int) -> float:
 def normals(source: Source, k: int, out: Floats, work: Floats, bits: Integers) -> None:
     """Write the next standard normal numbers of a source's sensor `k` to `out`, shape (n,).
 
-    What `normal` returns n times, but for the rounding of the logarithm, in a third of the time.
+    What `normal` returns n times, but for the rounding of the logarithm, and faster.
     `work` has shape (5, m), m at least 8; `bits` is its last row as integers.
     """
     u, v, s, mantissa = work[0], work[1], work[2], work[4]
