@@ -50,19 +50,13 @@ def expected(learner: Learner, row: int, regressors: Floats, count: int) -> floa
 @compiled
 def leverage(learner: Learner, regressors: Floats, count: int) -> float:
     """Return the variance of what `expected` returns; prepares `learn`."""
-    covariance, total = learner.covariance, 0.0
-    for k in range(0, count, 4):
-        first = second = third = fourth = 0.0
-        for j in range(count):
-            value = regressors[j]
-            first += covariance[j, k] * value
-            second += covariance[j, k + 1] * value
-            third += covariance[j, k + 2] * value
-            fourth += covariance[j, k + 3] * value
-        learner.gain[k], learner.gain[k + 1] = first, second
-        learner.gain[k + 2], learner.gain[k + 3] = third, fourth
+    total = 0.0
     for k in range(count):
-        total += regressors[k] * learner.gain[k]
+        projected = 0.0
+        for j in range(count):
+            projected += learner.covariance[k, j] * regressors[j]
+        learner.gain[k] = projected
+        total += regressors[k] * projected
     return total
 
 
