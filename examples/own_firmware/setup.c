@@ -8,6 +8,37 @@
 
 enum { WORDS = 4, LINE = 256, VERSION = 1 };
 
+/* Keys that have one value, a number or one of these words, and stand in every set-up. */
+enum key {
+    RATE, LATITUDE, LONGITUDE, HEIGHT, ROLL, PITCH, HEADING, ATTITUDE, ALIGNMENT, CHANNEL,
+    ALTIMETER, BRIDGE, TURN_RATE, STAND, ACCELERATION, RISE, TOLERANCE, SILENCE, KEYS
+};
+
+static const struct {
+    const char *name, *word[3];
+} KEY[KEYS] = {
+    [RATE] = {"rate_hz", {0}},
+    [LATITUDE] = {"latitude_deg", {0}},
+    [LONGITUDE] = {"longitude_deg", {0}},
+    [HEIGHT] = {"height_m", {0}},
+    [ROLL] = {"roll_deg", {0}},
+    [PITCH] = {"pitch_deg", {0}},
+    [HEADING] = {"heading_deg", {0}},
+    [ATTITUDE] = {"initial_attitude", {"given", "self-aligned"}},
+    [ALIGNMENT] = {"alignment_s", {0}},
+    [CHANNEL] = {"height_channel", {"held", "damped", "free"}}, /* as enum height_channel */
+    [ALTIMETER] = {"altimeter", {0}},
+    [BRIDGE] = {"bridge_s", {0}},
+    [TURN_RATE] = {"turn_rate_dps", {0}},
+    [STAND] = {"stand_s", {0}},
+    [ACCELERATION] = {"axis_acceleration_dps2", {0}},
+    [RISE] = {"axis_rise_s", {0}},
+    [TOLERANCE] = {"follow_tolerance_deg", {0}},
+    [SILENCE] = {"axis_silence_s", {0}},
+};
+
+static const char *const AXIS[3] = {"inner", "outer"};
+
 struct line {
     const char *key;
     char *word[WORDS];
@@ -24,93 +55,57 @@ static double number(const struct line *line, int k)
     return *end == '\0' ? value : NAN;
 }
 
+/* Which of up to three words comes first in a line. */
+static double which(const struct line *line, const char *const *words)
+{
+    for (int k = 0; k < 3 && words[k] != NULL && line->words > 0; k++)
+        if (strcmp(line->word[0], words[k]) == 0)
+            return k;
+    return NAN;
+}
+
 static double radians(double degrees)
 {
     return degrees * PI / 180.0;
-}
-
-static bool is(const struct line *line, const char *word)
-{
-    return line->words > 0 && strcmp(line->word[0], word) == 0;
 }
 
 /* A sensor: polar angle from z, azimuth from x (deg), weight. Paper, (5) */
 static bool add_sensor(struct sensors *sensors, const struct line *line)
 {
     double polar = radians(number(line, 0)), azimuth = radians(number(line, 1));
-    double *h = sensors->H[sensors->count < GROUPS ? sensors->count : 0];
-    if (sensors->count == GROUPS || line->words != 3)
+    double weight = number(line, 2), *h = sensors->H[sensors->count];
+    if (sensors->count == GROUPS || line->words != 3 || !isfinite(polar + azimuth + weight))
         return false;
     h[0] = sin(polar) * cos(azimuth);
     h[1] = sin(polar) * sin(azimuth);
     h[2] = cos(polar);
-    sensors->weight[sensors->count++] = number(line, 2);
+    sensors->weight[sensors->count++] = weight;
     return true;
 }
 
 static bool add_turn(struct setup *setup, const struct line *line)
 {
-    struct position *position;
-    if (setup->positions == POSITIONS || line->words != 2)
+    double axis = which(line, AXIS), turn_deg = number(line, 1);
+    if (setup->positions == POSITIONS || line->words != 2 || !isfinite(axis + turn_deg))
         return false;
-    position = &setup->position[setup->positions++];
-    position->axis = is(line, "outer") ? OUTER : INNER;
-    position->turn_deg = number(line, 1);
+    setup->position[setup->positions++] = (struct position){(int)axis, turn_deg};
     return true;
 }
 
-/* The place of a number in the set-up; NULL for a key that is none. */
-static double *place(struct setup *setup, double *angles, const char *key)
-{
-    const struct {
-        const char *key;
-        double *place;
-    } table[] = {
-        {"latitude_deg", &setup->latitude},
-        {"longitude_deg", &setup->longitude},
-        {"height_m", &setup->height},
-        {"roll_deg", &angles[0]},
-        {"pitch_deg", &angles[1]},
-        {"heading_deg", &angles[2]},
-        {"alignment_s", &setup->alignment_s},
-        {"bridge_s", &setup->bridge_s},
-        {"axis_silence_s", &setup->axis_silence_s},
-        {"axis_acceleration_dps2", &setup->axis_acceleration_dps2},
-        {"axis_rise_s", &setup->axis_rise_s},
-        {"follow_tolerance_deg", &setup->follow_tolerance_deg},
-        {"turn_rate_dps", &setup->turn_rate_dps},
-        {"stand_s", &setup->stand_s},
-    };
-    for (size_t k = 0; k < sizeof table / sizeof *table; k++)
-        if (strcmp(table[k].key, key) == 0)
-            return table[k].place;
-    return NULL;
-}
-
 /* Take a line; a key that this computer does not know is for others. */
-static bool take(struct setup *setup, double *angles, const struct line *line)
+static bool take(struct setup *setup, double *value, const struct line *line)
 {
-    double *where = place(setup, angles, line->key);
-    if (where != NULL) {
-        *where = number(line, 0);
-        return line->words == 1 && isfinite(*where);
-    }
-    if (strcmp(line->key, "rate_hz") == 0)
-        setup->rate_hz = strtoll(line->words > 0 ? line->word[0] : "", NULL, 10);
-    else if (strcmp(line->key, "initial_attitude") == 0)
-        setup->self_aligned = is(line, "self-aligned");
-    else if (strcmp(line->key, "altimeter") == 0)
-        setup->altimeter = is(line, "1");
-    else if (strcmp(line->key, "height_channel") == 0)
-        setup->height_channel = is(line, "held")     ? HEIGHT_HELD
-                                : is(line, "damped") ? HEIGHT_DAMPED
-                                                     : HEIGHT_FREE;
-    else if (strcmp(line->key, "gyro") == 0)
+    if (strcmp(line->key, "gyro") == 0)
         return add_sensor(&setup->gyros, line);
-    else if (strcmp(line->key, "accelerometer") == 0)
+    if (strcmp(line->key, "accelerometer") == 0)
         return add_sensor(&setup->accelerometers, line);
-    else if (strcmp(line->key, "turn") == 0)
+    if (strcmp(line->key, "turn") == 0)
         return add_turn(setup, line);
+    for (int k = 0; k < KEYS; k++)
+        if (strcmp(KEY[k].name, line->key) == 0) {
+            value[k] = KEY[k].word[0] == NULL ? number(line, 0) : which(line, KEY[k].word);
+            return line->words == 1 && isfinite(value[k]);
+        }
     return true;
 }
 
@@ -123,37 +118,63 @@ static struct line split(char *text)
     return line;
 }
 
-static bool is_whole(const struct setup *setup)
+/* Put the values where they belong; return the first key without a sensible one, or NULL. */
+static const char *finish(struct setup *setup, const double *value)
 {
-    return setup->rate_hz > 0 && setup->positions > 0 && setup->gyros.count >= 3 &&
-           setup->accelerometers.count >= 3 && setup->turn_rate_dps > 0 &&
-           setup->axis_acceleration_dps2 > 0;
+    static const enum key ABOVE_0[] = {RATE, TURN_RATE, ACCELERATION};
+    for (int k = 0; k < KEYS; k++)
+        if (!isfinite(value[k]))
+            return KEY[k].name;
+    for (size_t k = 0; k < sizeof ABOVE_0 / sizeof *ABOVE_0; k++)
+        if (!(value[ABOVE_0[k]] > 0.0))
+            return KEY[ABOVE_0[k]].name;
+    setup->rate_hz = (int64_t)value[RATE];
+    setup->latitude = radians(value[LATITUDE]);
+    setup->longitude = radians(value[LONGITUDE]);
+    setup->height = value[HEIGHT];
+    matrix_of_euler(setup->C_b_n, radians(value[ROLL]), radians(value[PITCH]),
+                    radians(value[HEADING]));
+    setup->self_aligned = value[ATTITUDE] != 0.0;
+    setup->alignment_s = value[ALIGNMENT];
+    setup->height_channel = (enum height_channel)value[CHANNEL];
+    setup->altimeter = value[ALTIMETER] != 0.0;
+    setup->bridge_s = value[BRIDGE];
+    setup->turn_rate_dps = value[TURN_RATE];
+    setup->stand_s = value[STAND];
+    setup->axis_acceleration_dps2 = value[ACCELERATION];
+    setup->axis_rise_s = value[RISE];
+    setup->follow_tolerance_deg = value[TOLERANCE];
+    setup->axis_silence_s = value[SILENCE];
+    return setup->gyros.count < 3           ? "gyro"
+           : setup->accelerometers.count < 3 ? "accelerometer"
+           : setup->positions == 0           ? "turn"
+                                             : NULL;
 }
 
 static bool read_lines(struct setup *setup, FILE *file, char *reason, size_t size)
 {
     char text[LINE];
-    double angles[3] = {0.0, 0.0, 0.0};
+    const char *wanted;
+    double value[KEYS];
+    for (int k = 0; k < KEYS; k++)
+        value[k] = NAN;
     for (int number_of_line = 1; fgets(text, sizeof text, file) != NULL; number_of_line++) {
         struct line line = split(text);
-        if (line.key == NULL)
-            continue;
         if (number_of_line == 1) {
-            if (strcmp(line.key, "rrins-setup") != 0 || number(&line, 0) != VERSION) {
+            if (line.key == NULL || strcmp(line.key, "rrins-setup") != 0 ||
+                number(&line, 0) != VERSION) {
                 snprintf(reason, size, "not a set-up of version %d", VERSION);
                 return false;
             }
-        } else if (!take(setup, angles, &line)) {
+        } else if (line.key != NULL && !take(setup, value, &line)) {
             snprintf(reason, size, "line %d: %s: not as it should be", number_of_line, line.key);
             return false;
         }
     }
-    setup->latitude = radians(setup->latitude);
-    setup->longitude = radians(setup->longitude);
-    matrix_of_euler(setup->C_b_n, radians(angles[0]), radians(angles[1]), radians(angles[2]));
-    if (!is_whole(setup))
-        snprintf(reason, size, "not a whole set-up");
-    return is_whole(setup);
+    wanted = finish(setup, value);
+    if (wanted != NULL)
+        snprintf(reason, size, "%s: missing, or not enough", wanted);
+    return wanted == NULL;
 }
 
 bool setup_read(struct setup *setup, const char *path, char *reason, size_t size)

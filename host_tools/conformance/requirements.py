@@ -58,6 +58,7 @@ _FUSION, _CLOCK = "firmware.md#fusion", "firmware.md#clock"
 _ALIGN, _CODES = "firmware.md#alignment", "diagnostics.md#trouble-codes"
 _SCHEME, _STRAPDOWN = "firmware.md#rotation-scheme", "firmware.md#strapdown"
 _POWER = "firmware.md#power"
+_SET_UP, _CALLED = "own-firmware.md#the-set-up", "own-firmware.md#how-a-program-is-called"
 _UDS = "diagnostics.md#sessions-and-security"
 
 OTHERS: Final = (
@@ -72,6 +73,10 @@ OTHERS: Final = (
     ("MODE-9", "SHUTDOWN, in any mode: both axes OFF, and the program ends with 0.", _MODES),
     ("PWR-1", "After a loss of power it begins anew and navigates; nothing is counted.", _POWER),
     ("PWR-2", "`began_late`: its first SYNC came after the hardware's first second.", _POWER),
+    ("PRG-1", "A spoilt set-up ends the program with a line and a status other than 0.", _SET_UP),
+    ("PRG-2", "Keys of the set-up that it does not know are skipped.", _SET_UP),
+    ("PRG-3", "SIGTERM ends the program.", _CALLED),
+    ("PRG-4", "The end of its bus ends it with a line and a status other than 0.", _CALLED),
     ("IN-1", "Unknown identifiers, extended and remote frames are ignored.", _IN),
     ("IN-2", "Any mixture of lost, wrong, late and repeated frames is counted, each once.", _IN),
     ("IN-3", "A flood of frames does the navigation no harm.", _IN),

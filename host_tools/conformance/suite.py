@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Final
 
 from rrins.host_tools.conformance import (
+    as_program,
     behaviour,
     clock,
     diagnostics,
@@ -32,6 +33,8 @@ CHECKS: Final = (
     behaviour.commands,
     behaviour.shutdown,
     behaviour.power_cycles,
+    as_program.set_up,
+    as_program.ends,
     frames_in.wrong_crc,
     frames_in.late_frames,
     frames_in.stale_counter,

@@ -49,7 +49,7 @@ from rrins.host_tools.wire.wire import Wire
 START_S = 120.0
 """Longest startup of a side; the first one compiles."""
 _PROGRAM_S = 30.0  # of the user's program, of which nothing is compiled
-_POLL_S = 0.5
+_POLL_S = 0.1
 _TRUTHS = 256  # epochs whose truth is kept
 _DRAIN_EVERY = 2000  # epochs
 _KEPT = 16384  # frames of epochs that nobody looks at one by one

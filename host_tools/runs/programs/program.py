@@ -138,6 +138,10 @@ class Program:
     def __str__(self) -> str:
         return shlex.join(self.words)
 
+    def write_setup(self, path: Path, scenario: Scenario) -> None:
+        """Write the set-up that the program is given."""
+        write_setup(path, scenario)
+
     def start(
         self,
         scenario: Scenario,
@@ -175,7 +179,7 @@ class Program:
             If it cannot be started.
         """
         setup, said = folder / "setup.txt", said_path(folder, side)
-        write_setup(setup, scenario)
+        self.write_setup(setup, scenario)
         channel = str(socket_path(address.channel)) if address.is_embedded else address.channel
         words = [
             *self.words,

@@ -147,7 +147,7 @@ def test_a_users_sources_are_mutated_in_a_copy(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("language", ["own", "rust"])
 def test_the_examples_conform(language: str, request: pytest.FixtureRequest) -> None:
-    names = () if IS_FULL else ("start-up", "modes", *QUICK, "uds")
+    names = () if IS_FULL else ("start-up", "modes", "ends", *QUICK, "uds")
     found = outcomes(str(request.getfixturevalue(f"{language}_firmware")), *names)
     of_uds = [found.pop(name) for name in list(found) if name.startswith("uds")]
     assert set(of_uds) == {"skipped"}
