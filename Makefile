@@ -4,6 +4,12 @@ PYTHON ?= python3.11
 VENV ?= .venv
 RUN = $(VENV)/bin/python -m
 
+# Installs the project with an extra. uv takes a third of pip's time; it does not read pip's settings.
+PIP = $(VENV)/bin/pip --quiet --disable-pip-version-check install --no-compile
+INDEX = $(shell $(VENV)/bin/pip config list 2>/dev/null | sed -n "s/^.*\.index-url='\(.*\)'$$/\1/p" | tail -1)
+install = UV_DEFAULT_INDEX=$(INDEX) $(VENV)/bin/uv pip install --quiet --python $(VENV)/bin/python \
+	--editable '.[$(1)]' 2>/dev/null || $(PIP) --editable '.[$(1)]'
+
 .PHONY: rehearsal quick compiled test pages socketcan soak check docs docs-html docs-site wheel changelog clean
 
 # One cycle of the rotation scheme. Bytecode of all libraries takes longer than the run: it is last.
@@ -85,14 +91,15 @@ docs-site: docs-html
 $(VENV)/bin/python:
 	@command -v $(PYTHON) >/dev/null || { echo "make: needs $(PYTHON); name another with PYTHON=…" >&2; exit 1; }
 	$(PYTHON) -m venv $(VENV)
+	-@$(PIP) uv 2>/dev/null
 
 $(VENV)/installed: pyproject.toml | $(VENV)/bin/python
-	$(VENV)/bin/pip install --quiet --disable-pip-version-check --no-compile --editable '.[web]'
+	$(call install,web)
 	touch $@
 
 # EXTRAS=,docs has pip look at all packages once instead of twice.
 $(VENV)/installed-dev: pyproject.toml | $(VENV)/bin/python
-	$(VENV)/bin/pip install --quiet --disable-pip-version-check --no-compile --editable '.[dev$(EXTRAS)]'
+	$(call install,dev$(EXTRAS))
 	touch $@ $(VENV)/installed
 	@$(MAKE) --no-print-directory $(VENV)/bytecode
 
@@ -102,7 +109,7 @@ $(VENV)/bytecode: $(VENV)/installed
 	@touch $@
 
 $(VENV)/installed-docs: pyproject.toml | $(VENV)/bin/python
-	$(VENV)/bin/pip install --quiet --disable-pip-version-check --no-compile --editable '.[docs]'
+	$(call install,docs)
 	touch $@ $(VENV)/installed
 
 changelog: $(VENV)/installed-dev
