@@ -313,6 +313,7 @@ NAVIGATION: Final = (
         _of(12.0, u.STRAPDOWN, u.DATE_LINE, stimuli=_on(d.pushed, (2, 0.02), (3, -0.03))),
         _of(12.0, u.STRAPDOWN, u.DATE_LINE, stimuli=_on(d.pushed, (2, -0.02), (3, 0.03))),
         _of(26.0, u.STRAPDOWN, stimuli=_on(d.pushed, (1, -1.0), (2, 1.0))),
+        _of(20.0, u.STRAPDOWN, u.RISING, stimuli=_on(d.pushed, (2, 1.0), (3, 1.0))),
         _of(18.0, u.STRAPDOWN, u.POLE, stimuli=_on(d.pushed, (3, 0.7), (4, -0.7))),
     ),
     _check(
