@@ -133,7 +133,7 @@ def test_a_wrong_set_up_is_one_line(own_firmware: Path, tmp_path: Path) -> None:
     for text, words in (
         ("rrins-setup 2\n", "not a set-up of version 1"),
         ("rrins-setup 1\nlatitude_deg north\n", "line 2: latitude_deg: not as it should be"),
-        ("rrins-setup 1\nrate_hz 200\n", "not a whole set-up"),
+        ("rrins-setup 1\nrate_hz 200\n", "latitude_deg: missing, or not enough"),
     ):
         (tmp_path / "setup.txt").write_text(text)
         done = subprocess.run(
