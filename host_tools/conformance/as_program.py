@@ -99,7 +99,7 @@ def set_up(subject: Subject) -> None:
 
     good = setup_text(scenario)
     for what, text in spoilt(good):
-        assert not starts(what, text), f"with a set-up {what} it goes to its bus"
+        assert not starts(what, text), f"it starts with a set-up {what}"
     if starts("of another height", good.replace("height_m ", "height_m 1")):
         for line in GOOD:
             other = f"{_without(good, line.split()[0])}{line}\n"
