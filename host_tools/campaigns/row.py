@@ -96,6 +96,9 @@ OK, FAULT, FAILED = "ok", "fault", "failed"
 LEAST_TOGETHER, LEAST_TOGETHER_S = 16, 120
 """Fewest runs, and shortest, for which sharing a loop is worth its beginning."""
 
+_LEADERS = 2
+"""Runs that may lead: where one is to blame, the next saves all others loops of their own."""
+
 _BEGINNING_S = 20
 """Seconds of navigation after which runs share a loop, at least."""
 
@@ -392,15 +395,19 @@ def _rows_together(
     largest = max(alike.values(), key=len, default=[])
     if len(largest) < LEAST_TOGETHER:
         return []
-    group = Group([both for _, both in largest], scenario.epochs + 1, every)
-    found = group.run(should_stop)
-    if found is None:
-        raise RunStoppedError
-    rows = [
-        _inputs(definition, run) | _came_out(scenario, _end_together(shared, scenario.rate_hz))
-        for (run, _), shared in zip(largest, found, strict=True)
-        if shared is not None
-    ]
+    rows: list[Row] = []
+    for leader in range(_LEADERS):
+        led = largest[leader:]
+        found = Group([both for _, both in led], scenario.epochs + 1, every).run(should_stop)
+        if found is None:
+            raise RunStoppedError
+        rows += [
+            _inputs(definition, run) | _came_out(scenario, _end_together(shared, scenario.rate_hz))
+            for (run, _), shared in zip(led, found, strict=True)
+            if shared is not None
+        ]
+        if len(rows) > leader + 1:
+            break
     wall_s = (time.monotonic() - begin) / max(1, len(rows))
     return [row | {"wall_s": wall_s} for row in rows]
 
