@@ -7,7 +7,7 @@ RUN = $(VENV)/bin/python -m
 # Installs the project with an extra. uv takes a third of pip's time; it does not read pip's settings.
 PIP = $(VENV)/bin/pip --quiet --disable-pip-version-check install --no-compile
 INDEX = $(shell $(VENV)/bin/pip config list 2>/dev/null | sed -n "s/^.*\.index-url='\(.*\)'$$/\1/p" | tail -1)
-install = UV_DEFAULT_INDEX=$(INDEX) $(VENV)/bin/uv pip install --quiet --python $(VENV)/bin/python \
+install = UV_DEFAULT_INDEX=$${UV_DEFAULT_INDEX:-$(INDEX)} $(VENV)/bin/uv pip install --quiet --python $(VENV)/bin/python \
 	--editable '.[$(1)]' 2>/dev/null || $(PIP) --editable '.[$(1)]'
 
 .PHONY: rehearsal quick compiled test pages socketcan soak check docs docs-html docs-site wheel changelog clean

@@ -121,7 +121,7 @@ static struct line split(char *text)
 /* Put the values where they belong; return the first key without a sensible one, or NULL. */
 static const char *finish(struct setup *setup, const double *value)
 {
-    static const enum key ABOVE_0[] = {RATE, TURN_RATE, ACCELERATION};
+    static const enum key ABOVE_0[] = {TURN_RATE, ACCELERATION};
     for (int k = 0; k < KEYS; k++)
         if (!isfinite(value[k]))
             return KEY[k].name;
@@ -145,7 +145,8 @@ static const char *finish(struct setup *setup, const double *value)
     setup->axis_rise_s = value[RISE];
     setup->follow_tolerance_deg = value[TOLERANCE];
     setup->axis_silence_s = value[SILENCE];
-    return setup->gyros.count < 3           ? "gyro"
+    return setup->rate_hz < 1                ? "rate_hz"
+           : setup->gyros.count < 3          ? "gyro"
            : setup->accelerometers.count < 3 ? "accelerometer"
            : setup->positions == 0           ? "turn"
                                              : NULL;

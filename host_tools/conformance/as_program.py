@@ -43,7 +43,8 @@ def spoilt(text: str) -> Iterator[tuple[str, str]]:
             yield f"without {key}", _without(text, key)
             yield f"with {line.split()[-1]}x in {key}", text.replace(line, f"{line}x", 1)
     for line in (
-        *("rrins-setup 2", "rate_hz 0", "turn_rate_dps 0.0", "axis_acceleration_dps2 0.0"),
+        *("rrins-setup 2", "rate_hz 0", "rate_hz 0.5", "turn_rate_dps 0.0"),
+        "axis_acceleration_dps2 0.0",
         *("latitude_deg", "rate_hz", "initial_attitude", "turn inner", "turn middle 180.0"),
         *("gyro 0.0 0.0", "gyro 180.0 0.0 1.0 1.0", "accelerometer 0.0 0.0"),
     ):
