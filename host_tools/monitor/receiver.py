@@ -124,7 +124,7 @@ class Receiver:
         if now >= self._next_question:
             self._next_question = now + _ASK_S
             self._is_lent = False  # a send may take in what waits
-            with contextlib.suppress(can.CanTimeoutError):  # the bus is held up: asked later
+            with contextlib.suppress(can.CanError):  # held up: asked later; ended: read to the end
                 bus.ask_refused(0.0)
 
     def _receive_messages(self, bus: can.BusABC) -> None:

