@@ -67,8 +67,9 @@ class Served:
         threading.Thread(target=self._read, daemon=True).start()
 
     def _read(self):
-        for line in self.process.stderr:
-            self.said.append(line.rstrip())
+        with self.process.stderr as lines:
+            for line in lines:
+                self.said.append(line.rstrip())
 
     def stop(self):
         self.process.send_signal(signal.SIGINT)
