@@ -17,10 +17,13 @@ from llvmlite import binding as llvm
 from numba.core import types
 from numba.core.compiler import Compiler, Flags, compile_extra
 from numba.core.compiler_lock import global_compiler_lock
+from numba.core.compiler_machinery import PassManager
 from numba.core.dispatcher import _FunctionCompiler  # type: ignore[attr-defined]  # no stub
 from numba.core.registry import CPUDispatcher, cpu_target
 from numba.core.sigutils import normalize_signature
+from numba.core.typed_passes import InlineOverloads, NopythonRewrites
 from numba.core.typing.templates import make_concrete_template
+from numba.core.untyped_passes import InlineClosureLikes, WithLifting
 from numba.np import numpy_support
 
 from rrins.compiled import native
@@ -114,6 +117,23 @@ class Source(Protocol):
         """Return the name of the file of its code."""
 
 
+class _Pipeline(Compiler):
+    """numba's passes, without those for what would allocate, and so is in no function of ours.
+
+    They look for closures, comprehensions, `with`, and arithmetic with whole arrays.
+    """
+
+    def define_pipelines(self) -> list[Any]:
+        """Return the passes of one way to compile."""
+        (usual,), passes = super().define_pipelines(), PassManager("steps")
+        passes.passes = [each for each in usual.passes if each[0] not in _NEVER]
+        passes.finalize()
+        return [passes]
+
+
+_NEVER = (InlineClosureLikes, InlineOverloads, NopythonRewrites, WithLifting)
+
+
 class _Compiler(_FunctionCompiler):
     """numba's compiler of a function, into our libraries."""
 
@@ -153,7 +173,7 @@ class Callee(CPUDispatcher):
         super().__init__(plain, targetoptions={**chosen, **function.options})
         self._function = function
         options = self.targetoptions
-        self._compiler = _Compiler(plain, self.targetdescr, options, {}, Compiler)
+        self._compiler = _Compiler(plain, self.targetdescr, options, {}, _Pipeline)
         self._parts: dict[_Types, tuple[object, Part]] = {}
 
     @functools.cached_property

@@ -103,12 +103,12 @@ def state(client):
             return json.loads(message)
 
 
-def said(served, words):
-    """Wait for a line of the log."""
+def said(served, words, times=1):
+    """Wait for a line of the log, or several."""
     until = time.monotonic() + 120.0
     while time.monotonic() < until:
         lines = [line for line in served.said if words in line]
-        if lines:
+        if len(lines) >= times:
             return lines
         time.sleep(0.02)
     raise AssertionError(f"{words!r} was never said: {served.said[-5:]}")
@@ -231,7 +231,7 @@ def test_elsewhere_only_a_page_with_the_token_gives_orders(serving, recording):
                 assert (hello["may_control"], hello["orders"]) == (False, [])
                 answer = answer_to(client, order="pause")
                 assert (answer["is_done"], answer["text"]) == (False, "this page may only look on")
-        assert len(said(served, "order pause refused")) == 2
+        said(served, "order pause refused", times=2)
         with feed(served, query=f"?token={token}") as client:
             assert answer_to(client, order="pause")["is_done"]
         assert not any(token in line for line in served.said[1:])
