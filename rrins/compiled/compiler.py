@@ -17,11 +17,12 @@ from llvmlite import binding as llvm
 from numba.core import types
 from numba.core.compiler import Compiler, Flags, compile_extra
 from numba.core.compiler_lock import global_compiler_lock
-from numba.core.compiler_machinery import PassManager
+from numba.core.compiler_machinery import PassManager, register_pass
 from numba.core.dispatcher import _FunctionCompiler  # type: ignore[attr-defined]  # no stub
+from numba.core.errors import NumbaRuntimeError
 from numba.core.registry import CPUDispatcher, cpu_target
 from numba.core.sigutils import normalize_signature
-from numba.core.typed_passes import InlineOverloads, NopythonRewrites
+from numba.core.typed_passes import InlineOverloads, NativeLowering, NopythonRewrites
 from numba.core.typing.templates import make_concrete_template
 from numba.core.untyped_passes import InlineClosureLikes, WithLifting
 from numba.np import numpy_support
@@ -117,16 +118,32 @@ class Source(Protocol):
         """Return the name of the file of its code."""
 
 
-class _Pipeline(Compiler):
-    """numba's passes, without those for what would allocate, and so is in no function of ours.
+@register_pass(mutates_CFG=True, analysis_only=False)
+class _Lowering(NativeLowering):
+    """Makes intermediate code that counts no references."""
 
-    They look for closures, comprehensions, `with`, and arithmetic with whole arrays.
+    _name = "lowering of steps"
+
+    def run_pass(self, state: Any) -> bool:
+        """Lower a function."""
+        state.targetctx = state.targetctx.subtarget(enable_nrt=False)
+        try:
+            return bool(super().run_pass(state))
+        except NumbaRuntimeError as error:
+            raise _allocates(state.func_id.func_qualname) from error
+
+
+class _Pipeline(Compiler):
+    """numba's passes, without what serves functions that allocate: none of ours does.
+
+    Some look for closures, comprehensions, `with`, and arithmetic with whole arrays.
     """
 
     def define_pipelines(self) -> list[Any]:
         """Return the passes of one way to compile."""
         (usual,), passes = super().define_pipelines(), PassManager("steps")
-        passes.passes = [each for each in usual.passes if each[0] not in _NEVER]
+        own = {NativeLowering: _Lowering}
+        passes.passes = [(own.get(k, k), text) for k, text in usual.passes if k not in _NEVER]
         passes.finalize()
         return [passes]
 
@@ -300,5 +317,9 @@ def _code_of(part: PartLibrary, name: str, entry: str) -> tuple[Code, list[PartL
 def _check(module: llvm.ModuleRef, name: str) -> None:
     """Refuse code that calls numba's runtime, which nobody loads to run it."""
     if any(each.is_declaration and each.name.startswith("NRT_") for each in module.functions):
-        what = "compiled code allocates nothing: a slice that is set to another one does"
-        raise TypeError(f"{what} ({name})")
+        raise _allocates(name)
+
+
+def _allocates(name: str) -> TypeError:
+    what = "compiled code allocates nothing: a slice that is set to another one does"
+    return TypeError(f"{what} ({name})")

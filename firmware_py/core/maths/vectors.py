@@ -14,3 +14,10 @@ def copy(out: Floats, values: Floats) -> None:
     """
     for i in range(len(out)):
         out[i] = values[i]
+
+
+@compiled
+def copy_all(out: Floats, values: Floats) -> None:
+    """Copy all of an array of any shape, contiguous as those of records are."""
+    for i in range(out.size):
+        out.flat[i] = values.flat[i]

@@ -150,6 +150,20 @@ def test_arguments_and_results_are_those_of_python(folder):
         told(1, 2)
 
 
+def test_what_allocates_is_refused(folder):
+    @compiled_with(folder)
+    def makes(table):
+        table[0] = np.zeros(2)[0]
+
+    @compiled_with(folder)
+    def moves(table):
+        table[0:2] = table[1:3]
+
+    for function in (makes, moves):
+        with pytest.raises(TypeError, match=rf"allocates nothing.*{function.__name__}\)"):
+            function(np.arange(3.0))
+
+
 def test_calls_leave_the_counts_of_references_as_they_were(folder):
     @compiled_with(folder)
     def nothing(array, flag):
