@@ -10,6 +10,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import warnings
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
@@ -33,6 +34,16 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 # What tests start writes bytecode: without, each process compiles all modules for half a second.
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+
+
+@contextmanager
+def warnings_as_errors() -> Iterator[None]:
+    """Raise each warning; what other tests have left is not collected meanwhile."""
+    from rrins.compiled.parts import collector_paused  # and numpy, which reads what is set above
+
+    with collector_paused(), warnings.catch_warnings():
+        warnings.simplefilter("error")
+        yield
 
 
 LONGEST = (

@@ -231,7 +231,7 @@ def test_elsewhere_only_a_page_with_the_token_gives_orders(serving, recording):
                 assert (hello["may_control"], hello["orders"]) == (False, [])
                 answer = answer_to(client, order="pause")
                 assert (answer["is_done"], answer["text"]) == (False, "this page may only look on")
-        said(served, "order pause refused", times=2)
+        assert len(said(served, "order pause refused", times=2)) == 2
         with feed(served, query=f"?token={token}") as client:
             assert answer_to(client, order="pause")["is_done"]
         assert not any(token in line for line in served.said[1:])

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
-
 import canmatrix.formats
 import cantools
 import pytest
@@ -11,6 +9,7 @@ from click.testing import CliRunner
 
 from rrins.dbc.codec import load
 from rrins.host_tools.cli.main import rrins
+from tests.conftest import warnings_as_errors
 
 SIGNAL = (
     "start",
@@ -49,9 +48,7 @@ def test_names_are_unique_in_sym():
 @pytest.mark.parametrize("ending", [".dbc", ".kcd", ".sym", ".arxml"])
 def test_cantools_reads_the_same(tmp_path, ending, caplog):
     written = written_as(tmp_path, ending)
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        warnings.simplefilter("ignore", ResourceWarning)  # of what was left elsewhere
+    with warnings_as_errors():
         found = cantools.database.load_file(written)
     assert caplog.records == []
     own = load().database

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 import zlib
 from typing import Any
 
@@ -18,6 +17,7 @@ from rrins.firmware_py.diagnostics.identifiers import IOControl
 from rrins.firmware_py.diagnostics.regions import CALIBRATION_ADDRESS
 from rrins.firmware_py.diagnostics.responses import NEGATIVE, Code
 from rrins.host_tools.cli.main import rrins
+from tests.conftest import warnings_as_errors
 
 pytestmark = pytest.mark.slow
 
@@ -33,9 +33,7 @@ def pdx(tmp_path_factory):
     path = tmp_path_factory.mktemp("pdx") / "rrins.pdx"
     done = CliRunner().invoke(rrins, ["export", str(path)], prog_name="rrins")
     assert done.exit_code == 0, done.output
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        warnings.simplefilter("ignore", ResourceWarning)  # of what was left elsewhere
+    with warnings_as_errors():
         return odxtools.load_pdx_file(path)
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import re
-import warnings
 from pathlib import Path
 
 import numpy as np
@@ -22,14 +21,13 @@ from rrins.host_tools.drawing.style import (
     time_axis,
 )
 from rrins.host_tools.errors import RehearsalError
+from tests.conftest import warnings_as_errors
 
 
 def drawn(text, on_axes=False):
     figure = new_figure(4.0, 1.0)
     give_title(figure.add_subplot() if on_axes else figure, text)
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        warnings.simplefilter("ignore", ResourceWarning)  # of what was left elsewhere
+    with warnings_as_errors():
         figure.savefig(io.BytesIO(), format="png")
     return np.asarray(figure.canvas.buffer_rgba())
 

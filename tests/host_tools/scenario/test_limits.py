@@ -14,6 +14,7 @@ from rrins.host_tools.runs.set_up.settings import firmware_settings, hardware_se
 from rrins.host_tools.scenario.fault_tables import KINDS
 from rrins.host_tools.scenario.keywords import paths
 from rrins.host_tools.scenario.scenario import Scenario, fault_of, parse
+from tests.conftest import warnings_as_errors
 
 EXTREMES = (1e300, -1e300, 5e-324, -5e-324, math.nan, math.inf, -math.inf, 10**30)
 ALL = {
@@ -77,8 +78,8 @@ def _floats(array: Any, name: str) -> Any:
         yield name, array
 
 
-@pytest.mark.filterwarnings("error", "ignore::ResourceWarning")
 @pytest.mark.parametrize("path", NUMBERS)
+@warnings_as_errors()
 def test_an_extreme_number_is_one_line_or_sane(path):
     base = parse(_base(path), "of a test")
     for value in EXTREMES:
