@@ -123,6 +123,19 @@ def _store(typing: Any, array: Any, row: Any, lanes: Any) -> Any:
 
 
 @intrinsic
+def _fetch(typing: Any, array: Any, index: Any) -> Any:
+    def lower(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        data = context.make_array(sig.args[0])(context, builder, args[0]).data
+        place = builder.bitcast(builder.gep(data, [args[1]]), cgutils.voidptr_t)
+        kind = ir.FunctionType(ir.VoidType(), [place.type, _INDEX, _INDEX, _INDEX])
+        function = cgutils.get_or_insert_function(builder.module, kind, "llvm.prefetch.p0")
+        builder.call(function, [place, _INDEX(0), _INDEX(3), _INDEX(1)])
+        return context.get_dummy_value()
+
+    return types.void(array, types.intp), lower
+
+
+@intrinsic
 def _rounded(typing: Any, lanes: Any) -> Any:
     return LANES_TYPE(LANES_TYPE), _of_llvm("rint")
 
@@ -162,6 +175,7 @@ def _unchanged(typing: Any, before: Any, one: Any, other: Any) -> Any:
 def operation_type(name: str) -> Any:
     """Return numba's type of an operation of `rrins.compiled.lanes`."""
     named = {
+        "fetch": _fetch,
         "load": _load,
         "store": _store,
         "rounded": _rounded,

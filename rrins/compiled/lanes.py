@@ -38,6 +38,9 @@ class Operation:
 spread = Operation("spread")
 """``spread(x)``: a float in all lanes."""
 
+fetch = Operation("fetch")
+"""``fetch(array, index)``: have what surrounds an element brought from memory; wait for nothing."""
+
 load = Operation("load")
 """``load(array, row)``: a row of an array of shape (n, `LANES`)."""
 

@@ -243,6 +243,9 @@ def _follow(
             row += 1
         if ends_second:
             for run in range(first, last):
+                following = rams[min(run + 1, last - 1)].redundancy
+                lanes.fetch_second(following.gyros)
+                lanes.fetch_second(following.accelerometers)
                 if lost[run]:
                     continue
                 own, lane = rams[run], run - first

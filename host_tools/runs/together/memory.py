@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from rrins.compiled.compilation import compiled
+from rrins.compiled.lanes import fetch
 from rrins.compiled.record import Floats
 from rrins.firmware_py.core.maths import earth
 from rrins.firmware_py.core.maths.attitude import matrix_of_quaternion
@@ -12,12 +13,18 @@ from rrins.firmware_py.core.records.redundancy_records import (
     ABSOLUTE,
     ACCELEROMETERS,
     EPOCH_LEVELS,
+    FINE_CAPACITY,
+    FINE_LEVELS,
     REGRESSORS,
+    WINDOWS_S,
     Parity,
 )
 from rrins.host_tools.hardware.memory import Plant, Sensors
 from rrins.host_tools.runs.together import rows
 from rrins.host_tools.runs.together.rows import KIND, SENSOR, SENSOR_ROWS
+
+_LINE = 8
+"""Floats that a processor fetches at once."""
 
 
 @compiled
@@ -128,6 +135,19 @@ def give_navigation(memory: Floats, lane: int, ins: Ins, longitude: float) -> No
     ins.longitude = earth.wrapped(longitude + memory[rows.DLONGITUDE, lane])
     for i in range(2):
         ins.velocity_n[i] = memory[rows.VELOCITY + i, lane]
+
+
+@compiled
+def fetch_second(parity: Parity) -> None:
+    """Fetch where the windows begin that end with the next second: all at once, not one by one."""
+    for level in range(FINE_LEVELS):
+        begin = parity.fine[(parity.seconds + 1 - WINDOWS_S[level]) % FINE_CAPACITY]
+        fetch(begin.residual, 0)
+        for k in range(0, REGRESSORS, _LINE):
+            fetch(begin.regressors, k)
+        for k in range(0, len(begin.parity), _LINE):
+            fetch(begin.parity, k)
+        fetch(begin.vector, 0)
 
 
 @compiled
