@@ -348,6 +348,7 @@ class Hypothesis(Record):
 
     sensor: Annotated[Integers, 2]  #: by kind, -1: leaves none out; `ALIKE`: all are off alike
     second: Annotated[Integers, 2]  #: another that fails, its effect is a state; -1: none
+    noisy: I8  #: an accelerometer that stays in use, and is only noisy; -1: none
     into: I8  #: the first state of that effect
     direction: Annotated[Floats, 3]  #: of that effect in s, for a fault of 1
     prior: F8  #: variance of that fault before it was estimated; 0: not yet, or none

@@ -39,8 +39,7 @@ from rrins.firmware_py.core.records.redundancy_records import (
     Hypothesis,
     Parity,
 )
-from rrins.firmware_py.core.redundancy import alike, blocks, pairs, windows
-from rrins.firmware_py.core.redundancy.alike import ALIKE
+from rrins.firmware_py.core.redundancy import alike, blocks, hypotheses, pairs, windows
 from rrins.firmware_py.core.redundancy.isolation import RATIO
 from rrins.firmware_py.core.sensors.data_sheet import SCALE_TURN
 
@@ -169,14 +168,6 @@ def found(bank: Bank, kind: int) -> int:
 
 
 @compiled
-def _is_candidate(bank: Bank, kind: int, sensor: int) -> bool:
-    """Return whether a filter may leave out a sensor of a kind; -1 is none."""
-    if bank.doubts >> kind & 1 == 0:
-        return sensor < 0
-    return sensor >= 0 and bank.sensors[kind] >> sensor & 1 != 0
-
-
-@compiled
 def _doubt(state: Ram, parity: Parity) -> int:
     """Return a bit for the kind if one of its sensors fails, and the parity has one direction.
 
@@ -217,21 +208,7 @@ def _begin(state: Ram, doubts: int) -> None:
     level = windows.begun_level(parity, parity.second_factor**2)
     lasts_s = since_s + 1.5 * WINDOWS_S[level] + _EARLIER_S
     bank.fault_at = max(bank.at, repair.count - int(lasts_s))
-    bank.count = 0
-    _add_filter(bank, -1, -1)
-    if doubts >> GYROS & 1 and alike.weigh(gyros, bank.alike[GYROS]):
-        _add_filter(bank, ALIKE, -1)
-    if doubts >> ACCELEROMETERS & 1 and alike.weigh(accelerometers, bank.alike[ACCELEROMETERS]):
-        _add_filter(bank, -1, ALIKE)
-    for gyro in range(-1, SENSOR_GROUPS):
-        if not _is_candidate(bank, GYROS, gyro):
-            continue
-        for accelerometer in range(-1, SENSOR_GROUPS):
-            if _is_candidate(bank, ACCELEROMETERS, accelerometer):
-                _add_filter(bank, gyro, accelerometer)
-    for kind in range(2):
-        if doubts == 1 << kind:
-            _add_pairs(bank, kind)
+    hypotheses.set_up(bank, gyros, accelerometers)
     for index in range(bank.count):
         one = bank.filters[index]
         one.x[:] = 0.0
@@ -245,28 +222,6 @@ def _begin(state: Ram, doubts: int) -> None:
             one.P[CHANGE + i, CHANGE + i] = accelerometers.bias_variance
         one.P[ATTITUDE + 2, ATTITUDE + 2] = _HEADING**2
     _forget_evidence(bank)
-
-
-@compiled
-def _add_filter(bank: Bank, gyro: int, accelerometer: int) -> None:
-    """Add a filter without these sensors; -1: none, `ALIKE`: without what all are off alike."""
-    one = bank.filters[bank.count]
-    one.sensor[GYROS] = gyro
-    one.sensor[ACCELEROMETERS] = accelerometer
-    one.second[GYROS] = -1
-    one.second[ACCELEROMETERS] = -1
-    one.prior = 0.0
-    bank.count += 1
-
-
-@compiled
-def _add_pairs(bank: Bank, kind: int) -> None:
-    """Add a filter for each two sensors of a kind."""
-    for first in range(SENSOR_GROUPS):
-        for second in range(first + 1, SENSOR_GROUPS):
-            if _is_candidate(bank, kind, first) and _is_candidate(bank, kind, second):
-                _add_filter(bank, first if kind == GYROS else -1, -1 if kind == GYROS else first)
-                bank.filters[bank.count - 1].second[kind] = second
 
 
 @compiled
@@ -418,10 +373,13 @@ def _propagate(state: Ram, one: Hypothesis, block: Floats, share: float) -> None
     for kind in range(2):
         if kind == ACCELEROMETERS:
             parity, into = state.redundancy.accelerometers, VELOCITY
-        if one.sensor[kind] == -1:
+        shown = int(one.sensor[kind])
+        if kind == ACCELEROMETERS and one.noisy >= 0:
+            shown = int(one.noisy)
+        if shown == -1:
             continue
         direction_s = bank.direction_s
-        sensor = alike.direct(parity, int(one.sensor[kind]), bank.alike[kind], direction_s)
+        sensor = alike.direct(parity, shown, bank.alike[kind], direction_s)
         for i in range(3):  # of the residual that takes the sensor's place
             noise[i] = 0.0
             for k in range(3):
@@ -489,7 +447,7 @@ def _decide(bank: Bank) -> int:
         for k in range(bank.count):
             other = bank.filters[k]
             fails = one.sensor[kind] == other.sensor[kind] or one.sensor[kind] == other.second[kind]
-            is_one = other.sensor[kind] >= 0 and other.second[kind] < 0
+            is_one = (other.sensor[kind] >= 0 and other.second[kind] < 0) or other.noisy >= 0
             wanted = RATIO if is_one else _RARER
             less = other.score - pairs.fitted(other) - one.score
             clear = clear and (fails or less > wanted * misfit)
