@@ -282,6 +282,7 @@ class Parity(Record):
     alike_until: I8  #: second until which a fault of all alike may have left something learned
     apart: I8  #: seconds for which all sensors at standstill have been far from the expectation
     frozen: I8  #: seconds since learning stopped, for a test is pending
+    fits_from: I8  #: second from which on windows are fitted: `ahead` knows of no fault before it
     clear_seconds: I8  #: since the parity was last beyond its threshold
     excluded: I8  #: one bit each
     isolated: I8  #: the sensor that was excluded last, -1: none

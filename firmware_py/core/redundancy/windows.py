@@ -94,6 +94,9 @@ def close_second(parity: Parity, count: int, regressors: int) -> float:
     _fit_steps(parity, count, regressors)
     largest, noise = _largest(parity, count), _noise(parity, count)
     sound = largest < _LEARNS_BELOW and noise < 1.0
+    if sound and parity.frozen > LEARNED_S:  # a fault that passed, learned at once
+        learning.copy(parity.ahead, learner)
+        parity.fits_from = parity.seconds
     parity.frozen = 0 if sound else parity.frozen + 1
     _settle(parity, count, regressors, sound)
     return max(largest, noise)
@@ -210,11 +213,14 @@ def _fit_steps(parity: Parity, count: int, regressors: int) -> None:
     With the coefficients c and covariance P that were learned up to now, as if there were no step,
     least squares give the step ``(r - c s) / (w - s P s)`` for the sums r of the parity and s of
     the regressors over w seconds, and its variance ``1 / (w - s P s)``. Willsky and Jones, *IEEE
-    Transactions on Automatic Control* 21 (1976) 108.
+    Transactions on Automatic Control* 21 (1976) 108. Not where a test was pending before the window
+    began: then a step may have been learned as what is usual, and its end would look like another.
     """
     learner, now, difference = parity.ahead, parity.now, parity.late_second
     for level in range(SECOND_LEVELS):
-        if not is_due(parity, level):
+        begun = parity.seconds - WINDOWS_S[level]
+        fits = parity.fits_from <= begun <= parity.seconds - parity.frozen
+        if not (fits and is_due(parity, level)):
             continue
         begin, seconds = begin_of(parity, level), float(WINDOWS_S[level])
         learned = learning.spread(learner, begin.regressors, now.regressors, regressors)
