@@ -36,8 +36,9 @@ quick: $(VENV)/installed-dev
 compiled: $(VENV)/installed-dev
 	@$(RUN) tests.processes
 
+# MARKS="not soak" adds what `make pages` runs.
 test: compiled
-	$(PYTEST) $(PYTEST_OPTIONS)
+	$(PYTEST) $(if $(MARKS),-m "$(MARKS)") $(PYTEST_OPTIONS)
 
 # The dashboard's page in Chromium, and all that the guides show, typed: two minutes.
 pages: $(VENV)/installed-dev
