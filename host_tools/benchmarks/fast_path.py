@@ -40,17 +40,19 @@ class _Shared:
 
     def run(self, epochs: int) -> None:
         """Go on by some epochs, all runs together."""
-        self._group.go_on(max(1, epochs // AT_ONCE))
+        self._group.go_on(epochs // AT_ONCE)
 
 
 def us_per_epoch(epochs: int) -> dict[str, float]:
     """Return the median µs of truth, eight noisy sensors, fusion, navigation and output.
 
     Without and with parity, the loop written by hand and the runs that share a loop take turns on
-    one core in batches of `epochs`, keeping the navigation output of every epoch; the last keep ten
-    a second, as those of a campaign do.
+    one core in batches of `epochs` or more: those that share a loop run for whole seconds. They
+    keep ten samples a second, as in a campaign, the others the navigation of every epoch.
     """
     scenario = load(SCENARIO)
+    whole = AT_ONCE * scenario.rate_hz
+    epochs = -(-epochs // whole) * whole
     runs: dict[str, FastRun | Limit | _Shared] = {}
     for key, compares in (("fast_path", False), ("fast_path_comparing", True)):
         changed = scenario.model_copy(update={"redundancy": Redundancy(enabled=compares)})
