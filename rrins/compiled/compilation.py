@@ -3,28 +3,75 @@
 A step is compiled by numba, once for each processor and kinds of arguments; its machine code is
 kept (`rrins.compiled.code_folder`), and whoever calls it later loads that and nothing else
 (`rrins.compiled.native`). numba is imported to make code (`rrins.compiled.compiler`), never to run
-it. With `NUMBA_DISABLE_JIT=1` nothing is compiled, and all runs as plain Python.
+it. With `NUMBA_DISABLE_JIT=1` nothing is compiled, and all runs as plain Python; so it does with a
+newer numba than any that was tried, if that turns out not to compile the steps.
 """
 
 from __future__ import annotations
 
 import functools
 import inspect
+import logging
 import os
+import sys
 import threading
 from collections.abc import Callable
 from dataclasses import dataclass
+from importlib.metadata import version
 from typing import Any, TypeVar, cast
 
 from rrins.compiled import native
 from rrins.compiled.code_folder import CodeFolder, code_folder, name_of_code, sources
 from rrins.compiled.compile_events import signals_deferred
 from rrins.compiled.kinds import Kinds, kind_of, text_of
-from rrins.compiled.sources import stamp_of
+from rrins.compiled.sources import PACKAGE, stamp_of
 
+_log = logging.getLogger(__name__)
 _F = TypeVar("_F", bound=Callable[..., object])
 
-IS_DISABLED = os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0")
+_TRIED = 0, 68
+"""The newest numba with which all tests have passed: ours derives from classes of its inside."""
+_TRIAL = "import rrins; rrins.simulate('rimu_rotating', duration_s=1)"
+_ANSWER = "trial.code"
+
+
+def is_tried(numba: str) -> bool:
+    """Return whether a version of numba is none that is newer than the newest tried."""
+    return tuple(int(part) for part in numba.split(".")[:2]) <= _TRIED
+
+
+def passes_trial(numba: str, folder: CodeFolder | None) -> bool:
+    """Return whether an untried numba compiles the steps: tried once, in a process, and told.
+
+    The folder keeps the answer, and what the trial has compiled.
+    """
+    answer = None if folder is None else folder.load(_ANSWER)
+    if answer is None:
+        import subprocess
+
+        _log.warning("numba %s is newer than any that was tried: this start tries it", numba)
+        environment = os.environ | {"NUMBA_DISABLE_JIT": "0"}
+        trial = [sys.executable, "-c", _TRIAL]
+        done = subprocess.run(trial, cwd=PACKAGE.parent, env=environment, capture_output=True)
+        answer = b"fails" if done.returncode else b"passes"
+        if folder is not None:
+            folder.save(_ANSWER, answer)
+    if answer == b"fails":
+        newest = ".".join(map(str, _TRIED))
+        why = "cannot compile the steps: all runs as plain Python, a thousand times slower"
+        _log.warning("numba %s %s; `pip install 'numba==%s.*'` is fast", numba, why, newest)
+    return answer != b"fails"
+
+
+def _is_disabled() -> bool:
+    wish = os.environ.get("NUMBA_DISABLE_JIT")
+    if wish:
+        return wish != "0"
+    numba = version("numba")
+    return not (is_tried(numba) or passes_trial(numba, code_folder()))
+
+
+IS_DISABLED = _is_disabled()
 """Whether all runs as plain Python."""
 
 

@@ -209,6 +209,37 @@ def test_code_that_is_kept_runs_without_the_compiler(folder, tmp_path):
         assert said == f"5 6.5\n{is_compiling}\n"
 
 
+STEPS = """
+import rrins
+said = rrins.simulate("rimu_rotating", duration_s=0.02).summary["navigation_sha256"]
+"""
+
+
+def test_a_numba_that_cannot_compile_the_steps_is_done_without(tmp_path):
+    """One that nobody has tried: tried once, and then all is plain Python, with the same bytes."""
+    (tmp_path / "numba").mkdir()
+    (tmp_path / "numba" / "__init__.py").touch()
+    (tmp_path / "numba-99.0.dist-info").mkdir()
+    (tmp_path / "numba-99.0.dist-info" / "METADATA").write_text("Name: numba\nVersion: 99.0\n")
+    paths = os.pathsep.join((str(tmp_path), *sys.path))
+    environment = os.environ | {"PYTHONPATH": paths, "XDG_CACHE_HOME": str(tmp_path / "cache")}
+    environment.pop("NUMBA_CACHE_DIR", None)
+
+    def lines_of(script):
+        arguments = [sys.executable, "-c", script]
+        done = subprocess.run(arguments, env=environment, capture_output=True, text=True)
+        return done.stdout, done.stderr.splitlines()
+
+    scope = {}
+    exec(STEPS, scope)
+    said, first = lines_of(f"{STEPS}print(said)")
+    assert said == f"{scope['said']}\n"
+    _, second = lines_of("import rrins.compiled.compilation")
+    assert first[0].startswith("numba 99.0 is newer than any that was tried")
+    assert first[1:] == second
+    assert second[0].startswith("numba 99.0 cannot compile the steps: all runs as plain Python")
+
+
 def test_objects_that_the_package_carries_are_used_if_they_are_of_its_sources(
     folder, tmp_path, monkeypatch
 ):
