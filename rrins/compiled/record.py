@@ -23,6 +23,7 @@ import inspect
 import re
 import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from mmap import mmap
 from types import CodeType
 from typing import (
     TYPE_CHECKING,
@@ -145,8 +146,8 @@ class Record:
         return cast("Records[Self]", np.array(rows, dtype=cls.dtype))
 
     @classmethod
-    def from_bytes(cls, image: bytes | bytearray) -> Records[Self]:
-        """Return the records with the given bytes; records from a `bytearray` share its memory.
+    def from_bytes(cls, image: bytes | bytearray | mmap) -> Records[Self]:
+        """Return the records with the given bytes; they share the memory of what can be written.
 
         Raises
         ------

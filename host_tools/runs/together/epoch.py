@@ -43,8 +43,9 @@ def _sense(
     along = _along(memory, at + rows.AXIS, x, y, z)
     scale = load(memory, at + rows.SCALE) + load(memory, at + rows.ASYMMETRIC) * sign(along)
     analog = scale * along + load(memory, at + rows.BIAS)
-    analog += load(memory, at + rows.G_SENSITIVITY) * force + load(memory, at + rows.NOISE) * noise
-    wanted = load(memory, at + rows.REMAINDER) + analog * (1.0 / unit)
+    analog += load(memory, at + rows.G_SENSITIVITY) * force
+    analog += load(memory, at + rows.NOISE) * noise
+    wanted = load(memory, at + rows.REMAINDER) + analog / unit
     counts = rounded(wanted)
     store(memory, at + rows.REMAINDER, wanted - counts)
     repeated = unchanged(load(memory, at + rows.REPEATED), counts, load(memory, at + rows.LAST))

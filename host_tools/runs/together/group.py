@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import mmap
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import cast
@@ -196,8 +197,14 @@ class Group:
 
 
 def _joined(rams: Sequence[Records[Ram]]) -> Records[Ram]:
-    """Return an array of RAM images; of each only what is not blank takes memory."""
-    joined = Ram.zeros(len(rams))
+    """Return an array of RAM images; of each only what is not blank takes memory.
+
+    numpy would have large arrays in pages of 2 MB.
+    """
+    private = mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS
+    memory = mmap.mmap(-1, len(rams) * Ram.dtype.itemsize, flags=private)
+    memory.madvise(mmap.MADV_NOHUGEPAGE)
+    joined = Ram.from_bytes(memory)
     for k, ram in enumerate(rams):
         image, own = (each.view(np.uint8).reshape(-1) for each in (ram, joined[k : k + 1]))
         whole = len(image) // _PAGE * _PAGE
