@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from rrins.compiled.compilation import compiled
 from rrins.compiled.record import Floats
-from rrins.firmware_py.core.maths.vectors import copy_all
+from rrins.firmware_py.core.maths.vectors import copy
 from rrins.firmware_py.core.records.estimator_records import (
     ACROSS_U,
     ACROSS_V,
@@ -63,9 +63,9 @@ def _note(estimator: Estimator, C_s_n: Floats, fusion: Fusion, moved: Floats, ki
 @compiled
 def close(estimator: Estimator) -> None:
     """Put the sums of the present second aside, and begin the next."""
-    copy_all(estimator.moved_s[DONE], estimator.moved_s[PRESENT])
+    copy(estimator.moved_s[DONE], estimator.moved_s[PRESENT])
     estimator.moved_s[PRESENT] = 0.0
-    copy_all(estimator.size_s[DONE], estimator.size_s[PRESENT])
+    copy(estimator.size_s[DONE], estimator.size_s[PRESENT])
     estimator.size_s[PRESENT] = 0.0
 
 

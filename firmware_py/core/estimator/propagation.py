@@ -6,7 +6,7 @@ from rrins.compiled.compilation import compiled
 from rrins.compiled.record import Floats
 from rrins.firmware_py.core.estimator import constants, covariance, transition
 from rrins.firmware_py.core.maths import earth
-from rrins.firmware_py.core.maths.vectors import copy, copy_all
+from rrins.firmware_py.core.maths.vectors import copy
 from rrins.firmware_py.core.records.estimator_records import (
     ATTITUDE,
     BIASES,
@@ -59,7 +59,7 @@ def close(estimator: Estimator) -> None:
     for sums in (estimator.force_n, estimator.way_n, estimator.turn_n):
         copy(sums[DONE], sums[PRESENT])
         sums[PRESENT] = 0.0
-    copy_all(estimator.attitude_s[DONE], estimator.attitude_s[PRESENT])
+    copy(estimator.attitude_s[DONE], estimator.attitude_s[PRESENT])
     estimator.attitude_s[PRESENT] = 0.0
 
 

@@ -8,16 +8,9 @@ from rrins.compiled.record import Floats
 
 @compiled
 def copy(out: Floats, values: Floats) -> None:
-    """Copy as many values as `out` has.
+    """Copy as many values as `out` has; arrays of any shape, contiguous as those of records are.
 
     ``out[:] = values`` would allocate: numba makes a copy first if the two may overlap.
     """
-    for i in range(len(out)):
-        out[i] = values[i]
-
-
-@compiled
-def copy_all(out: Floats, values: Floats) -> None:
-    """Copy all of an array of any shape, contiguous as those of records are."""
     for i in range(out.size):
         out.flat[i] = values.flat[i]

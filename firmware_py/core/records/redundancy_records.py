@@ -279,7 +279,6 @@ class Parity(Record):
     alarm_epoch: I8  #: the first epoch of the alarm
     persistent: I8  #: seconds for which the same sensors have seemed to fail at standstill
     persistent_sensors: I8  #: which, one bit each
-    alike_until: I8  #: second until which a fault of all alike may have left something learned
     apart: I8  #: seconds for which all sensors at standstill have been far from the expectation
     frozen: I8  #: seconds since learning stopped, for a test is pending
     fits_from: I8  #: second from which on windows are fitted: `ahead` knows of no fault before it

@@ -75,7 +75,7 @@ _REST = 5.0
 
 _RARER = 2.0 * math.log(1e2)
 """Twice the logarithm of the likelihood ratio to two others, or all, that are off: both are rarer,
-by as much as is missing."""
+by as much as is missing. Not once a sensor is left out: what seems another fault may be two."""
 
 _LEVEL, _HEADING, _VELOCITY = 1e-3, 1e-2, 30.0
 """Uncertainty of the navigation at the beginning: rad, rad, m/s."""
@@ -124,7 +124,9 @@ def follow(state: Ram) -> None:
         bank.fits = False
         if measured > 0 and bank.at > bank.fault_at:
             bank.measurements += measured
-            bank.found = _decide(bank)
+            gyros, accelerometers = state.redundancy.gyros, state.redundancy.accelerometers
+            is_second = gyros.excluded | accelerometers.excluded != 0
+            bank.found = _decide(bank, RATIO if is_second else _RARER)
             if bank.found > 0:
                 return
 
@@ -422,12 +424,12 @@ def _is_single(one: Hypothesis) -> bool:
 
 
 @compiled
-def _decide(bank: Bank) -> int:
+def _decide(bank: Bank, over_rarer: float) -> int:
     """Return the filter of the sensor that explains the reference far better than all without it.
 
     `found_kind` is then the kind of that sensor. 0 where that is not clear: where one by which it
     is sound explains it nearly as well, that of none included, or two sensors far better, or where
-    nothing does.
+    nothing does. Than what is rarer it has to explain more by `over_rarer`.
     """
     best, least, misfit = 0, math.inf, 1.0
     for k in range(bank.count):
@@ -448,7 +450,7 @@ def _decide(bank: Bank) -> int:
             other = bank.filters[k]
             fails = one.sensor[kind] == other.sensor[kind] or one.sensor[kind] == other.second[kind]
             is_one = (other.sensor[kind] >= 0 and other.second[kind] < 0) or other.noisy >= 0
-            wanted = RATIO if is_one else _RARER
+            wanted = RATIO if is_one else over_rarer
             less = other.score - pairs.fitted(other) - one.score
             clear = clear and (fails or less > wanted * misfit)
         if clear:

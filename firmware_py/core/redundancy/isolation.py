@@ -15,7 +15,6 @@ from rrins.compiled.compilation import compiled
 from rrins.firmware_py.core.records.memory import Fusion
 from rrins.firmware_py.core.records.redundancy_records import (
     FINE_LEVELS,
-    LONGEST_S,
     OUTER_TURN,
     SECOND_LEVELS,
     SETTLED_S,
@@ -37,13 +36,6 @@ each dimension of the parity, as noise does in any of them.
 
 A slight motion turns all sensors and leaves the parity alone; the fault of one shows in both. So
 does whatever the table makes of the expectation."""
-
-_INEXACT = 0.05
-"""Share of what all alike explain by which one or two have to explain less, to be sure of that: a
-fault is in the residuals as it should be to a fifth of its size."""
-
-_REMEMBERS_S = LONGEST_S
-"""Seconds after a fault of all alike for which what was learned meanwhile may look like another."""
 
 _SWAYS_S = 8
 """Seconds that fit neither a standstill nor a fault, after which the vehicle may lie on waves: then
@@ -363,40 +355,10 @@ def _stood(parity: Parity, level: int) -> bool:
 
 
 @compiled
-def _are_alike(parity: Parity, n: int, factor: float) -> bool:
-    """Return whether all alike explain far more than one of the compared sensors, or two."""
-    alike = _explains_alike(parity, n)
-    most = max(_likeliest(parity, n, 1)[1], _likeliest(parity, n, 2)[1])
-    return alike > factor and alike - most > RATIO + _INEXACT * alike
-
-
-@compiled
-def _is_contradicted(parity: Parity, fusion: Fusion, sensors: int) -> bool:
-    """Return whether these compared sensors explain some window far worse than others do.
-
-    After a fault of all alike, what was learned meanwhile may look like that of one.
-    """
-    for level in range(FINE_LEVELS):
-        if not _stood(parity, level):
-            continue
-        n = weigh(parity, fusion, level)
-        _weighted(parity, n)
-        first, second = -1, -1
-        for i in range(n):
-            if sensors >> i & 1:
-                first, second = (i, i) if first < 0 else (first, i)
-        most = _rival(parity, n, sensors, n > 2)
-        if most - _explains(parity, first, second) > RATIO:
-            return True
-    return False
-
-
-@compiled
 def _standing(parity: Parity, fusion: Fusion) -> tuple[int, bool]:
     """Return the sensors that fail, and whether all are far from the expectation for seconds."""
     if parity.now.standing == 0:
         return 0, False
-    is_open = parity.seconds >= parity.alike_until
     factor, is_apart = parity.second_factor**2, False
     for level in range(FINE_LEVELS):
         if not _stood(parity, level) or _is_small(parity, fusion, level, factor):
@@ -405,15 +367,11 @@ def _standing(parity: Parity, fusion: Fusion) -> tuple[int, bool]:
         whole, by_motion = _weighted(parity, n), 0.0
         if whole <= factor:  # nothing explains more than there is
             continue
-        if n > _VECTOR and parity.alarm and _are_alike(parity, n, factor):
-            parity.alike_until = parity.seconds + _REMEMBERS_S
         if parity.redundant:
             by_motion = whole - left_by_motion(parity, int(fusion.count), level)
         sensors, explained = _decide(parity, n, n, whole, by_motion)
         if sensors != 0 and explained > factor:
-            found = _sensors(parity, sensors)
-            clear = is_open and not _is_contradicted(parity, fusion, sensors)
-            return (found if clear else 0), False
+            return _sensors(parity, sensors), False
         if WINDOWS_S[level] <= SETTLED_S:
             is_apart = is_apart or whole - n > factor + _REST * math.sqrt(2.0 * n)
     return 0, is_apart

@@ -199,7 +199,6 @@ def begin_again(parity: Parity) -> None:
     """Begin all windows now."""
     parity.seconds = 0
     parity.fits_from = 0
-    parity.alike_until = 0
     parity.ratio = 0.0
     parity.suspect = -1
     begin_second(parity)
