@@ -10,7 +10,7 @@ INDEX = $(shell $(VENV)/bin/pip config list 2>/dev/null | sed -n "s/^.*\.index-u
 install = UV_DEFAULT_INDEX=$${UV_DEFAULT_INDEX:-$(INDEX)} $(VENV)/bin/uv pip install --quiet --python $(VENV)/bin/python \
 	--editable '.[$(1)]' 2>/dev/null || $(PIP) --editable '.[$(1)]'
 
-.PHONY: rehearsal quick compiled test pages socketcan soak check docs docs-html docs-site wheel changelog clean
+.PHONY: rehearsal quick compiled test pages socketcan soak lowest check docs docs-html docs-site wheel changelog clean
 
 # One cycle of the rotation scheme. Bytecode of all libraries takes longer than the run: it is last.
 rehearsal: $(VENV)/installed
@@ -62,6 +62,13 @@ soak: export RRINS_OWN_FIRMWARE = 1
 soak: export RRINS_REAL_TIME = 1
 soak: compiled
 	$(PYTEST) -m "not browser" --hypothesis-profile soak -o timeout=0 $(PYTEST_OPTIONS)
+
+# The lowest numba that pyproject.toml allows makes code that runs as plain Python does.
+LOWEST = $(shell sed -n 's/.*"numba>=\(.*\)",.*/\1/p' pyproject.toml)
+lowest: $(VENV)/installed-dev
+	$(PIP) --upgrade --target $(VENV)/lowest 'numba==$(LOWEST).*'
+	PYTHONPATH=$(VENV)/lowest XDG_CACHE_HOME=$(CURDIR)/$(VENV)/lowest/cache \
+		$(RUN) pytest -q -p no:cacheprovider tests/rrins/compiled
 
 check: $(VENV)/installed-dev
 	$(RUN) ruff format --check .
