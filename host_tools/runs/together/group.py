@@ -64,6 +64,11 @@ class Group:
         Just switched on, alike in what `conditions.shared_of` returns. The first one leads.
     epochs, every : int
         As `FastRun` takes them.
+
+    Attributes
+    ----------
+    memory : array, shape (n, `rows.ROWS`, `LANES`)
+        Of the runs, eight side by side.
     """
 
     def __init__(self, runs: Sequence[FastRun], epochs: int, every: int) -> None:
@@ -80,7 +85,7 @@ class Group:
         sensors = int(first.plant[0].gyros.count) + int(first.plant[0].accelerometers.count)
         blocks = -(-self._count // LANES)
         self._felt = _felt_by(first.plant)
-        self._memory = np.zeros((blocks, rows.ROWS, LANES))
+        self.memory = np.zeros((blocks, rows.ROWS, LANES))
         self._phases = np.zeros((blocks, 2, LANES), np.int64)
         self._alike = np.zeros((blocks, 2), np.int64)
         self._second = np.zeros((blocks, 3))
@@ -109,8 +114,8 @@ class Group:
             if is_over or 2 * np.count_nonzero(self._lost) > self._count:
                 return [None] * self._count
             if left == after:
-                loop.write_navigation(self._first.ram, self._rams, self._memory, self._longitude)
-        loop.note_lost(self._plants, self._rams, self._first.contract, self._memory, self._lost)
+                loop.write_navigation(self._first.ram, self._rams, self.memory, self._longitude)
+        loop.note_lost(self._plants, self._rams, self._first.contract, self.memory, self._lost)
         return self._results()
 
     def begin(self) -> int:
@@ -136,7 +141,7 @@ class Group:
                 samples[:, 0], samples[:, 1] = navigation["latitude"], navigation["longitude"]
                 samples[:, 2:] = navigation["velocity_n"][:, :2]
         self._longitude[:] = self._rams["ins"]["longitude"]
-        loop.begin(self._plants, self._rams, self._memory, self._phases, self._alike)
+        loop.begin(self._plants, self._rams, self.memory, self._phases, self._alike)
         return self._epochs - done
 
     def _is_ready(self, ram: Records[Ram]) -> bool:
@@ -168,7 +173,7 @@ class Group:
             self._felt,
             plants,
             rams,
-            self._memory,
+            self.memory,
             self._phases,
             self._alike,
             self._second,

@@ -7,8 +7,10 @@ import pytest
 
 from rrins.host_tools.runs.fast import FastRun
 from rrins.host_tools.runs.set_up.settings import firmware_settings, hardware_settings
+from rrins.host_tools.runs.together import rows
 from rrins.host_tools.runs.together.conditions import can_share, shared_of
 from rrins.host_tools.runs.together.group import Group
+from rrins.host_tools.runs.together.rows import KIND
 from rrins.host_tools.scenario.scenario import load
 from rrins.host_tools.scenario.tables import Redundancy
 
@@ -36,11 +38,11 @@ def runs(request):
     alone = [switched_on(run, **keys) for run in (0, 1, RUNS - 1)]
     tracks = [run.run(EPOCHS) for run in alone]
     group = Group([switched_on(run, **keys) for run in range(RUNS)], EPOCHS, EVERY)
-    return group.run(), alone, tracks
+    return group.run(), alone, tracks, group.memory
 
 
 def test_they_navigate_as_by_themselves(runs):
-    together, _, tracks = runs
+    together, _, tracks, _ = runs
     for shared, track in zip((together[0], together[1], together[-1]), tracks, strict=True):
         alone = track.navigation
         positions = np.column_stack([alone["latitude"], alone["longitude"]])
@@ -53,8 +55,19 @@ def test_they_navigate_as_by_themselves(runs):
         assert track.truth.tobytes() == shared.truth.tobytes()
 
 
+def test_they_count_as_by_themselves(runs):
+    """What a sensor has not counted yet is the same, or a count comes an epoch too late."""
+    _, alone, _, memory = runs
+    for lane, run in enumerate(alone[:2]):
+        for kind, name in zip(KIND, ("gyros", "accelerometers"), strict=True):
+            sensors = run.plant[0][name]
+            for k in range(int(sensors.count)):
+                row = kind + rows.SENSOR + k * rows.SENSOR_ROWS + rows.REMAINDER
+                assert memory[0, row, lane] == pytest.approx(sensors.remainder[k], abs=1e-9)
+
+
 def test_their_sensors_are_compared_as_by_themselves(runs):
-    together, alone, _ = runs
+    together, alone, _, _ = runs
     for shared, run in zip((together[1], together[-1]), alone[1:], strict=True):
         for kind in ("gyros", "accelerometers"):
             found, wanted = (one.ram[0].redundancy[kind] for one in (shared, run))
@@ -68,7 +81,7 @@ def test_their_sensors_are_compared_as_by_themselves(runs):
 
 
 def test_a_run_with_an_alarm_goes_its_own_way(runs):
-    together, alone, _ = runs
+    together, alone, _, _ = runs
     compares = alone[0].compares
     assert (together[NOISY] is None) == bool(compares)
     others = [shared for run, shared in enumerate(together) if run != NOISY]
