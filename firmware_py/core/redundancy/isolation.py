@@ -355,6 +355,24 @@ def _stood(parity: Parity, level: int) -> bool:
 
 
 @compiled
+def _is_contradicted(parity: Parity, fusion: Fusion, sensors: int) -> bool:
+    """Return whether these compared sensors explain some window far worse than others do."""
+    for level in range(FINE_LEVELS):
+        if not _stood(parity, level):
+            continue
+        n = weigh(parity, fusion, level)
+        _weighted(parity, n)
+        first, second = -1, -1
+        for i in range(n):
+            if sensors >> i & 1:
+                first, second = (i, i) if first < 0 else (first, i)
+        most = _rival(parity, n, sensors, n > 2)
+        if most - _explains(parity, first, second) > RATIO:
+            return True
+    return False
+
+
+@compiled
 def _standing(parity: Parity, fusion: Fusion) -> tuple[int, bool]:
     """Return the sensors that fail, and whether all are far from the expectation for seconds."""
     if parity.now.standing == 0:
@@ -371,7 +389,8 @@ def _standing(parity: Parity, fusion: Fusion) -> tuple[int, bool]:
             by_motion = whole - left_by_motion(parity, int(fusion.count), level)
         sensors, explained = _decide(parity, n, n, whole, by_motion)
         if sensors != 0 and explained > factor:
-            return _sensors(parity, sensors), False
+            found = _sensors(parity, sensors)
+            return (0 if _is_contradicted(parity, fusion, sensors) else found), False
         if WINDOWS_S[level] <= SETTLED_S:
             is_apart = is_apart or whole - n > factor + _REST * math.sqrt(2.0 * n)
     return 0, is_apart
