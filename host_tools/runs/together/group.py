@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import mmap
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import cast
 
@@ -208,7 +209,8 @@ def _joined(rams: Sequence[Records[Ram]]) -> Records[Ram]:
     """
     private = mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS
     memory = mmap.mmap(-1, len(rams) * Ram.dtype.itemsize, flags=private)
-    memory.madvise(mmap.MADV_NOHUGEPAGE)
+    with suppress(OSError):  # a kernel that has none
+        memory.madvise(mmap.MADV_NOHUGEPAGE)
     joined = Ram.from_bytes(memory)
     for k, ram in enumerate(rams):
         image, own = (each.view(np.uint8).reshape(-1) for each in (ram, joined[k : k + 1]))
