@@ -58,7 +58,7 @@ def passes_trial(numba: str, folder: CodeFolder | None) -> bool:
             folder.save(_ANSWER, answer)
     if answer == b"fails":
         newest = ".".join(map(str, _TRIED))
-        why = "cannot compile the steps: all runs as plain Python, a thousand times slower"
+        why = "cannot compile the steps: all runs as plain Python, thousands of times slower"
         _log.warning("numba %s %s; `pip install 'numba==%s.*'` is fast", numba, why, newest)
     return answer != b"fails"
 
