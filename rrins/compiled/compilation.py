@@ -43,24 +43,26 @@ def is_tried(numba: str) -> bool:
 def passes_trial(numba: str, folder: CodeFolder | None) -> bool:
     """Return whether an untried numba compiles the steps: tried once, in a process, and told.
 
-    The folder keeps the answer, and what the trial has compiled.
+    The folder keeps why not, empty if it does, and what the trial has compiled.
     """
-    answer = None if folder is None else folder.load(_ANSWER)
-    if answer is None:
+    why = None if folder is None else folder.load(_ANSWER)
+    if why is None:
         import subprocess
 
         _log.warning("numba %s is newer than any that was tried: this start tries it", numba)
         environment = os.environ | {"NUMBA_DISABLE_JIT": "0"}
         trial = [sys.executable, "-c", _TRIAL]
         done = subprocess.run(trial, cwd=PACKAGE.parent, env=environment, capture_output=True)
-        answer = b"fails" if done.returncode else b"passes"
+        died = f"status {done.returncode}".encode()
+        why = (done.stderr.splitlines() or [died])[-1] if done.returncode else b""
         if folder is not None:
-            folder.save(_ANSWER, answer)
-    if answer == b"fails":
+            folder.save(_ANSWER, why)
+    if why:
         newest = ".".join(map(str, _TRIED))
-        why = "cannot compile the steps: all runs as plain Python, thousands of times slower"
-        _log.warning("numba %s %s; `pip install 'numba==%s.*'` is fast", numba, why, newest)
-    return answer != b"fails"
+        so = "all runs as plain Python, thousands of times slower"
+        line = "numba %s cannot compile the steps (%s): %s; `pip install 'numba==%s.*'` is fast"
+        _log.warning(line, numba, why.decode(errors="replace"), so, newest)
+    return not why
 
 
 def _is_disabled() -> bool:

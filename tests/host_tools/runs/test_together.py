@@ -10,7 +10,6 @@ from rrins.host_tools.runs.set_up.settings import firmware_settings, hardware_se
 from rrins.host_tools.runs.together import rows
 from rrins.host_tools.runs.together.conditions import can_share, shared_of
 from rrins.host_tools.runs.together.group import Group
-from rrins.host_tools.runs.together.rows import KIND
 from rrins.host_tools.scenario.scenario import load
 from rrins.host_tools.scenario.tables import Redundancy
 
@@ -59,7 +58,7 @@ def test_they_count_as_by_themselves(runs):
     """What a sensor has not counted yet is the same, or a count comes an epoch too late."""
     _, alone, _, memory = runs
     for lane, run in enumerate(alone[:2]):
-        for kind, name in zip(KIND, ("gyros", "accelerometers"), strict=True):
+        for kind, name in zip(rows.KIND, ("gyros", "accelerometers"), strict=True):
             sensors = run.plant[0][name]
             for k in range(int(sensors.count)):
                 row = kind + rows.SENSOR + k * rows.SENSOR_ROWS + rows.REMAINDER
