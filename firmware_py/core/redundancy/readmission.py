@@ -27,7 +27,8 @@ from rrins.firmware_py.core.records.redundancy_records import (
     ReadmissionState,
     Refusal,
 )
-from rrins.firmware_py.core.redundancy import learning
+from rrins.firmware_py.core.redundancy import learning, windows
+from rrins.firmware_py.core.redundancy import parity as parities
 from rrins.firmware_py.core.redundancy.parity import CHECKED_FROM
 
 _STOP = int(ReadmissionOrder.STOP)
@@ -57,7 +58,7 @@ def _refuse(readmission: Readmission, reason: int) -> None:
 
 
 @compiled
-def trial(state: Ram, parity: Parity) -> Parity:
+def _trial(state: Ram, parity: Parity) -> Parity:
     """Return the comparison that a sensor of this kind is tested by."""
     readmission = state.redundancy.readmission
     return readmission.accelerometers if parity.kind == ACCELEROMETERS else readmission.gyros
@@ -103,29 +104,25 @@ def follow(state: Ram) -> None:
 
 
 @compiled
-def sensors(state: Ram, used: int) -> int:
-    """Return the sensors to compare: those in use, and the one that is tested.
+def compare(state: Ram, parity: Parity, fusion: Fusion, used: int) -> None:
+    """Compare the sensors in use and the one that is tested; begin the test, or refuse it.
 
     Refused if those in use are no longer those with which the test began.
     """
-    readmission = state.redundancy.readmission
-    compared = readmission.gyros.sensors | readmission.accelerometers.sensors
-    wanted = used | 1 << (readmission.sensor - 1)
-    if compared in (0, wanted):
-        return wanted
-    _refuse(readmission, _SET_CHANGED)
-    return compared
-
-
-@compiled
-def begin(state: Ram, parity: Parity) -> None:
-    """Begin the test once the sensors are compared, or refuse it."""
-    readmission = state.redundancy.readmission
-    compared, sensor = trial(state, parity), readmission.sensor - 1
+    readmission, compared = state.redundancy.readmission, _trial(state, parity)
+    sensor = readmission.sensor - 1
+    wanted = used | 1 << sensor
+    if compared.sensors == wanted:
+        return
+    if compared.sensors != 0:
+        _refuse(readmission, _SET_CHANGED)
+        return
+    second_epochs = state.redundancy.second_epochs
+    parities.compare(compared, fusion, wanted, second_epochs, state.ins.work)
     if compared.projector[sensor, sensor] <= CHECKED_FROM:
         _refuse(readmission, _NOT_COMPARABLE)
     elif not readmission.anew:
-        seconds = (state.epoch - parity.isolated_epoch) / state.redundancy.second_epochs
+        seconds = (state.epoch - parity.isolated_epoch) / second_epochs
         learning.resume(compared.parity, parity.kept, seconds)
 
 
@@ -138,38 +135,41 @@ def is_there(state: Ram, parity: Parity) -> bool:
     if parity.kind == ACCELEROMETERS:
         usable = state.assembly.accelerometer_usable
     bit = 1 << (state.redundancy.readmission.sensor - 1)
-    return usable & bit != 0 and trial(state, parity).sensors == parity.sensors | bit
+    return usable & bit != 0 and _trial(state, parity).sensors == parity.sensors | bit
 
 
 @compiled
-def fuse(state: Ram, compared: Parity, fusion: Fusion, measured: Floats, vector_s: Floats) -> None:
-    """Fill `vector` as fused with the tested sensor; `vector_s` is fused without it."""
-    readmission = state.redundancy.readmission
-    sensor = readmission.sensor - 1
+def take(
+    state: Ram, parity: Parity, fusion: Fusion, measured: Floats, vector_s: Floats, other_s: Floats
+) -> None:
+    """Take an epoch as if the tested sensor were in use; `vector_s` is fused without it."""
+    redundancy, compared = state.redundancy, _trial(state, parity)
+    readmission = redundancy.readmission
+    sensor, vector = readmission.sensor - 1, readmission.vector
     residual = measured[sensor]
     for i in range(3):
         residual -= fusion.H[sensor, i] * vector_s[i]
     residual *= compared.projector[sensor, sensor]
     for i in range(3):
-        readmission.vector[i] = vector_s[i] - compared.leave_out[sensor, i] * residual
-
-
-@compiled
-def note(state: Ram, ratio: float) -> None:
-    """Note the parity of the test over its threshold."""
-    readmission = state.redundancy.readmission
+        vector[i] = vector_s[i] - compared.leave_out[sensor, i] * residual
+    dt = state.parameters.period_ns * 1e-9
+    regressors = parities.regress(compared, fusion, vector, other_s, redundancy.outer_turn, dt)
+    ratio = parities.take(compared, fusion, measured, vector, regressors, True)
     readmission.ratio = max(readmission.ratio, ratio)
 
 
 @compiled
-def close_second(state: Ram, parity: Parity, fusion: Fusion, is_full: bool) -> None:
+def close_second(state: Ram, parity: Parity, fusion: Fusion) -> None:
     """Close a second of the test: go on, refuse the sensor, or readmit it."""
     readmission = state.redundancy.readmission
-    compared, sensor = trial(state, parity), readmission.sensor - 1
+    compared, sensor = _trial(state, parity), readmission.sensor - 1
+    count = int(fusion.count)
     readmission.waited_s += 1
-    if is_full:
+    if 2 * compared.used_epochs > state.redundancy.second_epochs:
+        ratio = windows.close_second(compared, count, ABSOLUTE + count)
+        windows.keep(compared, count)
         readmission.passed_s += 1
-        note(state, compared.ratio)
+        readmission.ratio = max(readmission.ratio, ratio)
     is_late = readmission.waited_s >= _PATIENCE * readmission.wanted_s
     is_over = readmission.passed_s >= readmission.wanted_s
     if _repeats(state, parity, sensor):
@@ -183,6 +183,7 @@ def close_second(state: Ram, parity: Parity, fusion: Fusion, is_full: bool) -> N
             _refuse(readmission, _LIMITS)
     elif is_late:
         _refuse(readmission, _PARITY if is_over else _MISSING)
+    parities.begin_second(compared)
 
 
 @compiled
@@ -235,7 +236,7 @@ def hand_over(state: Ram, parity: Parity) -> None:
     if readmission.state != _RETURNING or readmission.kind != parity.kind:
         return
     readmission.state = _READMITTED
-    compared = trial(state, parity)
+    compared = _trial(state, parity)
     if compared.sensors == parity.sensors:
         learning.copy(parity.parity, compared.parity)
         learning.copy(parity.expected, compared.expected)

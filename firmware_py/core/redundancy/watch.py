@@ -44,9 +44,6 @@ _APART_S = 20
 cancel each other in the parity, and a vehicle that moves so little for so long is rare."""
 _SIGNIFICANT = 4.0  # standard deviations
 _LITTLE = 0.5  # of what a sensor at the end of its range says
-_TRIAL = 1
-"""The second turn of what is done for the sensors in use and then for a trial: code that is at one
-place compiles once."""
 
 
 @compiled
@@ -80,7 +77,7 @@ def _take(
     """Take an epoch of a kind; it counts if all compared sensors are valid.
 
     Sums of a second have those epochs alone of which the expectation is known, too, unless it is
-    not known for long. In a second turn, as if the sensor tested for readmission were in use.
+    not known for long.
     """
     redundancy = state.redundancy
     other, expected = state.dv_s, redundancy.expected_dtheta_s
@@ -97,30 +94,20 @@ def _take(
     unknown = redundancy.unknown_epochs
     counts = unknown == 0 or not redundancy.navigated or unknown > redundancy.second_epochs
     dt = state.parameters.period_ns * 1e-9
-    compared, vector = parity, own
-    for turn in range(2):
-        if turn == _TRIAL:
-            if not readmission.is_there(state, parity):
-                break
-            compared = readmission.trial(state, parity)
-            readmission.fuse(state, compared, fusion, measured, own)
-            vector = redundancy.readmission.vector
-        regressors = parities.regress(compared, fusion, vector, other, redundancy.outer_turn, dt)
-        counts = counts or turn == _TRIAL
-        ratio = parities.take(compared, fusion, measured, vector, regressors, counts)
-        if turn == _TRIAL:
-            readmission.note(state, ratio)
-            break
-        if redundancy.expected_known:
-            standing.take(parity, own, expected, redundancy.outer_turn)
-            parity.known_epochs += 1
-        if 0 < lost < redundancy.second_epochs:  # a fault has worked in these, too
-            for k in range(fusion.count):
-                parity.unlearned[k] *= 1.0 + lost
-        if ratio > 1.0:
-            _raise(state, parity)
-            parity.ratio = max(parity.ratio, ratio)
-            parity.peak = max(parity.peak, ratio)
+    regressors = parities.regress(parity, fusion, own, other, redundancy.outer_turn, dt)
+    ratio = parities.take(parity, fusion, measured, own, regressors, counts)
+    if redundancy.expected_known:
+        standing.take(parity, own, expected, redundancy.outer_turn)
+        parity.known_epochs += 1
+    if 0 < lost < redundancy.second_epochs:  # a fault has worked in these, too
+        for k in range(fusion.count):
+            parity.unlearned[k] *= 1.0 + lost
+    if ratio > 1.0:
+        _raise(state, parity)
+        parity.ratio = max(parity.ratio, ratio)
+        parity.peak = max(parity.peak, ratio)
+    if readmission.is_there(state, parity):
+        readmission.take(state, parity, fusion, measured, own, other)
 
 
 @compiled
@@ -136,7 +123,7 @@ def _raise(state: Ram, parity: Parity) -> None:
 def close_second(state: Ram, parity: Parity, fusion: Fusion) -> tuple[int, int]:
     """Test the windows that end with this second; return which sensors fail, and how it shows.
 
-    One bit each. In a second turn, those of the sensor that is tested for readmission.
+    One bit each.
     """
     redundancy = state.redundancy
     sensors, how = 0, _STANDING
@@ -144,37 +131,25 @@ def close_second(state: Ram, parity: Parity, fusion: Fusion) -> tuple[int, int]:
     redundancy.was_fast |= not slow
     count = int(fusion.count)
     regressors = ABSOLUTE + count
-    compared = parity
-    for turn in range(2):
-        if turn == _TRIAL:
-            if not readmission.tests(state, parity):
-                break
-            compared = readmission.trial(state, parity)
-        is_full = 2 * compared.used_epochs > redundancy.second_epochs
-        if turn != _TRIAL:
-            is_full = parities.is_full(parity, redundancy.second_epochs)
-        if is_full:
-            compared.ratio = windows.close_second(compared, count, regressors)
-            if turn != _TRIAL:
-                known = 2 * parity.known_epochs > parity.used_epochs
-                even = bool(redundancy.turns_evenly)
-                if standing.close_second(parity, fusion, regressors, known, slow, even):
-                    redundancy.moved = True
-                    if parity.kind == ACCELEROMETERS:  # its attitude errs otherwise now
-                        standing.forget(parity)
-            windows.keep(compared, count)
-        if turn == _TRIAL:
-            readmission.close_second(state, parity, fusion, is_full)
-        elif is_full:
-            _close_alarm(state, parity)
-            recent.note(parity, count, state.epoch, state.parameters.period_ns * 1e-9)
-            sensors = isolation.standing(parity, fusion, redundancy.moved, slow)
-            if parity.apart > _APART_S and _vouches(redundancy, parity):
-                _raise(state, parity)
-            if sensors == 0 and parity.alarm:
-                sensors, how = isolation.by_parity(parity, count), _PARITY
-        if is_full or turn == _TRIAL:
-            parities.begin_second(compared)
+    if parities.is_full(parity, redundancy.second_epochs):
+        parity.ratio = windows.close_second(parity, count, regressors)
+        known = 2 * parity.known_epochs > parity.used_epochs
+        even = bool(redundancy.turns_evenly)
+        if standing.close_second(parity, fusion, regressors, known, slow, even):
+            redundancy.moved = True
+            if parity.kind == ACCELEROMETERS:  # its attitude errs otherwise now
+                standing.forget(parity)
+        windows.keep(parity, count)
+        _close_alarm(state, parity)
+        recent.note(parity, count, state.epoch, state.parameters.period_ns * 1e-9)
+        sensors = isolation.standing(parity, fusion, redundancy.moved, slow)
+        if parity.apart > _APART_S and _vouches(redundancy, parity):
+            _raise(state, parity)
+        if sensors == 0 and parity.alarm:
+            sensors, how = isolation.by_parity(parity, count), _PARITY
+        parities.begin_second(parity)
+    if readmission.tests(state, parity):
+        readmission.close_second(state, parity, fusion)
     return sensors, how
 
 
@@ -363,21 +338,14 @@ def _judge(
         _raise(state, parity)
         _leave_out(state, parity, fusion, sensors, how)
     everything = (1 << fusion.count) - 1 & ~(parity.excluded | controlled)
-    compared = parity
-    for turn in range(2):
-        if turn == _TRIAL:
-            if not readmission.tests(state, parity):
-                break
-            compared = readmission.trial(state, parity)
-            everything = readmission.sensors(state, everything)
-        if compared.sensors != everything:
-            parities.compare(compared, fusion, everything, redundancy.second_epochs, state.ins.work)
-            if turn == _TRIAL:
-                readmission.begin(state, parity)
-            elif parity.excluded and parity.isolated_epoch == state.epoch:
-                parities.inherit(parity, int(fusion.count))
-            else:
-                readmission.hand_over(state, parity)
+    if parity.sensors != everything:
+        parities.compare(parity, fusion, everything, redundancy.second_epochs, state.ins.work)
+        if parity.excluded and parity.isolated_epoch == state.epoch:
+            parities.inherit(parity, int(fusion.count))
+        else:
+            readmission.hand_over(state, parity)
+    if readmission.tests(state, parity):
+        readmission.compare(state, parity, fusion, everything)
 
 
 @compiled_with(is_unit=True)
