@@ -40,6 +40,7 @@ from rrins.firmware_py.core.records.redundancy_records import (
     Parity,
 )
 from rrins.firmware_py.core.redundancy import alike, blocks, hypotheses, pairs, windows
+from rrins.firmware_py.core.redundancy.alike import ALIKE
 from rrins.firmware_py.core.redundancy.isolation import RATIO
 from rrins.firmware_py.core.sensors.data_sheet import SCALE_TURN
 
@@ -102,9 +103,11 @@ def follow(state: Ram) -> None:
         is_due = bank.at + _WAIT_S < repair.count
         begins = bank.turn == 0 and not bank.measuring
         if begins and bank.at <= bank.fault_at:
-            pairs.size_fault(state.redundancy.gyros, bank)
-            pairs.size_fault(state.redundancy.accelerometers, bank)
             _forget_evidence(bank)
+        if begins and bank.at >= bank.fault_at:
+            accelerometers_at = 3 * int(state.gyros.count)
+            pairs.size_fault(state.redundancy.gyros, bank, block, 0)
+            pairs.size_fault(state.redundancy.accelerometers, bank, block, accelerometers_at)
         if begins and not is_due and _waits(state, block):
             return
         if not bank.measuring:
@@ -210,6 +213,7 @@ def _begin(state: Ram, doubts: int) -> None:
     level = windows.begun_level(parity, parity.second_factor**2)
     lasts_s = since_s + 1.5 * WINDOWS_S[level] + _EARLIER_S
     bank.fault_at = max(bank.at, repair.count - int(lasts_s))
+    bank.fault_variance[:] = 0.0
     hypotheses.set_up(bank, gyros, accelerometers)
     for index in range(bank.count):
         one = bank.filters[index]
@@ -435,7 +439,7 @@ def _decide(bank: Bank, over_rarer: float) -> int:
     for k in range(bank.count):
         one = bank.filters[k]
         single = _is_single(one)
-        least = min(least, one.score)
+        least = min(least, one.score - pairs.fitted(one))
         if single and (best == 0 or one.score < bank.filters[best].score):
             best = k
     one = bank.filters[best]
@@ -449,8 +453,8 @@ def _decide(bank: Bank, over_rarer: float) -> int:
         for k in range(bank.count):
             other = bank.filters[k]
             fails = one.sensor[kind] == other.sensor[kind] or one.sensor[kind] == other.second[kind]
-            is_one = (other.sensor[kind] >= 0 and other.second[kind] < 0) or other.noisy >= 0
-            wanted = RATIO if is_one else over_rarer
+            is_rarer = other.second[kind] >= 0 or other.sensor[kind] == ALIKE
+            wanted = over_rarer if is_rarer else RATIO
             less = other.score - pairs.fitted(other) - one.score
             clear = clear and (fails or less > wanted * misfit)
         if clear:

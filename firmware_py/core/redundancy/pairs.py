@@ -9,30 +9,35 @@ from __future__ import annotations
 import math
 
 from rrins.compiled.compilation import compiled
+from rrins.compiled.record import Floats
 from rrins.firmware_py.core.estimator import covariance
 from rrins.firmware_py.core.estimator.transition import CHANGE, TURN
 from rrins.firmware_py.core.records.memory import Ram
 from rrins.firmware_py.core.records.redundancy_records import (
     ACCELEROMETERS,
-    WINDOWS_S,
     Bank,
     Hypothesis,
     Parity,
 )
-from rrins.firmware_py.core.redundancy import windows
+from rrins.firmware_py.core.redundancy import alike
 
 _LARGER, _GROWS = 10.0, 1e-5
-"""Size of what a second sensor may be off by, in sizes of a single fault that the parity would show
-as much of; growth of its variance in a second, of its square: it may change."""
+"""Size of what a second sensor may be off by, in sizes of a single fault of which the parity would
+show as much; growth of its variance in a second, of its square: it may change."""
 
 
 @compiled
-def size_fault(parity: Parity, bank: Bank) -> None:
-    """Note the variance of what a second sensor may be off by."""
-    level, suspect = windows.begun_level(parity, 0.0), max(0, int(parity.suspect))
-    own = parity.projector[suspect, suspect] * WINDOWS_S[level]
-    total = parity.window_sum[level, suspect] ** 2 / own**2 if own > 0.0 else 0.0
-    bank.fault_variance[parity.kind] = _LARGER**2 * total
+def size_fault(parity: Parity, bank: Bank, block: Floats, first: int) -> None:
+    """Let a second sensor be off by more if a block shows more; `first`: of the kind's changes."""
+    shown = alike.largest(parity)
+    own, place = parity.projector[shown, shown], first + 3 * shown
+    square, reach = 0.0, 0.0
+    for axis in range(3):
+        square += block[place + axis] ** 2
+        reach += parity.leave_out[shown, axis] ** 2
+    if reach * own > 0.0:
+        most = _LARGER**2 * square / (reach * own**2)
+        bank.fault_variance[parity.kind] = max(bank.fault_variance[parity.kind], most)
 
 
 @compiled
@@ -49,13 +54,10 @@ def widen(state: Ram, one: Hypothesis) -> None:
         for axis in range(3):
             row[axis] = fusion.gain[axis, second]
             row[axis] += parity.leave_out[first, axis] * parity.projector[first, second]
-        variance = bank.fault_variance[kind]
-        if bank.at != bank.fault_at:
-            variance *= _GROWS
-        else:
-            one.prior = variance
-            one.into = into
-        covariance.add_along(one.P, into, row, variance)
+        size = bank.fault_variance[kind]
+        covariance.add_along(one.P, into, row, size - one.prior + _GROWS * one.prior)
+        one.prior = size
+        one.into = into
 
 
 @compiled

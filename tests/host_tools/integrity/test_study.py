@@ -110,6 +110,7 @@ def test_faults_that_a_unit_assumes_never_to_happen_are_a_row_of_their_own(case)
 ONCE = [(2, 213), (2, 228), (2, 330), (2, 335), (77, 71), (77, 294), (77, 396)]
 ONCE += [(91, 44), (91, 68), (91, 105), (2026, 4227), (2028, 227), (2027, 2090), (2026, 6450)]
 ONCE += [(2026, 1283), (2026, 6341), (2026, 4615), (2026, 9066), (2026, 3507), (2026, 2278)]
+ONCE += [(2026, 301), (2026, 996), (2026, 3242), (2026, 6824), (2026, 9595)]
 
 
 @pytest.mark.parametrize(("seed", "number"), ONCE)
@@ -121,7 +122,8 @@ def test_a_case_that_once_failed_does_not(seed, number):
     a gyro that drifts after an accelerometer of four was left out; a fault that has passed; what is
     learned as an axis stops; an accelerometer that is only noisy, beside which another seems to be
     off, and beside a second fault; all that were off alike for one or two seconds; a gyro that
-    seems to fail once an accelerometer is left out."""
+    seems to fail once an accelerometer is left out; two faults that look like a third sensor's
+    while the second's size changes; all gyros that drift alike."""
     drawn = cases.draw(seed, number)
     begins_s = max((fault.at_s for fault in drawn.scenario.faults), default=600.0)
     until_s = min(begins_s + 300.0, drawn.scenario.duration_s)
