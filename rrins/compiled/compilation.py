@@ -13,6 +13,7 @@ import functools
 import inspect
 import logging
 import os
+import re
 import sys
 import threading
 from collections.abc import Callable
@@ -33,6 +34,7 @@ _TRIED = 0, 68
 """The newest numba with which all tests have passed: ours derives from classes of its inside."""
 _TRIAL = "import rrins; rrins.simulate('rimu_rotating', duration_s=1)"
 _ANSWER = "trial.code"
+_OF_THE_MACHINE = re.compile(rb"OSError|PermissionError|MemoryError|KeyboardInterrupt")
 
 
 def is_tried(numba: str) -> bool:
@@ -43,7 +45,8 @@ def is_tried(numba: str) -> bool:
 def passes_trial(numba: str, folder: CodeFolder | None) -> bool:
     """Return whether an untried numba compiles the steps: tried once, in a process, and told.
 
-    The folder keeps why not, empty if it does, and what the trial has compiled.
+    The folder keeps why not, empty if it does, and what the trial has compiled. It does not keep
+    what is no fault of numba's, such as a full disk: then the next start tries again.
     """
     why = None if folder is None else folder.load(_ANSWER)
     if why is None:
@@ -55,7 +58,8 @@ def passes_trial(numba: str, folder: CodeFolder | None) -> bool:
         done = subprocess.run(trial, cwd=PACKAGE.parent, env=environment, capture_output=True)
         died = f"status {done.returncode}".encode()
         why = (done.stderr.splitlines() or [died])[-1] if done.returncode else b""
-        if folder is not None:
+        is_of_numba = done.returncode >= 0 and not _OF_THE_MACHINE.match(why)
+        if folder is not None and is_of_numba:
             folder.save(_ANSWER, why)
     if why:
         newest = ".".join(map(str, _TRIED))

@@ -82,7 +82,7 @@ class Group:
         self._samples = np.zeros((1 + self._count, epochs // every + 1, 4))
         self._truth = Truth.zeros(epochs // every + 1)
         self._lost = np.zeros(self._count, np.uint8)
-        self._row = 0
+        self._row = self._done = 0
         sensors = int(first.plant[0].gyros.count) + int(first.plant[0].accelerometers.count)
         blocks = -(-self._count // LANES)
         self._felt = _felt_by(first.plant)
@@ -123,11 +123,10 @@ class Group:
         """Run until lanes can take over; return the epochs that are left, none if they cannot."""
         first, rate_hz = self._first, self._rate_hz
         nobody, nothing = self._plants[:0], self._rams[:0]
-        done = 0
-        while done + rate_hz < self._epochs:
-            part = rate_hz if done else rate_hz + 1  # a second ends with a multiple of its epochs
+        while self._done + rate_hz < self._epochs:
+            # A second ends with a multiple of its epochs.
+            part = rate_hz if self._done else rate_hz + 1
             self._run_on(part, nobody, nothing)
-            done += part
             if self._is_ready(first.ram):
                 break
         else:
@@ -135,7 +134,7 @@ class Group:
             return 0
         for k in range(self._count):
             run = FastRun(self._rams[k : k + 1], self._plants[k : k + 1], first.pieces, self._every)
-            navigation = run.run(done).navigation
+            navigation = run.run(self._done).navigation
             self._lost[k] = not self._is_ready(run.ram) or len(navigation) != self._row
             if not self._lost[k]:
                 samples = self._samples[1 + k, : self._row]
@@ -143,7 +142,7 @@ class Group:
                 samples[:, 2:] = navigation["velocity_n"][:, :2]
         self._longitude[:] = self._rams["ins"]["longitude"]
         loop.begin(self._plants, self._rams, self.memory, self._phases, self._alike)
-        return self._epochs - done
+        return self._epochs - self._done
 
     def _is_ready(self, ram: Records[Ram]) -> bool:
         """Return whether a run navigates, and its sensors are compared as they will be."""
@@ -158,11 +157,21 @@ class Group:
         )
 
     def go_on(self, epochs: int) -> bool:
-        """Run all on; return whether the leading run is still sound."""
+        """Run all on; return whether the leading run is still sound.
+
+        Raises
+        ------
+        ValueError
+            When there is no room for so many epochs.
+        """
+        if self._done + epochs > self._epochs:
+            left = self._epochs - self._done
+            raise ValueError(f"a group of {self._epochs} epochs has {left} left, not {epochs}")
         return self._run_on(epochs, self._plants, self._rams)
 
     def _run_on(self, epochs: int, plants: Records[Plant], rams: Records[Ram]) -> bool:
         first = self._first
+        self._done += epochs
         written = loop.run_together(
             first.plant,
             first.pieces,

@@ -94,6 +94,8 @@ def test_a_run_with_an_alarm_goes_its_own_way(runs):
 def test_it_stops_when_told():
     group = Group([switched_on(run) for run in range(2)], EPOCHS, EVERY)
     assert group.run(lambda: True) is None
+    with pytest.raises(ValueError, match="left, not"):
+        group.go_on(EPOCHS)
 
 
 def of(name, **keys):
