@@ -185,7 +185,7 @@ class Aided(Model):
         decay = math.exp(-1.0 / one.decay_s)
         begin = np.zeros((states + COMPONENTS,) * 2)
         begin[states:, states:] = one.sigma**2 * np.eye(COMPONENTS)
-        added = np.full(COMPONENTS, one.sigma**2 * (1.0 - decay**2))
+        added = np.full(COMPONENTS, one.sigma**2 * (1.0 - decay**2) + one.walk**2)
         return self.system.of_processes(begin, inputs, decay, added)
 
     def _driven_by(self, states: Integers) -> Floats:

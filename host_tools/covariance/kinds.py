@@ -110,7 +110,7 @@ class AidNoise:
 
 @dataclass(frozen=True)
 class AidProcess:
-    """A first-order Gauss-Markov process in each component of an aid's measurements.
+    """A first-order Gauss-Markov process, or a random walk, in each component of a measurement.
 
     Attributes
     ----------
@@ -119,5 +119,6 @@ class AidProcess:
 
     name: str
     aid: Aid
-    sigma: float  #: m
-    decay_s: float
+    sigma: float  #: m, of the process
+    decay_s: float  #: infinity for a random walk
+    walk: float = 0.0  #: m/√s

@@ -279,6 +279,9 @@ def _add_aids(sources: Sources, scenario: Scenario, inputs: _Inputs) -> None:
         noises.append(
             AidNoise("altimeter.noise_m", Aid.ALTIMETER, lambda take: height / take.heights)
         )
+        if walk := altimeter.random_walk_m_per_sqrt_h:
+            name, walk = "altimeter.random_walk_m_per_sqrt_h", walk / SQRT_H
+            sources.aid_processes.append(AidProcess(name, Aid.ALTIMETER, 0.0, math.inf, walk))
     for key, (state, unit) in _AID_CONSTANTS.items():
         part = _kind(key)
         if getattr(scenario, part) is None:

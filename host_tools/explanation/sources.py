@@ -59,7 +59,7 @@ _OF_TABLE: Final = {
     "wobble of the inner axis": "wobble_arcsec",
 }
 _OF_AIDS: Final = {
-    "altimeter": {"bias": "bias_m", "noise": "noise_m"},
+    "altimeter": {"bias": "bias_m", "noise": "noise_m", "random walk": "random_walk_m_per_sqrt_h"},
     "gnss": {
         "position noise": "position_noise_m",
         "correlated position noise": "position_correlated_noise_m",

@@ -238,6 +238,7 @@ class AltimeterState(Record):
     fitted: Bool  #: whether there is one
     bias: F8  #: m
     noise: F8  #: m, standard deviation
+    random_walk: F8  #: m/√s, of the bias
     noise_state: Annotated[Words, 1]  #: of its random numbers
     noise_spare: Annotated[Floats, 1]  #: second normal number of a pair
     noise_has_spare: Annotated[Bytes, 1]  #: 0 or 1

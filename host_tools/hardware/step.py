@@ -145,10 +145,15 @@ def _axis_word(axis: TurntableAxis, message: MessageSignals) -> np.uint64:
 
 
 @compiled
+def _altitude_epochs(plant: Plant, message: MessageLayout) -> int:
+    """Return the epochs from one height to the next."""
+    return max(1, message.cycle_ms * _NS_PER_MS // plant.period_ns)
+
+
+@compiled
 def is_altitude_due(plant: Plant, message: MessageLayout) -> bool:
     """Return whether the altimeter measures in this epoch."""
-    every = max(1, message.cycle_ms * _NS_PER_MS // plant.period_ns)
-    return plant.altimeter.fitted and plant.epoch % every == 0
+    return plant.altimeter.fitted and plant.epoch % _altitude_epochs(plant, message) == 0
 
 
 @compiled
@@ -158,6 +163,9 @@ def altitude_word(plant: Plant, message: MessageSignals) -> np.uint64:
     height = plant.truth.height + altimeter.bias
     if altimeter.noise > 0.0:
         height += altimeter.noise * normal(altimeter, 0)
+    if altimeter.random_walk > 0.0:
+        dt = _altitude_epochs(plant, message.message) * plant.period_ns * 1e-9
+        altimeter.bias += altimeter.random_walk * math.sqrt(dt) * normal(altimeter, 0)
     return encode(np.uint64(0), message.height, height)
 
 

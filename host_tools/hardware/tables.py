@@ -199,6 +199,8 @@ class Altimeter(TomlTable):
     """Constant error."""
     noise_m: float = Field(default=0.0, ge=0, le=100)
     """Standard deviation."""
+    random_walk_m_per_sqrt_h: float = Field(default=0.0, ge=0, le=100)
+    """Random walk of the bias, by the weather."""
 
 
 class Periodic(TomlTable):

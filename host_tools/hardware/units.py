@@ -50,6 +50,7 @@ UNITS: Final = {
     "hz": Unit(1.0, "Hz"),
     "k": Unit(1.0, "K"),
     "m": Unit(1.0, "m"),
+    "m_per_sqrt_h": Unit(1.0 / SQRT_H, "m/√h"),
     "mm": Unit(1e-3, "mm"),
     "mps": Unit(1.0, "m/s"),
     "ms": Unit(1e-3, "ms"),

@@ -220,7 +220,12 @@ def _drive(chance: random.Random, table: JsonObject) -> None:
         "duration_s": duration_s,
         "seed": chance.randrange(1, 1 << 31),
     }
-    table["altimeter"] = {"noise_m": 0.5}
+    weather = random.Random(table["motion"]["seed"])
+    table["altimeter"] = {
+        "noise_m": 0.5,
+        "bias_m": weather.gauss(0, 10),
+        "random_walk_m_per_sqrt_h": 1.0,
+    }
     table["firmware"]["height_channel"] = chance.choice(("damped", "free"))
 
 

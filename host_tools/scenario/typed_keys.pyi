@@ -237,6 +237,8 @@ class AltimeterTable(TypedDict, total=False):
     """Constant error. Unit: m."""
     noise_m: float
     """Standard deviation. Unit: m."""
+    random_walk_m_per_sqrt_h: float
+    """Random walk of the bias, by the weather. Unit: m/√h."""
 
 class OutageTable(TypedDict, total=False):
     """Keys of `Outage`."""
@@ -636,6 +638,7 @@ class _Paths(TypedDict, total=False):
     thermal__time_constant_s: float
     altimeter__bias_m: float
     altimeter__noise_m: float
+    altimeter__random_walk_m_per_sqrt_h: float
     gnss__rate_hz: int
     gnss__latency_s: float
     gnss__position_noise_m: float

@@ -16,7 +16,7 @@ from rrins.firmware_py.core.integrity.settings import IntegritySettings
 from rrins.firmware_py.core.redundancy.settings import RedundancySettings
 from rrins.firmware_py.core.sensors.data_sheet import DataSheet
 from rrins.host_tools.hardware.tables import Accelerometers, Gyros, PerSensor, Thermal
-from rrins.host_tools.hardware.units import ARCSEC, PPM, SQRT_H, STANDARD_GRAVITY, by_name
+from rrins.host_tools.hardware.units import ARCSEC, PPM, SQRT_H, STANDARD_GRAVITY, by_name, in_si
 from rrins.host_tools.scenario.scenario import Scenario
 from rrins.host_tools.scenario.tables import each
 
@@ -27,6 +27,7 @@ _LEAST_INSTALLATION_ARCSEC = 0.2
 _LEAST_SLOPE_PPM = 3.0
 _LEAST_FILTER_SLOPE_PPM = 0.1
 _LEAST_ALTIMETER_BIAS_SIGMA_M = 10.0
+_LEAST_ALTIMETER_WALK = 1.0 / SQRT_H  # m/√s: the weather
 _REPEATS_WITHIN = 3.0  # standard deviations
 _TEMPERATURES_K = 10.0  # that a scale factor is used over
 
@@ -227,5 +228,9 @@ def _altimeter(scenario: Scenario) -> dict[str, float]:
     """Return what the firmware knows of the altimeter."""
     if scenario.altimeter is None:
         return {}
-    bias = max(_LEAST_ALTIMETER_BIAS_SIGMA_M, abs(scenario.altimeter.bias_m))
-    return {"altimeter_sigma": scenario.altimeter.noise_m, "altimeter_bias_sigma": bias}
+    altimeter = in_si(scenario.altimeter)
+    return {
+        "altimeter_sigma": altimeter["noise"],
+        "altimeter_bias_sigma": max(_LEAST_ALTIMETER_BIAS_SIGMA_M, abs(altimeter["bias"])),
+        "altimeter_walk": max(_LEAST_ALTIMETER_WALK, altimeter["random_walk"]),
+    }

@@ -98,6 +98,7 @@ MATCHED = {
                        "bias_repeatability_ug": 200.0},
     "gnss": {"position_correlated_noise_m": 1.0, "position_correlation_s": 60.0,
              "outages": [{"at_s": 150.0, "for_s": 100.0}]},
+    "altimeter": {"noise_m": 0.5, "random_walk_m_per_sqrt_h": 1.0},
     "estimator": {"enabled": True, "zero_velocity_sigma_mps": 1e-4, "position_sigma_m": 1e-3},
 }  # fmt: skip
 """Errors of exactly the kinds and sizes that the filter assumes."""

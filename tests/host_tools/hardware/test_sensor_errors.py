@@ -67,7 +67,7 @@ IN_SI = {
     "ug": G_PER_MICRO, "ug_per_k": G_PER_MICRO, "ug_per_sqrt_hz": G_PER_MICRO,
     "ug_per_sqrt_h": G_PER_MICRO / math.sqrt(3600), "ppm": 1e-6, "ppm_per_k": 1e-6,
     "um": 1e-6, "um_per_s": 1e-6, "mm": 1e-3, "ms": 1e-3,
-    "hz": 1, "k": 1, "m": 1, "mps": 1, "s": 1,
+    "hz": 1, "k": 1, "m": 1, "m_per_sqrt_h": 1 / math.sqrt(3600), "mps": 1, "s": 1,
 }  # fmt: skip
 
 

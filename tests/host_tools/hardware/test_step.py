@@ -11,7 +11,7 @@ from rrins.dbc.e2e import COUNTER_MODULUS, crc_holds
 from rrins.dbc.values import AxisState
 from rrins.host_tools.hardware import earth
 from rrins.host_tools.hardware.step import OUTBOX_CAPACITY
-from rrins.host_tools.hardware.tables import Accelerometers, Gyros
+from rrins.host_tools.hardware.tables import Accelerometers, Altimeter, Gyros
 
 DELAY = 2  # epochs from a command's own to the one it takes effect in: the DBC's comment
 GYRO, ACCELEROMETER = "gyro_dtheta", "accelerometer_dv"
@@ -44,6 +44,19 @@ def test_every_frame_is_protected_and_counts_its_epoch(tools):
             assert crc_holds(frame, tools.codec.messages[tools.codec.message_index(name)])
             if name.startswith(EPOCH_BOUND):
                 assert values["alive_counter"] == epoch % COUNTER_MODULUS
+
+
+def test_the_weather_moves_the_bias_of_an_altimeter(tools):
+    """6 m/√h: by 0.1 √0.1 m from one height to the next, 100 ms later (1 σ)."""
+    bench = tools.Bench(altimeter=Altimeter(bias_m=2.0, random_walk_m_per_sqrt_h=6.0))
+    biases, heights = [2.0], []
+    for _ in range(20 * 500):
+        sent = bench.step()
+        if "ALTIMETER" in sent:
+            biases.append(float(bench.plant["altimeter"]["bias"]))
+            heights.append(sent["ALTIMETER"]["height"])
+    assert np.std(np.diff(biases)) == pytest.approx(0.1 * math.sqrt(0.1), rel=0.15)
+    assert np.allclose(heights, 40.0 + np.array(biases[:-1]), atol=0.001)
 
 
 @pytest.mark.parametrize("epoch", [0, 1, 2**24 - 1, 2**24, 2**24 + 5, 10**9])
